@@ -1,0 +1,41 @@
+"""Molecular-dynamics trajectories to continuum fields.
+
+Array names carry their axes, as in matscipy: suffix n atom, b bond, t triplet, g grid point, c Cartesian direction:
+``x_nc``, ``G_b``, ``r_bc``, ``stress_gcc``. Inside, everything is in one unit system (`atc.units`).
+
+The public calls are loaded when first used, so that ``import atc`` stays instant.
+"""
+
+from __future__ import annotations
+
+__version__ = "0.1.0"
+
+_LAZY = {
+    "read": "atc.readers",
+    "potential": "atc.decomposers",
+    "kernel": "atc.kernels",
+    "Grid": "atc.grids",
+    "fields": "atc.run",
+    "compare": "atc.compare",
+    "Frame": "atc.frame",
+    "Cell": "atc.frame",
+    "Topology": "atc.frame",
+    "AtcError": "atc.errors",
+    "AtcWarning": "atc.errors",
+}
+
+__all__ = [*_LAZY, "__version__"]
+
+
+def __getattr__(name):
+    if name in _LAZY:
+        from importlib import import_module
+
+        value = getattr(import_module(_LAZY[name]), name)
+        globals()[name] = value
+        return value
+    raise AttributeError(f"module 'atc' has no attribute {name!r}")
+
+
+def __dir__():
+    return sorted(__all__)

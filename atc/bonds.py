@@ -1,0 +1,47 @@
+"""Bonds: pairs of atoms with their generalised force, the one thing decomposers hand to estimators."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass
+class Bonds:
+    """Unordered pairs of atoms through a definite periodic image, each with G = ∂U/∂ξ, ξ = |r|²/2 (formulas: R 4.0.34-4.0.47).
+
+    A pair may occur more than once (several interactions share it, or several images): sums over bonds are what has meaning.
+
+    Attributes
+    ----------
+    i, j : (b,) int32, atom indices
+    r_bc : (b, 3) x_i − x_j through the bond: the bond runs from positions[i] to positions[i] − r. Never re-wrapped.
+    G_b : (b,) energy/length². The force on i is −G r, on j +G r. G > 0 attracts.
+    """
+
+    i: np.ndarray
+    j: np.ndarray
+    r_bc: np.ndarray
+    G_b: np.ndarray
+
+    def __len__(self):
+        return len(self.G_b)
+
+    def copy(self) -> Bonds:
+        return Bonds(self.i.copy(), self.j.copy(), self.r_bc.copy(), self.G_b.copy())
+
+    def virial(self) -> np.ndarray:
+        """Σ G r⊗r, (3, 3): the integral of Hardy's potential stress over the box (energy; tension positive)."""
+        return np.einsum("b,bi,bj->ij", self.G_b, self.r_bc, self.r_bc)
+
+    @classmethod
+    def empty(cls) -> Bonds:
+        return cls(np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros((0, 3)), np.zeros(0))
+
+    @classmethod
+    def concatenate(cls, parts) -> Bonds:
+        parts = list(parts)
+        if not parts:
+            return cls.empty()
+        return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("i", "j", "r_bc", "G_b")))

@@ -1,0 +1,215 @@
+"""Unit systems: from the user's units to the internal ones and back.
+
+Inside atc there is one consistent system: Å, eV, amu, elementary charge, kelvin, and the time unit that makes
+amu Å²/t² one eV (about 10.18 fs; ASE's). LAMMPS style ``lj`` stays reduced: every factor is 1.
+
+Each LAMMPS style keeps LAMMPS's *own* constants (its Boltzmann constant, its mvv2e, its nktv2p ...), so that energies,
+pressures and temperatures agree with LAMMPS to rounding instead of to the seventh digit of a physical constant.
+The numbers are those of ``Update::set_units`` in LAMMPS and are checked against a running LAMMPS in the tests.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import sqrt
+
+from .errors import AtcError
+
+# CODATA 2018; exact by definition of the SI except the atomic mass and the Bohr radius.
+_E_CHARGE = 1.602176634e-19  # C, and J per eV
+_AMU = 1.66053906660e-27  # kg
+_AVOGADRO = 6.02214076e23
+_BOHR = 0.529177210903  # Å
+_HARTREE = 27.211386245988  # eV
+_STATCOULOMB = 3.33564095198152e-10  # C
+
+_KCAL_MOL = 4184.0 / (_AVOGADRO * _E_CHARGE)  # eV
+_KJ_MOL = 1000.0 / (_AVOGADRO * _E_CHARGE)  # eV
+
+
+@dataclass(frozen=True)
+class Units:
+    """One unit system. ``length``, ``energy``, ``mass``, ``charge`` and ``velocity`` are the sizes of its units in
+    internal units; the constants ``boltzmann`` and ``coulomb`` are in internal units (energy/temperature, and energy·length/charge²)."""
+
+    name: str
+    length: float
+    energy: float
+    mass: float
+    charge: float
+    velocity: float
+    boltzmann: float
+    coulomb: float
+    pressure: float
+    density: float
+    labels: dict = field(default_factory=dict, repr=False, compare=False)
+
+    @property
+    def time(self) -> float:
+        """The time unit in internal units, chosen so that length/time is the velocity unit."""
+        return self.length / self.velocity
+
+    @property
+    def reduced(self) -> bool:
+        return self.name == "lj"
+
+    def factor(self, dimension: str) -> float:
+        """Size of this system's unit of `dimension` in internal units: internal = factor · user's."""
+        return _DIMENSIONS[dimension](self)
+
+    def to_internal(self, dimension: str, value):
+        """Convert a number or array from this system's unit of `dimension`."""
+        f = self.factor(dimension)
+        return value if f == 1.0 else value * f
+
+    def to_user(self, dimension: str, value):
+        """Convert a number or array of internal units to this system's unit of `dimension`."""
+        f = self.factor(dimension)
+        return value if f == 1.0 else value / f
+
+    def label(self, dimension: str) -> str:
+        """What to print as the unit of `dimension`, e.g. ``"bar"``."""
+        return self.labels[dimension]
+
+
+_DIMENSIONS = {
+    "dimensionless": lambda u: 1.0,
+    "temperature": lambda u: 1.0,
+    "length": lambda u: u.length,
+    "volume": lambda u: u.length**3,
+    "number_density": lambda u: u.length**-3,
+    "energy": lambda u: u.energy,
+    "mass": lambda u: u.mass,
+    "charge": lambda u: u.charge,
+    "velocity": lambda u: u.velocity,
+    "time": lambda u: u.time,
+    "rate": lambda u: 1.0 / u.time,
+    "force": lambda u: u.energy / u.length,
+    "pressure": lambda u: u.pressure,
+    "pressure_volume": lambda u: u.pressure * u.length**3,
+    "density": lambda u: u.density,
+    "momentum": lambda u: u.mass * u.velocity / u.length**3,
+    "energy_density": lambda u: u.energy / u.length**3,
+    "energy_flux": lambda u: u.energy / (u.length**2 * u.time),
+    "force_density": lambda u: u.energy / u.length**4,
+}
+
+
+def _make(name, *, length, energy, mass, charge, mvv2e, boltz, qqr2e, nktv2p, mv2d, labels):
+    """Build a system from the size of its units and the conversion constants as LAMMPS defines them."""
+    len_, en, ma, ve, ti, pr, de, ch = labels
+    vol = f"{len_}^3"
+    full = {
+        "dimensionless": "1",
+        "temperature": "epsilon/kB" if name == "lj" else "K",
+        "length": len_,
+        "volume": vol,
+        "number_density": f"1/{vol}",
+        "energy": en,
+        "mass": ma,
+        "charge": ch,
+        "velocity": ve,
+        "time": ti,
+        "rate": f"1/{ti}",
+        "force": f"{en}/{len_}",
+        "pressure": pr,
+        "pressure_volume": f"{pr}*{vol}",
+        "density": de,
+        "momentum": f"{ma}*{ve}/{vol}" if "/" not in ve else f"{ma}*({ve})/{vol}",
+        "energy_density": f"{en}/{vol}",
+        "energy_flux": f"{en}/({len_}^2*{ti})",
+        "force_density": f"{en}/{len_}^4",
+    }
+    return Units(
+        name=name,
+        length=length,
+        energy=energy,
+        mass=mass,
+        charge=charge,
+        velocity=sqrt(mvv2e * energy / mass),
+        boltzmann=boltz * energy,
+        coulomb=qqr2e * energy * length / charge**2,
+        pressure=energy / length**3 / nktv2p,
+        density=mass / length**3 / mv2d,
+        labels=full,
+    )
+
+
+# Labels: length, energy, mass, velocity, time, pressure, density, charge.
+_SYSTEMS = {
+    u.name: u
+    for u in (
+        _make(
+            "lj", length=1.0, energy=1.0, mass=1.0, charge=1.0,
+            mvv2e=1.0, boltz=1.0, qqr2e=1.0, nktv2p=1.0, mv2d=1.0,
+            labels=("sigma", "epsilon", "m", "sigma/tau", "tau", "epsilon/sigma^3", "m/sigma^3", "q*"),
+        ),
+        _make(
+            "real", length=1.0, energy=_KCAL_MOL, mass=1.0, charge=1.0,
+            mvv2e=48.88821291 * 48.88821291, boltz=0.0019872067, qqr2e=332.06371, nktv2p=68568.415, mv2d=1.0 / 0.602214129,
+            labels=("angstrom", "kcal/mol", "g/mol", "angstrom/fs", "fs", "atm", "g/cm^3", "e"),
+        ),
+        _make(
+            "metal", length=1.0, energy=1.0, mass=1.0, charge=1.0,
+            mvv2e=1.0364269e-4, boltz=8.617343e-5, qqr2e=14.399645, nktv2p=1.6021765e6, mv2d=1.0 / 0.602214129,
+            labels=("angstrom", "eV", "g/mol", "angstrom/ps", "ps", "bar", "g/cm^3", "e"),
+        ),
+        _make(
+            "si", length=1e10, energy=1.0 / _E_CHARGE, mass=1.0 / _AMU, charge=1.0 / _E_CHARGE,
+            mvv2e=1.0, boltz=1.3806504e-23, qqr2e=8.9876e9, nktv2p=1.0, mv2d=1.0,
+            labels=("m", "J", "kg", "m/s", "s", "Pa", "kg/m^3", "C"),
+        ),
+        _make(
+            "cgs", length=1e8, energy=1e-7 / _E_CHARGE, mass=1e-3 / _AMU, charge=_STATCOULOMB / _E_CHARGE,
+            mvv2e=1.0, boltz=1.3806504e-16, qqr2e=1.0, nktv2p=1.0, mv2d=1.0,
+            labels=("cm", "erg", "g", "cm/s", "s", "dyne/cm^2", "g/cm^3", "statC"),
+        ),
+        _make(
+            "electron", length=_BOHR, energy=_HARTREE, mass=1.0, charge=1.0,
+            mvv2e=1.06657236, boltz=3.16681534e-6, qqr2e=1.0, nktv2p=2.94210108e13, mv2d=1.0,
+            labels=("bohr", "hartree", "amu", "bohr/fs", "fs", "Pa", "amu/bohr^3", "e"),
+        ),
+        _make(
+            "micro", length=1e4, energy=1e-15 / _E_CHARGE, mass=1e-15 / _AMU, charge=1e-12 / _E_CHARGE,
+            mvv2e=1.0, boltz=1.3806504e-8, qqr2e=8.987556e6, nktv2p=1.0, mv2d=1.0,
+            labels=("um", "pg*um^2/us^2", "pg", "um/us", "us", "pg/(um*us^2)", "pg/um^3", "pC"),
+        ),
+        _make(
+            "nano", length=10.0, energy=1e-21 / _E_CHARGE, mass=1e-21 / _AMU, charge=1.0,
+            mvv2e=1.0, boltz=0.013806504, qqr2e=230.7078669, nktv2p=1.0, mv2d=1.0,
+            labels=("nm", "ag*nm^2/ns^2", "ag", "nm/ns", "ns", "ag/(nm*ns^2)", "ag/nm^3", "e"),
+        ),
+        # ASE: its own CODATA 2014 constants (ase.units); its time unit is the internal one.
+        _make(
+            "ase", length=1.0, energy=1.0, mass=1.0, charge=1.0,
+            mvv2e=1.0, boltz=8.617330337217213e-05, qqr2e=14.399645351950548, nktv2p=1.0, mv2d=1.0,
+            labels=("angstrom", "eV", "amu", "angstrom/t_ase", "t_ase", "eV/angstrom^3", "amu/angstrom^3", "e"),
+        ),
+        # MDAnalysis: Å, ps, amu, kJ/mol; amu (Å/ps)² is 0.01 kJ/mol.
+        _make(
+            "mdanalysis", length=1.0, energy=_KJ_MOL, mass=1.0, charge=1.0,
+            mvv2e=0.01, boltz=8.31446261815324e-3, qqr2e=1389.354576, nktv2p=1.0, mv2d=1.0,
+            labels=("angstrom", "kJ/mol", "amu", "angstrom/ps", "ps", "kJ/(mol*angstrom^3)", "amu/angstrom^3", "e"),
+        ),
+    )
+}
+
+LAMMPS_STYLES = ("lj", "real", "metal", "si", "cgs", "electron", "micro", "nano")
+
+
+def units(name: str | Units) -> Units:
+    """The unit system called `name`: a LAMMPS unit style, ``"ase"`` or ``"mdanalysis"``. Anything else is an error."""
+    if isinstance(name, Units):
+        return name
+    try:
+        return _SYSTEMS[name]
+    except (KeyError, TypeError):
+        raise AtcError(f"unknown units {name!r}: expected one of {', '.join(_SYSTEMS)}") from None
+
+
+def require_compatible(a: Units, b: Units, what_a: str, what_b: str) -> None:
+    """Reduced and physical units cannot be mixed: there is no conversion between them."""
+    if a.reduced != b.reduced:
+        raise AtcError(
+            f"{what_a} is in {a.name!r} units and {what_b} in {b.name!r}: reduced (lj) and physical units cannot be mixed; give both in the same system"
+        )
