@@ -1,0 +1,126 @@
+"""`read`: one call for every source of frames."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from ..errors import AtcError
+
+# Suffixes of formats that MDAnalysis reads with its units; everything else that is not LAMMPS's goes to ASE.
+_MDANALYSIS = frozenset(
+    ".trr .xtc .dcd .nc .ncdf .netcdf .h5md .tng .gro .pdb .pdbqt .pqr .psf .tpr .crd .inpcrd .rst7 .restrt .mdcrd .trj .trz .prmtop .parm7 .top .itp .gsd .dms .fhiaims .txyz .arc .mol2 .coor .namdbin .xyz.".split()
+) - {".xyz."}
+_LAMMPS_NAMES = (".lammpstrj", ".dump", ".lammpsdump")
+
+
+def read(source, topology=None, units=None, masses=None):
+    """A lazy, sliceable trajectory of `Frame`s.
+
+    Parameters
+    ----------
+    source
+        The path of a LAMMPS text dump (plain, .gz, .bz2, .xz), binary dump or data file; of anything ``ase.io.iread`` or MDAnalysis reads; or
+        ase.Atoms, a list of them, an MDAnalysis Universe or AtomGroup, a Frame, a list of Frames, a trajectory.
+        What a file is, is told from its content where it is LAMMPS's, from its name otherwise.
+    topology
+        For LAMMPS: the path of a data file, which gives bonded terms, and masses, charges and types where the dump has none.
+        For MDAnalysis: the path of a topology, or a Universe.
+    units : str
+        A LAMMPS unit style (lj, real, metal, si, cgs, electron, micro, nano). Needed for LAMMPS files that do not say it; sources of ASE and
+        MDAnalysis have their own ("ase", "mdanalysis"). A contradiction between the argument and the file is an error.
+    masses
+        ``{type or name: mass}`` or a list for types 1, 2, ..., in the trajectory's units; goes before all other masses.
+
+    Returns
+    -------
+    atc.readers.trajectory.Trajectory
+        ``len``, iteration, ``[k]`` and slices; frames in internal units.
+
+    Raises
+    ------
+    AtcError
+        Unknown units, contradictions, a file that is damaged or not a trajectory.
+    """
+    from ..frame import Frame
+
+    if isinstance(source, (str, os.PathLike)):
+        return _path(Path(source), topology, units, masses)
+    from .trajectory import Trajectory
+
+    if isinstance(source, Trajectory):
+        if topology is not None:
+            raise AtcError("a trajectory that is open already has its topology: give it when reading the file")
+        if units is None and masses is None:
+            return source
+        from .memory import Adapted
+
+        return Adapted(source, units, masses)
+    kind = type(source).__module__.split(".")[0]
+    if kind == "MDAnalysis" or (hasattr(source, "trajectory") and hasattr(source, "atoms")):
+        from .mdanalysis import MDAnalysisTrajectory
+
+        return MDAnalysisTrajectory(source, topology, units, masses)
+    items = source if isinstance(source, (list, tuple)) else [source]
+    first = items[0] if items else None
+    if isinstance(first, Frame):
+        from .memory import FrameList
+
+        if topology is not None:
+            raise AtcError("frames carry their topology themselves: leave the topology argument out")
+        return FrameList(items, units, masses)
+    if _is_atoms(first):
+        from .ase import AtomsList
+
+        if topology is not None:
+            raise AtcError("ase.Atoms have no bonded terms: the topology argument is for LAMMPS and MDAnalysis sources")
+        return AtomsList(items, units, masses)
+    raise AtcError(
+        f"cannot read a trajectory from {type(source).__name__}{' (empty)' if items == [] else ''}: expected a path, ase.Atoms, an MDAnalysis Universe, a Frame, or a list of Atoms or Frames"
+    )
+
+
+def _is_atoms(x) -> bool:
+    return type(x).__module__.split(".")[0] == "ase" or all(hasattr(x, a) for a in ("get_positions", "get_cell", "get_pbc", "numbers"))
+
+
+def _path(path: Path, topology, units, masses):
+    from ._bytes import open_bytes
+
+    reader = open_bytes(path)
+    head = reader.read(0, 1 << 14).tobytes()
+    reader.close()
+    if not head.strip():
+        raise AtcError(f"{path} is empty")
+    if head.lstrip().startswith(b"ITEM:"):
+        from .lammps_dump import LammpsDump
+
+        return LammpsDump(path, topology, units, masses)
+    suffixes = [s.lower() for s in path.suffixes]
+    from .lammps_binary import looks_binary
+
+    if looks_binary(head, ".bin" in suffixes[-2:]):
+        from .lammps_binary import LammpsBinaryDump
+
+        return LammpsBinaryDump(path, topology, units, masses)
+    from .lammps_data import LammpsDataTrajectory, looks_like_data
+
+    if looks_like_data(head):
+        return LammpsDataTrajectory(path, topology, units, masses)
+    last = suffixes[-1] if suffixes else ""
+    if any(s in _LAMMPS_NAMES for s in suffixes) or ".bin" in suffixes[-2:]:
+        start = head[:40].split(b"\n")[0].decode("utf-8", "replace")
+        raise AtcError(
+            f"{path}: not a LAMMPS dump: a text dump starts with 'ITEM:', a binary one with its magic string, this with {start!r}"
+        )
+    if last in _MDANALYSIS:
+        from .mdanalysis import MDAnalysisTrajectory
+
+        return MDAnalysisTrajectory(path, topology, units, masses)
+    if topology is not None:
+        raise AtcError(
+            f"{path}: a topology goes with LAMMPS dumps and the formats of MDAnalysis ({' '.join(sorted(_MDANALYSIS))}); this is read by ASE"
+        )
+    from .ase import open_ase
+
+    return open_ase(path, units, masses)

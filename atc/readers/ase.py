@@ -1,0 +1,290 @@
+"""ASE: Atoms in memory, and every file format that ``ase.io.iread`` reads."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import AtcError
+from ..frame import Cell, Frame
+from ..units import units as unit_system
+from . import _parse
+from ._bytes import open_bytes
+from .trajectory import Masses, Trajectory, warn
+
+
+class _AseTrajectory(Trajectory):
+    """What all ASE sources share: from Atoms to a Frame. Types count the species from 1 in order of first appearance."""
+
+    def __init__(self, source, units, masses):
+        super().__init__()
+        self.source = source
+        self.units = unit_system("ase")
+        if units is not None and unit_system(units).name != "ase":
+            raise AtcError(
+                f"{source}: ASE's units are eV, Å, amu ('ase'), but the units argument says {unit_system(units).name!r}: leave it out"
+            )
+        self._masses = None if masses is None else Masses(masses, self.units)
+
+    def _atoms(self, k):
+        raise NotImplementedError
+
+    def _species(self, k):
+        return self._atoms(k).get_chemical_symbols()
+
+    def _frame(self, k):
+        atoms = self._atoms(k)
+        where = f"{self.source} frame {k}"
+        try:
+            cell = Cell(np.asarray(atoms.cell, float), periodic=atoms.pbc)
+        except AtcError as e:
+            raise AtcError(f"{where}: {e}") from None
+        types = self._types_from_names(atoms.get_chemical_symbols(), k)
+        names = self.type_names
+        masses = self._masses(types, names, where) if self._masses is not None else atoms.get_masses()
+        velocities = forces = None
+        if atoms.has("momenta"):
+            # With the Atoms' own masses: momenta are p = m v of the run that wrote them.
+            velocities = atoms.get_momenta() / atoms.get_masses()[:, None]
+        elif "velocities" in atoms.arrays:
+            velocities = None  # not ASE's own name; its units are unknown, so it stays in extra
+        if atoms.calc is not None and "forces" in getattr(atoms.calc, "results", {}):
+            forces = np.asarray(atoms.calc.results["forces"], float)
+        charges = atoms.get_initial_charges() if atoms.has("initial_charges") else None
+        own = {"numbers", "positions", "momenta", "masses", "initial_charges"}
+        extra = {name: np.asarray(a) for name, a in atoms.arrays.items() if name not in own}
+        time = atoms.info.get("time")
+        return Frame(
+            positions=atoms.get_positions(), cell=cell, units=self.units, types=types, masses=masses, velocities=velocities, forces=forces,
+            charges=charges, step=None, time=float(time) if isinstance(time, (int, float)) and _internal_time(atoms) else None, source=where,
+            type_names=names, extra=extra,
+        )  # fmt: skip
+
+
+def _internal_time(atoms) -> bool:
+    """Atoms.info has no convention for the unit of "time": it is not used."""
+    return False
+
+
+class AtomsList(_AseTrajectory):
+    """A trajectory of ase.Atoms in memory."""
+
+    def __init__(self, items, units=None, masses=None):
+        super().__init__("ase.Atoms", units, masses)
+        for k, a in enumerate(items):
+            if not all(hasattr(a, name) for name in ("arrays", "cell", "pbc")):
+                raise AtcError(f"item {k} of the list is a {type(a).__name__}, expected ase.Atoms like the first")
+        self._items = list(items)
+
+    def __len__(self):
+        return len(self._items)
+
+    def _atoms(self, k):
+        return self._items[k]
+
+
+def _need_ase(path):
+    try:
+        import ase.io  # noqa: F401
+    except ImportError:
+        raise AtcError(f"{path}: reading it needs ASE: pip install ase") from None
+
+
+class _FromFile(_AseTrajectory):
+    def __init__(self, path, units, masses):
+        super().__init__(str(path), units, masses)
+        self.path = Path(path)
+
+    def _fail(self, k, error):
+        text = " ".join(str(error).split())[:120] or type(error).__name__
+        return AtcError(f"{self.source} frame {k}: ASE cannot read it ({text})")
+
+
+class AseTrajFile(_FromFile):
+    """ASE's own .traj: frames by number."""
+
+    def __init__(self, path, units=None, masses=None):
+        super().__init__(path, units, masses)
+        self._file = None
+        self._n = len(self._open())
+        if not self._n:
+            raise AtcError(f"{path} holds no frame")
+
+    def _open(self):
+        from ase.io.trajectory import TrajectoryReader
+
+        if self._file is None:
+            try:
+                self._file = TrajectoryReader(str(self.path))
+            except Exception as e:
+                raise self._fail(0, e) from None
+        return self._file
+
+    def __len__(self):
+        return self._n
+
+    def _atoms(self, k):
+        with self._guard:
+            try:
+                return self._open()[k]
+            except AtcError:
+                raise
+            except Exception as e:
+                raise self._fail(k, e) from None
+
+    def close(self):
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+    def __getstate__(self):
+        return {**super().__getstate__(), "_file": None}
+
+
+class ExtendedXyz(_FromFile):
+    """(Extended) xyz, plain or compressed: frames are found by counting lines, and each is given to ASE alone."""
+
+    def __init__(self, path, units=None, masses=None):
+        super().__init__(path, units, masses)
+        self._bytes = open_bytes(path)
+        self._spans, self._next, self._line, self._complete = [], 0, 1, False
+        if not self._has(0):
+            raise AtcError(f"{path} holds no complete frame")
+
+    def _scan(self):
+        if self._complete:
+            return False
+        start, k = self._next, len(self._spans)
+        self._bytes.hold = start
+        head = self._bytes.read(start, start + 64).tobytes()
+        if not head.strip():
+            self._complete = True
+            return False
+        first, _, _ = head.partition(b"\n")
+        if not first.strip().isdigit():
+            raise AtcError(
+                f"{self.source}, frame {k}, line {self._line}: expected the number of atoms, got {first[:40].decode('utf-8', 'replace').strip()!r}"
+            )
+        left, pos = int(first) + 2, start
+        while left:
+            buf = self._bytes.read(pos, pos + (1 << 18))
+            used, seen = _parse.skip_lines(buf, left)
+            left -= seen
+            pos += used
+            if left and not len(buf):
+                self._complete = True
+                # Programs leave out the last line end of an xyz file: complete if the last line has as many words as the one before.
+                lines = self._bytes.read(start, pos).tobytes().split(b"\n")
+                if left == 1 and len(lines[-1].split()) >= 4 and (len(lines) < 4 or len(lines[-1].split()) == len(lines[-2].split())):
+                    break
+                warn(f"{self.source}: its last frame (number {k}, from line {self._line}) is not complete and is left out")
+                return False
+        self._spans.append((start, pos))
+        self._next, self._line = pos, self._line + int(first) + 2
+        return True
+
+    def _has(self, k):
+        with self._guard:
+            while k >= len(self._spans) and self._scan():
+                pass
+        return k < len(self._spans)
+
+    def __len__(self):
+        with self._guard:
+            while self._scan():
+                pass
+        return len(self._spans)
+
+    def _atoms(self, k):
+        if not self._has(k):
+            raise IndexError(k)
+        from ase.io import read
+
+        text = self._bytes.read(*self._spans[k]).tobytes().decode("utf-8", "replace")
+        try:
+            return read(io.StringIO(text), index=0, format="extxyz")
+        except Exception as e:
+            raise self._fail(k, e) from None
+
+    def close(self):
+        self._bytes.close()
+
+
+class AseFile(_FromFile):
+    """Any other format, through ``ase.io.iread``: forward frame by frame; going back starts again."""
+
+    def __init__(self, path, units=None, masses=None):
+        super().__init__(path, units, masses)
+        self._n = None
+        self._restart()
+        if not self._has(0):
+            raise AtcError(f"{path} holds no frame")
+
+    def _restart(self):
+        self._iterator, self._at, self._last = None, -1, None
+
+    def _advance(self) -> bool:
+        if self._iterator is None:
+            from ase.io import iread
+
+            self._iterator = iread(str(self.path), index=":")
+        try:
+            self._last = next(self._iterator)
+        except StopIteration:
+            self._n = self._at + 1
+            return False
+        except Exception as e:
+            raise self._fail(self._at + 1, e) from None
+        self._at += 1
+        return True
+
+    def _has(self, k):
+        with self._guard:
+            if self._n is None:
+                while self._at < k and self._advance():
+                    pass
+            return self._n is None or k < self._n
+
+    def __len__(self):
+        with self._guard:
+            while self._n is None and self._advance():
+                pass
+            return self._n
+
+    def _atoms(self, k):
+        with self._guard:
+            if k < self._at or self._iterator is None:
+                self._restart()
+            while self._at < k:
+                if not self._advance():
+                    raise IndexError(k)
+            return self._last
+
+    def __getstate__(self):
+        return {**super().__getstate__(), "_iterator": None, "_at": -1, "_last": None}
+
+
+def open_ase(path, units=None, masses=None):
+    """The reader for a file of one of ASE's formats. A LAMMPS dump is never given to ASE, which would guess its units."""
+    _need_ase(path)
+    from ase.io.formats import UnknownFileTypeError, filetype
+
+    try:
+        form = filetype(str(path))
+    except UnknownFileTypeError:
+        raise AtcError(
+            f"{path}: neither LAMMPS, nor a format that MDAnalysis or ASE knows; give a dump, a data file, .extxyz, .traj, .trr, ..."
+        ) from None
+    except Exception as e:
+        raise AtcError(f"{path}: cannot tell what it is ({' '.join(str(e).split())[:120]})") from None
+    if form.startswith("lammps"):
+        raise AtcError(
+            f"{path}: looks like a LAMMPS file ({form}) but is not one that atc reads: a text dump starts with 'ITEM:', a data file names '<n> atoms' and its box"
+        )
+    if form == "traj":
+        return AseTrajFile(path, units, masses)
+    if form in ("extxyz", "xyz"):
+        return ExtendedXyz(path, units, masses)
+    return AseFile(path, units, masses)

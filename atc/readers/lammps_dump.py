@@ -1,0 +1,376 @@
+"""LAMMPS text dumps (``dump atom``, ``dump custom``), plain or compressed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import AtcError
+from ..frame import Cell
+from . import _parse
+from ._bytes import open_bytes
+from .lammps_columns import INT_COLUMNS, TEXT_COLUMNS, LammpsTrajectory, cell_from_bounds, periodic_flags
+from .trajectory import text_resolution, warn
+
+
+@dataclass
+class Header:
+    """What stands above the atoms of one frame. `lines` is how many lines it takes, `size` how many bytes."""
+
+    step: int | None = None
+    time: float | None = None
+    units: str | None = None
+    n: int | None = None
+    box: tuple | None = None  # words behind BOX BOUNDS, three rows of numbers, line number
+    columns: tuple = ()
+    lines: int = 0
+    size: int = 0
+
+
+class Truncated(Exception):
+    """The file ends inside a frame."""
+
+
+class LammpsDump(LammpsTrajectory):
+    """Frames of a LAMMPS text dump.
+
+    Parameters
+    ----------
+    path : file, plain, .gz, .bz2 or .xz (told by content).
+    topology : LAMMPS data file. Gives bonded terms, and masses, charges and types where the dump has none.
+    units : LAMMPS unit style; may be left out where the dump (``dump_modify units yes``) or the data file says it.
+    masses : {type or name: mass} or list by type. Goes before a ``mass`` column, which goes before the topology.
+
+    Notes
+    -----
+    Positions are taken from the first of x y z, xu yu zu, xs ys zs, xsu ysu zsu that is complete; ``images`` is set for wrapped ones with
+    ix iy iz. Without ``type``, types come from the topology, or from ``element`` in order of first appearance; with neither, all atoms are
+    type 1 (with a warning unless one single mass, or a mass column, was given). Other columns are in ``extra``, as read.
+
+    The positions of frames in the file are found once, by counting line ends, as far as they are needed. A last frame that is not complete is left out
+    with a warning. Anything else that is not as it should be is an AtcError that names the frame and the line.
+    """
+
+    def __init__(self, path, topology=None, units=None, masses=None):
+        self._bytes = open_bytes(path)
+        self._start, self._body, self._end, self._line, self._n = [], [], [], [], []
+        self._next, self._next_line, self._complete = 0, 1, False
+        self._per_line = 60.0
+        self.source = str(path)
+        self.frames_parsed = 0
+        header = None
+        try:
+            header = self._header(0, 1, 0)
+        except Truncated:
+            pass  # the scan below says what is the matter
+        super().__init__(path, topology, units, masses, header and header.units)
+        if not self._has(0):
+            raise AtcError(f"{path} holds no complete frame")
+
+    # Finding frames -------------------------------------------------------------------------------------------------------------------
+
+    def _header(self, start: int, line: int, k: int) -> Header:
+        size = 2048
+        while True:
+            raw = self._bytes.read(start, start + size)
+            text = raw.tobytes()
+            mark = text.find(b"ITEM: ATOMS")
+            end = text.find(b"\n", mark) + 1 if mark >= 0 else 0
+            if end:
+                break
+            if len(raw) < size:
+                # Never mistake another kind of file for the beginning of a dump.
+                self._header_lines(text.decode("utf-8", "replace").split("\n")[:-1], line, k)
+                raise Truncated
+            size *= 4
+            if size > 1 << 20:
+                self._header_lines(text[: 1 << 14].decode("utf-8", "replace").split("\n")[:-1], line, k)
+                raise AtcError(f"{self.source}, frame {k}, line {line}: found no 'ITEM: ATOMS' here; is it a dump of atoms?")
+        lines = text[:end].decode("utf-8", "replace").split("\n")[:-1]
+        h = self._header_lines(lines, line, k)
+        h.lines, h.size = len(lines), end
+        return h
+
+    def _header_lines(self, lines, line, k) -> Header:
+        h = Header()
+        m = 0
+
+        def bad(at, expected):
+            got = lines[at].strip()[:60] if at < len(lines) else "the end"
+            return AtcError(
+                f"{self.source}, frame {k}, line {line + at}: expected {expected}, got {got!r}; the file is damaged or not a LAMMPS dump"
+            )
+
+        while m < len(lines):
+            item = lines[m].strip()
+            if not item.startswith("ITEM:"):
+                raise bad(m, "an 'ITEM:' line")
+            if item.startswith("ITEM: ATOMS"):
+                h.columns = tuple(item.split()[2:])
+                for what, value in (("TIMESTEP", h.step), ("NUMBER OF ATOMS", h.n), ("BOX BOUNDS", h.box)):
+                    if value is None:
+                        raise bad(m, f"'ITEM: {what}' before it")
+                if not h.columns:
+                    raise AtcError(
+                        f"{self.source}, frame {k}, line {line + m}: 'ITEM: ATOMS' does not name its columns; write them behind it, e.g. 'ITEM: ATOMS id type xs ys zs'"
+                    )
+                if len(set(h.columns)) < len(h.columns):
+                    twice = next(name for name in h.columns if h.columns.count(name) > 1)
+                    raise AtcError(f"{self.source}, frame {k}, line {line + m}: column {twice!r} is there twice")
+                return h
+            try:
+                if item.startswith("ITEM: BOX BOUNDS"):
+                    if m + 3 >= len(lines):
+                        return h
+                    h.box = (tuple(item.split()[3:]), [[float(w) for w in lines[m + r].split()] for r in (1, 2, 3)], line + m)
+                    m += 4
+                    continue
+                if m + 1 >= len(lines):
+                    return h
+                value = lines[m + 1].strip()
+                if item.startswith("ITEM: TIMESTEP"):
+                    h.step = int(value)
+                elif item == "ITEM: NUMBER OF ATOMS":
+                    h.n = int(value)
+                    if h.n < 0:
+                        raise ValueError
+                elif item == "ITEM: TIME":
+                    h.time = float(value)
+                elif item == "ITEM: UNITS":
+                    h.units = value
+                elif item.startswith("ITEM: NUMBER OF"):
+                    raise AtcError(
+                        f"{self.source}, line {line + m}: {item[6:]!r}: this is a dump of something else than atoms; atc reads 'dump atom' and 'dump custom'"
+                    )
+            except ValueError:
+                raise bad(m + 1, f"numbers for {item!r}") from None
+            m += 2
+        return h
+
+    def _scan(self) -> bool:
+        """Find one more frame. False at the end of the file."""
+        if self._complete:
+            return False
+        k, start, line = len(self._start), self._next, self._next_line
+        self._bytes.hold = start
+        try:
+            if not len(self._bytes.read(start, start + 1)):
+                self._complete = True
+                return False
+            if not self._bytes.read(start, start + 4096).tobytes().strip() and len(self._bytes.read(start, start + 4096)) < 4096:
+                self._complete = True  # blank lines at the end
+                return False
+            h = self._header(start, line, k)
+            body = start + h.size
+            end = self._skip(body, h.n, k)
+        except Truncated:
+            self._complete = True
+            warn(
+                f"{self.source}: its last frame (number {k}, from line {line}) is not complete and is left out; if it is, its last line lacks a line end"
+            )
+            return False
+        follows = self._bytes.read(end, end + 5).tobytes()
+        if follows and not b"ITEM:".startswith(follows[:5]) and follows.strip():
+            self._miscounted(h, k, body, end, line)
+        if h.units is not None and k and h.units != self.units.name:
+            raise AtcError(f"{self.source}, frame {k}, line {line}: the units change from {self.units.name!r} to {h.units!r}")
+        if h.n:
+            self._per_line = max(8.0, (end - body) / h.n)
+        self._start.append(start)
+        self._body.append(body)
+        self._end.append(end)
+        self._line.append(line)
+        self._n.append(h.n)
+        self._next, self._next_line = end, line + h.lines + h.n
+        return True
+
+    def _skip(self, pos: int, n: int, k: int) -> int:
+        while n:
+            size = int(min(max(n * self._per_line * 1.05 + 1024, 4096), 1 << 22))
+            buf = self._bytes.read(pos, pos + size)
+            used, seen = _parse.skip_lines(buf, n)
+            n -= seen
+            pos += used
+            if n and len(buf) < size:
+                raise Truncated
+        return pos
+
+    def _miscounted(self, h, k, body, end, line):
+        """N lines below the header do not end at the next frame: say where it goes wrong."""
+        text = self._bytes.read(body, end).tobytes()
+        at = text.find(b"ITEM:")
+        first = line + h.lines
+        if at >= 0:
+            have = text.count(b"\n", 0, at)
+            raise AtcError(
+                f"{self.source}, frame {k}, line {first + have}: the frame ends after {have} atoms but announces {h.n}; lines are missing"
+            )
+        raise AtcError(
+            f"{self.source}, frame {k}, line {first + h.n}: expected 'ITEM: TIMESTEP' after {h.n} atoms; there are more lines than announced"
+        )
+
+    def _has(self, k):
+        if k >= len(self._start) and not self._complete:
+            with self._guard:
+                while k >= len(self._start) and self._scan():
+                    pass
+        return k < len(self._start)
+
+    def __len__(self):
+        if not self._complete:
+            with self._guard:
+                while self._scan():
+                    pass
+        return len(self._start)
+
+    # Reading one ----------------------------------------------------------------------------------------------------------------------
+
+    def _frame(self, k):
+        if not self._has(k):
+            raise IndexError(k)
+        where = f"{self.source} frame {k}"
+        h = self._header(self._start[k], self._line[k], k)
+        first = self._line[k] + h.lines
+        columns = self._table(k, h, first)
+        cell = self._cell(h, k)
+        return self._build(columns, cell, k, where, h.step, h.time, lambda row: f"line {first + row}")
+
+    def _cell(self, h: Header, k: int) -> Cell:
+        words, rows, line = h.box
+        where = f"{self.source}, frame {k}, line {line}"
+        width = 2
+        general = words[:2] == ("abc", "origin")
+        if general:
+            words, width = words[2:], 4
+        tilted = words[:3] == ("xy", "xz", "yz")
+        if tilted:
+            words, width = words[3:], 3
+        if not words:
+            raise AtcError(
+                f"{where}: 'ITEM: BOX BOUNDS' has no boundary flags (an old LAMMPS); write them behind it, e.g. 'ITEM: BOX BOUNDS pp pp pp'"
+            )
+        periodic = periodic_flags(words, where)
+        if any(len(r) != width for r in rows):
+            raise AtcError(f"{where}: expected three lines of {width} numbers below {' '.join(('ITEM: BOX BOUNDS', *h.box[0]))!r}")
+        a = np.array(rows)
+        length = self.units.length
+        try:
+            if general:
+                return Cell(a[:, :3] * length, a[:, 3] * length, periodic)
+            return cell_from_bounds(a[:, 0], a[:, 1], a[:, 2] if tilted else (0.0, 0.0, 0.0), periodic, length)
+        except AtcError as e:
+            raise AtcError(f"{where}: {e}") from None
+
+    def _table(self, k: int, h: Header, first: int) -> dict:
+        """The columns of frame k by name, in file order."""
+        self.frames_parsed += 1
+        body, end, n = self._body[k], self._end[k], self._n[k]
+        buf = self._bytes.read(body, end)
+        if len(buf) < end - body:
+            raise AtcError(f"{self.source}, frame {k}: the file has become shorter since it was opened")
+        kinds, slots, count = [], [], [0, 0, 0]
+        sample = buf[:65536].tobytes().split(b"\n", 1)[0].split() if n else []
+        for c, name in enumerate(h.columns):
+            kind = _parse.INT if name in INT_COLUMNS else _parse.TEXT if name in TEXT_COLUMNS else _parse.FLOAT
+            if kind == _parse.FLOAT and c < len(sample) and not _is_number(sample[c]) and name not in _KNOWN_FLOATS:
+                kind = _parse.TEXT
+            kinds.append(kind)
+            slots.append(count[kind])
+            count[kind] += 1
+        floats = np.empty((n, count[_parse.FLOAT]))
+        ints = np.empty((n, count[_parse.INT]), np.int64)
+        texts = np.empty((n, count[_parse.TEXT], 2), np.int64)
+        hard = np.empty((max(4096, 2 * len(kinds)), 4), np.int64)
+        kind_k, slot_k = np.array(kinds, np.int64), np.array(slots, np.int64)
+        status, row, pos = _parse.FULL, 0, 0
+        while status == _parse.FULL:
+            status, row, pos, n_hard = _parse.parse_table(buf, pos, kind_k, slot_k, row, n, floats, ints, texts, hard)
+            for r, c, a, b in hard[:n_hard].tolist():
+                token = buf[a:b].tobytes()
+                self._convert(token, r, c, kinds, slots, floats, ints, h, k, first)
+        if status != _parse.DONE:
+            text = buf[pos:].tobytes().split(b"\n", 1)[0].decode("utf-8", "replace").strip()
+            got = f"'{text[:60]}{'…' if len(text) > 60 else ''}'"
+            raise AtcError(
+                f"{self.source}, frame {k}, line {first + row}: expected {len(kinds)} columns ({' '.join(h.columns)}), got {len(text.split())}: {got}"
+            )
+        out = {}
+        for name, kind, slot in zip(h.columns, kinds, slots):
+            if kind == _parse.TEXT:
+                out[name] = _words(buf, texts[:, slot])
+            else:
+                out[name] = (floats if kind == _parse.FLOAT else ints)[:, slot]
+        return out
+
+    def _convert(self, token, r, c, kinds, slots, floats, ints, h, k, first):
+        """Numbers the kernel leaves to Python: over-long ones, and what is none."""
+        name = h.columns[c]
+        where = f"{self.source}, frame {k}, line {first + r}"
+        text = token.decode("utf-8", "replace")
+        try:
+            if "_" in text:
+                raise ValueError
+            value = float(text)
+            if kinds[c] == _parse.INT:
+                if not (value.is_integer() and abs(value) < 2**63):
+                    raise ValueError
+                ints[r, slots[c]] = int(text) if text.lstrip("+-").isdigit() else int(value)
+                return
+        except (ValueError, OverflowError):
+            kind = "an integer" if kinds[c] == _parse.INT else "a number"
+            raise AtcError(f"{where}: column {name!r} holds {text[:40]!r}, expected {kind}") from None
+        if not np.isfinite(value) and name in _KNOWN_FLOATS:
+            raise AtcError(f"{where}: column {name!r} holds {text!r}; the run that wrote it has probably blown up")
+        floats[r, slots[c]] = value
+
+    def _species(self, k):
+        h = self._header(self._start[k], self._line[k], k)
+        columns = self._table(k, h, self._line[k] + h.lines)
+        label = next((name for name in ("typelabel", "element") if name in columns), None)
+        return columns[label] if label else np.array([], str)
+
+    def _numbered(self):
+        return "id" in self._header(self._start[0], self._line[0], 0).columns
+
+    def _precision(self, frame):
+        h = self._header(self._start[0], self._line[0], 0)
+        lines = self._bytes.read(self._body[0], min(self._end[0], self._body[0] + (1 << 18))).tobytes().split(b"\n")[:-1]
+        for names, scaled in (
+            (("x", "y", "z"), False),
+            (("xu", "yu", "zu"), False),
+            (("xs", "ys", "zs"), True),
+            (("xsu", "ysu", "zsu"), True),
+        ):
+            if all(name in h.columns for name in names):
+                at = [h.columns.index(name) for name in names]
+                words = [w.split() for w in lines[:: max(1, len(lines) // 1000)]]
+                r, why = text_resolution([w[a].decode() for w in words for a in at])
+                scale = float(np.linalg.norm(frame.cell.vectors, axis=1).max()) if scaled else self.units.length
+                return r * scale, why
+        return 0.0, "no coordinates"
+
+    def close(self):
+        self._bytes.close()
+
+
+_KNOWN_FLOATS = frozenset("x y z xu yu zu xs ys zs xsu ysu zsu vx vy vz fx fy fz q mass".split())
+
+
+def _is_number(token: bytes) -> bool:
+    try:
+        float(token)
+    except ValueError:
+        return False
+    return True
+
+
+def _words(buf, ranges) -> np.ndarray:
+    """The texts at byte ranges (n, 2) of `buf`, through their distinct values: a column holds few different ones."""
+    n = len(ranges)
+    if not n:
+        return np.array([], dtype="U1")
+    width = int((ranges[:, 1] - ranges[:, 0]).max())
+    at = ranges[:, :1] + np.arange(width)
+    chars = np.where(at < ranges[:, 1:], buf[np.minimum(at, len(buf) - 1)], 0).astype(np.uint8)
+    return np.char.decode(np.ascontiguousarray(chars).view(f"S{width}")[:, 0], "utf-8", "replace")

@@ -1,0 +1,193 @@
+"""MDAnalysis: a Universe or AtomGroup, or the formats it reads (TRR, XTC, DCD, NetCDF, H5MD, TNG, GRO, PDB, ...)."""
+
+from __future__ import annotations
+
+import os
+import warnings
+
+import numpy as np
+
+from ..errors import AtcError
+from ..frame import Cell, Frame, Topology
+from ..units import units as unit_system
+from .trajectory import Masses, Trajectory, decimal_resolution, warn
+
+# Readers of formats whose files do not say their units: MDAnalysis takes them as they are.
+_UNITLESS = {"LAMMPSDUMP": "a LAMMPS dump", "DATA": "a LAMMPS data file", "LAMMPS": "a LAMMPS dcd"}
+_TERMS = (("bonds", 2), ("angles", 3), ("dihedrals", 4), ("impropers", 4))
+
+
+class MDAnalysisTrajectory(Trajectory):
+    """Frames through MDAnalysis, in its units: Å, ps, kJ/mol, kJ/(mol Å), amu.
+
+    Parameters
+    ----------
+    source : Universe, AtomGroup, or the path of a trajectory.
+    topology : path of a topology, or a Universe, for a trajectory given as a path.
+    units : only ``"mdanalysis"``.
+    masses : as for `atc.read`. Without it the Universe's, if it knows all of them.
+
+    Notes
+    -----
+    Coordinates, boxes and velocities of MDAnalysis are float32. A box makes all axes periodic; no box is an open cell. Formats without
+    velocities or forces leave them None. LAMMPS's own files are refused: MDAnalysis does not know their units, atc's readers do.
+    Types are the Universe's: numbers if they are numbers, otherwise counted from 1 in order of first appearance; `type_names` has the names.
+    """
+
+    def __init__(self, source, topology=None, units=None, masses=None):
+        super().__init__()
+        self.units = unit_system("mdanalysis")
+        path = isinstance(source, (str, os.PathLike))
+        self.source = os.fspath(source) if path else "MDAnalysis Universe"
+        if units is not None and unit_system(units).name != "mdanalysis":
+            raise AtcError(
+                f"{self.source}: MDAnalysis's units are Å, ps, kJ/mol ('mdanalysis'), but the units argument says {unit_system(units).name!r}: leave it out"
+            )
+        if path:
+            source = _universe(self.source, topology)
+        elif topology is not None:
+            raise AtcError("a Universe has its topology already: leave the topology argument out")
+        self._atoms = source.atoms
+        if not path and len(self._atoms) and not hasattr(self._atoms.universe, "trajectory"):
+            raise AtcError("the Universe has no trajectory: load coordinates first")
+        u = self._atoms.universe
+        reader = u.trajectory
+        names = {str(f).upper() for f in ([reader.format] if isinstance(reader.format, str) else reader.format)}
+        if hasattr(reader, "readers"):  # several files one after the other
+            names |= {str(r.format).upper() for r in reader.readers if isinstance(r.format, str)}
+        for name in names & set(_UNITLESS):
+            raise AtcError(
+                f"{self.source}: it reads {_UNITLESS[name]}, whose units MDAnalysis does not know; give atc.read the path of a LAMMPS dump and units= instead"
+            )
+        if getattr(reader, "convert_units", True) is False and any(getattr(reader, "units", {}).values()):
+            raise AtcError(
+                f"{self.source}: the Universe was made with convert_units=False; atc needs MDAnalysis's own units: make it without"
+            )
+        if not path and getattr(reader, "filename", None):
+            self.source = str(reader.filename)
+        self._masses = None if masses is None else Masses(masses, self.units)
+        self._own_masses = self._universe_masses()
+        self._types, self._type_names = self._universe_types()
+        self._topology = self._universe_topology()
+
+    # What does not change from frame to frame --------------------------------------------------------------------------------------------
+
+    def _universe_masses(self):
+        if self._masses is not None or not hasattr(self._atoms, "masses"):
+            return None
+        m = np.asarray(self._atoms.masses, float)
+        if (m > 0).all():
+            return m * self.units.mass
+        if (m > 0).any():
+            bad = int(np.flatnonzero(~(m > 0))[0])
+            warn(
+                f"{self.source}: atom {bad + 1} and {int((~(m > 0)).sum()) - 1} others have no mass in MDAnalysis; no masses are used, give masses={{type: mass}}"
+            )
+        return None
+
+    def _universe_types(self):
+        if not hasattr(self._atoms, "types"):
+            return np.ones(len(self._atoms), np.int64), {}
+        names = [str(t) for t in self._atoms.types]
+        unique = list(dict.fromkeys(names))
+        if all(t.isdigit() and int(t) > 0 for t in unique):
+            return np.array([int(t) for t in names], np.int64), {}
+        number = {t: k for k, t in enumerate(unique, 1)}
+        return np.array([number[t] for t in names], np.int64), {k: t for t, k in number.items()}
+
+    def _universe_topology(self):
+        place = {int(ix): k for k, ix in enumerate(self._atoms.ix)}
+        out = {}
+        for name, width in _TERMS:
+            group = getattr(self._atoms.universe, name, None) if hasattr(self._atoms.universe, name) else None
+            if group is None or not len(group):
+                continue
+            rows = [[place.get(int(a)) for a in row] for row in group.indices]
+            inside = [k for k, row in enumerate(rows) if None not in row]
+            cut = sum(1 for row in rows if None in row and any(a is not None for a in row))
+            if cut:
+                raise AtcError(f"{self.source}: {cut} {name} lead out of the chosen atoms; choose whole molecules")
+            kinds = list(group._bondtypes) if getattr(group, "_bondtypes", None) is not None else [None] * len(rows)
+            numbers = {}
+            types = []
+            for k in inside:
+                t = kinds[k]
+                types.append(int(t) if str(t).isdigit() else numbers.setdefault(str(t), len(numbers) + 1))
+            out[name] = np.array([rows[k] for k in inside], np.int64).reshape(-1, width)
+            out[f"{name[:-1]}_types"] = np.array(types, np.int64)
+        return Topology(**out) if out else None
+
+    @property
+    def type_names(self):
+        return dict(self._type_names)
+
+    # Frames ---------------------------------------------------------------------------------------------------------------------------
+
+    def __len__(self):
+        return len(self._atoms.universe.trajectory)
+
+    def _frame(self, k):
+        u = self.units
+        where = f"{self.source} frame {k}"
+        atoms = self._atoms
+        with self._guard:
+            try:
+                ts = atoms.universe.trajectory[k]
+            except Exception as e:
+                raise AtcError(f"{where}: MDAnalysis cannot read it ({' '.join(str(e).split())[:120]})") from None
+            x = np.array(atoms.positions, dtype=np.float64)
+            v = np.array(atoms.velocities, dtype=np.float64) * u.velocity if ts.has_velocities else None
+            f = np.array(atoms.forces, dtype=np.float64) * u.factor("force") if ts.has_forces else None
+            box = None if ts.dimensions is None else np.array(ts.dimensions, dtype=np.float64)
+            time = None if "time" not in ts.data and "dt" not in ts.data else float(ts.time)
+            step = ts.data.get("step")
+        cell = self._cell(box, x, where)
+        masses = self._masses(self._types, self._type_names, where) if self._masses is not None else self._own_masses
+        charges = None
+        if hasattr(atoms, "charges"):
+            charges = np.asarray(atoms.charges, float) * u.charge
+        return Frame(
+            positions=x * u.length, cell=cell, units=u, types=self._types, masses=masses, velocities=v, forces=f, charges=charges,
+            step=None if step is None else int(step), time=None if time is None else time * u.time, topology=self._topology, source=where,
+            type_names=self.type_names,
+        )  # fmt: skip
+
+    def _cell(self, box, x, where) -> Cell:
+        if box is None or not box[:3].any():
+            return Cell(np.zeros((3, 3)), periodic=(False, False, False))
+        from MDAnalysis.lib.mdamath import triclinic_vectors
+
+        if not (box[:3] > 0).all():
+            if (box[3:] != 90.0).any() or (box[:3] < 0).any():
+                raise AtcError(f"{where}: the box {box.tolist()} is none")
+            return Cell(np.diag(box[:3]) * self.units.length, periodic=box[:3] > 0)
+        vectors = triclinic_vectors(box, dtype=np.float64)
+        if not vectors.any():
+            raise AtcError(f"{where}: lengths and angles {box.tolist()} make no box")
+        return Cell(vectors * self.units.length)
+
+    def _precision(self, frame):
+        return decimal_resolution(frame.positions)
+
+
+def _universe(path, topology):
+    try:
+        import MDAnalysis
+    except ImportError:
+        raise AtcError(f"{path}: reading it needs MDAnalysis: pip install MDAnalysis") from None
+    with warnings.catch_warnings():
+        # MDAnalysis warns of every attribute it cannot guess; what matters here is said by `require`.
+        warnings.simplefilter("ignore")
+        try:
+            if topology is None:
+                return MDAnalysis.Universe(path)
+            if hasattr(topology, "trajectory"):
+                universe = topology.copy()
+                universe.load_new(path)
+                return universe
+            return MDAnalysis.Universe(os.fspath(topology), path)
+        except ImportError as e:
+            raise AtcError(f"{path}: MDAnalysis needs another package to read it ({' '.join(str(e).split())[:120]})") from None
+        except Exception as e:
+            hint = "" if topology is not None else "; if its format needs one, give topology="
+            raise AtcError(f"{path}: MDAnalysis cannot open it ({' '.join(str(e).split())[:160]}){hint}") from None

@@ -1,0 +1,75 @@
+"""Frames that are in memory already."""
+
+from __future__ import annotations
+
+from ..errors import AtcError
+from ..frame import Frame
+from ..units import units as unit_system
+from .trajectory import Masses, Trajectory
+
+
+class FrameList(Trajectory):
+    """A trajectory of given frames (internal units). `units` only checks; `masses` replaces theirs."""
+
+    def __init__(self, frames, units=None, masses=None):
+        super().__init__()
+        self._frames = [frames] if isinstance(frames, Frame) else list(frames)
+        if not self._frames:
+            raise AtcError("there are no frames in the list")
+        self.units = self._frames[0].units
+        self.source = self._frames[0].source
+        for k, f in enumerate(self._frames):
+            if not isinstance(f, Frame):
+                raise AtcError(f"item {k} of the list is a {type(f).__name__}, expected a Frame like the first")
+            if f.units.name != self.units.name:
+                raise AtcError(f"frame {k} of the list has units {f.units.name!r}, the first {self.units.name!r}: they must agree")
+        if units is not None and unit_system(units).name != self.units.name:
+            raise AtcError(f"the frames are in {self.units.name!r} units but the units argument says {unit_system(units).name!r}")
+        self._masses = None if masses is None else Masses(masses, self.units)
+
+    @property
+    def type_names(self):
+        return dict(self._frames[0].type_names)
+
+    def __len__(self):
+        return len(self._frames)
+
+    def _frame(self, k):
+        frame = self._frames[k]
+        if self._masses is not None:
+            frame = frame.replace(masses=self._masses(frame.types, frame.type_names, frame.source))
+        return frame
+
+
+class Adapted(Trajectory):
+    """Another trajectory with other masses."""
+
+    def __init__(self, base: Trajectory, units=None, masses=None):
+        super().__init__()
+        self.base, self.units, self.source = base, base.units, base.source
+        if units is not None and unit_system(units).name != base.units.name:
+            raise AtcError(f"{base.source} was opened in {base.units.name!r} units but the units argument says {unit_system(units).name!r}")
+        self._masses = None if masses is None else Masses(masses, self.units)
+
+    @property
+    def type_names(self):
+        return self.base.type_names
+
+    def __len__(self):
+        return len(self.base)
+
+    def _has(self, k):
+        return self.base._has(k)
+
+    def _frame(self, k):
+        frame = self.base[k]
+        return frame if self._masses is None else frame.replace(masses=self._masses(frame.types, frame.type_names, frame.source))
+
+    def _precision(self, frame):
+        return self.base._precision(frame)
+
+    def _numbered(self):
+        return self.base._numbered()
+
+    def close(self):
+        self.base.close()

@@ -1,0 +1,363 @@
+"""The lazy sequence of frames that every reader is."""
+
+from __future__ import annotations
+
+import threading
+import warnings
+from collections.abc import Sequence
+from contextlib import suppress
+
+import numpy as np
+
+from ..errors import AtcError, AtcWarning
+from ..frame import Frame
+from ..units import Units
+
+
+class Trajectory(Sequence):
+    """Frames that are read when they are asked for.
+
+    ``len(traj)``, ``traj[3]``, ``traj[-1]``, ``for frame in traj`` and slices (``traj[::10]``, ``traj[2:5]``, ``traj[::-1]``), which are
+    trajectories themselves and read nothing. Frames are not kept: each access reads again. Trajectories can be pickled; a copy in another
+    process opens the file again. Threads may share one.
+
+    Attributes
+    ----------
+    units : Units
+        The user's unit system; the frames themselves are in internal units.
+    source : str
+        What to call the trajectory in messages, usually its path.
+    type_names : dict
+        {type: name} where the source knows names (elements, type labels).
+
+    For a new source, subclass it and write ``__len__`` and ``_frame(k)`` for 0 ≤ k < len.
+    """
+
+    units: Units
+    source: str = "trajectory"
+
+    def __init__(self):
+        self._guard = threading.RLock()
+        self._names = {}
+        self._names_seen = 0
+
+    # What a reader provides -------------------------------------------------------------------------------------------------------
+
+    def __len__(self):
+        raise NotImplementedError
+
+    def _frame(self, k: int) -> Frame:
+        raise NotImplementedError
+
+    def _has(self, k: int) -> bool:
+        """Whether frame k ≥ 0 exists. A reader that finds out frame by frame need not know the length for it."""
+        return k < len(self)
+
+    def _species(self, k: int):
+        """Names of the species of frame k in atom order, for readers whose types come from names."""
+        raise NotImplementedError
+
+    def _precision(self, frame: Frame) -> tuple[float, str]:
+        """Absolute resolution of the positions (internal units) and what it was taken from."""
+        return decimal_resolution(frame.positions)
+
+    # Sequence ---------------------------------------------------------------------------------------------------------------------
+
+    def __getitem__(self, key):
+        if isinstance(key, slice):
+            return _View(self, key)
+        try:
+            k = key.__index__()
+        except AttributeError:
+            raise TypeError(f"frames are numbered by integers or slices, not {type(key).__name__}") from None
+        if k < 0:
+            k += len(self)
+        if k < 0 or not self._has(k):
+            # IndexError, as for every sequence: it also ends a for loop of the old protocol.
+            raise IndexError(f"{self.source} has {len(self)} frames, there is no number {key}")
+        return self._frame(k)
+
+    def __iter__(self):
+        k = 0
+        while self._has(k):
+            yield self._frame(k)
+            k += 1
+
+    def __repr__(self):
+        return f"<{type(self).__name__} {self.source!r}, units {self.units.name!r}>"
+
+    def __getstate__(self):
+        state = self.__dict__.copy()
+        state.pop("_guard", None)
+        return state
+
+    def __setstate__(self, state):
+        self.__dict__.update(state)
+        self._guard = threading.RLock()
+
+    def close(self):
+        """Close the file, if there is one. Nothing else can be read afterwards."""
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    # Species --------------------------------------------------------------------------------------------------------------------
+
+    @property
+    def type_names(self) -> dict:
+        return {t: name for name, t in self._names.items()}
+
+    def _types_from_names(self, names, k: int) -> np.ndarray:
+        """Types from 1, in the order in which names first appear in the trajectory: the same however frames are visited."""
+        names = np.asarray(names)
+        unique, inverse = np.unique(names, return_inverse=True)
+        unique = [str(u) for u in unique]
+        if not all(u in self._names for u in unique):
+            with self._guard:
+                for m in range(self._names_seen, k + 1):
+                    here = names if m == k else np.asarray(self._species(m))
+                    for name in dict.fromkeys(here.tolist()):
+                        self._names.setdefault(str(name), len(self._names) + 1)
+                self._names_seen = max(self._names_seen, k + 1)
+        return np.array([self._names[u] for u in unique], np.int64)[inverse]
+
+    # Description ----------------------------------------------------------------------------------------------------------------
+
+    def info(self) -> dict:
+        """What is in the trajectory, from its first and last frame, as plain Python values for printing or JSON.
+
+        Lengths are in the user's units. Keys: source, reader, units, frames, atoms (first, last), ids (whether the source numbers its atoms),
+        cell (vectors, origin, periodic, volume, lengths), quantities (what frames carry), extra (columns atc does not interpret), types
+        ({type: {count, name, mass}} of the first frame), topology (counts of bonded terms) or None, step and time (first, last) or None,
+        coordinate_resolution (smallest step between neighbouring coordinate values, estimated) and coordinate_resolution_from.
+        """
+        n = len(self)
+        out = {"source": self.source, "reader": type(self).__name__, "units": self.units.name, "frames": n}
+        if n == 0:
+            return out
+        first = self[0]
+        last = self[-1] if n > 1 else first
+        u = self.units
+        cell = first.cell
+        out["atoms"] = [len(first), len(last)]
+        out["ids"] = self._numbered()
+        out["cell"] = {
+            "vectors": u.to_user("length", cell.vectors).tolist(),
+            "origin": u.to_user("length", cell.origin).tolist(),
+            "periodic": cell.periodic.tolist(),
+            "volume": u.to_user("volume", cell.volume),
+            "lengths": u.to_user("length", np.linalg.norm(cell.vectors, axis=1)).tolist(),
+            "changes": first.cell != last.cell,
+        }
+        out["quantities"] = ["positions"] + [
+            name for name in ("velocities", "forces", "masses", "charges", "images") if getattr(first, name) is not None
+        ]
+        out["extra"] = sorted(first.extra)
+        out["types"] = {}
+        values, counts = np.unique(first.types, return_counts=True)
+        for t, count in zip(values.tolist(), counts.tolist()):
+            mass = None
+            if first.masses is not None:
+                m = np.unique(first.masses[first.types == t])
+                mass = u.to_user("mass", float(m[0])) if len(m) == 1 else "various"
+            out["types"][t] = {"count": count, "name": first.type_names.get(t), "mass": mass}
+        t = first.topology
+        out["topology"] = {k: len(getattr(t, k)) for k in ("bonds", "angles", "dihedrals", "impropers")} if t else None
+        out["step"] = None if first.step is None or last.step is None else [int(first.step), int(last.step)]
+        out["time"] = (
+            None if first.time is None or last.time is None else [u.to_user("time", float(first.time)), u.to_user("time", float(last.time))]
+        )
+        resolution, why = self._precision(first)
+        out["coordinate_resolution"] = float(u.to_user("length", resolution))
+        out["coordinate_resolution_from"] = why
+        return out
+
+    def _numbered(self) -> bool:
+        return True
+
+
+class _View(Trajectory):
+    """A slice of another trajectory."""
+
+    def __init__(self, base: Trajectory, which: slice | range):
+        super().__init__()
+        self.base, self._which = base, which
+        self.units, self.source = base.units, base.source
+        if isinstance(which, slice) and which.step == 0:
+            raise ValueError("slice step cannot be zero")
+
+    @property
+    def type_names(self):
+        return self.base.type_names
+
+    def _range(self) -> range:
+        if isinstance(self._which, slice):
+            self._which = range(len(self.base))[self._which]
+        return self._which
+
+    def __len__(self):
+        return len(self._range())
+
+    def _frame(self, k):
+        return self.base._frame(self._range()[k])
+
+    def _has(self, k):
+        w = self._which
+        if isinstance(w, slice):
+            start, stop, step = w.start or 0, w.stop, w.step or 1
+            if start >= 0 and step > 0 and (stop is None or stop >= 0):
+                m = start + k * step
+                return (stop is None or m < stop) and self.base._has(m)
+        return k < len(self)
+
+    def __getitem__(self, key):
+        if isinstance(key, slice):
+            return _View(self.base, self._range()[key])
+        return super().__getitem__(key)
+
+    def __iter__(self):
+        w = self._which
+        if isinstance(w, slice) and (w.start or 0) >= 0 and (w.step or 1) > 0:
+            # Without asking for the length: a compressed file need not be decompressed twice.
+            k = 0
+            while self._has(k):
+                yield self.base._frame((w.start or 0) + k * (w.step or 1)) if isinstance(self._which, slice) else self._frame(k)
+                k += 1
+        else:
+            for k in self._range():
+                yield self.base._frame(k)
+
+    def _precision(self, frame):
+        return self.base._precision(frame)
+
+    def _numbered(self):
+        return self.base._numbered()
+
+    def close(self):
+        self.base.close()
+
+
+def in_view(trajectory: Trajectory, k: int):
+    """(underlying trajectory, its frame number) of frame `k` of `trajectory`."""
+    return (trajectory.base, trajectory._range()[k]) if isinstance(trajectory, _View) else (trajectory, k)
+
+
+# Masses ---------------------------------------------------------------------------------------------------------------------------
+
+
+class Masses:
+    """Masses by type: ``{type or name: mass}`` or a list for types 1, 2, ..., in the user's units. Calling it gives one per atom.
+
+    Strings of digits are type numbers (TOML keys are always strings).
+    """
+
+    def __init__(self, given, units: Units, what: str = "masses"):
+        self.what = what
+        if isinstance(given, (str, bytes)):
+            raise AtcError(f"{what}: expected a list of masses by type, or {{type: mass}}, got {given!r}")
+        if not hasattr(given, "items"):
+            with suppress(TypeError):
+                given = [given] if np.ndim(given) == 0 else list(given)
+            given = dict(enumerate(given, 1))
+        self.by_type, self.by_name = {}, {}
+        for key, value in given.items():
+            try:
+                mass = float(value)
+            except (TypeError, ValueError):
+                raise AtcError(f"{what}: the mass of {key!r} is {value!r}, expected a number") from None
+            if not (np.isfinite(mass) and mass > 0):
+                raise AtcError(f"{what}: the mass of {key!r} is {value!r}, expected a positive number")
+            mass = units.to_internal("mass", mass)
+            if isinstance(key, str) and not key.strip().isdigit():
+                self.by_name[key] = mass
+            else:
+                self.by_type[int(key)] = mass
+
+    def __len__(self):
+        return len(self.by_type) + len(self.by_name)
+
+    def __call__(self, types, type_names, source: str) -> np.ndarray:
+        if not len(types):
+            return np.zeros(0)
+        values, inverse = np.unique(types, return_inverse=True)
+        out = np.empty(len(values))
+        for k, t in enumerate(values.tolist()):
+            name = type_names.get(t)
+            if t in self.by_type:
+                out[k] = self.by_type[t]
+            elif name in self.by_name:
+                out[k] = self.by_name[name]
+            else:
+                called = f"{t} ({name})" if name else str(t)
+                have = ", ".join(map(str, [*self.by_type, *self.by_name]))
+                raise AtcError(f"{source}: {self.what} has no mass for type {called}, only for {have}; add it")
+        return out[inverse]
+
+
+# Precision --------------------------------------------------------------------------------------------------------------------------
+
+
+def decimal_resolution(x, sample: int = 3000) -> tuple[float, str]:
+    """Estimate the absolute resolution of binary coordinates from a sample: the distance of neighbouring numbers that could occur.
+
+    The coarsest power of ten of which all sampled values are multiples (to rounding in the number type they came from), if there is one
+    coarser than the spacing of that type; else the spacing itself at the largest value. The number type is float32 if every sampled value
+    survives float32. Fewer than 30 values that are not 0 say nothing: the spacing is reported.
+    """
+    x = np.asarray(x, dtype=np.float64).ravel()
+    x = x[:: max(1, len(x) // sample)]
+    x = x[np.isfinite(x) & (x != 0)]
+    if not len(x):
+        return 0.0, "no coordinates"
+    with np.errstate(over="ignore"):
+        single = bool((x == x.astype(np.float32)).all())
+    kind = np.float32 if single else np.float64
+    big = np.abs(x).max()
+    spacing = float(np.spacing(kind(big)))
+    name = "float32" if single else "float64"
+    if len(x) >= 30:
+        top = int(np.ceil(np.log10(big)))
+        for e in range(top, int(np.floor(np.log10(spacing))), -1):
+            step = 10.0**e
+            if step <= 8 * spacing:
+                break
+            # Values a unit conversion has touched carry a few roundings of the type they had.
+            off = np.abs(x - np.round(x / step) * step)
+            if (off <= 4 * np.spacing(np.abs(x).astype(kind)).astype(np.float64)).all():
+                return step, f"decimals ({name})"
+    return spacing, name
+
+
+def text_resolution(tokens) -> tuple[float, str]:
+    """Estimate the absolute resolution of printed coordinates from a sample of their text, in the units they are printed in.
+
+    All with the same number of decimals: a fixed format, resolution 10^-decimals. Otherwise the largest number of significant digits in
+    the sample is taken for the format's (``%g`` prints 6 and drops trailing zeros), and the resolution is that of the largest value.
+    """
+    digits, decimals, big, exponential = 0, set(), 0.0, False
+    for token in tokens:
+        t = token.lstrip("+-").lower()
+        mantissa, _, exponent = t.partition("e")
+        exponential |= bool(exponent)
+        whole, _, fraction = mantissa.partition(".")
+        if not (whole + fraction).isdigit():
+            continue
+        decimals.add(len(fraction) - (int(exponent) if exponent else 0))
+        digits = max(digits, len((whole + fraction).lstrip("0")))
+        big = max(big, abs(float(t)))
+    if not big:
+        return 0.0, "no coordinates"
+    digits = min(digits, 17)
+    if len(decimals) == 1 and not exponential and (d := decimals.pop()) > 0:
+        return max(10.0**-d, float(np.spacing(big))), f"{d} decimals"
+    return max(10.0 ** (np.floor(np.log10(big)) + 1 - digits), float(np.spacing(big))), f"{digits} significant digits"
+
+
+def warn(message: str) -> None:
+    warnings.warn(message, AtcWarning, stacklevel=3)
+
+
+__all__ = ["Masses", "Trajectory", "decimal_resolution", "in_view", "text_resolution", "warn"]
