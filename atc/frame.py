@@ -123,8 +123,7 @@ class Cell:
 
     def __eq__(self, other):
         return isinstance(other, Cell) and all(
-            np.array_equal(a, b)
-            for a, b in ((self.vectors, other.vectors), (self.origin, other.origin), (self.periodic, other.periodic))
+            np.array_equal(a, b) for a, b in ((self.vectors, other.vectors), (self.origin, other.origin), (self.periodic, other.periodic))
         )
 
     __hash__ = None
@@ -212,7 +211,9 @@ class Frame:
             a = getattr(self, name)
             if a is not None and not np.isfinite(a).all():
                 bad = int(np.flatnonzero(~np.isfinite(a.reshape(n, -1)).all(axis=1))[0])
-                raise AtcError(f"{self.source}: atom {self.ids[bad]} has {name} that are not finite numbers; the run that wrote it has probably blown up")
+                raise AtcError(
+                    f"{self.source}: atom {self.ids[bad]} has {name} that are not finite numbers; the run that wrote it has probably blown up"
+                )
         if not self.cell.complete:
             self.cell = self.cell.completed(self.positions)
 

@@ -1,0 +1,239 @@
+"""What a decomposer is: terms that turn a frame into energies, forces and bonds, chunk by chunk, on any number of threads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+from numba import njit
+
+from ..bonds import Bonds
+from ..errors import AtcError
+from ..frame import Frame
+from ..neighbors import Workspace
+from ..units import Units, require_compatible, units
+
+
+@dataclass
+class Decomposition:
+    """What a potential says about one frame, in internal units.
+
+    energy : float. energies_n : (n,) or None, each K-body term shared 1/K. forces_nc : (n, 3) or None.
+    virial_cc : (3, 3) Σ G r⊗r (tension positive; divide by the volume for the potential part of the virial stress).
+    bonds : Bonds or None when they were streamed. n_bonds : how many there were.
+    notes : counts of guarded singularities and the like, e.g. {"angles clamped near 0 or 180 degrees": 3}
+    """
+
+    energy: float
+    virial_cc: np.ndarray
+    energies_n: np.ndarray | None = None
+    forces_nc: np.ndarray | None = None
+    bonds: Bonds | None = None
+    n_bonds: int = 0
+    notes: dict = field(default_factory=dict)
+
+
+class Accumulator:
+    """One thread's running sums and buffers. `forces` and `energies` are None when nobody asked for them."""
+
+    def __init__(self, n: int, forces: bool, energies: bool):
+        self.energy = 0.0
+        self.virial = np.zeros((3, 3))
+        self.forces = np.zeros((n, 3)) if forces else None
+        self.energies = np.zeros(n) if energies else None
+        self.n_bonds = 0
+        self.notes: dict[str, int] = {}
+        self.ws = Workspace()
+
+    def note(self, what: str, count: int) -> None:
+        if count:
+            self.notes[what] = self.notes.get(what, 0) + int(count)
+
+    def add_bonds(self, bonds: Bonds) -> None:
+        """Add a chunk's forces and virial. Every term's forces follow from its bonds, so this is the only place that forms them."""
+        self.n_bonds += len(bonds)
+        if self.forces is not None:
+            _add_forces_and_virial(bonds.i, bonds.j, bonds.r_bc, bonds.G_b, self.forces, self.virial)
+        else:
+            _add_virial(bonds.r_bc, bonds.G_b, self.virial)
+
+
+class Term:
+    """A group of interactions evaluated together (all pair styles; all angles; Stillinger-Weber ...).
+
+    Subclasses set `cutoff` (internal length; 0 for bonded terms) and implement `prepare`.
+    """
+
+    cutoff: float = 0.0
+
+    def prepare(self, frame: Frame) -> Work:
+        """Check the frame (types, charges, topology), and cut its evaluation into tasks."""
+        raise NotImplementedError
+
+    def describe(self) -> str:
+        """One line for the output's `decomposition` attribute."""
+        raise NotImplementedError
+
+
+class Work:
+    """One term on one frame. `stages` is a list of task counts: all tasks of a stage finish before the next stage starts.
+
+    Tasks of a stage run in any order and on any thread; what they share they must only read, apart from slots that are theirs.
+    """
+
+    stages: tuple[int, ...] = (0,)
+
+    def run(self, stage: int, task: int, acc: Accumulator) -> Bonds | None:
+        """Do one task: add its energy (and shares) to `acc`, return its bonds (views into `acc.ws` are fine) for forces, virial and deposit."""
+        raise NotImplementedError
+
+
+class Potential:
+    """A sum of terms. Made by `atc.potential`.
+
+    Attributes
+    ----------
+    terms : list of Term
+    units : Units the parameters were given in (already converted)
+    """
+
+    def __init__(self, terms, units_: Units | str, description: str = ""):
+        self.terms = list(terms)
+        self.units = units(units_)
+        self.description = description
+        if not self.terms:
+            raise AtcError("the potential has no interactions: give at least one pair_style or bonded style with its coefficients")
+
+    @property
+    def cutoff(self) -> float:
+        """The largest cutoff (internal length units); 0 if there are only bonded terms."""
+        return max(t.cutoff for t in self.terms)
+
+    def describe(self) -> str:
+        return self.description or "; ".join(t.describe() for t in self.terms)
+
+    def stream(
+        self,
+        frame: Frame,
+        consume: Callable[[Bonds, int], None] | None = None,
+        *,
+        threads: int = 1,
+        energies: bool = False,
+        forces: bool = False,
+    ) -> Decomposition:
+        """Evaluate a frame without ever holding all its bonds.
+
+        Parameters
+        ----------
+        frame : Frame
+        consume : called as ``consume(bonds, thread)`` for every chunk, from thread number `thread` of 0..threads−1. The arrays are
+            reused: copy what is kept.
+        energies, forces : whether to accumulate per-atom energies and forces
+
+        Returns
+        -------
+        Decomposition with `bonds` None.
+
+        Raises
+        ------
+        AtcError for types without coefficients, missing charges or topology, coincident atoms.
+        """
+        require_compatible(self.units, frame.units, "the potential", frame.source)
+        n = len(frame)
+        accs = [Accumulator(n, forces, energies) for _ in range(threads)]
+
+        def lane(work, stage, t):
+            acc = accs[t]
+            # A fixed deal of tasks to threads: sums do not depend on timing.
+            for task in range(t, work.stages[stage], threads):
+                bonds = work.run(stage, task, acc)
+                if bonds is not None and len(bonds):
+                    acc.add_bonds(bonds)
+                    if consume is not None:
+                        consume(bonds, t)
+
+        pool = ThreadPoolExecutor(threads) if threads > 1 else None
+        try:
+            for term in self.terms:
+                work = term.prepare(frame)
+                for stage in range(len(work.stages)):
+                    if pool is None:
+                        lane(work, stage, 0)
+                    else:
+                        # list() so that an exception in a worker is raised here.
+                        list(pool.map(lambda t, w=work, s=stage: lane(w, s, t), range(threads)))
+        finally:
+            if pool is not None:
+                pool.shutdown()
+        notes: dict[str, int] = {}
+        for a in accs:
+            for k, v in a.notes.items():
+                notes[k] = notes.get(k, 0) + v
+        return Decomposition(
+            energy=float(sum(a.energy for a in accs)),
+            virial_cc=sum(a.virial for a in accs),
+            energies_n=sum(a.energies for a in accs) if energies else None,
+            forces_nc=sum(a.forces for a in accs) if forces else None,
+            n_bonds=sum(a.n_bonds for a in accs),
+            notes=notes,
+        )
+
+    def decompose(self, frame: Frame, *, threads: int = 1) -> Decomposition:
+        """Energy, per-atom energies, forces and all bonds of a frame, at once. For large frames prefer `stream`."""
+        parts: list[list[Bonds]] = [[] for _ in range(threads)]
+        d = self.stream(frame, lambda b, t: parts[t].append(b.copy()), threads=threads, energies=True, forces=True)
+        d.bonds = Bonds.concatenate(b for p in parts for b in p)
+        return d
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add_forces_and_virial(i, j, r, G, forces, virial):
+    xx = yy = zz = yz = xz = xy = 0.0
+    for b in range(len(G)):
+        g = G[b]
+        x, y, z = r[b, 0], r[b, 1], r[b, 2]
+        gx, gy, gz = g * x, g * y, g * z
+        p, q = i[b], j[b]
+        forces[p, 0] -= gx
+        forces[p, 1] -= gy
+        forces[p, 2] -= gz
+        forces[q, 0] += gx
+        forces[q, 1] += gy
+        forces[q, 2] += gz
+        xx += gx * x
+        yy += gy * y
+        zz += gz * z
+        yz += gy * z
+        xz += gx * z
+        xy += gx * y
+    _put_symmetric(virial, xx, yy, zz, yz, xz, xy)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add_virial(r, G, virial):
+    xx = yy = zz = yz = xz = xy = 0.0
+    for b in range(len(G)):
+        g = G[b]
+        x, y, z = r[b, 0], r[b, 1], r[b, 2]
+        xx += g * x * x
+        yy += g * y * y
+        zz += g * z * z
+        yz += g * y * z
+        xz += g * x * z
+        xy += g * x * y
+    _put_symmetric(virial, xx, yy, zz, yz, xz, xy)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _put_symmetric(virial, xx, yy, zz, yz, xz, xy):
+    virial[0, 0] += xx
+    virial[1, 1] += yy
+    virial[2, 2] += zz
+    virial[1, 2] += yz
+    virial[2, 1] += yz
+    virial[0, 2] += xz
+    virial[2, 0] += xz
+    virial[0, 1] += xy
+    virial[1, 0] += xy
