@@ -49,7 +49,7 @@ def test_equals_ase(name, periodic, n, cutoff):
     # Positions far outside the cell, too.
     x = rng.uniform(-2, 3, (n, 3)) @ v
     found = check(x, Cell(v, [1, -2, 3], periodic), cutoff)
-    if all(periodic) and cutoff == 7.1:
+    if all(periodic) and name == "tiny":  # one atom has its own images
         assert found > 0
 
 
