@@ -1,0 +1,83 @@
+# make demo    a field file, a picture and a table from the silicon plate in data/, in a few minutes on a fresh machine
+# make test    lint and all tests
+# make lint    ruff only          make bench   speed, to be read by a person          make clean   remove what make made
+#
+# Needs Python 3.11 or newer; everything else goes into .venv, which is made on first use.
+# Another Python: make PYTHON=/path/to/python demo.  More test processes: make JOBS=8 test.
+
+.PHONY: help demo test lint bench clean
+.DELETE_ON_ERROR:
+.SUFFIXES:
+
+VENV ?= .venv
+OUT ?= demo-out
+JOBS ?= 2
+
+ifndef PYTHON
+PYTHON := $(shell for p in python3.13 python3.12 python3.11 python3; do \
+    if command -v $$p >/dev/null 2>&1 && $$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; \
+    then echo $$p; break; fi; done)
+endif
+
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+DATA := data/silicon_plate
+SOURCES := $(shell find atc -name '*.py')
+
+help:
+	@sed -n 's/^# \{0,1\}//;1,7p' Makefile
+
+# ---- the environment
+
+$(BIN)/python:
+	@test -n "$(PYTHON)" || { echo "make: no Python 3.11 or newer found (looked for python3.13, python3.12, python3.11, python3): install one, or say make PYTHON=/path/to/python" >&2; exit 1; }
+	@echo "making $(VENV) with $(PYTHON)"
+	@"$(PYTHON)" -m venv "$(VENV)" || { rm -rf "$(VENV)"; echo "make: $(PYTHON) could not make a virtual environment: on Debian and Ubuntu install the package python3-venv" >&2; exit 1; }
+
+# Installed in place: a change of the source needs no new installation, a change of pyproject.toml does.
+$(VENV)/.atc: pyproject.toml | $(BIN)/python
+	@echo "installing atc into $(VENV)"
+	@$(PIP) -e .
+	@touch $@
+
+$(VENV)/.atc-test: pyproject.toml | $(BIN)/python
+	@echo "installing atc and what its tests need into $(VENV)"
+	@$(PIP) -e ".[test]"
+	@touch $@ $(VENV)/.atc
+
+# ---- the demo
+
+demo: $(OUT)/stress_xx.png $(OUT)/compare.txt
+	@echo
+	@cat $(OUT)/compare.txt
+	@echo
+	@echo "fields   $(CURDIR)/$(OUT)/silicon_plate.nc"
+	@echo "picture  $(CURDIR)/$(OUT)/stress_xx.png"
+	@echo "table    $(CURDIR)/$(OUT)/compare.txt (picture: compare.png)"
+
+$(OUT)/silicon_plate.nc: $(DATA)/scene.toml $(DATA)/silicon_plate.dump.gz $(DATA)/Si.sw $(SOURCES) | $(VENV)/.atc
+	@mkdir -p $(OUT)
+	$(BIN)/atc fields $(DATA)/scene.toml -o $@ --overwrite -j 0
+
+$(OUT)/stress_xx.png: $(OUT)/silicon_plate.nc
+	$(BIN)/atc plot $< -q stress -c xx --frame mean -o $@
+
+$(OUT)/compare.txt: $(OUT)/silicon_plate.nc
+	$(BIN)/atc compare $< --picture $(OUT)/compare.png > $@
+
+# ---- for developers
+
+lint: | $(VENV)/.atc-test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+test: lint
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile
+
+bench: | $(VENV)/.atc
+	$(BIN)/python benchmarks/speed.py
+
+clean:
+	rm -rf $(OUT) build dist .pytest_cache .ruff_cache .hypothesis *.egg-info
+	find atc tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
+	@echo "kept $(VENV): remove it by hand if you want a new one"
