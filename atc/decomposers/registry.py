@@ -1,0 +1,179 @@
+"""Which LAMMPS styles are understood, and what a style's builder is given.
+
+A style registers a *builder* under its LAMMPS name::
+
+    @pair_style("morse")
+    def _morse(inp: StyleInput): ...      # returns PairStyle or Term, or a list of them
+
+    @bond_style("harmonic")
+    def _harmonic(inp: StyleInput): ...   # returns a Term; likewise angle_style, dihedral_style, improper_style
+
+Builders convert to internal units themselves (`StyleInput.number`) and complain with the line's own file and number (`StyleInput.error`).
+They are called again with a larger `n_types` when a frame has more types than the lines name (``*`` covers every type).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import AtcError
+from ..units import Units
+
+PAIR_STYLES: dict[str, Callable] = {}
+BOND_STYLES: dict[str, Callable] = {}
+ANGLE_STYLES: dict[str, Callable] = {}
+DIHEDRAL_STYLES: dict[str, Callable] = {}
+IMPROPER_STYLES: dict[str, Callable] = {}
+
+STYLES = {"pair": PAIR_STYLES, "bond": BOND_STYLES, "angle": ANGLE_STYLES, "dihedral": DIHEDRAL_STYLES, "improper": IMPROPER_STYLES}
+
+
+def _register(kind: str):
+    def named(*names: str):
+        def keep(builder):
+            for name in names:
+                STYLES[kind][name] = builder
+            return builder
+
+        return keep
+
+    return named
+
+
+pair_style = _register("pair")
+bond_style = _register("bond")
+angle_style = _register("angle")
+dihedral_style = _register("dihedral")
+improper_style = _register("improper")
+
+
+@dataclass(frozen=True)
+class TypeRange:
+    """Types lo..hi inclusive; hi None is open (``2*``)."""
+
+    lo: int
+    hi: int | None
+
+    def __call__(self, n_types: int) -> range:
+        return range(self.lo, (n_types if self.hi is None else min(self.hi, n_types)) + 1)
+
+
+@dataclass(frozen=True)
+class CoeffLine:
+    """One coefficient line: ``types`` its one (bonded) or two (pair) ranges, ``words`` what follows them (for hybrid, without the sub-style's name)."""
+
+    types: tuple[TypeRange, ...]
+    words: tuple[str, ...]
+    where: str
+
+    def covers(self, n_types: int):
+        """The types (bonded), or pairs of types i ≤ j (pair), that this line sets, as LAMMPS loops over them."""
+        if len(self.types) == 1:
+            return [(i,) for i in self.types[0](n_types)]
+        a, b = (t(n_types) for t in self.types)
+        return [(i, j) for i in a for j in b if j >= i]
+
+
+@dataclass(frozen=True)
+class Modify:
+    """``pair_modify``."""
+
+    shift: bool = False
+    mix: str | None = None
+    table_bits: int | None = None
+
+
+@dataclass(frozen=True)
+class StyleInput:
+    """What a builder gets.
+
+    Attributes
+    ----------
+    kind : "pair", "bond", "angle", ...
+    name : the style's LAMMPS name
+    args : words behind the name on the ``*_style`` line
+    coeffs : list of CoeffLine in the order given: later lines override earlier ones
+    n_types : how many types (of atoms for pairs, of bonds for bonds ...) to make tables for
+    units : Units of every number; ``inp.units.to_internal("energy", v)``
+    folder : where relative file names are looked up
+    where : file and line of the ``*_style`` line, for messages
+    modify : Modify
+    dielectric : LAMMPS's ``dielectric`` constant
+    wanted : (n_types + 1, n_types + 1) bool: pairs of types this style acts on. Others stay without interaction; a wanted pair that is neither
+        given nor can be mixed is an error. All True except under hybrid.
+    labels : {kind: {label: type}} from ``labelmap``
+    masses : {type: mass} in user units as far as the lines say
+    """
+
+    kind: str
+    name: str
+    args: tuple[str, ...]
+    coeffs: tuple[CoeffLine, ...]
+    n_types: int
+    units: Units
+    folder: Path
+    where: str
+    modify: Modify = Modify()
+    dielectric: float = 1.0
+    wanted: np.ndarray | None = None
+    labels: dict = field(default_factory=dict)
+    masses: dict = field(default_factory=dict)
+
+    def replace(self, **changes) -> StyleInput:
+        return replace(self, **changes)
+
+    @property
+    def command(self) -> str:
+        return f"{self.kind}_style {self.name}"
+
+    def error(self, message: str, line: CoeffLine | None = None) -> AtcError:
+        """An AtcError that names the file and line; use as ``raise inp.error("...", line)``."""
+        return AtcError(f"{line.where if line is not None else self.where}: {message}")
+
+    def number(self, word: str, dimension: str, what: str, line: CoeffLine | None = None) -> float:
+        """A number in internal units; `dimension` as in `atc.units`, or a number: the factor itself."""
+        try:
+            v = float(word)
+        except ValueError:
+            raise self.error(f"{self.command}: expected a number for {what}, got {word!r}", line) from None
+        if not np.isfinite(v):
+            raise self.error(f"{self.command}: {what} must be a finite number, got {word!r}", line)
+        return v * dimension if isinstance(dimension, (int, float)) else self.units.to_internal(dimension, v)
+
+    def numbers(self, words, wants, line: CoeffLine | None = None, optional: int = 0) -> list[float | None]:
+        """Exactly the numbers `wants` = [(what, dimension), ...], the last `optional` of which may be missing (None)."""
+        words = list(words)
+        least = len(wants) - optional
+        if not least <= len(words) <= len(wants):
+            names = " ".join(w if k < least else f"[{w}]" for k, (w, _) in enumerate(wants))
+            subject = f"{self.kind}_coeff of {self.name}" if line is not None else self.command
+            raise self.error(f"{subject} takes {names or 'no numbers'}, got {' '.join(words) or 'nothing'}", line)
+        out: list[float | None] = [self.number(word, d, what, line) for word, (what, d) in zip(words, wants, strict=False)]
+        return out + [None] * (len(wants) - len(out))
+
+    def path(self, name: str, line: CoeffLine | None = None) -> Path:
+        """A file named on a line: relative to the script's folder."""
+        p = Path(name).expanduser()
+        p = p if p.is_absolute() else self.folder / p
+        if not p.is_file():
+            raise self.error(f"{name}: no such file (looked for {p})", line)
+        return p
+
+    def type_values(self, wants, optional: int = 0) -> dict[int, tuple]:
+        """Bonded styles: {type: numbers} of the coefficient lines, each ``<what> ...`` as in `numbers`. Types without a line are not in it."""
+        out = {}
+        for line in self.coeffs:
+            values = tuple(self.numbers(line.words, wants, line, optional))
+            for (t,) in line.covers(self.n_types):
+                out[t] = values
+        return out
+
+
+def supported(kind: str) -> str:
+    """The names of the styles of a kind, for messages."""
+    names = sorted(STYLES[kind]) + (["hybrid", "hybrid/overlay", "none"] if kind == "pair" else ["hybrid", "none"])
+    return ", ".join(names)
