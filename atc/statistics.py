@@ -173,7 +173,10 @@ class BlockAverage:
                 if f"{k}.{name}" in state:
                     setattr(level, name, np.array(state[f"{k}.{name}"]))
             if f"{k}.pending_x" in state:
-                level.pending = (np.array(state[f"{k}.pending_x"]), np.array(state[f"{k}.pending_w"]) if f"{k}.pending_w" in state else None)
+                level.pending = (
+                    np.array(state[f"{k}.pending_x"]),
+                    np.array(state[f"{k}.pending_w"]) if f"{k}.pending_w" in state else None,
+                )
             self.levels.append(level)
             k += 1
         return self

@@ -1,0 +1,264 @@
+"""One frame in, arrays out: one pass over the bonds and one over the atoms give every quantity asked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from time import perf_counter
+
+import numpy as np
+
+from ..errors import AtcError
+from ..units import require_compatible
+from .registry import BOND, SITE, Work
+from .sources import AtomFactors, AtomVirial, ReferenceBonds, drift_velocity, piola_factor
+from .sums import Sums, outer6, quotient, thermal
+
+
+@dataclass
+class Settings:
+    """What a worker needs to know to turn a frame into fields; picklable."""
+
+    names: tuple[str, ...]
+    pot: object = None
+    kern: object = None
+    grid: object = None
+    method: str = "direct"
+    tolerance: float = 1e-5
+    reference: object = None
+    threads: int = 1
+    check_points: int = 100
+
+
+@dataclass
+class FrameResult:
+    """The fields of one frame, in the user's units; masked quantities hold 0 where `mask` is False."""
+
+    arrays: dict[str, np.ndarray]
+    mask: np.ndarray | None = None
+    weights: dict[str, np.ndarray] = field(default_factory=dict)
+    errors: dict[str, dict[str, float]] = field(default_factory=dict)
+    bound: object = None
+    method: str = "direct"
+    seconds: dict[str, float] = field(default_factory=dict)
+
+
+class Target:
+    """Points at which sums are wanted, with one method to get them."""
+
+    def __init__(self, method, bound, kern, cell, threads):
+        self.method, self.bound, self.kern, self.cell, self.threads = method, bound, kern, cell, threads
+
+    def open(self, n_site=0, n_bond=0):
+        from ..deposit import make
+
+        return make(self.method, self.bound, self.kern, self.cell, n_site, n_bond, threads=self.threads)
+
+    def sites(self, x_nc, a_nk) -> np.ndarray:
+        """(g, k) Σ a φ over all atoms."""
+        deposit = self.open(n_site=a_nk.shape[1])
+        if self.threads == 1 or len(x_nc) < 2 * self.threads:
+            deposit.add_sites(x_nc, a_nk, thread=0)
+        else:
+            from concurrent.futures import ThreadPoolExecutor
+
+            cuts = np.linspace(0, len(x_nc), self.threads + 1).astype(int)
+            with ThreadPoolExecutor(self.threads) as pool:
+                jobs = [pool.submit(deposit.add_sites, x_nc[a:b], a_nk[a:b], thread=t) for t, (a, b) in enumerate(zip(cuts[:-1], cuts[1:]))]
+                for job in jobs:
+                    job.result()
+        return deposit.site_sums()
+
+
+def frame_fields(frame, settings: Settings, index: int = 0) -> FrameResult:
+    """All quantities of `settings` on one frame.
+
+    Parameters
+    ----------
+    frame : Frame
+    settings : Settings
+    index : int
+        Number of the frame: the random points of the error check depend on nothing else.
+
+    Returns
+    -------
+    FrameResult, in the frame's own units.
+
+    Raises
+    ------
+    AtcError
+        if the frame lacks what a quantity needs (masses, velocities), or there is no potential, kernel, grid or reference for it.
+    """
+    from .accuracy import Check, kernel_internal
+
+    work = Work.of(settings.names)
+    _require(frame, settings, work)
+    seconds = {}
+    threads = settings.threads
+    cell, units, x_nc = frame.cell, frame.units, frame.positions
+    bound = check = None
+    targets: list[Target] = []
+    kern = kernel_internal(settings.kern, units) if work.grid_users else None
+    plain_grid = [q for q in work.quantities if q.kind == "grid" and not any(BOND[b].reference for b in q.bond)]
+    reference_grid = [q for q in work.quantities if q.kind == "grid" and any(BOND[b].reference for b in q.bond)]
+    if plain_grid:
+        bound = settings.grid.bind(units, cell, x_nc)
+        check = Check(bound, kern, cell, units, x_nc, threads, index, settings.check_points)
+        targets = [Target(settings.method, bound, kern, cell, threads), check.target]
+    reference_targets: list[Target] = []
+    if reference_grid:
+        reference = settings.reference
+        reference_bound = settings.grid.bind(reference.units, reference.cell, reference.positions)
+        reference_check = Check(
+            reference_bound, kern, reference.cell, reference.units, reference.positions, threads, index, settings.check_points
+        )
+        reference_targets = [Target(settings.method, reference_bound, kern, reference.cell, threads), reference_check.target]
+
+    # --- one pass over the bonds
+    start = perf_counter()
+    drift = drift_velocity(frame) if "velocities" in work.attributes else np.zeros(3)
+    everything = [Sums(drift=drift, volume=cell.volume, boltzmann=units.boltzmann) for _ in range(2)]
+    decomposition, virial_n6 = None, None
+    if work.bond_users:
+        bond_deposits = [t.open(n_bond=work.n_bond) for t in targets] if work.bond else []
+        reference_deposits = [t.open(n_bond=work.n_reference_bond) for t in reference_targets]
+        to_reference = ReferenceBonds(frame, settings.reference) if reference_targets else None
+        virial = AtomVirial(len(frame), threads) if work.atom_virial else None
+
+        def consume(bonds, thread):
+            for deposit in bond_deposits:
+                deposit.add_bond_stress(x_nc, bonds.i, bonds.r_bc, bonds.G_b, thread=thread)
+            if to_reference is not None:
+                X_bc, R_bc = to_reference.bonds(bonds)
+                P_b9 = piola_factor(bonds, R_bc)
+                for deposit in reference_deposits:
+                    deposit.add_bonds(X_bc, R_bc, P_b9, thread=thread)
+            if virial is not None:
+                virial.add(bonds, thread)
+
+        decomposition = settings.pot.stream(frame, consume, threads=threads, energies=bool(work.energy_users), forces=False)
+        seconds["bonds"] = perf_counter() - start
+        for k, sums in enumerate(everything):
+            if bond_deposits:
+                sums.bond["stress"] = bond_deposits[k].bond_sums()
+            if reference_deposits:
+                sums.bond["piola"] = reference_deposits[k].bond_sums()
+        bond_deposits, reference_deposits = [], []
+        virial_n6 = virial.total() if virial is not None else None
+
+    # --- one pass over the atoms
+    site_start = perf_counter()
+    energies_n = decomposition.energies_n if work.energy_users else None
+    factors = AtomFactors(frame, drift, energies_n, virial_n6)
+    if work.site:
+        a_nk = factors.columns(work.site)
+        for target, sums in zip(targets, everything):
+            total = target.sites(x_nc, a_nk)
+            at = 0
+            for name in work.site:
+                sums.site[name] = total[:, at : at + SITE[name].width]
+                at += SITE[name].width
+        if "kinetic" in work.site and "momentum" in work.site:
+            for target, sums in zip(targets, everything):
+                sums.thermal_shifted = local_shifts(sums, target, x_nc, factors)
+    for name in work.whole:
+        everything[0].whole[name] = _whole(name, factors, decomposition, virial_n6)
+    seconds["sites"] = perf_counter() - site_start
+
+    # --- fields
+    form_start = perf_counter()
+    arrays, errors, weights = {}, {}, {}
+    main, at_points = everything
+    for q in work.quantities:
+        values = q.form(main)
+        arrays[q.name] = units.to_user(q.dimension, values)
+        if q.kind == "grid":
+            which = reference_check if q in reference_grid else check
+            errors[q.name] = which.errors(values, q.form(at_points))
+        if q.weight is not None:
+            weights[q.name] = main.site[q.weight][:, 0]
+    shape = bound.shape if bound is not None else reference_bound.shape if reference_grid else None
+    if shape is not None:
+        for q in work.quantities:
+            if q.kind == "grid":
+                arrays[q.name] = arrays[q.name].reshape(*shape, *arrays[q.name].shape[1:])
+        weights = {name: w.reshape(shape) for name, w in weights.items()}
+    mask = main.defined.reshape(shape) if work.masked else None
+    seconds["fields"] = perf_counter() - form_start
+    seconds["total"] = perf_counter() - start
+    return FrameResult(arrays, mask, weights, errors, bound if bound is not None else (reference_bound if reference_grid else None),
+                       settings.method, seconds)  # fmt: skip
+
+
+def _require(frame, settings, work):
+    """Say what is missing before anything is computed."""
+    for attribute, users in work.attributes.items():
+        frame.require(attribute, why=", ".join(users))
+    if work.bond_users:
+        if settings.pot is None:
+            raise AtcError(
+                f"no potential was given but {', '.join(work.bond_users)} need one: give the pair_style/pair_coeff lines of the run"
+            )
+        require_compatible(settings.pot.units, frame.units, "the potential", frame.source)
+    if work.grid_users:
+        for name in ("kern", "grid"):
+            if getattr(settings, name) is None:
+                word = {"kern": "kernel", "grid": "grid"}[name]
+                raise AtcError(f"no {word} was given but {', '.join(work.grid_users)} need one")
+    if work.reference_users and settings.reference is None:
+        raise AtcError(f"no reference frame was given but {', '.join(work.reference_users)} need one: pass reference=")
+    if any(q.kind == "box" for q in work.quantities) and not frame.cell.volume > 0:
+        raise AtcError(f"{frame.source}: the cell has no volume, so the virial stress of the box is not defined")
+
+
+def _whole(name, factors, decomposition, virial_n6):
+    if name == "box_virial":
+        return decomposition.virial_cc.reshape(9)
+    if name == "atom_virial":
+        return virial_n6
+    kinetic_n6 = factors["kinetic"]
+    return kinetic_n6 if name == "atom_kinetic" else kinetic_n6.sum(0)
+
+
+# Rounding error a point may have in T − ρ v⊗v, relative to its thermal part: far below the 1e-6 that is promised.
+_SHIFT_TOLERANCE = 1e-9
+_MAX_SHIFTS = 16
+
+
+def local_shifts(sums: Sums, target: Target, x_nc, factors) -> np.ndarray | None:
+    """T − ρ v⊗v where different regions move at very different speeds, without cancellation.
+
+    The expression does not change when one velocity is subtracted from all atoms; its rounding error is about ε ρ |v(x) − c|² for
+    the subtracted c. The frame's mean is enough for a uniform drift. Where it is not, more passes over the atoms take further c,
+    each the velocity of the point that is worst off, and every point keeps the one nearest to its own velocity.
+
+    Returns (g, 6), or None if the frame's mean was enough everywhere.
+    """
+    best = sums.thermal
+    rho = sums.rho
+    v_gc = sums.peculiar
+    have = np.linalg.norm(v_gc, axis=1)
+    eps = 64 * np.finfo(float).eps
+    done = None
+    for _ in range(_MAX_SHIFTS):
+        heat = quotient(best[:, :3].sum(1), rho)
+        # A point with one atom has no thermal part at all: measure it against what is typical of the points that certainly have one.
+        certain = heat[heat > eps * have**2]
+        scale = np.maximum(heat, np.median(certain) if len(certain) else 0.0)
+        error = np.where(sums.defined, eps * have**2 - _SHIFT_TOLERANCE * scale, 0.0)
+        worst = int(np.argmax(error)) if len(error) else 0
+        if not len(error) or not error[worst] > 0:
+            break
+        c = v_gc[worst].copy()
+        w_nc = factors.peculiar_nc - c
+        m = factors["mass"]
+        total = target.sites(x_nc, np.ascontiguousarray(np.concatenate([m, m * w_nc, m * outer6(w_nc)], axis=1)))
+        u_gc = quotient(total[:, 1:4], total[:, 0])
+        distance = np.linalg.norm(u_gc, axis=1)
+        nearer = sums.defined & (distance < have)
+        if not nearer.any():
+            break
+        if done is None:
+            done = best = best.copy()
+        best[nearer] = thermal(total[:, :1], total[:, 1:4], total[:, 4:])[nearer]
+        have = np.where(nearer, distance, have)
+    return done

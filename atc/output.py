@@ -1,0 +1,340 @@
+"""Results on disk, frame by frame: nothing under the final name until everything is there; a killed run can go on.
+
+While a run lasts, everything is in ``OUT.partial/``: ``request.json`` (what is being computed), ``data.zarr``, ``journal.jsonl`` (one line
+for each entry that is complete) and, for time averages, ``state.npz``. At the end ``data.zarr`` is renamed to OUT, or copied entry by
+entry to a NetCDF file which is renamed.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import shutil
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from .errors import AtcError
+
+_CHUNK_BYTES = 32 * 2**20
+
+
+@dataclass
+class Variable:
+    """A variable of the dataset. `dims` without the leading "frame" unless `static`."""
+
+    name: str
+    dims: tuple[str, ...]
+    shape: tuple[int, ...]
+    dtype: np.dtype
+    attrs: dict
+    static: np.ndarray | None = None
+    coordinate: bool = False
+
+    @property
+    def all_dims(self):
+        return self.dims if self.static is not None else ("frame", *self.dims)
+
+
+@dataclass
+class Layout:
+    """All variables, the number of entries along "frame", and the attributes of the dataset."""
+
+    variables: list[Variable]
+    entries: int
+    attrs: dict = field(default_factory=dict)
+
+
+@contextmanager
+def explained(path):
+    """Turn what the operating system says about an output into one line."""
+    try:
+        yield
+    except OSError as e:
+        if e.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise AtcError(
+                f"{path}: the disk is full; what is complete is kept in {path}.partial: make room and run the same command again"
+            ) from e
+        raise AtcError(f"{path}: cannot be written ({e.strerror or e}): choose another output file or change its permissions") from e
+
+
+def dataset_in_memory(layout: Layout, entries: list[dict], attrs: dict):
+    """The same dataset as an `xarray.Dataset` in memory."""
+    import xarray as xr
+
+    data, coords = {}, {}
+    for v in layout.variables:
+        values = v.static if v.static is not None else np.stack([e[v.name] for e in entries]).astype(v.dtype, copy=False)
+        (coords if v.coordinate else data)[v.name] = (v.all_dims, values, _clean({**v.attrs, **attrs.get(v.name, {})}))
+    return xr.Dataset(data, coords, _clean({**layout.attrs, **attrs.get("", {}), "variables": " ".join(data)}))
+
+
+def _clean(attrs: dict) -> dict:
+    """Attributes every format can hold."""
+    return {
+        k: int(v) if isinstance(v, (bool, np.bool_)) else v.item() if isinstance(v, np.generic) else v
+        for k, v in attrs.items()
+        if v is not None
+    }
+
+
+def check_name(out) -> Path:
+    """The output path, or an error that says which names are possible."""
+    path = Path(out)
+    if path.suffix not in (".zarr", ".nc"):
+        raise AtcError(f"{path}: the name of the output must end in .zarr or .nc")
+    return path
+
+
+class Store:
+    """The unfinished output of one run.
+
+    Parameters
+    ----------
+    out : path ending in .zarr or .nc
+    request : dict of plain values
+        What is being computed. An unfinished output of another request is never continued.
+    resume : bool
+        False: throw an unfinished output away and begin again.
+
+    Raises
+    ------
+    AtcError
+        if the place cannot be written, is in use by another run, or holds an unfinished output of another request.
+    """
+
+    def __init__(self, out, request: dict, resume: bool = True):
+        self.out = check_name(out)
+        self.partial = self.out.with_name(self.out.name + ".partial")
+        self.layout: Layout | None = None
+        self._group = None
+        self.journal: list[dict] = []
+        with explained(self.out):
+            if not self.out.parent.is_dir():
+                raise AtcError(f"{self.out}: the directory {self.out.parent} does not exist")
+            if self.out.suffix == ".nc" and self.out.is_dir():
+                raise AtcError(f"{self.out}: is a directory; choose another name")
+            self.partial.mkdir(exist_ok=True)
+            self._lock()
+            self._recover()
+            request = json.loads(json.dumps(request, sort_keys=True))
+            known = self._read_json("request.json")
+            if not resume:
+                self._clear()
+            elif known is not None and known != request:
+                differing = ", ".join(sorted(k for k in {*known, *request} if known.get(k) != request.get(k)))
+                self.close()
+                raise AtcError(
+                    f"{self.partial}: holds an unfinished run of another request (different: {differing}): finish that one, "
+                    "delete the directory, or start again without resuming"
+                )
+            elif known is None:
+                self._clear()
+            self._write_json("request.json", request)
+            journal = self.partial / "journal.jsonl"
+            if journal.exists() and (self.partial / "data.zarr").is_dir():
+                for line in journal.read_text().splitlines():
+                    try:
+                        self.journal.append(json.loads(line))
+                    except ValueError:  # the kill came while this line was written
+                        break
+                # Forget a half-written line, so that the next one starts on its own.
+                journal.write_text("".join(json.dumps(e) + "\n" for e in self.journal))
+
+    # --- while running
+    @property
+    def done(self) -> int:
+        """Number of complete entries; they are the first ones."""
+        return len(self.journal)
+
+    def begin(self, layout: Layout) -> None:
+        """Create the arrays, or check that those of an earlier run fit."""
+        import zarr
+
+        self.layout = layout
+        path = str(self.partial / "data.zarr")
+        with explained(self.out):
+            if self.done:
+                self._group = zarr.open_group(path, mode="r+")
+                return
+            shutil.rmtree(path, ignore_errors=True)
+            self._group = zarr.open_group(path, mode="w", zarr_format=2)
+            for v in layout.variables:
+                shape = v.shape if v.static is not None else (layout.entries, *v.shape)
+                dtype = v.static.dtype if v.static is not None else v.dtype
+                if v.static is not None:
+                    chunks = tuple(max(1, n) for n in shape)
+                else:
+                    first = max(1, int(_CHUNK_BYTES // max(1, np.dtype(dtype).itemsize * int(np.prod(v.shape[1:], dtype=np.int64)))))
+                    chunks = (1, *(max(1, min(n, first) if k == 0 else n) for k, n in enumerate(v.shape)))
+                array = self._group.create_array(
+                    v.name, shape=shape, chunks=chunks, dtype=dtype, fill_value=_fill(dtype),
+                    attributes={"_ARRAY_DIMENSIONS": list(v.all_dims), **_clean(v.attrs)},
+                )  # fmt: skip
+                if v.static is not None and v.static.size:
+                    array[...] = v.static
+
+    def write(self, values: dict, note: dict) -> None:
+        """The next entry: one array a variable, and `note` (plain values) for the journal. Complete when this returns."""
+        k = self.done
+        with explained(self.out):
+            for v in self.layout.variables:
+                if v.static is None:
+                    self._group[v.name][k] = np.asarray(values[v.name], dtype=v.dtype)
+            with open(self.partial / "journal.jsonl", "a") as f:
+                f.write(json.dumps(note) + "\n")
+                f.flush()
+                os.fsync(f.fileno())
+        self.journal.append(note)
+        (self.partial / "state.npz").unlink(missing_ok=True)
+
+    def save_state(self, arrays: dict) -> None:
+        """Keep what an unfinished time average needs to go on."""
+        with explained(self.out):
+            temporary = self.partial / "state.tmp.npz"
+            np.savez(temporary, **arrays)
+            os.replace(temporary, self.partial / "state.npz")
+
+    def load_state(self) -> dict | None:
+        """What `save_state` kept, if the run was stopped within an average."""
+        path = self.partial / "state.npz"
+        if not path.exists():
+            return None
+        with np.load(path) as f:
+            return {k: f[k] for k in f.files}
+
+    # --- the end
+    def finish(self, attrs: dict) -> None:
+        """Set the final attributes (by variable; "" for the dataset) and rename."""
+        import zarr
+
+        with explained(self.out):
+            path = self.partial / "data.zarr"
+            for v in self.layout.variables:
+                if v.name in attrs:
+                    self._group[v.name].attrs.update(_clean(attrs[v.name]))
+            names = " ".join(v.name for v in self.layout.variables if not v.coordinate)
+            self._group.attrs.update(_clean({**self.layout.attrs, **attrs.get("", {}), "variables": names}))
+            coordinates = " ".join(v.name for v in self.layout.variables if v.coordinate and v.all_dims != (v.name,))
+            if coordinates:
+                self._group.attrs["coordinates"] = coordinates
+            if self.out.suffix == ".nc":
+                self._to_netcdf(self.partial / "data.nc", attrs)
+                os.replace(self.partial / "data.nc", self.out)
+            else:
+                zarr.consolidate_metadata(str(path), zarr_format=2)
+                self._swap(path)
+            self.close()
+            shutil.rmtree(self.partial)
+
+    def _swap(self, path) -> None:
+        """Rename a directory over another: the old one steps aside first and comes back if the second step never happens."""
+        old = self.partial / "old"
+        if self.out.exists():
+            os.rename(self.out, old)
+        os.rename(path, self.out)
+
+    def _recover(self) -> None:
+        old = self.partial / "old"
+        if old.exists() and not self.out.exists():
+            os.rename(old, self.out)
+
+    def _to_netcdf(self, path, attrs) -> None:
+        import h5netcdf
+        import h5py
+
+        path.unlink(missing_ok=True)
+        with h5netcdf.File(path, "w") as f:
+            for v in self.layout.variables:
+                shape = v.shape if v.static is not None else (self.layout.entries, *v.shape)
+                for d, n in zip(v.all_dims, shape):
+                    if d not in f.dimensions:
+                        f.dimensions[d] = n
+            for v in self.layout.variables:
+                dtype = v.static.dtype if v.static is not None else np.dtype(v.dtype)
+                final = _clean({**v.attrs, **attrs.get(v.name, {})})
+                kwargs = {}
+                if dtype.kind == "b":
+                    final["dtype"], dtype = "bool", np.dtype(np.int8)  # xarray's way: NetCDF has no booleans
+                elif dtype.kind in "UO":
+                    dtype = h5py.string_dtype()
+                elif dtype.kind == "f":
+                    kwargs["fillvalue"] = np.nan
+                array = f.create_variable(v.name, v.all_dims, dtype, **kwargs)
+                if v.static is not None:
+                    array[...] = v.static.astype(object) if v.static.dtype.kind in "UO" else v.static
+                else:
+                    for k in range(self.layout.entries):
+                        array[k] = np.asarray(self._group[v.name][k]).astype(dtype, copy=False)
+                for key, value in final.items():
+                    array.attrs[key] = value
+            for key, value in dict(self._group.attrs).items():
+                f.attrs[key] = value
+
+    # --- small things
+    def _lock(self) -> None:
+        try:
+            import fcntl
+        except ImportError:  # no such thing on Windows: two runs on one output are the user's care there
+            self._handle = None
+            return
+        self._handle = open(self.partial / "lock", "w")
+        try:
+            fcntl.flock(self._handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            self._handle.close()
+            raise AtcError(f"{self.partial}: another run is writing this output: wait for it, or choose another name") from None
+
+    def close(self) -> None:
+        """Let another run have the place."""
+        if self._handle is not None:
+            self._handle.close()
+            self._handle = None
+
+    def _clear(self) -> None:
+        self.journal = []
+        for entry in self.partial.iterdir():
+            if entry.name in ("lock", "old"):
+                continue
+            shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+
+    def _read_json(self, name):
+        try:
+            return json.loads((self.partial / name).read_text())
+        except (FileNotFoundError, ValueError):
+            return None
+
+    def _write_json(self, name, value) -> None:
+        temporary = self.partial / (name + ".tmp")
+        temporary.write_text(json.dumps(value, indent=1, sort_keys=True))
+        os.replace(temporary, self.partial / name)
+
+
+def _fill(dtype):
+    # A fill value of 0 would read as "missing" where the numbers are 0.
+    return np.nan if np.dtype(dtype).kind == "f" else None
+
+
+def open_dataset(path):
+    """An output of atc as a lazily loaded `xarray.Dataset`."""
+    import xarray as xr
+
+    path = Path(path)
+    if not path.exists():
+        raise AtcError(f"{path}: there is no such file")
+    try:
+        if path.suffix == ".zarr":
+            ds = xr.open_dataset(path, engine="zarr", chunks=None, decode_times=False)
+        else:
+            ds = xr.open_dataset(path, engine="h5netcdf", decode_times=False)
+        order = str(ds.attrs.get("variables", "")).split()
+        if set(order) == set(ds.data_vars):
+            ordered = xr.Dataset({name: ds.variables[name] for name in order}, coords=ds.coords, attrs=ds.attrs)
+            ordered.set_close(ds.close)
+            return ordered
+        return ds
+    except (OSError, ValueError, KeyError) as e:
+        raise AtcError(f"{path}: is not an output of atc ({str(e).splitlines()[0]})") from e

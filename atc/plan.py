@@ -1,0 +1,384 @@
+"""From a request to the least work that answers it, before anything is computed: which passes, sums and terms, by which method, at what cost.
+
+The cost model is deliberately small; its constants are measured by ``benchmarks/`` on one ordinary core and good to a factor of two:
+
+- pass over the bonds: `SECONDS_PER_ATOM` an atom for neighbour list, forces and decomposition together;
+- direct deposit: `SECONDS_PER_VISIT` for every grid point within the kernel of a bond. Their number is bonds × points per volume ×
+  (4/3 π R³ + π R² L), L the mean bond length: the volume of the capsule around the bond. Likewise 4/3 π R³ around an atom, at
+  `SECONDS_PER_SITE_VISIT`;
+- reading `SECONDS_PER_READ` an atom, writing at `BYTES_PER_SECOND_WRITTEN`.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .errors import AtcError
+from .estimators.registry import BOND, SITE, Work
+
+SECONDS_PER_ATOM = 2.5e-6
+SECONDS_PER_VISIT = 8e-9
+SECONDS_PER_SITE_VISIT = 6e-9
+SECONDS_PER_READ = 1e-6
+BYTES_PER_SECOND_WRITTEN = 2e8
+
+_TERMS = {
+    "one": "1",
+    "mass": "m",
+    "momentum": "m v",
+    "kinetic": "m v⊗v",
+    "kinetic_energy": "½ m v²",
+    "potential_energy": "U",
+    "atom_virial": "½ Σ G r⊗r",
+    "stress": "G r⊗r",
+    "piola": "G R⊗r, between reference positions",
+}
+
+
+def cpus() -> int:
+    """Processors this process may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:
+        return os.cpu_count() or 1
+
+
+@dataclass
+class Request:
+    """One call of `atc.fields`, checked and resolved; see there for the parameters."""
+
+    traj: object
+    pot: object = None
+    kern: object = None
+    grid: object = None
+    quantities: object = ("stress",)
+    tolerance: float = 1e-5
+    method: str = "auto"
+    reference: object = None
+    average: bool | int = False
+    threads: int | None = None
+    workers: int = 1
+    scene: str | None = None
+
+    def __post_init__(self):
+        from .frame import Frame
+
+        self.work = Work.of(self.quantities)
+        self.frames = as_frames(self.traj)
+        self.n_frames = len(self.frames)
+        if not self.n_frames:
+            raise AtcError("the trajectory has no frames: nothing to compute")
+        if not (isinstance(self.tolerance, (int, float)) and 0 < self.tolerance < 1):
+            raise AtcError(
+                f"tolerance {self.tolerance!r}: expected a number between 0 and 1, relative to the largest value of the field, e.g. 1e-5"
+            )
+        if self.average is not True and self.average is not False and (not isinstance(self.average, (int, np.integer)) or self.average < 1):
+            raise AtcError(f"average {self.average!r}: expected True, False, or the number of frames in a window")
+        for name in ("threads", "workers"):
+            value = getattr(self, name)
+            if value is None and name == "threads":
+                continue
+            if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < 1:
+                raise AtcError(f"{name} {value!r}: expected a whole number, 1 or more")
+        if self.reference is not None and not isinstance(self.reference, Frame):
+            if isinstance(self.reference, (int, np.integer)):
+                try:
+                    self.reference = self.frames[int(self.reference)]
+                except IndexError:
+                    raise AtcError(f"reference {self.reference}: the trajectory has {self.n_frames} frames") from None
+            else:
+                self.reference = as_frames(self.reference)[0]
+        self.first = self.frames[0]
+        self.method_used, self.method_reason = choose_method(self.method)
+        # Whole frames to processes if there are enough of them, else threads within a frame.
+        if self.workers > 1 and self.n_frames < self.workers:
+            self.threads, self.workers = self.threads or self.workers, 1
+        self.threads = int(self.threads or max(1, cpus() // self.workers))
+        self.workers = int(self.workers)
+
+    @property
+    def window(self) -> int:
+        """Frames that make one entry of the output."""
+        return 1 if self.average is False else self.n_frames if self.average is True else int(self.average)
+
+    @property
+    def entries(self) -> int:
+        """Length of the output along "frame"."""
+        return -(-self.n_frames // self.window)
+
+    def settings(self):
+        """What a worker needs."""
+        from .estimators.compute import Settings
+
+        names = tuple(q.name for q in self.work.quantities)
+        return Settings(
+            names,
+            self.pot,
+            self.kern,
+            self.grid,
+            self.method_used,
+            self.tolerance,
+            self.reference if self.work.reference_users else None,
+            self.threads,
+        )
+
+    def key(self) -> dict:
+        """What the result depends on, as plain values: an unfinished output is continued only by a request with the same key."""
+        from . import __version__
+
+        return {
+            "version": __version__,
+            "quantities": [q.name for q in self.work.quantities],
+            "potential": describe(self.pot) if self.work.bond_users else None,
+            "kernel": describe(self.kern) if self.work.grid_users else None,
+            "grid": describe(self.grid) if self.work.grid_users else None,
+            "method": self.method_used,
+            "tolerance": float(self.tolerance),
+            "average": int(self.average) if self.average is not True else True,
+            "frames": self.n_frames,
+            "units": self.first.units.name,
+            "trajectory": digest(self.first),
+            "reference": digest(self.reference) if self.work.reference_users and self.reference is not None else None,
+        }
+
+
+def as_frames(traj):
+    """Anything `atc.fields` takes as a trajectory, as a sequence of Frames."""
+    from .frame import Frame
+
+    if isinstance(traj, Frame):
+        return [traj]
+    if isinstance(traj, (list, tuple)) and traj and all(isinstance(f, Frame) for f in traj):
+        return list(traj)
+    from .readers import Trajectory, read
+
+    return traj if isinstance(traj, Trajectory) else read(traj)
+
+
+def choose_method(method: str) -> tuple[str, str]:
+    """The method that will be used, and why."""
+    from .deposit import METHODS
+
+    if method == "auto":
+        return "direct", "the exact sum: keeps every tolerance"
+    if method not in METHODS:
+        raise AtcError(f"unknown method {method!r}: expected auto or one of {', '.join(METHODS)}")
+    return method, "asked for"
+
+
+def describe(thing) -> str:
+    """A text that is the same for equal things in every process."""
+    import hashlib
+    import pickle
+
+    text = thing.describe() if hasattr(thing, "describe") else repr(thing)
+    if " at 0x" in text or "..." in text:
+        text = hashlib.sha256(pickle.dumps(thing)).hexdigest()
+    return text
+
+
+def digest(frame) -> str:
+    """A fingerprint of a frame's numbers."""
+    import hashlib
+
+    h = hashlib.sha256()
+    arrays = (
+        frame.positions,
+        frame.cell.vectors,
+        frame.cell.origin,
+        frame.cell.periodic,
+        frame.types,
+        frame.ids,
+        frame.masses,
+        frame.velocities,
+    )
+    for a in arrays:
+        h.update(b"-" if a is None else np.ascontiguousarray(a).tobytes())
+    return h.hexdigest()[:24]
+
+
+@dataclass
+class Plan:
+    """What will be done, what will not, and what it will cost. ``str(plan)`` is for people.
+
+    Attributes
+    ----------
+    passes : lines saying what runs
+    left_out : (what, why) pairs
+    method, reason : how the sums are taken, and why so
+    atoms, frames, points : sizes (points is 0 without a grid)
+    bonds, visits : predicted number of bonds and of bond-point visits a frame
+    cpu_seconds, wall_seconds : predicted, a frame; total_seconds: the whole run
+    memory : predicted peak in bytes, a process
+    error : predicted error relative to the largest value of each field
+    """
+
+    passes: list[str]
+    left_out: list[tuple[str, str]]
+    method: str
+    reason: str
+    atoms: int
+    frames: int
+    points: int
+    bonds: float
+    visits: float
+    cpu_seconds: float
+    wall_seconds: float
+    total_seconds: float
+    memory: float
+    output_bytes: float
+    error: float
+    tolerance: float
+    workers: int
+    threads: int
+    quantities: list[str] = field(default_factory=list)
+
+    def __str__(self):
+        def count(x):
+            return f"{x:.3g}" if x >= 1e6 else f"{x:,.0f}"
+
+        lines = [
+            f"{', '.join(self.quantities)}",
+            f"{self.frames} frame{'s' * (self.frames != 1)} of {count(self.atoms)} atoms"
+            + (f", {count(self.points)} grid points" if self.points else ""),
+            "",
+            "what runs",
+            *(f"  {p}" for p in self.passes),
+            "what is left out",
+            *(f"  {what}: {why}" for what, why in self.left_out),
+        ]
+        if self.points:
+            lines.append(f"method  {self.method} ({self.reason})")
+        parallel = (
+            f"{self.workers} processes of {self.threads} threads"
+            if self.workers > 1
+            else f"{self.threads} thread{'s' * (self.threads != 1)}"
+        )
+        lines += [
+            f"time    about {_duration(self.wall_seconds)} a frame, {_duration(self.total_seconds)} in all ({parallel}; first use adds compilation)",
+            f"memory  about {_bytes(self.memory)}, output {_bytes(self.output_bytes)}",
+            f"error   about {self.error:.0e} of the largest value of each field (tolerance {self.tolerance:g}); measured at random points when it runs",
+        ]
+        return "\n".join(lines)
+
+
+def plan(*args, **kwargs) -> Plan:
+    """What `atc.fields` would do with the same arguments: nothing is computed, one frame is read.
+
+    Takes a `Request`, or the arguments of `atc.fields` up to `workers`.
+    """
+    request = args[0] if len(args) == 1 and not kwargs and isinstance(args[0], Request) else Request(*args, **kwargs)
+    work, frame, threads = request.work, request.first, request.threads
+    n, volume = len(frame), frame.cell.volume
+    bonds = length = visits = site_visits = 0.0
+    points = 0
+    memory = 8.0 * n * 16
+    seconds = SECONDS_PER_READ * n
+    kernel_volume = area = 0.0
+    if work.grid_users:
+        from .estimators.accuracy import kernel_internal
+
+        if request.kern is None or request.grid is None:
+            raise AtcError(f"{', '.join(work.grid_users)} need a kernel and a grid")
+        bound = request.grid.bind(frame.units, frame.cell, frame.positions)
+        points = int(np.prod(bound.shape))
+        R = kernel_internal(request.kern, frame.units).support
+        kernel_volume, area = 4.18879 * R**3, 3.14159 * R**2
+    if work.bond_users:
+        if request.pot is None:
+            raise AtcError(f"{', '.join(work.bond_users)} need a potential: give the pair_style/pair_coeff lines of the run")
+        bonds, length = n * bonds_per_atom(frame, request.pot.cutoff), 0.75 * request.pot.cutoff
+        seconds += SECONDS_PER_ATOM * n
+        memory += 40.0 * bonds
+    # +100: the random points at which the error is measured.
+    if work.bond or work.reference_bond:
+        visits = bonds * (points + 100) * min(1.0, (kernel_volume + area * length) / volume)
+        seconds += SECONDS_PER_VISIT * visits * (bool(work.bond) + 1.5 * bool(work.reference_bond))
+    if work.site:
+        site_visits = n * (points + 100) * min(1.0, kernel_volume / volume)
+        seconds += SECONDS_PER_SITE_VISIT * site_visits * max(1.0, work.n_site / 6)
+    memory += (
+        8.0 * points * (max(work.n_site, work.n_bond + work.n_reference_bond) * (threads + 1) + sum(3**q.rank for q in work.quantities) * 2)
+    )
+    size = {"grid": points, "box": 1, "atom": n}
+    entry = sum(8.0 * 3**q.rank * size[q.kind] for q in work.quantities)
+    levels = 1 if request.average is False else 3 * (1 + int(np.log2(request.window)))
+    memory += entry * levels if request.average is not False else 0.0
+    wall = seconds / threads + entry / BYTES_PER_SECOND_WRITTEN
+    return Plan(
+        passes=_passes(work, request), left_out=_left_out(work), method=request.method_used, reason=request.method_reason, atoms=n,
+        frames=request.n_frames, points=points, bonds=bonds, visits=visits, cpu_seconds=seconds, wall_seconds=wall,
+        total_seconds=wall * request.n_frames / request.workers, memory=memory, output_bytes=entry * request.entries * (2 if request.average is not False else 1),
+        error=1e-13, tolerance=request.tolerance, workers=request.workers, threads=threads, quantities=[q.name for q in work.quantities],
+    )  # fmt: skip
+
+
+def bonds_per_atom(frame, cutoff: float) -> float:
+    """Half the mean number of neighbours within `cutoff`, counted around 50 atoms (so that empty space in the box does not mislead)."""
+    n, cell = len(frame), frame.cell
+    if n < 2:
+        return 0.0
+    if cutoff > 0.5 * cell.heights[cell.periodic].min(initial=np.inf):
+        return 0.5 * n / cell.volume * 4.18879 * cutoff**3
+    s = cell.fractional(frame.positions)
+    total = 0
+    sample = np.random.default_rng(0).choice(n, min(n, 50), replace=False)
+    for k in sample:
+        d = s - s[k]
+        d -= np.where(cell.periodic, np.rint(d), 0.0)
+        total += np.count_nonzero(((d @ cell.vectors) ** 2).sum(1) < cutoff**2) - 1
+    return 0.5 * total / len(sample)
+
+
+def _passes(work: Work, request: Request) -> list[str]:
+    out = []
+    if work.bond_users:
+        made = [f"Σ {_TERMS[b]} β, {BOND[b].width} components" for b in work.bond + work.reference_bond]
+        made += ["virial of each atom"] * work.atom_virial + ["virial of the box"] * ("box_virial" in work.whole)
+        made += ["potential energy of each atom"] * bool(work.energy_users)
+        cutoff = request.first.units.to_user("length", request.pot.cutoff)
+        out.append(f"one pass over the bonds (neighbours within {cutoff:g} {request.first.units.label('length')}): {'; '.join(made)}")
+    if work.site:
+        terms = ", ".join(_TERMS[s] for s in work.site)
+        components = sum(SITE[s].width for s in work.site)
+        out.append(f"one pass over the atoms: Σ a φ for a = {terms}: {components} component{'s' * (components != 1)}")
+    if {"box_kinetic", "atom_kinetic"} & {*work.whole}:
+        out.append("m v⊗v of the atoms, without a kernel")
+    if request.average is not False:
+        out.append(
+            f"time average over {'all' if request.average is True else request.window} frames with its standard error by block averaging"
+        )
+    return out
+
+
+def _left_out(work: Work) -> list[tuple[str, str]]:
+    out = []
+    if not work.bond_users:
+        out.append(("neighbour search, forces, bonds", "nothing asked needs the potential"))
+    else:
+        if not (work.bond or work.reference_bond):
+            out.append(("bond function", "no field asked is a sum over bonds at grid points"))
+        if not work.atom_virial:
+            out.append(("virial of each atom", "no per-atom or smoothed virial was asked for"))
+        if not work.energy_users:
+            out.append(("potential energies of the atoms", "no energy was asked for"))
+    if "velocities" not in work.attributes:
+        out.append(("velocities", "nothing asked depends on them"))
+    if not work.site and work.grid_users:
+        out.append(("sums over atoms", "nothing asked needs them"))
+    if not work.grid_users:
+        out.append(("kernel and grid", "no field was asked for"))
+    if not work.reference_users:
+        out.append(("reference frame", "no reference stress was asked for"))
+    return out
+
+
+def _duration(s: float) -> str:
+    return f"{1000 * s:.0f} ms" if s < 1 else f"{s:.2g} s" if s < 100 else f"{s / 60:.1f} min" if s < 6000 else f"{s / 3600:.1f} h"
+
+
+def _bytes(b: float) -> str:
+    return f"{b / 1e3:.0f} kB" if b < 1e6 else f"{b / 1e6:.0f} MB" if b < 1e9 else f"{b / 1e9:.1f} GB"

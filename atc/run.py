@@ -1,0 +1,492 @@
+"""From a trajectory to a dataset: frames one after another or over processes, resumable, averaged if asked."""
+
+from __future__ import annotations
+
+import time
+import warnings
+
+import numpy as np
+
+from .errors import AtcError, AtcWarning
+from .estimators.compute import FrameResult, frame_fields
+from .estimators.registry import QUANTITIES
+from .output import Layout, Store, Variable, dataset_in_memory, explained, open_dataset
+from .plan import Request, plan  # noqa: F401  (plan belongs to the same door)
+from .statistics import BlockAverage
+
+# Seconds between two saves of an unfinished time average.
+_SAVE_EVERY = 5.0
+
+
+def fields(
+    traj, pot=None, kern=None, grid=None, quantities=("stress",), tolerance=1e-5, *, method="auto", reference=None, average=False,
+    threads=None, workers=1, out=None, progress=None, resume=True, scene=None,
+):  # fmt: skip
+    """Continuum fields of a trajectory.
+
+    Parameters
+    ----------
+    traj : trajectory from `atc.read`, Frame, list of Frames, or anything `atc.read` takes
+    pot : potential from `atc.potential`; needed by quantities with a potential part
+    kern : kernel from `atc.kernel`, its radius in the trajectory's unit of length
+    grid : `atc.Grid`: where the fields are wanted
+    quantities : names; a whole gives its parts too
+        number_density, density, momentum, velocity, temperature, energy, stress (= stress_kinetic + stress_potential), virial_stress (of the box),
+        virial_stress_per_atom (stress times volume), smoothed_virial_stress, piola_stress. See `atc.estimators.registry`.
+    tolerance : float
+        Error allowed, relative to the largest value of a field.
+    method : "auto", or a method of `atc.deposit`
+    reference : Frame, or number of a frame of `traj`, or what `atc.read` takes
+        Reference configuration of piola_stress, whose grid is then that of the reference frame.
+    average : False, True or int
+        Time average over all frames, or over windows of so many: every X comes with X_stderr (standard error by block averaging) and
+        X_correlated (True where the blocks still correlate, so that X_stderr is a lower bound). velocity is <ρ v>/<ρ> and temperature
+        <n T>/<n>, T relative to the velocity field of each frame; everything else is the plain mean of the fields of the frames, in
+        which a frame without mass at a point counts as zero stress there.
+    threads : int
+        Threads within a frame (default: all processors, shared among the workers). Results are identical for equal `threads`.
+    workers : int
+        Processes over frames, when there are as many frames; otherwise threads.
+    out : path ending in .zarr or .nc
+        Written frame by frame to ``out.partial`` and renamed at the end. After a kill or Ctrl-C the same call goes on where it was,
+        with the same result as an uninterrupted run. `resume=False` begins again.
+    progress : callable(done, total, rate), frames and frames per second
+    scene : str
+        The scene as TOML, to be kept with the result.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dims: frame, then the grid's, then i, j labelled "x", "y", "z"; float64, in the trajectory's units. Stress is tension positive, i
+        the face normal (divergence direction) and j the force component. Attributes of each variable: units, long_name,
+        sign_convention, error_max (largest error found at random points by the exact method, relative to the largest value of the
+        field), error_l2 (rms, relative to the rms of the field), error_of_fluctuation (largest, relative to the largest deviation from the mean),
+        measured_error (the same as error_max). With `out` the data are read from the file when they are used.
+
+    Raises
+    ------
+    AtcError
+        when something needed is missing or the output cannot be written.
+
+    Notes
+    -----
+    Formulas: R 4.0.34-4.0.116 as corrected in the documentation: σ = σ_U + σ_K, σ_U = Σ_bonds G r⊗r β, σ_K = −Σ m (v_j − v)⊗(v_j − v) φ_j.
+    """
+    request = Request(traj, pot, kern, grid, quantities, tolerance, method, reference, average, threads, workers, scene)
+    _sanity(request)
+    store = Store(out, request.key(), resume) if out is not None else None
+    try:
+        return _run(request, store, out, progress)
+    finally:
+        if store is not None:
+            store.close()
+
+
+def _run(request, store, out, progress):
+    n, window = request.n_frames, request.window
+    sink = _Sink(request, store)
+    start = sink.next_frame
+    began, done = time.perf_counter(), start
+    if progress is not None:
+        progress(done, n, 0.0)
+    results = _results(request, start)
+    try:
+        for k, (frame, result) in zip(range(start, n), results):
+            sink.add(k, frame, result, last_of_window=(k + 1) % window == 0 or k + 1 == n)
+            done += 1
+            if progress is not None:
+                progress(done, n, (done - start) / max(time.perf_counter() - began, 1e-9))
+    finally:
+        results.close()
+    if done < n:
+        raise AtcError(f"the trajectory has only {done} frames that can be read, but {n} were expected")
+    if store is None:
+        return dataset_in_memory(sink.layout, sink.entries, sink.final_attributes())
+    if sink.layout is None:  # every frame was there already: the run was stopped just before its end
+        frame = request.first
+        sink.prepare(frame, frame_fields(frame, request.settings(), 0))
+    store.finish(sink.final_attributes())
+    with explained(out):
+        return open_dataset(out)
+
+
+# --- frames to results, here or in other processes
+
+
+def _frames_from(frames, start):
+    """Frames one by one from number `start`, reading nothing before it."""
+    return iter(frames if start == 0 else frames[start:])
+
+
+def _results(request: Request, start: int):
+    """(frame, FrameResult) in order."""
+    settings = request.settings()
+    if request.workers == 1:
+        for k, frame in enumerate(_frames_from(request.frames, start), start):
+            yield frame, frame_fields(frame, settings, k)
+        return
+    import multiprocessing
+    from collections import deque
+    from concurrent.futures import ProcessPoolExecutor
+    from concurrent.futures.process import BrokenProcessPool
+
+    pool = ProcessPoolExecutor(
+        request.workers, mp_context=multiprocessing.get_context("spawn"), initializer=_begin_worker, initargs=(settings,)
+    )
+    waiting: deque = deque()
+    try:
+        for k, frame in enumerate(_frames_from(request.frames, start), start):
+            waiting.append((frame, pool.submit(_work, frame, k)))
+            if len(waiting) > 2 * request.workers:
+                frame, job = waiting.popleft()
+                yield frame, job.result()
+        while waiting:
+            frame, job = waiting.popleft()
+            yield frame, job.result()
+    except BrokenProcessPool:
+        raise AtcError(
+            'a worker process died: out of memory, or the script that calls atc.fields with workers > 1 lacks `if __name__ == "__main__":` around the call'
+        ) from None
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+_worker_settings = None
+
+
+def _begin_worker(settings):
+    import signal
+
+    global _worker_settings
+    _worker_settings = settings
+    # Ctrl-C belongs to the parent: it lets the frames in work finish and stops.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _work(frame, k) -> FrameResult:
+    return frame_fields(frame, _worker_settings, k)
+
+
+# --- results to entries of the output
+
+
+class _Sink:
+    """Collects the results of frames into entries (a frame, or the average of a window) in memory or in a store."""
+
+    def __init__(self, request: Request, store: Store | None):
+        self.request, self.store = request, store
+        self.layout: Layout | None = None
+        self.entries: list[dict] = []
+        self.notes: list[dict] = list(store.journal) if store else []
+        self.averages: dict[str, BlockAverage] = {}
+        self.any_mass = None
+        self.note: dict = {}
+        self.next_frame = len(self.notes) * request.window
+        self._saved = time.monotonic()
+        if store is not None and request.window > 1:
+            self._restore(store.load_state())
+
+    @property
+    def averaging(self) -> bool:
+        return self.request.average is not False
+
+    def add(self, k: int, frame, result: FrameResult, last_of_window: bool) -> None:
+        if self.layout is None:
+            self.prepare(frame, result)
+        self._fits(frame, result)
+        self._merge_note(k, frame, result)
+        if not self.averaging:
+            self._emit({**self._masked(result.arrays, result.mask), **self._coordinates(frame)}, result.mask)
+            return
+        for name, x in result.arrays.items():
+            weight = QUANTITIES[name].weight
+            # The weight stays in internal units: only ratios of it matter.
+            self.averages.setdefault(name, BlockAverage()).add(x, None if weight is None else result.weights[name])
+        if result.mask is not None:
+            self.any_mass = result.mask.copy() if self.any_mass is None else self.any_mass | result.mask
+        if "frame" not in self.note:
+            self.note.update(frame=k, first=_plain_coordinates(self._coordinates(frame)))
+        if last_of_window:
+            self._emit_average()
+        elif self.store is not None and time.monotonic() - self._saved > _SAVE_EVERY:
+            self._save(k)
+
+    def _emit_average(self):
+        means, extra = {}, {}
+        for name, average in self.averages.items():
+            mean, stderr, correlated = average.result()
+            means[name], extra[f"{name}_stderr"], extra[f"{name}_correlated"] = mean, stderr, correlated
+        values = self._masked(means, self.any_mass)
+        for name in means:
+            if QUANTITIES[name].masked:
+                values[f"{name}_stderr"] = self._masked({name: extra.pop(f"{name}_stderr")}, self.any_mass)[name]
+        values.update(extra)
+        values["frames_averaged"] = np.array(self.note["frames"])
+        values.update({name: np.array(v) for name, v in self.note.pop("first").items()})
+        mask = self.any_mass
+        self.averages, self.any_mass = {}, None
+        self._emit(values, mask)
+
+    def _emit(self, values, mask):
+        if mask is not None:
+            values["mask"] = mask
+        note, self.note = self.note, {}
+        if self.store is None:
+            self.entries.append(values)
+        else:
+            self.store.write(values, note)
+        self.notes.append(note)
+
+    @staticmethod
+    def _masked(arrays, mask):
+        """Quotients are NaN where there is no mass."""
+        out = {}
+        for name, x in arrays.items():
+            if mask is not None and QUANTITIES[name].masked and not mask.all():
+                x = x.copy()
+                x[~mask] = np.nan
+            out[name] = x
+        return out
+
+    # --- what goes along
+    def _merge_note(self, k, frame, result):
+        """Errors are the largest of the frames; the rest is counted."""
+        errors = self.note.setdefault("errors", {})
+        for name, measured in result.errors.items():
+            known = errors.setdefault(name, dict.fromkeys(measured, 0.0))
+            for kind, value in measured.items():
+                known[kind] = max(known[kind], value)
+        self.note["frames"] = self.note.get("frames", 0) + 1
+        self.note["sources"] = [*self.note.get("sources", []), _source_name(frame.source)][:1]
+
+    def _coordinates(self, frame):
+        u = frame.units
+        out = {"cell": u.to_user("length", frame.cell.vectors), "cell_origin": u.to_user("length", frame.cell.origin)}
+        out["step"] = np.array(-1 if frame.step is None else frame.step, dtype=np.int64)
+        out["time"] = np.array(np.nan if frame.time is None else u.to_user("time", frame.time), dtype=np.float64)
+        return out
+
+    def prepare(self, frame, result: FrameResult) -> None:
+        """Lay the output out, from the first frame."""
+        self.layout = _layout(self.request, frame, result)
+        self._atoms = frame.ids
+        if self.store is not None:
+            self.store.begin(self.layout)
+
+    def _fits(self, frame, result):
+        for v in self.layout.variables:
+            x = result.arrays.get(v.name)
+            if x is not None and x.shape != v.shape:
+                raise AtcError(
+                    f"{frame.source}: {v.name} has shape {x.shape} here but {v.shape} in the first frame: give the grid a fixed shape (shape= instead of "
+                    "spacing=), or compute frames with different numbers of atoms one by one"
+                )
+        if any(q.kind == "atom" for q in self.request.work.quantities) and not np.array_equal(self._atoms, frame.ids):
+            raise AtcError(
+                f"{frame.source}: its atom ids are not those of the first frame: compute per-atom quantities of such frames one by one"
+            )
+
+    def final_attributes(self) -> dict:
+        """Attributes only known at the end, by variable; "" for the dataset."""
+        out: dict = {}
+        worst = 0.0
+        for note in self.notes:
+            for name, measured in note["errors"].items():
+                at = out.setdefault(name, {})
+                for kind, value in measured.items():
+                    at[kind] = max(at.get(kind, 0.0), value)
+                at["measured_error"] = at.get("error_max", 0.0)
+                worst = max(worst, at["measured_error"])
+        out[""] = {"sources": ", ".join(dict.fromkeys(s for note in self.notes for s in note["sources"]))}
+        if self.request.work.grid_users:
+            out[""]["measured_error"] = worst
+            if worst > self.request.tolerance:
+                warnings.warn(
+                    f"the measured error {worst:.1e} exceeds the tolerance {self.request.tolerance:.1e}: use method='direct'",
+                    AtcWarning,
+                    stacklevel=2,
+                )
+        return out
+
+    # --- an average that was interrupted
+    def _save(self, k):
+        import json
+
+        arrays = {f"{name}/{key}": a for name, average in self.averages.items() for key, a in average.state().items()}
+        if self.any_mass is not None:
+            arrays["any_mass"] = self.any_mass
+        arrays["about"] = np.array(json.dumps({"entry": len(self.notes), "next": k + 1, "note": self.note}))
+        self.store.save_state(arrays)
+        self._saved = time.monotonic()
+
+    def _restore(self, state):
+        import json
+
+        if state is None:
+            return
+        about = json.loads(str(state.pop("about")))
+        if about["entry"] != len(self.notes):
+            return
+        self.next_frame, self.note = about["next"], about["note"]
+        self.any_mass = state.pop("any_mass", None)
+        by_name: dict[str, dict] = {}
+        for key, a in state.items():
+            name, _, rest = key.partition("/")
+            by_name.setdefault(name, {})[rest] = a
+        self.averages = {name: BlockAverage.from_state(s) for name, s in by_name.items()}
+
+
+def _plain_coordinates(coordinates):
+    """As JSON can hold them; floats survive JSON exactly."""
+    return {name: np.asarray(v).tolist() for name, v in coordinates.items()}
+
+
+def _source_name(source: str) -> str:
+    """The name of a source without directories: they hold user and host names; and without the frame's number."""
+    import re
+
+    head = re.sub(r",?\s+frame \d+$", "", str(source))
+    return head.replace("\\", "/").rsplit("/", 1)[-1]
+
+
+def _layout(request: Request, frame, result: FrameResult) -> Layout:
+    """All variables and attributes of the output."""
+    from . import __version__
+
+    work, u = request.work, frame.units
+    bound = result.bound
+    letters = np.array(["x", "y", "z"])
+    grid_dims = tuple(bound.dims) if bound is not None else ()
+    f8, i8 = np.dtype(np.float64), np.dtype(np.int64)
+    variables: list[Variable] = []
+
+    def static(name, dims, values, **attrs):
+        values = np.asarray(values)
+        variables.append(Variable(name, tuple(dims), values.shape, values.dtype, attrs, static=values, coordinate=True))
+
+    def moving(name, dims, shape, dtype, coordinate=False, **attrs):
+        variables.append(Variable(name, tuple(dims), tuple(shape), dtype, attrs, coordinate=coordinate))
+
+    first_of = "first frame of the window" if request.average is not False else "frame"
+    static(
+        "frame", ("frame",), np.arange(request.entries, dtype=i8) * request.window, long_name=f"number of the {first_of} in the trajectory"
+    )
+    moving("step", (), (), i8, True, long_name=f"time step of the {first_of} (-1: unknown)")
+    moving("time", (), (), f8, True, units=u.label("time"), long_name=f"time of the {first_of}")
+    moving("cell", ("edge", "i"), (3, 3), f8, True, units=u.label("length"), long_name="edge vectors of the cell")
+    moving("cell_origin", ("i",), (3,), f8, True, units=u.label("length"), long_name="origin of the cell")
+    static("i", ("i",), letters, long_name="direction of a vector; first index of a tensor")
+    if any(q.rank == 2 for q in work.quantities):
+        static("j", ("j",), letters, long_name="second index of a tensor")
+    if any(q.kind == "atom" for q in work.quantities):
+        static("atom", ("atom",), frame.ids.astype(i8), long_name="atom id")
+    if bound is not None:
+        for name, (dims, values, attrs) in _grid_coordinates(bound, u).items():
+            static(name, dims, values, **attrs)
+    tail = {0: (), 1: ("i",), 2: ("i", "j")}
+    for q in work.quantities:
+        head = {"grid": grid_dims, "box": (), "atom": ("atom",)}[q.kind]
+        shape = result.arrays[q.name].shape
+        attrs = {"units": u.label(q.dimension), "long_name": q.long_name, "sign_convention": q.sign}
+        comment = [q.comment] if q.comment else []
+        if request.average is not False:
+            comment.append(f"time average {'<w X>/<w>, w the ' + _WEIGHTS[q.weight] if q.weight else 'of the fields of the frames'}")
+        moving(q.name, head + tail[q.rank], shape, f8, **attrs, **({"comment": "; ".join(comment)} if comment else {}))
+        if request.average is not False:
+            moving(f"{q.name}_stderr", head + tail[q.rank], shape, f8, units=attrs["units"], long_name=f"standard error of {q.long_name}",
+                   sign_convention="positive", comment="by block averaging; a lower bound where the blocks still correlate")  # fmt: skip
+            moving(f"{q.name}_correlated", head + tail[q.rank], shape, np.dtype(bool), units="1", sign_convention="none",
+                   long_name=f"whether the blocks still correlate (or are too few to tell), so that {q.name}_stderr is a lower bound")  # fmt: skip
+    if work.masked:
+        moving("mask", grid_dims, result.mask.shape, np.dtype(bool), units="1", sign_convention="none",
+               long_name="whether there is mass within the kernel: velocity, temperature and kinetic stress are NaN where not")  # fmt: skip
+    if request.average is not False:
+        moving("frames_averaged", (), (), i8, units="1", sign_convention="none", long_name="number of frames in the average")
+    attrs = {
+        "atc_version": __version__,
+        "version": __version__,
+        "units": u.name,
+        "tolerance": float(request.tolerance),
+        "quantities": ", ".join(q.name for q in work.quantities),
+    }
+    if bound is not None:
+        attrs.update(kernel=request.kern.describe(), radius=_radius(request.kern), radius_units=u.label("length"), method=request.method_used,
+                     grid=_grid_name(request.grid))  # fmt: skip
+    if work.bond_users:
+        attrs["decomposition"] = request.pot.describe()
+    attrs["periodic"] = "".join("p" if p else "f" for p in frame.cell.periodic)
+    if request.scene:
+        attrs["scene"] = str(request.scene)
+    return Layout(variables, request.entries, attrs)
+
+
+_WEIGHTS = {"mass": "mass density", "one": "number density"}
+
+
+def _grid_coordinates(bound, u) -> dict:
+    """The grid's coordinates as {name: (dims, values, attrs)}."""
+    out = {}
+    for name, entry in bound.coords(u).items():
+        dims, values, *attrs = entry
+        out[name] = ((dims,) if isinstance(dims, str) else tuple(dims), np.asarray(values), dict(attrs[0]) if attrs else {})
+    return out
+
+
+def _radius(kern) -> float:
+    return float(getattr(kern, "radius", kern.support))
+
+
+def _grid_name(grid) -> str:
+    return grid.describe() if hasattr(grid, "describe") else repr(grid)
+
+
+# --- does it look right?
+
+
+def _sanity(request: Request) -> None:
+    """Warn of what can be computed but is probably not what was meant."""
+    from .estimators.sources import drift_velocity
+
+    frame, work, u = request.first, request.work, request.first.units
+    if not u.reduced and len(frame) > 1:
+        if frame.masses is not None and frame.velocities is not None and "velocities" in work.attributes:
+            w = frame.velocities - drift_velocity(frame)
+            kT = float(frame.masses @ np.einsum("nc,nc->n", w, w)) / (3.0 * len(frame))
+            T = kT / u.boltzmann
+            if T > 1e5 or 0 < T < 1e-3:
+                warnings.warn(
+                    f"{frame.source}: the atoms have a temperature of {T:.3g} K: velocities or masses are probably not in {u.name!r} units",
+                    AtcWarning,
+                    stacklevel=3,
+                )
+        if frame.masses is not None and frame.cell.volume > 0:
+            gcc = frame.masses.sum() / frame.cell.volume * 1.66053906660  # amu/Å³ in g/cm³
+            if gcc > 30:
+                warnings.warn(
+                    f"{frame.source}: the box has a mean density of {gcc:.3g} g/cm^3: lengths or masses are probably not in {u.name!r} units",
+                    AtcWarning,
+                    stacklevel=3,
+                )
+    if work.grid_users and request.kern is not None and request.grid is not None:
+        spacing = grid_spacing(request.grid.bind(u, frame.cell, frame.positions))
+        support = u.to_internal("length", request.kern.support)
+        if spacing > support:
+            warnings.warn(
+                f"the kernel's radius ({_radius(request.kern):g} {u.label('length')}) is smaller than the distance between grid points "
+                f"({u.to_user('length', spacing):.3g}): much of the material is seen by no point; use a finer grid or a wider kernel",
+                AtcWarning, stacklevel=3,
+            )  # fmt: skip
+
+
+def grid_spacing(bound) -> float:
+    """Largest distance between neighbouring points along a grid axis (internal units); 0 where points have no neighbours."""
+    if len(bound.shape) < 1 or bound.dims[0] in ("point", "atom"):
+        return 0.0
+    x = getattr(bound, "points_gc", None)
+    if x is None or len(x) != int(np.prod(bound.shape)):
+        return 0.0
+    x = np.asarray(x).reshape(*bound.shape, 3)
+    gaps = [
+        np.linalg.norm(np.take(x, 1, axis=a) - np.take(x, 0, axis=a), axis=-1).max() for a in range(len(bound.shape)) if bound.shape[a] > 1
+    ]
+    return float(max(gaps, default=0.0))
