@@ -9,8 +9,9 @@ from ..errors import AtcError
 
 # Suffixes of formats that MDAnalysis reads with its units; everything else that is not LAMMPS's goes to ASE.
 _MDANALYSIS = frozenset(
-    ".trr .xtc .dcd .nc .ncdf .netcdf .h5md .tng .gro .pdb .pdbqt .pqr .psf .tpr .crd .inpcrd .rst7 .restrt .mdcrd .trj .trz .prmtop .parm7 .top .itp .gsd .dms .fhiaims .txyz .arc .mol2 .coor .namdbin .xyz.".split()
-) - {".xyz."}
+    ".trr .xtc .dcd .nc .ncdf .netcdf .h5md .tng .gro .pdb .pdbqt .pqr .crd .inpcrd .rst7 .restrt .mdcrd .trj .trz .gsd .dms .txyz .arc .mol2 .coor .namdbin".split()
+)
+_TOPOLOGIES = (".psf", ".top", ".itp", ".prmtop", ".parm7", ".tpr")
 _LAMMPS_NAMES = (".lammpstrj", ".dump", ".lammpsdump")
 
 
@@ -107,12 +108,14 @@ def _path(path: Path, topology, units, masses):
 
     if looks_like_data(head):
         return LammpsDataTrajectory(path, topology, units, masses)
-    last = suffixes[-1] if suffixes else ""
+    last = next((s for s in reversed(suffixes) if s not in (".gz", ".bz2", ".xz")), "")
     if any(s in _LAMMPS_NAMES for s in suffixes) or ".bin" in suffixes[-2:]:
         start = head[:40].split(b"\n")[0].decode("utf-8", "replace")
         raise AtcError(
             f"{path}: not a LAMMPS dump: a text dump starts with 'ITEM:', a binary one with its magic string, this with {start!r}"
         )
+    if last in _TOPOLOGIES:
+        raise AtcError(f"{path} holds a topology but no positions: give the trajectory's path, and this as topology=")
     if last in _MDANALYSIS:
         from .mdanalysis import MDAnalysisTrajectory
 

@@ -46,26 +46,19 @@ class _AseTrajectory(Trajectory):
         masses = self._masses(types, names, where) if self._masses is not None else atoms.get_masses()
         velocities = forces = None
         if atoms.has("momenta"):
-            # With the Atoms' own masses: momenta are p = m v of the run that wrote them.
+            # With the Atoms' own masses: momenta are p = m v of the run that wrote them. ("velocities" in atoms.arrays is not ASE's
+            # own name and its units are unknown: it stays in extra.)
             velocities = atoms.get_momenta() / atoms.get_masses()[:, None]
-        elif "velocities" in atoms.arrays:
-            velocities = None  # not ASE's own name; its units are unknown, so it stays in extra
         if atoms.calc is not None and "forces" in getattr(atoms.calc, "results", {}):
-            forces = np.asarray(atoms.calc.results["forces"], float)
+            # Only what is stored and belongs to these positions: nothing is calculated.
+            forces = atoms.calc.get_property("forces", atoms, allow_calculation=False)
         charges = atoms.get_initial_charges() if atoms.has("initial_charges") else None
         own = {"numbers", "positions", "momenta", "masses", "initial_charges"}
         extra = {name: np.asarray(a) for name, a in atoms.arrays.items() if name not in own}
-        time = atoms.info.get("time")
         return Frame(
             positions=atoms.get_positions(), cell=cell, units=self.units, types=types, masses=masses, velocities=velocities, forces=forces,
-            charges=charges, step=None, time=float(time) if isinstance(time, (int, float)) and _internal_time(atoms) else None, source=where,
-            type_names=names, extra=extra,
+            charges=charges, source=where, type_names=names, extra=extra,
         )  # fmt: skip
-
-
-def _internal_time(atoms) -> bool:
-    """Atoms.info has no convention for the unit of "time": it is not used."""
-    return False
 
 
 class AtomsList(_AseTrajectory):

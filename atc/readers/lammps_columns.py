@@ -186,6 +186,8 @@ class LammpsTrajectory(Trajectory):
         label = next((name for name in ("typelabel", "element") if name in c), None)
         if "type" in c:
             types = np.asarray(c["type"]).astype(np.int64)
+            if n and types.min() < 1:
+                raise AtcError(f"{where}: type {types.min()} among the atoms; LAMMPS types count from 1")
             names = dict(self.type_names)
             if label:
                 unique, first = np.unique(types, return_index=True)
@@ -194,8 +196,7 @@ class LammpsTrajectory(Trajectory):
         if rows is not None:
             return self._data.types[self._data.all_rows(rows, ids, where, "types")], self.type_names
         if label:
-            types = self._types_from_names(np.asarray(c.columns[label]), k)
-            return (types if c.order is None else types[c.order]), self.type_names
+            return self._types_from_names(c[label], k), self.type_names
         if self._masses is not None and len(self._masses) > 1:
             raise AtcError(
                 f"{where}: {len(self._masses)} masses are given but there is no 'type' or 'element' column to tell the atoms apart; dump type too"
@@ -206,6 +207,19 @@ class LammpsTrajectory(Trajectory):
                 f"{self.source} has no 'type' or 'element' column: all atoms are taken to be of type 1; dump type too if there are more",
             )
         return np.ones(n, np.int64), {}
+
+    def _species(self, k):
+        """Names in the order of ids."""
+        columns, where, line_of = self._columns_of(k)
+        label = next((name for name in ("typelabel", "element") if name in columns), None)
+        if label is None:
+            return []
+        order = sort_order(columns["id"], where, line_of) if "id" in columns else None
+        return columns[label] if order is None else columns[label][order]
+
+    def _columns_of(self, k):
+        """Columns of frame k in file order, and what `_build` needs for messages."""
+        raise NotImplementedError
 
     def _topology_of(self, ids, where) -> Topology | None:
         known, topology = self._topology

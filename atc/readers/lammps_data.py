@@ -45,7 +45,7 @@ _SECTIONS = (
 )
 _SECTION = re.compile(rf"^[ \t]*({_SECTIONS})[ \t]*(?:#[ \t]*([^\r\n]*))?\r?$".encode(), re.M)
 # Sections of other packages (fix property/atom, CMAP ...): a line of words alone between blank lines.
-_OTHER = re.compile(rb"\n[ \t]*\r?\n[ \t]*([A-Za-z][A-Za-z0-9_/ -]*?)[ \t]*(?:#[^\n]*)?\r?\n[ \t]*\r?\n")
+_OTHER = re.compile(rb"\n[ \t]*\r?\n[ \t]*([A-Za-z][A-Za-z_/-]*(?:[ \t]+[A-Za-z_/-]+)*|[A-Za-z]\S*)[ \t]*(?:#[^\n]*)?\r?\n[ \t]*\r?\n")
 _HEADER = re.compile(
     r"^\s*(\d+)\s+(atoms|bonds|angles|dihedrals|impropers|atom types|bond types|angle types|dihedral types|improper types)\s*$"
 )
@@ -91,7 +91,7 @@ class LammpsData:
         return self._text.count(b"\n", 0, position) + 1
 
     def _read_header(self):
-        self._marks = list(_SECTION.finditer(self._text))
+        self._marks = list(_SECTION.finditer(self._text, self._text.find(b"\n")))  # the first line is a title, whatever it says
         if not self._marks:
             raise AtcError(f"{self.source}: no 'Atoms' section; is it a LAMMPS data file?")
         head = self._text[: self._marks[0].start()].decode("utf-8", "replace").split("\n")
@@ -307,12 +307,8 @@ class LammpsData:
             # The sub-styles of a hybrid are not named: what follows x y z cannot be told from image flags, and is left alone.
             return ["id", "type", "x", "y", "z", *(f"{style}_{k}" for k in range(n - 5))]
         ask = "write the style behind the name of the section, e.g. 'Atoms # full'"
-        if style is not None:
-            base = re.sub(r"/(kk|omp|gpu|device|host)$", "", style)
-            if base not in ATOM_STYLES:
-                raise AtcError(
-                    f"{self.source}: atom style {style!r} behind 'Atoms #' is not known; expected one of {', '.join(ATOM_STYLES)}, hybrid"
-                )
+        base = re.sub(r"/(kk|omp|gpu|device|host)$", "", style or "")
+        if base in ATOM_STYLES:  # otherwise the comment says something else
             self.atom_style = base
             return ATOM_STYLES[base].split()
         if row is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -163,7 +164,7 @@ class LammpsDump(LammpsTrajectory):
                 return False
             h = self._header(start, line, k)
             body = start + h.size
-            end = self._skip(body, h.n, k)
+            end = self._skip(body, h)
         except Truncated:
             self._complete = True
             warn(
@@ -185,7 +186,9 @@ class LammpsDump(LammpsTrajectory):
         self._next, self._next_line = end, line + h.lines + h.n
         return True
 
-    def _skip(self, pos: int, n: int, k: int) -> int:
+    def _skip(self, pos: int, h: Header) -> int:
+        """Position behind the atoms of a frame that begin at `pos`."""
+        n, first = h.n, pos
         while n:
             size = int(min(max(n * self._per_line * 1.05 + 1024, 4096), 1 << 22))
             buf = self._bytes.read(pos, pos + size)
@@ -193,6 +196,15 @@ class LammpsDump(LammpsTrajectory):
             n -= seen
             pos += used
             if n and len(buf) < size:
+                if n == 1:
+                    text = self._bytes.read(first, pos).tobytes()
+                    if _ends_whole(text, len(h.columns)):
+                        return pos
+                    if not self._start and len(text[text.rfind(b"\n") + 1 :].split()) == len(h.columns):
+                        warn(
+                            f"{self.source}: its only frame has no line end behind the last atom; it is read, but its last number may have been cut off"
+                        )
+                        return pos
                 raise Truncated
         return pos
 
@@ -267,6 +279,8 @@ class LammpsDump(LammpsTrajectory):
         self.frames_parsed += 1
         body, end, n = self._body[k], self._end[k], self._n[k]
         buf = self._bytes.read(body, end)
+        if n and buf[-1] != 10:
+            buf = np.append(buf, np.uint8(10))
         if len(buf) < end - body:
             raise AtcError(f"{self.source}, frame {k}: the file has become shorter since it was opened")
         kinds, slots, count = [], [], [0, 0, 0]
@@ -324,11 +338,10 @@ class LammpsDump(LammpsTrajectory):
             raise AtcError(f"{where}: column {name!r} holds {text!r}; the run that wrote it has probably blown up")
         floats[r, slots[c]] = value
 
-    def _species(self, k):
+    def _columns_of(self, k):
         h = self._header(self._start[k], self._line[k], k)
-        columns = self._table(k, h, self._line[k] + h.lines)
-        label = next((name for name in ("typelabel", "element") if name in columns), None)
-        return columns[label] if label else np.array([], str)
+        first = self._line[k] + h.lines
+        return self._table(k, h, first), f"{self.source} frame {k}", lambda row: f"line {first + row}"
 
     def _numbered(self):
         return "id" in self._header(self._start[0], self._line[0], 0).columns
@@ -355,6 +368,36 @@ class LammpsDump(LammpsTrajectory):
 
 
 _KNOWN_FLOATS = frozenset("x y z xu yu zu xs ys zs xsu ysu zsu vx vy vz fx fy fz q mass".split())
+
+
+def _ends_whole(body: bytes, n_columns: int) -> bool:
+    """Whether the last line of a table, which has no line end, is nevertheless complete: its last word would otherwise be unlike all others.
+
+    A word that was cut off has fewer digits than it had. So it is whole if it has as many (significant digits, or decimals where all words
+    have the same number) as the longest word of its column; where the column has exponents, it must have one, of two digits.
+    """
+    lines = body.split(b"\n")
+    last = lines[-1].split()
+    if len(last) != n_columns:
+        return False
+    column = [words[-1] for line in lines[:-1] if (words := line.split())]
+    word = last[-1]
+    if not column or not _is_number(word):
+        return False
+    parts = [_digits(w) for w in column]
+    digits, decimals, exponent = _digits(word)
+    if any(p[2] for p in parts) and not re.search(rb"e[-+]\d\d", word.lower()):
+        return False
+    if decimals > 0 and all(p[1] == decimals for p in parts):
+        return True
+    return digits >= max(p[0] for p in parts)
+
+
+def _digits(word: bytes):
+    """Significant digits, decimals, and whether there is an exponent."""
+    mantissa, _, exponent = word.lower().lstrip(b"+-").partition(b"e")
+    whole, _, fraction = mantissa.partition(b".")
+    return len((whole + fraction).lstrip(b"0")), len(fraction), bool(exponent)
 
 
 def _is_number(token: bytes) -> bool:

@@ -76,7 +76,8 @@ class MDAnalysisTrajectory(Trajectory):
         if self._masses is not None or not hasattr(self._atoms, "masses"):
             return None
         m = np.asarray(self._atoms.masses, float)
-        if (m > 0).all():
+        declared = any(a.attrname == "masses" and not getattr(a, "is_guessed", False) for a in self._atoms.universe._topology.attrs)
+        if (m > 0).all() or (declared and (m >= 0).all() and (m > 0).any()):  # virtual sites have no mass, and their file says so
             return m * self.units.mass
         if (m > 0).any():
             bad = int(np.flatnonzero(~(m > 0))[0])

@@ -220,12 +220,12 @@ class _View(Trajectory):
 
     def __iter__(self):
         w = self._which
-        if isinstance(w, slice) and (w.start or 0) >= 0 and (w.step or 1) > 0:
+        if isinstance(w, slice) and (w.start or 0) >= 0 and (w.step or 1) > 0 and (w.stop is None or w.stop >= 0):
             # Without asking for the length: a compressed file need not be decompressed twice.
-            k = 0
-            while self._has(k):
-                yield self.base._frame((w.start or 0) + k * (w.step or 1)) if isinstance(self._which, slice) else self._frame(k)
-                k += 1
+            k = w.start or 0
+            while (w.stop is None or k < w.stop) and self.base._has(k):
+                yield self.base._frame(k)
+                k += w.step or 1
         else:
             for k in self._range():
                 yield self.base._frame(k)
@@ -238,11 +238,6 @@ class _View(Trajectory):
 
     def close(self):
         self.base.close()
-
-
-def in_view(trajectory: Trajectory, k: int):
-    """(underlying trajectory, its frame number) of frame `k` of `trajectory`."""
-    return (trajectory.base, trajectory._range()[k]) if isinstance(trajectory, _View) else (trajectory, k)
 
 
 # Masses ---------------------------------------------------------------------------------------------------------------------------
@@ -360,4 +355,4 @@ def warn(message: str) -> None:
     warnings.warn(message, AtcWarning, stacklevel=3)
 
 
-__all__ = ["Masses", "Trajectory", "decimal_resolution", "in_view", "text_resolution", "warn"]
+__all__ = ["Masses", "Trajectory", "decimal_resolution", "text_resolution", "warn"]
