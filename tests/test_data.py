@@ -1,0 +1,108 @@
+"""The shipped trajectories against LAMMPS's own numbers for the very same frames (thermo.csv, written by the run that made them).
+
+The only difference between the two is rounding in the dump: positions are printed with 10 significant digits and velocities with 8. So
+each tolerance is computed from that: for the energy the worst case Σ|F|·δ, for the virial what random changes of that size do to it.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import atc
+
+DATA = Path(__file__).resolve().parent.parent / "data"
+SIX = ("xx", "yy", "zz", "xy", "xz", "yz")
+ROWS, COLUMNS = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
+
+CASES = {
+    "silicon_plate": dict(frames=20, atoms=8064, units="metal", masses={1: 28.0855}),
+    "argon_slab": dict(frames=30, atoms=2432, units="real", topology="argon_slab.data"),
+    "melt": dict(frames=30, atoms=1500, units="lj", topology="melt.data"),
+}
+
+
+@pytest.fixture(scope="module", params=list(CASES))
+def case(request):
+    name, what = request.param, CASES[request.param]
+    folder = DATA / name
+    topology = what.get("topology")
+    traj = atc.read(folder / f"{name}.dump.gz", topology=folder / topology if topology else None, masses=what.get("masses"))
+    # The input script that made the run says what the potential is; its lines are read as they stand.
+    pot = atc.potential(folder / f"in.{name}", units=what["units"])
+    return name, what, traj, pot, pd.read_csv(folder / "thermo.csv")
+
+
+def full(row, prefix):
+    p = np.zeros((3, 3))
+    for c, i, j in zip(SIX, ROWS, COLUMNS):
+        p[i, j] = p[j, i] = row[prefix + c]
+    return p
+
+
+def printed(x, digits):
+    """Half a unit in the last of `digits` significant digits, for each number."""
+    x = np.abs(x)
+    return 0.5 * 10.0 ** (np.floor(np.log10(np.where(x > 0, x, 1.0))) + 1 - digits)
+
+
+def test_what_is_shipped(case):
+    name, what, traj, _, thermo = case
+    assert len(traj) == what["frames"] == len(thermo)
+    for frame, (_, row) in zip(traj, thermo.iterrows()):
+        u = frame.units
+        assert u.name == what["units"]
+        assert len(frame) == what["atoms"]
+        assert frame.step == row["step"]
+        # The dump's time is printed with %.16g, the table's with %.15g.
+        assert u.to_user("time", frame.time) == pytest.approx(row["time"], rel=1e-14)
+        assert u.to_user("volume", frame.cell.volume) == pytest.approx(row["vol"], rel=1e-14)
+
+
+def test_size():
+    """Everything in data/ together stays below 15 MB: it is cloned by everyone."""
+    assert sum(f.stat().st_size for f in DATA.rglob("*") if f.is_file()) < 15e6
+
+
+def test_kinetic(case):
+    """Kinetic energy, temperature and kinetic pressure of every frame."""
+    _, _, traj, _, thermo = case
+    for frame, (_, row) in zip(traj, thermo.iterrows()):
+        u = frame.units
+        v, m = frame.velocities, frame.masses
+        dv = u.to_internal("velocity", printed(u.to_user("velocity", v), 8))
+        kinetic = np.einsum("n,ni,nj->ij", m, v, v)
+        # First order in the rounding, worst case; 1e-13 is for the sums themselves and the table's 15 digits.
+        bound = np.einsum("n,ni,nj->ij", m, np.abs(v), dv)
+        bound = bound + bound.T + 1e-13 * np.trace(kinetic)
+        theirs = u.to_internal("pressure", full(row, "p") - full(row, "v")) * frame.cell.volume
+        # The table gives the sum: its last digit is of the size of the potential part's.
+        bound += u.to_internal("pressure", 1e-14 * np.abs(full(row, "v")).max()) * frame.cell.volume
+        assert (np.abs(kinetic - theirs) <= bound).all()
+        ke = np.trace(kinetic) / 2
+        assert abs(ke - u.to_internal("energy", row["ke"])) <= np.trace(bound)
+        # LAMMPS: 3N - 3 degrees of freedom.
+        temperature = 2 * ke / ((3 * len(frame) - 3) * u.boltzmann)
+        assert temperature == pytest.approx(row["temp"], rel=2 * np.trace(bound) / ke)
+
+
+def test_potential(case):
+    """Potential energy and virial pressure of every frame, six components."""
+    _, _, traj, pot, thermo = case
+    rng = np.random.default_rng(7)
+    bound = None
+    for frame, (_, row) in zip(traj, thermo.iterrows()):
+        u = frame.units
+        mine = pot.stream(frame, forces=True)
+        virial = mine.virial_cc
+        dx = u.to_internal("length", printed(u.to_user("length", frame.positions), 10))
+        # 1e-13: sums over 1e5 terms that partly cancel, and the table's 15 digits.
+        assert abs(mine.energy - u.to_internal("energy", row["pe"])) <= (np.abs(mine.forces_nc) * dx).sum() + 1e-13 * abs(mine.energy)
+        if bound is None:
+            # What rounding of this size does to the virial: the spread over three random ones, times ten to be safe for every frame.
+            moved = [pot.stream(frame.replace(positions=frame.positions + rng.uniform(-1, 1, dx.shape) * dx)).virial_cc for _ in range(3)]
+            bound = 10 * np.max(np.abs(np.array(moved) - virial))
+            assert bound < 1e-7 * np.abs(virial).max()
+        theirs = -u.to_internal("pressure", full(row, "v")) * frame.cell.volume
+        np.testing.assert_allclose(virial, theirs, rtol=0, atol=bound)
