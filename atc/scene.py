@@ -217,7 +217,9 @@ SCHEMA: dict[str, dict[str, _Key]] = {
         "quantities": _Key(_either(_list_of(_string), lambda v: [_string(v)]), 'a list of quantities, e.g. ["stress", "density"]'),
         "tolerance": _Key(_tolerance, "the error allowed relative to the field's maximum, e.g. 1e-5"),
         "method": _Key(_string, 'how to sum, e.g. "auto"'),
-        "average": _Key(_either(_boolean, _count), "true (one time average with standard error), false, or the number of frames in a window"),
+        "average": _Key(
+            _either(_boolean, _count), "true (one time average with standard error), false, or the number of frames in a window"
+        ),
     },
     "output": {"file": _Key(_string, 'the file to write, e.g. "out.zarr" or "out.nc"', path=True)},
 }
@@ -613,6 +615,61 @@ class Scene:
             return kernel(name, table.pop("radius", None), **table)
         except AtcError as e:
             raise self._placed_error("kernel", list(self.data["kernel"]), e) from None
+
+    def output(self, given=None, overwrite: bool = False) -> Path:
+        """The file to write: `given`, else the scene's ``[output] file``. Whether it can be written is found out here, before anything is computed."""
+        if given is not None:
+            path, where = Path(given), f"-o {given}"
+        elif self.get("output", "file") is not None:
+            path, where = self.path("output", "file"), self.where("output", "file") + ": [output] file"
+        else:
+            raise self._need("output", 'say where the result goes: -o OUT, or file = "out.zarr" in [output]')
+        if path.suffix not in (".zarr", ".nc"):
+            raise AtcError(f"{where}: expected a name that ends in .zarr or .nc, got {path.name}")
+        folder = path.parent
+        if not folder.is_dir():
+            raise AtcError(f"{where}: there is no directory {folder}: make it, or choose another place")
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise AtcError(f"{where}: no permission to write in {folder}: choose another place")
+        if path.exists() and not overwrite:
+            raise AtcError(f"{where}: {path} exists: give --overwrite to replace it, or another name")
+        return path
+
+    def arguments(self, jobs: int = 1) -> dict:
+        """The arguments of `atc.fields` (and `atc.plan`) this scene stands for.
+
+        `jobs` processors: whole frames to processes where there are as many frames, else threads within a frame; 0 means all processors.
+        """
+        self.require_complete()
+        if jobs < 0:
+            raise AtcError(f"-j {jobs}: expected a number of processor cores, or 0 for all of them")
+        from .plan import choose_method, cpus
+
+        jobs = jobs or cpus()
+        method = self.get("fields", "method", "auto")
+        try:
+            choose_method(method)
+        except AtcError as e:
+            raise self._placed_error("fields", ["method"], e) from None
+        traj = self.trajectory()
+        parallel = jobs > 1 and len(traj) >= jobs
+        given = {k: self.get("fields", k) for k in ("quantities", "tolerance", "average") if self.get("fields", k) is not None}
+        return {
+            "traj": traj, "pot": self.potential(), "kern": self.kernel(), "grid": self.grid(), "reference": self.reference(), "method": method,
+            "threads": 1 if parallel else jobs, "workers": jobs if parallel else 1, **given,
+        }  # fmt: skip
+
+    def plan(self, jobs: int = 1):
+        """What `run` would do; nothing is computed."""
+        from .plan import plan
+
+        return plan(**self.arguments(jobs))
+
+    def run(self, out=None, *, jobs: int = 1, progress=None, resume: bool = True):
+        """Compute the fields: `atc.fields` with this scene's arguments, into `out` (or in memory). Returns the xarray.Dataset."""
+        from . import fields
+
+        return fields(**self.arguments(jobs), out=out, progress=progress, resume=resume, scene=self.to_toml())
 
     def _columns(self, section, key, count):
         """A text file of numbers, `count` to a line."""

@@ -1,0 +1,469 @@
+"""The command line: ``atc info | plan | fields | compare | plot``.
+
+Only what every command needs is imported here, so that ``atc --help`` is instant: numba, xarray and matplotlib come with the commands that use them.
+
+Exit status: 0 done; 2 unusable input (one line on stderr, never a traceback); 130 interrupted; 1 anything atc did not foresee (ATC_DEBUG=1 shows the traceback).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import time
+import warnings
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from . import __version__
+from .errors import AtcError
+
+
+def _fail(message: str, status: int) -> None:
+    print("error: " + " ".join(str(message).split()), file=sys.stderr, flush=True)
+    sys.exit(status)
+
+
+def _show_warning(message, category, filename, lineno, file=None, line=None) -> None:
+    print("warning: " + " ".join(str(message).split()), file=sys.stderr, flush=True)
+
+
+@contextlib.contextmanager
+def _one_line_warnings():
+    """Warnings of atc as one line each; those of libraries are for developers."""
+    from .errors import AtcWarning
+
+    with warnings.catch_warnings():
+        if not os.environ.get("ATC_DEBUG"):
+            warnings.simplefilter("ignore")
+            warnings.simplefilter("default", AtcWarning)
+            warnings.showwarning = _show_warning
+        yield
+
+
+class _Commands(TyperGroup):
+    """A command group that turns every failure into one line and an exit status."""
+
+    def main(self, args=None, prog_name=None, complete_var=None, standalone_mode=True, **extra):
+        if not standalone_mode:
+            return super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
+        if os.environ.get("ATC_DEBUG"):
+            status = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
+            sys.exit(status if isinstance(status, int) else 0)
+        try:
+            with _one_line_warnings():
+                status = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
+            sys.stdout.flush()
+        except AtcError as e:
+            _fail(e, 2)
+        except KeyboardInterrupt:
+            _fail(_interrupted(), 130)
+        except BrokenPipeError:
+            # the reader of our output (head, less) has left: not an error; the interpreter must not complain at exit either
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            sys.exit(0)
+        except MemoryError as e:
+            _fail(f"not enough memory{': ' + str(e) if str(e) else ''}: take a coarser grid, a smaller radius or fewer jobs (-j 1)", 2)
+        except OSError as e:
+            _fail(f"{e.filename + ': ' if isinstance(e.filename, str) else ''}{e.strerror or e}", 2)
+        except Exception as e:
+            names = {c.__name__ for c in type(e).__mro__}
+            if "NoArgsIsHelpError" in names:
+                print(e.ctx.get_help())
+                sys.exit(2)
+            if "ClickException" in names:
+                ctx = getattr(e, "ctx", None)
+                hint = f" (see: {ctx.command_path} --help)" if ctx is not None else ""
+                _fail(e.format_message() + hint, 2)
+            if "Abort" in names:
+                _fail(_interrupted(), 130)
+            _fail(f"{type(e).__name__}: {e}: atc did not foresee this; run again with ATC_DEBUG=1 for the traceback", 1)
+        sys.exit(status if isinstance(status, int) else 0)
+
+
+_running_fields = False
+
+
+def _interrupted() -> str:
+    return "interrupted; the finished frames are kept: the same command continues" if _running_fields else "interrupted"
+
+
+app = typer.Typer(
+    cls=_Commands,
+    name="atc",
+    help="Molecular-dynamics trajectories to continuum fields: Hardy stress, virial stress, density, temperature, each with a stated error.",
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+    no_args_is_help=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def main() -> None:
+    """Entry point of the ``atc`` command."""
+    app(prog_name="atc")
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# What several commands share.
+
+SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="The scene, a TOML file.", show_default=False)]
+Set = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="SECTION.KEY=VALUE",
+        help="Override a key of the scene, e.g. --set kernel.radius=10. Repeatable.",
+        show_default=False,
+    ),
+]
+Begin = Annotated[int | None, typer.Option("-b", "--begin", metavar="N", help="First frame, counted from 0.", show_default=False)]
+End = Annotated[int | None, typer.Option("-e", "--end", metavar="N", help="Frame to stop before.", show_default=False)]
+Step = Annotated[int | None, typer.Option("--step", metavar="N", help="Take every N-th frame.", show_default=False)]
+Jobs = Annotated[int, typer.Option("-j", "--jobs", metavar="N", help="Processor cores to use; 0 is all of them.")]
+Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no summary.")]
+Topology = Annotated[
+    str | None, typer.Option("--topology", metavar="FILE", help="LAMMPS data file with masses, charges, bonds.", show_default=False)
+]
+UnitsOption = Annotated[
+    str | None, typer.Option("--units", metavar="STYLE", help="LAMMPS unit style: lj, real, metal, si, ...", show_default=False)
+]
+Masses = Annotated[
+    str | None, typer.Option("--masses", metavar="LIST", help="Masses by type: 28.0855,15.999 or 1=28.0855,2=15.999.", show_default=False)
+]
+
+
+def _load(path, settings, begin=None, end=None, step=None, quiet=True):
+    """The scene with the flags' overrides on top."""
+    from .scene import Scene
+
+    overrides: list[Any] = list(settings or [])
+    flags = {k: v for k, v in (("begin", begin), ("end", end), ("step", step)) if v is not None}
+    scene = Scene.load(path, overrides)
+    if flags:
+        frames = scene.get("trajectory", "frames")
+        if frames is not None:
+            from .scene import frame_slice
+
+            s = frame_slice(frames)
+            written = {k: v for k, v in (("begin", s.start), ("end", s.stop), ("step", s.step)) if v is not None}
+            flags = written | flags
+        names = {"begin": "-b", "end": "-e", "step": "--step"}
+        scene.set("trajectory", "frames", flags, flag=" ".join(f"{names[k]} {v}" for k, v in flags.items()))
+    return scene
+
+
+def _parse_masses(text: str | None):
+    if text is None:
+        return None
+    parts = [p for p in text.replace(" ", ",").split(",") if p]
+    try:
+        if all("=" in p for p in parts):
+            return {int(k) if k.isdigit() else k: float(v) for k, v in (p.split("=", 1) for p in parts)}
+        return [float(p) for p in parts]
+    except ValueError:
+        raise AtcError(f"--masses {text}: expected masses by type, e.g. 28.0855,15.999 or 1=28.0855,2=15.999") from None
+
+
+def _console():
+    from rich.console import Console
+
+    # wide when piped, so that no number is cut; no markup, so that file names with brackets survive
+    return Console(width=None if sys.stdout.isatty() else 200, markup=False, highlight=False)
+
+
+def _version(value: bool) -> None:
+    if value:
+        print(f"atc {__version__}")
+        raise typer.Exit()
+
+
+@app.callback()
+def _root(
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")] = False,
+) -> None:
+    pass
+
+
+class _Progress:
+    """What `atc.fields` calls after every frame; draws a bar when somebody watches."""
+
+    def __init__(self, bar=None):
+        self.bar, self.task = bar, None
+        self.there = self.total = 0
+        self.rate = 0.0
+
+    def __call__(self, done: int, total: int, rate: float) -> None:
+        self.total, self.rate = total, rate
+        if rate == 0.0:  # the first call: what an earlier, interrupted run left
+            self.there = done
+        if self.bar is None:
+            return
+        if self.task is None:
+            self.bar.start()
+            self.task = self.bar.add_task("frames", total=total, completed=done, rate="", left="")
+            return
+        left = (total - done) / rate if rate > 0 else 0.0
+        each = f"{rate:.3g} frames/s" if rate >= 1 else f"{1 / rate:.3g} s/frame" if rate > 0 else ""
+        self.bar.update(self.task, completed=done, rate=each, left=f"{_duration(left)} left" if done < total else "")
+
+
+@contextlib.contextmanager
+def _progress(quiet: bool):
+    """A progress bar on the terminal; silent when stderr is piped or `quiet`."""
+    if quiet or not sys.stderr.isatty():
+        yield _Progress()
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TextColumn("{task.fields[left]}"),
+    )
+    bar = Progress(*columns, console=Console(stderr=True), transient=True)
+    try:
+        yield _Progress(bar)
+    finally:
+        bar.stop()
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 90:
+        return f"{seconds:.1f} s" if seconds < 10 else f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"
+
+
+def _summary(ds, out, seconds: float, progress: _Progress) -> None:
+    """Closing lines: where the result is, what is in it, how accurate it is, how long it took."""
+    computed = progress.total - progress.there
+    before = (
+        f"{progress.there} of {progress.total} frames were there, {computed} computed"
+        if progress.there
+        else f"{computed} frame{'s' * (computed != 1)}"
+    )
+    print(f"{out}: {ds.attrs.get('quantities', ', '.join(ds.data_vars))}")
+    error = ds.attrs.get("measured_error")
+    if error is not None:
+        print(
+            f"measured error {float(error):.1e} of the largest value (tolerance {float(ds.attrs['tolerance']):g}), at random points by the exact method"
+        )
+    print(f"{before} in {_duration(seconds)}" + (f" ({computed / seconds:.3g} frames/s, start included)" if computed > 1 else ""))
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Commands.
+
+
+@app.command()
+def info(
+    trajectory: Annotated[
+        str,
+        typer.Argument(
+            metavar="TRAJ", help="A trajectory: LAMMPS dump or data file, or anything ASE or MDAnalysis reads.", show_default=False
+        ),
+    ],
+    topology: Topology = None,
+    units: UnitsOption = None,
+    masses: Masses = None,
+    json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+) -> None:
+    """What is in a trajectory, in which units, how precise, and what can be computed from it."""
+    from .info import describe
+
+    report = describe(trajectory, topology=topology, units=units, masses=_parse_masses(masses))
+    if json:
+        print(report.json())
+    else:
+        report.print(_console())
+
+
+@app.command()
+def plan(scene: SceneFile, set: Set = None, begin: Begin = None, end: End = None, step: Step = None, jobs: Jobs = 1) -> None:
+    """What would be computed, by which method and why; predicted time, memory and error."""
+    made = _load(scene, set, begin, end, step)
+    print(made.plan(jobs=jobs))
+
+
+@app.command()
+def fields(
+    scene: SceneFile,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="OUT", help="The file to write: .zarr or .nc.", show_default=False)
+    ] = None,
+    set: Set = None,
+    begin: Begin = None,
+    end: End = None,
+    step: Step = None,
+    jobs: Jobs = 1,
+    restart: Annotated[bool, typer.Option("--restart", help="Forget the finished frames of an interrupted run.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Compute the fields of a scene, frame by frame, into a file. After an interruption the same command continues."""
+    global _running_fields
+    made = _load(scene, set, begin, end, step)
+    out = made.output(output, overwrite=overwrite)
+    started = time.perf_counter()
+    _running_fields = True
+    try:
+        with _progress(quiet) as progress:
+            try:
+                ds = made.run(out, jobs=jobs, progress=progress, resume=not restart)
+            except AtcError as e:
+                raise AtcError(str(e).replace("start again without resuming", "start again with --restart")) from None
+    finally:
+        if sys.exc_info()[0] is not KeyboardInterrupt:
+            _running_fields = False
+    if not quiet:
+        _summary(ds, out, time.perf_counter() - started, progress)
+
+
+@app.command()
+def compare(
+    what: Annotated[
+        list[Path],
+        typer.Argument(metavar="OUT...|SCENE", help="Outputs of atc fields, or a scene together with --radii.", show_default=False),
+    ],
+    radii: Annotated[
+        str | None,
+        typer.Option(
+            "--radii", metavar="R1,R2,...", help="Compute the scene's stress for these kernel radii and compare them.", show_default=False
+        ),
+    ] = None,
+    set: Set = None,
+    begin: Begin = None,
+    end: End = None,
+    step: Step = None,
+    jobs: Jobs = 1,
+    picture: Annotated[
+        Path | None, typer.Option("--picture", metavar="FILE", help="Where the picture goes; default: next to OUT.", show_default=False)
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="The table as JSON.")] = False,
+    csv: Annotated[bool, typer.Option("--csv", help="The table as CSV.")] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Hardy's stress against the virial stress: a table and a picture."""
+    from .compare import compare as compare_output
+    from .compare import compare_radii, side_by_side
+
+    if json and csv:
+        raise AtcError("give --json or --csv, not both")
+    if radii is not None:
+        if len(what) != 1:
+            raise AtcError("--radii goes with one scene: atc compare SCENE --radii 4,6,8")
+        made = _load(what[0], set, begin, end, step)
+        with _progress(quiet or json or csv) as progress:
+            results = [compare_radii(made, _parse_radii(radii), jobs=jobs, progress=progress)]
+        target = what[0]
+    else:
+        for path in what:
+            if path.suffix == ".toml":
+                raise AtcError(
+                    f"{path}: is a scene; give it with --radii (atc compare {path} --radii 4,6,8), or give the output of atc fields"
+                )
+        if set or begin is not None or end is not None or step is not None:
+            raise AtcError("--set, -b, -e and --step go with a scene and --radii; an output is compared as it is")
+        results = [compare_output(path) for path in what]
+        if len(results) > 1:
+            results = [side_by_side(results)]
+        target = what[0]
+    result = results[0]
+    target = picture or target.with_name(target.stem + "-compare.png")
+    result.picture(target)
+    if json:
+        print(result.json())
+    elif csv:
+        print(result.csv(), end="")
+    else:
+        result.print(_console())
+    if not (quiet or json or csv):
+        print(f"picture: {target}")
+
+
+@app.command()
+def plot(
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="Output of atc fields.", show_default=False)],
+    quantity: Annotated[
+        str | None,
+        typer.Option(
+            "-q", "--quantity", metavar="NAME", help="Which field; default: the first stress, else the first field.", show_default=False
+        ),
+    ] = None,
+    component: Annotated[
+        str | None,
+        typer.Option(
+            "-c",
+            "--component",
+            metavar="NAME",
+            help="xx, xy, ..., vonmises, hydrostatic, max_shear; x, y, z, magnitude.",
+            show_default=False,
+        ),
+    ] = None,
+    slice: Annotated[
+        str | None,
+        typer.Option(
+            "--slice",
+            metavar="AXIS=POS",
+            help="Plane of a 3-D grid, e.g. z=0.5 (fraction of the axis) or z=12.5A (length).",
+            show_default=False,
+        ),
+    ] = None,
+    axis: Annotated[
+        str | None, typer.Option("--axis", metavar="AXIS", help="Axis normal to the plane (with --index).", show_default=False)
+    ] = None,
+    index: Annotated[int | None, typer.Option("--index", metavar="K", help="Index of the plane along --axis.", show_default=False)] = None,
+    frame: Annotated[
+        str, typer.Option("--frame", metavar="N|mean", help="Frame counted from 0 (-1 is the last), or the mean over frames.")
+    ] = "-1",
+    limits: Annotated[str | None, typer.Option("--limits", metavar="LO,HI", help="Limits of the colour scale.", show_default=False)] = None,
+    robust: Annotated[bool, typer.Option("--robust", help="Limits at the 2nd and 98th percentile.")] = False,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", help="The picture: .png, .pdf or .svg; default next to OUT.", show_default=False),
+    ] = None,
+    overlay: Annotated[
+        Path | None,
+        typer.Option("--overlay", metavar="SCENE", help="Draw the atoms of this scene's trajectory near the plane.", show_default=False),
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Draw a slice, plane or profile of a field."""
+    from . import plotting
+
+    path = plotting.plot_file(
+        out, quantity, component=component, slice=slice, axis=axis, index=index, frame=frame, limits=_parse_limits(limits), robust=robust,
+        output=output, overlay=overlay,
+    )  # fmt: skip
+    if not quiet:
+        print(path)
+
+
+def _parse_radii(text: str) -> list[float]:
+    try:
+        radii = [float(r) for r in text.split(",") if r.strip()]
+        if not radii or min(radii) <= 0:
+            raise ValueError
+    except ValueError:
+        raise AtcError(f"--radii {text}: expected lengths greater than 0 in the trajectory's units, e.g. --radii 4,6,8,10") from None
+    return radii
+
+
+def _parse_limits(text: str | None):
+    if text is None:
+        return None
+    try:
+        lo, hi = (float(v) for v in text.split(","))
+        if not lo < hi:
+            raise ValueError
+    except ValueError:
+        raise AtcError(f"--limits {text}: expected two increasing numbers, e.g. --limits -2e4,2e4") from None
+    return lo, hi
