@@ -18,18 +18,21 @@ class Bonds:
     i, j : (b,) int32, atom indices
     r_bc : (b, 3) x_i − x_j through the bond: the bond runs from positions[i] to positions[i] − r. Never re-wrapped.
     G_b : (b,) energy/length². The force on i is −G r, on j +G r. G > 0 attracts.
+    D_bdc : (b, 2, 3) or None. The directed energy sources of the bond, only made when asked for: D[:, 0] = ∂U^(i)/∂x_j and D[:, 1] = ∂U^(j)/∂x_i,
+        where U^(i) is the share of the potential energy given to atom i (R 4.0.114-4.0.125). What heat flux and churning are made of.
     """
 
     i: np.ndarray
     j: np.ndarray
     r_bc: np.ndarray
     G_b: np.ndarray
+    D_bdc: np.ndarray | None = None
 
     def __len__(self):
         return len(self.G_b)
 
     def copy(self) -> Bonds:
-        return Bonds(self.i.copy(), self.j.copy(), self.r_bc.copy(), self.G_b.copy())
+        return Bonds(self.i.copy(), self.j.copy(), self.r_bc.copy(), self.G_b.copy(), None if self.D_bdc is None else self.D_bdc.copy())
 
     def virial(self) -> np.ndarray:
         """Σ G r⊗r, (3, 3): the integral of Hardy's potential stress over the box (energy; tension positive)."""
@@ -44,4 +47,7 @@ class Bonds:
         parts = list(parts)
         if not parts:
             return cls.empty()
-        return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("i", "j", "r_bc", "G_b")))
+        joined = cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("i", "j", "r_bc", "G_b")))
+        if all(p.D_bdc is not None for p in parts):
+            joined.D_bdc = np.concatenate([p.D_bdc for p in parts])
+        return joined

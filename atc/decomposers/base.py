@@ -36,9 +36,11 @@ class Decomposition:
 
 
 class Accumulator:
-    """One thread's running sums and buffers. `forces` and `energies` are None when nobody asked for them."""
+    """One thread's running sums and buffers. `forces` and `energies` are None when nobody asked for them; `sources` says whether
+    terms must give their bonds' directed energy sources (`Bonds.D_bdc`)."""
 
-    def __init__(self, n: int, forces: bool, energies: bool):
+    def __init__(self, n: int, forces: bool, energies: bool, sources: bool = False):
+        self.sources = sources
         self.energy = 0.0
         self.virial = np.zeros((3, 3))
         self.forces = np.zeros((n, 3)) if forces else None
@@ -63,10 +65,12 @@ class Accumulator:
 class Term:
     """A group of interactions evaluated together (all pair styles; all angles; Stillinger-Weber ...).
 
-    Subclasses set `cutoff` (internal length; 0 for bonded terms) and implement `prepare`.
+    Subclasses set `cutoff` (internal length; 0 for bonded terms) and implement `prepare`. A term whose every bond is a two-body term of its own,
+    shared half to each end, sets `pairwise`: its energy sources follow from G. Any other term fills `Bonds.D_bdc` itself when `acc.sources`.
     """
 
     cutoff: float = 0.0
+    pairwise: bool = False
 
     def prepare(self, frame: Frame) -> Work:
         """Check the frame (types, charges, topology), and cut its evaluation into tasks."""
@@ -122,6 +126,7 @@ class Potential:
         threads: int = 1,
         energies: bool = False,
         forces: bool = False,
+        sources: bool = False,
     ) -> Decomposition:
         """Evaluate a frame without ever holding all its bonds.
 
@@ -131,6 +136,7 @@ class Potential:
         consume : called as ``consume(bonds, thread)`` for every chunk, from thread number `thread` of 0..threads−1. The arrays are
             reused: copy what is kept.
         energies, forces : whether to accumulate per-atom energies and forces
+        sources : whether the bonds carry their directed energy sources `D_bdc`
 
         Returns
         -------
@@ -142,15 +148,17 @@ class Potential:
         """
         require_compatible(self.units, frame.units, "the potential", frame.source)
         n = len(frame)
-        accs = [Accumulator(n, forces, energies) for _ in range(threads)]
+        accs = [Accumulator(n, forces, energies, sources) for _ in range(threads)]
 
-        def lane(work, stage, t):
+        def lane(term, work, stage, t):
             acc = accs[t]
             # A fixed deal of tasks to threads: sums do not depend on timing.
             for task in range(t, work.stages[stage], threads):
                 bonds = work.run(stage, task, acc)
                 if bonds is not None and len(bonds):
                     acc.add_bonds(bonds)
+                    if sources and bonds.D_bdc is None:
+                        bonds.D_bdc = _two_body_sources(term, bonds)
                     if consume is not None:
                         consume(bonds, t)
 
@@ -160,10 +168,10 @@ class Potential:
                 work = term.prepare(frame)
                 for stage in range(len(work.stages)):
                     if pool is None:
-                        lane(work, stage, 0)
+                        lane(term, work, stage, 0)
                     else:
                         # list() so that an exception in a worker is raised here.
-                        list(pool.map(lambda t, w=work, s=stage: lane(w, s, t), range(threads)))
+                        list(pool.map(lambda t, e=term, w=work, s=stage: lane(e, w, s, t), range(threads)))
         finally:
             if pool is not None:
                 pool.shutdown()
@@ -180,12 +188,20 @@ class Potential:
             notes=notes,
         )
 
-    def decompose(self, frame: Frame, *, threads: int = 1) -> Decomposition:
+    def decompose(self, frame: Frame, *, threads: int = 1, sources: bool = False) -> Decomposition:
         """Energy, per-atom energies, forces and all bonds of a frame, at once. For large frames prefer `stream`."""
         parts: list[list[Bonds]] = [[] for _ in range(threads)]
-        d = self.stream(frame, lambda b, t: parts[t].append(b.copy()), threads=threads, energies=True, forces=True)
+        d = self.stream(frame, lambda b, t: parts[t].append(b.copy()), threads=threads, energies=True, forces=True, sources=sources)
         d.bonds = Bonds.concatenate(b for p in parts for b in p)
         return d
+
+
+def _two_body_sources(term: Term, bonds: Bonds) -> np.ndarray:
+    """∂U^(i)/∂x_j = −½ G r and ∂U^(j)/∂x_i = +½ G r: half of a two-body energy belongs to each end."""
+    if not term.pairwise:
+        raise NotImplementedError(f"{type(term).__name__} gives no energy sources")
+    half = 0.5 * bonds.G_b[:, None] * bonds.r_bc
+    return np.stack([-half, half], axis=1)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -56,6 +56,8 @@ class Pairs(Term):
     special : object with ``prepare(frame)`` giving per-frame special-bond weights, or None (see special_bonds)
     """
 
+    pairwise = True
+
     def __init__(self, styles, n_types: int, special=None):
         self.styles = list(styles)
         self.n_types = n_types
