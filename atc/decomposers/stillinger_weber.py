@@ -1,0 +1,438 @@
+"""Stillinger-Weber: a two-body term and a three-body term that prefers one bond angle (LAMMPS ``pair_style sw``).
+
+A frame is done in four stages, so that each pair of neighbours becomes *one* bond that carries the two-body force and everything that the
+triplets at both of its ends add to it:
+
+0. pairs: the half neighbour list, with what depends on one distance only (one square root and at most three exponentials a pair);
+1. join: which pairs meet at which atom;
+2. triplets: around each atom, G of the two arms into slots of their own (one for each end of a pair: no two threads meet), and the outer
+   distances b–c as bonds of their own;
+3. merge: two-body + both slots, one bond a pair.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+from numba import njit
+
+from ..bonds import Bonds
+from ..errors import AtcError
+from ..frame import Frame
+from ..neighbors import CellList
+from ..units import Units, units
+from .base import Accumulator, Term, Work
+from .sw_file import SWEntry, read_sw_file
+
+
+class StillingerWeber(Term):
+    """U = Σ_pairs A ε [B (σ/d)^p − (σ/d)^q] exp(σ/(d − aσ)) + Σ_triplets λ ε (cos θ − cos θ0)² exp(γσ/(d_ab − aσ)) exp(γσ/(d_ac − aσ)).
+
+    Both sums are over distances below aσ (below LAMMPS's shortened cutoff for ``tol`` > 0), where every derivative vanishes; at and beyond it the
+    terms are exactly 0. Half of a pair's energy goes to each end, a third of a triplet's to each of its atoms.
+
+    G of a triplet around a, with h the two exponentials and δ = cos θ − cos θ0 (never divided by: δ = 0 is the perfect crystal):
+    G_bc = −2 λε h_b h_c δ / (d_ab d_ac), G_ab = 2 λε h_b h_c δ (1/(d_ab d_ac) − cos θ/d_ab²) − λε h_b h_c δ² γσ/(d_ab (d_ab − aσ)²).
+
+    Parameters
+    ----------
+    epsilon, sigma, a, lam (λ), gamma, costheta0, A, B, p, q, tol : floats, the numbers of a line of LAMMPS's file, for one element;
+        epsilon (energy) and sigma (length) in `units`
+    units : unit style of epsilon and sigma; the default has eV and Å
+    elements : which atom types take part, from type 1: e.g. ``["Si", None]`` leaves out type 2. Default: atoms of every type are this element.
+    threebody : False leaves out the triplets (LAMMPS's ``threebody off``)
+
+    Raises
+    ------
+    AtcError for parameters that make no sense.
+
+    Notes
+    -----
+    Several elements: `from_file`, `from_entries`. Source: Stillinger & Weber, Phys. Rev. B 31, 5262 (1985); R 4.0.150-4.0.155 corrected.
+    """
+
+    def __init__(
+        self, epsilon, sigma, a, lam, gamma, costheta0, A, B, p, q, tol=0.0, *, units: str | Units = "metal", elements=None, threebody=True
+    ):
+        entry = SWEntry(*(float(v) for v in (epsilon, sigma, a, lam, gamma, costheta0, A, B, p, q, tol)))
+        name = next((e for e in elements or () if e is not None), "X")
+        if elements is not None and len({e for e in elements if e is not None}) > 1:
+            raise AtcError(
+                f"{entry.where}: one set of numbers is one element, got {elements}: use StillingerWeber.from_entries for several"
+            )
+        self._build({(name, name, name): entry}, elements, units, threebody)
+
+    @classmethod
+    def from_entries(cls, entries: dict, elements, *, units: str | Units = "metal", threebody: bool = True) -> StillingerWeber:
+        """Several elements. `entries` maps (elem1, elem2, elem3), elem1 at the centre, to `SWEntry` or dicts of its fields; `elements` names the
+        element of each atom type from 1, None for types left out."""
+        self = cls.__new__(cls)
+        self._build({tuple(k): v if isinstance(v, SWEntry) else SWEntry(**v) for k, v in entries.items()}, elements, units, threebody)
+        return self
+
+    @classmethod
+    def from_file(
+        cls, path, elements, *, units: str | Units = "metal", threebody: bool = True, n_types: int | None = None, where: str = ""
+    ) -> StillingerWeber:
+        """From a LAMMPS parameter file, e.g. ``StillingerWeber.from_file("Si.sw", ["Si"])``. See `read_sw_file` for its units.
+
+        elements : the element of each atom type from 1; ``"NULL"`` or None leaves a type out.
+        n_types, where : for messages and checks: how many types there should be, and the line that said so
+        """
+        elements = [None if e in (None, "NULL") else e for e in elements]
+        if n_types is not None and len(elements) != n_types:
+            raise AtcError(
+                f"{where or path}: pair_style sw needs one element (or NULL) for each of the {n_types} atom types, found {len(elements)}"
+            )
+        used = dict.fromkeys(e for e in elements if e is not None)
+        if not used:
+            raise AtcError(f"{where or path}: every atom type is NULL: name the element of at least one type")
+        entries = read_sw_file(path, used, _units_name(units), where)
+        for triple in product(used, repeat=3):
+            if triple not in entries:
+                raise AtcError(
+                    f"{path}: no entry for {' '.join(triple)}, which {where or 'the list of elements'} needs; a file must have every combination"
+                )
+        return cls.from_entries(entries, elements, units=units, threebody=threebody)
+
+    def _build(self, entries, elements, units_, threebody):
+        u = units(units_)
+        names = (
+            list(dict.fromkeys(k[0] for k in entries)) if elements is None else list(dict.fromkeys(e for e in elements if e is not None))
+        )
+        self.elements = elements
+        self.names = names
+        self.threebody = bool(threebody)
+        #: outer bonds with |G| at or below this are left out. 0 drops what is exactly zero and nothing else.
+        self.prune = 0.0
+        # Element of each type, from 1; −1 takes no part. An entry 0 for "every type".
+        self.element_of_type = (
+            np.zeros(0, np.int64) if elements is None else np.array([-1, *(-1 if e is None else names.index(e) for e in elements)])
+        )
+        m = len(names)
+        self.pair = np.zeros((m, m, 8))
+        self.triplet = np.zeros((m, m, m, 2))
+        for (ia, a), (ib, b) in product(enumerate(names), repeat=2):
+            e = self._entry(entries, a, b, b)
+            sigma, energy = u.to_internal("length", e.sigma), u.to_internal("energy", e.epsilon)
+            cut = e.a * sigma
+            self.pair[ia, ib] = (
+                _list_cutoff(e, sigma), cut, sigma, e.A * energy * e.B * sigma**e.p, e.A * energy * sigma**e.q, e.p, e.q, e.gamma * sigma,
+            )  # fmt: skip
+            if not 0 < self.pair[ia, ib, 0] < np.inf:
+                raise AtcError(f"{e.where}: a·sigma must be a positive length in the entry {a} {b} {b} (its cutoff), got {e.a} · {e.sigma}")
+            for ic, c in enumerate(names):
+                t = self._entry(entries, a, b, c)
+                self.triplet[ia, ib, ic] = t.lam * u.to_internal("energy", t.epsilon) if threebody else 0.0, t.costheta0
+        self._symmetric(entries)
+        self.same_ends = bool((self.pair[..., 7] == self.pair[..., 7].T).all())
+        self.cutoff = float(self.pair[..., 0].max())
+
+    @staticmethod
+    def _entry(entries, a, b, c) -> SWEntry:
+        try:
+            return entries[a, b, c]
+        except KeyError:
+            raise AtcError(f"Stillinger-Weber: no entry for {a} {b} {c}: give one for every combination of the elements in use") from None
+
+    def _symmetric(self, entries):
+        """Where LAMMPS would take one of two entries by the numbering of the atoms, they must say the same."""
+        # Published files round to seven digits: products that are equal on paper differ by about 1e-7.
+        same = 1e-5
+        names = self.names
+        for i, j in product(range(len(names)), repeat=2):
+            if j > i and not np.allclose(self.pair[i, j, :7], self.pair[j, i, :7], rtol=same, atol=0):
+                e, f = entries[names[i], names[j], names[j]], entries[names[j], names[i], names[i]]
+                raise AtcError(
+                    f"{e.where} and {f.where}: the entries {names[i]} {names[j]} {names[j]} and {names[j]} {names[i]} {names[i]} give different two-body terms or cutoffs "
+                    "for the same pair, of which LAMMPS takes one by the atoms' numbers: make them equal"
+                )
+            for k in range(j + 1, len(names)):
+                x, y = self.triplet[i, j, k], self.triplet[i, k, j]
+                if not np.allclose(x, y, rtol=same, atol=0):
+                    e, f = entries[names[i], names[j], names[k]], entries[names[i], names[k], names[j]]
+                    raise AtcError(
+                        f"{e.where} and {f.where}: the entries {names[i]} {names[j]} {names[k]} and {names[i]} {names[k]} {names[j]} give different lambda*epsilon or "
+                        "costheta0 for the same triplet, of which LAMMPS takes one by the order of its neighbour list: make them equal"
+                    )
+                self.triplet[i, j, k] = self.triplet[i, k, j] = 0.5 * (x + y)
+        mean = 0.5 * (self.pair + self.pair.transpose(1, 0, 2))
+        self.pair[..., :7] = mean[..., :7]
+
+    def describe(self) -> str:
+        what = "sw " + "-".join(str(n) for n in self.names) if self.elements is not None else "sw"
+        share = "pair energy shared half to each atom, triplet energy a third to each of its atoms; one merged bond a pair, outer b-c bonds apart"
+        return f"{what}, {share}" if self.threebody else f"{what} without three-body term, pair energy shared half to each atom"
+
+    def prepare(self, frame: Frame) -> Work:
+        return _SWWork(self, frame)
+
+
+def _units_name(u) -> str:
+    return u if isinstance(u, str) else u.name
+
+
+def _list_cutoff(e: SWEntry, sigma: float) -> float:
+    """The distance from which on LAMMPS leaves a pair out: aσ, or less by what makes exp(σ/(d − aσ)) smaller than tol."""
+    cut = e.a * sigma
+    if e.tol > 0:
+        cut += (e.gamma if e.gamma < 1.0 else 1.0) * sigma / np.log(min(e.tol, 0.01))
+    return cut
+
+
+class _SWWork(Work):
+    def __init__(self, term: StillingerWeber, frame: Frame):
+        self.term, self.frame = term, frame
+        n = len(frame)
+        if term.elements is None:
+            self.who = None
+            element_n = np.zeros(n, np.int32)
+        else:
+            if n and frame.types.max() >= len(term.element_of_type):
+                raise AtcError(
+                    f"{frame.source}: atoms of type {int(frame.types.max())} but pair_style sw names the elements of types 1 to {len(term.element_of_type) - 1}: name the others too, "
+                    "or NULL"
+                )
+            if n and frame.types.min() < 1:
+                raise AtcError(f"{frame.source}: atom types must be 1 or larger, found {int(frame.types.min())}")
+            element_n = term.element_of_type[frame.types].astype(np.int32)
+            self.who = None if (element_n >= 0).all() else np.flatnonzero(element_n >= 0).astype(np.int32)
+        x = frame.positions if self.who is None else frame.positions[self.who]
+        self.list = cells = CellList(x, frame.cell, term.cutoff)
+        # Inside this term an atom's name is its place in the sorted list, which is near its neighbours' places; `atom` gives the frame's.
+        atom = cells.order
+        self.element = element_n[atom] if self.who is None else element_n[self.who[atom]]
+        self.atom = atom if self.who is None else self.who[atom]
+        cells.order = np.arange(len(x), dtype=np.int32)
+        self.first = cells.start[cells.chunk_edges]
+        chunks = cells.n_chunks
+        self.parts = [None] * chunks
+        self.stages = (chunks, 1, chunks, chunks) if term.threebody else (chunks,)
+
+    def run(self, stage, task, acc: Accumulator):
+        return (self._pairs, self._join, self._triplets, self._merge)[stage](task, acc)
+
+    def _pairs(self, task, acc):
+        ws, term = acc.ws, self.term
+        n = self.list.half(task, ws)
+        energies = acc.energies if acc.energies is not None else _NOTHING
+        rec = np.empty((n, 8))
+        m, energy, bad = _sw_pairs(ws.i, ws.j, ws.r, ws.d2, n, self.element, term.pair, term.same_ends, self.atom, rec, ws.G, energies)
+        if bad >= 0:
+            a, b = self.frame.ids[self.atom[ws.i[bad]]], self.frame.ids[self.atom[ws.j[bad]]]
+            d = ws.d2[bad] ** 0.5
+            if d == 0.0:
+                raise AtcError(
+                    f"{self.frame.source}: atoms {a} and {b} are at the same place, where the Stillinger-Weber force is undefined; remove one of them"
+                )
+            raise AtcError(
+                f"{self.frame.source}: the Stillinger-Weber force between atoms {a} and {b} at distance {d:.3g} is not a finite number"
+            )
+        acc.energy += energy
+        if term.threebody:
+            self.parts[task] = ws.i[:m].copy(), ws.j[:m].copy(), rec[:m], ws.G[:m].copy()
+            return None
+        return Bonds(self.atom[ws.i[:m]], self.atom[ws.j[:m]], np.ascontiguousarray(rec[:m, :3]), ws.G[:m])
+
+    def _join(self, task, acc):
+        a, b, rec, G = zip(*self.parts, strict=True)
+        self.edges = np.concatenate([[0], np.cumsum([len(p) for p in a])])
+        self.a, self.b, self.rec, self.G = np.concatenate(a), np.concatenate(b), np.concatenate(rec), np.concatenate(G)
+        self.parts = None
+        self.G_end = np.zeros((len(self.a), 2))
+        self.out_start, self.in_start, self.in_pair = _sw_index(self.a, self.b, len(self.atom))
+
+    def _triplets(self, task, acc):
+        ws, term = acc.ws, self.term
+        s0, s1 = self.first[task], self.first[task + 1]
+        most, triplets = _sw_count(s0, s1, self.out_start, self.in_start)
+        while ws.capacity < triplets:
+            ws.grow()
+        energies = acc.energies if acc.energies is not None else _NOTHING
+        m, energy = _sw_triplets(
+            s0, s1, self.out_start, self.in_start, self.in_pair, self.a, self.b, self.rec, self.element, term.triplet, self.atom, most, term.prune,
+            self.G_end, ws.i, ws.j, ws.r, ws.G, energies,
+        )  # fmt: skip
+        acc.energy += energy
+        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m])
+
+    def _merge(self, task, acc):
+        ws = acc.ws
+        p0, p1 = self.edges[task], self.edges[task + 1]
+        while ws.capacity < p1 - p0:
+            ws.grow()
+        m = _sw_merge(p0, p1, self.a, self.b, self.rec, self.G, self.G_end, self.atom, ws.i, ws.j, ws.r, ws.G)
+        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m])
+
+
+_NOTHING = np.zeros(0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _power(s, p):
+    """s^p; the exponents everyone uses (4 and 0) without a logarithm."""
+    if p == 4.0:
+        s2 = s * s
+        return s2 * s2
+    if p == 0.0:
+        return 1.0
+    return s**p
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sw_pairs(a, b, r, d2, n, element, table, same_ends, atom, rec, G, energies):
+    """Two-body energies and G, and the record (x, y, z, 1/d, h, −dlnh/dξ for triplets around a; the same two around b) of every pair within reach.
+
+    Compacts a, b, rec, G to the pairs in reach. Returns their number, the energy, and the first pair that is not finite (−1: none).
+    """
+    m = 0
+    total = 0.0
+    shared = len(energies) > 0
+    for k in range(n):
+        ia, ib = a[k], b[k]
+        ea, eb = element[ia], element[ib]
+        reach = table[ea, eb, 0]
+        d = np.sqrt(d2[k])
+        cut = table[ea, eb, 1]
+        # Twice, as rounding may put the root on the cutoff where the square is below it.
+        if d2[k] >= reach * reach or d >= cut:
+            continue
+        inv = 1.0 / d
+        s = 1.0 / (d - cut)
+        # exp underflows to 0 long before s² overflows: 0 at the cutoff from below too.
+        e2 = np.exp(table[ea, eb, 2] * s)
+        rp = table[ea, eb, 3] * _power(inv, table[ea, eb, 5])
+        rq = table[ea, eb, 4] * _power(inv, table[ea, eb, 6])
+        u = (rp - rq) * e2
+        g = (-(table[ea, eb, 5] * rp - table[ea, eb, 6] * rq) * inv - (rp - rq) * table[ea, eb, 2] * s * s) * e2 * inv
+        if not np.isfinite(g + u):
+            return 0, 0.0, k
+        total += u
+        if shared:
+            energies[atom[ia]] += 0.5 * u
+            energies[atom[ib]] += 0.5 * u
+        gs = table[ea, eb, 7]
+        h = np.exp(gs * s)
+        w = gs * s * s * inv
+        rec[m, 0], rec[m, 1], rec[m, 2], rec[m, 3] = r[k, 0], r[k, 1], r[k, 2], inv
+        rec[m, 4], rec[m, 5] = h, w
+        if not same_ends:
+            gs = table[eb, ea, 7]
+            h = np.exp(gs * s)
+            w = gs * s * s * inv
+        rec[m, 6], rec[m, 7] = h, w
+        a[m], b[m] = ia, ib
+        G[m] = g
+        m += 1
+    return m, total, -1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sw_index(a, b, n):
+    """Pairs that start at an atom (they are sorted by a) and those that end there: out_start (n+1,), in_start (n+1,), in_pair (pairs,)."""
+    out_start = np.zeros(n + 1, np.int64)
+    in_start = np.zeros(n + 2, np.int64)
+    for p in range(len(a)):
+        out_start[a[p] + 1] += 1
+        in_start[b[p] + 2] += 1
+    for s in range(n):
+        out_start[s + 1] += out_start[s]
+        in_start[s + 2] += in_start[s + 1]
+    in_pair = np.empty(len(b), np.int32)
+    for p in range(len(b)):
+        in_pair[in_start[b[p] + 1]] = p
+        in_start[b[p] + 1] += 1
+    return out_start, in_start[: n + 1], in_pair
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sw_count(s0, s1, out_start, in_start):
+    """The most neighbours of an atom, and the number of triplets."""
+    most = 0
+    triplets = 0
+    for s in range(s0, s1):
+        k = out_start[s + 1] - out_start[s] + in_start[s + 1] - in_start[s]
+        most = k if k > most else most
+        triplets += k * (k - 1) // 2
+    return most, triplets
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sw_triplets(
+    s0, s1, out_start, in_start, in_pair, a, b, rec, element, table, atom, most, prune, G_end, out_i, out_j, out_r, out_G, energies
+):
+    """All triplets around the atoms s0..s1: G of the arms into G_end (pair, which end is the centre), outer distances to the out arrays."""
+    who = np.empty(most, np.int32)
+    pair = np.empty(most, np.int64)
+    end = np.empty(most, np.int64)
+    arm = np.empty((most, 6))  # x_a − x_b, 1/d, h, −dlnh/dξ
+    G_arm = np.empty(most)
+    m = 0
+    total = 0.0
+    shared = len(energies) > 0
+    third = 1.0 / 3.0
+    for s in range(s0, s1):
+        k = 0
+        for p in range(out_start[s], out_start[s + 1]):
+            who[k], pair[k], end[k] = b[p], p, 0
+            for c in range(6):
+                arm[k, c] = rec[p, c]
+            k += 1
+        for q in range(in_start[s], in_start[s + 1]):
+            p = in_pair[q]
+            who[k], pair[k], end[k] = a[p], p, 1
+            arm[k, 0], arm[k, 1], arm[k, 2], arm[k, 3] = -rec[p, 0], -rec[p, 1], -rec[p, 2], rec[p, 3]
+            arm[k, 4], arm[k, 5] = rec[p, 6], rec[p, 7]
+            k += 1
+        for e in range(k):
+            G_arm[e] = 0.0
+        es = element[s]
+        for e in range(k - 1):
+            xb, yb, zb, vb, hb, wb = arm[e, 0], arm[e, 1], arm[e, 2], arm[e, 3], arm[e, 4], arm[e, 5]
+            ee = element[who[e]]
+            ib = atom[who[e]]
+            g_e = 0.0
+            e_e = 0.0
+            for f in range(e + 1, k):
+                ef = element[who[f]]
+                base = table[es, ee, ef, 0] * hb * arm[f, 4]
+                if base == 0.0:
+                    continue
+                xc, yc, zc, vc = arm[f, 0], arm[f, 1], arm[f, 2], arm[f, 3]
+                v = vb * vc
+                cos = (xb * xc + yb * yc + zb * zc) * v
+                delta = cos - table[es, ee, ef, 1]
+                slope = 2.0 * base * delta
+                u = base * delta * delta
+                g_e += slope * (v - cos * vb * vb) - u * wb
+                G_arm[f] += slope * (v - cos * vc * vc) - u * arm[f, 5]
+                g = -slope * v
+                e_e += u
+                if shared:
+                    energies[atom[who[f]]] += third * u
+                out_i[m], out_j[m] = ib, atom[who[f]]
+                # x_b − x_c through the images that a sees.
+                out_r[m, 0], out_r[m, 1], out_r[m, 2] = xc - xb, yc - yb, zc - zb
+                out_G[m] = g
+                m += 1 if abs(g) > prune else 0
+            G_arm[e] += g_e
+            total += e_e
+            if shared:
+                energies[ib] += third * e_e
+                energies[atom[s]] += third * e_e
+        for e in range(k):
+            G_end[pair[e], end[e]] = G_arm[e]
+    return m, total
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sw_merge(p0, p1, a, b, rec, G, G_end, atom, out_i, out_j, out_r, out_G):
+    m = 0
+    for p in range(p0, p1):
+        g = G[p] + G_end[p, 0] + G_end[p, 1]
+        out_i[m], out_j[m] = atom[a[p]], atom[b[p]]
+        out_r[m, 0], out_r[m, 1], out_r[m, 2] = rec[p, 0], rec[p, 1], rec[p, 2]
+        out_G[m] = g
+        m += 1 if g != 0.0 else 0
+    return m
