@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import runpy
 import sys
 import time
 from pathlib import Path
@@ -46,9 +47,7 @@ def main(names):
     for name in names or RUNS:
         folder = HERE / name
         if (folder / "start.py").exists():
-            namespace = {"__name__": "start", "__file__": str(folder / "start.py")}
-            exec(compile((folder / "start.py").read_text(), str(folder / "start.py"), "exec"), namespace)
-            namespace["main"]()
+            runpy.run_path(str(folder / "start.py"), run_name="__main__")
         for script in RUNS[name]:
             print(f"{name}/{script} ...", flush=True)
             t0 = time.perf_counter()
