@@ -94,7 +94,7 @@ def _number(buf, p):
     if negative or c == 43:
         p += 1
     man = _ZERO
-    start = p
+    first = start = p
     while True:
         d = np.int64(buf[p]) - 48
         if d < 0 or d > 9:
@@ -103,7 +103,8 @@ def _number(buf, p):
         p += 1
     digits = p - start
     e10 = 0
-    if buf[p] == 46:
+    dot = buf[p] == 46
+    if dot:
         p += 1
         start = p
         while True:
@@ -114,7 +115,12 @@ def _number(buf, p):
             p += 1
         e10 = start - p
         digits += p - start
-    ok = 0 < digits <= 19
+    if digits > 19:  # leading zeros do not count: they added nothing to the mantissa
+        start = first
+        while buf[start] == 48 or buf[start] == 46:
+            digits -= buf[start] == 48
+            start += 1
+    ok = digits <= 19 and p > first + dot
     if buf[p] == 101 or buf[p] == 69:
         p += 1
         minus = buf[p] == 45
