@@ -1,0 +1,103 @@
+"""Potentials as sums of bonds: every interaction becomes pairs of atoms with G = ∂U/∂ξ.
+
+`potential` makes a model from LAMMPS lines, a LAMMPS input script, or the objects named here.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from importlib.util import find_spec
+
+_WHERE = {
+    "Potential": "base",
+    "Decomposition": "base",
+    "Term": "base",
+    "Pairs": "pair",
+    "PairStyle": "pair",
+    "LennardJones": "lennard_jones",
+    "LennardJonesCut": "lennard_jones",
+    "SpecialBonds": "special_bonds",
+}
+
+__all__ = [*_WHERE, "potential"]
+
+
+def __getattr__(name):
+    if name in _WHERE:
+        value = getattr(import_module(f".{_WHERE[name]}", __name__), name)
+        globals()[name] = value
+        return value
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__():
+    return sorted(__all__)
+
+
+# Modules whose import registers LAMMPS styles.
+_STYLE_MODULES = ("lennard_jones", "stillinger_weber", "bond", "angle")
+
+
+def potential(source, units=None, *, special_bonds=None):
+    """A model of the interactions, ready to decompose frames.
+
+    Parameters
+    ----------
+    source : str, path, Term, PairStyle, list of these, or Potential
+        LAMMPS lines (a string with several lines, or one that starts with a LAMMPS command), the path of a LAMMPS input script, of which
+        only the lines that define the model are read (``variable`` and ``include`` are understood), or objects of `atc.decomposers`.
+    units : str or Units
+        Units of the numbers in LAMMPS lines that have no ``units`` line. For objects: the units that descriptions refer to.
+    special_bonds : str, optional
+        For objects only: what LAMMPS's ``special_bonds`` would say, e.g. ``"lj/coul 0 1 1"``. Default, as in LAMMPS, ``0 0 0``:
+        atoms one, two or three bonds apart have no pair interaction, if the frame has bonds.
+
+    Returns
+    -------
+    Potential
+
+    Raises
+    ------
+    AtcError that names the file and line: unsupported style, wrong or missing coefficients, unknown units, missing file.
+    """
+    from pathlib import Path
+
+    from ..errors import AtcError
+    from .base import Potential, Term
+    from .pair import Pairs, PairStyle
+
+    if isinstance(source, Potential):
+        return source
+    if isinstance(source, str | Path):
+        if special_bonds is not None:
+            raise AtcError("special_bonds= goes with objects; in LAMMPS lines write a special_bonds line")
+        for module in _STYLE_MODULES:
+            if find_spec(f".{module}", __name__) is not None:
+                import_module(f".{module}", __name__)
+        from .lammps_input import potential_from_lammps
+
+        return potential_from_lammps(source, units)
+    parts = list(source) if isinstance(source, list | tuple) else [source]
+    styles = [p for p in parts if isinstance(p, PairStyle)]
+    terms = [p for p in parts if isinstance(p, Term)]
+    if len(styles) + len(terms) != len(parts) or not parts:
+        odd = next((p for p in parts if not isinstance(p, PairStyle | Term)), None)
+        raise AtcError(
+            f"a potential is made from LAMMPS lines, a LAMMPS input script, or objects of atc.decomposers, not from {type(odd).__name__}"
+        )
+    known = {p.units.name: p.units for p in parts if getattr(p, "units", None) is not None}
+    if units is None:
+        if not known:
+            raise AtcError("say which units the potential is in: units='metal' (or lj, real, ...)")
+        units = next(iter(known.values()))
+    from ..units import require_compatible
+    from ..units import units as get_units
+
+    for u in known.values():
+        require_compatible(get_units(units), u, "the potential", "one of its parts")
+    if styles:
+        from .special_bonds import SpecialBonds
+
+        special = SpecialBonds.from_lines([(special_bonds.split(), "special_bonds")] if special_bonds else [])
+        terms.insert(0, Pairs(styles, min(s.n_types for s in styles), special))
+    return Potential(terms, units)

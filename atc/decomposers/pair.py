@@ -33,6 +33,10 @@ class PairStyle:
     def cutoff(self) -> float:
         return float(np.sqrt(self.table[..., 0].max()))
 
+    @property
+    def n_types(self) -> int:
+        return len(self.table) - 1
+
     def prepare(self, frame: Frame):
         """Per-frame data for `add` (charges, self terms); None by default."""
         return None
@@ -54,24 +58,37 @@ class Pairs(Term):
     styles : list of PairStyle
     n_types : int
     special : object with ``prepare(frame)`` giving per-frame special-bond weights, or None (see special_bonds)
+    grow : function n_types → list of PairStyle for a frame with more types than `n_types`, or None if there is no more to know
     """
 
     pairwise = True
 
-    def __init__(self, styles, n_types: int, special=None):
+    def __init__(self, styles, n_types: int, special=None, grow=None):
         self.styles = list(styles)
         self.n_types = n_types
         self.special = special
-        self.cutoff = max(s.cutoff for s in self.styles)
+        self.grow = grow
+        self.cutoff = max((s.cutoff for s in self.styles), default=0.0)
+        if not self.cutoff > 0:
+            raise AtcError("the pair styles have no interaction: every cutoff is 0")
+        self._grown: dict[int, Pairs] = {}
 
     def describe(self) -> str:
         return "pair " + " + ".join(s.name for s in self.styles) + ", energy shared half to each atom"
 
     def prepare(self, frame: Frame) -> Work:
-        if len(frame) and frame.types.max() > self.n_types:
-            raise AtcError(
-                f"{frame.source}: atoms of type {int(frame.types.max())} but the pair coefficients cover types 1 to {self.n_types}: add a pair_coeff line for it"
-            )
+        top = int(frame.types.max()) if len(frame) else 0
+        if top > self.n_types:
+            if self.grow is None:
+                raise AtcError(
+                    f"{frame.source}: atoms of type {top} but the pair coefficients cover types 1 to {self.n_types}: add a pair_coeff line for it"
+                )
+            if top not in self._grown:
+                try:
+                    self._grown[top] = Pairs(self.grow(top), top, self.special)
+                except AtcError as e:
+                    raise AtcError(f"{frame.source} has atoms of type {top}; {e}") from None
+            return self._grown[top].prepare(frame)
         if len(frame) and frame.types.min() < 1:
             raise AtcError(f"{frame.source}: atom types must be 1 or larger, found {int(frame.types.min())}")
         if any(s.needs_charges for s in self.styles):

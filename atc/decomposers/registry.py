@@ -84,7 +84,7 @@ class Modify:
 
     shift: bool = False
     mix: str | None = None
-    table_bits: int | None = None
+    tail: bool = False
 
 
 @dataclass(frozen=True)

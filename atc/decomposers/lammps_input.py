@@ -1,0 +1,349 @@
+"""A model from LAMMPS lines or a LAMMPS input script: styles and coefficients become the terms of a `Potential`."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import AtcError
+from ..units import LAMMPS_STYLES, Units, units
+from .base import Potential, Term
+from .lammps_script import Command, is_text, read_commands, read_text
+from .pair import Pairs, PairStyle
+from .registry import STYLES, CoeffLine, Modify, StyleInput, TypeRange, supported
+
+__all__ = ["potential_from_lammps"]
+
+_BONDED = ("bond", "angle", "dihedral", "improper")
+# Accelerator suffixes: other code for the same formula.
+_SUFFIX = re.compile(r"/(omp|opt|gpu|intel|kk|kk/host|kk/device)$")
+
+
+@dataclass
+class _Style:
+    """A ``*_style`` line with the coefficient lines and pair_modify lines that followed it."""
+
+    kind: str
+    name: str
+    args: tuple[str, ...]
+    where: str
+    lines: list[Command] = field(default_factory=list)
+    modify: list[Command] = field(default_factory=list)
+
+
+@dataclass
+class _Model:
+    units: Units
+    folder: Path
+    styles: dict[str, _Style] = field(default_factory=dict)
+    special: list[Command] = field(default_factory=list)
+    dielectric: float = 1.0
+    labels: dict[str, dict[str, int]] = field(default_factory=dict)
+    masses: dict[int, float] = field(default_factory=dict)
+    data_file: Path | None = None
+
+
+def potential_from_lammps(source: str | Path, units_=None) -> Potential:
+    """The `Potential` of LAMMPS lines, or of the LAMMPS input script at a path. See `atc.potential`."""
+    if isinstance(source, Path) or not is_text(source):
+        path = Path(source).expanduser()
+        text, name, folder = read_text(path), str(source), path.parent
+    else:
+        text, name, folder = source, "potential", Path.cwd()
+    commands = read_commands(text, name, folder)
+    model = _gather(commands, name, folder, units_)
+    return _assemble(model, name)
+
+
+# Gathering ------------------------------------------------------------------------------------------------------------------------------
+
+
+def _gather(commands: list[Command], name: str, folder: Path, units_) -> _Model:
+    model = _Model(_units(commands, name, units_), folder)
+    for c in commands:
+        kind = c.name.split("_")[0]
+        if c.name.endswith("_style") and kind in STYLES:
+            _take_style(model, kind, c)
+        elif c.name.endswith("_coeff") and kind in STYLES:
+            if kind not in model.styles:
+                raise AtcError(f"{c.where}: {c.name} before any {kind}_style: put the style first")
+            model.styles[kind].lines.append(c)
+        elif c.name == "pair_modify":
+            if "pair" not in model.styles:
+                raise AtcError(f"{c.where}: pair_modify before any pair_style: put the style first")
+            model.styles["pair"].modify.append(c)
+        elif c.name == "special_bonds":
+            model.special.append(c)
+        elif c.name == "dielectric":
+            model.dielectric = _float(c, 0)
+            if model.dielectric <= 0:
+                raise AtcError(f"{c.where}: the dielectric constant must be positive, got {c.words[0]}")
+        elif c.name == "kspace_style" and c.words[:1] != ("none",):
+            raise AtcError(
+                f"{c.where}: kspace_style {' '.join(c.words)}: long-range forces cannot be split into bonds from positions alone, so they are not supported; "
+                "use coul/dsf or coul/wolf (or kspace_style none)"
+            )
+        elif c.name == "dimension" and c.words[:1] != ("3",):
+            raise AtcError(f"{c.where}: dimension {' '.join(c.words)} is not supported: only three-dimensional models are")
+        elif c.name == "labelmap":
+            _labelmap(model, c)
+        elif c.name == "mass":
+            if len(c.words) == 2:
+                for t in _types(model, "atom", c.words[0], c.where)(max(model.masses, default=0) or 1):
+                    model.masses[t] = _float(c, 1)
+        elif c.name == "read_data" and c.words:
+            from .lammps_data_coeffs import take_data_file
+
+            take_data_file(model, c)
+    return model
+
+
+def _units(commands, name, given) -> Units:
+    said = [c for c in commands if c.name == "units"]
+    names = {c.words[0] if c.words else "" for c in said}
+    if len(names) > 1:
+        raise AtcError(f"{said[-1].where}: units are set more than once, to {' and '.join(sorted(names))}: keep one")
+    if said:
+        if said[0].words[:1] and said[0].words[0] not in LAMMPS_STYLES:
+            raise AtcError(f"{said[0].where}: unknown units {said[0].words[0]!r}: expected one of {', '.join(LAMMPS_STYLES)}")
+        if not said[0].words:
+            raise AtcError(f"{said[0].where}: units needs a style: one of {', '.join(LAMMPS_STYLES)}")
+        found = units(said[0].words[0])
+        if given is not None and units(given).name != found.name:
+            raise AtcError(f"{said[0].where}: the lines say units {found.name} but units={units(given).name!r} was given: drop one of them")
+        return found
+    if given is None:
+        raise AtcError(
+            f"{name}: the units of the coefficients are not known: add a 'units' line, or say units='metal' (one of {', '.join(LAMMPS_STYLES)})"
+        )
+    return units(given)
+
+
+def _take_style(model: _Model, kind: str, c: Command) -> None:
+    if not c.words:
+        raise AtcError(f"{c.where}: {c.name} needs a style: one of {supported(kind)}")
+    name, args = _SUFFIX.sub("", c.words[0]), c.words[1:]
+    old = model.styles.get(kind)
+    if name == "none":
+        model.styles.pop(kind, None)
+        return
+    if old is not None and old.name == name and old.lines and not name.startswith("hybrid"):
+        # LAMMPS keeps the coefficients and resets their cutoffs here; which lines still hold is not for us to guess.
+        raise AtcError(
+            f"{c.where}: {c.name} {name} is given a second time ({old.where} was the first): keep the one that holds, with its coefficients"
+        )
+    model.styles[kind] = _Style(kind, name, args, c.where)
+
+
+def _labelmap(model: _Model, c: Command) -> None:
+    if not c.words or c.words[0] not in ("atom", *_BONDED) or len(c.words) % 2 == 0:
+        raise AtcError(f"{c.where}: expected 'labelmap atom|bond|angle|dihedral|improper number label ...', got {' '.join(c.words)!r}")
+    for number, label in zip(c.words[1::2], c.words[2::2], strict=True):
+        model.labels.setdefault(c.words[0], {})[label] = int(_number(number, c.where))
+
+
+def _number(word: str, where: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        raise AtcError(f"{where}: expected a number, got {word!r}") from None
+
+
+def _float(c: Command, k: int) -> float:
+    if len(c.words) <= k:
+        raise AtcError(f"{c.where}: {c.name} needs {k + 1} argument{'s' if k else ''}")
+    return _number(c.words[k], c.where)
+
+
+def _types(model: _Model, kind: str, word: str, where: str) -> TypeRange:
+    """``3``, ``*``, ``2*``, ``*3``, ``1*3``, or a type label."""
+    label = model.labels.get(kind, {}).get(word)
+    if label is not None:
+        return TypeRange(label, label)
+    m = re.fullmatch(r"(\d*)(\*?)(\d*)", word)
+    if not m or not word or (not m.group(2) and m.group(3)):
+        known = f" or one of the labels {', '.join(model.labels[kind])}" if model.labels.get(kind) else ""
+        raise AtcError(f"{where}: expected a type such as 1, * or 2*4{known}, got {word!r}")
+    lo = int(m.group(1) or 1)
+    hi = lo if not m.group(2) else int(m.group(3)) if m.group(3) else None
+    if lo < 1 or (hi is not None and hi < lo):
+        raise AtcError(f"{where}: the types {word!r} are no range of numbers from 1")
+    return TypeRange(lo, hi)
+
+
+def _coeff_lines(model: _Model, style: _Style) -> list[CoeffLine]:
+    out = []
+    width = 2 if style.kind == "pair" else 1
+    kind = "atom" if style.kind == "pair" else style.kind
+    for c in style.lines:
+        if len(c.words) < width:
+            raise AtcError(f"{c.where}: {c.name} needs {width} type{'s' if width > 1 else ''} and the coefficients")
+        types = tuple(_types(model, kind, w, c.where) for w in c.words[:width])
+        if width == 2 and types[0].lo == types[0].hi and types[1].lo == types[1].hi and types[0].lo > types[1].lo:
+            types = types[::-1]
+        out.append(CoeffLine(types, c.words[width:], c.where))
+    return out
+
+
+def _n_types(lines: list[CoeffLine]) -> int:
+    return max((t.hi if t.hi is not None else t.lo for line in lines for t in line.types), default=1)
+
+
+# Assembling -----------------------------------------------------------------------------------------------------------------------------
+
+
+def _builder(kind: str, name: str, where: str):
+    try:
+        return STYLES[kind][name]
+    except KeyError:
+        raise AtcError(f"{where}: {kind}_style {name} is not supported: expected one of {supported(kind)}") from None
+
+
+def _modify(style: _Style) -> Modify:
+    return apply_modify(Modify(), [(c.words, c.where) for c in style.modify])
+
+
+def apply_modify(modify: Modify, lines) -> Modify:
+    """`modify` after the words of pair_modify lines."""
+    from dataclasses import replace
+
+    from .pair_input import MIX_RULES
+
+    for words, where in lines:
+        k = 0
+        while k < len(words):
+            key, value = words[k], words[k + 1] if k + 1 < len(words) else None
+            if value is None and key != "nofdotr":
+                raise AtcError(f"{where}: pair_modify {key} needs a value")
+            if key == "shift":
+                modify = replace(modify, shift=_yes(value, f"{where}: pair_modify shift"))
+            elif key == "mix":
+                if value not in MIX_RULES:
+                    raise AtcError(f"{where}: pair_modify mix {value}: expected one of {', '.join(MIX_RULES)}")
+                modify = replace(modify, mix=value)
+            elif key in ("table", "table/disp", "tabinner", "tabinner/disp", "tail", "compute", "neigh/trim"):
+                # table*: only for long-range Coulomb. tail: constants added to energy and pressure, no forces.
+                if key == "compute" and not _yes(value, f"{where}: pair_modify compute"):
+                    raise AtcError(f"{where}: pair_modify compute no is not supported: remove the style instead")
+                if key == "tail" and _yes(value, f"{where}: pair_modify tail"):
+                    modify = replace(modify, tail=True)
+            elif key == "nofdotr":
+                k -= 1
+            else:
+                raise AtcError(f"{where}: pair_modify {key} is not supported: expected shift, mix, table, tail")
+            k += 2
+    return modify
+
+
+def _yes(word, what) -> bool:
+    if word in ("yes", "on", "true"):
+        return True
+    if word in ("no", "off", "false"):
+        return False
+    raise AtcError(f"{what}: expected yes or no, got {word!r}")
+
+
+def _input(model: _Model, style: _Style, lines, n_types: int, **more) -> StyleInput:
+    return StyleInput(
+        kind=style.kind,
+        name=style.name,
+        args=style.args,
+        coeffs=tuple(lines),
+        n_types=n_types,
+        units=model.units,
+        folder=model.folder,
+        where=style.where,
+        dielectric=model.dielectric,
+        labels=model.labels,
+        masses=model.masses,
+        **more,
+    )
+
+
+def _assemble(model: _Model, name: str) -> Potential:
+    from .special_bonds import SpecialBonds
+
+    special = SpecialBonds.from_lines([(c.words, c.where) for c in model.special])
+    terms: list[Term] = []
+    notes = []
+    if "pair" in model.styles:
+        style = model.styles["pair"]
+        if style.name in ("hybrid", "hybrid/overlay"):
+            from .hybrid import build_hybrid
+
+            build, lines, modify = build_hybrid(model, style)
+        else:
+            modify = _modify(style)
+            lines = _coeff_lines(model, style)
+            builder = _builder("pair", style.name, style.where)
+
+            def build(n_types):
+                return builder(_input(model, style, lines, n_types, modify=modify))
+
+        if modify.tail:
+            notes.append("long-range tail corrections (pair_modify tail) are not included")
+        terms += _pair_terms(build, _n_types(lines), special)
+    for kind in _BONDED:
+        if kind in model.styles and model.styles[kind].name != "zero":
+            terms += _bonded_terms(model, model.styles[kind])
+    if not terms:
+        raise AtcError(f"{name}: no interactions found: expected pair_style or bond_style lines with their coefficients")
+    pot = Potential(terms, model.units, "; ".join([t.describe() for t in terms] + notes))
+    pot.masses = {t: float(model.units.to_internal("mass", m)) for t, m in model.masses.items()}
+    pot.data_file = model.data_file
+    return pot
+
+
+def _split(built):
+    built = built if isinstance(built, (list, tuple)) else [built]
+    return [b for b in built if isinstance(b, PairStyle)], [b for b in built if isinstance(b, Term)]
+
+
+def _pair_terms(build, n_types: int, special) -> list[Term]:
+    """All PairStyles in one sweep; terms of their own (sw) beside it."""
+    styles, terms = _split(build(n_types))
+    if styles:
+        terms.insert(0, Pairs(styles, n_types, special, grow=lambda n: _split(build(n))[0]))
+    return terms
+
+
+class _Growing(Term):
+    """A bonded term whose coefficient lines end in ``*``: rebuilt when a frame has more types than the lines name."""
+
+    def __init__(self, kind: str, n_types: int, build):
+        self.kind, self.n_types, self.build = kind, n_types, build
+        self.term = build(n_types)
+        self.cutoff = self.term.cutoff
+        self._grown = {}
+
+    def describe(self):
+        return self.term.describe()
+
+    def prepare(self, frame):
+        types = getattr(frame.topology, f"{self.kind}_types", np.zeros(0, int)) if frame.topology is not None else np.zeros(0, int)
+        top = int(types.max()) if len(types) else 0
+        if top <= self.n_types:
+            return self.term.prepare(frame)
+        if top not in self._grown:
+            self._grown[top] = self.build(top)
+        return self._grown[top].prepare(frame)
+
+
+def _bonded_terms(model: _Model, style: _Style) -> list[Term]:
+    if style.name == "hybrid":
+        raise AtcError(f"{style.where}: {style.kind}_style hybrid is not supported: expected one of {supported(style.kind)}")
+    lines = _coeff_lines(model, style)
+    builder = _builder(style.kind, style.name, style.where)
+    if not lines:
+        raise AtcError(f"{style.where}: {style.kind}_style {style.name} has no {style.kind}_coeff lines: add them")
+
+    def build(n_types):
+        return builder(_input(model, style, lines, n_types))
+
+    n = _n_types(lines)
+    if any(t.hi is None for line in lines for t in line.types):
+        return [_Growing(style.kind, n, build)]
+    return [build(n)]
