@@ -38,7 +38,7 @@ def __dir__():
 _STYLE_MODULES = ("lennard_jones", "stillinger_weber", "bond", "angle")
 
 
-def potential(source, units=None, *, special_bonds=None):
+def potential(source, units=None, *, special_bonds=None, folder=None, name=None):
     """A model of the interactions, ready to decompose frames.
 
     Parameters
@@ -51,6 +51,10 @@ def potential(source, units=None, *, special_bonds=None):
     special_bonds : str, optional
         For objects only: what LAMMPS's ``special_bonds`` would say, e.g. ``"lj/coul 0 1 1"``. Default, as in LAMMPS, ``0 0 0``:
         atoms one, two or three bonds apart have no pair interaction, if the frame has bonds.
+    folder : path, optional
+        For LAMMPS lines only: where the files they name are. Default: the current directory.
+    name : str, optional
+        For LAMMPS lines only: what messages call them.
 
     Returns
     -------
@@ -76,7 +80,7 @@ def potential(source, units=None, *, special_bonds=None):
                 import_module(f".{module}", __name__)
         from .lammps_input import potential_from_lammps
 
-        return potential_from_lammps(source, units)
+        return potential_from_lammps(source, units, folder, name)
     parts = list(source) if isinstance(source, list | tuple) else [source]
     styles = [p for p in parts if isinstance(p, PairStyle)]
     terms = [p for p in parts if isinstance(p, Term)]

@@ -46,13 +46,13 @@ class _Model:
     data_file: Path | None = None
 
 
-def potential_from_lammps(source: str | Path, units_=None) -> Potential:
+def potential_from_lammps(source: str | Path, units_=None, folder=None, name=None) -> Potential:
     """The `Potential` of LAMMPS lines, or of the LAMMPS input script at a path. See `atc.potential`."""
     if isinstance(source, Path) or not is_text(source):
         path = Path(source).expanduser()
         text, name, folder = read_text(path), str(source), path.parent
     else:
-        text, name, folder = source, "potential", Path.cwd()
+        text, name, folder = source, name or "potential", Path.cwd() if folder is None else Path(folder)
     commands = read_commands(text, name, folder)
     model = _gather(commands, name, folder, units_)
     return _assemble(model, name)
