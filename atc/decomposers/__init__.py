@@ -17,6 +17,23 @@ _WHERE = {
     "LennardJones": "lennard_jones",
     "LennardJonesCut": "lennard_jones",
     "SpecialBonds": "special_bonds",
+    "StillingerWeber": "stillinger_weber",
+    "SWEntry": "sw_file",
+    "HybridTerm": "bonded",
+    "read_tables": "bonded_table",
+    "HarmonicBond": "bond",
+    "MorseBond": "bond",
+    "FeneBond": "bond",
+    "FeneExpandBond": "bond",
+    "TableBond": "bond",
+    "ZeroBond": "bond",
+    "HarmonicAngle": "angle",
+    "CosineAngle": "angle",
+    "CosineSquaredAngle": "angle",
+    "CosineDeltaAngle": "angle",
+    "CharmmAngle": "angle",
+    "TableAngle": "angle",
+    "ZeroAngle": "angle",
 }
 
 __all__ = [*_WHERE, "potential"]

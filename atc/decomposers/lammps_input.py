@@ -333,8 +333,6 @@ class _Growing(Term):
 
 
 def _bonded_terms(model: _Model, style: _Style) -> list[Term]:
-    if style.name == "hybrid":
-        raise AtcError(f"{style.where}: {style.kind}_style hybrid is not supported: expected one of {supported(style.kind)}")
     lines = _coeff_lines(model, style)
     builder = _builder(style.kind, style.name, style.where)
     if not lines:

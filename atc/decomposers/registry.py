@@ -175,5 +175,5 @@ class StyleInput:
 
 def supported(kind: str) -> str:
     """The names of the styles of a kind, for messages."""
-    names = sorted(STYLES[kind]) + (["hybrid", "hybrid/overlay", "none"] if kind == "pair" else ["hybrid", "none"])
+    names = sorted(set(STYLES[kind]) - {"hybrid"}) + (["hybrid", "hybrid/overlay", "none"] if kind == "pair" else ["hybrid", "none"])
     return ", ".join(names)

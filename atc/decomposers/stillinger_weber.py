@@ -23,6 +23,7 @@ from ..frame import Frame
 from ..neighbors import CellList
 from ..units import Units, units
 from .base import Accumulator, Term, Work
+from .registry import pair_style
 from .sw_file import SWEntry, read_sw_file
 
 
@@ -73,17 +74,17 @@ class StillingerWeber(Term):
 
     @classmethod
     def from_file(
-        cls, path, elements, *, units: str | Units = "metal", threebody: bool = True, n_types: int | None = None, where: str = ""
+        cls, path, elements, *, units: str | Units = "metal", threebody: bool = True, least_types: int = 0, where: str = ""
     ) -> StillingerWeber:
         """From a LAMMPS parameter file, e.g. ``StillingerWeber.from_file("Si.sw", ["Si"])``. See `read_sw_file` for its units.
 
         elements : the element of each atom type from 1; ``"NULL"`` or None leaves a type out.
-        n_types, where : for messages and checks: how many types there should be, and the line that said so
+        least_types, where : for checks and messages: how many types are known to exist, and the line that names the elements
         """
         elements = [None if e in (None, "NULL") else e for e in elements]
-        if n_types is not None and len(elements) != n_types:
+        if len(elements) < least_types:
             raise AtcError(
-                f"{where or path}: pair_style sw needs one element (or NULL) for each of the {n_types} atom types, found {len(elements)}"
+                f"{where or path}: pair_style sw needs one element (or NULL) for each of the {least_types} atom types, found {len(elements)}"
             )
         used = dict.fromkeys(e for e in elements if e is not None)
         if not used:
@@ -97,7 +98,7 @@ class StillingerWeber(Term):
         return cls.from_entries(entries, elements, units=units, threebody=threebody)
 
     def _build(self, entries, elements, units_, threebody):
-        u = units(units_)
+        self.units = u = units(units_)
         names = (
             list(dict.fromkeys(k[0] for k in entries)) if elements is None else list(dict.fromkeys(e for e in elements if e is not None))
         )
@@ -436,3 +437,28 @@ def _sw_merge(p0, p1, a, b, rec, G, G_end, atom, out_i, out_j, out_r, out_G):
         out_G[m] = g
         m += 1 if g != 0.0 else 0
     return m
+
+
+@pair_style("sw")
+def _sw(inp):
+    args = list(inp.args)
+    threebody = True
+    while args:
+        if args[0] != "threebody" or len(args) < 2 or args[1] not in ("on", "off", "yes", "no", "true", "false"):
+            raise inp.error(f"pair_style sw: expected nothing or threebody on|off, got {' '.join(args)!r}")
+        threebody = args[1] in ("on", "yes", "true")
+        args = args[2:]
+    if not inp.coeffs:
+        raise inp.error("pair_style sw has no pair_coeff line: give pair_coeff * * <file.sw> <element of each atom type>")
+    if len(inp.coeffs) > 1:
+        raise inp.error("pair_style sw takes one pair_coeff * * line: leave one of them", inp.coeffs[1])
+    line = inp.coeffs[0]
+    if any(t.lo != 1 or t.hi is not None for t in line.types):
+        raise inp.error("pair_style sw wants pair_coeff * * <file.sw> <element of each atom type>: replace the types by * *", line)
+    if len(line.words) < 2:
+        raise inp.error(
+            f"pair_coeff * * of sw takes a file and the element of each atom type, got {' '.join(line.words) or 'nothing'}", line
+        )
+    return StillingerWeber.from_file(
+        inp.path(line.words[0], line), line.words[1:], units=inp.units, threebody=threebody, least_types=inp.n_types, where=line.where
+    )

@@ -1,0 +1,267 @@
+"""What bonds and angles share: which image of an atom is meant, which types have coefficients, and the cut into tasks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numba import njit
+
+from ..errors import AtcError
+from ..frame import Cell, Frame
+from ..units import Units
+from ..units import units as system
+from .base import Accumulator, Term, Work
+from .registry import STYLES, TypeRange
+
+CHUNK = 16384
+
+
+def per_length2(u: Units) -> float:
+    return u.energy / u.length**2
+
+
+def energy(u: Units) -> float:
+    return u.energy
+
+
+def length(u: Units) -> float:
+    return u.length
+
+
+def per_length(u: Units) -> float:
+    return 1.0 / u.length
+
+
+def degrees(u: Units) -> float:
+    return np.pi / 180.0
+
+
+class BondedTerm(Term):
+    """Bonds or angles of one style, with coefficients by type.
+
+    Parameters
+    ----------
+    coeffs : {type: numbers}, the numbers of LAMMPS's coefficient line in its order (`wants`) and in `units`; angles in degrees. For types that
+        differ in nothing a bare tuple is type 1.
+    units : unit style of the numbers; the default has eV and Å
+
+    Attributes
+    ----------
+    covered : types with coefficients
+    others : types that other styles take care of (hybrid). A type of the topology that nobody covers is an error.
+    """
+
+    kind = ""
+    name = ""
+    #: (what, factor to internal units as a function of Units) of each number of a coefficient line
+    wants: tuple[tuple[str, Callable[[Units], float]], ...] = ()
+    others: frozenset = frozenset()
+
+    def __init__(self, coeffs: Mapping | Sequence, *, units: str | Units = "metal"):
+        if not isinstance(coeffs, Mapping):
+            coeffs = {1: coeffs}
+        self.units = system(units)
+        self._set(_converted(self, coeffs, self.units))
+
+    @classmethod
+    def _from_input(cls, values: Mapping, inp):
+        """From a `StyleInput`, values in internal units."""
+        self = cls.__new__(cls)
+        self.units = inp.units
+        self._set(values, inp.where)
+        return self
+
+    def _set(self, values: Mapping, where: str = ""):
+        """Keep the numbers (internal units) as `table`, (largest type + 1, ...)."""
+        self.covered = frozenset(values)
+        self.table = np.zeros((max(self.covered, default=0) + 1, max(1, len(self.wants))))
+        for t, v in values.items():
+            self.table[t, : len(v)] = v
+            wrong = self.check(t)
+            if wrong:
+                raise AtcError(f"{where or self.name}: {self.kind} type {t} of style {self.name}: {wrong}")
+
+    def check(self, t: int) -> str | None:
+        """What is wrong with the numbers of type t, if anything."""
+        return None
+
+    def describe(self) -> str:
+        return f"{self.kind} {self.name}"
+
+    def terms_of(self, frame: Frame):
+        """(m, k) atom indices and (m,) types of this style's terms in a frame.
+
+        Raises
+        ------
+        AtcError without topology, for types without coefficients, or for atoms that are not in the frame.
+        """
+        kind, top = self.kind, frame.topology
+        if top is None:
+            raise AtcError(
+                f"{frame.source}: {kind}_style {self.name} needs to know the {kind}s: give a LAMMPS data file with a {kind.capitalize()}s section as topology"
+            )
+        atoms, types = np.asarray(getattr(top, f"{kind}s")), np.asarray(getattr(top, f"{kind}_types"))
+        missing = sorted(set(np.unique(types).tolist()) - self.covered - self.others)
+        if missing:
+            raise AtcError(
+                f"{frame.source}: {kind} type {missing[0]} is in the topology but has no coefficients in {kind}_style {self.name}: "
+                f"add a {kind}_coeff {missing[0]} line"
+            )
+        if len(atoms) and (atoms.min() < 0 or atoms.max() >= len(frame)):
+            raise AtcError(
+                f"{frame.source}: the topology has {kind}s of atoms that are not in this frame ({len(frame)} atoms): dump all atoms"
+            )
+        if self.others:
+            mine = np.isin(types, list(self.covered))
+            atoms, types = atoms[mine], types[mine]
+        return np.ascontiguousarray(atoms, dtype=np.int32), np.ascontiguousarray(types, dtype=np.int32)
+
+
+def _converted(term, coeffs, u):
+    out = {}
+    for t, v in coeffs.items():
+        v = tuple(np.atleast_1d(v).astype(float))
+        if len(v) != len(term.wants):
+            names = ", ".join(w for w, _ in term.wants)
+            raise AtcError(f"{term.kind} style {term.name}: type {t} needs {names or 'no numbers'}, got {len(v)} numbers")
+        out[int(t)] = tuple(x * f(u) for x, (_, f) in zip(v, term.wants, strict=True))
+    return out
+
+
+class HybridTerm(Term):
+    """Several styles of one kind side by side (LAMMPS ``bond_style hybrid``), each with types of its own.
+
+    terms : BondedTerms of one kind. silent : types that are meant to have no interaction (LAMMPS's ``none``).
+    """
+
+    def __init__(self, terms: Sequence[BondedTerm], silent=()):
+        self.terms = list(terms)
+        for t in self.terms:
+            t.others = frozenset(silent).union(*(o.covered for o in self.terms if o is not t))
+        self.units = self.terms[0].units
+
+    def describe(self) -> str:
+        return "; ".join(t.describe() for t in self.terms)
+
+    def prepare(self, frame: Frame) -> Work:
+        return _HybridWork([t.prepare(frame) for t in self.terms])
+
+
+class _HybridWork(Work):
+    def __init__(self, works):
+        self.tasks = [(w, k) for w in works for k in range(w.stages[0])]
+        self.stages = (len(self.tasks),)
+
+    def run(self, stage, task, acc: Accumulator):
+        work, k = self.tasks[task]
+        return work.run(0, k, acc)
+
+
+def _build_hybrid(inp):
+    """``bond_style hybrid harmonic table linear 1000`` and ``bond_coeff 1 harmonic 80 1.2`` lines."""
+    known = STYLES[inp.kind]
+    args: dict[str, list[str]] = {}
+    for word in inp.args:
+        if word in known and word != "hybrid":
+            if word in args:
+                raise inp.error(f"{inp.command} names {word} twice: name each style once")
+            args[word] = []
+        elif not args:
+            raise inp.error(f"{inp.command}: {word} is not supported: expected {', '.join(sorted(known))}")
+        else:
+            args[list(args)[-1]].append(word)
+    lines: dict[str, list] = {name: [] for name in args}
+    silent: set[int] = set()
+    last: dict[int, str] = {}
+    for line in inp.coeffs:
+        name = line.words[0] if line.words else ""
+        if name not in args and name not in ("none", "skip"):
+            raise inp.error(f"{inp.kind}_coeff of hybrid: expected one of {', '.join([*args, 'none'])} after the type, got {name!r}", line)
+        for (t,) in line.covers(inp.n_types):
+            last[t] = name
+        if name in args:
+            lines[name].append(replace(line, words=line.words[1:]))
+    terms = []
+    for name, more in args.items():
+        # A type given twice belongs to the style that names it last.
+        mine = [replace(x, types=(TypeRange(t, t),)) for x in lines[name] for (t,) in x.covers(inp.n_types) if last[t] == name]
+        if mine:
+            terms.append(known[name](inp.replace(name=name, args=tuple(more), coeffs=tuple(mine))))
+    silent = {t for t, name in last.items() if name not in args}
+    if not terms:
+        raise inp.error(f"{inp.command} has no {inp.kind}_coeff lines for any of its styles: add them")
+    return HybridTerm(terms, silent)
+
+
+def register_bonded(register, *classes):
+    """Make the LAMMPS style of each class known to the input reader."""
+
+    def make(cls):
+        def build(inp):
+            if inp.args:
+                raise inp.error(f"{inp.command} takes no arguments, got {' '.join(inp.args)}")
+            values = inp.type_values([(what, f(inp.units)) for what, f in cls.wants])
+            return cls._from_input(values, inp)
+
+        return build
+
+    for cls in classes:
+        register(cls.name)(make(cls))
+    register("hybrid")(_build_hybrid)
+
+
+class Images:
+    """Finds the vector from one atom to the closest image of another.
+
+    This is LAMMPS's rule for bonded atoms, also where the cell is so small or so tilted that rounding fractional coordinates finds another
+    one. Two images at the same distance (a bond across exactly half a cell): one of them.
+    """
+
+    def __init__(self, cell: Cell):
+        self.vectors, self.inverse, self.periodic = cell.vectors, np.ascontiguousarray(cell.inverse), cell.periodic
+        # Within half the smallest thickness there is no closer image.
+        self.safe2 = (0.5 * cell.heights[cell.periodic].min()) ** 2 if cell.periodic.any() else np.inf
+        self.heights = cell.heights
+
+    def vectors_to(self, x_nc, i, j, r_bc):
+        """Fill r = x_i − x_j (closest image)."""
+        _closest(x_nc, i, j, self.vectors, self.inverse, self.periodic, self.heights, self.safe2, r_bc)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _closest(x, i, j, vectors, inverse, periodic, heights, safe2, r):
+    s = np.empty(3)
+    d = np.empty(3)
+    best = np.empty(3)
+    reach = np.zeros(3, np.int64)
+    for b in range(len(i)):
+        for c in range(3):
+            d[c] = x[i[b], c] - x[j[b], c]
+        for k in range(3):
+            s[k] = 0.0
+            if periodic[k]:
+                s[k] = np.rint(d[0] * inverse[0, k] + d[1] * inverse[1, k] + d[2] * inverse[2, k])
+        d2 = 0.0
+        for c in range(3):
+            d[c] -= s[0] * vectors[0, c] + s[1] * vectors[1, c] + s[2] * vectors[2, c]
+            best[c] = d[c]
+            d2 += d[c] * d[c]
+        if d2 > safe2:
+            # A closer image lies within this distance: at most this many cells away along each axis.
+            for k in range(3):
+                reach[k] = int(np.sqrt(d2) / heights[k] + 0.5 + 1e-9) if periodic[k] else 0
+            for n0 in range(-reach[0], reach[0] + 1):
+                for n1 in range(-reach[1], reach[1] + 1):
+                    for n2 in range(-reach[2], reach[2] + 1):
+                        e2 = 0.0
+                        for c in range(3):
+                            e = d[c] + n0 * vectors[0, c] + n1 * vectors[1, c] + n2 * vectors[2, c]
+                            e2 += e * e
+                        if e2 < d2:
+                            d2 = e2
+                            for c in range(3):
+                                best[c] = d[c] + n0 * vectors[0, c] + n1 * vectors[1, c] + n2 * vectors[2, c]
+        for c in range(3):
+            r[b, c] = best[c]
