@@ -434,7 +434,7 @@ def plot(
         Path | None,
         typer.Option("--overlay", metavar="SCENE", help="Draw the atoms of this scene's trajectory near the plane.", show_default=False),
     ] = None,
-    quiet: Quiet = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Do not print the picture's name.")] = False,
 ) -> None:
     """Draw a slice, plane or profile of a field."""
     from . import plotting

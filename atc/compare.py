@@ -32,6 +32,8 @@ class Comparison:
         Hardy component), ``stderr_difference`` or ``stderr_virial`` and ``sigmas`` (difference in standard errors); stresses in `units`, tension positive
     data : xarray.Dataset with ``profile_*`` (axis profiles of both) and ``difference`` (Hardy − smoothed virial, pointwise) where the output allows
     notes : what could not be compared, and why
+    attrs : kernel, radius, method, tolerance, measured error of the output
+    place : atc.layout.Layout of the points
     """
 
     rows: list[dict]
@@ -40,6 +42,7 @@ class Comparison:
     title: str
     notes: list[str] = field(default_factory=list)
     attrs: dict = field(default_factory=dict)
+    place: object = None
 
     def json(self) -> str:
         """The table as JSON, numbers unrounded."""
@@ -169,6 +172,7 @@ def compare(ds, *, frame=None) -> Comparison:
     import xarray as xr
 
     from . import plotting
+    from .layout import layout
 
     name = "output" if isinstance(ds, xr.Dataset) else str(ds)
     ds = plotting.load(ds)
@@ -180,10 +184,10 @@ def compare(ds, *, frame=None) -> Comparison:
         raise AtcError(
             f"{name}: holds no virial stress to compare with: compute virial_stress (box average) or smoothed_virial_stress (pointwise) too"
         )
-    place = plotting.layout(ds, ds[hardy_name])
+    place = layout(ds, ds[hardy_name])
     entries, when = _entries(ds, frame)
     title = ", ".join(t for t in (Path(name).name, plotting._title(ds), when) if t)
-    out = Comparison([], xr.Dataset(), ds[hardy_name].attrs.get("units", ""), title)
+    out = Comparison([], xr.Dataset(), ds[hardy_name].attrs.get("units", ""), title, place=place)
     for k in ("kernel", "radius", "radius_units", "method", "tolerance", "measured_error"):
         if k in ds.attrs:
             v = ds.attrs[k]

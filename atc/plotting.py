@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from .errors import AtcError
+from .layout import cut, grid_dims, layout, placed, rank, unit_text
 
 STDERR = "_stderr"
 TENSOR = ["xx", "yy", "zz", "xy", "xz", "yz", "yx", "zx", "zy"]
@@ -20,11 +21,7 @@ VECTOR = ["x", "y", "z", "magnitude"]
 
 # what cannot be negative
 _POSITIVE = {"number_density", "density", "temperature", "vonmises", "max_shear", "magnitude"}
-_MAPS = {"temperature": "inferno", "density": "viridis", "number_density": "viridis"}
-_TEX = {
-    "angstrom": "Å", "sigma": "$\\sigma$", "K": "K", "epsilon/kB": "$\\epsilon/k_B$", "epsilon/sigma^3": "$\\epsilon/\\sigma^3$", "m/sigma^3": "$m/\\sigma^3$",
-    "1": "", "sigma/tau": "$\\sigma/\\tau$", "1/sigma^3": "$1/\\sigma^3$",
-}  # fmt: skip
+_MAPS = {"temperature": "inferno", "vonmises": "magma", "max_shear": "magma"}
 _STYLE = {
     "font.size": 9,
     "axes.titlesize": 9,
@@ -41,16 +38,6 @@ _STYLE = {
     "mathtext.default": "regular",
     "svg.hashsalt": "atc",
 }
-
-
-def unit_text(units: str) -> str:
-    """The unit as drawn: Å for angstrom, powers raised."""
-    import re
-
-    if units in _TEX:
-        return _TEX[units]
-    text = units.replace("angstrom", "Å").replace("*", "·")
-    return re.sub(r"\^(-?\d+)", r"$^{\1}$", text)
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -99,17 +86,9 @@ _SYMBOL = {
 }  # fmt: skip
 
 
-def _rank(da) -> int:
-    return sum(d in ("i", "j") for d in da.dims)
-
-
-def _grid_dims(da) -> list[str]:
-    return [d for d in da.dims if d not in ("frame", "i", "j")]
-
-
 def fields_of(ds) -> list[str]:
     """The variables of a dataset that are fields on its grid (standard errors and the like left out)."""
-    return [n for n, da in ds.data_vars.items() if _grid_dims(da) and da.dtype.kind == "f" and not n.endswith(STDERR) and _placed(ds, da)]
+    return [n for n, da in ds.data_vars.items() if grid_dims(da) and da.dtype.kind == "f" and not n.endswith(STDERR) and placed(ds, da)]
 
 
 def load(path):
@@ -144,7 +123,7 @@ def _pick(ds, quantity):
         near = difflib.get_close_matches(quantity, names, n=1)
         why = (
             "is one number for the box, not a field: nothing to draw"
-            if quantity in ds and not _grid_dims(ds[quantity])
+            if quantity in ds and not grid_dims(ds[quantity])
             else "is not in this output"
         )
         raise AtcError(f"{quantity} {why}: {f'did you mean {near[0]!r}? ' if near else ''}it holds {', '.join(names) or 'no fields'}")
@@ -184,13 +163,13 @@ def _frame_text(ds, k) -> str:
 
 def _scalars(da, wanted) -> list[str | None]:
     """The components to draw, one a panel."""
-    rank = _rank(da)
-    if rank == 0:
+    order = rank(da)
+    if order == 0:
         if wanted not in (None, "all"):
             raise AtcError(f"{da.name} is a scalar: it has no component {wanted!r}")
         return [None]
     if wanted in (None, "all"):
-        if rank == 1:
+        if order == 1:
             return list(VECTOR)
         symmetric = np.allclose(
             da.values,
@@ -211,14 +190,14 @@ def _label(da, comp, units) -> str:
     return f"{name} ({units})" if units else name
 
 
-def _colours(name, comp, values, limits, robust):
-    """Colour map and limits for one panel."""
+def _colours(name, comp, values, limits, robust, floor=0.0):
+    """Colour map and limits for one panel; a signed map never reaches less far than `floor`, so that rounding does not look like a field."""
     import matplotlib as mpl
 
     finite = values[np.isfinite(values)]
     positive = comp in _POSITIVE or (comp is None and name in _POSITIVE)
     if positive or (comp is None and finite.size and finite.min() >= 0):
-        cmap = _MAPS.get(name, "viridis" if comp is None else "cividis")
+        cmap = _MAPS.get(comp or name, "viridis")
         lo, hi = 0.0, 1.0
         if finite.size:
             lo, hi = np.percentile(finite, [2, 98]) if robust else (finite.min(), finite.max())
@@ -226,11 +205,11 @@ def _colours(name, comp, values, limits, robust):
         cmap = "RdBu_r"
         top = 1.0
         if finite.size:
-            top = np.percentile(np.abs(finite), 98) if robust else np.abs(finite).max()
+            top = max(np.percentile(np.abs(finite), 98) if robust else np.abs(finite).max(), floor)
         lo, hi = -top, top
     if limits is not None:
         lo, hi = limits
-    if not hi > lo:  # a constant field
+    if not hi - lo > 1e-12 * abs(hi):  # a constant field
         pad = abs(lo) * 1e-3 or 1.0
         lo, hi = lo - pad, hi + pad
     cmap = mpl.colormaps[cmap].with_extremes(bad="0.82")
@@ -272,17 +251,17 @@ def plot(ds, quantity=None, *, component=None, slice=None, axis=None, index=None
     for q in wanted:
         name = _pick(ds, q)
         da, when = _at_frame(ds, name, frame)
-        da = da.transpose(*_grid_dims(da), ...)
-        comps = _scalars(da, component if _rank(da) or len(wanted) == 1 else None)
-        if len(wanted) > 1 and component is None and _rank(da):
-            comps = ["magnitude" if _rank(da) == 1 else "vonmises"]
+        da = da.transpose(*grid_dims(da), ...)
+        comps = _scalars(da, component if rank(da) or len(wanted) == 1 else None)
+        if len(wanted) > 1 and component is None and rank(da):
+            comps = ["magnitude" if rank(da) == 1 else "vonmises"]
         panels += [(name, da, c) for c in comps]
-    dims = {tuple(_grid_dims(da)) for _, da, _ in panels}
+    dims = {tuple(grid_dims(da)) for _, da, _ in panels}
     if len(dims) > 1:
         raise AtcError("fields on different grids cannot share a picture: plot them one by one")
     place = layout(ds, panels[0][1])
     if place.kind == "volume":
-        place, selection, where = _cut(place, slice, axis, index)
+        place, selection, where = cut(place, slice, axis, index)
     else:
         if slice is not None or axis is not None or index is not None:
             raise AtcError(f"this output is on a {place.kind}, not on a 3-D grid: there is nothing to slice")
@@ -310,49 +289,69 @@ def _title(ds) -> str:
 
 
 def _figure(Figure, n, width, height, columns=3):
-    columns = min(n, columns if n not in (2, 4) else 2)
-    rows = -(-n // columns)
-    fig = Figure(figsize=(width * columns, height * rows), layout="constrained")
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+    columns = min(n, 2 if n in (2, 4) and columns > 1 else columns)
+    rows = -(-n // columns)
+    fig = Figure(figsize=(width * columns, height * rows + 0.3), layout="constrained")
     FigureCanvasAgg(fig)
     return fig, fig.subplots(rows, columns, squeeze=False)
 
 
-def _maps(Figure, panels, values, place, title, limits, robust, atoms):
-    flat, axes_labels, basis, origin = place.flat()
+def _map(fig, ax, place, drawn_as, v, cmap, low, high, extend, title):
+    """One map with its colour bar, at true positions and equal aspect."""
+    flat, labels, _, _ = drawn_as
     lo, hi = flat.reshape(-1, 2).min(0), flat.reshape(-1, 2).max(0)
-    span = np.maximum(hi - lo, 1e-12)
-    aspect = float(np.clip(span[1] / span[0], 0.25, 2.5))
-    width = 3.4 if len(panels) > 1 else 4.6
-    fig, axs = _figure(Figure, len(panels), width, 0.78 * width * aspect + 0.65)
-    for ax, (name, da, comp), v in zip(axs.flat, panels, values):
-        cmap, low, high, extend = _colours(name, comp, v, limits, robust)
-        masked = np.ma.masked_invalid(v)
-        if place.kind == "plane":
-            drawn = ax.pcolormesh(flat[..., 0], flat[..., 1], masked, cmap=cmap, vmin=low, vmax=high, rasterized=True, shading="flat")
-        else:
-            order = np.argsort(np.where(np.isfinite(v), np.abs(v), -1))
-            size = float(np.clip(1.5e4 / max(len(v), 1), 3, 40))
-            bad = ~np.isfinite(v)
-            ax.scatter(*flat[bad].T, s=size, c="0.82", linewidths=0)
-            order = order[~bad[order]]
-            drawn = ax.scatter(*flat[order].T, s=size, c=v[order], cmap=cmap, vmin=low, vmax=high, linewidths=0, rasterized=len(v) > 5000)
-        if atoms is not None and len(atoms):
-            near = np.abs((atoms - origin) @ basis[2]) <= place.thickness
-            ax.scatter(*((atoms[near] - origin * 0) @ basis[:2].T).T, s=2, facecolors="none", edgecolors="k", linewidths=0.3, alpha=0.6)
-        ax.set_aspect("equal")
+    wide = hi[1] - lo[1] < 0.45 * (hi[0] - lo[0])
+    if place.kind == "plane":
+        drawn = ax.pcolormesh(
+            flat[..., 0], flat[..., 1], np.ma.masked_invalid(v), cmap=cmap, vmin=low, vmax=high, rasterized=True, shading="flat"
+        )
         ax.set_xlim(lo[0], hi[0])
         ax.set_ylim(lo[1], hi[1])
-        if place.kind != "plane":
-            ax.margins(0.03)
-            ax.autoscale()
-        ax.set_facecolor("white")
-        ax.set_xlabel(axes_labels[0])
-        ax.set_ylabel(axes_labels[1])
-        bar = fig.colorbar(drawn, ax=ax, extend=extend, fraction=0.046, pad=0.02)
-        bar.outline.set_linewidth(0.6)
-        bar.set_label(_label(da, comp, da.attrs.get("units", "")))
+    else:
+        good = np.isfinite(v)
+        order = np.argsort(np.where(good, np.abs(v), -1), kind="stable")  # the largest on top
+        order = order[good[order]]
+        size = float(np.clip(1.5e4 / max(len(v), 1), 2, 40))
+        ax.scatter(*flat[~good].T, s=size, c="0.82", linewidths=0)
+        drawn = ax.scatter(*flat[order].T, s=size, c=v[order], cmap=cmap, vmin=low, vmax=high, linewidths=0, rasterized=len(v) > 5000)
+        ax.margins(0.03)
+    ax.set_aspect("equal")
+    ax.set_xlabel(labels[0])
+    ax.set_ylabel(labels[1])
+    ax.set_title(title)
+    where = {"location": "bottom", "shrink": 0.8, "aspect": 40} if wide else {"fraction": 0.046, "pad": 0.02}
+    bar = fig.colorbar(drawn, ax=ax, extend=extend, **where)
+    bar.outline.set_linewidth(0.6)
+    return drawn
+
+
+def _panel_size(flat, panels):
+    """Width and height of one panel, and how many go side by side."""
+    span = np.maximum(np.ptp(flat.reshape(-1, 2), axis=0), 1e-12)
+    aspect = float(np.clip(span[1] / span[0], 0.1, 2.5))
+    if aspect < 0.45:
+        width = 6.0
+        return width, 0.88 * width * aspect + 1.25, 1
+    width = 4.6 if panels == 1 else 3.3
+    return width, (width - 1.15) * aspect + 0.75, 3
+
+
+def _maps(Figure, panels, values, place, title, limits, robust, atoms):
+    drawn_as = place.flat()
+    flat, _, basis, origin = drawn_as
+    width, height, columns = _panel_size(flat, len(panels))
+    fig, axs = _figure(Figure, len(panels), width, height, columns)
+    largest: dict[str, float] = {}
+    for (name, _, _), v in zip(panels, values):
+        largest[name] = max(largest.get(name, 0.0), float(np.nanmax(np.abs(v), initial=0.0)))
+    for ax, (name, da, comp), v in zip(axs.flat, panels, values):
+        colours = _colours(name, comp, v, limits, robust, 1e-3 * largest[name])
+        _map(fig, ax, place, drawn_as, v, *colours, _label(da, comp, da.attrs.get("units", "")))
+        if atoms is not None and len(atoms):
+            near = np.abs((atoms - origin) @ basis[2]) <= place.thickness
+            ax.scatter(*(atoms[near] @ basis[:2].T).T, s=2, facecolors="none", edgecolors="k", linewidths=0.3, alpha=0.6)
     for ax in list(axs.flat)[len(panels) :]:
         ax.remove()
     fig.suptitle(title, fontsize=9)
@@ -391,190 +390,6 @@ def _profiles(Figure, ds, panels, place, title, limits, frame):
         ax.remove()
     fig.suptitle(title, fontsize=9)
     return fig
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Where the points are.
-
-
-class Layout:
-    """The points of a field in space, in the dataset's length unit.
-
-    Attributes
-    ----------
-    kind : ``volume``, ``plane``, ``line``, ``slab``, ``points`` or ``atoms``
-    dims : the grid's dimensions, in the order of `x_gc`
-    x_gc : (*shape, 3) the points
-    tiles : whether the mean over the points is a mean over the whole cell
-    """
-
-    def __init__(self, kind, dims, x_gc, unit, tiles=False, steps=None, labels=None):
-        self.kind, self.dims, self.x_gc, self.unit, self.tiles = kind, list(dims), np.asarray(x_gc, float), unit, tiles
-        self.labels = labels
-        self.steps = steps
-        self.thickness = np.inf
-        if self.steps is None and kind in ("volume", "plane", "line", "slab"):
-            self.steps = np.array([self._step(k) for k in range(len(self.dims))])
-
-    def _step(self, k):
-        """From one point to the next along dimension k (a lattice: the same everywhere)."""
-        n = self.x_gc.shape[k]
-        if n < 2:
-            return np.zeros(3)
-        first = (0,) * (self.x_gc.ndim - 1)
-        last = tuple(n - 1 if a == k else 0 for a in range(self.x_gc.ndim - 1))
-        return (self.x_gc[last] - self.x_gc[first]) / (n - 1)
-
-    def cut(self, k, i):
-        """The plane of a volume at index i of dimension k."""
-        keep = [d for d in range(3) if d != k]
-        out = Layout("plane", [self.dims[d] for d in keep], np.take(self.x_gc, i, axis=k), self.unit, steps=self.steps[keep])
-        normal = np.cross(*out.steps)
-        size = np.linalg.norm(normal)
-        out.thickness = 0.5 * abs(self.steps[k] @ normal) / size if size > 0 else np.inf
-        return out
-
-    def flat(self):
-        """The points in two dimensions: for a plane the (n+1, m+1, 2) corners of its tiles, else (n, 2) points; labels, basis (3, 3) and origin."""
-        x = self.x_gc.reshape(-1, 3)
-        unit = f" ({unit_text(self.unit)})" if unit_text(self.unit) else ""
-        if self.kind != "plane":
-            extent = np.ptp(x, axis=0)
-            u, v = sorted(np.argsort(extent)[-2:])
-            basis = np.eye(3)[[u, v, 3 - u - v]]
-            return x @ basis[:2].T, [f"{'xyz'[u]}{unit}", f"{'xyz'[v]}{unit}"], basis, x.mean(0)
-        a, b = (s if np.linalg.norm(s) > 0 else None for s in self.steps)
-        if a is None or b is None:  # a single row of points: any direction across it will do
-            one = a if b is None else b
-            one = np.array([1.0, 0, 0]) if one is None else one
-            other = np.eye(3)[np.argmin(np.abs(one))]
-            other = np.cross(np.cross(one, other), one)
-            other *= np.linalg.norm(one) / np.linalg.norm(other)
-            a, b = (one, other) if b is None else (other, one)
-        normal = np.cross(a, b)
-        normal /= np.linalg.norm(normal)
-        along = [k for k in range(3) if abs(abs(normal[k]) - 1) < 1e-9]
-        if along:
-            u, v = (d for d in range(3) if d != along[0])
-            basis = np.array([np.eye(3)[u], np.eye(3)[v], np.eye(3)[along[0]]])
-            labels = [f"{'xyz'[u]}{unit}", f"{'xyz'[v]}{unit}"]
-        else:
-            e = a / np.linalg.norm(a)
-            basis = np.array([e, np.cross(normal, e), normal])
-            labels = [f"distance along {_direction(basis[0])}{unit}", f"distance along {_direction(basis[1])}{unit}"]
-        n, m = self.x_gc.shape[:2]
-        i, j = np.arange(n + 1) - 0.5, np.arange(m + 1) - 0.5
-        corners = self.x_gc[0, 0] + i[:, None, None] * a + j[None, :, None] * b
-        origin = self.x_gc[0, 0]
-        return corners @ basis[:2].T, labels, basis, origin
-
-    def abscissa(self, k=0):
-        """Distance along dimension k and its label. Along a Cartesian axis it is the coordinate itself."""
-        index = tuple(slice(None) if a == k else 0 for a in range(self.x_gc.ndim - 1))
-        x = self.x_gc[index]
-        step = self.steps[k]
-        length = np.linalg.norm(step)
-        unit = f" ({unit_text(self.unit)})" if unit_text(self.unit) else ""
-        along = [c for c in range(3) if length > 0 and abs(abs(step[c]) - length) <= 1e-9 * length]
-        if along or length == 0:
-            c = along[0] if along else 0
-            return x[:, c], f"{'xyz'[c]}{unit}"
-        return (x - x[0]) @ (step / length), f"distance along {_direction(step / length)}{unit}"
-
-
-def _direction(e) -> str:
-    return "(" + ", ".join(f"{v:.2g}" for v in np.where(np.abs(e) < 1e-9, 0.0, e)) + ")"
-
-
-def _cut(place, text, axis, index):
-    """The plane asked for: its layout, the selection that gives it, and its name."""
-    if text is not None:
-        if axis is not None or index is not None:
-            raise AtcError("give --slice, or --axis and --index, not both")
-        axis, eq, where = text.partition("=")
-        if not eq:
-            raise AtcError(f"slice {text!r}: expected AXIS=POSITION, e.g. z=0.5 (fraction of the axis) or z=12.5A (length)")
-    else:
-        axis, where = axis or place.dims[-1], None
-    names = (
-        {d: k for k, d in enumerate(place.dims)}
-        | {n: k for k, n in enumerate("xyz")}
-        | {n: k for k, n in enumerate("abc")}
-        | {str(k): k for k in range(3)}
-    )
-    if str(axis) not in names:
-        raise AtcError(f"axis {axis!r}: expected one of {', '.join(place.dims)}")
-    k = names[str(axis)]
-    n = place.x_gc.shape[k]
-    dim = place.dims[k]
-    if where is None:
-        i = n // 2 if index is None else index
-        if not -n <= i < n:
-            raise AtcError(f"index {index}: the grid has {n} points along {dim}, numbered 0 to {n - 1}")
-        i %= n
-    else:
-        s, _ = place.abscissa(k)
-        try:
-            if where.strip().endswith("A"):
-                i = int(np.argmin(np.abs(s - float(where.strip()[:-1]))))
-            else:
-                fraction = float(where)
-                if not 0 <= fraction <= 1:
-                    raise AtcError(f"slice {text!r}: a fraction lies between 0 and 1; for a length write {dim}={where}A")
-                i = int(np.clip(round(fraction * n - 0.5), 0, n - 1))
-        except ValueError:
-            raise AtcError(f"slice {text!r}: expected a fraction (z=0.5) or a length with an A behind it (z=12.5A)") from None
-    s, label = place.abscissa(k)
-    position = f"{label.split(' (')[0]} = {s[i]:.4g} {unit_text(place.unit)}".rstrip()
-    return place.cut(k, i), {dim: i}, position
-
-
-def _placed(ds, da) -> bool:
-    """Whether the output says where the points of a field are."""
-    return _positions(ds, _grid_dims(da)) is not None
-
-
-def _positions(ds, dims):
-    """(*shape, 3) positions of the points of a grid with these dimensions, or None if the output does not hold them."""
-    shape = tuple(ds.sizes[d] for d in dims)
-    out, found = np.zeros((*shape, 3)), False
-    for c, letter in enumerate("xyz"):
-        if letter not in ds.coords:
-            continue
-        x = ds.coords[letter]
-        if x.dims and set(x.dims) <= set(dims) and x.dtype.kind == "f":
-            missing = [d for d in dims if d not in x.dims]
-            out[..., c] = x.expand_dims({d: ds.sizes[d] for d in missing}).transpose(*dims).values
-            found = True
-    return out if found else None
-
-
-def layout(ds, da) -> Layout:
-    """Where the points of the field `da` of an output are."""
-    dims = _grid_dims(da)
-    x = _positions(ds, dims)
-    if x is None:
-        raise AtcError(f"{da.name}: the output does not say where its points are")
-    unit = next((ds.coords[c].attrs.get("units", "") for c in "xyz" if c in ds.coords and ds.coords[c].attrs.get("units")), "")
-    if dims[0] in ("point", "atom"):
-        return Layout("points" if dims[0] == "point" else "atoms", dims, x, unit)
-    kind = {3: "volume", 2: "plane"}.get(len(dims)) or ("slab" if str(ds.attrs.get("grid", "")).startswith("slab") else "line")
-    out = Layout(kind, dims, x, unit)
-    out.tiles = _tiles(ds, out)
-    return out
-
-
-def _tiles(ds, place) -> bool:
-    """Whether the points stand for the whole of a periodic cell, so that their mean is a box average."""
-    if place.kind not in ("volume", "slab") or "cell" not in ds.coords or ds.attrs.get("periodic") != "ppp":
-        return False
-    cell = ds.coords["cell"].values.reshape(-1, 3, 3)[0]
-    size = np.abs(cell).max()
-    spans = place.steps * np.array(place.x_gc.shape[:-1])[:, None]
-    if place.kind == "volume":
-        return all(n == 1 or np.allclose(span, edge, atol=1e-6 * size) for n, span, edge in zip(place.x_gc.shape, spans, cell))
-    heights = np.linalg.det(cell) / np.array([np.linalg.norm(np.cross(cell[(k + 1) % 3], cell[(k + 2) % 3])) for k in range(3)])
-    return bool(np.isclose(np.linalg.norm(spans[0]), np.abs(heights), atol=1e-6 * size).any())
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -675,54 +490,63 @@ def _trend(Figure, result):
 
 
 def _against(Figure, result):
-    """Left to right: box averages, then for each axis the profiles of Hardy (lines) and smoothed virial (dashed)."""
-    data = result.data
+    """Box averages, for each axis the profiles of Hardy (full lines) and smoothed virial (dashed), and maps of the difference."""
+    data, place = result.data, result.place
     axes = [n.removeprefix("profile_").removesuffix("_hardy") for n in data.data_vars if n.endswith("_hardy")]
     boxes = [r for r in result.rows if r["section"] == "box average"] or [r for r in result.rows if r["section"].startswith("box average")]
-    columns = (1 if boxes else 0) + len(axes)
-    if columns == 0:
-        columns = 1
-    fig, axs = _figure(Figure, columns, 4.0, 3.2, columns=4 if columns > 3 else columns)
+    maps, where = [], ""
+    if "difference" in data and place.kind != "slab" and place.kind != "line":
+        d = data["difference"]
+        if place.kind == "volume":
+            place, selection, where = cut(place)
+            d = d.isel(selection)
+        maps = [c for c in ("hydrostatic", "vonmises") if np.isfinite(component(d.values, c)).any()]
+    panels = bool(boxes) + len(axes) + len(maps)
+    if not panels:
+        raise AtcError("there is nothing to draw: neither box averages nor pointwise differences could be compared")
+    fig, axs = _figure(Figure, panels, 3.9, 3.1)
     axs = list(axs.flat)
     units = f" ({unit_text(result.units)})" if unit_text(result.units) else ""
     if boxes:
         ax = axs.pop(0)
         at = np.arange(len(boxes))
+        errors = [r.get("stderr_virial") or 0 for r in boxes]
         ax.bar(at - 0.2, [r["hardy"] for r in boxes], 0.4, label="Hardy", color="C0")
-        ax.bar(
-            at + 0.2,
-            [r["virial"] for r in boxes],
-            0.4,
-            label="virial",
-            color="C1",
-            yerr=[r.get("stderr_virial") or 0 for r in boxes] if any(r.get("stderr_virial") for r in boxes) else None,
-        )
-        ax.set_xticks(
-            at, [{"hydrostatic": "hydr.", "vonmises": "v. Mises"}.get(r["name"], r["name"]) for r in boxes], rotation=45, ha="right"
-        )
+        ax.bar(at + 0.2, [r["virial"] for r in boxes], 0.4, label="virial", color="C1", yerr=errors if any(errors) else None)
+        ax.set_xticks(at, [{"hydrostatic": "mean", "vonmises": "Mises"}.get(r["name"], r["name"]) for r in boxes])
         ax.axhline(0, color="0.4", lw=0.6)
-        ax.set_ylabel(f"box average{units}")
+        ax.set_title(f"average over the box{units}")
         ax.legend()
-    for dim in axes:
+    for k, dim in enumerate(axes):
         ax = axs.pop(0)
         x = data[f"profile_{dim}_position"]
-        for k, c in enumerate(("hydrostatic", "vonmises", "xx", "yy", "zz")):
+        for c, colour in zip(("hydrostatic", "xx", "yy", "zz", "vonmises"), ("k", "C0", "C1", "C2", "C3")):
             h, v = (component(data[f"profile_{dim}_{w}"].values, c) for w in ("hardy", "virial"))
-            ax.plot(x.values, h, color=f"C{k}", label=_SYMBOL.get(c, c))
-            ax.plot(x.values, v, color=f"C{k}", ls=(0, (3, 2)), lw=1.0)
-        ax.plot([], [], color="0.3", label="Hardy")
-        ax.plot([], [], color="0.3", ls=(0, (3, 2)), lw=1.0, label="smoothed virial")
+            ax.plot(x.values, h, color=colour, label=_SYMBOL.get(c, c) if k == 0 else None)
+            ax.plot(x.values, v, color=colour, ls=(0, (3, 2)), lw=1.0)
         ax.set_xlabel(x.attrs.get("label", dim))
-        ax.set_ylabel(f"stress, mean over the other axes{units}" if len(axes) > 1 or "volume" else f"stress{units}")
-        ax.legend(ncols=2, fontsize=7)
-    if not boxes and not axes and "difference" in data:
-        ax = axs.pop(0)
-        d = component(data["difference"].values, "hydrostatic").ravel()
-        ax.hist(d[np.isfinite(d)], bins=60, color="C0")
-        ax.set_xlabel(f"Hardy - smoothed virial, hydrostatic{units}")
-        ax.set_ylabel("points")
+        ax.set_title(
+            (f"mean over the other axes{units}" if len(axes) > 1 else f"profile{units}")
+            + ("\nfull: Hardy, dashed: smoothed virial" if k == 0 else "")
+        )
+        ax.set_xlim(x.values.min(), x.values.max())
+        if k == 0:
+            ax.legend(ncols=2, fontsize=7)
     for ax in fig.axes:
         ax.spines[["top", "right"]].set_visible(False)
+    for c in maps:
+        h = component(d.values, c)
+        top = float(np.nanmax(np.abs(h))) or 1.0
+        sign = _colours("", None if c == "vonmises" else c, h, None, False) if c == "vonmises" else _colours("", c, h, (-top, top), False)
+        _map(
+            fig,
+            axs.pop(0),
+            place,
+            place.flat(),
+            h,
+            *sign,
+            f"{_SYMBOL[c]} of Hardy - smoothed virial{units}" + (f"\n{where}" if where else ""),
+        )
     for ax in axs:
         ax.remove()
     fig.suptitle(result.title, fontsize=9)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import difflib
 import os
+import re
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -206,10 +207,12 @@ SCHEMA: dict[str, dict[str, _Key]] = {
         "origin": _Key(_VECTOR, "a point, e.g. [0.0, 0.0, 0.0]"),
         "vectors": _Key(_list_of(_either(_positive, _VECTOR)), "edge vectors, e.g. [[40.0, 0.0, 0.0], [0.0, 40.0, 0.0], [0.0, 0.0, 20.0]]"),
         "axis": _Key(_axis, 'an axis of the cell, e.g. "z"'),
-        "position": _Key(_number, "a number, e.g. 0.5"),
+        "position": _Key(_number, "a distance from the cell's face along axis, e.g. 12.5"),
+        "u": _Key(_VECTOR, "an edge vector, e.g. [40.0, 0.0, 0.0]"),
+        "v": _Key(_VECTOR, "an edge vector, e.g. [0.0, 40.0, 0.0]"),
         "start": _Key(_VECTOR, "a point, e.g. [0.0, 0.0, 0.0]"),
         "end": _Key(_VECTOR, "a point, e.g. [0.0, 0.0, 50.0]"),
-        "count": _Key(_count, "a number of points, e.g. 100"),
+        "n": _Key(_count, "a number of points, e.g. 100"),
         "bins": _Key(_count, "a number of bins, e.g. 100"),
         "points": _Key(_either(_string, _list_of(_VECTOR)), "points [[x, y, z], ...], or a file of three columns", path=True),
     },
@@ -227,8 +230,8 @@ SCHEMA: dict[str, dict[str, _Key]] = {
 # kind of grid → (keys it needs, alternatives within a tuple; keys it may have)
 GRIDS: dict[str, tuple[list, list]] = {
     "regular": ([("shape", "spacing")], ["at", "origin", "vectors"]),
-    "plane": (["axis", "position", ("shape", "spacing")], []),
-    "line": (["start", "end", "count"], []),
+    "plane": ([("axis", "u"), ("shape", "spacing")], ["position", "origin", "v", "at"]),
+    "line": (["start", "end", "n"], []),
     "slab": (["axis", "bins"], []),
     "points": (["points"], []),
     "atoms": ([], []),
@@ -380,6 +383,7 @@ class Scene:
     name: str = field(default="scene", compare=False)
     _lines: dict = field(default_factory=dict, repr=False, compare=False)
     _flags: dict = field(default_factory=dict, repr=False, compare=False)
+    _text: str = field(default="", repr=False, compare=False)
 
     # ---- making one
 
@@ -420,10 +424,12 @@ class Scene:
             data = tomllib.loads(text)
         except tomllib.TOMLDecodeError as e:
             raise AtcError(_toml_complaint(name, text, e)) from None
-        return cls._build(data, Path(folder), name, key_lines(text), overrides)
+        scene = cls._build(data, Path(folder), name, key_lines(text), overrides)
+        scene._text = text
+        return scene
 
     def _placed(self, other: Scene) -> Scene:
-        self.folder, self.name, self._lines = other.folder, other.name, other._lines
+        self.folder, self.name, self._lines, self._text = other.folder, other.name, other._lines, other._text
         return self
 
     @classmethod
@@ -524,6 +530,8 @@ class Scene:
         for key in table:
             if key not in allowed:
                 raise self._bad("grid", key, f"does not belong to a {kind} grid; its keys: {', '.join(allowed)}")
+        if not isinstance(table.get("points"), str):  # points in a file are looked at when they are used
+            self.grid()
 
     def require_complete(self):
         """What the quantities asked for need must be there."""
@@ -615,6 +623,46 @@ class Scene:
             return kernel(name, table.pop("radius", None), **table)
         except AtcError as e:
             raise self._placed_error("kernel", list(self.data["kernel"]), e) from None
+
+    def potential(self):
+        """The model of the interactions; None if the scene has none. Files it names are relative to the scene."""
+        if "potential" not in self.data:
+            return None
+        from . import potential
+
+        units = self.get("potential", "units")
+        path = self.path("potential", "input")
+        if path is not None:
+            if not path.is_file():
+                raise self._bad("potential", "input", f"there is no file {path}")
+            return potential(path, units=units)
+        text = self.data["potential"]["lammps"]
+        if units is None and not re.search(r"^\s*units\s", text, re.MULTILINE):
+            units = self.get("trajectory", "units") or self._whole().units.name
+        # Empty lines in front, so that what is wrong with line 3 of the text is reported at its line of the scene.
+        line = 0
+        if ("potential", "lammps") not in self._flags:
+            line = self._lines.get(("potential", "lammps"), 0)
+            opening = self._text.split("\n")[line - 1].partition("=")[2].strip() if line else ""
+            line -= bool(line) and opening not in ('"""', "'''")
+        name = self._flags.get(("potential", "lammps"), self.name)
+        return potential("\n" * line + text + "\n", units=units, folder=self.folder, name=name)
+
+    def grid(self):
+        """Where the fields are wanted; None if the scene has no grid."""
+        if "grid" not in self.data:
+            return None
+        from .grids import Grid
+
+        table = dict(self.data["grid"])
+        kind = table.pop("kind")
+        if kind == "points":
+            xyz = table["points"]
+            table = {"xyz": self._columns("grid", "points", 3) if isinstance(xyz, str) else xyz}
+        try:
+            return getattr(Grid, kind)(**table)
+        except AtcError as e:
+            raise self._placed_error("grid", list(self.data["grid"]), e) from None
 
     def output(self, given=None, overwrite: bool = False) -> Path:
         """The file to write: `given`, else the scene's ``[output] file``. Whether it can be written is found out here, before anything is computed."""

@@ -122,7 +122,7 @@ def test_help_names_every_command():
 
 def test_from_scene_to_picture(case):
     text = ok("info", "run.dump", "--units", "metal", "--masses", "39.948").output
-    for word in ("metal", "108", "16.2 x 16.2 x 16.2 angstrom", "periodic in x, y, z", "steps 0 to 200", "velocities"):
+    for word in ("metal", "108", "16.2 x 16.2 x 16.2 angstrom", "periodic in x, y, z", "step 0 to 200", "velocities"):
         assert word in text, text
     text = ok("plan", "scene.toml").output
     assert "3 frames of 108 atoms" in text

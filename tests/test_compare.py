@@ -23,12 +23,8 @@ def output(shape=(4, 5, 6), frames=1, hardy=None, smoothed=None, virial=None, ce
             data[name] = (("frame", *dims, "i", "j"), np.stack([f(s, k) for k in range(frames)]), {"units": "bar", "measured_error": 2e-9})
     if virial is not None:
         data["virial_stress"] = (("frame", "i", "j"), np.stack([virial(k) for k in range(frames)]), {"units": "bar"})
-    coords = {c: (dims, x[..., k], {"units": "angstrom"}) for k, c in enumerate("xyz")}
-    coords |= {"cell": (("frame", "edge", "c"), np.stack([cell] * frames)), "i": list("xyz"), "j": list("xyz"), "frame": np.arange(frames)}
-    # one-dimensional coordinates may not share a name with a dimension unless they are its own
-    rename = {d: f"n{d}" for d in dims}
-    data = {n: (tuple(rename.get(d, d) for d in v[0]), *v[1:]) for n, v in data.items()}
-    coords = {n: (tuple(rename.get(d, d) for d in v[0]), *v[1:]) if isinstance(v, tuple) else v for n, v in coords.items()}
+    coords = {f"position_{c}": (dims, x[..., k], {"units": "angstrom"}) for k, c in enumerate("xyz")}
+    coords |= {"cell": (("frame", "edge", "i"), np.stack([cell] * frames)), "i": list("xyz"), "j": list("xyz"), "frame": np.arange(frames)}
     return xr.Dataset(data, coords, {"kernel": "quartic, radius 4", "radius": 4.0, "radius_units": "angstrom", "periodic": "ppp", **attrs})
 
 
@@ -65,15 +61,13 @@ def test_box_average_and_pointwise_difference_in_closed_form():
 def test_profiles_average_over_the_other_axes():
     ds = output(hardy=lambda s, k: A + 3 * wave(s, 2) * np.eye(3) + wave(s, 0) * A, smoothed=lambda s, k: A + 0 * wave(s), virial=None)
     r = compare(ds)
-    along_z = r.data["profile_nz_hardy"].values
+    along_z = r.data["profile_z_hardy"].values
     s = (np.arange(6) + 0.5) / 6
     np.testing.assert_allclose(along_z, A + 3 * np.cos(2 * np.pi * s)[:, None, None] * np.eye(3), atol=1e-12)
     # cos² at 6 equally spaced points has mean 1/2
-    assert r.value("profile along nz, Hardy - smoothed virial", "xx", "rms") == pytest.approx(3 / np.sqrt(2), rel=1e-12)
-    assert r.value("profile along ny, Hardy - smoothed virial", "xx", "rms") == pytest.approx(0.0, abs=1e-12)
-    np.testing.assert_allclose(
-        r.data["profile_nz_position"].values[1] - r.data["profile_nz_position"].values[0], np.linalg.norm(CELL[2]) / 6
-    )
+    assert r.value("profile along z, Hardy - smoothed virial", "xx", "rms") == pytest.approx(3 / np.sqrt(2), rel=1e-12)
+    assert r.value("profile along y, Hardy - smoothed virial", "xx", "rms") == pytest.approx(0.0, abs=1e-12)
+    np.testing.assert_allclose(r.data["profile_z_position"].values[1] - r.data["profile_z_position"].values[0], np.linalg.norm(CELL[2]) / 6)
 
 
 def test_empty_space_counts_as_empty():
