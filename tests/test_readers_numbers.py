@@ -145,5 +145,5 @@ def test_resolution_of_numbers():
     assert decimal_resolution(x)[0] == np.spacing(x.max())
     assert decimal_resolution(x.astype(np.float32))[0] == np.spacing(np.float32(x.max()))
     # nanometres with three decimals that became ångström in float32, as XTC and GRO files do
-    assert decimal_resolution((np.round(x / 10, 3).astype(np.float32) * np.float32(10)))[0] == pytest.approx(0.01)
+    assert decimal_resolution(np.round(x / 10, 3).astype(np.float32) * np.float32(10))[0] == pytest.approx(0.01)
     assert decimal_resolution(np.zeros((5, 3)))[0] == 0

@@ -92,7 +92,9 @@ def _path(path: Path, topology, units, masses):
     head = reader.read(0, 1 << 14).tobytes()
     reader.close()
     if not head.strip():
-        raise AtcError(f"{path} is empty")
+        raise AtcError(
+            f"{path} is empty" if not path.stat().st_size else f"{path} holds nothing but blanks, or nothing that can be decompressed yet"
+        )
     if head.lstrip().startswith(b"ITEM:"):
         from .lammps_dump import LammpsDump
 

@@ -42,6 +42,10 @@ class PlainBytes:
     def close(self):
         self._file.close()
 
+    def __del__(self):
+        if hasattr(self, "_file"):
+            self._file.close()
+
     def __getstate__(self):
         return {"path": self.path, "hold": 0}
 
@@ -129,6 +133,10 @@ class StreamBytes:
 
     def close(self):
         self._file.close()
+
+    def __del__(self):
+        if hasattr(self, "_file"):
+            self._file.close()
 
     def __getstate__(self):
         return {"path": self.path, "kind": self.kind}

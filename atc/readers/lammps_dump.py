@@ -242,11 +242,17 @@ class LammpsDump(LammpsTrajectory):
         if not self._has(k):
             raise IndexError(k)
         where = f"{self.source} frame {k}"
-        h = self._header(self._start[k], self._line[k], k)
+        try:
+            h = self._header(self._start[k], self._line[k], k)
+        except Truncated:
+            raise self._shorter(k) from None
         first = self._line[k] + h.lines
         columns = self._table(k, h, first)
         cell = self._cell(h, k)
         return self._build(columns, cell, k, where, h.step, h.time, lambda row: f"line {first + row}")
+
+    def _shorter(self, k: int) -> AtcError:
+        return AtcError(f"{self.source}, frame {k}: the file has become shorter since it was opened; is something writing it anew?")
 
     def _cell(self, h: Header, k: int) -> Cell:
         words, rows, line = h.box
@@ -282,7 +288,7 @@ class LammpsDump(LammpsTrajectory):
         if n and buf[-1] != 10:
             buf = np.append(buf, np.uint8(10))
         if len(buf) < end - body:
-            raise AtcError(f"{self.source}, frame {k}: the file has become shorter since it was opened")
+            raise self._shorter(k)
         kinds, slots, count = [], [], [0, 0, 0]
         sample = buf[:65536].tobytes().split(b"\n", 1)[0].split() if n else []
         for c, name in enumerate(h.columns):
