@@ -62,9 +62,11 @@ class _Commands(TyperGroup):
         except KeyboardInterrupt:
             _fail(_interrupted(), 130)
         except BrokenPipeError:
-            # the reader of our output (head, less) has left: not an error; the interpreter must not complain at exit either
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            sys.exit(0)
+            _leave_quietly()
+        except SystemExit as e:  # typer's way with a broken pipe
+            if isinstance(e.__context__, BrokenPipeError):
+                _leave_quietly()
+            raise
         except MemoryError as e:
             _fail(f"not enough memory{': ' + str(e) if str(e) else ''}: take a coarser grid, a smaller radius or fewer jobs (-j 1)", 2)
         except OSError as e:
@@ -81,7 +83,15 @@ class _Commands(TyperGroup):
             if "Abort" in names:
                 _fail(_interrupted(), 130)
             _fail(f"{type(e).__name__}: {e}: atc did not foresee this; run again with ATC_DEBUG=1 for the traceback", 1)
+        if status == 130:  # typer's way with Ctrl-C
+            _fail(_interrupted(), 130)
         sys.exit(status if isinstance(status, int) else 0)
+
+
+def _leave_quietly() -> None:
+    """The reader of our output (head, less) has left: not an error, and the interpreter must not complain at exit either."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    sys.exit(0)
 
 
 _running_fields = False

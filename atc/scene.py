@@ -10,6 +10,7 @@ from __future__ import annotations
 import difflib
 import os
 import re
+import shutil
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -717,7 +718,16 @@ class Scene:
         """Compute the fields: `atc.fields` with this scene's arguments, into `out` (or in memory). Returns the xarray.Dataset."""
         from . import fields
 
-        return fields(**self.arguments(jobs), out=out, progress=progress, resume=resume, scene=self.to_toml())
+        arguments = self.arguments(jobs)
+        partial = None if out is None else Path(f"{out}.partial")
+        there = partial is not None and partial.exists()
+        try:
+            return fields(**arguments, out=out, progress=progress, resume=resume, scene=self.to_toml())
+        except AtcError:
+            # Input that cannot be used leaves nothing behind; a run that has finished frames, or one that is not ours, does.
+            if partial is not None and not there and not (partial / "journal.jsonl").exists():
+                shutil.rmtree(partial, ignore_errors=True)
+            raise
 
     def _columns(self, section, key, count):
         """A text file of numbers, `count` to a line."""
