@@ -60,15 +60,9 @@ class CellList:
         self.cell = cell = cell.completed(positions)
         self.cutoff = float(cutoff)
         self.n = n = len(positions)
-        # Relative to the origin: a box 1e6 lengths away must not cost digits.
-        x = positions - cell.origin
-        s = x @ cell.inverse
         periodic = cell.periodic
-        whole = np.where(periodic, np.floor(s), 0.0)
-        self.wraps = whole.astype(np.int64)
-        if whole.any():
-            x = x - whole @ cell.vectors
-            s = s - whole
+        x, s = np.empty((n, 3)), np.empty((n, 3))
+        _fold(positions, cell.origin, np.ascontiguousarray(cell.inverse), cell.vectors, periodic, x, s)
         lo = np.zeros(3)
         extent = np.ones(3)
         if n:
@@ -83,12 +77,10 @@ class CellList:
         while nb.prod() > limit:
             nb = np.maximum(1, (nb * max(0.5, (limit / nb.prod()) ** (1 / 3) * 0.98)).astype(np.int64))
         self.n_bins = nb
-        b = np.floor((s - lo) / extent * nb).astype(np.int64)
-        np.clip(b, 0, nb - 1, out=b)
-        flat = (b[:, 0] * nb[1] + b[:, 1]) * nb[2] + b[:, 2]
-        self.order = np.argsort(flat, kind="stable").astype(np.int32)
-        self.start = np.concatenate([[0], np.cumsum(np.bincount(flat, minlength=int(nb.prod())))]).astype(np.int64)
-        self.x_sorted = np.ascontiguousarray(x[self.order])
+        self.order = np.empty(n, np.int32)
+        self.start = np.empty(int(nb.prod()) + 1, np.int64)
+        self.x_sorted = np.empty((n, 3))
+        _sort_into_bins(x, s, lo, nb / extent, nb, self.order, self.start, self.x_sorted)
         self.columns, self.half_from = self._stencil(thickness / nb, extent / nb)
         self._chunks()
 
@@ -201,6 +193,50 @@ def _distance_to_parallelogram(a, b, ox, oy):
             v = np.clip(-(u * p) @ q / (q @ q), v0 - 1, v0 + 1)
             best = min(best, float(np.linalg.norm(u * p + v * q)))
     return best
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fold(positions, origin, inverse, vectors, periodic, x, s):
+    """Positions relative to the origin (a box 1e6 lengths away must not cost digits) and their fractions, folded into the cell along periodic axes."""
+    d = np.empty(3)
+    for a in range(len(positions)):
+        for c in range(3):
+            d[c] = positions[a, c] - origin[c]
+        for k in range(3):
+            s[a, k] = d[0] * inverse[0, k] + d[1] * inverse[1, k] + d[2] * inverse[2, k]
+        for k in range(3):
+            whole = np.floor(s[a, k])
+            if periodic[k] and whole != 0.0:
+                s[a, k] -= whole
+                for c in range(3):
+                    d[c] -= whole * vectors[k, c]
+        for c in range(3):
+            x[a, c] = d[c]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sort_into_bins(x, s, lo, scale, nb, order, start, x_sorted):
+    """Counting sort of the atoms by bin, in the order of their indices within a bin. scale = bins per unit of s."""
+    n = len(x)
+    flat = np.empty(n, np.int64)
+    start[:] = 0
+    for a in range(n):
+        b = 0
+        for k in range(3):
+            c = int(np.floor((s[a, k] - lo[k]) * scale[k]))
+            c = 0 if c < 0 else (nb[k] - 1 if c > nb[k] - 1 else c)
+            b = b * nb[k] + c
+        flat[a] = b
+        start[b + 1] += 1
+    for b in range(len(start) - 1):
+        start[b + 1] += start[b]
+    place = start.copy()
+    for a in range(n):
+        p = place[flat[a]]
+        place[flat[a]] += 1
+        order[p] = a
+        for c in range(3):
+            x_sorted[p, c] = x[a, c]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="never")
