@@ -80,7 +80,7 @@ def snapshots(draw):
     names += ["q"] * charge + ["element"] * element + ["c_pe", "mol"] * other
     names = draw(st.permutations(names))
     frames = []
-    for k in range(draw(st.integers(1, 3))):
+    for _k in range(draw(st.integers(1, 3))):
         n = draw(st.integers(1, 6))
         rng = np.random.default_rng(draw(st.integers(0, 2**32)))
         lo = np.array(draw(st.tuples(number, number, number)))
