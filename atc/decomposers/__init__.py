@@ -15,7 +15,20 @@ _WHERE = {
     "Pairs": "pair",
     "PairStyle": "pair",
     "LennardJones": "lennard_jones",
-    "LennardJonesCut": "lennard_jones",
+    "LennardJonesSmoothLinear": "lennard_jones",
+    "LennardJonesQuadratic": "lennard_jones",
+    "LennardJonesExpand": "lennard_jones",
+    "Morse": "morse",
+    "Buckingham": "buckingham",
+    "Born": "buckingham",
+    "Yukawa": "yukawa",
+    "Soft": "soft",
+    "Table": "table",
+    "CoulombCut": "coulomb",
+    "CoulombDSF": "coulomb",
+    "CoulombWolf": "coulomb",
+    "ZBL": "zbl",
+    "Generic": "generic",
     "SpecialBonds": "special_bonds",
     "StillingerWeber": "stillinger_weber",
     "SWEntry": "sw_file",
@@ -52,7 +65,20 @@ def __dir__():
 
 
 # Modules whose import registers LAMMPS styles.
-_STYLE_MODULES = ("lennard_jones", "stillinger_weber", "bond", "angle")
+_STYLE_MODULES = (
+    "lennard_jones",
+    "morse",
+    "buckingham",
+    "yukawa",
+    "soft",
+    "table",
+    "coulomb",
+    "zbl",
+    "zero",
+    "stillinger_weber",
+    "bond",
+    "angle",
+)
 
 
 def potential(source, units=None, *, special_bonds=None, folder=None, name=None):

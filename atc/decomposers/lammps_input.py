@@ -11,9 +11,12 @@ import numpy as np
 from ..errors import AtcError
 from ..units import LAMMPS_STYLES, Units, units
 from .base import Potential, Term
+from .hybrid import Hybrid, parse_hybrid
+from .lammps_data_coeffs import take_data_file
 from .lammps_script import Command, is_text, read_commands, read_text
 from .pair import Pairs, PairStyle
-from .registry import STYLES, CoeffLine, Modify, StyleInput, TypeRange, supported
+from .registry import MAPPED_STYLES, STYLES, CoeffLine, Modify, StyleInput, TypeRange, supported
+from .special_bonds import SpecialBonds
 
 __all__ = ["potential_from_lammps"]
 
@@ -63,7 +66,9 @@ def potential_from_lammps(source: str | Path, units_=None, folder=None, name=Non
 
 def _gather(commands: list[Command], name: str, folder: Path, units_) -> _Model:
     model = _Model(_units(commands, name, units_), folder)
-    for c in commands:
+    queue = list(commands)
+    while queue:
+        c = queue.pop(0)
         kind = c.name.split("_")[0]
         if c.name.endswith("_style") and kind in STYLES:
             _take_style(model, kind, c)
@@ -95,9 +100,8 @@ def _gather(commands: list[Command], name: str, folder: Path, units_) -> _Model:
                 for t in _types(model, "atom", c.words[0], c.where)(max(model.masses, default=0) or 1):
                     model.masses[t] = _float(c, 1)
         elif c.name == "read_data" and c.words:
-            from .lammps_data_coeffs import take_data_file
-
-            take_data_file(model, c)
+            model.data_file, more = take_data_file(c, folder, {k: s.name for k, s in model.styles.items()})
+            queue[:0] = more
     return model
 
 
@@ -202,10 +206,6 @@ def _builder(kind: str, name: str, where: str):
         raise AtcError(f"{where}: {kind}_style {name} is not supported: expected one of {supported(kind)}") from None
 
 
-def _modify(style: _Style) -> Modify:
-    return apply_modify(Modify(), [(c.words, c.where) for c in style.modify])
-
-
 def apply_modify(modify: Modify, lines) -> Modify:
     """`modify` after the words of pair_modify lines."""
     from dataclasses import replace
@@ -264,28 +264,14 @@ def _input(model: _Model, style: _Style, lines, n_types: int, **more) -> StyleIn
 
 
 def _assemble(model: _Model, name: str) -> Potential:
-    from .special_bonds import SpecialBonds
-
     special = SpecialBonds.from_lines([(c.words, c.where) for c in model.special])
     terms: list[Term] = []
     notes = []
     if "pair" in model.styles:
-        style = model.styles["pair"]
-        if style.name in ("hybrid", "hybrid/overlay"):
-            from .hybrid import build_hybrid
-
-            build, lines, modify = build_hybrid(model, style)
-        else:
-            modify = _modify(style)
-            lines = _coeff_lines(model, style)
-            builder = _builder("pair", style.name, style.where)
-
-            def build(n_types):
-                return builder(_input(model, style, lines, n_types, modify=modify))
-
-        if modify.tail:
+        build = _PairBuild(model, model.styles["pair"])
+        if build.tail:
             notes.append("long-range tail corrections (pair_modify tail) are not included")
-        terms += _pair_terms(build, _n_types(lines), special)
+        terms += _pair_terms(build, special)
     for kind in _BONDED:
         if kind in model.styles and model.styles[kind].name != "zero":
             terms += _bonded_terms(model, model.styles[kind])
@@ -297,51 +283,116 @@ def _assemble(model: _Model, name: str) -> Potential:
     return pot
 
 
-def _split(built):
-    built = built if isinstance(built, (list, tuple)) else [built]
-    return [b for b in built if isinstance(b, PairStyle)], [b for b in built if isinstance(b, Term)]
+class _PairBuild:
+    """n_types → styles and terms of the pair style. A class, so that a potential can be sent to other processes."""
+
+    def __init__(self, model: _Model, style: _Style):
+        self.model, self.style = model, style
+        self.lines = _coeff_lines(model, style)
+        self.hybrid: Hybrid | None = None
+        if style.name in ("hybrid", "hybrid/overlay"):
+            self.hybrid = parse_hybrid(style, self.lines, lambda word: _SUFFIX.sub("", word), apply_modify)
+            self.lines = [line for _, line in self.hybrid.order]
+            self.tail = any(s.modify.tail for s in self.hybrid.subs)
+            mapped = [len(line.words) - 1 for s, line in self.hybrid.order if s is not None and s.name in MAPPED_STYLES]
+        else:
+            _builder("pair", style.name, style.where)
+            self.modify = apply_modify(Modify(), [(c.words, c.where) for c in style.modify])
+            self.tail = self.modify.tail
+            mapped = [len(line.words) - 1 for line in self.lines] if style.name in MAPPED_STYLES else []
+        self.n_types = max([_n_types(self.lines), *mapped])
+
+    def __call__(self, n_types: int) -> list[PairStyle | Term]:
+        model, style = self.model, self.style
+        if self.hybrid is None:
+            return _as_list(_builder("pair", style.name, style.where)(_input(model, style, self.lines, n_types, modify=self.modify)))
+        out = []
+        for sub, wanted in zip(self.hybrid.subs, self.hybrid.masks(n_types), strict=True):
+            own = _Style("pair", sub.name, sub.args, style.where)
+            lines = sub.lines[-1:] if sub.name in MAPPED_STYLES else sub.lines
+            built = _as_list(_builder("pair", sub.name, style.where)(_input(model, own, lines, n_types, modify=sub.modify, wanted=wanted)))
+            if sub.name in MAPPED_STYLES:
+                takes_part = wanted.any(axis=0)
+                if not (wanted == (takes_part[:, None] & takes_part[None, :])).all():
+                    raise AtcError(
+                        f"{style.where}: {sub.called} must act on all pairs of the types that it maps: give the other sub-style's pairs to types mapped to NULL"
+                    )
+            out += [b for b in built if isinstance(b, Term) or b.cutoff > 0]
+        return out
 
 
-def _pair_terms(build, n_types: int, special) -> list[Term]:
+@dataclass
+class _PairGrow:
+    build: _PairBuild
+
+    def __call__(self, n_types: int) -> list[PairStyle]:
+        return [b for b in self.build(n_types) if isinstance(b, PairStyle)]
+
+
+def _as_list(built) -> list:
+    return list(built) if isinstance(built, list | tuple) else [built]
+
+
+def _pair_terms(build: _PairBuild, special: SpecialBonds) -> list[Term]:
     """All PairStyles in one sweep; terms of their own (sw) beside it."""
-    styles, terms = _split(build(n_types))
+    built = build(build.n_types)
+    styles = [b for b in built if isinstance(b, PairStyle)]
+    terms: list[Term] = [_Unweighted(b, special) for b in built if isinstance(b, Term)]
     if styles:
-        terms.insert(0, Pairs(styles, n_types, special, grow=lambda n: _split(build(n))[0]))
+        terms.insert(0, Pairs(styles, build.n_types, special, grow=_PairGrow(build)))
     return terms
 
 
-class _Growing(Term):
-    """A bonded term whose coefficient lines end in ``*``: rebuilt when a frame has more types than the lines name."""
+class _Unweighted(Term):
+    """A many-body pair style: special_bonds would take pairs out of its neighbour list, which it does not offer."""
 
-    def __init__(self, kind: str, n_types: int, build):
-        self.kind, self.n_types, self.build = kind, n_types, build
-        self.term = build(n_types)
-        self.cutoff = self.term.cutoff
-        self._grown = {}
+    def __init__(self, term: Term, special: SpecialBonds):
+        self.term, self.special, self.cutoff = term, special, term.cutoff
 
     def describe(self):
         return self.term.describe()
 
     def prepare(self, frame):
-        types = getattr(frame.topology, f"{self.kind}_types", np.zeros(0, int)) if frame.topology is not None else np.zeros(0, int)
-        top = int(types.max()) if len(types) else 0
+        top = frame.topology
+        if top is not None and len(top.bonds) and not self.special.trivial:
+            raise AtcError(
+                f"{frame.source} has bonds, but special_bonds weights are not supported with a many-body pair style: add 'special_bonds lj/coul 1 1 1' if that is what holds"
+            )
+        return self.term.prepare(frame)
+
+
+class _Growing(Term):
+    """A bonded term whose coefficient lines end in ``*``: rebuilt when a frame has more types than the lines name."""
+
+    def __init__(self, model: _Model, style: _Style, lines, n_types: int):
+        self.model, self.style, self.lines, self.n_types = model, style, lines, n_types
+        self.term = self._build(n_types)
+        self.cutoff = self.term.cutoff
+        self._grown = {}
+
+    def _build(self, n_types):
+        style = self.style
+        return _builder(style.kind, style.name, style.where)(_input(self.model, style, self.lines, n_types))
+
+    def describe(self):
+        return self.term.describe()
+
+    def prepare(self, frame):
+        types = getattr(frame.topology, f"{self.style.kind}_types", ()) if frame.topology is not None else ()
+        top = int(np.max(types)) if len(types) else 0
         if top <= self.n_types:
             return self.term.prepare(frame)
         if top not in self._grown:
-            self._grown[top] = self.build(top)
+            self._grown[top] = self._build(top)
         return self._grown[top].prepare(frame)
 
 
 def _bonded_terms(model: _Model, style: _Style) -> list[Term]:
-    lines = _coeff_lines(model, style)
     builder = _builder(style.kind, style.name, style.where)
+    lines = _coeff_lines(model, style)
     if not lines:
         raise AtcError(f"{style.where}: {style.kind}_style {style.name} has no {style.kind}_coeff lines: add them")
-
-    def build(n_types):
-        return builder(_input(model, style, lines, n_types))
-
     n = _n_types(lines)
     if any(t.hi is None for line in lines for t in line.types):
-        return [_Growing(style.kind, n, build)]
-    return [build(n)]
+        return [_Growing(model, style, lines, n)]
+    return _as_list(builder(_input(model, style, lines, n)))

@@ -13,7 +13,12 @@ from ..bonds import Bonds
 from ..errors import AtcError
 from ..frame import Frame
 from ..neighbors import CellList
+from ..units import units as get_units
 from .base import Accumulator, Term, Work
+from .registry import factor
+
+#: Stands for "all weights are 1" in kernels.
+ONES = np.zeros(0)
 
 
 class PairStyle:
@@ -21,13 +26,47 @@ class PairStyle:
 
     Subclasses fill `table`, (n_types + 1, n_types + 1, m) float64 in internal units, indexed by LAMMPS types from 1, whose column 0 is the
     squared cutoff (0 where the style does not act), and implement `add`.
+
+    Those that are a formula of a few numbers for each pair of types also say which (`numbers`: name and dimension, the cutoff last), and turn
+    arrays of them into the table (`fill`); they get a constructor from numbers in the user's units (`_take`) and from internal arrays (`internal`).
     """
 
     name = ""
     table: np.ndarray
+    units = None
     needs_charges = False
-    #: which special_bonds weight applies: "lj" or "coul"
-    weight = "lj"
+    #: which special_bonds weight applies: "lj", "coul", or None: not weighted (but left out where all weights are 0)
+    weight: str | None = "lj"
+    #: whether a pair of weight 0 still has a term (damped Coulomb: the part that damping took away)
+    keeps_excluded = False
+    numbers: tuple[tuple[str, object], ...] = ()
+
+    @classmethod
+    def internal(cls, *arrays, shift: bool = False):
+        """From (n_types + 1, n_types + 1) arrays of `numbers`, internal units; cutoff 0 = no interaction."""
+        style = cls.__new__(cls)
+        style.fill(*(np.asarray(a, float) for a in arrays), shift=shift)
+        return style
+
+    def fill(self, *arrays, shift: bool) -> None:
+        """Set `table`."""
+        raise NotImplementedError
+
+    def _take(self, values, units, n_types, shift) -> None:
+        """From numbers, or (n, n) arrays for types 1..n, in the user's units."""
+        from .pair_input import as_matrix
+
+        self.units = get_units(units)
+        n = max([n_types or 1] + [len(a) for a in map(np.asarray, values) if a.ndim])
+        cutoff = np.asarray(values[-1], float)
+        if not ((cutoff >= 0).all() and (cutoff > 0).any() and np.isfinite(cutoff).all()):
+            raise AtcError(f"{type(self).__name__}: the cutoff must be positive, got {values[-1]}")
+        self.fill(*(as_matrix(v, n, factor(self.units, d)) for v, (_, d) in zip(values, self.numbers, strict=True)), shift=shift)
+
+    def _set(self, cutoff, *columns) -> None:
+        """`table` from the cutoff and the kernel's columns; columns of pairs without interaction are 0."""
+        on = cutoff > 0
+        self.table = np.ascontiguousarray(np.stack([cutoff**2, *(np.where(on, c, 0.0) for c in columns)], axis=-1))
 
     @property
     def cutoff(self) -> float:
@@ -37,8 +76,12 @@ class PairStyle:
     def n_types(self) -> int:
         return len(self.table) - 1
 
+    def active(self) -> np.ndarray:
+        """(n_types + 1,) which types take part at all."""
+        return (self.table[..., 0] > 0).any(axis=1)
+
     def prepare(self, frame: Frame):
-        """Per-frame data for `add` (charges, self terms); None by default."""
+        """Per-frame data for `add` (charges); None by default."""
         return None
 
     def self_energy(self, frame: Frame):
@@ -46,8 +89,12 @@ class PairStyle:
         return None
 
     def add(self, types, i, j, d2, weights, U, G, prepared) -> None:
-        """Add this style's energy and G to U and G (all (b,)). `weights` is (b,) special-bond factors or None for all 1."""
+        """Add this style's energy and G to U and G (all (b,)). `weights` is (b,), or empty for all 1."""
         raise NotImplementedError
+
+    def trouble(self, ti: int, tj: int, d: float) -> str | None:
+        """Why this style has no finite force at distance d (internal), if it knows."""
+        return None
 
 
 class Pairs(Term):
@@ -60,8 +107,6 @@ class Pairs(Term):
     special : object with ``prepare(frame)`` giving per-frame special-bond weights, or None (see special_bonds)
     grow : function n_types → list of PairStyle for a frame with more types than `n_types`, or None if there is no more to know
     """
-
-    pairwise = True
 
     def __init__(self, styles, n_types: int, special=None, grow=None):
         self.styles = list(styles)
@@ -103,35 +148,26 @@ class _PairWork(Work):
         self.types = frame.types.astype(np.int32)
         self.list = CellList(frame.positions, frame.cell, term.cutoff)
         self.prepared = [s.prepare(frame) for s in term.styles]
-        self.special = term.special.prepare(frame) if term.special is not None else None
+        keep = any(s.keeps_excluded for s in term.styles)
+        self.special = term.special.prepare(frame, keep) if term.special is not None else None
         self.stages = (self.list.n_chunks,)
 
     def run(self, stage, task, acc: Accumulator):
         term, ws = self.term, acc.ws
         if task == 0:
-            for s in term.styles:
-                e = s.self_energy(self.frame)
-                if e is not None:
-                    acc.energy += float(e.sum())
-                    if acc.energies is not None:
-                        acc.energies += e
+            self._self_energies(acc)
         n = self.list.half(task, ws)
+        weights = {"lj": ONES, "coul": ONES, None: ONES}
+        if self.special is not None:
+            n, weights["lj"], weights["coul"] = self.special.weigh(ws, n)
         i, j, r, d2, U, G = ws.i[:n], ws.j[:n], ws.r[:n], ws.d2[:n], ws.U[:n], ws.G[:n]
         U[:] = 0.0
         G[:] = 0.0
-        weights = self.special.weights(i, j, r) if self.special is not None else None
         for s, prepared in zip(term.styles, self.prepared, strict=True):
-            s.add(self.types, i, j, d2, None if weights is None else weights[s.weight], U, G, prepared)
-        energy, zeros, bad = _collect(i, j, d2, U, G, acc.energies if acc.energies is not None else _NOTHING)
+            s.add(self.types, i, j, d2, weights[s.weight], U, G, prepared)
+        energy, zeros, bad = _collect(i, j, U, G, acc.energies if acc.energies is not None else ONES)
         if bad >= 0:
-            a, b = self.frame.ids[i[bad]], self.frame.ids[j[bad]]
-            if d2[bad] == 0.0:
-                raise AtcError(
-                    f"{self.frame.source}: atoms {a} and {b} are at the same place, where the pair force is undefined; remove one of them"
-                )
-            raise AtcError(
-                f"{self.frame.source}: the pair force between atoms {a} and {b} at distance {d2[bad] ** 0.5:.3g} is not a finite number"
-            )
+            raise self._bad(int(i[bad]), int(j[bad]), float(np.sqrt(d2[bad])))
         acc.energy += energy
         # Only worth a copy where different cutoffs by type leave many idle pairs.
         if zeros > 0.05 * n:
@@ -139,28 +175,50 @@ class _PairWork(Work):
             return Bonds(i[:n], j[:n], r[:n], G[:n])
         return Bonds(i, j, r, G)
 
+    def _self_energies(self, acc):
+        for s in self.term.styles:
+            e = s.self_energy(self.frame)
+            if e is not None:
+                acc.energy += float(e.sum())
+                if acc.energies is not None:
+                    acc.energies += e
 
-_NOTHING = np.zeros(0)
+    def _bad(self, i, j, d) -> AtcError:
+        frame = self.frame
+        a, b = sorted((frame.ids[i], frame.ids[j]))
+        if d == 0.0:
+            return AtcError(
+                f"{frame.source}: atoms {a} and {b} are at the same place, where the pair force is undefined; remove one of them"
+            )
+        for s in self.term.styles:
+            why = s.trouble(int(frame.types[i]), int(frame.types[j]), d)
+            if why:
+                return AtcError(f"{frame.source}: atoms {a} and {b}: {why}")
+        shown = frame.units.to_user("length", d)
+        return AtcError(f"{frame.source}: the pair force between atoms {a} and {b} at distance {shown:.3g} is not a finite number")
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _collect(i, j, d2, U, G, energies):
+def _collect(i, j, U, G, energies):
     """Sum the energies (half to each atom), count pairs without force, find the first pair that is not finite (−1: none)."""
     total = 0.0
+    force = 0.0
     zeros = 0
-    bad = -1
-    shared = len(energies) > 0
     for b in range(len(U)):
-        u = U[b]
-        total += u
-        if G[b] == 0.0:
-            zeros += 1
-        if not np.isfinite(G[b] + u):
-            if bad < 0:
+        total += U[b]
+        force += G[b]
+        zeros += 1 if G[b] == 0.0 else 0
+    bad = -1
+    if not np.isfinite(total + force):
+        for b in range(len(U)):
+            if not np.isfinite(U[b] + G[b]):
                 bad = b
-        if shared:
-            energies[i[b]] += 0.5 * u
-            energies[j[b]] += 0.5 * u
+                break
+    if len(energies) > 0:
+        for b in range(len(U)):
+            u = 0.5 * U[b]
+            energies[i[b]] += u
+            energies[j[b]] += u
     return total, zeros, bad
 
 

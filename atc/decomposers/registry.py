@@ -32,6 +32,20 @@ IMPROPER_STYLES: dict[str, Callable] = {}
 STYLES = {"pair": PAIR_STYLES, "bond": BOND_STYLES, "angle": ANGLE_STYLES, "dihedral": DIHEDRAL_STYLES, "improper": IMPROPER_STYLES}
 
 
+#: Pair styles whose one ``pair_coeff * *`` line maps atom types to elements (NULL: not this style's).
+MAPPED_STYLES = {"sw"}
+
+
+def factor(units: Units, dimension: str | dict) -> float:
+    """Internal size of a user's unit: `dimension` as in `atc.units`, or powers of them, {"energy": 1, "length": 6}."""
+    if isinstance(dimension, str):
+        return units.factor(dimension)
+    out = 1.0
+    for name, power in dimension.items():
+        out *= units.factor(name) ** power
+    return out
+
+
 def _register(kind: str):
     def named(*names: str):
         def keep(builder):
@@ -134,15 +148,15 @@ class StyleInput:
         """An AtcError that names the file and line; use as ``raise inp.error("...", line)``."""
         return AtcError(f"{line.where if line is not None else self.where}: {message}")
 
-    def number(self, word: str, dimension: str, what: str, line: CoeffLine | None = None) -> float:
-        """A number in internal units; `dimension` as in `atc.units`, or a number: the factor itself."""
+    def number(self, word: str, dimension: str | dict, what: str, line: CoeffLine | None = None) -> float:
+        """A number in internal units; `dimension` as in `factor`."""
         try:
             v = float(word)
         except ValueError:
             raise self.error(f"{self.command}: expected a number for {what}, got {word!r}", line) from None
         if not np.isfinite(v):
             raise self.error(f"{self.command}: {what} must be a finite number, got {word!r}", line)
-        return v * dimension if isinstance(dimension, (int, float)) else self.units.to_internal(dimension, v)
+        return v * factor(self.units, dimension)
 
     def numbers(self, words, wants, line: CoeffLine | None = None, optional: int = 0) -> list[float | None]:
         """Exactly the numbers `wants` = [(what, dimension), ...], the last `optional` of which may be missing (None)."""
@@ -175,5 +189,5 @@ class StyleInput:
 
 def supported(kind: str) -> str:
     """The names of the styles of a kind, for messages."""
-    names = sorted(set(STYLES[kind]) - {"hybrid"}) + (["hybrid", "hybrid/overlay", "none"] if kind == "pair" else ["hybrid", "none"])
+    names = sorted(set(STYLES[kind]) - {"hybrid"}) + (["hybrid", "hybrid/overlay", "none"] if kind == "pair" else ["zero", "none"])
     return ", ".join(names)

@@ -2,22 +2,227 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numba import njit
+
 from ..errors import AtcError
+
+_PRESETS = {
+    "amber": ((0.0, 0.0, 0.5), (0.0, 0.0, 5.0 / 6.0)),
+    "charmm": ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+    "dreiding": ((0.0, 0.0, 1.0), (0.0, 0.0, 1.0)),
+    "fene": ((0.0, 1.0, 1.0), (0.0, 1.0, 1.0)),
+}
 
 
 class SpecialBonds:
-    """Weights of 1-2, 1-3 and 1-4 neighbours."""
+    """Weights of the pair interactions between 1-2, 1-3 and 1-4 neighbours (one, two, three bonds apart; the fewest count).
+
+    As in LAMMPS, a pair that is not the minimum image of its atoms is no special pair: a bonded atom's other images interact fully.
+
+    Parameters
+    ----------
+    lj, coul : three weights each
+    angle : 1-3 neighbours only if an angle (or dihedral) of the topology joins them
+    dihedral : 1-4 neighbours only if a dihedral of the topology joins them
+    """
 
     def __init__(self, lj=(0.0, 0.0, 0.0), coul=(0.0, 0.0, 0.0), angle: bool = False, dihedral: bool = False):
-        self.lj, self.coul, self.angle, self.dihedral = tuple(lj), tuple(coul), angle, dihedral
+        self.lj, self.coul, self.angle, self.dihedral = tuple(map(float, lj)), tuple(map(float, coul)), bool(angle), bool(dihedral)
+        self._last = None
+
+    def __getstate__(self):
+        return {**self.__dict__, "_last": None}
 
     @classmethod
     def from_lines(cls, lines) -> SpecialBonds:
-        if lines:
-            raise AtcError(f"{lines[0][1]}: special_bonds is not supported yet")
-        return cls()
+        """From (words, where) of ``special_bonds`` lines: each line starts from LAMMPS's defaults (all 0), so the last one holds."""
+        special = cls()
+        for words, where in lines:
+            special = cls._from_words(list(words), where)
+        return special
 
-    def prepare(self, frame):
-        if frame.topology is None or not len(frame.topology.bonds):
+    @classmethod
+    def _from_words(cls, words, where):
+        lj = coul = (0.0, 0.0, 0.0)
+        flags = {"angle": False, "dihedral": False}
+        if not words:
+            raise AtcError(f"{where}: special_bonds needs weights such as 'lj/coul 0 1 1'")
+        k = 0
+        while k < len(words):
+            key = words[k]
+            if key in _PRESETS:
+                lj, coul = _PRESETS[key]
+                k += 1
+            elif key in ("lj", "coul", "lj/coul"):
+                weights = _three(words[k + 1 : k + 4], key, where)
+                lj = weights if "lj" in key else lj
+                coul = weights if "coul" in key else coul
+                k += 4
+            elif key in flags:
+                value = words[k + 1] if k + 1 < len(words) else ""
+                if value not in ("yes", "no", "on", "off", "true", "false"):
+                    raise AtcError(f"{where}: special_bonds {key}: expected yes or no, got {value or 'nothing'}")
+                flags[key] = value in ("yes", "on", "true")
+                k += 2
+            else:
+                raise AtcError(
+                    f"{where}: special_bonds {key} is not supported: expected lj, coul, lj/coul with three weights, angle, dihedral, {', '.join(_PRESETS)}"
+                )
+        return cls(lj, coul, **flags)
+
+    @property
+    def trivial(self) -> bool:
+        """Whether all weights are 1."""
+        return set(self.lj) | set(self.coul) == {1.0}
+
+    def prepare(self, frame, keep_excluded: bool = False) -> _Weights | None:
+        """The weights for a frame; None if it has no bonds or nothing is weighted. `keep_excluded`: pairs of weight 0 stay in the list."""
+        top = frame.topology
+        if top is None or not len(top.bonds) or self.trivial:
             return None
-        raise AtcError(f"{frame.source}: special_bonds is not supported yet")
+        last = self._last
+        if last is None or last[0] is not top or last[1] != len(frame):
+            self._last = last = (top, len(frame), *self._lists(top, len(frame)))
+        return _Weights(self, frame.cell, *last[2:], keep_excluded)
+
+    def _lists(self, top, n):
+        """For every atom its special neighbours (CSR: start, neighbour) and how many bonds apart they are (1, 2, 3)."""
+        bonds = np.unique(np.sort(np.asarray(top.bonds, np.int64), axis=1), axis=0)
+        start, other = _neighbours(bonds, n)
+        a, d = np.asarray(top.angles, np.int64), np.asarray(top.dihedrals, np.int64)
+        joined13 = np.concatenate([_keys(a[:, [0, 2]], n), _keys(d[:, [0, 2]], n), _keys(d[:, [1, 3]], n)])
+        joined14 = _keys(d[:, [0, 3]], n)
+        return _special(n, start, other, self.angle, np.unique(joined13), self.dihedral, np.unique(joined14))
+
+
+class _Weights:
+    """One frame's special pairs."""
+
+    def __init__(self, special, cell, start, other, apart, keep):
+        self.start, self.other, self.apart, self.keep = start, other, apart, keep
+        self.lj = np.array([1.0, *special.lj])
+        self.coul = np.array([1.0, *special.coul])
+        # LAMMPS tests |dx| > Lx/2 with a along x and b in the x-y plane: turn other cells that way.
+        v = cell.vectors
+        if np.all(v == np.tril(v)) and (np.diag(v) > 0).all():
+            self.turn, edge = np.eye(3), np.diag(v)
+        else:
+            q, r = np.linalg.qr(v.T)
+            sign = np.where(np.diag(r) < 0, -1.0, 1.0)
+            self.turn, edge = q * sign, np.diag(r) * sign
+        self.half = np.where(cell.periodic, edge / 2.0, np.inf)
+
+    def weigh(self, ws, n: int):
+        """Weights (lj, coul) of the first n pairs of a workspace; pairs of weight 0 are dropped from it (unless kept). Returns the new n first."""
+        lj, coul = np.empty(n), np.empty(n)
+        n = _weigh(
+            ws.i, ws.j, ws.r, ws.d2, n, self.start, self.other, self.apart, self.lj, self.coul, self.turn, self.half, self.keep, lj, coul
+        )  # fmt: skip
+        return n, lj[:n], coul[:n]
+
+
+def _three(words, key, where):
+    try:
+        out = tuple(float(w) for w in words)
+    except ValueError:
+        out = ()
+    if len(out) != 3 or not all(0.0 <= w <= 1.0 for w in out):
+        raise AtcError(f"{where}: special_bonds {key} needs three weights between 0 and 1, got {' '.join(words) or 'nothing'}")
+    return out
+
+
+def _keys(pairs, n):
+    p = np.sort(pairs, axis=1)
+    return p[:, 0] * n + p[:, 1]
+
+
+def _neighbours(bonds, n):
+    """CSR adjacency of undirected bonds."""
+    both = np.concatenate([bonds, bonds[:, ::-1]])
+    both = both[np.argsort(both[:, 0], kind="stable")]
+    return np.concatenate([[0], np.cumsum(np.bincount(both[:, 0], minlength=n))]), np.ascontiguousarray(both[:, 1])
+
+
+@njit(cache=True, error_model="numpy")
+def _joined(keys, n, i, j):
+    key = min(i, j) * n + max(i, j)
+    k = np.searchsorted(keys, key)
+    return k < len(keys) and keys[k] == key
+
+
+@njit(cache=True, error_model="numpy")
+def _special(n, start, other, trim13, joined13, trim14, joined14):
+    seen = np.full(n, -1)
+    first = np.zeros(n + 1, np.int64)
+    capacity = 16 * n + 64
+    out = np.empty(capacity, np.int32)
+    apart = np.empty(capacity, np.int8)
+    m = 0
+    for i in range(n):
+        seen[i] = i
+        for level in range(1, 4):
+            for a in range(start[i], start[i + 1]):
+                j = other[a]
+                if level == 1:
+                    if seen[j] != i:
+                        seen[j] = i
+                        out, apart = _room(out, apart, m)
+                        out[m], apart[m] = j, 1
+                        m += 1
+                    continue
+                for b in range(start[j], start[j + 1]):
+                    k = other[b]
+                    if k == i:
+                        continue
+                    if level == 2:
+                        if seen[k] != i and (not trim13 or _joined(joined13, n, i, k)):
+                            seen[k] = i
+                            out, apart = _room(out, apart, m)
+                            out[m], apart[m] = k, 2
+                            m += 1
+                        continue
+                    for c in range(start[k], start[k + 1]):
+                        l = other[c]
+                        if seen[l] != i and (not trim14 or _joined(joined14, n, i, l)):
+                            seen[l] = i
+                            out, apart = _room(out, apart, m)
+                            out[m], apart[m] = l, 3
+                            m += 1
+        first[i + 1] = m
+    return first, out[:m].copy(), apart[:m].copy()
+
+
+@njit(cache=True, error_model="numpy")
+def _room(out, apart, m):
+    if m < len(out):
+        return out, apart
+    o = np.empty(2 * len(out), np.int32)
+    a = np.empty(2 * len(out), np.int8)
+    o[:m] = out
+    a[:m] = apart
+    return o, a
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _weigh(i, j, r, d2, n, start, other, apart, lj, coul, turn, half, keep, wl, wc):
+    m = 0
+    for b in range(n):
+        p, q = i[b], j[b]
+        level = 0
+        for k in range(start[p], start[p + 1]):
+            if other[k] == q:
+                level = apart[k]
+                break
+        if level > 0:
+            for c in range(3):
+                x = r[b, 0] * turn[0, c] + r[b, 1] * turn[1, c] + r[b, 2] * turn[2, c]
+                if abs(x) > half[c]:
+                    level = 0
+        if not keep and lj[level] == 0.0 and coul[level] == 0.0:
+            continue
+        i[m], j[m], d2[m] = p, q, d2[b]
+        r[m, 0], r[m, 1], r[m, 2] = r[b, 0], r[b, 1], r[b, 2]
+        wl[m], wc[m] = lj[level], coul[level]
+        m += 1
+    return m

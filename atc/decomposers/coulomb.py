@@ -1,0 +1,251 @@
+"""Coulomb pair styles without a long-range part: cut, damped shifted force, Wolf; and Lennard-Jones with them."""
+
+from __future__ import annotations
+
+from math import erfc
+
+import numpy as np
+from numba import njit
+
+from ..errors import AtcError
+from ..units import units as get_units
+from .lennard_jones import LennardJones, mix_lj
+from .pair import PairStyle
+from .pair_input import fill, mix_distance, pair_values
+from .registry import StyleInput, pair_style
+
+_SQRT_PI = np.sqrt(np.pi)
+
+
+class CoulombCut(PairStyle):
+    """U = C q_i q_j/(ε d) for d < cutoff (LAMMPS ``coul/cut``), C the Coulomb constant of the unit style.
+
+    Parameters
+    ----------
+    cutoff : float, or symmetric (n, n) array for types 1..n; 0 = no interaction
+    units : unit style of the cutoff and of the constant
+    dielectric : ε
+    n_types : number of types that single numbers stand for (default 1)
+    """
+
+    name = "coul/cut"
+    weight = "coul"
+    needs_charges = True
+    numbers = (("cutoff", "length"),)
+
+    def __init__(self, cutoff, *, units, dielectric: float = 1.0, n_types: int | None = None):
+        self._take((cutoff,), units, n_types, False)
+        self.constant = get_units(units).coulomb / dielectric
+
+    def fill(self, cutoff, shift):
+        self._set(cutoff)
+
+    def prepare(self, frame):
+        return frame.charges
+
+    def add(self, types, i, j, d2, weights, U, G, prepared):
+        _coul_cut(types, i, j, d2, weights, self.table, self.constant, prepared, U, G)
+
+
+class _Damped(PairStyle):
+    """One damping for all pairs of types; atoms have a self energy; excluded pairs lose the full Coulomb energy, not the damped one."""
+
+    weight = "coul"
+    needs_charges = True
+    keeps_excluded = True
+    numbers = (("cutoff", "length"),)
+
+    def __init__(self, alpha, cutoff, *, units, dielectric: float = 1.0, n_types: int | None = None):
+        u = get_units(units)
+        if np.ndim(cutoff) or np.ndim(alpha):
+            raise AtcError(f"{type(self).__name__}: alpha and the cutoff are one number for all types")
+        self._take((cutoff,), units, n_types, False)
+        self._damp(alpha / u.length, u.to_internal("length", cutoff), u.coulomb / dielectric)
+
+    def fill(self, cutoff, shift):
+        self._set(cutoff)
+
+    @classmethod
+    def everywhere(cls, on, alpha, cutoff, constant):
+        """On the pairs of types `on` ((n_types + 1, n_types + 1) bool); internal units."""
+        style = cls.internal(np.where(on, cutoff, 0.0))
+        style._damp(alpha, cutoff, constant)
+        return style
+
+    def prepare(self, frame):
+        return frame.charges
+
+    def self_energy(self, frame):
+        q = np.where(self.active()[frame.types], frame.charges, 0.0)
+        return -(self.e_shift / 2.0 + self.alpha / _SQRT_PI) * self.constant * q * q
+
+
+class CoulombDSF(_Damped):
+    """Damped shifted force: U = C q_i q_j [erfc(αd)/d − e_s − (d) f_s], force zero at the cutoff (LAMMPS ``coul/dsf``; Fennell & Gezelter 2006).
+
+    e_s and f_s are LAMMPS's e_shift and f_shift; each atom has the energy −(e_s/2 + α/√π) C q². erfc is LAMMPS's rational approximation
+    (Abramowitz & Stegun 7.1.26, 1.5e-7), so that energies and forces are LAMMPS's.
+
+    Parameters
+    ----------
+    alpha : float, 1/length. cutoff : float. units : unit style of both and of the Coulomb constant. dielectric : float.
+    n_types : number of types (default 1)
+    """
+
+    name = "coul/dsf"
+
+    def _damp(self, alpha, cutoff, constant):
+        self.alpha, self.constant = alpha, constant
+        a, b = erfc(alpha * cutoff), np.exp(-((alpha * cutoff) ** 2))
+        self.f_shift = -(a / cutoff**2 + 2.0 / _SQRT_PI * alpha * b / cutoff)
+        self.e_shift = a / cutoff - self.f_shift * cutoff
+
+    def add(self, types, i, j, d2, weights, U, G, prepared):
+        _dsf(types, i, j, d2, weights, self.table, self.constant, self.alpha, self.e_shift, self.f_shift, prepared, U, G)
+
+
+class CoulombWolf(_Damped):
+    """Wolf's damped and shifted sum: U = C q_i q_j [erfc(αd)/d − erfc(αr_c)/r_c], force shifted to zero at the cutoff too (LAMMPS ``coul/wolf``).
+
+    The force is not the derivative of this energy (it is shifted, the energy only by a constant): LAMMPS's, and Wolf's, choice.
+    Each atom has the energy −[erfc(αr_c)/(2 r_c) + α/√π] C q².
+
+    Parameters
+    ----------
+    alpha : float, 1/length. cutoff : float. units : unit style of both and of the Coulomb constant. dielectric : float.
+    n_types : number of types (default 1)
+    """
+
+    name = "coul/wolf"
+
+    def _damp(self, alpha, cutoff, constant):
+        self.alpha, self.constant = alpha, constant
+        self.e_shift = erfc(alpha * cutoff) / cutoff
+        self.f_shift = -(self.e_shift + 2.0 * alpha / _SQRT_PI * np.exp(-((alpha * cutoff) ** 2))) / cutoff
+
+    def add(self, types, i, j, d2, weights, U, G, prepared):
+        _wolf(types, i, j, d2, weights, self.table, self.constant, self.alpha, self.e_shift, self.f_shift, prepared, U, G)
+
+
+def _constant(inp: StyleInput) -> float:
+    return inp.units.coulomb / inp.dielectric
+
+
+def _cut(inp: StyleInput, cutoff) -> CoulombCut:
+    style = CoulombCut.internal(cutoff)
+    style.constant = _constant(inp)
+    return style
+
+
+@pair_style("coul/cut")
+def _coul_cut_style(inp: StyleInput):
+    (rc,) = inp.numbers(inp.args, [("cutoff", "length")])
+    (cutoff,) = pair_values(
+        inp, [("cutoff", "length")], optional=1, defaults=[rc], mix=lambda a, b, rule: (mix_distance(a[0], b[0], rule),)
+    )
+    return _cut(inp, cutoff)
+
+
+def _damped(inp: StyleInput, cls, alpha, cutoff):
+    """Where `pair_coeff` names types (no numbers), LAMMPS acts on all pairs as soon as each type is named with itself."""
+    given = {}
+    for line in inp.coeffs:
+        inp.numbers(line.words, [], line)
+        for pair in line.covers(inp.n_types):
+            given[pair] = (1.0,)
+    (on,) = fill(inp, given, 1, mix=lambda a, b, rule: (1.0,))
+    return cls.everywhere(on > 0, alpha, cutoff, _constant(inp))
+
+
+@pair_style("coul/dsf")
+def _dsf_style(inp: StyleInput):
+    alpha, rc = inp.numbers(inp.args, [("alpha", {"length": -1}), ("cutoff", "length")])
+    return _damped(inp, CoulombDSF, alpha, rc)
+
+
+@pair_style("coul/wolf")
+def _wolf_style(inp: StyleInput):
+    alpha, rc = inp.numbers(inp.args, [("alpha", {"length": -1}), ("cutoff", "length")])
+    return _damped(inp, CoulombWolf, alpha, rc)
+
+
+@pair_style("lj/cut/coul/cut")
+def _lj_coul_cut_style(inp: StyleInput):
+    rlj, rcoul = inp.numbers(inp.args, [("LJ cutoff", "length"), ("Coulomb cutoff", "length")], optional=1)
+    rcoul = rlj if rcoul is None else rcoul
+    wants = [("epsilon", "energy"), ("sigma", "length"), ("LJ cutoff", "length"), ("Coulomb cutoff", "length")]
+    # One cutoff on a pair_coeff line is for both.
+    given = {}
+    for line in inp.coeffs:
+        e, s, a, b = inp.numbers(line.words, wants, line, optional=2)
+        a, b = (rlj, rcoul) if a is None else (a, a) if b is None else (a, b)
+        for pair in line.covers(inp.n_types):
+            given[pair] = (e, s, a, b)
+
+    def mix(x, y, rule):
+        return (*mix_lj(x[:3], y[:3], rule), mix_distance(x[3], y[3], rule))
+
+    epsilon, sigma, cut_lj, cut_coul = fill(inp, given, 4, mix)
+    return [LennardJones.internal(epsilon, sigma, cut_lj, shift=inp.modify.shift), _cut(inp, cut_coul)]
+
+
+def _lj_damped(cls):
+    def build(inp: StyleInput):
+        alpha, rlj, rcoul = inp.numbers(
+            inp.args, [("alpha", {"length": -1}), ("LJ cutoff", "length"), ("Coulomb cutoff", "length")], optional=1
+        )
+        rcoul = rlj if rcoul is None else rcoul
+        arrays = pair_values(inp, LennardJones.numbers, optional=1, defaults=[rlj], mix=mix_lj)
+        lj = LennardJones.internal(*arrays, shift=inp.modify.shift)
+        return [lj, cls.everywhere(arrays[2] > 0, alpha, rcoul, _constant(inp))]
+
+    return build
+
+
+pair_style("lj/cut/coul/dsf")(_lj_damped(CoulombDSF))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _coul_cut(types, i, j, d2, weights, table, constant, q, U, G):
+    weighted = len(weights) > 0
+    for b in range(len(d2)):
+        p, k = i[b], j[b]
+        if d2[b] < table[types[p], types[k], 0]:
+            w = weights[b] if weighted else 1.0
+            u = w * constant * q[p] * q[k] / np.sqrt(d2[b])
+            U[b] += u
+            G[b] -= u / d2[b]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _dsf(types, i, j, d2, weights, table, constant, alpha, e_shift, f_shift, q, U, G):
+    weighted = len(weights) > 0
+    for b in range(len(d2)):
+        p, k = i[b], j[b]
+        if d2[b] < table[types[p], types[k], 0]:
+            w = weights[b] if weighted else 1.0
+            d = np.sqrt(d2[b])
+            c = constant * q[p] * q[k] / d
+            gauss = np.exp(-alpha * alpha * d2[b])
+            # Abramowitz & Stegun 7.1.26, as LAMMPS has it.
+            t = 1.0 / (1.0 + 0.3275911 * alpha * d)
+            erfc_ = t * (0.254829592 + t * (-0.284496736 + t * (1.421413741 + t * (-1.453152027 + t * 1.061405429)))) * gauss
+            lost = 1.0 - w if w < 1.0 else 0.0
+            U[b] += c * (erfc_ - d * e_shift - d2[b] * f_shift - lost)
+            G[b] -= c * (erfc_ + (2.0 / np.sqrt(np.pi) * alpha * gauss + d * f_shift) * d - lost) / d2[b]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _wolf(types, i, j, d2, weights, table, constant, alpha, e_shift, f_shift, q, U, G):
+    weighted = len(weights) > 0
+    for b in range(len(d2)):
+        p, k = i[b], j[b]
+        if d2[b] < table[types[p], types[k], 0]:
+            w = weights[b] if weighted else 1.0
+            d = np.sqrt(d2[b])
+            c = constant * q[p] * q[k] / d
+            erfc_ = erfc(alpha * d)
+            lost = 1.0 - w if w < 1.0 else 0.0
+            U[b] += c * (erfc_ - e_shift * d - lost)
+            slope = erfc_ / d2[b] + 2.0 * alpha / np.sqrt(np.pi) * np.exp(-alpha * alpha * d2[b]) / d + f_shift
+            G[b] -= c * (slope - lost / d2[b])
