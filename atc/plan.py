@@ -132,9 +132,9 @@ class Request:
         return {
             "version": __version__,
             "quantities": [q.name for q in self.work.quantities],
-            "potential": describe(self.pot) if self.work.bond_users else None,
-            "kernel": describe(self.kern) if self.work.grid_users else None,
-            "grid": describe(self.grid) if self.work.grid_users else None,
+            "potential": self._potential_key() if self.work.bond_users else None,
+            "kernel": fingerprint((self.kern.name, self.kern.parameters)) if self.work.grid_users else None,
+            "grid": fingerprint(self.grid) if self.work.grid_users else None,
             "method": self.method_used,
             "tolerance": float(self.tolerance),
             "average": int(self.average) if self.average is not True else True,
@@ -145,6 +145,15 @@ class Request:
         }
 
 
+    def _potential_key(self) -> str:
+        """What the potential says about the first frame: no other coefficients say the same, wherever they come from."""
+        if self.pot is None:
+            return ""
+        d = self.pot.stream(self.first, None, threads=self.threads)
+        # 10 digits: the order of summation, hence the number of threads, must not matter.
+        return f"{self.pot.describe()}; energy {d.energy:.9e}, virial {np.trace(d.virial_cc):.9e}"
+
+
 def as_frames(traj):
     """Anything `atc.fields` takes as a trajectory, as a sequence of Frames."""
     from .frame import Frame
@@ -153,7 +162,8 @@ def as_frames(traj):
         return [traj]
     if isinstance(traj, (list, tuple)) and traj and all(isinstance(f, Frame) for f in traj):
         return list(traj)
-    from .readers import Trajectory, read
+    from .readers import read
+    from .readers.trajectory import Trajectory
 
     return traj if isinstance(traj, Trajectory) else read(traj)
 
@@ -169,15 +179,36 @@ def choose_method(method: str) -> tuple[str, str]:
     return method, "asked for"
 
 
-def describe(thing) -> str:
-    """A text that is the same for equal things in every process."""
+def fingerprint(thing) -> str:
+    """A text that is the same for equal things in every process: all numbers, arrays and texts reachable from `thing`."""
     import hashlib
-    import pickle
 
-    text = thing.describe() if hasattr(thing, "describe") else repr(thing)
-    if " at 0x" in text or "..." in text:
-        text = hashlib.sha256(pickle.dumps(thing)).hexdigest()
-    return text
+    h = hashlib.sha256()
+    seen: set[int] = set()
+
+    def walk(x, name):
+        h.update(f"|{name}:{type(x).__name__}:".encode())
+        if isinstance(x, (str, bytes, bool, int, float, complex, type(None), np.generic)):
+            h.update(repr(x).encode())
+        elif isinstance(x, np.ndarray) and x.dtype.kind != "O":
+            h.update(f"{x.dtype.str}{x.shape}".encode() + np.ascontiguousarray(x).tobytes())
+        elif id(x) in seen:
+            return
+        else:
+            seen.add(id(x))
+            if isinstance(x, dict):
+                for k in sorted(x, key=repr):
+                    walk(x[k], repr(k))
+            elif isinstance(x, (list, tuple, np.ndarray)):
+                for k, y in enumerate(x):
+                    walk(y, str(k))
+            elif isinstance(x, (set, frozenset)):
+                walk(sorted(x, key=repr), name)
+            else:
+                walk(vars(x), name)
+
+    walk(thing, "")
+    return h.hexdigest()[:24]
 
 
 def digest(frame) -> str:

@@ -479,14 +479,6 @@ def _sanity(request: Request) -> None:
 
 
 def grid_spacing(bound) -> float:
-    """Largest distance between neighbouring points along a grid axis (internal units); 0 where points have no neighbours."""
-    if len(bound.shape) < 1 or bound.dims[0] in ("point", "atom"):
-        return 0.0
-    x = getattr(bound, "points_gc", None)
-    if x is None or len(x) != int(np.prod(bound.shape)):
-        return 0.0
-    x = np.asarray(x).reshape(*bound.shape, 3)
-    gaps = [
-        np.linalg.norm(np.take(x, 1, axis=a) - np.take(x, 0, axis=a), axis=-1).max() for a in range(len(bound.shape)) if bound.shape[a] > 1
-    ]
+    """Largest distance between neighbouring points along a grid axis (internal units); 0 for scattered points."""
+    gaps = [] if bound.spacing is None else [d for d, n in zip(bound.spacing, bound.shape) if n > 1]
     return float(max(gaps, default=0.0))

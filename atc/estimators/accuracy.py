@@ -9,6 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 
+# Bins of a slab profile that are computed twice.
+SLAB_BINS = 5
+
+
 def kernel_internal(kern, units):
     """The user's kernel in internal units."""
     return kern if units.length == 1.0 else kern.scaled(units.length)
@@ -19,22 +23,35 @@ class Check:
 
     Parameters
     ----------
-    bound : bound grid
+    bound : BoundGrid
     kern : kernel in internal units
-    cell, x_nc : of the frame
+    cell : Cell of the frame
     threads : int
     index : int
         Number of the frame: the same points whoever computes it, and whenever.
     count : int
+
+    Notes
+    -----
+    Scattered points go through the direct sum with everything relative to the cell's origin, so that a box far from 0 costs no digits.
+    Bins of a slab profile are summed in plain numpy (a few only: there every bond is looked at for every bin).
     """
 
-    def __init__(self, bound, kern, cell, units, x_nc, threads, index, count):
+    def __init__(self, bound, kern, cell, threads, index, count):
+        from ..frame import Cell
+        from ..grids import BoundGrid
         from .compute import Target
 
+        slab = bound.kind == "slab"
         total = int(np.prod(bound.shape))
         rng = np.random.default_rng([20240229, index])
-        self.which = np.sort(rng.choice(total, min(total, count), replace=False))
-        self.target = Target("direct", bound.subset(self.which), kern, cell, threads)
+        self.which = np.sort(rng.choice(total, min(total, SLAB_BINS if slab else count), replace=False))
+        if slab:
+            self.target = SlabTarget(bound, self.which, kern)
+        else:
+            home = Cell(cell.vectors, (0.0, 0.0, 0.0), cell.periodic)
+            points = BoundGrid("points", home, ("point",), xyz=np.ascontiguousarray(bound.relative_points_gc[self.which]))
+            self.target = Target("direct", points, kern, home, threads, origin=cell.origin)
 
     def errors(self, field_g, at_points) -> dict[str, float]:
         """Largest and rms difference between the field and its second computation.
@@ -55,6 +72,74 @@ class Check:
             "error_l2": _ratio(rms, float(np.sqrt(np.mean(field_g**2))) if field_g.size else 0.0),
             "error_of_fluctuation": _ratio(worst, spread),
         }
+
+
+class SlabTarget:
+    """A few bins of a slab profile, from the kernel's own marginal: Σ a φ₁(z_j − z)/A and Σ b β₁(z)/A over images along the axis."""
+
+    def __init__(self, bound, which, kern):
+        cell = bound.cell
+        self.normal = cell.inverse[:, bound.axis] * cell.heights[bound.axis]
+        self.height = cell.heights[bound.axis]
+        self.area = cell.volume / self.height
+        self.origin = cell.origin
+        self.periodic = bool(cell.periodic[bound.axis])
+        self.z_g = (which + 0.5) / bound.shape[0] * self.height
+        self.marginal = kern.marginal(self.normal)
+
+    def sites(self, x_nc, a_nk) -> np.ndarray:
+        """(g, k) Σ a φ₁/A."""
+        return self._sum(x_nc, None, a_nk)
+
+    def place(self, x_nc):
+        return x_nc
+
+    def open(self, n_site=0, n_bond=0):
+        """A deposit of bonds: what `add_bonds` and `add_bond_stress` bring is in `bond_sums`."""
+        return _SlabDeposit(self, n_bond)
+
+    def _sum(self, x_bc, r_bc, b_bk):
+        out = np.zeros((len(self.z_g), b_bk.shape[1]))
+        if not len(x_bc):
+            return out
+        s = (x_bc - self.origin) @ self.normal
+        r = np.zeros(1) if r_bc is None else r_bc @ self.normal
+        reach = self.marginal.support
+        low, high = np.minimum(s, s - r), np.maximum(s, s - r)
+        for g, z in enumerate(self.z_g):
+            shifts = [0.0]
+            if self.periodic:
+                first = int(np.ceil((z - reach - high.max()) / self.height))
+                last = int(np.floor((z + reach - low.min()) / self.height))
+                shifts = [k * self.height for k in range(first, last + 1)]
+            for shift in shifts:
+                near = np.flatnonzero((low + shift <= z + reach) & (high + shift >= z - reach))
+                d = s[near] + shift - z
+                weight = self.marginal.phi(d) if r_bc is None else self.marginal.beta(d, r[near])
+                out[g] += weight @ b_bk[near]
+        return out / self.area
+
+
+class _SlabDeposit:
+    def __init__(self, target, n_bond):
+        from threading import Lock
+
+        self.target, self.lock = target, Lock()
+        self.parts: dict[int, np.ndarray] = {}
+        self.empty = np.zeros((len(target.z_g), n_bond))
+
+    def add_bonds(self, x_bc, r_bc, b_bk, thread=0):
+        part = self.target._sum(x_bc, r_bc, b_bk)
+        with self.lock:
+            self.parts[thread] = self.parts.get(thread, self.empty) + part
+
+    def add_bond_stress(self, x_nc, i_b, r_bc, G_b, thread=0):
+        from .sums import outer6
+
+        self.add_bonds(x_nc[i_b], r_bc, outer6(r_bc) * G_b[:, None], thread)
+
+    def bond_sums(self):
+        return sum((self.parts[t] for t in sorted(self.parts)), self.empty)
 
 
 def _ratio(a: float, b: float) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field
 from time import perf_counter
 
@@ -43,19 +44,34 @@ class FrameResult:
 
 
 class Target:
-    """Points at which sums are wanted, with one method to get them."""
+    """Points at which sums are wanted, with one method to get them; `origin` is subtracted from all positions first."""
 
-    def __init__(self, method, bound, kern, cell, threads):
+    def __init__(self, method, bound, kern, cell, threads, origin=None):
         self.method, self.bound, self.kern, self.cell, self.threads = method, bound, kern, cell, threads
+        self.origin = None if origin is None or not np.any(origin) else origin
+        self._moved: tuple = (None, None)
+
+    def place(self, x_nc) -> np.ndarray:
+        """Positions relative to `origin`; the last ones are remembered."""
+        if self.origin is None:
+            return x_nc
+        if self._moved[0] is not x_nc:
+            self._moved = (x_nc, x_nc - self.origin)
+        return self._moved[1]
 
     def open(self, n_site=0, n_bond=0):
+        """An empty deposit for this many components."""
         from ..deposit import make
 
-        return make(self.method, self.bound, self.kern, self.cell, n_site, n_bond, threads=self.threads)
+        deposit = make(self.method, self.bound, self.kern, self.cell, n_site, n_bond, threads=self.threads)
+        return deposit if self.origin is None else _Placed(deposit, self)
 
     def sites(self, x_nc, a_nk) -> np.ndarray:
         """(g, k) Σ a φ over all atoms."""
-        deposit = self.open(n_site=a_nk.shape[1])
+        x_nc = self.place(x_nc)
+        from ..deposit import make
+
+        deposit = make(self.method, self.bound, self.kern, self.cell, a_nk.shape[1], 0, threads=self.threads)
         if self.threads == 1 or len(x_nc) < 2 * self.threads:
             deposit.add_sites(x_nc, a_nk, thread=0)
         else:
@@ -63,10 +79,26 @@ class Target:
 
             cuts = np.linspace(0, len(x_nc), self.threads + 1).astype(int)
             with ThreadPoolExecutor(self.threads) as pool:
-                jobs = [pool.submit(deposit.add_sites, x_nc[a:b], a_nk[a:b], thread=t) for t, (a, b) in enumerate(zip(cuts[:-1], cuts[1:]))]
+                jobs = [
+                    pool.submit(deposit.add_sites, x_nc[a:b], a_nk[a:b], thread=t) for t, (a, b) in enumerate(itertools.pairwise(cuts))
+                ]
                 for job in jobs:
                     job.result()
         return deposit.site_sums()
+
+
+class _Placed:
+    """A deposit that gets its positions relative to another origin."""
+
+    def __init__(self, deposit, target):
+        self.deposit, self.target = deposit, target
+        self.bond_sums = deposit.bond_sums
+
+    def add_bond_stress(self, x_nc, i_b, r_bc, G_b, thread=0):
+        self.deposit.add_bond_stress(self.target.place(x_nc), i_b, r_bc, G_b, thread=thread)
+
+    def add_bonds(self, x_bc, r_bc, b_bk, thread=0):
+        self.deposit.add_bonds(x_bc - self.target.origin, r_bc, b_bk, thread=thread)
 
 
 def frame_fields(frame, settings: Settings, index: int = 0) -> FrameResult:
@@ -102,15 +134,14 @@ def frame_fields(frame, settings: Settings, index: int = 0) -> FrameResult:
     reference_grid = [q for q in work.quantities if q.kind == "grid" and any(BOND[b].reference for b in q.bond)]
     if plain_grid:
         bound = settings.grid.bind(units, cell, x_nc)
-        check = Check(bound, kern, cell, units, x_nc, threads, index, settings.check_points)
+        check = Check(bound, kern, cell, threads, index, settings.check_points)
         targets = [Target(settings.method, bound, kern, cell, threads), check.target]
+        check.target.place(x_nc)  # before threads ask for it
     reference_targets: list[Target] = []
     if reference_grid:
         reference = settings.reference
         reference_bound = settings.grid.bind(reference.units, reference.cell, reference.positions)
-        reference_check = Check(
-            reference_bound, kern, reference.cell, reference.units, reference.positions, threads, index, settings.check_points
-        )
+        reference_check = Check(reference_bound, kern, reference.cell, threads, index, settings.check_points)
         reference_targets = [Target(settings.method, reference_bound, kern, reference.cell, threads), reference_check.target]
 
     # --- one pass over the bonds
@@ -233,7 +264,7 @@ def local_shifts(sums: Sums, target: Target, x_nc, factors) -> np.ndarray | None
 
     Returns (g, 6), or None if the frame's mean was enough everywhere.
     """
-    best = sums.thermal
+    best = sums.thermal_of_drift
     rho = sums.rho
     v_gc = sums.peculiar
     have = np.linalg.norm(v_gc, axis=1)

@@ -66,11 +66,14 @@ class Sums:
         """(g, 3) v = π/ρ, 0 where there is no mass."""
         return np.where(self.defined[:, None], self.peculiar + self.drift, 0.0)
 
-    @cached_property
+    @property
     def thermal(self) -> np.ndarray:
         """(g, 6) T − ρ v⊗v = Σ m (v_j − v(x))⊗(v_j − v(x)) φ_j, 0 where there is no mass."""
-        if self.thermal_shifted is not None:
-            return self.thermal_shifted
+        return self.thermal_of_drift if self.thermal_shifted is None else self.thermal_shifted
+
+    @cached_property
+    def thermal_of_drift(self) -> np.ndarray:
+        """`thermal` from the sums relative to the frame's drift alone."""
         return thermal(self.site["mass"], self.site["momentum"], self.site["kinetic"])
 
     @cached_property

@@ -1,0 +1,98 @@
+"""The plan says what will run, what will not, and about what it costs, without computing anything."""
+
+import numpy as np
+import pytest
+from frames import argon
+from naive_fields import BruteLJ
+
+import atc
+from atc.errors import AtcError
+from atc.plan import Request, bonds_per_atom, plan
+
+KERN = atc.kernel("quartic", radius=5.5)
+GRID = atc.Grid.regular(shape=(5, 6, 4))
+
+
+def test_density_alone_searches_no_neighbours():
+    pot = BruteLJ()
+    p = plan(argon(), pot, KERN, GRID, ["density"])
+    text = str(p)
+    assert pot.calls == [] and p.points == 120 and p.atoms == 18 and p.frames == 1
+    assert len(p.passes) == 1 and "1 component" in p.passes[0] and "atoms" in p.passes[0]
+    assert any("neighbour" in what for what, _ in p.left_out) and "neighbour" in text.split("left out")[1]
+    assert p.bonds == 0 and p.visits == 0
+
+
+def test_stress_runs_two_passes():
+    p = plan([argon()] * 10, BruteLJ(), KERN, GRID, ["stress"], average=True)
+    assert len(p.passes) == 3 and "6 components" in p.passes[0] and "10 components" in p.passes[1] and "average over all" in p.passes[2]
+    assert p.method == "direct" and p.cpu_seconds > 0 and p.total_seconds >= 10 * p.wall_seconds * 0.999 and p.memory > 0
+    assert 0 < p.error < p.tolerance
+
+
+def test_potential_stress_alone_needs_no_velocities():
+    p = plan(argon().replace(velocities=None, masses=None), BruteLJ(), KERN, GRID, ["stress_potential"])
+    assert len(p.passes) == 1 and any("velocities" in what for what, _ in p.left_out) and any("atoms" in what for what, _ in p.left_out)
+
+
+def test_virial_needs_no_grid():
+    p = plan(argon(), BruteLJ(), None, None, ["virial_stress"])
+    assert p.points == 0 and any("kernel" in what for what, _ in p.left_out) and "method" not in str(p)
+
+
+def test_numbers_of_bonds_and_visits_are_right():
+    """A perfect lattice: bonds counted by hand; visits from the capsule volume, against a count of the points in all capsules."""
+    L, n = 24.0, 6
+    s = np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing="ij"), -1).reshape(-1, 3) * (L / n)
+    frame = argon(n=(1, 1, 1)).replace(
+        positions=s, cell=atc.Cell([L] * 3), masses=np.full(n**3, 40.0), velocities=np.zeros((n**3, 3)), types=None, ids=None
+    )
+    assert bonds_per_atom(frame, 4.1) == 3.0 and bonds_per_atom(frame, 5.7) == 9.0
+    pot = BruteLJ(cutoff=5.7)
+    grid, kern = atc.Grid.regular(shape=(12, 12, 12)), atc.kernel("quartic", radius=4.0)
+    p = plan(frame, pot, kern, grid, ["stress_potential"])
+    assert p.bonds == 9 * n**3
+    bonds, _, _ = pot.evaluate(frame)
+    points = (np.stack(np.meshgrid(*[np.arange(12)] * 3, indexing="ij"), -1).reshape(-1, 3) + 0.5) * 2.0
+    visits = 0
+    for i, r in zip(bonds.i[:200], bonds.r_bc[:200]):
+        d = points - (frame.positions[i] - 0.5 * r)
+        d -= L * np.rint(d / L)
+        t = np.clip(d @ r / (r @ r), -0.5, 0.5)
+        visits += np.count_nonzero(((d - t[:, None] * r) ** 2).sum(1) < 16.0)
+    visits *= len(bonds) / 200
+    # the plan adds the check's points (100 to 1728) and takes 3/4 of the cutoff for the bond length
+    assert 0.8 < p.visits / visits < 1.25
+
+
+def test_vacuum_does_not_mislead_the_bond_count():
+    dense = argon(n=(3, 3, 3))
+    slab = dense.replace(cell=atc.Cell([9.0, 10.0, 110.0], dense.cell.origin, (True, True, True)))
+    assert bonds_per_atom(slab, 4.0) > 3 * (0.5 * 27 / slab.cell.volume * 4.19 * 64)
+
+
+def test_the_arguments_are_those_of_fields_or_a_request():
+    request = Request(argon(), BruteLJ(), KERN, GRID, ["stress"])
+    assert str(plan(request)) == str(plan(argon(), BruteLJ(), KERN, GRID, ["stress"]))
+    with pytest.raises(AtcError, match="potential"):
+        plan(argon(), None, KERN, GRID, ["stress"])
+    with pytest.raises(AtcError, match="kernel"):
+        plan(argon(), BruteLJ(), None, GRID, ["stress"])
+
+
+def test_the_prediction_is_of_the_right_size():
+    """Within a factor of 10 of a real run, once compiled (the model claims 2 on an idle machine; tests run on busy ones)."""
+    import time
+
+    rng = np.random.default_rng(0)
+    L, n = 60.0, 4000
+    frame = argon(n=(1, 1, 1)).replace(
+        positions=rng.uniform(0, L, (n, 3)), cell=atc.Cell([L] * 3), masses=np.full(n, 40.0), velocities=rng.normal(size=(n, 3)) * 1e-2, types=None, ids=None
+    )
+    kern, grid = atc.kernel("quartic", radius=8.0), atc.Grid.regular(shape=(20, 20, 20))
+    atc.fields(frame, None, kern, grid, ["stress_kinetic"], threads=1)
+    began = time.process_time()
+    atc.fields(frame, None, kern, grid, ["stress_kinetic"], threads=1)
+    spent = time.process_time() - began
+    p = plan(frame, None, kern, grid, ["stress_kinetic"], threads=1)
+    assert 0.1 < p.cpu_seconds / spent < 10
