@@ -287,7 +287,8 @@ class LammpsData:
         rows, lines = self._rows_raw(begin, end)
         width = len(rows[0]) if rows else None
         style = comment.split()[0] if comment else None
-        columns = self._columns(style, comment, rows[0] if rows else None, lines[0] if lines else 0)
+        sample, _ = self._rows_raw(begin, end, 500)
+        columns = self._columns(style, sample, lines[0] if lines else 0)
         if width is not None and width == len(columns) + 3:
             columns = [*columns, "ix", "iy", "iz"]
         if width is not None and width != len(columns):
@@ -296,7 +297,8 @@ class LammpsData:
             )
         self._raw["atoms"] = self._table("Atoms", begin, end, self.counts["atoms"], columns, text_types="Atom")
 
-    def _columns(self, style, comment, row, line):
+    def _columns(self, style, rows, line):
+        row = rows[0] if rows else None
         self.atom_style = style
         if style == "hybrid" or style == "tdpd" or style == "smd" or style == "dielectric":
             if style == "smd":
@@ -321,10 +323,13 @@ class LammpsData:
                 full = columns + extra
                 if len(full) != len(row) or (has_molecules and "mol" not in full):
                     continue
-                if all(_fits(c, w) for c, w in zip(full, row)):
+                if all(_fits(c, w) for words in rows if len(words) == len(row) for c, w in zip(full, words)):
                     # What differs only in columns atc does not use is the same to it.
                     key = tuple(c if c in _USED else "-" for c in full)
                     possible.setdefault(key, (name, columns))
+        if any(key[-1] == "iz" for key in possible):
+            # The last three columns hold integers alone: image flags, not positions.
+            possible = {key: style for key, style in possible.items() if key[-3:] != ("x", "y", "z")}
         if len(possible) != 1:
             names = ", ".join(name for name, _ in possible.values()) or "none"
             raise AtcError(
@@ -417,16 +422,17 @@ class LammpsData:
 
 
 _USED = frozenset("id mol type q mass x y z ix iy iz diameter density".split())
+_NOT_NEGATIVE = frozenset("theta rho diameter density mass volume eradius edpd_temp edpd_cv esph cv".split())
 _WHOLE = frozenset("id mol ix iy iz bodyflag ellipsoidflag lineflag triangleflag template_index template_atom".split())
 
 
 def _fits(column: str, word: str) -> bool:
-    """Whether a word can stand in a column: integers where integers belong."""
+    """Whether a word can stand in a column: integers where integers belong, nothing negative where that has no meaning."""
     if column == "type":
         return not re.fullmatch(r"[-+]?(\d+\.\d*|\.\d+|0|-\d+|\d*\.?\d+[eE].*)", word)
     if column in _WHOLE:
-        return bool(re.fullmatch(r"[-+]?\d+", word))
-    return bool(re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", word))
+        return bool(re.fullmatch(r"[01]" if column.endswith("flag") else r"[-+]?\d+", word))
+    return bool(re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", word)) and not (column in _NOT_NEGATIVE and word.startswith("-"))
 
 
 class LammpsDataTrajectory(Trajectory):
