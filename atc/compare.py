@@ -19,6 +19,7 @@ SIX = ("xx", "yy", "zz", "xy", "xz", "yz")
 SHOWN = (*SIX, "hydrostatic", "vonmises")
 STRESSES = ("stress", "stress_potential")
 POINTWISE = "pointwise, Hardy - smoothed virial"
+PROFILES = "profiles (means over the other axes), Hardy - smoothed virial"
 ACCURACY = "accuracy of the numbers, relative to the largest value of each field"
 
 
@@ -77,7 +78,8 @@ class Comparison:
         for section in dict.fromkeys(r["section"] for r in self.rows):
             rows = [r for r in self.rows if r["section"] == section]
             columns = list(dict.fromkeys(k for r in rows for k in r if k not in ("section", "name")))
-            table = Table(title=section, title_justify="left", title_style="bold", box=_box(), pad_edge=False)
+            console.print(f"\n{section}", style="bold", soft_wrap=True)
+            table = Table(box=_box(), pad_edge=False, padding=(0, 1, 0, 0))
             table.add_column("")
             for c in columns:
                 table.add_column(_heading(c, self.units), justify="right")
@@ -106,18 +108,17 @@ _HEADINGS = {
     "hardy": "Hardy",
     "virial": "virial",
     "difference": "Hardy - virial",
-    "stderr": "std. error",
-    "rms": "rms difference",
-    "max": "max difference",
+    "stderr_difference": "std. error of the difference",
+    "stderr_virial": "std. error of the virial",
+    "rms": "rms",
+    "max": "max",
 }
 
 
 def _heading(column, units):
     if column == "sigmas":
         return "in std. errors"
-    if column in _HEADINGS:
-        return f"{_HEADINGS[column]} ({units})"
-    return column
+    return f"{_HEADINGS[column]} ({units})" if column in _HEADINGS and units else _HEADINGS.get(column, column)
 
 
 def _cell(column, v) -> str:
@@ -128,7 +129,7 @@ def _cell(column, v) -> str:
     if isinstance(v, (bool, np.bool_)):
         return "yes" if v else "no"
     if column.startswith("relative"):
-        return f"{100 * v:.2g} %" if abs(v) >= 1e-4 else f"{v:.1e}"
+        return f"{100 * v:.2g} %" if abs(v) >= 1e-7 else f"{100 * v:.0e} %"
     if column.startswith("measured"):
         return f"{v:.1e}"
     if column in ("sigmas", "rms in std. errors"):
@@ -247,9 +248,14 @@ def _box_averages(out, ds, boxes, place, single):
             continue
         if not place.tiles:
             out.notes.append(
-                f"the {place.kind} does not fill the periodic cell: its mean is not a box average and is not compared with the virial of the box"
+                f"the {place.kind} does not fill the cell: its mean is not a box average and is not compared with the virial of the box"
             )
             return
+        is_open = [axis for axis, p in zip("xyz", ds.attrs.get("periodic", "ppp")) if p != "p"]
+        if is_open and not suffix:
+            out.notes.append(
+                f"the cell is open along {', '.join(is_open)}: what the kernel carries beyond its faces there is missing from Hardy's box average"
+            )
         hardy, virial = (np.array(boxes[n + suffix]) for n in ("stress", "virial_stress"))
         section = "box average" + (", potential part" if suffix else "")
         h, v = hardy.mean(0), virial.mean(0)
@@ -274,6 +280,10 @@ def _box_averages(out, ds, boxes, place, single):
                 row[label] = e if np.isfinite(e) else None
                 row["sigmas"] = abs(a - b) / e if e > 0 else None
             out.rows.append(row)
+    if {"box average", "box average, potential part"} <= {r["section"] for r in out.rows}:
+        out.notes.append(
+            "the kinetic parts differ by definition: Hardy's takes out the velocity at each point, the virial's the mean velocity of the frame"
+        )
 
 
 def _pointwise(out, ds, mean, hardy_name, place, single, scale):
@@ -323,13 +333,12 @@ def _profiles(out, hardy, virial, place, scale):
         out.data[f"profile_{dim}_virial"] = ((dim, "i", "j"), b, attrs)
         s, text = place.abscissa(k)
         out.data[f"profile_{dim}_position"] = ((dim,), s, {"units": place.unit, "label": text})
-        for c in ("hydrostatic", "vonmises", *SIX):
-            d = component(a, c) - component(b, c)
-            rms, largest = float(np.sqrt((d * d).mean())), float(np.abs(d).max())
-            out.rows.append({
-                "section": f"profile along {dim}, Hardy - smoothed virial", "name": c, "rms": rms, "max": largest,
-                "relative rms": rms / scale, "relative max": largest / scale,
-            })  # fmt: skip
+        for c in ("hydrostatic", "vonmises", "any component"):
+            d = a - b if c == "any component" else component(a, c) - component(b, c)
+            rms = float(np.sqrt((d * d).reshape(len(d), -1).mean(axis=0).max()))
+            largest = float(np.abs(d).max())
+            row = {"section": PROFILES, "name": f"along {dim}: {c}", "rms": rms, "max": largest}
+            out.rows.append({**row, "relative rms": rms / scale, "relative max": largest / scale})
 
 
 def _accuracy(out, ds):

@@ -218,8 +218,8 @@ def layout(ds, da) -> Layout:
 
 
 def _tiles(ds, place) -> bool:
-    """Whether the points stand for the whole of a periodic cell, so that their mean is a box average."""
-    if place.kind not in ("volume", "slab") or "cell" not in ds.coords or ds.attrs.get("periodic") != "ppp":
+    """Whether the points stand for the whole cell, so that their mean is a box average."""
+    if place.kind not in ("volume", "slab") or "cell" not in ds.coords:
         return False
     cell = ds.coords["cell"].values.reshape(-1, 3, 3)[0]
     size = np.abs(cell).max()

@@ -185,7 +185,7 @@ def _scalars(da, wanted) -> list[str | None]:
 def _label(da, comp, units) -> str:
     name = da.name.replace("_", " ")
     if comp is not None:
-        name += f" $_{{{comp}}}$" if comp in TENSOR or comp in ("x", "y", "z") else f", {_SYMBOL[comp]}"
+        name += f"$_{{{comp}}}$" if comp in TENSOR or comp in ("x", "y", "z") else f", {_SYMBOL[comp]}"
     units = unit_text(units)
     return f"{name} ({units})" if units else name
 
@@ -522,7 +522,7 @@ def _against(Figure, result):
         x = data[f"profile_{dim}_position"]
         for c, colour in zip(("hydrostatic", "xx", "yy", "zz", "vonmises"), ("k", "C0", "C1", "C2", "C3")):
             h, v = (component(data[f"profile_{dim}_{w}"].values, c) for w in ("hardy", "virial"))
-            ax.plot(x.values, h, color=colour, label=_SYMBOL.get(c, c) if k == 0 else None)
+            ax.plot(x.values, h, color=colour, label=_SYMBOL.get(c, c))
             ax.plot(x.values, v, color=colour, ls=(0, (3, 2)), lw=1.0)
         ax.set_xlabel(x.attrs.get("label", dim))
         ax.set_title(
@@ -530,14 +530,13 @@ def _against(Figure, result):
             + ("\nfull: Hardy, dashed: smoothed virial" if k == 0 else "")
         )
         ax.set_xlim(x.values.min(), x.values.max())
-        if k == 0:
-            ax.legend(ncols=2, fontsize=7)
+        lines = ax.get_legend_handles_labels()
     for ax in fig.axes:
         ax.spines[["top", "right"]].set_visible(False)
     for c in maps:
         h = component(d.values, c)
         top = float(np.nanmax(np.abs(h))) or 1.0
-        sign = _colours("", None if c == "vonmises" else c, h, None, False) if c == "vonmises" else _colours("", c, h, (-top, top), False)
+        sign = _colours("", c, h, None if c == "vonmises" else (-top, top), False)
         _map(
             fig,
             axs.pop(0),
@@ -549,5 +548,7 @@ def _against(Figure, result):
         )
     for ax in axs:
         ax.remove()
+    if axes:
+        fig.legend(*lines, loc="outside lower center", ncols=5)
     fig.suptitle(result.title, fontsize=9)
     return fig
