@@ -97,7 +97,8 @@ class LennardJonesQuadratic(PairStyle):
 class LennardJonesExpand(PairStyle):
     """Lennard-Jones of d − Δ for d < cutoff + Δ (LAMMPS ``lj/expand``).
 
-    Parameters as for `LennardJones`, with `delta`, the shift of the distance, before the cutoff.
+    Parameters as for `LennardJones`, with `delta`, the shift of the distance, before the cutoff. With `shift`, LAMMPS subtracts the
+    unexpanded Lennard-Jones at cutoff + Δ (not the value at the cutoff); so does this class.
     """
 
     name = "lj/expand"
@@ -109,7 +110,7 @@ class LennardJonesExpand(PairStyle):
     def fill(self, epsilon, sigma, delta, cutoff, shift):
         offset = np.zeros_like(epsilon)
         if shift:
-            s6 = (sigma / np.where(cutoff > 0, cutoff, np.inf)) ** 6
+            s6 = (sigma / np.where(cutoff > 0, cutoff + delta, np.inf)) ** 6
             offset = 4 * epsilon * (s6 * s6 - s6)
         self._set(np.where(cutoff > 0, cutoff + delta, 0.0), 4 * epsilon * sigma**12, 4 * epsilon * sigma**6, offset, delta)
 

@@ -34,8 +34,8 @@ class Soft(PairStyle):
 
 
 def _mix(a, b, rule):
-    # LAMMPS mixes the prefactors with the cutoffs in the place of sigma.
-    return mix_energy(a[0], b[0], a[1], b[1], rule), mix_distance(a[1], b[1], rule)
+    # As LAMMPS does it, also under sixthpower: the prefactor's mean is geometric (there is no sigma).
+    return mix_energy(a[0], b[0], 1.0, 1.0, rule), mix_distance(a[1], b[1], rule)
 
 
 @pair_style("soft")
