@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from ..errors import AtcError
+from .sw_file import units_tag
 
 
 @dataclass
@@ -21,20 +22,25 @@ class Section:
     slopes: tuple | None
 
 
-def read_section(path, keyword: str, kind: str, where: str = "") -> Section:
+def read_section(path, keyword: str, kind: str, where: str = "", units_name: str | None = None) -> Section:
     """The section `keyword` of a LAMMPS bond or angle table file.
 
     Format: a line with the keyword; a line ``N n [FP lo hi] [EQ x0]``; n lines ``index x energy force``. Blank lines and # comments anywhere.
 
+    units_name : unit style of the model; a ``UNITS:`` tag in the file's first line must agree with it
+
     Raises
     ------
-    AtcError for a missing file or section, a malformed line, or coordinates that do not increase.
+    AtcError for a missing file or section, other units, a malformed line, or coordinates that do not increase.
     """
     at = f"{where}: " if where else ""
     try:
         text = Path(path).read_text(encoding="utf-8", errors="replace")
     except OSError as e:
         raise AtcError(f"{at}cannot read the {kind} table {str(path)!r} ({e.strerror or e})") from None
+    tag = units_tag(text)
+    if None not in (tag, units_name) and tag != units_name:
+        raise AtcError(f"{at}{path} is in {tag!r} units (its UNITS: tag) and the model in {units_name!r}: use a table in the model's units")
     lines = [(n, w) for n, line in enumerate(text.splitlines(), 1) if (w := line.partition("#")[0].split())]
     start = next((p for p, (_, w) in enumerate(lines) if w[0] == keyword), None)
     if start is None:
@@ -180,7 +186,7 @@ def build_tables(inp, kind: str) -> Tables:
         if len(line.words) != 2:
             raise inp.error(f"{kind}_coeff of table takes a file and a section's keyword, got {' '.join(line.words) or 'nothing'}", line)
         section = internal_section(
-            read_section(inp.path(line.words[0], line), line.words[1], kind, line.where), kind, inp.units, line.where
+            read_section(inp.path(line.words[0], line), line.words[1], kind, line.where, inp.units.name), kind, inp.units, line.where
         )
         for (t,) in line.covers(inp.n_types):
             sections[t] = section
@@ -211,5 +217,7 @@ def read_tables(sections: dict, kind: str, *, points: int, spline: bool = False,
     from ..units import units as system
 
     u = system(units)
-    read = {pk: internal_section(read_section(*pk, kind), kind, u, str(pk[0])) for pk in dict.fromkeys(sections.values())}
+    read = {
+        pk: internal_section(read_section(*pk, kind, units_name=u.name), kind, u, str(pk[0])) for pk in dict.fromkeys(sections.values())
+    }
     return Tables({t: read[pk] for t, pk in sections.items()}, points, spline, u)

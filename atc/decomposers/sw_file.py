@@ -57,7 +57,7 @@ def read_sw_file(path, elements, units_name: str, where: str = "") -> dict:
         raise AtcError(
             f"{at}cannot read the Stillinger-Weber file {str(path)!r} ({e.strerror or e}): give its path relative to the input"
         ) from None
-    factor = _conversion(text.partition("\n")[0], units_name, path)
+    factor = _conversion(text, units_name, path)
     entries: dict[tuple, SWEntry] = {}
     words: list[str] = []
     first = 0
@@ -97,11 +97,16 @@ def read_sw_file(path, elements, units_name: str, where: str = "") -> dict:
     return entries
 
 
-def _conversion(first_line: str, wanted: str, path) -> float:
-    words = first_line.replace("#", " ").split()
-    if "UNITS:" not in words[:-1]:
+def units_tag(text: str) -> str | None:
+    """The unit style that a parameter file names in its first line (``UNITS: metal``), or None."""
+    words = text.partition("\n")[0].replace("#", " ").split()
+    return words[words.index("UNITS:") + 1] if "UNITS:" in words[:-1] else None
+
+
+def _conversion(text: str, wanted: str, path) -> float:
+    has = units_tag(text)
+    if has is None:
         return 1.0
-    has = words[words.index("UNITS:") + 1]
     if has == wanted:
         return 1.0
     if (has, wanted) == ("metal", "real"):
