@@ -262,7 +262,7 @@ class AseFile(_FromFile):
 def open_ase(path, units=None, masses=None):
     """The reader for a file of one of ASE's formats. A LAMMPS dump is never given to ASE, which would guess its units."""
     _need_ase(path)
-    from ase.io.formats import UnknownFileTypeError, filetype
+    from ase.io.formats import UnknownFileTypeError, filetype, ioformats
 
     try:
         form = filetype(str(path))
@@ -272,6 +272,10 @@ def open_ase(path, units=None, masses=None):
         ) from None
     except Exception as e:
         raise AtcError(f"{path}: cannot tell what it is ({' '.join(str(e).split())[:120]})") from None
+    if form not in ioformats:
+        raise AtcError(
+            f"{path}: neither LAMMPS, nor a format that MDAnalysis or ASE knows; give a dump, a data file, .extxyz, .traj, .trr, ..."
+        )
     if form.startswith("lammps"):
         raise AtcError(
             f"{path}: looks like a LAMMPS file ({form}) but is not one that atc reads: a text dump starts with 'ITEM:', a data file names '<n> atoms' and its box"

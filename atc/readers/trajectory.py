@@ -121,7 +121,9 @@ class Trajectory(Sequence):
                     here = names if m == k else np.asarray(self._species(m))
                     for name in dict.fromkeys(here.tolist()):
                         self._names.setdefault(str(name), len(self._names) + 1)
-                self._names_seen = max(self._names_seen, k + 1)
+                    self._names_seen = m + 1
+                    if all(u in self._names for u in unique):
+                        break  # frames further on need not be looked at
         return np.array([self._names[u] for u in unique], np.int64)[inverse]
 
     # Description ----------------------------------------------------------------------------------------------------------------
