@@ -80,10 +80,16 @@ STYLES = {
     ),
     "morse": ("metal", "pair_style morse 7.9\npair_coeff * * 0.3 1.4 3.1\npair_coeff 1 2 0.2 1.5 3.0 6.1\npair_modify shift yes"),
     "buck": ("metal", "pair_style buck 7.9\npair_coeff * * 800.0 0.35 30.0\npair_coeff 1 3 900.0 0.34 25.0 6.4\npair_modify shift yes"),
-    "born": ("metal", "pair_style born 7.9\npair_coeff * * 0.2 0.32 2.3 20.0 30.0\npair_coeff 2 2 0.3 0.35 2.2 20.0 25.0 6.4\npair_modify shift yes"),
+    "born": (
+        "metal",
+        "pair_style born 7.9\npair_coeff * * 0.2 0.32 2.3 20.0 30.0\npair_coeff 2 2 0.3 0.35 2.2 20.0 25.0 6.4\npair_modify shift yes",
+    ),
     "yukawa": ("lj", "pair_style yukawa 1.7 2.6\npair_coeff 1 1 10.0\npair_coeff 2 2 8.0 2.2\npair_coeff 3 3 7.0\npair_modify shift yes"),
     "soft": ("lj", "pair_style soft 1.6\npair_coeff 1 1 10.0\npair_coeff 2 2 8.0 2.2\npair_coeff 3 3 7.0"),
-    "soft sixthpower": ("lj", "pair_style soft 1.6\npair_coeff 1 1 10.0\npair_coeff 2 2 8.0 2.2\npair_coeff 3 3 7.0\npair_modify mix sixthpower"),
+    "soft sixthpower": (
+        "lj",
+        "pair_style soft 1.6\npair_coeff 1 1 10.0\npair_coeff 2 2 8.0 2.2\npair_coeff 3 3 7.0\npair_modify mix sixthpower",
+    ),
     "coul/cut": ("real", "dielectric 1.7\npair_style coul/cut 7.9\npair_coeff 1 1\npair_coeff 2 2 6.0\npair_coeff 3 3 7.0"),
     "coul/cut electron": ("electron", "pair_style coul/cut 15\npair_coeff * *"),
     "coul/cut lj": ("lj", "pair_style coul/cut 2.6\npair_coeff * *"),
