@@ -1,0 +1,293 @@
+"""The exact deposits: on a lattice, at scattered points, averaged over slabs. Buffers, bins and bounds; the loops are in `_lattice`, `_points`, `_slab`."""
+
+from __future__ import annotations
+
+from functools import cache
+from math import ceil
+
+import numba as nb
+import numpy as np
+
+from ..errors import AtcError
+from ..kernels import Box, BSpline, Gaussian, GaussianMarginal, Radial
+from . import _beta, _lattice, _points, _slab
+from ._simd import JIT, specialise
+
+
+def family(kernel):
+    """(name of the β function in `_beta`, radii (m,) largest first, coefficients (m, 5) with the normalisation included)."""
+    coef = np.zeros((1, 5))
+    if isinstance(kernel, Gaussian):
+        coef[0, :2] = kernel.normalisation, kernel.width
+        return "gaussian", np.array([kernel.support]), coef
+    if isinstance(kernel, BSpline):
+        coef[0, :2] = kernel.normalisation, 0.5 * kernel.radius
+        return "bspline", np.array([kernel.support]), coef
+    if isinstance(kernel, Box):
+        coef[0, :4] = kernel.normalisation, *kernel.size
+        # A point exactly on a corner is inside; the sphere's rounding must not lose it.
+        return "box", np.array([kernel.support * (1.0 + 1e-12)]), coef
+    if not isinstance(kernel, Radial):
+        raise AtcError(f"the direct deposit does not know kernel {kernel!r}")
+    order = np.argsort(-kernel.radii)
+    radii, c = kernel.radii[order], kernel.normalisation * kernel.coef_mk[order]
+    if not c[:, [1, 3]].any():
+        # In powers of w = 1 − s².
+        coef = np.zeros_like(c)
+        coef[:, 0] = c[:, 0] + c[:, 2] + c[:, 4]
+        coef[:, 1] = -c[:, 2] - 2.0 * c[:, 4]
+        coef[:, 2] = c[:, 4]
+        return "even", radii, coef
+    return ("radial" if c[:, 2:].any() else "cone"), radii, np.ascontiguousarray(c)
+
+
+@cache
+def _core(function, name):
+    if function is _slab.slab_bonds:
+        return specialise(function, name, MEAN=getattr(_slab, name))
+    return specialise(function, name, BETA=getattr(_beta, name), CARTESIAN=name in ("bspline", "box"))
+
+
+@nb.njit(**JIT)
+def stress_components(r_bc, G_b, out_bk):
+    """G r⊗r: xx, yy, zz, yz, xz, xy."""
+    for b in range(len(G_b)):
+        x, y, z, G = r_bc[b, 0], r_bc[b, 1], r_bc[b, 2], G_b[b]
+        out_bk[b, 0] = G * x * x
+        out_bk[b, 1] = G * y * y
+        out_bk[b, 2] = G * z * z
+        out_bk[b, 3] = G * y * z
+        out_bk[b, 4] = G * x * z
+        out_bk[b, 5] = G * x * y
+
+
+def _array(a, dtype=np.float64):
+    return np.ascontiguousarray(a, dtype=dtype)
+
+
+class Deposit:
+    """What all deposits share: the accumulators and the three ways to add. See `atc.deposit.make`."""
+
+    def __init__(self, grid, kernel, cell, n_site, n_bond, threads):
+        self.grid, self.kernel = grid, kernel
+        self.cell = cell if cell.complete else cell.completed(grid.points_gc)
+        self.n_site, self.n_bond, self.threads = int(n_site), int(n_bond), int(threads)
+        self._buffers = {}
+        self._visits = [0] * self.threads
+
+    @property
+    def visits(self) -> int:
+        """How many (bond, point) and (site, point) pairs have been evaluated."""
+        return int(sum(self._visits))
+
+    def add_sites(self, x_nc, a_nk, thread=0):
+        """Add Σ_j a_j φ(x − x_j), all periodic images: x_nc (n, 3), a_nk (n, n_site)."""
+        x_nc, a_nk = _array(x_nc), _array(a_nk)
+        n = len(x_nc)
+        if a_nk.shape != (n, self.n_site):
+            raise ValueError(f"site values must have shape {(n, self.n_site)}, got {a_nk.shape}")
+        if n and self.n_site:
+            self._add("site", x_nc, np.arange(n, dtype=np.int32), np.zeros((n, 3)), a_nk, thread)
+
+    def add_bonds(self, x_bc, r_bc, b_bk, thread=0):
+        """Add Σ_b b β(x), all periodic images; bond b runs from x_b to x_b − r_b: x_bc, r_bc (b, 3), b_bk (b, n_bond)."""
+        x_bc, r_bc, b_bk = _array(x_bc), _array(r_bc), _array(b_bk)
+        n = len(x_bc)
+        if r_bc.shape != (n, 3) or b_bk.shape != (n, self.n_bond):
+            raise ValueError(f"bond vectors and values must have shapes {(n, 3)} and {(n, self.n_bond)}, got {r_bc.shape} and {b_bk.shape}")
+        if n and self.n_bond:
+            self._add("bond", x_bc, np.arange(n, dtype=np.int32), r_bc, b_bk, thread)
+
+    def add_bond_stress(self, x_nc, i_b, r_bc, G_b, thread=0):
+        """Add Σ_b G r⊗r β(x), components xx, yy, zz, yz, xz, xy; bond b starts at x_nc[i_b]."""
+        x_nc, i_b, r_bc, G_b = _array(x_nc), _array(i_b, np.int32), _array(r_bc), _array(G_b)
+        if self.n_bond != 6:
+            raise ValueError(f"bond stress has 6 components, this deposit was made for {self.n_bond}")
+        n = len(G_b)
+        if r_bc.shape != (n, 3) or i_b.shape != (n,):
+            raise ValueError(f"i_b and r_bc must have shapes {(n,)} and {(n, 3)}, got {i_b.shape} and {r_bc.shape}")
+        if n:
+            if i_b.min() < 0 or i_b.max() >= len(x_nc):
+                raise ValueError("i_b holds indices outside x_nc")
+            b_bk = np.empty((n, 6))
+            stress_components(r_bc, G_b, b_bk)
+            self._add("bond", x_nc, i_b, r_bc, b_bk, thread)
+
+    def site_sums(self) -> np.ndarray:
+        """(g, n_site), points in the grid's order."""
+        return self._sums("site", self.n_site)
+
+    def bond_sums(self) -> np.ndarray:
+        """(g, n_bond), points in the grid's order."""
+        return self._sums("bond", self.n_bond)
+
+    def _sums(self, what, n_comp):
+        total = None
+        for thread in range(self.threads):
+            acc = self._buffers.get((what, thread))
+            if acc is not None:
+                total = acc.copy() if total is None else total.__iadd__(acc)
+        return np.zeros((len(self.grid), n_comp)) if total is None else self._finish(total, n_comp)
+
+    def _buffer(self, what, thread, shape):
+        if not 0 <= thread < self.threads:
+            raise ValueError(f"thread {thread} of a deposit made for {self.threads}")
+        key = (what, thread)
+        if key not in self._buffers:
+            self._buffers[key] = np.zeros(shape)
+        return self._buffers[key]
+
+    def _add(self, what, x_nc, i_b, r_bc, b_bk, thread):
+        raise NotImplementedError
+
+    def _finish(self, total, n_comp):
+        raise NotImplementedError
+
+
+class LatticeDeposit(Deposit):
+    """On a regular grid, a plane or a line: rows of points cut to chords."""
+
+    def __init__(self, grid, kernel, cell, n_site, n_bond, threads):
+        super().__init__(grid, kernel, cell, n_site, n_bond, threads)
+        name, self.radii, self.coef = family(kernel)
+        self._core = _core(_lattice.lattice_bonds, name)
+        n_axes = len(grid.counts)
+        steps, counts, wrap = np.zeros((3, 3)), np.ones(3, np.int64), np.zeros(3, bool)
+        steps[:n_axes], counts[:n_axes] = grid.steps, grid.counts
+        # Axes the grid does not have: one point, steps normal to the others.
+        for a in range(n_axes):
+            if not steps[a].any():
+                steps[a] = _normal_to(steps[[k for k in range(n_axes) if steps[k].any()]])
+        for a in range(n_axes, 3):
+            steps[a] = _normal_to(steps[:a]) * np.linalg.norm(steps[0])
+        if grid.wraps:
+            wrap[:] = self.cell.periodic
+        # Rows along the axis on which a ball covers most points.
+        reach = 2.0 * self.radii[0] / np.linalg.norm(steps, axis=1)
+        points = np.where(wrap, reach, np.minimum(reach, counts))
+        row = 2 if points[2] >= 0.99 * points.max() else int(points.argmax())
+        self._order = [a for a in range(3) if a != row] + [row]
+        self.steps, self.counts, self.wrap = np.ascontiguousarray(steps[self._order]), counts[self._order], wrap[self._order]
+        self.inverse = np.linalg.inv(self.steps)
+        self.image = self.cell.periodic & (not grid.wraps)
+        corners = np.stack(np.meshgrid(*[(0, n - 1) for n in self.counts], indexing="ij"), -1).reshape(-1, 3) @ self.steps + grid.origin
+        corners = corners @ self.cell.inverse
+        self.region = np.stack([corners.min(0), corners.max(0)])
+        n, chord = int(self.counts[2]), 2.0 * self.radii[0] / np.linalg.norm(self.steps[2])
+        # A run of four may stick out of an open row by three; on a periodic row whole chords may.
+        self.ext = _round4(n + 3 if not self.wrap[2] else n + int(min(1.5 * chord, max(64, n))) + 4)
+
+    def _add(self, what, x_nc, i_b, r_bc, b_bk, thread):
+        n_comp = b_bk.shape[1]
+        acc = self._buffer(what, thread, int(self.counts[0] * self.counts[1]) * n_comp * self.ext)
+        longest = float(np.sqrt(np.einsum("bc,bc->b", r_bc, r_bc).max()))
+        width = int((2.0 * self.radii[0] + longest) * np.linalg.norm(self.inverse[:, 1])) + 4
+        rows = max(512, width if self.wrap[1] else min(width, int(self.counts[1])))
+        self._visits[thread] += self._core(
+            x_nc - self.cell.origin, i_b, r_bc, b_bk, self.radii, self.coef,
+            np.ascontiguousarray(self.grid.origin), self.steps, self.inverse, self.counts, self.wrap,
+            self.image, self.cell.vectors, self.cell.inverse, self.region,
+            acc, self.ext, np.empty((4, 2048)), np.empty((5, rows)), np.empty((2, rows), np.int64),
+        )  # fmt: skip
+
+    def _finish(self, total, n_comp):
+        n0, n1, n = (int(k) for k in self.counts)
+        a = total.reshape(n0 * n1, n_comp, self.ext)
+        if self.wrap[2]:
+            for k in range(n, self.ext, n):
+                part = a[:, :, k : k + n]
+                a[:, :, : part.shape[2]] += part
+        a = a[:, :, :n].reshape(n0, n1, n_comp, n)
+        # Axes of `a` are the lattice's in row order, components third: back to the grid's order, components last.
+        at = {axis: (0, 1, 3)[position] for position, axis in enumerate(self._order)}
+        return np.ascontiguousarray(a.transpose(at[0], at[1], at[2], 2)).reshape(len(self.grid), n_comp)
+
+
+def _round4(n):
+    return int(4 * ceil(n / 4))
+
+
+def _normal_to(rows):
+    """A unit vector normal to one or two vectors (any, for none)."""
+    if len(rows) == 0:
+        return np.array([1.0, 0.0, 0.0])
+    if len(rows) == 1:
+        e = np.eye(3)[np.abs(rows[0]).argmin()]
+        n = e - (e @ rows[0]) / (rows[0] @ rows[0]) * rows[0]
+    else:
+        n = np.cross(rows[0], rows[1])
+    return n / np.linalg.norm(n)
+
+
+class PointsDeposit(Deposit):
+    """At scattered points, in bins of the cell."""
+
+    def __init__(self, grid, kernel, cell, n_site, n_bond, threads):
+        super().__init__(grid, kernel, cell, n_site, n_bond, threads)
+        name, self.radii, self.coef = family(kernel)
+        self._core = _core(_points.points_bonds, name)
+        cell, p = self.cell, np.ascontiguousarray(grid.relative_points_gc)
+        s = p @ cell.inverse
+        images = np.where(cell.periodic, np.floor(s), 0.0)
+        p, s = p - images @ cell.vectors, s - images
+        low = np.where(cell.periodic, 0.0, s.min(0))
+        span = np.where(cell.periodic, 1.0, np.maximum(s.max(0) - low, 1e-9))
+        # Bins about as wide as half the support, but not many more of them than points.
+        volume = cell.volume * span.prod()
+        edge = max(0.5 * self.radii[0], (volume / len(p)) ** (1.0 / 3.0))
+        self.bins = np.clip((span * cell.heights / edge).astype(np.int64), 1, 1024)
+        self.low, self.scale = low, self.bins / span
+        b = np.clip(((s - low) * self.scale).astype(np.int64), 0, self.bins - 1)
+        flat = (b[:, 0] * self.bins[1] + b[:, 1]) * self.bins[2] + b[:, 2]
+        self._sorted = np.argsort(flat, kind="stable")
+        self.points = np.ascontiguousarray(p[self._sorted])
+        self.start = np.searchsorted(flat[self._sorted], np.arange(self.bins.prod() + 1)).astype(np.int64)
+
+    def _add(self, what, x_nc, i_b, r_bc, b_bk, thread):
+        acc = self._buffer(what, thread, (len(self.points), b_bk.shape[1]))
+        room = 1024
+        self._visits[thread] += self._core(
+            x_nc - self.cell.origin, i_b, r_bc, b_bk, self.radii, self.coef, self.points, self.start,
+            self.bins, self.low, self.scale, self.cell.periodic, self.cell.vectors, self.cell.inverse,
+            acc, np.empty((7, room)), np.empty((4, room)), np.empty((2, room), np.int64),
+        )  # fmt: skip
+
+    def _finish(self, total, n_comp):
+        out = np.empty_like(total)
+        out[self._sorted] = total
+        return out
+
+
+class SlabDeposit(Deposit):
+    """Averages over the cell's cross-section, in closed form: Σ a φ₁(z − z_j)/area."""
+
+    def __init__(self, grid, kernel, cell, n_site, n_bond, threads):
+        super().__init__(grid, kernel, cell, n_site, n_bond, threads)
+        a = grid.axis
+        self.height = self.cell.heights[a]
+        self.normal = self.cell.inverse[:, a] * self.height
+        marginal = kernel.marginal(self.normal)
+        if isinstance(marginal, GaussianMarginal):
+            name, self.radii, self.coef = (
+                "_gaussian_mean",
+                np.array([marginal.support]),
+                np.array([[marginal.normalisation, marginal.width]]),
+            )
+        else:
+            order = np.argsort(-marginal.radii)
+            name, self.radii, self.coef = "_polynomial_mean", marginal.radii[order], np.ascontiguousarray(marginal.coef_mk[order])
+            if marginal.half_open:
+                name = "_box_mean"
+        self._core = _core(_slab.slab_bonds, name)
+        self.step = self.height / len(grid)
+        self.area = self.cell.volume / self.height
+
+    def _add(self, what, x_nc, i_b, r_bc, b_bk, thread):
+        acc = self._buffer(what, thread, (len(self.grid), b_bk.shape[1]))
+        self._visits[thread] += self._core(
+            (x_nc - self.cell.origin) @ self.normal, i_b, r_bc @ self.normal, b_bk, self.radii, self.coef,
+            self.step, len(self.grid), bool(self.cell.periodic[self.grid.axis]), acc,
+        )  # fmt: skip
+
+    def _finish(self, total, n_comp):
+        return total / self.area

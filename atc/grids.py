@@ -1,0 +1,395 @@
+"""Where fields are wanted: regular grids, planes, lines, slab profiles, points, the atoms.
+
+A `Grid` is what the user asks for, in the user's units and possibly relative to a cell that changes from frame to frame. `Grid.bind`
+turns it into a `BoundGrid`: positions in internal units for one frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from .errors import AtcError
+from .frame import Cell
+
+_AXES = {"x": 0, "y": 1, "z": 2, "a": 0, "b": 1, "c": 2, 0: 0, 1: 1, 2: 2}
+
+
+def _numbers(what, value, shape):
+    """`value` as a float array of `shape` (None: any length along that axis), all finite, or an AtcError."""
+    try:
+        a = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise AtcError(f"{what} must be numbers, got {value!r}") from None
+    if a.ndim != len(shape) or any(s is not None and s != n for s, n in zip(shape, a.shape)):
+        want = " x ".join("n" if s is None else str(s) for s in shape)
+        raise AtcError(f"{what}: expected {want} numbers, got shape {a.shape}")
+    if not np.isfinite(a).all():
+        raise AtcError(f"{what} must be finite, got {value!r}" if a.size < 10 else f"{what} holds numbers that are not finite")
+    return a
+
+
+def _counts(what, value, n):
+    """`value` as n positive integers (one is repeated)."""
+    a = np.asarray(value)
+    if a.dtype.kind not in "iu" and not (a.dtype.kind == "f" and np.isfinite(a).all() and (a == np.round(a)).all()):
+        raise AtcError(f"{what} must be {n} whole numbers, got {value!r}")
+    if a.ndim > 1 or a.size not in (1, n):
+        raise AtcError(f"{what} must be {n} whole numbers, got {value!r}")
+    a = np.array(np.broadcast_to(a.reshape(-1), (n,)), dtype=np.int64)
+    if (a <= 0).any():
+        raise AtcError(f"{what} must be positive, got {value!r}: a grid needs at least one point along each axis")
+    return tuple(int(k) for k in a)
+
+
+def _spacing(value, n):
+    try:
+        a = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise AtcError(f"grid spacing must be numbers, got {value!r}") from None
+    if a.ndim > 1 or a.size not in (1, n) or not np.isfinite(a).all() or (a <= 0).any():
+        raise AtcError(f"grid spacing must be positive and finite, one number or {n}, got {value!r}")
+    return np.array(np.broadcast_to(a.reshape(-1), (n,)))
+
+
+def _axis(axis) -> int:
+    try:
+        return _AXES[axis]
+    except (KeyError, TypeError):
+        raise AtcError(f"axis must be one of 'x', 'y', 'z' (or 0, 1, 2), got {axis!r}") from None
+
+
+def _at(at) -> float:
+    if at not in ("centers", "corners"):
+        raise AtcError(f"grid points are at 'centers' or at 'corners', got {at!r}")
+    return 0.5 if at == "centers" else 0.0
+
+
+def _shape_or_spacing(shape, spacing, n):
+    if (shape is None) == (spacing is None):
+        raise AtcError("a grid needs either a shape (numbers of points) or a spacing")
+    return (_counts("grid shape", shape, n), None) if spacing is None else (None, _spacing(spacing, n))
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Where fields are wanted; made by `regular`, `plane`, `line`, `slab`, `points` or `atoms`. Lengths in the user's units.
+
+    Points of regular grids and planes lie at the cell centres (i + ½)/n of their edges, or at the corners i/n.
+    """
+
+    kind: str
+    _: dict = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def regular(cls, cell=None, spacing=None, shape=None, at="centers", origin=None, vectors=None) -> Grid:
+        """Points on a regular three-dimensional grid.
+
+        Parameters
+        ----------
+        cell : None, Cell, three lengths or three edge vectors
+            The region. None: each frame's own cell, followed as it changes. A `Cell` is in internal units; anything else in the user's.
+        spacing : float or three floats
+            The wanted distance between points along each edge; the edge is divided into the nearest whole number of parts.
+        shape : int or three ints
+            Numbers of points, instead of a spacing.
+        at : "centers" or "corners"
+        origin : three floats
+            The region's corner; 0, or the cell's own, if not given.
+        vectors : three lengths or edge vectors
+            Another name for `cell` when it is not a `Cell`.
+
+        Raises
+        ------
+        AtcError
+            For a zero shape, a spacing that is not positive, numbers that are not finite, a region without volume.
+        """
+        shape, spacing = _shape_or_spacing(shape, spacing, 3)
+        shift = _at(at)
+        if vectors is not None:
+            if cell is not None:
+                raise AtcError("give a grid's region as cell or as vectors, not both")
+            cell = vectors
+        origin = None if origin is None else _numbers("grid origin", origin, (3,))
+        if cell is not None and not isinstance(cell, Cell):
+            v = np.asarray(cell, dtype=object)
+            v = np.diag(_numbers("grid region", cell, (3,))) if v.ndim == 1 else _numbers("grid region", cell, (3, 3))
+            lengths = np.linalg.norm(v, axis=1)
+            if (lengths == 0).any() or abs(np.linalg.det(v)) <= 1e-14 * lengths.prod():
+                raise AtcError(f"the grid's region has no volume: edge vectors {v.tolist()}")
+            cell = v
+        if isinstance(cell, Cell) and not cell.complete:
+            raise AtcError("the grid's cell has an edge without length: give the region's edge vectors")
+        return cls("regular", {"cell": cell, "spacing": spacing, "shape": shape, "shift": shift, "origin": origin})
+
+    @classmethod
+    def plane(cls, origin=None, u=None, v=None, *, axis=None, position=None, shape=None, spacing=None, at="centers") -> Grid:
+        """Points on a parallelogram: from `origin` along the edge vectors `u` and `v`, or a cross-section of each frame's cell.
+
+        Parameters
+        ----------
+        origin, u, v : three floats each
+        axis, position : "x", "y" or "z", and a length
+            Instead: the cell's cross-section spanned by its two other edges, at this distance from the cell's face along `axis` (the middle, if no position is given).
+        shape, spacing : two ints, or two floats
+        at : "centers" or "corners"
+        """
+        shape, spacing = _shape_or_spacing(shape, spacing, 2)
+        shift = _at(at)
+        if axis is not None:
+            if not (origin is None and u is None and v is None):
+                raise AtcError("give a plane as origin, u and v or as axis and position, not both")
+            position = None if position is None else float(_numbers("plane position", position, ()))
+            return cls("plane", {"axis": _axis(axis), "position": position, "shape": shape, "spacing": spacing, "shift": shift})
+        if u is None or v is None:
+            raise AtcError("a plane needs two edge vectors u and v, or an axis")
+        origin = _numbers("plane origin", (0, 0, 0) if origin is None else origin, (3,))
+        u, v = _numbers("plane u", u, (3,)), _numbers("plane v", v, (3,))
+        if np.linalg.norm(np.cross(u, v)) <= 1e-14 * np.linalg.norm(u) * np.linalg.norm(v):
+            raise AtcError("the plane's edge vectors u and v are parallel or zero")
+        return cls("plane", {"axis": None, "origin": origin, "u": u, "v": v, "shape": shape, "spacing": spacing, "shift": shift})
+
+    @classmethod
+    def line(cls, start, end, n) -> Grid:
+        """`n` points from `start` to `end`, both included (with n = 1, `start`)."""
+        start, end = _numbers("line start", start, (3,)), _numbers("line end", end, (3,))
+        (n,) = _counts("number of points on the line", n, 1)
+        if n > 1 and not (end - start).any():
+            raise AtcError("the line's start and end are the same point")
+        return cls("line", {"start": start, "end": end, "n": n})
+
+    @classmethod
+    def slab(cls, axis, bins) -> Grid:
+        """A profile along a cell axis: at each bin centre the average of the field over the cell's cross-section.
+
+        The distance is measured along the normal of the faces (for an orthogonal cell the axis itself). The average is over the
+        plane through the bin's centre: the kernel is integrated in closed form, no three-dimensional grid is used.
+        Where a side face is open, kernels are not cut off at it.
+        """
+        (bins,) = _counts("number of bins", bins, 1)
+        return cls("slab", {"axis": _axis(axis), "bins": bins})
+
+    @classmethod
+    def points(cls, xyz) -> Grid:
+        """These points, (n, 3)."""
+        a = np.asarray(xyz, dtype=object)
+        a = _numbers("grid points", [xyz] if a.ndim == 1 and a.size == 3 else xyz, (None, 3)) if a.size else np.zeros((0, 3))
+        if len(a) == 0:
+            raise AtcError("the grid has no points")
+        return cls("points", {"xyz": a})
+
+    @classmethod
+    def atoms(cls) -> Grid:
+        """The positions of the atoms of each frame."""
+        return cls("atoms", {})
+
+    def __eq__(self, other):
+        return isinstance(other, Grid) and self.kind == other.kind and repr(self._) == repr(other._)
+
+    __hash__ = None
+
+    @property
+    def follows_cell(self) -> bool:
+        """Whether the positions of the points depend on the frame's cell."""
+        return self.kind == "slab" or (self.kind in ("regular", "plane") and self._.get("cell", self._.get("u")) is None)
+
+    @property
+    def follows_atoms(self) -> bool:
+        return self.kind == "atoms"
+
+    def describe(self) -> str:
+        """One line for reports."""
+        p = self._
+        how = (
+            f"{' x '.join(map(str, p['shape']))} points"
+            if p.get("shape")
+            else f"spacing {np.unique(p['spacing']).tolist()}"
+            if "spacing" in p
+            else ""
+        )
+        if self.kind == "regular":
+            where = "each frame's cell" if p["cell"] is None else "a region"
+            return f"regular, {how}, {where}, at {'centers' if p['shift'] else 'corners'}"
+        if self.kind == "plane":
+            return f"plane, {how}" + (f", normal to {'xyz'[p['axis']]}" if p["axis"] is not None else "")
+        if self.kind == "line":
+            return f"line, {p['n']} points"
+        if self.kind == "slab":
+            return f"slab profile along {'xyz'[p['axis']]}, {p['bins']} bins"
+        return f"{len(p['xyz'])} points" if self.kind == "points" else "the atoms"
+
+    def bind(self, units, cell: Cell, positions=None) -> BoundGrid:
+        """The grid for one frame: positions in internal units.
+
+        Parameters
+        ----------
+        units : atc.units.Units, the user's
+        cell : Cell, the frame's, internal units
+        positions : (n, 3), needed by `Grid.atoms`
+        """
+        p, f = self._, units.factor("length")
+        if self.kind == "atoms":
+            if positions is None or len(positions) == 0:
+                raise AtcError("a grid of atoms needs a frame with atoms")
+            return BoundGrid("atoms", cell, ("atom",), xyz=np.ascontiguousarray(positions, dtype=np.float64))
+        if self.kind == "points":
+            return BoundGrid("points", cell, ("point",), xyz=p["xyz"] * f)
+        if not cell.complete:
+            cell = cell.completed(np.zeros((0, 3)) if positions is None else positions)
+        if self.kind == "line":
+            n = p["n"]
+            step = (p["end"] - p["start"]) * f / max(n - 1, 1)
+            return BoundGrid("line", cell, ("s",), origin=p["start"] * f - cell.origin, steps=step[None], counts=(n,))
+        if self.kind == "slab":
+            n, a = p["bins"], p["axis"]
+            step = cell.vectors[a] / n
+            return BoundGrid("slab", cell, ("xyz"[a],), origin=0.5 * step, steps=step[None], counts=(n,), axis=a)
+        if self.kind == "plane":
+            if p["axis"] is None:
+                origin, edges = p["origin"] * f - cell.origin, np.stack([p["u"], p["v"]]) * f
+                name = ("u", "v")
+            else:
+                a = p["axis"]
+                others = [k for k in range(3) if k != a]
+                share = 0.5 if p["position"] is None else p["position"] * f / cell.heights[a]
+                origin, edges = share * cell.vectors[a], cell.vectors[others]
+                name = tuple("xyz"[k] for k in others)
+        else:
+            region, name = p["cell"], ("x", "y", "z")
+            if region is None:
+                origin, edges = np.zeros(3), cell.vectors
+            elif isinstance(region, Cell):
+                origin, edges = region.origin - cell.origin, region.vectors
+            else:
+                origin, edges = -cell.origin, region * f
+            if p["origin"] is not None:
+                origin = p["origin"] * f - cell.origin
+        lengths = np.linalg.norm(edges, axis=1)
+        counts = p["shape"] or tuple(int(k) for k in np.maximum(np.round(lengths / (p["spacing"] * f)), 1))
+        steps = edges / np.array(counts)[:, None]
+        return BoundGrid(self.kind, cell, name, origin=origin + p["shift"] * steps.sum(0), steps=steps, counts=counts, shift=p["shift"])
+
+
+class BoundGrid:
+    """A grid for one frame, in internal units.
+
+    Attributes
+    ----------
+    kind : "regular", "plane", "line", "slab", "points" or "atoms"
+    cell : Cell
+    dims : names of the axes, as in the output
+    shape : numbers of points along them
+    origin, steps, counts : lattices only. Point (i, j, ..) is at cell.origin + origin + (i, j, ..) @ steps.
+        The origin is relative to the cell's, so that nothing is lost in a box far from 0.
+    axis : slabs only: the cell axis
+    shift : ½ where points are at cell centres, 0 at corners
+    """
+
+    def __init__(self, kind, cell, dims, *, xyz=None, origin=None, steps=None, counts=None, axis=None, shift=0.5):
+        self.kind, self.cell, self.dims, self.axis, self.shift = kind, cell, dims, axis, shift
+        self.xyz, self.origin, self.steps = xyz, origin, steps
+        self.counts = None if counts is None else tuple(int(n) for n in counts)
+
+    @property
+    def is_lattice(self) -> bool:
+        return self.xyz is None
+
+    @property
+    def shape(self) -> tuple:
+        return self.counts if self.is_lattice else (len(self.xyz),)
+
+    def __len__(self):
+        return int(np.prod(self.shape))
+
+    @cached_property
+    def points_gc(self) -> np.ndarray:
+        """(g, 3) positions, the last axis of `shape` running fastest. For a slab: bin centres along the cell's edge."""
+        if not self.is_lattice:
+            return self.xyz
+        return self.relative_points_gc + self.cell.origin
+
+    @property
+    def relative_points_gc(self) -> np.ndarray:
+        """(g, 3) positions relative to the cell's origin."""
+        if not self.is_lattice:
+            return self.xyz - self.cell.origin
+        index = np.indices(self.counts).reshape(len(self.counts), -1).T
+        return index @ self.steps + self.origin
+
+    @cached_property
+    def tiles(self) -> bool:
+        """Whether this is a regular grid over the frame's whole cell, so that sums over points times `cell_volume` are integrals over it."""
+        if self.kind != "regular":
+            return False
+        edges = self.steps * np.array(self.counts)[:, None]
+        # 1e-12: vectors that went through another unit system differ by rounding.
+        same = np.abs(edges - self.cell.vectors).max() <= 1e-12 * np.abs(self.cell.vectors).max()
+        if not same or self.cell.periodic.all():
+            return bool(same)
+        # An open axis is only covered if the region starts where the cell does.
+        s = self.origin @ self.cell.inverse * np.array(self.counts)
+        open_axis = ~self.cell.periodic
+        return bool(((s[open_axis] > -1e-9) & (s[open_axis] < 1 - 1e-9)).all())
+
+    @property
+    def wraps(self) -> bool:
+        """Whether the lattice closes on itself through the cell's periodic axes (an open axis need not be covered)."""
+        if self.kind != "regular":
+            return False
+        edges = self.steps * np.array(self.counts)[:, None]
+        return bool(np.abs(edges - self.cell.vectors).max() <= 1e-12 * np.abs(self.cell.vectors).max())
+
+    @property
+    def cell_volume(self) -> float | None:
+        """The volume that belongs to each point: of a grid cell, or of a slab; None where points have none."""
+        if self.kind == "slab":
+            return self.cell.volume / self.counts[0]
+        return float(abs(np.linalg.det(self.steps))) if self.kind == "regular" else None
+
+    @property
+    def spacing(self) -> np.ndarray | None:
+        """Distance between neighbouring points along each axis of a lattice (for a slab along the faces' normal)."""
+        if self.kind == "slab":
+            return np.array([self.cell.heights[self.axis] / self.counts[0]])
+        return np.linalg.norm(self.steps, axis=1) if self.is_lattice else None
+
+    def coords(self, units) -> dict:
+        """Coordinates for an xarray Dataset in the user's units: {name: (dims, values, attrs)}.
+
+        One coordinate per axis where the axis runs along x, y or z; else positions as auxiliary coordinates ``position_x`` ...
+        """
+        label = {"units": units.label("length")}
+        to_user = lambda a: units.to_user("length", a)  # noqa: E731
+        if self.kind == "slab":
+            a = self.axis
+            normal = self.cell.inverse[:, a] * self.cell.heights[a]
+            # Orthogonal cells: the coordinate itself; else the distance from the cell's lower face.
+            zero = self.cell.origin[a] if self.cell.orthogonal and normal[a] > 0 else 0.0
+            centres = zero + (np.arange(self.counts[0]) + 0.5) * self.spacing[0]
+            what = f"{'xyz'[a]}" if zero or self.cell.orthogonal else "distance from the cell's face along its normal"
+            return {self.dims[0]: (self.dims, to_user(centres), {**label, "long_name": what})}
+        out = {}
+        if self.kind == "line":
+            distance = np.arange(self.counts[0]) * np.linalg.norm(self.steps[0])
+            out["s"] = (("s",), to_user(distance), {**label, "long_name": "distance from the start of the line"})
+        elif self.kind == "plane" and self.dims == ("u", "v"):
+            for a in range(2):
+                distance = (np.arange(self.counts[a]) + self.shift) * np.linalg.norm(self.steps[a])
+                out[self.dims[a]] = (
+                    (self.dims[a],),
+                    to_user(distance),
+                    {**label, "long_name": f"distance along the plane's edge {self.dims[a]}"},
+                )
+        elif self.is_lattice:
+            along = [("xyz".index(d), s) for d, s in zip(self.dims, self.steps)]
+            if all(np.count_nonzero(np.delete(s, k)) == 0 for k, s in along):
+                for (k, s), d, n in zip(along, self.dims, self.counts):
+                    out[d] = ((d,), to_user(self.cell.origin[k] + self.origin[k] + s[k] * np.arange(n)), {**label, "long_name": d})
+                if self.kind == "regular":
+                    return out
+        xyz = to_user(self.points_gc)
+        for k, d in enumerate("xyz"):
+            out[f"position_{d}"] = (self.dims, xyz[:, k].reshape(self.shape), {**label, "long_name": f"{d} of the points"})
+        return out
