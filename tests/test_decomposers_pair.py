@@ -128,3 +128,209 @@ STYLES = {
 def test_style(style, box):
     unit, lines = STYLES[style]
     agree(lines, config(box, unit, seed=len(style)), threads=2 if box == "triclinic" else 1)
+
+
+# Tables ---------------------------------------------------------------------------------------------------------------------------------
+
+
+def table_file(path, *, r=None, spacing="", fprime="", keyword="PAIR", n=200, lo=2.0, hi=8.0, tag="", scale=1.0):
+    """An LJ-like table with two other sections around it, the way LAMMPS's tools write them."""
+    if spacing:
+        t = np.arange(n) / (n - 1)
+        grid = lo + (hi - lo) * t if spacing == "R" else np.sqrt(lo**2 + (hi**2 - lo**2) * t)
+        param = f"N {n} {spacing} {lo} {hi}"
+    else:
+        grid = np.geomspace(lo, hi, n) if r is None else r
+        grid[-1] = hi
+        param = f"N {n}"
+    e = scale * 0.04 * ((3.0 / grid) ** 12 - (3.0 / grid) ** 6)
+    f = scale * 0.04 * (12 * (3.0 / grid) ** 12 - 6 * (3.0 / grid) ** 6) / grid
+    rows = "\n".join(f"{k + 1} {a:.15g} {b:.15g} {c:.15g}" for k, (a, b, c) in enumerate(zip(grid, e, f)))
+    other = "\n".join(f"{k + 1} {0.5 * k + 1} {1.0 * k} {-2.0}" for k in range(3))
+    path.write_text(
+        f"# a table {tag}\n\nFIRST\nN 3\n\n{other}\n\n{keyword}   # the one\n{param}{fprime}\n\n{rows}\n\n# more\nLAST\nN 3 R 1.0 2.0\n\n{other}\n"
+    )
+
+
+TABLES = {
+    "free spacing": {},
+    "R": {"spacing": "R"},
+    "RSQ": {"spacing": "RSQ"},
+    "FPRIME": {"fprime": " FPRIME -0.3 0.001"},
+    "R FPRIME": {"spacing": "R", "fprime": " FPRIME -0.3 0.001"},
+}
+
+
+@pytest.mark.parametrize("style", ["linear 1000", "spline 300", "linear 200"])
+@pytest.mark.parametrize("kind", TABLES)
+def test_table(tmp_path, monkeypatch, kind, style):
+    table_file(tmp_path / "one.table", **TABLES[kind])
+    table_file(tmp_path / "two.table", keyword="B", n=50, scale=2.0)
+    monkeypatch.chdir(tmp_path)
+    # "linear 200" on RSQ with 200 points: LAMMPS then takes the file's values as they are.
+    lines = f"pair_style table {style}\npair_coeff * * one.table PAIR\npair_coeff 1 2 two.table B 6.9\npair_coeff 3 3 one.table PAIR 7.1"
+    agree(lines, config("orthogonal" if kind == "R" else "small", "metal", jitter=0.1, charges=False))
+
+
+def test_table_of_arrays_is_lammpss(tmp_path, monkeypatch):
+    table_file(tmp_path / "one.table")
+    monkeypatch.chdir(tmp_path)
+    from atc.decomposers.table import read_section
+
+    s = read_section(tmp_path / "one.table", "PAIR")
+    pot = atc.potential(D.Table(s.r, s.e, s.f, cutoff=7.3, points=700, units="metal", n_types=3))
+    agree("pair_style table spline 700\npair_coeff * * one.table PAIR 7.3", config("triclinic", "metal", jitter=0.1, charges=False), pot)
+
+
+def test_table_too_close_is_named(tmp_path, monkeypatch):
+    table_file(tmp_path / "one.table", lo=3.2)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(AtcError, match=r"smaller than the first distance of their table, 3\.2"):
+        atc.potential("pair_style table linear 500\npair_coeff * * one.table PAIR", units="metal").decompose(
+            config("small", "metal").frame()
+        )
+
+
+@pytest.mark.parametrize(
+    "text, says",
+    [
+        ("# x\nB\nN 3\n\n1 1 1 1\n", "no section 'PAIR'|ends after 1 of 3"),
+        ("PAIR\nN 3\n\n1 1.0 1 1\n2 x 1 1\n3 3 1 1\n", "line 5"),
+        ("PAIR\nN 3\n\n1 1.0 1 1\n2 0.5 1 1\n3 3 1 1\n", "increase"),
+        ("PAIR\nN 3 BITMAP 1 2\n\n", "BITMAP"),
+        ("PAIR\nN\n\n", "line 2"),
+        ("PAIR\n", "parameter line"),
+    ],
+)
+def test_bad_tables(tmp_path, monkeypatch, text, says):
+    (tmp_path / "t").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(AtcError, match=says):
+        atc.potential("pair_style table linear 500\npair_coeff * * t PAIR", units="metal")
+
+
+def test_table_units_tag(tmp_path, monkeypatch):
+    """A table that says UNITS: real in a metal model is converted (atc and LAMMPS differ in the digits of kcal/mol: 1e-6)."""
+    table_file(tmp_path / "one.table", tag="UNITS: real", scale=23.060549)
+    monkeypatch.chdir(tmp_path)
+    agree("pair_style table spline 400\npair_coeff * * one.table PAIR", config("small", "metal", jitter=0.1, charges=False), rtol=1e-6)
+
+
+# Objects --------------------------------------------------------------------------------------------------------------------------------
+
+
+def test_objects_are_the_lines():
+    c = config("triclinic", "real")
+    e = np.array([[0.2, 0.1, 0.15], [0.1, 0.3, 0.2], [0.15, 0.2, 0.25]])
+    cut = np.array([[7.0, 0, 6.5], [0, 6.0, 6.0], [6.5, 6.0, 7.5]])
+    pairs = [(i, j) for i in range(3) for j in range(i, 3)]
+    lines = "pair_style hybrid/overlay lj/cut 7.0\n" + "\n".join(
+        f"pair_coeff {i + 1} {j + 1} " + (f"lj/cut {e[i, j]} 3.0 {cut[i, j]}" if cut[i, j] else "none") for i, j in pairs
+    )
+    agree(lines + "\npair_modify shift yes", c, atc.potential([D.LennardJones(e, 3.0, cut, units="real", shift=True)]))
+    one = {"units": "real", "n_types": 3}
+    for line, coeff, style in (
+        ("lj/smooth/linear 7.5", "0.2 3.0", D.LennardJonesSmoothLinear(0.2, 3.0, 7.5, **one)),
+        ("lj/expand 7.5", "0.2 3.0 0.2", D.LennardJonesExpand(0.2, 3.0, 0.2, 7.5, **one)),
+        ("morse 7.5", "2.0 1.4 3.1", D.Morse(2.0, 1.4, 3.1, 7.5, **one)),
+        ("buck 7.5", "8000 0.35 300", D.Buckingham(8000, 0.35, 300, 7.5, **one)),
+        ("born 7.5", "2.0 0.32 2.3 200 300", D.Born(2.0, 0.32, 2.3, 200, 300, 7.5, **one)),
+        ("yukawa 1.1 7.5", "90", D.Yukawa(90, 1.1, 7.5, **one)),
+        ("soft 7.5", "3.0", D.Soft(3.0, 7.5, **one)),
+        ("zbl 4.0 7.5", "14 14", D.ZBL([14, 14, 14], 4.0, 7.5, units="real")),
+        ("coul/cut 7.5", "", D.CoulombCut(7.5, **one)),
+        ("coul/dsf 0.2 7.5", "", D.CoulombDSF(0.2, 7.5, **one)),
+        ("coul/wolf 0.2 7.5", "", D.CoulombWolf(0.2, 7.5, **one)),
+    ):
+        agree(f"pair_style {line}\npair_coeff * * {coeff}", c, atc.potential(style))
+
+
+def test_quadratic_smoothing_vanishes_at_the_cutoff():
+    pot = atc.potential(D.LennardJonesQuadratic(0.0104, 3.4, 8.5, units="metal"))
+    A = None
+    for d in (3.3, 5.0, 8.499999):
+        f = atc.Frame(positions=[[0, 0, 0], [d, 0, 0]], cell=atc.Cell(np.eye(3) * 40.0), units=units("metal"))
+        r = pot.decompose(f)
+        u = 4 * 0.0104 * ((3.4 / d) ** 12 - (3.4 / d) ** 6)
+        du = 4 * 0.0104 * (-12 * (3.4 / d) ** 12 + 6 * (3.4 / d) ** 6) / d
+        A = -4 * 0.0104 * (-12 * (3.4 / 8.5) ** 12 + 6 * (3.4 / 8.5) ** 6) / 8.5 / 17.0
+        B = -4 * 0.0104 * ((3.4 / 8.5) ** 12 - (3.4 / 8.5) ** 6) - A * 8.5**2
+        np.testing.assert_allclose(r.energy, u + A * d * d + B, rtol=0, atol=1e-15)
+        np.testing.assert_allclose(r.forces_nc[1, 0], -(du + 2 * A * d), rtol=1e-12, atol=1e-16)
+    # 1e-6 inside the cutoff: |U| ~ U'' δ²/2, |F| ~ U'' δ with U'' ~ 1e-2 eV/Å².
+    assert abs(r.energy) < 1e-13 and abs(r.forces_nc).max() < 1e-8 and A != 0
+
+
+def _u(d):
+    return 0.04 * ((3.0 / d) ** 12 - (3.0 / d) ** 6)
+
+
+def _du(d):
+    return -0.04 * (12 * (3.0 / d) ** 12 - 6 * (3.0 / d) ** 6) / d
+
+
+def test_generic():
+    c = config("small", "real")
+    agree("pair_style lj/cut 7.5\npair_coeff * * 0.01 3.0", c, atc.potential(D.Generic(_u, _du, 7.5, units="real", n_types=3)))
+    only = atc.potential([D.Generic(_u, _du, 7.5, units="real", types=[(1, 2), (3, 3)])])
+    none = "\n".join(f"pair_coeff {p} none" for p in ("1 1", "2 2", "1 3", "2 3"))
+    agree(f"pair_style hybrid lj/cut 7.5\npair_coeff 1 2 lj/cut 0.01 3.0\npair_coeff 3 3 lj/cut 0.01 3.0\n{none}", c, only)
+    with pytest.raises(AtcError, match="derivative is not that of the energy"):
+        D.Generic(_u, lambda d: 0.04 * (12 * (3.0 / d) ** 12 - 6 * (3.0 / d) ** 6) / d, 7.5, units="real")
+    with pytest.raises(AtcError, match="undefined"):
+        D.Generic(lambda d: undefined(d), _du, 7.5, units="real")  # noqa: F821
+
+
+def test_potentials_can_be_sent_to_other_processes():
+    c = config("small", "metal")
+    f = c.frame()
+    for p in (
+        atc.potential(STYLES["hybrid/overlay"][1], units="metal"),
+        atc.potential("pair_style lj/cut 7.9\npair_coeff * * 0.01 3.0\nspecial_bonds lj/coul 0 1 1", units="metal"),
+        atc.potential(D.Morse(2.0, 1.4, 3.1, 7.5, units="metal", n_types=3)),
+        atc.potential(D.Generic(_u, _du, 7.5, units="real", n_types=3)),
+    ):
+        q = pickle.loads(pickle.dumps(p))
+        assert q.decompose(f).energy == p.decompose(f).energy
+
+
+def test_frames_in_other_units():
+    """A model in real units on a frame that came in metal units: the same physics."""
+    lines = "pair_style lj/cut 7.9\npair_coeff * * {} 3.0"
+    f = config("small", "metal").frame()
+    kcal = units("real").to_internal("energy", 1.0)
+    a = atc.potential(lines.format(0.2), units="real").decompose(f)
+    b = atc.potential(lines.format(repr(0.2 * kcal)), units="metal").decompose(f)
+    np.testing.assert_allclose(a.forces_nc, b.forces_nc, rtol=1e-13, atol=1e-15)
+    with pytest.raises(AtcError, match="lj"):
+        atc.potential("pair_style lj/cut 2.5\npair_coeff * * 1 1", units="lj").decompose(f)
+
+
+def test_what_a_frame_may_lack():
+    c = config("small", "metal", charges=False)
+    with pytest.raises(AtcError, match="charges are missing"):
+        atc.potential("pair_style coul/cut 5\npair_coeff * *", units="metal").decompose(c.frame())
+    two = atc.potential("pair_style lj/cut 5\npair_coeff 1*2 1*2 1 3", units="metal")
+    with pytest.raises(AtcError, match="type 3"):
+        two.decompose(c.frame())
+    f = c.frame()
+    f.positions[1] = f.positions[0]
+    with pytest.raises(AtcError, match="atoms 1 and 2 are at the same place"):
+        atc.potential("pair_style lj/cut 5\npair_coeff * * 1 3", units="metal").decompose(f)
+
+
+def test_soft_lets_atoms_coincide():
+    f = atc.Frame(positions=[[1.0, 1, 1], [1, 1, 1]], cell=atc.Cell(np.eye(3) * 9.0), units=units("lj"))
+    d = atc.potential("pair_style soft 2\npair_coeff * * 3", units="lj").decompose(f)
+    assert d.energy == 6.0 and not d.forces_nc.any()
+
+
+def test_threads_and_chunks_do_not_matter():
+    x, t = thermal_lattice(np.diag([60.0, 60, 60]), (18, 18, 18), jitter=0.1, kinds=2)
+    f = Config([60.0, 60, 60], x, t).frame()
+    pot = atc.potential("pair_style lj/cut 7.0\npair_coeff * * 0.01 3.0\npair_coeff 1 2 0.02 3.0 5.0", units="metal")
+    a, b = pot.decompose(f), pot.decompose(f, threads=3)
+    assert a.n_bonds == b.n_bonds
+    np.testing.assert_allclose(a.forces_nc, b.forces_nc, rtol=0, atol=1e-13 * np.abs(a.forces_nc).max())
+    # Pairs beyond their own cutoff carry no force and are not handed out.
+    assert (a.bonds.G_b != 0).all()

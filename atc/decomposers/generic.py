@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 from numba import njit
 
@@ -53,7 +55,7 @@ class Generic(PairStyle):
             slope = np.array([(f(x + h) - f(x - h)) / (2 * h) for x in d])
             given = np.array([g(x) for x in d])
         except Exception as e:
-            raise AtcError(f"Generic: the functions cannot be evaluated or compiled: {str(e).strip().splitlines()[0]}") from None
+            raise AtcError(f"Generic: the functions cannot be evaluated or compiled: {_reason(e)}") from None
         # A central difference with h = 1e-5 of the cutoff is good to about 1e-10 of U/cutoff by truncation and rounding; 1e-4 finds wrong formulas.
         scale = np.abs(slope).max() + np.abs(given).max() + np.array([abs(f(x)) for x in d]).max() / cutoff
         if not np.isfinite(scale) or (np.abs(slope - given) > 1e-4 * scale).any():
@@ -68,6 +70,13 @@ class Generic(PairStyle):
 
     def __getstate__(self):
         return {k: v for k, v in self.__dict__.items() if k != "_kernel"}
+
+
+def _reason(e: Exception) -> str:
+    """The telling line of a numba error (its first lines only name the compiler's stage)."""
+    lines = [re.sub(r"\x1b\[[0-9;]*m", "", line).strip() for line in str(e).splitlines()]
+    lines = [line for line in lines if line and not line.startswith(("Failed in", "File ", "During", "def ", "<"))]
+    return lines[0] if lines else type(e).__name__
 
 
 def _kernel(f, g):
