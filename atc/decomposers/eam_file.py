@@ -1,0 +1,197 @@
+"""Embedded-atom tables as LAMMPS reads them: DYNAMO funcfl (``eam``), setfl (``eam/alloy``) and Finnis-Sinclair setfl (``eam/fs``)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import AtcError
+from .sw_file import _conversion
+
+# LAMMPS's eV·Å in Hartree·Bohr, three digits, for the effective charges of funcfl files.
+_HARTREE_BOHR = 27.2 * 0.529
+
+
+@dataclass
+class EAMTables:
+    """Tables at evenly spaced arguments, the first at 0, in the units of the model they are for.
+
+    elements : names. masses : (m,). cutoff : for every pair.
+    F_en : (m, n_rho) embedding energy at densities k·drho; rho_eer : (m, m, n_r) [source, host] density that a source element makes at a host
+    element at distances k·dr; zr_eer : (m, m, n_r) r·φ(r), symmetric.
+    rho_end : the density from which on the embedding energy is continued linearly.
+    """
+
+    elements: list[str]
+    masses: np.ndarray
+    drho: float
+    dr: float
+    cutoff: float
+    F_en: np.ndarray
+    rho_eer: np.ndarray
+    zr_eer: np.ndarray
+    rho_end: float
+
+
+class _Lines:
+    """The lines of a potential file behind its free text, comments removed."""
+
+    def __init__(self, path, header: int, where: str):
+        at = f"{where}: " if where else ""
+        try:
+            self.text = Path(path).read_text(encoding="utf-8", errors="replace")
+        except OSError as e:
+            raise AtcError(f"{at}cannot read the EAM file {str(path)!r} ({e.strerror or e}): give its path relative to the input") from None
+        self.path = path
+        lines = self.text.splitlines()
+        self.lines = [(k, w) for k, line in enumerate(lines[header:], header + 1) if (w := line.partition("#")[0].split())]
+        self.last = len(lines)
+        self.p = 0
+
+    def words(self, least: int, what: str) -> tuple[list[str], str]:
+        """The next line that is not empty, with at least so many words."""
+        if self.p >= len(self.lines):
+            raise AtcError(f"{self.path}: ends at line {self.last} where {what} should follow: the file is cut off")
+        number, words = self.lines[self.p]
+        self.p += 1
+        if len(words) < least:
+            raise AtcError(f"{self.path}:{number}: expected {what}, got {' '.join(words)!r}")
+        return words, f"{self.path}:{number}"
+
+    def numbers(self, n: int, what: str) -> np.ndarray:
+        """The next n numbers, however many to a line."""
+        out: list[str] = []
+        first = self.lines[self.p][0] if self.p < len(self.lines) else self.last
+        while len(out) < n:
+            if self.p >= len(self.lines):
+                raise AtcError(f"{self.path}: ends after {len(out)} of the {n} numbers of {what} (from line {first}): the file is cut off")
+            out += self.lines[self.p][1]
+            self.p += 1
+        if len(out) > n:
+            raise AtcError(
+                f"{self.path}:{self.lines[self.p - 1][0]}: {what} has {len(out)} numbers where its table (from line {first}) should have {n}"
+            )
+        try:
+            a = np.array(out, dtype=np.float64)
+        except ValueError:
+            bad = next(w for w in out if not _is_number(w))
+            raise AtcError(f"{self.path}: {bad!r} in {what} (from line {first}) is not a number") from None
+        if not np.isfinite(a).all():
+            raise AtcError(f"{self.path}: {what} (from line {first}) holds numbers that are not finite")
+        return a
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _grid(words, where):
+    """nrho drho nr dr cutoff"""
+    try:
+        nrho, drho, nr, dr, cut = int(words[0]), float(words[1]), int(words[2]), float(words[3]), float(words[4])
+    except ValueError:
+        raise AtcError(f"{where}: expected nrho drho nr dr cutoff, got {' '.join(words)!r}") from None
+    # LAMMPS's spline takes differences over five points.
+    if nrho < 5 or nr < 5 or not (drho > 0 and dr > 0 and cut > 0):
+        raise AtcError(f"{where}: nrho and nr must be at least 5, drho, dr and the cutoff positive, got {' '.join(words[:5])!r}")
+    return nrho, drho, nr, dr, cut
+
+
+def _mass(words, where):
+    try:
+        return float(words[1])
+    except ValueError:
+        raise AtcError(f"{where}: expected the atomic number and the mass, got {' '.join(words)!r}") from None
+
+
+def read_setfl(path, units_name: str, finnis_sinclair: bool = False, where: str = "") -> EAMTables:
+    """A setfl file: embedding energies and densities by element (Finnis-Sinclair: densities by pair of elements), r·φ by pair.
+
+    units_name : unit style the result is wanted in; the file's ``UNITS:`` tag is converted between metal and real as LAMMPS means
+        to (its setfl readers leave out the last entry of each table)
+    where : file and line that named this file, for messages
+
+    Raises
+    ------
+    AtcError for a missing, malformed or truncated file.
+    """
+    f = _Lines(path, 3, where)
+    factor = _conversion(f.text, units_name, path)
+    words, at = f.words(2, "the number of elements and their names")
+    try:
+        m = int(words[0])
+    except ValueError:
+        raise AtcError(f"{at}: expected the number of elements and their names, got {' '.join(words)!r}") from None
+    if len(words) != m + 1:
+        raise AtcError(f"{at}: {m} elements but {len(words) - 1} names")
+    elements = words[1:]
+    nrho, drho, nr, dr, cut = _grid(*f.words(5, "nrho drho nr dr cutoff"))
+    masses, F = np.zeros(m), np.zeros((m, nrho))
+    rho, zr = np.zeros((m, m, nr)), np.zeros((m, m, nr))
+    for a, e in enumerate(elements):
+        masses[a] = _mass(*f.words(2, f"the atomic number and mass of {e}"))
+        F[a] = f.numbers(nrho, f"the embedding energy of {e}") * factor
+        if finnis_sinclair:
+            for b in range(m):
+                rho[a, b] = f.numbers(nr, f"the density of {e} at {elements[b]}")
+        else:
+            rho[a, :] = f.numbers(nr, f"the density of {e}")
+    for a in range(m):
+        for b in range(a + 1):
+            zr[a, b] = zr[b, a] = f.numbers(nr, f"the pair energy of {elements[a]} and {elements[b]}") * factor
+    if f.p < len(f.lines):
+        hint = "; is it a Finnis-Sinclair file (eam/fs)?" if not finnis_sinclair and m > 1 else ""
+        raise AtcError(
+            f"{path}:{f.lines[f.p][0]}: more lines than {'eam/fs' if finnis_sinclair else 'eam/alloy'} files of {m} elements have{hint}"
+        )
+    return EAMTables(elements, masses, drho, dr, cut, F, rho, zr, (nrho - 1) * drho)
+
+
+def read_funcfl(paths, units_name: str, where: str = "") -> EAMTables:
+    """Single-element funcfl files brought onto one grid as LAMMPS does (four-point interpolation; φ from the product of effective charges).
+
+    The elements are named 0, 1, .. in the order of `paths`. See `read_setfl` for the rest.
+    """
+    files = []
+    for path in paths:
+        f = _Lines(path, 1, where)
+        factor = _conversion(f.text, units_name, path)
+        mass = _mass(*f.words(2, "the atomic number and mass"))
+        nrho, drho, nr, dr, cut = _grid(*f.words(5, "nrho drho nr dr cutoff"))
+        F = f.numbers(nrho, "the embedding energy") * factor
+        z = f.numbers(nr, "the effective charge") * np.sqrt(factor)
+        rho = f.numbers(nr, "the density")
+        files.append((mass, drho, dr, cut, F, z, rho))
+    drho, dr = max(f[1] for f in files), max(f[2] for f in files)
+    rmax = max((len(f[5]) - 1) * f[2] for f in files)
+    rho_end = max((len(f[4]) - 1) * f[1] for f in files)
+    nr, nrho = int(rmax / dr + 0.5), int(rho_end / drho + 0.5)
+    m = len(files)
+    r, d = np.arange(nr) * dr, np.arange(nrho) * drho
+    F, rho, zr = np.zeros((m, nrho)), np.zeros((m, m, nr)), np.zeros((m, m, nr))
+    z = [_four_points(r, f[2], f[5]) for f in files]
+    for a, f in enumerate(files):
+        F[a] = _four_points(d, f[1], f[4])
+        rho[a, :] = _four_points(r, f[2], f[6])
+        for b in range(m):
+            zr[a, b] = _HARTREE_BOHR * z[max(a, b)] * z[min(a, b)]
+    return EAMTables([str(k) for k in range(m)], np.array([f[0] for f in files]), drho, dr, max(f[3] for f in files), F, rho, zr, rho_end)
+
+
+def _four_points(x, step, table):
+    """Cubic Lagrange interpolation through four points of a table that starts at 0 (LAMMPS PairEAM::file2array)."""
+    p = x / step + 1.0
+    k = np.clip(p.astype(np.int64), 2, len(table) - 2)
+    p = np.minimum(p - k, 2.0)
+    return (
+        -p * (p - 1.0) * (p - 2.0) / 6.0 * table[k - 2]
+        + 0.5 * (p * p - 1.0) * (p - 2.0) * table[k - 1]
+        - 0.5 * p * (p + 1.0) * (p - 2.0) * table[k]
+        + p * (p * p - 1.0) / 6.0 * table[k + 1]
+    )

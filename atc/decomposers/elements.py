@@ -1,0 +1,88 @@
+"""Which element an atom type is: the ``pair_coeff * * file El1 El2 NULL`` of potentials whose parameters come by element."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import AtcError
+from ..frame import Frame
+from .registry import StyleInput
+
+
+def mapped_line(inp: StyleInput, ending: str):
+    """(path, elements, line) of the one ``pair_coeff * * <file> <element of each atom type>`` line of a style.
+
+    Raises
+    ------
+    AtcError for missing or several lines, types other than ``* *``, too few elements, a missing file.
+    """
+    wants = f"pair_coeff * * <file{ending}> <element of each atom type>"
+    if inp.args:
+        raise inp.error(f"{inp.command} takes no arguments here, got {' '.join(inp.args)}")
+    if not inp.coeffs:
+        raise inp.error(f"{inp.command} has no pair_coeff line: give {wants}")
+    if len(inp.coeffs) > 1:
+        raise inp.error(f"{inp.command} takes one pair_coeff * * line: leave one of them", inp.coeffs[1])
+    line = inp.coeffs[0]
+    if any(t.lo != 1 or t.hi is not None for t in line.types):
+        raise inp.error(f"{inp.command} wants {wants}: replace the types by * *", line)
+    if len(line.words) < 2:
+        raise inp.error(f"{inp.command} wants {wants}, got {' '.join(line.words) or 'nothing'} behind * *", line)
+    elements = [None if e == "NULL" else e for e in line.words[1:]]
+    if len(elements) < inp.n_types:
+        raise inp.error(f"{inp.command} needs one element (or NULL) for each of the {inp.n_types} atom types, found {len(elements)}", line)
+    if not any(elements):
+        raise inp.error(f"{inp.command}: every atom type is NULL: name the element of at least one type", line)
+    if inp.wanted is not None:
+        m = min(inp.n_types, len(elements))
+        for a in range(1, m + 1):
+            for b in range(a, m + 1):
+                if elements[a - 1] and elements[b - 1] and not inp.wanted[a, b]:
+                    raise inp.error(
+                        f"{inp.command} is a many-body style: its types {a} and {b} cannot be given to another style alone; "
+                        "use hybrid/overlay, or NULL for one of them",
+                        line,
+                    )
+    return inp.path(line.words[0], line), elements, line
+
+
+class ElementMap:
+    """From atom types to the elements of a potential.
+
+    names : the potential's elements in use. elements : the name of each atom type from 1, None for types left out; or None: every atom is names[0].
+    rest : the name of types beyond those, None: they are an error
+    """
+
+    def __init__(self, elements, names, what: str, rest: str | None = None):
+        self.names, self.what, self.rest = list(names), what, rest
+        self.elements = None if elements is None else [None if e in (None, "NULL") else e for e in elements]
+        if self.elements is not None:
+            odd = next((e for e in self.elements if e is not None and e not in self.names), None)
+            if odd is not None:
+                raise AtcError(f"{what}: no element {odd!r}: it has {', '.join(self.names)}")
+            # An entry 0 in front, since types count from 1.
+            self.of_type = np.array([-1, *(-1 if e is None else self.names.index(e) for e in self.elements)])
+            if (self.of_type < 0).all():
+                raise AtcError(f"{what}: every atom type is NULL: name the element of at least one type")
+
+    def describe(self) -> str:
+        return "" if self.elements is None else " " + "-".join(dict.fromkeys(e for e in self.elements if e is not None))
+
+    def apply(self, frame: Frame):
+        """(n,) int32 element of each atom, −1 for those left out, and the int32 indices of the others (None: all)."""
+        n = len(frame)
+        if self.elements is None:
+            return np.zeros(n, np.int32), None
+        of_type = self.of_type
+        top = int(frame.types.max()) if n else 0
+        if top >= len(of_type) and self.rest is not None:
+            of_type = np.concatenate([of_type, np.full(top + 1 - len(of_type), self.names.index(self.rest))])
+        if top >= len(of_type):
+            raise AtcError(
+                f"{frame.source}: atoms of type {int(frame.types.max())} but {self.what} names the elements of types 1 to {len(self.of_type) - 1}: "
+                "name the others too, or NULL"
+            )
+        if n and frame.types.min() < 1:
+            raise AtcError(f"{frame.source}: atom types must be 1 or larger, found {int(frame.types.min())}")
+        element_n = of_type[frame.types].astype(np.int32)
+        return element_n, None if (element_n >= 0).all() else np.flatnonzero(element_n >= 0).astype(np.int32)
