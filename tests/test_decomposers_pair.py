@@ -334,3 +334,41 @@ def test_threads_and_chunks_do_not_matter():
     np.testing.assert_allclose(a.forces_nc, b.forces_nc, rtol=0, atol=1e-13 * np.abs(a.forces_nc).max())
     # Pairs beyond their own cutoff carry no force and are not handed out.
     assert (a.bonds.G_b != 0).all()
+
+
+# Stillinger-Weber inside hybrid -----------------------------------------------------------------------------------------------------------
+
+SI_SW = "Si Si Si 2.1683 2.0951 1.80 21.0 1.20 -0.333333333333 7.049556277 0.6022245584 4.0 0.0 0.0\n"
+
+
+@pytest.mark.parametrize("overlay", ["", "/overlay"])
+@pytest.mark.parametrize("box", BOXES)
+def test_sw_in_hybrid(tmp_path, monkeypatch, box, overlay):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "Si.sw").write_text(SI_SW)
+    lines = (
+        f"pair_style hybrid{overlay} sw lj/cut 6.0 morse 5.0\npair_coeff * * sw Si.sw Si NULL Si\npair_coeff 2 2 lj/cut 0.01 3.0\n"
+        "pair_coeff 1 2 morse 0.2 1.5 3.0\npair_coeff 2 3 lj/cut 0.02 2.9"
+    )
+    c = config(box, "metal", jitter=0.1)
+    c.positions *= 0.8
+    c.cell *= 0.8
+    agree(lines, c, threads=2)
+
+
+def test_hybrid_takes_no_pair_out_of_sw(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "Si.sw").write_text(SI_SW)
+    lines = "pair_style hybrid sw lj/cut 6.0\npair_coeff * * sw Si.sw Si Si\npair_coeff 1 2 lj/cut 0.01 3.0"
+    with pytest.raises(AtcError, match="all pairs of the types that it maps"):
+        atc.potential(lines, units="metal")
+
+
+def test_sw_with_bonds_wants_plain_weights(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "Si.sw").write_text(SI_SW)
+    c = config("small", "metal", kinds=1, charges=False)
+    f = Config(c.cell, c.positions, bonds=[[0, 1]], units="metal").frame()
+    with pytest.raises(AtcError, match="many-body"):
+        atc.potential("pair_style sw\npair_coeff * * Si.sw Si", units="metal").decompose(f)
+    atc.potential("pair_style sw\npair_coeff * * Si.sw Si\nspecial_bonds lj/coul 1 1 1", units="metal").decompose(f)

@@ -11,7 +11,7 @@ from ..errors import AtcError
 from .registry import MAPPED_STYLES, PAIR_STYLES, CoeffLine, Modify
 
 # Words that are arguments of a sub-style, not the name of the next one.
-_ARGUMENTS = {"linear", "spline", "lookup", "bitmap", "nocoeff", "full"}
+_ARGUMENTS = {"linear", "spline", "lookup", "bitmap", "nocoeff", "full", "threebody", "on", "off"}
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
 
 
