@@ -1,6 +1,7 @@
 """Stillinger-Weber against LAMMPS, against a sum over triplets written out by hand, and what its files may say."""
 
 import itertools
+import pickle
 import warnings
 from pathlib import Path
 
@@ -284,6 +285,29 @@ def test_left_out_types_feel_nothing():
     np.testing.assert_allclose(d.energy, alone.energy, rtol=1e-13)
     np.testing.assert_allclose(d.forces_nc[types == 2], alone.forces_nc, rtol=0, atol=1e-12)
     assert (d.forces_nc[types == 1] == 0).all() and (types[d.bonds.i] == 2).all()
+
+
+@pytest.mark.parametrize("style", ["hybrid", "hybrid/overlay"])
+def test_hybrid_with_pairs(write, style):
+    """Silicon with argon-like guests: sw acts on the types it maps, Lennard-Jones on the rest."""
+    x, cell = diamond((2, 2, 2), 0.2)
+    types = np.random.default_rng(11).integers(1, 4, len(x))
+    path = write(alloy())
+    lines = (
+        f"pair_style {style} sw lj/cut 5.0\npair_coeff * * sw @file.sw X Y NULL\n"
+        "pair_coeff 3 3 lj/cut 0.01 2.2\npair_coeff 1 3 lj/cut 0.02 2.1 4.5\npair_coeff 2 3 lj/cut 0.02 2.0\n"
+    )
+    agrees(Config(cell, x, types, ntypes=3), lines, folder=path.parent)
+    two = f"pair_style {style} sw sw\npair_coeff * * sw 1 @file.sw X NULL\npair_coeff * * sw 2 @file.sw NULL Y\npair_coeff 1 2 none\n"
+    agrees(Config(cell, x, np.minimum(types, 2), ntypes=2), two, folder=path.parent)
+
+
+def test_a_potential_can_be_sent_elsewhere(write):
+    """Worker processes get it pickled."""
+    x, cell = diamond((1, 1, 2), 0.2)
+    frame = Frame(x, Cell(cell), units("metal"))
+    pot = atc.potential("pair_style sw\npair_coeff * * file.sw Si\n", "metal", folder=write(SI).parent)
+    assert pickle.loads(pickle.dumps(pot)).decompose(frame).energy == pot.decompose(frame).energy
 
 
 def test_bonds_run_through_the_images(write):

@@ -84,7 +84,8 @@ class Term:
 class Work:
     """One term on one frame. `stages` is a list of task counts: all tasks of a stage finish before the next stage starts.
 
-    Tasks of a stage run in any order and on any thread; what they share they must only read, apart from slots that are theirs.
+    Tasks of a stage run in any order and on any thread; what they share they must only read, apart from slots that are theirs. A stage of
+    one task may change the counts of the stages behind it.
     """
 
     stages: tuple[int, ...] = (0,)

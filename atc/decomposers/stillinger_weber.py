@@ -206,7 +206,6 @@ class _SWWork(Work):
         self.element = element_n[atom] if self.who is None else element_n[self.who[atom]]
         self.atom = atom if self.who is None else self.who[atom]
         cells.order = np.arange(len(x), dtype=np.int32)
-        self.first = cells.start[cells.chunk_edges]
         chunks = cells.n_chunks
         self.parts = [None] * chunks
         self.stages = (chunks, 1, chunks, chunks) if term.threebody else (chunks,)
@@ -243,16 +242,18 @@ class _SWWork(Work):
         self.parts = None
         self.G_end = np.zeros((len(self.a), 2))
         self.out_start, self.in_start, self.in_pair = _sw_index(self.a, self.b, len(self.atom))
+        self.runs, self.most, self.room = _sw_runs(self.out_start, self.in_start, _TRIPLETS_PER_TASK)
+        pairs, join, _, merge = self.stages
+        self.stages = (pairs, join, len(self.runs) - 1, merge)
 
     def _triplets(self, task, acc):
         ws, term = acc.ws, self.term
-        s0, s1 = self.first[task], self.first[task + 1]
-        most, triplets = _sw_count(s0, s1, self.out_start, self.in_start)
-        while ws.capacity < triplets:
+        s0, s1 = self.runs[task], self.runs[task + 1]
+        while ws.capacity < self.room:
             ws.grow()
         energies = acc.energies if acc.energies is not None else _NOTHING
         m, energy = _sw_triplets(
-            s0, s1, self.out_start, self.in_start, self.in_pair, self.a, self.b, self.rec, self.element, term.triplet, self.atom, most, term.prune,
+            s0, s1, self.out_start, self.in_start, self.in_pair, self.a, self.b, self.rec, self.element, term.triplet, self.atom, self.most, term.prune,
             self.G_end, ws.i, ws.j, ws.r, ws.G, energies,
         )  # fmt: skip
         acc.energy += energy
@@ -268,6 +269,8 @@ class _SWWork(Work):
 
 
 _NOTHING = np.zeros(0)
+# As many as a fresh workspace holds; a dense liquid must not cost memory.
+_TRIPLETS_PER_TASK = 1 << 16
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -348,15 +351,24 @@ def _sw_index(a, b, n):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _sw_count(s0, s1, out_start, in_start):
-    """The most neighbours of an atom, and the number of triplets."""
+def _sw_runs(out_start, in_start, limit):
+    """Runs of atoms with at most `limit` triplets (or one atom): their edges; the most neighbours of an atom; the most triplets of a run."""
+    n = len(out_start) - 1
+    edges = [0]
     most = 0
-    triplets = 0
-    for s in range(s0, s1):
+    room = 0
+    here = 0
+    for s in range(n):
         k = out_start[s + 1] - out_start[s] + in_start[s + 1] - in_start[s]
-        most = k if k > most else most
-        triplets += k * (k - 1) // 2
-    return most, triplets
+        t = k * (k - 1) // 2
+        if here + t > limit and s > edges[-1]:
+            edges.append(s)
+            here = 0
+        here += t
+        most = max(most, k)
+        room = max(room, here)
+    edges.append(n)
+    return np.array(edges), most, room
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
