@@ -111,6 +111,7 @@ class Store:
         self.partial = self.out.with_name(self.out.name + ".partial")
         self.layout: Layout | None = None
         self._group = None
+        self._arrays: dict = {}
         self.journal: list[dict] = []
         with explained(self.out):
             if not self.out.parent.is_dir():
@@ -159,6 +160,7 @@ class Store:
         with explained(self.out):
             if self.done:
                 self._group = zarr.open_group(path, mode="r+")
+                self._arrays = dict(self._group.arrays())
                 return
             shutil.rmtree(path, ignore_errors=True)
             self._group = zarr.open_group(path, mode="w", zarr_format=2)
@@ -174,6 +176,7 @@ class Store:
                     v.name, shape=shape, chunks=chunks, dtype=dtype, fill_value=_fill(dtype),
                     attributes={"_ARRAY_DIMENSIONS": list(v.all_dims), **_clean(v.attrs)},
                 )  # fmt: skip
+                self._arrays[v.name] = array
                 if v.static is not None and v.static.size:
                     array[...] = v.static
 
@@ -183,7 +186,7 @@ class Store:
         with explained(self.out):
             for v in self.layout.variables:
                 if v.static is None:
-                    self._group[v.name][k] = np.asarray(values[v.name], dtype=v.dtype)
+                    self._arrays[v.name][k] = np.asarray(values[v.name], dtype=v.dtype)
             with open(self.partial / "journal.jsonl", "a") as f:
                 f.write(json.dumps(note) + "\n")
                 f.flush()
@@ -215,7 +218,7 @@ class Store:
             path = self.partial / "data.zarr"
             for v in self.layout.variables:
                 if v.name in attrs:
-                    self._group[v.name].attrs.update(_clean(attrs[v.name]))
+                    self._arrays[v.name].attrs.update(_clean(attrs[v.name]))
             names = " ".join(v.name for v in self.layout.variables if not v.coordinate)
             self._group.attrs.update(_clean({**self.layout.attrs, **attrs.get("", {}), "variables": names}))
             coordinates = " ".join(v.name for v in self.layout.variables if v.coordinate and v.all_dims != (v.name,))
@@ -268,7 +271,7 @@ class Store:
                     array[...] = v.static.astype(object) if v.static.dtype.kind in "UO" else v.static
                 else:
                     for k in range(self.layout.entries):
-                        array[k] = np.asarray(self._group[v.name][k]).astype(dtype, copy=False)
+                        array[k] = np.asarray(self._arrays[v.name][k]).astype(dtype, copy=False)
                 for key, value in final.items():
                     array.attrs[key] = value
             for key, value in dict(self._group.attrs).items():

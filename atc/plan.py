@@ -144,7 +144,6 @@ class Request:
             "reference": digest(self.reference) if self.work.reference_users and self.reference is not None else None,
         }
 
-
     def _potential_key(self) -> str:
         """What the potential says about the first frame: no other coefficients say the same, wherever they come from."""
         if self.pot is None:

@@ -181,7 +181,7 @@ class _Sink:
         self.averages: dict[str, BlockAverage] = {}
         self.any_mass = None
         self.note: dict = {}
-        self.next_frame = len(self.notes) * request.window
+        self.next_frame = min(len(self.notes) * request.window, request.n_frames)
         self._saved = time.monotonic()
         if store is not None and request.window > 1:
             self._restore(store.load_state())

@@ -23,4 +23,3 @@ def argon(cell="orthogonal", seed=0, n=(2, 3, 3), style="metal", jitter=0.35, te
     u = units(style)
     v = rng.normal(size=x.shape) * np.sqrt(u.boltzmann * temperature / masses)[:, None] + [0.02, -0.01, 0.005]
     return Frame(x, cell, u, types=np.where(masses < 50, 1, 2), masses=masses, velocities=v, **more)
-

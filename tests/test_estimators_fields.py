@@ -78,7 +78,11 @@ def test_every_quantity_is_its_definition(cell, name, radius):
         assert got.dtype == np.float64
         # rounding of sums of a few hundred terms
         np.testing.assert_allclose(got, want, rtol=0, atol=2e-12 * np.abs(want).max(), err_msg=q)
-        assert ds[q].dims == ("frame", *{"grid": ("point",), "box": (), "atom": ("atom",)}[QUANTITIES[q].kind], *("i", "j")[: QUANTITIES[q].rank])
+        assert ds[q].dims == (
+            "frame",
+            *{"grid": ("point",), "box": (), "atom": ("atom",)}[QUANTITIES[q].kind],
+            *("i", "j")[: QUANTITIES[q].rank],
+        )
         for attribute in ("units", "long_name", "sign_convention"):
             assert ds[q].attrs[attribute]
         if QUANTITIES[q].kind == "grid":
@@ -89,7 +93,14 @@ def test_every_quantity_is_its_definition(cell, name, radius):
 
 def test_attributes_of_the_dataset():
     frame = argon(source="/home/somebody/run.dump frame 3")
-    ds = atc.fields(frame, BruteLJ(), atc.kernel("quartic", radius=5.6), atc.Grid.regular(shape=(3, 2, 2)), ["stress"], scene="[kernel]\nname='quartic'\n")
+    ds = atc.fields(
+        frame,
+        BruteLJ(),
+        atc.kernel("quartic", radius=5.6),
+        atc.Grid.regular(shape=(3, 2, 2)),
+        ["stress"],
+        scene="[kernel]\nname='quartic'\n",
+    )
     for name in ("version", "kernel", "radius", "decomposition", "method", "tolerance", "measured_error", "scene", "sources", "units"):
         assert name in ds.attrs, name
     assert ds.attrs["radius"] == 5.6 and ds.attrs["sources"] == "run.dump" and ds.attrs["method"] == "direct"
@@ -232,7 +243,9 @@ def test_no_atoms_and_one_atom():
     # one atom has no thermal motion about its own velocity: 1e-12 of m v²/kB is rounding
     scale = float(one.masses[0] * (one.velocities[0] ** 2).sum() / one.units.boltzmann)
     assert np.abs(ds.temperature.values[inside]).max() < 1e-12 * scale
-    np.testing.assert_allclose(ds.velocity.values[inside], np.broadcast_to(one.units.to_user("velocity", one.velocities[0]), (inside.sum(), 3)), rtol=1e-13)
+    np.testing.assert_allclose(
+        ds.velocity.values[inside], np.broadcast_to(one.units.to_user("velocity", one.velocities[0]), (inside.sum(), 3)), rtol=1e-13
+    )
     none = one.replace(positions=np.zeros((0, 3)), velocities=np.zeros((0, 3)), masses=np.zeros(0), types=None, ids=None)
     ds = atc.fields(none, BruteLJ(cutoff=4.0), kern, grid, ["density", "stress", "temperature"]).isel(frame=0)
     assert (ds.density == 0).all() and (ds.stress_potential == 0).all() and not ds.mask.any() and np.isnan(ds.temperature).all()

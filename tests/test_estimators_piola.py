@@ -95,7 +95,12 @@ def test_box_integral_is_the_pulled_back_virial():
     frame = deformed(reference, F, shake=0.0)
     pot = BruteLJ()
     ds = atc.fields(
-        frame, pot, atc.kernel("gaussian", width=1.6), atc.Grid.regular(shape=(16, 18, 20)), ["piola_stress", "virial_stress_potential"], reference=reference
+        frame,
+        pot,
+        atc.kernel("gaussian", width=1.6),
+        atc.Grid.regular(shape=(16, 18, 20)),
+        ["piola_stress", "virial_stress_potential"],
+        reference=reference,
     )
     mean = ds.piola_stress.values[0].reshape(-1, 9).mean(0).reshape(3, 3)
     want = np.linalg.det(F) * np.linalg.inv(F) @ ds.virial_stress_potential.values[0]

@@ -87,7 +87,12 @@ def test_the_prediction_is_of_the_right_size():
     rng = np.random.default_rng(0)
     L, n = 60.0, 4000
     frame = argon(n=(1, 1, 1)).replace(
-        positions=rng.uniform(0, L, (n, 3)), cell=atc.Cell([L] * 3), masses=np.full(n, 40.0), velocities=rng.normal(size=(n, 3)) * 1e-2, types=None, ids=None
+        positions=rng.uniform(0, L, (n, 3)),
+        cell=atc.Cell([L] * 3),
+        masses=np.full(n, 40.0),
+        velocities=rng.normal(size=(n, 3)) * 1e-2,
+        types=None,
+        ids=None,
     )
     kern, grid = atc.kernel("quartic", radius=8.0), atc.Grid.regular(shape=(20, 20, 20))
     atc.fields(frame, None, kern, grid, ["stress_kinetic"], threads=1)

@@ -50,7 +50,7 @@ def test_file_and_memory_are_the_same(tmp_path, suffix):
     memory = fields(trajectory())
     out = tmp_path / f"o{suffix}"
     file = fields(trajectory(), out)
-    same(memory[list(memory.data_vars)], file)
+    same(memory, file)
     assert [p.name for p in tmp_path.iterdir()] == [out.name]
     assert memory.sizes["frame"] == 5 and memory.step.values.tolist() == [0, 10, 20, 30, 40]
     np.testing.assert_allclose(memory.time, memory.frame * argon().units.to_user("time", 0.5))
@@ -90,8 +90,8 @@ def test_interrupted_run_continues_bit_for_bit(tmp_path, suffix, average, stop, 
     assert not out.exists() and (tmp_path / f"o{suffix}.partial").exists()
     pot, seen = BruteLJ(), []
     again = fields(trajectory(), out, pot=pot, average=average, progress=lambda done, total, rate: seen.append(done))
-    # done frames are not computed again (but for one to learn the layout when none is left)
-    assert seen[0] == stop and len(pot.calls) == max(5 - stop, 1)
+    # done frames are not computed again (but for one to learn the layout when none is left); one more pass to know the potential
+    assert seen[0] == stop and len(pot.calls) == 1 + max(5 - stop, 1)
     same(whole, again)
     assert not (tmp_path / f"o{suffix}.partial").exists()
 
@@ -133,7 +133,7 @@ def test_half_written_journal_line_is_forgotten(tmp_path):
     journal.write_text(journal.read_text()[:-9])
     pot = BruteLJ()
     again = fields(trajectory(), out, pot=pot)
-    assert len(pot.calls) == 3
+    assert len(pot.calls) == 1 + 2 + 1  # to know the potential, frames 2..4, with the third note lost
     same(fields(trajectory(), tmp_path / "whole.zarr"), again)
 
 
