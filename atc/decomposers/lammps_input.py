@@ -97,7 +97,8 @@ def _gather(commands: list[Command], name: str, folder: Path, units_) -> _Model:
             _labelmap(model, c)
         elif c.name == "mass":
             if len(c.words) == 2:
-                for t in _types(model, "atom", c.words[0], c.where)(max(model.masses, default=0) or 1):
+                span = _types(model, "atom", c.words[0], c.where)
+                for t in span(max(span.hi or span.lo, *model.masses, 1)):
                     model.masses[t] = _float(c, 1)
         elif c.name == "read_data" and c.words:
             model.data_file, more = take_data_file(c, folder, {k: s.name for k, s in model.styles.items()})

@@ -32,7 +32,7 @@ _FUNCTIONS = {
     "tanh": (1, math.tanh),
     "ceil": (1, math.ceil),
     "floor": (1, math.floor),
-    "round": (1, lambda x: math.floor(abs(x) + 0.5) * (1 if x >= 0 else -1)),
+    "round": (1, lambda x: math.ceil(x) if x - math.floor(x) >= 0.5 else math.floor(x)),
     "ternary": (3, lambda c, a, b: a if c else b),
 }
 # LAMMPS's order (Variable::evaluate): all binary operators associate to the left, unary minus and ! bind tightest.
@@ -107,9 +107,8 @@ class Variables:
         return kind, value
 
     def number(self, name: str, depth: int = 0) -> float:
-        kind, value = self._get(name)
-        if kind == "equal":
-            return self.evaluate(value, depth + 1)
+        """What ``v_name`` stands for in a formula: LAMMPS passes it on through its text, 15 digits."""
+        value = self.text(name, depth)
         try:
             return float(value)
         except ValueError:
@@ -159,11 +158,11 @@ class Variables:
             else:
                 raise Unknown("'$(' without ')'")
             body, form = line[p + 2 : q], "%.20g"
-            m = re.search(r":(%[-+ #0-9.]*[eEfFgGd])$", body)
+            m = re.search(r":(%[-+ #0-9.]*[eEfFgG])$", body)
             if m:
                 body, form = body[: m.start()], m.group(1)
             value = self.evaluate(body)
-            return form % (int(value) if form.endswith("d") else value), q + 1
+            return form % value, q + 1
         if not nxt or nxt.isspace():
             raise Unknown("'$' without a variable's name")
         return self.text(nxt), p + 2
