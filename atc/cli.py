@@ -157,7 +157,7 @@ def _load(path, settings, begin=None, end=None, step=None, quiet=True):
     if flags:
         frames = scene.get("trajectory", "frames")
         if frames is not None:
-            from .scene import frame_slice
+            from .scene_schema import frame_slice
 
             s = frame_slice(frames)
             written = {k: v for k, v in (("begin", s.start), ("end", s.stop), ("step", s.step)) if v is not None}

@@ -85,7 +85,7 @@ class Layout:
         unit = f" ({unit_text(self.unit)})" if unit_text(self.unit) else ""
         if self.kind != "plane":
             extent = np.ptp(x, axis=0)
-            u, v = sorted(np.argsort(extent)[-2:])
+            u, v = sorted(np.argsort(-extent, kind="stable")[:2])
             basis = np.eye(3)[[u, v, 3 - u - v]]
             return x @ basis[:2].T, [f"{'xyz'[u]}{unit}", f"{'xyz'[v]}{unit}"], basis, x.mean(0)
         a, b = (s if np.linalg.norm(s) > 0 else None for s in self.steps)
@@ -212,7 +212,8 @@ def layout(ds, da) -> Layout:
     if dims[0] in ("point", "atom"):
         return Layout("points" if dims[0] == "point" else "atoms", dims, x, unit)
     kind = {3: "volume", 2: "plane"}.get(len(dims)) or ("slab" if str(ds.attrs.get("grid", "")).startswith("slab") else "line")
-    out = Layout(kind, dims, x, unit)
+    edges = {"x": "a", "y": "b", "z": "c", "s": "the line"}
+    out = Layout(kind, dims, x, unit, edges=[edges.get(d, d) for d in dims])
     out.tiles = _tiles(ds, out)
     return out
 

@@ -315,7 +315,8 @@ def _map(fig, ax, place, drawn_as, v, cmap, low, high, extend, title):
         order = order[good[order]]
         size = float(np.clip(1.5e4 / max(len(v), 1), 2, 40))
         ax.scatter(*flat[~good].T, s=size, c="0.82", linewidths=0)
-        drawn = ax.scatter(*flat[order].T, s=size, c=v[order], cmap=cmap, vmin=low, vmax=high, linewidths=0, rasterized=len(v) > 5000)
+        drawn = ax.scatter(*flat[order].T, s=size, c=v[order], cmap=cmap, vmin=low, vmax=high, rasterized=len(v) > 5000)
+        drawn.set(edgecolor="0.3", linewidth=0.2)
         ax.margins(0.03)
     ax.set_aspect("equal")
     ax.set_xlabel(labels[0])
@@ -359,29 +360,30 @@ def _maps(Figure, panels, values, place, title, limits, robust, atoms):
 
 
 def _profiles(Figure, ds, panels, place, title, limits, frame):
-    from collections import OrderedDict
-
-    groups = OrderedDict()
+    """Curves along the one dimension, one panel a field, with the standard error as a band where the output has one."""
+    groups: dict[str, list] = {}
     for name, da, comp in panels:
         groups.setdefault(name, []).append((da, comp))
     fig, axs = _figure(Figure, len(groups), 5.0, 3.1)
     s, label = place.abscissa()
     for ax, (name, members) in zip(axs.flat, groups.items()):
-        err = ds.get(name + STDERR)
-        if err is not None and "frame" in err.dims:
-            err = None
+        error = _stderr(ds, name, frame)
         for da, comp in members:
             v = da.values if comp is None else component(da.values, comp)
-            (line,) = ax.plot(s, v, label=comp, drawstyle="steps-mid" if place.kind == "slab" and len(s) < 60 else "default")
-            if err is not None and (comp is None or comp in TENSOR or comp in ("x", "y", "z")):
-                e = err.values if comp is None else component(err.values, comp)
-                ax.fill_between(s, v - e, v + e, color=line.get_color(), alpha=0.2, linewidth=0)
+            (line,) = ax.plot(s, v, label=comp, marker="o" if len(s) == 1 else None)
+            # the error of an invariant is not the invariant of the errors
+            if error is not None and (comp is None or comp in TENSOR or comp in ("x", "y", "z")):
+                e = error.transpose(*da.dims).values
+                e = e if comp is None else component(e, comp)
+                ax.fill_between(s, v - e, v + e, color=line.get_color(), alpha=0.25, linewidth=0)
         ax.set_xlabel(label)
         ax.set_ylabel(_label(members[0][0], None if len(members) > 1 else members[0][1], members[0][0].attrs.get("units", "")))
-        ax.set_xlim(s[0], s[-1]) if len(s) > 1 else None
+        if len(s) > 1:
+            ax.set_xlim(s[0], s[-1])
         if limits is not None:
             ax.set_ylim(*limits)
-        if np.nanmin([m[0].values.min() for m in members]) < 0:
+        lo, hi = ax.get_ylim()
+        if lo < 0 < hi:
             ax.axhline(0, color="0.6", lw=0.6, zorder=0)
         if len(members) > 1:
             ax.legend(ncols=1 if len(members) < 4 else 2)
@@ -390,6 +392,18 @@ def _profiles(Figure, ds, panels, place, title, limits, frame):
         ax.remove()
     fig.suptitle(title, fontsize=9)
     return fig
+
+
+def _stderr(ds, name, frame):
+    """The standard error that belongs to the entry drawn; None for a mean over several entries, whose error is not theirs."""
+    if name + STDERR not in ds:
+        return None
+    error = ds[name + STDERR]
+    if "frame" not in error.dims:
+        return error
+    if frame == "mean":
+        return error.isel(frame=0) if error.sizes["frame"] == 1 else None
+    return error.isel(frame=int(frame))
 
 
 # --------------------------------------------------------------------------------------------------------------------

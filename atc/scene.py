@@ -7,363 +7,18 @@ Paths are relative to the scene file, lengths in the trajectory's unit style.
 
 from __future__ import annotations
 
-import difflib
 import os
 import re
 import shutil
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from .errors import AtcError
-
-# --------------------------------------------------------------------------------------------------------------------
-# Checks of single values: each returns the value in its normal form, or raises ValueError (with a text: why not).
-
-
-def _string(v):
-    if not isinstance(v, str) or not v.strip():
-        raise ValueError
-    return v
-
-
-def _number(v):
-    if isinstance(v, bool) or not isinstance(v, (int, float)) or v != v or v in (float("inf"), float("-inf")):
-        raise ValueError
-    return v
-
-
-def _positive(v):
-    if _number(v) <= 0:
-        raise ValueError("it must be greater than 0")
-    return v
-
-
-def _count(v):
-    if isinstance(v, bool) or not isinstance(v, int):
-        raise ValueError
-    if v < 1:
-        raise ValueError("it must be at least 1, or there is nothing to compute")
-    return v
-
-
-def _integer(v):
-    if isinstance(v, bool) or not isinstance(v, int):
-        raise ValueError
-    return v
-
-
-def _boolean(v):
-    if not isinstance(v, bool):
-        raise ValueError
-    return v
-
-
-def _list_of(check, length=None):
-    def checked(v):
-        if not isinstance(v, list) or (length is not None and len(v) != length) or not v:
-            raise ValueError
-        return [check(x) for x in v]
-
-    return checked
-
-
-def _either(*checks):
-    def checked(v):
-        reason = ""
-        for check in checks:
-            try:
-                return check(v)
-            except ValueError as e:
-                reason = reason or str(e)
-        raise ValueError(reason)
-
-    return checked
-
-
-def _choice(choices: Callable[[], list[str]] | list[str]):
-    def checked(v):
-        known = choices() if callable(choices) else choices
-        if not isinstance(v, str):
-            raise ValueError
-        if v not in known:
-            raise ValueError(f"{_guess(v, known)}known: {', '.join(known)}")
-        return v
-
-    return checked
-
-
-def _axis(v):
-    if isinstance(v, str) and v.lower() in ("x", "y", "z", "a", "b", "c"):
-        return v.lower()
-    if isinstance(v, int) and not isinstance(v, bool) and v in (0, 1, 2):
-        return v
-    raise ValueError
-
-
-def _frames(v):
-    """A slice string, a table {begin, end, step} or one index, kept as written once it is known to be well formed."""
-    frame_slice(v)
-    return v
-
-
-def _masses(v):
-    if isinstance(v, list):
-        return _list_of(_positive)(v)
-    if isinstance(v, dict) and v:
-        return {str(k): _positive(m) for k, m in v.items()}
-    raise ValueError
-
-
-def _tolerance(v):
-    if not 0 < _number(v) < 1:
-        raise ValueError("it must lie between 0 and 1 (1e-12 means the exact sum)")
-    return v
-
-
-def _guess(word: str, known) -> str:
-    near = difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)
-    return f"did you mean {near[0]!r}? " if near else ""
-
-
-def frame_slice(value) -> slice:
-    """The `slice` that a scene's ``frames`` means: ``"100:500:5"``, ``{begin, end, step}``, or one frame's index. ValueError if it means none."""
-    if isinstance(value, bool):
-        raise ValueError
-    if isinstance(value, int):
-        return slice(value, value + 1 if value != -1 else None, 1)
-    if isinstance(value, str):
-        parts = value.split(":")
-        if len(parts) == 1:
-            return frame_slice(int(parts[0]))
-        if len(parts) > 3:
-            raise ValueError("a slice has at most three numbers")
-        begin, end, step = ([int(p) if p.strip() else None for p in parts] + [None])[:3]
-    elif isinstance(value, dict):
-        wrong = [k for k in value if k not in ("begin", "end", "step")]
-        if wrong:
-            raise ValueError(f"unknown key {wrong[0]!r}; known: begin, end, step")
-        if any(isinstance(x, bool) or not isinstance(x, int) for x in value.values()):
-            raise ValueError
-        begin, end, step = (value.get(k) for k in ("begin", "end", "step"))
-    else:
-        raise ValueError
-    if step is not None and step < 1:
-        raise ValueError("the step must be at least 1")
-    return slice(begin, end, step)
-
-
-def _unit_names():
-    from .units import _SYSTEMS
-
-    return list(_SYSTEMS)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# What a scene may hold.
-
-
-@dataclass(frozen=True)
-class _Key:
-    check: Callable[[Any], Any]
-    expected: str
-    path: bool = False  # a file name (when it is a string), relative to the scene
-
-
-_LENGTH3 = _either(_positive, _list_of(_positive, 3))
-_VECTOR = _list_of(_number, 3)
-
-SCHEMA: dict[str, dict[str, _Key]] = {
-    "trajectory": {
-        "file": _Key(_string, 'a file name, e.g. "run.dump"', path=True),
-        "topology": _Key(_string, 'the name of a LAMMPS data file, e.g. "run.data"', path=True),
-        "units": _Key(_choice(_unit_names), 'a unit style, e.g. "metal"'),
-        "masses": _Key(_masses, "a mass for each type, e.g. { 1 = 28.0855 } or [28.0855]"),
-        "frames": _Key(_frames, 'frames counted from 0, e.g. "100:500:5", { begin = 100, end = 500, step = 5 } or -1'),
-        "reference": _Key(
-            _either(_integer, _string), 'the index of the reference frame, or the file that holds it, e.g. 0 or "start.data"', path=True
-        ),
-    },
-    "potential": {
-        "lammps": _Key(_string, "LAMMPS lines, e.g. '''pair_style sw\\npair_coeff * * Si.sw Si'''"),
-        "input": _Key(_string, 'the name of a LAMMPS input script, e.g. "in.run"', path=True),
-        "units": _Key(_choice(_unit_names), 'a unit style, e.g. "metal"'),
-    },
-    "kernel": {
-        "name": _Key(_string, 'the name of a kernel, e.g. "quartic"'),
-        "radius": _Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 8.0"),
-        "width": _Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 3.0"),
-        "size": _Key(_LENGTH3, "one or three lengths greater than 0, e.g. [5.0, 5.0, 5.0]"),
-        "table": _Key(
-            _either(_string, _list_of(_list_of(_number))), "a file of r and phi(r) in two columns, or the pairs [[r, phi], ...]", path=True
-        ),
-    },
-    "grid": {
-        "kind": _Key(_choice(lambda: list(GRIDS)), 'the kind of grid, e.g. "regular"'),
-        "shape": _Key(_either(_count, _list_of(_count)), "how many points along each axis, e.g. [40, 40, 20]"),
-        "spacing": _Key(_either(_positive, _list_of(_positive)), "the distance between points, greater than 0, e.g. 2.0"),
-        "at": _Key(_choice(["centers", "corners"]), '"centers" or "corners"'),
-        "origin": _Key(_VECTOR, "a point, e.g. [0.0, 0.0, 0.0]"),
-        "vectors": _Key(_list_of(_either(_positive, _VECTOR)), "edge vectors, e.g. [[40.0, 0.0, 0.0], [0.0, 40.0, 0.0], [0.0, 0.0, 20.0]]"),
-        "axis": _Key(_axis, 'an axis of the cell, e.g. "z"'),
-        "position": _Key(_number, "a distance from the cell's face along axis, e.g. 12.5"),
-        "u": _Key(_VECTOR, "an edge vector, e.g. [40.0, 0.0, 0.0]"),
-        "v": _Key(_VECTOR, "an edge vector, e.g. [0.0, 40.0, 0.0]"),
-        "start": _Key(_VECTOR, "a point, e.g. [0.0, 0.0, 0.0]"),
-        "end": _Key(_VECTOR, "a point, e.g. [0.0, 0.0, 50.0]"),
-        "n": _Key(_count, "a number of points, e.g. 100"),
-        "bins": _Key(_count, "a number of bins, e.g. 100"),
-        "points": _Key(_either(_string, _list_of(_VECTOR)), "points [[x, y, z], ...], or a file of three columns", path=True),
-    },
-    "fields": {
-        "quantities": _Key(_either(_list_of(_string), lambda v: [_string(v)]), 'a list of quantities, e.g. ["stress", "density"]'),
-        "tolerance": _Key(_tolerance, "the error allowed relative to the field's maximum, e.g. 1e-5"),
-        "method": _Key(_string, 'how to sum, e.g. "auto"'),
-        "average": _Key(
-            _either(_boolean, _count), "true (one time average with standard error), false, or the number of frames in a window"
-        ),
-    },
-    "output": {"file": _Key(_string, 'the file to write, e.g. "out.zarr" or "out.nc"', path=True)},
-}
-
-# kind of grid → (keys it needs, alternatives within a tuple; keys it may have)
-GRIDS: dict[str, tuple[list, list]] = {
-    "regular": ([("shape", "spacing")], ["at", "origin", "vectors"]),
-    "plane": ([("axis", "u"), ("shape", "spacing")], ["position", "origin", "v", "at"]),
-    "line": (["start", "end", "n"], []),
-    "slab": (["axis", "bins"], []),
-    "points": (["points"], []),
-    "atoms": ([], []),
-}
-
-# --------------------------------------------------------------------------------------------------------------------
-# Where in the text a key stands.
-
-
-def key_lines(text: str) -> dict[tuple[str, ...], int]:
-    """Line numbers (from 1) of every table header and key of a TOML text, by dotted path: ``("kernel", "radius") → 7``.
-
-    A scan, not a parser: it is only asked about texts that `tomllib` has already accepted.
-    """
-    found: dict[tuple[str, ...], int] = {}
-    table: tuple[str, ...] = ()
-    depth, quote, number, i, n = 0, "", 1, 0, len(text)
-    line_start = True
-    while i < n:
-        c = text[i]
-        if quote:  # inside a string, maybe one that runs over lines
-            if c == "\\" and quote[0] == '"':
-                number += text[i + 1 : i + 2] == "\n"
-                i += 2
-                continue
-            if text.startswith(quote, i):
-                i += len(quote)
-                while len(quote) == 3 and text[i : i + 1] == quote[0]:  # a multi-line string may end in up to two quotes of its own
-                    i += 1
-                quote = ""
-                continue
-        elif c == "#":
-            i = text.find("\n", i)
-            if i < 0:
-                break
-            continue
-        elif line_start and depth == 0 and not c.isspace():
-            end = text.find("\n", i)
-            head = text[i : end if end >= 0 else n]
-            if c == "[":
-                table = _dotted(head.strip("[ \t"))
-                found.setdefault(table, number)
-                i = end if end >= 0 else n
-                continue
-            path = _dotted(head)
-            for k in range(1, len(path) + 1):
-                found.setdefault(table + path[:k], number)
-            line_start = False
-            i += max(_key_length(head), 1)
-            continue
-        elif c in "\"'":
-            quote = c * 3 if text.startswith(c * 3, i) else c
-            i += len(quote)
-            continue
-        elif c in "[{":
-            depth += 1
-        elif c in "]}":
-            depth -= 1
-        if c == "\n":
-            number += 1
-            line_start = True
-        i += 1
-    return found
-
-
-def _dotted(head: str) -> tuple[str, ...]:
-    """The dotted key at the start of `head`, up to ``=`` or ``]``."""
-    parts, part, quote = [], "", ""
-    for c in head:
-        if quote:
-            if c == quote:
-                quote = ""
-            else:
-                part += c
-        elif c in "\"'":
-            quote = c
-        elif c in "=]#":
-            break
-        elif c == ".":
-            parts.append(part)
-            part = ""
-        elif not c.isspace():
-            part += c
-    return (*parts, part)
-
-
-def _key_length(head: str) -> int:
-    """How many characters the key takes, its ``=`` included."""
-    quote = ""
-    for k, c in enumerate(head):
-        if quote:
-            quote = "" if c == quote else quote
-        elif c in "\"'":
-            quote = c
-        elif c == "=":
-            return k + 1
-    return len(head)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Writing TOML.
-
-
-def _toml_string(s: str) -> str:
-    escapes = {"\\": "\\\\", '"': '\\"', "\b": "\\b", "\t": "\\t", "\f": "\\f", "\r": "\\r"}
-    multi = "\n" in s
-    out = "".join(escapes.get(c) or (c if c == "\n" and multi else f"\\u{ord(c):04X}" if ord(c) < 32 or ord(c) == 127 else c) for c in s)
-    return f'"""\n{out}"""' if multi else f'"{out}"'
-
-
-def _toml_key(k: str) -> str:
-    bare = k and all(c.isascii() and (c.isalnum() or c in "-_") for c in k)
-    return k if bare else _toml_string(k).replace("\n", "\\n") if "\n" not in k else '"' + _toml_string(k)[4:-3].replace("\n", "\\n") + '"'
-
-
-def toml_value(v) -> str:
-    """One value as TOML."""
-    if isinstance(v, bool):
-        return "true" if v else "false"
-    if isinstance(v, int):
-        return str(v)
-    if isinstance(v, float):
-        return repr(v)
-    if isinstance(v, str):
-        return _toml_string(v)
-    if isinstance(v, (list, tuple)):
-        return "[" + ", ".join(toml_value(x) for x in v) + "]"
-    if isinstance(v, Mapping):
-        return "{ " + ", ".join(f"{_toml_key(str(k))} = {toml_value(x)}" for k, x in v.items()) + " }"
-    raise TypeError(f"{type(v).__name__} has no TOML form")
-
+from .scene_schema import GRIDS, SCHEMA, frame_slice, guess
+from .toml import complaint, key_lines, toml_key, toml_value
 
 # --------------------------------------------------------------------------------------------------------------------
 
@@ -424,7 +79,7 @@ class Scene:
         try:
             data = tomllib.loads(text)
         except tomllib.TOMLDecodeError as e:
-            raise AtcError(_toml_complaint(name, text, e)) from None
+            raise AtcError(complaint(name, text, e)) from None
         scene = cls._build(data, Path(folder), name, key_lines(text), overrides)
         scene._text = text
         return scene
@@ -438,7 +93,7 @@ class Scene:
         scene = cls(data, folder, name, lines)
         for section, table in data.items():
             if section not in SCHEMA:
-                raise AtcError(f"{scene.where(section)}: unknown section [{section}]: {_guess(section, SCHEMA)}known: {', '.join(SCHEMA)}")
+                raise AtcError(f"{scene.where(section)}: unknown section [{section}]: {guess(section, SCHEMA)}known: {', '.join(SCHEMA)}")
             if not isinstance(table, dict):
                 raise AtcError(f"{scene.where(section)}: {section} must be a section: write [{section}] and its keys below")
         for path, value, flag in _overrides(overrides):
@@ -472,7 +127,7 @@ class Scene:
             for key, value in table.items():
                 if key not in known:
                     raise AtcError(
-                        f"{self.where(section, key)}: unknown key {key!r} in [{section}]: {_guess(key, known)}known: {', '.join(known)}"
+                        f"{self.where(section, key)}: unknown key {key!r} in [{section}]: {guess(key, known)}known: {', '.join(known)}"
                     )
                 spec = known[key]
                 try:
@@ -497,7 +152,7 @@ class Scene:
 
     def _check_name(self, section, key, word, known):
         if known and word not in known:
-            raise self._bad(section, key, f"unknown {word!r}: {_guess(word, known)}known: {', '.join(known)}")
+            raise self._bad(section, key, f"unknown {word!r}: {guess(word, known)}known: {', '.join(known)}")
 
     def _check_potential(self):
         if "potential" not in self.data:
@@ -762,7 +417,7 @@ class Scene:
             for key, value in table.items():
                 if SCHEMA[section][key].path and isinstance(value, str):
                     value = self._anonymous(value)
-                out.append(f"{_toml_key(key)} = {toml_value(value)}")
+                out.append(f"{toml_key(key)} = {toml_value(value)}")
             out.append("")
         return "\n".join(out)
 
@@ -830,9 +485,9 @@ def _setting_path(dotted: str, flag: str) -> tuple[str, str]:
         hint = f"did you mean {homes[0]}.{dotted}? " if homes else ""
         raise AtcError(f"{flag}: expected SECTION.KEY=VALUE, e.g. kernel.radius=10; {hint}got only {dotted!r} before the =")
     if section not in SCHEMA:
-        raise AtcError(f"{flag}: unknown section {section!r}: {_guess(section, SCHEMA)}known: {', '.join(SCHEMA)}")
+        raise AtcError(f"{flag}: unknown section {section!r}: {guess(section, SCHEMA)}known: {', '.join(SCHEMA)}")
     if key not in SCHEMA[section]:
-        raise AtcError(f"{flag}: unknown key {key!r} in [{section}]: {_guess(key, SCHEMA[section])}known: {', '.join(SCHEMA[section])}")
+        raise AtcError(f"{flag}: unknown key {key!r} in [{section}]: {guess(key, SCHEMA[section])}known: {', '.join(SCHEMA[section])}")
     return section, key
 
 
@@ -850,22 +505,6 @@ def _typed(section: str, key: str, text: str):
         except tomllib.TOMLDecodeError:
             pass
     return text
-
-
-def _toml_complaint(name: str, text: str, e: Exception) -> str:
-    """tomllib's complaint with the line first, and what most often is the reason."""
-    message = str(e)
-    line = getattr(e, "lineno", None)
-    if line is None and "(at line " in message:
-        line = int(message.rpartition("(at line ")[2].split(",")[0])
-    elif line is None and "(at end of document)" in message:
-        line = text.count("\n") + 1
-    reason = message.rpartition(" (at ")[0] or message
-    source = text.split("\n")[line - 1].strip() if line and line <= text.count("\n") + 1 else ""
-    value = source.partition("=")[2].strip()
-    if reason == "Invalid value" and value[:1].isalpha():
-        reason = f"invalid value {value[:40]}: text needs quotes"
-    return f"{name}{f':{line}' if line else ''}: not valid TOML: {reason[:1].lower() + reason[1:]}"
 
 
 def _kernel_names() -> list[str]:

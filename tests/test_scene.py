@@ -7,7 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from atc.errors import AtcError
-from atc.scene import SCHEMA, Scene, frame_slice, key_lines, toml_value
+from atc.scene import Scene
+from atc.scene_schema import SCHEMA, frame_slice
+from atc.toml import key_lines, toml_value
 
 GOOD = """\
 # a scene
