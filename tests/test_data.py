@@ -106,3 +106,24 @@ def test_potential(case):
             assert bound < 1e-7 * np.abs(virial).max()
         theirs = -u.to_internal("pressure", full(row, "v")) * frame.cell.volume
         np.testing.assert_allclose(virial, theirs, rtol=0, atol=bound)
+
+
+@pytest.mark.filterwarnings("ignore:the kernel's radius")  # the grid is coarse on purpose
+@pytest.mark.parametrize("name", CASES)
+def test_scene(name):
+    """The shipped scene runs, and its virial stress is minus LAMMPS's pressure, in LAMMPS's units."""
+    from atc.scene import Scene
+
+    coarse = {"grid.bins": 5} if name == "argon_slab" else {"grid.shape": [4, 4, 2]}
+    ds = Scene.load(DATA / name / "scene.toml", {"trajectory.frames": "3:9:5", "fields.average": False, **coarse}).run()
+    thermo = pd.read_csv(DATA / name / "thermo.csv").iloc[[3, 8]]
+    assert ds["step"].values.tolist() == thermo["step"].tolist()
+    for variable, prefix in (("virial_stress", "p"), ("virial_stress_potential", "v")):
+        theirs = np.array([-full(row, prefix) for _, row in thermo.iterrows()])
+        mine = ds[variable].transpose("frame", "i", "j").values
+        # Rounding of the dump: velocities to 8 digits, positions to 10, next to the largest of pressures that nearly cancel; test_kinetic and
+        # test_potential have the sharp bounds, this one is about units, signs and frames.
+        np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-6 * np.abs([full(row, "v") for _, row in thermo.iterrows()]).max())
+    assert ds["virial_stress"].attrs["units"] == {"silicon_plate": "bar", "argon_slab": "atm", "melt": "epsilon/sigma^3"}[name]
+    inside = ds["mask"].values.astype(bool)
+    assert inside.any() and np.isfinite(ds["stress"].values[inside]).all() and np.isfinite(ds["stress_potential"].values).all()
