@@ -364,6 +364,16 @@ def test_lines_that_make_no_sense(write, lines, says):
         atc.potential(lines, "metal", folder=write(SI).parent)
 
 
+@pytest.mark.parametrize("change", [{"epsilon": np.nan}, {"sigma": -1.0}, {"a": 0.0}, {"lam": np.inf}])
+def test_numbers_that_make_no_sense(change):
+    with pytest.raises(AtcError, match=f"{next(iter(change))}.* must be a"):
+        StillingerWeber(**{**SI_NUMBERS, **change})
+    with pytest.raises(AtcError, match=r"one set of numbers is one element"):
+        StillingerWeber(**SI_NUMBERS, elements=["Si", "Ge"])
+    with pytest.raises(AtcError, match=r"no entry for Si Ge Ge"):
+        StillingerWeber.from_entries({("Si", "Si", "Si"): SI_NUMBERS}, ["Si", "Ge"])
+
+
 def test_frames_it_cannot_do():
     x, cell = diamond((1, 1, 1), 0.1)
     pot = atc.potential(StillingerWeber(**SI_NUMBERS, elements=["Si"]), "metal")

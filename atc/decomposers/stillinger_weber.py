@@ -12,6 +12,7 @@ triplets at both of its ends add to it:
 
 from __future__ import annotations
 
+from dataclasses import fields
 from itertools import product
 
 import numpy as np
@@ -99,6 +100,11 @@ class StillingerWeber(Term):
 
     def _build(self, entries, elements, units_, threebody):
         self.units = u = units(units_)
+        for triple, e in entries.items():
+            for key in fields(SWEntry)[:-1]:
+                v = getattr(e, key.name)
+                if not np.isfinite(v) or (v < 0 and key.name != "costheta0"):
+                    raise AtcError(f"{e.where}: {key.name} of {' '.join(triple)} must be a finite number that is not negative, got {v}")
         names = (
             list(dict.fromkeys(k[0] for k in entries)) if elements is None else list(dict.fromkeys(e for e in elements if e is not None))
         )
