@@ -370,7 +370,7 @@ def test_numbers_that_make_no_sense(change):
         StillingerWeber(**{**SI_NUMBERS, **change})
     with pytest.raises(AtcError, match=r"one set of numbers is one element"):
         StillingerWeber(**SI_NUMBERS, elements=["Si", "Ge"])
-    with pytest.raises(AtcError, match=r"no entry for Si Ge Ge"):
+    with pytest.raises(AtcError, match=r"no entry for Si Si Ge"):
         StillingerWeber.from_entries({("Si", "Si", "Si"): SI_NUMBERS}, ["Si", "Ge"])
 
 
