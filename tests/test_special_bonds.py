@@ -144,6 +144,16 @@ def test_coincident_excluded_atoms_are_no_error():
         atc.potential("special_bonds lj/coul 1 1 1\n" + LJ, units="lj").decompose(f)
 
 
+def test_objects_take_special_bonds():
+    from atc.decomposers import LennardJones
+
+    c = molecules("triclinic", angles=False)
+    pot = atc.potential(LennardJones(1.0, 1.0, 2.5, units="lj", n_types=2), special_bonds="lj/coul 0 0.5 1")
+    agree(LJ, c, pot, before=["special_bonds lj/coul 0 0.5 1"])
+    with pytest.raises(AtcError, match="three weights"):
+        atc.potential(LennardJones(1.0, 1.0, 2.5, units="lj"), special_bonds="lj 0")
+
+
 @pytest.mark.parametrize(
     "line, says",
     [

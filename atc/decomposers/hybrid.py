@@ -12,7 +12,14 @@ from .registry import MAPPED_STYLES, PAIR_STYLES, CoeffLine, Modify
 
 # Words that are arguments of a sub-style, not the name of the next one.
 _ARGUMENTS = {"linear", "spline", "lookup", "bitmap", "nocoeff", "full", "threebody", "on", "off"}
+# Accelerator suffixes: other code for the same formula.
+_SUFFIX = re.compile(r"/(omp|opt|gpu|intel|kk|kk/host|kk/device)$")
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
+
+
+def strip_suffix(name: str) -> str:
+    """A style's name without its accelerator suffix."""
+    return _SUFFIX.sub("", name)
 
 
 @dataclass
@@ -76,8 +83,8 @@ def _mapped(line: CoeffLine, pair) -> bool:
     return all(t <= len(elements) and elements[t - 1] != "NULL" for t in pair)
 
 
-def parse_hybrid(style, lines: list[CoeffLine], strip, apply_modify) -> Hybrid:
-    """From the words behind ``pair_style hybrid[/overlay]`` and the pair_coeff lines. `strip` removes accelerator suffixes."""
+def _parse_subs(style, known) -> list[SubStyle]:
+    """The sub-styles behind ``hybrid`` on the pair_style line; `known` are the names that may occur."""
     subs: list[SubStyle] = []
     for word in style.args:
         if _NUMBER.match(word) or word in _ARGUMENTS:
@@ -85,10 +92,11 @@ def parse_hybrid(style, lines: list[CoeffLine], strip, apply_modify) -> Hybrid:
                 raise AtcError(f"{style.where}: expected a sub-style behind {style.name}, got {word!r}")
             subs[-1].args += (word,)
         else:
-            name = strip(word)
-            if name in ("none", "hybrid", "hybrid/overlay", "hybrid/scaled") or name not in PAIR_STYLES:
-                known = ", ".join(sorted(PAIR_STYLES))
-                raise AtcError(f"{style.where}: {word} as a sub-style of {style.name} is not supported: expected one of {known}")
+            name = strip_suffix(word)
+            if name not in known:
+                raise AtcError(
+                    f"{style.where}: {word} as a sub-style of {style.name} is not supported: expected one of {', '.join(sorted(known))}"
+                )
             subs.append(SubStyle(name, ()))
     if not subs:
         raise AtcError(f"{style.where}: {style.name} needs sub-styles")
@@ -96,6 +104,12 @@ def parse_hybrid(style, lines: list[CoeffLine], strip, apply_modify) -> Hybrid:
         same = [t for t in subs if t.name == s.name]
         if len(same) > 1:
             s.index = 1 + next(k for k, t in enumerate(same) if t is s)
+    return subs
+
+
+def parse_hybrid(style, lines: list[CoeffLine], apply_modify) -> Hybrid:
+    """From the words behind ``pair_style hybrid[/overlay]``, the pair_coeff and the pair_modify lines."""
+    subs = _parse_subs(style, PAIR_STYLES)
     order = []
     for line in lines:
         if not line.words:
@@ -103,7 +117,7 @@ def parse_hybrid(style, lines: list[CoeffLine], strip, apply_modify) -> Hybrid:
         if line.words[0] == "none":
             order.append((None, line))
             continue
-        sub, words = _find(subs, line.words, line.where, strip)
+        sub, words = _find(subs, line.words, line.where)
         line = CoeffLine(line.types, words, line.where)
         sub.lines.append(line)
         order.append((sub, line))
@@ -113,7 +127,7 @@ def parse_hybrid(style, lines: list[CoeffLine], strip, apply_modify) -> Hybrid:
     for c in style.modify:
         words, targets = c.words, subs
         if words[:1] == ("pair",):
-            sub, words = _find(subs, words[1:], c.where, strip)
+            sub, words = _find(subs, words[1:], c.where)
             targets = [sub]
         if words[:1] == ("special",):
             raise AtcError(f"{c.where}: pair_modify special is not supported: give one special_bonds line for all sub-styles")
@@ -122,8 +136,9 @@ def parse_hybrid(style, lines: list[CoeffLine], strip, apply_modify) -> Hybrid:
     return Hybrid(subs, order, style.name == "hybrid/overlay", style.where)
 
 
-def _find(subs, words, where, strip):
-    name = strip(words[0]) if words else ""
+def _find(subs, words, where):
+    """The sub-style that the words of a line name (with its number if the name occurs more than once), and the words behind it."""
+    name = strip_suffix(words[0]) if words else ""
     same = [s for s in subs if s.name == name]
     if not same:
         raise AtcError(

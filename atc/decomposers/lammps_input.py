@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import AtcError
 from ..units import LAMMPS_STYLES, Units, units
 from .base import Potential, Term
-from .hybrid import Hybrid, parse_hybrid
+from .hybrid import Hybrid, parse_hybrid, strip_suffix
 from .lammps_data_coeffs import take_data_file
 from .lammps_script import Command, is_text, read_commands, read_text
 from .pair import Pairs, PairStyle
@@ -21,8 +21,6 @@ from .special_bonds import SpecialBonds
 __all__ = ["potential_from_lammps"]
 
 _BONDED = ("bond", "angle", "dihedral", "improper")
-# Accelerator suffixes: other code for the same formula.
-_SUFFIX = re.compile(r"/(omp|opt|gpu|intel|kk|kk/host|kk/device)$")
 
 
 @dataclass
@@ -130,7 +128,7 @@ def _units(commands, name, given) -> Units:
 def _take_style(model: _Model, kind: str, c: Command) -> None:
     if not c.words:
         raise AtcError(f"{c.where}: {c.name} needs a style: one of {supported(kind)}")
-    name, args = _SUFFIX.sub("", c.words[0]), c.words[1:]
+    name, args = strip_suffix(c.words[0]), c.words[1:]
     old = model.styles.get(kind)
     if name == "none":
         model.styles.pop(kind, None)
@@ -292,7 +290,7 @@ class _PairBuild:
         self.lines = _coeff_lines(model, style)
         self.hybrid: Hybrid | None = None
         if style.name in ("hybrid", "hybrid/overlay"):
-            self.hybrid = parse_hybrid(style, self.lines, lambda word: _SUFFIX.sub("", word), apply_modify)
+            self.hybrid = parse_hybrid(style, self.lines, apply_modify)
             self.lines = [line for _, line in self.hybrid.order]
             self.tail = any(s.modify.tail for s in self.hybrid.subs)
             mapped = [len(line.words) - 1 for s, line in self.hybrid.order if s is not None and s.name in MAPPED_STYLES]

@@ -106,7 +106,7 @@ def _logical_lines(text: str, name: str) -> list[_Line]:
         if stripped.endswith("&"):
             held = stripped[:-1]
             continue
-        if held.count('"""') % 2:
+        if _uncommented(held).count('"""') % 2:
             held += "\n"
             continue
         out.append(_Line(held, f"{name}, line {first}"))
@@ -120,7 +120,6 @@ def read_commands(text: str, name: str, folder: Path) -> list[Command]:
     """The model's commands of LAMMPS lines `text`, called `name` in messages; included files are looked up in `folder`."""
     reader = _Reader(folder)
     reader.feed(text, name)
-    reader.finish()
     return reader.commands
 
 
@@ -130,6 +129,7 @@ class _Reader:
         self.variables = Variables()
         self.commands: list[Command] = []
         self.depth = 0
+        # Where in `commands` each label stands, and jumps to labels not seen yet.
         self.labels: dict[str, int] = {}
         self.pending: list[tuple[str, int, str]] = []
 
@@ -171,7 +171,7 @@ class _Reader:
                     )
         elif name == "jump":
             self.jump(head[1:], line.where)
-        elif name in ("if", "partition", "python"):
+        elif name in ("if", "partition", "python", "run"):
             self.conditional(line)
         elif name == "next":
             for v in head[1:]:
@@ -231,9 +231,6 @@ class _Reader:
         elif len(self.commands) > at:
             c = self.commands[at]
             raise AtcError(f"{where}: this jump repeats the model line {c.name!r} ({c.where}): move the model out of the loop")
-
-    def finish(self) -> None:
-        pass
 
 
 def _uncommented(text: str) -> str:

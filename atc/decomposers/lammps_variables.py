@@ -100,7 +100,7 @@ class Variables:
 
     def _get(self, name):
         if name not in self._values:
-            raise Unknown(f"variable {name} is not defined")
+            raise Unknown(f"variable {name} is not defined: add a line such as 'variable {name} index <value>' before it")
         kind, value = self._values[name]
         if kind == "unknown":
             raise Unknown(value)
