@@ -193,7 +193,7 @@ def test_threads_and_perfect_crystal():
     """A perfect fcc crystal has no force on any atom; one or three threads give the same numbers to rounding."""
     a = 3.615
     basis = np.array([[0, 0, 0], [0.5, 0.5, 0], [0.5, 0, 0.5], [0, 0.5, 0.5]])
-    x = np.concatenate([(basis + (i, j, k)) * a for i in range(3) for j in range(3) for k in range(3)])
+    x = np.concatenate([(basis + np.array([i, j, k])) * a for i in range(3) for j in range(3) for k in range(3)])
     frame = Frame(x, Cell(np.eye(3) * 3 * a), units("metal"))
     pot = atc.potential(EmbeddedAtom.from_setfl(POTENTIALS / "Cu_mishin1.eam.alloy", ["Cu"]))
     d = pot.decompose(frame, threads=1)

@@ -1,0 +1,75 @@
+"""Pairs of neighbours held for one frame, and which of them meet at which atom: what terms of three and more atoms are built on."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from ..errors import AtcError
+from ..frame import Frame
+from ..neighbors import CellList
+
+
+class Neighborhood:
+    """The half neighbour list of a frame, filled by tasks (`collect`), then joined (`join`).
+
+    Inside, an atom is called by its place in the cell list's order, where neighbours are near each other; `atom` gives the frame's index.
+
+    Attributes (after `join`)
+    ----------
+    a, b : (pairs,) int32, r_pc : (pairs, 3) = x_a − x_b, d_p : (pairs,) distances
+    edges : (chunks + 1,) the pairs whose first atom is in each chunk
+    first : (chunks + 1,) the atoms of each chunk
+    start : (n + 1,), pair, end : each atom's neighbours are the entries start[s]..start[s+1]: the pair and which end of it the atom is (0: it is a)
+    """
+
+    def __init__(self, frame: Frame, who, cutoff: float, what: str):
+        self.frame, self.what = frame, what
+        self.list = cells = CellList(frame.positions if who is None else frame.positions[who], frame.cell, cutoff)
+        self.atom = cells.order if who is None else who[cells.order]
+        cells.order = np.arange(len(self.atom), dtype=np.int32)
+        self.first = cells.start[cells.chunk_edges]
+        self.chunks = cells.n_chunks
+        self.parts: list = [None] * self.chunks
+
+    def collect(self, task: int, ws) -> None:
+        n = self.list.half(task, ws)
+        d = np.sqrt(ws.d2[:n])
+        if n and not d.min() > 0.0:
+            bad = int(np.argmin(d))
+            a, b = self.frame.ids[self.atom[ws.i[bad]]], self.frame.ids[self.atom[ws.j[bad]]]
+            raise AtcError(
+                f"{self.frame.source}: atoms {a} and {b} are at the same place, where the {self.what} force is undefined; remove one of them"
+            )
+        self.parts[task] = ws.i[:n].copy(), ws.j[:n].copy(), ws.r[:n].copy(), d
+
+    def join(self) -> None:
+        a, b, r, d = zip(*self.parts, strict=True)
+        self.parts = []
+        self.edges = np.concatenate([[0], np.cumsum([len(p) for p in a])])
+        self.a, self.b, self.r_pc, self.d_p = np.concatenate(a), np.concatenate(b), np.concatenate(r), np.concatenate(d)
+        self.start, self.pair, self.end = _index(self.a, self.b, len(self.atom))
+
+    def most(self, task: int) -> tuple[int, int]:
+        """The most neighbours of an atom of a chunk, and the number of pairs of neighbours."""
+        k = np.diff(self.start[self.first[task] : self.first[task + 1] + 1])
+        return int(k.max(initial=0)), int((k * (k - 1) // 2).sum())
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _index(a, b, n):
+    start = np.zeros(n + 1, np.int64)
+    for p in range(len(a)):
+        start[a[p] + 1] += 1
+        start[b[p] + 1] += 1
+    for s in range(n):
+        start[s + 1] += start[s]
+    fill = start[:-1].copy()
+    pair = np.empty(2 * len(a), np.int32)
+    end = np.empty(2 * len(a), np.int8)
+    for p in range(len(a)):
+        pair[fill[a[p]]], end[fill[a[p]]] = p, 0
+        fill[a[p]] += 1
+        pair[fill[b[p]]], end[fill[b[p]]] = p, 1
+        fill[b[p]] += 1
+    return start, pair, end

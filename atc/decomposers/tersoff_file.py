@@ -1,0 +1,102 @@
+"""Tersoff parameter files as LAMMPS reads them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from ..errors import AtcError
+from .sw_file import _conversion
+
+NUMBERS = ("m", "gamma", "lam3", "c", "d", "costheta0", "n", "beta", "lam2", "B", "R", "D", "lam1", "A")
+_SIGNED = ("costheta0", "lam3")
+
+
+@dataclass(frozen=True)
+class TersoffEntry:
+    """One entry ``elem1 elem2 elem3``, elem1 at the centre, elem2 the bonded atom, elem3 the one that weakens the bond: see `Tersoff`."""
+
+    m: float
+    gamma: float
+    lam3: float
+    c: float
+    d: float
+    costheta0: float
+    n: float
+    beta: float
+    lam2: float
+    B: float
+    R: float
+    D: float
+    lam1: float
+    A: float
+    where: str = "the Tersoff parameters"
+
+    def check(self) -> str | None:
+        """What LAMMPS would refuse, if anything."""
+        for key in NUMBERS:
+            if key not in _SIGNED and getattr(self, key) < 0:
+                return f"{key} must not be negative, got {getattr(self, key):g}"
+        if self.m not in (1.0, 3.0):
+            return f"m must be 1 or 3, got {self.m:g}"
+        if self.D > self.R:
+            return f"D must not exceed R, got R {self.R:g} and D {self.D:g}"
+        if self.d == 0 and self.c != 0:
+            return "d must not be 0, the angular function divides by it"
+        return None
+
+
+def read_tersoff_file(path, elements, units_name: str, where: str = "") -> dict:
+    """{(elem1, elem2, elem3): TersoffEntry} of a LAMMPS ``.tersoff`` file for some elements, energies and lengths in `units_name`.
+
+    elements : the elements in use; entries with any other are skipped, as LAMMPS does
+    units_name : a ``UNITS:`` tag in the first line that differs is converted between metal and real (A and B), and refused otherwise
+    where : file and line that named this file, for messages
+
+    Raises
+    ------
+    AtcError for a missing file, a malformed, impossible or duplicate entry, or units that cannot be converted.
+    """
+    at = f"{where}: " if where else ""
+    try:
+        text = Path(path).read_text(encoding="utf-8", errors="replace")
+    except OSError as e:
+        raise AtcError(f"{at}cannot read the Tersoff file {str(path)!r} ({e.strerror or e}): give its path relative to the input") from None
+    factor = _conversion(text, units_name, path)
+    length = 3 + len(NUMBERS)
+    entries: dict[tuple, TersoffEntry] = {}
+    words: list[str] = []
+    first = 0
+    for number, line in enumerate(text.splitlines(), 1):
+        new = line.partition("#")[0].split()
+        if not new:
+            continue
+        first = first if words else number
+        words += new
+        if len(words) < length:
+            continue
+        here = f"{path}:{first}"
+        if len(words) > length:
+            raise AtcError(
+                f"{here}: expected 3 elements and {len(NUMBERS)} numbers ({' '.join(NUMBERS)}) in a Tersoff entry, found {len(words)} words"
+            )
+        names, words = tuple(words[:3]), words[3:]
+        if all(n in elements for n in names):
+            values = []
+            for key, word in zip(NUMBERS, words, strict=True):
+                try:
+                    values.append(float(word))
+                except ValueError:
+                    raise AtcError(f"{here}: {key} must be a number in a Tersoff entry, found {word!r}") from None
+            entry = TersoffEntry(*values, where=here)
+            if wrong := entry.check():
+                raise AtcError(f"{here}: {wrong}")
+            if names in entries:
+                raise AtcError(f"{here}: second entry for {' '.join(names)} (the first is at {entries[names].where}): remove one")
+            entries[names] = replace(entry, A=entry.A * factor, B=entry.B * factor)
+        words = []
+    if words:
+        raise AtcError(
+            f"{path}:{first}: the last Tersoff entry has {len(words)} of {length} words (3 elements and {' '.join(NUMBERS)}): complete it"
+        )
+    return entries
