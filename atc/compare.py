@@ -20,6 +20,7 @@ SHOWN = (*SIX, "hydrostatic", "vonmises")
 STRESSES = ("stress", "stress_potential")
 POINTWISE = "pointwise, Hardy - smoothed virial"
 PROFILES = "profiles (means over the other axes), Hardy - smoothed virial"
+_RELATIVE = "Hardy - smoothed virial relative to the largest component of Hardy's stress; box average: Hardy - virial"
 ACCURACY = "accuracy of the numbers, relative to the largest value of each field"
 
 
@@ -118,6 +119,8 @@ _HEADINGS = {
 def _heading(column, units):
     if column == "sigmas":
         return "in std. errors"
+    if ", " in column or column == "relative box average":  # in tables whose title says that everything is relative
+        return column.removeprefix("relative ")
     return f"{_HEADINGS[column]} ({units})" if column in _HEADINGS and units else _HEADINGS.get(column, column)
 
 
@@ -386,12 +389,12 @@ def compare_radii(scene, radii, *, jobs: int = 1, progress=None) -> Comparison:
         one = Scene.load(scene, {f"kernel.{size}": float(radius), "fields.quantities": quantities})
         results.append(compare(one.run(None, jobs=jobs, progress=progress)))
     labels = [f"{radius:g}" for radius in radii]
-    out = side_by_side(results, labels=labels, section=f"by kernel {size}", coordinate=("radius", np.asarray(radii, float)))
+    out = side_by_side(results, labels=labels, section=f"by kernel {size}, {_RELATIVE}", coordinate=("radius", np.asarray(radii, float)))
     out.title = f"{Path(scene.name).name}, {scene.get('kernel', 'name')} kernel, {len(labels)} values of its {size}"
     return out
 
 
-def side_by_side(results: list[Comparison], labels=None, section="by output", coordinate=None) -> Comparison:
+def side_by_side(results: list[Comparison], labels=None, section=f"by output, {_RELATIVE}", coordinate=None) -> Comparison:
     """Several comparisons in one table: relative to each one's largest stress component."""
     import xarray as xr
 
@@ -418,6 +421,7 @@ def side_by_side(results: list[Comparison], labels=None, section="by output", co
         for k, v in row.items():
             if k not in ("section", "name"):
                 numbers.setdefault(k, []).append(np.nan if v is None else v)
+    out.attrs = {k: results[0].attrs[k] for k in ("radius_units",) if k in results[0].attrs}
     dim, values = coordinate or ("output", np.asarray(labels))
     out.data = xr.Dataset({k.replace(", ", "_").replace(" ", "_"): (dim, v) for k, v in numbers.items()}, coords={dim: values})
     return out

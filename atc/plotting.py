@@ -352,7 +352,8 @@ def _maps(Figure, panels, values, place, title, limits, robust, atoms):
         _map(fig, ax, place, drawn_as, v, *colours, _label(da, comp, da.attrs.get("units", "")))
         if atoms is not None and len(atoms):
             near = np.abs((atoms - origin) @ basis[2]) <= place.thickness
-            ax.scatter(*(atoms[near] @ basis[:2].T).T, s=2, facecolors="none", edgecolors="k", linewidths=0.3, alpha=0.6)
+size = float(np.clip(3e3 / max(near.sum(), 1), 1.5, 16))
+            ax.scatter(*(atoms[near] @ basis[:2].T).T, s=size, facecolors="w", edgecolors="k", linewidths=0.4, alpha=0.8)
     for ax in list(axs.flat)[len(panels) :]:
         ax.remove()
     fig.suptitle(title, fontsize=9)
@@ -462,7 +463,9 @@ def _atoms(scene, ds, frame):
     from .scene import Scene
 
     trajectory = Scene.load(scene).trajectory()
-    k = 0 if frame == "mean" else int(frame)
+    k = int(ds["frame"].values[0 if frame == "mean" else int(frame)])
+    if k >= len(trajectory):
+        raise AtcError(f"--overlay {scene}: the picture shows frame {k} of the run, the scene selects only {len(trajectory)} frames")
     one = trajectory[k]
     return one.units.to_user("length", one.cell.wrap(one.positions)[0])
 
@@ -491,7 +494,7 @@ def _trend(Figure, result):
             if name in result.data:
                 ax.plot(at, 100 * result.data[name].values, line, marker=marker, ms=4, color=f"C{k}", label=f"{_SYMBOL[c]}, {how}")
     if dim == "radius":
-        ax.set_xlabel("kernel radius")
+        ax.set_xlabel(f"kernel radius ({unit_text(result.attrs['radius_units'])})" if result.attrs.get("radius_units") else "kernel radius")
         ax.set_xlim(0, at.max() * 1.05)
     else:
         ax.set_xticks(at, [str(v).split(",")[0] for v in x], rotation=20, ha="right")

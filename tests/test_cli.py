@@ -143,6 +143,10 @@ def test_from_scene_to_picture(case):
     text = ok("plot", "out.nc", "-q", "stress", "-c", "vonmises", "--frame", "mean", "-o", "p.png").output
     assert text.strip() == "p.png"
     assert (case / "p.png").read_bytes()[:4] == b"\x89PNG"
+    ok("plot", "out.nc", "--overlay", "scene.toml", "-c", "xx", "-o", "q.png")
+    assert (case / "q.png").read_bytes() != (case / "p.png").read_bytes()
+    line = refused("plot", "out.nc", "--overlay", "gone.toml")
+    assert "gone.toml" in line
 
 
 def test_flags_override_the_scene(case):
