@@ -352,7 +352,7 @@ def _maps(Figure, panels, values, place, title, limits, robust, atoms):
         _map(fig, ax, place, drawn_as, v, *colours, _label(da, comp, da.attrs.get("units", "")))
         if atoms is not None and len(atoms):
             near = np.abs((atoms - origin) @ basis[2]) <= place.thickness
-size = float(np.clip(3e3 / max(near.sum(), 1), 1.5, 16))
+            size = float(np.clip(3e3 / max(near.sum(), 1), 1.5, 16))
             ax.scatter(*(atoms[near] @ basis[:2].T).T, s=size, facecolors="w", edgecolors="k", linewidths=0.4, alpha=0.8)
     for ax in list(axs.flat)[len(panels) :]:
         ax.remove()
