@@ -224,6 +224,15 @@ def test_scripts_that_ship(tmp_path):
         assert described in pot.describe()
 
 
+def test_data_file_that_is_missing_matters_only_if_needed(tmp_path):
+    (tmp_path / "in.a").write_text("units lj\npair_style lj/cut 2.5\nread_data gone.data\n")
+    with pytest.raises(AtcError, match=r"line 2.*gone\.data that may hold them is not there"):
+        atc.potential(tmp_path / "in.a")
+    (tmp_path / "in.b").write_text("units lj\npair_style lj/cut 2.5\nread_data gone.data\npair_coeff * * 1 1\nmass * 2.0\n")
+    pot = atc.potential(tmp_path / "in.b")
+    assert pot.data_file == tmp_path / "gone.data" and pot.masses == {1: 2.0}
+
+
 LJ = "pair_style lj/cut 5\npair_coeff 1 1 1 1\n"
 BAD = {
     "unsupported style": ("units metal\npair_style reaxff NULL\npair_coeff * * ffield C", "line 2.*reaxff is not supported.*lj/cut"),

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 from numba import njit
@@ -102,7 +103,12 @@ class Potential:
     ----------
     terms : list of Term
     units : Units the parameters were given in (already converted)
+    masses : {type: mass}, internal units, as far as LAMMPS lines (or the data file they read) say
+    data_file : Path or None, the file of the script's ``read_data`` line
     """
+
+    masses: Mapping[int, float] = MappingProxyType({})
+    data_file = None
 
     def __init__(self, terms, units_: Units | str, description: str = ""):
         self.terms = list(terms)

@@ -178,6 +178,10 @@ def _types(model: _Model, kind: str, word: str, where: str) -> TypeRange:
 
 
 def _coeff_lines(model: _Model, style: _Style) -> list[CoeffLine]:
+    if not style.lines and model.data_file is not None and not model.data_file.is_file():
+        raise AtcError(
+            f"{style.where}: no {style.kind}_coeff lines for {style.kind}_style {style.name}, and the data file {model.data_file} that may hold them is not there"
+        )
     out = []
     width = 2 if style.kind == "pair" else 1
     kind = "atom" if style.kind == "pair" else style.kind
