@@ -47,20 +47,20 @@ $(VENV)/.atc-test: pyproject.toml | $(BIN)/python
 
 # ---- the demo
 
-demo: $(OUT)/stress_xx.png $(OUT)/compare.txt
+demo: $(OUT)/stress.png $(OUT)/compare.txt
 	@echo
 	@cat $(OUT)/compare.txt
 	@echo
 	@echo "fields   $(CURDIR)/$(OUT)/silicon_plate.nc"
-	@echo "picture  $(CURDIR)/$(OUT)/stress_xx.png"
+	@echo "picture  $(CURDIR)/$(OUT)/stress.png"
 	@echo "table    $(CURDIR)/$(OUT)/compare.txt (picture: compare.png)"
 
 $(OUT)/silicon_plate.nc: $(DATA)/scene.toml $(DATA)/silicon_plate.dump.gz $(DATA)/Si.sw $(SOURCES) | $(VENV)/.atc
 	@mkdir -p $(OUT)
 	$(BIN)/atc fields $(DATA)/scene.toml -o $@ --overwrite -j 0
 
-$(OUT)/stress_xx.png: $(OUT)/silicon_plate.nc
-	$(BIN)/atc plot $< -q stress -c xx --frame mean -o $@
+$(OUT)/stress.png: $(OUT)/silicon_plate.nc
+	$(BIN)/atc plot $< -q stress -c xx,yy,xy,vonmises --frame mean -o $@
 
 $(OUT)/compare.txt: $(OUT)/silicon_plate.nc
 	$(BIN)/atc compare $< --picture $(OUT)/compare.png > $@
@@ -75,7 +75,7 @@ test: lint
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 
 bench: | $(VENV)/.atc
-	$(BIN)/python benchmarks/speed.py
+	@set -e; for b in benchmarks/*.py; do echo "== $$b"; $(BIN)/python $$b; done
 
 clean:
 	rm -rf $(OUT) build dist .pytest_cache .ruff_cache .hypothesis *.egg-info
