@@ -87,20 +87,23 @@ class SpecialBonds:
         return _Weights(self, frame.cell, *last[2:], keep_excluded)
 
     def _lists(self, top, n):
-        """For every atom its special neighbours (CSR: start, neighbour) and how many bonds apart they are (1, 2, 3)."""
+        """For every atom its special neighbours (CSR: start, neighbour), how many bonds apart they are (1, 2, 3), and `_hints`."""
         bonds = np.unique(np.sort(np.asarray(top.bonds, np.int64), axis=1), axis=0)
         start, other = _neighbours(bonds, n)
         a, d = np.asarray(top.angles, np.int64), np.asarray(top.dihedrals, np.int64)
         joined13 = np.concatenate([_keys(a[:, [0, 2]], n), _keys(d[:, [0, 2]], n), _keys(d[:, [1, 3]], n)])
         joined14 = _keys(d[:, [0, 3]], n)
-        return _special(n, start, other, self.angle, np.unique(joined13), self.dihedral, np.unique(joined14))
+        start, other, apart = _special(n, start, other, self.angle, np.unique(joined13), self.dihedral, np.unique(joined14))
+        return start, other, apart, _hints(start, other)
 
 
 class _Weights:
     """One frame's special pairs."""
 
-    def __init__(self, special, cell, start, other, apart, keep):
-        self.start, self.other, self.apart, self.keep = start, other, apart, keep
+    def __init__(self, special, cell, start, other, apart, hints, keep):
+        self.start, self.other, self.apart, self.hints, self.keep = start, other, apart, hints, keep
+        # With weights 0 and 1 only, the pairs that remain are ordinary ones.
+        self.plain = not keep and all(w in ((0.0, 0.0), (1.0, 1.0)) for w in zip(special.lj, special.coul, strict=True))
         self.lj = np.array([1.0, *special.lj])
         self.coul = np.array([1.0, *special.coul])
         # LAMMPS tests |dx| > Lx/2 with a along x and b in the x-y plane: turn other cells that way.
@@ -114,10 +117,13 @@ class _Weights:
         self.half = np.where(cell.periodic, edge / 2.0, np.inf)
 
     def weigh(self, ws, n: int):
-        """Weights (lj, coul) of the first n pairs of a workspace; pairs of weight 0 are dropped from it (unless kept). Returns the new n first."""
-        lj, coul = np.empty(n), np.empty(n)
+        """Weights (lj, coul) of the first n pairs of a workspace, empty if all are 1; pairs of weight 0 are dropped from it (unless kept).
+
+        Returns the new n first.
+        """
+        lj, coul = (np.zeros(0), np.zeros(0)) if self.plain else (np.empty(n), np.empty(n))
         n = _weigh(
-            ws.i, ws.j, ws.r, ws.d2, n, self.start, self.other, self.apart, self.lj, self.coul, self.turn, self.half, self.keep, lj, coul
+            ws.i, ws.j, ws.r, ws.d2, n, self.start, self.other, self.apart, self.hints, self.lj, self.coul, self.turn, self.half, self.keep, lj, coul
         )  # fmt: skip
         return n, lj[:n], coul[:n]
 
@@ -204,25 +210,39 @@ def _room(out, apart, m):
     return o, a
 
 
+@njit(cache=True, error_model="numpy")
+def _hints(start, other):
+    """For every atom a word with the bits (neighbour mod 64) of its special neighbours set: most pairs are seen not to be special from it."""
+    bits = np.zeros(len(start) - 1, np.uint64)
+    for i in range(len(bits)):
+        for k in range(start[i], start[i + 1]):
+            bits[i] |= np.uint64(1) << np.uint64(other[k] & 63)
+    return bits
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
-def _weigh(i, j, r, d2, n, start, other, apart, lj, coul, turn, half, keep, wl, wc):
+def _weigh(i, j, r, d2, n, start, other, apart, hints, lj, coul, turn, half, keep, wl, wc):
+    weighted = len(wl) > 0
     m = 0
     for b in range(n):
         p, q = i[b], j[b]
         level = 0
-        for k in range(start[p], start[p + 1]):
-            if other[k] == q:
-                level = apart[k]
-                break
-        if level > 0:
-            for c in range(3):
-                x = r[b, 0] * turn[0, c] + r[b, 1] * turn[1, c] + r[b, 2] * turn[2, c]
-                if abs(x) > half[c]:
-                    level = 0
-        if not keep and lj[level] == 0.0 and coul[level] == 0.0:
-            continue
-        i[m], j[m], d2[m] = p, q, d2[b]
-        r[m, 0], r[m, 1], r[m, 2] = r[b, 0], r[b, 1], r[b, 2]
-        wl[m], wc[m] = lj[level], coul[level]
+        if (hints[p] >> np.uint64(q & 63)) & np.uint64(1):
+            for k in range(start[p], start[p + 1]):
+                if other[k] == q:
+                    level = apart[k]
+                    break
+            if level > 0:
+                for c in range(3):
+                    x = r[b, 0] * turn[0, c] + r[b, 1] * turn[1, c] + r[b, 2] * turn[2, c]
+                    if abs(x) > half[c]:
+                        level = 0
+            if not keep and lj[level] == 0.0 and coul[level] == 0.0:
+                continue
+        if m < b:
+            i[m], j[m], d2[m] = p, q, d2[b]
+            r[m, 0], r[m, 1], r[m, 2] = r[b, 0], r[b, 1], r[b, 2]
+        if weighted:
+            wl[m], wc[m] = lj[level], coul[level]
         m += 1
     return m
