@@ -190,7 +190,7 @@ def compare(ds, *, frame=None) -> Comparison:
         )
     place = layout(ds, ds[hardy_name])
     entries, when = _entries(ds, frame)
-    title = ", ".join(t for t in (Path(name).name, plotting._title(ds), when) if t)
+    title = ", ".join(t for t in (Path(name).name, plotting.kernel_title(ds, str), when) if t)
     out = Comparison([], xr.Dataset(), ds[hardy_name].attrs.get("units", ""), title, place=place)
     for k in ("kernel", "radius", "radius_units", "method", "tolerance", "measured_error"):
         if k in ds.attrs:

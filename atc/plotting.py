@@ -266,7 +266,7 @@ def plot(ds, quantity=None, *, component=None, slice=None, axis=None, index=None
         if slice is not None or axis is not None or index is not None:
             raise AtcError(f"this output is on a {place.kind}, not on a 3-D grid: there is nothing to slice")
         selection, where = {}, ""
-    title = ", ".join(t for t in (_title(ds), where, when) if t)
+    title = ", ".join(t for t in (kernel_title(ds), where, when) if t)
     with mpl.rc_context(_STYLE):
         if place.kind in ("line", "slab"):
             return _profiles(Figure, ds, panels, place, title, limits, frame)
@@ -277,14 +277,14 @@ def plot(ds, quantity=None, *, component=None, slice=None, axis=None, index=None
         return _maps(Figure, panels, values, place, title, limits, robust, atoms)
 
 
-def _title(ds) -> str:
+def kernel_title(ds, unit=unit_text) -> str:
     """Kernel and radius: without them a Hardy field means little."""
     kernel, radius = ds.attrs.get("kernel"), ds.attrs.get("radius")
     if not kernel:
         return ""
     text = f"{str(kernel).partition(',')[0]} kernel"
     if isinstance(radius, (int, float, np.number)):
-        text += f", R = {float(radius):.4g} {unit_text(ds.attrs.get('radius_units', ''))}".rstrip()
+        text += f", R = {float(radius):.4g} {unit(ds.attrs.get('radius_units', ''))}".rstrip()
     return text
 
 
