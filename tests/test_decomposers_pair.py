@@ -21,7 +21,7 @@ BOXES = {
     "small": (np.array([[2.0, 0, 0], [0.6, 3, 0], [0.4, -0.5, 3]]), (2, 3, 3)),
 }
 # Spacing of the lattice in the unit style's length.
-SPACING = {"lj": 1.12, "metal": 3.3, "real": 3.3, "electron": 6.2, "si": 3.3e-10, "nano": 0.33}
+SPACING = {"lj": 1.12, "metal": 3.3, "real": 3.3, "electron": 6.2, "si": 3.3e-10, "nano": 0.33, "cgs": 3.3e-8, "micro": 3.3e-4}
 
 
 def config(box, style, kinds=3, charges=True, seed=0, jitter=0.14):
@@ -105,6 +105,14 @@ STYLES = {
     "zbl": ("metal", "pair_style zbl 5.0 7.9\npair_coeff 1 1 14 14\npair_coeff 2 2 6 6\npair_coeff 3 3 29.0 29.0"),
     "zbl real": ("real", "pair_style zbl 5.0 7.9\npair_coeff * * 14 14\npair_coeff 1 2 6 14"),
     "zbl electron": ("electron", "pair_style zbl 9.0 15\npair_coeff * * 14 14"),
+    "zbl si": ("si", "pair_style zbl 5.0e-10 7.9e-10\npair_coeff * * 14 14"),
+    "zbl cgs": ("cgs", "pair_style zbl 5.0e-8 7.9e-8\npair_coeff * * 14 14"),
+    "zbl micro": ("micro", "pair_style zbl 5.0e-4 7.9e-4\npair_coeff * * 14 14"),
+    "zbl nano": ("nano", "pair_style zbl 0.5 0.79\npair_coeff * * 14 14"),
+    "coul/cut si": ("si", "pair_style coul/cut 7.9e-10\npair_coeff * *"),
+    "coul/cut cgs": ("cgs", "pair_style coul/cut 7.9e-8\npair_coeff * *"),
+    "coul/cut micro": ("micro", "pair_style coul/cut 7.9e-4\npair_coeff * *"),
+    "coul/wolf nano": ("nano", "pair_style coul/wolf 2.1 0.79\npair_coeff * *"),
     "hybrid": (
         "metal",
         "pair_style hybrid lj/cut 7.9 morse 7.0 lj/cut 6.0\npair_coeff 1 1 lj/cut 1 0.02 3.0\npair_coeff 2 2 lj/cut 1 0.01 2.8\n"
@@ -359,9 +367,10 @@ def test_sw_in_hybrid(tmp_path, monkeypatch, box, overlay):
 def test_hybrid_takes_no_pair_out_of_sw(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "Si.sw").write_text(SI_SW)
-    lines = "pair_style hybrid sw lj/cut 6.0\npair_coeff * * sw Si.sw Si Si\npair_coeff 1 2 lj/cut 0.01 3.0"
-    with pytest.raises(AtcError, match="all pairs of the types that it maps"):
-        atc.potential(lines, units="metal")
+    for elements, pair in (("Si Si", "1 2"), ("Si", "1 1"), ("Si NULL", "* *")):
+        lines = f"pair_style hybrid sw lj/cut 6.0\npair_coeff * * sw Si.sw {elements}\npair_coeff {pair} lj/cut 0.01 3.0"
+        with pytest.raises(AtcError, match="all pairs of the types that it maps"):
+            atc.potential(lines, units="metal")
 
 
 def test_sw_with_bonds_wants_plain_weights(tmp_path, monkeypatch):

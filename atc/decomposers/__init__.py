@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from importlib import import_module
-from importlib.util import find_spec
 
 _WHERE = {
     "Potential": "base",
@@ -78,6 +77,11 @@ _STYLE_MODULES = (
     "stillinger_weber",
     "bond",
     "angle",
+    "dihedral",
+    "improper",
+    "embedded_atom",
+    "tersoff",
+    "axilrod_teller",
 )
 
 
@@ -119,8 +123,7 @@ def potential(source, units=None, *, special_bonds=None, folder=None, name=None)
         if special_bonds is not None:
             raise AtcError("special_bonds= goes with objects; in LAMMPS lines write a special_bonds line")
         for module in _STYLE_MODULES:
-            if find_spec(f".{module}", __name__) is not None:
-                import_module(f".{module}", __name__)
+            import_module(f".{module}", __name__)
         from .lammps_input import potential_from_lammps
 
         return potential_from_lammps(source, units, folder, name)

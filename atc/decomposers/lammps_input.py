@@ -315,8 +315,8 @@ class _PairBuild:
             lines = sub.lines[-1:] if sub.name in MAPPED_STYLES else sub.lines
             built = _as_list(_builder("pair", sub.name, style.where)(_input(model, own, lines, n_types, modify=sub.modify, wanted=wanted)))
             if sub.name in MAPPED_STYLES:
-                takes_part = wanted.any(axis=0)
-                if not (wanted == (takes_part[:, None] & takes_part[None, :])).all():
+                mapped = np.array([0 < t <= len(lines[0].words) - 1 and lines[0].words[t] != "NULL" for t in range(n_types + 1)])
+                if not (wanted == (mapped[:, None] & mapped[None, :])).all():
                     raise AtcError(
                         f"{style.where}: {sub.called} must act on all pairs of the types that it maps: give the other sub-style's pairs to types mapped to NULL"
                     )

@@ -36,8 +36,10 @@ STYLES = {"pair": PAIR_STYLES, "bond": BOND_STYLES, "angle": ANGLE_STYLES, "dihe
 MAPPED_STYLES = {"sw"}
 
 
-def factor(units: Units, dimension: str | dict) -> float:
-    """Internal size of a user's unit: `dimension` as in `atc.units`, or powers of them, {"energy": 1, "length": 6}."""
+def factor(units: Units, dimension: str | dict | float) -> float:
+    """Internal size of a user's unit: `dimension` as in `atc.units`, or powers of them, {"energy": 1, "length": 6}, or the factor itself."""
+    if isinstance(dimension, int | float):
+        return float(dimension)
     if isinstance(dimension, str):
         return units.factor(dimension)
     out = 1.0
