@@ -58,7 +58,8 @@ def explained(path):
             raise AtcError(
                 f"{path}: the disk is full; what is complete is kept in {path}.partial: make room and run the same command again"
             ) from e
-        raise AtcError(f"{path}: cannot be written ({e.strerror or e}): choose another output file or change its permissions") from e
+        why = " ".join(str(e.strerror or e).split())[:200]
+        raise AtcError(f"{path}: cannot be written ({why}): choose another output file or change its permissions") from e
 
 
 def dataset_in_memory(layout: Layout, entries: list[dict], attrs: dict):
@@ -127,7 +128,7 @@ class Store:
                 self._clear()
             elif known is not None and known != request:
                 differing = ", ".join(sorted(k for k in {*known, *request} if known.get(k) != request.get(k)))
-                self.close()
+                self._unlock()
                 raise AtcError(
                     f"{self.partial}: holds an unfinished run of another request (different: {differing}): finish that one, "
                     "delete the directory, or start again without resuming"
@@ -230,7 +231,7 @@ class Store:
             else:
                 zarr.consolidate_metadata(str(path), zarr_format=2)
                 self._swap(path)
-            self.close()
+            self._unlock()
             shutil.rmtree(self.partial)
 
     def _swap(self, path) -> None:
@@ -250,6 +251,7 @@ class Store:
         import h5py
 
         path.unlink(missing_ok=True)
+        self._reserve(path)
         with h5netcdf.File(path, "w") as f:
             for v in self.layout.variables:
                 shape = v.shape if v.static is not None else (self.layout.entries, *v.shape)
@@ -277,6 +279,20 @@ class Store:
             for key, value in dict(self._group.attrs).items():
                 f.attrs[key] = value
 
+    def _reserve(self, path) -> None:
+        """See that there is room for the file: HDF5 takes a full disk badly, and says so at length on standard error."""
+        need = 2**18
+        for v in self.layout.variables:
+            count = v.static.size if v.static is not None else self.layout.entries * int(np.prod(v.shape, dtype=np.int64))
+            need += count * max(8, np.dtype(v.dtype).itemsize)
+        if hasattr(os, "posix_fallocate"):
+            handle = os.open(path, os.O_CREAT | os.O_WRONLY, 0o666)
+            try:
+                os.posix_fallocate(handle, 0, need)
+            finally:
+                os.close(handle)
+                path.unlink()
+
     # --- small things
     def _lock(self) -> None:
         try:
@@ -292,7 +308,17 @@ class Store:
             raise AtcError(f"{self.partial}: another run is writing this output: wait for it, or choose another name") from None
 
     def close(self) -> None:
-        """Let another run have the place."""
+        """Let another run have the place, and leave nothing behind that nobody could continue."""
+        if (
+            self._handle is not None
+            and not self.journal
+            and not (self.partial / "state.npz").exists()
+            and not (self.partial / "old").exists()
+        ):
+            shutil.rmtree(self.partial, ignore_errors=True)
+        self._unlock()
+
+    def _unlock(self) -> None:
         if self._handle is not None:
             self._handle.close()
             self._handle = None

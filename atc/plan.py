@@ -2,10 +2,12 @@
 
 The cost model is deliberately small; its constants are measured by ``benchmarks/`` on one ordinary core and good to a factor of two:
 
-- pass over the bonds: `SECONDS_PER_ATOM` an atom for neighbour list, forces and decomposition together;
-- direct deposit: `SECONDS_PER_VISIT` for every grid point within the kernel of a bond. Their number is bonds × points per volume ×
-  (4/3 π R³ + π R² L), L the mean bond length: the volume of the capsule around the bond. Likewise 4/3 π R³ around an atom, at
-  `SECONDS_PER_SITE_VISIT`;
+- neighbour list, forces and decomposition: `SECONDS_PER_ATOM` an atom;
+- direct deposit of a bond: `SECONDS_PER_BOND`, plus `SECONDS_PER_ROW` for every row of a regular grid that crosses the capsule around
+  the bond, plus `SECONDS_PER_VISIT` for every point in it. Points: volume of the capsule, 4/3 π R³ + π R² L with L the mean bond
+  length, times points per volume; rows: its mean cross-section, π R² + π/2 R L, over the area between rows;
+- deposit of an atom: `SECONDS_PER_VISIT` for the 4/3 π R³ around it, for each six components;
+- the error check: `SECONDS_PER_CHECK` a bond;
 - reading `SECONDS_PER_READ` an atom, writing at `BYTES_PER_SECOND_WRITTEN`.
 """
 
@@ -19,9 +21,11 @@ import numpy as np
 from .errors import AtcError
 from .estimators.registry import BOND, SITE, Work
 
-SECONDS_PER_ATOM = 2.5e-6
-SECONDS_PER_VISIT = 8e-9
-SECONDS_PER_SITE_VISIT = 6e-9
+SECONDS_PER_ATOM = 1.5e-6
+SECONDS_PER_BOND = 4e-7
+SECONDS_PER_ROW = 4e-8
+SECONDS_PER_VISIT = 6e-9
+SECONDS_PER_CHECK = 1.5e-7
 SECONDS_PER_READ = 1e-6
 BYTES_PER_SECOND_WRITTEN = 2e8
 
@@ -303,7 +307,7 @@ def plan(*args, **kwargs) -> Plan:
     request = args[0] if len(args) == 1 and not kwargs and isinstance(args[0], Request) else Request(*args, **kwargs)
     work, frame, threads = request.work, request.first, request.threads
     n, volume = len(frame), frame.cell.volume
-    bonds = length = visits = site_visits = 0.0
+    bonds = length = visits = 0.0
     points = 0
     memory = 8.0 * n * 16
     seconds = SECONDS_PER_READ * n
@@ -323,13 +327,13 @@ def plan(*args, **kwargs) -> Plan:
         bonds, length = n * bonds_per_atom(frame, request.pot.cutoff), 0.75 * request.pot.cutoff
         seconds += SECONDS_PER_ATOM * n
         memory += 40.0 * bonds
-    # +100: the random points at which the error is measured.
     if work.bond or work.reference_bond:
-        visits = bonds * (points + 100) * min(1.0, (kernel_volume + area * length) / volume)
-        seconds += SECONDS_PER_VISIT * visits * (bool(work.bond) + 1.5 * bool(work.reference_bond))
+        visits = bonds * points * (kernel_volume + area * length) / volume
+        rows = bonds * points ** (2 / 3) * (area + 1.57 * R * length) / volume ** (2 / 3) if bound.kind == "regular" else 0.0
+        once = SECONDS_PER_VISIT * visits + SECONDS_PER_ROW * rows + (SECONDS_PER_BOND + SECONDS_PER_CHECK) * bonds
+        seconds += once * (bool(work.bond) + 1.5 * bool(work.reference_bond))
     if work.site:
-        site_visits = n * (points + 100) * min(1.0, kernel_volume / volume)
-        seconds += SECONDS_PER_SITE_VISIT * site_visits * max(1.0, work.n_site / 6)
+        seconds += SECONDS_PER_VISIT * n * points * kernel_volume / volume * max(1.0, work.n_site / 6)
     memory += (
         8.0 * points * (max(work.n_site, work.n_bond + work.n_reference_bond) * (threads + 1) + sum(3**q.rank for q in work.quantities) * 2)
     )

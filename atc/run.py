@@ -8,7 +8,7 @@ import warnings
 import numpy as np
 
 from .errors import AtcError, AtcWarning
-from .estimators.compute import FrameResult, frame_fields
+from .estimators.compute import FrameResult, frame_fields, require
 from .estimators.registry import QUANTITIES
 from .output import Layout, Store, Variable, dataset_in_memory, explained, open_dataset
 from .plan import Request, plan  # noqa: F401  (plan belongs to the same door)
@@ -256,6 +256,9 @@ class _Sink:
             known = errors.setdefault(name, dict.fromkeys(measured, 0.0))
             for kind, value in measured.items():
                 known[kind] = max(known[kind], value)
+        counts = self.note.setdefault("notes", {})
+        for what, count in result.notes.items():
+            counts[what] = counts.get(what, 0) + count
         self.note["frames"] = self.note.get("frames", 0) + 1
         self.note["sources"] = [*self.note.get("sources", []), _source_name(frame.source)][:1]
 
@@ -298,6 +301,12 @@ class _Sink:
                 at["measured_error"] = at.get("error_max", 0.0)
                 worst = max(worst, at["measured_error"])
         out[""] = {"sources": ", ".join(dict.fromkeys(s for note in self.notes for s in note["sources"]))}
+        counts: dict = {}
+        for note in self.notes:
+            for what, count in note["notes"].items():
+                counts[what] = counts.get(what, 0) + count
+        if counts:
+            out[""]["notes"] = "; ".join(f"{what}: {count}" for what, count in sorted(counts.items()))
         if self.request.work.grid_users:
             out[""]["measured_error"] = worst
             if worst > self.request.tolerance:
@@ -444,10 +453,11 @@ def _grid_name(grid) -> str:
 
 
 def _sanity(request: Request) -> None:
-    """Warn of what can be computed but is probably not what was meant."""
+    """Complain of what is missing in the first frame; warn of what can be computed but is probably not what was meant."""
     from .estimators.sources import drift_velocity
 
     frame, work, u = request.first, request.work, request.first.units
+    require(frame, request.settings(), work)
     if not u.reduced and len(frame) > 1:
         if frame.masses is not None and frame.velocities is not None and "velocities" in work.attributes:
             w = frame.velocities - drift_velocity(frame)

@@ -61,7 +61,7 @@ def test_numbers_of_bonds_and_visits_are_right():
         t = np.clip(d @ r / (r @ r), -0.5, 0.5)
         visits += np.count_nonzero(((d - t[:, None] * r) ** 2).sum(1) < 16.0)
     visits *= len(bonds) / 200
-    # the plan adds the check's points (100 to 1728) and takes 3/4 of the cutoff for the bond length
+    # the plan takes 3/4 of the cutoff for the bond length
     assert 0.8 < p.visits / visits < 1.25
 
 

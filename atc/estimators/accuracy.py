@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 
-
 # Bins of a slab profile that are computed twice.
 SLAB_BINS = 5
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import AtcError
 from ..units import require_compatible
+from .accuracy import Check, kernel_internal
 from .registry import BOND, SITE, Work
 from .sources import AtomFactors, AtomVirial, ReferenceBonds, drift_velocity, piola_factor
 from .sums import Sums, outer6, quotient, thermal
@@ -39,8 +40,8 @@ class FrameResult:
     weights: dict[str, np.ndarray] = field(default_factory=dict)
     errors: dict[str, dict[str, float]] = field(default_factory=dict)
     bound: object = None
-    method: str = "direct"
     seconds: dict[str, float] = field(default_factory=dict)
+    notes: dict[str, int] = field(default_factory=dict)
 
 
 class Target:
@@ -99,6 +100,16 @@ class _Placed:
         self.deposit.add_bonds(x_bc - self.target.origin, r_bc, b_bk, thread=thread)
 
 
+class Stage:
+    """One configuration of the atoms (current or reference) with the grid in it: the main sums and those of the error check."""
+
+    def __init__(self, frame, kern, settings, index):
+        self.bound = settings.grid.bind(frame.units, frame.cell, frame.positions)
+        self.check = Check(self.bound, kern, frame.cell, settings.threads, index, settings.check_points)
+        self.targets = [Target(settings.method, self.bound, kern, frame.cell, settings.threads), self.check.target]
+        self.check.target.place(frame.positions)  # before threads ask for it
+
+
 def frame_fields(frame, settings: Settings, index: int = 0) -> FrameResult:
     """All quantities of `settings` on one frame.
 
@@ -118,107 +129,92 @@ def frame_fields(frame, settings: Settings, index: int = 0) -> FrameResult:
     AtcError
         if the frame lacks what a quantity needs (masses, velocities), or there is no potential, kernel, grid or reference for it.
     """
-    from .accuracy import Check, kernel_internal
-
     work = Work.of(settings.names)
-    _require(frame, settings, work)
-    seconds = {}
-    threads = settings.threads
-    cell, units, x_nc = frame.cell, frame.units, frame.positions
-    bound = check = None
-    targets: list[Target] = []
-    kern = kernel_internal(settings.kern, units) if work.grid_users else None
-    plain_grid = [q for q in work.quantities if q.kind == "grid" and not any(BOND[b].reference for b in q.bond)]
-    reference_grid = [q for q in work.quantities if q.kind == "grid" and any(BOND[b].reference for b in q.bond)]
-    if plain_grid:
-        bound = settings.grid.bind(units, cell, x_nc)
-        check = Check(bound, kern, cell, threads, index, settings.check_points)
-        targets = [Target(settings.method, bound, kern, cell, threads), check.target]
-        check.target.place(x_nc)  # before threads ask for it
-    reference_targets: list[Target] = []
-    if reference_grid:
-        reference = settings.reference
-        reference_bound = settings.grid.bind(reference.units, reference.cell, reference.positions)
-        reference_check = Check(reference_bound, kern, reference.cell, threads, index, settings.check_points)
-        reference_targets = [Target(settings.method, reference_bound, kern, reference.cell, threads), reference_check.target]
-
-    # --- one pass over the bonds
+    require(frame, settings, work)
     start = perf_counter()
+    kern = kernel_internal(settings.kern, frame.units) if work.grid_users else None
+    on_reference = {q.name for q in work.quantities if any(BOND[b].reference for b in q.bond)}
+    stage = Stage(frame, kern, settings, index) if set(work.grid_users) - on_reference else None
+    reference = Stage(settings.reference, kern, settings, index) if on_reference else None
+
     drift = drift_velocity(frame) if "velocities" in work.attributes else np.zeros(3)
-    everything = [Sums(drift=drift, volume=cell.volume, boltzmann=units.boltzmann) for _ in range(2)]
-    decomposition, virial_n6 = None, None
-    if work.bond_users:
-        bond_deposits = [t.open(n_bond=work.n_bond) for t in targets] if work.bond else []
-        reference_deposits = [t.open(n_bond=work.n_reference_bond) for t in reference_targets]
-        to_reference = ReferenceBonds(frame, settings.reference) if reference_targets else None
-        virial = AtomVirial(len(frame), threads) if work.atom_virial else None
-
-        def consume(bonds, thread):
-            for deposit in bond_deposits:
-                deposit.add_bond_stress(x_nc, bonds.i, bonds.r_bc, bonds.G_b, thread=thread)
-            if to_reference is not None:
-                X_bc, R_bc = to_reference.bonds(bonds)
-                P_b9 = piola_factor(bonds, R_bc)
-                for deposit in reference_deposits:
-                    deposit.add_bonds(X_bc, R_bc, P_b9, thread=thread)
-            if virial is not None:
-                virial.add(bonds, thread)
-
-        decomposition = settings.pot.stream(frame, consume, threads=threads, energies=bool(work.energy_users), forces=False)
-        seconds["bonds"] = perf_counter() - start
-        for k, sums in enumerate(everything):
-            if bond_deposits:
-                sums.bond["stress"] = bond_deposits[k].bond_sums()
-            if reference_deposits:
-                sums.bond["piola"] = reference_deposits[k].bond_sums()
-        bond_deposits, reference_deposits = [], []
-        virial_n6 = virial.total() if virial is not None else None
-
-    # --- one pass over the atoms
-    site_start = perf_counter()
-    energies_n = decomposition.energies_n if work.energy_users else None
-    factors = AtomFactors(frame, drift, energies_n, virial_n6)
+    # The sums on the grid, and those at the points of the check.
+    sums = [Sums(drift=drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann) for _ in range(2)]
+    decomposition, virial_n6 = _bond_pass(frame, settings, work, stage, reference, sums) if work.bond_users else (None, None)
+    bonds_done = perf_counter()
+    factors = AtomFactors(frame, drift, decomposition.energies_n if work.energy_users else None, virial_n6)
     if work.site:
-        a_nk = factors.columns(work.site)
-        for target, sums in zip(targets, everything):
-            total = target.sites(x_nc, a_nk)
-            at = 0
-            for name in work.site:
-                sums.site[name] = total[:, at : at + SITE[name].width]
-                at += SITE[name].width
-        if "kinetic" in work.site and "momentum" in work.site:
-            for target, sums in zip(targets, everything):
-                sums.thermal_shifted = local_shifts(sums, target, x_nc, factors)
+        _site_pass(frame, work, stage, factors, sums)
     for name in work.whole:
-        everything[0].whole[name] = _whole(name, factors, decomposition, virial_n6)
-    seconds["sites"] = perf_counter() - site_start
+        sums[0].whole[name] = _whole(name, factors, decomposition, virial_n6)
+    sites_done = perf_counter()
 
-    # --- fields
-    form_start = perf_counter()
+    main, at_points = sums
     arrays, errors, weights = {}, {}, {}
-    main, at_points = everything
     for q in work.quantities:
         values = q.form(main)
-        arrays[q.name] = units.to_user(q.dimension, values)
+        arrays[q.name] = frame.units.to_user(q.dimension, values)
         if q.kind == "grid":
-            which = reference_check if q in reference_grid else check
-            errors[q.name] = which.errors(values, q.form(at_points))
-        if q.weight is not None:
-            weights[q.name] = main.site[q.weight][:, 0]
-    shape = bound.shape if bound is not None else reference_bound.shape if reference_grid else None
-    if shape is not None:
-        for q in work.quantities:
-            if q.kind == "grid":
-                arrays[q.name] = arrays[q.name].reshape(*shape, *arrays[q.name].shape[1:])
-        weights = {name: w.reshape(shape) for name, w in weights.items()}
-    mask = main.defined.reshape(shape) if work.masked else None
-    seconds["fields"] = perf_counter() - form_start
-    seconds["total"] = perf_counter() - start
-    return FrameResult(arrays, mask, weights, errors, bound if bound is not None else (reference_bound if reference_grid else None),
-                       settings.method, seconds)  # fmt: skip
+            here = reference if q.name in on_reference else stage
+            errors[q.name] = here.check.errors(values, q.form(at_points))
+            arrays[q.name] = arrays[q.name].reshape(*here.bound.shape, *values.shape[1:])
+            if q.weight is not None:
+                weights[q.name] = main.site[q.weight][:, 0].reshape(here.bound.shape)
+    here = stage or reference
+    return FrameResult(
+        arrays,
+        mask=main.defined.reshape(stage.bound.shape) if work.masked else None,
+        weights=weights,
+        errors=errors,
+        bound=here.bound if here else None,
+        seconds={"bonds": bonds_done - start, "sites": sites_done - bonds_done, "total": perf_counter() - start},
+        notes=dict(getattr(decomposition, "notes", None) or {}),
+    )
 
 
-def _require(frame, settings, work):
+def _bond_pass(frame, settings, work, stage, reference, sums):
+    """One pass over the bonds for every sum over them; returns the potential's word on the frame and the per-atom virial."""
+    x_nc, threads = frame.positions, settings.threads
+    deposits = [t.open(n_bond=work.n_bond) for t in stage.targets] if work.bond else []
+    reference_deposits = [t.open(n_bond=work.n_reference_bond) for t in reference.targets] if reference else []
+    to_reference = ReferenceBonds(frame, settings.reference) if reference else None
+    virial = AtomVirial(len(frame), threads) if work.atom_virial else None
+
+    def consume(bonds, thread):
+        for deposit in deposits:
+            deposit.add_bond_stress(x_nc, bonds.i, bonds.r_bc, bonds.G_b, thread=thread)
+        if to_reference is not None:
+            X_bc, R_bc = to_reference.bonds(bonds)
+            P_b9 = piola_factor(bonds, R_bc)
+            for deposit in reference_deposits:
+                deposit.add_bonds(X_bc, R_bc, P_b9, thread=thread)
+        if virial is not None:
+            virial.add(bonds, thread)
+
+    wanted = deposits or to_reference is not None or virial is not None
+    decomposition = settings.pot.stream(frame, consume if wanted else None, threads=threads, energies=bool(work.energy_users), forces=False)
+    for k, s in enumerate(sums):
+        if deposits:
+            s.bond["stress"] = deposits[k].bond_sums()
+        if reference_deposits:
+            s.bond["piola"] = reference_deposits[k].bond_sums()
+    return decomposition, virial.total() if virial is not None else None
+
+
+def _site_pass(frame, work, stage, factors, sums):
+    """One pass over the atoms for every sum over them."""
+    a_nk = factors.columns(work.site)
+    for target, s in zip(stage.targets, sums):
+        total = target.sites(frame.positions, a_nk)
+        at = 0
+        for name in work.site:
+            s.site[name] = total[:, at : at + SITE[name].width]
+            at += SITE[name].width
+        if "kinetic" in work.site and "momentum" in work.site:
+            s.thermal_shifted = local_shifts(s, target, frame.positions, factors)
+
+
+def require(frame, settings, work):
     """Say what is missing before anything is computed."""
     for attribute, users in work.attributes.items():
         frame.require(attribute, why=", ".join(users))
