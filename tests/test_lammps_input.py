@@ -245,6 +245,10 @@ BAD = {
     "too few": ("units lj\npair_style lj/cut 2.5\npair_coeff 1 1 1", r"line 3.*takes epsilon sigma \[cutoff\]"),
     "too many": ("units lj\npair_style lj/cut 2.5\npair_coeff 1 1 1 1 1 1", r"line 3.*takes epsilon sigma \[cutoff\]"),
     "not finite": ("units lj\npair_style lj/cut 2.5\npair_coeff 1 1 nan 1", "line 3.*finite"),
+    "negative cutoff": ("units lj\npair_style lj/cut 2.5\npair_coeff 1 1 1 1 -2", "line 3.*negative"),
+    "zero cutoff": ("units lj\npair_style coul/dsf 0.2 0\npair_coeff * *", "line 2.*positive"),
+    "too many types": ("units lj\npair_style lj/cut 2.5\npair_coeff 100000 1 1 1", "line 3.*type 100000 is beyond"),
+    "infinite formula": ("units lj\npair_style lj/cut 2.5\npair_coeff 1 1 $(1/0) 1", "line 3.*1/0"),
     "no cutoff": ("units lj\npair_style lj/cut\npair_coeff 1 1 1 1", "line 2.*takes cutoff"),
     "coefficient first": ("units lj\npair_coeff 1 1 1 1", "line 2.*before any pair_style"),
     "missing pair": ("units lj\npair_style morse 2.5\npair_coeff 1 1 1 1 1\npair_coeff 2 2 1 1 1", "types 1 and 2.*pair_coeff 1 2"),
@@ -319,6 +323,10 @@ def test_bad_lines_are_named(case, tmp_path):
 def test_no_such_script(tmp_path):
     with pytest.raises(AtcError, match="no such file"):
         atc.potential("in.missing")
+    with pytest.raises(AtcError, match="is empty"):
+        atc.potential("", units="lj")
+    with pytest.raises(AtcError, match="every cutoff is 0"):
+        atc.potential("pair_style lj/cut 0\npair_coeff 1 1 1 1", units="lj")
     with pytest.raises(AtcError, match="is a folder"):
         atc.potential(str(tmp_path))
     with pytest.raises(AtcError, match="include"):

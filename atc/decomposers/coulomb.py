@@ -146,6 +146,12 @@ def _coul_cut_style(inp: StyleInput):
     return _cut(inp, cutoff)
 
 
+def _positive(inp: StyleInput, cutoff: float) -> float:
+    if not cutoff > 0:
+        raise inp.error(f"{inp.command}: the Coulomb cutoff must be positive, got {' '.join(inp.args)}")
+    return cutoff
+
+
 def _damped(inp: StyleInput, cls, alpha, cutoff):
     """Where `pair_coeff` names types (no numbers), LAMMPS acts on all pairs as soon as each type is named with itself."""
     given = {}
@@ -154,7 +160,7 @@ def _damped(inp: StyleInput, cls, alpha, cutoff):
         for pair in line.covers(inp.n_types):
             given[pair] = (1.0,)
     (on,) = fill(inp, given, 1, mix=lambda a, b, rule: (1.0,))
-    return cls.everywhere(on > 0, alpha, cutoff, _constant(inp))
+    return cls.everywhere(on > 0, alpha, _positive(inp, cutoff), _constant(inp))
 
 
 @pair_style("coul/dsf")
@@ -189,6 +195,13 @@ def _lj_coul_cut_style(inp: StyleInput):
     return [LennardJones.internal(epsilon, sigma, cut_lj, shift=inp.modify.shift), _cut(inp, cut_coul)]
 
 
+def _wanted(inp: StyleInput):
+    """The Coulomb part acts wherever the style does, also on pairs of types whose Lennard-Jones cutoff is 0."""
+    on = np.zeros((inp.n_types + 1, inp.n_types + 1), bool)
+    on[1:, 1:] = True
+    return on if inp.wanted is None else on & inp.wanted
+
+
 def _lj_damped(cls):
     def build(inp: StyleInput):
         alpha, rlj, rcoul = inp.numbers(
@@ -197,7 +210,7 @@ def _lj_damped(cls):
         rcoul = rlj if rcoul is None else rcoul
         arrays = pair_values(inp, LennardJones.numbers, optional=1, defaults=[rlj], mix=mix_lj)
         lj = LennardJones.internal(*arrays, shift=inp.modify.shift)
-        return [lj, cls.everywhere(arrays[2] > 0, alpha, rcoul, _constant(inp))]
+        return [lj, cls.everywhere(_wanted(inp), alpha, _positive(inp, rcoul), _constant(inp))]
 
     return build
 

@@ -14,7 +14,7 @@ from .base import Potential, Term
 from .hybrid import Hybrid, parse_hybrid, strip_suffix
 from .lammps_data_coeffs import take_data_file
 from .lammps_script import Command, is_text, read_commands, read_text
-from .pair import Pairs, PairStyle
+from .pair import MAX_TYPES, Pairs, PairStyle
 from .registry import MAPPED_STYLES, STYLES, CoeffLine, Modify, StyleInput, TypeRange, supported
 from .special_bonds import SpecialBonds
 
@@ -50,7 +50,13 @@ class _Model:
 def potential_from_lammps(source: str | Path, units_=None, folder=None, name=None) -> Potential:
     """The `Potential` of LAMMPS lines, or of the LAMMPS input script at a path. See `atc.potential`."""
     if isinstance(source, Path) or not is_text(source):
+        if not str(source).strip():
+            raise AtcError(
+                "the potential is empty: expected LAMMPS lines such as pair_style and pair_coeff, or the name of an input script"
+            )
         path = Path(source).expanduser()
+        if not path.exists():
+            raise AtcError(f"{source}: no such file, nor LAMMPS lines (which start with a command such as pair_style or units)")
         text, name, folder = read_text(path), str(source), path.parent
     else:
         text, name, folder = source, name or "potential", Path.cwd() if folder is None else Path(folder)
@@ -174,6 +180,8 @@ def _types(model: _Model, kind: str, word: str, where: str) -> TypeRange:
     hi = lo if not m.group(2) else int(m.group(3)) if m.group(3) else None
     if lo < 1 or (hi is not None and hi < lo):
         raise AtcError(f"{where}: the types {word!r} are no range of numbers from 1")
+    if max(lo, hi or 0) > MAX_TYPES:
+        raise AtcError(f"{where}: type {max(lo, hi or 0)} is beyond the {MAX_TYPES} types that are supported")
     return TypeRange(lo, hi)
 
 

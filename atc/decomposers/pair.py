@@ -17,6 +17,8 @@ from ..units import units as get_units
 from .base import Accumulator, Term, Work
 from .registry import factor
 
+#: Tables hold every pair of types.
+MAX_TYPES = 1000
 #: Stands for "all weights are 1" in kernels.
 ONES = np.zeros(0)
 
@@ -115,7 +117,8 @@ class Pairs(Term):
         self.grow = grow
         self.cutoff = max((s.cutoff for s in self.styles), default=0.0)
         if not self.cutoff > 0:
-            raise AtcError("the pair styles have no interaction: every cutoff is 0")
+            names = ", ".join(s.name for s in self.styles)
+            raise AtcError(f"pair style {names or 'none'} has no interaction, every cutoff is 0: give a positive cutoff")
         self._grown: dict[int, Pairs] = {}
 
     def describe(self) -> str:
@@ -124,7 +127,7 @@ class Pairs(Term):
     def prepare(self, frame: Frame) -> Work:
         top = int(frame.types.max()) if len(frame) else 0
         if top > self.n_types:
-            if self.grow is None:
+            if self.grow is None or top > MAX_TYPES:
                 raise AtcError(
                     f"{frame.source}: atoms of type {top} but the pair coefficients cover types 1 to {self.n_types}: add a pair_coeff line for it"
                 )

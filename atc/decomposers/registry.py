@@ -158,6 +158,8 @@ class StyleInput:
             raise self.error(f"{self.command}: expected a number for {what}, got {word!r}", line) from None
         if not np.isfinite(v):
             raise self.error(f"{self.command}: {what} must be a finite number, got {word!r}", line)
+        if v < 0 and what.endswith("cutoff"):
+            raise self.error(f"{self.command}: the {what} must not be negative, got {word}", line)
         return v * factor(self.units, dimension)
 
     def numbers(self, words, wants, line: CoeffLine | None = None, optional: int = 0) -> list[float | None]:
