@@ -59,6 +59,10 @@ def search(frame, cutoff):
     return sum(cells.half(k, ws) for k in range(cells.n_chunks))
 
 
+def write_again(ds, path):
+    ds.load().drop_encoding().to_zarr(path, mode="w", zarr_format=2)
+
+
 def main():
     p = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     p.add_argument("--sizes", type=int, nargs="+", default=[10, 20, 40])
@@ -82,9 +86,9 @@ def main():
             for n in a.sizes:
                 x, v, mass, box = crystal(model, n)
                 size = write_dump(tmp / "a.dump", x, v, box)
-                frame, *read = clock(lambda: atc.read(tmp / "a.dump", masses=[mass])[0])  # noqa: B023
-                pairs, *found = clock(lambda: search(frame, pot.cutoff))  # noqa: B023
-                d, *forces = clock(lambda: pot.stream(frame, forces=True, energies=True, threads=a.threads))  # noqa: B023
+                frame, *read = clock(lambda: atc.read(tmp / "a.dump", masses=[mass])[0])
+                pairs, *found = clock(lambda: search(frame, pot.cutoff))
+                d, *forces = clock(lambda: pot.stream(frame, forces=True, energies=True, threads=a.threads))
                 atoms = len(frame)
                 print(
                     f"\n{model}, {atoms} atoms, {pairs / atoms:.1f} pairs and {d.n_bonds / atoms:.1f} bonds an atom\n"
@@ -97,10 +101,10 @@ def main():
                     bound = grid.bind(frame.units, frame.cell, frame.positions)
 
                     def stress(bound=bound):
-                        dep = make("direct", bound, kern.scaled(frame.units.length), frame.cell, 0, 6, threads=a.threads)  # noqa: B023
+                        dep = make("direct", bound, kern.scaled(frame.units.length), frame.cell, 0, 6, threads=a.threads)
                         pot.stream(
-                            frame,  # noqa: B023
-                            lambda b, t: dep.add_bond_stress(frame.positions, b.i, b.r_bc, b.G_b, thread=t),  # noqa: B023
+                            frame,
+                            lambda b, t: dep.add_bond_stress(frame.positions, b.i, b.r_bc, b.G_b, thread=t),
                             threads=a.threads,
                         )
                         dep.bond_sums()
@@ -115,13 +119,13 @@ def main():
                             ["stress", "density"],
                             threads=a.threads,
                             tolerance=1e-12,
-                            out=tmp / f"{g}.zarr",  # noqa: B023
+                            out=tmp / f"{g}.zarr",
                         )
 
                     stress()
                     visits, *dep = clock(stress, repeat=1 if atoms * g**3 > 1e10 else 3)
                     ds, *everything = clock(whole, repeat=1)
-                    _, *write = clock(lambda ds=ds.load().drop_encoding(): ds.to_zarr(tmp / "w.zarr", mode="w"), repeat=1)
+                    _, *write = clock(lambda: write_again(ds, tmp / "w.zarr"), repeat=1)
                     deposit = dep[0] - forces[0]
                     print(
                         f"  {g}^3: stress      {dep[0]:8.3f} {dep[1]:8.3f}   list, forces and deposit; deposit {deposit / visits * 1e9:.1f} ns CPU a visit, {visits:.3g} visits\n"
