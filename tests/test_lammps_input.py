@@ -253,6 +253,11 @@ BAD = {
     "coefficient first": ("units lj\npair_coeff 1 1 1 1", "line 2.*before any pair_style"),
     "missing pair": ("units lj\npair_style morse 2.5\npair_coeff 1 1 1 1 1\npair_coeff 2 2 1 1 1", "types 1 and 2.*pair_coeff 1 2"),
     "missing type": ("units lj\npair_style lj/cut 2.5\npair_coeff 2 2 1 1", "types 1 and 1"),
+    "no mean": ("units lj\npair_style lj/cut 2.5\npair_coeff 1 1 1 1\npair_coeff 2 2 -1 1", "types 1 and 2 have no geometric mean"),
+    "no sixth-power mean": (
+        "units lj\npair_style lj/cut 2.5\npair_modify mix sixthpower\npair_coeff 1 1 1 0\npair_coeff 2 2 1 0",
+        "types 1 and 2 have no sixthpower mean",
+    ),
     "no such type": ("units lj\npair_style lj/cut 2.5\npair_coeff 0 1 1 1", "line 3.*'0'"),
     "backward range": ("units lj\npair_style lj/cut 2.5\npair_coeff 3*2 1 1 1", "3\\*2"),
     "unknown label": ("units lj\npair_style lj/cut 2.5\npair_coeff Ar Ar 1 1", "'Ar'"),

@@ -12,6 +12,7 @@ MIX_RULES = ("geometric", "arithmetic", "sixthpower")
 def mix_energy(e_i, e_j, s_i, s_j, how: str) -> float:
     """ε of unlike types (LAMMPS Pair::mix_energy)."""
     if how == "sixthpower":
+        s_i, s_j = np.float64(s_i), np.float64(s_j)
         return 2.0 * np.sqrt(e_i * e_j) * s_i**3 * s_j**3 / (s_i**6 + s_j**6)
     return float(np.sqrt(e_i * e_j))
 
@@ -56,7 +57,12 @@ def fill(inp: StyleInput, given: dict, width: int, mix=None) -> list[np.ndarray]
                 continue
             values = given.get((i, j))
             if values is None and mix is not None and (i, i) in given and (j, j) in given:
-                values = mix(given[i, i], given[j, j], rule)
+                with np.errstate(invalid="ignore", divide="ignore"):
+                    values = mix(given[i, i], given[j, j], rule)
+                if not np.isfinite(values).all():
+                    raise inp.error(
+                        f"{inp.command}: the coefficients of types {i} and {j} have no {rule} mean (negative or zero); add 'pair_coeff {i} {j} ...'"
+                    )
             if values is None:
                 how = (
                     f"and types {i} and {j} cannot be mixed since one of them has none with itself"
