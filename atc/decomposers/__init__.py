@@ -46,6 +46,20 @@ _WHERE = {
     "CharmmAngle": "angle",
     "TableAngle": "angle",
     "ZeroAngle": "angle",
+    "HarmonicTorsion": "dihedral",
+    "CharmmTorsion": "dihedral",
+    "OPLSTorsion": "dihedral",
+    "MultiHarmonicTorsion": "dihedral",
+    "NHarmonicTorsion": "dihedral",
+    "FourierTorsion": "dihedral",
+    "HarmonicImproper": "improper",
+    "CvffImproper": "improper",
+    "EmbeddedAtom": "embedded_atom",
+    "EAMTables": "eam_file",
+    "Tersoff": "tersoff",
+    "TersoffEntry": "tersoff_file",
+    "AxilrodTeller": "axilrod_teller",
+    "ManyBody": "many_body",
 }
 
 __all__ = [*_WHERE, "potential"]
