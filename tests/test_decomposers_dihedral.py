@@ -68,6 +68,17 @@ def test_impropers_agree_with_lammps(style, cell):
     agrees_with_lammps(potential("\n".join(lines), config), ["pair_style zero 5.0 nocoeff", "pair_coeff * *", *lines], config)
 
 
+def test_hybrid_styles_agree_with_lammps():
+    config = chains(n=12, types=4, seed=9)
+    lines = [
+        "dihedral_style hybrid opls harmonic nharmonic",
+        "dihedral_coeff 1 opls 1.3 -0.4 0.8 0.25",
+        "dihedral_coeff 2*3 harmonic 0.7 -1 2",
+    ]
+    lines += ["dihedral_coeff 4 nharmonic 3 1.1 -2.3 0.7"]
+    agrees_with_lammps(potential("\n".join(lines), config), ["pair_style zero 5.0 nocoeff", "pair_coeff * *", *lines], config)
+
+
 @pytest.mark.parametrize("kind,style", [*(("dihedral", s) for s in DIHEDRALS), *(("improper", s) for s in IMPROPERS)])
 def test_sources_are_the_derivatives_of_the_shares(kind, style):
     config = chains(n=3, types=3, kind=kind + "s", seed=3)

@@ -138,6 +138,43 @@ def test_tersoff_many_chunks(threads):
     agrees_with_lammps(potential(lines, config), lines, config, threads=threads)
 
 
+def nearly_empty():
+    """Potentials of several kinds on no atoms, one atom, and atoms that are left out."""
+    from atc.decomposers import EmbeddedAtom, ManyBody
+
+    return [
+        Tersoff.from_file(POTENTIALS / "Si.tersoff", ["Si", None]),
+        EmbeddedAtom.from_setfl(POTENTIALS / "AlCu.eam.alloy", ["Cu", None]),
+        AxilrodTeller(1.0, 1.0, 1.0),
+        ManyBody("d12 + d13", cutoff=3.0, bodies=3, types=(1, 1, 1)),
+        ManyBody("d12", atoms=np.zeros((0, 2), int)),
+    ]
+
+
+@pytest.mark.parametrize("which", range(5))
+@pytest.mark.parametrize("periodic", [True, False])
+def test_no_atoms_one_atom_and_atoms_left_out(which, periodic):
+    pot = atc.potential(nearly_empty()[which])
+    for x, kind in (([], 1), ([[1.0, 2, 3]], 1), ([[1.0, 2, 3], [2.5, 2, 3], [1, 4, 4]], 2)):
+        frame = Frame(np.reshape(x, (-1, 3)), Cell(np.eye(3) * 10, periodic=(periodic,) * 3), units("metal"), types=np.full(len(x), kind))
+        d = pot.decompose(frame, sources=True, threads=2)
+        assert d.energy == 0.0 and d.n_bonds == 0 and not d.forces_nc.any()
+
+
+def test_sources_do_not_depend_on_threads():
+    frame = diamond(5.2, n=(6, 6, 6), jitter=0.2).frame()
+    pot = atc.potential(Tersoff.from_file(POTENTIALS / "Si.tersoff", ["Si"]))
+    sums = []
+    for threads in (1, 3):
+        d = pot.decompose(frame, sources=True, threads=threads)
+        v = np.random.default_rng(0).normal(size=frame.positions.shape)
+        b = d.bonds
+        # The potential part of the heat flux summed over the box: Σ (v_k · ∂U^(j)/∂x_k) x_jk.
+        a = (b.D_bdc[:, 0] * v[b.j]).sum(1)[:, None] * b.r_bc - (b.D_bdc[:, 1] * v[b.i]).sum(1)[:, None] * b.r_bc
+        sums.append(a.sum(axis=0))
+    np.testing.assert_allclose(sums[0], sums[1], rtol=0, atol=1e-10 * np.abs(a).sum(axis=0).max())
+
+
 def edited(tmp_path, edit):
     path = tmp_path / "edited.tersoff"
     path.write_text(edit((POTENTIALS / "SiC.tersoff").read_text()))
