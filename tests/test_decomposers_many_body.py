@@ -10,9 +10,10 @@ from lammps_oracle import Config, thermal_lattice
 from numba import njit
 
 import atc
-from atc.decomposers.autodiff import batch_source, compiled
+from atc.decomposers.autodiff import compiled
 from atc.decomposers.dihedral import OPLSTorsion
 from atc.decomposers.many_body import ManyBody
+from atc.decomposers.recording import batch_source
 from atc.frame import Cell, Frame, Topology
 from atc.units import units
 
@@ -161,8 +162,13 @@ def test_three_body_sources(partition, periodic):
     smooth = "where(d12 < 4, (4 - d12)**3, 0)*where(d13 < 4, (4 - d13)**3, 0)*(1 + 0.3*d23**2)/50"
     term = ManyBody(smooth, cutoff=4.0, bodies=3, partition=partition)
     sources_are_derivatives(atc.potential(term), frame)
-    if partition == "first":
-        assert "energy to the first atom" in term.describe()
+    before = atc.potential(term).decompose(frame)
+    term.share("first")
+    assert "energy to the first atom" in term.describe()
+    after = atc.potential(term).decompose(frame)
+    assert np.allclose(before.energies_n, after.energies_n) == (partition == "first")
+    assert after.energies_n.sum() == pytest.approx(before.energy, rel=1e-13)
+    np.testing.assert_array_equal(before.forces_nc, after.forces_nc)
 
 
 def test_types_tell_atoms_apart():

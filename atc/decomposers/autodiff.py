@@ -1,27 +1,21 @@
-"""A user's energy function and its exact derivatives as compiled code: run once on symbols, differentiated backwards, printed and compiled.
+"""Recorded arithmetic and its derivatives: what turns a user's energy function into compiled code for energy and gradient.
 
-A function is called once with objects that record what is done to them. The record is differentiated in reverse (one sweep gives the
-derivatives with respect to every argument), common subexpressions are shared, and energy and gradient are printed as one straight piece of Python that
-numba compiles. Nothing is differenced numerically. What can be recorded: arithmetic, powers, numpy's and math's elementary functions, ``abs``,
-``min``, ``max``, ``numpy.where``, loops and helper functions; what cannot: a branch on the value of an argument (``if d < rc``), since only one of its
-sides would be seen. Strings are read without ever being executed, and sympy expressions are taken over node by node.
+A function is called once with `Value`s, which record on a `Tape` what is done to them (`atc.decomposers.recording`). The record is differentiated in reverse
+(one sweep gives the derivatives with respect to every argument), common subexpressions are shared, and energy and gradient are printed as one
+straight piece of Python that numba compiles. Nothing is differenced numerically.
 """
 
 from __future__ import annotations
 
-import ast
 import math
 import operator
-import types
 
 import numpy as np
 
-from ..errors import AtcError
-
-_UNARY = ("exp", "log", "sqrt", "sin", "cos", "tan", "arcsin", "arccos", "arctan", "sinh", "cosh", "tanh", "expm1", "log1p")
-_ERF = ("erf", "erfc")
+UNARY = ("exp", "log", "sqrt", "sin", "cos", "tan", "arcsin", "arccos", "arctan", "sinh", "cosh", "tanh", "expm1", "log1p")
+ERF = ("erf", "erfc")
 _BINARY = {"add": "+", "sub": "-", "mul": "*", "div": "/", "pow": "**"}
-_COMPARE = {"lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "==", "ne": "!="}
+COMPARE = {"lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "==", "ne": "!="}
 
 
 class NotRecorded(Exception):
@@ -75,7 +69,7 @@ class Tape:
                 return self.value(f(*c))
         if op == "neg" and c[0] is not None:
             return self.value(-c[0])
-        if op in _UNARY and c[0] is not None:
+        if op in UNARY and c[0] is not None:
             return self.value(float(getattr(np, op)(c[0])))
         if op in ("add", "mul") and args[0].index > args[1].index:
             args = args[::-1]
@@ -145,7 +139,7 @@ class Value:
         name = _UFUNCS.get(ufunc.__name__)
         if name is None:
             raise NotRecorded(f"numpy.{ufunc.__name__} cannot be differentiated here: use another function, or give gradient=")
-        return _call(self.tape, name, inputs)
+        return call(self.tape, name, inputs)
 
     def __array_function__(self, func, kinds, args, kwargs):
         if func is np.where and len(args) == 3:
@@ -155,7 +149,7 @@ class Value:
         raise NotRecorded(f"numpy.{func.__name__} cannot be differentiated here: use another function, or give gradient=")
 
 
-_UFUNCS = {n: n for n in _UNARY} | {
+_UFUNCS = {n: n for n in UNARY} | {
     "add": "add", "subtract": "sub", "multiply": "mul", "divide": "div", "true_divide": "div", "power": "pow", "float_power": "pow",
     "negative": "neg", "positive": "pos", "absolute": "abs", "fabs": "abs", "square": "square", "reciprocal": "reciprocal", "cbrt": "cbrt",
     "minimum": "minimum", "maximum": "maximum", "fmin": "minimum", "fmax": "maximum", "arctan2": "arctan2", "hypot": "hypot",
@@ -164,7 +158,7 @@ _UFUNCS = {n: n for n in _UNARY} | {
 }  # fmt: skip
 
 
-def _call(tape: Tape, name: str, args):
+def call(tape: Tape, name: str, args):
     if name == "pos":
         return args[0]
     if name == "square":
@@ -178,207 +172,9 @@ def _call(tape: Tape, name: str, args):
     return tape.apply(name, *args)
 
 
-for _name in (*_UNARY, *_ERF):
+for _name in (*UNARY, *ERF):
     # Object arrays call methods of these names.
     setattr(Value, _name, lambda self, op=_name: self.tape.apply(op, self))
-
-
-def _function(op: str, plain):
-    """`plain` for numbers, recorded for anything else."""
-
-    def f(*args):
-        tape = next((a.tape for a in args if isinstance(a, Value)), None)
-        return plain(*args) if tape is None else _call(tape, op, args)
-
-    return f
-
-
-def _fold(op: str, plain):
-    """min and max of several things."""
-
-    def f(*args, **kwargs):
-        if len(args) == 1 and not kwargs:
-            args = tuple(args[0])
-        tape = next((a.tape for a in args if isinstance(a, Value)), None)
-        if tape is None:
-            return plain(*args, **kwargs)
-        out = args[0]
-        for a in args[1:]:
-            out = tape.apply(op, out, a)
-        return out
-
-    return f
-
-
-_MATH_NAMES = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2", "fabs": "abs", "hypot": "hypot", "pow": "pow"}
-_FUNCTIONS = {
-    n: _function(_MATH_NAMES.get(n, n), getattr(math, n)) for n in (*(n for n in _UNARY if hasattr(math, n)), *_ERF, *_MATH_NAMES)
-}
-_REPLACED = {getattr(math, n): f for n, f in _FUNCTIONS.items()} | {min: _fold("minimum", min), max: _fold("maximum", max)}
-_MATH = types.SimpleNamespace(**{n: getattr(math, n) for n in dir(math) if not n.startswith("_")} | _FUNCTIONS)
-
-
-def _recordable(f, done: dict):
-    """A copy of a function (and of those it calls) in which math's functions, min and max can be recorded."""
-    f = getattr(f, "py_func", f)
-    if f is math:
-        return _MATH
-    try:
-        if f in _REPLACED:
-            return _REPLACED[f]
-    except TypeError:
-        return f
-    if not isinstance(f, types.FunctionType) or (f.__module__ or "").split(".")[0] in ("numpy", "scipy", "builtins"):
-        return f
-    if f not in done:
-        names = {"min": min, "max": max} | f.__globals__
-        own = dict(f.__globals__)
-        cells = None if f.__closure__ is None else tuple(types.CellType(_recordable(c.cell_contents, done)) for c in f.__closure__)
-        done[f] = types.FunctionType(f.__code__, own, f.__name__, f.__defaults__, cells)
-        done[f].__kwdefaults__ = f.__kwdefaults__
-        for name in _names_in(f.__code__):
-            if name in names:
-                own[name] = _recordable(names[name], done)
-    return done[f]
-
-
-def _names_in(code) -> set[str]:
-    out = set(code.co_names)
-    for c in code.co_consts:
-        if isinstance(c, types.CodeType):
-            out |= _names_in(c)
-    return out
-
-
-def record(energy, names, parameters, what: str) -> tuple[Tape, Value]:
-    """What a function, a string or a sympy expression does to the arguments called `names`.
-
-    parameters : {name: number} for strings and sympy symbols, or keyword arguments of a function
-
-    Raises
-    ------
-    AtcError that says what cannot be differentiated.
-    """
-    tape = Tape()
-    args = [tape.node("arg", k) for k in range(len(names))]
-    parameters = dict(parameters or {})
-    try:
-        if isinstance(energy, str):
-            out = _from_text(energy, tape, dict(zip(names, args, strict=True)) | parameters)
-        elif type(energy).__module__.split(".")[0] == "sympy":
-            out = _from_sympy(energy, tape, dict(zip(names, args, strict=True)) | parameters)
-        else:
-            out = _recordable(energy, {})(*args, **parameters)
-        return tape, tape.value(out)
-    except NotRecorded as e:
-        raise AtcError(f"{what}: {e}") from None
-    except AtcError:
-        raise
-    except Exception as e:
-        raise AtcError(
-            f"{what}: calling the energy function with {len(names)} distances failed: {type(e).__name__}: {str(e).splitlines()[0] if str(e) else ''}"
-        ) from None
-
-
-def _from_text(text: str, tape: Tape, names: dict):
-    """Evaluate an arithmetic expression: numbers, names, operators, functions, comparisons, ``a if c else b``. Nothing else is accepted."""
-    functions = {n: _function(n, getattr(np, n)) for n in _UNARY} | _FUNCTIONS
-    functions |= {
-        "abs": _function("abs", abs),
-        "min": _REPLACED[min],
-        "max": _REPLACED[max],
-        "where": lambda c, a, b: tape.apply("where", c, a, b),
-    }
-    names = {"pi": math.pi} | names
-    binary = {ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.Div: "div", ast.Pow: "pow"}
-    compare = {ast.Lt: "lt", ast.LtE: "le", ast.Gt: "gt", ast.GtE: "ge", ast.Eq: "eq", ast.NotEq: "ne"}
-
-    def ev(n):
-        if isinstance(n, ast.Constant) and isinstance(n.value, int | float) and not isinstance(n.value, bool):
-            return n.value
-        if isinstance(n, ast.Name):
-            if n.id not in names:
-                raise NotRecorded(f"unknown name {n.id!r} in {text!r}: expected {', '.join(names)}")
-            return names[n.id]
-        if isinstance(n, ast.BinOp) and type(n.op) in binary:
-            return tape.apply(binary[type(n.op)], ev(n.left), ev(n.right))
-        if isinstance(n, ast.UnaryOp) and isinstance(n.op, ast.USub | ast.UAdd):
-            return tape.apply("neg", ev(n.operand)) if isinstance(n.op, ast.USub) else ev(n.operand)
-        if isinstance(n, ast.UnaryOp) and isinstance(n.op, ast.Not):
-            return tape.apply("not", ev(n.operand))
-        if isinstance(n, ast.BoolOp):
-            op = "and" if isinstance(n.op, ast.And) else "or"
-            out = ev(n.values[0])
-            for v in n.values[1:]:
-                out = tape.apply(op, out, ev(v))
-            return out
-        if isinstance(n, ast.Compare) and len(n.ops) == 1 and type(n.ops[0]) in compare:
-            return tape.apply(compare[type(n.ops[0])], ev(n.left), ev(n.comparators[0]))
-        if isinstance(n, ast.IfExp):
-            return tape.apply("where", ev(n.test), ev(n.body), ev(n.orelse))
-        if isinstance(n, ast.Call) and isinstance(n.func, ast.Name) and not n.keywords:
-            if n.func.id not in functions:
-                raise NotRecorded(f"unknown function {n.func.id!r} in {text!r}: expected {', '.join(sorted(functions))}")
-            return functions[n.func.id](*(ev(a) for a in n.args))
-        raise NotRecorded(f"cannot read {ast.unparse(n)!r} in {text!r}: expected an arithmetic expression")
-
-    try:
-        tree = ast.parse(text.strip(), mode="eval")
-    except SyntaxError:
-        raise NotRecorded(f"cannot read {text!r}: expected an arithmetic expression such as 'k*(d12 - r0)**2'") from None
-    return ev(tree.body)
-
-
-def _from_sympy(e, tape: Tape, names: dict):
-    """Node by node; a name that is neither an argument nor a parameter is an error."""
-    renamed = {
-        "asin": "arcsin",
-        "acos": "arccos",
-        "atan": "arctan",
-        "atan2": "arctan2",
-        "Abs": "abs",
-        "And": "and",
-        "Or": "or",
-        "Not": "not",
-    }
-    relations = {
-        "StrictLessThan": "lt",
-        "LessThan": "le",
-        "StrictGreaterThan": "gt",
-        "GreaterThan": "ge",
-        "Equality": "eq",
-        "Unequality": "ne",
-    }
-
-    def ev(n):
-        kind = type(n).__name__
-        if n.is_Symbol:
-            if n.name not in names:
-                raise NotRecorded(f"the symbol {n.name} is neither one of {', '.join(names)} nor in parameters=")
-            return names[n.name]
-        if kind in ("BooleanTrue", "BooleanFalse"):
-            return 1.0 if kind == "BooleanTrue" else 0.0
-        if n.is_number:
-            return float(n)
-        if kind == "Piecewise":
-            out = float("nan")
-            for value, condition in reversed(n.args):
-                c = ev(condition)
-                out = ev(value) if isinstance(c, float) and c else tape.apply("where", c, ev(value), out)
-            return out
-        args = [ev(a) for a in n.args]
-        folded = {"Add": "add", "Mul": "mul", "And": "and", "Or": "or", "Min": "minimum", "Max": "maximum"}.get(kind)
-        if folded:
-            out = args[0]
-            for a in args[1:]:
-                out = tape.apply(folded, out, a)
-            return out
-        op = {"Pow": "pow", "Not": "not"}.get(kind) or relations.get(kind) or renamed.get(kind, kind)
-        if op in (*_UNARY, *_ERF, "pow", "not", "abs", "arctan2", *_COMPARE):
-            return tape.apply(op, *args)
-        raise NotRecorded(f"sympy's {kind} is not supported")
-
-    return ev(e)
 
 
 def gradient(tape: Tape, out: Value, n_args: int) -> list[Value]:
@@ -501,8 +297,8 @@ def source(tape: Tape, out: Value, slopes: list[Value]) -> str:
             text = f"{name(args[0])} ** ({int(c)})" if c == int(c) and abs(c) <= 64 else f"{name(args[0])} ** ({c!r})"
         else:
             n = [name(a) for a in args]
-            if op in _BINARY or op in _COMPARE:
-                text = f"{n[0]} {_BINARY.get(op) or _COMPARE[op]} {n[1]}"
+            if op in _BINARY or op in COMPARE:
+                text = f"{n[0]} {_BINARY.get(op) or COMPARE[op]} {n[1]}"
             elif op == "neg":
                 text = f"-{n[0]}"
             elif op == "weigh":
@@ -519,7 +315,7 @@ def source(tape: Tape, out: Value, slopes: list[Value]) -> str:
                 text = f"{n[0]} if {n[0]} >= {n[1]} else {n[1]}"
             elif op == "abs":
                 text = f"abs({n[0]})"
-            elif op in _ERF:
+            elif op in ERF:
                 text = f"math.{op}({n[0]})"
             else:
                 text = f"np.{op}({', '.join(n)})"
@@ -527,12 +323,6 @@ def source(tape: Tape, out: Value, slopes: list[Value]) -> str:
     lines.append(f"        U[t] = {name(out.index)}")
     lines += [f"        G[t, {k}] = {name(s.index)}" for k, s in enumerate(slopes)]
     return "\n".join(lines) + "\n"
-
-
-def batch_source(energy, names, parameters, what: str) -> str:
-    """The `source` of an energy function and its gradient."""
-    tape, out = record(energy, names, parameters, what)
-    return source(tape, out, gradient(tape, out, len(names)))
 
 
 def compiled(text: str):

@@ -13,10 +13,11 @@ from ..errors import AtcError
 from ..frame import Frame
 from ..units import Units
 from ..units import units as system
-from .autodiff import batch_source, compiled
+from .autodiff import compiled
 from .base import Accumulator, Work
 from .cluster import _NO_D, _NOTHING, ClusterTerm, _cluster_bonds, weights_of
 from .neighborhood import Neighborhood
+from .recording import batch_source
 
 _MOST_BODIES = 6
 _TERMS_PER_TASK = 16384
@@ -25,7 +26,7 @@ _TERMS_PER_TASK = 16384
 class ManyBody(ClusterTerm):
     """Σ U(d12, d13, .., d1K, d23, ..) over tuples of K atoms, 2 ≤ K ≤ 6, U given by the user as a function of the K(K−1)/2 distances.
 
-    G of a distance is (1/d) ∂U/∂d, by automatic differentiation of what the function does (see `atc.decomposers.autodiff`), or by `gradient`.
+    G of a distance is (1/d) ∂U/∂d, by automatic differentiation of what the function does (see `atc.decomposers.recording`), or by `gradient`.
     Whatever can be written this way is invariant under translation, rotation and reflection, and what is invariant can be written this way.
 
     For K ≤ 4 the distances are independent, and the stress that follows is the only one. For K ≥ 5 they are not: 10 distances describe 9 degrees of
@@ -79,7 +80,7 @@ class ManyBody(ClusterTerm):
         self.bodies = k = self._bodies(energy, bodies)
         prefix = "xi" if self.xi else "d"
         self.names = [f"{prefix}{p}{q}" for p, q in combinations(range(1, k + 1), 2)]
-        self.weights, self.shared = weights_of(partition, k, {"first": ((1.0,) + (0.0,) * (k - 1), "energy to the first atom")}, name)
+        self.share(partition)
         self.factor_q = 1.0 / u.length ** (2 if self.xi else 1)
         self.factor_U = u.energy
         self.functions = None
@@ -183,6 +184,21 @@ class ManyBody(ClusterTerm):
 
     def __getstate__(self):
         return {k: v for k, v in self.__dict__.items() if k != "_kernel"}
+
+    @property
+    def part_name(self) -> str:
+        return self.name
+
+    @property
+    def partitions(self) -> dict:
+        # Listed tuples may have their centre anywhere.
+        return {"equal": "equal", "center": "first"} if self.reach and self.bodies == 3 else {"equal": "equal"}
+
+    def share(self, partition) -> None:
+        """From now on share the energy of a tuple like this; see the parameter."""
+        k = self.bodies
+        first = ((1.0,) + (0.0,) * (k - 1), "energy to the first atom")
+        self.weights, self.shared = weights_of(partition, k, {"first": first}, self.name)
 
     def describe(self) -> str:
         tail = "" if self.bodies < 5 else ", extended off the distance constraint as given"
