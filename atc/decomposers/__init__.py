@@ -99,7 +99,7 @@ _STYLE_MODULES = (
 )
 
 
-def potential(source, units=None, *, special_bonds=None, folder=None, name=None):
+def potential(source, units=None, *, special_bonds=None, folder=None, name=None, partition=None):
     """A model of the interactions, ready to decompose frames.
 
     Parameters
@@ -116,6 +116,10 @@ def potential(source, units=None, *, special_bonds=None, folder=None, name=None)
         For LAMMPS lines only: where the files they name are. Default: the current directory.
     name : str, optional
         For LAMMPS lines only: what messages call them.
+    partition : str or dict, optional
+        How the energy is shared among the atoms, which heat flux and churning depend on, and energy, forces and stress do not: ``"equal"``,
+        ``"center"`` or a dict by term such as ``{"sw": "center"}``; see `Potential.partitioned`. Default: ``"equal"`` for LAMMPS lines; objects
+        as they are.
 
     Returns
     -------
@@ -131,6 +135,8 @@ def potential(source, units=None, *, special_bonds=None, folder=None, name=None)
     from .base import Potential, Term
     from .pair import Pairs, PairStyle
 
+    if partition is not None:
+        return potential(source, units, special_bonds=special_bonds, folder=folder, name=name).partitioned(partition)
     if isinstance(source, Potential):
         return source
     if isinstance(source, str | Path):

@@ -7,6 +7,8 @@ U' vanishes at 0 or 180° by its limit, otherwise by no less than 0.001 (as LAMM
 
 from __future__ import annotations
 
+from types import MappingProxyType
+
 import numpy as np
 from numba import njit
 
@@ -16,16 +18,39 @@ from ..frame import Frame
 from .base import Accumulator, Work
 from .bonded import CHUNK, BondedTerm, Images, degrees, energy, length, per_length2, register_bonded
 from .bonded_table import Tables, build_tables
+from .cluster import weights_of
 from .registry import angle_style
 
 # LAMMPS's SMALL: the least sin θ that is divided by.
 _SMALL = 0.001
 
 
-class AngleStyle(BondedTerm):
-    """Base of the angle styles. Subclasses implement `add`."""
+_CENTER = ((0.0, 1.0, 0.0), "energy to the middle atom")
+_SHARES = {"center": _CENTER, "centre": _CENTER}
 
-    kind = "angle"
+
+class AngleStyle(BondedTerm):
+    """Base of the angle styles. Subclasses implement `add`.
+
+    Parameters
+    ----------
+    coeffs, units : see `BondedTerm`
+    partition : how an angle's energy is shared among its atoms: "equal" (a third each, as LAMMPS), "center" (all to the middle atom), or three
+        numbers that add up to 1, in the order of the topology. Stress and total energy do not depend on it; heat flux and churning do.
+    """
+
+    kind = part_name = "angle"
+    partitions = MappingProxyType({"equal": "equal", "center": "center"})
+    weights = np.full(3, 1.0 / 3.0)
+    shared = "energy shared a third to each atom"
+
+    def __init__(self, coeffs, *, units="metal", partition="equal"):
+        super().__init__(coeffs, units=units)
+        self.share(partition)
+
+    def share(self, partition):
+        self.weights, words = weights_of(partition, 3, _SHARES, f"angle {self.name}")
+        self.shared = AngleStyle.shared if isinstance(partition, str) and partition == "equal" else words
 
     def add(self, types, cos, sin, d_bc, U, U_c, G_bc):
         """Fill U and U_c = dU/dcos θ, all (t,). `d_bc` is the distance of the outer atoms, `G_bc` (zeros) a pair force between them.
@@ -34,7 +59,7 @@ class AngleStyle(BondedTerm):
         raise NotImplementedError
 
     def describe(self) -> str:
-        return f"angle {self.name}, energy shared a third to each atom"
+        return f"angle {self.name}, {self.shared}"
 
     def prepare(self, frame: Frame) -> Work:
         return _AngleWork(self, frame)
@@ -68,8 +93,12 @@ class _AngleWork(Work):
         i, j, r, G = np.empty(3 * n, np.int32), np.empty(3 * n, np.int32), np.empty((3 * n, 3)), np.empty(3 * n)
         _assemble(b, a, c, r_b, r_c, cos, U_c, G_bc, i, j, r, G)
         if acc.energies is not None:
-            _share3(b, a, c, U, acc.energies)
-        return Bonds(i, j, r, G)
+            _share3(b, a, c, U, self.term.weights, acc.energies)
+        D = None
+        if acc.sources:
+            D = np.empty((3 * n, 2, 3))
+            _sources3(r, G, self.term.weights, D)
+        return Bonds(i, j, r, G, D)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -110,12 +139,27 @@ def _assemble(b, a, c, r_b, r_c, cos, U_c, G_bc, i, j, r, G):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _share3(b, a, c, U, energies):
+def _share3(b, a, c, U, weights, energies):
     for t in range(len(U)):
-        u = U[t] / 3.0
-        energies[b[t]] += u
-        energies[a[t]] += u
-        energies[c[t]] += u
+        energies[b[t]] += weights[0] * U[t]
+        energies[a[t]] += weights[1] * U[t]
+        energies[c[t]] += weights[2] * U[t]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sources3(r, G, weights, D):
+    """Sources of the bonds b–a, c–a, b–c of every angle: ∂U^(p)/∂x_q = w_p ∂U/∂x_q, and ∂U/∂x from the forces along the bonds."""
+    wb, wa, wc = weights[0], weights[1], weights[2]
+    for t in range(len(G) // 3):
+        p = 3 * t
+        for k in range(3):
+            outer = G[p + 2] * r[p + 2, k]
+            at_b = G[p] * r[p, k] + outer
+            at_c = G[p + 1] * r[p + 1, k] - outer
+            at_a = -at_b - at_c
+            D[p, 0, k], D[p, 1, k] = wb * at_a, wa * at_b
+            D[p + 1, 0, k], D[p + 1, 1, k] = wc * at_a, wa * at_c
+            D[p + 2, 0, k], D[p + 2, 1, k] = wb * at_c, wc * at_b
 
 
 class CosineAngle(AngleStyle):
@@ -242,10 +286,11 @@ class TableAngle(AngleStyle):
 
     name = "table"
 
-    def __init__(self, tables: Tables):
+    def __init__(self, tables: Tables, *, partition="equal"):
         self.tables = tables
         self.units = tables.units
         self.covered = frozenset(tables.types)
+        self.share(partition)
 
     def add(self, types, cos, sin, d_bc, U, U_c, G_bc):
         theta = np.arctan2(sin, cos)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from copy import copy
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -16,12 +17,16 @@ from ..frame import Frame
 from ..neighbors import Workspace
 from ..units import Units, require_compatible, units
 
+#: Words for sharing the energy of a whole potential; see `Potential.partitioned`.
+PARTITIONS = ("equal", "center")
+
 
 @dataclass
 class Decomposition:
     """What a potential says about one frame, in internal units.
 
-    energy : float. energies_n : (n,) or None, each K-body term shared 1/K. forces_nc : (n, 3) or None.
+    energy : float. energies_n : (n,) or None, the atoms' shares U^(j) (each K-body term 1/K, unless `Potential.describe` says otherwise).
+    forces_nc : (n, 3) or None.
     virial_cc : (3, 3) Σ G r⊗r (tension positive; divide by the volume for the potential part of the virial stress).
     bonds : Bonds or None when they were streamed. n_bonds : how many there were.
     notes : counts of guarded singularities and the like, e.g. {"angles clamped near 0 or 180 degrees": 3}
@@ -68,10 +73,15 @@ class Term:
 
     Subclasses set `cutoff` (internal length; 0 for bonded terms) and implement `prepare`. A term whose every bond is a two-body term of its own,
     shared half to each end, sets `pairwise`: its energy sources follow from G. Any other term fills `Bonds.D_bdc` itself when `acc.sources`.
+
+    Terms that can share their energy among their atoms in more than one way set `part_name` (which ``partition={...}`` of `atc.potential` calls them
+    by), `partitions` (what the words ``equal`` and ``center`` mean for them) and implement `share`.
     """
 
     cutoff: float = 0.0
     pairwise: bool = False
+    part_name: str = ""
+    partitions: Mapping[str, str] = MappingProxyType({})
 
     def prepare(self, frame: Frame) -> Work:
         """Check the frame (types, charges, topology), and cut its evaluation into tasks."""
@@ -80,6 +90,42 @@ class Term:
     def describe(self) -> str:
         """One line for the output's `decomposition` attribute."""
         raise NotImplementedError
+
+    def share(self, partition) -> None:
+        """From now on share the energy like this. Raises AtcError for a partition that the term does not know."""
+        raise AtcError(f"partition: {self.describe().split(',')[0]} shares its energy in one way only: leave it out")
+
+    def partitioned(self, partition, word: bool = False) -> Term:
+        """The same term with another partition of its energy. With `word` it is one for a whole potential, which terms that do not know it ignore."""
+        if word:
+            if partition not in self.partitions:
+                return self
+            partition = self.partitions[partition]
+        new = copy(self)
+        new.share(partition)
+        return new
+
+
+class Wrapper(Term):
+    """A term that stands for another one, `term`."""
+
+    term: Term
+
+    @property
+    def pairwise(self) -> bool:
+        return self.term.pairwise
+
+    @property
+    def part_name(self) -> str:
+        return self.term.part_name
+
+    def describe(self) -> str:
+        return self.term.describe()
+
+    def partitioned(self, partition, word: bool = False) -> Term:
+        new = copy(self)
+        new.term = self.term.partitioned(partition, word)
+        return new
 
 
 class Work:
@@ -103,12 +149,14 @@ class Potential:
     ----------
     terms : list of Term
     units : Units the parameters were given in (already converted)
+    remarks : tuple of str, what else `describe` should say
     masses : {type: mass}, internal units, as far as LAMMPS lines (or the data file they read) say
     data_file : Path or None, the file of the script's ``read_data`` line
     """
 
     masses: Mapping[int, float] = MappingProxyType({})
     data_file = None
+    remarks: tuple[str, ...] = ()
 
     def __init__(self, terms, units_: Units | str, description: str = ""):
         self.terms = list(terms)
@@ -123,7 +171,47 @@ class Potential:
         return max(t.cutoff for t in self.terms)
 
     def describe(self) -> str:
-        return self.description or "; ".join(t.describe() for t in self.terms)
+        return self.description or "; ".join([t.describe() for t in self.terms] + list(self.remarks))
+
+    def partitioned(self, partition) -> Potential:
+        """The same potential with its energy shared in another way among the atoms.
+
+        Energy, forces and stress stay what they are; per-atom energies, energy sources, and with them heat flux and churning, change.
+
+        Parameters
+        ----------
+        partition : str or dict
+            ``"equal"``: every term as it does by default, 1/K of a K-body energy to each of its atoms (bond-order energies half to each end of the
+            bond, embedding energies to their own atoms). ``"center"``: Stillinger-Weber triplets and angles to their middle atom, torsions half to
+            each of their two middle atoms, bond-order energies to the atom whose neighbours they depend on; other terms as ``"equal"``.
+            A dict chooses term by term, {"sw": "center", "dihedral": (0, 0.5, 0.5, 0)}; its keys are pair styles (sw, tersoff) and angle,
+            dihedral, improper; terms it does not name stay as they are.
+
+        Raises
+        ------
+        AtcError for an unknown word, a term that is not there or has one partition only.
+        """
+        new = copy(self)
+        if isinstance(partition, str):
+            if partition not in PARTITIONS:
+                raise AtcError(
+                    f"partition {partition!r}: expected {' or '.join(map(repr, PARTITIONS))}, or a dict such as {{'sw': 'center'}}"
+                )
+            new.terms = [t.partitioned(partition, word=True) for t in self.terms]
+        elif isinstance(partition, Mapping):
+            names = [t.part_name for t in self.terms]
+            for key in partition:
+                if key not in names or not key:
+                    known = ", ".join(dict.fromkeys(n for n in names if n))
+                    raise AtcError(
+                        f"partition: the potential has no term {key!r} whose energy could be shared in another way: {f'it has {known}' if known else 'none of its terms could'}"
+                    )
+            new.terms = [t.partitioned(partition[n]) if n in partition else t for t, n in zip(self.terms, names, strict=True)]
+        else:
+            raise AtcError(
+                f"partition must be {' or '.join(map(repr, PARTITIONS))}, or a dict such as {{'sw': 'center'}}, got {partition!r}"
+            )
+        return new
 
     def stream(
         self,
@@ -165,7 +253,9 @@ class Potential:
                 if bonds is not None and len(bonds):
                     acc.add_bonds(bonds)
                     if sources and bonds.D_bdc is None:
-                        bonds.D_bdc = _two_body_sources(term, bonds)
+                        if not term.pairwise:
+                            raise NotImplementedError(f"{term.describe()}: no energy sources")
+                        bonds.D_bdc = two_body_sources(bonds)
                     if consume is not None:
                         consume(bonds, t)
 
@@ -203,12 +293,20 @@ class Potential:
         return d
 
 
-def _two_body_sources(term: Term, bonds: Bonds) -> np.ndarray:
+def two_body_sources(bonds: Bonds) -> np.ndarray:
     """∂U^(i)/∂x_j = −½ G r and ∂U^(j)/∂x_i = +½ G r: half of a two-body energy belongs to each end."""
-    if not term.pairwise:
-        raise NotImplementedError(f"{type(term).__name__} gives no energy sources")
-    half = 0.5 * bonds.G_b[:, None] * bonds.r_bc
-    return np.stack([-half, half], axis=1)
+    D = np.empty((len(bonds), 2, 3))
+    _halves(bonds.r_bc, bonds.G_b, D)
+    return D
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _halves(r, G, D):
+    for b in range(len(G)):
+        g = 0.5 * G[b]
+        for c in range(3):
+            D[b, 0, c] = -g * r[b, c]
+            D[b, 1, c] = g * r[b, c]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -21,6 +21,7 @@ class BondStyle(BondedTerm):
     """Base of the bond styles. Subclasses implement `add`."""
 
     kind = "bond"
+    pairwise = True
 
     def add(self, types, d, U, G):
         """Fill U and G = U'(d)/d of bonds of length d, all (b,). Returns (the first bond that has no energy, or −1; how many are worth a note)."""

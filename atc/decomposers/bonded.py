@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -142,8 +143,21 @@ class HybridTerm(Term):
             t.others = frozenset(silent).union(*(o.covered for o in self.terms if o is not t))
         self.units = self.terms[0].units
 
+    @property
+    def pairwise(self) -> bool:
+        return all(t.pairwise for t in self.terms)
+
+    @property
+    def part_name(self) -> str:
+        return next((t.part_name for t in self.terms if t.part_name), "")
+
     def describe(self) -> str:
         return "; ".join(t.describe() for t in self.terms)
+
+    def partitioned(self, partition, word=False):
+        new = copy(self)
+        new.terms = [t.partitioned(partition, word) for t in self.terms]
+        return new
 
     def prepare(self, frame: Frame) -> Work:
         return _HybridWork([t.prepare(frame) for t in self.terms])

@@ -53,7 +53,19 @@ class FourAtoms(BondedTerm, ClusterTerm):
 
     def __init__(self, coeffs: Mapping | Sequence, *, units: str | Units = "metal", partition="equal"):
         super().__init__(coeffs, units=units)
-        self.weights, self.shared = weights_of(partition, 4, _INNER, self.name)
+        self.share(partition)
+
+    @property
+    def part_name(self) -> str:
+        return self.kind
+
+    @property
+    def partitions(self) -> Mapping[str, str]:
+        # Which atom of an improper is its centre is each model's own convention.
+        return {"equal": "equal", "center": "inner"} if self.kind == "dihedral" else {"equal": "equal"}
+
+    def share(self, partition):
+        self.weights, self.shared = weights_of(partition, 4, _INNER, f"{self.kind} {self.name}")
 
     def describe(self) -> str:
         return f"{self.kind} {self.name}, {self.shared}"
@@ -173,7 +185,7 @@ class NHarmonicTorsion(Torsion):
         u = system(units)
         self.units = u
         self._set({int(t): tuple(u.to_internal("energy", np.atleast_1d(v).astype(float))) for t, v in coeffs.items()})
-        self.weights, self.shared = weights_of(partition, 4, _INNER, self.name)
+        self.share(partition)
 
     def series(self, *A):
         if not A:
@@ -191,7 +203,7 @@ class FourierTorsion(Torsion):
         u = system(units)
         self.units = u
         self._set({int(t): _scaled_fourier(v, u.energy) for t, v in coeffs.items()})
-        self.weights, self.shared = weights_of(partition, 4, _INNER, self.name)
+        self.share(partition)
 
     def series(self, m, *more):
         m = _whole(m, "the number of terms", 1)

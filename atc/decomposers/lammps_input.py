@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import AtcError
 from ..units import LAMMPS_STYLES, Units, units
-from .base import Potential, Term
+from .base import Potential, Term, Wrapper
 from .hybrid import Hybrid, parse_hybrid, strip_suffix
 from .lammps_data_coeffs import take_data_file
 from .lammps_script import Command, is_text, read_commands, read_text
@@ -288,7 +288,8 @@ def _assemble(model: _Model, name: str) -> Potential:
             terms += _bonded_terms(model, model.styles[kind])
     if not terms:
         raise AtcError(f"{name}: no interactions found: expected pair_style or bond_style lines with their coefficients")
-    pot = Potential(terms, model.units, "; ".join([t.describe() for t in terms] + notes))
+    pot = Potential(terms, model.units)
+    pot.remarks = tuple(notes)
     pot.masses = {t: float(model.units.to_internal("mass", m)) for t, m in model.masses.items()}
     pot.data_file = model.data_file
     return pot
@@ -354,14 +355,11 @@ def _pair_terms(build: _PairBuild, special: SpecialBonds) -> list[Term]:
     return terms
 
 
-class _Unweighted(Term):
+class _Unweighted(Wrapper):
     """A many-body pair style: special_bonds would take pairs out of its neighbour list, which it does not offer."""
 
     def __init__(self, term: Term, special: SpecialBonds):
         self.term, self.special, self.cutoff = term, special, term.cutoff
-
-    def describe(self):
-        return self.term.describe()
 
     def prepare(self, frame):
         top = frame.topology
@@ -372,21 +370,28 @@ class _Unweighted(Term):
         return self.term.prepare(frame)
 
 
-class _Growing(Term):
+class _Growing(Wrapper):
     """A bonded term whose coefficient lines end in ``*``: rebuilt when a frame has more types than the lines name."""
 
     def __init__(self, model: _Model, style: _Style, lines, n_types: int):
         self.model, self.style, self.lines, self.n_types = model, style, lines, n_types
+        self.choices = ()
         self.term = self._build(n_types)
         self.cutoff = self.term.cutoff
         self._grown = {}
 
     def _build(self, n_types):
         style = self.style
-        return _builder(style.kind, style.name, style.where)(_input(self.model, style, self.lines, n_types))
+        term = _builder(style.kind, style.name, style.where)(_input(self.model, style, self.lines, n_types))
+        for choice in self.choices:
+            term = term.partitioned(*choice)
+        return term
 
-    def describe(self):
-        return self.term.describe()
+    def partitioned(self, partition, word=False):
+        new = super().partitioned(partition, word)
+        new.choices = (*self.choices, (partition, word))
+        new._grown = {}
+        return new
 
     def prepare(self, frame):
         types = getattr(frame.topology, f"{self.style.kind}_types", ()) if frame.topology is not None else ()

@@ -110,6 +110,8 @@ class Pairs(Term):
     grow : function n_types → list of PairStyle for a frame with more types than `n_types`, or None if there is no more to know
     """
 
+    pairwise = True
+
     def __init__(self, styles, n_types: int, special=None, grow=None):
         self.styles = list(styles)
         self.n_types = n_types

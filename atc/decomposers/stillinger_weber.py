@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import fields
 from itertools import product
+from types import MappingProxyType
 
 import numpy as np
 from numba import njit
@@ -23,7 +24,8 @@ from ..errors import AtcError
 from ..frame import Frame
 from ..neighbors import CellList
 from ..units import Units, units
-from .base import Accumulator, Term, Work
+from .base import Accumulator, Term, Work, two_body_sources
+from .cluster import weights_of
 from .registry import pair_style
 from .sw_file import SWEntry, read_sw_file
 
@@ -32,7 +34,7 @@ class StillingerWeber(Term):
     """U = Σ_pairs A ε [B (σ/d)^p − (σ/d)^q] exp(σ/(d − aσ)) + Σ_triplets λ ε (cos θ − cos θ0)² exp(γσ/(d_ab − aσ)) exp(γσ/(d_ac − aσ)).
 
     Both sums are over distances below aσ (below LAMMPS's shortened cutoff for ``tol`` > 0), where every derivative vanishes; at and beyond it the
-    terms are exactly 0. Half of a pair's energy goes to each end, a third of a triplet's to each of its atoms.
+    terms are exactly 0. Half of a pair's energy goes to each end, a third of a triplet's to each of its atoms (`partition`).
 
     G of a triplet around a, with h the two exponentials and δ = cos θ − cos θ0 (never divided by: δ = 0 is the perfect crystal):
     G_bc = −2 λε h_b h_c δ / (d_ab d_ac), G_ab = 2 λε h_b h_c δ (1/(d_ab d_ac) − cos θ/d_ab²) − λε h_b h_c δ² γσ/(d_ab (d_ab − aσ)²).
@@ -44,6 +46,9 @@ class StillingerWeber(Term):
     units : unit style of epsilon and sigma; the default has eV and Å
     elements : which atom types take part, from type 1: e.g. ``["Si", None]`` leaves out type 2. Default: atoms of every type are this element.
     threebody : False leaves out the triplets (LAMMPS's ``threebody off``)
+    partition : how a triplet's energy is shared among its atoms: "equal" (a third each, as LAMMPS), "center" (all to the atom at the centre), or
+        the centre's share and that of each of the other two, which with it add up to 1: (0.5, 0.25, 0.25). Stress and total energy do not depend
+        on it; heat flux and churning do.
 
     Raises
     ------
@@ -54,28 +59,44 @@ class StillingerWeber(Term):
     Several elements: `from_file`, `from_entries`. Source: Stillinger & Weber, Phys. Rev. B 31, 5262 (1985); R 4.0.150-4.0.155 corrected.
     """
 
+    part_name = "sw"
+    partitions = MappingProxyType({"equal": "equal", "center": "center"})
+
     def __init__(
-        self, epsilon, sigma, a, lam, gamma, costheta0, A, B, p, q, tol=0.0, *, units: str | Units = "metal", elements=None, threebody=True
-    ):
+        self, epsilon, sigma, a, lam, gamma, costheta0, A, B, p, q, tol=0.0, *, units: str | Units = "metal", elements=None, threebody=True,
+        partition="equal",
+    ):  # fmt: skip
         entry = SWEntry(*(float(v) for v in (epsilon, sigma, a, lam, gamma, costheta0, A, B, p, q, tol)))
         name = next((e for e in elements or () if e is not None), "X")
         if elements is not None and len({e for e in elements if e is not None}) > 1:
             raise AtcError(
                 f"{entry.where}: one set of numbers is one element, got {elements}: use StillingerWeber.from_entries for several"
             )
-        self._build({(name, name, name): entry}, elements, units, threebody)
+        self._build({(name, name, name): entry}, elements, units, threebody, partition)
 
     @classmethod
-    def from_entries(cls, entries: dict, elements, *, units: str | Units = "metal", threebody: bool = True) -> StillingerWeber:
+    def from_entries(
+        cls, entries: dict, elements, *, units: str | Units = "metal", threebody: bool = True, partition="equal"
+    ) -> StillingerWeber:
         """Several elements. `entries` maps (elem1, elem2, elem3), elem1 at the centre, to `SWEntry` or dicts of its fields; `elements` names the
         element of each atom type from 1, None for types left out."""
         self = cls.__new__(cls)
-        self._build({tuple(k): v if isinstance(v, SWEntry) else SWEntry(**v) for k, v in entries.items()}, elements, units, threebody)
+        self._build(
+            {tuple(k): v if isinstance(v, SWEntry) else SWEntry(**v) for k, v in entries.items()}, elements, units, threebody, partition
+        )
         return self
 
     @classmethod
     def from_file(
-        cls, path, elements, *, units: str | Units = "metal", threebody: bool = True, least_types: int = 0, where: str = ""
+        cls,
+        path,
+        elements,
+        *,
+        units: str | Units = "metal",
+        threebody: bool = True,
+        partition="equal",
+        least_types: int = 0,
+        where: str = "",
     ) -> StillingerWeber:
         """From a LAMMPS parameter file, e.g. ``StillingerWeber.from_file("Si.sw", ["Si"])``. See `read_sw_file` for its units.
 
@@ -96,9 +117,17 @@ class StillingerWeber(Term):
                 raise AtcError(
                     f"{path}: no entry for {' '.join(triple)}, which {where or 'the list of elements'} needs; a file must have every combination"
                 )
-        return cls.from_entries(entries, elements, units=units, threebody=threebody)
+        return cls.from_entries(entries, elements, units=units, threebody=threebody, partition=partition)
 
-    def _build(self, entries, elements, units_, threebody):
+    def share(self, partition):
+        w, words = weights_of(partition, 3, _SHARES, "sw")
+        if w[1] != w[2]:
+            raise AtcError(f"sw: the two outer atoms of a triplet are equals, so their shares must be, got {partition!r}")
+        self.weights = float(w[0]), float(w[1])
+        self.shared = "a third to each of its atoms" if isinstance(partition, str) and partition == "equal" else words
+
+    def _build(self, entries, elements, units_, threebody, partition):
+        self.share(partition)
         self.units = u = units(units_)
         for triple, e in entries.items():
             for key in fields(SWEntry)[:-1]:
@@ -111,7 +140,7 @@ class StillingerWeber(Term):
         self.elements = elements
         self.names = names
         self.threebody = bool(threebody)
-        #: outer bonds with |G| at or below this are left out. 0 drops what is exactly zero and nothing else.
+        #: outer bonds with |G| at or below this are left out (unless energy sources are wanted). 0 drops what is exactly zero and nothing else.
         self.prune = 0.0
         # Element of each type, from 1; −1 takes no part. An entry 0 for "every type".
         self.element_of_type = (
@@ -169,7 +198,7 @@ class StillingerWeber(Term):
 
     def describe(self) -> str:
         what = "sw " + "-".join(str(n) for n in self.names) if self.elements is not None else "sw"
-        share = "pair energy shared half to each atom, triplet energy a third to each of its atoms; one merged bond a pair, outer b-c bonds apart"
+        share = f"pair energy shared half to each atom, triplet energy {self.shared}; one merged bond a pair, outer b-c bonds apart"
         return f"{what}, {share}" if self.threebody else f"{what} without three-body term, pair energy shared half to each atom"
 
     def prepare(self, frame: Frame) -> Work:
@@ -239,7 +268,10 @@ class _SWWork(Work):
         if term.threebody:
             self.parts[task] = ws.i[:m].copy(), ws.j[:m].copy(), rec[:m], ws.G[:m].copy()
             return None
-        return Bonds(self.atom[ws.i[:m]], self.atom[ws.j[:m]], np.ascontiguousarray(rec[:m, :3]), ws.G[:m])
+        bonds = Bonds(self.atom[ws.i[:m]], self.atom[ws.j[:m]], np.ascontiguousarray(rec[:m, :3]), ws.G[:m])
+        if acc.sources:
+            bonds.D_bdc = two_body_sources(bonds)
+        return bonds
 
     def _join(self, task, acc):
         a, b, rec, G = zip(*self.parts, strict=True)
@@ -247,6 +279,8 @@ class _SWWork(Work):
         self.a, self.b, self.rec, self.G = np.concatenate(a), np.concatenate(b), np.concatenate(rec), np.concatenate(G)
         self.parts = None
         self.G_end = np.zeros((len(self.a), 2))
+        # Slot (pair, end) with the triplet's centre at that end: ∂U^(centre)/∂x_other and ∂U^(other)/∂x_centre.
+        self.S_end = np.zeros((len(self.a), 2, 2, 3)) if acc.sources else None
         self.out_start, self.in_start, self.in_pair = _sw_index(self.a, self.b, len(self.atom))
         self.runs, self.most, self.room = _sw_runs(self.out_start, self.in_start, _TRIPLETS_PER_TASK)
         pairs, join, _, merge = self.stages
@@ -258,23 +292,27 @@ class _SWWork(Work):
         while ws.capacity < self.room:
             ws.grow()
         energies = acc.energies if acc.energies is not None else _NOTHING
+        D = np.empty((self.room, 2, 3)) if acc.sources else None
         m, energy = _sw_triplets(
             s0, s1, self.out_start, self.in_start, self.in_pair, self.a, self.b, self.rec, self.element, term.triplet, self.atom, self.most, term.prune,
-            self.G_end, ws.i, ws.j, ws.r, ws.G, energies,
+            *term.weights, self.G_end, self.S_end, ws.i, ws.j, ws.r, ws.G, D, energies,
         )  # fmt: skip
         acc.energy += energy
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m])
+        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], None if D is None else D[:m])
 
     def _merge(self, task, acc):
         ws = acc.ws
         p0, p1 = self.edges[task], self.edges[task + 1]
         while ws.capacity < p1 - p0:
             ws.grow()
-        m = _sw_merge(p0, p1, self.a, self.b, self.rec, self.G, self.G_end, self.atom, ws.i, ws.j, ws.r, ws.G)
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m])
+        D = np.empty((p1 - p0, 2, 3)) if acc.sources else None
+        m = _sw_merge(p0, p1, self.a, self.b, self.rec, self.G, self.G_end, self.S_end, self.atom, ws.i, ws.j, ws.r, ws.G, D)
+        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], None if D is None else D[:m])
 
 
 _NOTHING = np.zeros(0)
+_CENTER = ((1.0, 0.0, 0.0), "to the atom at its center")
+_SHARES = {"center": _CENTER, "centre": _CENTER}
 # As many as a fresh workspace holds; a dense liquid must not cost memory.
 _TRIPLETS_PER_TASK = 1 << 16
 
@@ -379,18 +417,23 @@ def _sw_runs(out_start, in_start, limit):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _sw_triplets(
-    s0, s1, out_start, in_start, in_pair, a, b, rec, element, table, atom, most, prune, G_end, out_i, out_j, out_r, out_G, energies
-):
-    """All triplets around the atoms s0..s1: G of the arms into G_end (pair, which end is the centre), outer distances to the out arrays."""
+    s0, s1, out_start, in_start, in_pair, a, b, rec, element, table, atom, most, prune, w_centre, w_end, G_end, S_end, out_i, out_j, out_r, out_G, out_D, energies
+):  # fmt: skip
+    """All triplets around the atoms s0..s1: G of the arms into G_end (pair, which end is the centre), outer distances to the out arrays.
+
+    S_end and out_D are None where no sources are wanted: numba then leaves those branches out of the machine code. With U the energy of a triplet
+    and w its atoms' shares, the source of the ordered pair p, q is ∂U^(p)/∂x_q = w_p ∂U/∂x_q.
+    """
     who = np.empty(most, np.int32)
     pair = np.empty(most, np.int64)
     end = np.empty(most, np.int64)
     arm = np.empty((most, 6))  # x_a − x_b, 1/d, h, −dlnh/dξ
     G_arm = np.empty(most)
+    if out_D is not None:
+        S_arm = np.empty((most, 2, 3))
     m = 0
     total = 0.0
     shared = len(energies) > 0
-    third = 1.0 / 3.0
     for s in range(s0, s1):
         k = 0
         for p in range(out_start[s], out_start[s + 1]):
@@ -406,6 +449,8 @@ def _sw_triplets(
             k += 1
         for e in range(k):
             G_arm[e] = 0.0
+            if out_D is not None:
+                S_arm[e] = 0.0
         es = element[s]
         for e in range(k - 1):
             xb, yb, zb, vb, hb, wb = arm[e, 0], arm[e, 1], arm[e, 2], arm[e, 3], arm[e, 4], arm[e, 5]
@@ -424,36 +469,66 @@ def _sw_triplets(
                 delta = cos - table[es, ee, ef, 1]
                 slope = 2.0 * base * delta
                 u = base * delta * delta
-                g_e += slope * (v - cos * vb * vb) - u * wb
-                G_arm[f] += slope * (v - cos * vc * vc) - u * arm[f, 5]
+                g_b = slope * (v - cos * vb * vb) - u * wb
+                g_c = slope * (v - cos * vc * vc) - u * arm[f, 5]
+                g_e += g_b
+                G_arm[f] += g_c
                 g = -slope * v
                 e_e += u
                 if shared:
-                    energies[atom[who[f]]] += third * u
+                    energies[atom[who[f]]] += w_end * u
                 out_i[m], out_j[m] = ib, atom[who[f]]
                 # x_b − x_c through the images that a sees.
                 out_r[m, 0], out_r[m, 1], out_r[m, 2] = xc - xb, yc - yb, zc - zb
                 out_G[m] = g
-                m += 1 if abs(g) > prune else 0
+                if out_D is None:
+                    m += 1 if abs(g) > prune else 0
+                else:
+                    moved = g != 0.0
+                    for c in range(3):
+                        outer = g * out_r[m, c]
+                        at_b = outer - g_b * arm[e, c]
+                        at_c = -outer - g_c * arm[f, c]
+                        at_a = -at_b - at_c
+                        S_arm[e, 0, c] += w_centre * at_b
+                        S_arm[e, 1, c] += w_end * at_a
+                        S_arm[f, 0, c] += w_centre * at_c
+                        S_arm[f, 1, c] += w_end * at_a
+                        out_D[m, 0, c] = w_end * at_c
+                        out_D[m, 1, c] = w_end * at_b
+                        moved = moved or out_D[m, 0, c] != 0.0 or out_D[m, 1, c] != 0.0
+                    m += 1 if moved else 0
             G_arm[e] += g_e
             total += e_e
             if shared:
-                energies[ib] += third * e_e
-                energies[atom[s]] += third * e_e
+                energies[ib] += w_end * e_e
+                energies[atom[s]] += w_centre * e_e
         for e in range(k):
             G_end[pair[e], end[e]] = G_arm[e]
+            if S_end is not None:
+                S_end[pair[e], end[e]] = S_arm[e]
     return m, total
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _sw_merge(p0, p1, a, b, rec, G, G_end, atom, out_i, out_j, out_r, out_G):
+def _sw_merge(p0, p1, a, b, rec, G, G_end, S_end, atom, out_i, out_j, out_r, out_G, out_D):
+    """One bond a pair: the two-body part and what the triplets around both of its ends give."""
     m = 0
     for p in range(p0, p1):
         g = G[p] + G_end[p, 0] + G_end[p, 1]
         out_i[m], out_j[m] = atom[a[p]], atom[b[p]]
         out_r[m, 0], out_r[m, 1], out_r[m, 2] = rec[p, 0], rec[p, 1], rec[p, 2]
         out_G[m] = g
-        m += 1 if g != 0.0 else 0
+        if out_D is None:
+            m += 1 if g != 0.0 else 0
+        else:
+            moved = g != 0.0
+            for c in range(3):
+                half = 0.5 * G[p] * rec[p, c]
+                out_D[m, 0, c] = -half + S_end[p, 0, 0, c] + S_end[p, 1, 1, c]
+                out_D[m, 1, c] = half + S_end[p, 0, 1, c] + S_end[p, 1, 0, c]
+                moved = moved or out_D[m, 0, c] != 0.0 or out_D[m, 1, c] != 0.0
+            m += 1 if moved else 0
     return m
 
 

@@ -7,6 +7,7 @@ G of the arms into slots of their own (one for each end of a pair) and the outer
 from __future__ import annotations
 
 from itertools import product
+from types import MappingProxyType
 
 import numpy as np
 from numba import njit
@@ -26,9 +27,11 @@ from .tersoff_file import TersoffEntry, read_tersoff_file
 _NOTHING = np.zeros(0)
 _NO_S = np.zeros((0, 2, 2, 3))
 _NO_D = np.zeros((0, 2, 3))
+_CENTER = ((1.0, 0.0), "bond-order energy V_ij to its center i")
 _PAIR = {
     "pair": ((0.5, 0.5), "bond-order energy V_ij shared half to each of i and j"),
-    "centre": ((1.0, 0.0), "bond-order energy V_ij to its centre i"),
+    "center": _CENTER,
+    "centre": _CENTER,
 }
 
 
@@ -44,7 +47,7 @@ class Tersoff(Term):
     entries : {(elem1, elem2, elem3): TersoffEntry or dict of its fields}, elem1 at the centre; lengths and energies in `units`
     elements : the element of each atom type from 1, None or "NULL" for types left out; default: all atoms are the first entry's element
     units : the default has eV and Å
-    partition : how V_ij = ½ f_C b_ij f_A, which depends on the neighbours of i, is shared: "pair" (half to i, half to j, as LAMMPS), "centre" (all to
+    partition : how V_ij = ½ f_C b_ij f_A, which depends on the neighbours of i, is shared: "pair" (half to i, half to j, as LAMMPS), "center" (all to
         i), or two numbers that add up to 1. Atoms k that only weaken the bond have no share. Repulsion: half to each. Stress and total energy do not
         depend on it; heat flux and churning do.
 
@@ -52,6 +55,9 @@ class Tersoff(Term):
     -----
     Source: Tersoff, Phys. Rev. B 37, 6991 (1988); 39, 5566 (1989). Parameter files: `from_file`.
     """
+
+    part_name = "tersoff"
+    partitions = MappingProxyType({"equal": "pair", "center": "center"})
 
     def __init__(self, entries: dict, elements=None, *, units: str | Units = "metal", partition="pair"):
         self.units = u = system(units)
@@ -61,11 +67,7 @@ class Tersoff(Term):
                 raise AtcError(f"{e.where}: {wrong}")
         names = [next(iter(entries))[0]] if elements is None else list(dict.fromkeys(e for e in elements if e not in (None, "NULL")))
         self.map = ElementMap(elements, names, "pair_style tersoff")
-        if isinstance(partition, str) and partition == "equal":
-            raise AtcError(
-                "tersoff: partition 'equal': a bond-order term has as many atoms as its bond has neighbours; use 'pair', 'centre' or two numbers"
-            )
-        self.weights, self.shared = weights_of(partition, 2, _PAIR, "tersoff")
+        self.share(partition)
         energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
         m = len(names)
         self.two = np.zeros((m, m, 12))
@@ -109,6 +111,13 @@ class Tersoff(Term):
                     f"{path}: no entry for {' '.join(triple)}, which {where or 'the list of elements'} needs; a file must have every combination"
                 )
         return cls(entries, elements, units=units, partition=partition)
+
+    def share(self, partition):
+        if isinstance(partition, str) and partition == "equal":
+            raise AtcError(
+                "tersoff: partition 'equal': a bond-order term has as many atoms as its bond has neighbours; use 'pair', 'center' or two numbers"
+            )
+        self.weights, self.shared = weights_of(partition, 2, _PAIR, "tersoff")
 
     def describe(self) -> str:
         return f"tersoff{self.map.describe()}, {self.shared}, repulsion half to each atom; one merged bond a pair, outer j-k bonds apart"
