@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from pickle import dumps
 
 import numpy as np
 
@@ -186,7 +187,7 @@ class Grid:
         return cls("atoms", {})
 
     def __eq__(self, other):
-        return isinstance(other, Grid) and self.kind == other.kind and repr(self._) == repr(other._)
+        return isinstance(other, Grid) and self.kind == other.kind and dumps(self._) == dumps(other._)
 
     __hash__ = None
 
