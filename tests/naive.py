@@ -103,29 +103,26 @@ def images(cell, reach):
         yield np.array(k) @ cell.vectors
 
 
-def site_sums(points, cell, kernel_phi, support, x, a):
-    """Σ_j Σ_images a_j φ(x_j + T − x) with `kernel_phi` of one vector."""
-    out = np.zeros((len(points), a.shape[1]))
-    far = support + max((np.linalg.norm(p - q) for p in points for q in x), default=0.0)
-    for T in images(cell, far):
-        for g, p in enumerate(points):
-            for j in range(len(x)):
-                d = x[j] + T - p
-                if d @ d <= (support * 1.0001) ** 2:
-                    out[g] += a[j] * kernel_phi(d)
-    return out
+def site_sums(points, cell, kernel_phi, support, x, a, many=False):
+    """Σ_j Σ_images a_j φ(x_j + T − x). `kernel_phi` takes one vector, or with `many` several."""
+    none = np.zeros_like(x)
+    return bond_sums(points, cell, (lambda d, r: kernel_phi(d)), support, x, none, a, many)
 
 
-def bond_sums(points, cell, kernel_beta, support, x, r, b):
-    """Σ_bonds Σ_images b β: the bond runs from x to x − r."""
+def bond_sums(points, cell, kernel_beta, support, x, r, b, many=False):
+    """Σ_bonds Σ_images b β: the bond runs from x to x − r. `kernel_beta` takes one d and one r, or with `many` several."""
     out = np.zeros((len(points), b.shape[1]))
-    far = support + max(np.linalg.norm(p - q) + np.linalg.norm(v) for p in points for q, v in zip(x, r))
-    for T in images(cell, far):
-        for g, p in enumerate(points):
-            d = x + T - p
-            # Distance from the point to the bond.
-            t = np.clip(np.einsum("bc,bc->b", d, r) / np.maximum(np.einsum("bc,bc->b", r, r), 1e-300), 0, 1)
-            near = np.linalg.norm(d - t[:, None] * r, axis=1) < support * 1.0001
-            for k in np.flatnonzero(near):
-                out[g] += b[k] * kernel_beta(d[k], r[k])
+    length2 = np.maximum(np.einsum("bc,bc->b", r, r), 1e-300)
+    for g, p in enumerate(points):
+        far = support + np.linalg.norm(x - p, axis=1).max() + np.linalg.norm(r, axis=1).max()
+        T = np.array(list(images(cell, far)))
+        d = x[None] + T[:, None] - p
+        # Distance from the point to the bond.
+        t = np.clip(np.einsum("tbc,bc->tb", d, r) / length2, 0, 1)
+        near, bond = np.nonzero(((d - t[..., None] * r) ** 2).sum(-1) < (support * 1.0001) ** 2)
+        if many:
+            out[g] = kernel_beta(d[near, bond], r[bond]) @ b[bond]
+        else:
+            for m, k in zip(near, bond):
+                out[g] += b[k] * kernel_beta(d[m, k], r[k])
     return out

@@ -1,7 +1,7 @@
 """β of many points at once, from buffers: one function per kernel family, all with the same arguments.
 
 Isotropic families get, for every point, its coordinates relative to the bond in units of the bond's length: D along the bond from x_i,
-and (Y, M) across it, p² = Y² + M². `length` is |r|, `R` the piece's cut-off, `c` its coefficients with the normalisation included.
+and (Y, M) across it, p² = Y² + M². `length` is |r|, `R` the piece's cut-off, row `piece` of `c_mk` its coefficients with the normalisation included.
 The other families get the components of d = x_i − x in D, Y, M and the bond vector (r0, r1, r2).
 """
 
@@ -24,12 +24,12 @@ _W5 = tuple(float(x) for x in 0.5 * _GL5[1])
 
 
 @nb.njit(**JIT_FMA)
-def even(n, D, Y, M, length, r0, r1, r2, R, c, out):
+def even(n, D, Y, M, length, r0, r1, r2, R, c_mk, piece, out):
     """c0 + c1 w + c2 w² with w = 1 − ρ²/R²: step, Epanechnikov, quartic."""
     e2 = (R / length) * (R / length)
-    c0 = c[0]
-    c1 = c[1] / e2
-    c2 = c[2] / (e2 * e2)
+    c0 = c_mk[piece, 0]
+    c1 = c_mk[piece, 1] / e2
+    c2 = c_mk[piece, 2] / (e2 * e2)
     for l in range(n):
         d = D[l]
         w = e2 - M[l] * M[l] - Y[l] * Y[l]
@@ -86,11 +86,11 @@ def _atanh_over(S, delta):
 
 
 @nb.njit(**JIT_FMA)
-def cone(n, D, Y, M, length, r0, r1, r2, R, c, out):
+def cone(n, D, Y, M, length, r0, r1, r2, R, c_mk, piece, out):
     """c0 + c1 ρ/R: linear, hardy, tables."""
     e2 = (R / length) * (R / length)
-    c0 = c[0]
-    c1 = c[1] * (length / R)
+    c0 = c_mk[piece, 0]
+    c1 = c_mk[piece, 1] * (length / R)
     for l in range(n):
         d = D[l]
         p2 = M[l] * M[l] + Y[l] * Y[l]
@@ -111,15 +111,15 @@ def cone(n, D, Y, M, length, r0, r1, r2, R, c, out):
 
 
 @nb.njit(**JIT_FMA)
-def radial(n, D, Y, M, length, r0, r1, r2, R, c, out):
+def radial(n, D, Y, M, length, r0, r1, r2, R, c_mk, piece, out):
     """Σ_k c_k (ρ/R)^k, k = 0..4 (kernels.py, `mean_powers`)."""
     e2 = (R / length) * (R / length)
     s = length / R
-    c0 = c[0]
-    c1 = c[1] * s
-    c2 = c[2] * s * s
-    c3 = c[3] * s * s * s
-    c4 = c[4] * s * s * s * s
+    c0 = c_mk[piece, 0]
+    c1 = c_mk[piece, 1] * s
+    c2 = c_mk[piece, 2] * s * s
+    c3 = c_mk[piece, 3] * s * s * s
+    c4 = c_mk[piece, 4] * s * s * s * s
     for l in range(n):
         d = D[l]
         p2 = M[l] * M[l] + Y[l] * Y[l]
@@ -149,10 +149,10 @@ def radial(n, D, Y, M, length, r0, r1, r2, R, c, out):
 
 
 @nb.njit(**JIT_FMA)
-def gaussian(n, D, Y, M, length, r0, r1, r2, R, c, out):
+def gaussian(n, D, Y, M, length, r0, r1, r2, R, c_mk, piece, out):
     """c0 exp(−ρ²/2w²), w = c1. Short bonds by 8 Gauss-Legendre points, where a difference of erf's would cancel (kernels.py)."""
-    s = length / (sqrt(2.0) * c[1])
-    norm = c[0]
+    s = length / (sqrt(2.0) * c_mk[piece, 1])
+    norm = c_mk[piece, 0]
     if s < 1.0:
         for l in range(n):
             d = D[l]
@@ -179,9 +179,9 @@ def _m4(v):
 
 
 @nb.njit(**JIT_FMA)
-def bspline(n, X, Y, Z, length, r0, r1, r2, R, c, out):
+def bspline(n, X, Y, Z, length, r0, r1, r2, R, c_mk, piece, out):
     """c0 Π M4(d_a/h), h = c1: between crossings of knot planes a polynomial of degree 9 along the bond, five Gauss points are exact."""
-    h = c[1]
+    h = c_mk[piece, 1]
     times = np.empty(17)
     r = (r0, r1, r2)
     for l in range(n):
@@ -208,14 +208,14 @@ def bspline(n, X, Y, Z, length, r0, r1, r2, R, c, out):
                 t = times[m] + _X5[q] * width
                 part += _W5[q] * _m4((d[0] - t * r0) / h) * _m4((d[1] - t * r1) / h) * _m4((d[2] - t * r2) / h)
             total += width * part
-        out[l] = c[0] * total
+        out[l] = c_mk[piece, 0] * total
 
 
 @nb.njit(**JIT_FMA)
-def box(n, X, Y, Z, length, r0, r1, r2, R, c, out):
+def box(n, X, Y, Z, length, r0, r1, r2, R, c_mk, piece, out):
     """c0 inside the half-open box of edges c1, c2, c3: the share of the bond between three pairs of planes."""
     r = (r0, r1, r2)
-    half = (0.5 * c[1], 0.5 * c[2], 0.5 * c[3])
+    half = (0.5 * c_mk[piece, 1], 0.5 * c_mk[piece, 2], 0.5 * c_mk[piece, 3])
     for l in range(n):
         d = (X[l], Y[l], Z[l])
         lo = 0.0
@@ -228,4 +228,4 @@ def box(n, X, Y, Z, length, r0, r1, r2, R, c, out):
                 hi = min(hi, max(t1, t2))
             elif not (-half[a] <= d[a] < half[a]):
                 lo = 2.0
-        out[l] = c[0] * (hi - lo) if hi > lo else 0.0
+        out[l] = c_mk[piece, 0] * (hi - lo) if hi > lo else 0.0

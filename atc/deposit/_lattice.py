@@ -25,8 +25,10 @@ CARTESIAN = False
 
 
 @nb.njit(**JIT_FMA)
-def chords(n, D_j, Y_j, M_j, E2, D2, Y2, k_lo, k_hi, first_j, count_j):
-    """First point and number of points of each row inside the capsule.
+def chords(n, D_j, Y_j, M_j, E2, D2, Y2, k_lo, k_hi, base2, n2, wrap2, first_j, count_j, at_j, keep_j):
+    """First point and number of points of each row inside the capsule, and where in the row of the accumulator that is.
+
+    `keep_j` gets the rows that have any. Returns how many those are, and the number of points.
 
     A row is (D + k D2, Y + k Y2, M) in units of the bond's length, the bond from (0, 0, 0) to (1, 0, 0), E2 the radius squared.
     The capsule is the union of a cylinder and two spheres and convex: the chord runs from the least to the greatest of their ends.
@@ -39,6 +41,9 @@ def chords(n, D_j, Y_j, M_j, E2, D2, Y2, k_lo, k_hi, first_j, count_j):
     inverse_D = 1.0 / (D2 if abs(D2) > tiny else tiny)
     inverse_Y = 1.0 / (Y2 if abs(Y2) > tiny else tiny)
     half_Y = abs(inverse_Y)
+    # An open row is a periodic one that is never left.
+    period = float(n2) if wrap2 else 1e18
+    inverse_period = 1.0 / period
     for j in range(n):
         D = D_j[j]
         Y = Y_j[j]
@@ -86,6 +91,199 @@ def chords(n, D_j, Y_j, M_j, E2, D2, Y2, k_lo, k_hi, first_j, count_j):
         hi = np.floor(hi if met else -1.0)
         first_j[j] = lo
         count_j[j] = hi - lo + 1.0
+        lo += base2
+        at_j[j] = lo - period * np.floor(lo * inverse_period)
+    kept = 0
+    points = 0
+    for j in range(n):
+        count = int(count_j[j])
+        keep_j[kept] = j
+        kept += count > 0
+        points += count
+    return kept, points
+
+
+@nb.njit(**JIT_FMA)
+def frame(r0, r1, r2, step_ac, frame_cc):
+    """Rows n, u, v: orthonormal, n along the bond, v normal to the row's direction too, so that v·d is the same all along a row."""
+    if r0 == 0.0 and r1 == 0.0 and r2 == 0.0:
+        nx, ny, nz = 1.0, 0.0, 0.0
+    else:
+        t = 1.0 / sqrt(r0 * r0 + r1 * r1 + r2 * r2)
+        nx, ny, nz = r0 * t, r1 * t, r2 * t
+    sx, sy, sz = step_ac[2, 0], step_ac[2, 1], step_ac[2, 2]
+    vx, vy, vz = ny * sz - nz * sy, nz * sx - nx * sz, nx * sy - ny * sx
+    if vx * vx + vy * vy + vz * vz < 1e-28 * (sx * sx + sy * sy + sz * sz):
+        if abs(nx) < 0.6:
+            vx, vy, vz = 0.0, nz, -ny
+        else:
+            vx, vy, vz = -nz, 0.0, nx
+    t = 1.0 / sqrt(vx * vx + vy * vy + vz * vz)
+    vx, vy, vz = vx * t, vy * t, vz * t
+    # Once more against n: nearly parallel vectors leave a cross product of few digits.
+    t = vx * nx + vy * ny + vz * nz
+    vx, vy, vz = vx - t * nx, vy - t * ny, vz - t * nz
+    t = 1.0 / sqrt(vx * vx + vy * vy + vz * vz)
+    vx, vy, vz = vx * t, vy * t, vz * t
+    frame_cc[0, 0] = nx
+    frame_cc[0, 1] = ny
+    frame_cc[0, 2] = nz
+    frame_cc[1, 0] = vy * nz - vz * ny
+    frame_cc[1, 1] = vz * nx - vx * nz
+    frame_cc[1, 2] = vx * ny - vy * nx
+    frame_cc[2, 0] = vx
+    frame_cc[2, 1] = vy
+    frame_cc[2, 2] = vz
+
+
+@nb.njit(**JIT_FMA)
+def rows_of_planes(i, i_hi, j_lo, width, base0, base1, n0, n1, wrap0, wrap1, map_4c, D_j, Y_j, M_j, row_j):
+    """Bond coordinates of the rows of planes i, i+1, .. (as many as the buffers hold; nearly always all), and the rows' numbers.
+
+    Returns the number of rows and the first plane left out.
+    """
+    rows = 0
+    while i <= i_hi and rows + width <= len(row_j):
+        at0 = base0 + i
+        if wrap0:
+            at0 %= n0
+        at1 = base1 + j_lo
+        if wrap1:
+            at1 %= n1
+        D = map_4c[3, 0] + i * map_4c[0, 0] + j_lo * map_4c[1, 0]
+        Y = map_4c[3, 1] + i * map_4c[0, 1] + j_lo * map_4c[1, 1]
+        M = map_4c[3, 2] + i * map_4c[0, 2] + j_lo * map_4c[1, 2]
+        D1, Y1, M1 = map_4c[1, 0], map_4c[1, 1], map_4c[1, 2]
+        for j in range(width):
+            D_j[rows + j] = D + j * D1
+            Y_j[rows + j] = Y + j * Y1
+            M_j[rows + j] = M + j * M1
+            row_j[rows + j] = at0 * n1 + at1
+            at1 += 1
+            if wrap1 and at1 == n1:
+                at1 = 0
+        rows += width
+        i += 1
+    return rows, i
+
+
+@nb.njit(**JIT_FMA)
+def next_runs(state, kept, most, n2, wrap2, ext, stride, D2, Y2, D_j, Y_j, M_j, first_j, count_j, at_j, row_j, keep_j, D, Y, M, to_run):
+    """Write the points of the chords to the buffers D, Y, M in runs of four, and where each run goes in the accumulator.
+
+    `state` (next of the kept rows, next point, where it goes, points left of the current row) is carried on when the buffers are full.
+    Returns the number of runs.
+    """
+    next_, k, at, left = state[0], state[1], state[2], state[3]
+    room = len(to_run) - 4
+    # Up to three runs a row are written whether they are needed or not: cheaper than a branch that cannot be predicted.
+    always = 2
+    runs = 0
+    while runs < room:
+        if left <= 0:
+            if next_ == kept:
+                break
+            j = keep_j[next_]
+            k = int(first_j[j])
+            at = int(at_j[j])
+            left = int(count_j[j])
+            next_ += 1
+        else:
+            j = keep_j[next_ - 1]
+            if wrap2:
+                at %= n2
+        more = min(min((left + 3) >> 2, (ext - at) >> 2), room - runs)
+        to = row_j[j] * stride + at
+        Dk = D_j[j] + k * D2
+        Yk = Y_j[j] + k * Y2
+        Mk = M_j[j]
+        for q in range(max(more, always)):
+            to_run[runs + q] = to + 4 * q
+            ramp4(D, 4 * (runs + q), Dk + 4 * q * D2, D2)
+            ramp4(Y, 4 * (runs + q), Yk + 4 * q * Y2, Y2)
+            ramp4(M, 4 * (runs + q), Mk, 0.0)
+        runs += more
+        left -= 4 * more
+        k += 4 * more
+        at += 4 * more
+    state[0] = next_
+    state[1] = k
+    state[2] = at
+    state[3] = left
+    return runs
+
+
+@nb.njit(**JIT_FMA)
+def add_runs(acc, to_run, runs, ext, b_bk, b, beta):
+    """acc[run, component] += b β for every run of four."""
+    n_comp = b_bk.shape[1]
+    if n_comp == 6:
+        b0, b1, b2 = b_bk[b, 0], b_bk[b, 1], b_bk[b, 2]
+        b3, b4, b5 = b_bk[b, 3], b_bk[b, 4], b_bk[b, 5]
+        for q in range(runs):
+            to = to_run[q]
+            axpy4(acc, to, b0, beta, 4 * q)
+            axpy4(acc, to + ext, b1, beta, 4 * q)
+            axpy4(acc, to + 2 * ext, b2, beta, 4 * q)
+            axpy4(acc, to + 3 * ext, b3, beta, 4 * q)
+            axpy4(acc, to + 4 * ext, b4, beta, 4 * q)
+            axpy4(acc, to + 5 * ext, b5, beta, 4 * q)
+    else:
+        for q in range(runs):
+            for c in range(n_comp):
+                axpy4(acc, to_run[q] + c * ext, b_bk[b, c], beta, 4 * q)
+
+
+@nb.njit(**JIT_FMA)
+def images(x_nc, at, r_bc, b, support, image_a, inverse_ca, region_2a, lo_a, hi_a):
+    """The range of periodic images of a bond that can reach the lattice, along each axis of the cell. Returns their number."""
+    for a in range(3):
+        if image_a[a]:
+            h0, h1, h2 = inverse_ca[0, a], inverse_ca[1, a], inverse_ca[2, a]
+            start = x_nc[at, 0] * h0 + x_nc[at, 1] * h1 + x_nc[at, 2] * h2
+            end = start - (r_bc[b, 0] * h0 + r_bc[b, 1] * h1 + r_bc[b, 2] * h2)
+            reach = support * sqrt(h0 * h0 + h1 * h1 + h2 * h2) + 1e-9
+            lo_a[a] = ceil(region_2a[0, a] - reach - max(start, end))
+            hi_a[a] = floor(region_2a[1, a] + reach - min(start, end))
+    return max(0, hi_a[0] - lo_a[0] + 1) * max(0, hi_a[1] - lo_a[1] + 1) * max(0, hi_a[2] - lo_a[2] + 1)
+
+
+@nb.njit(**JIT_FMA)
+def nearest(x_nc, at, image, lo_a, hi_a, period_ac, offset_c, step_ac, inverse_ca, d_c, f_a, base_a):
+    """The lattice point nearest to an image of x: its index, d = x − point, and d in lattice coordinates."""
+    span1 = hi_a[1] - lo_a[1] + 1
+    span2 = hi_a[2] - lo_a[2] + 1
+    g0 = lo_a[0] + image // (span1 * span2)
+    g1 = lo_a[1] + image // span2 % span1
+    g2 = lo_a[2] + image % span2
+    for c in range(3):
+        d_c[c] = x_nc[at, c] - offset_c[c] + g0 * period_ac[0, c] + g1 * period_ac[1, c] + g2 * period_ac[2, c]
+    for a in range(3):
+        f = d_c[0] * inverse_ca[0, a] + d_c[1] * inverse_ca[1, a] + d_c[2] * inverse_ca[2, a]
+        base_a[a] = floor(f + 0.5)
+        f_a[a] = f - base_a[a]
+    for c in range(3):
+        d_c[c] -= base_a[0] * step_ac[0, c] + base_a[1] * step_ac[1, c] + base_a[2] * step_ac[2, c]
+
+
+@nb.njit(**JIT_FMA)
+def in_frame(d_c, step_ac, frame_cc, length, map_4c):
+    """d of the nearest point (row 3) and its change from one point to the next (rows 0-2), in the bond's frame and unit of length."""
+    t = 1.0 / length
+    for c in range(3):
+        for a in range(3):
+            map_4c[a, c] = -t * (step_ac[a, 0] * frame_cc[c, 0] + step_ac[a, 1] * frame_cc[c, 1] + step_ac[a, 2] * frame_cc[c, 2])
+        map_4c[3, c] = t * (d_c[0] * frame_cc[c, 0] + d_c[1] * frame_cc[c, 1] + d_c[2] * frame_cc[c, 2])
+
+
+@nb.njit(**JIT_FMA)
+def to_cartesian(n, D, Y, M, length, frame_cc):
+    """From the bond's frame back to x, y, z."""
+    for l in range(n):
+        d, y, m = D[l] * length, Y[l] * length, M[l] * length
+        D[l] = d * frame_cc[0, 0] + y * frame_cc[1, 0] + m * frame_cc[2, 0]
+        Y[l] = d * frame_cc[0, 1] + y * frame_cc[1, 1] + m * frame_cc[2, 1]
+        M[l] = d * frame_cc[0, 2] + y * frame_cc[1, 2] + m * frame_cc[2, 2]
 
 
 def lattice_bonds(
@@ -107,63 +305,53 @@ def lattice_bonds(
     acc,  # flat: rows × components × ext
     ext,
     lane_4l,  # buffers: D, Y, M, β of the points of one bond
-    row_5j,  # buffers: D, Y, M, first point and number of points of each row
-    index_2j,  # buffers: which row of the accumulator; where each run of four goes in it
+    row_6j,  # buffers: D, Y, M, first point, number of points and place of each row
+    index_3j,  # buffers: which row of the accumulator; the rows that are met; where each run of four goes
 ):
     """Σ_b b β at every point, added to `acc`. Returns the number of (bond, point) pairs visited."""
     n0, n1, n2 = shape_a[0], shape_a[1], shape_a[2]
     wrap0, wrap1, wrap2 = wrap_a[0], wrap_a[1], wrap_a[2]
     any_image = image_a[0] or image_a[1] or image_a[2]
-    s00, s01, s02 = step_ac[0, 0], step_ac[0, 1], step_ac[0, 2]
-    s10, s11, s12 = step_ac[1, 0], step_ac[1, 1], step_ac[1, 2]
-    s20, s21, s22 = step_ac[2, 0], step_ac[2, 1], step_ac[2, 2]
+    row_step = sqrt(step_ac[2, 0] ** 2 + step_ac[2, 1] ** 2 + step_ac[2, 2] ** 2)
     # How far a ball of radius 1 reaches in lattice coordinates.
     reach0 = sqrt(inverse_ca[0, 0] ** 2 + inverse_ca[1, 0] ** 2 + inverse_ca[2, 0] ** 2)
     reach1 = sqrt(inverse_ca[0, 1] ** 2 + inverse_ca[1, 1] ** 2 + inverse_ca[2, 1] ** 2)
-    n_comp = b_bk.shape[1]
+    stride = b_bk.shape[1] * ext
+    D = lane_4l[0]
+    Y = lane_4l[1]
+    M = lane_4l[2]
+    beta = lane_4l[3]
+    D_j = row_6j[0]
+    Y_j = row_6j[1]
+    M_j = row_6j[2]
+    first_j = row_6j[3]
+    count_j = row_6j[4]
+    at_j = row_6j[5]
+    row_j = index_3j[0]
+    keep_j = index_3j[1]
+    to_run = index_3j[2, : len(D) // 4]
     visits = 0
-    D, Y, M, beta = lane_4l[0], lane_4l[1], lane_4l[2], lane_4l[3]
-    D_j, Y_j, M_j, first_j, count_j = row_5j[0], row_5j[1], row_5j[2], row_5j[3], row_5j[4]
-    row_j, to_run = index_2j[0], index_2j[1]
-    rows_max = row_5j.shape[1]
-    runs_max = lane_4l.shape[1] // 4
     lo_a = np.zeros(3, np.int64)
     hi_a = np.zeros(3, np.int64)
+    base_a = np.zeros(3, np.int64)
+    state = np.zeros(4, np.int64)
+    d_c = np.zeros(3)
+    f_a = np.zeros(3)
+    frame_cc = np.zeros((3, 3))
+    map_4c = np.zeros((4, 3))
     for b in range(len(r_bc)):
-        at = i_b[b]
         r0, r1, r2 = r_bc[b, 0], r_bc[b, 1], r_bc[b, 2]
         true_length = sqrt(r0 * r0 + r1 * r1 + r2 * r2)
+        e0 = r0 * inverse_ca[0, 0] + r1 * inverse_ca[1, 0] + r2 * inverse_ca[2, 0]
+        e1 = r0 * inverse_ca[0, 1] + r1 * inverse_ca[1, 1] + r2 * inverse_ca[2, 1]
+        frame(r0, r1, r2, step_ac, frame_cc)
+        n_images = 1
         if any_image:
-            for a in range(3):
-                if image_a[a]:
-                    h0, h1, h2 = period_inverse_ca[0, a], period_inverse_ca[1, a], period_inverse_ca[2, a]
-                    start = x_nc[at, 0] * h0 + x_nc[at, 1] * h1 + x_nc[at, 2] * h2
-                    end = start - (r0 * h0 + r1 * h1 + r2 * h2)
-                    reach = radii_m[0] * sqrt(h0 * h0 + h1 * h1 + h2 * h2) + 1e-9
-                    lo_a[a] = ceil(region_2a[0, a] - reach - max(start, end))
-                    hi_a[a] = floor(region_2a[1, a] + reach - min(start, end))
-        span1 = hi_a[1] - lo_a[1] + 1
-        span2 = hi_a[2] - lo_a[2] + 1
-        n_images = max(0, hi_a[0] - lo_a[0] + 1) * max(0, span1) * max(0, span2)
+            n_images = images(x_nc, i_b[b], r_bc, b, radii_m[0], image_a, period_inverse_ca, region_2a, lo_a, hi_a)
         for image in range(n_images):
-            g0 = lo_a[0] + image // (span1 * span2)
-            g1 = lo_a[1] + image // span2 % span1
-            g2 = lo_a[2] + image % span2
-            x0 = x_nc[at, 0] - offset_c[0] + g0 * period_ac[0, 0] + g1 * period_ac[1, 0] + g2 * period_ac[2, 0]
-            x1 = x_nc[at, 1] - offset_c[1] + g0 * period_ac[0, 1] + g1 * period_ac[1, 1] + g2 * period_ac[2, 1]
-            x2 = x_nc[at, 2] - offset_c[2] + g0 * period_ac[0, 2] + g1 * period_ac[1, 2] + g2 * period_ac[2, 2]
-            # The lattice point nearest to x_i; everything below is relative to it.
-            f0 = x0 * inverse_ca[0, 0] + x1 * inverse_ca[1, 0] + x2 * inverse_ca[2, 0]
-            f1 = x0 * inverse_ca[0, 1] + x1 * inverse_ca[1, 1] + x2 * inverse_ca[2, 1]
-            f2 = x0 * inverse_ca[0, 2] + x1 * inverse_ca[1, 2] + x2 * inverse_ca[2, 2]
-            base0, base1, base2 = floor(f0 + 0.5), floor(f1 + 0.5), floor(f2 + 0.5)
-            d0 = x0 - (base0 * s00 + base1 * s10 + base2 * s20)
-            d1 = x1 - (base0 * s01 + base1 * s11 + base2 * s21)
-            d2 = x2 - (base0 * s02 + base1 * s12 + base2 * s22)
-            f0 -= base0
-            f1 -= base1
-            e0 = f0 - (r0 * inverse_ca[0, 0] + r1 * inverse_ca[1, 0] + r2 * inverse_ca[2, 0])
-            e1 = f1 - (r0 * inverse_ca[0, 1] + r1 * inverse_ca[1, 1] + r2 * inverse_ca[2, 1])
+            # Everything below is relative to the lattice point nearest to x_i.
+            nearest(x_nc, i_b[b], image, lo_a, hi_a, period_ac, offset_c, step_ac, inverse_ca, d_c, f_a, base_a)
+            base0, base1, base2 = base_a[0], base_a[1], base_a[2]
             if wrap0:
                 base0 %= n0
             if wrap1:
@@ -174,130 +362,37 @@ def lattice_bonds(
             k_hi = 1e18 if wrap2 else float(n2 - 1 - base2)
             for m in range(len(radii_m)):
                 R = radii_m[m]
-                # Orthonormal frame (n, u, v): n along the bond, v normal to the row, so that v·d is the same all along a row.
-                length = true_length
-                if length < 1e-30 * R:
-                    length = 1e-30 * R
-                    nx, ny, nz = 1.0, 0.0, 0.0
-                else:
-                    nx, ny, nz = r0 / length, r1 / length, r2 / length
-                vx, vy, vz = ny * s22 - nz * s21, nz * s20 - nx * s22, nx * s21 - ny * s20
-                if vx * vx + vy * vy + vz * vz < 1e-28 * (s20 * s20 + s21 * s21 + s22 * s22):
-                    if abs(nx) < 0.6:
-                        vx, vy, vz = 0.0, nz, -ny
-                    else:
-                        vx, vy, vz = -nz, 0.0, nx
-                t = 1.0 / sqrt(vx * vx + vy * vy + vz * vz)
-                vx, vy, vz = vx * t, vy * t, vz * t
-                # Once more against n: nearly parallel vectors leave a cross product of few digits.
-                t = vx * nx + vy * ny + vz * nz
-                vx, vy, vz = vx - t * nx, vy - t * ny, vz - t * nz
-                t = 1.0 / sqrt(vx * vx + vy * vy + vz * vz)
-                vx, vy, vz = vx * t, vy * t, vz * t
-                ux, uy, uz = vy * nz - vz * ny, vz * nx - vx * nz, vx * ny - vy * nx
-                t = 1.0 / length
-                E2 = (R * t) * (R * t)
-                # d of the nearest point, and its change from one point to the next, in this frame and in units of the bond's length.
-                D00 = (d0 * nx + d1 * ny + d2 * nz) * t
-                Y00 = (d0 * ux + d1 * uy + d2 * uz) * t
-                M00 = (d0 * vx + d1 * vy + d2 * vz) * t
-                D0 = -(s00 * nx + s01 * ny + s02 * nz) * t
-                Y0 = -(s00 * ux + s01 * uy + s02 * uz) * t
-                M0 = -(s00 * vx + s01 * vy + s02 * vz) * t
-                D1 = -(s10 * nx + s11 * ny + s12 * nz) * t
-                Y1 = -(s10 * ux + s11 * uy + s12 * uz) * t
-                M1 = -(s10 * vx + s11 * vy + s12 * vz) * t
-                D2 = -(s20 * nx + s21 * ny + s22 * nz) * t
-                Y2 = -(s20 * ux + s21 * uy + s22 * uz) * t
-                i = ceil(min(f0, e0) - R * reach0 - 1e-9)
-                i_hi = floor(max(f0, e0) + R * reach0 + 1e-9)
-                j_lo = ceil(min(f1, e1) - R * reach1 - 1e-9)
-                j_hi = floor(max(f1, e1) + R * reach1 + 1e-9)
+                length = max(true_length, 1e-30 * R)
+                in_frame(d_c, step_ac, frame_cc, length, map_4c)
+                i = ceil(f_a[0] - max(e0, 0.0) - R * reach0 - 1e-9)
+                i_hi = floor(f_a[0] - min(e0, 0.0) + R * reach0 + 1e-9)
+                j_lo = ceil(f_a[1] - max(e1, 0.0) - R * reach1 - 1e-9)
+                j_hi = floor(f_a[1] - min(e1, 0.0) + R * reach1 + 1e-9)
                 if not wrap0:
                     i = max(i, -base0)
                     i_hi = min(i_hi, n0 - 1 - base0)
                 if not wrap1:
                     j_lo = max(j_lo, -base1)
                     j_hi = min(j_hi, n1 - 1 - base1)
-                width = j_hi - j_lo + 1
-                if width <= 0:
-                    continue
-                while i <= i_hi:
-                    # As many planes of rows as the buffers hold; nearly always all of them.
-                    rows = 0
-                    while i <= i_hi and rows + width <= rows_max:
-                        at0 = base0 + i
-                        if wrap0:
-                            at0 %= n0
-                        at1 = base1 + j_lo
-                        if wrap1:
-                            at1 %= n1
-                        Di, Yi, Mi = D00 + i * D0 + j_lo * D1, Y00 + i * Y0 + j_lo * Y1, M00 + i * M0 + j_lo * M1
-                        for j in range(width):
-                            D_j[rows + j] = Di + j * D1
-                            Y_j[rows + j] = Yi + j * Y1
-                            M_j[rows + j] = Mi + j * M1
-                            row_j[rows + j] = at0 * n1 + at1
-                            at1 += 1
-                            if wrap1 and at1 == n1:
-                                at1 = 0
-                        rows += width
-                        i += 1
-                    chords(rows, D_j, Y_j, M_j, E2, D2, Y2, k_lo, k_hi, first_j, count_j)
-                    row = 0
-                    k = 0
-                    left = 0
-                    while row < rows or left > 0:
-                        runs = 0
-                        while runs < runs_max:
-                            if left <= 0:
-                                if row == rows:
-                                    break
-                                k = int(first_j[row])
-                                left = int(count_j[row])
-                                visits += left
-                                row += 1
-                                if left <= 0:
-                                    continue
-                            at2 = base2 + k
-                            if wrap2 and (at2 < 0 or at2 >= n2):
-                                at2 %= n2
-                            more = min(min((left + 3) >> 2, (ext - at2) >> 2), runs_max - runs)
-                            to = row_j[row - 1] * n_comp * ext + at2
-                            Dk = D_j[row - 1] + k * D2
-                            Yk = Y_j[row - 1] + k * Y2
-                            Mk = M_j[row - 1]
-                            for _ in range(more):
-                                to_run[runs] = to
-                                ramp4(D, 4 * runs, Dk, D2)
-                                ramp4(Y, 4 * runs, Yk, Y2)
-                                ramp4(M, 4 * runs, Mk, 0.0)
-                                runs += 1
-                                to += 4
-                                Dk += 4.0 * D2
-                                Yk += 4.0 * Y2
-                            left -= 4 * more
-                            k += 4 * more
+                most = int((2.0 * R + true_length) / row_step) // 4 + 1
+                while i <= i_hi and j_lo <= j_hi:
+                    rows, i = rows_of_planes(i, i_hi, j_lo, j_hi - j_lo + 1, base0, base1, n0, n1, wrap0, wrap1, map_4c, D_j, Y_j, M_j, row_j)
+                    kept, points = chords(
+                        rows, D_j, Y_j, M_j, (R / length) ** 2, map_4c[2, 0], map_4c[2, 1], k_lo, k_hi,
+                        base2, n2, wrap2, first_j, count_j, at_j, keep_j,
+                    )  # fmt: skip
+                    visits += points
+                    state[0] = 0
+                    state[3] = 0
+                    while True:
+                        runs = next_runs(
+                            state, kept, most, n2, wrap2, ext, stride, map_4c[2, 0], map_4c[2, 1],
+                            D_j, Y_j, M_j, first_j, count_j, at_j, row_j, keep_j, D, Y, M, to_run,
+                        )  # fmt: skip
+                        if runs == 0:
+                            break
                         if CARTESIAN:
-                            # These kernels want d itself, not the bond's frame.
-                            for l in range(4 * runs):
-                                cD, cY, cM = D[l] * length, Y[l] * length, M[l] * length
-                                D[l] = cD * nx + cY * ux + cM * vx
-                                Y[l] = cD * ny + cY * uy + cM * vy
-                                M[l] = cD * nz + cY * uz + cM * vz
-                        BETA(4 * runs, D, Y, M, length, r0, r1, r2, R, coef_mk[m], beta)
-                        if n_comp == 6:
-                            b0, b1, b2, b3, b4, b5 = b_bk[b, 0], b_bk[b, 1], b_bk[b, 2], b_bk[b, 3], b_bk[b, 4], b_bk[b, 5]
-                            for q in range(runs):
-                                to = to_run[q]
-                                axpy4(acc, to, b0, beta, 4 * q)
-                                axpy4(acc, to + ext, b1, beta, 4 * q)
-                                axpy4(acc, to + 2 * ext, b2, beta, 4 * q)
-                                axpy4(acc, to + 3 * ext, b3, beta, 4 * q)
-                                axpy4(acc, to + 4 * ext, b4, beta, 4 * q)
-                                axpy4(acc, to + 5 * ext, b5, beta, 4 * q)
-                        else:
-                            for q in range(runs):
-                                for c in range(n_comp):
-                                    axpy4(acc, to_run[q] + c * ext, b_bk[b, c], beta, 4 * q)
+                            to_cartesian(4 * runs, D, Y, M, length, frame_cc)
+                        BETA(4 * runs, D, Y, M, length, r0, r1, r2, R, coef_mk, m, beta)
+                        add_runs(acc, to_run, runs, ext, b_bk, b, beta)
     return visits

@@ -162,7 +162,7 @@ def points_bonds(
                             seen[lanes] = which[l]
                             lanes += 1
                     visits += lanes
-                    BETA(lanes, D, Y, M, length, r0, r1, r2, R, coef_mk[m], beta)
+                    BETA(lanes, D, Y, M, length, r0, r1, r2, R, coef_mk, m, beta)
                     for l in range(lanes):
                         t = beta[l]
                         to = seen[l]

@@ -187,7 +187,7 @@ class LatticeDeposit(Deposit):
             x_nc - self.cell.origin, i_b, r_bc, b_bk, self.radii, self.coef,
             np.ascontiguousarray(self.grid.origin), self.steps, self.inverse, self.counts, self.wrap,
             self.image, self.cell.vectors, self.cell.inverse, self.region,
-            acc, self.ext, np.empty((4, 2048)), np.empty((5, rows)), np.empty((2, rows), np.int64),
+            acc, self.ext, np.empty((4, 2048)), np.empty((6, rows)), np.empty((3, rows), np.int64),
         )  # fmt: skip
 
     def _finish(self, total, n_comp):
