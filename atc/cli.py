@@ -1,8 +1,8 @@
-"""The command line: ``atc info | plan | fields | compare | plot``.
+"""The command line: ``atc info | plan | fields | compare | check | plot``.
 
 Only what every command needs is imported here, so that ``atc --help`` is instant: numba, xarray and matplotlib come with the commands that use them.
 
-Exit status: 0 done; 2 unusable input (one line on stderr, never a traceback); 130 interrupted; 1 anything atc did not foresee (ATC_DEBUG=1 shows the traceback).
+Exit status: 0 done; 1 ``atc check`` found a broken law; 2 unusable input (one line on stderr, never a traceback); 130 interrupted; 1 anything atc did not foresee (ATC_DEBUG=1 shows the traceback).
 """
 
 from __future__ import annotations
@@ -397,6 +397,39 @@ def compare(
         result.print(_console())
     if not (quiet or json or csv):
         print(f"picture: {target}")
+
+
+@app.command()
+def check(
+    scene: SceneFile,
+    set: Set = None,
+    begin: Begin = None,
+    end: End = None,
+    step: Step = None,
+    jobs: Jobs = 1,
+    points: Annotated[
+        int | None, typer.Option("--points", metavar="N", help="Random points, and as many of the grid's.", show_default=False)
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Only the exit status.")] = False,
+) -> None:
+    """Balance laws: residuals of mass, momentum, energy and of div z = 0 at random points and points of the grid.
+
+    On the frame in the middle, in closed form and from the fields; with 3, 5 or 9 frames close in time also from differences between frames.
+    Exit status 0 when every law holds as far as it can be told, 1 when one is broken.
+    """
+    from .check import check_scene
+
+    made = _load(scene, set, begin, end, step)
+    if points is not None:
+        made.set("check", "points", points, flag=f"--points {points}")
+    report = check_scene(made, jobs=jobs)
+    if json:
+        print(report.json())
+    elif not quiet:
+        report.print(_console())
+    if not report.ok:
+        raise typer.Exit(1)
 
 
 @app.command()

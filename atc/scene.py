@@ -1,6 +1,6 @@
 """Scenes: the TOML file in which a person says what to compute.
 
-A scene has the sections ``[trajectory]``, ``[potential]``, ``[kernel]``, ``[grid]``, ``[fields]`` and ``[output]``. Everything in it is
+A scene has the sections ``[trajectory]``, ``[potential]``, ``[kernel]``, ``[grid]``, ``[fields]``, ``[check]`` and ``[output]``. Everything in it is
 checked before anything is computed; every complaint names the file and the line (or the ``--set`` flag) and says what was expected.
 Paths are relative to the scene file, lengths in the trajectory's unit style.
 """

@@ -37,6 +37,12 @@ def _count(v):
     return v
 
 
+def _seed(v):
+    if _integer(v) < 0:
+        raise ValueError("it must not be negative")
+    return v
+
+
 def _integer(v):
     if isinstance(v, bool) or not isinstance(v, int):
         raise ValueError
@@ -212,6 +218,11 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "average": Key(
             _either(_boolean, _count), "true (one time average with standard error), false, or the number of frames in a window"
         ),
+    },
+    "check": {
+        "points": Key(_count, "a number of random points, e.g. 20"),
+        "seed": Key(_seed, "a whole number, 0 or more"),
+        "timestep": Key(_positive, "the time of one step in the trajectory's units, e.g. 0.001"),
     },
     "output": {"file": Key(_string, 'the file to write, e.g. "out.zarr" or "out.nc"', path=True)},
 }
