@@ -8,7 +8,7 @@ from frames import argon
 
 import atc
 from atc.decomposers import HarmonicAngle, HybridTerm, LennardJones, StillingerWeber, Term
-from atc.decomposers.stillinger_weber import _sw_merge
+from atc.decomposers.stillinger_weber_kernels import sw_merge
 from atc.frame import Cell
 from atc.units import units
 
@@ -185,8 +185,8 @@ def test_no_source_is_lost_with_a_bond_of_no_force():
     out = [np.empty(1, np.int32), np.empty(1, np.int32), np.empty((1, 3)), np.empty(1)]
     atom = np.zeros(1, np.int32)
     D = np.empty((1, 2, 3))
-    assert _sw_merge(0, 1, i, i, x, np.zeros(1), np.zeros((1, 2)), None, atom, *out, None) == 0
-    assert _sw_merge(0, 1, i, i, x, np.zeros(1), np.zeros((1, 2)), arm, atom, *out, D) == 1
+    assert sw_merge(0, 1, i, i, x, np.zeros(1), np.zeros((1, 2)), None, atom, *out, None) == 0
+    assert sw_merge(0, 1, i, i, x, np.zeros(1), np.zeros((1, 2)), arm, atom, *out, D) == 1
     assert D[0].tolist() == [[0.5, -1.0, 2.0], [0.0, 0.0, 0.0]]
     # leaving out weak outer bonds goes with forces only
     frame = diamond()

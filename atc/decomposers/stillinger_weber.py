@@ -17,7 +17,6 @@ from itertools import product
 from types import MappingProxyType
 
 import numpy as np
-from numba import njit
 
 from ..bonds import Bonds
 from ..errors import AtcError
@@ -27,6 +26,7 @@ from ..units import Units, units
 from .base import Accumulator, Term, Work, two_body_sources
 from .cluster import weights_of
 from .registry import pair_style
+from .stillinger_weber_kernels import sw_index, sw_merge, sw_pairs, sw_runs, sw_triplets
 from .sw_file import SWEntry, read_sw_file
 
 
@@ -253,7 +253,7 @@ class _SWWork(Work):
         n = self.list.half(task, ws)
         energies = acc.energies if acc.energies is not None else _NOTHING
         rec = np.empty((n, 8))
-        m, energy, bad = _sw_pairs(ws.i, ws.j, ws.r, ws.d2, n, self.element, term.pair, term.same_ends, self.atom, rec, ws.G, energies)
+        m, energy, bad = sw_pairs(ws.i, ws.j, ws.r, ws.d2, n, self.element, term.pair, term.same_ends, self.atom, rec, ws.G, energies)
         if bad >= 0:
             a, b = self.frame.ids[self.atom[ws.i[bad]]], self.frame.ids[self.atom[ws.j[bad]]]
             d = ws.d2[bad] ** 0.5
@@ -281,8 +281,8 @@ class _SWWork(Work):
         self.G_end = np.zeros((len(self.a), 2))
         # Slot (pair, end) with the triplet's centre at that end: ∂U^(centre)/∂x_other and ∂U^(other)/∂x_centre.
         self.S_end = np.zeros((len(self.a), 2, 2, 3)) if acc.sources else None
-        self.out_start, self.in_start, self.in_pair = _sw_index(self.a, self.b, len(self.atom))
-        self.runs, self.most, self.room = _sw_runs(self.out_start, self.in_start, _TRIPLETS_PER_TASK)
+        self.out_start, self.in_start, self.in_pair = sw_index(self.a, self.b, len(self.atom))
+        self.runs, self.most, self.room = sw_runs(self.out_start, self.in_start, _TRIPLETS_PER_TASK)
         pairs, join, _, merge = self.stages
         self.stages = (pairs, join, len(self.runs) - 1, merge)
 
@@ -293,7 +293,7 @@ class _SWWork(Work):
             ws.grow()
         energies = acc.energies if acc.energies is not None else _NOTHING
         D = np.empty((self.room, 2, 3)) if acc.sources else None
-        m, energy = _sw_triplets(
+        m, energy = sw_triplets(
             s0, s1, self.out_start, self.in_start, self.in_pair, self.a, self.b, self.rec, self.element, term.triplet, self.atom, self.most, term.prune,
             *term.weights, self.G_end, self.S_end, ws.i, ws.j, ws.r, ws.G, D, energies,
         )  # fmt: skip
@@ -306,7 +306,7 @@ class _SWWork(Work):
         while ws.capacity < p1 - p0:
             ws.grow()
         D = np.empty((p1 - p0, 2, 3)) if acc.sources else None
-        m = _sw_merge(p0, p1, self.a, self.b, self.rec, self.G, self.G_end, self.S_end, self.atom, ws.i, ws.j, ws.r, ws.G, D)
+        m = sw_merge(p0, p1, self.a, self.b, self.rec, self.G, self.G_end, self.S_end, self.atom, ws.i, ws.j, ws.r, ws.G, D)
         return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], None if D is None else D[:m])
 
 
@@ -315,221 +315,6 @@ _CENTER = ((1.0, 0.0, 0.0), "to the atom at its center")
 _SHARES = {"center": _CENTER, "centre": _CENTER}
 # As many as a fresh workspace holds; a dense liquid must not cost memory.
 _TRIPLETS_PER_TASK = 1 << 16
-
-
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _power(s, p):
-    """s^p; the exponents everyone uses (4 and 0) without a logarithm."""
-    if p == 4.0:
-        s2 = s * s
-        return s2 * s2
-    if p == 0.0:
-        return 1.0
-    return s**p
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _sw_pairs(a, b, r, d2, n, element, table, same_ends, atom, rec, G, energies):
-    """Two-body energies and G, and the record (x, y, z, 1/d, h, −dlnh/dξ for triplets around a; the same two around b) of every pair within reach.
-
-    Compacts a, b, rec, G to the pairs in reach. Returns their number, the energy, and the first pair that is not finite (−1: none).
-    """
-    m = 0
-    total = 0.0
-    shared = len(energies) > 0
-    for k in range(n):
-        ia, ib = a[k], b[k]
-        ea, eb = element[ia], element[ib]
-        reach = table[ea, eb, 0]
-        d = np.sqrt(d2[k])
-        cut = table[ea, eb, 1]
-        # Twice, as rounding may put the root on the cutoff where the square is below it.
-        if d2[k] >= reach * reach or d >= cut:
-            continue
-        inv = 1.0 / d
-        s = 1.0 / (d - cut)
-        # exp underflows to 0 long before s² overflows: 0 at the cutoff from below too.
-        e2 = np.exp(table[ea, eb, 2] * s)
-        rp = table[ea, eb, 3] * _power(inv, table[ea, eb, 5])
-        rq = table[ea, eb, 4] * _power(inv, table[ea, eb, 6])
-        u = (rp - rq) * e2
-        g = (-(table[ea, eb, 5] * rp - table[ea, eb, 6] * rq) * inv - (rp - rq) * table[ea, eb, 2] * s * s) * e2 * inv
-        if not np.isfinite(g + u):
-            return 0, 0.0, k
-        total += u
-        if shared:
-            energies[atom[ia]] += 0.5 * u
-            energies[atom[ib]] += 0.5 * u
-        gs = table[ea, eb, 7]
-        h = np.exp(gs * s)
-        w = gs * s * s * inv
-        rec[m, 0], rec[m, 1], rec[m, 2], rec[m, 3] = r[k, 0], r[k, 1], r[k, 2], inv
-        rec[m, 4], rec[m, 5] = h, w
-        if not same_ends:
-            gs = table[eb, ea, 7]
-            h = np.exp(gs * s)
-            w = gs * s * s * inv
-        rec[m, 6], rec[m, 7] = h, w
-        a[m], b[m] = ia, ib
-        G[m] = g
-        m += 1
-    return m, total, -1
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _sw_index(a, b, n):
-    """Pairs that start at an atom (they are sorted by a) and those that end there: out_start (n+1,), in_start (n+1,), in_pair (pairs,)."""
-    out_start = np.zeros(n + 1, np.int64)
-    in_start = np.zeros(n + 2, np.int64)
-    for p in range(len(a)):
-        out_start[a[p] + 1] += 1
-        in_start[b[p] + 2] += 1
-    for s in range(n):
-        out_start[s + 1] += out_start[s]
-        in_start[s + 2] += in_start[s + 1]
-    in_pair = np.empty(len(b), np.int32)
-    for p in range(len(b)):
-        in_pair[in_start[b[p] + 1]] = p
-        in_start[b[p] + 1] += 1
-    return out_start, in_start[: n + 1], in_pair
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _sw_runs(out_start, in_start, limit):
-    """Runs of atoms with at most `limit` triplets (or one atom): their edges; the most neighbours of an atom; the most triplets of a run."""
-    n = len(out_start) - 1
-    edges = [0]
-    most = 0
-    room = 0
-    here = 0
-    for s in range(n):
-        k = out_start[s + 1] - out_start[s] + in_start[s + 1] - in_start[s]
-        t = k * (k - 1) // 2
-        if here + t > limit and s > edges[-1]:
-            edges.append(s)
-            here = 0
-        here += t
-        most = max(most, k)
-        room = max(room, here)
-    edges.append(n)
-    return np.array(edges), most, room
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _sw_triplets(
-    s0, s1, out_start, in_start, in_pair, a, b, rec, element, table, atom, most, prune, w_centre, w_end, G_end, S_end, out_i, out_j, out_r, out_G, out_D, energies
-):  # fmt: skip
-    """All triplets around the atoms s0..s1: G of the arms into G_end (pair, which end is the centre), outer distances to the out arrays.
-
-    S_end and out_D are None where no sources are wanted: numba then leaves those branches out of the machine code. With U the energy of a triplet
-    and w its atoms' shares, the source of the ordered pair p, q is ∂U^(p)/∂x_q = w_p ∂U/∂x_q.
-    """
-    who = np.empty(most, np.int32)
-    pair = np.empty(most, np.int64)
-    end = np.empty(most, np.int64)
-    arm = np.empty((most, 6))  # x_a − x_b, 1/d, h, −dlnh/dξ
-    G_arm = np.empty(most)
-    if out_D is not None:
-        S_arm = np.empty((most, 2, 3))
-    m = 0
-    total = 0.0
-    shared = len(energies) > 0
-    for s in range(s0, s1):
-        k = 0
-        for p in range(out_start[s], out_start[s + 1]):
-            who[k], pair[k], end[k] = b[p], p, 0
-            for c in range(6):
-                arm[k, c] = rec[p, c]
-            k += 1
-        for q in range(in_start[s], in_start[s + 1]):
-            p = in_pair[q]
-            who[k], pair[k], end[k] = a[p], p, 1
-            arm[k, 0], arm[k, 1], arm[k, 2], arm[k, 3] = -rec[p, 0], -rec[p, 1], -rec[p, 2], rec[p, 3]
-            arm[k, 4], arm[k, 5] = rec[p, 6], rec[p, 7]
-            k += 1
-        for e in range(k):
-            G_arm[e] = 0.0
-            if out_D is not None:
-                S_arm[e] = 0.0
-        es = element[s]
-        for e in range(k - 1):
-            xb, yb, zb, vb, hb, wb = arm[e, 0], arm[e, 1], arm[e, 2], arm[e, 3], arm[e, 4], arm[e, 5]
-            ee = element[who[e]]
-            ib = atom[who[e]]
-            g_e = 0.0
-            e_e = 0.0
-            for f in range(e + 1, k):
-                ef = element[who[f]]
-                base = table[es, ee, ef, 0] * hb * arm[f, 4]
-                if base == 0.0:
-                    continue
-                xc, yc, zc, vc = arm[f, 0], arm[f, 1], arm[f, 2], arm[f, 3]
-                v = vb * vc
-                cos = (xb * xc + yb * yc + zb * zc) * v
-                delta = cos - table[es, ee, ef, 1]
-                slope = 2.0 * base * delta
-                u = base * delta * delta
-                g_b = slope * (v - cos * vb * vb) - u * wb
-                g_c = slope * (v - cos * vc * vc) - u * arm[f, 5]
-                g_e += g_b
-                G_arm[f] += g_c
-                g = -slope * v
-                e_e += u
-                if shared:
-                    energies[atom[who[f]]] += w_end * u
-                out_i[m], out_j[m] = ib, atom[who[f]]
-                # x_b − x_c through the images that a sees.
-                out_r[m, 0], out_r[m, 1], out_r[m, 2] = xc - xb, yc - yb, zc - zb
-                out_G[m] = g
-                if out_D is None:
-                    m += 1 if abs(g) > prune else 0
-                else:
-                    moved = g != 0.0
-                    for c in range(3):
-                        outer = g * out_r[m, c]
-                        at_b = outer - g_b * arm[e, c]
-                        at_c = -outer - g_c * arm[f, c]
-                        at_a = -at_b - at_c
-                        S_arm[e, 0, c] += w_centre * at_b
-                        S_arm[e, 1, c] += w_end * at_a
-                        S_arm[f, 0, c] += w_centre * at_c
-                        S_arm[f, 1, c] += w_end * at_a
-                        out_D[m, 0, c] = w_end * at_c
-                        out_D[m, 1, c] = w_end * at_b
-                        moved = moved or out_D[m, 0, c] != 0.0 or out_D[m, 1, c] != 0.0
-                    m += 1 if moved else 0
-            G_arm[e] += g_e
-            total += e_e
-            if shared:
-                energies[ib] += w_end * e_e
-                energies[atom[s]] += w_centre * e_e
-        for e in range(k):
-            G_end[pair[e], end[e]] = G_arm[e]
-            if S_end is not None:
-                S_end[pair[e], end[e]] = S_arm[e]
-    return m, total
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _sw_merge(p0, p1, a, b, rec, G, G_end, S_end, atom, out_i, out_j, out_r, out_G, out_D):
-    """One bond a pair: the two-body part and what the triplets around both of its ends give."""
-    m = 0
-    for p in range(p0, p1):
-        g = G[p] + G_end[p, 0] + G_end[p, 1]
-        out_i[m], out_j[m] = atom[a[p]], atom[b[p]]
-        out_r[m, 0], out_r[m, 1], out_r[m, 2] = rec[p, 0], rec[p, 1], rec[p, 2]
-        out_G[m] = g
-        if out_D is None:
-            m += 1 if g != 0.0 else 0
-        else:
-            moved = g != 0.0
-            for c in range(3):
-                half = 0.5 * G[p] * rec[p, c]
-                out_D[m, 0, c] = -half + S_end[p, 0, 0, c] + S_end[p, 1, 1, c]
-                out_D[m, 1, c] = half + S_end[p, 0, 1, c] + S_end[p, 1, 0, c]
-                moved = moved or out_D[m, 0, c] != 0.0 or out_D[m, 1, c] != 0.0
-            m += 1 if moved else 0
-    return m
 
 
 @pair_style("sw")
