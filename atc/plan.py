@@ -7,6 +7,7 @@ The cost model is deliberately small; its constants are measured by ``benchmarks
   the bond, plus `SECONDS_PER_VISIT` for every point in it. Points: volume of the capsule, 4/3 π R³ + π R² L with L the mean bond
   length, times points per volume; rows: its mean cross-section, π R² + π/2 R L, over the area between rows;
 - deposit of an atom: `SECONDS_PER_VISIT` for the 4/3 π R³ around it, for each six components;
+- sums with the kernel's gradient: `SECONDS_PER_GATHER` a pair of point and atom for each factor;
 - the error check: `SECONDS_PER_CHECK` a bond;
 - reading `SECONDS_PER_READ` an atom, writing at `BYTES_PER_SECOND_WRITTEN`.
 """
@@ -19,13 +20,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .errors import AtcError
-from .estimators.registry import BOND, SITE, Work
+from .estimators.registry import BOND, GATHER, SITE, Work
 
 SECONDS_PER_ATOM = 1.5e-6
 SECONDS_PER_BOND = 4e-7
 SECONDS_PER_ROW = 4e-8
 SECONDS_PER_VISIT = 6e-9
 SECONDS_PER_CHECK = 1.5e-7
+SECONDS_PER_GATHER = 1.5e-8
 SECONDS_PER_READ = 1e-6
 BYTES_PER_SECOND_WRITTEN = 2e8
 
@@ -39,6 +41,17 @@ _TERMS = {
     "atom_virial": "½ Σ G r⊗r",
     "stress": "G r⊗r",
     "piola": "G R⊗r, between reference positions",
+    "kinetic_flux": "½ m v² v",
+    "potential_flux": "U v",
+    "energy_current": "(½ m v² + U) v",
+    "source_residual": "what the energy sources leave of the force",
+    "power": "(v_k·∂U_j/∂x_k) x_jk",
+    "power_lab": "(v_k·∂U_j/∂x_k) x_jk",
+    "sources": "x_jk⊗∂U_j/∂x_k",
+    "displacement": "m u",
+    "reference_mass": "m",
+    "reference_displacement": "m u",
+    "reference_energy": "U − U of the reference",
 }
 
 
@@ -331,11 +344,19 @@ def plan(*args, **kwargs) -> Plan:
         visits = bonds * points * (kernel_volume + area * length) / volume
         rows = bonds * points ** (2 / 3) * (area + 1.57 * R * length) / volume ** (2 / 3) if bound.kind == "regular" else 0.0
         once = SECONDS_PER_VISIT * visits + SECONDS_PER_ROW * rows + (SECONDS_PER_BOND + SECONDS_PER_CHECK) * bonds
-        seconds += once * (bool(work.bond) + 1.5 * bool(work.reference_bond))
+        seconds += once * (bool(work.bond) * max(1.0, work.n_bond / 6) + 1.5 * bool(work.reference_bond))
     if work.site:
         seconds += SECONDS_PER_VISIT * n * points * kernel_volume / volume * max(1.0, work.n_site / 6)
+    gathered = [GATHER[name].width for name in work.gather + work.reference_gather]
+    seconds += SECONDS_PER_GATHER * n * points * kernel_volume / volume * sum(gathered)
     memory += (
-        8.0 * points * (max(work.n_site, work.n_bond + work.n_reference_bond) * (threads + 1) + sum(3**q.rank for q in work.quantities) * 2)
+        8.0
+        * points
+        * (
+            4 * sum(gathered)
+            + max(work.n_site, work.n_bond + work.n_reference_bond) * (threads + 1)
+            + sum(3**q.rank for q in work.quantities) * 2
+        )
     )
     size = {"grid": points, "box": 1, "atom": n}
     entry = sum(8.0 * 3**q.rank * size[q.kind] for q in work.quantities)
@@ -373,12 +394,20 @@ def _passes(work: Work, request: Request) -> list[str]:
         made = [f"Σ {_TERMS[b]} β, {BOND[b].width} components" for b in work.bond + work.reference_bond]
         made += ["virial of each atom"] * work.atom_virial + ["virial of the box"] * ("box_virial" in work.whole)
         made += ["potential energy of each atom"] * bool(work.energy_users)
+        made += ["energy sources"] * bool(work.source_users) + ["heat current of the box"] * ("box_power" in work.whole)
         cutoff = request.first.units.to_user("length", request.pot.cutoff)
         out.append(f"one pass over the bonds (neighbours within {cutoff:g} {request.first.units.label('length')}): {'; '.join(made)}")
     if work.site:
         terms = ", ".join(_TERMS[s] for s in work.site)
         components = sum(SITE[s].width for s in work.site)
         out.append(f"one pass over the atoms: Σ a φ for a = {terms}: {components} component{'s' * (components != 1)}")
+    for gather, gradient, where in (
+        (work.gather, any(q.gradient for q in work.quantities if not q.on_reference), ""),
+        (work.reference_gather, True, ", over reference positions"),
+    ):
+        if gather:
+            terms = ", ".join(_TERMS[s] for s in gather)
+            out.append(f"one pass over the points: Σ a φ{' and Σ a ∂φ/∂x' * gradient} for a = {terms}{where}")
     if {"box_kinetic", "atom_kinetic"} & {*work.whole}:
         out.append("m v⊗v of the atoms, without a kernel")
     if request.average is not False:
@@ -399,14 +428,18 @@ def _left_out(work: Work) -> list[tuple[str, str]]:
             out.append(("virial of each atom", "no per-atom or smoothed virial was asked for"))
         if not work.energy_users:
             out.append(("potential energies of the atoms", "no energy was asked for"))
+        if not work.source_users:
+            out.append(("energy sources of the bonds", "no heat flux or churning was asked for"))
     if "velocities" not in work.attributes:
         out.append(("velocities", "nothing asked depends on them"))
     if not work.site and work.grid_users:
         out.append(("sums over atoms", "nothing asked needs them"))
+    if work.grid_users and not work.gradient_users:
+        out.append(("gradient of the kernel", "no gradient was asked for"))
     if not work.grid_users:
         out.append(("kernel and grid", "no field was asked for"))
     if not work.reference_users:
-        out.append(("reference frame", "no reference stress was asked for"))
+        out.append(("reference frame", "nothing asked refers to one"))
     return out
 
 

@@ -32,12 +32,14 @@ def fields(
     grid : `atc.Grid`: where the fields are wanted
     quantities : names; a whole gives its parts too
         number_density, density, momentum, velocity, temperature, energy, stress (= stress_kinetic + stress_potential), virial_stress (of the box),
-        virial_stress_per_atom (stress times volume), smoothed_virial_stress, piola_stress. See `atc.estimators.registry`.
+        virial_stress_per_atom (stress times volume), smoothed_virial_stress, piola_stress; heat_flux (= heat_flux_kinetic + heat_flux_potential +
+        heat_flux_churning), energy_flux, churning, churning_divergence, churning_heat_source, heat_current (of the box); velocity_gradient,
+        strain_rate, vorticity; displacement, displacement_gradient, eshelby_stress. See `atc.estimators.registry`.
     tolerance : float
         Error allowed, relative to the largest value of a field.
     method : "auto", or a method of `atc.deposit`
     reference : Frame, or number of a frame of `traj`, or what `atc.read` takes
-        Reference configuration of piola_stress, whose grid is then that of the reference frame.
+        Reference configuration of displacements, piola_stress and eshelby_stress; the grid of these two stresses is that of the reference frame.
     average : False, True or int
         Time average over all frames, or over windows of so many: every X comes with X_stderr (standard error by block averaging) and
         X_correlated (True where the blocks still correlate, so that X_stderr is a lower bound). velocity is <ρ v>/<ρ> and temperature
@@ -408,7 +410,7 @@ def _layout(request: Request, frame, result: FrameResult) -> Layout:
                    long_name=f"whether the blocks still correlate (or are too few to tell), so that {q.name}_stderr is a lower bound")  # fmt: skip
     if work.masked:
         moving("mask", grid_dims, result.mask.shape, np.dtype(bool), units="1", sign_convention="none",
-               long_name="whether there is mass within the kernel: velocity, temperature and kinetic stress are NaN where not")  # fmt: skip
+               long_name="whether there is mass within the kernel: velocity and whatever is relative to it are NaN where not")  # fmt: skip
     if request.average is not False:
         moving("frames_averaged", (), (), i8, units="1", sign_convention="none", long_name="number of frames in the average")
     attrs = {

@@ -91,6 +91,8 @@ _DIMENSIONS = {
     "momentum": lambda u: u.mass * u.velocity / u.length**3,
     "energy_density": lambda u: u.energy / u.length**3,
     "energy_flux": lambda u: u.energy / (u.length**2 * u.time),
+    "energy_current": lambda u: u.energy * u.velocity,
+    "power_density": lambda u: u.energy / (u.length**3 * u.time),
     "force_density": lambda u: u.energy / u.length**4,
 }
 
@@ -118,6 +120,8 @@ def _make(name, *, length, energy, mass, charge, mvv2e, boltz, qqr2e, nktv2p, mv
         "momentum": f"{ma}*{ve}/{vol}" if "/" not in ve else f"{ma}*({ve})/{vol}",
         "energy_density": f"{en}/{vol}",
         "energy_flux": f"{en}/({len_}^2*{ti})",
+        "energy_current": f"{en}*{ve}" if "/" not in ve else f"{en}*({ve})",
+        "power_density": f"{en}/({vol}*{ti})",
         "force_density": f"{en}/{len_}^4",
     }
     return Units(

@@ -74,14 +74,17 @@ class BruteLJ:
         """Bonds, forces and energies of a frame."""
         return lj_bonds(frame.positions, frame.cell, *self.parameters)
 
-    def stream(self, frame, consume=None, *, threads=1, energies=False, forces=False):
+    def stream(self, frame, consume=None, *, threads=1, energies=False, forces=False, sources=False):
         from atc.decomposers.base import Decomposition
 
-        self.calls.append({"energies": energies, "forces": forces, "threads": threads})
+        self.calls.append({"energies": energies, "forces": forces, "sources": sources, "threads": threads})
         bonds, F_nc, e_n = self.evaluate(frame)
         if consume is not None:
             # Unequal chunks on different threads, as a real potential gives them.
             cuts = np.linspace(0, len(bonds), 4).astype(int) ** 2 // max(len(bonds), 1)
             for k, (a, b) in enumerate(itertools.pairwise(cuts)):
-                consume(Bonds(bonds.i[a:b], bonds.j[a:b], bonds.r_bc[a:b], bonds.G_b[a:b]), k % threads)
+                r, G = bonds.r_bc[a:b], bonds.G_b[a:b]
+                # half of the energy belongs to each end
+                D = np.stack([-0.5 * G[:, None] * r, 0.5 * G[:, None] * r], axis=1) if sources else None
+                consume(Bonds(bonds.i[a:b], bonds.j[a:b], r, G, D), k % threads)
         return Decomposition(float(e_n.sum()), bonds.virial(), e_n if energies else None, F_nc if forces else None, n_bonds=len(bonds))

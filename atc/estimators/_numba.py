@@ -1,5 +1,7 @@
 """Bare kernels of the estimators: arrays only."""
 
+from math import sqrt
+
 from numba import njit
 
 
@@ -31,3 +33,77 @@ def scatter_virial(i, j, r_bc, G_b, out_n6):
         t = h * x * y
         out_n6[p, 5] += t
         out_n6[q, 5] += t
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def scatter_residual(i, j, r_bc, G_b, D_bdc, out_n4):
+    """What the bonds' z = G r + ∂U^(i)/∂x_j − ∂U^(j)/∂x_i adds up to at every atom: ∇·(r β) = φ_j − φ_i, so −z goes to i and +z to j.
+
+    The fourth column is Σ |G r|, the size of what cancels.
+    """
+    for b in range(len(G_b)):
+        p = i[b]
+        q = j[b]
+        square = 0.0
+        for c in range(3):
+            f = G_b[b] * r_bc[b, c]
+            z = f + D_bdc[b, 0, c] - D_bdc[b, 1, c]
+            out_n4[p, c] -= z
+            out_n4[q, c] += z
+            square += f * f
+        out_n4[p, 3] += sqrt(square)
+        out_n4[q, 3] += sqrt(square)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def put_stress(r_bc, G_b, at, out_bk):
+    """G r⊗r in columns at .. at+5: xx, yy, zz, yz, xz, xy."""
+    for b in range(len(G_b)):
+        x, y, z, G = r_bc[b, 0], r_bc[b, 1], r_bc[b, 2], G_b[b]
+        out_bk[b, at] = G * x * x
+        out_bk[b, at + 1] = G * y * y
+        out_bk[b, at + 2] = G * z * z
+        out_bk[b, at + 3] = G * y * z
+        out_bk[b, at + 4] = G * x * z
+        out_bk[b, at + 5] = G * x * y
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def put_power(i, j, r_bc, D_bdc, v_nc, at, out_bk):
+    """(v_j·∂U^(i)/∂x_j − v_i·∂U^(j)/∂x_i) r in columns at .. at+2: both ordered pairs of the bond (A of formulas.md §4)."""
+    for b in range(len(r_bc)):
+        p = i[b]
+        q = j[b]
+        power = 0.0
+        for c in range(3):
+            power += v_nc[q, c] * D_bdc[b, 0, c] - v_nc[p, c] * D_bdc[b, 1, c]
+        for c in range(3):
+            out_bk[b, at + c] = power * r_bc[b, c]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def put_sources(r_bc, D_bdc, at, out_bk):
+    """r⊗(∂U^(i)/∂x_j − ∂U^(j)/∂x_i) in columns at .. at+8, row-major: both ordered pairs of the bond (M of formulas.md §4)."""
+    for b in range(len(r_bc)):
+        for k in range(3):
+            d = D_bdc[b, 0, k] - D_bdc[b, 1, k]
+            for c in range(3):
+                out_bk[b, at + 3 * c + k] = r_bc[b, c] * d
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def add_power(i, j, r_bc, D_bdc, v_nc, out_c):
+    """Add Σ_b (v_j·∂U^(i)/∂x_j − v_i·∂U^(j)/∂x_i) r over all bonds."""
+    x = y = z = 0.0
+    for b in range(len(r_bc)):
+        p = i[b]
+        q = j[b]
+        power = 0.0
+        for c in range(3):
+            power += v_nc[q, c] * D_bdc[b, 0, c] - v_nc[p, c] * D_bdc[b, 1, c]
+        x += power * r_bc[b, 0]
+        y += power * r_bc[b, 1]
+        z += power * r_bc[b, 2]
+    out_c[0] += x
+    out_c[1] += y
+    out_c[2] += z

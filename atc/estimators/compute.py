@@ -11,9 +11,10 @@ import numpy as np
 from ..errors import AtcError
 from ..units import require_compatible
 from .accuracy import Check, kernel_internal
-from .registry import BOND, SITE, Work
-from .sources import AtomFactors, AtomVirial, ReferenceBonds, drift_velocity, piola_factor
-from .sums import Sums, outer6, quotient, thermal
+from .kinematics import Displacement
+from .registry import BOND, GATHER, SITE, Work
+from .sources import AtomFactors, AtomSums, ReferenceBonds, bond_factors, drift_velocity, piola_factor
+from .sums import Sums, kinetic_flux, outer6, quotient, thermal
 
 
 @dataclass
@@ -29,6 +30,12 @@ class Settings:
     reference: object = None
     threads: int = 1
     check_points: int = 100
+
+    def reference_energies(self) -> np.ndarray:
+        """(n,) potential energies of the atoms in the reference frame, computed once."""
+        if not hasattr(self, "_reference_energies"):
+            self._reference_energies = self.pot.stream(self.reference, None, threads=self.threads, energies=True, forces=False).energies_n
+        return self._reference_energies
 
 
 @dataclass
@@ -85,6 +92,17 @@ class Target:
                     job.result()
         return deposit.site_sums()
 
+    @property
+    def points_gc(self) -> np.ndarray:
+        """(g, 3) where the points are, in the frame's own coordinates."""
+        return self.bound.points_gc if self.origin is None else self.bound.points_gc + self.origin
+
+    def gather(self, x_nc, a_nk, w_n, gradient):
+        """Σ a φ and Σ a ∂φ/∂x, see `atc.deposit.gradient`."""
+        from ..deposit.gradient import gather
+
+        return gather(self.bound, self.kern, self.cell, self.place(x_nc), a_nk, w_n, gradient, self.threads)
+
 
 class _Placed:
     """A deposit that gets its positions relative to another origin."""
@@ -133,20 +151,24 @@ def frame_fields(frame, settings: Settings, index: int = 0) -> FrameResult:
     require(frame, settings, work)
     start = perf_counter()
     kern = kernel_internal(settings.kern, frame.units) if work.grid_users else None
-    on_reference = {q.name for q in work.quantities if any(BOND[b].reference for b in q.bond)}
+    on_reference = set(work.on_reference)
     stage = Stage(frame, kern, settings, index) if set(work.grid_users) - on_reference else None
     reference = Stage(settings.reference, kern, settings, index) if on_reference else None
 
     drift = drift_velocity(frame) if "velocities" in work.attributes else np.zeros(3)
     # The sums on the grid, and those at the points of the check.
     sums = [Sums(drift=drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann) for _ in range(2)]
-    decomposition, virial_n6 = _bond_pass(frame, settings, work, stage, reference, sums) if work.bond_users else (None, None)
+    factors = AtomFactors(frame, drift)
+    decomposition, atoms = _bond_pass(frame, settings, work, stage, reference, factors, sums) if work.bond_users else (None, None)
     bonds_done = perf_counter()
-    factors = AtomFactors(frame, drift, decomposition.energies_n if work.energy_users else None, virial_n6)
     if work.site:
         _site_pass(frame, work, stage, factors, sums)
+    if work.gather:
+        _gather_pass(frame, settings, work, stage, factors, sums)
+    if work.reference_gather:
+        _reference_gather_pass(frame, settings, work, reference, factors, sums)
     for name in work.whole:
-        sums[0].whole[name] = _whole(name, factors, decomposition, virial_n6)
+        sums[0].whole[name] = _whole(name, factors, decomposition, atoms)
     sites_done = perf_counter()
 
     main, at_points = sums
@@ -156,7 +178,8 @@ def frame_fields(frame, settings: Settings, index: int = 0) -> FrameResult:
         arrays[q.name] = frame.units.to_user(q.dimension, values)
         if q.kind == "grid":
             here = reference if q.name in on_reference else stage
-            errors[q.name] = here.check.errors(values, q.form(at_points))
+            # Points that are never defined are NaN in both.
+            errors[q.name] = here.check.errors(np.nan_to_num(values), np.nan_to_num(q.form(at_points)), q.scale(main))
             arrays[q.name] = arrays[q.name].reshape(*here.bound.shape, *values.shape[1:])
             if q.weight is not None:
                 weights[q.name] = main.site[q.weight][:, 0].reshape(here.bound.shape)
@@ -172,46 +195,91 @@ def frame_fields(frame, settings: Settings, index: int = 0) -> FrameResult:
     )
 
 
-def _bond_pass(frame, settings, work, stage, reference, sums):
-    """One pass over the bonds for every sum over them; returns the potential's word on the frame and the per-atom virial."""
+def _bond_pass(frame, settings, work, stage, reference, factors, sums):
+    """One pass over the bonds for every sum over them; returns the potential's word on the frame and the per-atom sums."""
     x_nc, threads = frame.positions, settings.threads
     deposits = [t.open(n_bond=work.n_bond) for t in stage.targets] if work.bond else []
-    reference_deposits = [t.open(n_bond=work.n_reference_bond) for t in reference.targets] if reference else []
-    to_reference = ReferenceBonds(frame, settings.reference) if reference else None
-    virial = AtomVirial(len(frame), threads) if work.atom_virial else None
+    reference_deposits = [t.open(n_bond=work.n_reference_bond) for t in reference.targets] if work.reference_bond else []
+    to_reference = ReferenceBonds(frame, settings.reference) if work.reference_bond else None
+    atoms = AtomSums(frame, threads, virial=work.atom_virial, residual="source_residual" in work.site, power="box_power" in work.whole)
+    widths = [BOND[name].width for name in work.bond]
+    peculiar_nc = factors.peculiar_nc if "power" in work.bond else None  # before threads ask for it
 
     def consume(bonds, thread):
-        for deposit in deposits:
-            deposit.add_bond_stress(x_nc, bonds.i, bonds.r_bc, bonds.G_b, thread=thread)
+        if work.bond == ["stress"]:
+            for deposit in deposits:
+                deposit.add_bond_stress(x_nc, bonds.i, bonds.r_bc, bonds.G_b, thread=thread)
+        elif deposits:
+            b_bk = bond_factors(work.bond, widths, bonds, peculiar_nc, frame.velocities)
+            x_bc = x_nc[bonds.i]
+            for deposit in deposits:
+                deposit.add_bonds(x_bc, bonds.r_bc, b_bk, thread=thread)
         if to_reference is not None:
             X_bc, R_bc = to_reference.bonds(bonds)
             P_b9 = piola_factor(bonds, R_bc)
             for deposit in reference_deposits:
                 deposit.add_bonds(X_bc, R_bc, P_b9, thread=thread)
-        if virial is not None:
-            virial.add(bonds, thread)
+        atoms.add(bonds, thread)
 
-    wanted = deposits or to_reference is not None or virial is not None
-    decomposition = settings.pot.stream(frame, consume if wanted else None, threads=threads, energies=bool(work.energy_users), forces=False)
+    wanted = deposits or to_reference is not None or atoms.wanted
+    # Potentials of other makers need not know about sources as long as nobody asks for them.
+    more = {"sources": True} if work.source_users else {}
+    decomposition = settings.pot.stream(
+        frame, consume if wanted else None, threads=threads, energies=bool(work.energy_users), forces=False, **more
+    )
     for k, s in enumerate(sums):
         if deposits:
-            s.bond["stress"] = deposits[k].bond_sums()
+            s.bond.update(_columns(work.bond, BOND, deposits[k].bond_sums()))
         if reference_deposits:
-            s.bond["piola"] = reference_deposits[k].bond_sums()
-    return decomposition, virial.total() if virial is not None else None
+            s.bond.update(_columns(work.reference_bond, BOND, reference_deposits[k].bond_sums()))
+    if work.energy_users:
+        factors.energies_n = decomposition.energies_n
+    factors.atom_virial_n6, factors.residual_n4 = atoms.virial_n6, atoms.residual_n4
+    return decomposition, atoms
+
+
+def _columns(names, sources, total_gk) -> dict[str, np.ndarray]:
+    """Sums side by side, taken apart by name."""
+    ends = np.cumsum([sources[name].width for name in names])
+    return dict(zip(names, np.split(total_gk, ends[:-1], axis=1), strict=True))
 
 
 def _site_pass(frame, work, stage, factors, sums):
     """One pass over the atoms for every sum over them."""
     a_nk = factors.columns(work.site)
     for target, s in zip(stage.targets, sums):
-        total = target.sites(frame.positions, a_nk)
-        at = 0
-        for name in work.site:
-            s.site[name] = total[:, at : at + SITE[name].width]
-            at += SITE[name].width
+        s.site.update(_columns(work.site, SITE, target.sites(frame.positions, a_nk)))
         if "kinetic" in work.site and "momentum" in work.site:
-            s.thermal_shifted = local_shifts(s, target, frame.positions, factors)
+            local_shifts(s, target, frame.positions, factors, flux="kinetic_flux" in work.site)
+
+
+def _gather_pass(frame, settings, work, stage, factors, sums):
+    """The sums that need the kernel's gradient, or displacements."""
+    gradient = any(q.gradient for q in work.quantities if not q.on_reference)
+    plain = [name for name in work.gather if name not in ("mass", "displacement")]
+    extra = factors.columns(plain) if plain else np.zeros((len(frame), 0))
+    displacement = Displacement(frame, settings.reference, False) if "displacement" in work.gather else None
+    names = ["mass", "displacement", *plain] if displacement else ["mass", *plain]
+    for target, s in zip(stage.targets, sums):
+        if displacement is not None:
+            values, gradients = displacement.gather(target, frame.positions, frame.masses, extra, gradient)
+        else:
+            a_nk = np.concatenate([frame.masses[:, None], extra], axis=1)
+            values, gradients = target.gather(frame.positions, a_nk, None, gradient)
+        s.gathered.update(_columns(names, GATHER, values))
+        if gradients is not None:
+            s.gradient.update(_columns(names, GATHER, gradients))
+
+
+def _reference_gather_pass(frame, settings, work, stage, factors, sums):
+    """The same over reference positions."""
+    displacement = Displacement(frame, settings.reference, True)
+    energy_n1 = (factors.energies_n - settings.reference_energies())[:, None]
+    names = ["reference_mass", "reference_displacement", "reference_energy"]
+    for target, s in zip(stage.targets, sums):
+        values, gradients = displacement.gather(target, settings.reference.positions, frame.masses, energy_n1, True)
+        s.gathered.update(_columns(names, GATHER, values))
+        s.gradient.update(_columns(names, GATHER, gradients))
 
 
 def require(frame, settings, work):
@@ -229,17 +297,25 @@ def require(frame, settings, work):
             if getattr(settings, name) is None:
                 word = {"kern": "kernel", "grid": "grid"}[name]
                 raise AtcError(f"no {word} was given but {', '.join(work.grid_users)} need one")
+    if work.gradient_users and settings.kern is not None:
+        from ..deposit.gradient import require_differentiable
+
+        require_differentiable(settings.kern, ", ".join(work.gradient_users))
     if work.reference_users and settings.reference is None:
         raise AtcError(f"no reference frame was given but {', '.join(work.reference_users)} need one: pass reference=")
     if any(q.kind == "box" for q in work.quantities) and not frame.cell.volume > 0:
         raise AtcError(f"{frame.source}: the cell has no volume, so the virial stress of the box is not defined")
 
 
-def _whole(name, factors, decomposition, virial_n6):
+def _whole(name, factors, decomposition, atoms):
     if name == "box_virial":
         return decomposition.virial_cc.reshape(9)
     if name == "atom_virial":
-        return virial_n6
+        return atoms.virial_n6
+    if name == "box_power":
+        return atoms.power_c
+    if name == "box_convection":
+        return factors["energy_current"].sum(0)
     kinetic_n6 = factors["kinetic"]
     return kinetic_n6 if name == "atom_kinetic" else kinetic_n6.sum(0)
 
@@ -249,41 +325,52 @@ _SHIFT_TOLERANCE = 1e-9
 _MAX_SHIFTS = 16
 
 
-def local_shifts(sums: Sums, target: Target, x_nc, factors) -> np.ndarray | None:
-    """T − ρ v⊗v where different regions move at very different speeds, without cancellation.
+def local_shifts(sums: Sums, target: Target, x_nc, factors, flux: bool = False) -> None:
+    """T − ρ v⊗v (and Σ ½ m w² w φ, if `flux`) where different regions move at very different speeds, without cancellation.
 
-    The expression does not change when one velocity is subtracted from all atoms; its rounding error is about ε ρ |v(x) − c|² for
-    the subtracted c. The frame's mean is enough for a uniform drift. Where it is not, more passes over the atoms take further c,
-    each the velocity of the point that is worst off, and every point keeps the one nearest to its own velocity.
+    The expressions do not change when one velocity is subtracted from all atoms; their rounding errors are about ε ρ |v(x) − c|² and
+    ε ρ |v(x) − c|³ for the subtracted c. The frame's mean is enough for a uniform drift. Where it is not, more passes over the atoms take
+    further c, each the velocity of the point that is worst off, and every point keeps the one nearest to its own velocity.
 
-    Returns (g, 6), or None if the frame's mean was enough everywhere.
+    Sets `thermal_shifted` and `kinetic_flux_shifted`, unless the frame's mean was enough everywhere.
     """
     best = sums.thermal_of_drift
+    best_flux = sums.kinetic_flux_of_drift if flux else None
     rho = sums.rho
     v_gc = sums.peculiar
     have = np.linalg.norm(v_gc, axis=1)
     eps = 64 * np.finfo(float).eps
-    done = None
+    # How many thermal speeds away from c a point may be.
+    limit = (_SHIFT_TOLERANCE / eps) ** (1 / 3 if flux else 1 / 2)
+    done = False
     for _ in range(_MAX_SHIFTS):
         heat = quotient(best[:, :3].sum(1), rho)
         # A point with one atom has no thermal part at all: measure it against what is typical of the points that certainly have one.
         certain = heat[heat > eps * have**2]
-        scale = np.maximum(heat, np.median(certain) if len(certain) else 0.0)
-        error = np.where(sums.defined, eps * have**2 - _SHIFT_TOLERANCE * scale, 0.0)
+        scale = np.sqrt(np.maximum(heat, np.median(certain) if len(certain) else 0.0))
+        error = np.where(sums.defined, have - limit * scale, 0.0)
         worst = int(np.argmax(error)) if len(error) else 0
         if not len(error) or not error[worst] > 0:
             break
         c = v_gc[worst].copy()
         w_nc = factors.peculiar_nc - c
         m = factors["mass"]
-        total = target.sites(x_nc, np.ascontiguousarray(np.concatenate([m, m * w_nc, m * outer6(w_nc)], axis=1)))
+        columns = [m, m * w_nc, m * outer6(w_nc)]
+        if flux:
+            columns.append(0.5 * m * np.einsum("nc,nc->n", w_nc, w_nc)[:, None] * w_nc)
+        total = target.sites(x_nc, np.ascontiguousarray(np.concatenate(columns, axis=1)))
         u_gc = quotient(total[:, 1:4], total[:, 0])
         distance = np.linalg.norm(u_gc, axis=1)
         nearer = sums.defined & (distance < have)
         if not nearer.any():
             break
-        if done is None:
-            done = best = best.copy()
-        best[nearer] = thermal(total[:, :1], total[:, 1:4], total[:, 4:])[nearer]
+        if not done:
+            done, best = True, best.copy()
+            best_flux = best_flux.copy() if flux else None
+        shifted = thermal(total[:, :1], total[:, 1:4], total[:, 4:10])
+        best[nearer] = shifted[nearer]
+        if flux:
+            best_flux[nearer] = kinetic_flux(total[:, 0], u_gc, shifted, total[:, 10:])[nearer]
         have = np.where(nearer, distance, have)
-    return done
+    if done:
+        sums.thermal_shifted, sums.kinetic_flux_shifted = best, best_flux

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..errors import AtcError
-from .sums import Sums, full
+from .sums import Sums, curl, full
 
 STRESS_SIGN = "Cauchy stress, tension positive (the opposite of a pressure); component [i, j]: i the face normal (divergence direction), j the force component"
 
@@ -27,10 +27,13 @@ class Source:
     frame: tuple[str, ...] = ()
     bonds: bool = False  # needs the pass over the bonds
     energies: bool = False  # needs per-atom potential energies
+    sources: bool = False  # needs the bonds' directed energy sources
     reference: bool = False  # needs the reference frame
+    on_reference: bool = False  # is summed over reference positions, on the grid of the reference frame
 
 
-# Factors a_j of Σ a_j φ(x − x_j). v is relative to the mass-mean velocity of the frame (see sums.Sums), but for kinetic_energy.
+# Factors a_j of Σ a_j φ(x − x_j). v is relative to the mass-mean velocity of the frame (see sums.Sums), but for kinetic_energy and
+# energy_current. J of formulas.md §4 is energy_current; for the heat flux it is taken apart into kinetic_flux and potential_flux.
 SITE = {
     "one": Source(1),
     "mass": Source(1, ("masses",)),
@@ -39,12 +42,29 @@ SITE = {
     "kinetic_energy": Source(1, ("masses", "velocities")),
     "potential_energy": Source(1, bonds=True, energies=True),
     "atom_virial": Source(6, bonds=True),
+    "kinetic_flux": Source(3, ("masses", "velocities")),
+    "potential_flux": Source(3, ("velocities",), bonds=True, energies=True),
+    "energy_current": Source(3, ("masses", "velocities"), bonds=True, energies=True),
+    "source_residual": Source(4, bonds=True, sources=True),  # the last: the forces it is left over from
 }
 
 # Factors b of Σ b β(x), each bond once.
 BOND = {
     "stress": Source(6, bonds=True),
-    "piola": Source(9, bonds=True, reference=True),
+    "power": Source(3, ("velocities",), bonds=True, sources=True),  # A of formulas.md §4
+    "power_lab": Source(3, ("velocities",), bonds=True, sources=True),  # the same in the frame of the simulation
+    "sources": Source(9, bonds=True, sources=True),  # M
+    "piola": Source(9, bonds=True, reference=True, on_reference=True),
+}
+
+# Factors of Σ a φ and, for quantities that say so, Σ a ∂φ/∂x, from the sum that knows the kernel's gradient.
+GATHER = {
+    "mass": Source(1, ("masses",)),
+    "momentum": Source(3, ("masses", "velocities")),
+    "displacement": Source(3, ("masses",), reference=True),
+    "reference_mass": Source(1, ("masses",), reference=True, on_reference=True),
+    "reference_displacement": Source(3, ("masses",), reference=True, on_reference=True),
+    "reference_energy": Source(1, bonds=True, energies=True, reference=True, on_reference=True),
 }
 
 # Sums without any kernel: over the whole frame, or per atom.
@@ -53,6 +73,8 @@ WHOLE = {
     "box_virial": Source(9, bonds=True),
     "atom_kinetic": Source(6, ("masses", "velocities")),
     "atom_virial": Source(6, bonds=True),
+    "box_convection": Source(3, ("masses", "velocities"), bonds=True, energies=True),
+    "box_power": Source(3, ("velocities",), bonds=True, sources=True),
 }
 
 
@@ -69,15 +91,25 @@ class Quantity:
     site: tuple[str, ...] = ()
     bond: tuple[str, ...] = ()
     whole: tuple[str, ...] = ()
+    gather: tuple[str, ...] = ()
+    gradient: bool = False  # whether the gathered sums are wanted with ∂φ/∂x
     parts: tuple[str, ...] = ()
     masked: bool = False
     weight: str | None = None
     sign: str = "plain sum, no sign convention"
     comment: str = ""
+    # The size of what the field is the difference of: a field that is 0 but for rounding has its error measured against this.
+    scale: Callable[[Sums], float] = lambda s: 0.0
 
     def sources(self):
         """Everything this quantity sums, as `Source`s."""
-        return [SITE[s] for s in self.site] + [BOND[b] for b in self.bond] + [WHOLE[w] for w in self.whole]
+        found = ((SITE, self.site), (BOND, self.bond), (WHOLE, self.whole), (GATHER, self.gather))
+        return [kind[name] for kind, names in found for name in names]
+
+    @property
+    def on_reference(self) -> bool:
+        """Whether its grid is that of the reference frame."""
+        return any(s.on_reference for s in self.sources())
 
 
 _MEAN = ("mass", "momentum")
@@ -87,6 +119,31 @@ _VIRIAL_SIGN = "tension positive (the opposite of LAMMPS's stress/atom and press
 def _stress(parts_form):
     return {"dimension": "pressure", "rank": 2, "sign": STRESS_SIGN, "form": parts_form}
 
+
+# The energy that a flux carries depends on how it is shared among the atoms.
+_SHARED = "depends on how the energy of a term is shared among its atoms (see decomposition); the divergence of the total does not"
+_FLUX_SIGN = "positive in the direction energy flows"
+_CHURNING_SIGN = "that of stress_potential; component [i, j]: i the divergence direction, j is contracted with the velocity in heat_flux_churning; not symmetric"
+_THERMAL = (*_MEAN, "kinetic", "kinetic_flux", "potential_energy", "potential_flux")
+_GRADIENT_SIGN = "component [i, j]: i the direction of the derivative, j the component of the vector"
+
+
+def _largest(a) -> float:
+    return float(np.abs(a).max(initial=0.0))
+
+
+def _flux(long_name, form, **more):
+    return {"dimension": "energy_flux", "rank": 1, "sign": _FLUX_SIGN, "long_name": long_name, "form": form, **more}
+
+
+def _kinematic(dimension, long_name, form, rank, sign=_GRADIENT_SIGN, gradient=True, comment=""):
+    return {"dimension": dimension, "rank": rank, "masked": True, "weight": "mass", "gradient": gradient, "long_name": long_name, "form": form,
+            "sign": sign, "comment": comment}  # fmt: skip
+
+
+_VELOCITY = {"site": _MEAN, "gather": ("mass", "momentum")}
+_DISPLACEMENT = {"site": ("mass",), "gather": ("mass", "displacement")}
+_BY_KERNEL = "from the gradient of the kernel, no finite differences"
 
 _ALL = [
     Quantity("number_density", "number_density", "number density", lambda s: s.site["one"][:, 0], site=("one",), sign="positive"),
@@ -170,6 +227,92 @@ _ALL = [
         "j the component of the current force; not symmetric",
         comment="grid points are points of the reference frame; the bond function runs between reference positions; no kinetic part",
     ),
+    Quantity(
+        "heat_flux_kinetic", site=_THERMAL, masked=True,
+        **_flux("kinetic part of the heat flux", lambda s: s.heat_flux_kinetic,
+                comment="energy carried by atoms relative to the local velocity: J - e v + stress_kinetic v; " + _SHARED),
+    ),
+    Quantity(
+        "heat_flux_potential", site=_MEAN, bond=("power", "sources"), masked=True,
+        **_flux("potential part of the heat flux", lambda s: s.heat_flux_potential, comment="A - M v: work of the bonds relative to the local velocity; " + _SHARED),
+    ),
+    Quantity(
+        "heat_flux_churning", site=_MEAN, bond=("stress", "sources"), masked=True,
+        scale=lambda s: _largest(s.bond["stress"]) * _largest(s.velocity),
+        **_flux("churning part of the heat flux", lambda s: s.heat_flux_churning,
+                comment="churning tensor times velocity, in the frame of the simulation: a uniform drift c adds z c, which has no divergence and no mean over "
+                "a periodic box; 0 for pair potentials and embedded atoms; " + _SHARED),
+    ),
+    Quantity(
+        "heat_flux", site=_THERMAL, bond=("power", "sources", "stress"), masked=True, parts=("heat_flux_kinetic", "heat_flux_potential", "heat_flux_churning"),
+        **_flux("heat flux", lambda s: s.heat_flux_kinetic + s.heat_flux_potential + s.heat_flux_churning,
+                comment="q in d(energy)/dt + div(energy v) = div(stress v - q); " + _SHARED),
+    ),
+    Quantity(
+        "energy_flux", site=("energy_current",), bond=("power_lab",),
+        **_flux("flux of energy through points at rest", lambda s: s.site["energy_current"] + s.bond["power_lab"],
+                comment="J + A = energy v - stress v + heat_flux, in the frame of the simulation: d(energy)/dt = -div(energy_flux); its integral over the box is "
+                "heat_current; " + _SHARED),
+    ),
+    Quantity(
+        "churning", "energy_density", "churning tensor", lambda s: s.churning, rank=2, bond=("stress", "sources"), sign=_CHURNING_SIGN,
+        scale=lambda s: _largest(s.bond["stress"]),
+        comment="z = S + M: what the potential stress and the energy sources of the bonds leave of each other; has no divergence and no mean over a periodic "
+        "box; 0 for pair potentials and embedded atoms; " + _SHARED,
+    ),
+    Quantity(
+        "churning_divergence", "force_density", "divergence of the churning tensor", lambda s: s.site["source_residual"][:, :3], rank=1, site=("source_residual",),
+        scale=lambda s: _largest(s.site["source_residual"][:, 3]),
+        sign="component j: sum over i of d churning[i, j]/dx_i",
+        comment="0 up to rounding: in closed form the force on each atom minus the force that follows from the energy sources, so this checks the decomposition",
+    ),
+    Quantity(
+        "churning_heat_source", "power_density", "churning heat source", lambda s: np.einsum("gij,gij->g", s.churning, s.velocity_gradient), masked=True,
+        bond=("stress", "sources"), gradient=True, **_VELOCITY, scale=lambda s: _largest(s.bond["stress"]) * _largest(s.velocity_gradient), sign="positive where the churning part of the heat flux diverges: it takes energy away there",
+        comment="z : grad v = div(heat_flux_churning), since z has no divergence; " + _SHARED,
+    ),
+    Quantity(
+        "heat_current_convective", "energy_current", "convective part of the heat current of the box", lambda s: s.whole["box_convection"], rank=1, kind="box",
+        whole=("box_convection",), sign=_FLUX_SIGN, comment="sum of e_j v_j; velocities in the frame of the simulation; " + _SHARED,
+    ),
+    Quantity(
+        "heat_current_potential", "energy_current", "potential part of the heat current of the box", lambda s: s.whole["box_power"], rank=1, kind="box",
+        whole=("box_power",), sign=_FLUX_SIGN, comment="sum over ordered pairs of (v_k . dU_j/dx_k) x_jk; velocities in the frame of the simulation; " + _SHARED,
+    ),
+    Quantity(
+        "heat_current", "energy_current", "heat current of the box", lambda s: s.whole["box_convection"] + s.whole["box_power"], rank=1, kind="box",
+        whole=("box_convection", "box_power"), parts=("heat_current_convective", "heat_current_potential"), sign=_FLUX_SIGN,
+        comment="rate of change of the sum of e_j x_j, heat flux times volume; velocities in the frame of the simulation, so that a box with momentum "
+        "carries its energy along: remove the momentum before a Green-Kubo integral; " + _SHARED,
+    ),
+    Quantity("velocity_gradient", **_VELOCITY, **_kinematic("rate", "velocity gradient", lambda s: s.velocity_gradient, 2, comment=_BY_KERNEL)),
+    Quantity(
+        "strain_rate", **_VELOCITY,
+        **_kinematic("rate", "rate of strain", lambda s: 0.5 * (s.velocity_gradient + s.velocity_gradient.swapaxes(1, 2)), 2,
+                     sign="positive where material lengthens; symmetric part of the velocity gradient", comment=_BY_KERNEL),
+    ),
+    Quantity(
+        "vorticity", **_VELOCITY,
+        **_kinematic("rate", "vorticity", lambda s: curl(s.velocity_gradient), 1, sign="curl of the velocity, right-handed: twice the rotation rate",
+                     comment=_BY_KERNEL),
+    ),
+    Quantity(
+        "displacement", **_DISPLACEMENT,
+        **_kinematic("length", "displacement since the reference frame", lambda s: s.displacement, 1, sign="positive along +x, +y, +z", gradient=False,
+                     comment="mass-weighted mean of x_j - X_j over the atoms that are near the point now (current positions)"),
+    ),
+    Quantity(
+        "displacement_gradient", **_DISPLACEMENT,
+        **_kinematic("dimensionless", "gradient of the displacement", lambda s: s.displacement_gradient, 2,
+                     comment="with respect to current positions; the inverse of the deformation gradient is I minus it; " + _BY_KERNEL),
+    ),
+    Quantity(
+        "eshelby_stress", "pressure", "Eshelby's energy-momentum stress", lambda s: s.eshelby, rank=2, bond=("piola",), gradient=True,
+        gather=("reference_mass", "reference_displacement", "reference_energy"),
+        sign="W I - P (Grad u)^T; component [i, j]: i the reference direction of the divergence (face normal), j the component of the configurational force",
+        comment="grid points are points of the reference frame, and all sums run over reference positions: W the potential energy density relative to the "
+        "reference frame, P piola_stress, u the mass-weighted displacement; no kinetic or entropic part; NaN where there is no mass",
+    ),
 ]  # fmt: skip
 
 QUANTITIES: dict[str, Quantity] = {q.name: q for q in _ALL}
@@ -203,6 +346,8 @@ class Work:
     bond: list[str] = field(default_factory=list)
     reference_bond: list[str] = field(default_factory=list)
     whole: list[str] = field(default_factory=list)
+    gather: list[str] = field(default_factory=list)
+    reference_gather: list[str] = field(default_factory=list)
     attributes: dict[str, list[str]] = field(default_factory=dict)  # frame attribute -> the quantities that need it
 
     @classmethod
@@ -212,10 +357,14 @@ class Work:
         for q in work.quantities:
             for have, asked in ((work.site, q.site), (work.whole, q.whole)):
                 have.extend(s for s in asked if s not in have)
-            for b in q.bond:
-                have = work.reference_bond if BOND[b].reference else work.bond
-                if b not in have:
-                    have.append(b)
+            for kind, names, here, there in (
+                (BOND, q.bond, work.bond, work.reference_bond),
+                (GATHER, q.gather, work.gather, work.reference_gather),
+            ):
+                for name in names:
+                    have = there if kind[name].on_reference else here
+                    if name not in have:
+                        have.append(name)
             for source in q.sources():
                 for a in source.frame:
                     users = work.attributes.setdefault(a, [])
@@ -234,6 +383,21 @@ class Work:
     @property
     def energy_users(self) -> list[str]:
         return self._any("energies")
+
+    @property
+    def source_users(self) -> list[str]:
+        """Quantities that need the energy sources of the bonds."""
+        return self._any("sources")
+
+    @property
+    def gradient_users(self) -> list[str]:
+        """Quantities that need the gradient of the kernel."""
+        return [q.name for q in self.quantities if q.gradient]
+
+    @property
+    def on_reference(self) -> list[str]:
+        """Quantities on the grid of the reference frame."""
+        return [q.name for q in self.quantities if q.on_reference]
 
     @property
     def reference_users(self) -> list[str]:

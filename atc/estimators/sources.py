@@ -24,9 +24,13 @@ def drift_velocity(frame) -> np.ndarray:
 class AtomFactors:
     """The columns of the site sums, (n, width) each, made when asked for and kept."""
 
-    def __init__(self, frame, drift, energies_n=None, atom_virial_n6=None):
+    # Set once the bonds have gone by.
+    energies_n: np.ndarray | None = None
+    atom_virial_n6: np.ndarray | None = None
+    residual_n4: np.ndarray | None = None
+
+    def __init__(self, frame, drift):
         self.frame, self.drift = frame, drift
-        self.energies_n, self.atom_virial_n6 = energies_n, atom_virial_n6
         self._kept: dict[str, np.ndarray] = {}
 
     @property
@@ -66,25 +70,98 @@ class AtomFactors:
     def _atom_virial(self):
         return self.atom_virial_n6
 
+    def _kinetic_flux(self):
+        v = self.peculiar_nc
+        return 0.5 * self["mass"] * np.einsum("nc,nc->n", v, v)[:, None] * v
 
-class AtomVirial:
-    """Per-atom virial ½ Σ G r⊗r, half of each bond to each end, gathered while bonds stream by; one buffer a thread."""
+    def _potential_flux(self):
+        return self.energies_n[:, None] * self.peculiar_nc
 
-    def __init__(self, n: int, threads: int):
-        from ._numba import scatter_virial
+    def _energy_current(self):
+        return (self["kinetic_energy"] + self.energies_n[:, None]) * self.frame.velocities
 
-        self._scatter = scatter_virial
-        self._buffers = [np.zeros((n, 6)) for _ in range(threads)]
+    def _source_residual(self):
+        return self.residual_n4
+
+
+class AtomSums:
+    """Per-atom sums gathered while bonds stream by, one buffer a thread.
+
+    virial : (n, 6) ½ Σ G r⊗r, half of each bond to each end; energy, tension positive
+    residual : (n, 4) the force on each atom minus the force that follows from the energy sources, what ∇·z is made of; and the size of the forces
+    power : (3,) Σ (v_j·∂U^(i)/∂x_j − v_i·∂U^(j)/∂x_i) r over all bonds, v in the frame of the simulation
+    """
+
+    def __init__(self, frame, threads: int, virial=False, residual=False, power=False):
+        n = len(frame)
+        self.velocities = frame.velocities
+        self._virial = [np.zeros((n, 6)) for _ in range(threads)] if virial else None
+        self._residual = [np.zeros((n, 4)) for _ in range(threads)] if residual else None
+        self._power = [np.zeros(3) for _ in range(threads)] if power else None
+
+    @property
+    def wanted(self) -> bool:
+        return any(x is not None for x in (self._virial, self._residual, self._power))
 
     def add(self, bonds, thread: int) -> None:
-        self._scatter(bonds.i, bonds.j, bonds.r_bc, bonds.G_b, self._buffers[thread])
+        from . import _numba
 
-    def total(self) -> np.ndarray:
-        """(n, 6), energy, tension positive."""
-        out = self._buffers[0]
-        for other in self._buffers[1:]:
-            out += other
-        return out
+        if self._virial is not None:
+            _numba.scatter_virial(bonds.i, bonds.j, bonds.r_bc, bonds.G_b, self._virial[thread])
+        if self._residual is not None:
+            _numba.scatter_residual(bonds.i, bonds.j, bonds.r_bc, bonds.G_b, bonds.D_bdc, self._residual[thread])
+        if self._power is not None:
+            _numba.add_power(bonds.i, bonds.j, bonds.r_bc, bonds.D_bdc, self.velocities, self._power[thread])
+
+    virial_n6 = property(lambda self: _total(self._virial))
+    residual_n4 = property(lambda self: _total(self._residual))
+    power_c = property(lambda self: _total(self._power))
+
+
+def _total(buffers):
+    """The sum of the threads' buffers, in their order."""
+    return None if buffers is None else sum(buffers[1:], buffers[0])
+
+
+def bond_factors(names, widths, bonds, peculiar_nc, velocities_nc) -> np.ndarray:
+    """(b, k) the named factors of Σ b β, side by side."""
+    from . import _numba
+
+    out = np.empty((len(bonds), sum(widths)))
+    at = 0
+    for name, width in zip(names, widths):
+        if name == "stress":
+            _numba.put_stress(bonds.r_bc, bonds.G_b, at, out)
+        elif name == "sources":
+            _numba.put_sources(bonds.r_bc, bonds.D_bdc, at, out)
+        else:
+            v_nc = {"power": peculiar_nc, "power_lab": velocities_nc}[name]
+            _numba.put_power(bonds.i, bonds.j, bonds.r_bc, bonds.D_bdc, v_nc, at, out)
+        at += width
+    return out
+
+
+def same_atoms(frame, reference) -> None:
+    """Raise unless both frames hold the same atoms and repeat along the same axes."""
+    if not np.array_equal(frame.ids, reference.ids):
+        raise AtcError(
+            f"{frame.source}: its atom ids are not those of the reference frame ({reference.source}): what refers to a reference needs the same atoms in both"
+        )
+    if not np.array_equal(frame.cell.periodic, reference.cell.periodic):
+        raise AtcError(f"{frame.source}: its periodic axes are not those of the reference frame ({reference.source})")
+
+
+def cells_moved(frame, reference) -> np.ndarray:
+    """(n, 3) whole cells by which each atom must be moved back to continue its reference position: x − moved @ vectors.
+
+    By image flags where both frames have them, else by the rounded difference of fractional coordinates, which is right while no atom
+    has moved more than half a cell relative to the deforming cell.
+    """
+    if frame.images is not None and reference.images is not None:
+        moved = reference.images - frame.images
+    else:
+        moved = np.rint(frame.cell.fractional(frame.positions) - reference.cell.fractional(reference.positions))
+    return np.where(frame.cell.periodic, moved, 0.0)
 
 
 class ReferenceBonds:
@@ -98,21 +175,12 @@ class ReferenceBonds:
     """
 
     def __init__(self, frame, reference):
-        if not np.array_equal(frame.ids, reference.ids):
-            raise AtcError(
-                f"{frame.source}: its atom ids are not those of the reference frame ({reference.source}): piola_stress needs the same atoms in both"
-            )
-        if not np.array_equal(frame.cell.periodic, reference.cell.periodic):
-            raise AtcError(f"{frame.source}: its periodic axes are not those of the reference frame ({reference.source})")
+        same_atoms(frame, reference)
         self.x_nc, self.X_nc = frame.positions, reference.positions
         self.inverse, self.H = frame.cell.inverse, reference.cell.vectors
         self.periodic = frame.cell.periodic
-        if frame.images is not None and reference.images is not None:
-            moved = reference.images - frame.images
-        else:
-            moved = np.rint(frame.cell.fractional(frame.positions) - reference.cell.fractional(reference.positions))
         # x_n − moved @ H is the atom unwrapped so that it continues its reference position.
-        self.moved_nc = np.where(self.periodic, moved, 0.0)
+        self.moved_nc = cells_moved(frame, reference)
 
     def bonds(self, bonds):
         """(b, 3) reference positions of the ends i and (b, 3) reference bond vectors X_i − X_j through the bond's image."""

@@ -29,8 +29,9 @@ class Sums:
     """Site sums Σ a φ and bond sums Σ b β at the grid points, plus sums over the whole frame; internal units.
 
     The velocity-dependent site sums are taken with v' = v − drift, drift the mass-mean velocity of the frame: T − ρ v⊗v, a small
-    difference of large numbers in a drifting frame, does not change under that shift. `thermal_shifted`, when set, is T − ρ v⊗v
-    computed with further local shifts where one drift was not enough (see compute.local_shifts).
+    difference of large numbers in a drifting frame, does not change under that shift, nor does the kinetic part of the heat flux.
+    `thermal_shifted` and `kinetic_flux_shifted`, when set, were computed with further local shifts where one drift was not enough (see
+    compute.local_shifts).
     """
 
     site: dict[str, np.ndarray] = field(default_factory=dict)
@@ -40,6 +41,10 @@ class Sums:
     volume: float = np.nan
     boltzmann: float = np.nan
     thermal_shifted: np.ndarray | None = None
+    kinetic_flux_shifted: np.ndarray | None = None
+    # Sums with the kernel's gradient next to the plain ones: (g, k) and (g, k, 3), the direction of the derivative last.
+    gathered: dict[str, np.ndarray] = field(default_factory=dict)
+    gradient: dict[str, np.ndarray] = field(default_factory=dict)
 
     @cached_property
     def rho(self) -> np.ndarray:
@@ -80,6 +85,85 @@ class Sums:
     def temperature(self) -> np.ndarray:
         """(g,) trace(T − ρ v⊗v)/(3 n k_B), 0 where there is no mass."""
         return quotient(self.thermal[:, :3].sum(1) / (3.0 * self.boltzmann), np.where(self.defined, self.site["one"][:, 0], 0.0))
+
+    # --- heat (formulas.md §4; v' = v − drift, w = v_j − v(x), u = v(x) − drift)
+    @cached_property
+    def heat_flux_kinetic(self) -> np.ndarray:
+        """(g, 3) q_K = J − ε v + σ_K·v = Σ (½ m w² + U_j) w φ, 0 where there is no mass."""
+        kinetic = self.kinetic_flux_of_drift if self.kinetic_flux_shifted is None else self.kinetic_flux_shifted
+        carried = self.site["potential_flux"] - self.site["potential_energy"] * self.peculiar
+        return np.where(self.defined[:, None], kinetic + carried, 0.0)
+
+    @cached_property
+    def kinetic_flux_of_drift(self) -> np.ndarray:
+        """(g, 3) Σ ½ m w² w φ from the sums relative to the frame's drift alone."""
+        return kinetic_flux(self.rho, self.peculiar, self.thermal_of_drift, self.site["kinetic_flux"])
+
+    @cached_property
+    def heat_flux_potential(self) -> np.ndarray:
+        """(g, 3) q_U = A − M v = A' − M u, 0 where there is no mass."""
+        return np.where(self.defined[:, None], self.bond["power"] - np.einsum("gij,gj->gi", self._M, self.peculiar), 0.0)
+
+    @cached_property
+    def heat_flux_churning(self) -> np.ndarray:
+        """(g, 3) q_C = z v, 0 where there is no mass."""
+        return np.einsum("gij,gj->gi", self.churning, self.velocity)
+
+    @property
+    def _M(self) -> np.ndarray:
+        return self.bond["sources"].reshape(-1, 3, 3)
+
+    @cached_property
+    def churning(self) -> np.ndarray:
+        """(g, 3, 3) z = S + M."""
+        return full(self.bond["stress"]) + self._M
+
+    @cached_property
+    def velocity_gradient(self) -> np.ndarray:
+        """(g, 3, 3) [i, j] = ∂v_j/∂x_i = (∂_i π_j − v_j ∂_i ρ)/ρ, 0 where there is no mass."""
+        from .kinematics import quotient_gradient
+
+        return quotient_gradient(self.rho, self.peculiar, self.gradient["mass"], self.gradient["momentum"])
+
+    # --- relative to a reference frame
+    @cached_property
+    def displacement(self) -> np.ndarray:
+        """(g, 3) Σ m u φ / ρ over current positions, 0 where there is no mass."""
+        return quotient(self.gathered["displacement"], self.gathered["mass"][:, 0])
+
+    @cached_property
+    def displacement_gradient(self) -> np.ndarray:
+        """(g, 3, 3) [i, j] = ∂u_j/∂x_i."""
+        from .kinematics import quotient_gradient
+
+        return quotient_gradient(self.gathered["mass"][:, 0], self.displacement, self.gradient["mass"], self.gradient["displacement"])
+
+    @cached_property
+    def eshelby(self) -> np.ndarray:
+        """(g, 3, 3) W I − P (Grad u)ᵀ over reference positions; NaN where no mass is in reach (always the same points)."""
+        from .kinematics import eshelby, quotient_gradient
+
+        rho = self.gathered["reference_mass"][:, 0]
+        u = quotient(self.gathered["reference_displacement"], rho)
+        H = quotient_gradient(rho, u, self.gradient["reference_mass"], self.gradient["reference_displacement"])
+        out = eshelby(self.gathered["reference_energy"][:, 0], self.bond["piola"].reshape(-1, 3, 3), H)
+        out[~(rho > 0)] = np.nan
+        return out
+
+
+def curl(gradient_gcc) -> np.ndarray:
+    """(g, 3) ε_ijk ∂_j v_k from [j, k] = ∂_j v_k."""
+    L = gradient_gcc
+    return np.stack([L[:, 1, 2] - L[:, 2, 1], L[:, 2, 0] - L[:, 0, 2], L[:, 0, 1] - L[:, 1, 0]], axis=1)
+
+
+def kinetic_flux(rho, u_gc, thermal_g6, flux_gc) -> np.ndarray:
+    """Σ ½ m |c − u|² (c − u) φ from ρ, u = Σ m c φ/ρ, Σ m (c − u)⊗(c − u) φ and Σ ½ m c² c φ; 0 where there is no mass."""
+    half_trace = 0.5 * thermal_g6[:, :3].sum(1, keepdims=True)
+    streaming = 0.5 * rho[:, None] * np.einsum("gc,gc->g", u_gc, u_gc)[:, None]
+    out = flux_gc - (half_trace + streaming) * u_gc - np.einsum("gij,gj->gi", full(thermal_g6), u_gc)
+    out[~(rho > 0)] = 0.0
+    return out
 
 
 def quotient(a, w) -> np.ndarray:

@@ -1,0 +1,246 @@
+"""Site sums with the kernel's gradient: Σ_j a_j φ(x_j − x) and Σ_j a_j ∂φ(x_j − x)/∂x, in closed form (formulas: what ∇v and ∇u are made of).
+
+Every point collects the atoms within reach from bins of the cell, images included: exact, and the same for any number of threads.
+"""
+
+from __future__ import annotations
+
+from math import exp, floor, sqrt
+
+import numba as nb
+import numpy as np
+
+from ..errors import AtcError
+from ..kernels import Box, BSpline, Gaussian, GaussianMarginal, Radial
+from ._simd import JIT
+
+_RADIAL, _GAUSSIAN, _BSPLINE = 0, 1, 2
+
+
+def require_differentiable(kernel, users: str) -> None:
+    """Raise for a kernel that jumps: its gradient is not a function."""
+    jumps = isinstance(kernel, Box)
+    if isinstance(kernel, Radial):
+        # Every piece must end at 0; 1e-12: rounding of normalised coefficients.
+        jumps = bool((np.abs(kernel.coef_mk.sum(1)) > 1e-12 * np.abs(kernel.coef_mk).max()).any())
+    if jumps:
+        raise AtcError(
+            f"{users}: kernel {kernel.name!r} jumps, so it has no gradient: use a continuous one, e.g. quartic, lucy or gaussian"
+        )
+
+
+def gather(bound, kernel, cell, x_nc, a_nk, w_n=None, gradient=True, threads=1):
+    """Σ a φ and Σ a ∂φ/∂x at the points of a grid.
+
+    Parameters
+    ----------
+    bound : BoundGrid; on a slab grid the sums are averages over the cross-section, whose gradient is along the normal
+    kernel : Kernel, internal units, without jumps if `gradient`
+    cell : Cell of the atoms; its periodic axes repeat
+    x_nc : (n, 3) positions, anywhere
+    a_nk : (n, k) factors
+    w_n : (n,) or None
+        Three more factors w_j (x_j − x), through the image that is summed (held constant in the gradient). Not on slabs.
+    gradient : whether the second sum is wanted
+    threads : int
+
+    Returns
+    -------
+    values_gk : (g, k) or (g, k + 3)
+    gradients_gkc : the same with the direction of the derivative last, or None
+    """
+    a_nk = np.ascontiguousarray(a_nk, dtype=np.float64)
+    if bound.kind == "slab":
+        if w_n is not None:
+            raise ValueError("no first moments on slabs")
+        return _gather_slab(bound, kernel, cell, x_nc, a_nk, gradient)
+    points = np.ascontiguousarray(bound.relative_points_gc)
+    k = a_nk.shape[1]
+    width = k + (3 if w_n is not None else 0)
+    values = np.zeros((len(points), width))
+    gradients = np.zeros((len(points), width, 3)) if gradient else np.zeros((0, width, 3))
+    if len(x_nc) and len(points):
+        kind, radii, coef = _coefficients(kernel)
+        x, order, start, bins, low, scale = _bins(cell, np.asarray(x_nc) - cell.origin, kernel.support)
+        w = np.zeros(0) if w_n is None else np.ascontiguousarray(np.asarray(w_n, float)[order])
+        rest = (kind, radii, coef, x, a_nk[order], w, start, bins, low, scale, cell.periodic, cell.vectors, cell.inverse)
+
+        def part(a, b):
+            _gather(points[a:b], *rest, values[a:b], gradients[a:b])
+
+        if threads == 1 or len(points) < 2 * threads:
+            part(0, len(points))
+        else:
+            from concurrent.futures import ThreadPoolExecutor
+
+            cuts = np.linspace(0, len(points), 4 * threads + 1).astype(int)
+            with ThreadPoolExecutor(threads) as pool:
+                list(pool.map(part, cuts[:-1], cuts[1:]))
+    return values, gradients if gradient else None
+
+
+def _coefficients(kernel):
+    coef = np.zeros((1, 5))
+    if isinstance(kernel, Gaussian):
+        coef[0, :2] = kernel.normalisation, kernel.width
+        return _GAUSSIAN, np.array([kernel.support]), coef
+    if isinstance(kernel, BSpline):
+        coef[0, :2] = kernel.normalisation, 0.5 * kernel.radius
+        return _BSPLINE, np.array([kernel.support]), coef
+    if not isinstance(kernel, Radial):
+        raise AtcError(f"gradients are not known for kernel {kernel.name!r}: use quartic, lucy or gaussian")
+    order = np.argsort(-kernel.radii)
+    return _RADIAL, kernel.radii[order], np.ascontiguousarray(kernel.normalisation * kernel.coef_mk[order])
+
+
+def _bins(cell, x, support):
+    """Positions wrapped and sorted by bin (about half a support wide); their order, the first of each bin, and the geometry of the bins."""
+    s = x @ cell.inverse
+    images = np.where(cell.periodic, np.floor(s), 0.0)
+    x, s = x - images @ cell.vectors, s - images
+    low = np.where(cell.periodic, 0.0, s.min(0))
+    span = np.where(cell.periodic, 1.0, np.maximum(s.max(0) - low, 1e-9))
+    edge = max(0.5 * support, (cell.volume * span.prod() / len(x)) ** (1.0 / 3.0))
+    bins = np.clip((span * cell.heights / edge).astype(np.int64), 1, 512)
+    scale = bins / span
+    at = np.clip(((s - low) * scale).astype(np.int64), 0, bins - 1)
+    flat = (at[:, 0] * bins[1] + at[:, 1]) * bins[2] + at[:, 2]
+    order = np.argsort(flat, kind="stable")
+    start = np.searchsorted(flat[order], np.arange(bins.prod() + 1)).astype(np.int64)
+    return np.ascontiguousarray(x[order]), order, start, bins, low, scale
+
+
+@nb.njit(**JIT)
+def _m4(d, h):
+    """The cubic B-spline of knot spacing h (times h), and its slope."""
+    u = abs(d) / h
+    p, q = max(2.0 - u, 0.0), max(1.0 - u, 0.0)
+    return (p * p * p - 4.0 * q * q * q) / 6.0, -0.5 * (p * p - 4.0 * q * q) * (1.0 if d > 0.0 else -1.0) / h
+
+
+@nb.njit(**JIT)
+def _phi(kind, d0, d1, d2, r2, radii, coef, g):
+    """φ(d), with ∂φ/∂d in g."""
+    if kind == _GAUSSIAN:
+        w2 = coef[0, 1] * coef[0, 1]
+        value = coef[0, 0] * exp(-0.5 * r2 / w2)
+        g[0], g[1], g[2] = -value * d0 / w2, -value * d1 / w2, -value * d2 / w2
+        return value
+    if kind == _BSPLINE:
+        h = coef[0, 1]
+        f0, s0 = _m4(d0, h)
+        f1, s1 = _m4(d1, h)
+        f2, s2 = _m4(d2, h)
+        n = coef[0, 0]
+        g[0], g[1], g[2] = n * s0 * f1 * f2, n * f0 * s1 * f2, n * f0 * f1 * s2
+        return n * f0 * f1 * f2
+    rho = sqrt(r2)
+    value = 0.0
+    slope = 0.0  # (dφ/dρ)/ρ
+    for m in range(len(radii)):
+        R = radii[m]
+        if rho >= R:
+            break
+        s = rho / R
+        value += coef[m, 0] + s * (coef[m, 1] + s * (coef[m, 2] + s * (coef[m, 3] + s * coef[m, 4])))
+        t = 2.0 * coef[m, 2] + s * (3.0 * coef[m, 3] + s * 4.0 * coef[m, 4])
+        if coef[m, 1] != 0.0 and s > 0.0:
+            t += coef[m, 1] / s
+        slope += t / (R * R)
+    g[0], g[1], g[2] = slope * d0, slope * d1, slope * d2
+    return value
+
+
+@nb.njit(**JIT)
+def _gather(points, kind, radii, coef, x_nc, a_nk, w_n, start, bins, low, scale, periodic, cell, inverse, values, gradients):
+    """Points and atoms relative to the cell's origin, atoms sorted by bin."""
+    support = radii[0]
+    support2 = support * support
+    k = a_nk.shape[1]
+    moments = len(w_n) > 0
+    gradient = len(gradients) > 0
+    g = np.zeros(3)
+    d = np.zeros(3)
+    lo = np.zeros(3, np.int64)
+    hi = np.zeros(3, np.int64)
+    for p in range(len(points)):
+        p0, p1, p2 = points[p, 0], points[p, 1], points[p, 2]
+        for a in range(3):
+            h0, h1, h2 = inverse[0, a], inverse[1, a], inverse[2, a]
+            s = (p0 * h0 + p1 * h1 + p2 * h2 - low[a]) * scale[a]
+            pad = support * sqrt(h0 * h0 + h1 * h1 + h2 * h2) * scale[a] + 1e-9
+            lo[a] = floor(s - pad)
+            hi[a] = floor(s + pad)
+            if not periodic[a]:
+                lo[a] = max(lo[a], 0)
+                hi[a] = min(hi[a], bins[a] - 1)
+        for c0 in range(lo[0], hi[0] + 1):
+            m0 = c0 // bins[0]
+            for c1 in range(lo[1], hi[1] + 1):
+                m1 = c1 // bins[1]
+                for c2 in range(lo[2], hi[2] + 1):
+                    m2 = c2 // bins[2]
+                    at = ((c0 - m0 * bins[0]) * bins[1] + c1 - m1 * bins[1]) * bins[2] + c2 - m2 * bins[2]
+                    q0 = m0 * cell[0, 0] + m1 * cell[1, 0] + m2 * cell[2, 0] - p0
+                    q1 = m0 * cell[0, 1] + m1 * cell[1, 1] + m2 * cell[2, 1] - p1
+                    q2 = m0 * cell[0, 2] + m1 * cell[1, 2] + m2 * cell[2, 2] - p2
+                    for n in range(start[at], start[at + 1]):
+                        d[0], d[1], d[2] = x_nc[n, 0] + q0, x_nc[n, 1] + q1, x_nc[n, 2] + q2
+                        r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
+                        if r2 >= support2:
+                            continue
+                        value = _phi(kind, d[0], d[1], d[2], r2, radii, coef, g)
+                        for b in range(k):
+                            a_ = a_nk[n, b]
+                            values[p, b] += a_ * value
+                            if gradient:
+                                for c in range(3):
+                                    gradients[p, b, c] -= a_ * g[c]
+                        if moments:
+                            for b in range(3):
+                                a_ = w_n[n] * d[b]
+                                values[p, k + b] += a_ * value
+                                if gradient:
+                                    for c in range(3):
+                                        gradients[p, k + b, c] -= a_ * g[c]
+
+
+def marginal_slope(marginal, z):
+    """dφ₁/dz of a kernel integrated over planes."""
+    z = np.asarray(z, float)
+    if isinstance(marginal, GaussianMarginal):
+        return -z / marginal.width**2 * marginal.phi(z)
+    total = np.zeros_like(z)
+    for R, c in zip(marginal.radii, marginal.coef_mk):
+        u = np.abs(z) / R
+        total += np.where(u < 1.0, np.polynomial.polynomial.polyval(u, c[1:] * np.arange(1, len(c))) / R, 0.0)
+    return np.sign(z) * total
+
+
+def _gather_slab(bound, kernel, cell, x_nc, a_nk, gradient):
+    """Averages over the cross-section: Σ a φ₁(z_j − z)/area."""
+    axis = bound.axis
+    height = cell.heights[axis]
+    normal = cell.inverse[:, axis] * height
+    marginal = kernel.marginal(normal)
+    z = (np.asarray(x_nc) - cell.origin) @ normal
+    periodic = bool(cell.periodic[axis])
+    if periodic:
+        z = z - np.floor(z / height) * height
+    order = np.argsort(z, kind="stable")
+    z, a_nk = z[order], a_nk[order]
+    bins = bound.shape[0]
+    values = np.zeros((bins, a_nk.shape[1]))
+    slopes = np.zeros((bins, a_nk.shape[1]))
+    reach = marginal.support
+    for g in range(bins):
+        centre = (g + 0.5) / bins * height
+        first, last = (int(np.floor((centre - reach) / height)), int(np.floor((centre + reach) / height))) if periodic else (0, 0)
+        for image in range(first, last + 1):
+            a, b = np.searchsorted(z, [centre - image * height - reach, centre - image * height + reach])
+            d = z[a:b] + image * height - centre
+            values[g] += marginal.phi(d) @ a_nk[a:b]
+            if gradient:
+                slopes[g] -= marginal_slope(marginal, d) @ a_nk[a:b]
+    area = cell.volume / height
+    return values / area, slopes[:, :, None] * (normal / area) if gradient else None
