@@ -1,8 +1,8 @@
-"""β of many points at once, from buffers: one function per kernel family, all with the same arguments.
+"""β at four points at once: for each kernel family the constants of one bond, and the function of position.
 
-Isotropic families get, for every point, its coordinates relative to the bond in units of the bond's length: D along the bond from x_i,
-and (Y, M) across it, p² = Y² + M². `length` is |r|, `R` the piece's cut-off, row `piece` of `c_mk` its coefficients with the normalisation included.
-The other families get the components of d = x_i − x in D, Y, M and the bond vector (r0, r1, r2).
+A position is given relative to the bond, in units of its length: D along the bond from x_i, and (Y, M) across it, p² = Y² + M².
+The constants are computed once a bond (and piece of the kernel) into `k`: `length` is |r|, `R` the piece's cut-off, row `piece` of `c_mk`
+its coefficients with the normalisation included. The formulas are derived at the head of `atc.kernels`.
 """
 
 from __future__ import annotations
@@ -12,66 +12,50 @@ from math import erf, exp, sqrt
 import numba as nb
 import numpy as np
 
-from ._simd import JIT_FMA, bits, from_bits
+from ._simd import JIT_FMA, exp2i4, load4, log2_ratio4, maximum4, minimum4, splat4, sqrt4, store4, where_zero4
 
-_GL8 = np.polynomial.legendre.leggauss(8)
-_T0, _T1, _T2, _T3 = (float(t) for t in 0.5 * (1.0 + _GL8[0][:4]))
-_T4, _T5, _T6, _T7 = (float(t) for t in 0.5 * (1.0 + _GL8[0][4:]))
-_W0, _W1, _W2, _W3 = (float(w) for w in 0.5 * _GL8[1][:4])
-_GL5 = np.polynomial.legendre.leggauss(5)
-_X5 = tuple(float(x) for x in 0.5 * (1.0 + _GL5[0]))
-_W5 = tuple(float(x) for x in 0.5 * _GL5[1])
+# Room for the constants of any family.
+N_CONSTANTS = 64
 
 
 @nb.njit(**JIT_FMA)
-def even(n, D, Y, M, length, r0, r1, r2, R, c_mk, piece, out):
+def even_constants(length, R, c_mk, piece, r0, r1, r2, frame_cc, k):
+    k[0] = (R / length) * (R / length)
+    k[1] = c_mk[piece, 0]
+    k[2] = c_mk[piece, 1] / k[0]
+    k[3] = c_mk[piece, 2] / (k[0] * k[0])
+
+
+@nb.njit(**JIT_FMA)
+def even(D, Y, M, k):
     """c0 + c1 w + c2 w² with w = 1 − ρ²/R²: step, Epanechnikov, quartic."""
-    e2 = (R / length) * (R / length)
-    c0 = c_mk[piece, 0]
-    c1 = c_mk[piece, 1] / e2
-    c2 = c_mk[piece, 2] / (e2 * e2)
-    for l in range(n):
-        d = D[l]
-        w = e2 - M[l] * M[l] - Y[l] * Y[l]
-        w = w if w > 0.0 else 0.0
-        q = sqrt(w)
-        lo = d - q
-        lo = lo if lo > 0.0 else 0.0
-        hi = d + q
-        hi = hi if hi < 1.0 else 1.0
-        share = hi - lo
-        share = share if share > 0.0 else 0.0
-        a = lo - d
-        b = hi - d
-        ab = a * b
-        aabb = (a + b) * (a + b) - 2.0 * ab
-        m2 = (aabb + ab) * (1.0 / 3.0)
-        m4 = (aabb * aabb + ab * aabb - ab * ab) * 0.2
-        out[l] = share * (c0 + c1 * (w - m2) + c2 * (w * (w - 2.0 * m2) + m4))
+    w = maximum4(k[0] - M * M - Y * Y, 0.0)
+    q = sqrt4(w)
+    lo = maximum4(D - q, 0.0)
+    hi = minimum4(D + q, 1.0)
+    share = maximum4(hi - lo, 0.0)
+    a = lo - D
+    b = hi - D
+    ab = a * b
+    aabb = (a + b) * (a + b) - 2.0 * ab
+    m2 = (aabb + ab) * (1.0 / 3.0)
+    m4 = (aabb * aabb + ab * (aabb - ab)) * 0.2
+    return share * (k[1] + k[2] * (w - m2) + k[3] * (w * (w - 2.0 * m2) + m4))
 
 
-_LN2_HALF = 0.34657359027997264
-
-
-@nb.njit(inline="always", **JIT_FMA)
+@nb.njit(**JIT_FMA)
 def _atanh_over(S, delta):
-    """atanh(δ/S)/δ for 0 ≤ δ ≤ S, S > 0: with 2^e the nearest power of two to (S+δ)/(S−δ), ½ e ln 2 + atanh of what is left (|f| < 0.21)."""
+    """atanh(δ/S)/δ for 0 ≤ δ ≤ S, S > 0: with 2^e the power of two near (S+δ)/(S−δ), ½ e ln 2 + atanh of what is left (|f| < 0.21)."""
     top = S + delta
     low = S - delta
-    floor_ = 1e-17 * S
-    low = low if low > floor_ else floor_
-    # Round log2(top/low), read off the bits: exponent difference, mantissas as a linear approximation to their log2.
-    # top ≥ low, so e ≥ 0: the mask only tells the compiler so.
-    e = ((bits(top) - bits(low) + 0x0008000000000000) >> 52) & 0x7FF
-    scale = from_bits((e + 1023) << 52)
-    direct = e == 0
-    scaled = low * scale
-    f = (2.0 * delta if direct else top - scaled) / (top + scaled)
+    # (S − δ) ≥ 1e-17 S: beyond that p² has made the logarithm irrelevant.
+    low = low + S * 1e-17
+    e = log2_ratio4(top, low)
+    scaled = low * exp2i4(e)
+    f = where_zero4(e, 2.0 * delta, top - scaled) / (top + scaled)
     z = f * f
-    # atanh(f)/f − 1, |f| < 0.21: z^k/(2k+1) up to k = 12 leaves 0.21^26/27 = 9e-20.
-    g = 1.0 / 25.0
-    g = g * z + 1.0 / 23.0
-    g = g * z + 1.0 / 21.0
+    # atanh(f)/f, |f| < 0.21: z^k/(2k+1) up to k = 11 leaves 0.21^24/25 = 2e-18.
+    g = z * (1.0 / 23.0) + 1.0 / 21.0
     g = g * z + 1.0 / 19.0
     g = g * z + 1.0 / 17.0
     g = g * z + 1.0 / 15.0
@@ -82,92 +66,177 @@ def _atanh_over(S, delta):
     g = g * z + 1.0 / 5.0
     g = g * z + 1.0 / 3.0
     g = g * z + 1.0
-    return (g if direct else f * g + _LN2_HALF * (from_bits(e | 0x4330000000000000) - 4503599627370496.0)) / (S if direct else delta)
+    return where_zero4(e, g, f * g + 0.34657359027997264 * e) / where_zero4(e, S, delta)
 
 
 @nb.njit(**JIT_FMA)
-def cone(n, D, Y, M, length, r0, r1, r2, R, c_mk, piece, out):
+def cone_constants(length, R, c_mk, piece, r0, r1, r2, frame_cc, k):
+    k[0] = (R / length) * (R / length)
+    k[1] = c_mk[piece, 0]
+    k[2] = c_mk[piece, 1] * (length / R)
+
+
+@nb.njit(**JIT_FMA)
+def cone(D, Y, M, k):
     """c0 + c1 ρ/R: linear, hardy, tables."""
-    e2 = (R / length) * (R / length)
-    c0 = c_mk[piece, 0]
-    c1 = c_mk[piece, 1] * (length / R)
-    for l in range(n):
-        d = D[l]
-        p2 = M[l] * M[l] + Y[l] * Y[l]
-        w = e2 - p2
-        w = w if w > 0.0 else 0.0
-        q = sqrt(w)
-        lo = d - q
-        lo = lo if lo > 0.0 else 0.0
-        hi = d + q
-        hi = hi if hi < 1.0 else 1.0
-        share = hi - lo
-        share = share if share > 0.0 else 0.0
-        a = lo - d
-        b = hi - d
-        S = sqrt(p2 + a * a) + sqrt(p2 + b * b) + 1e-300
-        j1 = 0.25 * (S + (a + b) * (a + b) / S) + p2 * _atanh_over(S, share)
-        out[l] = share * (c0 + c1 * j1)
+    p2 = M * M + Y * Y
+    q = sqrt4(maximum4(k[0] - p2, 0.0))
+    lo = maximum4(D - q, 0.0)
+    hi = minimum4(D + q, 1.0)
+    share = maximum4(hi - lo, 0.0)
+    a = lo - D
+    b = hi - D
+    S = sqrt4(p2 + a * a) + sqrt4(p2 + b * b) + 1e-300
+    j1 = 0.25 * (S + (a + b) * (a + b) / S) + p2 * _atanh_over(S, share)
+    return share * (k[1] + k[2] * j1)
 
 
 @nb.njit(**JIT_FMA)
-def radial(n, D, Y, M, length, r0, r1, r2, R, c_mk, piece, out):
-    """Σ_k c_k (ρ/R)^k, k = 0..4 (kernels.py, `mean_powers`)."""
-    e2 = (R / length) * (R / length)
+def radial_constants(length, R, c_mk, piece, r0, r1, r2, frame_cc, k):
     s = length / R
-    c0 = c_mk[piece, 0]
-    c1 = c_mk[piece, 1] * s
-    c2 = c_mk[piece, 2] * s * s
-    c3 = c_mk[piece, 3] * s * s * s
-    c4 = c_mk[piece, 4] * s * s * s * s
-    for l in range(n):
-        d = D[l]
-        p2 = M[l] * M[l] + Y[l] * Y[l]
-        w = e2 - p2
-        w = w if w > 0.0 else 0.0
-        q = sqrt(w)
-        lo = d - q
-        lo = lo if lo > 0.0 else 0.0
-        hi = d + q
-        hi = hi if hi < 1.0 else 1.0
-        share = hi - lo
-        share = share if share > 0.0 else 0.0
-        a = lo - d
-        b = hi - d
-        ra = sqrt(p2 + a * a)
-        rb = sqrt(p2 + b * b)
-        S = ra + rb + 1e-300
-        T2 = (a + b) * (a + b) / S
-        ab = a * b
-        aabb = a * a + b * b
-        rab = ra * rb
-        m2 = (aabb + ab) * (1.0 / 3.0)
-        m4 = (aabb * aabb + ab * aabb - ab * ab) * 0.2
-        j1 = 0.25 * (S + T2) + p2 * _atanh_over(S, share)
-        j3 = 0.125 * (S * (S * S - 3.0 * rab) + T2 * (S * S - rab)) + 0.75 * p2 * j1
-        out[l] = share * (c0 + c1 * j1 + c2 * (p2 + m2) + c3 * j3 + c4 * (p2 * (p2 + 2.0 * m2) + m4))
+    k[0] = (R / length) * (R / length)
+    k[1] = c_mk[piece, 0]
+    k[2] = c_mk[piece, 1] * s
+    k[3] = c_mk[piece, 2] * s * s
+    k[4] = c_mk[piece, 3] * s * s * s
+    k[5] = c_mk[piece, 4] * s * s * s * s
 
 
 @nb.njit(**JIT_FMA)
-def gaussian(n, D, Y, M, length, r0, r1, r2, R, c_mk, piece, out):
-    """c0 exp(−ρ²/2w²), w = c1. Short bonds by 8 Gauss-Legendre points, where a difference of erf's would cancel (kernels.py)."""
+def radial(D, Y, M, k):
+    """Σ_k c_k (ρ/R)^k, k = 0..4 (`kernels.mean_powers`)."""
+    p2 = M * M + Y * Y
+    q = sqrt4(maximum4(k[0] - p2, 0.0))
+    lo = maximum4(D - q, 0.0)
+    hi = minimum4(D + q, 1.0)
+    share = maximum4(hi - lo, 0.0)
+    a = lo - D
+    b = hi - D
+    ra = sqrt4(p2 + a * a)
+    rb = sqrt4(p2 + b * b)
+    S = ra + rb + 1e-300
+    T2 = (a + b) * (a + b) / S
+    ab = a * b
+    aabb = a * a + b * b
+    rab = ra * rb
+    m2 = (aabb + ab) * (1.0 / 3.0)
+    m4 = (aabb * aabb + ab * (aabb - ab)) * 0.2
+    j1 = 0.25 * (S + T2) + p2 * _atanh_over(S, share)
+    j3 = 0.125 * (S * (S * S - 3.0 * rab) + T2 * (S * S - rab)) + 0.75 * p2 * j1
+    return share * (k[1] + k[2] * j1 + k[3] * (p2 + m2) + k[4] * j3 + k[5] * (p2 * (p2 + 2.0 * m2) + m4))
+
+
+@nb.njit(**JIT_FMA)
+def _exp_minus(x):
+    """exp(−x) for 0 ≤ x: 2^−n times a Taylor series of degree 13 on |t| ≤ ½ ln 2 (0.3466^14/14! = 4e-18)."""
+    x = minimum4(x, 700.0)
+    # To the nearest whole number by adding 1.5·2^52, where doubles have no fraction.
+    n = (x * 1.4426950408889634 + 6755399441055744.0) - 6755399441055744.0
+    t = n * 0.6931471803691238 - x + n * 1.9082149292705877e-10
+    g = t * (1.0 / 6227020800.0) + 1.0 / 479001600.0
+    g = g * t + 1.0 / 39916800.0
+    g = g * t + 1.0 / 3628800.0
+    g = g * t + 1.0 / 362880.0
+    g = g * t + 1.0 / 40320.0
+    g = g * t + 1.0 / 5040.0
+    g = g * t + 1.0 / 720.0
+    g = g * t + 1.0 / 120.0
+    g = g * t + 1.0 / 24.0
+    g = g * t + 1.0 / 6.0
+    g = g * t + 0.5
+    g = g * t + 1.0
+    g = g * t + 1.0
+    return g * exp2i4(-1.0 * n)
+
+
+# Bonds longer than this times √2 w go by erf, shorter ones by a series (45 terms at most).
+_LONG = 3.0
+_TERMS = 48
+
+
+@nb.njit(**JIT_FMA)
+def gaussian_constants(length, R, c_mk, piece, r0, r1, r2, frame_cc, k):
+    """c0 exp(−ρ²/2w²), w = c1. With y = s²(D − ½), s = |r|/√2 w, the mean over the bond is
+    exp(−s²(D − ½)²) ∫ exp(−s²t²) cosh(2yt) dt over |t| < ½ = exp(..) Σ_j y^2j 4^j/(2j)! ∫ t^2j exp(−s²t²) dt: all terms are positive.
+    """
     s = length / (sqrt(2.0) * c_mk[piece, 1])
-    norm = c_mk[piece, 0]
-    if s < 1.0:
-        for l in range(n):
-            d = D[l]
-            p2 = M[l] * M[l] + Y[l] * Y[l]
-            g = _W0 * (exp(-((s * (_T0 - d)) ** 2)) + exp(-((s * (_T7 - d)) ** 2)))
-            g += _W1 * (exp(-((s * (_T1 - d)) ** 2)) + exp(-((s * (_T6 - d)) ** 2)))
-            g += _W2 * (exp(-((s * (_T2 - d)) ** 2)) + exp(-((s * (_T5 - d)) ** 2)))
-            g += _W3 * (exp(-((s * (_T3 - d)) ** 2)) + exp(-((s * (_T4 - d)) ** 2)))
-            out[l] = norm * exp(-s * s * p2) * g
-    else:
-        half = 0.5 * sqrt(np.pi) / s
-        for l in range(n):
-            d = D[l]
-            p2 = M[l] * M[l] + Y[l] * Y[l]
-            out[l] = norm * exp(-s * s * p2) * half * (erf(s * (1.0 - d)) + erf(s * d))
+    k[0] = s * s
+    k[1] = c_mk[piece, 0]
+    if s > _LONG:
+        k[2] = -1.0
+        k[3] = 0.5 * sqrt(np.pi) / s
+        k[4] = s
+        return
+    # The last term that matters: the series is that of cosh(z) at most, z = 2 y_max/2.
+    z = s * (R / (sqrt(2.0) * c_mk[piece, 1]) + 0.5 * s)
+    last = 1
+    term = z * z / 2.0
+    total = 1.0 + term
+    while term > 1e-17 * total and last < _TERMS:
+        last += 1
+        term *= z * z / (2.0 * last * (2.0 * last - 1.0))
+        total += term
+    k[2] = float(last)
+    # ∫ t^2j exp(−s²t²) over |t| < ½: the highest by its own series, the others downwards, I_j = [s² I_j+1 + e^(−s²/4) 2^−(2j+1)] 2/(2j+1).
+    e = exp(-0.25 * s * s)
+    half = 0.5 ** (2 * last + 1)
+    integral = 0.0
+    term = 2.0 * half * e / (2.0 * last + 1.0)
+    j = last
+    while term > 1e-18 * integral:
+        integral += term
+        j += 1
+        term *= 0.5 * s * s / (2.0 * j + 1.0)
+    factor = 1.0
+    for j in range(1, last + 1):
+        factor *= 4.0 / (2.0 * j * (2.0 * j - 1.0))
+    for j in range(last, -1, -1):
+        k[4 + j] = integral * factor
+        if j > 0:
+            half *= 4.0
+            integral = (s * s * integral + e * half) * 2.0 / (2.0 * j - 1.0)
+            factor *= 2.0 * j * (2.0 * j - 1.0) / 4.0
+
+
+@nb.njit(**JIT_FMA)
+def gaussian(D, Y, M, k):
+    p2 = M * M + Y * Y
+    if k[2] > 0.0:
+        c = D - 0.5
+        y2 = (k[0] * c) * (k[0] * c)
+        last = int(k[2])
+        g = splat4(k[4 + last])
+        for j in range(last - 1, -1, -1):
+            g = g * y2 + k[4 + j]
+        return k[1] * g * _exp_minus(k[0] * (p2 + c * c))
+    lanes = np.empty(4)
+    store4(lanes, 0, D)
+    for l in range(4):
+        lanes[l] = erf(k[4] * (1.0 - lanes[l])) + erf(k[4] * lanes[l])
+    return k[1] * k[3] * load4(lanes, 0) * _exp_minus(k[0] * p2)
+
+
+@nb.njit(**JIT_FMA)
+def cartesian_constants(length, R, c_mk, piece, r0, r1, r2, frame_cc, k):
+    k[0] = r0
+    k[1] = r1
+    k[2] = r2
+    k[3] = length
+    for a in range(3):
+        for c in range(3):
+            k[4 + 3 * a + c] = frame_cc[a, c]
+    for j in range(c_mk.shape[1]):
+        k[13 + j] = c_mk[piece, j]
+
+
+@nb.njit(**JIT_FMA)
+def _cartesian(D, Y, M, k, out):
+    """d = x_i − x along x, y, z, from the bond's frame."""
+    D = D * k[3]
+    Y = Y * k[3]
+    M = M * k[3]
+    for c in range(3):
+        store4(out, 4 * c, D * k[4 + c] + Y * k[7 + c] + M * k[10 + c])
 
 
 @nb.njit(**JIT_FMA)
@@ -178,21 +247,29 @@ def _m4(v):
     return (a * a * a - 4.0 * b * b * b) / 6.0
 
 
+_GL5 = np.polynomial.legendre.leggauss(5)
+_X5 = tuple(float(x) for x in 0.5 * (1.0 + _GL5[0]))
+_W5 = tuple(float(x) for x in 0.5 * _GL5[1])
+
+bspline_constants = cartesian_constants
+
+
 @nb.njit(**JIT_FMA)
-def bspline(n, X, Y, Z, length, r0, r1, r2, R, c_mk, piece, out):
+def bspline(D, Y, M, k):
     """c0 Π M4(d_a/h), h = c1: between crossings of knot planes a polynomial of degree 9 along the bond, five Gauss points are exact."""
-    h = c_mk[piece, 1]
+    h = k[14]
     times = np.empty(17)
-    r = (r0, r1, r2)
-    for l in range(n):
-        d = (X[l], Y[l], Z[l])
+    d = np.empty(12)
+    out = np.empty(4)
+    _cartesian(D, Y, M, k, d)
+    for l in range(4):
         times[0] = 0.0
         times[1] = 1.0
         count = 2
         for a in range(3):
-            for k in range(-2, 3):
-                if r[a] != 0.0:
-                    t = (d[a] - k * h) / r[a]
+            for knot in range(-2, 3):
+                if k[a] != 0.0:
+                    t = (d[4 * a + l] - knot * h) / k[a]
                     if 0.0 < t < 1.0:
                         m = count
                         while times[m - 1] > t:
@@ -206,26 +283,33 @@ def bspline(n, X, Y, Z, length, r0, r1, r2, R, c_mk, piece, out):
             part = 0.0
             for q in range(5):
                 t = times[m] + _X5[q] * width
-                part += _W5[q] * _m4((d[0] - t * r0) / h) * _m4((d[1] - t * r1) / h) * _m4((d[2] - t * r2) / h)
+                part += _W5[q] * _m4((d[l] - t * k[0]) / h) * _m4((d[4 + l] - t * k[1]) / h) * _m4((d[8 + l] - t * k[2]) / h)
             total += width * part
-        out[l] = c_mk[piece, 0] * total
+        out[l] = k[13] * total
+    return load4(out, 0)
+
+
+box_constants = cartesian_constants
 
 
 @nb.njit(**JIT_FMA)
-def box(n, X, Y, Z, length, r0, r1, r2, R, c_mk, piece, out):
+def box(D, Y, M, k):
     """c0 inside the half-open box of edges c1, c2, c3: the share of the bond between three pairs of planes."""
-    r = (r0, r1, r2)
-    half = (0.5 * c_mk[piece, 1], 0.5 * c_mk[piece, 2], 0.5 * c_mk[piece, 3])
-    for l in range(n):
-        d = (X[l], Y[l], Z[l])
+    d = np.empty(12)
+    out = np.empty(4)
+    _cartesian(D, Y, M, k, d)
+    for l in range(4):
         lo = 0.0
         hi = 1.0
         for a in range(3):
-            if abs(r[a]) > 2e-30 * half[a]:
-                t1 = (d[a] - half[a]) / r[a]
-                t2 = (d[a] + half[a]) / r[a]
+            half = 0.5 * k[14 + a]
+            x = d[4 * a + l]
+            if abs(k[a]) > 2e-30 * half:
+                t1 = (x - half) / k[a]
+                t2 = (x + half) / k[a]
                 lo = max(lo, min(t1, t2))
                 hi = min(hi, max(t1, t2))
-            elif not (-half[a] <= d[a] < half[a]):
+            elif not (-half <= x < half):
                 lo = 2.0
-        out[l] = c_mk[piece, 0] * (hi - lo) if hi > lo else 0.0
+        out[l] = k[13] * (hi - lo) if hi > lo else 0.0
+    return load4(out, 0)

@@ -1,8 +1,7 @@
 """The two sums on a lattice of points: rows of equally spaced points, each cut to its chord through the bond's capsule.
 
 A point sees a bond when it lies within the support R of it, in a capsule. For every row of the lattice that the capsule meets, the first
-and last point inside follow from the union of two spheres and a cylinder; the points found are written to buffers in runs of four,
-β is evaluated for all of them in one loop, and each run is added to the row.
+and last point inside follow from the union of two spheres and a cylinder; β is evaluated for four points in a row at a time and added.
 
 The accumulator is [row][component][position in row], rows over the two slower axes. Positions run on past the row's end (`ext` ≥ n + 3 of
 them), so that a run never has to be split at the periodic boundary; what lies beyond is folded back, or on an open axis dropped, at the end.
@@ -16,12 +15,12 @@ from math import ceil, floor, sqrt
 import numba as nb
 import numpy as np
 
-from ._beta import even
-from ._simd import JIT_FMA, axpy4, ramp4
+from ._beta import N_CONSTANTS, even, even_constants
+from ._simd import JIT_FMA, axpy4, ramp4, splat4
 
 # Replaced in each specialised copy (see `_simd.specialise`).
 BETA = even
-CARTESIAN = False
+CONSTANTS = even_constants
 
 
 @nb.njit(**JIT_FMA)
@@ -168,73 +167,6 @@ def rows_of_planes(i, i_hi, j_lo, width, base0, base1, n0, n1, wrap0, wrap1, map
 
 
 @nb.njit(**JIT_FMA)
-def next_runs(state, kept, most, n2, wrap2, ext, stride, D2, Y2, D_j, Y_j, M_j, first_j, count_j, at_j, row_j, keep_j, D, Y, M, to_run):
-    """Write the points of the chords to the buffers D, Y, M in runs of four, and where each run goes in the accumulator.
-
-    `state` (next of the kept rows, next point, where it goes, points left of the current row) is carried on when the buffers are full.
-    Returns the number of runs.
-    """
-    next_, k, at, left = state[0], state[1], state[2], state[3]
-    room = len(to_run) - 4
-    # Up to three runs a row are written whether they are needed or not: cheaper than a branch that cannot be predicted.
-    always = 2
-    runs = 0
-    while runs < room:
-        if left <= 0:
-            if next_ == kept:
-                break
-            j = keep_j[next_]
-            k = int(first_j[j])
-            at = int(at_j[j])
-            left = int(count_j[j])
-            next_ += 1
-        else:
-            j = keep_j[next_ - 1]
-            if wrap2:
-                at %= n2
-        more = min(min((left + 3) >> 2, (ext - at) >> 2), room - runs)
-        to = row_j[j] * stride + at
-        Dk = D_j[j] + k * D2
-        Yk = Y_j[j] + k * Y2
-        Mk = M_j[j]
-        for q in range(max(more, always)):
-            to_run[runs + q] = to + 4 * q
-            ramp4(D, 4 * (runs + q), Dk + 4 * q * D2, D2)
-            ramp4(Y, 4 * (runs + q), Yk + 4 * q * Y2, Y2)
-            ramp4(M, 4 * (runs + q), Mk, 0.0)
-        runs += more
-        left -= 4 * more
-        k += 4 * more
-        at += 4 * more
-    state[0] = next_
-    state[1] = k
-    state[2] = at
-    state[3] = left
-    return runs
-
-
-@nb.njit(**JIT_FMA)
-def add_runs(acc, to_run, runs, ext, b_bk, b, beta):
-    """acc[run, component] += b β for every run of four."""
-    n_comp = b_bk.shape[1]
-    if n_comp == 6:
-        b0, b1, b2 = b_bk[b, 0], b_bk[b, 1], b_bk[b, 2]
-        b3, b4, b5 = b_bk[b, 3], b_bk[b, 4], b_bk[b, 5]
-        for q in range(runs):
-            to = to_run[q]
-            axpy4(acc, to, b0, beta, 4 * q)
-            axpy4(acc, to + ext, b1, beta, 4 * q)
-            axpy4(acc, to + 2 * ext, b2, beta, 4 * q)
-            axpy4(acc, to + 3 * ext, b3, beta, 4 * q)
-            axpy4(acc, to + 4 * ext, b4, beta, 4 * q)
-            axpy4(acc, to + 5 * ext, b5, beta, 4 * q)
-    else:
-        for q in range(runs):
-            for c in range(n_comp):
-                axpy4(acc, to_run[q] + c * ext, b_bk[b, c], beta, 4 * q)
-
-
-@nb.njit(**JIT_FMA)
 def images(x_nc, at, r_bc, b, support, image_a, inverse_ca, region_2a, lo_a, hi_a):
     """The range of periodic images of a bond that can reach the lattice, along each axis of the cell. Returns their number."""
     for a in range(3):
@@ -276,16 +208,6 @@ def in_frame(d_c, step_ac, frame_cc, length, map_4c):
         map_4c[3, c] = t * (d_c[0] * frame_cc[c, 0] + d_c[1] * frame_cc[c, 1] + d_c[2] * frame_cc[c, 2])
 
 
-@nb.njit(**JIT_FMA)
-def to_cartesian(n, D, Y, M, length, frame_cc):
-    """From the bond's frame back to x, y, z."""
-    for l in range(n):
-        d, y, m = D[l] * length, Y[l] * length, M[l] * length
-        D[l] = d * frame_cc[0, 0] + y * frame_cc[1, 0] + m * frame_cc[2, 0]
-        Y[l] = d * frame_cc[0, 1] + y * frame_cc[1, 1] + m * frame_cc[2, 1]
-        M[l] = d * frame_cc[0, 2] + y * frame_cc[1, 2] + m * frame_cc[2, 2]
-
-
 def lattice_bonds(
     x_nc,  # positions relative to the cell's origin
     i_b,
@@ -304,47 +226,43 @@ def lattice_bonds(
     region_2a,  # the lattice's extent in fractional coordinates of the cell
     acc,  # flat: rows × components × ext
     ext,
-    lane_4l,  # buffers: D, Y, M, β of the points of one bond
     row_6j,  # buffers: D, Y, M, first point, number of points and place of each row
-    index_3j,  # buffers: which row of the accumulator; the rows that are met; where each run of four goes
+    index_2j,  # buffers: which row of the accumulator; the rows that are met
 ):
     """Σ_b b β at every point, added to `acc`. Returns the number of (bond, point) pairs visited."""
     n0, n1, n2 = shape_a[0], shape_a[1], shape_a[2]
     wrap0, wrap1, wrap2 = wrap_a[0], wrap_a[1], wrap_a[2]
     any_image = image_a[0] or image_a[1] or image_a[2]
-    row_step = sqrt(step_ac[2, 0] ** 2 + step_ac[2, 1] ** 2 + step_ac[2, 2] ** 2)
     # How far a ball of radius 1 reaches in lattice coordinates.
     reach0 = sqrt(inverse_ca[0, 0] ** 2 + inverse_ca[1, 0] ** 2 + inverse_ca[2, 0] ** 2)
     reach1 = sqrt(inverse_ca[0, 1] ** 2 + inverse_ca[1, 1] ** 2 + inverse_ca[2, 1] ** 2)
-    stride = b_bk.shape[1] * ext
-    D = lane_4l[0]
-    Y = lane_4l[1]
-    M = lane_4l[2]
-    beta = lane_4l[3]
+    n_comp = b_bk.shape[1]
+    stride = n_comp * ext
     D_j = row_6j[0]
     Y_j = row_6j[1]
     M_j = row_6j[2]
     first_j = row_6j[3]
     count_j = row_6j[4]
     at_j = row_6j[5]
-    row_j = index_3j[0]
-    keep_j = index_3j[1]
-    to_run = index_3j[2, : len(D) // 4]
+    row_j = index_2j[0]
+    keep_j = index_2j[1]
     visits = 0
     lo_a = np.zeros(3, np.int64)
     hi_a = np.zeros(3, np.int64)
     base_a = np.zeros(3, np.int64)
-    state = np.zeros(4, np.int64)
     d_c = np.zeros(3)
     f_a = np.zeros(3)
     frame_cc = np.zeros((3, 3))
     map_4c = np.zeros((4, 3))
+    k_ = np.zeros(N_CONSTANTS)
     for b in range(len(r_bc)):
         r0, r1, r2 = r_bc[b, 0], r_bc[b, 1], r_bc[b, 2]
         true_length = sqrt(r0 * r0 + r1 * r1 + r2 * r2)
         e0 = r0 * inverse_ca[0, 0] + r1 * inverse_ca[1, 0] + r2 * inverse_ca[2, 0]
         e1 = r0 * inverse_ca[0, 1] + r1 * inverse_ca[1, 1] + r2 * inverse_ca[2, 1]
         frame(r0, r1, r2, step_ac, frame_cc)
+        b0 = b_bk[b, 0]
+        b1, b2, b3, b4, b5 = (b_bk[b, 1], b_bk[b, 2], b_bk[b, 3], b_bk[b, 4], b_bk[b, 5]) if n_comp == 6 else (0.0, 0.0, 0.0, 0.0, 0.0)
         n_images = 1
         if any_image:
             n_images = images(x_nc, i_b[b], r_bc, b, radii_m[0], image_a, period_inverse_ca, region_2a, lo_a, hi_a)
@@ -364,6 +282,8 @@ def lattice_bonds(
                 R = radii_m[m]
                 length = max(true_length, 1e-30 * R)
                 in_frame(d_c, step_ac, frame_cc, length, map_4c)
+                CONSTANTS(length, R, coef_mk, m, r0, r1, r2, frame_cc, k_)
+                D2, Y2 = map_4c[2, 0], map_4c[2, 1]
                 i = ceil(f_a[0] - max(e0, 0.0) - R * reach0 - 1e-9)
                 i_hi = floor(f_a[0] - min(e0, 0.0) + R * reach0 + 1e-9)
                 j_lo = ceil(f_a[1] - max(e1, 0.0) - R * reach1 - 1e-9)
@@ -374,25 +294,44 @@ def lattice_bonds(
                 if not wrap1:
                     j_lo = max(j_lo, -base1)
                     j_hi = min(j_hi, n1 - 1 - base1)
-                most = int((2.0 * R + true_length) / row_step) // 4 + 1
                 while i <= i_hi and j_lo <= j_hi:
-                    rows, i = rows_of_planes(i, i_hi, j_lo, j_hi - j_lo + 1, base0, base1, n0, n1, wrap0, wrap1, map_4c, D_j, Y_j, M_j, row_j)
+                    rows, i = rows_of_planes(
+                        i, i_hi, j_lo, j_hi - j_lo + 1, base0, base1, n0, n1, wrap0, wrap1, map_4c, D_j, Y_j, M_j, row_j
+                    )
                     kept, points = chords(
-                        rows, D_j, Y_j, M_j, (R / length) ** 2, map_4c[2, 0], map_4c[2, 1], k_lo, k_hi,
+                        rows, D_j, Y_j, M_j, (R / length) ** 2, D2, Y2, k_lo, k_hi,
                         base2, n2, wrap2, first_j, count_j, at_j, keep_j,
                     )  # fmt: skip
                     visits += points
-                    state[0] = 0
-                    state[3] = 0
-                    while True:
-                        runs = next_runs(
-                            state, kept, most, n2, wrap2, ext, stride, map_4c[2, 0], map_4c[2, 1],
-                            D_j, Y_j, M_j, first_j, count_j, at_j, row_j, keep_j, D, Y, M, to_run,
-                        )  # fmt: skip
-                        if runs == 0:
-                            break
-                        if CARTESIAN:
-                            to_cartesian(4 * runs, D, Y, M, length, frame_cc)
-                        BETA(4 * runs, D, Y, M, length, r0, r1, r2, R, coef_mk, m, beta)
-                        add_runs(acc, to_run, runs, ext, b_bk, b, beta)
+                    for t in range(kept):
+                        j = keep_j[t]
+                        k = first_j[j]
+                        left = int(count_j[j])
+                        at = int(at_j[j])
+                        Dk = D_j[j] + k * D2
+                        Yk = Y_j[j] + k * Y2
+                        Mv = splat4(M_j[j])
+                        while left > 0:
+                            # Once, unless the chord is longer than what the row of the accumulator has to spare.
+                            runs = min((left + 3) >> 2, (ext - at) >> 2)
+                            to = row_j[j] * stride + at
+                            for _ in range(runs):
+                                beta = BETA(ramp4(Dk, D2), ramp4(Yk, Y2), Mv, k_)
+                                axpy4(acc, to, b0, beta)
+                                if n_comp == 6:
+                                    axpy4(acc, to + ext, b1, beta)
+                                    axpy4(acc, to + 2 * ext, b2, beta)
+                                    axpy4(acc, to + 3 * ext, b3, beta)
+                                    axpy4(acc, to + 4 * ext, b4, beta)
+                                    axpy4(acc, to + 5 * ext, b5, beta)
+                                else:
+                                    for c in range(1, n_comp):
+                                        axpy4(acc, to + c * ext, b_bk[b, c], beta)
+                                Dk += 4.0 * D2
+                                Yk += 4.0 * Y2
+                                to += 4
+                            left -= 4 * runs
+                            at += 4 * runs
+                            if left > 0 and wrap2:
+                                at %= n2
     return visits

@@ -8,12 +8,12 @@ from math import floor, sqrt
 import numba as nb
 import numpy as np
 
-from ._beta import even
-from ._simd import JIT_FMA
+from ._beta import N_CONSTANTS, even, even_constants
+from ._simd import JIT_FMA, load4, store4
 
 # Replaced in each specialised copy (see `_simd.specialise`).
 BETA = even
-CARTESIAN = False
+CONSTANTS = even_constants
 
 
 @nb.njit(**JIT_FMA)
@@ -64,6 +64,8 @@ def points_bonds(
     lo_a = np.zeros(3, np.int64)
     hi_a = np.zeros(3, np.int64)
     visits = 0
+    frame_cc = np.empty((3, 3))
+    k_ = np.zeros(N_CONSTANTS)
     first = 0
     n_bonds = len(r_bc)
     while first < n_bonds:
@@ -145,24 +147,24 @@ def points_bonds(
                     t = 1.0 / sqrt(vx * vx + vy * vy + vz * vz)
                     vx, vy, vz = vx * t, vy * t, vz * t
                     ux, uy, uz = vy * nz - vz * ny, vz * nx - vx * nz, vx * ny - vy * nx
+                    frame_cc[0, 0], frame_cc[0, 1], frame_cc[0, 2] = nx, ny, nz
+                    frame_cc[1, 0], frame_cc[1, 1], frame_cc[1, 2] = ux, uy, uz
+                    frame_cc[2, 0], frame_cc[2, 1], frame_cc[2, 2] = vx, vy, vz
+                    CONSTANTS(length, R, coef_mk, m, r0, r1, r2, frame_cc, k_)
                     t = 1.0 / length
                     E2 = (R * t) * (R * t)
                     near(n, X, Yp, Z, nx * t, ny * t, nz * t, ux * t, uy * t, uz * t, vx * t, vy * t, vz * t, E2, Dn, Yn, Mn, depth)
                     lanes = 0
                     for l in range(n):
                         if depth[l] > 0.0:
-                            if CARTESIAN:
-                                D[lanes] = X[l]
-                                Y[lanes] = Yp[l]
-                                M[lanes] = Z[l]
-                            else:
-                                D[lanes] = Dn[l]
-                                Y[lanes] = Yn[l]
-                                M[lanes] = Mn[l]
+                            D[lanes] = Dn[l]
+                            Y[lanes] = Yn[l]
+                            M[lanes] = Mn[l]
                             seen[lanes] = which[l]
                             lanes += 1
                     visits += lanes
-                    BETA(lanes, D, Y, M, length, r0, r1, r2, R, coef_mk, m, beta)
+                    for l in range(0, lanes, 4):
+                        store4(beta, l, BETA(load4(D, l), load4(Y, l), load4(M, l), k_))
                     for l in range(lanes):
                         t = beta[l]
                         to = seen[l]

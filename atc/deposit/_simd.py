@@ -1,91 +1,203 @@
-"""Four-lane building blocks, and one compiled copy of a core per kernel family.
+"""Four numbers at a time, and one compiled copy of a core per kernel family.
 
-The hot loops touch short runs of grid points. LLVM's vectoriser leaves runs that short scalar (its run-time alias checks cost more than
-they save), so the two memory operations that matter are written as <4 x double> instructions here; on machines with narrower vectors
-LLVM splits them. The offsets are trusted: whoever calls these owns the bounds.
+The hot loops touch short runs of grid points. LLVM's vectoriser leaves runs that short scalar (its run-time checks cost more than they
+save), so `vec4` is a numba type of its own: <4 x double> with + − · /, which LLVM splits where the machine has narrower vectors.
+The offsets of `load4`, `store4` and `axpy4` are trusted: whoever calls them owns the bounds.
 """
 
 from __future__ import annotations
 
 import hashlib
+import operator
 import types as _types
 from pathlib import Path
 
 import numba as nb
 from llvmlite import ir
 from numba.core import cgutils, types
-from numba.extending import intrinsic
+from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
+from numba.extending import intrinsic, lower_builtin, models, register_model
 
 JIT = dict(cache=True, nogil=True, error_model="numpy")
 # Contracting a·b + c into one rounding is safe everywhere in the deposit: no sum there is compensated.
 JIT_FMA = dict(JIT, fastmath={"contract"})
 
-_DOUBLE = ir.DoubleType()
-_INT64 = ir.IntType(64)
-_VEC4 = ir.VectorType(_DOUBLE, 4)
+_DOUBLE, _INT64, _INT32 = ir.DoubleType(), ir.IntType(64), ir.IntType(32)
+_VEC4, _IVEC4 = ir.VectorType(_DOUBLE, 4), ir.VectorType(_INT64, 4)
+
+
+class Vec4(types.Type):
+    def __init__(self):
+        super().__init__(name="vec4d")
+
+
+vec4 = Vec4()
+
+
+@register_model(Vec4)
+class _Vec4Model(models.PrimitiveModel):
+    def __init__(self, dmm, fe_type):
+        super().__init__(dmm, fe_type, _VEC4)
+
+
+def _splat(builder, value):
+    lane0 = builder.insert_element(ir.Constant(_VEC4, ir.Undefined), value, ir.Constant(_INT32, 0))
+    return builder.shuffle_vector(lane0, ir.Constant(_VEC4, ir.Undefined), ir.Constant(ir.VectorType(_INT32, 4), [0] * 4))
+
+
+def _constant(value):
+    return ir.Constant(_VEC4, [float(value)] * 4)
+
+
+def _iconstant(value):
+    return ir.Constant(_IVEC4, [int(value)] * 4)
+
+
+def _vector(builder, type_, value):
+    return value if isinstance(type_, Vec4) else _splat(builder, value)
+
+
+def _define(op, instruction):
+    """vec4 op vec4, vec4 op float, float op vec4."""
+    pairs = [(vec4, vec4), (vec4, types.float64), (types.float64, vec4)]
+    infer_global(op)(type(f"_vec4_{op.__name__}", (ConcreteTemplate,), {"cases": [signature(vec4, a, b) for a, b in pairs]}))
+
+    def lower(context, builder, sig, args):
+        a, b = (_vector(builder, t, v) for t, v in zip(sig.args, args))
+        return getattr(builder, instruction)(a, b, flags=("contract",))
+
+    for a, b in pairs:
+        lower_builtin(op, a, b)(lower)
+
+
+for _op, _instruction in ((operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul"), (operator.truediv, "fdiv")):
+    _define(_op, _instruction)
+
+
+@intrinsic
+def maximum4(typingctx, a, b):
+    """The larger of a vec4 and a float, lane by lane."""
+
+    def codegen(context, builder, sig, args):
+        b = _splat(builder, args[1])
+        return builder.select(builder.fcmp_ordered(">", args[0], b), args[0], b)
+
+    return vec4(vec4, types.float64), codegen
+
+
+@intrinsic
+def minimum4(typingctx, a, b):
+    """The smaller of a vec4 and a float, lane by lane."""
+
+    def codegen(context, builder, sig, args):
+        b = _splat(builder, args[1])
+        return builder.select(builder.fcmp_ordered("<", args[0], b), args[0], b)
+
+    return vec4(vec4, types.float64), codegen
+
+
+@intrinsic
+def sqrt4(typingctx, a):
+    def codegen(context, builder, sig, args):
+        f = cgutils.get_or_insert_function(builder.module, ir.FunctionType(_VEC4, [_VEC4]), "llvm.sqrt.v4f64")
+        return builder.call(f, [args[0]])
+
+    return vec4(vec4), codegen
+
+
+@intrinsic
+def splat4(typingctx, x):
+    return vec4(types.float64), lambda context, builder, sig, args: _splat(builder, args[0])
+
+
+@intrinsic
+def ramp4(typingctx, base, step):
+    """base + step * (0, 1, 2, 3)"""
+
+    def codegen(context, builder, sig, args):
+        lanes = ir.Constant(_VEC4, [0.0, 1.0, 2.0, 3.0])
+        product = builder.fmul(_splat(builder, args[1]), lanes, flags=("contract",))
+        return builder.fadd(_splat(builder, args[0]), product, flags=("contract",))
+
+    return vec4(types.float64, types.float64), codegen
+
+
+@intrinsic
+def log2_ratio4(typingctx, top, low):
+    """A whole number e ≥ 0 near log2(top/low), for top ≥ low > 0: read off the bits, the mantissas as linear approximations to their log2.
+
+    top/(low 2^e) is between 2^-0.59 and 2^0.59.
+    """
+
+    def codegen(context, builder, sig, args):
+        difference = builder.sub(builder.bitcast(args[0], _IVEC4), builder.bitcast(args[1], _IVEC4))
+        e = builder.lshr(builder.add(difference, _iconstant(1 << 51)), _iconstant(52))
+        # An integer below 2^52 becomes a float by putting it into the mantissa of 2^52.
+        as_float = builder.bitcast(builder.or_(e, _iconstant(0x4330000000000000)), _VEC4)
+        return builder.fsub(as_float, _constant(2.0**52))
+
+    return vec4(vec4, vec4), codegen
+
+
+@intrinsic
+def exp2i4(typingctx, e):
+    """2^e for whole numbers −1022 ≤ e ≤ 1023."""
+
+    def codegen(context, builder, sig, args):
+        # 1.5·2^52 + 1023 + e: the exponent, biased, is in the mantissa's lowest bits; move it into place.
+        biased = builder.fadd(args[0], _constant(1.5 * 2.0**52 + 1023.0))
+        return builder.bitcast(builder.shl(builder.bitcast(biased, _IVEC4), _iconstant(52)), _VEC4)
+
+    return vec4(vec4), codegen
+
+
+@intrinsic
+def where_zero4(typingctx, e, a, b):
+    """a where e is 0, else b."""
+
+    def codegen(context, builder, sig, args):
+        return builder.select(builder.fcmp_ordered("==", args[0], _constant(0.0)), args[1], args[2])
+
+    return vec4(vec4, vec4, vec4), codegen
 
 
 def _pointer(context, builder, array_type, array, index):
     data = context.make_array(array_type)(context, builder, array).data
-    at = builder.gep(data, [index])
-    return builder.bitcast(at, _VEC4.as_pointer())
-
-
-def _splat(builder, value):
-    lane0 = builder.insert_element(ir.Constant(_VEC4, ir.Undefined), value, ir.Constant(ir.IntType(32), 0))
-    return builder.shuffle_vector(lane0, ir.Constant(_VEC4, ir.Undefined), ir.Constant(ir.VectorType(ir.IntType(32), 4), [0] * 4))
+    return builder.bitcast(builder.gep(data, [index]), _VEC4.as_pointer())
 
 
 @intrinsic
-def axpy4(typingctx, acc, o, s, buf, l):
-    """acc[o:o+4] += s * buf[l:l+4]"""
-    sig = types.void(acc, types.int64, types.float64, buf, types.int64)
+def load4(typingctx, buf, l):
+    """buf[l:l+4]"""
 
-    def codegen(context, builder, signature, args):
-        to = _pointer(context, builder, signature.args[0], args[0], args[1])
-        at = _pointer(context, builder, signature.args[3], args[3], args[4])
-        # fmuladd: fused where the machine can, multiply and add where it cannot.
-        fma = cgutils.get_or_insert_function(builder.module, ir.FunctionType(_VEC4, [_VEC4] * 3), "llvm.fmuladd.v4f64")
-        new = builder.call(fma, [_splat(builder, args[2]), builder.load(at, align=8), builder.load(to, align=8)])
-        builder.store(new, to, align=8)
+    def codegen(context, builder, sig, args):
+        return builder.load(_pointer(context, builder, sig.args[0], args[0], args[1]), align=8)
+
+    return vec4(buf, types.int64), codegen
+
+
+@intrinsic
+def store4(typingctx, buf, l, v):
+    """buf[l:l+4] = v"""
+
+    def codegen(context, builder, sig, args):
+        builder.store(args[2], _pointer(context, builder, sig.args[0], args[0], args[1]), align=8)
         return context.get_dummy_value()
 
-    return sig, codegen
+    return types.void(buf, types.int64, vec4), codegen
 
 
 @intrinsic
-def ramp4(typingctx, buf, l, base, step):
-    """buf[l:l+4] = base + step * (0, 1, 2, 3)"""
-    sig = types.void(buf, types.int64, types.float64, types.float64)
+def axpy4(typingctx, acc, o, s, v):
+    """acc[o:o+4] += s v"""
 
-    def codegen(context, builder, signature, args):
-        to = _pointer(context, builder, signature.args[0], args[0], args[1])
-        lanes = ir.Constant(_VEC4, [0.0, 1.0, 2.0, 3.0])
-        value = builder.fadd(_splat(builder, args[2]), builder.fmul(_splat(builder, args[3]), lanes))
-        builder.store(value, to, align=8)
+    def codegen(context, builder, sig, args):
+        to = _pointer(context, builder, sig.args[0], args[0], args[1])
+        product = builder.fmul(_splat(builder, args[2]), args[3], flags=("contract",))
+        builder.store(builder.fadd(builder.load(to, align=8), product, flags=("contract",)), to, align=8)
         return context.get_dummy_value()
 
-    return sig, codegen
-
-
-@intrinsic
-def bits(typingctx, x):
-    """The 64 bits of a float as an integer."""
-
-    def codegen(context, builder, signature, args):
-        return builder.bitcast(args[0], _INT64)
-
-    return types.int64(types.float64), codegen
-
-
-@intrinsic
-def from_bits(typingctx, i):
-    """The float with these 64 bits."""
-
-    def codegen(context, builder, signature, args):
-        return builder.bitcast(args[0], _DOUBLE)
-
-    return types.float64(types.int64), codegen
+    return types.void(acc, types.int64, types.float64, vec4), codegen
 
 
 def _fingerprint() -> str:
@@ -108,6 +220,3 @@ def specialise(py_func, tag: str, **names):
     f.__qualname__ = f"{py_func.__qualname__}_{tag}_{_SOURCES}"
     f.__module__ = py_func.__module__
     return nb.njit(**JIT_FMA)(f)
-
-
-__all__ = ["JIT", "JIT_FMA", "axpy4", "bits", "cgutils", "from_bits", "ramp4", "specialise"]

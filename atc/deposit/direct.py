@@ -45,7 +45,7 @@ def family(kernel):
 def _core(function, name):
     if function is _slab.slab_bonds:
         return specialise(function, name, MEAN=getattr(_slab, name))
-    return specialise(function, name, BETA=getattr(_beta, name), CARTESIAN=name in ("bspline", "box"))
+    return specialise(function, name, BETA=getattr(_beta, name), CONSTANTS=getattr(_beta, name + "_constants"))
 
 
 @nb.njit(**JIT)
@@ -187,7 +187,7 @@ class LatticeDeposit(Deposit):
             x_nc - self.cell.origin, i_b, r_bc, b_bk, self.radii, self.coef,
             np.ascontiguousarray(self.grid.origin), self.steps, self.inverse, self.counts, self.wrap,
             self.image, self.cell.vectors, self.cell.inverse, self.region,
-            acc, self.ext, np.empty((4, 2048)), np.empty((6, rows)), np.empty((3, rows), np.int64),
+            acc, self.ext, np.empty((6, rows)), np.empty((2, rows), np.int64),
         )  # fmt: skip
 
     def _finish(self, total, n_comp):
@@ -249,7 +249,7 @@ class PointsDeposit(Deposit):
         self._visits[thread] += self._core(
             x_nc - self.cell.origin, i_b, r_bc, b_bk, self.radii, self.coef, self.points, self.start,
             self.bins, self.low, self.scale, self.cell.periodic, self.cell.vectors, self.cell.inverse,
-            acc, np.empty((7, room)), np.empty((4, room)), np.empty((2, room), np.int64),
+            acc, np.empty((7, room)), np.zeros((4, room + 3)), np.empty((2, room), np.int64),
         )  # fmt: skip
 
     def _finish(self, total, n_comp):
