@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 from naive import NaiveKernel, bond_sums, site_sums
+from test_kernels import CASES, IDS, bonds
 
 import atc
 from atc.deposit import exact_at, make
@@ -131,6 +132,27 @@ def test_many_points_on_a_row_fill_the_buffers():
         some = np.random.default_rng(0).choice(len(bound), 40, replace=False)
         close(dep.bond_sums()[some], bond_sums(bound.points_gc[some], cell, kern.beta, kern.support, x[i], r, b, True))
         close(dep.site_sums()[some], site_sums(bound.points_gc[some], cell, kern.phi, kern.support, x, a, True))
+
+
+@pytest.mark.parametrize("k", range(len(CASES)), ids=IDS)
+def test_awkward_bonds(k):
+    """Each bond of test_kernels alone, seen from one point: the compiled β, on a lattice and at points, against adaptive quadrature."""
+    kern, twin = CASES[k]
+    open_ = Cell(np.eye(3), periodic=(False, False, False))
+    point = np.array([0.25, 0.5, 0.5])
+    jumps = kern.name in ("step", "box") or k == len(CASES) - 1
+    for what, d, r in bonds(kern.support, np.random.default_rng(20 + k)):
+        # A jump crossed within rounding (see test_kernels).
+        if jumps and (what == "starts on the boundary" or (what.startswith("length") and what.endswith("R"))):
+            continue
+        want = twin.beta(d, r)
+        for grid in (atc.Grid.regular(open_, shape=1, origin=point - 0.5), atc.Grid.points([point])):
+            dep = make("direct", grid.bind(METAL, open_), kern, open_, 0, 1)
+            dep.add_bonds((point + d)[None], r[None], np.ones((1, 1)))
+            # 1e-12 of the issue; x_i = point + d is rounded to 1e-16 of up to 4000 R for the longest bonds.
+            # As in test_kernels, more where a jump is grazed, β ~ √depth.
+            tolerance = (3e-12 if jumps else 1e-12) if np.abs(d).max() < 100 * kern.support else 1e-10
+            assert abs(dep.bond_sums()[0, 0] - want) <= tolerance * kern.peak, (what, grid.kind)
 
 
 def test_lattice_and_points_agree():

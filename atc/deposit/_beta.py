@@ -12,7 +12,7 @@ from math import erf, exp, sqrt
 import numba as nb
 import numpy as np
 
-from ._simd import JIT_FMA, exp2i4, load4, log2_ratio4, maximum4, minimum4, splat4, sqrt4, store4, where_zero4
+from ._simd import INLINE, JIT_FMA, exp2i4, load4, log2_ratio4, maximum4, minimum4, splat4, sqrt4, store4, where_zero4
 
 # Room for the constants of any family.
 N_CONSTANTS = 64
@@ -26,7 +26,7 @@ def even_constants(length, R, c_mk, piece, r0, r1, r2, frame_cc, k):
     k[3] = c_mk[piece, 2] / (k[0] * k[0])
 
 
-@nb.njit(**JIT_FMA)
+@nb.njit(**INLINE)
 def even(D, Y, M, k):
     """c0 + c1 w + c2 w² with w = 1 − ρ²/R²: step, Epanechnikov, quartic."""
     w = maximum4(k[0] - M * M - Y * Y, 0.0)
@@ -43,30 +43,31 @@ def even(D, Y, M, k):
     return share * (k[1] + k[2] * (w - m2) + k[3] * (w * (w - 2.0 * m2) + m4))
 
 
-@nb.njit(**JIT_FMA)
-def _atanh_over(S, delta):
-    """atanh(δ/S)/δ for 0 ≤ δ ≤ S, S > 0: with 2^e the power of two near (S+δ)/(S−δ), ½ e ln 2 + atanh of what is left (|f| < 0.21)."""
+@nb.njit(**INLINE)
+def _inverse_and_atanh(S, delta):
+    """1/S and atanh(δ/S)/δ for 0 ≤ δ ≤ S, S > 0.
+
+    atanh is ½ e ln 2 + atanh f, with 2^e the power of two near (S + δ)/(S − δ) and f what is left, |f| < 0.21. One division serves all three.
+    """
     top = S + delta
-    low = S - delta
-    # (S − δ) ≥ 1e-17 S: beyond that p² has made the logarithm irrelevant.
-    low = low + S * 1e-17
+    # (S − δ) ≥ 1e-17 S: closer than that p² has made the logarithm irrelevant.
+    low = S - delta + S * 1e-17
     e = log2_ratio4(top, low)
     scaled = low * exp2i4(e)
-    f = where_zero4(e, 2.0 * delta, top - scaled) / (top + scaled)
+    Q = top + scaled
+    # Where e = 0, f = δ/S: divide by S, which is never 0.
+    by = where_zero4(e, S, delta)
+    inverse = 1.0 / (S * Q * by)
+    inverse_S = inverse * Q * by
+    f = where_zero4(e, 2.0 * delta, top - scaled) * (inverse * S * by)
+    # atanh(f)/f: z^k/(2k+1) up to k = 11 leaves 0.21^24/25 = 2e-18. In pairs, so that the processor can overlap them.
     z = f * f
-    # atanh(f)/f, |f| < 0.21: z^k/(2k+1) up to k = 11 leaves 0.21^24/25 = 2e-18.
-    g = z * (1.0 / 23.0) + 1.0 / 21.0
-    g = g * z + 1.0 / 19.0
-    g = g * z + 1.0 / 17.0
-    g = g * z + 1.0 / 15.0
-    g = g * z + 1.0 / 13.0
-    g = g * z + 1.0 / 11.0
-    g = g * z + 1.0 / 9.0
-    g = g * z + 1.0 / 7.0
-    g = g * z + 1.0 / 5.0
-    g = g * z + 1.0 / 3.0
-    g = g * z + 1.0
-    return where_zero4(e, g, f * g + 0.34657359027997264 * e) / where_zero4(e, S, delta)
+    z2 = z * z
+    z4 = z2 * z2
+    g = (z * (1.0 / 3.0) + 1.0) + z2 * (z * (1.0 / 7.0) + 1.0 / 5.0)
+    g = g + z4 * ((z * (1.0 / 11.0) + 1.0 / 9.0) + z2 * (z * (1.0 / 15.0) + 1.0 / 13.0))
+    g = g + z4 * z4 * ((z * (1.0 / 19.0) + 1.0 / 17.0) + z2 * (z * (1.0 / 23.0) + 1.0 / 21.0))
+    return inverse_S, where_zero4(e, g, f * g + 0.34657359027997264 * e) * (inverse * S * Q)
 
 
 @nb.njit(**JIT_FMA)
@@ -76,7 +77,7 @@ def cone_constants(length, R, c_mk, piece, r0, r1, r2, frame_cc, k):
     k[2] = c_mk[piece, 1] * (length / R)
 
 
-@nb.njit(**JIT_FMA)
+@nb.njit(**INLINE)
 def cone(D, Y, M, k):
     """c0 + c1 ρ/R: linear, hardy, tables."""
     p2 = M * M + Y * Y
@@ -86,8 +87,9 @@ def cone(D, Y, M, k):
     share = maximum4(hi - lo, 0.0)
     a = lo - D
     b = hi - D
-    S = sqrt4(p2 + a * a) + sqrt4(p2 + b * b) + 1e-300
-    j1 = 0.25 * (S + (a + b) * (a + b) / S) + p2 * _atanh_over(S, share)
+    S = sqrt4(p2 + a * a) + sqrt4(p2 + b * b) + 1e-90
+    inverse_S, atanh = _inverse_and_atanh(S, share)
+    j1 = 0.25 * (S + (a + b) * (a + b) * inverse_S) + p2 * atanh
     return share * (k[1] + k[2] * j1)
 
 
@@ -102,7 +104,7 @@ def radial_constants(length, R, c_mk, piece, r0, r1, r2, frame_cc, k):
     k[5] = c_mk[piece, 4] * s * s * s * s
 
 
-@nb.njit(**JIT_FMA)
+@nb.njit(**INLINE)
 def radial(D, Y, M, k):
     """Σ_k c_k (ρ/R)^k, k = 0..4 (`kernels.mean_powers`)."""
     p2 = M * M + Y * Y
@@ -114,19 +116,20 @@ def radial(D, Y, M, k):
     b = hi - D
     ra = sqrt4(p2 + a * a)
     rb = sqrt4(p2 + b * b)
-    S = ra + rb + 1e-300
-    T2 = (a + b) * (a + b) / S
+    S = ra + rb + 1e-90
+    inverse_S, atanh = _inverse_and_atanh(S, share)
+    T2 = (a + b) * (a + b) * inverse_S
     ab = a * b
     aabb = a * a + b * b
     rab = ra * rb
     m2 = (aabb + ab) * (1.0 / 3.0)
     m4 = (aabb * aabb + ab * (aabb - ab)) * 0.2
-    j1 = 0.25 * (S + T2) + p2 * _atanh_over(S, share)
+    j1 = 0.25 * (S + T2) + p2 * atanh
     j3 = 0.125 * (S * (S * S - 3.0 * rab) + T2 * (S * S - rab)) + 0.75 * p2 * j1
     return share * (k[1] + k[2] * j1 + k[3] * (p2 + m2) + k[4] * j3 + k[5] * (p2 * (p2 + 2.0 * m2) + m4))
 
 
-@nb.njit(**JIT_FMA)
+@nb.njit(**INLINE)
 def _exp_minus(x):
     """exp(−x) for 0 ≤ x: 2^−n times a Taylor series of degree 13 on |t| ≤ ½ ln 2 (0.3466^14/14! = 4e-18)."""
     x = minimum4(x, 700.0)
@@ -198,7 +201,7 @@ def gaussian_constants(length, R, c_mk, piece, r0, r1, r2, frame_cc, k):
             factor *= 2.0 * j * (2.0 * j - 1.0) / 4.0
 
 
-@nb.njit(**JIT_FMA)
+@nb.njit(**INLINE)
 def gaussian(D, Y, M, k):
     p2 = M * M + Y * Y
     if k[2] > 0.0:

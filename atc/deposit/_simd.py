@@ -21,6 +21,8 @@ from numba.extending import intrinsic, lower_builtin, models, register_model
 JIT = dict(cache=True, nogil=True, error_model="numpy")
 # Contracting a·b + c into one rounding is safe everywhere in the deposit: no sum there is compensated.
 JIT_FMA = dict(JIT, fastmath={"contract"})
+# For what is called once for four points: a call would send vectors through memory.
+INLINE = dict(JIT_FMA, forceinline=True)
 
 _DOUBLE, _INT64, _INT32 = ir.DoubleType(), ir.IntType(64), ir.IntType(32)
 _VEC4, _IVEC4 = ir.VectorType(_DOUBLE, 4), ir.VectorType(_INT64, 4)
