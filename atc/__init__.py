@@ -17,6 +17,8 @@ _LAZY = {
     "Grid": "atc.grids",
     "fields": "atc.run",
     "compare": "atc.compare",
+    "conductivity": "atc.green_kubo",
+    "heat_currents": "atc.green_kubo",
     "Frame": "atc.frame",
     "Cell": "atc.frame",
     "Topology": "atc.frame",

@@ -93,6 +93,7 @@ _DIMENSIONS = {
     "energy_flux": lambda u: u.energy / (u.length**2 * u.time),
     "energy_current": lambda u: u.energy * u.velocity,
     "power_density": lambda u: u.energy / (u.length**3 * u.time),
+    "conductivity": lambda u: u.energy / (u.time * u.length),
     "force_density": lambda u: u.energy / u.length**4,
 }
 
@@ -122,6 +123,7 @@ def _make(name, *, length, energy, mass, charge, mvv2e, boltz, qqr2e, nktv2p, mv
         "energy_flux": f"{en}/({len_}^2*{ti})",
         "energy_current": f"{en}*{ve}" if "/" not in ve else f"{en}*({ve})",
         "power_density": f"{en}/({vol}*{ti})",
+        "conductivity": "kB/(sigma*tau)" if name == "lj" else f"{en}/({ti}*{len_}*K)",
         "force_density": f"{en}/{len_}^4",
     }
     return Units(
