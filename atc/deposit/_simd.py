@@ -108,6 +108,15 @@ def sqrt4(typingctx, a):
 
 
 @intrinsic
+def abs4(typingctx, a):
+    def codegen(context, builder, sig, args):
+        f = cgutils.get_or_insert_function(builder.module, ir.FunctionType(_VEC4, [_VEC4]), "llvm.fabs.v4f64")
+        return builder.call(f, [args[0]])
+
+    return vec4(vec4), codegen
+
+
+@intrinsic
 def splat4(typingctx, x):
     return vec4(types.float64), lambda context, builder, sig, args: _splat(builder, args[0])
 

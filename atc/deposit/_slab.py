@@ -2,98 +2,124 @@
 
 from __future__ import annotations
 
-from math import ceil, erf, exp, floor, sqrt
+from math import ceil, floor
 
 import numba as nb
 import numpy as np
 
-from ._simd import JIT_FMA
+from . import _beta
+from ._simd import INLINE, JIT_FMA, abs4, axpy4, load4, maximum4, minimum4, ramp4, splat4, store4
+
+_gaussian, _gaussian_constants = _beta.gaussian, _beta.gaussian_constants
+
+# Below this bond length, in units of R, a difference of antiderivatives loses more than three digits: means of powers instead.
+_SHORT = 1e-3
 
 
 @nb.njit(**JIT_FMA)
-def _mean_power(c_k, va, vb):
-    """Mean of Σ c_k v^k between va and vb: v^k averages to (va^k + va^{k−1} vb + … + vb^k)/(k + 1); nothing cancels when va = vb."""
-    total = c_k[0]
-    power_a = 1.0
-    sum_ = 1.0
-    for k in range(1, len(c_k)):
-        power_a *= va
-        sum_ = sum_ * vb + power_a
-        total += c_k[k] * sum_ / (k + 1.0)
+def _mean_of_powers(d, r, R, coef_mk, m):
+    """Mean of Σ c_k (|z|/R)^k over z = d − t r, |z| < R. v^k averages to (va^k + va^{k−1} vb + … + vb^k)/(k + 1): nothing cancels if va = vb."""
+    s = r if abs(r) > 1e-30 * R else 1e-30 * R
+    total = 0.0
+    for side in range(2):
+        t1 = d / s
+        t2 = (d - R) / s if side == 0 else (d + R) / s
+        lo = min(max(min(t1, t2), 0.0), 1.0)
+        hi = min(max(max(t1, t2), 0.0), 1.0)
+        if hi > lo:
+            va = abs(d - lo * s) / R
+            vb = abs(d - hi * s) / R
+            mean = coef_mk[m, 0]
+            power_a = 1.0
+            sum_ = 1.0
+            for k in range(1, coef_mk.shape[1]):
+                power_a *= va
+                sum_ = sum_ * vb + power_a
+                mean += coef_mk[m, k] * sum_ / (k + 1.0)
+            total += (hi - lo) * mean
     return total
 
 
 @nb.njit(**JIT_FMA)
-def _integral(c_k, R, z):
-    """∫₀^z Σ c_k (|z|/R)^k, constant beyond R."""
-    u = abs(z) / R
-    u = u if u < 1.0 else 1.0
-    total = 0.0
-    for k in range(len(c_k) - 1, -1, -1):
-        total = total * u + c_k[k] / (k + 1.0)
-    total *= u * R
-    return total if z >= 0.0 else -total
-
-
-@nb.njit(**JIT_FMA)
-def _polynomial_mean(d, r, radii_m, coef_mk):
-    """Mean of φ₁(d − t r), t in [0, 1]."""
-    total = 0.0
+def polynomial(z, r, radii_m, coef_mk, k_):
+    """Mean of φ₁(z − t r), t in [0, 1], for four z."""
+    total = splat4(0.0)
+    n = coef_mk.shape[1]
     for m in range(len(radii_m)):
         R = radii_m[m]
-        if abs(r) > 1e-2 * R:
-            # A difference of antiderivatives loses two digits at most here.
-            total += (_integral(coef_mk[m], R, d) - _integral(coef_mk[m], R, d - r)) / r
+        if abs(r) > _SHORT * R:
+            # ∫₀^z Σ c_k (|z|/R)^k = R v Σ c_k |v|^k/(k + 1), v = z/R, constant beyond |v| = 1.
+            a = maximum4(minimum4(z * (1.0 / R), 1.0), -1.0)
+            b = maximum4(minimum4((z - r) * (1.0 / R), 1.0), -1.0)
+            abs_a = abs4(a)
+            abs_b = abs4(b)
+            p = splat4(coef_mk[m, n - 1] * (1.0 / n))
+            q = p
+            for k in range(n - 2, -1, -1):
+                c = coef_mk[m, k] * k_[k]
+                p = p * abs_a + c
+                q = q * abs_b + c
+            total = total + (a * p - b * q) * (R / r)
         else:
-            s = r if abs(r) > 1e-30 * R else 1e-30 * R
-            for side in range(2):
-                t1 = d / s
-                t2 = (d - R) / s if side == 0 else (d + R) / s
-                lo = min(max(min(t1, t2), 0.0), 1.0)
-                hi = min(max(max(t1, t2), 0.0), 1.0)
-                if hi > lo:
-                    total += (hi - lo) * _mean_power(coef_mk[m], abs(d - lo * s) / R, abs(d - hi * s) / R)
+            lanes = np.empty(4)
+            store4(lanes, 0, z)
+            for l in range(4):
+                lanes[l] = _mean_of_powers(lanes[l], r, R, coef_mk, m)
+            total = total + load4(lanes, 0)
     return total
 
 
-_GL8 = np.polynomial.legendre.leggauss(8)
-_T8 = 0.5 * (1.0 + _GL8[0])
-_W8 = 0.5 * _GL8[1]
+@nb.njit(**JIT_FMA)
+def polynomial_constants(r, radii_m, coef_mk, k_):
+    for k in range(coef_mk.shape[1]):
+        k_[k] = 1.0 / (k + 1.0)
+
+
+@nb.njit(**INLINE)
+def gaussian(z, r, radii_m, coef_mk, k_):
+    """Mean of c0 exp(−z²/2 c1²): the Gaussian's bond function on the bond's own line."""
+    length = max(abs(r), 1e-30 * radii_m[0])
+    zero = splat4(0.0)
+    return _gaussian(z * ((-1.0 if r < 0.0 else 1.0) / length), zero, zero, k_)
 
 
 @nb.njit(**JIT_FMA)
-def _gaussian_mean(d, r, radii_m, coef_mk):
-    """Mean of c0 exp(−z²/2 c1²), z = d − t r. Short bonds by Gauss-Legendre (kernels.py, `_mean_gauss`)."""
-    w = coef_mk[0, 1] * sqrt(2.0)
-    s = r / w
-    z = d / w
-    if abs(s) < 1.0:
-        total = 0.0
-        for q in range(8):
-            total += _W8[q] * exp(-((z - _T8[q] * s) ** 2))
-        return coef_mk[0, 0] * total
-    return coef_mk[0, 0] * 0.5 * sqrt(np.pi) * (erf(z) - erf(z - s)) / s
+def gaussian_constants(r, radii_m, coef_mk, k_):
+    _gaussian_constants(max(abs(r), 1e-30 * radii_m[0]), radii_m[0], coef_mk, 0, 0.0, 0.0, 0.0, coef_mk, k_)
 
 
 @nb.njit(**JIT_FMA)
-def _box_mean(d, r, radii_m, coef_mk):
+def box(z, r, radii_m, coef_mk, k_):
     """Mean of the half-open step −R ≤ z < R."""
     R = radii_m[0]
-    if abs(r) < 1e-30 * R:
-        return coef_mk[0, 0] if -R <= d < R else 0.0
-    t1 = (d - R) / r
-    t2 = (d + R) / r
-    return coef_mk[0, 0] * max(0.0, min(max(t1, t2), 1.0) - max(min(t1, t2), 0.0))
+    lanes = np.empty(4)
+    store4(lanes, 0, z)
+    for l in range(4):
+        d = lanes[l]
+        if abs(r) < 1e-30 * R:
+            lanes[l] = coef_mk[0, 0] if -R <= d < R else 0.0
+        else:
+            t1 = (d - R) / r
+            t2 = (d + R) / r
+            lanes[l] = coef_mk[0, 0] * max(0.0, min(max(t1, t2), 1.0) - max(min(t1, t2), 0.0))
+    return load4(lanes, 0)
 
+
+box_constants = polynomial_constants
 
 # Replaced in each specialised copy (see `_simd.specialise`).
-MEAN = _polynomial_mean
+MEAN = polynomial
+CONSTANTS = polynomial_constants
 
 
-def slab_bonds(z_n, i_b, r_b, b_bk, radii_m, coef_mk, step, n, periodic, acc_gk):
-    """Σ_b b β₁ in n bins whose centres are at (k + ½) step, z relative to the cell's lower face. Returns the number of visits."""
+def slab_bonds(z_n, i_b, r_b, b_bk, radii_m, coef_mk, step, n, periodic, acc, ext):
+    """Σ_b b β₁ in n bins whose centres are at (k + ½) step, z relative to the cell's lower face. Returns the number of visits.
+
+    `acc` is flat, components × ext; positions beyond n are folded back, or dropped, at the end (as in `_lattice`).
+    """
     n_comp = b_bk.shape[1]
     R = radii_m[0]
+    k_ = np.zeros(_beta.N_CONSTANTS)
     visits = 0
     for b in range(len(r_b)):
         r = r_b[b]
@@ -103,15 +129,25 @@ def slab_bonds(z_n, i_b, r_b, b_bk, radii_m, coef_mk, step, n, periodic, acc_gk)
         d = (f - base) * step
         lo = ceil((min(d, d - r) - R) / step - 1e-9)
         hi = floor((max(d, d - r) + R) / step + 1e-9)
-        if periodic:
-            base %= n
-        else:
+        if not periodic:
             lo = max(lo, -base)
             hi = min(hi, n - 1 - base)
-        visits += max(0, hi - lo + 1)
-        for k in range(lo, hi + 1):
-            t = MEAN(d - k * step, r, radii_m, coef_mk)
-            g = (base + k) % n
-            for c in range(n_comp):
-                acc_gk[g, c] += t * b_bk[b, c]
+        left = hi - lo + 1
+        if left <= 0:
+            continue
+        visits += left
+        CONSTANTS(r, radii_m, coef_mk, k_)
+        at = base + lo
+        k = lo
+        while left > 0:
+            if periodic:
+                at %= n
+            runs = min((left + 3) >> 2, (ext - at) >> 2)
+            for _ in range(runs):
+                mean = MEAN(ramp4(d - k * step, -step), r, radii_m, coef_mk, k_)
+                for c in range(n_comp):
+                    axpy4(acc, c * ext + at, b_bk[b, c], mean)
+                at += 4
+                k += 4
+            left -= 4 * runs
     return visits

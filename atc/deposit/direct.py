@@ -44,7 +44,7 @@ def family(kernel):
 @cache
 def _core(function, name):
     if function is _slab.slab_bonds:
-        return specialise(function, name, MEAN=getattr(_slab, name))
+        return specialise(function, name, MEAN=getattr(_slab, name), CONSTANTS=getattr(_slab, name + "_constants"))
     return specialise(function, name, BETA=getattr(_beta, name), CONSTANTS=getattr(_beta, name + "_constants"))
 
 
@@ -193,14 +193,19 @@ class LatticeDeposit(Deposit):
     def _finish(self, total, n_comp):
         n0, n1, n = (int(k) for k in self.counts)
         a = total.reshape(n0 * n1, n_comp, self.ext)
-        if self.wrap[2]:
-            for k in range(n, self.ext, n):
-                part = a[:, :, k : k + n]
-                a[:, :, : part.shape[2]] += part
-        a = a[:, :, :n].reshape(n0, n1, n_comp, n)
+        a = _folded(a, n, self.wrap[2]).reshape(n0, n1, n_comp, n)
         # Axes of `a` are the lattice's in row order, components third: back to the grid's order, components last.
         at = {axis: (0, 1, 3)[position] for position, axis in enumerate(self._order)}
         return np.ascontiguousarray(a.transpose(at[0], at[1], at[2], 2)).reshape(len(self.grid), n_comp)
+
+
+def _folded(a, n, periodic):
+    """The first n positions of the last axis; on a periodic row what lies beyond is added to them."""
+    if periodic:
+        for k in range(n, a.shape[-1], n):
+            part = a[..., k : k + n]
+            a[..., : part.shape[-1]] += part
+    return a[..., :n]
 
 
 def _round4(n):
@@ -269,25 +274,29 @@ class SlabDeposit(Deposit):
         marginal = kernel.marginal(self.normal)
         if isinstance(marginal, GaussianMarginal):
             name, self.radii, self.coef = (
-                "_gaussian_mean",
+                "gaussian",
                 np.array([marginal.support]),
                 np.array([[marginal.normalisation, marginal.width]]),
             )
         else:
             order = np.argsort(-marginal.radii)
-            name, self.radii, self.coef = "_polynomial_mean", marginal.radii[order], np.ascontiguousarray(marginal.coef_mk[order])
+            name, self.radii, self.coef = "polynomial", marginal.radii[order], np.ascontiguousarray(marginal.coef_mk[order])
             if marginal.half_open:
-                name = "_box_mean"
+                name = "box"
         self._core = _core(_slab.slab_bonds, name)
         self.step = self.height / len(grid)
         self.area = self.cell.volume / self.height
+        self.periodic = bool(self.cell.periodic[grid.axis])
+        n, chord = len(grid), 2.0 * self.radii[0] / self.step
+        self.ext = _round4(n + int(min(2.0 * chord, max(64, n))) + 4 if self.periodic else n + 3)
 
     def _add(self, what, x_nc, i_b, r_bc, b_bk, thread):
-        acc = self._buffer(what, thread, (len(self.grid), b_bk.shape[1]))
+        acc = self._buffer(what, thread, b_bk.shape[1] * self.ext)
         self._visits[thread] += self._core(
             (x_nc - self.cell.origin) @ self.normal, i_b, r_bc @ self.normal, b_bk, self.radii, self.coef,
-            self.step, len(self.grid), bool(self.cell.periodic[self.grid.axis]), acc,
+            self.step, len(self.grid), self.periodic, acc, self.ext,
         )  # fmt: skip
 
     def _finish(self, total, n_comp):
-        return total / self.area
+        a = _folded(total.reshape(n_comp, self.ext), len(self.grid), self.periodic)
+        return np.ascontiguousarray(a.T) / self.area
