@@ -16,7 +16,6 @@ above the thermal speed costs no digits.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import sqrt
 
 import numpy as np
 from numba import njit
@@ -72,7 +71,7 @@ def step_length(kern) -> float:
 
     Rounding of a field, some 1e-15 of it, grows by radius/step in its derivative. A Gaussian has no kinks: a wider step there.
     """
-    return 0.005 * kern.width if isinstance(kern, Gaussian) else 1e-4 * kern.radius
+    return 0.0025 * kern.width if isinstance(kern, Gaussian) else 1e-4 * kern.radius
 
 
 def kink_distance(kern, d_c) -> np.ndarray:
@@ -88,6 +87,11 @@ def kink_distance(kern, d_c) -> np.ndarray:
 def jumps(kern) -> bool:
     """Whether φ itself jumps: then fields change by jumps when an atom enters or leaves, which no rate sees."""
     return isinstance(kern, Box) or (isinstance(kern, Radial) and kern.name == "step")
+
+
+def smooth(kern) -> bool:
+    """Whether the first derivatives of φ have no jumps."""
+    return not (isinstance(kern, Box) or (isinstance(kern, Radial) and kern.name in ("step", "linear", "hardy", "piecewise-linear")))
 
 
 class Sites:
@@ -449,91 +453,6 @@ def energy_rates(frame, pot, state: Motion, threads: int = 1) -> tuple[float, fl
     return float(difference.max(initial=0.0)) / scale, float(unsure[keep].max(initial=0.0)) / scale, int((~keep).sum())
 
 
-# ---- what limits differences between frames
-
-
-@dataclass
-class CutoffJump:
-    """What a pair style leaves at its cutoff: energy `U`, force `F` (per pair, internal), and how many pairs cross it per time, both ways."""
-
-    name: str
-    cutoff: float
-    energy: float
-    force: float
-    crossings: float = 0.0
-
-
-def cutoff_jumps(frame, pot, threads: int = 1) -> list[CutoffJump]:
-    """Pair styles that are not 0 at their cutoff, the largest jump of each, with the rate of crossings counted in this frame."""
-    found = []
-    for term in pot.terms:
-        while hasattr(term, "term"):
-            term = term.term
-        top = int(frame.types.max(initial=1))
-        grown = getattr(term, "_grown", {}).get(top, term)
-        for style in getattr(grown, "styles", ()):
-            found += _jumps_of(style, frame)
-    if not found:
-        return []
-    limits = sorted({j.cutoff for j in found})
-    shell = {rc: [0.0] * threads for rc in limits}
-    v = frame.velocities
-
-    def consume(bonds, thread):
-        d = np.sqrt((bonds.r_bc**2).sum(1))
-        for rc in limits:
-            near = np.flatnonzero((d > 0.98 * rc) & (d <= rc))
-            w = np.einsum("bc,bc->b", v[bonds.i[near]] - v[bonds.j[near]], bonds.r_bc[near]) / d[near]
-            shell[rc][thread] += float(np.abs(w).sum()) / (0.02 * rc)
-
-    pot.stream(frame, consume, threads=threads)
-    for jump in found:
-        jump.crossings = sum(shell[jump.cutoff])
-    return found
-
-
-def _jumps_of(style, frame) -> list[CutoffJump]:
-    types = frame.types.astype(np.int32)
-    first = {int(t): int(np.flatnonzero(types == t)[0]) for t in np.unique(types)}
-    pairs = [(a, b) for a in first for b in first if a <= b and a <= style.n_types and b <= style.n_types and style.table[a, b, 0] > 0]
-    if not pairs:
-        return []
-    i = np.array([first[a] for a, _ in pairs], np.int32)
-    j = np.array([first[b] for _, b in pairs], np.int32)
-    d2 = np.array([style.table[p][0] for p in pairs]) * (1.0 - 1e-12)
-    U, G = np.zeros(len(pairs)), np.zeros(len(pairs))
-    style.add(types, i, j, d2, np.zeros(0), U, G, style.prepare(frame))
-    best: dict[float, CutoffJump] = {}
-    for d, energy, g in zip(np.sqrt(d2), U, G, strict=True):
-        rc = round(float(d), 9)
-        # what a smooth cutoff leaves at 1 − 1e-12 of it is rounding
-        if abs(energy) > 1e-11 and (rc not in best or abs(energy) > abs(best[rc].energy)):
-            best[rc] = CutoffJump(style.name, rc, float(energy), float(g * d))
-    return list(best.values())
-
-
-def resolution_noise(exact: Exact, dx: float, dv: float) -> dict[str, np.ndarray]:
-    """(g,) standard deviation of ρ, ρ v and ε at points when coordinates are rounded to `dx` and velocities to `dv`: independent, uniform errors."""
-    s, st = exact.sites, exact.state
-    m, v, e = st.frame.masses, st.v_nc, st.total_n
-    phi2 = s.phi.multiply(s.phi)
-    slope2 = sum(g.multiply(g) for g in s.gradient)
-    ux, uv = dx**2 / 12.0, dv**2 / 12.0
-    speed2 = (v * v).sum(1)
-    rho = ux * (slope2 @ m**2)
-    pi = ux * (slope2 @ (m**2 * speed2)) + 3 * uv * (phi2 @ m**2)
-    energy = ux * (slope2 @ e**2 + phi2 @ st.stiffness_n**2) + uv * (phi2 @ (m**2 * speed2))
-    return {"mass": np.sqrt(rho), "momentum": np.sqrt(pi), "energy": np.sqrt(energy)}
-
-
-def cutoff_noise(exact: Exact, found: list[CutoffJump], dt: float) -> float:
-    """Error of ∂ε/∂t from differences over ±dt through pairs that cross a jump: each brings ½ U_c (φ_i + φ_j), at random times."""
-    n = exact.sites.phi.shape[1]
-    square = float(np.max(exact.sites.phi.multiply(exact.sites.phi).sum(1))) / (2 * n)
-    variance = sum(j.energy**2 * j.crossings * 2 * dt * square for j in found)
-    return sqrt(variance) / (2 * dt)
-
-
 # ---- differences between frames
 
 
@@ -558,10 +477,3 @@ def frame_residuals(exact_laws, exact: Exact, before, after, dt: float) -> dict[
         without = None if exact_law.without is None else exact_law.without + (difference - rate)
         out[law] = Law({**exact_law.terms, name: difference}, residual, without)
     return out
-
-
-__all__ = [
-    "DIMENSIONS", "LAWS", "CutoffJump", "Exact", "Law", "Motion", "Sites", "choose_points", "cutoff_jumps", "cutoff_noise", "deposit_at",
-    "deposited", "divergence", "energy_rates", "field_laws", "frame_residuals", "from_fields", "jumps", "motion", "resolution_noise", "size",
-    "stencil", "step_length", "sums_of_frame",
-]  # fmt: skip
