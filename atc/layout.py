@@ -184,28 +184,34 @@ def _index_at(where, s, n):
 
 def placed(ds, da) -> bool:
     """Whether the output says where the points of a field are."""
-    return _positions(ds, grid_dims(da)) is not None
+    return _positions(ds, da) is not None
 
 
-def _positions(ds, dims):
-    """(*shape, 3) positions of the points of a grid with these dimensions, or None if the output does not hold them."""
+def _positions(ds, da):
+    """(*shape, 3) positions of the points of a field's grid, or None if the output does not hold them. Points that move are where they are in the
+    frame of `da`; where it has none (a mean) they are where the first frame has them."""
+    dims = grid_dims(da)
     shape = tuple(ds.sizes[d] for d in dims)
     names = [f"position_{c}" for c in "xyz"]
-    if all(n in ds.coords and set(ds.coords[n].dims) == set(dims) for n in names):
-        return np.stack([ds.coords[n].transpose(*dims).values for n in names], axis=-1)
+    for coords in (da.coords, ds.coords):
+        found = [coords[n].isel(frame=0) if "frame" in coords[n].dims else coords[n] for n in names if n in coords]
+        if len(found) == 3 and all(set(c.dims) == set(dims) for c in found):
+            return np.stack([c.transpose(*dims).values for c in found], axis=-1)
     axes = ["xyz".index(d) if d in ("x", "y", "z") and d in ds.coords else None for d in dims]
     if None in axes:
         return None
     out = np.zeros((*shape, 3))
     for k, (d, c) in enumerate(zip(dims, axes)):
-        out[..., c] = ds.coords[d].values.reshape([-1 if m == k else 1 for m in range(len(dims))])
+        here = da.coords.get(f"position_{d}")
+        axis = here if here is not None and here.dims == (d,) else ds.coords[d]
+        out[..., c] = axis.values.reshape([-1 if m == k else 1 for m in range(len(dims))])
     return out
 
 
 def layout(ds, da) -> Layout:
     """Where the points of the field `da` of an output are."""
     dims = grid_dims(da)
-    x = _positions(ds, dims)
+    x = _positions(ds, da)
     if x is None:
         raise AtcError(f"{da.name}: the output does not say where its points are")
     unit = next((c.attrs["units"] for c in (ds.coords.get(n) for n in ("position_x", *dims)) if c is not None and "units" in c.attrs), "")

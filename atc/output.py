@@ -359,6 +359,10 @@ def open_dataset(path):
             ds = xr.open_dataset(path, engine="zarr", chunks=None, decode_times=False)
         else:
             ds = xr.open_dataset(path, engine="h5netcdf", decode_times=False)
+        # How this file is packed must not bind the next one: formats do not know each other's compressors.
+        ds.encoding = {}
+        for v in ds.variables.values():
+            v.encoding = {}
         order = str(ds.attrs.get("variables", "")).split()
         if set(order) == set(ds.data_vars):
             ordered = xr.Dataset({name: ds.variables[name] for name in order}, coords=ds.coords, attrs=ds.attrs)

@@ -198,7 +198,7 @@ class _Sink:
         self._fits(frame, result)
         self._merge_note(k, frame, result)
         if not self.averaging:
-            self._emit({**self._masked(result.arrays, result.mask), **self._coordinates(frame)}, result.mask)
+            self._emit({**self._masked(result.arrays, result.mask), **self._coordinates(frame, result)}, result.mask)
             return
         for name, x in result.arrays.items():
             weight = QUANTITIES[name].weight
@@ -207,7 +207,7 @@ class _Sink:
         if result.mask is not None:
             self.any_mass = result.mask.copy() if self.any_mass is None else self.any_mass | result.mask
         if "frame" not in self.note:
-            self.note.update(frame=k, first=_plain_coordinates(self._coordinates(frame)))
+            self.note.update(frame=k, first=_plain_coordinates(self._coordinates(frame, result)))
         if last_of_window:
             self._emit_average()
         elif self.store is not None and time.monotonic() - self._saved > _SAVE_EVERY:
@@ -264,21 +264,32 @@ class _Sink:
         self.note["frames"] = self.note.get("frames", 0) + 1
         self.note["sources"] = [*self.note.get("sources", []), _source_name(frame.source)][:1]
 
-    def _coordinates(self, frame):
+    def _coordinates(self, frame, result):
         u = frame.units
         out = {"cell": u.to_user("length", frame.cell.vectors), "cell_origin": u.to_user("length", frame.cell.origin)}
         out["step"] = np.array(-1 if frame.step is None else frame.step, dtype=np.int64)
         out["time"] = np.array(np.nan if frame.time is None else u.to_user("time", frame.time), dtype=np.float64)
+        if self.moves:
+            out.update({name: values for name, (_, values, _) in _moving_coordinates(result.bound, u).items()})
         return out
 
     def prepare(self, frame, result: FrameResult) -> None:
         """Lay the output out, from the first frame."""
-        self.layout = _layout(self.request, frame, result)
+        self.moves = grid_moves(self.request)
+        self._cell = self.request.first.cell
+        self.layout = _layout(self.request, frame, result, self.moves)
         self._atoms = frame.ids
         if self.store is not None:
             self.store.begin(self.layout)
 
     def _fits(self, frame, result):
+        if not self.moves and self.request.entries > 1 and follows_cell(self.request) and frame.cell != self._cell:
+            warnings.warn(
+                f"{frame.source}: the cell changes, and the grid with it, but its coordinates in the output are those of the first frame: see cell and cell_origin",
+                AtcWarning,
+                stacklevel=2,
+            )
+            self._cell = frame.cell
         for v in self.layout.variables:
             x = result.arrays.get(v.name)
             if x is not None and x.shape != v.shape:
@@ -360,7 +371,29 @@ def _source_name(source: str) -> str:
     return head.replace("\\", "/").rsplit("/", 1)[-1]
 
 
-def _layout(request: Request, frame, result: FrameResult) -> Layout:
+def follows_cell(request: Request) -> bool:
+    """Whether the points of the grid move with the cell of each frame."""
+    on_grid = [q for q in request.work.quantities if q.kind == "grid" and not q.on_reference]
+    return bool(on_grid) and getattr(request.grid, "follows_cell", False)
+
+
+def grid_moves(request: Request) -> bool:
+    """Whether the output needs the positions of the points for every entry: grids of atoms, and of a cell that changes from the first frame to the second."""
+    if request.entries < 2:
+        return False
+    if follows_cell(request):
+        return request.frames[1].cell != request.first.cell
+    return getattr(request.grid, "follows_atoms", False) and bool(set(request.work.grid_users) - set(request.work.on_reference))
+
+
+def _moving_coordinates(bound, u) -> dict:
+    """Positions of the points at one time, under names that are no dimensions, as {name: (dims, values, attrs)}."""
+    found = _grid_coordinates(bound, u)
+    whole = {name: entry for name, entry in found.items() if name.startswith("position_")}
+    return whole or {f"position_{name}": entry for name, entry in found.items()}
+
+
+def _layout(request: Request, frame, result: FrameResult, moves: bool = False) -> Layout:
     """All variables and attributes of the output."""
     from . import __version__
 
@@ -392,8 +425,12 @@ def _layout(request: Request, frame, result: FrameResult) -> Layout:
     if any(q.kind == "atom" for q in work.quantities):
         static("atom", ("atom",), frame.ids.astype(i8), long_name="atom id")
     if bound is not None:
+        at_times = _moving_coordinates(bound, u) if moves else {}
+        for name, (dims, values, attrs) in at_times.items():
+            moving(name, dims, values.shape, f8, True, **attrs)
         for name, (dims, values, attrs) in _grid_coordinates(bound, u).items():
-            static(name, dims, values, **attrs)
+            if name not in at_times:
+                static(name, dims, values, **attrs, **({"comment": f"of the first frame; position_{name} has every frame's"} if moves else {}))
     tail = {0: (), 1: ("i",), 2: ("i", "j")}
     for q in work.quantities:
         head = {"grid": grid_dims, "box": (), "atom": ("atom",)}[q.kind]
