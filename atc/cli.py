@@ -1,4 +1,4 @@
-"""The command line: ``atc info | plan | fields | compare | check | plot``.
+"""The command line: ``atc info | plan | fields | compare | check | conductivity | plot``.
 
 Only what every command needs is imported here, so that ``atc --help`` is instant: numba, xarray and matplotlib come with the commands that use them.
 
@@ -433,6 +433,49 @@ def check(
 
 
 @app.command()
+def conductivity(
+    scene: SceneFile,
+    set: Set = None,
+    begin: Begin = None,
+    end: End = None,
+    step: Step = None,
+    jobs: Jobs = 1,
+    segments: Annotated[int, typer.Option("--segments", metavar="N", help="Independent parts of the run that give the error.")] = 10,
+    plateau: Annotated[
+        str | None,
+        typer.Option("--plateau", metavar="T1,T2", help="Average the integral over these lags; default: found.", show_default=False),
+    ] = None,
+    longest: Annotated[
+        float | None, typer.Option("--longest", metavar="T", help="The longest lag; default: half a segment.", show_default=False)
+    ] = None,
+    dt: Annotated[
+        float | None, typer.Option("--dt", metavar="T", help="Time between frames, if the file does not say it.", show_default=False)
+    ] = None,
+    picture: Annotated[
+        Path | None, typer.Option("--picture", metavar="FILE", help="Draw the correlation function and its integral.", show_default=False)
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress.")] = False,
+) -> None:
+    """Thermal conductivity of an equilibrium run, by Green and Kubo, with an error bar: needs [trajectory] and [potential]."""
+    from .green_kubo import conductivity_of_scene
+
+    made = _load(scene, set, begin, end, step)
+    with _progress(quiet or json) as progress:
+        result = conductivity_of_scene(
+            made, segments=segments, plateau=_parse_times(plateau), longest=longest, dt=dt, jobs=jobs, progress=progress
+        )
+    if picture is not None:
+        result.picture(picture)
+    if json:
+        print(result.json())
+    else:
+        result.print(_console())
+        if picture is not None:
+            print(f"picture: {picture}")
+
+
+@app.command()
 def plot(
     out: Annotated[Path, typer.Argument(metavar="OUT", help="Output of atc fields.", show_default=False)],
     quantity: Annotated[
@@ -498,6 +541,16 @@ def _parse_radii(text: str) -> list[float]:
     except ValueError:
         raise AtcError(f"--radii {text}: expected lengths greater than 0 in the trajectory's units, e.g. --radii 4,6,8,10") from None
     return radii
+
+
+def _parse_times(text: str | None):
+    if text is None:
+        return None
+    try:
+        begin, end = (float(v) for v in text.split(","))
+    except ValueError:
+        raise AtcError(f"--plateau {text}: expected two lags in the trajectory's unit of time, e.g. --plateau 3,6") from None
+    return begin, end
 
 
 def _parse_limits(text: str | None):

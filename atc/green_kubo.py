@@ -270,10 +270,16 @@ def conductivity(
     The mean of J is not taken off: in equilibrium it is 0. Where it is not, within errors, the result says so. Elements or species that diffuse
     among each other need partial enthalpies taken off the current, which this does not do.
     """
+    result = _analysed(_currents(source, pot, dt, volume, temperature, units, threads, progress), segments, plateau, longest)
+    for note in result.notes:
+        warnings.warn(f"{result.source}: {note}", AtcWarning, stacklevel=2)
+    return result
+
+
+def _analysed(currents: HeatCurrents, segments, plateau, longest) -> Conductivity:
     from .estimators.correlation import mean_and_error, running_integral, segment_integrals
     from .estimators.correlation import plateau as find_plateau
 
-    currents = _currents(source, pot, dt, volume, temperature, units, threads, progress)
     u, J = currents.units, currents.J_tc
     if not isinstance(segments, int) or isinstance(segments, bool) or segments < 2:
         raise AtcError(f"segments={segments!r}: expected a whole number of at least 2, or there is no error to be had")
@@ -321,9 +327,6 @@ def conductivity(
         notes.append(
             f"the frames are too far apart to resolve the current: the integral is off by about {coarse:.2g} {_label(u)}; write them more often"
         )
-    for note in notes[: int(not where.found) + int(bool(moving))]:
-        warnings.warn(f"{currents.source}: {note}", AtcWarning, stacklevel=2)
-
     to_si = None if u.reduced else u.factor("conductivity") / _si().factor("conductivity")
     return Conductivity(
         value=value, stderr=stderr, components=components, units=_label(u), si=None if to_si is None else value * to_si,
@@ -334,6 +337,21 @@ def conductivity(
         temperature=float(u.to_user("temperature", currents.temperature)), temperature_units=u.label("temperature"),
         volume=float(u.to_user("volume", currents.volume)), volume_units=u.label("volume"), atoms=currents.atoms, source=currents.source, notes=notes,
     )  # fmt: skip
+
+
+def conductivity_of_scene(scene, *, segments=10, plateau=None, longest=None, dt=None, jobs: int = 1, progress=None) -> Conductivity:
+    """`conductivity` of the trajectory and potential of a scene; `jobs` threads within a frame (0: all processors). The notes are not warned of."""
+    from .plan import cpus
+
+    if jobs < 0:
+        raise AtcError(f"-j {jobs}: expected a number of processor cores, or 0 for all of them")
+    pot = scene.potential()
+    if pot is None:
+        raise AtcError(
+            f'{scene.name}: no [potential] section: the heat current needs one: lammps = """pair_style ...""" (LAMMPS lines) or input = "in.file"'
+        )
+    currents = heat_currents(scene.trajectory(), pot, dt=dt, threads=jobs or cpus(), progress=progress)
+    return _analysed(currents, segments, plateau, longest)
 
 
 def _si() -> Units:
