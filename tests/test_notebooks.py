@@ -23,7 +23,7 @@ def printed(notebook):
 
 
 def test_every_notebook_is_tested():
-    assert [p.name for p in NOTEBOOKS.glob("*.ipynb")] == ["hardy_vs_virial.ipynb"]
+    assert sorted(p.name for p in NOTEBOOKS.glob("*.ipynb")) == ["hardy_vs_virial.ipynb", "heat_and_churning.ipynb"]
 
 
 def test_hardy_vs_virial(monkeypatch):
@@ -43,3 +43,30 @@ def test_hardy_vs_virial(monkeypatch):
     # The mean over points 2 angstrom apart against the exact integral: limited by how the grid resolves the kernel, better for wider ones.
     assert len(sums) == 3 and sums[0] < 1e-2 and sums[-1] < sums[0]
     assert sum(o.output_type == "display_data" for c in notebook.cells if c.cell_type == "code" for o in c.outputs) == 3
+
+
+def test_heat_and_churning(monkeypatch):
+    monkeypatch.delenv("MPLBACKEND", raising=False)
+    notebook = run("heat_and_churning.ipynb")
+    assert not [o for c in notebook.cells if c.cell_type == "code" for o in c.outputs if o.output_type == "stream" and o.name == "stderr"]
+    text = printed(notebook)
+    parts = [float(x) for x in re.findall(r"([\d.]+) % of the whole", text)]
+    # "There is a third one": small, not nothing.
+    assert len(parts) == 3 and 0.5 < parts[2] < 10 < parts[0] < parts[1]
+    # "With churning rounding, without it some per cent": both partitions obey the balances.
+    assert "holds: True" in text and "with this choice, too: True" in text
+    closed, without = (
+        float(re.search(pattern, text).group(1)) for pattern in (r"energy balance +d.*?ps +(\S+) ", r"without churning +(\S+) ")
+    )
+    assert closed < 1e-12 and without > 1e-3
+    near, spread, plate = map(float, re.search(r"near (\S+), spread (\S+); plate (\S+)", text).groups())
+    # Exact powers of the width once the molecule is small against it (radii 32 and 64 Å): off by about (2.5/64)² there.
+    assert abs(near + 2) < 5e-3 and abs(spread + 1) < 5e-3 and -2.2 < plate < -1.5
+    differs = dict(re.findall(r"^  (\w+) +(\S+)$", text, re.MULTILINE))
+    for name in ("stress_potential", "virial_stress_potential"):
+        assert float(differs[name]) < 1e-12  # the same bonds, summed in another order at most
+    for name in ("energy", "heat_flux", "heat_flux_churning", "churning", "heat_current"):
+        assert float(differs[name]) > 1e-4
+    a, b = re.search(r"total potential energy (\S+) and (\S+) eV", text).groups()
+    assert a == b
+    assert sum(o.output_type == "display_data" for c in notebook.cells if c.cell_type == "code" for o in c.outputs) == 2
