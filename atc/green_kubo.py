@@ -15,8 +15,7 @@ import numpy as np
 from .errors import AtcError, AtcWarning
 from .units import Units, units
 
-# A mean current of more than so many standard errors is no fluctuation; the chance of one in three components is 2e-4 for a Gaussian and 1e-2
-# for the mean of 10 segments.
+# A mean current of more than so many standard errors is no fluctuation: one in 16000, were the error known exactly.
 _CURRENT = 4.0
 # Numerical error of the integral (from frames too far apart) that is worth a word.
 _COARSE = 0.05
@@ -314,8 +313,7 @@ def _analysed(currents: HeatCurrents, segments, plateau, longest) -> Conductivit
             "the integral had not converged at the longest lag: the value is that of the longest lags and may be too small; take a longer run "
             "or fewer segments"
         )
-    average, error = mean_and_error(J[: segments * length].reshape(segments, length, 3).mean(axis=1))
-    moving = [c for c, a, e in zip("xyz", average, error) if abs(a) > _CURRENT * e]
+    moving = _flowing(J, runs, where, components, scale)
     if moving:
         notes.append(
             f"the mean heat current along {', '.join(moving)} is not 0: this is not a run in equilibrium (heat or atoms flow), and Green-Kubo does not hold"
@@ -337,6 +335,18 @@ def _analysed(currents: HeatCurrents, segments, plateau, longest) -> Conductivit
         temperature=float(u.to_user("temperature", currents.temperature)), temperature_units=u.label("temperature"),
         volume=float(u.to_user("volume", currents.volume)), volume_units=u.label("volume"), atoms=currents.atoms, source=currents.source, notes=notes,
     )  # fmt: skip
+
+
+def _flowing(J_tc, runs, where, components, scale) -> list[str]:
+    """Directions along which the mean current is no fluctuation: that of a run of length T has the variance 2/T ∫ ⟨J(0) J(t)⟩ dt."""
+    length, middle = len(J_tc) * runs.dt, 0.5 * (where.begin + where.end) * runs.dt
+    out = []
+    for c, mean, samples in zip("xyz", J_tc.mean(axis=0), J_tc.T):
+        # A constant current adds its square to every ⟨J(0) J(t)⟩. Never less than what uncorrelated samples would give.
+        variance = 2.0 / length * max(components[c][0] / scale - mean**2 * middle, 0.5 * runs.dt * samples.var())
+        if mean**2 > _CURRENT**2 * variance:
+            out.append(c)
+    return out
 
 
 def conductivity_of_scene(scene, *, segments=10, plateau=None, longest=None, dt=None, jobs: int = 1, progress=None) -> Conductivity:
