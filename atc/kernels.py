@@ -29,7 +29,13 @@ GAUSSIAN_CUT = 1e-16
 
 # Names as the user may write them -> canonical name.
 NAMES = ("step", "linear", "cubic", "quartic", "lucy", "hardy", "piecewise-linear", "gaussian", "bspline", "box")
-_ALIASES = {"piecewise_linear": "piecewise-linear", "b-spline": "bspline", "cell": "box", "cubic_sphere": "cubic", "quartic_sphere": "quartic"}
+_ALIASES = {
+    "piecewise_linear": "piecewise-linear",
+    "b-spline": "bspline",
+    "cell": "box",
+    "cubic_sphere": "cubic",
+    "quartic_sphere": "quartic",
+}
 
 # Radial shapes: [(radius as a fraction of R, coefficients of (ρ/R_m)^k)], and the normalisation times R³.
 _SHAPES = {
@@ -424,7 +430,9 @@ def _along_axis(kern, normal) -> int:
     n = np.abs(np.asarray(normal, float))
     a = int(n.argmax())
     if n[a] < (1.0 - 1e-12) * sqrt((n**2).sum()):
-        raise AtcError(f"kernel {kern.name!r} is a product along x, y, z: a profile along a tilted axis needs an isotropic kernel (quartic, lucy, gaussian, ...)")
+        raise AtcError(
+            f"kernel {kern.name!r} is a product along x, y, z: a profile along a tilted axis needs an isotropic kernel (quartic, lucy, gaussian, ...)"
+        )
     return a
 
 

@@ -52,7 +52,7 @@ GRIDS = {
 }
 
 
-def sample(cell, seed=0, n=9, n_bond=14, length=2.5):
+def sample(cell, seed=0, n=9, n_bond=18, length=2.5):
     """Atoms in and out of the cell, bonds of all sorts: short, of length 0, parallel to an axis, longer than the box."""
     rng = np.random.default_rng(seed)
     x = cell.cartesian(rng.random((n, 3)) + np.where(cell.periodic, rng.integers(-2, 3, (n, 3)), 0))
@@ -64,6 +64,8 @@ def sample(cell, seed=0, n=9, n_bond=14, length=2.5):
     r[3] = 0.3 * cell.vectors[2]
     r[4] = [0, -1.5, 0]
     r[5] = 1.4 * cell.vectors[0]
+    # Nearly parallel to rows of points.
+    r[6:10] = 0.2 * cell.vectors[[0, 1, 2, 2]] + np.array([1e-14, 3e-13, 1e-9, 1e-5])[:, None] * rng.normal(size=(4, 3))
     return x, i, r, rng.normal(size=(n, 2)), rng.normal(size=(n_bond, 6))
 
 
@@ -125,7 +127,7 @@ def test_many_points_on_a_row_fill_the_buffers():
     """A fine row: thousands of points a chord, more than the buffers hold, around the periodic boundary more than once."""
     cell = Cell([5.0, 5.0, 5.0])
     kern = atc.kernel("quartic", 6.0)
-    x, i, r, a, b = sample(cell, 6, n=3, n_bond=8)
+    x, i, r, a, b = sample(cell, 6, n=3, n_bond=12)
     for shape in [(1, 2, 5000), (5000, 1, 2), (40, 40, 1)]:
         bound = atc.Grid.regular(shape=shape).bind(METAL, cell)
         dep = deposit(bound, kern, cell, x, i, r, a, b)

@@ -16,11 +16,20 @@ import numba as nb
 import numpy as np
 
 from ._beta import N_CONSTANTS, even, even_constants
-from ._simd import JIT_FMA, axpy4, ramp4, splat4
+from ._simd import INLINE, JIT_FMA, axpy4, ramp4, splat4
 
 # Replaced in each specialised copy (see `_simd.specialise`).
 BETA = even
 CONSTANTS = even_constants
+
+
+@nb.njit(**INLINE)
+def folded(i, n):
+    """i modulo n; a division is slow and rarely needed."""
+    if 0 <= i < n:
+        return i
+    i += n if i < 0 else -n
+    return i if 0 <= i < n else i % n
 
 
 @nb.njit(**JIT_FMA)
@@ -145,10 +154,10 @@ def rows_of_planes(i, i_hi, j_lo, width, base0, base1, n0, n1, wrap0, wrap1, map
     while i <= i_hi and rows + width <= len(row_j):
         at0 = base0 + i
         if wrap0:
-            at0 %= n0
+            at0 = folded(at0, n0)
         at1 = base1 + j_lo
         if wrap1:
-            at1 %= n1
+            at1 = folded(at1, n1)
         D = map_4c[3, 0] + i * map_4c[0, 0] + j_lo * map_4c[1, 0]
         Y = map_4c[3, 1] + i * map_4c[0, 1] + j_lo * map_4c[1, 1]
         M = map_4c[3, 2] + i * map_4c[0, 2] + j_lo * map_4c[1, 2]
@@ -183,11 +192,13 @@ def images(x_nc, at, r_bc, b, support, image_a, inverse_ca, region_2a, lo_a, hi_
 @nb.njit(**JIT_FMA)
 def nearest(x_nc, at, image, lo_a, hi_a, period_ac, offset_c, step_ac, inverse_ca, d_c, f_a, base_a):
     """The lattice point nearest to an image of x: its index, d = x − point, and d in lattice coordinates."""
-    span1 = hi_a[1] - lo_a[1] + 1
-    span2 = hi_a[2] - lo_a[2] + 1
-    g0 = lo_a[0] + image // (span1 * span2)
-    g1 = lo_a[1] + image // span2 % span1
-    g2 = lo_a[2] + image % span2
+    g0, g1, g2 = lo_a[0], lo_a[1], lo_a[2]
+    if image > 0:
+        span1 = hi_a[1] - g1 + 1
+        span2 = hi_a[2] - g2 + 1
+        g0 += image // (span1 * span2)
+        g1 += image // span2 % span1
+        g2 += image % span2
     for c in range(3):
         d_c[c] = x_nc[at, c] - offset_c[c] + g0 * period_ac[0, c] + g1 * period_ac[1, c] + g2 * period_ac[2, c]
     for a in range(3):
@@ -271,11 +282,11 @@ def lattice_bonds(
             nearest(x_nc, i_b[b], image, lo_a, hi_a, period_ac, offset_c, step_ac, inverse_ca, d_c, f_a, base_a)
             base0, base1, base2 = base_a[0], base_a[1], base_a[2]
             if wrap0:
-                base0 %= n0
+                base0 = folded(base0, n0)
             if wrap1:
-                base1 %= n1
+                base1 = folded(base1, n1)
             if wrap2:
-                base2 %= n2
+                base2 = folded(base2, n2)
             k_lo = -1e18 if wrap2 else float(-base2)
             k_hi = 1e18 if wrap2 else float(n2 - 1 - base2)
             for m in range(len(radii_m)):
