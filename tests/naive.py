@@ -97,10 +97,10 @@ class NaiveKernel:
 
 
 def images(cell, reach):
-    """All translations by periodic cell vectors that are shorter than about `reach` plus the cell."""
-    n = [math.ceil(reach / h) + 1 if p else 0 for h, p in zip(cell.heights, cell.periodic)]
-    for k in itertools.product(*[range(-m, m + 1) for m in n]):
-        yield np.array(k) @ cell.vectors
+    """(t, 3) all translations by periodic cell vectors that are no longer than `reach`."""
+    n = [math.ceil(reach / h) if p else 0 for h, p in zip(cell.heights, cell.periodic)]
+    T = np.stack(np.meshgrid(*[np.arange(-m, m + 1) for m in n], indexing="ij"), -1).reshape(-1, 3) @ cell.vectors
+    return T[np.linalg.norm(T, axis=1) <= reach]
 
 
 def site_sums(points, cell, kernel_phi, support, x, a, many=False):
@@ -114,8 +114,9 @@ def bond_sums(points, cell, kernel_beta, support, x, r, b, many=False):
     out = np.zeros((len(points), b.shape[1]))
     length2 = np.maximum(np.einsum("bc,bc->b", r, r), 1e-300)
     for g, p in enumerate(points):
+        # |T| ≤ support + |x − p| + |r|, or the whole bond is out of reach.
         far = support + np.linalg.norm(x - p, axis=1).max() + np.linalg.norm(r, axis=1).max()
-        T = np.array(list(images(cell, far)))
+        T = images(cell, far)
         d = x[None] + T[:, None] - p
         # Distance from the point to the bond.
         t = np.clip(np.einsum("tbc,bc->tb", d, r) / length2, 0, 1)
