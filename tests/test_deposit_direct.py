@@ -1,5 +1,6 @@
 """The exact deposit against loops over images, bonds and points (naive.py)."""
 
+import pickle
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -339,6 +340,43 @@ def test_visits_are_the_points_inside_the_capsules():
     volume = 4 / 3 * np.pi * R**3 + np.pi * R**2 * 6.0
     # 2e-3: counting noise of 2000 capsules of 300 points each.
     assert dep.visits / 2000 == pytest.approx(volume / 1.5**3, rel=2e-3)
+
+
+@pytest.mark.parametrize("grid", [GRIDS["regular"], GRIDS["region"], GRIDS["points"], atc.Grid.slab("z", 4)], ids=lambda g: g.kind)
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_numbers_that_are_not_finite_are_refused(grid, bad):
+    for cell in (CELLS["triclinic"], CELLS["open"]):
+        for where in range(3):
+            dep = make("direct", grid.bind(METAL, cell), KERNELS["quartic"][0], cell, 1, 1)
+            x, r = np.zeros((3, 3)), np.ones((3, 3))
+            if where == 0:
+                x[1, 2] = bad
+            if where == 1:
+                r[2] = [0, 0, bad]
+            with pytest.raises(AtcError, match="finite"):
+                if where < 2:
+                    dep.add_bonds(x, r, np.ones((3, 1)))
+                else:
+                    x[2] = bad
+                    dep.add_sites(x, np.ones((3, 1)))
+
+
+def test_one_compilation_serves_all_callers():
+    """Read-only arrays, unpickled cells, other widths: no second machine code, each of which would cost seconds."""
+    cell = CELLS["triclinic"]
+    for grid in (GRIDS["regular"], GRIDS["points"], atc.Grid.slab("z", 4)):
+        cores = set()
+        for c in (cell, pickle.loads(pickle.dumps(cell)), CELLS["open"]):
+            x, i, r, a, b = sample(c)
+            for freeze in (False, True):
+                for v in (x, i, r, a, b):
+                    v.setflags(write=not freeze)
+                dep = make("direct", pickle.loads(pickle.dumps(grid.bind(METAL, c))), KERNELS["quartic"][0], c, 2, 6)
+                dep.add_sites(x, a)
+                dep.add_bond_stress(x, i, r, b[:, 0])
+                cores.add(dep._core)
+        (core,) = cores
+        assert len(core.signatures) == 1
 
 
 def test_wrong_calls():

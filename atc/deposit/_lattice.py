@@ -10,7 +10,7 @@ A site is a bond of length 0.
 
 from __future__ import annotations
 
-from math import ceil, floor, sqrt
+from math import ceil, floor, isfinite, sqrt
 
 import numba as nb
 import numpy as np
@@ -176,12 +176,12 @@ def rows_of_planes(i, i_hi, j_lo, width, base0, base1, n0, n1, wrap0, wrap1, map
 
 
 @nb.njit(**JIT_FMA)
-def images(x_nc, at, r_bc, b, support, image_a, inverse_ca, region_2a, lo_a, hi_a):
+def images(x_nc, at, origin_c, r_bc, b, support, image_a, inverse_ca, region_2a, lo_a, hi_a):
     """The range of periodic images of a bond that can reach the lattice, along each axis of the cell. Returns their number."""
     for a in range(3):
         if image_a[a]:
             h0, h1, h2 = inverse_ca[0, a], inverse_ca[1, a], inverse_ca[2, a]
-            start = x_nc[at, 0] * h0 + x_nc[at, 1] * h1 + x_nc[at, 2] * h2
+            start = (x_nc[at, 0] - origin_c[0]) * h0 + (x_nc[at, 1] - origin_c[1]) * h1 + (x_nc[at, 2] - origin_c[2]) * h2
             end = start - (r_bc[b, 0] * h0 + r_bc[b, 1] * h1 + r_bc[b, 2] * h2)
             reach = support * sqrt(h0 * h0 + h1 * h1 + h2 * h2) + 1e-9
             lo_a[a] = ceil(region_2a[0, a] - reach - max(start, end))
@@ -190,7 +190,7 @@ def images(x_nc, at, r_bc, b, support, image_a, inverse_ca, region_2a, lo_a, hi_
 
 
 @nb.njit(**JIT_FMA)
-def nearest(x_nc, at, image, lo_a, hi_a, period_ac, offset_c, step_ac, inverse_ca, d_c, f_a, base_a):
+def nearest(x_nc, at, image, lo_a, hi_a, period_ac, origin_c, offset_c, step_ac, inverse_ca, d_c, f_a, base_a):
     """The lattice point nearest to an image of x: its index, d = x − point, and d in lattice coordinates."""
     g0, g1, g2 = lo_a[0], lo_a[1], lo_a[2]
     if image > 0:
@@ -200,7 +200,7 @@ def nearest(x_nc, at, image, lo_a, hi_a, period_ac, offset_c, step_ac, inverse_c
         g1 += image // span2 % span1
         g2 += image % span2
     for c in range(3):
-        d_c[c] = x_nc[at, c] - offset_c[c] + g0 * period_ac[0, c] + g1 * period_ac[1, c] + g2 * period_ac[2, c]
+        d_c[c] = (x_nc[at, c] - origin_c[c]) - offset_c[c] + g0 * period_ac[0, c] + g1 * period_ac[1, c] + g2 * period_ac[2, c]
     for a in range(3):
         f = d_c[0] * inverse_ca[0, a] + d_c[1] * inverse_ca[1, a] + d_c[2] * inverse_ca[2, a]
         base_a[a] = floor(f + 0.5)
@@ -220,12 +220,13 @@ def in_frame(d_c, step_ac, frame_cc, length, map_4c):
 
 
 def lattice_bonds(
-    x_nc,  # positions relative to the cell's origin
+    x_nc,
     i_b,
     r_bc,
     b_bk,
     radii_m,
     coef_mk,
+    origin_c,  # the cell's
     offset_c,  # lattice point (0, 0, 0), relative to the cell's origin
     step_ac,  # rows: steps along the lattice's axes; the last axis is the row
     inverse_ca,  # of step_ac: lattice coordinates are (x − offset) @ inverse_ca
@@ -240,7 +241,7 @@ def lattice_bonds(
     row_6j,  # buffers: D, Y, M, first point, number of points and place of each row
     index_2j,  # buffers: which row of the accumulator; the rows that are met
 ):
-    """Σ_b b β at every point, added to `acc`. Returns the number of (bond, point) pairs visited."""
+    """Σ_b b β at every point, added to `acc`. Returns the number of (bond, point) pairs visited, −1 if something is not finite."""
     n0, n1, n2 = shape_a[0], shape_a[1], shape_a[2]
     wrap0, wrap1, wrap2 = wrap_a[0], wrap_a[1], wrap_a[2]
     any_image = image_a[0] or image_a[1] or image_a[2]
@@ -269,6 +270,9 @@ def lattice_bonds(
     for b in range(len(r_bc)):
         r0, r1, r2 = r_bc[b, 0], r_bc[b, 1], r_bc[b, 2]
         true_length = sqrt(r0 * r0 + r1 * r1 + r2 * r2)
+        o = i_b[b]
+        if not isfinite(true_length + x_nc[o, 0] + x_nc[o, 1] + x_nc[o, 2]):
+            return -1
         e0 = r0 * inverse_ca[0, 0] + r1 * inverse_ca[1, 0] + r2 * inverse_ca[2, 0]
         e1 = r0 * inverse_ca[0, 1] + r1 * inverse_ca[1, 1] + r2 * inverse_ca[2, 1]
         frame(r0, r1, r2, step_ac, frame_cc)
@@ -276,10 +280,10 @@ def lattice_bonds(
         b1, b2, b3, b4, b5 = (b_bk[b, 1], b_bk[b, 2], b_bk[b, 3], b_bk[b, 4], b_bk[b, 5]) if n_comp == 6 else (0.0, 0.0, 0.0, 0.0, 0.0)
         n_images = 1
         if any_image:
-            n_images = images(x_nc, i_b[b], r_bc, b, radii_m[0], image_a, period_inverse_ca, region_2a, lo_a, hi_a)
+            n_images = images(x_nc, o, origin_c, r_bc, b, radii_m[0], image_a, period_inverse_ca, region_2a, lo_a, hi_a)
         for image in range(n_images):
             # Everything below is relative to the lattice point nearest to x_i.
-            nearest(x_nc, i_b[b], image, lo_a, hi_a, period_ac, offset_c, step_ac, inverse_ca, d_c, f_a, base_a)
+            nearest(x_nc, o, image, lo_a, hi_a, period_ac, origin_c, offset_c, step_ac, inverse_ca, d_c, f_a, base_a)
             base0, base1, base2 = base_a[0], base_a[1], base_a[2]
             if wrap0:
                 base0 = folded(base0, n0)

@@ -3,7 +3,7 @@ images included, and its bonds look only at those."""
 
 from __future__ import annotations
 
-from math import floor, sqrt
+from math import floor, isfinite, sqrt
 
 import numba as nb
 import numpy as np
@@ -32,12 +32,13 @@ def near(n, X, Y, Z, nx, ny, nz, ux, uy, uz, vx, vy, vz, E2, D_l, Y_l, M_l, d2_l
 
 
 def points_bonds(
-    x_nc,  # positions relative to the cell's origin
+    x_nc,
     i_b,
     r_bc,
     b_bk,
     radii_m,
     coef_mk,
+    origin_c,  # the cell's
     point_gc,  # relative to the cell's origin, wrapped along periodic axes, sorted by bin
     start_w,  # first point of each bin, and one past the end
     bins_a,
@@ -51,7 +52,7 @@ def points_bonds(
     lane_4l,  # buffers: D, Y, M, β of the points a bond sees
     index_2l,  # buffers: which point
 ):
-    """Σ_b b β at every point, added to `acc_gk`. Returns the number of (bond, point) pairs visited."""
+    """Σ_b b β at every point, added to `acc_gk`. Returns the number of (bond, point) pairs visited, −1 if something is not finite."""
     X, Yp, Z, Dn, Yn, Mn, depth = near_5l[0], near_5l[1], near_5l[2], near_5l[3], near_5l[4], near_5l[5], near_5l[6]
     D, Y, M, beta = lane_4l[0], lane_4l[1], lane_4l[2], lane_4l[3]
     which, seen = index_2l[0], index_2l[1]
@@ -71,14 +72,20 @@ def points_bonds(
     while first < n_bonds:
         # All bonds in a row that start at the same place.
         x0, x1, x2 = x_nc[i_b[first], 0], x_nc[i_b[first], 1], x_nc[i_b[first], 2]
+        if not isfinite(x0 + x1 + x2):
+            return -1
         last = first
         longest = 0.0
         while last < n_bonds:
             o = i_b[last]
             if x_nc[o, 0] != x0 or x_nc[o, 1] != x1 or x_nc[o, 2] != x2:
                 break
-            longest = max(longest, r_bc[last, 0] ** 2 + r_bc[last, 1] ** 2 + r_bc[last, 2] ** 2)
+            length2 = r_bc[last, 0] ** 2 + r_bc[last, 1] ** 2 + r_bc[last, 2] ** 2
+            if not isfinite(length2):
+                return -1
+            longest = max(longest, length2)
             last += 1
+        x0, x1, x2 = x0 - origin_c[0], x1 - origin_c[1], x2 - origin_c[2]
         reach = (support + sqrt(longest)) * (1.0 + 1e-12)
         empty = False
         for a in range(3):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import ceil, floor
+from math import ceil, floor, isfinite
 
 import numba as nb
 import numpy as np
@@ -112,8 +112,8 @@ MEAN = polynomial
 CONSTANTS = polynomial_constants
 
 
-def slab_bonds(z_n, i_b, r_b, b_bk, radii_m, coef_mk, step, n, periodic, acc, ext):
-    """Σ_b b β₁ in n bins whose centres are at (k + ½) step, z relative to the cell's lower face. Returns the number of visits.
+def slab_bonds(x_nc, i_b, r_bc, b_bk, origin_c, normal_c, radii_m, coef_mk, step, n, periodic, acc, ext):
+    """Σ_b b β₁ in n bins whose centres are at (k + ½) step from the cell's lower face. Returns the number of visits, −1 if something is not finite.
 
     `acc` is flat, components × ext; positions beyond n are folded back, or dropped, at the end (as in `_lattice`).
     """
@@ -121,9 +121,13 @@ def slab_bonds(z_n, i_b, r_b, b_bk, radii_m, coef_mk, step, n, periodic, acc, ex
     R = radii_m[0]
     k_ = np.zeros(_beta.N_CONSTANTS)
     visits = 0
-    for b in range(len(r_b)):
-        r = r_b[b]
-        f = z_n[i_b[b]] / step - 0.5
+    for b in range(len(r_bc)):
+        o = i_b[b]
+        r = r_bc[b, 0] * normal_c[0] + r_bc[b, 1] * normal_c[1] + r_bc[b, 2] * normal_c[2]
+        z = (x_nc[o, 0] - origin_c[0]) * normal_c[0] + (x_nc[o, 1] - origin_c[1]) * normal_c[1] + (x_nc[o, 2] - origin_c[2]) * normal_c[2]
+        if not isfinite(r + z):
+            return -1
+        f = z / step - 0.5
         base = floor(f + 0.5)
         # From the nearest bin centre.
         d = (f - base) * step

@@ -62,7 +62,9 @@ def stress_components(r_bc, G_b, out_bk):
 
 
 def _array(a, dtype=np.float64):
-    return np.ascontiguousarray(a, dtype=dtype)
+    """Contiguous and writable: a read-only array is another type to numba, and would have everything compiled again."""
+    a = np.ascontiguousarray(a, dtype=dtype)
+    return a if a.flags.writeable else a.copy()
 
 
 class Deposit:
@@ -71,6 +73,7 @@ class Deposit:
     def __init__(self, grid, kernel, cell, n_site, n_bond, threads):
         self.grid, self.kernel = grid, kernel
         self.cell = cell if cell.complete else cell.completed(grid.points_gc)
+        self._origin, self._vectors, self._inverse = (_array(a) for a in (self.cell.origin, self.cell.vectors, self.cell.inverse))
         self.n_site, self.n_bond, self.threads = int(n_site), int(n_bond), int(threads)
         self._buffers = {}
         self._visits = [0] * self.threads
@@ -137,6 +140,13 @@ class Deposit:
             self._buffers[key] = np.zeros(shape)
         return self._buffers[key]
 
+    def _count(self, thread, visits):
+        if visits < 0:
+            raise AtcError(
+                "an atom's position or a bond's vector is not a finite number: check the trajectory and the potential for coincident atoms"
+            )
+        self._visits[thread] += visits
+
     def _add(self, what, x_nc, i_b, r_bc, b_bk, thread):
         raise NotImplementedError
 
@@ -181,14 +191,15 @@ class LatticeDeposit(Deposit):
         n_comp = b_bk.shape[1]
         acc = self._buffer(what, thread, int(self.counts[0] * self.counts[1]) * n_comp * self.ext)
         longest = float(np.sqrt(np.einsum("bc,bc->b", r_bc, r_bc).max()))
+        longest = longest if np.isfinite(longest) else 0.0
         width = int((2.0 * self.radii[0] + longest) * np.linalg.norm(self.inverse[:, 1])) + 4
         rows = max(512, width if self.wrap[1] else min(width, int(self.counts[1])))
-        self._visits[thread] += self._core(
-            x_nc - self.cell.origin, i_b, r_bc, b_bk, self.radii, self.coef,
-            np.ascontiguousarray(self.grid.origin), self.steps, self.inverse, self.counts, self.wrap,
-            self.image, self.cell.vectors, self.cell.inverse, self.region,
+        self._count(thread, self._core(
+            x_nc, i_b, r_bc, b_bk, self.radii, self.coef,
+            self._origin, _array(self.grid.origin), self.steps, self.inverse, self.counts, self.wrap,
+            self.image, self._vectors, self._inverse, self.region,
             acc, self.ext, np.empty((6, rows)), np.empty((2, rows), np.int64),
-        )  # fmt: skip
+        ))  # fmt: skip
 
     def _finish(self, total, n_comp):
         n0, n1, n = (int(k) for k in self.counts)
@@ -251,11 +262,11 @@ class PointsDeposit(Deposit):
     def _add(self, what, x_nc, i_b, r_bc, b_bk, thread):
         acc = self._buffer(what, thread, (len(self.points), b_bk.shape[1]))
         room = 1024
-        self._visits[thread] += self._core(
-            x_nc - self.cell.origin, i_b, r_bc, b_bk, self.radii, self.coef, self.points, self.start,
-            self.bins, self.low, self.scale, self.cell.periodic, self.cell.vectors, self.cell.inverse,
+        self._count(thread, self._core(
+            x_nc, i_b, r_bc, b_bk, self.radii, self.coef, self._origin, self.points, self.start,
+            self.bins, self.low, self.scale, _array(self.cell.periodic, bool), self._vectors, self._inverse,
             acc, np.empty((7, room)), np.zeros((4, room + 3)), np.empty((2, room), np.int64),
-        )  # fmt: skip
+        ))  # fmt: skip
 
     def _finish(self, total, n_comp):
         out = np.empty_like(total)
@@ -270,7 +281,7 @@ class SlabDeposit(Deposit):
         super().__init__(grid, kernel, cell, n_site, n_bond, threads)
         a = grid.axis
         self.height = self.cell.heights[a]
-        self.normal = self.cell.inverse[:, a] * self.height
+        self.normal = _array(self.cell.inverse[:, a] * self.height)
         marginal = kernel.marginal(self.normal)
         if isinstance(marginal, GaussianMarginal):
             name, self.radii, self.coef = (
@@ -292,10 +303,10 @@ class SlabDeposit(Deposit):
 
     def _add(self, what, x_nc, i_b, r_bc, b_bk, thread):
         acc = self._buffer(what, thread, b_bk.shape[1] * self.ext)
-        self._visits[thread] += self._core(
-            (x_nc - self.cell.origin) @ self.normal, i_b, r_bc @ self.normal, b_bk, self.radii, self.coef,
+        self._count(thread, self._core(
+            x_nc, i_b, r_bc, b_bk, self._origin, self.normal, self.radii, self.coef,
             self.step, len(self.grid), self.periodic, acc, self.ext,
-        )  # fmt: skip
+        ))  # fmt: skip
 
     def _finish(self, total, n_comp):
         a = _folded(total.reshape(n_comp, self.ext), len(self.grid), self.periodic)
