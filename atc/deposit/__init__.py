@@ -12,24 +12,30 @@ from __future__ import annotations
 
 from ..errors import AtcError
 
-METHODS = ("direct", "slab")
+METHODS = ("direct", "spectral", "slab")
 
 
-def make(method, bound_grid, kernel, cell, n_site, n_bond, threads=1):
+def make(method, bound_grid, kernel, cell, n_site, n_bond, threads=1, tolerance=1e-5):
     """A deposit: an object that takes sites and bonds in pieces and gives their sums on the grid.
 
     Parameters
     ----------
-    method : "direct" (exact; on a slab grid the closed slab average) or "slab"
+    method : "direct" (exact; on a slab grid the closed slab average), "spectral" (smooth kernels, at a cost that does not depend on their
+        radius) or "slab"
     bound_grid : BoundGrid
     kernel : Kernel, internal units
     cell : Cell of the frame. Its periodic axes repeat; atoms may lie anywhere.
     n_site, n_bond : numbers of components of a and of b
     threads : number of independent buffers. ``add_*`` with different ``thread`` may run at the same time; the sums are taken in
         the order of the buffers, so that the result depends only on which piece went to which buffer.
+    tolerance : of the spectral method, relative to the largest value of the field
     """
     if method not in METHODS:
         raise AtcError(f"unknown deposit method {method!r}: expected one of {', '.join(METHODS)}")
+    if method == "spectral":
+        from .spectral import SpectralDeposit
+
+        return SpectralDeposit(bound_grid, kernel, cell, n_site, n_bond, threads, tolerance)
     from . import direct
 
     if bound_grid.kind == "slab":

@@ -1,0 +1,248 @@
+"""The kernels' Fourier transforms, and how fine a mesh has to be for a tolerance (the ground of the spectral deposit).
+
+φ̂(k) = ∫ φ(x) exp(−i k·x) dx, φ̂(0) = 1. Errors are counted in two ways, both relative and both to be below the tolerance:
+
+- against the field of independent sources: the squared error is the integral of φ̂² (times the square of what is wrong with the mode) over the modes,
+  divided by the integral of φ̂². As every cause of error depends on one component of k at a time, all these integrals are one-dimensional, over
+  p(κ) = ∫ φ̂²(κ e + q) d²q (q normal to the unit vector e);
+- against the field of sources in step with one mode, a crystal's for example: the largest |φ̂| times what is wrong.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from math import pi
+
+import numpy as np
+
+from ..errors import AtcError
+from ..kernels import BSpline, Gaussian, Radial
+
+# Below this kR the integrals of a polynomial against sin(kρ) are summed as power series, above by recursion: both lose less than two digits there.
+_SERIES = 6.0
+
+
+def _moments(z):
+    """(5, ...) ∫₀¹ s^(n+1) sin(z s)/z ds for n = 0..4."""
+    z = np.asarray(z, float)
+    out = np.empty((5, *z.shape))
+    small = z < _SERIES
+    if small.any():
+        z2 = z[small] ** 2
+        total = np.zeros((5, z2.size))
+        term = np.ones_like(z2)
+        for j in range(20):
+            for n in range(5):
+                total[n] += term / (n + 3 + 2 * j)
+            term = -term * z2 / ((2 * j + 2) * (2 * j + 3))
+        out[:, small] = total
+    if not small.all():
+        z = z[~small]
+        sin, cos = np.sin(z), np.cos(z)
+        S, C = (1.0 - cos) / z, sin / z
+        for p in range(1, 6):
+            S, C = (p * C - cos) / z, (sin - p * S) / z
+            out[p - 1, ~small] = S / z
+    return out
+
+
+def radial_hat(kernel, k):
+    """φ̂ of an isotropic kernel for wave numbers k (any shape)."""
+    k = np.asarray(k, float)
+    if isinstance(kernel, Gaussian):
+        return np.exp(-0.5 * (k * kernel.width) ** 2)
+    if not isinstance(kernel, Radial):
+        raise AtcError(f"kernel {kernel.name!r} has no radial transform: the direct method takes it")
+    total = np.zeros(k.shape)
+    for R, c in zip(kernel.radii, kernel.coef_mk):
+        # Written so that a column of zeros costs nothing.
+        for n, moment in enumerate(_moments(k * R)):
+            if c[n] != 0:
+                total += (4 * pi * kernel.normalisation * R**3 * c[n]) * moment
+    return total
+
+
+def phi_hat(kernel, k_c):
+    """φ̂ for wave vectors k (..., 3) in Cartesian components: ∫ φ(x) exp(−i k·x) dx, real and 1 at k = 0."""
+    k_c = np.asarray(k_c, float)
+    if isinstance(kernel, BSpline):
+        return (np.sinc(k_c * (0.25 * kernel.radius / pi)) ** 4).prod(-1)
+    return radial_hat(kernel, np.sqrt((k_c**2).sum(-1)))
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """A kernel's modes along one direction, k in units of 1/scale.
+
+    hat : φ̂(κ e); power : p(κ) dκ normalised to ∫₀^∞ p = 1; tail : ∫_κ^∞ p
+    """
+
+    scale: float
+    k: np.ndarray
+    hat: np.ndarray
+    power: np.ndarray
+    tail: np.ndarray
+
+    def error(self, wrong, upto=None):
+        """How much of the field is lost when the mode at k[i] is wrong by the fraction wrong[..., i]: the larger of the two measures."""
+        w = slice(None, upto)
+        in_step = np.abs(wrong[..., w] * self.hat[w]).max(-1)
+        return np.maximum(np.sqrt((wrong[..., w] ** 2 * self.power[w]).sum(-1)), in_step)
+
+
+@lru_cache(maxsize=64)
+def spectrum(kernel) -> Spectrum:
+    """The spectrum that meshes and bond points are chosen by; AtcError for kernels that jump."""
+    if isinstance(kernel, BSpline):
+        scale = kernel.radius
+        k = (np.arange(24000) + 0.5) * 0.05
+        hat = np.sinc(k * 0.25 / pi) ** 4
+        p = hat**2
+    elif isinstance(kernel, (Gaussian, Radial)):
+        scale = kernel.radius
+        top = 90.0 if isinstance(kernel, Gaussian) else 1500.0
+        k = (np.arange(int(top / 0.05)) + 0.5) * 0.05
+        hat = radial_hat(kernel, k / scale)
+        # ∫ φ̂² q dq over the plane at κ: all k from κ on.
+        p = np.cumsum((hat**2 * k)[::-1])[::-1]
+    else:
+        raise AtcError(f"kernel {kernel.name!r} jumps, its modes decay too slowly for the spectral method: use method 'direct'")
+    p = p / p.sum()
+    return Spectrum(scale, k, hat, p, np.cumsum(p[::-1])[::-1])
+
+
+# --- the spreading window: Kaiser and Bessel's, x in mesh spacings, support |x| < width/2
+def window(x, width, shape):
+    from scipy.special import i0
+
+    u = 1.0 - (2.0 * np.asarray(x) / width) ** 2
+    return np.where(u >= 0, i0(shape * np.sqrt(np.maximum(u, 0.0))), 0.0) / i0(shape)
+
+
+def window_hat(f, width, shape):
+    """∫ window(x) cos(2π f x) dx, f in cycles per spacing."""
+    from scipy.special import i0
+
+    s = np.asarray(shape) ** 2 - (pi * width * np.asarray(f)) ** 2
+    r = np.sqrt(np.abs(s))
+    safe = np.where(r > 1e-8, r, 1.0)
+    return width / i0(shape) * np.where(r > 1e-8, np.where(s > 0, np.sinh(safe), np.sin(safe)) / safe, 1.0)
+
+
+def window_polynomials(width, shape, accuracy):
+    """(degree + 1, 4⌈width/4⌉) coefficients of window(x + j − width/2) in powers of x, 0 ≤ x ≤ 1, for j = 0..width−1."""
+    nodes = 0.5 - 0.5 * np.cos(pi * (np.arange(40) + 0.5) / 40)
+    j = np.arange(width)
+    want = window(nodes[:, None] + j - 0.5 * width, width, shape)
+    for degree in range(3, 16):
+        fit = np.polynomial.Chebyshev(np.zeros(degree + 1), domain=[0, 1])
+        T = np.polynomial.chebyshev.chebvander(2 * nodes - 1, degree)
+        cheb = np.linalg.lstsq(T, want, rcond=None)[0]
+        if np.abs(T @ cheb - want).max() <= accuracy or degree == 15:
+            break
+    out = np.zeros((degree + 1, 4 * ((width + 3) // 4)))
+    for column in range(width):
+        p = np.polynomial.Chebyshev(cheb[:, column], domain=fit.domain).convert(
+            kind=np.polynomial.Polynomial, domain=[-1, 1], window=[-1, 1]
+        )
+        out[: len(p.coef), column] = p.coef
+    return out
+
+
+def aliasing(spec, width, shapes, spacing, upto):
+    """Error by the modes that the mesh confuses, for every shape parameter: (shapes,). spacing in units of spec.scale, modes k[:upto] are kept."""
+    thin = max(1, upto // 100)
+    f = spec.k[:upto:thin] * spacing / (2 * pi)
+    own = window_hat(f, width, shapes[:, None])
+    images = sum(window_hat(f + m, width, shapes[:, None]) ** 2 for m in (-3, -2, -1, 1, 2, 3))
+    wrong = np.sqrt(images) / own
+    power = np.add.reduceat(spec.power[:upto], np.arange(0, upto, thin))
+    # Three axes, each with its own images.
+    return np.maximum(np.sqrt(3.0 * (wrong**2 * power).sum(-1)), np.abs(wrong * spec.hat[:upto:thin]).max(-1))
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """What a tolerance asks for. Lengths in the kernel's unit.
+
+    spacing : of the mesh along each edge, at most
+    k_max : modes kept, |k·a|/|a| ≤ k_max for the cell's edges a
+    width, shape : of the window
+    """
+
+    spacing: float
+    k_max: float
+    width: int
+    shape: float
+    error: float
+
+
+WIDTHS = range(3, 13)
+
+
+@lru_cache(maxsize=64)
+def choose(kernel, tolerance, points_density, costs=(25.0, 0.75, 130.0)) -> Parameters:
+    """The cheapest window and mesh with an estimated error below `tolerance`.
+
+    Parameters
+    ----------
+    points_density : points to spread per unit volume
+    costs : ns a point, ns a point and mesh node, ns a mesh node
+    """
+    spec = spectrum(kernel)
+    lost = np.sqrt(3.0 * spec.tail)
+    # Half of the squared error to the modes left out, half to the mesh.
+    share = tolerance * np.sqrt(0.5)
+    worst = np.maximum.accumulate(np.abs(spec.hat)[::-1])[::-1]
+    enough = np.flatnonzero(np.maximum(lost, worst) <= share)
+    # Near the table's end the tail is cut short.
+    if not len(enough) or spec.k[enough[0]] > 0.5 * spec.k[-1]:
+        raise AtcError(f"kernel {kernel.name!r}: its modes decay too slowly for this tolerance by method 'spectral': use method 'direct'")
+    upto = max(int(enough[0]), 2)
+    k_max = spec.k[upto]
+    best = None
+    for width in WIDTHS:
+        shapes = width * np.linspace(1.0, 3.1, 22)
+        # How many times more than two points for the shortest wave: the least that does, by halving.
+        low, high, found = 0.98, 3.0, None
+        for _ in range(7):
+            oversampling = high if found is None else 0.5 * (low + high)
+            errors = aliasing(spec, width, shapes, pi / (k_max * oversampling), upto)
+            at = int(errors.argmin())
+            if errors[at] <= share:
+                high, found = oversampling, (oversampling, float(shapes[at]), float(errors[at]))
+            elif found is None:
+                break
+            else:
+                low = oversampling
+        if found is not None:
+            h = pi / (k_max * found[0]) * spec.scale
+            cost = points_density * (costs[0] + costs[1] * width**3) + costs[2] / h**3
+            if best is None or cost < best[0]:
+                error = float(np.hypot(found[2], max(lost[upto], worst[upto])))
+                best = cost, Parameters(h, k_max / spec.scale, width, found[1], error)
+    if best is None:
+        raise AtcError("method 'spectral' does not reach this tolerance: use method 'direct'")
+    return best[1]
+
+
+@lru_cache(maxsize=64)
+def bond_points(kernel, tolerance, most=10):
+    """(most,) the longest bond that 1, 2, .. Gauss-Legendre points do for: longer ones than the last are cut into pieces."""
+    spec = spectrum(kernel)
+    thin = max(1, len(spec.k) // 3000)
+    k = spec.k[::thin]
+    power = np.add.reduceat(spec.power, np.arange(0, len(spec.k), thin))
+    longest = np.zeros(most)
+    for m in range(1, most + 1):
+        x, w = np.polynomial.legendre.leggauss(m)
+        low, high = -5.0, 2.0
+        for _ in range(22):
+            middle = 0.5 * (low + high)
+            half = 0.5 * k * 10.0**middle
+            wrong = 0.5 * (np.cos(half[:, None] * x) @ w) - np.sinc(half / pi)
+            error = max(np.sqrt((wrong**2 * power).sum()), np.abs(wrong * spec.hat[::thin]).max())
+            low, high = (middle, high) if error <= tolerance else (low, middle)
+        longest[m - 1] = 10.0**low * spec.scale
+    return longest
