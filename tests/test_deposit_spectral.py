@@ -165,6 +165,16 @@ def test_any_number_of_components(n_comp):
     close(sums[1], sums[0], 1e-5)
 
 
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_positions_that_are_not_numbers(bad):
+    cell = CELLS["orthogonal"]
+    x, i, r, _, G = sample(cell, n=5, n_bond=9)
+    dep = make("spectral", atc.Grid.regular(shape=2).bind(METAL, cell, x), KERNELS["gaussian"], cell, 1, 6)
+    r[3, 1] = bad
+    with pytest.raises(AtcError, match="not a finite number"):
+        dep.add_bond_stress(x, i, r, G)
+
+
 def test_nothing_added():
     cell = CELLS["orthogonal"]
     dep = make("spectral", atc.Grid.regular(shape=(3, 4, 5)).bind(METAL, cell, np.zeros((1, 3))), KERNELS["gaussian"], cell, 2, 6)

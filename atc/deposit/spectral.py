@@ -11,7 +11,7 @@ How fine the mesh is, how wide the window and how many points a bond gets follow
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache, cached_property
+from functools import cached_property
 from math import ceil, pi
 
 import numpy as np
@@ -19,7 +19,6 @@ import numpy as np
 from ..errors import AtcError
 from ..frame import Cell
 from . import fourier, spread
-from ._simd import specialise
 from .direct import Deposit
 
 # Points a bond gets at most before it is cut into pieces.
@@ -28,12 +27,6 @@ MOST = 10
 LARGEST = 1.0e9
 # Points to spread in a ball of radius R/4, as in dense argon at R = 10 Å: what the choice between a fine mesh and a wide window goes by.
 DENSE = 120.0
-
-
-@cache
-def _core(function, width, vectors):
-    groups = (width + 3) // 4
-    return specialise(function, f"{width}_{vectors}", WIDTH=width, VECTORS=vectors, GROUPS=groups)
 
 
 class SpectralDeposit(Deposit):
@@ -55,7 +48,11 @@ class SpectralDeposit(Deposit):
         super().__init__(grid, kernel, cell, n_site, n_bond, threads)
         self.tolerance = float(tolerance)
         fourier.spectrum(kernel)
-        self._set_box()
+        if not self.cell.periodic.all():
+            raise AtcError("method 'spectral' needs a cell that is periodic along all axes: use method 'direct'")
+        if not grid.wraps:
+            raise AtcError(f"method 'spectral' needs a regular grid over the whole cell, not this {grid.kind} grid: use method 'direct'")
+        self.box = Cell(self.cell.vectors)
         volume = self.box.volume
         # Half of the squared error to the bonds' points, half to the mesh; and the largest error among many points over the largest value
         # is up to twice what the same ratio of mean squares is.
@@ -77,20 +74,11 @@ class SpectralDeposit(Deposit):
         for m, (x, w) in enumerate(rules):
             self._nodes[m, : m + 1], self._weights[m, : m + 1] = 0.5 * (x + 1.0), 0.5 * w
         # Three windows multiply; what a mode is divided by makes their error larger by no more than about ten.
-        self._coef = fourier.window_polynomials(p.width, p.shape, 0.01 * share).ravel()
+        coef = fourier.window_polynomials(p.width, p.shape, 0.01 * share)
+        self._degree, self._coef = len(coef) - 1, coef.ravel()
         self._to_mesh = np.ascontiguousarray(self.box.inverse * self.mesh)
-
-    def _set_box(self):
-        """The periodic box whose modes are used, and its corner relative to the cell's."""
-        if not self.cell.periodic.all():
-            raise AtcError("method 'spectral' needs a cell that is periodic along all axes: use method 'direct'")
-        if not self.grid.wraps:
-            raise AtcError(
-                f"method 'spectral' needs a regular grid over the whole cell, not this {self.grid.kind} grid: use method 'direct'"
-            )
-        self.box = Cell(self.cell.vectors)
-        self.corner = np.zeros(3)
-        self.is_open = np.zeros(3, bool)
+        self._start = np.array(self.cell.origin)
+        self._points = [0] * self.threads
 
     # --- adding
     def _groups(self, n_comp):
@@ -102,15 +90,23 @@ class SpectralDeposit(Deposit):
 
     def _add(self, what, x_nc, i_b, r_bc, b_bk, thread):
         width = self.parameters.width
-        x_nc = x_nc - (self.cell.origin + self.corner)
         for first, last, vectors in self._groups(b_bk.shape[1]):
-            acc = self._buffer((what, first), thread, int(self._padded().prod()) * 4 * vectors)
+            mesh = self._buffer((what, first), thread, int(self._padded().prod()) * 4 * vectors)
             part = b_bk if last - first == b_bk.shape[1] else np.ascontiguousarray(b_bk[:, first:last])
-            n = _core(spread.spread_bonds, width, vectors)(
-                x_nc, i_b, r_bc, part, self._to_mesh, self.mesh, self.is_open, self._longest, self._nodes, self._weights,
-                self._coef, acc, np.zeros(12 * ((width + 3) // 4)), np.zeros(4 * vectors * (width + 1)),
-            )  # fmt: skip
+            n = spread.core(width, vectors, self._degree)(
+                x_nc, i_b, r_bc, part, self._start, self._to_mesh, self.mesh, self._longest, self._nodes, self._weights, self._coef, mesh
+            )
+            if n < 0:
+                raise AtcError(
+                    "an atom's position or a bond's vector is not a finite number: check the trajectory and the potential for coincident atoms"
+                )
+            self._points[thread] += n
             self._visits[thread] += n * width**3
+
+    @property
+    def points(self) -> int:
+        """How many points have been spread."""
+        return int(sum(self._points))
 
     # --- finishing
     def _sums(self, what, n_comp):
