@@ -83,6 +83,13 @@ class Request:
     def __post_init__(self):
         from .frame import Frame
 
+        for name, value, method, hint in (
+            ("pot", self.pot, "stream", "atc.potential('pair_style ...')"),
+            ("kern", self.kern, "scaled", "atc.kernel('quartic', radius=8.0)"),
+            ("grid", self.grid, "bind", "atc.Grid.regular(spacing=2.0)"),
+        ):
+            if value is not None and not hasattr(value, method):
+                raise AtcError(f"{name} is a {type(value).__name__}: expected what {hint} gives")
         self.work = Work.of(self.quantities)
         self.frames = as_frames(self.traj)
         self.n_frames = len(self.frames)
@@ -109,6 +116,8 @@ class Request:
             else:
                 self.reference = as_frames(self.reference)[0]
         self.first = self.frames[0]
+        if self.work.bond_users and hasattr(self.pot, "check_topology"):
+            self.pot.check_topology(self.first)
         self.method_used, self.method_reason = choose_method(self.method)
         # Whole frames to processes if there are enough of them, else threads within a frame.
         if self.workers > 1 and self.n_frames < self.workers:

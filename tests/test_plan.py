@@ -101,3 +101,28 @@ def test_the_prediction_is_of_the_right_size():
     spent = time.process_time() - began
     p = plan(frame, None, kern, grid, ["stress_kinetic"], threads=1)
     assert 0.1 < p.cpu_seconds / spent < 10
+
+
+def test_bonded_terms_without_a_style_are_not_left_out_silently():
+    from atc.frame import Cell, Frame, Topology
+    from atc.units import units
+
+    x = np.array([[1.0, 1, 1], [2, 1, 1], [3, 1, 1]])
+    topology = Topology(bonds=np.array([[0, 1], [1, 2]]), bond_types=np.array([1, 1]))
+    frame = Frame(x, Cell(np.eye(3) * 20.0), units("lj"), topology=topology)
+    lines = "units lj\npair_style lj/cut 2.5\npair_coeff 1 1 1.0 1.0\n"
+    with pytest.raises(AtcError, match=r"2 bonds but the potential has no bond_style.*'bond_style none'"):
+        atc.fields(frame, atc.potential(lines), atc.kernel("quartic", radius=2.0), atc.Grid.points(x), ["stress_potential"])
+    ds = atc.fields(
+        frame, atc.potential(lines + "bond_style none\n"), atc.kernel("quartic", radius=2.0), atc.Grid.points(x), ["stress_potential"]
+    )
+    assert np.isfinite(ds.stress_potential).all()
+
+
+def test_lines_and_names_in_place_of_objects_are_refused_in_one_line():
+    from atc.frame import Cell, Frame
+    from atc.units import units
+
+    frame = Frame(np.ones((1, 3)), Cell(np.eye(3) * 9.0), units("lj"))
+    with pytest.raises(AtcError, match=r"kern is a str: expected what atc.kernel"):
+        atc.fields(frame, None, "quartic", atc.Grid.points([[1.0, 1, 1]]), ["number_density"])

@@ -152,7 +152,10 @@ class Potential:
     remarks : tuple of str, what else `describe` should say
     masses : {type: mass}, internal units, as far as LAMMPS lines (or the data file they read) say
     data_file : Path or None, the file of the script's ``read_data`` line
+    unmentioned : kinds of bonded terms ("bond", "angle", ...) that LAMMPS lines say nothing of, not even ``bond_style none``
     """
+
+    unmentioned: tuple[str, ...] = ()
 
     masses: Mapping[int, float] = MappingProxyType({})
     data_file = None
@@ -212,6 +215,16 @@ class Potential:
                 f"partition must be {' or '.join(map(repr, PARTITIONS))}, or a dict such as {{'sw': 'center'}}, got {partition!r}"
             )
         return new
+
+    def check_topology(self, frame: Frame) -> None:
+        """Raise AtcError if the frame has bonded terms of a kind that LAMMPS lines do not mention: `atc.fields` leaves nothing out silently."""
+        for kind in self.unmentioned if frame.topology is not None else ():
+            count = len(getattr(frame.topology, f"{kind}s"))
+            if count:
+                raise AtcError(
+                    f"{frame.source}: the topology has {count} {kind}s but the potential has no {kind}_style: "
+                    f"add {kind}_style and {kind}_coeff lines, or '{kind}_style none' if they shall not act"
+                )
 
     def stream(
         self,

@@ -40,6 +40,7 @@ class _Model:
     units: Units
     folder: Path
     styles: dict[str, _Style] = field(default_factory=dict)
+    declined: set[str] = field(default_factory=set)
     special: list[Command] = field(default_factory=list)
     dielectric: float = 1.0
     labels: dict[str, dict[str, int]] = field(default_factory=dict)
@@ -138,6 +139,7 @@ def _take_style(model: _Model, kind: str, c: Command) -> None:
     old = model.styles.get(kind)
     if name == "none":
         model.styles.pop(kind, None)
+        model.declined.add(kind)
         return
     if old is not None and old.name == name and old.lines and not name.startswith("hybrid"):
         # LAMMPS keeps the coefficients and resets their cutoffs here; which lines still hold is not for us to guess.
@@ -292,6 +294,7 @@ def _assemble(model: _Model, name: str) -> Potential:
     pot.remarks = tuple(notes)
     pot.masses = {t: float(model.units.to_internal("mass", m)) for t, m in model.masses.items()}
     pot.data_file = model.data_file
+    pot.unmentioned = tuple(k for k in _BONDED if k not in model.styles and k not in model.declined)
     return pot
 
 

@@ -113,7 +113,7 @@ class Quantity:
 
 
 _MEAN = ("mass", "momentum")
-_VIRIAL_SIGN = "tension positive (the opposite of LAMMPS's stress/atom and pressure); component [i, j], symmetric"
+_VIRIAL_SIGN = "tension positive (as LAMMPS's stress/atom, the opposite of its pressure); component [i, j], symmetric"
 
 
 def _stress(parts_form):
@@ -212,7 +212,8 @@ _ALL = [
         "smoothed_virial_stress", "pressure", "per-atom virial smoothed with the kernel",
         lambda s: full(s.site["atom_virial"] - s.site["kinetic"]), rank=2, site=("kinetic", "atom_virial"),
         parts=("smoothed_virial_stress_kinetic", "smoothed_virial_stress_potential"), sign=STRESS_SIGN,
-        comment="what a smoothing of LAMMPS's stress/atom gives; not Hardy's stress",
+        comment="per-atom virials, half of each bond to each end, smoothed with the kernel; not Hardy's stress. For pair potentials what a smoothing "
+        "of LAMMPS's stress/atom gives; LAMMPS shares many-body terms in another way (equal sums over the box)",
     ),
     Quantity("energy_kinetic", "energy_density", "kinetic energy density", lambda s: s.site["kinetic_energy"][:, 0], site=("kinetic_energy",), sign="positive",
              comment="in the frame of the simulation, streaming motion included"),
