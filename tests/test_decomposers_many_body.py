@@ -263,6 +263,30 @@ def test_five_bodies_have_more_than_one_extension():
     assert "extended off the distance constraint as given" in two.describe()
 
 
+def test_two_extensions_give_two_stress_fields_of_one_divergence():
+    """The central-force decomposition of five bodies and more is not unique: σ depends on the extension, ∇·σ and the box average do not."""
+    frame = cluster(5, seed=8, spread=1.0)
+    one = ManyBody(lambda *q: sum(np.cos(v) for v in q), atoms=[range(5)], variables="xi")
+    two = ManyBody(lambda *q: sum(np.cos(v) for v in q) + 0.7 * cayley_menger(*q), atoms=[range(5)], variables="xi")
+    kern, h = atc.kernel("gaussian", width=1.2), 0.02
+    x_gc = frame.positions.mean(0) + np.random.default_rng(1).normal(0, 0.7, (8, 3))
+    # Sixth-order central differences: their own error is about h⁶/140 of the field over width⁶, 1e-13.
+    steps = h * np.arange(-3, 4)
+    weights = np.array([-1, 9, -45, 0, 45, -9, 1]) / (60 * h)
+    grid = atc.Grid.points((x_gc[:, None, None] + steps[:, None] * np.eye(3)[:, None]).reshape(-1, 3))
+
+    def field(term):
+        ds = atc.fields(frame, atc.potential(term), kern, grid, ["stress_potential"], tolerance=1e-12)
+        s = ds.stress_potential.values[0].reshape(len(x_gc), 3, 7, 3, 3)
+        return s[:, 0, 3], np.einsum("k,gikij->gj", weights, s)
+
+    (stress_a, force_a), (stress_b, force_b) = field(one), field(two)
+    scale = np.abs(stress_b).max()
+    assert np.abs(stress_a - stress_b).max() > 0.05 * scale
+    np.testing.assert_allclose(force_a, force_b, rtol=0, atol=1e-9 * scale)
+    assert np.abs(force_a).max() > 1e-3 * np.abs(stress_a).max()
+
+
 def test_given_gradient_ids_threads_and_pickle():
     @njit
     def f(a, b, c):
