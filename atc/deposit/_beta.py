@@ -1,7 +1,7 @@
 """β at four points at once: for each kernel family the constants of one bond, and the function of position.
 
 A position is given relative to the bond, in units of its length: D along the bond from x_i, and (Y, M) across it, p² = Y² + M².
-The constants are computed once a bond (and piece of the kernel) into `k`: `length` is |r|, `R` the piece's cut-off, row `piece` of `c_mk`
+The constants are computed once a bond (and piece of the kernel) into the array `k`, which β gets by its address: `length` is |r|, `R` the piece's cut-off, row `piece` of `c_mk`
 its coefficients with the normalisation included. The formulas are derived at the head of `atc.kernels`.
 """
 
@@ -12,10 +12,11 @@ from math import erf, exp, sqrt
 import numba as nb
 import numpy as np
 
-from ._simd import INLINE, JIT_FMA, exp2i4, load4, log2_ratio4, maximum4, minimum4, splat4, sqrt4, store4, where_zero4
+from ._simd import INLINE, JIT_FMA, exp2i4, load4, log2_ratio4, maximum4, minimum4, peek, poke, splat4, sqrt4, store4, where_zero4
 
-# Room for the constants of any family.
-N_CONSTANTS = 64
+# Room for the constants of any family, and behind them for what is done one point at a time.
+SCRATCH = 64
+N_CONSTANTS = SCRATCH + 40
 
 
 @nb.njit(**JIT_FMA)
@@ -29,7 +30,7 @@ def even_constants(length, R, c_mk, piece, r0, r1, r2, frame_cc, k):
 @nb.njit(**INLINE)
 def even(D, Y, M, k):
     """c0 + c1 w + c2 w² with w = 1 − ρ²/R²: step, Epanechnikov, quartic."""
-    w = maximum4(k[0] - M * M - Y * Y, 0.0)
+    w = maximum4(peek(k, 0) - M * M - Y * Y, 0.0)
     q = sqrt4(w)
     lo = maximum4(D - q, 0.0)
     hi = minimum4(D + q, 1.0)
@@ -40,7 +41,7 @@ def even(D, Y, M, k):
     aabb = (a + b) * (a + b) - 2.0 * ab
     m2 = (aabb + ab) * (1.0 / 3.0)
     m4 = (aabb * aabb + ab * (aabb - ab)) * 0.2
-    return share * (k[1] + k[2] * (w - m2) + k[3] * (w * (w - 2.0 * m2) + m4))
+    return share * (peek(k, 1) + peek(k, 2) * (w - m2) + peek(k, 3) * (w * (w - 2.0 * m2) + m4))
 
 
 @nb.njit(**INLINE)
@@ -81,7 +82,7 @@ def cone_constants(length, R, c_mk, piece, r0, r1, r2, frame_cc, k):
 def cone(D, Y, M, k):
     """c0 + c1 ρ/R: linear, hardy, tables."""
     p2 = M * M + Y * Y
-    q = sqrt4(maximum4(k[0] - p2, 0.0))
+    q = sqrt4(maximum4(peek(k, 0) - p2, 0.0))
     lo = maximum4(D - q, 0.0)
     hi = minimum4(D + q, 1.0)
     share = maximum4(hi - lo, 0.0)
@@ -90,7 +91,7 @@ def cone(D, Y, M, k):
     S = sqrt4(p2 + a * a) + sqrt4(p2 + b * b) + 1e-90
     inverse_S, atanh = _inverse_and_atanh(S, share)
     j1 = 0.25 * (S + (a + b) * (a + b) * inverse_S) + p2 * atanh
-    return share * (k[1] + k[2] * j1)
+    return share * (peek(k, 1) + peek(k, 2) * j1)
 
 
 @nb.njit(**JIT_FMA)
@@ -108,7 +109,7 @@ def radial_constants(length, R, c_mk, piece, r0, r1, r2, frame_cc, k):
 def radial(D, Y, M, k):
     """Σ_k c_k (ρ/R)^k, k = 0..4 (`kernels.mean_powers`)."""
     p2 = M * M + Y * Y
-    q = sqrt4(maximum4(k[0] - p2, 0.0))
+    q = sqrt4(maximum4(peek(k, 0) - p2, 0.0))
     lo = maximum4(D - q, 0.0)
     hi = minimum4(D + q, 1.0)
     share = maximum4(hi - lo, 0.0)
@@ -126,7 +127,7 @@ def radial(D, Y, M, k):
     m4 = (aabb * aabb + ab * (aabb - ab)) * 0.2
     j1 = 0.25 * (S + T2) + p2 * atanh
     j3 = 0.125 * (S * (S * S - 3.0 * rab) + T2 * (S * S - rab)) + 0.75 * p2 * j1
-    return share * (k[1] + k[2] * j1 + k[3] * (p2 + m2) + k[4] * j3 + k[5] * (p2 * (p2 + 2.0 * m2) + m4))
+    return share * (peek(k, 1) + peek(k, 2) * j1 + peek(k, 3) * (p2 + m2) + peek(k, 4) * j3 + peek(k, 5) * (p2 * (p2 + 2.0 * m2) + m4))
 
 
 @nb.njit(**INLINE)
@@ -204,19 +205,20 @@ def gaussian_constants(length, R, c_mk, piece, r0, r1, r2, frame_cc, k):
 @nb.njit(**INLINE)
 def gaussian(D, Y, M, k):
     p2 = M * M + Y * Y
-    if k[2] > 0.0:
+    if peek(k, 2) > 0.0:
         c = D - 0.5
-        y2 = (k[0] * c) * (k[0] * c)
-        last = int(k[2])
-        g = splat4(k[4 + last])
+        y2 = (peek(k, 0) * c) * (peek(k, 0) * c)
+        last = int(peek(k, 2))
+        g = splat4(peek(k, 4 + last))
         for j in range(last - 1, -1, -1):
-            g = g * y2 + k[4 + j]
-        return k[1] * g * _exp_minus(k[0] * (p2 + c * c))
-    lanes = np.empty(4)
-    store4(lanes, 0, D)
+            g = g * y2 + peek(k, 4 + j)
+        return peek(k, 1) * g * _exp_minus(peek(k, 0) * (p2 + c * c))
+    s = peek(k, 4)
+    store4(k, SCRATCH, D)
     for l in range(4):
-        lanes[l] = erf(k[4] * (1.0 - lanes[l])) + erf(k[4] * lanes[l])
-    return k[1] * k[3] * load4(lanes, 0) * _exp_minus(k[0] * p2)
+        d = peek(k, SCRATCH + l)
+        poke(k, SCRATCH + l, erf(s * (1.0 - d)) + erf(s * d))
+    return peek(k, 1) * peek(k, 3) * load4(k, SCRATCH) * _exp_minus(peek(k, 0) * p2)
 
 
 @nb.njit(**JIT_FMA)
@@ -233,13 +235,13 @@ def cartesian_constants(length, R, c_mk, piece, r0, r1, r2, frame_cc, k):
 
 
 @nb.njit(**JIT_FMA)
-def _cartesian(D, Y, M, k, out):
-    """d = x_i − x along x, y, z, from the bond's frame."""
-    D = D * k[3]
-    Y = Y * k[3]
-    M = M * k[3]
+def _cartesian(D, Y, M, k):
+    """d = x_i − x along x, y, z, from the bond's frame, into k[SCRATCH:SCRATCH + 12]."""
+    D = D * peek(k, 3)
+    Y = Y * peek(k, 3)
+    M = M * peek(k, 3)
     for c in range(3):
-        store4(out, 4 * c, D * k[4 + c] + Y * k[7 + c] + M * k[10 + c])
+        store4(k, SCRATCH + 4 * c, D * peek(k, 4 + c) + Y * peek(k, 7 + c) + M * peek(k, 10 + c))
 
 
 @nb.njit(**JIT_FMA)
@@ -260,36 +262,39 @@ bspline_constants = cartesian_constants
 @nb.njit(**JIT_FMA)
 def bspline(D, Y, M, k):
     """c0 Π M4(d_a/h), h = c1: between crossings of knot planes a polynomial of degree 9 along the bond, five Gauss points are exact."""
-    h = k[14]
-    times = np.empty(17)
-    d = np.empty(12)
-    out = np.empty(4)
-    _cartesian(D, Y, M, k, d)
+    h = peek(k, 14)
+    times = k + 8 * (SCRATCH + 16)
+    _cartesian(D, Y, M, k)
     for l in range(4):
-        times[0] = 0.0
-        times[1] = 1.0
+        poke(times, 0, 0.0)
+        poke(times, 1, 1.0)
         count = 2
         for a in range(3):
             for knot in range(-2, 3):
-                if k[a] != 0.0:
-                    t = (d[4 * a + l] - knot * h) / k[a]
+                if peek(k, a) != 0.0:
+                    t = (peek(k, SCRATCH + 4 * a + l) - knot * h) / peek(k, a)
                     if 0.0 < t < 1.0:
                         m = count
-                        while times[m - 1] > t:
-                            times[m] = times[m - 1]
+                        while peek(times, m - 1) > t:
+                            poke(times, m, peek(times, m - 1))
                             m -= 1
-                        times[m] = t
+                        poke(times, m, t)
                         count += 1
         total = 0.0
         for m in range(count - 1):
-            width = times[m + 1] - times[m]
+            width = peek(times, m + 1) - peek(times, m)
             part = 0.0
             for q in range(5):
-                t = times[m] + _X5[q] * width
-                part += _W5[q] * _m4((d[l] - t * k[0]) / h) * _m4((d[4 + l] - t * k[1]) / h) * _m4((d[8 + l] - t * k[2]) / h)
+                t = peek(times, m) + _X5[q] * width
+                part += (
+                    _W5[q]
+                    * _m4((peek(k, SCRATCH + l) - t * peek(k, 0)) / h)
+                    * _m4((peek(k, SCRATCH + 4 + l) - t * peek(k, 1)) / h)
+                    * _m4((peek(k, SCRATCH + 8 + l) - t * peek(k, 2)) / h)
+                )
             total += width * part
-        out[l] = k[13] * total
-    return load4(out, 0)
+        poke(k, SCRATCH + 12 + l, peek(k, 13) * total)
+    return load4(k, SCRATCH + 12)
 
 
 box_constants = cartesian_constants
@@ -298,21 +303,19 @@ box_constants = cartesian_constants
 @nb.njit(**JIT_FMA)
 def box(D, Y, M, k):
     """c0 inside the half-open box of edges c1, c2, c3: the share of the bond between three pairs of planes."""
-    d = np.empty(12)
-    out = np.empty(4)
-    _cartesian(D, Y, M, k, d)
+    _cartesian(D, Y, M, k)
     for l in range(4):
         lo = 0.0
         hi = 1.0
         for a in range(3):
-            half = 0.5 * k[14 + a]
-            x = d[4 * a + l]
-            if abs(k[a]) > 2e-30 * half:
-                t1 = (x - half) / k[a]
-                t2 = (x + half) / k[a]
+            half = 0.5 * peek(k, 14 + a)
+            x = peek(k, SCRATCH + 4 * a + l)
+            if abs(peek(k, a)) > 2e-30 * half:
+                t1 = (x - half) / peek(k, a)
+                t2 = (x + half) / peek(k, a)
                 lo = max(lo, min(t1, t2))
                 hi = min(hi, max(t1, t2))
             elif not (-half <= x < half):
                 lo = 2.0
-        out[l] = k[13] * (hi - lo) if hi > lo else 0.0
-    return load4(out, 0)
+        poke(k, SCRATCH + 12 + l, peek(k, 13) * (hi - lo) if hi > lo else 0.0)
+    return load4(k, SCRATCH + 12)

@@ -3,7 +3,7 @@
 A point sees a bond when it lies within the support R of it, in a capsule. For every row of the lattice that the capsule meets, the first
 and last point inside follow from the union of two spheres and a cylinder; β is evaluated for four points in a row at a time and added.
 
-The accumulator is [row][component][position in row], rows over the two slower axes. Positions run on past the row's end (`ext` ≥ n + 3 of
+The accumulator is [row][position in row][component], rows over the two slower axes. Positions run on past the row's end (`ext` ≥ n + 3 of
 them), so that a run never has to be split at the periodic boundary; what lies beyond is folded back, or on an open axis dropped, at the end.
 A site is a bond of length 0.
 """
@@ -16,7 +16,24 @@ import numba as nb
 import numpy as np
 
 from ._beta import N_CONSTANTS, even, even_constants
-from ._simd import INLINE, JIT_FMA, axpy4, ramp4, splat4
+from ._simd import (
+    INLINE,
+    JIT_FMA,
+    accumulate4,
+    address,
+    ceil4,
+    floor4,
+    lanes4,
+    load4,
+    maximum4,
+    minimum4,
+    ramp4,
+    splat4,
+    sqrt4,
+    store4,
+    sum4,
+    where_positive4,
+)
 
 # Replaced in each specialised copy (see `_simd.specialise`).
 BETA = even
@@ -32,14 +49,13 @@ def folded(i, n):
     return i if 0 <= i < n else i % n
 
 
-@nb.njit(**JIT_FMA)
-def chords(n, D_j, Y_j, M_j, E2, D2, Y2, k_lo, k_hi, base2, n2, wrap2, first_j, count_j, at_j, keep_j):
+@nb.njit(**INLINE)
+def chords(n, D_j, Y_j, M_j, E2, D2, Y2, k_lo, k_hi, base2, n2, wrap2, first_j, count_j, at_j, short_j, long_j):
     """First point and number of points of each row inside the capsule, and where in the row of the accumulator that is.
-
-    `keep_j` gets the rows that have any. Returns how many those are, and the number of points.
 
     A row is (D + k D2, Y + k Y2, M) in units of the bond's length, the bond from (0, 0, 0) to (1, 0, 0), E2 the radius squared.
     The capsule is the union of a cylinder and two spheres and convex: the chord runs from the least to the greatest of their ends.
+    `short_j` gets the rows with one to four points, `long_j` those with more. Returns the numbers of both, and of points.
     """
     row = sqrt(D2 * D2 + Y2 * Y2)
     inverse_row = 1.0 / row
@@ -52,66 +68,67 @@ def chords(n, D_j, Y_j, M_j, E2, D2, Y2, k_lo, k_hi, base2, n2, wrap2, first_j, 
     # An open row is a periodic one that is never left.
     period = float(n2) if wrap2 else 1e18
     inverse_period = 1.0 / period
-    for j in range(n):
-        D = D_j[j]
-        Y = Y_j[j]
-        W = E2 - M_j[j] * M_j[j]
+    D_at, Y_at, M_at, first_at, count_at, at_at = (
+        address(D_j),
+        address(Y_j),
+        address(M_j),
+        address(first_j),
+        address(count_j),
+        address(at_j),
+    )
+    total = splat4(0.0)
+    for j in range(0, n, 4):
+        D = load4(D_at, j)
+        Y = load4(Y_at, j)
+        M = load4(M_at, j)
+        W = E2 - M * M
         # Cylinder, between the two end planes.
-        half = sqrt(W if W > 0.0 else 0.0) * half_Y
-        centre = -Y * inverse_Y
-        p = -D * inverse_D
+        half = sqrt4(maximum4(W, 0.0)) * half_Y
+        centre = Y * -inverse_Y
+        p = D * -inverse_D
         q = p + inverse_D
-        near = p if p < q else q
-        far = q if p < q else p
-        lo = centre - half
-        hi = centre + half
-        lo = lo if lo > near else near
-        hi = hi if hi < far else far
-        met = hi >= lo
-        lo = lo if met else 1e300
-        hi = hi if met else -1e300
+        near = maximum4(centre - half, minimum4(p, q))
+        far = minimum4(centre + half, maximum4(p, q))
+        lo = where_positive4(far - near, near, 1e300)
+        hi = where_positive4(far - near, far, -1e300)
         # Sphere about x_i, sphere about x_j.
         across = (D * Y2 - Y * D2) * inverse_row
         chord = W - across * across
-        met = chord >= 0.0
-        half = sqrt(chord if met else 0.0) * inverse_row
-        centre = -(D * D2 + Y * Y2) * inverse_row2
-        p = centre - half if met else 1e300
-        q = centre + half if met else -1e300
-        lo = lo if lo < p else p
-        hi = hi if hi > q else q
-        across -= Y2 * inverse_row
+        half = sqrt4(maximum4(chord, 0.0)) * inverse_row
+        centre = (D * D2 + Y * Y2) * -inverse_row2
+        lo = minimum4(lo, where_positive4(chord, centre - half, 1e300))
+        hi = maximum4(hi, where_positive4(chord, centre + half, -1e300))
+        across = across - Y2 * inverse_row
         chord = W - across * across
-        met = chord >= 0.0
-        half = sqrt(chord if met else 0.0) * inverse_row
-        centre += D2 * inverse_row2
-        p = centre - half if met else 1e300
-        q = centre + half if met else -1e300
-        lo = lo if lo < p else p
-        hi = hi if hi > q else q
+        half = sqrt4(maximum4(chord, 0.0)) * inverse_row
+        centre = centre + D2 * inverse_row2
+        lo = minimum4(lo, where_positive4(chord, centre - half, 1e300))
+        hi = maximum4(hi, where_positive4(chord, centre + half, -1e300))
         # Rounding must not lose a point at the rim; one too many has β = 0.
-        lo -= 1e-9
-        hi += 1e-9
-        lo = lo if lo > k_lo else k_lo
-        hi = hi if hi < k_hi else k_hi
-        met = (W >= 0.0) & (hi >= lo)
-        lo = np.ceil(lo if met else 0.0)
-        hi = np.floor(hi if met else -1.0)
-        first_j[j] = lo
-        count_j[j] = hi - lo + 1.0
-        lo += base2
-        at_j[j] = lo - period * np.floor(lo * inverse_period)
-    kept = 0
-    points = 0
+        lo = ceil4(maximum4(lo - 1e-9, k_lo))
+        hi = floor4(minimum4(where_positive4(W, hi, -1e300) + 1e-9, k_hi))
+        count = maximum4(hi - lo + 1.0, 0.0)
+        total = total + count
+        at = lo + base2
+        at = at - floor4(at * inverse_period) * period
+        store4(first_at, j, lo)
+        store4(at_at, j, at)
+        store4(count_at, j, count)
+    # Rows beyond n, up to a multiple of four, must not count: their M is out of reach.
+    points = sum4(total)
+    short = 0
+    long = 0
     for j in range(n):
         count = int(count_j[j])
-        keep_j[kept] = j
-        kept += count > 0
-        points += count
-    return kept, points
+        # Written whether it counts or not: nothing to predict.
+        short_j[short] = j
+        short += (count > 0) & (count <= 4)
+        long_j[long] = j
+        long += count > 4
+    return short, long, int(points)
 
 
-@nb.njit(**JIT_FMA)
+@nb.njit(**INLINE)
 def frame(r0, r1, r2, step_ac, frame_cc):
     """Rows n, u, v: orthonormal, n along the bond, v normal to the row's direction too, so that v·d is the same all along a row."""
     if r0 == 0.0 and r1 == 0.0 and r2 == 0.0:
@@ -144,35 +161,55 @@ def frame(r0, r1, r2, step_ac, frame_cc):
     frame_cc[2, 2] = vz
 
 
-@nb.njit(**JIT_FMA)
-def rows_of_planes(i, i_hi, j_lo, width, base0, base1, n0, n1, wrap0, wrap1, map_4c, D_j, Y_j, M_j, row_j):
+@nb.njit(**INLINE)
+def rows_of_planes(i, i_hi, j_lo, width, base0, n0, n1, wrap0, map_4c, column_j, D_j, Y_j, M_j, row_j):
     """Bond coordinates of the rows of planes i, i+1, .. (as many as the buffers hold; nearly always all), and the rows' numbers.
 
     Returns the number of rows and the first plane left out.
     """
     rows = 0
-    while i <= i_hi and rows + width <= len(row_j):
+    D1, Y1, M1 = map_4c[1, 0], map_4c[1, 1], map_4c[1, 2]
+    D_at, Y_at, M_at = address(D_j), address(Y_j), address(M_j)
+    while i <= i_hi and rows + width + 4 <= len(row_j):
         at0 = base0 + i
         if wrap0:
             at0 = folded(at0, n0)
-        at1 = base1 + j_lo
-        if wrap1:
-            at1 = folded(at1, n1)
-        D = map_4c[3, 0] + i * map_4c[0, 0] + j_lo * map_4c[1, 0]
-        Y = map_4c[3, 1] + i * map_4c[0, 1] + j_lo * map_4c[1, 1]
-        M = map_4c[3, 2] + i * map_4c[0, 2] + j_lo * map_4c[1, 2]
-        D1, Y1, M1 = map_4c[1, 0], map_4c[1, 1], map_4c[1, 2]
+        D = map_4c[3, 0] + i * map_4c[0, 0] + j_lo * D1
+        Y = map_4c[3, 1] + i * map_4c[0, 1] + j_lo * Y1
+        M = map_4c[3, 2] + i * map_4c[0, 2] + j_lo * M1
+        # The last run of four sticks out; the next plane writes over it.
+        for j in range(0, width, 4):
+            store4(D_at, rows + j, ramp4(D + j * D1, D1))
+            store4(Y_at, rows + j, ramp4(Y + j * Y1, Y1))
+            store4(M_at, rows + j, ramp4(M + j * M1, M1))
         for j in range(width):
-            D_j[rows + j] = D + j * D1
-            Y_j[rows + j] = Y + j * Y1
-            M_j[rows + j] = M + j * M1
-            row_j[rows + j] = at0 * n1 + at1
-            at1 += 1
-            if wrap1 and at1 == n1:
-                at1 = 0
+            row_j[rows + j] = at0 * n1 + column_j[j]
         rows += width
         i += 1
+    store4(M_at, rows, splat4(1e200))
     return rows, i
+
+
+@nb.njit(**INLINE)
+def add(acc_at, to, quads, b_at, b0, b1, beta):
+    """b β for four points in a row; up to eight components from registers. The components of a point are neighbours in memory."""
+    w0, w1, w2, w3 = lanes4(beta)
+    if quads == 2:
+        accumulate4(acc_at, to, w0 * b0)
+        accumulate4(acc_at, to + 4, w0 * b1)
+        accumulate4(acc_at, to + 8, w1 * b0)
+        accumulate4(acc_at, to + 12, w1 * b1)
+        accumulate4(acc_at, to + 16, w2 * b0)
+        accumulate4(acc_at, to + 20, w2 * b1)
+        accumulate4(acc_at, to + 24, w3 * b0)
+        accumulate4(acc_at, to + 28, w3 * b1)
+    else:
+        for c in range(0, 4 * quads, 4):
+            b = load4(b_at, c)
+            accumulate4(acc_at, to + c, w0 * b)
+            accumulate4(acc_at, to + c + 4 * quads, w1 * b)
+            accumulate4(acc_at, to + c + 8 * quads, w2 * b)
+            accumulate4(acc_at, to + c + 12 * quads, w3 * b)
 
 
 @nb.njit(**JIT_FMA)
@@ -189,7 +226,7 @@ def images(x_nc, at, origin_c, r_bc, b, support, image_a, inverse_ca, region_2a,
     return max(0, hi_a[0] - lo_a[0] + 1) * max(0, hi_a[1] - lo_a[1] + 1) * max(0, hi_a[2] - lo_a[2] + 1)
 
 
-@nb.njit(**JIT_FMA)
+@nb.njit(**INLINE)
 def nearest(x_nc, at, image, lo_a, hi_a, period_ac, origin_c, offset_c, step_ac, inverse_ca, d_c, f_a, base_a):
     """The lattice point nearest to an image of x: its index, d = x − point, and d in lattice coordinates."""
     g0, g1, g2 = lo_a[0], lo_a[1], lo_a[2]
@@ -209,7 +246,7 @@ def nearest(x_nc, at, image, lo_a, hi_a, period_ac, origin_c, offset_c, step_ac,
         d_c[c] -= base_a[0] * step_ac[0, c] + base_a[1] * step_ac[1, c] + base_a[2] * step_ac[2, c]
 
 
-@nb.njit(**JIT_FMA)
+@nb.njit(**INLINE)
 def in_frame(d_c, step_ac, frame_cc, length, map_4c):
     """d of the nearest point (row 3) and its change from one point to the next (rows 0-2), in the bond's frame and unit of length."""
     t = 1.0 / length
@@ -223,7 +260,7 @@ def lattice_bonds(
     x_nc,
     i_b,
     r_bc,
-    b_bk,
+    b_bk,  # components filled up with zeros to a multiple of four
     radii_m,
     coef_mk,
     origin_c,  # the cell's
@@ -236,10 +273,10 @@ def lattice_bonds(
     period_ac,  # the cell's vectors
     period_inverse_ca,
     region_2a,  # the lattice's extent in fractional coordinates of the cell
-    acc,  # flat: rows × components × ext
+    acc,  # flat: rows × ext × components
     ext,
     row_6j,  # buffers: D, Y, M, first point, number of points and place of each row
-    index_2j,  # buffers: which row of the accumulator; the rows that are met
+    index_4j,  # buffers: which row of the accumulator; rows that meet the bond in up to four points, in more; second index of the rows of a plane
 ):
     """Σ_b b β at every point, added to `acc`. Returns the number of (bond, point) pairs visited, −1 if something is not finite."""
     n0, n1, n2 = shape_a[0], shape_a[1], shape_a[2]
@@ -250,14 +287,17 @@ def lattice_bonds(
     reach1 = sqrt(inverse_ca[0, 1] ** 2 + inverse_ca[1, 1] ** 2 + inverse_ca[2, 1] ** 2)
     n_comp = b_bk.shape[1]
     stride = n_comp * ext
+    quads = n_comp // 4
     D_j = row_6j[0]
     Y_j = row_6j[1]
     M_j = row_6j[2]
     first_j = row_6j[3]
     count_j = row_6j[4]
     at_j = row_6j[5]
-    row_j = index_2j[0]
-    keep_j = index_2j[1]
+    row_j = index_4j[0]
+    short_j = index_4j[1]
+    long_j = index_4j[2]
+    column_j = index_4j[3]
     visits = 0
     lo_a = np.zeros(3, np.int64)
     hi_a = np.zeros(3, np.int64)
@@ -267,6 +307,7 @@ def lattice_bonds(
     frame_cc = np.zeros((3, 3))
     map_4c = np.zeros((4, 3))
     k_ = np.zeros(N_CONSTANTS)
+    acc_at, k_at = address(acc), address(k_)
     for b in range(len(r_bc)):
         r0, r1, r2 = r_bc[b, 0], r_bc[b, 1], r_bc[b, 2]
         true_length = sqrt(r0 * r0 + r1 * r1 + r2 * r2)
@@ -276,8 +317,8 @@ def lattice_bonds(
         e0 = r0 * inverse_ca[0, 0] + r1 * inverse_ca[1, 0] + r2 * inverse_ca[2, 0]
         e1 = r0 * inverse_ca[0, 1] + r1 * inverse_ca[1, 1] + r2 * inverse_ca[2, 1]
         frame(r0, r1, r2, step_ac, frame_cc)
-        b0 = b_bk[b, 0]
-        b1, b2, b3, b4, b5 = (b_bk[b, 1], b_bk[b, 2], b_bk[b, 3], b_bk[b, 4], b_bk[b, 5]) if n_comp == 6 else (0.0, 0.0, 0.0, 0.0, 0.0)
+        b_at = address(b_bk) + 8 * n_comp * b
+        b0, b1 = load4(b_at, 0), load4(b_at, 4 if quads == 2 else 0)
         n_images = 1
         if any_image:
             n_images = images(x_nc, o, origin_c, r_bc, b, radii_m[0], image_a, period_inverse_ca, region_2a, lo_a, hi_a)
@@ -309,42 +350,34 @@ def lattice_bonds(
                 if not wrap1:
                     j_lo = max(j_lo, -base1)
                     j_hi = min(j_hi, n1 - 1 - base1)
+                for j in range(j_lo, j_hi + 1):
+                    column_j[j - j_lo] = folded(base1 + j, n1) if wrap1 else base1 + j
                 while i <= i_hi and j_lo <= j_hi:
-                    rows, i = rows_of_planes(
-                        i, i_hi, j_lo, j_hi - j_lo + 1, base0, base1, n0, n1, wrap0, wrap1, map_4c, D_j, Y_j, M_j, row_j
-                    )
-                    kept, points = chords(
+                    rows, i = rows_of_planes(i, i_hi, j_lo, j_hi - j_lo + 1, base0, n0, n1, wrap0, map_4c, column_j, D_j, Y_j, M_j, row_j)
+                    short, long, points = chords(
                         rows, D_j, Y_j, M_j, (R / length) ** 2, D2, Y2, k_lo, k_hi,
-                        base2, n2, wrap2, first_j, count_j, at_j, keep_j,
+                        base2, n2, wrap2, first_j, count_j, at_j, short_j, long_j,
                     )  # fmt: skip
                     visits += points
-                    for t in range(kept):
-                        j = keep_j[t]
+                    for t in range(short):
+                        j = short_j[t]
+                        k = first_j[j]
+                        beta = BETA(ramp4(D_j[j] + k * D2, D2), ramp4(Y_j[j] + k * Y2, Y2), splat4(M_j[j]), k_at)
+                        add(acc_at, row_j[j] * stride + int(at_j[j]) * n_comp, quads, b_at, b0, b1, beta)
+                    for t in range(long):
+                        j = long_j[t]
                         k = first_j[j]
                         left = int(count_j[j])
                         at = int(at_j[j])
-                        Dk = D_j[j] + k * D2
-                        Yk = Y_j[j] + k * Y2
-                        Mv = splat4(M_j[j])
                         while left > 0:
                             # Once, unless the chord is longer than what the row of the accumulator has to spare.
                             runs = min((left + 3) >> 2, (ext - at) >> 2)
-                            to = row_j[j] * stride + at
+                            to = row_j[j] * stride + at * n_comp
                             for _ in range(runs):
-                                beta = BETA(ramp4(Dk, D2), ramp4(Yk, Y2), Mv, k_)
-                                axpy4(acc, to, b0, beta)
-                                if n_comp == 6:
-                                    axpy4(acc, to + ext, b1, beta)
-                                    axpy4(acc, to + 2 * ext, b2, beta)
-                                    axpy4(acc, to + 3 * ext, b3, beta)
-                                    axpy4(acc, to + 4 * ext, b4, beta)
-                                    axpy4(acc, to + 5 * ext, b5, beta)
-                                else:
-                                    for c in range(1, n_comp):
-                                        axpy4(acc, to + c * ext, b_bk[b, c], beta)
-                                Dk += 4.0 * D2
-                                Yk += 4.0 * Y2
-                                to += 4
+                                beta = BETA(ramp4(D_j[j] + k * D2, D2), ramp4(Y_j[j] + k * Y2, Y2), splat4(M_j[j]), k_at)
+                                add(acc_at, to, quads, b_at, b0, b1, beta)
+                                k += 4.0
+                                to += 4 * n_comp
                             left -= 4 * runs
                             at += 4 * runs
                             if left > 0 and wrap2:

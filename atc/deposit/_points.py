@@ -9,7 +9,7 @@ import numba as nb
 import numpy as np
 
 from ._beta import N_CONSTANTS, even, even_constants
-from ._simd import JIT_FMA, load4, store4
+from ._simd import JIT_FMA, address, load4, store4
 
 # Replaced in each specialised copy (see `_simd.specialise`).
 BETA = even
@@ -67,6 +67,7 @@ def points_bonds(
     visits = 0
     frame_cc = np.empty((3, 3))
     k_ = np.zeros(N_CONSTANTS)
+    D_at, Y_at, M_at, beta_at, k_at = address(D), address(Y), address(M), address(beta), address(k_)
     first = 0
     n_bonds = len(r_bc)
     while first < n_bonds:
@@ -171,7 +172,7 @@ def points_bonds(
                             lanes += 1
                     visits += lanes
                     for l in range(0, lanes, 4):
-                        store4(beta, l, BETA(load4(D, l), load4(Y, l), load4(M, l), k_))
+                        store4(beta_at, l, BETA(load4(D_at, l), load4(Y_at, l), load4(M_at, l), k_at))
                     for l in range(lanes):
                         t = beta[l]
                         to = seen[l]

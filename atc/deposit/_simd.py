@@ -2,7 +2,6 @@
 
 The hot loops touch short runs of grid points. LLVM's vectoriser leaves runs that short scalar (its run-time checks cost more than they
 save), so `vec4` is a numba type of its own: <4 x double> with + − · /, which LLVM splits where the machine has narrower vectors.
-The offsets of `load4`, `store4` and `axpy4` are trusted: whoever calls them owns the bounds.
 """
 
 from __future__ import annotations
@@ -10,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import operator
 import types as _types
+from functools import partial
 from pathlib import Path
 
 import numba as nb
@@ -19,8 +19,9 @@ from numba.core.typing.templates import ConcreteTemplate, infer_global, signatur
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
 JIT = dict(cache=True, nogil=True, error_model="numpy")
+# What is only called from compiled code needs no entry from Python, which takes longer to compile than most of these functions.
 # Contracting a·b + c into one rounding is safe everywhere in the deposit: no sum there is compensated.
-JIT_FMA = dict(JIT, fastmath={"contract"})
+JIT_FMA = dict(JIT, fastmath={"contract"}, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 # For what is called once for four points: a call would send vectors through memory.
 INLINE = dict(JIT_FMA, forceinline=True)
 
@@ -76,44 +77,79 @@ for _op, _instruction in ((operator.add, "fadd"), (operator.sub, "fsub"), (opera
     _define(_op, _instruction)
 
 
+def _choose(comparison, context, builder, sig, args):
+    a, b = (_vector(builder, t, v) for t, v in zip(sig.args, args))
+    return builder.select(builder.fcmp_ordered(comparison, a, b), a, b)
+
+
 @intrinsic
 def maximum4(typingctx, a, b):
-    """The larger of a vec4 and a float, lane by lane."""
-
-    def codegen(context, builder, sig, args):
-        b = _splat(builder, args[1])
-        return builder.select(builder.fcmp_ordered(">", args[0], b), args[0], b)
-
-    return vec4(vec4, types.float64), codegen
+    """The larger, lane by lane; b may be a float."""
+    return vec4(vec4, vec4 if isinstance(b, Vec4) else types.float64), partial(_choose, ">")
 
 
 @intrinsic
 def minimum4(typingctx, a, b):
-    """The smaller of a vec4 and a float, lane by lane."""
-
-    def codegen(context, builder, sig, args):
-        b = _splat(builder, args[1])
-        return builder.select(builder.fcmp_ordered("<", args[0], b), args[0], b)
-
-    return vec4(vec4, types.float64), codegen
+    """The smaller, lane by lane; b may be a float."""
+    return vec4(vec4, vec4 if isinstance(b, Vec4) else types.float64), partial(_choose, "<")
 
 
 @intrinsic
-def sqrt4(typingctx, a):
-    def codegen(context, builder, sig, args):
-        f = cgutils.get_or_insert_function(builder.module, ir.FunctionType(_VEC4, [_VEC4]), "llvm.sqrt.v4f64")
-        return builder.call(f, [args[0]])
+def where_positive4(typingctx, a, x, y):
+    """x where a ≥ 0, else the float y."""
 
-    return vec4(vec4), codegen
+    def codegen(context, builder, sig, args):
+        return builder.select(builder.fcmp_ordered(">=", args[0], _constant(0.0)), args[1], _splat(builder, args[2]))
+
+    return vec4(vec4, vec4, types.float64), codegen
+
+
+def _function(name, context, builder, sig, args):
+    f = cgutils.get_or_insert_function(builder.module, ir.FunctionType(_VEC4, [_VEC4]), f"llvm.{name}.v4f64")
+    return builder.call(f, [args[0]])
+
+
+@intrinsic
+def floor4(typingctx, a):
+    return vec4(vec4), partial(_function, "floor")
+
+
+@intrinsic
+def ceil4(typingctx, a):
+    return vec4(vec4), partial(_function, "ceil")
 
 
 @intrinsic
 def abs4(typingctx, a):
-    def codegen(context, builder, sig, args):
-        f = cgutils.get_or_insert_function(builder.module, ir.FunctionType(_VEC4, [_VEC4]), "llvm.fabs.v4f64")
-        return builder.call(f, [args[0]])
+    return vec4(vec4), partial(_function, "fabs")
 
-    return vec4(vec4), codegen
+
+@intrinsic
+def sqrt4(typingctx, a):
+    return vec4(vec4), partial(_function, "sqrt")
+
+
+@intrinsic
+def sum4(typingctx, a):
+    """The sum of the four."""
+
+    def codegen(context, builder, sig, args):
+        lanes = [builder.extract_element(args[0], ir.Constant(_INT32, k)) for k in range(4)]
+        return builder.fadd(builder.fadd(lanes[0], lanes[1]), builder.fadd(lanes[2], lanes[3]))
+
+    return types.float64(vec4), codegen
+
+
+@intrinsic
+def lanes4(typingctx, a):
+    """Four vec4, each one lane of a, four times."""
+
+    def codegen(context, builder, sig, args):
+        undefined = ir.Constant(_VEC4, ir.Undefined)
+        four = [builder.shuffle_vector(args[0], undefined, ir.Constant(ir.VectorType(_INT32, 4), [k] * 4)) for k in range(4)]
+        return context.make_tuple(builder, sig.return_type, four)
+
+    return types.UniTuple(vec4, 4)(vec4), codegen
 
 
 @intrinsic
@@ -172,43 +208,90 @@ def where_zero4(typingctx, e, a, b):
     return vec4(vec4, vec4, vec4), codegen
 
 
-def _pointer(context, builder, array_type, array, index):
-    data = context.make_array(array_type)(context, builder, array).data
-    return builder.bitcast(builder.gep(data, [index]), _VEC4.as_pointer())
+# Arrays passed to a function are reference-counted, with atomic instructions: in the inner loops memory goes by its address instead. Whoever
+# takes the address must keep the array alive, and owns the bounds.
 
 
 @intrinsic
-def load4(typingctx, buf, l):
-    """buf[l:l+4]"""
+def address(typingctx, array):
+    """Where the data of a contiguous float64 array begins."""
 
     def codegen(context, builder, sig, args):
-        return builder.load(_pointer(context, builder, sig.args[0], args[0], args[1]), align=8)
+        return builder.ptrtoint(context.make_array(sig.args[0])(context, builder, args[0]).data, _INT64)
 
-    return vec4(buf, types.int64), codegen
+    return types.int64(array), codegen
+
+
+def _pointer(builder, at, index, kind):
+    double = builder.gep(builder.inttoptr(at, _DOUBLE.as_pointer()), [index])
+    return builder.bitcast(double, kind.as_pointer())
 
 
 @intrinsic
-def store4(typingctx, buf, l, v):
-    """buf[l:l+4] = v"""
+def peek(typingctx, at, i):
+    """at[i]"""
 
     def codegen(context, builder, sig, args):
-        builder.store(args[2], _pointer(context, builder, sig.args[0], args[0], args[1]), align=8)
+        return builder.load(_pointer(builder, *args, _DOUBLE))
+
+    return types.float64(types.int64, types.int64), codegen
+
+
+@intrinsic
+def poke(typingctx, at, i, x):
+    """at[i] = x"""
+
+    def codegen(context, builder, sig, args):
+        builder.store(args[2], _pointer(builder, args[0], args[1], _DOUBLE))
         return context.get_dummy_value()
 
-    return types.void(buf, types.int64, vec4), codegen
+    return types.void(types.int64, types.int64, types.float64), codegen
 
 
 @intrinsic
-def axpy4(typingctx, acc, o, s, v):
-    """acc[o:o+4] += s v"""
+def load4(typingctx, at, i):
+    """at[i:i+4]"""
 
     def codegen(context, builder, sig, args):
-        to = _pointer(context, builder, sig.args[0], args[0], args[1])
+        return builder.load(_pointer(builder, *args, _VEC4), align=8)
+
+    return vec4(types.int64, types.int64), codegen
+
+
+@intrinsic
+def store4(typingctx, at, i, v):
+    """at[i:i+4] = v"""
+
+    def codegen(context, builder, sig, args):
+        builder.store(args[2], _pointer(builder, args[0], args[1], _VEC4), align=8)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, vec4), codegen
+
+
+@intrinsic
+def accumulate4(typingctx, at, i, v):
+    """at[i:i+4] += v"""
+
+    def codegen(context, builder, sig, args):
+        to = _pointer(builder, args[0], args[1], _VEC4)
+        builder.store(builder.fadd(builder.load(to, align=8), args[2], flags=("contract",)), to, align=8)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, vec4), codegen
+
+
+@intrinsic
+def axpy4(typingctx, at, i, s, v):
+    """at[i:i+4] += s v"""
+
+    def codegen(context, builder, sig, args):
+        to = _pointer(builder, args[0], args[1], _VEC4)
         product = builder.fmul(_splat(builder, args[2]), args[3], flags=("contract",))
         builder.store(builder.fadd(builder.load(to, align=8), product, flags=("contract",)), to, align=8)
         return context.get_dummy_value()
 
-    return types.void(acc, types.int64, types.float64, vec4), codegen
+    return types.void(types.int64, types.int64, types.float64, vec4), codegen
 
 
 def _fingerprint() -> str:
@@ -230,4 +313,4 @@ def specialise(py_func, tag: str, **names):
     f = _types.FunctionType(py_func.__code__, {**py_func.__globals__, **names}, py_func.__name__, py_func.__defaults__)
     f.__qualname__ = f"{py_func.__qualname__}_{tag}_{_SOURCES}"
     f.__module__ = py_func.__module__
-    return nb.njit(**JIT_FMA)(f)
+    return nb.njit(**{**JIT_FMA, "no_cpython_wrapper": False})(f)

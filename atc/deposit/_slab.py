@@ -8,7 +8,7 @@ import numba as nb
 import numpy as np
 
 from . import _beta
-from ._simd import INLINE, JIT_FMA, abs4, axpy4, load4, maximum4, minimum4, ramp4, splat4, store4
+from ._simd import INLINE, JIT_FMA, abs4, address, axpy4, load4, maximum4, minimum4, peek, poke, ramp4, splat4, store4
 
 _gaussian, _gaussian_constants = _beta.gaussian, _beta.gaussian_constants
 
@@ -41,7 +41,7 @@ def _mean_of_powers(d, r, R, coef_mk, m):
 
 
 @nb.njit(**JIT_FMA)
-def polynomial(z, r, radii_m, coef_mk, k_):
+def polynomial(z, r, radii_m, coef_mk, k):
     """Mean of φ₁(z − t r), t in [0, 1], for four z."""
     total = splat4(0.0)
     n = coef_mk.shape[1]
@@ -55,17 +55,16 @@ def polynomial(z, r, radii_m, coef_mk, k_):
             abs_b = abs4(b)
             p = splat4(coef_mk[m, n - 1] * (1.0 / n))
             q = p
-            for k in range(n - 2, -1, -1):
-                c = coef_mk[m, k] * k_[k]
+            for j in range(n - 2, -1, -1):
+                c = coef_mk[m, j] * peek(k, j)
                 p = p * abs_a + c
                 q = q * abs_b + c
             total = total + (a * p - b * q) * (R / r)
         else:
-            lanes = np.empty(4)
-            store4(lanes, 0, z)
-            for l in range(4):
-                lanes[l] = _mean_of_powers(lanes[l], r, R, coef_mk, m)
-            total = total + load4(lanes, 0)
+            store4(k, _beta.SCRATCH, z)
+            for l in range(_beta.SCRATCH, _beta.SCRATCH + 4):
+                poke(k, l, _mean_of_powers(peek(k, l), r, R, coef_mk, m))
+            total = total + load4(k, _beta.SCRATCH)
     return total
 
 
@@ -76,11 +75,11 @@ def polynomial_constants(r, radii_m, coef_mk, k_):
 
 
 @nb.njit(**INLINE)
-def gaussian(z, r, radii_m, coef_mk, k_):
+def gaussian(z, r, radii_m, coef_mk, k):
     """Mean of c0 exp(−z²/2 c1²): the Gaussian's bond function on the bond's own line."""
     length = max(abs(r), 1e-30 * radii_m[0])
     zero = splat4(0.0)
-    return _gaussian(z * ((-1.0 if r < 0.0 else 1.0) / length), zero, zero, k_)
+    return _gaussian(z * ((-1.0 if r < 0.0 else 1.0) / length), zero, zero, k)
 
 
 @nb.njit(**JIT_FMA)
@@ -89,20 +88,19 @@ def gaussian_constants(r, radii_m, coef_mk, k_):
 
 
 @nb.njit(**JIT_FMA)
-def box(z, r, radii_m, coef_mk, k_):
+def box(z, r, radii_m, coef_mk, k):
     """Mean of the half-open step −R ≤ z < R."""
     R = radii_m[0]
-    lanes = np.empty(4)
-    store4(lanes, 0, z)
-    for l in range(4):
-        d = lanes[l]
+    store4(k, _beta.SCRATCH, z)
+    for l in range(_beta.SCRATCH, _beta.SCRATCH + 4):
+        d = peek(k, l)
         if abs(r) < 1e-30 * R:
-            lanes[l] = coef_mk[0, 0] if -R <= d < R else 0.0
+            poke(k, l, coef_mk[0, 0] if -R <= d < R else 0.0)
         else:
             t1 = (d - R) / r
             t2 = (d + R) / r
-            lanes[l] = coef_mk[0, 0] * max(0.0, min(max(t1, t2), 1.0) - max(min(t1, t2), 0.0))
-    return load4(lanes, 0)
+            poke(k, l, coef_mk[0, 0] * max(0.0, min(max(t1, t2), 1.0) - max(min(t1, t2), 0.0)))
+    return load4(k, _beta.SCRATCH)
 
 
 box_constants = polynomial_constants
@@ -120,6 +118,7 @@ def slab_bonds(x_nc, i_b, r_bc, b_bk, origin_c, normal_c, radii_m, coef_mk, step
     n_comp = b_bk.shape[1]
     R = radii_m[0]
     k_ = np.zeros(_beta.N_CONSTANTS)
+    acc_at, k_at = address(acc), address(k_)
     visits = 0
     for b in range(len(r_bc)):
         o = i_b[b]
@@ -148,9 +147,9 @@ def slab_bonds(x_nc, i_b, r_bc, b_bk, origin_c, normal_c, radii_m, coef_mk, step
                 at %= n
             runs = min((left + 3) >> 2, (ext - at) >> 2)
             for _ in range(runs):
-                mean = MEAN(ramp4(d - k * step, -step), r, radii_m, coef_mk, k_)
+                mean = MEAN(ramp4(d - k * step, -step), r, radii_m, coef_mk, k_at)
                 for c in range(n_comp):
-                    axpy4(acc, c * ext + at, b_bk[b, c], mean)
+                    axpy4(acc_at, c * ext + at, b_bk[b, c], mean)
                 at += 4
                 k += 4
             left -= 4 * runs

@@ -137,7 +137,11 @@ class Deposit:
             raise ValueError(f"thread {thread} of a deposit made for {self.threads}")
         key = (what, thread)
         if key not in self._buffers:
-            self._buffers[key] = np.zeros(shape)
+            # Aligned to a cache line, which numpy does not promise.
+            size = int(np.prod(shape))
+            raw = np.zeros(size + 8)
+            skip = -(raw.ctypes.data // 8) % 8
+            self._buffers[key] = raw[skip : skip + size].reshape(shape)
         return self._buffers[key]
 
     def _count(self, thread, visits):
@@ -188,26 +192,36 @@ class LatticeDeposit(Deposit):
         self.ext = _round4(n + 3 if not self.wrap[2] else n + int(min(1.5 * chord, max(64, n))) + 4)
 
     def _add(self, what, x_nc, i_b, r_bc, b_bk, thread):
-        n_comp = b_bk.shape[1]
-        acc = self._buffer(what, thread, int(self.counts[0] * self.counts[1]) * n_comp * self.ext)
+        b_bk = _padded(b_bk)
+        acc = self._buffer(what, thread, int(self.counts[0] * self.counts[1]) * self.ext * b_bk.shape[1])
         longest = float(np.sqrt(np.einsum("bc,bc->b", r_bc, r_bc).max()))
         longest = longest if np.isfinite(longest) else 0.0
-        width = int((2.0 * self.radii[0] + longest) * np.linalg.norm(self.inverse[:, 1])) + 4
-        rows = max(512, width if self.wrap[1] else min(width, int(self.counts[1])))
+        width = int((2.0 * self.radii[0] + longest) * np.linalg.norm(self.inverse[:, 1])) + 12
+        rows = max(512, width if self.wrap[1] else min(width, int(self.counts[1]) + 12))
         self._count(thread, self._core(
             x_nc, i_b, r_bc, b_bk, self.radii, self.coef,
             self._origin, _array(self.grid.origin), self.steps, self.inverse, self.counts, self.wrap,
             self.image, self._vectors, self._inverse, self.region,
-            acc, self.ext, np.empty((6, rows)), np.empty((2, rows), np.int64),
+            acc, self.ext, np.zeros((6, rows)), np.empty((4, rows), np.int64),
         ))  # fmt: skip
 
     def _finish(self, total, n_comp):
         n0, n1, n = (int(k) for k in self.counts)
-        a = total.reshape(n0 * n1, n_comp, self.ext)
+        a = total.reshape(n0 * n1, self.ext, -1).swapaxes(1, 2)[:, :n_comp]
         a = _folded(a, n, self.wrap[2]).reshape(n0, n1, n_comp, n)
         # Axes of `a` are the lattice's in row order, components third: back to the grid's order, components last.
         at = {axis: (0, 1, 3)[position] for position, axis in enumerate(self._order)}
         return np.ascontiguousarray(a.transpose(at[0], at[1], at[2], 2)).reshape(len(self.grid), n_comp)
+
+
+def _padded(b_bk):
+    """Components filled up with zeros to a multiple of four."""
+    n, k = b_bk.shape
+    if k % 4 == 0:
+        return b_bk
+    out = np.zeros((n, 4 * ceil(k / 4)))
+    out[:, :k] = b_bk
+    return out
 
 
 def _folded(a, n, periodic):
