@@ -175,7 +175,9 @@ def potential(name, partition=None):
     lines = LINES[name]
     if "{}" in lines:
         lines = lines.format(lammps_potentials())
-    return atc.potential(lines, units="metal", folder=folder, partition=partition)
+    # One term of a topology at a time: the others are declined, or `atc.fields` would ask for them. A style in `lines` comes later and holds.
+    declined = "".join(f"{kind}_style none\n" for kind in ("bond", "angle", "dihedral", "improper"))
+    return atc.potential(declined + lines, units="metal", folder=folder, partition=partition)
 
 
 @cache
