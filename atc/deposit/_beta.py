@@ -20,7 +20,7 @@ N_CONSTANTS = SCRATCH + 40
 
 
 @nb.njit(**JIT_FMA)
-def even_constants(length, R, c_mk, piece, r0, r1, r2, frame_cc, k):
+def even_constants(length, R, c_mk, piece, r_bc, frame_bcc, b, k):
     k[0] = (R / length) * (R / length)
     k[1] = c_mk[piece, 0]
     k[2] = c_mk[piece, 1] / k[0]
@@ -72,7 +72,7 @@ def _inverse_and_atanh(S, delta):
 
 
 @nb.njit(**JIT_FMA)
-def cone_constants(length, R, c_mk, piece, r0, r1, r2, frame_cc, k):
+def cone_constants(length, R, c_mk, piece, r_bc, frame_bcc, b, k):
     k[0] = (R / length) * (R / length)
     k[1] = c_mk[piece, 0]
     k[2] = c_mk[piece, 1] * (length / R)
@@ -95,7 +95,7 @@ def cone(D, Y, M, k):
 
 
 @nb.njit(**JIT_FMA)
-def radial_constants(length, R, c_mk, piece, r0, r1, r2, frame_cc, k):
+def radial_constants(length, R, c_mk, piece, r_bc, frame_bcc, b, k):
     s = length / R
     k[0] = (R / length) * (R / length)
     k[1] = c_mk[piece, 0]
@@ -159,7 +159,7 @@ _TERMS = 48
 
 
 @nb.njit(**JIT_FMA)
-def gaussian_constants(length, R, c_mk, piece, r0, r1, r2, frame_cc, k):
+def gaussian_constants(length, R, c_mk, piece, r_bc, frame_bcc, b, k):
     """c0 exp(−ρ²/2w²), w = c1. With y = s²(D − ½), s = |r|/√2 w, the mean over the bond is
     exp(−s²(D − ½)²) ∫ exp(−s²t²) cosh(2yt) dt over |t| < ½ = exp(..) Σ_j y^2j 4^j/(2j)! ∫ t^2j exp(−s²t²) dt: all terms are positive.
     """
@@ -222,14 +222,14 @@ def gaussian(D, Y, M, k):
 
 
 @nb.njit(**JIT_FMA)
-def cartesian_constants(length, R, c_mk, piece, r0, r1, r2, frame_cc, k):
-    k[0] = r0
-    k[1] = r1
-    k[2] = r2
+def cartesian_constants(length, R, c_mk, piece, r_bc, frame_bcc, b, k):
     k[3] = length
+    # One frame a bond, or a buffer with the frame of this bond.
+    f = min(b, len(frame_bcc) - 1)
     for a in range(3):
+        k[a] = r_bc[b, a]
         for c in range(3):
-            k[4 + 3 * a + c] = frame_cc[a, c]
+            k[4 + 3 * a + c] = frame_bcc[f, a, c]
     for j in range(c_mk.shape[1]):
         k[13 + j] = c_mk[piece, j]
 

@@ -13,10 +13,10 @@ from __future__ import annotations
 from math import ceil, floor, isfinite, sqrt
 
 import numba as nb
-import numpy as np
 
-from ._beta import N_CONSTANTS, even, even_constants
+from ._beta import even, even_constants
 from ._simd import (
+    ENTRY,
     INLINE,
     JIT_FMA,
     accumulate4,
@@ -27,6 +27,10 @@ from ._simd import (
     load4,
     maximum4,
     minimum4,
+    peek,
+    peek_int,
+    poke,
+    poke_int,
     ramp4,
     splat4,
     sqrt4,
@@ -50,12 +54,12 @@ def folded(i, n):
 
 
 @nb.njit(**INLINE)
-def chords(n, D_j, Y_j, M_j, E2, D2, Y2, k_lo, k_hi, base2, n2, wrap2, first_j, count_j, at_j, short_j, long_j):
+def chords(n, D_at, Y_at, M_at, E2, D2, Y2, k_lo, k_hi, base2, n2, wrap2, first_at, count_at, at_at, short_at, long_at):
     """First point and number of points of each row inside the capsule, and where in the row of the accumulator that is.
 
     A row is (D + k D2, Y + k Y2, M) in units of the bond's length, the bond from (0, 0, 0) to (1, 0, 0), E2 the radius squared.
     The capsule is the union of a cylinder and two spheres and convex: the chord runs from the least to the greatest of their ends.
-    `short_j` gets the rows with one to four points, `long_j` those with more. Returns the numbers of both, and of points.
+    `short_at` gets the rows with one to four points, `long_at` those with more. Returns the numbers of both, and of points.
     """
     row = sqrt(D2 * D2 + Y2 * Y2)
     inverse_row = 1.0 / row
@@ -68,14 +72,6 @@ def chords(n, D_j, Y_j, M_j, E2, D2, Y2, k_lo, k_hi, base2, n2, wrap2, first_j, 
     # An open row is a periodic one that is never left.
     period = float(n2) if wrap2 else 1e18
     inverse_period = 1.0 / period
-    D_at, Y_at, M_at, first_at, count_at, at_at = (
-        address(D_j),
-        address(Y_j),
-        address(M_j),
-        address(first_j),
-        address(count_j),
-        address(at_j),
-    )
     total = splat4(0.0)
     for j in range(0, n, 4):
         D = load4(D_at, j)
@@ -119,267 +115,251 @@ def chords(n, D_j, Y_j, M_j, E2, D2, Y2, k_lo, k_hi, base2, n2, wrap2, first_j, 
     short = 0
     long = 0
     for j in range(n):
-        count = int(count_j[j])
+        count = peek(count_at, j)
         # Written whether it counts or not: nothing to predict.
-        short_j[short] = j
-        short += (count > 0) & (count <= 4)
-        long_j[long] = j
-        long += count > 4
+        poke_int(short_at, short, j)
+        short += (count > 0.0) & (count <= 4.0)
+        poke_int(long_at, long, j)
+        long += count > 4.0
     return short, long, int(points)
 
 
 @nb.njit(**INLINE)
-def frame(r0, r1, r2, step_ac, frame_cc):
-    """Rows n, u, v: orthonormal, n along the bond, v normal to the row's direction too, so that v·d is the same all along a row."""
-    if r0 == 0.0 and r1 == 0.0 and r2 == 0.0:
-        nx, ny, nz = 1.0, 0.0, 0.0
-    else:
-        t = 1.0 / sqrt(r0 * r0 + r1 * r1 + r2 * r2)
-        nx, ny, nz = r0 * t, r1 * t, r2 * t
-    sx, sy, sz = step_ac[2, 0], step_ac[2, 1], step_ac[2, 2]
-    vx, vy, vz = ny * sz - nz * sy, nz * sx - nx * sz, nx * sy - ny * sx
-    if vx * vx + vy * vy + vz * vz < 1e-28 * (sx * sx + sy * sy + sz * sz):
-        if abs(nx) < 0.6:
-            vx, vy, vz = 0.0, nz, -ny
-        else:
-            vx, vy, vz = -nz, 0.0, nx
-    t = 1.0 / sqrt(vx * vx + vy * vy + vz * vz)
-    vx, vy, vz = vx * t, vy * t, vz * t
-    # Once more against n: nearly parallel vectors leave a cross product of few digits.
-    t = vx * nx + vy * ny + vz * nz
-    vx, vy, vz = vx - t * nx, vy - t * ny, vz - t * nz
-    t = 1.0 / sqrt(vx * vx + vy * vy + vz * vz)
-    vx, vy, vz = vx * t, vy * t, vz * t
-    frame_cc[0, 0] = nx
-    frame_cc[0, 1] = ny
-    frame_cc[0, 2] = nz
-    frame_cc[1, 0] = vy * nz - vz * ny
-    frame_cc[1, 1] = vz * nx - vx * nz
-    frame_cc[1, 2] = vx * ny - vy * nx
-    frame_cc[2, 0] = vx
-    frame_cc[2, 1] = vy
-    frame_cc[2, 2] = vz
-
-
-@nb.njit(**INLINE)
-def rows_of_planes(i, i_hi, j_lo, width, base0, n0, n1, wrap0, map_4c, column_j, D_j, Y_j, M_j, row_j):
+def rows_of_planes(i, i_hi, j_lo, width, most, base0, n0, n1, wrap0, map_at, column_at, D_at, Y_at, M_at, row_at):
     """Bond coordinates of the rows of planes i, i+1, .. (as many as the buffers hold; nearly always all), and the rows' numbers.
 
     Returns the number of rows and the first plane left out.
     """
     rows = 0
-    D1, Y1, M1 = map_4c[1, 0], map_4c[1, 1], map_4c[1, 2]
-    D_at, Y_at, M_at = address(D_j), address(Y_j), address(M_j)
-    while i <= i_hi and rows + width + 4 <= len(row_j):
+    D1, Y1, M1 = peek(map_at, 3), peek(map_at, 4), peek(map_at, 5)
+    while i <= i_hi and rows + width + 4 <= most:
         at0 = base0 + i
         if wrap0:
             at0 = folded(at0, n0)
-        D = map_4c[3, 0] + i * map_4c[0, 0] + j_lo * D1
-        Y = map_4c[3, 1] + i * map_4c[0, 1] + j_lo * Y1
-        M = map_4c[3, 2] + i * map_4c[0, 2] + j_lo * M1
+        D = peek(map_at, 9) + i * peek(map_at, 0) + j_lo * D1
+        Y = peek(map_at, 10) + i * peek(map_at, 1) + j_lo * Y1
+        M = peek(map_at, 11) + i * peek(map_at, 2) + j_lo * M1
         # The last run of four sticks out; the next plane writes over it.
         for j in range(0, width, 4):
             store4(D_at, rows + j, ramp4(D + j * D1, D1))
             store4(Y_at, rows + j, ramp4(Y + j * Y1, Y1))
             store4(M_at, rows + j, ramp4(M + j * M1, M1))
-        for j in range(width):
-            row_j[rows + j] = at0 * n1 + column_j[j]
+            store4(row_at, rows + j, load4(column_at, j) + float(at0 * n1))
         rows += width
         i += 1
     store4(M_at, rows, splat4(1e200))
     return rows, i
 
 
-@nb.njit(**INLINE)
-def add(acc_at, to, quads, b_at, b0, b1, beta):
-    """b β for four points in a row; up to eight components from registers. The components of a point are neighbours in memory."""
-    w0, w1, w2, w3 = lanes4(beta)
-    if quads == 2:
-        accumulate4(acc_at, to, w0 * b0)
-        accumulate4(acc_at, to + 4, w0 * b1)
-        accumulate4(acc_at, to + 8, w1 * b0)
-        accumulate4(acc_at, to + 12, w1 * b1)
-        accumulate4(acc_at, to + 16, w2 * b0)
-        accumulate4(acc_at, to + 20, w2 * b1)
-        accumulate4(acc_at, to + 24, w3 * b0)
-        accumulate4(acc_at, to + 28, w3 * b1)
-    else:
-        for c in range(0, 4 * quads, 4):
-            b = load4(b_at, c)
-            accumulate4(acc_at, to + c, w0 * b)
-            accumulate4(acc_at, to + c + 4 * quads, w1 * b)
-            accumulate4(acc_at, to + c + 8 * quads, w2 * b)
-            accumulate4(acc_at, to + c + 12 * quads, w3 * b)
-
-
 @nb.njit(**JIT_FMA)
-def images(x_nc, at, origin_c, r_bc, b, support, image_a, inverse_ca, region_2a, lo_a, hi_a):
-    """The range of periodic images of a bond that can reach the lattice, along each axis of the cell. Returns their number."""
-    for a in range(3):
-        if image_a[a]:
-            h0, h1, h2 = inverse_ca[0, a], inverse_ca[1, a], inverse_ca[2, a]
-            start = (x_nc[at, 0] - origin_c[0]) * h0 + (x_nc[at, 1] - origin_c[1]) * h1 + (x_nc[at, 2] - origin_c[2]) * h2
-            end = start - (r_bc[b, 0] * h0 + r_bc[b, 1] * h1 + r_bc[b, 2] * h2)
-            reach = support * sqrt(h0 * h0 + h1 * h1 + h2 * h2) + 1e-9
-            lo_a[a] = ceil(region_2a[0, a] - reach - max(start, end))
-            hi_a[a] = floor(region_2a[1, a] + reach - min(start, end))
-    return max(0, hi_a[0] - lo_a[0] + 1) * max(0, hi_a[1] - lo_a[1] + 1) * max(0, hi_a[2] - lo_a[2] + 1)
+def add(acc_at, to_at, beta_at, runs, quads, b_at):
+    """b β for runs of four points; up to eight components from registers. The components of a point are neighbours in memory."""
+    if quads == 2:
+        b0, b1 = load4(b_at, 0), load4(b_at, 4)
+        for q in range(runs):
+            to = peek_int(to_at, q)
+            w0, w1, w2, w3 = lanes4(load4(beta_at, 4 * q))
+            accumulate4(acc_at, to, w0 * b0)
+            accumulate4(acc_at, to + 4, w0 * b1)
+            accumulate4(acc_at, to + 8, w1 * b0)
+            accumulate4(acc_at, to + 12, w1 * b1)
+            accumulate4(acc_at, to + 16, w2 * b0)
+            accumulate4(acc_at, to + 20, w2 * b1)
+            accumulate4(acc_at, to + 24, w3 * b0)
+            accumulate4(acc_at, to + 28, w3 * b1)
+    else:
+        for q in range(runs):
+            to = peek_int(to_at, q)
+            w0, w1, w2, w3 = lanes4(load4(beta_at, 4 * q))
+            for c in range(0, 4 * quads, 4):
+                b = load4(b_at, c)
+                accumulate4(acc_at, to + c, w0 * b)
+                accumulate4(acc_at, to + c + 4 * quads, w1 * b)
+                accumulate4(acc_at, to + c + 8 * quads, w2 * b)
+                accumulate4(acc_at, to + c + 12 * quads, w3 * b)
 
 
-@nb.njit(**INLINE)
-def nearest(x_nc, at, image, lo_a, hi_a, period_ac, origin_c, offset_c, step_ac, inverse_ca, d_c, f_a, base_a):
-    """The lattice point nearest to an image of x: its index, d = x − point, and d in lattice coordinates."""
-    g0, g1, g2 = lo_a[0], lo_a[1], lo_a[2]
-    if image > 0:
-        span1 = hi_a[1] - g1 + 1
-        span2 = hi_a[2] - g2 + 1
-        g0 += image // (span1 * span2)
-        g1 += image // span2 % span1
-        g2 += image % span2
-    for c in range(3):
-        d_c[c] = (x_nc[at, c] - origin_c[c]) - offset_c[c] + g0 * period_ac[0, c] + g1 * period_ac[1, c] + g2 * period_ac[2, c]
-    for a in range(3):
-        f = d_c[0] * inverse_ca[0, a] + d_c[1] * inverse_ca[1, a] + d_c[2] * inverse_ca[2, a]
-        base_a[a] = floor(f + 0.5)
-        f_a[a] = f - base_a[a]
-    for c in range(3):
-        d_c[c] -= base_a[0] * step_ac[0, c] + base_a[1] * step_ac[1, c] + base_a[2] * step_ac[2, c]
-
-
-@nb.njit(**INLINE)
-def in_frame(d_c, step_ac, frame_cc, length, map_4c):
-    """d of the nearest point (row 3) and its change from one point to the next (rows 0-2), in the bond's frame and unit of length."""
-    t = 1.0 / length
-    for c in range(3):
-        for a in range(3):
-            map_4c[a, c] = -t * (step_ac[a, 0] * frame_cc[c, 0] + step_ac[a, 1] * frame_cc[c, 1] + step_ac[a, 2] * frame_cc[c, 2])
-        map_4c[3, c] = t * (d_c[0] * frame_cc[c, 0] + d_c[1] * frame_cc[c, 1] + d_c[2] * frame_cc[c, 2])
+@nb.njit(**ENTRY)
+def prepare(x_nc, i_b, r_bc, origin_c, offset_c, step_ac, inverse_ca, shape_a, wrap_a, tiny, map_bk, end_bk, base_ba, length_b, frame_bcc):
+    """The geometry of bonds from x_nc[i_b] to x − r on the lattice (see the arguments of `lattice_bonds`). Returns the greatest length,
+    −1 if something is not finite.
+    """
+    longest = 0.0
+    sx, sy, sz = step_ac[2, 0], step_ac[2, 1], step_ac[2, 2]
+    row2 = sx * sx + sy * sy + sz * sz
+    for b in range(len(i_b)):
+        o = i_b[b]
+        r0, r1, r2 = r_bc[b, 0], r_bc[b, 1], r_bc[b, 2]
+        length = sqrt(r0 * r0 + r1 * r1 + r2 * r2)
+        # Relative to the lattice point nearest to x_i, by way of the cell's origin: a box far from 0 loses nothing.
+        d0 = (x_nc[o, 0] - origin_c[0]) - offset_c[0]
+        d1 = (x_nc[o, 1] - origin_c[1]) - offset_c[1]
+        d2 = (x_nc[o, 2] - origin_c[2]) - offset_c[2]
+        if not isfinite(length + d0 + d1 + d2):
+            return -1.0
+        longest = max(longest, length)
+        f0 = d0 * inverse_ca[0, 0] + d1 * inverse_ca[1, 0] + d2 * inverse_ca[2, 0]
+        f1 = d0 * inverse_ca[0, 1] + d1 * inverse_ca[1, 1] + d2 * inverse_ca[2, 1]
+        f2 = d0 * inverse_ca[0, 2] + d1 * inverse_ca[1, 2] + d2 * inverse_ca[2, 2]
+        q0, q1, q2 = floor(f0 + 0.5), floor(f1 + 0.5), floor(f2 + 0.5)
+        d0 -= q0 * step_ac[0, 0] + q1 * step_ac[1, 0] + q2 * sx
+        d1 -= q0 * step_ac[0, 1] + q1 * step_ac[1, 1] + q2 * sy
+        d2 -= q0 * step_ac[0, 2] + q1 * step_ac[1, 2] + q2 * sz
+        base_ba[b, 0] = folded(q0, shape_a[0]) if wrap_a[0] else q0
+        base_ba[b, 1] = folded(q1, shape_a[1]) if wrap_a[1] else q1
+        base_ba[b, 2] = folded(q2, shape_a[2]) if wrap_a[2] else q2
+        end_bk[b, 0] = f0 - q0
+        end_bk[b, 1] = f1 - q1
+        end_bk[b, 2] = r0 * inverse_ca[0, 0] + r1 * inverse_ca[1, 0] + r2 * inverse_ca[2, 0]
+        end_bk[b, 3] = r0 * inverse_ca[0, 1] + r1 * inverse_ca[1, 1] + r2 * inverse_ca[2, 1]
+        # Orthonormal frame (n, u, v): n along the bond, v normal to the rows too, so that v·d is the same all along a row.
+        if length < tiny:
+            length = tiny
+            nx, ny, nz = 1.0, 0.0, 0.0
+        else:
+            t = 1.0 / length
+            nx, ny, nz = r0 * t, r1 * t, r2 * t
+        vx, vy, vz = ny * sz - nz * sy, nz * sx - nx * sz, nx * sy - ny * sx
+        v2 = vx * vx + vy * vy + vz * vz
+        if v2 < 1e-28 * row2:
+            # Parallel: any normal will do.
+            if abs(nx) < 0.6:
+                vx, vy, vz = 0.0, nz, -ny
+            else:
+                vx, vy, vz = -nz, 0.0, nx
+            v2 = vx * vx + vy * vy + vz * vz
+        t = 1.0 / sqrt(v2)
+        vx, vy, vz = vx * t, vy * t, vz * t
+        # Once more against n: nearly parallel vectors leave a cross product of few digits.
+        t = vx * nx + vy * ny + vz * nz
+        vx, vy, vz = vx - t * nx, vy - t * ny, vz - t * nz
+        t = 1.0 / sqrt(vx * vx + vy * vy + vz * vz)
+        length_b[b] = length
+        frame_bcc[b, 0, 0] = nx
+        frame_bcc[b, 0, 1] = ny
+        frame_bcc[b, 0, 2] = nz
+        frame_bcc[b, 1, 0] = t * (vy * nz - vz * ny)
+        frame_bcc[b, 1, 1] = t * (vz * nx - vx * nz)
+        frame_bcc[b, 1, 2] = t * (vx * ny - vy * nx)
+        frame_bcc[b, 2, 0] = t * vx
+        frame_bcc[b, 2, 1] = t * vy
+        frame_bcc[b, 2, 2] = t * vz
+        t = 1.0 / length
+        for c in range(3):
+            e0, e1, e2 = t * frame_bcc[b, c, 0], t * frame_bcc[b, c, 1], t * frame_bcc[b, c, 2]
+            map_bk[b, c] = -(e0 * step_ac[0, 0] + e1 * step_ac[0, 1] + e2 * step_ac[0, 2])
+            map_bk[b, 3 + c] = -(e0 * step_ac[1, 0] + e1 * step_ac[1, 1] + e2 * step_ac[1, 2])
+            map_bk[b, 6 + c] = -(e0 * sx + e1 * sy + e2 * sz)
+            map_bk[b, 9 + c] = e0 * d0 + e1 * d1 + e2 * d2
+    return longest
 
 
 def lattice_bonds(
-    x_nc,
-    i_b,
+    map_bk,  # 12 numbers a bond: the change of (D, Y, M) from one point to the next along each axis of the lattice, and (D, Y, M) of the point nearest to x_i
+    end_bk,  # lattice coordinates of x_i − nearest point, and of r: two numbers each
+    base_ba,  # index of the nearest point
+    length_b,
     r_bc,
+    frame_bcc,  # rows n, u, v: what D, Y, M are along
     b_bk,  # components filled up with zeros to a multiple of four
     radii_m,
     coef_mk,
-    origin_c,  # the cell's
-    offset_c,  # lattice point (0, 0, 0), relative to the cell's origin
-    step_ac,  # rows: steps along the lattice's axes; the last axis is the row
-    inverse_ca,  # of step_ac: lattice coordinates are (x − offset) @ inverse_ca
+    reach_a,  # how far a ball of radius 1 reaches in lattice coordinates
     shape_a,
     wrap_a,  # whether an axis of the lattice closes on itself through the periodic cell
-    image_a,  # whether to look for periodic images of the bond along an axis of the cell; never where the lattice wraps
-    period_ac,  # the cell's vectors
-    period_inverse_ca,
-    region_2a,  # the lattice's extent in fractional coordinates of the cell
     acc,  # flat: rows × ext × components
     ext,
-    row_6j,  # buffers: D, Y, M, first point, number of points and place of each row
-    index_4j,  # buffers: which row of the accumulator; rows that meet the bond in up to four points, in more; second index of the rows of a plane
+    row_15j,  # buffers: of rows D, Y, M, first point, number of points, place and row in the accumulator, lists of short and long ones, ..
+    k_,  # buffer for the constants of β
 ):
-    """Σ_b b β at every point, added to `acc`. Returns the number of (bond, point) pairs visited, −1 if something is not finite."""
+    """Σ_b b β at every point, added to `acc`. Returns the number of (bond, point) pairs visited."""
     n0, n1, n2 = shape_a[0], shape_a[1], shape_a[2]
     wrap0, wrap1, wrap2 = wrap_a[0], wrap_a[1], wrap_a[2]
-    any_image = image_a[0] or image_a[1] or image_a[2]
-    # How far a ball of radius 1 reaches in lattice coordinates.
-    reach0 = sqrt(inverse_ca[0, 0] ** 2 + inverse_ca[1, 0] ** 2 + inverse_ca[2, 0] ** 2)
-    reach1 = sqrt(inverse_ca[0, 1] ** 2 + inverse_ca[1, 1] ** 2 + inverse_ca[2, 1] ** 2)
+    reach0, reach1 = reach_a[0], reach_a[1]
     n_comp = b_bk.shape[1]
     stride = n_comp * ext
     quads = n_comp // 4
-    D_j = row_6j[0]
-    Y_j = row_6j[1]
-    M_j = row_6j[2]
-    first_j = row_6j[3]
-    count_j = row_6j[4]
-    at_j = row_6j[5]
-    row_j = index_4j[0]
-    short_j = index_4j[1]
-    long_j = index_4j[2]
-    column_j = index_4j[3]
-    visits = 0
-    lo_a = np.zeros(3, np.int64)
-    hi_a = np.zeros(3, np.int64)
-    base_a = np.zeros(3, np.int64)
-    d_c = np.zeros(3)
-    f_a = np.zeros(3)
-    frame_cc = np.zeros((3, 3))
-    map_4c = np.zeros((4, 3))
-    k_ = np.zeros(N_CONSTANTS)
+    most = row_15j.shape[1]
+    D_at = address(row_15j)
+    Y_at = D_at + 8 * most
+    M_at = Y_at + 8 * most
+    first_at = M_at + 8 * most
+    count_at = first_at + 8 * most
+    at_at = count_at + 8 * most
+    row_at = at_at + 8 * most
+    short_at = row_at + 8 * most
+    long_at = short_at + 8 * most
+    # The second index of the rows of a plane, the same for every plane.
+    column_at = long_at + 8 * most
+    to_at = column_at + 8 * most
+    beta_at = to_at + 8 * most
     acc_at, k_at = address(acc), address(k_)
-    for b in range(len(r_bc)):
-        r0, r1, r2 = r_bc[b, 0], r_bc[b, 1], r_bc[b, 2]
-        true_length = sqrt(r0 * r0 + r1 * r1 + r2 * r2)
-        o = i_b[b]
-        if not isfinite(true_length + x_nc[o, 0] + x_nc[o, 1] + x_nc[o, 2]):
-            return -1
-        e0 = r0 * inverse_ca[0, 0] + r1 * inverse_ca[1, 0] + r2 * inverse_ca[2, 0]
-        e1 = r0 * inverse_ca[0, 1] + r1 * inverse_ca[1, 1] + r2 * inverse_ca[2, 1]
-        frame(r0, r1, r2, step_ac, frame_cc)
+    visits = 0
+    for b in range(len(length_b)):
         b_at = address(b_bk) + 8 * n_comp * b
-        b0, b1 = load4(b_at, 0), load4(b_at, 4 if quads == 2 else 0)
-        n_images = 1
-        if any_image:
-            n_images = images(x_nc, o, origin_c, r_bc, b, radii_m[0], image_a, period_inverse_ca, region_2a, lo_a, hi_a)
-        for image in range(n_images):
-            # Everything below is relative to the lattice point nearest to x_i.
-            nearest(x_nc, o, image, lo_a, hi_a, period_ac, origin_c, offset_c, step_ac, inverse_ca, d_c, f_a, base_a)
-            base0, base1, base2 = base_a[0], base_a[1], base_a[2]
-            if wrap0:
-                base0 = folded(base0, n0)
-            if wrap1:
-                base1 = folded(base1, n1)
-            if wrap2:
-                base2 = folded(base2, n2)
-            k_lo = -1e18 if wrap2 else float(-base2)
-            k_hi = 1e18 if wrap2 else float(n2 - 1 - base2)
-            for m in range(len(radii_m)):
-                R = radii_m[m]
-                length = max(true_length, 1e-30 * R)
-                in_frame(d_c, step_ac, frame_cc, length, map_4c)
-                CONSTANTS(length, R, coef_mk, m, r0, r1, r2, frame_cc, k_)
-                D2, Y2 = map_4c[2, 0], map_4c[2, 1]
-                i = ceil(f_a[0] - max(e0, 0.0) - R * reach0 - 1e-9)
-                i_hi = floor(f_a[0] - min(e0, 0.0) + R * reach0 + 1e-9)
-                j_lo = ceil(f_a[1] - max(e1, 0.0) - R * reach1 - 1e-9)
-                j_hi = floor(f_a[1] - min(e1, 0.0) + R * reach1 + 1e-9)
-                if not wrap0:
-                    i = max(i, -base0)
-                    i_hi = min(i_hi, n0 - 1 - base0)
-                if not wrap1:
-                    j_lo = max(j_lo, -base1)
-                    j_hi = min(j_hi, n1 - 1 - base1)
-                for j in range(j_lo, j_hi + 1):
-                    column_j[j - j_lo] = folded(base1 + j, n1) if wrap1 else base1 + j
-                while i <= i_hi and j_lo <= j_hi:
-                    rows, i = rows_of_planes(i, i_hi, j_lo, j_hi - j_lo + 1, base0, n0, n1, wrap0, map_4c, column_j, D_j, Y_j, M_j, row_j)
-                    short, long, points = chords(
-                        rows, D_j, Y_j, M_j, (R / length) ** 2, D2, Y2, k_lo, k_hi,
-                        base2, n2, wrap2, first_j, count_j, at_j, short_j, long_j,
-                    )  # fmt: skip
-                    visits += points
-                    for t in range(short):
-                        j = short_j[t]
-                        k = first_j[j]
-                        beta = BETA(ramp4(D_j[j] + k * D2, D2), ramp4(Y_j[j] + k * Y2, Y2), splat4(M_j[j]), k_at)
-                        add(acc_at, row_j[j] * stride + int(at_j[j]) * n_comp, quads, b_at, b0, b1, beta)
-                    for t in range(long):
-                        j = long_j[t]
-                        k = first_j[j]
-                        left = int(count_j[j])
-                        at = int(at_j[j])
-                        while left > 0:
-                            # Once, unless the chord is longer than what the row of the accumulator has to spare.
-                            runs = min((left + 3) >> 2, (ext - at) >> 2)
-                            to = row_j[j] * stride + at * n_comp
-                            for _ in range(runs):
-                                beta = BETA(ramp4(D_j[j] + k * D2, D2), ramp4(Y_j[j] + k * Y2, Y2), splat4(M_j[j]), k_at)
-                                add(acc_at, to, quads, b_at, b0, b1, beta)
-                                k += 4.0
-                                to += 4 * n_comp
-                            left -= 4 * runs
-                            at += 4 * runs
-                            if left > 0 and wrap2:
+        map_at = address(map_bk) + 96 * b
+        f0, f1, e0, e1 = end_bk[b, 0], end_bk[b, 1], end_bk[b, 2], end_bk[b, 3]
+        base0, base1, base2 = base_ba[b, 0], base_ba[b, 1], base_ba[b, 2]
+        k_lo = -1e18 if wrap2 else float(-base2)
+        k_hi = 1e18 if wrap2 else float(n2 - 1 - base2)
+        D2, Y2 = peek(map_at, 6), peek(map_at, 7)
+        length = length_b[b]
+        for m in range(len(radii_m)):
+            R = radii_m[m]
+            CONSTANTS(length, R, coef_mk, m, r_bc, frame_bcc, b, k_)
+            i = ceil(f0 - max(e0, 0.0) - R * reach0 - 1e-9)
+            i_hi = floor(f0 - min(e0, 0.0) + R * reach0 + 1e-9)
+            j_lo = ceil(f1 - max(e1, 0.0) - R * reach1 - 1e-9)
+            j_hi = floor(f1 - min(e1, 0.0) + R * reach1 + 1e-9)
+            if not wrap0:
+                i = max(i, -base0)
+                i_hi = min(i_hi, n0 - 1 - base0)
+            if not wrap1:
+                j_lo = max(j_lo, -base1)
+                j_hi = min(j_hi, n1 - 1 - base1)
+            for j in range(j_lo, j_hi + 1):
+                poke(column_at, j - j_lo, float(folded(base1 + j, n1) if wrap1 else base1 + j))
+            while i <= i_hi and j_lo <= j_hi:
+                rows, i = rows_of_planes(
+                    i, i_hi, j_lo, j_hi - j_lo + 1, most, base0, n0, n1, wrap0, map_at, column_at, D_at, Y_at, M_at, row_at
+                )
+                short, long, points = chords(
+                    rows, D_at, Y_at, M_at, (R / length) ** 2, D2, Y2, k_lo, k_hi,
+                    base2, n2, wrap2, first_at, count_at, at_at, short_at, long_at,
+                )  # fmt: skip
+                visits += points
+                # All β first and all sums after: two loops the processor can overlap better than one.
+                n_runs = 0
+                for t in range(short):
+                    j = peek_int(short_at, t)
+                    k = peek(first_at, j)
+                    beta = BETA(ramp4(peek(D_at, j) + k * D2, D2), ramp4(peek(Y_at, j) + k * Y2, Y2), splat4(peek(M_at, j)), k_at)
+                    store4(beta_at, 4 * n_runs, beta)
+                    poke_int(to_at, n_runs, int(peek(row_at, j)) * stride + int(peek(at_at, j)) * n_comp)
+                    n_runs += 1
+                for t in range(long):
+                    j = peek_int(long_at, t)
+                    k = peek(first_at, j)
+                    left = int(peek(count_at, j))
+                    at = int(peek(at_at, j))
+                    while left > 0:
+                        # Once, unless the chord is longer than what the row of the accumulator or the buffer has to spare.
+                        runs = min(min((left + 3) >> 2, (ext - at) >> 2), most - n_runs)
+                        to = int(peek(row_at, j)) * stride + at * n_comp
+                        for _ in range(runs):
+                            beta = BETA(ramp4(peek(D_at, j) + k * D2, D2), ramp4(peek(Y_at, j) + k * Y2, Y2), splat4(peek(M_at, j)), k_at)
+                            store4(beta_at, 4 * n_runs, beta)
+                            poke_int(to_at, n_runs, to)
+                            n_runs += 1
+                            k += 4.0
+                            to += 4 * n_comp
+                        left -= 4 * runs
+                        at += 4 * runs
+                        if left > 0:
+                            if wrap2:
                                 at %= n2
+                            if n_runs == most:
+                                add(acc_at, to_at, beta_at, n_runs, quads, b_at)
+                                n_runs = 0
+                add(acc_at, to_at, beta_at, n_runs, quads, b_at)
     return visits

@@ -8,8 +8,8 @@ from math import floor, isfinite, sqrt
 import numba as nb
 import numpy as np
 
-from ._beta import N_CONSTANTS, even, even_constants
-from ._simd import JIT_FMA, address, load4, store4
+from ._beta import even, even_constants
+from ._simd import JIT_FMA, address, load4, maximum4, minimum4, peek, peek_int, poke, poke_int, store4
 
 # Replaced in each specialised copy (see `_simd.specialise`).
 BETA = even
@@ -17,18 +17,56 @@ CONSTANTS = even_constants
 
 
 @nb.njit(**JIT_FMA)
-def near(n, X, Y, Z, nx, ny, nz, ux, uy, uz, vx, vy, vz, E2, D_l, Y_l, M_l, d2_l):
-    """Coordinates of n points in the bond's frame, and how far inside the capsule they are (≤ 0: outside)."""
+def near(n, x_at, scale, E2, frame_at, near_at, room, lane_at, which_at, seen_at):
+    """Which of n points lie inside the capsule: their coordinates in the bond's frame go to `lane_at`, their numbers to `seen_at`.
+
+    Points are given by d (x, y, z at `x_at`, `room` apart) and their numbers at `which_at`. Returns how many were found.
+    """
+    for l in range(0, n, 4):
+        x = load4(x_at, l) * scale
+        y = load4(x_at, room + l) * scale
+        z = load4(x_at, 2 * room + l) * scale
+        D = x * peek(frame_at, 0) + y * peek(frame_at, 1) + z * peek(frame_at, 2)
+        Y = x * peek(frame_at, 3) + y * peek(frame_at, 4) + z * peek(frame_at, 5)
+        M = x * peek(frame_at, 6) + y * peek(frame_at, 7) + z * peek(frame_at, 8)
+        beyond = D - minimum4(maximum4(D, 0.0), 1.0)
+        store4(near_at, l, D)
+        store4(near_at, room + l, Y)
+        store4(near_at, 2 * room + l, M)
+        store4(near_at, 3 * room + l, E2 - Y * Y - M * M - beyond * beyond)
+    lanes = 0
     for l in range(n):
-        D = X[l] * nx + Y[l] * ny + Z[l] * nz
-        a = X[l] * ux + Y[l] * uy + Z[l] * uz
-        c = X[l] * vx + Y[l] * vy + Z[l] * vz
-        t = D if D > 0.0 else 0.0
-        t = t if t < 1.0 else 1.0
-        D_l[l] = D
-        Y_l[l] = a
-        M_l[l] = c
-        d2_l[l] = E2 - a * a - c * c - (D - t) * (D - t)
+        # Written whether it counts or not: nothing to predict.
+        poke(lane_at, lanes, peek(near_at, l))
+        poke(lane_at, room + lanes, peek(near_at, room + l))
+        poke(lane_at, 2 * room + lanes, peek(near_at, 2 * room + l))
+        poke_int(seen_at, lanes, peek_int(which_at, l))
+        lanes += peek(near_at, 3 * room + l) > 0.0
+    return lanes
+
+
+@nb.njit(**JIT_FMA)
+def frame(r_bc, b, length, frame_bcc):
+    """Rows n, u, v of any orthonormal frame with n along the bond; of length 0, along x."""
+    nx, ny, nz = r_bc[b, 0] / length, r_bc[b, 1] / length, r_bc[b, 2] / length
+    if nx == 0.0 and ny == 0.0 and nz == 0.0:
+        nx = 1.0
+    if abs(nx) < 0.6:
+        vx, vy, vz = 0.0, nz, -ny
+    else:
+        vx, vy, vz = -nz, 0.0, nx
+    t = 1.0 / sqrt(vx * vx + vy * vy + vz * vz)
+    vx, vy, vz = vx * t, vy * t, vz * t
+    at = address(frame_bcc)
+    poke(at, 0, nx)
+    poke(at, 1, ny)
+    poke(at, 2, nz)
+    poke(at, 3, vy * nz - vz * ny)
+    poke(at, 4, vz * nx - vx * nz)
+    poke(at, 5, vx * ny - vy * nx)
+    poke(at, 6, vx)
+    poke(at, 7, vy)
+    poke(at, 8, vz)
 
 
 def points_bonds(
@@ -48,15 +86,22 @@ def points_bonds(
     cell_ac,
     inverse_ca,
     acc_gk,
-    near_5l,  # buffers: X, Y, Z of the points in reach of an atom; their bond coordinates D, Y, M and depth
-    lane_4l,  # buffers: D, Y, M, β of the points a bond sees
-    index_2l,  # buffers: which point
+    buffer_13l,  # x, y, z of the points in reach of an atom and their numbers; their D, Y, M and depth; of those inside D, Y, M, numbers, β
+    frame_bcc,  # buffer for one frame
+    k_,  # buffer for the constants of β
 ):
     """Σ_b b β at every point, added to `acc_gk`. Returns the number of (bond, point) pairs visited, −1 if something is not finite."""
-    X, Yp, Z, Dn, Yn, Mn, depth = near_5l[0], near_5l[1], near_5l[2], near_5l[3], near_5l[4], near_5l[5], near_5l[6]
-    D, Y, M, beta = lane_4l[0], lane_4l[1], lane_4l[2], lane_4l[3]
-    which, seen = index_2l[0], index_2l[1]
-    room = near_5l.shape[1]
+    room = buffer_13l.shape[1]
+    x_at = address(buffer_13l)
+    which_at = x_at + 24 * room
+    near_at = x_at + 32 * room
+    lane_at = x_at + 64 * room
+    seen_at = x_at + 88 * room
+    beta_at = x_at + 96 * room
+    k_at = address(k_)
+    # The last run of four may read and write three more than there are.
+    room -= 4
+    apart = room + 4
     n_comp = b_bk.shape[1]
     support = radii_m[0]
     height_a = np.empty(3)
@@ -65,9 +110,6 @@ def points_bonds(
     lo_a = np.zeros(3, np.int64)
     hi_a = np.zeros(3, np.int64)
     visits = 0
-    frame_cc = np.empty((3, 3))
-    k_ = np.zeros(N_CONSTANTS)
-    D_at, Y_at, M_at, beta_at, k_at = address(D), address(Y), address(M), address(beta), address(k_)
     first = 0
     n_bonds = len(r_bc)
     while first < n_bonds:
@@ -127,56 +169,31 @@ def points_bonds(
                     continue
                 d0, d1, d2 = p0 - point_gc[g, 0], p1 - point_gc[g, 1], p2 - point_gc[g, 2]
                 if d0 * d0 + d1 * d1 + d2 * d2 <= reach * reach:
-                    X[n] = d0
-                    Yp[n] = d1
-                    Z[n] = d2
-                    which[n] = g
+                    poke(x_at, n, d0)
+                    poke(x_at, apart + n, d1)
+                    poke(x_at, 2 * apart + n, d2)
+                    poke_int(which_at, n, g)
                     n += 1
                 g += 1
             if n == 0:
                 continue
             # ... and let each bond find its own among them.
             for b in range(first, last):
-                r0, r1, r2 = r_bc[b, 0], r_bc[b, 1], r_bc[b, 2]
-                true_length = sqrt(r0 * r0 + r1 * r1 + r2 * r2)
+                length = max(sqrt(r_bc[b, 0] ** 2 + r_bc[b, 1] ** 2 + r_bc[b, 2] ** 2), 1e-30 * support)
+                frame(r_bc, b, length, frame_bcc)
                 for m in range(len(radii_m)):
                     R = radii_m[m]
-                    length = true_length
-                    if length < 1e-30 * R:
-                        length = 1e-30 * R
-                        nx, ny, nz = 1.0, 0.0, 0.0
-                    else:
-                        nx, ny, nz = r0 / length, r1 / length, r2 / length
-                    # Any orthonormal frame (n, u, v).
-                    if abs(nx) < 0.6:
-                        vx, vy, vz = 0.0, nz, -ny
-                    else:
-                        vx, vy, vz = -nz, 0.0, nx
-                    t = 1.0 / sqrt(vx * vx + vy * vy + vz * vz)
-                    vx, vy, vz = vx * t, vy * t, vz * t
-                    ux, uy, uz = vy * nz - vz * ny, vz * nx - vx * nz, vx * ny - vy * nx
-                    frame_cc[0, 0], frame_cc[0, 1], frame_cc[0, 2] = nx, ny, nz
-                    frame_cc[1, 0], frame_cc[1, 1], frame_cc[1, 2] = ux, uy, uz
-                    frame_cc[2, 0], frame_cc[2, 1], frame_cc[2, 2] = vx, vy, vz
-                    CONSTANTS(length, R, coef_mk, m, r0, r1, r2, frame_cc, k_)
-                    t = 1.0 / length
-                    E2 = (R * t) * (R * t)
-                    near(n, X, Yp, Z, nx * t, ny * t, nz * t, ux * t, uy * t, uz * t, vx * t, vy * t, vz * t, E2, Dn, Yn, Mn, depth)
-                    lanes = 0
-                    for l in range(n):
-                        if depth[l] > 0.0:
-                            D[lanes] = Dn[l]
-                            Y[lanes] = Yn[l]
-                            M[lanes] = Mn[l]
-                            seen[lanes] = which[l]
-                            lanes += 1
+                    lanes = near(n, x_at, 1.0 / length, (R / length) ** 2, address(frame_bcc), near_at, apart, lane_at, which_at, seen_at)
+                    if lanes == 0:
+                        continue
                     visits += lanes
+                    CONSTANTS(length, R, coef_mk, m, r_bc, frame_bcc, b, k_)
                     for l in range(0, lanes, 4):
-                        store4(beta_at, l, BETA(load4(D_at, l), load4(Y_at, l), load4(M_at, l), k_at))
+                        store4(beta_at, l, BETA(load4(lane_at, l), load4(lane_at, apart + l), load4(lane_at, 2 * apart + l), k_at))
                     for l in range(lanes):
-                        t = beta[l]
-                        to = seen[l]
+                        t = peek(beta_at, l)
+                        g_l = peek_int(seen_at, l)
                         for c in range(n_comp):
-                            acc_gk[to, c] += t * b_bk[b, c]
+                            acc_gk[g_l, c] += t * b_bk[b, c]
         first = last
     return visits

@@ -22,6 +22,8 @@ JIT = dict(cache=True, nogil=True, error_model="numpy")
 # What is only called from compiled code needs no entry from Python, which takes longer to compile than most of these functions.
 # Contracting a·b + c into one rounding is safe everywhere in the deposit: no sum there is compensated.
 JIT_FMA = dict(JIT, fastmath={"contract"}, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+# Called from Python.
+ENTRY = dict(JIT_FMA, no_cpython_wrapper=False)
 # For what is called once for four points: a call would send vectors through memory.
 INLINE = dict(JIT_FMA, forceinline=True)
 
@@ -249,6 +251,27 @@ def poke(typingctx, at, i, x):
 
 
 @intrinsic
+def peek_int(typingctx, at, i):
+    """at[i] of whole numbers"""
+
+    def codegen(context, builder, sig, args):
+        return builder.load(_pointer(builder, *args, _INT64))
+
+    return types.int64(types.int64, types.int64), codegen
+
+
+@intrinsic
+def poke_int(typingctx, at, i, n):
+    """at[i] = n of whole numbers"""
+
+    def codegen(context, builder, sig, args):
+        builder.store(args[2], _pointer(builder, args[0], args[1], _INT64))
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, types.int64), codegen
+
+
+@intrinsic
 def load4(typingctx, at, i):
     """at[i:i+4]"""
 
@@ -313,4 +336,4 @@ def specialise(py_func, tag: str, **names):
     f = _types.FunctionType(py_func.__code__, {**py_func.__globals__, **names}, py_func.__name__, py_func.__defaults__)
     f.__qualname__ = f"{py_func.__qualname__}_{tag}_{_SOURCES}"
     f.__module__ = py_func.__module__
-    return nb.njit(**{**JIT_FMA, "no_cpython_wrapper": False})(f)
+    return nb.njit(**ENTRY)(f)

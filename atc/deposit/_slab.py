@@ -84,7 +84,7 @@ def gaussian(z, r, radii_m, coef_mk, k):
 
 @nb.njit(**JIT_FMA)
 def gaussian_constants(r, radii_m, coef_mk, k_):
-    _gaussian_constants(max(abs(r), 1e-30 * radii_m[0]), radii_m[0], coef_mk, 0, 0.0, 0.0, 0.0, coef_mk, k_)
+    _gaussian_constants(max(abs(r), 1e-30 * radii_m[0]), radii_m[0], coef_mk, 0, 0, 0, 0, k_)
 
 
 @nb.njit(**JIT_FMA)

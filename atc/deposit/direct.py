@@ -5,13 +5,19 @@ from __future__ import annotations
 from functools import cache
 from math import ceil
 
-import numba as nb
 import numpy as np
 
 from ..errors import AtcError
-from ..kernels import Box, BSpline, Gaussian, GaussianMarginal, Radial
+from ..kernels import TINY, Box, BSpline, Gaussian, GaussianMarginal, Radial
 from . import _beta, _lattice, _points, _slab
-from ._simd import JIT, specialise
+from ._simd import specialise
+
+# Bonds whose geometry is prepared at once.
+PIECE = 8192
+# Room for the points in reach of one atom (more are taken in turns); not a multiple of 4096 bytes, as in `LatticeDeposit`.
+POINTS = 1032
+
+_NOT_FINITE = "an atom's position or a bond's vector is not a finite number: check the trajectory and the potential for coincident atoms"
 
 
 def family(kernel):
@@ -48,17 +54,13 @@ def _core(function, name):
     return specialise(function, name, BETA=getattr(_beta, name), CONSTANTS=getattr(_beta, name + "_constants"))
 
 
-@nb.njit(**JIT)
-def stress_components(r_bc, G_b, out_bk):
+def stress_components(r_bc, G_b):
     """G r⊗r: xx, yy, zz, yz, xz, xy."""
-    for b in range(len(G_b)):
-        x, y, z, G = r_bc[b, 0], r_bc[b, 1], r_bc[b, 2], G_b[b]
-        out_bk[b, 0] = G * x * x
-        out_bk[b, 1] = G * y * y
-        out_bk[b, 2] = G * z * z
-        out_bk[b, 3] = G * y * z
-        out_bk[b, 4] = G * x * z
-        out_bk[b, 5] = G * x * y
+    x, y, z = r_bc.T
+    b_bk = np.empty((len(G_b), 6))
+    for k, (p, q) in enumerate(((x, x), (y, y), (z, z), (y, z), (x, z), (x, y))):
+        np.multiply(G_b * p, q, out=b_bk[:, k])
+    return b_bk
 
 
 def _array(a, dtype=np.float64):
@@ -112,9 +114,7 @@ class Deposit:
         if n:
             if i_b.min() < 0 or i_b.max() >= len(x_nc):
                 raise ValueError("i_b holds indices outside x_nc")
-            b_bk = np.empty((n, 6))
-            stress_components(r_bc, G_b, b_bk)
-            self._add("bond", x_nc, i_b, r_bc, b_bk, thread)
+            self._add("bond", x_nc, i_b, r_bc, stress_components(r_bc, G_b), thread)
 
     def site_sums(self) -> np.ndarray:
         """(g, n_site), points in the grid's order."""
@@ -146,9 +146,7 @@ class Deposit:
 
     def _count(self, thread, visits):
         if visits < 0:
-            raise AtcError(
-                "an atom's position or a bond's vector is not a finite number: check the trajectory and the potential for coincident atoms"
-            )
+            raise AtcError(_NOT_FINITE)
         self._visits[thread] += visits
 
     def _add(self, what, x_nc, i_b, r_bc, b_bk, thread):
@@ -183,27 +181,71 @@ class LatticeDeposit(Deposit):
         self._order = [a for a in range(3) if a != row] + [row]
         self.steps, self.counts, self.wrap = np.ascontiguousarray(steps[self._order]), counts[self._order], wrap[self._order]
         self.inverse = np.linalg.inv(self.steps)
-        self.image = self.cell.periodic & (not grid.wraps)
+        self.reach, self.offset = np.linalg.norm(self.inverse, axis=0), _array(grid.origin)
+        # Where the lattice does not close on itself, periodic images of a bond are bonds of their own: shifts along these axes.
+        self.image = np.flatnonzero(self.cell.periodic) if not grid.wraps else np.zeros(0, np.int64)
         corners = np.stack(np.meshgrid(*[(0, n - 1) for n in self.counts], indexing="ij"), -1).reshape(-1, 3) @ self.steps + grid.origin
-        corners = corners @ self.cell.inverse
+        corners = corners @ self._inverse
         self.region = np.stack([corners.min(0), corners.max(0)])
         n, chord = int(self.counts[2]), 2.0 * self.radii[0] / np.linalg.norm(self.steps[2])
         # A run of four may stick out of an open row by three; on a periodic row whole chords may.
-        self.ext = _round4(n + 3 if not self.wrap[2] else n + int(min(1.5 * chord, max(64, n))) + 4)
+        # Odd, so that rows do not fight for the same lines of the cache.
+        self.ext = (n + 3 if not self.wrap[2] else n + int(min(1.5 * chord, max(64, n))) + 4) | 1
 
     def _add(self, what, x_nc, i_b, r_bc, b_bk, thread):
+        # In pieces that stay in the processor's cache.
+        for s in range(0, len(i_b), PIECE):
+            part = slice(s, s + PIECE)
+            if not len(self.image):
+                self._add_piece(what, x_nc, i_b[part], r_bc[part], b_bk[part], self._origin, thread)
+                continue
+            x_bc, r, b = x_nc[i_b[part]] - self._origin, r_bc[part], b_bk[part]
+            if not (np.isfinite(x_bc).all() and np.isfinite(r).all()):
+                raise AtcError(_NOT_FINITE)
+            for index, shift_bc in self._images(x_bc, r):
+                every = np.arange(len(index), dtype=np.int32)
+                self._add_piece(what, x_bc[index] + shift_bc, every, r[index], b[index], np.zeros(3), thread)
+
+    def _images(self, x_bc, r_bc):
+        """(bonds, shifts) in pieces: every periodic image of a bond that can reach the lattice."""
+        start = x_bc @ self._inverse
+        end = start - r_bc @ self._inverse
+        pad = self.radii[0] * np.linalg.norm(self._inverse, axis=0) + 1e-9
+        lo, hi = np.zeros((2, len(x_bc), 3), np.int64)
+        for a in self.image:
+            lo[:, a] = np.ceil(self.region[0, a] - pad[a] - np.maximum(start, end)[:, a])
+            hi[:, a] = np.floor(self.region[1, a] + pad[a] - np.minimum(start, end)[:, a])
+        span = np.maximum(hi - lo + 1, 0)
+        stop = np.cumsum(span.prod(1))
+        for first in range(0, int(stop[-1]), PIECE):
+            k = np.arange(first, min(first + PIECE, int(stop[-1])))
+            index = np.searchsorted(stop, k, side="right")
+            k -= stop[index] - span[index].prod(1)
+            k, c2 = np.divmod(k, span[index, 2])
+            c0, c1 = np.divmod(k, span[index, 1])
+            yield index, (lo[index] + np.stack([c0, c1, c2], 1)) @ self._vectors
+
+    def _add_piece(self, what, x_nc, i_b, r_bc, b_bk, origin, thread):
+        """Bonds without images, x relative to `origin`."""
+        n = len(i_b)
+        map_bk, end_bk, base_ba = np.empty((n, 12)), np.empty((n, 4)), np.empty((n, 3), np.int64)
+        length_b, frame_bcc = np.empty(n), np.empty((n, 3, 3))
+        longest = _lattice.prepare(
+            x_nc, i_b, r_bc, origin, self.offset, self.steps, self.inverse, self.counts, self.wrap, TINY * self.radii[0],
+            map_bk, end_bk, base_ba, length_b, frame_bcc,
+        )  # fmt: skip
+        if longest < 0:
+            raise AtcError(_NOT_FINITE)
         b_bk = _padded(b_bk)
         acc = self._buffer(what, thread, int(self.counts[0] * self.counts[1]) * self.ext * b_bk.shape[1])
-        longest = float(np.sqrt(np.einsum("bc,bc->b", r_bc, r_bc).max()))
-        longest = longest if np.isfinite(longest) else 0.0
-        width = int((2.0 * self.radii[0] + longest) * np.linalg.norm(self.inverse[:, 1])) + 12
-        rows = max(512, width if self.wrap[1] else min(width, int(self.counts[1]) + 12))
-        self._count(thread, self._core(
-            x_nc, i_b, r_bc, b_bk, self.radii, self.coef,
-            self._origin, _array(self.grid.origin), self.steps, self.inverse, self.counts, self.wrap,
-            self.image, self._vectors, self._inverse, self.region,
-            acc, self.ext, np.zeros((6, rows)), np.empty((4, rows), np.int64),
-        ))  # fmt: skip
+        width = int((2.0 * self.radii[0] + longest) * self.reach[1]) + 12
+        rows = width if self.wrap[1] else min(width, int(self.counts[1]) + 12)
+        # Not a multiple of 4096 bytes, or the buffers of one row fight for the same lines of the cache.
+        rows = 512 * (1 + rows // 512) + 8
+        self._visits[thread] += self._core(
+            map_bk, end_bk, base_ba, length_b, r_bc, frame_bcc, b_bk, self.radii, self.coef,
+            self.reach, self.counts, self.wrap, acc, self.ext, np.zeros((15, rows)), np.zeros(_beta.N_CONSTANTS),
+        )  # fmt: skip
 
     def _finish(self, total, n_comp):
         n0, n1, n = (int(k) for k in self.counts)
@@ -231,10 +273,6 @@ def _folded(a, n, periodic):
             part = a[..., k : k + n]
             a[..., : part.shape[-1]] += part
     return a[..., :n]
-
-
-def _round4(n):
-    return int(4 * ceil(n / 4))
 
 
 def _normal_to(rows):
@@ -275,11 +313,10 @@ class PointsDeposit(Deposit):
 
     def _add(self, what, x_nc, i_b, r_bc, b_bk, thread):
         acc = self._buffer(what, thread, (len(self.points), b_bk.shape[1]))
-        room = 1024
         self._count(thread, self._core(
             x_nc, i_b, r_bc, b_bk, self.radii, self.coef, self._origin, self.points, self.start,
             self.bins, self.low, self.scale, _array(self.cell.periodic, bool), self._vectors, self._inverse,
-            acc, np.empty((7, room)), np.zeros((4, room + 3)), np.empty((2, room), np.int64),
+            acc, np.zeros((13, POINTS)), np.empty((1, 3, 3)), np.zeros(_beta.N_CONSTANTS),
         ))  # fmt: skip
 
     def _finish(self, total, n_comp):
@@ -313,7 +350,7 @@ class SlabDeposit(Deposit):
         self.area = self.cell.volume / self.height
         self.periodic = bool(self.cell.periodic[grid.axis])
         n, chord = len(grid), 2.0 * self.radii[0] / self.step
-        self.ext = _round4(n + int(min(2.0 * chord, max(64, n))) + 4 if self.periodic else n + 3)
+        self.ext = n + int(min(2.0 * chord, max(64, n))) + 4 if self.periodic else n + 3
 
     def _add(self, what, x_nc, i_b, r_bc, b_bk, thread):
         acc = self._buffer(what, thread, b_bk.shape[1] * self.ext)
