@@ -240,10 +240,17 @@ def _sort_into_bins(x, s, lo, scale, nb, order, start, x_sorted):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="never")
-def _segments(bx, by, bz, c0, c1, home, columns, nb, vectors, periodic, start, lo, hi, shift):
-    """Runs of sorted atoms that the columns c0..c1 around a bin reach, with the Cartesian shift of their image. home < 0: full stencil."""
+def _segments(b, c0, home, columns, nb, vectors, periodic, start, lo, hi, shift):
+    """Runs of sorted atoms that the columns from c0 on around bin b reach, with the Cartesian shift of their image: how many runs and atoms.
+
+    home < 0: full stencil.
+    """
+    bz = b % nb[2]
+    by = (b // nb[2]) % nb[1]
+    bx = b // (nb[2] * nb[1])
     n = 0
-    for c in range(c0, c1):
+    atoms = 0
+    for c in range(c0, len(columns)):
         x = bx + columns[c, 0]
         y = by + columns[c, 1]
         sx = x // nb[0]
@@ -263,16 +270,17 @@ def _segments(bx, by, bz, c0, c1, home, columns, nb, vectors, periodic, start, l
             last = min(end, (sz + 1) * nb[2] - 1)
             if sz == 0 or periodic[2]:
                 off = sz * nb[2]
-                a = start[base + z - off]
-                b = start[base + last - off + 1]
-                if b > a:
-                    lo[n] = a
-                    hi[n] = b
+                at = start[base + z - off]
+                to = start[base + last - off + 1]
+                if to > at:
+                    lo[n] = at
+                    hi[n] = to
+                    atoms += to - at
                     for k in range(3):
                         shift[n, k] = sx * vectors[0, k] + sy * vectors[1, k] + sz * vectors[2, k]
                     n += 1
             z = last + 1
-    return n
+    return n, atoms
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -312,13 +320,7 @@ def _half(x, order, start, nb, columns, home, vectors, periodic, cut2, bin0, bin
         a0, a1 = start[b], start[b + 1]
         if a0 == a1:
             continue
-        bz = b % nb[2]
-        by = (b // nb[2]) % nb[1]
-        bx = b // (nb[2] * nb[1])
-        m = _segments(bx, by, bz, home, len(columns), home, columns, nb, vectors, periodic, start, lo, hi, shift)
-        candidates = 0
-        for k in range(m):
-            candidates += hi[k] - lo[k]
+        m, candidates = _segments(b, home, home, columns, nb, vectors, periodic, start, lo, hi, shift)
         if n + candidates * (a1 - a0) + 1 > capacity:
             return -1
         for s in range(a0, a1):
@@ -345,13 +347,7 @@ def _full(x, order, start, nb, columns, vectors, periodic, cut2, bin0, bin1, iou
         a0, a1 = start[b], start[b + 1]
         if a0 == a1:
             continue
-        bz = b % nb[2]
-        by = (b // nb[2]) % nb[1]
-        bx = b // (nb[2] * nb[1])
-        m = _segments(bx, by, bz, 0, len(columns), -1, columns, nb, vectors, periodic, start, lo, hi, shift)
-        candidates = 0
-        for k in range(m):
-            candidates += hi[k] - lo[k]
+        m, candidates = _segments(b, 0, -1, columns, nb, vectors, periodic, start, lo, hi, shift)
         if n + candidates * (a1 - a0) + 1 > capacity:
             return -1
         for s in range(a0, a1):

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from ..errors import AtcError
-from .sw_file import units_tag
+from .parameter_file import units_tag
 
 
 @dataclass

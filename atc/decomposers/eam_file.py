@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
-from .sw_file import _conversion
+from .parameter_file import energy_conversion
 
 # LAMMPS's eV·Å in Hartree·Bohr, three digits, for the effective charges of funcfl files.
 _HARTREE_BOHR = 27.2 * 0.529
@@ -122,7 +122,7 @@ def read_setfl(path, units_name: str, finnis_sinclair: bool = False, where: str 
     AtcError for a missing, malformed or truncated file.
     """
     f = _Lines(path, 3, where)
-    factor = _conversion(f.text, units_name, path)
+    factor = energy_conversion(f.text, units_name, path)
     words, at = f.words(2, "the number of elements and their names")
     try:
         m = int(words[0])
@@ -161,7 +161,7 @@ def read_funcfl(paths, units_name: str, where: str = "") -> EAMTables:
     files = []
     for path in paths:
         f = _Lines(path, 1, where)
-        factor = _conversion(f.text, units_name, path)
+        factor = energy_conversion(f.text, units_name, path)
         mass = _mass(*f.words(2, "the atomic number and mass"))
         nrho, drho, nr, dr, cut = _grid(*f.words(5, "nrho drho nr dr cutoff"))
         F = f.numbers(nrho, "the embedding energy") * factor

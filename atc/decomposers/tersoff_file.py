@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from ..errors import AtcError
-from .sw_file import _conversion
+from .parameter_file import element_entries, energy_conversion, read_parameter_file
 
 NUMBERS = ("m", "gamma", "lam3", "c", "d", "costheta0", "n", "beta", "lam2", "B", "R", "D", "lam1", "A")
 _SIGNED = ("costheta0", "lam3")
@@ -57,46 +56,14 @@ def read_tersoff_file(path, elements, units_name: str, where: str = "") -> dict:
     ------
     AtcError for a missing file, a malformed, impossible or duplicate entry, or units that cannot be converted.
     """
-    at = f"{where}: " if where else ""
-    try:
-        text = Path(path).read_text(encoding="utf-8", errors="replace")
-    except OSError as e:
-        raise AtcError(f"{at}cannot read the Tersoff file {str(path)!r} ({e.strerror or e}): give its path relative to the input") from None
-    factor = _conversion(text, units_name, path)
-    length = 3 + len(NUMBERS)
+    text = read_parameter_file(path, "Tersoff", where)
+    factor = energy_conversion(text, units_name, path)
     entries: dict[tuple, TersoffEntry] = {}
-    words: list[str] = []
-    first = 0
-    for number, line in enumerate(text.splitlines(), 1):
-        new = line.partition("#")[0].split()
-        if not new:
-            continue
-        first = first if words else number
-        words += new
-        if len(words) < length:
-            continue
-        here = f"{path}:{first}"
-        if len(words) > length:
-            raise AtcError(
-                f"{here}: expected 3 elements and {len(NUMBERS)} numbers ({' '.join(NUMBERS)}) in a Tersoff entry, found {len(words)} words"
-            )
-        names, words = tuple(words[:3]), words[3:]
-        if all(n in elements for n in names):
-            values = []
-            for key, word in zip(NUMBERS, words, strict=True):
-                try:
-                    values.append(float(word))
-                except ValueError:
-                    raise AtcError(f"{here}: {key} must be a number in a Tersoff entry, found {word!r}") from None
-            entry = TersoffEntry(*values, where=here)
-            if wrong := entry.check():
-                raise AtcError(f"{here}: {wrong}")
-            if names in entries:
-                raise AtcError(f"{here}: second entry for {' '.join(names)} (the first is at {entries[names].where}): remove one")
-            entries[names] = replace(entry, A=entry.A * factor, B=entry.B * factor)
-        words = []
-    if words:
-        raise AtcError(
-            f"{path}:{first}: the last Tersoff entry has {len(words)} of {length} words (3 elements and {' '.join(NUMBERS)}): complete it"
-        )
+    for here, names, values in element_entries(text, path, NUMBERS, elements, "Tersoff"):
+        entry = TersoffEntry(*values, where=here)
+        if wrong := entry.check():
+            raise AtcError(f"{here}: {wrong}")
+        if names in entries:
+            raise AtcError(f"{here}: second entry for {' '.join(names)} (the first is at {entries[names].where}): remove one")
+        entries[names] = replace(entry, A=entry.A * factor, B=entry.B * factor)
     return entries

@@ -1,0 +1,80 @@
+"""What LAMMPS's many-body parameter files share: the units tag, and entries of three element names and a fixed list of numbers, over as many
+lines as it takes."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+from ..errors import AtcError, AtcWarning
+
+# LAMMPS's own factor between eV and kcal/mol, so that a converted file gives LAMMPS's energies to rounding.
+_METAL_TO_REAL = 23.060549
+
+
+def read_parameter_file(path, what: str, where: str = "") -> str:
+    """The text of a `what` parameter file, or an AtcError at `where` that says why not."""
+    at = f"{where}: " if where else ""
+    try:
+        return Path(path).read_text(encoding="utf-8", errors="replace")
+    except OSError as e:
+        raise AtcError(f"{at}cannot read the {what} file {str(path)!r} ({e.strerror or e}): give its path relative to the input") from None
+
+
+def element_entries(text: str, path, keys, elements, what: str) -> Iterator[tuple[str, tuple[str, ...], list[float]]]:
+    """Every entry of `text` whose elements are all among `elements`: where it begins, its three elements, and a number for each of `keys`."""
+    length = 3 + len(keys)
+    words: list[str] = []
+    first = 0
+    for number, line in enumerate(text.splitlines(), 1):
+        new = line.partition("#")[0].split()
+        if not new:
+            continue
+        first = first if words else number
+        words += new
+        if len(words) < length:
+            continue
+        here = f"{path}:{first}"
+        if len(words) > length:
+            raise AtcError(
+                f"{here}: expected 3 elements and {len(keys)} numbers ({' '.join(keys)}) in a {what} entry, found {len(words)} words"
+            )
+        names, words = tuple(words[:3]), words[3:]
+        if all(n in elements for n in names):
+            values = []
+            for key, word in zip(keys, words, strict=True):
+                try:
+                    values.append(float(word))
+                except ValueError:
+                    raise AtcError(f"{here}: {key} must be a number in a {what} entry, found {word!r}") from None
+            yield here, names, values
+        words = []
+    if words:
+        raise AtcError(
+            f"{path}:{first}: the last {what} entry has {len(words)} of {length} words (3 elements and {' '.join(keys)}): complete it"
+        )
+
+
+def units_tag(text: str) -> str | None:
+    """The unit style that a parameter file names in its first line (``UNITS: metal``), or None."""
+    words = text.partition("\n")[0].replace("#", " ").split()
+    return words[words.index("UNITS:") + 1] if "UNITS:" in words[:-1] else None
+
+
+def energy_conversion(text: str, wanted: str, path) -> float:
+    """What energies of a file are multiplied with to be in `wanted` units: 1 unless its tag says metal or real and the other is wanted."""
+    has = units_tag(text)
+    if has is None or has == wanted:
+        return 1.0
+    if (has, wanted) == ("metal", "real"):
+        factor = _METAL_TO_REAL
+    elif (has, wanted) == ("real", "metal"):
+        factor = 1.0 / _METAL_TO_REAL
+    else:
+        raise AtcError(
+            f"{path}: this file is in {has!r} units (its UNITS: tag) and the model in {wanted!r}: only metal and real convert into each other; "
+            f"use a file in {wanted!r} units"
+        )
+    warnings.warn(f"{path}: energies converted from {has} to {wanted} units, as LAMMPS does", AtcWarning, stacklevel=4)
+    return factor
