@@ -276,9 +276,11 @@ def _summary(attributes: dict, out, seconds: float, progress: _Progress) -> None
 @app.command()
 def info(
     trajectory: Annotated[
-        str,
+        list[str],
         typer.Argument(
-            metavar="TRAJ", help="A trajectory: LAMMPS dump or data file, or anything ASE or MDAnalysis reads.", show_default=False
+            metavar="TRAJ...",
+            help="A trajectory: LAMMPS dump or data file, or anything ASE or MDAnalysis reads; several files are joined.",
+            show_default=False,
         ),
     ],
     topology: Topology = None,
@@ -289,7 +291,7 @@ def info(
     """What is in a trajectory, in which units, how precise, and what can be computed from it."""
     from .info import describe
 
-    report = describe(trajectory, topology=topology, units=units, masses=_parse_masses(masses))
+    report = describe(trajectory if len(trajectory) > 1 else trajectory[0], topology=topology, units=units, masses=_parse_masses(masses))
     if json:
         print(report.json())
     else:
