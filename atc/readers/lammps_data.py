@@ -11,6 +11,7 @@ from ..frame import Cell, Frame, Topology
 from ..units import Units
 from . import _parse
 from ._bytes import open_bytes
+from .lammps_units import settle_units
 from .trajectory import Masses, Trajectory, warn
 
 # Columns of the Atoms section by atom_style (LAMMPS manual, read_data). Three image flags may follow.
@@ -463,8 +464,6 @@ class LammpsDataTrajectory(Trajectory):
 
     def __init__(self, path, topology=None, units=None, masses=None):
         super().__init__()
-        from .lammps_columns import settle_units
-
         if topology is not None:
             raise AtcError(f"{path} is a LAMMPS data file and its own topology: leave the topology argument out")
         self.source = str(path)
