@@ -41,7 +41,7 @@ class Check:
     def __init__(self, bound, kern, cell, threads, index, count):
         from ..frame import Cell
         from ..grids import BoundGrid
-        from .compute import Target
+        from .target import Target
 
         slab = bound.kind == "slab"
         total = int(np.prod(bound.shape))
@@ -52,7 +52,7 @@ class Check:
         else:
             home = Cell(cell.vectors, (0.0, 0.0, 0.0), cell.periodic)
             points = BoundGrid("points", home, ("point",), xyz=np.ascontiguousarray(bound.relative_points_gc[self.which]))
-            self.target = Target("direct", points, kern, home, threads, origin=cell.origin)
+            self.target = Target({}, points, kern, home, threads, origin=cell.origin)
 
     def errors(self, field_g, at_points, scale: float = 0.0) -> dict[str, float]:
         """Largest and rms difference between the field and its second computation.
@@ -66,13 +66,15 @@ class Check:
         error_max : largest difference of any component over the largest value of the field
         error_l2 : rms difference over the rms of the field
         error_of_fluctuation : largest difference over the largest deviation of the field from its mean
+        error_of_terms : 1 if the field is 0 within rounding, so that its errors are relative to `scale` (else not there)
         """
         difference = np.abs(field_g[self.which] - at_points)
         worst = float(difference.max(initial=0.0))
         rms = float(np.sqrt(np.mean(difference**2))) if difference.size else 0.0
         largest = float(np.abs(field_g).max(initial=0.0))
         if largest <= ZERO * scale:
-            return {"error_max": _ratio(worst, scale), "error_l2": _ratio(rms, scale), "error_of_fluctuation": _ratio(worst, scale)}
+            found = {"error_max": _ratio(worst, scale), "error_l2": _ratio(rms, scale), "error_of_fluctuation": _ratio(worst, scale)}
+            return found | ({"error_of_terms": 1.0} if scale > 0 else {})
         spread = float(np.abs(field_g - field_g.mean(0)).max(initial=0.0)) if len(field_g) else 0.0
         return {
             "error_max": _ratio(worst, largest),
@@ -112,7 +114,7 @@ class SlabTarget:
             slopes = self._sum(x_nc, None, a_nk, lambda d: -marginal_slope(self.marginal, d))[:, :, None] * self.normal
         return self._sum(x_nc, None, a_nk), slopes
 
-    def open(self, n_site=0, n_bond=0):
+    def open(self, n_bond, key="bond"):
         """A deposit of bonds: what `add_bonds` and `add_bond_stress` bring is in `bond_sums`."""
         return _SlabDeposit(self, n_bond)
 
