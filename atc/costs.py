@@ -28,26 +28,28 @@ import numpy as np
 class Costs:
     """CPU seconds of each thing that is counted."""
 
-    read_atom: float = 1.0e-6
-    list_atom: float = 2.0e-7
-    pair: float = 2.2e-8
-    triplet: float = 3.2e-8
+    read_atom: float = 3e-7
+    list_atom: float = 2.2e-7
+    pair: float = 2.1e-8
+    triplet: float = 2.4e-8
     tuple: float = 1.5e-7
-    bond: float = 2.5e-7
-    row: float = 3.0e-8
-    visit: dict = field(default_factory=lambda: {"even": 2.2e-9, "radial": 6e-9, "cone": 5e-9, "gaussian": 9e-9, "bspline": 2e-8, "box": 4e-9})
-    accumulate: float = 0.6e-9
-    slab_bond: float = 1.2e-7
-    point_bond: float = 1.0e-7
-    point_visit: float = 3.0e-8
-    filter_bond: float = 4e-9
-    spread_point: float = 3.0e-8
-    spread_node: float = 4.0e-10
-    mesh_node: float = 3.0e-8
-    gather: float = 1.5e-8
-    value: float = 3.0e-8
-    frame: float = 5e-3
-    written_byte: float = 5e-9
+    bond: float = 1.8e-7
+    row: float = 5e-9
+    visit: dict = field(
+        default_factory=lambda: {"even": 2.5e-9, "radial": 1.1e-8, "cone": 9e-9, "gaussian": 2.8e-8, "bspline": 1e-8, "box": 2.1e-8}
+    )
+    accumulate: float = 1.3e-9
+    slab_bond: float = 2.7e-7
+    point_bond: float = 3.2e-8
+    point_visit: float = 8.2e-8
+    filter_bond: float = 2e-9
+    spread_point: float = 4.5e-8
+    spread_node: float = 3.3e-10
+    mesh_node: float = 1.9e-8
+    gather: float = 2.6e-8
+    value: float = 6e-8
+    frame: float = 7e-3
+    written_byte: float = 1.1e-9
     machine: str = "shipped"
 
     def save(self, path: Path | None = None) -> Path:
@@ -96,8 +98,8 @@ class Load:
         return costs.list_atom * atoms + costs.pair * self.pairs + costs.triplet * self.triplets + costs.tuple * self.tuples
 
 
-def neighborhood(frame, cutoff: float, count: int = 50) -> tuple[float, float, float, float]:
-    """Around `count` atoms (so that empty space in the box does not mislead): mean number of neighbours within `cutoff` and of pairs of them, mean
+def neighborhood(frame, cutoff: float, count: int = 0) -> tuple[float, float, float, float]:
+    """Around some atoms, 50 to 150 unless `count` says otherwise (so that empty space in the box does not mislead): mean number of neighbours within `cutoff` and of pairs of them, mean
     distance of a neighbour, and of two neighbours from each other."""
     n, cell = len(frame), frame.cell
     if n < 2:
@@ -108,7 +110,7 @@ def neighborhood(frame, cutoff: float, count: int = 50) -> tuple[float, float, f
     s = cell.fractional(frame.positions)
     reach = cutoff / cell.heights
     neighbors = pairs = distance = apart = 0.0
-    sample = np.random.default_rng(0).choice(n, min(n, count), replace=False)
+    sample = np.random.default_rng(0).choice(n, min(n, count or (150 if n < 100_000 else 50)), replace=False)
     for k in sample:
         near = np.arange(n)
         d = np.zeros((n, 0))
@@ -254,7 +256,8 @@ def spectral_memory(deposit, components: int, threads: int) -> float:
 def check(costs: Costs, bound, kern, items: float, length: float, points: int) -> float:
     """Seconds of the error check: every bond is looked at, those near a point are summed there."""
     if bound.kind == "slab":
-        return 3e-8 * items * 5
+        return 7e-8 * items * 5
     near = min(1.0, points * (4 / 3 * pi * (kern.support**2 + 0.25 * length**2) ** 1.5 * 1.7) / bound.cell.volume)
+    near = 1.0 if near > 0.7 else near
     reached = items * points * (4 / 3 * pi * kern.support**3 + pi * kern.support**2 * length) / bound.cell.volume
     return costs.filter_bond * items + costs.point_bond * near * items + costs.point_visit * reached

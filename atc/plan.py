@@ -10,7 +10,7 @@ import numpy as np
 
 from .errors import AtcError
 from .estimators.methods import Method, details, summary
-from .estimators.registry import BOND, GATHER, SITE, Work
+from .estimators.registry import BOND, SITE, Work
 
 _TERMS = {
     "one": "1",
@@ -123,8 +123,10 @@ class Request:
             bounds["reference_bond"], cells["reference_bond"] = self.grid.bind(at.units, at.cell, at.positions), at.cell
         elif work.reference_bond:
             return {}
-        kern = self.kernel_internal
-        return choose(self.method, self.tolerance, self.costs, work, bounds, kern, cells, len(frame), self.load)
+        from .costs import Load
+
+        load = self.load if work.bond or work.reference_bond else Load()
+        return choose(self.method, self.tolerance, self.costs, work, bounds, self.kernel_internal, cells, len(frame), load)
 
     @cached_property
     def costs(self):
@@ -344,8 +346,10 @@ class Plan:
         )
         lines += [
             f"time    about {_duration(self.wall_seconds)} a frame, {_duration(self.total_seconds)} in all ({parallel}; first use adds compilation)",
-            "        " + ", ".join(f"{what} {_duration(s)}" for what, s in self.parts.items() if s > 0.005 * self.cpu_seconds)
-            + " of CPU a frame" + ("" if self.measured else "; atc bench --calibrate fits these to this machine"),
+            "        "
+            + ", ".join(f"{what} {_duration(s)}" for what, s in self.parts.items() if s > 0.005 * self.cpu_seconds)
+            + " of CPU a frame"
+            + ("" if self.measured else "; atc bench --calibrate fits these to this machine"),
             f"memory  about {_bytes(self.memory)}, output {_bytes(self.output_bytes)}",
             f"error   about {self.error:.0e} of the largest value of each field (tolerance {self.tolerance:g}); measured at random points when it runs",
         ]
@@ -376,13 +380,13 @@ def plan(*args, **kwargs) -> Plan:
         passes=_passes(work, request), left_out=_left_out(work), method=request.method_used, reason=details(request.methods), atoms=len(frame),
         frames=request.n_frames, points=p.points, bonds=request.load.bonds, visits=p.visits, cpu_seconds=p.parallel + p.serial + written, wall_seconds=wall,
         total_seconds=wall * request.n_frames / request.workers, memory=memory, output_bytes=entry * request.entries * (2 if request.average is not False else 1),
-        error=max([1e-13, *(0.5 * m.tolerance for m in request.methods.values() if not m.exact)]), tolerance=request.tolerance, workers=request.workers,
+        error=max([1e-13, *(min(0.3 * m.tolerance, 0.5 * request.tolerance) for m in request.methods.values() if not m.exact)]), tolerance=request.tolerance, workers=request.workers,
         threads=threads, quantities=[q.name for q in work.quantities], parts=p.parts, measured=request.costs.machine != "shipped",
     )  # fmt: skip
 
 
 def bonds_per_atom(frame, cutoff: float) -> float:
-    """Half the mean number of neighbours within `cutoff`, counted around 50 atoms (so that empty space in the box does not mislead)."""
+    """Half the mean number of neighbours within `cutoff`, counted around some atoms (so that empty space in the box does not mislead)."""
     from .costs import neighborhood
 
     return 0.5 * neighborhood(frame, cutoff)[0]

@@ -7,6 +7,7 @@ from math import pi
 
 from . import costs as model
 from .choose import sizes, spectral_deposit
+from .estimators.accuracy import checking_kernel
 from .estimators.methods import EXACT
 from .estimators.registry import GATHER
 
@@ -39,6 +40,7 @@ def predict(request) -> Prediction:
     if work.grid_users:
         points = len(request.bound)
         kern, bound = request.kernel_internal, request.bound
+        checked = checking_kernel(kern, request.methods)
         for key, (items, length, components) in sizes(work, n, load).items():
             method = request.methods.get(key, EXACT)
             what = "deposit of atoms" if key == "site" else "deposit of bonds"
@@ -52,15 +54,16 @@ def predict(request) -> Prediction:
                 seconds = model.spectral(costs, deposit, items, length, components)
                 memory += model.spectral_memory(deposit, components, threads)
             parts[what] = parts.get(what, 0.0) + seconds
-            parts["error check"] = parts.get("error check", 0.0) + model.check(costs, bound, kern, items, length, min(points, 100))
+            parts["error check"] = parts.get("error check", 0.0) + model.check(costs, bound, checked, items, length, min(points, 100))
         gathered = sum(GATHER[name].width for name in work.gather + work.reference_gather)
         sphere = 4 / 3 * pi * kern.support**3 / bound.cell.volume
         if gathered:
             parts["gradients"] = costs.gather * n * points * sphere * gathered
         components = sum(3**q.rank for q in work.quantities if q.kind == "grid")
-        parts["fields"] = costs.value * points * components + costs.frame
+        parts["fields"] = costs.value * points * (components + work.n_site + work.n_bond + work.n_reference_bond)
         memory += 8.0 * points * (4 * gathered + work.n_site + work.n_bond + work.n_reference_bond + 4 * components)
-    serial = parts["reading"] + parts.get("fields", 0.0) + costs.list_atom * n * bool(work.bond_users)
+    parts["the rest"] = costs.frame
+    serial = parts["reading"] + costs.frame + parts.get("fields", 0.0) + costs.list_atom * n * bool(work.bond_users)
     total = sum(parts.values())
     return Prediction(max(total - serial, 0.0), min(serial, total), parts, memory, points, visits)
 

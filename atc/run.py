@@ -141,7 +141,9 @@ def _settle(request: Request, store, start: int) -> FrameResult | None:
         began, request.methods = request.methods, result.methods
         over = [e["error_max"] for e in result.errors.values() if e["error_max"] > request.tolerance]
         if result.refined and not over:
-            changed = [f"{summary({k: began[k]})} to {began[k].tolerance:g} -> {result.methods[k]}" for k in began if began[k] != result.methods[k]]
+            changed = [
+                f"{summary({k: began[k]})} to {began[k].tolerance:g} -> {result.methods[k]}" for k in began if began[k] != result.methods[k]
+            ]
             result.refined = [f"for all frames, after the first: {', '.join(changed)} ({result.refined[0]})"]
     if store is not None:
         store.remember("methods", {key: m.plain() for key, m in request.methods.items()})
@@ -299,7 +301,9 @@ class _Sink:
             self.note.setdefault("refined", []).append([k, what])
             if not self._said_refined:
                 self._said_refined = True
-                warnings.warn(f"{frame.source}: computed again more closely: {what} (further ones are noted in the output)", AtcWarning, stacklevel=2)
+                warnings.warn(
+                    f"{frame.source}: computed again more closely: {what} (further ones are noted in the output)", AtcWarning, stacklevel=2
+                )
         self.note["frames"] = self.note.get("frames", 0) + 1
         self.note["sources"] = [*self.note.get("sources", []), _source_name(frame.source)][:1]
 
@@ -355,12 +359,9 @@ class _Sink:
                     at["error_relative_to"] = "sum of the sizes of the terms: the field is 0 within rounding"
                 worst = max(worst, at["measured_error"])
         out[""] = {"sources": ", ".join(dict.fromkeys(s for note in self.notes for s in note["sources"]))}
-        refined: dict = {}
-        for note in self.notes:
-            for k, what in note.get("refined", []):
-                refined.setdefault(what, []).append(k)
+        refined = _refinements([r for note in self.notes for r in note.get("refined", [])])
         if refined:
-            out[""]["refinements"] = "; ".join(f"frame{'s' * (len(ks) > 1)} {_ranges(ks)}: {what}" for what, ks in refined.items())
+            out[""]["refinements"] = refined
         if self.request.methods:
             out[""]["method"], out[""]["method_details"] = self.request.method_used, details(self.request.methods)
         counts: dict = {}
@@ -408,6 +409,24 @@ class _Sink:
             name, _, rest = key.partition("/")
             by_name.setdefault(name, {})[rest] = a
         self.averages = {name: BlockAverage.from_state(s) for name, s in by_name.items()}
+
+
+def _refinements(notes) -> str:
+    """What was computed again, like by like: the frames, and the largest error that was the cause."""
+    import re
+
+    like: dict = {}
+    for k, what in notes:
+        error = re.match(r"error (\S+) of ", what)
+        frames, errors = like.setdefault(what if error is None else what[error.end() :], ([], []))
+        frames.append(k)
+        if error is not None:
+            errors.append(float(error[1]))
+    return "; ".join(
+        f"frame{'s' * (len(frames) > 1)} {_ranges(frames)}: "
+        + (f"error{' up to' * (len(errors) > 1)} {max(errors):.1e} of {what}" if errors else what)
+        for what, (frames, errors) in like.items()
+    )
 
 
 def _ranges(numbers) -> str:

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..kernels import Gaussian
+
 # Bins of a slab profile that are computed twice.
 SLAB_BINS = 5
 # A field this small against what it is the difference of is 0.
@@ -17,6 +19,29 @@ ZERO = 1e-10
 def kernel_internal(kern, units):
     """The user's kernel in internal units."""
     return kern if units.length == 1.0 else kern.scaled(units.length)
+
+
+class CutGaussian(Gaussian):
+    """A Gaussian cut where what lies beyond is a given fraction of its mass: enough to measure an error far larger than that."""
+
+    def __init__(self, width, beyond):
+        super().__init__(width)
+        from scipy.special import gammaincinv
+
+        # ∫ beyond r of the normalised Gaussian is 1 − P(3/2, r²/2w²).
+        self._support = min(super().support, width * float(np.sqrt(2.0 * gammaincinv(1.5, 1.0 - beyond))))
+
+    @property
+    def support(self):
+        return self._support
+
+
+def checking_kernel(kern, methods):
+    """The kernel that errors are measured with: the kernel itself, but for Gaussians whose far tails are far below the tolerance of every deposit."""
+    loose = [m.tolerance for m in methods.values() if not m.exact]
+    if loose and isinstance(kern, Gaussian):
+        return CutGaussian(kern.width, max(1e-2 * min(loose), 1e-14))
+    return kern
 
 
 class Check:

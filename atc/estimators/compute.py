@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import AtcError
 from ..units import require_compatible
-from .accuracy import Check, kernel_internal
+from .accuracy import Check, checking_kernel, kernel_internal
 from .kinematics import Displacement
 from .methods import Method, deposits_of
 from .registry import BOND, GATHER, SITE, Work
@@ -62,8 +62,16 @@ class Stage:
         self.check = Check(self.bound, kern, frame.cell, settings.threads, index, settings.check_points)
         self.main = Target(settings.methods, self.bound, kern, frame.cell, settings.threads)
         self.check.target.place(frame.positions)  # before threads ask for it
-        self._near = None
         self._frame, self._kern = frame, kern
+        self.use(settings.methods)
+
+    def use(self, methods) -> None:
+        """From now on sum by these methods."""
+        self.main.methods = methods
+        self.reach = self._kern
+        if self.bound.kind != "slab":
+            self.reach = self.check.target.summed_kern = checking_kernel(self._kern, methods)
+        self._near = None
 
     @property
     def targets(self):
@@ -75,7 +83,7 @@ class Stage:
             return None
         if self._near is None:
             points = self.bound.relative_points_gc[self.check.which]
-            self._near = NearPoints(points, self._kern.support, max(pot.cutoff, 0.0), self._frame.cell, self._frame.positions)
+            self._near = NearPoints(points, self.reach.support, max(pot.cutoff, 0.0), self._frame.cell, self._frame.positions)
         return self._near
 
 
@@ -147,7 +155,7 @@ class _FrameJob:
         frame, work = self.frame, self.work
         for stage in (self.stage, self.reference):
             if stage is not None:
-                stage.main.methods = methods
+                stage.use(methods)
         # The sums on the grid, and those at the points of the check. Made anew, since they remember what was formed from them.
         fresh = [Sums(drift=self.drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann) for _ in range(2)]
         for new, old in zip(fresh, self.sums):

@@ -16,6 +16,7 @@ class Target:
 
     def __init__(self, methods, bound, kern, cell, threads, origin=None):
         self.methods, self.bound, self.kern, self.cell, self.threads = methods, bound, kern, cell, threads
+        self.summed_kern = kern  # what deposits use; gradients always use `kern`
         self.origin = None if origin is None or not np.any(origin) else origin
         self._moved: tuple = (None, None)
 
@@ -31,7 +32,7 @@ class Target:
         from ..deposit import make
 
         m = self.methods.get(key, EXACT)
-        return make(m.name, self.bound, self.kern, self.cell, n_site, n_bond, threads=self.threads, tolerance=m.tolerance or 1e-5)
+        return make(m.name, self.bound, self.summed_kern, self.cell, n_site, n_bond, threads=self.threads, tolerance=m.tolerance or 1e-5)
 
     def open(self, n_bond, key="bond"):
         """An empty deposit of bonds with this many components."""
