@@ -210,6 +210,15 @@ class Store:
         with np.load(path) as f:
             return {k: f[k] for k in f.files}
 
+    def remember(self, name: str, value) -> None:
+        """Keep plain values that an interrupted run must find again."""
+        with explained(self.out):
+            self._write_json(f"{name}.json", value)
+
+    def recall(self, name: str):
+        """What `remember` kept, or None."""
+        return self._read_json(f"{name}.json")
+
     # --- the end
     def finish(self, attrs: dict) -> None:
         """Set the final attributes (by variable; "" for the dataset) and rename."""

@@ -1,35 +1,16 @@
-"""From a request to the least work that answers it, before anything is computed: which passes, sums and terms, by which method, at what cost.
-
-The cost model is deliberately small; its constants are measured by ``benchmarks/`` on one ordinary core and good to a factor of two:
-
-- neighbour list, forces and decomposition: `SECONDS_PER_ATOM` an atom;
-- direct deposit of a bond: `SECONDS_PER_BOND`, plus `SECONDS_PER_ROW` for every row of a regular grid that crosses the capsule around
-  the bond, plus `SECONDS_PER_VISIT` for every point in it. Points: volume of the capsule, 4/3 π R³ + π R² L with L the mean bond
-  length, times points per volume; rows: its mean cross-section, π R² + π/2 R L, over the area between rows;
-- deposit of an atom: `SECONDS_PER_VISIT` for the 4/3 π R³ around it, for each six components;
-- sums with the kernel's gradient: `SECONDS_PER_GATHER` a pair of point and atom for each factor;
-- the error check: `SECONDS_PER_CHECK` a bond;
-- reading `SECONDS_PER_READ` an atom, writing at `BYTES_PER_SECOND_WRITTEN`.
-"""
+"""From a request to the least work that answers it, before anything is computed: which passes, sums and terms, by which method, at what cost (`costs`)."""
 
 from __future__ import annotations
 
 import os
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from .errors import AtcError
-from .estimators.registry import BOND, GATHER, SITE, Work
-
-SECONDS_PER_ATOM = 1.5e-6
-SECONDS_PER_BOND = 4e-7
-SECONDS_PER_ROW = 4e-8
-SECONDS_PER_VISIT = 6e-9
-SECONDS_PER_CHECK = 1.5e-7
-SECONDS_PER_GATHER = 1.5e-8
-SECONDS_PER_READ = 1e-6
-BYTES_PER_SECOND_WRITTEN = 2e8
+from .estimators.methods import Method, details, summary
+from .estimators.registry import BOND, SITE, Work
 
 _TERMS = {
     "one": "1",
@@ -122,12 +103,62 @@ class Request:
             self.grid = self.grid.fixed(where.units, where.cell, where.positions)
         if self.work.bond_users and hasattr(self.pot, "check_topology"):
             self.pot.check_topology(self.first)
-        self.method_used, self.method_reason = choose_method(self.method)
+        require_known(self.method)
         # Whole frames to processes if there are enough of them, else threads within a frame.
         if self.workers > 1 and self.n_frames < self.workers:
             self.threads, self.workers = self.threads or self.workers, 1
         self.threads = int(self.threads or max(1, cpus() // self.workers))
         self.workers = int(self.workers)
+        self.methods = self._choose()
+
+    def _choose(self) -> dict[str, Method]:
+        """The method of each deposit, by the cost model and the first frame: the same for every frame, whoever computes it."""
+        work, frame = self.work, self.first
+        if self.kern is None or self.grid is None or (work.bond_users and self.pot is None):
+            return {}
+        from .choose import choose
+
+        bounds, cells = {}, {}
+        for key in ("site", "bond"):
+            if getattr(work, key):
+                bounds[key], cells[key] = self.bound, frame.cell
+        if work.reference_bond and self.reference is not None:
+            at = self.reference
+            bounds["reference_bond"], cells["reference_bond"] = self.grid.bind(at.units, at.cell, at.positions), at.cell
+        elif work.reference_bond:
+            return {}
+        from .costs import Load
+
+        load = self.load if work.bond or work.reference_bond else Load()
+        return choose(self.method, self.tolerance, self.costs, work, bounds, self.kernel_internal, cells, len(frame), load)
+
+    @cached_property
+    def costs(self):
+        from .costs import Costs
+
+        return Costs.load()
+
+    @cached_property
+    def bound(self):
+        """The grid on the first frame."""
+        return self.grid.bind(self.first.units, self.first.cell, self.first.positions)
+
+    @cached_property
+    def kernel_internal(self):
+        from .estimators.accuracy import kernel_internal
+
+        return kernel_internal(self.kern, self.first.units)
+
+    @cached_property
+    def load(self):
+        """Pairs, triplets and bonds of the first frame, estimated."""
+        from .costs import Load, load_of
+
+        return load_of(self.pot, self.first) if self.work.bond_users else Load()
+
+    @property
+    def method_used(self) -> str:
+        return summary(self.methods)
 
     @property
     def window(self) -> int:
@@ -149,7 +180,7 @@ class Request:
             self.pot,
             self.kern,
             self.grid,
-            self.method_used,
+            dict(self.methods),
             self.tolerance,
             self.reference if self.work.reference_users else None,
             self.threads,
@@ -165,7 +196,7 @@ class Request:
             "potential": self._potential_key() if self.work.bond_users else None,
             "kernel": fingerprint((self.kern.name, self.kern.parameters)) if self.work.grid_users else None,
             "grid": fingerprint(self.grid) if self.work.grid_users else None,
-            "method": self.method_used,
+            "method": self.method,
             "tolerance": float(self.tolerance),
             "average": int(self.average) if self.average is not True else True,
             "frames": self.n_frames,
@@ -197,15 +228,11 @@ def as_frames(traj):
     return traj if isinstance(traj, Trajectory) else read(traj)
 
 
-def choose_method(method: str) -> tuple[str, str]:
-    """The method that will be used, and why."""
-    from .deposit import METHODS
+def require_known(method: str) -> None:
+    """Raise for a method that does not exist."""
+    from .choose import require_known
 
-    if method == "auto":
-        return "direct", "the exact sum: keeps every tolerance"
-    if method not in METHODS:
-        raise AtcError(f"unknown method {method!r}: expected auto or one of {', '.join(METHODS)}")
-    return method, "asked for"
+    require_known(method)
 
 
 def fingerprint(thing) -> str:
@@ -274,6 +301,8 @@ class Plan:
     cpu_seconds, wall_seconds : predicted, a frame; total_seconds: the whole run
     memory : predicted peak in bytes, a process
     error : predicted error relative to the largest value of each field
+    parts : CPU seconds a frame of each part of the work
+    measured : whether the cost model was measured on this machine (`atc bench --calibrate`)
     """
 
     passes: list[str]
@@ -295,6 +324,8 @@ class Plan:
     workers: int
     threads: int
     quantities: list[str] = field(default_factory=list)
+    parts: dict[str, float] = field(default_factory=dict)
+    measured: bool = False
 
     def __str__(self):
         def count(x):
@@ -311,7 +342,7 @@ class Plan:
             *(f"  {what}: {why}" for what, why in self.left_out),
         ]
         if self.points:
-            lines.append(f"method  {self.method} ({self.reason})")
+            lines.append("method  " + self.reason.replace("; sums over", "\n        sums over"))
         parallel = (
             f"{self.workers} processes of {self.threads} threads"
             if self.workers > 1
@@ -319,6 +350,10 @@ class Plan:
         )
         lines += [
             f"time    about {_duration(self.wall_seconds)} a frame, {_duration(self.total_seconds)} in all ({parallel}; first use adds compilation)",
+            "        "
+            + ", ".join(f"{what} {_duration(s)}" for what, s in self.parts.items() if s > 0.005 * self.cpu_seconds)
+            + " of CPU a frame"
+            + ("" if self.measured else "; atc bench --calibrate fits these to this machine"),
             f"memory  about {_bytes(self.memory)}, output {_bytes(self.output_bytes)}",
             f"error   about {self.error:.0e} of the largest value of each field (tolerance {self.tolerance:g}); measured at random points when it runs",
         ]
@@ -332,73 +367,33 @@ def plan(*args, **kwargs) -> Plan:
     """
     request = args[0] if len(args) == 1 and not kwargs and isinstance(args[0], Request) else Request(*args, **kwargs)
     work, frame, threads = request.work, request.first, request.threads
-    n, volume = len(frame), frame.cell.volume
-    bonds = length = visits = 0.0
-    points = 0
-    memory = 8.0 * n * 16
-    seconds = SECONDS_PER_READ * n
-    kernel_volume = area = 0.0
-    if work.grid_users:
-        from .estimators.accuracy import kernel_internal
+    if work.grid_users and (request.kern is None or request.grid is None):
+        raise AtcError(f"{', '.join(work.grid_users)} need a kernel and a grid")
+    if work.bond_users and request.pot is None:
+        raise AtcError(f"{', '.join(work.bond_users)} need a potential: give the pair_style/pair_coeff lines of the run")
+    from .predict import predict
 
-        if request.kern is None or request.grid is None:
-            raise AtcError(f"{', '.join(work.grid_users)} need a kernel and a grid")
-        bound = request.grid.bind(frame.units, frame.cell, frame.positions)
-        points = int(np.prod(bound.shape))
-        R = kernel_internal(request.kern, frame.units).support
-        kernel_volume, area = 4.18879 * R**3, 3.14159 * R**2
-    if work.bond_users:
-        if request.pot is None:
-            raise AtcError(f"{', '.join(work.bond_users)} need a potential: give the pair_style/pair_coeff lines of the run")
-        bonds, length = n * bonds_per_atom(frame, request.pot.cutoff), 0.75 * request.pot.cutoff
-        seconds += SECONDS_PER_ATOM * n
-        memory += 40.0 * bonds
-    if work.bond or work.reference_bond:
-        visits = bonds * points * (kernel_volume + area * length) / volume
-        rows = bonds * points ** (2 / 3) * (area + 1.57 * R * length) / volume ** (2 / 3) if bound.kind == "regular" else 0.0
-        once = SECONDS_PER_VISIT * visits + SECONDS_PER_ROW * rows + (SECONDS_PER_BOND + SECONDS_PER_CHECK) * bonds
-        seconds += once * (bool(work.bond) * max(1.0, work.n_bond / 6) + 1.5 * bool(work.reference_bond))
-    if work.site:
-        seconds += SECONDS_PER_VISIT * n * points * kernel_volume / volume * max(1.0, work.n_site / 6)
-    gathered = [GATHER[name].width for name in work.gather + work.reference_gather]
-    seconds += SECONDS_PER_GATHER * n * points * kernel_volume / volume * sum(gathered)
-    memory += (
-        8.0
-        * points
-        * (
-            4 * sum(gathered)
-            + max(work.n_site, work.n_bond + work.n_reference_bond) * (threads + 1)
-            + sum(3**q.rank for q in work.quantities) * 2
-        )
-    )
-    size = {"grid": points, "box": 1, "atom": n}
+    p = predict(request)
+    size = {"grid": p.points, "box": 1, "atom": len(frame)}
     entry = sum(8.0 * 3**q.rank * size[q.kind] for q in work.quantities)
     levels = 1 if request.average is False else 3 * (1 + int(np.log2(request.window)))
-    memory += entry * levels if request.average is not False else 0.0
-    wall = seconds / threads + entry / BYTES_PER_SECOND_WRITTEN
+    memory = p.memory + (entry * levels if request.average is not False else 0.0)
+    written = entry * request.costs.written_byte
+    wall = p.parallel / threads + p.serial + written
     return Plan(
-        passes=_passes(work, request), left_out=_left_out(work), method=request.method_used, reason=request.method_reason, atoms=n,
-        frames=request.n_frames, points=points, bonds=bonds, visits=visits, cpu_seconds=seconds, wall_seconds=wall,
+        passes=_passes(work, request), left_out=_left_out(work), method=request.method_used, reason=details(request.methods), atoms=len(frame),
+        frames=request.n_frames, points=p.points, bonds=request.load.bonds, visits=p.visits, cpu_seconds=p.parallel + p.serial + written, wall_seconds=wall,
         total_seconds=wall * request.n_frames / request.workers, memory=memory, output_bytes=entry * request.entries * (2 if request.average is not False else 1),
-        error=1e-13, tolerance=request.tolerance, workers=request.workers, threads=threads, quantities=[q.name for q in work.quantities],
+        error=max([1e-13, *(min(0.3 * m.tolerance, 0.5 * request.tolerance) for m in request.methods.values() if not m.exact)]), tolerance=request.tolerance, workers=request.workers,
+        threads=threads, quantities=[q.name for q in work.quantities], parts=p.parts, measured=request.costs.machine != "shipped",
     )  # fmt: skip
 
 
 def bonds_per_atom(frame, cutoff: float) -> float:
-    """Half the mean number of neighbours within `cutoff`, counted around 50 atoms (so that empty space in the box does not mislead)."""
-    n, cell = len(frame), frame.cell
-    if n < 2:
-        return 0.0
-    if cutoff > 0.5 * cell.heights[cell.periodic].min(initial=np.inf):
-        return 0.5 * n / cell.volume * 4.18879 * cutoff**3
-    s = cell.fractional(frame.positions)
-    total = 0
-    sample = np.random.default_rng(0).choice(n, min(n, 50), replace=False)
-    for k in sample:
-        d = s - s[k]
-        d -= np.where(cell.periodic, np.rint(d), 0.0)
-        total += np.count_nonzero(((d @ cell.vectors) ** 2).sum(1) < cutoff**2) - 1
-    return 0.5 * total / len(sample)
+    """Half the mean number of neighbours within `cutoff`, counted around some atoms (so that empty space in the box does not mislead)."""
+    from .costs import neighborhood
+
+    return 0.5 * neighborhood(frame, cutoff)[0]
 
 
 def _passes(work: Work, request: Request) -> list[str]:

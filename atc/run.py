@@ -10,6 +10,7 @@ import numpy as np
 from .contents import follows_cell, grid_moves, moving_coordinates, output_layout, radius_of
 from .errors import AtcError, AtcWarning
 from .estimators.compute import FrameResult, frame_fields, require
+from .estimators.methods import DEPOSITS, Method, details, summary
 from .estimators.registry import QUANTITIES
 from .output import Layout, Store, dataset_in_memory, explained, open_dataset
 from .plan import Request, plan  # noqa: F401  (plan belongs to the same door)
@@ -105,10 +106,11 @@ def _run(request, store, progress) -> _Sink:
     n, window = request.n_frames, request.window
     sink = _Sink(request, store)
     start = sink.next_frame
+    first = _settle(request, store, start)
     began, done = time.perf_counter(), start
     if progress is not None:
         progress(done, n, 0.0)
-    results = _results(request, start)
+    results = _results(request, start, first)
     try:
         for k, (frame, result) in zip(range(start, n), results):
             sink.add(k, frame, result, last_of_window=(k + 1) % window == 0 or k + 1 == n)
@@ -133,9 +135,41 @@ def _frames_from(frames, start):
     return iter(frames if start == 0 else frames[start:])
 
 
-def _results(request: Request, start: int):
-    """(frame, FrameResult) in order."""
+def _settle(request: Request, store, start: int) -> FrameResult | None:
+    """Fix the methods for all frames, by the error they leave on the first one: its result, if it had to be computed and is still wanted.
+
+    On every frame the methods are tightened as far as that frame needs, beginning from these: what is done to a frame does not depend on which frames
+    were computed before it, where, or whether the run was interrupted.
+    """
+    if store is not None and start > 0:
+        known = store.recall("methods")
+        if known is not None:
+            request.methods = {key: Method.from_plain(known[key]) for key in DEPOSITS if key in known}
+            return None
+    result = None
+    if not all(m.exact for m in request.methods.values()):
+        # Half the tolerance: other frames, and points other than those looked at, have larger errors.
+        result = frame_fields(request.first, request.settings(), 0, goal=0.5 * request.tolerance)
+        began, request.methods = request.methods, result.methods
+        over = [e["error_max"] for e in result.errors.values() if e["error_max"] > request.tolerance]
+        if result.refined and not over:
+            changed = [
+                f"{summary({k: began[k]})} to {began[k].tolerance:g} -> {result.methods[k]}" for k in began if began[k] != result.methods[k]
+            ]
+            result.refined = [f"for all frames, after the first: {', '.join(changed)} ({result.refined[0]})"]
+    if store is not None:
+        store.remember("methods", {key: m.plain() for key, m in request.methods.items()})
+    return result if start == 0 else None
+
+
+def _results(request: Request, start: int, first: FrameResult | None = None):
+    """(frame, FrameResult) in order; the result of the first frame may be there already."""
     settings = request.settings()
+    if first is not None:
+        yield request.first, first
+        start = 1
+    if start >= request.n_frames:
+        return
     if request.workers == 1:
         for k, frame in enumerate(_frames_from(request.frames, start), start):
             yield frame, frame_fields(frame, settings, k)
@@ -196,6 +230,7 @@ class _Sink:
         self.averages: dict[str, BlockAverage] = {}
         self.any_mass = None
         self.note: dict = {}
+        self._said_refined = False
         self.next_frame = min(len(self.notes) * request.window, request.n_frames)
         self._saved = time.monotonic()
         if store is not None and request.window > 1:
@@ -274,6 +309,13 @@ class _Sink:
         counts = self.note.setdefault("notes", {})
         for what, count in result.notes.items():
             counts[what] = counts.get(what, 0) + count
+        for what in result.refined:
+            self.note.setdefault("refined", []).append([k, what])
+            if not self._said_refined:
+                self._said_refined = True
+                warnings.warn(
+                    f"{frame.source}: computed again more closely: {what} (further ones are noted in the output)", AtcWarning, stacklevel=2
+                )
         self.note["frames"] = self.note.get("frames", 0) + 1
         self.note["sources"] = [*self.note.get("sources", []), _source_name(frame.source)][:1]
 
@@ -325,8 +367,15 @@ class _Sink:
                 for kind, value in measured.items():
                     at[kind] = max(at.get(kind, 0.0), value)
                 at["measured_error"] = at.get("error_max", 0.0)
+                if at.pop("error_of_terms", 0.0):
+                    at["error_relative_to"] = "sum of the sizes of the terms: the field is 0 within rounding"
                 worst = max(worst, at["measured_error"])
         out[""] = {"sources": ", ".join(dict.fromkeys(s for note in self.notes for s in note["sources"]))}
+        refined = _refinements([r for note in self.notes for r in note.get("refined", [])])
+        if refined:
+            out[""]["refinements"] = refined
+        if self.request.methods:
+            out[""]["method"], out[""]["method_details"] = self.request.method_used, details(self.request.methods)
         counts: dict = {}
         for note in self.notes:
             for what, count in note["notes"].items():
@@ -337,7 +386,7 @@ class _Sink:
             out[""]["measured_error"] = worst
             if worst > self.request.tolerance:
                 # The exact sum itself can only miss it where a field is the small difference of large numbers.
-                exact = self.request.method_used == "direct"
+                exact = all(m.exact or not m.forced for m in self.request.methods.values())
                 warnings.warn(
                     f"the measured error {worst:.1e} exceeds the tolerance {self.request.tolerance:.1e}: "
                     + ("a field is hardly more than the rounding of what it is the difference of" if exact else "use method='direct'"),
@@ -372,6 +421,35 @@ class _Sink:
             name, _, rest = key.partition("/")
             by_name.setdefault(name, {})[rest] = a
         self.averages = {name: BlockAverage.from_state(s) for name, s in by_name.items()}
+
+
+def _refinements(notes) -> str:
+    """What was computed again, like by like: the frames, and the largest error that was the cause."""
+    import re
+
+    like: dict = {}
+    for k, what in notes:
+        error = re.match(r"error (\S+) of ", what)
+        frames, errors = like.setdefault(what if error is None else what[error.end() :], ([], []))
+        frames.append(k)
+        if error is not None:
+            errors.append(float(error[1]))
+    return "; ".join(
+        f"frame{'s' * (len(frames) > 1)} {_ranges(frames)}: "
+        + (f"error{' up to' * (len(errors) > 1)} {max(errors):.1e} of {what}" if errors else what)
+        for what, (frames, errors) in like.items()
+    )
+
+
+def _ranges(numbers) -> str:
+    """1, 2, 3, 7 as "1-3, 7"."""
+    out: list[list[int]] = []
+    for k in sorted(set(numbers)):
+        if out and k == out[-1][1] + 1:
+            out[-1][1] = k
+        else:
+            out.append([k, k])
+    return ", ".join(str(a) if a == b else f"{a}-{b}" for a, b in out)
 
 
 def _plain_coordinates(coordinates):

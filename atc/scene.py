@@ -364,12 +364,12 @@ class Scene:
         self.require_complete()
         if jobs < 0:
             raise AtcError(f"-j {jobs}: expected a number of processor cores, or 0 for all of them")
-        from .plan import choose_method, cpus
+        from .plan import cpus, require_known
 
         jobs = jobs or cpus()
         method = self.get("fields", "method", "auto")
         try:
-            choose_method(method)
+            require_known(method)
         except AtcError as e:
             raise self._placed_error("fields", ["method"], e) from None
         traj = self.trajectory()

@@ -142,7 +142,12 @@ def test_integrals_over_the_box(partition):
     grid = atc.Grid.regular(shape=_finest(frame.cell, 0.6))
     volume = frame.units.to_user("volume", frame.cell.volume)
     ds = atc.fields(
-        frame, pot, atc.kernel("gaussian", width=1.2), grid, ["energy_flux", "heat_current", "churning", "stress_potential"]
+        frame,
+        pot,
+        atc.kernel("gaussian", width=1.2),
+        grid,
+        ["energy_flux", "heat_current", "churning", "stress_potential"],
+        tolerance=1e-12,
     ).isel(frame=0)
     u = frame.units
     flux = ds.energy_flux.mean(("x", "y", "z")) * volume

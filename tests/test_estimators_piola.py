@@ -100,6 +100,7 @@ def test_box_integral_is_the_pulled_back_virial():
         atc.kernel("gaussian", width=1.6),
         atc.Grid.regular(shape=(16, 18, 20)),
         ["piola_stress", "virial_stress_potential"],
+        tolerance=1e-12,
         reference=reference,
     )
     mean = ds.piola_stress.values[0].reshape(-1, 9).mean(0).reshape(3, 3)

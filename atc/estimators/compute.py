@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass, field
 from time import perf_counter
 
@@ -10,22 +9,24 @@ import numpy as np
 
 from ..errors import AtcError
 from ..units import require_compatible
-from .accuracy import Check, kernel_internal
+from .accuracy import Check, checking_kernel, kernel_internal
 from .kinematics import Displacement
+from .methods import Method, deposits_of
 from .registry import BOND, GATHER, SITE, Work
 from .sources import AtomFactors, AtomSums, ReferenceBonds, bond_factors, drift_velocity, piola_factor
 from .sums import Sums, kinetic_flux, outer6, quotient, thermal
+from .target import NearPoints, Target
 
 
 @dataclass
 class Settings:
-    """What a worker needs to know to turn a frame into fields; picklable."""
+    """What a worker needs to know to turn a frame into fields; picklable. Deposits that `methods` does not name are summed exactly."""
 
     names: tuple[str, ...]
     pot: object = None
     kern: object = None
     grid: object = None
-    method: str = "direct"
+    methods: dict[str, Method] = field(default_factory=dict)
     tolerance: float = 1e-5
     reference: object = None
     threads: int = 1
@@ -49,73 +50,8 @@ class FrameResult:
     bound: object = None
     seconds: dict[str, float] = field(default_factory=dict)
     notes: dict[str, int] = field(default_factory=dict)
-
-
-class Target:
-    """Points at which sums are wanted, with one method to get them; `origin` is subtracted from all positions first."""
-
-    def __init__(self, method, bound, kern, cell, threads, origin=None):
-        self.method, self.bound, self.kern, self.cell, self.threads = method, bound, kern, cell, threads
-        self.origin = None if origin is None or not np.any(origin) else origin
-        self._moved: tuple = (None, None)
-
-    def place(self, x_nc) -> np.ndarray:
-        """Positions relative to `origin`; the last ones are remembered."""
-        if self.origin is None:
-            return x_nc
-        if self._moved[0] is not x_nc:
-            self._moved = (x_nc, x_nc - self.origin)
-        return self._moved[1]
-
-    def open(self, n_site=0, n_bond=0):
-        """An empty deposit for this many components."""
-        from ..deposit import make
-
-        deposit = make(self.method, self.bound, self.kern, self.cell, n_site, n_bond, threads=self.threads)
-        return deposit if self.origin is None else _Placed(deposit, self)
-
-    def sites(self, x_nc, a_nk) -> np.ndarray:
-        """(g, k) Σ a φ over all atoms."""
-        x_nc = self.place(x_nc)
-        from ..deposit import make
-
-        deposit = make(self.method, self.bound, self.kern, self.cell, a_nk.shape[1], 0, threads=self.threads)
-        if self.threads == 1 or len(x_nc) < 2 * self.threads:
-            deposit.add_sites(x_nc, a_nk, thread=0)
-        else:
-            from concurrent.futures import ThreadPoolExecutor
-
-            cuts = np.linspace(0, len(x_nc), self.threads + 1).astype(int)
-            with ThreadPoolExecutor(self.threads) as pool:
-                jobs = [pool.submit(deposit.add_sites, x_nc[a:b], a_nk[a:b], thread=t) for t, (a, b) in enumerate(itertools.pairwise(cuts))]
-                for job in jobs:
-                    job.result()
-        return deposit.site_sums()
-
-    @property
-    def points_gc(self) -> np.ndarray:
-        """(g, 3) where the points are, in the frame's own coordinates."""
-        return self.bound.points_gc if self.origin is None else self.bound.points_gc + self.origin
-
-    def gather(self, x_nc, a_nk, w_n, gradient):
-        """Σ a φ and Σ a ∂φ/∂x, see `atc.deposit.gradient`."""
-        from ..deposit.gradient import gather
-
-        return gather(self.bound, self.kern, self.cell, self.place(x_nc), a_nk, w_n, gradient, self.threads)
-
-
-class _Placed:
-    """A deposit that gets its positions relative to another origin."""
-
-    def __init__(self, deposit, target):
-        self.deposit, self.target = deposit, target
-        self.bond_sums = deposit.bond_sums
-
-    def add_bond_stress(self, x_nc, i_b, r_bc, G_b, thread=0):
-        self.deposit.add_bond_stress(self.target.place(x_nc), i_b, r_bc, G_b, thread=thread)
-
-    def add_bonds(self, x_bc, r_bc, b_bk, thread=0):
-        self.deposit.add_bonds(x_bc - self.target.origin, r_bc, b_bk, thread=thread)
+    methods: dict[str, Method] = field(default_factory=dict)
+    refined: list[str] = field(default_factory=list)
 
 
 class Stage:
@@ -124,12 +60,35 @@ class Stage:
     def __init__(self, frame, kern, settings, index):
         self.bound = settings.grid.bind(frame.units, frame.cell, frame.positions)
         self.check = Check(self.bound, kern, frame.cell, settings.threads, index, settings.check_points)
-        self.targets = [Target(settings.method, self.bound, kern, frame.cell, settings.threads), self.check.target]
+        self.main = Target(settings.methods, self.bound, kern, frame.cell, settings.threads)
         self.check.target.place(frame.positions)  # before threads ask for it
+        self._frame, self._kern = frame, kern
+        self.use(settings.methods)
+
+    def use(self, methods) -> None:
+        """From now on sum by these methods."""
+        self.main.methods = methods
+        self.reach = self._kern
+        if self.bound.kind != "slab":
+            self.reach = self.check.target.summed_kern = checking_kernel(self._kern, methods)
+        self._near = None
+
+    @property
+    def targets(self):
+        return self.main, self.check.target
+
+    def near(self, pot) -> NearPoints | None:
+        """Which bonds the check must look at; None where it looks at all of them (slabs)."""
+        if self.bound.kind == "slab" or not len(self.check.which):
+            return None
+        if self._near is None:
+            points = self.bound.relative_points_gc[self.check.which]
+            self._near = NearPoints(points, self.reach.support, max(pot.cutoff, 0.0), self._frame.cell, self._frame.positions)
+        return self._near
 
 
-def frame_fields(frame, settings: Settings, index: int = 0) -> FrameResult:
-    """All quantities of `settings` on one frame.
+def frame_fields(frame, settings: Settings, index: int = 0, goal: float | None = None) -> FrameResult:
+    """All quantities of `settings` on one frame, computed again by tighter methods as long as an error found is larger than allowed.
 
     Parameters
     ----------
@@ -137,10 +96,12 @@ def frame_fields(frame, settings: Settings, index: int = 0) -> FrameResult:
     settings : Settings
     index : int
         Number of the frame: the random points of the error check depend on nothing else.
+    goal : float
+        Error to be reached; `settings.tolerance` if not given. What is done depends on the frame, the settings and this number alone.
 
     Returns
     -------
-    FrameResult, in the frame's own units.
+    FrameResult, in the frame's own units; `methods` are those used in the end, `refined` says what was computed again and why.
 
     Raises
     ------
@@ -149,91 +110,189 @@ def frame_fields(frame, settings: Settings, index: int = 0) -> FrameResult:
     """
     work = Work.of(settings.names)
     require(frame, settings, work)
+    goal = settings.tolerance if goal is None else goal
     start = perf_counter()
-    kern = kernel_internal(settings.kern, frame.units) if work.grid_users else None
-    on_reference = set(work.on_reference)
-    stage = Stage(frame, kern, settings, index) if set(work.grid_users) - on_reference else None
-    reference = Stage(settings.reference, kern, settings, index) if on_reference else None
+    job = _FrameJob(frame, settings, work, index)
+    methods, refined = dict(settings.methods), []
+    todo = {"site", "bond", "reference_bond"}
+    while True:
+        job.compute(methods, todo)
+        result = job.result()
+        tighter = job.tightened(methods, result, goal)
+        if not tighter:
+            break
+        for key, (method, why) in tighter.items():
+            methods[key] = method
+            refined.append(f"{why}: {_WORDS[key]} {method}")
+        todo = set(tighter)
+    result.methods, result.refined = methods, refined
+    result.seconds["total"] = perf_counter() - start
+    return result
 
-    drift = drift_velocity(frame) if "velocities" in work.attributes else np.zeros(3)
-    # The sums on the grid, and those at the points of the check.
-    sums = [Sums(drift=drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann) for _ in range(2)]
-    factors = AtomFactors(frame, drift)
-    decomposition, atoms = _bond_pass(frame, settings, work, stage, reference, factors, sums) if work.bond_users else (None, None)
-    bonds_done = perf_counter()
-    if work.site:
-        _site_pass(frame, work, stage, factors, sums)
-    if work.gather:
-        _gather_pass(frame, settings, work, stage, factors, sums)
-    if work.reference_gather:
-        _reference_gather_pass(frame, settings, work, reference, factors, sums)
-    for name in work.whole:
-        sums[0].whole[name] = _whole(name, factors, decomposition, atoms)
-    sites_done = perf_counter()
 
-    main, at_points = sums
-    arrays, errors, weights = {}, {}, {}
-    for q in work.quantities:
-        values = q.form(main)
-        arrays[q.name] = frame.units.to_user(q.dimension, values)
-        if q.kind == "grid":
-            here = reference if q.name in on_reference else stage
-            # Points that are never defined are NaN in both.
-            errors[q.name] = here.check.errors(np.nan_to_num(values), np.nan_to_num(q.form(at_points)), q.scale(main))
-            arrays[q.name] = arrays[q.name].reshape(*here.bound.shape, *values.shape[1:])
-            if q.weight is not None:
-                weights[q.name] = main.site[q.weight][:, 0].reshape(here.bound.shape)
-    here = stage or reference
-    return FrameResult(
-        arrays,
-        mask=main.defined.reshape(stage.bound.shape) if work.masked else None,
-        weights=weights,
-        errors=errors,
-        bound=here.bound if here else None,
-        seconds={"bonds": bonds_done - start, "sites": sites_done - bonds_done, "total": perf_counter() - start},
-        notes=dict(getattr(decomposition, "notes", None) or {}),
-    )
+_WORDS = {"site": "sums over atoms", "bond": "sums over bonds", "reference_bond": "sums over reference bonds"}
+# Where the density is below this fraction of its largest value, quotients by it need the exact sums.
+_THIN = 0.02
+
+
+class _FrameJob:
+    """One frame with the sums it has so far; single deposits can be computed again by another method."""
+
+    def __init__(self, frame, settings, work, index):
+        self.frame, self.settings, self.work = frame, settings, work
+        kern = kernel_internal(settings.kern, frame.units) if work.grid_users else None
+        self.on_reference = set(work.on_reference)
+        self.stage = Stage(frame, kern, settings, index) if set(work.grid_users) - self.on_reference else None
+        self.reference = Stage(settings.reference, kern, settings, index) if self.on_reference else None
+        self.drift = drift_velocity(frame) if "velocities" in work.attributes else np.zeros(3)
+        self.factors = AtomFactors(frame, self.drift)
+        self.sums: list[Sums] = []
+        self.decomposition = self.atoms = None
+        self.seconds = {"bonds": 0.0, "sites": 0.0}
+
+    def compute(self, methods, todo) -> None:
+        """The sums of the deposits in `todo`; everything else is kept."""
+        frame, work = self.frame, self.work
+        for stage in (self.stage, self.reference):
+            if stage is not None:
+                stage.use(methods)
+        # The sums on the grid, and those at the points of the check. Made anew, since they remember what was formed from them.
+        fresh = [Sums(drift=self.drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann) for _ in range(2)]
+        for new, old in zip(fresh, self.sums):
+            for name in ("site", "bond", "whole", "gathered", "gradient"):
+                setattr(new, name, getattr(old, name))
+            new.thermal_shifted, new.kinetic_flux_shifted, new.size = old.thermal_shifted, old.kinetic_flux_shifted, old.size
+        first, self.sums = not self.sums, fresh
+        start = perf_counter()
+        if work.bond_users and (first or todo & {"bond", "reference_bond"}):
+            self.decomposition, self.atoms = _bond_pass(frame, self.settings, work, self.stage, self.reference, self.factors, fresh)
+        bonds_done = perf_counter()
+        if work.site and (first or "site" in todo):
+            for s in fresh:
+                s.thermal_shifted = s.kinetic_flux_shifted = None
+            _site_pass(frame, work, self.stage, self.factors, fresh)
+        if first and work.gather:
+            _gather_pass(frame, self.settings, work, self.stage, self.factors, fresh)
+        if first and work.reference_gather:
+            _reference_gather_pass(frame, self.settings, work, self.reference, self.factors, fresh)
+        for name in work.whole:
+            fresh[0].whole[name] = _whole(name, self.factors, self.decomposition, self.atoms)
+        self.seconds["bonds"] += bonds_done - start
+        self.seconds["sites"] += perf_counter() - bonds_done
+
+    def result(self) -> FrameResult:
+        frame, work = self.frame, self.work
+        main, at_points = self.sums
+        self._clear_thin(main)
+        arrays, errors, weights = {}, {}, {}
+        for q in work.quantities:
+            values = q.form(main)
+            arrays[q.name] = frame.units.to_user(q.dimension, values)
+            if q.kind == "grid":
+                here = self.reference if q.name in self.on_reference else self.stage
+                # Points that are never defined are NaN in both.
+                errors[q.name] = here.check.errors(np.nan_to_num(values), np.nan_to_num(q.form(at_points)), q.scale(main))
+                arrays[q.name] = arrays[q.name].reshape(*here.bound.shape, *values.shape[1:])
+                if q.weight is not None:
+                    weights[q.name] = main.site[q.weight][:, 0].reshape(here.bound.shape)
+        here = self.stage or self.reference
+        return FrameResult(
+            arrays,
+            mask=main.defined.reshape(self.stage.bound.shape) if work.masked else None,
+            weights=weights,
+            errors=errors,
+            bound=here.bound if here else None,
+            seconds=dict(self.seconds),
+            notes=dict(getattr(self.decomposition, "notes", None) or {}),
+        )
+
+    def _clear_thin(self, main) -> None:
+        """What an approximate sum leaves where there is no mass is no mass."""
+        method = self.stage.main.methods.get("site") if self.stage is not None else None
+        if method is not None and not method.exact and "mass" in main.site:
+            rho = main.site["mass"]
+            rho[rho < 4 * method.tolerance * rho.max(initial=0.0)] = 0.0
+
+    def tightened(self, methods, result, goal) -> dict:
+        """{deposit: (its next method, why)} for every approximate deposit that a field with too large an error is made of."""
+        loose = {key for key, m in methods.items() if not m.exact}
+        out = {}
+        if "site" in loose and self.work.masked and not methods["site"].forced:
+            rho = self.sums[0].rho
+            if rho.min(initial=np.inf) < _THIN * rho.max(initial=0.0):
+                why = "nearly empty space, where fields are quotients of small sums"
+                out["site"] = methods["site"].exactly(why), why
+        if not loose or not self.settings.check_points:
+            return out
+        for q in self.work.quantities:
+            error = result.errors.get(q.name, {}).get("error_max", 0.0)
+            if error <= goal:
+                continue
+            for key in loose & set(deposits_of(q)):
+                method = methods[key].tightened(error, goal)
+                if method != methods[key] and (key not in out or method.exact or not 0 < out[key][0].tolerance <= method.tolerance):
+                    if key not in out or not out[key][0].exact:
+                        out[key] = method, f"error {error:.1e} of {q.name} above {goal:.1e}"
+        return out
 
 
 def _bond_pass(frame, settings, work, stage, reference, factors, sums):
     """One pass over the bonds for every sum over them; returns the potential's word on the frame and the per-atom sums."""
     x_nc, threads = frame.positions, settings.threads
-    deposits = [t.open(n_bond=work.n_bond) for t in stage.targets] if work.bond else []
-    reference_deposits = [t.open(n_bond=work.n_reference_bond) for t in reference.targets] if work.reference_bond else []
+    deposit = stage.main.open(work.n_bond) if work.bond else None
+    reference_deposit = reference.main.open(work.n_reference_bond, "reference_bond") if work.reference_bond else None
+    # The error check takes only the bonds near its points, and one more sum: how large the terms of the stress are.
+    size = "stress" in work.bond
+    check = stage.check.target.open(work.n_bond + size) if work.bond else None
+    reference_check = reference.check.target.open(work.n_reference_bond) if work.reference_bond else None
+    near = stage.near(settings.pot) if work.bond else None
+    near_reference = reference.near(settings.pot) if work.reference_bond else None
     to_reference = ReferenceBonds(frame, settings.reference) if work.reference_bond else None
     atoms = AtomSums(frame, threads, virial=work.atom_virial, residual="source_residual" in work.site, power="box_power" in work.whole)
     widths = [BOND[name].width for name in work.bond]
     peculiar_nc = factors.peculiar_nc if "power" in work.bond else None  # before threads ask for it
 
     def consume(bonds, thread):
-        if work.bond == ["stress"]:
-            for deposit in deposits:
+        if deposit is not None:
+            if work.bond == ["stress"]:
                 deposit.add_bond_stress(x_nc, bonds.i, bonds.r_bc, bonds.G_b, thread=thread)
-        elif deposits:
-            b_bk = bond_factors(work.bond, widths, bonds, peculiar_nc, frame.velocities)
-            x_bc = x_nc[bonds.i]
-            for deposit in deposits:
-                deposit.add_bonds(x_bc, bonds.r_bc, b_bk, thread=thread)
+            else:
+                b_bk = bond_factors(work.bond, widths, bonds, peculiar_nc, frame.velocities)
+                deposit.add_bonds(x_nc[bonds.i], bonds.r_bc, b_bk, thread=thread)
+            few = bonds if near is None else near.take(bonds)
+            if len(few):
+                b_bk = bond_factors(work.bond, widths, few, peculiar_nc, frame.velocities)
+                if size:
+                    sizes = np.abs(few.G_b) * np.einsum("bc,bc->b", few.r_bc, few.r_bc)
+                    b_bk = np.concatenate([b_bk, sizes[:, None]], axis=1)
+                check.add_bonds(x_nc[few.i], few.r_bc, b_bk, thread=thread)
         if to_reference is not None:
             X_bc, R_bc = to_reference.bonds(bonds)
             P_b9 = piola_factor(bonds, R_bc)
-            for deposit in reference_deposits:
-                deposit.add_bonds(X_bc, R_bc, P_b9, thread=thread)
+            reference_deposit.add_bonds(X_bc, R_bc, P_b9, thread=thread)
+            few = slice(None) if near_reference is None else near_reference.which(bonds.i, bonds.j, R_bc)
+            reference_check.add_bonds(X_bc[few], R_bc[few], P_b9[few], thread=thread)
         atoms.add(bonds, thread)
 
-    wanted = deposits or to_reference is not None or atoms.wanted
+    wanted = deposit is not None or to_reference is not None or atoms.wanted
     # Potentials of other makers need not know about sources as long as nobody asks for them.
     more = {"sources": True} if work.source_users else {}
     decomposition = settings.pot.stream(
         frame, consume if wanted else None, threads=threads, energies=bool(work.energy_users), forces=False, **more
     )
-    for k, s in enumerate(sums):
-        if deposits:
-            s.bond.update(_columns(work.bond, BOND, deposits[k].bond_sums()))
-        if reference_deposits:
-            s.bond.update(_columns(work.reference_bond, BOND, reference_deposits[k].bond_sums()))
+    if deposit is not None:
+        sums[0].bond.update(_columns(work.bond, BOND, deposit.bond_sums()))
+        at_points = check.bond_sums()
+        sums[1].bond.update(_columns(work.bond, BOND, at_points[:, : work.n_bond]))
+        if size:
+            for s in sums:
+                s.size = float(at_points[:, -1].max(initial=0.0))
+    if reference_deposit is not None:
+        for s, d in zip(sums, (reference_deposit, reference_check)):
+            s.bond.update(_columns(work.reference_bond, BOND, d.bond_sums()))
     if work.energy_users:
         factors.energies_n = decomposition.energies_n
+    factors.forget("atom_virial", "source_residual", "potential_energy", "potential_flux", "energy_current")
     factors.atom_virial_n6, factors.residual_n4 = atoms.virial_n6, atoms.residual_n4
     return decomposition, atoms
 

@@ -164,10 +164,12 @@ _ALL = [
         "stress_kinetic", site=(*_MEAN, "kinetic"), masked=True, long_name="kinetic part of Hardy's stress",
         comment="relative to the local mass-averaged velocity", **_stress(lambda s: -full(s.thermal)),
     ),
-    Quantity("stress_potential", bond=("stress",), long_name="potential part of Hardy's stress", **_stress(lambda s: full(s.bond["stress"]))),
+    Quantity(
+        "stress_potential", bond=("stress",), long_name="potential part of Hardy's stress", scale=lambda s: s.size, **_stress(lambda s: full(s.bond["stress"])),
+    ),
     Quantity(
         "stress", site=(*_MEAN, "kinetic"), bond=("stress",), parts=("stress_kinetic", "stress_potential"), masked=True,
-        long_name="Hardy's stress", **_stress(lambda s: full(s.bond["stress"] - s.thermal)),
+        scale=lambda s: s.size, long_name="Hardy's stress", **_stress(lambda s: full(s.bond["stress"] - s.thermal)),
     ),
     Quantity(
         "virial_stress_kinetic", "pressure", "kinetic part of the virial stress of the box", lambda s: -full(s.whole["box_kinetic"]) / s.volume,

@@ -45,6 +45,11 @@ class AtomFactors:
             self._kept[name] = getattr(self, f"_{name}")()
         return self._kept[name]
 
+    def forget(self, *names) -> None:
+        """What depends on bonds that are about to be summed again."""
+        for name in names:
+            self._kept.pop(name, None)
+
     def columns(self, names) -> np.ndarray:
         """(n, k) the named factors side by side."""
         return np.ascontiguousarray(np.concatenate([self[name] for name in names], axis=1))

@@ -42,6 +42,8 @@ class Sums:
     boltzmann: float = np.nan
     thermal_shifted: np.ndarray | None = None
     kinetic_flux_shifted: np.ndarray | None = None
+    # The largest Σ |G| r² β at the points of the check: what the stress is made of, however much of it cancels.
+    size: float = 0.0
     # Sums with the kernel's gradient next to the plain ones: (g, k) and (g, k, 3), the direction of the derivative last.
     gathered: dict[str, np.ndarray] = field(default_factory=dict)
     gradient: dict[str, np.ndarray] = field(default_factory=dict)

@@ -1,0 +1,138 @@
+"""Which method each deposit takes, and why: the cheapest that keeps the promise, by the cost model (`costs`)."""
+
+from __future__ import annotations
+
+from .costs import Costs, Load, direct, points_each, spectral, spectral_memory
+from .errors import AtcError
+from .estimators.methods import EXACT, Method
+
+#: A tolerance at or below this means the exact sum.
+EXACT_BELOW = 1e-11
+#: Factors by which the spectral tolerance is made smaller, one after the other, when the error found is too large.
+RUNGS = (1.0, 8.0, 64.0, 512.0)
+#: The spectral tolerance is relative to a field of independent sources. Stresses are mostly coherent, larger: errors found are a tenth of it (measured on
+#: argon and silicon). So bonds of a stress begin with a looser one; where that is wrong, the first frame says so.
+COHERENT = 3.0
+#: CPU seconds of an exact sum below which nothing else is considered.
+CHEAP = 3e-3
+#: Bytes that meshes may take.
+MOST_MEMORY = 4e9
+
+
+def require_known(method: str) -> None:
+    from .deposit import METHODS
+
+    if method != "auto" and method not in METHODS:
+        raise AtcError(f"unknown method {method!r}: expected auto or one of {', '.join(METHODS)}")
+
+
+def sizes(work, atoms: int, load: Load) -> dict[str, tuple[float, float, int]]:
+    """For each deposit that a frame needs: how many items, their mean length, how many components."""
+    out = {}
+    if work.site:
+        out["site"] = (float(atoms), 0.0, work.n_site)
+    if work.bond:
+        out["bond"] = (load.bonds, load.length, work.n_bond)
+    if work.reference_bond:
+        out["reference_bond"] = (load.bonds, load.length, work.n_reference_bond)
+    return out
+
+
+def spectral_deposit(bound, kern, cell, components: int, tolerance: float, threads: int = 1):
+    """A spectral deposit without its meshes, or an AtcError that says why there can be none."""
+    from .deposit.spectral import SpectralDeposit
+
+    return SpectralDeposit(bound, kern, cell, components, components, threads, tolerance)
+
+
+def choose(method: str, tolerance: float, costs: Costs, work, bounds: dict, kern, cells: dict, atoms: int, load: Load) -> dict[str, Method]:
+    """The method of each deposit.
+
+    Parameters
+    ----------
+    method : "auto" or what the user forces
+    bounds, cells : the bound grid and the cell of "site", "bond" (the frame's) and "reference_bond" (the reference's)
+    kern : kernel in internal units
+    """
+    out = {}
+    for key, (items, length, components) in sizes(work, atoms, load).items():
+        bound, cell = bounds[key], cells[key]
+        looser = COHERENT if key == "bond" and work.bond == ["stress"] else 1.0
+        out[key] = _one(method, tolerance, looser, costs, bound, kern, cell, items, length, components)
+    return out
+
+
+def _one(method, tolerance, looser, costs, bound, kern, cell, items, length, components) -> Method:
+    if method == "spectral":
+        first = spectral_deposit(bound, kern, cell, components, max(tolerance, 1e-14))
+        rungs = _rungs(tolerance, tolerance, lambda t: _fits(spectral_deposit(bound, kern, cell, components, t), components))
+        return Method("spectral", tolerance, _shape(first, "asked for", length), rungs, forced=True)
+    if method != "auto":
+        return Method(method, reason="asked for", forced=True)
+    if bound.kind == "slab":
+        return Method("direct", reason="averages over the cross-section in closed form: exact, no 3-D grid")
+    if tolerance <= EXACT_BELOW:
+        return Method("direct", reason=f"tolerance {tolerance:g} means the exact sum")
+    if not items:
+        return EXACT
+    exact = direct(costs, bound, kern, items, length, components)
+    if exact < CHEAP:
+        return Method("direct", reason=f"exact, and cheap here: {exact:.1g} s of CPU")
+
+    def cost(t):
+        deposit = spectral_deposit(bound, kern, cell, components, t)
+        if not _fits(deposit, components):
+            raise AtcError(f"its mesh of {_mesh(deposit)} would take more than {MOST_MEMORY / 1e9:.0f} GB")
+        return spectral(costs, deposit, items, length, components), deposit
+
+    start = looser * tolerance
+    try:
+        fast, deposit = cost(start)
+    except AtcError as e:
+        return Method("direct", reason=f"spectral cannot: {_short(e)}")
+    if fast >= exact:
+        return Method("direct", reason=f"exact, and cheaper here: {exact:.2g} s of CPU against {fast:.2g} s by the spectral method")
+
+    def wins(t):
+        return cost(t)[0] < exact
+
+    reason = _shape(deposit, f"{fast:.2g} s of CPU against {exact:.2g} s for the exact sum", length)
+    return Method("spectral", start, reason, _rungs(tolerance, start, wins))
+
+
+def _rungs(tolerance, start, good) -> tuple[float, ...]:
+    """Tighter tolerances than `start`, as far as they are possible and good."""
+    out = []
+    for factor in RUNGS:
+        t = tolerance / factor
+        if t >= start:
+            continue
+        try:
+            if t < EXACT_BELOW or not good(t):
+                break
+        except AtcError:
+            break
+        out.append(t)
+    return tuple(out)
+
+
+def _fits(deposit, components) -> bool:
+    return spectral_memory(deposit, components, 1) <= MOST_MEMORY
+
+
+def _mesh(deposit) -> str:
+    return " x ".join(str(int(k)) for k in deposit.mesh)
+
+
+def _shape(deposit, why, length) -> str:
+    n = points_each(deposit, length)
+    each = f", about {n:.0f} point{'s' * (n != 1)} a bond" if length > 0 else ""
+    return f"{why}; mesh {_mesh(deposit)}, window {deposit.parameters.width}{each}"
+
+
+def _short(error) -> str:
+    """The reason without the advice, which is what is being done."""
+    text = str(error)
+    for advice in (": use method 'direct'", ": the direct method takes it"):
+        text = text.split(advice)[0]
+    return text

@@ -1,0 +1,263 @@
+"""What a frame costs: counts of what will be done times seconds for each, measured on this machine or shipped.
+
+The model is linear and small on purpose; every count is of something the program does:
+
+- neighbour list and forces: per atom, per pair within the cutoff, per triplet of many-body terms;
+- direct deposit on a lattice: per bond, per row of points that crosses the capsule around it, per point in it and vector of four components.
+  Points: the capsule's volume, V + A L (V the kernel's sphere, A its cross-section, L the mean bond length), times points per volume; rows: the
+  capsule's mean shadow, A + π/2 R L, over the area that belongs to a row. An atom is a bond of no length;
+- spectral deposit: per point on a bond and node of the window, per node of the mesh and component; see `atc.deposit.fourier`;
+- scattered points and the error check: per bond that comes near, per visit.
+
+`atc bench --calibrate` measures the constants (`calibrate`) and keeps them in the user's cache folder; without, those shipped are used, taken on one core of an
+ordinary x86-64 with AVX2. They are CPU seconds of one thread; threads share the work of deposits and forces.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict, dataclass, field, fields
+from math import ceil, pi
+from pathlib import Path
+
+import numpy as np
+
+
+@dataclass
+class Costs:
+    """CPU seconds of each thing that is counted."""
+
+    read_atom: float = 3e-7
+    list_atom: float = 2.2e-7
+    pair: float = 2.1e-8
+    triplet: float = 2.4e-8
+    tuple: float = 1.5e-7
+    bond: float = 1.8e-7
+    row: float = 5e-9
+    visit: dict = field(
+        default_factory=lambda: {"even": 2.5e-9, "radial": 1.1e-8, "cone": 9e-9, "gaussian": 2.8e-8, "bspline": 1e-8, "box": 2.1e-8}
+    )
+    accumulate: float = 1.3e-9
+    slab_bond: float = 2.7e-7
+    point_bond: float = 3.2e-8
+    point_visit: float = 8.2e-8
+    filter_bond: float = 2e-9
+    spread_point: float = 4.5e-8
+    spread_node: float = 3.3e-10
+    mesh_node: float = 1.9e-8
+    gather: float = 2.6e-8
+    value: float = 6e-8
+    frame: float = 7e-3
+    written_byte: float = 1.1e-9
+    machine: str = "shipped"
+
+    def save(self, path: Path | None = None) -> Path:
+        path = path or cache_file()
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary = path.with_suffix(".tmp")
+        temporary.write_text(json.dumps(asdict(self), indent=1))
+        os.replace(temporary, path)
+        return path
+
+    @classmethod
+    def load(cls, path: Path | None = None) -> Costs:
+        """This machine's, if they were ever measured (by this version of the model), else those shipped."""
+        if path is None and os.environ.get("ATC_COSTS") == "shipped":
+            return cls()
+        try:
+            known = json.loads((path or cache_file()).read_text())
+            if set(known) != {f.name for f in fields(cls)} or set(known["visit"]) != set(cls().visit):
+                return cls()
+            return cls(**known)
+        except (OSError, ValueError, TypeError, KeyError):
+            return cls()
+
+
+def cache_file() -> Path:
+    """Where measured costs are kept: ``atc/costs.json`` in the user's cache folder."""
+    base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or Path.home() / ".cache"
+    return Path(base) / "atc" / "costs.json"
+
+
+# --- what there is to do
+
+
+@dataclass(frozen=True)
+class Load:
+    """What a potential makes of a frame: numbers of pairs within the cutoffs, of triplets, of listed tuples, of bonds handed on; their mean length."""
+
+    pairs: float = 0.0
+    triplets: float = 0.0
+    tuples: float = 0.0
+    bonds: float = 0.0
+    length: float = 0.0
+
+    def seconds(self, costs: Costs, atoms: int) -> float:
+        """For the neighbour list, the forces and the decomposition."""
+        return costs.list_atom * atoms + costs.pair * self.pairs + costs.triplet * self.triplets + costs.tuple * self.tuples
+
+
+def neighborhood(frame, cutoff: float, count: int = 0) -> tuple[float, float, float, float]:
+    """Around some atoms, 50 to 150 unless `count` says otherwise (so that empty space in the box does not mislead): mean number of neighbours within `cutoff` and of pairs of them, mean
+    distance of a neighbour, and of two neighbours from each other."""
+    n, cell = len(frame), frame.cell
+    if n < 2:
+        return 0.0, 0.0, 0.0, 0.0
+    if cutoff > 0.5 * cell.heights[cell.periodic].min(initial=np.inf):
+        k = n / cell.volume * 4 / 3 * pi * cutoff**3
+        return k, 0.5 * k * max(k - 1, 0), 0.75 * cutoff, 1.03 * cutoff
+    s = cell.fractional(frame.positions)
+    reach = cutoff / cell.heights
+    neighbors = pairs = distance = apart = 0.0
+    sample = np.random.default_rng(0).choice(n, min(n, count or (150 if n < 100_000 else 50)), replace=False)
+    for k in sample:
+        near = np.arange(n)
+        d = np.zeros((n, 0))
+        for a in range(3):
+            da = s[near, a] - s[k, a]
+            if cell.periodic[a]:
+                da -= np.rint(da)
+            keep = np.abs(da) < reach[a]
+            near, d = near[keep], np.column_stack([d[keep], da[keep]])
+        r = d[near != k] @ cell.vectors
+        r = r[(r**2).sum(1) < cutoff**2]
+        m = len(r)
+        neighbors += m
+        distance += np.sqrt((r**2).sum(1)).sum()
+        if 1 < m < 400:
+            i, j = np.triu_indices(m, 1)
+            pairs += len(i)
+            apart += np.linalg.norm(r[i] - r[j], axis=1).sum()
+        elif m > 1:
+            pairs += 0.5 * m * (m - 1)
+            apart += 0.5 * m * (m - 1) * 1.03 * cutoff
+    return neighbors / len(sample), pairs / len(sample), distance / max(neighbors, 1), apart / max(pairs, 1)
+
+
+def load_of(pot, frame) -> Load:
+    """Pairs, triplets and bonds that a potential will make of a frame, from a sample of it."""
+    n = len(frame)
+    known: dict[float, tuple] = {}
+    total = {"pairs": 0.0, "triplets": 0.0, "tuples": 0.0, "bonds": 0.0}
+    length = 0.0
+    for term in getattr(pot, "terms", None) or [pot]:
+        while hasattr(term, "term"):
+            term = term.term
+        cutoff = float(getattr(term, "reach", None) or term.cutoff)
+        many = _bodies(term) > 2
+        if cutoff <= 0:
+            m, k = _tuples(term, frame)
+            total["tuples"] += m
+            total["bonds"] += m * k * (k - 1) / 2
+            length += m * k * (k - 1) / 2 * 1.5
+            continue
+        if cutoff not in known:
+            known[cutoff] = neighborhood(frame, cutoff)
+        neighbors, triplets, distance, apart = known[cutoff]
+        pairs = 0.5 * neighbors * n
+        # An embedding energy needs the densities first: the list is gone through twice.
+        total["pairs"] += pairs * (2 if type(term).__name__ == "EmbeddedAtom" else 1)
+        total["bonds"] += pairs
+        length += pairs * distance
+        if many:
+            total["triplets"] += triplets * n
+            total["bonds"] += triplets * n
+            length += triplets * n * apart
+    return Load(**total, length=length / total["bonds"] if total["bonds"] else 0.0)
+
+
+def _bodies(term) -> int:
+    """How many atoms meet in a term that finds its own neighbours."""
+    name = type(term).__name__
+    if name == "StillingerWeber":
+        return 3 if term.threebody else 2
+    if name in ("Tersoff", "AxilrodTeller"):
+        return 3
+    return int(getattr(term, "bodies", 2)) if not getattr(term, "pairwise", False) else 2
+
+
+def _tuples(term, frame) -> tuple[int, int]:
+    """How many listed tuples of how many atoms."""
+    kind = getattr(term, "kind", None)
+    k = int(getattr(term, "bodies", 0) or {"bond": 2, "angle": 3}.get(kind, 4))
+    found = getattr(frame.topology, f"{kind}s", None) if frame.topology is not None and kind else None
+    if found is None and hasattr(term, "terms_of"):
+        found = term.terms_of(frame)[0]
+    return (0 if found is None else len(found)), k
+
+
+# --- what the sums cost
+
+
+def visits(bound, kern, items: float, length: float) -> float:
+    """(bond, point) pairs within reach: items of mean length `length` on a bound grid."""
+    R = kern.support
+    capsule = 4 / 3 * pi * R**3 + pi * R**2 * length
+    # Points of a plane, a line, or scattered ones: as if the items filled the cell.
+    volume = bound.cell_volume * len(bound) if bound.kind == "regular" else bound.cell.volume
+    return items * len(bound) * capsule / volume
+
+
+def direct(costs: Costs, bound, kern, items: float, length: float, components: int) -> float:
+    """Seconds of the exact sum of `items` bonds (or atoms: length 0) with so many components."""
+    if not components or not items:
+        return 0.0
+    if bound.kind == "slab":
+        return costs.slab_bond * items
+    vectors = ceil(components / 4)
+    many = visits(bound, kern, items, length)
+    if not bound.is_lattice:
+        return costs.point_bond * items + costs.point_visit * many
+    from .deposit.direct import family
+
+    R = kern.support
+    if bound.kind == "regular":
+        # The rows run along the axis with the most points; the shadow of the capsule over the area that belongs to a row.
+        row = bound.cell_volume / bound.spacing[int(np.argmax(bound.counts))]
+        rows = items * (pi * R**2 + 0.5 * pi * R * length) / row
+    else:
+        rows = many / max(1.0, 1.3 * R / max(bound.spacing.min(), 1e-9))
+    name = family(kern)[0]
+    return costs.bond * items + costs.row * rows + (costs.visit[name] + costs.accumulate * vectors) * many
+
+
+def spectral(costs: Costs, deposit, items: float, length: float, components: int) -> float:
+    """Seconds of a spectral deposit (of which only the parameters are needed) for `items` bonds of mean length `length`."""
+    if not components or not items:
+        return 0.0
+    points = items * points_each(deposit, length)
+    width = deposit.parameters.width
+    nodes = float(np.prod(np.asarray(deposit.mesh, float)))
+    groups = [min(8, components - k) for k in range(0, components, 8)]
+    vectors = sum(1 if g <= 4 else 2 for g in groups)
+    spread = points * (costs.spread_point * len(groups) + costs.spread_node * width**3 * vectors)
+    return spread + nodes * costs.mesh_node * components + 3e-8 * len(deposit.grid) * components
+
+
+def points_each(deposit, length: float) -> float:
+    """Points that a bond of this length becomes: one for an atom."""
+    longest = np.asarray(deposit._longest)
+    if length <= 0:
+        return 1.0
+    enough = np.flatnonzero(longest >= length)
+    if len(enough):
+        return float(enough[0] + 1)
+    return float(len(longest) * ceil(length / longest[-1]))
+
+
+def spectral_memory(deposit, components: int, threads: int) -> float:
+    """Bytes of a spectral deposit: the threads' meshes and what a transform needs."""
+    nodes = float(np.prod(np.asarray(deposit.mesh, float) + deposit.parameters.width + 1))
+    padded = sum(4 if min(8, components - k) <= 4 else 8 for k in range(0, components, 8))
+    return 8.0 * nodes * (padded * threads + 3 * min(threads, components))
+
+
+def check(costs: Costs, bound, kern, items: float, length: float, points: int) -> float:
+    """Seconds of the error check: every bond is looked at, those near a point are summed there."""
+    if bound.kind == "slab":
+        return 7e-8 * items * 5
+    near = min(1.0, points * (4 / 3 * pi * (kern.support**2 + 0.25 * length**2) ** 1.5 * 1.7) / bound.cell.volume)
+    near = 1.0 if near > 0.7 else near
+    reached = items * points * (4 / 3 * pi * kern.support**3 + pi * kern.support**2 * length) / bound.cell.volume
+    return costs.filter_bond * items + costs.point_bond * near * items + costs.point_visit * reached

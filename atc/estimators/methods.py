@@ -1,0 +1,78 @@
+"""How the sums of a frame are taken, deposit by deposit, and what to do when the error found is larger than the one allowed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+#: The deposits a frame may need: Σ a φ over atoms, Σ b β over bonds, and Σ b β between reference positions.
+DEPOSITS = ("site", "bond", "reference_bond")
+_NAMES = {"site": "sums over atoms", "bond": "sums over bonds", "reference_bond": "sums over bonds of the reference frame"}
+
+
+@dataclass(frozen=True)
+class Method:
+    """One way to take the sums of one deposit.
+
+    name : "direct", "spectral" or "slab"
+    tolerance : of the spectral method (0: exact)
+    reason : why it was chosen
+    rungs : tolerances to go on with when the error turns out too large; after the last one, the exact sum
+    forced : asked for by name, so that no other method may take its place
+    """
+
+    name: str = "direct"
+    tolerance: float = 0.0
+    reason: str = "the exact sum: keeps every tolerance"
+    rungs: tuple[float, ...] = ()
+    forced: bool = False
+
+    @property
+    def exact(self) -> bool:
+        return self.name != "spectral"
+
+    def tightened(self, error: float, goal: float) -> Method:
+        """The cheapest next rung that can be expected to bring `error` below half of `goal`; itself if there is nothing left to try."""
+        if self.exact:
+            return self
+        for k, rung in enumerate(self.rungs):
+            # The error follows the tolerance, if not faster.
+            if error * rung <= 0.5 * goal * self.tolerance:
+                return replace(self, tolerance=rung, rungs=self.rungs[k + 1 :])
+        if self.forced:
+            return replace(self, tolerance=self.rungs[-1], rungs=()) if self.rungs else self
+        return self.exactly(f"tolerance {self.tolerance:g} of the spectral method left an error of {error:.1e}")
+
+    def exactly(self, reason: str) -> Method:
+        return Method("direct", reason=reason)
+
+    def __str__(self):
+        return self.name if self.exact else f"{self.name} to {self.tolerance:.3g}"
+
+    # --- as JSON can hold it
+    def plain(self) -> dict:
+        return {"name": self.name, "tolerance": self.tolerance, "reason": self.reason, "rungs": list(self.rungs), "forced": self.forced}
+
+    @classmethod
+    def from_plain(cls, values: dict) -> Method:
+        return cls(**{**values, "rungs": tuple(values["rungs"])})
+
+
+EXACT = Method()
+
+
+def summary(methods: dict[str, Method]) -> str:
+    """One word where all deposits go one way, else which goes which way."""
+    names = list(dict.fromkeys(m.name for m in methods.values()))
+    if len(names) <= 1:
+        return names[0] if names else "direct"
+    return "; ".join(f"{_NAMES[key]}: {m.name}" for key, m in methods.items())
+
+
+def details(methods: dict[str, Method]) -> str:
+    return "; ".join(f"{_NAMES[key]}: {m} ({m.reason})" for key, m in methods.items())
+
+
+def deposits_of(quantity) -> tuple[str, ...]:
+    """The deposits that a quantity is made of."""
+    bond = "reference_bond" if quantity.on_reference else "bond"
+    return (*(("site",) if quantity.site else ()), *((bond,) if quantity.bond else ()))

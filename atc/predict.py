@@ -1,0 +1,73 @@
+"""Time and memory of one frame of a request, from the counts of its work and the costs of each (`costs`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+
+from . import costs as model
+from .choose import sizes, spectral_deposit
+from .estimators.accuracy import checking_kernel
+from .estimators.methods import EXACT
+from .estimators.registry import GATHER
+
+#: Bytes of a process that has done nothing yet: the interpreter, numpy, numba, scipy.
+PROCESS = 3.0e8
+
+
+@dataclass
+class Prediction:
+    """parallel, serial : CPU seconds that threads share, and that they do not; parts : both, by what they are for; memory : peak bytes; counts."""
+
+    parallel: float
+    serial: float
+    parts: dict[str, float]
+    memory: float
+    points: int
+    visits: float
+
+
+def predict(request) -> Prediction:
+    """What one frame will take."""
+    work, frame, costs, load, threads = request.work, request.first, request.costs, request.load, request.threads
+    n = len(frame)
+    parts = {"reading": costs.read_atom * n}
+    memory = PROCESS + 8.0 * n * 24
+    visits, points = 0.0, 0
+    if work.bond_users:
+        parts["neighbours and forces"] = load.seconds(costs, n)
+        memory += 12.0 * n + 4e6 * threads + _list_memory(load)
+    if work.grid_users:
+        points = len(request.bound)
+        kern, bound = request.kernel_internal, request.bound
+        checked = checking_kernel(kern, request.methods)
+        for key, (items, length, components) in sizes(work, n, load).items():
+            method = request.methods.get(key, EXACT)
+            what = "deposit of atoms" if key == "site" else "deposit of bonds"
+            if method.exact:
+                many = 0.0 if bound.kind == "slab" else model.visits(bound, kern, items, length)
+                seconds = model.direct(costs, bound, kern, items, length, components)
+                memory += 8.0 * points * (4 * -(-components // 4)) * (threads + 1)
+                visits += many if key != "site" else 0.0
+            else:
+                deposit = spectral_deposit(bound, kern, bound.cell, components, method.tolerance)
+                seconds = model.spectral(costs, deposit, items, length, components)
+                memory += model.spectral_memory(deposit, components, threads)
+            parts[what] = parts.get(what, 0.0) + seconds
+            parts["error check"] = parts.get("error check", 0.0) + model.check(costs, bound, checked, items, length, min(points, 100))
+        gathered = sum(GATHER[name].width for name in work.gather + work.reference_gather)
+        sphere = 4 / 3 * pi * kern.support**3 / bound.cell.volume
+        if gathered:
+            parts["gradients"] = costs.gather * n * points * sphere * gathered
+        components = sum(3**q.rank for q in work.quantities if q.kind == "grid")
+        parts["fields"] = costs.value * points * (components + work.n_site + work.n_bond + work.n_reference_bond)
+        memory += 8.0 * points * (4 * gathered + work.n_site + work.n_bond + work.n_reference_bond + 4 * components)
+    parts["the rest"] = costs.frame
+    serial = parts["reading"] + costs.frame + parts.get("fields", 0.0) + costs.list_atom * n * bool(work.bond_users)
+    total = sum(parts.values())
+    return Prediction(max(total - serial, 0.0), min(serial, total), parts, memory, points, visits)
+
+
+def _list_memory(load) -> float:
+    """Pairs stream by unless many-body terms need all of them."""
+    return 150.0 * load.pairs if load.triplets else 0.0
