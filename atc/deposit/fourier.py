@@ -92,23 +92,26 @@ class Spectrum:
 
 
 @lru_cache(maxsize=64)
-def spectrum(kernel) -> Spectrum:
-    """The spectrum that meshes and bond points are chosen by; AtcError for kernels that jump."""
+def spectrum(kernel, gradient=False) -> Spectrum:
+    """The spectrum that meshes and bond points are chosen by, of the field or of its gradient; AtcError for kernels that jump."""
     if isinstance(kernel, BSpline):
         scale = kernel.radius
         k = (np.arange(24000) + 0.5) * 0.05
         hat = np.sinc(k * 0.25 / pi) ** 4
-        p = hat**2
+        p = hat**2 * (k**2 if gradient else 1.0)
     elif isinstance(kernel, (Gaussian, Radial)):
         scale = kernel.radius
         top = 90.0 if isinstance(kernel, Gaussian) else 1500.0
         k = (np.arange(int(top / 0.05)) + 0.5) * 0.05
         hat = radial_hat(kernel, k / scale)
         # ∫ φ̂² q dq over the plane at κ: all k from κ on.
-        p = np.cumsum((hat**2 * k)[::-1])[::-1]
+        p = np.cumsum((hat**2 * k * (k**2 if gradient else 1.0))[::-1])[::-1]
     else:
         raise AtcError(f"kernel {kernel.name!r} jumps, its modes decay too slowly for the spectral method: use method 'direct'")
     p = p / p.sum()
+    if gradient:
+        # In step: against the mode with the largest gradient.
+        hat = hat * k / np.abs(hat * k).max()
     return Spectrum(scale, k, hat, p, np.cumsum(p[::-1])[::-1])
 
 
@@ -181,21 +184,25 @@ class Parameters:
 WIDTHS = range(3, 13)
 
 
+# ns a point, ns a point and mesh node, ns a mesh node: measured, in double and in single precision.
+COSTS = {8: (25.0, 0.75, 130.0), 4: (25.0, 0.40, 70.0)}
+
+
 @lru_cache(maxsize=64)
-def choose(kernel, tolerance, points_density, costs=(25.0, 0.75, 130.0)) -> Parameters:
-    """The cheapest window and mesh with an estimated error below `tolerance`.
+def choose(kernel, left_out, confused, points_density, costs=COSTS[8], gradient=False) -> Parameters:
+    """The cheapest window and mesh whose estimated errors are below the shares of the tolerance.
 
     Parameters
     ----------
+    left_out, confused : what the modes left out and the ones that the mesh takes for each other may cost
     points_density : points to spread per unit volume
-    costs : ns a point, ns a point and mesh node, ns a mesh node
+    costs : see COSTS
+    gradient : whether the errors are those of the field's gradient
     """
-    spec = spectrum(kernel)
+    spec = spectrum(kernel, gradient)
     lost = np.sqrt(3.0 * spec.tail)
-    # Half of the squared error to the modes left out, half to the mesh.
-    share = tolerance * np.sqrt(0.5)
     worst = np.maximum.accumulate(np.abs(spec.hat)[::-1])[::-1]
-    enough = np.flatnonzero(np.maximum(lost, worst) <= share)
+    enough = np.flatnonzero(np.maximum(lost, worst) <= left_out)
     # Near the table's end the tail is cut short.
     if not len(enough) or spec.k[enough[0]] > 0.5 * spec.k[-1]:
         raise AtcError(f"kernel {kernel.name!r}: its modes decay too slowly for this tolerance by method 'spectral': use method 'direct'")
@@ -210,7 +217,7 @@ def choose(kernel, tolerance, points_density, costs=(25.0, 0.75, 130.0)) -> Para
             oversampling = high if found is None else 0.5 * (low + high)
             errors = aliasing(spec, width, shapes, pi / (k_max * oversampling), upto)
             at = int(errors.argmin())
-            if errors[at] <= share:
+            if errors[at] <= confused:
                 high, found = oversampling, (oversampling, float(shapes[at]), float(errors[at]))
             elif found is None:
                 break
@@ -227,22 +234,33 @@ def choose(kernel, tolerance, points_density, costs=(25.0, 0.75, 130.0)) -> Para
     return best[1]
 
 
+# Bond lengths, in units of the spectrum's scale, at which the rules' errors are known.
+_LENGTHS = np.concatenate([10.0 ** np.arange(-8.0, -3.0, 0.25), 10.0 ** np.arange(-3.0, 2.01, 0.04)])
+
+
 @lru_cache(maxsize=64)
-def bond_points(kernel, tolerance, most=10):
-    """(most,) the longest bond that 1, 2, .. Gauss-Legendre points do for: longer ones than the last are cut into pieces."""
-    spec = spectrum(kernel)
-    thin = max(1, len(spec.k) // 3000)
+def _rule_errors(kernel, most, gradient):
+    """(most, lengths) error by Gauss-Legendre rules of 1, 2, .. points for a bond of each length and all shorter ones."""
+    spec = spectrum(kernel, gradient)
+    thin = max(1, len(spec.k) // 1500)
     k = spec.k[::thin]
     power = np.add.reduceat(spec.power, np.arange(0, len(spec.k), thin))
-    longest = np.zeros(most)
+    hat = np.abs(spec.hat[::thin])
+    errors = np.empty((most, len(_LENGTHS)))
+    half = 0.5 * k * _LENGTHS[:, None]
+    exact = np.sinc(half / pi)
     for m in range(1, most + 1):
         x, w = np.polynomial.legendre.leggauss(m)
-        low, high = -5.0, 2.0
-        for _ in range(22):
-            middle = 0.5 * (low + high)
-            half = 0.5 * k * 10.0**middle
-            wrong = 0.5 * (np.cos(half[:, None] * x) @ w) - np.sinc(half / pi)
-            error = max(np.sqrt((wrong**2 * power).sum()), np.abs(wrong * spec.hat[::thin]).max())
-            low, high = (middle, high) if error <= tolerance else (low, middle)
-        longest[m - 1] = 10.0**low * spec.scale
-    return longest
+        # The rule is even: its positive nodes count twice, one in the middle once.
+        wrong = -exact
+        for node, weight in zip(x[m // 2 :], w[m // 2 :]):
+            wrong = wrong + (0.5 if node == 0.0 else 1.0) * weight * (np.cos(half * node) if node else 1.0)
+        errors[m - 1] = np.maximum(np.sqrt((wrong**2 * power).sum(-1)), np.abs(wrong * hat).max(-1))
+    return np.maximum.accumulate(errors, axis=1)
+
+
+def longest_bonds(kernel, tolerances, most=10, gradient=False):
+    """(tolerances, most) the longest bond that 1, 2, .. Gauss-Legendre points do for: longer ones than the last are cut into pieces."""
+    errors = _rule_errors(kernel, most, gradient)
+    at = np.array([np.searchsorted(e, tolerances, side="right") for e in errors]).T
+    return np.where(at > 0, _LENGTHS[np.maximum(at - 1, 0)], 1e-9) * spectrum(kernel).scale

@@ -3,40 +3,90 @@
     f(x) = Σ_p c_p φ(x − y_p) = (1/V) Σ_k φ̂(k) S(k) e^{ik·x},   S(k) = Σ_p c_p e^{−ik·y_p}
 
 Bonds become Gauss-Legendre points y_p along them. S(k) is what a mesh of points spread with a window gives, divided by the window's own
-transform (Dutt & Rokhlin, SIAM J. Sci. Comput. 14 (1993) 1368; Kaiser-Bessel window). The modes left are folded onto the output grid, which is
-exact for any grid over the whole cell however coarse; other points are read off a mesh with the same window the other way round.
-How fine the mesh is, how wide the window and how many points a bond gets follows from the tolerance (`fourier`).
+transform (Dutt & Rokhlin, SIAM J. Sci. Comput. 14 (1993) 1368; Kaiser-Bessel window). Derivatives are the modes times ik. How the modes
+become values on a grid is in `modes`; how fine the mesh is, how wide the window and how many points a bond gets follows from the tolerance (`fourier`).
+
+Along open axes the box of the modes is as long as the atoms and the part of the grid that they reach, and a kernel's reach more, so that no image is seen.
 """
 
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from functools import cached_property
-from math import ceil, pi
+from math import ceil, frexp
 
 import numpy as np
 
 from ..errors import AtcError
-from ..frame import Cell
 from . import fourier, spread
-from .direct import Deposit
+from .direct import _NOT_FINITE, Deposit
+from .modes import Modes, largest_modes, separable
 
 # Points a bond gets at most before it is cut into pieces.
 MOST = 10
-# Doubles in one mesh, of one group of components: 8 GB.
-LARGEST = 1.0e9
+# Bytes of one mesh, of one group of components.
+LARGEST = 8.0e9
 # Points to spread in a ball of radius R/4, as in dense argon at R = 10 Å: what the choice between a fine mesh and a wide window goes by.
-DENSE = 120.0
+DENSE = 200.0
+# What of the tolerance goes to which error: they add up in squares. The largest error among many points over the largest value is up to twice what the
+# same ratio of mean squares is. Modes are dear where a kernel's transform decays slowly, the others never are.
+RESERVE, MODES, MESH, BONDS = 0.5, 0.8, 0.42, 0.42
+# From this tolerance on meshes and transforms are in single precision: measured errors stay below a tenth of it.
+SINGLE = 1e-5
+# Points a mesh node gets in single precision before the mesh is moved into one of double precision.
+SHORT = 16.0
+
+
+class _Mesh:
+    """What one thread has spread: nodes [low, low + shape) × components, `scale` times the sources; `total` what has been moved on."""
+
+    def __init__(self, low, shape, lanes, real):
+        self.low, self.lanes, self.real = low, lanes, real
+        self.shape = tuple(int(n) for n in shape)
+        self.flat = _aligned(int(np.prod(self.shape)) * lanes, real)
+        self.total, self.scale, self.points = None, 0.0, 0
+
+    def planes(self):
+        """[(array [x][y][z][component], scale)]"""
+        parts = [(self.flat, self.scale)] if self.scale else []
+        if self.total is not None:
+            parts.append((self.total, 1.0))
+        return [(a.reshape(*self.shape, self.lanes), s) for a, s in parts]
+
+    def flush(self):
+        if self.total is None:
+            self.total = _aligned(len(self.flat), np.float64)
+        spread.flush(self.flat, self.total, self.scale)
+        self.points = 0
+
+    def grown(self, low, shape):
+        """The same on more nodes."""
+        new = _Mesh(low, shape, self.lanes, self.real)
+        new.scale, new.points = self.scale, self.points
+        at = tuple(slice(int(a), int(a) + n) for a, n in zip(self.low - low, self.shape))
+        new.flat.reshape(*new.shape, -1)[at] = self.flat.reshape(*self.shape, -1)
+        if self.total is not None:
+            new.total = _aligned(len(new.flat), np.float64)
+            new.total.reshape(*new.shape, -1)[at] = self.total.reshape(*self.shape, -1)
+        return new
 
 
 class SpectralDeposit(Deposit):
-    """Site and bond sums through Fourier modes, for cells periodic along all axes. See `atc.deposit.make`.
+    """Site and bond sums through Fourier modes, for any cell and any grid but slabs. See `atc.deposit.make`.
+
+    Sums are linear in what has been added: frames of one averaging window, all with the same cell, may be added one after the other and finished once.
 
     Parameters
     ----------
     tolerance : relative to the largest value of a field of independent sources (a field that is their sum is larger, one that is their
         difference smaller)
     points : how many points will be spread, if known: only the speed depends on it
+    gradients : whether the tolerance is meant for gradients as well
+
+    Attributes
+    ----------
+    parameters : fourier.Parameters
+    mesh, modes : (3,) nodes of the mesh along the cell's edges, and largest mode number kept; on open axes of the part of the grid that anything has
+        been added to, before that of all of it
 
     Raises
     ------
@@ -44,64 +94,136 @@ class SpectralDeposit(Deposit):
         For kernels that jump (step, box), slabs, and where the tolerance asks for a mesh that does not fit in memory.
     """
 
-    def __init__(self, grid, kernel, cell, n_site, n_bond, threads=1, tolerance=1e-5, points=None):
+    def __init__(self, grid, kernel, cell, n_site, n_bond, threads=1, tolerance=1e-5, points=None, gradients=False):
         super().__init__(grid, kernel, cell, n_site, n_bond, threads)
-        self.tolerance = float(tolerance)
+        self.tolerance, self.gradients = float(tolerance), bool(gradients)
         fourier.spectrum(kernel)
-        if not self.cell.periodic.all():
-            raise AtcError("method 'spectral' needs a cell that is periodic along all axes: use method 'direct'")
-        if not grid.wraps:
-            raise AtcError(f"method 'spectral' needs a regular grid over the whole cell, not this {grid.kind} grid: use method 'direct'")
-        self.box = Cell(self.cell.vectors)
-        volume = self.box.volume
-        # Half of the squared error to the bonds' points, half to the mesh; and the largest error among many points over the largest value
-        # is up to twice what the same ratio of mean squares is.
-        share = self.tolerance * 0.5 * np.sqrt(0.5)
-        density = DENSE / (kernel.radius / 2.5) ** 3 / 4 if points is None else points / volume
+        if grid.kind == "slab":
+            raise AtcError("method 'spectral' does not average over slabs: use method 'direct'")
+        self.real = np.float32 if self.tolerance >= SINGLE else np.float64
+        self._share = RESERVE * self.tolerance
+        density = DENSE / (kernel.radius / 2.5) ** 3 / 4 if points is None else points / self.cell.volume
         # Nearby densities give nearby choices: round, so that they can be remembered.
-        self.parameters = p = fourier.choose(kernel, share, float(f"{density:.1e}"))
-        edges = np.linalg.norm(self.box.vectors, axis=1)
-        self.mesh = np.array([_good_length(max(ceil(edge / p.spacing), p.width + 1, 4)) for edge in edges])
-        if 8.0 * self.mesh.astype(float).prod() > LARGEST:
-            raise AtcError(
-                f"method 'spectral' would need a mesh of {' x '.join(map(str, self.mesh))} for kernel {kernel.name!r} at tolerance {tolerance:g}: "
-                "use method 'direct', a smoother kernel or a looser tolerance"
-            )
-        self.modes = np.minimum((p.k_max * edges / (2 * pi)).astype(int), (self.mesh - 1) // 2)
-        self._longest = fourier.bond_points(kernel, share, MOST)
-        rules = [np.polynomial.legendre.leggauss(m) for m in range(1, MOST + 1)]
-        self._nodes, self._weights = np.zeros((2, MOST, MOST))
-        for m, (x, w) in enumerate(rules):
-            self._nodes[m, : m + 1], self._weights[m, : m + 1] = 0.5 * (x + 1.0), 0.5 * w
-        # Three windows multiply; what a mode is divided by makes their error larger by no more than about ten.
-        coef = fourier.window_polynomials(p.width, p.shape, 0.01 * share)
-        self._degree, self._coef = len(coef) - 1, coef.ravel()
-        self._to_mesh = np.ascontiguousarray(self.box.inverse * self.mesh)
-        self._start = np.array(self.cell.origin)
+        shares = [(self.gradients, MODES * self._share, MESH * self._share)]
+        choices = [
+            fourier.choose(kernel, m, c, float(f"{density:.1e}"), fourier.COSTS[np.dtype(self.real).itemsize], g) for g, m, c in shares
+        ]
+        self.parameters = p = choices[0]
+        periodic = self._periodic = np.asarray(self.cell.periodic, bool)
+        edges = np.linalg.norm(self._vectors, axis=1)
+        nodes = np.array([_good_length(max(ceil(edge / p.spacing), p.width + 1, 4)) for edge in edges])
+        # Mesh spacings along each edge: a whole number on periodic axes.
+        per_edge = np.where(periodic, nodes, edges / p.spacing)
+        self._spacings = self._vectors / per_edge[:, None]
+        self._to_mesh = np.ascontiguousarray(self._inverse * per_edge)
+        self._period = np.where(periodic, nodes, 0)
+        self._halo = (p.width + 1) // 2
+        self._lattice = separable(grid, self._to_mesh)
+        self._reach = np.where(periodic, np.inf, kernel.support * np.linalg.norm(self._to_mesh, axis=0))
+        self._view = self._targets()
+        self._extent = None
+        self._meshes = {}
+        self._check(np.where(periodic, nodes, np.minimum(self._view[1] - self._view[0], 2 * self._reach)) + p.width + 1)
         self._points = [0] * self.threads
+        self._rule = None
+
+    def _targets(self):
+        """(2, 3) first and last node that the grid can see on open axes."""
+        lo, hi = np.zeros((2, 3))
+        if not self._periodic.all():
+            if self._lattice:
+                ends = np.array([[x.points[0], x.points[-1]] for x in self._lattice[0]])
+                lo, hi = ends.min(1), ends.max(1)
+            else:
+                t = self.grid.relative_points_gc @ self._to_mesh
+                lo, hi = t.min(0), t.max(0)
+        spare = self.parameters.width
+        reach = np.where(self._periodic, 0.0, self._reach)
+        return np.stack([np.floor(lo - reach) - spare, np.ceil(hi + reach) + spare])
+
+    def _check(self, nodes):
+        if 8.0 * self.real().itemsize * np.prod(nodes, dtype=float) > LARGEST:
+            raise AtcError(
+                f"method 'spectral' would need a mesh of {' x '.join(str(int(n)) for n in nodes)} for kernel {self.kernel.name!r} "
+                f"at tolerance {self.tolerance:g}: use method 'direct', a smoother kernel or a looser tolerance"
+            )
+
+    def _rules(self):
+        """Gauss-Legendre rules, the longest bonds they do for, and the window's polynomials."""
+        if self._rule is None:
+            nodes, weights = np.zeros((2, MOST, MOST))
+            for m in range(MOST):
+                x, w = np.polynomial.legendre.leggauss(m + 1)
+                nodes[m, : m + 1], weights[m, : m + 1] = 0.5 * (x + 1.0), 0.5 * w
+            levels = BONDS * self._share * 2.0 ** np.arange(-spread.LEVELS, spread.LEVELS + 1)
+            longest = fourier.longest_bonds(self.kernel, levels, MOST, self.gradients)
+            # Three windows multiply; what a mode is divided by makes their error larger by no more than about ten.
+            coef = fourier.window_polynomials(self.parameters.width, self.parameters.shape, 0.01 * self._share)
+            self._rule = nodes, weights, longest, coef
+        return self._rule
 
     # --- adding
     def _groups(self, n_comp):
-        """Components that share a mesh: [(first, last, vectors of four)]."""
-        return [(k, min(k + 8, n_comp), 1 if n_comp - k <= 4 else 2) for k in range(0, n_comp, 8)]
-
-    def _padded(self):
-        return self.mesh + self.parameters.width + 1
+        """Components that share a mesh: [(first, last, components of the mesh)]."""
+        return [(k, min(k + 8, n_comp), 4 if n_comp - k <= 4 else 8) for k in range(0, n_comp, 8)]
 
     def _add(self, what, x_nc, i_b, r_bc, b_bk, thread):
+        if not 0 <= thread < self.threads:
+            raise ValueError(f"thread {thread} of a deposit made for {self.threads}")
+        nodes, weights, longest, coef = self._rules()
         width = self.parameters.width
-        for first, last, vectors in self._groups(b_bk.shape[1]):
-            mesh = self._buffer((what, first), thread, int(self._padded().prod()) * 4 * vectors)
+        open_axes = not self._periodic.all()
+        bounds, mean, most, finite = spread.survey(x_nc, i_b, r_bc, b_bk, self._origin, self._to_mesh, open_axes)
+        if not finite:
+            raise AtcError(_NOT_FINITE)
+        if most == 0.0:
+            return
+        if open_axes:
+            # A bond's points and the nodes in their reach, as far as the grid can see them.
+            lo = np.maximum(np.floor(bounds[0] - 0.5 * width) - 1, self._view[0])
+            hi = np.minimum(np.ceil(bounds[1] + 0.5 * width) + 1, self._view[1])
+            if (lo >= hi)[~self._periodic].any():
+                return
+        else:
+            lo = hi = np.zeros(3)
+        weight = np.divide(1.0, mean, out=np.zeros_like(mean), where=mean > 0)
+        for first, last, lanes in self._groups(b_bk.shape[1]):
             part = b_bk if last - first == b_bk.shape[1] else np.ascontiguousarray(b_bk[:, first:last])
-            n = spread.core(width, vectors, self._degree)(
-                x_nc, i_b, r_bc, part, self._start, self._to_mesh, self.mesh, self._longest, self._nodes, self._weights, self._coef, mesh
-            )
-            if n < 0:
-                raise AtcError(
-                    "an atom's position or a bond's vector is not a finite number: check the trajectory and the potential for coincident atoms"
-                )
+            mesh = self._mesh_for((what, first, thread), lo, hi, lanes, most)
+            n = spread.core(width, lanes, len(coef) - 1, self.real)(
+                x_nc, i_b, r_bc, part, self._origin, self._to_mesh, self._period, mesh.low, np.array(mesh.shape), weight[first:last],
+                longest, nodes, weights, coef.ravel().astype(self.real), 1.0 / mesh.scale, mesh.flat,
+            )  # fmt: skip
+            mesh.points += n
             self._points[thread] += n
             self._visits[thread] += n * width**3
+
+    def _mesh_for(self, key, lo, hi, lanes, most):
+        """The mesh of a thread, large enough for nodes lo..hi on open axes and sources up to `most`."""
+        mesh = self._meshes.get(key)
+        low = np.where(self._periodic, -self._halo, lo).astype(np.int64)
+        high = np.where(self._periodic, self._period - self._halo + self.parameters.width + 1, hi + 1).astype(np.int64)
+        if mesh is None:
+            self._check(high - low)
+            mesh = self._meshes[key] = _Mesh(low, high - low, lanes, self.real)
+        elif (low < mesh.low).any() or (high > mesh.low + mesh.shape).any():
+            # Half as much again on the side that grows: not every piece shall copy the mesh.
+            size = np.array(mesh.shape)
+            low = np.where(low < mesh.low, np.maximum(low - size // 2, self._view[0]), mesh.low).astype(np.int64)
+            end = mesh.low + size
+            high = np.where(high > end, np.minimum(high + size // 2, self._view[1] + 1), end).astype(np.int64)
+            low, high = (np.where(self._periodic, a, b) for a, b in ((mesh.low, low), (end, high)))
+            self._check(high - low)
+            mesh = self._meshes[key] = mesh.grown(low, high - low)
+        if self.real is np.float64:
+            mesh.scale = 1.0
+        else:
+            # Sources near 1; what single precision can hold is no matter then.
+            if mesh.scale and not 1e-9 < most / mesh.scale < 1e9 or mesh.points > SHORT * len(mesh.flat) / lanes:
+                mesh.flush()
+                mesh.scale = 0.0
+            mesh.scale = mesh.scale or 2.0 ** max(frexp(most)[1], -1000)
+        return mesh
 
     @property
     def points(self) -> int:
@@ -109,114 +231,135 @@ class SpectralDeposit(Deposit):
         return int(sum(self._points))
 
     # --- finishing
-    def _sums(self, what, n_comp):
-        out = np.zeros((len(self.grid), n_comp))
-        jobs = []
-        for first, last, vectors in self._groups(n_comp):
-            buffers = [self._buffers[(what, first), t] for t in range(self.threads) if ((what, first), t) in self._buffers]
-            if buffers:
-                jobs += [(first + c, [b.reshape(*self._padded(), 4 * vectors)[..., c] for b in buffers]) for c in range(last - first)]
+    def _extents(self, meshes):
+        """(2, 3) first and last node of some meshes; of the whole view without any."""
+        if not meshes:
+            return self._view
+        low = np.min([m.low for m in meshes], 0)
+        return np.stack([low, np.max([m.low + m.shape for m in meshes], 0) - 1])
 
-        def one(job):
-            column, meshes = job
-            out[:, column] = self._evaluate(self._modes(meshes)).ravel()
+    def _box(self, extent):
+        """(counts, low, extent) of the periodic box in which the modes are taken."""
+        counts, low = self._period.copy(), np.zeros(3, np.int64)
+        for a in np.flatnonzero(~self._periodic):
+            first, last = extent[0, a], extent[1, a]
+            # Points of the grid within reach; their images must be out of reach.
+            seen = max(self._view[0, a] + self._reach[a], first - self._reach[a]), min(self._view[1, a] - self._reach[a], last + self._reach[a])
+            need = self._reach[a] + max(seen[1] - first, last - seen[0], 0.0)
+            counts[a] = _good_length(max(ceil(need), int(last - first) + 1, self.parameters.width + 1, 4))
+            low[a] = first
+        return counts, low
 
-        with ThreadPoolExecutor(max(1, self.threads)) as pool:
-            list(pool.map(one, jobs))
-        return out
+    @property
+    def mesh(self):
+        return self._box(self._extents(list(self._meshes.values())))[0]
 
-    @cached_property
-    def _indices(self):
-        """Mode numbers along the axes: negative ones too for x and y, none for z (the field is real)."""
-        k0, k1, k2 = (int(k) for k in self.modes)
-        return [np.r_[0 : k0 + 1, -k0:0], np.r_[0 : k1 + 1, -k1:0], np.arange(k2 + 1)]
+    @property
+    def modes(self):
+        counts = self.mesh
+        return largest_modes(self.parameters, np.linalg.norm(self._spacings * counts[:, None], axis=1), counts)
 
-    def _window_hat(self, axis):
-        p = self.parameters
-        return fourier.window_hat(self._indices[axis] / self.mesh[axis], p.width, p.shape)
+    def _transformed(self, what, group):
+        """Modes, and what was added in them: (component, k0, k1, k2), times the kernel's own; None if nothing was."""
+        first, last, _ = group
+        meshes = [self._meshes[k] for k in ((what, first, t) for t in range(self.threads)) if k in self._meshes]
+        if not meshes:
+            return None
+        extent = self._extents(meshes)
+        counts, low = self._box(extent)
+        modes = Modes(self.kernel, self.parameters, self._spacings * counts[:, None], counts, low, self._reach, extent)
+        n_comp = last - first
+        dtype = np.complex64 if self.real is np.float32 else np.complex128
+        S_cx = np.empty((n_comp, counts[0], len(modes.index[1]), len(modes.index[2])), dtype)
+        parts = [(m, array, scale) for m in meshes for array, scale in m.planes()]
 
-    @cached_property
-    def _response(self):
-        """φ̂(k) divided by the window's transform and the volume, for every mode kept."""
-        index = self._indices
-        b = 2 * pi * self.box.inverse  # columns are the reciprocal vectors
-        n0, n1, n2 = index[0][:, None, None], index[1][None, :, None], index[2][None, None, :]
-        k_c = [n0 * b[c, 0] + n1 * b[c, 1] + n2 * b[c, 2] for c in range(3)]
-        kern = self.kernel
-        if isinstance(kern, fourier.BSpline):
-            hat = np.ones((len(index[0]), len(index[1]), len(index[2])))
-            for k in k_c:
-                hat *= np.sinc(k * (0.25 * kern.radius / pi)) ** 4
+        def plane(x):
+            P_cyz = np.zeros((n_comp, counts[1], counts[2]), self.real)
+            for mesh, array, scale in parts:
+                shift = mesh.low - low
+                # The halo belongs to the other side.
+                at = np.arange(mesh.shape[0])
+                at = at[(at + shift[0]) % counts[0] == x] if self._periodic[0] else at[at + shift[0] == x]
+                for k in at:
+                    spread.collect(array[k], scale, shift[1:], self._period[1:], P_cyz)
+            S_cx[:, x] = modes.transform_plane(P_cyz)
+
+        self._each(plane, range(counts[0]))
+        response = modes.response().astype(self.real)
+        F = [None] * n_comp
+
+        def component(c):
+            F[c] = modes.transform_x(S_cx[c])
+            F[c] *= response
+
+        self._each(component, range(n_comp))
+        return modes, F
+
+    def _each(self, do, items):
+        if self.threads == 1:
+            for item in items:
+                do(item)
         else:
-            k = np.sqrt(k_c[0] ** 2 + k_c[1] ** 2 + k_c[2] ** 2)
-            hat = self._radial(k)
-        w = [self._window_hat(a) for a in range(3)]
-        hat /= w[0][:, None, None] * self.box.volume
-        hat /= w[1][None, :, None] * w[2][None, None, :]
-        return hat
+            with ThreadPoolExecutor(self.threads) as pool:
+                list(pool.map(do, items))
 
-    def _radial(self, k):
-        if isinstance(self.kernel, fourier.Gaussian):
-            return fourier.radial_hat(self.kernel, k)
-        # Millions of modes, but one variable: a cubic through points so dense that its error, h⁴/384 times the fourth derivative (< 0.05 R⁴), is 1e-10.
-        from scipy.interpolate import CubicSpline
+    def _sums(self, what, n_comp, derivatives=(None,)):
+        out = np.zeros((len(self.grid), n_comp, len(derivatives)))
+        for group in self._groups(n_comp):
+            done = self._transformed(what, group)
+            if done is None:
+                continue
+            modes, F = done
+            for d, direction in enumerate(derivatives):
+                factor = None if direction is None else (1j * modes.wave_vector(direction)).astype(F[0].dtype)
+                self._evaluate(modes, [f if factor is None else f * factor for f in F], out[:, group[0] : group[1], d])
+        return out[:, :, 0] if derivatives == (None,) else out
 
-        table = np.arange(0.0, k.max() + 0.1 / self.kernel.radius, 0.03 / self.kernel.radius)
-        return CubicSpline(table, fourier.radial_hat(self.kernel, table))(k)
+    def _evaluate(self, modes, F, out):
+        if self._lattice:
+            axes, owner = self._lattice
+            order = [owner.index(g) for g in range(len(self.grid.counts))]
+            order = [a for a in range(3) if a not in order] + order
 
-    def _modes(self, meshes):
-        """S(k) φ̂(k)/V (x, y, z ≥ 0) of one component, from the threads' padded meshes."""
-        from scipy import fft
+            def component(c):
+                out[:, c] = modes.on_lattice(F[c], axes).transpose(order).ravel()
 
-        total = np.array(meshes[0])
-        for mesh in meshes[1:]:
-            total += mesh
-        # The halo belongs to the other side.
-        offset = (self.parameters.width + 1) // 2
-        for axis in range(3):
-            n = int(self.mesh[axis])
-            total = np.moveaxis(total, axis, 0)
-            body = total[offset : offset + n]
-            body[n - offset :] += total[:offset]
-            rest = total[offset + n :]
-            body[: len(rest)] += rest
-            total = np.moveaxis(body, 0, axis)
-        k0, k1, k2 = self.modes
-        F = fft.rfft(total, axis=2)[:, :, : k2 + 1]
-        F = fft.fft(F, axis=1)[:, self._indices[1]]
-        F = fft.fft(F, axis=0, overwrite_x=True)[self._indices[0]]
-        F *= self._response
-        return F
+            self._each(component, range(len(F)))
+            return
+        mesh = [None] * len(F)
 
-    def _evaluate(self, F):
-        """The modes' sum at the points of a grid over the whole cell, however coarse: modes that agree there add up."""
-        from scipy import fft
+        def component(c):
+            mesh[c] = modes.on_mesh(F[c])
 
-        counts = self.grid.counts
-        start = self.grid.origin @ self.cell.inverse
-        for axis in (0, 1):
-            n, index = counts[axis], self._indices[axis]
-            phase = np.exp(2j * pi * index * start[axis])
-            shape = list(F.shape)
-            shape[axis] = n
-            G = np.moveaxis(np.zeros(shape, complex), axis, 0)
-            F = np.moveaxis(F, axis, 0)
-            for k, f, at in zip(index, F, phase):
-                G[k % n] += f * at
-            F = np.moveaxis(fft.ifft(G, axis=0, overwrite_x=True, norm="forward"), 0, axis)
-        n = counts[2]
-        F = F * np.exp(2j * pi * self._indices[2] * start[2])
-        G = np.zeros((*F.shape[:2], n // 2 + 1), complex)
-        for k in range(F.shape[2]):
-            at, mirror = k % n, -k % n
-            if at <= n // 2:
-                G[:, :, at] += F[:, :, k]
-            if mirror <= n // 2 and k:
-                G[:, :, mirror] += F[:, :, k].conj()
-        return fft.irfft(G, n=n, axis=2, norm="forward", overwrite_x=True)
+        self._each(component, range(len(F)))
+        mesh = np.stack(mesh)
+        t = self.grid.relative_points_gc @ self._to_mesh
+        coef = self._rules()[3]
+        cuts = np.linspace(0, len(t), self.threads + 1).astype(int)
+
+        def part(k):
+            out[cuts[k] : cuts[k + 1]] = modes.at_points(mesh, t[cuts[k] : cuts[k + 1]], coef)
+
+        self._each(part, range(self.threads))
+
+    def site_gradients(self) -> np.ndarray:
+        """(g, n_site, 3) the gradients of `site_sums`, direction last; keep the tolerance if the deposit was made with ``gradients=True``."""
+        return self._sums("site", self.n_site, (0, 1, 2))
+
+    def bond_gradients(self) -> np.ndarray:
+        """(g, n_bond, 3) the gradients of `bond_sums`, direction last."""
+        return self._sums("bond", self.n_bond, (0, 1, 2))
+
+
+def _aligned(size, dtype):
+    """Zeros that begin at a cache line, which numpy does not promise."""
+    step = np.dtype(dtype).itemsize
+    raw = np.zeros(size + 64 // step, dtype)
+    skip = (-raw.ctypes.data % 64) // step
+    return raw[skip : skip + size]
 
 
 def _good_length(n):
     from scipy.fft import next_fast_len
 
-    return next_fast_len(n, real=True)
+    return int(next_fast_len(int(n), real=True))

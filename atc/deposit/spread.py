@@ -1,14 +1,16 @@
 """Spreading points of bonds onto a mesh: the loops of the spectral deposit.
 
-The mesh is [x][y][z][components], components padded to whole vectors of four and one window's halo wider than the cell, so that no index wraps.
-What is done at one point is written as LLVM instructions for each width of the window: the products of weights and components stay in registers,
-and no loop is short. Memory goes by address there; `spread_bonds` owns the arrays and the bounds.
+The mesh is [x][y][z][components], components padded to four or eight. On periodic axes it is one window's halo wider than the cell, so that no
+index wraps. What is done at one point is written as LLVM instructions for each width of the window: the products of weights and components stay
+in registers, and no loop is short. Memory goes by address there; `spread_bonds` owns the arrays and the bounds.
+
+In single precision a mesh takes half the time and half the memory; its sums have to stay short (`SpectralDeposit` moves them on).
 """
 
 from __future__ import annotations
 
 from functools import cache
-from math import ceil, floor, sqrt
+from math import ceil, floor, frexp, sqrt
 
 import numba as nb
 import numpy as np
@@ -16,18 +18,20 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from ._simd import INLINE, specialise
+from ._simd import ENTRY, INLINE, specialise
 
-# Set by `core`: nodes of the window along each axis, vectors of four components, and what is done at a point.
-WIDTH, VECTORS, SPREAD = 4, 2, None
+# Set by `core` and `gatherer`: nodes of the window along each axis, components, type of the mesh, and what is done at a point.
+WIDTH, LANES, REAL, SPREAD = 4, 8, np.float64, None
 
-_DOUBLE, _INT64, _INT32 = ir.DoubleType(), ir.IntType(64), ir.IntType(32)
-_VEC4 = ir.VectorType(_DOUBLE, 4)
+_DOUBLE, _FLOAT, _INT64, _INT32 = ir.DoubleType(), ir.FloatType(), ir.IntType(64), ir.IntType(32)
+
+# A bond's share of the field decides how well it is integrated, in steps of two: the loosest and strictest are 2^±LEVELS times the tolerance.
+LEVELS = 24
 
 
 @intrinsic
 def begin(typingctx, array):
-    """The address of a contiguous float64 array."""
+    """The address of a contiguous array."""
 
     def codegen(context, builder, sig, args):
         return builder.ptrtoint(context.make_array(sig.args[0])(context, builder, args[0]).data, _INT64)
@@ -35,61 +39,59 @@ def begin(typingctx, array):
     return types.int64(array), codegen
 
 
-def _spreader(width, vectors, degree):
+def _spreader(width, lanes, degree, real):
     """An intrinsic: (mesh, first node's offset, strides of x and y, distances along x, y, z, coefficients, components, scratch) -> nothing.
 
-    Coefficients: (degree + 1, 4⌈width/4⌉) of the window in powers of the distance; scratch: room for 8⌈width/4⌉ doubles.
+    Coefficients: (degree + 1, 4⌈width/4⌉) of the window in powers of the distance; scratch: room for 8⌈width/4⌉ numbers.
     """
-    groups = (width + 3) // 4
-    pad = 4 * groups
+    pad = 4 * ((width + 3) // 4)
+    number = _FLOAT if real == np.float32 else _DOUBLE
+    size = 4 if real == np.float32 else 8
+    row, node = ir.VectorType(number, pad), ir.VectorType(number, lanes)
 
     def codegen(context, builder, sig, args):
         mesh, offset, stride0, stride1, fx, fy, fz, coef, values, scratch = args
         contract = ("contract",)
 
-        def place(base, index, kind=_VEC4):
+        def place(base, index, kind):
             index = ir.Constant(_INT64, index) if isinstance(index, int) else index
-            return builder.bitcast(builder.gep(builder.inttoptr(base, _DOUBLE.as_pointer()), [index]), kind.as_pointer())
+            return builder.bitcast(builder.gep(builder.inttoptr(base, number.as_pointer()), [index]), kind.as_pointer())
 
-        def load(base, index):
-            return builder.load(place(base, index), align=8)
+        def load(base, index, kind):
+            return builder.load(place(base, index, kind), align=size)
 
-        def splat(x):
-            lane = builder.insert_element(ir.Constant(_VEC4, ir.Undefined), x, ir.Constant(_INT32, 0))
-            return builder.shuffle_vector(lane, ir.Constant(_VEC4, ir.Undefined), ir.Constant(ir.VectorType(_INT32, 4), [0] * 4))
+        def pick(vector, kind, k):
+            """Lane k of a vector, all over another one."""
+            undefined = ir.Constant(vector.type, ir.Undefined)
+            return builder.shuffle_vector(vector, undefined, ir.Constant(ir.VectorType(_INT32, kind.count), [k] * kind.count))
+
+        def splat(x, kind):
+            return pick(builder.insert_element(ir.Constant(kind, ir.Undefined), x, ir.Constant(_INT32, 0)), kind, 0)
 
         def times_plus(a, b, c):
             return builder.fadd(builder.fmul(a, b, flags=contract), c, flags=contract)
 
         # Horner's scheme, three axes at a time.
-        f = [splat(x) for x in (fx, fy, fz)]
-        along_z = []
-        for g in range(groups):
-            p = [load(coef, degree * pad + 4 * g)] * 3
-            for d in range(degree - 1, -1, -1):
-                c = load(coef, d * pad + 4 * g)
-                p = [times_plus(p[k], f[k], c) for k in range(3)]
-            for k in range(2):
-                builder.store(p[k], place(scratch, k * pad + 4 * g), align=8)
-            along_z.append(p[2])
-        v = [load(values, 4 * g) for g in range(vectors)]
-        vz = []
-        for c in range(width):
-            w = builder.shuffle_vector(
-                along_z[c // 4], ir.Constant(_VEC4, ir.Undefined), ir.Constant(ir.VectorType(_INT32, 4), [c % 4] * 4)
-            )
-            vz += [builder.fmul(w, x, flags=contract) for x in v]
+        f = [splat(builder.fptrunc(x, number) if size == 4 else x, row) for x in (fx, fy, fz)]
+        p = [load(coef, degree * pad, row)] * 3
+        for d in range(degree - 1, -1, -1):
+            c = load(coef, d * pad, row)
+            p = [times_plus(p[k], f[k], c) for k in range(3)]
+        for k in range(2):
+            builder.store(p[k], place(scratch, k * pad, row), align=size)
+        v = load(values, 0, node)
+        vz = [builder.fmul(pick(p[2], node, c), v, flags=contract) for c in range(width)]
         end = ir.Constant(_INT64, width)
         with cgutils.for_range(builder, end) as a:
-            wx = builder.load(place(scratch, a.index, _DOUBLE))
+            wx = builder.load(place(scratch, a.index, number))
             plane = builder.add(offset, builder.mul(a.index, stride0))
-            with cgutils.for_range(builder, end) as e:
-                wy = builder.load(place(scratch, builder.add(e.index, ir.Constant(_INT64, pad)), _DOUBLE))
-                s = splat(builder.fmul(wx, wy))
-                row = builder.add(plane, builder.mul(e.index, stride1))
+            for e in range(width):
+                wy = builder.load(place(scratch, pad + e, number))
+                s = splat(builder.fmul(wx, wy), node)
+                at = builder.add(plane, builder.mul(ir.Constant(_INT64, e), stride1))
                 for c, x in enumerate(vz):
-                    at = place(mesh, builder.add(row, ir.Constant(_INT64, 4 * c)))
-                    builder.store(times_plus(s, x, builder.load(at, align=8)), at, align=8)
+                    to = place(mesh, builder.add(at, ir.Constant(_INT64, lanes * c)), node)
+                    builder.store(times_plus(s, x, builder.load(to, align=size)), to, align=size)
         return context.get_dummy_value()
 
     @intrinsic
@@ -101,68 +103,175 @@ def _spreader(width, vectors, degree):
 
 
 @cache
-def core(width, vectors, degree):
-    """`spread_bonds` for a window and a number of components."""
-    return specialise(spread_bonds, f"{width}_{vectors}_{degree}", WIDTH=width, VECTORS=vectors, SPREAD=_spreader(width, vectors, degree))
+def core(width, lanes, degree, real):
+    """`spread_bonds` for a window, a number of components and a precision."""
+    tag = f"{width}_{lanes}_{degree}_{np.dtype(real).name}"
+    return specialise(spread_bonds, tag, WIDTH=width, LANES=lanes, REAL=real, SPREAD=_spreader(width, lanes, degree, real))
 
 
 @nb.njit(**INLINE)
-def first_node(u, n, half, offset):
-    """Array index of the first node in reach of u (mesh spacings, any image) and its distance above the window's lower end."""
-    v = u - n * floor(u / n) - half + offset
+def first_node(u, n, inverse, half, low):
+    """Array index of the first node in reach of u (mesh spacings; of any image, where n > 0) and its distance above the window's lower end."""
+    v = u - n * floor(u * inverse) - half - low
     i = int(v) + 1
     return i, i - v
 
 
-def spread_bonds(x_nc, i_b, r_bc, b_bk, origin, to_mesh, counts, longest, nodes, node_weights, coef, mesh):
-    """mesh += Σ over bonds, their Gauss points and the nodes in reach of b × weight × window. Returns the number of points.
+@nb.njit(**ENTRY)
+def survey(x_nc, i_b, r_bc, b_bk, origin, to_mesh, bounded):
+    """What is to come: least and greatest mesh coordinate along each axis (2, 3) if `bounded`, mean |b| of each column, greatest |b|, and
+    whether all numbers are finite.
+    """
+    n_comp = b_bk.shape[1]
+    bounds, mean = np.empty((2, 3)), np.zeros(n_comp)
+    bounds[0], bounds[1] = np.inf, -np.inf
+    most, check = 0.0, 0.0
+    for b in range(len(i_b)):
+        i = i_b[b]
+        x, y, z = x_nc[i, 0] - origin[0], x_nc[i, 1] - origin[1], x_nc[i, 2] - origin[2]
+        rx, ry, rz = r_bc[b, 0], r_bc[b, 1], r_bc[b, 2]
+        # A sum of numbers that are not finite is none, whatever they are.
+        check += 0.0 * (x + y + z + rx + ry + rz)
+        if bounded:
+            for a in range(3):
+                u = x * to_mesh[0, a] + y * to_mesh[1, a] + z * to_mesh[2, a]
+                v = u - (rx * to_mesh[0, a] + ry * to_mesh[1, a] + rz * to_mesh[2, a])
+                bounds[0, a] = min(bounds[0, a], u, v)
+                bounds[1, a] = max(bounds[1, a], u, v)
+        for k in range(n_comp):
+            size = abs(b_bk[b, k])
+            mean[k] += size
+            most = size if size > most else most
+    for k in range(n_comp):
+        check += 0.0 * mean[k]
+    return bounds, mean / max(1, len(i_b)), most, check == 0.0
+
+
+def spread_bonds(
+    x_nc, i_b, r_bc, b_bk, origin, to_mesh, period, low, counts, weight_k, longest, nodes, node_weights, coef, inverse_scale, mesh
+):
+    """mesh += Σ over bonds, their Gauss points and the nodes in reach of b × weight × window. Returns the number of points. All numbers are finite.
 
     Parameters
     ----------
     origin, to_mesh (3, 3) : positions relative to the origin, and bond vectors, to mesh spacings
-    counts : (3,) nodes along the axes, without halo
-    longest, nodes, node_weights : (m,), (m, m), (m, m): Gauss-Legendre rules on [0, 1], and the longest bond that each does for
-
-    Returns -1, the mesh spoiled, where a position or bond vector is not a number.
+    period : (3,) nodes of periodic axes; 0 on open ones, where points out of the mesh are left out
+    low, counts : (3,) the node that comes first in the mesh, and how many there are (with the halo)
+    weight_k : (k,) one over the mean |b| of a column: strong bonds are integrated better than weak ones
+    longest, nodes, node_weights : (2 LEVELS + 1, m), (m, m), (m, m): Gauss-Legendre rules on [0, 1], and the longest bond that each does for
+        when the error may be 2^(level − LEVELS) times the tolerance
+    inverse_scale : the mesh holds b times this
     """
-    half, offset = 0.5 * WIDTH, (WIDTH + 1) // 2
-    n0, n1, n2 = float(counts[0]), float(counts[1]), float(counts[2])
-    stride1 = (counts[2] + WIDTH + 1) * 4 * VECTORS
-    stride0 = (counts[1] + WIDTH + 1) * stride1
-    n_comp, most = b_bk.shape[1], len(longest)
+    half = 0.5 * WIDTH
+    n0, n1, n2 = float(period[0]), float(period[1]), float(period[2])
+    inverse0, inverse1, inverse2 = 1.0 / n0 if n0 > 0.0 else 0.0, 1.0 / n1 if n1 > 0.0 else 0.0, 1.0 / n2 if n2 > 0.0 else 0.0
+    low0, low1, low2 = float(low[0]), float(low[1]), float(low[2])
+    # One node's distance to spare, as in the halo.
+    last0, last1, last2 = counts[0] - WIDTH, counts[1] - WIDTH, counts[2] - WIDTH
+    stride1 = counts[2] * LANES
+    stride0 = counts[1] * stride1
+    n_comp, most = b_bk.shape[1], longest.shape[1]
     o0, o1, o2 = origin[0], origin[1], origin[2]
     t00, t01, t02 = to_mesh[0, 0], to_mesh[0, 1], to_mesh[0, 2]
     t10, t11, t12 = to_mesh[1, 0], to_mesh[1, 1], to_mesh[1, 2]
     t20, t21, t22 = to_mesh[2, 0], to_mesh[2, 1], to_mesh[2, 2]
-    scratch, values = np.zeros(8 * ((WIDTH + 3) // 4)), np.zeros(4 * VECTORS)
+    scratch, values = np.zeros(8 * ((WIDTH + 3) // 4), REAL), np.zeros(LANES, REAL)
     mesh_at, coef_at, scratch_at, values_at = begin(mesh), begin(coef), begin(scratch), begin(values)
     total = 0
     for b in range(len(i_b)):
+        strength = 0.0
+        for k in range(n_comp):
+            s = abs(b_bk[b, k]) * weight_k[k]
+            strength = s if s > strength else strength
+        if strength == 0.0:
+            continue
         i = i_b[b]
         x, y, z = x_nc[i, 0] - o0, x_nc[i, 1] - o1, x_nc[i, 2] - o2
         rx, ry, rz = r_bc[b, 0], r_bc[b, 1], r_bc[b, 2]
         u0, u1, u2 = x * t00 + y * t10 + z * t20, x * t01 + y * t11 + z * t21, x * t02 + y * t12 + z * t22
         d0, d1, d2 = rx * t00 + ry * t10 + rz * t20, rx * t01 + ry * t11 + rz * t21, rx * t02 + ry * t12 + rz * t22
-        # A sum of numbers that are not finite is none, whatever they are.
-        if not abs(u0 + u1 + u2 + d0 + d1 + d2) < 1e300:
-            return -1
         length = sqrt(rx * rx + ry * ry + rz * rz)
-        m = 0
-        while m < most - 1 and length > longest[m]:
-            m += 1
-        pieces = 1 if length <= longest[m] else ceil(length / longest[m])
+        m, pieces = 0, 1
+        if length > 0.0:
+            level = min(max(LEVELS - frexp(strength)[1], 0), 2 * LEVELS)
+            while m < most - 1 and length > longest[level, m]:
+                m += 1
+            if length > longest[level, m]:
+                pieces = ceil(length / longest[level, m])
         share = 1.0 / pieces
         for piece in range(pieces):
             for q in range(m + 1):
                 t = (piece + nodes[m, q]) * share
-                i0, f0 = first_node(u0 - t * d0, n0, half, offset)
-                i1, f1 = first_node(u1 - t * d1, n1, half, offset)
-                i2, f2 = first_node(u2 - t * d2, n2, half, offset)
-                w = node_weights[m, q] * share
+                i0, f0 = first_node(u0 - t * d0, n0, inverse0, half, low0)
+                i1, f1 = first_node(u1 - t * d1, n1, inverse1, half, low1)
+                i2, f2 = first_node(u2 - t * d2, n2, inverse2, half, low2)
+                if i0 < 1 or i1 < 1 or i2 < 1 or i0 > last0 or i1 > last1 or i2 > last2:
+                    continue
+                w = node_weights[m, q] * share * inverse_scale
                 for k in range(n_comp):
                     values[k] = b_bk[b, k] * w
                 SPREAD(
-                    mesh_at, i0 * stride0 + i1 * stride1 + i2 * 4 * VECTORS, stride0, stride1, f0, f1, f2, coef_at, values_at, scratch_at
+                    mesh_at, i0 * stride0 + i1 * stride1 + i2 * LANES, stride0, stride1, f0, f1, f2, coef_at, values_at, scratch_at
                 )  # fmt: skip
         total += pieces * (m + 1)
     return total
+
+
+@nb.njit(**ENTRY)
+def flush(mesh, total, scale):
+    """total += scale mesh, mesh = 0."""
+    for k in range(len(mesh)):
+        total[k] += scale * mesh[k]
+        mesh[k] = 0.0
+
+
+@nb.njit(**ENTRY)
+def collect(mesh, scale, first, period, out):
+    """One plane [y][z][component] of the mesh, added to out[component][y][z]: nodes counted from `first`, the halo of periodic axes to its place."""
+    n_comp, n1, n2 = out.shape
+    for y in range(mesh.shape[0]):
+        to1 = y + first[0]
+        if period[0] > 0:
+            to1 %= period[0]
+        if not 0 <= to1 < n1:
+            continue
+        for z in range(mesh.shape[1]):
+            to2 = z + first[1]
+            if period[1] > 0:
+                to2 = to2 - period[1] if to2 >= period[1] else (to2 + period[1] if to2 < 0 else to2)
+            if not 0 <= to2 < n2:
+                continue
+            for c in range(n_comp):
+                out[c, to1, to2] += scale * mesh[y, z, c]
+
+
+@nb.njit(**ENTRY)
+def interpolate(u_gc, period, coef, width, mesh, out):
+    """out[g, c] = Σ over the nodes in reach of u (mesh spacings, array indices) of mesh × window; all axes periodic.
+
+    mesh : [component][x][y][z]
+    """
+    degree = len(coef) - 1
+    w = np.zeros((3, width))
+    at = np.zeros((3, width), np.int64)
+    for g in range(len(u_gc)):
+        for a in range(3):
+            n = period[a]
+            u = u_gc[g, a] - 0.5 * width
+            i = int(floor(u)) + 1
+            f = i - u
+            for k in range(width):
+                p = coef[degree, k]
+                for d in range(degree - 1, -1, -1):
+                    p = p * f + coef[d, k]
+                w[a, k] = p
+                at[a, k] = (i + k) % n
+        for c in range(mesh.shape[0]):
+            total = 0.0
+            for i in range(width):
+                for j in range(width):
+                    part = 0.0
+                    for k in range(width):
+                        part += w[2, k] * mesh[c, at[0, i], at[1, j], at[2, k]]
+                    total += w[0, i] * w[1, j] * part
+            out[g, c] = total
