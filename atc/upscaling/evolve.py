@@ -105,7 +105,7 @@ def _displacements(name: str, u, n: int | None = None) -> np.ndarray:
     return u
 
 
-def verlet(model, u0_n, v0_n=None, *, dt: float, steps: int, every: int = 1, boundary: str = "periodic", beyond_spinodal: str = "refuse") -> History:
+def verlet(model, u0_n, v0_n=None, *, dt: float, steps: int, every=1, boundary: str = "periodic", beyond_spinodal: str = "refuse") -> History:
     """Velocity Verlet of a chain.
 
     Parameters
@@ -114,8 +114,8 @@ def verlet(model, u0_n, v0_n=None, *, dt: float, steps: int, every: int = 1, bou
     u0_n, v0_n : (n,) arrays
         Displacements and velocities at t = 0; at rest if `v0_n` is not given.
     dt, steps : time step, number of steps
-    every : int
-        Record every that many steps (0 and the last are always recorded).
+    every : int, or a list of step numbers
+        Record every that many steps, or those steps (0 and the last are always recorded).
     boundary : "periodic" or "clamped"
     beyond_spinodal : "refuse" or "allow"
         What to do about Lennard-Jones bonds stretched beyond the spinodal, where the chain breaks. Bonds that turn over are always refused.
@@ -128,12 +128,16 @@ def verlet(model, u0_n, v0_n=None, *, dt: float, steps: int, every: int = 1, bou
     u0 = _displacements("initial displacements", u0_n)
     n = len(u0)
     v = _displacements("initial velocities", v0_n, n) if v0_n is not None else np.zeros(n)
-    dt, steps, every = positive("dt", dt), whole("steps", steps), whole("every", every)
+    dt, steps = positive("dt", dt), whole("steps", steps)
+    if np.ndim(every) == 0:
+        marks = [*range(0, steps, whole("every", every)), steps]
+    else:
+        marks = sorted({0, steps, *(whole("every", int(s), 0) for s in every if s <= steps)})
     M = model.neighbors
     need_nodes(n, M, boundary)
     periodic = boundary == "periodic"
-    marks = [*range(0, steps, every), steps]
-    if isinstance(model, Springs):
+    linear = isinstance(model, Springs)
+    if linear:
         limit = model.stable_time_step
         if not dt < limit:
             raise AtcError(f"dt = {dt:g}: velocity Verlet is unstable at and above 2/ω_max = {limit:.6g} for this chain; take a smaller step")
@@ -157,7 +161,8 @@ def verlet(model, u0_n, v0_n=None, *, dt: float, steps: int, every: int = 1, bou
             done = mark
         u_tn[row], v_tn[row] = u[M : M + n], v
         kinetic[row] = 0.5 * model.density * model.spacing * float(v @ v)
-        potential[row] = model.potential_energy(u_tn[row], boundary)
+        # A quadratic energy from the force at hand: −½ Σ u F, clamped nodes outside included (they are at 0).
+        potential[row] = -0.5 * model.density * model.spacing * float(u_tn[row] @ a) if linear else model.potential_energy(u_tn[row], boundary)
     return History(model, boundary, dt, np.arange(n) * model.spacing, dt * np.array(marks, dtype=float), u_tn, v_tn, kinetic, potential)
 
 
