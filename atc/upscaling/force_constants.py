@@ -232,7 +232,7 @@ def _displacements(crystal: Crystal, model, reach: float, step: float) -> ForceC
                     x[a, c] += sign * m * step
                     rows[:, :, c] += sign * w / step * forces(model, frame.replace(positions=x))
         phi = -rows
-        r = _nearest(x0 - x0[a], frame.cell.vectors)
+        r = nearest_images(x0 - x0[a], frame.cell.vectors)
         d = np.linalg.norm(r, axis=1)
         largest = max(largest, np.abs(phi).max())
         outside = max(outside, np.abs(phi[d > reach * 1.0001]).max(initial=0.0))
@@ -280,8 +280,8 @@ def _repeat(crystal: Crystal, shortest: float) -> np.ndarray:
 
 
 
-def _nearest(r, vectors):
-    """The shortest image of each vector (also for skewed cells)."""
+def nearest_images(r, vectors):
+    """The shortest image of each vector of r (n, 3) under the lattice `vectors` (rows), also for skewed cells."""
     s = r @ np.linalg.inv(vectors)
     base = (s - np.floor(s)) @ vectors
     best, d2 = base.copy(), np.full(len(r), np.inf)

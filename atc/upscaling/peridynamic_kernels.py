@@ -95,6 +95,15 @@ class MollifiedLattice:
         d = np.linalg.norm(np.asarray(xi_bc)[:, None, :] - fc.r_bc[which][None], axis=2)
         return -np.tensordot(self.mollifier(d), fc.phi_bcc[which], axes=1) / self.crystal.volume
 
+    @classmethod
+    def for_zone(cls, fc: ForceConstants, order: int = 4, loss: float = 5e-4) -> MollifiedLattice:
+        """As wide as can be with ĝ ≥ 1 − `loss` up to the farthest corner of the first zone's symmetry lines."""
+        from scipy.optimize import brentq
+
+        far = max(fc.crystal.zone_boundary(d) for d in ((1, 0, 0), (1, 1, 0), (1, 1, 1)))
+        x = brentq(lambda x: 1 - np.exp(-x) * sum(x**j / factorial(j) for j in range(order + 1)) - loss, 1e-9, order + 1.0)
+        return cls(fc, np.sqrt(2 * x) / far, order)
+
     @property
     def horizon(self) -> float:
         """Where |g| has fallen below 1e-4 of its value at 0, beyond the farthest bond."""
@@ -199,16 +208,16 @@ class KernelBasis:
         q = np.linalg.norm(k, axis=1)
         cosine = _unit(k) @ self._n.T
         z = q[:, None] * self._r
-        out = 0.0
+        angular, radial = [], []
         for L in range(0, max(self.degrees) + 4, 2):
-            angular = (2 * L + 1) / (4 * np.pi) * np.tensordot(eval_legendre(L, cosine), self._f_qac, axes=1)  # (k, a, 9)
+            angular.append((L + 0.5) * 2 * (eval_legendre(L, cosine) @ self._f_qac.reshape(len(self._n), -1)))
             if gradient:
-                radial = -((-1) ** (L // 2)) * spherical_jn(L, z, derivative=True) * self._r
-            elif L == 0:
-                radial = one_minus_sinc(z)
+                f = -((-1) ** (L // 2)) * spherical_jn(L, z, derivative=True) * self._r
             else:
-                radial = -((-1) ** (L // 2)) * spherical_jn(L, z)
-            out = out + 4 * np.pi * angular[:, :, None, :] * (radial @ self._hat_rm)[:, None, :, None]
+                f = one_minus_sinc(z) if L == 0 else -((-1) ** (L // 2)) * spherical_jn(L, z)
+            radial.append(f @ self._hat_rm)
+        out = np.stack(angular, -1) @ np.stack(radial, 1)  # (k, kind · 9, m)
+        out = out.reshape(len(k), -1, 9, self.knots).transpose(0, 1, 3, 2)
         return out.reshape(len(k), self.size, 3, 3) / self.crystal.density
 
     def onsite(self) -> np.ndarray:
@@ -289,7 +298,13 @@ class ShellBasis:
     def size(self) -> int:
         return len(self.kinds) * self.orbits
 
+    @property
+    def reciprocal(self) -> np.ndarray:
+        """Rows: reciprocal vectors of the coarse lattice."""
+        return self.crystal.reciprocal / self.factor
+
     def matrices(self, k_kc, gradient: bool = False) -> np.ndarray:
+        """(k, size, 3, 3) D(k) of each spring constant, or its derivative along the ray."""
         k = np.atleast_2d(np.asarray(k_kc, float))
         phase = k @ self.r_bc.T
         f = np.sin(phase) * (_unit(k) @ self.r_bc.T) if gradient else 2 * np.sin(0.5 * phase) ** 2
