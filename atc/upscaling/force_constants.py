@@ -217,7 +217,7 @@ def _analytic(crystal: Crystal, model, terms) -> ForceConstants:
 
 
 def _displacements(crystal: Crystal, model, reach: float, step: float) -> ForceConstants:
-    repeat = _repeat(crystal, 2.0 * reach * 1.0001)
+    repeat = supercell_repeat(crystal, 2.0 * reach * 1.0001)
     frame, basis = crystal.supercell(repeat)
     x0, n = frame.positions, len(crystal)
     if len(frame) > 40000:
@@ -267,7 +267,7 @@ def _mended(crystal, i, j, r, phi, reach, largest) -> ForceConstants:
     return fc
 
 
-def _repeat(crystal: Crystal, shortest: float) -> np.ndarray:
+def supercell_repeat(crystal: Crystal, shortest: float) -> np.ndarray:
     """Repetitions along the primitive vectors so that no lattice vector of the supercell is shorter than `shortest`."""
     heights = 1.0 / np.linalg.norm(np.linalg.inv(crystal.vectors), axis=0)
     repeat = np.maximum(1, np.ceil(0.5 * shortest / heights)).astype(int)
