@@ -1,6 +1,6 @@
 """Scenes: the TOML file in which a person says what to compute.
 
-A scene has the sections ``[trajectory]``, ``[potential]``, ``[kernel]``, ``[grid]``, ``[fields]``, ``[check]`` and ``[output]``. Everything in it is
+A scene has the sections ``[trajectory]``, ``[potential]``, ``[kernel]``, ``[grid]``, ``[fields]``, ``[check]``, ``[dispersion]`` and ``[output]``. Everything in it is
 checked before anything is computed; every complaint names the file and the line (or the ``--set`` flag) and says what was expected.
 Paths are relative to the scene file, lengths in the trajectory's unit style.
 """
@@ -136,7 +136,7 @@ class Scene:
                     # int("abc") and its like bring Python's own words, which help nobody.
                     reason = f" ({e})" if str(e) and "literal" not in str(e) else ""
                     raise self._bad(section, key, f"expected {spec.expected}, got {_shown(value)}{reason}") from None
-        if "file" not in self.data.get("trajectory", {}):
+        if "file" not in self.data.get("trajectory", {}) and not ("dispersion" in self.data and "trajectory" not in self.data):
             raise self._need("trajectory", 'it needs file, the trajectory to read, e.g. file = "run.dump"')
         self._check_grid()
         self._check_potential()
@@ -302,7 +302,7 @@ class Scene:
                 raise self._bad("potential", "input", f"there is no file {path}")
             return self._shared(potential(path, units=units), partition)
         text = self.data["potential"]["lammps"]
-        if units is None and not re.search(r"^\s*units\s", text, re.MULTILINE):
+        if units is None and "trajectory" in self.data and not re.search(r"^\s*units\s", text, re.MULTILINE):
             units = self.get("trajectory", "units") or self._whole().units.name
         # Empty lines in front, so that what is wrong with line 3 of the text is reported at its line of the scene.
         line = 0

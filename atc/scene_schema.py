@@ -161,6 +161,18 @@ def _unit_names():
     return list(_SYSTEMS)
 
 
+def _structure_names():
+    from .upscaling.crystal import STRUCTURES
+
+    return list(STRUCTURES)
+
+
+def _model_names():
+    from .upscaling.matching import MODELS
+
+    return list(MODELS)
+
+
 # --------------------------------------------------------------------------------------------------------------------
 # What a scene may hold.
 
@@ -235,6 +247,23 @@ SCHEMA: dict[str, dict[str, Key]] = {
     "check": {
         "points": Key(_count, "a number of random points, e.g. 20"),
         "seed": Key(_seed, "a whole number, 0 or more"),
+        "timestep": Key(_positive, "the time of one step in the trajectory's units, e.g. 0.001"),
+    },
+    "dispersion": {
+        "structure": Key(_choice(_structure_names), 'a cubic structure, e.g. "fcc"'),
+        "lattice_constant": Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 5.3"),
+        "keep_lattice_constant": Key(_boolean, "true (compute at lattice_constant) or false (relax, or take the trajectory's)"),
+        "unit_cell": Key(_string, 'a file with one unit cell, e.g. "cell.data"', path=True),
+        "masses": Key(_list_of(_positive), "a mass for each atom of the basis, e.g. [39.948]"),
+        "directions": Key(_list_of(_list_of(_number, 3)), "directions, e.g. [[1, 0, 0], [1, 1, 1]]"),
+        "models": Key(_list_of(_choice(_model_names)), 'peridynamic models, e.g. ["classical", "cubic"]'),
+        "horizon": Key(_positive, "a length greater than 0, e.g. 8.5"),
+        "knots": Key(_count, "a number of knots, e.g. 12"),
+        "width": Key(_positive, "a length greater than 0, e.g. 0.5"),
+        "order": Key(_seed, "a whole number, 0 or more"),
+        "reach": Key(_positive, "a length greater than 0, e.g. 8.5"),
+        "phonopy": Key(_boolean, "true or false"),
+        "blocks": Key(_count, "a number of blocks, e.g. 5"),
         "timestep": Key(_positive, "the time of one step in the trajectory's units, e.g. 0.001"),
     },
     "output": {"file": Key(_string, 'the file to write, e.g. "out.zarr" or "out.nc"', path=True)},

@@ -1,0 +1,502 @@
+"""Phonon frequencies of a crystal from a trajectory: by the ratio of velocities to displacements, and by spectra of currents.
+
+A mode of wave vector k has u_k = Σ √m u exp(−ik·R) over the ideal sites R. Harmonic motion obeys ⟨|v_k|²⟩ = ω² ⟨|u_k|²⟩ whatever its amplitude, so no
+spectrum and no equipartition is needed; where eigenvectors are not known, ω² are the eigenvalues of ⟨v v†⟩ against ⟨u u†⟩. Time averages are tapered
+by a Hann window in each block, which removes the error of cutting a period; blocks give the error bars (jackknife).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import permutations, product
+
+import numpy as np
+
+from ..errors import AtcError
+from .crystal import Crystal
+from .force_constants import frequency_unit, nearest_images, signed_root
+
+#: Fewer frames than this in a block make no spectrum; fewer cycles than this no frequency.
+MIN_FRAMES, MIN_CYCLES = 16, 3.0
+
+
+@dataclass
+class Sites:
+    """Which atom of a supercell sits at which site of a crystal.
+
+    crystal : scaled so that the supercell is a whole number of its cells. counts : (3, 3) ints, supercell = counts @ crystal.vectors.
+    basis : (n,) which basis atom. sites : (n, 3) ideal positions. cell : (3, 3) the supercell.
+    """
+
+    crystal: Crystal
+    counts: np.ndarray
+    basis: np.ndarray
+    sites: np.ndarray
+    cell: np.ndarray
+
+    @property
+    def cells(self) -> int:
+        return len(self.basis) // len(self.crystal)
+
+
+def find_sites(frame, crystal: Crystal, cell=None) -> Sites:
+    """Lay a crystal under a frame.
+
+    Parameters
+    ----------
+    frame : Frame of a whole number of cells of the crystal, in the crystal's orientation, every atom near its site
+    crystal : Crystal; its lattice constant need only be near
+    cell : (3, 3) the supercell, if not the frame's own (its mean over a run)
+
+    Raises
+    ------
+    AtcError that says what does not fit: the box, the number of atoms, or atoms without a site (a defect, a liquid, another structure).
+    """
+    if not frame.cell.periodic.all():
+        raise AtcError(f"{frame.source}: waves in a crystal need a box that is periodic along all axes")
+    H = frame.cell.vectors if cell is None else cell
+    exact = H @ np.linalg.inv(crystal.vectors)
+    counts = np.rint(exact)
+    if abs(np.linalg.det(counts)) < 0.5 or np.abs(exact - counts).max() > 0.25:
+        along = np.linalg.norm(H, axis=1) / np.linalg.norm(crystal.conventional, axis=1)
+        raise AtcError(
+            f"{frame.source}: the box is not a whole number of cells of {crystal.name} (it is {', '.join(f'{a:.3g}' for a in along)} conventional cells "
+            f"of {crystal.lattice_constant:.6g} long): give the structure and lattice_constant of the crystal in the file"
+        )
+    fitted = np.linalg.solve(counts, H)
+    F = (np.linalg.inv(crystal.vectors) @ fitted).T
+    crystal = crystal.strained(F - np.eye(3))
+    cells, n = round(abs(np.linalg.det(counts))), len(crystal)
+    if len(frame) != cells * n:
+        raise AtcError(
+            f"{frame.source}: {len(frame)} atoms, but a perfect {crystal.name} of this box has {cells * n}: it has defects, or another structure"
+        )
+    x = frame.positions - frame.cell.origin
+    inv = np.linalg.inv(crystal.vectors)
+    # The crystal may be shifted: align on the first atom and each basis atom in turn, take the best.
+    best = None
+    for b in range(n):
+        if crystal.types[b] != frame.types[0] and len(np.unique(crystal.types)) > 1:
+            continue
+        shift = x[0] - crystal.positions[b]
+        for _ in range(3):
+            d = x[:, None, :] - shift - crystal.positions[None]
+            s = d @ inv
+            off = (s - np.rint(s)) @ crystal.vectors
+            which = np.argmin(np.einsum("nbc,nbc->nb", off, off), axis=1)
+            u = off[np.arange(len(x)), which]
+            shift = shift + u.mean(axis=0)
+        error = np.sqrt((u**2).sum(axis=1)).max()
+        if (best is None or error < best[0]) and (np.bincount(which, minlength=n) == cells).all():
+            best = error, which, shift
+    if best is None:
+        raise AtcError(f"{frame.source}: its atoms do not sit at the sites of {crystal.name}: it has defects, has melted, or has another structure")
+    _, which, shift = best
+    m = np.rint((x - shift - crystal.positions[which]) @ inv)
+    sites = m @ crystal.vectors + crystal.positions[which] + shift
+    key = np.rint(np.mod((m @ np.linalg.inv(counts)) + 1e-9, 1.0) * 1e6).astype(np.int64)
+    if len(np.unique(np.column_stack([key, which]), axis=0)) != len(frame):
+        raise AtcError(f"{frame.source}: two atoms sit at one site of {crystal.name}: it has defects, has melted, or has another structure")
+    return Sites(crystal, counts.astype(int), which, sites, H)
+
+
+def star(k, cubic: bool) -> np.ndarray:
+    """(s, 3) wave vectors that the cube's symmetry makes equivalent to k, one of each ±k; just k if not cubic."""
+    if not cubic:
+        return np.atleast_2d(k)
+    out = []
+    for p in permutations(range(3)):
+        for signs in product((1, -1), repeat=3):
+            q = np.array(k)[list(p)] * signs
+            if not any(np.allclose(q, o, atol=1e-9) or np.allclose(-q, o, atol=1e-9) for o in out):
+                out.append(q)
+    return np.array(out)
+
+
+def commensurate(sites: Sites, direction, limit: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """Wave vectors along `direction` that fit into the supercell, up to `limit` times the zone boundary: fractions of it and (k, 3) vectors."""
+    crystal = sites.crystal
+    e, boundary = crystal.direction(direction), crystal.zone_boundary(direction)
+    # The shortest commensurate vector along e: k·H/2π must be integers.
+    per = sites.cell @ e / (2 * np.pi)
+    most = int(np.ceil(np.abs(sites.counts).sum() * 2)) + 1
+    n = np.arange(1, most + 1)
+    lead = np.abs(per).max()
+    for m in n:
+        q = m / lead
+        if q > limit * boundary * (1 + 1e-9):
+            break
+        if np.abs(per * q - np.rint(per * q)).max() < 1e-6:
+            steps = np.arange(1, int(limit * boundary * (1 + 1e-9) / q) + 1) * q
+            return steps / boundary, steps[:, None] * e
+    return np.zeros(0), np.zeros((0, 3))
+
+
+@dataclass
+class Amplitudes:
+    """Mass-weighted amplitudes of the waves of a run.
+
+    k_kc : (k, 3) wave vectors. u_tkx, v_tkx : (frames, k, 3n) complex; displacements from the ideal sites and velocities. dt : internal, or None.
+    """
+
+    sites: Sites
+    k_kc: np.ndarray
+    u_tkx: np.ndarray
+    v_tkx: np.ndarray
+    dt: float | None
+    temperature: float
+    source: str
+    notes: list = field(default_factory=list)
+
+
+def amplitudes(traj, crystal: Crystal, choose, *, timestep: float | None = None) -> Amplitudes:
+    """Project a trajectory on waves, frame by frame.
+
+    Parameters
+    ----------
+    traj : frames with velocities and masses; the box may breathe (displacements are then taken relative to it)
+    crystal : Crystal
+    choose : function Sites → (k, 3) wave vectors
+    timestep : time of one step in the user's unit, for dumps that give steps only
+
+    Raises
+    ------
+    AtcError for missing velocities or masses, atoms that leave their sites, or a box that does not fit.
+    """
+    it = iter(traj)
+    first = next(it, None)
+    if first is None:
+        raise AtcError("the trajectory has no frames")
+    first.require("velocities", "masses", why="the dispersion from a trajectory")
+    sites = find_sites(first, crystal)
+    crystal = sites.crystal
+    if np.abs(first.masses - crystal.masses[sites.basis]).max() > 1e-6 * crystal.masses.max():
+        raise AtcError(f"{first.source}: the masses of the atoms differ from those of {crystal.name}: give the same in both")
+    k = np.asarray(choose(sites), float).reshape(-1, 3)
+    n = len(crystal)
+    order = np.argsort(sites.basis, kind="stable")
+    phase = np.exp(-1j * (k @ sites.sites[order].T)).reshape(len(k), n, -1) / np.sqrt(sites.cells)
+    root = np.sqrt(first.masses)[:, None]
+    nearest = _shortest_contact(sites)
+    u_all, v_all, times, steps, kinetic, cells = [], [], [], [], [], []
+    inv0 = np.linalg.inv(sites.cell)
+
+    def project(a):
+        a = (root * a)[order].reshape(n, -1, 3)
+        return np.einsum("kbm,bmc->kbc", phase, a, optimize=True).reshape(len(k), 3 * n)
+
+    frame = first
+    while frame is not None:
+        if len(frame) != len(first):
+            raise AtcError(f"{frame.source}: {len(frame)} atoms, but the first frame has {len(first)}")
+        frame.require("velocities", why="the dispersion from a trajectory")
+        x = (frame.positions - frame.cell.origin) @ frame.cell.inverse @ sites.cell
+        u = x - sites.sites
+        s = u @ inv0
+        u = (s - np.rint(s)) @ sites.cell
+        u -= u.mean(axis=0)
+        far = np.sqrt((u**2).sum(axis=1))
+        if far.max() > 0.5 * nearest:
+            bad = int(np.argmax(far))
+            raise AtcError(
+                f"{frame.source}: atom {frame.ids[bad]} is {frame.units.to_user('length', far[bad]):.3g} {frame.units.label('length')} from its site: the "
+                "crystal has melted or atoms have changed places; take earlier frames"
+            )
+        v = frame.velocities - np.average(frame.velocities, axis=0, weights=frame.masses)
+        u_all.append(project(u))
+        v_all.append(project(v))
+        kinetic.append((frame.masses[:, None] * v**2).sum() / (3 * (len(frame) - 1) * frame.units.boltzmann))
+        times.append(frame.time)
+        steps.append(frame.step)
+        cells.append(frame.cell.vectors)
+        frame = next(it, None)
+    notes = []
+    swing = np.abs(np.array(cells) - sites.cell).max() / np.abs(sites.cell).max()
+    if swing > 1e-6:
+        notes.append(f"the box changes by up to {100 * swing:.2g} % during the run: wave vectors are those of the first frame")
+    dt, why = _interval(times, steps, timestep, first.units)
+    if dt is None:
+        notes.append(f"no spectra: {why}")
+    return Amplitudes(sites, k, np.array(u_all), np.array(v_all), dt, float(np.mean(kinetic)), first.source, notes)
+
+
+def _shortest_contact(sites) -> float:
+    c = sites.crystal
+    d = (c.positions[None] - c.positions[:, None]).reshape(-1, 3)
+    r = np.linalg.norm(nearest_images(d, c.vectors), axis=1)
+    lattice = np.linalg.norm(np.array([m for m in product((-1, 0, 1), repeat=3) if any(m)]) @ c.vectors, axis=1).min()
+    return float(min(lattice, r[r > 1e-6].min(initial=np.inf)))
+
+
+def _interval(times, steps, timestep, units):
+    if any(t is None for t in times):
+        if timestep is None or any(s is None for s in steps):
+            return None, "the frames have no times; say the time of a step with timestep in [dispersion]"
+        times = np.array(steps, float) * units.to_internal("time", timestep)
+    gaps = np.diff(np.array(times, float))
+    if len(gaps) < 1:
+        return None, "there is one frame only"
+    if not (gaps > 0).all() or np.ptp(gaps) > 1e-6 * gaps.mean():
+        return None, "the frames are not equally spaced in time"
+    return float(gaps.mean()), ""
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Frequencies.
+
+
+@dataclass
+class Estimate:
+    """Frequencies (internal ω) with standard errors, ascending, at one wave vector; NaN where none could be had. `why` says why not."""
+
+    omega: np.ndarray
+    error: np.ndarray
+    why: str = ""
+
+
+def _windows(frames: int, blocks: int):
+    """Slices of equal blocks, and the Hann weights of one."""
+    length = frames // blocks
+    return [slice(b * length, (b + 1) * length) for b in range(blocks)], np.hanning(length + 2)[1:-1] if length else np.zeros(0)
+
+
+def by_ratio(u_stx, v_stx, vectors_sxm=None, blocks: int = 5) -> Estimate:
+    """ω of each mode from √(⟨|v|²⟩/⟨|u|²⟩), over equivalent wave vectors s.
+
+    Parameters
+    ----------
+    u_stx, v_stx : (s, t, 3n) complex amplitudes
+    vectors_sxm : (s, 3n, 3n) eigenvectors (columns) to project on, e.g. of the harmonic crystal; None: the generalised eigenproblem
+        ⟨v v†⟩ e = ω² ⟨u u†⟩ e
+    blocks : pieces of the run; their jackknife gives the error
+    """
+    modes, frames = u_stx.shape[2], u_stx.shape[1]
+    parts, w = _windows(frames, blocks)
+    need = max(4, 0 if vectors_sxm is not None else modes)
+    if blocks < 2 or len(w) < need:
+        empty = np.full(modes, np.nan)
+        return Estimate(empty, empty, f"{frames} frames in {blocks} blocks are too few: {need} a block at least")
+    u = u_stx - u_stx.mean(axis=1, keepdims=True)
+    if vectors_sxm is not None:
+        um, vm = (np.einsum("sxm,stx->stm", vectors_sxm.conj(), a, optimize=True) for a in (u, v_stx))
+        U = np.array([np.einsum("t,stm->m", w, np.abs(um[:, p]) ** 2) for p in parts])
+        V = np.array([np.einsum("t,stm->m", w, np.abs(vm[:, p]) ** 2) for p in parts])
+        return Estimate(*jackknife(lambda which: np.sqrt(V[which].sum(axis=0) / U[which].sum(axis=0)), blocks))
+    from scipy.linalg import eigh
+
+    U, V = (np.array([np.einsum("t,stx,sty->sxy", w, a[:, p], a[:, p].conj(), optimize=True) for p in parts]) for a in (u, v_stx))
+
+    def solve(which):
+        return np.mean([signed_root(eigh(b, a, eigvals_only=True)) for a, b in zip(U[which].sum(axis=0), V[which].sum(axis=0))], axis=0)
+
+    return Estimate(*jackknife(solve, blocks))
+
+
+def jackknife(statistic, blocks: int):
+    """Value and standard error of ``statistic(indices of blocks)``, leaving out one block at a time."""
+    everything = np.arange(blocks)
+    value = statistic(everything)
+    without = np.array([statistic(np.delete(everything, b)) for b in range(blocks)])
+    return value, np.sqrt((blocks - 1) / blocks * ((without - without.mean(axis=0)) ** 2).sum(axis=0))
+
+
+def spectra(v_stm, dt: float, blocks: int = 5, pad: int = 4):
+    """Power spectra of complex series, blocks tapered by a Hann window, +ω and −ω added.
+
+    Parameters
+    ----------
+    v_stm : (s, t, m). Returns ω (f,) and power (blocks, f, m), summed over s.
+    """
+    parts, w = _windows(v_stm.shape[1], blocks)
+    n = pad * len(w)
+    out = []
+    for p in parts:
+        f = np.abs(np.fft.fft(v_stm[:, p] * w[None, :, None], n=n, axis=1)) ** 2
+        half = n // 2 + 1
+        folded = f[:, :half].copy()
+        folded[:, 1:half] += f[:, ::-1][:, : half - 1]
+        out.append(folded.sum(axis=0))
+    return 2 * np.pi * np.arange(n // 2 + 1) / (n * dt), np.array(out)
+
+
+def by_spectrum(v_stm, dt: float, blocks: int = 5) -> Estimate:
+    """ω of the highest peak of each mode's spectrum, by a parabola through the logarithm of the peak's three highest points (for a Hann window good to
+    a hundredth of the block's resolution)."""
+    modes, frames = v_stm.shape[2], v_stm.shape[1]
+    empty = np.full(modes, np.nan)
+    length = frames // blocks
+    if blocks < 2 or length < MIN_FRAMES:
+        return Estimate(empty, empty, f"{frames} frames in {blocks} blocks are too few for a spectrum: {MIN_FRAMES} a block at least")
+    omega, power = spectra(v_stm, dt, blocks)
+
+    def peaks(which):
+        P = power[which].sum(axis=0)
+        at = np.clip(np.argmax(P[1:-1], axis=0) + 1, 1, len(P) - 2)
+        m = np.arange(modes)
+        a, b, c = (np.log(np.maximum(P[at + d, m], 1e-300)) for d in (-1, 0, 1))
+        curve = a - 2 * b + c
+        return (at + np.where(curve < 0, 0.5 * (a - c) / np.where(curve < 0, curve, 1.0), 0.0)) * omega[1]
+
+    value, error = jackknife(peaks, blocks)
+    slow = value * length * dt < 2 * np.pi * MIN_CYCLES
+    value, error = np.where(slow, np.nan, value), np.where(slow, np.nan, error)
+    return Estimate(value, error, f"a block holds fewer than {MIN_CYCLES:g} periods of the slowest modes" if slow.any() else "")
+
+
+@dataclass
+class Measured:
+    """Frequencies of one trajectory along rays.
+
+    Attributes (ω in internal units, branches ascending)
+    ----------
+    directions : the rays. ray_k : (k,) which ray each point is on. fraction_k, k_kc : its place.
+    ratio_km, ratio_error_km, spectrum_km, spectrum_error_km : (k, 3n) ω and standard errors; NaN where it could not be had
+    frequency_f : ω of the current spectra (internal), current_kcf : (k, 2, f) longitudinal and transverse current spectra; None without times
+    temperature : mean, internal (the user's temperature unit). notes : what to know
+    """
+
+    crystal: Crystal
+    directions: list
+    ray_k: np.ndarray
+    fraction_k: np.ndarray
+    k_kc: np.ndarray
+    ratio_km: np.ndarray
+    ratio_error_km: np.ndarray
+    spectrum_km: np.ndarray
+    spectrum_error_km: np.ndarray
+    frequency_f: np.ndarray | None
+    current_kcf: np.ndarray | None
+    temperature: float
+    frames: int
+    blocks: int
+    dt: float | None
+    source: str
+    notes: list = field(default_factory=list)
+
+
+def measure(traj, crystal: Crystal, directions, *, fc=None, blocks: int = 5, timestep: float | None = None, cubic: bool | None = None) -> Measured:
+    """ω(k) of a trajectory at every wave vector along `directions` that fits into its box.
+
+    Parameters
+    ----------
+    traj : trajectory of `atc.read`, of a crystal that vibrates
+    crystal : Crystal
+    directions : list of (3,) rays, e.g. [1, 0, 0]
+    fc : function Crystal → ForceConstants for the crystal at the run's own lattice constant, whose eigenvectors single out the modes; None: the run alone
+    blocks : pieces that give the errors
+    timestep : time of one step in the user's unit, if the frames have no times
+    cubic : average over wave vectors that the cube's symmetry makes equivalent; default: if the crystal's conventional cell is a cube along the axes
+
+    Returns
+    -------
+    Measured
+
+    Raises
+    ------
+    AtcError if no wave vector fits, and what `amplitudes` refuses.
+    """
+    if cubic is None:
+        edge = np.linalg.norm(crystal.conventional[0])
+        cubic = bool(np.abs(crystal.conventional - edge * np.eye(3)).max() < 1e-6 * edge)
+    plan = []
+
+    def choose(sites):
+        for r, d in enumerate(directions):
+            fractions, ks = commensurate(sites, d)
+            for f, k in zip(fractions, ks):
+                # Equivalent ones fit only if the box has the cube's symmetry too.
+                members = [q for q in star(k, cubic) if np.abs(sites.cell @ q / (2 * np.pi) - np.rint(sites.cell @ q / (2 * np.pi))).max() < 1e-6]
+                plan.append((r, f, k, np.array(members)))
+        if not plan:
+            raise AtcError(
+                f"no wave vector along {', '.join(map(str, directions))} fits into the box of {sites.crystal.name}: take other directions or a longer box"
+            )
+        return np.concatenate([p[3] for p in plan])
+
+    a = amplitudes(traj, crystal, choose, timestep=timestep)
+    crystal, notes = a.sites.crystal, list(a.notes)
+    for r, d in enumerate(directions):
+        if not any(p[0] == r for p in plan):
+            notes.append(f"no wave vector along {list(d)} fits into the box (not commensurate): no measured points there")
+    harmonic = fc(crystal) if fc is not None else None
+    n3 = 3 * len(crystal)
+    rows, currents, frequency, at = [], [], None, 0
+    for _, _, k, members in plan:
+        pick = slice(at, at + len(members))
+        at += len(members)
+        u, v = (x[:, pick].transpose(1, 0, 2) for x in (a.u_tkx, a.v_tkx))
+        if harmonic is not None:
+            vectors = harmonic.frequencies(members, vectors=True)[1]
+        else:
+            vectors = _vectors_by_symmetry(members, crystal) if cubic and len(members) > 1 else None
+        ratio = by_ratio(u, v, vectors, blocks)
+        if vectors is None:
+            vectors = _own_vectors(u, v)
+        spectrum = Estimate(np.full(n3, np.nan), np.full(n3, np.nan))
+        if a.dt is not None and vectors is not None:
+            spectrum = by_spectrum(np.einsum("sxm,stx->stm", vectors.conj(), v, optimize=True), a.dt, blocks)
+        for e in (ratio, spectrum):
+            if e.why and e.why not in notes:
+                notes.append(e.why)
+        rows.append((*_ascending(ratio), *_ascending(spectrum)))
+        if a.dt is not None and len(v[0]) // blocks >= MIN_FRAMES:
+            frequency, power = spectra(_current(v, members, crystal), a.dt, blocks)
+            currents.append(power.sum(axis=0)[:, :3] @ np.array([[1, 0, 0], [0, 1, 1.0]]).T)
+    data = [np.array(x) for x in zip(*rows)]
+    if a.dt is not None and harmonic is not None:
+        top = harmonic.frequencies(np.array([p[2] for p in plan])).max()
+        if top > np.pi / a.dt:
+            unit, factor = frequency_unit(crystal.units)
+            notes.append(
+                f"the frames are too far apart for spectra: frequencies above {factor * np.pi / a.dt:.3g} {unit} are folded down, the crystal goes up to "
+                f"{factor * top:.3g}; the ratio of velocities and displacements does not mind"
+            )
+    return Measured(
+        crystal, list(directions), np.array([p[0] for p in plan]), np.array([p[1] for p in plan]), np.array([p[2] for p in plan]), *data, frequency,
+        np.array(currents).transpose(0, 2, 1) if currents else None, a.temperature, len(a.u_tkx), blocks, a.dt, a.source, notes,
+    )  # fmt: skip
+
+
+def _ascending(e: Estimate):
+    order = np.argsort(np.nan_to_num(e.omega, nan=-np.inf))  # those that are too slow to be seen come first
+    return e.omega[order], e.error[order]
+
+
+def _vectors_by_symmetry(members, crystal):
+    """Polarisations along [100], [110] and [111] of a cubic crystal with one atom a cell: those of any model of that symmetry. None elsewhere."""
+    k = np.sort(np.abs(members[0])) / np.abs(members[0]).max()
+    if len(crystal) > 1 or not any(np.allclose(k, ray, atol=1e-6) for ray in ((0, 0, 1), (0, 1, 1), (1, 1, 1))):
+        return None
+    bonds = np.array([m for m in product((-1, 0, 1), repeat=3) if np.abs(m).sum() == 2], float)
+    # Springs along the face diagonals, at long waves: longitudinal above transverse, [001] and [1-10] of [110] apart.
+    D = np.einsum("sb,bi,bj->sij", (members @ bonds.T) ** 2, bonds, bonds)
+    return np.linalg.eigh(D)[1].astype(complex)
+
+
+def _own_vectors(u, v):
+    """(s, 3n, 3n) modes from the run itself: v†-normalised solutions of the generalised eigenproblem, None if there are too few frames."""
+    from scipy.linalg import LinAlgError, eigh
+
+    u = u - u.mean(axis=1, keepdims=True)
+    out = []
+    for a, b in zip(u, v):
+        try:
+            _, e = eigh(np.einsum("tx,ty->xy", b, b.conj()), np.einsum("tx,ty->xy", a, a.conj()))
+        except LinAlgError:
+            return None
+        # Projectors on a mode are dual to the modes' shapes, which the eigenvectors are already.
+        out.append(e / np.linalg.norm(e, axis=0))
+    return np.array(out)
+
+
+def _current(v_stx, members, crystal):
+    """(s, t, 3) mass current along k and along two directions normal to it."""
+    root = np.sqrt(crystal.masses)
+    j = np.einsum("b,stbc->stc", root, v_stx.reshape(*v_stx.shape[:2], len(crystal), 3))
+    out = []
+    for k, a in zip(members, j):
+        e = k / np.linalg.norm(k)
+        side = np.cross(e, np.eye(3)[np.argmin(np.abs(e))])
+        side /= np.linalg.norm(side)
+        out.append(a @ np.array([e, side, np.cross(e, side)]).T)
+    return np.array(out)
