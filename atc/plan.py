@@ -8,6 +8,7 @@ The cost model is deliberately small; its constants are measured by ``benchmarks
   length, times points per volume; rows: its mean cross-section, π R² + π/2 R L, over the area between rows;
 - deposit of an atom: `SECONDS_PER_VISIT` for the 4/3 π R³ around it, for each six components;
 - sums with the kernel's gradient: `SECONDS_PER_GATHER` a pair of point and atom for each factor;
+- weighted virials: `SECONDS_PER_WEIGHT` a pair of a bond and a point with both ends within its horizon;
 - the error check: `SECONDS_PER_CHECK` a bond;
 - reading `SECONDS_PER_READ` an atom, writing at `BYTES_PER_SECOND_WRITTEN`.
 """
@@ -28,6 +29,7 @@ SECONDS_PER_ROW = 4e-8
 SECONDS_PER_VISIT = 6e-9
 SECONDS_PER_CHECK = 1.5e-7
 SECONDS_PER_GATHER = 1.5e-8
+SECONDS_PER_WEIGHT = 1e-8
 SECONDS_PER_READ = 1e-6
 BYTES_PER_SECOND_WRITTEN = 2e8
 
@@ -41,6 +43,11 @@ _TERMS = {
     "atom_virial": "½ Σ G r⊗r",
     "stress": "G r⊗r",
     "piola": "G R⊗r, between reference positions",
+    "moment": "−r⊗F",
+    "weighted": "−½ |r| (e_i − e_j)⊗F around each point",
+    "weighted_normalised": "−½ |r| (e_i − e_j)⊗F around each point over its mean",
+    "reference_weighted": "−½ |R| (E_i − E_j)⊗F around each point, between reference positions",
+    "reference_weighted_normalised": "−½ |R| (E_i − E_j)⊗F around each point over its mean, between reference positions",
     "kinetic_flux": "½ m v² v",
     "potential_flux": "U v",
     "energy_current": "(½ m v² + U) v",
@@ -79,6 +86,7 @@ class Request:
     threads: int | None = None
     workers: int = 1
     scene: str | None = None
+    horizon: float | None = None
 
     def __post_init__(self):
         from .frame import Frame
@@ -90,7 +98,7 @@ class Request:
         ):
             if value is not None and not hasattr(value, method):
                 raise AtcError(f"{name} is a {type(value).__name__}: expected what {hint} gives")
-        self.work = Work.of(self.quantities)
+        self.work = Work.of(self.quantities, getattr(self.pot, "central", True))
         self.frames = as_frames(self.traj)
         self.n_frames = len(self.frames)
         if not self.n_frames:
@@ -149,6 +157,7 @@ class Request:
             self.tolerance,
             self.reference if self.work.reference_users else None,
             self.threads,
+            horizon=self.horizon,
         )
 
     def key(self) -> dict:
@@ -159,7 +168,7 @@ class Request:
             "version": __version__,
             "quantities": [q.name for q in self.work.quantities],
             "potential": self._potential_key() if self.work.bond_users else None,
-            "kernel": fingerprint((self.kern.name, self.kern.parameters)) if self.work.grid_users else None,
+            "kernel": fingerprint((self.kern.name, self.kern.parameters)) if self.work.kernel_users else None,
             "grid": fingerprint(self.grid) if self.work.grid_users else None,
             "method": self.method_used,
             "tolerance": float(self.tolerance),
@@ -337,11 +346,11 @@ def plan(*args, **kwargs) -> Plan:
     if work.grid_users:
         from .estimators.accuracy import kernel_internal
 
-        if request.kern is None or request.grid is None:
-            raise AtcError(f"{', '.join(work.grid_users)} need a kernel and a grid")
+        if request.grid is None or (request.kern is None and work.kernel_users):
+            raise AtcError(f"{', '.join(work.grid_users)} need a {'kernel and a ' * bool(work.kernel_users)}grid")
         bound = request.grid.bind(frame.units, frame.cell, frame.positions)
         points = int(np.prod(bound.shape))
-        R = kernel_internal(request.kern, frame.units).support
+        R = kernel_internal(request.kern, frame.units).support if work.kernel_users else 0.0
         kernel_volume, area = 4.18879 * R**3, 3.14159 * R**2
     if work.bond_users:
         if request.pot is None:
@@ -354,6 +363,12 @@ def plan(*args, **kwargs) -> Plan:
         rows = bonds * points ** (2 / 3) * (area + 1.57 * R * length) / volume ** (2 / 3) if bound.kind == "regular" else 0.0
         once = SECONDS_PER_VISIT * visits + SECONDS_PER_ROW * rows + (SECONDS_PER_BOND + SECONDS_PER_CHECK) * bonds
         seconds += once * (bool(work.bond) * max(1.0, work.n_bond / 6) + 1.5 * bool(work.reference_bond))
+    if work.horizon_users:
+        from .estimators.peridynamic import ball_volume, horizon_of
+
+        ball = ball_volume(horizon_of(request.settings(), frame.units, work.horizon_users), request.pot, frame.cell)
+        # Half of the ball is within the horizon of both ends of a bond of mean length.
+        seconds += SECONDS_PER_WEIGHT * bonds * points * 0.5 * ball / volume * (len(work.point) + len(work.reference_point))
     if work.site:
         seconds += SECONDS_PER_VISIT * n * points * kernel_volume / volume * max(1.0, work.n_site / 6)
     gathered = [GATHER[name].width for name in work.gather + work.reference_gather]
@@ -401,6 +416,8 @@ def _passes(work: Work, request: Request) -> list[str]:
     out = []
     if work.bond_users:
         made = [f"Σ {_TERMS[b]} β, {BOND[b].width} components" for b in work.bond + work.reference_bond]
+        made += [f"Σ {_TERMS[p]}, 9 components" for p in work.point + work.reference_point]
+        made += ["moment of the forces on each atom"] * any("atom_moment" in name for name in work.whole)
         made += ["virial of each atom"] * work.atom_virial + ["virial of the box"] * ("box_virial" in work.whole)
         made += ["potential energy of each atom"] * bool(work.energy_users)
         made += ["energy sources"] * bool(work.source_users) + ["heat current of the box"] * ("box_power" in work.whole)
@@ -443,7 +460,7 @@ def _left_out(work: Work) -> list[tuple[str, str]]:
         out.append(("velocities", "nothing asked depends on them"))
     if not work.site and work.grid_users:
         out.append(("sums over atoms", "nothing asked needs them"))
-    if work.grid_users and not work.gradient_users:
+    if work.kernel_users and not work.gradient_users:
         out.append(("gradient of the kernel", "no gradient was asked for"))
     if not work.grid_users:
         out.append(("kernel and grid", "no field was asked for"))

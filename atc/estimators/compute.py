@@ -12,6 +12,7 @@ from ..errors import AtcError
 from ..units import require_compatible
 from .accuracy import Check, kernel_internal
 from .kinematics import Displacement
+from .peridynamic import horizon_of, node_volumes, weighted_virials
 from .registry import BOND, GATHER, SITE, Work
 from .sources import AtomFactors, AtomSums, ReferenceBonds, bond_factors, drift_velocity, piola_factor
 from .sums import Sums, kinetic_flux, outer6, quotient, thermal
@@ -30,6 +31,12 @@ class Settings:
     reference: object = None
     threads: int = 1
     check_points: int = 100
+    horizon: float | None = None  # the user's unit of length; None: the potential's
+
+    @property
+    def central(self) -> bool:
+        """Whether the potential's forces act along bonds."""
+        return getattr(self.pot, "central", True)
 
     def reference_energies(self) -> np.ndarray:
         """(n,) potential energies of the atoms in the reference frame, computed once."""
@@ -147,10 +154,10 @@ def frame_fields(frame, settings: Settings, index: int = 0) -> FrameResult:
     AtcError
         if the frame lacks what a quantity needs (masses, velocities), or there is no potential, kernel, grid or reference for it.
     """
-    work = Work.of(settings.names)
+    work = Work.of(settings.names, settings.central)
     require(frame, settings, work)
     start = perf_counter()
-    kern = kernel_internal(settings.kern, frame.units) if work.grid_users else None
+    kern = kernel_internal(settings.kern, frame.units) if work.kernel_users else None
     on_reference = set(work.on_reference)
     stage = Stage(frame, kern, settings, index) if set(work.grid_users) - on_reference else None
     reference = Stage(settings.reference, kern, settings, index) if on_reference else None
@@ -168,7 +175,7 @@ def frame_fields(frame, settings: Settings, index: int = 0) -> FrameResult:
     if work.reference_gather:
         _reference_gather_pass(frame, settings, work, reference, factors, sums)
     for name in work.whole:
-        sums[0].whole[name] = _whole(name, factors, decomposition, atoms)
+        sums[0].whole[name] = _whole(name, factors, decomposition, atoms, frame)
     sites_done = perf_counter()
 
     main, at_points = sums
@@ -200,8 +207,13 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums):
     x_nc, threads = frame.positions, settings.threads
     deposits = [t.open(n_bond=work.n_bond) for t in stage.targets] if work.bond else []
     reference_deposits = [t.open(n_bond=work.n_reference_bond) for t in reference.targets] if work.reference_bond else []
-    to_reference = ReferenceBonds(frame, settings.reference) if work.reference_bond else None
-    atoms = AtomSums(frame, threads, virial=work.atom_virial, residual="source_residual" in work.site, power="box_power" in work.whole)
+    carried = bool(work.reference_bond or work.reference_point or "reference_atom_moment" in work.whole)
+    to_reference = ReferenceBonds(frame, settings.reference) if carried else None
+    atoms = AtomSums(
+        frame, threads, virial=work.atom_virial, residual="source_residual" in work.site, power="box_power" in work.whole,
+        moment=bool({"atom_moment", "reference_atom_moment"} & {*work.whole}), reference_moment="reference_atom_moment" in work.whole,
+    )  # fmt: skip
+    weighted = weighted_virials(frame, settings, work, stage, reference) if work.horizon_users else None
     widths = [BOND[name].width for name in work.bond]
     peculiar_nc = factors.peculiar_nc if "power" in work.bond else None  # before threads ask for it
 
@@ -216,12 +228,17 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums):
                 deposit.add_bonds(x_bc, bonds.r_bc, b_bk, thread=thread)
         if to_reference is not None:
             X_bc, R_bc = to_reference.bonds(bonds)
-            P_b9 = piola_factor(bonds, R_bc)
+            if reference_deposits:
+                P_b9 = piola_factor(bonds, R_bc)
             for deposit in reference_deposits:
                 deposit.add_bonds(X_bc, R_bc, P_b9, thread=thread)
-        atoms.add(bonds, thread)
+        else:
+            X_bc = R_bc = None
+        if weighted is not None:
+            weighted.add(x_nc, bonds, X_bc, R_bc, thread)
+        atoms.add(bonds, thread, R_bc)
 
-    wanted = deposits or to_reference is not None or atoms.wanted
+    wanted = deposits or to_reference is not None or weighted is not None or atoms.wanted
     # Potentials of other makers need not know about sources as long as nobody asks for them.
     more = {"sources": True} if work.source_users else {}
     decomposition = settings.pot.stream(
@@ -232,6 +249,8 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums):
             s.bond.update(_columns(work.bond, BOND, deposits[k].bond_sums()))
         if reference_deposits:
             s.bond.update(_columns(work.reference_bond, BOND, reference_deposits[k].bond_sums()))
+        if weighted is not None:
+            s.point.update(weighted.sums(k))
     if work.energy_users:
         factors.energies_n = decomposition.energies_n
     factors.atom_virial_n6, factors.residual_n4 = atoms.virial_n6, atoms.residual_n4
@@ -292,11 +311,17 @@ def require(frame, settings, work):
                 f"no potential was given but {', '.join(work.bond_users)} need one: give the pair_style/pair_coeff lines of the run"
             )
         require_compatible(settings.pot.units, frame.units, "the potential", frame.source)
-    if work.grid_users:
-        for name in ("kern", "grid"):
-            if getattr(settings, name) is None:
-                word = {"kern": "kernel", "grid": "grid"}[name]
-                raise AtcError(f"no {word} was given but {', '.join(work.grid_users)} need one")
+        if not settings.central and work.symmetric_users:
+            raise AtcError(
+                f"{', '.join(work.symmetric_users)}: the forces of {settings.pot.describe()} do not act along bonds: ask for peridynamic_stress_nodal_virial"
+            )
+    for users, name, word in ((work.kernel_users, "kern", "kernel"), (work.grid_users, "grid", "grid")):
+        if users and getattr(settings, name) is None:
+            raise AtcError(f"no {word} was given but {', '.join(users)} need one")
+    if work.horizon_users:
+        horizon_of(settings, frame.units, work.horizon_users)
+    if "atom_volume" in work.whole:
+        node_volumes(frame)
     if work.gradient_users and settings.kern is not None:
         from ..deposit.gradient import require_differentiable
 
@@ -307,11 +332,15 @@ def require(frame, settings, work):
         raise AtcError(f"{frame.source}: the cell has no volume, so the virial stress of the box is not defined")
 
 
-def _whole(name, factors, decomposition, atoms):
+def _whole(name, factors, decomposition, atoms, frame):
     if name == "box_virial":
         return decomposition.virial_cc.reshape(9)
     if name == "atom_virial":
         return atoms.virial_n6
+    if name in ("atom_moment", "reference_atom_moment"):
+        return atoms.moment_n9 if name == "atom_moment" else atoms.reference_moment_n9
+    if name == "atom_volume":
+        return node_volumes(frame)
     if name == "box_power":
         return atoms.power_c
     if name == "box_convection":
