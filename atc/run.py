@@ -388,7 +388,8 @@ def _sanity(request: Request) -> None:
 
     frame, work, u = request.first, request.work, request.first.units
     require(frame, request.settings(), work)
-    if not u.reduced and len(frame) > 1:
+    # Nodes with a volume of their own are pieces of a continuum: they have no temperature.
+    if not u.reduced and len(frame) > 1 and "volume" not in frame.extra:
         if frame.masses is not None and frame.velocities is not None and "velocities" in work.attributes:
             w = frame.velocities - drift_velocity(frame)
             kT = float(frame.masses @ np.einsum("nc,nc->n", w, w)) / (3.0 * len(frame))

@@ -15,6 +15,7 @@ Any consistent units (SI, say); nothing converts. Arrays carry their axes: n nod
     .step(n, callback) .state .time_step_stable .dt .positions_nc .damage() (n,) .forces() (n, 3) .energies() .strain_energy_n() .bond_forces() .n_broken
 `State` : u_nc, v_nc, F_nc, external_nc, smin_n, intact_b, step, time, ledger; to_arrays() / from_arrays() for exact restarts: Simulation(..., state=State.from_arrays(a))
 `BondForces` : i, j, r_bc (y_i − y_j), R_bc (X_i − X_j), F_bc (force on i from j, volumes included), G_b (F = −G r; None if not central), bond_b; .bonds() → atc.bonds.Bonds
+`snapshot(sim)` : (frame, bonds) for `atc.fields`; `reference_frame(sim)`
 `Prescribed(region, velocity= | displacement=)`, `BodyForce(region, density= | total=)`, `Indenter`, `Wall`, `Contact`, `CriticalStretch(s00, alpha)` / `.from_energy(Gc, material, body)`
 """
 
@@ -35,6 +36,7 @@ _LAZY = {
     "State": "state",
     "Simulation": "simulation",
     "Energies": "simulation",
+    **dict.fromkeys(("SnapshotBonds", "reference_frame", "snapshot"), "fields"),
 }
 
 __all__ = list(_LAZY)
