@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 from .scene_schema import SCHEMA as SCENE
@@ -48,7 +49,7 @@ def _history(check):
         if set(v) != {"times", "values"}:
             raise ValueError("a table has the keys times and values")
         times, values = _list_of(_number)(v["times"]), _list_of(row)(v["values"])
-        if len(times) != len(values) or any(b <= a for a, b in zip(times, times[1:])):
+        if len(times) != len(values) or any(b <= a for a, b in pairwise(times)):
             raise ValueError("a table needs increasing times and one row of three values for each")
         return {"times": times, "values": values}
 
@@ -102,7 +103,9 @@ _POINT = Key(_V3, "a point, e.g. [0.0, 0.0, 0.0]")
 TABLES: dict[str, dict[str, Key]] = {
     "body": {
         "region": _REGION,
-        "file": Key(_string, 'a file of nodes: .csv, .extxyz, a LAMMPS data file (atom_style peri), or a mesh, e.g. "plate.vtu"', path=True),
+        "file": Key(
+            _string, 'a file of nodes: .csv, .extxyz, a LAMMPS data file (atom_style peri), or a mesh, e.g. "plate.vtu"', path=True
+        ),
         "spacing": Key(_positive, "the distance between nodes, greater than 0"),
         "horizon": Key(_positive, "a length greater than 0, e.g. 0.0015001"),
         "density": Key(_positive, "a mass per volume greater than 0"),

@@ -48,9 +48,7 @@ class _Appended:
         return "<FieldData>" + "".join(out) + "</FieldData>"
 
     def write(self, path: Path, kind: str, body: str) -> None:
-        head = (
-            f'<?xml version="1.0"?>\n<VTKFile type="{kind}" version="1.0" byte_order="LittleEndian" header_type="UInt64">\n{body}\n<AppendedData encoding="raw">\n_'
-        )
+        head = f'<?xml version="1.0"?>\n<VTKFile type="{kind}" version="1.0" byte_order="LittleEndian" header_type="UInt64">\n{body}\n<AppendedData encoding="raw">\n_'
         temporary = path.with_name(path.name + ".tmp")
         with open(temporary, "wb") as f:
             f.write(head.encode())
@@ -117,7 +115,9 @@ def write_series(path, files, times) -> None:
         f'<DataSet timestep="{float(t)!r}" file={quoteattr(os.path.relpath(f, path.parent))}/>' for f, t in zip(files, times, strict=True)
     )
     temporary = path.with_name(path.name + ".tmp")
-    temporary.write_text(f'<?xml version="1.0"?>\n<VTKFile type="Collection" version="1.0">\n<Collection>\n{rows}\n</Collection>\n</VTKFile>\n')
+    temporary.write_text(
+        f'<?xml version="1.0"?>\n<VTKFile type="Collection" version="1.0">\n<Collection>\n{rows}\n</Collection>\n</VTKFile>\n'
+    )
     os.replace(temporary, path)
 
 

@@ -116,11 +116,15 @@ class SnapshotBonds:
         from ..decomposers.base import Decomposition
 
         if len(frame) != self._n or frame.step != self._step:
-            raise AtcError(f"{frame.source}: these bonds belong to step {self._step} of the simulation they were taken from, and to no other frame")
+            raise AtcError(
+                f"{frame.source}: these bonds belong to step {self._step} of the simulation they were taken from, and to no other frame"
+            )
         if sources:
             raise AtcError("heat flux and churning are not defined for peridynamic bonds: they have no temperature")
         if energies and self._kept is None and self.state.step != self._step:
-            raise AtcError(f"the simulation has gone on to step {self.state.step}: take a new snapshot, or keep_energies() before it goes on")
+            raise AtcError(
+                f"the simulation has gone on to step {self.state.step}: take a new snapshot, or keep_energies() before it goes on"
+            )
         n = len(self.i)
         chunks = [slice(a, min(a + _CHUNK, n)) for a in range(0, n, _CHUNK)]
 
