@@ -18,6 +18,7 @@ class Bonds:
     i, j : (b,) int32, atom indices
     r_bc : (b, 3) x_i − x_j through the bond: the bond runs from positions[i] to positions[i] − r. Never re-wrapped.
     G_b : (b,) energy/length². The force on i is −G r, on j +G r. G > 0 attracts.
+    F_bc : (b, 3) or None. The force on i due to j where it does not act along the bond (non-ordinary peridynamics; −F on j). None: −G r.
     D_bdc : (b, 2, 3) or None. The directed energy sources of the bond, only made when asked for: D[:, 0] = ∂U^(i)/∂x_j and D[:, 1] = ∂U^(j)/∂x_i,
         where U^(i) is the share of the potential energy given to atom i (R 4.0.114-4.0.125). What heat flux and churning are made of.
     """
@@ -27,15 +28,23 @@ class Bonds:
     r_bc: np.ndarray
     G_b: np.ndarray
     D_bdc: np.ndarray | None = None
+    F_bc: np.ndarray | None = None
 
     def __len__(self):
         return len(self.G_b)
 
     def copy(self) -> Bonds:
-        return Bonds(self.i.copy(), self.j.copy(), self.r_bc.copy(), self.G_b.copy(), None if self.D_bdc is None else self.D_bdc.copy())
+        more = {name: a.copy() for name in ("D_bdc", "F_bc") if (a := getattr(self, name)) is not None}
+        return Bonds(self.i.copy(), self.j.copy(), self.r_bc.copy(), self.G_b.copy(), **more)
+
+    def forces(self) -> np.ndarray:
+        """(b, 3) the force on i due to j."""
+        return -self.G_b[:, None] * self.r_bc if self.F_bc is None else self.F_bc
 
     def virial(self) -> np.ndarray:
-        """Σ G r⊗r, (3, 3): the integral of Hardy's potential stress over the box (energy; tension positive)."""
+        """Σ G r⊗r = −Σ r⊗F, (3, 3): the integral of Hardy's potential stress over the box (energy; tension positive)."""
+        if self.F_bc is not None:
+            return -self.r_bc.T @ self.F_bc
         return np.einsum("b,bi,bj->ij", self.G_b, self.r_bc, self.r_bc)
 
     @classmethod
@@ -50,4 +59,6 @@ class Bonds:
         joined = cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("i", "j", "r_bc", "G_b")))
         if all(p.D_bdc is not None for p in parts):
             joined.D_bdc = np.concatenate([p.D_bdc for p in parts])
+        if any(p.F_bc is not None for p in parts):
+            joined.F_bc = np.concatenate([p.forces() for p in parts])
         return joined

@@ -95,10 +95,12 @@ def _leave_quietly() -> None:
 
 
 _running_fields = False
+# What Ctrl-C says while a command runs that can be continued.
+_kept: str | None = None
 
 
 def _interrupted() -> str:
-    return "interrupted; the finished frames are kept: the same command continues" if _running_fields else "interrupted"
+    return "interrupted; the finished frames are kept: the same command continues" if _running_fields else _kept or "interrupted"
 
 
 app = typer.Typer(
@@ -202,8 +204,8 @@ def _root(
 class _Progress:
     """What `atc.fields` calls after every frame; draws a bar when somebody watches."""
 
-    def __init__(self, bar=None):
-        self.bar, self.task = bar, None
+    def __init__(self, bar=None, things: str = "frames"):
+        self.bar, self.task, self.things = bar, None, things
         self.there = self.total = 0
         self.rate = 0.0
 
@@ -215,18 +217,18 @@ class _Progress:
             return
         if self.task is None:
             self.bar.start()
-            self.task = self.bar.add_task("frames", total=total, completed=done, rate="", left="")
+            self.task = self.bar.add_task(self.things, total=total, completed=done, rate="", left="")
             return
         left = (total - done) / rate if rate > 0 else 0.0
-        each = f"{rate:.3g} frames/s" if rate >= 1 else f"{1 / rate:.3g} s/frame" if rate > 0 else ""
+        each = f"{rate:.3g} {self.things}/s" if rate >= 1 else f"{1 / rate:.3g} s/{self.things[:-1]}" if rate > 0 else ""
         self.bar.update(self.task, completed=done, rate=each, left=f"{_duration(left)} left" if done < total else "")
 
 
 @contextlib.contextmanager
-def _progress(quiet: bool):
+def _progress(quiet: bool, things: str = "frames"):
     """A progress bar on the terminal; silent when stderr is piped or `quiet`."""
     if quiet or not sys.stderr.isatty():
-        yield _Progress()
+        yield _Progress(things=things)
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
@@ -240,7 +242,7 @@ def _progress(quiet: bool):
     )
     bar = Progress(*columns, console=Console(stderr=True), transient=True)
     try:
-        yield _Progress(bar)
+        yield _Progress(bar, things)
     finally:
         bar.stop()
 
@@ -570,6 +572,7 @@ def _parse_limits(text: str | None):
 # --------------------------------------------------------------------------------------------------------------------
 # Commands with modules of their own: options only, the work is imported when they run.
 
-from . import cli_dispersion  # noqa: E402
+from . import cli_dispersion, cli_pd  # noqa: E402
 
 cli_dispersion.register(app)
+cli_pd.register(app)

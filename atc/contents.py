@@ -34,6 +34,7 @@ def moving_coordinates(bound, u) -> dict:
 def output_layout(request: Request, frame, result: FrameResult, moves: bool = False) -> Layout:
     """All variables and attributes of the output."""
     from . import __version__
+    from .estimators.peridynamic import horizon_of
 
     work, u = request.work, frame.units
     bound = result.bound
@@ -97,7 +98,11 @@ def output_layout(request: Request, frame, result: FrameResult, moves: bool = Fa
         "tolerance": float(request.tolerance),
         "quantities": ", ".join(q.name for q in work.quantities),
     }
-    if bound is not None:
+    if work.horizon_users:
+        attrs.update(horizon=u.to_user("length", horizon_of(request.settings(), u, work.horizon_users)), horizon_units=u.label("length"))
+    if bound is not None and not work.kernel_users:
+        attrs.update(method=request.method_used, grid=_grid_name(request.grid))
+    elif bound is not None:
         attrs.update(kernel=request.kern.describe(), radius=radius_of(request.kern), radius_units=u.label("length"), method=request.method_used,
                      grid=_grid_name(request.grid))  # fmt: skip
     if work.bond_users:

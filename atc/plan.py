@@ -22,6 +22,11 @@ _TERMS = {
     "atom_virial": "½ Σ G r⊗r",
     "stress": "G r⊗r",
     "piola": "G R⊗r, between reference positions",
+    "moment": "−r⊗F",
+    "weighted": "−½ |r| (e_i − e_j)⊗F around each point",
+    "weighted_normalised": "−½ |r| (e_i − e_j)⊗F around each point over its mean",
+    "reference_weighted": "−½ |R| (E_i − E_j)⊗F around each point, between reference positions",
+    "reference_weighted_normalised": "−½ |R| (E_i − E_j)⊗F around each point over its mean, between reference positions",
     "kinetic_flux": "½ m v² v",
     "potential_flux": "U v",
     "energy_current": "(½ m v² + U) v",
@@ -60,6 +65,7 @@ class Request:
     threads: int | None = None
     workers: int = 1
     scene: str | None = None
+    horizon: float | None = None
 
     def __post_init__(self):
         from .frame import Frame
@@ -71,7 +77,7 @@ class Request:
         ):
             if value is not None and not hasattr(value, method):
                 raise AtcError(f"{name} is a {type(value).__name__}: expected what {hint} gives")
-        self.work = Work.of(self.quantities)
+        self.work = Work.of(self.quantities, getattr(self.pot, "central", True))
         self.frames = as_frames(self.traj)
         self.n_frames = len(self.frames)
         if not self.n_frames:
@@ -184,6 +190,7 @@ class Request:
             self.tolerance,
             self.reference if self.work.reference_users else None,
             self.threads,
+            horizon=self.horizon,
         )
 
     def key(self) -> dict:
@@ -194,7 +201,7 @@ class Request:
             "version": __version__,
             "quantities": [q.name for q in self.work.quantities],
             "potential": self._potential_key() if self.work.bond_users else None,
-            "kernel": fingerprint((self.kern.name, self.kern.parameters)) if self.work.grid_users else None,
+            "kernel": fingerprint((self.kern.name, self.kern.parameters)) if self.work.kernel_users else None,
             "grid": fingerprint(self.grid) if self.work.grid_users else None,
             "method": self.method,
             "tolerance": float(self.tolerance),
@@ -367,8 +374,8 @@ def plan(*args, **kwargs) -> Plan:
     """
     request = args[0] if len(args) == 1 and not kwargs and isinstance(args[0], Request) else Request(*args, **kwargs)
     work, frame, threads = request.work, request.first, request.threads
-    if work.grid_users and (request.kern is None or request.grid is None):
-        raise AtcError(f"{', '.join(work.grid_users)} need a kernel and a grid")
+    if work.grid_users and (request.grid is None or (request.kern is None and work.kernel_users)):
+        raise AtcError(f"{', '.join(work.grid_users)} need a {'kernel and a ' * bool(work.kernel_users)}grid")
     if work.bond_users and request.pot is None:
         raise AtcError(f"{', '.join(work.bond_users)} need a potential: give the pair_style/pair_coeff lines of the run")
     from .predict import predict
@@ -400,6 +407,8 @@ def _passes(work: Work, request: Request) -> list[str]:
     out = []
     if work.bond_users:
         made = [f"Σ {_TERMS[b]} β, {BOND[b].width} components" for b in work.bond + work.reference_bond]
+        made += [f"Σ {_TERMS[p]}, 9 components" for p in work.point + work.reference_point]
+        made += ["moment of the forces on each atom"] * any("atom_moment" in name for name in work.whole)
         made += ["virial of each atom"] * work.atom_virial + ["virial of the box"] * ("box_virial" in work.whole)
         made += ["potential energy of each atom"] * bool(work.energy_users)
         made += ["energy sources"] * bool(work.source_users) + ["heat current of the box"] * ("box_power" in work.whole)
@@ -442,7 +451,7 @@ def _left_out(work: Work) -> list[tuple[str, str]]:
         out.append(("velocities", "nothing asked depends on them"))
     if not work.site and work.grid_users:
         out.append(("sums over atoms", "nothing asked needs them"))
-    if work.grid_users and not work.gradient_users:
+    if work.kernel_users and not work.gradient_users:
         out.append(("gradient of the kernel", "no gradient was asked for"))
     if not work.grid_users:
         out.append(("kernel and grid", "no field was asked for"))

@@ -246,6 +246,10 @@ def plot(ds, quantity=None, *, component=None, slice=None, axis=None, index=None
     from matplotlib.figure import Figure
 
     ds = load(ds)
+    if ds.attrs.get("kind") == "peridynamics":
+        from .node_pictures import plot_nodes
+
+        return plot_nodes(ds, quantity, component=component, slice=slice, axis=axis, frame=frame, limits=limits, robust=robust)
     panels = []
     wanted = [q.strip() for q in quantity.split(",")] if quantity else [None]
     for q in wanted:
@@ -453,7 +457,8 @@ def plot_file(path, quantity=None, *, output=None, overlay=None, frame=-1, **opt
         atoms = _atoms(overlay, ds, frame)
     fig = plot(ds, quantity, frame=frame, atoms=atoms, **options)
     if output is None:
-        words = [path.stem, quantity or _pick(ds, None), options.get("component")]
+        nodes = ds.attrs.get("kind") == "peridynamics"
+        words = [path.stem, quantity or ("damage" if nodes else _pick(ds, None)), options.get("component")]
         output = path.with_name("-".join(w.replace(",", "-") for w in words if w) + ".png")
     return save(fig, output)
 

@@ -13,6 +13,8 @@ from .estimators.registry import GATHER
 
 #: Bytes of a process that has done nothing yet: the interpreter, numpy, numba, scipy.
 PROCESS = 3.0e8
+#: Of a pair of a bond and a point with both ends within its horizon.
+SECONDS_PER_WEIGHT = 1e-8
 
 
 @dataclass
@@ -39,6 +41,15 @@ def predict(request) -> Prediction:
         memory += 12.0 * n + 4e6 * threads + _list_memory(load)
     if work.grid_users:
         points = len(request.bound)
+        memory += 8.0 * points * 4 * sum(3**q.rank for q in work.quantities if q.kind == "grid")
+    if work.horizon_users:
+        from .estimators.peridynamic import ball_volume, horizon_of
+
+        ball = ball_volume(horizon_of(request.settings(), frame.units, work.horizon_users), request.pot, frame.cell)
+        # Half of the ball is within the horizon of both ends of a bond of mean length.
+        near = load.bonds * points * 0.5 * ball / request.bound.cell.volume
+        parts["weighted virials"] = SECONDS_PER_WEIGHT * near * (len(work.point) + len(work.reference_point))
+    if work.kernel_users:
         kern, bound = request.kernel_internal, request.bound
         checked = checking_kernel(kern, request.methods)
         for key, (items, length, components) in sizes(work, n, load).items():
@@ -61,7 +72,7 @@ def predict(request) -> Prediction:
             parts["gradients"] = costs.gather * n * points * sphere * gathered
         components = sum(3**q.rank for q in work.quantities if q.kind == "grid")
         parts["fields"] = costs.value * points * (components + work.n_site + work.n_bond + work.n_reference_bond)
-        memory += 8.0 * points * (4 * gathered + work.n_site + work.n_bond + work.n_reference_bond + 4 * components)
+        memory += 8.0 * points * (4 * gathered + work.n_site + work.n_bond + work.n_reference_bond)
     parts["the rest"] = costs.frame
     serial = parts["reading"] + costs.frame + parts.get("fields", 0.0) + costs.list_atom * n * bool(work.bond_users)
     total = sum(parts.values())

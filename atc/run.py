@@ -22,7 +22,7 @@ _SAVE_EVERY = 5.0
 
 def fields(
     traj, pot=None, kern=None, grid=None, quantities=("stress",), tolerance=1e-5, *, method="auto", reference=None, average=False,
-    threads=None, workers=1, out=None, progress=None, resume=True, scene=None,
+    threads=None, workers=1, out=None, progress=None, resume=True, scene=None, horizon=None,
 ):  # fmt: skip
     """Continuum fields of a trajectory.
 
@@ -36,7 +36,9 @@ def fields(
         number_density, density, momentum, velocity, temperature, energy, stress (= stress_kinetic + stress_potential), virial_stress (of the box),
         virial_stress_per_atom (stress times volume), smoothed_virial_stress, piola_stress; heat_flux (= heat_flux_kinetic + heat_flux_potential +
         heat_flux_churning), energy_flux, churning, churning_divergence, churning_heat_source, heat_current (of the box); velocity_gradient,
-        strain_rate, vorticity; displacement, displacement_gradient, eshelby_stress. See `atc.estimators.registry`.
+        strain_rate, vorticity; displacement, displacement_gradient, eshelby_stress; peridynamic_stress and its variants
+        peridynamic_stress_weighted_virial, _weighted_virial_normalised, _nodal_virial, each also as peridynamic_piola_stress.
+        See `atc.estimators.registry`.
     tolerance : float
         Error allowed, relative to the largest value of a field.
     method : "auto", or a method of `atc.deposit`
@@ -57,6 +59,8 @@ def fields(
     progress : callable(done, total, rate), frames and frames per second
     scene : str
         The scene as TOML, to be kept with the result.
+    horizon : float
+        Radius, in the trajectory's unit of length, within which a weighted virial sees bonds; by default the longest reach of the potential.
 
     Returns
     -------
@@ -76,7 +80,7 @@ def fields(
     -----
     Formulas: R 4.0.34-4.0.116 as corrected in the documentation: σ = σ_U + σ_K, σ_U = Σ_bonds G r⊗r β, σ_K = −Σ m (v_j − v)⊗(v_j − v) φ_j.
     """
-    request = Request(traj, pot, kern, grid, quantities, tolerance, method, reference, average, threads, workers, scene)
+    request = Request(traj, pot, kern, grid, quantities, tolerance, method, reference, average, threads, workers, scene, horizon)
     if out is None:
         _sanity(request)
         sink = _run(request, None, progress)
@@ -474,7 +478,8 @@ def _sanity(request: Request) -> None:
 
     frame, work, u = request.first, request.work, request.first.units
     require(frame, request.settings(), work)
-    if not u.reduced and len(frame) > 1:
+    # Nodes with a volume of their own are pieces of a continuum: they have no temperature.
+    if not u.reduced and len(frame) > 1 and "volume" not in frame.extra:
         if frame.masses is not None and frame.velocities is not None and "velocities" in work.attributes:
             w = frame.velocities - drift_velocity(frame)
             kT = float(frame.masses @ np.einsum("nc,nc->n", w, w)) / (3.0 * len(frame))

@@ -201,8 +201,8 @@ class Scene:
             raise self._need(
                 "potential", f'{work.bond_users[0]} needs one: lammps = """pair_style ...""" (LAMMPS lines) or input = "in.file"'
             )
-        if work.grid_users and "kernel" not in self.data:
-            raise self._need("kernel", f'{work.grid_users[0]} needs one, e.g. name = "quartic" and radius = 8.0')
+        if work.kernel_users and "kernel" not in self.data:
+            raise self._need("kernel", f'{work.kernel_users[0]} needs one, e.g. name = "quartic" and radius = 8.0')
         if work.grid_users and "grid" not in self.data:
             raise self._need("grid", f'{work.grid_users[0]} needs one, e.g. kind = "regular" and spacing = 2.0')
         if work.reference_users and self.get("trajectory", "reference") is None:
@@ -374,7 +374,7 @@ class Scene:
             raise self._placed_error("fields", ["method"], e) from None
         traj = self.trajectory()
         parallel = jobs > 1 and len(traj) >= jobs
-        given = {k: self.get("fields", k) for k in ("quantities", "tolerance", "average") if self.get("fields", k) is not None}
+        given = {k: self.get("fields", k) for k in ("quantities", "tolerance", "average", "horizon") if self.get("fields", k) is not None}
         return {
             "traj": traj, "pot": self.potential(), "kern": self.kernel(), "grid": self.grid(), "reference": self.reference(), "method": method,
             "threads": 1 if parallel else jobs, "workers": jobs if parallel else 1, **given,

@@ -240,6 +240,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "quantities": Key(_either(_list_of(_string), lambda v: [_string(v)]), 'a list of quantities, e.g. ["stress", "density"]'),
         "tolerance": Key(_tolerance, "the error allowed relative to the field's maximum, e.g. 1e-5"),
         "method": Key(_string, 'how to sum, e.g. "auto"'),
+        "horizon": Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 6.0: how far weighted virials see"),
         "average": Key(
             _either(_boolean, _count), "true (one time average with standard error), false, or the number of frames in a window"
         ),

@@ -11,10 +11,13 @@ from collections.abc import Mapping
 def key_lines(text: str) -> dict[tuple[str, ...], int]:
     """Line numbers (from 1) of every table header and key of a TOML text, by dotted path: ``("kernel", "radius") → 7``.
 
+    Tables of an array, ``[[wall]]``, are numbered: ``("wall", "0", "normal") → 12``.
+
     A scan, not a parser: it is only asked about texts that `tomllib` has already accepted.
     """
     found: dict[tuple[str, ...], int] = {}
     table: tuple[str, ...] = ()
+    counts: dict[tuple[str, ...], int] = {}
     depth, quote, number, i, n = 0, "", 1, 0, len(text)
     line_start = True
     while i < n:
@@ -41,6 +44,10 @@ def key_lines(text: str) -> dict[tuple[str, ...], int]:
             if c == "[":
                 table = _dotted(head.strip("[ \t"))
                 found.setdefault(table, number)
+                if head.startswith("[["):
+                    array, count = table, counts.get(table, 0)
+                    counts[array], table = count + 1, (*array, str(count))
+                    found[table] = number
                 i = end if end >= 0 else n
                 continue
             path = _dotted(head)

@@ -36,6 +36,29 @@ def scatter_virial(i, j, r_bc, G_b, out_n6):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def scatter_moment(i, j, r_bc, F_bc, out_n9):
+    """Add −½ r⊗F (row-major) of every bond to both its ends."""
+    for b in range(len(F_bc)):
+        p = i[b]
+        q = j[b]
+        for c in range(3):
+            h = -0.5 * r_bc[b, c]
+            for k in range(3):
+                t = h * F_bc[b, k]
+                out_n9[p, 3 * c + k] += t
+                out_n9[q, 3 * c + k] += t
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def put_moment(r_bc, F_bc, at, out_bk):
+    """−r⊗F in columns at .. at+8, row-major."""
+    for b in range(len(F_bc)):
+        for c in range(3):
+            for k in range(3):
+                out_bk[b, at + 3 * c + k] = -r_bc[b, c] * F_bc[b, k]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def scatter_residual(i, j, r_bc, G_b, D_bdc, out_n4):
     """What the bonds' z = G r + ∂U^(i)/∂x_j − ∂U^(j)/∂x_i adds up to at every atom: ∇·(r β) = φ_j − φ_i, so −z goes to i and +z to j.
 

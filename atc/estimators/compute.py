@@ -12,6 +12,7 @@ from ..units import require_compatible
 from .accuracy import Check, checking_kernel, kernel_internal
 from .kinematics import Displacement
 from .methods import Method, deposits_of
+from .peridynamic import horizon_of, node_volumes, weighted_virials
 from .registry import BOND, GATHER, SITE, Work
 from .sources import AtomFactors, AtomSums, ReferenceBonds, bond_factors, drift_velocity, piola_factor
 from .sums import Sums, kinetic_flux, outer6, quotient, thermal
@@ -31,6 +32,12 @@ class Settings:
     reference: object = None
     threads: int = 1
     check_points: int = 100
+    horizon: float | None = None  # the user's unit of length; None: the potential's
+
+    @property
+    def central(self) -> bool:
+        """Whether the potential's forces act along bonds."""
+        return getattr(self.pot, "central", True)
 
     def reference_energies(self) -> np.ndarray:
         """(n,) potential energies of the atoms in the reference frame, computed once."""
@@ -69,7 +76,7 @@ class Stage:
         """From now on sum by these methods."""
         self.main.methods = methods
         self.reach = self._kern
-        if self.bound.kind != "slab":
+        if self.bound.kind != "slab" and self._kern is not None:
             self.reach = self.check.target.summed_kern = checking_kernel(self._kern, methods)
         self._near = None
 
@@ -108,7 +115,7 @@ def frame_fields(frame, settings: Settings, index: int = 0, goal: float | None =
     AtcError
         if the frame lacks what a quantity needs (masses, velocities), or there is no potential, kernel, grid or reference for it.
     """
-    work = Work.of(settings.names)
+    work = Work.of(settings.names, settings.central)
     require(frame, settings, work)
     goal = settings.tolerance if goal is None else goal
     start = perf_counter()
@@ -140,7 +147,7 @@ class _FrameJob:
 
     def __init__(self, frame, settings, work, index):
         self.frame, self.settings, self.work = frame, settings, work
-        kern = kernel_internal(settings.kern, frame.units) if work.grid_users else None
+        kern = kernel_internal(settings.kern, frame.units) if work.kernel_users else None
         self.on_reference = set(work.on_reference)
         self.stage = Stage(frame, kern, settings, index) if set(work.grid_users) - self.on_reference else None
         self.reference = Stage(settings.reference, kern, settings, index) if self.on_reference else None
@@ -159,7 +166,7 @@ class _FrameJob:
         # The sums on the grid, and those at the points of the check. Made anew, since they remember what was formed from them.
         fresh = [Sums(drift=self.drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann) for _ in range(2)]
         for new, old in zip(fresh, self.sums):
-            for name in ("site", "bond", "whole", "gathered", "gradient"):
+            for name in ("site", "bond", "whole", "point", "gathered", "gradient"):
                 setattr(new, name, getattr(old, name))
             new.thermal_shifted, new.kinetic_flux_shifted, new.size = old.thermal_shifted, old.kinetic_flux_shifted, old.size
         first, self.sums = not self.sums, fresh
@@ -176,7 +183,7 @@ class _FrameJob:
         if first and work.reference_gather:
             _reference_gather_pass(frame, self.settings, work, self.reference, self.factors, fresh)
         for name in work.whole:
-            fresh[0].whole[name] = _whole(name, self.factors, self.decomposition, self.atoms)
+            fresh[0].whole[name] = _whole(name, self.factors, self.decomposition, self.atoms, frame)
         self.seconds["bonds"] += bonds_done - start
         self.seconds["sites"] += perf_counter() - bonds_done
 
@@ -242,13 +249,18 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums):
     deposit = stage.main.open(work.n_bond) if work.bond else None
     reference_deposit = reference.main.open(work.n_reference_bond, "reference_bond") if work.reference_bond else None
     # The error check takes only the bonds near its points, and one more sum: how large the terms of the stress are.
-    size = "stress" in work.bond
+    size = bool({"stress", "moment"} & {*work.bond})
     check = stage.check.target.open(work.n_bond + size) if work.bond else None
     reference_check = reference.check.target.open(work.n_reference_bond) if work.reference_bond else None
     near = stage.near(settings.pot) if work.bond else None
     near_reference = reference.near(settings.pot) if work.reference_bond else None
-    to_reference = ReferenceBonds(frame, settings.reference) if work.reference_bond else None
-    atoms = AtomSums(frame, threads, virial=work.atom_virial, residual="source_residual" in work.site, power="box_power" in work.whole)
+    carried = bool(work.reference_bond or work.reference_point or "reference_atom_moment" in work.whole)
+    to_reference = ReferenceBonds(frame, settings.reference) if carried else None
+    atoms = AtomSums(
+        frame, threads, virial=work.atom_virial, residual="source_residual" in work.site, power="box_power" in work.whole,
+        moment=bool({"atom_moment", "reference_atom_moment"} & {*work.whole}), reference_moment="reference_atom_moment" in work.whole,
+    )  # fmt: skip
+    weighted = weighted_virials(frame, settings, work, stage, reference) if work.horizon_users else None
     widths = [BOND[name].width for name in work.bond]
     peculiar_nc = factors.peculiar_nc if "power" in work.bond else None  # before threads ask for it
 
@@ -263,18 +275,24 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums):
             if len(few):
                 b_bk = bond_factors(work.bond, widths, few, peculiar_nc, frame.velocities)
                 if size:
-                    sizes = np.abs(few.G_b) * np.einsum("bc,bc->b", few.r_bc, few.r_bc)
+                    r2_b = np.einsum("bc,bc->b", few.r_bc, few.r_bc)
+                    sizes = np.abs(few.G_b) * r2_b if few.F_bc is None else np.linalg.norm(few.F_bc, axis=1) * np.sqrt(r2_b)
                     b_bk = np.concatenate([b_bk, sizes[:, None]], axis=1)
                 check.add_bonds(x_nc[few.i], few.r_bc, b_bk, thread=thread)
         if to_reference is not None:
             X_bc, R_bc = to_reference.bonds(bonds)
-            P_b9 = piola_factor(bonds, R_bc)
-            reference_deposit.add_bonds(X_bc, R_bc, P_b9, thread=thread)
-            few = slice(None) if near_reference is None else near_reference.which(bonds.i, bonds.j, R_bc)
-            reference_check.add_bonds(X_bc[few], R_bc[few], P_b9[few], thread=thread)
-        atoms.add(bonds, thread)
+            if reference_deposit is not None:
+                P_b9 = piola_factor(bonds, R_bc)
+                reference_deposit.add_bonds(X_bc, R_bc, P_b9, thread=thread)
+                few = slice(None) if near_reference is None else near_reference.which(bonds.i, bonds.j, R_bc)
+                reference_check.add_bonds(X_bc[few], R_bc[few], P_b9[few], thread=thread)
+        else:
+            X_bc = R_bc = None
+        if weighted is not None:
+            weighted.add(x_nc, bonds, X_bc, R_bc, thread)
+        atoms.add(bonds, thread, R_bc)
 
-    wanted = deposit is not None or to_reference is not None or atoms.wanted
+    wanted = deposit is not None or to_reference is not None or weighted is not None or atoms.wanted
     # Potentials of other makers need not know about sources as long as nobody asks for them.
     more = {"sources": True} if work.source_users else {}
     decomposition = settings.pot.stream(
@@ -290,6 +308,9 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums):
     if reference_deposit is not None:
         for s, d in zip(sums, (reference_deposit, reference_check)):
             s.bond.update(_columns(work.reference_bond, BOND, d.bond_sums()))
+    if weighted is not None:
+        for k, s in enumerate(sums):
+            s.point.update(weighted.sums(k))
     if work.energy_users:
         factors.energies_n = decomposition.energies_n
     factors.forget("atom_virial", "source_residual", "potential_energy", "potential_flux", "energy_current")
@@ -351,11 +372,17 @@ def require(frame, settings, work):
                 f"no potential was given but {', '.join(work.bond_users)} need one: give the pair_style/pair_coeff lines of the run"
             )
         require_compatible(settings.pot.units, frame.units, "the potential", frame.source)
-    if work.grid_users:
-        for name in ("kern", "grid"):
-            if getattr(settings, name) is None:
-                word = {"kern": "kernel", "grid": "grid"}[name]
-                raise AtcError(f"no {word} was given but {', '.join(work.grid_users)} need one")
+        if not settings.central and work.symmetric_users:
+            raise AtcError(
+                f"{', '.join(work.symmetric_users)}: the forces of {settings.pot.describe()} do not act along bonds: ask for peridynamic_stress_nodal_virial"
+            )
+    for users, name, word in ((work.kernel_users, "kern", "kernel"), (work.grid_users, "grid", "grid")):
+        if users and getattr(settings, name) is None:
+            raise AtcError(f"no {word} was given but {', '.join(users)} need one")
+    if work.horizon_users:
+        horizon_of(settings, frame.units, work.horizon_users)
+    if "atom_volume" in work.whole:
+        node_volumes(frame)
     if work.gradient_users and settings.kern is not None:
         from ..deposit.gradient import require_differentiable
 
@@ -366,11 +393,15 @@ def require(frame, settings, work):
         raise AtcError(f"{frame.source}: the cell has no volume, so the virial stress of the box is not defined")
 
 
-def _whole(name, factors, decomposition, atoms):
+def _whole(name, factors, decomposition, atoms, frame):
     if name == "box_virial":
         return decomposition.virial_cc.reshape(9)
     if name == "atom_virial":
         return atoms.virial_n6
+    if name in ("atom_moment", "reference_atom_moment"):
+        return atoms.moment_n9 if name == "atom_moment" else atoms.reference_moment_n9
+    if name == "atom_volume":
+        return node_volumes(frame)
     if name == "box_power":
         return atoms.power_c
     if name == "box_convection":

@@ -55,6 +55,15 @@ BOND = {
     "power_lab": Source(3, ("velocities",), bonds=True, sources=True),  # the same in the frame of the simulation
     "sources": Source(9, bonds=True, sources=True),  # M
     "piola": Source(9, bonds=True, reference=True, on_reference=True),
+    "moment": Source(9, bonds=True),  # what "stress" becomes where forces do not act along bonds: −r⊗F
+}
+
+# Sums over the bonds around a point with weights that are no bond function: see peridynamic.py.
+POINT = {
+    "weighted": Source(9, bonds=True),
+    "weighted_normalised": Source(9, bonds=True),
+    "reference_weighted": Source(9, bonds=True, reference=True, on_reference=True),
+    "reference_weighted_normalised": Source(9, bonds=True, reference=True, on_reference=True),
 }
 
 # Factors of Σ a φ and, for quantities that say so, Σ a ∂φ/∂x, from the sum that knows the kernel's gradient.
@@ -73,6 +82,9 @@ WHOLE = {
     "box_virial": Source(9, bonds=True),
     "atom_kinetic": Source(6, ("masses", "velocities")),
     "atom_virial": Source(6, bonds=True),
+    "atom_moment": Source(9, bonds=True),
+    "reference_atom_moment": Source(9, bonds=True, reference=True),
+    "atom_volume": Source(1),
     "box_convection": Source(3, ("masses", "velocities"), bonds=True, energies=True),
     "box_power": Source(3, ("velocities",), bonds=True, sources=True),
 }
@@ -92,6 +104,7 @@ class Quantity:
     bond: tuple[str, ...] = ()
     whole: tuple[str, ...] = ()
     gather: tuple[str, ...] = ()
+    point: tuple[str, ...] = ()
     gradient: bool = False  # whether the gathered sums are wanted with ∂φ/∂x
     parts: tuple[str, ...] = ()
     masked: bool = False
@@ -103,13 +116,18 @@ class Quantity:
 
     def sources(self):
         """Everything this quantity sums, as `Source`s."""
-        found = ((SITE, self.site), (BOND, self.bond), (WHOLE, self.whole), (GATHER, self.gather))
+        found = ((SITE, self.site), (BOND, self.bond), (WHOLE, self.whole), (GATHER, self.gather), (POINT, self.point))
         return [kind[name] for kind, names in found for name in names]
 
     @property
     def on_reference(self) -> bool:
         """Whether its grid is that of the reference frame."""
         return any(s.on_reference for s in self.sources())
+
+    @property
+    def kernel(self) -> bool:
+        """Whether it needs a kernel."""
+        return self.kind == "grid" and not self.point
 
 
 _MEAN = ("mass", "momentum")
@@ -141,6 +159,45 @@ def _kinematic(dimension, long_name, form, rank, sign=_GRADIENT_SIGN, gradient=T
             "sign": sign, "comment": comment}  # fmt: skip
 
 
+_NODAL = "half of each bond to each end, by the volume of the node; volumes from the column volume of the frame, those of the undeformed body for a peridynamic one"
+
+
+def _peridynamic() -> list[Quantity]:
+    """The peridynamic stresses (formulas: Lehoucq & Silling 2008; W eq. 7), Cauchy's and the first Piola-Kirchhoff."""
+    out = []
+    piola = (
+        "tension positive; component [i, j]: i the reference direction (face normal and divergence with respect to reference positions), "
+        "j the component of the current force; not symmetric"
+    )
+    for name, prefix, sign, what in (
+        ("peridynamic_stress", "", STRESS_SIGN, "peridynamic stress"),
+        ("peridynamic_piola_stress", "reference_", piola, "first Piola-Kirchhoff peridynamic stress"),
+    ):
+        common = {"dimension": "pressure", "rank": 2, "sign": sign}
+        where = "grid points are points of the reference frame; " if prefix else ""
+        bond = "piola" if prefix else "stress"
+        form = (lambda s: s.bond["piola"].reshape(-1, 3, 3)) if prefix else (lambda s: s.potential_stress)
+        out.append(Quantity(
+            name, long_name=what, bond=(bond,), form=form,
+            comment=where + "of Lehoucq and Silling, smoothed with the kernel: the potential part of Hardy's stress over all bonds; its divergence is the "
+            "force density", **common,
+        ))  # fmt: skip
+        for variant, word in (("weighted", "weighted virial"), ("weighted_normalised", "normalised weighted virial")):
+            source = prefix + variant
+            out.append(Quantity(
+                name + "_" + variant.replace("weighted", "weighted_virial"), long_name=f"{what}, {word}", point=(source,),
+                form=lambda s, source=source: s.point[source].reshape(-1, 3, 3),
+                comment=where + ("bonds with both ends within the horizon of the point, each weighted with ½ |r| (e_i - e_j), e from the point to the end"
+                                 + (", over its mean weight" if "normalised" in variant else "") + ", by the volume of the horizon; no kernel"), **common,
+            ))  # fmt: skip
+        moment = prefix + "atom_moment"
+        out.append(Quantity(
+            name + "_nodal_virial", long_name=f"{what}, nodal virial", kind="atom", whole=(moment, "atom_volume"),
+            form=lambda s, moment=moment: s.whole[moment].reshape(-1, 3, 3) / s.whole["atom_volume"][:, None, None], comment=_NODAL, **common,
+        ))  # fmt: skip
+    return out
+
+
 _VELOCITY = {"site": _MEAN, "gather": ("mass", "momentum")}
 _DISPLACEMENT = {"site": ("mass",), "gather": ("mass", "displacement")}
 _BY_KERNEL = "from the gradient of the kernel, no finite differences"
@@ -165,11 +222,11 @@ _ALL = [
         comment="relative to the local mass-averaged velocity", **_stress(lambda s: -full(s.thermal)),
     ),
     Quantity(
-        "stress_potential", bond=("stress",), long_name="potential part of Hardy's stress", scale=lambda s: s.size, **_stress(lambda s: full(s.bond["stress"])),
+        "stress_potential", bond=("stress",), long_name="potential part of Hardy's stress", scale=lambda s: s.size, **_stress(lambda s: s.potential_stress),
     ),
     Quantity(
         "stress", site=(*_MEAN, "kinetic"), bond=("stress",), parts=("stress_kinetic", "stress_potential"), masked=True,
-        scale=lambda s: s.size, long_name="Hardy's stress", **_stress(lambda s: full(s.bond["stress"] - s.thermal)),
+        scale=lambda s: s.size, long_name="Hardy's stress", **_stress(lambda s: s.potential_stress - full(s.thermal)),
     ),
     Quantity(
         "virial_stress_kinetic", "pressure", "kinetic part of the virial stress of the box", lambda s: -full(s.whole["box_kinetic"]) / s.volume,
@@ -316,6 +373,7 @@ _ALL = [
         comment="grid points are points of the reference frame, and all sums run over reference positions: W the potential energy density relative to the "
         "reference frame, P piola_stress, u the mass-weighted displacement; no kinetic or entropic part; NaN where there is no mass",
     ),
+    *_peridynamic(),
 ]  # fmt: skip
 
 QUANTITIES: dict[str, Quantity] = {q.name: q for q in _ALL}
@@ -351,11 +409,13 @@ class Work:
     whole: list[str] = field(default_factory=list)
     gather: list[str] = field(default_factory=list)
     reference_gather: list[str] = field(default_factory=list)
+    point: list[str] = field(default_factory=list)
+    reference_point: list[str] = field(default_factory=list)
     attributes: dict[str, list[str]] = field(default_factory=dict)  # frame attribute -> the quantities that need it
 
     @classmethod
-    def of(cls, names) -> Work:
-        """The work behind the quantities called `names` (wholes are expanded)."""
+    def of(cls, names, central: bool = True) -> Work:
+        """The work behind the quantities called `names` (wholes are expanded). `central`: whether forces act along bonds."""
         work = cls(expand(names))
         for q in work.quantities:
             for have, asked in ((work.site, q.site), (work.whole, q.whole)):
@@ -363,6 +423,7 @@ class Work:
             for kind, names, here, there in (
                 (BOND, q.bond, work.bond, work.reference_bond),
                 (GATHER, q.gather, work.gather, work.reference_gather),
+                (POINT, q.point, work.point, work.reference_point),
             ):
                 for name in names:
                     have = there if kind[name].on_reference else here
@@ -373,6 +434,8 @@ class Work:
                     users = work.attributes.setdefault(a, [])
                     if q.name not in users:
                         users.append(q.name)
+        if not central:
+            work.bond = ["moment" if name == "stress" else name for name in work.bond]
         return work
 
     def _any(self, what):
@@ -408,8 +471,22 @@ class Work:
 
     @property
     def grid_users(self) -> list[str]:
-        """Quantities that live on the grid and need a kernel."""
+        """Quantities that live on the grid."""
         return [q.name for q in self.quantities if q.kind == "grid"]
+
+    @property
+    def kernel_users(self) -> list[str]:
+        return [q.name for q in self.quantities if q.kernel]
+
+    @property
+    def horizon_users(self) -> list[str]:
+        """Quantities that need a horizon."""
+        return [q.name for q in self.quantities if q.point]
+
+    @property
+    def symmetric_users(self) -> list[str]:
+        """Quantities that only know forces along bonds."""
+        return [q.name for q in self.quantities if {"atom_virial"} & {*q.site, *q.whole}]
 
     @property
     def masked(self) -> bool:

@@ -94,22 +94,30 @@ class AtomSums:
 
     virial : (n, 6) ½ Σ G r⊗r, half of each bond to each end; energy, tension positive
     residual : (n, 4) the force on each atom minus the force that follows from the energy sources, what ∇·z is made of; and the size of the forces
+    moment, reference_moment : (n, 9) −½ Σ r⊗F, half of each bond to each end, r between current or reference positions
     power : (3,) Σ (v_j·∂U^(i)/∂x_j − v_i·∂U^(j)/∂x_i) r over all bonds, v in the frame of the simulation
     """
 
-    def __init__(self, frame, threads: int, virial=False, residual=False, power=False):
+    def __init__(self, frame, threads: int, virial=False, residual=False, power=False, moment=False, reference_moment=False):
         n = len(frame)
         self.velocities = frame.velocities
         self._virial = [np.zeros((n, 6)) for _ in range(threads)] if virial else None
         self._residual = [np.zeros((n, 4)) for _ in range(threads)] if residual else None
         self._power = [np.zeros(3) for _ in range(threads)] if power else None
+        self._moment = [np.zeros((n, 9)) for _ in range(threads)] if moment else None
+        self._reference_moment = [np.zeros((n, 9)) for _ in range(threads)] if reference_moment else None
 
     @property
     def wanted(self) -> bool:
-        return any(x is not None for x in (self._virial, self._residual, self._power))
+        return any(x is not None for x in (self._virial, self._residual, self._power, self._moment))
 
-    def add(self, bonds, thread: int) -> None:
+    def add(self, bonds, thread: int, R_bc=None) -> None:
         from . import _numba
+
+        if self._moment is not None:
+            _numba.scatter_moment(bonds.i, bonds.j, bonds.r_bc, bonds.forces(), self._moment[thread])
+        if self._reference_moment is not None:
+            _numba.scatter_moment(bonds.i, bonds.j, R_bc, bonds.forces(), self._reference_moment[thread])
 
         if self._virial is not None:
             _numba.scatter_virial(bonds.i, bonds.j, bonds.r_bc, bonds.G_b, self._virial[thread])
@@ -121,6 +129,8 @@ class AtomSums:
     virial_n6 = property(lambda self: _total(self._virial))
     residual_n4 = property(lambda self: _total(self._residual))
     power_c = property(lambda self: _total(self._power))
+    moment_n9 = property(lambda self: _total(self._moment))
+    reference_moment_n9 = property(lambda self: _total(self._reference_moment))
 
 
 def _total(buffers):
@@ -137,6 +147,8 @@ def bond_factors(names, widths, bonds, peculiar_nc, velocities_nc) -> np.ndarray
     for name, width in zip(names, widths):
         if name == "stress":
             _numba.put_stress(bonds.r_bc, bonds.G_b, at, out)
+        elif name == "moment":
+            _numba.put_moment(bonds.r_bc, bonds.forces(), at, out)
         elif name == "sources":
             _numba.put_sources(bonds.r_bc, bonds.D_bdc, at, out)
         else:
@@ -198,5 +210,7 @@ class ReferenceBonds:
 
 
 def piola_factor(bonds, R_bc) -> np.ndarray:
-    """(b, 9) G R⊗r, row-major: the first index belongs to the reference bond R, the second to the force −G r."""
+    """(b, 9) −R⊗F, row-major: the first index belongs to the reference bond R, the second to the force −G r."""
+    if bonds.F_bc is not None:
+        return -(R_bc[:, :, None] * bonds.F_bc[:, None, :]).reshape(-1, 9)
     return (bonds.G_b[:, None, None] * R_bc[:, :, None] * bonds.r_bc[:, None, :]).reshape(-1, 9)

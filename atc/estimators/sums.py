@@ -37,6 +37,7 @@ class Sums:
     site: dict[str, np.ndarray] = field(default_factory=dict)
     bond: dict[str, np.ndarray] = field(default_factory=dict)
     whole: dict[str, np.ndarray] = field(default_factory=dict)
+    point: dict[str, np.ndarray] = field(default_factory=dict)
     drift: np.ndarray = field(default_factory=lambda: np.zeros(3))
     volume: float = np.nan
     boltzmann: float = np.nan
@@ -57,6 +58,11 @@ class Sums:
     def defined(self) -> np.ndarray:
         """(g,) whether there is mass at the point: elsewhere quotients have no meaning."""
         return self.rho > 0
+
+    @property
+    def potential_stress(self) -> np.ndarray:
+        """(g, 3, 3) Σ −r⊗F β."""
+        return self.bond["moment"].reshape(-1, 3, 3) if "moment" in self.bond else full(self.bond["stress"])
 
     @cached_property
     def momentum(self) -> np.ndarray:

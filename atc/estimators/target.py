@@ -123,7 +123,8 @@ class NearPoints:
         if self.all:
             return bonds
         k = self.which(bonds.i, bonds.j, bonds.r_bc)
-        return Bonds(bonds.i[k], bonds.j[k], bonds.r_bc[k], bonds.G_b[k], None if bonds.D_bdc is None else bonds.D_bdc[k])
+        more = {name: a[k] for name in ("D_bdc", "F_bc") if (a := getattr(bonds, name)) is not None}
+        return Bonds(bonds.i[k], bonds.j[k], bonds.r_bc[k], bonds.G_b[k], **more)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

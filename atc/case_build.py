@@ -1,0 +1,192 @@
+"""From a checked case to the objects of the engine."""
+
+from __future__ import annotations
+
+from functools import reduce
+
+import numpy as np
+
+from .errors import AtcError
+
+
+def simulation(case, threads: int = 0, state=None):
+    """The `atc.pd.Simulation` that a case describes."""
+    from . import pd
+    from .pd.damage import CriticalStretch
+
+    body = make_body(case)
+    materials = {}
+    names = {}
+    from .case_materials import models, parameters
+
+    for k, m in enumerate(case.data["material"]):
+        cls = models()[m["model"]]
+        number = m.get("id", k + 1)
+        names[number] = k
+        try:
+            materials[number] = cls(**{p: m[p] for p in parameters(cls) if p in m})
+        except AtcError as e:
+            raise AtcError(f"{case.where('material', str(k))}: [material] {e}") from None
+    present = np.unique(body.material_n).tolist()
+    for number in present:
+        if number not in materials:
+            raise AtcError(
+                f"{case.where('material')}: the nodes have material {number}, which no [[material]] has as its id: {sorted(materials)}"
+            )
+    materials = {n: materials[n] for n in present}
+
+    damage = None
+    table = case.data.get("damage")
+    if table is not None:
+        alpha = table.get("alpha", 0.0)
+        if "s00" in table:
+            damage = CriticalStretch(table["s00"], alpha)
+        else:
+            damage = {n: CriticalStretch.from_energy(table["Gc"], m, body, alpha) for n, m in materials.items()}
+            damage = damage if len(damage) > 1 else next(iter(damage.values()))
+    no_fail = [region_of(case, r) for r in case.get("damage", "no_fail", [])]
+    for k, r in enumerate(no_fail):
+        _require_nodes(case, body, r, ("damage", "no_fail"), f"its region number {k + 1}")
+
+    contact = None
+    if "contact" in case.data:
+        contact = pd.Contact(**case.data["contact"])
+    indenters = [
+        pd.Indenter(t["radius"], t["stiffness"], _history(t["center"]), t.get("velocity"), t.get("axis"))
+        for t in case.data.get("indenter", [])
+    ]
+    walls = [pd.Wall(_history(t["point"]), t["normal"], t["stiffness"], t.get("velocity")) for t in case.data.get("wall", [])]
+    conditions = []
+    for section, make, words in (
+        ("prescribed", pd.Prescribed, ("velocity", "displacement", "until")),
+        ("body_force", pd.BodyForce, ("density", "total")),
+    ):
+        for k, t in enumerate(case.data.get(section, [])):
+            region = region_of(case, t.get("region"))
+            _require_nodes(case, body, region, (section, str(k), "region"))
+            conditions.append(make(region, **{w: _history(t[w]) for w in words if w in t}))
+    options = {}
+    if state is None:
+        start = {"velocity": np.zeros((len(body), 3)), "displacement": np.zeros((len(body), 3))}
+        for k, t in enumerate(case.data.get("initial", [])):
+            region = region_of(case, t.get("region"))
+            _require_nodes(case, body, region, ("initial", str(k), "region"))
+            for word in ("velocity", "displacement"):
+                if word in t:
+                    start[word][body.nodes(region)] = t[word]
+        if any("velocity" in t for t in case.data.get("initial", [])):
+            options["velocities"] = start["velocity"]
+        if any("displacement" in t for t in case.data.get("initial", [])):
+            options["displacements"] = start["displacement"]
+    run = case.data["run"]
+    for key in ("dt", "safety", "damping", "lammps_compat"):
+        if key in run:
+            options[key] = run[key]
+    try:
+        return pd.Simulation(
+            body, materials, damage=damage, no_fail=no_fail or None, contact=contact, indenter=indenters, walls=walls, conditions=conditions,
+            state=state, threads=threads, **options,
+        )  # fmt: skip
+    except AtcError as e:
+        raise AtcError(str(e) if case.name in str(e) else f"{case.name}: {e}") from None
+
+
+def make_body(case):
+    """The body of a case, with its notches and the material of each node."""
+    from . import pd
+    from .frame import Cell
+
+    b = case.data["body"]
+    notches = []
+    for t in case.data.get("notch", []):
+        more = {"as_damage": t.get("as_damage", False)}
+        notches.append(pd.Notch.line(t["start"], t["end"], **more) if "start" in t else pd.Notch(t["origin"], t["a"], t["b"], **more))
+    options = {k: b[k] for k in ("dimension", "plane", "thickness") if k in b}
+    options["notches"] = notches
+    cell = None
+    if "cell" in b:
+        cell = Cell(b["cell"], b.get("origin", (0.0, 0.0, 0.0)), b["periodic"])
+    options["cell"] = cell
+    try:
+        if "region" in b:
+            region = region_of(case, b["region"])
+            if cell is not None and cell.periodic.any():
+                region = region & _inside_once(cell)
+            more = {k: b[k] for k in ("offset", "jitter", "seed") if k in b}
+            body = pd.Body.lattice(region, b["spacing"], b["horizon"], b.get("density", 1.0), **options, **more)
+        else:
+            from .case_bodies import read_nodes
+
+            nodes = read_nodes(case.path("body", "file"), b, lambda why: case.bad(("body", "file"), why))
+            if cell is None and nodes.cell is not None:
+                options["cell"] = nodes.cell
+            more = {} if "spacing" not in b else {"spacing": b["spacing"]}
+            body = pd.Body(nodes.x_nc, nodes.volume_n, nodes.density_n, b["horizon"], materials=nodes.material_n, **options, **more)
+    except AtcError as e:
+        raise AtcError(str(e) if case.name in str(e) else f"{case.where('body')}: [body] {e}") from None
+    material_n, rho_n = np.array(body.material_n), np.array(body.rho_n)
+    # A lattice is made of the first material where no region says otherwise; later ones go over earlier ones.
+    if "region" in b:
+        material_n[:] = case.data["material"][0].get("id", 1)
+    for k, m in enumerate(case.data["material"]):
+        number = m.get("id", k + 1)
+        if "region" in m:
+            inside = body.nodes(region_of(case, m["region"]))
+            if not len(inside):
+                raise case.bad(("material", str(k), "region"), "no node of the body lies in it")
+            material_n[inside] = number
+        elif "region" in b and k:
+            raise AtcError(
+                f"{case.where('material', str(k))}: [material] needs region, where it is: only the first of several may be everywhere else"
+            )
+    for k, m in enumerate(case.data["material"]):
+        if "density" in m:
+            rho_n[material_n == m.get("id", k + 1)] = m["density"]
+    body.material_n, body.rho_n = material_n.astype(np.int32), rho_n
+    return body
+
+
+def region_of(case, region):
+    """A `pd.Region` from its name or description; None for the whole body."""
+    from . import pd
+
+    if region is None:
+        return None
+    if isinstance(region, str):
+        return region_of(case, case.data["regions"][region])
+    if "any" in region:
+        return reduce(lambda a, b: a | b, (region_of(case, r) for r in region["any"]))
+    if "all" in region:
+        return reduce(lambda a, b: a & b, (region_of(case, r) for r in region["all"]))
+    if "not" in region:
+        return ~region_of(case, region["not"])
+    if region["shape"] == "box":
+        return pd.Box(region["lo"], region["hi"])
+    if region["shape"] == "sphere":
+        return pd.Sphere(region["center"], region["radius"])
+    return pd.Cylinder(region["axis"], region["center"], region["radius"], region["lo"], region["hi"])
+
+
+def _inside_once(cell):
+    """The points of a periodic cell, each of those on opposite faces once."""
+    from .pd.regions import _Combined
+
+    def contains(x):
+        s = cell.fractional(x)
+        return np.where(cell.periodic, (s > -1e-9) & (s < 1 - 1e-9), True).all(axis=1)
+
+    return _Combined(contains, np.full(3, -np.inf), np.full(3, np.inf))
+
+
+def _history(value):
+    """What the engine takes for three numbers, or a table of them; "free" is None."""
+    free = lambda row: [None if c == "free" else c for c in row]  # noqa: E731
+    if isinstance(value, dict):
+        rows = [[np.nan if c is None else c for c in free(row)] for row in value["values"]]
+        return np.array(value["times"], float), np.array(rows, float)
+    return free(value) if isinstance(value, list) else value
+
+
+def _require_nodes(case, body, region, path, what="it"):
+    if region is not None and not len(body.nodes(region)):
+        raise case.bad(path, f"no node of the body lies in {what}")

@@ -1,0 +1,43 @@
+"""Which materials there are and which constants each takes: from the engine's own classes, so that a new one needs no word here."""
+
+from __future__ import annotations
+
+import inspect
+
+from .scene_schema import Key, _boolean, _number, _positive, _string, guess
+
+
+def models() -> dict:
+    """{name: class} of the engine's materials."""
+    from .pd import materials
+    from .pd.materials.base import Material
+
+    found = {}
+    for value in vars(materials).values():
+        if inspect.isclass(value) and issubclass(value, Material) and value is not Material:
+            found[value.name.lower().replace(" ", "_")] = value
+    return found
+
+
+def parameters(cls) -> list[str]:
+    return [p for p in inspect.signature(cls.__init__).parameters if p != "self"]
+
+
+def _value(name):
+    if name in ("volume_correction",):
+        return Key(_boolean, "true or false")
+    if name in ("influence", "surface_correction", "stabilisation", "stabilization"):
+        return Key(
+            lambda v: v if isinstance(v, bool) else _number(v) if isinstance(v, (int, float)) else _string(v), 'a name, e.g. "energy"'
+        )
+    if name in ("poisson",):
+        return Key(_number, "a number, e.g. 0.25")
+    return Key(_number if name.startswith("lam") else _positive, "a number greater than 0")
+
+
+def keys_of(model, complain) -> dict[str, Key]:
+    """The keys of a material of this model, apart from what every material has. `complain(why)` makes the error for an unknown model."""
+    known = models()
+    if not isinstance(model, str) or model not in known:
+        raise complain(f"unknown {model!r}: {guess(str(model), known)}known: {', '.join(known)}")
+    return {"density": Key(_positive, "a mass per volume greater than 0"), **{p: _value(p) for p in parameters(known[model])}}

@@ -1,0 +1,199 @@
+"""What a peridynamics case may hold: its sections and keys and what values they take. The checks are those of scenes (`atc.scene_schema`)."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+from .scene_schema import SCHEMA as SCENE
+from .scene_schema import Key, _boolean, _choice, _count, _either, _integer, _list_of, _number, _positive, _seed, _string
+
+SHAPES = {"box": ("lo", "hi"), "cylinder": ("axis", "center", "radius", "lo", "hi"), "sphere": ("center", "radius")}
+
+
+def _bound(v):
+    """A number, also inf and -inf: an open side."""
+    if isinstance(v, bool) or not isinstance(v, (int, float)) or v != v:
+        raise ValueError
+    return v
+
+
+def _component(v):
+    if v == "free":
+        return v
+    return _number(v)
+
+
+def _not_negative(v):
+    if _number(v) < 0:
+        raise ValueError("it must not be negative")
+    return v
+
+
+def _dimension(v):
+    if isinstance(v, bool) or v not in (1, 2, 3):
+        raise ValueError
+    return v
+
+
+_V3 = _list_of(_number, 3)
+
+
+def _history(check):
+    """Three numbers, or a table {times, values} of them."""
+    row = _list_of(check, 3)
+
+    def checked(v):
+        if not isinstance(v, dict):
+            return row(v)
+        if set(v) != {"times", "values"}:
+            raise ValueError("a table has the keys times and values")
+        times, values = _list_of(_number)(v["times"]), _list_of(row)(v["values"])
+        if len(times) != len(values) or any(b <= a for a, b in pairwise(times)):
+            raise ValueError("a table needs increasing times and one row of three values for each")
+        return {"times": times, "values": values}
+
+    return checked
+
+
+def _region(v):
+    """A region's name, or its description."""
+    if isinstance(v, str):
+        return _string(v)
+    return _described(v)
+
+
+def _described(v):
+    if not isinstance(v, dict):
+        raise ValueError
+    if set(v) & {"any", "all", "not"}:
+        if len(v) != 1:
+            raise ValueError("any, all and not stand alone")
+        ((word, inner),) = v.items()
+        return {word: _region(inner) if word == "not" else _list_of(_region)(inner)}
+    shape = v.get("shape")
+    if shape not in SHAPES:
+        raise ValueError(f"shape must be one of {', '.join(SHAPES)}")
+    for key in v:
+        if key != "shape" and key not in SHAPES[shape]:
+            raise ValueError(f"a {shape} has no {key!r}; its keys: {', '.join(SHAPES[shape])}")
+    out: dict[str, Any] = {"shape": shape}
+    for key in SHAPES[shape]:
+        if shape == "cylinder" and key in ("lo", "hi"):
+            out[key] = _bound(v.get(key, float("-inf") if key == "lo" else float("inf")))
+            continue
+        if key not in v:
+            raise ValueError(f"a {shape} needs {', '.join(k for k in SHAPES[shape] if shape != 'cylinder' or k not in ('lo', 'hi'))}")
+        if key == "radius":
+            out[key] = _positive(v[key])
+        elif key == "axis":
+            out[key] = _choice(["x", "y", "z"])(v[key])
+        elif key == "center":
+            out[key] = _list_of(_number, 2 if shape == "cylinder" else 3)(v[key])
+        else:
+            out[key] = _list_of(_bound, 3)(v[key])
+    return out
+
+
+_REGION = Key(_region, 'the name of a region, or { shape = "box", lo = [...], hi = [...] }')
+_VELOCITY = Key(_history(_component), 'three numbers or "free", or { times = [...], values = [[...], ...] }')
+_POINT = Key(_V3, "a point, e.g. [0.0, 0.0, 0.0]")
+
+# Sections of one table.
+TABLES: dict[str, dict[str, Key]] = {
+    "body": {
+        "region": _REGION,
+        "file": Key(
+            _string, 'a file of nodes: .csv, .extxyz, a LAMMPS data file (atom_style peri), or a mesh, e.g. "plate.vtu"', path=True
+        ),
+        "spacing": Key(_positive, "the distance between nodes, greater than 0"),
+        "horizon": Key(_positive, "a length greater than 0, e.g. 0.0015001"),
+        "density": Key(_positive, "a mass per volume greater than 0"),
+        "volume": Key(_positive, "the volume of each node, greater than 0"),
+        "dimension": Key(_dimension, "1, 2 or 3"),
+        "plane": Key(_choice(["stress", "strain"]), '"stress" or "strain"'),
+        "thickness": Key(_positive, "a length greater than 0 (in one dimension the cross-section)"),
+        "offset": _POINT,
+        "jitter": Key(_not_negative, "the largest random displacement in spacings, e.g. 0.1"),
+        "seed": Key(_seed, "a whole number, 0 or more"),
+        "cell": Key(_list_of(_either(_positive, _V3), 3), "three lengths or edge vectors of a periodic cell"),
+        "origin": _POINT,
+        "periodic": Key(_list_of(_boolean, 3), "three of true and false, e.g. [true, true, false]"),
+    },
+    "regions": {},
+    "damage": {
+        "s00": Key(_positive, "a critical stretch, e.g. 0.0005"),
+        "Gc": Key(_positive, "a fracture energy per area, greater than 0"),
+        "alpha": Key(_not_negative, "a number, 0 or more, e.g. 0.25"),
+        "no_fail": Key(_either(_list_of(_region), lambda v: [_region(v)]), "regions whose bonds never break"),
+    },
+    "contact": {
+        "skin": Key(_positive, "a length greater than 0"),
+    },
+    "run": {
+        "steps": Key(_count, "a number of steps, e.g. 2000"),
+        "dt": Key(_positive, "a time step greater than 0"),
+        "safety": Key(_positive, "the time step as a part of the stable one, e.g. 0.8"),
+        "damping": Key(_not_negative, "a rate, 0 or more"),
+        "solver": Key(_string, 'e.g. "verlet"'),
+        "lammps_compat": Key(_boolean, "true or false"),
+        "restart": Key(_string, "the restart file of an earlier run", path=True),
+    },
+    "output": {
+        "file": Key(_string, 'the file to write, e.g. "out.zarr" or "out.nc"', path=True),
+        "every": Key(_count, "steps between two outputs, e.g. 100"),
+        "quantities": Key(_list_of(_string), 'a list, e.g. ["displacement", "damage"]'),
+        "vtk": Key(_string, 'a folder for ParaView\'s files, e.g. "disk-vtk"', path=True),
+        "extxyz": Key(_string, 'a file for frames, e.g. "disk.extxyz"', path=True),
+        "restart": Key(_string, 'a file for the state at the end, e.g. "end.npz"', path=True),
+    },
+    "kernel": SCENE["kernel"],
+    "grid": SCENE["grid"],
+    "fields": {k: SCENE["fields"][k] for k in ("quantities", "tolerance", "method", "horizon")},
+}
+
+# Sections of which there may be several, [[wall]] ... [[wall]] ...
+ARRAYS: dict[str, dict[str, Key]] = {
+    "material": {
+        "model": Key(_string, 'e.g. "pmb"'),
+        "id": Key(_integer, "a whole number"),
+        "region": _REGION,
+    },
+    "notch": {
+        "start": Key(_list_of(_number, 2), "the start of the line, [x, y]"),
+        "end": Key(_list_of(_number, 2), "the end of the line, [x, y]"),
+        "origin": _POINT,
+        "a": Key(_V3, "an edge of the cut, e.g. [0.05, 0.0, 0.0]"),
+        "b": Key(_V3, "the other edge of the cut, e.g. [0.0, 0.0, 0.01]"),
+        "as_damage": Key(_boolean, "true or false"),
+    },
+    "indenter": {
+        "radius": Key(_positive, "a length greater than 0"),
+        "stiffness": Key(_positive, "a force per volume and length squared"),
+        "center": Key(_history(_number), "a point, or { times = [...], values = [[...], ...] }"),
+        "velocity": Key(_V3, "three numbers"),
+        "axis": Key(_choice(["x", "y", "z"]), '"x", "y" or "z" for a cylinder'),
+    },
+    "wall": {
+        "point": Key(_history(_number), "a point, or { times = [...], values = [[...], ...] }"),
+        "normal": _POINT,
+        "stiffness": Key(_positive, "a force per volume and length squared"),
+        "velocity": Key(_V3, "three numbers"),
+    },
+    "initial": {
+        "region": _REGION,
+        "velocity": Key(_V3, "three numbers"),
+        "displacement": Key(_V3, "three numbers"),
+    },
+    "prescribed": {
+        "region": _REGION,
+        "velocity": _VELOCITY,
+        "displacement": _VELOCITY,
+        "until": Key(_positive, "a time greater than 0"),
+    },
+    "body_force": {
+        "region": _REGION,
+        "density": Key(_history(_number), "three numbers, force per volume, or { times = [...], values = [[...], ...] }"),
+        "total": Key(_history(_number), "three numbers, one force shared out by volume, or { times = [...], values = [[...], ...] }"),
+    },
+}

@@ -1,0 +1,127 @@
+"""``atc pd CASE.toml`` and ``atc export OUT``."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def register(app) -> None:
+    """Add the commands to `app`."""
+    app.command("pd")(pd_command)
+    app.command("export")(export_command)
+
+
+def pd_command(
+    case: Annotated[Path, typer.Argument(metavar="CASE", help="The case, a TOML file.", show_default=False)],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="OUT", help="The file to write: .zarr or .nc.", show_default=False)
+    ] = None,
+    set: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="SECTION.KEY=VALUE",
+            help="Override a key of the case, e.g. --set run.steps=100. Repeatable.",
+            show_default=False,
+        ),
+    ] = None,
+    jobs: Annotated[int, typer.Option("-j", "--jobs", metavar="N", help="Processor cores to use; 0 is all of them.")] = 0,
+    check: Annotated[bool, typer.Option("--check", help="Only say what would be run: nodes, bonds, time step, memory.")] = False,
+    restart: Annotated[bool, typer.Option("--restart", help="Forget what an interrupted run has done.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no summary.")] = False,
+) -> None:
+    """Run a peridynamic body. After an interruption the same command continues, with the same result as if there had been none."""
+    from . import cli
+    from .case import Case
+    from .errors import AtcError
+
+    if jobs < 0:
+        raise AtcError(f"-j {jobs}: expected a number of processor cores, or 0 for all of them")
+    made = Case.load(case, set)
+    if check:
+        print(describe(made))
+        return
+    out = made.output(output, overwrite=overwrite)
+    started = time.perf_counter()
+    cli._kept = "interrupted; what is done is kept: the same command continues"
+    try:
+        with cli._progress(quiet, "steps") as progress:
+            try:
+                ds = made.run(out, threads=jobs, progress=progress, resume=not restart)
+            except AtcError as e:
+                raise AtcError(str(e).replace("start again without resuming", "start again with --restart")) from None
+    finally:
+        if sys.exc_info()[0] is not KeyboardInterrupt:
+            cli._kept = None
+    if not quiet:
+        summary(ds, out, time.perf_counter() - started, progress)
+
+
+def describe(case) -> str:
+    """What a case would run."""
+    sim = case.simulation(1)
+    body, run = sim.body, case.data["run"]
+    state = sum(a.nbytes for a in sim.state.to_arrays().values())
+    bonds = len(body.bonds)
+    return "\n".join(
+        [
+            f"{len(body)} nodes in {body.dimension} dimension{'s' * (body.dimension > 1)}, {bonds} bonds, horizon {body.horizon:g} = {body.horizon / body.spacing:.3g} spacings",
+            f"materials: {', '.join(f'{n}: {m.name}' for n, m in sorted(sim.materials.items()))}",
+            f"time step {sim.dt:.4g}, {sim.dt / sim.time_step_stable:.2f} of the stable {sim.time_step_stable:.4g}; {run['steps']} steps to {run['steps'] * sim.dt:.4g}",
+            f"broken at the start: {sim.n_broken} bonds; one saved state takes {state / 1e6:.1f} MB",
+        ]
+    )
+
+
+def summary(ds, out, seconds, progress) -> None:
+    from .cli import _duration
+
+    done = progress.total - progress.there
+    before = f"{progress.there} of {progress.total} steps were there, {done} computed" if progress.there else f"{done} steps"
+    print(f"{out}: {ds.attrs['quantities']} of {ds.sizes['node']} nodes at {ds.sizes['frame']} times")
+    total = ds["energy_total"].values
+    moved = max(float(abs(ds[f"energy_{k}"]).max()) for k in ("kinetic", "strain", "work_external", "work_constraint"))
+    drift = f"; the energy ledger closes to {abs(total - total[0]).max() / moved:.1e} of its largest part" if moved > 0 else ""
+    print(
+        f"broken bonds: {int(ds['n_broken'][-1])} of {ds.attrs['bonds']}; largest damage {float(ds['damage'][-1].max()) if 'damage' in ds else float('nan'):.3g}{drift}"
+    )
+    print(
+        f"{before} in {_duration(seconds)}" + (f" ({1000 * seconds / done:.3g} ms a step, start and output included)" if done > 1 else "")
+    )
+
+
+def export_command(
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="Output of atc fields or atc pd.", show_default=False)],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", metavar="FILE", help="What to write: .pvd (default), .vtu, .vti, .vts or .extxyz.", show_default=False
+        ),
+    ] = None,
+    quantity: Annotated[
+        str | None,
+        typer.Option("-q", "--quantity", metavar="NAMES", help="Which fields, separated by commas; default all.", show_default=False),
+    ] = None,
+    begin: Annotated[
+        int | None, typer.Option("-b", "--begin", metavar="N", help="First frame, counted from 0.", show_default=False)
+    ] = None,
+    end: Annotated[int | None, typer.Option("-e", "--end", metavar="N", help="Frame to stop before.", show_default=False)] = None,
+    step: Annotated[int | None, typer.Option("--step", metavar="N", help="Take every N-th frame.", show_default=False)] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Do not print the file's name.")] = False,
+) -> None:
+    """Write an output for ParaView (VTK) or as extended XYZ."""
+    from .errors import AtcError
+    from .export import export
+
+    if step is not None and step < 1:
+        raise AtcError(f"--step {step}: expected a whole number, 1 or more")
+    names = [q.strip() for q in quantity.split(",")] if quantity else None
+    path = export(out, output, quantities=names, frames=slice(begin, end, step))
+    if not quiet:
+        print(path)

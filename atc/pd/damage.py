@@ -1,0 +1,78 @@
+"""When bonds break: the critical stretch, with its dependence on a node's most compressed bond (Silling & Askari 2005; R 3.0.8-3.0.10)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import AtcError
+
+
+@dataclass(frozen=True)
+class CriticalStretch:
+    """A bond breaks for good when its stretch exceeds min(s0_i, s0_j), s0 = s00 − α·(smallest stretch of the node's bonds), both of the step before.
+
+    s00 : critical stretch. alpha : α ≥ 0, how much compression strengthens. The comparison is strict, a breaking bond pulls once more,
+    and nothing breaks in the first step (s0 is infinite until it has been computed once).
+    """
+
+    s00: float
+    alpha: float = 0.0
+
+    def __post_init__(self):
+        if not self.s00 > 0:
+            raise AtcError(f"the critical stretch s00 must be positive, got {self.s00!r}")
+        if not (np.isfinite(self.alpha) and self.alpha >= 0):
+            raise AtcError(f"alpha of the critical stretch must be zero or positive, got {self.alpha!r}")
+
+    @classmethod
+    def from_energy(cls, Gc: float, material, body, alpha: float = 0.0) -> CriticalStretch:
+        """The s00 at which separating a plane costs the fracture energy `Gc` (energy per area) in this material and horizon.
+
+        All bonds across the plane at their critical stretch: in 3-D G_c = (9/5) K δ s0² for PMB, in 2-D c h δ⁴ s0²/4.
+        """
+        if not Gc > 0:
+            raise AtcError(f"the fracture energy Gc must be positive, got {Gc!r}")
+        return cls(float(np.sqrt(Gc / material.fracture_energy(body, 1.0))), alpha)
+
+
+def damage_n(body, intact_b) -> np.ndarray:
+    """(n,) φ_i = 1 − ΣV_j over intact bonds / ΣV_j over the reference family (R 3.0.10); 0 for a node without a family."""
+    b = body.bonds
+    whole = np.asarray(intact_b) != 0
+    n = len(body)
+    i, j = b.i_b, b.j_b
+    if whole.all():
+        return np.zeros(n)
+    # Sums of what broke, so that an undamaged node has exactly 0.
+    gone = ~whole
+    i, j = i[gone], j[gone]
+    lost = np.bincount(i, body.V_n[j], n) + np.bincount(j, body.V_n[i], n)
+    total = body.family_volume_n
+    return np.divide(lost, total, out=np.zeros(n), where=total > 0)
+
+
+class DamageRule:
+    """Critical stretches of every kind of bond, as the kernels want them. `rules` is None, one CriticalStretch, or {material or (a, b): it}."""
+
+    def __init__(self, rules, ids, kinds):
+        self.s00 = np.full(max(1, len(kinds)), np.inf)
+        self.alpha = np.zeros(max(1, len(kinds)))
+        self.active = rules is not None
+        if rules is None:
+            return
+        if isinstance(rules, CriticalStretch):
+            self.s00[:], self.alpha[:] = rules.s00, rules.alpha
+            return
+        for key in rules:
+            for a in key if isinstance(key, tuple) else (key,):
+                if a not in ids:
+                    raise AtcError(f"damage: there is no material {a!r} in this body; its materials are {sorted(ids)}")
+        for (a, b), k in kinds.items():
+            rule = rules.get((a, b), rules.get((b, a)))
+            if rule is None and a in rules and b in rules:
+                # Without a rule of its own an interface is as weak as the weaker side.
+                rule = min(rules[a], rules[b], key=lambda r: r.s00)
+            if rule is not None:
+                self.s00[k], self.alpha[k] = rule.s00, rule.alpha

@@ -1,0 +1,164 @@
+"""A state of a peridynamic body as a frame with bonds, for the estimators that make fields of atoms: density, velocity, stress, ... of both by the same code."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..bonds import Bonds
+from ..errors import AtcError
+from ..frame import Cell, Frame
+from ..units import units as unit_system
+
+_CHUNK = 1 << 16
+
+
+def snapshot(sim, units="si", layer=None):
+    """The present state of a simulation as (frame, bonds) for `atc.fields`.
+
+    Parameters
+    ----------
+    sim : Simulation
+    units : "si", or "lj" for any other consistent system of units: results carry its labels
+    layer : in one and two dimensions the body is repeated every `layer` along the missing axes, with its share of mass and force, so that fields are those of
+        a body that goes on for ever there; small against the kernel's radius (default a quarter of the spacing)
+
+    Returns
+    -------
+    frame : Frame, with the columns volume and damage (`extra`) and the forces on the nodes
+    bonds : what takes the place of a potential: the forces in the intact bonds of this state; contact is not among them
+
+    Examples
+    --------
+    >>> frame, bonds = pd.snapshot(sim)
+    >>> atc.fields(frame, bonds, atc.kernel("quartic", 0.002), grid, ["density", "velocity", "peridynamic_stress"])
+    >>> atc.fields(frame, bonds, kernel, grid, ["peridynamic_piola_stress"], reference=pd.reference_frame(sim))
+    """
+    u = unit_system(units)
+    body = sim.body
+    cell, share = _place(body, layer)
+    frame = _frame(sim, u, cell, share, sim.positions_nc, f"peridynamics step {sim.state.step}")
+    frame.velocities = u.to_internal("velocity", np.array(sim.state.v_nc))
+    frame.forces = u.to_internal("force", np.array(sim.forces()) * share)
+    frame.extra["damage"] = sim.damage()
+    frame.step, frame.time = sim.state.step, u.to_internal("time", sim.state.time)
+    return frame, SnapshotBonds(sim, u, share, frame)
+
+
+def reference_frame(sim, units="si", layer=None) -> Frame:
+    """The undeformed body, for quantities that need a reference."""
+    u = unit_system(units)
+    cell, share = _place(sim.body, layer)
+    return _frame(sim, u, cell, share, sim.body.X_nc, "peridynamics reference")
+
+
+def _frame(sim, u, cell, share, x_nc, source) -> Frame:
+    body = sim.body
+    return Frame(
+        u.to_internal("length", np.array(x_nc)), cell.scaled(u.factor("length")), u, types=body.material_n, masses=u.to_internal("mass", sim.mass_n * share),
+        source=source, extra={"volume": body.V_n * share},
+    )  # fmt: skip
+
+
+def _place(body, layer):
+    """The cell, and the share of the thickness (cross-section) that one layer has."""
+    d = body.dimension
+    if d == 3:
+        return body.cell, 1.0
+    h = 0.25 * body.spacing if layer is None else float(layer)
+    if not h > 0:
+        raise AtcError(f"layer must be a length greater than 0, got {layer!r}")
+    vectors, origin, periodic = np.array(body.cell.vectors), np.array(body.cell.origin), np.array(body.cell.periodic)
+    vectors[d:] = 0.0
+    vectors[:, d:] = 0.0
+    for a in range(d, 3):
+        vectors[a, a], origin[a], periodic[a] = h, body.X_nc[0, a] - 0.5 * h, True
+    return Cell(vectors, origin, periodic), h ** (3 - d) / body.thickness
+
+
+class SnapshotBonds:
+    """The bonds of one state of a peridynamic body, in the place of a potential. Made by `snapshot`.
+
+    Attributes
+    ----------
+    horizon, cutoff : the body's horizon and its longest bond (internal units). dimension : 1, 2 or 3. central : whether forces act along bonds
+    """
+
+    def __init__(self, sim, u, share, frame):
+        self.units, self.dimension, self.body = u, sim.body.dimension, sim.body
+        found = sim.bond_forces()
+        self.i, self.j = found.i.astype(np.int32, copy=False), found.j.astype(np.int32, copy=False)
+        self.r_bc = u.to_internal("length", found.r_bc)
+        self.central = found.G_b is not None
+        self.G_b = u.to_internal("force", found.G_b * share) / u.factor("length") if self.central else None
+        self.F_bc = None if self.central else u.to_internal("force", found.F_bc * share)
+        self.horizon = u.to_internal("length", sim.body.horizon)
+        longest = float(np.sqrt(np.einsum("bc,bc->b", self.r_bc, self.r_bc).max())) if len(self.i) else 0.0
+        self.cutoff = max(self.horizon, longest)
+        self.name = ", ".join(sorted({m.name for m in sim.materials.values()}))
+        self._energies = lambda: u.to_internal("energy", sim.strain_energy_n() * share)
+        self._step, self._n = sim.state.step, len(frame)
+        self.state = sim.state
+        self._kept = None
+
+    def keep_energies(self):
+        """Compute the strain energies now, before the simulation goes on."""
+        self._kept = self._energies()
+        return self
+
+    def describe(self) -> str:
+        return f"peridynamics, {self.name}, horizon {self.units.to_user('length', self.horizon):g}, {len(self.i)} intact bonds; strain energy half of each bond to each end, or the node's own"
+
+    def __len__(self):
+        return len(self.i)
+
+    def stream(self, frame, consume=None, *, threads=1, energies=False, forces=False, sources=False):
+        """The bonds in chunks, as a potential gives them (see `atc.decomposers.base.Potential.stream`)."""
+        from ..decomposers.base import Decomposition
+
+        if len(frame) != self._n or frame.step != self._step:
+            raise AtcError(
+                f"{frame.source}: these bonds belong to step {self._step} of the simulation they were taken from, and to no other frame"
+            )
+        if sources:
+            raise AtcError("heat flux and churning are not defined for peridynamic bonds: they have no temperature")
+        if energies and self._kept is None and self.state.step != self._step:
+            raise AtcError(
+                f"the simulation has gone on to step {self.state.step}: take a new snapshot, or keep_energies() before it goes on"
+            )
+        n = len(self.i)
+        chunks = [slice(a, min(a + _CHUNK, n)) for a in range(0, n, _CHUNK)]
+
+        def chunk(part):
+            r = self.r_bc[part]
+            if self.central:
+                return Bonds(self.i[part], self.j[part], r, self.G_b[part])
+            F = self.F_bc[part]
+            return Bonds(self.i[part], self.j[part], r, np.full(len(r), np.nan), F_bc=F)
+
+        def lane(t):
+            virial = np.zeros((3, 3))
+            for part in chunks[t::threads]:
+                bonds = chunk(part)
+                virial += bonds.virial()
+                if consume is not None:
+                    consume(bonds, t)
+            return virial
+
+        if threads == 1:
+            virials = [lane(0)]
+        else:
+            from concurrent.futures import ThreadPoolExecutor
+
+            with ThreadPoolExecutor(threads) as pool:
+                virials = list(pool.map(lane, range(threads)))
+        energies_n = (self._kept if self._kept is not None else self._energies()) if energies else None
+        forces_nc = None
+        if forces:
+            forces_nc = np.zeros((self._n, 3))
+            for part in chunks:
+                F = chunk(part).forces()
+                for c in range(3):
+                    forces_nc[:, c] += np.bincount(self.i[part], F[:, c], self._n) - np.bincount(self.j[part], F[:, c], self._n)
+        return Decomposition(
+            energy=float(energies_n.sum()) if energies else np.nan, virial_cc=sum(virials), energies_n=energies_n, forces_nc=forces_nc, n_bonds=n,
+        )  # fmt: skip

@@ -1,0 +1,198 @@
+"""What all materials share: elastic constants in 1, 2 and 3 dimensions, influence functions, the kinds of bonds, and the force model's interface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...errors import AtcError
+from ..blocks import Blocks, Crew, collect
+from ..damage import DamageRule
+
+INFLUENCE = {
+    "one": lambda r, delta: np.ones_like(r),
+    "inverse": lambda r, delta: 1.0 / r,
+    "linear": lambda r, delta: np.clip(1.0 - r / delta, 0.0, None),
+    "quadratic": lambda r, delta: np.clip(1.0 - (r / delta) ** 2, 0.0, None),
+    "gaussian": lambda r, delta: np.exp(-((2.0 * r / delta) ** 2)),
+}
+
+
+def influence_function(which):
+    """ω(|ξ|, δ) by name, or the user's own vectorised function of both."""
+    if callable(which):
+        return which
+    if which not in INFLUENCE:
+        raise AtcError(f"influence function {which!r} is not known: use one of {', '.join(INFLUENCE)}, or a function of (|xi|, horizon)")
+    return INFLUENCE[which]
+
+
+def sphere_measure(dimension: int, thickness: float):
+    """Surface of the unit sphere in this dimension × thickness (2-D) or cross-section (1-D): dV = this · r^(d−1) dr."""
+    return {1: 2.0 * thickness, 2: 2.0 * np.pi * thickness, 3: 4.0 * np.pi}[dimension]
+
+
+class Material:
+    """Base of the materials. `volume_correction`: the share ν of volumes near the horizon. `surface_correction`: None or "energy".
+
+    A material knows its three-dimensional constants (`bulk`, `shear`); in a plate `lame(body)` gives those of plane stress or strain.
+    """
+
+    name = "material"
+    volume_correction = True
+    surface_correction = None
+
+    def lame(self, body):
+        """(λ, μ) that act in the body's dimension."""
+        G, K = self.shear_in(body), self.bulk_in(body)
+        lam = K - 2.0 * G / 3.0
+        if body.dimension == 2 and body.plane == "stress":
+            lam = 2.0 * lam * G / (lam + 2.0 * G)
+        return lam, G
+
+    def uniaxial(self, body):
+        """Young's modulus E (that of a thin bar) in this body."""
+        G, K = self.shear_in(body), self.bulk_in(body)
+        return 9.0 * K * G / (3.0 * K + G)
+
+
+@dataclass
+class BondForces:
+    """The force in every intact bond of a state: what the stress estimators read. Same conventions as `atc.bonds.Bonds`, plus vectors.
+
+    Attributes
+    ----------
+    i, j : (b,) int32, each unordered bond once
+    r_bc : (b, 3) y_i − y_j, current positions, through the bond's image
+    R_bc : (b, 3) X_i − X_j, reference positions, through the same image
+    F_bc : (b, 3) force on i from j (force density × V_i V_j); the force on j is −F
+    G_b : (b,) with F = −G r, or None where forces do not act along the bond (correspondence)
+    bond_b : (b,) index of each bond in `body.bonds`
+    """
+
+    i: np.ndarray
+    j: np.ndarray
+    r_bc: np.ndarray
+    R_bc: np.ndarray
+    F_bc: np.ndarray
+    G_b: np.ndarray | None
+    bond_b: np.ndarray
+
+    def __len__(self):
+        return len(self.i)
+
+    def bonds(self):
+        """As `atc.bonds.Bonds`; raises AtcError for forces that are not central."""
+        from ...bonds import Bonds
+
+        if self.G_b is None:
+            raise AtcError("the forces of this material do not act along its bonds: use the estimators that take force vectors")
+        return Bonds(self.i, self.j, self.r_bc, self.G_b)
+
+
+class ForceModel:
+    """The bond forces of a body made of one or several materials of one class.
+
+    Subclasses set up per-bond arrays and fill ``F`` in `forces`. `z` is (n, 6): displacement and reference position of every node, side by side.
+    """
+
+    def __init__(self, body, materials: dict, crew: Crew, rules=None, lammps_compat=False):
+        self.body, self.crew, self.materials, self.lammps_compat = body, crew, materials, lammps_compat
+        self.table = body.bonds
+        self.n = len(body)
+        self.blocks = Blocks(self.table, self.n)
+        ids = sorted(materials)
+        index = {m: k for k, m in enumerate(ids)}
+        missing = set(np.unique(body.material_n).tolist()) - set(ids)
+        if missing:
+            raise AtcError(
+                f"the body's nodes are made of material {sorted(missing)[0]}, which has no definition: materials given are {ids}"
+            )
+        self.ids = ids
+        m = len(ids)
+        self.kinds = {(a, b): index[a] * m + index[b] if m > 1 else 0 for a in ids for b in ids if index[a] <= index[b]}
+        if m > 1:
+            where = np.searchsorted(ids, body.material_n).astype(np.int64)
+            a, b = where[self.table.i_b], where[self.table.j_b]
+            self.kind_b = (np.minimum(a, b) * m + np.maximum(a, b)).astype(np.uint8)
+            self.n_kinds = m * m
+        else:
+            self.kind_b = np.zeros(0, np.uint8)
+            self.n_kinds = 1
+        self.rule = DamageRule(rules, ids, self.kinds)
+        if len(self.rule.s00) < self.n_kinds:
+            s00, alpha = np.full(self.n_kinds, np.inf), np.zeros(self.n_kinds)
+            for k in self.kinds.values():
+                s00[k], alpha[k] = self.rule.s00[min(k, len(self.rule.s00) - 1)], self.rule.alpha[min(k, len(self.rule.alpha) - 1)]
+            self.rule.s00, self.rule.alpha = s00, alpha
+        self.buf = self.blocks.buffer(3)
+        self.smin_buf = np.empty(len(self.buf))
+        self.largest_smin = -np.inf
+
+    def per_bond(self, values_by_kind):
+        """(b,) from one value a kind; a scalar where there is only one."""
+        values = np.asarray(values_by_kind, float)
+        return values[self.kind_b] if len(self.kind_b) else values[0]
+
+    def pair_values(self, of_pair):
+        """(kinds,) of_pair(material a, material b) in the order of the kinds."""
+        out = np.zeros(self.n_kinds)
+        for (a, b), k in self.kinds.items():
+            out[k] = of_pair(a, b)
+        return out
+
+    @property
+    def s_low(self):
+        """No bond with a stretch up to this can break: a quick test for whole rows."""
+        if self.largest_smin == -np.inf:
+            return np.inf
+        worst = max(self.largest_smin, 0.0)
+        return float(np.min(self.rule.s00 - self.rule.alpha * worst))
+
+    def resume(self, smin_n):
+        """Take up a state's smallest stretches (after a restart)."""
+        finite = smin_n[smin_n < np.inf]
+        self.largest_smin = float(finite.max()) if len(finite) else -np.inf
+
+    def collect(self, F_nc, smin_n, damage):
+        largest = self.crew.nodes(
+            collect, self.n, self.blocks.lo, self.blocks.hi, self.blocks.offset, self.buf, self.smin_buf, F_nc, smin_n, damage
+        )
+        if damage:
+            self.largest_smin = max(largest)
+
+    # To be given by subclasses.
+    def forces(self, z, intact_b, F_nc, smin_n, damage: bool):
+        """F_nc := bond forces. With `damage`, smin_n is renewed and bonds break. Returns (number broken, energy lost with them)."""
+        raise NotImplementedError
+
+    def energy_n(self, z, intact_b):
+        """(n,) strain energy of each node (half of each bond, or the node's own)."""
+        raise NotImplementedError
+
+    def bond_forces(self, z, intact_b) -> BondForces:
+        raise NotImplementedError
+
+    def stiffness_n(self):
+        """(n,) a bound on the row sums of the stiffness matrix: ω_max² ≤ max 2 stiffness/(ρV)... see `Simulation.stable_step`."""
+        raise NotImplementedError
+
+    def contact_constant(self):
+        """(kinds,) the PMB constant c that contact multiplies by 15."""
+        raise NotImplementedError
+
+
+def deformed(body, z, bonds=None):
+    """η, ξ, e and |ξ+η| of every bond (or those numbered): the plain numpy version of what the kernels do."""
+    t = body.bonds
+    b = slice(None) if bonds is None else bonds
+    i, j = t.i_b[b], t.j_b[b]
+    xi = body.X_nc[j] - body.X_nc[i]
+    if len(t.image_b):
+        xi += t.images_tc[t.image_b[b]]
+    eta = z[j, :3] - z[i, :3]
+    q = np.einsum("bc,bc->b", eta, 2 * xi + eta)
+    r0 = t.r0_b[b]
+    r = np.sqrt(np.maximum(r0 * r0 + q, 0.0))
+    return i, j, eta, xi, q / (r + r0), r

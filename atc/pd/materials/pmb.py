@@ -1,0 +1,309 @@
+"""Prototype microelastic brittle material (Silling 2000; R 3.0.5-3.0.7): every bond a spring of its own.
+
+Pairwise force F_ij = c s ν V_i V_j along the deformed bond, s = (|ξ+η| − |ξ|)/|ξ|. The extension is computed from displacements,
+e = η·(2ξ+η)/(|ξ+η|+|ξ|), so that a body at rest is exactly at rest wherever it is.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from ...errors import AtcError
+from ..bonds import JIT
+from .base import BondForces, ForceModel, Material, deformed, influence_function, sphere_measure
+
+
+class PMB(Material):
+    """Prototype microelastic brittle: bond-based, so its Poisson's ratio is 1/4 (plane stress 1/3).
+
+    Parameters
+    ----------
+    bulk : bulk modulus K; or youngs : Young's modulus E; or c : the micromodulus itself (force per volume² at unit stretch; LAMMPS's `c`).
+        In 3-D c = 18K/(πδ⁴); in general c ∫ω|ξ| dV = 2d(d+2) μ with the shear modulus μ of the dimension.
+    influence : ω(|ξ|, δ), "one" by default, a name of `INFLUENCE` or a function; f = c ω s
+    volume_correction, surface_correction : see `Material`
+    """
+
+    name = "pmb"
+
+    def __init__(self, bulk=None, *, youngs=None, c=None, influence="one", volume_correction=True, surface_correction=None):
+        if sum(v is not None for v in (bulk, youngs, c)) != 1:
+            raise AtcError("PMB needs exactly one of bulk (modulus), youngs (modulus) and c (micromodulus)")
+        value = next(v for v in (bulk, youngs, c) if v is not None)
+        if not (np.isfinite(value) and value > 0):
+            raise AtcError(f"PMB: the modulus must be a positive number, got {value!r}")
+        self.bulk, self.youngs, self.c = bulk, youngs, c
+        self.influence = influence
+        self.volume_correction, self.surface_correction = bool(volume_correction), surface_correction
+
+    def _first_moment(self, body):
+        """∫ω|ξ| dV over the horizon."""
+        from scipy.integrate import quad
+
+        d, delta = body.dimension, body.horizon
+        surface = sphere_measure(d, body.thickness)
+        if self.influence == "one":
+            return surface * delta ** (d + 1) / (d + 1)
+        omega = influence_function(self.influence)
+        return surface * quad(lambda r: float(omega(np.array([r]), delta)[0]) * r**d, 0, delta)[0]
+
+    def shear_in(self, body):
+        """μ = λ of the dimension; in 1-D the modulus E."""
+        d = body.dimension
+        if self.c is not None:
+            return self.c * self._first_moment(body) / (2 * d * (d + 2)) * (3.0 if d == 1 else 1.0)
+        poisson = 1 / 3 if d == 2 and body.plane == "stress" else 1 / 4
+        E = self.youngs if self.youngs is not None else 3 * self.bulk * (1 - 2 * poisson)
+        return E if d == 1 else E / (2 * (1 + poisson))
+
+    def lame(self, body):
+        mu = self.shear_in(body)
+        return (0.0, mu / 2) if body.dimension == 1 else (mu, mu)
+
+    def uniaxial(self, body):
+        mu = self.shear_in(body)
+        if body.dimension == 1:
+            return mu
+        return 2 * mu * (1 + (1 / 3 if body.dimension == 2 and body.plane == "stress" else 1 / 4))
+
+    def micromodulus(self, body):
+        """c in this body: force per volume² at unit stretch (before ω)."""
+        if self.c is not None:
+            return float(self.c)
+        d = body.dimension
+        mu = self.shear_in(body)
+        # W = ¼ c ∫ω|ξ| (tr² + 2ε:ε)/(d(d+2)): that of λ = μ in 2-D and 3-D; in 1-D ½ E ε².
+        return 2 * mu / self._first_moment(body) if d == 1 else 2 * d * (d + 2) * mu / self._first_moment(body)
+
+    def fracture_energy(self, body, s0):
+        """Energy per area to stretch all bonds across a plane to s0: 9/5 K δ s0² in 3-D."""
+        from scipy.integrate import quad
+
+        d, delta, c = body.dimension, body.horizon, self.micromodulus(body)
+        omega = influence_function(self.influence)
+        # Bonds of length r across a plane, per area: (solid angle mean of |cos|)/2 · r each way; each costs ½ c ω s0² r.
+        mean_cos = {1: 1.0, 2: 2 / np.pi, 3: 0.5}[d]
+        moment = quad(lambda r: float(omega(np.array([r]), delta)[0]) * r ** (d + 1), 0, delta)[0] * sphere_measure(d, body.thickness)
+        return 0.5 * c * s0**2 * moment * mean_cos / 2
+
+    @staticmethod
+    def model(*args, **options):
+        return BondModel(*args, **options)
+
+
+class BondModel(ForceModel):
+    """Springs between nodes: PMB, for one or several materials (between two, the springs in series: 2 c_a c_b/(c_a + c_b), or an interface's own)."""
+
+    def __init__(self, body, materials, crew, rules=None, lammps_compat=False, interfaces=None):
+        super().__init__(body, materials, crew, rules, lammps_compat)
+        t = self.table
+        interfaces = interfaces or {}
+
+        def pair(a, b):
+            own = interfaces.get((a, b), interfaces.get((b, a)))
+            if own is not None:
+                return own.micromodulus(body)
+            ca, cb = materials[a].micromodulus(body), materials[b].micromodulus(body)
+            return 2 * ca * cb / (ca + cb)
+
+        self.c_k = self.pair_values(pair)
+        first = materials[self.ids[0]]
+        W = self.per_bond(self.c_k) * np.ones(len(t))
+        for m in self.ids:
+            if (materials[m].influence, materials[m].volume_correction) != (first.influence, first.volume_correction):
+                raise AtcError("PMB: the materials of one body must share their influence function and volume correction")
+        if first.influence != "one":
+            W *= influence_function(first.influence)(t.r0_b, body.horizon)
+        if first.volume_correction:
+            W *= body.nu_b()
+        W *= body.V_n[t.i_b]
+        W *= body.V_n[t.j_b]
+        if first.surface_correction is not None:
+            from ..surface import bond_factors
+
+            W *= bond_factors(first.surface_correction, body, W, materials)
+        self.W_b = np.ascontiguousarray(W)
+
+    def forces(self, z, intact_b, F_nc, smin_n, damage):
+        t, bl = self.table, self.blocks
+        lost = np.zeros(bl.count)
+        broken = self.crew.run(
+            forces, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, t.images_tc, z, t.r0_b, self.W_b, intact_b,
+            self.kind_b, self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.smin_buf, lost,
+        )  # fmt: skip
+        self.collect(F_nc, smin_n, damage)
+        return sum(broken), float(lost.sum())
+
+    def energy_n(self, z, intact_b):
+        i, j, _, _, e, _ = deformed(self.body, z)
+        half = 0.25 * self.W_b * e**2 / self.table.r0_b * (intact_b != 0)
+        return np.bincount(i, half, self.n) + np.bincount(j, half, self.n)
+
+    def bond_forces(self, z, intact_b):
+        whole = np.flatnonzero(intact_b)
+        i, j, eta, xi, e, r = deformed(self.body, z, whole)
+        G = np.divide(self.W_b[whole] * e, r * self.table.r0_b[whole], out=np.zeros(len(whole)), where=r > 0)
+        y = xi + eta
+        return BondForces(i, j, -y, -xi, G[:, None] * y, G, whole)
+
+    def stiffness_n(self):
+        k = self.W_b / self.table.r0_b
+        return self.table.sums(k)
+
+    def contact_constant(self):
+        return self.c_k
+
+
+# Row buffers: six numbers a bond, in columns of a fixed length, so that the compiler can tell them apart and vectorise.
+C = 128
+FAST = dict(JIT, fastmath={"reassoc", "nsz", "nnan", "contract", "arcp"}, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
+
+@njit(**JIT, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+def gather(b0, m, i, j, image, images, z, w):
+    """η and ξ of m bonds of row i, from bond b0 on, into the columns of w."""
+    u0, u1, u2, x0, x1, x2 = z[i, 0], z[i, 1], z[i, 2], z[i, 3], z[i, 4], z[i, 5]
+    for k in range(m):
+        n = j[b0 + k]
+        w[k] = z[n, 0] - u0
+        w[C + k] = z[n, 1] - u1
+        w[2 * C + k] = z[n, 2] - u2
+        w[3 * C + k] = z[n, 3] - x0
+        w[4 * C + k] = z[n, 4] - x1
+        w[5 * C + k] = z[n, 5] - x2
+    if len(image):
+        for k in range(m):
+            t = image[b0 + k]
+            w[3 * C + k] += images[t, 0]
+            w[4 * C + k] += images[t, 1]
+            w[5 * C + k] += images[t, 2]
+
+
+@njit(**FAST)
+def _row(m, w, r0, W, intact):
+    """Forces of m bonds into columns 0-2 of w, stretches into column 6; the sums of the forces, smallest and largest stretch of intact bonds."""
+    fx = 0.0
+    fy = 0.0
+    fz = 0.0
+    low = np.inf
+    high = -np.inf
+    for k in range(m):
+        ex = w[k]
+        ey = w[C + k]
+        ez = w[2 * C + k]
+        x = w[3 * C + k]
+        y = w[4 * C + k]
+        z = w[5 * C + k]
+        q = ex * (x + x + ex) + ey * (y + y + ey) + ez * (z + z + ez)
+        L = r0[k]
+        r2 = L * L + q
+        r = np.sqrt(r2 if r2 > 0.0 else 0.0)
+        D = r * (r + L) * L
+        D = q / D if D > 0.0 else 0.0
+        s = D * r if r > 0.0 else -1.0
+        whole = intact[k] != 0
+        K = W[k] * D if whole else 0.0
+        x = K * (x + ex)
+        y = K * (y + ey)
+        z = K * (z + ez)
+        w[k] = x
+        w[C + k] = y
+        w[2 * C + k] = z
+        up = s if whole else np.inf
+        down = s if whole else -np.inf
+        w[6 * C + k] = up
+        fx += x
+        fy += y
+        fz += z
+        low = up if up < low else low
+        high = down if down > high else high
+    return fx, fy, fz, low, high
+
+
+@njit(**JIT)
+def forces(
+    first,
+    last,
+    edges,
+    lo,
+    hi,
+    offset,
+    start,
+    j,
+    image,
+    images,
+    z,
+    r0,
+    W,
+    intact,
+    kind,
+    s00,
+    alpha,
+    smin,
+    s_low,
+    damage,
+    buf,
+    smin_buf,
+    lost_k,
+):
+    """Blocks first..last: forces into their buffers; with `damage` also new smallest stretches, and bonds beyond their critical stretch break
+    after they have pulled. lost_k takes the energy
+    that went with them, by block. Returns the number of broken bonds."""
+    w = np.empty(7 * C)
+    broken = 0
+    for block in range(first, last):
+        f = buf[offset[block] : offset[block + 1]]
+        f[:] = 0.0
+        base = lo[block]
+        lost = 0.0
+        low_n = smin_buf[offset[block] : offset[block + 1]]
+        if damage:
+            low_n[:] = np.inf
+        for i in range(edges[block], edges[block + 1]):
+            sx = 0.0
+            sy = 0.0
+            sz = 0.0
+            row_low = np.inf
+            for b0 in range(start[i], start[i + 1], C):
+                m = min(C, start[i + 1] - b0)
+                gather(b0, m, i, j, image, images, z, w)
+                fx, fy, fz, low, high = _row(m, w, r0[b0 : b0 + m], W[b0 : b0 + m], intact[b0 : b0 + m])
+                sx += fx
+                sy += fy
+                sz += fz
+                for k in range(m):
+                    n = j[b0 + k] - base
+                    f[n, 0] -= w[k]
+                    f[n, 1] -= w[C + k]
+                    f[n, 2] -= w[2 * C + k]
+                if damage:
+                    row_low = low if low < row_low else row_low
+                    for k in range(m):
+                        n = j[b0 + k] - base
+                        s = w[6 * C + k]
+                        low_n[n] = s if s < low_n[n] else low_n[n]
+                    if high > s_low:
+                        for k in range(m):
+                            b = b0 + k
+                            if intact[b] == 1:
+                                t = kind[b] if len(kind) else 0
+                                if w[6 * C + k] > threshold(s00[t], alpha[t], smin[i], smin[j[b]]):
+                                    intact[b] = 0
+                                    broken += 1
+                                    lost += 0.5 * W[b] * r0[b] * w[6 * C + k] ** 2
+            f[i - base, 0] += sx
+            f[i - base, 1] += sy
+            f[i - base, 2] += sz
+            if damage and row_low < low_n[i - base]:
+                low_n[i - base] = row_low
+        lost_k[block] = lost
+    return broken
+
+
+@njit(**JIT)
+def threshold(s00, alpha, smin_i, smin_j):
+    """min(s0_i, s0_j) with s0 = s00 − α·(the node's smallest stretch); infinite while a node has none yet (R 3.0.9)."""
+    si = np.inf if smin_i == -np.inf else s00 - alpha * smin_i
+    sj = np.inf if smin_j == -np.inf else s00 - alpha * smin_j
+    return si if si < sj else sj

@@ -1,0 +1,295 @@
+"""A run: a body, its materials, what acts on it, and the state that velocity Verlet carries on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import AtcError
+from .blocks import Crew
+from .conditions import BodyForce, Prescribed
+from .contact import Contact, ContactSearch
+from .damage import damage_n
+from .integrate import chunks, drift, kick, kick_drift, kick_end, kinetic, power, total
+from .materials.base import BondForces, Material
+from .state import State
+
+
+@dataclass
+class Energies:
+    """The energy ledger of one instant. ``total`` is what must be conserved: kinetic + strain + contact − work + what was dissipated, since the start.
+
+    kinetic, strain, contact : of the state. indenter : stored in the penetration of indenters and walls (their moving does work).
+    work_external : done by indenters, walls and body forces; work_constraint : done by prescribed motions
+    dissipated_fracture, dissipated_damping : gone with broken bonds, and by damping
+    """
+
+    kinetic: float
+    strain: float
+    contact: float
+    indenter: float
+    work_external: float
+    work_constraint: float
+    dissipated_fracture: float
+    dissipated_damping: float
+
+    @property
+    def total(self) -> float:
+        """Constant from the start of a run up to the integrator's error, O(Δt²)."""
+        return (
+            self.kinetic + self.strain + self.contact - self.work_external - self.work_constraint
+            + self.dissipated_fracture + self.dissipated_damping
+        )  # fmt: skip
+
+
+class Simulation:
+    """Peridynamic body under loads.
+
+    Parameters
+    ----------
+    body : Body
+    materials : a material, or {material number: material}
+    damage : None (bonds never break), a CriticalStretch, or {material or (a, b): CriticalStretch}
+    no_fail : region or list of regions: bonds with an end in one of them never break
+    contact : None or False (none), True, or a `Contact`
+    indenter, walls : one or several `Indenter`, `Wall`
+    conditions : `Prescribed` and `BodyForce` objects
+    damping : rate γ of a force density −γ ρ v (1/time)
+    interfaces : {(a, b): material} for the bonds between two materials, instead of the default mixture
+    dt : time step; None takes `safety` times the stable step
+    state : a `State` to go on from (bitwise); or `velocities`, `displacements` : (n, 3) or (3,) to start with
+    threads : 0 is all cores. Results do not depend on it.
+    lammps_compat : reproduce LAMMPS's faults (the weighted volume of periodic LPS bodies without images, its LPS energy)
+
+    Attributes: ``state``, ``dt``, ``body``, ``n_broken``.
+    """
+
+    def __init__(
+        self, body, materials, *, damage=None, no_fail=None, contact=None, indenter=None, walls=None, conditions=(), damping=0.0,
+        interfaces=None, dt=None, safety=0.7, state=None, velocities=None, displacements=None, threads=0, lammps_compat=False,
+    ):  # fmt: skip
+        if isinstance(materials, Material):
+            materials = {m: materials for m in np.unique(body.material_n).tolist()}
+        classes = {m.model for m in materials.values()}
+        if len(classes) != 1:
+            raise AtcError("the materials of one body must be of one class: " + ", ".join(sorted({m.name for m in materials.values()})))
+        self.body = body
+        n = len(body)
+        self.crew = Crew(threads if n > 4096 else 1)
+        first = next(iter(materials.values()))
+        self.model = first.model(body, materials, self.crew, damage, lammps_compat, interfaces)
+        self.materials = materials
+        self.damages = self.model.rule.active
+        self.mass_n = body.rho_n * body.V_n
+        self.damping = float(damping)
+        if self.damping < 0:
+            raise AtcError(f"damping must be zero or positive, got {damping!r}")
+        self.time_step_stable = self.stable_step()
+        self.dt = float(safety * self.time_step_stable if dt is None else dt)
+        if not (np.isfinite(self.dt) and self.dt > 0):
+            raise AtcError(f"the time step must be a positive number, got {dt!r}")
+        if contact is True:
+            contact = Contact()
+        self.contact = None
+        if contact:
+            ids = np.array(self.model.ids)
+            index = np.searchsorted(ids, body.material_n).astype(np.int64) if len(ids) > 1 else np.zeros(n, np.int64)
+            self.contact = ContactSearch(body, contact, self.model.contact_constant(), (index, len(ids)), self.crew)
+        as_list = lambda x: [] if x is None else list(x) if isinstance(x, (list, tuple)) else [x]  # noqa: E731
+        self.rigid = [r.bind(body) for r in as_list(indenter) + as_list(walls)]
+        conditions = [c.bind(body) for c in as_list(conditions)]
+        for c in conditions:
+            if not isinstance(c, (Prescribed, BodyForce)):
+                raise AtcError(f"conditions must be Prescribed or BodyForce objects, got {type(c).__name__}")
+        self.prescribed = [c for c in conditions if isinstance(c, Prescribed)]
+        self.external = [c for c in conditions if isinstance(c, BodyForce)] + self.rigid
+        self._z = np.empty((n, 6))
+        self._z[:, 3:] = body.X_nc
+        fresh = state is None
+        state = State.rest(body) if fresh else state.copy()
+        for name, value, out in (("velocities", velocities, state.v_nc), ("displacements", displacements, state.u_nc)):
+            if value is not None:
+                if not fresh:
+                    raise AtcError(f"{name} cannot be given together with a state")
+                value = np.asarray(value, float)
+                if value.shape not in ((3,), (n, 3)):
+                    raise AtcError(f"{name} must have shape (3,) or ({n}, 3), got {value.shape}")
+                out[:] = value
+        self._take(state, fresh)
+        if no_fail is not None and fresh:
+            inside = np.zeros(n, bool)
+            for region in as_list(no_fail):
+                inside[body.nodes(region)] = True
+            t = body.bonds
+            safe = inside[t.i_b] | inside[t.j_b]
+            self.state.intact_b[safe & (self.state.intact_b == 1)] = 2
+        self.n_broken = int(np.count_nonzero(self.state.intact_b == 0))
+        if fresh:
+            self._impose_start()
+            self._contact_energy, self._rigid_energy = self._all_forces(damage=False)
+        else:
+            self._contact_energy, self._rigid_energy = self._stored_energies()
+
+    # ---- state
+
+    def _take(self, state, fresh):
+        n, b = len(self.body), len(self.body.bonds)
+        if state.u_nc.shape != (n, 3) or state.intact_b.shape != (b,):
+            raise AtcError(
+                f"the state has {len(state.u_nc)} nodes and {len(state.intact_b)} bonds, the body {n} and {b}: it belongs to another body"
+            )
+        self._z[:, :3] = state.u_nc
+        # From here on the displacement lives in z alone, and the state's is a view of it.
+        state.u_nc = self._z[:, :3]
+        self.state = state
+        self.model.resume(state.smin_n)
+
+    @property
+    def positions_nc(self) -> np.ndarray:
+        """(n, 3) current positions."""
+        return self._z[:, 3:] + self._z[:, :3]
+
+    def damage(self) -> np.ndarray:
+        """(n,) share of each node's family (by volume) whose bonds are broken."""
+        return damage_n(self.body, self.state.intact_b)
+
+    def bond_forces(self) -> BondForces:
+        """The force in every intact bond now (contact is not among them)."""
+        return self.model.bond_forces(self._z, self.state.intact_b)
+
+    def forces(self) -> np.ndarray:
+        """(n, 3) total force on each node now (bonds, contact, external), volumes included: F = force density × V."""
+        return self.state.F_nc
+
+    def energies(self) -> Energies:
+        """The energy ledger now."""
+        n = len(self.body)
+        return Energies(
+            kinetic=total(kinetic, self.crew, n, self.mass_n, self.state.v_nc),
+            strain=float(self.model.energy_n(self._z, self.state.intact_b).sum()),
+            contact=self._contact_energy,
+            indenter=self._rigid_energy,
+            **self.state.ledger,
+        )
+
+    def strain_energy_n(self) -> np.ndarray:
+        """(n,) strain energy of each node."""
+        return self.model.energy_n(self._z, self.state.intact_b)
+
+    # ---- forces
+
+    def _all_forces(self, damage: bool):
+        """F of the present displacements into the state; returns the energies in contact and in indenters."""
+        s = self.state
+        broken, lost = self.model.forces(self._z, s.intact_b, s.F_nc, s.smin_n, damage)
+        self.n_broken += broken
+        s.ledger["dissipated_fracture"] += lost
+        in_contact = self.contact.add(self._z, s.F_nc) if self.contact is not None else 0.0
+        in_rigid = 0.0
+        if self.external:
+            s.external_nc[:] = 0.0
+            for e in self.external:
+                in_rigid += e.add(s.time, self._z, s.external_nc)
+            s.F_nc += s.external_nc
+        return in_contact, in_rigid
+
+    def _stored_energies(self):
+        scratch = np.zeros_like(self.state.F_nc)
+        in_contact = self.contact.add(self._z, scratch) if self.contact is not None else 0.0
+        return in_contact, sum(e.add(self.state.time, self._z, scratch) for e in self.external)
+
+    def _impose_start(self):
+        s = self.state
+        for p in self.prescribed:
+            if s.time >= p.until:
+                continue
+            value = p.at(s.time)
+            free = np.isnan(value)
+            if p.is_velocity:
+                s.v_nc[p.nodes] = np.where(free, s.v_nc[p.nodes], value)
+            else:
+                self._z[p.nodes, :3] = np.where(free, self._z[p.nodes, :3], value)
+
+    # ---- stepping
+
+    def step(self, n: int = 1, callback=None) -> State:
+        """Advance by `n` steps of velocity Verlet and return the state. `callback(self)` is called after every step."""
+        for _ in range(n):
+            self._step()
+            if callback is not None:
+                callback(self)
+        return self.state
+
+    run = step
+
+    def _step(self):
+        s, dt, half = self.state, self.dt, 0.5 * self.dt
+        n = len(self.body)
+        m = chunks(n)
+        if not self.prescribed and not self.damping:
+            self.crew.run(kick_drift, m, half, dt, s.F_nc, self.mass_n, s.v_nc, self._z, grain=4)
+            held = ()
+        else:
+            start = [s.v_nc[p.nodes].copy() for p in self.prescribed]
+            before = [s.F_nc[p.nodes].copy() for p in self.prescribed]
+            self.crew.run(kick, m, half, self.damping, s.F_nc, self.mass_n, s.v_nc, grain=4)
+            held = [self._hold(p, s.time + half, s.time + dt) for p in self.prescribed]
+            self.crew.run(drift, m, dt, s.v_nc, self._z, grain=4)
+        if self.external:
+            s.ledger["work_external"] += half * total(power, self.crew, n, s.external_nc, s.v_nc)
+        if self.damping:
+            # The friction's work with the mid-step velocity: exact to the order of the integrator.
+            s.ledger["dissipated_damping"] += self.damping * dt * 2 * total(kinetic, self.crew, n, self._free_mass(held), s.v_nc)
+        middle = [s.v_nc[p.nodes].copy() for p in self.prescribed] if held else ()
+        s.step += 1
+        s.time = s.time + dt
+        self._contact_energy, self._rigid_energy = self._all_forces(self.damages)
+        if self.external:
+            s.ledger["work_external"] += half * total(power, self.crew, n, s.external_nc, s.v_nc)
+        if self.damping:
+            self.crew.run(kick_end, m, half, self.damping, s.F_nc, self.mass_n, s.v_nc, grain=4)
+        else:
+            self.crew.run(kick, m, half, 0.0, s.F_nc, self.mass_n, s.v_nc, grain=4)
+        for k, p in enumerate(self.prescribed):
+            fixed = held[k]
+            if fixed is None:
+                continue
+            if p.is_velocity:
+                end = np.where(fixed, p.at(s.time), s.v_nc[p.nodes])
+            else:
+                end = np.where(fixed, middle[k], s.v_nc[p.nodes])
+            s.v_nc[p.nodes] = end
+            kinetic_change = 0.5 * self.mass_n[p.nodes, None] * (end**2 - start[k] ** 2)
+            by_forces = half * middle[k] * (before[k] + s.F_nc[p.nodes])
+            s.ledger["work_constraint"] += float((kinetic_change - by_forces)[fixed].sum())
+
+    def _hold(self, p, t_half, t_end):
+        """Set the velocities of the drift on prescribed nodes; returns which components are held (m, 3), or None when none is any more."""
+        s = self.state
+        if t_end > p.until:
+            return None
+        if p.is_velocity:
+            value = p.at(t_half)
+        else:
+            value = (p.at(t_end) - self._z[p.nodes, :3]) / self.dt
+        fixed = ~np.isnan(value)
+        s.v_nc[p.nodes] = np.where(fixed, value, s.v_nc[p.nodes])
+        return fixed
+
+    def _free_mass(self, held):
+        if not held:
+            return self.mass_n
+        mass = self.mass_n.copy()
+        for p, fixed in zip(self.prescribed, held, strict=True):
+            if fixed is not None:
+                mass[p.nodes[fixed.all(axis=1)]] = 0.0
+        return mass
+
+    # ---- stability
+
+    def stable_step(self) -> float:
+        """Δt = √(2 ρV/Σ|K_ij|), smallest over the nodes (Silling & Askari 2005): below Verlet's own limit 2/ω_max, which Gershgorin bounds."""
+        k = self.model.stiffness_n()
+        with np.errstate(divide="ignore"):
+            return float(np.sqrt(2.0 * self.mass_n / k).min())

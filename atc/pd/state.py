@@ -1,0 +1,77 @@
+"""Everything that changes in a run: a restart from a `State` is bitwise the uninterrupted run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+
+from ..errors import AtcError
+
+LEDGER = ("work_external", "work_constraint", "dissipated_fracture", "dissipated_damping")
+
+
+@dataclass
+class State:
+    """One instant of a run.
+
+    Attributes
+    ----------
+    u_nc, v_nc : (n, 3) displacement and velocity
+    F_nc : (n, 3) total force (force density × volume) at this instant, external forces included
+    external_nc : (n, 3) the part of F that indenters, walls and body forces exert
+    smin_n : (n,) smallest stretch of each node's intact bonds at this instant: −inf before the first step, +inf without bonds. s0 follows from it.
+    intact_b : (b,) uint8 over `body.bonds`: 0 broken, 1 whole, 2 whole and never breaks
+    step : int. time : float.
+    ledger : sums since the start: work_external, work_constraint, dissipated_fracture, dissipated_damping (energy each)
+    contact : arrays of the contact search (reference positions of its list), empty without contact
+    """
+
+    u_nc: np.ndarray
+    v_nc: np.ndarray
+    F_nc: np.ndarray
+    external_nc: np.ndarray
+    smin_n: np.ndarray
+    intact_b: np.ndarray
+    step: int = 0
+    time: float = 0.0
+    ledger: dict = field(default_factory=lambda: dict.fromkeys(LEDGER, 0.0))
+    contact: dict = field(default_factory=dict)
+
+    @classmethod
+    def rest(cls, body) -> State:
+        n = len(body)
+        z = np.zeros
+        intact = np.ones(len(body.bonds), np.uint8)
+        if any(notch.as_damage for notch in body.notches):
+            intact[body.precracked()] = 0
+        return cls(z((n, 3)), z((n, 3)), z((n, 3)), z((n, 3)), np.full(n, -np.inf), intact)
+
+    def copy(self) -> State:
+        return State.from_arrays(self.to_arrays())
+
+    def to_arrays(self) -> dict:
+        """A flat {name: array} with everything in it (copies), for any file format."""
+        out = {}
+        for f in fields(self):
+            value = getattr(self, f.name)
+            if f.name in ("ledger", "contact"):
+                out.update({f"{f.name}.{k}": np.array(v) for k, v in value.items()})
+            else:
+                out[f.name] = np.array(value)
+        return out
+
+    @classmethod
+    def from_arrays(cls, arrays) -> State:
+        """The inverse of `to_arrays`; raises AtcError for a missing array."""
+        values = {}
+        for f in fields(cls):
+            if f.name in ("ledger", "contact"):
+                values[f.name] = {k[len(f.name) + 1 :]: np.array(v) for k, v in arrays.items() if k.startswith(f.name + ".")}
+                continue
+            if f.name not in arrays:
+                raise AtcError(f"the restart has no {f.name!r}: it is not a state of this program, or it is damaged")
+            values[f.name] = np.array(arrays[f.name])
+        values["step"], values["time"] = int(values["step"]), float(values["time"])
+        values["ledger"] = {k: float(values["ledger"].get(k, 0.0)) for k in LEDGER}
+        return cls(**values)

@@ -1,0 +1,126 @@
+"""VTK's XML files for ParaView: nodes as .vtu, regular grids as .vti, other lattices as .vts, and the .pvd that makes a time series of them.
+
+Data are appended in raw binary: a file is as large as its numbers. Every file is written beside its name and renamed, so that a viewer that looks while
+a run goes on never sees half a file.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+_TYPES = {"f8": "Float64", "f4": "Float32", "i4": "Int32", "i8": "Int64", "u1": "UInt8", "i2": "Int16"}
+
+
+class _Appended:
+    """The XML of arrays whose numbers follow in one block at the end of the file."""
+
+    def __init__(self):
+        self.blocks, self.offset = [], 0
+
+    def array(self, name: str, values) -> str:
+        a = np.ascontiguousarray(values)
+        if a.dtype.kind == "b":
+            a = a.astype(np.uint8)
+        a = a.astype(a.dtype.newbyteorder("<"), copy=False)
+        shape = a.shape
+        components = 1 if a.ndim == 1 else int(np.prod(shape[1:]))
+        extra = f' NumberOfComponents="{components}"' if components > 1 else ""
+        tag = f'<DataArray type="{_TYPES[a.dtype.str[1:]]}" Name={quoteattr(name)}{extra} format="appended" offset="{self.offset}"/>'
+        data = a.tobytes()
+        self.blocks.append(np.uint64(len(data)).tobytes() + data)
+        self.offset += 8 + len(data)
+        return tag
+
+    def point_data(self, arrays: dict) -> str:
+        return "<PointData>" + "".join(self.array(name, a) for name, a in arrays.items()) + "</PointData>"
+
+    def field_data(self, values: dict) -> str:
+        if not values:
+            return ""
+        out = []
+        for name, v in values.items():
+            a = np.atleast_1d(np.asarray(v))
+            out.append(self.array(name, a).replace("<DataArray ", f'<DataArray NumberOfTuples="{len(a)}" ', 1))
+        return "<FieldData>" + "".join(out) + "</FieldData>"
+
+    def write(self, path: Path, kind: str, body: str) -> None:
+        head = f'<?xml version="1.0"?>\n<VTKFile type="{kind}" version="1.0" byte_order="LittleEndian" header_type="UInt64">\n{body}\n<AppendedData encoding="raw">\n_'
+        temporary = path.with_name(path.name + ".tmp")
+        with open(temporary, "wb") as f:
+            f.write(head.encode())
+            for block in self.blocks:
+                f.write(block)
+            f.write(b"\n</AppendedData>\n</VTKFile>\n")
+        os.replace(temporary, path)
+
+
+def write_nodes(path, x_nc, arrays: dict, about: dict | None = None) -> None:
+    """A .vtu of points, each a vertex cell.
+
+    Parameters
+    ----------
+    path : the file to write
+    x_nc : (n, 3) positions
+    arrays : {name: (n,), (n, 3) or (n, 3, 3)}; tensors are written row by row
+    about : {name: number} of the whole file, e.g. the time
+    """
+    out = _Appended()
+    n = len(x_nc)
+    index = np.int64 if n > 2**31 - 1 else np.int32
+    body = (
+        f'<UnstructuredGrid>{out.field_data(about or {})}<Piece NumberOfPoints="{n}" NumberOfCells="{n}">'
+        + out.point_data(arrays)
+        + "<Points>" + out.array("Points", np.asarray(x_nc, float)) + "</Points><Cells>"
+        + out.array("connectivity", np.arange(n, dtype=index)) + out.array("offsets", np.arange(1, n + 1, dtype=index))
+        + out.array("types", np.ones(n, np.uint8)) + "</Cells></Piece></UnstructuredGrid>"
+    )  # fmt: skip
+    out.write(Path(path), "UnstructuredGrid", body)
+
+
+def write_image(path, origin, spacing, shape, arrays: dict, about: dict | None = None) -> None:
+    """A .vti: a regular grid along x, y and z.
+
+    origin, spacing : (3,) of the first point and between points. shape : (3,) numbers of points. arrays : {name: (*shape, ...)}, x slowest as in `atc.Grid`.
+    """
+    out = _Appended()
+    extent = " ".join(f"0 {n - 1}" for n in shape)
+    numbers = lambda a: " ".join(repr(float(v)) for v in a)  # noqa: E731
+    body = (
+        f'<ImageData WholeExtent="{extent}" Origin="{numbers(origin)}" Spacing="{numbers(spacing)}">{out.field_data(about or {})}<Piece Extent="{extent}">'
+        + out.point_data({k: _x_fastest(a) for k, a in arrays.items()}) + "</Piece></ImageData>"
+    )  # fmt: skip
+    out.write(Path(path), "ImageData", body)
+
+
+def write_lattice(path, points, arrays: dict, about: dict | None = None) -> None:
+    """A .vts: points (nx, ny, nz, 3) in rows, wherever they are; arrays as in `write_image`."""
+    out = _Appended()
+    extent = " ".join(f"0 {n - 1}" for n in points.shape[:3])
+    body = (
+        f'<StructuredGrid WholeExtent="{extent}">{out.field_data(about or {})}<Piece Extent="{extent}">'
+        + out.point_data({k: _x_fastest(a) for k, a in arrays.items()})
+        + "<Points>" + out.array("Points", _x_fastest(points)) + "</Points></Piece></StructuredGrid>"
+    )  # fmt: skip
+    out.write(Path(path), "StructuredGrid", body)
+
+
+def write_series(path, files, times) -> None:
+    """The .pvd: which file belongs to which time. File names are relative to it."""
+    path = Path(path)
+    rows = "\n".join(
+        f'<DataSet timestep="{float(t)!r}" file={quoteattr(os.path.relpath(f, path.parent))}/>' for f, t in zip(files, times, strict=True)
+    )
+    temporary = path.with_name(path.name + ".tmp")
+    temporary.write_text(
+        f'<?xml version="1.0"?>\n<VTKFile type="Collection" version="1.0">\n<Collection>\n{rows}\n</Collection>\n</VTKFile>\n'
+    )
+    os.replace(temporary, path)
+
+
+def _x_fastest(a):
+    a = np.asarray(a)
+    return np.ascontiguousarray(np.moveaxis(a, (0, 1, 2), (2, 1, 0))).reshape(-1, *a.shape[3:])
