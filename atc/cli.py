@@ -1,4 +1,4 @@
-"""The command line: ``atc info | plan | fields | compare | check | conductivity | plot``.
+"""The command line: ``atc info | plan | fields | compare | check | conductivity | bench | plot``.
 
 Only what every command needs is imported here, so that ``atc --help`` is instant: numba, xarray and matplotlib come with the commands that use them.
 
@@ -563,3 +563,11 @@ def _parse_limits(text: str | None):
     except ValueError:
         raise AtcError(f"--limits {text}: expected two increasing numbers, e.g. --limits -2e4,2e4") from None
     return lo, hi
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Commands in modules of their own; they import what is above.
+
+from . import cli_bench  # noqa: E402
+
+cli_bench.register(app)
