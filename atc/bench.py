@@ -19,6 +19,8 @@ from .errors import AtcError, AtcWarning
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8)
 #: A rung that took less than this is run once more, and the better time counts.
 SHORT = 5.0
+#: CPU seconds that the exact sum may take; beyond, errors are measured at random points instead, and against the closest spectral result.
+MOST = 200.0
 
 
 @dataclass
@@ -62,7 +64,14 @@ class Bench:
             f"{self.title}: {self.field}, {self.atoms:,} atoms, {self.bonds:,} bonds, {self.points:,} points, {self.kernel}, {self.threads} thread(s)"
         )
         table = Table(box=None, pad_edge=False)
-        for name, justify in (("method", "left"), ("CPU s", "right"), ("wall s", "right"), ("error max", "right"), ("error l2", "right"), ("", "left")):
+        for name, justify in (
+            ("method", "left"),
+            ("CPU s", "right"),
+            ("wall s", "right"),
+            ("error max", "right"),
+            ("error l2", "right"),
+            ("", "left"),
+        ):
             table.add_column(name, justify=justify, no_wrap=True)
         for r in self.rungs:
             mark = ", ".join(["on the front"] * r.front + ["what auto takes"] * r.chosen)
@@ -77,7 +86,13 @@ class Bench:
 
         figure = Figure(figsize=(6.4, 4.6), layout="constrained")
         ax = figure.add_subplot()
-        styles = {"spectral": ("o", "C0"), "direct": ("s", "C1"), "slab": ("s", "C1"), "smoothed virial": ("^", "C2"), "binned virial": ("v", "C3")}
+        styles = {
+            "spectral": ("o", "C0"),
+            "direct": ("s", "C1"),
+            "slab": ("s", "C1"),
+            "smoothed virial": ("^", "C2"),
+            "binned virial": ("v", "C3"),
+        }
         for method in dict.fromkeys(r.method for r in self.rungs):
             some = [r for r in self.rungs if r.method == method]
             marker, color = styles.get(method, ("x", "C4"))
@@ -86,7 +101,15 @@ class Bench:
                 if r.tolerance and r.method == "spectral":
                     ax.annotate(f"{r.tolerance:g}", (r.cpu, r.error_max), textcoords="offset points", xytext=(6, 3), fontsize=8)
         front = sorted((r for r in self.rungs if r.front), key=lambda r: r.cpu)
-        ax.step([r.cpu for r in front], [max(r.error_max, 1e-16) for r in front], where="post", color="0.6", lw=1, zorder=0, label="Pareto front")
+        ax.step(
+            [r.cpu for r in front],
+            [max(r.error_max, 1e-16) for r in front],
+            where="post",
+            color="0.6",
+            lw=1,
+            zorder=0,
+            label="Pareto front",
+        )
         ax.set(xscale="log", yscale="log", xlabel="CPU seconds a frame", ylabel="largest error / largest value")
         ax.set_title(f"{self.field}, {self.atoms:,} atoms, {self.points:,} points, {self.kernel}", fontsize=10)
         ax.grid(True, which="both", alpha=0.25)
@@ -100,7 +123,7 @@ def mark_front(rungs) -> None:
         r.front = not any((o.cpu <= r.cpu and o.error_max < r.error_max) or (o.cpu < r.cpu and o.error_max <= r.error_max) for o in rungs)
 
 
-def bench(request, tolerances=TOLERANCES, progress=lambda text: None) -> Bench:
+def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST) -> Bench:
     """Time against error of a request's first frame.
 
     Parameters
@@ -110,12 +133,15 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None) -> Bench:
         bonds, else the first one on the grid.
     tolerances : of the spectral method
     progress : called with what is about to run
+    most : CPU seconds that the exact sum may be predicted to take; beyond, it is left out
 
     Raises
     ------
     AtcError for a request without fields on a grid.
     """
     from .choose import choose, spectral_deposit
+    from .costs import Load
+    from .costs import direct as direct_seconds
     from .estimators.compute import Settings, frame_fields
     from .estimators.methods import Method
     from .estimators.registry import Work
@@ -141,14 +167,27 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None) -> Bench:
             best = (result, cpu, wall, again + 1) if best is None else (result, min(cpu, best[1]), min(wall, best[2]), again + 1)
         return best[:3]
 
-    # The exact sum is what all errors are measured against; its own is what the check at random points finds.
-    progress("the exact sum")
-    result, cpu, wall = run(settings)
-    exact = result.arrays[name]
-    own = result.errors[name]
-    rungs = [Rung("direct (exact)", "direct" if bound.kind != "slab" else "slab", None, cpu, wall, own["error_max"], own["error_l2"])]
-    left_out = []
-    for t in tolerances:
+    rungs, left_out, exact = [], [], None
+    load = request.load if work.bond else None
+    size = [(request.load.bonds, request.load.length, work.n_bond)] if work.bond else [(len(frame), 0.0, work.n_site)]
+    seconds = sum(direct_seconds(request.costs, bound, kern, *s) for s in size)
+    if seconds <= most:
+        # The exact sum is what all errors are measured against; its own is what the check at random points finds.
+        progress("the exact sum")
+        result, cpu, wall = run(settings)
+        exact = result.arrays[name]
+        own = result.errors[name]
+        rungs.append(
+            Rung("direct (exact)", "direct" if bound.kind != "slab" else "slab", None, cpu, wall, own["error_max"], own["error_l2"])
+        )
+    else:
+        left_out.append(
+            (
+                "direct",
+                f"predicted to take {seconds:.0f} s of CPU: errors are those found at random points, of virials those from the closest result",
+            )
+        )
+    for t in sorted(tolerances, reverse=True):
         try:
             deposits = {k: spectral_deposit(bound, kern, frame.cell, max(work.n_site, work.n_bond), t) for k in keys}
         except AtcError as e:
@@ -164,7 +203,14 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None) -> Bench:
         result, cpu, wall = run(replace(settings, methods=methods))
         d = deposits[keys[-1]]
         about = f"mesh {' x '.join(str(int(k)) for k in d.mesh)}, window {d.parameters.width}"
-        rungs.append(Rung(f"spectral {t:g}", "spectral", t, cpu, wall, *_errors(result.arrays[name], exact), details=about))
+        found = result.errors[name]
+        errors = (found["error_max"], found["error_l2"]) if exact is None else _errors(result.arrays[name], exact)
+        closest = result.arrays[name]
+        rungs.append(Rung(f"spectral {t:g}", "spectral", t, cpu, wall, *errors, details=about))
+    if exact is None:
+        if not rungs:
+            raise AtcError(f"atc bench: the exact sum would take {seconds:.0f} s of CPU and the spectral method cannot: {left_out[-1][1]}")
+        exact = closest
     if name == "stress_potential":
         progress("per-atom virials")
         smooth = "smoothed_virial_stress_potential"
@@ -174,7 +220,15 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None) -> Bench:
         if binned is not None:
             rungs.append(binned)
     chosen = choose(
-        "auto", request.tolerance, request.costs, work, {k: bound for k in keys}, kern, {k: frame.cell for k in keys}, len(frame), request.load
+        "auto",
+        request.tolerance,
+        request.costs,
+        work,
+        {k: bound for k in keys},
+        kern,
+        {k: frame.cell for k in keys},
+        len(frame),
+        load or Load(),
     )
     main = chosen[keys[-1]]
     candidates = [r for r in rungs if (r.method == "spectral") == (not main.exact) and r.method in ("spectral", "direct", "slab")]
@@ -183,9 +237,7 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None) -> Bench:
         nearest.chosen = True
     mark_front(rungs)
     bonds = round(request.load.bonds) if work.bond else 0
-    return Bench(
-        frame.source, name, len(frame), bonds, len(bound), request.kern.describe(), request.threads, rungs, left_out
-    )
+    return Bench(frame.source, name, len(frame), bonds, len(bound), request.kern.describe(), request.threads, rungs, left_out)
 
 
 def _errors(values, exact) -> tuple[float, float]:

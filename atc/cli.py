@@ -314,6 +314,15 @@ def fields(
     end: End = None,
     step: Step = None,
     jobs: Jobs = 1,
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            "--cluster",
+            metavar="ADDRESS",
+            help="Compute on the workers of this Dask scheduler, e.g. tcp://127.0.0.1:8786.",
+            show_default=False,
+        ),
+    ] = None,
     restart: Annotated[bool, typer.Option("--restart", help="Forget the finished frames of an interrupted run.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
     quiet: Quiet = False,
@@ -327,7 +336,7 @@ def fields(
     try:
         with _progress(quiet) as progress:
             try:
-                ds = made.run(out, jobs=jobs, progress=progress, resume=not restart)
+                ds = made.run(out, jobs=jobs, cluster=cluster, progress=progress, resume=not restart)
             except AtcError as e:
                 raise AtcError(str(e).replace("start again without resuming", "start again with --restart")) from None
     finally:

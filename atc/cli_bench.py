@@ -25,9 +25,12 @@ def register(app) -> None:
         tolerances: Annotated[
             str | None, typer.Option("--tolerances", metavar="T1,T2,...", help="Tolerances of the spectral method.", show_default=False)
         ] = None,
-        calibrate: Annotated[bool, typer.Option("--calibrate", help="Measure what plans and choices of methods are based on, and keep it.")] = False,
+        calibrate: Annotated[
+            bool, typer.Option("--calibrate", help="Measure what plans and choices of methods are based on, and keep it.")
+        ] = False,
         picture: Annotated[
-            Path | None, typer.Option("--picture", metavar="FILE", help="Where the picture goes; default: next to SCENE.", show_default=False)
+            Path | None,
+            typer.Option("--picture", metavar="FILE", help="Where the picture goes; default: next to SCENE.", show_default=False),
         ] = None,
         json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
         quiet: Quiet = False,

@@ -357,7 +357,7 @@ class Scene:
             raise self._placed_error("fields", ["method"], e) from None
         traj = self.trajectory()
         parallel = jobs > 1 and len(traj) >= jobs
-        given = {k: self.get("fields", k) for k in ("quantities", "tolerance", "average") if self.get("fields", k) is not None}
+        given = {k: self.get("fields", k) for k in ("quantities", "tolerance", "average", "tiles") if self.get("fields", k) is not None}
         return {
             "traj": traj, "pot": self.potential(), "kern": self.kernel(), "grid": self.grid(), "reference": self.reference(), "method": method,
             "threads": 1 if parallel else jobs, "workers": jobs if parallel else 1, **given,
@@ -369,7 +369,7 @@ class Scene:
 
         return plan(**self.arguments(jobs))
 
-    def run(self, out=None, *, jobs: int = 1, progress=None, resume: bool = True):
+    def run(self, out=None, *, jobs: int = 1, cluster=None, progress=None, resume: bool = True):
         """Compute the fields: `atc.fields` with this scene's arguments, into `out` (or in memory). Returns the xarray.Dataset."""
         from . import fields
 
@@ -377,7 +377,7 @@ class Scene:
         partial = None if out is None else Path(f"{out}.partial")
         there = partial is not None and partial.exists()
         try:
-            return fields(**arguments, out=out, progress=progress, resume=resume, scene=self.to_toml())
+            return fields(**arguments, cluster=cluster, out=out, progress=progress, resume=resume, scene=self.to_toml())
         except AtcError:
             # Input that cannot be used leaves nothing behind; a run that has finished frames, or one that is not ours, does.
             if partial is not None and not there and not (partial / "journal.jsonl").exists():
