@@ -11,7 +11,6 @@ from collections import deque
 from .errors import AtcError
 from .estimators.compute import FrameResult, frame_fields
 
-
 #: How long a scheduler may take to answer.
 PATIENCE = "10s"
 

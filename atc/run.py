@@ -12,8 +12,8 @@ from .errors import AtcError, AtcWarning
 from .estimators.compute import FrameResult, frame_fields, require
 from .estimators.methods import DEPOSITS, Method, details, summary
 from .estimators.registry import QUANTITIES
-from .parallel import frame_results, here
 from .output import Layout, Store, dataset_in_memory, explained, open_dataset
+from .parallel import frame_results, here
 from .plan import Request, plan  # noqa: F401  (plan belongs to the same door)
 from .statistics import BlockAverage
 

@@ -60,7 +60,7 @@ def draw(results, path):
         ax = figure.add_subplot(2, 2, k + 1)
         for c, r in enumerate(some):
             color = f"C{c % 10}"
-            ours = sorted(((q["cpu"], q["error_max"]) for q in r["rungs"] if q["method"] in ("spectral", "direct")))
+            ours = sorted((q["cpu"], q["error_max"]) for q in r["rungs"] if q["method"] in ("spectral", "direct"))
             ax.plot(*zip(*ours), color=color, lw=1, alpha=0.6)
             for q in r["rungs"]:
                 marker = {"spectral": "o", "direct": "s", "smoothed virial": "^", "binned virial": "v"}[q["method"]]

@@ -134,7 +134,8 @@ def test_who_does_not_answer(monkeypatch):
 def close(a, b, names):
     for name in names:
         x, y = a[name].values, b[name].values
-        np.testing.assert_allclose(x, y, rtol=0, atol=2e-13 * np.nanmax(np.abs(y)))
+        # rounding of sums in another order; the churning is a difference of larger sums
+        np.testing.assert_allclose(x, y, rtol=0, atol=1e-12 * np.nanmax(np.abs(y)))
 
 
 @pytest.mark.parametrize("tiles", [(1, 1, 1), (3, 2, 1), (2, 2, 2)])
