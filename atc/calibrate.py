@@ -148,7 +148,7 @@ def _direct(costs, frame, bonds, length, u):
     for family, name in _FAMILIES.items():
         if family == "even":
             continue
-        kern = kernel(name, size=8.0) if name == "box" else kernel(name, 8.0 if name != "gaussian" else 4.0)
+        kern = kernel(name, size=8.0) if name == "box" else kernel(name, 8.0 if name != "gaussian" else 7.0)
         part = slice(None, None, 16)
         items, n_rows, many, vectors = _lattice_rows(bound, kern, len(bonds.G_b[part]), length, 6)
         rest = costs.bond * items + costs.row * n_rows + costs.accumulate * vectors

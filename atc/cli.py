@@ -1,4 +1,4 @@
-"""The command line: ``atc info | plan | fields | compare | check | conductivity | plot``.
+"""The command line: ``atc info | plan | fields | compare | check | conductivity | bench | plot``.
 
 Only what every command needs is imported here, so that ``atc --help`` is instant: numba, xarray and matplotlib come with the commands that use them.
 
@@ -318,6 +318,15 @@ def fields(
     end: End = None,
     step: Step = None,
     jobs: Jobs = 1,
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            "--cluster",
+            metavar="ADDRESS",
+            help="Compute on the workers of this Dask scheduler, e.g. tcp://127.0.0.1:8786.",
+            show_default=False,
+        ),
+    ] = None,
     restart: Annotated[bool, typer.Option("--restart", help="Forget the finished frames of an interrupted run.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
     quiet: Quiet = False,
@@ -331,7 +340,7 @@ def fields(
     try:
         with _progress(quiet) as progress:
             try:
-                attributes = made.write(out, jobs=jobs, progress=progress, resume=not restart)
+                attributes = made.write(out, jobs=jobs, cluster=cluster, progress=progress, resume=not restart)
             except AtcError as e:
                 raise AtcError(str(e).replace("start again without resuming", "start again with --restart")) from None
     finally:
@@ -570,9 +579,9 @@ def _parse_limits(text: str | None):
 
 
 # --------------------------------------------------------------------------------------------------------------------
-# Commands with modules of their own: options only, the work is imported when they run.
+# Commands in modules of their own: options only, the work is imported when they run.
 
-from . import cli_dispersion, cli_pd  # noqa: E402
+from . import cli_bench, cli_dispersion, cli_pd  # noqa: E402
 
-cli_dispersion.register(app)
-cli_pd.register(app)
+for _module in (cli_bench, cli_dispersion, cli_pd):
+    _module.register(app)

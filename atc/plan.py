@@ -66,6 +66,8 @@ class Request:
     workers: int = 1
     scene: str | None = None
     horizon: float | None = None
+    cluster: object = None
+    tiles: object = None
 
     def __post_init__(self):
         from .frame import Frame
@@ -94,6 +96,11 @@ class Request:
                 continue
             if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < 1:
                 raise AtcError(f"{name} {value!r}: expected a whole number, 1 or more")
+        if self.tiles is not None:
+            t = np.asarray(self.tiles)
+            if t.shape != (3,) or t.dtype.kind not in "iu" or (t < 1).any():
+                raise AtcError(f"tiles {self.tiles!r}: expected three whole numbers, 1 or more, e.g. (2, 2, 1)")
+            self.tiles = tuple(int(n) for n in t)
         if self.reference is not None and not isinstance(self.reference, Frame):
             if isinstance(self.reference, (int, np.integer)):
                 try:
@@ -191,6 +198,7 @@ class Request:
             self.reference if self.work.reference_users else None,
             self.threads,
             horizon=self.horizon,
+            tiles=self.tiles,
         )
 
     def key(self) -> dict:
@@ -205,6 +213,7 @@ class Request:
             "grid": fingerprint(self.grid) if self.work.grid_users else None,
             "method": self.method,
             "tolerance": float(self.tolerance),
+            **({"tiles": list(self.tiles)} if self.tiles else {}),
             "average": int(self.average) if self.average is not True else True,
             "frames": self.n_frames,
             "units": self.first.units.name,

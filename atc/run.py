@@ -13,6 +13,7 @@ from .estimators.compute import FrameResult, frame_fields, require
 from .estimators.methods import DEPOSITS, Method, details, summary
 from .estimators.registry import QUANTITIES
 from .output import Layout, Store, dataset_in_memory, explained, open_dataset
+from .parallel import frame_results, here
 from .plan import Request, plan  # noqa: F401  (plan belongs to the same door)
 from .statistics import BlockAverage
 
@@ -22,7 +23,7 @@ _SAVE_EVERY = 5.0
 
 def fields(
     traj, pot=None, kern=None, grid=None, quantities=("stress",), tolerance=1e-5, *, method="auto", reference=None, average=False,
-    threads=None, workers=1, out=None, progress=None, resume=True, scene=None, horizon=None,
+    threads=None, workers=1, cluster=None, tiles=None, out=None, progress=None, resume=True, scene=None, horizon=None,
 ):  # fmt: skip
     """Continuum fields of a trajectory.
 
@@ -53,6 +54,11 @@ def fields(
         Threads within a frame (default: all processors, shared among the workers). Results are identical for equal `threads`.
     workers : int
         Processes over frames, when there are as many frames; otherwise threads.
+    cluster : str
+        Address of a Dask scheduler, ``tcp://host:port``, or a `distributed.Client`: frames (or tiles) are computed by its workers, each with `threads`
+        threads. Workers may come, go and die: what they had not finished is computed by others, with the same result.
+    tiles : three ints
+        Cut each frame along the cell's edges into so many tiles, for frames too large for one worker. Results differ from those without by rounding.
     out : path ending in .zarr or .nc
         Written frame by frame to ``out.partial`` and renamed at the end. After a kill or Ctrl-C the same call goes on where it was,
         with the same result as an uninterrupted run. `resume=False` begins again.
@@ -80,7 +86,9 @@ def fields(
     -----
     Formulas: R 4.0.34-4.0.116 as corrected in the documentation: σ = σ_U + σ_K, σ_U = Σ_bonds G r⊗r β, σ_K = −Σ m (v_j − v)⊗(v_j − v) φ_j.
     """
-    request = Request(traj, pot, kern, grid, quantities, tolerance, method, reference, average, threads, workers, scene, horizon)
+    request = Request(
+        traj, pot, kern, grid, quantities, tolerance, method, reference, average, threads, workers, scene, horizon, cluster, tiles
+    )
     if out is None:
         _sanity(request)
         sink = _run(request, None, progress)
@@ -114,7 +122,7 @@ def _run(request, store, progress) -> _Sink:
     began, done = time.perf_counter(), start
     if progress is not None:
         progress(done, n, 0.0)
-    results = _results(request, start, first)
+    results = frame_results(request, start, first)
     try:
         for k, (frame, result) in zip(range(start, n), results):
             sink.add(k, frame, result, last_of_window=(k + 1) % window == 0 or k + 1 == n)
@@ -131,14 +139,6 @@ def _run(request, store, progress) -> _Sink:
     return sink
 
 
-# --- frames to results, here or in other processes
-
-
-def _frames_from(frames, start):
-    """Frames one by one from number `start`, reading nothing before it."""
-    return iter(frames if start == 0 else frames[start:])
-
-
 def _settle(request: Request, store, start: int) -> FrameResult | None:
     """Fix the methods for all frames, by the error they leave on the first one: its result, if it had to be computed and is still wanted.
 
@@ -153,7 +153,8 @@ def _settle(request: Request, store, start: int) -> FrameResult | None:
     result = None
     if not all(m.exact for m in request.methods.values()):
         # Half the tolerance: other frames, and points other than those looked at, have larger errors.
-        result = frame_fields(request.first, request.settings(), 0, goal=0.5 * request.tolerance)
+        with here(request) as run_tiles:
+            result = frame_fields(request.first, request.settings(), 0, goal=0.5 * request.tolerance, run_tiles=run_tiles)
         began, request.methods = request.methods, result.methods
         over = [e["error_max"] for e in result.errors.values() if e["error_max"] > request.tolerance]
         if result.refined and not over:
@@ -164,60 +165,6 @@ def _settle(request: Request, store, start: int) -> FrameResult | None:
     if store is not None:
         store.remember("methods", {key: m.plain() for key, m in request.methods.items()})
     return result if start == 0 else None
-
-
-def _results(request: Request, start: int, first: FrameResult | None = None):
-    """(frame, FrameResult) in order; the result of the first frame may be there already."""
-    settings = request.settings()
-    if first is not None:
-        yield request.first, first
-        start = 1
-    if start >= request.n_frames:
-        return
-    if request.workers == 1:
-        for k, frame in enumerate(_frames_from(request.frames, start), start):
-            yield frame, frame_fields(frame, settings, k)
-        return
-    import multiprocessing
-    from collections import deque
-    from concurrent.futures import ProcessPoolExecutor
-    from concurrent.futures.process import BrokenProcessPool
-
-    pool = ProcessPoolExecutor(
-        request.workers, mp_context=multiprocessing.get_context("spawn"), initializer=_begin_worker, initargs=(settings,)
-    )
-    waiting: deque = deque()
-    try:
-        for k, frame in enumerate(_frames_from(request.frames, start), start):
-            waiting.append((frame, pool.submit(_work, frame, k)))
-            if len(waiting) > 2 * request.workers:
-                frame, job = waiting.popleft()
-                yield frame, job.result()
-        while waiting:
-            frame, job = waiting.popleft()
-            yield frame, job.result()
-    except BrokenProcessPool:
-        raise AtcError(
-            'a worker process died: out of memory, or the script that calls atc.fields with workers > 1 lacks `if __name__ == "__main__":` around the call'
-        ) from None
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-
-
-_worker_settings = None
-
-
-def _begin_worker(settings):
-    import signal
-
-    global _worker_settings
-    _worker_settings = settings
-    # Ctrl-C belongs to the parent: it lets the frames in work finish and stops.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def _work(frame, k) -> FrameResult:
-    return frame_fields(frame, _worker_settings, k)
 
 
 # --- results to entries of the output

@@ -374,7 +374,11 @@ class Scene:
             raise self._placed_error("fields", ["method"], e) from None
         traj = self.trajectory()
         parallel = jobs > 1 and len(traj) >= jobs
-        given = {k: self.get("fields", k) for k in ("quantities", "tolerance", "average", "horizon") if self.get("fields", k) is not None}
+        given = {
+            k: self.get("fields", k)
+            for k in ("quantities", "tolerance", "average", "horizon", "tiles")
+            if self.get("fields", k) is not None
+        }
         return {
             "traj": traj, "pot": self.potential(), "kern": self.kernel(), "grid": self.grid(), "reference": self.reference(), "method": method,
             "threads": 1 if parallel else jobs, "workers": jobs if parallel else 1, **given,
@@ -386,23 +390,23 @@ class Scene:
 
         return plan(**self.arguments(jobs))
 
-    def run(self, out=None, *, jobs: int = 1, progress=None, resume: bool = True):
+    def run(self, out=None, *, jobs: int = 1, cluster=None, progress=None, resume: bool = True):
         """Compute the fields: `atc.fields` with this scene's arguments, into `out` (or in memory). Returns the xarray.Dataset."""
         if out is None:
             from . import fields
 
-            return fields(**self.arguments(jobs), progress=progress, scene=self.to_toml())
+            return fields(**self.arguments(jobs), cluster=cluster, progress=progress, scene=self.to_toml())
         from .output import open_dataset
 
-        self.write(out, jobs=jobs, progress=progress, resume=resume)
+        self.write(out, jobs=jobs, cluster=cluster, progress=progress, resume=resume)
         return open_dataset(out)
 
-    def write(self, out, *, jobs: int = 1, progress=None, resume: bool = True) -> dict:
+    def write(self, out, *, jobs: int = 1, cluster=None, progress=None, resume: bool = True) -> dict:
         """Compute the fields into `out` and return the attributes of the dataset, which stays closed."""
         from .plan import Request
         from .run import write
 
-        request = Request(**self.arguments(jobs), scene=self.to_toml())
+        request = Request(**self.arguments(jobs), cluster=cluster, scene=self.to_toml())
         partial = Path(f"{out}.partial")
         there = partial.exists()
         try:

@@ -241,6 +241,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "tolerance": Key(_tolerance, "the error allowed relative to the field's maximum, e.g. 1e-5"),
         "method": Key(_string, 'how to sum, e.g. "auto"'),
         "horizon": Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 6.0: how far weighted virials see"),
+        "tiles": Key(_list_of(_count, 3), "numbers of tiles along the cell's edges, e.g. [2, 2, 1]"),
         "average": Key(
             _either(_boolean, _count), "true (one time average with standard error), false, or the number of frames in a window"
         ),

@@ -33,6 +33,7 @@ class Settings:
     threads: int = 1
     check_points: int = 100
     horizon: float | None = None  # the user's unit of length; None: the potential's
+    tiles: tuple[int, int, int] | None = None
 
     @property
     def central(self) -> bool:
@@ -94,7 +95,7 @@ class Stage:
         return self._near
 
 
-def frame_fields(frame, settings: Settings, index: int = 0, goal: float | None = None) -> FrameResult:
+def frame_fields(frame, settings: Settings, index: int = 0, goal: float | None = None, run_tiles=None) -> FrameResult:
     """All quantities of `settings` on one frame, computed again by tighter methods as long as an error found is larger than allowed.
 
     Parameters
@@ -105,6 +106,8 @@ def frame_fields(frame, settings: Settings, index: int = 0, goal: float | None =
         Number of the frame: the random points of the error check depend on nothing else.
     goal : float
         Error to be reached; `settings.tolerance` if not given. What is done depends on the frame, the settings and this number alone.
+    run_tiles : callable
+        With `settings.tiles`: how tiles are computed (see `tiles.bond_pass`). Default: one after the other, here.
 
     Returns
     -------
@@ -119,7 +122,7 @@ def frame_fields(frame, settings: Settings, index: int = 0, goal: float | None =
     require(frame, settings, work)
     goal = settings.tolerance if goal is None else goal
     start = perf_counter()
-    job = _FrameJob(frame, settings, work, index)
+    job = _FrameJob(frame, settings, work, index, run_tiles)
     methods, refined = dict(settings.methods), []
     todo = {"site", "bond", "reference_bond"}
     while True:
@@ -145,8 +148,9 @@ _THIN = 0.02
 class _FrameJob:
     """One frame with the sums it has so far; single deposits can be computed again by another method."""
 
-    def __init__(self, frame, settings, work, index):
-        self.frame, self.settings, self.work = frame, settings, work
+    def __init__(self, frame, settings, work, index, run_tiles=None):
+        self.frame, self.settings, self.work, self.index = frame, settings, work, index
+        self.run_tiles = run_tiles or (lambda f, tiles, task: (f(tile, task) for tile in tiles))
         kern = kernel_internal(settings.kern, frame.units) if work.kernel_users else None
         self.on_reference = set(work.on_reference)
         self.stage = Stage(frame, kern, settings, index) if set(work.grid_users) - self.on_reference else None
@@ -172,7 +176,14 @@ class _FrameJob:
         first, self.sums = not self.sums, fresh
         start = perf_counter()
         if work.bond_users and (first or todo & {"bond", "reference_bond"}):
-            self.decomposition, self.atoms = _bond_pass(frame, self.settings, work, self.stage, self.reference, self.factors, fresh)
+            if self.settings.tiles is None:
+                self.decomposition, self.atoms = _bond_pass(frame, self.settings, work, self.stage, self.reference, self.factors, fresh)
+            else:
+                from .tiles import bond_pass
+
+                self.decomposition, self.atoms = bond_pass(
+                    frame, self.settings, work, self.stage, self.factors, fresh, self.index, self.run_tiles
+                )
         bonds_done = perf_counter()
         if work.site and (first or "site" in todo):
             for s in fresh:
