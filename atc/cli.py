@@ -563,3 +563,12 @@ def _parse_limits(text: str | None):
     except ValueError:
         raise AtcError(f"--limits {text}: expected two increasing numbers, e.g. --limits -2e4,2e4") from None
     return lo, hi
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Commands with modules of their own: options only, the work is imported when they run.
+
+from . import cli_advect, cli_upscale  # noqa: E402
+
+cli_upscale.register(app)
+cli_advect.register(app)
