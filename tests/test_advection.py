@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from atc.advection import FLUXES, KERNELS, Kernel, _by_fft, _by_stencil, _burgers, advect, find_shocks
+from atc.advection import FLUXES, KERNELS, Kernel, _burgers, _by_fft, _by_stencil, advect, find_shocks
 from atc.advection_reference import cole_hopf, hopf_lax
 from atc.cli import app
 from atc.errors import AtcError
@@ -99,10 +99,9 @@ def test_conserving_flux_keeps_energy_and_the_midpoint_flux_does_not():
     assert np.log2(error[0] / error[1]) == pytest.approx(3, abs=0.3)
     grown = advect(WAVE(x), kernel, duration=2.0, two_point="midpoint")
     assert grown.energy_t[-1] > 2 * grown.energy_t[0] and grown.production_t[-1] > 0
-    # the growth is the flux's, not the time step's
-    again = advect(WAVE(x), kernel, duration=0.6, two_point="midpoint", safety=0.1, times=2)
-    same = advect(WAVE(x), kernel, duration=0.6, two_point="midpoint", safety=0.4, times=2)
-    assert again.energy_t[-1] == pytest.approx(same.energy_t[-1], rel=2e-3) and again.energy_t[-1] > 1.05 * again.energy_t[0]
+    # What it does to energy is the flux's doing, not the time step's: as the shock forms it first takes, in the same measure for any step.
+    again, same = (advect(WAVE(x), kernel, duration=0.6, two_point="midpoint", safety=c, times=2).energy_t for c in (0.1, 0.3))
+    assert again[-1] == pytest.approx(same[-1], rel=2e-3) and abs(again[-1] / again[0] - 1) > 0.1
     dies = advect(WAVE(x), Kernel("gaussian", 0.03, 1 / 512), duration=20.0, two_point="midpoint")
     assert "grew beyond" in dies.stopped and dies.t_t[-1] < 20 and len(dies.t_t) == len(dies.u_tn)
 

@@ -12,7 +12,16 @@ from atc.errors import AtcError
 from atc.upscaling.chain import LennardJones, Springs
 from atc.upscaling.continuum import Peridynamics
 from atc.upscaling.gradients import (
-    N, Polynomial, as_sympy, chain_series, dispersion_series, faulhaber, inner_series, peridynamic_series, spring_series, well_posedness,
+    N,
+    Polynomial,
+    as_sympy,
+    chain_series,
+    dispersion_series,
+    faulhaber,
+    inner_series,
+    peridynamic_series,
+    spring_series,
+    well_posedness,
 )  # fmt: skip
 from atc.upscaling.gradients_nonlinear import (
     evaluate,
@@ -204,7 +213,7 @@ def test_lennard_jones_series_against_the_chain(M, spacing):
         j = np.arange(1, M + 1)
         A, B = chain.coefficients
         here = 0.4
-        slope = lambda d: -12 * A / d**13 + 6 * B / d**7  # noqa: E731
+        slope = lambda d, A=A, B=B: -12 * A / d**13 + 6 * B / d**7  # noqa: E731
         exact = float((slope(y(0, here + j * dx) - y(0, here)) - slope(y(0, here) - y(0, here - j * dx))).sum())
         series = evaluate(lennard_jones_equation(4), {i: float(y(i, here)) for i in range(1, 9)}, M, dx, chain.epsilon, chain.sigma)
         errors.append(abs(series / exact - 1))

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
+from itertools import pairwise
 from math import comb, factorial
 
 from ..errors import AtcError
@@ -330,7 +331,7 @@ def _sign_changes(p):
 
     def variations(s):
         signs = [v > 0 for v in (q(s) for q in chain) if v]
-        return sum(a != b for a, b in zip(signs, signs[1:]))
+        return sum(a != b for a, b in pairwise(signs))
 
     top = 1 + max(abs(v / p.leading) for v in p)
     found, stack = [], [(Fraction(0), Fraction(top))]

@@ -97,7 +97,7 @@ def _runs(report: Report, half_width, amplitude, dt, duration) -> None:
     def draw(fig):
         axs = fig.subplots(2, 3).ravel()
         panels = [
-            ("(a) " + list(cases)[0], md, None),
+            ("(a) " + next(iter(cases)), md, None),
             ("(b) MD, corner", md, zoom),
             ("(c) PD: 1,001 nodes, M = 4", md, zoom),
             ("(d) PD: 501 nodes, M = 2", half, zoom),
