@@ -581,7 +581,7 @@ def _parse_limits(text: str | None):
 # --------------------------------------------------------------------------------------------------------------------
 # Commands in modules of their own: options only, the work is imported when they run.
 
-from . import cli_bench, cli_dispersion, cli_pd  # noqa: E402
+from . import cli_advect, cli_bench, cli_dispersion, cli_pd, cli_upscale  # noqa: E402
 
-for _module in (cli_bench, cli_dispersion, cli_pd):
+for _module in (cli_bench, cli_pd, cli_upscale, cli_dispersion, cli_advect):
     _module.register(app)

@@ -23,7 +23,7 @@ def printed(notebook):
 
 
 def test_every_notebook_is_tested():
-    assert sorted(p.name for p in NOTEBOOKS.glob("*.ipynb")) == ["hardy_vs_virial.ipynb", "heat_and_churning.ipynb"]
+    assert sorted(p.name for p in NOTEBOOKS.glob("*.ipynb")) == ["hardy_vs_virial.ipynb", "heat_and_churning.ipynb", "upscaling_paper.ipynb"]
 
 
 def test_hardy_vs_virial(monkeypatch):
@@ -70,3 +70,27 @@ def test_heat_and_churning(monkeypatch):
     a, b = re.search(r"total potential energy (\S+) and (\S+) eV", text).groups()
     assert a == b
     assert sum(o.output_type == "display_data" for c in notebook.cells if c.cell_type == "code" for o in c.outputs) == 2
+
+
+def test_upscaling_paper(monkeypatch):
+    monkeypatch.delenv("MPLBACKEND", raising=False)
+    notebook = run("upscaling_paper.ipynb")
+    assert not [o for c in notebook.cells if c.cell_type == "code" for o in c.outputs if o.output_type == "stream" and o.name == "stderr"]
+    text = printed(notebook)
+    assert "leading powers of N agree: True" in text and "(5.2) as printed equals our expansion: True" in text
+    assert "steps: 184 and 162; cost ratio 0.22016" in text
+    na, exact_in_n, coarse, by_verlet = (float(v) for v in re.findall(r"([\d.]+) % from the exact chain", text))
+    # "2.5 % more horizon": 23.6 % becomes 0.55 %
+    assert abs(na - 23.59) < 0.05 and abs(exact_in_n - 0.55) < 0.01 and 24 < coarse < 26 and by_verlet > 40
+    cancelled = [float(v) for v in re.findall(r"Verlet cancels ([\d.]+) %", text)]
+    assert len(cancelled) == 3 and 10 < min(cancelled) and max(cancelled) < 25
+    errors = [float(v) for v in re.findall(r"error ([\d.e+-]+)$", text, re.MULTILINE)]
+    # "exact to five digits at a fifth of the cost"
+    assert len(errors) == 6 and errors[4] < 2e-5 and all(a > b for a, b in zip(errors[:4], errors[1:5]))
+    changes = [float(v) for v in re.findall(r"change at a node ([\d.]+)", text)]
+    # "again and again": no sign of falling over six halvings
+    assert len(changes) == 6 and min(changes) > 0.1 and changes[-1] > changes[0] / 2
+    assert "beyond the spinodal 1.1087" in text
+    drifts = [float(v) for v in re.findall(r"changes by at most (\S+);", text)]
+    assert len(drifts) == 3 and max(drifts) < 2e-3
+    assert sum(o.output_type == "display_data" for c in notebook.cells if c.cell_type == "code" for o in c.outputs) == 4

@@ -126,7 +126,9 @@ class Springs:
         squared = self.frequency_squared(k)
         bad = squared < -1e-12 * max(float(np.max(squared, initial=0.0)), self.modulus / self.spacing**2 / self.density)
         if bad.any():
-            raise AtcError(f"{self.name}: ω² = {squared.min():g} < 0: this chain is unstable (its weights are negative where they must not be)")
+            raise AtcError(
+                f"{self.name}: ω² = {squared.min():g} < 0: this chain is unstable (its weights are negative where they must not be)"
+            )
         return np.sqrt(np.maximum(squared, 0.0))
 
     @cached_property

@@ -60,7 +60,9 @@ def coarsen(fine: Springs, spacing: float, neighbors: int, method: str = "band",
     elif method == "band-in-time":
         weights = _fitted_band(fine, start, positive("band", band), positive("dt", start.time_step() if dt is None else dt))
     else:
-        raise AtcError(f"coarse model {method!r}: expected paper, trapezoid, moments-2, moments-4 (or another number), band or band-in-time")
+        raise AtcError(
+            f"coarse model {method!r}: expected paper, trapezoid, moments-2, moments-4 (or another number), band or band-in-time"
+        )
     return Springs(spacing, weights, rho, method)
 
 
@@ -91,7 +93,9 @@ def _fitted_band(fine, start, band, dt=None):
     if dt is not None:
         half = 0.5 * dt * np.sqrt(target)
         if half.max() >= 0.5 * math.pi:
-            raise AtcError(f"band-in-time: dt = {dt:g} is beyond half a period of the fastest wave of the band: take a smaller step or a smaller band")
+            raise AtcError(
+                f"band-in-time: dt = {dt:g} is beyond half a period of the fastest wave of the band: take a smaller step or a smaller band"
+            )
         target = (2 / dt * np.sin(half)) ** 2
     # Unknowns p_q = w_q (qΔx)²/K ≥ 0 with Σ p = 1, the modulus. Each spring's share of ω²/target:
     G = fine.modulus / fine.density * (k[:, None] * np.sinc(k[:, None] * q * dx / (2 * math.pi))) ** 2 / target[:, None]
@@ -149,7 +153,9 @@ def accuracy_table(
         n = _nodes(length, spacing)
         step = round(spacing / fine.spacing)
         if abs(step * fine.spacing - spacing) > 1e-9 * spacing:
-            raise AtcError(f"spacing = {spacing:g}: not a multiple of the fine chain's {fine.spacing:g}, so profiles have no nodes in common")
+            raise AtcError(
+                f"spacing = {spacing:g}: not a multiple of the fine chain's {fine.spacing:g}, so profiles have no nodes in common"
+            )
         u0 = initial(np.arange(n) * spacing)
         dt = planned if method == "band-in-time" else model.time_step(safety)
         steps = count_steps(duration, dt)

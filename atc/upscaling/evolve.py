@@ -105,7 +105,9 @@ def _displacements(name: str, u, n: int | None = None) -> np.ndarray:
     return u
 
 
-def verlet(model, u0_n, v0_n=None, *, dt: float, steps: int, every=1, boundary: str = "periodic", beyond_spinodal: str = "refuse") -> History:
+def verlet(
+    model, u0_n, v0_n=None, *, dt: float, steps: int, every=1, boundary: str = "periodic", beyond_spinodal: str = "refuse"
+) -> History:
     """Velocity Verlet of a chain.
 
     Parameters
@@ -125,6 +127,10 @@ def verlet(model, u0_n, v0_n=None, *, dt: float, steps: int, every=1, boundary: 
     AtcError
         for an unstable time step of a linear chain; for Lennard-Jones bonds beyond the spinodal or turned over: which, when, and what to do.
     """
+    if not isinstance(model, Springs | LennardJones):
+        raise AtcError(
+            f"{type(model).__name__} is not a chain: velocity Verlet moves Springs and LennardJones; continuous models have atc.upscaling.evolve.modal"
+        )
     u0 = _displacements("initial displacements", u0_n)
     n = len(u0)
     v = _displacements("initial velocities", v0_n, n) if v0_n is not None else np.zeros(n)
@@ -140,14 +146,14 @@ def verlet(model, u0_n, v0_n=None, *, dt: float, steps: int, every=1, boundary: 
     if linear:
         limit = model.stable_time_step
         if not dt < limit:
-            raise AtcError(f"dt = {dt:g}: velocity Verlet is unstable at and above 2/ω_max = {limit:.6g} for this chain; take a smaller step")
+            raise AtcError(
+                f"dt = {dt:g}: velocity Verlet is unstable at and above 2/ω_max = {limit:.6g} for this chain; take a smaller step"
+            )
         advance = _springs_stepper(model, n, dt, periodic)
-    elif isinstance(model, LennardJones):
+    else:
         if beyond_spinodal not in ("refuse", "allow"):
             raise AtcError(f"beyond_spinodal = {beyond_spinodal!r}: expected refuse or allow")
         advance = _lj_stepper(model, n, dt, periodic, LJ_SPINODAL if beyond_spinodal == "refuse" else math.inf)
-    else:
-        raise AtcError(f"{type(model).__name__} is not a chain: velocity Verlet moves Springs and LennardJones; continuous models have atc.upscaling.modal")
 
     u, a = np.zeros(n + 2 * M), np.empty(n)
     u[M : M + n] = u0
@@ -162,7 +168,9 @@ def verlet(model, u0_n, v0_n=None, *, dt: float, steps: int, every=1, boundary: 
         u_tn[row], v_tn[row] = u[M : M + n], v
         kinetic[row] = 0.5 * model.density * model.spacing * float(v @ v)
         # A quadratic energy from the force at hand: −½ Σ u F, clamped nodes outside included (they are at 0).
-        potential[row] = -0.5 * model.density * model.spacing * float(u_tn[row] @ a) if linear else model.potential_energy(u_tn[row], boundary)
+        potential[row] = (
+            -0.5 * model.density * model.spacing * float(u_tn[row] @ a) if linear else model.potential_energy(u_tn[row], boundary)
+        )
     return History(model, boundary, dt, np.arange(n) * model.spacing, dt * np.array(marks, dtype=float), u_tn, v_tn, kinetic, potential)
 
 
@@ -223,7 +231,11 @@ def _lj_stepper(model, n, dt, periodic, highest):
         if not lo > 0:
             raise AtcError(
                 f"{where}: neighbours have changed places, which no Lennard-Jones bond allows; "
-                + ("take a smaller or wider initial displacement" if when == "at the start" else "take a smaller time step or a smaller initial displacement")
+                + (
+                    "take a smaller or wider initial displacement"
+                    if when == "at the start"
+                    else "take a smaller time step or a smaller initial displacement"
+                )
             )
         raise AtcError(
             f"{where}, beyond the spinodal {LJ_SPINODAL:.4f} where bonds lose stiffness: the chain breaks there; take a smaller or wider "
@@ -288,7 +300,9 @@ def modal(model, u0_n, times, v0_n=None, *, spacing: float | None = None, bounda
     else:
         dt = positive("dt", dt)
         if not omega.max() * dt < 2:
-            raise AtcError(f"dt = {dt:g}: velocity Verlet is unstable at and above 2/ω_max = {2 / omega.max():.6g} for this model; take a smaller step")
+            raise AtcError(
+                f"dt = {dt:g}: velocity Verlet is unstable at and above 2/ω_max = {2 / omega.max():.6g} for this model; take a smaller step"
+            )
         phase = 2 * np.arcsin(0.5 * dt * omega) / dt
         rate = np.sin(phase * dt) / dt  # amplitude of the velocity; Verlet's orbit is an ellipse
         turn = np.divide(rate, phase, out=np.ones_like(rate), where=phase > 0)
@@ -303,7 +317,9 @@ def _clamped_modes(model, n):
     from scipy.linalg import eigh, toeplitz
 
     if n > 2048:
-        raise AtcError(f"a chain of {n} nodes with clamped ends: all its modes are found for up to 2048 nodes only; use periodic ends, or verlet")
+        raise AtcError(
+            f"a chain of {n} nodes with clamped ends: all its modes are found for up to 2048 nodes only; use periodic ends, or verlet"
+        )
     row = np.zeros(n)
     row[0] = 2 * model.weights.sum()
     row[1 : model.neighbors + 1] = -model.weights[: n - 1]

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
+from itertools import pairwise
 from math import comb, factorial
 
 from ..errors import AtcError
@@ -164,7 +165,9 @@ def peridynamic_series(order: int) -> list[Fraction]:
 
 def chain_series(weights: Sequence, order: int) -> list:
     """c_m = (2/(2m)!) Σ_q w_q q^{2m} of any chain, L = Δx and in units of w·Δx²; exact if the weights are Fractions."""
-    return [sum(w * Fraction(2 * q ** (2 * m), factorial(2 * m)) for q, w in enumerate(weights, 1)) for m in range(1, whole("order", order) + 1)]
+    return [
+        sum(w * Fraction(2 * q ** (2 * m), factorial(2 * m)) for q, w in enumerate(weights, 1)) for m in range(1, whole("order", order) + 1)
+    ]
 
 
 def inner_series(degree: int, neighbors: int | str = 1, consistent: bool = False) -> list[Fraction]:
@@ -239,7 +242,9 @@ class WellPosedness:
         if not self.well_posed:
             return f"ill-posed: short waves, kL > {self.band[0]:.4g}, grow without bound (the bad sign)"
         if not self.stable:
-            return f"well-posed but unstable: waves {self.band[0]:.4g} < kL < {self.band[1]:.4g} grow, at most as exp({self.growth:.3g} c t/L)"
+            return (
+                f"well-posed but unstable: waves {self.band[0]:.4g} < kL < {self.band[1]:.4g} grow, at most as exp({self.growth:.3g} c t/L)"
+            )
         return "well-posed and stable: ω² ≥ 0 at every wavenumber"
 
 
@@ -326,7 +331,7 @@ def _sign_changes(p):
 
     def variations(s):
         signs = [v > 0 for v in (q(s) for q in chain) if v]
-        return sum(a != b for a, b in zip(signs, signs[1:]))
+        return sum(a != b for a, b in pairwise(signs))
 
     top = 1 + max(abs(v / p.leading) for v in p)
     found, stack = [], [(Fraction(0), Fraction(top))]

@@ -157,10 +157,19 @@ def paper_equation_5_2() -> dict:
     return out
 
 
-def evaluate(equation: dict, derivatives: dict[int, float], neighbors: int, spacing: float, epsilon: float = 1.0, sigma: float = 1.0) -> float:
+def evaluate(
+    equation: dict, derivatives: dict[int, float], neighbors: int, spacing: float, epsilon: float = 1.0, sigma: float = 1.0
+) -> float:
     """ρ y_tt of `lennard_jones_equation` for given values of y', y'', … ({1: y', 2: y'', …}): to check it against the sum over the chain."""
     total = 0.0
     for (s, level, orders), c in equation.items():
         ratio = float(zeta(neighbors, s + 1 - level) / zeta(neighbors, s))
-        total += float(c) * sigma**s * spacing ** (level - 1) * ratio * prod(derivatives[k] for k in orders) / derivatives[1] ** (s + 1 + len(orders))
+        total += (
+            float(c)
+            * sigma**s
+            * spacing ** (level - 1)
+            * ratio
+            * prod(derivatives[k] for k in orders)
+            / derivatives[1] ** (s + 1 + len(orders))
+        )
     return epsilon * total

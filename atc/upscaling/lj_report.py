@@ -15,7 +15,15 @@ from .report import ASSUMING, NO, YES, Report, draw_density, percent
 LENGTH, DURATION, TIME_STEP, HALF_WIDTH, AMPLITUDE = 1000.0, 300.0, 0.1, 100.0, 2.0
 
 
-def lj_report(folder, *, half_width: float = HALF_WIDTH, amplitude: float = AMPLITUDE, dt: float = TIME_STEP, duration: float = DURATION, progress=lambda text: None) -> Report:
+def lj_report(
+    folder,
+    *,
+    half_width: float = HALF_WIDTH,
+    amplitude: float = AMPLITUDE,
+    dt: float = TIME_STEP,
+    duration: float = DURATION,
+    progress=lambda text: None,
+) -> Report:
     """Every figure of section 5 into `folder`: report.html, pictures, numbers.json, md.nc. A few seconds.
 
     The paper gives no parameters. Assumed: ε̄ = 1/72, σ̄ = 2^(−1/6) (unit sound speed, unit spacing at rest), ρ = 1, duration 300, clamped ends, and a bump of half-width 100
@@ -43,8 +51,13 @@ def _term(key, c) -> list:
 def _series(report: Report) -> None:
     ours, theirs = lennard_jones_equation(3), paper_equation_5_2()
     report.heading("Gradient equation (5.2), (5.4)")
-    report.text("ρ y_tt/ε̄ as a sum of terms: factor × product of derivatives / power of y' × coefficient, in exact rationals; the three levels the paper prints.")
-    report.table(["factor", "derivatives", "divided by", "coefficient"], [_term(k, ours[k]) for k in sorted(ours, key=lambda k: (-k[0], k[1], len(k[2])))])
+    report.text(
+        "ρ y_tt/ε̄ as a sum of terms: factor × product of derivatives / power of y' × coefficient, in exact rationals; the three levels the paper prints."
+    )
+    report.table(
+        ["factor", "derivatives", "divided by", "coefficient"],
+        [_term(k, ours[k]) for k in sorted(ours, key=lambda k: (-k[0], k[1], len(k[2])))],
+    )
     same_ways = all(pair_series((d + 1) // 2) == inner_pair_series(d) for d in (1, 3, 5, 7))
     report.claim(
         "(5.2), (5.4)", "The gradient equation of the Lennard-Jones chain through a⁴; peridynamics with Δx = a, M = N has the same.",
@@ -65,7 +78,14 @@ def _runs(report: Report, half_width, amplitude, dt, duration) -> None:
 
     def run(spacing, M, dt=dt, steps=steps, every=every):
         x = np.arange(round(LENGTH / spacing) + 1) * spacing
-        return verlet(LennardJones(spacing, M), bump(x, half_width=half_width, amplitude=amplitude), dt=dt, steps=steps, every=every, boundary="clamped")
+        return verlet(
+            LennardJones(spacing, M),
+            bump(x, half_width=half_width, amplitude=amplitude),
+            dt=dt,
+            steps=steps,
+            every=every,
+            boundary="clamped",
+        )
 
     runs = {name: run(*case) for name, case in cases.items()}
     md, half, quarter = runs.values()
@@ -76,7 +96,13 @@ def _runs(report: Report, half_width, amplitude, dt, duration) -> None:
 
     def draw(fig):
         axs = fig.subplots(2, 3).ravel()
-        panels = [("(a) " + list(cases)[0], md, None), ("(b) MD, corner", md, zoom), ("(c) PD: 1,001 nodes, M = 4", md, zoom), ("(d) PD: 501 nodes, M = 2", half, zoom), ("(e) PD: 251 nodes, M = 1", quarter, zoom)]
+        panels = [
+            ("(a) " + next(iter(cases)), md, None),
+            ("(b) MD, corner", md, zoom),
+            ("(c) PD: 1,001 nodes, M = 4", md, zoom),
+            ("(d) PD: 501 nodes, M = 2", half, zoom),
+            ("(e) PD: 251 nodes, M = 1", quarter, zoom),
+        ]
         lo, hi = float(md.density_tn.min()), float(md.density_tn.max())
         for ax, (title, r, z) in zip(axs, panels):
             image = draw_density(ax, r.x_n, r.t_t, r.density_tn, title, limits=(lo, hi), zoom=z)
@@ -87,7 +113,12 @@ def _runs(report: Report, half_width, amplitude, dt, duration) -> None:
         axs[5].set(xlim=zoom[:2], title=f"density at t = {md.t_t[-1]:g}", xlabel="reference position")
         axs[5].legend()
 
-    report.figure("fig_5_1_density", "Fig. 5.1: density over space and time. (c) is the same computation as (b): at Δx = a, M = N peridynamics is molecular dynamics.", draw, (11, 7))
+    report.figure(
+        "fig_5_1_density",
+        "Fig. 5.1: density over space and time. (c) is the same computation as (b): at Δx = a, M = N peridynamics is molecular dynamics.",
+        draw,
+        (11, 7),
+    )
 
     def draw_energies(fig):
         axs = fig.subplots(1, 3)
@@ -102,8 +133,30 @@ def _runs(report: Report, half_width, amplitude, dt, duration) -> None:
     drift = {name: float(np.abs(r.total_t / r.total_t[0] - 1).max()) for name, r in runs.items()}
     fine_dt = run(1.0, 4, dt / 2, 2 * steps, 2 * every)
     drift_half = float(np.abs(fine_dt.total_t / fine_dt.total_t[0] - 1).max())
-    rows = [[n, float(r.total_t[0]), drift[n], float(r.kinetic_t[-1]), float(r.potential_t[-1]), float(r.density_tn.max()), float(r.density_tn.min())] for n, r in runs.items()]
-    report.table(["run", "energy", "largest relative change of the total", "kinetic at the end", "potential at the end", "largest density", "smallest density"], rows)
+    rows = [
+        [
+            n,
+            float(r.total_t[0]),
+            drift[n],
+            float(r.kinetic_t[-1]),
+            float(r.potential_t[-1]),
+            float(r.density_tn.max()),
+            float(r.density_tn.min()),
+        ]
+        for n, r in runs.items()
+    ]
+    report.table(
+        [
+            "run",
+            "energy",
+            "largest relative change of the total",
+            "kinetic at the end",
+            "potential at the end",
+            "largest density",
+            "smallest density",
+        ],
+        rows,
+    )
     report.claim(
         "Fig. 5.2", "Molecular dynamics and coarse peridynamics conserve energy.",
         f"largest relative change of the total energy {', '.join(f'{v:.1e}' for v in drift.values())} at Δt = {dt:g}; {drift_half:.1e} at half of it (MD)",
@@ -114,7 +167,14 @@ def _runs(report: Report, half_width, amplitude, dt, duration) -> None:
         "Fig. 5.2", "Their energies agree.", f"total energies differ by {percent(max(energies) / min(energies) - 1)}; kinetic ones at the end by {percent(max(r[3] for r in rows) / min(r[3] for r in rows) - 1)}", YES
     )  # fmt: skip
     # the very same model, built as peridynamics
-    twin = verlet(LennardJones(1.0, 4, name="peridynamics"), bump(md.x_n, half_width=half_width, amplitude=amplitude), dt=dt, steps=steps, every=every, boundary="clamped")
+    twin = verlet(
+        LennardJones(1.0, 4, name="peridynamics"),
+        bump(md.x_n, half_width=half_width, amplitude=amplitude),
+        dt=dt,
+        steps=steps,
+        every=every,
+        boundary="clamped",
+    )
     report.claim(
         "Fig. 5.1(b, c)", "At the atoms' resolution peridynamics reproduces molecular dynamics.", f"largest difference of positions {float(np.abs(twin.u_tn - md.u_tn).max()):g}",
         YES, "(5.3) with Δx = a and M = N is (5.1): the same sum",
@@ -139,7 +199,9 @@ def _hard(report: Report, dt) -> None:
     messages = {}
     for name, kwargs in (("as printed: amplitude 2 on ±10", {}), ("the same, fracture allowed", {"beyond_spinodal": "allow"})):
         try:
-            h = verlet(LennardJones(1.0, 4), bump(x, half_width=10.0, amplitude=2.0), dt=dt, steps=3000, every=100, boundary="clamped", **kwargs)
+            h = verlet(
+                LennardJones(1.0, 4), bump(x, half_width=10.0, amplitude=2.0), dt=dt, steps=3000, every=100, boundary="clamped", **kwargs
+            )
             change = float(np.abs(h.total_t / h.total_t[0] - 1).max())
             messages[name] = f"ran; the total energy changes by {percent(change)}"
         except AtcError as e:
@@ -155,7 +217,9 @@ def _hard(report: Report, dt) -> None:
         ax.axhline(0, color="0.6", lw=0.8)
         ax.set(xlabel="stretch", ylabel="stress / modulus", ylim=(-0.2, 0.06), title=f"spinodal at {LJ_SPINODAL:.4f}")
 
-    report.figure("spinodal", "Stress of a homogeneous stretch, the same for every M and Δx. Beyond its maximum the chain breaks.", draw, (5, 3.2))
+    report.figure(
+        "spinodal", "Stress of a homogeneous stretch, the same for every M and Δx. Beyond its maximum the chain breaks.", draw, (5, 3.2)
+    )
     report.claim(
         "§5.3", "The initial profile is that of section 4 with twice the amplitude.", f"as printed (±10): {messages['as printed: amplitude 2 on ±10']}",
         NO, "a bump of half-width 100, whose steepest slope 0.074 stays below the spinodal strain 0.109, forms the shocks of Fig. 5.1",

@@ -64,9 +64,7 @@ class Report:
         self._body.append(f"<p>{html.escape(text)}</p>")
 
     def table(self, head: list[str], rows: list[list], caption: str = "") -> None:
-        cells = "".join(
-            "<tr>" + "".join(f"<td{_num(c)}>{html.escape(_show(c))}</td>" for c in row) + "</tr>" for row in rows
-        )
+        cells = "".join("<tr>" + "".join(f"<td{_num(c)}>{html.escape(_show(c))}</td>" for c in row) + "</tr>" for row in rows)
         title = f"<figcaption>{html.escape(caption)}</figcaption>" if caption else ""
         self._body.append(f"<figure><table><tr>{''.join(f'<th>{html.escape(h)}</th>' for h in head)}</tr>{cells}</table>{title}</figure>")
 
@@ -82,7 +80,9 @@ class Report:
             fig = Figure(figsize=size, layout="constrained")
             draw(fig)
             fig.savefig(self.folder / f"{name}.png", metadata={"Software": None})
-        self._body.append(f'<figure><img src="{name}.png" alt="{html.escape(caption)}"><figcaption>{html.escape(caption)}</figcaption></figure>')
+        self._body.append(
+            f'<figure><img src="{name}.png" alt="{html.escape(caption)}"><figcaption>{html.escape(caption)}</figcaption></figure>'
+        )
 
     def dataset(self, name: str, ds) -> None:
         """Save a dataset as name.nc beside the report."""
@@ -152,6 +152,5 @@ def draw_density(ax, x, t, density, title: str, *, limits=None, zoom=None):
     x, density = x[::step], density[:, ::step]
     lo, hi = limits if limits is not None else (density.min(), density.max())
     image = ax.pcolormesh(x, t, density, cmap="viridis", vmin=lo, vmax=hi, shading="nearest", rasterized=True)
-    ax.set(title=title, xlabel="reference position", ylabel="time")
-    ax.invert_yaxis()
+    ax.set(title=title, xlabel="reference position", ylabel="time", ylim=(t[-1], t[0]))
     return image

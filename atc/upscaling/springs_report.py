@@ -47,7 +47,9 @@ def _run(model: Springs, rows: int | None = None, moments=(), boundary: str = "c
     steps = count_steps(DURATION, dt)
     every = 1 if rows is None else max(1, math.ceil(steps / rows))
     near = {s for t in moments for s in (math.floor(t / dt), math.floor(t / dt) + 1)}
-    return verlet(model, initial(_grid(model.spacing)), dt=dt, steps=steps, every=sorted({*range(0, steps, every), *near}), boundary=boundary)
+    return verlet(
+        model, initial(_grid(model.spacing)), dt=dt, steps=steps, every=sorted({*range(0, steps, every), *near}), boundary=boundary
+    )
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -95,7 +97,10 @@ def _series(report: Report) -> None:
         ASSUMING if agree else NO, "only the leading order in N; at N = 20 the second coefficient is 5 % larger than (Na)²/24, which δ = a√(N(N+1)) repairs",
     )  # fmt: skip
     report.claim(
-        "(4.6)", "Nearest neighbours: 1, a²/12, a⁴/360.", ", ".join(map(str, local[:3])), YES if list(map(str, local[:3])) == ["1", "1/12", "1/360"] else NO
+        "(4.6)",
+        "Nearest neighbours: 1, a²/12, a⁴/360.",
+        ", ".join(map(str, local[:3])),
+        YES if list(map(str, local[:3])) == ["1", "1/12", "1/360"] else NO,
     )
     report.claim(
         "(4.8) = (4.9)", "ω/(ck) = 1 − (kNa)²/48 + 17 (kNa)⁴/69120 for both.", f"peridynamics: {', '.join(map(str, w_peridynamic[:3]))}; chain: {w_exact[1]}, {w_exact[2]}",
@@ -131,16 +136,30 @@ def _stability(report: Report) -> None:
     report.figure("fig_4_2_stability", "Fig. 4.2: the largest stable time step against the spacing, horizon 5.", draw, (6, 4))
     report.table(
         ["Δx", "M", "(4.12)", "2/ω_max", "observed", "slack of (4.12)"],
-        [[float(r[0]), int(r[1]), float(r[2]), float(r[3]), float(r[4]) if np.isfinite(r[4]) else "", percent(s)] for r, s in zip(rows, slack)],
+        [
+            [float(r[0]), int(r[1]), float(r[2]), float(r[3]), float(r[4]) if np.isfinite(r[4]) else "", percent(s)]
+            for r, s in zip(rows, slack)
+        ],
     )
-    report.numbers["stability"] = {"spacing": rows[:, 0], "neighbors": counts, "sufficient": rows[:, 2], "exact": rows[:, 3], "observed": [None if math.isnan(v) else v for v in rows[:, 4]]}
+    report.numbers["stability"] = {
+        "spacing": rows[:, 0],
+        "neighbors": counts,
+        "sufficient": rows[:, 2],
+        "exact": rows[:, 3],
+        "observed": [None if math.isnan(v) else v for v in rows[:, 4]],
+    }
     report.claim(
         "Fig. 4.2", "For small Δx the time step may exceed (4.12) by about 20–30 %.",
         f"2/ω_max exceeds it by {percent(slack[inside].min())} to {percent(slack[inside].max())} for M = 4 … 25 (runs of the square pulse: "
         f"{percent(np.nanmin(observed[inside]))} to {percent(np.nanmax(observed[inside]))}), {percent(slack[-1])} at M = 100; none at M = 1",
         YES,
     )  # fmt: skip
-    report.claim("§4.3", "The stable step falls more slowly than Δx.", f"from Δx = 5 to 0.05 it falls by a factor {rows[0, 3] / rows[-1, 3]:.3g}, Δx by 100", YES)
+    report.claim(
+        "§4.3",
+        "The stable step falls more slowly than Δx.",
+        f"from Δx = 5 to 0.05 it falls by a factor {rows[0, 3] / rows[-1, 3]:.3g}, Δx by 100",
+        YES,
+    )
 
 
 def _observed_limit(model: Springs) -> float:
@@ -181,7 +200,14 @@ def _dispersion(report: Report) -> None:
     def draw(fig):
         axs = fig.subplots(2, 2, sharex=True, sharey=True).ravel()
         for ax, (name, run) in zip(axs, runs.items()):
-            image = draw_density(ax, run.x_n, run.t_t, run.density_tn, f"({letters[name]}) {name}: {len(run.x_n):,} nodes, N = {run.model.neighbors}", limits=(0.75, 1.25))
+            image = draw_density(
+                ax,
+                run.x_n,
+                run.t_t,
+                run.density_tn,
+                f"({letters[name]}) {name}: {len(run.x_n):,} nodes, N = {run.model.neighbors}",
+                limits=(0.85, 1.15),
+            )
         fig.colorbar(image, ax=list(axs), label="density over density at rest", shrink=0.6)
 
     report.figure("fig_4_3_density", "Fig. 4.3: density over space (across) and time (downwards).", draw, (10, 7))
@@ -199,10 +225,17 @@ def _dispersion(report: Report) -> None:
             ax.legend()
         left.set_ylabel("displacement")
 
-    report.figure("fig_4_4_profiles", "Fig. 4.4: displacements at t = 150.05; each model with its own Verlet step, and the chain's exact solution.", draw_profiles)
+    report.figure(
+        "fig_4_4_profiles",
+        "Fig. 4.4: displacements at t = 150.05; each model with its own Verlet step, and the chain's exact solution.",
+        draw_profiles,
+    )
     report.table(
         ["model", "nodes", "neighbours", "Δt", "steps", "relative cost"],
-        [[name, len(runs[name].x_n), models[name].neighbors, models[name].time_step(), steps[name], cost[name] / cost["MD"]] for name in models],
+        [
+            [name, len(runs[name].x_n), models[name].neighbors, models[name].time_step(), steps[name], cost[name] / cost["MD"]]
+            for name in models
+        ],
         "Table 4.1 and its two companions. Cost: nodes × neighbours × steps.",
     )
     report.claim(
@@ -229,7 +262,9 @@ def _dispersion(report: Report) -> None:
         "peridynamics, δ = Na": relative_error(continuous(Peridynamics(SPACING * NEIGHBORS)), periodic),
         "peridynamics, δ = a√(N(N+1))": relative_error(continuous(Peridynamics(wide)), periodic),
         "wave equation": relative_error(continuous(wave_equation()), periodic),
-        "coarse peridynamics, Δx = 2a, M = 10": relative_error(modal(models["PD coarse"], bump(np.arange(2000) * 0.5), PROFILE_TIME)[0], periodic[::2]),
+        "coarse peridynamics, Δx = 2a, M = 10": relative_error(
+            modal(models["PD coarse"], bump(np.arange(2000) * 0.5), PROFILE_TIME)[0], periodic[::2]
+        ),
         "MD by velocity Verlet, its own Δt": relative_error(profiles["MD"][:-1], periodic),
         "fine peridynamics by Verlet, its own Δt": relative_error(profiles["PD fine"][:-1][at_chain], periodic),
         "coarse peridynamics by Verlet, its own Δt": relative_error(profiles["PD coarse"][:-1], periodic[::2]),
@@ -239,10 +274,14 @@ def _dispersion(report: Report) -> None:
         "coarse PD against MD": relative_error(profiles["PD coarse"][:-1], profiles["MD"][:-1][::2]),
         "CCM against MD": relative_error(profiles["CCM"][:-1][at_chain], profiles["MD"][:-1]),
     }
-    report.table(["profile at t = 150.05", "relative L2 error against the chain, exact in time"], [[k, percent(v)] for k, v in errors.items()])
+    report.table(
+        ["profile at t = 150.05", "relative L2 error against the chain, exact in time"], [[k, percent(v)] for k, v in errors.items()]
+    )
     report.table(["as the paper ran them (Verlet, own Δt)", "relative L2 difference"], [[k, percent(v)] for k, v in between.items()])
     cancelled = {name: 2 * (m.time_step() / m.spacing) ** 2 / (m.neighbors * (m.neighbors + 1)) for name, m in models.items()}
-    report.table(["model", "share of the leading dispersion that Verlet's own error cancels"], [[k, percent(v)] for k, v in cancelled.items()])
+    report.table(
+        ["model", "share of the leading dispersion that Verlet's own error cancels"], [[k, percent(v)] for k, v in cancelled.items()]
+    )
     report.claim(
         "Figs. 4.3, 4.4", "Fine peridynamics with δ = 5 disperses as the chain does, the wave equation does not.",
         f"exact in time, fine PD differs from MD by {percent(errors['peridynamics, δ = Na'])} (relative L2; the wave equation by {percent(errors['wave equation'])}); with δ = a√(N(N+1)) = {wide:.4f} by "
@@ -263,14 +302,30 @@ def _dispersion(report: Report) -> None:
     )  # fmt: skip
     dalembert = 0.5 * (bump(x_fine, 500 - PROFILE_TIME) + bump(x_fine, 500 + PROFILE_TIME))
     ccm = relative_error(profiles["CCM"][:-1], dalembert)
-    report.claim("Figs. 4.3(b), 4.4(b)", "The classical model shows no dispersion.", f"the run differs from d'Alembert's solution by {percent(ccm)}", YES)
+    report.claim(
+        "Figs. 4.3(b), 4.4(b)",
+        "The classical model shows no dispersion.",
+        f"the run differs from d'Alembert's solution by {percent(ccm)}",
+        YES,
+    )
     ends = _run(models["MD"], None, [PROFILE_TIME], boundary="periodic")
     apart = float(np.abs(ends.u_tn - runs["MD"].u_tn).max())
-    report.claim("§4.4", "(ends of the chain are not described)", f"clamped and periodic ends differ by {apart:.1e} up to t = 300", ASSUMING, "starts at rest; either end will do")
+    report.claim(
+        "§4.4",
+        "(ends of the chain are not described)",
+        f"clamped and periodic ends differ by {apart:.1e} up to t = 300",
+        ASSUMING,
+        "starts at rest; either end will do",
+    )
     limit = {h: relative_error(continuous(Peridynamics(h)), continuous(wave_equation())) for h in (4.0, 2.0, 1.0, 0.5, 0.25, 0.125, 0.0625)}
     order = math.log(limit[0.125] / limit[0.0625]) / math.log(2)
     report.table(["horizon", "relative L2 distance from the wave equation"], [[h, v] for h, v in limit.items()])
-    report.claim("§4.1", "Peridynamics goes over into the wave equation as δ → 0.", f"at fixed time, order {order:.2f} in the horizon", YES if abs(order - 2) < 0.1 else NO)
+    report.claim(
+        "§4.1",
+        "Peridynamics goes over into the wave equation as δ → 0.",
+        f"at fixed time, order {order:.2f} in the horizon",
+        YES if abs(order - 2) < 0.1 else NO,
+    )
     report.numbers |= {
         "table_4_1": {n: {"nodes": len(runs[n].x_n), "neighbors": models[n].neighbors, "time_step": models[n].time_step(), "steps": steps[n], "relative_cost": cost[n] / cost["MD"]} for n in models},
         "profile_errors": errors, "profile_differences_verlet": between, "dispersion_cancelled_by_verlet": cancelled, "ccm_against_dalembert": ccm,
@@ -288,7 +343,7 @@ def _local_nonlocal(report: Report) -> None:
     def draw(fig):
         axs = fig.subplots(2, 2)
         for j, (M, run) in enumerate(runs.items()):
-            draw_density(axs[0, j], run.x_n, run.t_t, run.density_tn, f"({'ab'[j]}) 1,001 atoms, N = {M}", limits=(0.75, 1.25))
+            draw_density(axs[0, j], run.x_n, run.t_t, run.density_tn, f"({'ab'[j]}) 1,001 atoms, N = {M}", limits=(0.85, 1.15))
             axs[1, j].plot(run.x_n, run.at(t))
             axs[1, j].set(xlim=(300, 700), xlabel="reference position", title=f"({'cd'[j]}) t = {t}, N = {M}", ylabel="displacement")
 
@@ -297,7 +352,13 @@ def _local_nonlocal(report: Report) -> None:
     start = 0.5 * (bump(x, 500 - t) + bump(x, 500 + t))
     away = {M: relative_error(modal(Springs.paper(1.0, M), bump(x), t)[0], start) for M in runs}
     frame = t / runs[1].dt
-    report.claim("Fig. 4.5", "Profiles at t = 150.45.", f"{frame:.6g} steps of the nearest-neighbour run", ASSUMING, "Δt = 0.85 for N = 1; the run with N = 5 has no step there")
+    report.claim(
+        "Fig. 4.5",
+        "Profiles at t = 150.45.",
+        f"{frame:.6g} steps of the nearest-neighbour run",
+        ASSUMING,
+        "Δt = 0.85 for N = 1; the run with N = 5 has no step there",
+    )
     report.claim(
         "Fig. 4.5", "More neighbours at the same modulus: more dispersion.",
         f"distance from the undispersed wave at that time, exact in time: N = 1 {percent(away[1])}, N = 5 {percent(away[5])}", YES if away[5] > away[1] else NO,
@@ -306,10 +367,17 @@ def _local_nonlocal(report: Report) -> None:
 
 
 def _square(report: Report) -> None:
-    models = {"MD": Springs.paper(SPACING, NEIGHBORS), "PD fine": Springs.paper(0.01, 500), "PD coarse": Springs.paper(0.5, 10), "CCM": Springs.paper(0.01, 20)}
+    models = {
+        "MD": Springs.paper(SPACING, NEIGHBORS),
+        "PD fine": Springs.paper(0.01, 500),
+        "PD coarse": Springs.paper(0.5, 10),
+        "CCM": Springs.paper(0.01, 20),
+    }
     dt = models["CCM"].time_step()
     frames = [24, 93]
-    runs = {n: verlet(m, square_pulse(_grid(m.spacing)), dt=dt, steps=max(frames), every=frames, boundary="clamped") for n, m in models.items()}
+    runs = {
+        n: verlet(m, square_pulse(_grid(m.spacing)), dt=dt, steps=max(frames), every=frames, boundary="clamped") for n, m in models.items()
+    }
     report.heading("Square pulse (Fig. 4.6)")
 
     def draw(fig):
@@ -338,7 +406,10 @@ def _square(report: Report) -> None:
     )  # fmt: skip
     late = [row for row in table if row[0] == table[-1][0]]
     report.claim(
-        "Fig. 4.6", "One step, Δt = 0.0649, for all.", f"{dt:.6f}; t = 1.56 and 6.04 are steps {frames[0]} and {frames[1]}", YES if abs(dt - 0.064940) < 5e-7 else NO
+        "Fig. 4.6",
+        "One step, Δt = 0.0649, for all.",
+        f"{dt:.6f}; t = 1.56 and 6.04 are steps {frames[0]} and {frames[1]}",
+        YES if abs(dt - 0.064940) < 5e-7 else NO,
     )
     report.claim(
         "Fig. 4.6", "The classical simulation oscillates; molecular dynamics and peridynamics oscillate less.",
@@ -378,7 +449,11 @@ def _refined_pulse(times) -> list[list]:
 def _coarse(report: Report) -> None:
     fine = Springs.paper(SPACING, NEIGHBORS)
     same = [(m, 0.5, 10) for m in ("paper", "trapezoid", "moments-2", "moments-4", "band", "band-in-time")]
-    more = [(m, 1.0, M) for m in ("paper", "trapezoid", "moments-2", "moments-4", "band") for M in (5,)] + [(m, 2.5, 2) for m in ("paper", "band")] + [("band-in-time", 1.0, 8)]
+    more = (
+        [(m, 1.0, M) for m in ("paper", "trapezoid", "moments-2", "moments-4", "band") for M in (5,)]
+        + [(m, 2.5, 2) for m in ("paper", "band")]
+        + [("band-in-time", 1.0, 8)]
+    )
     rows = accuracy_table(fine, bump, length=LENGTH, t=PROFILE_TIME, duration=DURATION, models=same + more)
     report.heading("Better coarse models at the same cost")
     report.text(
@@ -387,7 +462,20 @@ def _coarse(report: Report) -> None:
     )
     report.table(
         ["weights", "Δx", "M", "Δt", "cost", "error, exact in time", "error, Verlet", "worst ω error, k ≤ ½π/Δx", "stable"],
-        [[r.method, r.spacing, r.neighbors, r.time_step, r.cost, f"{r.error:.2e}", f"{r.error_verlet:.2e}", f"{r.dispersion_error:.1e}", r.stable] for r in rows],
+        [
+            [
+                r.method,
+                r.spacing,
+                r.neighbors,
+                r.time_step,
+                r.cost,
+                f"{r.error:.2e}",
+                f"{r.error_verlet:.2e}",
+                f"{r.dispersion_error:.1e}",
+                r.stable,
+            ]
+            for r in rows
+        ],
     )
 
     def draw(fig):
@@ -398,7 +486,11 @@ def _coarse(report: Report) -> None:
             color = {"paper": "C0", "trapezoid": "C1", "moments-2": "C2", "moments-4": "C3", "band": "C4"}[r.method]
             left.loglog(r.cost, r.error, "o" if r.spacing == 0.5 else "s" if r.spacing == 1.0 else "^", color=color)
             left.annotate(r.method, (r.cost, r.error), textcoords="offset points", xytext=(5, 2), fontsize=7)
-        left.set(xlabel="cost over the chain's (nodes × neighbours × steps)", ylabel="relative L2 error, exact in time", title="○ Δx = 2a   □ Δx = 4a   △ Δx = 10a")
+        left.set(
+            xlabel="cost over the chain's (nodes × neighbours × steps)",
+            ylabel="relative L2 error, exact in time",
+            title="○ Δx = 2a   □ Δx = 4a   △ Δx = 10a",
+        )
         k = np.linspace(0, np.pi / 0.5, 800)[1:]
         for method, spacing, M in same[:5]:
             right.semilogy(k, np.abs(coarsen(fine, spacing, M, method).frequency(k) / fine.frequency(k) - 1) + 1e-17, label=method)
