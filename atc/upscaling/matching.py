@@ -202,7 +202,7 @@ def fit_linear(
     stable_k : (k, 3) wave vectors at which ω² must lie between `floor` times min(1, (k/k_boundary)²) times the smallest ω² at the zone boundary, and
         `ceiling` times the largest ω² of the target. Planes are cut until it is so everywhere. The ceiling keeps the stable time step near the
         lattice's, and D(k) smooth between the points of `stable_k`.
-    smooth : weight of the coefficients' size against the residual: fixes what the data leave open
+    smooth : weight of the kernel's size, √(∫|C|²) in units of the largest ω², against the residual: keeps it from being rough where the data leave it open
     """
     rows, rhs = [], []
     for b, values in zip(target.branches, target.values):
@@ -217,7 +217,8 @@ def fit_linear(
         from scipy.optimize import nnls
 
         return nnls(A, y, maxiter=200 * A.shape[1])[0] / scale
-    A, y = np.vstack([A, smooth * np.eye(A.shape[1])]), np.concatenate([y, np.zeros(A.shape[1])])
+    size = smooth * basis.norms() / scale / target.values.max()
+    A, y = np.vstack([A, np.diag(size)]), np.concatenate([y, np.zeros(A.shape[1])])
     if stable_k is None:
         return LeastSquares(A, y).x0 / scale
     limits = _Limits(target, floor, ceiling)
