@@ -191,7 +191,7 @@ class LeastSquares:
 
 
 def fit_linear(
-    basis, target: Target, *, nonnegative: bool = False, stable_k=None, floor: float = 0.02, ceiling: float = 1.3, smooth: float = 1e-4
+    basis, target: Target, *, nonnegative: bool = False, stable_k=None, floor: float = 0.02, ceiling: float = 1.3, smooth: float = 3e-4
 ) -> np.ndarray:  # fmt: skip
     """Coefficients of a kernel linear in them: least squares on the relative error of ω², stable at every k of `stable_k`.
 
@@ -234,6 +234,10 @@ def fit_linear(
             more = limits.cuts(x, np.full((1, 3), np.inf), limit[None] / scale[None, :, None, None])
             rows, need = np.vstack([rows, more[0]]), np.append(need, more[1])
         if len(need):
+            if len(G) > 300:
+                # Planes far from this kernel have served: those that come to matter again are cut again.
+                near = G @ x - h < 0.1 * limits.reference
+                G, h = G[near], h[near]
             G, h, clean = np.vstack([G, rows]), np.append(h, need), 0
             continue
         if clean == 2:
@@ -286,7 +290,7 @@ def fit_kernel(fc: ForceConstants, kind: str = "cubic", *, horizon: float | None
     fc : ForceConstants of a cubic crystal, cube axes along x, y, z
     kind : "isotropic" (a non-negative influence function, central forces), "cubic" (cubic harmonics of degree 0, 4, 6, central), "noncentral" (the
         same with transverse forces)
-    horizon : internal length; default: the reach of the force constants
+    horizon : internal length; default: 1.2 times the reach of the force constants
     knots : hats of each influence function
     floor : see `fit_linear`
 
@@ -303,7 +307,7 @@ def fit_kernel(fc: ForceConstants, kind: str = "cubic", *, horizon: float | None
         raise AtcError(f"kernel kind {kind!r}: expected one of {', '.join(forms)}")
     degrees, kinds, label = forms[kind]
     crystal = fc.crystal
-    basis = KernelBasis(crystal, float(horizon or fc.reach), knots, degrees, kinds)
+    basis = KernelBasis(crystal, float(horizon or 1.2 * fc.reach), knots, degrees, kinds)
     g = 2 * np.pi / np.linalg.norm(crystal.conventional[0])
     stable = None if kind == "isotropic" else wave_vectors(4.05 * g, g / 6)
     return FittedKernel(basis, fit_linear(basis, target_of(fc), nonnegative=kind == "isotropic", stable_k=stable, floor=floor), label)
