@@ -286,7 +286,7 @@ class Dispersion:
             axes.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
         panels[0].set_ylabel(f"frequency ({unit})")
         low = min((factor * ray.lattice_km.min() for ray in self.rays if ray.lattice_km is not None), default=0.0)
-        panels[0].set_ylim(min(1.1 * low, 0.0), 1.3 * top or None)
+        panels[0].set_ylim(min(1.1 * low, 0.0), 1.15 * top or None)
         handles = {}
         for axes in panels:
             for handle, label in zip(*axes.get_legend_handles_labels()):
@@ -415,7 +415,10 @@ def dispersion(
         if bands is not None:
             ray.phonopy_km = frequencies(bands, crystal, ray.k_kc) / factor
         for m in made:
-            ray.models[m.label] = signed_root(np.linalg.eigvalsh(m.dynamical_matrix(ray.k_kc)))
+            values = signed_root(np.linalg.eigvalsh(m.dynamical_matrix(ray.k_kc)))
+            # A coarse lattice stands for the waves of its own zone only.
+            beyond = ray.fractions > 1.0000001 / getattr(getattr(m, "basis", None), "factor", 1)
+            ray.models[m.label] = np.where(beyond[:, None], np.nan, values)
     if bands is not None:
         # As sets: branches are in ascending order in both; near k = 0 the root of rounding is left out.
         out.phonopy_difference = float(max(np.abs(r.phonopy_km - r.lattice_km)[1:].max() for r in out.rays))

@@ -191,7 +191,7 @@ class LeastSquares:
 
 
 def fit_linear(
-    basis, target: Target, *, nonnegative: bool = False, stable_k=None, floor: float = 0.02, ceiling: float = 1.3, smooth: float = 1e-4
+    basis, target: Target, *, nonnegative: bool = False, stable_k=None, floor: float = 0.02, ceiling: float = 1.3, smooth: float = 3e-4
 ) -> np.ndarray:  # fmt: skip
     """Coefficients of a kernel linear in them: least squares on the relative error of ω², stable at every k of `stable_k`.
 
@@ -202,7 +202,7 @@ def fit_linear(
     stable_k : (k, 3) wave vectors at which ω² must lie between `floor` times min(1, (k/k_boundary)²) times the smallest ω² at the zone boundary, and
         `ceiling` times the largest ω² of the target. Planes are cut until it is so everywhere. The ceiling keeps the stable time step near the
         lattice's, and D(k) smooth between the points of `stable_k`.
-    smooth : weight of the coefficients' size against the residual: fixes what the data leave open
+    smooth : weight of the kernel's size, √(∫|C|²) in units of the largest ω², against the residual: keeps it from being rough where the data leave it open
     """
     rows, rhs = [], []
     for b, values in zip(target.branches, target.values):
@@ -217,7 +217,8 @@ def fit_linear(
         from scipy.optimize import nnls
 
         return nnls(A, y, maxiter=200 * A.shape[1])[0] / scale
-    A, y = np.vstack([A, smooth * np.eye(A.shape[1])]), np.concatenate([y, np.zeros(A.shape[1])])
+    size = smooth * basis.norms() / scale / target.values.max()
+    A, y = np.vstack([A, np.diag(size)]), np.concatenate([y, np.zeros(A.shape[1])])
     if stable_k is None:
         return LeastSquares(A, y).x0 / scale
     limits = _Limits(target, floor, ceiling)
@@ -233,6 +234,10 @@ def fit_linear(
             more = limits.cuts(x, np.full((1, 3), np.inf), limit[None] / scale[None, :, None, None])
             rows, need = np.vstack([rows, more[0]]), np.append(need, more[1])
         if len(need):
+            if len(G) > 300:
+                # Planes far from this kernel have served: those that come to matter again are cut again.
+                near = G @ x - h < 0.1 * limits.reference
+                G, h = G[near], h[near]
             G, h, clean = np.vstack([G, rows]), np.append(h, need), 0
             continue
         if clean == 2:
@@ -285,7 +290,7 @@ def fit_kernel(fc: ForceConstants, kind: str = "cubic", *, horizon: float | None
     fc : ForceConstants of a cubic crystal, cube axes along x, y, z
     kind : "isotropic" (a non-negative influence function, central forces), "cubic" (cubic harmonics of degree 0, 4, 6, central), "noncentral" (the
         same with transverse forces)
-    horizon : internal length; default: the reach of the force constants
+    horizon : internal length; default: 1.2 times the reach of the force constants
     knots : hats of each influence function
     floor : see `fit_linear`
 
@@ -302,7 +307,7 @@ def fit_kernel(fc: ForceConstants, kind: str = "cubic", *, horizon: float | None
         raise AtcError(f"kernel kind {kind!r}: expected one of {', '.join(forms)}")
     degrees, kinds, label = forms[kind]
     crystal = fc.crystal
-    basis = KernelBasis(crystal, float(horizon or fc.reach), knots, degrees, kinds)
+    basis = KernelBasis(crystal, float(horizon or 1.2 * fc.reach), knots, degrees, kinds)
     g = 2 * np.pi / np.linalg.norm(crystal.conventional[0])
     stable = None if kind == "isotropic" else wave_vectors(4.05 * g, g / 6)
     return FittedKernel(basis, fit_linear(basis, target_of(fc), nonnegative=kind == "isotropic", stable_k=stable, floor=floor), label)

@@ -185,7 +185,8 @@ class KernelBasis:
         s = np.sqrt(1 - c**2)
         self._n = np.stack([np.outer(s, np.cos(phi)), np.outer(s, np.sin(phi)), np.outer(c, np.ones(32))], -1).reshape(-1, 3)
         f = [cubic_harmonic(l, self._n)[:, None, None] * t for l in self.degrees for t in bond_tensors(self._n, self.kinds)]
-        self._f_qac = np.stack(f, 1).reshape(len(self._n), len(f), 9) * np.repeat(wc, 32)[:, None, None] * (2 * np.pi / 32)
+        self._weights = np.repeat(wc, 32) * (2 * np.pi / 32)
+        self._f_qac = np.stack(f, 1).reshape(len(self._n), len(f), 9) * self._weights[:, None, None]
 
     def hats(self, r) -> np.ndarray:
         """(r, m) the influence functions at distances r."""
@@ -219,6 +220,14 @@ class KernelBasis:
         out = np.stack(angular, -1) @ np.stack(radial, 1)  # (k, kind · 9, m)
         out = out.reshape(len(k), -1, 9, self.knots).transpose(0, 1, 3, 2)
         return out.reshape(len(k), self.size, 3, 3) / self.crystal.density
+
+    def norms(self) -> np.ndarray:
+        """(size,) root of ∫|C|² dξ · volume of the horizon, over ρ: no ω² of the basis function is larger than twice that."""
+        radial = (self._hat_rm.T @ self.hats(self._r)).diagonal()
+        # self._f_qac carries the quadrature's weights once: divide one of the two out.
+        angular = np.einsum("qac,qac,q->a", self._f_qac, self._f_qac, 1.0 / self._weights)
+        volume = 4 / 3 * np.pi * self.horizon**3
+        return np.sqrt(np.outer(angular, radial) * volume).ravel() / self.crystal.density
 
     def onsite(self) -> np.ndarray:
         """(size, 3, 3) the limit k → ∞: ∫ C dξ / ρ."""
@@ -314,6 +323,10 @@ class ShellBasis:
             s = slice(starts[o], starts[o + 1])
             out[:, :, o] = np.einsum("kb,tbc->ktc", f[:, s], self._t[:, s])
         return out.reshape(len(k), self.size, 3, 3) / self.mass
+
+    def norms(self) -> np.ndarray:
+        """(size,) the largest ω² of each."""
+        return 2 * np.add.reduceat(np.abs(self._t).max(axis=2), np.searchsorted(self.orbit, np.arange(self.orbits)), axis=1).ravel() / self.mass
 
     def onsite(self):
         return None
