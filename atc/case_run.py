@@ -201,11 +201,7 @@ class _Run:
             # A few steps at a time, so that the progress moves and Ctrl-C is heard between steps.
             target = self.marks[self.store.done]
             chunk = min(target - step, self._chunk(began, step - first))
-            sim.step(chunk)
-            if not np.isfinite(sim.state.v_nc).all():
-                raise AtcError(
-                    f"the run has blown up at step {sim.state.step}: velocities are not finite; take a smaller dt (the stable step is {sim.time_step_stable:.3g})"
-                )
+            self._step(sim, chunk)
             if progress is not None:
                 progress(sim.state.step - start, self.steps, (sim.state.step - first) / max(time.perf_counter() - began, 1e-9))
             if patience.over or time.monotonic() - saved > _SAVE_EVERY:
@@ -213,6 +209,23 @@ class _Run:
                 saved = time.monotonic()
             if patience.over:
                 raise KeyboardInterrupt
+
+    @staticmethod
+    def _step(sim, n):
+        """Some steps; a run that has blown up says so, whoever stumbles over it."""
+        try:
+            sim.step(n)
+            finite = np.isfinite(sim.state.v_nc).all()
+        except (ValueError, OverflowError, MemoryError, AtcError):
+            extent = float(np.ptp(sim.body.X_nc, axis=0).max()) + sim.body.horizon
+            finite = bool((np.abs(sim.state.u_nc) < 1e4 * extent).all())
+            if finite:
+                raise
+        if not finite:
+            raise AtcError(
+                f"the run has blown up at step {sim.state.step}: take a smaller time step than {sim.dt:.3g} (the stable one is {sim.time_step_stable:.3g}), "
+                "or softer indenters and walls"
+            )
 
     @staticmethod
     def _chunk(began, done) -> int:
