@@ -6,6 +6,7 @@ The blocks depend on the body alone and their buffers are added in a fixed order
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 
 import numpy as np
 from numba import njit
@@ -59,7 +60,7 @@ class Crew:
             self._pool = ThreadPoolExecutor(self.threads)
         edges = [total * g // groups for g in range(groups + 1)]
         # A name of a thread that waits is a thread too: this one works as well.
-        futures = [self._pool.submit(kernel, a, b, *args) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+        futures = [self._pool.submit(kernel, a, b, *args) for a, b in pairwise(edges)]
         return [f.result() for f in futures]
 
     def nodes(self, kernel, n: int, *args):
