@@ -1,7 +1,7 @@
 """Cases: the TOML file in which a person describes a peridynamic body, what acts on it, and what to keep of the run.
 
 Sections ``[body]``, ``[regions.NAME]``, ``[[material]]``, ``[damage]``, ``[contact]``, ``[[notch]]``, ``[[indenter]]``, ``[[wall]]``, ``[[initial]]``, ``[[prescribed]]``,
-``[[body_force]]``, ``[run]`` and ``[output]``. Everything is checked before anything is computed, and every complaint names the file and the line. Numbers are in any one
+``[[body_force]]``, ``[run]``, ``[output]``, and ``[kernel]``, ``[grid]``, ``[fields]`` as in scenes. Everything is checked before anything is computed, and every complaint names the file and the line. Numbers are in any one
 consistent system of units; the output calls them SI unless ``[body] units`` says ``"lj"`` (no units). Paths are relative to the case.
 """
 
@@ -223,6 +223,9 @@ class Case:
         for q in output.get("quantities", []):
             if q not in QUANTITIES:
                 raise self.bad(("output", "quantities"), f"unknown {q!r}: {guess(q, QUANTITIES)}known: {', '.join(QUANTITIES)}")
+        from .case_fields import scene_of
+
+        scene_of(self)
         restart = self.path("run", "restart")
         if restart is not None and not restart.is_file():
             raise self.bad(("run", "restart"), f"there is no file {restart}")

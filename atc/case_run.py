@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .case_fields import CaseFields
 from .errors import AtcError
 from .output import Layout, Store, Variable, explained, open_dataset
 
@@ -60,13 +61,18 @@ def run(case, out, *, threads: int = 0, progress=None, resume: bool = True):
 
     Returns
     -------
-    xarray.Dataset with dims frame, node, i, j: displacement, velocity, damage, energy, force at the nodes, and the energy ledger.
+    xarray.Dataset with dims frame, node, i, j: displacement, velocity, damage, energy, force at the nodes, and the energy ledger. What [fields] asks for is in
+    a second output beside it, ``OUT-fields``.
     """
     from .pd.state import State
 
-    store = Store(out, _request(case), resume)
+    request = _request(case)
+    store = Store(out, request, resume)
+    fields = None
     try:
-        runner = _Run(case, store)
+        if "fields" in case.data:
+            fields = CaseFields(case, out, request, resume, threads)
+        runner = _Run(case, store, fields)
         saved = runner.load()
         if saved is not None:
             state = State.from_arrays(saved)
@@ -81,6 +87,8 @@ def run(case, out, *, threads: int = 0, progress=None, resume: bool = True):
         if restart is not None:
             with explained(restart):
                 save_arrays(restart, sim.state.to_arrays())
+        if fields is not None:
+            fields.finish()
         store.finish(ds_attrs)
         with explained(out):
             ds = open_dataset(out)
@@ -91,6 +99,8 @@ def run(case, out, *, threads: int = 0, progress=None, resume: bool = True):
         return ds
     finally:
         store.close()
+        if fields is not None:
+            fields.store.close()
 
 
 def _request(case) -> dict:
@@ -153,8 +163,8 @@ class _Patience:
 
 
 class _Run:
-    def __init__(self, case, store):
-        self.case, self.store = case, store
+    def __init__(self, case, store, fields=None):
+        self.case, self.store, self.fields = case, store, fields
         self.steps = case.data["run"]["steps"]
         self.every = min(case.get("output", "every", max(1, self.steps // 20)), self.steps)
         self.names = tuple(case.get("output", "quantities", DEFAULT))
@@ -183,6 +193,8 @@ class _Run:
         self.start = start
         self.marks = [*range(start, end, self.every), end]
         self.store.begin(self._layout(sim))
+        if self.fields is not None:
+            self.fields.prepare(sim, len(self.marks))
         if progress is not None:
             progress(sim.state.step - start, self.steps, 0.0)
         with _Patience() as patience:
@@ -201,11 +213,7 @@ class _Run:
             # A few steps at a time, so that the progress moves and Ctrl-C is heard between steps.
             target = self.marks[self.store.done]
             chunk = min(target - step, self._chunk(began, step - first))
-            sim.step(chunk)
-            if not np.isfinite(sim.state.v_nc).all():
-                raise AtcError(
-                    f"the run has blown up at step {sim.state.step}: velocities are not finite; take a smaller dt (the stable step is {sim.time_step_stable:.3g})"
-                )
+            self._step(sim, chunk)
             if progress is not None:
                 progress(sim.state.step - start, self.steps, (sim.state.step - first) / max(time.perf_counter() - began, 1e-9))
             if patience.over or time.monotonic() - saved > _SAVE_EVERY:
@@ -213,6 +221,23 @@ class _Run:
                 saved = time.monotonic()
             if patience.over:
                 raise KeyboardInterrupt
+
+    @staticmethod
+    def _step(sim, n):
+        """Some steps; a run that has blown up says so, whoever stumbles over it."""
+        try:
+            sim.step(n)
+            finite = np.isfinite(sim.state.v_nc).all()
+        except (ValueError, OverflowError, MemoryError, AtcError):
+            extent = float(np.ptp(sim.body.X_nc, axis=0).max()) + sim.body.horizon
+            finite = bool((np.abs(sim.state.u_nc) < 1e4 * extent).all())
+            if finite:
+                raise
+        if not finite:
+            raise AtcError(
+                f"the run has blown up at step {sim.state.step}: take a smaller time step than {sim.dt:.3g} (the stable one is {sim.time_step_stable:.3g}), "
+                "or softer indenters and walls"
+            )
 
     @staticmethod
     def _chunk(began, done) -> int:
@@ -231,6 +256,8 @@ class _Run:
         values.update(step=np.array(sim.state.step), time=np.array(sim.state.time), n_broken=np.array(sim.n_broken))
         if self.vtk is not None:
             self._write_vtk(sim, values)
+        if self.fields is not None:
+            self.fields.add(sim, self.store.done)
         self.store.write(values, {"step": int(sim.state.step), "time": float(sim.state.time)})
 
     def _write_vtk(self, sim, values):

@@ -237,13 +237,7 @@ def spectral(costs: Costs, deposit, items: float, length: float, components: int
 
 def points_each(deposit, length: float) -> float:
     """Points that a bond of this length becomes: one for an atom."""
-    longest = np.asarray(deposit._longest)
-    if length <= 0:
-        return 1.0
-    enough = np.flatnonzero(longest >= length)
-    if len(enough):
-        return float(enough[0] + 1)
-    return float(len(longest) * ceil(length / longest[-1]))
+    return float(deposit.points_of(length)) if length > 0 else 1.0
 
 
 def spectral_memory(deposit, components: int, threads: int) -> float:

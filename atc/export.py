@@ -192,6 +192,8 @@ def _write_xyz(source, target, which) -> Path:
             for name, a in source.arrays(k).items():
                 a = np.asarray(a).reshape(len(x), -1)
                 columns.append(a)
+                # ASE takes columns of these names for results of a calculator and hides them.
+                name = f"local_{name}" if name in ("energy", "stress") else name
                 properties.append(f"{name}:{'R' if a.dtype.kind == 'f' else 'I'}:{a.shape[1]}")
             head = f"Properties={':'.join(properties)} Time={source.time(k)!r}"
             if cells is not None:

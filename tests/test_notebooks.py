@@ -23,7 +23,12 @@ def printed(notebook):
 
 
 def test_every_notebook_is_tested():
-    assert sorted(p.name for p in NOTEBOOKS.glob("*.ipynb")) == ["hardy_vs_virial.ipynb", "heat_and_churning.ipynb", "upscaling_paper.ipynb"]
+    assert sorted(p.name for p in NOTEBOOKS.glob("*.ipynb")) == [
+        "hardy_vs_virial.ipynb",
+        "heat_and_churning.ipynb",
+        "peridynamic_stress.ipynb",
+        "upscaling_paper.ipynb",
+    ]
 
 
 def test_hardy_vs_virial(monkeypatch):
@@ -94,3 +99,37 @@ def test_upscaling_paper(monkeypatch):
     drifts = [float(v) for v in re.findall(r"changes by at most (\S+);", text)]
     assert len(drifts) == 3 and max(drifts) < 2e-3
     assert sum(o.output_type == "display_data" for c in notebook.cells if c.cell_type == "code" for o in c.outputs) == 4
+
+
+def test_peridynamic_stress(monkeypatch):
+    monkeypatch.delenv("MPLBACKEND", raising=False)
+    notebook = run("peridynamic_stress.ipynb")
+    assert not [o for c in notebook.cells if c.cell_type == "code" for o in c.outputs if o.output_type == "stream" and o.name == "stderr"]
+    text = printed(notebook)
+    rows = [
+        list(map(float, row))
+        for row in re.findall(r"^\d dx +(\S+) +(\S+) \+- +(\S+) +(\S+) \+- +(\S+) +(\S+) \+- +(\S+)", text, re.MULTILINE)
+    ]
+    assert len(rows) == 3
+    for lattice, ls, ls_spread, w, _, wn, wn_spread in rows:
+        # "to a fraction of a per cent", "little more than a fifth", "restores the mean. It still varies from point to point"
+        assert (
+            0.7 < lattice < 1 and abs(ls - 1) < 5e-3 and ls_spread < 5e-3 and 0.19 < w < 0.23 and abs(wn - 1) < 0.02 and wn_spread > 0.005
+        )
+    assert 0.228 < float(re.search(r"largest mean weight in three dimensions (\S+)", text).group(1)) < 0.23
+    assert "the same sum as Hardy's: True" in text
+    atoms = [float(x) for x in re.findall(r"^atoms: .*? (\d\.\d+) of the virial", text, re.MULTILINE)]
+    assert abs(atoms[0] - 1) < 5e-3 and not 0.19 < atoms[1] < 0.25 and abs(atoms[2] - 1) < 0.05
+    slopes = [float(x) for x in re.findall(r"slope (\S+) of", text)]
+    ripples = [float(x) for x in re.findall(r"ripple (\S+) of", text)]
+    # "The slopes keep the ratios of the homogeneous case": of the softer lattice, the weighted virial a quarter in the plane.
+    assert (
+        0.8 < slopes[0] < 0.9 and 0.22 < slopes[1] / slopes[0] < 0.3 and abs(slopes[2] / slopes[0] - 1) < 0.03 and ripples[0] < ripples[2]
+    )
+    assert float(re.search(r"left on a free node (\S+) of", text).group(1)) < 1e-6
+    far, near = zip(*[map(float, m) for m in re.findall(r"(\d\.\d+) of K/sqrt\(2 pi r\) from 8 to 30 spacings, (\S+) at one", text)])
+    # "the shape of the field and a quarter of its size"; "blunt within a horizon of the tip"
+    assert (
+        0.8 < far[0] < 0.93 and 0.22 < far[1] / far[0] < 0.3 and abs(far[2] / far[0] - 1) < 0.03 and all(n < f for n, f in zip(near, far))
+    )
+    assert sum(o.output_type == "display_data" for c in notebook.cells if c.cell_type == "code" for o in c.outputs) == 3

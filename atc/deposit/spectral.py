@@ -162,6 +162,12 @@ class SpectralDeposit(Deposit):
             self._rule = nodes, weights, longest, coef
         return self._rule
 
+    def points_of(self, length: float) -> int:
+        """How many points a bond of this length and of mean strength becomes."""
+        longest = fourier.longest_bonds(self.kernel, np.array([BONDS * self._share]), MOST, self.gradients)[0]
+        enough = np.flatnonzero(longest >= length)
+        return int(enough[0]) + 1 if len(enough) else MOST * ceil(length / longest[-1])
+
     # --- adding
     def _groups(self, n_comp):
         """Components that share a mesh: [(first, last, components of the mesh)]."""

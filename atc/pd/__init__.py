@@ -26,7 +26,7 @@ _LAZY = {
     "Notch": "bonds",
     "Families": "bonds",
     **dict.fromkeys(("Region", "Box", "Cylinder", "Sphere", "Nodes", "Everywhere"), "regions"),
-    **dict.fromkeys(("PMB", "MATERIALS", "INFLUENCE", "BondForces", "Material"), "materials"),
+    **dict.fromkeys(("PMB", "LPS", "Elastic", "MATERIALS", "INFLUENCE", "BondForces", "Material"), "materials"),
     "CriticalStretch": "damage",
     "Contact": "contact",
     "Indenter": "indenter",

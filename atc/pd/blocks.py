@@ -6,6 +6,7 @@ The blocks depend on the body alone and their buffers are added in a fixed order
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 
 import numpy as np
 from numba import njit
@@ -15,6 +16,13 @@ from .bonds import JIT, Families
 # Enough work a block to hide its overhead; a window of a few thousand nodes still fits into the second-level cache.
 _BONDS_PER_BLOCK = 1 << 17
 _NODES_PER_CHUNK = 1 << 14
+
+
+def node_rows(n: int) -> np.ndarray:
+    """(n, 8) zeros, one cache line a node: displacement, reference position, and two columns for what a material passes between its sums."""
+    raw = np.zeros(8 * n + 8)
+    shift = (-raw.ctypes.data // 8) % 8
+    return raw[shift : shift + 8 * n].reshape(n, 8)
 
 
 class Blocks:
@@ -59,7 +67,7 @@ class Crew:
             self._pool = ThreadPoolExecutor(self.threads)
         edges = [total * g // groups for g in range(groups + 1)]
         # A name of a thread that waits is a thread too: this one works as well.
-        futures = [self._pool.submit(kernel, a, b, *args) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+        futures = [self._pool.submit(kernel, a, b, *args) for a, b in pairwise(edges)]
         return [f.result() for f in futures]
 
     def nodes(self, kernel, n: int, *args):
@@ -104,3 +112,13 @@ def collect(a, b, lo, hi, offset, buf, smin_buf, F, smin, with_smin):
             if smin[n] < np.inf and smin[n] > largest:
                 largest = smin[n]
     return largest
+
+
+@njit(**JIT)
+def collect_scalar(a, b, lo, hi, offset, buf, out):
+    """out[n] = Σ over blocks of their one-column buffers, in the order of the blocks."""
+    out[a:b] = 0.0
+    for k in range(len(lo)):
+        shift = offset[k] - lo[k]
+        for n in range(max(a, lo[k]), min(b, hi[k])):
+            out[n] += buf[n + shift]

@@ -208,7 +208,7 @@ class Notch:
         with np.errstate(divide="ignore", invalid="ignore"):
             t = height / slope
         hit = (slope != 0) & (t >= 0) & (t <= 1)
-        p = np.where(hit[:, None], t[:, None] * xi_bc, 0.0) - rel
+        p = np.where(hit, t, 0.0)[:, None] * xi_bc - rel
         gram = np.array([[self.a @ self.a, self.a @ self.b], [self.a @ self.b, self.b @ self.b]])
         uv = np.stack([p @ self.a, p @ self.b], axis=1) @ np.linalg.inv(gram)
         eps = 1e-12

@@ -48,7 +48,7 @@ class ContactSearch:
         self.rebuilt = 0
 
     def _build(self, z):
-        y = z[:, :3] + z[:, 3:]
+        y = z[:, :3] + z[:, 3:6]
         self.rebuilt += 1
         self.start, self.j, self.image, self.images = contact_pairs(y, self.body.cell, self.cut + self.skin, self.crew)
         self.d = np.empty(len(self.j))

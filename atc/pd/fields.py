@@ -106,7 +106,7 @@ class SnapshotBonds:
         return self
 
     def describe(self) -> str:
-        return f"peridynamics, {self.name}, horizon {self.units.to_user('length', self.horizon):g}, {len(self.i)} intact bonds; strain energy half of each bond to each end, or the node's own"
+        return f"peridynamics, {self.name}, horizon {self.units.to_user('length', self.horizon):g}; strain energy half of each bond to each end, or the node's own"
 
     def __len__(self):
         return len(self.i)

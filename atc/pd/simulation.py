@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import AtcError
-from .blocks import Crew
+from .blocks import Crew, node_rows
 from .conditions import BodyForce, Prescribed
 from .contact import Contact, ContactSearch
 from .damage import damage_n
@@ -104,8 +104,8 @@ class Simulation:
                 raise AtcError(f"conditions must be Prescribed or BodyForce objects, got {type(c).__name__}")
         self.prescribed = [c for c in conditions if isinstance(c, Prescribed)]
         self.external = [c for c in conditions if isinstance(c, BodyForce)] + self.rigid
-        self._z = np.empty((n, 6))
-        self._z[:, 3:] = body.X_nc
+        self._z = node_rows(n)
+        self._z[:, 3:6] = body.X_nc
         fresh = state is None
         state = State.rest(body) if fresh else state.copy()
         for name, value, out in (("velocities", velocities, state.v_nc), ("displacements", displacements, state.u_nc)):
@@ -148,7 +148,7 @@ class Simulation:
     @property
     def positions_nc(self) -> np.ndarray:
         """(n, 3) current positions."""
-        return self._z[:, 3:] + self._z[:, :3]
+        return self._z[:, 3:6] + self._z[:, :3]
 
     def damage(self) -> np.ndarray:
         """(n,) share of each node's family (by volume) whose bonds are broken."""

@@ -34,27 +34,63 @@ def sphere_measure(dimension: int, thickness: float):
 
 
 class Material:
-    """Base of the materials. `volume_correction`: the share ν of volumes near the horizon. `surface_correction`: None or "energy".
-
-    A material knows its three-dimensional constants (`bulk`, `shear`); in a plate `lame(body)` gives those of plane stress or strain.
-    """
+    """Base of the materials. `volume_correction`: the share ν of volumes near the horizon. `surface_correction`: None or "energy"."""
 
     name = "material"
     volume_correction = True
     surface_correction = None
+    influence = "one"
 
     def lame(self, body):
-        """(λ, μ) that act in the body's dimension."""
-        G, K = self.shear_in(body), self.bulk_in(body)
+        """(λ, μ) that act in the body's dimension; in 1-D λ = μ = E/3, so that λ + 2μ is Young's modulus."""
+        raise NotImplementedError
+
+    def uniaxial(self, body):
+        """The modulus of a thin bar (in plane strain: of a strip) of this body, pulled along one axis and free along the others."""
+        lam, mu = self.lame(body)
+        if body.dimension == 1:
+            return lam + 2 * mu
+        if body.dimension == 2:
+            return 4 * mu * (lam + mu) / (lam + 2 * mu)
+        return mu * (3 * lam + 2 * mu) / (lam + mu)
+
+    def poisson(self, body):
+        """Contraction over extension of a bar of this body pulled along one axis."""
+        lam, mu = self.lame(body)
+        return {1: 0.0, 2: lam / (lam + 2 * mu), 3: lam / (2 * (lam + mu))}[body.dimension]
+
+
+class Isotropic(Material):
+    """Two elastic constants: any two of bulk and shear modulus, Young's modulus and Poisson's ratio, always the three-dimensional ones.
+
+    In a plate λ is that of plane stress or plane strain.
+    """
+
+    def __init__(self, bulk=None, shear=None, *, youngs=None, poisson=None):
+        given = {k: v for k, v in dict(bulk=bulk, shear=shear, youngs=youngs, poisson=poisson).items() if v is not None}
+        if set(given) == {"youngs", "poisson"}:
+            bulk, shear = youngs / (3 * (1 - 2 * poisson)), youngs / (2 * (1 + poisson))
+        elif set(given) != {"bulk", "shear"}:
+            raise AtcError(f"{self.name}: give bulk and shear, or youngs and poisson; got {', '.join(given) or 'nothing'}")
+        if not (bulk > 0 and shear > 0 and np.isfinite(bulk + shear)):
+            raise AtcError(f"{self.name}: bulk and shear modulus must be positive, got bulk {bulk:g} and shear {shear:g}")
+        self.bulk, self.shear = float(bulk), float(shear)
+
+    def lame(self, body):
+        K, G = self.bulk, self.shear
         lam = K - 2.0 * G / 3.0
+        if body.dimension == 1:
+            E = 9.0 * K * G / (3.0 * K + G)
+            return E / 3.0, E / 3.0
         if body.dimension == 2 and body.plane == "stress":
             lam = 2.0 * lam * G / (lam + 2.0 * G)
         return lam, G
 
-    def uniaxial(self, body):
-        """Young's modulus E (that of a thin bar) in this body."""
-        G, K = self.shear_in(body), self.bulk_in(body)
-        return 9.0 * K * G / (3.0 * K + G)
+    def contact_micromodulus(self, body):
+        """c of the bond-based material of this bulk modulus: 18K/(πδ⁴) in 3-D. Contact takes 15 times that."""
+        from .pmb import PMB
+
+        return PMB(self.bulk).micromodulus(body)
 
 
 @dataclass
@@ -94,7 +130,8 @@ class BondForces:
 class ForceModel:
     """The bond forces of a body made of one or several materials of one class.
 
-    Subclasses set up per-bond arrays and fill ``F`` in `forces`. `z` is (n, 6): displacement and reference position of every node, side by side.
+    Subclasses set up per-bond arrays and fill ``F`` in `forces`. `z` is (n, 8) from `node_rows`: displacement and reference
+    position of every node, side by side, and two columns for the model's own use.
     """
 
     def __init__(self, body, materials: dict, crew: Crew, rules=None, lammps_compat=False):
@@ -110,6 +147,7 @@ class ForceModel:
                 f"the body's nodes are made of material {sorted(missing)[0]}, which has no definition: materials given are {ids}"
             )
         self.ids = ids
+        self.first = materials[ids[0]]
         m = len(ids)
         self.kinds = {(a, b): index[a] * m + index[b] if m > 1 else 0 for a in ids for b in ids if index[a] <= index[b]}
         if m > 1:
@@ -129,6 +167,27 @@ class ForceModel:
         self.buf = self.blocks.buffer(3)
         self.smin_buf = np.empty(len(self.buf))
         self.largest_smin = -np.inf
+
+    def weights(self):
+        """(b,) ω ν V_i V_j."""
+        t, body, first = self.table, self.body, self.first
+        same = {(m.influence, m.volume_correction, m.surface_correction) for m in self.materials.values()}
+        if len(same) > 1:
+            raise AtcError(
+                f"{first.name}: the materials of one body must share influence function, volume correction and surface correction"
+            )
+        W = body.V_n[t.i_b]
+        W *= body.V_n[t.j_b]
+        if first.influence != "one":
+            W *= influence_function(first.influence)(t.r0_b, body.horizon)
+        if first.volume_correction:
+            W *= body.nu_b()
+        return W
+
+    def per_node(self, of_material):
+        """(n,) of_material(material) for each node's material."""
+        values = np.array([of_material(self.materials[m]) for m in self.ids], float)
+        return values[np.searchsorted(self.ids, self.body.material_n)]
 
     def per_bond(self, values_by_kind):
         """(b,) from one value a kind; a scalar where there is only one."""
@@ -180,7 +239,13 @@ class ForceModel:
 
     def contact_constant(self):
         """(kinds,) the PMB constant c that contact multiplies by 15."""
-        raise NotImplementedError
+        c = {m: self.materials[m].contact_micromodulus(self.body) for m in self.ids}
+        return self.pair_values(lambda a, b: harmonic(c[a], c[b]))
+
+
+def harmonic(a, b):
+    """Springs in series."""
+    return 2.0 * a * b / (a + b)
 
 
 def deformed(body, z, bonds=None):

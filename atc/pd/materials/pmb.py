@@ -11,7 +11,7 @@ from numba import njit
 
 from ...errors import AtcError
 from ..bonds import JIT
-from .base import BondForces, ForceModel, Material, deformed, influence_function, sphere_measure
+from .base import BondForces, ForceModel, Material, deformed, harmonic, influence_function, sphere_measure
 
 
 class PMB(Material):
@@ -48,33 +48,25 @@ class PMB(Material):
         omega = influence_function(self.influence)
         return surface * quad(lambda r: float(omega(np.array([r]), delta)[0]) * r**d, 0, delta)[0]
 
-    def shear_in(self, body):
-        """μ = λ of the dimension; in 1-D the modulus E."""
+    def lame(self, body):
         d = body.dimension
         if self.c is not None:
-            return self.c * self._first_moment(body) / (2 * d * (d + 2)) * (3.0 if d == 1 else 1.0)
-        poisson = 1 / 3 if d == 2 and body.plane == "stress" else 1 / 4
-        E = self.youngs if self.youngs is not None else 3 * self.bulk * (1 - 2 * poisson)
-        return E if d == 1 else E / (2 * (1 + poisson))
-
-    def lame(self, body):
-        mu = self.shear_in(body)
-        return (0.0, mu / 2) if body.dimension == 1 else (mu, mu)
-
-    def uniaxial(self, body):
-        mu = self.shear_in(body)
-        if body.dimension == 1:
-            return mu
-        return 2 * mu * (1 + (1 / 3 if body.dimension == 2 and body.plane == "stress" else 1 / 4))
+            mu = self.c * self._first_moment(body) / (2 * d * (d + 2))
+        else:
+            poisson = 1 / 3 if d == 2 and body.plane == "stress" else 1 / 4
+            E = self.youngs if self.youngs is not None else 3 * self.bulk * (1 - 2 * poisson)
+            mu = E / 3 if d == 1 else E / (2 * (1 + poisson))
+        return mu, mu
 
     def micromodulus(self, body):
         """c in this body: force per volume² at unit stretch (before ω)."""
         if self.c is not None:
             return float(self.c)
         d = body.dimension
-        mu = self.shear_in(body)
-        # W = ¼ c ∫ω|ξ| (tr² + 2ε:ε)/(d(d+2)): that of λ = μ in 2-D and 3-D; in 1-D ½ E ε².
-        return 2 * mu / self._first_moment(body) if d == 1 else 2 * d * (d + 2) * mu / self._first_moment(body)
+        # W = ¼ c ∫ω|ξ| (tr² + 2ε:ε)/(d(d+2)) is that of λ = μ.
+        return 2 * d * (d + 2) * self.lame(body)[1] / self._first_moment(body)
+
+    contact_micromodulus = micromodulus
 
     def fracture_energy(self, body, s0):
         """Energy per area to stretch all bonds across a plane to s0: 9/5 K δ s0² in 3-D."""
@@ -104,26 +96,14 @@ class BondModel(ForceModel):
             own = interfaces.get((a, b), interfaces.get((b, a)))
             if own is not None:
                 return own.micromodulus(body)
-            ca, cb = materials[a].micromodulus(body), materials[b].micromodulus(body)
-            return 2 * ca * cb / (ca + cb)
+            return harmonic(materials[a].micromodulus(body), materials[b].micromodulus(body))
 
         self.c_k = self.pair_values(pair)
-        first = materials[self.ids[0]]
-        W = self.per_bond(self.c_k) * np.ones(len(t))
-        for m in self.ids:
-            if (materials[m].influence, materials[m].volume_correction) != (first.influence, first.volume_correction):
-                raise AtcError("PMB: the materials of one body must share their influence function and volume correction")
-        if first.influence != "one":
-            W *= influence_function(first.influence)(t.r0_b, body.horizon)
-        if first.volume_correction:
-            W *= body.nu_b()
-        W *= body.V_n[t.i_b]
-        W *= body.V_n[t.j_b]
-        if first.surface_correction is not None:
-            from ..surface import bond_factors
+        self.W_b = self.weights() * self.per_bond(self.c_k)
+        if self.first.surface_correction is not None:
+            from ..surface import surface_factors
 
-            W *= bond_factors(first.surface_correction, body, W, materials)
-        self.W_b = np.ascontiguousarray(W)
+            self.W_b *= surface_factors(body, self.W_b, materials)
 
     def forces(self, z, intact_b, F_nc, smin_n, damage):
         t, bl = self.table, self.blocks
@@ -182,12 +162,10 @@ def gather(b0, m, i, j, image, images, z, w):
 
 @njit(**FAST)
 def _row(m, w, r0, W, intact):
-    """Forces of m bonds into columns 0-2 of w, stretches into column 6; the sums of the forces, smallest and largest stretch of intact bonds."""
+    """Forces of m bonds into columns 0-2 of w, stretches into column 6 (+∞ if broken) and 7 (−∞ if broken); returns the sums of the forces."""
     fx = 0.0
     fy = 0.0
     fz = 0.0
-    low = np.inf
-    high = -np.inf
     for k in range(m):
         ex = w[k]
         ey = w[C + k]
@@ -210,15 +188,24 @@ def _row(m, w, r0, W, intact):
         w[k] = x
         w[C + k] = y
         w[2 * C + k] = z
-        up = s if whole else np.inf
-        down = s if whole else -np.inf
-        w[6 * C + k] = up
+        w[6 * C + k] = s if whole else np.inf
+        w[7 * C + k] = s if whole else -np.inf
         fx += x
         fy += y
         fz += z
-        low = up if up < low else low
-        high = down if down > high else high
-    return fx, fy, fz, low, high
+    return fx, fy, fz
+
+
+@njit(**FAST)
+def extremes(m, w):
+    """Smallest of column 6 and largest of column 7. A loop of its own, or neither would vectorise."""
+    low = np.inf
+    high = -np.inf
+    for k in range(m):
+        low = min(low, w[6 * C + k])
+    for k in range(m):
+        high = max(high, w[7 * C + k])
+    return low, high
 
 
 @njit(**JIT)
@@ -250,7 +237,7 @@ def forces(
     """Blocks first..last: forces into their buffers; with `damage` also new smallest stretches, and bonds beyond their critical stretch break
     after they have pulled. lost_k takes the energy
     that went with them, by block. Returns the number of broken bonds."""
-    w = np.empty(7 * C)
+    w = np.empty(8 * C)
     broken = 0
     for block in range(first, last):
         f = buf[offset[block] : offset[block + 1]]
@@ -268,7 +255,12 @@ def forces(
             for b0 in range(start[i], start[i + 1], C):
                 m = min(C, start[i + 1] - b0)
                 gather(b0, m, i, j, image, images, z, w)
-                fx, fy, fz, low, high = _row(m, w, r0[b0 : b0 + m], W[b0 : b0 + m], intact[b0 : b0 + m])
+                # Whole vectors of eight: lanes beyond the row are zero and pull nothing.
+                full = min((m + 7) & ~7, len(r0) - b0)
+                for k in range(m, full):
+                    for c in range(6):
+                        w[c * C + k] = 0.0
+                fx, fy, fz = _row(full, w, r0[b0 : b0 + full], W[b0 : b0 + full], intact[b0 : b0 + full])
                 sx += fx
                 sy += fy
                 sz += fz
@@ -278,6 +270,7 @@ def forces(
                     f[n, 1] -= w[C + k]
                     f[n, 2] -= w[2 * C + k]
                 if damage:
+                    low, high = extremes(m, w)
                     row_low = low if low < row_low else row_low
                     for k in range(m):
                         n = j[b0 + k] - base

@@ -1,0 +1,320 @@
+"""Linear peridynamic solid (Silling et al. 2007; R 3.0.3-3.0.4): ordinary and state-based, any Poisson's ratio.
+
+In d dimensions the strain energy density is ½ a (S/m)² + ½ (b/m) Σ ω e² νV with S = Σ ω|ξ| e νV, m = Σ ω|ξ|² νV, a = d²(λ − μ), b = d(d+2) μ,
+which is ½λ tr²ε + μ ε:ε in a uniform strain. In 3-D θ = 3S/m, a = 3(3K − 5G) and b = 15G. m belongs to the reference family, S to the intact bonds.
+Sums carry V_i too: W = ω ν V_i V_j, so that a bond's two ends get exactly opposite forces.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from ..blocks import collect_scalar
+from ..bonds import JIT
+from .base import BondForces, ForceModel, Isotropic, deformed
+from .pmb import FAST, C, extremes, gather, threshold
+
+
+class LPS(Isotropic):
+    """Ordinary state-based linear solid.
+
+    Parameters
+    ----------
+    bulk, shear : K and G; or youngs, poisson. Three-dimensional constants.
+    influence : ω(|ξ|, δ): "inverse" (1/|ξ|) by default, a name of `INFLUENCE` or a function
+    volume_correction : the share ν of volumes near the horizon
+    """
+
+    name = "lps"
+
+    def __init__(self, bulk=None, shear=None, *, youngs=None, poisson=None, influence="inverse", volume_correction=True):
+        super().__init__(bulk, shear, youngs=youngs, poisson=poisson)
+        self.influence, self.volume_correction = influence, bool(volume_correction)
+
+    def fracture_energy(self, body, s0):
+        """Energy per area to stretch all bonds across a plane to s0, their shares in b alone: (9/5) K δ s0² for ω = 1/|ξ| and K = 5G/3."""
+        from scipy.integrate import quad
+
+        from .base import influence_function, sphere_measure
+
+        d, delta = body.dimension, body.horizon
+        lam, mu = self.lame(body)
+        omega = influence_function(self.influence)
+        moment = lambda p: quad(lambda r: float(omega(np.array([r]), delta)[0]) * r ** (d - 1 + p), 0, delta)[0]  # noqa: E731
+        surface = sphere_measure(d, body.thickness)
+        m = surface * moment(2)
+        mean_cos = {1: 1.0, 2: 2 / np.pi, 3: 0.5}[d]
+        # Both ends' energies ½ (b/m) ω e² of each bond, with half the crossing volume |cos| r (every direction counts a bond twice).
+        return 0.5 * (d * (d + 2) * mu / m) * s0**2 * surface * moment(3) * mean_cos
+
+    @staticmethod
+    def model(*args, **options):
+        return StateModel(*args, **options)
+
+
+class Elastic(LPS):
+    """Isotropic elasticity by Young's modulus and Poisson's ratio, in the ordinary state-based model; meant for bodies that do not break."""
+
+    name = "elastic"
+
+    def __init__(self, youngs, poisson, *, influence="inverse", volume_correction=True):
+        super().__init__(youngs=youngs, poisson=poisson, influence=influence, volume_correction=volume_correction)
+
+
+class StateModel(ForceModel):
+    """LPS forces. Nodes of different materials each use their own constants: the force state of an interface node is that of its material."""
+
+    def __init__(self, body, materials, crew, rules=None, lammps_compat=False, interfaces=None):
+        super().__init__(body, materials, crew, rules, lammps_compat)
+        if interfaces:
+            from ...errors import AtcError
+
+            raise AtcError(
+                "interfaces of their own exist for bond-based materials only: in a state-based body every node has its own material"
+            )
+        t = self.table
+        d = body.dimension
+        lame = {m: materials[m].lame(body) for m in self.ids}
+        by = {id(materials[m]): lame[m] for m in self.ids}
+        self.a_n = self.per_node(lambda m: d**2 * (by[id(m)][0] - by[id(m)][1]))
+        self.b_n = self.per_node(lambda m: d * (d + 2) * by[id(m)][1])
+        self.W_b = self.weights()
+        r2 = t.r0_b**2
+        if lammps_compat and len(t.image_b):
+            # LAMMPS leaves out the images here: |X_j − X_i| across the box.
+            r2 = ((body.X_nc[t.j_b] - body.X_nc[t.i_b]) ** 2).sum(axis=1)
+            from .base import influence_function
+
+            r2 *= influence_function(self.first.influence)(np.sqrt(r2), body.horizon) / influence_function(self.first.influence)(
+                t.r0_b, body.horizon
+            )
+        self.M_n = t.sums(self.W_b * r2)
+        self.B_n = np.divide(self.b_n * body.V_n, self.M_n, out=np.zeros(self.n), where=self.M_n > 0)
+        self.WB_b = self.W_b * (self.B_n[t.i_b] + self.B_n[t.j_b])
+        # A = a S/m²; h turns the sum with volumes into it.
+        self.h_n = np.divide(self.a_n * body.V_n, self.M_n**2, out=np.zeros(self.n), where=self.M_n > 0)
+        self.S_n = np.zeros(self.n)
+        self.scalar_buf = np.empty(len(self.buf))
+        self.gone_b = np.empty(len(t), np.int32)
+
+    def forces(self, z, intact_b, F_nc, smin_n, damage):
+        t, bl = self.table, self.blocks
+        self._dilate(z, intact_b)
+        gone = np.zeros(bl.count, np.int64)
+        self.crew.run(
+            _forces, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, t.images_tc, z, t.r0_b, self.W_b, self.WB_b,
+            intact_b, self.kind_b, self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.smin_buf, self.gone_b, gone,
+        )  # fmt: skip
+        self.collect(F_nc, smin_n, damage)
+        broken = int(gone.sum())
+        if not broken:
+            return 0, 0.0
+        first = t.start_n[bl.edges[:-1]]
+        which = np.concatenate([first[k] + self.gone_b[first[k] : first[k] + gone[k]].astype(np.int64) for k in range(bl.count)])
+        return broken, self._lost(z, which)
+
+    def _dilate(self, z, intact_b):
+        """S into S_n, A into column 6 of z."""
+        t, bl = self.table, self.blocks
+        self.crew.run(
+            _extensions, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, t.images_tc, z, t.r0_b, self.W_b, intact_b,
+            self.scalar_buf,
+        )  # fmt: skip
+        self.crew.nodes(collect_scalar, self.n, bl.lo, bl.hi, bl.offset, self.scalar_buf, self.S_n)
+        np.multiply(self.h_n, self.S_n, out=z[:, 6])
+
+    def _lost(self, z, which):
+        """The energy that left with bonds `which`: their own shares, and what their nodes' dilatations were worth (S_n is still that before)."""
+        i, j, _, _, e, _ = deformed(self.body, z, which)
+        W, r0 = self.W_b[which], self.table.r0_b[which]
+        own = float((0.5 * self.WB_b[which] * e**2).sum())
+        dS = np.bincount(i, W * r0 * e, self.n) + np.bincount(j, W * r0 * e, self.n)
+        return own + float((0.5 * self.h_n * (self.S_n**2 - (self.S_n - dS) ** 2)).sum())
+
+    def dilatation_n(self, z, intact_b):
+        """(n,) θ."""
+        i, j, _, _, e, _ = deformed(self.body, z)
+        Wre = self.W_b * self.table.r0_b * e * (intact_b != 0)
+        S = np.bincount(i, Wre, self.n) + np.bincount(j, Wre, self.n)
+        return self.body.dimension * np.divide(S, self.M_n, out=np.zeros(self.n), where=self.M_n > 0), S
+
+    def energy_n(self, z, intact_b):
+        i, j, _, _, e, _ = deformed(self.body, z)
+        whole = intact_b != 0
+        theta, S = self.dilatation_n(z, intact_b)
+        We2 = self.W_b * e**2 * whole
+        bonds = 0.5 * self.B_n * (np.bincount(i, We2, self.n) + np.bincount(j, We2, self.n))
+        if not self.lammps_compat:
+            return 0.5 * self.h_n * S**2 + bonds
+        # LAMMPS counts the deviatoric extension half.
+        r0, d, V = self.table.r0_b, self.body.dimension, self.body.V_n
+        K = self.per_node(lambda m: m.bulk)
+        dev = np.bincount(i, self.W_b * whole * (e - theta[i] * r0 / d) ** 2, self.n)
+        dev += np.bincount(j, self.W_b * whole * (e - theta[j] * r0 / d) ** 2, self.n)
+        return 0.5 * K * theta**2 * V + 0.25 * self.B_n * dev
+
+    def bond_forces(self, z, intact_b):
+        whole = np.flatnonzero(intact_b)
+        i, j, eta, xi, e, r = deformed(self.body, z, whole)
+        A = self.h_n * self.dilatation_n(z, intact_b)[1]
+        pull = self.W_b[whole] * (A[i] + A[j]) * self.table.r0_b[whole] + self.WB_b[whole] * e
+        G = np.divide(pull, r, out=np.zeros(len(whole)), where=r > 0)
+        y = xi + eta
+        return BondForces(i, j, -y, -xi, G[:, None] * y, G, whole)
+
+    def stiffness_n(self):
+        t = self.table
+        W, r0, h = self.W_b, t.r0_b, np.maximum(self.h_n, 0.0)
+        k = t.sums(self.WB_b)
+        i, j = t.i_b, t.j_b
+        G = t.sums(W * r0)
+        # ∂S_i/∂u_i is a vector sum, zero inside; each |∂S_i/∂u_j| is Wr0.
+        xi = t.xi_bc(self.body.X_nc)
+        own = np.sqrt(sum((np.bincount(i, W * xi[:, c], self.n) - np.bincount(j, W * xi[:, c], self.n)) ** 2 for c in range(3)))
+        all_of = h * (G + own)
+        k += 0.5 * (own * all_of + np.bincount(j, W * r0 * all_of[i], self.n) + np.bincount(i, W * r0 * all_of[j], self.n))
+        return k
+
+
+@njit(**FAST)
+def _row_extension(m, w, r0, W, intact):
+    """W |ξ| e of m bonds into column 0 of w; returns their sum."""
+    sum_ = 0.0
+    for k in range(m):
+        ex = w[k]
+        ey = w[C + k]
+        ez = w[2 * C + k]
+        x = w[3 * C + k]
+        y = w[4 * C + k]
+        z = w[5 * C + k]
+        q = ex * (x + x + ex) + ey * (y + y + ey) + ez * (z + z + ez)
+        L = r0[k]
+        r2 = L * L + q
+        r = np.sqrt(r2 if r2 > 0.0 else 0.0)
+        v = W[k] * L * q / (r + L) if intact[k] != 0 else 0.0
+        w[k] = v
+        sum_ += v
+    return sum_
+
+
+@njit(**JIT)
+def _extensions(first, last, edges, lo, hi, offset, start, j, image, images, z, r0, W, intact, buf):
+    """Σ W |ξ| e of blocks first..last into their buffers."""
+    w = np.empty(8 * C)
+    for block in range(first, last):
+        f = buf[offset[block] : offset[block + 1]]
+        f[:] = 0.0
+        base = lo[block]
+        for i in range(edges[block], edges[block + 1]):
+            total = 0.0
+            for b0 in range(start[i], start[i + 1], C):
+                m = min(C, start[i + 1] - b0)
+                gather(b0, m, i, j, image, images, z, w)
+                full = min((m + 7) & ~7, len(r0) - b0)
+                for k in range(m, full):
+                    for c in range(6):
+                        w[c * C + k] = 0.0
+                total += _row_extension(full, w, r0[b0 : b0 + full], W[b0 : b0 + full], intact[b0 : b0 + full])
+                for k in range(m):
+                    f[j[b0 + k] - base] += w[k]
+            f[i - base] += total
+
+
+@njit(**FAST)
+def _row(m, w, A, r0, W, WB, intact):
+    """As PMB's: forces into columns 0-2, stretches into 6 and 7. Column 6 brings the partners' A."""
+    fx = 0.0
+    fy = 0.0
+    fz = 0.0
+    for k in range(m):
+        ex = w[k]
+        ey = w[C + k]
+        ez = w[2 * C + k]
+        x = w[3 * C + k]
+        y = w[4 * C + k]
+        z = w[5 * C + k]
+        q = ex * (x + x + ex) + ey * (y + y + ey) + ez * (z + z + ez)
+        L = r0[k]
+        r2 = L * L + q
+        r = np.sqrt(r2 if r2 > 0.0 else 0.0)
+        D = r * (r + L) * L
+        D = 1.0 / D if D > 0.0 else 0.0
+        s = q * D * r if r > 0.0 else -1.0
+        whole = intact[k] != 0
+        K = (W[k] * (A + w[6 * C + k]) * L + WB[k] * s * L) * D * (r + L) * L
+        K = K if whole else 0.0
+        x = K * (x + ex)
+        y = K * (y + ey)
+        z = K * (z + ez)
+        w[k] = x
+        w[C + k] = y
+        w[2 * C + k] = z
+        w[6 * C + k] = s if whole else np.inf
+        w[7 * C + k] = s if whole else -np.inf
+        fx += x
+        fy += y
+        fz += z
+    return fx, fy, fz
+
+
+@njit(**JIT)
+def _forces(first, last, edges, lo, hi, offset, start, j, image, images, z, r0, W, WB, intact, kind, s00, alpha, smin, s_low, damage, buf, smin_buf, gone_b, gone_k):  # fmt: skip
+    """As PMB's `forces`; broken bonds are listed in gone_b, block by block from the block's first bond on, gone_k of them."""
+    w = np.empty(8 * C)
+    for block in range(first, last):
+        f = buf[offset[block] : offset[block + 1]]
+        f[:] = 0.0
+        base = lo[block]
+        b_first = start[edges[block]]
+        gone = 0
+        low_n = smin_buf[offset[block] : offset[block + 1]]
+        if damage:
+            low_n[:] = np.inf
+        for i in range(edges[block], edges[block + 1]):
+            sx = 0.0
+            sy = 0.0
+            sz = 0.0
+            row_low = np.inf
+            for b0 in range(start[i], start[i + 1], C):
+                m = min(C, start[i + 1] - b0)
+                gather(b0, m, i, j, image, images, z, w)
+                for k in range(m):
+                    w[6 * C + k] = z[j[b0 + k], 6]
+                full = min((m + 7) & ~7, len(r0) - b0)
+                for k in range(m, full):
+                    for c in range(7):
+                        w[c * C + k] = 0.0
+                end = b0 + full
+                fx, fy, fz = _row(full, w, z[i, 6], r0[b0:end], W[b0:end], WB[b0:end], intact[b0:end])
+                # Lanes beyond the row have no extent, and pull nothing.
+                sx += fx
+                sy += fy
+                sz += fz
+                for k in range(m):
+                    n = j[b0 + k] - base
+                    f[n, 0] -= w[k]
+                    f[n, 1] -= w[C + k]
+                    f[n, 2] -= w[2 * C + k]
+                if damage:
+                    low, high = extremes(m, w)
+                    row_low = low if low < row_low else row_low
+                    for k in range(m):
+                        n = j[b0 + k] - base
+                        s = w[6 * C + k]
+                        low_n[n] = s if s < low_n[n] else low_n[n]
+                    if high > s_low:
+                        for k in range(m):
+                            b = b0 + k
+                            if intact[b] == 1:
+                                t = kind[b] if len(kind) else 0
+                                if w[6 * C + k] > threshold(s00[t], alpha[t], smin[i], smin[j[b]]):
+                                    intact[b] = 0
+                                    gone_b[b_first + gone] = b - b_first
+                                    gone += 1
+            f[i - base, 0] += sx
+            f[i - base, 1] += sy
+            f[i - base, 2] += sz
+            if damage and row_low < low_n[i - base]:
+                low_n[i - base] = row_low
+        gone_k[block] = gone
