@@ -106,9 +106,7 @@ def test_coarse_grid_is_a_subset_of_a_fine_one():
     cell, data = CELLS["triclinic"], sample(CELLS["triclinic"], 4)
     # The same modes: only rounding differs, that of single precision at the first.
     for name, tolerance, rounding in (("lucy", 1e-3, 1e-6), ("gaussian", 1e-8, 1e-12)):
-        fine, coarse = (
-            both("spectral", s, KERNELS[name], cell, data, at="corners", tolerance=tolerance) for s in ((12, 15, 8), (4, 5, 2))
-        )
+        fine, coarse = (both("spectral", s, KERNELS[name], cell, data, at="corners", tolerance=tolerance) for s in ((12, 15, 8), (4, 5, 2)))
         for f, c in zip(fine, coarse):
             close(c.reshape(4, 5, 2, -1), f.reshape(12, 15, 8, -1)[::3, ::3, ::4], rounding)
 

@@ -250,7 +250,10 @@ class SpectralDeposit(Deposit):
         for a in np.flatnonzero(~self._periodic):
             first, last = extent[0, a], extent[1, a]
             # Points of the grid within reach; their images must be out of reach.
-            seen = max(self._view[0, a] + self._reach[a], first - self._reach[a]), min(self._view[1, a] - self._reach[a], last + self._reach[a])
+            seen = (
+                max(self._view[0, a] + self._reach[a], first - self._reach[a]),
+                min(self._view[1, a] - self._reach[a], last + self._reach[a]),
+            )
             need = self._reach[a] + max(seen[1] - first, last - seen[0], 0.0)
             counts[a] = _good_length(max(ceil(need), int(last - first) + 1, self.parameters.width + 1, 4))
             low[a] = first

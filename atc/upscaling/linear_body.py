@@ -69,7 +69,6 @@ class Stencil:
         return np.tensordot(np.sin(k @ r.T) * (_unit(k) @ r.T), self.springs, axes=1) / self.mass
 
 
-
 class LinearBody:
     """A block of nodes with the bonds of a stencil, its state, and velocity Verlet.
 
