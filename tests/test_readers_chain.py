@@ -123,3 +123,37 @@ def test_in_a_scene(parts, tmp_path):
     scene.folder = tmp_path
     with pytest.raises(AtcError, match=r"there is no file .*gone\.dump"):
         scene.run()
+
+
+def test_types_do_not_depend_on_what_is_read_first(tmp_path):
+    """Species are numbered in order of first appearance in the whole trajectory, as in one file, whichever frame is asked for first."""
+    from itertools import permutations
+
+    from ase import Atoms
+
+    species = ["ArNe", "NeXe", "XeAr", "KrAr"]
+    atoms = [Atoms(s, [[0, 0, 0], [3, 0, 0]], cell=[10, 10, 10], pbc=True) for s in species]
+    for k, a in enumerate(atoms):
+        write(tmp_path / f"v{k}.extxyz", a)
+    write(tmp_path / "whole.extxyz", atoms)
+    expected = [[1, 2], [2, 3], [3, 1], [4, 1]]
+    assert [f.types.tolist() for f in atc.read(tmp_path / "whole.extxyz")] == expected
+    for order in permutations(range(4)):
+        traj = atc.read(tmp_path / "v?.extxyz")
+        assert {k: traj[k].types.tolist() for k in order} == dict(enumerate(expected)), order
+    traj = pickle.loads(pickle.dumps(atc.read(tmp_path / "v?.extxyz")[2:]))
+    assert [f.types.tolist() for f in traj] == expected[2:] and traj[1].type_names == {1: "Ar", 2: "Ne", 3: "Xe", 4: "Kr"}
+
+
+def test_types_survive_closing(tmp_path, monkeypatch):
+    from ase import Atoms
+
+    from atc.readers import chain
+
+    monkeypatch.setattr(chain, "_OPEN", 1)
+    names = ["He", "Ne", "Ar", "Kr", "Xe"]
+    for k in range(5):
+        write(tmp_path / f"v{k}.extxyz", Atoms([names[k], names[0]], [[0, 0, 0], [3, 0, 0]], cell=[10, 10, 10], pbc=True))
+    traj = atc.read(tmp_path / "v?.extxyz")
+    assert atc.read(tmp_path / "v?.extxyz")[2].types.tolist() == [3, 1]
+    assert traj[4].types.tolist() == [5, 1] and [f.types.tolist() for f in traj] == [[k + 1, 1] for k in range(5)]

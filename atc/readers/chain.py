@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections import OrderedDict
+from functools import partial
 from glob import glob, has_magic
 from pathlib import Path
 
@@ -53,7 +54,9 @@ class Chain(Trajectory):
         self._given = (topology, units, masses)
         self._open: OrderedDict[int, Trajectory] = OrderedDict()
         self._starts: list[int] = [0]
-        self._of_names: dict[str, int] = {}
+        self._declared: dict[int, str] = {}
+        self._learnt = 0  # files, from the first on, whose species are all known
+        self._seen: dict[int, int] = {}  # frames of each file whose species have been looked at
         self._data = None
         first = self._part(0)
         self.units = first.units
@@ -74,12 +77,37 @@ class Chain(Trajectory):
                 raise AtcError(
                     f"{part.source} is in {part.units.name!r} units, {self.paths[0]} in {self.units.name!r}: read them one by one"
                 )
-            # Where types come from names, names known from other files keep their types.
-            part._names.update(self._of_names)
+            # Where types come from names, all files share them, numbered in order of first appearance in the whole trajectory, whichever frames are
+            # asked for first. One lock, since files ask each other.
+            self._agree(part)
+            part._names, part._guard, part._names_seen = self._names, self._guard, self._seen.get(p, 0)
+            part._earlier = partial(self._learn_before, p)
             self._open[p] = part
             while len(self._open) > _OPEN:
-                self._open.popitem(last=False)
+                q, old = self._open.popitem(last=False)
+                self._seen[q] = old._names_seen
             return part
+
+    def _learn_before(self, p, wanted) -> None:
+        """Types for the names in the files before p, until all wanted ones have one."""
+        for q in range(self._learnt, p):
+            if all(u in self._names for u in wanted):
+                return
+            earlier = self._part(q)
+            earlier._learn_own_names(wanted, len(earlier))
+            if earlier._names_seen < len(earlier):
+                return
+            self._learnt = q + 1
+
+    def _agree(self, part) -> None:
+        """Files that number their types themselves (data files, topologies) must mean the same by a number."""
+        for t, name in part.type_names.items():
+            for there, known in self._declared.items():
+                if (t == there) != (name == known):
+                    raise AtcError(
+                        f"{part.source}: type {t} is {name!r}, but in files before it type {there} is {known!r}: give the files to atc.read one by one"
+                    )
+        self._declared.update(part.type_names)
 
     def _start(self, p: int) -> int:
         """The number of the first frame of file p (of all frames, for p = number of files)."""
@@ -121,15 +149,7 @@ class Chain(Trajectory):
 
     def _frame(self, k) -> Frame:
         p, m = self._locate(k)
-        part = self._part(p)
-        frame = part[m]
-        for t, name in part.type_names.items():
-            known = self._of_names.setdefault(name, t)
-            if known != t:
-                raise AtcError(
-                    f"{frame.source}: {name!r} is type {t} here but type {known} in another of the files: give the files to atc.read one by one"
-                )
-        return frame
+        return self._part(p)[m]
 
     def __getstate__(self):
         state = super().__getstate__()

@@ -40,6 +40,7 @@ class Trajectory(Sequence):
         self._guard = threading.RLock()
         self._names = {}
         self._names_seen = 0
+        self._earlier = None  # gives types to names in files before this one, where there are any
 
     # What a reader provides -------------------------------------------------------------------------------------------------------
 
@@ -117,14 +118,28 @@ class Trajectory(Sequence):
         unique = [str(u) for u in unique]
         if not all(u in self._names for u in unique):
             with self._guard:
-                for m in range(self._names_seen, k + 1):
-                    here = names if m == k else np.asarray(self._species(m))
-                    for name in dict.fromkeys(here.tolist()):
-                        self._names.setdefault(str(name), len(self._names) + 1)
-                    self._names_seen = m + 1
-                    if all(u in self._names for u in unique):
-                        break  # frames further on need not be looked at
+                self._learn_names(unique, k)
+                if not all(u in self._names for u in unique):
+                    self._learn(names)
+                    self._names_seen = max(self._names_seen, k + 1)
         return np.array([self._names[u] for u in unique], np.int64)[inverse]
+
+    def _learn_names(self, wanted, stop: int) -> None:
+        """Give types to the names of the frames before `stop` that have not been looked at, in their order, until all wanted ones have one."""
+        if self._earlier is not None:
+            self._earlier(wanted)
+        self._learn_own_names(wanted, stop)
+
+    def _learn_own_names(self, wanted, stop: int) -> None:
+        for m in range(self._names_seen, stop):
+            if all(u in self._names for u in wanted):
+                return  # frames further on need not be looked at
+            self._learn(np.asarray(self._species(m)))
+            self._names_seen = m + 1
+
+    def _learn(self, names) -> None:
+        for name in dict.fromkeys(names.tolist()):
+            self._names.setdefault(str(name), len(self._names) + 1)
 
     # Description ----------------------------------------------------------------------------------------------------------------
 
