@@ -90,8 +90,7 @@ class CaseFields:
         from .estimators.compute import frame_fields
 
         if self.sink.layout is None:  # all entries were there: the run was stopped just before its end
-            frame = self.request.first
-            self.sink.prepare(frame, frame_fields(frame, self.request.settings(), 0))
+            self.sink.prepare(frame_fields(self.request.first, self.request.settings(), 0))
         attributes = self.sink.final_attributes()
         attributes[""]["sources"] = Path(self.case.name).name
         self.store.finish(attributes)

@@ -56,7 +56,7 @@ def explained(path):
     except OSError as e:
         if e.errno in (errno.ENOSPC, errno.EDQUOT):
             raise AtcError(
-                f"{path}: the disk is full; what is complete is kept in {path}.partial: make room and run the same command again"
+                f"{path}: the disk is full: make room and run the same command again (frames that are complete, if any, are kept in {path}.partial)"
             ) from e
         why = " ".join(str(e.strerror or e).split())[:200]
         raise AtcError(f"{path}: cannot be written ({why}): choose another output file or change its permissions") from e
@@ -129,8 +129,11 @@ class Store:
             elif known is not None and known != request:
                 differing = ", ".join(sorted(k for k in {*known, *request} if known.get(k) != request.get(k)))
                 self._unlock()
+                more = ""
+                if differing == "frames":
+                    more = f"the trajectory had {known['frames']} frames then and has {request['frames']} now; take as many as then (-e), or "
                 raise AtcError(
-                    f"{self.partial}: holds an unfinished run of another request (different: {differing}): finish that one, "
+                    f"{self.partial}: holds an unfinished run of another request (different: {differing}): {more}finish that one, "
                     "delete the directory, or start again without resuming"
                 )
             elif known is None:

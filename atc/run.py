@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
+from dataclasses import replace
 
 import numpy as np
 
@@ -134,8 +135,7 @@ def _run(request, store, progress) -> _Sink:
     if done < n:
         raise AtcError(f"the trajectory has only {done} frames that can be read, but {n} were expected")
     if sink.layout is None:  # every frame was there already: the run was stopped just before its end
-        frame = request.first
-        sink.prepare(frame, frame_fields(frame, request.settings(), 0))
+        sink.prepare(frame_fields(request.first, request.settings(), 0))
     return sink
 
 
@@ -193,7 +193,7 @@ class _Sink:
 
     def add(self, k: int, frame, result: FrameResult, last_of_window: bool) -> None:
         if self.layout is None:
-            self.prepare(frame, result)
+            self.prepare(result)
         self._fits(frame, result)
         self._merge_note(k, frame, result)
         if not self.averaging:
@@ -279,12 +279,15 @@ class _Sink:
             out.update({name: values for name, (_, values, _) in moving_coordinates(result.bound, u).items()})
         return out
 
-    def prepare(self, frame, result: FrameResult) -> None:
-        """Lay the output out, from the first frame."""
-        self.moves = grid_moves(self.request)
-        self._cell = self.request.first.cell
-        self.layout = output_layout(self.request, frame, result, self.moves)
-        self._atoms = frame.ids
+    def prepare(self, result: FrameResult) -> None:
+        """Lay the output out: the shapes from any frame's result, the rest from the trajectory's first frame, also when a run goes on from a later one."""
+        request, first = self.request, self.request.first
+        self.moves = grid_moves(request)
+        self._cell = first.cell
+        if set(request.work.grid_users) - set(request.work.on_reference):
+            result = replace(result, bound=request.bound)
+        self.layout = output_layout(request, first, result, self.moves)
+        self._atoms = first.ids
         if self.store is not None:
             self.store.begin(self.layout)
 

@@ -266,6 +266,31 @@ def test_no_space_says_so(tmp_path, monkeypatch):
         fields(trajectory(), tmp_path / "o.zarr")
 
 
+@pytest.mark.parametrize("suffix", [".zarr", ".nc"])
+@pytest.mark.parametrize("average", [False, 2])
+def test_a_changing_cell_survives_interruption(tmp_path, suffix, average):
+    """Coordinates are those of the trajectory's first frame, not of the first one after the interruption."""
+    frames = [argon(atc.Cell([9.0 + k, 10.0, 11.0 - 0.5 * k]), seed=k, step=k, time=float(k)) for k in range(6)]
+    grid = atc.Grid.regular(spacing=2.5)
+
+    def run(out, progress=None):
+        return atc.fields(frames, BruteLJ(), KERN, grid, ["density", "stress"], average=average, threads=2, out=out, progress=progress)
+
+    class Stop(Exception):
+        pass
+
+    def stop(done, *_):
+        if done == 4:
+            raise Stop
+
+    whole = run(tmp_path / f"whole{suffix}")
+    with pytest.raises(Stop):
+        run(tmp_path / f"o{suffix}", stop)
+    assert (tmp_path / f"o{suffix}.partial").exists()
+    same(whole, run(tmp_path / f"o{suffix}"))
+    np.testing.assert_allclose(whole.x, (np.arange(4) + 0.5) * 9.0 / 4)
+
+
 def test_processes_give_the_same(tmp_path):
     one = fields(trajectory(), tmp_path / "one.zarr", what=["density", "stress"])
     many = fields(trajectory(), tmp_path / "many.zarr", what=["density", "stress"], workers=2)
