@@ -7,7 +7,7 @@ from lammps_oracle import Config, lammps_session, run_lammps, thermal_lattice
 import atc
 from atc.decomposers.lammps_script import split_words
 from atc.decomposers.lammps_variables import Unknown, Variables
-from atc.errors import AtcError
+from atc.errors import AtcError, AtcWarning
 
 FORMULAS = [
     "1+2*3",
@@ -363,3 +363,33 @@ def test_what_else_may_be_given():
 def test_words():
     assert split_words("a 'b c' \"d # e\" # f", "x") == ["a", "b c", "d # e"]
     assert split_words('print """one "two" three"""', "x") == ["print", 'one "two" three']
+
+
+@pytest.mark.parametrize(
+    "line, meant",
+    [
+        ("pair_coef 1 2 5.0 1.0", "pair_coeff"), ("special_bond lj 0 0 0", "special_bonds"), ("pair_modfy shift yes", "pair_modify"),
+        ("pair_stile lj/cut 2.5", "pair_style"), ("scale 3.0", "correct it"),
+    ],
+)  # fmt: skip
+def test_a_slip_in_a_command_is_no_other_model(line, meant, tmp_path):
+    """LAMMPS stops at an unknown command; passing over it would compute another model in silence."""
+    text = f"pair_style lj/cut 2.5\npair_coeff * * 1.0 1.0\n{line}\n"
+    with pytest.raises(AtcError, match=f"line 3: '{line.split()[0]}' is not a LAMMPS command: .*{meant}"):
+        atc.potential(text, units="lj")
+    script = tmp_path / "in.run"
+    script.write_text("units lj\n" + text)
+    if meant == "correct it":  # a script has run: the word may come from a plugin
+        with pytest.warns(AtcWarning, match="line 4: 'scale' is not a command of LAMMPS that atc knows"):
+            atc.potential(script)
+    else:
+        with pytest.raises(AtcError, match=f"line 4: .*did you mean {meant}"):
+            atc.potential(script)
+
+
+def test_every_command_of_lammps_is_known():
+
+    from atc.decomposers.lammps_commands import COMMANDS
+
+    with lammps_session() as lmp:
+        assert not set(lmp.available_styles("command")) - COMMANDS

@@ -50,7 +50,8 @@ class _Model:
 
 def potential_from_lammps(source: str | Path, units_=None, folder=None, name=None) -> Potential:
     """The `Potential` of LAMMPS lines, or of the LAMMPS input script at a path. See `atc.potential`."""
-    if isinstance(source, Path) or not is_text(source):
+    script = isinstance(source, Path) or not is_text(source)
+    if script:
         if not str(source).strip():
             raise AtcError(
                 "the potential is empty: expected LAMMPS lines such as pair_style and pair_coeff, or the name of an input script"
@@ -61,7 +62,7 @@ def potential_from_lammps(source: str | Path, units_=None, folder=None, name=Non
         text, name, folder = read_text(path), str(source), path.parent
     else:
         text, name, folder = source, name or "potential", Path.cwd() if folder is None else Path(folder)
-    commands = read_commands(text, name, folder)
+    commands = read_commands(text, name, folder, script)
     model = _gather(commands, name, folder, units_)
     return _assemble(model, name)
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import AtcError
+from .lammps_commands import COMMANDS, check_known
 from .lammps_variables import Unknown, Variables
 
 MODEL = {
@@ -116,16 +117,16 @@ def _logical_lines(text: str, name: str) -> list[_Line]:
     return out
 
 
-def read_commands(text: str, name: str, folder: Path) -> list[Command]:
-    """The model's commands of LAMMPS lines `text`, called `name` in messages; included files are looked up in `folder`."""
-    reader = _Reader(folder)
+def read_commands(text: str, name: str, folder: Path, script: bool = False) -> list[Command]:
+    """The model's commands of LAMMPS lines `text`, called `name` in messages; included files are looked up in `folder`. script: the lines of a whole run."""
+    reader = _Reader(folder, script)
     reader.feed(text, name)
     return reader.commands
 
 
 class _Reader:
-    def __init__(self, folder: Path):
-        self.folder = folder
+    def __init__(self, folder: Path, script: bool = False):
+        self.folder, self.script = folder, script
         self.variables = Variables()
         self.commands: list[Command] = []
         self.depth = 0
@@ -153,6 +154,8 @@ class _Reader:
                 self.keep(words, line)
         elif name in MODEL:
             self.keep(self.words(line), line)
+        elif name not in COMMANDS:
+            check_known(name, line.where, self.script)
         elif name == "variable":
             self.variable(line, head)
         elif name == "include":
