@@ -23,7 +23,10 @@ from .errors import AtcError
 
 
 def _fail(message: str, status: int) -> None:
-    print("error: " + " ".join(str(message).split()), file=sys.stderr, flush=True)
+    text = "".join(
+        c if c.isprintable() else "?" for c in " ".join(str(message).split())
+    )  # what a damaged file holds must not steer the terminal
+    print("error: " + text, file=sys.stderr, flush=True)
     sys.exit(status)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from .described import scene_of
 from .estimators.compute import FrameResult
 from .output import Layout, Variable
 from .plan import Request
@@ -108,8 +109,7 @@ def output_layout(request: Request, frame, result: FrameResult, moves: bool = Fa
     if work.bond_users:
         attrs["decomposition"] = request.pot.describe()
     attrs["periodic"] = "".join("p" if p else "f" for p in frame.cell.periodic)
-    if request.scene:
-        attrs["scene"] = str(request.scene)
+    attrs["scene"] = str(request.scene) if request.scene else scene_of(request)
     return Layout(variables, request.entries, attrs)
 
 

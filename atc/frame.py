@@ -133,7 +133,7 @@ class Cell:
         return f"Cell({self.vectors.tolist()}, origin={self.origin.tolist()}, periodic={p!r})"
 
 
-@dataclass
+@dataclass(repr=False)
 class Topology:
     """Bonded terms by atom *index* into the frame they belong to. Types are LAMMPS's, from 1.
 
@@ -151,6 +151,9 @@ class Topology:
 
     def __bool__(self):
         return any(len(a) for a in (self.bonds, self.angles, self.dihedrals, self.impropers))
+
+    def __repr__(self):
+        return f"Topology({', '.join(f'{len(getattr(self, k))} {k}' for k in ('bonds', 'angles', 'dihedrals', 'impropers'))})"
 
 
 @dataclass
@@ -233,4 +236,5 @@ class Frame:
         }
         for name in names:
             if getattr(self, name) is None:
-                raise AtcError(f"{self.source}: {name} are missing but {why} needs them: {hints.get(name, 'add them to the trajectory')}")
+                needs = "need" if "," in why else "needs"
+                raise AtcError(f"{self.source}: {name} are missing but {why} {needs} them: {hints.get(name, 'add them to the trajectory')}")

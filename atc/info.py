@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .errors import AtcError
+from .plausible import doubts
 
 # Measured on Lennard-Jones argon: coordinates rounded to 0.01 Å give 1.5 to 2 % stress error at a kernel radius of 5 Å. Rounding
 # errors are independent and small, so the stress error is linear in the rounding step.
@@ -98,6 +99,7 @@ def describe(source, topology=None, units=None, masses=None) -> Report:
         rows.append(("state", text))
     if not data["ids"]:
         notes.append("the source does not number its atoms: they are taken in file order, which must be the same in every frame")
+    notes += doubts(first)
     for name, consequence in _NEEDED_FOR.items():
         if name not in data["quantities"]:
             notes.append(f"no {name}: {consequence}")
@@ -111,7 +113,7 @@ def describe(source, topology=None, units=None, masses=None) -> Report:
         rows.append(("precision", f"{text}: {consequence}" if error > 1e-6 else text))
         if error > _WORTH_A_WARNING:
             notes.append(f"coarse coordinates mean {consequence}: in LAMMPS write them with dump_modify format float %.10g")
-    return Report(f"{source}", rows, notes, data)
+    return Report(trajectory.source if isinstance(source, list) else f"{source}", rows, notes, data)
 
 
 def _cell(c, u) -> str:

@@ -131,7 +131,9 @@ class Store:
                 self._unlock()
                 more = ""
                 if differing == "frames":
-                    more = f"the trajectory had {known['frames']} frames then and has {request['frames']} now; take as many as then (-e), or "
+                    more = (
+                        f"the trajectory had {known['frames']} frames then and has {request['frames']} now; take as many as then (-e), or "
+                    )
                 raise AtcError(
                     f"{self.partial}: holds an unfinished run of another request (different: {differing}): {more}finish that one, "
                     "delete the directory, or start again without resuming"

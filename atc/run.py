@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from .contents import follows_cell, grid_moves, moving_coordinates, output_layout, radius_of
+from .described import file_name
 from .errors import AtcError, AtcWarning
 from .estimators.compute import FrameResult, frame_fields, require
 from .estimators.methods import DEPOSITS, Method, details, summary
@@ -16,6 +17,7 @@ from .estimators.registry import QUANTITIES
 from .output import Layout, Store, dataset_in_memory, explained, open_dataset
 from .parallel import frame_results, here
 from .plan import Request, plan  # noqa: F401  (plan belongs to the same door)
+from .plausible import doubts
 from .statistics import BlockAverage
 
 # Seconds between two saves of an unfinished time average.
@@ -268,7 +270,7 @@ class _Sink:
                     f"{frame.source}: computed again more closely: {what} (further ones are noted in the output)", AtcWarning, stacklevel=2
                 )
         self.note["frames"] = self.note.get("frames", 0) + 1
-        self.note["sources"] = [*self.note.get("sources", []), _source_name(frame.source)][:1]
+        self.note["sources"] = [*self.note.get("sources", []), file_name(frame.source)][:1]
 
     def _coordinates(self, frame, result):
         u = frame.units
@@ -411,43 +413,15 @@ def _plain_coordinates(coordinates):
     return {name: np.asarray(v).tolist() for name, v in coordinates.items()}
 
 
-def _source_name(source: str) -> str:
-    """The name of a source without directories: they hold user and host names; and without the frame's number."""
-    import re
-
-    head = re.sub(r",?\s+frame \d+$", "", str(source))
-    return head.replace("\\", "/").rsplit("/", 1)[-1]
-
-
 # --- does it look right?
 
 
 def _sanity(request: Request) -> None:
     """Complain of what is missing in the first frame; warn of what can be computed but is probably not what was meant."""
-    from .estimators.sources import drift_velocity
-
     frame, work, u = request.first, request.work, request.first.units
     require(frame, request.settings(), work)
-    # Nodes with a volume of their own are pieces of a continuum: they have no temperature.
-    if not u.reduced and len(frame) > 1 and "volume" not in frame.extra:
-        if frame.masses is not None and frame.velocities is not None and "velocities" in work.attributes:
-            w = frame.velocities - drift_velocity(frame)
-            kT = float(frame.masses @ np.einsum("nc,nc->n", w, w)) / (3.0 * len(frame))
-            T = kT / u.boltzmann
-            if T > 1e5 or 0 < T < 1e-3:
-                warnings.warn(
-                    f"{frame.source}: the atoms have a temperature of {T:.3g} K: velocities or masses are probably not in {u.name!r} units",
-                    AtcWarning,
-                    stacklevel=3,
-                )
-        if frame.masses is not None and frame.cell.volume > 0:
-            gcc = frame.masses.sum() / frame.cell.volume * 1.66053906660  # amu/Å³ in g/cm³
-            if gcc > 30:
-                warnings.warn(
-                    f"{frame.source}: the box has a mean density of {gcc:.3g} g/cm^3: lengths or masses are probably not in {u.name!r} units",
-                    AtcWarning,
-                    stacklevel=3,
-                )
+    for doubt in doubts(frame, temperature="velocities" in work.attributes):
+        warnings.warn(f"{frame.source}: {doubt}", AtcWarning, stacklevel=3)
     if work.grid_users and request.kern is not None and request.grid is not None:
         spacing = grid_spacing(request.grid.bind(u, frame.cell, frame.positions))
         support = u.to_internal("length", request.kern.support)

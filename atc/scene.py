@@ -260,6 +260,8 @@ class Scene:
             return read(path, topology=topology, units=self.get("trajectory", "units"), masses=self.get("trajectory", "masses"))
         except AtcError as e:
             named = any(str(one) in str(e) for one in (path if isinstance(path, list) else [path]))
+            if topology is not None and str(topology) in str(e):
+                key = "topology"
             raise AtcError(str(e) if named else f"{self.where('trajectory', key)}: {e}") from None
 
     def reference(self):

@@ -133,6 +133,8 @@ def verify(traj, pot, calculator=None, *, symbols=None, threads: int = 1) -> Ver
     """
     from .plan import as_frames
 
+    if not hasattr(pot, "stream"):
+        raise AtcError(f"pot is a {type(pot).__name__}: expected what atc.potential('pair_style ...') gives")
     frames = as_frames(traj)
     if not len(frames):
         raise AtcError("the trajectory has no frames: nothing to verify")

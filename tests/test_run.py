@@ -429,3 +429,32 @@ def test_big_output_needs_memory_of_one_frame(tmp_path):
 
     fields(trajectory(3), tmp_path / "o.zarr")
     assert zarr.open_group(tmp_path / "o.zarr", mode="r")["stress"].chunks[0] == 1
+
+
+@pytest.mark.parametrize(
+    "grid",
+    [
+        atc.Grid.regular(shape=(2, 3, 2), at="corners"),
+        atc.Grid.regular([4.0, 5.0, 6.0], spacing=2.0, origin=[1.0, 0.0, 0.5]),
+        atc.Grid.plane(axis="y", shape=(2, 3), position=2.0),
+        atc.Grid.plane([1, 2, 3], [4, 0, 0], [0, 3, 4], shape=(2, 2)),
+        atc.Grid.line([0, 0, 0], [4, 4, 4], 3),
+        atc.Grid.slab("z", 4),
+        atc.Grid.points([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]),
+        atc.Grid.atoms(),
+    ],
+    ids=lambda g: g.kind,
+)
+def test_a_call_in_python_keeps_a_scene_that_says_the_same(grid):
+    from atc.scene import Scene
+
+    lines = "pair_style lj/cut 6\npair_coeff * * 0.0104 3.405\n"
+    frame = argon(source="/home/somebody/run.dump frame 3")
+    kern = atc.kernel("gaussian", width=1.7)
+    ds = atc.fields(frame, atc.potential(lines, units="metal"), kern, grid, ["stress", "density"], 1e-7)
+    scene = Scene.loads(ds.attrs["scene"])
+    assert scene.kernel() == kern and scene.get("fields", "tolerance") == 1e-7 and scene.get("trajectory", "file") == "run.dump"
+    assert scene.get("potential", "lammps") == lines and "somebody" not in ds.attrs["scene"]
+    again = atc.fields(frame, scene.potential(), scene.kernel(), scene.grid(), scene.get("fields", "quantities"), 1e-7)
+    for name in ("stress", "density"):
+        np.testing.assert_array_equal(ds[name], again[name])

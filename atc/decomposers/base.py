@@ -19,6 +19,7 @@ from ..units import Units, require_compatible, units
 
 #: Words for sharing the energy of a whole potential; see `Potential.partitioned`.
 PARTITIONS = ("equal", "center")
+_SPELLINGS = {"centre": "center"}
 
 
 @dataclass
@@ -156,6 +157,8 @@ class Potential:
     """
 
     unmentioned: tuple[str, ...] = ()
+    text: str | None = None  # the LAMMPS lines it was made from, or
+    file: str | None = None  # the name of the input script
 
     masses: Mapping[int, float] = MappingProxyType({})
     data_file = None
@@ -196,6 +199,7 @@ class Potential:
         """
         new = copy(self)
         if isinstance(partition, str):
+            partition = _SPELLINGS.get(partition, partition)
             if partition not in PARTITIONS:
                 raise AtcError(
                     f"partition {partition!r}: expected {' or '.join(map(repr, PARTITIONS))}, or a dict such as {{'sw': 'center'}}"

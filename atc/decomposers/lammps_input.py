@@ -64,7 +64,12 @@ def potential_from_lammps(source: str | Path, units_=None, folder=None, name=Non
         text, name, folder = source, name or "potential", Path.cwd() if folder is None else Path(folder)
     commands = read_commands(text, name, folder, script)
     model = _gather(commands, name, folder, units_)
-    return _assemble(model, name)
+    pot = _assemble(model, name)
+    if script:
+        pot.file = path.name
+    else:
+        pot.text = text.strip() + "\n"
+    return pot
 
 
 # Gathering ------------------------------------------------------------------------------------------------------------------------------

@@ -225,7 +225,7 @@ class SpectralDeposit(Deposit):
             mesh.scale = 1.0
         else:
             # Sources near 1; what single precision can hold is no matter then.
-            if mesh.scale and not 1e-9 < most / mesh.scale < 1e9 or mesh.points > SHORT * len(mesh.flat) / lanes:
+            if (mesh.scale and not 1e-9 < most / mesh.scale < 1e9) or mesh.points > SHORT * len(mesh.flat) / lanes:
                 mesh.flush()
                 mesh.scale = 0.0
             mesh.scale = mesh.scale or 2.0 ** max(frexp(most)[1], -1000)

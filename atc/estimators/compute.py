@@ -379,9 +379,7 @@ def require(frame, settings, work):
         frame.require(attribute, why=", ".join(users))
     if work.bond_users:
         if settings.pot is None:
-            raise AtcError(
-                f"no potential was given but {', '.join(work.bond_users)} need one: give the pair_style/pair_coeff lines of the run"
-            )
+            raise AtcError(f"no potential was given but {_need(work.bond_users)} one: give the pair_style/pair_coeff lines of the run")
         require_compatible(settings.pot.units, frame.units, "the potential", frame.source)
         if not settings.central and work.symmetric_users:
             raise AtcError(
@@ -389,7 +387,7 @@ def require(frame, settings, work):
             )
     for users, name, word in ((work.kernel_users, "kern", "kernel"), (work.grid_users, "grid", "grid")):
         if users and getattr(settings, name) is None:
-            raise AtcError(f"no {word} was given but {', '.join(users)} need one")
+            raise AtcError(f"no {word} was given but {_need(users)} one")
     if work.horizon_users:
         horizon_of(settings, frame.units, work.horizon_users)
     if "atom_volume" in work.whole:
@@ -399,9 +397,13 @@ def require(frame, settings, work):
 
         require_differentiable(settings.kern, ", ".join(work.gradient_users))
     if work.reference_users and settings.reference is None:
-        raise AtcError(f"no reference frame was given but {', '.join(work.reference_users)} need one: pass reference=")
+        raise AtcError(f"no reference frame was given but {_need(work.reference_users)} one: pass reference=")
     if any(q.kind == "box" for q in work.quantities) and not frame.cell.volume > 0:
         raise AtcError(f"{frame.source}: the cell has no volume, so the virial stress of the box is not defined")
+
+
+def _need(users) -> str:
+    return f"{', '.join(users)} need{'s' * (len(users) == 1)}"
 
 
 def _whole(name, factors, decomposition, atoms, frame):

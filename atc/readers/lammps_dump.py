@@ -60,12 +60,11 @@ class LammpsDump(LammpsTrajectory):
         self._per_line = 60.0
         self.source = str(path)
         self.frames_parsed = 0
-        header = None
         try:
             header = self._header(0, 1, 0)
         except Truncated:
-            pass  # the scan below says what is the matter
-        super().__init__(path, topology, units, masses, header and header.units)
+            raise AtcError(f"{path} holds no complete frame: it ends within its first one") from None
+        super().__init__(path, topology, units, masses, header.units)
         if not self._has(0):
             raise AtcError(f"{path} holds no complete frame")
 
