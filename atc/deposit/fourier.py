@@ -264,3 +264,9 @@ def longest_bonds(kernel, tolerances, most=10, gradient=False):
     errors = _rule_errors(kernel, most, gradient)
     at = np.array([np.searchsorted(e, tolerances, side="right") for e in errors]).T
     return np.where(at > 0, _LENGTHS[np.maximum(at - 1, 0)], 1e-9) * spectrum(kernel).scale
+
+
+def rule_error(kernel, m, length, gradient=False, most=10):
+    """(b,) error by m + 1 points for bonds of these lengths and all shorter ones; up to the next length of the table."""
+    errors = _rule_errors(kernel, most, gradient)
+    return errors[m, np.minimum(np.searchsorted(_LENGTHS, np.asarray(length) / spectrum(kernel).scale), len(_LENGTHS) - 1)]
