@@ -30,7 +30,7 @@ DENSE = 200.0
 # What of the tolerance goes to the modes left out, to those that the mesh confuses, and to the bonds' points. The squares of the errors add up; the largest error
 # among many points over the largest value is up to twice what the same ratio of mean squares is: where modes decay slowly, what is left out gathers
 # at the kernel's centre and edge. Leaving out little is dear for those kernels, and cheap for the Gaussian.
-SHARES = {"gaussian": (0.5, 0.35, 0.9)}
+SHARES = {"gaussian": (0.35, 0.25, 0.9)}
 SHARE = (0.4, 0.25, 0.4)
 # Bonds among which the loosest sufficient choice of points is looked for, and how far it may go (in powers of two).
 SAMPLE, LOOSEST = 2000, 8
@@ -49,7 +49,7 @@ class _Mesh:
         self.low, self.lanes, self.real = low, lanes, real
         self.shape = tuple(int(n) for n in shape)
         self.flat = _aligned(int(np.prod(self.shape)) * lanes, real)
-        self.total, self.scale, self.points = None, 0.0, 0
+        self.total, self.scale, self.largest, self.points = None, 0.0, 0.0, 0
         self.rows = np.zeros(self.shape[:2], np.uint8)
 
     def planes(self):
@@ -62,6 +62,7 @@ class _Mesh:
     def flush(self, width):
         if self.total is None:
             self.total = _aligned(len(self.flat), np.float64)
+        self.largest = max(self.largest, self.scale)
         mesh, total = (a.reshape(*self.shape[:2], -1) for a in (self.flat, self.total))
         spread.flush(mesh, self.rows, width, total, self.scale)
         self.points = 0
@@ -69,7 +70,7 @@ class _Mesh:
     def grown(self, low, shape):
         """The same on more nodes."""
         new = _Mesh(low, shape, self.lanes, self.real)
-        new.scale, new.points = self.scale, self.points
+        new.scale, new.largest, new.points = self.scale, self.largest, self.points
         at = tuple(slice(int(a), int(a) + n) for a, n in zip(self.low - low, self.shape))
         new.flat.reshape(*new.shape, -1)[at] = self.flat.reshape(*self.shape, -1)
         new.rows[at[:2]] = self.rows
@@ -86,8 +87,8 @@ class SpectralDeposit(Deposit):
 
     Parameters
     ----------
-    tolerance : relative to the largest value of a field of independent sources (a field that is their sum is larger, one that is their
-        difference smaller)
+    tolerance : relative to the largest value, anywhere in the cell, of a field of independent sources (a field that is their sum is larger, one that
+        is their difference smaller)
     points : how many points will be spread, if known: only the speed depends on it
     gradients : whether the tolerance is meant for gradients as well
 
@@ -112,6 +113,12 @@ class SpectralDeposit(Deposit):
         self.real = np.float32 if self.tolerance >= SINGLE else np.float64
         self._number = np.float32 if self.tolerance >= SINGLE_TRANSFORM else np.float64
         modes, mesh, self._bond_share = (self.tolerance * share for share in SHARES.get(kernel.name, SHARE))
+        if grid.kind == "atoms":
+            # All points at the kernels' centres, where most of what is left out is.
+            modes *= 0.5
+        if not grid.is_lattice or separable(grid, self._inverse) is None:
+            # The mesh is used twice.
+            mesh *= np.sqrt(0.5)
         density = DENSE / (kernel.radius / 2.5) ** 3 / 4 if points is None else points / self.cell.volume
         # Nearby densities give nearby choices: round, so that they can be remembered.
         costs = fourier.COSTS[np.dtype(self.real).itemsize]
@@ -282,7 +289,10 @@ class SpectralDeposit(Deposit):
         for a in np.flatnonzero(~self._periodic):
             first, last = extent[0, a], extent[1, a]
             # Points of the grid within reach; their images must be out of reach.
-            seen = max(self._view[0, a] + self._reach[a], first - self._reach[a]), min(self._view[1, a] - self._reach[a], last + self._reach[a])
+            seen = (
+                max(self._view[0, a] + self._reach[a], first - self._reach[a]),
+                min(self._view[1, a] - self._reach[a], last + self._reach[a]),
+            )
             need = self._reach[a] + max(seen[1] - first, last - seen[0], 0.0)
             counts[a] = _good_length(max(ceil(need), int(last - first) + 1, self.parameters.width + 1, 4))
             low[a] = first
@@ -309,7 +319,9 @@ class SpectralDeposit(Deposit):
         n_comp = last - first
         dtype = np.complex64 if self._number is np.float32 else np.complex128
         S_cx = np.empty((n_comp, counts[0], len(modes.index[1]), len(modes.index[2])), dtype)
-        parts = [(m, array, scale) for m in meshes for array, scale in m.planes()]
+        # Relative to the strongest: single precision holds neither very strong nor very weak sources.
+        largest = max(max(m.scale, m.largest) for m in meshes)
+        parts = [(m, array, scale / largest) for m in meshes for array, scale in m.planes()]
 
         def plane(x):
             P_cyz = np.zeros((n_comp, counts[1], counts[2]), self._number)
@@ -331,7 +343,7 @@ class SpectralDeposit(Deposit):
             F[c] *= response
 
         self._each(component, range(n_comp))
-        return modes, F
+        return modes, F, largest
 
     def _each(self, do, items):
         if self.threads == 1:
@@ -347,10 +359,11 @@ class SpectralDeposit(Deposit):
             done = self._transformed(what, group)
             if done is None:
                 continue
-            modes, F = done
+            modes, F, largest = done
             for d, direction in enumerate(derivatives):
                 factor = None if direction is None else (1j * modes.wave_vector(direction)).astype(F[0].dtype)
                 self._evaluate(modes, [f if factor is None else f * factor for f in F], out[:, group[0] : group[1], d])
+            out[:, group[0] : group[1]] *= largest
         return out[:, :, 0] if derivatives == (None,) else out
 
     def _evaluate(self, modes, F, out):
