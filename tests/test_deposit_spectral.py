@@ -440,7 +440,7 @@ def test_crystal_without_stress():
     d = np.linalg.norm(r, axis=1)
     near = d < 0.9 * a
     # First and second shell in balance: Σ G r r = 0.
-    G = np.where(near, 1.0, -np.sum((r[near] ** 2)) / np.sum(r[~near] ** 2))
+    G = np.where(near, 1.0, -np.sum(r[near] ** 2) / np.sum(r[~near] ** 2))
     bound = atc.Grid.regular(shape=9).bind(METAL, cell, x)
     for tolerance in (1e-2, 1e-4, 1e-6, 1e-8):
         sums = []

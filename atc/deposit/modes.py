@@ -38,7 +38,7 @@ def separable(grid, to_mesh):
     for g, (step, count) in enumerate(zip(steps, grid.counts)):
         a = int(np.abs(step).argmax())
         # 1e-12 of a step: what rounding leaves.
-        if count > 1 and np.abs(np.delete(step, a)).max() > 1e-12 * abs(step[a]) or owner[a] >= 0:
+        if (count > 1 and np.abs(np.delete(step, a)).max() > 1e-12 * abs(step[a])) or owner[a] >= 0:
             return None
         axes[a], owner[a] = Axis(float(start[a]), float(step[a]), count), g
     for a in range(3):

@@ -113,16 +113,15 @@ class SpectralDeposit(Deposit):
         self.real = np.float32 if self.tolerance >= SINGLE else np.float64
         self._number = np.float32 if self.tolerance >= SINGLE_TRANSFORM else np.float64
         modes, mesh, self._bond_share = (self.tolerance * share for share in SHARES.get(kernel.name, SHARE))
-        if grid.kind == "atoms":
-            # All points at the kernels' centres, where most of what is left out is.
-            modes *= 0.5
+        # All points at the kernels' centres, where most of what is left out is.
+        centre = self.tolerance if grid.kind == "atoms" else None
         if not grid.is_lattice or separable(grid, self._inverse) is None:
             # The mesh is used twice.
             mesh *= np.sqrt(0.5)
         density = DENSE / (kernel.radius / 2.5) ** 3 / 4 if points is None else points / self.cell.volume
         # Nearby densities give nearby choices: round, so that they can be remembered.
         costs = fourier.COSTS[np.dtype(self.real).itemsize]
-        self.parameters = p = fourier.choose(kernel, modes, mesh, float(f"{density:.1e}"), costs, self.gradients)
+        self.parameters = p = fourier.choose(kernel, modes, mesh, float(f"{density:.1e}"), costs, self.gradients, centre)
         periodic = self._periodic = np.asarray(self.cell.periodic, bool)
         edges = np.linalg.norm(self._vectors, axis=1)
         nodes = np.array([_good_length(max(ceil(edge / p.spacing), p.width + 1, 4)) for edge in edges])

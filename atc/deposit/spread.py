@@ -271,7 +271,7 @@ def interpolate(u_gc, period, coef, width, mesh, out):
         for a in range(3):
             n = period[a]
             u = u_gc[g, a] - 0.5 * width
-            i = int(floor(u)) + 1
+            i = floor(u) + 1
             f = i - u
             for k in range(width):
                 p = coef[degree, k]
