@@ -1,6 +1,7 @@
 """The deposit of argon's stress, spectral against direct: seconds and error for kernels and tolerances.
 
     python benchmarks/spectral.py [--cells 20] [--kernel gaussian] [--radius 10] [--grid 64] [--tolerances 1e-2 ...] [--threads 1] [--no-direct]
+    python benchmarks/spectral.py --finufft [--cells 10] [--tolerances ...]        own spreading against finufft's, at equal error
 
 20 and 40 cells an edge are 32k and 256k atoms. CPU and wall seconds of one run, kernels compiled before the clock starts, list and forces not included.
 Errors are the largest, and the rms, against the exact sum at 300 random points, relative to the field's largest value, and its rms.
@@ -17,6 +18,7 @@ from frame import crystal
 
 import atc
 from atc.deposit import exact_at, make
+from atc.deposit.direct import stress_components
 from atc.frame import Cell
 from atc.neighbors import CellList, Workspace
 from atc.units import units
@@ -54,6 +56,80 @@ def run(make_deposit, x, pieces, threads):
     return dep, sums, np.array([ready - cpu, added - ready, time.process_time() - added]), time.perf_counter() - wall
 
 
+def modes_by_finufft(plan_of, x, values):
+    """Best of three runs: (modes, CPU seconds). Points are sorted anew every time, as they are new in every frame."""
+    best = np.inf
+    for _ in range(3):
+        start = time.process_time()
+        plan = plan_of()
+        plan.setpts(*np.ascontiguousarray(x.T))
+        modes = plan.execute(values)
+        best = min(best, time.process_time() - start)
+    return modes, best
+
+
+def against_finufft(x, cell, pieces, kern, tolerances, grid):
+    """Modes of the same points by both, one thread. Six real components are three complex ones to finufft; its upsampling is 2 or 1.25, whichever is faster."""
+    import finufft
+
+    i, r, G = (np.concatenate([q[k] for q in pieces]) for k in range(3))
+    # Two points a bond, as many as there are in earnest.
+    t = 0.5 - 0.5 / np.sqrt(3.0)
+    points = np.concatenate([np.stack([x[i] - t * r, x[i] - (1 - t) * r], 1).reshape(-1, 3)])
+    values = np.repeat(stress_components(r, G), 2, axis=0)
+    bound = atc.Grid.regular(shape=grid).bind(units("metal"), cell, x)
+    edge = cell.vectors[0, 0]
+    print(f"{len(points)} points, 6 components, one thread, {kern.name} R = {kern.radius:g}; CPU s; errors: of the field, rms")
+    for tolerance in tolerances:
+        own = np.inf
+        for _ in range(4):
+            dep = make("spectral", bound, kern, cell, 6, 0, 1, tolerance)
+            dep._rules()
+            start = time.process_time()
+            dep.add_sites(points, values)
+            spread = time.process_time() - start
+            done = dep._transformed("site", dep._groups(6)[0])
+            own = min(own, time.process_time() - start)
+        modes, F, scale = done
+        k = modes.largest
+        shape = tuple(int(2 * m + 1) for m in k)
+        w0, w1, w2 = np.ix_(*[modes.window_hat(a) for a in range(3)])
+        phi = modes.response() * w0 * w1 * w2
+        middle = np.ix_(modes.index[0] + k[0], modes.index[1] + k[1], modes.index[2] + k[2])
+
+        def field_modes(Z, middle=middle, phi=phi, k=k):
+            """Those of six real components from those of three complex ones."""
+            mirror = np.conj(Z[:, ::-1, ::-1, ::-1])
+            pair = np.stack([0.5 * (Z + mirror), -0.5j * (Z - mirror)], 1).reshape(6, *Z.shape[1:])
+            return pair[(slice(None), *middle)] * phi
+
+        angle = 2 * np.pi * (points / edge % 1.0)
+        pairs = np.ascontiguousarray((values[:, 0::2] + 1j * values[:, 1::2]).T)
+
+        def plan(eps, factor, dtype, shape=shape):
+            return finufft.Plan(1, shape, n_trans=3, eps=eps, isign=-1, dtype=dtype, nthreads=1, upsampfac=factor)
+
+        want = field_modes(modes_by_finufft(lambda: plan(1e-12, 2.0, "complex128"), angle, pairs)[0])  # noqa: B023
+        norm = np.sqrt((np.abs(want) ** 2).sum())
+        error = np.sqrt((np.abs(np.stack(F) * scale - want) ** 2).sum()) / norm
+        found = []
+        for factor in (2.0, 1.25):
+            for eps in 10.0 ** np.arange(-1.0, -12.0, -0.5):
+                dtype = "complex64" if eps >= 1e-5 else "complex128"
+                real = np.float32 if dtype == "complex64" else np.float64
+                Z, seconds = modes_by_finufft(lambda e=eps, f=factor, d=dtype: plan(e, f, d), angle.astype(real), pairs.astype(dtype))
+                its = np.sqrt((np.abs(field_modes(Z) - want) ** 2).sum()) / norm
+                if its <= error:
+                    found.append((seconds, its, eps, factor, dtype))
+                    break
+        seconds, its, eps, factor, dtype = min(found)
+        print(
+            f"tolerance {tolerance:g}: own {own:.2f} s (spreading {spread:.2f}, width {dep.parameters.width}, mesh {dep.mesh[0]}) error {error:.1e}; "
+            f"finufft {seconds:.2f} s (eps {eps:.0e}, upsampling {factor:g}, {dtype}, modes {shape[0]}) error {its:.1e}; {seconds / own:.1f} times",
+            flush=True,
+        )
+
+
 def main():
     p = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     p.add_argument("--cells", type=int, default=20)
@@ -63,8 +139,13 @@ def main():
     p.add_argument("--tolerances", type=float, nargs="+", default=[1e-2, 1e-3, 1e-4, 1e-5, 1e-6])
     p.add_argument("--threads", type=int, default=1)
     p.add_argument("--no-direct", action="store_true")
+    p.add_argument("--finufft", action="store_true")
     a = p.parse_args()
     x, cell, pieces = argon(a.cells)
+    if a.finufft:
+        for name in a.kernel:
+            against_finufft(x, cell, pieces, atc.kernel(name, a.radius), a.tolerances, a.grid)
+        return
     n_bond = sum(len(q[2]) for q in pieces)
     bound = atc.Grid.regular(shape=a.grid).bind(units("metal"), cell, x)
     which = np.random.default_rng(0).choice(len(bound), 300, replace=False)

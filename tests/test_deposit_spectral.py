@@ -2,6 +2,7 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
+from math import fsum
 
 import numpy as np
 import pytest
@@ -9,8 +10,10 @@ from scipy.integrate import quad
 
 import atc
 from atc.deposit import fourier, make
+from atc.deposit.gradient import gather
 from atc.errors import AtcError
 from atc.frame import Cell
+from atc.neighbors import neighbor_list
 from atc.units import units
 
 METAL = units("metal")
@@ -145,9 +148,9 @@ def test_threads_and_pieces_agree():
 
     with ThreadPoolExecutor(2) as pool:
         list(pool.map(part, range(2)))
-    # The same points in another order.
+    # The sites are the same points in another order; how well a bond is integrated depends on the others of its piece.
     close(dep.site_sums(), want[0], 1e-13)
-    close(dep.bond_sums(), want[1], 1e-13)
+    close(dep.bond_sums(), want[1], 1e-6)
     assert dep.visits > 0
 
 
@@ -230,6 +233,233 @@ def test_window(width, shape):
     assert np.abs(got - fourier.window(x + np.arange(width) - 0.5 * width, width, shape)).max() < 2e-9
 
 
+# --- any grid, any boundary
+def compare(grid, kern, cell, data, tolerance, threads=1):
+    """Spectral against direct sums on any grid, relative to the largest value on it or at an atom; the deposit."""
+    x, i, r, a, G = data
+    sums = []
+    for method, at in (("direct", atc.Grid.atoms()), ("direct", grid), ("spectral", grid)):
+        dep = make(method, at.bind(METAL, cell, x), kern, cell, a.shape[1], 6, threads, tolerance=tolerance)
+        dep.add_sites(x, a)
+        dep.add_bond_stress(x, i, r, G)
+        sums.append((dep.site_sums(), dep.bond_sums()))
+    for somewhere, want, got in zip(*sums):
+        largest = max(np.abs(want).max(), np.abs(somewhere).max())
+        assert got.shape == want.shape and largest > 0
+        assert np.abs(got - want).max() <= tolerance * largest
+    return dep
+
+
+GRIDS = {
+    "region": atc.Grid.regular([5.0, 4.0, 9.0], shape=(4, 3, 5), origin=[3.0, 1.0, 2.0]),
+    "tilted region": atc.Grid.regular([[5.0, 1, 0], [0, 4, 2], [0, 1, 9]], shape=(4, 3, 5), origin=[-20.0, 1.0, 2.0]),
+    "corners": atc.Grid.regular(shape=(6, 5, 4), at="corners"),
+    "plane": atc.Grid.plane(axis="y", position=3.0, shape=(7, 5)),
+    "tilted plane": atc.Grid.plane([1.0, 2, 3], [5.0, 1, 0], [0, 2.0, 7], shape=(7, 5)),
+    "line": atc.Grid.line([1.0, 2, 3], [1.0, 2, 14.0], 9),
+    "tilted line": atc.Grid.line([1.0, 2, 3], [7.0, -2, 14.0], 9),
+    "points": atc.Grid.points(np.random.default_rng(2).normal(size=(40, 3)) * 15),
+    "atoms": atc.Grid.atoms(),
+}
+BOUNDARIES = {"periodic": (True, True, True), "film": (True, True, False), "wire": (False, False, True), "cluster": (False, False, False)}
+
+
+@pytest.mark.parametrize("boundary", BOUNDARIES)
+@pytest.mark.parametrize("grid", GRIDS)
+def test_any_grid(grid, boundary):
+    """All kinds of grid in a tilted cell with all kinds of boundary, in double and single precision."""
+    v = CELLS["triclinic"]
+    cell = Cell(v.vectors, v.origin, BOUNDARIES[boundary])
+    data = sample(cell, 11)
+    for tolerance in (1e-3, 1e-6):
+        compare(GRIDS[grid], atc.kernel("gaussian", width=1.4), cell, data, tolerance, threads=2)
+    compare(GRIDS[grid], KERNELS["lucy"], cell, data, 3e-3)
+
+
+@pytest.mark.parametrize("name, tolerance", [("gaussian", 1e-9), ("lucy", 1e-3), ("bspline", 1e-3), ("quartic", 3e-3)])
+def test_open_cell_wider_and_narrower_than_the_kernel(name, tolerance):
+    for edge in (3.0, 40.0):
+        cell = Cell([edge, 9.0, 11.0], [-4.0, 0.0, 1e3], periodic=(False, True, False))
+        compare(atc.Grid.regular(shape=(9, 4, 6)), KERNELS[name], cell, sample(cell, 12), tolerance)
+
+
+def test_empty_space_costs_nothing():
+    """A wire along z in a cell a hundred times as wide: the mesh is as large as without the empty space, and the sums are right."""
+    rng = np.random.default_rng(3)
+    x = np.c_[rng.random((200, 2)) * 6 + 400, rng.random(200) * 20]
+    i, r, G = rng.integers(0, 200, 500), rng.normal(size=(500, 3)), rng.normal(size=500)
+    data = x, i, r, rng.normal(size=(200, 2)), G
+    meshes = []
+    for edge, origin in ((30.0, 390.0), (1000.0, 0.0), (1e6, -3e5)):
+        cell = Cell([edge, edge, 20.0], [origin, origin, 0.0], periodic=(False, False, True))
+        line = atc.Grid.line([395.0, 403, 3], [412.0, 403, 3], 50)
+        meshes.append(compare(line, KERNELS["gaussian"], cell, data, 1e-6).mesh)
+        dep = make("spectral", atc.Grid.regular(shape=(64, 64, 4)).bind(METAL, cell, x), KERNELS["gaussian"], cell, 2, 6)
+        dep.add_sites(x, data[3])
+        assert dep.mesh.prod() < 3e5
+    assert (meshes[0] == meshes[1]).all() and (meshes[0] == meshes[2]).all()
+
+
+def test_mesh_grows_with_what_is_added():
+    """Pieces that lie farther and farther out, on open axes; what the grid cannot see is left out."""
+    cell = Cell([100.0, 10.0, 100.0], periodic=(False, True, False))
+    rng = np.random.default_rng(4)
+    bound = atc.Grid.regular(shape=(40, 3, 30)).bind(METAL, cell, np.zeros((1, 3)))
+    for tolerance in (1e-3, 1e-6):
+        deps = [make(m, bound, KERNELS["gaussian"], cell, 1, 1, tolerance=tolerance) for m in ("direct", "spectral")]
+        for centre in (50, 30, 80, -500, 95, 5, 1e12):
+            x = rng.random((30, 3)) * 10 + [centre, 0, centre]
+            r, a, b = rng.normal(size=(30, 3)) * 4, rng.normal(size=(30, 1)), rng.normal(size=(30, 1))
+            for dep in deps:
+                dep.add_sites(x, a)
+                dep.add_bonds(x, r, b)
+        close(deps[1].site_sums(), deps[0].site_sums(), tolerance)
+        close(deps[1].bond_sums(), deps[0].bond_sums(), tolerance)
+
+
+def test_nothing_in_sight():
+    cell = Cell([20.0] * 3, periodic=(False, False, False))
+    dep = make("spectral", atc.Grid.regular(shape=4).bind(METAL, cell, np.zeros((1, 3))), KERNELS["gaussian"], cell, 1, 6)
+    dep.add_sites(np.full((3, 3), 1e5), np.ones((3, 1)))
+    assert not dep.site_sums().any()
+
+
+# --- gradients
+@pytest.mark.parametrize("boundary", ["periodic", "film"])
+@pytest.mark.parametrize("grid", ["corners", "tilted plane", "region"])
+def test_gradients(grid, boundary):
+    """Against the closed form, by gathering."""
+    v = CELLS["triclinic"]
+    cell = Cell(v.vectors, v.origin, BOUNDARIES[boundary])
+    x, _, _, a, _ = sample(cell, 13)
+    bound = GRIDS[grid].bind(METAL, cell, x)
+    for name, tolerance in (
+        ("gaussian", 1e-2),
+        ("gaussian", 1e-4),
+        ("gaussian", 1e-7),
+        ("lucy", 1e-2),
+        ("quartic", 2e-2),
+        ("bspline", 1e-2),
+    ):
+        values, gradients = gather(bound, KERNELS[name], cell, x, a)
+        dep = make("spectral", bound, KERNELS[name], cell, 3, 0, tolerance=tolerance, gradients=True)
+        dep.add_sites(x, a)
+        close(dep.site_sums(), values, tolerance)
+        close(dep.site_gradients(), gradients, tolerance)
+
+
+def test_divergence_of_a_bond_is_the_difference_of_its_ends():
+    """∂_µ(r^µ β) = φ_k − φ_j: what makes the stress fulfil the balance of momentum."""
+    cell, kern = CELLS["triclinic"], KERNELS["gaussian"]
+    x, i, r, _, G = sample(cell, 14)
+    bound = atc.Grid.regular(shape=(6, 5, 7)).bind(METAL, cell, x)
+    dep = make("spectral", bound, kern, cell, 1, 3, tolerance=1e-7, gradients=True)
+    dep.add_bonds(x[i], r, G[:, None] * r)
+    dep.add_sites(x[i], G[:, None])
+    dep.add_sites(x[i] - r, -G[:, None])
+    divergence = np.einsum("gcc->g", dep.bond_gradients())
+    # 1e-6: the tolerance, and the field of differences is smaller than that of its parts.
+    close(-divergence, dep.site_sums()[:, 0], 1e-6)
+
+
+def test_gradients_need_a_smooth_kernel_or_another_method():
+    cell = CELLS["orthogonal"]
+    bound = atc.Grid.regular(shape=3).bind(METAL, cell, np.zeros((1, 3)))
+    with pytest.raises(AtcError, match="gradients"):
+        make("direct", bound, KERNELS["gaussian"], cell, 1, 0, gradients=True)
+    with pytest.raises(AtcError, match="linear"):
+        make("spectral", bound, KERNELS["linear"], cell, 1, 0, tolerance=1e-4, gradients=True)
+
+
+# --- hard cases
+def test_many_frames_on_one_mesh():
+    """1e4 small frames added one after the other, finished once: against the compensated sum of what each gives."""
+    cell, kern = Cell([9.0, 10.0, 8.0]), KERNELS["gaussian"]
+    rng = np.random.default_rng(5)
+    frames = 10_000
+    bound = atc.Grid.regular(shape=(3, 4, 2)).bind(METAL, cell, np.zeros((1, 3)))
+    n = 3
+    x = rng.random((frames, n, 3)) * 10
+    a = 1.0 + rng.random((frames, n, 1))
+    b = 1.0 + rng.random((frames, n, 1))
+    r = rng.normal(size=(frames, n, 3))
+    for tolerance in (1e-3, 1e-5, 1e-9):
+        dep = make("spectral", bound, kern, cell, 1, 1, tolerance=tolerance)
+        for k in range(frames):
+            dep.add_sites(x[k], a[k])
+            dep.add_bonds(x[k], r[k], b[k])
+        got = dep.site_sums(), dep.bond_sums()
+        if tolerance == 1e-3:
+            want = []
+            for rr, values in ((np.zeros_like(r), a), (r, b)):
+                exact = [make("direct", bound, kern, cell, 0, 1) for _ in range(200)]
+                for k, d in enumerate(exact):
+                    part = slice(k * frames // 200, (k + 1) * frames // 200)
+                    d.add_bonds(x[part].reshape(-1, 3), rr[part].reshape(-1, 3), values[part].reshape(-1, 1))
+                parts = np.stack([d.bond_sums() for d in exact])
+                want.append(np.array([fsum(parts[:, g, 0]) for g in range(parts.shape[1])])[:, None])
+        for g, w in zip(got, want):
+            # Small frames: the tolerance holds for each of them, errors of many average.
+            close(g, w, tolerance)
+
+
+@pytest.mark.parametrize("spread_of_strengths", [1e3, 1e30, 1e-30])
+def test_strengths_of_any_size(spread_of_strengths):
+    """Two atoms nearly on each other give a bond 1e30 times as strong; all of them weak. Single precision holds neither without a scale."""
+    cell, kern = CELLS["triclinic"], KERNELS["gaussian"]
+    x, i, r, a, G = sample(cell, 15)
+    G[5:] *= 1e-3
+    G[:5] *= spread_of_strengths
+    compare(atc.Grid.regular(shape=6), kern, cell, (x, i, r, a, G), 1e-4)
+    compare(atc.Grid.regular(shape=6), kern, cell, (x, i, r, a * 1e-300, G * 1e-35), 1e-4)
+    # Piece after piece, each far stronger than the last one.
+    bound = atc.Grid.regular(shape=6).bind(METAL, cell, x)
+    dep, exact = (make(m, bound, kern, cell, 0, 6, tolerance=1e-4) for m in ("spectral", "direct"))
+    for k in range(12):
+        part = slice(50 * k, 50 * (k + 1))
+        for d in (dep, exact):
+            d.add_bond_stress(x, i[part], r[part], G[part] * 1e4**k)
+    close(dep.bond_sums(), exact.bond_sums(), 1e-4)
+
+
+@pytest.mark.parametrize("shape", [(40, 2, 3), (3, 3, 3), (1, 1, 64)])
+def test_grids_coarser_than_the_kernel_and_anisotropic(shape):
+    cell = Cell([60.0, 58.0, 62.0])
+    for name, tolerance in (("gaussian", 1e-6), ("lucy", 1e-3)):
+        compare(atc.Grid.regular(shape=shape, at="corners"), KERNELS[name], cell, sample(cell, 16, 2000, 4000), tolerance)
+
+
+def test_crystal_without_stress():
+    """A field that cancels: the error is relative to the same sum of |b|."""
+    a = 5.3
+    base = np.array([[0, 0, 0], [0, 0.5, 0.5], [0.5, 0, 0.5], [0.5, 0.5, 0]]) * a
+    cells = np.stack(np.meshgrid(*[np.arange(3)] * 3, indexing="ij"), -1).reshape(-1, 1, 3)
+    x = (base + cells * a).reshape(-1, 3)
+    cell = Cell([3 * a] * 3)
+    i, _, r, _ = neighbor_list(x, cell, 1.1 * a)
+    d = np.linalg.norm(r, axis=1)
+    near = d < 0.9 * a
+    # First and second shell in balance: Σ G r r = 0.
+    G = np.where(near, 1.0, -np.sum(r[near] ** 2) / np.sum(r[~near] ** 2))
+    bound = atc.Grid.regular(shape=9).bind(METAL, cell, x)
+    for tolerance in (1e-2, 1e-4, 1e-6, 1e-8):
+        sums = []
+        for method, factor in (("spectral", G), ("direct", G), ("direct", np.abs(G))):
+            dep = make(method, bound, KERNELS["gaussian"], cell, 0, 6, tolerance=tolerance)
+            dep.add_bond_stress(x, i, r, factor)
+            sums.append(dep.bond_sums())
+        assert np.abs(sums[0] - sums[1]).max() <= tolerance * np.abs(sums[2]).max()
+
+
+def test_cheap_to_ask_what_it_would_do():
+    """Parameters, mesh and modes without a buffer or a compilation: for the planner."""
+    cell = Cell([300.0] * 3)
+    bound = atc.Grid.regular(shape=64).bind(METAL, cell, np.zeros((1, 3)))
+    dep = make("spectral", bound, KERNELS["gaussian"], cell, 1, 6, tolerance=1e-5)
+    assert dep.mesh.shape == (3,) and (dep.modes < dep.mesh / 2).all() and dep.parameters.width >= 3
+    assert not dep._meshes and dep._rule is None
+
+
 @pytest.mark.parametrize(
     "kern, tolerance, grid, cell, says",
     [
@@ -238,7 +468,6 @@ def test_window(width, shape):
         (KERNELS["quartic"], 1e-9, atc.Grid.regular(shape=3), CELLS["orthogonal"], "quartic"),
         (atc.kernel("gaussian", 0.01), 1e-5, atc.Grid.regular(shape=3), CELLS["orthogonal"], "mesh of"),
         (KERNELS["gaussian"], 1e-5, atc.Grid.slab("z", 4), CELLS["orthogonal"], "slab"),
-        (KERNELS["gaussian"], 1e-5, atc.Grid.regular(shape=3), Cell([12.0, 13, 14], periodic=(True, True, False)), "periodic"),
     ],
 )
 def test_what_it_cannot_do_says_so(kern, tolerance, grid, cell, says):

@@ -15,7 +15,7 @@ from ..errors import AtcError
 METHODS = ("direct", "spectral", "slab")
 
 
-def make(method, bound_grid, kernel, cell, n_site, n_bond, threads=1, tolerance=1e-5):
+def make(method, bound_grid, kernel, cell, n_site, n_bond, threads=1, tolerance=1e-5, gradients=False):
     """A deposit: an object that takes sites and bonds in pieces and gives their sums on the grid.
 
     Parameters
@@ -29,13 +29,19 @@ def make(method, bound_grid, kernel, cell, n_site, n_bond, threads=1, tolerance=
     threads : number of independent buffers. ``add_*`` with different ``thread`` may run at the same time; the sums are taken in
         the order of the buffers, so that the result depends only on which piece went to which buffer.
     tolerance : of the spectral method, relative to the largest value of the field
+    gradients : whether gradients will be asked for too (``site_gradients``, ``bond_gradients``), to the same tolerance: the spectral method only; the others'
+        are in `atc.deposit.gradient`
+
+    Sums are linear in what has been added: all frames of an averaging window that share a cell may be added before the sums are taken, once.
     """
     if method not in METHODS:
         raise AtcError(f"unknown deposit method {method!r}: expected one of {', '.join(METHODS)}")
     if method == "spectral":
         from .spectral import SpectralDeposit
 
-        return SpectralDeposit(bound_grid, kernel, cell, n_site, n_bond, threads, tolerance)
+        return SpectralDeposit(bound_grid, kernel, cell, n_site, n_bond, threads, tolerance, gradients=gradients)
+    if gradients:
+        raise AtcError(f"deposit method {method!r} gives no gradients: use method 'spectral', or atc.deposit.gradient.gather")
     from . import direct
 
     if bound_grid.kind == "slab":

@@ -5,12 +5,13 @@ from __future__ import annotations
 from functools import cache
 from math import ceil
 
+import numba as nb
 import numpy as np
 
 from ..errors import AtcError
 from ..kernels import TINY, Box, BSpline, Gaussian, GaussianMarginal, Radial
 from . import _beta, _lattice, _points, _slab
-from ._simd import specialise
+from ._simd import ENTRY, specialise
 
 # Bonds whose geometry is prepared at once.
 PIECE = 8192
@@ -56,11 +57,17 @@ def _core(function, name):
 
 def stress_components(r_bc, G_b):
     """G r⊗r: xx, yy, zz, yz, xz, xy."""
-    x, y, z = r_bc.T
     b_bk = np.empty((len(G_b), 6))
-    for k, (p, q) in enumerate(((x, x), (y, y), (z, z), (y, z), (x, z), (x, y))):
-        np.multiply(G_b * p, q, out=b_bk[:, k])
+    _outer(_array(r_bc), _array(G_b), b_bk)
     return b_bk
+
+
+@nb.njit(**ENTRY)
+def _outer(r_bc, G_b, b_bk):
+    for b in range(len(G_b)):
+        x, y, z, G = r_bc[b, 0], r_bc[b, 1], r_bc[b, 2], G_b[b]
+        b_bk[b, 0], b_bk[b, 1], b_bk[b, 2] = G * x * x, G * y * y, G * z * z
+        b_bk[b, 3], b_bk[b, 4], b_bk[b, 5] = G * y * z, G * x * z, G * x * y
 
 
 def _array(a, dtype=np.float64):

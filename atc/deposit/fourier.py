@@ -76,6 +76,7 @@ class Spectrum:
     """A kernel's modes along one direction, k in units of 1/scale.
 
     hat : φ̂(κ e); power : p(κ) dκ normalised to ∫₀^∞ p = 1; tail : ∫_κ^∞ p
+    centre : how much of φ(0) the modes beyond κ make up
     """
 
     scale: float
@@ -83,12 +84,7 @@ class Spectrum:
     hat: np.ndarray
     power: np.ndarray
     tail: np.ndarray
-
-    def error(self, wrong, upto=None):
-        """How much of the field is lost when the mode at k[i] is wrong by the fraction wrong[..., i]: the larger of the two measures."""
-        w = slice(None, upto)
-        in_step = np.abs(wrong[..., w] * self.hat[w]).max(-1)
-        return np.maximum(np.sqrt((wrong[..., w] ** 2 * self.power[w]).sum(-1)), in_step)
+    centre: np.ndarray
 
 
 @lru_cache(maxsize=64)
@@ -99,6 +95,8 @@ def spectrum(kernel, gradient=False) -> Spectrum:
         k = (np.arange(24000) + 0.5) * 0.05
         hat = np.sinc(k * 0.25 / pi) ** 4
         p = hat**2 * (k**2 if gradient else 1.0)
+        # One axis after the other.
+        centre = 3.0 * hat
     elif isinstance(kernel, (Gaussian, Radial)):
         scale = kernel.radius
         top = 90.0 if isinstance(kernel, Gaussian) else 1500.0
@@ -106,13 +104,16 @@ def spectrum(kernel, gradient=False) -> Spectrum:
         hat = radial_hat(kernel, k / scale)
         # ∫ φ̂² q dq over the plane at κ: all k from κ on.
         p = np.cumsum((hat**2 * k * (k**2 if gradient else 1.0))[::-1])[::-1]
+        centre = hat * k**2
     else:
         raise AtcError(f"kernel {kernel.name!r} jumps, its modes decay too slowly for the spectral method: use method 'direct'")
     p = p / p.sum()
+    total = (hat if isinstance(kernel, BSpline) else hat * k**2).sum()
+    centre = np.maximum.accumulate(np.abs(np.cumsum(centre[::-1]) / total))[::-1]
     if gradient:
         # In step: against the mode with the largest gradient.
         hat = hat * k / np.abs(hat * k).max()
-    return Spectrum(scale, k, hat, p, np.cumsum(p[::-1])[::-1])
+    return Spectrum(scale, k, hat, p, np.cumsum(p[::-1])[::-1], centre)
 
 
 # --- the spreading window: Kaiser and Bessel's, x in mesh spacings, support |x| < width/2
@@ -189,7 +190,7 @@ COSTS = {8: (25.0, 0.75, 130.0), 4: (25.0, 0.40, 70.0)}
 
 
 @lru_cache(maxsize=64)
-def choose(kernel, left_out, confused, points_density, costs=COSTS[8], gradient=False) -> Parameters:
+def choose(kernel, left_out, confused, points_density, costs=COSTS[8], gradient=False, centre=None) -> Parameters:
     """The cheapest window and mesh whose estimated errors are below the shares of the tolerance.
 
     Parameters
@@ -198,11 +199,15 @@ def choose(kernel, left_out, confused, points_density, costs=COSTS[8], gradient=
     points_density : points to spread per unit volume
     costs : see COSTS
     gradient : whether the errors are those of the field's gradient
+    centre : how much of φ(0) may be left out: where fields are wanted at the kernels' centres
     """
     spec = spectrum(kernel, gradient)
     lost = np.sqrt(3.0 * spec.tail)
     worst = np.maximum.accumulate(np.abs(spec.hat)[::-1])[::-1]
-    enough = np.flatnonzero(np.maximum(lost, worst) <= left_out)
+    fine = np.maximum(lost, worst) <= left_out
+    if centre is not None:
+        fine &= spec.centre <= centre
+    enough = np.flatnonzero(fine)
     # Near the table's end the tail is cut short.
     if not len(enough) or spec.k[enough[0]] > 0.5 * spec.k[-1]:
         raise AtcError(f"kernel {kernel.name!r}: its modes decay too slowly for this tolerance by method 'spectral': use method 'direct'")
@@ -264,3 +269,9 @@ def longest_bonds(kernel, tolerances, most=10, gradient=False):
     errors = _rule_errors(kernel, most, gradient)
     at = np.array([np.searchsorted(e, tolerances, side="right") for e in errors]).T
     return np.where(at > 0, _LENGTHS[np.maximum(at - 1, 0)], 1e-9) * spectrum(kernel).scale
+
+
+def rule_error(kernel, m, length, gradient=False, most=10):
+    """(b,) error by m + 1 points for bonds of these lengths and all shorter ones; up to the next length of the table."""
+    errors = _rule_errors(kernel, most, gradient)
+    return errors[m, np.minimum(np.searchsorted(_LENGTHS, np.asarray(length) / spectrum(kernel).scale), len(_LENGTHS) - 1)]

@@ -27,13 +27,19 @@ MOST = 10
 LARGEST = 8.0e9
 # Points to spread in a ball of radius R/4, as in dense argon at R = 10 Å: what the choice between a fine mesh and a wide window goes by.
 DENSE = 200.0
-# What of the tolerance goes to which error: they add up in squares. The largest error among many points over the largest value is up to twice what the
-# same ratio of mean squares is. Modes are dear where a kernel's transform decays slowly, the others never are.
-RESERVE, MODES, MESH, BONDS = 0.5, 0.8, 0.42, 0.42
-# From this tolerance on meshes and transforms are in single precision: measured errors stay below a tenth of it.
-SINGLE = 1e-5
-# Points a mesh node gets in single precision before the mesh is moved into one of double precision.
-SHORT = 16.0
+# What of the tolerance goes to the modes left out, to those that the mesh confuses, and to the bonds' points. The squares of the errors add up; the largest error
+# among many points over the largest value is up to twice what the same ratio of mean squares is: where modes decay slowly, what is left out gathers
+# at the kernel's centre and edge. Leaving out little is dear for those kernels, and cheap for the Gaussian.
+SHARES = {"gaussian": (0.35, 0.25, 0.9)}
+SHARE = (0.4, 0.25, 0.4)
+# Bonds among which the loosest sufficient choice of points is looked for, and how far it may go (in powers of two).
+SAMPLE, LOOSEST = 2000, 8
+# From this tolerance on meshes are in single precision, and from the second on transforms too. Rounding errors are relative to all modes, kept or not:
+# the wider the kernel, the smaller a part of them is the field. Measured on argon with R = 10 and 20 Å: 1e-6 and 2e-6 of its largest value.
+SINGLE, SINGLE_TRANSFORM = 1e-5, 1e-4
+# Points that a mesh in single precision gets before it is moved into one of double precision: sums have to stay short.
+# From SINGLE_TRANSFORM on that many a node, if those are more.
+SHORT = 8000, 16.0
 
 
 class _Mesh:
@@ -43,7 +49,8 @@ class _Mesh:
         self.low, self.lanes, self.real = low, lanes, real
         self.shape = tuple(int(n) for n in shape)
         self.flat = _aligned(int(np.prod(self.shape)) * lanes, real)
-        self.total, self.scale, self.points = None, 0.0, 0
+        self.total, self.scale, self.largest, self.points = None, 0.0, 0.0, 0
+        self.rows = np.zeros(self.shape[:2], np.uint8)
 
     def planes(self):
         """[(array [x][y][z][component], scale)]"""
@@ -52,18 +59,21 @@ class _Mesh:
             parts.append((self.total, 1.0))
         return [(a.reshape(*self.shape, self.lanes), s) for a, s in parts]
 
-    def flush(self):
+    def flush(self, width):
         if self.total is None:
             self.total = _aligned(len(self.flat), np.float64)
-        spread.flush(self.flat, self.total, self.scale)
+        self.largest = max(self.largest, self.scale)
+        mesh, total = (a.reshape(*self.shape[:2], -1) for a in (self.flat, self.total))
+        spread.flush(mesh, self.rows, width, total, self.scale)
         self.points = 0
 
     def grown(self, low, shape):
         """The same on more nodes."""
         new = _Mesh(low, shape, self.lanes, self.real)
-        new.scale, new.points = self.scale, self.points
+        new.scale, new.largest, new.points = self.scale, self.largest, self.points
         at = tuple(slice(int(a), int(a) + n) for a, n in zip(self.low - low, self.shape))
         new.flat.reshape(*new.shape, -1)[at] = self.flat.reshape(*self.shape, -1)
+        new.rows[at[:2]] = self.rows
         if self.total is not None:
             new.total = _aligned(len(new.flat), np.float64)
             new.total.reshape(*new.shape, -1)[at] = self.total.reshape(*self.shape, -1)
@@ -77,8 +87,8 @@ class SpectralDeposit(Deposit):
 
     Parameters
     ----------
-    tolerance : relative to the largest value of a field of independent sources (a field that is their sum is larger, one that is their
-        difference smaller)
+    tolerance : relative to the largest value, anywhere in the cell, of a field of independent sources (a field that is their sum is larger, one that
+        is their difference smaller)
     points : how many points will be spread, if known: only the speed depends on it
     gradients : whether the tolerance is meant for gradients as well
 
@@ -101,14 +111,17 @@ class SpectralDeposit(Deposit):
         if grid.kind == "slab":
             raise AtcError("method 'spectral' does not average over slabs: use method 'direct'")
         self.real = np.float32 if self.tolerance >= SINGLE else np.float64
-        self._share = RESERVE * self.tolerance
+        self._number = np.float32 if self.tolerance >= SINGLE_TRANSFORM else np.float64
+        modes, mesh, self._bond_share = (self.tolerance * share for share in SHARES.get(kernel.name, SHARE))
+        # All points at the kernels' centres, where most of what is left out is.
+        centre = self.tolerance if grid.kind == "atoms" else None
+        if not grid.is_lattice or separable(grid, self._inverse) is None:
+            # The mesh is used twice.
+            mesh *= np.sqrt(0.5)
         density = DENSE / (kernel.radius / 2.5) ** 3 / 4 if points is None else points / self.cell.volume
         # Nearby densities give nearby choices: round, so that they can be remembered.
-        shares = [(self.gradients, MODES * self._share, MESH * self._share)]
-        choices = [
-            fourier.choose(kernel, m, c, float(f"{density:.1e}"), fourier.COSTS[np.dtype(self.real).itemsize], g) for g, m, c in shares
-        ]
-        self.parameters = p = choices[0]
+        costs = fourier.COSTS[np.dtype(self.real).itemsize]
+        self.parameters = p = fourier.choose(kernel, modes, mesh, float(f"{density:.1e}"), costs, self.gradients, centre)
         periodic = self._periodic = np.asarray(self.cell.periodic, bool)
         edges = np.linalg.norm(self._vectors, axis=1)
         nodes = np.array([_good_length(max(ceil(edge / p.spacing), p.width + 1, 4)) for edge in edges])
@@ -155,20 +168,41 @@ class SpectralDeposit(Deposit):
             for m in range(MOST):
                 x, w = np.polynomial.legendre.leggauss(m + 1)
                 nodes[m, : m + 1], weights[m, : m + 1] = 0.5 * (x + 1.0), 0.5 * w
-            levels = BONDS * self._share * 2.0 ** np.arange(-spread.LEVELS, spread.LEVELS + 1)
+            levels = self._bond_share * 2.0 ** np.arange(-spread.LEVELS, spread.LEVELS + 1)
             longest = fourier.longest_bonds(self.kernel, levels, MOST, self.gradients)
             # Three windows multiply; what a mode is divided by makes their error larger by no more than about ten.
-            coef = fourier.window_polynomials(self.parameters.width, self.parameters.shape, 0.01 * self._share)
+            coef = fourier.window_polynomials(self.parameters.width, self.parameters.shape, 0.005 * self.tolerance)
             self._rule = nodes, weights, longest, coef
         return self._rule
 
     def points_of(self, length: float) -> int:
         """How many points a bond of this length and of mean strength becomes."""
-        longest = fourier.longest_bonds(self.kernel, np.array([BONDS * self._share]), MOST, self.gradients)[0]
+        longest = fourier.longest_bonds(self.kernel, np.array([self._bond_share]), MOST, self.gradients)[0]
         enough = np.flatnonzero(longest >= length)
         return int(enough[0]) + 1 if len(enough) else MOST * ceil(length / longest[-1])
 
     # --- adding
+    def _slack(self, i_b, r_bc, b_bk, weight_k):
+        """By how much the error of a bond may exceed its share of the tolerance, as a power of two, when that of all together does not.
+
+        With one number of points or another most bonds do far better than they must.
+        """
+        some = slice(None, None, max(1, len(i_b) // SAMPLE))
+        strength = (np.abs(b_bk[some]) * weight_k).max(1)
+        length = np.linalg.norm(r_bc[some], axis=1)
+        length, strength = length[strength > 0], strength[strength > 0]
+        longest = self._rules()[2]
+        level = spread.LEVELS - np.frexp(strength)[1]
+        for slack in range(LOOSEST, 0, -1):
+            enough = longest[np.clip(level + slack, 0, 2 * spread.LEVELS)]
+            m = np.minimum((length[:, None] > enough).sum(1), MOST - 1)
+            pieces = np.maximum(1.0, np.ceil(length / enough[np.arange(len(m)), m]))
+            part = strength * fourier.rule_error(self.kernel, m, length / pieces, self.gradients)
+            # Mean strength is 1 or more: sums in step, and of squares.
+            if part.mean() <= self._bond_share and np.sqrt((part**2).mean()) <= self._bond_share * np.sqrt((strength**2).mean()):
+                return slack
+        return 0
+
     def _groups(self, n_comp):
         """Components that share a mesh: [(first, last, components of the mesh)]."""
         return [(k, min(k + 8, n_comp), 4 if n_comp - k <= 4 else 8) for k in range(0, n_comp, 8)]
@@ -193,16 +227,26 @@ class SpectralDeposit(Deposit):
         else:
             lo = hi = np.zeros(3)
         weight = np.divide(1.0, mean, out=np.zeros_like(mean), where=mean > 0)
+        slack = self._slack(i_b, r_bc, b_bk, weight) if what == "bond" and len(i_b) > SAMPLE // 4 else 0
         for first, last, lanes in self._groups(b_bk.shape[1]):
             part = b_bk if last - first == b_bk.shape[1] else np.ascontiguousarray(b_bk[:, first:last])
             mesh = self._mesh_for((what, first, thread), lo, hi, lanes, most)
-            n = spread.core(width, lanes, len(coef) - 1, self.real)(
-                x_nc, i_b, r_bc, part, self._origin, self._to_mesh, self._period, mesh.low, np.array(mesh.shape), weight[first:last],
-                longest, nodes, weights, coef.ravel().astype(self.real), 1.0 / mesh.scale, mesh.flat,
+            spread_bonds = spread.core(width, lanes, len(coef) - 1, self.real)
+            rest = (
+                self._origin, self._to_mesh, self._period, mesh.low, np.array(mesh.shape), weight[first:last] * 0.5**slack,
+                longest, nodes, weights, coef.ravel().astype(self.real), 1.0 / mesh.scale, mesh.flat, mesh.rows,
             )  # fmt: skip
-            mesh.points += n
-            self._points[thread] += n
-            self._visits[thread] += n * width**3
+            nodes_of_mesh = len(mesh.flat) // lanes
+            short = max(SHORT[0], nodes_of_mesh * SHORT[1]) if self.tolerance >= SINGLE_TRANSFORM else SHORT[0]
+            # About four points a bond.
+            piece = len(i_b) if self.real is np.float64 else max(1, int(short) // 4)
+            for s in range(0, len(i_b), piece):
+                if mesh.points >= short and self.real is np.float32:
+                    mesh.flush(width)
+                n = spread_bonds(x_nc, i_b[s : s + piece], r_bc[s : s + piece], part[s : s + piece], *rest)
+                mesh.points += n
+                self._points[thread] += n
+                self._visits[thread] += n * width**3
 
     def _mesh_for(self, key, lo, hi, lanes, most):
         """The mesh of a thread, large enough for nodes lo..hi on open axes and sources up to `most`."""
@@ -221,12 +265,12 @@ class SpectralDeposit(Deposit):
             low, high = (np.where(self._periodic, a, b) for a, b in ((mesh.low, low), (end, high)))
             self._check(high - low)
             mesh = self._meshes[key] = mesh.grown(low, high - low)
-        if self.real is np.float64:
+        if self.real is np.float64:  # never flushed
             mesh.scale = 1.0
         else:
             # Sources near 1; what single precision can hold is no matter then.
-            if (mesh.scale and not 1e-9 < most / mesh.scale < 1e9) or mesh.points > SHORT * len(mesh.flat) / lanes:
-                mesh.flush()
+            if mesh.scale and not 1e-9 < most / mesh.scale < 1e9:
+                mesh.flush(self.parameters.width)
                 mesh.scale = 0.0
             mesh.scale = mesh.scale or 2.0 ** max(frexp(most)[1], -1000)
         return mesh
@@ -278,12 +322,14 @@ class SpectralDeposit(Deposit):
         counts, low = self._box(extent)
         modes = Modes(self.kernel, self.parameters, self._spacings * counts[:, None], counts, low, self._reach, extent)
         n_comp = last - first
-        dtype = np.complex64 if self.real is np.float32 else np.complex128
+        dtype = np.complex64 if self._number is np.float32 else np.complex128
         S_cx = np.empty((n_comp, counts[0], len(modes.index[1]), len(modes.index[2])), dtype)
-        parts = [(m, array, scale) for m in meshes for array, scale in m.planes()]
+        # Relative to the strongest: single precision holds neither very strong nor very weak sources.
+        largest = max(max(m.scale, m.largest) for m in meshes)
+        parts = [(m, array, scale / largest) for m in meshes for array, scale in m.planes()]
 
         def plane(x):
-            P_cyz = np.zeros((n_comp, counts[1], counts[2]), self.real)
+            P_cyz = np.zeros((n_comp, counts[1], counts[2]), self._number)
             for mesh, array, scale in parts:
                 shift = mesh.low - low
                 # The halo belongs to the other side.
@@ -294,7 +340,7 @@ class SpectralDeposit(Deposit):
             S_cx[:, x] = modes.transform_plane(P_cyz)
 
         self._each(plane, range(counts[0]))
-        response = modes.response().astype(self.real)
+        response = modes.response().astype(self._number)
         F = [None] * n_comp
 
         def component(c):
@@ -302,7 +348,7 @@ class SpectralDeposit(Deposit):
             F[c] *= response
 
         self._each(component, range(n_comp))
-        return modes, F
+        return modes, F, largest
 
     def _each(self, do, items):
         if self.threads == 1:
@@ -318,10 +364,11 @@ class SpectralDeposit(Deposit):
             done = self._transformed(what, group)
             if done is None:
                 continue
-            modes, F = done
+            modes, F, largest = done
             for d, direction in enumerate(derivatives):
                 factor = None if direction is None else (1j * modes.wave_vector(direction)).astype(F[0].dtype)
                 self._evaluate(modes, [f if factor is None else f * factor for f in F], out[:, group[0] : group[1], d])
+            out[:, group[0] : group[1]] *= largest
         return out[:, :, 0] if derivatives == (None,) else out
 
     def _evaluate(self, modes, F, out):

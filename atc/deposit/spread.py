@@ -148,7 +148,7 @@ def survey(x_nc, i_b, r_bc, b_bk, origin, to_mesh, bounded):
 
 
 def spread_bonds(
-    x_nc, i_b, r_bc, b_bk, origin, to_mesh, period, low, counts, weight_k, longest, nodes, node_weights, coef, inverse_scale, mesh
+    x_nc, i_b, r_bc, b_bk, origin, to_mesh, period, low, counts, weight_k, longest, nodes, node_weights, coef, inverse_scale, mesh, rows
 ):
     """mesh += Σ over bonds, their Gauss points and the nodes in reach of b × weight × window. Returns the number of points. All numbers are finite.
 
@@ -161,6 +161,7 @@ def spread_bonds(
     longest, nodes, node_weights : (2 LEVELS + 1, m), (m, m), (m, m): Gauss-Legendre rules on [0, 1], and the longest bond that each does for
         when the error may be 2^(level − LEVELS) times the tolerance
     inverse_scale : the mesh holds b times this
+    rows : (x, y) gets 1 where the first row that a point reaches is
     """
     half = 0.5 * WIDTH
     n0, n1, n2 = float(period[0]), float(period[1]), float(period[2])
@@ -210,6 +211,7 @@ def spread_bonds(
                 w = node_weights[m, q] * share * inverse_scale
                 for k in range(n_comp):
                     values[k] = b_bk[b, k] * w
+                rows[i0, i1] = 1
                 SPREAD(
                     mesh_at, i0 * stride0 + i1 * stride1 + i2 * LANES, stride0, stride1, f0, f1, f2, coef_at, values_at, scratch_at
                 )  # fmt: skip
@@ -218,11 +220,22 @@ def spread_bonds(
 
 
 @nb.njit(**ENTRY)
-def flush(mesh, total, scale):
-    """total += scale mesh, mesh = 0."""
-    for k in range(len(mesh)):
-        total[k] += scale * mesh[k]
-        mesh[k] = 0.0
+def flush(mesh, rows, width, total, scale):
+    """total += scale mesh, mesh = 0, rows = 0: where points have been spread since the last time. Arrays [x][y][z and component]."""
+    reached = np.zeros(rows.shape, np.uint8)
+    for x in range(rows.shape[0]):
+        for y in range(rows.shape[1]):
+            if rows[x, y]:
+                rows[x, y] = 0
+                for a in range(width):
+                    for b in range(width):
+                        reached[x + a, y + b] = 1
+    for x in range(rows.shape[0]):
+        for y in range(rows.shape[1]):
+            if reached[x, y]:
+                for k in range(mesh.shape[2]):
+                    total[x, y, k] += scale * mesh[x, y, k]
+                    mesh[x, y, k] = 0.0
 
 
 @nb.njit(**ENTRY)
@@ -258,7 +271,7 @@ def interpolate(u_gc, period, coef, width, mesh, out):
         for a in range(3):
             n = period[a]
             u = u_gc[g, a] - 0.5 * width
-            i = int(floor(u)) + 1
+            i = floor(u) + 1
             f = i - u
             for k in range(width):
                 p = coef[degree, k]
