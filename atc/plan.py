@@ -62,6 +62,7 @@ class Request:
     scene: str | None = None
     cluster: object = None
     tiles: object = None
+    input_error: tuple = (0.0, {})
 
     def __post_init__(self):
         from .frame import Frame

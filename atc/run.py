@@ -71,7 +71,8 @@ def fields(
         the face normal (divergence direction) and j the force component. Attributes of each variable: units, long_name,
         sign_convention, error_max (largest error found at random points by the exact method, relative to the largest value of the
         field), error_l2 (rms, relative to the rms of the field), error_of_fluctuation (largest, relative to the largest deviation from the mean),
-        measured_error (the same as error_max). With `out` the data are read from the file when they are used.
+        measured_error (the same as error_max); input_error where the coordinates have so few digits that it matters: how far the field of the first frame
+        moves when atoms move by what rounding hid. With `out` the data are read from the file when they are used.
 
     Raises
     ------
@@ -100,6 +101,7 @@ def _run(request, store, out, progress):
     began, done = time.perf_counter(), start
     if progress is not None:
         progress(done, n, 0.0)
+    request.input_error = _input_errors(request, store)
     results = frame_results(request, start, first)
     try:
         for k, (frame, result) in zip(range(start, n), results):
@@ -119,6 +121,20 @@ def _run(request, store, out, progress):
     store.finish(sink.final_attributes())
     with explained(out):
         return open_dataset(out)
+
+
+def _input_errors(request: Request, store) -> tuple[float, dict[str, float]]:
+    """See `input_error`; once a run, on the first frame."""
+    if not request.work.grid_users:
+        return 0.0, {}
+    known = store.recall("input_error") if store is not None else None
+    if known is None:
+        from .input_error import input_errors
+
+        known = input_errors(request)
+        if store is not None:
+            store.remember("input_error", known)
+    return known[0], known[1]
 
 
 def _settle(request: Request, store, start: int) -> FrameResult | None:
@@ -304,6 +320,12 @@ class _Sink:
                     at["error_relative_to"] = "sum of the sizes of the terms: the field is 0 within rounding"
                 worst = max(worst, at["measured_error"])
         out[""] = {"sources": ", ".join(dict.fromkeys(s for note in self.notes for s in note["sources"]))}
+        step, moved = self.request.input_error
+        if moved:
+            for name, error in moved.items():
+                out.setdefault(name, {})["input_error"] = error
+            out[""]["input_error"] = max(moved.values())
+            out[""]["input_resolution"] = self.request.first.units.to_user("length", step)
         refined = _refinements([r for note in self.notes for r in note.get("refined", [])])
         if refined:
             out[""]["refinements"] = refined
