@@ -44,7 +44,7 @@ def input_errors(request) -> tuple[float, dict[str, float]]:
         rng = np.random.default_rng([20240229, 0])
         some = np.sort(rng.choice(len(points), min(POINTS, len(points)), replace=False))
         grid = Grid.points(frame.units.to_user("length", points[some]))
-    settings = replace(request.settings(), names=names, grid=grid, methods={}, check_points=0, tiles=None)
+    settings = replace(request.settings(), names=names, grid=grid, methods={}, check_points=1, tiles=None)
     moved = frame.positions + np.random.default_rng(7).uniform(-0.5, 0.5, frame.positions.shape) * step
     a, b = (_fields(f, settings) for f in (frame, frame.replace(positions=moved)))
     out = {}
