@@ -268,7 +268,9 @@ def _summary(ds, out, seconds: float, progress: _Progress) -> None:
         )
     rounding = ds.attrs.get("input_error")
     if rounding is not None and error is not None and float(rounding) > float(error):
-        print(f"input error {float(rounding):.1e}: what rounding the coordinates to {float(ds.attrs['input_resolution']):.1g} left in doubt")
+        print(
+            f"input error {float(rounding):.1e}: what rounding the coordinates to {float(ds.attrs['input_resolution']):.1g} left in doubt"
+        )
     print(f"{before} in {_duration(seconds)}" + (f" ({computed / seconds:.3g} frames/s, start included)" if computed > 1 else ""))
 
 

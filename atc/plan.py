@@ -63,6 +63,7 @@ class Request:
     cluster: object = None
     tiles: object = None
     input_error: tuple = (0.0, {})
+    anchor: object = None
 
     def __post_init__(self):
         from .frame import Frame
@@ -189,6 +190,7 @@ class Request:
             self.reference if self.work.reference_users else None,
             self.threads,
             tiles=self.tiles,
+            anchor=self.anchor,
         )
 
     def key(self) -> dict:

@@ -16,6 +16,7 @@ from .output import Layout, Store, dataset_in_memory, explained, open_dataset
 from .parallel import frame_results, here
 from .plan import Request, plan  # noqa: F401  (plan belongs to the same door)
 from .statistics import BlockAverage
+from .verlet import anchor_of
 
 # Seconds between two saves of an unfinished time average.
 _SAVE_EVERY = 5.0
@@ -97,6 +98,7 @@ def _run(request, store, out, progress):
     n, window = request.n_frames, request.window
     sink = _Sink(request, store)
     start = sink.next_frame
+    request.anchor = anchor_of(request)
     first = _settle(request, store, start)
     began, done = time.perf_counter(), start
     if progress is not None:

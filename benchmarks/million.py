@@ -1,6 +1,6 @@
 """One million argon atoms on 128³ points: CPU seconds and peak memory of one frame, against what the plan says.
 
-    python benchmarks/million.py [--kernel gaussian] [--radius 10] [--tolerance 1e-5] [--cells 63] [--grid 128] [--threads 2] [--quantities stress]
+python benchmarks/million.py [--kernel gaussian] [--radius 10] [--tolerance 1e-5] [--cells 63] [--grid 128] [--threads 2] [--quantities stress]
 """
 
 from __future__ import annotations
