@@ -244,7 +244,7 @@ def test_the_spectral_method_keeps_its_promise_on_hard_cells(tolerance):
 
 
 if __name__ == "__main__":
-    for name, (case, allowed) in CASES.items():
+    for name, (case, _allowed) in CASES.items():
         print(f"{name:32s} {case():.1e}")
     for case in (rounded_to_a_thousandth, stored_as_float32):
         print(f"{case.__name__:32s} reported / made = {case():.2f}")

@@ -12,8 +12,8 @@ from numba import njit
 from ..bonds import Bonds
 from ..errors import AtcError
 from ..frame import Frame
-from ..verlet import cell_list
 from ..units import units as get_units
+from ..verlet import cell_list
 from .base import Accumulator, Term, Work
 from .registry import factor
 
