@@ -152,9 +152,10 @@ def _settle(request: Request, store, start: int) -> FrameResult | None:
             return None
     result = None
     if not all(m.exact for m in request.methods.values()):
-        # Half the tolerance: other frames, and points other than those looked at, have larger errors.
+        # Half the tolerance if there are other frames: their errors may be larger.
+        goal = request.tolerance * (0.5 if request.n_frames > 1 else 1.0)
         with here(request) as run_tiles:
-            result = frame_fields(request.first, request.settings(), 0, goal=0.5 * request.tolerance, run_tiles=run_tiles)
+            result = frame_fields(request.first, request.settings(), 0, goal=goal, run_tiles=run_tiles)
         began, request.methods = request.methods, result.methods
         over = [e["error_max"] for e in result.errors.values() if e["error_max"] > request.tolerance]
         if result.refined and not over:

@@ -14,6 +14,7 @@ from threading import Lock
 import numpy as np
 from numba import njit
 
+from .errors import AtcError
 from .neighbors import CellList, Workspace
 
 #: Skins beyond this part of the cutoff find so many more pairs than they save.
@@ -148,7 +149,10 @@ def anchor_of(request) -> Anchor | None:
     pot = request.pot
     if not request.work.bond_users or request.n_frames < 3 or request.tiles is not None or not getattr(pot, "cutoff", 0) > 0:
         return None
-    second = request.frames[1]
+    try:
+        second = request.frames[1]
+    except (AtcError, IndexError):  # its own turn will come to say what is wrong with it
+        return None
     probe = Anchor(request.first, np.inf)
     moved = probe.moved(second)
     if moved is None:
