@@ -68,6 +68,8 @@ class Request:
     horizon: float | None = None
     cluster: object = None
     tiles: object = None
+    input_error: tuple = (0.0, {})
+    anchor: object = None
 
     def __post_init__(self):
         from .frame import Frame
@@ -199,6 +201,7 @@ class Request:
             self.threads,
             horizon=self.horizon,
             tiles=self.tiles,
+            anchor=self.anchor,
         )
 
     def key(self) -> dict:

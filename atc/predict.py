@@ -35,7 +35,8 @@ def predict(request) -> Prediction:
     n = len(frame)
     parts = {"reading": costs.read_atom * n}
     memory = PROCESS + 8.0 * n * 24
-    visits, points = 0.0, 0
+    # One deposit is gone before the next begins.
+    visits, points, passing = 0.0, 0, [0.0]
     if work.bond_users:
         parts["neighbours and forces"] = load.seconds(costs, n)
         memory += 12.0 * n + 4e6 * threads + _list_memory(load)
@@ -58,12 +59,12 @@ def predict(request) -> Prediction:
             if method.exact:
                 many = 0.0 if bound.kind == "slab" else model.visits(bound, kern, items, length)
                 seconds = model.direct(costs, bound, kern, items, length, components)
-                memory += 8.0 * points * (4 * -(-components // 4)) * (threads + 1)
+                passing.append(8.0 * points * (4 * -(-components // 4)) * (threads + 1))
                 visits += many if key != "site" else 0.0
             else:
                 deposit = spectral_deposit(bound, kern, bound.cell, components, method.tolerance)
                 seconds = model.spectral(costs, deposit, items, length, components)
-                memory += model.spectral_memory(deposit, components, threads)
+                passing.append(model.spectral_memory(deposit, components, threads))
             parts[what] = parts.get(what, 0.0) + seconds
             parts["error check"] = parts.get("error check", 0.0) + model.check(costs, bound, checked, items, length, min(points, 100))
         gathered = sum(GATHER[name].width for name in work.gather + work.reference_gather)
@@ -73,6 +74,7 @@ def predict(request) -> Prediction:
         components = sum(3**q.rank for q in work.quantities if q.kind == "grid")
         parts["fields"] = costs.value * points * (components + work.n_site + work.n_bond + work.n_reference_bond)
         memory += 8.0 * points * (4 * gathered + work.n_site + work.n_bond + work.n_reference_bond)
+    memory += max(passing)
     parts["the rest"] = costs.frame
     serial = parts["reading"] + costs.frame + parts.get("fields", 0.0) + costs.list_atom * n * bool(work.bond_users)
     total = sum(parts.values())

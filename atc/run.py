@@ -19,6 +19,7 @@ from .parallel import frame_results, here
 from .plan import Request, plan  # noqa: F401  (plan belongs to the same door)
 from .plausible import doubts
 from .statistics import BlockAverage
+from .verlet import anchor_of
 
 # Seconds between two saves of an unfinished time average.
 _SAVE_EVERY = 5.0
@@ -78,7 +79,8 @@ def fields(
         the face normal (divergence direction) and j the force component. Attributes of each variable: units, long_name,
         sign_convention, error_max (largest error found at random points by the exact method, relative to the largest value of the
         field), error_l2 (rms, relative to the rms of the field), error_of_fluctuation (largest, relative to the largest deviation from the mean),
-        measured_error (the same as error_max). With `out` the data are read from the file when they are used.
+        measured_error (the same as error_max); input_error where the coordinates have so few digits that it matters: how far the field of the first frame
+        moves when atoms move by what rounding hid. With `out` the data are read from the file when they are used.
 
     Raises
     ------
@@ -121,10 +123,12 @@ def _run(request, store, progress) -> _Sink:
     n, window = request.n_frames, request.window
     sink = _Sink(request, store)
     start = sink.next_frame
+    request.anchor = anchor_of(request)
     first = _settle(request, store, start)
     began, done = time.perf_counter(), start
     if progress is not None:
         progress(done, n, 0.0)
+    request.input_error = _input_errors(request, store)
     results = frame_results(request, start, first)
     try:
         for k, (frame, result) in zip(range(start, n), results):
@@ -141,6 +145,20 @@ def _run(request, store, progress) -> _Sink:
     return sink
 
 
+def _input_errors(request: Request, store) -> tuple[float, dict[str, float]]:
+    """See `input_error`; once a run, on the first frame."""
+    if not request.work.grid_users:
+        return 0.0, {}
+    known = store.recall("input_error") if store is not None else None
+    if known is None:
+        from .input_error import input_errors
+
+        known = input_errors(request)
+        if store is not None:
+            store.remember("input_error", known)
+    return known[0], known[1]
+
+
 def _settle(request: Request, store, start: int) -> FrameResult | None:
     """Fix the methods for all frames, by the error they leave on the first one: its result, if it had to be computed and is still wanted.
 
@@ -154,9 +172,10 @@ def _settle(request: Request, store, start: int) -> FrameResult | None:
             return None
     result = None
     if not all(m.exact for m in request.methods.values()):
-        # Half the tolerance: other frames, and points other than those looked at, have larger errors.
+        # Half the tolerance if there are other frames: their errors may be larger.
+        goal = request.tolerance * (0.5 if request.n_frames > 1 else 1.0)
         with here(request) as run_tiles:
-            result = frame_fields(request.first, request.settings(), 0, goal=0.5 * request.tolerance, run_tiles=run_tiles)
+            result = frame_fields(request.first, request.settings(), 0, goal=goal, run_tiles=run_tiles)
         began, request.methods = request.methods, result.methods
         over = [e["error_max"] for e in result.errors.values() if e["error_max"] > request.tolerance]
         if result.refined and not over:
@@ -327,6 +346,12 @@ class _Sink:
                     at["error_relative_to"] = "sum of the sizes of the terms: the field is 0 within rounding"
                 worst = max(worst, at["measured_error"])
         out[""] = {"sources": ", ".join(dict.fromkeys(s for note in self.notes for s in note["sources"]))}
+        step, moved = self.request.input_error
+        if moved:
+            for name, error in moved.items():
+                out.setdefault(name, {})["input_error"] = error
+            out[""]["input_error"] = max(moved.values())
+            out[""]["input_resolution"] = self.request.first.units.to_user("length", step)
         refined = _refinements([r for note in self.notes for r in note.get("refined", [])])
         if refined:
             out[""]["refinements"] = refined

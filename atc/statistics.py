@@ -92,11 +92,21 @@ class BlockAverage:
 
     def mean(self) -> np.ndarray:
         """The mean; 0 where all weights were 0."""
-        first = self.levels[0]
-        if not self.weighted:
-            return first.mean_x.copy()
-        w = _spread(first.mean_w, first.mean_x)
-        return np.divide(first.mean_x, w, out=np.zeros_like(first.mean_x), where=w > 0)
+        x, w = self._tree(0), self._tree(1) if self.weighted else None
+        if w is None:
+            return x
+        w = _spread(w, x)
+        return np.divide(x, w, out=np.zeros_like(x), where=w > 0)
+
+    def _tree(self, which):
+        """The mean from the blocks that wait for a partner, one for each binary digit of the number of frames: summed by pairs, so that rounding grows with
+        the logarithm of that number only."""
+        total = None
+        for k, level in enumerate(self.levels):
+            if level.pending is not None:
+                part = level.pending[which] * float(2**k)
+                total = part if total is None else total + part
+        return total / self.n
 
     def errors_by_level(self) -> tuple[np.ndarray, np.ndarray]:
         """(levels, ...) apparent standard error of the mean for block lengths 1, 2, 4, ..., and (levels,) the number of blocks."""

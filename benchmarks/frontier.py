@@ -60,18 +60,18 @@ def draw(results, path):
         ax = figure.add_subplot(2, 2, k + 1)
         for c, r in enumerate(some):
             color = f"C{c % 10}"
-            ours = sorted((q["cpu"], q["error_max"]) for q in r["rungs"] if q["method"] in ("spectral", "direct"))
-            ax.plot(*zip(*ours), color=color, lw=1, alpha=0.6)
+            front = sorted((q["cpu"], q["error_max"]) for q in r["rungs"] if q["front"] and q["method"] in ("spectral", "direct"))
+            ax.plot(*zip(*front), color=color, lw=1, alpha=0.6)
             for q in r["rungs"]:
                 marker = {"spectral": "o", "direct": "s", "smoothed virial": "^", "binned virial": "v"}[q["method"]]
-                ax.plot(q["cpu"], q["error_max"], marker=marker, color=color, ms=5)
-            label = f"{r['kernel']} R={r['radius']:g}" + (f", {r['atoms'] // 1000}k" if "8k" in title else "")
+                ax.plot(q["cpu"], q["error_max"], marker=marker, color=color, ms=5, mfc=color if q["front"] else "none")
+            label = r["name"].split(", ")[1] + (f", {r['atoms'] // 1000}k" if r["model"] == "sw" else "")
             ax.plot([], [], color=color, marker="o", label=label)
         ax.set(xscale="log", yscale="log", title=title, xlabel="CPU seconds a frame", ylabel="largest error / largest value")
         ax.grid(True, alpha=0.25)
-        ax.legend(fontsize=7)
+        ax.legend(fontsize=7, loc="center left")
     figure.suptitle(
-        "circles spectral, squares direct (exact); triangles: smoothed (up) and binned (down) per-atom virials against Hardy's stress",
+        "circles spectral, squares direct (exact), hollow: beaten in time and error; triangles: smoothed (up) and binned (down) per-atom virials against Hardy's stress",
         fontsize=10,
     )
     figure.savefig(path, dpi=110)

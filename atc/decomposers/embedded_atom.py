@@ -12,9 +12,9 @@ from numba import njit
 from ..bonds import Bonds
 from ..errors import AtcError
 from ..frame import Frame
-from ..neighbors import CellList
 from ..units import Units
 from ..units import units as system
+from ..verlet import cell_list
 from .base import Accumulator, Term, Work
 from .eam_file import EAMTables, read_funcfl, read_setfl
 from .elements import ElementMap, mapped_line
@@ -120,7 +120,7 @@ class _EAMWork(Work):
     def __init__(self, term: EmbeddedAtom, frame: Frame):
         self.term, self.frame = term, frame
         element_n, who = term.map.apply(frame)
-        self.list = cells = CellList(frame.positions if who is None else frame.positions[who], frame.cell, term.cutoff)
+        self.list = cells = cell_list(frame.positions if who is None else frame.positions[who], frame.cell, term.cutoff, who)
         # Inside, atoms are called by their place in the sorted list; `atom` gives the frame's index.
         self.atom = cells.order if who is None else who[cells.order]
         self.element = element_n[self.atom]

@@ -7,7 +7,7 @@ from numba import njit
 
 from ..errors import AtcError
 from ..frame import Frame
-from ..neighbors import CellList
+from ..verlet import cell_list
 
 
 class Neighborhood:
@@ -25,7 +25,7 @@ class Neighborhood:
 
     def __init__(self, frame: Frame, who, cutoff: float, what: str):
         self.frame, self.what = frame, what
-        self.list = cells = CellList(frame.positions if who is None else frame.positions[who], frame.cell, cutoff)
+        self.list = cells = cell_list(frame.positions if who is None else frame.positions[who], frame.cell, cutoff, who)
         self.atom = cells.order if who is None else who[cells.order]
         cells.order = np.arange(len(self.atom), dtype=np.int32)
         self.first = cells.start[cells.chunk_edges]

@@ -12,8 +12,8 @@ from numba import njit
 from ..bonds import Bonds
 from ..errors import AtcError
 from ..frame import Frame
-from ..neighbors import CellList
 from ..units import units as get_units
+from ..verlet import cell_list
 from .base import Accumulator, Term, Work
 from .registry import factor
 
@@ -151,7 +151,7 @@ class _PairWork(Work):
         self.term = term
         self.frame = frame
         self.types = frame.types.astype(np.int32)
-        self.list = CellList(frame.positions, frame.cell, term.cutoff)
+        self.list = cell_list(frame.positions, frame.cell, term.cutoff)
         self.prepared = [s.prepare(frame) for s in term.styles]
         keep = any(s.keeps_excluded for s in term.styles)
         self.special = term.special.prepare(frame, keep) if term.special is not None else None

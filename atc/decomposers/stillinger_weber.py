@@ -21,8 +21,8 @@ import numpy as np
 from ..bonds import Bonds
 from ..errors import AtcError
 from ..frame import Frame
-from ..neighbors import CellList
 from ..units import Units, units
+from ..verlet import cell_list
 from .base import Accumulator, Term, Work, two_body_sources
 from .cluster import weights_of
 from .registry import pair_style
@@ -235,7 +235,7 @@ class _SWWork(Work):
             element_n = term.element_of_type[frame.types].astype(np.int32)
             self.who = None if (element_n >= 0).all() else np.flatnonzero(element_n >= 0).astype(np.int32)
         x = frame.positions if self.who is None else frame.positions[self.who]
-        self.list = cells = CellList(x, frame.cell, term.cutoff)
+        self.list = cells = cell_list(x, frame.cell, term.cutoff, self.who)
         # Inside this term an atom's name is its place in the sorted list, which is near its neighbours' places; `atom` gives the frame's.
         atom = cells.order
         self.element = element_n[atom] if self.who is None else element_n[self.who[atom]]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from time import perf_counter
 
@@ -34,6 +35,7 @@ class Settings:
     check_points: int = 100
     horizon: float | None = None  # the user's unit of length; None: the potential's
     tiles: tuple[int, int, int] | None = None
+    anchor: object = None  # see `atc.verlet`
 
     @property
     def central(self) -> bool:
@@ -177,7 +179,9 @@ class _FrameJob:
         start = perf_counter()
         if work.bond_users and (first or todo & {"bond", "reference_bond"}):
             if self.settings.tiles is None:
-                self.decomposition, self.atoms = _bond_pass(frame, self.settings, work, self.stage, self.reference, self.factors, fresh)
+                anchor = self.settings.anchor
+                with nullcontext() if anchor is None else anchor.at(frame):
+                    self.decomposition, self.atoms = _bond_pass(frame, self.settings, work, self.stage, self.reference, self.factors, fresh)
             else:
                 from .tiles import bond_pass
 

@@ -1,0 +1,59 @@
+"""How much of a field is in doubt because the trajectory was written with few digits, to be read beside the method's own error."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from .estimators.compute import Settings, frame_fields
+from .grids import Grid
+
+#: Relative stress error per Å that coordinates are rounded to, at R = 5 Å (see `info`): what decides whether it is worth a look.
+_PER_ANGSTROM = 2.0
+#: Points at which the fields are computed with moved atoms.
+POINTS = 100
+
+
+def resolution_of(request) -> float:
+    """Smallest step between the coordinates of the first frame, internal units; 0 if unknown."""
+    from .readers.trajectory import decimal_resolution
+
+    look = getattr(request.frames, "_precision", None)
+    return float(look(request.first)[0] if look is not None else decimal_resolution(request.first.positions)[0])
+
+
+def input_errors(request) -> tuple[float, dict[str, float]]:
+    """The resolution of the coordinates (internal) and, by field, how far the field moves when atoms move by what rounding hides.
+
+    The first frame is computed twice at random points of the grid: as it is, and with every coordinate shifted by a random amount within half a step of its
+    last digit, which is what rounding did to it. Relative to the largest value, as all errors. Nothing is computed, and nothing returned, where coordinates
+    are so fine that it cannot matter at this tolerance.
+    """
+    work = request.work
+    names = tuple(q.name for q in work.quantities if q.kind == "grid" and not q.on_reference and not q.parts)
+    names += tuple(q.name for q in work.quantities if q.kind == "grid" and not q.on_reference and q.parts)
+    if not names or not len(request.first):
+        return 0.0, {}
+    step = resolution_of(request)
+    if step * _PER_ANGSTROM < 0.1 * max(request.tolerance, 1e-6):
+        return step, {}
+    frame, grid = request.first, request.grid
+    if request.bound.kind != "slab":
+        points = request.bound.points_gc
+        rng = np.random.default_rng([20240229, 0])
+        some = np.sort(rng.choice(len(points), min(POINTS, len(points)), replace=False))
+        grid = Grid.points(frame.units.to_user("length", points[some]))
+    settings = replace(request.settings(), names=names, grid=grid, methods={}, check_points=1, tiles=None)
+    moved = frame.positions + np.random.default_rng(7).uniform(-0.5, 0.5, frame.positions.shape) * step
+    a, b = (_fields(f, settings) for f in (frame, frame.replace(positions=moved)))
+    out = {}
+    for name in names:
+        largest = float(np.abs(np.nan_to_num(a[name])).max(initial=0.0))
+        if largest > 0:
+            out[name] = float(np.abs(np.nan_to_num(a[name] - b[name])).max(initial=0.0)) / largest
+    return step, out
+
+
+def _fields(frame, settings: Settings):
+    return frame_fields(frame, settings, 0).arrays
