@@ -4,7 +4,8 @@ u_t + ∫ F(u(x), u(y)) φ_a(y − x) dy = ε ∫ (u(y) − u(x)) φ_s(y − x) 
 
 With ∫ z φ_a dz = 2 and ∫ z² φ_s dz = 2 the limit of a vanishing horizon is u_t + ψ(u)_x = ε u_xx. (Parks et al., LDRD report, chapter 2, eqs. 2.0.5, 2.0.14; its 2.0.7 lacks the factor 2,
 its 2.0.15 has the opposite sign and would be ill-posed.) Two fluxes: `midpoint`, F = ψ((a+b)/2), the report's; and `conserving`, F = ∫₀¹ ψ(a + s(b−a)) ds, for which ∫ u²/2 is
-constant at ε = 0. Both conserve mass. The midpoint flux is not entropy-stable: at ε = 0 energy grows once a shock has formed.
+constant at ε = 0. Both conserve mass. The midpoint flux is not entropy-stable: at ε = 0
+it takes or makes energy, and after a few shock times has multiplied it.
 """
 
 from __future__ import annotations

@@ -229,7 +229,7 @@ def picture(study: Study, path: Path) -> Path:
                 b.plot(run.x_n, run.u_tn[k], label=f"t = {run.t_t[k]:.3g}")
             if "local" in ds:
                 b.plot(ds.x, ds.local, "k--", lw=0.8, label="local")
-            b.set(xlabel="x", ylabel="u")
+            b.set(xlabel="x", title="u")
             b.legend()
             c.plot(run.t_t, run.energy_t, label="energy ∫ u²/2")
             c.plot(run.t_t, run.production_t, label="made by the flux")
