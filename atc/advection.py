@@ -29,7 +29,7 @@ _SHAPES: dict[str, tuple[Callable, float]] = {
 }
 # Along the axes, SSP-RK3's region of absolute stability ends at −2.5127 and ±1.7320i.
 _REAL_LIMIT, _IMAGINARY_LIMIT = 2.5127, math.sqrt(3)
-_FFT_FROM = 24  # stencil half-width from which Burgers by FFT is faster
+_FFT_FROM = 200  # stencil half-width from which Burgers by FFT is faster (measured on 4096 nodes)
 
 
 @dataclass(frozen=True)
