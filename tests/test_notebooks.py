@@ -24,7 +24,11 @@ def printed(notebook):
 
 
 def test_every_notebook_is_tested():
-    assert sorted(p.name for p in NOTEBOOKS.glob("*.ipynb")) == ["hardy_vs_virial.ipynb", "heat_and_churning.ipynb", "upscaling_paper.ipynb"]
+    assert sorted(p.name for p in NOTEBOOKS.glob("*.ipynb")) == [
+        "hardy_vs_virial.ipynb",
+        "heat_and_churning.ipynb",
+        "upscaling_paper.ipynb",
+    ]
 
 
 def test_hardy_vs_virial(monkeypatch):
