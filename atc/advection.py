@@ -139,13 +139,13 @@ class AdvectionRun:
     @property
     def closure_t(self) -> np.ndarray:
         """What the entropy ledger does not account for, over the energy at t = 0: the error of the time integration (rounding, with relaxation)."""
-        return (self.energy_t - self.energy_t[0] - self.production_t + self.dissipation_t) / self.energy_t[0]
+        return (self.energy_t - self.energy_t[0] - self.production_t + self.dissipation_t) / max(self.energy_t[0], np.finfo(float).tiny)
 
     @property
     def mass_error(self) -> float:
         """Largest change of mass, over ∫|u| dx at t = 0."""
         size = np.abs(self.u_tn[0]).sum() * (self.x_n[1] - self.x_n[0])
-        return float(np.abs(self.mass_t - self.mass_t[0]).max() / size)
+        return float(np.abs(self.mass_t - self.mass_t[0]).max() / max(size, np.finfo(float).tiny))
 
     def shocks(self, frame: int = -1) -> list[dict]:
         """Shocks of one recorded time: see `find_shocks`."""
@@ -252,6 +252,11 @@ def advect(
     k = np.linspace(0, math.pi / dx, 8 * M + 257)
     odd, even = float(np.abs(kernel.advection_symbol(k)).max()) / 2, float(kernel.diffusion_symbol(k).max())
 
+    rate = viscosity * even / _REAL_LIMIT + _fastest(function, u, burgers) * odd / _IMAGINARY_LIMIT
+    if duration * rate / safety > max_steps:
+        raise AtcError(
+            f"about {duration * rate / safety:.1e} steps would be needed (at most {max_steps:.0e}): the stable step is {1 / rate:.3g}; take a shorter duration, a smaller viscosity or a longer horizon"
+        )
     records = [u.copy()]
     ledger = np.zeros(2)  # production, dissipation
     ledgers = [ledger.copy()]
