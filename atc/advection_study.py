@@ -59,9 +59,13 @@ def run_study(
     method="auto", safety=0.5, reference=True,
 ) -> Study:  # fmt: skip
     """One run; for Burgers' flux with the local solution beside it (variable ``local``)."""
-    u0, psi, x, dx = _problem(initial, length, nodes, flux)
+    u0, psi, x, dx = _problem(initial, length, nodes, flux, safety)
     if frames < 2:
         raise AtcError(f"--frames {frames}: expected 2 or more")
+    if frames * nodes > 200_000_000:
+        raise AtcError(
+            f"--frames {frames} of --nodes {nodes}: {frames * nodes:.1e} numbers to keep, expected at most 2e8; take fewer frames"
+        )
     run = advect(
         u0(x),
         Kernel(kernel_shape(kernel), horizon, dx),
@@ -132,7 +136,7 @@ def convergence_study(
     """The same problem with several horizons against Cole–Hopf: errors and the observed order."""
     import xarray as xr
 
-    u0, psi, x, dx = _problem(initial, length, nodes, flux)
+    u0, psi, x, dx = _problem(initial, length, nodes, flux, safety)
     if psi != "burgers":
         raise AtcError("--horizons compares with the Cole-Hopf solution, which only Burgers' flux has")
     if viscosity <= 0:
@@ -174,9 +178,11 @@ def convergence_study(
     return Study(ds, None, lines)
 
 
-def _problem(initial, length, nodes, flux):
-    if not (np.isfinite(length) and length > 0):
-        raise AtcError(f"--length {length:g}: expected a period greater than 0")
+def _problem(initial, length, nodes, flux, safety):
+    if not 0 < safety <= 1:
+        raise AtcError(f"--safety {safety:g}: expected a part of the stable time step, greater than 0 and at most 1")
+    if not 1e-30 < length < 1e30:
+        raise AtcError(f"--length {length:g}: expected a period greater than 0 (1e-30 to 1e30)")
     if not 8 <= nodes <= 10_000_000:
         raise AtcError(f"--nodes {nodes}: expected 8 to 10,000,000")
     inner = formula(initial, "x", "--initial", L=length)
@@ -217,7 +223,7 @@ def picture(study: Study, path: Path) -> Path:
         else:
             run = study.run
             a, b, c = fig.subplots(1, 3)
-            top = float(np.nanmax(np.abs(ds.u)))
+            top = float(np.nanmax(np.abs(ds.u))) or 1.0
             step = max(1, len(run.x_n) // 1500)
             a_map = a.pcolormesh(
                 run.x_n[::step], run.t_t, run.u_tn[:, ::step], cmap="RdBu_r", vmin=-top, vmax=top, shading="nearest", rasterized=True
@@ -229,7 +235,7 @@ def picture(study: Study, path: Path) -> Path:
                 b.plot(run.x_n, run.u_tn[k], label=f"t = {run.t_t[k]:.3g}")
             if "local" in ds:
                 b.plot(ds.x, ds.local, "k--", lw=0.8, label="local")
-            b.set(xlabel="x", ylabel="u")
+            b.set(xlabel="x", title="u")
             b.legend()
             c.plot(run.t_t, run.energy_t, label="energy ∫ u²/2")
             c.plot(run.t_t, run.production_t, label="made by the flux")

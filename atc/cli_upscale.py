@@ -58,12 +58,26 @@ def lj(
     amplitude: Annotated[float, typer.Option("--amplitude", metavar="A", help="Of the initial bump.")] = 2.0,
     dt: Annotated[float, typer.Option("--dt", metavar="T", help="Time step.")] = 0.1,
     duration: Annotated[float, typer.Option("--duration", metavar="T", help="Length of the runs.")] = 300.0,
+    beyond_spinodal: Annotated[
+        str, typer.Option("--beyond-spinodal", metavar="refuse|allow", help="Lennard-Jones bonds stretched until they soften.")
+    ] = "refuse",
     quiet: Quiet = False,
 ) -> None:
     """Section 5 of the paper: the Lennard-Jones chain, its shocks and energies, claim by claim."""
     from .upscaling.lj_report import lj_report
 
-    _table(lj_report(output, half_width=half_width, amplitude=amplitude, dt=dt, duration=duration, progress=_teller(quiet)), quiet)
+    _table(
+        lj_report(
+            output,
+            half_width=half_width,
+            amplitude=amplitude,
+            dt=dt,
+            duration=duration,
+            beyond_spinodal=beyond_spinodal,
+            progress=_teller(quiet),
+        ),
+        quiet,
+    )
 
 
 @group.command()

@@ -1,6 +1,7 @@
 """The notebooks run from top to bottom, and what they claim is what they show."""
 
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import nbformat
@@ -91,7 +92,7 @@ def test_upscaling_paper(monkeypatch):
     assert len(cancelled) == 3 and 10 < min(cancelled) and max(cancelled) < 25
     errors = [float(v) for v in re.findall(r"error ([\d.e+-]+)$", text, re.MULTILINE)]
     # "exact to five digits at a fifth of the cost"
-    assert len(errors) == 6 and errors[4] < 2e-5 and all(a > b for a, b in zip(errors[:4], errors[1:5]))
+    assert len(errors) == 6 and errors[4] < 2e-5 and all(a > b for a, b in pairwise(errors[:5]))
     changes = [float(v) for v in re.findall(r"change at a node ([\d.]+)", text)]
     # "again and again": no sign of falling over six halvings
     assert len(changes) == 6 and min(changes) > 0.1 and changes[-1] > changes[0] / 2

@@ -59,7 +59,7 @@ def test_paper_springs_are_equation_4_1():
         assert Springs.paper(dx, M, 3.0, 2.0).sound_speed == pytest.approx(math.sqrt(1.5), rel=1e-12)
 
 
-@pytest.mark.parametrize("M", [3, 70])  # the sum over neighbours and the convolution
+@pytest.mark.parametrize("M", [3, 104])  # the sum over neighbours and the convolution
 @pytest.mark.parametrize("boundary", ["periodic", "clamped"])
 def test_verlet_is_its_closed_form(boundary, M):
     """Every step of velocity Verlet equals the closed form of its powers, displacement and velocity, to rounding (1e-16 a step, 200 steps)."""
@@ -293,3 +293,74 @@ def test_refused(call, message):
     with pytest.raises(AtcError, match=message) as e:
         call()
     assert "\n" not in str(e.value)
+
+
+def lammps_chain(model, u0, dt, steps, pair, bonds=()):
+    """Positions, velocities and total energy of a periodic chain along x after `steps` steps of LAMMPS's own velocity Verlet."""
+    from lammps_oracle import lammps_session
+
+    n, dx = len(u0), model.spacing
+    with lammps_session() as lmp:
+        lmp.commands_string(f"""
+            units lj
+            atom_style bond
+            atom_modify map array
+            region box block 0 {n * dx} -50 50 -50 50
+            create_box 1 box{" bond/types " + str(len(bonds)) + " extra/bond/per/atom 40 extra/special/per/atom 4000" if bonds else ""}
+            mass 1 {model.density * dx!r}
+            comm_modify cutoff {3 * max(model.horizon, 1.0)}
+            timestep {dt!r}
+        """)
+        x = np.zeros((n, 3))
+        x[:, 0] = np.arange(n) * dx + u0
+        lmp.create_atoms(n, list(range(1, n + 1)), [1] * n, x.ravel().tolist())
+        lmp.commands_string(pair)
+        if bonds:
+            lmp.command("special_bonds lj 1 1 1")
+            lmp.commands_string("bond_style harmonic\n" + "\n".join(f"bond_coeff {q} {k!r} {q * dx!r}" for q, k in enumerate(bonds, 1)))
+            for q in range(1, len(bonds) + 1):
+                for i in range(n):
+                    lmp.command(f"create_bonds single/bond {q} {i + 1} {(i + q) % n + 1} special no")
+        lmp.commands_string(f"fix 1 all nve\nthermo_modify norm no\nrun {steps} post no")
+        order = np.argsort(lmp.numpy.extract_atom("id")[:n])
+        image = lmp.numpy.extract_atom("image")[:n][order]
+        unwrapped = lmp.numpy.extract_atom("x")[:n, 0][order] + ((image & 1023) - 512) * n * dx
+        v = lmp.numpy.extract_atom("v")[:n, 0][order].copy()
+        return unwrapped, v, lmp.get_thermo("etotal")
+
+
+@pytest.mark.parametrize("spacing, M", [(1.0, 4), (2.0, 2)])
+def test_lennard_jones_chain_is_lammps(spacing, M):
+    """The same chain as `pair_style lj/cut` with a cutoff between the M-th and the next neighbour: positions after 2000 steps, through the shock."""
+    x = np.arange(300) * spacing
+    u0 = bump(x, 150 * spacing, 60.0 * spacing, 1.2 * spacing)
+    chain = LennardJones(spacing, M, density=1.3)
+    A, B = (c * spacing for c in chain.coefficients)  # of one bond, not per length
+    sigma, epsilon = (A / B) ** (1 / 6), B * B / (4 * A)
+    run = verlet(chain, u0, dt=0.1, steps=2000, every=50)
+    # No other bond ever comes within the cutoff, and none of these leaves it.
+    y = x + run.u_tn
+    y = np.concatenate([y, y + 300 * spacing], axis=1)
+    cutoff = (M + 0.5) * spacing
+    assert (y[:, M : 300 + M] - y[:, :300]).max() < cutoff < (y[:, M + 1 : 301 + M] - y[:, :300]).min()
+    positions, velocities, energy = lammps_chain(chain, u0, 0.1, 2000, f"pair_style lj/cut {cutoff!r}\npair_coeff 1 1 {epsilon!r} {sigma!r}")
+    # rounding of positions near 300 (6e-14), two thousand steps
+    np.testing.assert_allclose(positions - x, run.u_tn[-1], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(velocities, run.v_tn[-1], rtol=0, atol=1e-9)
+    rest = 300 * sum(4 * epsilon * ((sigma / (j * spacing)) ** 12 - (sigma / (j * spacing)) ** 6) for j in range(1, M + 1))
+    assert energy - rest == pytest.approx(run.total_t[-1], rel=1e-8)
+    assert run.density_tn.max() > 1.05, "there is a shock"
+
+
+def test_springs_are_lammps():
+    """`bond_style harmonic` (K r² with K half the stiffness) to five neighbours: 300 steps."""
+    model = Springs.paper(0.5, 5, 1.4, 0.9)
+    x = np.arange(80) * 0.5
+    u0 = bump(x, 20.0, 6.0, 0.3)
+    stiffness = model.weights * model.spacing  # per bond
+    dt = model.time_step()
+    run = verlet(model, u0, dt=dt, steps=300, every=300)
+    positions, velocities, energy = lammps_chain(model, u0, dt, 300, "pair_style zero 4.0\npair_coeff * *", [float(k) / 2 for k in stiffness])
+    np.testing.assert_allclose(positions - x, run.u_tn[-1], rtol=0, atol=1e-10)
+    np.testing.assert_allclose(velocities, run.v_tn[-1], rtol=0, atol=1e-10)
+    assert energy == pytest.approx(run.total_t[-1], rel=1e-9)

@@ -36,7 +36,7 @@ def run_chain(
     if coarse is not None:
         if model == "lj":
             raise AtcError("--coarse goes with springs and pd; a Lennard-Jones chain is coarsened by --spacing and --neighbors")
-        chain = _coarsened(chain, coarse, dt)
+        chain, dt = _coarsened(chain, coarse, dt)
     n = round(positive("length", length) / chain.spacing) + 1
     if n > 2_000_000:
         raise AtcError(f"{n} nodes: expected at most 2,000,000; take a larger spacing or a shorter chain")
@@ -69,7 +69,10 @@ def _coarsened(chain, text, dt):
         raise AtcError(
             f"--coarse {text}: expected METHOD,FACTOR with a FACTOR that divides the {chain.neighbors} neighbours, e.g. band,2"
         ) from None
-    return coarsen(chain, chain.spacing * factor, chain.neighbors // factor, method, dt=dt)
+    spacing, M = chain.spacing * factor, chain.neighbors // factor
+    if method == "band-in-time" and dt is None:
+        dt = Springs.paper(spacing, M).time_step()  # the fit holds for this step and no other
+    return coarsen(chain, spacing, M, method, dt=dt), dt
 
 
 def _picture(run, path):

@@ -11,7 +11,7 @@ from ..errors import AtcError
 from .chain import LJ_SPINODAL, LennardJones, Springs, check_boundary, need_nodes, positive, whole
 
 # Neighbours from which a convolution by FFT beats the sum over them, on chains of 10⁴ to 10⁵ nodes (measured; the result is the same to rounding).
-_FFT_FROM = 60
+_FFT_FROM = 100
 
 
 @dataclass(frozen=True)

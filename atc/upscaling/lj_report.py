@@ -22,6 +22,7 @@ def lj_report(
     amplitude: float = AMPLITUDE,
     dt: float = TIME_STEP,
     duration: float = DURATION,
+    beyond_spinodal: str = "refuse",
     progress=lambda text: None,
 ) -> Report:
     """Every figure of section 5 into `folder`: report.html, pictures, numbers.json, md.nc. A few seconds.
@@ -33,7 +34,7 @@ def lj_report(
     progress("series (5.2)")
     _series(report)
     progress("runs (Figs. 5.1, 5.2)")
-    _runs(report, half_width, amplitude, dt, duration)
+    _runs(report, half_width, amplitude, dt, duration, beyond_spinodal)
     progress("hard cases")
     _hard(report, dt)
     report.write()
@@ -71,7 +72,7 @@ def _series(report: Report) -> None:
     report.numbers["equation_5_2"] = {" ".join(map(str, k)): str(v) for k, v in ours.items()}
 
 
-def _runs(report: Report, half_width, amplitude, dt, duration) -> None:
+def _runs(report: Report, half_width, amplitude, dt, duration, beyond_spinodal) -> None:
     steps = math.floor(duration / dt * (1 + 1e-12))
     every = max(1, steps // 300)
     cases = {"MD: 1,001 atoms, N = 4": (1.0, 4), "PD: 501 nodes, M = 2": (2.0, 2), "PD: 251 nodes, M = 1": (4.0, 1)}
@@ -85,6 +86,7 @@ def _runs(report: Report, half_width, amplitude, dt, duration) -> None:
             steps=steps,
             every=every,
             boundary="clamped",
+            beyond_spinodal=beyond_spinodal,
         )
 
     runs = {name: run(*case) for name, case in cases.items()}
@@ -174,6 +176,7 @@ def _runs(report: Report, half_width, amplitude, dt, duration) -> None:
         steps=steps,
         every=every,
         boundary="clamped",
+        beyond_spinodal=beyond_spinodal,
     )
     report.claim(
         "Fig. 5.1(b, c)", "At the atoms' resolution peridynamics reproduces molecular dynamics.", f"largest difference of positions {float(np.abs(twin.u_tn - md.u_tn).max()):g}",
