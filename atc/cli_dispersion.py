@@ -12,6 +12,7 @@ from .cli import Begin, End, Quiet, SceneFile, Set, Step, _console, _load
 
 def register(app: typer.Typer) -> None:
     """Add the command to `app`."""
+
     @app.command()
     def dispersion(
         scene: SceneFile,

@@ -81,7 +81,10 @@ class Dispersion:
                 more = f" (C44 {born:.4g} if the basis could not relax)" if abs(born / c44 - 1) > 1e-6 else ""
                 out.append(("elastic constants", f"C11 {c11:.4f}, C12 {c12:.4f}, C44 {c44:.4f} {name}{more}"))
             else:
-                out += [("elastic constants" if a == 0 else "", " ".join(f"{x:10.4f}" for x in row) + (f"  {name}" if a == 0 else "")) for a, row in enumerate(c)]
+                out += [
+                    ("elastic constants" if a == 0 else "", " ".join(f"{x:10.4f}" for x in row) + (f"  {name}" if a == 0 else ""))
+                    for a, row in enumerate(c)
+                ]
         for ray in self.rays:
             if ray.lattice_km is not None:
                 ends = ", ".join(f"{x:.6g}" if x >= 0 else f"{-x:.6g}i" for x in factor * ray.lattice_km[-1])
@@ -104,11 +107,15 @@ class Dispersion:
                 step = u.to_user("time", m.stable_step)
                 low = f"{m.min_omega2:10.2e}" if m.stable else f"{m.min_omega2:9.1e}!"
                 lines.append(f"  {m.label:<26}{cells}{100 * m.rms:9.3f}{low}{step:11.4g} {u.label('time')}")
-            lines.append("  (min ω²: smallest beyond the first zone up to 4·2π/a, of the crystal's largest; ! marks an unstable model; steps are 2/ω_max)")
+            lines.append(
+                "  (min ω²: smallest beyond the first zone up to 4·2π/a, of the crystal's largest; ! marks an unstable model; steps are 2/ω_max)"
+            )
         r = self.measured
         if r is not None:
             temperature = f"{r.temperature:.4g} {u.label('temperature')}"
-            lines.append(f"measured in {r.source.rsplit(' frame ', 1)[0]}: {r.frames} frames, {temperature}, errors from {r.blocks} blocks; {unit}:")
+            lines.append(
+                f"measured in {r.source.rsplit(' frame ', 1)[0]}: {r.frames} frames, {temperature}, errors from {r.blocks} blocks; {unit}:"
+            )
             lines.append(f"  {'k':<14}{'harmonic':>10}{'ratio':>20}{'spectrum':>20}")
             harmonic = self.fc.frequencies(r.k_kc) if self.fc is not None else np.full(r.ratio_km.shape, np.nan)
             for p in range(len(r.k_kc)):
@@ -133,7 +140,11 @@ class Dispersion:
         u, (unit, factor) = self.crystal.units, frequency_unit(self.crystal.units)
 
         def clean(x):
-            return [clean(v) for v in x] if isinstance(x, (list, tuple, np.ndarray)) else (None if x is None or not np.isfinite(x) else float(x))
+            return (
+                [clean(v) for v in x]
+                if isinstance(x, (list, tuple, np.ndarray))
+                else (None if x is None or not np.isfinite(x) else float(x))
+            )
 
         out = {
             "crystal": self.crystal.name, "lattice_constant": self.crystal.lattice_constant, "length_unit": u.label("length"), "frequency_unit": unit,
@@ -186,7 +197,11 @@ class Dispersion:
         if self.fc is not None:
             data["frequency"] = (("ray", "point", "branch"), factor * stack(lambda r: r.lattice_km), hz)
             slope = u.to_user("velocity", stack(lambda r: r.velocity_km))
-            data["group_velocity"] = (("ray", "point", "branch"), slope, {"units": u.label("velocity"), "long_name": "dω/d|k| along the ray"})
+            data["group_velocity"] = (
+                ("ray", "point", "branch"),
+                slope,
+                {"units": u.label("velocity"), "long_name": "dω/d|k| along the ray"},
+            )
         if all(r.phonopy_km is not None for r in self.rays):
             data["frequency_phonopy"] = (("ray", "point", "branch"), factor * stack(lambda r: r.phonopy_km), hz)
         names = list(self.rays[0].models)
@@ -205,13 +220,21 @@ class Dispersion:
             data["relative_error"] = (dims, get("error_bf"), {"units": "1", "long_name": "ω of the model over ω of the crystal, minus 1"})
             data["velocity_error"] = (dims, get("velocity_error_bf"), {"units": "1", "long_name": "error of dω/dk over the speed of sound"})
             data["rms_error"] = ("model", get("rms"), {"units": "1"})
-            data["min_omega2"] = ("model", get("min_omega2"), {"units": "1", "long_name": "smallest ω² beyond the zone over the crystal's largest"})
+            data["min_omega2"] = (
+                "model",
+                get("min_omega2"),
+                {"units": "1", "long_name": "smallest ω² beyond the zone over the crystal's largest"},
+            )
             data["stable_step"] = ("model", u.to_user("time", get("stable_step")), {"units": u.label("time"), "long_name": "2/ω_max"})
         if self.elastic is not None:
             coords["voigt_1"] = coords["voigt_2"] = ["xx", "yy", "zz", "yz", "xz", "xy"]
             press = {"units": u.label("pressure")}
             data["elastic_constants"] = (("voigt_1", "voigt_2"), self.elastic.to_user(), {**press, "long_name": "C, basis relaxed"})
-            data["elastic_constants_born"] = (("voigt_1", "voigt_2"), self.elastic.to_user("born_vv"), {**press, "long_name": "C, basis clamped"})
+            data["elastic_constants_born"] = (
+                ("voigt_1", "voigt_2"),
+                self.elastic.to_user("born_vv"),
+                {**press, "long_name": "C, basis clamped"},
+            )
         r = self.measured
         if r is not None:
             data["measured_wave_vector"] = (("k", "c"), r.k_kc * k_user, per_length)
@@ -239,7 +262,12 @@ class Dispersion:
         if self.phonopy_difference is not None:
             attrs["phonopy_difference"] = float(factor * self.phonopy_difference)
         if r is not None:
-            attrs |= {"source": Path(r.source.split(" frame ")[0]).name, "temperature": r.temperature, "frames": r.frames, "blocks": r.blocks}
+            attrs |= {
+                "source": Path(r.source.split(" frame ")[0]).name,
+                "temperature": r.temperature,
+                "frames": r.frames,
+                "blocks": r.blocks,
+            }
         return xr.Dataset(data, coords, attrs)
 
     def save(self, path) -> None:
@@ -425,7 +453,9 @@ def dispersion(
     worst = min(r.lattice_km[1:].min() for r in out.rays)
     if worst < -1e-6 * max(r.lattice_km.max() for r in out.rays):
         unit, factor = frequency_unit(u)
-        notes.append(f"the lattice is unstable: imaginary frequencies down to {-factor * worst:.4g}i {unit} (negative in tables and pictures)")
+        notes.append(
+            f"the lattice is unstable: imaginary frequencies down to {-factor * worst:.4g}i {unit} (negative in tables and pictures)"
+        )
     return out
 
 
@@ -478,11 +508,15 @@ def _crystal_of(scene, get, traj, units) -> Crystal:
     structure, a = get("structure"), get("lattice_constant")
     if structure is None or a is None:
         what = "structure" if structure is None else "lattice_constant"
-        raise AtcError(f'{scene.where("dispersion")}: [dispersion] needs {what}, e.g. structure = "fcc" and lattice_constant = 5.3, or unit_cell = "cell.data"')
+        raise AtcError(
+            f'{scene.where("dispersion")}: [dispersion] needs {what}, e.g. structure = "fcc" and lattice_constant = 5.3, or unit_cell = "cell.data"'
+        )
     masses = get("masses")
     if masses is None:
         if traj is None:
-            raise AtcError(f"{scene.where('dispersion')}: [dispersion] needs masses, one for each atom of the basis, e.g. masses = [39.948]")
+            raise AtcError(
+                f"{scene.where('dispersion')}: [dispersion] needs masses, one for each atom of the basis, e.g. masses = [39.948]"
+            )
         frame = traj[0]
         frame.require("masses", why="the dispersion")
         kinds = np.unique(frame.types)

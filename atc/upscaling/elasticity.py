@@ -95,7 +95,9 @@ def elastic_constants(crystal: Crystal, model, *, step: float = 1e-4) -> Elastic
     largest = np.abs(r.forces_nc).max()
     scale = np.abs(born).max() * crystal.volume ** (2 / 3)
     if largest > 1e-6 * scale:
-        raise AtcError(f"{crystal.name}: its atoms are not in equilibrium (forces of {largest:.2g} internal units): relax the crystal first")
+        raise AtcError(
+            f"{crystal.name}: its atoms are not in equilibrium (forces of {largest:.2g} internal units): relax the crystal first"
+        )
     C = born
     if len(crystal) > 1:
         values, modes = np.linalg.eigh(r.phi_xx)

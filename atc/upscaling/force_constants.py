@@ -279,7 +279,6 @@ def supercell_repeat(crystal: Crystal, shortest: float) -> np.ndarray:
     return repeat
 
 
-
 def nearest_images(r, vectors):
     """The shortest image of each vector of r (n, 3) under the lattice `vectors` (rows), also for skewed cells."""
     s = r @ np.linalg.inv(vectors)

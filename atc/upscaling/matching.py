@@ -282,7 +282,9 @@ class _Limits:
         return np.vstack(rows), np.concatenate(rhs), np.minimum(below, above)
 
 
-def fit_kernel(fc: ForceConstants, kind: str = "cubic", *, horizon: float | None = None, knots: int = 12, floor: float = 0.02) -> FittedKernel:
+def fit_kernel(
+    fc: ForceConstants, kind: str = "cubic", *, horizon: float | None = None, knots: int = 12, floor: float = 0.02
+) -> FittedKernel:
     """A continuous peridynamic kernel for a cubic crystal.
 
     Parameters
@@ -412,6 +414,8 @@ def make_model(name: str, fc: ForceConstants, elastic: ElasticConstants, *, hori
         return MollifiedLattice(fc, width, order) if width else MollifiedLattice.for_zone(fc, order)
     if name in ("coarse2", "coarse3"):
         if len(fc.crystal) > 1:
-            raise AtcError(f"{name}: coarse lattices are for crystals with one atom in the primitive cell; {fc.crystal.name} has {len(fc.crystal)}")
+            raise AtcError(
+                f"{name}: coarse lattices are for crystals with one atom in the primitive cell; {fc.crystal.name} has {len(fc.crystal)}"
+            )
         return fit_coarse(fc, int(name[-1]))
     return fit_kernel(fc, name, horizon=horizon, knots=knots)

@@ -121,7 +121,9 @@ class MollifiedLattice:
         q = np.linalg.norm(k, axis=1)
         x = 0.5 * (q * self.width) ** 2
         slope = (-np.exp(-x) * x**self.order / factorial(self.order) * q * self.width**2)[:, None, None]
-        return slope * (self.fc.dynamical_matrix(k) - self.fc.onsite_matrix()) + self.transform(q)[:, None, None] * self.lattice.radial_gradient(k)
+        return slope * (self.fc.dynamical_matrix(k) - self.fc.onsite_matrix()) + self.transform(q)[
+            :, None, None
+        ] * self.lattice.radial_gradient(k)
 
     def onsite_matrix(self):
         return self.fc.onsite_matrix()
@@ -326,7 +328,11 @@ class ShellBasis:
 
     def norms(self) -> np.ndarray:
         """(size,) the largest ω² of each."""
-        return 2 * np.add.reduceat(np.abs(self._t).max(axis=2), np.searchsorted(self.orbit, np.arange(self.orbits)), axis=1).ravel() / self.mass
+        return (
+            2
+            * np.add.reduceat(np.abs(self._t).max(axis=2), np.searchsorted(self.orbit, np.arange(self.orbits)), axis=1).ravel()
+            / self.mass
+        )
 
     def onsite(self):
         return None

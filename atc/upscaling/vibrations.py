@@ -90,7 +90,9 @@ def find_sites(frame, crystal: Crystal, cell=None) -> Sites:
         if (best is None or error < best[0]) and (np.bincount(which, minlength=n) == cells).all():
             best = error, which, shift
     if best is None:
-        raise AtcError(f"{frame.source}: its atoms do not sit at the sites of {crystal.name}: it has defects, has melted, or has another structure")
+        raise AtcError(
+            f"{frame.source}: its atoms do not sit at the sites of {crystal.name}: it has defects, has melted, or has another structure"
+        )
     _, which, shift = best
     m = np.rint((x - shift - crystal.positions[which]) @ inv)
     sites = m @ crystal.vectors + crystal.positions[which] + shift
@@ -374,7 +376,9 @@ class Measured:
     notes: list = field(default_factory=list)
 
 
-def measure(traj, crystal: Crystal, directions, *, fc=None, blocks: int = 5, timestep: float | None = None, cubic: bool | None = None) -> Measured:
+def measure(
+    traj, crystal: Crystal, directions, *, fc=None, blocks: int = 5, timestep: float | None = None, cubic: bool | None = None
+) -> Measured:
     """ω(k) of a trajectory at every wave vector along `directions` that fits into its box.
 
     Parameters
@@ -405,7 +409,9 @@ def measure(traj, crystal: Crystal, directions, *, fc=None, blocks: int = 5, tim
             fractions, ks = commensurate(sites, d)
             for f, k in zip(fractions, ks):
                 # Equivalent ones fit only if the box has the cube's symmetry too.
-                members = [q for q in star(k, cubic) if np.abs(sites.cell @ q / (2 * np.pi) - np.rint(sites.cell @ q / (2 * np.pi))).max() < 1e-6]
+                members = [
+                    q for q in star(k, cubic) if np.abs(sites.cell @ q / (2 * np.pi) - np.rint(sites.cell @ q / (2 * np.pi))).max() < 1e-6
+                ]
                 plan.append((r, f, k, np.array(members)))
         if not plan:
             raise AtcError(
