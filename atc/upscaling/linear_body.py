@@ -35,7 +35,7 @@ class Stencil:
 
         Its dispersion is that of the sum, not of the integral; the difference falls with the spacing.
         """
-        if not hasattr(model, "kernel") or len(model.crystal) > 1 and hasattr(model, "fc"):
+        if not hasattr(model, "kernel") or (len(model.crystal) > 1 and hasattr(model, "fc")):
             raise AtcError(f"{model.label}: expected a continuous kernel with one displacement field")
         m = int(np.floor(model.horizon / spacing * (1 + 1e-12)))
         n = np.stack(np.meshgrid(*(np.arange(-m, m + 1),) * 3, indexing="ij"), -1).reshape(-1, 3)

@@ -427,7 +427,7 @@ def measure(
     harmonic = fc(crystal) if fc is not None else None
     n3 = 3 * len(crystal)
     rows, currents, frequency, at = [], [], None, 0
-    for _, _, k, members in plan:
+    for *_, members in plan:
         pick = slice(at, at + len(members))
         at += len(members)
         u, v = (x[:, pick].transpose(1, 0, 2) for x in (a.u_tkx, a.v_tkx))
