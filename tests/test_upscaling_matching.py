@@ -12,7 +12,6 @@ from atc.upscaling.crystal import Crystal
 from atc.upscaling.force_constants import force_constants, signed_root
 from atc.upscaling.linear_body import LinearBody, Stencil, discretisation_error, wave_packet
 from atc.upscaling.matching import (
-    FRACTIONS,
     LeastSquares,
     branch_values,
     cubic_branches,
@@ -38,7 +37,15 @@ def fitted(name, what="argon"):
 
 @pytest.mark.parametrize(
     "name, most",
-    [("isotropic", 0.17), ("cubic", 0.014), ("noncentral", 0.002), ("mollified", 8e-4), ("coarse2", 1e-3), ("coarse3", 1.2e-3), ("lattice", 1e-9)],
+    [
+        ("isotropic", 0.17),
+        ("cubic", 0.014),
+        ("noncentral", 0.002),
+        ("mollified", 8e-4),
+        ("coarse2", 1e-3),
+        ("coarse3", 1.2e-3),
+        ("lattice", 1e-9),
+    ],
 )
 def test_argon(name, most):
     _, m = fitted(name)
@@ -109,7 +116,9 @@ def test_kernel_basis_against_brute_force():
     mine = basis.matrices(k)
     # A midpoint rule for piecewise linear functions: second order in h; kinks and the singular direction at ξ = 0.
     np.testing.assert_allclose(mine, brute, atol=4e-3 * np.abs(brute).max())
-    np.testing.assert_allclose(basis.onsite(), basis.kernel(xi).sum(axis=1) * h**3 / crystal("argon").density, atol=4e-3 * np.abs(brute).max())
+    np.testing.assert_allclose(
+        basis.onsite(), basis.kernel(xi).sum(axis=1) * h**3 / crystal("argon").density, atol=4e-3 * np.abs(brute).max()
+    )
     # No ω² is larger than twice the norm.
     assert (np.abs(np.linalg.eigvalsh(mine)).max(axis=(0, 2)) <= 2 * basis.norms()).all()
 
@@ -120,7 +129,9 @@ def test_mollified_kernel_in_space():
     s = Stencil.of_kernel(model, crystal("argon").lattice_constant / 8)
     k = np.array([[0.5, 0.2, 0.1], [1.0, 0.0, 0.3], [0.02, 0.01, 0.0]])
     # The kernel is smooth on the scale of the grid; it is cut where it has fallen to 1e-4 of its peak.
-    np.testing.assert_allclose(s.dynamical_matrix(k), model.dynamical_matrix(k).real, rtol=0, atol=1e-4 * np.abs(model.onsite_matrix()).max())
+    np.testing.assert_allclose(
+        s.dynamical_matrix(k), model.dynamical_matrix(k).real, rtol=0, atol=1e-4 * np.abs(model.onsite_matrix()).max()
+    )
     # g integrates to 1 and has no second moment (order ≥ 1): the long-wave limit is the crystal's own.
     r = np.linspace(0, 12 * model.width, 40001)
     g = 4 * np.pi * r**2 * model.mollifier(r)
@@ -246,7 +257,9 @@ def test_body_is_its_stencil():
     body.run(300)
     assert body.energies().sum() == pytest.approx(before, rel=2e-2)  # (ω Δt)²/8 at Δt = 0.2 of the stable step, no drift
     np.testing.assert_allclose(body.v.sum(axis=0), momentum, atol=1e-13)
-    assert body.omega_max == pytest.approx(np.sqrt(np.linalg.eigvalsh(s.dynamical_matrix(np.indices((6, 6, 6)).reshape(3, -1).T @ b)).max()), rel=1e-3)
+    assert body.omega_max == pytest.approx(
+        np.sqrt(np.linalg.eigvalsh(s.dynamical_matrix(np.indices((6, 6, 6)).reshape(3, -1).T @ b)).max()), rel=1e-3
+    )
     free = LinearBody(s, (4, 4, 4), periodic=(False, False, False))
     free.u[:] = [0.3, -0.2, 0.1]
     np.testing.assert_allclose(free.forces(), 0.0, atol=1e-14)
@@ -255,7 +268,9 @@ def test_body_is_its_stencil():
     np.testing.assert_allclose(free.forces().sum(axis=0), 0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize("name, polarisation, fraction", [("mollified", (1, 0, 0), 0.5), ("mollified", (0, 1, 0), 0.75), ("noncentral", (1, 0, 0), 0.5)])
+@pytest.mark.parametrize(
+    "name, polarisation, fraction", [("mollified", (1, 0, 0), 0.5), ("mollified", (0, 1, 0), 0.75), ("noncentral", (1, 0, 0), 0.5)]
+)
 def test_wave_packets_travel_with_the_group_velocity(name, polarisation, fraction):
     k = fraction * G
     p = wave_packet(nodes(name), k, polarisation, model=fitted(name)[0], waves=24, periods=30)

@@ -122,7 +122,12 @@ def test_commensurate_wave_vectors():
     n = np.stack(np.meshgrid(*(np.arange(m) for m in (4, 4, 4)), indexing="ij"), -1).reshape(-1, 1, 3)
     x = ((n + 0.5 * np.array([[0, 0, 0], [0, 1, 1], [1, 0, 1], [1, 1, 0]])) * a).reshape(-1, 3)
     sites = find_sites(Frame(x, Cell(4 * a * np.eye(3)), c.units, masses=np.full(len(x), MASS)), c)
-    for direction, fractions in (((1, 0, 0), [0.25, 0.5, 0.75, 1.0]), ((1, 1, 0), [1 / 3, 2 / 3, 1.0]), ((1, 1, 1), [0.5, 1.0]), ((2, 1, 0), None)):
+    for direction, fractions in (
+        ((1, 0, 0), [0.25, 0.5, 0.75, 1.0]),
+        ((1, 1, 0), [1 / 3, 2 / 3, 1.0]),
+        ((1, 1, 1), [0.5, 1.0]),
+        ((2, 1, 0), None),
+    ):
         f, k = commensurate(sites, direction)
         if fractions is not None:
             np.testing.assert_allclose(f, fractions, rtol=1e-9)
@@ -216,7 +221,16 @@ def test_shift_with_temperature(tmp_path):
     for T in (1.0, 6.0):
         lammps_dump(tmp_path / f"{T}.dump", T, 25, 1500, 20000)
         r = measure(atc.read(tmp_path / f"{T}.dump", masses=[MASS]), start("argon"), RAYS, fc=lambda c: force_constants(c, model("argon")))
-        shift.append((r.temperature, float(np.mean(r.spectrum_km[np.isfinite(r.spectrum_km)] / constants("argon").frequencies(r.k_kc)[np.isfinite(r.spectrum_km)] - 1))))
+        shift.append(
+            (
+                r.temperature,
+                float(
+                    np.mean(
+                        r.spectrum_km[np.isfinite(r.spectrum_km)] / constants("argon").frequencies(r.k_kc)[np.isfinite(r.spectrum_km)] - 1
+                    )
+                ),
+            )
+        )
     slope = (shift[1][1] - shift[0][1]) / (shift[1][0] - shift[0][0])
     assert 0.5e-3 < slope < 1.2e-3, shift
 
@@ -267,7 +281,9 @@ def test_said():
     slow = [f.replace(time=10 * f.time) for f in frames]
     r = measure(slow, c, RAYS, fc=fc, blocks=2)
     assert any("folded down" in n for n in r.notes)
-    breathing = [f.replace(cell=Cell(f.cell.vectors * (1 + 1e-3 * k)), positions=f.positions * (1 + 1e-3 * k)) for k, f in enumerate(frames)]
+    breathing = [
+        f.replace(cell=Cell(f.cell.vectors * (1 + 1e-3 * k)), positions=f.positions * (1 + 1e-3 * k)) for k, f in enumerate(frames)
+    ]
     r = measure(breathing, c, RAYS, fc=fc)
     assert any("box changes" in n for n in r.notes)
     assert np.abs(r.ratio_km / constants("argon").frequencies(r.k_kc) - 1).max() < 0.2

@@ -182,6 +182,7 @@ def amplitudes(traj, crystal: Crystal, choose, *, timestep: float | None = None)
     nearest = _shortest_contact(sites)
     u_all, v_all, times, steps, kinetic, cells = [], [], [], [], [], []
     inv0 = np.linalg.inv(sites.cell)
+    drift = np.zeros(3)
 
     def project(a):
         a = (root * a)[order].reshape(n, -1, 3)
@@ -193,10 +194,13 @@ def amplitudes(traj, crystal: Crystal, choose, *, timestep: float | None = None)
             raise AtcError(f"{frame.source}: {len(frame)} atoms, but the first frame has {len(first)}")
         frame.require("velocities", why="the dispersion from a trajectory")
         x = (frame.positions - frame.cell.origin) @ frame.cell.inverse @ sites.cell
-        u = x - sites.sites
+        # The crystal may drift as a whole, through the box if it likes: it is looked for where it was the frame before.
+        u = x - sites.sites - drift
         s = u @ inv0
         u = (s - np.rint(s)) @ sites.cell
-        u -= u.mean(axis=0)
+        moved = u.mean(axis=0)
+        u -= moved
+        drift = drift + moved
         far = np.sqrt((u**2).sum(axis=1))
         if far.max() > 0.5 * nearest:
             bad = int(np.argmax(far))
