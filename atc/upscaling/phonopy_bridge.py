@@ -61,7 +61,7 @@ def phonopy_from(fc: ForceConstants, repeat):
 def frequencies(phonon, crystal: Crystal, k_kc) -> np.ndarray:
     """(k, 3n) THz (or 1/tau), ascending, imaginary ones negative, of wave vectors in Cartesian coordinates."""
     q = np.atleast_2d(k_kc) @ crystal.vectors.T / (2 * np.pi)
-    return np.array([phonon.get_frequencies(x) for x in q])
+    return np.array(phonon.run_qpoints(q).frequencies)
 
 
 def _phonopy(crystal, repeat):
@@ -77,13 +77,7 @@ def _phonopy(crystal, repeat):
     # phonopy's factor turns √(eV/amu)/Å into THz; reduced units get ω/2π.
     factor = 1 / (2 * np.pi) if crystal.units.reduced else THZ
     phonon = Phonopy(cell, supercell_matrix=np.diag(repeat), primitive_matrix=np.eye(3), log_level=0)
-    for name in ("unit_conversion_factor", "_unit_conversion_factor", "_factor"):
-        if hasattr(phonon, name):
-            try:
-                setattr(phonon, name, factor)
-                break
-            except AttributeError:
-                continue
+    phonon.unit_conversion_factor = factor
     return phonon
 
 

@@ -182,6 +182,7 @@ def amplitudes(traj, crystal: Crystal, choose, *, timestep: float | None = None)
     nearest = _shortest_contact(sites)
     u_all, v_all, times, steps, kinetic, cells = [], [], [], [], [], []
     inv0 = np.linalg.inv(sites.cell)
+    drift = np.zeros(3)
 
     def project(a):
         a = (root * a)[order].reshape(n, -1, 3)
@@ -193,10 +194,13 @@ def amplitudes(traj, crystal: Crystal, choose, *, timestep: float | None = None)
             raise AtcError(f"{frame.source}: {len(frame)} atoms, but the first frame has {len(first)}")
         frame.require("velocities", why="the dispersion from a trajectory")
         x = (frame.positions - frame.cell.origin) @ frame.cell.inverse @ sites.cell
-        u = x - sites.sites
+        # The crystal may drift as a whole, through the box if it likes: it is looked for where it was the frame before.
+        u = x - sites.sites - drift
         s = u @ inv0
         u = (s - np.rint(s)) @ sites.cell
-        u -= u.mean(axis=0)
+        moved = u.mean(axis=0)
+        u -= moved
+        drift = drift + moved
         far = np.sqrt((u**2).sum(axis=1))
         if far.max() > 0.5 * nearest:
             bad = int(np.argmax(far))
@@ -262,7 +266,7 @@ def _windows(frames: int, blocks: int):
     return [slice(b * length, (b + 1) * length) for b in range(blocks)], np.hanning(length + 2)[1:-1] if length else np.zeros(0)
 
 
-def by_ratio(u_stx, v_stx, vectors_sxm=None, blocks: int = 5) -> Estimate:
+def by_ratio(u_stx, v_stx, vectors_sxm=None, blocks: int = 5, groups=None) -> Estimate:
     """ω of each mode from √(⟨|v|²⟩/⟨|u|²⟩), over equivalent wave vectors s.
 
     Parameters
@@ -271,6 +275,7 @@ def by_ratio(u_stx, v_stx, vectors_sxm=None, blocks: int = 5) -> Estimate:
     vectors_sxm : (s, 3n, 3n) eigenvectors (columns) to project on, e.g. of the harmonic crystal; None: the generalised eigenproblem
         ⟨v v†⟩ e = ω² ⟨u u†⟩ e
     blocks : pieces of the run; their jackknife gives the error
+    groups : (3n,) ints: modes of one number are degenerate and looked at together, each with the weight of its energy; with `vectors_sxm` only
     """
     modes, frames = u_stx.shape[2], u_stx.shape[1]
     parts, w = _windows(frames, blocks)
@@ -281,8 +286,8 @@ def by_ratio(u_stx, v_stx, vectors_sxm=None, blocks: int = 5) -> Estimate:
     u = u_stx - u_stx.mean(axis=1, keepdims=True)
     if vectors_sxm is not None:
         um, vm = (np.einsum("sxm,stx->stm", vectors_sxm.conj(), a, optimize=True) for a in (u, v_stx))
-        U = np.array([np.einsum("t,stm->m", w, np.abs(um[:, p]) ** 2) for p in parts])
-        V = np.array([np.einsum("t,stm->m", w, np.abs(vm[:, p]) ** 2) for p in parts])
+        U = _pooled(np.array([np.einsum("t,stm->m", w, np.abs(um[:, p]) ** 2) for p in parts]), groups)
+        V = _pooled(np.array([np.einsum("t,stm->m", w, np.abs(vm[:, p]) ** 2) for p in parts]), groups)
         return Estimate(*jackknife(lambda which: np.sqrt(V[which].sum(axis=0) / U[which].sum(axis=0)), blocks))
     from scipy.linalg import eigh
 
@@ -292,6 +297,19 @@ def by_ratio(u_stx, v_stx, vectors_sxm=None, blocks: int = 5) -> Estimate:
         return np.mean([signed_root(eigh(b, a, eigvals_only=True)) for a, b in zip(U[which].sum(axis=0), V[which].sum(axis=0))], axis=0)
 
     return Estimate(*jackknife(solve, blocks))
+
+
+def _pooled(x, groups):
+    """Sums over the groups of the last axis, given back to each member."""
+    if groups is None:
+        return x
+    same = np.asarray(groups)[:, None] == np.asarray(groups)[None, :]
+    return x @ same.astype(float)
+
+
+def degenerate(values) -> np.ndarray:
+    """Group numbers of ascending values that are equal to 1e-6 of the largest."""
+    return np.concatenate([[0], np.cumsum(np.diff(values) > 1e-6 * np.abs(values).max())])
 
 
 def jackknife(statistic, blocks: int):
@@ -321,7 +339,7 @@ def spectra(v_stm, dt: float, blocks: int = 5, pad: int = 4):
     return 2 * np.pi * np.arange(n // 2 + 1) / (n * dt), np.array(out)
 
 
-def by_spectrum(v_stm, dt: float, blocks: int = 5) -> Estimate:
+def by_spectrum(v_stm, dt: float, blocks: int = 5, groups=None) -> Estimate:
     """ω of the highest peak of each mode's spectrum, by a parabola through the logarithm of the peak's three highest points (for a Hann window good to
     a hundredth of the block's resolution)."""
     modes, frames = v_stm.shape[2], v_stm.shape[1]
@@ -330,6 +348,7 @@ def by_spectrum(v_stm, dt: float, blocks: int = 5) -> Estimate:
     if blocks < 2 or length < MIN_FRAMES:
         return Estimate(empty, empty, f"{frames} frames in {blocks} blocks are too few for a spectrum: {MIN_FRAMES} a block at least")
     omega, power = spectra(v_stm, dt, blocks)
+    power = _pooled(power, groups)
 
     def peaks(which):
         P = power[which].sum(axis=0)
@@ -427,20 +446,22 @@ def measure(
     harmonic = fc(crystal) if fc is not None else None
     n3 = 3 * len(crystal)
     rows, currents, frequency, at = [], [], None, 0
-    for _, _, k, members in plan:
+    for *_, members in plan:
         pick = slice(at, at + len(members))
         at += len(members)
         u, v = (x[:, pick].transpose(1, 0, 2) for x in (a.u_tkx, a.v_tkx))
+        vectors = groups = None
         if harmonic is not None:
-            vectors = harmonic.frequencies(members, vectors=True)[1]
-        else:
-            vectors = _vectors_by_symmetry(members, crystal) if cubic and len(members) > 1 else None
-        ratio = by_ratio(u, v, vectors, blocks)
+            omega, vectors = harmonic.frequencies(members, vectors=True)
+            groups = degenerate(omega[0])
+        elif cubic and len(members) > 1:
+            vectors, groups = _vectors_by_symmetry(members, crystal)
+        ratio = by_ratio(u, v, vectors, blocks, groups)
         if vectors is None:
             vectors = _own_vectors(u, v)
         spectrum = Estimate(np.full(n3, np.nan), np.full(n3, np.nan))
         if a.dt is not None and vectors is not None:
-            spectrum = by_spectrum(np.einsum("sxm,stx->stm", vectors.conj(), v, optimize=True), a.dt, blocks)
+            spectrum = by_spectrum(np.einsum("sxm,stx->stm", vectors.conj(), v, optimize=True), a.dt, blocks, groups)
         for e in (ratio, spectrum):
             if e.why and e.why not in notes:
                 notes.append(e.why)
@@ -469,14 +490,16 @@ def _ascending(e: Estimate):
 
 
 def _vectors_by_symmetry(members, crystal):
-    """Polarisations along [100], [110] and [111] of a cubic crystal with one atom a cell: those of any model of that symmetry. None elsewhere."""
+    """Polarisations along [100], [110] and [111] of a cubic crystal with one atom a cell: those of any model of that symmetry, and
+    which are degenerate. None elsewhere."""
     k = np.sort(np.abs(members[0])) / np.abs(members[0]).max()
     if len(crystal) > 1 or not any(np.allclose(k, ray, atol=1e-6) for ray in ((0, 0, 1), (0, 1, 1), (1, 1, 1))):
-        return None
+        return None, None
     bonds = np.array([m for m in product((-1, 0, 1), repeat=3) if np.abs(m).sum() == 2], float)
     # Springs along the face diagonals, at long waves: longitudinal above transverse, [001] and [1-10] of [110] apart.
     D = np.einsum("sb,bi,bj->sij", (members @ bonds.T) ** 2, bonds, bonds)
-    return np.linalg.eigh(D)[1].astype(complex)
+    values, vectors = np.linalg.eigh(D)
+    return vectors.astype(complex), degenerate(values[0])
 
 
 def _own_vectors(u, v):
