@@ -16,6 +16,8 @@ Any consistent units (SI, say); nothing converts. Arrays carry their axes: n nod
 `State` : u_nc, v_nc, F_nc, external_nc, smin_n, intact_b, step, time, ledger; to_arrays() / from_arrays() for exact restarts: Simulation(..., state=State.from_arrays(a))
 `BondForces` : i, j, r_bc (y_i − y_j), R_bc (X_i − X_j), F_bc (force on i from j, volumes included), G_b (F = −G r; None if not central), bond_b; .bonds() → atc.bonds.Bonds
 `Prescribed(region, velocity= | displacement=)`, `BodyForce(region, density= | total=)`, `Indenter`, `Wall`, `Contact`, `CriticalStretch(s00, alpha)` / `.from_energy(Gc, material, body)`
+`relax(sim)` adaptive dynamic relaxation, `solve_static(sim)` Newton-Krylov: static states with prescribed displacements and forces.
+Materials: PMB, LPS, Correspondence, Elastic; the table MATERIALS {name: make(bulk, shear)} for tests that loop over all.
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ _LAZY = {
     "Notch": "bonds",
     "Families": "bonds",
     **dict.fromkeys(("Region", "Box", "Cylinder", "Sphere", "Nodes", "Everywhere"), "regions"),
-    **dict.fromkeys(("PMB", "LPS", "Elastic", "MATERIALS", "INFLUENCE", "BondForces", "Material"), "materials"),
+    **dict.fromkeys(("PMB", "LPS", "Elastic", "Correspondence", "MATERIALS", "INFLUENCE", "BondForces", "Material"), "materials"),
     "CriticalStretch": "damage",
     "Contact": "contact",
     "Indenter": "indenter",
@@ -35,6 +37,7 @@ _LAZY = {
     "State": "state",
     "Simulation": "simulation",
     "Energies": "simulation",
+    **dict.fromkeys(("relax", "solve_static", "Converged"), "relax"),
 }
 
 __all__ = list(_LAZY)
