@@ -89,7 +89,6 @@ class BondModel(ForceModel):
 
     def __init__(self, body, materials, crew, rules=None, lammps_compat=False, interfaces=None):
         super().__init__(body, materials, crew, rules, lammps_compat)
-        t = self.table
         interfaces = interfaces or {}
 
         def pair(a, b):
