@@ -158,12 +158,10 @@ class ForceModel:
         else:
             self.kind_b = np.zeros(0, np.uint8)
             self.n_kinds = 1
-        self.rule = DamageRule(rules, ids, self.kinds)
-        if len(self.rule.s00) < self.n_kinds:
-            s00, alpha = np.full(self.n_kinds, np.inf), np.zeros(self.n_kinds)
-            for k in self.kinds.values():
-                s00[k], alpha[k] = self.rule.s00[min(k, len(self.rule.s00) - 1)], self.rule.alpha[min(k, len(self.rule.alpha) - 1)]
-            self.rule.s00, self.rule.alpha = s00, alpha
+        self.rule = DamageRule(rules, ids, self.kinds, self.n_kinds)
+        # Translations of the images, and what a strain of the cell adds to them.
+        self.images = np.zeros((len(self.table.images_tc), 6))
+        self.images[:, :3] = self.table.images_tc
         self.buf = self.blocks.buffer(3)
         self.smin_buf = np.empty(len(self.buf))
         self.largest_smin = -np.inf
@@ -248,15 +246,17 @@ def harmonic(a, b):
     return 2.0 * a * b / (a + b)
 
 
-def deformed(body, z, bonds=None):
-    """η, ξ, e and |ξ+η| of every bond (or those numbered): the plain numpy version of what the kernels do."""
-    t = body.bonds
+def deformed(model, z, bonds=None):
+    """i, j, η, ξ, e and |ξ+η| of every bond (or those numbered): the plain numpy version of what the kernels do."""
+    t, body = model.table, model.body
     b = slice(None) if bonds is None else bonds
     i, j = t.i_b[b], t.j_b[b]
     xi = body.X_nc[j] - body.X_nc[i]
     if len(t.image_b):
         xi += t.images_tc[t.image_b[b]]
     eta = z[j, :3] - z[i, :3]
+    if len(t.image_b):
+        eta += model.images[t.image_b[b], 3:]
     q = np.einsum("bc,bc->b", eta, 2 * xi + eta)
     r0 = t.r0_b[b]
     r = np.sqrt(np.maximum(r0 * r0 + q, 0.0))

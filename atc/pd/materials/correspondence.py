@@ -92,7 +92,7 @@ class CorrespondenceModel(ForceModel):
     def _tensors(self, z, intact_b, reference, out):
         t, bl = self.table, self.blocks
         self.crew.run(
-            _tensors, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, t.images_tc, z, self.W_b, intact_b, reference,
+            _tensors, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, self.W_b, intact_b, reference,
             self.tensor_buf,
         )  # fmt: skip
         from ..blocks import collect
@@ -109,7 +109,7 @@ class CorrespondenceModel(ForceModel):
         t, bl = self.table, self.blocks
         self._states(z, intact_b)
         broken = self.crew.run(
-            _forces, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, t.images_tc, z, t.r0_b, self.W_b, self.Q_ncc,
+            _forces, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, t.r0_b, self.W_b, self.Q_ncc,
             self.g_active_n, intact_b, self.kind_b, self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.smin_buf,
         )  # fmt: skip
         self.collect(F_nc, smin_n, damage)
@@ -125,7 +125,7 @@ class CorrespondenceModel(ForceModel):
 
     def energy_n(self, z, intact_b):
         self._states(z, intact_b)
-        i, j, eta, xi, _, _ = deformed(self.body, z)
+        i, j, eta, xi, _, _ = deformed(self, z)
         H = self.H_ncc.reshape(-1, 3, 3)
         E = 0.5 * (H + H.transpose(0, 2, 1) + H.transpose(0, 2, 1) @ H)
         W = 0.5 * self.lam_n * np.einsum("ncc->n", E) ** 2 + self.mu_n * np.einsum("nab,nab->n", E, E)
@@ -139,7 +139,7 @@ class CorrespondenceModel(ForceModel):
     def bond_forces(self, z, intact_b):
         self._states(z, intact_b)
         whole = np.flatnonzero(intact_b)
-        i, j, eta, xi, _, _ = deformed(self.body, z, whole)
+        i, j, eta, xi, _, _ = deformed(self, z, whole)
         Q = self.Q_ncc.reshape(-1, 3, 3)
         g = self.g_active_n
         F = self.W_b[whole, None] * (np.einsum("bac,bc->ba", Q[i] + Q[j], xi) + (g[i] + g[j])[:, None] * eta)

@@ -108,20 +108,20 @@ class BondModel(ForceModel):
         t, bl = self.table, self.blocks
         lost = np.zeros(bl.count)
         broken = self.crew.run(
-            forces, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, t.images_tc, z, t.r0_b, self.W_b, intact_b,
+            forces, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, t.r0_b, self.W_b, intact_b,
             self.kind_b, self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.smin_buf, lost,
         )  # fmt: skip
         self.collect(F_nc, smin_n, damage)
         return sum(broken), float(lost.sum())
 
     def energy_n(self, z, intact_b):
-        i, j, _, _, e, _ = deformed(self.body, z)
+        i, j, _, _, e, _ = deformed(self, z)
         half = 0.25 * self.W_b * e**2 / self.table.r0_b * (intact_b != 0)
         return np.bincount(i, half, self.n) + np.bincount(j, half, self.n)
 
     def bond_forces(self, z, intact_b):
         whole = np.flatnonzero(intact_b)
-        i, j, eta, xi, e, r = deformed(self.body, z, whole)
+        i, j, eta, xi, e, r = deformed(self, z, whole)
         G = np.divide(self.W_b[whole] * e, r * self.table.r0_b[whole], out=np.zeros(len(whole)), where=r > 0)
         y = xi + eta
         return BondForces(i, j, -y, -xi, G[:, None] * y, G, whole)
@@ -157,6 +157,10 @@ def gather(b0, m, i, j, image, images, z, w):
             w[3 * C + k] += images[t, 0]
             w[4 * C + k] += images[t, 1]
             w[5 * C + k] += images[t, 2]
+            # How far the strained cell has moved that image.
+            w[k] += images[t, 3]
+            w[C + k] += images[t, 4]
+            w[2 * C + k] += images[t, 5]
 
 
 @njit(**FAST)
