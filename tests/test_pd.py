@@ -263,9 +263,9 @@ def test_forces_of_a_periodic_body_move_with_it_through_the_faces(name):
 
 @pytest.mark.parametrize("name", ["pmb", "lps"])
 def test_plane_waves_follow_the_lattice_sum(name):
-    """ω² of a plane wave on the lattice, PMB: Σ c ν V (1 − cos k·ξ)(n·ξ)²/|ξ|³ /ρ; LPS adds the dilatation's. To 1e-10."""
+    """ω² of a plane wave on the lattice, PMB: Σ c ν V (1 − cos k·ξ)(n·ξ)²/|ξ|³, times ρ; LPS adds the dilatation's. To 1e-10."""
     body, material = periodic_block(12), pd.MATERIALS[name](K, G)
-    X, rho = body.X_nc, 2.0
+    X = body.X_nc
     t = body.bonds
     mine = (t.i_b == 0) | (t.j_b == 0)
     xi = t.xi_bc(X)[mine] * np.where(t.i_b[mine] == 0, 1, -1)[:, None]
@@ -332,7 +332,9 @@ def test_ledger_closes_through_fracture_contact_indenter_and_prescribed_motion(n
         errors.append(abs(e.total - start) / (abs(e.work_constraint) + abs(e.work_external)))
         safe = np.isin(body.bonds.i_b, np.r_[left, right]) | np.isin(body.bonds.j_b, np.r_[left, right])
         assert np.all(sim.state.intact_b[safe] == 2)
-    assert errors[1] < 1e-3 and errors[1] < errors[0]
+    # O(Δt²) for springs; where the going of one bond changes the pull of others at once, O(Δt).
+    within = {"pmb": 1e-4, "lps": 2e-4, "elastic": 2e-4, "correspondence": 3e-3}[name]
+    assert errors[0] < within and errors[1] < errors[0] / (10 if name == "pmb" else 2.5)
 
 
 # ---- bookkeeping
@@ -421,7 +423,11 @@ def test_constants_of_every_dimension(dimension, plane):
             assert W == pytest.approx(want, rel=within), (material.name, eps)
     c = pd.PMB(youngs=E).micromodulus(body)
     h, delta = body.thickness, body.horizon
-    known = {1: 2 * E / (delta**2 * h), 2: (9 if plane == "stress" else 48 / 5) * E / (np.pi * h * delta**3), 3: 12 * E / (np.pi * delta**4)}
+    known = {
+        1: 2 * E / (delta**2 * h),
+        2: (9 if plane == "stress" else 48 / 5) * E / (np.pi * h * delta**3),
+        3: 12 * E / (np.pi * delta**4),
+    }
     assert c == pytest.approx(known[dimension], rel=1e-12)
 
 
@@ -466,7 +472,9 @@ def test_static_solvers_agree_with_a_chain_by_hand(solver):
     body = pd.Body.lattice(pd.Box((0, 0, 0), (9.1, 0, 0)), 1.0, 1.2, 1.0, dimension=1)
     load = 1e-5
     sim = pd.Simulation(
-        body, pd.PMB(1.0, volume_correction=False), conditions=[pd.Prescribed([0], displacement=(0, 0, 0)), pd.BodyForce([9], total=(load, 0, 0))]
+        body,
+        pd.PMB(1.0, volume_correction=False),
+        conditions=[pd.Prescribed([0], displacement=(0, 0, 0)), pd.BodyForce([9], total=(load, 0, 0))],
     )
     out = getattr(pd, solver)(sim, tolerance=1e-9)
     k = sim.model.W_b[0]
@@ -540,7 +548,9 @@ def test_several_materials_meet_in_series():
     u = np.random.default_rng(0).normal(size=body.X_nc.shape) * 0.02
     same = forces_of(two, {1: pd.PMB(K), 2: pd.PMB(K)}, u)
     np.testing.assert_allclose(same, forces_of(body, pd.PMB(K), u), atol=1e-14)
-    sim = pd.Simulation(two, {1: pd.PMB(K), 2: pd.PMB(3 * K)}, displacements=u, damage={1: pd.CriticalStretch(0.1), 2: pd.CriticalStretch(0.2)})
+    sim = pd.Simulation(
+        two, {1: pd.PMB(K), 2: pd.PMB(3 * K)}, displacements=u, damage={1: pd.CriticalStretch(0.1), 2: pd.CriticalStretch(0.2)}
+    )
     t = two.bonds
     across = left[t.i_b] != left[t.j_b]
     ratio = sim.model.W_b / pd.Simulation(two, pd.PMB(K)).model.W_b

@@ -113,15 +113,21 @@ class CorrespondenceModel(ForceModel):
             self.g_active_n, intact_b, self.kind_b, self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.smin_buf,
         )  # fmt: skip
         self.collect(F_nc, smin_n, damage)
-        broken = sum(broken)
-        if not broken:
-            return 0, 0.0
-        # A bond has no energy of its own: the difference is that of the body before and after. H and K⁻¹ are still those before.
-        gone = intact_b == 3
-        intact_b[gone] = 1
+        if not sum(broken):
+            return self.account(z, np.zeros(0, np.int64))
+        self._intact = intact_b
+        out = self.account(z, np.flatnonzero(intact_b == 3))
+        del self._intact
+        return out
+
+    def lost(self, z, which):
+        """A bond has no energy of its own: the difference is that of the body before and after."""
+        intact_b = self._intact
+        intact_b[which] = 1
+        self.counts = None
         before = float(self.energy_n(z, intact_b).sum())
-        intact_b[gone] = 0
-        return broken, before - float(self.energy_n(z, intact_b).sum())
+        intact_b[which] = 0
+        return before - float(self.energy_n(z, intact_b).sum())
 
     def energy_n(self, z, intact_b):
         self._states(z, intact_b)
@@ -136,9 +142,9 @@ class CorrespondenceModel(ForceModel):
             energy += 0.5 * self.g_active_n * np.bincount(ends, weight * np.einsum("bc,bc->b", rest, rest), self.n)
         return energy
 
-    def bond_forces(self, z, intact_b):
-        self._states(z, intact_b)
-        whole = np.flatnonzero(intact_b)
+    def forces_of_bonds(self, z, intact_b, whole):
+        if intact_b is not None:
+            self._states(z, intact_b)
         i, j, eta, xi, _, _ = deformed(self, z, whole)
         Q = self.Q_ncc.reshape(-1, 3, 3)
         g = self.g_active_n

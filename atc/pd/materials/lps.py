@@ -96,7 +96,6 @@ class StateModel(ForceModel):
         self.h_n = np.divide(self.a_n * body.V_n, self.M_n**2, out=np.zeros(self.n), where=self.M_n > 0)
         self.S_n = np.zeros(self.n)
         self.scalar_buf = np.empty(len(self.buf))
-        self.gone_b = np.empty(len(t), np.int32)
 
     def forces(self, z, intact_b, F_nc, smin_n, damage):
         t, bl = self.table, self.blocks
@@ -107,12 +106,7 @@ class StateModel(ForceModel):
             intact_b, self.kind_b, self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.smin_buf, self.gone_b, gone,
         )  # fmt: skip
         self.collect(F_nc, smin_n, damage)
-        broken = int(gone.sum())
-        if not broken:
-            return 0, 0.0
-        first = t.start_n[bl.edges[:-1]]
-        which = np.concatenate([first[k] + self.gone_b[first[k] : first[k] + gone[k]].astype(np.int64) for k in range(bl.count)])
-        return broken, self._lost(z, which)
+        return self.account(z, self.listed(gone))
 
     def _dilate(self, z, intact_b):
         """S into S_n, A into column 6 of z."""
@@ -124,7 +118,7 @@ class StateModel(ForceModel):
         self.crew.nodes(collect_scalar, self.n, bl.lo, bl.hi, bl.offset, self.scalar_buf, self.S_n)
         np.multiply(self.h_n, self.S_n, out=z[:, 6])
 
-    def _lost(self, z, which):
+    def lost(self, z, which):
         """The energy that left with bonds `which`: their own shares, and what their nodes' dilatations were worth (S_n is still that before)."""
         i, j, _, _, e, _ = deformed(self, z, which)
         W, r0 = self.W_b[which], self.table.r0_b[which]
@@ -154,10 +148,9 @@ class StateModel(ForceModel):
         dev += np.bincount(j, self.W_b * whole * (e - theta[j] * r0 / d) ** 2, self.n)
         return 0.5 * K * theta**2 * V + 0.25 * self.B_n * dev
 
-    def bond_forces(self, z, intact_b):
-        whole = np.flatnonzero(intact_b)
+    def forces_of_bonds(self, z, intact_b, whole):
         i, j, eta, xi, e, r = deformed(self, z, whole)
-        A = self.h_n * self.dilatation_n(z, intact_b)[1]
+        A = self.h_n * (self.S_n if intact_b is None else self.dilatation_n(z, intact_b)[1])
         pull = self.W_b[whole] * (A[i] + A[j]) * self.table.r0_b[whole] + self.WB_b[whole] * e
         G = np.divide(pull, r, out=np.zeros(len(whole)), where=r > 0)
         y = xi + eta
