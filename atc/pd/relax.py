@@ -81,7 +81,7 @@ def relax(sim, *, tolerance=1e-6, max_steps=20000, callback=None) -> Converged:
     mass = (0.6 * np.maximum(sim.model.stiffness_n(), np.finfo(float).tiny))[:, None]
     v = np.zeros_like(sim.state.v_nc)
     F = s.forces().copy()
-    previous = F.copy()
+    previous, start = F.copy(), z[:, :3].copy()
     for k in range(max_steps):
         scale = s.scale()
         worst = s.residual() / scale
@@ -104,7 +104,6 @@ def relax(sim, *, tolerance=1e-6, max_steps=20000, callback=None) -> Converged:
                 damping = min(2.0 * np.sqrt(above / below), 1.9)
             v = ((2 - damping) * v + 2 * F / mass) / (2 + damping)
         else:
-            start = u.copy()
             v = 0.5 * F / mass
         v[~free] = 0.0
         z[:, :3] += v

@@ -92,7 +92,7 @@ class CorrespondenceModel(ForceModel):
     def _tensors(self, z, intact_b, reference, out):
         t, bl = self.table, self.blocks
         self.crew.run(
-            _tensors, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, t.images_tc, z, self.W_b, intact_b, reference,
+            _tensors, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, self.W_b, intact_b, reference,
             self.tensor_buf,
         )  # fmt: skip
         from ..blocks import collect
@@ -109,23 +109,29 @@ class CorrespondenceModel(ForceModel):
         t, bl = self.table, self.blocks
         self._states(z, intact_b)
         broken = self.crew.run(
-            _forces, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, t.images_tc, z, t.r0_b, self.W_b, self.Q_ncc,
+            _forces, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, t.r0_b, self.W_b, self.Q_ncc,
             self.g_active_n, intact_b, self.kind_b, self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.smin_buf,
         )  # fmt: skip
         self.collect(F_nc, smin_n, damage)
-        broken = sum(broken)
-        if not broken:
-            return 0, 0.0
-        # A bond has no energy of its own: the difference is that of the body before and after. H and K⁻¹ are still those before.
-        gone = intact_b == 3
-        intact_b[gone] = 1
+        if not sum(broken):
+            return self.account(z, np.zeros(0, np.int64))
+        self._intact = intact_b
+        out = self.account(z, np.flatnonzero(intact_b == 3))
+        del self._intact
+        return out
+
+    def lost(self, z, which):
+        """A bond has no energy of its own: the difference is that of the body before and after."""
+        intact_b = self._intact
+        intact_b[which] = 1
+        self.counts = None
         before = float(self.energy_n(z, intact_b).sum())
-        intact_b[gone] = 0
-        return broken, before - float(self.energy_n(z, intact_b).sum())
+        intact_b[which] = 0
+        return before - float(self.energy_n(z, intact_b).sum())
 
     def energy_n(self, z, intact_b):
         self._states(z, intact_b)
-        i, j, eta, xi, _, _ = deformed(self.body, z)
+        i, j, eta, xi, _, _ = deformed(self, z)
         H = self.H_ncc.reshape(-1, 3, 3)
         E = 0.5 * (H + H.transpose(0, 2, 1) + H.transpose(0, 2, 1) @ H)
         W = 0.5 * self.lam_n * np.einsum("ncc->n", E) ** 2 + self.mu_n * np.einsum("nab,nab->n", E, E)
@@ -136,10 +142,10 @@ class CorrespondenceModel(ForceModel):
             energy += 0.5 * self.g_active_n * np.bincount(ends, weight * np.einsum("bc,bc->b", rest, rest), self.n)
         return energy
 
-    def bond_forces(self, z, intact_b):
-        self._states(z, intact_b)
-        whole = np.flatnonzero(intact_b)
-        i, j, eta, xi, _, _ = deformed(self.body, z, whole)
+    def forces_of_bonds(self, z, intact_b, whole):
+        if intact_b is not None:
+            self._states(z, intact_b)
+        i, j, eta, xi, _, _ = deformed(self, z, whole)
         Q = self.Q_ncc.reshape(-1, 3, 3)
         g = self.g_active_n
         F = self.W_b[whole, None] * (np.einsum("bac,bc->ba", Q[i] + Q[j], xi) + (g[i] + g[j])[:, None] * eta)
