@@ -19,6 +19,7 @@ _LAZY = {
     "compare": "atc.compare",
     "conductivity": "atc.green_kubo",
     "heat_currents": "atc.green_kubo",
+    "verify": "atc.verify",
     "Frame": "atc.frame",
     "Cell": "atc.frame",
     "Topology": "atc.frame",

@@ -254,7 +254,7 @@ def _duration(seconds: float) -> str:
     return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"
 
 
-def _summary(ds, out, seconds: float, progress: _Progress) -> None:
+def _summary(attributes: dict, out, seconds: float, progress: _Progress) -> None:
     """Closing lines: where the result is, what is in it, how accurate it is, how long it took."""
     computed = progress.total - progress.there
     before = (
@@ -262,11 +262,11 @@ def _summary(ds, out, seconds: float, progress: _Progress) -> None:
         if progress.there
         else f"{computed} frame{'s' * (computed != 1)}"
     )
-    print(f"{out}: {ds.attrs.get('quantities', ', '.join(ds.data_vars))}")
-    error = ds.attrs.get("measured_error")
+    print(f"{out}: {attributes['quantities']}")
+    error = attributes.get("measured_error")
     if error is not None:
         print(
-            f"measured error {float(error):.1e} of the largest value (tolerance {float(ds.attrs['tolerance']):g}), at random points by the exact method"
+            f"measured error {float(error):.1e} of the largest value (tolerance {float(attributes['tolerance']):g}), at random points by the exact method"
         )
     print(f"{before} in {_duration(seconds)}" + (f" ({computed / seconds:.3g} frames/s, start included)" if computed > 1 else ""))
 
@@ -278,9 +278,11 @@ def _summary(ds, out, seconds: float, progress: _Progress) -> None:
 @app.command()
 def info(
     trajectory: Annotated[
-        str,
+        list[str],
         typer.Argument(
-            metavar="TRAJ", help="A trajectory: LAMMPS dump or data file, or anything ASE or MDAnalysis reads.", show_default=False
+            metavar="TRAJ...",
+            help="A trajectory: LAMMPS dump or data file, or anything ASE or MDAnalysis reads; several files are joined.",
+            show_default=False,
         ),
     ],
     topology: Topology = None,
@@ -291,7 +293,7 @@ def info(
     """What is in a trajectory, in which units, how precise, and what can be computed from it."""
     from .info import describe
 
-    report = describe(trajectory, topology=topology, units=units, masses=_parse_masses(masses))
+    report = describe(trajectory if len(trajectory) > 1 else trajectory[0], topology=topology, units=units, masses=_parse_masses(masses))
     if json:
         print(report.json())
     else:
@@ -329,14 +331,14 @@ def fields(
     try:
         with _progress(quiet) as progress:
             try:
-                ds = made.run(out, jobs=jobs, progress=progress, resume=not restart)
+                attributes = made.write(out, jobs=jobs, progress=progress, resume=not restart)
             except AtcError as e:
                 raise AtcError(str(e).replace("start again without resuming", "start again with --restart")) from None
     finally:
         if sys.exc_info()[0] is not KeyboardInterrupt:
             _running_fields = False
     if not quiet:
-        _summary(ds, out, time.perf_counter() - started, progress)
+        _summary(attributes, out, time.perf_counter() - started, progress)
 
 
 @app.command()

@@ -99,7 +99,8 @@ class Grid:
         cell : None, Cell, three lengths or three edge vectors
             The region. None: each frame's own cell, followed as it changes. A `Cell` is in internal units; anything else in the user's.
         spacing : float or three floats
-            The wanted distance between points along each edge; the edge is divided into the nearest whole number of parts.
+            The wanted distance between points along each edge; the edge is divided into the nearest whole number of parts. `atc.fields` does so
+            in the first frame: as the cell changes, the points move with it and stay as many.
         shape : int or three ints
             Numbers of points, instead of a spacing.
         at : "centers" or "corners"
@@ -226,6 +227,12 @@ class Grid:
         if self.kind == "slab":
             return f"slab profile along {'xyz'[p['axis']]}, {p['bins']} bins"
         return f"{len(p['xyz'])} points" if self.kind == "points" else "the atoms"
+
+    def fixed(self, units, cell: Cell, positions=None) -> Grid:
+        """This grid with the numbers of points that its spacing gives in this cell: where the cell changes, the points move with it and stay as many."""
+        if self._.get("spacing") is None:
+            return self
+        return Grid(self.kind, {**self._, "spacing": None, "shape": self.bind(units, cell, positions).counts})
 
     def bind(self, units, cell: Cell, positions=None) -> BoundGrid:
         """The grid for one frame: positions in internal units.

@@ -124,6 +124,10 @@ class Request:
             else:
                 self.reference = as_frames(self.reference)[0]
         self.first = self.frames[0]
+        if self.work.grid_users and hasattr(self.grid, "fixed"):
+            # Every entry of the output has as many points as the first.
+            where = self.first if set(self.work.grid_users) - set(self.work.on_reference) or self.reference is None else self.reference
+            self.grid = self.grid.fixed(where.units, where.cell, where.positions)
         if self.work.bond_users and hasattr(self.pot, "check_topology"):
             self.pot.check_topology(self.first)
         self.method_used, self.method_reason = choose_method(self.method)

@@ -80,16 +80,32 @@ def fields(
     Formulas: R 4.0.34-4.0.116 as corrected in the documentation: σ = σ_U + σ_K, σ_U = Σ_bonds G r⊗r β, σ_K = −Σ m (v_j − v)⊗(v_j − v) φ_j.
     """
     request = Request(traj, pot, kern, grid, quantities, tolerance, method, reference, average, threads, workers, scene, horizon)
+    if out is None:
+        _sanity(request)
+        sink = _run(request, None, progress)
+        return dataset_in_memory(sink.layout, sink.entries, sink.final_attributes())
+    write(request, out, progress, resume)
+    with explained(out):
+        return open_dataset(out)
+
+
+def write(request: Request, out, progress=None, resume=True) -> dict:
+    """What `fields` does with an output, without opening it again (and without the second that the libraries for that take to import).
+
+    Returns the attributes of the dataset.
+    """
     _sanity(request)
-    store = Store(out, request.key(), resume) if out is not None else None
+    store = Store(out, request.key(), resume)
     try:
-        return _run(request, store, out, progress)
+        sink = _run(request, store, progress)
+        final = sink.final_attributes()
+        store.finish(final)
+        return {**sink.layout.attrs, **final[""]}
     finally:
-        if store is not None:
-            store.close()
+        store.close()
 
 
-def _run(request, store, out, progress):
+def _run(request, store, progress) -> _Sink:
     n, window = request.n_frames, request.window
     sink = _Sink(request, store)
     start = sink.next_frame
@@ -107,14 +123,10 @@ def _run(request, store, out, progress):
         results.close()
     if done < n:
         raise AtcError(f"the trajectory has only {done} frames that can be read, but {n} were expected")
-    if store is None:
-        return dataset_in_memory(sink.layout, sink.entries, sink.final_attributes())
     if sink.layout is None:  # every frame was there already: the run was stopped just before its end
         frame = request.first
         sink.prepare(frame, frame_fields(frame, request.settings(), 0))
-    store.finish(sink.final_attributes())
-    with explained(out):
-        return open_dataset(out)
+    return sink
 
 
 # --- frames to results, here or in other processes
@@ -299,8 +311,8 @@ class _Sink:
             x = result.arrays.get(v.name)
             if x is not None and x.shape != v.shape:
                 raise AtcError(
-                    f"{frame.source}: {v.name} has shape {x.shape} here but {v.shape} in the first frame: give the grid a fixed shape (shape= instead of "
-                    "spacing=), or compute frames with different numbers of atoms one by one"
+                    f"{frame.source}: {v.name} has shape {x.shape} here but {v.shape} in the first frame: compute frames with different numbers of atoms "
+                    "one by one"
                 )
         if any(q.kind == "atom" for q in self.request.work.quantities) and not np.array_equal(self._atoms, frame.ids):
             raise AtcError(

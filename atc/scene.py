@@ -238,20 +238,29 @@ class Scene:
         return part
 
     def _whole(self):
-        return self._read(self.path("trajectory", "file"), "file")
+        given = self.get("trajectory", "file")
+        if isinstance(given, str):
+            return self._read(self.path("trajectory", "file"), "file")
+        return self._read([self.folder / Path(name).expanduser() for name in given], "file")
 
     def _read(self, path, key):
         from . import read
+        from .readers.chain import matching
 
-        if not path.exists():
-            raise self._bad("trajectory", key, f"there is no file {path}")
+        for one in path if isinstance(path, list) else [path]:
+            try:
+                if matching(one) is None and not one.exists():
+                    raise AtcError(f"there is no file {one}")
+            except AtcError as e:
+                raise self._bad("trajectory", key, str(e)) from None
         topology = self.path("trajectory", "topology")
         if topology is not None and not topology.exists():
             raise self._bad("trajectory", "topology", f"there is no file {topology}")
         try:
             return read(path, topology=topology, units=self.get("trajectory", "units"), masses=self.get("trajectory", "masses"))
         except AtcError as e:
-            raise AtcError(str(e) if str(path) in str(e) else f"{self.where('trajectory', key)}: {e}") from None
+            named = any(str(one) in str(e) for one in (path if isinstance(path, list) else [path]))
+            raise AtcError(str(e) if named else f"{self.where('trajectory', key)}: {e}") from None
 
     def reference(self):
         """The reference frame, or None: the index counts from the trajectory's first frame, whatever `frames` selects; of a file, its first frame."""
@@ -286,12 +295,12 @@ class Scene:
             return None
         from . import potential
 
-        units = self.get("potential", "units")
+        units, partition = self.get("potential", "units"), self.get("potential", "partition")
         path = self.path("potential", "input")
         if path is not None:
             if not path.is_file():
                 raise self._bad("potential", "input", f"there is no file {path}")
-            return potential(path, units=units)
+            return self._shared(potential(path, units=units), partition)
         text = self.data["potential"]["lammps"]
         if units is None and not re.search(r"^\s*units\s", text, re.MULTILINE):
             units = self.get("trajectory", "units") or self._whole().units.name
@@ -302,7 +311,15 @@ class Scene:
             opening = self._text.split("\n")[line - 1].partition("=")[2].strip() if line else ""
             line -= bool(line) and opening not in ('"""', "'''")
         name = self._flags.get(("potential", "lammps"), self.name)
-        return potential("\n" * line + text + "\n", units=units, folder=self.folder, name=name)
+        return self._shared(potential("\n" * line + text + "\n", units=units, folder=self.folder, name=name), partition)
+
+    def _shared(self, pot, partition):
+        if partition is None:
+            return pot
+        try:
+            return pot.partitioned(partition)
+        except AtcError as e:
+            raise AtcError(f"{self.where('potential', 'partition')}: [potential] {e}") from None
 
     def grid(self):
         """Where the fields are wanted; None if the scene has no grid."""
@@ -371,16 +388,28 @@ class Scene:
 
     def run(self, out=None, *, jobs: int = 1, progress=None, resume: bool = True):
         """Compute the fields: `atc.fields` with this scene's arguments, into `out` (or in memory). Returns the xarray.Dataset."""
-        from . import fields
+        if out is None:
+            from . import fields
 
-        arguments = self.arguments(jobs)
-        partial = None if out is None else Path(f"{out}.partial")
-        there = partial is not None and partial.exists()
+            return fields(**self.arguments(jobs), progress=progress, scene=self.to_toml())
+        from .output import open_dataset
+
+        self.write(out, jobs=jobs, progress=progress, resume=resume)
+        return open_dataset(out)
+
+    def write(self, out, *, jobs: int = 1, progress=None, resume: bool = True) -> dict:
+        """Compute the fields into `out` and return the attributes of the dataset, which stays closed."""
+        from .plan import Request
+        from .run import write
+
+        request = Request(**self.arguments(jobs), scene=self.to_toml())
+        partial = Path(f"{out}.partial")
+        there = partial.exists()
         try:
-            return fields(**arguments, out=out, progress=progress, resume=resume, scene=self.to_toml())
+            return write(request, out, progress, resume)
         except AtcError:
             # Input that cannot be used leaves nothing behind; a run that has finished frames, or one that is not ours, does.
-            if partial is not None and not there and not (partial / "journal.jsonl").exists():
+            if not there and not (partial / "journal.jsonl").exists():
                 shutil.rmtree(partial, ignore_errors=True)
             raise
 
@@ -417,6 +446,8 @@ class Scene:
             for key, value in table.items():
                 if SCHEMA[section][key].path and isinstance(value, str):
                     value = self._anonymous(value)
+                elif SCHEMA[section][key].path and isinstance(value, list):
+                    value = [self._anonymous(v) if isinstance(v, str) else v for v in value]
                 out.append(f"{toml_key(key)} = {toml_value(value)}")
             out.append("")
         return "\n".join(out)

@@ -103,6 +103,12 @@ def _frames(v):
     return v
 
 
+def _partition(v):
+    if isinstance(v, dict) and v:
+        return {str(k): w if isinstance(w, list) else _string(w) for k, w in v.items()}
+    return _string(v)
+
+
 def _masses(v):
     if isinstance(v, list):
         return _list_of(_positive)(v)
@@ -171,7 +177,11 @@ _VECTOR = _list_of(_number, 3)
 
 SCHEMA: dict[str, dict[str, Key]] = {
     "trajectory": {
-        "file": Key(_string, 'a file name, e.g. "run.dump"', path=True),
+        "file": Key(
+            _either(_string, _list_of(_string)),
+            'a file name, a pattern or a list of names, e.g. "run.dump", "dump.*" or ["a.dump", "b.dump"]',
+            path=True,
+        ),
         "topology": Key(_string, 'the name of a LAMMPS data file, e.g. "run.data"', path=True),
         "units": Key(_choice(_unit_names), 'a unit style, e.g. "metal"'),
         "masses": Key(_masses, "a mass for each type, e.g. { 1 = 28.0855 } or [28.0855]"),
@@ -184,6 +194,9 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "lammps": Key(_string, "LAMMPS lines, e.g. '''pair_style sw\\npair_coeff * * Si.sw Si'''"),
         "input": Key(_string, 'the name of a LAMMPS input script, e.g. "in.run"', path=True),
         "units": Key(_choice(_unit_names), 'a unit style, e.g. "metal"'),
+        "partition": Key(
+            _partition, 'how energy is shared among atoms: "equal", "center", or by kind of term, e.g. { "angle" = "center" }'
+        ),
     },
     "kernel": {
         "name": Key(_string, 'the name of a kernel, e.g. "quartic"'),

@@ -480,3 +480,25 @@ def test_vtk_extxyz_and_picture_of_a_run(tmp_path):
         plot_file(tmp_path / "out.zarr", "temperature")
     with pytest.raises(AtcError, match="not a field"):
         export(tmp_path / "out.zarr", quantities=["temperature"])
+
+
+def test_every_key_is_explained():
+    """docs/case.md has every section and key of the schema, and every constant of every material."""
+    import re
+    from pathlib import Path
+
+    from atc.case_materials import models, parameters
+    from atc.case_run import QUANTITIES
+    from atc.case_schema import ARRAYS, SHAPES, TABLES
+
+    text = (Path(__file__).resolve().parent.parent / "docs" / "case.md").read_text()
+    words = set(re.findall(r"`([a-zA-Z_0-9]+)`", text))
+    sections = set(re.findall(r"\[(\w+)\]", " ".join(line for line in text.splitlines() if line.startswith("## "))))
+    assert sections == {*TABLES, *ARRAYS}
+    for name, known in {**TABLES, **ARRAYS}.items():
+        if name not in ("kernel", "grid"):
+            assert set(known) <= words, (name, set(known) - words)
+    assert set(QUANTITIES) <= words and set(models()) <= words
+    for cls in models().values():
+        assert set(parameters(cls)) <= words, (cls.name, set(parameters(cls)) - words)
+    assert all(f'shape = "{s}"' in text for s in SHAPES)

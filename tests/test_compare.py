@@ -162,3 +162,16 @@ def test_side_by_side(tmp_path):
     with pytest.raises(AtcError, match="different units"):
         results[0].units = "atm"
         side_by_side(results)
+
+
+@pytest.mark.parametrize("shape, said", [(4, True), (12, False)])
+def test_what_a_coarse_grid_does_to_the_box_average_is_said(shape, said):
+    """The integral is the virial; the mean over points is only as good as the grid (the Gaussian on 12 points an edge leaves 1e-10)."""
+    from frames import argon
+
+    import atc
+
+    pot = atc.potential("pair_style lj/cut 6\npair_coeff * * 0.0104 3.405", units="metal")
+    ds = atc.fields(argon(), pot, atc.kernel("gaussian", width=1.9), atc.Grid.regular(shape=shape), ["stress", "virial_stress"])
+    r = compare(ds)
+    assert any("grid's quadrature" in n for n in r.notes) == said

@@ -377,3 +377,42 @@ def test_old_binary_format_that_cannot_be_told(tmp_path):
         atc.read(path, units="lj")[0]
     with pytest.raises(AtcError, match="its units are not in the file"):
         atc.read(path)
+
+
+HYBRID = """units lj
+atom_style hybrid {styles}
+region b block 0 5 0 5 0 5
+create_box 1 b bond/types 1 extra/bond/per/atom 2
+create_atoms 1 single 1 1 1
+create_atoms 1 single 2.25 1 1
+create_atoms 1 single 4.5 4.5 0.5
+set atom 1*2 charge -0.5
+set group all image 1 -1 2
+set group all diameter 1.25
+set group all density 0.75
+mass * 2.0
+bond_style harmonic
+bond_coeff 1 1 1
+create_bonds single/bond 1 1 2
+pair_style zero 2
+pair_coeff * *
+write_data {path}
+"""
+
+
+@pytest.mark.parametrize("styles", ["sphere charge bond", "charge sphere molecular", "full sphere", "bond sphere full"])
+def test_hybrid_atom_styles(tmp_path, styles):
+    """LAMMPS writes 'Atoms # hybrid' and nothing of the sub-styles: with their names behind it everything is read, without them it is said."""
+    path = tmp_path / "h.data"
+    with lammps_session() as lmp:
+        lmp.commands_string(HYBRID.format(styles=styles, path=path))
+    with pytest.warns(AtcWarning, match="does not name its sub-styles"):
+        frame = atc.read(path)[0]
+    assert frame.charges is None and frame.images is None
+    np.testing.assert_allclose(frame.positions, [[1, 1, 1], [2.25, 1, 1], [4.5, 4.5, 0.5]])
+    path.write_text(path.read_text().replace("Atoms # hybrid", f"Atoms # hybrid {styles}"))
+    frame = atc.read(path)[0]
+    np.testing.assert_array_equal(frame.charges, [-0.5, -0.5, 0.0])
+    np.testing.assert_array_equal(frame.images, [[1, -1, 2]] * 3)
+    np.testing.assert_allclose(frame.masses, np.pi / 6 * 1.25**3 * 0.75, rtol=1e-14)
+    assert frame.topology.bonds.tolist() == [[0, 1]]

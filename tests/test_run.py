@@ -331,10 +331,21 @@ def test_frames_that_do_not_fit_together():
     a, b = argon(), argon(n=(2, 2, 2))
     with pytest.raises(AtcError, match=r"ids|shape"):
         fields([a, b], what=["virial_stress_per_atom"])
-    wide = argon(atc.Cell([18.0, 10.0, 11.0]))
-    with pytest.raises(AtcError, match="shape"):
-        atc.fields([a, wide], None, KERN, atc.Grid.regular(spacing=3.0), ["density"])
     assert fields([a, b], what=["density"]).sizes["frame"] == 2
+
+
+def test_a_spacing_is_settled_by_the_first_frame():
+    """As the cell grows its grid grows with it, with as many points, and density still adds up to the mass."""
+    frames = [argon(atc.Cell([9.0 + 2 * k, 10.0, 11.0 - k]), seed=k) for k in range(4)]
+    ds = atc.fields(frames, None, atc.kernel("gaussian", width=3.0), atc.Grid.regular(spacing=1.0), ["density", "momentum"])
+    assert ds.density.shape == (4, 9, 10, 11) and "9 x 10 x 11 points" in ds.attrs["grid"]
+    for k, frame in enumerate(frames):
+        one = ds.density[k]
+        expected = frame.units.to_user("density", frame.masses.sum() / frame.cell.volume)
+        np.testing.assert_allclose(one.mean(), expected, rtol=1e-6)
+        np.testing.assert_allclose(ds.position_x[k] / frame.cell.vectors[0, 0], ((np.arange(9) + 0.5) / 9), rtol=1e-12)
+        alone = atc.fields(frame, None, atc.kernel("gaussian", width=3.0), atc.Grid.regular(shape=(9, 10, 11)), ["density"])
+        np.testing.assert_array_equal(one, alone.density[0])
 
 
 def test_what_goes_in(tmp_path):

@@ -322,3 +322,31 @@ def test_unreadable_scene(tmp_path, content, word):
         Scene.load(path)
     with pytest.raises(AtcError, match="directory"):
         Scene.load(tmp_path)
+
+
+def test_every_key_is_documented():
+    from pathlib import Path
+
+    from atc.scene_schema import SCHEMA
+
+    text = (Path(__file__).resolve().parent.parent / "docs" / "scene.md").read_text()
+    for section, keys in SCHEMA.items():
+        _, found, rest = text.partition(f"## [{section}]\n")
+        assert found, f"docs/scene.md has no section [{section}]"
+        here = rest.partition("\n## [")[0]
+        missing = [key for key in keys if f"`{key}`" not in here]
+        assert not missing, f"docs/scene.md does not explain [{section}] {', '.join(missing)}"
+
+
+def test_partition_of_the_energy(tmp_path):
+    scene = {
+        "trajectory": {"file": "x.dump"},
+        "potential": {"lammps": "pair_style lj/cut 5\npair_coeff 1 1 0.01 3.4", "units": "metal", "partition": "center"},
+    }
+    assert Scene.load(scene).potential().describe()
+    scene["potential"]["partition"] = {"sw": "center"}
+    with pytest.raises(AtcError, match=r"\[potential\] partition: .*no term 'sw'"):
+        Scene.load(scene).potential()
+    scene["potential"]["partition"] = 3
+    with pytest.raises(AtcError, match="how energy is shared"):
+        Scene.load(scene)

@@ -21,7 +21,8 @@ def read(source, topology=None, units=None, masses=None):
     Parameters
     ----------
     source
-        The path of a LAMMPS text dump (plain, .gz, .bz2, .xz), binary dump or data file; of anything ``ase.io.iread`` or MDAnalysis reads; or
+        The path of a LAMMPS text dump (plain, .gz, .bz2, .xz), binary dump or data file; of anything ``ase.io.iread`` or MDAnalysis reads; a
+        pattern (``dump.*``, in the order of the numbers in the names) or a list of paths, which are joined; or
         ase.Atoms, a list of them, an MDAnalysis Universe or AtomGroup, a Frame, a list of Frames, a trajectory.
         What a file is, is told from its content where it is LAMMPS's, from its name otherwise.
     topology
@@ -46,7 +47,16 @@ def read(source, topology=None, units=None, masses=None):
     from ..frame import Frame
 
     if isinstance(source, (str, os.PathLike)):
-        return _path(Path(source), topology, units, masses)
+        from .chain import Chain, matching
+
+        files = matching(source)
+        if files is None or len(files) == 1:
+            return _path(Path(source) if files is None else files[0], topology, units, masses)
+        return Chain(files, topology, units, masses)
+    if isinstance(source, (list, tuple)) and source and all(isinstance(s, (str, os.PathLike)) for s in source):
+        from .chain import Chain, matching
+
+        return Chain([file for s in source for file in matching(s) or [s]], topology, units, masses)
     from .trajectory import Trajectory
 
     if isinstance(source, Trajectory):

@@ -6,8 +6,8 @@ import numpy as np
 
 from ..errors import AtcError
 from ..frame import Cell, Frame, Topology
-from ..units import units as unit_system
 from ._parse import gather, sorting
+from .lammps_units import settle_units
 from .trajectory import Masses, Trajectory, warn
 
 # How positions can be given, best first: (columns, scaled by the cell, wrapped into it).
@@ -232,25 +232,6 @@ class LammpsTrajectory(Trajectory):
         state = super().__getstate__()
         state["_topology"] = (None, None)
         return state
-
-
-def settle_units(given, declared, source):
-    """The unit system from the argument and what files declare: they must agree, and there must be one."""
-    system = None if given is None else unit_system(given)
-    by = "the units argument"
-    for name, file in declared:
-        try:
-            here = unit_system(name)
-        except AtcError as e:
-            raise AtcError(f"{file}: {e}") from None
-        if system is not None and here.name != system.name:
-            raise AtcError(f"{file} says its units are {here.name!r} but {by} says {system.name!r}: correct the one that is wrong")
-        system, by = here, str(file)
-    if system is None:
-        raise AtcError(
-            f"{source}: its units are not in the file; give the unit style of the LAMMPS run, e.g. units='metal' (or write it with 'dump_modify ID units yes')"
-        )
-    return system
 
 
 def _data_file(topology):

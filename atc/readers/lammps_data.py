@@ -11,7 +11,8 @@ from ..frame import Cell, Frame, Topology
 from ..units import Units
 from . import _parse
 from ._bytes import open_bytes
-from .trajectory import Masses, Trajectory
+from .lammps_units import settle_units
+from .trajectory import Masses, Trajectory, warn
 
 # Columns of the Atoms section by atom_style (LAMMPS manual, read_data). Three image flags may follow.
 ATOM_STYLES = {
@@ -286,7 +287,7 @@ class LammpsData:
     def _read_atoms(self, begin, end, comment):
         rows, lines = self._rows_raw(begin, end)
         width = len(rows[0]) if rows else None
-        style = comment.split()[0] if comment else None
+        style, *self._substyles = comment.split() or [None]
         sample, _ = self._rows_raw(begin, end, 500)
         columns = self._columns(style, sample, lines[0] if lines else 0)
         if width is not None and width == len(columns) + 3:
@@ -300,13 +301,14 @@ class LammpsData:
     def _columns(self, style, rows, line):
         row = rows[0] if rows else None
         self.atom_style = style
-        if style == "hybrid" or style == "tdpd" or style == "smd" or style == "dielectric":
+        if style == "hybrid":
+            return self._hybrid_columns(row)
+        if style == "tdpd" or style == "smd" or style == "dielectric":
             if style == "smd":
                 return "id type mol volume mass kradius cradius x0 y0 z0 x y z".split()
             n = len(row) if row else 5
             if style == "dielectric":
                 return ["id", "type", "q", "x", "y", "z", *(f"{style}_{k}" for k in range(n - 6))]
-            # The sub-styles of a hybrid are not named: what follows x y z cannot be told from image flags, and is left alone.
             return ["id", "type", "x", "y", "z", *(f"{style}_{k}" for k in range(n - 5))]
         ask = "write the style behind the name of the section, e.g. 'Atoms # full'"
         base = re.sub(r"/(kk|omp|gpu|device|host)$", "", style or "")
@@ -337,6 +339,28 @@ class LammpsData:
             )
         self.atom_style, columns = next(iter(possible.values()))
         return columns
+
+    def _hybrid_columns(self, row):
+        """id type x y z, then what each sub-style adds that those before it have not. LAMMPS itself writes 'Atoms # hybrid' alone."""
+        columns = "id type x y z".split()
+        known = [re.sub(r"/(kk|omp|gpu|device|host)$", "", name) for name in self._substyles]
+        if known and all(name in ATOM_STYLES for name in known):
+            have = set(columns)
+            for name in known:
+                for c in ATOM_STYLES[name].split():
+                    # A mass per atom is one property, however a style prints it.
+                    same = {"mass", "density"} if c in ("mass", "density") else {c}
+                    if not have & same:
+                        columns.append(c)
+                        have.add(c)
+            return columns
+        n = len(row) if row else 5
+        if n > 5:
+            warn(
+                f"{self.source}: 'Atoms # hybrid' does not name its sub-styles, so charges, masses and image flags in it are not used: write them "
+                "behind it as in the run's atom_style line, e.g. 'Atoms # hybrid sphere charge'"
+            )
+        return [*columns, *(f"hybrid_{k}" for k in range(n - 5))]
 
     # Units ------------------------------------------------------------------------------------------------------------------------
 
@@ -440,8 +464,6 @@ class LammpsDataTrajectory(Trajectory):
 
     def __init__(self, path, topology=None, units=None, masses=None):
         super().__init__()
-        from .lammps_columns import settle_units
-
         if topology is not None:
             raise AtcError(f"{path} is a LAMMPS data file and its own topology: leave the topology argument out")
         self.source = str(path)

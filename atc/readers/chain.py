@@ -1,0 +1,152 @@
+"""Several files as one trajectory: a run written in parts, or one file a snapshot."""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_right
+from collections import OrderedDict
+from glob import glob, has_magic
+from pathlib import Path
+
+from ..errors import AtcError
+from ..frame import Frame
+from .trajectory import Trajectory, warn
+
+# Files kept open: a run in a few parts is never opened twice, and a thousand snapshots do not use up the system's file handles.
+_OPEN = 16
+
+
+def matching(pattern) -> list[Path] | None:
+    """The files of a pattern (``dump.*``), numbers in their names in numerical order; None if it is no pattern, or itself the name of a file."""
+    text = str(pattern)
+    if not has_magic(text) or Path(text).exists():
+        return None
+    found = [Path(p) for p in glob(text, recursive=True) if Path(p).is_file()]
+    if not found:
+        raise AtcError(f"{text}: no file matches this pattern")
+    return sorted(found, key=_numerical)
+
+
+def _numerical(path):
+    return [(0, int(w), "") if w.isdigit() else (1, 0, w) for w in re.split(r"(\d+)", str(path)) if w]
+
+
+class Chain(Trajectory):
+    """The frames of several files, one after the other.
+
+    Parameters
+    ----------
+    paths : files of any kind that `atc.read` takes, all in the same units
+    topology, units, masses : as for `atc.read`, for every file
+
+    Notes
+    -----
+    Files are opened when they are needed. Where a file begins at a step that the one before it has reached already (a run that was continued writes
+    the step it starts from again), a warning says so: those frames are there twice.
+    """
+
+    def __init__(self, paths, topology=None, units=None, masses=None):
+        super().__init__()
+        self.paths = [Path(p) for p in paths]
+        if not self.paths:
+            raise AtcError("there are no files in the list: expected paths of trajectories")
+        self._given = (topology, units, masses)
+        self._open: OrderedDict[int, Trajectory] = OrderedDict()
+        self._starts: list[int] = [0]
+        self._of_names: dict[str, int] = {}
+        self._data = None
+        first = self._part(0)
+        self.units = first.units
+        self.source = f"{self.paths[0]} .. {self.paths[-1]}" if len(self.paths) > 1 else str(self.paths[0])
+        # LAMMPS files share the data file: it is read once.
+        self._data = getattr(first, "_data", None)
+
+    def _part(self, p: int) -> Trajectory:
+        with self._guard:
+            if p in self._open:
+                self._open.move_to_end(p)
+                return self._open[p]
+            from . import read
+
+            topology, units, masses = self._given
+            part = read(self.paths[p], self._data or topology, units or (self.units.name if p else None), masses)
+            if p and part.units.name != self.units.name:
+                raise AtcError(
+                    f"{part.source} is in {part.units.name!r} units, {self.paths[0]} in {self.units.name!r}: read them one by one"
+                )
+            # Where types come from names, names known from other files keep their types.
+            part._names.update(self._of_names)
+            self._open[p] = part
+            while len(self._open) > _OPEN:
+                self._open.popitem(last=False)
+            return part
+
+    def _start(self, p: int) -> int:
+        """The number of the first frame of file p (of all frames, for p = number of files)."""
+        with self._guard:
+            while len(self._starts) <= p:
+                at = len(self._starts) - 1
+                self._starts.append(self._starts[-1] + len(self._part(at)))
+                if at:
+                    self._look_at_seam(at)
+            return self._starts[p]
+
+    def _look_at_seam(self, p):
+        if self._starts[p] == self._starts[p - 1]:
+            return
+        end, begin = self._part(p - 1)[-1].step, self._part(p)[0].step
+        if end is not None and begin is not None and begin <= end and self._starts[p] - self._starts[p - 1] > 1:
+            warn(
+                f"{self.paths[p]} begins at step {begin}, {self.paths[p - 1]} ends at step {end}: frames that are in both are there twice, "
+                "and count twice in an average"
+            )
+
+    def _locate(self, k: int) -> tuple[int, int] | None:
+        """(file, frame in it) of frame k, opening no file beyond it."""
+        for p in range(len(self._starts) - 1, len(self.paths)):
+            if k < self._start(p):
+                break
+            if self._part(p)._has(k - self._starts[p]):
+                return p, k - self._starts[p]
+        if k >= self._starts[-1]:
+            return None
+        p = bisect_right(self._starts, k) - 1
+        return p, k - self._starts[p]
+
+    def __len__(self):
+        return self._start(len(self.paths))
+
+    def _has(self, k):
+        return self._locate(k) is not None
+
+    def _frame(self, k) -> Frame:
+        p, m = self._locate(k)
+        part = self._part(p)
+        frame = part[m]
+        for t, name in part.type_names.items():
+            known = self._of_names.setdefault(name, t)
+            if known != t:
+                raise AtcError(
+                    f"{frame.source}: {name!r} is type {t} here but type {known} in another of the files: give the files to atc.read one by one"
+                )
+        return frame
+
+    def __getstate__(self):
+        state = super().__getstate__()
+        state["_open"] = OrderedDict()
+        return state
+
+    @property
+    def type_names(self):
+        return self._part(0).type_names
+
+    def _precision(self, frame):
+        return self._part(0)._precision(frame)
+
+    def _numbered(self):
+        return self._part(0)._numbered()
+
+    def close(self):
+        for part in self._open.values():
+            part.close()
+        self._open.clear()
