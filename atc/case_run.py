@@ -224,14 +224,14 @@ class _Run:
 
     def _advance(self, sim, n):
         """n steps in time, or n states of equilibrium."""
-        from . import pd
+        from .pd.relax import relax, solve_static
 
         run = self.case.data["run"]
         solver = run.get("solver", "verlet")
         if solver == "verlet":
             sim.step(n)
             return
-        solve = pd.relax if solver == "relax" else pd.solve_static
+        solve = relax if solver == "relax" else solve_static
         given = {"tolerance": run["tolerance"]} if "tolerance" in run else {}
         for _ in range(n):
             sim.state.step += 1

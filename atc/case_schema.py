@@ -128,7 +128,10 @@ TABLES: dict[str, dict[str, Key]] = {
         "no_fail": Key(_either(_list_of(_region), lambda v: [_region(v)]), "regions whose bonds never break"),
     },
     "contact": {
-        "skin": Key(_positive, "a length greater than 0"),
+        "strength": Key(_not_negative, "the multiple of the micromodulus, e.g. 15"),
+        "own": Key(_positive, "a share of a pair's reference distance, e.g. 0.9"),
+        "reach": Key(_positive, "a multiple of the sum of the radii, e.g. 1.35"),
+        "skin": Key(_positive, "how much further the list of pairs looks, in spacings, e.g. 0.75"),
     },
     "run": {
         "steps": Key(_count, "a number of steps, e.g. 2000"),

@@ -130,8 +130,10 @@ def test_case_is_the_simulation_written_by_hand(tmp_path):
 
 def test_materials_by_region_and_overrides(tmp_path):
     text = PLATE.replace("[material]", '[[material]]\nmodel = "pmb"\nyoungs = 9e9\ndensity = 1000\n\n[[material]]\nid = 7\nregion = "top"')
-    case = Case.load(write(tmp_path, text), ["body.jitter=0", "run.steps=3"])
-    body = case.simulation(1).body
+    case = Case.load(write(tmp_path, text), ["body.jitter=0", "run.steps=3", "contact.strength=7"])
+    sim = case.simulation(1)
+    assert sim.contact.contact == pd.Contact(strength=7)
+    body = sim.body
     top = body.X_nc[:, 1] >= 0.0095
     assert set(body.material_n[top]) == {7} and set(body.material_n[~top]) == {1}
     assert set(body.rho_n[top]) == {2440} and set(body.rho_n[~top]) == {1000}
