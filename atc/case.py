@@ -217,6 +217,16 @@ class Case:
             raise self.need("run", "it needs steps, e.g. steps = 2000")
         if "dt" in run and "safety" in run:
             raise self.bad(("run", "safety"), "dt is given: give one of the two")
+        if run.get("solver", "verlet") != "verlet":
+            for key in ("safety", "damping"):
+                if key in run:
+                    raise self.bad(("run", key), f"belongs to motion: solver = {run['solver']!r} looks for equilibrium at every step")
+            if damage is not None:
+                raise self.need(
+                    "damage", f'solver = "{run["solver"]}" breaks no bonds: leave [damage] out, or take solver = "verlet" with damping'
+                )
+        elif "tolerance" in run:
+            raise self.bad(("run", "tolerance"), 'belongs to solver = "relax" or "static"')
         output = self.data.get("output", {})
         from .case_run import QUANTITIES
 

@@ -82,6 +82,9 @@ def simulation(case, threads: int = 0, state=None):
     for key in ("dt", "safety", "damping", "lammps_compat"):
         if key in run:
             options[key] = run[key]
+    if run.get("solver", "verlet") != "verlet":
+        # The time between two states of equilibrium: loads and prescribed displacements are functions of it.
+        options.setdefault("dt", 1.0)
     try:
         return pd.Simulation(
             body, materials, damage=damage, no_fail=no_fail or None, contact=contact, indenter=indenters, walls=walls, conditions=conditions,

@@ -83,16 +83,14 @@ def run_peri(body, pair, steps, *, dt, velocities=None, indent=None, skin=None, 
         for target in steps:
             lmp.command(f"run {target - done} post no pre no")
             done = target
-            m = lmp.extract_global("nlocal")
-            order = np.argsort(np.array(lmp.numpy.extract_atom("id")[:m]))
-            take = lambda a: np.array(a)[:m][order]  # noqa: E731
-            x = take(lmp.numpy.extract_atom("x"))
-            image = take(lmp.numpy.extract_atom("image"))
+            order = np.argsort(np.array(lmp.numpy.extract_atom("id")[: len(body)]))
+            x = np.array(lmp.numpy.extract_atom("x"))[order]
+            image = np.array(lmp.numpy.extract_atom("image"))[order]
             unwrapped = x + decode_images(image) * (box_of(body, margin)[1] - box_of(body, margin)[0])
             out.append(
                 dict(
-                    x=unwrapped, v=take(lmp.numpy.extract_atom("v")), f=take(lmp.numpy.extract_atom("f")),
-                    damage=take(lmp.numpy.extract_compute("C1", 1, 1)), pe=lmp.get_thermo("pe"), ke=lmp.get_thermo("ke"),
+                    x=unwrapped, v=np.array(lmp.numpy.extract_atom("v"))[order], f=np.array(lmp.numpy.extract_atom("f"))[order],
+                    damage=np.array(lmp.numpy.extract_compute("C1", 1, 1))[order], pe=lmp.get_thermo("pe"), ke=lmp.get_thermo("ke"),
                 )
             )  # fmt: skip
     return out

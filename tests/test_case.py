@@ -130,8 +130,10 @@ def test_case_is_the_simulation_written_by_hand(tmp_path):
 
 def test_materials_by_region_and_overrides(tmp_path):
     text = PLATE.replace("[material]", '[[material]]\nmodel = "pmb"\nyoungs = 9e9\ndensity = 1000\n\n[[material]]\nid = 7\nregion = "top"')
-    case = Case.load(write(tmp_path, text), ["body.jitter=0", "run.steps=3"])
-    body = case.simulation(1).body
+    case = Case.load(write(tmp_path, text), ["body.jitter=0", "run.steps=3", "contact.strength=7"])
+    sim = case.simulation(1)
+    assert sim.contact.contact == pd.Contact(strength=7)
+    body = sim.body
     top = body.X_nc[:, 1] >= 0.0095
     assert set(body.material_n[top]) == {7} and set(body.material_n[~top]) == {1}
     assert set(body.rho_n[top]) == {2440} and set(body.rho_n[~top]) == {1000}
@@ -148,6 +150,38 @@ def test_periodic_lattice_holds_every_node_once():
     )  # fmt: skip
     body = case.simulation(1).body
     assert len(body) == 512 and set(body.bonds.sums(np.ones(len(body.bonds)))) == {32.0}
+
+
+@pytest.mark.parametrize("solver", ["relax", "static"])
+def test_equilibrium_at_every_step(tmp_path, solver):
+    """A bar pulled in three steps: Hooke's law at each, whatever the solver; kept entry by entry."""
+    case = Case.load(
+        {
+            "body": {"region": {"shape": "box", "lo": [0, 0, 0], "hi": [40.0, 6.0, 0]}, "spacing": 1.0, "horizon": 3.015, "density": 1.0, "dimension": 2},
+            "material": {"model": "correspondence", "youngs": 2.0, "poisson": 0.3},
+            "prescribed": [
+                {"region": {"shape": "box", "lo": [-1.0, -1, -1], "hi": [2.5, 9, 1]}, "displacement": [0.0, "free", "free"]},
+                {"region": {"shape": "box", "lo": [-1.0, 2.5, -1], "hi": [0.5, 3.5, 1]}, "displacement": ["free", 0.0, "free"]},
+                {"region": {"shape": "box", "lo": [37.5, -1, -1], "hi": [41, 9, 1]},
+                 "displacement": {"times": [0, 3], "values": [[0, "free", "free"], [0.003, "free", "free"]]}},
+            ],
+            "run": {"steps": 3, "solver": solver, "tolerance": 1e-7}, "output": {"every": 1, "quantities": ["displacement", "stress", "force"]},
+        }
+    )  # fmt: skip
+    ds = case.run(tmp_path / "out.zarr", threads=1)
+    assert ds.time.values.tolist() == [0, 1, 2, 3]
+    x = ds.position_x.values
+    inner = (x > 15) & (x < 25)
+    strain = np.array([np.polyfit(x[inner], ds.displacement[k, inner, 0].values, 1)[0] for k in range(4)])
+    right = x > 37
+    reaction = -ds.force[:, right, 0].sum("node").values / 7.0
+    np.testing.assert_allclose(strain, strain[3] * np.arange(4) / 3, rtol=1e-3, atol=1e-12)
+    # E of a thin bar; the free edges lack some of their bonds
+    assert reaction[3] / strain[3] == pytest.approx(2.0, rel=0.02)
+    assert float(abs(ds.force[3, inner]).max()) < 1e-5 * reaction[3]
+    for section, key, value, words in (("run", "damping", 1.0, "belongs to motion"), ("damage", "s00", 0.1, "breaks no bonds")):
+        with pytest.raises(AtcError, match=words):
+            Case.load(case.data, {f"{section}.{key}": value})
 
 
 # --- what is wrong is named by its line
@@ -228,9 +262,26 @@ def wait_for(journal, entries, process):
     raise AssertionError("the run never got anywhere")
 
 
+FIELDS = """
+[kernel]
+name = "quartic"
+radius = 0.003
+
+[grid]
+kind = "line"
+start = [0.002, 0.006, 0.0]
+end = [0.028, 0.006, 0.0]
+n = 14
+
+[fields]
+quantities = ["density", "velocity", "peridynamic_stress", "peridynamic_piola_stress", "peridynamic_stress_weighted_virial"]
+"""
+
+
 @pytest.mark.parametrize("sign", [signal.SIGKILL, signal.SIGINT])
 def test_interrupted_run_continues_bitwise(tmp_path, sign):
-    text = PLATE.replace("steps = 120", "steps = 4000").replace("every = 25", 'every = 200\nvtk = "frames"\nrestart = "end.npz"')
+    text = PLATE + FIELDS if sign == signal.SIGINT else PLATE
+    text = text.replace("steps = 120", "steps = 4000").replace("every = 25", 'every = 200\nvtk = "frames"\nrestart = "end.npz"')
     case = write(tmp_path, text)
     env = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     whole = Case.load(case).run(tmp_path / "whole.zarr", threads=1)
@@ -251,6 +302,8 @@ def test_interrupted_run_continues_bitwise(tmp_path, sign):
     finished = subprocess.run(arguments(case, out), env=env, capture_output=True, text=True, timeout=100)
     assert finished.returncode == 0, finished.stderr
     equal(open_dataset(out), whole)
+    if sign == signal.SIGINT:
+        equal(open_dataset(tmp_path / "cut-fields.zarr"), open_dataset(tmp_path / "whole-fields.zarr"))
     for name, a in np.load(tmp_path / "end.npz").items():
         assert np.array_equal(a, end[name]), name
     assert len(list((tmp_path / "frames").glob("*.vtu"))) == 21 and not (tmp_path / "cut.zarr.partial").exists()
@@ -293,6 +346,33 @@ def test_restart_file_of_a_finished_run(tmp_path):
     (tmp_path / "half.npz").write_bytes(b"no such thing")
     with pytest.raises(AtcError, match="not a restart file"):
         Case.load(tmp_path / "second.toml").run(tmp_path / "c.nc", threads=1)
+
+
+def test_fields_of_a_run_are_those_of_its_state(tmp_path):
+    import atc
+
+    case = Case.load(write(tmp_path, PLATE + FIELDS))
+    case.run(tmp_path / "out.zarr", threads=1)
+    ds = open_dataset(tmp_path / "out-fields.zarr")
+    sim = case.simulation(1)
+    sim.step(120)
+    frame, bonds = pd.snapshot(sim)
+    line = atc.Grid.line([0.002, 0.006, 0.0], [0.028, 0.006, 0.0], 14)
+    names = ["density", "velocity", "peridynamic_stress", "peridynamic_piola_stress", "peridynamic_stress_weighted_virial"]
+    want = atc.fields(frame, bonds, atc.kernel("quartic", 0.003), line, names, reference=pd.reference_frame(sim))
+    for name in names:
+        # other threads, other order of sums
+        np.testing.assert_allclose(ds[name][-1], want[name][0], rtol=0, atol=1e-11 * float(abs(want[name]).max()))
+    assert ds.step.values.tolist() == [0, 25, 50, 75, 100, 120] and ds.attrs["sources"] == "plate.toml"
+    for before, after, words in (
+        ("radius = 0.003\n", "", r"plate.toml:58: \[kernel\]"),
+        ("n = 14", "m = 14", r"plate.toml:66: unknown key 'm'"),
+        ('"velocity",', '"velocty",', r"plate.toml:69: .*did you mean 'velocity'"),
+        ('"velocity",', '"heat_flux",', "not defined for peridynamic bonds"),
+    ):
+        with pytest.raises(AtcError, match=words):
+            Case.load(write(tmp_path, (PLATE + FIELDS).replace(before, after))).run(tmp_path / "no.zarr", threads=1)
+    assert not list(tmp_path.glob("no*"))
 
 
 def test_blown_up_runs_say_so(tmp_path):
@@ -360,7 +440,8 @@ def test_mesh(tmp_path):
         assert body.rho_n.tolist() == [k + 1.0 for k in range(len(cells))]
     meshio.write(tmp_path / "m.vtu", meshio.Mesh(c[:4], [("quad", np.array([[0, 1, 2, 3]])), ("line", np.array([[0, 1]]))]))
     body = nodes_case(tmp_path, tmp_path / "m.vtu", dimension=2, thickness=0.5, density=1.0)
-    assert body.V_n[0] == pytest.approx(2.0, rel=1e-12) and body.X_nc.tolist() == [[1, 1, 0]]
+    assert body.V_n[0] == pytest.approx(2.0, rel=1e-12)
+    np.testing.assert_allclose(body.X_nc, [[1, 1, 0]], rtol=1e-12)
     with pytest.raises(AtcError, match="no cells of dimension 3: found line, quad"):
         nodes_case(tmp_path, tmp_path / "m.vtu", density=1.0)
     (tmp_path / "m.vtu").write_text("nothing")
@@ -401,3 +482,25 @@ def test_vtk_extxyz_and_picture_of_a_run(tmp_path):
         plot_file(tmp_path / "out.zarr", "temperature")
     with pytest.raises(AtcError, match="not a field"):
         export(tmp_path / "out.zarr", quantities=["temperature"])
+
+
+def test_every_key_is_explained():
+    """docs/case.md has every section and key of the schema, and every constant of every material."""
+    import re
+    from pathlib import Path
+
+    from atc.case_materials import models, parameters
+    from atc.case_run import QUANTITIES
+    from atc.case_schema import ARRAYS, SHAPES, TABLES
+
+    text = (Path(__file__).resolve().parent.parent / "docs" / "case.md").read_text()
+    words = set(re.findall(r"`([a-zA-Z_0-9]+)`", text))
+    sections = set(re.findall(r"\[(\w+)\]", " ".join(line for line in text.splitlines() if line.startswith("## "))))
+    assert sections == {*TABLES, *ARRAYS}
+    for name, known in {**TABLES, **ARRAYS}.items():
+        if name not in ("kernel", "grid"):
+            assert set(known) <= words, (name, set(known) - words)
+    assert set(QUANTITIES) <= words and set(models()) <= words
+    for cls in models().values():
+        assert set(parameters(cls)) <= words, (cls.name, set(parameters(cls)) - words)
+    assert all(f'shape = "{s}"' in text for s in SHAPES)

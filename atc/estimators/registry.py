@@ -210,7 +210,7 @@ _ALL = [
     ),
     Quantity(
         "velocity", "velocity", "mass-averaged velocity", lambda s: s.velocity, rank=1, site=_MEAN, masked=True, weight="mass",
-        sign="positive along +x, +y, +z",
+        sign="positive along +x, +y, +z", scale=lambda s: _largest(s.drift),
     ),
     Quantity(
         "temperature", "temperature", "kinetic temperature relative to the local velocity", lambda s: s.temperature,

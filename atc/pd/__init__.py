@@ -17,6 +17,8 @@ Any consistent units (SI, say); nothing converts. Arrays carry their axes: n nod
 `BondForces` : i, j, r_bc (y_i − y_j), R_bc (X_i − X_j), F_bc (force on i from j, volumes included), G_b (F = −G r; None if not central), bond_b; .bonds() → atc.bonds.Bonds
 `snapshot(sim)` : (frame, bonds) for `atc.fields`; `reference_frame(sim)`
 `Prescribed(region, velocity= | displacement=)`, `BodyForce(region, density= | total=)`, `Indenter`, `Wall`, `Contact`, `CriticalStretch(s00, alpha)` / `.from_energy(Gc, material, body)`
+`relax(sim)` adaptive dynamic relaxation, `solve_static(sim)` Newton-Krylov: static states with prescribed displacements and forces.
+Materials: PMB, LPS, Correspondence, Elastic; the table MATERIALS {name: make(bulk, shear)} for tests that loop over all.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ _LAZY = {
     "Notch": "bonds",
     "Families": "bonds",
     **dict.fromkeys(("Region", "Box", "Cylinder", "Sphere", "Nodes", "Everywhere"), "regions"),
-    **dict.fromkeys(("PMB", "LPS", "Elastic", "MATERIALS", "INFLUENCE", "BondForces", "Material"), "materials"),
+    **dict.fromkeys(("PMB", "LPS", "Elastic", "Correspondence", "MATERIALS", "INFLUENCE", "BondForces", "Material"), "materials"),
     "CriticalStretch": "damage",
     "Contact": "contact",
     "Indenter": "indenter",
@@ -37,6 +39,7 @@ _LAZY = {
     "Simulation": "simulation",
     "Energies": "simulation",
     **dict.fromkeys(("SnapshotBonds", "reference_frame", "snapshot"), "fields"),
+    **dict.fromkeys(("relax", "solve_static", "Converged"), "relax"),
 }
 
 __all__ = list(_LAZY)

@@ -205,10 +205,9 @@ class Notch:
         rel = self.origin - x_bc
         height = rel @ n
         slope = xi_bc @ n
-        with np.errstate(divide="ignore", invalid="ignore"):
-            t = height / slope
-        hit = (slope != 0) & (t >= 0) & (t <= 1)
-        p = np.where(hit, t, 0.0)[:, None] * xi_bc - rel
+        t = np.divide(height, slope, out=np.full(len(slope), -1.0), where=slope != 0)
+        hit = (t >= 0) & (t <= 1)
+        p = t[:, None] * xi_bc - rel
         gram = np.array([[self.a @ self.a, self.a @ self.b], [self.a @ self.b, self.b @ self.b]])
         uv = np.stack([p @ self.a, p @ self.b], axis=1) @ np.linalg.inv(gram)
         eps = 1e-12

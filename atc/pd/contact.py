@@ -46,11 +46,17 @@ class ContactSearch:
         self.periodic = bool(body.cell.periodic.any())
         self.ref = None
         self.rebuilt = 0
+        self.strain = None
 
     def _build(self, z):
         y = z[:, :3] + z[:, 3:6]
         self.rebuilt += 1
-        self.start, self.j, self.image, self.images = contact_pairs(y, self.body.cell, self.cut + self.skin, self.crew)
+        cell = self.body.cell
+        if self.strain is not None:
+            cell = Cell(cell.vectors @ (np.eye(3) + self.strain).T, cell.origin, cell.periodic)
+        self.start, self.j, self.image, now = contact_pairs(y, cell, self.cut + self.skin)
+        # Translations of images now, and in the reference configuration.
+        self.images = np.concatenate([now, now if self.strain is None else now @ np.linalg.inv(np.eye(3) + self.strain).T], axis=1)
         self.d = np.empty(len(self.j))
         self.margin = np.empty(len(self.body))
         # Nodes move less than this between searches, or the list is renewed.
@@ -84,7 +90,7 @@ class ContactSearch:
 _CHUNK = 1024
 
 
-def contact_pairs(y_nc, cell: Cell, cutoff: float, crew):
+def contact_pairs(y_nc, cell: Cell, cutoff: float):
     """All pairs i ≤ j closer than `cutoff` in the current configuration, as rows sorted by j: start, j, image and the translations."""
     from .bonds import families
 
@@ -116,7 +122,7 @@ def _limits(a, b, start, j, image, images, z, radius, own, reach, d, margin):
             r02 = 0.0
             for c in range(3):
                 t = images[image[p], c] if len(image) else 0.0
-                x = z[n, 3 + c] - z[i, 3 + c] + t
+                x = z[n, 3 + c] - z[i, 3 + c] + (images[image[p], 3 + c] if len(image) else 0.0)
                 r02 += x * x
                 x = (z[n, 3 + c] + z[n, c]) - (z[i, 3 + c] + z[i, c]) + t
                 r2 += x * x

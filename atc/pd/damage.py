@@ -56,9 +56,9 @@ def damage_n(body, intact_b) -> np.ndarray:
 class DamageRule:
     """Critical stretches of every kind of bond, as the kernels want them. `rules` is None, one CriticalStretch, or {material or (a, b): it}."""
 
-    def __init__(self, rules, ids, kinds):
-        self.s00 = np.full(max(1, len(kinds)), np.inf)
-        self.alpha = np.zeros(max(1, len(kinds)))
+    def __init__(self, rules, ids, kinds, n_kinds):
+        self.s00 = np.full(n_kinds, np.inf)
+        self.alpha = np.zeros(n_kinds)
         self.active = rules is not None
         if rules is None:
             return

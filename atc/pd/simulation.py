@@ -13,7 +13,7 @@ from .contact import Contact, ContactSearch
 from .damage import damage_n
 from .integrate import chunks, drift, kick, kick_drift, kick_end, kinetic, power, total
 from .materials.base import BondForces, Material
-from .state import State
+from .state import State, no_bonds
 
 
 @dataclass
@@ -36,7 +36,7 @@ class Energies:
 
     @property
     def total(self) -> float:
-        """Constant from the start of a run up to the integrator's error, O(Δt²)."""
+        """Constant from the start of a run up to the integrator's error, O(Δt²); O(Δt) while bonds of state-based bodies break."""
         return (
             self.kinetic + self.strain + self.contact - self.work_external - self.work_constraint
             + self.dissipated_fracture + self.dissipated_damping
@@ -59,6 +59,7 @@ class Simulation:
     interfaces : {(a, b): material} for the bonds between two materials, instead of the default mixture
     dt : time step; None takes `safety` times the stable step
     state : a `State` to go on from (bitwise); or `velocities`, `displacements` : (n, 3) or (3,) to start with
+    strain : (3, 3) displacement gradient H of a periodic body: nodes start at u = H X and images are moved by H too
     threads : 0 is all cores. Results do not depend on it.
     lammps_compat : reproduce LAMMPS's faults (the weighted volume of periodic LPS bodies without images, its LPS energy)
 
@@ -67,7 +68,8 @@ class Simulation:
 
     def __init__(
         self, body, materials, *, damage=None, no_fail=None, contact=None, indenter=None, walls=None, conditions=(), damping=0.0,
-        interfaces=None, dt=None, safety=0.7, state=None, velocities=None, displacements=None, threads=0, lammps_compat=False,
+        interfaces=None, dt=None, safety=0.7, state=None, velocities=None, displacements=None, strain=None, threads=0,
+        lammps_compat=False,
     ):  # fmt: skip
         if isinstance(materials, Material):
             materials = {m: materials for m in np.unique(body.material_n).tolist()}
@@ -88,7 +90,10 @@ class Simulation:
         self.time_step_stable = self.stable_step()
         self.dt = float(safety * self.time_step_stable if dt is None else dt)
         if not (np.isfinite(self.dt) and self.dt > 0):
-            raise AtcError(f"the time step must be a positive number, got {dt!r}")
+            raise AtcError(
+                f"the time step must be a positive number, got {dt!r}" if dt is not None
+                else "this body has no bonds that could tell a stable time step: give dt, or a larger horizon"
+            )  # fmt: skip
         if contact is True:
             contact = Contact()
         self.contact = None
@@ -107,7 +112,16 @@ class Simulation:
         self._z = node_rows(n)
         self._z[:, 3:6] = body.X_nc
         fresh = state is None
+        if strain is not None:
+            strain = np.array(strain, float)
+            if strain.shape != (3, 3):
+                raise AtcError(f"strain must be a (3, 3) displacement gradient, got shape {strain.shape}")
+            self.model.images[:, 3:] = self.model.images[:, :3] @ strain.T
+            if self.contact is not None:
+                self.contact.strain = strain
         state = State.rest(body) if fresh else state.copy()
+        if strain is not None and fresh:
+            state.u_nc[:] = body.X_nc @ strain.T
         for name, value, out in (("velocities", velocities, state.v_nc), ("displacements", displacements, state.u_nc)):
             if value is not None:
                 if not fresh:
@@ -115,7 +129,7 @@ class Simulation:
                 value = np.asarray(value, float)
                 if value.shape not in ((3,), (n, 3)):
                     raise AtcError(f"{name} must have shape (3,) or ({n}, 3), got {value.shape}")
-                out[:] = value
+                out += value
         self._take(state, fresh)
         if no_fail is not None and fresh:
             inside = np.zeros(n, bool)
@@ -182,9 +196,11 @@ class Simulation:
     def _all_forces(self, damage: bool):
         """F of the present displacements into the state; returns the energies in contact and in indenters."""
         s = self.state
-        broken, lost = self.model.forces(self._z, s.intact_b, s.F_nc, s.smin_n, damage)
-        self.n_broken += broken
-        s.ledger["dissipated_fracture"] += lost
+        broken, lost, pull = self.model.forces(self._z, s.intact_b, s.F_nc, s.smin_n, damage)
+        if broken:
+            self.n_broken += broken
+            s.ledger["dissipated_fracture"] += lost
+            s.pending = dict(zip(("i", "j", "F_bc"), pull, strict=True))
         in_contact = self.contact.add(self._z, s.F_nc) if self.contact is not None else 0.0
         in_rigid = 0.0
         if self.external:
@@ -236,6 +252,11 @@ class Simulation:
             self.crew.run(kick, m, half, self.damping, s.F_nc, self.mass_n, s.v_nc, grain=4)
             held = [self._hold(p, s.time + half, s.time + dt) for p in self.prescribed]
             self.crew.run(drift, m, dt, s.v_nc, self._z, grain=4)
+        if len(s.pending["i"]):
+            # Bonds that broke at the end of the last step have pulled once more, in the half kick of this one.
+            p = s.pending
+            s.ledger["dissipated_fracture"] += half * float(np.einsum("bc,bc->", p["F_bc"], s.v_nc[p["j"]] - s.v_nc[p["i"]]))
+            s.pending = no_bonds()
         if self.external:
             s.ledger["work_external"] += half * total(power, self.crew, n, s.external_nc, s.v_nc)
         if self.damping:

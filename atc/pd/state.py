@@ -11,6 +11,10 @@ from ..errors import AtcError
 LEDGER = ("work_external", "work_constraint", "dissipated_fracture", "dissipated_damping")
 
 
+def no_bonds():
+    return {"i": np.zeros(0, np.int32), "j": np.zeros(0, np.int32), "F_bc": np.zeros((0, 3))}
+
+
 @dataclass
 class State:
     """One instant of a run.
@@ -24,7 +28,7 @@ class State:
     intact_b : (b,) uint8 over `body.bonds`: 0 broken, 1 whole, 2 whole and never breaks
     step : int. time : float.
     ledger : sums since the start: work_external, work_constraint, dissipated_fracture, dissipated_damping (energy each)
-    contact : arrays of the contact search (reference positions of its list), empty without contact
+    pending : i, j, F_bc of bonds that broke in this very step: they pull until the next half kick, and the ledger counts that too
     """
 
     u_nc: np.ndarray
@@ -36,7 +40,7 @@ class State:
     step: int = 0
     time: float = 0.0
     ledger: dict = field(default_factory=lambda: dict.fromkeys(LEDGER, 0.0))
-    contact: dict = field(default_factory=dict)
+    pending: dict = field(default_factory=no_bonds)
 
     @classmethod
     def rest(cls, body) -> State:
@@ -55,7 +59,7 @@ class State:
         out = {}
         for f in fields(self):
             value = getattr(self, f.name)
-            if f.name in ("ledger", "contact"):
+            if f.name in ("ledger", "pending"):
                 out.update({f"{f.name}.{k}": np.array(v) for k, v in value.items()})
             else:
                 out[f.name] = np.array(value)
@@ -66,7 +70,7 @@ class State:
         """The inverse of `to_arrays`; raises AtcError for a missing array."""
         values = {}
         for f in fields(cls):
-            if f.name in ("ledger", "contact"):
+            if f.name in ("ledger", "pending"):
                 values[f.name] = {k[len(f.name) + 1 :]: np.array(v) for k, v in arrays.items() if k.startswith(f.name + ".")}
                 continue
             if f.name not in arrays:

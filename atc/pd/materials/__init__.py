@@ -1,14 +1,16 @@
 """Materials of peridynamic bodies, one file each. `MATERIALS` is the table over which every invariance test loops."""
 
 from .base import INFLUENCE, BondForces, Material
+from .correspondence import Correspondence
 from .lps import LPS, Elastic
 from .pmb import PMB
 
-__all__ = ["INFLUENCE", "LPS", "MATERIALS", "PMB", "BondForces", "Elastic", "Material"]
+__all__ = ["INFLUENCE", "LPS", "MATERIALS", "PMB", "BondForces", "Correspondence", "Elastic", "Material"]
 
 # name: a function (bulk, shear) → material; bond-based ones ignore the shear modulus.
 MATERIALS = {
     "pmb": lambda bulk, shear: PMB(bulk),
     "lps": lambda bulk, shear: LPS(bulk, shear),
+    "correspondence": lambda bulk, shear: Correspondence(bulk, shear),
     "elastic": lambda bulk, shear: Elastic(9 * bulk * shear / (3 * bulk + shear), (3 * bulk - 2 * shear) / (2 * (3 * bulk + shear))),
 }

@@ -158,15 +158,14 @@ class ForceModel:
         else:
             self.kind_b = np.zeros(0, np.uint8)
             self.n_kinds = 1
-        self.rule = DamageRule(rules, ids, self.kinds)
-        if len(self.rule.s00) < self.n_kinds:
-            s00, alpha = np.full(self.n_kinds, np.inf), np.zeros(self.n_kinds)
-            for k in self.kinds.values():
-                s00[k], alpha[k] = self.rule.s00[min(k, len(self.rule.s00) - 1)], self.rule.alpha[min(k, len(self.rule.alpha) - 1)]
-            self.rule.s00, self.rule.alpha = s00, alpha
+        self.rule = DamageRule(rules, ids, self.kinds, self.n_kinds)
+        # Translations of the images, and what a strain of the cell adds to them.
+        self.images = np.zeros((len(self.table.images_tc), 6))
+        self.images[:, :3] = self.table.images_tc
         self.buf = self.blocks.buffer(3)
         self.smin_buf = np.empty(len(self.buf))
         self.largest_smin = -np.inf
+        self.gone_b = np.empty(len(self.table), np.int32)
 
     def weights(self):
         """(b,) ω ν V_i V_j."""
@@ -223,15 +222,38 @@ class ForceModel:
 
     # To be given by subclasses.
     def forces(self, z, intact_b, F_nc, smin_n, damage: bool):
-        """F_nc := bond forces. With `damage`, smin_n is renewed and bonds break. Returns (number broken, energy lost with them)."""
+        """F_nc := bond forces. With `damage`, smin_n is renewed and bonds break. Returns (number broken, energy lost with them,
+        and None or their last pull (i, j, F_bc))."""
         raise NotImplementedError
 
     def energy_n(self, z, intact_b):
         """(n,) strain energy of each node (half of each bond, or the node's own)."""
         raise NotImplementedError
 
-    def bond_forces(self, z, intact_b) -> BondForces:
+    def forces_of_bonds(self, z, intact_b, bonds) -> BondForces:
+        """The forces in the numbered bonds; intact_b None means in the state of the last call of `forces`."""
         raise NotImplementedError
+
+    def lost(self, z, which) -> float:
+        """The energy that left with the bonds `which`, just broken."""
+        raise NotImplementedError
+
+    def bond_forces(self, z, intact_b) -> BondForces:
+        """The forces in all intact bonds."""
+        return self.forces_of_bonds(z, intact_b, np.flatnonzero(intact_b))
+
+    def listed(self, gone_k):
+        """The numbers of the bonds that a kernel listed in `gone_b`, gone_k of each block."""
+        first = self.table.start_n[self.blocks.edges[:-1]]
+        parts = [first[k] + self.gone_b[first[k] : first[k] + gone_k[k]].astype(np.int64) for k in np.flatnonzero(gone_k)]
+        return np.concatenate(parts) if parts else np.zeros(0, np.int64)
+
+    def account(self, z, which):
+        """What `forces` returns for the bonds that broke: their number, the energy lost, and their last pull (i, j, F_bc)."""
+        if not len(which):
+            return 0, 0.0, None
+        f = self.forces_of_bonds(z, None, which)
+        return len(which), self.lost(z, which), (f.i, f.j, f.F_bc)
 
     def stiffness_n(self):
         """(n,) a bound on the row sums of the stiffness matrix: ω_max² ≤ max 2 stiffness/(ρV)... see `Simulation.stable_step`."""
@@ -248,15 +270,17 @@ def harmonic(a, b):
     return 2.0 * a * b / (a + b)
 
 
-def deformed(body, z, bonds=None):
-    """η, ξ, e and |ξ+η| of every bond (or those numbered): the plain numpy version of what the kernels do."""
-    t = body.bonds
+def deformed(model, z, bonds=None):
+    """i, j, η, ξ, e and |ξ+η| of every bond (or those numbered): the plain numpy version of what the kernels do."""
+    t, body = model.table, model.body
     b = slice(None) if bonds is None else bonds
     i, j = t.i_b[b], t.j_b[b]
     xi = body.X_nc[j] - body.X_nc[i]
     if len(t.image_b):
         xi += t.images_tc[t.image_b[b]]
     eta = z[j, :3] - z[i, :3]
+    if len(t.image_b):
+        eta += model.images[t.image_b[b], 3:]
     q = np.einsum("bc,bc->b", eta, 2 * xi + eta)
     r0 = t.r0_b[b]
     r = np.sqrt(np.maximum(r0 * r0 + q, 0.0))

@@ -96,37 +96,31 @@ class StateModel(ForceModel):
         self.h_n = np.divide(self.a_n * body.V_n, self.M_n**2, out=np.zeros(self.n), where=self.M_n > 0)
         self.S_n = np.zeros(self.n)
         self.scalar_buf = np.empty(len(self.buf))
-        self.gone_b = np.empty(len(t), np.int32)
 
     def forces(self, z, intact_b, F_nc, smin_n, damage):
         t, bl = self.table, self.blocks
         self._dilate(z, intact_b)
         gone = np.zeros(bl.count, np.int64)
         self.crew.run(
-            _forces, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, t.images_tc, z, t.r0_b, self.W_b, self.WB_b,
+            _forces, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, t.r0_b, self.W_b, self.WB_b,
             intact_b, self.kind_b, self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.smin_buf, self.gone_b, gone,
         )  # fmt: skip
         self.collect(F_nc, smin_n, damage)
-        broken = int(gone.sum())
-        if not broken:
-            return 0, 0.0
-        first = t.start_n[bl.edges[:-1]]
-        which = np.concatenate([first[k] + self.gone_b[first[k] : first[k] + gone[k]].astype(np.int64) for k in range(bl.count)])
-        return broken, self._lost(z, which)
+        return self.account(z, self.listed(gone))
 
     def _dilate(self, z, intact_b):
         """S into S_n, A into column 6 of z."""
         t, bl = self.table, self.blocks
         self.crew.run(
-            _extensions, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, t.images_tc, z, t.r0_b, self.W_b, intact_b,
+            _extensions, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, t.r0_b, self.W_b, intact_b,
             self.scalar_buf,
         )  # fmt: skip
         self.crew.nodes(collect_scalar, self.n, bl.lo, bl.hi, bl.offset, self.scalar_buf, self.S_n)
         np.multiply(self.h_n, self.S_n, out=z[:, 6])
 
-    def _lost(self, z, which):
+    def lost(self, z, which):
         """The energy that left with bonds `which`: their own shares, and what their nodes' dilatations were worth (S_n is still that before)."""
-        i, j, _, _, e, _ = deformed(self.body, z, which)
+        i, j, _, _, e, _ = deformed(self, z, which)
         W, r0 = self.W_b[which], self.table.r0_b[which]
         own = float((0.5 * self.WB_b[which] * e**2).sum())
         dS = np.bincount(i, W * r0 * e, self.n) + np.bincount(j, W * r0 * e, self.n)
@@ -134,13 +128,13 @@ class StateModel(ForceModel):
 
     def dilatation_n(self, z, intact_b):
         """(n,) θ."""
-        i, j, _, _, e, _ = deformed(self.body, z)
+        i, j, _, _, e, _ = deformed(self, z)
         Wre = self.W_b * self.table.r0_b * e * (intact_b != 0)
         S = np.bincount(i, Wre, self.n) + np.bincount(j, Wre, self.n)
         return self.body.dimension * np.divide(S, self.M_n, out=np.zeros(self.n), where=self.M_n > 0), S
 
     def energy_n(self, z, intact_b):
-        i, j, _, _, e, _ = deformed(self.body, z)
+        i, j, _, _, e, _ = deformed(self, z)
         whole = intact_b != 0
         theta, S = self.dilatation_n(z, intact_b)
         We2 = self.W_b * e**2 * whole
@@ -154,10 +148,9 @@ class StateModel(ForceModel):
         dev += np.bincount(j, self.W_b * whole * (e - theta[j] * r0 / d) ** 2, self.n)
         return 0.5 * K * theta**2 * V + 0.25 * self.B_n * dev
 
-    def bond_forces(self, z, intact_b):
-        whole = np.flatnonzero(intact_b)
-        i, j, eta, xi, e, r = deformed(self.body, z, whole)
-        A = self.h_n * self.dilatation_n(z, intact_b)[1]
+    def forces_of_bonds(self, z, intact_b, whole):
+        i, j, eta, xi, e, r = deformed(self, z, whole)
+        A = self.h_n * (self.S_n if intact_b is None else self.dilatation_n(z, intact_b)[1])
         pull = self.W_b[whole] * (A[i] + A[j]) * self.table.r0_b[whole] + self.WB_b[whole] * e
         G = np.divide(pull, r, out=np.zeros(len(whole)), where=r > 0)
         y = xi + eta

@@ -89,7 +89,6 @@ class BondModel(ForceModel):
 
     def __init__(self, body, materials, crew, rules=None, lammps_compat=False, interfaces=None):
         super().__init__(body, materials, crew, rules, lammps_compat)
-        t = self.table
         interfaces = interfaces or {}
 
         def pair(a, b):
@@ -107,22 +106,25 @@ class BondModel(ForceModel):
 
     def forces(self, z, intact_b, F_nc, smin_n, damage):
         t, bl = self.table, self.blocks
-        lost = np.zeros(bl.count)
-        broken = self.crew.run(
-            forces, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, t.images_tc, z, t.r0_b, self.W_b, intact_b,
-            self.kind_b, self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.smin_buf, lost,
+        gone = np.zeros(bl.count, np.int64)
+        self.crew.run(
+            forces, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, t.r0_b, self.W_b, intact_b,
+            self.kind_b, self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.smin_buf, self.gone_b, gone,
         )  # fmt: skip
         self.collect(F_nc, smin_n, damage)
-        return sum(broken), float(lost.sum())
+        return self.account(z, self.listed(gone))
+
+    def lost(self, z, which):
+        e = deformed(self, z, which)[4]
+        return float((0.5 * self.W_b[which] / self.table.r0_b[which] * e**2).sum())
 
     def energy_n(self, z, intact_b):
-        i, j, _, _, e, _ = deformed(self.body, z)
+        i, j, _, _, e, _ = deformed(self, z)
         half = 0.25 * self.W_b * e**2 / self.table.r0_b * (intact_b != 0)
         return np.bincount(i, half, self.n) + np.bincount(j, half, self.n)
 
-    def bond_forces(self, z, intact_b):
-        whole = np.flatnonzero(intact_b)
-        i, j, eta, xi, e, r = deformed(self.body, z, whole)
+    def forces_of_bonds(self, z, intact_b, whole):
+        i, j, eta, xi, e, r = deformed(self, z, whole)
         G = np.divide(self.W_b[whole] * e, r * self.table.r0_b[whole], out=np.zeros(len(whole)), where=r > 0)
         y = xi + eta
         return BondForces(i, j, -y, -xi, G[:, None] * y, G, whole)
@@ -158,6 +160,10 @@ def gather(b0, m, i, j, image, images, z, w):
             w[3 * C + k] += images[t, 0]
             w[4 * C + k] += images[t, 1]
             w[5 * C + k] += images[t, 2]
+            # How far the strained cell has moved that image.
+            w[k] += images[t, 3]
+            w[C + k] += images[t, 4]
+            w[2 * C + k] += images[t, 5]
 
 
 @njit(**FAST)
@@ -232,18 +238,19 @@ def forces(
     damage,
     buf,
     smin_buf,
-    lost_k,
+    gone_b,
+    gone_k,
 ):
     """Blocks first..last: forces into their buffers; with `damage` also new smallest stretches, and bonds beyond their critical stretch break
-    after they have pulled. lost_k takes the energy
-    that went with them, by block. Returns the number of broken bonds."""
+    after they have pulled. They are listed
+    in gone_b, block by block from the block's first bond on, gone_k of them."""
     w = np.empty(8 * C)
-    broken = 0
     for block in range(first, last):
         f = buf[offset[block] : offset[block + 1]]
         f[:] = 0.0
         base = lo[block]
-        lost = 0.0
+        b_first = start[edges[block]]
+        gone = 0
         low_n = smin_buf[offset[block] : offset[block + 1]]
         if damage:
             low_n[:] = np.inf
@@ -283,15 +290,14 @@ def forces(
                                 t = kind[b] if len(kind) else 0
                                 if w[6 * C + k] > threshold(s00[t], alpha[t], smin[i], smin[j[b]]):
                                     intact[b] = 0
-                                    broken += 1
-                                    lost += 0.5 * W[b] * r0[b] * w[6 * C + k] ** 2
+                                    gone_b[b_first + gone] = b - b_first
+                                    gone += 1
             f[i - base, 0] += sx
             f[i - base, 1] += sy
             f[i - base, 2] += sz
             if damage and row_low < low_n[i - base]:
                 low_n[i - base] = row_low
-        lost_k[block] = lost
-    return broken
+        gone_k[block] = gone
 
 
 @njit(**JIT)

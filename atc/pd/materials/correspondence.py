@@ -1,0 +1,338 @@
+"""Non-ordinary correspondence material (Silling et al. 2007), Saint Venant-Kirchhoff, with its zero-energy modes stabilised (Silling 2017).
+
+From the bonds a node sees a deformation gradient F = (Σ ω y⊗ξ νV) K⁻¹, K = Σ ω ξ⊗ξ νV, and hence a classical stress: P = F S, S = λ tr(E) + 2μE,
+E = (FᵀF − 1)/2. Modes that F does not see cost the energy ½ g Σ ω |y − Fξ|² νV with g = stabilisation · d(d+2)μ/m, the stiffness of an LPS bond; it
+vanishes in every uniform deformation, and so does its force. Everything is computed from H = F − 1, so that rest is exactly at rest.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from ..bonds import JIT
+from .base import BondForces, ForceModel, Isotropic, deformed
+from .pmb import FAST, C, extremes, gather, threshold
+
+
+class Correspondence(Isotropic):
+    """Classical elasticity at every node, through the bonds of its family.
+
+    Parameters
+    ----------
+    bulk, shear, or youngs, poisson : three-dimensional constants
+    stabilisation : how stiff zero-energy modes are, relative to an LPS bond (0 switches it off)
+    influence : "one" by default. volume_correction : the share ν of volumes near the horizon
+    """
+
+    name = "correspondence"
+
+    def __init__(self, bulk=None, shear=None, *, youngs=None, poisson=None, stabilisation=0.1, influence="one", volume_correction=True):
+        super().__init__(bulk, shear, youngs=youngs, poisson=poisson)
+        self.stabilisation = float(stabilisation)
+        self.influence, self.volume_correction = influence, bool(volume_correction)
+
+    def fracture_energy(self, body, s0):
+        """As LPS's with the same ω: an estimate, since a correspondence bond has no energy of its own."""
+        from .lps import LPS
+
+        return LPS(self.bulk, self.shear, influence=self.influence).fracture_energy(body, s0)
+
+    @staticmethod
+    def model(*args, **options):
+        return CorrespondenceModel(*args, **options)
+
+
+class CorrespondenceModel(ForceModel):
+    """Forces of correspondence materials. A node whose intact bonds no longer span the dimension exerts no force."""
+
+    def __init__(self, body, materials, crew, rules=None, lammps_compat=False, interfaces=None):
+        super().__init__(body, materials, crew, rules, lammps_compat)
+        if interfaces:
+            from ...errors import AtcError
+
+            raise AtcError(
+                "interfaces of their own exist for bond-based materials only: in a state-based body every node has its own material"
+            )
+        lame = {id(m): m.lame(body) for m in materials.values()}
+        self.lam_n = self.per_node(lambda m: lame[id(m)][0])
+        self.mu_n = self.per_node(lambda m: lame[id(m)][1])
+        self.W_b = self.weights()
+        d = body.dimension
+        stiff = self.per_node(lambda m: m.stabilisation * d * (d + 2) * lame[id(m)][1])
+        M = self.table.sums(self.W_b * self.table.r0_b**2)
+        self.g_n = np.divide(stiff * body.V_n, M, out=np.zeros(self.n), where=M > 0)
+        self.tensor_buf = self.blocks.buffer(9)
+        self.K_ncc = np.zeros((self.n, 9))
+        self.inverse_ncc = np.zeros((self.n, 9))
+        self.H_ncc = np.zeros((self.n, 9))
+        self.Q_ncc = np.zeros((self.n, 9))
+        self.counts = None
+
+    def _shape(self, z, intact_b):
+        """K⁻¹ of the intact families, when bonds have broken since the last time."""
+        count = int(np.count_nonzero(intact_b))
+        if count == self.counts:
+            return
+        self.counts = count
+        self._tensors(z, intact_b, True, self.K_ncc)
+        d = self.body.dimension
+        K = self.K_ncc.reshape(-1, 3, 3)[:, :d, :d]
+        inverse = np.zeros((self.n, 3, 3))
+        trace = np.einsum("ncc->n", K)
+        some = trace > 0
+        condition = np.zeros(self.n)
+        w = np.linalg.eigvalsh(K[some])
+        condition[some] = w[:, 0] / w[:, -1]
+        whole = condition > 1e-6
+        inverse[np.ix_(whole, range(d), range(d))] = np.linalg.inv(K[whole])
+        self.inverse_ncc[:] = inverse.reshape(-1, 9)
+        self.g_active_n = np.where(whole, self.g_n, 0.0)
+
+    def _tensors(self, z, intact_b, reference, out):
+        t, bl = self.table, self.blocks
+        self.crew.run(
+            _tensors, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, self.W_b, intact_b, reference,
+            self.tensor_buf,
+        )  # fmt: skip
+        from ..blocks import collect
+
+        no = np.zeros(0)
+        self.crew.nodes(collect, self.n, bl.lo, bl.hi, bl.offset, self.tensor_buf, no, out, no, False)
+
+    def _states(self, z, intact_b):
+        self._shape(z, intact_b)
+        self._tensors(z, intact_b, False, self.H_ncc)
+        self.crew.nodes(_stress, self.n, self.H_ncc, self.inverse_ncc, self.lam_n, self.mu_n, self.g_active_n, self.body.V_n, self.Q_ncc)
+
+    def forces(self, z, intact_b, F_nc, smin_n, damage):
+        t, bl = self.table, self.blocks
+        self._states(z, intact_b)
+        broken = self.crew.run(
+            _forces, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, t.r0_b, self.W_b, self.Q_ncc,
+            self.g_active_n, intact_b, self.kind_b, self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.smin_buf,
+        )  # fmt: skip
+        self.collect(F_nc, smin_n, damage)
+        if not sum(broken):
+            return self.account(z, np.zeros(0, np.int64))
+        self._intact = intact_b
+        out = self.account(z, np.flatnonzero(intact_b == 3))
+        del self._intact
+        return out
+
+    def lost(self, z, which):
+        """A bond has no energy of its own: the difference is that of the body before and after."""
+        intact_b = self._intact
+        intact_b[which] = 1
+        self.counts = None
+        before = float(self.energy_n(z, intact_b).sum())
+        intact_b[which] = 0
+        return before - float(self.energy_n(z, intact_b).sum())
+
+    def energy_n(self, z, intact_b):
+        self._states(z, intact_b)
+        i, j, eta, xi, _, _ = deformed(self, z)
+        H = self.H_ncc.reshape(-1, 3, 3)
+        E = 0.5 * (H + H.transpose(0, 2, 1) + H.transpose(0, 2, 1) @ H)
+        W = 0.5 * self.lam_n * np.einsum("ncc->n", E) ** 2 + self.mu_n * np.einsum("nab,nab->n", E, E)
+        energy = self.body.V_n * W
+        weight = self.W_b * (intact_b != 0)
+        for ends in (i, j):
+            rest = eta - np.einsum("bac,bc->ba", H[ends], xi)
+            energy += 0.5 * self.g_active_n * np.bincount(ends, weight * np.einsum("bc,bc->b", rest, rest), self.n)
+        return energy
+
+    def forces_of_bonds(self, z, intact_b, whole):
+        if intact_b is not None:
+            self._states(z, intact_b)
+        i, j, eta, xi, _, _ = deformed(self, z, whole)
+        Q = self.Q_ncc.reshape(-1, 3, 3)
+        g = self.g_active_n
+        F = self.W_b[whole, None] * (np.einsum("bac,bc->ba", Q[i] + Q[j], xi) + (g[i] + g[j])[:, None] * eta)
+        return BondForces(i, j, -(xi + eta), -xi, F, None, whole)
+
+    def stiffness_n(self):
+        """Row sums of the linearised stiffness: node k's stress couples its whole family, |Q| ≤ (λ + 2μ) V K⁻¹ Σ W|ξ| |K⁻¹|."""
+        rest = np.zeros((self.n, 8))
+        rest[:, 3:6] = self.body.X_nc
+        t = self.table
+        self._shape(rest, np.ones(len(t), np.uint8))
+        self.counts = None
+        i, j, xi = t.i_b, t.j_b, t.xi_bc(self.body.X_nc)
+        K = self.inverse_ncc.reshape(-1, 3, 3)
+        modulus = (self.lam_n + 2 * self.mu_n) * self.body.V_n
+        # ∂(node's share)/∂u_j = W K⁻¹ξ: a vector for every bond end, and minus their sum for the node itself.
+        gi = self.W_b * np.linalg.norm(np.einsum("bac,bc->ba", K[i], xi), axis=1)
+        gj = self.W_b * np.linalg.norm(np.einsum("bac,bc->ba", K[j], xi), axis=1)
+        total = np.bincount(i, gi, self.n) + np.bincount(j, gj, self.n)
+        vector = np.zeros((self.n, 3))
+        for c in range(3):
+            vector[:, c] = np.bincount(i, self.W_b * np.einsum("bc,bc->b", K[i, c], xi), self.n)
+            vector[:, c] -= np.bincount(j, self.W_b * np.einsum("bc,bc->b", K[j, c], xi), self.n)
+        own = np.linalg.norm(vector, axis=1)
+        every = modulus * (total + own)
+        k = 0.5 * (own * every + np.bincount(j, gi * every[i], self.n) + np.bincount(i, gj * every[j], self.n))
+        # Stabilisation: W (g_i + g_j)|η|² at most, since removing Fξ only lowers it.
+        return k + t.sums(self.W_b * (self.g_n[i] + self.g_n[j]))
+
+
+@njit(**JIT)
+def _tensors(first, last, edges, lo, hi, offset, start, j, image, images, z, W, intact, reference, buf):
+    """Σ W η⊗ξ, or with `reference` Σ W ξ⊗ξ, of intact bonds: the same tensor for both ends."""
+    w = np.empty(8 * C)
+    v = np.empty(9 * C)
+    for block in range(first, last):
+        f = buf[offset[block] : offset[block + 1]]
+        f[:] = 0.0
+        base = lo[block]
+        for i in range(edges[block], edges[block + 1]):
+            for b0 in range(start[i], start[i + 1], C):
+                m = min(C, start[i + 1] - b0)
+                gather(b0, m, i, j, image, images, z, w)
+                if reference:
+                    w[: 3 * C] = w[3 * C : 6 * C]
+                _products(m, w, W[b0 : b0 + m], intact[b0 : b0 + m], v)
+                for k in range(m):
+                    n = j[b0 + k] - base
+                    for c in range(9):
+                        f[n, c] += v[c * C + k]
+                for c in range(9):
+                    s = 0.0
+                    for k in range(m):
+                        s += v[c * C + k]
+                    f[i - base, c] += s
+
+
+@njit(**FAST)
+def _products(m, w, W, intact, v):
+    for k in range(m):
+        a = W[k] if intact[k] != 0 else 0.0
+        ex = a * w[k]
+        ey = a * w[C + k]
+        ez = a * w[2 * C + k]
+        x = w[3 * C + k]
+        y = w[4 * C + k]
+        z = w[5 * C + k]
+        v[k] = ex * x
+        v[C + k] = ex * y
+        v[2 * C + k] = ex * z
+        v[3 * C + k] = ey * x
+        v[4 * C + k] = ey * y
+        v[5 * C + k] = ey * z
+        v[6 * C + k] = ez * x
+        v[7 * C + k] = ez * y
+        v[8 * C + k] = ez * z
+
+
+@njit(**JIT)
+def _stress(a, b, H, inverse, lam, mu, g, V, Q):
+    """H := (Σ W η⊗ξ) K⁻¹ and Q = V P K⁻¹ − g H of each node: the force on i from j is W [(Q_i + Q_j) ξ + (g_i + g_j) η]."""
+    N = np.empty((3, 3))
+    E = np.empty((3, 3))
+    P = np.empty((3, 3))
+    for n in range(a, b):
+        Ki = inverse[n].reshape(3, 3)
+        h = H[n].reshape(3, 3)
+        q = Q[n].reshape(3, 3)
+        for r in range(3):
+            for c in range(3):
+                N[r, c] = h[r, 0] * Ki[0, c] + h[r, 1] * Ki[1, c] + h[r, 2] * Ki[2, c]
+        trace = 0.0
+        for r in range(3):
+            for c in range(3):
+                h[r, c] = N[r, c]
+                E[r, c] = 0.5 * (N[r, c] + N[c, r] + N[0, r] * N[0, c] + N[1, r] * N[1, c] + N[2, r] * N[2, c])
+            trace += E[r, r]
+        for r in range(3):
+            for c in range(3):
+                E[r, c] *= 2.0 * mu[n]
+            E[r, r] += lam[n] * trace
+        for r in range(3):
+            for c in range(3):
+                P[r, c] = E[r, c] + h[r, 0] * E[0, c] + h[r, 1] * E[1, c] + h[r, 2] * E[2, c]
+        for r in range(3):
+            for c in range(3):
+                q[r, c] = V[n] * (P[r, 0] * Ki[0, c] + P[r, 1] * Ki[1, c] + P[r, 2] * Ki[2, c]) - g[n] * h[r, c]
+
+
+@njit(**JIT)
+def _forces(first, last, edges, lo, hi, offset, start, j, image, images, z, r0, W, Q, g, intact, kind, s00, alpha, smin, s_low, damage, buf, smin_buf):  # fmt: skip
+    """As PMB's `forces`; broken bonds are marked 3, so that the caller can tell what their going costs."""
+    w = np.empty(8 * C)
+    q = np.empty(10 * C)
+    broken = 0
+    for block in range(first, last):
+        f = buf[offset[block] : offset[block + 1]]
+        f[:] = 0.0
+        base = lo[block]
+        low_n = smin_buf[offset[block] : offset[block + 1]]
+        if damage:
+            low_n[:] = np.inf
+        for i in range(edges[block], edges[block + 1]):
+            sx = 0.0
+            sy = 0.0
+            sz = 0.0
+            row_low = np.inf
+            for b0 in range(start[i], start[i + 1], C):
+                m = min(C, start[i + 1] - b0)
+                gather(b0, m, i, j, image, images, z, w)
+                for k in range(m):
+                    n = j[b0 + k]
+                    for c in range(9):
+                        q[c * C + k] = Q[n, c] + Q[i, c]
+                    q[9 * C + k] = g[n] + g[i]
+                _row(m, w, q, r0[b0 : b0 + m], W[b0 : b0 + m], intact[b0 : b0 + m])
+                for k in range(m):
+                    n = j[b0 + k] - base
+                    f[n, 0] -= w[k]
+                    f[n, 1] -= w[C + k]
+                    f[n, 2] -= w[2 * C + k]
+                    sx += w[k]
+                    sy += w[C + k]
+                    sz += w[2 * C + k]
+                if damage:
+                    low, high = extremes(m, w)
+                    row_low = low if low < row_low else row_low
+                    for k in range(m):
+                        n = j[b0 + k] - base
+                        s = w[6 * C + k]
+                        low_n[n] = s if s < low_n[n] else low_n[n]
+                    if high > s_low:
+                        for k in range(m):
+                            b = b0 + k
+                            if intact[b] == 1:
+                                t = kind[b] if len(kind) else 0
+                                if w[6 * C + k] > threshold(s00[t], alpha[t], smin[i], smin[j[b]]):
+                                    intact[b] = 3
+                                    broken += 1
+            f[i - base, 0] += sx
+            f[i - base, 1] += sy
+            f[i - base, 2] += sz
+            if damage and row_low < low_n[i - base]:
+                low_n[i - base] = row_low
+    return broken
+
+
+@njit(**FAST)
+def _row(m, w, q, r0, W, intact):
+    """Forces of m bonds into columns 0-2 of w, stretches into 6 and 7. Columns of q: Q_i + Q_j and g_i + g_j."""
+    for k in range(m):
+        ex = w[k]
+        ey = w[C + k]
+        ez = w[2 * C + k]
+        x = w[3 * C + k]
+        y = w[4 * C + k]
+        z = w[5 * C + k]
+        t = ex * (x + x + ex) + ey * (y + y + ey) + ez * (z + z + ez)
+        L = r0[k]
+        r2 = L * L + t
+        r = np.sqrt(r2 if r2 > 0.0 else 0.0)
+        s = t / ((r + L) * L)
+        whole = intact[k] != 0
+        a = W[k] if whole else 0.0
+        g = q[9 * C + k]
+        w[k] = a * (q[k] * x + q[C + k] * y + q[2 * C + k] * z + g * ex)
+        w[C + k] = a * (q[3 * C + k] * x + q[4 * C + k] * y + q[5 * C + k] * z + g * ey)
+        w[2 * C + k] = a * (q[6 * C + k] * x + q[7 * C + k] * y + q[8 * C + k] * z + g * ez)
+        w[6 * C + k] = s if whole else np.inf
+        w[7 * C + k] = s if whole else -np.inf

@@ -1,0 +1,161 @@
+"""Static states: adaptive dynamic relaxation (Kilic & Madenci 2010) and a matrix-free Newton-Krylov solver.
+
+Both look for displacements at which the force on every free degree of freedom vanishes, with the prescribed ones held at their values at the
+simulation's time. Bonds break only in `relax` and only if asked to, between converged states.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import AtcError
+
+
+@dataclass
+class Converged:
+    """How a static solve went. residual : largest |force| on a free degree of freedom, relative to the largest force anywhere in the body."""
+
+    iterations: int
+    residual: float
+    evaluations: int
+
+
+class _Statics:
+    """The static problem of a simulation: forces as a function of the free displacements."""
+
+    def __init__(self, sim):
+        self.sim = sim
+        n = len(sim.body)
+        self.held = np.zeros((n, 3), bool)
+        self.held[:, sim.body.dimension :] = True
+        t = sim.state.time
+        for p in sim.prescribed:
+            if t > p.until:
+                continue
+            if p.is_velocity:
+                value = p.at(t)
+                if np.any(np.nan_to_num(value) != 0):
+                    raise AtcError("a static state cannot have prescribed velocities other than zero: prescribe displacements instead")
+                self.held[p.nodes] |= ~np.isnan(value)
+            else:
+                value = p.at(t)
+                fixed = ~np.isnan(value)
+                sim._z[p.nodes, :3] = np.where(fixed, value, sim._z[p.nodes, :3])
+                self.held[p.nodes] |= fixed
+        self.free = ~self.held
+        self.evaluations = 0
+
+    def forces(self):
+        sim = self.sim
+        sim._contact_energy, sim._rigid_energy = sim._all_forces(damage=False)
+        self.evaluations += 1
+        return sim.state.F_nc
+
+    def scale(self):
+        """The largest force any node feels: from its neighbours or from outside."""
+        F = self.sim.state.F_nc
+        internal = np.abs(F[self.held]).max(initial=0.0)
+        external = np.abs(self.sim.state.external_nc).max(initial=0.0)
+        return max(internal, external, np.finfo(float).tiny)
+
+    def residual(self):
+        return float(np.abs(self.sim.state.F_nc[self.free]).max(initial=0.0))
+
+
+def relax(sim, *, tolerance=1e-6, max_steps=20000, callback=None) -> Converged:
+    """Adaptive dynamic relaxation: fictitious masses and a damping that follows the lowest mode being excited, to static equilibrium.
+
+    Parameters
+    ----------
+    sim : Simulation. Its displacements are the start and take the result; velocities end at zero, time stands still.
+    tolerance : largest free force relative to the largest reaction or external force
+    callback : called with (iteration, residual) every 50 iterations
+
+    Raises AtcError when `max_steps` do not suffice.
+    """
+    s = _Statics(sim)
+    z, free = sim._z, s.free
+    # Fictitious masses: the time step is 1, and Gershgorin's bound on ω² is 2·stiffness/mass = 4·(a margin).
+    mass = (0.6 * np.maximum(sim.model.stiffness_n(), np.finfo(float).tiny))[:, None]
+    v = np.zeros_like(sim.state.v_nc)
+    F = s.forces().copy()
+    previous, start = F.copy(), z[:, :3].copy()
+    for k in range(max_steps):
+        scale = s.scale()
+        worst = s.residual() / scale
+        if worst <= tolerance:
+            break
+        if not np.isfinite(worst):
+            raise AtcError("the relaxation has blown up: forces are no longer finite numbers; load in smaller increments")
+        if callback is not None and k % 50 == 0:
+            callback(k, worst)
+        u = z[:, :3]
+        damping = 0.0
+        if k:
+            # Local stiffness along the motion, −ΔF/Δu; Rayleigh's quotient of it is the square of the frequency to damp critically.
+            with np.errstate(divide="ignore", invalid="ignore"):
+                stiff = np.where(free & (v != 0), -(F - previous) / (mass * v), 0.0)
+            weight = np.where(free, u - start, 0.0)
+            below = float((weight**2).sum())
+            above = float((weight**2 * stiff).sum())
+            if below > 0 and above > 0:
+                damping = min(2.0 * np.sqrt(above / below), 1.9)
+            v = ((2 - damping) * v + 2 * F / mass) / (2 + damping)
+        else:
+            v = 0.5 * F / mass
+        v[~free] = 0.0
+        z[:, :3] += v
+        previous = F
+        F = s.forces().copy()
+    else:
+        raise AtcError(
+            f"the relaxation stands at a relative residual of {worst:.2g} after {max_steps} steps (asked: {tolerance:g}): allow more steps"
+        )
+    sim.state.v_nc[:] = 0.0
+    return Converged(k, worst, s.evaluations)
+
+
+def solve_static(sim, *, tolerance=1e-8, max_iterations=50, inner=200) -> Converged:
+    """Newton's method with matrix-free Krylov solves (scipy's newton_krylov, LGMRES, scaled by the nodes' stiffness) to static equilibrium.
+
+    Parameters and result as for `relax`. Wants a problem without rigid motions left free and a start not too far away.
+    """
+    from scipy.optimize import NoConvergence, newton_krylov
+
+    s = _Statics(sim)
+    free = s.free
+    stiff = np.broadcast_to(sim.model.stiffness_n()[:, None], free.shape)[free]
+    stiff = np.maximum(stiff, 1e-12 * stiff.max())
+    length = 1e-3 * sim.body.spacing
+    # Unknowns in lengths of a thousandth of the spacing, residuals as the displacement a node's own springs would need: both of order one.
+    base = sim._z[:, :3][free].copy()
+
+    def residual(x):
+        u = sim._z[:, :3]
+        u[free] = base + length * x
+        return -s.forces()[free] / (stiff * length)
+
+    residual(np.zeros(len(base)))
+    scale = s.scale()
+    iterations = 0
+
+    def count(x, f):
+        nonlocal iterations, scale
+        iterations += 1
+        scale = max(scale, s.scale())
+
+    small = tolerance * scale / (stiff.max() * length)
+    try:
+        x = newton_krylov(
+            residual, np.zeros(len(base)), f_tol=small, maxiter=max_iterations, inner_maxiter=inner, callback=count, method="lgmres"
+        )
+        residual(x)
+    except NoConvergence:
+        raise AtcError(
+            f"the static solver did not converge in {max_iterations} Newton steps (relative residual {s.residual() / s.scale():.2g}): load in smaller"
+            " increments, hold rigid motions, or use relax"
+        ) from None
+    sim.state.v_nc[:] = 0.0
+    return Converged(iterations, s.residual() / s.scale(), s.evaluations)
