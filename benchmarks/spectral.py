@@ -109,7 +109,7 @@ def against_finufft(x, cell, pieces, kern, tolerances, grid):
         def plan(eps, factor, dtype, shape=shape):
             return finufft.Plan(1, shape, n_trans=3, eps=eps, isign=-1, dtype=dtype, nthreads=1, upsampfac=factor)
 
-        want = field_modes(modes_by_finufft(lambda: plan(1e-12, 2.0, "complex128"), angle, pairs)[0])  # noqa: B023
+        want = field_modes(modes_by_finufft(lambda: plan(1e-12, 2.0, "complex128"), angle, pairs)[0])
         norm = np.sqrt((np.abs(want) ** 2).sum())
         error = np.sqrt((np.abs(np.stack(F) * scale - want) ** 2).sum()) / norm
         found = []

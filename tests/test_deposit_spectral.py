@@ -475,3 +475,16 @@ def test_what_it_cannot_do_says_so(kern, tolerance, grid, cell, says):
     with pytest.raises(AtcError, match=says) as e:
         make("spectral", bound, kern, cell, 1, 6, tolerance=tolerance)
     assert "direct" in str(e.value) and "\n" not in str(e.value)
+
+
+@pytest.mark.parametrize("name", ["lucy", "hardy", "piecewise-linear"])
+def test_table_of_the_transform(name):
+    """Every mode's factor, tabulated, against φ̂ itself; cell tilted, so that the largest |k| is at one corner only."""
+    kern, cell = KERNELS[name], CELLS["triclinic"]
+    dep = make("spectral", atc.Grid.regular(shape=3).bind(METAL, cell, np.zeros((1, 3))), kern, cell, 1, 0, tolerance=1e-2)
+    dep.add_sites(np.zeros((1, 3)), np.ones((1, 1)))
+    modes = dep._transformed("site", dep._groups(1)[0])[0]
+    k_c = np.stack([modes.wave_vector(c) for c in range(3)], -1)
+    w0, w1, w2 = np.ix_(*[modes.window_hat(a) for a in range(3)])
+    want = fourier.phi_hat(kern, k_c) / cell.volume
+    assert np.abs(modes.response() * w0 * w1 * w2 - want).max() < 1e-9 / cell.volume
