@@ -128,7 +128,7 @@ def _runs(report: Report, half_width, amplitude, dt, duration, beyond_spinodal) 
             for ax, values in zip(axs, (r.kinetic_t, r.potential_t, r.total_t)):
                 ax.plot(r.t_t, values, label=name)
         for ax, title in zip(axs, ("(a) kinetic energy", "(b) potential energy, zero at rest", "(c) total energy")):
-            ax.set(title=title, xlabel="time", ylim=(0, None))
+            ax.set(title=title, xlabel="time", ylim=(0, 1.1 * float(md.total_t[0])))
         axs[2].legend()
 
     report.figure("fig_5_2_energies", "Fig. 5.2: energies.", draw_energies, (11, 3.4))
