@@ -25,6 +25,7 @@ def printed(notebook):
 
 def test_every_notebook_is_tested():
     assert sorted(p.name for p in NOTEBOOKS.glob("*.ipynb")) == [
+        "dispersion.ipynb",
         "hardy_vs_virial.ipynb",
         "heat_and_churning.ipynb",
         "peridynamic_stress.ipynb",
@@ -134,3 +135,21 @@ def test_peridynamic_stress(monkeypatch):
         0.8 < far[0] < 0.93 and 0.22 < far[1] / far[0] < 0.3 and abs(far[2] / far[0] - 1) < 0.03 and all(n < f for n, f in zip(near, far))
     )
     assert sum(o.output_type == "display_data" for c in notebook.cells if c.cell_type == "code" for o in c.outputs) == 3
+
+
+def test_dispersion(monkeypatch):
+    monkeypatch.delenv("MPLBACKEND", raising=False)
+    notebook = run("dispersion.ipynb")
+    assert not [o for c in notebook.cells if c.cell_type == "code" for o in c.outputs if o.output_type == "stream" and o.name == "stderr"]
+    text = printed(notebook)
+    assert "a = 5.26865 angstrom; C11 4.142, C12 2.358, C44 2.358 GPa" in text
+    assert "a = 5.43095 angstrom; C11 151.4, C12 76.4, C44 56.4 GPa" in text
+    assert all(float(x) < 1e-6 for x in re.findall(r"phonopy agrees to (\S+) THz", text))
+    assert float(re.search(r"harmonic crystal ([\d.]+) %", text)[1]) < 0.5 and float(re.search(r"within ([\d.]+) %", text)[1]) < 0.2
+    error = {m[0].strip(): float(m[1]) for m in re.findall(r"^(.+?) rms error of the frequency +([\d.]+) %", text, re.M)}
+    # "Right for long waves only", "wrong even for long waves", "good to a per cent", "as accurate as one likes".
+    assert error["classical"] > error["isotropic, non-negative"] > 10 > 2 > error["cubic, central"] > 0.1 > error["mollified lattice kernel"]
+    assert text.count("stable: True") == 5
+    for measured, predicted, sound in re.findall(r"measured ([\d.]+) km/s, dω/dk ([\d.]+) km/s, speed of sound ([\d.]+)", text):
+        assert abs(float(measured) / float(predicted) - 1) < 3e-3 and float(measured) < 0.98 * float(sound)
+    assert sum("image/png" in o.get("data", {}) for c in notebook.cells if c.cell_type == "code" for o in c.outputs) == 2

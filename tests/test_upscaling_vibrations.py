@@ -12,7 +12,8 @@ import atc
 from atc.errors import AtcError
 from atc.frame import Cell, Frame
 from atc.upscaling.force_constants import THZ, force_constants
-from atc.upscaling.vibrations import by_ratio, by_spectrum, commensurate, find_sites, jackknife, measure, spectra, star
+from atc.upscaling.sites import commensurate, find_sites, star
+from atc.upscaling.vibrations import by_ratio, by_spectrum, jackknife, measure, spectra
 
 RAYS = [(1, 0, 0), (1, 1, 0), (1, 1, 1)]
 

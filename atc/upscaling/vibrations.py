@@ -8,130 +8,17 @@ by a Hann window in each block, which removes the error of cutting a period; blo
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from itertools import permutations, product
+from itertools import product
 
 import numpy as np
 
 from ..errors import AtcError
 from .crystal import Crystal
-from .force_constants import frequency_unit, nearest_images, signed_root
+from .force_constants import frequency_unit, signed_root
+from .sites import Sites, commensurate, find_sites, shortest_contact, star
 
 #: Fewer frames than this in a block make no spectrum; fewer cycles than this no frequency.
 MIN_FRAMES, MIN_CYCLES = 16, 3.0
-
-
-@dataclass
-class Sites:
-    """Which atom of a supercell sits at which site of a crystal.
-
-    crystal : scaled so that the supercell is a whole number of its cells. counts : (3, 3) ints, supercell = counts @ crystal.vectors.
-    basis : (n,) which basis atom. sites : (n, 3) ideal positions. cell : (3, 3) the supercell.
-    """
-
-    crystal: Crystal
-    counts: np.ndarray
-    basis: np.ndarray
-    sites: np.ndarray
-    cell: np.ndarray
-
-    @property
-    def cells(self) -> int:
-        return len(self.basis) // len(self.crystal)
-
-
-def find_sites(frame, crystal: Crystal, cell=None) -> Sites:
-    """Lay a crystal under a frame.
-
-    Parameters
-    ----------
-    frame : Frame of a whole number of cells of the crystal, in the crystal's orientation, every atom near its site
-    crystal : Crystal; its lattice constant need only be near
-    cell : (3, 3) the supercell, if not the frame's own (its mean over a run)
-
-    Raises
-    ------
-    AtcError that says what does not fit: the box, the number of atoms, or atoms without a site (a defect, a liquid, another structure).
-    """
-    if not frame.cell.periodic.all():
-        raise AtcError(f"{frame.source}: waves in a crystal need a box that is periodic along all axes")
-    H = frame.cell.vectors if cell is None else cell
-    exact = H @ np.linalg.inv(crystal.vectors)
-    counts = np.rint(exact)
-    if abs(np.linalg.det(counts)) < 0.5 or np.abs(exact - counts).max() > 0.25:
-        along = np.linalg.norm(H, axis=1) / np.linalg.norm(crystal.conventional, axis=1)
-        raise AtcError(
-            f"{frame.source}: the box is not a whole number of cells of {crystal.name} (it is {', '.join(f'{a:.3g}' for a in along)} conventional cells "
-            f"of {crystal.lattice_constant:.6g} long): give the structure and lattice_constant of the crystal in the file"
-        )
-    fitted = np.linalg.solve(counts, H)
-    F = (np.linalg.inv(crystal.vectors) @ fitted).T
-    crystal = crystal.strained(F - np.eye(3))
-    cells, n = round(abs(np.linalg.det(counts))), len(crystal)
-    if len(frame) != cells * n:
-        raise AtcError(
-            f"{frame.source}: {len(frame)} atoms, but a perfect {crystal.name} of this box has {cells * n}: it has defects, or another structure"
-        )
-    x = frame.positions - frame.cell.origin
-    inv = np.linalg.inv(crystal.vectors)
-    # The crystal may be shifted: align on the first atom and each basis atom in turn, take the best.
-    best = None
-    for b in range(n):
-        if crystal.types[b] != frame.types[0] and len(np.unique(crystal.types)) > 1:
-            continue
-        shift = x[0] - crystal.positions[b]
-        for _ in range(3):
-            d = x[:, None, :] - shift - crystal.positions[None]
-            s = d @ inv
-            off = (s - np.rint(s)) @ crystal.vectors
-            which = np.argmin(np.einsum("nbc,nbc->nb", off, off), axis=1)
-            u = off[np.arange(len(x)), which]
-            shift = shift + u.mean(axis=0)
-        error = np.sqrt((u**2).sum(axis=1)).max()
-        if (best is None or error < best[0]) and (np.bincount(which, minlength=n) == cells).all():
-            best = error, which, shift
-    if best is None:
-        raise AtcError(
-            f"{frame.source}: its atoms do not sit at the sites of {crystal.name}: it has defects, has melted, or has another structure"
-        )
-    _, which, shift = best
-    m = np.rint((x - shift - crystal.positions[which]) @ inv)
-    sites = m @ crystal.vectors + crystal.positions[which] + shift
-    key = np.rint(np.mod((m @ np.linalg.inv(counts)) + 1e-9, 1.0) * 1e6).astype(np.int64)
-    if len(np.unique(np.column_stack([key, which]), axis=0)) != len(frame):
-        raise AtcError(f"{frame.source}: two atoms sit at one site of {crystal.name}: it has defects, has melted, or has another structure")
-    return Sites(crystal, counts.astype(int), which, sites, H)
-
-
-def star(k, cubic: bool) -> np.ndarray:
-    """(s, 3) wave vectors that the cube's symmetry makes equivalent to k, one of each ±k; just k if not cubic."""
-    if not cubic:
-        return np.atleast_2d(k)
-    out = []
-    for p in permutations(range(3)):
-        for signs in product((1, -1), repeat=3):
-            q = np.array(k)[list(p)] * signs
-            if not any(np.allclose(q, o, atol=1e-9) or np.allclose(-q, o, atol=1e-9) for o in out):
-                out.append(q)
-    return np.array(out)
-
-
-def commensurate(sites: Sites, direction, limit: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-    """Wave vectors along `direction` that fit into the supercell, up to `limit` times the zone boundary: fractions of it and (k, 3) vectors."""
-    crystal = sites.crystal
-    e, boundary = crystal.direction(direction), crystal.zone_boundary(direction)
-    # The shortest commensurate vector along e: k·H/2π must be integers.
-    per = sites.cell @ e / (2 * np.pi)
-    most = int(np.ceil(np.abs(sites.counts).sum() * 2)) + 1
-    n = np.arange(1, most + 1)
-    lead = np.abs(per).max()
-    for m in n:
-        q = m / lead
-        if q > limit * boundary * (1 + 1e-9):
-            break
-        if np.abs(per * q - np.rint(per * q)).max() < 1e-6:
-            steps = np.arange(1, int(limit * boundary * (1 + 1e-9) / q) + 1) * q
-            return steps / boundary, steps[:, None] * e
-    return np.zeros(0), np.zeros((0, 3))
 
 
 @dataclass
@@ -179,7 +66,7 @@ def amplitudes(traj, crystal: Crystal, choose, *, timestep: float | None = None)
     order = np.argsort(sites.basis, kind="stable")
     phase = np.exp(-1j * (k @ sites.sites[order].T)).reshape(len(k), n, -1) / np.sqrt(sites.cells)
     root = np.sqrt(first.masses)[:, None]
-    nearest = _shortest_contact(sites)
+    nearest = shortest_contact(sites)
     u_all, v_all, times, steps, kinetic, cells = [], [], [], [], [], []
     inv0 = np.linalg.inv(sites.cell)
     drift = np.zeros(3)
@@ -224,14 +111,6 @@ def amplitudes(traj, crystal: Crystal, choose, *, timestep: float | None = None)
     if dt is None:
         notes.append(f"no spectra: {why}")
     return Amplitudes(sites, k, np.array(u_all), np.array(v_all), dt, float(np.mean(kinetic)), first.source, notes)
-
-
-def _shortest_contact(sites) -> float:
-    c = sites.crystal
-    d = (c.positions[None] - c.positions[:, None]).reshape(-1, 3)
-    r = np.linalg.norm(nearest_images(d, c.vectors), axis=1)
-    lattice = np.linalg.norm(np.array([m for m in product((-1, 0, 1), repeat=3) if any(m)]) @ c.vectors, axis=1).min()
-    return float(min(lattice, r[r > 1e-6].min(initial=np.inf)))
 
 
 def _interval(times, steps, timestep, units):

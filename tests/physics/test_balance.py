@@ -45,7 +45,7 @@ def test_mass_and_momentum_balance(name):
     kern = atc.kernel("gaussian", width=1.6)
     u, cell, x, m, v = frame.units, frame.cell, frame.positions, frame.masses, frame.velocities
     stencil = Differences(frame, h=0.16)
-    ds = atc.fields(frame, pot, kern, stencil.grid, ["density", "momentum", "velocity", "stress"])
+    ds = atc.fields(frame, pot, kern, stencil.grid, ["density", "momentum", "velocity", "stress"], tolerance=1e-12)
     rho = user_to_internal(ds, "density", "density", u)
     pi = user_to_internal(ds, "momentum", "momentum", u)
     vel = user_to_internal(ds, "velocity", "velocity", u)
@@ -73,7 +73,7 @@ def test_divergence_of_the_potential_stress_is_the_force_density(name):
     frame, pot = system(name, seed=3)
     kern = atc.kernel("gaussian", width=1.5)
     stencil = Differences(frame, h=0.15, seed=1)
-    sigma = user_to_internal(atc.fields(frame, pot, kern, stencil.grid, ["stress_potential"]), "stress_potential", "pressure", frame.units)
+    sigma = user_to_internal(atc.fields(frame, pot, kern, stencil.grid, ["stress_potential"], tolerance=1e-12), "stress_potential", "pressure", frame.units)
     want = site_sum(stencil.centre, frame.positions, pot.decompose(frame).forces_nc, kern, frame.cell)
     np.testing.assert_allclose(stencil.divergence(sigma), want, rtol=0, atol=1e-9 * np.abs(want).max())
 
@@ -84,7 +84,7 @@ def test_flux_through_a_closed_surface_is_the_force_inside(kern):
     frame, pot = system("lj", seed=4)
     kern = atc.kernel(kern[0], width=kern[1]) if kern[0] == "gaussian" else atc.kernel(*kern)
     bins = 7
-    ds = atc.fields(frame, pot, kern, atc.Grid.slab("z", bins), ["stress_potential"])
+    ds = atc.fields(frame, pot, kern, atc.Grid.slab("z", bins), ["stress_potential"], tolerance=1e-12)
     s = user_to_internal(ds, "stress_potential", "pressure", frame.units)
     n = np.linalg.inv(frame.cell.vectors)[:, 2] * frame.cell.heights[2]  # normal of the slabs
     traction = np.einsum("c,gcd->gd", n, s)
@@ -166,7 +166,7 @@ def test_integral_of_the_stress_over_the_box_is_the_virial(what, step, name):
         name, lambda: atc.kernel(name, radius=R)
     )()
     n = 10
-    ds = atc.fields(frame, pot, kern, atc.Grid.slab("z", parts * n), ["stress_potential", "virial_stress_potential"]).isel(frame=0)
+    ds = atc.fields(frame, pot, kern, atc.Grid.slab("z", parts * n), ["stress_potential", "virial_stress_potential"], tolerance=1e-12).isel(frame=0)
     profile = ds.stress_potential.values.reshape(parts, n, 3, 3)
     mean = np.einsum("k,pkij->ij", open_weights(n), profile) / parts
     virial = ds.virial_stress_potential.values

@@ -10,7 +10,8 @@ from atc.estimators.registry import QUANTITIES
 # Quantities relative to a reference frame have their own tests; so have those that are zero but for rounding, as churning is for pairs.
 _OWN_TESTS = ("piola_stress", "displacement", "displacement_gradient", "eshelby_stress", "churning", "churning_divergence", "churning_heat_source",
               "heat_flux_churning", "vorticity")  # fmt: skip
-NAMES = [q for q in QUANTITIES if q not in _OWN_TESTS]
+# Piola stresses need a reference, nodal virials a volume of each node.
+NAMES = [q for q in QUANTITIES if q not in _OWN_TESTS and not q.startswith("peridynamic_piola") and not q.endswith("nodal_virial")]
 KERN = ("quartic", 4.5)
 # Rounding of positions of size 30 Å is 4e-15 Å; the steep repulsion of hot pairs turns it into 1e-14..1e-13 of the largest stress.
 TIGHT = 1e-12
@@ -21,7 +22,7 @@ def points_in(frame, count=6, seed=0):
 
 
 def compute(frame, pot, points, names=NAMES):
-    return atc.fields(frame, pot, atc.kernel(*KERN), atc.Grid.points(points), names, threads=2).isel(frame=0)
+    return atc.fields(frame, pot, atc.kernel(*KERN), atc.Grid.points(points), names, tolerance=1e-12, threads=2).isel(frame=0)
 
 
 def assert_same(got, want, names=NAMES, Q=None, atoms=None):
