@@ -29,7 +29,7 @@ SECONDS_PER_ROW = 4e-8
 SECONDS_PER_VISIT = 6e-9
 SECONDS_PER_CHECK = 1.5e-7
 SECONDS_PER_GATHER = 1.5e-8
-SECONDS_PER_WEIGHT = 1e-8
+SECONDS_PER_WEIGHT = 3e-8
 SECONDS_PER_READ = 1e-6
 BYTES_PER_SECOND_WRITTEN = 2e8
 
@@ -372,7 +372,7 @@ def plan(*args, **kwargs) -> Plan:
 
         ball = ball_volume(horizon_of(request.settings(), frame.units, work.horizon_users), request.pot, frame.cell)
         # Half of the ball is within the horizon of both ends of a bond of mean length.
-        seconds += SECONDS_PER_WEIGHT * bonds * points * 0.5 * ball / volume * (len(work.point) + len(work.reference_point))
+        seconds += SECONDS_PER_WEIGHT * bonds * points * 0.5 * ball / volume * (bool(work.point) + bool(work.reference_point))
     if work.site:
         seconds += SECONDS_PER_VISIT * n * points * kernel_volume / volume * max(1.0, work.n_site / 6)
     gathered = [GATHER[name].width for name in work.gather + work.reference_gather]
