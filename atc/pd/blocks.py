@@ -66,7 +66,6 @@ class Crew:
         if self._pool is None:
             self._pool = ThreadPoolExecutor(self.threads)
         edges = [total * g // groups for g in range(groups + 1)]
-        # A name of a thread that waits is a thread too: this one works as well.
         futures = [self._pool.submit(kernel, a, b, *args) for a, b in pairwise(edges)]
         return [f.result() for f in futures]
 
@@ -112,13 +111,3 @@ def collect(a, b, lo, hi, offset, buf, smin_buf, F, smin, with_smin):
             if smin[n] < np.inf and smin[n] > largest:
                 largest = smin[n]
     return largest
-
-
-@njit(**JIT)
-def collect_scalar(a, b, lo, hi, offset, buf, out):
-    """out[n] = Σ over blocks of their one-column buffers, in the order of the blocks."""
-    out[a:b] = 0.0
-    for k in range(len(lo)):
-        shift = offset[k] - lo[k]
-        for n in range(max(a, lo[k]), min(b, hi[k])):
-            out[n] += buf[n + shift]

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from ..blocks import collect_scalar
+from ..blocks import node_rows
 from ..bonds import JIT
 from .base import BondForces, ForceModel, Isotropic, deformed
 from .pmb import FAST, C, extremes, gather, threshold
@@ -96,27 +96,28 @@ class StateModel(ForceModel):
         self.h_n = np.divide(self.a_n * body.V_n, self.M_n**2, out=np.zeros(self.n), where=self.M_n > 0)
         self.S_n = np.zeros(self.n)
         self.scalar_buf = np.empty(len(self.buf))
+        self.e_b = np.zeros(len(t))
+        self.y_nk = node_rows(self.n)
 
     def forces(self, z, intact_b, F_nc, smin_n, damage):
         t, bl = self.table, self.blocks
         self._dilate(z, intact_b)
         gone = np.zeros(bl.count, np.int64)
         self.crew.run(
-            _forces, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, t.r0_b, self.W_b, self.WB_b,
-            intact_b, self.kind_b, self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.smin_buf, self.gone_b, gone,
+            _forces, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, self.images, self.y_nk, t.r0_b, self.W_b, self.WB_b,
+            self.e_b, intact_b, self.kind_b, self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.smin_buf, self.gone_b, gone,
         )  # fmt: skip
         self.collect(F_nc, smin_n, damage)
         return self.account(z, self.listed(gone))
 
     def _dilate(self, z, intact_b):
-        """S into S_n, A into column 6 of z."""
+        """Extensions into e_b, S into S_n; current positions and A into y_nk."""
         t, bl = self.table, self.blocks
         self.crew.run(
             _extensions, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, t.r0_b, self.W_b, intact_b,
-            self.scalar_buf,
+            self.e_b, self.scalar_buf,
         )  # fmt: skip
-        self.crew.nodes(collect_scalar, self.n, bl.lo, bl.hi, bl.offset, self.scalar_buf, self.S_n)
-        np.multiply(self.h_n, self.S_n, out=z[:, 6])
+        self.crew.nodes(_gather_up, self.n, bl.lo, bl.hi, bl.offset, self.scalar_buf, z, self.h_n, self.S_n, self.y_nk)
 
     def lost(self, z, which):
         """The energy that left with bonds `which`: their own shares, and what their nodes' dilatations were worth (S_n is still that before)."""
@@ -171,8 +172,8 @@ class StateModel(ForceModel):
 
 
 @njit(**FAST)
-def _row_extension(m, w, r0, W, intact):
-    """W |ξ| e of m bonds into column 0 of w; returns their sum."""
+def _row_extension(m, w, r0, W, intact, e):
+    """Extensions of m bonds into e, W |ξ| e into column 0 of w; returns the sum of that."""
     sum_ = 0.0
     for k in range(m):
         ex = w[k]
@@ -185,61 +186,90 @@ def _row_extension(m, w, r0, W, intact):
         L = r0[k]
         r2 = L * L + q
         r = np.sqrt(r2 if r2 > 0.0 else 0.0)
-        v = W[k] * L * q / (r + L) if intact[k] != 0 else 0.0
+        q /= r + L
+        e[k] = q
+        v = W[k] * L * q if intact[k] != 0 else 0.0
         w[k] = v
         sum_ += v
     return sum_
 
 
 @njit(**JIT)
-def _extensions(first, last, edges, lo, hi, offset, start, j, image, images, z, r0, W, intact, buf):
-    """Σ W |ξ| e of blocks first..last into their buffers."""
+def _extensions(first, last, edges, lo, hi, offset, start, j, image, images, z, r0, W, intact, e, buf):
+    """Extensions of blocks first..last, and Σ W |ξ| e into their buffers."""
     w = np.empty(8 * C)
     for block in range(first, last):
         f = buf[offset[block] : offset[block + 1]]
         f[:] = 0.0
         base = lo[block]
+        # The last row of a block must not write into the next one's, which another thread may be at.
+        end = start[edges[block + 1]]
         for i in range(edges[block], edges[block + 1]):
             total = 0.0
             for b0 in range(start[i], start[i + 1], C):
                 m = min(C, start[i + 1] - b0)
                 gather(b0, m, i, j, image, images, z, w)
-                full = min((m + 7) & ~7, len(r0) - b0)
+                full = min((m + 7) & ~7, end - b0)
                 for k in range(m, full):
                     for c in range(6):
                         w[c * C + k] = 0.0
-                total += _row_extension(full, w, r0[b0 : b0 + full], W[b0 : b0 + full], intact[b0 : b0 + full])
+                total += _row_extension(full, w, r0[b0 : b0 + full], W[b0 : b0 + full], intact[b0 : b0 + full], e[b0 : b0 + full])
                 for k in range(m):
-                    f[j[b0 + k] - base] += w[k]
+                    f[np.uint64(j[b0 + k] - base)] += w[k]
             f[i - base] += total
 
 
+@njit(**JIT)
+def _gather_up(a, b, lo, hi, offset, buf, z, h, S, y):
+    """S[n] = Σ over blocks, in their order; and what the force sum reads of a node, side by side: current position, A = a S/m²."""
+    S[a:b] = 0.0
+    for k in range(len(lo)):
+        shift = offset[k] - lo[k]
+        for n in range(max(a, lo[k]), min(b, hi[k])):
+            S[n] += buf[n + shift]
+    for n in range(a, b):
+        y[n, 0] = z[n, 0] + z[n, 3]
+        y[n, 1] = z[n, 1] + z[n, 4]
+        y[n, 2] = z[n, 2] + z[n, 5]
+        y[n, 3] = h[n] * S[n]
+
+
+@njit(**JIT, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+def _gather_positions(b0, m, i, j, image, images, y, w):
+    """y_j − y_i of m bonds of row i into columns 0-2 of w, A_i + A_j into column 3."""
+    y0, y1, y2, y3 = y[i, 0], y[i, 1], y[i, 2], y[i, 3]
+    for k in range(m):
+        n = np.uint64(j[b0 + k])
+        w[k] = y[n, 0] - y0
+        w[C + k] = y[n, 1] - y1
+        w[2 * C + k] = y[n, 2] - y2
+        w[3 * C + k] = y[n, 3] + y3
+    if len(image):
+        for k in range(m):
+            t = image[b0 + k]
+            w[k] += images[t, 0] + images[t, 3]
+            w[C + k] += images[t, 1] + images[t, 4]
+            w[2 * C + k] += images[t, 2] + images[t, 5]
+
+
 @njit(**FAST)
-def _row(m, w, A, r0, W, WB, intact):
-    """As PMB's: forces into columns 0-2, stretches into 6 and 7. Column 6 brings the partners' A."""
+def _row(m, w, r0, W, WB, e, intact):
+    """As PMB's: forces into columns 0-2, stretches into 6 and 7; extensions are known."""
     fx = 0.0
     fy = 0.0
     fz = 0.0
     for k in range(m):
-        ex = w[k]
-        ey = w[C + k]
-        ez = w[2 * C + k]
-        x = w[3 * C + k]
-        y = w[4 * C + k]
-        z = w[5 * C + k]
-        q = ex * (x + x + ex) + ey * (y + y + ey) + ez * (z + z + ez)
         L = r0[k]
-        r2 = L * L + q
-        r = np.sqrt(r2 if r2 > 0.0 else 0.0)
-        D = r * (r + L) * L
+        r = L + e[k]
+        D = r * L
         D = 1.0 / D if D > 0.0 else 0.0
-        s = q * D * r if r > 0.0 else -1.0
+        s = e[k] * D * r if r > 0.0 else -1.0
         whole = intact[k] != 0
-        K = (W[k] * (A + w[6 * C + k]) * L + WB[k] * s * L) * D * (r + L) * L
+        K = (W[k] * w[3 * C + k] * L + WB[k] * e[k]) * D * L
         K = K if whole else 0.0
-        x = K * (x + ex)
-        y = K * (y + ey)
-        z = K * (z + ez)
+        x = K * w[k]
+        y = K * w[C + k]
+        z = K * w[2 * C + k]
         w[k] = x
         w[C + k] = y
         w[2 * C + k] = z
@@ -252,7 +282,7 @@ def _row(m, w, A, r0, W, WB, intact):
 
 
 @njit(**JIT)
-def _forces(first, last, edges, lo, hi, offset, start, j, image, images, z, r0, W, WB, intact, kind, s00, alpha, smin, s_low, damage, buf, smin_buf, gone_b, gone_k):  # fmt: skip
+def _forces(first, last, edges, lo, hi, offset, start, j, image, images, y, r0, W, WB, e, intact, kind, s00, alpha, smin, s_low, damage, buf, smin_buf, gone_b, gone_k):  # fmt: skip
     """As PMB's `forces`; broken bonds are listed in gone_b, block by block from the block's first bond on, gone_k of them."""
     w = np.empty(8 * C)
     for block in range(first, last):
@@ -271,21 +301,19 @@ def _forces(first, last, edges, lo, hi, offset, start, j, image, images, z, r0, 
             row_low = np.inf
             for b0 in range(start[i], start[i + 1], C):
                 m = min(C, start[i + 1] - b0)
-                gather(b0, m, i, j, image, images, z, w)
-                for k in range(m):
-                    w[6 * C + k] = z[j[b0 + k], 6]
+                _gather_positions(b0, m, i, j, image, images, y, w)
                 full = min((m + 7) & ~7, len(r0) - b0)
+                # Lanes beyond the row have no extent, and pull nothing.
                 for k in range(m, full):
-                    for c in range(7):
+                    for c in range(4):
                         w[c * C + k] = 0.0
                 end = b0 + full
-                fx, fy, fz = _row(full, w, z[i, 6], r0[b0:end], W[b0:end], WB[b0:end], intact[b0:end])
-                # Lanes beyond the row have no extent, and pull nothing.
+                fx, fy, fz = _row(full, w, r0[b0:end], W[b0:end], WB[b0:end], e[b0:end], intact[b0:end])
                 sx += fx
                 sy += fy
                 sz += fz
                 for k in range(m):
-                    n = j[b0 + k] - base
+                    n = np.uint64(j[b0 + k] - base)
                     f[n, 0] -= w[k]
                     f[n, 1] -= w[C + k]
                     f[n, 2] -= w[2 * C + k]
@@ -293,7 +321,7 @@ def _forces(first, last, edges, lo, hi, offset, start, j, image, images, z, r0, 
                     low, high = extremes(m, w)
                     row_low = low if low < row_low else row_low
                     for k in range(m):
-                        n = j[b0 + k] - base
+                        n = np.uint64(j[b0 + k] - base)
                         s = w[6 * C + k]
                         low_n[n] = s if s < low_n[n] else low_n[n]
                     if high > s_low:

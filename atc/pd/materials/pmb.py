@@ -147,7 +147,8 @@ def gather(b0, m, i, j, image, images, z, w):
     """η and ξ of m bonds of row i, from bond b0 on, into the columns of w."""
     u0, u1, u2, x0, x1, x2 = z[i, 0], z[i, 1], z[i, 2], z[i, 3], z[i, 4], z[i, 5]
     for k in range(m):
-        n = j[b0 + k]
+        # Unsigned: no test for negative indices.
+        n = np.uint64(j[b0 + k])
         w[k] = z[n, 0] - u0
         w[C + k] = z[n, 1] - u1
         w[2 * C + k] = z[n, 2] - u2
@@ -272,7 +273,7 @@ def forces(
                 sy += fy
                 sz += fz
                 for k in range(m):
-                    n = j[b0 + k] - base
+                    n = np.uint64(j[b0 + k] - base)
                     f[n, 0] -= w[k]
                     f[n, 1] -= w[C + k]
                     f[n, 2] -= w[2 * C + k]
@@ -280,7 +281,7 @@ def forces(
                     low, high = extremes(m, w)
                     row_low = low if low < row_low else row_low
                     for k in range(m):
-                        n = j[b0 + k] - base
+                        n = np.uint64(j[b0 + k] - base)
                         s = w[6 * C + k]
                         low_n[n] = s if s < low_n[n] else low_n[n]
                     if high > s_low:
