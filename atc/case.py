@@ -2,7 +2,7 @@
 
 Sections ``[body]``, ``[regions.NAME]``, ``[[material]]``, ``[damage]``, ``[contact]``, ``[[notch]]``, ``[[indenter]]``, ``[[wall]]``, ``[[initial]]``, ``[[prescribed]]``,
 ``[[body_force]]``, ``[run]``, ``[output]``, and ``[kernel]``, ``[grid]``, ``[fields]`` as in scenes. Everything is checked before anything is computed, and every complaint names the file and the line. Numbers are in any one
-consistent system of units; the output calls them SI unless ``[body] units`` says ``"lj"`` (no units). Paths are relative to the case.
+consistent system of units; the output labels them as SI. Paths are relative to the case.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from .estimators.registry import GATHER
 #: Bytes of a process that has done nothing yet: the interpreter, numpy, numba, scipy.
 PROCESS = 3.0e8
 #: Of a pair of a bond and a point with both ends within its horizon.
-SECONDS_PER_WEIGHT = 1e-8
+SECONDS_PER_WEIGHT = 3e-8
 
 
 @dataclass
@@ -49,7 +49,7 @@ def predict(request) -> Prediction:
         ball = ball_volume(horizon_of(request.settings(), frame.units, work.horizon_users), request.pot, frame.cell)
         # Half of the ball is within the horizon of both ends of a bond of mean length.
         near = load.bonds * points * 0.5 * ball / request.bound.cell.volume
-        parts["weighted virials"] = SECONDS_PER_WEIGHT * near * (len(work.point) + len(work.reference_point))
+        parts["weighted virials"] = SECONDS_PER_WEIGHT * near * (bool(work.point) + bool(work.reference_point))
     if work.kernel_users:
         kern, bound = request.kernel_internal, request.bound
         checked = checking_kernel(kern, request.methods)

@@ -77,16 +77,18 @@ def test_mode_one_crack_speed_and_branching():
     assert seen[6e6][1] == 1 and seen[20e6][1] >= 2
 
 
-def kalthoff_winkler(dx=1e-3, end=90e-6, speed=16.5):
+def kalthoff_winkler(dx=1e-3, end=90e-6, speed=16.5, plane="strain", s00=None, ratio=3.015, depth=None):
     """A 100 × 200 mm plate with two notches of 50 mm at y = ±25 mm, hit between them from the left."""
     body = pd.Body.lattice(
-        pd.Box((0, -0.1, 0), (0.1, 0.1, 0)), dx, 3.015 * dx, STEEL["rho"], dimension=2, offset=(dx / 2, dx / 2, 0), thickness=9e-3,
+        pd.Box((0, -0.1, 0), (0.1, 0.1, depth or 0.0)), dx, ratio * dx, STEEL["rho"], dimension=3 if depth else 2, plane=plane,
+        offset=(dx / 2, dx / 2, dx / 2 if depth else 0.0),
         notches=[pd.Notch.line((-dx, s * 0.025), (0.05, s * 0.025)) for s in (1, -1)],
     )  # fmt: skip
     material = pd.PMB(youngs=STEEL["E"])
+    rule = pd.CriticalStretch(s00) if s00 else pd.CriticalStretch.from_energy(STEEL["Gc"], material, body)
     struck = lambda X: (X[:, 0] < dx) & (np.abs(X[:, 1]) < 0.025)  # noqa: E731
     sim = pd.Simulation(
-        body, material, damage=pd.CriticalStretch.from_energy(STEEL["Gc"], material, body), contact=True, no_fail=pd.Box((None,) * 3, (5 * dx, None, None)),
+        body, material, damage=rule, contact=True, no_fail=pd.Box((None,) * 3, (5 * dx, None, None)),
         conditions=[pd.Prescribed(struck, velocity=(speed, None, None))],
     )  # fmt: skip
     while sim.state.time < end:
