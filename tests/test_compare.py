@@ -172,6 +172,8 @@ def test_what_a_coarse_grid_does_to_the_box_average_is_said(shape, said):
     import atc
 
     pot = atc.potential("pair_style lj/cut 6\npair_coeff * * 0.0104 3.405", units="metal")
-    ds = atc.fields(argon(), pot, atc.kernel("gaussian", width=1.9), atc.Grid.regular(shape=shape), ["stress", "virial_stress"], tolerance=1e-12)
+    ds = atc.fields(
+        argon(), pot, atc.kernel("gaussian", width=1.9), atc.Grid.regular(shape=shape), ["stress", "virial_stress"], tolerance=1e-12
+    )
     r = compare(ds)
     assert any("grid's quadrature" in n for n in r.notes) == said

@@ -343,7 +343,9 @@ def test_lennard_jones_chain_is_lammps(spacing, M):
     y = np.concatenate([y, y + 300 * spacing], axis=1)
     cutoff = (M + 0.5) * spacing
     assert (y[:, M : 300 + M] - y[:, :300]).max() < cutoff < (y[:, M + 1 : 301 + M] - y[:, :300]).min()
-    positions, velocities, energy = lammps_chain(chain, u0, 0.1, 2000, f"pair_style lj/cut {cutoff!r}\npair_coeff 1 1 {epsilon!r} {sigma!r}")
+    positions, velocities, energy = lammps_chain(
+        chain, u0, 0.1, 2000, f"pair_style lj/cut {cutoff!r}\npair_coeff 1 1 {epsilon!r} {sigma!r}"
+    )
     # rounding of positions near 300 (6e-14), two thousand steps
     np.testing.assert_allclose(positions - x, run.u_tn[-1], rtol=0, atol=1e-9)
     np.testing.assert_allclose(velocities, run.v_tn[-1], rtol=0, atol=1e-9)
@@ -360,7 +362,9 @@ def test_springs_are_lammps():
     stiffness = model.weights * model.spacing  # per bond
     dt = model.time_step()
     run = verlet(model, u0, dt=dt, steps=300, every=300)
-    positions, velocities, energy = lammps_chain(model, u0, dt, 300, "pair_style zero 4.0\npair_coeff * *", [float(k) / 2 for k in stiffness])
+    positions, velocities, energy = lammps_chain(
+        model, u0, dt, 300, "pair_style zero 4.0\npair_coeff * *", [float(k) / 2 for k in stiffness]
+    )
     np.testing.assert_allclose(positions - x, run.u_tn[-1], rtol=0, atol=1e-10)
     np.testing.assert_allclose(velocities, run.v_tn[-1], rtol=0, atol=1e-10)
     assert energy == pytest.approx(run.total_t[-1], rel=1e-9)

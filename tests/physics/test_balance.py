@@ -73,7 +73,9 @@ def test_divergence_of_the_potential_stress_is_the_force_density(name):
     frame, pot = system(name, seed=3)
     kern = atc.kernel("gaussian", width=1.5)
     stencil = Differences(frame, h=0.15, seed=1)
-    sigma = user_to_internal(atc.fields(frame, pot, kern, stencil.grid, ["stress_potential"], tolerance=1e-12), "stress_potential", "pressure", frame.units)
+    sigma = user_to_internal(
+        atc.fields(frame, pot, kern, stencil.grid, ["stress_potential"], tolerance=1e-12), "stress_potential", "pressure", frame.units
+    )
     want = site_sum(stencil.centre, frame.positions, pot.decompose(frame).forces_nc, kern, frame.cell)
     np.testing.assert_allclose(stencil.divergence(sigma), want, rtol=0, atol=1e-9 * np.abs(want).max())
 
@@ -115,7 +117,7 @@ def test_mean_over_a_resolved_grid_is_the_virial(name, shape):
         "momentum",
         "virial_stress_per_atom",
     ]
-    ds = atc.fields(frame, pot, kern, atc.Grid.regular(shape=shape), names).isel(frame=0)
+    ds = atc.fields(frame, pot, kern, atc.Grid.regular(shape=shape), names, tolerance=1e-12).isel(frame=0)
 
     def mean(q):
         return ds[q].values.reshape(-1, *ds[q].shape[3:]).mean(0)
@@ -166,7 +168,9 @@ def test_integral_of_the_stress_over_the_box_is_the_virial(what, step, name):
         name, lambda: atc.kernel(name, radius=R)
     )()
     n = 10
-    ds = atc.fields(frame, pot, kern, atc.Grid.slab("z", parts * n), ["stress_potential", "virial_stress_potential"], tolerance=1e-12).isel(frame=0)
+    ds = atc.fields(frame, pot, kern, atc.Grid.slab("z", parts * n), ["stress_potential", "virial_stress_potential"], tolerance=1e-12).isel(
+        frame=0
+    )
     profile = ds.stress_potential.values.reshape(parts, n, 3, 3)
     mean = np.einsum("k,pkij->ij", open_weights(n), profile) / parts
     virial = ds.virial_stress_potential.values

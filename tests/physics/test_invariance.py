@@ -153,7 +153,7 @@ def test_every_grid_gives_the_same_field(grid):
         "atoms": atc.Grid.atoms,
     }[grid]()
     kern = atc.kernel("gaussian", width=1.5)
-    ds = atc.fields(frame, pot, kern, make, names).isel(frame=0)
+    ds = atc.fields(frame, pot, kern, make, names, tolerance=1e-12).isel(frame=0)
     bound = make.bind(frame.units, c, frame.positions)
     assert ds.attrs["measured_error"] < 1e-12
     if grid == "slab":
@@ -162,14 +162,14 @@ def test_every_grid_gives_the_same_field(grid):
         s = np.stack(np.meshgrid(np.arange(n) / n, np.arange(n) / n, indexing="ij"), -1).reshape(-1, 2)
         for g, h in enumerate((np.arange(3) + 0.5) / 3):
             points = c.cartesian(np.column_stack([s, np.full(len(s), h)]))
-            want = atc.fields(frame, pot, kern, atc.Grid.points(points), ["density", "stress_potential", "smoothed_virial_stress"]).isel(
-                frame=0
-            )
+            want = atc.fields(
+                frame, pot, kern, atc.Grid.points(points), ["density", "stress_potential", "smoothed_virial_stress"], tolerance=1e-12
+            ).isel(frame=0)
             for q in ("density", "stress_potential", "smoothed_virial_stress"):
                 scale = float(np.abs(ds[q]).max())
                 np.testing.assert_allclose(ds[q][g], want[q].mean("point"), rtol=0, atol=1e-10 * scale, err_msg=q)
         return
-    want = atc.fields(frame, pot, kern, atc.Grid.points(bound.points_gc), names).isel(frame=0)
+    want = atc.fields(frame, pot, kern, atc.Grid.points(bound.points_gc), names, tolerance=1e-12).isel(frame=0)
     for q in names:
         a = ds[q].values.reshape(want[q].shape)
         np.testing.assert_allclose(a, want[q], rtol=0, atol=1e-12 * float(np.abs(want[q]).max()), err_msg=q)
