@@ -27,7 +27,14 @@ def result():
 
 def test_every_method_with_its_time_and_error(result):
     by = rungs_of(result)
-    assert list(by) == ["direct (exact)", "spectral 0.01", "spectral 0.0001", "spectral 1e-06", "smoothed per-atom virial", "binned per-atom virial"]
+    assert list(by) == [
+        "direct (exact)",
+        "spectral 0.01",
+        "spectral 0.0001",
+        "spectral 1e-06",
+        "smoothed per-atom virial",
+        "binned per-atom virial",
+    ]
     assert by["direct (exact)"].error_max < 1e-12
     errors = [by[f"spectral {t}"].error_max for t in ("0.01", "0.0001", "1e-06")]
     assert errors == sorted(errors, reverse=True) and all(e <= t for e, t in zip(errors, (1e-2, 1e-4, 1e-6)))
@@ -115,7 +122,9 @@ def test_the_command(tmp_path, result):
     L = frame.cell.vectors[0, 0]
     lines = [f"{k + 1} 1 {x:.10f} {y:.10f} {z:.10f}" for k, (x, y, z) in enumerate(frame.positions)]
     (tmp_path / "a.data").write_text(
-        f"argon\n\n{len(frame)} atoms\n1 atom types\n\n0 {L} xlo xhi\n0 {L} ylo yhi\n0 {L} zlo zhi\n\nMasses\n\n1 39.948\n\nAtoms # atomic\n\n" + "\n".join(lines) + "\n"
+        f"argon\n\n{len(frame)} atoms\n1 atom types\n\n0 {L} xlo xhi\n0 {L} ylo yhi\n0 {L} zlo zhi\n\nMasses\n\n1 39.948\n\nAtoms # atomic\n\n"
+        + "\n".join(lines)
+        + "\n"
     )
     scene = tmp_path / "scene.toml"
     scene.write_text(SCENE)
