@@ -45,6 +45,7 @@ class Costs:
     filter_bond: float = 2e-9
     spread_point: float = 4.5e-8
     spread_node: float = 3.3e-10
+    spread_node_single: float = 3.3e-10
     mesh_node: float = 1.9e-8
     gather: float = 2.6e-8
     value: float = 6e-8
@@ -231,8 +232,14 @@ def spectral(costs: Costs, deposit, items: float, length: float, components: int
     nodes = float(np.prod(np.asarray(deposit.mesh, float)))
     groups = [min(8, components - k) for k in range(0, components, 8)]
     vectors = sum(1 if g <= 4 else 2 for g in groups)
-    spread = points * (costs.spread_point * len(groups) + costs.spread_node * width**3 * vectors)
+    node = costs.spread_node_single if itemsize(deposit) == 4 else costs.spread_node
+    spread = points * (costs.spread_point * len(groups) + node * width**3 * vectors)
     return spread + nodes * costs.mesh_node * components + 3e-8 * len(deposit.grid) * components
+
+
+def itemsize(deposit) -> int:
+    """Bytes of a number on the mesh."""
+    return np.dtype(getattr(deposit, "real", np.float64)).itemsize
 
 
 def points_each(deposit, length: float) -> float:
@@ -241,10 +248,11 @@ def points_each(deposit, length: float) -> float:
 
 
 def spectral_memory(deposit, components: int, threads: int) -> float:
-    """Bytes of a spectral deposit: the threads' meshes and what a transform needs."""
+    """Bytes of a spectral deposit: the threads' meshes (single precision is summed up in double now and then) and what a transform needs."""
     nodes = float(np.prod(np.asarray(deposit.mesh, float) + deposit.parameters.width + 1))
     padded = sum(4 if min(8, components - k) <= 4 else 8 for k in range(0, components, 8))
-    return 8.0 * nodes * (padded * threads + 3 * min(threads, components))
+    each = 8.0 if itemsize(deposit) == 8 else 12.0
+    return nodes * (each * padded * threads + 24.0 * min(threads, components))
 
 
 def check(costs: Costs, bound, kern, items: float, length: float, points: int) -> float:
