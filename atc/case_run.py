@@ -224,7 +224,7 @@ class _Run:
 
     def _advance(self, sim, n):
         """n steps in time, or n states of equilibrium."""
-        from .pd.relax import relax, solve_static
+        from .pd.statics import relax, solve_static
 
         run = self.case.data["run"]
         solver = run.get("solver", "verlet")

@@ -504,3 +504,12 @@ def test_every_key_is_explained():
     for cls in models().values():
         assert set(parameters(cls)) <= words, (cls.name, set(parameters(cls)) - words)
     assert all(f'shape = "{s}"' in text for s in SHAPES)
+
+
+def test_names_of_the_engine_are_not_hidden_by_its_modules():
+    """Importing a module must not put itself in the place of a function of the same name."""
+    import pkgutil
+
+    modules = {m.name for m in pkgutil.iter_modules(pd.__path__)}
+    assert not modules & set(pd._LAZY)
+    assert callable(pd.solve_static) and callable(pd.relax) and callable(pd.snapshot)

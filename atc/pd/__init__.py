@@ -39,7 +39,7 @@ _LAZY = {
     "Simulation": "simulation",
     "Energies": "simulation",
     **dict.fromkeys(("SnapshotBonds", "reference_frame", "snapshot"), "fields"),
-    **dict.fromkeys(("relax", "solve_static", "Converged"), "relax"),
+    **dict.fromkeys(("relax", "solve_static", "Converged"), "statics"),
 }
 
 __all__ = list(_LAZY)

@@ -24,7 +24,7 @@ def rayleigh_speed(E, nu, rho):
     return brentq(f, 0.5 * cs, 0.999 * cs)
 
 
-def notched_plate(stress, dx=0.5e-3, end=60e-6):
+def notched_plate(stress, dx=0.5e-3, end=120e-6):
     """A 100 × 40 mm plate with a notch from the left edge to its middle, pulled at top and bottom. Times, tip positions, and the simulation."""
     L, H = 0.1, 0.04
     body = pd.Body.lattice(
@@ -64,31 +64,34 @@ def branches(sim, x, width):
 def test_mode_one_crack_speed_and_branching():
     speed = rayleigh_speed(GLASS["E"], 1 / 3, GLASS["rho"])
     seen = {}
-    for stress in (6e6, 20e6):
+    for stress in (6e6, 14e6, 20e6):
         t, x, sim = notched_plate(stress)
         assert x[-1] > 0.09, "the crack runs through the plate"
         run = (x > 0.055) & (x < 0.09)
         c = np.polyfit(t[run], x[run], 1)[0]
-        n = max(branches(sim, at, 1.1 * sim.body.spacing) for at in (0.075, 0.08, 0.085, 0.09))
+        n = [branches(sim, at, 1.1 * sim.body.spacing) for at in (0.075, 0.08, 0.085, 0.09)]
         seen[stress] = (c / speed, n)
-        print(f"stress {stress / 1e6:g} MPa: crack speed {c:.0f} m/s = {c / speed:.2f} of Rayleigh's {speed:.0f}, {n} branch(es)")
-    for c, _ in seen.values():
-        assert 0.4 < c < 1.0
-    assert seen[6e6][1] == 1 and seen[20e6][1] >= 2
+        print(f"stress {stress / 1e6:g} MPa: crack speed {c:.0f} m/s = {c / speed:.2f} of Rayleigh's {speed:.0f}, cracks side by side {n}")
+    # Mean speeds over the second half of the plate. A weakly driven crack is slow and straight; a strongly driven one is fast and branches.
+    assert 0.4 < seen[14e6][0] < seen[20e6][0] < 1.0
+    assert seen[6e6][0] < seen[14e6][0]
+    assert seen[6e6][1] == [1, 1, 1, 1] and min(seen[20e6][1]) >= 2
 
 
-def kalthoff_winkler(dx=1e-3, end=90e-6, speed=16.5, plane="strain", s00=None, ratio=3.015, depth=None):
-    """A 100 × 200 mm plate with two notches of 50 mm at y = ±25 mm, hit between them from the left."""
+def kalthoff_winkler(dx=0.625e-3, end=90e-6, speed=16.5):
+    """A 100 × 200 mm plate with two notches of 50 mm at y = ±25 mm, hit between them from the left.
+
+    Without contact: the experiment's notches are slits 1.5 mm wide whose faces do not touch, while the rows of nodes beside a cut of no width would
+    lock into each other as they slide (the cracks then leave at 47 to 55 degrees).
+    """
     body = pd.Body.lattice(
-        pd.Box((0, -0.1, 0), (0.1, 0.1, depth or 0.0)), dx, ratio * dx, STEEL["rho"], dimension=3 if depth else 2, plane=plane,
-        offset=(dx / 2, dx / 2, dx / 2 if depth else 0.0),
+        pd.Box((0, -0.1, 0), (0.1, 0.1, 0)), dx, 3.015 * dx, STEEL["rho"], dimension=2, offset=(dx / 2, dx / 2, 0), thickness=9e-3,
         notches=[pd.Notch.line((-dx, s * 0.025), (0.05, s * 0.025)) for s in (1, -1)],
     )  # fmt: skip
     material = pd.PMB(youngs=STEEL["E"])
-    rule = pd.CriticalStretch(s00) if s00 else pd.CriticalStretch.from_energy(STEEL["Gc"], material, body)
     struck = lambda X: (X[:, 0] < dx) & (np.abs(X[:, 1]) < 0.025)  # noqa: E731
     sim = pd.Simulation(
-        body, material, damage=rule, contact=True, no_fail=pd.Box((None,) * 3, (5 * dx, None, None)),
+        body, material, damage=pd.CriticalStretch.from_energy(STEEL["Gc"], material, body), no_fail=pd.Box((None,) * 3, (5 * dx, None, None)),
         conditions=[pd.Prescribed(struck, velocity=(speed, None, None))],
     )  # fmt: skip
     while sim.state.time < end:
