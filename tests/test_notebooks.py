@@ -83,7 +83,9 @@ def test_dispersion(monkeypatch):
     assert float(re.search(r"harmonic crystal ([\d.]+) %", text)[1]) < 0.5 and float(re.search(r"within ([\d.]+) %", text)[1]) < 0.2
     error = {m[0].strip(): float(m[1]) for m in re.findall(r"^(.+?) rms error of the frequency +([\d.]+) %", text, re.M)}
     # "Right for long waves only", "wrong even for long waves", "good to a per cent", "as accurate as one likes".
-    assert error["classical"] > error["isotropic, non-negative"] > 10 > 2 > error["cubic, central"] > 0.1 > error["mollified lattice kernel"]
+    assert (
+        error["classical"] > error["isotropic, non-negative"] > 10 > 2 > error["cubic, central"] > 0.1 > error["mollified lattice kernel"]
+    )
     assert text.count("stable: True") == 5
     for measured, predicted, sound in re.findall(r"measured ([\d.]+) km/s, dω/dk ([\d.]+) km/s, speed of sound ([\d.]+)", text):
         assert abs(float(measured) / float(predicted) - 1) < 3e-3 and float(measured) < 0.98 * float(sound)

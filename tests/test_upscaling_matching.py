@@ -40,7 +40,15 @@ def test_classical_argon():
 
 @pytest.mark.parametrize(
     "name, most",
-    [("isotropic", 0.165), ("cubic", 0.0127), ("noncentral", 0.002), ("mollified", 8e-4), ("coarse2", 7e-3), ("coarse3", 8e-3), ("lattice", 1e-9)],
+    [
+        ("isotropic", 0.165),
+        ("cubic", 0.0127),
+        ("noncentral", 0.002),
+        ("mollified", 8e-4),
+        ("coarse2", 7e-3),
+        ("coarse3", 8e-3),
+        ("lattice", 1e-9),
+    ],
 )
 def test_argon(name, most):
     _, m = fitted(name)
