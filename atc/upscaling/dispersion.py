@@ -101,14 +101,14 @@ class Dispersion:
         if self.matches:
             lines.append("relative error of ω (%), rms over the branches, at fractions of the zone boundary:")
             head = "".join(f"{f:>9g}" for f in self.matches[0].fractions)
-            lines.append(f"  {'model':<26}{head}{'all':>9}{'min ω²':>10}{'stable step':>14}")
+            lines.append(f"  {'model':<26}{head}{'all':>9}{'zone':>9}{'min ω²':>10}{'stable step':>14}")
             for m in self.matches:
                 cells = "".join(f"{100 * x:9.3f}" for x in np.sqrt((m.error_bf**2).mean(axis=0)))
                 step = u.to_user("time", m.stable_step)
                 low = f"{m.min_omega2:10.2e}" if m.stable else f"{m.min_omega2:9.1e}!"
-                lines.append(f"  {m.label:<26}{cells}{100 * m.rms:9.3f}{low}{step:11.4g} {u.label('time')}")
+                lines.append(f"  {m.label:<26}{cells}{100 * m.rms:9.3f}{100 * m.band:9.3f}{low}{step:11.4g} {u.label('time')}")
             lines.append(
-                "  (min ω²: smallest beyond the first zone up to 4·2π/a, of the crystal's largest; ! marks an unstable model; steps are 2/ω_max)"
+                "  (zone: rms over the whole zone; min ω²: smallest beyond the first zone up to 4·2π/a, of the crystal's largest; ! marks an unstable model; steps are 2/ω_max)"
             )
         r = self.measured
         if r is not None:
@@ -161,7 +161,7 @@ class Dispersion:
             ],
             "models": [
                 {
-                    "label": m.label, "branches": m.branches, "fractions": clean(m.fractions), "relative_error": clean(m.error_bf), "rms": m.rms,
+                    "label": m.label, "branches": m.branches, "fractions": clean(m.fractions), "relative_error": clean(m.error_bf), "rms": m.rms, "rms_zone": m.band,
                     "velocity_error": clean(m.velocity_error_bf), "min_omega2": m.min_omega2, "stable": m.stable,
                     "stable_step": float(u.to_user("time", m.stable_step)), "time_unit": u.label("time"),
                 }
@@ -219,7 +219,8 @@ class Dispersion:
             dims = ("model", "residual_branch", "residual_fraction")
             data["relative_error"] = (dims, get("error_bf"), {"units": "1", "long_name": "ω of the model over ω of the crystal, minus 1"})
             data["velocity_error"] = (dims, get("velocity_error_bf"), {"units": "1", "long_name": "error of dω/dk over the speed of sound"})
-            data["rms_error"] = ("model", get("rms"), {"units": "1"})
+            data["rms_error"] = ("model", get("rms"), {"units": "1", "long_name": "rms of relative_error over branches and fractions"})
+            data["rms_error_zone"] = ("model", get("band"), {"units": "1", "long_name": "the same over the whole zone"})
             data["min_omega2"] = (
                 "model",
                 get("min_omega2"),
