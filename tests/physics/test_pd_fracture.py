@@ -24,7 +24,7 @@ def rayleigh_speed(E, nu, rho):
     return brentq(f, 0.5 * cs, 0.999 * cs)
 
 
-def notched_plate(stress, dx=0.5e-3, end=120e-6):
+def notched_plate(stress, dx=0.5e-3, end=200e-6):
     """A 100 × 40 mm plate with a notch from the left edge to its middle, pulled at top and bottom. Times, tip positions, and the simulation."""
     L, H = 0.1, 0.04
     body = pd.Body.lattice(
@@ -64,7 +64,7 @@ def branches(sim, x, width):
 def test_mode_one_crack_speed_and_branching():
     speed = rayleigh_speed(GLASS["E"], 1 / 3, GLASS["rho"])
     seen = {}
-    for stress in (6e6, 14e6, 20e6):
+    for stress in (4e6, 14e6, 20e6):
         t, x, sim = notched_plate(stress)
         assert x[-1] > 0.09, "the crack runs through the plate"
         run = (x > 0.055) & (x < 0.09)
@@ -74,8 +74,8 @@ def test_mode_one_crack_speed_and_branching():
         print(f"stress {stress / 1e6:g} MPa: crack speed {c:.0f} m/s = {c / speed:.2f} of Rayleigh's {speed:.0f}, cracks side by side {n}")
     # Mean speeds over the second half of the plate. A weakly driven crack is slow and straight; a strongly driven one is fast and branches.
     assert 0.4 < seen[14e6][0] < seen[20e6][0] < 1.0
-    assert seen[6e6][0] < seen[14e6][0]
-    assert seen[6e6][1] == [1, 1, 1, 1] and min(seen[20e6][1]) >= 2
+    assert seen[4e6][0] < seen[14e6][0]
+    assert seen[4e6][1] == [1, 1, 1, 1] and min(seen[20e6][1]) >= 2
 
 
 def kalthoff_winkler(dx=0.625e-3, end=90e-6, speed=16.5):
