@@ -271,10 +271,10 @@ def _summary(attributes: dict, out, seconds: float, progress: _Progress) -> None
         print(
             f"measured error {float(error):.1e} of the largest value (tolerance {float(attributes['tolerance']):g}), at random points by the exact method"
         )
-    rounding = ds.attrs.get("input_error")
+    rounding = attributes.get("input_error")
     if rounding is not None and error is not None and float(rounding) > float(error):
         print(
-            f"input error {float(rounding):.1e}: what rounding the coordinates to {float(ds.attrs['input_resolution']):.1g} left in doubt"
+            f"input error {float(rounding):.1e}: what rounding the coordinates to {float(attributes['input_resolution']):.1g} left in doubt"
         )
     print(f"{before} in {_duration(seconds)}" + (f" ({computed / seconds:.3g} frames/s, start included)" if computed > 1 else ""))
 

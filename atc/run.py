@@ -275,9 +275,9 @@ class _Sink:
         """Errors are the largest of the frames; the rest is counted."""
         errors = self.note.setdefault("errors", {})
         for name, measured in result.errors.items():
-            known = errors.setdefault(name, dict.fromkeys(measured, 0.0))
+            known = errors.setdefault(name, {})
             for kind, value in measured.items():
-                known[kind] = max(known[kind], value)
+                known[kind] = max(known.get(kind, 0.0), value)
         counts = self.note.setdefault("notes", {})
         for what, count in result.notes.items():
             counts[what] = counts.get(what, 0) + count
