@@ -13,12 +13,32 @@ import sys
 import time
 import warnings
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from typer.core import TyperGroup
 
-from . import __version__
+from . import __version__, cli_advect, cli_bench, cli_dispersion, cli_pd, cli_upscale
+from .cli_common import (
+    Begin,
+    End,
+    Jobs,
+    Masses,
+    Progress,
+    Quiet,
+    SceneFile,
+    Set,
+    Step,
+    Topology,
+    UnitsOption,
+    console,
+    duration,
+    interrupted,
+    kept_on_interrupt,
+    load_scene,
+    parse_masses,
+    progress_bar,
+)
 from .errors import AtcError
 
 
@@ -63,7 +83,7 @@ class _Commands(TyperGroup):
         except AtcError as e:
             _fail(e, 2)
         except KeyboardInterrupt:
-            _fail(_interrupted(), 130)
+            _fail(interrupted(), 130)
         except BrokenPipeError:
             _leave_quietly()
         except SystemExit as e:  # typer's way with a broken pipe
@@ -84,10 +104,10 @@ class _Commands(TyperGroup):
                 hint = f" (see: {ctx.command_path} --help)" if ctx is not None else ""
                 _fail(e.format_message() + hint, 2)
             if "Abort" in names:
-                _fail(_interrupted(), 130)
+                _fail(interrupted(), 130)
             _fail(f"{type(e).__name__}: {e}: atc did not foresee this; run again with ATC_DEBUG=1 for the traceback", 1)
         if status == 130:  # typer's way with Ctrl-C
-            _fail(_interrupted(), 130)
+            _fail(interrupted(), 130)
         sys.exit(status if isinstance(status, int) else 0)
 
 
@@ -95,15 +115,6 @@ def _leave_quietly() -> None:
     """The reader of our output (head, less) has left: not an error, and the interpreter must not complain at exit either."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     sys.exit(0)
-
-
-_running_fields = False
-# What Ctrl-C says while a command runs that can be continued.
-_kept: str | None = None
-
-
-def _interrupted() -> str:
-    return "interrupted; the finished frames are kept: the same command continues" if _running_fields else _kept or "interrupted"
 
 
 app = typer.Typer(
@@ -123,74 +134,6 @@ def main() -> None:
     app(prog_name="atc")
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What several commands share.
-
-SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="The scene, a TOML file.", show_default=False)]
-Set = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="SECTION.KEY=VALUE",
-        help="Override a key of the scene, e.g. --set kernel.radius=10. Repeatable.",
-        show_default=False,
-    ),
-]
-Begin = Annotated[int | None, typer.Option("-b", "--begin", metavar="N", help="First frame, counted from 0.", show_default=False)]
-End = Annotated[int | None, typer.Option("-e", "--end", metavar="N", help="Frame to stop before.", show_default=False)]
-Step = Annotated[int | None, typer.Option("--step", metavar="N", help="Take every N-th frame.", show_default=False)]
-Jobs = Annotated[int, typer.Option("-j", "--jobs", metavar="N", help="Processor cores to use; 0 is all of them.")]
-Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no summary.")]
-Topology = Annotated[
-    str | None, typer.Option("--topology", metavar="FILE", help="LAMMPS data file with masses, charges, bonds.", show_default=False)
-]
-UnitsOption = Annotated[
-    str | None, typer.Option("--units", metavar="STYLE", help="LAMMPS unit style: lj, real, metal, si, ...", show_default=False)
-]
-Masses = Annotated[
-    str | None, typer.Option("--masses", metavar="LIST", help="Masses by type: 28.0855,15.999 or 1=28.0855,2=15.999.", show_default=False)
-]
-
-
-def _load(path, settings, begin=None, end=None, step=None, quiet=True):
-    """The scene with the flags' overrides on top."""
-    from .scene import Scene
-
-    overrides: list[Any] = list(settings or [])
-    flags = {k: v for k, v in (("begin", begin), ("end", end), ("step", step)) if v is not None}
-    scene = Scene.load(path, overrides)
-    if flags:
-        frames = scene.get("trajectory", "frames")
-        if frames is not None:
-            from .scene_schema import frame_slice
-
-            s = frame_slice(frames)
-            written = {k: v for k, v in (("begin", s.start), ("end", s.stop), ("step", s.step)) if v is not None}
-            flags = written | flags
-        names = {"begin": "-b", "end": "-e", "step": "--step"}
-        scene.set("trajectory", "frames", flags, flag=" ".join(f"{names[k]} {v}" for k, v in flags.items()))
-    return scene
-
-
-def _parse_masses(text: str | None):
-    if text is None:
-        return None
-    parts = [p for p in text.replace(" ", ",").split(",") if p]
-    try:
-        if all("=" in p for p in parts):
-            return {int(k) if k.isdigit() else k: float(v) for k, v in (p.split("=", 1) for p in parts)}
-        return [float(p) for p in parts]
-    except ValueError:
-        raise AtcError(f"--masses {text}: expected masses by type, e.g. 28.0855,15.999 or 1=28.0855,2=15.999") from None
-
-
-def _console():
-    from rich.console import Console
-
-    # wide when piped, so that no number is cut; no markup, so that file names with brackets survive
-    return Console(width=None if sys.stdout.isatty() else 200, markup=False, highlight=False)
-
-
 def _version(value: bool) -> None:
     if value:
         print(f"atc {__version__}")
@@ -204,60 +147,7 @@ def _root(
     pass
 
 
-class _Progress:
-    """What `atc.fields` calls after every frame; draws a bar when somebody watches."""
-
-    def __init__(self, bar=None, things: str = "frames"):
-        self.bar, self.task, self.things = bar, None, things
-        self.there = self.total = 0
-        self.rate = 0.0
-
-    def __call__(self, done: int, total: int, rate: float) -> None:
-        self.total, self.rate = total, rate
-        if rate == 0.0:  # the first call: what an earlier, interrupted run left
-            self.there = done
-        if self.bar is None:
-            return
-        if self.task is None:
-            self.bar.start()
-            self.task = self.bar.add_task(self.things, total=total, completed=done, rate="", left="")
-            return
-        left = (total - done) / rate if rate > 0 else 0.0
-        each = f"{rate:.3g} {self.things}/s" if rate >= 1 else f"{1 / rate:.3g} s/{self.things[:-1]}" if rate > 0 else ""
-        self.bar.update(self.task, completed=done, rate=each, left=f"{_duration(left)} left" if done < total else "")
-
-
-@contextlib.contextmanager
-def _progress(quiet: bool, things: str = "frames"):
-    """A progress bar on the terminal; silent when stderr is piped or `quiet`."""
-    if quiet or not sys.stderr.isatty():
-        yield _Progress(things=things)
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[rate]}"),
-        TextColumn("{task.fields[left]}"),
-    )
-    bar = Progress(*columns, console=Console(stderr=True), transient=True)
-    try:
-        yield _Progress(bar, things)
-    finally:
-        bar.stop()
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 90:
-        return f"{seconds:.1f} s" if seconds < 10 else f"{seconds:.0f} s"
-    minutes = round(seconds / 60)
-    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"
-
-
-def _summary(attributes: dict, out, seconds: float, progress: _Progress) -> None:
+def _summary(attributes: dict, out, seconds: float, progress: Progress) -> None:
     """Closing lines: where the result is, what is in it, how accurate it is, how long it took."""
     computed = progress.total - progress.there
     before = (
@@ -276,7 +166,7 @@ def _summary(attributes: dict, out, seconds: float, progress: _Progress) -> None
         print(
             f"input error {float(rounding):.1e}: what rounding the coordinates to {float(attributes['input_resolution']):.1g} left in doubt"
         )
-    print(f"{before} in {_duration(seconds)}" + (f" ({computed / seconds:.3g} frames/s, start included)" if computed > 1 else ""))
+    print(f"{before} in {duration(seconds)}" + (f" ({computed / seconds:.3g} frames/s, start included)" if computed > 1 else ""))
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -301,17 +191,17 @@ def info(
     """What is in a trajectory, in which units, how precise, and what can be computed from it."""
     from .info import describe
 
-    report = describe(trajectory if len(trajectory) > 1 else trajectory[0], topology=topology, units=units, masses=_parse_masses(masses))
+    report = describe(trajectory if len(trajectory) > 1 else trajectory[0], topology=topology, units=units, masses=parse_masses(masses))
     if json:
         print(report.json())
     else:
-        report.print(_console())
+        report.print(console())
 
 
 @app.command()
 def plan(scene: SceneFile, set: Set = None, begin: Begin = None, end: End = None, step: Step = None, jobs: Jobs = 1) -> None:
     """What would be computed, by which method and why; predicted time, memory and error."""
-    made = _load(scene, set, begin, end, step)
+    made = load_scene(scene, set, begin, end, step)
     print(made.plan(jobs=jobs))
 
 
@@ -340,20 +230,14 @@ def fields(
     quiet: Quiet = False,
 ) -> None:
     """Compute the fields of a scene, frame by frame, into a file. After an interruption the same command continues."""
-    global _running_fields
-    made = _load(scene, set, begin, end, step)
+    made = load_scene(scene, set, begin, end, step)
     out = made.output(output, overwrite=overwrite)
     started = time.perf_counter()
-    _running_fields = True
-    try:
-        with _progress(quiet) as progress:
-            try:
-                attributes = made.write(out, jobs=jobs, cluster=cluster, progress=progress, resume=not restart)
-            except AtcError as e:
-                raise AtcError(str(e).replace("start again without resuming", "start again with --restart")) from None
-    finally:
-        if sys.exc_info()[0] is not KeyboardInterrupt:
-            _running_fields = False
+    with kept_on_interrupt("interrupted; the finished frames are kept: the same command continues"), progress_bar(quiet) as progress:
+        try:
+            attributes = made.write(out, jobs=jobs, cluster=cluster, progress=progress, resume=not restart)
+        except AtcError as e:
+            raise AtcError(str(e).replace("start again without resuming", "start again with --restart")) from None
     if not quiet:
         _summary(attributes, out, time.perf_counter() - started, progress)
 
@@ -391,8 +275,8 @@ def compare(
     if radii is not None:
         if len(what) != 1:
             raise AtcError("--radii goes with one scene: atc compare SCENE --radii 4,6,8")
-        made = _load(what[0], set, begin, end, step)
-        with _progress(quiet or json or csv) as progress:
+        made = load_scene(what[0], set, begin, end, step)
+        with progress_bar(quiet or json or csv) as progress:
             results = [compare_radii(made, _parse_radii(radii), jobs=jobs, progress=progress)]
         target = what[0]
     else:
@@ -415,7 +299,7 @@ def compare(
     elif csv:
         print(result.csv(), end="")
     else:
-        result.print(_console())
+        result.print(console())
     if not (quiet or json or csv):
         print(f"picture: {target}")
 
@@ -441,14 +325,14 @@ def check(
     """
     from .check import check_scene
 
-    made = _load(scene, set, begin, end, step)
+    made = load_scene(scene, set, begin, end, step)
     if points is not None:
         made.set("check", "points", points, flag=f"--points {points}")
     report = check_scene(made, jobs=jobs)
     if json:
         print(report.json())
     elif not quiet:
-        report.print(_console())
+        report.print(console())
     if not report.ok:
         raise typer.Exit(1)
 
@@ -481,8 +365,8 @@ def conductivity(
     """Thermal conductivity of an equilibrium run, by Green and Kubo, with an error bar: needs [trajectory] and [potential]."""
     from .green_kubo import conductivity_of_scene
 
-    made = _load(scene, set, begin, end, step)
-    with _progress(quiet or json) as progress:
+    made = load_scene(scene, set, begin, end, step)
+    with progress_bar(quiet or json) as progress:
         result = conductivity_of_scene(
             made, segments=segments, plateau=_parse_times(plateau), longest=longest, dt=dt, jobs=jobs, progress=progress
         )
@@ -491,7 +375,7 @@ def conductivity(
     if json:
         print(result.json())
     else:
-        result.print(_console())
+        result.print(console())
         if picture is not None:
             print(f"picture: {picture}")
 
@@ -588,8 +472,6 @@ def _parse_limits(text: str | None):
 
 # --------------------------------------------------------------------------------------------------------------------
 # Commands in modules of their own: options only, the work is imported when they run.
-
-from . import cli_advect, cli_bench, cli_dispersion, cli_pd, cli_upscale  # noqa: E402
 
 for _module in (cli_bench, cli_pd, cli_upscale, cli_dispersion, cli_advect):
     _module.register(app)

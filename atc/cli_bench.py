@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from .cli import Begin, End, Jobs, Quiet, Set, Step, _console, _load
+from .cli_common import Begin, End, Jobs, Quiet, Set, Step, console, load_scene
 from .errors import AtcError
 
 
@@ -51,7 +51,7 @@ def register(app) -> None:
         from .plan import Request
 
         ladder = TOLERANCES if tolerances is None else _numbers(tolerances)
-        made = _load(scene, set, begin, end, step)
+        made = load_scene(scene, set, begin, end, step)
         arguments = made.arguments(jobs)
         arguments["threads"], arguments["workers"] = max(arguments["threads"], arguments["workers"]), 1
         arguments["traj"] = arguments["traj"][:1]
@@ -61,7 +61,7 @@ def register(app) -> None:
         if json:
             print(result.json())
         else:
-            result.print(_console())
+            result.print(console())
             if not quiet:
                 print(f"picture: {target}")
 

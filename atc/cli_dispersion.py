@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from .cli import Begin, End, Quiet, SceneFile, Set, Step, _console, _load
+from .cli_common import Begin, End, Quiet, SceneFile, Set, Step, console, load_scene
 
 
 def register(app: typer.Typer) -> None:
@@ -36,7 +36,7 @@ def register(app: typer.Typer) -> None:
         """
         from .upscaling.dispersion import dispersion_of_scene
 
-        made = _load(scene, set, begin, end, step)
+        made = load_scene(scene, set, begin, end, step)
         out = made.output(output, overwrite=overwrite) if output is not None or made.get("output", "file") is not None else None
         result = dispersion_of_scene(made)
         if out is not None:
@@ -46,7 +46,7 @@ def register(app: typer.Typer) -> None:
         if json:
             print(result.json())
         elif not quiet:
-            result.print(_console())
+            result.print(console())
             for what, path in (("dataset", out), ("picture", picture)):
                 if path is not None:
                     print(f"{what}: {path}")

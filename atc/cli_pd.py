@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from .cli_common import duration, kept_on_interrupt, progress_bar
 
 
 def register(app) -> None:
@@ -37,7 +38,6 @@ def pd_command(
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no summary.")] = False,
 ) -> None:
     """Run a peridynamic body. After an interruption the same command continues, with the same result as if there had been none."""
-    from . import cli
     from .case import Case
     from .errors import AtcError
 
@@ -49,16 +49,14 @@ def pd_command(
         return
     out = made.output(output, overwrite=overwrite)
     started = time.perf_counter()
-    cli._kept = "interrupted; what is done is kept: the same command continues"
-    try:
-        with cli._progress(quiet, "steps") as progress:
-            try:
-                ds = made.run(out, threads=jobs, progress=progress, resume=not restart)
-            except AtcError as e:
-                raise AtcError(str(e).replace("start again without resuming", "start again with --restart")) from None
-    finally:
-        if sys.exc_info()[0] is not KeyboardInterrupt:
-            cli._kept = None
+    with (
+        kept_on_interrupt("interrupted; what is done is kept: the same command continues"),
+        progress_bar(quiet, "steps") as progress,
+    ):
+        try:
+            ds = made.run(out, threads=jobs, progress=progress, resume=not restart)
+        except AtcError as e:
+            raise AtcError(str(e).replace("start again without resuming", "start again with --restart")) from None
     if not quiet:
         summary(ds, out, time.perf_counter() - started, progress)
 
@@ -80,7 +78,6 @@ def describe(case) -> str:
 
 
 def summary(ds, out, seconds, progress) -> None:
-    from .cli import _duration
 
     done = progress.total - progress.there
     before = f"{progress.there} of {progress.total} steps were there, {done} computed" if progress.there else f"{done} steps"
@@ -91,9 +88,7 @@ def summary(ds, out, seconds, progress) -> None:
     print(
         f"broken bonds: {int(ds['n_broken'][-1])} of {ds.attrs['bonds']}; largest damage {float(ds['damage'][-1].max()) if 'damage' in ds else float('nan'):.3g}{drift}"
     )
-    print(
-        f"{before} in {_duration(seconds)}" + (f" ({1000 * seconds / done:.3g} ms a step, start and output included)" if done > 1 else "")
-    )
+    print(f"{before} in {duration(seconds)}" + (f" ({1000 * seconds / done:.3g} ms a step, start and output included)" if done > 1 else ""))
 
 
 def export_command(

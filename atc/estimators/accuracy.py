@@ -179,7 +179,7 @@ class _SlabDeposit:
             self.parts[thread] = self.parts.get(thread, self.empty) + part
 
     def add_bond_stress(self, x_nc, i_b, r_bc, G_b, thread=0):
-        from .sums import outer6
+        from .tensors import outer6
 
         self.add_bonds(x_nc[i_b], r_bc, outer6(r_bc) * G_b[:, None], thread)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import AtcError
-from .sums import outer6
+from .tensors import outer6
 
 
 def drift_velocity(frame) -> np.ndarray:

@@ -10,18 +10,8 @@ from functools import cached_property
 
 import numpy as np
 
-_FULL = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
-
-
-def full(a_6) -> np.ndarray:
-    """(..., 6) symmetric components xx, yy, zz, yz, xz, xy to (..., 3, 3)."""
-    return np.asarray(a_6)[..., _FULL]
-
-
-def outer6(v_nc) -> np.ndarray:
-    """v⊗v as 6 components, (n, 3) to (n, 6)."""
-    x, y, z = v_nc.T
-    return np.stack([x * x, y * y, z * z, y * z, x * z, x * y], axis=1)
+from .kinematics import eshelby, quotient_gradient
+from .tensors import full, outer6
 
 
 @dataclass
@@ -129,8 +119,6 @@ class Sums:
     @cached_property
     def velocity_gradient(self) -> np.ndarray:
         """(g, 3, 3) [i, j] = ∂v_j/∂x_i = (∂_i π_j − v_j ∂_i ρ)/ρ, 0 where there is no mass."""
-        from .kinematics import quotient_gradient
-
         return quotient_gradient(self.rho, self.peculiar, self.gradient["mass"], self.gradient["momentum"])
 
     # --- relative to a reference frame
@@ -142,15 +130,11 @@ class Sums:
     @cached_property
     def displacement_gradient(self) -> np.ndarray:
         """(g, 3, 3) [i, j] = ∂u_j/∂x_i."""
-        from .kinematics import quotient_gradient
-
         return quotient_gradient(self.gathered["mass"][:, 0], self.displacement, self.gradient["mass"], self.gradient["displacement"])
 
     @cached_property
     def eshelby(self) -> np.ndarray:
         """(g, 3, 3) W I − P (Grad u)ᵀ over reference positions; NaN where no mass is in reach (always the same points)."""
-        from .kinematics import eshelby, quotient_gradient
-
         rho = self.gathered["reference_mass"][:, 0]
         u = quotient(self.gathered["reference_displacement"], rho)
         H = quotient_gradient(rho, u, self.gradient["reference_mass"], self.gradient["reference_displacement"])
