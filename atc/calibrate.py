@@ -155,42 +155,41 @@ def _direct(costs, frame, bonds, length, u):
         costs.visit[family] = max((seconds(kern, bound, 6, part) - rest) / many, 0.2 * even)
 
 
+# (tolerance, kernel, R, components, every how many-th bond) of spreading: narrow and wide windows, four and eight lanes, in both precisions.
+_SPREADS = (
+    (1e-2, "gaussian", 10.0, 6, 1), (1e-3, "gaussian", 10.0, 3, 1), (1e-4, "gaussian", 8.0, 6, 2), (1e-5, "gaussian", 10.0, 6, 2),
+    (1e-5, "gaussian", 6.0, 4, 2), (1e-2, "quartic", 10.0, 6, 2), (2e-6, "gaussian", 10.0, 6, 2), (1e-6, "gaussian", 10.0, 3, 2),
+    (1e-7, "gaussian", 8.0, 6, 4), (1e-8, "gaussian", 10.0, 6, 4), (1e-8, "gaussian", 10.0, 1, 4), (1e-9, "gaussian", 10.0, 6, 8),
+)  # fmt: skip
+
+
 def _spectral(costs, frame, bonds, length, u):
     from .deposit import make
     from .grids import Grid
     from .kernels import kernel
 
-    rows, times, sizes = [], [], []
-    meshes, finish = [], []
-    for tolerance, radius, k, thin in ((1e-2, 10.0, 6, 1), (1e-3, 10.0, 3, 1), (1e-5, 10.0, 6, 2), (1e-5, 5.0, 6, 2), (1e-8, 10.0, 6, 4)):
-        bound = Grid.regular(shape=32).bind(u, frame.cell)
-        kern = kernel("gaussian", radius)
+    bound = Grid.regular(shape=32).bind(u, frame.cell)
+    spread = {4: ([], []), 8: ([], [])}
+    finish = {4: [], 8: []}
+    for tolerance, name, radius, k, thin in _SPREADS:
         part = slice(None, None, thin)
         b_bk = np.ones((len(bonds), k))[part]
         x_bc, r_bc = frame.positions[bonds.i[part]], bonds.r_bc[part]
         last = {}
 
-        def add(kern=kern, bound=bound, k=k, tolerance=tolerance, x_bc=x_bc, r_bc=r_bc, b_bk=b_bk, last=last):
+        def add(kern=kernel(name, radius), k=k, tolerance=tolerance, x_bc=x_bc, r_bc=r_bc, b_bk=b_bk, last=last):
             last["deposit"] = d = make("spectral", bound, kern, frame.cell, 0, k, tolerance=tolerance)
             d.add_bonds(x_bc, r_bc, b_bk)
 
         seconds = clock(add, 2)
         d = last["deposit"]
-        vectors = 1 if k <= 4 else 2
-        points = len(x_bc) * model.points_each(d, length)
-        rows.append([points, points * d.parameters.width**3 * vectors])
+        rows, times = spread[model.itemsize(d)]
+        rows.append([d.points, d.points * model.window_registers(d, k)])
         times.append(seconds)
-        sizes.append(model.itemsize(d))
-        finish.append(clock(d.bond_sums, 2))
-        meshes.append(float(np.prod(np.asarray(d.mesh, float))) * k)
-    # A point costs the same in either precision, a node of its window does not.
-    single = np.array(sizes) == 4
-    split = np.array([[p, n * (not one), n * one] for (p, n), one in zip(rows, single)])
-    used = np.array([True, (~single).any(), single.any()])
-    found = solve(split[:, used], times)
-    double = found[1] if used[1] else found[-1]
-    costs.spread_point, costs.spread_node, costs.spread_node_single = found[0], double, found[-1] if used[2] else double
-    costs.mesh_node = float(np.median(np.array(finish) / np.array(meshes)))
+        finish[model.transform_itemsize(d)].append(clock(d.bond_sums, 2) / (np.prod(np.asarray(d.mesh, float)) * k))
+    costs.spread_point, costs.spread_register = solve(*spread[8])
+    costs.spread_point_single, costs.spread_register_single = solve(*spread[4])
+    costs.mesh_node, costs.mesh_node_single = float(np.median(finish[8])), float(np.median(finish[4]))
 
 
 def _points(costs, frame, bonds, length, u):

@@ -96,4 +96,4 @@ def _calibrate(json: bool, quiet: bool) -> None:
     elif not quiet:
         print(f"costs of this machine: {path} (delete it to go back to those shipped)")
         print(f"a visit of the quartic's {costs.visit['even'] * 1e9:.1f} ns, a pair {costs.pair * 1e9:.0f} ns, a spread point {costs.spread_point * 1e9:.0f} ns"
-              f" and {costs.spread_node * 1e9:.2f} ns a node of its window")  # fmt: skip
+              f" and {costs.spread_register * 1e9:.2f} ns a register of its window")  # fmt: skip

@@ -6,7 +6,8 @@ The model is linear and small on purpose; every count is of something the progra
 - direct deposit on a lattice: per bond, per row of points that crosses the capsule around it, per point in it and vector of four components.
   Points: the capsule's volume, V + A L (V the kernel's sphere, A its cross-section, L the mean bond length), times points per volume; rows: the
   capsule's mean shadow, A + π/2 R L, over the area that belongs to a row. An atom is a bond of no length;
-- spectral deposit: per point on a bond and node of the window, per node of the mesh and component; see `atc.deposit.fourier`;
+- spectral deposit, single and double precision apart: per point on a bond, per register (32 bytes) of its window on the mesh, per node of the mesh and
+  component; see `atc.deposit.fourier`;
 - scattered points and the error check: per bond that comes near, per visit.
 
 `atc bench --calibrate` measures the constants (`calibrate`) and keeps them in the user's cache folder; without, those shipped are used, taken on one core of an
@@ -43,10 +44,12 @@ class Costs:
     point_bond: float = 3.2e-8
     point_visit: float = 8.2e-8
     filter_bond: float = 2e-9
-    spread_point: float = 4.5e-8
-    spread_node: float = 3.3e-10
-    spread_node_single: float = 3.3e-10
-    mesh_node: float = 1.9e-8
+    spread_point: float = 1e-8
+    spread_register: float = 4.2e-10
+    spread_point_single: float = 3e-8
+    spread_register_single: float = 4.2e-10
+    mesh_node: float = 1.6e-8
+    mesh_node_single: float = 1.3e-8
     gather: float = 2.6e-8
     value: float = 6e-8
     frame: float = 7e-3
@@ -227,32 +230,55 @@ def spectral(costs: Costs, deposit, items: float, length: float, components: int
     """Seconds of a spectral deposit (of which only the parameters are needed) for `items` bonds of mean length `length`."""
     if not components or not items:
         return 0.0
-    points = items * points_each(deposit, length)
-    width = deposit.parameters.width
+    single = itemsize(deposit) == 4
+    point, register = (costs.spread_point_single, costs.spread_register_single) if single else (costs.spread_point, costs.spread_register)
+    node = costs.mesh_node_single if transform_itemsize(deposit) == 4 else costs.mesh_node
+    groups = len(lanes(components))
+    spread = items * points_each(deposit, length) * (point * groups + register * window_registers(deposit, components))
     nodes = float(np.prod(np.asarray(deposit.mesh, float)))
-    groups = [min(8, components - k) for k in range(0, components, 8)]
-    vectors = sum(1 if g <= 4 else 2 for g in groups)
-    node = costs.spread_node_single if itemsize(deposit) == 4 else costs.spread_node
-    spread = points * (costs.spread_point * len(groups) + node * width**3 * vectors)
-    return spread + nodes * costs.mesh_node * components + 3e-8 * len(deposit.grid) * components
+    return spread + nodes * node * components + 3e-8 * len(deposit.grid) * components
+
+
+def lanes(components: int) -> list[int]:
+    """Components of each mesh: up to eight go together, padded to four or eight."""
+    return [4 if components - k <= 4 else 8 for k in range(0, components, 8)]
+
+
+def window_registers(deposit, components: int) -> float:
+    """Registers of 32 bytes that one point is added to: four lanes in single precision take a whole one too."""
+    return float(deposit.parameters.width**3 * sum(max(1, n * itemsize(deposit) // 32) for n in lanes(components)))
 
 
 def itemsize(deposit) -> int:
     """Bytes of a number on the mesh."""
-    return np.dtype(getattr(deposit, "real", np.float64)).itemsize
+    return np.dtype(deposit.real).itemsize
+
+
+def transform_itemsize(deposit) -> int:
+    """Bytes of a real number in the transforms."""
+    return np.dtype(deposit._number).itemsize
+
+
+# Lengths of bonds over their mean, at tenths of the distribution r² dr up to a cutoff.
+_LENGTHS = tuple(4 / 3 * (0.1 + 0.2 * k) ** (1 / 3) for k in range(5))
 
 
 def points_each(deposit, length: float) -> float:
-    """Points that a bond of this length becomes: one for an atom."""
-    return float(deposit.points_of(length)) if length > 0 else 1.0
+    """Points that a bond becomes, where they are `length` long on average: one for an atom."""
+    return sum(deposit.points_of(length * part) for part in _LENGTHS) / len(_LENGTHS) if length > 0 else 1.0
 
 
 def spectral_memory(deposit, components: int, threads: int) -> float:
-    """Bytes of a spectral deposit: the threads' meshes (single precision is summed up in double now and then) and what a transform needs."""
+    """Bytes of a spectral deposit: each thread's meshes (single precision is summed up in double now and then), the modes of one group of components,
+    and planes and transforms in work."""
     nodes = float(np.prod(np.asarray(deposit.mesh, float) + deposit.parameters.width + 1))
-    padded = sum(4 if min(8, components - k) <= 4 else 8 for k in range(0, components, 8))
     each = 8.0 if itemsize(deposit) == 8 else 12.0
-    return nodes * (each * padded * threads + 24.0 * min(threads, components))
+    groups = lanes(components)
+    # As complex numbers, half of the box: kept modes of y and z, all of x; and once more the kept ones.
+    counts, modes = np.asarray(deposit.mesh, float), np.asarray(deposit.modes, float)
+    kept = counts[0] * min(2 * modes[1] + 1, counts[1]) * (modes[2] + 1)
+    complex_ = 2.0 * transform_itemsize(deposit)
+    return nodes * each * sum(groups) * threads + complex_ * kept * (2.0 * min(components, 8) + 2.0 * threads)
 
 
 def check(costs: Costs, bound, kern, items: float, length: float, points: int) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from .contents import follows_cell, grid_moves, moving_coordinates, output_layout, radius_of
 from .described import file_name
 from .errors import AtcError, AtcWarning
-from .estimators.compute import FrameResult, frame_fields, require
+from .estimators.compute import SAFE, FrameResult, frame_fields, require
 from .estimators.methods import DEPOSITS, Method, details, summary
 from .estimators.registry import QUANTITIES
 from .output import Layout, Store, dataset_in_memory, explained, open_dataset
@@ -173,7 +173,7 @@ def _settle(request: Request, store, start: int) -> FrameResult | None:
     result = None
     if not all(m.exact for m in request.methods.values()):
         # Half the tolerance if there are other frames: their errors may be larger.
-        goal = request.tolerance * (0.5 if request.n_frames > 1 else 1.0)
+        goal = request.tolerance * (0.5 if request.n_frames > 1 else SAFE)
         with here(request) as run_tiles:
             result = frame_fields(request.first, request.settings(), 0, goal=goal, run_tiles=run_tiles)
         began, request.methods = request.methods, result.methods

@@ -21,11 +21,13 @@ from numba.extending import intrinsic, lower_builtin, models, register_model
 JIT = dict(cache=True, nogil=True, error_model="numpy")
 # What is only called from compiled code needs no entry from Python, which takes longer to compile than most of these functions.
 # Contracting a·b + c into one rounding is safe everywhere in the deposit: no sum there is compensated.
-JIT_FMA = dict(JIT, fastmath={"contract"}, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+# Always inlined: a function that is called has one copy for itself and one in each caller, which may round differently, and which of them runs depends on
+# whether it was compiled in this process or came from the disk.
+JIT_FMA = dict(JIT, fastmath={"contract"}, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 # Called from Python.
-ENTRY = dict(JIT_FMA, no_cpython_wrapper=False)
-# For what is called once for four points: a call would send vectors through memory.
-INLINE = dict(JIT_FMA, forceinline=True)
+ENTRY = dict(JIT_FMA, forceinline=False, no_cpython_wrapper=False)
+# For what is called once for four points a call would send vectors through memory too.
+INLINE = JIT_FMA
 
 _DOUBLE, _INT64, _INT32 = ir.DoubleType(), ir.IntType(64), ir.IntType(32)
 _VEC4, _IVEC4 = ir.VectorType(_DOUBLE, 4), ir.VectorType(_INT64, 4)

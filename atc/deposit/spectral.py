@@ -177,7 +177,7 @@ class SpectralDeposit(Deposit):
 
     def points_of(self, length: float) -> int:
         """How many points a bond of this length and of mean strength becomes: an estimate, see `_slack`."""
-        longest = fourier.longest_bonds(self.kernel, np.array([4.0 * self._bond_share]), MOST, self.gradients)[0]
+        longest = fourier.longest_bonds(self.kernel, np.array([2.0 * self._bond_share]), MOST, self.gradients)[0]
         enough = np.flatnonzero(longest >= length)
         return int(enough[0]) + 1 if len(enough) else MOST * ceil(length / longest[-1])
 

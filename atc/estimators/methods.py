@@ -31,12 +31,12 @@ class Method:
         return self.name != "spectral"
 
     def tightened(self, error: float, goal: float) -> Method:
-        """The cheapest next rung that can be expected to bring `error` below half of `goal`; itself if there is nothing left to try."""
+        """The cheapest next rung that can be expected to bring `error` well below `goal`; itself if there is nothing left to try."""
         if self.exact:
             return self
         for k, rung in enumerate(self.rungs):
-            # The error follows the tolerance, if not faster.
-            if error * rung <= 0.5 * goal * self.tolerance:
+            # The error follows the tolerance, roughly.
+            if error * rung <= 0.7 * goal * self.tolerance:
                 return replace(self, tolerance=rung, rungs=self.rungs[k + 1 :])
         if self.forced:
             return replace(self, tolerance=self.rungs[-1], rungs=()) if self.rungs else self
