@@ -177,7 +177,9 @@ def _spectral(costs, frame, bonds, length, u):
         x_bc, r_bc = frame.positions[bonds.i[part]], bonds.r_bc[part]
         last = {}
 
-        def add(kern=kernel(name, radius), k=k, tolerance=tolerance, x_bc=x_bc, r_bc=r_bc, b_bk=b_bk, last=last):
+        kern = kernel(name, radius)
+
+        def add(kern=kern, k=k, tolerance=tolerance, x_bc=x_bc, r_bc=r_bc, b_bk=b_bk, last=last):
             last["deposit"] = d = make("spectral", bound, kern, frame.cell, 0, k, tolerance=tolerance)
             d.add_bonds(x_bc, r_bc, b_bk)
 

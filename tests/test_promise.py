@@ -118,7 +118,9 @@ def test_refined_frames_are_the_same_however_they_are_computed(liquid, stressles
         with pytest.raises(Stop):
             quiet(*arguments, out=out, progress=stop_after(stop))
         # costs measured in between must not change how the rest is computed
-        monkeypatch.setattr(Costs, "load", classmethod(lambda cls: dataclasses.replace(cls(), spread_register=1.0, spread_register_single=1.0)))
+        monkeypatch.setattr(
+            Costs, "load", classmethod(lambda cls: dataclasses.replace(cls(), spread_register=1.0, spread_register_single=1.0))
+        )
         same(serial, quiet(*arguments, out=out))
         monkeypatch.undo()
         monkeypatch.setenv("ATC_COSTS", "shipped")

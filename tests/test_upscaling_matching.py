@@ -1,6 +1,6 @@
 """Peridynamic models of crystals: their dispersion against brute-force sums, residuals, stability at every wave length, wave packets."""
 
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from crystals import model as argon
 from atc.errors import AtcError
 from atc.upscaling.crystal import Crystal
 from atc.upscaling.force_constants import force_constants, signed_root
-from atc.upscaling.linear_body import LinearBody, Stencil, discretisation_error, wave_packet
+from atc.upscaling.linear_body import LinearBody, PeridynamicBody, Stencil, discretisation_error, wave_packet
 from atc.upscaling.matching import (
     LeastSquares,
     branch_values,
@@ -288,6 +288,38 @@ def test_wave_packets_travel_with_the_group_velocity(name, polarisation, fractio
     assert abs(p.measured - crystal_group) < 0.03 * sound
     # The wave is dispersive: a classical continuum would have carried it with the speed of sound.
     assert p.measured < 0.85 * sound
+
+
+def test_the_peridynamics_engine_takes_the_kernel():
+    """The fitted kernel as a material of atc.pd: the forces of the stencil to rounding, and a packet at the kernel's group velocity."""
+    model, s = fitted("cubic")[0], nodes("cubic", 4)
+    lattice, body = LinearBody(s, (12, 2, 2)), PeridynamicBody(model, s, (12, 2, 2))
+    lattice.u[:] = body.u[:] = np.random.default_rng(0).normal(size=lattice.u.shape)
+    body.simulation._all_forces(damage=False)
+    forces = lattice.forces()
+    np.testing.assert_allclose(body.simulation.forces(), forces, atol=1e-13 * np.abs(forces).max())
+    assert body.energies().sum() == pytest.approx(lattice.energies().sum(), rel=1e-13)
+    # Gershgorin's bound on the step lies below Verlet's own limit.
+    assert 0.3 < body.simulation.time_step_stable * lattice.omega_max / 2 < 1
+    k = 0.5 * G
+    p = wave_packet(s, k, (1, 0, 0), model=model, waves=8, periods=10, cross=(2, 2), make_body=partial(PeridynamicBody, model))
+    # Eight waves are a band of 1e-2, which the packet's own spreading makes 2 % of; Verlet's energy wobbles by (ω Δt)².
+    assert p.measured == pytest.approx(p.group, rel=2e-2) and p.energy_drift < 1e-2
+
+
+def test_linear_material_refuses_what_it_cannot():
+    from atc import pd
+
+    body = pd.Body(np.indices((3, 3, 3)).reshape(3, -1).T * 1.0, 1.0, 1.0, 1.5)
+    skew = np.array([[1.0, 0.5, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    with pytest.raises(AtcError, match="symmetric tensor"):
+        pd.Simulation(body, pd.Linear(lambda xi: np.broadcast_to(skew, (len(xi), 3, 3))))
+    with pytest.raises(AtcError, match="expected .*3, 3"):
+        pd.Simulation(body, pd.Linear(lambda xi: np.ones(len(xi))))
+    with pytest.raises(AtcError, match="do not break"):
+        pd.Simulation(body, pd.Linear(lambda xi: np.broadcast_to(np.eye(3), (len(xi), 3, 3))), damage=pd.CriticalStretch(0.1))
+    with pytest.raises(AtcError, match="no contact"):
+        pd.Simulation(body, pd.Linear(lambda xi: np.broadcast_to(np.eye(3), (len(xi), 3, 3))), contact=True)
 
 
 def test_finer_nodes_come_to_the_kernel():

@@ -19,7 +19,7 @@ strain=, interfaces=, threads=, lammps_compat=)`
 `snapshot(sim)` : (frame, bonds) for `atc.fields`; `reference_frame(sim)`
 `Prescribed(region, velocity= | displacement=)`, `BodyForce(region, density= | total=)`, `Indenter`, `Wall`, `Contact`, `CriticalStretch(s00, alpha)` / `.from_energy(Gc, material, body)`
 `relax(sim)` adaptive dynamic relaxation, `solve_static(sim)` Newton-Krylov: static states with prescribed displacements and forces.
-Materials: PMB, LPS, Correspondence, Elastic; the table MATERIALS {name: make(bulk, shear)} for tests that loop over all.
+Materials: PMB, LPS, Correspondence, Elastic, and Linear (a micromodulus tensor, e.g. of a crystal); the table MATERIALS {name: make(bulk, shear)} for tests that loop over all.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _LAZY = {
     "Notch": "bonds",
     "Families": "bonds",
     **dict.fromkeys(("Region", "Box", "Cylinder", "Sphere", "Nodes", "Everywhere"), "regions"),
-    **dict.fromkeys(("PMB", "LPS", "Elastic", "Correspondence", "MATERIALS", "INFLUENCE", "BondForces", "Material"), "materials"),
+    **dict.fromkeys(("PMB", "LPS", "Elastic", "Correspondence", "Linear", "MATERIALS", "INFLUENCE", "BondForces", "Material"), "materials"),
     "CriticalStretch": "damage",
     "Contact": "contact",
     "Indenter": "indenter",
