@@ -8,13 +8,13 @@ from .scene_schema import Key, _boolean, _number, _positive, _string, guess
 
 
 def models() -> dict:
-    """{name: class} of the engine's materials."""
+    """{name: class} of the engine's materials that numbers define: a function of the bond has no place in a file."""
     from .pd import materials
     from .pd.materials.base import Material
 
     found = {}
     for value in vars(materials).values():
-        if inspect.isclass(value) and issubclass(value, Material) and value is not Material:
+        if inspect.isclass(value) and issubclass(value, Material) and value is not Material and value.by_numbers:
             found[value.name.lower().replace(" ", "_")] = value
     return found
 

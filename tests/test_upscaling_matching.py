@@ -299,8 +299,8 @@ def test_the_peridynamics_engine_takes_the_kernel():
     forces = lattice.forces()
     np.testing.assert_allclose(body.simulation.forces(), forces, atol=1e-13 * np.abs(forces).max())
     assert body.energies().sum() == pytest.approx(lattice.energies().sum(), rel=1e-13)
-    # Gershgorin's bound on the step lies below Verlet's own limit.
-    assert 0.3 < body.simulation.time_step_stable * lattice.omega_max / 2 < 1
+    # Gershgorin's bound on the step lies below Verlet's own limit (well below, where springs have both signs).
+    assert 0 < body.simulation.time_step_stable * lattice.omega_max / 2 < 1
     k = 0.5 * G
     p = wave_packet(s, k, (1, 0, 0), model=model, waves=8, periods=10, cross=(2, 2), make_body=partial(PeridynamicBody, model))
     # Eight waves are a band of 1e-2, which the packet's own spreading makes 2 % of; Verlet's energy wobbles by (ω Δt)².

@@ -37,6 +37,7 @@ class Material:
     """Base of the materials. `volume_correction`: the share ν of volumes near the horizon. `surface_correction`: None or "energy"."""
 
     name = "material"
+    by_numbers = True  # whether constants alone define it
     volume_correction = True
     surface_correction = None
     influence = "one"

@@ -27,6 +27,7 @@ class Linear(Material):
     """
 
     name = "linear"
+    by_numbers = False
     volume_correction = False
 
     def __init__(self, micromodulus, cutoff: float | None = None, volume_correction: bool = False):
