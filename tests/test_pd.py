@@ -582,3 +582,15 @@ def test_errors_say_what_to_do():
     ):
         with pytest.raises(AtcError, match=words):
             make()
+
+
+def test_a_step_too_long_and_a_horizon_too_short_are_said():
+    from atc.errors import AtcWarning
+
+    X = np.indices((4, 4, 4)).reshape(3, -1).T * 1.0
+    body = pd.Body(X, 1.0, 1.0, 1.5)
+    stable = pd.Simulation(body, pd.PMB(1.0)).time_step_stable
+    with pytest.warns(AtcWarning, match="3 times the step that is surely stable"):
+        pd.Simulation(body, pd.PMB(1.0), dt=3 * stable)
+    with pytest.warns(AtcWarning, match="nothing holds it together"):
+        pd.Simulation(pd.Body(X, 1.0, 1.0, 0.5), pd.PMB(1.0), dt=0.1)

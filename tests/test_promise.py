@@ -238,3 +238,13 @@ def test_the_plan_says_which_method_and_why(liquid):
     assert "sums over bonds: direct (spectral cannot: kernel 'step'" in text
     text = str(plan(frame, pot, KERN, atc.Grid.slab("z", 20), ["stress"], 1e-5, threads=1))
     assert "in closed form" in text
+
+
+def test_churning_of_pairs_is_zero_at_any_tolerance(liquid):
+    """A loose spectral sum must not be refined for the sake of a field that is 0 identically."""
+    frame, pot = liquid
+    ds = quiet(frame, pot, KERN, GRID, ["stress", "heat_flux", "churning"], 1e-3, method="auto")
+    assert not ds.churning.values.any() and not ds.heat_flux_churning.values.any()
+    assert max(ds[q].attrs["error_max"] for q in ("heat_flux", "stress")) <= 1e-3
+    exact = quiet(frame, pot, KERN, GRID, ["heat_flux"], 1e-12)
+    assert worst(ds, exact, "heat_flux") <= 1e-3

@@ -172,6 +172,11 @@ class Potential:
             raise AtcError("the potential has no interactions: give at least one pair_style or bonded style with its coefficients")
 
     @property
+    def pairwise(self) -> bool:
+        """Whether every term is one of pairs, each half to each end: there is no churning then."""
+        return all(t.pairwise for t in self.terms)
+
+    @property
     def cutoff(self) -> float:
         """The largest cutoff (internal length units); 0 if there are only bonded terms."""
         return max(t.cutoff for t in self.terms)

@@ -16,7 +16,7 @@ from .methods import Method, deposits_of
 from .peridynamic import horizon_of, node_volumes, weighted_virials
 from .registry import BOND, GATHER, SITE, Work
 from .sources import AtomFactors, AtomSums, ReferenceBonds, bond_factors, drift_velocity, piola_factor
-from .sums import Sums, kinetic_flux, outer6, quotient, thermal
+from .sums import Sums, full, kinetic_flux, outer6, quotient, thermal
 from .target import NearPoints, Target
 
 
@@ -191,6 +191,11 @@ class _FrameJob:
                 self.decomposition, self.atoms = bond_pass(
                     frame, self.settings, work, self.stage, self.factors, fresh, self.index, self.run_tiles
                 )
+            if getattr(self.settings.pot, "pairwise", False):
+                # Pairs churn nothing: z = S + M is 0 for them identically, not only as far as two approximate sums cancel.
+                for s in fresh:
+                    if {"stress", "sources"} <= s.bond.keys():
+                        s.bond["sources"] = -full(s.bond["stress"]).reshape(-1, 9)
         bonds_done = perf_counter()
         if work.site and (first or "site" in todo):
             for s in fresh:

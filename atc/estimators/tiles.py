@@ -71,6 +71,8 @@ def check(frame, work, pot) -> None:
     which = [q.name for q in work.quantities if {"piola", "moment"} & {*q.bond} or whole & {*q.whole} or q.point]
     if which:
         raise AtcError(f"tiles: {', '.join(which)} cannot be computed in tiles: leave tiles out")
+    if not hasattr(pot, "terms") or not getattr(pot, "central", True):
+        raise AtcError("tiles: only potentials of atoms are cut into tiles, not the bonds of a body: leave tiles out")
     if frame.topology:
         raise AtcError("tiles: a frame with bonded topology is not cut into tiles: leave tiles out")
     depth(pot)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import AtcError
+from ..errors import AtcError, AtcWarning
 from .blocks import Crew, node_rows
 from .conditions import BodyForce, Prescribed
 from .contact import Contact, ContactSearch
@@ -93,6 +94,18 @@ class Simulation:
             raise AtcError(
                 f"the time step must be a positive number, got {dt!r}" if dt is not None
                 else "this body has no bonds that could tell a stable time step: give dt, or a larger horizon"
+            )  # fmt: skip
+        if not len(body.bonds):
+            warnings.warn(
+                "no node of the body has another one within its horizon: nothing holds it together; take a larger horizon",
+                AtcWarning,
+                stacklevel=2,
+            )
+        elif self.dt > self.time_step_stable * (1 + 1e-9):
+            warnings.warn(
+                f"the time step {self.dt:g} is {self.dt / self.time_step_stable:.3g} times the step that is surely stable ({self.time_step_stable:g}): "
+                "the run may blow up; take a smaller dt, or leave it out",
+                AtcWarning, stacklevel=2,
             )  # fmt: skip
         if contact is True:
             contact = Contact()
