@@ -15,6 +15,8 @@ from numba import njit
 from .errors import AtcError
 from .frame import Cell
 
+# Columns of bins around one that are still searched: a cutoff of a thousand times the cell's thickness along two axes.
+_MOST_COLUMNS = 4e6
 # Bins a cutoff along each axis. Fine bins along the third axis are free, since columns are contiguous; measured on argon (36 half bonds/atom).
 _BINS_PER_CUTOFF = (1, 1, 4)
 _ATOMS_PER_CHUNK = 2048
@@ -90,6 +92,12 @@ class CellList:
         # A relative hair wider: rounding in the bin index must not lose a pair at the cutoff.
         reach = np.ceil(rc * (1 + 1e-9) / width).astype(int)
         reach = np.where(self.cell.periodic, reach, np.minimum(reach, self.n_bins - 1))
+        if np.prod(2.0 * reach[:2] + 1.0) > _MOST_COLUMNS or reach[2] > _MOST_COLUMNS:
+            heights = ", ".join(f"{h:.3g}" for h in self.cell.heights)
+            raise AtcError(
+                f"the cell is nearly flat: its faces are {heights} apart (internal lengths) and the cutoff is {rc:.3g}, so that each atom would see "
+                "millions of images of the cell: check the cell vectors, or declare the thin axis open"
+            )
         v = self.cell.vectors * step[:, None]
         e = v[2] / np.linalg.norm(v[2])
         a, b = v[0] - (v[0] @ e) * e, v[1] - (v[1] @ e) * e

@@ -107,6 +107,15 @@ def test_bad_cutoff(cutoff):
 def test_any_cell(seed, cutoff, periodic, n):
     rng = np.random.default_rng(seed)
     v = rng.normal(0, 4, (3, 3))
-    # A nearly flat cell is a good case, but at a long cutoff it has 1e8 pairs: both lists of them once filled the memory.
-    cutoff = min(cutoff, float(np.cbrt(5e4 * abs(np.linalg.det(v)) / (n * n * 4.19))))
+    # A nearly flat cell is a good case, but at a long cutoff it has 1e8 pairs, or the oracle 1e8 images: both once filled the memory.
+    volume = abs(np.linalg.det(v))
+    heights = volume / np.linalg.norm(np.cross(v[[1, 2, 0]], v[[2, 0, 1]]), axis=1)
+    cutoff = min(cutoff, float(np.cbrt(5e4 * volume / (n * n * 4.19))), 20.0 * float(heights.min()))
     check(rng.uniform(-1, 2, (n, 3)) @ v, Cell(v, rng.normal(0, 5, 3), periodic), cutoff)
+
+
+def test_a_cell_without_thickness_is_refused():
+    """Three vectors all but in one plane: 1e7 images within the cutoff are a mistake in the cell, not a crystal."""
+    v = np.array([[4.0, 1.0, 0.0], [-1.0, 5.0, 0.0], [3.3, 4.5, 0.002]])
+    with pytest.raises(AtcError, match="nearly flat"):
+        neighbor_list(np.zeros((1, 3)), Cell(v), 9.7)
