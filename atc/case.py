@@ -17,13 +17,13 @@ from typing import Any
 from .case_schema import ARRAYS, TABLES
 from .errors import AtcError
 from .scene_schema import guess
-from .toml import complaint, key_lines, toml_key, toml_value
+from .toml import Document, complaint, key_lines, read_document, toml_key, toml_value
 
 SECTIONS = [*TABLES, *ARRAYS]
 
 
 @dataclass
-class Case:
+class Case(Document):
     """A checked case.
 
     Attributes
@@ -50,16 +50,7 @@ class Case:
         if isinstance(source, Mapping):
             return cls._build(_copied(source), Path(), "case", {}, overrides)
         path = Path(source)
-        try:
-            text = path.read_text(encoding="utf-8")
-        except FileNotFoundError:
-            raise AtcError(f"{path}: no such case file") from None
-        except IsADirectoryError:
-            raise AtcError(f"{path}: is a directory, expected a case (a TOML file)") from None
-        except UnicodeDecodeError:
-            raise AtcError(f"{path}: is not a text file, expected a case (a TOML file)") from None
-        except OSError as e:
-            raise AtcError(f"{path}: cannot be read: {e.strerror}") from None
+        text = read_document(path, "case")
         try:
             data = tomllib.loads(text)
         except tomllib.TOMLDecodeError as e:
@@ -90,22 +81,9 @@ class Case:
 
     # ---- complaints
 
-    def where(self, *path: str) -> str:
-        """``file:line`` of a key or section, or the flag that set it."""
-        if path in self._flags:
-            return self._flags[path]
-        while path:
-            if path in self._lines:
-                return f"{self.name}:{self._lines[path]}"
-            path = path[:-1]
-        return self.name
-
     def bad(self, path, why) -> AtcError:
         """An error at a key: `path` = (section, key) or (section, number, key)."""
         return AtcError(f"{self.where(*map(str, path))}: [{path[0]}] {path[-1]}: {why}")
-
-    def need(self, section, what) -> AtcError:
-        return AtcError(f"{self.where(section)}: {what}" if section in self.data else f"{self.name}: no [{section}] section: {what}")
 
     def _check(self):
         for name, value in self.data.get("regions", {}).items():

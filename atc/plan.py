@@ -118,6 +118,8 @@ class Request:
             self.grid = self.grid.fixed(where.units, where.cell, where.positions)
         if self.work.bond_users and hasattr(self.pot, "check_topology"):
             self.pot.check_topology(self.first)
+        from .choose import require_known
+
         require_known(self.method)
         # Whole frames to processes if there are enough of them, else threads within a frame.
         if self.workers > 1 and self.n_frames < self.workers:
@@ -245,13 +247,6 @@ def as_frames(traj):
     from .readers.trajectory import Trajectory
 
     return traj if isinstance(traj, Trajectory) else read(traj)
-
-
-def require_known(method: str) -> None:
-    """Raise for a method that does not exist."""
-    from .choose import require_known
-
-    require_known(method)
 
 
 def fingerprint(thing) -> str:
@@ -406,13 +401,6 @@ def plan(*args, **kwargs) -> Plan:
         error=max([1e-13, *(min(0.3 * m.tolerance, 0.5 * request.tolerance) for m in request.methods.values() if not m.exact)]), tolerance=request.tolerance, workers=request.workers,
         threads=threads, quantities=[q.name for q in work.quantities], parts=p.parts, measured=request.costs.machine != "shipped",
     )  # fmt: skip
-
-
-def bonds_per_atom(frame, cutoff: float) -> float:
-    """Half the mean number of neighbours within `cutoff`, counted around some atoms (so that empty space in the box does not mislead)."""
-    from .costs import neighborhood
-
-    return 0.5 * neighborhood(frame, cutoff)[0]
 
 
 def _passes(work: Work, request: Request) -> list[str]:

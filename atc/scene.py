@@ -18,13 +18,13 @@ from typing import Any
 
 from .errors import AtcError
 from .scene_schema import GRIDS, SCHEMA, frame_slice, guess
-from .toml import complaint, key_lines, toml_key, toml_value
+from .toml import Document, complaint, key_lines, read_document, toml_key, toml_value
 
 # --------------------------------------------------------------------------------------------------------------------
 
 
 @dataclass
-class Scene:
+class Scene(Document):
     """What to compute: a checked scene.
 
     Attributes
@@ -61,17 +61,7 @@ class Scene:
         if isinstance(source, Mapping):
             return cls._build({k: dict(v) if isinstance(v, Mapping) else v for k, v in source.items()}, Path(), "scene", {}, overrides)
         path = Path(source)
-        try:
-            text = path.read_text(encoding="utf-8")
-        except FileNotFoundError:
-            raise AtcError(f"{path}: no such scene file") from None
-        except IsADirectoryError:
-            raise AtcError(f"{path}: is a directory, expected a scene (a TOML file)") from None
-        except UnicodeDecodeError:
-            raise AtcError(f"{path}: is not a text file, expected a scene (a TOML file)") from None
-        except OSError as e:
-            raise AtcError(f"{path}: cannot be read: {e.strerror}") from None
-        return cls.loads(text, name=str(path), folder=path.parent, overrides=overrides)
+        return cls.loads(read_document(path, "scene"), name=str(path), folder=path.parent, overrides=overrides)
 
     @classmethod
     def loads(cls, text: str, name: str = "scene", folder: str | os.PathLike = ".", overrides=None) -> Scene:
@@ -105,21 +95,8 @@ class Scene:
 
     # ---- complaints
 
-    def where(self, *path: str) -> str:
-        """``file:line`` of a key or section, or the flag that set it."""
-        if path in self._flags:
-            return self._flags[path]
-        while path:
-            if path in self._lines:
-                return f"{self.name}:{self._lines[path]}"
-            path = path[:-1]
-        return self.name
-
     def _bad(self, section, key, why) -> AtcError:
         return AtcError(f"{self.where(section, key)}: [{section}] {key}: {why}")
-
-    def _need(self, section, what) -> AtcError:
-        return AtcError(f"{self.where(section)}: {what}" if section in self.data else f"{self.name}: no [{section}] section: {what}")
 
     def _check(self):
         for section, table in self.data.items():
@@ -137,7 +114,7 @@ class Scene:
                     reason = f" ({e})" if str(e) and "literal" not in str(e) else ""
                     raise self._bad(section, key, f"expected {spec.expected}, got {_shown(value)}{reason}") from None
         if "file" not in self.data.get("trajectory", {}) and not ("dispersion" in self.data and "trajectory" not in self.data):
-            raise self._need("trajectory", 'it needs file, the trajectory to read, e.g. file = "run.dump"')
+            raise self.need("trajectory", 'it needs file, the trajectory to read, e.g. file = "run.dump"')
         self._check_grid()
         self._check_potential()
         for q in self.get("fields", "quantities", []):
@@ -148,7 +125,7 @@ class Scene:
             if not isinstance(self.get("kernel", "table"), str):  # a table in a file is looked at when it is used
                 self.kernel()
         elif "kernel" in self.data:
-            raise self._need("kernel", f"[kernel] needs name, one of {', '.join(_kernel_names())}")
+            raise self.need("kernel", f"[kernel] needs name, one of {', '.join(_kernel_names())}")
 
     def _check_name(self, section, key, word, known):
         if known and word not in known:
@@ -159,7 +136,7 @@ class Scene:
             return
         given = [k for k in ("lammps", "input") if k in self.data["potential"]]
         if not given:
-            raise self._need(
+            raise self.need(
                 "potential", '[potential] needs lammps = """pair_style ...""" (LAMMPS lines) or input = "in.file" (a LAMMPS input script)'
             )
         if len(given) == 2:
@@ -171,7 +148,7 @@ class Scene:
         table = self.data["grid"]
         kind = table.get("kind")
         if kind is None:
-            raise self._need("grid", f"[grid] needs kind, one of {', '.join(GRIDS)}")
+            raise self.need("grid", f"[grid] needs kind, one of {', '.join(GRIDS)}")
         needs, may = GRIDS[kind]
         allowed = ["kind", *may]
         for need in needs:
@@ -180,7 +157,7 @@ class Scene:
             given = [k for k in options if k in table]
             if not given:
                 examples = " or ".join(f"{k} ({SCHEMA['grid'][k].expected})" for k in options)
-                raise self._need("grid", f"a {kind} grid needs {examples}")
+                raise self.need("grid", f"a {kind} grid needs {examples}")
             if len(given) > 1:
                 raise self._bad("grid", given[1], f"give {' or '.join(options)}, not both")
         for key in table:
@@ -195,18 +172,18 @@ class Scene:
 
         quantities = self.get("fields", "quantities")
         if quantities is None:
-            raise self._need("fields", 'it needs quantities, what to compute, e.g. quantities = ["stress", "density"]')
+            raise self.need("fields", 'it needs quantities, what to compute, e.g. quantities = ["stress", "density"]')
         work = Work.of(quantities)
         if work.bond_users and "potential" not in self.data:
-            raise self._need(
+            raise self.need(
                 "potential", f'{work.bond_users[0]} needs one: lammps = """pair_style ...""" (LAMMPS lines) or input = "in.file"'
             )
         if work.kernel_users and "kernel" not in self.data:
-            raise self._need("kernel", f'{work.kernel_users[0]} needs one, e.g. name = "quartic" and radius = 8.0')
+            raise self.need("kernel", f'{work.kernel_users[0]} needs one, e.g. name = "quartic" and radius = 8.0')
         if work.grid_users and "grid" not in self.data:
-            raise self._need("grid", f'{work.grid_users[0]} needs one, e.g. kind = "regular" and spacing = 2.0')
+            raise self.need("grid", f'{work.grid_users[0]} needs one, e.g. kind = "regular" and spacing = 2.0')
         if work.reference_users and self.get("trajectory", "reference") is None:
-            raise self._need(
+            raise self.need(
                 "trajectory",
                 f"{work.reference_users[0]} needs reference, the index of the reference frame or the file that holds it, e.g. reference = 0",
             )
@@ -346,7 +323,7 @@ class Scene:
         elif self.get("output", "file") is not None:
             path, where = self.path("output", "file"), self.where("output", "file") + ": [output] file"
         else:
-            raise self._need("output", 'say where the result goes: -o OUT, or file = "out.zarr" in [output]')
+            raise self.need("output", 'say where the result goes: -o OUT, or file = "out.zarr" in [output]')
         if path.suffix not in (".zarr", ".nc"):
             raise AtcError(f"{where}: expected a name that ends in .zarr or .nc, got {path.name}")
         folder = path.parent
@@ -366,7 +343,8 @@ class Scene:
         self.require_complete()
         if jobs < 0:
             raise AtcError(f"-j {jobs}: expected a number of processor cores, or 0 for all of them")
-        from .plan import cpus, require_known
+        from .choose import require_known
+        from .plan import cpus
 
         jobs = jobs or cpus()
         method = self.get("fields", "method", "auto")

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
+
+from .errors import AtcError
 
 # --------------------------------------------------------------------------------------------------------------------
 # Where in the text a key stands.
@@ -103,6 +106,42 @@ def _key_length(head: str) -> int:
         elif c == "=":
             return k + 1
     return len(head)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# What scenes and peridynamic cases share.
+
+
+def read_document(path: Path, what: str) -> str:
+    """The text of a TOML file that is to be a `what`, or an AtcError that says why not."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise AtcError(f"{path}: no such {what} file") from None
+    except IsADirectoryError:
+        raise AtcError(f"{path}: is a directory, expected a {what} (a TOML file)") from None
+    except UnicodeDecodeError:
+        raise AtcError(f"{path}: is not a text file, expected a {what} (a TOML file)") from None
+    except OSError as e:
+        raise AtcError(f"{path}: cannot be read: {e.strerror}") from None
+
+
+class Document:
+    """A TOML file that knows where its keys stand: `data`, its `name`, lines by path in `_lines`, and the flags that set keys in `_flags`."""
+
+    def where(self, *path: str) -> str:
+        """``file:line`` of a key or section, or the flag that set it."""
+        if path in self._flags:
+            return self._flags[path]
+        while path:
+            if path in self._lines:
+                return f"{self.name}:{self._lines[path]}"
+            path = path[:-1]
+        return self.name
+
+    def need(self, section: str, what: str) -> AtcError:
+        """An error for what a section lacks."""
+        return AtcError(f"{self.where(section)}: {what}" if section in self.data else f"{self.name}: no [{section}] section: {what}")
 
 
 # --------------------------------------------------------------------------------------------------------------------

@@ -6,8 +6,9 @@ from frames import argon
 from naive_fields import BruteLJ
 
 import atc
+from atc.costs import neighborhood
 from atc.errors import AtcError
-from atc.plan import Request, bonds_per_atom, plan
+from atc.plan import Request, plan
 
 KERN = atc.kernel("quartic", radius=5.5)
 GRID = atc.Grid.regular(shape=(5, 6, 4))
@@ -47,7 +48,7 @@ def test_numbers_of_bonds_and_visits_are_right():
     frame = argon(n=(1, 1, 1)).replace(
         positions=s, cell=atc.Cell([L] * 3), masses=np.full(n**3, 40.0), velocities=np.zeros((n**3, 3)), types=None, ids=None
     )
-    assert bonds_per_atom(frame, 4.1) == 3.0 and bonds_per_atom(frame, 5.7) == 9.0
+    assert 0.5 * neighborhood(frame, 4.1)[0] == 3.0 and 0.5 * neighborhood(frame, 5.7)[0] == 9.0
     pot = BruteLJ(cutoff=5.7)
     grid, kern = atc.Grid.regular(shape=(12, 12, 12)), atc.kernel("quartic", radius=4.0)
     p = plan(frame, pot, kern, grid, ["stress_potential"])
@@ -68,7 +69,7 @@ def test_numbers_of_bonds_and_visits_are_right():
 def test_vacuum_does_not_mislead_the_bond_count():
     dense = argon(n=(3, 3, 3))
     slab = dense.replace(cell=atc.Cell([9.0, 10.0, 110.0], dense.cell.origin, (True, True, True)))
-    assert bonds_per_atom(slab, 4.0) > 3 * (0.5 * 27 / slab.cell.volume * 4.19 * 64)
+    assert 0.5 * neighborhood(slab, 4.0)[0] > 3 * (0.5 * 27 / slab.cell.volume * 4.19 * 64)
 
 
 def test_the_arguments_are_those_of_fields_or_a_request():

@@ -134,7 +134,6 @@ class SpectralDeposit(Deposit):
         self._lattice = separable(grid, self._to_mesh)
         self._reach = np.where(periodic, np.inf, kernel.support * np.linalg.norm(self._to_mesh, axis=0))
         self._view = self._targets()
-        self._extent = None
         self._meshes = {}
         self._check(np.where(periodic, nodes, np.minimum(self._view[1] - self._view[0], 2 * self._reach)) + p.width + 1)
         self._points = [0] * self.threads

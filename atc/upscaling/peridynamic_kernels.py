@@ -246,13 +246,8 @@ class KernelBasis:
         return (np.array(t)[:, None] * hats.T[None, :, :, None, None]).reshape(self.size, len(xi), 3, 3)
 
 
-@dataclass
-class FittedKernel:
-    """A kernel with its coefficients: what `atc.upscaling.matching.fit_kernel` returns."""
-
-    basis: KernelBasis
-    coefficients: np.ndarray
-    label: str = "fitted kernel"
+class _Fitted:
+    """Matrices that are linear in fitted `coefficients` of a `basis`."""
 
     @property
     def crystal(self) -> Crystal:
@@ -267,6 +262,15 @@ class FittedKernel:
 
     def radial_gradient(self, k_kc):
         return np.einsum("m,kmij->kij", self.coefficients, self.basis.matrices(k_kc, gradient=True))
+
+
+@dataclass
+class FittedKernel(_Fitted):
+    """A kernel with its coefficients: what `atc.upscaling.matching.fit_kernel` returns."""
+
+    basis: KernelBasis
+    coefficients: np.ndarray
+    label: str = "fitted kernel"
 
     def onsite_matrix(self):
         return np.einsum("m,mij->ij", self.coefficients, self.basis.onsite())
@@ -339,26 +343,12 @@ class ShellBasis:
 
 
 @dataclass
-class CoarseLattice:
+class CoarseLattice(_Fitted):
     """Nodes on a coarser lattice with fitted force constants; `basis` says which."""
 
     basis: ShellBasis
     coefficients: np.ndarray
     label: str = "coarse lattice"
-
-    @property
-    def crystal(self) -> Crystal:
-        return self.basis.crystal
-
-    @property
-    def horizon(self) -> float:
-        return self.basis.horizon
-
-    def dynamical_matrix(self, k_kc):
-        return np.einsum("m,kmij->kij", self.coefficients, self.basis.matrices(k_kc))
-
-    def radial_gradient(self, k_kc):
-        return np.einsum("m,kmij->kij", self.coefficients, self.basis.matrices(k_kc, gradient=True))
 
     def onsite_matrix(self):
         return None
