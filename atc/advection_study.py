@@ -203,11 +203,11 @@ def picture(study: Study, path: Path) -> Path:
     import matplotlib
     from matplotlib.figure import Figure
 
+    from .drawing import STYLE
     from .output import explained
-    from .plotting import _STYLE
 
     ds = study.dataset
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(STYLE):
         fig = Figure(figsize=(12, 3.8), layout="constrained")
         if study.run is None:
             left, right = fig.subplots(1, 2)

@@ -92,10 +92,11 @@ class Comparison:
 
     def picture(self, path) -> Path:
         """Draw the comparison; returns the path."""
-        from . import plotting
+        from .compare_pictures import compare_figure
+        from .drawing import save
 
         path = Path(path)
-        plotting.save(plotting.compare_figure(self), path)
+        save(compare_figure(self), path)
         return path
 
 
@@ -175,11 +176,12 @@ def compare(ds, *, frame=None) -> Comparison:
     """
     import xarray as xr
 
-    from . import plotting
+    from .drawing import kernel_title
     from .layout import layout
+    from .output import load
 
     name = "output" if isinstance(ds, xr.Dataset) else str(ds)
-    ds = plotting.load(ds)
+    ds = load(ds)
     hardy_name = next((n for n in STRESSES if n in ds), None)
     if hardy_name is None:
         raise AtcError(f"{name}: holds no Hardy stress to compare: compute quantities stress, virial_stress and smoothed_virial_stress")
@@ -190,7 +192,7 @@ def compare(ds, *, frame=None) -> Comparison:
         )
     place = layout(ds, ds[hardy_name])
     entries, when = _entries(ds, frame)
-    title = ", ".join(t for t in (Path(name).name, plotting.kernel_title(ds, str), when) if t)
+    title = ", ".join(t for t in (Path(name).name, kernel_title(ds, str), when) if t)
     out = Comparison([], xr.Dataset(), ds[hardy_name].attrs.get("units", ""), title, place=place)
     for k in ("kernel", "radius", "radius_units", "method", "tolerance", "measured_error"):
         if k in ds.attrs:
@@ -243,7 +245,7 @@ def _means(ds, names, entries, place):
 
 
 def _box_averages(out, ds, boxes, place, single):
-    from .plotting import component
+    from .components import component
     from .statistics import BlockAverage
 
     for suffix in ("", "_potential"):
@@ -296,7 +298,7 @@ def _box_averages(out, ds, boxes, place, single):
 
 
 def _pointwise(out, ds, mean, hardy_name, place, single, scale):
-    from .plotting import component
+    from .components import component
 
     part = hardy_name.removeprefix("stress")
     name = "smoothed_virial_stress" + part
@@ -328,7 +330,7 @@ def _pointwise(out, ds, mean, hardy_name, place, single, scale):
 
 def _profiles(out, hardy, virial, place, scale):
     """Means over the other axes, empty space counted as empty, so that a profile times the area is a force."""
-    from .plotting import component
+    from .components import component
 
     if place.kind not in ("volume", "plane", "line", "slab"):
         return

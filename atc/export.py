@@ -33,7 +33,7 @@ def export(out, target=None, *, quantities=None, frames=None) -> Path:
     ------
     AtcError : for formats that cannot hold the output, fields that are not there
     """
-    from .plotting import load
+    from .output import load
 
     ds = load(out)
     if target is None:
@@ -133,7 +133,7 @@ class _Fields(_Source):
     """Fields on a grid."""
 
     def __init__(self, ds, quantities):
-        from .plotting import fields_of
+        from .layout import fields_of
 
         super().__init__(ds)
         names = [n for n in fields_of(ds) if grid_dims(ds[n])]

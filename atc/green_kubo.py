@@ -186,7 +186,7 @@ class Conductivity:
 
     def picture(self, path) -> Path:
         """Draw the correlation function and its integral; returns the path."""
-        from .plotting import save
+        from .drawing import save
 
         path = Path(path)
         save(self.figure(), path)

@@ -13,6 +13,9 @@ _TEX = {
     "1": "", "sigma/tau": "$\\sigma/\\tau$", "1/sigma^3": "$1/\\sigma^3$",
 }  # fmt: skip
 
+#: How the name of a field's standard error ends.
+STDERR = "_stderr"
+
 
 def unit_text(units: str) -> str:
     """The unit as drawn: Å for angstrom, powers raised."""
@@ -30,6 +33,11 @@ def rank(da) -> int:
 def grid_dims(da) -> list[str]:
     """The dimensions of a variable that are the grid's."""
     return [d for d in da.dims if d not in ("frame", "i", "j")]
+
+
+def fields_of(ds) -> list[str]:
+    """The variables of a dataset that are fields on its grid (standard errors and the like left out)."""
+    return [n for n, da in ds.data_vars.items() if grid_dims(da) and da.dtype.kind == "f" and not n.endswith(STDERR) and placed(ds, da)]
 
 
 class Layout:

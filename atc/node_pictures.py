@@ -27,7 +27,8 @@ def plot_nodes(ds, quantity=None, *, component=None, slice=None, axis=None, fram
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    from . import plotting as p
+    from .components import component as scalar
+    from .drawing import STYLE, at_frame, colours, figure, label_of
 
     names = [n for n, da in ds.data_vars.items() if "node" in da.dims]
     wanted = [q.strip() for q in quantity.split(",")] if quantity else ["damage" if "damage" in names else names[0]]
@@ -39,12 +40,12 @@ def plot_nodes(ds, quantity=None, *, component=None, slice=None, axis=None, fram
     for q in wanted:
         if q not in names:
             raise AtcError(f"{q} is not in this output: it holds {', '.join(names)}")
-        da, when = p._at_frame(ds, q, frame)
+        da, when = at_frame(ds, q, frame)
         order = rank(da)
         comps = [c.strip() for c in component.split(",")] if component and order else [[None], ["magnitude"], ["vonmises"]][order]
         for c in comps:
             values = da.values[which]
-            panels.append((da, c, values if c is None else p.component(values, c)))
+            panels.append((da, c, values if c is None else scalar(values, c)))
     u = ds["displacement"].isel(frame=0 if frame == "mean" else int(frame)).values[which] if "displacement" in ds else 0.0
     x = X[which] + u
     across = [k for k in range(3) if k != view]
@@ -54,16 +55,16 @@ def plot_nodes(ds, quantity=None, *, component=None, slice=None, axis=None, fram
     pad = 0.08 * (hi - lo).max() + spacing
     span = hi - lo + 2 * pad
     width = 5.2 if len(panels) == 1 else 4.0
-    with mpl.rc_context(p._STYLE):
-        fig, axes = p._figure(Figure, len(panels), width, max(1.3, (width - 1.3) * min(span[1] / span[0], 2.5)) + 0.7)
+    with mpl.rc_context(STYLE):
+        fig, axes = figure(Figure, len(panels), width, max(1.3, (width - 1.3) * min(span[1] / span[0], 2.5)) + 0.7)
         for ax, (da, c, values) in zip(axes.flat, panels):
-            cmap, low, high, extend = p._colours(da.name, c, values, limits, robust)
+            cmap, low, high, extend = colours(da.name, c, values, limits, robust)
             if da.name == "damage" and limits is None:
                 cmap, low, high, extend = mpl.colormaps["inferno_r"], 0.0, max(1e-12, float(values.max(initial=0.0))), "neither"
             ax.set(xlim=(lo[0] - pad, hi[0] + pad), ylim=(lo[1] - pad, hi[1] + pad), aspect="equal")
             ax.set_facecolor("0.96")
             art = _squares(ax, x[nearer][:, across], values[nearer], spacing, cmap, low, high)
-            fig.colorbar(art, ax=ax, extend=extend, shrink=0.9, label=p._label(da, c, da.attrs.get("units", "")))
+            fig.colorbar(art, ax=ax, extend=extend, shrink=0.9, label=label_of(da, c, da.attrs.get("units", "")))
             labels = [f"{'xyz'[k]} ({unit_text(unit)})" if unit else "xyz"[k] for k in across]
             ax.set(xlabel=labels[0], ylabel=labels[1])
         for ax in list(axes.flat)[len(panels) :]:

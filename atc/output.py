@@ -385,3 +385,18 @@ def open_dataset(path):
         return ds
     except (OSError, ValueError, KeyError) as e:
         raise AtcError(f"{path}: is not an output of atc ({str(e).splitlines()[0]})") from e
+
+
+def load(path):
+    """Open an output of ``atc fields`` (.zarr or .nc), or pass a Dataset through. `AtcError` for anything else."""
+    import xarray as xr
+
+    if isinstance(path, xr.Dataset):
+        return path
+    path = Path(path)
+    if path.exists() and path.suffix not in (".zarr", ".nc"):
+        raise AtcError(f"{path}: expected an output of atc fields, a name that ends in .zarr or .nc")
+    ds = open_dataset(path)
+    if not ds.data_vars:
+        raise AtcError(f"{path}: holds no fields: not an output of atc fields, or a damaged one")
+    return ds

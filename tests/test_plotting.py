@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from atc import plotting
+from atc import components, plotting
 from atc.errors import AtcError
+from atc.layout import unit_text
 
 xr = pytest.importorskip("xarray")
 
@@ -29,34 +30,34 @@ def test_invariants_against_principal_values():
         "pressure": -p.mean(1),
         "max_shear": (p[:, 0] - p[:, 2]) / 2,
     }.items():
-        np.testing.assert_allclose(plotting.component(s, name), want, atol=1e-10)
+        np.testing.assert_allclose(components.component(s, name), want, atol=1e-10)
     for k in range(3):
-        np.testing.assert_allclose(plotting.component(s, f"principal{k + 1}"), p[:, k], atol=1e-10)
+        np.testing.assert_allclose(components.component(s, f"principal{k + 1}"), p[:, k], atol=1e-10)
 
 
 def test_uniaxial_and_pure_shear():
     uniaxial = np.diag([3.0, 0, 0])
-    assert plotting.component(uniaxial, "vonmises") == pytest.approx(3.0)
-    assert plotting.component(uniaxial, "max_shear") == pytest.approx(1.5)
+    assert components.component(uniaxial, "vonmises") == pytest.approx(3.0)
+    assert components.component(uniaxial, "max_shear") == pytest.approx(1.5)
     shear = np.zeros((3, 3))
     shear[0, 1] = shear[1, 0] = 2.0
-    assert plotting.component(shear, "vonmises") == pytest.approx(2.0 * np.sqrt(3))
-    assert plotting.component(shear, "max_shear") == pytest.approx(2.0)
+    assert components.component(shear, "vonmises") == pytest.approx(2.0 * np.sqrt(3))
+    assert components.component(shear, "max_shear") == pytest.approx(2.0)
 
 
 def test_components_by_name_and_undefined_points():
     s = np.arange(9.0).reshape(3, 3)
-    assert [float(plotting.component(s, n)) for n in ("xx", "xy", "yx", "zz")] == [0, 1, 3, 8]
+    assert [float(components.component(s, n)) for n in ("xx", "xy", "yx", "zz")] == [0, 1, 3, 8]
     v = np.array([[3.0, 0.0, 4.0]])
-    assert plotting.component(v, "magnitude")[0] == 5.0
-    assert plotting.component(v, "z")[0] == 4.0
+    assert components.component(v, "magnitude")[0] == 5.0
+    assert components.component(v, "z")[0] == 4.0
     undefined = np.full((2, 3, 3), np.nan)
     undefined[1] = np.eye(3)
-    for name in plotting.TENSOR_SCALARS:
-        got = plotting.component(undefined, name)
+    for name in components.TENSOR_SCALARS:
+        got = components.component(undefined, name)
         assert np.isnan(got[0]) and np.isfinite(got[1])
     with pytest.raises(AtcError, match="did you mean 'vonmises'"):
-        plotting.component(s, "vonmisses")
+        components.component(s, "vonmisses")
 
 
 # ---- units as text
@@ -74,7 +75,7 @@ def test_components_by_name_and_undefined_points():
     ],
 )
 def test_units(unit, drawn):
-    assert plotting.unit_text(unit) == drawn
+    assert unit_text(unit) == drawn
 
 
 # ---- pictures: what matplotlib is told to draw, for fields that grids of the program carry

@@ -329,7 +329,7 @@ class Dispersion:
 
     def picture(self, path) -> Path:
         """Draw `figure` into a file; returns the path."""
-        from ..plotting import save
+        from ..drawing import save
 
         path = Path(path)
         save(self.figure(), path)
