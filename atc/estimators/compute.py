@@ -190,7 +190,7 @@ class _FrameJob:
                 from .tiles import bond_pass
 
                 self.decomposition, self.atoms = bond_pass(
-                    frame, self.settings, work, self.stage, self.factors, fresh, self.index, self.run_tiles
+                    frame, self.settings, work, self.stage, self.reference, self.factors, fresh, self.index, self.run_tiles
                 )
             if getattr(self.settings.pot, "pairwise", False):
                 # Pairs churn nothing: z = S + M is 0 for them identically, not only as far as two approximate sums cancel.
