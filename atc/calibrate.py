@@ -237,7 +237,7 @@ def _rest(costs, frame, pot, n):
     bound = Grid.regular(shape=24).bind(frame.units, frame.cell)
     R = 6.0
     seconds = clock(lambda: gather(bound, make_kernel("quartic", R), frame.cell, frame.positions, np.ones((n, 4))), 1)
-    costs.gather = seconds / (n * len(bound) * 4 / 3 * pi * R**3 / frame.cell.volume * 4)
+    costs.gather_visit *= seconds / model.gather(costs, bound, make_kernel("quartic", R), n, 0.0, 4)
     # What is neither list nor deposit: the smallest frame, and one with many points.
     tiny, kern = argon(2)[0], kernel("quartic", radius=3.0)
     costs.frame = clock(lambda: fields(tiny, pot, kern, Grid.regular(shape=4), ["stress"], threads=1, tolerance=1e-12))

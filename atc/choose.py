@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .costs import Costs, Load, direct, points_each, spectral, spectral_memory
+from .costs import Costs, Load, direct, gather, points_each, spectral, spectral_memory
 from .errors import AtcError
 from .estimators.methods import EXACT, Method
 
@@ -28,20 +28,24 @@ def require_known(method: str) -> None:
 def sizes(work, atoms: int, load: Load) -> dict[str, tuple[float, float, int]]:
     """For each deposit that a frame needs: how many items, their mean length, how many components."""
     out = {}
-    if work.site:
+    if work.summed_site:
         out["site"] = (float(atoms), 0.0, work.n_site)
     if work.bond:
         out["bond"] = (load.bonds, load.length, work.n_bond)
     if work.reference_bond:
         out["reference_bond"] = (load.bonds, load.length, work.n_reference_bond)
+    if work.gather:
+        out["gather"] = (float(atoms), 0.0, work.n_gather)
+    if work.reference_gather:
+        out["reference_gather"] = (float(atoms), 0.0, work.n_reference_gather)
     return out
 
 
-def spectral_deposit(bound, kern, cell, components: int, tolerance: float, threads: int = 1):
+def spectral_deposit(bound, kern, cell, components: int, tolerance: float, threads: int = 1, gradients: bool = False):
     """A spectral deposit without its meshes, or an AtcError that says why there can be none."""
     from .deposit.spectral import SpectralDeposit
 
-    return SpectralDeposit(bound, kern, cell, components, components, threads, tolerance)
+    return SpectralDeposit(bound, kern, cell, components, components, threads, tolerance, gradients=gradients)
 
 
 def choose(method: str, tolerance: float, costs: Costs, work, bounds: dict, kern, cells: dict, atoms: int, load: Load) -> dict[str, Method]:
@@ -50,20 +54,28 @@ def choose(method: str, tolerance: float, costs: Costs, work, bounds: dict, kern
     Parameters
     ----------
     method : "auto" or what the user forces
-    bounds, cells : the bound grid and the cell of "site", "bond" (the frame's) and "reference_bond" (the reference's)
+    bounds, cells : the bound grid and the cell of "site", "bond", "gather" (the frame's), "reference_bond" and "reference_gather" (the reference's)
     kern : kernel in internal units
     """
     out = {}
     for key, (items, length, components) in sizes(work, atoms, load).items():
         bound, cell = bounds[key], cells[key]
-        out[key] = _one(method, tolerance, costs, bound, kern, cell, items, length, components)
+        gathered = key in ("gather", "reference_gather")
+        slopes = gathered and work.slopes(key)
+        exact = (gather if gathered else direct)(costs, bound, kern, items, length, components)
+        out[key] = _one(method, tolerance, costs, bound, kern, cell, items, length, components, exact, slopes)
     return out
 
 
-def _one(method, tolerance, costs, bound, kern, cell, items, length, components) -> Method:
+def _one(method, tolerance, costs, bound, kern, cell, items, length, components, exact, gradients) -> Method:
+    """exact : seconds of the exact sum; gradients : whether those are wanted too."""
+
+    def deposit_for(t):
+        return spectral_deposit(bound, kern, cell, components, t, gradients=gradients)
+
     if method == "spectral":
-        first = spectral_deposit(bound, kern, cell, components, max(tolerance, 1e-14))
-        rungs = _rungs(tolerance, lambda t: _fits(spectral_deposit(bound, kern, cell, components, t), components))
+        first = deposit_for(max(tolerance, 1e-14))
+        rungs = _rungs(tolerance, lambda t: _fits(deposit_for(t), components))
         return Method("spectral", tolerance, _shape(first, "asked for", length), rungs, forced=True)
     if method != "auto":
         return Method(method, reason="asked for", forced=True)
@@ -73,12 +85,11 @@ def _one(method, tolerance, costs, bound, kern, cell, items, length, components)
         return Method("direct", reason=f"tolerance {tolerance:g} means the exact sum")
     if not items:
         return EXACT
-    exact = direct(costs, bound, kern, items, length, components)
     if exact < CHEAP:
         return Method("direct", reason=f"exact, and cheap here: {exact:.1g} s of CPU")
 
     def cost(t):
-        deposit = spectral_deposit(bound, kern, cell, components, t)
+        deposit = deposit_for(t)
         if not _fits(deposit, components):
             raise AtcError(f"its mesh of {_mesh(deposit)} would take more than {MOST_MEMORY / 1e9:.0f} GB")
         return spectral(costs, deposit, items, length, components), deposit

@@ -8,7 +8,8 @@ The model is linear and small on purpose; every count is of something the progra
   capsule's mean shadow, A + π/2 R L, over the area that belongs to a row. An atom is a bond of no length;
 - spectral deposit, single and double precision apart: per point on a bond, per register (32 bytes) of its window on the mesh, per node of the mesh and
   component; see `atc.deposit.fourier`;
-- scattered points and the error check: per bond that comes near, per visit.
+- scattered points and the error check: per bond that comes near, per visit;
+- gradients by the exact sum: per atom within reach of a point.
 
 `atc bench --calibrate` measures the constants (`calibrate`) and keeps them in the user's cache folder; without, those shipped are used, taken on one core of an
 ordinary x86-64 with AVX2. They are CPU seconds of one thread; threads share the work of deposits and forces.
@@ -50,7 +51,7 @@ class Costs:
     spread_register_single: float = 4.2e-10
     mesh_node: float = 1.6e-8
     mesh_node_single: float = 1.3e-8
-    gather: float = 2.6e-8
+    gather_visit: float = 4.4e-8
     value: float = 6e-8
     frame: float = 7e-3
     written_byte: float = 1.1e-9
@@ -235,8 +236,29 @@ def spectral(costs: Costs, deposit, items: float, length: float, components: int
     node = costs.mesh_node_single if transform_itemsize(deposit) == 4 else costs.mesh_node
     groups = len(lanes(components))
     spread = items * points_each(deposit, length) * (point * groups + register * window_registers(deposit, components))
-    nodes = float(np.prod(np.asarray(deposit.mesh, float)))
-    return spread + nodes * node * components + 3e-8 * len(deposit.grid) * components
+    mesh, points = np.asarray(deposit.mesh, float), len(deposit.grid)
+    nodes = float(mesh.prod())
+    if deposit.gradients:
+        # Three more fields from the same modes: each is those times a wave number, and its values.
+        again = 1.5e-8 * points + 8e-9 * _kept(deposit, mesh)
+        if deposit._lattice is None:
+            again += 0.5 * node * nodes
+        spread += 3.0 * components * again
+    return spread + nodes * node * components + 3e-8 * points * components
+
+
+def _kept(deposit, mesh) -> float:
+    """Modes that are kept."""
+    m = np.asarray(deposit.modes, float)
+    return float(min(2 * m[0] + 1, mesh[0]) * min(2 * m[1] + 1, mesh[1]) * (m[2] + 1))
+
+
+def gather(costs: Costs, bound, kern, items: float, length: float, components: int) -> float:
+    """Seconds of the exact Σ a φ and Σ a ∂φ/∂x of `items` atoms."""
+    if bound.kind == "slab":
+        return costs.slab_bond * items
+    # The bins around a point cost as much as 25 atoms.
+    return costs.gather_visit * (visits(bound, kern, items, 0.0) + 25.0 * len(bound)) * (1.0 + components / 32.0)
 
 
 def lanes(components: int) -> list[int]:

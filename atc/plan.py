@@ -10,7 +10,7 @@ import numpy as np
 
 from .errors import AtcError
 from .estimators.methods import Method, details, summary
-from .estimators.registry import BOND, SITE, Work
+from .estimators.registry import BOND, Work
 
 _TERMS = {
     "one": "1",
@@ -136,14 +136,15 @@ class Request:
         from .choose import choose
 
         bounds, cells = {}, {}
-        for key in ("site", "bond"):
+        for key in ("site", "bond", "gather"):
             if getattr(work, key):
                 bounds[key], cells[key] = self.bound, frame.cell
-        if work.reference_bond and self.reference is not None:
-            at = self.reference
-            bounds["reference_bond"], cells["reference_bond"] = self.grid.bind(at.units, at.cell, at.positions), at.cell
-        elif work.reference_bond:
-            return {}
+        for key in ("reference_bond", "reference_gather"):
+            if getattr(work, key):
+                if self.reference is None:
+                    return {}
+                at = self.reference
+                bounds[key], cells[key] = self.grid.bind(at.units, at.cell, at.positions), at.cell
         from .costs import Load
 
         load = self.load if work.bond or work.reference_bond else Load()
@@ -414,17 +415,14 @@ def _passes(work: Work, request: Request) -> list[str]:
         made += ["energy sources"] * bool(work.source_users) + ["heat current of the box"] * ("box_power" in work.whole)
         cutoff = request.first.units.to_user("length", request.pot.cutoff)
         out.append(f"one pass over the bonds (neighbours within {cutoff:g} {request.first.units.label('length')}): {'; '.join(made)}")
-    if work.site:
-        terms = ", ".join(_TERMS[s] for s in work.site)
-        components = sum(SITE[s].width for s in work.site)
+    if work.summed_site:
+        terms, components = ", ".join(_TERMS[s] for s in work.site), work.n_site
         out.append(f"one pass over the atoms: Σ a φ for a = {terms}: {components} component{'s' * (components != 1)}")
-    for gather, gradient, where in (
-        (work.gather, any(q.gradient for q in work.quantities if not q.on_reference), ""),
-        (work.reference_gather, True, ", over reference positions"),
-    ):
+    for key, gather, where in (("gather", work.gather, ""), ("reference_gather", work.reference_gather, ", over reference positions")):
         if gather:
             terms = ", ".join(_TERMS[s] for s in gather)
-            out.append(f"one pass over the points: Σ a φ{' and Σ a ∂φ/∂x' * gradient} for a = {terms}{where}")
+            over = "points" if key not in request.methods or request.methods[key].exact else "atoms, on the modes of one mesh"
+            out.append(f"one pass over the {over}: Σ a φ{' and Σ a ∂φ/∂x' * work.slopes(key)} for a = {terms}{where}")
     if {"box_kinetic", "atom_kinetic"} & {*work.whole}:
         out.append("m v⊗v of the atoms, without a kernel")
     if request.average is not False:
@@ -449,8 +447,8 @@ def _left_out(work: Work) -> list[tuple[str, str]]:
             out.append(("energy sources of the bonds", "no heat flux or churning was asked for"))
     if "velocities" not in work.attributes:
         out.append(("velocities", "nothing asked depends on them"))
-    if not work.site and work.grid_users:
-        out.append(("sums over atoms", "nothing asked needs them"))
+    if not work.summed_site and work.grid_users:
+        out.append(("sums over atoms", "nothing asked needs them" if not work.site else "those with gradients have the same"))
     if work.kernel_users and not work.gradient_users:
         out.append(("gradient of the kernel", "no gradient was asked for"))
     if not work.grid_users:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi
 
 from . import costs as model
 from .choose import sizes, spectral_deposit
 from .estimators.accuracy import checking_kernel
 from .estimators.methods import EXACT
-from .estimators.registry import GATHER
 
 #: Bytes of a process that has done nothing yet: the interpreter, numpy, numba, scipy.
 PROCESS = 3.0e8
@@ -54,26 +52,27 @@ def predict(request) -> Prediction:
         kern, bound = request.kernel_internal, request.bound
         checked = checking_kernel(kern, request.methods)
         for key, (items, length, components) in sizes(work, n, load).items():
-            method = request.methods.get(key, EXACT)
+            method, slopes = request.methods.get(key, EXACT), False
             what = "deposit of atoms" if key == "site" else "deposit of bonds"
-            if method.exact:
+            if key in ("gather", "reference_gather"):
+                what, slopes = "gradients", work.slopes(key)
+                memory += 8.0 * points * components * (1 + 3 * slopes)
+            if method.exact and what == "gradients":
+                seconds = model.gather(costs, bound, kern, items, length, components)
+            elif method.exact:
                 many = 0.0 if bound.kind == "slab" else model.visits(bound, kern, items, length)
                 seconds = model.direct(costs, bound, kern, items, length, components)
                 passing.append(8.0 * points * (4 * -(-components // 4)) * (threads + 1))
                 visits += many if key != "site" else 0.0
             else:
-                deposit = spectral_deposit(bound, kern, bound.cell, components, method.tolerance)
+                deposit = spectral_deposit(bound, kern, bound.cell, components, method.tolerance, gradients=slopes)
                 seconds = model.spectral(costs, deposit, items, length, components)
                 passing.append(model.spectral_memory(deposit, components, threads))
             parts[what] = parts.get(what, 0.0) + seconds
             parts["error check"] = parts.get("error check", 0.0) + model.check(costs, bound, checked, items, length, min(points, 100))
-        gathered = sum(GATHER[name].width for name in work.gather + work.reference_gather)
-        sphere = 4 / 3 * pi * kern.support**3 / bound.cell.volume
-        if gathered:
-            parts["gradients"] = costs.gather * n * points * sphere * gathered
         components = sum(3**q.rank for q in work.quantities if q.kind == "grid")
         parts["fields"] = costs.value * points * (components + work.n_site + work.n_bond + work.n_reference_bond)
-        memory += 8.0 * points * (4 * gathered + work.n_site + work.n_bond + work.n_reference_bond)
+        memory += 8.0 * points * (work.n_site + work.n_bond + work.n_reference_bond)
     memory += max(passing)
     parts["the rest"] = costs.frame
     serial = parts["reading"] + costs.frame + parts.get("fields", 0.0) + costs.list_atom * n * bool(work.bond_users)

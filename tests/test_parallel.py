@@ -14,7 +14,7 @@ from test_run import same
 import atc
 import atc.parallel
 from atc.calibrate import argon, silicon
-from atc.estimators.tiles import _owned, cut, depth
+from atc.estimators.cutting import Cut, owned
 from atc.frame import Cell
 
 KERN = atc.kernel("quartic", radius=6.0)
@@ -168,13 +168,7 @@ def test_every_bond_belongs_to_one_tile():
     frame, pot = silicon(3)
     want = pot.decompose(frame).n_bonds
     count = 0
-    for tile in cut(frame, (2, 3, 2), depth(pot)):
+    for tile in Cut(frame, (2, 3, 2), pot).tiles():
         bonds = pot.decompose(tile.frame).bonds
-        count += len(_owned(bonds.i, bonds.j, tile.index_p, tile.own_p, tile.image_pc))
+        count += len(owned(bonds.i, bonds.j, tile.index_p, tile.own_p, tile.image_pc))
     assert count == want
-
-
-def test_what_tiles_cannot_do():
-    frame, pot = argon(3)
-    with pytest.raises(atc.AtcError, match="piola_stress cannot be computed in tiles"):
-        atc.fields(frame, pot, KERN, GRID, ["piola_stress"], reference=frame, tiles=(2, 1, 1))

@@ -108,7 +108,7 @@ def test_lists_are_breadth_first():
     for n, m in ((5, 4), (30, 40), (60, 70), (3, 3)):
         bonds = rng.integers(0, n, (m, 2))
         bonds = bonds[bonds[:, 0] != bonds[:, 1]]
-        start, other, apart, _ = SpecialBonds()._lists(Topology(bonds=bonds), n)
+        start, other, apart, _ = SpecialBonds().lists(Topology(bonds=bonds), n)
         level = np.zeros((n, n), int)
         for i in range(n):
             row = other[start[i] : start[i + 1]]

@@ -92,6 +92,10 @@ class Term:
         """One line for the output's `decomposition` attribute."""
         raise NotImplementedError
 
+    def leaves(self, frame: Frame) -> list[Term]:
+        """The terms that this one stands for on a frame, itself unless it does nothing of its own."""
+        return [self]
+
     def share(self, partition) -> None:
         """From now on share the energy like this. Raises AtcError for a partition that the term does not know."""
         raise AtcError(f"partition: {self.describe().split(',')[0]} shares its energy in one way only: leave it out")
@@ -122,6 +126,9 @@ class Wrapper(Term):
 
     def describe(self) -> str:
         return self.term.describe()
+
+    def leaves(self, frame: Frame) -> list[Term]:
+        return self.term.leaves(frame)
 
     def partitioned(self, partition, word: bool = False) -> Term:
         new = copy(self)

@@ -159,6 +159,9 @@ class HybridTerm(Term):
         new.terms = [t.partitioned(partition, word) for t in self.terms]
         return new
 
+    def leaves(self, frame: Frame) -> list[Term]:
+        return [leaf for t in self.terms for leaf in t.leaves(frame)]
+
     def prepare(self, frame: Frame) -> Work:
         return _HybridWork([t.prepare(frame) for t in self.terms])
 

@@ -370,13 +370,20 @@ class _Unweighted(Wrapper):
     def __init__(self, term: Term, special: SpecialBonds):
         self.term, self.special, self.cutoff = term, special, term.cutoff
 
+    def leaves(self, frame):
+        self._refuse(frame)
+        return self.term.leaves(frame)
+
     def prepare(self, frame):
+        self._refuse(frame)
+        return self.term.prepare(frame)
+
+    def _refuse(self, frame):
         top = frame.topology
         if top is not None and len(top.bonds) and not self.special.trivial:
             raise AtcError(
                 f"{frame.source} has bonds, but special_bonds weights are not supported with a many-body pair style: add 'special_bonds lj/coul 1 1 1' if that is what holds"
             )
-        return self.term.prepare(frame)
 
 
 class _Growing(Wrapper):
@@ -403,13 +410,19 @@ class _Growing(Wrapper):
         return new
 
     def prepare(self, frame):
+        return self._of(frame).prepare(frame)
+
+    def leaves(self, frame):
+        return self._of(frame).leaves(frame)
+
+    def _of(self, frame):
         types = getattr(frame.topology, f"{self.style.kind}_types", ()) if frame.topology is not None else ()
         top = int(np.max(types)) if len(types) else 0
         if top <= self.n_types:
-            return self.term.prepare(frame)
+            return self.term
         if top not in self._grown:
             self._grown[top] = self._build(top)
-        return self._grown[top].prepare(frame)
+        return self._grown[top]
 
 
 def _bonded_terms(model: _Model, style: _Style) -> list[Term]:

@@ -79,22 +79,25 @@ class SpecialBonds:
     def prepare(self, frame, keep_excluded: bool = False) -> _Weights | None:
         """The weights for a frame; None if it has no bonds or nothing is weighted. `keep_excluded`: pairs of weight 0 stay in the list."""
         top = frame.topology
+        ready = getattr(top, "special", None)  # those of a tile, see estimators.cutting
+        if ready is not None:
+            return _Weights(self, ready.cell, ready.start, ready.other, ready.apart, ready.hints, keep_excluded)
         if top is None or not len(top.bonds) or self.trivial:
             return None
         last = self._last
         if last is None or last[0] is not top or last[1] != len(frame):
-            self._last = last = (top, len(frame), *self._lists(top, len(frame)))
+            self._last = last = (top, len(frame), *self.lists(top, len(frame)))
         return _Weights(self, frame.cell, *last[2:], keep_excluded)
 
-    def _lists(self, top, n):
-        """For every atom its special neighbours (CSR: start, neighbour), how many bonds apart they are (1, 2, 3), and `_hints`."""
+    def lists(self, top, n):
+        """For every atom its special neighbours (CSR: start, neighbour), how many bonds apart they are (1, 2, 3), and `special_hints`."""
         bonds = np.unique(np.sort(np.asarray(top.bonds, np.int64), axis=1), axis=0)
         start, other = _neighbours(bonds, n)
         a, d = np.asarray(top.angles, np.int64), np.asarray(top.dihedrals, np.int64)
         joined13 = np.concatenate([_keys(a[:, [0, 2]], n), _keys(d[:, [0, 2]], n), _keys(d[:, [1, 3]], n)])
         joined14 = _keys(d[:, [0, 3]], n)
         start, other, apart = _special(n, start, other, self.angle, np.unique(joined13), self.dihedral, np.unique(joined14))
-        return start, other, apart, _hints(start, other)
+        return start, other, apart, special_hints(start, other)
 
 
 class _Weights:
@@ -211,7 +214,7 @@ def _room(out, apart, m):
 
 
 @njit(cache=True, error_model="numpy")
-def _hints(start, other):
+def special_hints(start, other):
     """For every atom a word with the bits (neighbour mod 64) of its special neighbours set: most pairs are seen not to be special from it."""
     bits = np.zeros(len(start) - 1, np.uint64)
     for i in range(len(bits)):

@@ -95,19 +95,46 @@ def _coefficients(kernel):
 
 def _bins(cell, x, support):
     """Positions wrapped and sorted by bin (about half a support wide); their order, the first of each bin, and the geometry of the bins."""
+    x = np.ascontiguousarray(x, dtype=np.float64)
     s = x @ cell.inverse
-    images = np.where(cell.periodic, np.floor(s), 0.0)
-    x, s = x - images @ cell.vectors, s - images
     low = np.where(cell.periodic, 0.0, s.min(0))
     span = np.where(cell.periodic, 1.0, np.maximum(s.max(0) - low, 1e-9))
     edge = max(0.5 * support, (cell.volume * span.prod() / len(x)) ** (1.0 / 3.0))
     bins = np.clip((span * cell.heights / edge).astype(np.int64), 1, 512)
     scale = bins / span
-    at = np.clip(((s - low) * scale).astype(np.int64), 0, bins - 1)
-    flat = (at[:, 0] * bins[1] + at[:, 1]) * bins[2] + at[:, 2]
-    order = np.argsort(flat, kind="stable")
-    start = np.searchsorted(flat[order], np.arange(bins.prod() + 1)).astype(np.int64)
-    return np.ascontiguousarray(x[order]), order, start, bins, low, scale
+    x_nc, order, start = _sorted(x, s, np.array(cell.periodic), cell.vectors, bins, low, scale)
+    return x_nc, order, start, bins, low, scale
+
+
+@nb.njit(**JIT)
+def _sorted(x, s, periodic, vectors, bins, low, scale):
+    """Positions wrapped and sorted by bin, their order, and the first of each bin; s fractional."""
+    n = len(x)
+    wrapped = np.empty((n, 3))
+    flat = np.empty(n, np.int64)
+    start = np.zeros(bins[0] * bins[1] * bins[2] + 1, np.int64)
+    for j in range(n):
+        at = 0
+        wrapped[j, 0], wrapped[j, 1], wrapped[j, 2] = x[j, 0], x[j, 1], x[j, 2]
+        for a in range(3):
+            image = floor(s[j, a]) if periodic[a] else 0.0
+            for c in range(3):
+                wrapped[j, c] -= image * vectors[a, c]
+            k = int((s[j, a] - image - low[a]) * scale[a])
+            at = at * bins[a] + min(max(k, 0), bins[a] - 1)
+        flat[j] = at
+        start[at + 1] += 1
+    for b in range(len(start) - 1):
+        start[b + 1] += start[b]
+    put = start[:-1].copy()
+    order = np.empty(n, np.int64)
+    out = np.empty((n, 3))
+    for j in range(n):
+        p = put[flat[j]]
+        put[flat[j]] = p + 1
+        order[p] = j
+        out[p, 0], out[p, 1], out[p, 2] = wrapped[j, 0], wrapped[j, 1], wrapped[j, 2]
+    return out, order, start
 
 
 @nb.njit(**JIT)

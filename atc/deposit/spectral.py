@@ -401,6 +401,11 @@ class SpectralDeposit(Deposit):
         """(g, n_site, 3) the gradients of `site_sums`, direction last; keep the tolerance if the deposit was made with ``gradients=True``."""
         return self._sums("site", self.n_site, (0, 1, 2))
 
+    def site_sums_and_gradients(self) -> tuple[np.ndarray, np.ndarray]:
+        """`site_sums` and `site_gradients` from one transform."""
+        out = self._sums("site", self.n_site, (None, 0, 1, 2))
+        return np.ascontiguousarray(out[:, :, 0]), out[:, :, 1:]
+
     def bond_gradients(self) -> np.ndarray:
         """(g, n_bond, 3) the gradients of `bond_sums`, direction last."""
         return self._sums("bond", self.n_bond, (0, 1, 2))

@@ -129,7 +129,7 @@ class SlabTarget:
     def place(self, x_nc):
         return x_nc
 
-    def gather(self, x_nc, a_nk, w_n, gradient):
+    def gather(self, x_nc, a_nk, w_n, gradient, key="gather"):
         """Σ a φ₁/A and its derivative along the normal."""
         from ..deposit.gradient import marginal_slope
 

@@ -12,7 +12,7 @@ from ..errors import AtcError
 from ..units import require_compatible
 from .accuracy import Check, checking_kernel, kernel_internal
 from .kinematics import Displacement
-from .methods import Method, deposits_of
+from .methods import DEPOSITS, NAMES, Method, deposits_of
 from .peridynamic import horizon_of, node_volumes, weighted_virials
 from .registry import BOND, GATHER, SITE, Work
 from .sources import AtomFactors, AtomSums, ReferenceBonds, bond_factors, drift_velocity, piola_factor
@@ -126,7 +126,7 @@ def frame_fields(frame, settings: Settings, index: int = 0, goal: float | None =
     start = perf_counter()
     job = _FrameJob(frame, settings, work, index, run_tiles)
     methods, refined = dict(settings.methods), []
-    todo = {"site", "bond", "reference_bond"}
+    todo = set(DEPOSITS)
     while True:
         job.compute(methods, todo)
         result = job.result()
@@ -135,7 +135,7 @@ def frame_fields(frame, settings: Settings, index: int = 0, goal: float | None =
             break
         for key, (method, why) in tighter.items():
             methods[key] = method
-            refined.append(f"{why}: {_WORDS[key]} {method}")
+            refined.append(f"{why}: {NAMES[key]} {method}")
         todo = set(tighter)
     result.methods, result.refined = methods, refined
     result.seconds["total"] = perf_counter() - start
@@ -145,9 +145,10 @@ def frame_fields(frame, settings: Settings, index: int = 0, goal: float | None =
 #: What of the tolerance may be found at the points of the check: the largest error of a hundred points is up to this much of that of a million
 #: (for normally distributed errors of six components 3.6 against 5.3 standard deviations).
 SAFE = 0.65
-_WORDS = {"site": "sums over atoms", "bond": "sums over bonds", "reference_bond": "sums over reference bonds"}
 # Where the density is below this fraction of its largest value, quotients by it need the exact sums.
 _THIN = 0.02
+# The sums that fields are quotients of: deposit, and where its density is.
+_QUOTIENTS = (("site", "site", "mass"), ("gather", "gathered", "mass"), ("reference_gather", "gathered", "reference_mass"))
 
 
 class _FrameJob:
@@ -189,7 +190,7 @@ class _FrameJob:
                 from .tiles import bond_pass
 
                 self.decomposition, self.atoms = bond_pass(
-                    frame, self.settings, work, self.stage, self.factors, fresh, self.index, self.run_tiles
+                    frame, self.settings, work, self.stage, self.reference, self.factors, fresh, self.index, self.run_tiles
                 )
             if getattr(self.settings.pot, "pairwise", False):
                 # Pairs churn nothing: z = S + M is 0 for them identically, not only as far as two approximate sums cancel.
@@ -197,13 +198,19 @@ class _FrameJob:
                     if {"stress", "sources"} <= s.bond.keys():
                         s.bond["sources"] = -full(s.bond["stress"]).reshape(-1, 9)
         bonds_done = perf_counter()
-        if work.site and (first or "site" in todo):
+        if work.summed_site and (first or "site" in todo):
             for s in fresh:
                 s.thermal_shifted = s.kinetic_flux_shifted = None
             _site_pass(frame, work, self.stage, self.factors, fresh)
-        if first and work.gather:
+        if work.gather and (first or "gather" in todo):
             _gather_pass(frame, self.settings, work, self.stage, self.factors, fresh)
-        if first and work.reference_gather:
+            if work.site and not work.summed_site:
+                fresh[0].site.update({name: fresh[0].gathered[name] for name in work.site})
+                # The check keeps to a path of its own.
+                fresh[1].site.update(
+                    _columns(work.site, SITE, self.stage.check.target.sites(frame.positions, self.factors.columns(work.site)))
+                )
+        if work.reference_gather and (first or "reference_gather" in todo):
             _reference_gather_pass(frame, self.settings, work, self.reference, self.factors, fresh)
         for name in work.whole:
             fresh[0].whole[name] = _whole(name, self.factors, self.decomposition, self.atoms, frame)
@@ -238,27 +245,28 @@ class _FrameJob:
 
     def _clear_thin(self, main) -> None:
         """What an approximate sum leaves where there is no mass is no mass."""
-        method = self.stage.main.methods.get("site") if self.stage is not None else None
-        if method is not None and not method.exact and "mass" in main.site:
-            rho = main.site["mass"]
-            rho[rho < 4 * method.tolerance * rho.max(initial=0.0)] = 0.0
+        methods = (self.stage or self.reference).main.methods if self.stage or self.reference else {}
+        for key, of, name in _QUOTIENTS:
+            method, rho = methods.get(key), getattr(main, of).get(name)
+            if method is not None and not method.exact and rho is not None:
+                rho[rho < 4 * method.tolerance * rho.max(initial=0.0)] = 0.0
 
     def tightened(self, methods, result, goal) -> dict:
         """{deposit: (its next method, why)} for every approximate deposit that a field with too large an error is made of."""
         loose = {key for key, m in methods.items() if not m.exact}
         out = {}
-        if "site" in loose and self.work.masked and not methods["site"].forced:
-            rho = self.sums[0].rho
-            if rho.min(initial=np.inf) < _THIN * rho.max(initial=0.0):
+        for key, of, name in _QUOTIENTS:
+            rho = getattr(self.sums[0], of).get(name) if key in loose and not methods[key].forced else None
+            if rho is not None and (key != "site" or self.work.masked) and rho.min(initial=np.inf) < _THIN * rho.max(initial=0.0):
                 why = "nearly empty space, where fields are quotients of small sums"
-                out["site"] = methods["site"].exactly(why), why
+                out[key] = methods[key].exactly(why), why
         if not loose or not self.settings.check_points:
             return out
         for q in self.work.quantities:
             error = result.errors.get(q.name, {}).get("error_max", 0.0)
             if error <= goal:
                 continue
-            for key in loose & set(deposits_of(q)):
+            for key in loose & set(deposits_of(q, self.work)):
                 method = methods[key].tightened(error, goal)
                 if method != methods[key] and (key not in out or method.exact or not 0 < out[key][0].tolerance <= method.tolerance):
                     if key not in out or not out[key][0].exact:
@@ -380,7 +388,7 @@ def _reference_gather_pass(frame, settings, work, stage, factors, sums):
     energy_n1 = (factors.energies_n - settings.reference_energies())[:, None]
     names = ["reference_mass", "reference_displacement", "reference_energy"]
     for target, s in zip(stage.targets, sums):
-        values, gradients = displacement.gather(target, settings.reference.positions, frame.masses, energy_n1, True)
+        values, gradients = displacement.gather(target, settings.reference.positions, frame.masses, energy_n1, True, "reference_gather")
         s.gathered.update(_columns(names, GATHER, values))
         s.gradient.update(_columns(names, GATHER, gradients))
 

@@ -37,8 +37,11 @@ class Displacement:
             inverse = np.linalg.inv(F)
             self.map, self.periodic_nc = np.eye(3) - inverse, u_nc @ inverse
         self.affine = bool(self.map.any())
+        # A displacement of all together has no gradient, however its sums are taken.
+        m_n = frame.masses
+        self.mean = m_n @ self.periodic_nc / m_n.sum() if m_n.sum() > 0 else np.zeros(3)
 
-    def gather(self, target, x_nc, m_n, extra_nk, gradient):
+    def gather(self, target, x_nc, m_n, extra_nk, gradient, key="gather"):
         """Sums at the points of a target.
 
         Parameters
@@ -48,6 +51,7 @@ class Displacement:
         m_n : masses
         extra_nk : (n, k) more factors
         gradient : whether the sums with the kernel's gradient are wanted
+        key : the deposit they are, see `methods`
 
         Returns
         -------
@@ -58,8 +62,11 @@ class Displacement:
             raise AtcError(
                 "displacement: the cell has deformed since the reference, so that it has no average over a slab: use a line or a regular grid"
             )
-        a_nk = np.concatenate([m_n[:, None], m_n[:, None] * self.periodic_nc, extra_nk], axis=1)
-        values, gradients = target.gather(x_nc, a_nk, m_n if self.affine else None, gradient)
+        a_nk = np.concatenate([m_n[:, None], m_n[:, None] * (self.periodic_nc - self.mean), extra_nk], axis=1)
+        values, gradients = target.gather(x_nc, a_nk, m_n if self.affine else None, gradient, key)
+        values[:, 1:4] += values[:, :1] * self.mean
+        if gradient:
+            gradients[:, 1:4] += gradients[:, :1] * self.mean[:, None]
         if self.affine:
             k = a_nk.shape[1]
             at_gc = target.points_gc - self.origin

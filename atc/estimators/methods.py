@@ -4,9 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-#: The deposits a frame may need: Σ a φ over atoms, Σ b β over bonds, and Σ b β between reference positions.
-DEPOSITS = ("site", "bond", "reference_bond")
-_NAMES = {"site": "sums over atoms", "bond": "sums over bonds", "reference_bond": "sums over bonds of the reference frame"}
+#: The deposits a frame may need: Σ a φ over atoms, Σ b β over bonds, Σ b β between reference positions, and Σ a φ with Σ a ∂φ/∂x over atoms, where they
+#: are now and where they were in the reference frame.
+DEPOSITS = ("site", "bond", "reference_bond", "gather", "reference_gather")
+NAMES = {
+    "site": "sums over atoms",
+    "bond": "sums over bonds",
+    "reference_bond": "sums over bonds of the reference frame",
+    "gather": "sums over atoms for gradients",
+    "reference_gather": "sums over atoms of the reference frame for gradients",
+}
 
 
 @dataclass(frozen=True)
@@ -65,14 +72,15 @@ def summary(methods: dict[str, Method]) -> str:
     names = list(dict.fromkeys(m.name for m in methods.values()))
     if len(names) <= 1:
         return names[0] if names else "direct"
-    return "; ".join(f"{_NAMES[key]}: {m.name}" for key, m in methods.items())
+    return "; ".join(f"{NAMES[key]}: {m.name}" for key, m in methods.items())
 
 
 def details(methods: dict[str, Method]) -> str:
-    return "; ".join(f"{_NAMES[key]}: {m} ({m.reason})" for key, m in methods.items())
+    return "; ".join(f"{NAMES[key]}: {m} ({m.reason})" for key, m in methods.items())
 
 
-def deposits_of(quantity) -> tuple[str, ...]:
-    """The deposits that a quantity is made of."""
-    bond = "reference_bond" if quantity.on_reference else "bond"
-    return (*(("site",) if quantity.site else ()), *((bond,) if quantity.bond else ()))
+def deposits_of(quantity, work) -> tuple[str, ...]:
+    """The deposits that a quantity of some work is made of."""
+    prefix = "reference_" if quantity.on_reference else ""
+    of = (("site" if work.summed_site else "gather", quantity.site), (prefix + "bond", quantity.bond), (prefix + "gather", quantity.gather))
+    return tuple(dict.fromkeys(key for key, sums in of if sums))

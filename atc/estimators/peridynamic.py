@@ -134,23 +134,20 @@ def node_volumes(frame) -> np.ndarray:
 def weighted_virials(frame, settings, work, stage, reference):
     """The weighted virials of one frame at the points of both targets (the grid, and the points of the error check)."""
     horizon = horizon_of(settings, frame.units, work.horizon_users)
-    return WeightedVirials(frame, settings, work, stage, reference, horizon)
+    cells = frame.cell, settings.reference.cell if settings.reference is not None else None
+    return WeightedVirials(cells, settings.pot, settings.threads, work, stage, reference, horizon)
 
 
 class WeightedVirials:
     """Collects bonds for current and reference positions; `sums(k)` has the columns of target k."""
 
-    def __init__(self, frame, settings, work, stage, reference, horizon):
+    def __init__(self, cells, pot, threads, work, stage, reference, horizon):
         self.names = [list(work.point), list(work.reference_point)]
-        places = [(stage, frame), (reference, settings.reference)]
         self.columns = [[], []]
-        for side, (here, at) in enumerate(places):
+        for side, (here, cell) in enumerate(zip((stage, reference), cells)):
             if self.names[side]:
                 kinds = [name.removeprefix("reference_") for name in self.names[side]]
-                self.columns[side] = [
-                    WeightedVirial(t.bound.relative_points_gc, at.cell, kinds, horizon, settings.pot, settings.threads)
-                    for t in here.targets
-                ]
+                self.columns[side] = [WeightedVirial(t.bound.relative_points_gc, cell, kinds, horizon, pot, threads) for t in here.targets]
 
     def add(self, x_nc, bonds, X_bc, R_bc, thread):
         F_bc = bonds.forces()

@@ -76,6 +76,9 @@ GATHER = {
     "reference_energy": Source(1, bonds=True, energies=True, reference=True, on_reference=True),
 }
 
+# Factors of the same name in both.
+_ALIKE = {"mass", "momentum"}
+
 # Sums without any kernel: over the whole frame, or per atom.
 WHOLE = {
     "box_kinetic": Source(6, ("masses", "velocities")),
@@ -154,9 +157,23 @@ def _flux(long_name, form, **more):
     return {"dimension": "energy_flux", "rank": 1, "sign": _FLUX_SIGN, "long_name": long_name, "form": form, **more}
 
 
-def _kinematic(dimension, long_name, form, rank, sign=_GRADIENT_SIGN, gradient=True, comment=""):
+def _kinematic(dimension, long_name, form, rank, sign=_GRADIENT_SIGN, gradient=True, comment="", scale=lambda s: 0.0):
     return {"dimension": dimension, "rank": rank, "masked": True, "weight": "mass", "gradient": gradient, "long_name": long_name, "form": form,
-            "sign": sign, "comment": comment}  # fmt: skip
+            "sign": sign, "comment": comment, "scale": scale}  # fmt: skip
+
+
+def _slope(s, mean_gc) -> float:
+    """What the gradient of a mean is the difference of: ∂ρ times the mean, over ρ."""
+    rho = _largest(s.gathered["mass"])
+    return _largest(s.gradient["mass"]) * _largest(mean_gc) / rho if rho > 0 else 0.0
+
+
+def _velocity_slope(s) -> float:
+    return _slope(s, s.velocity)
+
+
+def _velocity_slopes(s) -> float:
+    return max(_velocity_slope(s), _largest(s.velocity_gradient))
 
 
 _NODAL = "half of each bond to each end, by the volume of the node; volumes from the column volume of the frame, those of the undeformed body for a peridynamic one"
@@ -345,16 +362,16 @@ _ALL = [
         comment="rate of change of the sum of e_j x_j, heat flux times volume; velocities in the frame of the simulation, so that a box with momentum "
         "carries its energy along: remove the momentum before a Green-Kubo integral; " + _SHARED,
     ),
-    Quantity("velocity_gradient", **_VELOCITY, **_kinematic("rate", "velocity gradient", lambda s: s.velocity_gradient, 2, comment=_BY_KERNEL)),
+    Quantity("velocity_gradient", **_VELOCITY, **_kinematic("rate", "velocity gradient", lambda s: s.velocity_gradient, 2, comment=_BY_KERNEL, scale=_velocity_slope)),
     Quantity(
         "strain_rate", **_VELOCITY,
         **_kinematic("rate", "rate of strain", lambda s: 0.5 * (s.velocity_gradient + s.velocity_gradient.swapaxes(1, 2)), 2,
-                     sign="positive where material lengthens; symmetric part of the velocity gradient", comment=_BY_KERNEL),
+                     sign="positive where material lengthens; symmetric part of the velocity gradient", comment=_BY_KERNEL, scale=_velocity_slopes),
     ),
     Quantity(
         "vorticity", **_VELOCITY,
         **_kinematic("rate", "vorticity", lambda s: curl(s.velocity_gradient), 1, sign="curl of the velocity, right-handed: twice the rotation rate",
-                     comment=_BY_KERNEL),
+                     comment=_BY_KERNEL, scale=_velocity_slopes),
     ),
     Quantity(
         "displacement", **_DISPLACEMENT,
@@ -364,7 +381,8 @@ _ALL = [
     Quantity(
         "displacement_gradient", **_DISPLACEMENT,
         **_kinematic("dimensionless", "gradient of the displacement", lambda s: s.displacement_gradient, 2,
-                     comment="with respect to current positions; the inverse of the deformation gradient is I minus it; " + _BY_KERNEL),
+                     comment="with respect to current positions; the inverse of the deformation gradient is I minus it; " + _BY_KERNEL,
+                     scale=lambda s: _slope(s, s.displacement)),
     ),
     Quantity(
         "eshelby_stress", "pressure", "Eshelby's energy-momentum stress", lambda s: s.eshelby, rank=2, bond=("piola",), gradient=True,
@@ -497,8 +515,13 @@ class Work:
         return "atom_virial" in self.site or "atom_virial" in self.whole
 
     @property
+    def summed_site(self) -> list[str]:
+        """Those of `site` that need a sum of their own: none where the sums with gradients have them all."""
+        return [] if {*self.site} <= {*self.gather} & _ALIKE else self.site
+
+    @property
     def n_site(self) -> int:
-        return sum(SITE[s].width for s in self.site)
+        return sum(SITE[s].width for s in self.summed_site)
 
     @property
     def n_bond(self) -> int:
@@ -507,3 +530,15 @@ class Work:
     @property
     def n_reference_bond(self) -> int:
         return sum(BOND[b].width for b in self.reference_bond)
+
+    @property
+    def n_gather(self) -> int:
+        return sum(GATHER[g].width for g in self.gather)
+
+    @property
+    def n_reference_gather(self) -> int:
+        return sum(GATHER[g].width for g in self.reference_gather)
+
+    def slopes(self, key: str) -> bool:
+        """Whether the sums of "gather" or "reference_gather" are wanted with ∂φ/∂x."""
+        return any(q.gradient for q in self.quantities if q.gather and q.on_reference == (key == "reference_gather"))

@@ -199,6 +199,14 @@ class ReferenceBonds:
         # x_n − moved @ H is the atom unwrapped so that it continues its reference position.
         self.moved_nc = cells_moved(frame, reference)
 
+    def of(self, index):
+        """The same for particles that are (copies of) these atoms."""
+        from copy import copy
+
+        new = copy(self)
+        new.x_nc, new.X_nc, new.moved_nc = self.x_nc[index], self.X_nc[index], self.moved_nc[index]
+        return new
+
     def bonds(self, bonds):
         """(b, 3) reference positions of the ends i and (b, 3) reference bond vectors X_i − X_j through the bond's image."""
         i, j = bonds.i, bonds.j

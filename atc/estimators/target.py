@@ -28,11 +28,13 @@ class Target:
             self._moved = (x_nc, x_nc - self.origin)
         return self._moved[1]
 
-    def make(self, key, n_site, n_bond):
+    def make(self, key, n_site, n_bond, **more):
         from ..deposit import make
 
         m = self.methods.get(key, EXACT)
-        return make(m.name, self.bound, self.summed_kern, self.cell, n_site, n_bond, threads=self.threads, tolerance=m.tolerance or 1e-5)
+        return make(
+            m.name, self.bound, self.summed_kern, self.cell, n_site, n_bond, threads=self.threads, tolerance=m.tolerance or 1e-5, **more
+        )
 
     def open(self, n_bond, key="bond"):
         """An empty deposit of bonds with this many components."""
@@ -41,8 +43,11 @@ class Target:
 
     def sites(self, x_nc, a_nk) -> np.ndarray:
         """(g, k) Σ a φ over all atoms."""
-        x_nc = self.place(x_nc)
         deposit = self.make("site", a_nk.shape[1], 0)
+        self._add(deposit, self.place(x_nc), a_nk)
+        return deposit.site_sums()
+
+    def _add(self, deposit, x_nc, a_nk):
         if self.threads == 1 or len(x_nc) < 2 * self.threads:
             deposit.add_sites(x_nc, a_nk, thread=0)
         else:
@@ -53,16 +58,21 @@ class Target:
                 jobs = [pool.submit(deposit.add_sites, x_nc[a:b], a_nk[a:b], thread=t) for t, (a, b) in enumerate(itertools.pairwise(cuts))]
                 for job in jobs:
                     job.result()
-        return deposit.site_sums()
 
     @property
     def points_gc(self) -> np.ndarray:
         """(g, 3) where the points are, in the frame's own coordinates."""
         return self.bound.points_gc if self.origin is None else self.bound.points_gc + self.origin
 
-    def gather(self, x_nc, a_nk, w_n, gradient):
-        """Σ a φ and Σ a ∂φ/∂x, see `atc.deposit.gradient`."""
+    def gather(self, x_nc, a_nk, w_n, gradient, key="gather"):
+        """Σ a φ and Σ a ∂φ/∂x, see `atc.deposit.gradient`; by the modes where the method of `key` says so and there are no first moments."""
         from ..deposit.gradient import gather
+
+        if w_n is None and not self.methods.get(key, EXACT).exact:
+            a_nk = np.ascontiguousarray(a_nk, dtype=np.float64)
+            deposit = self.make(key, a_nk.shape[1], 0, gradients=gradient)
+            self._add(deposit, self.place(x_nc), a_nk)
+            return deposit.site_sums_and_gradients() if gradient else (deposit.site_sums(), None)
 
         return gather(self.bound, self.kern, self.cell, self.place(x_nc), a_nk, w_n, gradient, self.threads)
 
