@@ -1,6 +1,6 @@
 """Cases: the TOML file in which a person describes a peridynamic body, what acts on it, and what to keep of the run.
 
-Sections ``[body]``, ``[regions.NAME]``, ``[[material]]``, ``[damage]``, ``[contact]``, ``[[notch]]``, ``[[indenter]]``, ``[[wall]]``, ``[[initial]]``, ``[[prescribed]]``,
+Sections ``[body]``, ``[regions.NAME]``, ``[[material]]``, ``[[interface]]``, ``[damage]``, ``[contact]``, ``[[notch]]``, ``[[indenter]]``, ``[[wall]]``, ``[[initial]]``, ``[[prescribed]]``,
 ``[[body_force]]``, ``[run]``, ``[output]``, and ``[kernel]``, ``[grid]``, ``[fields]`` as in scenes. Everything is checked before anything is computed, and every complaint names the file and the line. Numbers are in any one
 consistent system of units; the output labels them as SI. Paths are relative to the case.
 """
@@ -182,14 +182,15 @@ class Case(Document):
                     for key in {"indenter": ("radius", "stiffness", "center"), "wall": ("point", "normal", "stiffness")}.get(section, ()):
                         one_of(path, t, key)
                     where = "center" if section == "indenter" else "point"
-                    if "velocity" in t and isinstance(t.get(where), dict):
-                        raise self.bad((*path, "velocity"), f"{where} is a table of times already: give one of the two")
-        damage = self.data.get("damage")
-        if damage is not None:
-            one_of(("damage",), damage, "s00", "Gc")
+                    moving = isinstance(t.get(where), dict) or any(isinstance(c, (str, dict)) for c in t.get(where, ()))
+                    if section in ("indenter", "wall") and "velocity" in t and moving:
+                        raise self.bad((*path, "velocity"), f"{where} is a function of time already: give one of the two")
         numbers = [m.get("id", k + 1) for k, m in enumerate(self.data["material"])]
         if len(set(numbers)) < len(numbers):
             raise self.need("material", f"two materials have the same number: {numbers}")
+        from .case_damage import check
+
+        breaking = check(self, one_of)
         run = self.data.get("run", {})
         if "steps" not in run:
             raise self.need("run", "it needs steps, e.g. steps = 2000")
@@ -199,9 +200,9 @@ class Case(Document):
             for key in ("safety", "damping"):
                 if key in run:
                     raise self.bad(("run", key), f"belongs to motion: solver = {run['solver']!r} looks for equilibrium at every step")
-            if damage is not None:
-                raise self.need(
-                    "damage", f'solver = "{run["solver"]}" breaks no bonds: leave [damage] out, or take solver = "verlet" with damping'
+            if breaking:
+                raise AtcError(
+                    f'{self.where(*breaking)}: solver = "{run["solver"]}" breaks no bonds: leave [damage], s00 and Gc out, or take solver = "verlet" with damping'
                 )
         elif "tolerance" in run:
             raise self.bad(("run", "tolerance"), 'belongs to solver = "relax" or "static"')

@@ -207,7 +207,7 @@ def test_equilibrium_at_every_step(tmp_path, solver):
         ("end = [0.012, 0.0061]", "end = [0.012]", 20, "expected the end of the line"),
         ('shape = "box"\nlo = [-inf, 0.0095', 'shape = "bx"\nlo = [-inf, 0.0095', 22, "shape must be one of box"),
         ("velocity = [0, 8, 0]\n", "", 30, "exactly one of velocity and displacement"),
-        ('velocity = ["free", 8.0', 'velocity = ["fre", 8.0', 36, 'expected three numbers or "free"'),
+        ('velocity = ["free", 8.0', 'velocity = ["fre", 8.0', 36, "unknown 'fre': did you mean 'free'"),
         ("times = [0, 1e-5, 1]", "times = [0, 1e-5, 1e-5]", 41, "increasing times"),
         ("normal = [-1, 0, 0]\n", "", 43, "needs normal"),
         ("point = [0.0295, 0, 0]", 'point = "x"', 44, "expected a point"),
