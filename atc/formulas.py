@@ -15,6 +15,8 @@ from .errors import AtcError
 from .scene_schema import guess
 
 _LONGEST = 2000
+# Well inside of what Python's own stack allows.
+_DEEPEST = 150
 
 _BINARY = {
     ast.Add: np.add,
@@ -82,10 +84,8 @@ class Formula:
         except (ValueError, RecursionError, MemoryError):
             raise ValueError(f"{self._shown()} is not a formula") from None
         self._source = source.encode()
-        try:
-            self._value = self._translate(tree.body)
-        except RecursionError:
-            raise ValueError(f"{self._shown()} is nested too deeply") from None
+        self._depth = 0
+        self._value = self._translate(tree.body)
 
     def __call__(self, **values):
         """The value at these values of the variables, numbers or arrays that broadcast. Not finite is the caller's to refuse: see `finite`."""
@@ -116,6 +116,15 @@ class Formula:
     # ---- from the tree to functions of {name: value}
 
     def _translate(self, node):
+        self._depth += 1
+        if self._depth > _DEEPEST:
+            raise ValueError(f"{self._shown()} is nested too deeply: use brackets, or a table of times and values")
+        try:
+            return self._part(node)
+        finally:
+            self._depth -= 1
+
+    def _part(self, node):
         if isinstance(node, ast.Constant):
             return self._number(node)
         if isinstance(node, ast.Name):
