@@ -234,9 +234,7 @@ class _Run:
         solve = relax if solver == "relax" else solve_static
         given = {"tolerance": run["tolerance"]} if "tolerance" in run else {}
         for _ in range(n):
-            sim.state.step += 1
-            sim.state.time += sim.dt
-            solve(sim, **given)
+            solve(sim, time=sim.state.time + sim.dt, **given)
 
     def _step(self, sim, n):
         """Some steps; a run that has blown up says so, whoever stumbles over it."""
