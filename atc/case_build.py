@@ -151,6 +151,11 @@ def make_body(case):
         if "density" in m:
             rho_n[material_n == m.get("id", k + 1)] = m["density"]
     body.material_n, body.rho_n = material_n.astype(np.int32), rho_n
+    if not len(body.bonds):
+        raise case.bad(
+            ("body", "horizon"),
+            f"no node has another one within {body.horizon:g}, so that nothing holds the body together: take about three spacings (of {body.spacing:g})",
+        )
     return body
 
 

@@ -66,6 +66,7 @@ def run(case, out, *, threads: int = 0, progress=None, resume: bool = True):
     """
     from .pd.state import State
 
+    case.check_places()
     request = _request(case)
     store = Store(out, request, resume)
     fields = None
@@ -232,7 +233,8 @@ class _Run:
             sim.step(n)
             return
         solve = relax if solver == "relax" else solve_static
-        given = {"tolerance": run["tolerance"]} if "tolerance" in run else {}
+        most = "max_steps" if solver == "relax" else "max_iterations"
+        given = {name: run[key] for key, name in (("tolerance", "tolerance"), ("iterations", most)) if key in run}
         for _ in range(n):
             solve(sim, time=sim.state.time + sim.dt, **given)
 

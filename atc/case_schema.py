@@ -172,6 +172,7 @@ TABLES: dict[str, dict[str, Key]] = {
         "damping": Key(_not_negative, "a rate, 0 or more"),
         "solver": Key(_choice(["verlet", "relax", "static"]), '"verlet" (motion), "relax" or "static" (equilibrium at every step)'),
         "tolerance": Key(_positive, "the force left over relative to the largest one, e.g. 1e-8"),
+        "iterations": Key(_count, "the most iterations of one equilibrium, e.g. 50000"),
         "lammps_compat": Key(_boolean, "true or false"),
         "restart": Key(_string, "the restart file of an earlier run", path=True),
     },

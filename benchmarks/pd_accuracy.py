@@ -252,7 +252,8 @@ def picture(path, spacing, horizon, classical, step, precision):
         ylabel="error of the displacement",
         title="speed against error, against classical elasticity",
     )
-    panels[1, 0].legend(fontsize=7, ncol=3)
+    panels[1, 0].set_ylim(bottom=1e-3)
+    panels[1, 0].legend(fontsize=6.5, ncol=3, loc="lower left")
     for what, colour in (("displacements", "tab:blue"), ("positions", "tab:red")):
         mine = [r for r in precision if r[1] == what]
         panels[1, 2].loglog([r[0] for r in mine], [r[2] for r in mine], "o-", color=colour, ms=4, label=f"{what} in float32")

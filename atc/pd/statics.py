@@ -146,7 +146,8 @@ def _relax(sim, s, tolerance, max_steps, callback):
         F = s.forces().copy()
     else:
         raise AtcError(
-            f"the relaxation stands at a relative residual of {worst:.2g} after {max_steps} steps (asked: {tolerance:g}): allow more steps"
+            f"the relaxation stands at a relative residual of {worst:.2g} after {max_steps} steps (asked: {tolerance:g}): hold rigid motions, "
+            "load in smaller increments, or allow more steps"
         )
     return Converged(k, worst, s.evaluations)
 
