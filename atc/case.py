@@ -1,6 +1,6 @@
 """Cases: the TOML file in which a person describes a peridynamic body, what acts on it, and what to keep of the run.
 
-Sections ``[body]``, ``[regions.NAME]``, ``[[material]]``, ``[damage]``, ``[contact]``, ``[[notch]]``, ``[[indenter]]``, ``[[wall]]``, ``[[initial]]``, ``[[prescribed]]``,
+Sections ``[body]``, ``[regions.NAME]``, ``[[material]]``, ``[[interface]]``, ``[damage]``, ``[contact]``, ``[[notch]]``, ``[[indenter]]``, ``[[wall]]``, ``[[initial]]``, ``[[prescribed]]``,
 ``[[body_force]]``, ``[run]``, ``[output]``, and ``[kernel]``, ``[grid]``, ``[fields]`` as in scenes. Everything is checked before anything is computed, and every complaint names the file and the line. Numbers are in any one
 consistent system of units; the output labels them as SI. Paths are relative to the case.
 """
@@ -96,9 +96,12 @@ class Case(Document):
                 known = self._keys(path, t)
                 for key, value in list(t.items()):
                     if key not in known:
-                        raise AtcError(
-                            f"{self.where(*path, key)}: unknown key {key!r} in [{section}]: {guess(key, known)}known: {', '.join(known)}"
-                        )
+                        why = f"{guess(key, known)}known: {', '.join(known)}"
+                        if section == "material" and t.get("model") == "pmb" and key in ("poisson", "shear"):
+                            why = (
+                                "bonds of pmb fix Poisson's ratio at 1/4 (plane stress 1/3): one modulus is all; take lps for another ratio"
+                            )
+                        raise AtcError(f"{self.where(*path, key)}: unknown key {key!r} in [{section}]: {why}")
                     self._check_key(known[key], t, key, (*path, key), value)
         self._check_body()
         self._check_things()
@@ -148,6 +151,12 @@ class Case(Document):
             path = self.path("body", "file")
             if not path.is_file():
                 raise self.bad(("body", "file"), f"there is no file {path}")
+        if body.get("dimension", 3) == 3:
+            for key in ("plane", "thickness"):
+                if key in body:
+                    raise self.bad(("body", key), "belongs to a body of dimension 2 (plane, thickness) or 1 (thickness: its cross-section)")
+        elif body["dimension"] == 1 and "plane" in body:
+            raise self.bad(("body", "plane"), "belongs to a body of dimension 2")
         if "periodic" in body and any(body["periodic"]) and "cell" not in body:
             raise self.bad(("body", "periodic"), "a periodic body needs cell, three lengths or edge vectors")
         if "cell" in body and "periodic" not in body:
@@ -182,14 +191,15 @@ class Case(Document):
                     for key in {"indenter": ("radius", "stiffness", "center"), "wall": ("point", "normal", "stiffness")}.get(section, ()):
                         one_of(path, t, key)
                     where = "center" if section == "indenter" else "point"
-                    if "velocity" in t and isinstance(t.get(where), dict):
-                        raise self.bad((*path, "velocity"), f"{where} is a table of times already: give one of the two")
-        damage = self.data.get("damage")
-        if damage is not None:
-            one_of(("damage",), damage, "s00", "Gc")
+                    moving = isinstance(t.get(where), dict) or any(isinstance(c, (str, dict)) for c in t.get(where, ()))
+                    if section in ("indenter", "wall") and "velocity" in t and moving:
+                        raise self.bad((*path, "velocity"), f"{where} is a function of time already: give one of the two")
         numbers = [m.get("id", k + 1) for k, m in enumerate(self.data["material"])]
         if len(set(numbers)) < len(numbers):
             raise self.need("material", f"two materials have the same number: {numbers}")
+        from .case_damage import check
+
+        breaking = check(self, one_of)
         run = self.data.get("run", {})
         if "steps" not in run:
             raise self.need("run", "it needs steps, e.g. steps = 2000")
@@ -199,18 +209,22 @@ class Case(Document):
             for key in ("safety", "damping"):
                 if key in run:
                     raise self.bad(("run", key), f"belongs to motion: solver = {run['solver']!r} looks for equilibrium at every step")
-            if damage is not None:
-                raise self.need(
-                    "damage", f'solver = "{run["solver"]}" breaks no bonds: leave [damage] out, or take solver = "verlet" with damping'
+            if breaking:
+                raise AtcError(
+                    f'{self.where(*breaking)}: solver = "{run["solver"]}" breaks no bonds: leave [damage], s00 and Gc out, or take solver = "verlet" with damping'
                 )
-        elif "tolerance" in run:
-            raise self.bad(("run", "tolerance"), 'belongs to solver = "relax" or "static"')
+        else:
+            for key in ("tolerance", "iterations"):
+                if key in run:
+                    raise self.bad(("run", key), 'belongs to solver = "relax" or "static"')
         output = self.data.get("output", {})
         from .case_run import QUANTITIES
 
         for q in output.get("quantities", []):
             if q not in QUANTITIES:
                 raise self.bad(("output", "quantities"), f"unknown {q!r}: {guess(q, QUANTITIES)}known: {', '.join(QUANTITIES)}")
+        if Path(output.get("extxyz", "frames.xyz")).suffix not in (".extxyz", ".xyz"):
+            raise self.bad(("output", "extxyz"), f"expected a name that ends in .extxyz or .xyz, got {output['extxyz']!r}")
         from .case_fields import scene_of
 
         scene_of(self)
@@ -286,7 +300,15 @@ class Case(Document):
             raise AtcError(f"{where}: no permission to write in {path.parent}: choose another place")
         if path.exists() and not overwrite:
             raise AtcError(f"{where}: {path} exists: give --overwrite to replace it, or another name")
+        self.check_places()
         return path
+
+    def check_places(self) -> None:
+        """Raise if the folders of what is written at the end of a run are not there: before it, not after hours."""
+        for key in ("extxyz", "restart"):
+            path = self.path("output", key)
+            if path is not None and not (path.parent.is_dir() and os.access(path.parent, os.W_OK | os.X_OK)):
+                raise self.bad(("output", key), f"there is no directory {path.parent} to write in: make it, or choose another place")
 
     def to_toml(self) -> str:
         """The case with its overrides as TOML; file names without their folders."""

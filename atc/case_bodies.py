@@ -148,7 +148,9 @@ def _mesh(path, dimension, thickness):
     try:
         mesh = meshio.read(path)
     except (Exception, SystemExit) as e:  # meshio leaves through sys.exit for unknown formats
-        raise AtcError(f"{path}: not a mesh that meshio reads: {' '.join(str(e).split()) or type(e).__name__}") from None
+        raise AtcError(
+            f"{path}: expected .csv, extended XYZ, a LAMMPS data file or a mesh; not a mesh that meshio reads: {' '.join(str(e).split()) or type(e).__name__}"
+        ) from None
     points = np.zeros((len(mesh.points), 3))
     points[:, : mesh.points.shape[1]] = mesh.points
     centres, volumes, parts = [], [], []

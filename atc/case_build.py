@@ -6,25 +6,25 @@ from functools import reduce
 
 import numpy as np
 
+from . import case_damage
 from .errors import AtcError
 
 
 def simulation(case, threads: int = 0, state=None):
     """The `atc.pd.Simulation` that a case describes."""
     from . import pd
-    from .pd.damage import CriticalStretch
 
     body = make_body(case)
     materials = {}
     names = {}
-    from .case_materials import models, parameters
+    from .case_materials import made, models
 
     for k, m in enumerate(case.data["material"]):
         cls = models()[m["model"]]
         number = m.get("id", k + 1)
         names[number] = k
         try:
-            materials[number] = cls(**{p: m[p] for p in parameters(cls) if p in m})
+            materials[number] = made(cls, m)
         except AtcError as e:
             raise AtcError(f"{case.where('material', str(k))}: [material] {e}") from None
     present = np.unique(body.material_n).tolist()
@@ -33,17 +33,11 @@ def simulation(case, threads: int = 0, state=None):
             raise AtcError(
                 f"{case.where('material')}: the nodes have material {number}, which no [[material]] has as its id: {sorted(materials)}"
             )
+    case_damage.require_one_model(case, materials)
     materials = {n: materials[n] for n in present}
 
-    damage = None
-    table = case.data.get("damage")
-    if table is not None:
-        alpha = table.get("alpha", 0.0)
-        if "s00" in table:
-            damage = CriticalStretch(table["s00"], alpha)
-        else:
-            damage = {n: CriticalStretch.from_energy(table["Gc"], m, body, alpha) for n, m in materials.items()}
-            damage = damage if len(damage) > 1 else next(iter(damage.values()))
+    stiffness = case_damage.stiffness(case, materials)
+    damage = case_damage.rules(case, materials, body, stiffness)
     no_fail = [region_of(case, r) for r in case.get("damage", "no_fail", [])]
     for k, r in enumerate(no_fail):
         _require_nodes(case, body, r, ("damage", "no_fail"), f"its region number {k + 1}")
@@ -52,10 +46,15 @@ def simulation(case, threads: int = 0, state=None):
     if "contact" in case.data:
         contact = pd.Contact(**case.data["contact"])
     indenters = [
-        pd.Indenter(t["radius"], t["stiffness"], _history(t["center"]), t.get("velocity"), t.get("axis"))
-        for t in case.data.get("indenter", [])
+        pd.Indenter(
+            t["radius"], t["stiffness"], history(case, ("indenter", str(k), "center"), t["center"]), t.get("velocity"), t.get("axis")
+        )
+        for k, t in enumerate(case.data.get("indenter", []))
     ]
-    walls = [pd.Wall(_history(t["point"]), t["normal"], t["stiffness"], t.get("velocity")) for t in case.data.get("wall", [])]
+    walls = [
+        pd.Wall(history(case, ("wall", str(k), "point"), t["point"]), t["normal"], t["stiffness"], t.get("velocity"))
+        for k, t in enumerate(case.data.get("wall", []))
+    ]
     conditions = []
     for section, make, words in (
         ("prescribed", pd.Prescribed, ("velocity", "displacement", "until")),
@@ -64,7 +63,8 @@ def simulation(case, threads: int = 0, state=None):
         for k, t in enumerate(case.data.get(section, [])):
             region = region_of(case, t.get("region"))
             _require_nodes(case, body, region, (section, str(k), "region"))
-            conditions.append(make(region, **{w: _history(t[w]) for w in words if w in t}))
+            X = body.X_nc[body.nodes(region)]
+            conditions.append(make(region, **{w: history(case, (section, str(k), w), t[w], X) for w in words if w in t}))
     options = {}
     if state is None:
         start = {"velocity": np.zeros((len(body), 3)), "displacement": np.zeros((len(body), 3))}
@@ -73,25 +73,29 @@ def simulation(case, threads: int = 0, state=None):
             _require_nodes(case, body, region, ("initial", str(k), "region"))
             for word in ("velocity", "displacement"):
                 if word in t:
-                    start[word][body.nodes(region)] = t[word]
+                    nodes = body.nodes(region)
+                    value = history(case, ("initial", str(k), word), t[word], body.X_nc[nodes])
+                    start[word][nodes] = value(0.0) if callable(value) else value
         if any("velocity" in t for t in case.data.get("initial", [])):
             options["velocities"] = start["velocity"]
         if any("displacement" in t for t in case.data.get("initial", [])):
             options["displacements"] = start["displacement"]
     run = case.data["run"]
+    in_motion = run.get("solver", "verlet") == "verlet"
     for key in ("dt", "safety", "damping", "lammps_compat"):
-        if key in run:
+        if key in run and (in_motion or key != "dt"):
             options[key] = run[key]
-    if run.get("solver", "verlet") != "verlet":
-        # The time between two states of equilibrium: loads and prescribed displacements are functions of it.
-        options.setdefault("dt", 1.0)
     try:
-        return pd.Simulation(
+        sim = pd.Simulation(
             body, materials, damage=damage, no_fail=no_fail or None, contact=contact, indenter=indenters, walls=walls, conditions=conditions,
-            state=state, threads=threads, **options,
+            interfaces=stiffness or None, state=state, threads=threads, **options,
         )  # fmt: skip
     except AtcError as e:
         raise AtcError(str(e) if case.name in str(e) else f"{case.name}: {e}") from None
+    if not in_motion:
+        # The time between two states of equilibrium, which no stability limits: loads and prescribed displacements are functions of it.
+        sim.dt = float(run.get("dt", 1.0))
+    return sim
 
 
 def make_body(case):
@@ -110,6 +114,7 @@ def make_body(case):
     if "cell" in b:
         cell = Cell(b["cell"], b.get("origin", (0.0, 0.0, 0.0)), b["periodic"])
     options["cell"] = cell
+    options["unbonded"] = case_damage.unbonded(case)
     try:
         if "region" in b:
             region = region_of(case, b["region"])
@@ -146,6 +151,11 @@ def make_body(case):
         if "density" in m:
             rho_n[material_n == m.get("id", k + 1)] = m["density"]
     body.material_n, body.rho_n = material_n.astype(np.int32), rho_n
+    if not len(body.bonds):
+        raise case.bad(
+            ("body", "horizon"),
+            f"no node has another one within {body.horizon:g}, so that nothing holds the body together: take about three spacings (of {body.spacing:g})",
+        )
     return body
 
 
@@ -181,13 +191,43 @@ def _inside_once(cell):
     return _Combined(contains, np.full(3, -np.inf), np.full(3, np.inf))
 
 
-def _history(value):
-    """What the engine takes for three numbers, or a table of them; "free" is None."""
-    free = lambda row: [None if c == "free" else c for c in row]  # noqa: E731
+def history(case, path, value, X_nc=None):
+    """What the engine takes for three components or a table of them: "free" is None, and formulas are functions of time at the nodes X_nc."""
+    number = lambda c: np.nan if c == "free" else c  # noqa: E731
     if isinstance(value, dict):
-        rows = [[np.nan if c is None else c for c in free(row)] for row in value["values"]]
-        return np.array(value["times"], float), np.array(rows, float)
-    return free(value) if isinstance(value, list) else value
+        return np.array(value["times"], float), np.array([[number(c) for c in row] for row in value["values"]], float)
+    if not isinstance(value, list):
+        return value
+    if any(isinstance(c, dict) or (isinstance(c, str) and c != "free") for c in value):
+        return _Law(value, X_nc, lambda why: case.bad(path, why))
+    return [None if c == "free" else c for c in value]
+
+
+class _Law:
+    """t → (3,) or (m, 3): numbers, tables of time, and formulas of t and the nodes' reference positions."""
+
+    def __init__(self, components, X_nc, complain):
+        from .formulas import Formula
+
+        self.place = {} if X_nc is None else dict(zip("xyz", X_nc.T, strict=True))
+        self.complain = complain
+        self.parts = []
+        for c in components:
+            if isinstance(c, dict):
+                self.parts.append((np.array(c["times"], float), np.array(c["values"], float)))
+            elif isinstance(c, str) and c != "free":
+                formula = Formula(c, ("t", *self.place))
+                # What stands still is computed once.
+                self.parts.append(formula if "t" in formula.uses else formula.finite(complain, t=0.0, **self.place))
+            else:
+                self.parts.append(np.nan if c == "free" else float(c))
+
+    def __call__(self, t):
+        values = [
+            p.finite(self.complain, t=t, **self.place) if callable(p) else np.interp(t, *p) if isinstance(p, tuple) else p
+            for p in self.parts
+        ]
+        return np.stack(np.broadcast_arrays(*values), axis=-1)
 
 
 def _require_nodes(case, body, region, path, what="it"):

@@ -7,6 +7,43 @@ import inspect
 from .scene_schema import Key, _boolean, _number, _positive, _string, guess
 
 
+def _influence(v):
+    from .formulas import Influence
+    from .pd.materials.base import INFLUENCE
+
+    if _string(v) in INFLUENCE:
+        return v
+    if v.isidentifier() and v not in ("r", "delta"):
+        raise ValueError(f"{guess(v, INFLUENCE)}known: {', '.join(INFLUENCE)}")
+    Influence(v)
+    return v
+
+
+def _correction(v):
+    if v is not False and v != "energy":
+        raise ValueError
+    return v
+
+
+def _not_negative(v):
+    if _number(v) < 0:
+        raise ValueError("it must not be negative")
+    return v
+
+
+def made(cls, table):
+    """The material that the constants in `table` define."""
+    from .formulas import Influence
+    from .pd.materials.base import INFLUENCE
+
+    given = {p: table[p] for p in parameters(cls) if p in table}
+    if given.get("influence", "one") not in INFLUENCE:
+        given["influence"] = Influence(given["influence"])
+    if given.get("surface_correction") is False:
+        del given["surface_correction"]
+    return cls(**given)
+
+
 def models() -> dict:
     """{name: class} of the engine's materials that numbers define: a function of the bond has no place in a file."""
     from .pd import materials
@@ -26,10 +63,14 @@ def parameters(cls) -> list[str]:
 def _value(name):
     if name in ("volume_correction",):
         return Key(_boolean, "true or false")
-    if name in ("influence", "surface_correction", "stabilisation", "stabilization"):
-        return Key(
-            lambda v: v if isinstance(v, bool) else _number(v) if isinstance(v, (int, float)) else _string(v), 'a name, e.g. "energy"'
-        )
+    if name == "influence":
+        from .pd.materials.base import INFLUENCE
+
+        return Key(_influence, f"{', '.join(map(repr, INFLUENCE))}, or a formula of r and delta, e.g. 'exp(-(2*r/delta)**2)'")
+    if name == "surface_correction":
+        return Key(_correction, '"energy", or false')
+    if name == "stabilisation":
+        return Key(_not_negative, "a number, 0 or more, e.g. 0.1")
     if name in ("poisson",):
         return Key(_number, "a number, e.g. 0.25")
     return Key(_number if name.startswith("lam") else _positive, "a number greater than 0")

@@ -66,6 +66,7 @@ def run(case, out, *, threads: int = 0, progress=None, resume: bool = True):
     """
     from .pd.state import State
 
+    case.check_places()
     request = _request(case)
     store = Store(out, request, resume)
     fields = None
@@ -232,11 +233,10 @@ class _Run:
             sim.step(n)
             return
         solve = relax if solver == "relax" else solve_static
-        given = {"tolerance": run["tolerance"]} if "tolerance" in run else {}
+        most = "max_steps" if solver == "relax" else "max_iterations"
+        given = {name: run[key] for key, name in (("tolerance", "tolerance"), ("iterations", most)) if key in run}
         for _ in range(n):
-            sim.state.step += 1
-            sim.state.time += sim.dt
-            solve(sim, **given)
+            solve(sim, time=sim.state.time + sim.dt, **given)
 
     def _step(self, sim, n):
         """Some steps; a run that has blown up says so, whoever stumbles over it."""
@@ -284,9 +284,16 @@ class _Run:
             arrays = {name: values[name] for name in self.names}
             arrays["material"] = sim.body.material_n
             arrays["volume"] = sim.body.V_n
-            write_nodes(files[-1], sim.positions_nc, arrays, {"TIME": float(sim.state.time), "STEP": int(sim.state.step)})
+            about = {"TIME": float(sim.state.time), "STEP": int(sim.state.step)}
+            write_nodes(files[-1], sim.positions_nc, arrays, about, self.units())
             times = [n["time"] for n in self.store.journal] + [float(sim.state.time)]
             write_series(self.vtk / f"{self.vtk.name}.pvd", files, times)
+
+    def units(self) -> dict:
+        """{quantity: unit} of what is known at the nodes."""
+        from .units import units
+
+        return {**{q: units("si").label(QUANTITIES[q][1]) for q in self.names}, "volume": units("si").label("volume"), "material": "1"}
 
     def _layout(self, sim) -> Layout:
         from . import __version__
@@ -318,7 +325,7 @@ class _Run:
             )
         static("volume", ("node",), body.V_n, units=u.label("volume"), long_name="volume of the node")
         static("density", ("node",), body.rho_n, units=u.label("density"), long_name="mass density of the undeformed body")
-        static("material", ("node",), body.material_n, long_name="material of the node")
+        static("material", ("node",), body.material_n, units="1", long_name="material of the node")
         for q in self.names:
             rank, dimension, long_name, sign = QUANTITIES[q]
             dims = ("node", *("i", "j")[:rank])

@@ -18,12 +18,6 @@ def _bound(v):
     return v
 
 
-def _component(v):
-    if v == "free":
-        return v
-    return _number(v)
-
-
 def _not_negative(v):
     if _number(v) < 0:
         raise ValueError("it must not be negative")
@@ -39,19 +33,40 @@ def _dimension(v):
 _V3 = _list_of(_number, 3)
 
 
-def _history(check):
-    """Three numbers, or a table {times, values} of them."""
-    row = _list_of(check, 3)
+def _table(row, what):
+    """A table {times, values}."""
 
     def checked(v):
-        if not isinstance(v, dict):
-            return row(v)
         if set(v) != {"times", "values"}:
             raise ValueError("a table has the keys times and values")
         times, values = _list_of(_number)(v["times"]), _list_of(row)(v["values"])
         if len(times) != len(values) or any(b <= a for a, b in pairwise(times)):
-            raise ValueError("a table needs increasing times and one row of three values for each")
+            raise ValueError(f"a table needs increasing times and one {what} for each")
         return {"times": times, "values": values}
+
+    return checked
+
+
+def _history(variables, free=False):
+    """Three components, each a number, a formula of `variables`, a table of numbers, or maybe "free"; or one table of rows of three."""
+
+    def number(v):
+        return v if free and v == "free" else _number(v)
+
+    def component(v):
+        if isinstance(v, dict) and "t" in variables:
+            return _table(_number, "value")(v)
+        if isinstance(v, str) and not (free and v == "free"):
+            from .formulas import Formula
+
+            Formula(v, variables, ("free",) if free else ())
+            return v
+        return number(v)
+
+    def checked(v):
+        if isinstance(v, dict) and "t" in variables:
+            return _table(_list_of(number, 3), "row of three values")(v)
+        return _list_of(component, 3)(v)
 
     return checked
 
@@ -96,8 +111,27 @@ def _described(v):
 
 
 _REGION = Key(_region, 'the name of a region, or { shape = "box", lo = [...], hi = [...] }')
-_VELOCITY = Key(_history(_component), 'three numbers or "free", or { times = [...], values = [[...], ...] }')
+_TABLE = "or { times = [...], values = [[...], ...] }"
+_MOTION = Key(_history(("t", "x", "y", "z"), free=True), f'three of numbers, formulas of t, x, y, z and "free", {_TABLE}')
+_PATH = Key(_history(("t",)), f"a point, three numbers or formulas of t, {_TABLE}")
+_START = Key(_history(("x", "y", "z")), "three numbers or formulas of x, y, z")
 _POINT = Key(_V3, "a point, e.g. [0.0, 0.0, 0.0]")
+# When bonds break: of a material, and of an interface.
+_STRENGTH = {
+    "s00": Key(_positive, "a critical stretch, e.g. 0.0005"),
+    "Gc": Key(_positive, "a fracture energy per area, greater than 0"),
+    "alpha": Key(_not_negative, "a number, 0 or more, e.g. 0.25"),
+    "breaks": Key(_boolean, "true or false"),
+}
+
+
+def _two_materials(v):
+    if not isinstance(v, list) or len(v) != 2 or not all(isinstance(m, (str, int)) and not isinstance(m, bool) for m in v):
+        raise ValueError
+    if v[0] == v[1]:
+        raise ValueError("an interface is between two different materials")
+    return v
+
 
 # Sections of one table.
 TABLES: dict[str, dict[str, Key]] = {
@@ -122,9 +156,7 @@ TABLES: dict[str, dict[str, Key]] = {
     },
     "regions": {},
     "damage": {
-        "s00": Key(_positive, "a critical stretch, e.g. 0.0005"),
-        "Gc": Key(_positive, "a fracture energy per area, greater than 0"),
-        "alpha": Key(_not_negative, "a number, 0 or more, e.g. 0.25"),
+        **{k: _STRENGTH[k] for k in ("s00", "Gc", "alpha")},
         "no_fail": Key(_either(_list_of(_region), lambda v: [_region(v)]), "regions whose bonds never break"),
     },
     "contact": {
@@ -140,6 +172,7 @@ TABLES: dict[str, dict[str, Key]] = {
         "damping": Key(_not_negative, "a rate, 0 or more"),
         "solver": Key(_choice(["verlet", "relax", "static"]), '"verlet" (motion), "relax" or "static" (equilibrium at every step)'),
         "tolerance": Key(_positive, "the force left over relative to the largest one, e.g. 1e-8"),
+        "iterations": Key(_count, "the most iterations of one equilibrium, e.g. 50000"),
         "lammps_compat": Key(_boolean, "true or false"),
         "restart": Key(_string, "the restart file of an earlier run", path=True),
     },
@@ -160,8 +193,16 @@ TABLES: dict[str, dict[str, Key]] = {
 ARRAYS: dict[str, dict[str, Key]] = {
     "material": {
         "model": Key(_string, 'e.g. "pmb"'),
+        "name": Key(_string, 'a name for [[interface]], e.g. "glass"'),
         "id": Key(_integer, "a whole number"),
         "region": _REGION,
+        **_STRENGTH,
+    },
+    "interface": {
+        "between": Key(_two_materials, 'two materials by name or id, e.g. ["glass", "steel"]'),
+        "bonded": Key(_boolean, "true or false"),
+        "stiffness": Key(_positive, "how stiff its bonds are relative to the default, greater than 0, e.g. 0.1"),
+        **_STRENGTH,
     },
     "notch": {
         "start": Key(_list_of(_number, 2), "the start of the line, [x, y]"),
@@ -174,30 +215,30 @@ ARRAYS: dict[str, dict[str, Key]] = {
     "indenter": {
         "radius": Key(_positive, "a length greater than 0"),
         "stiffness": Key(_positive, "a force per volume and length squared"),
-        "center": Key(_history(_number), "a point, or { times = [...], values = [[...], ...] }"),
+        "center": _PATH,
         "velocity": Key(_V3, "three numbers"),
         "axis": Key(_choice(["x", "y", "z"]), '"x", "y" or "z" for a cylinder'),
     },
     "wall": {
-        "point": Key(_history(_number), "a point, or { times = [...], values = [[...], ...] }"),
+        "point": _PATH,
         "normal": _POINT,
         "stiffness": Key(_positive, "a force per volume and length squared"),
         "velocity": Key(_V3, "three numbers"),
     },
     "initial": {
         "region": _REGION,
-        "velocity": Key(_V3, "three numbers"),
-        "displacement": Key(_V3, "three numbers"),
+        "velocity": _START,
+        "displacement": _START,
     },
     "prescribed": {
         "region": _REGION,
-        "velocity": _VELOCITY,
-        "displacement": _VELOCITY,
+        "velocity": _MOTION,
+        "displacement": _MOTION,
         "until": Key(_positive, "a time greater than 0"),
     },
     "body_force": {
         "region": _REGION,
-        "density": Key(_history(_number), "three numbers, force per volume, or { times = [...], values = [[...], ...] }"),
-        "total": Key(_history(_number), "three numbers, one force shared out by volume, or { times = [...], values = [[...], ...] }"),
+        "density": Key(_history(("t", "x", "y", "z")), f"force per volume, three numbers or formulas of t, x, y, z, {_TABLE}"),
+        "total": Key(_history(("t",)), f"one force shared out by volume, three numbers or formulas of t, {_TABLE}"),
     },
 }

@@ -97,6 +97,10 @@ class _Source:
     def arrays(self, k) -> dict:
         return {name: self.values(name, k) for name in self.names}
 
+    def units(self) -> dict:
+        """{name: unit} where the output says it."""
+        return {n: str(da.attrs["units"]) for n, da in self.ds.variables.items() if da.attrs.get("units")}
+
     def choose(self, known, quantities):
         if quantities is None:
             return known
@@ -126,7 +130,7 @@ class _Nodes(_Source):
     def write(self, k, path):
         from .vtk import write_nodes
 
-        write_nodes(path, self.points(k), self.arrays(k), {"TIME": self.time(k)})
+        write_nodes(path, self.points(k), self.arrays(k), {"TIME": self.time(k)}, self.units())
 
 
 class _Fields(_Source):
@@ -168,14 +172,14 @@ class _Fields(_Source):
 
         about = {"TIME": self.time(k)}
         if self.lattice is None:
-            write_nodes(path, self.points(k), self.arrays(k), about)
+            write_nodes(path, self.points(k), self.arrays(k), about, self.units())
             return
         arrays = {n: a.reshape(*self.shape, *a.shape[len(self.dims) :]) for n, a in self.arrays(k).items()}
         if self.suffix == ".vti":
             spacing = np.diag(self.place.steps)
-            write_image(path, self.lattice[0, 0, 0], np.where(spacing > 0, spacing, 1.0), self.shape, arrays, about)
+            write_image(path, self.lattice[0, 0, 0], np.where(spacing > 0, spacing, 1.0), self.shape, arrays, about, self.units())
         else:
-            write_lattice(path, self.points(k).reshape(*self.shape, 3), arrays, about)
+            write_lattice(path, self.points(k).reshape(*self.shape, 3), arrays, about, self.units())
 
 
 def _write_xyz(source, target, which) -> Path:
@@ -185,17 +189,24 @@ def _write_xyz(source, target, which) -> Path:
     temporary = target.with_name(target.name + ".tmp")
     cells = source.ds["cell"].values if "cell" in source.ds else None
     periodic = str(source.ds.attrs.get("periodic", "fff"))
+    units = source.units()
     with open(temporary, "w") as f:
         for k in which:
             x = source.points(k)
             columns, properties = [x], ["species:S:1", "pos:R:3"]
+            labels = [f"pos={units['position_x']}"] if "position_x" in units else []
             for name, a in source.arrays(k).items():
                 a = np.asarray(a).reshape(len(x), -1)
                 columns.append(a)
+                unit = units.get(name)
                 # ASE takes columns of these names for results of a calculator and hides them.
                 name = f"local_{name}" if name in ("energy", "stress") else name
                 properties.append(f"{name}:{'R' if a.dtype.kind == 'f' else 'I'}:{a.shape[1]}")
+                if unit:
+                    labels.append(f"{name}={unit}")
             head = f"Properties={':'.join(properties)} Time={source.time(k)!r}"
+            if labels:
+                head += f' Units="{" ".join(labels)}"'
             if cells is not None:
                 head = f'Lattice="{" ".join(repr(float(v)) for v in cells[k].reshape(-1))}" ' + head
             f.write(f'{len(x)}\n{head} pbc="{" ".join("T" if p == "p" else "F" for p in periodic)}"\n')

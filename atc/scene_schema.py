@@ -124,8 +124,9 @@ def _tolerance(v):
 
 
 def guess(word: str, known) -> str:
-    near = difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)
-    return f"did you mean {near[0]!r}? " if near else ""
+    known = {str(k).lower(): k for k in known}
+    near = difflib.get_close_matches(str(word).lower(), list(known), n=1, cutoff=0.6)
+    return f"did you mean {known[near[0]]!r}? " if near else ""
 
 
 def frame_slice(value) -> slice:

@@ -126,6 +126,10 @@ def _make(name, *, length, energy, mass, charge, mvv2e, boltz, qqr2e, nktv2p, mv
         "conductivity": "kB/(sigma*tau)" if name == "lj" else f"{en}/({ti}*{len_}*K)",
         "force_density": f"{en}/{len_}^4",
     }
+    # Where force has a unit of its own.
+    named = {"si": "N", "cgs": "dyne"}.get(name)
+    if named:
+        full.update(force=named, force_density=f"{named}/{vol}")
     return Units(
         name=name,
         length=length,

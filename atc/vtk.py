@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from xml.sax.saxutils import quoteattr
+from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
@@ -21,7 +21,7 @@ class _Appended:
     def __init__(self):
         self.blocks, self.offset = [], 0
 
-    def array(self, name: str, values) -> str:
+    def array(self, name: str, values, unit: str | None = None) -> str:
         a = np.ascontiguousarray(values)
         if a.dtype.kind == "b":
             a = a.astype(np.uint8)
@@ -29,14 +29,16 @@ class _Appended:
         shape = a.shape
         components = 1 if a.ndim == 1 else int(np.prod(shape[1:]))
         extra = f' NumberOfComponents="{components}"' if components > 1 else ""
-        tag = f'<DataArray type="{_TYPES[a.dtype.str[1:]]}" Name={quoteattr(name)}{extra} format="appended" offset="{self.offset}"/>'
+        tag = f'<DataArray type="{_TYPES[a.dtype.str[1:]]}" Name={quoteattr(name)}{extra} format="appended" offset="{self.offset}"'
+        # What VTK itself writes for vtkDataArray::UNITS_LABEL.
+        tag += f'><InformationKey name="UNITS_LABEL" location="vtkDataArray">{escape(unit)}</InformationKey></DataArray>' if unit else "/>"
         data = a.tobytes()
         self.blocks.append(np.uint64(len(data)).tobytes() + data)
         self.offset += 8 + len(data)
         return tag
 
-    def point_data(self, arrays: dict) -> str:
-        return "<PointData>" + "".join(self.array(name, a) for name, a in arrays.items()) + "</PointData>"
+    def point_data(self, arrays: dict, units: dict | None) -> str:
+        return "<PointData>" + "".join(self.array(name, a, (units or {}).get(name)) for name, a in arrays.items()) + "</PointData>"
 
     def field_data(self, values: dict) -> str:
         if not values:
@@ -58,7 +60,7 @@ class _Appended:
         os.replace(temporary, path)
 
 
-def write_nodes(path, x_nc, arrays: dict, about: dict | None = None) -> None:
+def write_nodes(path, x_nc, arrays: dict, about: dict | None = None, units: dict | None = None) -> None:
     """A .vtu of points, each a vertex cell.
 
     Parameters
@@ -67,13 +69,14 @@ def write_nodes(path, x_nc, arrays: dict, about: dict | None = None) -> None:
     x_nc : (n, 3) positions
     arrays : {name: (n,), (n, 3) or (n, 3, 3)}; tensors are written row by row
     about : {name: number} of the whole file, e.g. the time
+    units : {name: unit} of arrays, as the label that ParaView shows
     """
     out = _Appended()
     n = len(x_nc)
     index = np.int64 if n > 2**31 - 1 else np.int32
     body = (
         f'<UnstructuredGrid>{out.field_data(about or {})}<Piece NumberOfPoints="{n}" NumberOfCells="{n}">'
-        + out.point_data(arrays)
+        + out.point_data(arrays, units)
         + "<Points>" + out.array("Points", np.asarray(x_nc, float)) + "</Points><Cells>"
         + out.array("connectivity", np.arange(n, dtype=index)) + out.array("offsets", np.arange(1, n + 1, dtype=index))
         + out.array("types", np.ones(n, np.uint8)) + "</Cells></Piece></UnstructuredGrid>"
@@ -81,7 +84,7 @@ def write_nodes(path, x_nc, arrays: dict, about: dict | None = None) -> None:
     out.write(Path(path), "UnstructuredGrid", body)
 
 
-def write_image(path, origin, spacing, shape, arrays: dict, about: dict | None = None) -> None:
+def write_image(path, origin, spacing, shape, arrays: dict, about: dict | None = None, units: dict | None = None) -> None:
     """A .vti: a regular grid along x, y and z.
 
     origin, spacing : (3,) of the first point and between points. shape : (3,) numbers of points. arrays : {name: (*shape, ...)}, x slowest as in `atc.Grid`.
@@ -91,18 +94,18 @@ def write_image(path, origin, spacing, shape, arrays: dict, about: dict | None =
     numbers = lambda a: " ".join(repr(float(v)) for v in a)  # noqa: E731
     body = (
         f'<ImageData WholeExtent="{extent}" Origin="{numbers(origin)}" Spacing="{numbers(spacing)}">{out.field_data(about or {})}<Piece Extent="{extent}">'
-        + out.point_data({k: _x_fastest(a) for k, a in arrays.items()}) + "</Piece></ImageData>"
+        + out.point_data({k: _x_fastest(a) for k, a in arrays.items()}, units) + "</Piece></ImageData>"
     )  # fmt: skip
     out.write(Path(path), "ImageData", body)
 
 
-def write_lattice(path, points, arrays: dict, about: dict | None = None) -> None:
+def write_lattice(path, points, arrays: dict, about: dict | None = None, units: dict | None = None) -> None:
     """A .vts: points (nx, ny, nz, 3) in rows, wherever they are; arrays as in `write_image`."""
     out = _Appended()
     extent = " ".join(f"0 {n - 1}" for n in points.shape[:3])
     body = (
         f'<StructuredGrid WholeExtent="{extent}">{out.field_data(about or {})}<Piece Extent="{extent}">'
-        + out.point_data({k: _x_fastest(a) for k, a in arrays.items()})
+        + out.point_data({k: _x_fastest(a) for k, a in arrays.items()}, units)
         + "<Points>" + out.array("Points", _x_fastest(points)) + "</Points></Piece></StructuredGrid>"
     )  # fmt: skip
     out.write(Path(path), "StructuredGrid", body)

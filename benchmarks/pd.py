@@ -4,7 +4,7 @@
 
 `--warm` steps run first in both (600 is amid the fracture). LAMMPS runs on as many MPI ranks as there are threads (mpirun of the mpich wheel).
 Wall seconds and CPU seconds (user + system, of all ranks or threads) a step; the ratio of CPU seconds is what survives a busy machine.
-`--full` also runs the whole 2000 steps of PMB, without LAMMPS.  `--accuracy` prints the error of a plane wave against δ/Δx, Δt and precision.
+`--full` also runs the whole 2000 steps of PMB, without LAMMPS.  `--accuracy` is benchmarks/pd_accuracy.py: error against δ/Δx, Δt, precision and CPU time.
 """
 
 from __future__ import annotations
@@ -91,63 +91,6 @@ def mine(sim, steps):
     return (time.perf_counter() - wall) / steps, (time.process_time() - cpu) / steps
 
 
-def accuracy():
-    """Error of the frequency of a longitudinal plane wave (8 horizons long) against the classical one, and of PMB's energy over a run."""
-    print("\nplane wave of 8 horizons in a periodic bar, PMB: error of the frequency against the classical wave, and of its lattice sum")
-    print(" delta/dx     error with nu   without nu   nodes a horizon^3")
-    for m in (2, 3, 4, 5, 6):
-        row = []
-        for nu in (True, False):
-            n, side = 8 * m, 2 * m + 2
-            cell = pd.Body.lattice(
-                pd.Box((0, 0, 0), (n - 0.9, side - 0.9, side - 0.9)), 1.0, m + 1e-4, 1.0, cell=_cell(n, side, side)
-            )  # fmt: skip
-            k = 2 * np.pi / n
-            u = np.zeros_like(cell.X_nc)
-            u[:, 0] = 1e-9 * np.cos(k * cell.X_nc[:, 0])
-            material = pd.PMB(1.0, volume_correction=nu)
-            sim = pd.Simulation(cell, material, displacements=u)
-            w2 = -(sim.forces()[:, 0] @ u[:, 0]) / (u[:, 0] @ u[:, 0])
-            lam, mu = material.lame(cell)
-            row.append(np.sqrt(w2 / ((lam + 2 * mu) * k * k)) - 1)
-        print(f"{m:9d} {row[0]:+17.4f} {row[1]:+12.4f} {4 / 3 * np.pi * m**3:15.0f}")
-    print(
-        "\nbar of 24 x 6 x 6, PMB, thermal velocities: largest error of the total energy over 400 steps, and positions against dt/32, both relative"
-    )
-    body = pd.Body.lattice(pd.Box((0, 0, 0), (24, 6, 6)), 1.0, 3.01, 1.0)
-    v = np.random.default_rng(0).normal(size=body.X_nc.shape) * 1e-2
-    fine = None
-    for f in (32, 8, 4, 2, 1.0, 0.8):
-        sim = pd.Simulation(body, pd.PMB(1.0), velocities=v)
-        sim.dt = 0.8 * sim.time_step_stable / f if f >= 1 else sim.time_step_stable
-        end = 100 * 0.8 * sim.time_step_stable
-        start, worst = sim.energies().total, 0.0
-        for _ in range(round(end / sim.dt)):
-            sim.step()
-            worst = max(worst, abs(sim.energies().total / start - 1))
-        fine = sim.state.u_nc.copy() if fine is None else fine
-        print(
-            f"  dt = {sim.dt / sim.time_step_stable:5.3f} of the stable step: energy {worst:.1e}, displacement {np.abs(sim.state.u_nc - fine).max() / np.abs(fine).max():.1e}"
-        )
-    print(
-        "\nprecision: displacements or positions rounded to float32 before the force sum, largest error of the forces at strains of 1e-4 (relative to the largest)"
-    )
-    u = 1e-4 * np.sin(body.X_nc[:, [1, 2, 0]] / 3.0)
-    exact = pd.Simulation(body, pd.PMB(1.0), displacements=u).forces()
-    for name, rounded in (
-        ("displacements", u.astype(np.float32).astype(float)),
-        ("positions", (body.X_nc + u).astype(np.float32).astype(float) - body.X_nc),
-    ):
-        F = pd.Simulation(body, pd.PMB(1.0), displacements=rounded).forces()
-        print(f"  {name:14s} {np.abs(F - exact).max() / np.abs(exact).max():.1e}")
-
-
-def _cell(*lengths):
-    from atc.frame import Cell
-
-    return Cell([float(a) for a in lengths])
-
-
 def main():
     p = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     p.add_argument("--steps", type=int, default=50)
@@ -161,6 +104,8 @@ def main():
     p.add_argument("--accuracy", action="store_true")
     a = p.parse_args()
     if a.accuracy:
+        from pd_accuracy import main as accuracy
+
         accuracy()
         return
     for model in a.models:

@@ -18,7 +18,7 @@ strain=, interfaces=, threads=, lammps_compat=)`
 `BondForces` : i, j, r_bc (y_i − y_j), R_bc (X_i − X_j), F_bc (force on i from j, volumes included), G_b (F = −G r; None if not central), bond_b; .bonds() → atc.bonds.Bonds
 `snapshot(sim)` : (frame, bonds) for `atc.fields`; `reference_frame(sim)`
 `Prescribed(region, velocity= | displacement=)`, `BodyForce(region, density= | total=)`, `Indenter`, `Wall`, `Contact`, `CriticalStretch(s00, alpha)` / `.from_energy(Gc, material, body)`
-`relax(sim)` adaptive dynamic relaxation, `solve_static(sim)` Newton-Krylov: static states with prescribed displacements and forces.
+`relax(sim, time=)` adaptive dynamic relaxation, `solve_static(sim, time=)` Newton-Krylov: static states with prescribed displacements and forces, each a step.
 Materials: PMB, LPS, Correspondence, Elastic, and Linear (a micromodulus tensor, e.g. of a crystal); the table MATERIALS {name: make(bulk, shear)} for tests that loop over all.
 """
 

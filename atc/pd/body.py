@@ -32,11 +32,12 @@ class Body:
     spacing : node diameter, for the volume correction ν and for contact; default the mean of V^(1/d)
     materials : (n,) int or a number, which material each node is made of (default 1)
     notches : `Notch` objects that cut bonds
+    unbonded : pairs (a, b) of materials between which there are no bonds
     """
 
     def __init__(
         self, positions, volumes, density, horizon, *, cell=None, dimension=3, plane="stress", thickness=1.0, spacing=None, materials=1,
-        notches=(), warn=True,
+        notches=(), unbonded=(), warn=True,
     ):  # fmt: skip
         X = np.ascontiguousarray(positions, dtype=np.float64)
         if X.ndim != 2 or X.shape[1] != 3 or not len(X):
@@ -75,6 +76,7 @@ class Body:
         # Node radii, for contact: half the spacing of a lattice.
         self.radius_n = np.full(n, 0.5 * self.spacing) if spacing is not None or np.ptp(sizes) <= 1e-9 * sizes.mean() else 0.5 * sizes
         self.notches = [notches] if isinstance(notches, Notch) else list(notches)
+        self.unbonded = list(unbonded)
         self._warn = warn
 
     @cached_property
@@ -91,6 +93,9 @@ class Body:
         for notch in self.notches:
             if not notch.as_damage:
                 table = table.keep(~self._crossed(table, notch))
+        for a, b in self.unbonded:
+            i, j = self.material_n[table.i_b], self.material_n[table.j_b]
+            table = table.keep(~(((i == a) & (j == b)) | ((i == b) & (j == a))))
         return table
 
     def precracked(self) -> np.ndarray:

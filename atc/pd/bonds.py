@@ -57,7 +57,8 @@ class Families:
         """(n,) sums over each node's whole family: `at_i_b` goes to i, `at_j_b` (default the same) to j."""
         n = len(self.start_n) - 1
         at_j_b = at_i_b if at_j_b is None else at_j_b
-        return np.bincount(self.i_b, at_i_b, n) + np.bincount(self.j_b, at_j_b, n)
+        # Without bonds numpy would count in integers.
+        return np.bincount(self.i_b, at_i_b, n).astype(float, copy=False) + np.bincount(self.j_b, at_j_b, n)
 
     def keep(self, mask_b) -> Families:
         """The table without the bonds where `mask_b` is False."""

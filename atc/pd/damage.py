@@ -27,14 +27,16 @@ class CriticalStretch:
             raise AtcError(f"alpha of the critical stretch must be zero or positive, got {self.alpha!r}")
 
     @classmethod
-    def from_energy(cls, Gc: float, material, body, alpha: float = 0.0) -> CriticalStretch:
+    def from_energy(cls, Gc: float, material, body, alpha: float = 0.0, *, other=None, interface=1.0) -> CriticalStretch:
         """The s00 at which separating a plane costs the fracture energy `Gc` (energy per area) in this material and horizon.
 
         All bonds across the plane at their critical stretch: in 3-D G_c = (9/5) K δ s0² for PMB, in 2-D c h δ⁴ s0²/4.
+        With `other`, a second material, the plane is the interface between the two, and `interface` what `Simulation` takes for it.
         """
         if not Gc > 0:
             raise AtcError(f"the fracture energy Gc must be positive, got {Gc!r}")
-        return cls(float(np.sqrt(Gc / material.fracture_energy(body, 1.0))), alpha)
+        one = material.fracture_energy(body, 1.0) if other is None else material.interface_energy(other, body, interface)
+        return cls(float(np.sqrt(Gc / one)), alpha)
 
 
 def damage_n(body, intact_b) -> np.ndarray:
@@ -71,8 +73,8 @@ class DamageRule:
                     raise AtcError(f"damage: there is no material {a!r} in this body; its materials are {sorted(ids)}")
         for (a, b), k in kinds.items():
             rule = rules.get((a, b), rules.get((b, a)))
-            if rule is None and a in rules and b in rules:
-                # Without a rule of its own an interface is as weak as the weaker side.
-                rule = min(rules[a], rules[b], key=lambda r: r.s00)
+            if rule is None:
+                # Without a rule of its own an interface is as weak as the weaker side; a side without a rule never breaks.
+                rule = min((rules[m] for m in (a, b) if m in rules), key=lambda r: r.s00, default=None)
             if rule is not None:
                 self.s00[k], self.alpha[k] = rule.s00, rule.alpha

@@ -57,7 +57,8 @@ class Simulation:
     indenter, walls : one or several `Indenter`, `Wall`
     conditions : `Prescribed` and `BodyForce` objects
     damping : rate γ of a force density −γ ρ v (1/time)
-    interfaces : {(a, b): material} for the bonds between two materials, instead of the default mixture
+    interfaces : {(a, b): factor}, how stiff the bonds between two materials are relative to the default, which is springs in series (PMB) or
+        half of each side (LPS); for PMB also {(a, b): PMB}. For interfaces without bonds see `Body(unbonded=)`.
     dt : time step; None takes `safety` times the stable step
     state : a `State` to go on from (bitwise); or `velocities`, `displacements` : (n, 3) or (3,) to start with
     strain : (3, 3) displacement gradient H of a periodic body: nodes start at u = H X and images are moved by H too

@@ -1,7 +1,7 @@
 """Static states: adaptive dynamic relaxation (Kilic & Madenci 2010) and a matrix-free Newton-Krylov solver.
 
-Both look for displacements at which the force on every free degree of freedom vanishes, with the prescribed ones held at their values at the
-simulation's time. Bonds break only in `relax` and only if asked to, between converged states.
+Both look for displacements at which the force on every free degree of freedom vanishes, with the prescribed ones held and the loads as they are at one
+time. An equilibrium is one step of the run: it counts in `State.step`, moves the clock if asked to, and its work is in the energy ledger. Bonds do not break.
 """
 
 from __future__ import annotations
@@ -23,10 +23,21 @@ class Converged:
 
 
 class _Statics:
-    """The static problem of a simulation: forces as a function of the free displacements."""
+    """The static problem of a simulation: forces as a function of the free displacements. As a context, it leaves everything as it was if no
+    equilibrium is found, and does the accounts if one is."""
 
-    def __init__(self, sim):
-        self.sim = sim
+    def __init__(self, sim, time):
+        self.sim, s = sim, sim.state
+        if time is not None and not np.isfinite(time):
+            raise AtcError(f"the time of an equilibrium must be a finite number, got {time!r}")
+        self.before = s.u_nc.copy(), s.v_nc.copy(), s.F_nc.copy(), s.external_nc.copy()
+        self.energies = sim.energies().kinetic, sim._contact_energy, sim._rigid_energy, s.time
+        if time is not None:
+            s.time = float(time)
+        self.evaluations = 0
+
+    def __enter__(self):
+        sim = self.sim
         n = len(sim.body)
         self.held = np.zeros((n, 3), bool)
         self.held[:, sim.body.dimension :] = True
@@ -45,7 +56,24 @@ class _Statics:
                 sim._z[p.nodes, :3] = np.where(fixed, value, sim._z[p.nodes, :3])
                 self.held[p.nodes] |= fixed
         self.free = ~self.held
-        self.evaluations = 0
+        return self
+
+    def __exit__(self, kind, *_):
+        sim, s = self.sim, self.sim.state
+        u, v, F, external = self.before
+        if kind is not None:
+            sim._z[:, :3], s.v_nc[:], s.F_nc[:], s.external_nc[:] = u, v, F, external
+            _, sim._contact_energy, sim._rigid_energy, s.time = self.energies
+            return
+        s.v_nc[:] = 0.0
+        s.step += 1
+        # Loads and reactions went from their old values to the new ones while the body moved: exact for a linear body, third order in the increment otherwise.
+        # What an unbalanced start had to spare, and its motion, are gone.
+        half_du, ledger = 0.5 * (s.u_nc - u), s.ledger
+        ledger["work_external"] += float(((external + s.external_nc) * half_du).sum())
+        total = (F + s.F_nc) * half_du
+        ledger["work_constraint"] -= float(total[self.held].sum())
+        ledger["dissipated_damping"] += float(total[self.free].sum()) + self.energies[0]
 
     def forces(self):
         sim = self.sim
@@ -64,18 +92,25 @@ class _Statics:
         return float(np.abs(self.sim.state.F_nc[self.free]).max(initial=0.0))
 
 
-def relax(sim, *, tolerance=1e-6, max_steps=20000, callback=None) -> Converged:
+def relax(sim, *, time=None, tolerance=1e-6, max_steps=20000, callback=None) -> Converged:
     """Adaptive dynamic relaxation: fictitious masses and a damping that follows the lowest mode being excited, to static equilibrium.
 
     Parameters
     ----------
-    sim : Simulation. Its displacements are the start and take the result; velocities end at zero, time stands still.
+    sim : Simulation. Its displacements are the start and take the result; velocities end at zero.
+    time : the time whose loads and prescribed displacements hold, which becomes the state's: increasing times are a quasi-static history. None is
+        the state's own time: equilibrium under the loads of now. The steps that the relaxation takes are no time; `State.step` counts the equilibrium as one.
     tolerance : largest free force relative to the largest reaction or external force
     callback : called with (iteration, residual) every 50 iterations
 
-    Raises AtcError when `max_steps` do not suffice.
+    The ledger gets the work of loads and reactions (their mean of before and after, times the displacement between), and as dissipated what an unbalanced
+    start released. Raises AtcError when `max_steps` do not suffice; the simulation is then as it was before.
     """
-    s = _Statics(sim)
+    with _Statics(sim, time) as s:
+        return _relax(sim, s, tolerance, max_steps, callback)
+
+
+def _relax(sim, s, tolerance, max_steps, callback):
     z, free = sim._z, s.free
     # Fictitious masses: the time step is 1, and Gershgorin's bound on ω² is 2·stiffness/mass = 4·(a margin).
     mass = (0.6 * np.maximum(sim.model.stiffness_n(), np.finfo(float).tiny))[:, None]
@@ -111,20 +146,24 @@ def relax(sim, *, tolerance=1e-6, max_steps=20000, callback=None) -> Converged:
         F = s.forces().copy()
     else:
         raise AtcError(
-            f"the relaxation stands at a relative residual of {worst:.2g} after {max_steps} steps (asked: {tolerance:g}): allow more steps"
+            f"the relaxation stands at a relative residual of {worst:.2g} after {max_steps} steps (asked: {tolerance:g}): hold rigid motions, "
+            "load in smaller increments, or allow more steps"
         )
-    sim.state.v_nc[:] = 0.0
     return Converged(k, worst, s.evaluations)
 
 
-def solve_static(sim, *, tolerance=1e-8, max_iterations=50, inner=200) -> Converged:
+def solve_static(sim, *, time=None, tolerance=1e-8, max_iterations=50, inner=200) -> Converged:
     """Newton's method with matrix-free Krylov solves (scipy's newton_krylov, LGMRES, scaled by the nodes' stiffness) to static equilibrium.
 
     Parameters and result as for `relax`. Wants a problem without rigid motions left free and a start not too far away.
     """
+    with _Statics(sim, time) as s:
+        return _solve(sim, s, tolerance, max_iterations, inner)
+
+
+def _solve(sim, s, tolerance, max_iterations, inner):
     from scipy.optimize import NoConvergence, newton_krylov
 
-    s = _Statics(sim)
     free = s.free
     stiff = np.broadcast_to(sim.model.stiffness_n()[:, None], free.shape)[free]
     stiff = np.maximum(stiff, 1e-12 * stiff.max())
@@ -157,5 +196,4 @@ def solve_static(sim, *, tolerance=1e-8, max_iterations=50, inner=200) -> Conver
             f"the static solver did not converge in {max_iterations} Newton steps (relative residual {s.residual() / s.scale():.2g}): load in smaller"
             " increments, hold rigid motions, or use relax"
         ) from None
-    sim.state.v_nc[:] = 0.0
     return Converged(iterations, s.residual() / s.scale(), s.evaluations)

@@ -46,6 +46,13 @@ class Material:
         """(λ, μ) that act in the body's dimension; in 1-D λ = μ = E/3, so that λ + 2μ is Young's modulus."""
         raise NotImplementedError
 
+    def interface_energy(self, other, body, interface=1.0):
+        """Energy per area to stretch all bonds across the plane between this material and another to 1: each end of a bond has its half.
+
+        `interface` : the stiffness of the bonds relative to the default.
+        """
+        return interface * 0.5 * (self.fracture_energy(body, 1.0) + other.fracture_energy(body, 1.0))
+
     def uniaxial(self, body):
         """The modulus of a thin bar (in plane strain: of a strip) of this body, pulled along one axis and free along the others."""
         lam, mu = self.lame(body)
@@ -154,7 +161,7 @@ class ForceModel:
         if m > 1:
             where = np.searchsorted(ids, body.material_n).astype(np.int64)
             a, b = where[self.table.i_b], where[self.table.j_b]
-            self.kind_b = (np.minimum(a, b) * m + np.maximum(a, b)).astype(np.uint8)
+            self.kind_b = (np.minimum(a, b) * m + np.maximum(a, b)).astype(np.uint8 if m <= 16 else np.uint16)
             self.n_kinds = m * m
         else:
             self.kind_b = np.zeros(0, np.uint8)
@@ -183,6 +190,21 @@ class ForceModel:
         if first.volume_correction:
             W *= body.nu_b()
         return W
+
+    def interface_factor(self, interfaces):
+        """(b,) how stiff bonds are relative to the default, or None where nothing says so. `interfaces` : {(a, b): factor}, or None."""
+        if not interfaces:
+            return None
+        for pair in interfaces:
+            for a in pair:
+                if a not in self.ids:
+                    raise AtcError(f"interfaces: there is no material {a!r} in this body; its materials are {self.ids}")
+        for pair, factor in interfaces.items():
+            if not (np.isscalar(factor) and np.isfinite(factor) and factor > 0):
+                raise AtcError(
+                    f"the interface of materials {pair[0]} and {pair[1]} needs a stiffness factor greater than 0, got {factor!r}"
+                )
+        return self.per_bond(self.pair_values(lambda a, b: interfaces.get((a, b), interfaces.get((b, a), 1.0))))
 
     def per_node(self, of_material):
         """(n,) of_material(material) for each node's material."""

@@ -52,7 +52,8 @@ class CorrespondenceModel(ForceModel):
             from ...errors import AtcError
 
             raise AtcError(
-                "interfaces of their own exist for bond-based materials only: in a state-based body every node has its own material"
+                "correspondence: bonds of this material have no stiffness of their own that an interface could change; take pmb or lps, "
+                "let the interface break, or leave it unbonded"
             )
         lame = {id(m): m.lame(body) for m in materials.values()}
         self.lam_n = self.per_node(lambda m: lame[id(m)][0])

@@ -67,12 +67,6 @@ class StateModel(ForceModel):
 
     def __init__(self, body, materials, crew, rules=None, lammps_compat=False, interfaces=None):
         super().__init__(body, materials, crew, rules, lammps_compat)
-        if interfaces:
-            from ...errors import AtcError
-
-            raise AtcError(
-                "interfaces of their own exist for bond-based materials only: in a state-based body every node has its own material"
-            )
         t = self.table
         d = body.dimension
         lame = {m: materials[m].lame(body) for m in self.ids}
@@ -90,6 +84,10 @@ class StateModel(ForceModel):
                 t.r0_b, body.horizon
             )
         self.M_n = t.sums(self.W_b * r2)
+        # The bonds of an interface count by its factor; m is that of the family as if they were whole.
+        factor = self.interface_factor(interfaces)
+        if factor is not None:
+            self.W_b *= factor
         self.B_n = np.divide(self.b_n * body.V_n, self.M_n, out=np.zeros(self.n), where=self.M_n > 0)
         self.WB_b = self.W_b * (self.B_n[t.i_b] + self.B_n[t.j_b])
         # A = a S/m²; h turns the sum with volumes into it.

@@ -68,6 +68,14 @@ class PMB(Material):
 
     contact_micromodulus = micromodulus
 
+    def interface_energy(self, other, body, interface=1.0):
+        c = (
+            interface.micromodulus(body)
+            if isinstance(interface, PMB)
+            else interface * harmonic(self.micromodulus(body), other.micromodulus(body))
+        )
+        return c / self.micromodulus(body) * self.fracture_energy(body, 1.0)
+
     def fracture_energy(self, body, s0):
         """Energy per area to stretch all bonds across a plane to s0: 9/5 K δ s0² in 3-D."""
         from scipy.integrate import quad
@@ -89,20 +97,22 @@ class BondModel(ForceModel):
 
     def __init__(self, body, materials, crew, rules=None, lammps_compat=False, interfaces=None):
         super().__init__(body, materials, crew, rules, lammps_compat)
-        interfaces = interfaces or {}
-
-        def pair(a, b):
-            own = interfaces.get((a, b), interfaces.get((b, a)))
-            if own is not None:
-                return own.micromodulus(body)
-            return harmonic(materials[a].micromodulus(body), materials[b].micromodulus(body))
-
-        self.c_k = self.pair_values(pair)
+        c = {m: materials[m].micromodulus(body) for m in self.ids}
+        self.c_k = self.pair_values(lambda a, b: harmonic(c[a], c[b]))
         self.W_b = self.weights() * self.per_bond(self.c_k)
         if self.first.surface_correction is not None:
             from ..surface import surface_factors
 
             self.W_b *= surface_factors(body, self.W_b, materials)
+        # After the surface correction, which would make up for a weak interface.
+        factor = self.interface_factor(
+            {
+                p: own.micromodulus(body) / harmonic(*(c.get(m, 1.0) for m in p)) if isinstance(own, PMB) else own
+                for p, own in (interfaces or {}).items()
+            }
+        )
+        if factor is not None:
+            self.W_b *= factor
 
     def forces(self, z, intact_b, F_nc, smin_n, damage):
         t, bl = self.table, self.blocks
