@@ -11,8 +11,9 @@ import numpy as np
 from numba import njit
 
 from ..bonds import JIT
+from ..lanes import C, gather
 from .base import BondForces, ForceModel, Isotropic, deformed
-from .pmb import FAST, C, extremes, gather, threshold
+from .pmb import FAST, extremes, threshold
 
 
 class Correspondence(Isotropic):
@@ -180,6 +181,7 @@ class CorrespondenceModel(ForceModel):
 def _tensors(first, last, edges, lo, hi, offset, start, j, image, images, z, W, intact, reference, buf):
     """Σ W η⊗ξ, or with `reference` Σ W ξ⊗ξ, of intact bonds: the same tensor for both ends."""
     w = np.empty(8 * C)
+    node = np.empty(C + 8, np.int32)
     v = np.empty(9 * C)
     for block in range(first, last):
         f = buf[offset[block] : offset[block + 1]]
@@ -188,7 +190,7 @@ def _tensors(first, last, edges, lo, hi, offset, start, j, image, images, z, W, 
         for i in range(edges[block], edges[block + 1]):
             for b0 in range(start[i], start[i + 1], C):
                 m = min(C, start[i + 1] - b0)
-                gather(b0, m, i, j, image, images, z, w)
+                gather(b0, m, i, j, image, images, z, node, w)
                 if reference:
                     w[: 3 * C] = w[3 * C : 6 * C]
                 _products(m, w, W[b0 : b0 + m], intact[b0 : b0 + m], v)
@@ -259,6 +261,7 @@ def _stress(a, b, H, inverse, lam, mu, g, V, Q):
 def _forces(first, last, edges, lo, hi, offset, start, j, image, images, z, r0, W, Q, g, intact, kind, s00, alpha, smin, s_low, damage, buf, smin_buf):  # fmt: skip
     """As PMB's `forces`; broken bonds are marked 3, so that the caller can tell what their going costs."""
     w = np.empty(8 * C)
+    node = np.empty(C + 8, np.int32)
     q = np.empty(10 * C)
     broken = 0
     for block in range(first, last):
@@ -275,7 +278,7 @@ def _forces(first, last, edges, lo, hi, offset, start, j, image, images, z, r0, 
             row_low = np.inf
             for b0 in range(start[i], start[i + 1], C):
                 m = min(C, start[i + 1] - b0)
-                gather(b0, m, i, j, image, images, z, w)
+                gather(b0, m, i, j, image, images, z, node, w)
                 for k in range(m):
                     n = j[b0 + k]
                     for c in range(9):

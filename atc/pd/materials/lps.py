@@ -12,8 +12,9 @@ from numba import njit
 
 from ..blocks import node_rows
 from ..bonds import JIT
+from ..lanes import C, gather, gather_positions
 from .base import BondForces, ForceModel, Isotropic, deformed
-from .pmb import FAST, C, extremes, gather, threshold
+from .pmb import FAST, extremes, threshold
 
 
 class LPS(Isotropic):
@@ -172,10 +173,11 @@ class StateModel(ForceModel):
 
 
 @njit(**FAST)
-def _row_extension(m, w, r0, W, intact, e):
+def _row_extension(m, b0, w, r0, W, intact, e):
     """Extensions of m bonds into e, W |ξ| e into column 0 of w; returns the sum of that."""
     sum_ = 0.0
     for k in range(m):
+        b = np.uint64(b0) + np.uint64(k)
         ex = w[k]
         ey = w[C + k]
         ez = w[2 * C + k]
@@ -183,12 +185,12 @@ def _row_extension(m, w, r0, W, intact, e):
         y = w[4 * C + k]
         z = w[5 * C + k]
         q = ex * (x + x + ex) + ey * (y + y + ey) + ez * (z + z + ez)
-        L = r0[k]
+        L = r0[b]
         r2 = L * L + q
         r = np.sqrt(r2 if r2 > 0.0 else 0.0)
         q /= r + L
-        e[k] = q
-        v = W[k] * L * q if intact[k] != 0 else 0.0
+        e[b] = q
+        v = W[b] * L * q if intact[b] != 0 else 0.0
         w[k] = v
         sum_ += v
     return sum_
@@ -198,6 +200,7 @@ def _row_extension(m, w, r0, W, intact, e):
 def _extensions(first, last, edges, lo, hi, offset, start, j, image, images, z, r0, W, intact, e, buf):
     """Extensions of blocks first..last, and Σ W |ξ| e into their buffers."""
     w = np.empty(8 * C)
+    node = np.empty(C + 8, np.int32)
     for block in range(first, last):
         f = buf[offset[block] : offset[block + 1]]
         f[:] = 0.0
@@ -208,12 +211,9 @@ def _extensions(first, last, edges, lo, hi, offset, start, j, image, images, z, 
             total = 0.0
             for b0 in range(start[i], start[i + 1], C):
                 m = min(C, start[i + 1] - b0)
-                gather(b0, m, i, j, image, images, z, w)
+                gather(b0, m, i, j, image, images, z, node, w)
                 full = min((m + 7) & ~7, end - b0)
-                for k in range(m, full):
-                    for c in range(6):
-                        w[c * C + k] = 0.0
-                total += _row_extension(full, w, r0[b0 : b0 + full], W[b0 : b0 + full], intact[b0 : b0 + full], e[b0 : b0 + full])
+                total += _row_extension(full, b0, w, r0, W, intact, e)
                 for k in range(m):
                     f[np.uint64(j[b0 + k] - base)] += w[k]
             f[i - base] += total
@@ -221,7 +221,8 @@ def _extensions(first, last, edges, lo, hi, offset, start, j, image, images, z, 
 
 @njit(**JIT)
 def _gather_up(a, b, lo, hi, offset, buf, z, h, S, y):
-    """S[n] = Σ over blocks, in their order; and what the force sum reads of a node, side by side: current position, A = a S/m²."""
+    """S[n] = Σ over blocks, in their order; and what the force sum reads of a node, side by side: current position, A = a S/m²; then
+    once more with −A, for what is subtracted from the other end's."""
     S[a:b] = 0.0
     for k in range(len(lo)):
         shift = offset[k] - lo[k]
@@ -232,40 +233,26 @@ def _gather_up(a, b, lo, hi, offset, buf, z, h, S, y):
         y[n, 1] = z[n, 1] + z[n, 4]
         y[n, 2] = z[n, 2] + z[n, 5]
         y[n, 3] = h[n] * S[n]
-
-
-@njit(**JIT, no_cpython_wrapper=True, no_cfunc_wrapper=True)
-def _gather_positions(b0, m, i, j, image, images, y, w):
-    """y_j − y_i of m bonds of row i into columns 0-2 of w, A_i + A_j into column 3."""
-    y0, y1, y2, y3 = y[i, 0], y[i, 1], y[i, 2], y[i, 3]
-    for k in range(m):
-        n = np.uint64(j[b0 + k])
-        w[k] = y[n, 0] - y0
-        w[C + k] = y[n, 1] - y1
-        w[2 * C + k] = y[n, 2] - y2
-        w[3 * C + k] = y[n, 3] + y3
-    if len(image):
-        for k in range(m):
-            t = image[b0 + k]
-            w[k] += images[t, 0] + images[t, 3]
-            w[C + k] += images[t, 1] + images[t, 4]
-            w[2 * C + k] += images[t, 2] + images[t, 5]
+        for c in range(3):
+            y[n, 4 + c] = y[n, c]
+        y[n, 7] = -y[n, 3]
 
 
 @njit(**FAST)
-def _row(m, w, r0, W, WB, e, intact):
+def _row(m, b0, w, r0, W, WB, e, intact):
     """As PMB's: forces into columns 0-2, stretches into 6 and 7; extensions are known."""
     fx = 0.0
     fy = 0.0
     fz = 0.0
     for k in range(m):
-        L = r0[k]
-        r = L + e[k]
+        b = np.uint64(b0) + np.uint64(k)
+        L = r0[b]
+        r = L + e[b]
         D = r * L
         D = 1.0 / D if D > 0.0 else 0.0
-        s = e[k] * D * r if r > 0.0 else -1.0
-        whole = intact[k] != 0
-        K = (W[k] * w[3 * C + k] * L + WB[k] * e[k]) * D * L
+        s = e[b] * D * r if r > 0.0 else -1.0
+        whole = intact[b] != 0
+        K = (W[b] * w[3 * C + k] * L + WB[b] * e[b]) * D * L
         K = K if whole else 0.0
         x = K * w[k]
         y = K * w[C + k]
@@ -285,6 +272,7 @@ def _row(m, w, r0, W, WB, e, intact):
 def _forces(first, last, edges, lo, hi, offset, start, j, image, images, y, r0, W, WB, e, intact, kind, s00, alpha, smin, s_low, damage, buf, smin_buf, gone_b, gone_k):  # fmt: skip
     """As PMB's `forces`; broken bonds are listed in gone_b, block by block from the block's first bond on, gone_k of them."""
     w = np.empty(8 * C)
+    node = np.empty(C + 8, np.int32)
     for block in range(first, last):
         f = buf[offset[block] : offset[block + 1]]
         f[:] = 0.0
@@ -301,14 +289,10 @@ def _forces(first, last, edges, lo, hi, offset, start, j, image, images, y, r0, 
             row_low = np.inf
             for b0 in range(start[i], start[i + 1], C):
                 m = min(C, start[i + 1] - b0)
-                _gather_positions(b0, m, i, j, image, images, y, w)
-                full = min((m + 7) & ~7, len(r0) - b0)
+                gather_positions(b0, m, i, j, image, images, y, node, w)
                 # Lanes beyond the row have no extent, and pull nothing.
-                for k in range(m, full):
-                    for c in range(4):
-                        w[c * C + k] = 0.0
-                end = b0 + full
-                fx, fy, fz = _row(full, w, r0[b0:end], W[b0:end], WB[b0:end], e[b0:end], intact[b0:end])
+                full = min((m + 7) & ~7, len(r0) - b0)
+                fx, fy, fz = _row(full, b0, w, r0, W, WB, e, intact)
                 sx += fx
                 sy += fy
                 sz += fz

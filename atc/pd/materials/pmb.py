@@ -11,6 +11,7 @@ from numba import njit
 
 from ...errors import AtcError
 from ..bonds import JIT
+from ..lanes import INLINE, C, gather
 from .base import BondForces, ForceModel, Material, deformed, harmonic, influence_function, sphere_measure
 
 
@@ -137,43 +138,18 @@ class BondModel(ForceModel):
         return self.c_k
 
 
-# Row buffers: six numbers a bond, in columns of a fixed length, so that the compiler can tell them apart and vectorise.
-C = 128
-FAST = dict(JIT, fastmath={"reassoc", "nsz", "nnan", "contract", "arcp"}, no_cpython_wrapper=True, no_cfunc_wrapper=True)
-
-
-@njit(**JIT, no_cpython_wrapper=True, no_cfunc_wrapper=True)
-def gather(b0, m, i, j, image, images, z, w):
-    """η and ξ of m bonds of row i, from bond b0 on, into the columns of w."""
-    u0, u1, u2, x0, x1, x2 = z[i, 0], z[i, 1], z[i, 2], z[i, 3], z[i, 4], z[i, 5]
-    for k in range(m):
-        # Unsigned: no test for negative indices.
-        n = np.uint64(j[b0 + k])
-        w[k] = z[n, 0] - u0
-        w[C + k] = z[n, 1] - u1
-        w[2 * C + k] = z[n, 2] - u2
-        w[3 * C + k] = z[n, 3] - x0
-        w[4 * C + k] = z[n, 4] - x1
-        w[5 * C + k] = z[n, 5] - x2
-    if len(image):
-        for k in range(m):
-            t = image[b0 + k]
-            w[3 * C + k] += images[t, 0]
-            w[4 * C + k] += images[t, 1]
-            w[5 * C + k] += images[t, 2]
-            # How far the strained cell has moved that image.
-            w[k] += images[t, 3]
-            w[C + k] += images[t, 4]
-            w[2 * C + k] += images[t, 5]
+FAST = dict(INLINE, fastmath={"reassoc", "nsz", "nnan", "contract", "arcp"})
 
 
 @njit(**FAST)
-def _row(m, w, r0, W, intact):
+def _row(m, b0, w, r0, W, intact):
     """Forces of m bonds into columns 0-2 of w, stretches into column 6 (+∞ if broken) and 7 (−∞ if broken); returns the sums of the forces."""
     fx = 0.0
     fy = 0.0
     fz = 0.0
     for k in range(m):
+        # Unsigned: no test for negative indices, so that loads are whole vectors.
+        b = np.uint64(b0) + np.uint64(k)
         ex = w[k]
         ey = w[C + k]
         ez = w[2 * C + k]
@@ -181,14 +157,14 @@ def _row(m, w, r0, W, intact):
         y = w[4 * C + k]
         z = w[5 * C + k]
         q = ex * (x + x + ex) + ey * (y + y + ey) + ez * (z + z + ez)
-        L = r0[k]
+        L = r0[b]
         r2 = L * L + q
         r = np.sqrt(r2 if r2 > 0.0 else 0.0)
         D = r * (r + L) * L
         D = q / D if D > 0.0 else 0.0
         s = D * r if r > 0.0 else -1.0
-        whole = intact[k] != 0
-        K = W[k] * D if whole else 0.0
+        whole = intact[b] != 0
+        K = W[b] * D if whole else 0.0
         x = K * (x + ex)
         y = K * (y + ey)
         z = K * (z + ez)
@@ -246,6 +222,7 @@ def forces(
     after they have pulled. They are listed
     in gone_b, block by block from the block's first bond on, gone_k of them."""
     w = np.empty(8 * C)
+    node = np.empty(C + 8, np.int32)
     for block in range(first, last):
         f = buf[offset[block] : offset[block + 1]]
         f[:] = 0.0
@@ -262,13 +239,10 @@ def forces(
             row_low = np.inf
             for b0 in range(start[i], start[i + 1], C):
                 m = min(C, start[i + 1] - b0)
-                gather(b0, m, i, j, image, images, z, w)
+                gather(b0, m, i, j, image, images, z, node, w)
                 # Whole vectors of eight: lanes beyond the row are zero and pull nothing.
                 full = min((m + 7) & ~7, len(r0) - b0)
-                for k in range(m, full):
-                    for c in range(6):
-                        w[c * C + k] = 0.0
-                fx, fy, fz = _row(full, w, r0[b0 : b0 + full], W[b0 : b0 + full], intact[b0 : b0 + full])
+                fx, fy, fz = _row(full, b0, w, r0, W, intact)
                 sx += fx
                 sy += fy
                 sz += fz
