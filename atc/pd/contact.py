@@ -111,7 +111,7 @@ class ContactSearch:
             cell = Cell(cell.vectors @ (np.eye(3) + self.strain).T, cell.origin, cell.periodic)
         cl = CellList(y, cell, cutoff)
         X, radius, own, reach = self.body.X_nc, self.body.radius_n, self.contact.own, self.contact.reach
-        before = self.body.cell.vectors
+        before, mask = self.body.cell.vectors, _NOBODY if movers is None else movers
 
         def search(first, last):
             ws, parts = Workspace(), []
@@ -119,7 +119,7 @@ class ContactSearch:
                 m = cl.half(chunk, ws) if movers is None else cl.full(chunk, ws, movers)
                 i, j, r2 = ws.i[:m], ws.j[:m], ws.d2[:m]
                 S = np.rint((y[i] - y[j] - ws.r[:m]) @ cl.cell.inverse) if self.periodic else np.zeros((0, 3))
-                parts.append(_select(i, j, r2, S, cl.cell.vectors, before, X, radius, own, reach, _NOBODY if movers is None else movers, 2 * self.reach))
+                parts.append(_select(i, j, r2, S, cl.cell.vectors, before, X, radius, own, reach, mask, 2 * self.reach))
             return parts
 
         found = [part for parts in self.crew.run(search, cl.n_chunks) for part in parts]
