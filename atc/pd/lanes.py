@@ -1,11 +1,12 @@
-"""Rows of nodes into columns of bonds, eight bonds at a time: vector loads and shuffles in place of one number after the other.
+"""Rows of nodes into columns of bonds and back, eight bonds at a time: vector loads and shuffles in place of one number after the other.
 
-Compilers gather element by element; a node's numbers lie side by side, so that one load takes four of them and a transposition of registers
-makes columns. Written in LLVM's vectors: right on every machine, fast where there are wide registers.
+Compilers gather and scatter element by element; a node's numbers lie side by side, so that one load takes four of them and a transposition of
+registers makes columns. Written in LLVM's vectors: right on every machine, fast where there are wide registers.
 """
 
 from __future__ import annotations
 
+import numpy as np
 from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic
@@ -65,6 +66,38 @@ def _eight(first, columns, own):
     return eight
 
 
+@intrinsic
+def _deal(typingctx, f, base, node_k, k, w, own):
+    """Row n − base of f (force, smallest stretch) for eight nodes n, one after the other: forces in columns 0-2 of w are taken off, the stretch
+    in column 6 lowers the smallest. `own`, four numbers as well, gets the forces added, in the same order."""
+
+    def codegen(context, builder, signature, args):
+        rows = _data(context, builder, signature.args[0], args[0])
+        node = _data(context, builder, signature.args[2], args[2])
+        columns = _data(context, builder, signature.args[4], args[4])
+        mine = _vector(builder, _data(context, builder, signature.args[5], args[5]), _I64(0), _V4)
+        c = [builder.load(_vector(builder, columns, builder.add(args[3], _I64(column * C)), _V8), align=8) for column in (0, 1, 2, 6)]
+        low, high = (0, 8, 2, 10, 4, 12, 6, 14), (1, 9, 3, 11, 5, 13, 7, 15)
+        pairs = [(_shuffle(builder, c[0], c[1], s), _shuffle(builder, c[2], c[3], s)) for s in (low, high)]
+        total = builder.load(mine, align=8)
+        for lane in range(8):
+            p = lane // 2 * 2
+            row = _shuffle(builder, *pairs[lane % 2], (p, p + 1, p + 8, p + 9))
+            n = builder.sub(builder.zext(builder.load(builder.gep(node, [builder.add(args[3], _I64(lane))])), _I64), args[1])
+            at = _vector(builder, rows, builder.mul(n, _I64(4)), _V4)
+            old = builder.load(at, align=8)
+            # Three forces, and the smaller of the two stretches.
+            keep = (0, 1, 2, 7)
+            lower = builder.select(builder.fcmp_ordered("<", row, old), row, old)
+            builder.store(_shuffle(builder, builder.fsub(old, row), lower, keep), at, align=8)
+            lower = builder.select(builder.fcmp_ordered("<", row, total), row, total)
+            total = _shuffle(builder, builder.fadd(total, row), lower, keep)
+        builder.store(total, mine, align=8)
+        return context.get_dummy_value()
+
+    return types.void(f, types.int64, node_k, types.int64, w, own), codegen
+
+
 _displacements = _eight(0, 4, 0)
 _references = _eight(4, 2, 4)
 _positions = _eight(0, 4, 4)
@@ -116,3 +149,18 @@ def _ends(b0, m, i, j, node):
         node[k] = j[b0 + k]
     for k in range(m, m + 8):
         node[k] = i
+
+
+@njit(**INLINE)
+def deal(m, base, node, w, f, own):
+    """Take the forces of m bonds (columns 0-2 of w) off their nodes' rows of f, add them to `own`; column 3 of both keeps the smallest stretch.
+
+    Sums go bond by bond, so that bonds without force change nothing wherever they stand. f : (window, 4), node n in row n − base.
+    """
+    for k in range(m, (m + 7) & ~7):
+        w[k] = 0.0
+        w[C + k] = 0.0
+        w[2 * C + k] = 0.0
+        w[6 * C + k] = np.inf
+    for k in range(0, m, 8):
+        _deal(f, base, node, k, w, own)

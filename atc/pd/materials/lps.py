@@ -14,7 +14,7 @@ from ..blocks import node_rows
 from ..bonds import JIT
 from ..lanes import C, gather, gather_positions
 from .base import BondForces, ForceModel, Isotropic, deformed
-from .pmb import FAST, extremes, threshold
+from .rows import FAST, close_row, open_block, settle
 
 
 class LPS(Isotropic):
@@ -105,8 +105,8 @@ class StateModel(ForceModel):
         self._dilate(z, intact_b)
         gone = np.zeros(bl.count, np.int64)
         self.crew.run(
-            _forces, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, self.images, self.y_nk, t.r0_b, self.W_b, self.WB_b,
-            self.e_b, intact_b, self.kind_b, self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.smin_buf, self.gone_b, gone,
+            _forces, bl.count, bl.edges, bl.lo, bl.offset, t.start_n, t.j_b, t.image_b, self.images, self.y_nk, t.r0_b, self.W_b, self.WB_b,
+            self.e_b, intact_b, self.kind_b, self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.gone_b, gone,
         )  # fmt: skip
         self.collect(F_nc, smin_n, damage)
         return self.account(z, self.listed(gone))
@@ -174,8 +174,7 @@ class StateModel(ForceModel):
 
 @njit(**FAST)
 def _row_extension(m, b0, w, r0, W, intact, e):
-    """Extensions of m bonds into e, W |ξ| e into column 0 of w; returns the sum of that."""
-    sum_ = 0.0
+    """Extensions of m bonds into e, W |ξ| e into column 0 of w."""
     for k in range(m):
         b = np.uint64(b0) + np.uint64(k)
         ex = w[k]
@@ -190,10 +189,7 @@ def _row_extension(m, b0, w, r0, W, intact, e):
         r = np.sqrt(r2 if r2 > 0.0 else 0.0)
         q /= r + L
         e[b] = q
-        v = W[b] * L * q if intact[b] != 0 else 0.0
-        w[k] = v
-        sum_ += v
-    return sum_
+        w[k] = W[b] * L * q if intact[b] != 0 else 0.0
 
 
 @njit(**JIT)
@@ -213,9 +209,11 @@ def _extensions(first, last, edges, lo, hi, offset, start, j, image, images, z, 
                 m = min(C, start[i + 1] - b0)
                 gather(b0, m, i, j, image, images, z, node, w)
                 full = min((m + 7) & ~7, end - b0)
-                total += _row_extension(full, b0, w, r0, W, intact, e)
+                _row_extension(full, b0, w, r0, W, intact, e)
+                # Bond by bond, so that bonds without extension change nothing wherever they stand.
                 for k in range(m):
                     f[np.uint64(j[b0 + k] - base)] += w[k]
+                    total += w[k]
             f[i - base] += total
 
 
@@ -241,9 +239,6 @@ def _gather_up(a, b, lo, hi, offset, buf, z, h, S, y):
 @njit(**FAST)
 def _row(m, b0, w, r0, W, WB, e, intact):
     """As PMB's: forces into columns 0-2, stretches into 6 and 7; extensions are known."""
-    fx = 0.0
-    fy = 0.0
-    fz = 0.0
     for k in range(m):
         b = np.uint64(b0) + np.uint64(k)
         L = r0[b]
@@ -254,72 +249,31 @@ def _row(m, b0, w, r0, W, WB, e, intact):
         whole = intact[b] != 0
         K = (W[b] * w[3 * C + k] * L + WB[b] * e[b]) * D * L
         K = K if whole else 0.0
-        x = K * w[k]
-        y = K * w[C + k]
-        z = K * w[2 * C + k]
-        w[k] = x
-        w[C + k] = y
-        w[2 * C + k] = z
+        w[k] *= K
+        w[C + k] *= K
+        w[2 * C + k] *= K
         w[6 * C + k] = s if whole else np.inf
         w[7 * C + k] = s if whole else -np.inf
-        fx += x
-        fy += y
-        fz += z
-    return fx, fy, fz
 
 
 @njit(**JIT)
-def _forces(first, last, edges, lo, hi, offset, start, j, image, images, y, r0, W, WB, e, intact, kind, s00, alpha, smin, s_low, damage, buf, smin_buf, gone_b, gone_k):  # fmt: skip
-    """As PMB's `forces`; broken bonds are listed in gone_b, block by block from the block's first bond on, gone_k of them."""
+def _forces(first, last, edges, lo, offset, start, j, image, images, y, r0, W, WB, e, intact, kind, s00, alpha, smin, s_low, damage, buf, gone_b, gone_k):  # fmt: skip
+    """As PMB's."""
     w = np.empty(8 * C)
     node = np.empty(C + 8, np.int32)
+    own = np.array([0.0, 0.0, 0.0, np.inf])
     for block in range(first, last):
         f = buf[offset[block] : offset[block + 1]]
-        f[:] = 0.0
+        open_block(f)
         base = lo[block]
         b_first = start[edges[block]]
         gone = 0
-        low_n = smin_buf[offset[block] : offset[block + 1]]
-        if damage:
-            low_n[:] = np.inf
         for i in range(edges[block], edges[block + 1]):
-            sx = 0.0
-            sy = 0.0
-            sz = 0.0
-            row_low = np.inf
             for b0 in range(start[i], start[i + 1], C):
                 m = min(C, start[i + 1] - b0)
                 gather_positions(b0, m, i, j, image, images, y, node, w)
                 # Lanes beyond the row have no extent, and pull nothing.
-                full = min((m + 7) & ~7, len(r0) - b0)
-                fx, fy, fz = _row(full, b0, w, r0, W, WB, e, intact)
-                sx += fx
-                sy += fy
-                sz += fz
-                for k in range(m):
-                    n = np.uint64(j[b0 + k] - base)
-                    f[n, 0] -= w[k]
-                    f[n, 1] -= w[C + k]
-                    f[n, 2] -= w[2 * C + k]
-                if damage:
-                    low, high = extremes(m, w)
-                    row_low = low if low < row_low else row_low
-                    for k in range(m):
-                        n = np.uint64(j[b0 + k] - base)
-                        s = w[6 * C + k]
-                        low_n[n] = s if s < low_n[n] else low_n[n]
-                    if high > s_low:
-                        for k in range(m):
-                            b = b0 + k
-                            if intact[b] == 1:
-                                t = kind[b] if len(kind) else 0
-                                if w[6 * C + k] > threshold(s00[t], alpha[t], smin[i], smin[j[b]]):
-                                    intact[b] = 0
-                                    gone_b[b_first + gone] = b - b_first
-                                    gone += 1
-            f[i - base, 0] += sx
-            f[i - base, 1] += sy
-            f[i - base, 2] += sz
-            if damage and row_low < low_n[i - base]:
-                low_n[i - base] = row_low
+                _row(min((m + 7) & ~7, len(r0) - b0), b0, w, r0, W, WB, e, intact)
+                gone = settle(m, b0, i, base, j, node, w, f, own, intact, kind, s00, alpha, smin, s_low, damage, b_first, gone_b, gone)
+            close_row(f[i - base], own)
         gone_k[block] = gone
