@@ -20,6 +20,7 @@ _MOST_COLUMNS = 4e6
 # Bins a cutoff along each axis. Fine bins along the third axis are free, since columns are contiguous; measured on argon (36 half bonds/atom).
 _BINS_PER_CUTOFF = (1, 1, 4)
 _ATOMS_PER_CHUNK = 2048
+_EVERY = np.zeros(0, np.bool_)
 
 
 @dataclass
@@ -139,12 +140,16 @@ class CellList:
                 return n
             ws.grow()
 
-    def full(self, chunk: int, ws: Workspace) -> int:
-        """Like `half`, but every ordered pair (i, j): the neighbours of one atom i are contiguous, r = x_i − x_j."""
+    def full(self, chunk: int, ws: Workspace, only=None) -> int:
+        """Like `half`, but every ordered pair (i, j): the neighbours of one atom i are contiguous, r = x_i − x_j.
+
+        only : (n,) bool, the atoms i that are looked at
+        """
+        only = _EVERY if only is None else only
         while True:
             n = _full(
                 self.x_sorted, self.order, self.start, self.n_bins, self.columns, self.cell.vectors, self.cell.periodic,
-                self.cutoff**2, self.chunk_edges[chunk], self.chunk_edges[chunk + 1], ws.i, ws.j, ws.r, ws.d2,
+                self.cutoff**2, self.chunk_edges[chunk], self.chunk_edges[chunk + 1], only, ws.i, ws.j, ws.r, ws.d2,
             )  # fmt: skip
             if n >= 0:
                 return n
@@ -344,7 +349,7 @@ def _half(x, order, start, nb, columns, home, vectors, periodic, cut2, bin0, bin
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _full(x, order, start, nb, columns, vectors, periodic, cut2, bin0, bin1, iout, jout, rout, d2out):
+def _full(x, order, start, nb, columns, vectors, periodic, cut2, bin0, bin1, only, iout, jout, rout, d2out):
     capacity = len(jout)
     most = _max_segments(columns, nb)
     lo = np.empty(most, np.int64)
@@ -353,12 +358,19 @@ def _full(x, order, start, nb, columns, vectors, periodic, cut2, bin0, bin1, iou
     n = 0
     for b in range(bin0, bin1):
         a0, a1 = start[b], start[b + 1]
-        if a0 == a1:
+        wanted = a1 > a0
+        if len(only):
+            wanted = False
+            for s in range(a0, a1):
+                wanted = wanted or only[order[s]]
+        if not wanted:
             continue
         m, candidates = _segments(b, 0, -1, columns, nb, vectors, periodic, start, lo, hi, shift)
         if n + candidates * (a1 - a0) + 1 > capacity:
             return -1
         for s in range(a0, a1):
+            if len(only) and not only[order[s]]:
+                continue
             xi, yi, zi = x[s, 0], x[s, 1], x[s, 2]
             n0 = n
             for k in range(m):

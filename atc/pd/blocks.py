@@ -20,9 +20,14 @@ _NODES_PER_CHUNK = 1 << 14
 
 def node_rows(n: int) -> np.ndarray:
     """(n, 8) zeros, one cache line a node: displacement, reference position, and two columns for what a material passes between its sums."""
-    raw = np.zeros(8 * n + 8)
+    return _on_lines(n, 8)
+
+
+def _on_lines(n, width):
+    """(n, width) zeros that start on a cache line."""
+    raw = np.zeros(width * n + 8)
     shift = (-raw.ctypes.data // 8) % 8
-    return raw[shift : shift + 8 * n].reshape(n, 8)
+    return raw[shift : shift + width * n].reshape(n, width)
 
 
 class Blocks:
@@ -46,7 +51,7 @@ class Blocks:
         self.count = len(self.edges) - 1
 
     def buffer(self, width: int) -> np.ndarray:
-        return np.empty((int(self.offset[-1]), width))
+        return _on_lines(int(self.offset[-1]), width)
 
 
 class Crew:
@@ -89,9 +94,13 @@ def _windows(start, j, edges):
 
 
 @njit(**JIT)
-def collect(a, b, lo, hi, offset, buf, smin_buf, F, smin, with_smin):
-    """F[n] = Σ over blocks of their buffers, in the order of the blocks; smin[n] = the smallest. Returns the largest finite smin."""
+def collect(a, b, lo, hi, offset, buf, F, smin, with_smin):
+    """F[n] = Σ over blocks of their buffers, in the order of the blocks; smin[n] = the smallest of the column behind F's.
+
+    Returns the largest finite smin.
+    """
     largest = -np.inf
+    width = F.shape[1]
     F[a:b] = 0.0
     if with_smin:
         smin[a:b] = np.inf
@@ -100,12 +109,12 @@ def collect(a, b, lo, hi, offset, buf, smin_buf, F, smin, with_smin):
         last = min(b, hi[k])
         shift = offset[k] - lo[k]
         for n in range(first, last):
-            for c in range(F.shape[1]):
+            for c in range(width):
                 F[n, c] += buf[n + shift, c]
         if with_smin:
             for n in range(first, last):
-                if smin_buf[n + shift] < smin[n]:
-                    smin[n] = smin_buf[n + shift]
+                if buf[n + shift, width] < smin[n]:
+                    smin[n] = buf[n + shift, width]
     if with_smin:
         for n in range(a, b):
             if smin[n] < np.inf and smin[n] > largest:

@@ -170,8 +170,8 @@ class ForceModel:
         # Translations of the images, and what a strain of the cell adds to them.
         self.images = np.zeros((len(self.table.images_tc), 6))
         self.images[:, :3] = self.table.images_tc
-        self.buf = self.blocks.buffer(3)
-        self.smin_buf = np.empty(len(self.buf))
+        # Force and smallest stretch of a node.
+        self.buf = self.blocks.buffer(4)
         self.largest_smin = -np.inf
         self.gone_b = np.empty(len(self.table), np.int32)
 
@@ -238,7 +238,7 @@ class ForceModel:
 
     def collect(self, F_nc, smin_n, damage):
         largest = self.crew.nodes(
-            collect, self.n, self.blocks.lo, self.blocks.hi, self.blocks.offset, self.buf, self.smin_buf, F_nc, smin_n, damage
+            collect, self.n, self.blocks.lo, self.blocks.hi, self.blocks.offset, self.buf, F_nc, smin_n, damage
         )
         if damage:
             self.largest_smin = max(largest)
@@ -297,7 +297,7 @@ def deformed(model, z, bonds=None):
     """i, j, η, ξ, e and |ξ+η| of every bond (or those numbered): the plain numpy version of what the kernels do."""
     t, body = model.table, model.body
     b = slice(None) if bonds is None else bonds
-    i, j = t.i_b[b], t.j_b[b]
+    i, j = t.i_b if bonds is None else t.rows_of(bonds), t.j_b[b]
     xi = body.X_nc[j] - body.X_nc[i]
     if len(t.image_b):
         xi += t.images_tc[t.image_b[b]]

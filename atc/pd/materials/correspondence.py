@@ -11,8 +11,9 @@ import numpy as np
 from numba import njit
 
 from ..bonds import JIT
+from ..lanes import C, gather
 from .base import BondForces, ForceModel, Isotropic, deformed
-from .pmb import FAST, C, extremes, gather, threshold
+from .rows import FAST, close_row, open_block, settle
 
 
 class Correspondence(Isotropic):
@@ -98,8 +99,7 @@ class CorrespondenceModel(ForceModel):
         )  # fmt: skip
         from ..blocks import collect
 
-        no = np.zeros(0)
-        self.crew.nodes(collect, self.n, bl.lo, bl.hi, bl.offset, self.tensor_buf, no, out, no, False)
+        self.crew.nodes(collect, self.n, bl.lo, bl.hi, bl.offset, self.tensor_buf, out, np.zeros(0), False)
 
     def _states(self, z, intact_b):
         self._shape(z, intact_b)
@@ -109,17 +109,14 @@ class CorrespondenceModel(ForceModel):
     def forces(self, z, intact_b, F_nc, smin_n, damage):
         t, bl = self.table, self.blocks
         self._states(z, intact_b)
-        broken = self.crew.run(
-            _forces, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, t.r0_b, self.W_b, self.Q_ncc,
-            self.g_active_n, intact_b, self.kind_b, self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.smin_buf,
+        gone = np.zeros(bl.count, np.int64)
+        self.crew.run(
+            _forces, bl.count, bl.edges, bl.lo, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, t.r0_b, self.W_b, self.Q_ncc,
+            self.g_active_n, intact_b, self.kind_b, self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.gone_b, gone,
         )  # fmt: skip
         self.collect(F_nc, smin_n, damage)
-        if not sum(broken):
-            return self.account(z, np.zeros(0, np.int64))
         self._intact = intact_b
-        out = self.account(z, np.flatnonzero(intact_b == 3))
-        del self._intact
-        return out
+        return self.account(z, self.listed(gone))
 
     def lost(self, z, which):
         """A bond has no energy of its own: the difference is that of the body before and after."""
@@ -181,6 +178,7 @@ class CorrespondenceModel(ForceModel):
 def _tensors(first, last, edges, lo, hi, offset, start, j, image, images, z, W, intact, reference, buf):
     """Σ W η⊗ξ, or with `reference` Σ W ξ⊗ξ, of intact bonds: the same tensor for both ends."""
     w = np.empty(8 * C)
+    node = np.empty(C + 8, np.int32)
     v = np.empty(9 * C)
     for block in range(first, last):
         f = buf[offset[block] : offset[block + 1]]
@@ -189,7 +187,7 @@ def _tensors(first, last, edges, lo, hi, offset, start, j, image, images, z, W, 
         for i in range(edges[block], edges[block + 1]):
             for b0 in range(start[i], start[i + 1], C):
                 m = min(C, start[i + 1] - b0)
-                gather(b0, m, i, j, image, images, z, w)
+                gather(b0, m, i, j, image, images, z, node, w)
                 if reference:
                     w[: 3 * C] = w[3 * C : 6 * C]
                 _products(m, w, W[b0 : b0 + m], intact[b0 : b0 + m], v)
@@ -257,61 +255,31 @@ def _stress(a, b, H, inverse, lam, mu, g, V, Q):
 
 
 @njit(**JIT)
-def _forces(first, last, edges, lo, hi, offset, start, j, image, images, z, r0, W, Q, g, intact, kind, s00, alpha, smin, s_low, damage, buf, smin_buf):  # fmt: skip
-    """As PMB's `forces`; broken bonds are marked 3, so that the caller can tell what their going costs."""
+def _forces(first, last, edges, lo, offset, start, j, image, images, z, r0, W, Q, g, intact, kind, s00, alpha, smin, s_low, damage, buf, gone_b, gone_k):  # fmt: skip
+    """As PMB's."""
     w = np.empty(8 * C)
+    node = np.empty(C + 8, np.int32)
+    own = np.array([0.0, 0.0, 0.0, np.inf])
     q = np.empty(10 * C)
-    broken = 0
     for block in range(first, last):
         f = buf[offset[block] : offset[block + 1]]
-        f[:] = 0.0
+        open_block(f)
         base = lo[block]
-        low_n = smin_buf[offset[block] : offset[block + 1]]
-        if damage:
-            low_n[:] = np.inf
+        b_first = start[edges[block]]
+        gone = 0
         for i in range(edges[block], edges[block + 1]):
-            sx = 0.0
-            sy = 0.0
-            sz = 0.0
-            row_low = np.inf
             for b0 in range(start[i], start[i + 1], C):
                 m = min(C, start[i + 1] - b0)
-                gather(b0, m, i, j, image, images, z, w)
+                gather(b0, m, i, j, image, images, z, node, w)
                 for k in range(m):
                     n = j[b0 + k]
                     for c in range(9):
                         q[c * C + k] = Q[n, c] + Q[i, c]
                     q[9 * C + k] = g[n] + g[i]
                 _row(m, w, q, r0[b0 : b0 + m], W[b0 : b0 + m], intact[b0 : b0 + m])
-                for k in range(m):
-                    n = j[b0 + k] - base
-                    f[n, 0] -= w[k]
-                    f[n, 1] -= w[C + k]
-                    f[n, 2] -= w[2 * C + k]
-                    sx += w[k]
-                    sy += w[C + k]
-                    sz += w[2 * C + k]
-                if damage:
-                    low, high = extremes(m, w)
-                    row_low = low if low < row_low else row_low
-                    for k in range(m):
-                        n = j[b0 + k] - base
-                        s = w[6 * C + k]
-                        low_n[n] = s if s < low_n[n] else low_n[n]
-                    if high > s_low:
-                        for k in range(m):
-                            b = b0 + k
-                            if intact[b] == 1:
-                                t = kind[b] if len(kind) else 0
-                                if w[6 * C + k] > threshold(s00[t], alpha[t], smin[i], smin[j[b]]):
-                                    intact[b] = 3
-                                    broken += 1
-            f[i - base, 0] += sx
-            f[i - base, 1] += sy
-            f[i - base, 2] += sz
-            if damage and row_low < low_n[i - base]:
-                low_n[i - base] = row_low
-    return broken
+                gone = settle(m, b0, i, base, j, node, w, f, own, intact, kind, s00, alpha, smin, s_low, damage, b_first, gone_b, gone)
+            close_row(f[i - base], own)
+        gone_k[block] = gone
 
 
 @njit(**FAST)

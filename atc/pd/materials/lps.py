@@ -12,8 +12,9 @@ from numba import njit
 
 from ..blocks import node_rows
 from ..bonds import JIT
+from ..lanes import C, gather, gather_positions
 from .base import BondForces, ForceModel, Isotropic, deformed
-from .pmb import FAST, C, extremes, gather, threshold
+from .rows import FAST, close_row, open_block, settle
 
 
 class LPS(Isotropic):
@@ -102,8 +103,8 @@ class StateModel(ForceModel):
         self._dilate(z, intact_b)
         gone = np.zeros(bl.count, np.int64)
         self.crew.run(
-            _forces, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, self.images, self.y_nk, t.r0_b, self.W_b, self.WB_b,
-            self.e_b, intact_b, self.kind_b, self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.smin_buf, self.gone_b, gone,
+            _forces, bl.count, bl.edges, bl.lo, bl.offset, t.start_n, t.j_b, t.image_b, self.images, self.y_nk, t.r0_b, self.W_b, self.WB_b,
+            self.e_b, intact_b, self.kind_b, self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.gone_b, gone,
         )  # fmt: skip
         self.collect(F_nc, smin_n, damage)
         return self.account(z, self.listed(gone))
@@ -170,10 +171,10 @@ class StateModel(ForceModel):
 
 
 @njit(**FAST)
-def _row_extension(m, w, r0, W, intact, e):
-    """Extensions of m bonds into e, W |ξ| e into column 0 of w; returns the sum of that."""
-    sum_ = 0.0
+def _row_extension(m, b0, w, r0, W, intact, e):
+    """Extensions of m bonds into e, W |ξ| e into column 0 of w."""
     for k in range(m):
+        b = np.uint64(b0) + np.uint64(k)
         ex = w[k]
         ey = w[C + k]
         ez = w[2 * C + k]
@@ -181,21 +182,19 @@ def _row_extension(m, w, r0, W, intact, e):
         y = w[4 * C + k]
         z = w[5 * C + k]
         q = ex * (x + x + ex) + ey * (y + y + ey) + ez * (z + z + ez)
-        L = r0[k]
+        L = r0[b]
         r2 = L * L + q
         r = np.sqrt(r2 if r2 > 0.0 else 0.0)
         q /= r + L
-        e[k] = q
-        v = W[k] * L * q if intact[k] != 0 else 0.0
-        w[k] = v
-        sum_ += v
-    return sum_
+        e[b] = q
+        w[k] = W[b] * L * q if intact[b] != 0 else 0.0
 
 
 @njit(**JIT)
 def _extensions(first, last, edges, lo, hi, offset, start, j, image, images, z, r0, W, intact, e, buf):
     """Extensions of blocks first..last, and Σ W |ξ| e into their buffers."""
     w = np.empty(8 * C)
+    node = np.empty(C + 8, np.int32)
     for block in range(first, last):
         f = buf[offset[block] : offset[block + 1]]
         f[:] = 0.0
@@ -206,20 +205,20 @@ def _extensions(first, last, edges, lo, hi, offset, start, j, image, images, z, 
             total = 0.0
             for b0 in range(start[i], start[i + 1], C):
                 m = min(C, start[i + 1] - b0)
-                gather(b0, m, i, j, image, images, z, w)
+                gather(b0, m, i, j, image, images, z, node, w)
                 full = min((m + 7) & ~7, end - b0)
-                for k in range(m, full):
-                    for c in range(6):
-                        w[c * C + k] = 0.0
-                total += _row_extension(full, w, r0[b0 : b0 + full], W[b0 : b0 + full], intact[b0 : b0 + full], e[b0 : b0 + full])
+                _row_extension(full, b0, w, r0, W, intact, e)
+                # Bond by bond, so that bonds without extension change nothing wherever they stand.
                 for k in range(m):
                     f[np.uint64(j[b0 + k] - base)] += w[k]
+                    total += w[k]
             f[i - base] += total
 
 
 @njit(**JIT)
 def _gather_up(a, b, lo, hi, offset, buf, z, h, S, y):
-    """S[n] = Σ over blocks, in their order; and what the force sum reads of a node, side by side: current position, A = a S/m²."""
+    """S[n] = Σ over blocks, in their order; and what the force sum reads of a node, side by side: current position, A = a S/m²; then
+    once more with −A, for what is subtracted from the other end's."""
     S[a:b] = 0.0
     for k in range(len(lo)):
         shift = offset[k] - lo[k]
@@ -230,110 +229,49 @@ def _gather_up(a, b, lo, hi, offset, buf, z, h, S, y):
         y[n, 1] = z[n, 1] + z[n, 4]
         y[n, 2] = z[n, 2] + z[n, 5]
         y[n, 3] = h[n] * S[n]
-
-
-@njit(**JIT, no_cpython_wrapper=True, no_cfunc_wrapper=True)
-def _gather_positions(b0, m, i, j, image, images, y, w):
-    """y_j − y_i of m bonds of row i into columns 0-2 of w, A_i + A_j into column 3."""
-    y0, y1, y2, y3 = y[i, 0], y[i, 1], y[i, 2], y[i, 3]
-    for k in range(m):
-        n = np.uint64(j[b0 + k])
-        w[k] = y[n, 0] - y0
-        w[C + k] = y[n, 1] - y1
-        w[2 * C + k] = y[n, 2] - y2
-        w[3 * C + k] = y[n, 3] + y3
-    if len(image):
-        for k in range(m):
-            t = image[b0 + k]
-            w[k] += images[t, 0] + images[t, 3]
-            w[C + k] += images[t, 1] + images[t, 4]
-            w[2 * C + k] += images[t, 2] + images[t, 5]
+        for c in range(3):
+            y[n, 4 + c] = y[n, c]
+        y[n, 7] = -y[n, 3]
 
 
 @njit(**FAST)
-def _row(m, w, r0, W, WB, e, intact):
+def _row(m, b0, w, r0, W, WB, e, intact):
     """As PMB's: forces into columns 0-2, stretches into 6 and 7; extensions are known."""
-    fx = 0.0
-    fy = 0.0
-    fz = 0.0
     for k in range(m):
-        L = r0[k]
-        r = L + e[k]
+        b = np.uint64(b0) + np.uint64(k)
+        L = r0[b]
+        r = L + e[b]
         D = r * L
         D = 1.0 / D if D > 0.0 else 0.0
-        s = e[k] * D * r if r > 0.0 else -1.0
-        whole = intact[k] != 0
-        K = (W[k] * w[3 * C + k] * L + WB[k] * e[k]) * D * L
+        s = e[b] * D * r if r > 0.0 else -1.0
+        whole = intact[b] != 0
+        K = (W[b] * w[3 * C + k] * L + WB[b] * e[b]) * D * L
         K = K if whole else 0.0
-        x = K * w[k]
-        y = K * w[C + k]
-        z = K * w[2 * C + k]
-        w[k] = x
-        w[C + k] = y
-        w[2 * C + k] = z
+        w[k] *= K
+        w[C + k] *= K
+        w[2 * C + k] *= K
         w[6 * C + k] = s if whole else np.inf
         w[7 * C + k] = s if whole else -np.inf
-        fx += x
-        fy += y
-        fz += z
-    return fx, fy, fz
 
 
 @njit(**JIT)
-def _forces(first, last, edges, lo, hi, offset, start, j, image, images, y, r0, W, WB, e, intact, kind, s00, alpha, smin, s_low, damage, buf, smin_buf, gone_b, gone_k):  # fmt: skip
-    """As PMB's `forces`; broken bonds are listed in gone_b, block by block from the block's first bond on, gone_k of them."""
+def _forces(first, last, edges, lo, offset, start, j, image, images, y, r0, W, WB, e, intact, kind, s00, alpha, smin, s_low, damage, buf, gone_b, gone_k):  # fmt: skip
+    """As PMB's."""
     w = np.empty(8 * C)
+    node = np.empty(C + 8, np.int32)
+    own = np.array([0.0, 0.0, 0.0, np.inf])
     for block in range(first, last):
         f = buf[offset[block] : offset[block + 1]]
-        f[:] = 0.0
+        open_block(f)
         base = lo[block]
         b_first = start[edges[block]]
         gone = 0
-        low_n = smin_buf[offset[block] : offset[block + 1]]
-        if damage:
-            low_n[:] = np.inf
         for i in range(edges[block], edges[block + 1]):
-            sx = 0.0
-            sy = 0.0
-            sz = 0.0
-            row_low = np.inf
             for b0 in range(start[i], start[i + 1], C):
                 m = min(C, start[i + 1] - b0)
-                _gather_positions(b0, m, i, j, image, images, y, w)
-                full = min((m + 7) & ~7, len(r0) - b0)
+                gather_positions(b0, m, i, j, image, images, y, node, w)
                 # Lanes beyond the row have no extent, and pull nothing.
-                for k in range(m, full):
-                    for c in range(4):
-                        w[c * C + k] = 0.0
-                end = b0 + full
-                fx, fy, fz = _row(full, w, r0[b0:end], W[b0:end], WB[b0:end], e[b0:end], intact[b0:end])
-                sx += fx
-                sy += fy
-                sz += fz
-                for k in range(m):
-                    n = np.uint64(j[b0 + k] - base)
-                    f[n, 0] -= w[k]
-                    f[n, 1] -= w[C + k]
-                    f[n, 2] -= w[2 * C + k]
-                if damage:
-                    low, high = extremes(m, w)
-                    row_low = low if low < row_low else row_low
-                    for k in range(m):
-                        n = np.uint64(j[b0 + k] - base)
-                        s = w[6 * C + k]
-                        low_n[n] = s if s < low_n[n] else low_n[n]
-                    if high > s_low:
-                        for k in range(m):
-                            b = b0 + k
-                            if intact[b] == 1:
-                                t = kind[b] if len(kind) else 0
-                                if w[6 * C + k] > threshold(s00[t], alpha[t], smin[i], smin[j[b]]):
-                                    intact[b] = 0
-                                    gone_b[b_first + gone] = b - b_first
-                                    gone += 1
-            f[i - base, 0] += sx
-            f[i - base, 1] += sy
-            f[i - base, 2] += sz
-            if damage and row_low < low_n[i - base]:
-                low_n[i - base] = row_low
+                _row(min((m + 7) & ~7, len(r0) - b0), b0, w, r0, W, WB, e, intact)
+                gone = settle(m, b0, i, base, j, node, w, f, own, intact, kind, s00, alpha, smin, s_low, damage, b_first, gone_b, gone)
+            close_row(f[i - base], own)
         gone_k[block] = gone

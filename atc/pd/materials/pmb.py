@@ -11,7 +11,9 @@ from numba import njit
 
 from ...errors import AtcError
 from ..bonds import JIT
+from ..lanes import C, gather
 from .base import BondForces, ForceModel, Material, deformed, harmonic, influence_function, sphere_measure
+from .rows import FAST, close_row, open_block, settle
 
 
 class PMB(Material):
@@ -118,8 +120,8 @@ class BondModel(ForceModel):
         t, bl = self.table, self.blocks
         gone = np.zeros(bl.count, np.int64)
         self.crew.run(
-            forces, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, t.r0_b, self.W_b, intact_b,
-            self.kind_b, self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.smin_buf, self.gone_b, gone,
+            _forces, bl.count, bl.edges, bl.lo, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, t.r0_b, self.W_b, intact_b,
+            self.kind_b, self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.gone_b, gone,
         )  # fmt: skip
         self.collect(F_nc, smin_n, damage)
         return self.account(z, self.listed(gone))
@@ -147,43 +149,12 @@ class BondModel(ForceModel):
         return self.c_k
 
 
-# Row buffers: six numbers a bond, in columns of a fixed length, so that the compiler can tell them apart and vectorise.
-C = 128
-FAST = dict(JIT, fastmath={"reassoc", "nsz", "nnan", "contract", "arcp"}, no_cpython_wrapper=True, no_cfunc_wrapper=True)
-
-
-@njit(**JIT, no_cpython_wrapper=True, no_cfunc_wrapper=True)
-def gather(b0, m, i, j, image, images, z, w):
-    """η and ξ of m bonds of row i, from bond b0 on, into the columns of w."""
-    u0, u1, u2, x0, x1, x2 = z[i, 0], z[i, 1], z[i, 2], z[i, 3], z[i, 4], z[i, 5]
-    for k in range(m):
-        # Unsigned: no test for negative indices.
-        n = np.uint64(j[b0 + k])
-        w[k] = z[n, 0] - u0
-        w[C + k] = z[n, 1] - u1
-        w[2 * C + k] = z[n, 2] - u2
-        w[3 * C + k] = z[n, 3] - x0
-        w[4 * C + k] = z[n, 4] - x1
-        w[5 * C + k] = z[n, 5] - x2
-    if len(image):
-        for k in range(m):
-            t = image[b0 + k]
-            w[3 * C + k] += images[t, 0]
-            w[4 * C + k] += images[t, 1]
-            w[5 * C + k] += images[t, 2]
-            # How far the strained cell has moved that image.
-            w[k] += images[t, 3]
-            w[C + k] += images[t, 4]
-            w[2 * C + k] += images[t, 5]
-
-
 @njit(**FAST)
-def _row(m, w, r0, W, intact):
-    """Forces of m bonds into columns 0-2 of w, stretches into column 6 (+∞ if broken) and 7 (−∞ if broken); returns the sums of the forces."""
-    fx = 0.0
-    fy = 0.0
-    fz = 0.0
+def _row(m, b0, w, r0, W, intact):
+    """Forces of m bonds into columns 0-2 of w, stretches into column 6 (+∞ if broken) and 7 (−∞ if broken)."""
     for k in range(m):
+        # Unsigned: no test for negative indices, so that loads are whole vectors.
+        b = np.uint64(b0) + np.uint64(k)
         ex = w[k]
         ey = w[C + k]
         ez = w[2 * C + k]
@@ -191,129 +162,40 @@ def _row(m, w, r0, W, intact):
         y = w[4 * C + k]
         z = w[5 * C + k]
         q = ex * (x + x + ex) + ey * (y + y + ey) + ez * (z + z + ez)
-        L = r0[k]
+        L = r0[b]
         r2 = L * L + q
         r = np.sqrt(r2 if r2 > 0.0 else 0.0)
         D = r * (r + L) * L
         D = q / D if D > 0.0 else 0.0
         s = D * r if r > 0.0 else -1.0
-        whole = intact[k] != 0
-        K = W[k] * D if whole else 0.0
-        x = K * (x + ex)
-        y = K * (y + ey)
-        z = K * (z + ez)
-        w[k] = x
-        w[C + k] = y
-        w[2 * C + k] = z
+        whole = intact[b] != 0
+        K = W[b] * D if whole else 0.0
+        w[k] = K * (x + ex)
+        w[C + k] = K * (y + ey)
+        w[2 * C + k] = K * (z + ez)
         w[6 * C + k] = s if whole else np.inf
         w[7 * C + k] = s if whole else -np.inf
-        fx += x
-        fy += y
-        fz += z
-    return fx, fy, fz
-
-
-@njit(**FAST)
-def extremes(m, w):
-    """Smallest of column 6 and largest of column 7. A loop of its own, or neither would vectorise."""
-    low = np.inf
-    high = -np.inf
-    for k in range(m):
-        low = min(low, w[6 * C + k])
-    for k in range(m):
-        high = max(high, w[7 * C + k])
-    return low, high
 
 
 @njit(**JIT)
-def forces(
-    first,
-    last,
-    edges,
-    lo,
-    hi,
-    offset,
-    start,
-    j,
-    image,
-    images,
-    z,
-    r0,
-    W,
-    intact,
-    kind,
-    s00,
-    alpha,
-    smin,
-    s_low,
-    damage,
-    buf,
-    smin_buf,
-    gone_b,
-    gone_k,
-):
-    """Blocks first..last: forces into their buffers; with `damage` also new smallest stretches, and bonds beyond their critical stretch break
-    after they have pulled. They are listed
-    in gone_b, block by block from the block's first bond on, gone_k of them."""
+def _forces(first, last, edges, lo, offset, start, j, image, images, z, r0, W, intact, kind, s00, alpha, smin, s_low, damage, buf, gone_b, gone_k):
+    """Blocks first..last: forces and smallest stretches into their buffers. Broken bonds are listed in gone_b, block by block from the block's first
+    bond on, gone_k of them."""
     w = np.empty(8 * C)
+    node = np.empty(C + 8, np.int32)
+    own = np.array([0.0, 0.0, 0.0, np.inf])
     for block in range(first, last):
         f = buf[offset[block] : offset[block + 1]]
-        f[:] = 0.0
+        open_block(f)
         base = lo[block]
         b_first = start[edges[block]]
         gone = 0
-        low_n = smin_buf[offset[block] : offset[block + 1]]
-        if damage:
-            low_n[:] = np.inf
         for i in range(edges[block], edges[block + 1]):
-            sx = 0.0
-            sy = 0.0
-            sz = 0.0
-            row_low = np.inf
             for b0 in range(start[i], start[i + 1], C):
                 m = min(C, start[i + 1] - b0)
-                gather(b0, m, i, j, image, images, z, w)
-                # Whole vectors of eight: lanes beyond the row are zero and pull nothing.
-                full = min((m + 7) & ~7, len(r0) - b0)
-                for k in range(m, full):
-                    for c in range(6):
-                        w[c * C + k] = 0.0
-                fx, fy, fz = _row(full, w, r0[b0 : b0 + full], W[b0 : b0 + full], intact[b0 : b0 + full])
-                sx += fx
-                sy += fy
-                sz += fz
-                for k in range(m):
-                    n = np.uint64(j[b0 + k] - base)
-                    f[n, 0] -= w[k]
-                    f[n, 1] -= w[C + k]
-                    f[n, 2] -= w[2 * C + k]
-                if damage:
-                    low, high = extremes(m, w)
-                    row_low = low if low < row_low else row_low
-                    for k in range(m):
-                        n = np.uint64(j[b0 + k] - base)
-                        s = w[6 * C + k]
-                        low_n[n] = s if s < low_n[n] else low_n[n]
-                    if high > s_low:
-                        for k in range(m):
-                            b = b0 + k
-                            if intact[b] == 1:
-                                t = kind[b] if len(kind) else 0
-                                if w[6 * C + k] > threshold(s00[t], alpha[t], smin[i], smin[j[b]]):
-                                    intact[b] = 0
-                                    gone_b[b_first + gone] = b - b_first
-                                    gone += 1
-            f[i - base, 0] += sx
-            f[i - base, 1] += sy
-            f[i - base, 2] += sz
-            if damage and row_low < low_n[i - base]:
-                low_n[i - base] = row_low
+                gather(b0, m, i, j, image, images, z, node, w)
+                # Whole vectors of eight: lanes beyond the row have no displacement, and pull nothing.
+                _row(min((m + 7) & ~7, len(r0) - b0), b0, w, r0, W, intact)
+                gone = settle(m, b0, i, base, j, node, w, f, own, intact, kind, s00, alpha, smin, s_low, damage, b_first, gone_b, gone)
+            close_row(f[i - base], own)
         gone_k[block] = gone
-
-
-@njit(**JIT)
-def threshold(s00, alpha, smin_i, smin_j):
-    """min(s0_i, s0_j) with s0 = s00 − α·(the node's smallest stretch); infinite while a node has none yet (R 3.0.9)."""
-    si = np.inf if smin_i == -np.inf else s00 - alpha * smin_i
-    sj = np.inf if smin_j == -np.inf else s00 - alpha * smin_j
-    return si if si < sj else sj
