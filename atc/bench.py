@@ -123,7 +123,7 @@ def mark_front(rungs) -> None:
         r.front = not any((o.cpu <= r.cpu and o.error_max < r.error_max) or (o.cpu < r.cpu and o.error_max <= r.error_max) for o in rungs)
 
 
-def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST) -> Bench:
+def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST, most_each=np.inf) -> Bench:
     """Time against error of a request's first frame.
 
     Parameters
@@ -133,7 +133,7 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST)
         bonds, else the first one on the grid.
     tolerances : of the spectral method
     progress : called with what is about to run
-    most : CPU seconds that a rung may be predicted to take; beyond, it is left out, and `left_out` says so
+    most, most_each : CPU seconds that the exact sum, and any other rung, may be predicted to take; beyond, it is left out, and `left_out` says so
 
     Raises
     ------
@@ -200,7 +200,7 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST)
             left_out.append((f"spectral {t:g}", f"a mesh of {' x '.join(str(int(k)) for k in deposits[keys[-1]].mesh)} does not fit"))
             continue
         ahead = fixed + sum(spectral_seconds(request.costs, d, *s) for d, s in zip(deposits.values(), size))
-        if ahead > most:
+        if ahead > most_each:
             left_out.append((f"spectral {t:g}", f"predicted to take {ahead:.0f} s of CPU"))
             continue
         progress(f"spectral, tolerance {t:g}")
@@ -218,7 +218,7 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST)
             raise AtcError(f"atc bench: the exact sum would take {seconds:.0f} s of CPU and the spectral method cannot: {left_out[-1][1]}")
         exact = closest
     ahead = fixed + direct_seconds(request.costs, bound, kern, len(frame), 0.0, 6)
-    if name == "stress_potential" and ahead > most:
+    if name == "stress_potential" and ahead > most_each:
         left_out.append(("per-atom virials", f"predicted to take {ahead:.0f} s of CPU to smooth"))
     elif name == "stress_potential":
         progress("per-atom virials")

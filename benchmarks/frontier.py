@@ -144,7 +144,13 @@ def main():
             continue
         row = {"name": name, "model": model, "kernel": kernel, "radius": radius, "grid": points, "atoms": len(frame)}
         try:
-            result = bench(request, ladder, progress=lambda what: print(f"    {time.strftime('%H:%M:%S')} {what}", flush=True), most=a.most)
+            result = bench(
+                request,
+                ladder,
+                progress=lambda what: print(f"    {time.strftime('%H:%M:%S')} {what}", flush=True),
+                most=a.most,
+                most_each=a.most,
+            )
         except AtcError as e:
             # Nothing is quick enough, which belongs in the file too.
             row |= {"rungs": [], "left_out": [("all", str(e))]}
