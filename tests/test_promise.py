@@ -254,7 +254,9 @@ def test_churning_of_pairs_is_zero_at_any_tolerance(liquid):
 def test_refinements_are_told_like_by_like():
     a, b = Refinement("stress above 1e-05: sums over bonds direct", 3e-5), Refinement("nearly empty space: sums over atoms direct")
     assert str(a) == "error 3.0e-05 of stress above 1e-05: sums over bonds direct" and str(b) == b.what
-    told = Refinement.summary([(1, a.plain()), (2, b.plain()), (2, dataclasses.replace(a, error=4e-5).plain()), (3, a.plain()), (9, a.plain())])
+    told = Refinement.summary(
+        [(1, a.plain()), (2, b.plain()), (2, dataclasses.replace(a, error=4e-5).plain()), (3, a.plain()), (9, a.plain())]
+    )
     assert told == (
         "frames 1-3, 9: error up to 4.0e-05 of stress above 1e-05: sums over bonds direct; frame 2: nearly empty space: sums over atoms direct"
     )
