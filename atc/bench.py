@@ -123,7 +123,7 @@ def mark_front(rungs) -> None:
         r.front = not any((o.cpu <= r.cpu and o.error_max < r.error_max) or (o.cpu < r.cpu and o.error_max <= r.error_max) for o in rungs)
 
 
-def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST) -> Bench:
+def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST, most_each=np.inf) -> Bench:
     """Time against error of a request's first frame.
 
     Parameters
@@ -133,7 +133,7 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST)
         bonds, else the first one on the grid.
     tolerances : of the spectral method
     progress : called with what is about to run
-    most : CPU seconds that the exact sum may be predicted to take; beyond, it is left out
+    most, most_each : CPU seconds that the exact sum, and any other rung, may be predicted to take; beyond, it is left out, and `left_out` says so
 
     Raises
     ------
@@ -142,6 +142,7 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST)
     from .choose import choose, spectral_deposit
     from .costs import Load
     from .costs import direct as direct_seconds
+    from .costs import spectral as spectral_seconds
     from .estimators.compute import Settings, frame_fields
     from .estimators.methods import Method
     from .estimators.registry import Work
@@ -170,7 +171,8 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST)
     rungs, left_out, exact = [], [], None
     load = request.load if work.bond else None
     size = [(request.load.bonds, request.load.length, work.n_bond)] if work.bond else [(len(frame), 0.0, work.n_site)]
-    seconds = sum(direct_seconds(request.costs, bound, kern, *s) for s in size)
+    fixed = load.seconds(request.costs, len(frame)) if load is not None else 0.0
+    seconds = fixed + sum(direct_seconds(request.costs, bound, kern, *s) for s in size)
     if seconds <= most:
         # The exact sum is what all errors are measured against; its own is what the check at random points finds.
         progress("the exact sum")
@@ -197,6 +199,10 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST)
         if nodes * 8 * 8 * request.threads > 4e9:
             left_out.append((f"spectral {t:g}", f"a mesh of {' x '.join(str(int(k)) for k in deposits[keys[-1]].mesh)} does not fit"))
             continue
+        ahead = fixed + sum(spectral_seconds(request.costs, d, *s) for d, s in zip(deposits.values(), size))
+        if ahead > most_each:
+            left_out.append((f"spectral {t:g}", f"predicted to take {ahead:.0f} s of CPU"))
+            continue
         progress(f"spectral, tolerance {t:g}")
         # Forced, so that the rung is what it says and nothing is refined.
         methods = {k: Method("spectral", t, "bench", (), True) for k in keys}
@@ -211,7 +217,10 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST)
         if not rungs:
             raise AtcError(f"atc bench: the exact sum would take {seconds:.0f} s of CPU and the spectral method cannot: {left_out[-1][1]}")
         exact = closest
-    if name == "stress_potential":
+    ahead = fixed + direct_seconds(request.costs, bound, kern, len(frame), 0.0, 6)
+    if name == "stress_potential" and ahead > most_each:
+        left_out.append(("per-atom virials", f"predicted to take {ahead:.0f} s of CPU to smooth"))
+    elif name == "stress_potential":
         progress("per-atom virials")
         smooth = "smoothed_virial_stress_potential"
         result, cpu, wall = run(replace(settings, names=(smooth,)))

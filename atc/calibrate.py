@@ -110,7 +110,7 @@ def _lattice_rows(bound, kern, items, length, components):
     return [items, rows, many, many * ceil(components / 4)]
 
 
-_FAMILIES = {"even": "quartic", "radial": "hardy", "cone": "linear", "gaussian": "gaussian", "bspline": "cubic", "box": "box"}
+_FAMILIES = {"even": "quartic", "radial": "hardy", "cone": "linear", "gaussian": "gaussian", "bspline": "bspline", "box": "box"}
 
 
 def _direct(costs, frame, bonds, length, u):
@@ -149,7 +149,7 @@ def _direct(costs, frame, bonds, length, u):
         if family == "even":
             continue
         kern = kernel(name, size=8.0) if name == "box" else kernel(name, 8.0 if name != "gaussian" else 7.0)
-        part = slice(None, None, 16)
+        part = slice(None, None, 160 if family == "bspline" else 16)
         items, n_rows, many, vectors = _lattice_rows(bound, kern, len(bonds.G_b[part]), length, 6)
         rest = costs.bond * items + costs.row * n_rows + costs.accumulate * vectors
         costs.visit[family] = max((seconds(kern, bound, 6, part) - rest) / many, 0.2 * even)

@@ -38,7 +38,7 @@ class Costs:
     bond: float = 1.8e-7
     row: float = 5e-9
     visit: dict = field(
-        default_factory=lambda: {"even": 2.5e-9, "radial": 1.1e-8, "cone": 9e-9, "gaussian": 5e-9, "bspline": 1e-8, "box": 2.1e-8}
+        default_factory=lambda: {"even": 2.5e-9, "radial": 1.1e-8, "cone": 9e-9, "gaussian": 5e-9, "bspline": 2.3e-7, "box": 2.1e-8}
     )
     accumulate: float = 1.3e-9
     slab_bond: float = 2.7e-7

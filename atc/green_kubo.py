@@ -68,9 +68,11 @@ def heat_currents(frames, pot, *, dt: float | None = None, threads: int | None =
 
     from .estimators.compute import Settings, frame_fields
     from .estimators.sources import drift_velocity
+    from .verlet import Following
 
     settings = Settings(names=("heat_current",), pot=pot, threads=threads or 1, check_points=0)
     J, times, volumes, temperatures, first = [], [], [], [], None
+    lists = Following(getattr(pot, "cutoff", 0.0))
     total = len(frames) if hasattr(frames, "__len__") else 0
     began = time.perf_counter()
     for frame in frames:
@@ -81,6 +83,7 @@ def heat_currents(frames, pot, *, dt: float | None = None, threads: int | None =
             )
         frame.require("velocities", "masses", why="the heat current")
         still = frame.replace(velocities=frame.velocities - drift_velocity(frame))
+        settings.anchor = lists.at(still)
         current = frame_fields(still, settings, len(J)).arrays["heat_current"]
         J.append(frame.units.to_internal("energy_current", np.asarray(current).reshape(3)))
         times.append(np.nan if frame.time is None else frame.time)

@@ -8,9 +8,8 @@ import numpy as np
 
 from .estimators.compute import Settings, frame_fields
 from .grids import Grid
+from .info import stress_error
 
-#: Relative stress error per Å that coordinates are rounded to, at R = 5 Å (see `info`): what decides whether it is worth a look.
-_PER_ANGSTROM = 2.0
 #: Points at which the fields are computed with moved atoms.
 POINTS = 100
 
@@ -36,7 +35,8 @@ def input_errors(request) -> tuple[float, dict[str, float]]:
     if not names or not len(request.first):
         return 0.0, {}
     step = resolution_of(request)
-    if step * _PER_ANGSTROM < 0.1 * max(request.tolerance, 1e-6):
+    units = request.first.units
+    if stress_error(units.to_user("length", step), units) < 0.1 * max(request.tolerance, 1e-6):
         return step, {}
     frame, grid = request.first, request.grid
     if request.bound.kind != "slab":

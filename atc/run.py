@@ -12,7 +12,7 @@ from .contents import follows_cell, grid_moves, moving_coordinates, output_layou
 from .described import file_name
 from .errors import AtcError, AtcWarning
 from .estimators.compute import SAFE, FrameResult, frame_fields, require
-from .estimators.methods import DEPOSITS, Method, details, summary
+from .estimators.methods import DEPOSITS, Method, Refinement, details, summary
 from .estimators.registry import QUANTITIES
 from .output import Layout, Store, dataset_in_memory, explained, open_dataset
 from .parallel import frame_results, here
@@ -182,7 +182,7 @@ def _settle(request: Request, store, start: int) -> FrameResult | None:
             changed = [
                 f"{summary({k: began[k]})} to {began[k].tolerance:g} -> {result.methods[k]}" for k in began if began[k] != result.methods[k]
             ]
-            result.refined = [f"for all frames, after the first: {', '.join(changed)} ({result.refined[0]})"]
+            result.refined = [Refinement(f"for all frames, after the first: {', '.join(changed)} ({result.refined[0]})")]
     if store is not None:
         store.remember("methods", {key: m.plain() for key, m in request.methods.items()})
     return result if start == 0 else None
@@ -282,7 +282,7 @@ class _Sink:
         for what, count in result.notes.items():
             counts[what] = counts.get(what, 0) + count
         for what in result.refined:
-            self.note.setdefault("refined", []).append([k, what])
+            self.note.setdefault("refined", []).append([k, what.plain()])
             if not self._said_refined:
                 self._said_refined = True
                 warnings.warn(
@@ -352,7 +352,7 @@ class _Sink:
                 out.setdefault(name, {})["input_error"] = error
             out[""]["input_error"] = max(moved.values())
             out[""]["input_resolution"] = self.request.first.units.to_user("length", step)
-        refined = _refinements([r for note in self.notes for r in note.get("refined", [])])
+        refined = Refinement.summary([r for note in self.notes for r in note.get("refined", [])])
         if refined:
             out[""]["refinements"] = refined
         if self.request.methods:
@@ -402,35 +402,6 @@ class _Sink:
             name, _, rest = key.partition("/")
             by_name.setdefault(name, {})[rest] = a
         self.averages = {name: BlockAverage.from_state(s) for name, s in by_name.items()}
-
-
-def _refinements(notes) -> str:
-    """What was computed again, like by like: the frames, and the largest error that was the cause."""
-    import re
-
-    like: dict = {}
-    for k, what in notes:
-        error = re.match(r"error (\S+) of ", what)
-        frames, errors = like.setdefault(what if error is None else what[error.end() :], ([], []))
-        frames.append(k)
-        if error is not None:
-            errors.append(float(error[1]))
-    return "; ".join(
-        f"frame{'s' * (len(frames) > 1)} {_ranges(frames)}: "
-        + (f"error{' up to' * (len(errors) > 1)} {max(errors):.1e} of {what}" if errors else what)
-        for what, (frames, errors) in like.items()
-    )
-
-
-def _ranges(numbers) -> str:
-    """1, 2, 3, 7 as "1-3, 7"."""
-    out: list[list[int]] = []
-    for k in sorted(set(numbers)):
-        if out and k == out[-1][1] + 1:
-            out[-1][1] = k
-        else:
-            out.append([k, k])
-    return ", ".join(str(a) if a == b else f"{a}-{b}" for a, b in out)
 
 
 def _plain_coordinates(coordinates):

@@ -99,8 +99,11 @@ class _Kept:
             n = cells.half(c, ws)
             i, j = ws.i[:n].copy(), ws.j[:n].copy()
             image = np.rint((cells.x_sorted[i] - cells.x_sorted[j] - ws.r[:n]) @ inverse).astype(np.int64)
-            kinds, code = np.unique(image, axis=0, return_inverse=True) if n else (np.zeros((1, 3)), np.zeros(0, int))
-            self.chunks.append((i, j, code.reshape(-1).astype(np.int16), np.ascontiguousarray(kinds @ vectors)))
+            low = image.min(0, initial=0)
+            many = image.max(0, initial=0) - low + 1
+            kinds = np.indices(many).reshape(3, -1).T + low
+            code = ((image[:, 0] - low[0]) * many[1] + image[:, 1] - low[1]) * many[2] + image[:, 2] - low[2]
+            self.chunks.append((i, j, code.astype(np.int32), kinds @ vectors))
             self.pairs += n
             if self.pairs > MOST_PAIRS:
                 self.chunks = []
@@ -153,12 +156,42 @@ def anchor_of(request) -> Anchor | None:
         second = request.frames[1]
     except (AtcError, IndexError):  # its own turn will come to say what is wrong with it
         return None
-    probe = Anchor(request.first, np.inf)
-    moved = probe.moved(second)
-    if moved is None:
-        return None
-    farthest = float(np.sqrt(np.einsum("nc,nc->n", moved, moved).max(initial=0.0)))
-    # Half as far again, each way.
-    skin = max(3.0 * farthest, 0.05 * pot.cutoff)
+    skin = skin_for(request.first, second, pot.cutoff)
     pairs = request.load.pairs * (1 + skin / pot.cutoff) ** 3
     return Anchor(request.first, skin) if skin <= WIDEST * pot.cutoff and pairs <= MOST_PAIRS else None
+
+
+def skin_for(first, second, cutoff: float) -> float:
+    """A skin by how far atoms move from one frame to the next; ∞ where a list of one does not do for the other at all."""
+    moved = Anchor(first, np.inf).moved(second)
+    if moved is None:
+        return np.inf
+    farthest = float(np.sqrt(np.einsum("nc,nc->n", moved, moved).max(initial=0.0)))
+    # Half as far again, each way.
+    return max(3.0 * farthest, 0.05 * cutoff)
+
+
+class Following:
+    """An anchor for frames that are computed one after the other, each once: a new list begins where they have moved too far, if the last one was worth it.
+
+    Making a list with a skin costs about four without one; going through it half of one.
+    """
+
+    #: Frames that a list must have served before another is made.
+    WORTH = 10
+    #: The least skin, in parts of the cutoff: half as many pairs again, looked at for a tenth of the time of a frame.
+    LEAST = 0.15
+
+    def __init__(self, cutoff: float):
+        self.cutoff, self.anchor, self._last, self._served = cutoff, None, None, self.WORTH
+
+    def at(self, frame):
+        """The anchor for the next frame, None if there is to be none."""
+        last, self._last = self._last, frame
+        if self.anchor is not None and self.anchor.moved(frame) is None:
+            self.anchor = None
+        if self.anchor is None and last is not None and self._served >= self.WORTH and self.cutoff > 0:
+            skin, self._served = max(skin_for(last, frame, self.cutoff), self.LEAST * self.cutoff), 0
+            self.anchor = Anchor(frame, skin) if skin <= WIDEST * self.cutoff else None
+        self._served += self.anchor is not None
+        return self.anchor

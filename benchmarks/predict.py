@@ -34,6 +34,9 @@ CASES = [
     ("sw", 12, "gaussian", 8.0, 24, 1e-5, ["stress"]),
     ("sw", 12, "quartic", 6.0, 24, 1e-5, ["heat_flux"]),
     ("sw", 12, None, 0.0, 0, 1e-5, ["virial_stress_per_atom"]),
+    ("lj", 10, "bspline", 8.0, 12, 1e-12, ["stress_potential"]),
+    ("lj", 16, "gaussian", 8.0, 32, 1e-4, ["velocity_gradient"]),
+    ("lj", 16, "quartic", 8.0, 32, 1e-4, ["velocity_gradient", "stress_kinetic"]),
     ("lj", 16, "slab", 8.0, 100, 1e-5, ["stress"]),
 ]
 BIG = [

@@ -113,7 +113,7 @@ def test_a_gradient_too_wrong_is_computed_again(liquid):  # noqa: F811
     request = Request(frame, None, kern, GRID, RATES, 1e-6, threads=1)
     request.methods = {"gather": Method("spectral", 1e-3, "test", (1e-4, 1e-7))}
     result = frame_fields(frame, request.settings(), 0)
-    assert result.methods["gather"].tolerance == 1e-7 and "sums over atoms for gradients spectral to 1e-07" in result.refined[0]
+    assert result.methods["gather"].tolerance == 1e-7 and "sums over atoms for gradients spectral to 1e-07" in str(result.refined[0])
     assert max(e["error_max"] for e in result.errors.values()) <= 1e-6
 
 

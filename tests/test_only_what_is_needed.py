@@ -7,6 +7,7 @@ from test_run import Stop, same, stop_after
 import atc
 import atc.decomposers.stillinger_weber as sw_module
 import atc.deposit
+import atc.green_kubo
 from atc import neighbors
 from atc.calibrate import argon, silicon
 from atc.decomposers.neighborhood import Neighborhood
@@ -193,3 +194,23 @@ def test_liquids_and_changing_cells_keep_no_list():
     squeezed = [f.replace(cell=f.cell.scaled(1 + 1e-4 * k)) for k, f in enumerate(frames)]
     for some, kept in ((frames, True), (flowing, False), (squeezed, False), (frames[:2], False)):
         assert (anchor_of(Request(some, pot, KERN, GRID, ["stress"])) is not None) == kept
+
+
+@pytest.mark.parametrize("walk, lists", [(0.0, (2, 2)), (0.04, (3, 10)), (0.5, (40, 40))])
+def test_green_kubo_keeps_its_neighbours(monkeypatch, walk, lists):
+    """A solid is searched twice in 40 frames, once with a skin; a liquid now and then; atoms that are elsewhere in each frame without a skin, every time."""
+    frame, pot = argon(4)
+    rng = np.random.default_rng(0)
+    x, trajectory = frame.positions, []
+    for k in range(40):
+        x = x + rng.normal(0, walk, x.shape)
+        trajectory.append(frame.replace(positions=x + rng.normal(0, 0.02, x.shape), time=0.01 * k))
+    built = Counter(monkeypatch, neighbors.CellList, "_chunks")
+    kept = atc.green_kubo.heat_currents(iter(trajectory), pot)
+    made = len(built.calls)
+    assert lists[0] <= made <= lists[1]
+    monkeypatch.setattr("atc.verlet.Following.at", lambda self, frame: None)
+    every = atc.green_kubo.heat_currents(trajectory, pot)
+    assert len(built.calls) == made + 40
+    # rounding: sums in another order
+    np.testing.assert_allclose(kept.J_tc, every.J_tc, rtol=0, atol=1e-12 * np.abs(every.J_tc).max())

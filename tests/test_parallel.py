@@ -1,6 +1,8 @@
 """Frames and tiles over the workers of a real Dask cluster of separate processes: the same numbers, though workers die."""
 
+import importlib
 import os
+import pkgutil
 import signal
 import socket
 import subprocess
@@ -9,11 +11,17 @@ import time
 
 import numpy as np
 import pytest
+from numba.core.registry import CPUDispatcher
+from numba.extending import _Intrinsic as Intrinsic
 from test_run import same
 
 import atc
+import atc.decomposers
+import atc.deposit
+import atc.estimators
 import atc.parallel
 from atc.calibrate import argon, silicon
+from atc.deposit import _simd
 from atc.estimators.cutting import Cut, owned
 from atc.frame import Cell
 
@@ -172,3 +180,35 @@ def test_every_bond_belongs_to_one_tile():
         bonds = pot.decompose(tile.frame).bonds
         count += len(owned(bonds.i, bonds.j, tile.index_p, tile.own_p, tile.image_pc))
     assert count == want
+
+
+def compiled_functions():
+    """Every compiled function of the rooms whose sums must be the same in all processes, and those that each calls."""
+    found = {}
+    for package in (atc.deposit, atc.estimators, atc.decomposers):
+        for m in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
+            found |= {id(f): f for f in vars(importlib.import_module(m.name)).values() if isinstance(f, CPUDispatcher)}
+
+    def names(code):
+        yield from (*code.co_names, *code.co_freevars)
+        for inner in code.co_consts:
+            if hasattr(inner, "co_names"):
+                yield from names(inner)
+
+    for f in found.values():
+        known = f.py_func.__globals__
+        yield f, [known[n] for n in set(names(f.py_func.__code__)) if n in known]
+
+
+def test_no_function_has_two_copies_that_may_round_differently():
+    """A function that is called, not inlined, is compiled once for itself and once within each caller; which copy runs depends on whether it was compiled in this
+    process or came from the disk. They agree to the last bit unless products and sums may be contracted: what may is always inlined."""
+    functions = list(compiled_functions())
+    assert len(functions) > 100
+    vectors = {id(x) for x in vars(_simd).values() if isinstance(x, Intrinsic)}
+    contracted = {id(f) for f, uses in functions if f.targetoptions.get("fastmath") or any(id(u) in vectors for u in uses)}
+    assert len(contracted) > 20
+    for f, uses in functions:
+        for g in uses:
+            if id(g) in contracted:
+                assert g.targetoptions.get("forceinline"), f"{g.py_func.__name__}, called by {f.py_func.__name__}"

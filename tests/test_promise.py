@@ -14,9 +14,10 @@ from atc.calibrate import argon, silicon
 from atc.costs import Costs, load_of, visits
 from atc.deposit import make
 from atc.errors import AtcWarning
-from atc.estimators.methods import Method
+from atc.estimators.methods import Method, Refinement
 from atc.estimators.target import NearPoints
 from atc.frame import Cell
+from atc.input_error import input_errors
 from atc.plan import Request, plan
 
 KERN = atc.kernel("gaussian", radius=8.0)
@@ -248,3 +249,27 @@ def test_churning_of_pairs_is_zero_at_any_tolerance(liquid):
     assert max(ds[q].attrs["error_max"] for q in ("heat_flux", "stress")) <= 1e-3
     exact = quiet(frame, pot, KERN, GRID, ["heat_flux"], 1e-12)
     assert worst(ds, exact, "heat_flux") <= 1e-3
+
+
+def test_refinements_are_told_like_by_like():
+    a, b = Refinement("stress above 1e-05: sums over bonds direct", 3e-5), Refinement("nearly empty space: sums over atoms direct")
+    assert str(a) == "error 3.0e-05 of stress above 1e-05: sums over bonds direct" and str(b) == b.what
+    told = Refinement.summary(
+        [(1, a.plain()), (2, b.plain()), (2, dataclasses.replace(a, error=4e-5).plain()), (3, a.plain()), (9, a.plain())]
+    )
+    assert told == (
+        "frames 1-3, 9: error up to 4.0e-05 of stress above 1e-05: sums over bonds direct; frame 2: nearly empty space: sums over atoms direct"
+    )
+    assert Refinement.summary([]) == ""
+
+
+@pytest.mark.parametrize("style, expected", [("metal", False), ("lj", True)])
+def test_coordinates_in_sigma_are_rounded_more_coarsely(liquid, style, expected):
+    """A millionth of σ is 3.4 times a millionth of an Å: worth a look at this tolerance, where the other is not."""
+    frame, pot = liquid
+    frame = frame.replace(positions=np.round(frame.positions, 6), units=atc.units.units(style))
+    if style == "lj":
+        pot = atc.potential("units lj\npair_style lj/cut 8.5\npair_coeff 1 1 0.0104 3.4")
+    request = Request(frame, pot, KERN, GRID, ["stress_potential"], 5e-5, threads=1)
+    step, moved = input_errors(request)
+    assert step == pytest.approx(1e-6) and bool(moved) == expected

@@ -40,6 +40,8 @@ SINGLE, SINGLE_TRANSFORM = 1e-5, 1e-4
 # Points that a mesh in single precision gets before it is moved into one of double precision: sums have to stay short.
 # From SINGLE_TRANSFORM on that many a node, if those are more.
 SHORT = 8000, 16.0
+# Atoms are never many near one node, other than the points of the bonds of one: as many as make so many sums a node on average.
+SPARSE = 100.0
 
 
 class _Mesh:
@@ -237,6 +239,8 @@ class SpectralDeposit(Deposit):
             )  # fmt: skip
             nodes_of_mesh = len(mesh.flat) // lanes
             short = max(SHORT[0], nodes_of_mesh * SHORT[1]) if self.tolerance >= SINGLE_TRANSFORM else SHORT[0]
+            if what == "site":
+                short = max(short, nodes_of_mesh * SPARSE / width**3)
             # About four points a bond.
             piece = len(i_b) if self.real is np.float64 else max(1, int(short) // 4)
             for s in range(0, len(i_b), piece):

@@ -12,7 +12,7 @@ from ..errors import AtcError
 from ..units import require_compatible
 from .accuracy import Check, checking_kernel, kernel_internal
 from .kinematics import Displacement
-from .methods import DEPOSITS, NAMES, Method, deposits_of
+from .methods import DEPOSITS, NAMES, Method, Refinement, deposits_of
 from .peridynamic import horizon_of, node_volumes, weighted_virials
 from .registry import BOND, GATHER, SITE, Work
 from .sources import AtomFactors, AtomSums, ReferenceBonds, bond_factors, drift_velocity, piola_factor
@@ -61,7 +61,7 @@ class FrameResult:
     seconds: dict[str, float] = field(default_factory=dict)
     notes: dict[str, int] = field(default_factory=dict)
     methods: dict[str, Method] = field(default_factory=dict)
-    refined: list[str] = field(default_factory=list)
+    refined: list[Refinement] = field(default_factory=list)
 
 
 class Stage:
@@ -135,7 +135,7 @@ def frame_fields(frame, settings: Settings, index: int = 0, goal: float | None =
             break
         for key, (method, why) in tighter.items():
             methods[key] = method
-            refined.append(f"{why}: {NAMES[key]} {method}")
+            refined.append(why.then(f"{NAMES[key]} {method}"))
         todo = set(tighter)
     result.methods, result.refined = methods, refined
     result.seconds["total"] = perf_counter() - start
@@ -252,14 +252,14 @@ class _FrameJob:
                 rho[rho < 4 * method.tolerance * rho.max(initial=0.0)] = 0.0
 
     def tightened(self, methods, result, goal) -> dict:
-        """{deposit: (its next method, why)} for every approximate deposit that a field with too large an error is made of."""
+        """{deposit: (its next method, why, a Refinement)} for every approximate deposit that a field with too large an error is made of."""
         loose = {key for key, m in methods.items() if not m.exact}
         out = {}
         for key, of, name in _QUOTIENTS:
             rho = getattr(self.sums[0], of).get(name) if key in loose and not methods[key].forced else None
             if rho is not None and (key != "site" or self.work.masked) and rho.min(initial=np.inf) < _THIN * rho.max(initial=0.0):
                 why = "nearly empty space, where fields are quotients of small sums"
-                out[key] = methods[key].exactly(why), why
+                out[key] = methods[key].exactly(why), Refinement(why)
         if not loose or not self.settings.check_points:
             return out
         for q in self.work.quantities:
@@ -270,7 +270,7 @@ class _FrameJob:
                 method = methods[key].tightened(error, goal)
                 if method != methods[key] and (key not in out or method.exact or not 0 < out[key][0].tolerance <= method.tolerance):
                     if key not in out or not out[key][0].exact:
-                        out[key] = method, f"error {error:.1e} of {q.name} above {goal:.1e}"
+                        out[key] = method, Refinement(f"{q.name} above {goal:.1e}", error)
         return out
 
 

@@ -80,7 +80,7 @@ class Cut:
         self.wraps_nc = np.where(cell.periodic, np.floor(self.s_nc), 0.0)
         self.s_nc -= self.wraps_nc
         self.home_nc = cell.cartesian(self.s_nc)
-        self.halo = depth(self.pot)
+        self.halo = depth(self.pot, listed=True)
         self.listed = [self._images(*term.terms_of(frame)) for term in self.pot.terms if is_listed(term)]
         self.special = self._special()
 
@@ -137,23 +137,29 @@ class Cut:
             yield self._tile(own, index, image.astype(np.int32), tuples)
 
     def _tile(self, own, index, image, tuples):
-        frame = self.frame
-        names = ("types", "masses", "velocities", "charges", "ids")
-        take = {name: None if getattr(frame, name) is None else getattr(frame, name)[index] for name in names}
-        open_cell = Cell(frame.cell.vectors, frame.cell.origin, (False, False, False))
-        x = self.home_nc[index] + image @ frame.cell.vectors
-        topology = None
+        frame, topology = self.frame, None
         if self.special is not None:
             start, other, apart = _special_of(*self.special, index, len(frame))
             topology = Topology(bonds=np.zeros((1, 2), np.int64))
             topology.special = SimpleNamespace(start=start, other=other, apart=apart, hints=special_hints(start, other), cell=frame.cell)
-        cluster = Frame(x, open_cell, frame.units, step=frame.step, source=frame.source, topology=topology, **take)
+        particles = cluster(frame, self.home_nc, index, image).replace(topology=topology)
         reference = None if self.to_reference is None else self.to_reference.of(index)
-        return Tile(cluster, own[index] & ~image.any(1), index, image, tuples, reference)
+        return Tile(particles, own[index] & ~image.any(1), index, image, tuples, reference)
 
 
-def depth(pot) -> float:
-    """How far around its own atoms a tile must know the others."""
+def cluster(frame, home_nc, index, image):
+    """The chosen atoms and images as an open frame without topology; home : where image 0 of each atom is."""
+    names = ("types", "masses", "velocities", "charges", "ids")
+    take = {name: None if getattr(frame, name) is None else getattr(frame, name)[index] for name in names}
+    open_cell = Cell(frame.cell.vectors, frame.cell.origin, (False, False, False))
+    return Frame(home_nc[index] + image @ frame.cell.vectors, open_cell, frame.units, step=frame.step, source=frame.source, **take)
+
+
+def depth(pot, listed: bool = False) -> float:
+    """How far around its own atoms a tile must know the others. Terms that find their atoms in a list do not count if `listed`; else they are refused."""
+    for term in pot.terms:
+        if is_listed(term) and not listed:
+            raise AtcError(f"{term.describe().split(',')[0]} finds its atoms in a list, not around each other")
     return max((t.cutoff * (1.0 if t.pairwise else 2.0) for t in pot.terms), default=0.0) * (1 + 1e-9)
 
 

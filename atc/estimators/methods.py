@@ -67,6 +67,50 @@ class Method:
 EXACT = Method()
 
 
+@dataclass(frozen=True)
+class Refinement:
+    """That something was computed again, and why. error : the one that was found, None where none had to be; what : the rest of the sentence"""
+
+    what: str
+    error: float | None = None
+
+    def __str__(self):
+        return self.what if self.error is None else f"error {self.error:.1e} of {self.what}"
+
+    def then(self, what: str) -> Refinement:
+        """The same, with what was done about it."""
+        return replace(self, what=f"{self.what}: {what}")
+
+    # --- as JSON can hold it
+    def plain(self) -> dict:
+        return {"what": self.what, "error": self.error}
+
+    @staticmethod
+    def summary(of: list[tuple[int, dict]]) -> str:
+        """What was computed again in which frames, like by like, with the largest error that was the cause; of : (frame, `plain`)."""
+        like: dict = {}
+        for k, plain in of:
+            frames, errors = like.setdefault((plain["what"], plain["error"] is None), ([], []))
+            frames.append(k)
+            errors.append(plain["error"])
+        return "; ".join(
+            f"frame{'s' * (len(frames) > 1)} {ranges(frames)}: "
+            + (what if unmeasured else f"error{' up to' * (len(errors) > 1)} {max(errors):.1e} of {what}")
+            for (what, unmeasured), (frames, errors) in like.items()
+        )
+
+
+def ranges(numbers) -> str:
+    """1, 2, 3, 7 as "1-3, 7"."""
+    out: list[list[int]] = []
+    for k in sorted(set(numbers)):
+        if out and k == out[-1][1] + 1:
+            out[-1][1] = k
+        else:
+            out.append([k, k])
+    return ", ".join(str(a) if a == b else f"{a}-{b}" for a, b in out)
+
+
 def summary(methods: dict[str, Method]) -> str:
     """One word where all deposits go one way, else which goes which way."""
     names = list(dict.fromkeys(m.name for m in methods.values()))
