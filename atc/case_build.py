@@ -156,6 +156,9 @@ def make_body(case):
             ("body", "horizon"),
             f"no node has another one within {body.horizon:g}, so that nothing holds the body together: take about three spacings (of {body.spacing:g})",
         )
+    for k, cut in enumerate(body.cuts):
+        if not cut:
+            raise AtcError(f"{case.where('notch', str(k))}: [notch] crosses no bond of the body: check its place and its length")
     return body
 
 

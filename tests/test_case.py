@@ -518,6 +518,7 @@ def test_names_of_the_engine_are_not_hidden_by_its_modules():
 @pytest.mark.parametrize(
     "before, after, words",
     [
+        ("end = [0.012, 0.0061]", "end = [-0.012, 0.0061]", r"plate.toml:18: \[notch\] crosses no bond"),
         ("horizon = 0.003015", "horizon = 0.0005", r"plate.toml:4: \[body\] horizon: no node has another one within 0.0005"),
         ("dimension = 2", "plane = 'strain'", r"plate.toml:6: \[body\] plane: belongs to a body of dimension 2"),
         ("dimension = 2", "thickness = 1", r"plate.toml:6: \[body\] thickness: belongs to a body of dimension 2"),

@@ -218,6 +218,21 @@ def test_more_than_sixteen_materials():
     assert sim.model.rule.s00[sim.model.kind_b].tolist() == [1e-3 * (k + 1) for k in range(n - 1)]
 
 
+def test_check_says_what_holds_what_together():
+    from atc.cli_pd import describe
+
+    case = bar(damage={"s00": 0.01, "alpha": 0.25}, interface={"between": [2, "glass"], "s00": 1e-3, "stiffness": 0.5})
+    case["material"][1]["breaks"] = False
+    lines = describe(Case.load(case)).splitlines()
+    assert lines[1:4] == [
+        "material 1 glass: pmb, 20 nodes, 54 bonds that break at a stretch of 0.01, alpha 0.25",
+        "material 2 steel: pmb, 20 nodes, 54 bonds that never break",
+        "between 1 and 2: 6 bonds, 0.5 times as stiff as by default, that break at a stretch of 0.001, alpha 0.25",
+    ]
+    case["interface"] = {"between": [2, "glass"], "bonded": False}
+    assert describe(Case.load(case)).splitlines()[3] == "between 1 and 2: no bonds"
+
+
 # --- mistakes
 
 
