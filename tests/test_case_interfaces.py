@@ -1,6 +1,7 @@
 """Several materials in one case, and what holds them together: against springs in series, the impedance formula and fracture energies."""
 
 import copy
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -216,6 +217,25 @@ def test_more_than_sixteen_materials():
     c = np.array([pd.PMB(youngs=1.0 + k).micromodulus(body) for k in range(n)])
     np.testing.assert_allclose(sim.model.W_b, 2 * c[1:] * c[:-1] / (c[1:] + c[:-1]), rtol=1e-14)
     assert sim.model.rule.s00[sim.model.kind_b].tolist() == [1e-3 * (k + 1) for k in range(n - 1)]
+
+
+def test_the_example_of_the_documentation_peels(tmp_path):
+    """The strip comes off from its pulled end on; nothing else breaks, and the ledger closes."""
+    text = (Path(__file__).resolve().parent.parent / "docs" / "case.md").read_text().split("```toml\n")[1].split("```")[0]
+    (tmp_path / "laminate.toml").write_text(text)
+    sim = Case.load(tmp_path / "laminate.toml").simulation(1)
+    t, across, start = sim.body.bonds, crossing(sim), sim.energies().total
+    x = sim.body.X_nc[t.i_b, 0]
+    fronts = []
+    for _ in range(3):
+        sim.step(80)
+        broken = sim.state.intact_b == 0
+        assert not (broken & ~across).any()
+        fronts.append(x[broken].max(initial=0.0))
+        assert x[broken].max() < x[across & ~broken].mean()
+    assert 0 < fronts[0] < fronts[1] < fronts[2] < 0.03
+    e = sim.energies()
+    assert abs(e.total - start) < 0.01 * e.work_constraint and e.dissipated_fracture > 0
 
 
 def test_check_says_what_holds_what_together():
