@@ -1,9 +1,12 @@
-"""One million nodes through `atc pd`: peak memory, opt-in."""
+"""Large bodies: sums over bonds in parts, and (opt-in) the peak memory of one million nodes through `atc pd`."""
 
 import subprocess
 import sys
 
+import numpy as np
 import pytest
+
+from atc import pd
 
 SCRIPT = """
 import resource, sys
@@ -20,10 +23,29 @@ print("GB", resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6)
 """
 
 
+@pytest.mark.parametrize("compat", [False, True])
+@pytest.mark.parametrize("name", sorted(pd.MATERIALS))
+def test_sums_in_parts_are_the_sums(monkeypatch, name, compat):
+    body = pd.Body.lattice(pd.Box((0, 0, 0), (7, 6, 5)), 1.0, 3.01, 1.0, jitter=0.1, materials=1)
+    u = np.random.default_rng(1).normal(size=body.X_nc.shape) * 0.02
+
+    def values():
+        sim = pd.Simulation(body, pd.MATERIALS[name](1.3, 0.5), displacements=u, lammps_compat=compat, threads=1)
+        sim.state.intact_b[::7] = 0
+        return np.array([sim.time_step_stable, *sim.strain_energy_n()])
+
+    whole = values()
+    monkeypatch.setattr("atc.pd.materials.base.AT_ONCE", 1000)
+    assert len(body.bonds) > 5000
+    np.testing.assert_allclose(values(), whole, rtol=1e-12)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("model", ["pmb", "lps"])
 def test_a_million_nodes_take_less_than_six_gigabytes(tmp_path, model):
-    out = subprocess.run([sys.executable, "-c", SCRIPT, model, str(tmp_path / "out.zarr")], capture_output=True, text=True, check=True).stdout
+    out = subprocess.run(
+        [sys.executable, "-c", SCRIPT, model, str(tmp_path / "out.zarr")], capture_output=True, text=True, check=True
+    ).stdout
     gigabytes = float(out.split("GB")[1])
     print(f"{model}: {gigabytes:.2f} GB")
     assert gigabytes < 6.0

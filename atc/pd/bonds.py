@@ -46,6 +46,10 @@ class Families:
     def i_b(self) -> np.ndarray:
         return np.repeat(np.arange(len(self.start_n) - 1, dtype=np.int32), np.diff(self.start_n))
 
+    def rows_of(self, bonds) -> np.ndarray:
+        """i of the numbered bonds only."""
+        return (np.searchsorted(self.start_n, bonds, side="right") - 1).astype(np.int32)
+
     def xi_bc(self, X_nc) -> np.ndarray:
         """(b, 3) reference vectors from i to j."""
         xi = X_nc[self.j_b] - X_nc[self.i_b]

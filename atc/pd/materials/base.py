@@ -10,6 +10,8 @@ from ...errors import AtcError
 from ..blocks import Blocks, Crew, collect
 from ..damage import DamageRule
 
+AT_ONCE = 1 << 20
+
 INFLUENCE = {
     "one": lambda r, delta: np.ones_like(r),
     "inverse": lambda r, delta: 1.0 / r,
@@ -293,11 +295,17 @@ def harmonic(a, b):
     return 2.0 * a * b / (a + b)
 
 
+def parts(count: int):
+    """The numbers of `count` bonds, a million at a time: sums over all of them in numpy hold no more than that."""
+    for a in range(0, count, AT_ONCE):
+        yield np.arange(a, min(count, a + AT_ONCE))
+
+
 def deformed(model, z, bonds=None):
     """i, j, η, ξ, e and |ξ+η| of every bond (or those numbered): the plain numpy version of what the kernels do."""
     t, body = model.table, model.body
     b = slice(None) if bonds is None else bonds
-    i, j = t.i_b[b], t.j_b[b]
+    i, j = t.i_b if bonds is None else t.rows_of(bonds), t.j_b[b]
     xi = body.X_nc[j] - body.X_nc[i]
     if len(t.image_b):
         xi += t.images_tc[t.image_b[b]]

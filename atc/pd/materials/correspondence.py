@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from ..bonds import JIT
-from .base import BondForces, ForceModel, Isotropic, deformed
+from .base import BondForces, ForceModel, Isotropic, deformed, parts
 from .pmb import FAST, C, extremes, gather, threshold
 
 
@@ -132,15 +132,16 @@ class CorrespondenceModel(ForceModel):
 
     def energy_n(self, z, intact_b):
         self._states(z, intact_b)
-        i, j, eta, xi, _, _ = deformed(self, z)
         H = self.H_ncc.reshape(-1, 3, 3)
         E = 0.5 * (H + H.transpose(0, 2, 1) + H.transpose(0, 2, 1) @ H)
         W = 0.5 * self.lam_n * np.einsum("ncc->n", E) ** 2 + self.mu_n * np.einsum("nab,nab->n", E, E)
         energy = self.body.V_n * W
-        weight = self.W_b * (intact_b != 0)
-        for ends in (i, j):
-            rest = eta - np.einsum("bac,bc->ba", H[ends], xi)
-            energy += 0.5 * self.g_active_n * np.bincount(ends, weight * np.einsum("bc,bc->b", rest, rest), self.n)
+        for b in parts(len(self.table)):
+            i, j, eta, xi, _, _ = deformed(self, z, b)
+            weight = self.W_b[b] * (intact_b[b] != 0)
+            for ends in (i, j):
+                rest = eta - np.einsum("bac,bc->ba", H[ends], xi)
+                energy += 0.5 * self.g_active_n * np.bincount(ends, weight * np.einsum("bc,bc->b", rest, rest), self.n)
         return energy
 
     def forces_of_bonds(self, z, intact_b, whole):
@@ -159,22 +160,29 @@ class CorrespondenceModel(ForceModel):
         t = self.table
         self._shape(rest, np.ones(len(t), np.uint8))
         self.counts = None
-        i, j, xi = t.i_b, t.j_b, t.xi_bc(self.body.X_nc)
-        K = self.inverse_ncc.reshape(-1, 3, 3)
+        n, K = self.n, self.inverse_ncc.reshape(-1, 3, 3)
         modulus = (self.lam_n + 2 * self.mu_n) * self.body.V_n
         # ∂(node's share)/∂u_j = W K⁻¹ξ: a vector for every bond end, and minus their sum for the node itself.
-        gi = self.W_b * np.linalg.norm(np.einsum("bac,bc->ba", K[i], xi), axis=1)
-        gj = self.W_b * np.linalg.norm(np.einsum("bac,bc->ba", K[j], xi), axis=1)
-        total = np.bincount(i, gi, self.n) + np.bincount(j, gj, self.n)
-        vector = np.zeros((self.n, 3))
-        for c in range(3):
-            vector[:, c] = np.bincount(i, self.W_b * np.einsum("bc,bc->b", K[i, c], xi), self.n)
-            vector[:, c] -= np.bincount(j, self.W_b * np.einsum("bc,bc->b", K[j, c], xi), self.n)
+        total, vector, across, hold = np.zeros(n), np.zeros((n, 3)), np.zeros(n), np.zeros(n)
+
+        def pulls(b):
+            i, j, _, xi, _, _ = deformed(self, rest, b)
+            return i, j, *(self.W_b[b, None] * np.einsum("bac,bc->ba", K[end], xi) for end in (i, j))
+
+        for b in parts(len(t)):
+            i, j, pi, pj = pulls(b)
+            total += np.bincount(i, np.linalg.norm(pi, axis=1), n) + np.bincount(j, np.linalg.norm(pj, axis=1), n)
+            for c in range(3):
+                vector[:, c] += np.bincount(i, pi[:, c], n) - np.bincount(j, pj[:, c], n)
+            # Stabilisation: W (g_i + g_j)|η|² at most, since removing Fξ only lowers it.
+            g = self.W_b[b] * (self.g_n[i] + self.g_n[j])
+            hold += np.bincount(i, g, n) + np.bincount(j, g, n)
         own = np.linalg.norm(vector, axis=1)
         every = modulus * (total + own)
-        k = 0.5 * (own * every + np.bincount(j, gi * every[i], self.n) + np.bincount(i, gj * every[j], self.n))
-        # Stabilisation: W (g_i + g_j)|η|² at most, since removing Fξ only lowers it.
-        return k + t.sums(self.W_b * (self.g_n[i] + self.g_n[j]))
+        for b in parts(len(t)):
+            i, j, pi, pj = pulls(b)
+            across += np.bincount(j, np.linalg.norm(pi, axis=1) * every[i], n) + np.bincount(i, np.linalg.norm(pj, axis=1) * every[j], n)
+        return 0.5 * (own * every + across) + hold
 
 
 @njit(**JIT)
