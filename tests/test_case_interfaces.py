@@ -111,6 +111,35 @@ def test_a_wave_is_reflected_by_the_change_of_impedance(density):
     assert moved == pytest.approx(-R, abs=0.03)
 
 
+@pytest.mark.parametrize("stiffness", [0.25, 3.0])
+def test_two_materials_and_their_interface(stiffness):
+    """LAMMPS is told the micromodulus of the bonds across; here it follows from an [[interface]]. Fracture with one critical stretch: LAMMPS keeps s0 by node,
+    the largest of its bonds' kinds, so that a weak interface beside strong bonds would not be weak there."""
+    from pd_lammps import run_peri
+
+    DX, C, RHO, DT = 0.0005, 1.6863e22, 2200.0, 1e-7
+    stiff = 3 * C
+    case = {
+        "body": {"region": {"shape": "box", "lo": [0, 0, 0], "hi": [0.00755, 0.00305, 0.00305]}, "spacing": DX, "horizon": 0.0015001, "density": RHO},
+        "material": [{"name": "soft", "model": "pmb", "c": C},
+                     {"name": "stiff", "model": "pmb", "c": stiff, "region": {"shape": "box", "lo": [0.004, -1, -1], "hi": [1, 1, 1]}}],
+        "interface": {"between": ["soft", "stiff"], "stiffness": stiffness}, "damage": {"s00": 0.0005, "alpha": 0.25}, "contact": {"strength": 15},
+        "initial": {"velocity": ["30*sin(x/0.004)", "30*sin(y/0.004)", 0]}, "run": {"steps": 200, "dt": 0.5 * DT},
+    }  # fmt: skip
+    sim = Case.load(case).simulation(1)
+    # contact is that of the materials in series, whatever the interface: LAMMPS takes 15 times the bonds' own
+    sim.contact.c_k = sim.contact.c_k * np.array([1.0, stiffness, 1.0, 1.0])
+    across = stiffness * 2 * C * stiff / (C + stiff)
+    lines = [f"{k} {c} 0.0015001 0.0005 0.25" for k, c in (("1 1", C), ("1 2", across), ("2 2", stiff))]
+    steps = [20, 100, 200]
+    ref = run_peri(sim.body, ("peri/pmb", "\n".join(lines)), steps, dt=0.5 * DT, velocities=sim.state.v_nc.copy())
+    for r, k in zip(ref, steps, strict=True):
+        sim.step(k - sim.state.step)
+        assert np.abs(sim.positions_nc - r["x"]).max() / DX < 1e-12, k
+        assert np.abs(sim.damage() - r["damage"]).max() < 1e-12, k
+    assert sim.n_broken > 50
+
+
 # --- strength
 
 

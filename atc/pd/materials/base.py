@@ -208,6 +208,11 @@ class ForceModel:
                 )
         return self.per_bond(self.pair_values(lambda a, b: interfaces.get((a, b), interfaces.get((b, a), 1.0))))
 
+    def parts(self):
+        """The numbers of all bonds, a million at a time: sums over them in numpy hold no more than that."""
+        for a in range(0, len(self.table), AT_ONCE):
+            yield np.arange(a, min(len(self.table), a + AT_ONCE))
+
     def per_node(self, of_material):
         """(n,) of_material(material) for each node's material."""
         values = np.array([of_material(self.materials[m]) for m in self.ids], float)
@@ -293,12 +298,6 @@ class ForceModel:
 def harmonic(a, b):
     """Springs in series."""
     return 2.0 * a * b / (a + b)
-
-
-def parts(count: int):
-    """The numbers of `count` bonds, a million at a time: sums over all of them in numpy hold no more than that."""
-    for a in range(0, count, AT_ONCE):
-        yield np.arange(a, min(count, a + AT_ONCE))
 
 
 def deformed(model, z, bonds=None):

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from ..bonds import JIT
-from .base import BondForces, ForceModel, Isotropic, deformed, parts
+from .base import BondForces, ForceModel, Isotropic, deformed
 from .pmb import FAST, C, extremes, gather, threshold
 
 
@@ -136,7 +136,7 @@ class CorrespondenceModel(ForceModel):
         E = 0.5 * (H + H.transpose(0, 2, 1) + H.transpose(0, 2, 1) @ H)
         W = 0.5 * self.lam_n * np.einsum("ncc->n", E) ** 2 + self.mu_n * np.einsum("nab,nab->n", E, E)
         energy = self.body.V_n * W
-        for b in parts(len(self.table)):
+        for b in self.parts():
             i, j, eta, xi, _, _ = deformed(self, z, b)
             weight = self.W_b[b] * (intact_b[b] != 0)
             for ends in (i, j):
@@ -169,7 +169,7 @@ class CorrespondenceModel(ForceModel):
             i, j, _, xi, _, _ = deformed(self, rest, b)
             return i, j, *(self.W_b[b, None] * np.einsum("bac,bc->ba", K[end], xi) for end in (i, j))
 
-        for b in parts(len(t)):
+        for b in self.parts():
             i, j, pi, pj = pulls(b)
             total += np.bincount(i, np.linalg.norm(pi, axis=1), n) + np.bincount(j, np.linalg.norm(pj, axis=1), n)
             for c in range(3):
@@ -179,7 +179,7 @@ class CorrespondenceModel(ForceModel):
             hold += np.bincount(i, g, n) + np.bincount(j, g, n)
         own = np.linalg.norm(vector, axis=1)
         every = modulus * (total + own)
-        for b in parts(len(t)):
+        for b in self.parts():
             i, j, pi, pj = pulls(b)
             across += np.bincount(j, np.linalg.norm(pi, axis=1) * every[i], n) + np.bincount(i, np.linalg.norm(pj, axis=1) * every[j], n)
         return 0.5 * (own * every + across) + hold

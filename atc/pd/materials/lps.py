@@ -12,7 +12,7 @@ from numba import njit
 
 from ..blocks import node_rows
 from ..bonds import JIT
-from .base import BondForces, ForceModel, Isotropic, deformed, parts
+from .base import BondForces, ForceModel, Isotropic, deformed
 from .pmb import FAST, C, extremes, gather, threshold
 
 
@@ -128,7 +128,7 @@ class StateModel(ForceModel):
     def dilatation_n(self, z, intact_b):
         """(n,) θ."""
         S = np.zeros(self.n)
-        for b in parts(len(self.table)):
+        for b in self.parts():
             i, j, _, _, e, _ = deformed(self, z, b)
             Wre = self.W_b[b] * self.table.r0_b[b] * e * (intact_b[b] != 0)
             S += np.bincount(i, Wre, self.n) + np.bincount(j, Wre, self.n)
@@ -139,7 +139,7 @@ class StateModel(ForceModel):
         # LAMMPS counts the deviatoric extension half.
         less = theta / self.body.dimension if self.lammps_compat else np.zeros(self.n)
         sums = np.zeros(self.n)
-        for b in parts(len(self.table)):
+        for b in self.parts():
             i, j, _, _, e, _ = deformed(self, z, b)
             W, r0 = self.W_b[b] * (intact_b[b] != 0), self.table.r0_b[b]
             sums += np.bincount(i, W * (e - less[i] * r0) ** 2, self.n) + np.bincount(j, W * (e - less[j] * r0) ** 2, self.n)
@@ -162,7 +162,7 @@ class StateModel(ForceModel):
         rest = node_rows(n)
         rest[:, 3:6] = self.body.X_nc
         k, G, own_nc, across = np.zeros(n), np.zeros(n), np.zeros((n, 3)), np.zeros(n)
-        for b in parts(len(t)):
+        for b in self.parts():
             i, j, _, xi, _, _ = deformed(self, rest, b)
             W, r0 = self.W_b[b], t.r0_b[b]
             k += np.bincount(i, self.WB_b[b], n) + np.bincount(j, self.WB_b[b], n)
@@ -172,7 +172,7 @@ class StateModel(ForceModel):
         # ∂S_i/∂u_i is a vector sum, zero inside; each |∂S_i/∂u_j| is Wr0.
         own = np.sqrt((own_nc**2).sum(axis=1))
         all_of = h * (G + own)
-        for b in parts(len(t)):
+        for b in self.parts():
             i, j = t.rows_of(b), t.j_b[b]
             pull = self.W_b[b] * t.r0_b[b]
             across += np.bincount(j, pull * all_of[i], n) + np.bincount(i, pull * all_of[j], n)

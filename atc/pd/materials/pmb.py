@@ -11,7 +11,7 @@ from numba import njit
 
 from ...errors import AtcError
 from ..bonds import JIT
-from .base import BondForces, ForceModel, Material, deformed, harmonic, influence_function, parts, sphere_measure
+from .base import BondForces, ForceModel, Material, deformed, harmonic, influence_function, sphere_measure
 
 
 class PMB(Material):
@@ -130,7 +130,7 @@ class BondModel(ForceModel):
 
     def energy_n(self, z, intact_b):
         energy = np.zeros(self.n)
-        for b in parts(len(self.table)):
+        for b in self.parts():
             i, j, _, _, e, _ = deformed(self, z, b)
             half = 0.25 * self.W_b[b] * e**2 / self.table.r0_b[b] * (intact_b[b] != 0)
             energy += np.bincount(i, half, self.n) + np.bincount(j, half, self.n)
