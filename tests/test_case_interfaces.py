@@ -72,13 +72,11 @@ def test_long_bar_has_the_series_modulus(tmp_path):
     ds = Case.load(case).run(tmp_path / "out.nc", threads=1)
     x, u = ds.position_x.values, ds.displacement[-1, :, 0].values
     left, right = (np.polyfit(x[p], u[p], 1)[0] for p in ((x > 20) & (x < 80), (x > 120) & (x < 180)))
-    assert left / right == pytest.approx(3.0, rel=1e-6)  # one stress everywhere
-    alone = copy.deepcopy(case)
-    alone["material"][1]["youngs"] = 1.0
-    one = Case.load(alone).run(tmp_path / "one.nc", threads=1)
-    pull = float(ds.force[-1, :4, 0].sum()) / float(one.force[-1, :4, 0].sum())
-    # bonds across the interface are springs in series too: a layer of one horizon in 194
-    assert pull == pytest.approx(1.5, rel=0.01)
+    pull = abs(float(ds.force[-1].values[x < 2.6, 0].sum()))
+    # each half by itself (in one dimension ν makes the lattice exact), and both together over the 194 that are free
+    assert pull / left == pytest.approx(1.0, rel=1e-3) and pull / right == pytest.approx(3.0, rel=1e-3)
+    assert left / right == pytest.approx(3.0, rel=1e-6)
+    assert pull * 194.0 / 1e-3 == pytest.approx(1.5, rel=0.01)
 
 
 @pytest.mark.parametrize("density", [1.0, 12.0])
