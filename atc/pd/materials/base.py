@@ -272,6 +272,15 @@ class ForceModel:
         """The forces in all intact bonds."""
         return self.forces_of_bonds(z, intact_b, np.flatnonzero(intact_b))
 
+    def bond_force_parts(self, z, intact_b):
+        """The same, a million bonds at a time."""
+        self.refresh(z, intact_b)
+        for b in self.parts():
+            yield self.forces_of_bonds(z, None, b[intact_b[b] != 0])
+
+    def refresh(self, z, intact_b):
+        """Bring what nodes know of their families to this state, for `forces_of_bonds` with intact_b None. Bonds that are on their own need nothing."""
+
     def listed(self, gone_k):
         """The numbers of the bonds that a kernel listed in `gone_b`, gone_k of each block."""
         first = self.table.start_n[self.blocks.edges[:-1]]

@@ -144,6 +144,9 @@ class CorrespondenceModel(ForceModel):
                 energy += 0.5 * self.g_active_n * np.bincount(ends, weight * np.einsum("bc,bc->b", rest, rest), self.n)
         return energy
 
+    def refresh(self, z, intact_b):
+        self._states(z, intact_b)
+
     def forces_of_bonds(self, z, intact_b, whole):
         if intact_b is not None:
             self._states(z, intact_b)

@@ -148,6 +148,9 @@ class StateModel(ForceModel):
         K = self.per_node(lambda m: m.bulk)
         return 0.5 * K * theta**2 * self.body.V_n + 0.25 * self.B_n * sums
 
+    def refresh(self, z, intact_b):
+        self.S_n[:] = self.dilatation_n(z, intact_b)[1]
+
     def forces_of_bonds(self, z, intact_b, whole):
         i, j, eta, xi, e, r = deformed(self, z, whole)
         A = self.h_n * (self.S_n if intact_b is None else self.dilatation_n(z, intact_b)[1])
