@@ -264,6 +264,15 @@ class ForceModel:
         """The forces in the numbered bonds; intact_b None means in the state of the last call of `forces`."""
         raise NotImplementedError
 
+    def bond_force_parts(self, z, intact_b):
+        """What `bond_forces` gives, a million bonds at a time."""
+        self.refresh(z, intact_b)
+        for b in self.parts():
+            yield self.forces_of_bonds(z, None, b[intact_b[b] != 0])
+
+    def refresh(self, z, intact_b):
+        """Bring what nodes know of their families to this state, for `forces_of_bonds` with intact_b None. Bonds that are on their own need nothing."""
+
     def lost(self, z, which) -> float:
         """The energy that left with the bonds `which`, just broken."""
         raise NotImplementedError
@@ -271,15 +280,6 @@ class ForceModel:
     def bond_forces(self, z, intact_b) -> BondForces:
         """The forces in all intact bonds."""
         return self.forces_of_bonds(z, intact_b, np.flatnonzero(intact_b))
-
-    def bond_force_parts(self, z, intact_b):
-        """The same, a million bonds at a time."""
-        self.refresh(z, intact_b)
-        for b in self.parts():
-            yield self.forces_of_bonds(z, None, b[intact_b[b] != 0])
-
-    def refresh(self, z, intact_b):
-        """Bring what nodes know of their families to this state, for `forces_of_bonds` with intact_b None. Bonds that are on their own need nothing."""
 
     def listed(self, gone_k):
         """The numbers of the bonds that a kernel listed in `gone_b`, gone_k of each block."""
