@@ -14,6 +14,9 @@ from ..bonds import JIT
 from .base import BondForces, ForceModel, Isotropic, deformed
 from .pmb import FAST, C, extremes, gather, threshold
 
+# The share that must be left of a family's smallest moment (the smallest eigenvalue of K), or its node exerts no force any more.
+LEAST = 0.05
+
 
 class Correspondence(Isotropic):
     """Classical elasticity at every node, through the bonds of its family.
@@ -44,7 +47,7 @@ class Correspondence(Isotropic):
 
 
 class CorrespondenceModel(ForceModel):
-    """Forces of correspondence materials. A node whose intact bonds no longer span the dimension exerts no force."""
+    """Forces of correspondence materials. A node whose intact bonds no longer span the dimension, or hardly (`LEAST`), exerts no force."""
 
     def __init__(self, body, materials, crew, rules=None, lammps_compat=False, interfaces=None):
         super().__init__(body, materials, crew, rules, lammps_compat)
@@ -69,6 +72,7 @@ class CorrespondenceModel(ForceModel):
         self.H_ncc = np.zeros((self.n, 9))
         self.Q_ncc = np.zeros((self.n, 9))
         self.counts = None
+        self.least_n = np.zeros(self.n)
 
     def _shape(self, z, intact_b):
         """K⁻¹ of the intact families, when bonds have broken since the last time."""
@@ -85,7 +89,10 @@ class CorrespondenceModel(ForceModel):
         condition = np.zeros(self.n)
         w = np.linalg.eigvalsh(K[some])
         condition[some] = w[:, 0] / w[:, -1]
-        whole = condition > 1e-6
+        least = np.zeros(self.n)
+        least[some] = w[:, 0]
+        # A family that has nearly lost a direction would make an enormous F of small displacements, far stiffer than the time step allows.
+        whole = (condition > 1e-6) & (least > LEAST * self.least_n)
         inverse[np.ix_(whole, range(d), range(d))] = np.linalg.inv(K[whole])
         self.inverse_ncc[:] = inverse.reshape(-1, 9)
         self.g_active_n = np.where(whole, self.g_n, 0.0)
@@ -163,6 +170,8 @@ class CorrespondenceModel(ForceModel):
         t = self.table
         self._shape(rest, np.ones(len(t), np.uint8))
         self.counts = None
+        K = self.K_ncc.reshape(-1, 3, 3)[:, : self.body.dimension, : self.body.dimension]
+        self.least_n = np.linalg.eigvalsh(K)[:, 0]
         n, K = self.n, self.inverse_ncc.reshape(-1, 3, 3)
         modulus = (self.lam_n + 2 * self.mu_n) * self.body.V_n
         # ∂(node's share)/∂u_j = W K⁻¹ξ: a vector for every bond end, and minus their sum for the node itself.
