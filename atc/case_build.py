@@ -15,6 +15,7 @@ def simulation(case, threads: int = 0, state=None):
     from . import pd
 
     body = make_body(case)
+    _require_bonds(case, body)
     materials = {}
     names = {}
     from .case_materials import made, models
@@ -151,11 +152,6 @@ def make_body(case):
         if "density" in m:
             rho_n[material_n == m.get("id", k + 1)] = m["density"]
     body.material_n, body.rho_n = material_n.astype(np.int32), rho_n
-    if not len(body.bonds):
-        raise case.bad(
-            ("body", "horizon"),
-            f"no node has another one within {body.horizon:g}, so that nothing holds the body together: take about three spacings (of {body.spacing:g})",
-        )
     return body
 
 
@@ -233,3 +229,15 @@ class _Law:
 def _require_nodes(case, body, region, path, what="it"):
     if region is not None and not len(body.nodes(region)):
         raise case.bad(path, f"no node of the body lies in {what}")
+
+
+def _require_bonds(case, body):
+    """Something must hold the body together (or push it apart), and every notch cut something."""
+    if not len(body.bonds) and "contact" not in case.data:
+        raise case.bad(
+            ("body", "horizon"),
+            f"no node has another one within {body.horizon:g}, so that nothing holds the body together: take about three spacings (of {body.spacing:g})",
+        )
+    for k, cut in enumerate(body.cuts):
+        if not cut and len(body.bonds):
+            raise AtcError(f"{case.where('notch', str(k))}: [notch] crosses no bond of the body: check its place and its length")

@@ -374,7 +374,7 @@ def nodal_stress(sim) -> np.ndarray:
     """(n, 3, 3) ½ Σ_J (x_J − x_I)⊗F_IJ / V_I with current positions: the partial stress of each node (tension positive, [divergence, force])."""
     from .estimators._numba import scatter_moment
 
-    f = sim.bond_forces()
     out = np.zeros((len(sim.body), 9))
-    scatter_moment(f.i, f.j, f.r_bc, f.F_bc, out)
+    for f in sim.bond_force_parts():
+        scatter_moment(f.i, f.j, f.r_bc, f.F_bc, out)
     return out.reshape(-1, 3, 3) / sim.body.V_n[:, None, None]

@@ -70,11 +70,41 @@ def describe(case) -> str:
     return "\n".join(
         [
             f"{len(body)} nodes in {body.dimension} dimension{'s' * (body.dimension > 1)}, {bonds} bonds, horizon {body.horizon:g} = {body.horizon / body.spacing:.3g} spacings",
-            f"materials: {', '.join(f'{n}: {m.name}' for n, m in sorted(sim.materials.items()))}",
+            *_held_together(case, sim),
             f"time step {sim.dt:.4g}, {sim.dt / sim.time_step_stable:.2f} of the stable {sim.time_step_stable:.4g}; {run['steps']} steps to {run['steps'] * sim.dt:.4g}",
             f"broken at the start: {sim.n_broken} bonds; one saved state takes {state / 1e6:.1f} MB",
         ]
     )
+
+
+def _held_together(case, sim) -> list[str]:
+    """A line for each material, and one for each pair of them that has bonds or an interface of its own."""
+    import numpy as np
+
+    from .case_damage import between
+
+    names = {m.get("id", k + 1): f" {m['name']}" for k, m in enumerate(case.data["material"]) if "name" in m}
+    numbers, table, rule = sim.body.material_n, sim.body.bonds, sim.model.rule
+    pairs, counts = np.unique(np.sort([numbers[table.i_b], numbers[table.j_b]], axis=0), axis=1, return_counts=True)
+    bonds = {tuple(int(m) for m in p): int(n) for p, n in zip(pairs.T, counts, strict=True)}
+    own = {between(case, k): t for k, t in enumerate(case.data.get("interface", []))}
+
+    def breaks(pair):
+        s00, alpha = rule.s00[sim.model.kinds[pair]], rule.alpha[sim.model.kinds[pair]]
+        return f"break at a stretch of {s00:.4g}{f', alpha {alpha:g}' if alpha else ''}" if np.isfinite(s00) else "never break"
+
+    lines = [
+        f"material {n}{names.get(n, '')}: {m.name}, {int((numbers == n).sum())} nodes, {bonds.get((n, n), 0)} bonds that {breaks((n, n))}"
+        for n, m in sorted(sim.materials.items())
+    ]
+    for pair in sorted({p for p in bonds if p[0] != p[1]} | set(own)):
+        t = own.get(pair, {})
+        if not t.get("bonded", True):
+            lines.append(f"between {pair[0]} and {pair[1]}: no bonds")
+            continue
+        stiffness = f", {t['stiffness']:g} times as stiff as by default," if "stiffness" in t else ""
+        lines.append(f"between {pair[0]} and {pair[1]}: {bonds.get(pair, 0)} bonds{stiffness} that {breaks(pair)}")
+    return lines
 
 
 def summary(ds, out, seconds, progress) -> None:

@@ -10,7 +10,7 @@ from lammps_oracle import lammps_session
 
 
 def setup_lines(body, pair, *, skin=None, dt, indent=None, box=None, newton="on"):
-    """The input up to the first run. `pair` = (style, coefficients line); positions come from a data file next to this."""
+    """The input up to the first run. `pair` = (style, lines of coefficients); positions come from a data file next to this."""
     periodic = body.cell.periodic
     boundary = " ".join("p" if p else "f" for p in periodic)
     skin = 2.0 * body.spacing if skin is None else skin
@@ -25,7 +25,7 @@ def setup_lines(body, pair, *, skin=None, dt, indent=None, box=None, newton="on"
         f"lattice sc {body.spacing:.17g}",
         "read_data DATA",
         f"pair_style {pair[0]}",
-        f"pair_coeff {pair[1]}",
+        *(f"pair_coeff {line}" for line in pair[1].split("\n")),
         "fix F1 all nve",
         "compute C1 all damage/atom",
         f"timestep {dt:.17g}",

@@ -513,29 +513,3 @@ def test_names_of_the_engine_are_not_hidden_by_its_modules():
     modules = {m.name for m in pkgutil.iter_modules(pd.__path__)}
     assert not modules & set(pd._LAZY)
     assert callable(pd.solve_static) and callable(pd.relax) and callable(pd.snapshot)
-
-
-@pytest.mark.parametrize(
-    "before, after, words",
-    [
-        ("horizon = 0.003015", "horizon = 0.0005", r"plate.toml:4: \[body\] horizon: no node has another one within 0.0005"),
-        ("dimension = 2", "plane = 'strain'", r"plate.toml:6: \[body\] plane: belongs to a body of dimension 2"),
-        ("dimension = 2", "thickness = 1", r"plate.toml:6: \[body\] thickness: belongs to a body of dimension 2"),
-        ("dimension = 2", "dimension = 1\nplane = 'strain'", r"plate.toml:7: \[body\] plane: belongs to a body of dimension 2"),
-        ('model = "pmb"', 'model = "PMB"', "did you mean 'pmb'"),
-        (
-            "youngs = 72e9",
-            "youngs = 72e9\npoisson = 0.3",
-            r"plate.toml:12: unknown key 'poisson' in \[material\]: bonds of pmb fix Poisson's ratio at 1/4",
-        ),
-        ("every = 25", 'extxyz = "end.pvd"', r"plate.toml:56: \[output\] extxyz: expected a name that ends in .extxyz or .xyz"),
-        ("every = 25", 'restart = "nowhere/end.npz"', r"plate.toml:56: \[output\] restart: there is no directory .*nowhere"),
-        ("damping = 10.0", "iterations = 3", r"plate.toml:53: \[run\] iterations: belongs to solver"),
-    ],
-)
-def test_what_would_be_found_late_is_found_early(tmp_path, before, after, words):
-    with pytest.raises(AtcError, match=words):
-        case = Case.load(write(tmp_path, PLATE.replace(before, after, 1)))
-        case.simulation(1)
-        case.run(tmp_path / "out.nc")
-    assert not list(tmp_path.glob("out*"))

@@ -81,7 +81,7 @@ class Body:
 
     @cached_property
     def bonds(self) -> Families:
-        """The families, as a half bond table (made when first used)."""
+        """The families, as a half bond table (made when first used, and with it ``cuts``: how many bonds each notch crosses)."""
         table = families(self.X_nc, self.cell, self.horizon)
         if table.on_horizon and self._warn:
             warnings.warn(
@@ -90,9 +90,15 @@ class Body:
                 AtcWarning,
                 stacklevel=3,
             )
+        kept = np.ones(len(table), bool)
+        self.cuts = []
         for notch in self.notches:
+            crossed = self._crossed(table, notch)
+            self.cuts.append(int(np.count_nonzero(crossed)))
             if not notch.as_damage:
-                table = table.keep(~self._crossed(table, notch))
+                kept &= ~crossed
+        if not kept.all():
+            table = table.keep(kept)
         for a, b in self.unbonded:
             i, j = self.material_n[table.i_b], self.material_n[table.j_b]
             table = table.keep(~(((i == a) & (j == b)) | ((i == b) & (j == a))))

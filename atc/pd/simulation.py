@@ -186,6 +186,10 @@ class Simulation:
         """The force in every intact bond now (contact is not among them)."""
         return self.model.bond_forces(self._z, self.state.intact_b)
 
+    def bond_force_parts(self):
+        """`bond_forces` in parts of at most a million bonds, for sums over bodies whose bonds would not fit into memory at once."""
+        return self.model.bond_force_parts(self._z, self.state.intact_b)
+
     def forces(self) -> np.ndarray:
         """(n, 3) total force on each node now (bonds, contact, external), volumes included: F = force density × V."""
         return self.state.F_nc

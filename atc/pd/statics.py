@@ -187,9 +187,11 @@ def _solve(sim, s, tolerance, max_iterations, inner):
 
     small = tolerance * scale / (stiff.max() * length)
     try:
-        x = newton_krylov(
-            residual, np.zeros(len(base)), f_tol=small, maxiter=max_iterations, inner_maxiter=inner, callback=count, method="lgmres"
-        )
+        # At rest from the start scipy divides nothing by nothing.
+        with np.errstate(invalid="ignore"):
+            x = newton_krylov(
+                residual, np.zeros(len(base)), f_tol=small, maxiter=max_iterations, inner_maxiter=inner, callback=count, method="lgmres"
+            )
         residual(x)
     except NoConvergence:
         raise AtcError(

@@ -10,6 +10,8 @@ from ...errors import AtcError
 from ..blocks import Blocks, Crew, collect
 from ..damage import DamageRule
 
+AT_ONCE = 1 << 20
+
 INFLUENCE = {
     "one": lambda r, delta: np.ones_like(r),
     "inverse": lambda r, delta: 1.0 / r,
@@ -206,6 +208,11 @@ class ForceModel:
                 )
         return self.per_bond(self.pair_values(lambda a, b: interfaces.get((a, b), interfaces.get((b, a), 1.0))))
 
+    def parts(self):
+        """The numbers of all bonds, a million at a time: sums over them in numpy hold no more than that."""
+        for a in range(0, len(self.table), AT_ONCE):
+            yield np.arange(a, min(len(self.table), a + AT_ONCE))
+
     def per_node(self, of_material):
         """(n,) of_material(material) for each node's material."""
         values = np.array([of_material(self.materials[m]) for m in self.ids], float)
@@ -256,6 +263,15 @@ class ForceModel:
     def forces_of_bonds(self, z, intact_b, bonds) -> BondForces:
         """The forces in the numbered bonds; intact_b None means in the state of the last call of `forces`."""
         raise NotImplementedError
+
+    def bond_force_parts(self, z, intact_b):
+        """What `bond_forces` gives, a million bonds at a time."""
+        self.refresh(z, intact_b)
+        for b in self.parts():
+            yield self.forces_of_bonds(z, None, b[intact_b[b] != 0])
+
+    def refresh(self, z, intact_b):
+        """Bring what nodes know of their families to this state, for `forces_of_bonds` with intact_b None. Bonds that are on their own need nothing."""
 
     def lost(self, z, which) -> float:
         """The energy that left with the bonds `which`, just broken."""

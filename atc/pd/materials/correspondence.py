@@ -15,6 +15,9 @@ from ..lanes import C, gather
 from .base import BondForces, ForceModel, Isotropic, deformed
 from .rows import FAST, close_row, open_block, settle
 
+# The share that must be left of a family's smallest moment (the smallest eigenvalue of K), or its node exerts no force any more.
+LEAST = 0.05
+
 
 class Correspondence(Isotropic):
     """Classical elasticity at every node, through the bonds of its family.
@@ -45,7 +48,7 @@ class Correspondence(Isotropic):
 
 
 class CorrespondenceModel(ForceModel):
-    """Forces of correspondence materials. A node whose intact bonds no longer span the dimension exerts no force."""
+    """Forces of correspondence materials. A node whose intact bonds no longer span the dimension, or hardly (`LEAST`), exerts no force."""
 
     def __init__(self, body, materials, crew, rules=None, lammps_compat=False, interfaces=None):
         super().__init__(body, materials, crew, rules, lammps_compat)
@@ -70,6 +73,7 @@ class CorrespondenceModel(ForceModel):
         self.H_ncc = np.zeros((self.n, 9))
         self.Q_ncc = np.zeros((self.n, 9))
         self.counts = None
+        self.least_n = np.zeros(self.n)
 
     def _shape(self, z, intact_b):
         """K⁻¹ of the intact families, when bonds have broken since the last time."""
@@ -86,7 +90,10 @@ class CorrespondenceModel(ForceModel):
         condition = np.zeros(self.n)
         w = np.linalg.eigvalsh(K[some])
         condition[some] = w[:, 0] / w[:, -1]
-        whole = condition > 1e-6
+        least = np.zeros(self.n)
+        least[some] = w[:, 0]
+        # A family that has nearly lost a direction would make an enormous F of small displacements, far stiffer than the time step allows.
+        whole = (condition > 1e-6) & (least > LEAST * self.least_n)
         inverse[np.ix_(whole, range(d), range(d))] = np.linalg.inv(K[whole])
         self.inverse_ncc[:] = inverse.reshape(-1, 9)
         self.g_active_n = np.where(whole, self.g_n, 0.0)
@@ -129,16 +136,20 @@ class CorrespondenceModel(ForceModel):
 
     def energy_n(self, z, intact_b):
         self._states(z, intact_b)
-        i, j, eta, xi, _, _ = deformed(self, z)
         H = self.H_ncc.reshape(-1, 3, 3)
         E = 0.5 * (H + H.transpose(0, 2, 1) + H.transpose(0, 2, 1) @ H)
         W = 0.5 * self.lam_n * np.einsum("ncc->n", E) ** 2 + self.mu_n * np.einsum("nab,nab->n", E, E)
         energy = self.body.V_n * W
-        weight = self.W_b * (intact_b != 0)
-        for ends in (i, j):
-            rest = eta - np.einsum("bac,bc->ba", H[ends], xi)
-            energy += 0.5 * self.g_active_n * np.bincount(ends, weight * np.einsum("bc,bc->b", rest, rest), self.n)
+        for b in self.parts():
+            i, j, eta, xi, _, _ = deformed(self, z, b)
+            weight = self.W_b[b] * (intact_b[b] != 0)
+            for ends in (i, j):
+                rest = eta - np.einsum("bac,bc->ba", H[ends], xi)
+                energy += 0.5 * self.g_active_n * np.bincount(ends, weight * np.einsum("bc,bc->b", rest, rest), self.n)
         return energy
+
+    def refresh(self, z, intact_b):
+        self._states(z, intact_b)
 
     def forces_of_bonds(self, z, intact_b, whole):
         if intact_b is not None:
@@ -156,22 +167,31 @@ class CorrespondenceModel(ForceModel):
         t = self.table
         self._shape(rest, np.ones(len(t), np.uint8))
         self.counts = None
-        i, j, xi = t.i_b, t.j_b, t.xi_bc(self.body.X_nc)
-        K = self.inverse_ncc.reshape(-1, 3, 3)
+        K = self.K_ncc.reshape(-1, 3, 3)[:, : self.body.dimension, : self.body.dimension]
+        self.least_n = np.linalg.eigvalsh(K)[:, 0]
+        n, K = self.n, self.inverse_ncc.reshape(-1, 3, 3)
         modulus = (self.lam_n + 2 * self.mu_n) * self.body.V_n
         # ∂(node's share)/∂u_j = W K⁻¹ξ: a vector for every bond end, and minus their sum for the node itself.
-        gi = self.W_b * np.linalg.norm(np.einsum("bac,bc->ba", K[i], xi), axis=1)
-        gj = self.W_b * np.linalg.norm(np.einsum("bac,bc->ba", K[j], xi), axis=1)
-        total = np.bincount(i, gi, self.n) + np.bincount(j, gj, self.n)
-        vector = np.zeros((self.n, 3))
-        for c in range(3):
-            vector[:, c] = np.bincount(i, self.W_b * np.einsum("bc,bc->b", K[i, c], xi), self.n)
-            vector[:, c] -= np.bincount(j, self.W_b * np.einsum("bc,bc->b", K[j, c], xi), self.n)
+        total, vector, across, hold = np.zeros(n), np.zeros((n, 3)), np.zeros(n), np.zeros(n)
+
+        def pulls(b):
+            i, j, _, xi, _, _ = deformed(self, rest, b)
+            return i, j, *(self.W_b[b, None] * np.einsum("bac,bc->ba", K[end], xi) for end in (i, j))
+
+        for b in self.parts():
+            i, j, pi, pj = pulls(b)
+            total += np.bincount(i, np.linalg.norm(pi, axis=1), n) + np.bincount(j, np.linalg.norm(pj, axis=1), n)
+            for c in range(3):
+                vector[:, c] += np.bincount(i, pi[:, c], n) - np.bincount(j, pj[:, c], n)
+            # Stabilisation: W (g_i + g_j)|η|² at most, since removing Fξ only lowers it.
+            g = self.W_b[b] * (self.g_n[i] + self.g_n[j])
+            hold += np.bincount(i, g, n) + np.bincount(j, g, n)
         own = np.linalg.norm(vector, axis=1)
         every = modulus * (total + own)
-        k = 0.5 * (own * every + np.bincount(j, gi * every[i], self.n) + np.bincount(i, gj * every[j], self.n))
-        # Stabilisation: W (g_i + g_j)|η|² at most, since removing Fξ only lowers it.
-        return k + t.sums(self.W_b * (self.g_n[i] + self.g_n[j]))
+        for b in self.parts():
+            i, j, pi, pj = pulls(b)
+            across += np.bincount(j, np.linalg.norm(pi, axis=1) * every[i], n) + np.bincount(i, np.linalg.norm(pj, axis=1) * every[j], n)
+        return 0.5 * (own * every + across) + hold
 
 
 @njit(**JIT)

@@ -128,25 +128,29 @@ class StateModel(ForceModel):
 
     def dilatation_n(self, z, intact_b):
         """(n,) θ."""
-        i, j, _, _, e, _ = deformed(self, z)
-        Wre = self.W_b * self.table.r0_b * e * (intact_b != 0)
-        S = np.bincount(i, Wre, self.n) + np.bincount(j, Wre, self.n)
+        S = np.zeros(self.n)
+        for b in self.parts():
+            i, j, _, _, e, _ = deformed(self, z, b)
+            Wre = self.W_b[b] * self.table.r0_b[b] * e * (intact_b[b] != 0)
+            S += np.bincount(i, Wre, self.n) + np.bincount(j, Wre, self.n)
         return self.body.dimension * np.divide(S, self.M_n, out=np.zeros(self.n), where=self.M_n > 0), S
 
     def energy_n(self, z, intact_b):
-        i, j, _, _, e, _ = deformed(self, z)
-        whole = intact_b != 0
         theta, S = self.dilatation_n(z, intact_b)
-        We2 = self.W_b * e**2 * whole
-        bonds = 0.5 * self.B_n * (np.bincount(i, We2, self.n) + np.bincount(j, We2, self.n))
-        if not self.lammps_compat:
-            return 0.5 * self.h_n * S**2 + bonds
         # LAMMPS counts the deviatoric extension half.
-        r0, d, V = self.table.r0_b, self.body.dimension, self.body.V_n
+        less = theta / self.body.dimension if self.lammps_compat else np.zeros(self.n)
+        sums = np.zeros(self.n)
+        for b in self.parts():
+            i, j, _, _, e, _ = deformed(self, z, b)
+            W, r0 = self.W_b[b] * (intact_b[b] != 0), self.table.r0_b[b]
+            sums += np.bincount(i, W * (e - less[i] * r0) ** 2, self.n) + np.bincount(j, W * (e - less[j] * r0) ** 2, self.n)
+        if not self.lammps_compat:
+            return 0.5 * self.h_n * S**2 + 0.5 * self.B_n * sums
         K = self.per_node(lambda m: m.bulk)
-        dev = np.bincount(i, self.W_b * whole * (e - theta[i] * r0 / d) ** 2, self.n)
-        dev += np.bincount(j, self.W_b * whole * (e - theta[j] * r0 / d) ** 2, self.n)
-        return 0.5 * K * theta**2 * V + 0.25 * self.B_n * dev
+        return 0.5 * K * theta**2 * self.body.V_n + 0.25 * self.B_n * sums
+
+    def refresh(self, z, intact_b):
+        self.S_n[:] = self.dilatation_n(z, intact_b)[1]
 
     def forces_of_bonds(self, z, intact_b, whole):
         i, j, eta, xi, e, r = deformed(self, z, whole)
@@ -158,16 +162,25 @@ class StateModel(ForceModel):
 
     def stiffness_n(self):
         t = self.table
-        W, r0, h = self.W_b, t.r0_b, np.maximum(self.h_n, 0.0)
-        k = t.sums(self.WB_b)
-        i, j = t.i_b, t.j_b
-        G = t.sums(W * r0)
+        n, h = self.n, np.maximum(self.h_n, 0.0)
+        rest = node_rows(n)
+        rest[:, 3:6] = self.body.X_nc
+        k, G, own_nc, across = np.zeros(n), np.zeros(n), np.zeros((n, 3)), np.zeros(n)
+        for b in self.parts():
+            i, j, _, xi, _, _ = deformed(self, rest, b)
+            W, r0 = self.W_b[b], t.r0_b[b]
+            k += np.bincount(i, self.WB_b[b], n) + np.bincount(j, self.WB_b[b], n)
+            G += np.bincount(i, W * r0, n) + np.bincount(j, W * r0, n)
+            for c in range(3):
+                own_nc[:, c] += np.bincount(i, W * xi[:, c], n) - np.bincount(j, W * xi[:, c], n)
         # ∂S_i/∂u_i is a vector sum, zero inside; each |∂S_i/∂u_j| is Wr0.
-        xi = t.xi_bc(self.body.X_nc)
-        own = np.sqrt(sum((np.bincount(i, W * xi[:, c], self.n) - np.bincount(j, W * xi[:, c], self.n)) ** 2 for c in range(3)))
+        own = np.sqrt((own_nc**2).sum(axis=1))
         all_of = h * (G + own)
-        k += 0.5 * (own * all_of + np.bincount(j, W * r0 * all_of[i], self.n) + np.bincount(i, W * r0 * all_of[j], self.n))
-        return k
+        for b in self.parts():
+            i, j = t.rows_of(b), t.j_b[b]
+            pull = self.W_b[b] * t.r0_b[b]
+            across += np.bincount(j, pull * all_of[i], n) + np.bincount(i, pull * all_of[j], n)
+        return k + 0.5 * (own * all_of + across)
 
 
 @njit(**FAST)

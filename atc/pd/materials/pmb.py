@@ -131,9 +131,12 @@ class BondModel(ForceModel):
         return float((0.5 * self.W_b[which] / self.table.r0_b[which] * e**2).sum())
 
     def energy_n(self, z, intact_b):
-        i, j, _, _, e, _ = deformed(self, z)
-        half = 0.25 * self.W_b * e**2 / self.table.r0_b * (intact_b != 0)
-        return np.bincount(i, half, self.n) + np.bincount(j, half, self.n)
+        energy = np.zeros(self.n)
+        for b in self.parts():
+            i, j, _, _, e, _ = deformed(self, z, b)
+            half = 0.25 * self.W_b[b] * e**2 / self.table.r0_b[b] * (intact_b[b] != 0)
+            energy += np.bincount(i, half, self.n) + np.bincount(j, half, self.n)
+        return energy
 
     def forces_of_bonds(self, z, intact_b, whole):
         i, j, eta, xi, e, r = deformed(self, z, whole)
