@@ -115,7 +115,7 @@ class CorrespondenceModel(ForceModel):
         )  # fmt: skip
         self.collect(F_nc, smin_n, damage)
         self._intact = intact_b
-        return self.account(z, self.listed(gone))
+        return self.account(z, self.listed(gone, t.start_n))
 
     def lost(self, z, which):
         """A bond has no energy of its own: the difference is that of the body before and after."""
