@@ -48,7 +48,7 @@ class Standing:
         which = self.bond_b[walked].astype(np.int64)
         at, byte = which.astype(np.uint64) >> np.uint64(3), np.uint64(8) * (which & 7).astype(np.uint64)
         was = self._state_b[which].astype(np.uint64)
-        self._expected = (self._expected - int((((was << byte) * _weight(at))).sum())) & _WRAP
+        self._expected = (self._expected - int(((was << byte) * _weight(at)).sum())) & _WRAP
         self._state_b[which] = 0
         return which
 

@@ -219,9 +219,7 @@ class ForceModel:
         self.largest_smin = float(finite.max()) if len(finite) else -np.inf
 
     def collect(self, F_nc, smin_n, damage):
-        largest = self.crew.nodes(
-            collect, self.n, self.blocks.lo, self.blocks.hi, self.blocks.offset, self.buf, F_nc, smin_n, damage
-        )
+        largest = self.crew.nodes(collect, self.n, self.blocks.lo, self.blocks.hi, self.blocks.offset, self.buf, F_nc, smin_n, damage)
         if damage:
             self.largest_smin = max(largest)
 

@@ -12,9 +12,9 @@ from numba import njit
 
 from ..blocks import node_rows
 from ..bonds import JIT
-from ..lanes import C, gather, gather_positions
+from ..lanes import INLINE, C, gather, gather_positions
 from .base import BondForces, ForceModel, Isotropic, deformed
-from .rows import FAST, close_row, open_block, settle
+from .rows import close_row, open_block, settle
 
 
 class LPS(Isotropic):
@@ -169,7 +169,7 @@ class StateModel(ForceModel):
         return k
 
 
-@njit(**FAST)
+@njit(**INLINE)
 def _row_extension(m, b0, w, r0, W, guard, intact, e):
     """Extensions of m bonds into e, W |ξ| e into column 0 of w."""
     for k in range(m):
@@ -235,7 +235,7 @@ def _gather_up(a, b, lo, hi, offset, buf, z, h, S, y):
         y[n, 7] = -y[n, 3]
 
 
-@njit(**FAST)
+@njit(**INLINE)
 def _row(m, b0, w, r0, W, WB, e, intact):
     """As PMB's: forces into columns 0-2, stretches into 6 and 7; extensions are known."""
     for k in range(m):

@@ -11,9 +11,9 @@ from numba import njit
 
 from ...errors import AtcError
 from ..bonds import JIT
-from ..lanes import C, gather
+from ..lanes import INLINE, C, gather
 from .base import BondForces, ForceModel, Material, deformed, harmonic, influence_function, sphere_measure
-from .rows import FAST, close_row, open_block, settle
+from .rows import close_row, open_block, settle
 
 
 class PMB(Material):
@@ -139,7 +139,7 @@ class BondModel(ForceModel):
         return self.c_k
 
 
-@njit(**FAST)
+@njit(**INLINE)
 def _row(m, b0, w, r0, W, intact, guard):
     """Forces of m bonds into columns 0-2 of w, stretches into column 6 (+∞ if broken) and 7 (−∞ if broken)."""
     for k in range(m):
