@@ -36,7 +36,7 @@ def settle(m, b0, i, base, j, node, w, f, own, intact, kind, s00, alpha, smin, s
     if damage and _largest(m, w) > s_low:
         for k in range(m):
             b = b0 + k
-            if intact[b] == 1:
+            if w[7 * C + k] > s_low and intact[b] == 1:
                 t = kind[b] if len(kind) else 0
                 if w[7 * C + k] > threshold(s00[t], alpha[t], smin[i], smin[j[b]]):
                     intact[b] = 0
