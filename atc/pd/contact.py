@@ -31,7 +31,7 @@ class Contact:
     strength: float = 15.0
     own: float = 0.9
     reach: float = 1.35
-    skin: float = 1.0
+    skin: float = 0.75
 
     def __post_init__(self):
         if not (self.strength >= 0 and 0 < self.own <= 1 and self.reach > 0 and self.skin > 0):

@@ -85,7 +85,9 @@ def _weight(word):
 def _weighted(a, b, words):
     total = np.uint64(0)
     for k in range(a, b):
-        total += words[k] * np.uint64(2 * k + 1)
+        # Unsigned: no test for negative indices, so that loads are whole vectors.
+        n = np.uint64(k)
+        total += words[n] * (n + n + np.uint64(1))
     return total
 
 
