@@ -75,10 +75,11 @@ class CellList:
                     extent[k] = max(s[:, k].max() - lo[k], cutoff / cell.heights[k])
         thickness = cell.heights * extent
         # Not many more bins than atoms: a nearly empty box must not cost memory.
-        nb = np.maximum(1, np.floor(thickness * np.array(_BINS_PER_CUTOFF) / cutoff)).astype(np.int64)
+        nb = np.maximum(1.0, np.floor(thickness * np.array(_BINS_PER_CUTOFF) / cutoff))
         limit = max(64, 4 * n)
         while nb.prod() > limit:
-            nb = np.maximum(1, (nb * max(0.5, (limit / nb.prod()) ** (1 / 3) * 0.98)).astype(np.int64))
+            nb = np.maximum(1.0, np.floor(nb * max(0.5, (limit / nb.prod()) ** (1 / 3) * 0.98)))
+        nb = nb.astype(np.int64)
         self.n_bins = nb
         self.order = np.empty(n, np.int32)
         self.start = np.empty(int(nb.prod()) + 1, np.int64)

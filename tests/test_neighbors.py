@@ -92,6 +92,31 @@ def test_nearly_empty_box_costs_no_memory():
     assert len(i) == 1 and abs(np.linalg.norm(r[0]) - 0.6 * 3**0.5) < 1e-9 and abs(S[0]).tolist() == [1, 1, 1]
 
 
+@pytest.mark.parametrize("far", [1e12, 1e40, 1e150])
+def test_atoms_that_have_flown_away_do_no_harm(far):
+    """What is left of a run that blows up: bins by the axis do not even fit into integers."""
+    x = np.array([[0.0, 0, 0], [1.0, 0, 0], [far, -far, far], [0.0, 1.5, 0]])
+    i, j, _, _ = neighbor_list(x, Cell([5.0, 5, 5], periodic=False), 1.6)
+    assert sorted(map(tuple, np.sort(np.c_[i, j], axis=1).tolist())) == [(0, 1), (0, 3)]
+
+
+def test_neighbours_of_some_atoms_only():
+    """`CellList.full` for some atoms only: the rows of these, no others."""
+    from atc.neighbors import CellList, Workspace
+
+    rng = np.random.default_rng(8)
+    x = rng.uniform(0, 30, (3000, 3))
+    cl = CellList(x, Cell([30.0, 30, 30], periodic=(True, False, True)), 2.5)
+    only = rng.random(3000) < 0.1
+    ws = Workspace()
+    pairs = {False: [], True: []}
+    for some in pairs:
+        for chunk in range(cl.n_chunks):
+            m = cl.full(chunk, ws, only if some else None)
+            pairs[some] += list(zip(ws.i[:m].tolist(), ws.j[:m].tolist(), ws.d2[:m].tolist(), strict=True))
+    assert sorted(pairs[True]) == sorted(p for p in pairs[False] if only[p[0]]) and len(pairs[True]) > 1000
+
+
 def test_no_atoms():
     assert len(neighbor_list(np.zeros((0, 3)), Cell(np.eye(3)), 1.0)[0]) == 0
 

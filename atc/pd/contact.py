@@ -31,7 +31,7 @@ class Contact:
     strength: float = 15.0
     own: float = 0.9
     reach: float = 1.35
-    skin: float = 1.0
+    skin: float = 0.75
 
     def __post_init__(self):
         if not (self.strength >= 0 and 0 < self.own <= 1 and self.reach > 0 and self.skin > 0):
@@ -89,7 +89,7 @@ class ContactSearch:
         self.mover_n = moves
         y = z[:, :3] + z[:, 3:6]
         self.home_nc[moves] = y[moves]
-        both = self._pairs(z, y, self.cut + self.skin + 2 * self.reach, moves)
+        both = self._pairs(y, self.cut + self.skin + 2 * self.reach, moves)
         still = ~(moves[self.near[0]] | moves[self.near[1]])
         self._take([np.concatenate([a[still] if len(a) else a, b]) for a, b in zip(self.near, both, strict=True)])
 
@@ -97,10 +97,10 @@ class ContactSearch:
         self.home_nc = z[:, :3] + z[:, 3:6]
         self.mover_n = np.zeros(len(self.body), bool)
         self.age = 0
-        self.near = self._pairs(z, self.home_nc, self.cut + 2 * self.reach, None)
+        self.near = self._pairs(self.home_nc, self.cut + 2 * self.reach, None)
         self._take(self.near)
 
-    def _pairs(self, z, y, cutoff, movers):
+    def _pairs(self, y, cutoff, movers):
         """i ≤ j, shift (p, 6 or 0) and contact distance of all pairs within `cutoff` that have a mover in them; with `movers` None of those that
         are within twice the slow nodes' reach of touching. Shifts are the translations of j's image, now and in the reference configuration."""
         from ..neighbors import CellList, Workspace

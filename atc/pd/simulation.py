@@ -63,7 +63,8 @@ class Simulation:
     state : a `State` to go on from (bitwise); or `velocities`, `displacements` : (n, 3) or (3,) to start with
     strain : (3, 3) displacement gradient H of a periodic body: nodes start at u = H X and images are moved by H too
     threads : 0 is all cores. Results do not depend on it.
-    lammps_compat : reproduce LAMMPS's faults (the weighted volume of periodic LPS bodies without images, its LPS energy)
+    lammps_compat : reproduce LAMMPS's faults (extensions below 2.2e-16 are none, the weighted volume of periodic LPS bodies without images, its
+        LPS energy)
 
     Attributes: ``state``, ``dt``, ``body``, ``n_broken``.
     """

@@ -9,6 +9,7 @@ import numpy as np
 from ...errors import AtcError
 from ..blocks import Blocks, Crew, collect
 from ..damage import DamageRule
+from ..standing import Standing
 
 AT_ONCE = 1 << 20
 
@@ -146,6 +147,8 @@ class ForceModel:
 
     def __init__(self, body, materials: dict, crew: Crew, rules=None, lammps_compat=False):
         self.body, self.crew, self.materials, self.lammps_compat = body, crew, materials, lammps_compat
+        # LAMMPS takes extensions below 2.2e-16 for none, in whatever unit of length: a strain of 2e-13 in bonds of a millimetre.
+        self.guard = 2.2204e-16 if lammps_compat else 0.0
         self.table = body.bonds
         self.n = len(body)
         self.blocks = Blocks(self.table, self.n)
@@ -176,6 +179,7 @@ class ForceModel:
         self.buf = self.blocks.buffer(4)
         self.largest_smin = -np.inf
         self.gone_b = np.empty(len(self.table), np.int32)
+        self._standing = None
 
     def weights(self):
         """(b,) ω ν V_i V_j."""
@@ -244,9 +248,7 @@ class ForceModel:
         self.largest_smin = float(finite.max()) if len(finite) else -np.inf
 
     def collect(self, F_nc, smin_n, damage):
-        largest = self.crew.nodes(
-            collect, self.n, self.blocks.lo, self.blocks.hi, self.blocks.offset, self.buf, F_nc, smin_n, damage
-        )
+        largest = self.crew.nodes(collect, self.n, self.blocks.lo, self.blocks.hi, self.blocks.offset, self.buf, F_nc, smin_n, damage)
         if damage:
             self.largest_smin = max(largest)
 
@@ -281,9 +283,16 @@ class ForceModel:
         """The forces in all intact bonds."""
         return self.forces_of_bonds(z, intact_b, np.flatnonzero(intact_b))
 
-    def listed(self, gone_k):
-        """The numbers of the bonds that a kernel listed in `gone_b`, gone_k of each block."""
-        first = self.table.start_n[self.blocks.edges[:-1]]
+    def standing(self, intact_b, *columns) -> Standing:
+        """What the kernels are to walk in this state; `columns` are (b,) arrays that go with the bonds."""
+        if self._standing is None:
+            self._standing = Standing(self.table, self.crew, self.kind_b, *columns)
+        self._standing.follow(intact_b)
+        return self._standing
+
+    def listed(self, gone_k, start_n):
+        """The numbers of the bonds that a kernel listed in `gone_b`, gone_k of each block, in rows that begin at start_n."""
+        first = start_n[self.blocks.edges[:-1]]
         parts = [first[k] + self.gone_b[first[k] : first[k] + gone_k[k]].astype(np.int64) for k in np.flatnonzero(gone_k)]
         return np.concatenate(parts) if parts else np.zeros(0, np.int64)
 

@@ -11,9 +11,9 @@ import numpy as np
 from numba import njit
 
 from ..bonds import JIT
-from ..lanes import C, gather
+from ..lanes import INLINE, C, gather
 from .base import BondForces, ForceModel, Isotropic, deformed
-from .rows import FAST, close_row, open_block, settle
+from .rows import close_row, open_block, settle
 
 # The share that must be left of a family's smallest moment (the smallest eigenvalue of K), or its node exerts no force any more.
 LEAST = 0.05
@@ -123,7 +123,7 @@ class CorrespondenceModel(ForceModel):
         )  # fmt: skip
         self.collect(F_nc, smin_n, damage)
         self._intact = intact_b
-        return self.account(z, self.listed(gone))
+        return self.account(z, self.listed(gone, t.start_n))
 
     def lost(self, z, which):
         """A bond has no energy of its own: the difference is that of the body before and after."""
@@ -222,7 +222,7 @@ def _tensors(first, last, edges, lo, hi, offset, start, j, image, images, z, W, 
                     f[i - base, c] += s
 
 
-@njit(**FAST)
+@njit(**INLINE)
 def _products(m, w, W, intact, v):
     for k in range(m):
         a = W[k] if intact[k] != 0 else 0.0
@@ -302,7 +302,7 @@ def _forces(first, last, edges, lo, offset, start, j, image, images, z, r0, W, Q
         gone_k[block] = gone
 
 
-@njit(**FAST)
+@njit(**INLINE)
 def _row(m, w, q, r0, W, intact):
     """Forces of m bonds into columns 0-2 of w, stretches into 6 and 7. Columns of q: Q_i + Q_j and g_i + g_j."""
     for k in range(m):

@@ -12,9 +12,9 @@ from numba import njit
 
 from ..blocks import node_rows
 from ..bonds import JIT
-from ..lanes import C, gather, gather_positions
+from ..lanes import INLINE, C, gather, gather_positions
 from .base import BondForces, ForceModel, Isotropic, deformed
-from .rows import FAST, close_row, open_block, settle
+from .rows import close_row, open_block, settle
 
 
 class LPS(Isotropic):
@@ -99,24 +99,21 @@ class StateModel(ForceModel):
         self.y_nk = node_rows(self.n)
 
     def forces(self, z, intact_b, F_nc, smin_n, damage):
-        t, bl = self.table, self.blocks
-        self._dilate(z, intact_b)
-        gone = np.zeros(bl.count, np.int64)
+        t, bl = self.standing(intact_b, self.table.r0_b, self.W_b, self.WB_b), self.blocks
+        r0, W, WB = t.columns
+        # Extensions into e_b, S into S_n; current positions and A into y_nk.
         self.crew.run(
-            _forces, bl.count, bl.edges, bl.lo, bl.offset, t.start_n, t.j_b, t.image_b, self.images, self.y_nk, t.r0_b, self.W_b, self.WB_b,
-            self.e_b, intact_b, self.kind_b, self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.gone_b, gone,
-        )  # fmt: skip
-        self.collect(F_nc, smin_n, damage)
-        return self.account(z, self.listed(gone))
-
-    def _dilate(self, z, intact_b):
-        """Extensions into e_b, S into S_n; current positions and A into y_nk."""
-        t, bl = self.table, self.blocks
-        self.crew.run(
-            _extensions, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, t.r0_b, self.W_b, intact_b,
-            self.e_b, self.scalar_buf,
+            _extensions, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, r0, W, self.guard,
+            t.intact_b, self.e_b, self.scalar_buf,
         )  # fmt: skip
         self.crew.nodes(_gather_up, self.n, bl.lo, bl.hi, bl.offset, self.scalar_buf, z, self.h_n, self.S_n, self.y_nk)
+        gone = np.zeros(bl.count, np.int64)
+        self.crew.run(
+            _forces, bl.count, bl.edges, bl.lo, bl.offset, t.start_n, t.j_b, t.image_b, self.images, self.y_nk, r0, W, WB, self.e_b, t.intact_b,
+            t.kind_b, self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.gone_b, gone,
+        )  # fmt: skip
+        self.collect(F_nc, smin_n, damage)
+        return self.account(z, t.broke(self.listed(gone, t.start_n)))
 
     def lost(self, z, which):
         """The energy that left with bonds `which`: their own shares, and what their nodes' dilatations were worth (S_n is still that before)."""
@@ -183,8 +180,8 @@ class StateModel(ForceModel):
         return k + 0.5 * (own * all_of + across)
 
 
-@njit(**FAST)
-def _row_extension(m, b0, w, r0, W, intact, e):
+@njit(**INLINE)
+def _row_extension(m, b0, w, r0, W, guard, intact, e):
     """Extensions of m bonds into e, W |ξ| e into column 0 of w."""
     for k in range(m):
         b = np.uint64(b0) + np.uint64(k)
@@ -199,12 +196,14 @@ def _row_extension(m, b0, w, r0, W, intact, e):
         r2 = L * L + q
         r = np.sqrt(r2 if r2 > 0.0 else 0.0)
         q /= r + L
+        # Extensions up to `guard` count as none.
+        q = q if abs(q) > guard else 0.0
         e[b] = q
         w[k] = W[b] * L * q if intact[b] != 0 else 0.0
 
 
 @njit(**JIT)
-def _extensions(first, last, edges, lo, hi, offset, start, j, image, images, z, r0, W, intact, e, buf):
+def _extensions(first, last, edges, lo, hi, offset, start, j, image, images, z, r0, W, guard, intact, e, buf):
     """Extensions of blocks first..last, and Σ W |ξ| e into their buffers."""
     w = np.empty(8 * C)
     node = np.empty(C + 8, np.int32)
@@ -220,7 +219,7 @@ def _extensions(first, last, edges, lo, hi, offset, start, j, image, images, z, 
                 m = min(C, start[i + 1] - b0)
                 gather(b0, m, i, j, image, images, z, node, w)
                 full = min((m + 7) & ~7, end - b0)
-                _row_extension(full, b0, w, r0, W, intact, e)
+                _row_extension(full, b0, w, r0, W, guard, intact, e)
                 # Bond by bond, so that bonds without extension change nothing wherever they stand.
                 for k in range(m):
                     f[np.uint64(j[b0 + k] - base)] += w[k]
@@ -247,7 +246,7 @@ def _gather_up(a, b, lo, hi, offset, buf, z, h, S, y):
         y[n, 7] = -y[n, 3]
 
 
-@njit(**FAST)
+@njit(**INLINE)
 def _row(m, b0, w, r0, W, WB, e, intact):
     """As PMB's: forces into columns 0-2, stretches into 6 and 7; extensions are known."""
     for k in range(m):

@@ -11,9 +11,9 @@ from numba import njit
 
 from ...errors import AtcError
 from ..bonds import JIT
-from ..lanes import C, gather
+from ..lanes import INLINE, C, gather
 from .base import BondForces, ForceModel, Material, deformed, harmonic, influence_function, sphere_measure
-from .rows import FAST, close_row, open_block, settle
+from .rows import close_row, open_block, settle
 
 
 class PMB(Material):
@@ -117,14 +117,14 @@ class BondModel(ForceModel):
             self.W_b *= factor
 
     def forces(self, z, intact_b, F_nc, smin_n, damage):
-        t, bl = self.table, self.blocks
+        t, bl = self.standing(intact_b, self.table.r0_b, self.W_b), self.blocks
         gone = np.zeros(bl.count, np.int64)
         self.crew.run(
-            _forces, bl.count, bl.edges, bl.lo, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, t.r0_b, self.W_b, intact_b,
-            self.kind_b, self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.gone_b, gone,
+            _forces, bl.count, bl.edges, bl.lo, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, *t.columns, self.guard, t.intact_b, t.kind_b,
+            self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.gone_b, gone,
         )  # fmt: skip
         self.collect(F_nc, smin_n, damage)
-        return self.account(z, self.listed(gone))
+        return self.account(z, t.broke(self.listed(gone, t.start_n)))
 
     def lost(self, z, which):
         e = deformed(self, z, which)[4]
@@ -152,8 +152,8 @@ class BondModel(ForceModel):
         return self.c_k
 
 
-@njit(**FAST)
-def _row(m, b0, w, r0, W, intact):
+@njit(**INLINE)
+def _row(m, b0, w, r0, W, intact, guard):
     """Forces of m bonds into columns 0-2 of w, stretches into column 6 (+∞ if broken) and 7 (−∞ if broken)."""
     for k in range(m):
         # Unsigned: no test for negative indices, so that loads are whole vectors.
@@ -168,6 +168,8 @@ def _row(m, b0, w, r0, W, intact):
         L = r0[b]
         r2 = L * L + q
         r = np.sqrt(r2 if r2 > 0.0 else 0.0)
+        # Extensions up to `guard` count as none.
+        q = q if abs(q) > guard * (r + L) else 0.0
         D = r * (r + L) * L
         D = q / D if D > 0.0 else 0.0
         s = D * r if r > 0.0 else -1.0
@@ -181,7 +183,7 @@ def _row(m, b0, w, r0, W, intact):
 
 
 @njit(**JIT)
-def _forces(first, last, edges, lo, offset, start, j, image, images, z, r0, W, intact, kind, s00, alpha, smin, s_low, damage, buf, gone_b, gone_k):
+def _forces(first, last, edges, lo, offset, start, j, image, images, z, r0, W, guard, intact, kind, s00, alpha, smin, s_low, damage, buf, gone_b, gone_k):  # fmt: skip
     """Blocks first..last: forces and smallest stretches into their buffers. Broken bonds are listed in gone_b, block by block from the block's first
     bond on, gone_k of them."""
     w = np.empty(8 * C)
@@ -198,7 +200,7 @@ def _forces(first, last, edges, lo, offset, start, j, image, images, z, r0, W, i
                 m = min(C, start[i + 1] - b0)
                 gather(b0, m, i, j, image, images, z, node, w)
                 # Whole vectors of eight: lanes beyond the row have no displacement, and pull nothing.
-                _row(min((m + 7) & ~7, len(r0) - b0), b0, w, r0, W, intact)
+                _row(min((m + 7) & ~7, len(r0) - b0), b0, w, r0, W, intact, guard)
                 gone = settle(m, b0, i, base, j, node, w, f, own, intact, kind, s00, alpha, smin, s_low, damage, b_first, gone_b, gone)
             close_row(f[i - base], own)
         gone_k[block] = gone
