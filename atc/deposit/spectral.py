@@ -43,12 +43,16 @@ SHORT = 8000, 16.0
 
 
 class _Mesh:
-    """What one thread has spread: nodes [low, low + shape) × components, `scale` times the sources; `total` what has been moved on."""
+    """What one thread has spread: nodes [low, low + shape) × components, `scale` times the sources; `total` what has been moved on.
+
+    Rows along z are stored with some nodes to spare, see `spread.row_length`."""
 
     def __init__(self, low, shape, lanes, real):
         self.low, self.lanes, self.real = low, lanes, real
         self.shape = tuple(int(n) for n in shape)
-        self.flat = _aligned(int(np.prod(self.shape)) * lanes, real)
+        self.row = spread.row_length(self.shape[2], lanes * np.dtype(real).itemsize)
+        self.stored = (*self.shape[:2], self.row)
+        self.flat = _aligned(int(np.prod(self.stored)) * lanes, real)
         self.total, self.scale, self.largest, self.points = None, 0.0, 0.0, 0
         self.rows = np.zeros(self.shape[:2], np.uint8)
 
@@ -57,7 +61,7 @@ class _Mesh:
         parts = [(self.flat, self.scale)] if self.scale else []
         if self.total is not None:
             parts.append((self.total, 1.0))
-        return [(a.reshape(*self.shape, self.lanes), s) for a, s in parts]
+        return [(a.reshape(*self.stored, self.lanes)[:, :, : self.shape[2]], s) for a, s in parts]
 
     def flush(self, width):
         if self.total is None:
@@ -72,11 +76,12 @@ class _Mesh:
         new = _Mesh(low, shape, self.lanes, self.real)
         new.scale, new.largest, new.points = self.scale, self.largest, self.points
         at = tuple(slice(int(a), int(a) + n) for a, n in zip(self.low - low, self.shape))
-        new.flat.reshape(*new.shape, -1)[at] = self.flat.reshape(*self.shape, -1)
+        end = self.shape[2]
+        new.flat.reshape(*new.stored, -1)[at] = self.flat.reshape(*self.stored, -1)[:, :, :end]
         new.rows[at[:2]] = self.rows
         if self.total is not None:
             new.total = _aligned(len(new.flat), np.float64)
-            new.total.reshape(*new.shape, -1)[at] = self.total.reshape(*self.shape, -1)
+            new.total.reshape(*new.stored, -1)[at] = self.total.reshape(*self.stored, -1)[:, :, :end]
         return new
 
 
@@ -232,7 +237,7 @@ class SpectralDeposit(Deposit):
             mesh = self._mesh_for((what, first, thread), lo, hi, lanes, most)
             spread_bonds = spread.core(width, lanes, len(coef) - 1, self.real)
             rest = (
-                self._origin, self._to_mesh, self._period, mesh.low, np.array(mesh.shape), weight[first:last] * 0.5**slack,
+                self._origin, self._to_mesh, self._period, mesh.low, np.array(mesh.shape), mesh.row, weight[first:last] * 0.5**slack,
                 longest, nodes, weights, coef.ravel().astype(self.real), 1.0 / mesh.scale, mesh.flat, mesh.rows,
             )  # fmt: skip
             nodes_of_mesh = len(mesh.flat) // lanes
