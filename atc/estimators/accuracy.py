@@ -56,6 +56,7 @@ class Check:
     index : int
         Number of the frame: the same points whoever computes it, and whenever.
     count : int
+    which : indices of points to take instead of random ones
 
     Notes
     -----
@@ -63,7 +64,7 @@ class Check:
     Bins of a slab profile are summed in plain numpy (a few only: there every bond is looked at for every bin).
     """
 
-    def __init__(self, bound, kern, cell, threads, index, count):
+    def __init__(self, bound, kern, cell, threads, index, count, which=None):
         from ..frame import Cell
         from ..grids import BoundGrid
         from .target import Target
@@ -71,7 +72,7 @@ class Check:
         slab = bound.kind == "slab"
         total = int(np.prod(bound.shape))
         rng = np.random.default_rng([20240229, index])
-        self.which = np.sort(rng.choice(total, min(total, SLAB_BINS if slab else count), replace=False))
+        self.which = np.sort(rng.choice(total, min(total, SLAB_BINS if slab else count), replace=False)) if which is None else which
         if slab:
             self.target = SlabTarget(bound, self.which, kern)
         else:
@@ -106,6 +107,16 @@ class Check:
             "error_l2": _ratio(rms, float(np.sqrt(np.mean(field_g**2))) if field_g.size else 0.0),
             "error_of_fluctuation": _ratio(worst, spread),
         }
+
+
+    def expected(self, field_g, at_points, scale: float = 0.0) -> float:
+        """The largest error of all points over the largest value, if errors are normally distributed, by those found: √(2 ln N) standard deviations."""
+        largest = float(np.abs(field_g).max(initial=0.0))
+        largest = scale if largest <= ZERO * scale else largest
+        if len(self.which) < 20 or largest == 0.0:
+            return 0.0
+        rms = float(np.sqrt(np.mean((field_g[self.which] - at_points) ** 2)))
+        return rms * float(np.sqrt(2.0 * np.log(field_g.size))) / largest
 
 
 class SlabTarget:

@@ -12,7 +12,8 @@ from ..errors import AtcError
 from ..units import require_compatible
 from .accuracy import Check, checking_kernel, kernel_internal
 from .kinematics import Displacement
-from .methods import Method, deposits_of
+from .hot import HotPoints, Strongest
+from .methods import EXACT, Method, deposits_of
 from .peridynamic import horizon_of, node_volumes, weighted_virials
 from .registry import BOND, GATHER, SITE, Work
 from .sources import AtomFactors, AtomSums, ReferenceBonds, bond_factors, drift_velocity, piola_factor
@@ -73,6 +74,7 @@ class Stage:
         self.main = Target(settings.methods, self.bound, kern, frame.cell, settings.threads)
         self.check.target.place(frame.positions)  # before threads ask for it
         self._frame, self._kern = frame, kern
+        self.strongest = None  # see `hot`: set where the strongest bonds are to be remembered
         self.use(settings.methods)
 
     def use(self, methods) -> None:
@@ -164,6 +166,8 @@ class _FrameJob:
         self.factors = AtomFactors(frame, self.drift)
         self.sums: list[Sums] = []
         self.decomposition = self.atoms = None
+        self.strongest = self.hot = self.hot_sums = None
+        self.expected: dict[str, float] = {}
         self.seconds = {"bonds": 0.0, "sites": 0.0}
 
     def compute(self, methods, todo) -> None:
@@ -181,6 +185,9 @@ class _FrameJob:
         first, self.sums = not self.sums, fresh
         start = perf_counter()
         if work.bond_users and (first or todo & {"bond", "reference_bond"}):
+            watch = self._watched(methods)
+            if watch and self.strongest is None:
+                self.strongest = self.stage.strongest = Strongest(frame.positions, self.settings.threads)
             if self.settings.tiles is None:
                 anchor = self.settings.anchor
                 with nullcontext() if anchor is None else anchor.at(frame):
@@ -196,6 +203,10 @@ class _FrameJob:
                 for s in fresh:
                     if {"stress", "sources"} <= s.bond.keys():
                         s.bond["sources"] = -full(s.bond["stress"]).reshape(-1, 9)
+            self.hot = None
+            if watch:
+                self.stage.strongest = None
+                self._add_hot()
         bonds_done = perf_counter()
         if work.site and (first or "site" in todo):
             for s in fresh:
@@ -210,6 +221,26 @@ class _FrameJob:
         self.seconds["bonds"] += bonds_done - start
         self.seconds["sites"] += perf_counter() - bonds_done
 
+    def _watched(self, methods) -> bool:
+        """Whether points around the strongest bonds are to be looked at: where sums over bonds are approximate."""
+        method = methods.get("bond", EXACT)
+        lattice = self.stage is not None and self.stage.bound.kind != "slab"
+        return bool(not method.exact and self.work.bond and lattice and self.settings.check_points and self.settings.tiles is None and _checkable(self.work))
+
+    def _add_hot(self) -> None:
+        """The exact sums at the points around the strongest bonds."""
+        frame, work, stage = self.frame, self.work, self.stage
+        hot = HotPoints(frame, self.settings, stage, self.strongest, self.index)
+        if not len(hot):
+            return
+        sums = Sums(drift=self.drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann)
+        sums.bond.update(_columns(work.bond, BOND, hot.bond_sums(work.bond, self.drift)))
+        if getattr(self.settings.pot, "pairwise", False) and {"stress", "sources"} <= sums.bond.keys():
+            sums.bond["sources"] = -full(sums.bond["stress"]).reshape(-1, 9)
+        if work.site:
+            add_sites(frame, work, [(hot.check.target, sums)], self.factors)
+        self.hot, self.hot_sums = hot, sums
+
     def result(self) -> FrameResult:
         frame, work = self.frame, self.work
         main, at_points = self.sums
@@ -221,7 +252,13 @@ class _FrameJob:
             if q.kind == "grid":
                 here = self.reference if q.name in self.on_reference else self.stage
                 # Points that are never defined are NaN in both.
-                errors[q.name] = here.check.errors(np.nan_to_num(values), np.nan_to_num(q.form(at_points)), q.scale(main))
+                wanted = np.nan_to_num(q.form(at_points))
+                errors[q.name] = found = here.check.errors(np.nan_to_num(values), wanted, q.scale(main))
+                if self.hot is not None and q in _checkable(work):
+                    more = self.hot.check.errors(np.nan_to_num(values), np.nan_to_num(q.form(self.hot_sums)), q.scale(main))
+                    for key in ("error_max", "error_of_fluctuation"):
+                        found[key] = max(found[key], more[key])
+                self.expected[q.name] = max(found["error_max"], here.check.expected(np.nan_to_num(values), wanted, q.scale(main)))
                 arrays[q.name] = arrays[q.name].reshape(*here.bound.shape, *values.shape[1:])
                 if q.weight is not None:
                     weights[q.name] = main.site[q.weight][:, 0].reshape(here.bound.shape)
@@ -255,7 +292,7 @@ class _FrameJob:
         if not loose or not self.settings.check_points:
             return out
         for q in self.work.quantities:
-            error = result.errors.get(q.name, {}).get("error_max", 0.0)
+            error = self.expected.get(q.name, 0.0)
             if error <= goal:
                 continue
             for key in loose & set(deposits_of(q)):
@@ -294,6 +331,8 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums):
             else:
                 b_bk = bond_factors(work.bond, widths, bonds, peculiar_nc, frame.velocities)
                 deposit.add_bonds(x_nc[bonds.i], bonds.r_bc, b_bk, thread=thread)
+            if stage.strongest is not None:
+                stage.strongest.add(bonds, thread)
             few = bonds if near is None else near.take(bonds)
             if len(few):
                 b_bk = bond_factors(work.bond, widths, few, peculiar_nc, frame.velocities)
@@ -347,10 +386,20 @@ def _columns(names, sources, total_gk) -> dict[str, np.ndarray]:
     return dict(zip(names, np.split(total_gk, ends[:-1], axis=1), strict=True))
 
 
+def _checkable(work) -> list:
+    """The fields that points around the strongest bonds can be computed for: those of sums over bonds and atoms alone."""
+    return [q for q in work.quantities if q.kind == "grid" and q.bond and not (q.on_reference or q.gather or q.gradient or q.point or q.whole)]
+
+
 def _site_pass(frame, work, stage, factors, sums):
     """One pass over the atoms for every sum over them."""
+    add_sites(frame, work, zip(stage.targets, sums), factors)
+
+
+def add_sites(frame, work, targets, factors):
+    """The sums over atoms at some targets: (Target, Sums) pairs."""
     a_nk = factors.columns(work.site)
-    for target, s in zip(stage.targets, sums):
+    for target, s in targets:
         s.site.update(_columns(work.site, SITE, target.sites(frame.positions, a_nk)))
         if "kinetic" in work.site and "momentum" in work.site:
             local_shifts(s, target, frame.positions, factors, flux="kinetic_flux" in work.site)

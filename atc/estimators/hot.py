@@ -1,0 +1,255 @@
+"""Where the error of an approximate sum over bonds is likely to be largest: around the strongest bonds of a frame.
+
+A few strong bonds can make most of an error, all of it within the kernel's reach of them, and a hundred random points of a large grid need not have one that
+is near. So the strongest bonds are remembered as they stream by. The error that they make alone is known at every grid point: sums are linear, and those of a
+few bonds cost little both ways. Where it is largest the fields are computed exactly. That needs few atoms: those around the points, as an open cluster.
+
+Which bonds and points these are depends on the frame alone, not on threads or on who computes it.
+"""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from threading import Lock
+
+import numpy as np
+from numba import njit
+
+from ..errors import AtcError
+from .accuracy import Check
+from .registry import BOND
+from .sources import bond_factors
+from .target import NearPoints
+
+#: Bonds that are remembered; points and places, with several points around them, that are looked at.
+KEPT, POINTS, PLACES = 64, 40, 4
+
+
+class Strongest:
+    """The strongest bonds of a frame, by |F| |r|; `add` may be called from several threads."""
+
+    def __init__(self, x_nc, threads):
+        self.x_nc = x_nc
+        self._found = [np.zeros((0, 7)) for _ in range(threads)]  # key, position of i, bond vector
+        self._floor = [0.0] * threads
+
+    def add(self, bonds, thread):
+        if bonds.F_bc is None:
+            size_b = np.abs(bonds.G_b)
+            k, key = _above(self.x_nc, bonds.i, bonds.r_bc, size_b, True, self._floor[thread])
+        else:
+            size_b = np.linalg.norm(bonds.F_bc, axis=1) * np.linalg.norm(bonds.r_bc, axis=1)
+            k, key = _above(self.x_nc, bonds.i, bonds.r_bc, size_b, False, self._floor[thread])
+        if not len(k):
+            return
+        r = bonds.r_bc[k]
+        found = np.concatenate([self._found[thread], np.column_stack([key, self.x_nc[bonds.i[k]], r])])
+        if len(found) > KEPT:
+            found = found[np.argpartition(found[:, 0], -KEPT)[-KEPT:]]
+            self._floor[thread] = float(found[:, 0].min())
+        self._found[thread] = found
+
+    def bonds(self, cell):
+        """Where they begin (s, 3), in the cell, their vectors (s, 3), and |F| |r| (s, 1), strongest first."""
+        found = np.concatenate(self._found)
+        found = found[np.argsort(-found[:, 0], kind="stable")][:KEPT]
+        return cell.wrap(found[:, 1:4])[0], np.ascontiguousarray(found[:, 4:7]), np.ascontiguousarray(found[:, :1])
+
+
+def nearest_image(d, cell):
+    return d - np.where(cell.periodic, np.rint(d @ cell.inverse), 0.0) @ cell.vectors
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _above(x_nc, i, r_bc, size_b, squared, floor):
+    """Indices and keys of the bonds whose key is above `floor`. Equal bonds, as in a crystal, get keys that differ a little, by where they are."""
+    n = 0
+    which, keys = np.empty(len(i), np.int64), np.empty(len(i))
+    for b in range(len(i)):
+        size = size_b[b]
+        if squared:
+            size *= r_bc[b, 0] * r_bc[b, 0] + r_bc[b, 1] * r_bc[b, 1] + r_bc[b, 2] * r_bc[b, 2]
+        if size * 1.01 <= floor or size == 0.0:
+            continue
+        a = i[b]
+        u = np.sin(
+            12.9898 * x_nc[a, 0] + 78.233 * x_nc[a, 1] + 37.719 * x_nc[a, 2] + 3.7 * r_bc[b, 0] + 5.1 * r_bc[b, 1] + 7.3 * r_bc[b, 2]
+        )
+        key = size * (1.0 + 0.01 * abs(u))
+        if key > floor:
+            which[n], keys[n] = b, key
+            n += 1
+    return which[:n], keys[:n]
+
+
+def error_map(target, strongest) -> np.ndarray:
+    """(g,) the error that the strongest bonds alone make, as scalars |F| |r|, at every grid point: approximate minus exact."""
+    from ..deposit import make
+
+    x_bc, r_bc, b_bk = strongest.bonds(target.cell)
+    approximate, exact = (
+        m(0, 1) for m in (lambda *n: target.make("bond", *n), lambda *n: make("direct", target.bound, target.kern, target.cell, *n))
+    )
+    for deposit in (approximate, exact):
+        deposit.add_bonds(x_bc, r_bc, b_bk)
+    return np.abs(approximate.bond_sums() - exact.bond_sums())[:, 0]
+
+
+def worst_points(bound, error_g, centres, apart):
+    """The points with the largest errors, around a few places.
+
+    Parameters
+    ----------
+    error_g : the error that the strongest bonds alone make
+    centres : (s, 3) of these bonds, relative to the cell's origin
+    apart : how far apart two places are, and a point at most from its own
+
+    Returns
+    -------
+    which : (h,) indices of the points, ascending
+    xyz : (h, 3) where they are, or the periodic images of them that are near their place, relative to the cell's origin
+    places : (p, 3)
+    """
+    many = min(len(error_g), 8 * POINTS)
+    best = np.argpartition(-error_g, many - 1)[:many]
+    best = best[np.lexsort((best, -error_g[best]))]
+    points_gc = bound.relative_points_gc
+    places, chosen = [], {}
+    for g in best:
+        if len(chosen) == POINTS or error_g[g] == 0.0:
+            break
+        near = [nearest_image(points_gc[g] - p, bound.cell) for p in places]
+        k = int(np.argmin([np.linalg.norm(d) for d in near])) if near else -1
+        if k < 0 or np.linalg.norm(near[k]) > apart:
+            if len(places) == PLACES:
+                continue
+            d = nearest_image(points_gc[g] - centres, bound.cell)
+            c = int(np.argmin(np.linalg.norm(d, axis=1)))
+            places.append(centres[c])
+            k, near = len(places) - 1, [*near, d[c]]
+        chosen[int(g)] = places[k] + near[k]
+    which = np.array(sorted(chosen), np.int64)
+    return which, np.array([chosen[g] for g in which]).reshape(-1, 3), np.array(places).reshape(-1, 3)
+
+
+def cluster_around(frame, centres, radius):
+    """Atoms and their images within `radius` of any of some points (relative to the cell's origin): an open frame, which atoms, None if they are too many."""
+    from .tiles import _cluster
+
+    cell = frame.cell
+    s = cell.fractional(frame.positions)
+    s -= np.where(cell.periodic, np.floor(s), 0.0)
+    most = len(frame) // 2
+    n, index, image = _around(s, centres @ cell.inverse, radius / cell.heights, radius**2, cell.vectors, np.array(cell.periodic), most)
+    if n > most:
+        return None
+    return _cluster(frame, cell.cartesian(s), index[:n], image[:n]), index[:n]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _around(s_nc, p_pc, wide, limit2, vectors, periodic, most):
+    index, image = np.empty(most, np.int64), np.empty((most, 3), np.int64)
+    n = 0
+    lo, hi = np.zeros(3, np.int64), np.zeros(3, np.int64)
+    for a in range(len(s_nc)):
+        first = n
+        for p in range(len(p_pc)):
+            none = False
+            for c in range(3):
+                d = p_pc[p, c] - s_nc[a, c]
+                if periodic[c]:
+                    lo[c], hi[c] = np.int64(np.ceil(d - wide[c])), np.int64(np.floor(d + wide[c]))
+                    none |= lo[c] > hi[c]
+                else:
+                    none |= abs(d) > wide[c]
+            if none:
+                continue
+            for k0 in range(lo[0], hi[0] + 1):
+                for k1 in range(lo[1], hi[1] + 1):
+                    for k2 in range(lo[2], hi[2] + 1):
+                        d0, d1, d2 = s_nc[a, 0] + k0 - p_pc[p, 0], s_nc[a, 1] + k1 - p_pc[p, 1], s_nc[a, 2] + k2 - p_pc[p, 2]
+                        far = 0.0
+                        for c in range(3):
+                            x = d0 * vectors[0, c] + d1 * vectors[1, c] + d2 * vectors[2, c]
+                            far += x * x
+                        if far > limit2:
+                            continue
+                        known = False
+                        for m in range(first, n):
+                            known |= image[m, 0] == k0 and image[m, 1] == k1 and image[m, 2] == k2
+                        if known:
+                            continue
+                        if n == most:
+                            return n + 1, index, image
+                        index[n], image[n, 0], image[n, 1], image[n, 2] = a, k0, k1, k2
+                        n += 1
+    return n, index, image
+
+
+class HotPoints:
+    """The points around the strongest bonds of a frame, and the exact sums over bonds there.
+
+    check : Check with these points
+    """
+
+    def __init__(self, frame, settings, stage, strongest, index):
+        kern, bound = stage.main.kern, stage.bound
+        self.frame, self.settings, self.stage = frame, settings, stage
+        x_bc, r_bc, _ = strongest.bonds(frame.cell)
+        error_g = error_map(stage.main, strongest) if len(x_bc) else np.zeros(len(bound))
+        self.which, self.xyz, self.places = worst_points(bound, error_g, x_bc - 0.5 * r_bc - frame.cell.origin, 1.5 * kern.radius)
+        self.check = Check(bound, kern, frame.cell, settings.threads, index, 0, which=self.which)
+        self.check.target.summed_kern = stage.reach
+        self.check.target.place(frame.positions)
+
+    def __len__(self):
+        return len(self.which)
+
+    def bond_sums(self, names, drift) -> np.ndarray:
+        """(h, k) the named sums over bonds, exactly."""
+        widths = [BOND[name].width for name in names]
+        pot, threads, reach = self.settings.pot, self.settings.threads, self.stage.reach.support
+        few = self._cluster(pot, reach)
+        if few is None:
+            frame, target = self.frame, self.check.target
+            points = self.stage.bound.relative_points_gc[self.which]
+            anchor = self.settings.anchor
+            context = nullcontext() if anchor is None else anchor.at(frame)
+        else:
+            from ..frame import Cell
+            from ..grids import BoundGrid
+            from .target import Target
+
+            frame, points, context = few, self.xyz, nullcontext()
+            home = Cell(frame.cell.vectors, (0.0, 0.0, 0.0), (False, False, False))
+            target = Target({}, BoundGrid("points", home, ("point",), xyz=np.ascontiguousarray(points)), self.check.target.kern, home, threads, origin=frame.cell.origin)  # fmt: skip
+            target.summed_kern = self.stage.reach
+        target.place(frame.positions)
+        near = NearPoints(points, reach, max(pot.cutoff, 0.0), frame.cell, frame.positions)
+        deposit = target.open(sum(widths))
+        peculiar_nc = frame.velocities - drift if "power" in names else None
+
+        def consume(bonds, thread):
+            some = near.take(bonds)
+            if len(some):
+                b_bk = bond_factors(names, widths, some, peculiar_nc, frame.velocities)
+                deposit.add_bonds(frame.positions[some.i], some.r_bc, b_bk, thread=thread)
+
+        more = {"sources": True} if any(BOND[name].sources for name in names) else {}
+        with context:
+            pot.stream(frame, consume, threads=threads, energies=False, forces=False, **more)
+        return deposit.bond_sums()
+
+    def _cluster(self, pot, reach):
+        """The atoms that matter as an open frame; None where all of them must be asked."""
+        from .tiles import depth
+
+        if self.frame.topology or not hasattr(pot, "terms") or not getattr(pot, "central", True):
+            return None
+        try:
+            deep = depth(pot)
+        except AtcError:
+            return None
+        near = np.linalg.norm(self.xyz[:, None] - self.places, axis=2).min(1)
+        found = cluster_around(self.frame, self.places, near.max(initial=0.0) + reach + deep)
+        return None if found is None else found[0]
