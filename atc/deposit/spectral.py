@@ -100,6 +100,7 @@ class SpectralDeposit(Deposit):
     Attributes
     ----------
     parameters : fourier.Parameters
+    typical : mean |b| of a bond, if what will be added is not typical: strong bonds are integrated more closely
     mesh, modes : (3,) nodes of the mesh along the cell's edges, and largest mode number kept; on open axes of the part of the grid that anything has
         been added to, before that of all of it
 
@@ -143,6 +144,7 @@ class SpectralDeposit(Deposit):
         self._check(np.where(periodic, nodes, np.minimum(self._view[1] - self._view[0], 2 * self._reach)) + p.width + 1)
         self._points = [0] * self.threads
         self._rule = None
+        self.typical = None
 
     def _targets(self):
         """(2, 3) first and last node that the grid can see on open axes."""
@@ -230,6 +232,8 @@ class SpectralDeposit(Deposit):
                 return
         else:
             lo = hi = np.zeros(3)
+        if self.typical is not None:
+            mean = np.full_like(mean, self.typical)
         weight = np.divide(1.0, mean, out=np.zeros_like(mean), where=mean > 0)
         slack = self._slack(i_b, r_bc, b_bk, weight) if what == "bond" and len(i_b) > SAMPLE // 4 else 0
         for first, last, lanes in self._groups(b_bk.shape[1]):

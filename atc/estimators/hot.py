@@ -10,16 +10,17 @@ Which bonds and points these are depends on the frame alone, not on threads or o
 from __future__ import annotations
 
 from contextlib import nullcontext
-from threading import Lock
 
 import numpy as np
 from numba import njit
 
+from ..deposit import make
 from ..errors import AtcError
 from .accuracy import Check
 from .registry import BOND
 from .sources import bond_factors
-from .target import NearPoints
+from .tensors import outer6
+from .target import NearPoints, Target
 
 #: Bonds that are remembered; points and places, with several points around them, that are looked at.
 KEPT, POINTS, PLACES = 64, 40, 4
@@ -30,30 +31,48 @@ class Strongest:
 
     def __init__(self, x_nc, threads):
         self.x_nc = x_nc
-        self._found = [np.zeros((0, 7)) for _ in range(threads)]  # key, position of i, bond vector
+        self._found = [np.zeros((0, 13)) for _ in range(threads)]  # key, position of i, bond vector, stress factors
         self._floor = [0.0] * threads
+        self._sizes = np.zeros((threads, 2))  # sum, and number
 
     def add(self, bonds, thread):
         if bonds.F_bc is None:
             size_b = np.abs(bonds.G_b)
-            k, key = _above(self.x_nc, bonds.i, bonds.r_bc, size_b, True, self._floor[thread])
+            k, key, total = _above(self.x_nc, bonds.i, bonds.r_bc, size_b, True, self._floor[thread])
         else:
             size_b = np.linalg.norm(bonds.F_bc, axis=1) * np.linalg.norm(bonds.r_bc, axis=1)
-            k, key = _above(self.x_nc, bonds.i, bonds.r_bc, size_b, False, self._floor[thread])
+            k, key, total = _above(self.x_nc, bonds.i, bonds.r_bc, size_b, False, self._floor[thread])
+        self._sizes[thread] += total, len(bonds)
         if not len(k):
             return
         r = bonds.r_bc[k]
-        found = np.concatenate([self._found[thread], np.column_stack([key, self.x_nc[bonds.i[k]], r])])
+        b = outer6(r) * bonds.G_b[k, None] if bonds.F_bc is None else _symmetric(-r[:, :, None] * bonds.F_bc[k][:, None, :])
+        found = np.concatenate([self._found[thread], np.column_stack([key, self.x_nc[bonds.i[k]], r, b])])
         if len(found) > KEPT:
             found = found[np.argpartition(found[:, 0], -KEPT)[-KEPT:]]
             self._floor[thread] = float(found[:, 0].min())
         self._found[thread] = found
 
+    @property
+    def typical(self) -> float:
+        """The mean size of a component of a bond's stress factor, about."""
+        total, count = self._sizes.sum(0)
+        return float(total / max(count, 1.0) / 3.0)
+
     def bonds(self, cell):
-        """Where they begin (s, 3), in the cell, their vectors (s, 3), and |F| |r| (s, 1), strongest first."""
+        """Where they begin (s, 3), in the cell; their vectors (s, 3); and one component of their stress factors (s, 1), the largest of the first: strongest first."""
         found = np.concatenate(self._found)
         found = found[np.argsort(-found[:, 0], kind="stable")][:KEPT]
-        return cell.wrap(found[:, 1:4])[0], np.ascontiguousarray(found[:, 4:7]), np.ascontiguousarray(found[:, :1])
+        r, b = found[:, 4:7], found[:, 7:]
+        if len(found):
+            k = int(np.abs(b[0]).argmax())
+            b = b[:, k : k + 1]
+        return cell.wrap(found[:, 1:4])[0], np.ascontiguousarray(r), np.ascontiguousarray(b[:, :1])
+
+
+def _symmetric(t_bcc):
+    t = 0.5 * (t_bcc + t_bcc.transpose(0, 2, 1))
+    return np.stack([t[:, 0, 0], t[:, 1, 1], t[:, 2, 2], t[:, 1, 2], t[:, 0, 2], t[:, 0, 1]], 1)
 
 
 def nearest_image(d, cell):
@@ -62,13 +81,14 @@ def nearest_image(d, cell):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _above(x_nc, i, r_bc, size_b, squared, floor):
-    """Indices and keys of the bonds whose key is above `floor`. Equal bonds, as in a crystal, get keys that differ a little, by where they are."""
-    n = 0
+    """Indices and keys of the bonds whose key is above `floor`, and the sum of all sizes. Equal bonds, as in a crystal, get keys that differ a little, by where they are."""
+    n, total = 0, 0.0
     which, keys = np.empty(len(i), np.int64), np.empty(len(i))
     for b in range(len(i)):
         size = size_b[b]
         if squared:
             size *= r_bc[b, 0] * r_bc[b, 0] + r_bc[b, 1] * r_bc[b, 1] + r_bc[b, 2] * r_bc[b, 2]
+        total += size
         if size * 1.01 <= floor or size == 0.0:
             continue
         a = i[b]
@@ -79,20 +99,20 @@ def _above(x_nc, i, r_bc, size_b, squared, floor):
         if key > floor:
             which[n], keys[n] = b, key
             n += 1
-    return which[:n], keys[:n]
+    return which[:n], keys[:n], total
 
 
-def error_map(target, strongest) -> np.ndarray:
-    """(g,) the error that the strongest bonds alone make, as scalars |F| |r|, at every grid point: approximate minus exact."""
-    from ..deposit import make
+def error_map(approximate, exact, bonds, typical) -> tuple[np.ndarray, np.ndarray]:
+    """(g,) the error that a few bonds alone make at every grid point, and their exact sum.
 
-    x_bc, r_bc, b_bk = strongest.bonds(target.cell)
-    approximate, exact = (
-        m(0, 1) for m in (lambda *n: target.make("bond", *n), lambda *n: make("direct", target.bound, target.kern, target.cell, *n))
-    )
+    approximate, exact : empty deposits for one component
+    typical : how large bonds are on average, which says how closely the strong ones are integrated
+    """
+    approximate.typical = typical
     for deposit in (approximate, exact):
-        deposit.add_bonds(x_bc, r_bc, b_bk)
-    return np.abs(approximate.bond_sums() - exact.bond_sums())[:, 0]
+        deposit.add_bonds(*bonds)
+    sums_g = exact.bond_sums()[:, 0]
+    return np.abs(approximate.bond_sums()[:, 0] - sums_g), sums_g
 
 
 def worst_points(bound, error_g, centres, apart):
@@ -195,8 +215,11 @@ class HotPoints:
     def __init__(self, frame, settings, stage, strongest, index):
         kern, bound = stage.main.kern, stage.bound
         self.frame, self.settings, self.stage = frame, settings, stage
-        x_bc, r_bc, _ = strongest.bonds(frame.cell)
-        error_g = error_map(stage.main, strongest) if len(x_bc) else np.zeros(len(bound))
+        x_bc, r_bc, _ = bonds = strongest.bonds(frame.cell)
+        if len(x_bc):
+            error_g = error_map(stage.main.make("bond", 0, 1), make("direct", bound, kern, frame.cell, 0, 1), bonds, strongest.typical)[0]
+        else:
+            error_g = np.zeros(len(bound))
         self.which, self.xyz, self.places = worst_points(bound, error_g, x_bc - 0.5 * r_bc - frame.cell.origin, 1.5 * kern.radius)
         self.check = Check(bound, kern, frame.cell, settings.threads, index, 0, which=self.which)
         self.check.target.summed_kern = stage.reach
@@ -218,8 +241,6 @@ class HotPoints:
         else:
             from ..frame import Cell
             from ..grids import BoundGrid
-            from .target import Target
-
             frame, points, context = few, self.xyz, nullcontext()
             home = Cell(frame.cell.vectors, (0.0, 0.0, 0.0), (False, False, False))
             target = Target({}, BoundGrid("points", home, ("point",), xyz=np.ascontiguousarray(points)), self.check.target.kern, home, threads, origin=frame.cell.origin)  # fmt: skip
