@@ -13,9 +13,10 @@ from numba import njit
 
 from .deposit import make
 from .estimators.hot import Strongest, error_map
+from .estimators.tensors import outer6
 
 #: Largest over rms error of many points, and the rms error over the tolerance asked for: measured on shaken silicon.
-PEAK, PART = 4.5, 0.65
+PEAK, PART = 4.5, 0.3
 
 
 class Pilot:
@@ -30,36 +31,44 @@ class Pilot:
     def __init__(self, pot, frame, bound, kern, threads=1):
         self.bound, self.kern, self.cell = bound, kern, frame.cell
         strongest = Strongest(frame.positions, threads)
-        totals = [np.zeros((2, 6)) for _ in range(threads)]
+        totals = [np.zeros((3, 6)) for _ in range(threads)]
 
         def consume(bonds, thread):
             _add(bonds.r_bc, bonds.G_b, totals[thread])
             strongest.add(bonds, thread)
 
-        pot.stream(frame, consume, threads=threads)
-        total, square = sum(totals)
-        self.few, self.typical = strongest.bonds(frame.cell), strongest.typical
-        rest = max(float(square.max()) - float((self.few[2] ** 2).sum()), 0.0)
-        self.noise = float(np.sqrt(rest / frame.cell.volume * roughness(kern)))
-        self.mean = float(np.abs(total).max(initial=0.0)) / frame.cell.volume
+        count = pot.stream(frame, consume, threads=threads).n_bonds
+        total, square, size = sum(totals)
+        self.few = strongest.watched(frame.cell)
+        self.typical = size[strongest.component :][:1] / max(count, 1)
+        V, known = frame.cell.volume, strongest.ranked()
+        rest = square - ((outer6(known.r_bc) * known.G_b[:, None]) ** 2).sum(0)
+        self.noise = float(np.sqrt(max(rest.max(), 0.0) / V * roughness(kern)))
+        self.mean = float(np.abs(total).max(initial=0.0)) / V
+        # The largest value is at least what the strongest bonds make, and the others do not take away.
+        strong = strongest.exact
+        exact = make("direct", bound, kern, frame.cell, 0, 6, threads)
+        exact.add_bond_stress(frame.positions, strong.i, strong.r_bc, strong.G_b)
+        peak = float(np.abs(exact.bond_sums()).max(initial=0.0))
+        self.largest = max(self.mean, peak - self.mean - 3.0 * self.noise, 2.0 * self.noise)
 
     def error(self, deposit) -> float:
         """The expected largest error over the largest value of a spectral deposit's stress; `deposit` is empty, for one component."""
-        if not len(self.few[0]):
-            return 0.0
-        error_g, sums_g = error_map(deposit, make("direct", self.bound, self.kern, self.cell, 0, 1), self.few, self.typical)
-        largest = max(self.mean, float(np.abs(sums_g).max(initial=0.0)) - self.mean, 2.0 * self.noise)
-        return (float(error_g.max(initial=0.0)) + PART * PEAK * deposit.tolerance * self.noise) / largest if largest > 0 else 1.0
+        if not len(self.few[0]) or not self.largest > 0:
+            return 1.0
+        error_g, _ = error_map(deposit, make("direct", self.bound, self.kern, self.cell, 0, 1), self.few, self.typical)
+        return (float(error_g.max(initial=0.0)) + PART * PEAK * deposit.tolerance * self.noise) / self.largest
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _add(r_bc, G_b, totals):
-    """Sums of the stress factors and of their squares, xx yy zz yz xz xy."""
+    """Sums of the stress factors, of their squares, and of their sizes, xx yy zz yz xz xy."""
     for b in range(len(G_b)):
         x, y, z, G = r_bc[b, 0], r_bc[b, 1], r_bc[b, 2], G_b[b]
         for k, v in enumerate((x * x, y * y, z * z, y * z, x * z, x * y)):
             totals[0, k] += G * v
             totals[1, k] += (G * v) ** 2
+            totals[2, k] += abs(G * v)
 
 
 def roughness(kern) -> float:

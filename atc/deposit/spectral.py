@@ -100,7 +100,6 @@ class SpectralDeposit(Deposit):
     Attributes
     ----------
     parameters : fourier.Parameters
-    typical : mean |b| of a bond, if what will be added is not typical: strong bonds are integrated more closely
     mesh, modes : (3,) nodes of the mesh along the cell's edges, and largest mode number kept; on open axes of the part of the grid that anything has
         been added to, before that of all of it
 
@@ -144,7 +143,7 @@ class SpectralDeposit(Deposit):
         self._check(np.where(periodic, nodes, np.minimum(self._view[1] - self._view[0], 2 * self._reach)) + p.width + 1)
         self._points = [0] * self.threads
         self._rule = None
-        self.typical = None
+        self._seen: dict = {}
 
     def _targets(self):
         """(2, 3) first and last node that the grid can see on open axes."""
@@ -181,6 +180,12 @@ class SpectralDeposit(Deposit):
             self._rule = nodes, weights, longest, coef
         return self._rule
 
+    def add_strong(self, x_bc, r_bc, b_bk, typical):
+        """Like `add_bonds`, for bonds whose mean size is not that of a frame's, `typical` (k,): they are integrated as closely as among others."""
+        x_bc, r_bc, b_bk = (np.ascontiguousarray(a, np.float64) for a in (x_bc, r_bc, b_bk))
+        if len(b_bk):
+            self._add("bond", x_bc, np.arange(len(b_bk), dtype=np.int32), r_bc, b_bk, 0, typical)
+
     def points_of(self, length: float) -> int:
         """How many points a bond of this length and of mean strength becomes: an estimate, see `_slack`."""
         longest = fourier.longest_bonds(self.kernel, np.array([2.0 * self._bond_share]), MOST, self.gradients)[0]
@@ -188,6 +193,11 @@ class SpectralDeposit(Deposit):
         return int(enough[0]) + 1 if len(enough) else MOST * ceil(length / longest[-1])
 
     # --- adding
+    def typical(self, what) -> np.ndarray:
+        """(k,) mean size of each component of what has been added so far, "site" or "bond"."""
+        seen = sum(s for (w, _), s in self._seen.items() if w == what)
+        return seen[:-1] / max(seen[-1], 1.0)
+
     def _slack(self, i_b, r_bc, b_bk, weight_k):
         """By how much the error of a bond may exceed its share of the tolerance, as a power of two, when that of all together does not.
 
@@ -213,7 +223,7 @@ class SpectralDeposit(Deposit):
         """Components that share a mesh: [(first, last, components of the mesh)]."""
         return [(k, min(k + 8, n_comp), 4 if n_comp - k <= 4 else 8) for k in range(0, n_comp, 8)]
 
-    def _add(self, what, x_nc, i_b, r_bc, b_bk, thread):
+    def _add(self, what, x_nc, i_b, r_bc, b_bk, thread, typical=None):
         if not 0 <= thread < self.threads:
             raise ValueError(f"thread {thread} of a deposit made for {self.threads}")
         nodes, weights, longest, coef = self._rules()
@@ -232,8 +242,11 @@ class SpectralDeposit(Deposit):
                 return
         else:
             lo = hi = np.zeros(3)
-        if self.typical is not None:
-            mean = np.full_like(mean, self.typical)
+        if typical is not None:
+            mean = typical
+        else:
+            seen = self._seen.setdefault((what, thread), np.zeros(len(mean) + 1))
+            seen += np.r_[mean * len(i_b), len(i_b)]
         weight = np.divide(1.0, mean, out=np.zeros_like(mean), where=mean > 0)
         slack = self._slack(i_b, r_bc, b_bk, weight) if what == "bond" and len(i_b) > SAMPLE // 4 else 0
         for first, last, lanes in self._groups(b_bk.shape[1]):

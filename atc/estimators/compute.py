@@ -12,7 +12,7 @@ from ..errors import AtcError
 from ..units import require_compatible
 from .accuracy import Check, checking_kernel, kernel_internal
 from .kinematics import Displacement
-from .hot import HotPoints, Strongest
+from .hot import HotPoints, Strongest, put_right
 from .methods import EXACT, Method, deposits_of
 from .peridynamic import horizon_of, node_volumes, weighted_virials
 from .registry import BOND, GATHER, SITE, Work
@@ -74,7 +74,9 @@ class Stage:
         self.main = Target(settings.methods, self.bound, kern, frame.cell, settings.threads)
         self.check.target.place(frame.positions)  # before threads ask for it
         self._frame, self._kern = frame, kern
-        self.strongest = None  # see `hot`: set where the strongest bonds are to be remembered
+        # See `hot`: set where the strongest bonds are to be summed exactly; whether they are still to be found; and how large bonds are on average.
+        self.strongest = self.typical = None
+        self.seeking = False
         self.use(settings.methods)
 
     def use(self, methods) -> None:
@@ -186,8 +188,11 @@ class _FrameJob:
         start = perf_counter()
         if work.bond_users and (first or todo & {"bond", "reference_bond"}):
             watch = self._watched(methods)
-            if watch and self.strongest is None:
-                self.strongest = self.stage.strongest = Strongest(frame.positions, self.settings.threads)
+            if self.stage is not None:
+                self.stage.seeking = watch and self.strongest is None
+                if self.stage.seeking:
+                    self.strongest = Strongest(frame.positions, self.settings.threads)
+                self.stage.strongest = self.strongest if watch else None
             if self.settings.tiles is None:
                 anchor = self.settings.anchor
                 with nullcontext() if anchor is None else anchor.at(frame):
@@ -205,7 +210,6 @@ class _FrameJob:
                         s.bond["sources"] = -full(s.bond["stress"]).reshape(-1, 9)
             self.hot = None
             if watch:
-                self.stage.strongest = None
                 self._add_hot()
         bonds_done = perf_counter()
         if work.site and (first or "site" in todo):
@@ -230,7 +234,7 @@ class _FrameJob:
     def _add_hot(self) -> None:
         """The exact sums at the points around the strongest bonds."""
         frame, work, stage = self.frame, self.work, self.stage
-        hot = HotPoints(frame, self.settings, stage, self.strongest, self.index)
+        hot = HotPoints(frame, self.settings, stage, self.strongest, stage.typical, self.index)
         if not len(hot):
             return
         sums = Sums(drift=self.drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann)
@@ -331,7 +335,7 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums):
             else:
                 b_bk = bond_factors(work.bond, widths, bonds, peculiar_nc, frame.velocities)
                 deposit.add_bonds(x_nc[bonds.i], bonds.r_bc, b_bk, thread=thread)
-            if stage.strongest is not None:
+            if stage.seeking:
                 stage.strongest.add(bonds, thread)
             few = bonds if near is None else near.take(bonds)
             if len(few):
@@ -361,7 +365,13 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums):
         frame, consume if wanted else None, threads=threads, energies=bool(work.energy_users), forces=False, **more
     )
     if deposit is not None:
-        sums[0].bond.update(_columns(work.bond, BOND, deposit.bond_sums()))
+        exact = 0.0
+        if stage.strongest is not None:
+            strong = stage.strongest.exact
+            b_bk = bond_factors(work.bond, widths, strong, peculiar_nc, frame.velocities)
+            exact = put_right(deposit, stage.main, x_nc, strong, b_bk)
+            stage.typical = deposit.typical("bond")
+        sums[0].bond.update(_columns(work.bond, BOND, deposit.bond_sums() + exact))
         at_points = check.bond_sums()
         sums[1].bond.update(_columns(work.bond, BOND, at_points[:, : work.n_bond]))
         if size:

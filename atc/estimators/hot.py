@@ -1,8 +1,9 @@
 """Where the error of an approximate sum over bonds is likely to be largest: around the strongest bonds of a frame.
 
 A few strong bonds can make most of an error, all of it within the kernel's reach of them, and a hundred random points of a large grid need not have one that
-is near. So the strongest bonds are remembered as they stream by. The error that they make alone is known at every grid point: sums are linear, and those of a
-few bonds cost little both ways. Where it is largest the fields are computed exactly. That needs few atoms: those around the points, as an open cluster.
+is near. So the strongest bonds are remembered as they stream by. Most of them are summed exactly, a thousandth of a percent of all: sums are linear, so that
+they can be taken out of an approximate one. The strongest of those left are watched: the error that they make alone is known at every grid point, and where it
+is largest the fields are computed exactly. That needs few atoms: those around the points, as an open cluster.
 
 Which bonds and points these are depends on the frame alone, not on threads or on who computes it.
 """
@@ -14,6 +15,7 @@ from contextlib import nullcontext
 import numpy as np
 from numba import njit
 
+from ..bonds import Bonds
 from ..deposit import make
 from ..errors import AtcError
 from .accuracy import Check
@@ -22,57 +24,88 @@ from .sources import bond_factors
 from .tensors import outer6
 from .target import NearPoints, Target
 
-#: Bonds that are remembered; points and places, with several points around them, that are looked at.
-KEPT, POINTS, PLACES = 64, 40, 4
+#: Of the strongest bonds as many are summed exactly, one for so many atoms.
+EXACTLY, ATOMS_EACH = 1024, 128
+#: The strongest of those left, whose error is looked at; points and places, with several points around them, where all fields are computed exactly.
+WATCHED, POINTS, PLACES = 64, 40, 4
 
 
 class Strongest:
-    """The strongest bonds of a frame, by |F| |r|; `add` may be called from several threads."""
+    """The strongest bonds of a frame, by |F| |r|; `add` may be called from several threads.
+
+    Attributes
+    ----------
+    exactly : how many of them are to be summed exactly
+    component : which one `watched` has chosen
+    """
 
     def __init__(self, x_nc, threads):
         self.x_nc = x_nc
-        self._found = [np.zeros((0, 13)) for _ in range(threads)]  # key, position of i, bond vector, stress factors
+        self.exactly = int(np.clip(len(x_nc) // ATOMS_EACH, 16, EXACTLY))
+        self._found: list[tuple | None] = [None] * threads  # keys, Bonds
         self._floor = [0.0] * threads
-        self._sizes = np.zeros((threads, 2))  # sum, and number
+        self._ranked: Bonds | None = None
+        self.component = 0
 
     def add(self, bonds, thread):
         if bonds.F_bc is None:
-            size_b = np.abs(bonds.G_b)
-            k, key, total = _above(self.x_nc, bonds.i, bonds.r_bc, size_b, True, self._floor[thread])
+            k, keys = _above(self.x_nc, bonds.i, bonds.r_bc, np.abs(bonds.G_b), True, self._floor[thread])
         else:
             size_b = np.linalg.norm(bonds.F_bc, axis=1) * np.linalg.norm(bonds.r_bc, axis=1)
-            k, key, total = _above(self.x_nc, bonds.i, bonds.r_bc, size_b, False, self._floor[thread])
-        self._sizes[thread] += total, len(bonds)
+            k, keys = _above(self.x_nc, bonds.i, bonds.r_bc, size_b, False, self._floor[thread])
         if not len(k):
             return
-        r = bonds.r_bc[k]
-        b = outer6(r) * bonds.G_b[k, None] if bonds.F_bc is None else _symmetric(-r[:, :, None] * bonds.F_bc[k][:, None, :])
-        found = np.concatenate([self._found[thread], np.column_stack([key, self.x_nc[bonds.i[k]], r, b])])
-        if len(found) > KEPT:
-            found = found[np.argpartition(found[:, 0], -KEPT)[-KEPT:]]
-            self._floor[thread] = float(found[:, 0].min())
-        self._found[thread] = found
+        some = taken(bonds, k)
+        if self._found[thread] is not None:
+            keys = np.concatenate([self._found[thread][0], keys])
+            some = Bonds.concatenate([self._found[thread][1], some])
+        most = self.exactly + WATCHED
+        if len(keys) > 1.5 * most:
+            best = np.argpartition(keys, -most)[-most:]
+            keys, some = keys[best], taken(some, best)
+            self._floor[thread] = float(keys.min())
+        self._found[thread] = keys, some
+
+    def ranked(self) -> Bonds:
+        """All that count, strongest first."""
+        if self._ranked is None:
+            found = [f for f in self._found if f is not None]
+            if not found:
+                return Bonds.empty()
+            keys = np.concatenate([f[0] for f in found])
+            order = np.argsort(-keys, kind="stable")[: self.exactly + WATCHED]
+            self._ranked = taken(Bonds.concatenate([f[1] for f in found]), order)
+        return self._ranked
 
     @property
-    def typical(self) -> float:
-        """The mean size of a component of a bond's stress factor, about."""
-        total, count = self._sizes.sum(0)
-        return float(total / max(count, 1.0) / 3.0)
+    def exact(self) -> Bonds:
+        """Those that are to be summed exactly."""
+        return taken(self.ranked(), slice(self.exactly))
 
-    def bonds(self, cell):
-        """Where they begin (s, 3), in the cell; their vectors (s, 3); and one component of their stress factors (s, 1), the largest of the first: strongest first."""
-        found = np.concatenate(self._found)
-        found = found[np.argsort(-found[:, 0], kind="stable")][:KEPT]
-        r, b = found[:, 4:7], found[:, 7:]
-        if len(found):
-            k = int(np.abs(b[0]).argmax())
-            b = b[:, k : k + 1]
-        return cell.wrap(found[:, 1:4])[0], np.ascontiguousarray(r), np.ascontiguousarray(b[:, :1])
+    def watched(self, cell):
+        """Those left, strongest first: where they begin (s, 3), in the cell; their vectors (s, 3); one component of their stress factors (s, 1), the largest of the first."""
+        few = taken(self.ranked(), slice(self.exactly, None))
+        if few.F_bc is None:
+            b = outer6(few.r_bc) * few.G_b[:, None]
+        else:
+            b = -(few.r_bc[:, :, None] * few.F_bc[:, None, :]).reshape(-1, 9)
+        self.component = int(np.abs(b[0]).argmax()) if len(few) else 0
+        b = b[:, self.component :][:, :1]
+        return cell.wrap(self.x_nc[few.i])[0], few.r_bc, np.ascontiguousarray(b[:, :1])
 
 
-def _symmetric(t_bcc):
-    t = 0.5 * (t_bcc + t_bcc.transpose(0, 2, 1))
-    return np.stack([t[:, 0, 0], t[:, 1, 1], t[:, 2, 2], t[:, 1, 2], t[:, 0, 2], t[:, 0, 1]], 1)
+def taken(bonds, k) -> Bonds:
+    """Some of the bonds, copied."""
+    more = {name: a[k].copy() for name in ("D_bdc", "F_bc") if (a := getattr(bonds, name)) is not None}
+    return Bonds(bonds.i[k].copy(), bonds.j[k].copy(), bonds.r_bc[k].copy(), bonds.G_b[k].copy(), **more)
+
+
+def put_right(deposit, target, x_nc, bonds, b_bk) -> np.ndarray:
+    """Take bonds out of an approximate deposit that has them; returns their exact sums (g, k)."""
+    deposit.add_strong(x_nc[bonds.i], bonds.r_bc, -b_bk, deposit.typical("bond"))
+    exact = make("direct", target.bound, target.kern, target.cell, 0, b_bk.shape[1])
+    exact.add_bonds(x_nc[bonds.i], bonds.r_bc, b_bk)
+    return exact.bond_sums()
 
 
 def nearest_image(d, cell):
@@ -81,14 +114,13 @@ def nearest_image(d, cell):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _above(x_nc, i, r_bc, size_b, squared, floor):
-    """Indices and keys of the bonds whose key is above `floor`, and the sum of all sizes. Equal bonds, as in a crystal, get keys that differ a little, by where they are."""
-    n, total = 0, 0.0
+    """Indices and keys of the bonds whose key is above `floor`. Equal bonds, as in a crystal, get keys that differ a little, by where they are."""
+    n = 0
     which, keys = np.empty(len(i), np.int64), np.empty(len(i))
     for b in range(len(i)):
         size = size_b[b]
         if squared:
             size *= r_bc[b, 0] * r_bc[b, 0] + r_bc[b, 1] * r_bc[b, 1] + r_bc[b, 2] * r_bc[b, 2]
-        total += size
         if size * 1.01 <= floor or size == 0.0:
             continue
         a = i[b]
@@ -99,18 +131,17 @@ def _above(x_nc, i, r_bc, size_b, squared, floor):
         if key > floor:
             which[n], keys[n] = b, key
             n += 1
-    return which[:n], keys[:n], total
+    return which[:n], keys[:n]
 
 
 def error_map(approximate, exact, bonds, typical) -> tuple[np.ndarray, np.ndarray]:
     """(g,) the error that a few bonds alone make at every grid point, and their exact sum.
 
     approximate, exact : empty deposits for one component
-    typical : how large bonds are on average, which says how closely the strong ones are integrated
+    typical : (1,) how large bonds are on average, which says how closely the strong ones are integrated
     """
-    approximate.typical = typical
-    for deposit in (approximate, exact):
-        deposit.add_bonds(*bonds)
+    approximate.add_strong(*bonds, typical)
+    exact.add_bonds(*bonds)
     sums_g = exact.bond_sums()[:, 0]
     return np.abs(approximate.bond_sums()[:, 0] - sums_g), sums_g
 
@@ -209,15 +240,16 @@ def _around(s_nc, p_pc, wide, limit2, vectors, periodic, most):
 class HotPoints:
     """The points around the strongest bonds of a frame, and the exact sums over bonds there.
 
+    typical : (k,) mean size of each component of the bonds' factors, the stress first
     check : Check with these points
     """
 
-    def __init__(self, frame, settings, stage, strongest, index):
+    def __init__(self, frame, settings, stage, strongest, typical, index):
         kern, bound = stage.main.kern, stage.bound
         self.frame, self.settings, self.stage = frame, settings, stage
-        x_bc, r_bc, _ = bonds = strongest.bonds(frame.cell)
+        x_bc, r_bc, _ = bonds = strongest.watched(frame.cell)
         if len(x_bc):
-            error_g = error_map(stage.main.make("bond", 0, 1), make("direct", bound, kern, frame.cell, 0, 1), bonds, strongest.typical)[0]
+            error_g = error_map(stage.main.make("bond", 0, 1), make("direct", bound, kern, frame.cell, 0, 1), bonds, typical[strongest.component :][:1])[0]
         else:
             error_g = np.zeros(len(bound))
         self.which, self.xyz, self.places = worst_points(bound, error_g, x_bc - 0.5 * r_bc - frame.cell.origin, 1.5 * kern.radius)
