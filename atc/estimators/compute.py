@@ -146,9 +146,8 @@ def frame_fields(frame, settings: Settings, index: int = 0, goal: float | None =
     return result
 
 
-#: What of the tolerance may be found at the points of the check: the largest error of a hundred points is up to this much of that of a million
-#: (for normally distributed errors of six components 3.6 against 5.3 standard deviations).
-SAFE = 0.65
+#: What of the tolerance may be found, around the strongest bonds and by what normally distributed errors reach at as many points as there are.
+SAFE = 0.8
 _WORDS = {"site": "sums over atoms", "bond": "sums over bonds", "reference_bond": "sums over reference bonds"}
 # Where the density is below this fraction of its largest value, quotients by it need the exact sums.
 _THIN = 0.02
