@@ -155,7 +155,7 @@ class Request:
         """A pass over the bonds of the first frame; see there."""
         from .pilot import Pilot
 
-        return Pilot(self.pot, self.first, self.bound, self.kernel_internal, self.threads)
+        return Pilot(self.pot, self.first, self.bound, self.kernel_internal, self.tolerance, self.threads)
 
     @cached_property
     def costs(self):

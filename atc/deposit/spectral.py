@@ -33,7 +33,7 @@ DENSE = 200.0
 SHARES = {"gaussian": (0.35, 0.25, 0.9)}
 SHARE = (0.4, 0.25, 0.4)
 # Bonds among which the loosest sufficient choice of points is looked for, and how far it may go (in powers of two).
-SAMPLE, LOOSEST = 2000, 8
+SAMPLE, LOOSEST = 600, 8
 # From this tolerance on meshes are in single precision, and from the second on transforms too. Rounding errors are relative to all modes, kept or not:
 # the wider the kernel, the smaller a part of them is the field. Measured on argon with R = 10 and 20 Å: 1e-6 and 2e-6 of its largest value.
 SINGLE, SINGLE_TRANSFORM = 1e-5, 1e-4
@@ -248,7 +248,7 @@ class SpectralDeposit(Deposit):
             seen = self._seen.setdefault((what, thread), np.zeros(len(mean) + 1))
             seen += np.r_[mean * len(i_b), len(i_b)]
         weight = np.divide(1.0, mean, out=np.zeros_like(mean), where=mean > 0)
-        slack = self._slack(i_b, r_bc, b_bk, weight) if what == "bond" and len(i_b) > SAMPLE // 4 else 0
+        slack = self._slack(i_b, r_bc, b_bk, weight) if what == "bond" and len(i_b) > SAMPLE else 0
         for first, last, lanes in self._groups(b_bk.shape[1]):
             part = b_bk if last - first == b_bk.shape[1] else np.ascontiguousarray(b_bk[:, first:last])
             mesh = self._mesh_for((what, first, thread), lo, hi, lanes, most)

@@ -12,6 +12,8 @@ from ..kernels import Gaussian
 
 # Bins of a slab profile that are computed twice.
 SLAB_BINS = 5
+# What of the tolerance the cut tails of a Gaussian may make.
+BEYOND = 2e-2
 # A field this small against what it is the difference of is 0.
 ZERO = 1e-10
 
@@ -36,11 +38,10 @@ class CutGaussian(Gaussian):
         return self._support
 
 
-def checking_kernel(kern, methods):
-    """The kernel that errors are measured with: the kernel itself, but for Gaussians whose far tails are far below the tolerance of every deposit."""
-    loose = [m.tolerance for m in methods.values() if not m.exact]
-    if loose and isinstance(kern, Gaussian):
-        return CutGaussian(kern.width, max(1e-2 * min(loose), 1e-14))
+def checking_kernel(kern, methods, tolerance):
+    """The kernel that errors are measured with: the kernel itself, but for Gaussians whose far tails are far below the tolerance (of the result) if any sum is approximate."""
+    if isinstance(kern, Gaussian) and not all(m.exact for m in methods.values()):
+        return CutGaussian(kern.width, max(BEYOND * tolerance, 1e-14))
     return kern
 
 
@@ -77,7 +78,7 @@ class Check:
             self.target = SlabTarget(bound, self.which, kern)
         else:
             home = Cell(cell.vectors, (0.0, 0.0, 0.0), cell.periodic)
-            points = BoundGrid("points", home, ("point",), xyz=np.ascontiguousarray(bound.relative_points_gc[self.which]))
+            points = BoundGrid("points", home, ("point",), xyz=np.ascontiguousarray(bound.relative_points_of(self.which)))
             self.target = Target({}, points, kern, home, threads, origin=cell.origin)
 
     def errors(self, field_g, at_points, scale: float = 0.0) -> dict[str, float]:

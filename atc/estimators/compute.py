@@ -73,7 +73,7 @@ class Stage:
         self.check = Check(self.bound, kern, frame.cell, settings.threads, index, settings.check_points)
         self.main = Target(settings.methods, self.bound, kern, frame.cell, settings.threads)
         self.check.target.place(frame.positions)  # before threads ask for it
-        self._frame, self._kern = frame, kern
+        self._frame, self._kern, self._tolerance = frame, kern, settings.tolerance
         # See `hot`: set where the strongest bonds are to be summed exactly; whether they are still to be found; and how large bonds are on average.
         self.strongest = self.typical = None
         self.seeking = False
@@ -84,7 +84,7 @@ class Stage:
         self.main.methods = methods
         self.reach = self._kern
         if self.bound.kind != "slab" and self._kern is not None:
-            self.reach = self.check.target.summed_kern = checking_kernel(self._kern, methods)
+            self.reach = self.check.target.summed_kern = checking_kernel(self._kern, methods, self._tolerance)
         self._near = None
 
     @property
@@ -96,7 +96,7 @@ class Stage:
         if self.bound.kind == "slab" or not len(self.check.which):
             return None
         if self._near is None:
-            points = self.bound.relative_points_gc[self.check.which]
+            points = self.bound.relative_points_of(self.check.which)
             self._near = NearPoints(points, self.reach.support, max(pot.cutoff, 0.0), self._frame.cell, self._frame.positions)
         return self._near
 
@@ -368,7 +368,7 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums):
         if stage.strongest is not None:
             strong = stage.strongest.exact
             b_bk = bond_factors(work.bond, widths, strong, peculiar_nc, frame.velocities)
-            exact = put_right(deposit, stage.main, x_nc, strong, b_bk)
+            exact = put_right(deposit, stage, x_nc, strong, b_bk)
             stage.typical = deposit.typical("bond")
         sums[0].bond.update(_columns(work.bond, BOND, deposit.bond_sums() + exact))
         at_points = check.bond_sums()

@@ -100,10 +100,11 @@ def taken(bonds, k) -> Bonds:
     return Bonds(bonds.i[k].copy(), bonds.j[k].copy(), bonds.r_bc[k].copy(), bonds.G_b[k].copy(), **more)
 
 
-def put_right(deposit, target, x_nc, bonds, b_bk) -> np.ndarray:
-    """Take bonds out of an approximate deposit that has them; returns their exact sums (g, k)."""
+def put_right(deposit, stage, x_nc, bonds, b_bk) -> np.ndarray:
+    """Take bonds out of an approximate deposit that has them; returns their exact sums (g, k), as exact as those that errors are measured with."""
+    target = stage.main
     deposit.add_strong(x_nc[bonds.i], bonds.r_bc, -b_bk, deposit.typical("bond"))
-    exact = make("direct", target.bound, target.kern, target.cell, 0, b_bk.shape[1])
+    exact = make("direct", target.bound, stage.reach, target.cell, 0, b_bk.shape[1])
     exact.add_bonds(x_nc[bonds.i], bonds.r_bc, b_bk)
     return exact.bond_sums()
 
@@ -164,17 +165,16 @@ def worst_points(bound, error_g, centres, apart):
     many = min(len(error_g), 8 * POINTS)
     best = np.argpartition(-error_g, many - 1)[:many]
     best = best[np.lexsort((best, -error_g[best]))]
-    points_gc = bound.relative_points_gc
     places, chosen = [], {}
-    for g in best:
+    for g, point in zip(best, bound.relative_points_of(best)):
         if len(chosen) == POINTS or error_g[g] == 0.0:
             break
-        near = [nearest_image(points_gc[g] - p, bound.cell) for p in places]
+        near = [nearest_image(point - p, bound.cell) for p in places]
         k = int(np.argmin([np.linalg.norm(d) for d in near])) if near else -1
         if k < 0 or np.linalg.norm(near[k]) > apart:
             if len(places) == PLACES:
                 continue
-            d = nearest_image(points_gc[g] - centres, bound.cell)
+            d = nearest_image(point - centres, bound.cell)
             c = int(np.argmin(np.linalg.norm(d, axis=1)))
             places.append(centres[c])
             k, near = len(places) - 1, [*near, d[c]]
@@ -249,7 +249,7 @@ class HotPoints:
         self.frame, self.settings, self.stage = frame, settings, stage
         x_bc, r_bc, _ = bonds = strongest.watched(frame.cell)
         if len(x_bc):
-            error_g = error_map(stage.main.make("bond", 0, 1), make("direct", bound, kern, frame.cell, 0, 1), bonds, typical[strongest.component :][:1])[0]
+            error_g = error_map(stage.main.make("bond", 0, 1), make("direct", bound, stage.reach, frame.cell, 0, 1), bonds, typical[strongest.component :][:1])[0]
         else:
             error_g = np.zeros(len(bound))
         self.which, self.xyz, self.places = worst_points(bound, error_g, x_bc - 0.5 * r_bc - frame.cell.origin, 1.5 * kern.radius)
@@ -267,7 +267,7 @@ class HotPoints:
         few = self._cluster(pot, reach)
         if few is None:
             frame, target = self.frame, self.check.target
-            points = self.stage.bound.relative_points_gc[self.which]
+            points = self.stage.bound.relative_points_of(self.which)
             anchor = self.settings.anchor
             context = nullcontext() if anchor is None else anchor.at(frame)
         else:

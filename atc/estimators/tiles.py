@@ -47,6 +47,7 @@ class Task:
     threads: int
     index: int
     check_points: int
+    tolerance: float
     drift: np.ndarray
     energies: bool
     sources: bool
@@ -124,8 +125,8 @@ def tile_sums(tile: Tile, task: Task) -> dict:
     if task.bound is not None and task.names:
         deposit, check = main.open(n_bond), None
         if task.bound.kind != "slab":
-            reach = checker.target.summed_kern = checking_kernel(task.kern, task.methods)
-            points = task.bound.relative_points_gc[checker.which]
+            reach = checker.target.summed_kern = checking_kernel(task.kern, task.methods, task.tolerance)
+            points = task.bound.relative_points_of(checker.which)
             near = NearPoints(points, reach.support, max(task.pot.cutoff, 0.0), task.cell, frame.positions)
         check = checker.target.open(n_bond + size)
         checker.target.place(frame.positions)
@@ -187,7 +188,7 @@ def bond_pass(frame, settings, work, stage, factors, sums, index: int, run) -> t
     check(frame, work, settings.pot)
     task = Task(
         settings.pot, work.bond, stage.main.methods if stage else {}, stage.bound if stage else None, stage.main.kern if stage else None, frame.cell,
-        settings.threads, index, settings.check_points, factors.drift, bool(work.energy_users), bool(work.source_users), bool(work.atom_virial),
+        settings.threads, index, settings.check_points, settings.tolerance, factors.drift, bool(work.energy_users), bool(work.source_users), bool(work.atom_virial),
         "source_residual" in work.site,
     )  # fmt: skip
     total, n = {"virial": np.zeros((3, 3)), "n_bonds": 0}, len(frame)
