@@ -35,22 +35,23 @@ class Pilot:
             kern = CutGaussian(kern.width, BEYOND * tolerance)
         self.bound, self.kern, self.cell = bound, kern, frame.cell
         strongest = Strongest(frame.positions, threads)
-        totals = [np.zeros((3, 6)) for _ in range(threads)]
+        totals = [np.zeros((2, 6)) for _ in range(threads)]
 
         def consume(bonds, thread):
             _add(bonds.r_bc, bonds.G_b, totals[thread])
             strongest.add(bonds, thread)
 
-        count = pot.stream(frame, consume, threads=threads).n_bonds
-        total, square, size = sum(totals)
+        pot.stream(frame, consume, threads=threads)
+        total, square = sum(totals)
+        strong = strongest.sort_out()
         self.few = strongest.watched(frame.cell)
-        self.typical = size[strongest.component :][:1] / max(count, 1)
+        self.typical = np.array([strongest.mean / 3.0])
         V, known = frame.cell.volume, strongest.ranked()
         rest = square - ((outer6(known.r_bc) * known.G_b[:, None]) ** 2).sum(0)
         self.noise = float(np.sqrt(max(rest.max(), 0.0) / V * roughness(kern)))
         self.mean = float(np.abs(total).max(initial=0.0)) / V
         # The largest value is at least what the strongest bonds make, and the others do not take away.
-        strong = taken(strongest.exact, slice(WATCHED))
+        strong = taken(strong, slice(WATCHED))
         exact = make("direct", bound, kern, frame.cell, 0, 6, threads)
         exact.add_bond_stress(frame.positions, strong.i, strong.r_bc, strong.G_b)
         peak = float(np.abs(exact.bond_sums()).max(initial=0.0))
@@ -66,13 +67,12 @@ class Pilot:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _add(r_bc, G_b, totals):
-    """Sums of the stress factors, of their squares, and of their sizes, xx yy zz yz xz xy."""
+    """Sums of the stress factors, and of their squares, xx yy zz yz xz xy."""
     for b in range(len(G_b)):
         x, y, z, G = r_bc[b, 0], r_bc[b, 1], r_bc[b, 2], G_b[b]
         for k, v in enumerate((x * x, y * y, z * z, y * z, x * z, x * y)):
             totals[0, k] += G * v
             totals[1, k] += (G * v) ** 2
-            totals[2, k] += abs(G * v)
 
 
 def roughness(kern) -> float:

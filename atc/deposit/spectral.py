@@ -143,7 +143,6 @@ class SpectralDeposit(Deposit):
         self._check(np.where(periodic, nodes, np.minimum(self._view[1] - self._view[0], 2 * self._reach)) + p.width + 1)
         self._points = [0] * self.threads
         self._rule = None
-        self._seen: dict = {}
 
     def _targets(self):
         """(2, 3) first and last node that the grid can see on open axes."""
@@ -173,18 +172,25 @@ class SpectralDeposit(Deposit):
             for m in range(MOST):
                 x, w = np.polynomial.legendre.leggauss(m + 1)
                 nodes[m, : m + 1], weights[m, : m + 1] = 0.5 * (x + 1.0), 0.5 * w
-            levels = self._bond_share * 2.0 ** np.arange(-spread.LEVELS, spread.LEVELS + 1)
+            # Not below what rounding lets a rule do.
+            levels = np.maximum(self._bond_share * 2.0 ** np.arange(-spread.LEVELS, spread.LEVELS + 1), 1e-13)
             longest = fourier.longest_bonds(self.kernel, levels, MOST, self.gradients)
             # Three windows multiply; what a mode is divided by makes their error larger by no more than about ten.
             coef = fourier.window_polynomials(self.parameters.width, self.parameters.shape, 0.005 * self.tolerance)
             self._rule = nodes, weights, longest, coef
         return self._rule
 
-    def add_strong(self, x_bc, r_bc, b_bk, typical):
-        """Like `add_bonds`, for bonds whose mean size is not that of a frame's, `typical` (k,): they are integrated as closely as among others."""
+    def add_strong(self, x_bc, r_bc, b_bk):
+        """Like `add_bonds`, for bonds more than 2^`spread.STRONG` times as strong as others of the frame: the same points as when they come among those."""
         x_bc, r_bc, b_bk = (np.ascontiguousarray(a, np.float64) for a in (x_bc, r_bc, b_bk))
         if len(b_bk):
-            self._add("bond", x_bc, np.arange(len(b_bk), dtype=np.int32), r_bc, b_bk, 0, typical)
+            self._add("bond", x_bc, np.arange(len(b_bk), dtype=np.int32), r_bc, b_bk, 0, typical=np.ones(b_bk.shape[1]), strong=True)
+
+    def add_among(self, x_bc, r_bc, b_bk, typical):
+        """Like `add_bonds`, for a few bonds of a frame whose mean size is `typical` (k,): as closely integrated as among all."""
+        x_bc, r_bc, b_bk = (np.ascontiguousarray(a, np.float64) for a in (x_bc, r_bc, b_bk))
+        if len(b_bk):
+            self._add("bond", x_bc, np.arange(len(b_bk), dtype=np.int32), r_bc, b_bk, 0, typical=typical)
 
     def points_of(self, length: float) -> int:
         """How many points a bond of this length and of mean strength becomes: an estimate, see `_slack`."""
@@ -193,11 +199,6 @@ class SpectralDeposit(Deposit):
         return int(enough[0]) + 1 if len(enough) else MOST * ceil(length / longest[-1])
 
     # --- adding
-    def typical(self, what) -> np.ndarray:
-        """(k,) mean size of each component of what has been added so far, "site" or "bond"."""
-        seen = sum(s for (w, _), s in self._seen.items() if w == what)
-        return seen[:-1] / max(seen[-1], 1.0)
-
     def _slack(self, i_b, r_bc, b_bk, weight_k):
         """By how much the error of a bond may exceed its share of the tolerance, as a power of two, when that of all together does not.
 
@@ -223,7 +224,7 @@ class SpectralDeposit(Deposit):
         """Components that share a mesh: [(first, last, components of the mesh)]."""
         return [(k, min(k + 8, n_comp), 4 if n_comp - k <= 4 else 8) for k in range(0, n_comp, 8)]
 
-    def _add(self, what, x_nc, i_b, r_bc, b_bk, thread, typical=None):
+    def _add(self, what, x_nc, i_b, r_bc, b_bk, thread, typical=None, strong=False):
         if not 0 <= thread < self.threads:
             raise ValueError(f"thread {thread} of a deposit made for {self.threads}")
         nodes, weights, longest, coef = self._rules()
@@ -242,11 +243,7 @@ class SpectralDeposit(Deposit):
                 return
         else:
             lo = hi = np.zeros(3)
-        if typical is not None:
-            mean = typical
-        else:
-            seen = self._seen.setdefault((what, thread), np.zeros(len(mean) + 1))
-            seen += np.r_[mean * len(i_b), len(i_b)]
+        mean = mean if typical is None else typical
         weight = np.divide(1.0, mean, out=np.zeros_like(mean), where=mean > 0)
         slack = self._slack(i_b, r_bc, b_bk, weight) if what == "bond" and len(i_b) > SAMPLE else 0
         for first, last, lanes in self._groups(b_bk.shape[1]):
@@ -255,7 +252,7 @@ class SpectralDeposit(Deposit):
             spread_bonds = spread.core(width, lanes, len(coef) - 1, self.real)
             rest = (
                 self._origin, self._to_mesh, self._period, mesh.low, np.array(mesh.shape), mesh.row, weight[first:last] * 0.5**slack,
-                longest, nodes, weights, coef.ravel().astype(self.real), 1.0 / mesh.scale, mesh.flat, mesh.rows,
+                slack + 4 * spread.LEVELS * strong, longest, nodes, weights, coef.ravel().astype(self.real), 1.0 / mesh.scale, mesh.flat, mesh.rows,
             )  # fmt: skip
             nodes_of_mesh = len(mesh.flat) // lanes
             short = max(SHORT[0], nodes_of_mesh * SHORT[1]) if self.tolerance >= SINGLE_TRANSFORM else SHORT[0]

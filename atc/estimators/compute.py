@@ -11,8 +11,8 @@ import numpy as np
 from ..errors import AtcError
 from ..units import require_compatible
 from .accuracy import Check, checking_kernel, kernel_internal
-from .kinematics import Displacement
 from .hot import HotPoints, Strongest, put_right
+from .kinematics import Displacement
 from .methods import EXACT, Method, deposits_of
 from .peridynamic import horizon_of, node_volumes, weighted_virials
 from .registry import BOND, GATHER, SITE, Work
@@ -74,8 +74,8 @@ class Stage:
         self.main = Target(settings.methods, self.bound, kern, frame.cell, settings.threads)
         self.check.target.place(frame.positions)  # before threads ask for it
         self._frame, self._kern, self._tolerance = frame, kern, settings.tolerance
-        # See `hot`: set where the strongest bonds are to be summed exactly; whether they are still to be found; and how large bonds are on average.
-        self.strongest = self.typical = None
+        # See `hot`: set where the strongest bonds are to be summed exactly; what they make; and whether they are still to be found.
+        self.strongest = self.strong_g = None
         self.seeking = False
         self.use(settings.methods)
 
@@ -146,7 +146,8 @@ def frame_fields(frame, settings: Settings, index: int = 0, goal: float | None =
     return result
 
 
-#: What of the tolerance may be found, around the strongest bonds and by what normally distributed errors reach at as many points as there are.
+#: What of the tolerance may be found, at random points and around the strongest bonds. All of it may be what normally distributed errors reach at as many
+#: points as there are: an estimate on the large side, since errors of neighbouring points are alike.
 SAFE = 0.8
 _WORDS = {"site": "sums over atoms", "bond": "sums over bonds", "reference_bond": "sums over reference bonds"}
 # Where the density is below this fraction of its largest value, quotients by it need the exact sums.
@@ -233,7 +234,7 @@ class _FrameJob:
     def _add_hot(self) -> None:
         """The exact sums at the points around the strongest bonds."""
         frame, work, stage = self.frame, self.work, self.stage
-        hot = HotPoints(frame, self.settings, stage, self.strongest, stage.typical, self.index)
+        hot = HotPoints(frame, self.settings, stage, self.strongest, stage.strong_g, self.index)
         if not len(hot):
             return
         sums = Sums(drift=self.drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann)
@@ -261,7 +262,7 @@ class _FrameJob:
                     more = self.hot.check.errors(np.nan_to_num(values), np.nan_to_num(q.form(self.hot_sums)), q.scale(main))
                     for key in ("error_max", "error_of_fluctuation"):
                         found[key] = max(found[key], more[key])
-                self.expected[q.name] = max(found["error_max"], here.check.expected(np.nan_to_num(values), wanted, q.scale(main)))
+                self.expected[q.name] = max(found["error_max"], SAFE * here.check.expected(np.nan_to_num(values), wanted, q.scale(main)))
                 arrays[q.name] = arrays[q.name].reshape(*here.bound.shape, *values.shape[1:])
                 if q.weight is not None:
                     weights[q.name] = main.site[q.weight][:, 0].reshape(here.bound.shape)
@@ -366,10 +367,10 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums):
     if deposit is not None:
         exact = 0.0
         if stage.strongest is not None:
-            strong = stage.strongest.exact
+            strong = stage.strongest.sort_out()
             b_bk = bond_factors(work.bond, widths, strong, peculiar_nc, frame.velocities)
             exact = put_right(deposit, stage, x_nc, strong, b_bk)
-            stage.typical = deposit.typical("bond")
+            stage.strong_g = np.abs(exact[:, : BOND[work.bond[0]].width]).max(1)
         sums[0].bond.update(_columns(work.bond, BOND, deposit.bond_sums() + exact))
         at_points = check.bond_sums()
         sums[1].bond.update(_columns(work.bond, BOND, at_points[:, : work.n_bond]))

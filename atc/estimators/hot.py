@@ -21,13 +21,17 @@ from ..errors import AtcError
 from .accuracy import Check
 from .registry import BOND
 from .sources import bond_factors
-from .tensors import outer6
 from .target import NearPoints, Target
+from .tensors import outer6
 
 #: Of the strongest bonds as many are summed exactly, one for so many atoms.
-EXACTLY, ATOMS_EACH = 1024, 128
+EXACTLY, ATOMS_EACH = 1024, 32
+#: How much stronger than the mean those are: more than what the spectral deposit takes for strong (`deposit.spread.STRONG`).
+STRONG = 24.0
 #: The strongest of those left, whose error is looked at; points and places, with several points around them, where all fields are computed exactly.
-WATCHED, POINTS, PLACES = 64, 40, 4
+WATCHED, POINTS, PLACES = 64, 32, 4
+#: Points where the bonds that are summed exactly are felt, and how much of their largest sum counts as that: nothing may be left of their approximation.
+FELT, FEEL = 12, 3e-3
 
 
 class Strongest:
@@ -35,33 +39,33 @@ class Strongest:
 
     Attributes
     ----------
-    exactly : how many of them are to be summed exactly
-    component : which one `watched` has chosen
+    exactly : how many of them are to be summed exactly, at most before `sort_out`
     """
 
     def __init__(self, x_nc, threads):
         self.x_nc = x_nc
         self.exactly = int(np.clip(len(x_nc) // ATOMS_EACH, 16, EXACTLY))
+        self.most = self.exactly + WATCHED
         self._found: list[tuple | None] = [None] * threads  # keys, Bonds
         self._floor = [0.0] * threads
+        self._sizes = np.zeros((threads, 2))  # sum, and number
         self._ranked: Bonds | None = None
-        self.component = 0
 
     def add(self, bonds, thread):
         if bonds.F_bc is None:
-            k, keys = _above(self.x_nc, bonds.i, bonds.r_bc, np.abs(bonds.G_b), True, self._floor[thread])
+            k, keys, total = _above(self.x_nc, bonds.i, bonds.r_bc, np.abs(bonds.G_b), True, self._floor[thread])
         else:
             size_b = np.linalg.norm(bonds.F_bc, axis=1) * np.linalg.norm(bonds.r_bc, axis=1)
-            k, keys = _above(self.x_nc, bonds.i, bonds.r_bc, size_b, False, self._floor[thread])
+            k, keys, total = _above(self.x_nc, bonds.i, bonds.r_bc, size_b, False, self._floor[thread])
+        self._sizes[thread] += total, len(bonds)
         if not len(k):
             return
         some = taken(bonds, k)
         if self._found[thread] is not None:
             keys = np.concatenate([self._found[thread][0], keys])
             some = Bonds.concatenate([self._found[thread][1], some])
-        most = self.exactly + WATCHED
-        if len(keys) > 1.5 * most:
-            best = np.argpartition(keys, -most)[-most:]
+        if len(keys) > 1.5 * self.most:
+            best = np.argpartition(keys, -self.most)[-self.most :]
             keys, some = keys[best], taken(some, best)
             self._floor[thread] = float(keys.min())
         self._found[thread] = keys, some
@@ -73,14 +77,23 @@ class Strongest:
             if not found:
                 return Bonds.empty()
             keys = np.concatenate([f[0] for f in found])
-            order = np.argsort(-keys, kind="stable")[: self.exactly + WATCHED]
+            order = np.argsort(-keys, kind="stable")[: self.most]
             self._ranked = taken(Bonds.concatenate([f[1] for f in found]), order)
         return self._ranked
 
     @property
-    def exact(self) -> Bonds:
-        """Those that are to be summed exactly."""
-        return taken(self.ranked(), slice(self.exactly))
+    def mean(self) -> float:
+        """Mean |F| |r| of all bonds."""
+        total, count = self._sizes.sum(0)
+        return float(total / max(count, 1.0))
+
+    def sort_out(self) -> Bonds:
+        """Those that are to be summed exactly: the ones that are really strong against the mean of all bonds."""
+        known = self.ranked()
+        size_b = np.linalg.norm(known.forces(), axis=1) * np.linalg.norm(known.r_bc, axis=1)
+        weak = size_b <= STRONG * self.mean
+        self.exactly = min(self.exactly, int(np.argmax(weak)) if weak.any() else len(known))
+        return taken(known, slice(self.exactly))
 
     def watched(self, cell):
         """Those left, strongest first: where they begin (s, 3), in the cell; their vectors (s, 3); one component of their stress factors (s, 1), the largest of the first."""
@@ -89,8 +102,8 @@ class Strongest:
             b = outer6(few.r_bc) * few.G_b[:, None]
         else:
             b = -(few.r_bc[:, :, None] * few.F_bc[:, None, :]).reshape(-1, 9)
-        self.component = int(np.abs(b[0]).argmax()) if len(few) else 0
-        b = b[:, self.component :][:, :1]
+        k = int(np.abs(b[0]).argmax()) if len(few) else 0
+        b = b[:, k : k + 1]
         return cell.wrap(self.x_nc[few.i])[0], few.r_bc, np.ascontiguousarray(b[:, :1])
 
 
@@ -103,7 +116,7 @@ def taken(bonds, k) -> Bonds:
 def put_right(deposit, stage, x_nc, bonds, b_bk) -> np.ndarray:
     """Take bonds out of an approximate deposit that has them; returns their exact sums (g, k), as exact as those that errors are measured with."""
     target = stage.main
-    deposit.add_strong(x_nc[bonds.i], bonds.r_bc, -b_bk, deposit.typical("bond"))
+    deposit.add_strong(x_nc[bonds.i], bonds.r_bc, -b_bk)
     exact = make("direct", target.bound, stage.reach, target.cell, 0, b_bk.shape[1])
     exact.add_bonds(x_nc[bonds.i], bonds.r_bc, b_bk)
     return exact.bond_sums()
@@ -115,13 +128,14 @@ def nearest_image(d, cell):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _above(x_nc, i, r_bc, size_b, squared, floor):
-    """Indices and keys of the bonds whose key is above `floor`. Equal bonds, as in a crystal, get keys that differ a little, by where they are."""
-    n = 0
+    """Indices and keys of the bonds whose key is above `floor`; the sum of all sizes. Equal bonds, as in a crystal, get keys that differ a little, by where they are."""
+    n, total = 0, 0.0
     which, keys = np.empty(len(i), np.int64), np.empty(len(i))
     for b in range(len(i)):
         size = size_b[b]
         if squared:
             size *= r_bc[b, 0] * r_bc[b, 0] + r_bc[b, 1] * r_bc[b, 1] + r_bc[b, 2] * r_bc[b, 2]
+        total += size
         if size * 1.01 <= floor or size == 0.0:
             continue
         a = i[b]
@@ -132,28 +146,41 @@ def _above(x_nc, i, r_bc, size_b, squared, floor):
         if key > floor:
             which[n], keys[n] = b, key
             n += 1
-    return which[:n], keys[:n]
+    return which[:n], keys[:n], total
 
 
 def error_map(approximate, exact, bonds, typical) -> tuple[np.ndarray, np.ndarray]:
     """(g,) the error that a few bonds alone make at every grid point, and their exact sum.
 
     approximate, exact : empty deposits for one component
-    typical : (1,) how large bonds are on average, which says how closely the strong ones are integrated
+    typical : (1,) how large they are on average, which says how closely they are integrated
     """
-    approximate.add_strong(*bonds, typical)
+    approximate.add_among(*bonds, typical)
     exact.add_bonds(*bonds)
     sums_g = exact.bond_sums()[:, 0]
     return np.abs(approximate.bond_sums()[:, 0] - sums_g), sums_g
 
 
-def worst_points(bound, error_g, centres, apart):
-    """The points with the largest errors, around a few places.
+def felt_points(strong_g, index) -> np.ndarray:
+    """A few points, at random but always the same ones, where the strongest bonds' sum is not small against its largest value."""
+    where = np.flatnonzero(strong_g > FEEL * strong_g.max(initial=0.0))
+    return np.random.default_rng([20261124, index]).permutation(where)[:FELT]
+
+
+def worst_points(error_g) -> np.ndarray:
+    """The points with the largest errors, largest first: more than are needed."""
+    many = min(len(error_g), 8 * POINTS)
+    best = np.argpartition(-error_g, many - 1)[:many]
+    return best[np.lexsort((best, -error_g[best]))][: int(np.count_nonzero(error_g))]
+
+
+def placed(bound, candidates, most, centres, apart):
+    """The first of some grid points that lie around a few places.
 
     Parameters
     ----------
-    error_g : the error that the strongest bonds alone make
-    centres : (s, 3) of these bonds, relative to the cell's origin
+    candidates, most : indices of points, in order; how many of them are taken at most
+    centres : (s, 3) of bonds, relative to the cell's origin: possible places
     apart : how far apart two places are, and a point at most from its own
 
     Returns
@@ -162,12 +189,9 @@ def worst_points(bound, error_g, centres, apart):
     xyz : (h, 3) where they are, or the periodic images of them that are near their place, relative to the cell's origin
     places : (p, 3)
     """
-    many = min(len(error_g), 8 * POINTS)
-    best = np.argpartition(-error_g, many - 1)[:many]
-    best = best[np.lexsort((best, -error_g[best]))]
     places, chosen = [], {}
-    for g, point in zip(best, bound.relative_points_of(best)):
-        if len(chosen) == POINTS or error_g[g] == 0.0:
+    for g, point in zip(candidates, bound.relative_points_of(candidates)):
+        if len(chosen) == most:
             break
         near = [nearest_image(point - p, bound.cell) for p in places]
         k = int(np.argmin([np.linalg.norm(d) for d in near])) if near else -1
@@ -240,19 +264,22 @@ def _around(s_nc, p_pc, wide, limit2, vectors, periodic, most):
 class HotPoints:
     """The points around the strongest bonds of a frame, and the exact sums over bonds there.
 
-    typical : (k,) mean size of each component of the bonds' factors, the stress first
+    strong_g : (g,) largest component of the exact sums of those bonds that are summed exactly
     check : Check with these points
     """
 
-    def __init__(self, frame, settings, stage, strongest, typical, index):
+    def __init__(self, frame, settings, stage, strongest, strong_g, index):
         kern, bound = stage.main.kern, stage.bound
         self.frame, self.settings, self.stage = frame, settings, stage
-        x_bc, r_bc, _ = bonds = strongest.watched(frame.cell)
-        if len(x_bc):
-            error_g = error_map(stage.main.make("bond", 0, 1), make("direct", bound, stage.reach, frame.cell, 0, 1), bonds, typical[strongest.component :][:1])[0]
-        else:
-            error_g = np.zeros(len(bound))
-        self.which, self.xyz, self.places = worst_points(bound, error_g, x_bc - 0.5 * r_bc - frame.cell.origin, 1.5 * kern.radius)
+        bonds = strongest.watched(frame.cell)
+        candidates = felt_points(strong_g, index)
+        if len(bonds[0]):
+            exact = make("direct", bound, stage.reach, frame.cell, 0, 1)
+            error_g, _ = error_map(stage.main.make("bond", 0, 1), exact, bonds, np.array([strongest.mean / 3.0]))
+            candidates = np.r_[candidates, worst_points(error_g)]
+        known = strongest.ranked()
+        centres = frame.cell.wrap(frame.positions[known.i])[0] - 0.5 * known.r_bc - frame.cell.origin
+        self.which, self.xyz, self.places = placed(bound, candidates, FELT + POINTS, centres, 1.5 * kern.radius)
         self.check = Check(bound, kern, frame.cell, settings.threads, index, 0, which=self.which)
         self.check.target.summed_kern = stage.reach
         self.check.target.place(frame.positions)
