@@ -28,8 +28,9 @@ from .tensors import outer6
 EXACTLY, ATOMS_EACH = 1024, 32
 #: How much stronger than the mean those are: more than what the spectral deposit takes for strong (`deposit.spread.STRONG`).
 STRONG = 24.0
-#: The strongest of those left, whose error is looked at; points and places, with several points around them, where all fields are computed exactly.
-WATCHED, POINTS, PLACES = 64, 32, 4
+#: The strongest of those left, whose error is looked at; points (some of them come
+#: before all others) and places, with several points around them, where all fields are computed exactly.
+WATCHED, POINTS, FIRST, PLACES = 64, 32, 12, 6
 #: Points where the bonds that are summed exactly are felt, and how much of their largest sum counts as that: nothing may be left of their approximation.
 FELT, FEEL = 12, 3e-3
 
@@ -276,7 +277,8 @@ class HotPoints:
         if len(bonds[0]):
             exact = make("direct", bound, stage.reach, frame.cell, 0, 1)
             error_g, _ = error_map(stage.main.make("bond", 0, 1), exact, bonds, np.array([strongest.mean / 3.0]))
-            candidates = np.r_[candidates, worst_points(error_g)]
+            worst = worst_points(error_g)
+            candidates = np.r_[worst[:FIRST], candidates, worst[FIRST:]]
         known = strongest.ranked()
         centres = frame.cell.wrap(frame.positions[known.i])[0] - 0.5 * known.r_bc - frame.cell.origin
         self.which, self.xyz, self.places = placed(bound, candidates, FELT + POINTS, centres, 1.5 * kern.radius)
