@@ -47,7 +47,9 @@ def around(n, a, shake, more=(), cell=None):
     x = x + rng.normal(0, shake, x.shape)
     x = np.concatenate([x, np.array(more).reshape(-1, 3) + x[0]])
     v = rng.normal(0, 0.02, x.shape)
-    return frame.replace(positions=x, velocities=v, cell=cell or Cell([n * a] * 3), masses=np.full(len(x), 39.948), types=None, ids=None), pot
+    return frame.replace(
+        positions=x, velocities=v, cell=cell or Cell([n * a] * 3), masses=np.full(len(x), 39.948), types=None, ids=None
+    ), pot
 
 
 @pytest.mark.parametrize("what", ["pairs", "triplets", "tilted", "heat"])
@@ -113,7 +115,9 @@ def test_the_promise_at_every_point(system, kernel):
     elif system == "wire":
         frame, pot = around(9, 5.3, 0.1)
         keep = ((frame.positions[:, :2] - 24.0) ** 2).sum(1) < 9**2
-        frame = frame.replace(positions=frame.positions[keep], velocities=frame.velocities[keep], masses=frame.masses[keep], types=None, ids=None)
+        frame = frame.replace(
+            positions=frame.positions[keep], velocities=frame.velocities[keep], masses=frame.masses[keep], types=None, ids=None
+        )
     else:
         frame, pot = silicon(5)
     kern = atc.kernel(kernel, 8.0)

@@ -162,7 +162,25 @@ def survey(x_nc, i_b, r_bc, b_bk, origin, to_mesh, bounded):
 
 
 def spread_bonds(
-    x_nc, i_b, r_bc, b_bk, origin, to_mesh, period, low, counts, row, weight_k, slack, longest, nodes, node_weights, coef, inverse_scale, mesh, rows
+    x_nc,
+    i_b,
+    r_bc,
+    b_bk,
+    origin,
+    to_mesh,
+    period,
+    low,
+    counts,
+    row,
+    weight_k,
+    slack,
+    longest,
+    nodes,
+    node_weights,
+    coef,
+    inverse_scale,
+    mesh,
+    rows,
 ):
     """mesh += Σ over bonds, their Gauss points and the nodes in reach of b × weight × window. Returns the number of points. All numbers are finite.
 

@@ -109,7 +109,6 @@ class Check:
             "error_of_fluctuation": _ratio(worst, spread),
         }
 
-
     def expected(self, field_g, at_points, scale: float = 0.0) -> float:
         """The largest error of all points over the largest value, if errors are normally distributed, by those found: √(2 ln N) standard deviations."""
         largest = float(np.abs(field_g).max(initial=0.0))

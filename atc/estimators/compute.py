@@ -229,7 +229,14 @@ class _FrameJob:
         """Whether points around the strongest bonds are to be looked at: where sums over bonds are approximate."""
         method = methods.get("bond", EXACT)
         lattice = self.stage is not None and self.stage.bound.kind != "slab"
-        return bool(not method.exact and self.work.bond and lattice and self.settings.check_points and self.settings.tiles is None and _checkable(self.work))
+        return bool(
+            not method.exact
+            and self.work.bond
+            and lattice
+            and self.settings.check_points
+            and self.settings.tiles is None
+            and _checkable(self.work)
+        )
 
     def _add_hot(self) -> None:
         """The exact sums at the points around the strongest bonds."""
@@ -398,7 +405,9 @@ def _columns(names, sources, total_gk) -> dict[str, np.ndarray]:
 
 def _checkable(work) -> list:
     """The fields that points around the strongest bonds can be computed for: those of sums over bonds and atoms alone."""
-    return [q for q in work.quantities if q.kind == "grid" and q.bond and not (q.on_reference or q.gather or q.gradient or q.point or q.whole)]
+    return [
+        q for q in work.quantities if q.kind == "grid" and q.bond and not (q.on_reference or q.gather or q.gradient or q.point or q.whole)
+    ]
 
 
 def _site_pass(frame, work, stage, factors, sums):

@@ -302,6 +302,7 @@ class HotPoints:
         else:
             from ..frame import Cell
             from ..grids import BoundGrid
+
             frame, points, context = few, self.xyz, nullcontext()
             home = Cell(frame.cell.vectors, (0.0, 0.0, 0.0), (False, False, False))
             target = Target({}, BoundGrid("points", home, ("point",), xyz=np.ascontiguousarray(points)), self.check.target.kern, home, threads, origin=frame.cell.origin)  # fmt: skip
