@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from .costs import Costs, Load, direct, gather, points_each, spectral, spectral_memory
 from .errors import AtcError
 from .estimators.methods import EXACT, Method
 
 #: A tolerance at or below this means the exact sum.
 EXACT_BELOW = 1e-11
-#: Factors by which the spectral tolerance is made smaller, one after the other, when the error found is too large. The first try is never looser than the
-#: tolerance, though the errors of stresses over all points are only 0.06 to 0.6 of it (silicon with the Gaussian up to 0.95): where few strong bonds make
-#: most of the error, as in hot argon, a hundred random points find a tenth of the largest, so that a looser start broke the promise unseen.
-RUNGS = (1.0, 2.0, 8.0, 64.0, 512.0)
+#: The spectral method's own tolerance over the one asked for, from the loosest start to what is tried last. It is relative to a field of independent sources;
+#: how much further stresses may begin is measured (`pilot`), anything else begins at 1.
+FACTORS = (32.0, 16.0, 8.0, 4.0, 2.0, 1.0, 1 / 2, 1 / 8, 1 / 64, 1 / 512)
+#: The error that the pilot may expect at the start, over the tolerance: with other frames to come, and without.
+AIM, AIM_ONE = 0.35, 0.5
+#: Nothing is gained beyond this.
+LOOSEST = 0.1
 #: CPU seconds of an exact sum below which nothing else is considered.
 CHEAP = 3e-3
 #: Bytes that meshes may take.
@@ -48,7 +53,9 @@ def spectral_deposit(bound, kern, cell, components: int, tolerance: float, threa
     return SpectralDeposit(bound, kern, cell, components, components, threads, tolerance, gradients=gradients)
 
 
-def choose(method: str, tolerance: float, costs: Costs, work, bounds: dict, kern, cells: dict, atoms: int, load: Load) -> dict[str, Method]:
+def choose(
+    method: str, tolerance: float, costs: Costs, work, bounds: dict, kern, cells: dict, atoms: int, load: Load, pilot=None, frames: int = 1
+) -> dict[str, Method]:
     """The method of each deposit.
 
     Parameters
@@ -56,6 +63,8 @@ def choose(method: str, tolerance: float, costs: Costs, work, bounds: dict, kern
     method : "auto" or what the user forces
     bounds, cells : the bound grid and the cell of "site", "bond", "gather" (the frame's), "reference_bond" and "reference_gather" (the reference's)
     kern : kernel in internal units
+    pilot : a function that makes a `pilot.Pilot` of the first frame's stress; None: the spectral method begins at the tolerance
+    frames : how many there are
     """
     out = {}
     for key, (items, length, components) in sizes(work, atoms, load).items():
@@ -63,11 +72,23 @@ def choose(method: str, tolerance: float, costs: Costs, work, bounds: dict, kern
         gathered = key in ("gather", "reference_gather")
         slopes = gathered and work.slopes(key)
         exact = (gather if gathered else direct)(costs, bound, kern, items, length, components)
-        out[key] = _one(method, tolerance, costs, bound, kern, cell, items, length, components, exact, slopes)
+        look = None
+        if pilot is not None and key == "bond" and work.bond == ["stress"]:
+            look = _Look(pilot, AIM_ONE if frames == 1 else AIM, load.seconds(costs, atoms))
+        out[key] = _one(method, tolerance, costs, bound, kern, cell, items, length, components, exact, slopes, look)
     return out
 
 
-def _one(method, tolerance, costs, bound, kern, cell, items, length, components, exact, gradients) -> Method:
+@dataclass
+class _Look:
+    """A pilot that has not been made: how, the error it may expect over the tolerance, and what making it costs."""
+
+    make: object
+    aim: float
+    seconds: float
+
+
+def _one(method, tolerance, costs, bound, kern, cell, items, length, components, exact, gradients, look=None) -> Method:
     """exact : seconds of the exact sum; gradients : whether those are wanted too."""
 
     def deposit_for(t):
@@ -94,8 +115,9 @@ def _one(method, tolerance, costs, bound, kern, cell, items, length, components,
             raise AtcError(f"its mesh of {_mesh(deposit)} would take more than {MOST_MEMORY / 1e9:.0f} GB")
         return spectral(costs, deposit, items, length, components), deposit
 
+    start = tolerance if look is None else _start(tolerance, cost, exact, look, lambda t: spectral_deposit(bound, kern, cell, 1, t))
     try:
-        fast, deposit = cost(tolerance)
+        fast, deposit = cost(start)
     except AtcError as e:
         return Method("direct", reason=f"spectral cannot: {_short(e)}")
     if fast >= exact:
@@ -105,14 +127,59 @@ def _one(method, tolerance, costs, bound, kern, cell, items, length, components,
         return cost(t)[0] < exact
 
     reason = _shape(deposit, f"{fast:.2g} s of CPU against {exact:.2g} s for the exact sum", length)
-    return Method("spectral", tolerance, reason, _rungs(tolerance, wins))
+    return Method("spectral", start, reason, _rungs(tolerance, wins, start))
 
 
-def _rungs(tolerance, good) -> tuple[float, ...]:
-    """Tighter tolerances, as far as they are possible and good."""
+def _start(tolerance, cost, exact, look, deposit) -> float:
+    """The loosest tolerance of the spectral method that the pilot expects to be enough, if a pilot is worth its while; `deposit` makes one for one component."""
+    ladder = [t for f in FACTORS if f > 1 and (t := f * tolerance) <= LOOSEST and t < _precise(tolerance)]
+    if not ladder:
+        return tolerance
+    try:
+        loosest = cost(ladder[0])[0]
+    except AtcError:
+        return tolerance
+    try:
+        tight = min(cost(tolerance)[0], exact)
+    except AtcError:
+        tight = exact
+    if tight - loosest < 2.0 * look.seconds:
+        return tolerance
+    pilot, at_most = look.make(), ladder[0]
+    for t in ladder:
+        if t > at_most * (1 + 1e-9):
+            continue
+        try:
+            if cost(t)[0] >= exact:
+                break
+        except AtcError:
+            break
+        error = pilot.error(deposit(t))
+        if error <= look.aim * tolerance:
+            return t
+        # Errors follow the tolerance.
+        at_most = t * look.aim * tolerance / error
+    return tolerance
+
+
+def _precise(tolerance) -> float:
+    """Below which the spectral method's arithmetic is precise enough for a tolerance of the result."""
+    from .deposit.spectral import SINGLE, SINGLE_TRANSFORM
+
+    return SINGLE if tolerance < 1e-6 else SINGLE_TRANSFORM if tolerance < 1e-5 else 1.0
+
+
+def _rungs(tolerance, good, start=None) -> tuple[float, ...]:
+    """Tolerances tighter than `start`, as far as they are possible and good."""
+    from .deposit.spectral import SINGLE
+
+    start = tolerance if start is None else start
     out = []
-    for factor in RUNGS[1:]:
-        t = tolerance / factor
+    for factor in FACTORS:
+        t = tolerance * factor
+        # Where rounding may be what failed, nothing is gained before arithmetic is more precise.
+        if t >= start * (1 - 1e-9) or (start >= SINGLE and tolerance < 4e-6 and t >= SINGLE):
+            continue
         try:
             if t < EXACT_BELOW or not good(t):
                 break

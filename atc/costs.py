@@ -116,9 +116,14 @@ def neighborhood(frame, cutoff: float, count: int = 0) -> tuple[float, float, fl
     reach = cutoff / cell.heights
     neighbors = pairs = distance = apart = 0.0
     sample = np.random.default_rng(0).choice(n, min(n, count or (150 if n < 100_000 else 50)), replace=False)
+    # Along the first axis the neighbours of all of them are found at once.
+    wrapped = s[:, 0] - np.floor(s[:, 0]) if cell.periodic[0] else s[:, 0]
+    order = np.argsort(wrapped)
+    ahead = wrapped[order]
     for k in sample:
-        near = np.arange(n)
-        d = np.zeros((n, 0))
+        near = _between(ahead, wrapped[k], reach[0], cell.periodic[0])
+        near = order[near]
+        d = np.zeros((len(near), 0))
         for a in range(3):
             da = s[near, a] - s[k, a]
             if cell.periodic[a]:
@@ -138,6 +143,13 @@ def neighborhood(frame, cutoff: float, count: int = 0) -> tuple[float, float, fl
             pairs += 0.5 * m * (m - 1)
             apart += 0.5 * m * (m - 1) * 1.03 * cutoff
     return neighbors / len(sample), pairs / len(sample), distance / max(neighbors, 1), apart / max(pairs, 1)
+
+
+def _between(ahead, at, reach, periodic) -> np.ndarray:
+    """Indices into sorted fractional coordinates within `reach` of `at`, through the border if it is periodic."""
+    shifts = (-1.0, 0.0, 1.0) if periodic else (0.0,)
+    ends = [np.searchsorted(ahead, (at - reach * (1 + 1e-9) + k, at + reach * (1 + 1e-9) + k)) for k in shifts]
+    return np.concatenate([np.arange(a, b) for a, b in ends])
 
 
 def load_of(pot, frame) -> Load:

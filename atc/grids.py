@@ -332,6 +332,12 @@ class BoundGrid:
         index = np.indices(self.counts).reshape(len(self.counts), -1).T
         return index @ self.steps + self.origin
 
+    def relative_points_of(self, which) -> np.ndarray:
+        """(h, 3) positions of the points of these (flat) indices, relative to the cell's origin."""
+        if not self.is_lattice:
+            return self.xyz[which] - self.cell.origin
+        return np.stack(np.unravel_index(which, self.counts), -1) @ self.steps + self.origin
+
     @cached_property
     def tiles(self) -> bool:
         """Whether this is a regular grid over the frame's whole cell, so that sums over points times `cell_volume` are integrals over it."""

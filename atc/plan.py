@@ -148,7 +148,15 @@ class Request:
         from .costs import Load
 
         load = self.load if work.bond or work.reference_bond else Load()
-        return choose(self.method, self.tolerance, self.costs, work, bounds, self.kernel_internal, cells, len(frame), load)
+        pilot = self._pilot if work.bond == ["stress"] and self.tiles is None and hasattr(self.pot, "terms") else None
+        kern, n = self.kernel_internal, len(frame)
+        return choose(self.method, self.tolerance, self.costs, work, bounds, kern, cells, n, load, pilot, self.n_frames)
+
+    def _pilot(self):
+        """A pass over the bonds of the first frame; see there."""
+        from .pilot import Pilot
+
+        return Pilot(self.pot, self.first, self.bound, self.kernel_internal, self.tolerance, self.threads)
 
     @cached_property
     def costs(self):

@@ -50,7 +50,7 @@ def predict(request) -> Prediction:
         parts["weighted virials"] = SECONDS_PER_WEIGHT * near * (bool(work.point) + bool(work.reference_point))
     if work.kernel_users:
         kern, bound = request.kernel_internal, request.bound
-        checked = checking_kernel(kern, request.methods)
+        checked = checking_kernel(kern, request.methods, request.tolerance)
         for key, (items, length, components) in sizes(work, n, load).items():
             method, slopes = request.methods.get(key, EXACT), False
             what = "deposit of atoms" if key == "site" else "deposit of bonds"

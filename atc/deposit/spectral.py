@@ -33,7 +33,7 @@ DENSE = 200.0
 SHARES = {"gaussian": (0.35, 0.25, 0.9)}
 SHARE = (0.4, 0.25, 0.4)
 # Bonds among which the loosest sufficient choice of points is looked for, and how far it may go (in powers of two).
-SAMPLE, LOOSEST = 2000, 8
+SAMPLE, LOOSEST = 600, 8
 # From this tolerance on meshes are in single precision, and from the second on transforms too. Rounding errors are relative to all modes, kept or not:
 # the wider the kernel, the smaller a part of them is the field. Measured on argon with R = 10 and 20 Å: 1e-6 and 2e-6 of its largest value.
 SINGLE, SINGLE_TRANSFORM = 1e-5, 1e-4
@@ -45,12 +45,16 @@ SPARSE = 100.0
 
 
 class _Mesh:
-    """What one thread has spread: nodes [low, low + shape) × components, `scale` times the sources; `total` what has been moved on."""
+    """What one thread has spread: nodes [low, low + shape) × components, `scale` times the sources; `total` what has been moved on.
+
+    Rows along z are stored with some nodes to spare, see `spread.row_length`."""
 
     def __init__(self, low, shape, lanes, real):
         self.low, self.lanes, self.real = low, lanes, real
         self.shape = tuple(int(n) for n in shape)
-        self.flat = _aligned(int(np.prod(self.shape)) * lanes, real)
+        self.row = spread.row_length(self.shape[2], lanes * np.dtype(real).itemsize)
+        self.stored = (*self.shape[:2], self.row)
+        self.flat = _aligned(int(np.prod(self.stored)) * lanes, real)
         self.total, self.scale, self.largest, self.points = None, 0.0, 0.0, 0
         self.rows = np.zeros(self.shape[:2], np.uint8)
 
@@ -59,7 +63,7 @@ class _Mesh:
         parts = [(self.flat, self.scale)] if self.scale else []
         if self.total is not None:
             parts.append((self.total, 1.0))
-        return [(a.reshape(*self.shape, self.lanes), s) for a, s in parts]
+        return [(a.reshape(*self.stored, self.lanes)[:, :, : self.shape[2]], s) for a, s in parts]
 
     def flush(self, width):
         if self.total is None:
@@ -74,11 +78,12 @@ class _Mesh:
         new = _Mesh(low, shape, self.lanes, self.real)
         new.scale, new.largest, new.points = self.scale, self.largest, self.points
         at = tuple(slice(int(a), int(a) + n) for a, n in zip(self.low - low, self.shape))
-        new.flat.reshape(*new.shape, -1)[at] = self.flat.reshape(*self.shape, -1)
+        end = self.shape[2]
+        new.flat.reshape(*new.stored, -1)[at] = self.flat.reshape(*self.stored, -1)[:, :, :end]
         new.rows[at[:2]] = self.rows
         if self.total is not None:
             new.total = _aligned(len(new.flat), np.float64)
-            new.total.reshape(*new.shape, -1)[at] = self.total.reshape(*self.shape, -1)
+            new.total.reshape(*new.stored, -1)[at] = self.total.reshape(*self.stored, -1)[:, :, :end]
         return new
 
 
@@ -169,12 +174,25 @@ class SpectralDeposit(Deposit):
             for m in range(MOST):
                 x, w = np.polynomial.legendre.leggauss(m + 1)
                 nodes[m, : m + 1], weights[m, : m + 1] = 0.5 * (x + 1.0), 0.5 * w
-            levels = self._bond_share * 2.0 ** np.arange(-spread.LEVELS, spread.LEVELS + 1)
+            # Not below what rounding lets a rule do.
+            levels = np.maximum(self._bond_share * 2.0 ** np.arange(-spread.LEVELS, spread.LEVELS + 1), 1e-13)
             longest = fourier.longest_bonds(self.kernel, levels, MOST, self.gradients)
             # Three windows multiply; what a mode is divided by makes their error larger by no more than about ten.
             coef = fourier.window_polynomials(self.parameters.width, self.parameters.shape, 0.005 * self.tolerance)
             self._rule = nodes, weights, longest, coef
         return self._rule
+
+    def add_strong(self, x_bc, r_bc, b_bk):
+        """Like `add_bonds`, for bonds more than 2^`spread.STRONG` times as strong as others of the frame: the same points as when they come among those."""
+        x_bc, r_bc, b_bk = (np.ascontiguousarray(a, np.float64) for a in (x_bc, r_bc, b_bk))
+        if len(b_bk):
+            self._add("bond", x_bc, np.arange(len(b_bk), dtype=np.int32), r_bc, b_bk, 0, typical=np.ones(b_bk.shape[1]), strong=True)
+
+    def add_among(self, x_bc, r_bc, b_bk, typical):
+        """Like `add_bonds`, for a few bonds of a frame whose mean size is `typical` (k,): as closely integrated as among all."""
+        x_bc, r_bc, b_bk = (np.ascontiguousarray(a, np.float64) for a in (x_bc, r_bc, b_bk))
+        if len(b_bk):
+            self._add("bond", x_bc, np.arange(len(b_bk), dtype=np.int32), r_bc, b_bk, 0, typical=typical)
 
     def points_of(self, length: float) -> int:
         """How many points a bond of this length and of mean strength becomes: an estimate, see `_slack`."""
@@ -208,7 +226,7 @@ class SpectralDeposit(Deposit):
         """Components that share a mesh: [(first, last, components of the mesh)]."""
         return [(k, min(k + 8, n_comp), 4 if n_comp - k <= 4 else 8) for k in range(0, n_comp, 8)]
 
-    def _add(self, what, x_nc, i_b, r_bc, b_bk, thread):
+    def _add(self, what, x_nc, i_b, r_bc, b_bk, thread, typical=None, strong=False):
         if not 0 <= thread < self.threads:
             raise ValueError(f"thread {thread} of a deposit made for {self.threads}")
         nodes, weights, longest, coef = self._rules()
@@ -227,15 +245,16 @@ class SpectralDeposit(Deposit):
                 return
         else:
             lo = hi = np.zeros(3)
+        mean = mean if typical is None else typical
         weight = np.divide(1.0, mean, out=np.zeros_like(mean), where=mean > 0)
-        slack = self._slack(i_b, r_bc, b_bk, weight) if what == "bond" and len(i_b) > SAMPLE // 4 else 0
+        slack = self._slack(i_b, r_bc, b_bk, weight) if what == "bond" and len(i_b) > SAMPLE else 0
         for first, last, lanes in self._groups(b_bk.shape[1]):
             part = b_bk if last - first == b_bk.shape[1] else np.ascontiguousarray(b_bk[:, first:last])
             mesh = self._mesh_for((what, first, thread), lo, hi, lanes, most)
             spread_bonds = spread.core(width, lanes, len(coef) - 1, self.real)
             rest = (
-                self._origin, self._to_mesh, self._period, mesh.low, np.array(mesh.shape), weight[first:last] * 0.5**slack,
-                longest, nodes, weights, coef.ravel().astype(self.real), 1.0 / mesh.scale, mesh.flat, mesh.rows,
+                self._origin, self._to_mesh, self._period, mesh.low, np.array(mesh.shape), mesh.row, weight[first:last] * 0.5**slack,
+                slack + 4 * spread.LEVELS * strong, longest, nodes, weights, coef.ravel().astype(self.real), 1.0 / mesh.scale, mesh.flat, mesh.rows,
             )  # fmt: skip
             nodes_of_mesh = len(mesh.flat) // lanes
             short = max(SHORT[0], nodes_of_mesh * SHORT[1]) if self.tolerance >= SINGLE_TRANSFORM else SHORT[0]

@@ -27,6 +27,8 @@ _DOUBLE, _FLOAT, _INT64, _INT32 = ir.DoubleType(), ir.FloatType(), ir.IntType(64
 
 # A bond's share of the field decides how well it is integrated, in steps of two: the loosest and strictest are 2^±LEVELS times the tolerance.
 LEVELS = 24
+# Bonds stronger than 2^STRONG times the mean are strong ones.
+STRONG = 4
 
 
 @intrinsic
@@ -102,6 +104,18 @@ def _spreader(width, lanes, degree, real):
     return spread
 
 
+def row_length(count, bytes_each):
+    """Nodes from one row along z to the next, at least `count`, so that neighbouring rows do not lie nearly a multiple of 4096 bytes apart.
+
+    Processors tell a load from the stores before it by the last 12 bits of their addresses: where rows look alike, each node waits for one of the row
+    before, and spreading takes up to four times as long.
+    """
+    row = int(count)
+    while min(row * bytes_each % 4096, -row * bytes_each % 4096) < 256:
+        row += 1
+    return row
+
+
 @cache
 def core(width, lanes, degree, real):
     """`spread_bonds` for a window, a number of components and a precision."""
@@ -148,7 +162,25 @@ def survey(x_nc, i_b, r_bc, b_bk, origin, to_mesh, bounded):
 
 
 def spread_bonds(
-    x_nc, i_b, r_bc, b_bk, origin, to_mesh, period, low, counts, weight_k, longest, nodes, node_weights, coef, inverse_scale, mesh, rows
+    x_nc,
+    i_b,
+    r_bc,
+    b_bk,
+    origin,
+    to_mesh,
+    period,
+    low,
+    counts,
+    row,
+    weight_k,
+    slack,
+    longest,
+    nodes,
+    node_weights,
+    coef,
+    inverse_scale,
+    mesh,
+    rows,
 ):
     """mesh += Σ over bonds, their Gauss points and the nodes in reach of b × weight × window. Returns the number of points. All numbers are finite.
 
@@ -157,7 +189,10 @@ def spread_bonds(
     origin, to_mesh (3, 3) : positions relative to the origin, and bond vectors, to mesh spacings
     period : (3,) nodes of periodic axes; 0 on open ones, where points out of the mesh are left out
     low, counts : (3,) the node that comes first in the mesh, and how many there are (with the halo)
+    row : nodes from one row along z to the next
     weight_k : (k,) one over the mean |b| of a column: strong bonds are integrated better than weak ones
+    slack : what weight_k has been made smaller by, as a power of two. Bonds stronger than 2^STRONG times the mean all get the strictest rule: then their
+        points do not depend on the bonds they come with, and they can be taken out again without a trace (`SpectralDeposit.add_strong`)
     longest, nodes, node_weights : (2 LEVELS + 1, m), (m, m), (m, m): Gauss-Legendre rules on [0, 1], and the longest bond that each does for
         when the error may be 2^(level − LEVELS) times the tolerance
     inverse_scale : the mesh holds b times this
@@ -169,7 +204,7 @@ def spread_bonds(
     low0, low1, low2 = float(low[0]), float(low[1]), float(low[2])
     # One node's distance to spare, as in the halo.
     last0, last1, last2 = counts[0] - WIDTH, counts[1] - WIDTH, counts[2] - WIDTH
-    stride1 = counts[2] * LANES
+    stride1 = row * LANES
     stride0 = counts[1] * stride1
     n_comp, most = b_bk.shape[1], longest.shape[1]
     o0, o1, o2 = origin[0], origin[1], origin[2]
@@ -194,7 +229,8 @@ def spread_bonds(
         length = sqrt(rx * rx + ry * ry + rz * rz)
         m, pieces = 0, 1
         if length > 0.0:
-            level = min(max(LEVELS - frexp(strength)[1], 0), 2 * LEVELS)
+            power = frexp(strength)[1]
+            level = 0 if power + slack > STRONG else min(max(LEVELS - power, 0), 2 * LEVELS)
             while m < most - 1 and length > longest[level, m]:
                 m += 1
             if length > longest[level, m]:

@@ -12,6 +12,8 @@ from ..kernels import Gaussian
 
 # Bins of a slab profile that are computed twice.
 SLAB_BINS = 5
+# What of the tolerance the cut tails of a Gaussian may make.
+BEYOND = 2e-2
 # A field this small against what it is the difference of is 0.
 ZERO = 1e-10
 
@@ -36,11 +38,10 @@ class CutGaussian(Gaussian):
         return self._support
 
 
-def checking_kernel(kern, methods):
-    """The kernel that errors are measured with: the kernel itself, but for Gaussians whose far tails are far below the tolerance of every deposit."""
-    loose = [m.tolerance for m in methods.values() if not m.exact]
-    if loose and isinstance(kern, Gaussian):
-        return CutGaussian(kern.width, max(1e-2 * min(loose), 1e-14))
+def checking_kernel(kern, methods, tolerance):
+    """The kernel that errors are measured with: the kernel itself, but for Gaussians whose far tails are far below the tolerance (of the result) if any sum is approximate."""
+    if isinstance(kern, Gaussian) and not all(m.exact for m in methods.values()):
+        return CutGaussian(kern.width, max(BEYOND * tolerance, 1e-14))
     return kern
 
 
@@ -56,6 +57,7 @@ class Check:
     index : int
         Number of the frame: the same points whoever computes it, and whenever.
     count : int
+    which : indices of points to take instead of random ones
 
     Notes
     -----
@@ -63,7 +65,7 @@ class Check:
     Bins of a slab profile are summed in plain numpy (a few only: there every bond is looked at for every bin).
     """
 
-    def __init__(self, bound, kern, cell, threads, index, count):
+    def __init__(self, bound, kern, cell, threads, index, count, which=None):
         from ..frame import Cell
         from ..grids import BoundGrid
         from .target import Target
@@ -71,12 +73,12 @@ class Check:
         slab = bound.kind == "slab"
         total = int(np.prod(bound.shape))
         rng = np.random.default_rng([20240229, index])
-        self.which = np.sort(rng.choice(total, min(total, SLAB_BINS if slab else count), replace=False))
+        self.which = np.sort(rng.choice(total, min(total, SLAB_BINS if slab else count), replace=False)) if which is None else which
         if slab:
             self.target = SlabTarget(bound, self.which, kern)
         else:
             home = Cell(cell.vectors, (0.0, 0.0, 0.0), cell.periodic)
-            points = BoundGrid("points", home, ("point",), xyz=np.ascontiguousarray(bound.relative_points_gc[self.which]))
+            points = BoundGrid("points", home, ("point",), xyz=np.ascontiguousarray(bound.relative_points_of(self.which)))
             self.target = Target({}, points, kern, home, threads, origin=cell.origin)
 
     def errors(self, field_g, at_points, scale: float = 0.0) -> dict[str, float]:
@@ -106,6 +108,15 @@ class Check:
             "error_l2": _ratio(rms, float(np.sqrt(np.mean(field_g**2))) if field_g.size else 0.0),
             "error_of_fluctuation": _ratio(worst, spread),
         }
+
+    def expected(self, field_g, at_points, scale: float = 0.0) -> float:
+        """The largest error of all points over the largest value, if errors are normally distributed, by those found: √(2 ln N) standard deviations."""
+        largest = float(np.abs(field_g).max(initial=0.0))
+        largest = scale if largest <= ZERO * scale else largest
+        if len(self.which) < 20 or largest == 0.0:
+            return 0.0
+        rms = float(np.sqrt(np.mean((field_g[self.which] - at_points) ** 2)))
+        return rms * float(np.sqrt(2.0 * np.log(field_g.size))) / largest
 
 
 class SlabTarget:

@@ -11,8 +11,9 @@ import numpy as np
 from ..errors import AtcError
 from ..units import require_compatible
 from .accuracy import Check, checking_kernel, kernel_internal
+from .hot import HotPoints, Strongest, put_right
 from .kinematics import Displacement
-from .methods import DEPOSITS, NAMES, Method, Refinement, deposits_of
+from .methods import DEPOSITS, EXACT, NAMES, Method, Refinement, deposits_of
 from .peridynamic import horizon_of, node_volumes, weighted_virials
 from .registry import BOND, GATHER, SITE, Work
 from .sources import AtomFactors, AtomSums, ReferenceBonds, bond_factors, drift_velocity, piola_factor
@@ -72,7 +73,10 @@ class Stage:
         self.check = Check(self.bound, kern, frame.cell, settings.threads, index, settings.check_points)
         self.main = Target(settings.methods, self.bound, kern, frame.cell, settings.threads)
         self.check.target.place(frame.positions)  # before threads ask for it
-        self._frame, self._kern = frame, kern
+        self._frame, self._kern, self._tolerance = frame, kern, settings.tolerance
+        # See `hot`: set where the strongest bonds are to be summed exactly; what they make; and whether they are still to be found.
+        self.strongest = self.strong_g = None
+        self.seeking = False
         self.use(settings.methods)
 
     def use(self, methods) -> None:
@@ -80,7 +84,7 @@ class Stage:
         self.main.methods = methods
         self.reach = self._kern
         if self.bound.kind != "slab" and self._kern is not None:
-            self.reach = self.check.target.summed_kern = checking_kernel(self._kern, methods)
+            self.reach = self.check.target.summed_kern = checking_kernel(self._kern, methods, self._tolerance)
         self._near = None
 
     @property
@@ -92,7 +96,7 @@ class Stage:
         if self.bound.kind == "slab" or not len(self.check.which):
             return None
         if self._near is None:
-            points = self.bound.relative_points_gc[self.check.which]
+            points = self.bound.relative_points_of(self.check.which)
             self._near = NearPoints(points, self.reach.support, max(pot.cutoff, 0.0), self._frame.cell, self._frame.positions)
         return self._near
 
@@ -142,9 +146,9 @@ def frame_fields(frame, settings: Settings, index: int = 0, goal: float | None =
     return result
 
 
-#: What of the tolerance may be found at the points of the check: the largest error of a hundred points is up to this much of that of a million
-#: (for normally distributed errors of six components 3.6 against 5.3 standard deviations).
-SAFE = 0.65
+#: What of the tolerance may be found, at random points and around the strongest bonds. All of it may be what normally distributed errors reach at as many
+#: points as there are: an estimate on the large side, since errors of neighbouring points are alike.
+SAFE = 0.8
 # Where the density is below this fraction of its largest value, quotients by it need the exact sums.
 _THIN = 0.02
 # The sums that fields are quotients of: deposit, and where its density is.
@@ -165,6 +169,8 @@ class _FrameJob:
         self.factors = AtomFactors(frame, self.drift)
         self.sums: list[Sums] = []
         self.decomposition = self.atoms = None
+        self.strongest = self.hot = self.hot_sums = None
+        self.expected: dict[str, float] = {}
         self.seconds = {"bonds": 0.0, "sites": 0.0}
 
     def compute(self, methods, todo) -> None:
@@ -182,6 +188,12 @@ class _FrameJob:
         first, self.sums = not self.sums, fresh
         start = perf_counter()
         if work.bond_users and (first or todo & {"bond", "reference_bond"}):
+            watch = self._watched(methods)
+            if self.stage is not None:
+                self.stage.seeking = watch and self.strongest is None
+                if self.stage.seeking:
+                    self.strongest = Strongest(frame.positions, self.settings.threads)
+                self.stage.strongest = self.strongest if watch else None
             if self.settings.tiles is None:
                 anchor = self.settings.anchor
                 with nullcontext() if anchor is None else anchor.at(frame):
@@ -197,6 +209,9 @@ class _FrameJob:
                 for s in fresh:
                     if {"stress", "sources"} <= s.bond.keys():
                         s.bond["sources"] = -full(s.bond["stress"]).reshape(-1, 9)
+            self.hot = None
+            if watch:
+                self._add_hot()
         bonds_done = perf_counter()
         if work.summed_site and (first or "site" in todo):
             for s in fresh:
@@ -217,6 +232,33 @@ class _FrameJob:
         self.seconds["bonds"] += bonds_done - start
         self.seconds["sites"] += perf_counter() - bonds_done
 
+    def _watched(self, methods) -> bool:
+        """Whether points around the strongest bonds are to be looked at: where sums over bonds are approximate."""
+        method = methods.get("bond", EXACT)
+        lattice = self.stage is not None and self.stage.bound.kind != "slab"
+        return bool(
+            not method.exact
+            and self.work.bond
+            and lattice
+            and self.settings.check_points
+            and self.settings.tiles is None
+            and _checkable(self.work)
+        )
+
+    def _add_hot(self) -> None:
+        """The exact sums at the points around the strongest bonds."""
+        frame, work, stage = self.frame, self.work, self.stage
+        hot = HotPoints(frame, self.settings, stage, self.strongest, stage.strong_g, self.index)
+        if not len(hot):
+            return
+        sums = Sums(drift=self.drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann)
+        sums.bond.update(_columns(work.bond, BOND, hot.bond_sums(work.bond, self.drift)))
+        if getattr(self.settings.pot, "pairwise", False) and {"stress", "sources"} <= sums.bond.keys():
+            sums.bond["sources"] = -full(sums.bond["stress"]).reshape(-1, 9)
+        if work.site:
+            add_sites(frame, work, [(hot.check.target, sums)], self.factors)
+        self.hot, self.hot_sums = hot, sums
+
     def result(self) -> FrameResult:
         frame, work = self.frame, self.work
         main, at_points = self.sums
@@ -228,7 +270,13 @@ class _FrameJob:
             if q.kind == "grid":
                 here = self.reference if q.name in self.on_reference else self.stage
                 # Points that are never defined are NaN in both.
-                errors[q.name] = here.check.errors(np.nan_to_num(values), np.nan_to_num(q.form(at_points)), q.scale(main))
+                wanted = np.nan_to_num(q.form(at_points))
+                errors[q.name] = found = here.check.errors(np.nan_to_num(values), wanted, q.scale(main))
+                if self.hot is not None and q in _checkable(work):
+                    more = self.hot.check.errors(np.nan_to_num(values), np.nan_to_num(q.form(self.hot_sums)), q.scale(main))
+                    for key in ("error_max", "error_of_fluctuation"):
+                        found[key] = max(found[key], more[key])
+                self.expected[q.name] = max(found["error_max"], SAFE * here.check.expected(np.nan_to_num(values), wanted, q.scale(main)))
                 arrays[q.name] = arrays[q.name].reshape(*here.bound.shape, *values.shape[1:])
                 if q.weight is not None:
                     weights[q.name] = main.site[q.weight][:, 0].reshape(here.bound.shape)
@@ -263,7 +311,7 @@ class _FrameJob:
         if not loose or not self.settings.check_points:
             return out
         for q in self.work.quantities:
-            error = result.errors.get(q.name, {}).get("error_max", 0.0)
+            error = self.expected.get(q.name, 0.0)
             if error <= goal:
                 continue
             for key in loose & set(deposits_of(q, self.work)):
@@ -302,6 +350,8 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums):
             else:
                 b_bk = bond_factors(work.bond, widths, bonds, peculiar_nc, frame.velocities)
                 deposit.add_bonds(x_nc[bonds.i], bonds.r_bc, b_bk, thread=thread)
+            if stage.seeking:
+                stage.strongest.add(bonds, thread)
             few = bonds if near is None else near.take(bonds)
             if len(few):
                 b_bk = bond_factors(work.bond, widths, few, peculiar_nc, frame.velocities)
@@ -330,7 +380,13 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums):
         frame, consume if wanted else None, threads=threads, energies=bool(work.energy_users), forces=False, **more
     )
     if deposit is not None:
-        sums[0].bond.update(_columns(work.bond, BOND, deposit.bond_sums()))
+        exact = 0.0
+        if stage.strongest is not None:
+            strong = stage.strongest.sort_out()
+            b_bk = bond_factors(work.bond, widths, strong, peculiar_nc, frame.velocities)
+            exact = put_right(deposit, stage, x_nc, strong, b_bk)
+            stage.strong_g = np.abs(exact[:, : BOND[work.bond[0]].width]).max(1)
+        sums[0].bond.update(_columns(work.bond, BOND, deposit.bond_sums() + exact))
         at_points = check.bond_sums()
         sums[1].bond.update(_columns(work.bond, BOND, at_points[:, : work.n_bond]))
         if size:
@@ -355,10 +411,22 @@ def _columns(names, sources, total_gk) -> dict[str, np.ndarray]:
     return dict(zip(names, np.split(total_gk, ends[:-1], axis=1), strict=True))
 
 
+def _checkable(work) -> list:
+    """The fields that points around the strongest bonds can be computed for: those of sums over bonds and atoms alone."""
+    return [
+        q for q in work.quantities if q.kind == "grid" and q.bond and not (q.on_reference or q.gather or q.gradient or q.point or q.whole)
+    ]
+
+
 def _site_pass(frame, work, stage, factors, sums):
     """One pass over the atoms for every sum over them."""
+    add_sites(frame, work, zip(stage.targets, sums), factors)
+
+
+def add_sites(frame, work, targets, factors):
+    """The sums over atoms at some targets: (Target, Sums) pairs."""
     a_nk = factors.columns(work.site)
-    for target, s in zip(stage.targets, sums):
+    for target, s in targets:
         s.site.update(_columns(work.site, SITE, target.sites(frame.positions, a_nk)))
         if "kinetic" in work.site and "momentum" in work.site:
             local_shifts(s, target, frame.positions, factors, flux="kinetic_flux" in work.site)

@@ -119,9 +119,7 @@ class NearPoints:
         marked = np.zeros(bins, np.bool_)
         pad = (radius + half) / cell.heights / span * bins
         _mark((s - low) / span * bins, pad, (radius + half) ** 2, edges, np.array(cell.periodic), marked)
-        at = np.floor((a_n - low) / span * bins).astype(np.int64)
-        at = np.where(cell.periodic, at % bins, np.clip(at, 0, bins - 1))
-        self.near_n = marked[tuple(at.T)]
+        self.near_n = _marked(a_n, low, bins / span, np.array(cell.periodic), marked)
         self.all = bool(self.near_n.mean() > 0.7) if len(a_n) else True
 
     def which(self, i, j, r_bc):
@@ -158,6 +156,20 @@ def _mark(p_ga, pad, limit2, edges, periodic, marked):
                         d2 += d * d
                     if d2 <= limit2:
                         marked[c0 % n0, c1 % n1, c2 % n2] = True
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _marked(a_nc, low, scale, periodic, marked):
+    """Whether each atom's bin is marked."""
+    out = np.empty(len(a_nc), np.bool_)
+    at = np.empty(3, np.int64)
+    for n in range(len(a_nc)):
+        for c in range(3):
+            k = np.int64(np.floor((a_nc[n, c] - low[c]) * scale[c]))
+            m = marked.shape[c]
+            at[c] = k % m if periodic[c] else min(max(k, 0), m - 1)
+        out[n] = marked[at[0], at[1], at[2]]
+    return out
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

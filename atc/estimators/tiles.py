@@ -44,6 +44,7 @@ class Task:
     threads: int
     index: int
     check_points: int
+    tolerance: float
     drift: np.ndarray
     horizon: float | None
 
@@ -60,8 +61,8 @@ class _Spot:
             return
         self.deposit = self.main.open(n_bond, key)
         if place.bound.kind != "slab":
-            reach = checker.target.summed_kern = checking_kernel(place.kern, task.methods)
-            points = place.bound.relative_points_gc[checker.which]
+            reach = checker.target.summed_kern = checking_kernel(place.kern, task.methods, task.tolerance)
+            points = place.bound.relative_points_of(checker.which)
             self.near = NearPoints(points, reach.support, max(task.pot.cutoff, 0.0), place.cell, x_nc) if len(points) else None
         self.check = checker.target.open(n_bond + size)
 
@@ -190,6 +191,7 @@ def bond_pass(frame, settings, work, stage, reference, factors, sums, index: int
         settings.threads,
         index,
         settings.check_points,
+        settings.tolerance,
         factors.drift,
         horizon,
     )

@@ -1,0 +1,338 @@
+"""Where the error of an approximate sum over bonds is likely to be largest: around the strongest bonds of a frame.
+
+A few strong bonds can make most of an error, all of it within the kernel's reach of them, and a hundred random points of a large grid need not have one that
+is near. So the strongest bonds are remembered as they stream by. Most of them are summed exactly, a thousandth of a percent of all: sums are linear, so that
+they can be taken out of an approximate one. The strongest of those left are watched: the error that they make alone is known at every grid point, and where it
+is largest the fields are computed exactly. That needs few atoms: those around the points, as an open cluster.
+
+Which bonds and points these are depends on the frame alone, not on threads or on who computes it.
+"""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+
+import numpy as np
+from numba import njit
+
+from ..bonds import Bonds
+from ..deposit import make
+from ..errors import AtcError
+from .accuracy import Check
+from .registry import BOND
+from .sources import bond_factors
+from .target import NearPoints, Target
+from .tensors import outer6
+
+#: Of the strongest bonds as many are summed exactly, one for so many atoms.
+EXACTLY, ATOMS_EACH = 1024, 32
+#: How much stronger than the mean those are: more than what the spectral deposit takes for strong (`deposit.spread.STRONG`).
+STRONG = 24.0
+#: The strongest of those left, whose error is looked at; points (some of them come
+#: before all others) and places, with several points around them, where all fields are computed exactly.
+WATCHED, POINTS, FIRST, PLACES = 64, 32, 12, 6
+#: Points where the bonds that are summed exactly are felt, and how much of their largest sum counts as that: nothing may be left of their approximation.
+FELT, FEEL = 12, 3e-3
+
+
+class Strongest:
+    """The strongest bonds of a frame, by |F| |r|; `add` may be called from several threads.
+
+    Attributes
+    ----------
+    exactly : how many of them are to be summed exactly, at most before `sort_out`
+    """
+
+    def __init__(self, x_nc, threads):
+        self.x_nc = x_nc
+        self.exactly = int(np.clip(len(x_nc) // ATOMS_EACH, 16, EXACTLY))
+        self.most = self.exactly + WATCHED
+        self._found: list[tuple | None] = [None] * threads  # keys, Bonds
+        self._floor = [0.0] * threads
+        self._sizes = np.zeros((threads, 2))  # sum, and number
+        self._ranked: Bonds | None = None
+
+    def add(self, bonds, thread):
+        if bonds.F_bc is None:
+            k, keys, total = _above(self.x_nc, bonds.i, bonds.r_bc, np.abs(bonds.G_b), True, self._floor[thread])
+        else:
+            size_b = np.linalg.norm(bonds.F_bc, axis=1) * np.linalg.norm(bonds.r_bc, axis=1)
+            k, keys, total = _above(self.x_nc, bonds.i, bonds.r_bc, size_b, False, self._floor[thread])
+        self._sizes[thread] += total, len(bonds)
+        if not len(k):
+            return
+        some = taken(bonds, k)
+        if self._found[thread] is not None:
+            keys = np.concatenate([self._found[thread][0], keys])
+            some = Bonds.concatenate([self._found[thread][1], some])
+        if len(keys) > 1.5 * self.most:
+            best = np.argpartition(keys, -self.most)[-self.most :]
+            keys, some = keys[best], taken(some, best)
+            self._floor[thread] = float(keys.min())
+        self._found[thread] = keys, some
+
+    def ranked(self) -> Bonds:
+        """All that count, strongest first."""
+        if self._ranked is None:
+            found = [f for f in self._found if f is not None]
+            if not found:
+                return Bonds.empty()
+            keys = np.concatenate([f[0] for f in found])
+            order = np.argsort(-keys, kind="stable")[: self.most]
+            self._ranked = taken(Bonds.concatenate([f[1] for f in found]), order)
+        return self._ranked
+
+    @property
+    def mean(self) -> float:
+        """Mean |F| |r| of all bonds."""
+        total, count = self._sizes.sum(0)
+        return float(total / max(count, 1.0))
+
+    def sort_out(self) -> Bonds:
+        """Those that are to be summed exactly: the ones that are really strong against the mean of all bonds."""
+        known = self.ranked()
+        size_b = np.linalg.norm(known.forces(), axis=1) * np.linalg.norm(known.r_bc, axis=1)
+        weak = size_b <= STRONG * self.mean
+        self.exactly = min(self.exactly, int(np.argmax(weak)) if weak.any() else len(known))
+        return taken(known, slice(self.exactly))
+
+    def watched(self, cell):
+        """Those left, strongest first: where they begin (s, 3), in the cell; their vectors (s, 3); one component of their stress factors (s, 1), the largest of the first."""
+        few = taken(self.ranked(), slice(self.exactly, None))
+        if few.F_bc is None:
+            b = outer6(few.r_bc) * few.G_b[:, None]
+        else:
+            b = -(few.r_bc[:, :, None] * few.F_bc[:, None, :]).reshape(-1, 9)
+        k = int(np.abs(b[0]).argmax()) if len(few) else 0
+        b = b[:, k : k + 1]
+        return cell.wrap(self.x_nc[few.i])[0], few.r_bc, np.ascontiguousarray(b[:, :1])
+
+
+def taken(bonds, k) -> Bonds:
+    """Some of the bonds, copied."""
+    more = {name: a[k].copy() for name in ("D_bdc", "F_bc") if (a := getattr(bonds, name)) is not None}
+    return Bonds(bonds.i[k].copy(), bonds.j[k].copy(), bonds.r_bc[k].copy(), bonds.G_b[k].copy(), **more)
+
+
+def put_right(deposit, stage, x_nc, bonds, b_bk) -> np.ndarray:
+    """Take bonds out of an approximate deposit that has them; returns their exact sums (g, k), as exact as those that errors are measured with."""
+    target = stage.main
+    deposit.add_strong(x_nc[bonds.i], bonds.r_bc, -b_bk)
+    exact = make("direct", target.bound, stage.reach, target.cell, 0, b_bk.shape[1])
+    exact.add_bonds(x_nc[bonds.i], bonds.r_bc, b_bk)
+    return exact.bond_sums()
+
+
+def nearest_image(d, cell):
+    return d - np.where(cell.periodic, np.rint(d @ cell.inverse), 0.0) @ cell.vectors
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _above(x_nc, i, r_bc, size_b, squared, floor):
+    """Indices and keys of the bonds whose key is above `floor`; the sum of all sizes. Equal bonds, as in a crystal, get keys that differ a little, by where they are."""
+    n, total = 0, 0.0
+    which, keys = np.empty(len(i), np.int64), np.empty(len(i))
+    for b in range(len(i)):
+        size = size_b[b]
+        if squared:
+            size *= r_bc[b, 0] * r_bc[b, 0] + r_bc[b, 1] * r_bc[b, 1] + r_bc[b, 2] * r_bc[b, 2]
+        total += size
+        if size * 1.01 <= floor or size == 0.0:
+            continue
+        a = i[b]
+        u = np.sin(
+            12.9898 * x_nc[a, 0] + 78.233 * x_nc[a, 1] + 37.719 * x_nc[a, 2] + 3.7 * r_bc[b, 0] + 5.1 * r_bc[b, 1] + 7.3 * r_bc[b, 2]
+        )
+        key = size * (1.0 + 0.01 * abs(u))
+        if key > floor:
+            which[n], keys[n] = b, key
+            n += 1
+    return which[:n], keys[:n], total
+
+
+def error_map(approximate, exact, bonds, typical) -> tuple[np.ndarray, np.ndarray]:
+    """(g,) the error that a few bonds alone make at every grid point, and their exact sum.
+
+    approximate, exact : empty deposits for one component
+    typical : (1,) how large they are on average, which says how closely they are integrated
+    """
+    approximate.add_among(*bonds, typical)
+    exact.add_bonds(*bonds)
+    sums_g = exact.bond_sums()[:, 0]
+    return np.abs(approximate.bond_sums()[:, 0] - sums_g), sums_g
+
+
+def felt_points(strong_g, index) -> np.ndarray:
+    """A few points, at random but always the same ones, where the strongest bonds' sum is not small against its largest value."""
+    where = np.flatnonzero(strong_g > FEEL * strong_g.max(initial=0.0))
+    return np.random.default_rng([20261124, index]).permutation(where)[:FELT]
+
+
+def worst_points(error_g) -> np.ndarray:
+    """The points with the largest errors, largest first: more than are needed."""
+    many = min(len(error_g), 8 * POINTS)
+    best = np.argpartition(-error_g, many - 1)[:many]
+    return best[np.lexsort((best, -error_g[best]))][: int(np.count_nonzero(error_g))]
+
+
+def placed(bound, candidates, most, centres, apart):
+    """The first of some grid points that lie around a few places.
+
+    Parameters
+    ----------
+    candidates, most : indices of points, in order; how many of them are taken at most
+    centres : (s, 3) of bonds, relative to the cell's origin: possible places
+    apart : how far apart two places are, and a point at most from its own
+
+    Returns
+    -------
+    which : (h,) indices of the points, ascending
+    xyz : (h, 3) where they are, or the periodic images of them that are near their place, relative to the cell's origin
+    places : (p, 3)
+    """
+    places, chosen = [], {}
+    for g, point in zip(candidates, bound.relative_points_of(candidates)):
+        if len(chosen) == most:
+            break
+        near = [nearest_image(point - p, bound.cell) for p in places]
+        k = int(np.argmin([np.linalg.norm(d) for d in near])) if near else -1
+        if k < 0 or np.linalg.norm(near[k]) > apart:
+            if len(places) == PLACES:
+                continue
+            d = nearest_image(point - centres, bound.cell)
+            c = int(np.argmin(np.linalg.norm(d, axis=1)))
+            places.append(centres[c])
+            k, near = len(places) - 1, [*near, d[c]]
+        chosen[int(g)] = places[k] + near[k]
+    which = np.array(sorted(chosen), np.int64)
+    return which, np.array([chosen[g] for g in which]).reshape(-1, 3), np.array(places).reshape(-1, 3)
+
+
+def cluster_around(frame, centres, radius):
+    """Atoms and their images within `radius` of any of some points (relative to the cell's origin): an open frame, which atoms, None if they are too many."""
+    from .tiles import _cluster
+
+    cell = frame.cell
+    s = cell.fractional(frame.positions)
+    s -= np.where(cell.periodic, np.floor(s), 0.0)
+    most = len(frame) // 2
+    n, index, image = _around(s, centres @ cell.inverse, radius / cell.heights, radius**2, cell.vectors, np.array(cell.periodic), most)
+    if n > most:
+        return None
+    return _cluster(frame, cell.cartesian(s), index[:n], image[:n]), index[:n]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _around(s_nc, p_pc, wide, limit2, vectors, periodic, most):
+    index, image = np.empty(most, np.int64), np.empty((most, 3), np.int64)
+    n = 0
+    lo, hi = np.zeros(3, np.int64), np.zeros(3, np.int64)
+    for a in range(len(s_nc)):
+        first = n
+        for p in range(len(p_pc)):
+            none = False
+            for c in range(3):
+                d = p_pc[p, c] - s_nc[a, c]
+                if periodic[c]:
+                    lo[c], hi[c] = np.int64(np.ceil(d - wide[c])), np.int64(np.floor(d + wide[c]))
+                    none |= lo[c] > hi[c]
+                else:
+                    none |= abs(d) > wide[c]
+            if none:
+                continue
+            for k0 in range(lo[0], hi[0] + 1):
+                for k1 in range(lo[1], hi[1] + 1):
+                    for k2 in range(lo[2], hi[2] + 1):
+                        d0, d1, d2 = s_nc[a, 0] + k0 - p_pc[p, 0], s_nc[a, 1] + k1 - p_pc[p, 1], s_nc[a, 2] + k2 - p_pc[p, 2]
+                        far = 0.0
+                        for c in range(3):
+                            x = d0 * vectors[0, c] + d1 * vectors[1, c] + d2 * vectors[2, c]
+                            far += x * x
+                        if far > limit2:
+                            continue
+                        known = False
+                        for m in range(first, n):
+                            known |= image[m, 0] == k0 and image[m, 1] == k1 and image[m, 2] == k2
+                        if known:
+                            continue
+                        if n == most:
+                            return n + 1, index, image
+                        index[n], image[n, 0], image[n, 1], image[n, 2] = a, k0, k1, k2
+                        n += 1
+    return n, index, image
+
+
+class HotPoints:
+    """The points around the strongest bonds of a frame, and the exact sums over bonds there.
+
+    strong_g : (g,) largest component of the exact sums of those bonds that are summed exactly
+    check : Check with these points
+    """
+
+    def __init__(self, frame, settings, stage, strongest, strong_g, index):
+        kern, bound = stage.main.kern, stage.bound
+        self.frame, self.settings, self.stage = frame, settings, stage
+        bonds = strongest.watched(frame.cell)
+        candidates = felt_points(strong_g, index)
+        if len(bonds[0]):
+            exact = make("direct", bound, stage.reach, frame.cell, 0, 1)
+            error_g, _ = error_map(stage.main.make("bond", 0, 1), exact, bonds, np.array([strongest.mean / 3.0]))
+            worst = worst_points(error_g)
+            candidates = np.r_[worst[:FIRST], candidates, worst[FIRST:]]
+        known = strongest.ranked()
+        centres = frame.cell.wrap(frame.positions[known.i])[0] - 0.5 * known.r_bc - frame.cell.origin
+        self.which, self.xyz, self.places = placed(bound, candidates, FELT + POINTS, centres, 1.5 * kern.radius)
+        self.check = Check(bound, kern, frame.cell, settings.threads, index, 0, which=self.which)
+        self.check.target.summed_kern = stage.reach
+        self.check.target.place(frame.positions)
+
+    def __len__(self):
+        return len(self.which)
+
+    def bond_sums(self, names, drift) -> np.ndarray:
+        """(h, k) the named sums over bonds, exactly."""
+        widths = [BOND[name].width for name in names]
+        pot, threads, reach = self.settings.pot, self.settings.threads, self.stage.reach.support
+        few = self._cluster(pot, reach)
+        if few is None:
+            frame, target = self.frame, self.check.target
+            points = self.stage.bound.relative_points_of(self.which)
+            anchor = self.settings.anchor
+            context = nullcontext() if anchor is None else anchor.at(frame)
+        else:
+            from ..frame import Cell
+            from ..grids import BoundGrid
+
+            frame, points, context = few, self.xyz, nullcontext()
+            home = Cell(frame.cell.vectors, (0.0, 0.0, 0.0), (False, False, False))
+            target = Target({}, BoundGrid("points", home, ("point",), xyz=np.ascontiguousarray(points)), self.check.target.kern, home, threads, origin=frame.cell.origin)  # fmt: skip
+            target.summed_kern = self.stage.reach
+        target.place(frame.positions)
+        near = NearPoints(points, reach, max(pot.cutoff, 0.0), frame.cell, frame.positions)
+        deposit = target.open(sum(widths))
+        peculiar_nc = frame.velocities - drift if "power" in names else None
+
+        def consume(bonds, thread):
+            some = near.take(bonds)
+            if len(some):
+                b_bk = bond_factors(names, widths, some, peculiar_nc, frame.velocities)
+                deposit.add_bonds(frame.positions[some.i], some.r_bc, b_bk, thread=thread)
+
+        more = {"sources": True} if any(BOND[name].sources for name in names) else {}
+        with context:
+            pot.stream(frame, consume, threads=threads, energies=False, forces=False, **more)
+        return deposit.bond_sums()
+
+    def _cluster(self, pot, reach):
+        """The atoms that matter as an open frame; None where all of them must be asked."""
+        from .tiles import depth
+
+        if self.frame.topology or not hasattr(pot, "terms") or not getattr(pot, "central", True):
+            return None
+        try:
+            deep = depth(pot)
+        except AtcError:
+            return None
+        near = np.linalg.norm(self.xyz[:, None] - self.places, axis=2).min(1)
+        found = cluster_around(self.frame, self.places, near.max(initial=0.0) + reach + deep)
+        return None if found is None else found[0]

@@ -1,0 +1,88 @@
+"""Before the first frame is deposited: how far above the tolerance the spectral method may start.
+
+Its own tolerance is relative to a field of independent sources, whose sum grows as the root of their number. Stresses are mostly coherent, larger; errors
+then are far below the tolerance asked for, in shaken argon fifty to a hundred times. Not always: where a few strong bonds make both the largest value and the
+largest error they are not, nor where attraction and repulsion cancel. One pass over the bonds tells: the field's mean, the strongest bonds, whose error is
+computed alone at every grid point, and the sum of squares of the others, whose errors add up at random. The check of the first frame has the last word.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from .deposit import make
+from .estimators.accuracy import BEYOND, CutGaussian
+from .estimators.hot import WATCHED, Strongest, error_map, taken
+from .estimators.tensors import outer6
+from .kernels import Gaussian
+
+#: Largest over rms error of many points, and the rms error over the tolerance asked for: measured on shaken silicon.
+PEAK, PART = 4.5, 0.3
+
+
+class Pilot:
+    """What one pass over the bonds of a frame says of the stress's error.
+
+    Parameters
+    ----------
+    pot, frame : Potential, and Frame in internal units
+    bound : BoundGrid. kern : Kernel in internal units. tolerance : of the result
+    """
+
+    def __init__(self, pot, frame, bound, kern, tolerance, threads=1):
+        if isinstance(kern, Gaussian):
+            kern = CutGaussian(kern.width, BEYOND * tolerance)
+        self.bound, self.kern, self.cell = bound, kern, frame.cell
+        strongest = Strongest(frame.positions, threads)
+        totals = [np.zeros((2, 6)) for _ in range(threads)]
+
+        def consume(bonds, thread):
+            _add(bonds.r_bc, bonds.G_b, totals[thread])
+            strongest.add(bonds, thread)
+
+        pot.stream(frame, consume, threads=threads)
+        total, square = sum(totals)
+        strong = strongest.sort_out()
+        self.few = strongest.watched(frame.cell)
+        self.typical = np.array([strongest.mean / 3.0])
+        V, known = frame.cell.volume, strongest.ranked()
+        rest = square - ((outer6(known.r_bc) * known.G_b[:, None]) ** 2).sum(0)
+        self.noise = float(np.sqrt(max(rest.max(), 0.0) / V * roughness(kern)))
+        self.mean = float(np.abs(total).max(initial=0.0)) / V
+        # The largest value is at least what the strongest bonds make, and the others do not take away.
+        strong = taken(strong, slice(WATCHED))
+        exact = make("direct", bound, kern, frame.cell, 0, 6, threads)
+        exact.add_bond_stress(frame.positions, strong.i, strong.r_bc, strong.G_b)
+        peak = float(np.abs(exact.bond_sums()).max(initial=0.0))
+        self.largest = max(self.mean, peak - self.mean - 3.0 * self.noise, 2.0 * self.noise)
+
+    def error(self, deposit) -> float:
+        """The expected largest error over the largest value of a spectral deposit's stress; `deposit` is empty, for one component."""
+        if not len(self.few[0]) or not self.largest > 0:
+            return 1.0
+        error_g, _ = error_map(deposit, make("direct", self.bound, self.kern, self.cell, 0, 1), self.few, self.typical)
+        return (float(error_g.max(initial=0.0)) + PART * PEAK * deposit.tolerance * self.noise) / self.largest
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add(r_bc, G_b, totals):
+    """Sums of the stress factors, and of their squares, xx yy zz yz xz xy."""
+    for b in range(len(G_b)):
+        x, y, z, G = r_bc[b, 0], r_bc[b, 1], r_bc[b, 2], G_b[b]
+        for k, v in enumerate((x * x, y * y, z * z, y * z, x * z, x * y)):
+            totals[0, k] += G * v
+            totals[1, k] += (G * v) ** 2
+
+
+def roughness(kern) -> float:
+    """∫ φ² dV of a kernel: what the variance of a field of independent sources is proportional to."""
+    from .deposit.fourier import phi_hat
+    from .kernels import BSpline
+
+    k = (np.arange(4000) + 0.5) * (0.05 / kern.radius)
+    dk = k[1] - k[0]
+    if isinstance(kern, BSpline):
+        return float((2 * np.sum(np.sinc(k * 0.25 * kern.radius / np.pi) ** 8) * dk / (2 * np.pi)) ** 3)
+    hat = phi_hat(kern, np.stack([k, 0 * k, 0 * k], 1))
+    return float(np.sum(hat**2 * k**2) * dk / (2 * np.pi**2))
