@@ -210,7 +210,7 @@ def placed(bound, candidates, most, centres, apart):
 
 def cluster_around(frame, centres, radius):
     """Atoms and their images within `radius` of any of some points (relative to the cell's origin): an open frame, which atoms, None if they are too many."""
-    from .tiles import _cluster
+    from .cutting import cluster
 
     cell = frame.cell
     s = cell.fractional(frame.positions)
@@ -219,7 +219,7 @@ def cluster_around(frame, centres, radius):
     n, index, image = _around(s, centres @ cell.inverse, radius / cell.heights, radius**2, cell.vectors, np.array(cell.periodic), most)
     if n > most:
         return None
-    return _cluster(frame, cell.cartesian(s), index[:n], image[:n]), index[:n]
+    return cluster(frame, cell.cartesian(s), index[:n], image[:n]), index[:n]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -325,7 +325,7 @@ class HotPoints:
 
     def _cluster(self, pot, reach):
         """The atoms that matter as an open frame; None where all of them must be asked."""
-        from .tiles import depth
+        from .cutting import depth
 
         if self.frame.topology or not hasattr(pot, "terms") or not getattr(pot, "central", True):
             return None
