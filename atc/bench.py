@@ -16,7 +16,7 @@ import numpy as np
 
 from .errors import AtcError, AtcWarning
 
-TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8)
+TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8)
 #: A rung that took less than this is run once more, and the better time counts.
 SHORT = 5.0
 #: CPU seconds that the exact sum may take; beyond, errors are measured at random points instead, and against the closest spectral result.
@@ -139,8 +139,7 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
     ------
     AtcError for a request without fields on a grid.
     """
-    from .choose import choose, spectral_deposit
-    from .costs import Load
+    from .choose import spectral_deposit
     from .costs import direct as direct_seconds
     from .costs import spectral as spectral_seconds
     from .estimators.compute import Settings, frame_fields
@@ -206,7 +205,7 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
         progress(f"spectral, tolerance {t:g}")
         # Forced, so that the rung is what it says and nothing is refined.
         methods = {k: Method("spectral", t, "bench", (), True) for k in keys}
-        result, cpu, wall = run(replace(settings, methods=methods))
+        result, cpu, wall = run(replace(settings, methods=methods, tolerance=t))
         d = deposits[keys[-1]]
         about = f"mesh {' x '.join(str(int(k)) for k in d.mesh)}, window {d.parameters.width}"
         found = result.errors[name]
@@ -228,17 +227,7 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
         binned = _binned(frame, request, bound, exact)
         if binned is not None:
             rungs.append(binned)
-    chosen = choose(
-        "auto",
-        request.tolerance,
-        request.costs,
-        work,
-        {k: bound for k in keys},
-        kern,
-        {k: frame.cell for k in keys},
-        len(frame),
-        load or Load(),
-    )
+    chosen = request.methods_for(work)
     main = chosen[keys[-1]]
     candidates = [r for r in rungs if (r.method == "spectral") == (not main.exact) and r.method in ("spectral", "direct", "slab")]
     if candidates:

@@ -126,11 +126,11 @@ class Request:
             self.threads, self.workers = self.threads or self.workers, 1
         self.threads = int(self.threads or max(1, cpus() // self.workers))
         self.workers = int(self.workers)
-        self.methods = self._choose()
+        self.methods = self.methods_for(self.work, self.method)
 
-    def _choose(self) -> dict[str, Method]:
+    def methods_for(self, work: Work, method: str = "auto") -> dict[str, Method]:
         """The method of each deposit, by the cost model and the first frame: the same for every frame, whoever computes it."""
-        work, frame = self.work, self.first
+        frame = self.first
         if self.kern is None or self.grid is None or (work.bond_users and self.pot is None):
             return {}
         from .choose import choose
@@ -150,7 +150,7 @@ class Request:
         load = self.load if work.bond or work.reference_bond else Load()
         pilot = self._pilot if work.bond == ["stress"] and self.tiles is None and hasattr(self.pot, "terms") else None
         kern, n = self.kernel_internal, len(frame)
-        return choose(self.method, self.tolerance, self.costs, work, bounds, kern, cells, n, load, pilot, self.n_frames)
+        return choose(method, self.tolerance, self.costs, work, bounds, kern, cells, n, load, pilot, self.n_frames)
 
     def _pilot(self):
         """A pass over the bonds of the first frame; see there."""
