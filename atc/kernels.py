@@ -303,6 +303,8 @@ class Gaussian(Kernel):
     """exp(−ρ²/2w²)/((2π)^{3/2} w³), cut where it is 1e-16 of its peak."""
 
     name = "gaussian"
+    #: Relative accuracy of bond functions.
+    accuracy = 1e-17
 
     def __init__(self, width):
         self.width = float(width)

@@ -160,7 +160,7 @@ _TERMS = 48
 
 @nb.njit(**JIT_FMA)
 def gaussian_constants(length, R, c_mk, piece, r_bc, frame_bcc, b, k):
-    """c0 exp(−ρ²/2w²), w = c1. With y = s²(D − ½), s = |r|/√2 w, the mean over the bond is
+    """c0 exp(−ρ²/2w²), w = c1, to a relative accuracy of c2 (1e-17 is exact). With y = s²(D − ½), s = |r|/√2 w, the mean over the bond is
     exp(−s²(D − ½)²) ∫ exp(−s²t²) cosh(2yt) dt over |t| < ½ = exp(..) Σ_j y^2j 4^j/(2j)! ∫ t^2j exp(−s²t²) dt: all terms are positive.
     """
     s = length / (sqrt(2.0) * c_mk[piece, 1])
@@ -176,7 +176,7 @@ def gaussian_constants(length, R, c_mk, piece, r_bc, frame_bcc, b, k):
     last = 1
     term = z * z / 2.0
     total = 1.0 + term
-    while term > 1e-17 * total and last < _TERMS:
+    while term > c_mk[piece, 2] * total and last < _TERMS:
         last += 1
         term *= z * z / (2.0 * last * (2.0 * last - 1.0))
         total += term
@@ -187,7 +187,7 @@ def gaussian_constants(length, R, c_mk, piece, r_bc, frame_bcc, b, k):
     integral = 0.0
     term = 2.0 * half * e / (2.0 * last + 1.0)
     j = last
-    while term > 1e-18 * integral:
+    while term > 0.1 * c_mk[piece, 2] * integral:
         integral += term
         j += 1
         term *= 0.5 * s * s / (2.0 * j + 1.0)

@@ -25,7 +25,7 @@ def family(kernel):
     """(name of the β function in `_beta`, radii (m,) largest first, coefficients (m, 5) with the normalisation included)."""
     coef = np.zeros((1, 5))
     if isinstance(kernel, Gaussian):
-        coef[0, :2] = kernel.normalisation, kernel.width
+        coef[0, :3] = kernel.normalisation, kernel.width, kernel.accuracy
         return "gaussian", np.array([kernel.support]), coef
     if isinstance(kernel, BSpline):
         coef[0, :2] = kernel.normalisation, 0.5 * kernel.radius
@@ -342,11 +342,8 @@ class SlabDeposit(Deposit):
         self.normal = _array(self.cell.inverse[:, a] * self.height)
         marginal = kernel.marginal(self.normal)
         if isinstance(marginal, GaussianMarginal):
-            name, self.radii, self.coef = (
-                "gaussian",
-                np.array([marginal.support]),
-                np.array([[marginal.normalisation, marginal.width]]),
-            )
+            name, self.radii = "gaussian", np.array([marginal.support])
+            self.coef = np.array([[marginal.normalisation, marginal.width, Gaussian.accuracy]])
         else:
             order = np.argsort(-marginal.radii)
             name, self.radii, self.coef = "polynomial", marginal.radii[order], np.ascontiguousarray(marginal.coef_mk[order])

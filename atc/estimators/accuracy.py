@@ -32,6 +32,8 @@ class CutGaussian(Gaussian):
 
         # ∫ beyond r of the normalised Gaussian is 1 − P(3/2, r²/2w²).
         self._support = min(super().support, width * float(np.sqrt(2.0 * gammaincinv(1.5, 1.0 - beyond))))
+        # The bond function's series need not go further than that either.
+        self.accuracy = max(1e-3 * beyond, Gaussian.accuracy)
 
     @property
     def support(self):
