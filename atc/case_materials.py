@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 
-from .scene_schema import Key, _boolean, _number, _positive, _string, guess
+from .scene_schema import Key, _boolean, _not_negative, _number, _positive, _string, guess
 
 
 def _influence(v):
@@ -22,12 +22,6 @@ def _influence(v):
 def _correction(v):
     if v is not False and v != "energy":
         raise ValueError
-    return v
-
-
-def _not_negative(v):
-    if _number(v) < 0:
-        raise ValueError("it must not be negative")
     return v
 
 

@@ -6,7 +6,7 @@ from itertools import pairwise
 from typing import Any
 
 from .scene_schema import SCHEMA as SCENE
-from .scene_schema import Key, _boolean, _choice, _count, _either, _integer, _list_of, _number, _positive, _seed, _string
+from .scene_schema import Key, _boolean, _choice, _count, _either, _integer, _list_of, _not_negative, _number, _positive, _seed, _string
 
 SHAPES = {"box": ("lo", "hi"), "cylinder": ("axis", "center", "radius", "lo", "hi"), "sphere": ("center", "radius")}
 
@@ -15,12 +15,6 @@ def _bound(v):
     """A number, also inf and -inf: an open side."""
     if isinstance(v, bool) or not isinstance(v, (int, float)) or v != v:
         raise ValueError
-    return v
-
-
-def _not_negative(v):
-    if _number(v) < 0:
-        raise ValueError("it must not be negative")
     return v
 
 

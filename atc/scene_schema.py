@@ -23,6 +23,12 @@ def _number(v):
     return v
 
 
+def _not_negative(v):
+    if _number(v) < 0:
+        raise ValueError("it must not be negative")
+    return v
+
+
 def _positive(v):
     if _number(v) <= 0:
         raise ValueError("it must be greater than 0")
