@@ -35,7 +35,9 @@ def kernel_shape(text: str):
                 f"{path}: no such file; --kernel takes {', '.join(KERNELS)}, a formula of s, or a file with two columns"
             ) from None
         except ValueError as e:
-            raise AtcError(f"{path}: {e}; expected two columns of numbers, s = |z|/horizon from 0 to 1 and b(s)") from None
+            raise AtcError(
+                f"{path}: {e}; expected two columns of numbers, s = |z|/horizon from 0 to 1 and b(s); a line of names begins with #"
+            ) from None
         if (
             table.shape[1] != 2
             or len(table) < 2

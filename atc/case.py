@@ -300,6 +300,12 @@ class Case(Document):
             raise AtcError(f"{where}: no permission to write in {path.parent}: choose another place")
         if path.exists() and not overwrite:
             raise AtcError(f"{where}: {path} exists: give --overwrite to replace it, or another name")
+        # What an interrupted run has left of them is its own.
+        begun = path.with_name(path.name + ".partial").exists()
+        for key in () if overwrite or begun else ("vtk", "extxyz", "restart"):
+            other = self.path("output", key)
+            if other is not None and other.exists():
+                raise self.bad(("output", key), f"{other} exists: give --overwrite to replace it, or another name")
         self.check_places()
         return path
 

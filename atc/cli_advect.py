@@ -32,7 +32,7 @@ def advect(
         ),
     ] = "gaussian",
     horizon: Annotated[
-        float, typer.Option("--horizon", metavar="D", help="Reach of the kernel (gaussian: three standard deviations).")
+        float, typer.Option("--horizon", metavar="D", help="Reach of the kernel; three standard deviations of gaussian, which reaches 3 D.")
     ] = 0.02,
     viscosity: Annotated[float, typer.Option("--viscosity", metavar="EPS", help="Strength of the regularisation; 0 is inviscid.")] = 0.01,
     flux: Annotated[str, typer.Option("--flux", metavar="NAME|FORMULA", help="burgers (u^2/2), or a formula of u.")] = "burgers",

@@ -46,6 +46,8 @@ def plot(ds, quantity=None, *, component=None, slice=None, axis=None, index=None
     from matplotlib.figure import Figure
 
     ds = load(ds)
+    if "equation" in ds.attrs and "x" in ds.dims:
+        raise AtcError("this is an output of atc advect, whose picture was written beside it (the same name, .png)")
     if ds.attrs.get("kind") == "peridynamics":
         from .node_pictures import plot_nodes
 

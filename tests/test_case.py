@@ -1,6 +1,7 @@
 """Cases of `atc pd`: what is wrong is named by its line, a run that was killed ends as if it had not been, bodies come from files, results go to other programs."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -287,6 +288,12 @@ def test_interrupted_run_continues_bitwise(tmp_path, sign):
     whole = Case.load(case).run(tmp_path / "whole.zarr", threads=1)
     end = dict(np.load(tmp_path / "end.npz"))
     out = tmp_path / "cut.zarr"
+    with pytest.raises(AtcError, match=r"\[output\] vtk: .*frames exists: give --overwrite"):
+        Case.load(case).output(out)
+    shutil.rmtree(tmp_path / "frames")
+    with pytest.raises(AtcError, match=r"\[output\] restart: .*end.npz exists"):
+        Case.load(case).output(out)
+    (tmp_path / "end.npz").unlink()
     process = subprocess.Popen(arguments(case, out), env=env, stderr=subprocess.PIPE, text=True)
     wait_for(tmp_path / "cut.zarr.partial" / "journal.jsonl", 4, process)
     process.send_signal(sign)

@@ -308,3 +308,9 @@ def test_equal_pictures_are_equal_files(tmp_path, suffix):
         made.append(path.read_bytes())
     assert made[0] == made[1]
     assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_an_output_of_advect_has_its_picture_already():
+    ds = xr.Dataset({"u": (("time", "x"), np.zeros((2, 4)))}, attrs={"equation": "u_t"})
+    with pytest.raises(AtcError, match="atc advect, whose picture was written beside it"):
+        plotting.plot(ds)
