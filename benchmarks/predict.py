@@ -62,7 +62,7 @@ def main():
         arguments = (frame, pot, kern, grid, what, tolerance)
         request = Request(*arguments, threads=1)
         request.costs = costs
-        request.methods = request._choose()
+        request.methods = request.methods_for(request.work, request.method)
         predicted = plan(request)
         seconds = predicted.cpu_seconds - predicted.parts["reading"]
         with warnings.catch_warnings():
