@@ -33,6 +33,11 @@ class Bonds:
     def __len__(self):
         return len(self.G_b)
 
+    def taken(self, k) -> Bonds:
+        """Some of the bonds: `k` is what numpy takes for one axis, copies of it unless a slice."""
+        more = {name: a[k] for name in ("D_bdc", "F_bc") if (a := getattr(self, name)) is not None}
+        return Bonds(self.i[k], self.j[k], self.r_bc[k], self.G_b[k], **more)
+
     def copy(self) -> Bonds:
         more = {name: a.copy() for name in ("D_bdc", "F_bc") if (a := getattr(self, name)) is not None}
         return Bonds(self.i.copy(), self.j.copy(), self.r_bc.copy(), self.G_b.copy(), **more)

@@ -13,7 +13,7 @@ from numba import njit
 
 from .deposit import make
 from .estimators.accuracy import BEYOND, CutGaussian
-from .estimators.hot import WATCHED, Strongest, error_map, taken
+from .estimators.hot import WATCHED, Strongest, error_map
 from .estimators.tensors import outer6
 from .kernels import Gaussian
 
@@ -51,7 +51,7 @@ class Pilot:
         self.noise = float(np.sqrt(max(rest.max(), 0.0) / V * roughness(kern)))
         self.mean = float(np.abs(total).max(initial=0.0)) / V
         # The largest value is at least what the strongest bonds make, and the others do not take away.
-        strong = taken(strong, slice(WATCHED))
+        strong = strong.taken(slice(WATCHED))
         exact = make("direct", bound, kern, frame.cell, 0, 6, threads)
         exact.add_bond_stress(frame.positions, strong.i, strong.r_bc, strong.G_b)
         peak = float(np.abs(exact.bond_sums()).max(initial=0.0))
@@ -61,7 +61,7 @@ class Pilot:
         """The expected largest error over the largest value of a spectral deposit's stress; `deposit` is empty, for one component."""
         if not len(self.few[0]) or not self.largest > 0:
             return 1.0
-        error_g, _ = error_map(deposit, make("direct", self.bound, self.kern, self.cell, 0, 1), self.few, self.typical)
+        error_g = error_map(deposit, make("direct", self.bound, self.kern, self.cell, 0, 1), self.few, self.typical)
         return (float(error_g.max(initial=0.0)) + PART * PEAK * deposit.tolerance * self.noise) / self.largest
 
 

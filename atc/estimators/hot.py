@@ -61,13 +61,13 @@ class Strongest:
         self._sizes[thread] += total, len(bonds)
         if not len(k):
             return
-        some = taken(bonds, k)
+        some = bonds.taken(k)
         if self._found[thread] is not None:
             keys = np.concatenate([self._found[thread][0], keys])
             some = Bonds.concatenate([self._found[thread][1], some])
         if len(keys) > 1.5 * self.most:
             best = np.argpartition(keys, -self.most)[-self.most :]
-            keys, some = keys[best], taken(some, best)
+            keys, some = keys[best], some.taken(best)
             self._floor[thread] = float(keys.min())
         self._found[thread] = keys, some
 
@@ -79,7 +79,7 @@ class Strongest:
                 return Bonds.empty()
             keys = np.concatenate([f[0] for f in found])
             order = np.argsort(-keys, kind="stable")[: self.most]
-            self._ranked = taken(Bonds.concatenate([f[1] for f in found]), order)
+            self._ranked = Bonds.concatenate([f[1] for f in found]).taken(order)
         return self._ranked
 
     @property
@@ -94,24 +94,17 @@ class Strongest:
         size_b = np.linalg.norm(known.forces(), axis=1) * np.linalg.norm(known.r_bc, axis=1)
         weak = size_b <= STRONG * self.mean
         self.exactly = min(self.exactly, int(np.argmax(weak)) if weak.any() else len(known))
-        return taken(known, slice(self.exactly))
+        return known.taken(slice(self.exactly))
 
     def watched(self, cell):
         """Those left, strongest first: where they begin (s, 3), in the cell; their vectors (s, 3); one component of their stress factors (s, 1), the largest of the first."""
-        few = taken(self.ranked(), slice(self.exactly, None))
+        few = self.ranked().taken(slice(self.exactly, None))
         if few.F_bc is None:
             b = outer6(few.r_bc) * few.G_b[:, None]
         else:
             b = -(few.r_bc[:, :, None] * few.F_bc[:, None, :]).reshape(-1, 9)
         k = int(np.abs(b[0]).argmax()) if len(few) else 0
-        b = b[:, k : k + 1]
-        return cell.wrap(self.x_nc[few.i])[0], few.r_bc, np.ascontiguousarray(b[:, :1])
-
-
-def taken(bonds, k) -> Bonds:
-    """Some of the bonds, copied."""
-    more = {name: a[k].copy() for name in ("D_bdc", "F_bc") if (a := getattr(bonds, name)) is not None}
-    return Bonds(bonds.i[k].copy(), bonds.j[k].copy(), bonds.r_bc[k].copy(), bonds.G_b[k].copy(), **more)
+        return cell.wrap(self.x_nc[few.i])[0], few.r_bc, np.ascontiguousarray(b[:, k : k + 1])
 
 
 def put_right(deposit, stage, x_nc, bonds, b_bk) -> np.ndarray:
@@ -150,16 +143,15 @@ def _above(x_nc, i, r_bc, size_b, squared, floor):
     return which[:n], keys[:n], total
 
 
-def error_map(approximate, exact, bonds, typical) -> tuple[np.ndarray, np.ndarray]:
-    """(g,) the error that a few bonds alone make at every grid point, and their exact sum.
+def error_map(approximate, exact, bonds, typical) -> np.ndarray:
+    """(g,) the error that a few bonds alone make at every grid point.
 
     approximate, exact : empty deposits for one component
     typical : (1,) how large they are on average, which says how closely they are integrated
     """
     approximate.add_among(*bonds, typical)
     exact.add_bonds(*bonds)
-    sums_g = exact.bond_sums()[:, 0]
-    return np.abs(approximate.bond_sums()[:, 0] - sums_g), sums_g
+    return np.abs(approximate.bond_sums()[:, 0] - exact.bond_sums()[:, 0])
 
 
 def felt_points(strong_g, index) -> np.ndarray:
@@ -276,7 +268,7 @@ class HotPoints:
         candidates = felt_points(strong_g, index)
         if len(bonds[0]):
             exact = make("direct", bound, stage.reach, frame.cell, 0, 1)
-            error_g, _ = error_map(stage.main.make("bond", 0, 1), exact, bonds, np.array([strongest.mean / 3.0]))
+            error_g = error_map(stage.main.make("bond", 0, 1), exact, bonds, np.array([strongest.mean / 3.0]))
             worst = worst_points(error_g)
             candidates = np.r_[worst[:FIRST], candidates, worst[FIRST:]]
         known = strongest.ranked()

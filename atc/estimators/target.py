@@ -130,9 +130,7 @@ class NearPoints:
         """Those bonds."""
         if self.all:
             return bonds
-        k = self.which(bonds.i, bonds.j, bonds.r_bc)
-        more = {name: a[k] for name in ("D_bdc", "F_bc") if (a := getattr(bonds, name)) is not None}
-        return Bonds(bonds.i[k], bonds.j[k], bonds.r_bc[k], bonds.G_b[k], **more)
+        return bonds.taken(self.which(bonds.i, bonds.j, bonds.r_bc))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

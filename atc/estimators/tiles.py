@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..bonds import Bonds
 from ..decomposers.base import Decomposition
 from ..errors import AtcError
 from ..frame import Cell
@@ -108,7 +107,7 @@ def tile_sums(tile: Tile, task: Task) -> dict:
         # Atoms of the tile have all their bonds here, whoever owns these.
         atoms.add(bonds, thread, R_bc)
         k = owned(bonds.i, bonds.j, tile.index_p, tile.own_p, tile.image_pc)
-        mine = Bonds(bonds.i[k], bonds.j[k], bonds.r_bc[k], bonds.G_b[k], None if bonds.D_bdc is None else bonds.D_bdc[k])
+        mine = bonds.taken(k)
         if not len(mine):
             return
         if R_bc is not None:
