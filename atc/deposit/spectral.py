@@ -13,12 +13,13 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from math import ceil, frexp
+from threading import Lock
 
 import numpy as np
 
 from ..errors import AtcError
-from . import fourier, spread
-from .direct import _NOT_FINITE, Deposit
+from . import fourier, moments, spread
+from .direct import _NOT_FINITE, Deposit, _array, stress_components
 from .modes import Modes, largest_modes, separable
 
 # Points a bond gets at most before it is cut into pieces.
@@ -27,6 +28,8 @@ MOST = 10
 LARGEST = 8.0e9
 # Points to spread in a ball of radius R/4, as in dense argon at R = 10 Å: what the choice between a fine mesh and a wide window goes by.
 DENSE = 200.0
+# The same where atoms carry moments: at R = 20 Å, a point of as many components as there are mesh nodes to pay for.
+DENSE_ATOMS = 36.0
 # What of the tolerance goes to the modes left out, to those that the mesh confuses, and to the bonds' points. The squares of the errors add up; the largest error
 # among many points over the largest value is up to twice what the same ratio of mean squares is: where modes decay slowly, what is left out gathers
 # at the kernel's centre and edge. Leaving out little is dear for those kernels, and cheap for the Gaussian.
@@ -54,7 +57,7 @@ class _Mesh:
         self.shape = tuple(int(n) for n in shape)
         self.row = spread.row_length(self.shape[2], lanes * np.dtype(real).itemsize)
         self.stored = (*self.shape[:2], self.row)
-        self.flat = _aligned(int(np.prod(self.stored)) * lanes, real)
+        self.flat = spread.aligned(int(np.prod(self.stored)) * lanes, real)
         self.total, self.scale, self.largest, self.points = None, 0.0, 0.0, 0
         self.rows = np.zeros(self.shape[:2], np.uint8)
 
@@ -67,7 +70,7 @@ class _Mesh:
 
     def flush(self, width):
         if self.total is None:
-            self.total = _aligned(len(self.flat), np.float64)
+            self.total = spread.aligned(len(self.flat), np.float64)
         self.largest = max(self.largest, self.scale)
         mesh, total = (a.reshape(*self.shape[:2], -1) for a in (self.flat, self.total))
         spread.flush(mesh, self.rows, width, total, self.scale)
@@ -82,7 +85,7 @@ class _Mesh:
         new.flat.reshape(*new.stored, -1)[at] = self.flat.reshape(*self.stored, -1)[:, :, :end]
         new.rows[at[:2]] = self.rows
         if self.total is not None:
-            new.total = _aligned(len(new.flat), np.float64)
+            new.total = spread.aligned(len(new.flat), np.float64)
             new.total.reshape(*new.stored, -1)[at] = self.total.reshape(*self.stored, -1)[:, :, :end]
         return new
 
@@ -98,6 +101,8 @@ class SpectralDeposit(Deposit):
         is their difference smaller)
     points : how many points will be spread, if known: only the speed depends on it
     gradients : whether the tolerance is meant for gradients as well
+    order : of the moments that atoms carry for the bonds of `add_bond_stress`, see `moments`; None: every bond becomes points. Bonds too long, or too
+        strong for their length, become points anyway: only the speed depends on it
 
     Attributes
     ----------
@@ -111,8 +116,9 @@ class SpectralDeposit(Deposit):
         For kernels that jump (step, box), slabs, and where the tolerance asks for a mesh that does not fit in memory.
     """
 
-    def __init__(self, grid, kernel, cell, n_site, n_bond, threads=1, tolerance=1e-5, points=None, gradients=False):
+    def __init__(self, grid, kernel, cell, n_site, n_bond, threads=1, tolerance=1e-5, points=None, gradients=False, order=None):
         super().__init__(grid, kernel, cell, n_site, n_bond, threads)
+        self.order = order if self.n_bond == 6 else None
         self.tolerance, self.gradients = float(tolerance), bool(gradients)
         fourier.spectrum(kernel)
         if grid.kind == "slab":
@@ -125,7 +131,7 @@ class SpectralDeposit(Deposit):
         if not grid.is_lattice or separable(grid, self._inverse) is None:
             # The mesh is used twice.
             mesh *= np.sqrt(0.5)
-        density = DENSE / (kernel.radius / 2.5) ** 3 / 4 if points is None else points / self.cell.volume
+        density = (DENSE if self.order is None else DENSE_ATOMS) / (kernel.radius / 2.5) ** 3 / 4 if points is None else points / self.cell.volume
         # Nearby densities give nearby choices: round, so that they can be remembered.
         costs = fourier.COSTS[np.dtype(self.real).itemsize]
         self.parameters = p = fourier.choose(kernel, modes, mesh, float(f"{density:.1e}"), costs, self.gradients, centre)
@@ -144,7 +150,15 @@ class SpectralDeposit(Deposit):
         self._meshes = {}
         self._check(np.where(periodic, nodes, np.minimum(self._view[1] - self._view[0], 2 * self._reach)) + p.width + 1)
         self._points = [0] * self.threads
-        self._rule = None
+        self._rule = self._longest = None
+        self._layout = None if self.order is None else moments.Layout(self.order, self.real)
+        self._rows = [None] * self.threads
+        self._counting = Lock()
+
+    @property
+    def most_components(self) -> int:
+        """Components of the meshes that there are at the same time."""
+        return 8 if self.order is None else 8 * ceil(moments.count(self.order) / 8)
 
     def _targets(self):
         """(2, 3) first and last node that the grid can see on open axes."""
@@ -161,7 +175,7 @@ class SpectralDeposit(Deposit):
         return np.stack([np.floor(lo - reach) - spare, np.ceil(hi + reach) + spare])
 
     def _check(self, nodes):
-        if 8.0 * self.real().itemsize * np.prod(nodes, dtype=float) > LARGEST:
+        if self.most_components * self.real().itemsize * np.prod(nodes, dtype=float) > LARGEST:
             raise AtcError(
                 f"method 'spectral' would need a mesh of {' x '.join(str(int(n)) for n in nodes)} for kernel {self.kernel.name!r} "
                 f"at tolerance {self.tolerance:g}: use method 'direct', a smoother kernel or a looser tolerance"
@@ -174,13 +188,16 @@ class SpectralDeposit(Deposit):
             for m in range(MOST):
                 x, w = np.polynomial.legendre.leggauss(m + 1)
                 nodes[m, : m + 1], weights[m, : m + 1] = 0.5 * (x + 1.0), 0.5 * w
-            # Not below what rounding lets a rule do.
-            levels = np.maximum(self._bond_share * 2.0 ** np.arange(-spread.LEVELS, spread.LEVELS + 1), 1e-13)
+            levels = self._levels()
             longest = fourier.longest_bonds(self.kernel, levels, MOST, self.gradients)
             # Three windows multiply; what a mode is divided by makes their error larger by no more than about ten.
             coef = fourier.window_polynomials(self.parameters.width, self.parameters.shape, 0.005 * self.tolerance)
             self._rule = nodes, weights, longest, coef
         return self._rule
+
+    def _levels(self):
+        """What a bond's error may be, by its strength. Not below what rounding lets a rule do."""
+        return np.maximum(self._bond_share * 2.0 ** np.arange(-spread.LEVELS, spread.LEVELS + 1), 1e-13)
 
     def add_strong(self, x_bc, r_bc, b_bk):
         """Like `add_bonds`, for bonds more than 2^`spread.STRONG` times as strong as others of the frame: the same points as when they come among those."""
@@ -201,7 +218,7 @@ class SpectralDeposit(Deposit):
         return int(enough[0]) + 1 if len(enough) else MOST * ceil(length / longest[-1])
 
     # --- adding
-    def _slack(self, i_b, r_bc, b_bk, weight_k):
+    def _slack(self, i_b, r_bc, b_bk, weight_k, collapsed=False):
         """By how much the error of a bond may exceed its share of the tolerance, as a power of two, when that of all together does not.
 
         With one number of points or another most bonds do far better than they must.
@@ -216,7 +233,11 @@ class SpectralDeposit(Deposit):
             enough = longest[np.clip(level + slack, 0, 2 * spread.LEVELS)]
             m = np.minimum((length[:, None] > enough).sum(1), MOST - 1)
             pieces = np.maximum(1.0, np.ceil(length / enough[np.arange(len(m)), m]))
-            part = strength * fourier.rule_error(self.kernel, m, length / pieces, self.gradients)
+            part = fourier.rule_error(self.kernel, m, length / pieces, self.gradients)
+            if collapsed:
+                short = length <= self._longest[np.clip(level + slack, 0, 2 * spread.LEVELS)]
+                part[short] = moments.error(self.kernel, self.order, length[short], self.gradients)
+            part *= strength
             # Mean strength is 1 or more: sums in step, and of squares.
             if part.mean() <= self._bond_share and np.sqrt((part**2).mean()) <= self._bond_share * np.sqrt((strength**2).mean()):
                 return slack
@@ -226,7 +247,7 @@ class SpectralDeposit(Deposit):
         """Components that share a mesh: [(first, last, components of the mesh)]."""
         return [(k, min(k + 8, n_comp), 4 if n_comp - k <= 4 else 8) for k in range(0, n_comp, 8)]
 
-    def _add(self, what, x_nc, i_b, r_bc, b_bk, thread, typical=None, strong=False):
+    def _add(self, what, x_nc, i_b, r_bc, b_bk, thread, typical=None, strong=False, slack=None, column=0):
         if not 0 <= thread < self.threads:
             raise ValueError(f"thread {thread} of a deposit made for {self.threads}")
         nodes, weights, longest, coef = self._rules()
@@ -247,10 +268,11 @@ class SpectralDeposit(Deposit):
             lo = hi = np.zeros(3)
         mean = mean if typical is None else typical
         weight = np.divide(1.0, mean, out=np.zeros_like(mean), where=mean > 0)
-        slack = self._slack(i_b, r_bc, b_bk, weight) if what == "bond" and len(i_b) > SAMPLE else 0
+        if slack is None:
+            slack = self._slack(i_b, r_bc, b_bk, weight) if what == "bond" and len(i_b) > SAMPLE else 0
         for first, last, lanes in self._groups(b_bk.shape[1]):
             part = b_bk if last - first == b_bk.shape[1] else np.ascontiguousarray(b_bk[:, first:last])
-            mesh = self._mesh_for((what, first, thread), lo, hi, lanes, most)
+            mesh = self._mesh_for((what, column + first, thread), lo, hi, lanes, most)
             spread_bonds = spread.core(width, lanes, len(coef) - 1, self.real)
             rest = (
                 self._origin, self._to_mesh, self._period, mesh.low, np.array(mesh.shape), mesh.row, weight[first:last] * 0.5**slack,
@@ -258,7 +280,7 @@ class SpectralDeposit(Deposit):
             )  # fmt: skip
             nodes_of_mesh = len(mesh.flat) // lanes
             short = max(SHORT[0], nodes_of_mesh * SHORT[1]) if self.tolerance >= SINGLE_TRANSFORM else SHORT[0]
-            if what == "site":
+            if what != "bond":
                 short = max(short, nodes_of_mesh * SPARSE / width**3)
             # About four points a bond.
             piece = len(i_b) if self.real is np.float64 else max(1, int(short) // 4)
@@ -267,8 +289,91 @@ class SpectralDeposit(Deposit):
                     mesh.flush(width)
                 n = spread_bonds(x_nc, i_b[s : s + piece], r_bc[s : s + piece], part[s : s + piece], *rest)
                 mesh.points += n
-                self._points[thread] += n
-                self._visits[thread] += n * width**3
+                with self._counting:
+                    self._points[thread] += n
+                    self._visits[thread] += n * width**3
+
+    # --- moments
+    def add_bond_stress(self, x_nc, i_b, r_bc, G_b, thread=0, j_b=None):
+        if self._layout is None or j_b is None:
+            super().add_bond_stress(x_nc, i_b, r_bc, G_b, thread)
+            return
+        x_nc, r_bc, G_b = (_array(a) for a in (x_nc, r_bc, G_b))
+        i_b, j_b = (_array(a, np.int32) for a in (i_b, j_b))
+        n = len(G_b)
+        if r_bc.shape != (n, 3) or i_b.shape != (n,) or j_b.shape != (n,):
+            raise ValueError(f"i_b, j_b and r_bc must have shapes {(n,)} and {(n, 3)}, got {i_b.shape}, {j_b.shape} and {r_bc.shape}")
+        if not 0 <= thread < self.threads:
+            raise ValueError(f"thread {thread} of a deposit made for {self.threads}")
+        mean, most, finite, low, high = moments.survey(i_b, j_b, r_bc, G_b)
+        if low < 0 or high >= len(x_nc):
+            raise ValueError("i_b or j_b holds indices outside x_nc")
+        if not finite:
+            raise AtcError(_NOT_FINITE)
+        if most == 0.0:
+            return
+        if self._longest is None:
+            self._longest = moments.longest_bonds(self.kernel, self._levels(), self.order, self.gradients)
+        weight = np.divide(1.0, mean, out=np.zeros_like(mean), where=mean > 0)
+        slack = 0
+        if n > SAMPLE:
+            some = slice(None, None, n // SAMPLE)
+            slack = self._slack(i_b[some], r_bc[some], stress_components(r_bc[some], G_b[some]), weight, collapsed=True)
+        add, rest, first = moments.core(self.order, self.real), np.empty(n, np.int64), 0
+        points = []
+        while first < n:
+            rows = self._rows_for(thread, len(x_nc), most)
+            first, k = add(
+                x_nc, i_b, j_b, r_bc, G_b, first, weight, slack, self._longest, 1.0 / self.kernel.radius, 1.0 / rows.scale, rows.rows, rows.places, rest,
+            )  # fmt: skip
+            points.append(rest[:k].copy())
+            if first < n:  # an atom has moved: another frame
+                self._spread_rows(thread)
+        rest = np.concatenate(points)
+        if len(rest):
+            self._add("bond", x_nc, i_b[rest], r_bc[rest], stress_components(r_bc[rest], G_b[rest]), thread, typical=mean, slack=slack)
+
+    def _rows_for(self, thread, n, most):
+        """The rows of a thread, for n atoms and bonds up to `most`."""
+        rows = self._rows[thread]
+        single = self.real is np.float32
+        if rows is not None and (len(rows.rows) != n or (single and not 1e-9 < most / rows.scale < 1e9)):
+            self._spread_rows(thread)
+            rows = None
+        if rows is None:
+            rows = self._rows[thread] = moments.Rows(self._layout, n)
+            rows.scale = 2.0 ** max(frexp(most)[1], -1000) if single else 1.0
+        return rows
+
+    def _spread_rows(self, thread, workers=1):
+        """Onto meshes, what the atoms carry in one thread."""
+        rows, self._rows[thread] = self._rows[thread], None
+        which = rows.touched()
+        x_nc, r_nc = rows.positions(which), np.zeros((len(which), 3))
+        if not np.isfinite(x_nc).all():
+            raise AtcError(_NOT_FINITE)
+        every = np.arange(len(which), dtype=np.int32)
+
+        def group(g):
+            columns = self._layout.columns[g[0] : g[1]]
+            a_nk = rows.rows[which[:, None], columns].astype(np.float64) * rows.scale
+            self._add("moment", x_nc, every, r_nc, a_nk, thread, column=g[0])
+
+        self._each(group, self._groups(len(self._layout.columns)), workers)
+
+    def _gather_rows(self):
+        """Everything onto meshes: together where the threads have the same frame."""
+        first = None
+        for t, rows in enumerate(self._rows):
+            if rows is None:
+                continue
+            if first is None:
+                first = t
+            elif self._rows[first].join(rows):
+                self._rows[t] = None
+        for t, rows in enumerate(self._rows):
+            if rows is not None:
+                self._spread_rows(t, self.threads)
 
     def _mesh_for(self, key, lo, hi, lanes, most):
         """The mesh of a thread, large enough for nodes lo..hi on open axes and sources up to `most`."""
@@ -334,13 +439,21 @@ class SpectralDeposit(Deposit):
         counts = self.mesh
         return largest_modes(self.parameters, np.linalg.norm(self._spacings * counts[:, None], axis=1), counts)
 
-    def _transformed(self, what, group):
-        """Modes, and what was added in them: (component, k0, k1, k2), times the kernel's own; None if nothing was."""
+    def _of(self, what, first=None):
+        """The meshes of a kind, in the order of the threads."""
+        return [m for (kind, k, _), m in sorted(self._meshes.items(), key=lambda item: item[0]) if kind == what and first in (None, k)]
+
+    def _transformed(self, what, group, extent=None):
+        """Modes, and what was added in them: (component, k0, k1, k2), times the kernel's own; None if nothing was.
+
+        extent : of the box, if it is to be larger than these components need; then they are not multiplied with the kernel
+        """
         first, last, _ = group
-        meshes = [self._meshes[k] for k in ((what, first, t) for t in range(self.threads)) if k in self._meshes]
+        meshes = self._of(what, first)
         if not meshes:
             return None
-        extent = self._extents(meshes)
+        finished = extent is None
+        extent = self._extents(meshes) if finished else extent
         counts, low = self._box(extent)
         modes = Modes(self.kernel, self.parameters, self._spacings * counts[:, None], counts, low, self._reach, extent)
         n_comp = last - first
@@ -362,7 +475,7 @@ class SpectralDeposit(Deposit):
             S_cx[:, x] = modes.transform_plane(P_cyz)
 
         self._each(plane, range(counts[0]))
-        response = modes.response().astype(self._number)
+        response = modes.response().astype(self._number) if finished else 1.0
         F = [None] * n_comp
 
         def component(c):
@@ -372,18 +485,52 @@ class SpectralDeposit(Deposit):
         self._each(component, range(n_comp))
         return modes, F, largest
 
-    def _each(self, do, items):
-        if self.threads == 1:
+    def _collapsed(self):
+        """The same of the stress, from points and moments."""
+        self._gather_rows()
+        meshes = self._of("bond") + self._of("moment")
+        if not meshes:
+            return None
+        extent = self._extents(meshes)
+        scale = max(max(m.scale, m.largest) for m in meshes)
+        F, layout = None, self._layout
+        for what, groups in (("bond", self._groups(6)), ("moment", self._groups(len(layout.columns)))):
+            for group in groups:
+                done = self._transformed(what, group, extent)
+                if done is None:
+                    continue
+                modes, S, largest = done
+                F = np.zeros((6, *S[0].shape), S[0].dtype) if F is None else F
+                b = np.ascontiguousarray(2 * np.pi * modes.inverse * self.kernel.radius)
+
+                def component(c):
+                    if what == "bond":
+                        F[c] += S[c] * S[c].dtype.type(largest / scale)
+                        return
+                    for k in range(len(S)):
+                        part = layout.part(group[0] + k, c)
+                        if part is not None:
+                            moments.contract(S[k], part[1] * (largest / scale), *modes.index, b, *part[0], F[c])
+
+                self._each(component, range(6))
+        response = modes.response().astype(self._number)
+        for f in F:
+            f *= response
+        return modes, list(F), scale
+
+    def _each(self, do, items, workers=None):
+        if (workers or self.threads) == 1:
             for item in items:
                 do(item)
         else:
-            with ThreadPoolExecutor(self.threads) as pool:
+            with ThreadPoolExecutor(workers or self.threads) as pool:
                 list(pool.map(do, items))
 
     def _sums(self, what, n_comp, derivatives=(None,)):
         out = np.zeros((len(self.grid), n_comp, len(derivatives)))
         for group in self._groups(n_comp):
-            done = self._transformed(what, group)
+            collapsed = what == "bond" and self._layout is not None
+            done = self._collapsed() if collapsed else self._transformed(what, group)
             if done is None:
                 continue
             modes, F, largest = done
@@ -432,14 +579,6 @@ class SpectralDeposit(Deposit):
     def bond_gradients(self) -> np.ndarray:
         """(g, n_bond, 3) the gradients of `bond_sums`, direction last."""
         return self._sums("bond", self.n_bond, (0, 1, 2))
-
-
-def _aligned(size, dtype):
-    """Zeros that begin at a cache line, which numpy does not promise."""
-    step = np.dtype(dtype).itemsize
-    raw = np.zeros(size + 64 // step, dtype)
-    skip = (-raw.ctypes.data % 64) // step
-    return raw[skip : skip + size]
 
 
 def _good_length(n):

@@ -104,6 +104,14 @@ def _spreader(width, lanes, degree, real):
     return spread
 
 
+def aligned(size, dtype):
+    """Zeros that begin at a cache line, which numpy does not promise."""
+    step = np.dtype(dtype).itemsize
+    raw = np.zeros(size + 64 // step, dtype)
+    skip = (-raw.ctypes.data % 64) // step
+    return raw[skip : skip + size]
+
+
 def row_length(count, bytes_each):
     """Nodes from one row along z to the next, at least `count`, so that neighbouring rows do not lie nearly a multiple of 4096 bytes apart.
 
