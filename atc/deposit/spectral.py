@@ -247,7 +247,7 @@ class SpectralDeposit(Deposit):
         """Components that share a mesh: [(first, last, components of the mesh)]."""
         return [(k, min(k + 8, n_comp), 4 if n_comp - k <= 4 else 8) for k in range(0, n_comp, 8)]
 
-    def _add(self, what, x_nc, i_b, r_bc, b_bk, thread, typical=None, strong=False, slack=None, column=0):
+    def _add(self, what, x_nc, i_b, r_bc, b_bk, thread, typical=None, strong=False, slack=None):
         if not 0 <= thread < self.threads:
             raise ValueError(f"thread {thread} of a deposit made for {self.threads}")
         nodes, weights, longest, coef = self._rules()
@@ -258,32 +258,24 @@ class SpectralDeposit(Deposit):
             raise AtcError(_NOT_FINITE)
         if most == 0.0:
             return
-        if open_axes:
-            # A bond's points and the nodes in their reach, as far as the grid can see them.
-            lo = np.maximum(np.floor(bounds[0] - 0.5 * width) - 1, self._view[0])
-            hi = np.minimum(np.ceil(bounds[1] + 0.5 * width) + 1, self._view[1])
-            if (lo >= hi)[~self._periodic].any():
-                return
-        else:
-            lo = hi = np.zeros(3)
+        lo, hi = self._seen(*bounds) if open_axes else np.zeros((2, 3))
+        if (lo >= hi)[~self._periodic].any():
+            return
         mean = mean if typical is None else typical
         weight = np.divide(1.0, mean, out=np.zeros_like(mean), where=mean > 0)
         if slack is None:
             slack = self._slack(i_b, r_bc, b_bk, weight) if what == "bond" and len(i_b) > SAMPLE else 0
         for first, last, lanes in self._groups(b_bk.shape[1]):
             part = b_bk if last - first == b_bk.shape[1] else np.ascontiguousarray(b_bk[:, first:last])
-            mesh = self._mesh_for((what, column + first, thread), lo, hi, lanes, most)
+            mesh = self._mesh_for((what, first, thread), lo, hi, lanes, most)
             spread_bonds = spread.core(width, lanes, len(coef) - 1, self.real)
             rest = (
                 self._origin, self._to_mesh, self._period, mesh.low, np.array(mesh.shape), mesh.row, weight[first:last] * 0.5**slack,
                 slack + 4 * spread.LEVELS * strong, longest, nodes, weights, coef.ravel().astype(self.real), 1.0 / mesh.scale, mesh.flat, mesh.rows,
             )  # fmt: skip
-            nodes_of_mesh = len(mesh.flat) // lanes
-            short = max(SHORT[0], nodes_of_mesh * SHORT[1]) if self.tolerance >= SINGLE_TRANSFORM else SHORT[0]
-            if what != "bond":
-                short = max(short, nodes_of_mesh * SPARSE / width**3)
+            short = self._short(mesh, SPARSE / width**3 if what == "site" else 0.0)
             # About four points a bond.
-            piece = len(i_b) if self.real is np.float64 else max(1, int(short) // 4)
+            piece = len(i_b) if self.real is np.float64 else max(1, short // 4)
             for s in range(0, len(i_b), piece):
                 if mesh.points >= short and self.real is np.float32:
                     mesh.flush(width)
@@ -349,17 +341,54 @@ class SpectralDeposit(Deposit):
         """Onto meshes, what the atoms carry in one thread."""
         rows, self._rows[thread] = self._rows[thread], None
         which = rows.touched()
-        x_nc, r_nc = rows.positions(which), np.zeros((len(which), 3))
+        if not len(which):
+            return
+        x_nc = rows.positions(which)
         if not np.isfinite(x_nc).all():
             raise AtcError(_NOT_FINITE)
-        every = np.arange(len(which), dtype=np.int32)
+        t = (x_nc - self._origin) @ self._to_mesh
+        lo, hi = self._seen(t.min(0), t.max(0))
+        if (lo >= hi)[~self._periodic].any():
+            return
+        # Neighbours one after the other: the mesh is larger than the processor's cache.
+        order = self._by_place(t)
+        which, x_nc = which[order], x_nc[order]
+        width, coef = self.parameters.width, self._rules()[3]
+        spread_rows, coef_flat = spread.row_core(width, len(coef) - 1, self.real), coef.ravel().astype(self.real)
+        columns = np.full(8 * ceil(len(self._layout.columns) / 8), -1)
+        columns[: len(self._layout.columns)] = self._layout.columns
+        columns = columns.reshape(-1, 8)
+        meshes = [self._mesh_for(("moment", 8 * g, thread), lo, hi, 8, rows.scale) for g in range(len(columns))]
+        short = self._short(meshes[0], 8.0 * SPARSE / width**3) if self.real is np.float32 else len(which)
 
-        def group(g):
-            columns = self._layout.columns[g[0] : g[1]]
-            a_nk = rows.rows[which[:, None], columns].astype(np.float64) * rows.scale
-            self._add("moment", x_nc, every, r_nc, a_nk, thread, column=g[0])
+        def groups(some):
+            mine = meshes[some]
+            where = np.array([m.flat.ctypes.data for m in mine])
+            first = mine[0]
+            for s in range(0, len(which), short):
+                for m in mine:
+                    if m.points + min(short, len(which) - s) > short:
+                        m.flush(width)
+                n = spread_rows(
+                    x_nc[s : s + short], which[s : s + short], rows.rows, columns[some], rows.scale / first.scale, self._origin, self._to_mesh,
+                    self._period, first.low, np.array(first.shape), first.row, coef_flat, where, first.rows,
+                )  # fmt: skip
+                for m in mine:
+                    m.points += n
+                    if m is not first:
+                        np.maximum(m.rows, first.rows, out=m.rows)
+                with self._counting:
+                    self._visits[thread] += n * width**3 * len(mine)
+                    self._points[thread] += n * (some.start == 0)
 
-        self._each(group, self._groups(len(self._layout.columns)), workers)
+        workers = min(workers, len(columns))
+        self._each(groups, [slice(w, None, workers) for w in range(workers)], workers)
+
+    def _by_place(self, t):
+        """An order of points (mesh spacings) in which what follows is near: in columns along z, a few nodes wide."""
+        t = t - np.where(self._periodic, np.floor(t / np.maximum(self._period, 1)) * self._period, t.min(0, initial=np.inf))
+        c = np.clip(t, 0, 2**20 - 1).astype(np.int64)
+        return np.argsort((c[:, 0] >> 2) << 40 | (c[:, 1] >> 2) << 20 | c[:, 2])
 
     def _gather_rows(self):
         """Everything onto meshes: together where the threads have the same frame."""
@@ -374,6 +403,16 @@ class SpectralDeposit(Deposit):
         for t, rows in enumerate(self._rows):
             if rows is not None:
                 self._spread_rows(t, self.threads)
+
+    def _seen(self, low, high):
+        """First and last node in reach of points between two corners (mesh spacings), as far as the grid can see them on open axes."""
+        half = 0.5 * self.parameters.width
+        return np.maximum(np.floor(low - half) - 1, self._view[0]), np.minimum(np.ceil(high + half) + 1, self._view[1])
+
+    def _short(self, mesh, points_a_node):
+        """How many points a mesh in single precision gets before it is moved on."""
+        nodes = len(mesh.flat) // mesh.lanes
+        return int(max(SHORT[0], nodes * max(points_a_node, SHORT[1] if self.tolerance >= SINGLE_TRANSFORM else 0.0)))
 
     def _mesh_for(self, key, lo, hi, lanes, most):
         """The mesh of a thread, large enough for nodes lo..hi on open axes and sources up to `most`."""
@@ -494,7 +533,7 @@ class SpectralDeposit(Deposit):
         extent = self._extents(meshes)
         scale = max(max(m.scale, m.largest) for m in meshes)
         F, layout = None, self._layout
-        for what, groups in (("bond", self._groups(6)), ("moment", self._groups(len(layout.columns)))):
+        for what, groups in (("bond", self._groups(6)), ("moment", [(k, min(k + 8, len(layout.columns)), 8) for k in range(0, len(layout.columns), 8)])):
             for group in groups:
                 done = self._transformed(what, group, extent)
                 if done is None:
