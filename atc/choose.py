@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .costs import Costs, Load, direct, gather, points_each, spectral, spectral_memory
+from .costs import Costs, Load, collapsed, direct, gather, points_each, spectral, spectral_memory
 from .errors import AtcError
 from .estimators.methods import EXACT, Method
 
@@ -46,11 +46,32 @@ def sizes(work, atoms: int, load: Load) -> dict[str, tuple[float, float, int]]:
     return out
 
 
-def spectral_deposit(bound, kern, cell, components: int, tolerance: float, threads: int = 1, gradients: bool = False):
+def spectral_deposit(bound, kern, cell, components: int, tolerance: float, threads: int = 1, gradients: bool = False, order=None):
     """A spectral deposit without its meshes, or an AtcError that says why there can be none."""
     from .deposit.spectral import SpectralDeposit
 
-    return SpectralDeposit(bound, kern, cell, components, components, threads, tolerance, gradients=gradients)
+    return SpectralDeposit(bound, kern, cell, components, components, threads, tolerance, gradients=gradients, order=order)
+
+
+def cheapest(costs: Costs, bound, kern, cell, items: float, length: float, components: int, tolerance: float, gradients=False, gathered: float = 0.0):
+    """(seconds, spectral deposit): with points on bonds, or with the moments of `gathered` atoms (0: not possible), whichever costs less."""
+    from .deposit import moments
+
+    best = None
+    for order in (None, *(moments.ORDERS if gathered else ())):
+        try:
+            deposit = spectral_deposit(bound, kern, cell, components, tolerance, gradients=gradients, order=order)
+        except AtcError:
+            if order is not None:
+                continue
+            raise
+        # An order that is enough for all bonds is the last one worth a look.
+        seconds = spectral(costs, deposit, items, length, components, gathered)
+        if best is None or (seconds < best[0] and _fits(deposit, components, gathered)):
+            best = seconds, deposit
+        if order is not None and collapsed(deposit, length) == 1.0:
+            break
+    return best
 
 
 def choose(
@@ -69,13 +90,15 @@ def choose(
     out = {}
     for key, (items, length, components) in sizes(work, atoms, load).items():
         bound, cell = bounds[key], cells[key]
-        gathered = key in ("gather", "reference_gather")
-        slopes = gathered and work.slopes(key)
-        exact = (gather if gathered else direct)(costs, bound, kern, items, length, components)
+        by_gather = key in ("gather", "reference_gather")
+        slopes = by_gather and work.slopes(key)
+        exact = (gather if by_gather else direct)(costs, bound, kern, items, length, components)
         look = None
         if pilot is not None and key == "bond" and work.bond == ["stress"]:
             look = _Look(pilot, AIM_ONE if frames == 1 else AIM, load.seconds(costs, atoms))
-        out[key] = _one(method, tolerance, costs, bound, kern, cell, items, length, components, exact, slopes, look)
+        # Of central forces atoms can carry what their bonds sum up to.
+        gathered = float(atoms) if key == "bond" and work.bond == ["stress"] else 0.0
+        out[key] = _one(method, tolerance, costs, bound, kern, cell, items, length, components, exact, slopes, look, gathered)
     return out
 
 
@@ -88,16 +111,17 @@ class _Look:
     seconds: float
 
 
-def _one(method, tolerance, costs, bound, kern, cell, items, length, components, exact, gradients, look=None) -> Method:
-    """exact : seconds of the exact sum; gradients : whether those are wanted too."""
+def _one(method, tolerance, costs, bound, kern, cell, items, length, components, exact, gradients, look=None, gathered=0.0) -> Method:
+    """exact : seconds of the exact sum; gradients : whether those are wanted too; gathered : atoms that can carry moments."""
 
-    def deposit_for(t):
-        return spectral_deposit(bound, kern, cell, components, t, gradients=gradients)
+    def best_for(t):
+        return cheapest(costs, bound, kern, cell, items, length, components, t, gradients, gathered)
 
     if method == "spectral":
-        first = deposit_for(max(tolerance, 1e-14))
-        rungs = _rungs(tolerance, lambda t: _fits(deposit_for(t), components))
-        return Method("spectral", tolerance, _shape(first, "asked for", length), rungs, forced=True)
+        first = best_for(max(tolerance, 1e-14))[1]
+        rungs = _rungs(tolerance, lambda t: _fits(best_for(t)[1], components, gathered))
+        orders = tuple(best_for(t)[1].order for t in rungs)
+        return Method("spectral", tolerance, _shape(first, "asked for", length), rungs, True, first.order, orders)
     if method != "auto":
         return Method(method, reason="asked for", forced=True)
     if bound.kind == "slab":
@@ -110,10 +134,10 @@ def _one(method, tolerance, costs, bound, kern, cell, items, length, components,
         return Method("direct", reason=f"exact, and cheap here: {exact:.1g} s of CPU")
 
     def cost(t):
-        deposit = deposit_for(t)
-        if not _fits(deposit, components):
+        seconds, deposit = best_for(t)
+        if not _fits(deposit, components, gathered):
             raise AtcError(f"its mesh of {_mesh(deposit)} would take more than {MOST_MEMORY / 1e9:.0f} GB")
-        return spectral(costs, deposit, items, length, components), deposit
+        return seconds, deposit
 
     start = tolerance if look is None else _start(tolerance, cost, exact, look, lambda t: spectral_deposit(bound, kern, cell, 1, t))
     try:
@@ -127,7 +151,8 @@ def _one(method, tolerance, costs, bound, kern, cell, items, length, components,
         return cost(t)[0] < exact
 
     reason = _shape(deposit, f"{fast:.2g} s of CPU against {exact:.2g} s for the exact sum", length)
-    return Method("spectral", start, reason, _rungs(tolerance, wins, start))
+    rungs = _rungs(tolerance, wins, start)
+    return Method("spectral", start, reason, rungs, order=deposit.order, orders=tuple(cost(t)[1].order for t in rungs))
 
 
 def _start(tolerance, cost, exact, look, deposit) -> float:
@@ -189,8 +214,8 @@ def _rungs(tolerance, good, start=None) -> tuple[float, ...]:
     return tuple(out)
 
 
-def _fits(deposit, components) -> bool:
-    return spectral_memory(deposit, components, 1) <= MOST_MEMORY
+def _fits(deposit, components, atoms=0.0) -> bool:
+    return spectral_memory(deposit, components, 1, atoms) <= MOST_MEMORY
 
 
 def _mesh(deposit) -> str:
@@ -200,6 +225,10 @@ def _mesh(deposit) -> str:
 def _shape(deposit, why, length) -> str:
     n = points_each(deposit, length)
     each = f", about {n:.0f} point{'s' * (n != 1)} a bond" if length > 0 else ""
+    if deposit.order is not None:
+        part = collapsed(deposit, length)
+        of = "all bonds" if part == 1.0 else f"{100 * part:.0f} % of the bonds"
+        each = f", moments to order {deposit.order} of each atom for {of}"
     return f"{why}; mesh {_mesh(deposit)}, window {deposit.parameters.width}{each}"
 
 

@@ -85,38 +85,50 @@ class Layout:
 
 
 # --- errors
-@lru_cache(maxsize=64)
-def _errors(kernel, order, gradient):
-    """(lengths,) error of a bond of each length of `fourier`'s table and all shorter ones, as of the rules there."""
-    spec = fourier.spectrum(kernel, gradient)
-    thin = max(1, len(spec.k) // 1500)
-    k = spec.k[::thin]
-    power = np.add.reduceat(spec.power, np.arange(0, len(spec.k), thin))
-    hat = np.abs(spec.hat[::thin])
-    q = k * fourier._LENGTHS[:, None]
-    # From the middle of the bond both ends are e^{∓iq/2}: 2 Re Σ c_p (iq)^p e^{−iq/2} against sin(q/2)/(q/2).
-    even, odd = np.zeros_like(q), np.zeros_like(q)
-    for p, c in enumerate(coefficients(order)):
-        term = 2.0 * c * (-1.0) ** (p // 2) * q**p
-        if p % 2:
-            odd += term
-        else:
-            even += term
-    wrong = np.cos(0.5 * q) * even + np.sin(0.5 * q) * odd - np.sinc(q / (2 * np.pi))
-    errors = np.maximum(np.sqrt((wrong**2 * power).sum(-1)), np.abs(wrong * hat).max(-1))
-    return np.maximum.accumulate(errors)
+class Errors:
+    """What it costs to collapse bonds of any length, as `fourier` counts errors.
+
+    Where |k·r| is large the two ends are large numbers of opposite sign: exactly they cancel, but what the mesh confuses at either end does not. That is
+    part of the error.
+
+    Parameters
+    ----------
+    kernel, order, gradient : see `fourier.spectrum`
+    parameters, confused : of the mesh, and the error that modes taken for each other may make for a source of size one
+    """
+
+    def __init__(self, kernel, order, gradient, parameters, confused):
+        self._spec = spec = fourier.spectrum(kernel, gradient)
+        thin = max(1, len(spec.k) // 1500)
+        k = spec.k[::thin]
+        power = np.add.reduceat(spec.power, np.arange(0, len(spec.k), thin))
+        hat = np.abs(spec.hat[::thin])
+        q = k * fourier._LENGTHS[:, None]
+        # From the middle of the bond its ends are at e^{∓iq/2}: 2 Re Σ c_p (iq)^p e^{−iq/2} against sin(q/2)/(q/2).
+        even, odd = np.zeros_like(q), np.zeros_like(q)
+        for p, c in enumerate(coefficients(order)):
+            (odd if p % 2 else even)[:] += 2.0 * c * (-1.0) ** (p // 2) * q**p
+        wrong = np.cos(0.5 * q) * even + np.sin(0.5 * q) * odd - np.sinc(q / (2 * np.pi))
+        errors = np.maximum((wrong**2 * power).sum(-1), np.abs(wrong * hat).max(-1) ** 2)
+        # The ends' mean square against that of a point, where the mesh's errors are.
+        kept = k <= parameters.k_max * spec.scale
+        images, own = fourier.images(k[kept] * parameters.spacing / (2 * np.pi * spec.scale), parameters.width, parameters.shape)
+        where = images / own**2 * power[kept]
+        size = 0.5 * ((even**2 + odd**2)[:, kept] * where).sum(-1) / where.sum()
+        errors += confused**2 * np.maximum(size - 1.0, 0.0)
+        self._errors = np.maximum.accumulate(np.sqrt(errors))
+
+    def longest(self, tolerances):
+        """The longest bond that may be collapsed, for each tolerance."""
+        at = np.searchsorted(self._errors, tolerances, side="right")
+        return np.where(at > 0, fourier._LENGTHS[np.maximum(at - 1, 0)], 0.0) * self._spec.scale
+
+    def of(self, length):
+        """The error of bonds of these lengths and of all shorter ones; up to the next length of the table."""
+        return self._errors[np.minimum(np.searchsorted(fourier._LENGTHS, np.asarray(length) / self._spec.scale), len(self._errors) - 1)]
 
 
-def longest_bonds(kernel, tolerances, order, gradient=False):
-    """(tolerances,) the longest bond that may be collapsed."""
-    at = np.searchsorted(_errors(kernel, order, gradient), tolerances, side="right")
-    return np.where(at > 0, fourier._LENGTHS[np.maximum(at - 1, 0)], 0.0) * fourier.spectrum(kernel).scale
-
-
-def error(kernel, order, length, gradient=False):
-    """(b,) error of collapsing bonds of these lengths and all shorter ones; up to the next length of the table."""
-    errors = _errors(kernel, order, gradient)
-    return errors[np.minimum(np.searchsorted(fourier._LENGTHS, np.asarray(length) / fourier.spectrum(kernel).scale), len(errors) - 1)]
+errors = lru_cache(maxsize=64)(Errors)
 
 
 # --- summing

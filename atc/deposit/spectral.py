@@ -151,7 +151,8 @@ class SpectralDeposit(Deposit):
         self._check(np.where(periodic, nodes, np.minimum(self._view[1] - self._view[0], 2 * self._reach)) + p.width + 1)
         self._points = [0] * self.threads
         self._rule = self._longest = None
-        self._layout = None if self.order is None else moments.Layout(self.order, self.real)
+        self._mesh_share = mesh
+        self.layout = None if self.order is None else moments.Layout(self.order, self.real)
         self._rows = [None] * self.threads
         self._counting = Lock()
 
@@ -217,6 +218,15 @@ class SpectralDeposit(Deposit):
         enough = np.flatnonzero(longest >= length)
         return int(enough[0]) + 1 if len(enough) else MOST * ceil(length / longest[-1])
 
+    def collapses(self, length: float) -> bool:
+        """Whether atoms carry a bond of this length and of mean strength: an estimate like `points_of`."""
+        return bool(self._collapse.longest([2.0 * self._bond_share])[0] >= length)
+
+    @property
+    def _collapse(self):
+        """The errors of collapsing bonds."""
+        return moments.errors(self.kernel, self.order, self.gradients, self.parameters, self._mesh_share)
+
     # --- adding
     def _slack(self, i_b, r_bc, b_bk, weight_k, collapsed=False):
         """By how much the error of a bond may exceed its share of the tolerance, as a power of two, when that of all together does not.
@@ -236,7 +246,7 @@ class SpectralDeposit(Deposit):
             part = fourier.rule_error(self.kernel, m, length / pieces, self.gradients)
             if collapsed:
                 short = length <= self._longest[np.clip(level + slack, 0, 2 * spread.LEVELS)]
-                part[short] = moments.error(self.kernel, self.order, length[short], self.gradients)
+                part[short] = self._collapse.of(length[short])
             part *= strength
             # Mean strength is 1 or more: sums in step, and of squares.
             if part.mean() <= self._bond_share and np.sqrt((part**2).mean()) <= self._bond_share * np.sqrt((strength**2).mean()):
@@ -287,7 +297,7 @@ class SpectralDeposit(Deposit):
 
     # --- moments
     def add_bond_stress(self, x_nc, i_b, r_bc, G_b, thread=0, j_b=None):
-        if self._layout is None or j_b is None:
+        if self.layout is None or j_b is None:
             super().add_bond_stress(x_nc, i_b, r_bc, G_b, thread)
             return
         x_nc, r_bc, G_b = (_array(a) for a in (x_nc, r_bc, G_b))
@@ -305,7 +315,7 @@ class SpectralDeposit(Deposit):
         if most == 0.0:
             return
         if self._longest is None:
-            self._longest = moments.longest_bonds(self.kernel, self._levels(), self.order, self.gradients)
+            self._longest = self._collapse.longest(self._levels())
         weight = np.divide(1.0, mean, out=np.zeros_like(mean), where=mean > 0)
         slack = 0
         if n > SAMPLE:
@@ -333,7 +343,7 @@ class SpectralDeposit(Deposit):
             self._spread_rows(thread)
             rows = None
         if rows is None:
-            rows = self._rows[thread] = moments.Rows(self._layout, n)
+            rows = self._rows[thread] = moments.Rows(self.layout, n)
             rows.scale = 2.0 ** max(frexp(most)[1], -1000) if single else 1.0
         return rows
 
@@ -355,8 +365,8 @@ class SpectralDeposit(Deposit):
         which, x_nc = which[order], x_nc[order]
         width, coef = self.parameters.width, self._rules()[3]
         spread_rows, coef_flat = spread.row_core(width, len(coef) - 1, self.real), coef.ravel().astype(self.real)
-        columns = np.full(8 * ceil(len(self._layout.columns) / 8), -1)
-        columns[: len(self._layout.columns)] = self._layout.columns
+        columns = np.full(8 * ceil(len(self.layout.columns) / 8), -1)
+        columns[: len(self.layout.columns)] = self.layout.columns
         columns = columns.reshape(-1, 8)
         meshes = [self._mesh_for(("moment", 8 * g, thread), lo, hi, 8, rows.scale) for g in range(len(columns))]
         short = self._short(meshes[0], 8.0 * SPARSE / width**3) if self.real is np.float32 else len(which)
@@ -532,7 +542,7 @@ class SpectralDeposit(Deposit):
             return None
         extent = self._extents(meshes)
         scale = max(max(m.scale, m.largest) for m in meshes)
-        F, layout = None, self._layout
+        F, layout = None, self.layout
         for what, groups in (("bond", self._groups(6)), ("moment", [(k, min(k + 8, len(layout.columns)), 8) for k in range(0, len(layout.columns), 8)])):
             for group in groups:
                 done = self._transformed(what, group, extent)
@@ -568,7 +578,7 @@ class SpectralDeposit(Deposit):
     def _sums(self, what, n_comp, derivatives=(None,)):
         out = np.zeros((len(self.grid), n_comp, len(derivatives)))
         for group in self._groups(n_comp):
-            collapsed = what == "bond" and self._layout is not None
+            collapsed = what == "bond" and self.layout is not None
             done = self._collapsed() if collapsed else self._transformed(what, group)
             if done is None:
                 continue
