@@ -74,14 +74,15 @@ class Layout:
         # Whole quarters of a cache line.
         self.row = 16 * ((end * size + 24 + 15) // 16) // size
 
-    def part(self, c: int, component: int):
-        """What monomial c is of a component of the stress: powers α of k, and the factor i^p p!/α! c_p, p = |α|; None if it is not."""
-        a = self.powers[c] - STRESS[component]
-        if (a < 0).any():
-            return None
-        p = int(a.sum())
-        many = factorial(p) / (factorial(a[0]) * factorial(a[1]) * factorial(a[2]))
-        return a, 1j ** (p % 4) * many * coefficients(self.order)[p]
+    def parts(self, columns, component: int):
+        """What some monomials are of a component of the stress: which of them are, powers α of k, and the factors p!/α! c_p of (ik)^α, p = |α|."""
+        alphas = self.powers[columns] - STRESS[component]
+        which = np.flatnonzero((alphas >= 0).all(1))
+        factors = []
+        for a in alphas[which]:
+            p = int(a.sum())
+            factors.append(factorial(p) / np.prod([factorial(x) for x in a]) * coefficients(self.order)[p])
+        return which, np.ascontiguousarray(alphas[which]), np.array(factors)
 
 
 # --- errors
@@ -296,17 +297,33 @@ def _join(rows, scale, others, other_scale, places, other_places, place):
 
 # --- in the end
 @nb.njit(**ENTRY)
-def contract(S, factor, n0, n1, n2, b, a0, a1, a2, F):
-    """F += factor k^α S; b: columns are the reciprocal vectors, in units of one over the length of the rows."""
+def contract(S, which, alphas, factors, n0, n1, n2, b, F):
+    """F += Σ factor (ik)^α S over some monomials; S, F: real and imaginary parts side by side along the last axis.
+
+    b : columns are the reciprocal vectors, in units of one over the length of the rows
+    """
+    many, most = len(n2), alphas.max()
+    power = np.ones((3, most + 1, many), S.dtype)
     for i in range(len(n0)):
         for j in range(len(n1)):
-            x, y, z = n0[i] * b[0, 0] + n1[j] * b[0, 1], n0[i] * b[1, 0] + n1[j] * b[1, 1], n0[i] * b[2, 0] + n1[j] * b[2, 1]
-            for k in range(len(n2)):
-                w = 1.0
-                for _ in range(a0):
-                    w *= x + n2[k] * b[0, 2]
-                for _ in range(a1):
-                    w *= y + n2[k] * b[1, 2]
-                for _ in range(a2):
-                    w *= z + n2[k] * b[2, 2]
-                F[i, j, k] += w * factor * S[i, j, k]
+            for c in range(3):
+                first = n0[i] * b[c, 0] + n1[j] * b[c, 1]
+                for k in range(many):
+                    u = first + n2[k] * b[c, 2]
+                    for p in range(most):
+                        power[c, p + 1, k] = power[c, p, k] * u
+            for t in range(len(which)):
+                X, Y, Z = power[0, alphas[t, 0]], power[1, alphas[t, 1]], power[2, alphas[t, 2]]
+                source, to = S[which[t], i, j], F[i, j]
+                turn = (alphas[t, 0] + alphas[t, 1] + alphas[t, 2]) % 4
+                factor = factors[t] if turn < 2 else -factors[t]
+                if turn % 2:
+                    for k in range(many):
+                        w = factor * X[k] * Y[k] * Z[k]
+                        to[2 * k] -= w * source[2 * k + 1]
+                        to[2 * k + 1] += w * source[2 * k]
+                else:
+                    for k in range(many):
+                        w = factor * X[k] * Y[k] * Z[k]
+                        to[2 * k] += w * source[2 * k]
+                        to[2 * k + 1] += w * source[2 * k + 1]

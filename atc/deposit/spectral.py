@@ -398,7 +398,7 @@ class SpectralDeposit(Deposit):
         """An order of points (mesh spacings) in which what follows is near: in columns along z, a few nodes wide."""
         t = t - np.where(self._periodic, np.floor(t / np.maximum(self._period, 1)) * self._period, t.min(0, initial=np.inf))
         c = np.clip(t, 0, 2**20 - 1).astype(np.int64)
-        return np.argsort((c[:, 0] >> 2) << 40 | (c[:, 1] >> 2) << 20 | c[:, 2])
+        return np.argsort((c[:, 0] >> 3) << 40 | (c[:, 1] >> 3) << 20 | c[:, 2])
 
     def _gather_rows(self):
         """Everything onto meshes: together where the threads have the same frame."""
@@ -542,30 +542,35 @@ class SpectralDeposit(Deposit):
             return None
         extent = self._extents(meshes)
         scale = max(max(m.scale, m.largest) for m in meshes)
-        F, layout = None, self.layout
-        for what, groups in (("bond", self._groups(6)), ("moment", [(k, min(k + 8, len(layout.columns)), 8) for k in range(0, len(layout.columns), 8)])):
+        F, modes = None, None
+        columns = range(len(self.layout.columns))
+        for what, groups in (("bond", self._groups(6)), ("moment", [(k, min(k + 8, len(columns)), 8) for k in columns[::8]])):
             for group in groups:
                 done = self._transformed(what, group, extent)
                 if done is None:
                     continue
                 modes, S, largest = done
                 F = np.zeros((6, *S[0].shape), S[0].dtype) if F is None else F
-                b = np.ascontiguousarray(2 * np.pi * modes.inverse * self.kernel.radius)
-
-                def component(c):
-                    if what == "bond":
-                        F[c] += S[c] * S[c].dtype.type(largest / scale)
-                        return
-                    for k in range(len(S)):
-                        part = layout.part(group[0] + k, c)
-                        if part is not None:
-                            moments.contract(S[k], part[1] * (largest / scale), *modes.index, b, *part[0], F[c])
-
-                self._each(component, range(6))
+                self._combine(F, modes, S, largest / scale, None if what == "bond" else columns[group[0] : group[1]])
         response = modes.response().astype(self._number)
         for f in F:
             f *= response
         return modes, list(F), scale
+
+    def _combine(self, F, modes, S, factor, columns):
+        """F += factor S, or what moments S of some columns are of the stress."""
+        b = np.ascontiguousarray(2 * np.pi * modes.inverse * self.kernel.radius)
+        S = np.stack(S)
+
+        def component(c):
+            if columns is None:
+                F[c] += S[c] * S.dtype.type(factor)
+                return
+            which, alphas, factors = self.layout.parts(columns, c)
+            if len(which):
+                moments.contract(S.view(self._number), which, alphas, factor * factors, *modes.index, b, F[c].view(self._number))
+
+        self._each(component, range(6))
 
     def _each(self, do, items, workers=None):
         if (workers or self.threads) == 1:
