@@ -53,7 +53,9 @@ def spectral_deposit(bound, kern, cell, components: int, tolerance: float, threa
     return SpectralDeposit(bound, kern, cell, components, components, threads, tolerance, gradients=gradients, order=order)
 
 
-def cheapest(costs: Costs, bound, kern, cell, items: float, length: float, components: int, tolerance: float, gradients=False, gathered: float = 0.0):
+def cheapest(
+    costs: Costs, bound, kern, cell, items: float, length: float, components: int, tolerance: float, gradients=False, gathered: float = 0.0
+):
     """(seconds, spectral deposit): with points on bonds, or with the moments of `gathered` atoms (0: not possible), whichever costs less."""
     from .deposit import moments
 

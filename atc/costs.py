@@ -8,7 +8,7 @@ The model is linear and small on purpose; every count is of something the progra
   capsule's mean shadow, A + π/2 R L, over the area that belongs to a row. An atom is a bond of no length;
 - spectral deposit, single and double precision apart: per point on a bond, per register (32 bytes) of its window on the mesh, per node of the mesh and
   component; see `atc.deposit.fourier`;
-- where atoms carry moments of their bonds: per bond, and per number; points of as many components as there are moments are then the atoms;
+- where atoms carry moments of their bonds: per bond, and per number in it; per atom, and per register of its window; per node and number;
 - scattered points and the error check: per bond that comes near, per visit;
 - gradients by the exact sum: per atom within reach of a point.
 
@@ -52,6 +52,9 @@ class Costs:
     spread_register_single: float = 4.2e-10
     moment_bond: float = 2.2e-8
     moment: float = 4.5e-10
+    moment_atom: float = 7e-7
+    moment_register: float = 6.5e-10
+    moment_node: float = 6e-9
     mesh_node: float = 1.6e-8
     mesh_node_single: float = 1.3e-8
     gather_visit: float = 4.4e-8
@@ -250,6 +253,8 @@ def spectral(costs: Costs, deposit, items: float, length: float, components: int
     point, register = (costs.spread_point_single, costs.spread_register_single) if single else (costs.spread_point, costs.spread_register)
     node = costs.mesh_node_single if transform_itemsize(deposit) == 4 else costs.mesh_node
     groups = len(lanes(components))
+    mesh, points = np.asarray(deposit.mesh, float), len(deposit.grid)
+    nodes = float(mesh.prod())
     spread = items * points_each(deposit, length) * (point * groups + register * window_registers(deposit, components))
     transformed = float(components)
     if deposit.order is not None:
@@ -257,10 +262,9 @@ def spectral(costs: Costs, deposit, items: float, length: float, components: int
 
         many = count(deposit.order)
         spread += items * (costs.moment_bond + costs.moment * many)
-        spread += atoms * (point * ceil(many / 8) + register * window_registers(deposit, 8 * ceil(many / 8)))
+        spread += atoms * (costs.moment_atom + costs.moment_register * window_registers(deposit, 8 * ceil(many / 8)))
+        spread += nodes * costs.moment_node * many
         transformed = many + (components if collapsed(deposit, length) < 1.0 else 0.0)
-    mesh, points = np.asarray(deposit.mesh, float), len(deposit.grid)
-    nodes = float(mesh.prod())
     if deposit.gradients:
         # Three more fields from the same modes: each is those times a wave number, and its values.
         again = 1.5e-8 * points + 8e-9 * _kept(deposit, mesh)

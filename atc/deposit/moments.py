@@ -193,8 +193,9 @@ def add_bonds(x_nc, i_b, j_b, r_bc, G_b, first, weight_k, slack, longest, invers
     Parameters
     ----------
     weight_k : (6,) one over the mean |b| of a component
-    slack, longest : by how many powers of two the error of a bond may be larger, for bonds up to 2^STRONG times as strong as the mean; and the longest
-        bond (2 LEVELS + 1,) that may be collapsed when its error may be 2^(level − LEVELS) times the tolerance
+    slack, longest : by how many powers of two the error of a bond may be larger; and the longest bond (2 LEVELS + 1,) that may be collapsed when its
+        error may be 2^(level − LEVELS) times the tolerance. Bonds more than 2^STRONG times as strong as the mean never are: they become the points by
+        which they can be taken out again (`SpectralDeposit.add_strong`); what the mesh makes of two ends is not what it makes of points
     inverse_length, inverse_scale : r and G r⊗r are multiplied with these
     rows, places : (n, row), and the same memory as doubles
     rest : (b,) bonds that are not collapsed
@@ -211,8 +212,8 @@ def add_bonds(x_nc, i_b, j_b, r_bc, G_b, first, weight_k, slack, longest, invers
         if strength == 0.0:
             continue
         power = frexp(strength)[1]
-        level = spread.LEVELS - power + (slack if power <= spread.STRONG else 0)
-        if xx + yy + zz > longest[min(max(level, 0), 2 * spread.LEVELS)] ** 2:
+        level = min(max(spread.LEVELS - power + slack, 0), 2 * spread.LEVELS)
+        if power > spread.STRONG or xx + yy + zz > longest[level] ** 2:
             rest[many] = b
             many += 1
             continue

@@ -131,7 +131,9 @@ class SpectralDeposit(Deposit):
         if not grid.is_lattice or separable(grid, self._inverse) is None:
             # The mesh is used twice.
             mesh *= np.sqrt(0.5)
-        density = (DENSE if self.order is None else DENSE_ATOMS) / (kernel.radius / 2.5) ** 3 / 4 if points is None else points / self.cell.volume
+        density = (
+            (DENSE if self.order is None else DENSE_ATOMS) / (kernel.radius / 2.5) ** 3 / 4 if points is None else points / self.cell.volume
+        )
         # Nearby densities give nearby choices: round, so that they can be remembered.
         costs = fourier.COSTS[np.dtype(self.real).itemsize]
         self.parameters = p = fourier.choose(kernel, modes, mesh, float(f"{density:.1e}"), costs, self.gradients, centre)
