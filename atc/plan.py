@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from .errors import AtcError
-from .estimators.methods import Method, details, summary
+from .estimators.methods import EXACT, Method, details, summary
 from .estimators.registry import BOND, Work
 
 _TERMS = {
@@ -148,9 +148,23 @@ class Request:
         from .costs import Load
 
         load = self.load if work.bond or work.reference_bond else Load()
-        pilot = self._pilot if work.bond == ["stress"] and self.tiles is None and hasattr(self.pot, "terms") else None
-        kern, n = self.kernel_internal, len(frame)
-        return choose(method, self.tolerance, self.costs, work, bounds, kern, cells, n, load, pilot, self.n_frames)
+        pilot = self._pilot if self.may_loosen(work) and hasattr(self.pot, "terms") else None
+        return choose(method, self.tolerance, self.costs, work, bounds, self.kernel_internal, cells, len(frame), load, pilot)
+
+    def may_loosen(self, work: Work) -> bool:
+        """Whether sums over bonds may begin above the tolerance: where the largest errors are known to be found, around the strongest bonds."""
+        return work.bond == ["stress"] and self.tiles is None
+
+    def settle(self, result) -> None:
+        """Fix the methods for all frames: those that the first one needed (a `FrameResult`), for further ones adjusted by the error it was left with."""
+        self.methods = dict(result.methods)
+        method = self.methods.get("bond", EXACT)
+        errors = [result.expected[q.name] for q in self.work.quantities if q.bond and q.name in result.expected]
+        if self.n_frames > 1 and not method.exact and not method.forced and errors and self.may_loosen(self.work):
+            from .choose import adjusted
+
+            ways = self.costs, self.bound, self.kernel_internal, self.first.cell, self.load, self.work.n_bond
+            self.methods["bond"] = adjusted(method, max(errors), self.tolerance, *ways)
 
     def _pilot(self):
         """A pass over the bonds of the first frame; see there."""

@@ -11,9 +11,11 @@ from test_run import Stop, same, stop_after
 import atc
 from atc import run
 from atc.calibrate import argon, silicon
+from atc.choose import AIM_LATER, FACTORS, LOOSEST
 from atc.costs import Costs, load_of, visits
 from atc.deposit import make
 from atc.errors import AtcWarning
+from atc.estimators.compute import SAFE, frame_fields
 from atc.estimators.methods import Method, Refinement
 from atc.estimators.target import NearPoints
 from atc.frame import Cell
@@ -127,14 +129,27 @@ def test_refined_frames_are_the_same_however_they_are_computed(liquid, stressles
         monkeypatch.setenv("ATC_COSTS", "shipped")
 
 
-def test_the_methods_settle_on_the_first_frame(liquid):
-    """Where the first frame is within the tolerance but close to it, all frames begin more closely, and nobody is warned."""
+@pytest.mark.parametrize("start", [3e-3, 2.8e-4, 2e-7], ids=["too loose", "close to it", "too tight"])
+def test_the_methods_settle_on_the_first_frame(liquid, start):
+    """Further frames begin where the first one's error says: looser where it was far below the tolerance, tighter where it was near it, and nobody is warned."""
     frame, pot = liquid
-    request = Request([frame] * 2, pot, KERN, GRID, ["stress_potential"], 1e-5, threads=1)
-    loose = Method("spectral", 3e-3, "test", (1e-5, 1e-6))
-    request.methods = {"bond": loose}
+    tolerance = 1e-5
+    exact = quiet(frame, pot, KERN, GRID, ["stress_potential"], 1e-12)
+    request = Request([frame] * 2, pot, KERN, GRID, ["stress_potential"], tolerance, threads=1)
+    request.methods = {"bond": Method("spectral", start, "test", (1e-5, 1e-6))}
     result = run._settle(request, None, 0)
-    assert request.methods["bond"].tolerance in (1e-5, 1e-6) and result.errors["stress_potential"]["error_max"] <= 0.5e-5
+    first, later = result.methods["bond"], request.methods["bond"]
+    assert result.errors["stress_potential"]["error_max"] <= SAFE * tolerance
+    expected = result.expected["stress_potential"] * later.tolerance / first.tolerance
+    assert expected <= AIM_LATER * tolerance * 1.01
+    assert (later.tolerance < first.tolerance) == (start == 2.8e-4)
+    # The next looser one would not do.
+    looser = min((f * tolerance for f in FACTORS if f * tolerance > later.tolerance * 1.01), default=np.inf)
+    assert looser > LOOSEST or expected * looser / later.tolerance > AIM_LATER * tolerance * 0.99
+    again = frame_fields(frame, request.settings(), 1)
+    assert not again.refined and again.methods["bond"] == later
+    wanted = exact.stress_potential.values
+    assert np.abs(again.arrays["stress_potential"] - wanted).max() <= tolerance * np.abs(wanted).max()
 
 
 def test_a_forced_method_stays(liquid, stressless):
