@@ -54,21 +54,19 @@ def spectral_deposit(bound, kern, cell, components: int, tolerance: float, threa
     return SpectralDeposit(bound, kern, cell, components, components, threads, tolerance, gradients=gradients)
 
 
-def choose(
-    method: str, tolerance: float, costs: Costs, work, bounds: dict, kern, cells: dict, atoms: int, load: Load, pilot=None
-) -> dict[str, Method]:
+def choose(method: str, tolerance: float, costs: Costs, work, places: dict, kern, atoms: int, load: Load, pilot=None) -> dict[str, Method]:
     """The method of each deposit.
 
     Parameters
     ----------
     method : "auto" or what the user forces
-    bounds, cells : the bound grid and the cell of "site", "bond", "gather" (the frame's), "reference_bond" and "reference_gather" (the reference's)
+    places : for each deposit the bound grid and the cell (the frame's or the reference's), see `Request.places`
     kern : kernel in internal units
     pilot : a function that makes a `pilot.Pilot` of the first frame's stress; None: the spectral method begins at the tolerance
     """
     out = {}
     for key, (items, length, components) in sizes(work, atoms, load).items():
-        bound, cell = bounds[key], cells[key]
+        bound, cell = places[key]
         gathered = key in ("gather", "reference_gather")
         slopes = gathered and work.slopes(key)
         exact = (gather if gathered else direct)(costs, bound, kern, items, length, components)

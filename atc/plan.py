@@ -130,26 +130,28 @@ class Request:
 
     def methods_for(self, work: Work, method: str = "auto") -> dict[str, Method]:
         """The method of each deposit, by the cost model and the first frame: the same for every frame, whoever computes it."""
-        frame = self.first
-        if self.kern is None or self.grid is None or (work.bond_users and self.pot is None):
-            return {}
         from .choose import choose
+        from .costs import Load
 
-        bounds, cells = {}, {}
-        for key in ("site", "bond", "gather"):
-            if getattr(work, key):
-                bounds[key], cells[key] = self.bound, frame.cell
+        places = self.places(work)
+        if not places:
+            return {}
+        load = self.load if work.bond or work.reference_bond else Load()
+        pilot = self._pilot if self.may_loosen(work) and hasattr(self.pot, "terms") else None
+        return choose(method, self.tolerance, self.costs, work, places, self.kernel_internal, len(self.first), load, pilot)
+
+    def places(self, work: Work) -> dict | None:
+        """For each deposit that a frame needs, the bound grid and the cell that its atoms are in; None where something for that is missing."""
+        if self.kern is None or self.grid is None or (work.bond_users and self.pot is None):
+            return None
+        out = {key: (self.bound, self.first.cell) for key in ("site", "bond", "gather") if getattr(work, key)}
         for key in ("reference_bond", "reference_gather"):
             if getattr(work, key):
                 if self.reference is None:
-                    return {}
+                    return None
                 at = self.reference
-                bounds[key], cells[key] = self.grid.bind(at.units, at.cell, at.positions), at.cell
-        from .costs import Load
-
-        load = self.load if work.bond or work.reference_bond else Load()
-        pilot = self._pilot if self.may_loosen(work) and hasattr(self.pot, "terms") else None
-        return choose(method, self.tolerance, self.costs, work, bounds, self.kernel_internal, cells, len(frame), load, pilot)
+                out[key] = self.grid.bind(at.units, at.cell, at.positions), at.cell
+        return out
 
     def may_loosen(self, work: Work) -> bool:
         """Whether sums over bonds may begin above the tolerance: where the largest errors are known to be found, around the strongest bonds."""
