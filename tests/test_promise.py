@@ -92,6 +92,19 @@ def test_an_error_too_large_is_computed_again(liquid, stressless):
     assert "frame 0" in ds.attrs["refinements"]
 
 
+def test_what_is_computed_again_is_not_measured_with_cut_tails(liquid, stressless):
+    """Far tails of a Gaussian are left out of the check; in a field that is the small difference of large terms they were larger than the tolerance."""
+    frame, pot = stressless[0], liquid[1]
+    kern, what = atc.kernel("gaussian", radius=14.0), ["stress_potential"]
+    request = Request(frame, pot, kern, GRID, what, 1e-2, threads=1)
+    request.methods = {"bond": Method("spectral", 1e-2, "test", (1e-5,))}
+    result = frame_fields(request.first, request.settings(), 0)
+    exact = quiet(frame, pot, kern, GRID, what, 1e-12).stress_potential.values[0]
+    true = np.abs(result.arrays[what[0]] - exact).max() / np.abs(exact).max()
+    assert result.methods["bond"].tolerance == 1e-5 and len(result.refined) == 1
+    assert 0.3 * true < result.errors[what[0]]["error_max"] < 1.01 * true < 1e-2
+
+
 def test_a_crystal_without_stress_has_errors_relative_to_its_terms(liquid, stressless):
     ds = quiet(stressless[1], liquid[1], KERN, GRID, ["stress_potential"], 1e-5)
     v = ds.stress_potential

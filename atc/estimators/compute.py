@@ -82,11 +82,13 @@ class Stage:
         self.seeking = False
         self.use(settings.methods)
 
-    def use(self, methods) -> None:
-        """From now on sum by these methods."""
+    def use(self, methods, again=False) -> None:
+        """From now on sum by these methods. `again`: they follow others that left too large an error, part of which may have been the check's own."""
         self.main.methods = methods
         self.reach = self._kern
-        if self.bound.kind != "slab" and self._kern is not None:
+        if again:
+            self.check.target.summed_kern = self._kern
+        elif self.bound.kind != "slab" and self._kern is not None:
             self.reach = self.check.target.summed_kern = checking_kernel(self._kern, methods, self._tolerance)
         self._near = None
 
@@ -179,7 +181,7 @@ class _FrameJob:
         frame, work = self.frame, self.work
         for stage in (self.stage, self.reference):
             if stage is not None:
-                stage.use(methods)
+                stage.use(methods, again=bool(self.sums))
         # The sums on the grid, and those at the points of the check. Made anew, since they remember what was formed from them.
         fresh = [Sums(drift=self.drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann) for _ in range(2)]
         for new, old in zip(fresh, self.sums):
