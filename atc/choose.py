@@ -12,10 +12,12 @@ from .estimators.methods import EXACT, Method
 EXACT_BELOW = 1e-11
 #: The spectral method's own tolerance over the one asked for, from the loosest start to what is tried last. It is relative to a field of independent sources;
 #: how much further stresses may begin is measured (`pilot`), anything else begins at 1.
-FACTORS = (64.0, 45.0, 32.0, 22.0, 16.0, 11.0, 8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0, 1 / 2, 1 / 8, 1 / 64, 1 / 512)
+FACTORS = (64.0, 45.0, 32.0, 22.0, 16.0, 11.0, 8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0, 0.7, 1 / 2, 1 / 8, 1 / 64, 1 / 512)
 #: The error that the pilot may expect on the first frame, over the tolerance, and the one that is expected on later ones, by what was found on the first:
-#: less, since what the frames differ by must fit in.
-AIM, AIM_LATER = 0.4, 0.35
+#: less, since what the frames differ by must fit in; nothing is tightened for what is below the third.
+AIM, AIM_LATER, ENOUGH = 0.4, 0.35, 0.5
+#: Where the pilot expects more even at the tolerance: what of it the start is.
+CLOSER = 0.7
 #: Nothing is gained beyond this.
 LOOSEST = 0.1
 #: CPU seconds of an exact sum below which nothing else is considered.
@@ -148,12 +150,13 @@ class _Spectral:
 def adjusted(method: Method, error, tolerance, costs: Costs, bound, kern, cell, load: Load, components: int) -> Method:
     """The method of sums over bonds for further frames, by the error that `method` left on the first: looser or tighter, as far as errors follow the tolerance."""
     limit = method.tolerance * AIM_LATER * tolerance / max(error, 1e-300) * (1 + 1e-9)
-    found = [t for t in _loose(tolerance) if t <= limit] or [min(method.tolerance, tolerance)]
-    if found[0] == method.tolerance:
+    ladder = [*(t for t in _loose(tolerance) if t > method.tolerance * (1 + 1e-9)), method.tolerance, *method.rungs]
+    start = next((t for t in ladder if t <= limit), method.tolerance)
+    if start == method.tolerance or (start < method.tolerance and error <= ENOUGH * tolerance):
         return method
     ways = _Spectral(costs, bound, kern, cell, load.bonds, load.length, components)
     try:
-        return ways.method(found[0], tolerance, direct(costs, bound, kern, load.bonds, load.length, components))
+        return ways.method(start, tolerance, direct(costs, bound, kern, load.bonds, load.length, components))
     except AtcError:
         return method
 
@@ -174,7 +177,7 @@ def _start(tolerance, ways, exact, look) -> float:
     if tight - loosest < 2.0 * look.seconds:
         return tolerance
     pilot, at_most = look.make(), ladder[0]
-    for t in ladder:
+    for t in [*ladder, tolerance]:
         if t > at_most * (1 + 1e-9):
             continue
         try:
@@ -186,13 +189,24 @@ def _start(tolerance, ways, exact, look) -> float:
         if error <= AIM * tolerance:
             return t
         # Errors follow the tolerance.
-        at_most = t * AIM * tolerance / error
+        at_most = max(t * AIM * tolerance / error, tolerance)
+    # Incoherent stresses have errors as large as the tolerance allows: a little closer costs less than all of it again.
+    closer = CLOSER * tolerance
+    if _precisions(closer) == _precisions(tolerance) and closer in _rungs(tolerance, lambda t: ways.cost(t) < exact):
+        return closer
     return tolerance
 
 
 def _loose(tolerance) -> list[float]:
     """What the spectral method's tolerance may be above that of the result, loosest first."""
     return [t for f in FACTORS if f > 1 and (t := f * tolerance) <= LOOSEST and t < _precise(tolerance)]
+
+
+def _precisions(t) -> tuple[bool, bool]:
+    """Whether meshes and transforms are in single precision."""
+    from .deposit.spectral import SINGLE, SINGLE_TRANSFORM
+
+    return t >= SINGLE, t >= SINGLE_TRANSFORM
 
 
 def _precise(tolerance) -> float:
