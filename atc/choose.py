@@ -15,7 +15,7 @@ EXACT_BELOW = 1e-11
 FACTORS = (64.0, 45.0, 32.0, 22.0, 16.0, 11.0, 8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0, 0.7, 1 / 2, 1 / 8, 1 / 64, 1 / 512)
 #: The error that the pilot may expect on the first frame, over the tolerance, and the one that is expected on later ones, by what was found on the first:
 #: less, since what the frames differ by must fit in; nothing is tightened for what is below the third.
-AIM, AIM_LATER, ENOUGH = 0.4, 0.35, 0.5
+AIM, AIM_LATER, ENOUGH = 0.4, 0.35, 0.45
 #: Where the pilot expects more even at the tolerance: what of it the start is.
 CLOSER = 0.7
 #: Nothing is gained beyond this.
