@@ -46,7 +46,7 @@ class Method:
             return self
         for k, rung in enumerate(self.rungs):
             # The error follows the tolerance, roughly.
-            if error * rung <= 0.7 * goal * self.tolerance:
+            if error * rung <= 0.5 * goal * self.tolerance:
                 return self._rung(k)
         if self.forced:
             return self._rung(len(self.rungs) - 1) if self.rungs else self
