@@ -51,9 +51,9 @@ def sizes(work, atoms: int, load: Load) -> dict[str, tuple[float, float, int]]:
 
 def spectral_deposit(bound, kern, cell, components: int, tolerance: float, threads: int = 1, gradients: bool = False, order=None):
     """A spectral deposit without its meshes, or an AtcError that says why there can be none."""
-    from .deposit.spectral import SpectralDeposit
+    from .deposit.collapse import spectral_deposit
 
-    return SpectralDeposit(bound, kern, cell, components, components, threads, tolerance, gradients=gradients, order=order)
+    return spectral_deposit(bound, kern, cell, components, components, threads, tolerance, gradients, order)
 
 
 def cheapest(

@@ -50,7 +50,7 @@ class Costs:
     spread_register: float = 4.2e-10
     spread_point_single: float = 3e-8
     spread_register_single: float = 4.2e-10
-    moment_bond: float = 2.2e-8
+    moment_bond: float = 3.0e-8
     moment: float = 4.5e-10
     moment_atom: float = 7e-7
     moment_register: float = 6.5e-10

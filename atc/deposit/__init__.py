@@ -40,9 +40,9 @@ def make(method, bound_grid, kernel, cell, n_site, n_bond, threads=1, tolerance=
     if method not in METHODS:
         raise AtcError(f"unknown deposit method {method!r}: expected one of {', '.join(METHODS)}")
     if method == "spectral":
-        from .spectral import SpectralDeposit
+        from .collapse import spectral_deposit
 
-        return SpectralDeposit(bound_grid, kernel, cell, n_site, n_bond, threads, tolerance, gradients=gradients, order=order)
+        return spectral_deposit(bound_grid, kernel, cell, n_site, n_bond, threads, tolerance, gradients, order)
     if gradients:
         raise AtcError(f"deposit method {method!r} gives no gradients: use method 'spectral', or atc.deposit.gradient.gather")
     from . import direct

@@ -188,7 +188,7 @@ def core(order, real):
 
 
 def add_bonds(x_nc, i_b, j_b, r_bc, G_b, first, weight_k, slack, longest, inverse_length, inverse_scale, rows, places, rest):
-    """Add bonds `first`.. to the rows of their two atoms. Returns the bond before which an atom has moved (else their number), and how many are in `rest`.
+    """Add bonds `first`.. to the rows of their two atoms. Returns the bond before which an atom has moved (else their number; −1: it is nowhere), and how many are in `rest`.
 
     Parameters
     ----------
@@ -222,6 +222,8 @@ def add_bonds(x_nc, i_b, j_b, r_bc, G_b, first, weight_k, slack, longest, invers
             if known != x_nc[a, 0] or places[a, PLACE + 1] != x_nc[a, 1] or places[a, PLACE + 2] != x_nc[a, 2]:
                 if known == known:
                     return b, many
+                if not abs(x_nc[a, 0]) + abs(x_nc[a, 1]) + abs(x_nc[a, 2]) < np.inf:
+                    return -1, many
                 places[a, PLACE], places[a, PLACE + 1], places[a, PLACE + 2] = x_nc[a, 0], x_nc[a, 1], x_nc[a, 2]
         ADD(
             at + BYTES * i_b[b], at + BYTES * j_b[b], x * inverse_length, y * inverse_length, z * inverse_length,

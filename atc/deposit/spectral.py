@@ -18,8 +18,8 @@ from threading import Lock
 import numpy as np
 
 from ..errors import AtcError
-from . import fourier, moments, spread
-from .direct import _NOT_FINITE, Deposit, _array, stress_components
+from . import fourier, spread
+from .direct import _NOT_FINITE, Deposit
 from .modes import Modes, largest_modes, separable
 
 # Points a bond gets at most before it is cut into pieces.
@@ -28,8 +28,6 @@ MOST = 10
 LARGEST = 8.0e9
 # Points to spread in a ball of radius R/4, as in dense argon at R = 10 Å: what the choice between a fine mesh and a wide window goes by.
 DENSE = 200.0
-# The same where atoms carry moments: at R = 20 Å, a point of as many components as there are mesh nodes to pay for.
-DENSE_ATOMS = 36.0
 # What of the tolerance goes to the modes left out, to those that the mesh confuses, and to the bonds' points. The squares of the errors add up; the largest error
 # among many points over the largest value is up to twice what the same ratio of mean squares is: where modes decay slowly, what is left out gathers
 # at the kernel's centre and edge. Leaving out little is dear for those kernels, and cheap for the Gaussian.
@@ -101,8 +99,6 @@ class SpectralDeposit(Deposit):
         is their difference smaller)
     points : how many points will be spread, if known: only the speed depends on it
     gradients : whether the tolerance is meant for gradients as well
-    order : of the moments that atoms carry for the bonds of `add_bond_stress`, see `moments`; None: every bond becomes points. Bonds too long, or too
-        strong for their length, become points anyway: only the speed depends on it
 
     Attributes
     ----------
@@ -116,9 +112,12 @@ class SpectralDeposit(Deposit):
         For kernels that jump (step, box), slabs, and where the tolerance asks for a mesh that does not fit in memory.
     """
 
-    def __init__(self, grid, kernel, cell, n_site, n_bond, threads=1, tolerance=1e-5, points=None, gradients=False, order=None):
+    dense = DENSE
+    # Components of the meshes that there are at the same time; the order of the moments of bonds that atoms carry (`collapse`).
+    most_components, order = 8, None
+
+    def __init__(self, grid, kernel, cell, n_site, n_bond, threads=1, tolerance=1e-5, points=None, gradients=False):
         super().__init__(grid, kernel, cell, n_site, n_bond, threads)
-        self.order = order if self.n_bond == 6 else None
         self.tolerance, self.gradients = float(tolerance), bool(gradients)
         fourier.spectrum(kernel)
         if grid.kind == "slab":
@@ -131,9 +130,7 @@ class SpectralDeposit(Deposit):
         if not grid.is_lattice or separable(grid, self._inverse) is None:
             # The mesh is used twice.
             mesh *= np.sqrt(0.5)
-        density = (
-            (DENSE if self.order is None else DENSE_ATOMS) / (kernel.radius / 2.5) ** 3 / 4 if points is None else points / self.cell.volume
-        )
+        density = self.dense / (kernel.radius / 2.5) ** 3 / 4 if points is None else points / self.cell.volume
         # Nearby densities give nearby choices: round, so that they can be remembered.
         costs = fourier.COSTS[np.dtype(self.real).itemsize]
         self.parameters = p = fourier.choose(kernel, modes, mesh, float(f"{density:.1e}"), costs, self.gradients, centre)
@@ -152,16 +149,9 @@ class SpectralDeposit(Deposit):
         self._meshes = {}
         self._check(np.where(periodic, nodes, np.minimum(self._view[1] - self._view[0], 2 * self._reach)) + p.width + 1)
         self._points = [0] * self.threads
-        self._rule = self._longest = None
+        self._rule = None
         self._mesh_share = mesh
-        self.layout = None if self.order is None else moments.Layout(self.order, self.real)
-        self._rows = [None] * self.threads
         self._counting = Lock()
-
-    @property
-    def most_components(self) -> int:
-        """Components of the meshes that there are at the same time."""
-        return 8 if self.order is None else 8 * ceil(moments.count(self.order) / 8)
 
     def _targets(self):
         """(2, 3) first and last node that the grid can see on open axes."""
@@ -220,20 +210,12 @@ class SpectralDeposit(Deposit):
         enough = np.flatnonzero(longest >= length)
         return int(enough[0]) + 1 if len(enough) else MOST * ceil(length / longest[-1])
 
-    def collapses(self, length: float) -> bool:
-        """Whether atoms carry a bond of this length and of mean strength: an estimate like `points_of`."""
-        return bool(self._collapse.longest([2.0 * self._bond_share])[0] >= length)
-
-    @property
-    def _collapse(self):
-        """The errors of collapsing bonds."""
-        return moments.errors(self.kernel, self.order, self.gradients, self.parameters, self._mesh_share)
-
     # --- adding
-    def _slack(self, i_b, r_bc, b_bk, weight_k, collapsed=False):
+    def _slack(self, i_b, r_bc, b_bk, weight_k, collapse=None):
         """By how much the error of a bond may exceed its share of the tolerance, as a power of two, when that of all together does not.
 
-        With one number of points or another most bonds do far better than they must.
+        With one number of points or another most bonds do far better than they must. collapse : the longest bonds that do not become points, by level,
+        and their error as a function of the length.
         """
         some = slice(None, None, max(1, len(i_b) // SAMPLE))
         strength = (np.abs(b_bk[some]) * weight_k).max(1)
@@ -246,9 +228,9 @@ class SpectralDeposit(Deposit):
             m = np.minimum((length[:, None] > enough).sum(1), MOST - 1)
             pieces = np.maximum(1.0, np.ceil(length / enough[np.arange(len(m)), m]))
             part = fourier.rule_error(self.kernel, m, length / pieces, self.gradients)
-            if collapsed:
-                short = length <= self._longest[np.clip(level + slack, 0, 2 * spread.LEVELS)]
-                part[short] = self._collapse.of(length[short])
+            if collapse is not None:
+                short = length <= collapse[0][np.clip(level + slack, 0, 2 * spread.LEVELS)]
+                part[short] = collapse[1](length[short])
             part *= strength
             # Mean strength is 1 or more: sums in step, and of squares.
             if part.mean() <= self._bond_share and np.sqrt((part**2).mean()) <= self._bond_share * np.sqrt((strength**2).mean()):
@@ -296,125 +278,6 @@ class SpectralDeposit(Deposit):
                 with self._counting:
                     self._points[thread] += n
                     self._visits[thread] += n * width**3
-
-    # --- moments
-    def add_bond_stress(self, x_nc, i_b, r_bc, G_b, thread=0, j_b=None):
-        if self.layout is None or j_b is None:
-            super().add_bond_stress(x_nc, i_b, r_bc, G_b, thread)
-            return
-        x_nc, r_bc, G_b = (_array(a) for a in (x_nc, r_bc, G_b))
-        i_b, j_b = (_array(a, np.int32) for a in (i_b, j_b))
-        n = len(G_b)
-        if r_bc.shape != (n, 3) or i_b.shape != (n,) or j_b.shape != (n,):
-            raise ValueError(f"i_b, j_b and r_bc must have shapes {(n,)} and {(n, 3)}, got {i_b.shape}, {j_b.shape} and {r_bc.shape}")
-        if not 0 <= thread < self.threads:
-            raise ValueError(f"thread {thread} of a deposit made for {self.threads}")
-        mean, most, finite, low, high = moments.survey(i_b, j_b, r_bc, G_b)
-        if low < 0 or high >= len(x_nc):
-            raise ValueError("i_b or j_b holds indices outside x_nc")
-        if not finite:
-            raise AtcError(_NOT_FINITE)
-        if most == 0.0:
-            return
-        if self._longest is None:
-            self._longest = self._collapse.longest(self._levels())
-        weight = np.divide(1.0, mean, out=np.zeros_like(mean), where=mean > 0)
-        slack = 0
-        if n > SAMPLE:
-            some = slice(None, None, n // SAMPLE)
-            slack = self._slack(i_b[some], r_bc[some], stress_components(r_bc[some], G_b[some]), weight, collapsed=True)
-        add, rest, first = moments.core(self.order, self.real), np.empty(n, np.int64), 0
-        points = []
-        while first < n:
-            rows = self._rows_for(thread, len(x_nc), most)
-            first, k = add(
-                x_nc, i_b, j_b, r_bc, G_b, first, weight, slack, self._longest, 1.0 / self.kernel.radius, 1.0 / rows.scale, rows.rows, rows.places, rest,
-            )  # fmt: skip
-            points.append(rest[:k].copy())
-            if first < n:  # an atom has moved: another frame
-                self._spread_rows(thread)
-        rest = np.concatenate(points)
-        if len(rest):
-            self._add("bond", x_nc, i_b[rest], r_bc[rest], stress_components(r_bc[rest], G_b[rest]), thread, typical=mean, slack=slack)
-
-    def _rows_for(self, thread, n, most):
-        """The rows of a thread, for n atoms and bonds up to `most`."""
-        rows = self._rows[thread]
-        single = self.real is np.float32
-        if rows is not None and (len(rows.rows) != n or (single and not 1e-9 < most / rows.scale < 1e9)):
-            self._spread_rows(thread)
-            rows = None
-        if rows is None:
-            rows = self._rows[thread] = moments.Rows(self.layout, n)
-            rows.scale = 2.0 ** max(frexp(most)[1], -1000) if single else 1.0
-        return rows
-
-    def _spread_rows(self, thread, workers=1):
-        """Onto meshes, what the atoms carry in one thread."""
-        rows, self._rows[thread] = self._rows[thread], None
-        which = rows.touched()
-        if not len(which):
-            return
-        x_nc = rows.positions(which)
-        if not np.isfinite(x_nc).all():
-            raise AtcError(_NOT_FINITE)
-        t = (x_nc - self._origin) @ self._to_mesh
-        lo, hi = self._seen(t.min(0), t.max(0))
-        if (lo >= hi)[~self._periodic].any():
-            return
-        # Neighbours one after the other: the mesh is larger than the processor's cache.
-        order = self._by_place(t)
-        which, x_nc = which[order], x_nc[order]
-        width, coef = self.parameters.width, self._rules()[3]
-        spread_rows, coef_flat = spread.row_core(width, len(coef) - 1, self.real), coef.ravel().astype(self.real)
-        columns = np.full(8 * ceil(len(self.layout.columns) / 8), -1)
-        columns[: len(self.layout.columns)] = self.layout.columns
-        columns = columns.reshape(-1, 8)
-        meshes = [self._mesh_for(("moment", 8 * g, thread), lo, hi, 8, rows.scale) for g in range(len(columns))]
-        short = self._short(meshes[0], 8.0 * SPARSE / width**3) if self.real is np.float32 else len(which)
-
-        def groups(some):
-            mine = meshes[some]
-            where = np.array([m.flat.ctypes.data for m in mine])
-            first = mine[0]
-            for s in range(0, len(which), short):
-                for m in mine:
-                    if m.points + min(short, len(which) - s) > short:
-                        m.flush(width)
-                n = spread_rows(
-                    x_nc[s : s + short], which[s : s + short], rows.rows, columns[some], rows.scale / first.scale, self._origin, self._to_mesh,
-                    self._period, first.low, np.array(first.shape), first.row, coef_flat, where, first.rows,
-                )  # fmt: skip
-                for m in mine:
-                    m.points += n
-                    if m is not first:
-                        np.maximum(m.rows, first.rows, out=m.rows)
-                with self._counting:
-                    self._visits[thread] += n * width**3 * len(mine)
-                    self._points[thread] += n * (some.start == 0)
-
-        workers = min(workers, len(columns))
-        self._each(groups, [slice(w, None, workers) for w in range(workers)], workers)
-
-    def _by_place(self, t):
-        """An order of points (mesh spacings) in which what follows is near: in columns along z, a few nodes wide."""
-        t = t - np.where(self._periodic, np.floor(t / np.maximum(self._period, 1)) * self._period, t.min(0, initial=np.inf))
-        c = np.clip(t, 0, 2**20 - 1).astype(np.int64)
-        return np.argsort((c[:, 0] >> 3) << 40 | (c[:, 1] >> 3) << 20 | c[:, 2])
-
-    def _gather_rows(self):
-        """Everything onto meshes: together where the threads have the same frame."""
-        first = None
-        for t, rows in enumerate(self._rows):
-            if rows is None:
-                continue
-            if first is None:
-                first = t
-            elif self._rows[first].join(rows):
-                self._rows[t] = None
-        for t, rows in enumerate(self._rows):
-            if rows is not None:
-                self._spread_rows(t, self.threads)
 
     def _seen(self, low, high):
         """First and last node in reach of points between two corners (mesh spacings), as far as the grid can see them on open axes."""
@@ -536,43 +399,9 @@ class SpectralDeposit(Deposit):
         self._each(component, range(n_comp))
         return modes, F, largest
 
-    def _collapsed(self):
-        """The same of the stress, from points and moments."""
-        self._gather_rows()
-        meshes = self._of("bond") + self._of("moment")
-        if not meshes:
-            return None
-        extent = self._extents(meshes)
-        scale = max(max(m.scale, m.largest) for m in meshes)
-        F, modes = None, None
-        columns = range(len(self.layout.columns))
-        for what, groups in (("bond", self._groups(6)), ("moment", [(k, min(k + 8, len(columns)), 8) for k in columns[::8]])):
-            for group in groups:
-                done = self._transformed(what, group, extent)
-                if done is None:
-                    continue
-                modes, S, largest = done
-                F = np.zeros((6, *S[0].shape), S[0].dtype) if F is None else F
-                self._combine(F, modes, S, largest / scale, None if what == "bond" else columns[group[0] : group[1]])
-        response = modes.response().astype(self._number)
-        for f in F:
-            f *= response
-        return modes, list(F), scale
-
-    def _combine(self, F, modes, S, factor, columns):
-        """F += factor S, or what moments S of some columns are of the stress."""
-        b = np.ascontiguousarray(2 * np.pi * modes.inverse * self.kernel.radius)
-        S = np.stack(S)
-
-        def component(c):
-            if columns is None:
-                F[c] += S[c] * S.dtype.type(factor)
-                return
-            which, alphas, factors = self.layout.parts(columns, c)
-            if len(which):
-                moments.contract(S.view(self._number), which, alphas, factor * factors, *modes.index, b, F[c].view(self._number))
-
-        self._each(component, range(6))
+    def _done(self, what, group):
+        """`_transformed`, of all that has been added."""
+        return self._transformed(what, group)
 
     def _each(self, do, items, workers=None):
         if (workers or self.threads) == 1:
@@ -585,8 +414,7 @@ class SpectralDeposit(Deposit):
     def _sums(self, what, n_comp, derivatives=(None,)):
         out = np.zeros((len(self.grid), n_comp, len(derivatives)))
         for group in self._groups(n_comp):
-            collapsed = what == "bond" and self.layout is not None
-            done = self._collapsed() if collapsed else self._transformed(what, group)
+            done = self._done(what, group)
             if done is None:
                 continue
             modes, F, largest = done
