@@ -57,13 +57,13 @@ def spectral_deposit(bound, kern, cell, components: int, tolerance: float, threa
 
 
 def cheapest(
-    costs: Costs, bound, kern, cell, items: float, length: float, components: int, tolerance: float, gradients=False, carriers: float = 0.0
+    costs: Costs, bound, kern, cell, items: float, length: float, components: int, tolerance: float, gradients=False, carried: float = 0.0
 ):
-    """(seconds, spectral deposit): with points on bonds, or with the moments of `carriers` atoms (0: not possible), whichever costs less."""
+    """(seconds, spectral deposit): with points on bonds, or with the moments of `carried` atoms (0: not possible), whichever costs less."""
     from .deposit import moments
 
     best = None
-    for order in (None, *(moments.ORDERS if carriers else ())):
+    for order in (None, *(moments.ORDERS if carried else ())):
         try:
             deposit = spectral_deposit(bound, kern, cell, components, tolerance, gradients=gradients, order=order)
         except AtcError:
@@ -71,12 +71,17 @@ def cheapest(
                 continue
             raise
         # An order that is enough for all bonds is the last one worth a look.
-        seconds = spectral(costs, deposit, items, length, components, carriers)
-        if best is None or (seconds < best[0] and _fits(deposit, components, carriers)):
+        seconds = spectral(costs, deposit, items, length, components, carried)
+        if best is None or (seconds < best[0] and _fits(deposit, components, carried)):
             best = seconds, deposit
         if order is not None and collapsed(deposit, length) == 1.0:
             break
     return best
+
+
+def carriers(key: str, work, atoms: int) -> float:
+    """Atoms that can carry moments of their bonds: where only the stress of central forces is summed over these."""
+    return float(atoms) if key == "bond" and work.bond == ["stress"] else 0.0
 
 
 def choose(method: str, tolerance: float, costs: Costs, work, places: dict, kern, atoms: int, load: Load, pilot=None) -> dict[str, Method]:
@@ -98,9 +103,8 @@ def choose(method: str, tolerance: float, costs: Costs, work, places: dict, kern
         look = None
         if pilot is not None and key == "bond" and work.bond == ["stress"]:
             look = _Look(pilot, load.seconds(costs, atoms))
-        # Of central forces atoms can carry what their bonds sum up to.
-        carriers = float(atoms) if key == "bond" and work.bond == ["stress"] else 0.0
-        out[key] = _one(method, tolerance, costs, bound, kern, cell, items, length, components, exact, slopes, look, carriers)
+        carried = carriers(key, work, atoms)
+        out[key] = _one(method, tolerance, costs, bound, kern, cell, items, length, components, exact, slopes, look, carried)
     return out
 
 
@@ -112,14 +116,14 @@ class _Look:
     seconds: float
 
 
-def _one(method, tolerance, costs, bound, kern, cell, items, length, components, exact, gradients, look=None, carriers=0.0) -> Method:
-    """exact : seconds of the exact sum; gradients : whether those are wanted too; carriers : atoms that can carry moments."""
+def _one(method, tolerance, costs, bound, kern, cell, items, length, components, exact, gradients, look=None, carried=0.0) -> Method:
+    """exact : seconds of the exact sum; gradients : whether those are wanted too; carried : atoms that can carry moments."""
 
-    ways = _Spectral(costs, bound, kern, cell, items, length, components, gradients, carriers)
+    ways = _Spectral(costs, bound, kern, cell, items, length, components, gradients, carried)
 
     if method == "spectral":
         first = ways.deposit(max(tolerance, 1e-14))
-        rungs = _rungs(tolerance, lambda t: _fits(ways.deposit(t), components, carriers))
+        rungs = _rungs(tolerance, lambda t: _fits(ways.deposit(t), components, carried))
         orders = tuple(ways.deposit(t).order for t in rungs)
         return Method("spectral", tolerance, _shape(first, "asked for", length), rungs, True, first.order, orders)
     if method != "auto":
@@ -155,7 +159,7 @@ class _Spectral:
     length: float
     components: int
     gradients: bool = False
-    carriers: float = 0.0
+    carried: float = 0.0
 
     def deposit(self, t):
         """The cheapest."""
@@ -164,12 +168,12 @@ class _Spectral:
     def _best(self, t):
         """(seconds, deposit)"""
         what = self.items, self.length, self.components
-        return cheapest(self.costs, self.bound, self.kern, self.cell, *what, t, self.gradients, self.carriers)
+        return cheapest(self.costs, self.bound, self.kern, self.cell, *what, t, self.gradients, self.carried)
 
     def cost(self, t) -> float:
         """CPU seconds; an AtcError where its mesh is too large."""
         seconds, deposit = self._best(t)
-        if not _fits(deposit, self.components, self.carriers):
+        if not _fits(deposit, self.components, self.carried):
             raise AtcError(f"its mesh of {_mesh(deposit)} would take more than {MOST_MEMORY / 1e9:.0f} GB")
         return seconds
 
@@ -182,14 +186,14 @@ class _Spectral:
         return Method("spectral", start, _shape(first, why, self.length), rungs, order=first.order, orders=orders)
 
 
-def adjusted(method: Method, error, tolerance, costs: Costs, bound, kern, cell, load: Load, components: int, carriers=0.0) -> Method:
+def adjusted(method: Method, error, tolerance, costs: Costs, bound, kern, cell, load: Load, components: int, carried=0.0) -> Method:
     """The method of sums over bonds for further frames, by the error that `method` left on the first: looser or tighter, as far as errors follow the tolerance."""
     limit = method.tolerance * AIM_LATER * tolerance / max(error, 1e-300) * (1 + 1e-9)
     ladder = [*(t for t in _loose(tolerance) if t > method.tolerance * (1 + 1e-9)), method.tolerance, *method.rungs]
     start = next((t for t in ladder if t <= limit), method.tolerance)
     if start == method.tolerance or (start < method.tolerance and error <= ENOUGH * tolerance):
         return method
-    ways = _Spectral(costs, bound, kern, cell, load.bonds, load.length, components, carriers=carriers)
+    ways = _Spectral(costs, bound, kern, cell, load.bonds, load.length, components, carried=carried)
     try:
         return ways.method(start, tolerance, direct(costs, bound, kern, load.bonds, load.length, components))
     except AtcError:
@@ -220,7 +224,7 @@ def _start(tolerance, ways, exact, look) -> float:
                 break
         except AtcError:
             break
-        error = pilot.error(replace(ways, components=1, carriers=0.0).deposit(t))
+        error = pilot.error(replace(ways, components=1, carried=0.0).deposit(t))
         if error <= AIM * tolerance:
             return t
         # Errors follow the tolerance.

@@ -313,7 +313,7 @@ def test_wide_kernels_choose_moments_and_short_ones_do_not(shipped):
     orders = {}
     for radius in (6.0, 20.0, 30.0):
         for tolerance in (1e-3, 1e-5):
-            _, d = cheapest(Costs(), bound, atc.kernel("gaussian", radius), cell, 8.5e6, 6.4, 6, tolerance, carriers=256e3)
+            _, d = cheapest(Costs(), bound, atc.kernel("gaussian", radius), cell, 8.5e6, 6.4, 6, tolerance, carried=256e3)
             orders[radius, tolerance] = d.order
     assert orders[6.0, 1e-5] is None
     assert orders[20.0, 1e-5] >= orders[20.0, 1e-3] >= 1 and orders[20.0, 1e-5] >= orders[30.0, 1e-5] >= 1
