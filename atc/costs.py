@@ -316,13 +316,17 @@ def points_each(deposit, length: float) -> float:
     """Points that a bond becomes, where they are `length` long on average: one for an atom, none for a bond whose moments atoms carry."""
     if length <= 0:
         return 1.0
-    lengths = [length * part for part in _LENGTHS]
-    return sum(0.0 if deposit.order is not None and deposit.collapses(d) else deposit.points_of(d) for d in lengths) / len(lengths)
+    return sum(0.0 if _collapses(deposit, length, part) else deposit.points_of(length * part) for part in _LENGTHS) / len(_LENGTHS)
 
 
 def collapsed(deposit, length: float) -> float:
     """Which part of the bonds atoms carry as moments."""
-    return 0.0 if deposit.order is None else sum(deposit.collapses(length * part) for part in _LENGTHS) / len(_LENGTHS)
+    return sum(_collapses(deposit, length, part) for part in _LENGTHS) / len(_LENGTHS)
+
+
+def _collapses(deposit, length: float, part: float) -> bool:
+    """Forces fall off with the distance: a bond's share of the stress is taken to go with its length to the power −4 (argon between 4 and 8 Å: −5)."""
+    return deposit.order is not None and deposit.collapses(length * part, part**-4)
 
 
 def spectral_memory(deposit, components: int, threads: int, atoms: float = 0.0) -> float:

@@ -40,9 +40,9 @@ class CollapsingDeposit(SpectralDeposit):
         self._rows = [None] * self.threads
         self._longest = None
 
-    def collapses(self, length: float) -> bool:
-        """Whether atoms carry a bond of this length and of mean strength: an estimate like `points_of`."""
-        return bool(self._errors.longest([2.0 * self._bond_share])[0] >= length)
+    def collapses(self, length: float, strength: float = 1.0) -> bool:
+        """Whether atoms carry a bond of this length, and so many times as strong as the mean: an estimate like `points_of`."""
+        return bool(self._errors.longest([2.0 * self._bond_share / strength])[0] >= length)
 
     @property
     def _errors(self):
