@@ -145,6 +145,20 @@ def sum4(typingctx, a):
 
 
 @intrinsic
+def largest4(typingctx, a):
+    """The largest of the four."""
+
+    def codegen(context, builder, sig, args):
+        largest = builder.extract_element(args[0], ir.Constant(_INT32, 0))
+        for k in range(1, 4):
+            lane = builder.extract_element(args[0], ir.Constant(_INT32, k))
+            largest = builder.select(builder.fcmp_ordered(">", lane, largest), lane, largest)
+        return largest
+
+    return types.float64(vec4), codegen
+
+
+@intrinsic
 def lanes4(typingctx, a):
     """Four vec4, each one lane of a, four times."""
 

@@ -6,6 +6,8 @@ For the exact method itself what is left is rounding; for an approximate one it 
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 
 from ..kernels import Gaussian
@@ -152,7 +154,7 @@ class SlabTarget:
             slopes = self._sum(x_nc, None, a_nk, lambda d: -marginal_slope(self.marginal, d))[:, :, None] * self.normal
         return self._sum(x_nc, None, a_nk), slopes
 
-    def open(self, n_bond, key="bond"):
+    def open(self, n_bond, key="bond", length=None):
         """A deposit of bonds: what `add_bonds` and `add_bond_stress` bring is in `bond_sums`."""
         return _SlabDeposit(self, n_bond)
 
@@ -195,6 +197,13 @@ class _SlabDeposit:
         from .tensors import outer6
 
         self.add_bonds(x_nc[i_b], r_bc, outer6(r_bc) * G_b[:, None], thread)
+
+    def find(self, x_nc, i_b, r_bc, thread=0):
+        """As `PointsDeposit.find`: all of them."""
+        yield SimpleNamespace(bonds=slice(None), x_bc=x_nc[i_b], r_bc=r_bc)
+
+    def add_found(self, found, b_bk, thread=0):
+        self.add_bonds(found.x_bc, found.r_bc, b_bk, thread)
 
     def bond_sums(self):
         return sum((self.parts[t] for t in sorted(self.parts)), self.empty)

@@ -21,7 +21,7 @@ from ..errors import AtcError
 from .accuracy import Check
 from .registry import BOND
 from .sources import bond_factors
-from .target import NearPoints, Target
+from .target import Target
 from .tensors import outer6
 
 #: Of the strongest bonds as many are summed exactly, one for so many atoms.
@@ -300,15 +300,13 @@ class HotPoints:
             target = Target({}, BoundGrid("points", home, ("point",), xyz=np.ascontiguousarray(points)), self.check.target.kern, home, threads, origin=frame.cell.origin)  # fmt: skip
             target.summed_kern = self.stage.reach
         target.place(frame.positions)
-        near = NearPoints(points, reach, max(pot.cutoff, 0.0), frame.cell, frame.positions)
-        deposit = target.open(sum(widths))
+        deposit = target.open(sum(widths), length=max(pot.cutoff, 0.0))
         peculiar_nc = frame.velocities - drift if "power" in names else None
 
         def consume(bonds, thread):
-            some = near.take(bonds)
-            if len(some):
-                b_bk = bond_factors(names, widths, some, peculiar_nc, frame.velocities)
-                deposit.add_bonds(frame.positions[some.i], some.r_bc, b_bk, thread=thread)
+            for found in deposit.find(frame.positions, bonds.i, bonds.r_bc, thread):
+                some = bonds.taken(found.bonds)
+                deposit.add_found(found, bond_factors(names, widths, some, peculiar_nc, frame.velocities), thread)
 
         more = {"sources": True} if any(BOND[name].sources for name in names) else {}
         with context:
