@@ -13,12 +13,32 @@ import numba as nb
 import numpy as np
 
 from ._beta_pairs import even_pairs
-from ._simd import ENTRY, JIT_FMA, address, axpy4, load4, maximum4, minimum4, peek, peek_int, poke, poke_int, splat4, store4
+from ._simd import (
+    ENTRY,
+    JIT_FMA,
+    address,
+    axpy4,
+    largest4,
+    load4,
+    load_rows4,
+    maximum4,
+    minimum4,
+    peek,
+    peek_int,
+    poke,
+    poke_int,
+    splat4,
+    store4,
+    sum4,
+    where_positive4,
+)
 
 # Replaced in each specialised copy (see `_simd.specialise`).
 BETA = even_pairs
 # A bond shorter than this times the support has the direction of x.
 SHORTEST = 1e-30
+# Fewer points than that in reach of an atom: its bonds are looked at four at a time.
+_FEW = 8
 
 
 @nb.njit(**JIT_FMA)
@@ -57,6 +77,51 @@ def near(r0, r1, r2, m, support, cartesian, bond, x_at, apart, n, pair_at, bond_
     return n
 
 
+@nb.njit(**JIT_FMA)
+def near_few(r_at, first, last, end, m, support, cartesian, x_at, apart, n, pair_at, bond_at, point_at, most):
+    """The same for the bonds `first` to `last` (there are `end` of them) and a few points: four bonds at a time."""
+    least = SHORTEST * support
+    at = x_at + 32 * apart
+    # Four rows in a row, also where there are no more bonds.
+    rows_at = at + 8 * 16
+    for b in range(first, last, 4):
+        from_at, row = r_at, 3 * b
+        if b + 4 > end:
+            from_at, row = rows_at, 0
+            for l in range(12):
+                poke(rows_at, l, peek(r_at, 3 * b + l) if b + l // 3 < end else 0.0)
+        r0, r1, r2 = load_rows4(from_at, row)
+        length2 = r0 * r0 + r1 * r1 + r2 * r2
+        far = length2 - least * least
+        r0, r1, r2 = where_positive4(far, r0, least), where_positive4(far, r1, 0.0), where_positive4(far, r2, 0.0)
+        length2 = maximum4(length2, least * least)
+        inverse = 1.0 / length2
+        u0, u1, u2 = r0 * inverse, r1 * inverse, r2 * inverse
+        limit = (support * support) * inverse
+        store4(at, 8, length2)
+        for l in range(m):
+            x, y, z = peek(x_at, l), peek(x_at, apart + l), peek(x_at, 2 * apart + l)
+            D = x * u0 + y * u1 + z * u2
+            c0, c1, c2 = y * u2 - z * u1, z * u0 - x * u2, x * u1 - y * u0
+            p2 = c0 * c0 + c1 * c1 + c2 * c2
+            beyond = D - minimum4(maximum4(D, 0.0), 1.0)
+            depth = limit - p2 - beyond * beyond
+            if not largest4(depth) > 0.0:
+                continue
+            store4(at, 0, D)
+            store4(at, 4, p2)
+            store4(at, 12, depth)
+            which = peek_int(x_at, 3 * apart + l)
+            for q in range(min(4, last - b)):
+                poke(pair_at, n, x if cartesian else peek(at, q))
+                poke(pair_at, most + n, y if cartesian else peek(at, 4 + q))
+                poke(pair_at, 2 * most + n, z if cartesian else peek(at, 8 + q))
+                poke_int(bond_at, n, b + q)
+                poke_int(point_at, n, which)
+                n += peek(at, 12 + q) > 0.0
+    return n
+
+
 @nb.njit(**ENTRY)
 def find_pairs(
     state,  # where to go on: the first bond in a row with its start, the bin, the bond; all 0 at first
@@ -89,7 +154,7 @@ def find_pairs(
     # The last run of four may read and write three more than there are.
     room, full = apart - 4, most - 4
     x_at, pair_at = address(buffer_8l), address(pair_3l)
-    bond_at, point_at = address(bond_l), address(point_l)
+    bond_at, point_at, r_at = address(bond_l), address(point_l), address(r_bc)
     b0, b1, b2 = bins_a[0], bins_a[1], bins_a[2]
     height_a = np.empty(3)
     for a in range(3):
@@ -103,17 +168,27 @@ def find_pairs(
         # All bonds in a row that start at the same place.
         o = i_b[first]
         x0, x1, x2 = x_nc[o, 0], x_nc[o, 1], x_nc[o, 2]
-        last = first
-        longest, total = 0.0, 0.0
+        last = first + 1
         while last < n_bonds:
             a = i_b[last]
             if a != o and (x_nc[a, 0] != x0 or x_nc[a, 1] != x1 or x_nc[a, 2] != x2):
                 break
-            length2 = r_bc[last, 0] * r_bc[last, 0] + r_bc[last, 1] * r_bc[last, 1] + r_bc[last, 2] * r_bc[last, 2]
+            last += 1
+        longest4, total4 = splat4(0.0), splat4(0.0)
+        k = first
+        while k + 4 <= last:
+            r0, r1, r2 = load_rows4(r_at, 3 * k)
+            many = r0 * r0 + r1 * r1 + r2 * r2
+            total4 = total4 + many
+            longest4 = maximum4(many, longest4)
+            k += 4
+        longest, total = largest4(longest4), sum4(total4)
+        while k < last:
+            length2 = r_bc[k, 0] * r_bc[k, 0] + r_bc[k, 1] * r_bc[k, 1] + r_bc[k, 2] * r_bc[k, 2]
             total += length2
             longest = length2 if length2 > longest else longest
-            last += 1
-        if last == first or not isfinite(x0 + x1 + x2 + total):
+            k += 1
+        if not isfinite(x0 + x1 + x2 + total):
             return -1
         x0, x1, x2 = x0 - origin_c[0], x1 - origin_c[1], x2 - origin_c[2]
         for a in range(3):
@@ -122,10 +197,9 @@ def find_pairs(
         if longest <= length * abs(length):
             for a in range(3):
                 k = floor((s_a[a] - mark_low_a[a]) * mark_scale_a[a])
-                if periodic_a[a]:
-                    k %= marked.shape[a]
-                elif not 0 <= k < marked.shape[a]:
-                    empty, k = True, 0
+                if not 0 <= k < marked.shape[a]:
+                    empty = empty or not periodic_a[a]
+                    k = k % marked.shape[a]
                 lo_a[a] = k
             empty = empty or not marked[lo_a[0], lo_a[1], lo_a[2]]
         if empty:
@@ -182,8 +256,12 @@ def find_pairs(
             # ... and each bond finds its own among them.
             b = max(b, first)
             if m > 0:
+                few = 0 < m < _FEW and last - b > 1 and m * (last - b) <= full
+                if few and n + m * (last - b) <= full:
+                    n = near_few(r_at, b, last, n_bonds, m, support, cartesian, x_at, apart, n, pair_at, bond_at, point_at, most)
+                    b = last
                 while b < last:
-                    if n + m > full:
+                    if few or n + m > full:
                         state[0], state[1], state[2] = first, begin, b
                         return n
                     n = near(r_bc[b, 0], r_bc[b, 1], r_bc[b, 2], m, support, cartesian, b, x_at, apart, n, pair_at, bond_at, point_at, most)

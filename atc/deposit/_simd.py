@@ -298,6 +298,28 @@ def load4(typingctx, at, i):
 
 
 @intrinsic
+def load_rows4(typingctx, at, i):
+    """The three columns of four rows of three, at[i:i+12]."""
+
+    def codegen(context, builder, sig, args):
+        at, i = args
+        a, b, c = (
+            builder.load(_pointer(builder, at, builder.add(i, ir.Constant(_INT64, 4 * k)), _VEC4), align=8) for k in range(3)
+        )
+
+        def pick(a, b, lanes):
+            return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_INT32, 4), lanes))
+
+        columns = [
+            pick(pick(a, b, first), c, second)
+            for first, second in (([0, 3, 6, 6], [0, 1, 2, 5]), ([1, 4, 7, 7], [0, 1, 2, 6]), ([2, 5, 5, 5], [0, 1, 4, 7]))
+        ]
+        return context.make_tuple(builder, sig.return_type, columns)
+
+    return types.UniTuple(vec4, 3)(types.int64, types.int64), codegen
+
+
+@intrinsic
 def store4(typingctx, at, i, v):
     """at[i:i+4] = v"""
 
