@@ -27,6 +27,7 @@ from ._simd import (
     peek_int,
     poke,
     poke_int,
+    prefetch,
     splat4,
     store4,
     sum4,
@@ -39,6 +40,7 @@ BETA = even_pairs
 SHORTEST = 1e-30
 # Fewer points than that in reach of an atom: its bonds are looked at four at a time.
 _FEW = 8
+_AHEAD = 100
 
 
 @nb.njit(**JIT_FMA)
@@ -155,6 +157,7 @@ def find_pairs(
     room, full = apart - 4, most - 4
     x_at, pair_at = address(buffer_8l), address(pair_3l)
     bond_at, point_at, r_at = address(bond_l), address(point_l), address(r_bc)
+    x_all_at = address(x_nc)
     b0, b1, b2 = bins_a[0], bins_a[1], bins_a[2]
     height_a = np.empty(3)
     for a in range(3):
@@ -165,6 +168,8 @@ def find_pairs(
     n_bonds = len(r_bc)
     first, w, b = state[0], state[1], state[2]
     while first < n_bonds:
+        # Atoms are anywhere in memory.
+        prefetch(x_all_at, 3 * i_b[min(first + _AHEAD, n_bonds - 1)])
         # All bonds in a row that start at the same place.
         o = i_b[first]
         x0, x1, x2 = x_nc[o, 0], x_nc[o, 1], x_nc[o, 2]

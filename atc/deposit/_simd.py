@@ -288,6 +288,21 @@ def poke_int(typingctx, at, i, n):
 
 
 @intrinsic
+def prefetch(typingctx, at, i):
+    """at[i] will be read soon."""
+
+    def codegen(context, builder, sig, args):
+        byte = ir.IntType(8).as_pointer()
+        kind = ir.FunctionType(ir.VoidType(), [byte, _INT32, _INT32, _INT32])
+        f = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0i8")
+        where = builder.bitcast(_pointer(builder, *args, _DOUBLE), byte)
+        builder.call(f, [where, *(ir.Constant(_INT32, k) for k in (0, 3, 1))])
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64), codegen
+
+
+@intrinsic
 def load4(typingctx, at, i):
     """at[i:i+4]"""
 

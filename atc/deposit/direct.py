@@ -339,7 +339,7 @@ class PointsDeposit(Deposit):
         cell, reach = self.cell, (self.radii[0] + length) * (1 + 1e-9)
         pad = reach / cell.heights
         s = self.points @ cell.inverse
-        if len(s) > _FEW or length < 0 or (self._periodic & (pad > 0.4)).any():
+        if not 0 < len(s) <= _FEW or length < 0 or (self._periodic & (pad > 1.0)).any():
             return
         low = np.where(self._periodic, 0.0, s.min(0) - 1.01 * pad)
         span = np.where(self._periodic, 1.0, s.max(0) + 1.01 * pad - low)

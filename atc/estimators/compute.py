@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import AtcError
 from ..units import require_compatible
-from .accuracy import Check, checking_kernel, kernel_internal
+from .accuracy import Check, checking_kernel, extent_of, kernel_internal, without_nan
 from .hot import HotPoints, Strongest, put_right
 from .kinematics import Displacement
 from .methods import DEPOSITS, EXACT, NAMES, Method, Refinement, deposits_of
@@ -260,13 +260,14 @@ class _FrameJob:
             if q.kind == "grid":
                 here = self.reference if q.name in self.on_reference else self.stage
                 # Points that are never defined are NaN in both.
-                wanted = np.nan_to_num(q.form(at_points))
-                errors[q.name] = found = here.check.errors(np.nan_to_num(values), wanted, q.scale(main))
+                wanted, known = without_nan(q.form(at_points)), without_nan(values)
+                extent = extent_of(known)
+                errors[q.name] = found = here.check.errors(known, wanted, q.scale(main), extent)
                 if self.hot is not None and q in _checkable(work):
-                    more = self.hot.check.errors(np.nan_to_num(values), np.nan_to_num(q.form(self.hot_sums)), q.scale(main))
+                    more = self.hot.check.errors(known, without_nan(q.form(self.hot_sums)), q.scale(main), extent)
                     for key in ("error_max", "error_of_fluctuation"):
                         found[key] = max(found[key], more[key])
-                self.expected[q.name] = max(found["error_max"], SAFE * here.check.expected(np.nan_to_num(values), wanted, q.scale(main)))
+                self.expected[q.name] = max(found["error_max"], SAFE * here.check.expected(known, wanted, q.scale(main), extent))
                 arrays[q.name] = arrays[q.name].reshape(*here.bound.shape, *values.shape[1:])
                 if q.weight is not None:
                     weights[q.name] = main.site[q.weight][:, 0].reshape(here.bound.shape)
