@@ -15,9 +15,9 @@ import numpy as np
 from ._beta import LONG, box_mean, bspline_mean, cone_mean, even_mean, exp_minus, radial_mean
 from ._simd import INLINE, JIT_FMA, largest4, load4, minimum4, peek, peek_int, poke, splat4, sqrt4, store4
 
-# In `k`: the first four are β's (`_points.sum_pairs`).
-_LANES = 4
-N_CONSTANTS = 56
+# In `k`: the first four are β's (`_points.sum_pairs`); then what is done one pair at a time; then, for the Gaussian, s² of the last four pairs if they have
+# one, s² that the J_j after it belong to, and these. All −1 at first.
+_LANES, _SEEN, _KEPT, _J = 4, 56, 57, 58
 
 
 @nb.njit(**INLINE)
@@ -45,6 +45,7 @@ _TERMS = 60
 _FACTORIALS = np.array([1.0 / factorial(2 * j + 1) for j in range(_TERMS + 2)])
 # Steps of the tables in y and in s².
 _STEP_Y, _STEP_S2 = 0.5, 0.5
+N_CONSTANTS = _J + _TERMS + 2
 
 
 def series_of(name, radii_m, coef_mk) -> np.ndarray:
@@ -93,9 +94,9 @@ def gaussian_pairs(D, p2, length2, R2, c_at, series_at, bond_at, r_at, k):
     s2 = length2 * peek(series_at, 0)
     c = D - 0.5
     beta = splat4(0.0)
-    longest = largest4(s2)
+    longest, shortest = largest4(s2), 0.0 - largest4(s2 * -1.0)
     limit = LONG * LONG
-    if 0.0 - largest4(s2 * -1.0) <= limit:
+    if shortest <= limit:
         if longest > limit:
             # Those that are too long are done below.
             s2 = minimum4(s2, limit)
@@ -106,11 +107,27 @@ def gaussian_pairs(D, p2, length2, R2, c_at, series_at, bond_at, r_at, k):
         at_y = min(int(sqrt(largest4(y2)) * (1.0 / _STEP_Y)), n_y - 1)
         at_s2 = min(int(min(longest, limit) * (1.0 / _STEP_S2)), n_s2 - 1)
         last = int(max(peek(series_at, table + 2 + at_y), peek(series_at, table + 2 + n_y + at_s2)))
-        J = splat4(peek(series_at, 2 + last))
         g = splat4(0.0)
-        for j in range(last, -1, -1):
-            J = (s2 * (j + 1.0)) * J + peek(series_at, 1 + j)
-            g = g * y2 + J
+        kept = False
+        if shortest == longest:
+            # Many pairs of one bond: from the second four on its J_j are kept.
+            if peek(k, _KEPT) != longest and peek(k, _SEEN) == longest:
+                top = int(max(peek(series_at, table + 1 + n_y), peek(series_at, table + 2 + n_y + at_s2)))
+                J1 = peek(series_at, 2 + top)
+                for j in range(top, -1, -1):
+                    J1 = (longest * (j + 1.0)) * J1 + peek(series_at, 1 + j)
+                    poke(k, _J + j, J1)
+                poke(k, _KEPT, longest)
+            poke(k, _SEEN, longest)
+            kept = peek(k, _KEPT) == longest
+        if kept:
+            for j in range(last, -1, -1):
+                g = g * y2 + peek(k, _J + j)
+        else:
+            J = splat4(peek(series_at, 2 + last))
+            for j in range(last, -1, -1):
+                J = (s2 * (j + 1.0)) * J + peek(series_at, 1 + j)
+                g = g * y2 + J
         beta = peek(c_at, 0) * g * exp_minus(s2 * (p2 + c * c + 0.25))
     if longest > limit:
         s2 = length2 * peek(series_at, 0)

@@ -399,7 +399,7 @@ class PointsDeposit(Deposit):
 
     def _sum(self, what, n, pairs, r_bc, b_bk, thread):
         acc = self._buffer(what, thread, (len(self.points), b_bk.shape[1]))
-        self._core(n, *pairs, r_bc, b_bk, self.radii, self.coef, self._series, acc, np.empty(_beta_pairs.N_CONSTANTS))
+        self._core(n, *pairs, r_bc, b_bk, self.radii, self.coef, self._series, acc, np.full(_beta_pairs.N_CONSTANTS, -1.0))
 
     def _finish(self, total, n_comp):
         out = np.empty((len(total), n_comp))
