@@ -16,8 +16,8 @@ from ._beta import LONG, box_mean, bspline_mean, cone_mean, even_mean, exp_minus
 from ._simd import INLINE, JIT_FMA, largest4, load4, minimum4, peek, peek_int, poke, splat4, sqrt4, store4
 
 # In `k`: the first four are β's (`_points.sum_pairs`); then what is done one pair at a time; then, for the Gaussian, s² of the last four pairs if they have
-# one, s² that the J_j after it belong to, and these. All −1 at first.
-_LANES, _SEEN, _KEPT, _J = 4, 56, 57, 58
+# one, s² that the J_j kept belong to, the last of these, and they. All −1 at first.
+_LANES, _SEEN, _KEPT, _LAST, _J = 4, 56, 57, 58, 59
 
 
 @nb.njit(**INLINE)
@@ -42,10 +42,10 @@ def radial_pairs(D, p2, length2, R2, c_at, series_at, bond_at, r_at, k):
 
 # The Gaussian's series goes so far at most; 1/(2j + 1)!, two more than that.
 _TERMS = 60
-_FACTORIALS = np.array([1.0 / factorial(2 * j + 1) for j in range(_TERMS + 2)])
+_FACTORIALS = np.array([1.0 / factorial(2 * j + 1) for j in range(_TERMS + 4)])
 # Steps of the tables in y and in s².
 _STEP_Y, _STEP_S2 = 0.5, 0.5
-N_CONSTANTS = _J + _TERMS + 2
+N_CONSTANTS = _J + _TERMS + 4
 
 
 def series_of(name, radii_m, coef_mk) -> np.ndarray:
@@ -60,7 +60,10 @@ def series_of(name, radii_m, coef_mk) -> np.ndarray:
     farthest = LONG * (radii_m[0] / (sqrt(2.0) * width) + 0.5 * LONG)
     steps = int(farthest / _STEP_Y) + 2
     by_y, by_s2 = np.zeros(steps), np.zeros(int(LONG**2 / _STEP_S2) + 2)
-    for table, last_of in ((by_y, lambda k: _last_by_y((k + 1) * _STEP_Y, accuracy)), (by_s2, lambda k: _last_by_s2((k + 1) * _STEP_S2, accuracy))):
+    for table, last_of in (
+        (by_y, lambda k: _last_by_y((k + 1) * _STEP_Y, accuracy)),
+        (by_s2, lambda k: _last_by_s2((k + 1) * _STEP_S2, accuracy)),
+    ):
         table[:] = [last_of(k) for k in range(len(table))]
     return np.concatenate([[0.5 / width**2], _FACTORIALS, [len(by_y), len(by_s2)], by_y, by_s2])
 
@@ -85,6 +88,15 @@ def _last_by_s2(s2, accuracy):
 _N_FACTORIALS = len(_FACTORIALS)
 
 
+@nb.njit(**JIT_FMA)
+def _last(y, s2, series_at):
+    """The last term that matters for y and s² up to these."""
+    at = 1 + _N_FACTORIALS
+    n_y, n_s2 = int(peek(series_at, at)), int(peek(series_at, at + 1))
+    at_y, at_s2 = min(int(y * (1.0 / _STEP_Y)), n_y - 1), min(int(s2 * (1.0 / _STEP_S2)), n_s2 - 1)
+    return int(max(peek(series_at, at + 2 + at_y), peek(series_at, at + 2 + n_y + at_s2)))
+
+
 @nb.njit(**INLINE)
 def gaussian_pairs(D, p2, length2, R2, c_at, series_at, bond_at, r_at, k):
     """c0 exp(−ρ²/2w²). With s² = |r|²/2w² and y = s²(D − ½) the mean over the bond is exp(−s²(p² + (D − ½)² + ¼)) Σ_j J_j y^2j, where
@@ -102,32 +114,31 @@ def gaussian_pairs(D, p2, length2, R2, c_at, series_at, bond_at, r_at, k):
             s2 = minimum4(s2, limit)
         y = s2 * c
         y2 = y * y
-        table = 1 + _N_FACTORIALS
-        n_y, n_s2 = int(peek(series_at, table)), int(peek(series_at, table + 1))
-        at_y = min(int(sqrt(largest4(y2)) * (1.0 / _STEP_Y)), n_y - 1)
-        at_s2 = min(int(min(longest, limit) * (1.0 / _STEP_S2)), n_s2 - 1)
-        last = int(max(peek(series_at, table + 2 + at_y), peek(series_at, table + 2 + n_y + at_s2)))
-        g = splat4(0.0)
-        kept = False
-        if shortest == longest:
-            # Many pairs of one bond: from the second four on its J_j are kept.
-            if peek(k, _KEPT) != longest and peek(k, _SEEN) == longest:
-                top = int(max(peek(series_at, table + 1 + n_y), peek(series_at, table + 2 + n_y + at_s2)))
-                J1 = peek(series_at, 2 + top)
-                for j in range(top, -1, -1):
-                    J1 = (longest * (j + 1.0)) * J1 + peek(series_at, 1 + j)
-                    poke(k, _J + j, J1)
-                poke(k, _KEPT, longest)
-            poke(k, _SEEN, longest)
-            kept = peek(k, _KEPT) == longest
-        if kept:
-            for j in range(last, -1, -1):
-                g = g * y2 + peek(k, _J + j)
+        shared = shortest == longest
+        if shared and peek(k, _KEPT) == longest:
+            # Many pairs of one bond: its J_j are known. Even and odd powers of y² apart, so that the processor can overlap them.
+            last, y4 = int(peek(k, _LAST)), y2 * y2
+            even, odd = splat4(peek(k, _J + last - 1)), splat4(peek(k, _J + last))
+            for j in range(last - 3, -1, -2):
+                even = even * y4 + peek(k, _J + j)
+                odd = odd * y4 + peek(k, _J + j + 1)
+            g = even + odd * y2
         else:
-            J = splat4(peek(series_at, 2 + last))
+            last = _last(sqrt(largest4(y2)), min(longest, limit), series_at)
+            J, g = splat4(peek(series_at, 2 + last)), splat4(0.0)
             for j in range(last, -1, -1):
                 J = (s2 * (j + 1.0)) * J + peek(series_at, 1 + j)
                 g = g * y2 + J
+            if shared and peek(k, _SEEN) == longest:
+                # From the third four on.
+                last = _last(0.5 * longest + sqrt(longest * R2 * peek(series_at, 0)), longest, series_at) | 1
+                J1 = peek(series_at, 2 + last)
+                for j in range(last, -1, -1):
+                    J1 = (longest * (j + 1.0)) * J1 + peek(series_at, 1 + j)
+                    poke(k, _J + j, J1)
+                poke(k, _LAST, float(last))
+                poke(k, _KEPT, longest)
+            poke(k, _SEEN, longest if shared else -1.0)
         beta = peek(c_at, 0) * g * exp_minus(s2 * (p2 + c * c + 0.25))
     if longest > limit:
         s2 = length2 * peek(series_at, 0)

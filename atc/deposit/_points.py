@@ -65,17 +65,22 @@ def near(r0, r1, r2, m, support, cartesian, bond, x_at, apart, n, pair_at, bond_
         beyond = D - minimum4(maximum4(D, 0.0), 1.0)
         store4(x_at, 4 * apart + l, D)
         store4(x_at, 5 * apart + l, p2)
-        store4(x_at, 6 * apart + l, splat4(length2))
         store4(x_at, 7 * apart + l, limit - p2 - beyond * beyond)
     from_at = x_at if cartesian else x_at + 32 * apart
+    begin = n
     for l in range(m):
         # Written whether it counts or not: nothing to predict.
         poke(pair_at, n, peek(from_at, l))
         poke(pair_at, most + n, peek(from_at, apart + l))
-        poke(pair_at, 2 * most + n, peek(from_at, 2 * apart + l))
-        poke_int(bond_at, n, bond)
+        if cartesian:
+            poke(pair_at, 2 * most + n, peek(from_at, 2 * apart + l))
         poke_int(point_at, n, peek_int(x_at, 3 * apart + l))
         n += peek(x_at, 7 * apart + l) > 0.0
+    for l in range(begin, n):
+        poke_int(bond_at, l, bond)
+    if not cartesian:
+        for l in range(begin, n, 4):
+            store4(pair_at, 2 * most + l, splat4(length2))
     return n
 
 

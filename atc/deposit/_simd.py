@@ -318,9 +318,7 @@ def load_rows4(typingctx, at, i):
 
     def codegen(context, builder, sig, args):
         at, i = args
-        a, b, c = (
-            builder.load(_pointer(builder, at, builder.add(i, ir.Constant(_INT64, 4 * k)), _VEC4), align=8) for k in range(3)
-        )
+        a, b, c = (builder.load(_pointer(builder, at, builder.add(i, ir.Constant(_INT64, 4 * k)), _VEC4), align=8) for k in range(3))
 
         def pick(a, b, lanes):
             return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_INT32, 4), lanes))
