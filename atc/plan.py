@@ -165,7 +165,7 @@ class Request:
         if self.n_frames > 1 and not method.exact and not method.forced and errors and self.may_loosen(self.work):
             from .choose import adjusted
 
-            ways = self.costs, self.bound, self.kernel_internal, self.first.cell, self.load, self.work.n_bond
+            ways = self.costs, self.bound, self.kernel_internal, self.first.cell, self.load, self.work.n_bond, float(len(self.first))
             self.methods["bond"] = adjusted(method, max(errors), self.tolerance, *ways)
 
     def _pilot(self):
