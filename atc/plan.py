@@ -191,6 +191,38 @@ class Request:
         """Frames that make one entry of the output."""
         return 1 if self.average is False else self.n_frames if self.average is True else int(self.average)
 
+    @cached_property
+    def added_up(self) -> frozenset[str]:
+        """The deposits ("site", "bond") that frames of a window are added up in; see `estimators.groups`."""
+        grid, first = self.grid, self.first
+        if self.average is False or self.n_frames < 2 or self.tiles is not None or grid is None or getattr(grid, "follows_atoms", False):
+            return frozenset()
+        from .estimators.groups import added_up
+
+        found = added_up(self.work)
+        if not found or not first.cell.complete:
+            return frozenset()
+        try:
+            return found if self.frames[1].cell == first.cell else frozenset()
+        except (AtcError, IndexError):  # its own turn will come to say what is wrong with it
+            return frozenset()
+
+    def group(self, k: int = 0) -> int:
+        """How many frames are added up in the window of frame `k`."""
+        from .estimators.groups import size_of
+
+        begin = k - k % self.window
+        return size_of(min(self.window, self.n_frames - begin), len(self.first)) if self.added_up else 1
+
+    def groups(self, start: int = 0):
+        """(first, how many) of the frames that are computed together, from frame `start` on."""
+        while start < self.n_frames:
+            begin = start - start % self.window
+            m = self.group(start)
+            count = min(m - (start - begin) % m, min(begin + self.window, self.n_frames) - start)
+            yield start, count
+            start += count
+
     @property
     def entries(self) -> int:
         """Length of the output along "frame"."""
@@ -229,6 +261,7 @@ class Request:
             "tolerance": float(self.tolerance),
             **({"tiles": list(self.tiles)} if self.tiles else {}),
             "average": int(self.average) if self.average is not True else True,
+            **({"group": self.group()} if self.group() > 1 else {}),
             "frames": self.n_frames,
             "units": self.first.units.name,
             "trajectory": digest(self.first),
@@ -437,6 +470,9 @@ def _passes(work: Work, request: Request) -> list[str]:
         out.append(
             f"time average over {'all' if request.average is True else request.window} frames with its standard error by block averaging"
         )
+        if request.group() > 1:
+            over = " and over ".join({"site": "atoms", "bond": "bonds"}[key] for key in sorted(request.added_up))
+            out.append(f"sums over {over}: the frames of a window are added up {request.group()} at a time before the sums are finished, and compared with exact ones")
     return out
 
 

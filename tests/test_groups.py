@@ -1,0 +1,177 @@
+"""Frames of a time average that are added up before their sums are finished: the same averages, errors that hold, and the same result whoever computes it."""
+
+import dataclasses
+import warnings
+
+import numpy as np
+import pytest
+from frames import argon
+from naive_fields import BruteLJ
+from test_run import Stop, same, stop_after
+
+import atc
+from atc import calibrate, choose, run
+from atc.costs import Costs
+from atc.errors import AtcError, AtcWarning
+from atc.estimators import groups
+from atc.estimators.registry import QUANTITIES, Work
+from atc.frame import Cell
+from atc.plan import Request, plan
+
+KERN = atc.kernel("quartic", radius=5.5)
+GRID = atc.Grid.regular(shape=(5, 4, 6))
+LINEAR = ["number_density", "density", "momentum", "velocity", "stress_potential", "energy", "energy_flux", "peridynamic_stress"]
+
+
+def quiet(*args, **more):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", AtcWarning)
+        return atc.fields(*args, **{"threads": 1, "average": True, **more})
+
+
+def both(monkeypatch, m, *args, **more):
+    """The average in groups of m frames, and frame by frame."""
+    monkeypatch.setattr(groups, "size_of", lambda window, atoms: m if window >= m else 1)
+    together = quiet(*args, **more)
+    monkeypatch.setattr(groups, "size_of", lambda window, atoms: 1)
+    return together, quiet(*args, **more)
+
+
+def moving(frame, n, by=0.05, seed=0):
+    rng = np.random.default_rng(seed)
+    v = 0.0 if frame.velocities is None else frame.velocities
+    return [
+        frame.replace(
+            positions=frame.positions + rng.normal(0, by, frame.positions.shape),
+            velocities=v + rng.normal(0, 0.01, frame.positions.shape) + 0.01 * np.sin(k),
+            step=k,
+            source=f"frame {k}",
+        )
+        for k in range(n)
+    ]
+
+
+def close(a, b, rtol=1e-12):
+    """All fields but the standard errors, which are made of other blocks."""
+    for name in b.data_vars:
+        if name.endswith(("_stderr", "_correlated")):
+            continue
+        x, y = a[name].values, b[name].values
+        assert x.shape == y.shape and np.array_equal(np.isnan(x), np.isnan(y)), name
+        np.testing.assert_allclose(x, y, rtol=0, atol=rtol * max(np.nanmax(np.abs(y)), 1e-300), err_msg=name)
+
+
+@pytest.mark.parametrize("cell", ["orthogonal", "tilted", "slab"])
+@pytest.mark.parametrize("what", [LINEAR, ["stress", "density", "velocity", "temperature", "virial_stress"]])
+def test_exact_sums_are_those_of_single_frames(cell, what, monkeypatch):
+    """11 frames in groups of 4: the last of three."""
+    frames = moving(argon(cell), 11)
+    together, single = both(monkeypatch, 4, frames, BruteLJ(), KERN, GRID, what, 1e-12)
+    close(together, single)
+    assert together.frames_averaged.values.tolist() == [11] and together.step.values.tolist() == [0]
+    assert all(together[q].attrs["error_max"] < 1e-12 for q in what if "error_max" in together[q].attrs)
+
+
+def test_every_field_that_is_called_linear_is(monkeypatch):
+    """Many-body bonds, with sources that churn; every quantity on the grid that does not need a reference, one by one."""
+    frame, pot = calibrate.silicon(2)
+    frames = moving(frame.replace(velocities=np.zeros_like(frame.positions)), 4)
+    pot = pot.partitioned("center")
+    for name, q in QUANTITIES.items():
+        work = Work.of([name])
+        if not groups.added_up(work):
+            assert not q.linear or work.on_reference
+            continue
+        together, single = both(monkeypatch, 4, frames, pot, atc.kernel("quartic", 4.0), atc.Grid.regular(shape=4), [name], 1e-12)
+        if name != "churning_divergence":  # rounding
+            close(together, single, 1e-11)
+
+
+def test_what_is_added_up():
+    def found(*names, central=True):
+        return groups.added_up(Work.of(names, central))
+
+    assert found("density", "velocity") == {"site"} and found("stress_potential") == {"bond"}
+    assert found("stress_potential", "density", "energy") == {"site", "bond"}
+    # σ_K frame by frame, σ_U together
+    assert found("stress") == {"bond"} and found("stress", "density", "temperature", "virial_stress") == {"bond"}
+    assert found("energy_flux") == {"site", "bond"}
+    for names in (("temperature",), ("heat_flux",), ("stress", "heat_flux"), ("energy_flux", "temperature"), ("virial_stress",)):
+        assert not found(*names)
+    for names in (("velocity_gradient",), ("piola_stress",), ("stress_potential", "virial_stress_per_atom"), ("peridynamic_stress_weighted_virial",)):
+        assert not found(*names)
+
+
+def test_windows_keep_enough_blocks():
+    assert [groups.size_of(w, 4000) for w in (1, 63, 64, 127, 128, 256, 511, 512, 10**6)] == [1, 1, 2, 2, 4, 8, 8, 16, 16]
+    assert [groups.size_of(10**4, n) for n in (32_000, 64_000, 256_000, 10**6)] == [16, 8, 2, 1]
+    frames = [argon()] * 300
+    request = Request(frames, BruteLJ(), KERN, GRID, ["stress"], average=130)
+    # two windows in groups of 4, and one of 40 frames
+    sizes = list(request.groups())
+    assert sizes[:2] == [(0, 4), (4, 4)] and sizes[32:34] == [(128, 2), (130, 4)] and sizes[-40:] == [(k, 1) for k in range(260, 300)]
+    assert list(request.groups(138)) == [s for s in sizes if s[0] >= 138]
+    assert "added up 4 at a time" in str(plan(request))
+    for more in ({"average": False}, {"average": 50}, {"average": True, "grid": atc.Grid.atoms()}, {"average": True, "tiles": (2, 1, 1)}):
+        assert Request(frames, BruteLJ(), KERN, **{"grid": GRID, "quantities": ["stress"], **more}).group() == 1
+    other = argon().replace(cell=Cell([9.1, 10.0, 11.0], [-3.0, 2.0, 50.0]))
+    assert Request([frames[0], other] * 100, BruteLJ(), KERN, GRID, ["stress"], average=True).group() == 1
+
+
+def test_a_cell_that_changes_ends_a_sum(monkeypatch):
+    """And the parts of a group count as many frames as they have."""
+    frames = moving(argon(), 12)
+    wide = Cell([9.6, 10.0, 11.3], [-3.0, 2.0, 50.0])
+    frames = [f.replace(cell=wide) if k in (2, 6, 7, 8) else f for k, f in enumerate(frames)]
+    what = ["stress", "velocity", "temperature"]
+    close(*both(monkeypatch, 4, frames, BruteLJ(), KERN, GRID, what, 1e-12))
+    close(*both(monkeypatch, 4, frames, BruteLJ(), KERN, GRID, LINEAR, 1e-12))
+
+
+def test_where_matter_comes_and_goes(monkeypatch):
+    """Points without mass in some frames or in all of them: weights and masks are those of single frames."""
+    one = argon(Cell([30.0, 9.0, 9.0]), n=(2, 1, 1), jitter=0.1)
+    frames = [one.replace(positions=one.positions + [0.7 * k, 0, 0], velocities=one.velocities + [0.01 * k, 0, 0]) for k in range(9)]
+    grid = atc.Grid.regular(shape=(20, 3, 3))
+    for what in (["velocity", "density"], ["velocity", "temperature", "stress_potential"]):
+        together, single = both(monkeypatch, 4, frames, BruteLJ(), atc.kernel("quartic", 3.0), grid, what, 1e-12)
+        assert 0 < single.mask.values.mean() < 1
+        close(together, single)
+
+
+@pytest.fixture
+def spectral_wins(monkeypatch):
+    """Costs at which the exact sum is never chosen, though the frames are small."""
+    slow = dataclasses.replace(Costs(), visit={k: 1e-6 for k in Costs().visit}, bond=1e-5, row=1e-6)
+    monkeypatch.setattr(Costs, "load", classmethod(lambda cls: slow))
+    monkeypatch.setattr(choose, "CHEAP", 0.0)
+
+
+@pytest.mark.parametrize("system", ["hot", "gas", "silicon", "strong pair"])
+@pytest.mark.parametrize("kernel, tolerance", [("gaussian", 1e-2), ("gaussian", 1e-4), ("gaussian", 1e-6), ("lucy", 1e-3)])
+def test_the_promise_at_every_point(system, kernel, tolerance, spectral_wins, monkeypatch):
+    if system == "silicon":
+        frame, pot = calibrate.silicon(4)
+    else:
+        frame, pot = calibrate.argon(7)
+        if system == "gas":
+            k = np.random.default_rng(2).permutation(len(frame))[: len(frame) // 8]
+            frame = frame.replace(positions=frame.positions[k], velocities=frame.velocities[k], masses=frame.masses[k], types=None, ids=None)
+        if system == "strong pair":
+            x = frame.positions.copy()
+            x[5] = x[4] + [2.4, 0.1, 0]
+            frame = frame.replace(positions=x)
+    # a strong pair in one frame only
+    frames = moving(frame.replace(velocities=np.zeros_like(frame.positions)), 8, 0.1 if system != "strong pair" else 0.02)
+    kern, grid, what = atc.kernel(kernel, 8.0), atc.Grid.regular(shape=12), ["stress", "density"]
+    together, exact = None, None
+    monkeypatch.setattr(groups, "size_of", lambda window, atoms: 8)
+    together = quiet(frames, pot, kern, grid, what, tolerance)
+    monkeypatch.setattr(groups, "size_of", lambda window, atoms: 1)
+    exact = quiet(frames, pot, kern, grid, what, 1e-12)
+    for name in ("stress", "stress_potential", "stress_kinetic", "density"):
+        a, b = together[name].values, exact[name].values
+        true, found = np.nanmax(np.abs(a - b)) / np.nanmax(np.abs(b)), together[name].attrs["error_max"]
+        assert true <= tolerance and found <= tolerance, (name, true, found)
+        # of 1728 points 24 are looked at
+        assert found >= 0.1 * true or true < 1e-3 * tolerance, (name, true, found)
