@@ -472,7 +472,9 @@ def _passes(work: Work, request: Request) -> list[str]:
         )
         if request.group() > 1:
             over = " and over ".join({"site": "atoms", "bond": "bonds"}[key] for key in sorted(request.added_up))
-            out.append(f"sums over {over}: the frames of a window are added up {request.group()} at a time before the sums are finished, and compared with exact ones")
+            out.append(
+                f"sums over {over}: the frames of a window are added up {request.group()} at a time before the sums are finished, and compared with exact ones"
+            )
     return out
 
 

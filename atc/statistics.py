@@ -290,7 +290,11 @@ class BlockAverage:
 
         spread, frames = state["within"]
         self = cls(
-            weighted=bool(state["weighted"]), block=int(state["block"]), threads=threads, spread_within=float(spread), frames_within=int(frames)
+            weighted=bool(state["weighted"]),
+            block=int(state["block"]),
+            threads=threads,
+            spread_within=float(spread),
+            frames_within=int(frames),
         )
         self.first = pair("first") if "first_x" in state else None
         self.rest = (int(state["rest_n"]), *pair("rest")) if "rest_n" in state else None

@@ -168,7 +168,12 @@ class _Mean:
         if names[0] in self.weights:
             mean, weight = self.mean(q.name), self.weight(q.name)
             return float(
-                np.mean([np.divide(x - _wide(w, x) * mean, _wide(weight, x), out=np.zeros_like(x), where=_wide(weight, x) > 0) ** 2 for x, w in self.each[q.name]])
+                np.mean(
+                    [
+                        np.divide(x - _wide(w, x) * mean, _wide(weight, x), out=np.zeros_like(x), where=_wide(weight, x) > 0) ** 2
+                        for x, w in self.each[q.name]
+                    ]
+                )
             )
         mean = sum(self.mean(name) for name in names)
         return float(np.mean([(sum(self.each[name][k][0] for name in names) - mean) ** 2 for k in range(self.n)]))
@@ -356,7 +361,10 @@ class _Run:
             if work.site:
                 add_sites(frame, work, [(here.check.target, sums)], factors)
             means.add(parts, sums)
-        found = {q.name: hot.check.errors(values[q.name], sum(means.mean(name) for name in q.parts or (q.name,)), scales[q.name]) for q in quantities}
+        found = {
+            q.name: hot.check.errors(values[q.name], sum(means.mean(name) for name in q.parts or (q.name,)), scales[q.name])
+            for q in quantities
+        }
         return {name: {key: errors[key] for key in ("error_max", "error_of_fluctuation")} for name, errors in found.items()}
 
 
