@@ -239,8 +239,9 @@ def direct(costs: Costs, bound, kern, items: float, length: float, components: i
     return costs.bond * items + costs.row * rows + (costs.visit[name] + costs.accumulate * vectors) * many
 
 
-def spectral(costs: Costs, deposit, items: float, length: float, components: int) -> float:
-    """Seconds of a spectral deposit (of which only the parameters are needed) for `items` bonds of mean length `length`."""
+def spectral(costs: Costs, deposit, items: float, length: float, components: int, frames: int = 1) -> float:
+    """Seconds a frame of a spectral deposit (of which only the parameters are needed) for `items` bonds of mean length `length`, of `frames` frames that are finished
+    together."""
     if not components or not items:
         return 0.0
     single = itemsize(deposit) == 4
@@ -256,7 +257,7 @@ def spectral(costs: Costs, deposit, items: float, length: float, components: int
         if deposit._lattice is None:
             again += 0.5 * node * nodes
         spread += 3.0 * components * again
-    return spread + nodes * node * components + 3e-8 * points * components
+    return spread + (nodes * node * components + 3e-8 * points * components) / frames
 
 
 def _kept(deposit, mesh) -> float:

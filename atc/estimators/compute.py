@@ -17,8 +17,9 @@ from .methods import DEPOSITS, EXACT, NAMES, Method, Refinement, deposits_of
 from .peridynamic import horizon_of, node_volumes, weighted_virials
 from .registry import BOND, GATHER, SITE, Work
 from .sources import AtomFactors, AtomSums, ReferenceBonds, bond_factors, drift_velocity, piola_factor
-from .sums import Sums, full, kinetic_flux, outer6, quotient, thermal
+from .sums import Sums, full, kinetic_flux, quotient, thermal, within_thermal
 from .target import NearPoints, Target
+from .tensors import outer6
 
 
 @dataclass
@@ -554,10 +555,12 @@ def local_shifts(sums: Sums, target: Target, x_nc, factors, flux: bool = False) 
     best_flux = sums.kinetic_flux_of_drift if flux else None
     rho = sums.rho
     v_gc = sums.peculiar
-    have = np.linalg.norm(v_gc, axis=1)
     eps = 64 * np.finfo(float).eps
     # How many thermal speeds away from c a point may be.
     limit = (_SHIFT_TOLERANCE / eps) ** (1 / 3 if flux else 1 / 2)
+    if within_thermal(rho, v_gc, best, 0.99 * limit):
+        return
+    have = np.linalg.norm(v_gc, axis=1)
     done = False
     for _ in range(_MAX_SHIFTS):
         heat = quotient(best[:, :3].sum(1), rho)

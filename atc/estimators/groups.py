@@ -80,6 +80,12 @@ def elements(work: Work) -> list:
     return [q for q in work.quantities if q.kind == "grid" and not q.parts]
 
 
+def late(work: Work) -> list:
+    """Those that are formed once, from the mean sums."""
+    together = added_up(work)
+    return [q for q in elements(work) if q.linear and {key for key in ("site", "bond") if getattr(q, key)} <= together]
+
+
 def group_fields(frames, settings, index: int = 0, goal: float | None = None, run_tiles=None) -> FrameResult:
     """The mean fields of some consecutive frames; of one frame, what `frame_fields` gives.
 
@@ -190,7 +196,7 @@ class _Run:
         self.frames, self.settings, self.work, self.index, self.goal = frames, settings, work, index, goal
         first = frames[0]
         self.together = added_up(work)
-        self.late = [q for q in elements(work) if q.linear and {key for key in ("site", "bond") if getattr(q, key)} <= self.together]
+        self.late = late(work)
         self.early = [q for q in elements(work) if q not in self.late]
         self.box = [q for q in work.quantities if q.kind == "box" and not q.parts]
         kern = kernel_internal(settings.kern, first.units) if work.kernel_users else None
