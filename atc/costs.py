@@ -52,7 +52,7 @@ class Costs:
     mesh_node: float = 1.6e-8
     mesh_node_single: float = 1.3e-8
     gather_visit: float = 4.4e-8
-    value: float = 6e-8
+    value: float = 3e-8
     frame: float = 7e-3
     written_byte: float = 1.1e-9
     machine: str = "shipped"

@@ -432,9 +432,10 @@ def plan(*args, **kwargs) -> Plan:
     p = predict(request)
     size = {"grid": p.points, "box": 1, "atom": len(frame)}
     entry = sum(8.0 * 3**q.rank * size[q.kind] for q in work.quantities)
-    levels = 1 if request.average is False else 3 * (1 + int(np.log2(request.window)))
+    # A sum of squares and a block that waits for its partner at each length, means and errors.
+    levels = 1 if request.average is False else 4 + 2 * (1 + int(np.log2(request.window / request.group())))
     memory = p.memory + (entry * levels if request.average is not False else 0.0)
-    written = entry * request.costs.written_byte
+    written = entry * request.costs.written_byte * (1.0 if request.average is False else 2.0 / request.window)
     wall = p.parallel / threads + p.serial + written
     return Plan(
         passes=_passes(work, request), left_out=_left_out(work), method=request.method_used, reason=details(request.methods), atoms=len(frame),
