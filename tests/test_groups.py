@@ -109,15 +109,15 @@ def test_what_is_added_up():
 
 
 def test_windows_keep_enough_blocks():
-    assert [groups.size_of(w, 4000) for w in (1, 63, 64, 127, 128, 256, 511, 512, 10**6)] == [1, 1, 2, 2, 4, 8, 8, 16, 16]
+    assert [groups.size_of(w, 4000) for w in (1, 63, 64, 127, 128, 256, 511, 512, 10**6)] == [1, 1, 4, 4, 8, 16, 16, 16, 16]
     assert [groups.size_of(10**4, n) for n in (32_000, 64_000, 256_000, 10**6)] == [16, 8, 2, 1]
     frames = [argon()] * 300
     request = Request(frames, BruteLJ(), KERN, GRID, ["stress"], average=130)
-    # two windows in groups of 4, and one of 40 frames
+    # two windows in groups of 8, and one of 40 frames
     sizes = list(request.groups())
-    assert sizes[:2] == [(0, 4), (4, 4)] and sizes[32:34] == [(128, 2), (130, 4)] and sizes[-40:] == [(k, 1) for k in range(260, 300)]
-    assert list(request.groups(138)) == [s for s in sizes if s[0] >= 138]
-    assert "added up 4 at a time" in str(plan(request))
+    assert sizes[:2] == [(0, 8), (8, 8)] and sizes[16:18] == [(128, 2), (130, 8)] and sizes[-40:] == [(k, 1) for k in range(260, 300)]
+    assert list(request.groups(146)) == [s for s in sizes if s[0] >= 146]
+    assert "added up 8 at a time" in str(plan(request))
     for more in ({"average": False}, {"average": 50}, {"average": True, "grid": atc.Grid.atoms()}, {"average": True, "tiles": (2, 1, 1)}):
         assert Request(frames, BruteLJ(), KERN, **{"grid": GRID, "quantities": ["stress"], **more}).group() == 1
     other = argon().replace(cell=Cell([9.1, 10.0, 11.0], [-3.0, 2.0, 50.0]))
@@ -281,9 +281,9 @@ def test_a_kept_list_serves_the_frames_of_a_group(monkeypatch):
 
 
 def test_errors_of_the_mean_are_those_of_single_frames():
-    """128 frames, four at a time: the standard errors of blocks, of many points together."""
+    """128 frames, eight at a time: the standard errors of blocks, of many points together."""
     frames = [f.replace(velocities=f.velocities - 0.01 * np.sin(k)) for k, f in enumerate(moving(argon(), 128, 0.15))]
-    assert Request(frames, BruteLJ(), KERN, GRID, ["stress"], average=True).group() == 4
+    assert Request(frames, BruteLJ(), KERN, GRID, ["stress"], average=True).group() == 8
     ds = quiet(frames, BruteLJ(), KERN, GRID, ["stress", "velocity"], 1e-12)
     each = quiet(frames, BruteLJ(), KERN, GRID, ["stress", "velocity"], 1e-12, average=False)
     for name in ("stress", "velocity"):

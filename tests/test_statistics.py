@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from atc.estimators.groups import size_of
 from atc.statistics import BlockAverage
 
 
@@ -159,6 +160,22 @@ def test_errors_of_groups_are_those_of_frames():
         assert correlated.mean() < 0.1
     x = ar1(np.random.default_rng(10), 512, 0.995, 200)
     assert average(x).result()[2].mean() > 0.9 and in_groups(x, 16).result()[2].mean() > 0.9
+
+
+def test_groups_as_long_as_they_are_made_cost_nothing_of_the_error():
+    """Of most elements the same blocks count as without groups, so that the errors are the same numbers; those of all are as large and as certain, and as many flagged."""
+    for n in (64, 128, 256, 512, 2048):
+        m = size_of(n, 1000)
+        assert m >= 4
+        for phi in (0.0, 0.6, 0.9):
+            x = ar1(np.random.default_rng(n), n, phi, 400)
+            (_, want, flags), (_, stderr, flags_too) = average(x).result(), in_groups(x, m).result()
+            # blocks that grow by chance or do not: found 0.8 to 1.0
+            assert np.mean(np.isclose(stderr, want, rtol=1e-9)) > 0.75
+            a, b = np.sqrt(np.mean(want**2)), np.sqrt(np.mean(stderr**2))
+            # found 0.99 to 1.01, and 0.89 to 1.02
+            assert abs(b / a - 1) < 0.02 and stderr.std() / b < 1.1 * want.std() / a
+            assert abs(flags.mean() - flags_too.mean()) < 0.05
 
 
 def test_threads_do_not_change_an_average():
