@@ -74,8 +74,9 @@ lint: | $(VENV)/.atc-test
 test: lint
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 
-bench: | $(VENV)/.atc
-	@set -e; for b in benchmarks/*.py; do echo "== $$b"; $(BIN)/python $$b; done
+bench: | $(VENV)/.atc-test
+	@$(BIN)/python -m pytest -q benchmarks/test_standing.py
+	@set -e; for b in $(filter-out benchmarks/test_%,$(wildcard benchmarks/*.py)); do echo "== $$b"; $(BIN)/python $$b; done
 
 clean:
 	rm -rf $(OUT) build dist .pytest_cache .ruff_cache .hypothesis *.egg-info

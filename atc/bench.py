@@ -123,37 +123,50 @@ def mark_front(rungs) -> None:
         r.front = not any((o.cpu <= r.cpu and o.error_max < r.error_max) or (o.cpu < r.cpu and o.error_max <= r.error_max) for o in rungs)
 
 
-def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST, most_each=np.inf) -> Bench:
+def field_of(request, field=None) -> str:
+    """The field that is measured: the one asked for, else stress_potential if anything is a sum over bonds, else the first one on the grid."""
+    on_grid = [q for q in request.work.quantities if q.kind == "grid"]
+    if not on_grid or request.kern is None or request.grid is None:
+        raise AtcError("atc bench measures fields on a grid: the scene asks for none (quantities), or has no kernel or grid")
+    names = [q.name for q in on_grid]
+    if field is not None:
+        if field not in names:
+            raise AtcError(f"field {field!r}: not among the fields on the grid that are asked for: {', '.join(names)}")
+        return field
+    return "stress_potential" if any(q.bond and not q.on_reference for q in on_grid) else names[0]
+
+
+def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST, most_each=np.inf, field=None) -> Bench:
     """Time against error of a request's first frame.
 
     Parameters
     ----------
     request : atc.plan.Request
-        Its first frame, grid, kernel and potential are used, and one field: stress_potential if any field of the request is a sum over
-        bonds, else the first one on the grid.
+        Its first frame, grid, kernel and potential are used, and one of its fields.
     tolerances : of the spectral method
     progress : called with what is about to run
     most, most_each : CPU seconds that the exact sum, and any other rung, may be predicted to take; beyond, it is left out, and `left_out` says so
+    field : which one; see `field_of`
 
     Raises
     ------
     AtcError for a request without fields on a grid.
     """
-    from .choose import spectral_deposit
+    from .choose import sizes, spectral_deposit
     from .costs import direct as direct_seconds
+    from .costs import gather as gather_seconds
     from .costs import spectral as spectral_seconds
-    from .estimators.compute import Settings, frame_fields
+    from .estimators.compute import frame_fields
     from .estimators.methods import Method
     from .estimators.registry import Work
 
-    frame, on_grid = request.first, [q for q in request.work.quantities if q.kind == "grid" and not q.on_reference and not q.gather]
-    if not on_grid or request.kern is None or request.grid is None:
-        raise AtcError("atc bench measures fields on a grid: the scene asks for none (quantities), or has no kernel or grid")
-    name = "stress_potential" if any(q.bond for q in on_grid) else on_grid[0].name
+    frame, name = request.first, field_of(request, field)
     work = Work.of((name,))
-    keys = [k for k, there in (("site", work.site), ("bond", work.bond)) if there]
-    settings = Settings((name,), request.pot, request.kern, request.grid, {}, 0.99, None, request.threads)
-    bound, kern = request.bound, request.kernel_internal
+    settings = replace(request.settings(), names=(name,), methods={}, tolerance=0.99, tiles=None, anchor=None)
+    bound, kern, costs = request.bound, request.kernel_internal, request.costs
+    places = request.places(work)
+    if places is None:
+        raise AtcError(f"atc bench: {name} needs a reference frame: give one")
 
     def run(settings):
         best = None
@@ -168,10 +181,11 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
         return best[:3]
 
     rungs, left_out, exact = [], [], None
-    load = request.load if work.bond else None
-    size = [(request.load.bonds, request.load.length, work.n_bond)] if work.bond else [(len(frame), 0.0, work.n_site)]
-    fixed = load.seconds(request.costs, len(frame)) if load is not None else 0.0
-    seconds = fixed + sum(direct_seconds(request.costs, bound, kern, *s) for s in size)
+    needed = sizes(work, len(frame), request.load)
+    fixed = request.load.seconds(costs, len(frame)) if work.bond_users else 0.0
+    seconds = fixed
+    for key, size in needed.items():
+        seconds += (gather_seconds if "gather" in key else direct_seconds)(costs, places[key][0], kern, *size)
     if seconds <= most:
         # The exact sum is what all errors are measured against; its own is what the check at random points finds.
         progress("the exact sum")
@@ -190,24 +204,26 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
         )
     for t in sorted(tolerances, reverse=True):
         try:
-            deposits = {k: spectral_deposit(bound, kern, frame.cell, max(work.n_site, work.n_bond), t) for k in keys}
+            deposits = {
+                k: spectral_deposit(places[k][0], kern, places[k][1], size[2], t, request.threads, "gather" in k and work.slopes(k))
+                for k, size in needed.items()
+            }
         except AtcError as e:
             left_out.append((f"spectral {t:g}", str(e)))
             continue
-        nodes = float(np.prod(np.asarray(deposits[keys[-1]].mesh, float)))
-        if nodes * 8 * 8 * request.threads > 4e9:
-            left_out.append((f"spectral {t:g}", f"a mesh of {' x '.join(str(int(k)) for k in deposits[keys[-1]].mesh)} does not fit"))
+        d = max(deposits.values(), key=lambda d: np.prod(np.asarray(d.mesh, float)))
+        about = f"mesh {' x '.join(str(int(k)) for k in d.mesh)}, window {d.parameters.width}"
+        if np.prod(np.asarray(d.mesh, float)) * 8 * 8 * request.threads > 4e9:
+            left_out.append((f"spectral {t:g}", f"a {about.split(',')[0]} does not fit"))
             continue
-        ahead = fixed + sum(spectral_seconds(request.costs, d, *s) for d, s in zip(deposits.values(), size))
+        ahead = fixed + sum(spectral_seconds(costs, d, *needed[k]) for k, d in deposits.items())
         if ahead > most_each:
             left_out.append((f"spectral {t:g}", f"predicted to take {ahead:.0f} s of CPU"))
             continue
         progress(f"spectral, tolerance {t:g}")
         # Forced, so that the rung is what it says and nothing is refined.
-        methods = {k: Method("spectral", t, "bench", (), True) for k in keys}
+        methods = {k: Method("spectral", t, "bench", (), True) for k in needed}
         result, cpu, wall = run(replace(settings, methods=methods, tolerance=t))
-        d = deposits[keys[-1]]
-        about = f"mesh {' x '.join(str(int(k)) for k in d.mesh)}, window {d.parameters.width}"
         found = result.errors[name]
         errors = (found["error_max"], found["error_l2"]) if exact is None else _errors(result.arrays[name], exact)
         closest = result.arrays[name]
@@ -216,7 +232,7 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
         if not rungs:
             raise AtcError(f"atc bench: the exact sum would take {seconds:.0f} s of CPU and the spectral method cannot: {left_out[-1][1]}")
         exact = closest
-    ahead = fixed + direct_seconds(request.costs, bound, kern, len(frame), 0.0, 6)
+    ahead = fixed + direct_seconds(costs, bound, kern, len(frame), 0.0, 6)
     if name == "stress_potential" and ahead > most_each:
         left_out.append(("per-atom virials", f"predicted to take {ahead:.0f} s of CPU to smooth"))
     elif name == "stress_potential":
@@ -228,13 +244,13 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
         if binned is not None:
             rungs.append(binned)
     chosen = request.methods_for(work)
-    main = chosen[keys[-1]]
+    main = chosen[list(needed)[-1]]
     candidates = [r for r in rungs if (r.method == "spectral") == (not main.exact) and r.method in ("spectral", "direct", "slab")]
     if candidates:
         nearest = min(candidates, key=lambda r: abs(np.log((r.tolerance or 1.0) / (main.tolerance or 1.0))))
         nearest.chosen = True
     mark_front(rungs)
-    bonds = round(request.load.bonds) if work.bond else 0
+    bonds = round(request.load.bonds) if work.bond or work.reference_bond else 0
     return Bench(frame.source, name, len(frame), bonds, len(bound), request.kern.describe(), request.threads, rungs, left_out)
 
 

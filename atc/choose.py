@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from .costs import Costs, Load, direct, gather, points_each, spectral, spectral_memory
 from .errors import AtcError
@@ -12,9 +12,12 @@ from .estimators.methods import EXACT, Method
 EXACT_BELOW = 1e-11
 #: The spectral method's own tolerance over the one asked for, from the loosest start to what is tried last. It is relative to a field of independent sources;
 #: how much further stresses may begin is measured (`pilot`), anything else begins at 1.
-FACTORS = (32.0, 16.0, 8.0, 4.0, 2.0, 1.0, 1 / 2, 1 / 8, 1 / 64, 1 / 512)
-#: The error that the pilot may expect at the start, over the tolerance: with other frames to come, and without.
-AIM, AIM_ONE = 0.35, 0.5
+FACTORS = (64.0, 45.0, 32.0, 22.0, 16.0, 11.0, 8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0, 0.7, 1 / 2, 1 / 8, 1 / 64, 1 / 512)
+#: The error that the pilot may expect on the first frame, over the tolerance, and the one that is expected on later ones, by what was found on the first:
+#: less, since what the frames differ by must fit in; nothing is tightened for what is below the third.
+AIM, AIM_LATER, ENOUGH = 0.4, 0.35, 0.45
+#: Where the pilot expects more even at the tolerance: what of it the start is.
+CLOSER = 0.7
 #: Nothing is gained beyond this.
 LOOSEST = 0.1
 #: CPU seconds of an exact sum below which nothing else is considered.
@@ -53,50 +56,45 @@ def spectral_deposit(bound, kern, cell, components: int, tolerance: float, threa
     return SpectralDeposit(bound, kern, cell, components, components, threads, tolerance, gradients=gradients)
 
 
-def choose(
-    method: str, tolerance: float, costs: Costs, work, bounds: dict, kern, cells: dict, atoms: int, load: Load, pilot=None, frames: int = 1
-) -> dict[str, Method]:
+def choose(method: str, tolerance: float, costs: Costs, work, places: dict, kern, atoms: int, load: Load, pilot=None) -> dict[str, Method]:
     """The method of each deposit.
 
     Parameters
     ----------
     method : "auto" or what the user forces
-    bounds, cells : the bound grid and the cell of "site", "bond", "gather" (the frame's), "reference_bond" and "reference_gather" (the reference's)
+    places : for each deposit the bound grid and the cell (the frame's or the reference's), see `Request.places`
     kern : kernel in internal units
     pilot : a function that makes a `pilot.Pilot` of the first frame's stress; None: the spectral method begins at the tolerance
-    frames : how many there are
     """
     out = {}
     for key, (items, length, components) in sizes(work, atoms, load).items():
-        bound, cell = bounds[key], cells[key]
+        bound, cell = places[key]
         gathered = key in ("gather", "reference_gather")
         slopes = gathered and work.slopes(key)
         exact = (gather if gathered else direct)(costs, bound, kern, items, length, components)
         look = None
         if pilot is not None and key == "bond" and work.bond == ["stress"]:
-            look = _Look(pilot, AIM_ONE if frames == 1 else AIM, load.seconds(costs, atoms))
+            look = _Look(pilot, load.seconds(costs, atoms))
         out[key] = _one(method, tolerance, costs, bound, kern, cell, items, length, components, exact, slopes, look)
     return out
 
 
 @dataclass
 class _Look:
-    """A pilot that has not been made: how, the error it may expect over the tolerance, and what making it costs."""
+    """A pilot that has not been made: how, and what making it costs."""
 
     make: object
-    aim: float
     seconds: float
 
 
 def _one(method, tolerance, costs, bound, kern, cell, items, length, components, exact, gradients, look=None) -> Method:
     """exact : seconds of the exact sum; gradients : whether those are wanted too."""
 
-    def deposit_for(t):
-        return spectral_deposit(bound, kern, cell, components, t, gradients=gradients)
+    ways = _Spectral(costs, bound, kern, cell, items, length, components, gradients)
 
     if method == "spectral":
-        first = deposit_for(max(tolerance, 1e-14))
-        rungs = _rungs(tolerance, lambda t: _fits(deposit_for(t), components))
+        first = ways.deposit(max(tolerance, 1e-14))
+        rungs = _rungs(tolerance, lambda t: _fits(ways.deposit(t), components))
         return Method("spectral", tolerance, _shape(first, "asked for", length), rungs, forced=True)
     if method != "auto":
         return Method(method, reason="asked for", forced=True)
@@ -109,57 +107,106 @@ def _one(method, tolerance, costs, bound, kern, cell, items, length, components,
     if exact < CHEAP:
         return Method("direct", reason=f"exact, and cheap here: {exact:.1g} s of CPU")
 
-    def cost(t):
-        deposit = deposit_for(t)
-        if not _fits(deposit, components):
-            raise AtcError(f"its mesh of {_mesh(deposit)} would take more than {MOST_MEMORY / 1e9:.0f} GB")
-        return spectral(costs, deposit, items, length, components), deposit
-
-    start = tolerance if look is None else _start(tolerance, cost, exact, look, lambda t: spectral_deposit(bound, kern, cell, 1, t))
+    start = tolerance if look is None else _start(tolerance, ways, exact, look)
     try:
-        fast, deposit = cost(start)
+        fast = ways.cost(start)
     except AtcError as e:
         return Method("direct", reason=f"spectral cannot: {_short(e)}")
     if fast >= exact:
         return Method("direct", reason=f"exact, and cheaper here: {exact:.2g} s of CPU against {fast:.2g} s by the spectral method")
-
-    def wins(t):
-        return cost(t)[0] < exact
-
-    reason = _shape(deposit, f"{fast:.2g} s of CPU against {exact:.2g} s for the exact sum", length)
-    return Method("spectral", start, reason, _rungs(tolerance, wins, start))
+    return ways.method(start, tolerance, exact)
 
 
-def _start(tolerance, cost, exact, look, deposit) -> float:
-    """The loosest tolerance of the spectral method that the pilot expects to be enough, if a pilot is worth its while; `deposit` makes one for one component."""
-    ladder = [t for f in FACTORS if f > 1 and (t := f * tolerance) <= LOOSEST and t < _precise(tolerance)]
+@dataclass
+class _Spectral:
+    """One deposit by the spectral method, at one tolerance or another."""
+
+    costs: Costs
+    bound: object
+    kern: object
+    cell: object
+    items: float
+    length: float
+    components: int
+    gradients: bool = False
+
+    def deposit(self, t):
+        return spectral_deposit(self.bound, self.kern, self.cell, self.components, t, gradients=self.gradients)
+
+    def cost(self, t) -> float:
+        """CPU seconds; an AtcError where its mesh is too large."""
+        deposit = self.deposit(t)
+        if not _fits(deposit, self.components):
+            raise AtcError(f"its mesh of {_mesh(deposit)} would take more than {MOST_MEMORY / 1e9:.0f} GB")
+        return spectral(self.costs, deposit, self.items, self.length, self.components)
+
+    def method(self, start, tolerance, exact) -> Method:
+        """Beginning at `start`, with what is cheaper than the exact sum to go on with."""
+        why = f"{self.cost(start):.2g} s of CPU against {exact:.2g} s for the exact sum"
+        rungs = _rungs(tolerance, lambda t: self.cost(t) < exact, start)
+        return Method("spectral", start, _shape(self.deposit(start), why, self.length), rungs)
+
+
+def adjusted(method: Method, error, tolerance, costs: Costs, bound, kern, cell, load: Load, components: int) -> Method:
+    """The method of sums over bonds for further frames, by the error that `method` left on the first: looser or tighter, as far as errors follow the tolerance."""
+    limit = method.tolerance * AIM_LATER * tolerance / max(error, 1e-300) * (1 + 1e-9)
+    ladder = [*(t for t in _loose(tolerance) if t > method.tolerance * (1 + 1e-9)), method.tolerance, *method.rungs]
+    start = next((t for t in ladder if t <= limit), method.tolerance)
+    if start == method.tolerance or (start < method.tolerance and error <= ENOUGH * tolerance):
+        return method
+    ways = _Spectral(costs, bound, kern, cell, load.bonds, load.length, components)
+    try:
+        return ways.method(start, tolerance, direct(costs, bound, kern, load.bonds, load.length, components))
+    except AtcError:
+        return method
+
+
+def _start(tolerance, ways, exact, look) -> float:
+    """The loosest tolerance of the spectral method that the pilot expects to be enough, if a pilot is worth its while."""
+    ladder = _loose(tolerance)
     if not ladder:
         return tolerance
     try:
-        loosest = cost(ladder[0])[0]
+        loosest = ways.cost(ladder[0])
     except AtcError:
         return tolerance
     try:
-        tight = min(cost(tolerance)[0], exact)
+        tight = min(ways.cost(tolerance), exact)
     except AtcError:
         tight = exact
     if tight - loosest < 2.0 * look.seconds:
         return tolerance
     pilot, at_most = look.make(), ladder[0]
-    for t in ladder:
+    for t in [*ladder, tolerance]:
         if t > at_most * (1 + 1e-9):
             continue
         try:
-            if cost(t)[0] >= exact:
+            if ways.cost(t) >= exact:
                 break
         except AtcError:
             break
-        error = pilot.error(deposit(t))
-        if error <= look.aim * tolerance:
+        error = pilot.error(replace(ways, components=1).deposit(t))
+        if error <= AIM * tolerance:
             return t
         # Errors follow the tolerance.
-        at_most = t * look.aim * tolerance / error
+        at_most = max(t * AIM * tolerance / error, tolerance)
+    # Incoherent stresses have errors as large as the tolerance allows: a little closer costs less than all of it again.
+    closer = CLOSER * tolerance
+    if _precisions(closer) == _precisions(tolerance) and closer in _rungs(tolerance, lambda t: ways.cost(t) < exact):
+        return closer
     return tolerance
+
+
+def _loose(tolerance) -> list[float]:
+    """What the spectral method's tolerance may be above that of the result, loosest first."""
+    return [t for f in FACTORS if f > 1 and (t := f * tolerance) <= LOOSEST and t < _precise(tolerance)]
+
+
+def _precisions(t) -> tuple[bool, bool]:
+    """Whether meshes and transforms are in single precision."""
+    from .deposit.spectral import SINGLE, SINGLE_TRANSFORM
+
+    return t >= SINGLE, t >= SINGLE_TRANSFORM
 
 
 def _precise(tolerance) -> float:

@@ -25,6 +25,12 @@ def register(app) -> None:
         tolerances: Annotated[
             str | None, typer.Option("--tolerances", metavar="T1,T2,...", help="Tolerances of the spectral method.", show_default=False)
         ] = None,
+        field: Annotated[
+            str | None,
+            typer.Option(
+                "--field", metavar="NAME", help="Which of the scene's fields; default: stress_potential, or the first.", show_default=False
+            ),
+        ] = None,
         calibrate: Annotated[
             bool, typer.Option("--calibrate", help="Measure what plans and choices of methods are based on, and keep it.")
         ] = False,
@@ -55,7 +61,7 @@ def register(app) -> None:
         arguments = made.arguments(jobs)
         arguments["threads"], arguments["workers"] = max(arguments["threads"], arguments["workers"]), 1
         arguments["traj"] = arguments["traj"][:1]
-        result = run(Request(**arguments), ladder, (lambda text: None) if quiet or json else _say)
+        result = run(Request(**arguments), ladder, (lambda text: None) if quiet or json else _say, field=field)
         target = picture or scene.with_name(scene.stem + "-bench.png")
         result.picture(target)
         if json:

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from .errors import AtcError
-from .estimators.methods import Method, details, summary
+from .estimators.methods import EXACT, Method, details, summary
 from .estimators.registry import BOND, Work
 
 _TERMS = {
@@ -130,27 +130,43 @@ class Request:
 
     def methods_for(self, work: Work, method: str = "auto") -> dict[str, Method]:
         """The method of each deposit, by the cost model and the first frame: the same for every frame, whoever computes it."""
-        frame = self.first
-        if self.kern is None or self.grid is None or (work.bond_users and self.pot is None):
-            return {}
         from .choose import choose
+        from .costs import Load
 
-        bounds, cells = {}, {}
-        for key in ("site", "bond", "gather"):
-            if getattr(work, key):
-                bounds[key], cells[key] = self.bound, frame.cell
+        places = self.places(work)
+        if not places:
+            return {}
+        load = self.load if work.bond or work.reference_bond else Load()
+        pilot = self._pilot if self.may_loosen(work) and hasattr(self.pot, "terms") else None
+        return choose(method, self.tolerance, self.costs, work, places, self.kernel_internal, len(self.first), load, pilot)
+
+    def places(self, work: Work) -> dict | None:
+        """For each deposit that a frame needs, the bound grid and the cell that its atoms are in; None where something for that is missing."""
+        if self.kern is None or self.grid is None or (work.bond_users and self.pot is None):
+            return None
+        out = {key: (self.bound, self.first.cell) for key in ("site", "bond", "gather") if getattr(work, key)}
         for key in ("reference_bond", "reference_gather"):
             if getattr(work, key):
                 if self.reference is None:
-                    return {}
+                    return None
                 at = self.reference
-                bounds[key], cells[key] = self.grid.bind(at.units, at.cell, at.positions), at.cell
-        from .costs import Load
+                out[key] = self.grid.bind(at.units, at.cell, at.positions), at.cell
+        return out
 
-        load = self.load if work.bond or work.reference_bond else Load()
-        pilot = self._pilot if work.bond == ["stress"] and self.tiles is None and hasattr(self.pot, "terms") else None
-        kern, n = self.kernel_internal, len(frame)
-        return choose(method, self.tolerance, self.costs, work, bounds, kern, cells, n, load, pilot, self.n_frames)
+    def may_loosen(self, work: Work) -> bool:
+        """Whether sums over bonds may begin above the tolerance: where the largest errors are known to be found, around the strongest bonds."""
+        return work.bond == ["stress"] and self.tiles is None
+
+    def settle(self, result) -> None:
+        """Fix the methods for all frames: those that the first one needed (a `FrameResult`), for further ones adjusted by the error it was left with."""
+        self.methods = dict(result.methods)
+        method = self.methods.get("bond", EXACT)
+        errors = [result.expected[q.name] for q in self.work.quantities if q.bond and q.name in result.expected]
+        if self.n_frames > 1 and not method.exact and not method.forced and errors and self.may_loosen(self.work):
+            from .choose import adjusted
+
+            ways = self.costs, self.bound, self.kernel_internal, self.first.cell, self.load, self.work.n_bond
+            self.methods["bond"] = adjusted(method, max(errors), self.tolerance, *ways)
 
     def _pilot(self):
         """A pass over the bonds of the first frame; see there."""

@@ -11,7 +11,7 @@ import numpy as np
 from .contents import follows_cell, grid_moves, moving_coordinates, output_layout, radius_of
 from .described import file_name
 from .errors import AtcError, AtcWarning
-from .estimators.compute import SAFE, FrameResult, frame_fields, require
+from .estimators.compute import FrameResult, frame_fields, require
 from .estimators.methods import DEPOSITS, Method, Refinement, details, summary
 from .estimators.registry import QUANTITIES
 from .output import Layout, Store, dataset_in_memory, explained, open_dataset
@@ -165,7 +165,7 @@ def _input_errors(request: Request, store) -> tuple[float, dict[str, float]]:
 def _settle(request: Request, store, start: int) -> FrameResult | None:
     """Fix the methods for all frames, by the error they leave on the first one: its result, if it had to be computed and is still wanted.
 
-    On every frame the methods are tightened as far as that frame needs, beginning from these: what is done to a frame does not depend on which frames
+    They may become looser as well as tighter. On every frame they are tightened as far as that frame needs, beginning from these: what is done to a frame does not depend on which frames
     were computed before it, where, or whether the run was interrupted.
     """
     if store is not None and start > 0:
@@ -175,11 +175,10 @@ def _settle(request: Request, store, start: int) -> FrameResult | None:
             return None
     result = None
     if not all(m.exact for m in request.methods.values()):
-        # Half the tolerance if there are other frames: their errors may be larger.
-        goal = request.tolerance * (0.5 if request.n_frames > 1 else SAFE)
         with here(request) as run_tiles:
-            result = frame_fields(request.first, request.settings(), 0, goal=goal, run_tiles=run_tiles)
-        began, request.methods = request.methods, result.methods
+            result = frame_fields(request.first, request.settings(), 0, run_tiles=run_tiles)
+        began = request.methods
+        request.settle(result)
         over = [e["error_max"] for e in result.errors.values() if e["error_max"] > request.tolerance]
         if result.refined and not over:
             changed = [

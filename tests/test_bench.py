@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 import atc
-from atc.bench import Rung, bench, mark_front
+from atc.bench import Rung, bench, field_of, mark_front
 from atc.calibrate import argon, solve
 from atc.cli import app
 from atc.costs import Costs, cache_file
@@ -158,3 +158,23 @@ def test_constants_are_solved_for():
     rows = rng.random((8, 3)) * [1e6, 1e7, 1e4]
     constants = np.array([2e-8, 3e-9, 0.0])
     np.testing.assert_allclose(solve(rows, rows @ constants), constants, rtol=1e-6, atol=1e-12)
+
+
+def test_any_field_of_a_scene():
+    """Fields of gradients and those on a reference configuration too; by name."""
+    frame, pot = argon(5)
+    moved = frame.replace(positions=frame.positions + np.random.default_rng(0).normal(scale=0.05, size=frame.positions.shape))
+    request = Request(
+        moved, pot, atc.kernel("gaussian", radius=8.0), atc.Grid.regular(shape=8), ["heat_flux", "velocity_gradient", "piola_stress"],
+        reference=frame, threads=1,
+    )  # fmt: skip
+    for name in ("velocity_gradient", "piola_stress", "heat_flux_potential"):
+        found = bench(request, (1e-2, 1e-4), field=name)
+        by = rungs_of(found)
+        assert found.field == name and by["direct (exact)"].error_max < 1e-12
+        assert by["spectral 0.0001"].error_max < 1e-3 and by["spectral 0.0001"].error_max < by["spectral 0.01"].error_max, name
+    assert field_of(request) == "stress_potential"
+    with pytest.raises(atc.AtcError, match=r"field 'temper'.*velocity_gradient"):
+        bench(request, (1e-2,), field="temper")
+    with pytest.raises(atc.AtcError, match="reference"):
+        bench(Request(frame, pot, request.kern, request.grid, ["displacement"], threads=1), (1e-2,))

@@ -53,7 +53,9 @@ class Settings:
 
 @dataclass
 class FrameResult:
-    """The fields of one frame, in the user's units; masked quantities hold 0 where `mask` is False."""
+    """The fields of one frame, in the user's units; masked quantities hold 0 where `mask` is False.
+
+    expected : of each field, its largest error anywhere as far as the points of the check tell: at least what was found there"""
 
     arrays: dict[str, np.ndarray]
     mask: np.ndarray | None = None
@@ -64,6 +66,7 @@ class FrameResult:
     notes: dict[str, int] = field(default_factory=dict)
     methods: dict[str, Method] = field(default_factory=dict)
     refined: list[Refinement] = field(default_factory=list)
+    expected: dict[str, float] = field(default_factory=dict)
     # See `groups`: of how many frames these are the means, and how far those are from them.
     frames: int = 1
     within: dict[str, float] = field(default_factory=dict)
@@ -83,11 +86,13 @@ class Stage:
         self.seeking = False
         self.use(settings.methods)
 
-    def use(self, methods) -> None:
-        """From now on sum by these methods."""
+    def use(self, methods, again=False) -> None:
+        """From now on sum by these methods. `again`: they follow others that left too large an error, part of which may have been the check's own."""
         self.main.methods = methods
         self.reach = self._kern
-        if self.bound.kind != "slab" and self._kern is not None:
+        if again:
+            self.check.target.summed_kern = self._kern
+        elif self.bound.kind != "slab" and self._kern is not None:
             self.reach = self.check.target.summed_kern = checking_kernel(self._kern, methods, self._tolerance)
         self._near = None
 
@@ -110,7 +115,7 @@ class Stage:
         return self._near
 
 
-def frame_fields(frame, settings: Settings, index: int = 0, goal: float | None = None, run_tiles=None) -> FrameResult:
+def frame_fields(frame, settings: Settings, index: int = 0, run_tiles=None) -> FrameResult:
     """All quantities of `settings` on one frame, computed again by tighter methods as long as an error found is larger than allowed.
 
     Parameters
@@ -119,8 +124,6 @@ def frame_fields(frame, settings: Settings, index: int = 0, goal: float | None =
     settings : Settings
     index : int
         Number of the frame: the random points of the error check depend on nothing else.
-    goal : float
-        Error to be reached at the points of the check; `SAFE` times `settings.tolerance` if not given. What is done depends on the frame, the settings and this number alone.
     run_tiles : callable
         With `settings.tiles`: how tiles are computed (see `tiles.bond_pass`). Default: one after the other, here.
 
@@ -135,7 +138,7 @@ def frame_fields(frame, settings: Settings, index: int = 0, goal: float | None =
     """
     work = Work.of(settings.names, settings.central)
     require(frame, settings, work)
-    goal = SAFE * settings.tolerance if goal is None else goal
+    goal = SAFE * settings.tolerance
     start = perf_counter()
     job = _FrameJob(frame, settings, work, index, run_tiles)
     methods, refined = dict(settings.methods), []
@@ -150,14 +153,14 @@ def frame_fields(frame, settings: Settings, index: int = 0, goal: float | None =
             methods[key] = method
             refined.append(why.then(f"{NAMES[key]} {method}"))
         todo = set(tighter)
-    result.methods, result.refined = methods, refined
+    result.methods, result.refined, result.expected = methods, refined, job.expected
     result.seconds["total"] = perf_counter() - start
     return result
 
 
 #: What of the tolerance may be found, at random points and around the strongest bonds. All of it may be what normally distributed errors reach at as many
 #: points as there are: an estimate on the large side, since errors of neighbouring points are alike.
-SAFE = 0.8
+SAFE = 0.65
 # Where the density is below this fraction of its largest value, quotients by it need the exact sums.
 _THIN = 0.02
 # The sums that fields are quotients of: deposit, and where its density is.
@@ -187,7 +190,7 @@ class _FrameJob:
         frame, work = self.frame, self.work
         for stage in (self.stage, self.reference):
             if stage is not None:
-                stage.use(methods)
+                stage.use(methods, again=bool(self.sums))
         # The sums on the grid, and those at the points of the check. Made anew, since they remember what was formed from them.
         fresh = [Sums(drift=self.drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann) for _ in range(2)]
         for new, old in zip(fresh, self.sums):

@@ -87,7 +87,7 @@ def late(work: Work) -> list:
     return [q for q in elements(work) if q.linear and {key for key in ("site", "bond") if getattr(q, key)} <= together]
 
 
-def group_fields(frames, settings, index: int = 0, goal: float | None = None, run_tiles=None) -> FrameResult:
+def group_fields(frames, settings, index: int = 0, run_tiles=None) -> FrameResult:
     """The mean fields of some consecutive frames; of one frame, what `frame_fields` gives.
 
     Parameters
@@ -96,18 +96,18 @@ def group_fields(frames, settings, index: int = 0, goal: float | None = None, ru
     settings : Settings
     index : int
         Number of the first frame.
-    goal, run_tiles : see `frame_fields`
+    run_tiles : see `frame_fields`
 
     Returns
     -------
     FrameResult; errors are those of the mean fields.
     """
     if len(frames) == 1:
-        return frame_fields(frames[0], settings, index, goal, run_tiles)
+        return frame_fields(frames[0], settings, index, run_tiles)
     work = Work.of(settings.names, settings.central)
     for frame in frames:
         require(frame, settings, work)
-    goal = SAFE * settings.tolerance if goal is None else goal
+    goal = SAFE * settings.tolerance
     start = perf_counter()
     runs: list[list] = []
     for frame in frames:
@@ -120,7 +120,7 @@ def group_fields(frames, settings, index: int = 0, goal: float | None = None, ru
     methods, refined = dict(settings.methods), []
     while True:
         for job in jobs:
-            job.compute(methods)
+            job.compute(methods, again=bool(refined))
         expected = {name: max(job.expected[name] for job in jobs) for name in jobs[0].expected}
         thin = set().union(*(job.thin for job in jobs))
         tighter = tightened(work, methods, thin, expected if settings.check_points else {}, goal)
@@ -130,7 +130,7 @@ def group_fields(frames, settings, index: int = 0, goal: float | None = None, ru
             methods[key] = method
             refined.append(why.then(f"{NAMES[key]} {method}"))
     result = jobs[0].result if len(jobs) == 1 else _joined([job.result for job in jobs])
-    result.methods, result.refined = methods, refined
+    result.methods, result.refined, result.expected = methods, refined, expected
     result.seconds["total"] = perf_counter() - start
     return result
 
@@ -207,10 +207,10 @@ class _Run:
         self.notes: dict[str, int] = {}
         self.seconds = {"bonds": 0.0, "sites": 0.0}
 
-    def compute(self, methods) -> None:
-        """All sums of all frames, and the fields."""
+    def compute(self, methods, again=False) -> None:
+        """All sums of all frames, and the fields; `again`: see `Stage.use`."""
         work, stage, threads = self.work, self.stage, self.settings.threads
-        stage.use(methods)
+        stage.use(methods, again)
         self.methods, self.thin, self.notes = methods, set(), {}
         bonds = stage.main.open(work.n_bond) if work.bond else None
         sites = stage.main.make("site", work.n_site, 0) if "site" in self.together and work.site else None

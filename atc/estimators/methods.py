@@ -43,7 +43,7 @@ class Method:
             return self
         for k, rung in enumerate(self.rungs):
             # The error follows the tolerance, roughly.
-            if error * rung <= 0.7 * goal * self.tolerance:
+            if error * rung <= 0.5 * goal * self.tolerance:
                 return replace(self, tolerance=rung, rungs=self.rungs[k + 1 :])
         if self.forced:
             return replace(self, tolerance=self.rungs[-1], rungs=()) if self.rungs else self
