@@ -56,7 +56,9 @@ def spectral_deposit(bound, kern, cell, components: int, tolerance: float, threa
     return SpectralDeposit(bound, kern, cell, components, components, threads, tolerance, gradients=gradients)
 
 
-def choose(method: str, tolerance: float, costs: Costs, work, places: dict, kern, atoms: int, load: Load, pilot=None) -> dict[str, Method]:
+def choose(
+    method: str, tolerance: float, costs: Costs, work, places: dict, kern, atoms: int, load: Load, pilot=None, together=None
+) -> dict[str, Method]:
     """The method of each deposit.
 
     Parameters
@@ -65,6 +67,7 @@ def choose(method: str, tolerance: float, costs: Costs, work, places: dict, kern
     places : for each deposit the bound grid and the cell (the frame's or the reference's), see `Request.places`
     kern : kernel in internal units
     pilot : a function that makes a `pilot.Pilot` of the first frame's stress; None: the spectral method begins at the tolerance
+    together : of how many frames the sums of a deposit are finished together, by deposit; 1 of those that are not there
     """
     out = {}
     for key, (items, length, components) in sizes(work, atoms, load).items():
@@ -75,7 +78,9 @@ def choose(method: str, tolerance: float, costs: Costs, work, places: dict, kern
         look = None
         if pilot is not None and key == "bond" and work.bond == ["stress"]:
             look = _Look(pilot, load.seconds(costs, atoms))
-        out[key] = _one(method, tolerance, costs, bound, kern, cell, items, length, components, exact, slopes, look)
+        out[key] = _one(
+            method, tolerance, costs, bound, kern, cell, items, length, components, exact, slopes, look, (together or {}).get(key, 1)
+        )
     return out
 
 
@@ -87,10 +92,10 @@ class _Look:
     seconds: float
 
 
-def _one(method, tolerance, costs, bound, kern, cell, items, length, components, exact, gradients, look=None) -> Method:
+def _one(method, tolerance, costs, bound, kern, cell, items, length, components, exact, gradients, look=None, frames=1) -> Method:
     """exact : seconds of the exact sum; gradients : whether those are wanted too."""
 
-    ways = _Spectral(costs, bound, kern, cell, items, length, components, gradients)
+    ways = _Spectral(costs, bound, kern, cell, items, length, components, gradients, frames)
 
     if method == "spectral":
         first = ways.deposit(max(tolerance, 1e-14))
@@ -129,6 +134,7 @@ class _Spectral:
     length: float
     components: int
     gradients: bool = False
+    frames: int = 1
 
     def deposit(self, t):
         return spectral_deposit(self.bound, self.kern, self.cell, self.components, t, gradients=self.gradients)
@@ -138,7 +144,7 @@ class _Spectral:
         deposit = self.deposit(t)
         if not _fits(deposit, self.components):
             raise AtcError(f"its mesh of {_mesh(deposit)} would take more than {MOST_MEMORY / 1e9:.0f} GB")
-        return spectral(self.costs, deposit, self.items, self.length, self.components)
+        return spectral(self.costs, deposit, self.items, self.length, self.components, self.frames)
 
     def method(self, start, tolerance, exact) -> Method:
         """Beginning at `start`, with what is cheaper than the exact sum to go on with."""
@@ -147,14 +153,14 @@ class _Spectral:
         return Method("spectral", start, _shape(self.deposit(start), why, self.length), rungs)
 
 
-def adjusted(method: Method, error, tolerance, costs: Costs, bound, kern, cell, load: Load, components: int) -> Method:
+def adjusted(method: Method, error, tolerance, costs: Costs, bound, kern, cell, load: Load, components: int, frames: int = 1) -> Method:
     """The method of sums over bonds for further frames, by the error that `method` left on the first: looser or tighter, as far as errors follow the tolerance."""
     limit = method.tolerance * AIM_LATER * tolerance / max(error, 1e-300) * (1 + 1e-9)
     ladder = [*(t for t in _loose(tolerance) if t > method.tolerance * (1 + 1e-9)), method.tolerance, *method.rungs]
     start = next((t for t in ladder if t <= limit), method.tolerance)
     if start == method.tolerance or (start < method.tolerance and error <= ENOUGH * tolerance):
         return method
-    ways = _Spectral(costs, bound, kern, cell, load.bonds, load.length, components)
+    ways = _Spectral(costs, bound, kern, cell, load.bonds, load.length, components, frames=frames)
     try:
         return ways.method(start, tolerance, direct(costs, bound, kern, load.bonds, load.length, components))
     except AtcError:

@@ -138,7 +138,8 @@ class Request:
             return {}
         load = self.load if work.bond or work.reference_bond else Load()
         pilot = self._pilot if self.may_loosen(work) and hasattr(self.pot, "terms") else None
-        return choose(method, self.tolerance, self.costs, work, places, self.kernel_internal, len(self.first), load, pilot)
+        together = dict.fromkeys(self.added_up, self.group()) if work is self.work else None
+        return choose(method, self.tolerance, self.costs, work, places, self.kernel_internal, len(self.first), load, pilot, together)
 
     def places(self, work: Work) -> dict | None:
         """For each deposit that a frame needs, the bound grid and the cell that its atoms are in; None where something for that is missing."""
@@ -165,7 +166,7 @@ class Request:
         if self.n_frames > 1 and not method.exact and not method.forced and errors and self.may_loosen(self.work):
             from .choose import adjusted
 
-            ways = self.costs, self.bound, self.kernel_internal, self.first.cell, self.load, self.work.n_bond
+            ways = self.costs, self.bound, self.kernel_internal, self.first.cell, self.load, self.work.n_bond, self.group()
             self.methods["bond"] = adjusted(method, max(errors), self.tolerance, *ways)
 
     def _pilot(self):
@@ -213,8 +214,10 @@ class Request:
         grid, first = self.grid, self.first
         if self.average is False or self.n_frames < 2 or self.tiles is not None or grid is None or getattr(grid, "follows_atoms", False):
             return frozenset()
-        from .estimators.groups import added_up
+        from .estimators.groups import added_up, size_of
 
+        if size_of(min(self.window, self.n_frames), len(first)) == 1:
+            return frozenset()
         found = added_up(self.work)
         if not found or not first.cell.complete:
             return frozenset()

@@ -53,7 +53,8 @@ def fields(
         Time average over all frames, or over windows of so many: every X comes with X_stderr (standard error by block averaging) and
         X_correlated (True where the blocks still correlate, so that X_stderr is a lower bound). velocity is <ρ v>/<ρ> and temperature
         <n T>/<n>, T relative to the velocity field of each frame; everything else is the plain mean of the fields of the frames, in
-        which a frame without mass at a point counts as zero stress there.
+        which a frame without mass at a point counts as zero stress there. In windows of 64 frames and more the sums over atoms and bonds of up to 16
+        frames at a time are added up before they are finished (see `atc.estimators.groups`); errors are then those of the means of so many frames.
     threads : int
         Threads within a frame (default: all processors, shared among the workers). Results are identical for equal `threads`.
     workers : int
