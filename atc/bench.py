@@ -204,7 +204,9 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
     for t in sorted(tolerances, reverse=True):
         try:
             deposits = {
-                k: cheapest(costs, places[k][0], kern, places[k][1], *size, t, "gather" in k and work.slopes(k), carriers(k, work, len(frame)))
+                k: cheapest(
+                    costs, places[k][0], kern, places[k][1], *size, t, "gather" in k and work.slopes(k), carriers(k, work, len(frame))
+                )
                 for k, size in needed.items()
             }
         except AtcError as e:
@@ -213,7 +215,9 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
         times = [of for of, _ in deposits.values()]
         deposits = {k: d for k, (_, d) in deposits.items()}
         d = max(deposits.values(), key=lambda d: np.prod(np.asarray(d.mesh, float)))
-        about = f"mesh {' x '.join(str(int(k)) for k in d.mesh)}, window {d.parameters.width}" + (f", moments to order {d.order}" if d.order else "")
+        about = f"mesh {' x '.join(str(int(k)) for k in d.mesh)}, window {d.parameters.width}" + (
+            f", moments to order {d.order}" if d.order else ""
+        )
         if np.prod(np.asarray(d.mesh, float)) * 8 * d.most_components * request.threads > 4e9:
             left_out.append((f"spectral {t:g}", f"a {about.split(',')[0]} does not fit"))
             continue

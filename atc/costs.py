@@ -58,7 +58,7 @@ class Costs:
     mesh_node: float = 1.6e-8
     mesh_node_single: float = 1.3e-8
     gather_visit: float = 4.4e-8
-    value: float = 6e-8
+    value: float = 3e-8
     frame: float = 7e-3
     written_byte: float = 1.1e-9
     machine: str = "shipped"
@@ -245,8 +245,9 @@ def direct(costs: Costs, bound, kern, items: float, length: float, components: i
     return costs.bond * items + costs.row * rows + (costs.visit[name] + costs.accumulate * vectors) * many
 
 
-def spectral(costs: Costs, deposit, items: float, length: float, components: int, atoms: float = 0.0) -> float:
-    """Seconds of a spectral deposit (of which only the parameters are needed) for `items` bonds of mean length `length`, of so many atoms."""
+def spectral(costs: Costs, deposit, items: float, length: float, components: int, atoms: float = 0.0, frames: int = 1) -> float:
+    """Seconds a frame of a spectral deposit (of which only the parameters are needed) for `items` bonds of mean length `length`, of so many atoms, of `frames` frames that
+    are finished together."""
     if not components or not items:
         return 0.0
     single = itemsize(deposit) == 4
@@ -271,7 +272,7 @@ def spectral(costs: Costs, deposit, items: float, length: float, components: int
         if deposit._lattice is None:
             again += 0.5 * node * nodes
         spread += 3.0 * components * again
-    return spread + nodes * node * transformed + 3e-8 * points * components
+    return spread + (nodes * node * transformed + 3e-8 * points * components) / frames
 
 
 def _kept(deposit, mesh) -> float:

@@ -17,8 +17,9 @@ from .methods import DEPOSITS, EXACT, NAMES, Method, Refinement, deposits_of
 from .peridynamic import horizon_of, node_volumes, weighted_virials
 from .registry import BOND, GATHER, SITE, Work
 from .sources import AtomFactors, AtomSums, ReferenceBonds, bond_factors, drift_velocity, piola_factor
-from .sums import Sums, full, kinetic_flux, outer6, quotient, thermal
+from .sums import Sums, full, kinetic_flux, quotient, thermal, within_thermal
 from .target import Target
+from .tensors import outer6
 
 
 @dataclass
@@ -66,6 +67,9 @@ class FrameResult:
     methods: dict[str, Method] = field(default_factory=dict)
     refined: list[Refinement] = field(default_factory=list)
     expected: dict[str, float] = field(default_factory=dict)
+    # See `groups`: of how many frames these are the means, and how far those are from them.
+    frames: int = 1
+    within: dict[str, float] = field(default_factory=dict)
 
 
 class Stage:
@@ -90,6 +94,10 @@ class Stage:
             self.check.target.summed_kern = self._kern
         elif self.bound.kind != "slab" and self._kern is not None:
             self.reach = self.check.target.summed_kern = checking_kernel(self._kern, methods, self._tolerance)
+
+    def at(self, frame) -> None:
+        """From now on for this frame, whose cell and grid are the same."""
+        self.check.target.place(frame.positions)
 
     @property
     def targets(self):
@@ -227,16 +235,8 @@ class _FrameJob:
 
     def _watched(self, methods) -> bool:
         """Whether points around the strongest bonds are to be looked at: where sums over bonds are approximate."""
-        method = methods.get("bond", EXACT)
         lattice = self.stage is not None and self.stage.bound.kind != "slab"
-        return bool(
-            not method.exact
-            and self.work.bond
-            and lattice
-            and self.settings.check_points
-            and self.settings.tiles is None
-            and _checkable(self.work)
-        )
+        return lattice and self.settings.tiles is None and watched(self.work, self.settings, methods)
 
     def _add_hot(self) -> None:
         """The exact sums at the points around the strongest bonds."""
@@ -266,7 +266,7 @@ class _FrameJob:
                 wanted, known = without_nan(q.form(at_points)), without_nan(values)
                 extent = extent_of(known)
                 errors[q.name] = found = here.check.errors(known, wanted, q.scale(main), extent)
-                if self.hot is not None and q in _checkable(work):
+                if self.hot is not None and q in checkable(work):
                     more = self.hot.check.errors(known, without_nan(q.form(self.hot_sums)), q.scale(main), extent)
                     for key in ("error_max", "error_of_fluctuation"):
                         found[key] = max(found[key], more[key])
@@ -286,40 +286,64 @@ class _FrameJob:
         )
 
     def _clear_thin(self, main) -> None:
-        """What an approximate sum leaves where there is no mass is no mass."""
-        methods = (self.stage or self.reference).main.methods if self.stage or self.reference else {}
-        for key, of, name in _QUOTIENTS:
-            method, rho = methods.get(key), getattr(main, of).get(name)
-            if method is not None and not method.exact and rho is not None:
-                rho[rho < 4 * method.tolerance * rho.max(initial=0.0)] = 0.0
+        if self.stage or self.reference:
+            clear_thin(main, (self.stage or self.reference).main.methods)
 
     def tightened(self, methods, result, goal) -> dict:
-        """{deposit: (its next method, why, a Refinement)} for every approximate deposit that a field with too large an error is made of."""
-        loose = {key for key, m in methods.items() if not m.exact}
-        out = {}
-        for key, of, name in _QUOTIENTS:
-            rho = getattr(self.sums[0], of).get(name) if key in loose and not methods[key].forced else None
-            if rho is not None and (key != "site" or self.work.masked) and rho.min(initial=np.inf) < _THIN * rho.max(initial=0.0):
-                why = "nearly empty space, where fields are quotients of small sums"
-                out[key] = methods[key].exactly(why), Refinement(why)
-        if not loose or not self.settings.check_points:
-            return out
-        for q in self.work.quantities:
-            error = self.expected.get(q.name, 0.0)
-            if error <= goal:
-                continue
-            for key in loose & set(deposits_of(q, self.work)):
-                method = methods[key].tightened(error, goal)
-                if method != methods[key] and (key not in out or method.exact or not 0 < out[key][0].tolerance <= method.tolerance):
-                    if key not in out or not out[key][0].exact:
-                        out[key] = method, Refinement(f"{q.name} above {goal:.1e}", error)
+        return tightened(self.work, methods, thin_sums(self.sums[0], self.work), self.expected if self.settings.check_points else {}, goal)
+
+
+def watched(work, settings, methods) -> bool:
+    """Whether there are approximate sums over bonds, and fields of them, that are to be looked at around the strongest bonds."""
+    return bool(not methods.get("bond", EXACT).exact and work.bond and settings.check_points and checkable(work))
+
+
+def clear_thin(main, methods) -> None:
+    """What an approximate sum leaves where there is no mass is no mass."""
+    for key, of, name in _QUOTIENTS:
+        method, rho = methods.get(key), getattr(main, of).get(name)
+        if method is not None and not method.exact and rho is not None:
+            rho[rho < 4 * method.tolerance * rho.max(initial=0.0)] = 0.0
+
+
+def thin_sums(main, work) -> set[str]:
+    """The deposits whose sums are small somewhere though fields are quotients by them."""
+    found = {key: getattr(main, of).get(name) for key, of, name in _QUOTIENTS if key != "site" or work.masked}
+    return {key for key, rho in found.items() if rho is not None and rho.min(initial=np.inf) < _THIN * rho.max(initial=0.0)}
+
+
+def tightened(work, methods, thin, expected, goal) -> dict:
+    """{deposit: (its next method, a Refinement)} for every approximate deposit that a field with too large an error is made of.
+
+    thin : see `thin_sums`; expected : the error of each field
+    """
+    loose = {key for key, m in methods.items() if not m.exact}
+    out = {}
+    for key, _, _ in _QUOTIENTS:
+        if key in loose & thin and not methods[key].forced:
+            why = "nearly empty space, where fields are quotients of small sums"
+            out[key] = methods[key].exactly(why), Refinement(why)
+    if not loose:
         return out
+    for q in work.quantities:
+        error = expected.get(q.name, 0.0)
+        if error <= goal:
+            continue
+        for key in loose & set(deposits_of(q, work)):
+            method = methods[key].tightened(error, goal)
+            if method != methods[key] and (key not in out or method.exact or not 0 < out[key][0].tolerance <= method.tolerance):
+                if key not in out or not out[key][0].exact:
+                    out[key] = method, Refinement(f"{q.name} above {goal:.1e}", error)
+    return out
 
 
-def _bond_pass(frame, settings, work, stage, reference, factors, sums):
-    """One pass over the bonds for every sum over them; returns the potential's word on the frame and the per-atom sums."""
+def _bond_pass(frame, settings, work, stage, reference, factors, sums, kept=None):
+    """One pass over the bonds for every sum over them; returns the potential's word on the frame and the per-atom sums.
+
+    kept : a deposit of several frames that the bonds are added to; its sums are not taken here, nor are the strongest bonds taken out of it
+    """
     x_nc, threads = frame.positions, settings.threads
-    deposit = stage.main.open(work.n_bond) if work.bond else None
+    deposit = None if not work.bond else stage.main.open(work.n_bond) if kept is None else kept
     reference_deposit = reference.main.open(work.n_reference_bond, "reference_bond") if work.reference_bond else None
     # The error check takes only the bonds near its points, and one more sum: how large the terms of the stress are.
     size = bool({"stress", "moment"} & {*work.bond})
@@ -369,12 +393,13 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums):
     )
     if deposit is not None:
         exact = 0.0
-        if stage.strongest is not None:
+        if stage.strongest is not None and kept is None:
             strong = stage.strongest.sort_out()
             b_bk = bond_factors(work.bond, widths, strong, peculiar_nc, frame.velocities)
             exact = put_right(deposit, stage, x_nc, strong, b_bk)
             stage.strong_g = np.abs(exact[:, : BOND[work.bond[0]].width]).max(1)
-        sums[0].bond.update(_columns(work.bond, BOND, deposit.bond_sums() + exact))
+        if kept is None:
+            sums[0].bond.update(_columns(work.bond, BOND, deposit.bond_sums() + exact))
         at_points = check.bond_sums()
         sums[1].bond.update(_columns(work.bond, BOND, at_points[:, : work.n_bond]))
         if size:
@@ -399,7 +424,7 @@ def _columns(names, sources, total_gk) -> dict[str, np.ndarray]:
     return dict(zip(names, np.split(total_gk, ends[:-1], axis=1), strict=True))
 
 
-def _checkable(work) -> list:
+def checkable(work) -> list:
     """The fields that points around the strongest bonds can be computed for: those of sums over bonds and atoms alone."""
     return [
         q for q in work.quantities if q.kind == "grid" and q.bond and not (q.on_reference or q.gather or q.gradient or q.point or q.whole)
@@ -517,10 +542,12 @@ def local_shifts(sums: Sums, target: Target, x_nc, factors, flux: bool = False) 
     best_flux = sums.kinetic_flux_of_drift if flux else None
     rho = sums.rho
     v_gc = sums.peculiar
-    have = np.linalg.norm(v_gc, axis=1)
     eps = 64 * np.finfo(float).eps
     # How many thermal speeds away from c a point may be.
     limit = (_SHIFT_TOLERANCE / eps) ** (1 / 3 if flux else 1 / 2)
+    if within_thermal(rho, v_gc, best, 0.99 * limit):
+        return
+    have = np.linalg.norm(v_gc, axis=1)
     done = False
     for _ in range(_MAX_SHIFTS):
         heat = quotient(best[:, :3].sum(1), rho)

@@ -88,6 +88,18 @@ class Strongest:
         total, count = self._sizes.sum(0)
         return float(total / max(count, 1.0))
 
+    @classmethod
+    def among(cls, x_bc, bonds, exactly, totals):
+        """Known ones in their order: bond k begins at x_bc[k]."""
+        self = cls(x_bc, 1)
+        self._ranked, self.exactly, self._sizes = bonds, exactly, np.array([totals])
+        return self
+
+    @property
+    def totals(self) -> np.ndarray:
+        """Sum of |F| |r| of all bonds, and their number."""
+        return self._sizes.sum(0)
+
     def sort_out(self) -> Bonds:
         """Those that are to be summed exactly: the ones that are really strong against the mean of all bonds."""
         known = self.ranked()
@@ -95,6 +107,11 @@ class Strongest:
         weak = size_b <= STRONG * self.mean
         self.exactly = min(self.exactly, int(np.argmax(weak)) if weak.any() else len(known))
         return known.taken(slice(self.exactly))
+
+    def centres(self, cell):
+        """(s, 3) the middles of all that count, relative to the cell's origin."""
+        known = self.ranked()
+        return cell.wrap(self.x_nc[known.i])[0] - 0.5 * known.r_bc - cell.origin
 
     def watched(self, cell):
         """Those left, strongest first: where they begin (s, 3), in the cell; their vectors (s, 3); one component of their stress factors (s, 1), the largest of the first."""
@@ -289,9 +306,7 @@ class HotPoints:
             error_g = error_map(stage.main.make("bond", 0, 1), exact, bonds, np.array([strongest.mean / 3.0]))
             worst = worst_points(error_g)
             candidates = np.r_[worst[:FIRST], candidates, worst[FIRST:]]
-        known = strongest.ranked()
-        centres = frame.cell.wrap(frame.positions[known.i])[0] - 0.5 * known.r_bc - frame.cell.origin
-        self.which, self.xyz, self.places = placed(bound, candidates, FELT + POINTS, centres, 1.5 * kern.radius)
+        self.which, self.xyz, self.places = placed(bound, candidates, FELT + POINTS, strongest.centres(frame.cell), 1.5 * kern.radius)
         self.check = Check(bound, kern, frame.cell, settings.threads, index, 0, which=self.which)
         self.check.target.summed_kern = stage.reach
         self.check.target.place(frame.positions)

@@ -31,7 +31,16 @@ class Target:
 
         m = self.methods.get(key, EXACT)
         return make(
-            m.name, self.bound, self.summed_kern, self.cell, n_site, n_bond, threads=self.threads, tolerance=m.tolerance or 1e-5, order=m.order, **more
+            m.name,
+            self.bound,
+            self.summed_kern,
+            self.cell,
+            n_site,
+            n_bond,
+            threads=self.threads,
+            tolerance=m.tolerance or 1e-5,
+            order=m.order,
+            **more,
         )
 
     def open(self, n_bond, key="bond", length=None):
