@@ -57,9 +57,10 @@ def spectral_deposit(bound, kern, cell, components: int, tolerance: float, threa
 
 
 def cheapest(
-    costs: Costs, bound, kern, cell, items: float, length: float, components: int, tolerance: float, gradients=False, carried: float = 0.0
-):
-    """(seconds, spectral deposit): with points on bonds, or with the moments of `carried` atoms (0: not possible), whichever costs less."""
+    costs: Costs, bound, kern, cell, items: float, length: float, components: int, tolerance: float, gradients=False, carried: float = 0.0,
+    frames: int = 1,
+):  # fmt: skip
+    """(seconds, spectral deposit): with points on bonds, or with the moments of `carried` atoms (0: not possible), whichever costs less a frame."""
     from .deposit import moments
 
     best = None
@@ -71,7 +72,7 @@ def cheapest(
                 continue
             raise
         # An order that is enough for all bonds is the last one worth a look.
-        seconds = spectral(costs, deposit, items, length, components, carried)
+        seconds = spectral(costs, deposit, items, length, components, carried, frames)
         if best is None or (seconds < best[0] and _fits(deposit, components, carried)):
             best = seconds, deposit
         if order is not None and collapsed(deposit, length) == 1.0:
@@ -84,7 +85,9 @@ def carriers(key: str, work, atoms: int) -> float:
     return float(atoms) if key == "bond" and work.bond == ["stress"] else 0.0
 
 
-def choose(method: str, tolerance: float, costs: Costs, work, places: dict, kern, atoms: int, load: Load, pilot=None) -> dict[str, Method]:
+def choose(
+    method: str, tolerance: float, costs: Costs, work, places: dict, kern, atoms: int, load: Load, pilot=None, together=None
+) -> dict[str, Method]:
     """The method of each deposit.
 
     Parameters
@@ -93,6 +96,7 @@ def choose(method: str, tolerance: float, costs: Costs, work, places: dict, kern
     places : for each deposit the bound grid and the cell (the frame's or the reference's), see `Request.places`
     kern : kernel in internal units
     pilot : a function that makes a `pilot.Pilot` of the first frame's stress; None: the spectral method begins at the tolerance
+    together : of how many frames the sums of a deposit are finished together, by deposit; 1 of those that are not there
     """
     out = {}
     for key, (items, length, components) in sizes(work, atoms, load).items():
@@ -103,8 +107,10 @@ def choose(method: str, tolerance: float, costs: Costs, work, places: dict, kern
         look = None
         if pilot is not None and key == "bond" and work.bond == ["stress"]:
             look = _Look(pilot, load.seconds(costs, atoms))
-        carried = carriers(key, work, atoms)
-        out[key] = _one(method, tolerance, costs, bound, kern, cell, items, length, components, exact, slopes, look, carried)
+        out[key] = _one(
+            method, tolerance, costs, bound, kern, cell, items, length, components, exact, slopes, look,
+            carriers(key, work, atoms), (together or {}).get(key, 1),
+        )  # fmt: skip
     return out
 
 
@@ -116,10 +122,11 @@ class _Look:
     seconds: float
 
 
-def _one(method, tolerance, costs, bound, kern, cell, items, length, components, exact, gradients, look=None, carried=0.0) -> Method:
-    """exact : seconds of the exact sum; gradients : whether those are wanted too; carried : atoms that can carry moments."""
-
-    ways = _Spectral(costs, bound, kern, cell, items, length, components, gradients, carried)
+def _one(
+    method, tolerance, costs, bound, kern, cell, items, length, components, exact, gradients, look=None, carried=0.0, frames=1
+) -> Method:
+    """exact : seconds of the exact sum; gradients : whether those are wanted too; carried : atoms that can carry moments; frames : finished together."""
+    ways = _Spectral(costs, bound, kern, cell, items, length, components, gradients, carried, frames)
 
     if method == "spectral":
         first = ways.deposit(max(tolerance, 1e-14))
@@ -160,6 +167,7 @@ class _Spectral:
     components: int
     gradients: bool = False
     carried: float = 0.0
+    frames: int = 1
 
     def deposit(self, t):
         """The cheapest."""
@@ -168,7 +176,7 @@ class _Spectral:
     def _best(self, t):
         """(seconds, deposit)"""
         what = self.items, self.length, self.components
-        return cheapest(self.costs, self.bound, self.kern, self.cell, *what, t, self.gradients, self.carried)
+        return cheapest(self.costs, self.bound, self.kern, self.cell, *what, t, self.gradients, self.carried, self.frames)
 
     def cost(self, t) -> float:
         """CPU seconds; an AtcError where its mesh is too large."""
@@ -186,14 +194,16 @@ class _Spectral:
         return Method("spectral", start, _shape(first, why, self.length), rungs, order=first.order, orders=orders)
 
 
-def adjusted(method: Method, error, tolerance, costs: Costs, bound, kern, cell, load: Load, components: int, carried=0.0) -> Method:
+def adjusted(
+    method: Method, error, tolerance, costs: Costs, bound, kern, cell, load: Load, components: int, carried=0.0, frames: int = 1
+) -> Method:
     """The method of sums over bonds for further frames, by the error that `method` left on the first: looser or tighter, as far as errors follow the tolerance."""
     limit = method.tolerance * AIM_LATER * tolerance / max(error, 1e-300) * (1 + 1e-9)
     ladder = [*(t for t in _loose(tolerance) if t > method.tolerance * (1 + 1e-9)), method.tolerance, *method.rungs]
     start = next((t for t in ladder if t <= limit), method.tolerance)
     if start == method.tolerance or (start < method.tolerance and error <= ENOUGH * tolerance):
         return method
-    ways = _Spectral(costs, bound, kern, cell, load.bonds, load.length, components, carried=carried)
+    ways = _Spectral(costs, bound, kern, cell, load.bonds, load.length, components, carried=carried, frames=frames)
     try:
         return ways.method(start, tolerance, direct(costs, bound, kern, load.bonds, load.length, components))
     except AtcError:

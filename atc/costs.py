@@ -9,7 +9,7 @@ The model is linear and small on purpose; every count is of something the progra
 - spectral deposit, single and double precision apart: per point on a bond, per register (32 bytes) of its window on the mesh, per node of the mesh and
   component; see `atc.deposit.fourier`;
 - where atoms carry moments of their bonds: per bond, and per number in it; per atom, and per register of its window; per node and number;
-- scattered points and the error check: per bond that comes near, per visit;
+- scattered points and the error check: per bond that passes by, per bond that starts near a point, per visit;
 - gradients by the exact sum: per atom within reach of a point.
 
 `atc bench --calibrate` measures the constants (`calibrate`) and keeps them in the user's cache folder; without, those shipped are used, taken on one core of an
@@ -21,7 +21,7 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import asdict, dataclass, field, fields
-from math import ceil, pi
+from math import ceil, exp, pi
 from pathlib import Path
 
 import numpy as np
@@ -43,9 +43,9 @@ class Costs:
     )
     accumulate: float = 1.3e-9
     slab_bond: float = 2.7e-7
-    point_bond: float = 3.2e-8
-    point_visit: float = 8.2e-8
-    filter_bond: float = 2e-9
+    point_bond: float = 1.9e-8
+    point_visit: float = 3.4e-8
+    filter_bond: float = 3.3e-9
     spread_point: float = 1e-8
     spread_register: float = 4.2e-10
     spread_point_single: float = 3e-8
@@ -58,7 +58,7 @@ class Costs:
     mesh_node: float = 1.6e-8
     mesh_node_single: float = 1.3e-8
     gather_visit: float = 4.4e-8
-    value: float = 6e-8
+    value: float = 3e-8
     frame: float = 7e-3
     written_byte: float = 1.1e-9
     machine: str = "shipped"
@@ -245,8 +245,9 @@ def direct(costs: Costs, bound, kern, items: float, length: float, components: i
     return costs.bond * items + costs.row * rows + (costs.visit[name] + costs.accumulate * vectors) * many
 
 
-def spectral(costs: Costs, deposit, items: float, length: float, components: int, atoms: float = 0.0) -> float:
-    """Seconds of a spectral deposit (of which only the parameters are needed) for `items` bonds of mean length `length`, of so many atoms."""
+def spectral(costs: Costs, deposit, items: float, length: float, components: int, atoms: float = 0.0, frames: int = 1) -> float:
+    """Seconds a frame of a spectral deposit (of which only the parameters are needed) for `items` bonds of mean length `length`, of so many atoms, of `frames` frames that
+    are finished together."""
     if not components or not items:
         return 0.0
     single = itemsize(deposit) == 4
@@ -271,7 +272,7 @@ def spectral(costs: Costs, deposit, items: float, length: float, components: int
         if deposit._lattice is None:
             again += 0.5 * node * nodes
         spread += 3.0 * components * again
-    return spread + nodes * node * transformed + 3e-8 * points * components
+    return spread + (nodes * node * transformed + 3e-8 * points * components) / frames
 
 
 def _kept(deposit, mesh) -> float:
@@ -347,10 +348,10 @@ def spectral_memory(deposit, components: int, threads: int, atoms: float = 0.0) 
 
 
 def check(costs: Costs, bound, kern, items: float, length: float, points: int) -> float:
-    """Seconds of the error check: every bond is looked at, those near a point are summed there."""
+    """Seconds of the error check: every bond passes by, those that start near a point are looked at, and those near it are summed there."""
     if bound.kind == "slab":
         return 7e-8 * items * 5
-    near = min(1.0, points * (4 / 3 * pi * (kern.support**2 + 0.25 * length**2) ** 1.5 * 1.7) / bound.cell.volume)
-    near = 1.0 if near > 0.7 else near
+    # The longest bonds are about 4/3 of the mean (pairs within a cutoff); what is in reach is marked in bins (`deposit.direct`).
+    near = 1.0 - exp(-points * 4 / 3 * pi * (1.11 * (kern.support + 4 / 3 * length)) ** 3 / bound.cell.volume)
     reached = items * points * (4 / 3 * pi * kern.support**3 + pi * kern.support**2 * length) / bound.cell.volume
     return costs.filter_bond * items + costs.point_bond * near * items + costs.point_visit * reached

@@ -1,22 +1,25 @@
 """Where frames are computed: here, in other processes of this machine, or by the workers of a Dask cluster. Results come in the order of the frames.
 
-A frame's result depends on the frame, the settings and its number alone, so it does not matter who computes it, or how often it was begun.
+A frame's result depends on the frame, the settings and its number alone, so it does not matter who computes it, or how often it was begun; the same holds for the
+mean of a group of frames of a time average (`estimators.groups`).
 """
 
 from __future__ import annotations
 
 import contextlib
 from collections import deque
+from itertools import islice
 
 from .errors import AtcError
-from .estimators.compute import FrameResult, frame_fields
+from .estimators.compute import FrameResult
+from .estimators.groups import group_fields
 
 #: How long a scheduler may take to answer.
 PATIENCE = "10s"
 
 
 def frame_results(request, start: int, first: FrameResult | None = None):
-    """(frame, FrameResult) in order from frame `start`; the result of the first frame may be there already.
+    """(frames, FrameResult) in order from frame `start`: one frame after the other, or groups of them; the result of the first frame may be there already.
 
     Parameters
     ----------
@@ -24,24 +27,30 @@ def frame_results(request, start: int, first: FrameResult | None = None):
     """
     settings = request.settings()
     if first is not None:
-        yield request.first, first
+        yield [request.first], first
         start = 1
     if start >= request.n_frames:
         return
-    frames = enumerate(_from(request.frames, start), start)
+    frames = _grouped(request, start)
     if request.cluster is not None and request.tiles is None:
         yield from _on_cluster(request, settings, frames)
     elif request.workers > 1 and request.tiles is None:
         yield from _in_processes(request, settings, frames)
     else:
         with here(request) as run_tiles:
-            for k, frame in frames:
-                yield frame, frame_fields(frame, settings, k, run_tiles=run_tiles)
+            for k, group in frames:
+                yield group, group_fields(group, settings, k, run_tiles=run_tiles)
 
 
-def _from(frames, start):
-    """Frames one by one from number `start`, reading nothing before it."""
-    return iter(frames if start == 0 else frames[start:])
+def _grouped(request, start):
+    """(number of the first, frames) of what is computed together, from frame `start` on, reading nothing before it."""
+    frames = iter(request.frames if start == 0 else request.frames[start:])
+    for k, count in request.groups(start):
+        group = list(islice(frames, count))
+        if group:
+            yield k, group
+        if len(group) < count:
+            return
 
 
 @contextlib.contextmanager
@@ -73,14 +82,14 @@ def _in_processes(request, settings, frames):
     )
     waiting: deque = deque()
     try:
-        for k, frame in frames:
-            waiting.append((frame, pool.submit(_work, frame, k)))
+        for k, group in frames:
+            waiting.append((group, pool.submit(_work, group, k)))
             if len(waiting) > 2 * request.workers:
-                frame, job = waiting.popleft()
-                yield frame, job.result()
+                group, job = waiting.popleft()
+                yield group, job.result()
         while waiting:
-            frame, job = waiting.popleft()
-            yield frame, job.result()
+            group, job = waiting.popleft()
+            yield group, job.result()
     except BrokenProcessPool:
         raise AtcError(
             'a worker process died: out of memory, or the script that calls atc.fields with workers > 1 lacks `if __name__ == "__main__":` around the call'
@@ -101,8 +110,8 @@ def _begin_worker(settings):
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _work(frame, k) -> FrameResult:
-    return frame_fields(frame, _worker_settings, k)
+def _work(frames, k) -> FrameResult:
+    return group_fields(frames, _worker_settings, k)
 
 
 # --- a Dask cluster
@@ -156,9 +165,9 @@ def _on_cluster(request, settings, frames):
         sent: deque = deque()
 
         def jobs():
-            for k, frame in frames:
-                sent.append(frame)
-                yield client.submit(_frame_task, frame, keep, k, pure=False)
+            for k, group in frames:
+                sent.append(group)
+                yield client.submit(_frame_task, group, keep, k, pure=False)
 
         for result in _in_order(jobs(), _many(client)):
             yield sent.popleft(), result
@@ -183,5 +192,5 @@ def _itself(x):
     return x
 
 
-def _frame_task(frame, settings, k) -> FrameResult:
-    return frame_fields(frame, settings, k)
+def _frame_task(frames, settings, k) -> FrameResult:
+    return group_fields(frames, settings, k)

@@ -138,7 +138,8 @@ class Request:
             return {}
         load = self.load if work.bond or work.reference_bond else Load()
         pilot = self._pilot if self.may_loosen(work) and hasattr(self.pot, "terms") else None
-        return choose(method, self.tolerance, self.costs, work, places, self.kernel_internal, len(self.first), load, pilot)
+        together = dict.fromkeys(self.added_up, self.group()) if work is self.work else None
+        return choose(method, self.tolerance, self.costs, work, places, self.kernel_internal, len(self.first), load, pilot, together)
 
     def places(self, work: Work) -> dict | None:
         """For each deposit that a frame needs, the bound grid and the cell that its atoms are in; None where something for that is missing."""
@@ -165,8 +166,8 @@ class Request:
         if self.n_frames > 1 and not method.exact and not method.forced and errors and self.may_loosen(self.work):
             from .choose import adjusted
 
-            ways = self.costs, self.bound, self.kernel_internal, self.first.cell, self.load, self.work.n_bond, float(len(self.first))
-            self.methods["bond"] = adjusted(method, max(errors), self.tolerance, *ways)
+            ways = self.costs, self.bound, self.kernel_internal, self.first.cell, self.load, self.work.n_bond
+            self.methods["bond"] = adjusted(method, max(errors), self.tolerance, *ways, float(len(self.first)), self.group())
 
     def _pilot(self):
         """A pass over the bonds of the first frame; see there."""
@@ -207,6 +208,40 @@ class Request:
         """Frames that make one entry of the output."""
         return 1 if self.average is False else self.n_frames if self.average is True else int(self.average)
 
+    @cached_property
+    def added_up(self) -> frozenset[str]:
+        """The deposits ("site", "bond") that frames of a window are added up in; see `estimators.groups`."""
+        grid, first = self.grid, self.first
+        if self.average is False or self.n_frames < 2 or self.tiles is not None or grid is None or getattr(grid, "follows_atoms", False):
+            return frozenset()
+        from .estimators.groups import added_up, size_of
+
+        if size_of(min(self.window, self.n_frames), len(first)) == 1:
+            return frozenset()
+        found = added_up(self.work)
+        if not found or not first.cell.complete:
+            return frozenset()
+        try:
+            return found if self.frames[1].cell == first.cell else frozenset()
+        except (AtcError, IndexError):  # its own turn will come to say what is wrong with it
+            return frozenset()
+
+    def group(self, k: int = 0) -> int:
+        """How many frames are added up in the window of frame `k`."""
+        from .estimators.groups import size_of
+
+        begin = k - k % self.window
+        return size_of(min(self.window, self.n_frames - begin), len(self.first)) if self.added_up else 1
+
+    def groups(self, start: int = 0):
+        """(first, how many) of the frames that are computed together, from frame `start` on."""
+        while start < self.n_frames:
+            begin = start - start % self.window
+            m = self.group(start)
+            count = min(m - (start - begin) % m, min(begin + self.window, self.n_frames) - start)
+            yield start, count
+            start += count
+
     @property
     def entries(self) -> int:
         """Length of the output along "frame"."""
@@ -245,6 +280,7 @@ class Request:
             "tolerance": float(self.tolerance),
             **({"tiles": list(self.tiles)} if self.tiles else {}),
             "average": int(self.average) if self.average is not True else True,
+            **({"group": self.group()} if self.group() > 1 else {}),
             "frames": self.n_frames,
             "units": self.first.units.name,
             "trajectory": digest(self.first),
@@ -415,9 +451,10 @@ def plan(*args, **kwargs) -> Plan:
     p = predict(request)
     size = {"grid": p.points, "box": 1, "atom": len(frame)}
     entry = sum(8.0 * 3**q.rank * size[q.kind] for q in work.quantities)
-    levels = 1 if request.average is False else 3 * (1 + int(np.log2(request.window)))
+    # A sum of squares and a block that waits for its partner at each length, means and errors.
+    levels = 1 if request.average is False else 4 + 2 * (1 + int(np.log2(request.window / request.group())))
     memory = p.memory + (entry * levels if request.average is not False else 0.0)
-    written = entry * request.costs.written_byte
+    written = entry * request.costs.written_byte * (1.0 if request.average is False else 2.0 / request.window)
     wall = p.parallel / threads + p.serial + written
     return Plan(
         passes=_passes(work, request), left_out=_left_out(work), method=request.method_used, reason=details(request.methods), atoms=len(frame),
@@ -453,6 +490,11 @@ def _passes(work: Work, request: Request) -> list[str]:
         out.append(
             f"time average over {'all' if request.average is True else request.window} frames with its standard error by block averaging"
         )
+        if request.group() > 1:
+            over = " and over ".join({"site": "atoms", "bond": "bonds"}[key] for key in sorted(request.added_up))
+            out.append(
+                f"sums over {over}: the frames of a window are added up {request.group()} at a time before the sums are finished, and compared with exact ones"
+            )
     return out
 
 

@@ -1,4 +1,4 @@
-"""Time and memory of one frame of a request, from the counts of its work and the costs of each (`costs`)."""
+"""Time and memory of one frame of a request, from the counts of its work and the costs of each (`costs`); of frames that are added up, their share."""
 
 from __future__ import annotations
 
@@ -7,11 +7,17 @@ from dataclasses import dataclass
 from . import costs as model
 from .choose import sizes, spectral_deposit
 from .estimators.accuracy import checking_kernel
+from .estimators.groups import POINTS as GROUP_POINTS
+from .estimators.groups import elements, late
 from .estimators.hot import POINTS
 from .estimators.methods import EXACT
 
 #: Bytes of a process that has done nothing yet: the interpreter, numpy, numba, scipy.
 PROCESS = 3.0e8
+#: Of a number that joins a time average, and of one that is formed frame by frame for the mean of a group.
+SECONDS_PER_AVERAGED, SECONDS_PER_FORMED = 2e-9, 1e-8
+#: What of the rest each frame of a group takes.
+OF_EACH = 0.25
 #: Of a pair of a bond and a point with both ends within its horizon.
 SECONDS_PER_WEIGHT = 3e-8
 
@@ -31,7 +37,8 @@ class Prediction:
 def predict(request) -> Prediction:
     """What one frame will take."""
     work, frame, costs, load, threads = request.work, request.first, request.costs, request.load, request.threads
-    n = len(frame)
+    n, m = len(frame), request.group()
+    together = request.added_up if m > 1 else frozenset()
     parts = {"reading": costs.read_atom * n}
     memory = PROCESS + 8.0 * n * 24
     # One deposit is gone before the next begins.
@@ -67,20 +74,31 @@ def predict(request) -> Prediction:
                 visits += many if key != "site" else 0.0
             else:
                 deposit = spectral_deposit(bound, kern, bound.cell, components, method.tolerance, gradients=slopes, order=method.order)
-                seconds = model.spectral(costs, deposit, items, length, components, n)
+                seconds = model.spectral(costs, deposit, items, length, components, n, m if key in together else 1)
                 passing.append(model.spectral_memory(deposit, components, threads, n))
             parts[what] = parts.get(what, 0.0) + seconds
             # Points around the strongest bonds, where sums over bonds are approximate; see `estimators.hot`.
             watched = POINTS if key == "bond" and not method.exact and request.tiles is None else 0
-            parts["error check"] = parts.get("error check", 0.0) + model.check(
-                costs, bound, checked, items, length, min(points, 100 + watched)
-            )
+            looked_at = GROUP_POINTS if m > 1 else 100 + watched
+            parts["error check"] = parts.get("error check", 0.0) + model.check(costs, bound, checked, items, length, min(points, looked_at))
         components = sum(3**q.rank for q in work.quantities if q.kind == "grid")
-        parts["fields"] = costs.value * points * (components + work.n_site + work.n_bond + work.n_reference_bond)
+        sums = {"site": work.n_site, "bond": work.n_bond, "": work.n_reference_bond}
+        values = components + sum(sums.values())
+        if m > 1:
+            formed = sum(3**q.rank for q in elements(work) if q not in late(work)) + sum(
+                k for key, k in sums.items() if key not in together
+            )
+            parts["fields of each frame"] = SECONDS_PER_FORMED * points * formed
+            memory += 8.0 * n * m * 12 + 8.0 * points * 2 * formed
+            values = (components + sum(k for key, k in sums.items() if key in together)) / m
+        # Averages are written once a window.
+        parts["fields"] = costs.value * points * values * (1.0 if request.average is False else 0.5)
+        if request.average is not False:
+            parts["time average"] = SECONDS_PER_AVERAGED * points * components / m
         memory += 8.0 * points * (work.n_site + work.n_bond + work.n_reference_bond)
     memory += max(passing)
-    parts["the rest"] = costs.frame
-    serial = parts["reading"] + costs.frame + parts.get("fields", 0.0) + costs.list_atom * n * bool(work.bond_users)
+    parts["the rest"] = costs.frame * (OF_EACH + (1.0 - OF_EACH) / m)
+    serial = parts["reading"] + parts["the rest"] + parts.get("fields", 0.0) + costs.list_atom * n * bool(work.bond_users)
     total = sum(parts.values())
     return Prediction(max(total - serial, 0.0), min(serial, total), parts, memory, points, visits)
 

@@ -53,7 +53,8 @@ def fields(
         Time average over all frames, or over windows of so many: every X comes with X_stderr (standard error by block averaging) and
         X_correlated (True where the blocks still correlate, so that X_stderr is a lower bound). velocity is <ρ v>/<ρ> and temperature
         <n T>/<n>, T relative to the velocity field of each frame; everything else is the plain mean of the fields of the frames, in
-        which a frame without mass at a point counts as zero stress there.
+        which a frame without mass at a point counts as zero stress there. In windows of 64 frames and more the sums over atoms and bonds of up to 16
+        frames at a time are added up before they are finished (see `atc.estimators.groups`); errors are then those of the means of so many frames.
     threads : int
         Threads within a frame (default: all processors, shared among the workers). Results are identical for equal `threads`.
     workers : int
@@ -125,15 +126,18 @@ def _run(request, store, progress) -> _Sink:
     start = sink.next_frame
     request.anchor = anchor_of(request)
     first = _settle(request, store, start)
+    if request.group() > 1:
+        first = None  # it is part of a group
     began, done = time.perf_counter(), start
     if progress is not None:
         progress(done, n, 0.0)
     request.input_error = _input_errors(request, store)
     results = frame_results(request, start, first)
     try:
-        for k, (frame, result) in zip(range(start, n), results):
-            sink.add(k, frame, result, last_of_window=(k + 1) % window == 0 or k + 1 == n)
-            done += 1
+        for group, result in results:
+            end = done + len(group)
+            sink.add(done, group[0], result, last_of_window=end % window == 0 or end == n, more=group[1:])
+            done = end
             if progress is not None:
                 progress(done, n, (done - start) / max(time.perf_counter() - began, 1e-9))
     finally:
@@ -211,10 +215,12 @@ class _Sink:
     def averaging(self) -> bool:
         return self.request.average is not False
 
-    def add(self, k: int, frame, result: FrameResult, last_of_window: bool) -> None:
+    def add(self, k: int, frame, result: FrameResult, last_of_window: bool, more=()) -> None:
+        """The result of frame `k`, or of it and `more` that follow it."""
         if self.layout is None:
             self.prepare(result)
-        self._fits(frame, result)
+        for one in (frame, *more):
+            self._fits(one, result)
         self._merge_note(k, frame, result)
         if not self.averaging:
             self._emit({**self._masked(result.arrays, result.mask), **self._coordinates(frame, result)}, result.mask)
@@ -222,7 +228,9 @@ class _Sink:
         for name, x in result.arrays.items():
             weight = QUANTITIES[name].weight
             # The weight stays in internal units: only ratios of it matter.
-            self.averages.setdefault(name, BlockAverage()).add(x, None if weight is None else result.weights[name])
+            if name not in self.averages:
+                self.averages[name] = BlockAverage(block=self.request.group(k), threads=self.request.threads)
+            self.averages[name].add(x, None if weight is None else result.weights[name], result.frames, result.within.get(name))
         if result.mask is not None:
             self.any_mass = result.mask.copy() if self.any_mass is None else self.any_mass | result.mask
         if "frame" not in self.note:
@@ -230,7 +238,7 @@ class _Sink:
         if last_of_window:
             self._emit_average()
         elif self.store is not None and time.monotonic() - self._saved > _SAVE_EVERY:
-            self._save(k)
+            self._save(k + result.frames)
 
     def _emit_average(self):
         means, extra = {}, {}
@@ -281,13 +289,13 @@ class _Sink:
         for what, count in result.notes.items():
             counts[what] = counts.get(what, 0) + count
         for what in result.refined:
-            self.note.setdefault("refined", []).append([k, what.plain()])
+            self.note.setdefault("refined", []).extend([j, what.plain()] for j in range(k, k + result.frames))
             if not self._said_refined:
                 self._said_refined = True
                 warnings.warn(
                     f"{frame.source}: computed again more closely: {what} (further ones are noted in the output)", AtcWarning, stacklevel=2
                 )
-        self.note["frames"] = self.note.get("frames", 0) + 1
+        self.note["frames"] = self.note.get("frames", 0) + result.frames
         self.note["sources"] = [*self.note.get("sources", []), file_name(frame.source)][:1]
 
     def _coordinates(self, frame, result):
@@ -376,13 +384,13 @@ class _Sink:
         return out
 
     # --- an average that was interrupted
-    def _save(self, k):
+    def _save(self, after):
         import json
 
         arrays = {f"{name}/{key}": a for name, average in self.averages.items() for key, a in average.state().items()}
         if self.any_mass is not None:
             arrays["any_mass"] = self.any_mass
-        arrays["about"] = np.array(json.dumps({"entry": len(self.notes), "next": k + 1, "note": self.note}))
+        arrays["about"] = np.array(json.dumps({"entry": len(self.notes), "next": after, "note": self.note}))
         self.store.save_state(arrays)
         self._saved = time.monotonic()
 
@@ -400,7 +408,7 @@ class _Sink:
         for key, a in state.items():
             name, _, rest = key.partition("/")
             by_name.setdefault(name, {})[rest] = a
-        self.averages = {name: BlockAverage.from_state(s) for name, s in by_name.items()}
+        self.averages = {name: BlockAverage.from_state(s, self.request.threads) for name, s in by_name.items()}
 
 
 def _plain_coordinates(coordinates):

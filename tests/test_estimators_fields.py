@@ -11,7 +11,7 @@ import atc
 from atc.errors import AtcError, AtcWarning
 from atc.estimators import compute
 from atc.estimators.registry import QUANTITIES, Work
-from atc.estimators.sums import full, outer6
+from atc.estimators.tensors import full, outer6
 
 # The others are in test_estimators_piola, _heat and _kinematics.
 ALL = [

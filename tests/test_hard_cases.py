@@ -12,7 +12,7 @@ from naive_fields import BruteLJ, bond_sum, lj_bonds, site_sum
 
 import atc
 from atc.errors import AtcWarning
-from atc.estimators.sums import outer6
+from atc.estimators.tensors import outer6
 from atc.frame import Cell, Frame
 from atc.statistics import BlockAverage
 from atc.units import units

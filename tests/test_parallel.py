@@ -22,6 +22,7 @@ import atc.estimators
 import atc.parallel
 from atc.calibrate import argon, silicon
 from atc.deposit import _simd
+from atc.estimators import groups
 from atc.estimators.cutting import Cut, owned
 from atc.frame import Cell
 
@@ -96,7 +97,7 @@ def pids(address):
         return client.run(os.getpid)
 
 
-def test_a_cluster_gives_what_one_process_gives_though_a_worker_is_killed(cluster, tmp_path):
+def test_a_cluster_gives_what_one_process_gives_though_a_worker_is_killed(cluster, tmp_path, monkeypatch):
     address, more = cluster
     trajectory, pot = frames()
     serial = atc.fields(trajectory, pot, KERN, GRID, WHAT, threads=1)
@@ -122,6 +123,14 @@ def test_a_cluster_gives_what_one_process_gives_though_a_worker_is_killed(cluste
         atc.fields(trajectory, pot, KERN, GRID, WHAT, threads=1, average=3),
         atc.fields(trajectory, pot, KERN, GRID, WHAT, threads=1, average=3, cluster=address),
     )
+    # And in groups of frames, one of whose workers dies.
+    monkeypatch.setattr(groups, "size_of", lambda window, atoms: 2)
+    seen.clear()
+    arguments = (trajectory, pot, KERN, GRID, WHAT)
+    ds = atc.fields(*arguments, threads=1, average=True, cluster=address, progress=progress)
+    assert seen == [0, 2, 4, 6, 8] and len(pids(address)) == 1
+    same(atc.fields(*arguments, threads=1, average=True), ds)
+    more()
 
 
 def test_tiles_on_a_cluster_are_those_computed_here(cluster):

@@ -23,7 +23,8 @@ from numba import njit
 from ..errors import AtcError
 from ..kernels import Box, Gaussian, Radial
 from .sources import drift_velocity
-from .sums import full, outer6, quotient
+from .sums import quotient
+from .tensors import full, outer6
 
 LAWS = ("mass", "momentum", "energy", "churning")
 #: What the residuals are: the unit of each law's terms is this dimension's divided by this one's.

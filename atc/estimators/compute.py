@@ -10,15 +10,16 @@ import numpy as np
 
 from ..errors import AtcError
 from ..units import require_compatible
-from .accuracy import Check, checking_kernel, kernel_internal
+from .accuracy import Check, checking_kernel, extent_of, kernel_internal, without_nan
 from .hot import HotPoints, Strongest, put_right
 from .kinematics import Displacement
 from .methods import DEPOSITS, EXACT, NAMES, Method, Refinement, deposits_of
 from .peridynamic import horizon_of, node_volumes, weighted_virials
 from .registry import BOND, GATHER, SITE, Work
 from .sources import AtomFactors, AtomSums, ReferenceBonds, bond_factors, drift_velocity, piola_factor
-from .sums import Sums, full, kinetic_flux, outer6, quotient, thermal
-from .target import NearPoints, Target
+from .sums import Sums, full, kinetic_flux, quotient, thermal, within_thermal
+from .target import Target
+from .tensors import outer6
 
 
 @dataclass
@@ -66,6 +67,9 @@ class FrameResult:
     methods: dict[str, Method] = field(default_factory=dict)
     refined: list[Refinement] = field(default_factory=list)
     expected: dict[str, float] = field(default_factory=dict)
+    # See `groups`: of how many frames these are the means, and how far those are from them.
+    frames: int = 1
+    within: dict[str, float] = field(default_factory=dict)
 
 
 class Stage:
@@ -76,7 +80,7 @@ class Stage:
         self.check = Check(self.bound, kern, frame.cell, settings.threads, index, settings.check_points)
         self.main = Target(settings.methods, self.bound, kern, frame.cell, settings.threads)
         self.check.target.place(frame.positions)  # before threads ask for it
-        self._frame, self._kern, self._tolerance = frame, kern, settings.tolerance
+        self._kern, self._tolerance = kern, settings.tolerance
         # See `hot`: set where the strongest bonds are to be summed exactly; what they make; and whether they are still to be found.
         self.strongest = self.strong_g = None
         self.seeking = False
@@ -90,20 +94,14 @@ class Stage:
             self.check.target.summed_kern = self._kern
         elif self.bound.kind != "slab" and self._kern is not None:
             self.reach = self.check.target.summed_kern = checking_kernel(self._kern, methods, self._tolerance)
-        self._near = None
+
+    def at(self, frame) -> None:
+        """From now on for this frame, whose cell and grid are the same."""
+        self.check.target.place(frame.positions)
 
     @property
     def targets(self):
         return self.main, self.check.target
-
-    def near(self, pot) -> NearPoints | None:
-        """Which bonds the check must look at; None where it looks at all of them (slabs)."""
-        if self.bound.kind == "slab" or not len(self.check.which):
-            return None
-        if self._near is None:
-            points = self.bound.relative_points_of(self.check.which)
-            self._near = NearPoints(points, self.reach.support, max(pot.cutoff, 0.0), self._frame.cell, self._frame.positions)
-        return self._near
 
 
 def frame_fields(frame, settings: Settings, index: int = 0, run_tiles=None) -> FrameResult:
@@ -237,16 +235,8 @@ class _FrameJob:
 
     def _watched(self, methods) -> bool:
         """Whether points around the strongest bonds are to be looked at: where sums over bonds are approximate."""
-        method = methods.get("bond", EXACT)
         lattice = self.stage is not None and self.stage.bound.kind != "slab"
-        return bool(
-            not method.exact
-            and self.work.bond
-            and lattice
-            and self.settings.check_points
-            and self.settings.tiles is None
-            and _checkable(self.work)
-        )
+        return lattice and self.settings.tiles is None and watched(self.work, self.settings, methods)
 
     def _add_hot(self) -> None:
         """The exact sums at the points around the strongest bonds."""
@@ -273,13 +263,14 @@ class _FrameJob:
             if q.kind == "grid":
                 here = self.reference if q.name in self.on_reference else self.stage
                 # Points that are never defined are NaN in both.
-                wanted = np.nan_to_num(q.form(at_points))
-                errors[q.name] = found = here.check.errors(np.nan_to_num(values), wanted, q.scale(main))
-                if self.hot is not None and q in _checkable(work):
-                    more = self.hot.check.errors(np.nan_to_num(values), np.nan_to_num(q.form(self.hot_sums)), q.scale(main))
+                wanted, known = without_nan(q.form(at_points)), without_nan(values)
+                extent = extent_of(known)
+                errors[q.name] = found = here.check.errors(known, wanted, q.scale(main), extent)
+                if self.hot is not None and q in checkable(work):
+                    more = self.hot.check.errors(known, without_nan(q.form(self.hot_sums)), q.scale(main), extent)
                     for key in ("error_max", "error_of_fluctuation"):
                         found[key] = max(found[key], more[key])
-                self.expected[q.name] = max(found["error_max"], SAFE * here.check.expected(np.nan_to_num(values), wanted, q.scale(main)))
+                self.expected[q.name] = max(found["error_max"], SAFE * here.check.expected(known, wanted, q.scale(main), extent))
                 arrays[q.name] = arrays[q.name].reshape(*here.bound.shape, *values.shape[1:])
                 if q.weight is not None:
                     weights[q.name] = main.site[q.weight][:, 0].reshape(here.bound.shape)
@@ -295,47 +286,70 @@ class _FrameJob:
         )
 
     def _clear_thin(self, main) -> None:
-        """What an approximate sum leaves where there is no mass is no mass."""
-        methods = (self.stage or self.reference).main.methods if self.stage or self.reference else {}
-        for key, of, name in _QUOTIENTS:
-            method, rho = methods.get(key), getattr(main, of).get(name)
-            if method is not None and not method.exact and rho is not None:
-                rho[rho < 4 * method.tolerance * rho.max(initial=0.0)] = 0.0
+        if self.stage or self.reference:
+            clear_thin(main, (self.stage or self.reference).main.methods)
 
     def tightened(self, methods, result, goal) -> dict:
-        """{deposit: (its next method, why, a Refinement)} for every approximate deposit that a field with too large an error is made of."""
-        loose = {key for key, m in methods.items() if not m.exact}
-        out = {}
-        for key, of, name in _QUOTIENTS:
-            rho = getattr(self.sums[0], of).get(name) if key in loose and not methods[key].forced else None
-            if rho is not None and (key != "site" or self.work.masked) and rho.min(initial=np.inf) < _THIN * rho.max(initial=0.0):
-                why = "nearly empty space, where fields are quotients of small sums"
-                out[key] = methods[key].exactly(why), Refinement(why)
-        if not loose or not self.settings.check_points:
-            return out
-        for q in self.work.quantities:
-            error = self.expected.get(q.name, 0.0)
-            if error <= goal:
-                continue
-            for key in loose & set(deposits_of(q, self.work)):
-                method = methods[key].tightened(error, goal)
-                if method != methods[key] and (key not in out or method.exact or not 0 < out[key][0].tolerance <= method.tolerance):
-                    if key not in out or not out[key][0].exact:
-                        out[key] = method, Refinement(f"{q.name} above {goal:.1e}", error)
+        return tightened(self.work, methods, thin_sums(self.sums[0], self.work), self.expected if self.settings.check_points else {}, goal)
+
+
+def watched(work, settings, methods) -> bool:
+    """Whether there are approximate sums over bonds, and fields of them, that are to be looked at around the strongest bonds."""
+    return bool(not methods.get("bond", EXACT).exact and work.bond and settings.check_points and checkable(work))
+
+
+def clear_thin(main, methods) -> None:
+    """What an approximate sum leaves where there is no mass is no mass."""
+    for key, of, name in _QUOTIENTS:
+        method, rho = methods.get(key), getattr(main, of).get(name)
+        if method is not None and not method.exact and rho is not None:
+            rho[rho < 4 * method.tolerance * rho.max(initial=0.0)] = 0.0
+
+
+def thin_sums(main, work) -> set[str]:
+    """The deposits whose sums are small somewhere though fields are quotients by them."""
+    found = {key: getattr(main, of).get(name) for key, of, name in _QUOTIENTS if key != "site" or work.masked}
+    return {key for key, rho in found.items() if rho is not None and rho.min(initial=np.inf) < _THIN * rho.max(initial=0.0)}
+
+
+def tightened(work, methods, thin, expected, goal) -> dict:
+    """{deposit: (its next method, a Refinement)} for every approximate deposit that a field with too large an error is made of.
+
+    thin : see `thin_sums`; expected : the error of each field
+    """
+    loose = {key for key, m in methods.items() if not m.exact}
+    out = {}
+    for key, _, _ in _QUOTIENTS:
+        if key in loose & thin and not methods[key].forced:
+            why = "nearly empty space, where fields are quotients of small sums"
+            out[key] = methods[key].exactly(why), Refinement(why)
+    if not loose:
         return out
+    for q in work.quantities:
+        error = expected.get(q.name, 0.0)
+        if error <= goal:
+            continue
+        for key in loose & set(deposits_of(q, work)):
+            method = methods[key].tightened(error, goal)
+            if method != methods[key] and (key not in out or method.exact or not 0 < out[key][0].tolerance <= method.tolerance):
+                if key not in out or not out[key][0].exact:
+                    out[key] = method, Refinement(f"{q.name} above {goal:.1e}", error)
+    return out
 
 
-def _bond_pass(frame, settings, work, stage, reference, factors, sums):
-    """One pass over the bonds for every sum over them; returns the potential's word on the frame and the per-atom sums."""
+def _bond_pass(frame, settings, work, stage, reference, factors, sums, kept=None):
+    """One pass over the bonds for every sum over them; returns the potential's word on the frame and the per-atom sums.
+
+    kept : a deposit of several frames that the bonds are added to; its sums are not taken here, nor are the strongest bonds taken out of it
+    """
     x_nc, threads = frame.positions, settings.threads
-    deposit = stage.main.open(work.n_bond) if work.bond else None
+    deposit = None if not work.bond else stage.main.open(work.n_bond) if kept is None else kept
     reference_deposit = reference.main.open(work.n_reference_bond, "reference_bond") if work.reference_bond else None
     # The error check takes only the bonds near its points, and one more sum: how large the terms of the stress are.
     size = bool({"stress", "moment"} & {*work.bond})
-    check = stage.check.target.open(work.n_bond + size) if work.bond else None
-    reference_check = reference.check.target.open(work.n_reference_bond) if work.reference_bond else None
-    near = stage.near(settings.pot) if work.bond else None
-    near_reference = reference.near(settings.pot) if work.reference_bond else None
+    length = max(settings.pot.cutoff, 0.0)
+    check = stage.check.target.open(work.n_bond + size, length=length) if work.bond else None
+    reference_check = reference.check.target.open(work.n_reference_bond, length=length) if work.reference_bond else None
     carried = bool(work.reference_bond or work.reference_point or "reference_atom_moment" in work.whole)
     to_reference = ReferenceBonds(frame, settings.reference) if carried else None
     atoms = AtomSums(
@@ -355,21 +369,16 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums):
                 deposit.add_bonds(x_nc[bonds.i], bonds.r_bc, b_bk, thread=thread)
             if stage.seeking:
                 stage.strongest.add(bonds, thread)
-            few = bonds if near is None else near.take(bonds)
-            if len(few):
-                b_bk = bond_factors(work.bond, widths, few, peculiar_nc, frame.velocities)
-                if size:
-                    r2_b = np.einsum("bc,bc->b", few.r_bc, few.r_bc)
-                    sizes = np.abs(few.G_b) * r2_b if few.F_bc is None else np.linalg.norm(few.F_bc, axis=1) * np.sqrt(r2_b)
-                    b_bk = np.concatenate([b_bk, sizes[:, None]], axis=1)
-                check.add_bonds(x_nc[few.i], few.r_bc, b_bk, thread=thread)
+            for found in check.find(x_nc, bonds.i, bonds.r_bc, thread):
+                few = bonds.taken(found.bonds)
+                check.add_found(found, bond_factors(work.bond, widths, few, peculiar_nc, frame.velocities, size=size), thread)
         if to_reference is not None:
             X_bc, R_bc = to_reference.bonds(bonds)
             if reference_deposit is not None:
                 P_b9 = piola_factor(bonds, R_bc)
                 reference_deposit.add_bonds(X_bc, R_bc, P_b9, thread=thread)
-                few = slice(None) if near_reference is None else near_reference.which(bonds.i, bonds.j, R_bc)
-                reference_check.add_bonds(X_bc[few], R_bc[few], P_b9[few], thread=thread)
+                for found in reference_check.find(settings.reference.positions, bonds.i, R_bc, thread):
+                    reference_check.add_found(found, P_b9[found.bonds], thread)
         else:
             X_bc = R_bc = None
         if weighted is not None:
@@ -384,12 +393,13 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums):
     )
     if deposit is not None:
         exact = 0.0
-        if stage.strongest is not None:
+        if stage.strongest is not None and kept is None:
             strong = stage.strongest.sort_out()
             b_bk = bond_factors(work.bond, widths, strong, peculiar_nc, frame.velocities)
             exact = put_right(deposit, stage, x_nc, strong, b_bk)
             stage.strong_g = np.abs(exact[:, : BOND[work.bond[0]].width]).max(1)
-        sums[0].bond.update(_columns(work.bond, BOND, deposit.bond_sums() + exact))
+        if kept is None:
+            sums[0].bond.update(_columns(work.bond, BOND, deposit.bond_sums() + exact))
         at_points = check.bond_sums()
         sums[1].bond.update(_columns(work.bond, BOND, at_points[:, : work.n_bond]))
         if size:
@@ -414,7 +424,7 @@ def _columns(names, sources, total_gk) -> dict[str, np.ndarray]:
     return dict(zip(names, np.split(total_gk, ends[:-1], axis=1), strict=True))
 
 
-def _checkable(work) -> list:
+def checkable(work) -> list:
     """The fields that points around the strongest bonds can be computed for: those of sums over bonds and atoms alone."""
     return [
         q for q in work.quantities if q.kind == "grid" and q.bond and not (q.on_reference or q.gather or q.gradient or q.point or q.whole)
@@ -532,10 +542,12 @@ def local_shifts(sums: Sums, target: Target, x_nc, factors, flux: bool = False) 
     best_flux = sums.kinetic_flux_of_drift if flux else None
     rho = sums.rho
     v_gc = sums.peculiar
-    have = np.linalg.norm(v_gc, axis=1)
     eps = 64 * np.finfo(float).eps
     # How many thermal speeds away from c a point may be.
     limit = (_SHIFT_TOLERANCE / eps) ** (1 / 3 if flux else 1 / 2)
+    if within_thermal(rho, v_gc, best, 0.99 * limit):
+        return
+    have = np.linalg.norm(v_gc, axis=1)
     done = False
     for _ in range(_MAX_SHIFTS):
         heat = quotient(best[:, :3].sum(1), rho)

@@ -112,6 +112,9 @@ class Quantity:
     parts: tuple[str, ...] = ()
     masked: bool = False
     weight: str | None = None
+    # Whether the field, times its weight, is linear in its sums, with velocities taken from the same drift in all frames: then it is formed once from the mean
+    # sums of several frames. What is relative to the velocity field, or the drift, of each frame is not. Wholes are the sums of their parts.
+    linear: bool = False
     sign: str = "plain sum, no sign convention"
     comment: str = ""
     # The size of what the field is the difference of: a field that is 0 but for rounding has its error measured against this.
@@ -195,7 +198,7 @@ def _peridynamic() -> list[Quantity]:
         bond = "piola" if prefix else "stress"
         form = (lambda s: s.bond["piola"].reshape(-1, 3, 3)) if prefix else (lambda s: s.potential_stress)
         out.append(Quantity(
-            name, long_name=what, bond=(bond,), form=form,
+            name, long_name=what, bond=(bond,), form=form, linear=not prefix,
             comment=where + "of Lehoucq and Silling, smoothed with the kernel: the potential part of Hardy's stress over all bonds; its divergence is the "
             "force density", **common,
         ))  # fmt: skip
@@ -220,14 +223,15 @@ _DISPLACEMENT = {"site": ("mass",), "gather": ("mass", "displacement")}
 _BY_KERNEL = "from the gradient of the kernel, no finite differences"
 
 _ALL = [
-    Quantity("number_density", "number_density", "number density", lambda s: s.site["one"][:, 0], site=("one",), sign="positive"),
-    Quantity("density", "density", "mass density", lambda s: s.rho, site=("mass",), sign="positive"),
+    Quantity("number_density", "number_density", "number density", lambda s: s.site["one"][:, 0], site=("one",), sign="positive", linear=True),
+    Quantity("density", "density", "mass density", lambda s: s.rho, site=("mass",), sign="positive", linear=True),
     Quantity(
-        "momentum", "momentum", "momentum density", lambda s: s.momentum, rank=1, site=_MEAN, sign="positive along +x, +y, +z"
+        "momentum", "momentum", "momentum density", lambda s: s.momentum, rank=1, site=_MEAN, sign="positive along +x, +y, +z",
+        linear=True,
     ),
     Quantity(
         "velocity", "velocity", "mass-averaged velocity", lambda s: s.velocity, rank=1, site=_MEAN, masked=True, weight="mass",
-        sign="positive along +x, +y, +z", scale=lambda s: _largest(s.drift),
+        sign="positive along +x, +y, +z", scale=lambda s: _largest(s.drift), linear=True,
     ),
     Quantity(
         "temperature", "temperature", "kinetic temperature relative to the local velocity", lambda s: s.temperature,
@@ -239,7 +243,7 @@ _ALL = [
         comment="relative to the local mass-averaged velocity", **_stress(lambda s: -full(s.thermal)),
     ),
     Quantity(
-        "stress_potential", bond=("stress",), long_name="potential part of Hardy's stress", scale=lambda s: s.size, **_stress(lambda s: s.potential_stress),
+        "stress_potential", bond=("stress",), linear=True, long_name="potential part of Hardy's stress", scale=lambda s: s.size, **_stress(lambda s: s.potential_stress),
     ),
     Quantity(
         "stress", site=(*_MEAN, "kinetic"), bond=("stress",), parts=("stress_kinetic", "stress_potential"), masked=True,
@@ -282,7 +286,7 @@ _ALL = [
     ),
     Quantity(
         "smoothed_virial_stress_potential", "pressure", "potential part of the per-atom virial smoothed with the kernel",
-        lambda s: full(s.site["atom_virial"]), rank=2, site=("atom_virial",), sign=STRESS_SIGN,
+        lambda s: full(s.site["atom_virial"]), rank=2, site=("atom_virial",), sign=STRESS_SIGN, linear=True,
     ),
     Quantity(
         "smoothed_virial_stress", "pressure", "per-atom virial smoothed with the kernel",
@@ -291,9 +295,9 @@ _ALL = [
         comment="per-atom virials, half of each bond to each end, smoothed with the kernel; not Hardy's stress. For pair potentials what a smoothing "
         "of LAMMPS's stress/atom gives; LAMMPS shares many-body terms in another way (equal sums over the box)",
     ),
-    Quantity("energy_kinetic", "energy_density", "kinetic energy density", lambda s: s.site["kinetic_energy"][:, 0], site=("kinetic_energy",), sign="positive",
+    Quantity("energy_kinetic", "energy_density", "kinetic energy density", lambda s: s.site["kinetic_energy"][:, 0], site=("kinetic_energy",), sign="positive", linear=True,
              comment="in the frame of the simulation, streaming motion included"),
-    Quantity("energy_potential", "energy_density", "potential energy density", lambda s: s.site["potential_energy"][:, 0], site=("potential_energy",),
+    Quantity("energy_potential", "energy_density", "potential energy density", lambda s: s.site["potential_energy"][:, 0], site=("potential_energy",), linear=True,
              sign="the potential's own zero", comment="each K-body term shared equally by its K atoms, unless the potential documents another share"),
     Quantity("energy", "energy_density", "energy density", lambda s: s.site["kinetic_energy"][:, 0] + s.site["potential_energy"][:, 0],
              site=("kinetic_energy", "potential_energy"), parts=("energy_kinetic", "energy_potential"), sign="the potential's own zero"),
@@ -326,19 +330,20 @@ _ALL = [
                 comment="q in d(energy)/dt + div(energy v) = div(stress v - q); " + _SHARED),
     ),
     Quantity(
-        "energy_flux", site=("energy_current",), bond=("power_lab",),
+        "energy_flux", site=("energy_current",), bond=("power_lab",), linear=True,
         **_flux("flux of energy through points at rest", lambda s: s.site["energy_current"] + s.bond["power_lab"],
                 comment="J + A = energy v - stress v + heat_flux, in the frame of the simulation: d(energy)/dt = -div(energy_flux); its integral over the box is "
                 "heat_current; " + _SHARED),
     ),
     Quantity(
-        "churning", "energy_density", "churning tensor", lambda s: s.churning, rank=2, bond=("stress", "sources"), sign=_CHURNING_SIGN,
+        "churning", "energy_density", "churning tensor", lambda s: s.churning, rank=2, bond=("stress", "sources"), sign=_CHURNING_SIGN, linear=True,
         scale=lambda s: _largest(s.bond["stress"]),
         comment="z = S + M: what the potential stress and the energy sources of the bonds leave of each other; has no divergence and no mean over a periodic "
         "box; 0 for pair potentials and embedded atoms; " + _SHARED,
     ),
     Quantity(
         "churning_divergence", "force_density", "divergence of the churning tensor", lambda s: s.site["source_residual"][:, :3], rank=1, site=("source_residual",),
+        linear=True,
         scale=lambda s: _largest(s.site["source_residual"][:, 3]),
         sign="component j: sum over i of d churning[i, j]/dx_i",
         comment="0 up to rounding: in closed form the force on each atom minus the force that follows from the energy sources, so this checks the decomposition",

@@ -9,9 +9,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from numba import njit
 
 from .kinematics import eshelby, quotient_gradient
-from .tensors import full, outer6
+from .tensors import full
 
 
 @dataclass
@@ -166,9 +167,34 @@ def quotient(a, w) -> np.ndarray:
 
 def thermal(mass_g1, momentum_gc, kinetic_g6) -> np.ndarray:
     """T − π⊗π/ρ as 6 components; its diagonal is a sum of squares, so what rounding leaves below 0 is cut off."""
-    rho = mass_g1[:, 0]
-    v = quotient(momentum_gc, rho)
-    out = kinetic_g6 - outer6(v) * mass_g1
-    np.maximum(out[:, :3], 0.0, out=out[:, :3])
-    out[~(rho > 0)] = 0.0
+    out = np.empty((len(mass_g1), 6))
+    _thermal(mass_g1, momentum_gc, kinetic_g6, out)
     return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _thermal(mass_g1, momentum_gc, kinetic_g6, out):
+    for g in range(len(out)):
+        m = mass_g1[g, 0]
+        if not m > 0:
+            out[g, :] = 0.0
+            continue
+        x, y, z = momentum_gc[g, 0] / m, momentum_gc[g, 1] / m, momentum_gc[g, 2] / m
+        out[g, 0] = max(kinetic_g6[g, 0] - x * x * m, 0.0)
+        out[g, 1] = max(kinetic_g6[g, 1] - y * y * m, 0.0)
+        out[g, 2] = max(kinetic_g6[g, 2] - z * z * m, 0.0)
+        out[g, 3] = kinetic_g6[g, 3] - y * z * m
+        out[g, 4] = kinetic_g6[g, 4] - x * z * m
+        out[g, 5] = kinetic_g6[g, 5] - x * y * m
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def within_thermal(rho_g, v_gc, thermal_g6, limit) -> bool:
+    """Whether the speed is no more than so many thermal speeds wherever there is mass."""
+    for g in range(len(rho_g)):
+        if rho_g[g] > 0:
+            v2 = v_gc[g, 0] ** 2 + v_gc[g, 1] ** 2 + v_gc[g, 2] ** 2
+            heat = (thermal_g6[g, 0] + thermal_g6[g, 1] + thermal_g6[g, 2]) / rho_g[g]
+            if not v2 <= limit * limit * heat:
+                return False
+    return True
