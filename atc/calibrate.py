@@ -196,7 +196,6 @@ def _spectral(costs, frame, bonds, length, u):
 
 def _points(costs, frame, bonds, length, u):
     from .deposit import exact_at, make
-    from .estimators.target import NearPoints
     from .grids import Grid
     from .kernels import kernel
 
@@ -215,8 +214,10 @@ def _points(costs, frame, bonds, length, u):
         rows.append([items, reached])
         times.append(clock(run, 2))
     costs.point_bond, costs.point_visit = solve(rows, times)
-    near = NearPoints(frame.cell.cartesian(rng.random((5, 3))) - frame.cell.origin, 5.0, 8.5, frame.cell, frame.positions)
-    costs.filter_bond = clock(lambda: near.which(bonds.i, bonds.j, bonds.r_bc)) / len(bonds)
+    # One point, a small kernel: nearly all bonds are passed over.
+    deposit = exact_at(frame.cell.cartesian(rng.random((1, 3))), kernel("quartic", 1.0), frame.cell, 0, 6)
+    deposit.expect(0.5 * length)
+    costs.filter_bond = clock(lambda: list(deposit.find(frame.positions, bonds.i, bonds.r_bc))) / len(bonds)
     slab = Grid.slab("z", 100).bind(u, frame.cell)
 
     def profile():

@@ -8,7 +8,7 @@ The model is linear and small on purpose; every count is of something the progra
   capsule's mean shadow, A + π/2 R L, over the area that belongs to a row. An atom is a bond of no length;
 - spectral deposit, single and double precision apart: per point on a bond, per register (32 bytes) of its window on the mesh, per node of the mesh and
   component; see `atc.deposit.fourier`;
-- scattered points and the error check: per bond that comes near, per visit;
+- scattered points and the error check: per bond that passes by, per bond that starts near a point, per visit;
 - gradients by the exact sum: per atom within reach of a point.
 
 `atc bench --calibrate` measures the constants (`calibrate`) and keeps them in the user's cache folder; without, those shipped are used, taken on one core of an
@@ -20,7 +20,7 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import asdict, dataclass, field, fields
-from math import ceil, pi
+from math import ceil, exp, pi
 from pathlib import Path
 
 import numpy as np
@@ -42,9 +42,9 @@ class Costs:
     )
     accumulate: float = 1.3e-9
     slab_bond: float = 2.7e-7
-    point_bond: float = 3.2e-8
-    point_visit: float = 8.2e-8
-    filter_bond: float = 2e-9
+    point_bond: float = 1.9e-8
+    point_visit: float = 3.4e-8
+    filter_bond: float = 3.3e-9
     spread_point: float = 1e-8
     spread_register: float = 4.2e-10
     spread_point_single: float = 3e-8
@@ -317,10 +317,10 @@ def spectral_memory(deposit, components: int, threads: int) -> float:
 
 
 def check(costs: Costs, bound, kern, items: float, length: float, points: int) -> float:
-    """Seconds of the error check: every bond is looked at, those near a point are summed there."""
+    """Seconds of the error check: every bond passes by, those that start near a point are looked at, and those near it are summed there."""
     if bound.kind == "slab":
         return 7e-8 * items * 5
-    near = min(1.0, points * (4 / 3 * pi * (kern.support**2 + 0.25 * length**2) ** 1.5 * 1.7) / bound.cell.volume)
-    near = 1.0 if near > 0.7 else near
+    # The longest bonds are about 4/3 of the mean (pairs within a cutoff); what is in reach is marked in bins (`deposit.direct`).
+    near = 1.0 - exp(-points * 4 / 3 * pi * (1.11 * (kern.support + 4 / 3 * length)) ** 3 / bound.cell.volume)
     reached = items * points * (4 / 3 * pi * kern.support**3 + pi * kern.support**2 * length) / bound.cell.volume
     return costs.filter_bond * items + costs.point_bond * near * items + costs.point_visit * reached

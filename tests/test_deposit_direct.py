@@ -11,7 +11,9 @@ from test_kernels import CASES, IDS, bonds
 import atc
 from atc.deposit import exact_at, make
 from atc.errors import AtcError
+from atc.estimators.accuracy import CutGaussian
 from atc.frame import Cell
+from atc.kernels import Gaussian
 from atc.units import units
 
 METAL = units("metal")
@@ -257,6 +259,36 @@ def test_a_box_far_from_the_origin_loses_nothing():
         two = deposit(grid.bind(METAL, far), KERNELS["lucy"][0], far, x + shift, i, r, a, b)
         assert np.array_equal(one.bond_sums(), two.bond_sums())
         assert np.array_equal(one.site_sums(), two.site_sums())
+
+
+@pytest.mark.parametrize("beyond", [None, 1e-4])
+@pytest.mark.parametrize("count", [5, 80])
+def test_gaussian_of_long_and_short_bonds_side_by_side(beyond, count):
+    """Four pairs at a time, of any bonds: each β is as exact as was asked for, far out in the tail too."""
+    rng = np.random.default_rng(5)
+    kern = Gaussian(1.3) if beyond is None else CutGaussian(1.3, beyond)
+    # Open, around 0: positions are taken as they are, not rounded by where the cell begins.
+    cell = Cell([64.0] * 3, periodic=(False, False, False))
+    length = np.concatenate([[0.0, 1e-200, 1e-12, 1e-3], rng.uniform(0.1, 8.0, 60)])
+    e = rng.normal(size=(len(length), 3))
+    r = e / np.linalg.norm(e, axis=1)[:, None] * length[:, None]
+    points = rng.normal(size=(count, 3)) * rng.uniform(0.0, 4.5, (count, 1))
+    dep = exact_at(points, kern, cell, 0, len(r))
+    dep.add_bonds(np.zeros_like(r), r, np.eye(len(r)))
+    got = dep.bond_sums()
+    t, w = np.polynomial.legendre.leggauss(120)
+    t = 0.5 * (1.0 + t)
+    along = -points[:, None, None] - t[:, None] * r[None, :, None]
+    beta = np.einsum("gbt,t->gb", np.exp(-(along**2).sum(-1) / (2 * 1.3**2)), 0.5 * w)
+    seen = got > 0
+    assert seen.mean() > 0.4
+    short = length < 3.0 * np.sqrt(2.0) * 1.3
+    found = got / kern.normalisation
+    # By erf: to rounding of the largest value, by the series of each value.
+    assert np.abs(found - beta)[seen].max() < max(3e-15, 10 * kern.accuracy)
+    assert (np.abs(found / beta - 1.0)[:, short])[seen[:, short]].max() < max(1e-12, 2 * kern.accuracy)
+    # Nothing within reach is left out.
+    assert np.all((beta < 1.01 * np.exp(-(kern.support**2) / (2 * 1.3**2))) | seen)
 
 
 def test_invariances():

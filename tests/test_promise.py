@@ -13,11 +13,10 @@ from atc import run
 from atc.calibrate import argon, silicon
 from atc.choose import AIM_LATER, ENOUGH, FACTORS, LOOSEST
 from atc.costs import Costs, load_of, visits
-from atc.deposit import make
+from atc.deposit import exact_at, make
 from atc.errors import AtcWarning
 from atc.estimators.compute import SAFE, frame_fields
 from atc.estimators.methods import Method, Refinement
-from atc.estimators.target import NearPoints
 from atc.frame import Cell
 from atc.input_error import input_errors
 from atc.plan import Request, plan
@@ -218,13 +217,24 @@ def test_bonds_left_out_of_the_check_reach_no_point(cell):
     near[::7] += np.where(box.periodic, rng.integers(-1, 2, near[::7].shape), 0)
     r = shift - near @ box.vectors
     points = box.cartesian(rng.random((6, 3))) - box.origin
-    R, length = 4.0, 20.0
-    filter_ = NearPoints(points, R, length, box, x)
+    R, length = 4.0, 12.0
+    r[1::2] *= 0.3
+    kern = atc.kernel("quartic", radius=R)
+    home = Cell(box.vectors, (0.0, 0.0, 0.0), box.periodic)
+    x -= box.origin
+    some, every = (exact_at(points, kern, home, 0, 1) for _ in range(2))
+    some.expect(length)
+    b_b = rng.normal(size=(len(i), 1))
     kept = np.zeros(len(i), bool)
-    kept[filter_.which(i, j, r)] = True
+    for found in some.find(x, i, r):
+        kept[found.bonds] = True
+        some.add_found(found, b_b[found.bonds])
+    every.add_bonds(x[i], r, b_b)
+    np.testing.assert_allclose(some.bond_sums(), every.bond_sums(), rtol=0, atol=1e-15 * kern.normalisation * np.abs(b_b).sum())
+    assert some.visits == every.visits
     touched = np.zeros(len(i), bool)
     reach = [range(-3, 4) if p else [0] for p in box.periodic]
-    xi = x[i] - box.origin
+    xi = x[i]
     xi = xi - np.where(box.periodic, np.floor(xi @ box.inverse), 0) @ box.vectors
     for n0 in reach[0]:
         for n1 in reach[1]:
@@ -233,8 +243,11 @@ def test_bonds_left_out_of_the_check_reach_no_point(cell):
                 t = np.clip(-(d * r).sum(-1) / np.maximum((r * r).sum(-1), 1e-30), 0, 1)
                 touched |= (((d + t[..., None] * r) ** 2).sum(-1) < R * R).any(0)
     assert touched.any() and not (touched & ~kept).any()
-    if cell == "cubic":
-        assert kept.mean() < 0.9
+    assert kept.sum() <= 1.001 * touched.sum()
+    # Where there is room, atoms far away are passed over without a look.
+    assert some._marked.all() if cell == "thin" else some._marked.mean() < 0.9
+    short = (r * r).sum(1) <= length**2
+    assert short.sum() > 1000 and (touched & short).any() and (touched & ~short).any()
 
 
 def test_silicon_has_as_many_bonds_as_the_model_says():

@@ -30,7 +30,12 @@ def even_constants(length, R, c_mk, piece, r_bc, frame_bcc, b, k):
 @nb.njit(**INLINE)
 def even(D, Y, M, k):
     """c0 + c1 w + c2 w² with w = 1 − ρ²/R²: step, Epanechnikov, quartic."""
-    w = maximum4(peek(k, 0) - M * M - Y * Y, 0.0)
+    return even_mean(D, peek(k, 0) - M * M - Y * Y, peek(k, 1), peek(k, 2), peek(k, 3))
+
+
+@nb.njit(**INLINE)
+def even_mean(D, w, c0, c1, c2):
+    w = maximum4(w, 0.0)
     q = sqrt4(w)
     lo = maximum4(D - q, 0.0)
     hi = minimum4(D + q, 1.0)
@@ -41,7 +46,7 @@ def even(D, Y, M, k):
     aabb = (a + b) * (a + b) - 2.0 * ab
     m2 = (aabb + ab) * (1.0 / 3.0)
     m4 = (aabb * aabb + ab * (aabb - ab)) * 0.2
-    return share * (peek(k, 1) + peek(k, 2) * (w - m2) + peek(k, 3) * (w * (w - 2.0 * m2) + m4))
+    return share * (c0 + c1 * (w - m2) + c2 * (w * (w - 2.0 * m2) + m4))
 
 
 @nb.njit(**INLINE)
@@ -81,8 +86,12 @@ def cone_constants(length, R, c_mk, piece, r_bc, frame_bcc, b, k):
 @nb.njit(**INLINE)
 def cone(D, Y, M, k):
     """c0 + c1 ρ/R: linear, hardy, tables."""
-    p2 = M * M + Y * Y
-    q = sqrt4(maximum4(peek(k, 0) - p2, 0.0))
+    return cone_mean(D, M * M + Y * Y, peek(k, 0), peek(k, 1), peek(k, 2))
+
+
+@nb.njit(**INLINE)
+def cone_mean(D, p2, R2, c0, c1):
+    q = sqrt4(maximum4(R2 - p2, 0.0))
     lo = maximum4(D - q, 0.0)
     hi = minimum4(D + q, 1.0)
     share = maximum4(hi - lo, 0.0)
@@ -91,7 +100,7 @@ def cone(D, Y, M, k):
     S = sqrt4(p2 + a * a) + sqrt4(p2 + b * b) + 1e-90
     inverse_S, atanh = _inverse_and_atanh(S, share)
     j1 = 0.25 * (S + (a + b) * (a + b) * inverse_S) + p2 * atanh
-    return share * (peek(k, 1) + peek(k, 2) * j1)
+    return share * (c0 + c1 * j1)
 
 
 @nb.njit(**JIT_FMA)
@@ -108,8 +117,12 @@ def radial_constants(length, R, c_mk, piece, r_bc, frame_bcc, b, k):
 @nb.njit(**INLINE)
 def radial(D, Y, M, k):
     """Σ_k c_k (ρ/R)^k, k = 0..4 (`kernels.mean_powers`)."""
-    p2 = M * M + Y * Y
-    q = sqrt4(maximum4(peek(k, 0) - p2, 0.0))
+    return radial_mean(D, M * M + Y * Y, peek(k, 0), peek(k, 1), peek(k, 2), peek(k, 3), peek(k, 4), peek(k, 5))
+
+
+@nb.njit(**INLINE)
+def radial_mean(D, p2, R2, c0, c1, c2, c3, c4):
+    q = sqrt4(maximum4(R2 - p2, 0.0))
     lo = maximum4(D - q, 0.0)
     hi = minimum4(D + q, 1.0)
     share = maximum4(hi - lo, 0.0)
@@ -127,11 +140,11 @@ def radial(D, Y, M, k):
     m4 = (aabb * aabb + ab * (aabb - ab)) * 0.2
     j1 = 0.25 * (S + T2) + p2 * atanh
     j3 = 0.125 * (S * (S * S - 3.0 * rab) + T2 * (S * S - rab)) + 0.75 * p2 * j1
-    return share * (peek(k, 1) + peek(k, 2) * j1 + peek(k, 3) * (p2 + m2) + peek(k, 4) * j3 + peek(k, 5) * (p2 * (p2 + 2.0 * m2) + m4))
+    return share * (c0 + c1 * j1 + c2 * (p2 + m2) + c3 * j3 + c4 * (p2 * (p2 + 2.0 * m2) + m4))
 
 
 @nb.njit(**INLINE)
-def _exp_minus(x):
+def exp_minus(x):
     """exp(−x) for 0 ≤ x: 2^−n times a Taylor series of degree 13 on |t| ≤ ½ ln 2 (0.3466^14/14! = 4e-18)."""
     x = minimum4(x, 700.0)
     # To the nearest whole number by adding 1.5·2^52, where doubles have no fraction.
@@ -154,7 +167,7 @@ def _exp_minus(x):
 
 
 # Bonds longer than this times √2 w go by erf, shorter ones by a series (45 terms at most).
-_LONG = 3.0
+LONG = 3.0
 _TERMS = 48
 
 
@@ -166,7 +179,7 @@ def gaussian_constants(length, R, c_mk, piece, r_bc, frame_bcc, b, k):
     s = length / (sqrt(2.0) * c_mk[piece, 1])
     k[0] = s * s
     k[1] = c_mk[piece, 0]
-    if s > _LONG:
+    if s > LONG:
         k[2] = -1.0
         k[3] = 0.5 * sqrt(np.pi) / s
         k[4] = s
@@ -212,13 +225,13 @@ def gaussian(D, Y, M, k):
         g = splat4(peek(k, 4 + last))
         for j in range(last - 1, -1, -1):
             g = g * y2 + peek(k, 4 + j)
-        return peek(k, 1) * g * _exp_minus(peek(k, 0) * (p2 + c * c))
+        return peek(k, 1) * g * exp_minus(peek(k, 0) * (p2 + c * c))
     s = peek(k, 4)
     store4(k, SCRATCH, D)
     for l in range(4):
         d = peek(k, SCRATCH + l)
         poke(k, SCRATCH + l, erf(s * (1.0 - d)) + erf(s * d))
-    return peek(k, 1) * peek(k, 3) * load4(k, SCRATCH) * _exp_minus(peek(k, 0) * p2)
+    return peek(k, 1) * peek(k, 3) * load4(k, SCRATCH) * exp_minus(peek(k, 0) * p2)
 
 
 @nb.njit(**JIT_FMA)
@@ -262,39 +275,44 @@ bspline_constants = cartesian_constants
 @nb.njit(**JIT_FMA)
 def bspline(D, Y, M, k):
     """c0 Π M4(d_a/h), h = c1: between crossings of knot planes a polynomial of degree 9 along the bond, five Gauss points are exact."""
-    h = peek(k, 14)
     times = k + 8 * (SCRATCH + 16)
     _cartesian(D, Y, M, k)
     for l in range(4):
-        poke(times, 0, 0.0)
-        poke(times, 1, 1.0)
-        count = 2
-        for a in range(3):
-            for knot in range(-2, 3):
-                if peek(k, a) != 0.0:
-                    t = (peek(k, SCRATCH + 4 * a + l) - knot * h) / peek(k, a)
-                    if 0.0 < t < 1.0:
-                        m = count
-                        while peek(times, m - 1) > t:
-                            poke(times, m, peek(times, m - 1))
-                            m -= 1
-                        poke(times, m, t)
-                        count += 1
-        total = 0.0
-        for m in range(count - 1):
-            width = peek(times, m + 1) - peek(times, m)
-            part = 0.0
-            for q in range(5):
-                t = peek(times, m) + _X5[q] * width
-                part += (
-                    _W5[q]
-                    * _m4((peek(k, SCRATCH + l) - t * peek(k, 0)) / h)
-                    * _m4((peek(k, SCRATCH + 4 + l) - t * peek(k, 1)) / h)
-                    * _m4((peek(k, SCRATCH + 8 + l) - t * peek(k, 2)) / h)
-                )
-            total += width * part
-        poke(k, SCRATCH + 12 + l, peek(k, 13) * total)
+        d0, d1, d2 = peek(k, SCRATCH + l), peek(k, SCRATCH + 4 + l), peek(k, SCRATCH + 8 + l)
+        poke(k, SCRATCH + 12 + l, bspline_mean(d0, d1, d2, peek(k, 0), peek(k, 1), peek(k, 2), k + 8 * 13, times))
     return load4(k, SCRATCH + 12)
+
+
+@nb.njit(**JIT_FMA)
+def bspline_mean(d0, d1, d2, r0, r1, r2, c_at, times):
+    """At one point: d = x_i − x; room for 17 numbers at `times`."""
+    h = peek(c_at, 1)
+    poke(times, 0, 0.0)
+    poke(times, 1, 1.0)
+    count = 2
+    for a in range(3):
+        d = d0 if a == 0 else d1 if a == 1 else d2
+        r = r0 if a == 0 else r1 if a == 1 else r2
+        if r == 0.0:
+            continue
+        for knot in range(-2, 3):
+            t = (d - knot * h) / r
+            if 0.0 < t < 1.0:
+                m = count
+                while peek(times, m - 1) > t:
+                    poke(times, m, peek(times, m - 1))
+                    m -= 1
+                poke(times, m, t)
+                count += 1
+    total = 0.0
+    for m in range(count - 1):
+        width = peek(times, m + 1) - peek(times, m)
+        part = 0.0
+        for q in range(5):
+            t = peek(times, m) + _X5[q] * width
+            part += _W5[q] * _m4((d0 - t * r0) / h) * _m4((d1 - t * r1) / h) * _m4((d2 - t * r2) / h)
+        total += width * part
+    return peek(c_at, 0) * total
 
 
 box_constants = cartesian_constants
@@ -305,17 +323,25 @@ def box(D, Y, M, k):
     """c0 inside the half-open box of edges c1, c2, c3: the share of the bond between three pairs of planes."""
     _cartesian(D, Y, M, k)
     for l in range(4):
-        lo = 0.0
-        hi = 1.0
-        for a in range(3):
-            half = 0.5 * peek(k, 14 + a)
-            x = peek(k, SCRATCH + 4 * a + l)
-            if abs(peek(k, a)) > 2e-30 * half:
-                t1 = (x - half) / peek(k, a)
-                t2 = (x + half) / peek(k, a)
-                lo = max(lo, min(t1, t2))
-                hi = min(hi, max(t1, t2))
-            elif not (-half <= x < half):
-                lo = 2.0
-        poke(k, SCRATCH + 12 + l, peek(k, 13) * (hi - lo) if hi > lo else 0.0)
+        d0, d1, d2 = peek(k, SCRATCH + l), peek(k, SCRATCH + 4 + l), peek(k, SCRATCH + 8 + l)
+        poke(k, SCRATCH + 12 + l, box_mean(d0, d1, d2, peek(k, 0), peek(k, 1), peek(k, 2), k + 8 * 13))
     return load4(k, SCRATCH + 12)
+
+
+@nb.njit(**JIT_FMA)
+def box_mean(d0, d1, d2, r0, r1, r2, c_at):
+    """At one point: d = x_i − x."""
+    lo = 0.0
+    hi = 1.0
+    for a in range(3):
+        d = d0 if a == 0 else d1 if a == 1 else d2
+        r = r0 if a == 0 else r1 if a == 1 else r2
+        half = 0.5 * peek(c_at, 1 + a)
+        if abs(r) > 2e-30 * half:
+            t1 = (d - half) / r
+            t2 = (d + half) / r
+            lo = max(lo, min(t1, t2))
+            hi = min(hi, max(t1, t2))
+        elif not (-half <= d < half):
+            lo = 2.0
+    return peek(c_at, 0) * (hi - lo) if hi > lo else 0.0

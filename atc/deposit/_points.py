@@ -1,5 +1,9 @@
-"""The two sums at scattered points: points are sorted into bins of the cell once; each starting atom collects the points in reach,
-images included, and its bonds look only at those."""
+"""The two sums at scattered points, in two steps: which points are near which bonds, and the sum of b β over those pairs.
+
+Points are sorted into bins of the cell once; each starting atom collects those in reach, images included, and its bonds look only at these. Where a bond
+has a point or two near it, as in the check of errors, anything done once a bond is paid in full by every pair: so nothing is. A pair has all that β needs
+(`_beta_pairs`), and β is evaluated for four pairs at once, of whatever bonds.
+"""
 
 from __future__ import annotations
 
@@ -8,74 +12,131 @@ from math import floor, isfinite, sqrt
 import numba as nb
 import numpy as np
 
-from ._beta import even, even_constants
-from ._simd import JIT_FMA, address, load4, maximum4, minimum4, peek, peek_int, poke, poke_int, store4
+from ._beta_pairs import even_pairs
+from ._simd import (
+    ENTRY,
+    JIT_FMA,
+    address,
+    axpy4,
+    largest4,
+    load4,
+    load_rows4,
+    maximum4,
+    minimum4,
+    peek,
+    peek_int,
+    poke,
+    poke_int,
+    prefetch,
+    splat4,
+    store4,
+    sum4,
+    where_positive4,
+)
 
 # Replaced in each specialised copy (see `_simd.specialise`).
-BETA = even
-CONSTANTS = even_constants
+BETA = even_pairs
+# A bond shorter than this times the support has the direction of x.
+SHORTEST = 1e-30
+# Fewer points than that in reach of an atom: its bonds are looked at four at a time.
+_FEW = 8
+_AHEAD = 100
 
 
 @nb.njit(**JIT_FMA)
-def near(n, x_at, scale, E2, frame_at, near_at, room, lane_at, which_at, seen_at):
-    """Which of n points lie inside the capsule: their coordinates in the bond's frame go to `lane_at`, their numbers to `seen_at`.
+def near(r0, r1, r2, m, support, cartesian, bond, x_at, apart, n, pair_at, bond_at, point_at, most):
+    """Append the pairs of one bond with those of `m` points that lie inside its capsule; returns how many there are then.
 
-    Points are given by d (x, y, z at `x_at`, `room` apart) and their numbers at `which_at`. Returns how many were found.
+    Points are given by d = x_i − x (three rows of `apart` numbers at `x_at`), and by their numbers in the fourth; the four rows after that are for what is
+    computed here. A pair has three numbers, `most` apart: D, p² and |r|², see `_beta_pairs`, or d if `cartesian`.
     """
-    for l in range(0, n, 4):
-        x = load4(x_at, l) * scale
-        y = load4(x_at, room + l) * scale
-        z = load4(x_at, 2 * room + l) * scale
-        D = x * peek(frame_at, 0) + y * peek(frame_at, 1) + z * peek(frame_at, 2)
-        Y = x * peek(frame_at, 3) + y * peek(frame_at, 4) + z * peek(frame_at, 5)
-        M = x * peek(frame_at, 6) + y * peek(frame_at, 7) + z * peek(frame_at, 8)
+    length2 = r0 * r0 + r1 * r1 + r2 * r2
+    least = SHORTEST * support
+    if length2 < least * least:
+        r0, r1, r2, length2 = least, 0.0, 0.0, least * least
+    inverse = 1.0 / length2
+    u0, u1, u2 = r0 * inverse, r1 * inverse, r2 * inverse
+    limit = support * support * inverse
+    for l in range(0, m, 4):
+        x, y, z = load4(x_at, l), load4(x_at, apart + l), load4(x_at, 2 * apart + l)
+        D = x * u0 + y * u1 + z * u2
+        c0, c1, c2 = y * u2 - z * u1, z * u0 - x * u2, x * u1 - y * u0
+        p2 = c0 * c0 + c1 * c1 + c2 * c2
         beyond = D - minimum4(maximum4(D, 0.0), 1.0)
-        store4(near_at, l, D)
-        store4(near_at, room + l, Y)
-        store4(near_at, 2 * room + l, M)
-        store4(near_at, 3 * room + l, E2 - Y * Y - M * M - beyond * beyond)
-    lanes = 0
-    for l in range(n):
+        store4(x_at, 4 * apart + l, D)
+        store4(x_at, 5 * apart + l, p2)
+        store4(x_at, 7 * apart + l, limit - p2 - beyond * beyond)
+    from_at = x_at if cartesian else x_at + 32 * apart
+    begin = n
+    for l in range(m):
         # Written whether it counts or not: nothing to predict.
-        poke(lane_at, lanes, peek(near_at, l))
-        poke(lane_at, room + lanes, peek(near_at, room + l))
-        poke(lane_at, 2 * room + lanes, peek(near_at, 2 * room + l))
-        poke_int(seen_at, lanes, peek_int(which_at, l))
-        lanes += peek(near_at, 3 * room + l) > 0.0
-    return lanes
+        poke(pair_at, n, peek(from_at, l))
+        poke(pair_at, most + n, peek(from_at, apart + l))
+        if cartesian:
+            poke(pair_at, 2 * most + n, peek(from_at, 2 * apart + l))
+        poke_int(point_at, n, peek_int(x_at, 3 * apart + l))
+        n += peek(x_at, 7 * apart + l) > 0.0
+    for l in range(begin, n):
+        poke_int(bond_at, l, bond)
+    if not cartesian:
+        for l in range(begin, n, 4):
+            store4(pair_at, 2 * most + l, splat4(length2))
+    return n
 
 
 @nb.njit(**JIT_FMA)
-def frame(r_bc, b, length, frame_bcc):
-    """Rows n, u, v of any orthonormal frame with n along the bond; of length 0, along x."""
-    nx, ny, nz = r_bc[b, 0] / length, r_bc[b, 1] / length, r_bc[b, 2] / length
-    if nx == 0.0 and ny == 0.0 and nz == 0.0:
-        nx = 1.0
-    if abs(nx) < 0.6:
-        vx, vy, vz = 0.0, nz, -ny
-    else:
-        vx, vy, vz = -nz, 0.0, nx
-    t = 1.0 / sqrt(vx * vx + vy * vy + vz * vz)
-    vx, vy, vz = vx * t, vy * t, vz * t
-    at = address(frame_bcc)
-    poke(at, 0, nx)
-    poke(at, 1, ny)
-    poke(at, 2, nz)
-    poke(at, 3, vy * nz - vz * ny)
-    poke(at, 4, vz * nx - vx * nz)
-    poke(at, 5, vx * ny - vy * nx)
-    poke(at, 6, vx)
-    poke(at, 7, vy)
-    poke(at, 8, vz)
+def near_few(r_at, first, last, end, m, support, cartesian, x_at, apart, n, pair_at, bond_at, point_at, most):
+    """The same for the bonds `first` to `last` (there are `end` of them) and a few points: four bonds at a time."""
+    least = SHORTEST * support
+    at = x_at + 32 * apart
+    # Four rows in a row, also where there are no more bonds.
+    rows_at = at + 8 * 16
+    for b in range(first, last, 4):
+        from_at, row = r_at, 3 * b
+        if b + 4 > end:
+            from_at, row = rows_at, 0
+            for l in range(12):
+                poke(rows_at, l, peek(r_at, 3 * b + l) if b + l // 3 < end else 0.0)
+        r0, r1, r2 = load_rows4(from_at, row)
+        length2 = r0 * r0 + r1 * r1 + r2 * r2
+        far = length2 - least * least
+        r0, r1, r2 = where_positive4(far, r0, least), where_positive4(far, r1, 0.0), where_positive4(far, r2, 0.0)
+        length2 = maximum4(length2, least * least)
+        inverse = 1.0 / length2
+        u0, u1, u2 = r0 * inverse, r1 * inverse, r2 * inverse
+        limit = (support * support) * inverse
+        store4(at, 8, length2)
+        for l in range(m):
+            x, y, z = peek(x_at, l), peek(x_at, apart + l), peek(x_at, 2 * apart + l)
+            D = x * u0 + y * u1 + z * u2
+            c0, c1, c2 = y * u2 - z * u1, z * u0 - x * u2, x * u1 - y * u0
+            p2 = c0 * c0 + c1 * c1 + c2 * c2
+            beyond = D - minimum4(maximum4(D, 0.0), 1.0)
+            depth = limit - p2 - beyond * beyond
+            if not largest4(depth) > 0.0:
+                continue
+            store4(at, 0, D)
+            store4(at, 4, p2)
+            store4(at, 12, depth)
+            which = peek_int(x_at, 3 * apart + l)
+            for q in range(min(4, last - b)):
+                poke(pair_at, n, x if cartesian else peek(at, q))
+                poke(pair_at, most + n, y if cartesian else peek(at, 4 + q))
+                poke(pair_at, 2 * most + n, z if cartesian else peek(at, 8 + q))
+                poke_int(bond_at, n, b + q)
+                poke_int(point_at, n, which)
+                n += peek(at, 12 + q) > 0.0
+    return n
 
 
-def points_bonds(
+@nb.njit(**ENTRY)
+def find_pairs(
+    state,  # where to go on: the first bond in a row with its start, the bin, the bond; all 0 at first
     x_nc,
     i_b,
     r_bc,
-    b_bk,
-    radii_m,
-    coef_mk,
+    support,
+    cartesian,
     origin_c,  # the cell's
     point_gc,  # relative to the cell's origin, wrapped along periodic axes, sorted by bin
     start_w,  # first point of each bin, and one past the end
@@ -85,54 +146,78 @@ def points_bonds(
     periodic_a,
     cell_ac,
     inverse_ca,
-    acc_gk,
-    buffer_13l,  # x, y, z of the points in reach of an atom and their numbers; their D, Y, M and depth; of those inside D, Y, M, numbers, β
-    frame_bcc,  # buffer for one frame
-    k_,  # buffer for the constants of β
+    marked,  # other bins: whether a bond that starts there, not longer than `length`, may reach a point
+    mark_low_a,
+    mark_scale_a,
+    length,  # negative: there are none
+    buffer_8l,  # room for the points in reach of an atom, more than in any bin
+    pair_3l,
+    bond_l,
+    point_l,
 ):
-    """Σ_b b β at every point, added to `acc_gk`. Returns the number of (bond, point) pairs visited, −1 if something is not finite."""
-    room = buffer_13l.shape[1]
-    x_at = address(buffer_13l)
-    which_at = x_at + 24 * room
-    near_at = x_at + 32 * room
-    lane_at = x_at + 64 * room
-    seen_at = x_at + 88 * room
-    beta_at = x_at + 96 * room
-    k_at = address(k_)
+    """(bond, point) pairs within reach of each other. Returns how many were found before the room was full (`state[0]` is the number of bonds when all are done),
+    −1 if something is not finite."""
+    apart, most = buffer_8l.shape[1], pair_3l.shape[1]
     # The last run of four may read and write three more than there are.
-    room -= 4
-    apart = room + 4
-    n_comp = b_bk.shape[1]
-    support = radii_m[0]
+    room, full = apart - 4, most - 4
+    x_at, pair_at = address(buffer_8l), address(pair_3l)
+    bond_at, point_at, r_at = address(bond_l), address(point_l), address(r_bc)
+    x_all_at = address(x_nc)
+    b0, b1, b2 = bins_a[0], bins_a[1], bins_a[2]
     height_a = np.empty(3)
     for a in range(3):
         height_a[a] = sqrt(inverse_ca[0, a] ** 2 + inverse_ca[1, a] ** 2 + inverse_ca[2, a] ** 2)
-    lo_a = np.zeros(3, np.int64)
-    hi_a = np.zeros(3, np.int64)
-    visits = 0
-    first = 0
+    lo_a, hi_a = np.zeros(3, np.int64), np.zeros(3, np.int64)
+    s_a = np.zeros(3)
+    n = 0
     n_bonds = len(r_bc)
+    first, w, b = state[0], state[1], state[2]
     while first < n_bonds:
+        # Atoms are anywhere in memory.
+        prefetch(x_all_at, 3 * i_b[min(first + _AHEAD, n_bonds - 1)])
         # All bonds in a row that start at the same place.
-        x0, x1, x2 = x_nc[i_b[first], 0], x_nc[i_b[first], 1], x_nc[i_b[first], 2]
-        if not isfinite(x0 + x1 + x2):
-            return -1
-        last = first
-        longest = 0.0
+        o = i_b[first]
+        x0, x1, x2 = x_nc[o, 0], x_nc[o, 1], x_nc[o, 2]
+        last = first + 1
         while last < n_bonds:
-            o = i_b[last]
-            if x_nc[o, 0] != x0 or x_nc[o, 1] != x1 or x_nc[o, 2] != x2:
+            a = i_b[last]
+            if a != o and (x_nc[a, 0] != x0 or x_nc[a, 1] != x1 or x_nc[a, 2] != x2):
                 break
-            length2 = r_bc[last, 0] ** 2 + r_bc[last, 1] ** 2 + r_bc[last, 2] ** 2
-            if not isfinite(length2):
-                return -1
-            longest = max(longest, length2)
             last += 1
+        longest4, total4 = splat4(0.0), splat4(0.0)
+        k = first
+        while k + 4 <= last:
+            r0, r1, r2 = load_rows4(r_at, 3 * k)
+            many = r0 * r0 + r1 * r1 + r2 * r2
+            total4 = total4 + many
+            longest4 = maximum4(many, longest4)
+            k += 4
+        longest, total = largest4(longest4), sum4(total4)
+        while k < last:
+            length2 = r_bc[k, 0] * r_bc[k, 0] + r_bc[k, 1] * r_bc[k, 1] + r_bc[k, 2] * r_bc[k, 2]
+            total += length2
+            longest = length2 if length2 > longest else longest
+            k += 1
+        if not isfinite(x0 + x1 + x2 + total):
+            return -1
         x0, x1, x2 = x0 - origin_c[0], x1 - origin_c[1], x2 - origin_c[2]
-        reach = (support + sqrt(longest)) * (1.0 + 1e-12)
-        empty = False
         for a in range(3):
-            s = (x0 * inverse_ca[0, a] + x1 * inverse_ca[1, a] + x2 * inverse_ca[2, a] - low_a[a]) * scale_a[a]
+            s_a[a] = x0 * inverse_ca[0, a] + x1 * inverse_ca[1, a] + x2 * inverse_ca[2, a]
+        empty = False
+        if longest <= length * abs(length):
+            for a in range(3):
+                k = floor((s_a[a] - mark_low_a[a]) * mark_scale_a[a])
+                if not 0 <= k < marked.shape[a]:
+                    empty = empty or not periodic_a[a]
+                    k = k % marked.shape[a]
+                lo_a[a] = k
+            empty = empty or not marked[lo_a[0], lo_a[1], lo_a[2]]
+        if empty:
+            first, w, b = last, 0, last
+            continue
+        reach = (support + sqrt(longest)) * (1.0 + 1e-12)
+        for a in range(3):
+            s = (s_a[a] - low_a[a]) * scale_a[a]
             pad = reach * height_a[a] * scale_a[a] + 1e-9
             lo_a[a] = floor(s - pad)
             hi_a[a] = floor(s + pad)
@@ -140,60 +225,145 @@ def points_bonds(
                 lo_a[a] = max(lo_a[a], 0)
                 hi_a[a] = min(hi_a[a], bins_a[a] - 1)
             empty = empty or hi_a[a] < lo_a[a]
-        span1 = hi_a[1] - lo_a[1] + 1
-        span2 = hi_a[2] - lo_a[2] + 1
-        total = 0 if empty else (hi_a[0] - lo_a[0] + 1) * span1 * span2
-        w = 0
-        g = 0
-        g_end = 0
-        p0 = p1 = p2 = 0.0
-        while w < total or g < g_end:
-            # Fill the buffer with points in reach ...
-            n = 0
-            while n < room:
-                if g >= g_end:
-                    if w >= total:
-                        break
-                    c0 = lo_a[0] + w // (span1 * span2)
-                    c1 = lo_a[1] + w // span2 % span1
-                    c2 = lo_a[2] + w % span2
-                    w += 1
-                    m0, m1, m2 = c0 // bins_a[0], c1 // bins_a[1], c2 // bins_a[2]
-                    bin_ = ((c0 - m0 * bins_a[0]) * bins_a[1] + c1 - m1 * bins_a[1]) * bins_a[2] + c2 - m2 * bins_a[2]
-                    g = start_w[bin_]
-                    g_end = start_w[bin_ + 1]
-                    if g < g_end:
-                        p0 = x0 - (m0 * cell_ac[0, 0] + m1 * cell_ac[1, 0] + m2 * cell_ac[2, 0])
-                        p1 = x1 - (m0 * cell_ac[0, 1] + m1 * cell_ac[1, 1] + m2 * cell_ac[2, 1])
-                        p2 = x2 - (m0 * cell_ac[0, 2] + m1 * cell_ac[1, 2] + m2 * cell_ac[2, 2])
-                    continue
-                d0, d1, d2 = p0 - point_gc[g, 0], p1 - point_gc[g, 1], p2 - point_gc[g, 2]
-                if d0 * d0 + d1 * d1 + d2 * d2 <= reach * reach:
-                    poke(x_at, n, d0)
-                    poke(x_at, apart + n, d1)
-                    poke(x_at, 2 * apart + n, d2)
-                    poke_int(which_at, n, g)
-                    n += 1
-                g += 1
-            if n == 0:
+        span1, span2 = hi_a[1] - lo_a[1] + 1, hi_a[2] - lo_a[2] + 1
+        end = 0 if empty else (hi_a[0] - lo_a[0] + 1) * span1 * span2
+        while w < end:
+            # Points in reach, of as many bins as there is room for ...
+            begin = w
+            m = 0
+            c0, c1, c2 = lo_a[0] + w // (span1 * span2), lo_a[1] + w // span2 % span1, lo_a[2] + w % span2
+            m0, m1, m2 = c0 // b0, c1 // b1, c2 // b2
+            while w < end:
+                bin_ = ((c0 - m0 * b0) * b1 + c1 - m1 * b1) * b2 + c2 - m2 * b2
+                g, g_end = start_w[bin_], start_w[bin_ + 1]
+                if m + g_end - g > room:
+                    break
+                if g < g_end:
+                    p0 = x0 - (m0 * cell_ac[0, 0] + m1 * cell_ac[1, 0] + m2 * cell_ac[2, 0])
+                    p1 = x1 - (m0 * cell_ac[0, 1] + m1 * cell_ac[1, 1] + m2 * cell_ac[2, 1])
+                    p2 = x2 - (m0 * cell_ac[0, 2] + m1 * cell_ac[1, 2] + m2 * cell_ac[2, 2])
+                    while g < g_end:
+                        d0, d1, d2 = p0 - point_gc[g, 0], p1 - point_gc[g, 1], p2 - point_gc[g, 2]
+                        poke(x_at, m, d0)
+                        poke(x_at, apart + m, d1)
+                        poke(x_at, 2 * apart + m, d2)
+                        poke_int(x_at, 3 * apart + m, g)
+                        m += d0 * d0 + d1 * d1 + d2 * d2 <= reach * reach
+                        g += 1
+                w += 1
+                c2 += 1
+                m2 += c2 - m2 * b2 == b2
+                if c2 > hi_a[2]:
+                    c2 = lo_a[2]
+                    m2 = c2 // b2
+                    c1 += 1
+                    m1 += c1 - m1 * b1 == b1
+                    if c1 > hi_a[1]:
+                        c1 = lo_a[1]
+                        m1 = c1 // b1
+                        c0 += 1
+                        m0 += c0 - m0 * b0 == b0
+            # ... and each bond finds its own among them.
+            b = max(b, first)
+            if m > 0:
+                few = 0 < m < _FEW and last - b > 1 and m * (last - b) <= full
+                if few and n + m * (last - b) <= full:
+                    n = near_few(r_at, b, last, n_bonds, m, support, cartesian, x_at, apart, n, pair_at, bond_at, point_at, most)
+                    b = last
+                while b < last:
+                    if few or n + m > full:
+                        state[0], state[1], state[2] = first, begin, b
+                        return n
+                    n = near(r_bc[b, 0], r_bc[b, 1], r_bc[b, 2], m, support, cartesian, b, x_at, apart, n, pair_at, bond_at, point_at, most)
+                    b += 1
+            b = first
+        first, w, b = last, 0, last
+    state[0] = n_bonds
+    return n
+
+
+@nb.njit(**ENTRY)
+def renumber(n, bond_l, which_b):
+    """Number the bonds of pairs anew, by their order among those that occur; `which_b` gets what they were called. Returns how many there are."""
+    count, before = 0, -1
+    for l in range(n):
+        if bond_l[l] != before:
+            before = bond_l[l]
+            which_b[count] = before
+            count += 1
+        bond_l[l] = count - 1
+    return count
+
+
+def sum_pairs(
+    n,
+    pair_3l,
+    bond_l,
+    point_l,
+    r_bc,  # only looked at for kernels that are not spheres
+    b_bk,  # k a multiple of four
+    radii_m,
+    coef_mk,
+    series,  # see `_beta_pairs.series_of`
+    acc_gk,
+    k_,
+):
+    """Σ b β over the pairs of each point, added to `acc_gk`."""
+    most = pair_3l.shape[1]
+    pair_at, bond_at, point_at = address(pair_3l), address(bond_l), address(point_l)
+    coef_at, series_at, k_at = address(coef_mk), address(series), address(k_)
+    acc_at, b_at, r_at = address(acc_gk), address(b_bk), address(r_bc)
+    n_comp = b_bk.shape[1]
+    for m in range(len(radii_m)):
+        R2 = radii_m[m] * radii_m[m]
+        if m > 0:
+            # Only those within reach of this piece.
+            k = 0
+            for l in range(n):
+                D, p2, length2 = peek(pair_at, l), peek(pair_at, most + l), peek(pair_at, 2 * most + l)
+                beyond = D - min(max(D, 0.0), 1.0)
+                poke(pair_at, k, D)
+                poke(pair_at, most + k, p2)
+                poke(pair_at, 2 * most + k, length2)
+                poke_int(bond_at, k, peek_int(bond_at, l))
+                poke_int(point_at, k, peek_int(point_at, l))
+                k += (p2 + beyond * beyond) * length2 < R2
+            n = k
+        if n == 0:
+            return
+        for l in range(n, n + 3):
+            poke(pair_at, l, peek(pair_at, n - 1))
+            poke(pair_at, most + l, peek(pair_at, most + n - 1))
+            poke(pair_at, 2 * most + l, peek(pair_at, 2 * most + n - 1))
+            poke_int(bond_at, l, peek_int(bond_at, n - 1))
+        row_at = coef_at + 8 * m * coef_mk.shape[1]
+        for l in range(0, n, 4):
+            x, y, z = load4(pair_at, l), load4(pair_at, most + l), load4(pair_at, 2 * most + l)
+            store4(k_at, 0, BETA(x, y, z, R2, row_at, series_at, bond_at + 8 * l, r_at, k_at))
+            for q in range(min(4, n - l)):
+                t, b, g = peek(k_at, q), n_comp * peek_int(bond_at, l + q), n_comp * peek_int(point_at, l + q)
+                for c in range(0, n_comp, 4):
+                    axpy4(acc_at, g + c, t, load4(b_at, b + c))
+
+
+@nb.njit(**ENTRY)
+def mark(p_ga, pad, limit2, edges, periodic, marked):
+    """Mark the bins whose centre is near a point; p_ga in bins."""
+    n0, n1, n2 = marked.shape
+    for g in range(len(p_ga)):
+        p0, p1, p2 = p_ga[g, 0], p_ga[g, 1], p_ga[g, 2]
+        for c0 in range(floor(p0 - pad[0]), floor(p0 + pad[0]) + 1):
+            if not periodic[0] and not 0 <= c0 < n0:
                 continue
-            # ... and let each bond find its own among them.
-            for b in range(first, last):
-                length = max(sqrt(r_bc[b, 0] ** 2 + r_bc[b, 1] ** 2 + r_bc[b, 2] ** 2), 1e-30 * support)
-                frame(r_bc, b, length, frame_bcc)
-                for m in range(len(radii_m)):
-                    R = radii_m[m]
-                    lanes = near(n, x_at, 1.0 / length, (R / length) ** 2, address(frame_bcc), near_at, apart, lane_at, which_at, seen_at)
-                    if lanes == 0:
+            for c1 in range(floor(p1 - pad[1]), floor(p1 + pad[1]) + 1):
+                if not periodic[1] and not 0 <= c1 < n1:
+                    continue
+                for c2 in range(floor(p2 - pad[2]), floor(p2 + pad[2]) + 1):
+                    if not periodic[2] and not 0 <= c2 < n2:
                         continue
-                    visits += lanes
-                    CONSTANTS(length, R, coef_mk, m, r_bc, frame_bcc, b, k_)
-                    for l in range(0, lanes, 4):
-                        store4(beta_at, l, BETA(load4(lane_at, l), load4(lane_at, apart + l), load4(lane_at, 2 * apart + l), k_at))
-                    for l in range(lanes):
-                        t = peek(beta_at, l)
-                        g_l = peek_int(seen_at, l)
-                        for c in range(n_comp):
-                            acc_gk[g_l, c] += t * b_bk[b, c]
-        first = last
-    return visits
+                    d2 = 0.0
+                    for c in range(3):
+                        d = (c0 + 0.5 - p0) * edges[0, c] + (c1 + 0.5 - p1) * edges[1, c] + (c2 + 0.5 - p2) * edges[2, c]
+                        d2 += d * d
+                    if d2 <= limit2:
+                        marked[c0 % n0, c1 % n1, c2 % n2] = True

@@ -145,6 +145,20 @@ def sum4(typingctx, a):
 
 
 @intrinsic
+def largest4(typingctx, a):
+    """The largest of the four."""
+
+    def codegen(context, builder, sig, args):
+        largest = builder.extract_element(args[0], ir.Constant(_INT32, 0))
+        for k in range(1, 4):
+            lane = builder.extract_element(args[0], ir.Constant(_INT32, k))
+            largest = builder.select(builder.fcmp_ordered(">", lane, largest), lane, largest)
+        return largest
+
+    return types.float64(vec4), codegen
+
+
+@intrinsic
 def lanes4(typingctx, a):
     """Four vec4, each one lane of a, four times."""
 
@@ -274,6 +288,21 @@ def poke_int(typingctx, at, i, n):
 
 
 @intrinsic
+def prefetch(typingctx, at, i):
+    """at[i] will be read soon."""
+
+    def codegen(context, builder, sig, args):
+        byte = ir.IntType(8).as_pointer()
+        kind = ir.FunctionType(ir.VoidType(), [byte, _INT32, _INT32, _INT32])
+        f = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0i8")
+        where = builder.bitcast(_pointer(builder, *args, _DOUBLE), byte)
+        builder.call(f, [where, *(ir.Constant(_INT32, k) for k in (0, 3, 1))])
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64), codegen
+
+
+@intrinsic
 def load4(typingctx, at, i):
     """at[i:i+4]"""
 
@@ -281,6 +310,26 @@ def load4(typingctx, at, i):
         return builder.load(_pointer(builder, *args, _VEC4), align=8)
 
     return vec4(types.int64, types.int64), codegen
+
+
+@intrinsic
+def load_rows4(typingctx, at, i):
+    """The three columns of four rows of three, at[i:i+12]."""
+
+    def codegen(context, builder, sig, args):
+        at, i = args
+        a, b, c = (builder.load(_pointer(builder, at, builder.add(i, ir.Constant(_INT64, 4 * k)), _VEC4), align=8) for k in range(3))
+
+        def pick(a, b, lanes):
+            return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_INT32, 4), lanes))
+
+        columns = [
+            pick(pick(a, b, first), c, second)
+            for first, second in (([0, 3, 6, 6], [0, 1, 2, 5]), ([1, 4, 7, 7], [0, 1, 2, 6]), ([2, 5, 5, 5], [0, 1, 4, 7]))
+        ]
+        return context.make_tuple(builder, sig.return_type, columns)
+
+    return types.UniTuple(vec4, 3)(types.int64, types.int64), codegen
 
 
 @intrinsic

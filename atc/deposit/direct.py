@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+from dataclasses import dataclass
 from functools import cache
 from math import ceil
 
@@ -10,13 +12,15 @@ import numpy as np
 
 from ..errors import AtcError
 from ..kernels import TINY, Box, BSpline, Gaussian, GaussianMarginal, Radial
-from . import _beta, _lattice, _points, _slab
+from . import _beta, _beta_pairs, _lattice, _points, _slab
 from ._simd import ENTRY, specialise
 
 # Bonds whose geometry is prepared at once.
 PIECE = 8192
-# Room for the points in reach of one atom (more are taken in turns); not a multiple of 4096 bytes, as in `LatticeDeposit`.
-POINTS = 1032
+# Room for the points in reach of one atom, and for (bond, point) pairs (more are taken in turns); not multiples of 4096 bytes, as in `LatticeDeposit`.
+POINTS, PAIRS = 1032, 8200
+# Up to so many points bins are marked that have one in reach; so many bins on that way.
+_FEW, _BINS_EACH = 300, 8
 
 _NOT_FINITE = "an atom's position or a bond's vector is not a finite number: check the trajectory and the potential for coincident atoms"
 
@@ -50,6 +54,8 @@ def family(kernel):
 
 @cache
 def _core(function, name):
+    if function is _points.sum_pairs:
+        return specialise(function, name, BETA=getattr(_beta_pairs, name + "_pairs"))
     if function is _slab.slab_bonds:
         return specialise(function, name, MEAN=getattr(_slab, name), CONSTANTS=getattr(_slab, name + "_constants"))
     return specialise(function, name, BETA=getattr(_beta, name), CONSTANTS=getattr(_beta, name + "_constants"))
@@ -300,7 +306,8 @@ class PointsDeposit(Deposit):
     def __init__(self, grid, kernel, cell, n_site, n_bond, threads):
         super().__init__(grid, kernel, cell, n_site, n_bond, threads)
         name, self.radii, self.coef = family(kernel)
-        self._core = _core(_points.points_bonds, name)
+        self._core = _core(_points.sum_pairs, name)
+        self._cartesian, self._series = name in ("bspline", "box"), _beta_pairs.series_of(name, self.radii, self.coef)
         cell, p = self.cell, np.ascontiguousarray(grid.relative_points_gc)
         s = p @ cell.inverse
         images = np.where(cell.periodic, np.floor(s), 0.0)
@@ -318,18 +325,99 @@ class PointsDeposit(Deposit):
         self.points = np.ascontiguousarray(p[self._sorted])
         self.start = np.searchsorted(flat[self._sorted], np.arange(self.bins.prod() + 1)).astype(np.int64)
 
+        self._fullest = int(np.diff(self.start).max(initial=0))
+        self._periodic = _array(cell.periodic, bool)
+        self._room: dict = {}
+        # Without `expect`: none of them, and nothing is left out by them.
+        self._marked, self._mark_low, self._mark_scale, self._length = np.ones((1, 1, 1), bool), np.zeros(3), np.ones(3), -1.0
+
+    def expect(self, length: float) -> None:
+        """Most bonds will not be longer than this: those that start where no point is in reach are passed over quickly, longer ones are looked at.
+
+        A few points only: there is nothing to be gained with many.
+        """
+        cell, reach = self.cell, (self.radii[0] + length) * (1 + 1e-9)
+        pad = reach / cell.heights
+        s = self.points @ cell.inverse
+        if not 0 < len(s) <= _FEW or length < 0 or (self._periodic & (pad > 1.0)).any():
+            return
+        low = np.where(self._periodic, 0.0, s.min(0) - 1.01 * pad)
+        span = np.where(self._periodic, 1.0, s.max(0) + 1.01 * pad - low)
+        bins = np.clip((span * cell.heights * _BINS_EACH / reach).astype(np.int64), 1, 128)
+        edges = np.ascontiguousarray(cell.vectors * (span / bins)[:, None])
+        half = 0.5 * max(np.linalg.norm(np.array(sign) @ edges) for sign in itertools.product((-1, 1), repeat=3))
+        self._marked, self._mark_low, self._mark_scale, self._length = np.zeros(bins, bool), low, bins / span, float(length)
+        pad = (reach + half) * (1 + 1e-9) / cell.heights * self._mark_scale
+        _points.mark((s - low) * self._mark_scale, pad, ((reach + half) * (1 + 1e-9)) ** 2, edges, self._periodic, self._marked)
+
+    def find(self, x_nc, i_b, r_bc, thread=0):
+        """Which bonds have points within reach: pieces, each to be given to `add_found` before the next is asked for. Bond b starts at x_nc[i_b].
+
+        Yields
+        ------
+        Found; a bond with many points may be in several
+        """
+        r_bc = _array(r_bc)
+        which = self._rooms(thread)[4]
+        for n, pairs in self._pairs(_array(x_nc), _array(i_b, np.int32), r_bc, thread):
+            if n:
+                bonds = which[: _points.renumber(n, pairs[1], which)].copy()
+                yield Found(bonds, n, pairs, r_bc[bonds])
+
+    def add_found(self, found, b_bk, thread=0):
+        """Add b β of what was found, b_bk (len(found), n_bond)."""
+        b_bk = _array(b_bk)
+        if b_bk.shape != (len(found), self.n_bond):
+            raise ValueError(f"values of the bonds found must have shape {(len(found), self.n_bond)}, got {b_bk.shape}")
+        self._sum("bond", found.n, found.pairs, found.r_bc, _padded(b_bk), thread)
+
+    def _rooms(self, thread):
+        if thread not in self._room:
+            apart = max(POINTS, self._fullest + 8) | 8
+            most = max(PAIRS, 2 * apart) | 8
+            self._room[thread] = (
+                np.empty((8, apart)), np.empty((3, most)), np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most, np.int64)
+            )  # fmt: skip
+        return self._room[thread]
+
+    def _pairs(self, x_nc, i_b, r_bc, thread):
+        """(how many, arrays) of pairs, as many at a time as there is room for."""
+        room, *pairs, _ = self._rooms(thread)
+        state = np.zeros(3, np.int64)
+        while state[0] < len(r_bc):
+            n = _points.find_pairs(
+                state, x_nc, i_b, r_bc, self.radii[0], self._cartesian, self._origin, self.points, self.start, self.bins, self.low, self.scale,
+                self._periodic, self._vectors, self._inverse, self._marked, self._mark_low, self._mark_scale, self._length, room, *pairs,
+            )  # fmt: skip
+            self._count(thread, n)
+            yield n, pairs
+
     def _add(self, what, x_nc, i_b, r_bc, b_bk, thread):
+        b_bk = _padded(b_bk)
+        for n, pairs in self._pairs(x_nc, i_b, r_bc, thread):
+            self._sum(what, n, pairs, r_bc, b_bk, thread)
+
+    def _sum(self, what, n, pairs, r_bc, b_bk, thread):
         acc = self._buffer(what, thread, (len(self.points), b_bk.shape[1]))
-        self._count(thread, self._core(
-            x_nc, i_b, r_bc, b_bk, self.radii, self.coef, self._origin, self.points, self.start,
-            self.bins, self.low, self.scale, _array(self.cell.periodic, bool), self._vectors, self._inverse,
-            acc, np.zeros((13, POINTS)), np.empty((1, 3, 3)), np.zeros(_beta.N_CONSTANTS),
-        ))  # fmt: skip
+        self._core(n, *pairs, r_bc, b_bk, self.radii, self.coef, self._series, acc, np.full(_beta_pairs.N_CONSTANTS, -1.0))
 
     def _finish(self, total, n_comp):
-        out = np.empty_like(total)
-        out[self._sorted] = total
+        out = np.empty((len(total), n_comp))
+        out[self._sorted] = total[:, :n_comp]
         return out
+
+
+@dataclass
+class Found:
+    """Some of the bonds given to `PointsDeposit.find`, by their numbers there, and their pairs with points."""
+
+    bonds: np.ndarray
+    n: int
+    pairs: list
+    r_bc: np.ndarray
+
+    def __len__(self):
+        return len(self.bonds)
 
 
 class SlabDeposit(Deposit):

@@ -50,6 +50,18 @@ def scatter_moment(i, j, r_bc, F_bc, out_n9):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def put_size(r_bc, G_b, F_bc, out_bk):
+    """|F| |r| in the last column; F_bc empty: F = −G r."""
+    at = out_bk.shape[1] - 1
+    for b in range(len(G_b)):
+        r2 = r_bc[b, 0] * r_bc[b, 0] + r_bc[b, 1] * r_bc[b, 1] + r_bc[b, 2] * r_bc[b, 2]
+        if len(F_bc):
+            out_bk[b, at] = sqrt(r2 * (F_bc[b, 0] * F_bc[b, 0] + F_bc[b, 1] * F_bc[b, 1] + F_bc[b, 2] * F_bc[b, 2]))
+        else:
+            out_bk[b, at] = abs(G_b[b]) * r2
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def put_moment(r_bc, F_bc, at, out_bk):
     """−r⊗F in columns at .. at+8, row-major."""
     for b in range(len(F_bc)):

@@ -6,7 +6,11 @@ For the exact method itself what is left is rounding; for an approximate one it 
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import NamedTuple
+
 import numpy as np
+from numba import njit
 
 from ..kernels import Gaussian
 
@@ -83,11 +87,12 @@ class Check:
             points = BoundGrid("points", home, ("point",), xyz=np.ascontiguousarray(bound.relative_points_of(self.which)))
             self.target = Target({}, points, kern, home, threads, origin=cell.origin)
 
-    def errors(self, field_g, at_points, scale: float = 0.0) -> dict[str, float]:
+    def errors(self, field_g, at_points, scale: float = 0.0, extent=None) -> dict[str, float]:
         """Largest and rms difference between the field and its second computation.
 
         Parameters
         ----------
+        extent : `extent_of(field_g)`, if it is known
         scale : the size of what the field is the difference of. A field that is nothing but rounding of it is measured against it.
 
         Returns
@@ -100,25 +105,65 @@ class Check:
         difference = np.abs(field_g[self.which] - at_points)
         worst = float(difference.max(initial=0.0))
         rms = float(np.sqrt(np.mean(difference**2))) if difference.size else 0.0
-        largest = float(np.abs(field_g).max(initial=0.0))
-        if largest <= ZERO * scale:
+        extent = extent or extent_of(field_g)
+        if extent.largest <= ZERO * scale:
             found = {"error_max": _ratio(worst, scale), "error_l2": _ratio(rms, scale), "error_of_fluctuation": _ratio(worst, scale)}
             return found | ({"error_of_terms": 1.0} if scale > 0 else {})
-        spread = float(np.abs(field_g - field_g.mean(0)).max(initial=0.0)) if len(field_g) else 0.0
         return {
-            "error_max": _ratio(worst, largest),
-            "error_l2": _ratio(rms, float(np.sqrt(np.mean(field_g**2))) if field_g.size else 0.0),
-            "error_of_fluctuation": _ratio(worst, spread),
+            "error_max": _ratio(worst, extent.largest),
+            "error_l2": _ratio(rms, extent.rms),
+            "error_of_fluctuation": _ratio(worst, extent.spread),
         }
 
-    def expected(self, field_g, at_points, scale: float = 0.0) -> float:
+    def expected(self, field_g, at_points, scale: float = 0.0, extent=None) -> float:
         """The largest error of all points over the largest value, if errors are normally distributed, by those found: √(2 ln N) standard deviations."""
-        largest = float(np.abs(field_g).max(initial=0.0))
+        largest = (extent or extent_of(field_g)).largest
         largest = scale if largest <= ZERO * scale else largest
         if len(self.which) < 20 or largest == 0.0:
             return 0.0
         rms = float(np.sqrt(np.mean((field_g[self.which] - at_points) ** 2)))
         return rms * float(np.sqrt(2.0 * np.log(field_g.size))) / largest
+
+
+class Extent(NamedTuple):
+    """How large a field is: its largest value, its largest deviation from its mean, of any component; the rms of all."""
+
+    largest: float
+    spread: float
+    rms: float
+
+
+def extent_of(field_g) -> Extent:
+    if not field_g.size:
+        return Extent(0.0, 0.0, 0.0)
+    low, high, mean, square = _extent(np.ascontiguousarray(field_g, dtype=np.float64).reshape(len(field_g), -1))
+    return Extent(float(max(high.max(), -low.min())), float(max((high - mean).max(), (mean - low).max())), float(np.sqrt(square)))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _extent(field_gk):
+    """Least, greatest and mean of each column; mean square of all. In one pass, summed up in pieces."""
+    n, many = field_gk.shape
+    low, high, total, square = field_gk[0].copy(), field_gk[0].copy(), np.zeros(many), 0.0
+    piece = np.empty(many)
+    for begin in range(0, n, 512):
+        piece[:] = 0.0
+        squares = 0.0
+        for g in range(begin, min(begin + 512, n)):
+            for k in range(many):
+                x = field_gk[g, k]
+                low[k] = x if x < low[k] else low[k]
+                high[k] = x if x > high[k] else high[k]
+                piece[k] += x
+                squares += x * x
+        total += piece
+        square += squares
+    return low, high, total / n, square / (n * many)
+
+
+def without_nan(values):
+    """`np.nan_to_num`, without a copy where there is nothing to be replaced."""
+    return values if np.isfinite(values.sum()) else np.nan_to_num(values)
 
 
 class SlabTarget:
@@ -152,7 +197,7 @@ class SlabTarget:
             slopes = self._sum(x_nc, None, a_nk, lambda d: -marginal_slope(self.marginal, d))[:, :, None] * self.normal
         return self._sum(x_nc, None, a_nk), slopes
 
-    def open(self, n_bond, key="bond"):
+    def open(self, n_bond, key="bond", length=None):
         """A deposit of bonds: what `add_bonds` and `add_bond_stress` bring is in `bond_sums`."""
         return _SlabDeposit(self, n_bond)
 
@@ -195,6 +240,13 @@ class _SlabDeposit:
         from .tensors import outer6
 
         self.add_bonds(x_nc[i_b], r_bc, outer6(r_bc) * G_b[:, None], thread)
+
+    def find(self, x_nc, i_b, r_bc, thread=0):
+        """As `PointsDeposit.find`: all of them."""
+        yield SimpleNamespace(bonds=slice(None), x_bc=x_nc[i_b], r_bc=r_bc)
+
+    def add_found(self, found, b_bk, thread=0):
+        self.add_bonds(found.x_bc, found.r_bc, b_bk, thread)
 
     def bond_sums(self):
         return sum((self.parts[t] for t in sorted(self.parts)), self.empty)

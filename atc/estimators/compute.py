@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import AtcError
 from ..units import require_compatible
-from .accuracy import Check, checking_kernel, kernel_internal
+from .accuracy import Check, checking_kernel, extent_of, kernel_internal, without_nan
 from .hot import HotPoints, Strongest, put_right
 from .kinematics import Displacement
 from .methods import DEPOSITS, EXACT, NAMES, Method, Refinement, deposits_of
@@ -18,7 +18,7 @@ from .peridynamic import horizon_of, node_volumes, weighted_virials
 from .registry import BOND, GATHER, SITE, Work
 from .sources import AtomFactors, AtomSums, ReferenceBonds, bond_factors, drift_velocity, piola_factor
 from .sums import Sums, full, kinetic_flux, quotient, thermal, within_thermal
-from .target import NearPoints, Target
+from .target import Target
 from .tensors import outer6
 
 
@@ -80,7 +80,7 @@ class Stage:
         self.check = Check(self.bound, kern, frame.cell, settings.threads, index, settings.check_points)
         self.main = Target(settings.methods, self.bound, kern, frame.cell, settings.threads)
         self.check.target.place(frame.positions)  # before threads ask for it
-        self._frame, self._kern, self._tolerance = frame, kern, settings.tolerance
+        self._kern, self._tolerance = kern, settings.tolerance
         # See `hot`: set where the strongest bonds are to be summed exactly; what they make; and whether they are still to be found.
         self.strongest = self.strong_g = None
         self.seeking = False
@@ -94,25 +94,14 @@ class Stage:
             self.check.target.summed_kern = self._kern
         elif self.bound.kind != "slab" and self._kern is not None:
             self.reach = self.check.target.summed_kern = checking_kernel(self._kern, methods, self._tolerance)
-        self._near = None
 
     def at(self, frame) -> None:
         """From now on for this frame, whose cell and grid are the same."""
-        self._frame, self._near = frame, None
         self.check.target.place(frame.positions)
 
     @property
     def targets(self):
         return self.main, self.check.target
-
-    def near(self, pot) -> NearPoints | None:
-        """Which bonds the check must look at; None where it looks at all of them (slabs)."""
-        if self.bound.kind == "slab" or not len(self.check.which):
-            return None
-        if self._near is None:
-            points = self.bound.relative_points_of(self.check.which)
-            self._near = NearPoints(points, self.reach.support, max(pot.cutoff, 0.0), self._frame.cell, self._frame.positions)
-        return self._near
 
 
 def frame_fields(frame, settings: Settings, index: int = 0, run_tiles=None) -> FrameResult:
@@ -274,13 +263,14 @@ class _FrameJob:
             if q.kind == "grid":
                 here = self.reference if q.name in self.on_reference else self.stage
                 # Points that are never defined are NaN in both.
-                wanted = np.nan_to_num(q.form(at_points))
-                errors[q.name] = found = here.check.errors(np.nan_to_num(values), wanted, q.scale(main))
+                wanted, known = without_nan(q.form(at_points)), without_nan(values)
+                extent = extent_of(known)
+                errors[q.name] = found = here.check.errors(known, wanted, q.scale(main), extent)
                 if self.hot is not None and q in checkable(work):
-                    more = self.hot.check.errors(np.nan_to_num(values), np.nan_to_num(q.form(self.hot_sums)), q.scale(main))
+                    more = self.hot.check.errors(known, without_nan(q.form(self.hot_sums)), q.scale(main), extent)
                     for key in ("error_max", "error_of_fluctuation"):
                         found[key] = max(found[key], more[key])
-                self.expected[q.name] = max(found["error_max"], SAFE * here.check.expected(np.nan_to_num(values), wanted, q.scale(main)))
+                self.expected[q.name] = max(found["error_max"], SAFE * here.check.expected(known, wanted, q.scale(main), extent))
                 arrays[q.name] = arrays[q.name].reshape(*here.bound.shape, *values.shape[1:])
                 if q.weight is not None:
                     weights[q.name] = main.site[q.weight][:, 0].reshape(here.bound.shape)
@@ -357,10 +347,9 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums, kept=None
     reference_deposit = reference.main.open(work.n_reference_bond, "reference_bond") if work.reference_bond else None
     # The error check takes only the bonds near its points, and one more sum: how large the terms of the stress are.
     size = bool({"stress", "moment"} & {*work.bond})
-    check = stage.check.target.open(work.n_bond + size) if work.bond else None
-    reference_check = reference.check.target.open(work.n_reference_bond) if work.reference_bond else None
-    near = stage.near(settings.pot) if work.bond else None
-    near_reference = reference.near(settings.pot) if work.reference_bond else None
+    length = max(settings.pot.cutoff, 0.0)
+    check = stage.check.target.open(work.n_bond + size, length=length) if work.bond else None
+    reference_check = reference.check.target.open(work.n_reference_bond, length=length) if work.reference_bond else None
     carried = bool(work.reference_bond or work.reference_point or "reference_atom_moment" in work.whole)
     to_reference = ReferenceBonds(frame, settings.reference) if carried else None
     atoms = AtomSums(
@@ -380,21 +369,16 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums, kept=None
                 deposit.add_bonds(x_nc[bonds.i], bonds.r_bc, b_bk, thread=thread)
             if stage.seeking:
                 stage.strongest.add(bonds, thread)
-            few = bonds if near is None else near.take(bonds)
-            if len(few):
-                b_bk = bond_factors(work.bond, widths, few, peculiar_nc, frame.velocities)
-                if size:
-                    r2_b = np.einsum("bc,bc->b", few.r_bc, few.r_bc)
-                    sizes = np.abs(few.G_b) * r2_b if few.F_bc is None else np.linalg.norm(few.F_bc, axis=1) * np.sqrt(r2_b)
-                    b_bk = np.concatenate([b_bk, sizes[:, None]], axis=1)
-                check.add_bonds(x_nc[few.i], few.r_bc, b_bk, thread=thread)
+            for found in check.find(x_nc, bonds.i, bonds.r_bc, thread):
+                few = bonds.taken(found.bonds)
+                check.add_found(found, bond_factors(work.bond, widths, few, peculiar_nc, frame.velocities, size=size), thread)
         if to_reference is not None:
             X_bc, R_bc = to_reference.bonds(bonds)
             if reference_deposit is not None:
                 P_b9 = piola_factor(bonds, R_bc)
                 reference_deposit.add_bonds(X_bc, R_bc, P_b9, thread=thread)
-                few = slice(None) if near_reference is None else near_reference.which(bonds.i, bonds.j, R_bc)
-                reference_check.add_bonds(X_bc[few], R_bc[few], P_b9[few], thread=thread)
+                for found in reference_check.find(settings.reference.positions, bonds.i, R_bc, thread):
+                    reference_check.add_found(found, P_b9[found.bonds], thread)
         else:
             X_bc = R_bc = None
         if weighted is not None:

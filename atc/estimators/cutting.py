@@ -142,17 +142,17 @@ class Cut:
             start, other, apart = _special_of(*self.special, index, len(frame))
             topology = Topology(bonds=np.zeros((1, 2), np.int64))
             topology.special = SimpleNamespace(start=start, other=other, apart=apart, hints=special_hints(start, other), cell=frame.cell)
-        particles = cluster(frame, self.home_nc, index, image).replace(topology=topology)
+        particles = cluster(frame, self.home_nc[index], index, image).replace(topology=topology)
         reference = None if self.to_reference is None else self.to_reference.of(index)
         return Tile(particles, own[index] & ~image.any(1), index, image, tuples, reference)
 
 
-def cluster(frame, home_nc, index, image):
-    """The chosen atoms and images as an open frame without topology; home : where image 0 of each atom is."""
+def cluster(frame, home_pc, index, image):
+    """The chosen atoms and images as an open frame without topology; home : where image 0 of each of them is."""
     names = ("types", "masses", "velocities", "charges", "ids")
     take = {name: None if getattr(frame, name) is None else getattr(frame, name)[index] for name in names}
     open_cell = Cell(frame.cell.vectors, frame.cell.origin, (False, False, False))
-    return Frame(home_nc[index] + image @ frame.cell.vectors, open_cell, frame.units, step=frame.step, source=frame.source, **take)
+    return Frame(home_pc + image @ frame.cell.vectors, open_cell, frame.units, step=frame.step, source=frame.source, **take)
 
 
 def depth(pot, listed: bool = False) -> float:

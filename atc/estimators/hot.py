@@ -21,7 +21,7 @@ from ..errors import AtcError
 from .accuracy import Check
 from .registry import BOND
 from .sources import bond_factors
-from .target import NearPoints, Target
+from .target import Target
 from .tensors import outer6
 
 #: Of the strongest bonds as many are summed exactly, one for so many atoms.
@@ -218,41 +218,59 @@ def placed(bound, candidates, most, centres, apart):
 
 
 def cluster_around(frame, centres, radius):
-    """Atoms and their images within `radius` of any of some points (relative to the cell's origin): an open frame, which atoms, None if they are too many."""
+    """Atoms and their images within a radius of any of some points: an open frame, which atoms, None if they are too many.
+
+    Parameters
+    ----------
+    centres : (p, 3) relative to the cell's origin
+    radius : (p,) or one for all
+    """
     from .cutting import cluster
 
     cell = frame.cell
-    s = cell.fractional(frame.positions)
-    s -= np.where(cell.periodic, np.floor(s), 0.0)
     most = len(frame) // 2
-    n, index, image = _around(s, centres @ cell.inverse, radius / cell.heights, radius**2, cell.vectors, np.array(cell.periodic), most)
+    radius_p = np.broadcast_to(np.asarray(radius, dtype=float), len(centres)).copy()
+    n, index, image = _around(
+        frame.positions, cell.origin, cell.inverse, centres @ cell.inverse, radius_p, radius_p[:, None] / cell.heights, cell.vectors,
+        np.array(cell.periodic), most,
+    )  # fmt: skip
     if n > most:
         return None
-    return cluster(frame, cell.cartesian(s), index[:n], image[:n]), index[:n]
+    return cluster(frame, frame.positions[index[:n]], index[:n], image[:n]), index[:n]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _around(s_nc, p_pc, wide, limit2, vectors, periodic, most):
+def _around(x_nc, origin, inverse, p_pc, radius_p, wide_pc, vectors, periodic, most):
     index, image = np.empty(most, np.int64), np.empty((most, 3), np.int64)
     n = 0
     lo, hi = np.zeros(3, np.int64), np.zeros(3, np.int64)
-    for a in range(len(s_nc)):
+    s_c, cell_c = np.zeros(3), np.zeros(3, np.int64)
+    for a in range(len(x_nc)):
         first = n
+        x, y, z = x_nc[a, 0] - origin[0], x_nc[a, 1] - origin[1], x_nc[a, 2] - origin[2]
+        for c in range(3):
+            s = x * inverse[0, c] + y * inverse[1, c] + z * inverse[2, c]
+            # Images of the atom are counted from where it is, those looked for from the cell.
+            cell_c[c] = np.int64(np.floor(s)) if periodic[c] else 0
+            s_c[c] = s - cell_c[c]
         for p in range(len(p_pc)):
             none = False
             for c in range(3):
-                d = p_pc[p, c] - s_nc[a, c]
+                d = p_pc[p, c] - s_c[c]
                 if periodic[c]:
-                    lo[c], hi[c] = np.int64(np.ceil(d - wide[c])), np.int64(np.floor(d + wide[c]))
-                    none |= lo[c] > hi[c]
+                    lo[c], hi[c] = np.int64(np.ceil(d - wide_pc[p, c])), np.int64(np.floor(d + wide_pc[p, c]))
+                    none = lo[c] > hi[c]
                 else:
-                    none |= abs(d) > wide[c]
+                    none = abs(d) > wide_pc[p, c]
+                if none:
+                    break
             if none:
                 continue
+            limit2 = radius_p[p] * radius_p[p]
             for k0 in range(lo[0], hi[0] + 1):
                 for k1 in range(lo[1], hi[1] + 1):
                     for k2 in range(lo[2], hi[2] + 1):
-                        d0, d1, d2 = s_nc[a, 0] + k0 - p_pc[p, 0], s_nc[a, 1] + k1 - p_pc[p, 1], s_nc[a, 2] + k2 - p_pc[p, 2]
+                        d0, d1, d2 = s_c[0] + k0 - p_pc[p, 0], s_c[1] + k1 - p_pc[p, 1], s_c[2] + k2 - p_pc[p, 2]
                         far = 0.0
                         for c in range(3):
                             x = d0 * vectors[0, c] + d1 * vectors[1, c] + d2 * vectors[2, c]
@@ -261,12 +279,12 @@ def _around(s_nc, p_pc, wide, limit2, vectors, periodic, most):
                             continue
                         known = False
                         for m in range(first, n):
-                            known |= image[m, 0] == k0 and image[m, 1] == k1 and image[m, 2] == k2
+                            known |= image[m, 0] == k0 - cell_c[0] and image[m, 1] == k1 - cell_c[1] and image[m, 2] == k2 - cell_c[2]
                         if known:
                             continue
                         if n == most:
                             return n + 1, index, image
-                        index[n], image[n, 0], image[n, 1], image[n, 2] = a, k0, k1, k2
+                        index[n], image[n, 0], image[n, 1], image[n, 2] = a, k0 - cell_c[0], k1 - cell_c[1], k2 - cell_c[2]
                         n += 1
     return n, index, image
 
@@ -315,15 +333,13 @@ class HotPoints:
             target = Target({}, BoundGrid("points", home, ("point",), xyz=np.ascontiguousarray(points)), self.check.target.kern, home, threads, origin=frame.cell.origin)  # fmt: skip
             target.summed_kern = self.stage.reach
         target.place(frame.positions)
-        near = NearPoints(points, reach, max(pot.cutoff, 0.0), frame.cell, frame.positions)
-        deposit = target.open(sum(widths))
+        deposit = target.open(sum(widths), length=max(pot.cutoff, 0.0))
         peculiar_nc = frame.velocities - drift if "power" in names else None
 
         def consume(bonds, thread):
-            some = near.take(bonds)
-            if len(some):
-                b_bk = bond_factors(names, widths, some, peculiar_nc, frame.velocities)
-                deposit.add_bonds(frame.positions[some.i], some.r_bc, b_bk, thread=thread)
+            for found in deposit.find(frame.positions, bonds.i, bonds.r_bc, thread):
+                some = bonds.taken(found.bonds)
+                deposit.add_found(found, bond_factors(names, widths, some, peculiar_nc, frame.velocities), thread)
 
         more = {"sources": True} if any(BOND[name].sources for name in names) else {}
         with context:
@@ -340,6 +356,10 @@ class HotPoints:
             deep = depth(pot)
         except AtcError:
             return None
-        near = np.linalg.norm(self.xyz[:, None] - self.places, axis=2).min(1)
-        found = cluster_around(self.frame, self.places, near.max(initial=0.0) + reach + deep)
+        # A ball around the points of each place.
+        own = np.linalg.norm(self.xyz[:, None] - self.places, axis=2).argmin(1)
+        groups = [self.xyz[own == p] for p in np.unique(own)]
+        centres = np.array([0.5 * (x.min(0) + x.max(0)) for x in groups])
+        radius = [np.linalg.norm(x - c, axis=1).max() + reach + deep for x, c in zip(groups, centres)]
+        found = cluster_around(self.frame, centres, radius)
         return None if found is None else found[0]

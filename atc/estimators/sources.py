@@ -138,11 +138,13 @@ def _total(buffers):
     return None if buffers is None else sum(buffers[1:], buffers[0])
 
 
-def bond_factors(names, widths, bonds, peculiar_nc, velocities_nc) -> np.ndarray:
-    """(b, k) the named factors of Σ b β, side by side."""
+def bond_factors(names, widths, bonds, peculiar_nc, velocities_nc, size=False) -> np.ndarray:
+    """(b, k) the named factors of Σ b β, side by side; |F| |r| too if `size`."""
     from . import _numba
 
-    out = np.empty((len(bonds), sum(widths)))
+    out = np.empty((len(bonds), sum(widths) + size))
+    if size:
+        _numba.put_size(bonds.r_bc, bonds.G_b, bonds.forces() if bonds.F_bc is not None else np.zeros((0, 3)), out)
     at = 0
     for name, width in zip(names, widths):
         if name == "stress":

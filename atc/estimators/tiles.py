@@ -19,7 +19,7 @@ from .cutting import Cut, Tile, owned
 from .peridynamic import WeightedVirials, horizon_of
 from .registry import BOND, Work
 from .sources import AtomSums, ReferenceBonds, bond_factors, piola_factor
-from .target import NearPoints, Target
+from .target import Target
 
 
 @dataclass
@@ -51,19 +51,17 @@ class Task:
 class _Spot:
     """A place, ready for the bonds of one tile; has what `compute.Stage` has."""
 
-    def __init__(self, place, task, x_nc, n_bond, key="bond", size=False):
+    def __init__(self, place, task, n_bond, key="bond", size=False):
         self.bound, self.main = place.bound, Target(task.methods, place.bound, place.kern, place.cell, task.threads)
         checker = Check(place.bound, place.kern, place.cell, task.threads, task.index, task.check_points)
         self.targets = self.main, checker.target
-        self.deposit = self.check = self.near = None
+        self.deposit = self.check = None
         if not n_bond:
             return
         self.deposit = self.main.open(n_bond, key)
         if place.bound.kind != "slab":
-            reach = checker.target.summed_kern = checking_kernel(place.kern, task.methods, task.tolerance)
-            points = place.bound.relative_points_of(checker.which)
-            self.near = NearPoints(points, reach.support, max(task.pot.cutoff, 0.0), place.cell, x_nc) if len(points) else None
-        self.check = checker.target.open(n_bond + size)
+            checker.target.summed_kern = checking_kernel(place.kern, task.methods, task.tolerance)
+        self.check = checker.target.open(n_bond + size, length=max(task.pot.cutoff, 0.0))
 
     def sums(self):
         return self.deposit.bond_sums(), self.check.bond_sums()
@@ -82,9 +80,9 @@ def tile_sums(tile: Tile, task: Task) -> dict:
     size = "stress" in names
     here = reference = weighted = None
     if task.here is not None:
-        here = _Spot(task.here, task, frame.positions, work.n_bond, size=size)
+        here = _Spot(task.here, task, work.n_bond, size=size)
     if task.reference is not None:
-        reference = _Spot(task.reference, task, tile.reference.X_nc, work.n_reference_bond, "reference_bond")
+        reference = _Spot(task.reference, task, work.n_reference_bond, "reference_bond")
     if work.horizon_users:
         weighted = WeightedVirials(
             [task.here and task.here.cell, task.reference and task.reference.cell], task.pot, threads, work, here, reference, task.horizon
@@ -118,18 +116,14 @@ def tile_sums(tile: Tile, task: Task) -> dict:
         if names:
             b_bk = bond_factors(names, widths, mine, peculiar_nc, frame.velocities)
             here.deposit.add_bonds(frame.positions[mine.i], mine.r_bc, b_bk, thread=thread)
-            few = mine if here.near is None else here.near.take(mine)
-            if len(few):
-                b_bk = bond_factors(names, widths, few, peculiar_nc, frame.velocities)
-                if size:
-                    sizes = np.abs(few.G_b) * np.einsum("bc,bc->b", few.r_bc, few.r_bc)
-                    b_bk = np.concatenate([b_bk, sizes[:, None]], axis=1)
-                here.check.add_bonds(frame.positions[few.i], few.r_bc, b_bk, thread=thread)
+            for found in here.check.find(frame.positions, mine.i, mine.r_bc, thread):
+                few = mine.taken(found.bonds)
+                here.check.add_found(found, bond_factors(names, widths, few, peculiar_nc, frame.velocities, size=size), thread)
         if work.reference_bond:
             P_b9 = piola_factor(mine, R_bc)
             reference.deposit.add_bonds(X_bc, R_bc, P_b9, thread=thread)
-            few = slice(None) if reference.near is None else reference.near.which(mine.i, mine.j, R_bc)
-            reference.check.add_bonds(X_bc[few], R_bc[few], P_b9[few], thread=thread)
+            for found in reference.check.find(tile.reference.X_nc, mine.i, R_bc, thread):
+                reference.check.add_found(found, P_b9[found.bonds], thread)
         if weighted is not None:
             weighted.add(frame.positions, mine, X_bc, R_bc, thread)
 
