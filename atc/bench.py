@@ -152,10 +152,9 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
     ------
     AtcError for a request without fields on a grid.
     """
-    from .choose import sizes, spectral_deposit
+    from .choose import carriers, cheapest, sizes
     from .costs import direct as direct_seconds
     from .costs import gather as gather_seconds
-    from .costs import spectral as spectral_seconds
     from .estimators.compute import frame_fields
     from .estimators.methods import Method
     from .estimators.registry import Work
@@ -205,24 +204,30 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
     for t in sorted(tolerances, reverse=True):
         try:
             deposits = {
-                k: spectral_deposit(places[k][0], kern, places[k][1], size[2], t, request.threads, "gather" in k and work.slopes(k))
+                k: cheapest(
+                    costs, places[k][0], kern, places[k][1], *size, t, "gather" in k and work.slopes(k), carriers(k, work, len(frame))
+                )
                 for k, size in needed.items()
             }
         except AtcError as e:
             left_out.append((f"spectral {t:g}", str(e)))
             continue
+        times = [of for of, _ in deposits.values()]
+        deposits = {k: d for k, (_, d) in deposits.items()}
         d = max(deposits.values(), key=lambda d: np.prod(np.asarray(d.mesh, float)))
-        about = f"mesh {' x '.join(str(int(k)) for k in d.mesh)}, window {d.parameters.width}"
-        if np.prod(np.asarray(d.mesh, float)) * 8 * 8 * request.threads > 4e9:
+        about = f"mesh {' x '.join(str(int(k)) for k in d.mesh)}, window {d.parameters.width}" + (
+            f", moments to order {d.order}" if d.order else ""
+        )
+        if np.prod(np.asarray(d.mesh, float)) * 8 * d.most_components * request.threads > 4e9:
             left_out.append((f"spectral {t:g}", f"a {about.split(',')[0]} does not fit"))
             continue
-        ahead = fixed + sum(spectral_seconds(costs, d, *needed[k]) for k, d in deposits.items())
+        ahead = fixed + sum(times)
         if ahead > most_each:
             left_out.append((f"spectral {t:g}", f"predicted to take {ahead:.0f} s of CPU"))
             continue
         progress(f"spectral, tolerance {t:g}")
         # Forced, so that the rung is what it says and nothing is refined.
-        methods = {k: Method("spectral", t, "bench", (), True) for k in needed}
+        methods = {k: Method("spectral", t, "bench", (), True, deposits[k].order) for k in needed}
         result, cpu, wall = run(replace(settings, methods=methods, tolerance=t))
         found = result.errors[name]
         errors = (found["error_max"], found["error_l2"]) if exact is None else _errors(result.arrays[name], exact)

@@ -192,6 +192,39 @@ def _spectral(costs, frame, bonds, length, u):
     costs.spread_point, costs.spread_register = solve(*spread[8])
     costs.spread_point_single, costs.spread_register_single = solve(*spread[4])
     costs.mesh_node, costs.mesh_node_single = float(np.median(finish[8])), float(np.median(finish[4]))
+    _moments(costs, frame, bonds, bound)
+
+
+def _moments(costs, frame, bonds, bound):
+    from .deposit import make
+    from .deposit.moments import count
+    from .kernels import kernel
+
+    rows, times, finished, finishes = [], [], [], []
+    # Of equal strength: none of them becomes points.
+    G_b = 1.0 / (bonds.r_bc**2).sum(1)
+    for radius, tolerance, order in ((20.0, 1e-2, 2), (20.0, 1e-4, 3), (20.0, 1e-6, 4), (14.0, 1e-4, 4), (30.0, 1e-5, 3)):
+        last = {}
+
+        def add(radius=radius, tolerance=tolerance, order=order, last=last):
+            d = last["deposit"] = make("spectral", bound, kernel("gaussian", radius), frame.cell, 0, 6, tolerance=tolerance, order=order)
+            d.add_bond_stress(frame.positions, bonds.i, bonds.r_bc, G_b, j_b=bonds.j)
+
+        rows.append([len(bonds), len(bonds) * count(order)])
+        times.append(clock(add, 2))
+        d, many = last["deposit"], count(order)
+
+        def both(add=add, last=last):
+            add()
+            last["deposit"].bond_sums()
+
+        finishes.append(max(clock(both, 2) - times[-1], 1e-9))
+        node = costs.mesh_node_single if model.transform_itemsize(d) == 4 else costs.mesh_node
+        nodes = float(np.prod(np.asarray(d.mesh, float)))
+        finished.append([len(frame), len(frame) * model.window_registers(d, 8 * ceil(many / 8)), nodes * many])
+        finishes[-1] = max(finishes[-1] - node * nodes * many, 0.2 * finishes[-1])
+    costs.moment_bond, costs.moment = solve(rows, times)
+    costs.moment_atom, costs.moment_register, costs.moment_node = solve(finished, finishes)
 
 
 def _points(costs, frame, bonds, length, u):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from .costs import Costs, Load, direct, gather, points_each, spectral, spectral_memory
+from .costs import Costs, Load, collapsed, direct, gather, points_each, spectral, spectral_memory
 from .errors import AtcError
 from .estimators.methods import EXACT, Method
 
@@ -49,11 +49,40 @@ def sizes(work, atoms: int, load: Load) -> dict[str, tuple[float, float, int]]:
     return out
 
 
-def spectral_deposit(bound, kern, cell, components: int, tolerance: float, threads: int = 1, gradients: bool = False):
+def spectral_deposit(bound, kern, cell, components: int, tolerance: float, threads: int = 1, gradients: bool = False, order=None):
     """A spectral deposit without its meshes, or an AtcError that says why there can be none."""
-    from .deposit.spectral import SpectralDeposit
+    from .deposit.collapse import spectral_deposit
 
-    return SpectralDeposit(bound, kern, cell, components, components, threads, tolerance, gradients=gradients)
+    return spectral_deposit(bound, kern, cell, components, components, threads, tolerance, gradients, order)
+
+
+def cheapest(
+    costs: Costs, bound, kern, cell, items: float, length: float, components: int, tolerance: float, gradients=False, carried: float = 0.0,
+    frames: int = 1,
+):  # fmt: skip
+    """(seconds, spectral deposit): with points on bonds, or with the moments of `carried` atoms (0: not possible), whichever costs less a frame."""
+    from .deposit import moments
+
+    best = None
+    for order in (None, *(moments.ORDERS if carried else ())):
+        try:
+            deposit = spectral_deposit(bound, kern, cell, components, tolerance, gradients=gradients, order=order)
+        except AtcError:
+            if order is not None:
+                continue
+            raise
+        # An order that is enough for all bonds is the last one worth a look.
+        seconds = spectral(costs, deposit, items, length, components, carried, frames)
+        if best is None or (seconds < best[0] and _fits(deposit, components, carried)):
+            best = seconds, deposit
+        if order is not None and collapsed(deposit, length) == 1.0:
+            break
+    return best
+
+
+def carriers(key: str, work, atoms: int) -> float:
+    """Atoms that can carry moments of their bonds: where only the stress of central forces is summed over these."""
+    return float(atoms) if key == "bond" and work.bond == ["stress"] else 0.0
 
 
 def choose(
@@ -72,15 +101,16 @@ def choose(
     out = {}
     for key, (items, length, components) in sizes(work, atoms, load).items():
         bound, cell = places[key]
-        gathered = key in ("gather", "reference_gather")
-        slopes = gathered and work.slopes(key)
-        exact = (gather if gathered else direct)(costs, bound, kern, items, length, components)
+        by_gather = key in ("gather", "reference_gather")
+        slopes = by_gather and work.slopes(key)
+        exact = (gather if by_gather else direct)(costs, bound, kern, items, length, components)
         look = None
         if pilot is not None and key == "bond" and work.bond == ["stress"]:
             look = _Look(pilot, load.seconds(costs, atoms))
         out[key] = _one(
-            method, tolerance, costs, bound, kern, cell, items, length, components, exact, slopes, look, (together or {}).get(key, 1)
-        )
+            method, tolerance, costs, bound, kern, cell, items, length, components, exact, slopes, look,
+            carriers(key, work, atoms), (together or {}).get(key, 1),
+        )  # fmt: skip
     return out
 
 
@@ -92,15 +122,17 @@ class _Look:
     seconds: float
 
 
-def _one(method, tolerance, costs, bound, kern, cell, items, length, components, exact, gradients, look=None, frames=1) -> Method:
-    """exact : seconds of the exact sum; gradients : whether those are wanted too."""
-
-    ways = _Spectral(costs, bound, kern, cell, items, length, components, gradients, frames)
+def _one(
+    method, tolerance, costs, bound, kern, cell, items, length, components, exact, gradients, look=None, carried=0.0, frames=1
+) -> Method:
+    """exact : seconds of the exact sum; gradients : whether those are wanted too; carried : atoms that can carry moments; frames : finished together."""
+    ways = _Spectral(costs, bound, kern, cell, items, length, components, gradients, carried, frames)
 
     if method == "spectral":
         first = ways.deposit(max(tolerance, 1e-14))
-        rungs = _rungs(tolerance, lambda t: _fits(ways.deposit(t), components))
-        return Method("spectral", tolerance, _shape(first, "asked for", length), rungs, forced=True)
+        rungs = _rungs(tolerance, lambda t: _fits(ways.deposit(t), components, carried))
+        orders = tuple(ways.deposit(t).order for t in rungs)
+        return Method("spectral", tolerance, _shape(first, "asked for", length), rungs, True, first.order, orders)
     if method != "auto":
         return Method(method, reason="asked for", forced=True)
     if bound.kind == "slab":
@@ -134,33 +166,44 @@ class _Spectral:
     length: float
     components: int
     gradients: bool = False
+    carried: float = 0.0
     frames: int = 1
 
     def deposit(self, t):
-        return spectral_deposit(self.bound, self.kern, self.cell, self.components, t, gradients=self.gradients)
+        """The cheapest."""
+        return self._best(t)[1]
+
+    def _best(self, t):
+        """(seconds, deposit)"""
+        what = self.items, self.length, self.components
+        return cheapest(self.costs, self.bound, self.kern, self.cell, *what, t, self.gradients, self.carried, self.frames)
 
     def cost(self, t) -> float:
         """CPU seconds; an AtcError where its mesh is too large."""
-        deposit = self.deposit(t)
-        if not _fits(deposit, self.components):
+        seconds, deposit = self._best(t)
+        if not _fits(deposit, self.components, self.carried):
             raise AtcError(f"its mesh of {_mesh(deposit)} would take more than {MOST_MEMORY / 1e9:.0f} GB")
-        return spectral(self.costs, deposit, self.items, self.length, self.components, self.frames)
+        return seconds
 
     def method(self, start, tolerance, exact) -> Method:
         """Beginning at `start`, with what is cheaper than the exact sum to go on with."""
         why = f"{self.cost(start):.2g} s of CPU against {exact:.2g} s for the exact sum"
         rungs = _rungs(tolerance, lambda t: self.cost(t) < exact, start)
-        return Method("spectral", start, _shape(self.deposit(start), why, self.length), rungs)
+        first = self.deposit(start)
+        orders = tuple(self.deposit(t).order for t in rungs)
+        return Method("spectral", start, _shape(first, why, self.length), rungs, order=first.order, orders=orders)
 
 
-def adjusted(method: Method, error, tolerance, costs: Costs, bound, kern, cell, load: Load, components: int, frames: int = 1) -> Method:
+def adjusted(
+    method: Method, error, tolerance, costs: Costs, bound, kern, cell, load: Load, components: int, carried=0.0, frames: int = 1
+) -> Method:
     """The method of sums over bonds for further frames, by the error that `method` left on the first: looser or tighter, as far as errors follow the tolerance."""
     limit = method.tolerance * AIM_LATER * tolerance / max(error, 1e-300) * (1 + 1e-9)
     ladder = [*(t for t in _loose(tolerance) if t > method.tolerance * (1 + 1e-9)), method.tolerance, *method.rungs]
     start = next((t for t in ladder if t <= limit), method.tolerance)
     if start == method.tolerance or (start < method.tolerance and error <= ENOUGH * tolerance):
         return method
-    ways = _Spectral(costs, bound, kern, cell, load.bonds, load.length, components, frames=frames)
+    ways = _Spectral(costs, bound, kern, cell, load.bonds, load.length, components, carried=carried, frames=frames)
     try:
         return ways.method(start, tolerance, direct(costs, bound, kern, load.bonds, load.length, components))
     except AtcError:
@@ -191,7 +234,7 @@ def _start(tolerance, ways, exact, look) -> float:
                 break
         except AtcError:
             break
-        error = pilot.error(replace(ways, components=1).deposit(t))
+        error = pilot.error(replace(ways, components=1, carried=0.0).deposit(t))
         if error <= AIM * tolerance:
             return t
         # Errors follow the tolerance.
@@ -242,8 +285,8 @@ def _rungs(tolerance, good, start=None) -> tuple[float, ...]:
     return tuple(out)
 
 
-def _fits(deposit, components) -> bool:
-    return spectral_memory(deposit, components, 1) <= MOST_MEMORY
+def _fits(deposit, components, atoms=0.0) -> bool:
+    return spectral_memory(deposit, components, 1, atoms) <= MOST_MEMORY
 
 
 def _mesh(deposit) -> str:
@@ -253,6 +296,10 @@ def _mesh(deposit) -> str:
 def _shape(deposit, why, length) -> str:
     n = points_each(deposit, length)
     each = f", about {n:.0f} point{'s' * (n != 1)} a bond" if length > 0 else ""
+    if deposit.order is not None:
+        part = collapsed(deposit, length)
+        of = "all bonds" if part == 1.0 else f"{100 * part:.0f} % of the bonds"
+        each = f", moments to order {deposit.order} of each atom for {of}"
     return f"{why}; mesh {_mesh(deposit)}, window {deposit.parameters.width}{each}"
 
 

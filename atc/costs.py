@@ -8,6 +8,7 @@ The model is linear and small on purpose; every count is of something the progra
   capsule's mean shadow, A + π/2 R L, over the area that belongs to a row. An atom is a bond of no length;
 - spectral deposit, single and double precision apart: per point on a bond, per register (32 bytes) of its window on the mesh, per node of the mesh and
   component; see `atc.deposit.fourier`;
+- where atoms carry moments of their bonds: per bond, and per number in it; per atom, and per register of its window; per node and number;
 - scattered points and the error check: per bond that passes by, per bond that starts near a point, per visit;
 - gradients by the exact sum: per atom within reach of a point.
 
@@ -49,6 +50,11 @@ class Costs:
     spread_register: float = 4.2e-10
     spread_point_single: float = 3e-8
     spread_register_single: float = 4.2e-10
+    moment_bond: float = 3.0e-8
+    moment: float = 4.5e-10
+    moment_atom: float = 7e-7
+    moment_register: float = 6.5e-10
+    moment_node: float = 6e-9
     mesh_node: float = 1.6e-8
     mesh_node_single: float = 1.3e-8
     gather_visit: float = 4.4e-8
@@ -239,25 +245,34 @@ def direct(costs: Costs, bound, kern, items: float, length: float, components: i
     return costs.bond * items + costs.row * rows + (costs.visit[name] + costs.accumulate * vectors) * many
 
 
-def spectral(costs: Costs, deposit, items: float, length: float, components: int, frames: int = 1) -> float:
-    """Seconds a frame of a spectral deposit (of which only the parameters are needed) for `items` bonds of mean length `length`, of `frames` frames that are finished
-    together."""
+def spectral(costs: Costs, deposit, items: float, length: float, components: int, atoms: float = 0.0, frames: int = 1) -> float:
+    """Seconds a frame of a spectral deposit (of which only the parameters are needed) for `items` bonds of mean length `length`, of so many atoms, of `frames` frames that
+    are finished together."""
     if not components or not items:
         return 0.0
     single = itemsize(deposit) == 4
     point, register = (costs.spread_point_single, costs.spread_register_single) if single else (costs.spread_point, costs.spread_register)
     node = costs.mesh_node_single if transform_itemsize(deposit) == 4 else costs.mesh_node
     groups = len(lanes(components))
-    spread = items * points_each(deposit, length) * (point * groups + register * window_registers(deposit, components))
     mesh, points = np.asarray(deposit.mesh, float), len(deposit.grid)
     nodes = float(mesh.prod())
+    spread = items * points_each(deposit, length) * (point * groups + register * window_registers(deposit, components))
+    transformed = float(components)
+    if deposit.order is not None:
+        from .deposit.moments import count
+
+        many = count(deposit.order)
+        spread += items * (costs.moment_bond + costs.moment * many)
+        spread += atoms * (costs.moment_atom + costs.moment_register * window_registers(deposit, 8 * ceil(many / 8)))
+        spread += nodes * costs.moment_node * many
+        transformed = many + (components if collapsed(deposit, length) < 1.0 else 0.0)
     if deposit.gradients:
         # Three more fields from the same modes: each is those times a wave number, and its values.
         again = 1.5e-8 * points + 8e-9 * _kept(deposit, mesh)
         if deposit._lattice is None:
             again += 0.5 * node * nodes
         spread += 3.0 * components * again
-    return spread + (nodes * node * components + 3e-8 * points * components) / frames
+    return spread + (nodes * node * transformed + 3e-8 * points * components) / frames
 
 
 def _kept(deposit, mesh) -> float:
@@ -299,13 +314,21 @@ _LENGTHS = tuple(4 / 3 * (0.1 + 0.2 * k) ** (1 / 3) for k in range(5))
 
 
 def points_each(deposit, length: float) -> float:
-    """Points that a bond becomes, where they are `length` long on average: one for an atom."""
-    return sum(deposit.points_of(length * part) for part in _LENGTHS) / len(_LENGTHS) if length > 0 else 1.0
+    """Points that a bond becomes, where they are `length` long on average: one for an atom, none for a bond whose moments atoms carry."""
+    if length <= 0:
+        return 1.0
+    lengths = [length * part for part in _LENGTHS]
+    return sum(0.0 if deposit.order is not None and deposit.collapses(d) else deposit.points_of(d) for d in lengths) / len(lengths)
 
 
-def spectral_memory(deposit, components: int, threads: int) -> float:
+def collapsed(deposit, length: float) -> float:
+    """Which part of the bonds atoms carry as moments."""
+    return 0.0 if deposit.order is None else sum(deposit.collapses(length * part) for part in _LENGTHS) / len(_LENGTHS)
+
+
+def spectral_memory(deposit, components: int, threads: int, atoms: float = 0.0) -> float:
     """Bytes of a spectral deposit: each thread's meshes (single precision is summed up in double now and then), the modes of one group of components,
-    and planes and transforms in work."""
+    and planes and transforms in work; moments of so many atoms in each thread, and their mesh."""
     nodes = float(np.prod(np.asarray(deposit.mesh, float) + deposit.parameters.width + 1))
     each = 8.0 if itemsize(deposit) == 8 else 12.0
     groups = lanes(components)
@@ -313,7 +336,11 @@ def spectral_memory(deposit, components: int, threads: int) -> float:
     counts, modes = np.asarray(deposit.mesh, float), np.asarray(deposit.modes, float)
     kept = counts[0] * min(2 * modes[1] + 1, counts[1]) * (modes[2] + 1)
     complex_ = 2.0 * transform_itemsize(deposit)
-    return nodes * each * sum(groups) * threads + complex_ * kept * (2.0 * min(components, 8) + 2.0 * threads)
+    moments = 0.0
+    if deposit.order is not None:
+        layout = deposit.layout
+        moments = atoms * layout.row * itemsize(deposit) * threads + nodes * each * deposit.most_components + complex_ * kept * components
+    return moments + nodes * each * sum(groups) * threads + complex_ * kept * (2.0 * min(components, 8) + 2.0 * threads)
 
 
 def check(costs: Costs, bound, kern, items: float, length: float, points: int) -> float:

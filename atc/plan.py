@@ -166,8 +166,8 @@ class Request:
         if self.n_frames > 1 and not method.exact and not method.forced and errors and self.may_loosen(self.work):
             from .choose import adjusted
 
-            ways = self.costs, self.bound, self.kernel_internal, self.first.cell, self.load, self.work.n_bond, self.group()
-            self.methods["bond"] = adjusted(method, max(errors), self.tolerance, *ways)
+            ways = self.costs, self.bound, self.kernel_internal, self.first.cell, self.load, self.work.n_bond
+            self.methods["bond"] = adjusted(method, max(errors), self.tolerance, *ways, float(len(self.first)), self.group())
 
     def _pilot(self):
         """A pass over the bonds of the first frame; see there."""

@@ -73,9 +73,9 @@ def predict(request) -> Prediction:
                 passing.append(8.0 * points * (4 * -(-components // 4)) * (threads + 1))
                 visits += many if key != "site" else 0.0
             else:
-                deposit = spectral_deposit(bound, kern, bound.cell, components, method.tolerance, gradients=slopes)
-                seconds = model.spectral(costs, deposit, items, length, components, m if key in together else 1)
-                passing.append(model.spectral_memory(deposit, components, threads))
+                deposit = spectral_deposit(bound, kern, bound.cell, components, method.tolerance, gradients=slopes, order=method.order)
+                seconds = model.spectral(costs, deposit, items, length, components, n, m if key in together else 1)
+                passing.append(model.spectral_memory(deposit, components, threads, n))
             parts[what] = parts.get(what, 0.0) + seconds
             # Points around the strongest bonds, where sums over bonds are approximate; see `estimators.hot`.
             watched = POINTS if key == "bond" and not method.exact and request.tiles is None else 0

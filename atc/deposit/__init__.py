@@ -15,7 +15,7 @@ from ..errors import AtcError
 METHODS = ("direct", "spectral", "slab")
 
 
-def make(method, bound_grid, kernel, cell, n_site, n_bond, threads=1, tolerance=1e-5, gradients=False):
+def make(method, bound_grid, kernel, cell, n_site, n_bond, threads=1, tolerance=1e-5, gradients=False, order=None):
     """A deposit: an object that takes sites and bonds in pieces and gives their sums on the grid.
 
     Parameters
@@ -32,14 +32,17 @@ def make(method, bound_grid, kernel, cell, n_site, n_bond, threads=1, tolerance=
     gradients : whether gradients will be asked for too (``site_gradients``, ``bond_gradients``), to the same tolerance: the spectral method only; the others'
         are in `atc.deposit.gradient`
 
+    order : of the moments in which the spectral method gathers the bonds of `add_bond_stress` at their atoms, where their other ends are given; None: each
+        bond becomes points. How many bonds are gathered follows from the tolerance; only the speed depends on the order
+
     Sums are linear in what has been added: all frames of an averaging window that share a cell may be added before the sums are taken, once.
     """
     if method not in METHODS:
         raise AtcError(f"unknown deposit method {method!r}: expected one of {', '.join(METHODS)}")
     if method == "spectral":
-        from .spectral import SpectralDeposit
+        from .collapse import spectral_deposit
 
-        return SpectralDeposit(bound_grid, kernel, cell, n_site, n_bond, threads, tolerance, gradients=gradients)
+        return spectral_deposit(bound_grid, kernel, cell, n_site, n_bond, threads, tolerance, gradients, order)
     if gradients:
         raise AtcError(f"deposit method {method!r} gives no gradients: use method 'spectral', or atc.deposit.gradient.gather")
     from . import direct

@@ -116,8 +116,8 @@ class Deposit:
         if n and self.n_bond:
             self._add("bond", x_bc, np.arange(n, dtype=np.int32), r_bc, b_bk, thread)
 
-    def add_bond_stress(self, x_nc, i_b, r_bc, G_b, thread=0):
-        """Add Σ_b G r⊗r β(x), components xx, yy, zz, yz, xz, xy; bond b starts at x_nc[i_b]."""
+    def add_bond_stress(self, x_nc, i_b, r_bc, G_b, thread=0, j_b=None):
+        """Add Σ_b G r⊗r β(x), components xx, yy, zz, yz, xz, xy; bond b starts at x_nc[i_b], and ends at x_nc[j_b] or a periodic image of it, if given."""
         x_nc, i_b, r_bc, G_b = _array(x_nc), _array(i_b, np.int32), _array(r_bc), _array(G_b)
         if self.n_bond != 6:
             raise ValueError(f"bond stress has 6 components, this deposit was made for {self.n_bond}")

@@ -154,13 +154,17 @@ def window_polynomials(width, shape, accuracy):
     return out
 
 
+def images(f, width, shape):
+    """The window's squared transform at the frequencies that the mesh takes for f, summed; and its transform at f itself."""
+    return sum(window_hat(f + m, width, shape) ** 2 for m in (-3, -2, -1, 1, 2, 3)), window_hat(f, width, shape)
+
+
 def aliasing(spec, width, shapes, spacing, upto):
     """Error by the modes that the mesh confuses, for every shape parameter: (shapes,). spacing in units of spec.scale, modes k[:upto] are kept."""
     thin = max(1, upto // 100)
     f = spec.k[:upto:thin] * spacing / (2 * pi)
-    own = window_hat(f, width, shapes[:, None])
-    images = sum(window_hat(f + m, width, shapes[:, None]) ** 2 for m in (-3, -2, -1, 1, 2, 3))
-    wrong = np.sqrt(images) / own
+    others, own = images(f, width, shapes[:, None])
+    wrong = np.sqrt(others) / own
     power = np.add.reduceat(spec.power[:upto], np.arange(0, upto, thin))
     # Three axes, each with its own images.
     return np.maximum(np.sqrt(3.0 * (wrong**2 * power).sum(-1)), np.abs(wrong * spec.hat[:upto:thin]).max(-1))

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from math import ceil, frexp
+from threading import Lock
 
 import numpy as np
 
@@ -54,7 +55,7 @@ class _Mesh:
         self.shape = tuple(int(n) for n in shape)
         self.row = spread.row_length(self.shape[2], lanes * np.dtype(real).itemsize)
         self.stored = (*self.shape[:2], self.row)
-        self.flat = _aligned(int(np.prod(self.stored)) * lanes, real)
+        self.flat = spread.aligned(int(np.prod(self.stored)) * lanes, real)
         self.total, self.scale, self.largest, self.points = None, 0.0, 0.0, 0
         self.rows = np.zeros(self.shape[:2], np.uint8)
 
@@ -67,7 +68,7 @@ class _Mesh:
 
     def flush(self, width):
         if self.total is None:
-            self.total = _aligned(len(self.flat), np.float64)
+            self.total = spread.aligned(len(self.flat), np.float64)
         self.largest = max(self.largest, self.scale)
         mesh, total = (a.reshape(*self.shape[:2], -1) for a in (self.flat, self.total))
         spread.flush(mesh, self.rows, width, total, self.scale)
@@ -82,7 +83,7 @@ class _Mesh:
         new.flat.reshape(*new.stored, -1)[at] = self.flat.reshape(*self.stored, -1)[:, :, :end]
         new.rows[at[:2]] = self.rows
         if self.total is not None:
-            new.total = _aligned(len(new.flat), np.float64)
+            new.total = spread.aligned(len(new.flat), np.float64)
             new.total.reshape(*new.stored, -1)[at] = self.total.reshape(*self.stored, -1)[:, :, :end]
         return new
 
@@ -111,6 +112,10 @@ class SpectralDeposit(Deposit):
         For kernels that jump (step, box), slabs, and where the tolerance asks for a mesh that does not fit in memory.
     """
 
+    dense = DENSE
+    # Components of the meshes that there are at the same time; the order of the moments of bonds that atoms carry (`collapse`).
+    most_components, order = 8, None
+
     def __init__(self, grid, kernel, cell, n_site, n_bond, threads=1, tolerance=1e-5, points=None, gradients=False):
         super().__init__(grid, kernel, cell, n_site, n_bond, threads)
         self.tolerance, self.gradients = float(tolerance), bool(gradients)
@@ -125,7 +130,7 @@ class SpectralDeposit(Deposit):
         if not grid.is_lattice or separable(grid, self._inverse) is None:
             # The mesh is used twice.
             mesh *= np.sqrt(0.5)
-        density = DENSE / (kernel.radius / 2.5) ** 3 / 4 if points is None else points / self.cell.volume
+        density = self.dense / (kernel.radius / 2.5) ** 3 / 4 if points is None else points / self.cell.volume
         # Nearby densities give nearby choices: round, so that they can be remembered.
         costs = fourier.COSTS[np.dtype(self.real).itemsize]
         self.parameters = p = fourier.choose(kernel, modes, mesh, float(f"{density:.1e}"), costs, self.gradients, centre)
@@ -145,6 +150,8 @@ class SpectralDeposit(Deposit):
         self._check(np.where(periodic, nodes, np.minimum(self._view[1] - self._view[0], 2 * self._reach)) + p.width + 1)
         self._points = [0] * self.threads
         self._rule = None
+        self._mesh_share = mesh
+        self._counting = Lock()
 
     def _targets(self):
         """(2, 3) first and last node that the grid can see on open axes."""
@@ -161,7 +168,7 @@ class SpectralDeposit(Deposit):
         return np.stack([np.floor(lo - reach) - spare, np.ceil(hi + reach) + spare])
 
     def _check(self, nodes):
-        if 8.0 * self.real().itemsize * np.prod(nodes, dtype=float) > LARGEST:
+        if self.most_components * self.real().itemsize * np.prod(nodes, dtype=float) > LARGEST:
             raise AtcError(
                 f"method 'spectral' would need a mesh of {' x '.join(str(int(n)) for n in nodes)} for kernel {self.kernel.name!r} "
                 f"at tolerance {self.tolerance:g}: use method 'direct', a smoother kernel or a looser tolerance"
@@ -174,13 +181,16 @@ class SpectralDeposit(Deposit):
             for m in range(MOST):
                 x, w = np.polynomial.legendre.leggauss(m + 1)
                 nodes[m, : m + 1], weights[m, : m + 1] = 0.5 * (x + 1.0), 0.5 * w
-            # Not below what rounding lets a rule do.
-            levels = np.maximum(self._bond_share * 2.0 ** np.arange(-spread.LEVELS, spread.LEVELS + 1), 1e-13)
+            levels = self._levels()
             longest = fourier.longest_bonds(self.kernel, levels, MOST, self.gradients)
             # Three windows multiply; what a mode is divided by makes their error larger by no more than about ten.
             coef = fourier.window_polynomials(self.parameters.width, self.parameters.shape, 0.005 * self.tolerance)
             self._rule = nodes, weights, longest, coef
         return self._rule
+
+    def _levels(self):
+        """What a bond's error may be, by its strength. Not below what rounding lets a rule do."""
+        return np.maximum(self._bond_share * 2.0 ** np.arange(-spread.LEVELS, spread.LEVELS + 1), 1e-13)
 
     def add_strong(self, x_bc, r_bc, b_bk):
         """Like `add_bonds`, for bonds more than 2^`spread.STRONG` times as strong as others of the frame: the same points as when they come among those."""
@@ -201,10 +211,11 @@ class SpectralDeposit(Deposit):
         return int(enough[0]) + 1 if len(enough) else MOST * ceil(length / longest[-1])
 
     # --- adding
-    def _slack(self, i_b, r_bc, b_bk, weight_k):
+    def _slack(self, i_b, r_bc, b_bk, weight_k, collapse=None):
         """By how much the error of a bond may exceed its share of the tolerance, as a power of two, when that of all together does not.
 
-        With one number of points or another most bonds do far better than they must.
+        With one number of points or another most bonds do far better than they must. collapse : the longest bonds that do not become points, by level,
+        and their error as a function of the length.
         """
         some = slice(None, None, max(1, len(i_b) // SAMPLE))
         strength = (np.abs(b_bk[some]) * weight_k).max(1)
@@ -216,7 +227,11 @@ class SpectralDeposit(Deposit):
             enough = longest[np.clip(level + slack, 0, 2 * spread.LEVELS)]
             m = np.minimum((length[:, None] > enough).sum(1), MOST - 1)
             pieces = np.maximum(1.0, np.ceil(length / enough[np.arange(len(m)), m]))
-            part = strength * fourier.rule_error(self.kernel, m, length / pieces, self.gradients)
+            part = fourier.rule_error(self.kernel, m, length / pieces, self.gradients)
+            if collapse is not None:
+                short = length <= collapse[0][np.clip(level + slack, 0, 2 * spread.LEVELS)]
+                part[short] = collapse[1](length[short])
+            part *= strength
             # Mean strength is 1 or more: sums in step, and of squares.
             if part.mean() <= self._bond_share and np.sqrt((part**2).mean()) <= self._bond_share * np.sqrt((strength**2).mean()):
                 return slack
@@ -226,7 +241,7 @@ class SpectralDeposit(Deposit):
         """Components that share a mesh: [(first, last, components of the mesh)]."""
         return [(k, min(k + 8, n_comp), 4 if n_comp - k <= 4 else 8) for k in range(0, n_comp, 8)]
 
-    def _add(self, what, x_nc, i_b, r_bc, b_bk, thread, typical=None, strong=False):
+    def _add(self, what, x_nc, i_b, r_bc, b_bk, thread, typical=None, strong=False, slack=None):
         if not 0 <= thread < self.threads:
             raise ValueError(f"thread {thread} of a deposit made for {self.threads}")
         nodes, weights, longest, coef = self._rules()
@@ -237,17 +252,13 @@ class SpectralDeposit(Deposit):
             raise AtcError(_NOT_FINITE)
         if most == 0.0:
             return
-        if open_axes:
-            # A bond's points and the nodes in their reach, as far as the grid can see them.
-            lo = np.maximum(np.floor(bounds[0] - 0.5 * width) - 1, self._view[0])
-            hi = np.minimum(np.ceil(bounds[1] + 0.5 * width) + 1, self._view[1])
-            if (lo >= hi)[~self._periodic].any():
-                return
-        else:
-            lo = hi = np.zeros(3)
+        lo, hi = self._seen(*bounds) if open_axes else np.zeros((2, 3))
+        if (lo >= hi)[~self._periodic].any():
+            return
         mean = mean if typical is None else typical
         weight = np.divide(1.0, mean, out=np.zeros_like(mean), where=mean > 0)
-        slack = self._slack(i_b, r_bc, b_bk, weight) if what == "bond" and len(i_b) > SAMPLE else 0
+        if slack is None:
+            slack = self._slack(i_b, r_bc, b_bk, weight) if what == "bond" and len(i_b) > SAMPLE else 0
         for first, last, lanes in self._groups(b_bk.shape[1]):
             part = b_bk if last - first == b_bk.shape[1] else np.ascontiguousarray(b_bk[:, first:last])
             mesh = self._mesh_for((what, first, thread), lo, hi, lanes, most)
@@ -256,19 +267,27 @@ class SpectralDeposit(Deposit):
                 self._origin, self._to_mesh, self._period, mesh.low, np.array(mesh.shape), mesh.row, weight[first:last] * 0.5**slack,
                 slack + 4 * spread.LEVELS * strong, longest, nodes, weights, coef.ravel().astype(self.real), 1.0 / mesh.scale, mesh.flat, mesh.rows,
             )  # fmt: skip
-            nodes_of_mesh = len(mesh.flat) // lanes
-            short = max(SHORT[0], nodes_of_mesh * SHORT[1]) if self.tolerance >= SINGLE_TRANSFORM else SHORT[0]
-            if what == "site":
-                short = max(short, nodes_of_mesh * SPARSE / width**3)
+            short = self._short(mesh, SPARSE / width**3 if what == "site" else 0.0)
             # About four points a bond.
-            piece = len(i_b) if self.real is np.float64 else max(1, int(short) // 4)
+            piece = len(i_b) if self.real is np.float64 else max(1, short // 4)
             for s in range(0, len(i_b), piece):
                 if mesh.points >= short and self.real is np.float32:
                     mesh.flush(width)
                 n = spread_bonds(x_nc, i_b[s : s + piece], r_bc[s : s + piece], part[s : s + piece], *rest)
                 mesh.points += n
-                self._points[thread] += n
-                self._visits[thread] += n * width**3
+                with self._counting:
+                    self._points[thread] += n
+                    self._visits[thread] += n * width**3
+
+    def _seen(self, low, high):
+        """First and last node in reach of points between two corners (mesh spacings), as far as the grid can see them on open axes."""
+        half = 0.5 * self.parameters.width
+        return np.maximum(np.floor(low - half) - 1, self._view[0]), np.minimum(np.ceil(high + half) + 1, self._view[1])
+
+    def _short(self, mesh, points_a_node):
+        """How many points a mesh in single precision gets before it is moved on."""
+        nodes = len(mesh.flat) // mesh.lanes
+        return int(max(SHORT[0], nodes * max(points_a_node, SHORT[1] if self.tolerance >= SINGLE_TRANSFORM else 0.0)))
 
     def _mesh_for(self, key, lo, hi, lanes, most):
         """The mesh of a thread, large enough for nodes lo..hi on open axes and sources up to `most`."""
@@ -334,13 +353,21 @@ class SpectralDeposit(Deposit):
         counts = self.mesh
         return largest_modes(self.parameters, np.linalg.norm(self._spacings * counts[:, None], axis=1), counts)
 
-    def _transformed(self, what, group):
-        """Modes, and what was added in them: (component, k0, k1, k2), times the kernel's own; None if nothing was."""
+    def _of(self, what, first=None):
+        """The meshes of a kind, in the order of the threads."""
+        return [m for (kind, k, _), m in sorted(self._meshes.items(), key=lambda item: item[0]) if kind == what and first in (None, k)]
+
+    def _transformed(self, what, group, extent=None):
+        """Modes, and what was added in them: (component, k0, k1, k2), times the kernel's own; None if nothing was.
+
+        extent : of the box, if it is to be larger than these components need; then they are not multiplied with the kernel
+        """
         first, last, _ = group
-        meshes = [self._meshes[k] for k in ((what, first, t) for t in range(self.threads)) if k in self._meshes]
+        meshes = self._of(what, first)
         if not meshes:
             return None
-        extent = self._extents(meshes)
+        finished = extent is None
+        extent = self._extents(meshes) if finished else extent
         counts, low = self._box(extent)
         modes = Modes(self.kernel, self.parameters, self._spacings * counts[:, None], counts, low, self._reach, extent)
         n_comp = last - first
@@ -362,7 +389,7 @@ class SpectralDeposit(Deposit):
             S_cx[:, x] = modes.transform_plane(P_cyz)
 
         self._each(plane, range(counts[0]))
-        response = modes.response().astype(self._number)
+        response = modes.response().astype(self._number) if finished else 1.0
         F = [None] * n_comp
 
         def component(c):
@@ -372,18 +399,22 @@ class SpectralDeposit(Deposit):
         self._each(component, range(n_comp))
         return modes, F, largest
 
-    def _each(self, do, items):
-        if self.threads == 1:
+    def _done(self, what, group):
+        """`_transformed`, of all that has been added."""
+        return self._transformed(what, group)
+
+    def _each(self, do, items, workers=None):
+        if (workers or self.threads) == 1:
             for item in items:
                 do(item)
         else:
-            with ThreadPoolExecutor(self.threads) as pool:
+            with ThreadPoolExecutor(workers or self.threads) as pool:
                 list(pool.map(do, items))
 
     def _sums(self, what, n_comp, derivatives=(None,)):
         out = np.zeros((len(self.grid), n_comp, len(derivatives)))
         for group in self._groups(n_comp):
-            done = self._transformed(what, group)
+            done = self._done(what, group)
             if done is None:
                 continue
             modes, F, largest = done
@@ -432,14 +463,6 @@ class SpectralDeposit(Deposit):
     def bond_gradients(self) -> np.ndarray:
         """(g, n_bond, 3) the gradients of `bond_sums`, direction last."""
         return self._sums("bond", self.n_bond, (0, 1, 2))
-
-
-def _aligned(size, dtype):
-    """Zeros that begin at a cache line, which numpy does not promise."""
-    step = np.dtype(dtype).itemsize
-    raw = np.zeros(size + 64 // step, dtype)
-    skip = (-raw.ctypes.data % 64) // step
-    return raw[skip : skip + size]
 
 
 def _good_length(n):

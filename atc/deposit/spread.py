@@ -104,6 +104,14 @@ def _spreader(width, lanes, degree, real):
     return spread
 
 
+def aligned(size, dtype):
+    """Zeros that begin at a cache line, which numpy does not promise."""
+    step = np.dtype(dtype).itemsize
+    raw = np.zeros(size + 64 // step, dtype)
+    skip = (-raw.ctypes.data % 64) // step
+    return raw[skip : skip + size]
+
+
 def row_length(count, bytes_each):
     """Nodes from one row along z to the next, at least `count`, so that neighbouring rows do not lie nearly a multiple of 4096 bytes apart.
 
@@ -252,6 +260,53 @@ def spread_bonds(
                     mesh_at, i0 * stride0 + i1 * stride1 + i2 * LANES, stride0, stride1, f0, f1, f2, coef_at, values_at, scratch_at
                 )  # fmt: skip
         total += pieces * (m + 1)
+    return total
+
+
+@cache
+def row_core(width, degree, real):
+    """`spread_rows` for a window and a precision."""
+    tag = f"{width}_{degree}_{np.dtype(real).name}"
+    return specialise(spread_rows, tag, WIDTH=width, LANES=8, REAL=real, SPREAD=_spreader(width, 8, degree, real))
+
+
+def spread_rows(
+    x_nc, which, values_nk, columns, factor, origin, to_mesh, period, low, counts, row, coef, meshes, rows
+):  # fmt: skip
+    """Like `spread_bonds` for atoms with many components, in groups of eight with a mesh each. Returns the number of points on the meshes.
+
+    Parameters
+    ----------
+    x_nc, which : positions, and of which rows of `values_nk` they are
+    columns : (group, 8) of `values_nk`; −1: none
+    factor : the meshes hold the values times this
+    meshes : (group,) where they begin in memory; all of the same shape. The caller keeps them alive
+    """
+    half = 0.5 * WIDTH
+    n0, n1, n2 = float(period[0]), float(period[1]), float(period[2])
+    inverse0, inverse1, inverse2 = 1.0 / n0 if n0 > 0.0 else 0.0, 1.0 / n1 if n1 > 0.0 else 0.0, 1.0 / n2 if n2 > 0.0 else 0.0
+    low0, low1, low2 = float(low[0]), float(low[1]), float(low[2])
+    last0, last1, last2 = counts[0] - WIDTH, counts[1] - WIDTH, counts[2] - WIDTH
+    stride1 = row * LANES
+    stride0 = counts[1] * stride1
+    scratch, values = np.zeros(8 * ((WIDTH + 3) // 4), REAL), np.zeros(LANES, REAL)
+    coef_at, scratch_at, values_at = begin(coef), begin(scratch), begin(values)
+    total = 0
+    for n in range(len(which)):
+        x, y, z = x_nc[n, 0] - origin[0], x_nc[n, 1] - origin[1], x_nc[n, 2] - origin[2]
+        i0, f0 = first_node(x * to_mesh[0, 0] + y * to_mesh[1, 0] + z * to_mesh[2, 0], n0, inverse0, half, low0)
+        i1, f1 = first_node(x * to_mesh[0, 1] + y * to_mesh[1, 1] + z * to_mesh[2, 1], n1, inverse1, half, low1)
+        i2, f2 = first_node(x * to_mesh[0, 2] + y * to_mesh[1, 2] + z * to_mesh[2, 2], n2, inverse2, half, low2)
+        if i0 < 1 or i1 < 1 or i2 < 1 or i0 > last0 or i1 > last1 or i2 > last2:
+            continue
+        total += 1
+        rows[i0, i1] = 1
+        at, a = i0 * stride0 + i1 * stride1 + i2 * LANES, which[n]
+        for g in range(len(meshes)):
+            for k in range(LANES):
+                c = columns[g, k]
+                values[k] = values_nk[a, c] * factor if c >= 0 else 0.0
+            SPREAD(meshes[g], at, stride0, stride1, f0, f1, f2, coef_at, values_at, scratch_at)
     return total
 
 

@@ -236,7 +236,7 @@ class _SlabDeposit:
         with self.lock:
             self.parts[thread] = self.parts.get(thread, self.empty) + part
 
-    def add_bond_stress(self, x_nc, i_b, r_bc, G_b, thread=0):
+    def add_bond_stress(self, x_nc, i_b, r_bc, G_b, thread=0, j_b=None):
         from .tensors import outer6
 
         self.add_bonds(x_nc[i_b], r_bc, outer6(r_bc) * G_b[:, None], thread)

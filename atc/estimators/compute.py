@@ -363,7 +363,7 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums, kept=None
     def consume(bonds, thread):
         if deposit is not None:
             if work.bond == ["stress"]:
-                deposit.add_bond_stress(x_nc, bonds.i, bonds.r_bc, bonds.G_b, thread=thread)
+                deposit.add_bond_stress(x_nc, bonds.i, bonds.r_bc, bonds.G_b, thread=thread, j_b=bonds.j)
             else:
                 b_bk = bond_factors(work.bond, widths, bonds, peculiar_nc, frame.velocities)
                 deposit.add_bonds(x_nc[bonds.i], bonds.r_bc, b_bk, thread=thread)

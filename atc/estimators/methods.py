@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 #: The deposits a frame may need: Σ a φ over atoms, Σ b β over bonds, Σ b β between reference positions, and Σ a φ with Σ a ∂φ/∂x over atoms, where they
 #: are now and where they were in the reference frame.
@@ -24,6 +24,7 @@ class Method:
     tolerance : of the spectral method (0: exact)
     reason : why it was chosen
     rungs : tolerances to go on with when the error turns out too large; after the last one, the exact sum
+    order, orders : of the moments that atoms carry in place of their bonds (see `atc.deposit.moments`), now and at each rung; None: bonds become points
     forced : asked for by name, so that no other method may take its place
     """
 
@@ -32,6 +33,8 @@ class Method:
     reason: str = "the exact sum: keeps every tolerance"
     rungs: tuple[float, ...] = ()
     forced: bool = False
+    order: int | None = None
+    orders: tuple[int | None, ...] = ()
 
     @property
     def exact(self) -> bool:
@@ -44,10 +47,14 @@ class Method:
         for k, rung in enumerate(self.rungs):
             # The error follows the tolerance, roughly.
             if error * rung <= 0.5 * goal * self.tolerance:
-                return replace(self, tolerance=rung, rungs=self.rungs[k + 1 :])
+                return self._rung(k)
         if self.forced:
-            return replace(self, tolerance=self.rungs[-1], rungs=()) if self.rungs else self
+            return self._rung(len(self.rungs) - 1) if self.rungs else self
         return self.exactly(f"tolerance {self.tolerance:g} of the spectral method left an error of {error:.1e}")
+
+    def _rung(self, k: int) -> Method:
+        order = self.orders[k] if self.orders else None
+        return replace(self, tolerance=self.rungs[k], rungs=self.rungs[k + 1 :], order=order, orders=self.orders[k + 1 :])
 
     def exactly(self, reason: str) -> Method:
         return Method("direct", reason=reason)
@@ -57,11 +64,11 @@ class Method:
 
     # --- as JSON can hold it
     def plain(self) -> dict:
-        return {"name": self.name, "tolerance": self.tolerance, "reason": self.reason, "rungs": list(self.rungs), "forced": self.forced}
+        return {**asdict(self), "rungs": list(self.rungs), "orders": list(self.orders)}
 
     @classmethod
     def from_plain(cls, values: dict) -> Method:
-        return cls(**{**values, "rungs": tuple(values["rungs"])})
+        return cls(**{**values, "rungs": tuple(values["rungs"]), "orders": tuple(values.get("orders", ()))})
 
 
 EXACT = Method()

@@ -31,7 +31,16 @@ class Target:
 
         m = self.methods.get(key, EXACT)
         return make(
-            m.name, self.bound, self.summed_kern, self.cell, n_site, n_bond, threads=self.threads, tolerance=m.tolerance or 1e-5, **more
+            m.name,
+            self.bound,
+            self.summed_kern,
+            self.cell,
+            n_site,
+            n_bond,
+            threads=self.threads,
+            tolerance=m.tolerance or 1e-5,
+            order=m.order,
+            **more,
         )
 
     def open(self, n_bond, key="bond", length=None):
@@ -84,8 +93,8 @@ class _Placed:
         self.deposit, self.target = deposit, target
         self.bond_sums, self.add_found = deposit.bond_sums, deposit.add_found
 
-    def add_bond_stress(self, x_nc, i_b, r_bc, G_b, thread=0):
-        self.deposit.add_bond_stress(self.target.place(x_nc), i_b, r_bc, G_b, thread=thread)
+    def add_bond_stress(self, x_nc, i_b, r_bc, G_b, thread=0, j_b=None):
+        self.deposit.add_bond_stress(self.target.place(x_nc), i_b, r_bc, G_b, thread=thread, j_b=j_b)
 
     def add_bonds(self, x_bc, r_bc, b_bk, thread=0):
         self.deposit.add_bonds(x_bc - self.target.origin, r_bc, b_bk, thread=thread)

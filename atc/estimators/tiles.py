@@ -114,8 +114,11 @@ def tile_sums(tile: Tile, task: Task) -> dict:
         counts[thread] += len(mine)
         power.add(mine, thread)
         if names:
-            b_bk = bond_factors(names, widths, mine, peculiar_nc, frame.velocities)
-            here.deposit.add_bonds(frame.positions[mine.i], mine.r_bc, b_bk, thread=thread)
+            if names == ["stress"]:
+                here.deposit.add_bond_stress(frame.positions, mine.i, mine.r_bc, mine.G_b, thread=thread, j_b=mine.j)
+            else:
+                b_bk = bond_factors(names, widths, mine, peculiar_nc, frame.velocities)
+                here.deposit.add_bonds(frame.positions[mine.i], mine.r_bc, b_bk, thread=thread)
             for found in here.check.find(frame.positions, mine.i, mine.r_bc, thread):
                 few = mine.taken(found.bonds)
                 here.check.add_found(found, bond_factors(names, widths, few, peculiar_nc, frame.velocities, size=size), thread)
