@@ -19,7 +19,7 @@ import numpy as np
 
 from ..bonds import Bonds
 from ..deposit import make
-from .accuracy import ZERO, _ratio, kernel_internal
+from .accuracy import ZERO, _ratio, extent_of, kernel_internal
 from .compute import (
     SAFE,
     FrameResult,
@@ -309,11 +309,13 @@ class _Run:
                 if q.kind == "grid":
                     at_points[q.name] = sum(at_points[name] for name in q.parts)
         scales = {q.name: q.scale(main) for q in work.quantities if q.kind == "grid"}
-        errors, self.expected = {}, {}
+        errors, extents, self.expected = {}, {}, {}
         for name, scale in scales.items():
-            errors[name] = found = stage.check.errors(values[name], at_points[name], scale)
-            self.expected[name] = max(found["error_max"], SAFE * stage.check.expected(values[name], at_points[name], scale))
-        for name, more in self._hot(main, values, scales).items():
+            extents[name] = extent_of(values[name])
+            given = values[name], at_points[name], scale, extents[name]
+            errors[name] = found = stage.check.errors(*given)
+            self.expected[name] = max(found["error_max"], SAFE * stage.check.expected(*given))
+        for name, more in self._hot(values, scales, extents).items():
             for key, value in more.items():
                 errors[name][key] = max(errors[name][key], value)
             self.expected[name] = max(self.expected[name], errors[name]["error_max"])
@@ -339,7 +341,7 @@ class _Run:
             within=within,
         )
 
-    def _hot(self, main, values, scales) -> dict:
+    def _hot(self, values, scales, extents) -> dict:
         """The errors that the strongest bonds make: alone, if those at random points leave room for them, or else all errors at the points around these bonds."""
         if self.strongest is None:
             return {}
@@ -350,7 +352,7 @@ class _Run:
             if len(few[0]):
                 exact = make("direct", stage.bound, stage.reach, cell, 0, 1)
                 error += float(error_map(stage.main.make("bond", 0, 1), exact, few, np.array([strongest.mean / 3.0])).max(initial=0.0))
-            sizes = {q.name: float(np.abs(values[q.name]).max(initial=0.0)) for q in quantities}
+            sizes = {q.name: extents[q.name].largest for q in quantities}
             alone = {name: _ratio(error / n, scales[name] if size <= ZERO * scales[name] else size) for name, size in sizes.items()}
             if all(self.expected[name] + alone[name] <= self.goal for name in alone):
                 return {name: {"error_max": value} for name, value in alone.items()}
@@ -369,7 +371,9 @@ class _Run:
                 add_sites(frame, work, [(here.check.target, sums)], factors)
             means.add(parts, sums)
         found = {
-            q.name: hot.check.errors(values[q.name], sum(means.mean(name) for name in q.parts or (q.name,)), scales[q.name])
+            q.name: hot.check.errors(
+                values[q.name], sum(means.mean(name) for name in q.parts or (q.name,)), scales[q.name], extents[q.name]
+            )
             for q in quantities
         }
         return {name: {key: errors[key] for key in ("error_max", "error_of_fluctuation")} for name, errors in found.items()}
