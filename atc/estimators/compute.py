@@ -16,10 +16,10 @@ from .kinematics import Displacement
 from .methods import DEPOSITS, EXACT, NAMES, Method, Refinement, deposits_of
 from .peridynamic import horizon_of, node_volumes, weighted_virials
 from .registry import BOND, GATHER, SITE, Work
+from .shifts import local_shifts
 from .sources import AtomFactors, AtomSums, ReferenceBonds, bond_factors, drift_velocity, piola_factor
-from .sums import Sums, full, kinetic_flux, quotient, thermal, within_thermal
+from .sums import Sums, full
 from .target import Target
-from .tensors import outer6
 
 
 @dataclass
@@ -522,61 +522,3 @@ def _whole(name, factors, decomposition, atoms, frame):
         return factors["energy_current"].sum(0)
     kinetic_n6 = factors["kinetic"]
     return kinetic_n6 if name == "atom_kinetic" else kinetic_n6.sum(0)
-
-
-# Rounding error a point may have in T − ρ v⊗v, relative to its thermal part: far below the 1e-6 that is promised.
-_SHIFT_TOLERANCE = 1e-9
-_MAX_SHIFTS = 16
-
-
-def local_shifts(sums: Sums, target: Target, x_nc, factors, flux: bool = False) -> None:
-    """T − ρ v⊗v (and Σ ½ m w² w φ, if `flux`) where different regions move at very different speeds, without cancellation.
-
-    The expressions do not change when one velocity is subtracted from all atoms; their rounding errors are about ε ρ |v(x) − c|² and
-    ε ρ |v(x) − c|³ for the subtracted c. The frame's mean is enough for a uniform drift. Where it is not, more passes over the atoms take
-    further c, each the velocity of the point that is worst off, and every point keeps the one nearest to its own velocity.
-
-    Sets `thermal_shifted` and `kinetic_flux_shifted`, unless the frame's mean was enough everywhere.
-    """
-    best = sums.thermal_of_drift
-    best_flux = sums.kinetic_flux_of_drift if flux else None
-    rho = sums.rho
-    v_gc = sums.peculiar
-    eps = 64 * np.finfo(float).eps
-    # How many thermal speeds away from c a point may be.
-    limit = (_SHIFT_TOLERANCE / eps) ** (1 / 3 if flux else 1 / 2)
-    if within_thermal(rho, v_gc, best, 0.99 * limit):
-        return
-    have = np.linalg.norm(v_gc, axis=1)
-    done = False
-    for _ in range(_MAX_SHIFTS):
-        heat = quotient(best[:, :3].sum(1), rho)
-        # A point with one atom has no thermal part at all: measure it against what is typical of the points that certainly have one.
-        certain = heat[heat > eps * have**2]
-        scale = np.sqrt(np.maximum(heat, np.median(certain) if len(certain) else 0.0))
-        error = np.where(sums.defined, have - limit * scale, 0.0)
-        worst = int(np.argmax(error)) if len(error) else 0
-        if not len(error) or not error[worst] > 0:
-            break
-        c = v_gc[worst].copy()
-        w_nc = factors.peculiar_nc - c
-        m = factors["mass"]
-        columns = [m, m * w_nc, m * outer6(w_nc)]
-        if flux:
-            columns.append(0.5 * m * np.einsum("nc,nc->n", w_nc, w_nc)[:, None] * w_nc)
-        total = target.sites(x_nc, np.ascontiguousarray(np.concatenate(columns, axis=1)))
-        u_gc = quotient(total[:, 1:4], total[:, 0])
-        distance = np.linalg.norm(u_gc, axis=1)
-        nearer = sums.defined & (distance < have)
-        if not nearer.any():
-            break
-        if not done:
-            done, best = True, best.copy()
-            best_flux = best_flux.copy() if flux else None
-        shifted = thermal(total[:, :1], total[:, 1:4], total[:, 4:10])
-        best[nearer] = shifted[nearer]
-        if flux:
-            best_flux[nearer] = kinetic_flux(total[:, 0], u_gc, shifted, total[:, 10:])[nearer]
-        have = np.where(nearer, distance, have)
-    if done:
-        sums.thermal_shifted, sums.kinetic_flux_shifted = best, best_flux
