@@ -17,8 +17,8 @@ import numpy as np
 from .errors import AtcError, AtcWarning
 
 TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8)
-#: A rung that took less than this is run once more, and the better time counts.
-SHORT = 5.0
+#: A rung that took less than this, CPU and wall seconds together, is run once more, and the better time counts: the first one may have compiled something.
+SHORT = 20.0
 #: CPU seconds that the exact sum may take; beyond, errors are measured at random points instead, and against the closest spectral result.
 MOST = 200.0
 
@@ -84,6 +84,8 @@ class Bench:
         """Error against CPU seconds, both logarithmic, with the front."""
         from matplotlib.figure import Figure
 
+        from .drawing import save
+
         figure = Figure(figsize=(6.4, 4.6), layout="constrained")
         ax = figure.add_subplot()
         styles = {
@@ -114,7 +116,7 @@ class Bench:
         ax.set_title(f"{self.field}, {self.atoms:,} atoms, {self.points:,} points, {self.kernel}", fontsize=10)
         ax.grid(True, which="both", alpha=0.25)
         ax.legend(fontsize=8)
-        figure.savefig(path, dpi=150)
+        save(figure, path)
 
 
 def mark_front(rungs) -> None:

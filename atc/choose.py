@@ -199,7 +199,8 @@ def adjusted(
 ) -> Method:
     """The method of sums over bonds for further frames, by the error that `method` left on the first: looser or tighter, as far as errors follow the tolerance."""
     limit = method.tolerance * AIM_LATER * tolerance / max(error, 1e-300) * (1 + 1e-9)
-    ladder = [*(t for t in _loose(tolerance) if t > method.tolerance * (1 + 1e-9)), method.tolerance, *method.rungs]
+    looser = [*_loose(tolerance), *(f * tolerance for f in FACTORS if f <= 1)]
+    ladder = [*(t for t in looser if t > method.tolerance * (1 + 1e-9)), method.tolerance, *method.rungs]
     start = next((t for t in ladder if t <= limit), method.tolerance)
     if start == method.tolerance or (start < method.tolerance and error <= ENOUGH * tolerance):
         return method

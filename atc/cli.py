@@ -188,10 +188,14 @@ def info(
     masses: Masses = None,
     json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
 ) -> None:
-    """What is in a trajectory, in which units, how precise, and what can be computed from it."""
-    from .info import describe
+    """What is in a trajectory, in which units, how precise, and what can be computed from it; or what is in an output of atc."""
+    from .info import describe, describe_output, is_output
 
-    report = describe(trajectory if len(trajectory) > 1 else trajectory[0], topology=topology, units=units, masses=parse_masses(masses))
+    if len(trajectory) == 1 and is_output(trajectory[0]):
+        report = describe_output(trajectory[0])
+    else:
+        source = trajectory if len(trajectory) > 1 else trajectory[0]
+        report = describe(source, topology=topology, units=units, masses=parse_masses(masses))
     if json:
         print(report.json())
     else:
@@ -475,3 +479,6 @@ def _parse_limits(text: str | None):
 
 for _module in (cli_bench, cli_pd, cli_upscale, cli_dispersion, cli_advect):
     _module.register(app)
+
+if __name__ == "__main__":
+    main()

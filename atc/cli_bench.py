@@ -54,15 +54,17 @@ def register(app) -> None:
             raise AtcError("atc bench: give a scene, or --calibrate")
         from .bench import TOLERANCES
         from .bench import bench as run
+        from .drawing import picture_kind
         from .plan import Request
 
+        target = picture or scene.with_name(scene.stem + "-bench.png")
+        picture_kind(target)
         ladder = TOLERANCES if tolerances is None else _numbers(tolerances)
         made = load_scene(scene, set, begin, end, step)
         arguments = made.arguments(jobs)
         arguments["threads"], arguments["workers"] = max(arguments["threads"], arguments["workers"]), 1
         arguments["traj"] = arguments["traj"][:1]
         result = run(Request(**arguments), ladder, (lambda text: None) if quiet or json else _say, field=field)
-        target = picture or scene.with_name(scene.stem + "-bench.png")
         result.picture(target)
         if json:
             print(result.json())

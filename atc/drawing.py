@@ -150,16 +150,22 @@ def draw_map(fig, ax, place, drawn_as, v, cmap, low, high, extend, title):
     return drawn
 
 
-def save(fig, path) -> Path:
-    """Write a figure (.png, .pdf, .svg) atomically."""
-    import os
-
+def picture_kind(path) -> str:
+    """Of a picture that can be written there, the suffix; an `AtcError` if none can."""
     path = Path(path)
     kind = path.suffix.lower().lstrip(".")
     if kind not in ("png", "pdf", "svg"):
         raise AtcError(f"{path}: a picture's name must end in .png, .pdf or .svg")
     if not path.parent.is_dir():
         raise AtcError(f"{path}: there is no directory {path.parent}")
+    return kind
+
+
+def save(fig, path) -> Path:
+    """Write a figure (.png, .pdf, .svg) atomically."""
+    import os
+
+    path, kind = Path(path), picture_kind(path)
     part = path.with_name(f".{path.name}.partial")
     # dates and software versions in the file would make equal pictures differ
     meta = {

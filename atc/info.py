@@ -143,3 +143,45 @@ def _state(frame, data) -> str:
         data["temperature"] = float(frame.masses @ (v * v).sum(axis=1) / (3 * (len(frame) - 1) * u.boltzmann))
         text += f", temperature {_g(data['temperature'])} {u.label('temperature')}"
     return text + ", first frame"
+
+
+def is_output(source) -> bool:
+    """Whether a file is an output of atc, by its name and what it says of itself."""
+    from pathlib import Path
+
+    path = Path(str(source))
+    if path.suffix not in (".nc", ".zarr") or not path.exists():
+        return False
+    from .output import open_dataset
+
+    try:
+        with open_dataset(path) as ds:
+            return "atc_version" in ds.attrs
+    except (AtcError, OSError):
+        return False
+
+
+def describe_output(path) -> Report:
+    """What an output of atc holds: its fields, their units and errors, and how it was made."""
+    from .output import load
+
+    with load(path) as ds:
+        rows = [("made by", f"atc {ds.attrs['atc_version']}" + (f" from {ds.attrs['sources']}" if ds.attrs.get("sources") else ""))]
+        rows += [
+            (key, str(ds.attrs[key])) for key in ("units", "grid", "kernel", "method", "tolerance", "refinements") if ds.attrs.get(key)
+        ]
+        rows.append(("sizes", ", ".join(f"{name} {n}" for name, n in ds.sizes.items())))
+        fields = {}
+        for name, da in ds.data_vars.items():
+            if name.endswith(("_stderr", "_correlated")):
+                continue
+            attrs = da.attrs
+            error = attrs.get("error_max")
+            more = "" if error is None else f", error {float(error):.1e}"
+            more += ", with standard error" * (f"{name}_stderr" in ds)
+            text = f"{attrs.get('long_name', '')} [{attrs.get('units', '')}] over {', '.join(da.dims)}{more}"
+            rows.append((name, text))
+            fields[name] = {"dims": list(da.dims), **{k: v.item() if hasattr(v, "item") else v for k, v in attrs.items()}}
+        data = {"attributes": {k: str(v) for k, v in ds.attrs.items()}, "sizes": dict(ds.sizes), "fields": fields}
+        notes = ["atc plot draws it, atc compare sets it beside the virial stress, atc export writes VTK and extended XYZ"] * ("quantities" in ds.attrs)
+    return Report(f"{path}: an output of atc", rows, notes, data)

@@ -488,7 +488,7 @@ def _passes(work: Work, request: Request) -> list[str]:
         out.append("m v⊗v of the atoms, without a kernel")
     if request.average is not False:
         out.append(
-            f"time average over {'all' if request.average is True else request.window} frames with its standard error by block averaging"
+            f"time average over {'all' if request.window >= request.n_frames else request.window} frames with its standard error by block averaging"
         )
         if request.group() > 1:
             over = " and over ".join({"site": "atoms", "bond": "bonds"}[key] for key in sorted(request.added_up))

@@ -90,6 +90,8 @@ def pick(ds, quantity):
             if name in names:
                 return name
         raise AtcError("this output holds no field on a grid (only box totals): there is nothing to draw; its numbers are in atc compare")
+    if quantity.endswith(STDERR) and quantity.removesuffix(STDERR) in names and quantity in ds:
+        return quantity
     if quantity not in names:
         near = difflib.get_close_matches(quantity, names, n=1)
         why = (

@@ -21,6 +21,8 @@ from .plausible import doubts
 from .statistics import BlockAverage
 from .verlet import anchor_of
 
+#: With so many frames one from the middle says where all begin.
+SEVERAL = 6
 # Seconds between two saves of an unfinished time average.
 _SAVE_EVERY = 5.0
 
@@ -164,7 +166,7 @@ def _input_errors(request: Request, store) -> tuple[float, dict[str, float]]:
 
 
 def _settle(request: Request, store, start: int) -> FrameResult | None:
-    """Fix the methods for all frames, by the error they leave on the first one: its result, if it had to be computed and is still wanted.
+    """Fix the methods for all frames, by the errors they leave on the first and on the middle one: the first one's result, if it had to be computed and is still wanted.
 
     They may become looser as well as tighter. On every frame they are tightened as far as that frame needs, beginning from these: what is done to a frame does not depend on which frames
     were computed before it, where, or whether the run was interrupted.
@@ -176,19 +178,35 @@ def _settle(request: Request, store, start: int) -> FrameResult | None:
             return None
     result = None
     if not all(m.exact for m in request.methods.values()):
+        began = request.methods
         with here(request) as run_tiles:
             result = frame_fields(request.first, request.settings(), 0, run_tiles=run_tiles)
-        began = request.methods
-        request.settle(result)
+            request.settle(result)
+            if request.n_frames >= SEVERAL:
+                _settle_on(request, request.n_frames // 2, run_tiles)
         over = [e["error_max"] for e in result.errors.values() if e["error_max"] > request.tolerance]
         if result.refined and not over:
             changed = [
-                f"{summary({k: began[k]})} to {began[k].tolerance:g} -> {result.methods[k]}" for k in began if began[k] != result.methods[k]
+                f"{summary({k: m})} to {m.tolerance:g} -> {request.methods[k]}"
+                for k, m in began.items()
+                if m.looser_than(request.methods[k])
             ]
-            result.refined = [Refinement(f"for all frames, after the first: {', '.join(changed)} ({result.refined[0]})")]
+            if changed:
+                result.refined = [Refinement(f"for all frames, after the first: {', '.join(changed)} ({result.refined[0]})")]
     if store is not None:
         store.remember("methods", {key: m.plain() for key, m in request.methods.items()})
     return result if start == 0 else None
+
+
+def _settle_on(request: Request, k: int, run_tiles) -> None:
+    """Where runs begin is often not where they spend their time: a perfect crystal, atoms at rest. A frame of the middle has the last word on where the others begin."""
+    try:
+        frame = request.frames[k]
+        # Whatever list of neighbours was kept for the first frames stays theirs.
+        result = frame_fields(frame, replace(request.settings(), anchor=None), k, run_tiles=run_tiles)
+    except (AtcError, IndexError):
+        return  # what is wrong with it is told when it is its turn
+    request.settle(result)
 
 
 # --- results to entries of the output

@@ -16,8 +16,17 @@ from numba import njit
 # A block length counts as evidence only if at least this many blocks of it were seen: the standard error from n blocks is itself
 # uncertain by 1/√(2(n−1)), 41 % at 4.
 MIN_BLOCKS = 4
+#: The shortest series whose numbers may come as means of a few of them, how many such blocks there are at least, and of how many numbers at most. `BlockAverage` takes
+#: no blocks shorter than (2n)^⅓ numbers for the standard error, however little they correlate: 8 of 64, 16 of 256. These are not longer.
+LONG, BLOCKS, TOGETHER = 64, 16, 16
 # Numbers that a thread is worth.
 _PIECE = 200_000
+
+
+def longest_block(n: int) -> int:
+    """How many consecutive numbers of a series of n may be averaged before they come here: a power of two, so that blocks of blocks are whole."""
+    most = min(TOGETHER, n // BLOCKS) if n >= LONG else 1
+    return 1 << (most.bit_length() - 1)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -228,8 +237,8 @@ class BlockAverage:
         Returns
         -------
         mean : array
-        stderr : array. NaN when there are fewer than two frames. Where no plateau was seen, the largest of the usable block
-            lengths: a lower bound.
+        stderr : array. NaN when there are fewer than two frames. The largest up to the block length of the plateau; where none was seen, the largest of
+            the usable block lengths: a lower bound.
         correlated : bool array. True where no plateau was seen, always when there are too few frames to tell.
 
         Notes
@@ -251,9 +260,13 @@ class BlockAverage:
         largest = np.maximum.accumulate(errors, axis=0)
         growth = np.divide(largest, errors[0], out=np.ones_like(errors), where=errors[0] > 0)
         short = self._short_growth(errors[0], blocks[0]) ** 2
+        # A standard error that falls again with longer blocks is chance, so that the largest up to the plateau counts; of the lengths that
+        # any grouping of the frames leaves, for the same numbers with and without.
+        begin = next(k for k in range(usable) if self.block * 2**k >= min(longest_block(self.n), self.block * 2 ** (usable - 1)))
+        plateau = np.maximum.accumulate(errors[begin:], axis=0)
         for k in range(usable - 1, -1, -1):
             long_enough = (self.block * 2.0**k) ** 3 > 2.0 * self.n * short * growth[k] ** 4
-            stderr = np.where(long_enough, errors[k], stderr)
+            stderr = np.where(long_enough, plateau[k - begin] if k >= begin else errors[k], stderr)
             correlated &= ~long_enough
         return mean, stderr, correlated
 

@@ -14,7 +14,7 @@ from atc.calibrate import argon, silicon
 from atc.choose import AIM_LATER, ENOUGH, FACTORS, LOOSEST
 from atc.costs import Costs, load_of, visits
 from atc.deposit import exact_at, make
-from atc.errors import AtcWarning
+from atc.errors import AtcError, AtcWarning
 from atc.estimators.compute import SAFE, frame_fields
 from atc.estimators.methods import Method, Refinement
 from atc.frame import Cell
@@ -320,3 +320,30 @@ def test_coordinates_in_sigma_are_rounded_more_coarsely(liquid, style, expected)
     request = Request(frame, pot, KERN, GRID, ["stress_potential"], 5e-5, threads=1)
     step, moved = input_errors(request)
     assert step == pytest.approx(1e-6) and bool(moved) == expected
+
+
+def test_a_frame_of_the_middle_says_where_all_begin(liquid, stressless, monkeypatch):
+    """Runs that begin with a nearly stressless crystal: what its small differences need is not asked of the liquid that follows; a middle that cannot be read is no matter yet."""
+    hot, pot = frames_of(liquid, stressless)[0], liquid[1]
+    frames = [stressless[0]] + [hot.replace(positions=hot.positions + 0.01 * k) for k in range(7)]
+
+    class Broken(list):
+        def __getitem__(self, k):
+            if k == 4:
+                raise AtcError("frame 4 is cut off")
+            return super().__getitem__(k)
+
+    def start(several, kind=list):
+        monkeypatch.setattr(run, "SEVERAL", several)
+        request = Request(frames, pot, KERN, GRID, ["stress_potential"], 1e-4, threads=1)
+        request.frames = kind(frames)
+        first = run._settle(request, None, 0)
+        assert first.errors["stress_potential"]["error_max"] <= 1e-4
+        return request
+
+    with_it, without = start(8), start(9)
+    assert without.methods["bond"].exact or with_it.methods["bond"].tolerance > 4 * without.methods["bond"].tolerance
+    for k in range(1, 8):
+        result = frame_fields(frames[k], with_it.settings(), k)
+        assert not result.refined and result.errors["stress_potential"]["error_max"] <= SAFE * 1e-4
+    assert start(8, Broken).methods == without.methods

@@ -19,6 +19,7 @@ import numpy as np
 
 from ..bonds import Bonds
 from ..deposit import make
+from ..statistics import longest_block
 from .accuracy import ZERO, _ratio, extent_of, kernel_internal
 from .compute import (
     SAFE,
@@ -43,11 +44,8 @@ from .registry import BOND, SITE, Work
 from .sources import AtomFactors, bond_factors, drift_velocity
 from .sums import Sums, full
 
-#: The shortest window that is cut into groups, and how many blocks it is cut into at least: what its standard error is made of. Of single frames `BlockAverage` takes no
-#: blocks shorter than (2 window)^⅓ frames for that, however little they correlate: 8 for 64 frames, 16 for 256. Groups are not longer than these.
-WINDOW, BLOCKS = 64, 16
-#: Frames of a group, and atoms of all of them, at most. The frames are held until the group is done: it may have to be computed again.
-FRAMES, ATOMS = 16, 2**19
+#: Atoms of all frames of a group, at most. The frames are held until the group is done: it may have to be computed again.
+ATOMS = 2**19
 #: Random points of the error check: of all groups of a window together many more than of one frame.
 POINTS = 24
 #: How many times the precision of the sums may be left of a bond that was taken out of them again.
@@ -56,8 +54,8 @@ LEFT = 8.0
 
 def size_of(window: int, atoms: int) -> int:
     """How many frames of a window are added up: a power of two, so that blocks of blocks have whole numbers of groups."""
-    most = min(FRAMES, window // BLOCKS, ATOMS // max(atoms, 1)) if window >= WINDOW else 1
-    return 1 << (most.bit_length() - 1) if most > 1 else 1
+    most = max(1, min(longest_block(window), ATOMS // max(atoms, 1)))
+    return 1 << (most.bit_length() - 1)
 
 
 def added_up(work: Work) -> frozenset[str]:

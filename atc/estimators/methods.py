@@ -56,6 +56,9 @@ class Method:
         order = self.orders[k] if self.orders else None
         return replace(self, tolerance=self.rungs[k], rungs=self.rungs[k + 1 :], order=order, orders=self.orders[k + 1 :])
 
+    def looser_than(self, other: Method) -> bool:
+        return not self.exact and (other.exact or other.tolerance < self.tolerance)
+
     def exactly(self, reason: str) -> Method:
         return Method("direct", reason=reason)
 
