@@ -187,11 +187,12 @@ class _Spectral:
 
     def method(self, start, tolerance, exact) -> Method:
         """Beginning at `start`, with what is cheaper than the exact sum to go on with."""
-        why = f"{self.cost(start):.2g} s of CPU against {exact:.2g} s for the exact sum"
-        rungs = _rungs(tolerance, lambda t: self.cost(t) < exact, start)
-        first = self.deposit(start)
-        orders = tuple(self.deposit(t).order for t in rungs)
-        return Method("spectral", start, _shape(first, why, self.length), rungs, order=first.order, orders=orders)
+        seconds, first = self._best(start)
+        why = f"{seconds:.2g} s of CPU against {exact:.2g} s for the exact sum"
+        # What is computed again, which is rare, goes by points: to find the best order for every rung takes longer than a small frame.
+        points = replace(self, carried=0.0)
+        rungs = _rungs(tolerance, lambda t: points.cost(t) < exact, start)
+        return Method("spectral", start, _shape(first, why, self.length), rungs, order=first.order)
 
 
 def adjusted(
@@ -213,7 +214,7 @@ def adjusted(
 
 def _start(tolerance, ways, exact, look) -> float:
     """The loosest tolerance of the spectral method that the pilot expects to be enough, if a pilot is worth its while."""
-    ladder = _loose(tolerance)
+    ladder, ways = _loose(tolerance), replace(ways, carried=0.0)
     if not ladder:
         return tolerance
     try:
@@ -235,7 +236,7 @@ def _start(tolerance, ways, exact, look) -> float:
                 break
         except AtcError:
             break
-        error = pilot.error(replace(ways, components=1, carried=0.0).deposit(t))
+        error = pilot.error(replace(ways, components=1).deposit(t))
         if error <= AIM * tolerance:
             return t
         # Errors follow the tolerance.

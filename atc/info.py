@@ -183,5 +183,7 @@ def describe_output(path) -> Report:
             rows.append((name, text))
             fields[name] = {"dims": list(da.dims), **{k: v.item() if hasattr(v, "item") else v for k, v in attrs.items()}}
         data = {"attributes": {k: str(v) for k, v in ds.attrs.items()}, "sizes": dict(ds.sizes), "fields": fields}
-        notes = ["atc plot draws it, atc compare sets it beside the virial stress, atc export writes VTK and extended XYZ"] * ("quantities" in ds.attrs)
+        notes = ["atc plot draws it, atc compare sets it beside the virial stress, atc export writes VTK and extended XYZ"] * (
+            "quantities" in ds.attrs
+        )
     return Report(f"{path}: an output of atc", rows, notes, data)
