@@ -130,9 +130,9 @@ def _one(
 
     if method == "spectral":
         first = ways.deposit(max(tolerance, 1e-14))
-        rungs = _rungs(tolerance, lambda t: _fits(ways.deposit(t), components, carried))
-        orders = tuple(ways.deposit(t).order for t in rungs)
-        return Method("spectral", tolerance, _shape(first, "asked for", length), rungs, True, first.order, orders)
+        points = replace(ways, carried=0.0)  # see `_Spectral.method`
+        rungs = _rungs(tolerance, lambda t: _fits(points.deposit(t), components))
+        return Method("spectral", tolerance, _shape(first, "asked for", length), rungs, True, first.order)
     if method != "auto":
         return Method(method, reason="asked for", forced=True)
     if bound.kind == "slab":
