@@ -126,16 +126,10 @@ class Store:
             known = self._read_json("request.json")
             if not resume:
                 self._clear()
-            elif known is not None and known != request:
-                differing = ", ".join(sorted(k for k in {*known, *request} if known.get(k) != request.get(k)))
+            elif known is not None and (why := _other(known, request)):
                 self._unlock()
-                more = ""
-                if differing == "frames":
-                    more = (
-                        f"the trajectory had {known['frames']} frames then and has {request['frames']} now; take as many as then (-e), or "
-                    )
                 raise AtcError(
-                    f"{self.partial}: holds an unfinished run of another request (different: {differing}): {more}finish that one, "
+                    f"{self.partial}: holds an unfinished run of another request (different: {why}): finish that one, "
                     "delete the directory, or start again without resuming"
                 )
             elif known is None:
@@ -149,7 +143,20 @@ class Store:
                     except ValueError:  # the kill came while this line was written
                         break
                 # Forget a half-written line, so that the next one starts on its own.
-                journal.write_text("".join(json.dumps(e) + "\n" for e in self.journal))
+                self._write_journal()
+
+    def keep(self, count: int) -> None:
+        """Forget all entries but the first `count`."""
+        if count < len(self.journal):
+            del self.journal[count:]
+            with explained(self.out):
+                self._write_journal()
+                (self.partial / "state.npz").unlink(missing_ok=True)
+
+    def _write_journal(self) -> None:
+        temporary = self.partial / "journal.tmp"
+        temporary.write_text("".join(json.dumps(e) + "\n" for e in self.journal))
+        os.replace(temporary, self.partial / "journal.jsonl")
 
     # --- while running
     @property
@@ -167,6 +174,13 @@ class Store:
             if self.done:
                 self._group = zarr.open_group(path, mode="r+")
                 self._arrays = dict(self._group.arrays())
+                for v in layout.variables:
+                    # The trajectory may have grown.
+                    if v.static is None and self._arrays[v.name].shape[0] != layout.entries:
+                        self._arrays[v.name].resize((layout.entries, *v.shape))
+                    elif v.static is not None and self._arrays[v.name].shape != v.shape:
+                        self._arrays[v.name].resize(v.shape)
+                        self._arrays[v.name][...] = v.static
                 return
             shutil.rmtree(path, ignore_errors=True)
             self._group = zarr.open_group(path, mode="w", zarr_format=2)
@@ -354,6 +368,18 @@ class Store:
         temporary = self.partial / (name + ".tmp")
         temporary.write_text(json.dumps(value, indent=1, sort_keys=True))
         os.replace(temporary, self.partial / name)
+
+
+def _other(known: dict, request: dict) -> str:
+    """What makes `request` another one than that of an unfinished output; "" for the same. More frames than then are no difference."""
+    from .identity import differences
+
+    out = differences(known, request)
+    then, now = known.get("frames"), request.get("frames")
+    if then is not None and now is not None and now < then:
+        fewer = f"frames: the trajectory had {then} and has {now} now, take as many as then (-e)"
+        out = f"{out}; {fewer}" if out else fewer
+    return out
 
 
 def _fill(dtype):
