@@ -94,6 +94,7 @@ class _Commands(TyperGroup):
         except MemoryError as e:
             _fail(f"not enough memory{': ' + str(e) if str(e) else ''}: take a coarser grid, a smaller radius or fewer jobs (-j 1)", 2)
         except OSError as e:
+            _fail_damaged()
             _fail(f"{e.filename + ': ' if isinstance(e.filename, str) else ''}{e.strerror or e}", 2)
         except Exception as e:
             names = {c.__name__ for c in type(e).__mro__}
@@ -106,10 +107,20 @@ class _Commands(TyperGroup):
                 _fail(e.format_message() + hint, 2)
             if "Abort" in names:
                 _stopped()
+            _fail_damaged()
             _fail(f"{type(e).__name__}: {e}: atc did not foresee this; run again with ATC_DEBUG=1 for the traceback", 1)
         if status == 130:  # typer's way with Ctrl-C
             _stopped()
         sys.exit(status if isinstance(status, int) else 0)
+
+
+def _fail_damaged() -> None:
+    """Say so if one of the outputs that this command was reading is no longer what was written."""
+    output = sys.modules.get(f"{__package__}.output")
+    for path in output.opened if output else ():
+        why = output.damage(path)
+        if why:
+            _fail(why, 2)
 
 
 def _stopped() -> None:

@@ -90,6 +90,10 @@ def check_name(out) -> Path:
     return path
 
 
+class Damaged(AtcError):
+    """An output that is no longer what was written."""
+
+
 class Store:
     """The unfinished output of one run.
 
@@ -166,14 +170,16 @@ class Store:
 
     def begin(self, layout: Layout) -> None:
         """Create the arrays, or check that those of an earlier run fit."""
+        import numcodecs
         import zarr
 
         self.layout = layout
         path = str(self.partial / "data.zarr")
         with explained(self.out):
             if self.done:
-                self._group = zarr.open_group(path, mode="r+")
-                self._arrays = dict(self._group.arrays())
+                with _every_chunk():
+                    self._group = zarr.open_group(path, mode="r+")
+                    self._arrays = dict(self._group.arrays())
                 for v in layout.variables:
                     # The trajectory may have grown.
                     if v.static is None and self._arrays[v.name].shape[0] != layout.entries:
@@ -192,8 +198,9 @@ class Store:
                 else:
                     first = max(1, int(_CHUNK_BYTES // max(1, np.dtype(dtype).itemsize * int(np.prod(v.shape[1:], dtype=np.int64)))))
                     chunks = (1, *(max(1, min(n, first) if k == 0 else n) for k, n in enumerate(v.shape)))
-                array = self._group.create_array(
-                    v.name, shape=shape, chunks=chunks, dtype=dtype, fill_value=_fill(dtype),
+                with _every_chunk():
+                    array = self._group.create_array(
+                    v.name, shape=shape, chunks=chunks, dtype=dtype, fill_value=_fill(dtype), filters=[numcodecs.CRC32()],
                     attributes={"_ARRAY_DIMENSIONS": list(v.all_dims), **_clean(v.attrs)},
                 )  # fmt: skip
                 self._arrays[v.name] = array
@@ -296,6 +303,10 @@ class Store:
                     dtype = h5py.string_dtype()
                 elif dtype.kind == "f":
                     kwargs["fillvalue"] = np.nan
+                if shape and all(shape) and dtype.kind in "fiu":
+                    # As in the .zarr, a chunk never spans two frames.
+                    stored = self._arrays[v.name].chunks
+                    kwargs |= {"chunks": tuple(stored), "fletcher32": True}
                 array = f.create_variable(v.name, v.all_dims, dtype, **kwargs)
                 if v.static is not None:
                     array[...] = v.static.astype(object) if v.static.dtype.kind in "UO" else v.static
@@ -370,6 +381,13 @@ class Store:
         os.replace(temporary, self.partial / name)
 
 
+def _every_chunk():
+    """Arrays opened within write chunks that hold nothing but the fill value, too: one that is missing later is a loss, not a field of nothing."""
+    import zarr
+
+    return zarr.config.set({"array.write_empty_chunks": True})
+
+
 def _other(known: dict, request: dict) -> str:
     """What makes `request` another one than that of an unfinished output; "" for the same. More frames than then are no difference."""
     from .identity import differences
@@ -387,6 +405,57 @@ def _fill(dtype):
     return np.nan if np.dtype(dtype).kind == "f" else None
 
 
+#: Files opened by this process, to look at when something in one of them turns out to be unreadable.
+opened: list[Path] = []
+
+
+def _require_all_chunks(path) -> None:
+    """A chunk that is missing reads as NaN: say so instead."""
+    import zarr
+
+    for name, a in zarr.open_group(str(path), mode="r").arrays():
+        why = _missing(path, name, a)
+        if why:
+            raise Damaged(why)
+
+
+def _missing(path, name, a) -> str | None:
+    if not any(type(f).__name__ == "CRC32" for f in a.filters) or a.nchunks_initialized >= a.nchunks:
+        return None  # outputs of 0.4 and before leave chunks without numbers out
+    return f"{path}: {name}: {a.nchunks - a.nchunks_initialized} of {a.nchunks} chunks are missing: the file is damaged, compute it again"
+
+
+def damage(path) -> str | None:
+    """What is wrong with an output file, in one line; None if every chunk is what was written."""
+    path = Path(path)
+    if path.suffix == ".zarr":
+        import zarr
+
+        try:
+            arrays = dict(zarr.open_group(str(path), mode="r").arrays())
+        except Exception as e:
+            return f"{path}: its metadata cannot be read ({type(e).__name__}): the file is damaged, compute it again"
+    else:
+        import h5py
+
+        try:
+            file = h5py.File(path, "r")
+        except OSError:
+            return f"{path}: its structure cannot be read: the file is damaged, compute it again"
+        arrays = {name: a for name, a in file.items() if isinstance(a, h5py.Dataset)}
+    for name, a in arrays.items():
+        why = _missing(path, name, a) if path.suffix == ".zarr" else None
+        if why:
+            return why
+        for k in range(a.shape[0]) if a.ndim else (Ellipsis,):
+            try:
+                a[k]
+            except Exception:  # each library has its own words for it
+                at = f" of frame {k}" if a.ndim > 1 else ""
+                return f"{path}: {name}{at} is not what was written (its checksum differs): the file is damaged, compute it again"
+    return None
+
+
 def open_dataset(path):
     """An output of atc as a lazily loaded `xarray.Dataset`."""
     import xarray as xr
@@ -394,8 +463,10 @@ def open_dataset(path):
     path = Path(path)
     if not path.exists():
         raise AtcError(f"{path}: there is no such file")
+    opened.append(path)
     try:
         if path.suffix == ".zarr":
+            _require_all_chunks(path)
             ds = xr.open_dataset(path, engine="zarr", chunks=None, decode_times=False)
         else:
             ds = xr.open_dataset(path, engine="h5netcdf", decode_times=False)
@@ -409,8 +480,11 @@ def open_dataset(path):
             ordered.set_close(ds.close)
             return ordered
         return ds
-    except (OSError, ValueError, KeyError) as e:
-        raise AtcError(f"{path}: is not an output of atc ({str(e).splitlines()[0]})") from e
+    except (OSError, ValueError, KeyError, RuntimeError) as e:
+        why = damage(path) if isinstance(e, RuntimeError) or path.suffix == ".zarr" else None
+        if why:
+            raise Damaged(why) from None
+        raise AtcError(f"{path}: is not an output of atc ({' '.join(str(e).split())[:120]})") from e
 
 
 def load(path):
