@@ -82,6 +82,8 @@ class _Commands(TyperGroup):
                 status = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
             sys.stdout.flush()
         except AtcError as e:
+            if isinstance(e.__cause__ or e.__context__, (OSError, RuntimeError)):
+                _fail_damaged()
             _fail(e, 2)
         except KeyboardInterrupt:
             _stopped()

@@ -30,7 +30,7 @@ def identity(request) -> dict:
         "trajectory": frame_digest(request.first),
         "potential": f"{request.pot.describe()}; {contents(request.pot)}" if work.bond_users and request.pot is not None else None,
         "potential on the first frame": _evaluated(request) if work.bond_users and request.pot is not None else None,
-        "kernel": [request.kern.name, fingerprint(request.kern.parameters)] if work.kernel_users else None,
+        "kernel": _kernel(request.kern) if work.kernel_users else None,
         "grid": fingerprint(request.grid) if work.grid_users else None,
         "method": request.method,
         "tolerance": float(request.tolerance),
@@ -41,6 +41,11 @@ def identity(request) -> dict:
         "units": request.first.units.name,
         "reference": frame_digest(request.reference) if work.reference_users and request.reference is not None else None,
     }
+
+
+def _kernel(kern) -> list[str]:
+    short = all(isinstance(v, (int, float, str)) for v in kern.parameters.values())
+    return [kern.name, *([f"{k} {v!r}" for k, v in kern.parameters.items()] if short else [fingerprint(kern.parameters)])]
 
 
 def _evaluated(request) -> str:
