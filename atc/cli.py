@@ -74,6 +74,7 @@ class _Commands(TyperGroup):
     def main(self, args=None, prog_name=None, complete_var=None, standalone_mode=True, **extra):
         if not standalone_mode:
             return super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
+        _outputs_opened().clear()
         if os.environ.get("ATC_DEBUG"):
             status = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
             sys.exit(status if isinstance(status, int) else 0)
@@ -118,11 +119,18 @@ class _Commands(TyperGroup):
 
 def _fail_damaged() -> None:
     """Say so if one of the outputs that this command was reading is no longer what was written."""
-    output = sys.modules.get(f"{__package__}.output")
-    for path in output.opened if output else ():
-        why = output.damage(path)
+    for path in _outputs_opened():
+        from .output import damage
+
+        why = damage(path)
         if why:
             _fail(why, 2)
+
+
+def _outputs_opened() -> list:
+    """The outputs that this command has opened, without importing what opens them."""
+    output = sys.modules.get(f"{__package__}.output")
+    return output.opened if output else []
 
 
 def _stopped() -> None:
