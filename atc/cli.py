@@ -2,7 +2,7 @@
 
 Only what every command needs is imported here, so that ``atc --help`` is instant: numba, xarray and matplotlib come with the commands that use them.
 
-Exit status: 0 done; 1 ``atc check`` found a broken law; 2 unusable input (one line on stderr, never a traceback); 130 interrupted; 1 anything atc did not foresee (ATC_DEBUG=1 shows the traceback).
+Exit status: 0 done; 1 ``atc check`` found a broken law; 2 unusable input (one line on stderr, never a traceback); 130 interrupted, 143 terminated, 129 hung up (what is finished is kept); 1 anything atc did not foresee (ATC_DEBUG=1 shows the traceback).
 """
 
 from __future__ import annotations
@@ -40,6 +40,7 @@ from .cli_common import (
     progress_bar,
 )
 from .errors import AtcError
+from .interruption import last, watched
 
 
 def _fail(message: str, status: int) -> None:
@@ -73,17 +74,20 @@ class _Commands(TyperGroup):
     def main(self, args=None, prog_name=None, complete_var=None, standalone_mode=True, **extra):
         if not standalone_mode:
             return super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
+        _outputs_opened().clear()
         if os.environ.get("ATC_DEBUG"):
             status = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
             sys.exit(status if isinstance(status, int) else 0)
         try:
-            with _one_line_warnings():
+            with _one_line_warnings(), watched():
                 status = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
             sys.stdout.flush()
         except AtcError as e:
+            if isinstance(e.__cause__ or e.__context__, (OSError, RuntimeError)):
+                _fail_damaged()
             _fail(e, 2)
         except KeyboardInterrupt:
-            _fail(interrupted(), 130)
+            _stopped()
         except BrokenPipeError:
             _leave_quietly()
         except SystemExit as e:  # typer's way with a broken pipe
@@ -93,6 +97,7 @@ class _Commands(TyperGroup):
         except MemoryError as e:
             _fail(f"not enough memory{': ' + str(e) if str(e) else ''}: take a coarser grid, a smaller radius or fewer jobs (-j 1)", 2)
         except OSError as e:
+            _fail_damaged()
             _fail(f"{e.filename + ': ' if isinstance(e.filename, str) else ''}{e.strerror or e}", 2)
         except Exception as e:
             names = {c.__name__ for c in type(e).__mro__}
@@ -104,11 +109,34 @@ class _Commands(TyperGroup):
                 hint = f" (see: {ctx.command_path} --help)" if ctx is not None else ""
                 _fail(e.format_message() + hint, 2)
             if "Abort" in names:
-                _fail(interrupted(), 130)
+                _stopped()
+            _fail_damaged()
             _fail(f"{type(e).__name__}: {e}: atc did not foresee this; run again with ATC_DEBUG=1 for the traceback", 1)
         if status == 130:  # typer's way with Ctrl-C
-            _fail(interrupted(), 130)
+            _stopped()
         sys.exit(status if isinstance(status, int) else 0)
+
+
+def _fail_damaged() -> None:
+    """Say so if one of the outputs that this command was reading is no longer what was written."""
+    for path in _outputs_opened():
+        from .output import damage
+
+        why = damage(path)
+        if why:
+            _fail(why, 2)
+
+
+def _outputs_opened() -> list:
+    """The outputs that this command has opened, without importing what opens them."""
+    output = sys.modules.get(f"{__package__}.output")
+    return output.opened if output else []
+
+
+def _stopped() -> None:
+    """The end of a command that a signal has stopped."""
+    signal = last()
+    _fail(interrupted(*[signal.word] if signal else []), signal.status if signal else 130)
 
 
 def _leave_quietly() -> None:
@@ -237,7 +265,7 @@ def fields(
     made = load_scene(scene, set, begin, end, step)
     out = made.output(output, overwrite=overwrite)
     started = time.perf_counter()
-    with kept_on_interrupt("interrupted; the finished frames are kept: the same command continues"), progress_bar(quiet) as progress:
+    with kept_on_interrupt("the finished frames are kept: the same command continues"), progress_bar(quiet) as progress:
         try:
             attributes = made.write(out, jobs=jobs, cluster=cluster, progress=progress, resume=not restart)
         except AtcError as e:

@@ -11,7 +11,7 @@ import typer
 
 from .errors import AtcError
 
-#: What Ctrl-C says while a command runs that can be continued: set by `kept_on_interrupt`.
+#: What is said of a command that is stopped and can be continued: set by `kept_on_interrupt`.
 _kept: str | None = None
 
 
@@ -23,13 +23,13 @@ def kept_on_interrupt(message: str):
     try:
         yield
     finally:
-        if sys.exc_info()[0] is not KeyboardInterrupt:
+        if not issubclass(sys.exc_info()[0] or type(None), KeyboardInterrupt):
             _kept = None
 
 
-def interrupted() -> str:
-    """What to say after Ctrl-C."""
-    return _kept or "interrupted"
+def interrupted(word: str = "interrupted") -> str:
+    """What to say after Ctrl-C, or the signal that `word` is for."""
+    return f"{word}; {_kept}" if _kept else word
 
 
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="The scene, a TOML file.", show_default=False)]

@@ -152,24 +152,30 @@ def is_output(source) -> bool:
     path = Path(str(source))
     if path.suffix not in (".nc", ".zarr") or not path.exists():
         return False
-    from .output import open_dataset
+    from .output import Damaged, open_dataset
 
     try:
         with open_dataset(path) as ds:
             return "atc_version" in ds.attrs
+    except Damaged:
+        raise
     except (AtcError, OSError):
         return False
 
 
 def describe_output(path) -> Report:
     """What an output of atc holds: its fields, their units and errors, and how it was made."""
-    from .output import load
+    from .output import Damaged, damage, load
 
+    why = damage(path)
+    if why:
+        raise Damaged(why)
     with load(path) as ds:
         rows = [("made by", f"atc {ds.attrs['atc_version']}" + (f" from {ds.attrs['sources']}" if ds.attrs.get("sources") else ""))]
         rows += [
             (key, str(ds.attrs[key])) for key in ("units", "grid", "kernel", "method", "tolerance", "refinements") if ds.attrs.get(key)
         ]
+        rows.append(("checksums", "every chunk is what was written"))
         rows.append(("sizes", ", ".join(f"{name} {n}" for name, n in ds.sizes.items())))
         fields = {}
         for name, da in ds.data_vars.items():

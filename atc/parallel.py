@@ -102,12 +102,12 @@ _worker_settings = None
 
 
 def _begin_worker(settings):
-    import signal
+    from .interruption import in_worker
 
     global _worker_settings
     _worker_settings = settings
-    # Ctrl-C belongs to the parent: it lets the frames in work finish and stops.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # The parent lets the frames in work finish and stops.
+    in_worker()
 
 
 def _work(frames, k) -> FrameResult:

@@ -266,35 +266,6 @@ class Request:
             anchor=self.anchor,
         )
 
-    def key(self) -> dict:
-        """What the result depends on, as plain values: an unfinished output is continued only by a request with the same key."""
-        from . import __version__
-
-        return {
-            "version": __version__,
-            "quantities": [q.name for q in self.work.quantities],
-            "potential": self._potential_key() if self.work.bond_users else None,
-            "kernel": fingerprint((self.kern.name, self.kern.parameters)) if self.work.kernel_users else None,
-            "grid": fingerprint(self.grid) if self.work.grid_users else None,
-            "method": self.method,
-            "tolerance": float(self.tolerance),
-            **({"tiles": list(self.tiles)} if self.tiles else {}),
-            "average": int(self.average) if self.average is not True else True,
-            **({"group": self.group()} if self.group() > 1 else {}),
-            "frames": self.n_frames,
-            "units": self.first.units.name,
-            "trajectory": digest(self.first),
-            "reference": digest(self.reference) if self.work.reference_users and self.reference is not None else None,
-        }
-
-    def _potential_key(self) -> str:
-        """What the potential says about the first frame: no other coefficients say the same, wherever they come from."""
-        if self.pot is None:
-            return ""
-        d = self.pot.stream(self.first, None, threads=self.threads)
-        # 10 digits: the order of summation, hence the number of threads, must not matter.
-        return f"{self.pot.describe()}; energy {d.energy:.9e}, virial {np.trace(d.virial_cc):.9e}"
-
 
 def as_frames(traj):
     """Anything `atc.fields` takes as a trajectory, as a sequence of Frames."""
@@ -308,58 +279,6 @@ def as_frames(traj):
     from .readers.trajectory import Trajectory
 
     return traj if isinstance(traj, Trajectory) else read(traj)
-
-
-def fingerprint(thing) -> str:
-    """A text that is the same for equal things in every process: all numbers, arrays and texts reachable from `thing`."""
-    import hashlib
-
-    h = hashlib.sha256()
-    seen: set[int] = set()
-
-    def walk(x, name):
-        h.update(f"|{name}:{type(x).__name__}:".encode())
-        if isinstance(x, (str, bytes, bool, int, float, complex, type(None), np.generic)):
-            h.update(repr(x).encode())
-        elif isinstance(x, np.ndarray) and x.dtype.kind != "O":
-            h.update(f"{x.dtype.str}{x.shape}".encode() + np.ascontiguousarray(x).tobytes())
-        elif id(x) in seen:
-            return
-        else:
-            seen.add(id(x))
-            if isinstance(x, dict):
-                for k in sorted(x, key=repr):
-                    walk(x[k], repr(k))
-            elif isinstance(x, (list, tuple, np.ndarray)):
-                for k, y in enumerate(x):
-                    walk(y, str(k))
-            elif isinstance(x, (set, frozenset)):
-                walk(sorted(x, key=repr), name)
-            else:
-                walk(vars(x), name)
-
-    walk(thing, "")
-    return h.hexdigest()[:24]
-
-
-def digest(frame) -> str:
-    """A fingerprint of a frame's numbers."""
-    import hashlib
-
-    h = hashlib.sha256()
-    arrays = (
-        frame.positions,
-        frame.cell.vectors,
-        frame.cell.origin,
-        frame.cell.periodic,
-        frame.types,
-        frame.ids,
-        frame.masses,
-        frame.velocities,
-    )
-    for a in arrays:
-        h.update(b"-" if a is None else np.ascontiguousarray(a).tobytes())
-    return h.hexdigest()[:24]
 
 
 @dataclass

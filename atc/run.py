@@ -14,6 +14,8 @@ from .errors import AtcError, AtcWarning
 from .estimators.compute import FrameResult, frame_fields, require
 from .estimators.methods import DEPOSITS, Method, Refinement, details, summary
 from .estimators.registry import QUANTITIES
+from .identity import changed_parts, frame_digest, identity
+from .interruption import whole
 from .output import Layout, Store, dataset_in_memory, explained, open_dataset
 from .parallel import frame_results, here
 from .plan import Request, plan  # noqa: F401  (plan belongs to the same door)
@@ -112,7 +114,7 @@ def write(request: Request, out, progress=None, resume=True) -> dict:
     Returns the attributes of the dataset.
     """
     _sanity(request)
-    store = Store(out, request.key(), resume)
+    store = Store(out, {**identity(request), "frames": request.n_frames}, resume)
     try:
         sink = _run(request, store, progress)
         final = sink.final_attributes()
@@ -126,6 +128,7 @@ def _run(request, store, progress) -> _Sink:
     n, window = request.n_frames, request.window
     sink = _Sink(request, store)
     start = sink.next_frame
+    sink.compare_done(start)
     request.anchor = anchor_of(request)
     first = _settle(request, store, start)
     if request.group() > 1:
@@ -138,10 +141,15 @@ def _run(request, store, progress) -> _Sink:
     try:
         for group, result in results:
             end = done + len(group)
-            sink.add(done, group[0], result, last_of_window=end % window == 0 or end == n, more=group[1:])
-            done = end
+            with whole():
+                sink.add(done, group[0], result, last_of_window=end % window == 0 or end == n, more=group[1:])
+                done = end
             if progress is not None:
                 progress(done, n, (done - start) / max(time.perf_counter() - began, 1e-9))
+    except KeyboardInterrupt:
+        with whole():
+            sink.save_unfinished(done)
+        raise
     finally:
         results.close()
     if done < n:
@@ -219,6 +227,8 @@ class _Sink:
         self.request, self.store = request, store
         self.layout: Layout | None = None
         self.entries: list[dict] = []
+        if store is not None:
+            store.keep(self._whole_entries(store.journal))
         self.notes: list[dict] = list(store.journal) if store else []
         self.averages: dict[str, BlockAverage] = {}
         self.any_mass = None
@@ -228,6 +238,32 @@ class _Sink:
         self._saved = time.monotonic()
         if store is not None and request.window > 1:
             self._restore(store.load_state())
+
+    def _whole_entries(self, journal) -> int:
+        """How many entries hold as many frames as they shall: the last window of a trajectory that has grown since may have been a short one."""
+        n, window = self.request.n_frames, self.request.window
+        for k, note in enumerate(journal):
+            if note.get("frames") != min(window, n - k * window):
+                return k
+        return len(journal)
+
+    def compare_done(self, count: int) -> None:
+        """The frames that are done must be what they were; which is told by their content, so they are read again."""
+        digests = [d for note in (*self.notes, self.note) for d in note.get("digests", ())]
+        if count == 0:
+            return
+        out = self.store.partial
+        for k, then in enumerate(digests[:count]):
+            try:
+                frame = self.request.frames[k]
+            except IndexError:
+                break
+            now = frame_digest(frame)
+            if now != then:
+                raise AtcError(
+                    f"{frame.source}: is not what it was when its fields were computed (different: {changed_parts(then, now)}), and {out} holds an unfinished run with it: "
+                    "compute that trajectory under another name, delete the directory, or start again without resuming"
+                )
 
     @property
     def averaging(self) -> bool:
@@ -239,7 +275,7 @@ class _Sink:
             self.prepare(result)
         for one in (frame, *more):
             self._fits(one, result)
-        self._merge_note(k, frame, result)
+        self._merge_note(k, frame, result, more)
         if not self.averaging:
             self._emit({**self._masked(result.arrays, result.mask), **self._coordinates(frame, result)}, result.mask)
             return
@@ -296,7 +332,7 @@ class _Sink:
         return out
 
     # --- what goes along
-    def _merge_note(self, k, frame, result):
+    def _merge_note(self, k, frame, result, more=()):
         """Errors are the largest of the frames; the rest is counted."""
         errors = self.note.setdefault("errors", {})
         for name, measured in result.errors.items():
@@ -314,6 +350,7 @@ class _Sink:
                     f"{frame.source}: computed again more closely: {what} (further ones are noted in the output)", AtcWarning, stacklevel=2
                 )
         self.note["frames"] = self.note.get("frames", 0) + result.frames
+        self.note.setdefault("digests", []).extend(frame_digest(f) for f in (frame, *more))
         self.note["sources"] = [*self.note.get("sources", []), file_name(frame.source)][:1]
 
     def _coordinates(self, frame, result):
@@ -402,6 +439,11 @@ class _Sink:
         return out
 
     # --- an average that was interrupted
+    def save_unfinished(self, after) -> None:
+        """Keep what a window has of its frames, when the run is stopped between two of them."""
+        if self.store is not None and self.averages and self.request.window > 1:
+            self._save(after)
+
     def _save(self, after):
         import json
 
