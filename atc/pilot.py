@@ -9,8 +9,8 @@ computed alone at every grid point, and the sum of squares of the others, whose 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from .compiled import njit
 from .deposit import make
 from .estimators.accuracy import BEYOND, CutGaussian
 from .estimators.hot import WATCHED, Strongest, error_map

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
-from numba import njit
 
 from ..bonds import Bonds
+from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
 from ..neighbors import Workspace

@@ -7,8 +7,8 @@ from copy import copy
 from dataclasses import replace
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Cell, Frame
 from ..units import Units

@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import erfc
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from ..errors import AtcError
 from ..units import units as get_units
 from .lennard_jones import LennardJones, mix_lj

@@ -16,8 +16,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from ..errors import AtcError
 from ..units import Units
 from ..units import units as system

@@ -7,9 +7,9 @@ slopes, then one bond a pair of neighbours.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from ..bonds import Bonds
+from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
 from ..units import Units

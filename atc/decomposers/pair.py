@@ -7,9 +7,9 @@ A pair style is an object that adds its U(d) and G = U'(d)/d to a chunk of pairs
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from ..bonds import Bonds
+from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
 from ..units import units as get_units

@@ -12,7 +12,6 @@ import types as _types
 from functools import partial
 from pathlib import Path
 
-import numba as nb
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
@@ -387,4 +386,4 @@ def specialise(py_func, tag: str, **names):
     f = _types.FunctionType(py_func.__code__, {**py_func.__globals__, **names}, py_func.__name__, py_func.__defaults__)
     f.__qualname__ = f"{py_func.__qualname__}_{tag}_{_SOURCES}"
     f.__module__ = py_func.__module__
-    return nb.njit(**ENTRY)(f)
+    return njit(**ENTRY)(f)

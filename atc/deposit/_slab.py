@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from math import ceil, floor, isfinite
 
-import numba as nb
 import numpy as np
 
+from ..compiled import njit
 from . import _beta
 from ._simd import INLINE, JIT_FMA, abs4, address, axpy4, load4, maximum4, minimum4, peek, poke, ramp4, splat4, store4
 
@@ -16,7 +16,7 @@ _gaussian, _gaussian_constants = _beta.gaussian, _beta.gaussian_constants
 _SHORT = 1e-3
 
 
-@nb.njit(**JIT_FMA)
+@njit(**JIT_FMA)
 def _mean_of_powers(d, r, R, coef_mk, m):
     """Mean of Σ c_k (|z|/R)^k over z = d − t r, |z| < R. v^k averages to (va^k + va^{k−1} vb + … + vb^k)/(k + 1): nothing cancels if va = vb."""
     s = r if abs(r) > 1e-30 * R else 1e-30 * R
@@ -40,7 +40,7 @@ def _mean_of_powers(d, r, R, coef_mk, m):
     return total
 
 
-@nb.njit(**JIT_FMA)
+@njit(**JIT_FMA)
 def polynomial(z, r, radii_m, coef_mk, k):
     """Mean of φ₁(z − t r), t in [0, 1], for four z."""
     total = splat4(0.0)
@@ -68,13 +68,13 @@ def polynomial(z, r, radii_m, coef_mk, k):
     return total
 
 
-@nb.njit(**JIT_FMA)
+@njit(**JIT_FMA)
 def polynomial_constants(r, radii_m, coef_mk, k_):
     for k in range(coef_mk.shape[1]):
         k_[k] = 1.0 / (k + 1.0)
 
 
-@nb.njit(**INLINE)
+@njit(**INLINE)
 def gaussian(z, r, radii_m, coef_mk, k):
     """Mean of c0 exp(−z²/2 c1²): the Gaussian's bond function on the bond's own line."""
     length = max(abs(r), 1e-30 * radii_m[0])
@@ -82,12 +82,12 @@ def gaussian(z, r, radii_m, coef_mk, k):
     return _gaussian(z * ((-1.0 if r < 0.0 else 1.0) / length), zero, zero, k)
 
 
-@nb.njit(**JIT_FMA)
+@njit(**JIT_FMA)
 def gaussian_constants(r, radii_m, coef_mk, k_):
     _gaussian_constants(max(abs(r), 1e-30 * radii_m[0]), radii_m[0], coef_mk, 0, 0, 0, 0, k_)
 
 
-@nb.njit(**JIT_FMA)
+@njit(**JIT_FMA)
 def box(z, r, radii_m, coef_mk, k):
     """Mean of the half-open step −R ≤ z < R."""
     R = radii_m[0]

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import cache
 from math import ceil
 
-import numba as nb
 import numpy as np
 
+from ..compiled import njit
 from ..errors import AtcError
 from ..kernels import TINY, Box, BSpline, Gaussian, GaussianMarginal, Radial
 from . import _beta, _beta_pairs, _lattice, _points, _slab
@@ -68,7 +68,7 @@ def stress_components(r_bc, G_b):
     return b_bk
 
 
-@nb.njit(**ENTRY)
+@njit(**ENTRY)
 def _outer(r_bc, G_b, b_bk):
     for b in range(len(G_b)):
         x, y, z, G = r_bc[b, 0], r_bc[b, 1], r_bc[b, 2], G_b[b]

@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import pi, sqrt
 
-import numba as nb
 import numpy as np
 
+from ..compiled import njit
 from ..kernels import Radial
 from . import fourier, spread
 from ._simd import ENTRY
@@ -49,7 +49,7 @@ def separable(grid, to_mesh):
     return axes, owner
 
 
-@nb.njit(**ENTRY)
+@njit(**ENTRY)
 def _fill(table, step, b, n0, n1, n2, w0, w1, w2, out):
     """out = w0 w1 w2 table(|k|), by the cubic through the four nearest of table[1 + i] at i step: 0.01⁴ is enough for kernels with a kink."""
     for i in range(len(n0)):

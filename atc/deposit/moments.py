@@ -15,12 +15,12 @@ from __future__ import annotations
 from functools import cache, lru_cache
 from math import factorial, frexp
 
-import numba as nb
 import numpy as np
 from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
+from ..compiled import njit
 from . import fourier, spread
 from ._simd import ENTRY, specialise
 from .spread import begin
@@ -232,7 +232,7 @@ def add_bonds(x_nc, i_b, j_b, r_bc, G_b, first, weight_k, slack, longest, invers
     return len(i_b), many
 
 
-@nb.njit(**ENTRY)
+@njit(**ENTRY)
 def survey(i_b, j_b, r_bc, G_b):
     """Mean size of each component of G r⊗r (6,), the largest, whether all is finite, and least and greatest index."""
     mean = np.zeros(6)
@@ -286,7 +286,7 @@ class Rows:
         return True
 
 
-@nb.njit(**ENTRY)
+@njit(**ENTRY)
 def _join(rows, scale, others, other_scale, places, other_places, place):
     factor = other_scale / scale if scale > 0.0 else 1.0
     k = place * 8 // rows.itemsize
@@ -299,7 +299,7 @@ def _join(rows, scale, others, other_scale, places, other_places, place):
 
 
 # --- in the end
-@nb.njit(**ENTRY)
+@njit(**ENTRY)
 def contract(S, which, alphas, factors, n0, n1, n2, b, F):
     """F += Σ factor (ik)^α S over some monomials; S, F: real and imaginary parts side by side along the last axis.
 

@@ -12,12 +12,12 @@ from __future__ import annotations
 from functools import cache
 from math import ceil, floor, frexp, sqrt
 
-import numba as nb
 import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
+from ..compiled import njit
 from ._simd import ENTRY, INLINE, specialise
 
 # Set by `core` and `gatherer`: nodes of the window along each axis, components, type of the mesh, and what is done at a point.
@@ -131,7 +131,7 @@ def core(width, lanes, degree, real):
     return specialise(spread_bonds, tag, WIDTH=width, LANES=lanes, REAL=real, SPREAD=_spreader(width, lanes, degree, real))
 
 
-@nb.njit(**INLINE)
+@njit(**INLINE)
 def first_node(u, n, inverse, half, low):
     """Array index of the first node in reach of u (mesh spacings; of any image, where n > 0) and its distance above the window's lower end."""
     v = u - n * floor(u * inverse) - half - low
@@ -139,7 +139,7 @@ def first_node(u, n, inverse, half, low):
     return i, i - v
 
 
-@nb.njit(**ENTRY)
+@njit(**ENTRY)
 def survey(x_nc, i_b, r_bc, b_bk, origin, to_mesh, bounded):
     """What is to come: least and greatest mesh coordinate along each axis (2, 3) if `bounded`, mean |b| of each column, greatest |b|, and
     whether all numbers are finite.
@@ -310,7 +310,7 @@ def spread_rows(
     return total
 
 
-@nb.njit(**ENTRY)
+@njit(**ENTRY)
 def flush(mesh, rows, width, total, scale):
     """total += scale mesh, mesh = 0, rows = 0: where points have been spread since the last time. Arrays [x][y][z and component]."""
     reached = np.zeros(rows.shape, np.uint8)
@@ -329,7 +329,7 @@ def flush(mesh, rows, width, total, scale):
                     mesh[x, y, k] = 0.0
 
 
-@nb.njit(**ENTRY)
+@njit(**ENTRY)
 def collect(mesh, scale, first, period, out):
     """One plane [y][z][component] of the mesh, added to out[component][y][z]: nodes counted from `first`, the halo of periodic axes to its place."""
     n_comp, n1, n2 = out.shape
@@ -349,7 +349,7 @@ def collect(mesh, scale, first, period, out):
                 out[c, to1, to2] += scale * mesh[y, z, c]
 
 
-@nb.njit(**ENTRY)
+@njit(**ENTRY)
 def interpolate(u_gc, period, coef, width, mesh, out):
     """out[g, c] = Σ over the nodes in reach of u (mesh spacings, array indices) of mesh × window; all axes periodic.
 

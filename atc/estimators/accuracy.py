@@ -10,8 +10,8 @@ from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from ..kernels import Gaussian
 
 # Bins of a slab profile that are computed twice.

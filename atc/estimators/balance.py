@@ -18,8 +18,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from ..errors import AtcError
 from ..kernels import Box, Gaussian, Radial
 from .sources import drift_velocity

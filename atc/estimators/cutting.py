@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from types import SimpleNamespace
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from ..decomposers.bonded import Images
 from ..decomposers.special_bonds import SpecialBonds, special_hints
 from ..errors import AtcError

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from .kinematics import eshelby, quotient_gradient
 from .tensors import full
 
