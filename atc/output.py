@@ -177,6 +177,8 @@ class Store:
         path = str(self.partial / "data.zarr")
         with explained(self.out):
             if self.done:
+                for half in (self.partial / "data.zarr").glob("**/*.partial"):
+                    half.unlink()  # a chunk that a kill left unfinished under a name of its own
                 with _every_chunk():
                     self._group = zarr.open_group(path, mode="r+")
                     self._arrays = dict(self._group.arrays())
