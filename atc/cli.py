@@ -58,10 +58,14 @@ def _show_warning(message, category, filename, lineno, file=None, line=None) -> 
 @contextlib.contextmanager
 def _one_line_warnings():
     """Warnings of atc as one line each; those of libraries are for developers."""
+    import logging
+
     from .errors import AtcWarning
 
     with warnings.catch_warnings():
         if not os.environ.get("ATC_DEBUG"):
+            # It has its say about folders for its own cache.
+            logging.getLogger("matplotlib").setLevel(logging.ERROR)
             warnings.simplefilter("ignore")
             warnings.simplefilter("default", AtcWarning)
             warnings.showwarning = _show_warning
