@@ -96,7 +96,8 @@ class LammpsBinaryDump(LammpsTrajectory):
             first = None
         super().__init__(path, topology, units, masses, first and first.units)
         if not self._has(0):
-            raise AtcError(f"{path} holds no complete frame")
+            raise AtcError(f"{path} holds no complete frame: it ends within its first one")
+        self._require_atoms(lambda k: self._headers[k].n)
 
     def _header(self, start: int, k: int) -> _Header:
         where = f"{self.source}, frame {k}, byte {start}"
