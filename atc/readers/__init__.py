@@ -96,8 +96,14 @@ def _is_atoms(x) -> bool:
 
 
 def _path(path: Path, topology, units, masses):
-    from ._bytes import open_bytes
+    from ._bytes import open_bytes, require_file
+    from .sniff import is_text, not_a_trajectory, shown
 
+    if path.suffix == ".zarr" and path.is_dir():
+        raise AtcError(
+            f"{path} is an output of atc or another Zarr store, not a trajectory: atc info, atc plot and atc compare read outputs"
+        )
+    require_file(path)
     reader = open_bytes(path)
     head = reader.read(0, 1 << 14).tobytes()
     reader.close()
@@ -105,10 +111,17 @@ def _path(path: Path, topology, units, masses):
         raise AtcError(
             f"{path} is empty" if not path.stat().st_size else f"{path} holds nothing but blanks, or nothing that can be decompressed yet"
         )
+    what = not_a_trajectory(head, path.name)
+    if what is not None:
+        raise AtcError(f"{path} is {what}")
     if head.lstrip().startswith(b"ITEM:"):
         from .lammps_dump import LammpsDump
 
         return LammpsDump(path, topology, units, masses)
+    from .lammps_yaml import LammpsYamlDump, looks_like_yaml_dump
+
+    if looks_like_yaml_dump(head):
+        return LammpsYamlDump(path, topology, units, masses)
     suffixes = [s.lower() for s in path.suffixes]
     from .lammps_binary import looks_binary
 
@@ -116,15 +129,26 @@ def _path(path: Path, topology, units, masses):
         from .lammps_binary import LammpsBinaryDump
 
         return LammpsBinaryDump(path, topology, units, masses)
+    from .lammps_dcd import LammpsDcd, written_by_lammps
+
+    if written_by_lammps(head):
+        return LammpsDcd(path, topology, units, masses)
     from .lammps_data import LammpsDataTrajectory, looks_like_data
 
     if looks_like_data(head):
         return LammpsDataTrajectory(path, topology, units, masses)
-    last = next((s for s in reversed(suffixes) if s not in (".gz", ".bz2", ".xz")), "")
+    from .lammps_cfg import LammpsCfg, looks_like_lammps_cfg
+
+    if looks_like_lammps_cfg(head):
+        return LammpsCfg(path, topology, units, masses)
+    from .lammps_netcdf import LammpsNetcdf, netcdf_by_lammps
+
+    if netcdf_by_lammps(path, head):
+        return LammpsNetcdf(path, topology, units, masses)
+    last = next((s for s in reversed(suffixes) if s not in (".gz", ".bz2", ".xz", ".zst")), "")
     if any(s in _LAMMPS_NAMES for s in suffixes) or ".bin" in suffixes[-2:]:
-        start = head[:40].split(b"\n")[0].decode("utf-8", "replace")
         raise AtcError(
-            f"{path}: not a LAMMPS dump: a text dump starts with 'ITEM:', a binary one with its magic string, this with {start!r}"
+            f"{path}: not a LAMMPS dump: a text dump starts with 'ITEM:', a binary one with its magic string, this with {shown(head)}"
         )
     if last in _TOPOLOGIES:
         raise AtcError(f"{path} holds a topology but no positions: give the trajectory's path, and this as topology=")
@@ -132,6 +156,10 @@ def _path(path: Path, topology, units, masses):
         from .mdanalysis import MDAnalysisTrajectory
 
         return MDAnalysisTrajectory(path, topology, units, masses)
+    from .xyz import ExtendedXyz, looks_like_xyz
+
+    if is_text(head) and looks_like_xyz(head, last):
+        return ExtendedXyz(path, topology, units, masses)
     if topology is not None:
         raise AtcError(
             f"{path}: a topology goes with LAMMPS dumps and the formats of MDAnalysis ({' '.join(sorted(_MDANALYSIS))}); this is read by ASE"

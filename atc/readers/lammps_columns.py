@@ -105,6 +105,8 @@ class LammpsTrajectory(Trajectory):
     #: What to say once of files without an 'id' column; None where they cannot have one.
     _without_ids: str | None = "has no 'id' column: atoms are numbered in file order and cannot be followed from frame to frame"
 
+    _without_types = "has no 'type' or 'element' column: all atoms are taken to be of type 1; dump type too if there are more"
+
     def __init__(self, path, topology, units, masses, file_units):
         super().__init__()
         self.path = path
@@ -217,10 +219,7 @@ class LammpsTrajectory(Trajectory):
                 f"{where}: {len(self._masses)} masses are given but there is no 'type' or 'element' column to tell the atoms apart; dump type too"
             )
         if self._masses is None and "mass" not in c:
-            self._once(
-                "type",
-                f"{self.source} has no 'type' or 'element' column: all atoms are taken to be of type 1; dump type too if there are more",
-            )
+            self._once("type", f"{self.source} {self._without_types}")
         return np.ones(n, np.int64), {}
 
     def _species(self, k):

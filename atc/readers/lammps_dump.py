@@ -73,6 +73,8 @@ class LammpsDump(LammpsTrajectory):
     with a warning. Anything else that is not as it should be is an AtcError that names the frame and the line.
     """
 
+    _may_lack_line_end = True  # whether the atoms of a frame can be the end of the file
+    _next_begins = "ITEM: TIMESTEP"
     _mark = b"ITEM:"  # what every frame begins with
     _first_item = b"ITEM: TIMESTEP"  # what is only there once a frame
 
@@ -210,12 +212,12 @@ class LammpsDump(LammpsTrajectory):
         self._end.append(end)
         self._line.append(line)
         self._n.append(h.n)
-        self._next, self._next_line = end, line + h.lines + h.n
+        self._next, self._next_line = end, line + h.lines + h.n + self._lines_behind()
         return True
 
     def _skip(self, pos: int, h: Header) -> int:
         """Position behind the atoms of a frame that begin at `pos`."""
-        n = h.n
+        n, first = h.n, pos
         while n:
             size = int(min(max(n * self._per_line * 1.05 + 1024, 4096), 1 << 22))
             buf = self._bytes.read(pos, pos + size)
@@ -223,6 +225,14 @@ class LammpsDump(LammpsTrajectory):
             n -= seen
             pos += used
             if n and len(buf) < size:
+                if n == 1 and not self._start and self._may_lack_line_end:
+                    # LAMMPS ends every line; but a file of one frame may have passed through an editor, and nothing else is left to read in it.
+                    text = self._bytes.read(first, pos).tobytes()
+                    if len(text[text.rfind(b"\n") + 1 :].split()) == len(h.columns):
+                        warn(
+                            f"{self.source}: its only frame has no line end behind the last atom; it is read, but its last number may have been cut off"
+                        )
+                        return pos
                 raise Truncated
             if not seen and len(buf) >= _LONGEST_LINE:
                 raise AtcError(f"{self.source}, byte {pos - used}: a line of more than {_LONGEST_LINE} letters; the file is damaged")
@@ -247,10 +257,21 @@ class LammpsDump(LammpsTrajectory):
             lines += block.count(b"\n", 0, step)
             at += step
 
+    def _lines_behind(self) -> int:
+        """Lines between the last atom of a frame and the next frame."""
+        return 0
+
+    def _words(self, buf) -> np.ndarray:
+        """The bytes of the table of atoms as white-space separated words."""
+        return buf
+
+    def _parse(self, buf, columns, kinds, n, where, finite) -> dict:
+        return parse_columns(buf, columns, kinds, n, where, finite)
+
     def _miscounted(self, h, k, body, end, line):
         """N lines below the header do not end at the next frame: say where it goes wrong."""
         text = self._bytes.read(body, end).tobytes()
-        at = text.find(b"ITEM:")
+        at = text.find(self._mark)
         first = line + h.lines
         if at >= 0:
             have = text.count(b"\n", 0, at)
@@ -258,7 +279,7 @@ class LammpsDump(LammpsTrajectory):
                 f"{self.source}, frame {k}, line {first + have}: the frame ends after {have} atoms but announces {h.n}; lines are missing"
             )
         raise AtcError(
-            f"{self.source}, frame {k}, line {first + h.n}: expected 'ITEM: TIMESTEP' after {h.n} atoms; there are more lines than announced"
+            f"{self.source}, frame {k}, line {first + h.n}: expected {self._next_begins!r} after {h.n} atoms; there are more lines than announced"
         )
 
     def _has(self, k):
@@ -328,14 +349,14 @@ class LammpsDump(LammpsTrajectory):
             buf = np.append(buf, np.uint8(10))
         if len(buf) < end - body:
             raise self._shorter(k)
-        sample = buf[:65536].tobytes().split(b"\n", 1)[0].split() if n else []
+        sample = self._words(buf[:65536]).tobytes().split(b"\n", 1)[0].split()[-len(h.columns) :] if n else []
         kinds = []
         for c, name in enumerate(h.columns):
             kind = INT if name in INT_COLUMNS else TEXT if name in TEXT_COLUMNS else FLOAT
             if kind == FLOAT and c < len(sample) and not is_number(sample[c]) and name not in KNOWN_FLOATS:
                 kind = TEXT
             kinds.append(kind)
-        return parse_columns(buf, h.columns, kinds, n, lambda row: f"{self.source}, frame {k}, line {first + row}", KNOWN_FLOATS)
+        return self._parse(buf, h.columns, kinds, n, lambda row: f"{self.source}, frame {k}, line {first + row}", KNOWN_FLOATS)
 
     def _columns_of(self, k):
         h = self._header(self._start[k], self._line[k], k)
@@ -356,8 +377,9 @@ class LammpsDump(LammpsTrajectory):
         ):
             if all(name in h.columns for name in names):
                 at = [h.columns.index(name) for name in names]
-                words = [w.split() for w in lines[:: max(1, len(lines) // 1000)]]
-                r, why = text_resolution([w[a].decode() for w in words for a in at])
+                words = [self._words(np.frombuffer(w, np.uint8)).tobytes().split() for w in lines[:: max(1, len(lines) // 1000)]]
+                words = [w[-len(h.columns) :] for w in words if len(w) >= len(h.columns)]
+                r, why = text_resolution([w[a].decode("utf-8", "replace") for w in words for a in at])
                 scale = float(np.linalg.norm(frame.cell.vectors, axis=1).max()) if scaled else self.units.length
                 return r * scale, why
         return 0.0, "no coordinates"

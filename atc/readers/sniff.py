@@ -47,7 +47,6 @@ _MAGICS = (
     (b"\x80\x03", "a pickle of Python, which is not opened because that could run anything: write the frames as extended XYZ"),
     (b"\x80\x04", "a pickle of Python, which is not opened because that could run anything: write the frames as extended XYZ"),
     (b"\x80\x05", "a pickle of Python, which is not opened because that could run anything: write the frames as extended XYZ"),
-    (b"PSF", "a topology (PSF) without positions: give the trajectory's path, and this as topology="),
 )
 
 _TEXTS = (
