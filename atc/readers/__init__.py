@@ -111,7 +111,7 @@ def _path(path: Path, topology, units, masses):
         raise AtcError(
             f"{path} is empty" if not path.stat().st_size else f"{path} holds nothing but blanks, or nothing that can be decompressed yet"
         )
-    what = not_a_trajectory(head, path.name)
+    what = not_a_trajectory(head, path.name) or (_hdf5(path) if head.startswith(b"\x89HDF\r\n") else None)
     if what is not None:
         raise AtcError(f"{path} is {what}")
     if head.lstrip().startswith(b"ITEM:"):
@@ -167,3 +167,22 @@ def _path(path: Path, topology, units, masses):
     from .ase import open_ase
 
     return open_ase(path, units, masses)
+
+
+def _hdf5(path: Path) -> str | None:
+    """What an HDF5 file is, if it is none that MDAnalysis reads by its name."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as f:
+            attrs = {str(name): str(f.attrs.get(name)) for name in list(f.attrs)[:64]}
+            groups = set(f)
+    except Exception:  # whatever HDF5 stumbles over
+        return "an HDF5 file that is damaged or cut off"
+    if "atc_version" in attrs:
+        return "an output of atc, not a trajectory: atc info, atc plot and atc compare read it"
+    if attrs.get("Conventions") == "AMBER":
+        return "a NetCDF-4 trajectory, of which only the classic versions are read: convert it (nccopy -k cdf5 OLD NEW)"
+    if "h5md" in groups:
+        return None if path.suffix.lower() == ".h5md" else "an H5MD trajectory by another name: call it .h5md"
+    return "an HDF5 or NetCDF-4 file of no trajectory that atc knows; give a dump, H5MD (.h5md), .extxyz, .traj, ..."
