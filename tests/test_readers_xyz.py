@@ -146,8 +146,7 @@ def test_other_cells_of_ipi_and_what_is_refused(save):
     h = "# CELL(H): 10 1 2 0 11 3 0 0 12 Step: 0 positions{angstrom} cell{angstrom}"
     np.testing.assert_array_equal(atc.read(save(h, rows))[0].cell.vectors, [[10, 0, 0], [1, 11, 0], [2, 3, 12]])
     for comment, what in (
-        (h.replace("cell{angstrom}", ""), r"line 2: the comment has i-PI's CELL\(H\) but not the unit of cell"),
-        (h.replace("positions{angstrom}", ""), "not the unit of positions"),
+        (h.replace("positions{angstrom}", ""), r"line 2: the comment has i-PI's CELL\(H\) but not the unit of positions"),
         (h.replace("positions{angstrom}", "velocities{angstrom}"), "i-PI wrote velocities here, not positions"),
         (h.replace("cell{angstrom}", "cell{parsec}"), "expected one of angstrom"),
         (h.replace("10 1 2 0", "10 1 2 1"), "not upper triangular"),
@@ -156,6 +155,10 @@ def test_other_cells_of_ipi_and_what_is_refused(save):
     ):
         with pytest.raises(AtcError, match=what):
             atc.read(save(comment, rows))[0]
+    with pytest.warns(AtcWarning, match="did not name the unit of its cell: atomic_unit, i-PI's own, is taken"):
+        f = atc.read(save(h.replace("cell{angstrom}", ""), rows))[0]  # as older versions of i-PI write it
+    np.testing.assert_allclose(f.cell.vectors, np.array([[10, 0, 0], [1, 11, 0], [2, 3, 12]]) * BOHR, rtol=1e-12)
+    assert f.positions.tolist() == [[1.5, 2.5, 3.5]]
     with pytest.raises(AtcError, match="gives the units of i-PI"):
         atc.read(save(h, rows), units="metal")
 

@@ -97,7 +97,7 @@ def _is_atoms(x) -> bool:
 
 def _path(path: Path, topology, units, masses):
     from ._bytes import open_bytes, require_file
-    from .sniff import is_text, not_a_trajectory, shown
+    from .sniff import by_its_name, is_text, not_a_trajectory, shown
 
     if path.suffix == ".zarr" and path.is_dir():
         raise AtcError(
@@ -111,7 +111,7 @@ def _path(path: Path, topology, units, masses):
         raise AtcError(
             f"{path} is empty" if not path.stat().st_size else f"{path} holds nothing but blanks, or nothing that can be decompressed yet"
         )
-    what = not_a_trajectory(head, path.name) or (_hdf5(path) if head.startswith(b"\x89HDF\r\n") else None)
+    what = not_a_trajectory(head) or (_hdf5(path) if head.startswith(b"\x89HDF\r\n") else None)
     if what is not None:
         raise AtcError(f"{path} is {what}")
     if head.lstrip().startswith(b"ITEM:"):
@@ -160,6 +160,9 @@ def _path(path: Path, topology, units, masses):
 
     if is_text(head) and looks_like_xyz(head, last):
         return ExtendedXyz(path, topology, units, masses)
+    what = by_its_name(path.name) if is_text(head) else None
+    if what is not None:
+        raise AtcError(f"{path} is {what}")
     if topology is not None:
         raise AtcError(
             f"{path}: a topology goes with LAMMPS dumps and the formats of MDAnalysis ({' '.join(sorted(_MDANALYSIS))}); this is read by ASE"

@@ -95,10 +95,10 @@ _POTENTIALS = frozenset(
 )
 
 
-def not_a_trajectory(head: bytes, name: str) -> str | None:
+def not_a_trajectory(head: bytes) -> str | None:
     """What a file is (with what to do instead) if its first bytes show that it holds no trajectory; None if they do not.
 
-    `head`: the first kilobytes, decompressed. `name`: the file's name, asked last.
+    `head`: the first kilobytes, decompressed.
     """
     for magic, what in _MAGICS:
         if head.startswith(magic):
@@ -123,6 +123,11 @@ def not_a_trajectory(head: bytes, name: str) -> str | None:
         return "a LAMMPS input script, not a trajectory: give the dump it writes; the script itself goes under [potential] as input"
     if _is_molecule(text):
         return "a molecule template of LAMMPS, which has no box: give a dump or a data file"
+    return None
+
+
+def by_its_name(name: str) -> str | None:
+    """What a text file is by the end of its name, to be asked when nothing else knew it."""
     if any(name.lower().endswith(end) for end in _POTENTIALS):
         return "a potential file by its name, not a trajectory: name it in a pair_coeff line under [potential]"
     return None

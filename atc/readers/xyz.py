@@ -18,7 +18,7 @@ from .lammps_dump import whole
 from .sniff import shown
 from .table import FLOAT, INT, TEXT, is_number, parse_columns
 from .trajectory import decimal_resolution, text_resolution, warn
-from .xyz_comment import Comment, read_comment
+from .xyz_comment import CELL_UNIT_TAKEN, TIME_ROUNDED, Comment, read_comment
 
 # What columns of extended XYZ are called, and the columns of a dump they are.
 _SPECIES = ("species", "symbols", "element", "type_name")
@@ -279,7 +279,12 @@ class ExtendedXyz(LammpsTrajectory):
         cell = self._cell(comment, columns, where)
         if self._data is not None and "type" in columns:
             self._types_agree(columns, where)
-        if "time rounded away" in comment.keys:
+        if CELL_UNIT_TAKEN in comment.keys:
+            self._once(
+                "cell unit",
+                f"{self.source}: i-PI did not name the unit of its cell: atomic_unit, i-PI's own, is taken; write cell{{...}} into the comment if it is another",
+            )
+        if TIME_ROUNDED in comment.keys:
             self._once("time", f"{self.source}: six decimals leave too little of its times in these units; steps without times are read")
         time = None if self._ase else comment.time
         frame = self._build(columns, cell, k, where, comment.step, time, line_of)

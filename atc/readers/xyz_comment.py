@@ -15,6 +15,8 @@ _PAIR = re.compile(r"""([A-Za-z_][\w.-]*)\s*=\s*("(?:[^"\\]|\\.)*"|'[^']*'|\{[^}
 _IPI = re.compile(r"CELL[\(\[\{](abcABC|H|GENH)[\)\]\}]:\s*((?:[-+\d.eE]+\s+){5,8}[-+\d.eE]+)")
 _BRACES = re.compile(r"\b(cell|positions|velocities|forces|momenta)\s*\{(\w+)\}")
 _PLAIN_LAMMPS = re.compile(r"^\s*Atoms\. Timestep: (-?\d+)(?:\s+Time: (\S+))?\s*$")
+#: Keys of `Comment.keys` for what the reader has to say about a comment.
+CELL_UNIT_TAKEN, TIME_ROUNDED = "cell unit taken", "time rounded away"
 _LAMMPS = re.compile(r"\s*Timestep=\S+ Time=\S+ pbc=|.*\bTimestep=.*\bPotential_energy=")
 _LENGTHS = {"angstrom": 1.0, "nanometer": 10.0, "atomic_unit": unit_system("electron").length, "bohr": unit_system("electron").length}
 
@@ -126,7 +128,7 @@ def _extended(line: str, where: str) -> Comment:
         # %f prints six decimals: of a small time they leave nothing, or too little to tell one step from another.
         if c.kind == "lammps" and c.step and abs(c.time) < 1e-4:
             c.time = None
-            c.keys["time rounded away"] = "yes"
+            c.keys[TIME_ROUNDED] = "yes"
     return c
 
 
@@ -136,16 +138,19 @@ def _ipi(m, line: str, where: str) -> Comment:
     for other in ("velocities", "forces", "momenta"):
         if other in braces:
             raise AtcError(f"{where}: i-PI wrote {other} here, not positions; give the file of positions")
+    if "positions" not in braces:
+        raise AtcError(
+            f"{where}: the comment has i-PI's CELL({what}) but not the unit of positions: expected positions{{angstrom}} or positions{{atomic_unit}}"
+        )
+    # Older versions of i-PI name the unit of positions alone: their cells are in its own units.
+    keys = {} if "cell" in braces else {CELL_UNIT_TAKEN: "atomic_unit"}
+    braces.setdefault("cell", "atomic_unit")
     for name in ("positions", "cell"):
-        if name not in braces:
-            raise AtcError(
-                f"{where}: the comment has i-PI's CELL({what}) but not the unit of {name}: expected {name}{{angstrom}} or {name}{{atomic_unit}}"
-            )
         if braces[name] not in _LENGTHS:
             raise AtcError(f"{where}: {name}{{{braces[name]}}}: expected one of {', '.join(_LENGTHS)}")
     if len(values) != (6 if what == "abcABC" else 9) or not np.isfinite(values).all():
         raise AtcError(f"{where}: expected {6 if what == 'abcABC' else 9} numbers behind CELL({what})")
-    c = Comment("ipi", length=_LENGTHS[braces["positions"]], cell_length=_LENGTHS[braces["cell"]], periodic=(True, True, True))
+    c = Comment("ipi", keys, length=_LENGTHS[braces["positions"]], cell_length=_LENGTHS[braces["cell"]], periodic=(True, True, True))
     if what == "abcABC":
         a, b, l = values[:3]
         ca, cb, cg = np.where(values[3:] == 90, 0.0, np.cos(np.radians(values[3:])))
