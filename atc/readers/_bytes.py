@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import os
 import stat
 import threading
 import zlib
@@ -33,7 +34,11 @@ class PlainBytes:
         self._file = open(self.path, "rb", buffering=0)
 
     def read(self, start: int, stop: int) -> np.ndarray:
+        # Whatever a damaged header asks for: never room for more than the file holds.
+        stop = min(stop, os.fstat(self._file.fileno()).st_size)
         out = np.empty(max(0, stop - start), np.uint8)
+        if not len(out):
+            return out
         view = memoryview(out)
         got = 0
         with self._lock:

@@ -168,7 +168,7 @@ class LammpsBinaryDump(LammpsTrajectory):
                     raise AtcError(f"{self.source}, frame {k}, byte {at}: a chunk of {m} numbers in {h.width} columns; the file is damaged")
                 at += 4 + 8 * m
                 total += m
-            if total != h.n * h.width and h.chunks:
+            if total != h.n * h.width:
                 raise AtcError(
                     f"{self.source}, frame {k}, byte {start}: {total // h.width} atoms are there but {h.n} are announced; the file is damaged"
                 )

@@ -15,6 +15,7 @@ _PAIR = re.compile(r"""([A-Za-z_][\w.-]*)\s*=\s*("(?:[^"\\]|\\.)*"|'[^']*'|\{[^}
 _IPI = re.compile(r"CELL[\(\[\{](abcABC|H|GENH)[\)\]\}]:\s*((?:[-+\d.eE]+\s+){5,8}[-+\d.eE]+)")
 _BRACES = re.compile(r"\b(cell|positions|velocities|forces|momenta)\s*\{(\w+)\}")
 _PLAIN_LAMMPS = re.compile(r"^\s*Atoms\. Timestep: (-?\d+)(?:\s+Time: (\S+))?\s*$")
+_LONGEST = 1 << 14
 #: Keys of `Comment.keys` for what the reader has to say about a comment.
 CELL_UNIT_TAKEN, TIME_ROUNDED = "cell unit taken", "time rounded away"
 _LAMMPS = re.compile(r"\s*Timestep=\S+ Time=\S+ pbc=|.*\bTimestep=.*\bPotential_energy=")
@@ -39,6 +40,8 @@ class Comment:
 
 def read_comment(line: str, where: str) -> Comment:
     """What a comment line says; an AtcError that begins with `where` if it contradicts itself or cannot be understood."""
+    if len(line) > _LONGEST:
+        raise AtcError(f"{where}: a comment of {len(line)} letters; the file is damaged")
     m = _PLAIN_LAMMPS.match(line)
     if m:
         return Comment("lammps plain", step=_step(m.group(1), where), time=_time(m.group(2), where) if m.group(2) else None)
