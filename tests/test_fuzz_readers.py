@@ -130,9 +130,9 @@ def netcdf(version, program="LAMMPS"):
 
 def data():
     return (
-        "made by hand\n\n3 atoms\n2 atom types\n1 bonds\n1 bond types\n0 9 xlo xhi\n0 9 ylo yhi\n0 9 zlo zhi\n1 0 0.5 xy xz yz\n\nMasses\n\n1 28 # Si\n2 12\n\n"
-        "Atoms # full\n\n1 1 1 0.5 1 2 3 0 0 1\n2 1 2 -0.5 2 3 4 0 0 0\n3 1 1 0 3 4 5 0 0 0\n\nVelocities\n\n1 1 0 0\n2 0 1 0\n3 0 0 1\n\nBonds\n\n1 1 1 2\n"
-    ).encode()
+        b"made by hand\n\n3 atoms\n2 atom types\n1 bonds\n1 bond types\n0 9 xlo xhi\n0 9 ylo yhi\n0 9 zlo zhi\n1 0 0.5 xy xz yz\n\nMasses\n\n1 28 # Si\n2 12\n\n"
+        b"Atoms # full\n\n1 1 1 0.5 1 2 3 0 0 1\n2 1 2 -0.5 2 3 4 0 0 0\n3 1 1 0 3 4 5 0 0 0\n\nVelocities\n\n1 1 0 0\n2 0 1 0\n3 0 0 1\n\nBonds\n\n1 1 1 2\n"
+    )
 
 
 def by_ase(form):

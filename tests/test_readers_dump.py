@@ -462,6 +462,10 @@ def broken(line, new):
         (broken(22, "ITEM: ATOMS id type x y x"), r"frame 1, line 22: column 'x' is there twice"),
         (broken(22, "ITEM: ATOMS id type a b c"), r"frame 1: no positions among the columns \(id type a b c\): expected x y z"),
         (broken(22, None), r"frame 1, line 22: expected an 'ITEM:' line, got '1 1 "),
+        (
+            "\n".join([*LINES[:18], *LINES[20:]]),
+            r"frame 0, line 18: |frame 1, line 20: 'ITEM: ATOMS' stands where the lines of another item are expected",
+        ),
         (broken(16, "ITEM: NUMBER OF ENTRIES"), r"line 16: 'NUMBER OF ENTRIES': this is a dump of something else than atoms"),
     ],
 )

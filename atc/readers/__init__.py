@@ -21,16 +21,17 @@ def read(source, topology=None, units=None, masses=None):
     Parameters
     ----------
     source
-        The path of a LAMMPS text dump (plain, .gz, .bz2, .xz), binary dump or data file; of anything ``ase.io.iread`` or MDAnalysis reads; a
-        pattern (``dump.*``, in the order of the numbers in the names) or a list of paths, which are joined; or
-        ase.Atoms, a list of them, an MDAnalysis Universe or AtomGroup, a Frame, a list of Frames, a trajectory.
-        What a file is, is told from its content where it is LAMMPS's, from its name otherwise.
+        The path of a file of LAMMPS: dump (text, binary, yaml, netcdf, cfg, dcd, extxyz; plain, .gz, .bz2, .xz, .zst) or data file; of anything
+        ``ase.io.iread`` or MDAnalysis reads; a pattern (``dump.*``, in the order of the numbers in the names) or a list of paths, which are joined;
+        or ase.Atoms, a list of them, an MDAnalysis Universe or AtomGroup, a Frame, a list of Frames, a trajectory.
+        What a file is, is told from its content where it is LAMMPS's, from its name otherwise; what is no trajectory is told too.
     topology
         For LAMMPS: the path of a data file, which gives bonded terms, and masses, charges and types where the dump has none.
         For MDAnalysis: the path of a topology, or a Universe.
     units : str
         A LAMMPS unit style (lj, real, metal, si, cgs, electron, micro, nano). Needed for LAMMPS files that do not say it; sources of ASE and
-        MDAnalysis have their own ("ase", "mdanalysis"). A contradiction between the argument and the file is an error.
+        MDAnalysis have their own ("ase", "mdanalysis"). Extended XYZ is in ASE's units unless a style is given here, which all its numbers are then in.
+        A contradiction between the argument and the file is an error.
     masses
         ``{type or name: mass}`` or a list for types 1, 2, ..., in the trajectory's units; goes before all other masses.
 

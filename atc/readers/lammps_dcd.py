@@ -30,6 +30,23 @@ def written_by_lammps(head: bytes) -> bool:
     return looks_like_dcd(head) and _NAME in head[:4096]
 
 
+def rest_behind_frames(path) -> bool:
+    """Whether a DCD of any program ends within a frame. Files with fixed atoms, whose frames differ in size, are not looked into."""
+    try:
+        with open(path, "rb") as f:
+            head = f.read(1 << 16)
+            total = f.seek(0, 2)
+        endian = "<" if head[0] else ">"
+        word = struct.unpack_from(endian + "20i", head, 8)
+        (titles,) = struct.unpack_from(endian + "i", head, 92)
+        at = 92 + titles + 8
+        (n,) = struct.unpack_from(endian + "i", head, at + 4)
+    except (OSError, ValueError, IndexError, struct.error):
+        return False
+    size = 56 * (word[10] != 0) + 3 * (8 + 4 * n) + (8 + 4 * n) * (word[11] != 0)
+    return not word[8] and n > 0 and titles >= 0 and (total - at - 12) % size != 0
+
+
 class LammpsDcd(LammpsTrajectory):
     """Frames of a DCD file of LAMMPS: positions (float32), cell, step and time.
 

@@ -116,6 +116,10 @@ class LammpsDump(LammpsTrajectory):
                 raise AtcError(f"{self.source}, frame {k}, line {line}: found no 'ITEM: ATOMS' here; is it a dump of atoms?")
         lines = text[:end].decode("utf-8", "replace").split("\n")[:-1]
         h = self._header_lines(lines, line, k)
+        if not h.columns:
+            raise AtcError(
+                f"{self.source}, frame {k}, line {line + len(lines) - 1}: 'ITEM: ATOMS' stands where the lines of another item are expected; the file is damaged"
+            )
         h.lines, h.size = len(lines), end
         return h
 

@@ -39,6 +39,10 @@ class MDAnalysisTrajectory(Trajectory):
         self.units = unit_system("mdanalysis")
         path = isinstance(source, (str, os.PathLike))
         self.source = os.fspath(source) if path else "MDAnalysis Universe"
+        if units is not None and unit_system(units).reduced:
+            raise AtcError(
+                f"{self.source}: this format is in nm or Å, and a run in lj units has none: dump it as custom or dcd, whose units are those of the run"
+            )
         if units is not None and unit_system(units).name != "mdanalysis":
             raise AtcError(
                 f"{self.source}: MDAnalysis's units are Å, ps, kJ/mol ('mdanalysis'), but the units argument says {unit_system(units).name!r}: leave it out"
@@ -142,9 +146,18 @@ class MDAnalysisTrajectory(Trajectory):
                     n -= 1
                     self._cut = True
                 self._length = n
+                self._cut |= self._rest_of_dcd()
             if self._cut:
                 warn(f"{self.source}: its last frame (number {n}) is not complete and is left out")
         return self._length
+
+    def _rest_of_dcd(self) -> bool:
+        """Whether a DCD goes on behind its last whole frame: MDAnalysis says nothing of it."""
+        from .lammps_dcd import rest_behind_frames
+
+        reader = self._atoms.universe.trajectory
+        name = getattr(reader, "filename", None)
+        return reader.format == "DCD" and isinstance(name, (str, os.PathLike)) and rest_behind_frames(name)
 
     def _frame(self, k):
         u = self.units
