@@ -464,7 +464,7 @@ def broken(line, new):
         (broken(22, None), r"frame 1, line 22: expected an 'ITEM:' line, got '1 1 "),
         (
             "\n".join([*LINES[:18], *LINES[20:]]),
-            r"frame 0, line 18: |frame 1, line 20: 'ITEM: ATOMS' stands where the lines of another item are expected",
+            r"frame 1, line 20: 'ITEM: ATOMS' stands where the lines of another item are expected",
         ),
         (broken(16, "ITEM: NUMBER OF ENTRIES"), r"line 16: 'NUMBER OF ENTRIES': this is a dump of something else than atoms"),
     ],

@@ -99,6 +99,14 @@ class _FromFile(_AseTrajectory):
 
     _form = "ASE's own format (.traj)"
 
+    def _frame(self, k):
+        try:
+            return super()._frame(k)
+        except AtcError:
+            raise
+        except Exception:  # what was read is no possible set of Atoms
+            raise self._fail(k) from None
+
 
 class AseTrajFile(_FromFile):
     """ASE's own .traj: frames by number."""

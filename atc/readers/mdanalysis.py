@@ -194,6 +194,8 @@ class MDAnalysisTrajectory(Trajectory):
             return Cell(np.zeros((3, 3)), periodic=(False, False, False))
         from MDAnalysis.lib.mdamath import triclinic_vectors
 
+        if not np.isfinite(box).all():
+            raise AtcError(f"{where}: the box {box.tolist()} holds numbers that are not finite")
         if not (box[:3] > 0).all():
             if (box[3:] != 90.0).any() or (box[:3] < 0).any():
                 raise AtcError(f"{where}: the box {box.tolist()} is none")
@@ -201,7 +203,10 @@ class MDAnalysisTrajectory(Trajectory):
         vectors = triclinic_vectors(box, dtype=np.float64)
         if not vectors.any():
             raise AtcError(f"{where}: lengths and angles {box.tolist()} make no box")
-        return Cell(vectors * self.units.length)
+        try:
+            return Cell(vectors * self.units.length)
+        except AtcError as e:
+            raise AtcError(f"{where}: {e}") from None
 
     def _precision(self, frame):
         return decimal_resolution(frame.positions)
