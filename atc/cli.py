@@ -41,18 +41,16 @@ from .cli_common import (
 )
 from .errors import AtcError
 from .interruption import last, watched
+from .terminal import only_printable, printable
 
 
 def _fail(message: str, status: int) -> None:
-    text = "".join(
-        c if c.isprintable() else "?" for c in " ".join(str(message).split())
-    )  # what a damaged file holds must not steer the terminal
-    print("error: " + text, file=sys.stderr, flush=True)
+    print("error: " + printable(" ".join(str(message).split())), file=sys.stderr, flush=True)
     sys.exit(status)
 
 
 def _show_warning(message, category, filename, lineno, file=None, line=None) -> None:
-    print("warning: " + " ".join(str(message).split()), file=sys.stderr, flush=True)
+    print("warning: " + printable(" ".join(str(message).split())), file=sys.stderr, flush=True)
 
 
 @contextlib.contextmanager
@@ -83,7 +81,7 @@ class _Commands(TyperGroup):
             status = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
             sys.exit(status if isinstance(status, int) else 0)
         try:
-            with _one_line_warnings(), watched():
+            with _one_line_warnings(), only_printable(), watched():
                 status = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
             sys.stdout.flush()
         except AtcError as e:

@@ -99,6 +99,7 @@ def describe(source, topology=None, units=None, masses=None) -> Report:
         rows.append(("state", text))
     if not data["ids"]:
         notes.append("the source does not number its atoms: they are taken in file order, which must be the same in every frame")
+    notes += trajectory.assumed
     notes += doubts(first)
     for name, consequence in _NEEDED_FOR.items():
         if name not in data["quantities"]:

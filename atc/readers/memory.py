@@ -46,7 +46,7 @@ class Adapted(Trajectory):
 
     def __init__(self, base: Trajectory, units=None, masses=None):
         super().__init__()
-        self.base, self.units, self.source = base, base.units, base.source
+        self.base, self.units, self.source, self.assumed = base, base.units, base.source, base.assumed
         if units is not None and unit_system(units).name != base.units.name:
             raise AtcError(f"{base.source} was opened in {base.units.name!r} units but the units argument says {unit_system(units).name!r}")
         self._masses = None if masses is None else Masses(masses, self.units)

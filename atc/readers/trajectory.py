@@ -35,6 +35,8 @@ class Trajectory(Sequence):
 
     units: Units
     source: str = "trajectory"
+    #: What the reader takes for granted because the format cannot say it: sentences for `atc info`.
+    assumed: tuple[str, ...] = ()
 
     def __init__(self):
         self._guard = threading.RLock()
@@ -202,7 +204,7 @@ class _View(Trajectory):
     def __init__(self, base: Trajectory, which: slice | range):
         super().__init__()
         self.base, self._which = base, which
-        self.units, self.source = base.units, base.source
+        self.units, self.source, self.assumed = base.units, base.source, base.assumed
         if isinstance(which, slice) and which.step == 0:
             raise ValueError("slice step cannot be zero")
 
