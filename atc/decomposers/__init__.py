@@ -95,6 +95,7 @@ _STYLE_MODULES = (
     "improper",
     "embedded_atom",
     "tersoff",
+    "tersoff_variants",
     "axilrod_teller",
 )
 

@@ -98,6 +98,8 @@ class Tersoff(Term):
         self.cutoff = float((self.three[..., 0] + self.three[..., 1]).max())
         if not self.cutoff > 0:
             raise AtcError(f"{self.style}: every cutoff R + D is 0")
+        # A negative δ lets pairs act from farther away.
+        self.cutoff += max(0.0, -self.shift)
 
     def around(self, e) -> np.ndarray:
         """The row of `three` of an entry, in internal units: R, D, λ3, m, and the angular function's numbers."""

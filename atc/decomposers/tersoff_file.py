@@ -66,7 +66,7 @@ def read_tersoff_file(path, elements, units_name: str, where: str = "", kind=Ter
     factor = energy_conversion(text, units_name, path)
     entries: dict[tuple, TersoffEntry] = {}
     for here, names, values in element_entries(text, path, kind.keys, elements, kind.what):
-        entry = kind(*values, where=here)
+        entry = kind(**dict(zip(kind.keys, values, strict=True)), where=here)
         if wrong := entry.check():
             raise AtcError(f"{here}: {wrong}")
         if names in entries:

@@ -48,10 +48,12 @@ def bond_order(kind, zeta, two):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _other_order(kind, zeta, eta, n):
+    """b(ζ) and b'(ζ) of Gao and Weber (eta is their β) and of Kumagai et al."""
+    if kind == GAO_WEBER:
+        b = (eta * (1.0 + zeta)) ** -n
+        return b, -n * b / (1.0 + zeta)
     if zeta <= 0.0:
         return 1.0, 0.0
-    if kind == GAO_WEBER:
-        return (1.0 + zeta) ** -n, -n * (1.0 + zeta) ** (-n - 1.0)
     t = zeta**eta
     return (1.0 + t) ** (-0.5 / n), -0.5 * eta / n * (1.0 + t) ** (-1.0 - 0.5 / n) * t / zeta
 
@@ -258,7 +260,8 @@ def merge(form, shift, p0, p1, a, b, r, d, element, repulsion, G_end, S_end, ato
         e = par[2] * np.exp(-par[3] * rp)
         u = (e + par[4]) * fc
         du = (e + par[4]) * dfc - par[3] * e * fc
-        if par[8] > 0.0:
+        # The core, too, ends at R + D.
+        if par[8] > 0.0 and rp < par[0] + par[1]:
             far, dfar = _fermi(rp, par[7], par[8])
             core, dcore = _universal(rp, par[5], par[6])
             u, du = far * u + (1.0 - far) * core, far * du + dfar * (u - core) + (1.0 - far) * dcore
