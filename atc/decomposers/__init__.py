@@ -96,6 +96,7 @@ _STYLE_MODULES = (
     "embedded_atom",
     "tersoff",
     "tersoff_variants",
+    "three_body",
     "axilrod_teller",
 )
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+#: Angular functions of δ = cos θ − cos θ0: δ², [g_C(δ) δ]², δ²/(1 + C δ²); and (θ − θ0)².
+SQUARE, SWITCHED, SATURATED, HARMONIC = 0, 1, 2, 3
+
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _power(s, p):
@@ -104,12 +107,37 @@ def sw_runs(out_start, in_start, limit):
     return np.array(edges), most, room
 
 
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _angular(kind, cos, row):
+    """The angular function of a triplet and its derivative with respect to cos θ; row[1] is cos θ0 (HARMONIC: θ0)."""
+    if kind == HARMONIC:
+        cos = min(1.0, max(-1.0, cos))
+        apart = np.arccos(cos) - row[1]
+        # LAMMPS's guard: sin θ no smaller than 0.001.
+        return apart * apart, -2.0 * apart / max(np.sqrt(1.0 - cos * cos), 1e-3)
+    delta = cos - row[1]
+    if kind == SATURATED:
+        q = 1.0 / (1.0 + row[2] * delta * delta)
+        return delta * delta * q, 2.0 * delta * q * q
+    if kind == SWITCHED:
+        size = abs(delta)
+        if size >= row[3]:
+            return 0.0, 0.0
+        if size > row[2]:
+            x = np.pi * (size - row[2]) / (row[3] - row[2])
+            g = 0.5 + 0.5 * np.cos(x)
+            dg = -0.5 * np.sin(x) * np.pi / (row[3] - row[2])
+            return (g * delta) ** 2, 2.0 * g * delta * (g + size * dg)
+    return delta * delta, 2.0 * delta
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def sw_triplets(
-    s0, s1, out_start, in_start, in_pair, a, b, rec, element, table, atom, most, prune, w_centre, w_end, G_end, S_end, out_i, out_j, out_r, out_G, out_D, energies
+    angular, s0, s1, out_start, in_start, in_pair, a, b, rec, element, table, atom, most, prune, w_centre, w_end, G_end, S_end, out_i, out_j, out_r, out_G, out_D, energies
 ):  # fmt: skip
     """All triplets around the atoms s0..s1: G of the arms into G_end (pair, which end is the centre), outer distances to the out arrays.
 
+    angular : which angular function A(cos θ), whose numbers are in table[centre, b, c, 1:], beside the strength in front; U = strength h_b h_c A.
     S_end and out_D are None where no sources are wanted: numba then leaves those branches out of the machine code. With U the energy of a triplet
     and w its atoms' shares, the source of the ordered pair p, q is ∂U^(p)/∂x_q = w_p ∂U/∂x_q.
     """
@@ -155,9 +183,9 @@ def sw_triplets(
                 xc, yc, zc, vc = arm[f, 0], arm[f, 1], arm[f, 2], arm[f, 3]
                 v = vb * vc
                 cos = (xb * xc + yb * yc + zb * zc) * v
-                delta = cos - table[es, ee, ef, 1]
-                slope = 2.0 * base * delta
-                u = base * delta * delta
+                value, slope = _angular(angular, cos, table[es, ee, ef])
+                slope *= base
+                u = base * value
                 g_b = slope * (v - cos * vb * vb) - u * wb
                 g_c = slope * (v - cos * vc * vc) - u * arm[f, 5]
                 g_e += g_b
