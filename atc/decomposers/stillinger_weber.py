@@ -26,7 +26,7 @@ from ..verlet import cell_list
 from .base import Accumulator, Term, Work, two_body_sources
 from .cluster import weights_of
 from .registry import MAPPED_STYLES, pair_style
-from .stillinger_weber_kernels import SQUARE, SWITCHED, sw_index, sw_merge, sw_pairs, sw_runs, sw_triplets
+from .stillinger_weber_kernels import ODD, SQUARE, SWITCHED, sw_index, sw_merge, sw_pairs, sw_runs, sw_triplets
 from .sw_file import SWEntry, read_sw_file
 
 
@@ -298,11 +298,12 @@ class _SWWork(Work):
             ws.grow()
         energies = acc.energies if acc.energies is not None else _NOTHING
         D = np.empty((self.room, 2, 3)) if acc.sources else None
-        m, energy = sw_triplets(
+        m, energy, odd = sw_triplets(
             term.angular, s0, s1, self.out_start, self.in_start, self.in_pair, self.a, self.b, self.rec, self.element, term.triplet, self.atom, self.most, term.prune,
             *term.weights, self.G_end, self.S_end, ws.i, ws.j, ws.r, ws.G, D, energies,
         )  # fmt: skip
         acc.energy += energy
+        acc.note(ODD.get(term.angular, ""), odd)
         return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], None if D is None else D[:m])
 
     def _merge(self, task, acc):
@@ -325,6 +326,10 @@ _TRIPLETS_PER_TASK = 1 << 16
 class StillingerWeberMod(StillingerWeber):
     """`StillingerWeber` with [g_C(δ) δ]² for δ² = (cos θ − cos θ0)², g_C = 1 up to |δ| = δ1, 0 from δ2 on, ½ + ½ cos(π (|δ| − δ1)/(δ2 − δ1)) between, so that
     sheets of atoms with two kinds of angles hold together (LAMMPS ``sw/mod``).
+
+    Between δ1 and δ2 LAMMPS's forces have 2 g_C δ where the derivative of the energy is 2 g_C δ (g_C + δ g_C'): its runs do not conserve energy while a triplet
+    passes there. Forces and stress are those of the run, energies too; the balance of energy is broken by as much as the run broke it, and a note counts
+    such triplets.
 
     Parameters
     ----------

@@ -24,7 +24,7 @@ from .elements import ElementMap, mapped_line
 from .parameter_file import read_entries
 from .registry import MAPPED_STYLES, pair_style
 from .stillinger_weber import _SHARES, _TRIPLETS_PER_TASK
-from .stillinger_weber_kernels import HARMONIC, SATURATED, sw_index, sw_merge, sw_runs, sw_triplets
+from .stillinger_weber_kernels import HARMONIC, ODD, SATURATED, sw_index, sw_merge, sw_runs, sw_triplets
 
 _NOTHING = np.zeros(0)
 # Which function of the distance an arm has in triplets: exp(γ/(d − r0)), 1, exp(−d/ρ); all 0 at and beyond r0.
@@ -180,11 +180,12 @@ class _ThreeBodyWork(Work):
             ws.grow()
         energies = acc.energies if acc.energies is not None else _NOTHING
         D = np.empty((self.room, 2, 3)) if acc.sources else None
-        m, energy = sw_triplets(
+        m, energy, odd = sw_triplets(
             term.angular, self.runs[task], self.runs[task + 1], self.out_start, self.in_start, self.in_pair, self.a, self.b, self.rec, self.element,
             term.triplet, self.atom, self.most, 0.0, *term.weights, self.G_end, self.S_end, ws.i, ws.j, ws.r, ws.G, D, energies,
         )  # fmt: skip
         acc.energy += energy
+        acc.note(ODD.get(term.angular, ""), odd)
         return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], None if D is None else D[:m])
 
     def _merge(self, task, acc):
