@@ -21,7 +21,8 @@ class EAMTables:
     elements : names. masses : (m,). cutoff : for every pair.
     F_en : (m, n_rho) embedding energy at densities k·drho; rho_eer : (m, m, n_r) [source, host] density that a source element makes at a host
     element at distances k·dr; zr_eer : (m, m, n_r) r·φ(r), symmetric.
-    rho_end : the density from which on the embedding energy is continued linearly.
+    rho_end : the density from which on the embedding energy is continued linearly. rho_first : the density of the first point of F.
+    u_eer, w_eer : (m, m, n_r) dipole and quadrupole functions of ``adp``, or None
     """
 
     elements: list[str]
@@ -33,6 +34,9 @@ class EAMTables:
     rho_eer: np.ndarray
     zr_eer: np.ndarray
     rho_end: float
+    rho_first: float = 0.0
+    u_eer: np.ndarray | None = None
+    w_eer: np.ndarray | None = None
 
 
 class _Lines:
@@ -110,8 +114,13 @@ def _mass(words, where):
         raise AtcError(f"{where}: expected the atomic number and the mass, got {' '.join(words)!r}") from None
 
 
-def read_setfl(path, units_name: str, finnis_sinclair: bool = False, where: str = "") -> EAMTables:
+def read_setfl(
+    path, units_name: str, finnis_sinclair: bool = False, where: str = "", *, helium: bool = False, angular: bool = False
+) -> EAMTables:
     """A setfl file: embedding energies and densities by element (Finnis-Sinclair: densities by pair of elements), r·φ by pair.
+
+    helium : LAMMPS's ``eam/he``: the fifth line ends with the density of the last point of F, and the first may be negative
+    angular : LAMMPS's ``adp``: dipole and quadrupole functions by pair follow
 
     units_name : unit style the result is wanted in; the file's ``UNITS:`` tag is converted between metal and real as LAMMPS means
         to (its setfl readers leave out the last entry of each table)
@@ -131,7 +140,13 @@ def read_setfl(path, units_name: str, finnis_sinclair: bool = False, where: str 
     if len(words) != m + 1:
         raise AtcError(f"{at}: {m} elements but {len(words) - 1} names")
     elements = words[1:]
-    nrho, drho, nr, dr, cut = _grid(*f.words(5, "nrho drho nr dr cutoff"))
+    words, at = f.words(6 if helium else 5, "nrho drho nr dr cutoff" + (" rhomax" if helium else ""))
+    nrho, drho, nr, dr, cut = _grid(words, at)
+    rho_end = (nrho - 1) * drho
+    if helium:
+        if not _is_number(words[5]) or not np.isfinite(float(words[5])):
+            raise AtcError(f"{at}: expected the largest density rhomax at the end, got {words[5]!r}")
+        rho_end = float(words[5])
     masses, F = np.zeros(m), np.zeros((m, nrho))
     rho, zr = np.zeros((m, m, nr)), np.zeros((m, m, nr))
     for a, e in enumerate(elements):
@@ -145,12 +160,20 @@ def read_setfl(path, units_name: str, finnis_sinclair: bool = False, where: str 
     for a in range(m):
         for b in range(a + 1):
             zr[a, b] = zr[b, a] = f.numbers(nr, f"the pair energy of {elements[a]} and {elements[b]}") * factor
+    more: list = [None, None]
+    for k, what in enumerate(("dipole", "quadrupole") if angular else ()):
+        more[k] = np.zeros((m, m, nr))
+        for a in range(m):
+            for b in range(a + 1):
+                # u² and w² are energies.
+                more[k][a, b] = more[k][b, a] = f.numbers(nr, f"the {what} function of {elements[a]} and {elements[b]}") * np.sqrt(factor)
     if f.p < len(f.lines):
         hint = "; is it a Finnis-Sinclair file (eam/fs)?" if not finnis_sinclair and m > 1 else ""
         raise AtcError(
             f"{path}:{f.lines[f.p][0]}: more lines than {'eam/fs' if finnis_sinclair else 'eam/alloy'} files of {m} elements have{hint}"
         )
-    return EAMTables(elements, masses, drho, dr, cut, F, rho, zr, (nrho - 1) * drho)
+    rho_first = rho_end - (nrho - 1) * drho if helium else 0.0
+    return EAMTables(elements, masses, drho, dr, cut, F, rho, zr, rho_end, rho_first, *more)
 
 
 def read_funcfl(paths, units_name: str, where: str = "") -> EAMTables:

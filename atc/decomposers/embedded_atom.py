@@ -1,4 +1,5 @@
-"""Embedded atom: a pair energy, and an energy of the density that an atom's neighbours make at its place (LAMMPS ``eam``, ``eam/alloy``, ``eam/fs``).
+"""Embedded atom: a pair energy, and an energy of the density that an atom's neighbours make at its place (LAMMPS ``eam``, ``eam/alloy``, ``eam/fs``,
+``eam/he``).
 
 A frame is done in three stages, none of which holds a neighbour list: densities (each thread sums its own), embedding energies and their
 slopes, then one bond a pair of neighbours.
@@ -60,21 +61,22 @@ class EmbeddedAtom(Term):
         energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
         self.dr, self.drho = tables.dr * length, tables.drho
         self.cutoff = float(tables.cutoff * length)
-        self.rho_end = tables.rho_end
+        self.rho_first, self.rho_end = tables.rho_first, tables.rho_end
         self.F = np.ascontiguousarray(spline(tables.F_en[keep] * energy))
         self.rho = np.ascontiguousarray(spline(tables.rho_eer[np.ix_(keep, keep)]))
         self.zr = np.ascontiguousarray(spline(tables.zr_eer[np.ix_(keep, keep)] * (energy * length)))
 
     @classmethod
     def from_setfl(
-        cls, path, elements=None, *, units: str | Units = "metal", finnis_sinclair: bool = False, where: str = ""
+        cls, path, elements=None, *, units: str | Units = "metal", finnis_sinclair: bool = False, helium: bool = False, where: str = ""
     ) -> EmbeddedAtom:
-        """From a setfl file (LAMMPS ``eam/alloy``), or its Finnis-Sinclair variant (``eam/fs``): ``EmbeddedAtom.from_setfl("AlCu.eam.alloy", ["Al"])``."""
-        t = read_setfl(path, system(units).name, finnis_sinclair, where)
+        """From a setfl file (LAMMPS ``eam/alloy``), its Finnis-Sinclair variant (``eam/fs``), or that with negative densities (helium: ``eam/he``):
+        ``EmbeddedAtom.from_setfl("AlCu.eam.alloy", ["Al"])``."""
+        t = read_setfl(path, system(units).name, finnis_sinclair or helium, where, helium=helium)
         odd = next((e for e in elements or () if e not in (None, "NULL", *t.elements)), None)
         if odd is not None:
             raise AtcError(f"{where or path}: {path} has no element {odd!r}: it has {', '.join(t.elements)}")
-        return cls(t, elements, units=units, name="eam/fs" if finnis_sinclair else "eam/alloy")
+        return cls(t, elements, units=units, name="eam/he" if helium else "eam/fs" if finnis_sinclair else "eam/alloy")
 
     @classmethod
     def from_funcfl(
@@ -145,7 +147,7 @@ class _EAMWork(Work):
         self.sums = {}
         self.slope = np.empty(len(rho))
         energies = acc.energies if acc.energies is not None else _NOTHING
-        energy, beyond = _embed(rho, self.element, term.F, 1.0 / term.drho, term.rho_end, self.atom, self.slope, energies)
+        energy, beyond = _embed(rho, self.element, term.F, 1.0 / term.drho, term.rho_first, term.rho_end, self.atom, self.slope, energies)
         acc.energy += energy
         acc.note("atoms with a density beyond the end of the EAM table", beyond)
 
@@ -191,13 +193,13 @@ def _densities(i, j, d2, n, element, spline, per_dr, rho):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _embed(rho, element, spline, per_drho, rho_end, atom, slope, energies):
+def _embed(rho, element, spline, per_drho, rho_first, rho_end, atom, slope, energies):
     """F(ρ) of every atom and F'(ρ) into slope. Returns the energy and how many atoms are beyond the table."""
     points = spline.shape[1] - 1
     total = 0.0
     beyond = 0
     for s in range(len(rho)):
-        p = rho[s] * per_drho + 1.0
+        p = (rho[s] - rho_first) * per_drho + 1.0
         m = max(1, min(int(p), points - 1))
         p = min(p - m, 1.0)
         c = spline[element[s], m]
@@ -259,7 +261,7 @@ def _bonds(i, j, r, d2, n, element, rho, zr, per_dr, slope, atom, G, D, energies
     return m, total, -1
 
 
-MAPPED_STYLES.update(("eam/alloy", "eam/fs"))
+MAPPED_STYLES.update(("eam/alloy", "eam/fs", "eam/he"))
 
 
 @pair_style("eam/alloy")
@@ -272,6 +274,12 @@ def _alloy(inp):
 def _finnis_sinclair(inp):
     path, elements, line = mapped_line(inp, ".eam.fs")
     return EmbeddedAtom.from_setfl(path, elements, units=inp.units, finnis_sinclair=True, where=line.where)
+
+
+@pair_style("eam/he")
+def _helium(inp):
+    path, elements, line = mapped_line(inp, ".eam.he")
+    return EmbeddedAtom.from_setfl(path, elements, units=inp.units, helium=True, where=line.where)
 
 
 @pair_style("eam")
