@@ -200,13 +200,20 @@ def _embed(rho, element, spline, per_drho, rho_first, rho_end, atom, slope, ener
     beyond = 0
     for s in range(len(rho)):
         p = (rho[s] - rho_first) * per_drho + 1.0
-        m = max(1, min(int(p), points - 1))
+        # With negative densities LAMMPS's first row is the second, and the line goes on from its beginning.
+        m = max(1 if rho_first == 0.0 else 2, min(int(p), points - 1))
         p = min(p - m, 1.0)
+        below = rho_first != 0.0 and rho[s] < rho_first
+        if below:
+            p = -1.0
         c = spline[element[s], m]
         f = ((3.0 * c[0] * p + 2.0 * c[1]) * p + c[2]) * per_drho
         u = ((c[0] * p + c[1]) * p + c[2]) * p + c[3]
         if rho[s] > rho_end:
             u += f * (rho[s] - rho_end)
+            beyond += 1
+        if below:
+            u += f * (rho[s] - rho_first)
             beyond += 1
         slope[s] = f
         total += u
