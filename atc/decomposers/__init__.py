@@ -97,6 +97,7 @@ _STYLE_MODULES = (
     "tersoff",
     "tersoff_variants",
     "three_body",
+    "angular_dependent",
     "axilrod_teller",
 )
 
