@@ -98,6 +98,7 @@ _STYLE_MODULES = (
     "tersoff_variants",
     "three_body",
     "angular_dependent",
+    "edip",
     "axilrod_teller",
 )
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
-from .parameter_file import energy_conversion
+from .parameter_file import energy_conversion, units_tag
 
 # LAMMPS's eV·Å in Hartree·Bohr, three digits, for the effective charges of funcfl files.
 _HARTREE_BOHR = 27.2 * 0.529
@@ -131,6 +131,10 @@ def read_setfl(
     AtcError for a missing, malformed or truncated file.
     """
     f = _Lines(path, 3, where)
+    if angular and units_tag(f.text) not in (None, units_name):
+        raise AtcError(
+            f"{path}: this file is in {units_tag(f.text)!r} units and the model in {units_name!r}: LAMMPS does not convert adp files"
+        )
     factor = energy_conversion(f.text, units_name, path)
     words, at = f.words(2, "the number of elements and their names")
     try:
@@ -165,8 +169,7 @@ def read_setfl(
         more[k] = np.zeros((m, m, nr))
         for a in range(m):
             for b in range(a + 1):
-                # u² and w² are energies.
-                more[k][a, b] = more[k][b, a] = f.numbers(nr, f"the {what} function of {elements[a]} and {elements[b]}") * np.sqrt(factor)
+                more[k][a, b] = more[k][b, a] = f.numbers(nr, f"the {what} function of {elements[a]} and {elements[b]}")
     if f.p < len(f.lines):
         hint = "; is it a Finnis-Sinclair file (eam/fs)?" if not finnis_sinclair and m > 1 else ""
         raise AtcError(
