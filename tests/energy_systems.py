@@ -150,6 +150,11 @@ LINES = {
     "improper harmonic": "improper_style harmonic\nimproper_coeff * 0.5 35.0",
     "eam": "pair_style eam/alloy\npair_coeff * * {}/AlCu.eam.alloy Al Cu",
     "tersoff": "pair_style tersoff\npair_coeff * * {}/SiC.tersoff Si C",
+    "tersoff/mod": "pair_style tersoff/mod\npair_coeff * * {}/Si.tersoff.mod Si Si",
+    "tersoff/zbl": "pair_style tersoff/zbl\npair_coeff * * {}/SiC.tersoff.zbl Si C",
+    "vashishta": "pair_style vashishta\npair_coeff * * {}/SiC.vashishta Si C",
+    "edip": "pair_style edip/multi\npair_coeff * * {}/SiC.edip Si C",
+    "adp": "pair_style adp\npair_coeff * * {}/AlCu.adp Al Cu",
     "atm": "pair_style atm 30 30\npair_coeff * * * 300.0",
 }
 FRAMES = {
@@ -159,11 +164,17 @@ FRAMES = {
     "sw": lambda s: diamond(seed=s), "sw two elements": lambda s: diamond(seed=s), "sw primitive": primitive,
     "eam": lambda s: diamond(5.0, s),
     "tersoff": lambda s: diamond(4.6, s),
+    "tersoff/mod": lambda s: diamond(5.43, s), "tersoff/zbl": lambda s: diamond(4.4, s),
+    "vashishta": lambda s: diamond(4.2, s), "edip": lambda s: diamond(4.9, s), "adp": lambda s: diamond(5.0, s),
 }  # fmt: skip
 NAMES = [*LINES, "3-body", "4-body", "5-body"]
 #: C² or better everywhere on the way of the tests; the others have jumps of the second derivative (cutoffs, splines)
-SMOOTH = [n for n in NAMES if n not in ("lj", "smooth lj", "eam", "tersoff")]
-PARTITIONED = [n for n in NAMES if n.split()[0] in ("sw", "angle", "hybrid", "dihedral", "tersoff", "3-body", "4-body", "5-body")]
+SMOOTH = [n for n in NAMES if n not in ("lj", "smooth lj", "eam", "tersoff", "tersoff/mod", "tersoff/zbl", "vashishta", "edip", "adp")]
+PARTITIONED = [
+    n
+    for n in NAMES
+    if n.split()[0] in ("sw", "angle", "hybrid", "dihedral", "tersoff", "tersoff/mod", "vashishta", "edip", "3-body", "4-body", "5-body")
+]
 TUPLES = [(0, 1, 2, 3, 4), (5, 2, 6, 0, 1), (3, 4, 1, 6, 2)]
 
 

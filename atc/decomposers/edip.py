@@ -50,6 +50,7 @@ class EDIPEntry:
     what: ClassVar[str] = "EDIP"
     keys: ClassVar[tuple] = ("A", "B", "a", "c", "alpha", "beta", "eta", "gamma", "lam", "mu", "rho", "sigma", "Q0", "u1", "u2", "u3", "u4")
     energies: ClassVar[tuple] = ("A", "lam")
+    converts: ClassVar[bool] = False
 
     def check(self) -> str | None:
         for key in ("A", "B", "a", "c", "alpha", "beta", "eta", "gamma", "lam", "mu", "rho", "sigma"):

@@ -94,6 +94,10 @@ def read_entries(path, elements, units_name: str, kind, where: str = "") -> dict
     AtcError for a missing file, a malformed, impossible or duplicate entry, a missing combination of `elements`, or units that cannot be converted.
     """
     text = read_parameter_file(path, kind.what, where)
+    if not getattr(kind, "converts", True) and units_tag(text) not in (None, units_name):
+        raise AtcError(
+            f"{path}: this file is in {units_tag(text)!r} units and the model in {units_name!r}: LAMMPS does not convert {kind.what} files"
+        )
     factor = energy_conversion(text, units_name, path)
     entries: dict[tuple, object] = {}
     for here, names, values in element_entries(text, path, kind.keys, elements, kind.what):
