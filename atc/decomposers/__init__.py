@@ -99,6 +99,7 @@ _STYLE_MODULES = (
     "three_body",
     "angular_dependent",
     "edip",
+    "meam",
     "axilrod_teller",
 )
 
