@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import re
+import warnings
 from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
-from ..errors import AtcError
+from ..errors import AtcError, AtcWarning
 from .parameter_file import read_parameter_file, units_tag
 
-LATTICES = ("fcc", "bcc", "hcp", "dia", "dim", "b1", "b2", "l12")
+LATTICES = ("fcc", "bcc", "hcp", "dia", "sc", "dim", "b1", "b2", "l12")
 _LIBRARY = ("z", "ielement", "atwt", "alpha", "b0", "b1", "b2", "b3", "alat", "esub", "asub", "t0", "t1", "t2", "t3", "rozero", "ibar")
 _WORDS = 2 + len(_LIBRARY)
 _FORMS = (-5, 0, 1, 3, 4)
@@ -19,7 +20,7 @@ _NAMES_OF_SCALARS = ("rc", "delr", "gsmooth_factor", "augt1", "ialloy", "mixture
 _INDICES = {"rho0": 1, "Cmin": 3, "Cmax": 3} | dict.fromkeys(("Ec", "delta", "alpha", "re", "lattce", "nn2", "attrac", "repuls", "zbl"), 2)
 _LINE = re.compile(r"^(\w+)\s*(?:\(([^()]*)\))?\s*=\s*(.*)$")
 #: Nearest-neighbour distance over lattice constant.
-_NEAREST = {"fcc": 0.5**0.5, "bcc": 0.75**0.5, "dia": 0.1875**0.5, "hcp": 1.0, "dim": 1.0, "b1": 0.5, "b2": 0.75**0.5}
+_NEAREST = {"fcc": 0.5**0.5, "bcc": 0.75**0.5, "dia": 0.1875**0.5, "hcp": 1.0, "dim": 1.0, "sc": 1.0, "b1": 0.5, "b2": 0.75**0.5}
 
 
 @dataclass
@@ -109,12 +110,12 @@ def read_meam(library, names, parameters=None, units_name: str = "metal", where:
     for e, name in enumerate(names):
         at = known[name][0]
         if lat[e] not in _NEAREST or lat[e] in ("b1", "b2"):
-            raise AtcError(f"{at}: the reference structure {lat[e]} of an element is not supported: expected fcc, bcc, hcp, dia or dim")
+            raise AtcError(f"{at}: the reference structure {lat[e]} of an element is not supported: expected fcc, bcc, hcp, dia, sc or dim")
         if v["t0"][e] != 1.0:
             raise AtcError(f"{at}: t0 must be 1, got {v['t0'][e]:g}")
         if v["ibar"][e] not in _FORMS:
             raise AtcError(f"{at}: ibar must be one of {', '.join(map(str, _FORMS))}, got {v['ibar'][e]:g}")
-        if v["z"][e] != {"fcc": 12, "bcc": 8, "hcp": 12, "dia": 4, "dim": 1}[lat[e]]:
+        if v["z"][e] != {"fcc": 12, "bcc": 8, "hcp": 12, "dia": 4, "sc": 6, "dim": 1}[lat[e]]:
             raise AtcError(f"{at}: z is {v['z'][e]:g}, but atoms of {lat[e]} have another number of neighbours")
     own: dict[str, dict] = {k: {} for k in _INDICES}
     scalars = {
@@ -161,8 +162,11 @@ def read_meam(library, names, parameters=None, units_name: str = "metal", where:
         if i >= j:
             continue
         if not lattice[i][j]:
-            raise AtcError(
-                f"{source}: no lattce({i + 1},{j + 1}): set the reference structure of {names[i]} and {names[j]} in the parameter file, one of {', '.join(LATTICES)}"
+            lattice[i][j] = lattice[j][i] = "fcc"
+            warnings.warn(
+                f"{source}: no lattce({i + 1},{j + 1}): the reference structure of {names[i]} and {names[j]} is taken to be fcc, as LAMMPS does",
+                AtcWarning,
+                stacklevel=4,
             )
         if Ec[i, j] == 0.0:
             w = 0.75 if lattice[i][j] == "l12" else 0.5
@@ -217,6 +221,8 @@ def _numbers(words, at) -> list[float]:
 def _read_settings(path, m, own, scalars, units_name, where):
     text = read_parameter_file(path, "MEAM parameter", where)
     _same_units(text, path, units_name)
+    # What is given for (J, I), J > I, LAMMPS reads and never uses, but for nn2 and zbl.
+    ignored: dict[tuple, tuple[str, str, str]] = {}
     for number, line in enumerate(text.splitlines(), 1):
         line = line.partition("#")[0].strip()
         if not line:
@@ -240,13 +246,32 @@ def _read_settings(path, m, own, scalars, units_name, where):
             raise AtcError(f"{at}: {key} takes {_INDICES[key]} element numbers between 1 and {m}, got {line!r}")
         i = tuple(int(w) - 1 for w in words)
         if len(i) > 1 and i[0] > i[1]:
-            raise AtcError(f"{at}: {key}({index}): LAMMPS wants the first index not larger than the second: exchange them")
+            swapped = (i[1], i[0], *i[2:])
+            if key in ("nn2", "zbl"):
+                i = swapped
+            else:
+                ignored[key, swapped] = at, index, value
+                continue
         if key == "lattce":
             own[key][i] = _lattice(value, at)
         elif key in ("nn2", "zbl"):
             own[key][i] = _choice(key, value, at)
         else:
             own[key][i] = _number(value, key, at)
+    for (key, i), (at, index, value) in ignored.items():
+        used = own[key].get(i)
+        if str(used) != value and (used is None or not _is(value, used)):
+            pair = ",".join(str(k + 1) for k in i)
+            warnings.warn(
+                f"{at}: LAMMPS does not use {key}({index}) = {value} but {key}({pair}), and so does this", AtcWarning, stacklevel=5
+            )
+
+
+def _is(word, value) -> bool:
+    try:
+        return float(word) == value
+    except ValueError:
+        return False
 
 
 def _choice(key, value, at) -> int:
