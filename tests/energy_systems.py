@@ -155,6 +155,7 @@ LINES = {
     "vashishta": "pair_style vashishta\npair_coeff * * {}/SiO.1997.vashishta Si O",
     "edip": "pair_style edip/multi\npair_coeff * * {}/SiC.edip Si C",
     "adp": "pair_style adp\npair_coeff * * {}/AlCu.adp Al Cu",
+    "meam": "pair_style meam\npair_coeff * * {0}/library.meam Si C {0}/SiC.meam Si C",
     "atm": "pair_style atm 30 30\npair_coeff * * * 300.0",
 }
 FRAMES = {
@@ -165,11 +166,13 @@ FRAMES = {
     "eam": lambda s: diamond(5.0, s),
     "tersoff": lambda s: diamond(4.6, s),
     "tersoff/mod": lambda s: diamond(5.43, s), "tersoff/zbl": lambda s: diamond(4.4, s),
-    "vashishta": lambda s: diamond(4.8, s, shake=0.5), "edip": lambda s: diamond(4.9, s), "adp": lambda s: diamond(5.0, s),
+    "vashishta": lambda s: diamond(4.8, s, shake=0.5), "edip": lambda s: diamond(4.9, s), "adp": lambda s: diamond(5.0, s), "meam": lambda s: diamond(4.8, s),
 }  # fmt: skip
 NAMES = [*LINES, "3-body", "4-body", "5-body"]
 #: C² or better everywhere on the way of the tests; the others have jumps of the second derivative (cutoffs, splines)
-SMOOTH = [n for n in NAMES if n not in ("lj", "smooth lj", "eam", "tersoff", "tersoff/mod", "tersoff/zbl", "vashishta", "edip", "adp")]
+SMOOTH = [
+    n for n in NAMES if n not in ("lj", "smooth lj", "eam", "tersoff", "tersoff/mod", "tersoff/zbl", "vashishta", "edip", "adp", "meam")
+]
 PARTITIONED = [
     n
     for n in NAMES
@@ -184,7 +187,7 @@ def potential(name, partition=None):
         return atc.potential(RandomTerm(int(name[0]), TUPLES), "metal", partition=partition)
     folder = _sw_files() if name.startswith("sw") else None
     lines = LINES[name]
-    if "{}" in lines:
+    if "{" in lines:
         lines = lines.format(lammps_potentials())
     # One term of a topology at a time: the others are declined, or `atc.fields` would ask for them. A style in `lines` comes later and holds.
     declined = "".join(f"{kind}_style none\n" for kind in ("bond", "angle", "dihedral", "improper"))

@@ -33,13 +33,13 @@ def g_of(gamma, ibar, gsmooth=99.0):
     gamma = np.asarray(gamma, float)
     if ibar in (0, 4):
         switch = -gsmooth / (gsmooth + 1.0)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(all="ignore"):
             low = np.sqrt(1.0 / (gsmooth + 1.0) * (switch / gamma) ** gsmooth)
         return np.where(gamma < switch, low, np.sqrt(np.maximum(1.0 + gamma, 0.0)))
     if ibar == 1:
         return np.exp(0.5 * gamma)
     if ibar == 3:
-        return 2.0 / (1.0 + np.exp(-gamma))
+        return 2.0 / (1.0 + np.exp(-np.maximum(gamma, -700.0)))
     return np.where(1.0 + gamma < 0.0, -1.0, 1.0) * np.sqrt(np.abs(1.0 + gamma))
 
 
