@@ -100,6 +100,7 @@ _STYLE_MODULES = (
     "angular_dependent",
     "edip",
     "meam",
+    "embedded_ion",
     "axilrod_teller",
 )
 

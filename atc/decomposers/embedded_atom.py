@@ -96,10 +96,11 @@ class EmbeddedAtom(Term):
         return _EAMWork(self, frame)
 
 
-def spline(tables) -> np.ndarray:
+def spline(tables, last_slope: float | None = None) -> np.ndarray:
     """(..., n + 1, 4) coefficients of LAMMPS's cubic spline through (..., n) values (PairEAM::interpolate), rows counted from 1.
 
-    Between point m and m + 1, at p = x/step + 1 − m: ((c0 p + c1) p + c2) p + c3. Slopes at the points are five-point differences.
+    Between point m and m + 1, at p = x/step + 1 − m: ((c0 p + c1) p + c2) p + c3. Slopes at the points are five-point differences,
+    at the last point last_slope (per step), or the difference to the one before.
     """
     f = np.asarray(tables, float)
     n = f.shape[-1]
@@ -107,7 +108,7 @@ def spline(tables) -> np.ndarray:
     s[..., 0] = f[..., 1] - f[..., 0]
     s[..., 1] = 0.5 * (f[..., 2] - f[..., 0])
     s[..., n - 2] = 0.5 * (f[..., n - 1] - f[..., n - 3])
-    s[..., n - 1] = f[..., n - 1] - f[..., n - 2]
+    s[..., n - 1] = f[..., n - 1] - f[..., n - 2] if last_slope is None else last_slope
     s[..., 2 : n - 2] = ((f[..., : n - 4] - f[..., 4:]) + 8.0 * (f[..., 3 : n - 1] - f[..., 1 : n - 3])) / 12.0
     out = np.zeros((*f.shape[:-1], n + 1, 4))
     df = f[..., 1:] - f[..., :-1]
