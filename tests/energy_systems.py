@@ -156,6 +156,8 @@ LINES = {
     "edip": "pair_style edip/multi\npair_coeff * * {}/SiC.edip Si C",
     "adp": "pair_style adp\npair_coeff * * {}/AlCu.adp Al Cu",
     "meam": "pair_style meam\npair_coeff * * {0}/library.meam Si C {0}/SiC.meam Si C",
+    "meam/spline": "pair_style meam/spline\npair_coeff * * {}/TiO.meam.spline Ti O",
+    "eim": "pair_style eim\npair_coeff * * Na Cl {}/ffield.eim Na Cl",
     "atm": "pair_style atm 30 30\npair_coeff * * * 300.0",
 }
 FRAMES = {
@@ -167,12 +169,12 @@ FRAMES = {
     "tersoff": lambda s: diamond(4.6, s),
     "tersoff/mod": lambda s: diamond(5.43, s), "tersoff/zbl": lambda s: diamond(4.4, s),
     "vashishta": lambda s: diamond(4.8, s, shake=0.5), "edip": lambda s: diamond(4.9, s), "adp": lambda s: diamond(5.0, s), "meam": lambda s: diamond(4.8, s),
+    "meam/spline": lambda s: diamond(5.2, s), "eim": lambda s: diamond(5.8, s),
 }  # fmt: skip
 NAMES = [*LINES, "3-body", "4-body", "5-body"]
 #: C² or better everywhere on the way of the tests; the others have jumps of the second derivative (cutoffs, splines)
-SMOOTH = [
-    n for n in NAMES if n not in ("lj", "smooth lj", "eam", "tersoff", "tersoff/mod", "tersoff/zbl", "vashishta", "edip", "adp", "meam")
-]
+ROUGH = ("lj", "smooth lj", "eam", "tersoff", "tersoff/mod", "tersoff/zbl", "vashishta", "edip", "adp", "meam", "meam/spline", "eim")
+SMOOTH = [n for n in NAMES if n not in ROUGH]
 PARTITIONED = [
     n
     for n in NAMES

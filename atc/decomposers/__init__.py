@@ -101,6 +101,7 @@ _STYLE_MODULES = (
     "edip",
     "meam",
     "embedded_ion",
+    "spline_meam",
     "axilrod_teller",
 )
 

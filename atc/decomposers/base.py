@@ -81,6 +81,8 @@ class Term:
 
     cutoff: float = 0.0
     pairwise: bool = False
+    #: In cutoffs, how far away an atom may be and still change a bond of an atom, if the term is not pairwise.
+    depth: float = 2.0
     part_name: str = ""
     partitions: Mapping[str, str] = MappingProxyType({})
 
@@ -119,6 +121,10 @@ class Wrapper(Term):
     @property
     def pairwise(self) -> bool:
         return self.term.pairwise
+
+    @property
+    def depth(self) -> float:
+        return self.term.depth
 
     @property
     def part_name(self) -> str:

@@ -30,6 +30,7 @@ _OUTER_PER_TASK = 1 << 16
 class Centred(Term):
     """A term as the module says. Subclasses set `style`, `map` and `cutoff`."""
 
+    bodies = 3
     style: str
     map: ElementMap
     #: How many outer bonds k neighbours make at most, in units of k (k − 1)/2.

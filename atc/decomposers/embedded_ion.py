@@ -115,6 +115,8 @@ class EmbeddedIon(Term):
     """
 
     style = "eim"
+    # A bond of i and j has σ_j, which has the charges of j's neighbours, which have their neighbours.
+    depth = 3.0
 
     def __init__(self, parameters: EIMParameters, elements=None, *, units: str | Units = "metal"):
         self.units = u = system(units)

@@ -50,6 +50,7 @@ class MEAM(Term):
     """
 
     style = "meam"
+    bodies = 3
 
     def __init__(self, parameters: MEAMParameters, elements=None, *, units: str | Units = "metal"):
         self.units = u = system(units)

@@ -341,6 +341,7 @@ class StillingerWeberMod(StillingerWeber):
     """
 
     part_name = style = "sw/mod"
+    bodies = 3
     angular = SWITCHED
     deltas = (0.25, 0.35)
 

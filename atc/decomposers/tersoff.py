@@ -69,6 +69,7 @@ class Tersoff(Term):
     partitions = MappingProxyType({"equal": "pair", "center": "center"})
     #: What a variant of the family changes: its name, the entries of its files, and the kernels' choice of cutoff, angular function and b(ζ).
     style = "tersoff"
+    bodies = 3
     entry = TersoffEntry
     form = (SINE, TERSOFF, TERSOFF)
 

@@ -41,6 +41,7 @@ class ThreeBody(Term):
     numbers), `arm_row` (r0, a number of h), `triplet_row` (S, cos θ0 or θ0, a number of A).
     """
 
+    bodies = 3
     style: str
     entry: type
     angular: int
