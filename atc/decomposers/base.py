@@ -208,7 +208,7 @@ class Potential:
             ``"equal"``: every term as it does by default, 1/K of a K-body energy to each of its atoms (bond-order energies half to each end of the
             bond, embedding energies to their own atoms). ``"center"``: Stillinger-Weber triplets and angles to their middle atom, torsions half to
             each of their two middle atoms, bond-order energies to the atom whose neighbours they depend on; other terms as ``"equal"``.
-            A dict chooses term by term, {"sw": "center", "dihedral": (0, 0.5, 0.5, 0)}; its keys are pair styles (sw, tersoff) and angle,
+            A dict chooses term by term, {"sw": "center", "dihedral": (0, 0.5, 0.5, 0)}; its keys are pair styles (sw, tersoff, vashishta, edip ...) and angle,
             dihedral, improper; terms it does not name stay as they are.
 
         Raises

@@ -340,7 +340,7 @@ class StillingerWeberMod(StillingerWeber):
     Source: Jiang, Acta Mech. Solida Sin. 32, 17 (2019).
     """
 
-    part_name = style = "sw/mod"
+    style = "sw/mod"
     bodies = 3
     angular = SWITCHED
     deltas = (0.25, 0.35)
