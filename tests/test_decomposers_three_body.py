@@ -135,6 +135,21 @@ def test_edip_of_one_element_warns_of_lammps_tables():
         atc.potential(lines_of("edip", "SiC.edip", "Si C"), units="metal")
 
 
+@pytest.mark.parametrize("points,inner", [(500, 0.2), (60, 3.0)])
+def test_vashishta_table(tmp_path, points, inner):
+    """LAMMPS's interpolation, coarse enough to be seen; pairs with different cutoffs."""
+    path = tmp_path / "InP.vashishta"
+    path.write_text((POTENTIALS / "InP.vashishta").read_text().replace("270.105  6.0", "270.105  5.0"))
+    config = crystal(5.8, kinds=2)
+    lines = lines_of(f"vashishta/table {points} {inner}", path, "In P")
+    d, _ = agrees_with_lammps(potential(lines, config), lines, config)
+    exact = potential(lines_of("vashishta", path, "In P"), config).decompose(config.frame())
+    assert 1e-9 < abs(d.energy / exact.energy - 1) < 0.1
+    for args, message in (("500", "takes the number of points"), ("1 0.2", "two points or more"), ("50 7.0", "inner cutoff between 0 and")):
+        with pytest.raises(atc.AtcError, match=message):
+            atc.potential(lines_of(f"vashishta/table {args}", path, "In P"), units="metal")
+
+
 def test_hybrid_overlay():
     config = crystal(4.8, kinds=2)
     lines = ["pair_style hybrid/overlay vashishta lj/cut 4.0 edip/multi"]

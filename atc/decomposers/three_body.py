@@ -46,6 +46,9 @@ class ThreeBody(Term):
     entry: type
     angular: int
     arm: int
+    #: Pair energies and G by pair at (first, step) of d² in place of their functions, or none.
+    table = np.zeros((0, 0, 0, 2))
+    grid = (0.0, 0.0)
     partitions = MappingProxyType({"equal": "equal", "center": "center"})
 
     def __init__(self, entries: dict, elements=None, *, units: str | Units = "metal", partition="equal"):
@@ -148,7 +151,25 @@ class _ThreeBodyWork(Work):
         D = np.empty((n, 2, 3)) if acc.sources else None
         keep_i, keep_j, rec, G = np.empty(n, np.int32), np.empty(n, np.int32), np.empty((n, 8)), np.empty(n)
         m, k, energy, bad = _pairs(
-            ws.i, ws.j, ws.r, ws.d2, n, self.element, term.pair, term.arms, term.arm, self.atom, keep_i, keep_j, rec, G, ws.G, D, energies
+            ws.i,
+            ws.j,
+            ws.r,
+            ws.d2,
+            n,
+            self.element,
+            term.table,
+            term.grid,
+            term.pair,
+            term.arms,
+            term.arm,
+            self.atom,
+            keep_i,
+            keep_j,
+            rec,
+            G,
+            ws.G,
+            D,
+            energies,
         )
         if bad >= 0:
             a, b = self.frame.ids[self.atom[ws.i[bad]]], self.frame.ids[self.atom[ws.j[bad]]]
@@ -227,7 +248,7 @@ def _arm(kind, d, row):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _pairs(i, j, r, d2, n, element, pair, arms, arm, atom, keep_i, keep_j, rec, keep_G, G, D, energies):
+def _pairs(i, j, r, d2, n, element, table, grid, pair, arms, arm, atom, keep_i, keep_j, rec, keep_G, G, D, energies):
     """Pair energies. Pairs that no triplet may have are compacted in place to bonds with the frame's indices, the others go to keep_i, keep_j, rec (as in
     `sw_pairs`), keep_G. Returns how many of each, the energy, the first pair that is not finite (−1: none)."""
     m = 0
@@ -241,9 +262,17 @@ def _pairs(i, j, r, d2, n, element, pair, arms, arm, atom, keep_i, keep_j, rec, 
         row = pair[ea, eb]
         g = 0.0
         if d < row[0]:
-            u, du = _vashishta(d, row[4:])
-            u -= row[1] + (d - row[0]) * row[2]
-            g = (du - row[2]) / d
+            if len(table) > 0 and d2[b] >= grid[0]:
+                # LAMMPS's linear interpolation, of force and energy apart.
+                x = (d2[b] - grid[0]) / grid[1]
+                q = min(int(x), table.shape[2] - 2)
+                x -= q
+                low, high = table[ea, eb, q], table[ea, eb, q + 1]
+                u, g = low[0] + x * (high[0] - low[0]), low[1] + x * (high[1] - low[1])
+            else:
+                u, du = _vashishta(d, row[4:])
+                u -= row[1] + (d - row[0]) * row[2]
+                g = (du - row[2]) / d
             if not np.isfinite(g + u):
                 return 0, 0, 0.0, b
             total += u
@@ -345,6 +374,29 @@ class Vashishta(ThreeBody):
     def triplet_row(self, e):
         return self.units.to_internal("energy", e.B), e.costheta0, e.C
 
+    def tabulate(self, points: int, inner: float) -> None:
+        """From now on take pair energies and forces from tables, as LAMMPS's ``vashishta/table``: so many points, evenly spaced in d² from `inner` (in the
+        potential's units) to the largest cutoff, linear between them; below `inner` the function itself.
+
+        Energy and force are interpolated each for itself, so that the force is the derivative of the energy only as far as the table is fine.
+        """
+        first = self.units.to_internal("length", inner) ** 2
+        step = (self.cutoff**2 - first) / (points - 1)
+        if points < 2 or not 0 < first < self.cutoff**2:
+            raise AtcError(
+                f"vashishta/table: expected two points or more and an inner cutoff between 0 and the largest, got {points} and {inner:g}"
+            )
+        d = np.sqrt(first + step * np.arange(points))
+        m = len(self.pair)
+        self.style, self.grid, self.table = "vashishta/table", (first, step), np.zeros((m, m, points, 2))
+        for a, b in product(range(m), repeat=2):
+            row = self.pair[a, b]
+            if row[0] > 0:
+                u, du = _vashishta.py_func(d, row[4:])
+                # Beyond a pair's own cutoff, too: its last interval leans on the point there.
+                self.table[a, b, :, 0] = u - row[1] - (d - row[0]) * row[2]
+                self.table[a, b, :, 1] = (du - row[2]) / d
+
 
 @dataclass(frozen=True)
 class HarmonicTripletEntry:
@@ -423,6 +475,21 @@ def _style(kind, ending):
     pair_style(kind.style)(build)
 
 
+@pair_style("vashishta/table")
+def _vashishta_table(inp):
+    if len(inp.args) != 2 or not inp.args[0].isdigit():
+        raise inp.error(f"{inp.command} takes the number of points and an inner cutoff, got {' '.join(inp.args) or 'nothing'}")
+    inner = inp.number(inp.args[1], 1.0, "inner cutoff")
+    path, elements, line = mapped_line(inp.replace(args=()), ".vashishta")
+    term = Vashishta.from_file(path, elements, units=inp.units, where=line.where)
+    try:
+        term.tabulate(int(inp.args[0]), inner)
+    except AtcError as e:
+        raise inp.error(str(e)) from None
+    return term
+
+
+MAPPED_STYLES.add("vashishta/table")
 _style(Vashishta, ".vashishta")
 _style(HarmonicTriplets, ".nb3b.harmonic")
 _style(ScreenedTriplets, ".nb3b.screened")
