@@ -381,11 +381,11 @@ class Vashishta(ThreeBody):
         Energy and force are interpolated each for itself, so that the force is the derivative of the energy only as far as the table is fine.
         """
         first = self.units.to_internal("length", inner) ** 2
-        step = (self.cutoff**2 - first) / (points - 1)
         if points < 2 or not 0 < first < self.cutoff**2:
             raise AtcError(
                 f"vashishta/table: expected two points or more and an inner cutoff between 0 and the largest, got {points} and {inner:g}"
             )
+        step = (self.cutoff**2 - first) / (points - 1)
         d = np.sqrt(first + step * np.arange(points))
         m = len(self.pair)
         self.style, self.grid, self.table = "vashishta/table", (first, step), np.zeros((m, m, points, 2))
