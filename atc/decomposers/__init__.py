@@ -76,6 +76,7 @@ _WHERE = {
     "MEAM": "meam",
     "SplineMEAM": "spline_meam",
     "EmbeddedIon": "embedded_ion",
+    "LocalDensity": "local_density",
     "AxilrodTeller": "axilrod_teller",
     "ManyBody": "many_body",
 }
@@ -120,6 +121,7 @@ _STYLE_MODULES = (
     "meam",
     "embedded_ion",
     "spline_meam",
+    "local_density",
     "axilrod_teller",
 )
 
