@@ -333,7 +333,7 @@ class StillingerWeberMod(StillingerWeber):
 
     Parameters
     ----------
-    As `StillingerWeber`; δ1 and δ2 are 0.25 and 0.35 (`deltas`), other ones come from ``pair_style sw/mod maxdelta``.
+    As `StillingerWeber`; δ1 and δ2 are 0.25 and 0.35 unless `switch` says otherwise (``pair_style sw/mod maxdelta``).
 
     Notes
     -----
@@ -344,6 +344,11 @@ class StillingerWeberMod(StillingerWeber):
     bodies = 3
     angular = SWITCHED
     deltas = (0.25, 0.35)
+
+    def switch(self, first: float, last: float) -> None:
+        """From now on with these δ1 and δ2."""
+        self.deltas = first, last
+        self.triplet[..., 2:] = self.deltas
 
 
 @pair_style("sw")
@@ -360,15 +365,15 @@ def _sw(inp):
 
 @pair_style("sw/mod")
 def _sw_mod(inp):
-    kind = StillingerWeberMod
+    term = _from_line(inp, StillingerWeberMod)
     if inp.args:
         if len(inp.args) != 3 or inp.args[0] != "maxdelta":
             raise inp.error(f"pair_style sw/mod: expected nothing or maxdelta and two numbers, got {' '.join(inp.args)!r}")
         deltas = tuple(inp.number(w, 1.0, "maxdelta") for w in inp.args[1:])
         if not 0 <= deltas[0] < deltas[1]:
             raise inp.error(f"pair_style sw/mod: maxdelta takes 0 <= delta1 < delta2, got {' '.join(inp.args[1:])}")
-        kind = type("StillingerWeberMod", (StillingerWeberMod,), {"deltas": deltas})
-    return _from_line(inp, kind)
+        term.switch(*deltas)
+    return term
 
 
 def _from_line(inp, kind, **more):
