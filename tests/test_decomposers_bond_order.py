@@ -73,7 +73,10 @@ def test_every_parameter(tmp_path, style, file, pattern, by, elements):
 
 def test_hybrid_overlay():
     config = crystal(4.8, kinds=2)
-    lines = ["pair_style hybrid/overlay tersoff/mod lj/cut 4.0", f"pair_coeff * * tersoff/mod {POTENTIALS}/Si.tersoff.mod Si NULL"]
+    lines = [
+        "pair_style hybrid/overlay tersoff/mod shift 0.05 lj/cut 4.0",
+        f"pair_coeff * * tersoff/mod {POTENTIALS}/Si.tersoff.mod Si NULL",
+    ]
     lines += ["pair_coeff 1 2 lj/cut 0.01 2.0", "pair_coeff 2 2 lj/cut 0.02 2.1"]
     agrees_with_lammps(potential("\n".join(lines), config), lines, config)
 

@@ -167,8 +167,9 @@ def test_indices_that_lammps_does_not_use(tmp_path):
     with pytest.warns(atc.errors.AtcWarning, match=r"SiC.meam:\d+: LAMMPS does not use Ec\(2,1\) = 5.0"):
         a = atc.potential(lines_of("Si C", path), units="metal")
     b = atc.potential(lines_of("Si C", POTENTIALS / "SiC.meam"), units="metal")
+    c = atc.potential(lines_of("Si C", POTENTIALS / "SiC.meam").replace("style meam", "style meam/c"), units="metal")
     frame = crystal(4.4, kinds=2).frame()
-    assert a.decompose(frame).energy == b.decompose(frame).energy
+    assert a.decompose(frame).energy == b.decompose(frame).energy == c.decompose(frame).energy
 
 
 DAMAGE = [

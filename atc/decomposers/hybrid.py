@@ -11,7 +11,7 @@ from ..errors import AtcError
 from .registry import MAPPED_STYLES, PAIR_STYLES, CoeffLine, Modify, mapped_elements
 
 # Words that are arguments of a sub-style, not the name of the next one.
-_ARGUMENTS = {"linear", "spline", "lookup", "bitmap", "nocoeff", "full", "threebody", "on", "off"}
+_ARGUMENTS = {"linear", "spline", "lookup", "bitmap", "nocoeff", "full", "threebody", "on", "off", "shift", "maxdelta"}
 # Accelerator suffixes: other code for the same formula.
 _SUFFIX = re.compile(r"/(omp|opt|gpu|intel|kk|kk/host|kk/device)$")
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")

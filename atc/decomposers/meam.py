@@ -156,10 +156,11 @@ class _MEAMWork(Work):
         return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
 
 
-MAPPED_STYLES.add("meam")
+# meam/c is what older versions of LAMMPS call it.
+MAPPED_STYLES.update(("meam", "meam/c"))
 
 
-@pair_style("meam")
+@pair_style("meam", "meam/c")
 def _meam(inp):
     wants = "pair_coeff * * <library> <its elements> <parameter file or NULL> <element of each atom type>"
     if inp.args:

@@ -39,11 +39,11 @@ MAPPED_STYLES = {"sw"}
 def mapped_elements(style: str, words) -> tuple[str, ...]:
     """The words of such a line that name the element of each atom type: those behind its file; for meam behind library, its elements and parameter file; for
     eim behind its elements and file."""
-    if style not in ("meam", "eim"):
+    if style not in ("meam", "meam/c", "eim"):
         return tuple(words[1:])
     # Names of elements have neither dots nor slashes.
-    least = 1 if style == "meam" else 0
-    file = next((k for k, w in enumerate(words) if k > least and ("." in w or "/" in w or (style == "meam" and w == "NULL"))), len(words))
+    least = 0 if style == "eim" else 1
+    file = next((k for k, w in enumerate(words) if k > least and ("." in w or "/" in w or (style != "eim" and w == "NULL"))), len(words))
     return tuple(words[file + 1 :])
 
 
