@@ -26,6 +26,14 @@ def test_splines_agree_with_lammps(style, file, elements, a, basis, tilt):
     agrees_with_lammps(potential(lines_of(style, file, elements), config), lines_of(style, file, elements), config)
 
 
+def test_order_that_lammps_does_not_follow():
+    config = crystal(3.8, kinds=2, basis=FCC, jitter=0.2)
+    lines = lines_of("meam/spline", "TiO.meam.spline", "O Ti")
+    with pytest.warns(atc.errors.AtcWarning, match=r"in its order \(Ti O\), whatever the line says"):
+        pot = potential(lines, config)
+    agrees_with_lammps(pot, lines, config)
+
+
 def test_sw_part_is_not_nothing(tmp_path):
     """The published meam/sw/spline files have empty F and G, or f and g: all seven functions, made up."""
     rng = np.random.default_rng(3)
@@ -68,8 +76,7 @@ def test_spline_through_knots_and_lines_beyond():
 
 
 REFUSED = [
-    ("meam/spline", "TiO.meam.spline", "O Ti", "in its order, whatever the line says: write Ti O"),
-    ("meam/spline", "TiO.meam.spline", "Ti NULL", "write Ti O"),
+    ("meam/spline", "TiO.meam.spline", "Ti NULL", "one atom type for each element of the file: write Ti O"),
     ("meam/spline", "Ti.meam.spline", "Ti Ti", "a file of one element for one atom type"),
     ("meam/sw/spline", "Ti.meam.sw.spline", "Ti Si", "the file is of one element"),
     ("meam/sw/spline", "Ti.meam.spline", "Ti", "cut off|expected"),

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 
-from ..errors import AtcError
+from ..errors import AtcError, AtcWarning
 from ..units import Units
 from ..units import units as system
 from .centred import Centred
@@ -302,9 +303,14 @@ def _build(inp, ending, stillinger_weber):
     functions = read_spline_meam(path, inp.units.name, stillinger_weber, line.where)
     if not stillinger_weber and functions.names is not None and elements != functions.names:
         names = " ".join(functions.names)
-        raise inp.error(
-            f"{inp.command}: LAMMPS gives the atom types the elements of the file in its order, whatever the line says: write {names}", line
+        if sorted(map(str, elements)) != sorted(functions.names):
+            raise inp.error(f"{inp.command}: LAMMPS wants one atom type for each element of the file: write {names}", line)
+        warnings.warn(
+            f"{line.where}: LAMMPS's meam/spline gives the atom types the elements of the file in its order ({names}), whatever the line says, and so does this",
+            AtcWarning,
+            stacklevel=2,
         )
+        elements = functions.names
     if not stillinger_weber and functions.names is None and len(elements) != 1:
         raise inp.error(f"{inp.command}: LAMMPS takes a file of one element for one atom type, got {' '.join(line.words[1:])}", line)
     return SplineMEAM(functions, elements, units=inp.units)
