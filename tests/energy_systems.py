@@ -157,6 +157,7 @@ LINES = {
     "adp": "pair_style adp\npair_coeff * * {}/AlCu.adp Al Cu",
     "meam": "pair_style meam\npair_coeff * * {0}/library.meam Si C {0}/SiC.meam Si C",
     "meam/spline": "pair_style meam/spline\npair_coeff * * {}/TiO.meam.spline Ti O",
+    "eam/cd": "pair_style eam/cd\npair_coeff * * {}/FeCr.cdeam Fe Cr",
     "eim": "pair_style eim\npair_coeff * * Na Cl {}/ffield.eim Na Cl",
     "atm": "pair_style atm 30 30\npair_coeff * * * 300.0",
 }
@@ -169,11 +170,25 @@ FRAMES = {
     "tersoff": lambda s: diamond(4.6, s),
     "tersoff/mod": lambda s: diamond(5.43, s), "tersoff/zbl": lambda s: diamond(4.4, s),
     "vashishta": lambda s: diamond(4.8, s, shake=0.5), "edip": lambda s: diamond(4.9, s), "adp": lambda s: diamond(5.0, s), "meam": lambda s: diamond(4.8, s),
-    "meam/spline": lambda s: diamond(5.2, s), "eim": lambda s: diamond(5.8, s),
+    "meam/spline": lambda s: diamond(5.2, s), "eim": lambda s: diamond(5.8, s), "eam/cd": lambda s: diamond(4.6, s),
 }  # fmt: skip
 NAMES = [*LINES, "3-body", "4-body", "5-body"]
 #: C² or better everywhere on the way of the tests; the others have jumps of the second derivative (cutoffs, splines)
-ROUGH = ("lj", "smooth lj", "eam", "tersoff", "tersoff/mod", "tersoff/zbl", "vashishta", "edip", "adp", "meam", "meam/spline", "eim")
+ROUGH = (
+    "lj",
+    "smooth lj",
+    "eam",
+    "tersoff",
+    "tersoff/mod",
+    "tersoff/zbl",
+    "vashishta",
+    "edip",
+    "adp",
+    "meam",
+    "meam/spline",
+    "eim",
+    "eam/cd",
+)
 SMOOTH = [n for n in NAMES if n not in ROUGH]
 PARTITIONED = [
     n

@@ -46,6 +46,8 @@ FILES = {
     "Finnis-Sinclair": ("eam/fs", "* * {}/AlFe_mm.eam.fs Fe Al", 2),
     "three elements": ("eam/fs", "* * {}/NiAlH_jea.eam.fs H Ni Al", 3),
     "helium": ("eam/he", "* * {}/PdHHe.eam.he He Pd H", 3),
+    "concentration": ("eam/cd", "* * {}/FeCr.cdeam Cr Fe", 2),
+    "concentration, two sites": ("eam/cd/old", "* * {}/FeCr.cdeam Fe Cr", 2),
     "adp": ("adp", "* * {}/Ni.adp Ni", 1),
     "adp of an alloy": ("adp", "* * {}/AlCu.adp Cu Al", 2),
 }
@@ -109,6 +111,27 @@ def test_sources_are_the_derivatives_of_the_shares(style, coeff, kinds):
     assert d.n_bonds == len(
         {(min(i, j), max(i, j), *np.round(abs(r), 9)) for i, j, r in zip(d.bonds.i, d.bonds.j, d.bonds.r_bc, strict=True)}
     )
+
+
+@pytest.mark.parametrize("style", ["eam/cd", "eam/cd/old"])
+def test_concentration_sources_and_damaged_files(tmp_path, style):
+    """x of a neighbour depends on its own neighbours: sources beyond the cutoff; the polynomial at the end of the file."""
+    lines = f"pair_style {style}\npair_coeff * * {POTENTIALS}/FeCr.cdeam Fe Cr"
+    config = metal(counts=(2, 2, 3), kinds=2, scale=0.7)
+    d = sources_are_derivatives(potential(lines, config), config.frame(), atoms=range(0, 12, 3), tolerance=2e-6)
+    assert np.linalg.norm(d.bonds.r_bc, axis=1).max() > 5.6
+    path, text = tmp_path / "FeCr.cdeam", (POTENTIALS / "FeCr.cdeam").read_text().rstrip("\n").splitlines()
+    for last, message in (
+        (["# none"], "degree and the coefficients"), (["# h", "4 1.0 2.0"], "degree and the coefficients"), (["h", "1 x 2.0"], "degree and the coefficients"),
+        (["a", "b", "1 1.0 2.0"], "degree and the coefficients|more lines"),
+    ):  # fmt: skip
+        path.write_text("\n".join(text[:-2] + last) + "\n")
+        with pytest.raises(atc.AtcError, match=message) as e:
+            atc.potential(f"pair_style {style}\npair_coeff * * {path} Fe Cr", units="metal")
+        assert str(path) in str(e.value)
+    path.write_text("\n".join([*text[:-2], "any comment", "1 0.9 0.2"]) + "\n")
+    lines = f"pair_style {style}\npair_coeff * * {path} Fe Cr"
+    agrees_with_lammps(potential(lines, config), lines, config)
 
 
 def test_adp_sources_and_units(tmp_path):

@@ -22,12 +22,22 @@ STYLES = {
     "nb3b/screened": (lines_of("nb3b/screened", "PSiO.nb3b.screened", "O {}"), 5.0, DIAMOND),
     "edip/multi": (lines_of("edip/multi", "SiC.edip", "Si {}"), 4.8, DIAMOND),
     "eam/he": (lines_of("eam/he", "PdHHe.eam.he", "Pd {}"), 3.9, FCC),
+    "eam/cd": (lines_of("eam/cd", "FeCr.cdeam", "Fe {}"), 3.4, FCC),
     "adp": (lines_of("adp", "AlCu.adp", "Al {}"), 4.0, FCC),
     "meam": (f"pair_style meam\npair_coeff * * {POTENTIALS}/library.meam Si C {POTENTIALS}/SiC.meam Si {{}}", 4.6, DIAMOND),
     "eim": (f"pair_style eim\npair_coeff * * Na Cl {POTENTIALS}/ffield.eim Na {{}}", 5.8, DIAMOND),
     "meam/sw/spline": (lines_of("meam/sw/spline", "Si.b.meam.sw.spline", "Si {}"), 5.3, DIAMOND),
 }
-SECOND = {"tersoff/mod": "Si", "sw/mod": "S", "nb3b/screened": "Si", "eam/he": "H", "adp": "Cu", "eim": "Cl", "meam/sw/spline": "Si"}
+SECOND = {
+    "tersoff/mod": "Si",
+    "sw/mod": "S",
+    "nb3b/screened": "Si",
+    "eam/he": "H",
+    "adp": "Cu",
+    "eam/cd": "Cr",
+    "eim": "Cl",
+    "meam/sw/spline": "Si",
+}
 
 
 def two(name) -> str:

@@ -77,6 +77,7 @@ _WHERE = {
     "SplineMEAM": "spline_meam",
     "EmbeddedIon": "embedded_ion",
     "LocalDensity": "local_density",
+    "ConcentrationEAM": "concentration_eam",
     "AxilrodTeller": "axilrod_teller",
     "ManyBody": "many_body",
 }
@@ -122,6 +123,7 @@ _STYLE_MODULES = (
     "embedded_ion",
     "spline_meam",
     "local_density",
+    "concentration_eam",
     "axilrod_teller",
 )
 

@@ -22,7 +22,7 @@ class EAMTables:
     F_en : (m, n_rho) embedding energy at densities k·drho; rho_eer : (m, m, n_r) [source, host] density that a source element makes at a host
     element at distances k·dr; zr_eer : (m, m, n_r) r·φ(r), symmetric.
     rho_end : the density from which on the embedding energy is continued linearly. rho_first : the density of the first point of F.
-    u_eer, w_eer : (m, m, n_r) dipole and quadrupole functions of ``adp``, or None
+    u_eer, w_eer : (m, m, n_r) dipole and quadrupole functions of ``adp``, or None. mixing : coefficients of h(x) of ``eam/cd``, the constant first, or None
     """
 
     elements: list[str]
@@ -37,6 +37,7 @@ class EAMTables:
     rho_first: float = 0.0
     u_eer: np.ndarray | None = None
     w_eer: np.ndarray | None = None
+    mixing: np.ndarray | None = None
 
 
 class _Lines:
@@ -115,12 +116,20 @@ def _mass(words, where):
 
 
 def read_setfl(
-    path, units_name: str, finnis_sinclair: bool = False, where: str = "", *, helium: bool = False, angular: bool = False
+    path,
+    units_name: str,
+    finnis_sinclair: bool = False,
+    where: str = "",
+    *,
+    helium: bool = False,
+    angular: bool = False,
+    mixing: bool = False,
 ) -> EAMTables:
     """A setfl file: embedding energies and densities by element (Finnis-Sinclair: densities by pair of elements), r·φ by pair.
 
     helium : LAMMPS's ``eam/he``: the fifth line ends with the density of the last point of F, and the first may be negative
     angular : LAMMPS's ``adp``: dipole and quadrupole functions by pair follow
+    mixing : LAMMPS's ``eam/cd``: a comment and a polynomial of the concentration follow
 
     units_name : unit style the result is wanted in; the file's ``UNITS:`` tag is converted between metal and real as LAMMPS means
         to (its setfl readers leave out the last entry of each table)
@@ -170,13 +179,27 @@ def read_setfl(
         for a in range(m):
             for b in range(a + 1):
                 more[k][a, b] = more[k][b, a] = f.numbers(nr, f"the {what} function of {elements[a]} and {elements[b]}")
+    h = _polynomial(f) if mixing else None
     if f.p < len(f.lines):
         hint = "; is it a Finnis-Sinclair file (eam/fs)?" if not finnis_sinclair and m > 1 else ""
         raise AtcError(
             f"{path}:{f.lines[f.p][0]}: more lines than {'eam/fs' if finnis_sinclair else 'eam/alloy'} files of {m} elements have{hint}"
         )
     rho_first = rho_end - (nrho - 1) * drho if helium else 0.0
-    return EAMTables(elements, masses, drho, dr, cut, F, rho, zr, rho_end, rho_first, *more)
+    return EAMTables(elements, masses, drho, dr, cut, F, rho, zr, rho_end, rho_first, *more, h)
+
+
+def _polynomial(f: _Lines) -> np.ndarray:
+    """The last line: degree and coefficients; a comment may stand in front of it."""
+    if len(f.lines) - f.p == 2:
+        f.p += 1
+    words, at = f.words(2, "the degree and the coefficients of h(x)")
+    if not words[0].isdigit() or len(words) < int(words[0]) + 2 or not all(_is_number(w) for w in words):
+        raise AtcError(f"{at}: expected the degree and the coefficients of h(x), got {' '.join(words)!r}")
+    h = np.array([float(w) for w in words[1 : int(words[0]) + 2]])
+    if not np.isfinite(h).all():
+        raise AtcError(f"{at}: the coefficients of h(x) must be finite")
+    return h
 
 
 def read_funcfl(paths, units_name: str, where: str = "") -> EAMTables:
