@@ -121,6 +121,8 @@ DAMAGE = [
     ("tersoff/mod", "Si.tersoff.mod", r"\n +1\.0    1\.345", "\n 2.0 1.345", "Si", "beta_ters must be 1, got 2"),
     ("tersoff/mod", "Si.tersoff.mod", r" 26\.0", "", "Si", "has 19 of 20 words"),
     ("tersoff/mod/c", "Si.tersoff.modc", r" -0\.0059", " x", "Si", "c0 must be a number"),
+    ("gw", "SiC.gw", r"0\.78000 1 1\.808", "nan 1 1.808", "Si C", "n must be a finite number"),
+    ("tersoff/zbl", "SiC.tersoff.zbl", r"1\.8308e3", "1e300", "Si C", "A must be a finite number below"),
     ("gw", "SiC.gw", r"0\.78000 1 1\.808", "0.78 0 1.808", "Si C", "beta must be positive"),
     ("tersoff/zbl", "SiC.tersoff.zbl", r"14\t6\t\.95\t14", "14 7 .95 14", "Si C", "different c0 or ZBL numbers"),
 ]

@@ -99,3 +99,38 @@ def test_moved_turned_and_mirrored(name):
     two_ = pot.decompose(Frame(x @ R.T + np.array([1.0, -2.0, 0.5]), cell, units("metal"), types=types))
     assert two_.energy == pytest.approx(one.energy, rel=1e-11, abs=1e-11 * np.abs(one.energies_n).sum())
     np.testing.assert_allclose(two_.forces_nc, one.forces_nc @ R.T, rtol=0, atol=1e-9 * np.abs(one.forces_nc).max())
+
+
+FILES = {
+    "tersoff/mod": "Si.tersoff.mod", "tersoff/zbl": "SiC.tersoff.zbl", "gw": "SiC.gw", "sw/mod": "tmd.sw.mod", "vashishta": "SiC.vashishta",
+    "nb3b/screened": "PSiO.nb3b.screened", "edip/multi": "SiC.edip", "meam": "SiC.meam", "eim": "ffield.eim", "meam/sw/spline": "Si.b.meam.sw.spline",
+}  # fmt: skip
+JUNK = ("x", "-1", "0", "1e400", "nan", "-inf", "é", "1e308", "99999999999999999999", "=", "(1,2)", "&", "NULL", "'", "-5")
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", FILES)
+def test_damage_anywhere(tmp_path, name):
+    """Words replaced, lines lost or doubled, files cut off: one line of this package's own error, or a potential with a finite cutoff; nothing else."""
+    rng = np.random.default_rng(len(name))
+    text = (POTENTIALS / FILES[name]).read_text()
+    path = tmp_path / FILES[name]
+    lines = two(name).replace(str(POTENTIALS / FILES[name]), str(path))
+    assert str(path) in lines
+    for _ in range(40):
+        rows = text.splitlines()
+        k = int(rng.integers(len(rows)))
+        kind = int(rng.integers(4))
+        if kind == 0:
+            rows = rows[:k]
+        elif kind == 1:
+            rows.insert(k, rows[int(rng.integers(len(rows)))])
+        else:
+            words = rows[k].split(" ")
+            words[int(rng.integers(len(words)))] = JUNK[int(rng.integers(len(JUNK)))]
+            rows[k] = " ".join(words)
+        path.write_text("\n".join(rows) + "\n")
+        try:
+            assert np.isfinite(atc.potential(lines, units="metal").cutoff)
+        except atc.AtcError as e:
+            assert "\n" not in str(e)

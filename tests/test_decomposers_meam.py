@@ -183,6 +183,7 @@ DAMAGE = [
     ("'dia'", "'c11'", "reference structure 'c11' is not supported"),
     ("rho0(2)", "rho0(3)", "element numbers between 1 and 2"),
     ("Cmax(1,2,1) = 4.0", "Cmax(1,2,1) = 1.0", "must be larger than Cmin"),
+    ("Cmax(1,2,1) = 4.0", "Cmax(1,2,1) = 40.0", "depends on the skin of its neighbour list"),
     ("Cmax(1,2,1)", "Cmax(1,2)", "takes 3 element numbers"),
 ]
 

@@ -17,7 +17,7 @@ from .base import Accumulator, Term, Work
 from .elements import ElementMap
 from .embedded_atom import _place, spline
 from .neighborhood import Neighborhood, around
-from .parameter_file import read_parameter_file, units_tag
+from .parameter_file import LARGE, read_parameter_file, units_tag
 from .registry import MAPPED_STYLES, pair_style
 
 _NOTHING = np.zeros(0)
@@ -87,7 +87,7 @@ def _values(words, count, keys, at) -> list[float]:
         values = [float(w) for w in words]
     except ValueError:
         values = []
-    if len(values) != count or not np.isfinite(values).all():
+    if len(values) != count or not all(abs(v) < LARGE for v in values):
         raise AtcError(f"{at}: expected {count} numbers ({' '.join(keys)}), got {' '.join(words)!r}")
     return values
 

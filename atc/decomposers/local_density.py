@@ -14,12 +14,13 @@ from ..units import Units
 from ..units import units as system
 from .base import Accumulator, Term, Work
 from .neighborhood import Neighborhood
-from .parameter_file import read_parameter_file
+from .parameter_file import LARGE, read_parameter_file
 from .registry import pair_style
 from .spline_meam import Spline, _spline, _stack
 
 _NOTHING = np.zeros(0)
 _NO_D = np.zeros((0, 2, 3))
+_MOST_TYPES = 100_000
 
 
 @dataclass
@@ -55,7 +56,7 @@ def read_local_density(path, where: str = "") -> list[LocalDensityPart]:
             values = [kind(w) for w in words[:count]]
         except ValueError:
             values = []
-        if not values or (count and len(values) != count) or not np.isfinite(values).all():
+        if not values or (count and len(values) != count) or not all(abs(v) < LARGE for v in values):
             raise AtcError(f"{path}:{number}: expected {what}, got {' '.join(words)!r}")
         return values, f"{path}:{number}"
 
@@ -69,12 +70,17 @@ def read_local_density(path, where: str = "") -> list[LocalDensityPart]:
             raise AtcError(f"{at}: expected 0 <= R1 < R2, got {inner:g} and {outer:g}")
         central, _ = row(f"the central types of potential {k}", None, int)
         neighbors, _ = row(f"the neighbour types of potential {k}", None, int)
+        if not all(1 <= t <= _MOST_TYPES for t in (*central, *neighbors)):
+            raise AtcError(f"{at}: the atom types of potential {k} must be between 1 and {_MOST_TYPES}")
         (low, high, _), at = row(f"rho_min, rho_max and drho of potential {k}", 3)
         if not low < high:
             raise AtcError(f"{at}: rho_max must be larger than rho_min")
         F = np.array([row(f"a value of potential {k}", 1)[0][0] for _ in range(points)])
+        spline = Spline(np.linspace(low, high, points), F, 0.0, 0.0)
+        if spline.steep():
+            raise AtcError(f"{at}: the values of potential {k} are too large, or its densities too close")
         # LAMMPS makes the step from the ends and the number of values, whatever drho says; F is level at both ends.
-        out.append(LocalDensityPart(inner, outer, tuple(central), tuple(neighbors), Spline(np.linspace(low, high, points), F, 0.0, 0.0)))
+        out.append(LocalDensityPart(inner, outer, tuple(central), tuple(neighbors), spline))
     return out
 
 

@@ -10,11 +10,13 @@ from itertools import product
 import numpy as np
 
 from ..errors import AtcError, AtcWarning
-from .parameter_file import read_parameter_file, units_tag
+from .parameter_file import LARGE, read_parameter_file, units_tag
 
 LATTICES = ("fcc", "bcc", "hcp", "dia", "sc", "dim", "b1", "b2", "l12")
 _LIBRARY = ("z", "ielement", "atwt", "alpha", "b0", "b1", "b2", "b3", "alat", "esub", "asub", "t0", "t1", "t2", "t3", "rozero", "ibar")
 _WORDS = 2 + len(_LIBRARY)
+# LAMMPS's default skin in Å: its screening looks at the neighbours within rc and this.
+_SKIN = 2.0
 _FORMS = (-5, 0, 1, 3, 4)
 _NAMES_OF_SCALARS = ("rc", "delr", "gsmooth_factor", "augt1", "ialloy", "mixture_ref_t", "erose_form", "emb_lin_neg", "bkgd_dyn")
 _INDICES = {"rho0": 1, "Cmin": 3, "Cmax": 3} | dict.fromkeys(("Ec", "delta", "alpha", "re", "lattce", "nn2", "attrac", "repuls", "zbl"), 2)
@@ -184,6 +186,11 @@ def read_meam(library, names, parameters=None, units_name: str = "metal", where:
         raise AtcError(f"{source}: Cmax({i},{j},{k}) must be larger than Cmin({i},{j},{k})")
     if not (scalars["rc"] > 0 and scalars["delr"] > 0):
         raise AtcError(f"{source}: rc and delr must be positive, got {scalars['rc']:g} and {scalars['delr']:g}")
+    C = max(float(Cmax.max()), 2.0)
+    if scalars["rc"] * 0.5 * C / (C - 1.0) ** 0.5 > scalars["rc"] + _SKIN:
+        raise AtcError(
+            f"{source}: with Cmax {C:g} atoms screen from so far away that LAMMPS's own result depends on the skin of its neighbour list: make it smaller"
+        )
     return MEAMParameters(
         list(names), v["z"], v["ielement"], v["ibar"].astype(int), np.stack([v["b0"], v["b1"], v["b2"], v["b3"]], axis=1), t, rho0, v["asub"], lattice,
         Ec, alpha, re, pairs("attrac", 0.0), pairs("repuls", 0.0), pairs("nn2", 0).astype(bool), pairs("zbl", 1).astype(bool), Cmin, Cmax, **scalars,
@@ -209,7 +216,7 @@ def _number(word, what, at) -> float:
         value = float(word)
     except ValueError:
         value = np.nan
-    if not np.isfinite(value):
+    if not abs(value) < LARGE:
         raise AtcError(f"{at}: {what} must be a number, got {word!r}")
     return value
 

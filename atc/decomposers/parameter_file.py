@@ -7,13 +7,14 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
-from math import isfinite
 from pathlib import Path
 
 from ..errors import AtcError, AtcWarning
 
 # LAMMPS's own factor between eV and kcal/mol, so that a converted file gives LAMMPS's energies to rounding.
 _METAL_TO_REAL = 23.060549
+#: No parameter is as large; their powers must be numbers.
+LARGE = 1e50
 
 
 def read_parameter_file(path, what: str, where: str = "") -> str:
@@ -102,8 +103,8 @@ def read_entries(path, elements, units_name: str, kind, where: str = "") -> dict
     entries: dict[tuple, object] = {}
     for here, names, values in element_entries(text, path, kind.keys, elements, kind.what):
         entry = kind(**dict(zip(kind.keys, values, strict=True)), where=here)
-        odd = next((key for key, v in zip(kind.keys, values, strict=True) if not isfinite(v)), None)
-        if wrong := (f"{odd} must be a finite number" if odd else entry.check()):
+        odd = next((key for key, v in zip(kind.keys, values, strict=True) if not abs(v) < LARGE), None)
+        if wrong := (f"{odd} must be a finite number below {LARGE:g}" if odd else entry.check()):
             raise AtcError(f"{here}: {wrong}")
         if names in entries:
             raise AtcError(f"{here}: second entry for {' '.join(names)} (the first is at {entries[names].where}): remove one")

@@ -14,7 +14,7 @@ from ..units import units as system
 from .centred import Centred
 from .elements import ElementMap, mapped_line
 from .neighborhood import around
-from .parameter_file import read_parameter_file, units_tag
+from .parameter_file import LARGE, read_parameter_file, units_tag
 from .registry import MAPPED_STYLES, pair_style
 
 
@@ -26,6 +26,11 @@ class Spline:
     y: np.ndarray
     d0: float
     d1: float
+
+    def steep(self) -> bool:
+        """Whether a slope between knots is beyond what numbers hold."""
+        with np.errstate(all="ignore"):
+            return not np.isfinite(np.diff(self.y) / np.diff(self.x) ** 3).all()
 
     def rows(self, length: float = 1.0, value: float = 1.0) -> np.ndarray:
         """(knots, 5): where each piece begins and its polynomial in what is beyond that, highest power first; the argument and the value in other units.
@@ -84,7 +89,7 @@ def read_spline_meam(path, units_name: str = "metal", stillinger_weber: bool = F
             values = [float(w) for w in words[:count]]
         except ValueError:
             values = []
-        if len(values) != count or not np.isfinite(values).all():
+        if len(values) != count or not all(abs(v) < LARGE for v in values):
             raise AtcError(f"{path}:{number}: expected {what}, got {' '.join(words)!r}")
         return values, f"{path}:{number}"
 
@@ -101,7 +106,10 @@ def read_spline_meam(path, units_name: str = "metal", stillinger_weber: bool = F
         xy = np.array([row(2, f"a knot (x, y) of {what}")[0] for _ in range(int(count))])
         if not (np.diff(xy[:, 0]) > 0).all():
             raise AtcError(f"{at}: the knots of {what} must go up")
-        return Spline(xy[:, 0], xy[:, 1], d0, d1)
+        out = Spline(xy[:, 0], xy[:, 1], d0, d1)
+        if out.steep():
+            raise AtcError(f"{at}: the values of {what} are too large, or its knots too close")
+        return out
 
     names = None
     if lines and lines[0][1][0] == "meam/spline":

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from ..errors import AtcError
-from .parameter_file import element_entries, energy_conversion, read_parameter_file
+from .parameter_file import LARGE, element_entries, energy_conversion, read_parameter_file
 
 NUMBERS = ("m", "gamma", "lam3", "c", "d", "costheta0", "n", "beta", "lam2", "B", "R", "D", "lam1", "A")
 
@@ -67,7 +67,8 @@ def read_tersoff_file(path, elements, units_name: str, where: str = "", kind=Ter
     entries: dict[tuple, TersoffEntry] = {}
     for here, names, values in element_entries(text, path, kind.keys, elements, kind.what):
         entry = kind(**dict(zip(kind.keys, values, strict=True)), where=here)
-        if wrong := entry.check():
+        odd = next((key for key, v in zip(kind.keys, values, strict=True) if not abs(v) < LARGE), None)
+        if wrong := (f"{odd} must be a finite number below {LARGE:g}" if odd else entry.check()):
             raise AtcError(f"{here}: {wrong}")
         if names in entries:
             raise AtcError(f"{here}: second entry for {' '.join(names)} (the first is at {entries[names].where}): remove one")
