@@ -25,10 +25,12 @@ STYLES = {
     "eam/cd": (lines_of("eam/cd", "FeCr.cdeam", "Fe {}"), 3.4, FCC),
     "adp": (lines_of("adp", "AlCu.adp", "Al {}"), 4.0, FCC),
     "meam": (f"pair_style meam\npair_coeff * * {POTENTIALS}/library.meam Si C {POTENTIALS}/SiC.meam Si {{}}", 4.6, DIAMOND),
+    "polymorphic": (lines_of("polymorphic", "GaN_tersoff.poly", "Ga {}"), 4.6, DIAMOND),
     "eim": (f"pair_style eim\npair_coeff * * Na Cl {POTENTIALS}/ffield.eim Na {{}}", 5.8, DIAMOND),
     "meam/sw/spline": (lines_of("meam/sw/spline", "Si.b.meam.sw.spline", "Si {}"), 5.3, DIAMOND),
 }
 SECOND = {
+    "polymorphic": "N",
     "tersoff/mod": "Si",
     "sw/mod": "S",
     "nb3b/screened": "Si",

@@ -78,6 +78,7 @@ _WHERE = {
     "EmbeddedIon": "embedded_ion",
     "LocalDensity": "local_density",
     "ConcentrationEAM": "concentration_eam",
+    "Polymorphic": "polymorphic",
     "AxilrodTeller": "axilrod_teller",
     "ManyBody": "many_body",
 }
@@ -124,6 +125,7 @@ _STYLE_MODULES = (
     "spline_meam",
     "local_density",
     "concentration_eam",
+    "polymorphic",
     "axilrod_teller",
 )
 
