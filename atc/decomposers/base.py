@@ -81,6 +81,8 @@ class Term:
 
     cutoff: float = 0.0
     pairwise: bool = False
+    #: In cutoffs, how far away an atom may be and still change a bond of an atom, if the term is not pairwise.
+    depth: float = 2.0
     part_name: str = ""
     partitions: Mapping[str, str] = MappingProxyType({})
 
@@ -119,6 +121,10 @@ class Wrapper(Term):
     @property
     def pairwise(self) -> bool:
         return self.term.pairwise
+
+    @property
+    def depth(self) -> float:
+        return self.term.depth
 
     @property
     def part_name(self) -> str:
@@ -202,7 +208,7 @@ class Potential:
             ``"equal"``: every term as it does by default, 1/K of a K-body energy to each of its atoms (bond-order energies half to each end of the
             bond, embedding energies to their own atoms). ``"center"``: Stillinger-Weber triplets and angles to their middle atom, torsions half to
             each of their two middle atoms, bond-order energies to the atom whose neighbours they depend on; other terms as ``"equal"``.
-            A dict chooses term by term, {"sw": "center", "dihedral": (0, 0.5, 0.5, 0)}; its keys are pair styles (sw, tersoff) and angle,
+            A dict chooses term by term, {"sw": "center", "dihedral": (0, 0.5, 0.5, 0)}; its keys are pair styles (sw, tersoff, vashishta, edip ...) and angle,
             dihedral, improper; terms it does not name stay as they are.
 
         Raises

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..errors import AtcError
-from .registry import MAPPED_STYLES, PAIR_STYLES, CoeffLine, Modify
+from .registry import MAPPED_STYLES, PAIR_STYLES, CoeffLine, Modify, mapped_elements
 
 # Words that are arguments of a sub-style, not the name of the next one.
-_ARGUMENTS = {"linear", "spline", "lookup", "bitmap", "nocoeff", "full", "threebody", "on", "off"}
+_ARGUMENTS = {"linear", "spline", "lookup", "bitmap", "nocoeff", "full", "threebody", "on", "off", "shift", "maxdelta"}
 # Accelerator suffixes: other code for the same formula.
 _SUFFIX = re.compile(r"/(omp|opt|gpu|intel|kk|kk/host|kk/device)$")
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
@@ -57,7 +57,7 @@ class Hybrid:
             for pair in line.covers(n_types):
                 if sub is None:
                     of[pair] = []
-                elif sub.name in MAPPED_STYLES and not _mapped(line, pair):
+                elif sub.name in MAPPED_STYLES and not _mapped(sub.name, line, pair):
                     continue
                 elif not self.overlay:
                     of[pair] = [k]
@@ -78,8 +78,8 @@ class Hybrid:
         return masks
 
 
-def _mapped(line: CoeffLine, pair) -> bool:
-    elements = line.words[1:]
+def _mapped(style: str, line: CoeffLine, pair) -> bool:
+    elements = mapped_elements(style, line.words)
     return all(t <= len(elements) and elements[t - 1] != "NULL" for t in pair)
 
 

@@ -15,7 +15,7 @@ from .hybrid import Hybrid, parse_hybrid, strip_suffix
 from .lammps_data_coeffs import take_data_file
 from .lammps_script import Command, is_text, read_commands, read_text
 from .pair import MAX_TYPES, Pairs, PairStyle
-from .registry import MAPPED_STYLES, STYLES, CoeffLine, Modify, StyleInput, TypeRange, supported
+from .registry import MAPPED_STYLES, STYLES, CoeffLine, Modify, StyleInput, TypeRange, mapped_elements, supported
 from .special_bonds import SpecialBonds
 
 __all__ = ["potential_from_lammps"]
@@ -315,12 +315,14 @@ class _PairBuild:
             self.hybrid = parse_hybrid(style, self.lines, apply_modify)
             self.lines = [line for _, line in self.hybrid.order]
             self.tail = any(s.modify.tail for s in self.hybrid.subs)
-            mapped = [len(line.words) - 1 for s, line in self.hybrid.order if s is not None and s.name in MAPPED_STYLES]
+            mapped = [
+                len(mapped_elements(s.name, line.words)) for s, line in self.hybrid.order if s is not None and s.name in MAPPED_STYLES
+            ]
         else:
             _builder("pair", style.name, style.where)
             self.modify = apply_modify(Modify(), [(c.words, c.where) for c in style.modify])
             self.tail = self.modify.tail
-            mapped = [len(line.words) - 1 for line in self.lines] if style.name in MAPPED_STYLES else []
+            mapped = [len(mapped_elements(style.name, line.words)) for line in self.lines] if style.name in MAPPED_STYLES else []
         self.n_types = max([_n_types(self.lines), *mapped])
 
     def __call__(self, n_types: int) -> list[PairStyle | Term]:
@@ -333,7 +335,8 @@ class _PairBuild:
             lines = sub.lines[-1:] if sub.name in MAPPED_STYLES else sub.lines
             built = _as_list(_builder("pair", sub.name, style.where)(_input(model, own, lines, n_types, modify=sub.modify, wanted=wanted)))
             if sub.name in MAPPED_STYLES:
-                mapped = np.array([0 < t <= len(lines[0].words) - 1 and lines[0].words[t] != "NULL" for t in range(n_types + 1)])
+                names = ("NULL", *mapped_elements(sub.name, lines[0].words))
+                mapped = np.array([t < len(names) and names[t] != "NULL" for t in range(n_types + 1)])
                 if not (wanted == (mapped[:, None] & mapped[None, :])).all():
                     raise AtcError(
                         f"{style.where}: {sub.called} must act on all pairs of the types that it maps: give the other sub-style's pairs to types mapped to NULL"

@@ -36,6 +36,17 @@ STYLES = {"pair": PAIR_STYLES, "bond": BOND_STYLES, "angle": ANGLE_STYLES, "dihe
 MAPPED_STYLES = {"sw"}
 
 
+def mapped_elements(style: str, words) -> tuple[str, ...]:
+    """The words of such a line that name the element of each atom type: those behind its file; for meam behind library, its elements and parameter file; for
+    eim behind its elements and file."""
+    if style not in ("meam", "meam/c", "eim"):
+        return tuple(words[1:])
+    # Names of elements have neither dots nor slashes.
+    least = 0 if style == "eim" else 1
+    file = next((k for k, w in enumerate(words) if k > least and ("." in w or "/" in w or (style != "eim" and w == "NULL"))), len(words))
+    return tuple(words[file + 1 :])
+
+
 def factor(units: Units, dimension: str | dict | float) -> float:
     """Internal size of a user's unit: `dimension` as in `atc.units`, or powers of them, {"energy": 1, "length": 6}, or the factor itself."""
     if isinstance(dimension, int | float):

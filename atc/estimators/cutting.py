@@ -160,7 +160,7 @@ def depth(pot, listed: bool = False) -> float:
     for term in pot.terms:
         if is_listed(term) and not listed:
             raise AtcError(f"{term.describe().split(',')[0]} finds its atoms in a list, not around each other")
-    return max((t.cutoff * (1.0 if t.pairwise else 2.0) for t in pot.terms), default=0.0) * (1 + 1e-9)
+    return max((t.cutoff * (1.0 if t.pairwise else t.depth) for t in pot.terms), default=0.0) * (1 + 1e-9)
 
 
 def _copies(own, atoms, images, types):
