@@ -5,8 +5,8 @@ import pytest
 from lammps_oracle import Config, lammps_session, run_lammps, thermal_lattice
 
 import atc
-from atc.decomposers.lammps_script import split_words
-from atc.decomposers.lammps_variables import Unknown, Variables
+from atc.decomposers.lammps.script import split_words
+from atc.decomposers.lammps.variables import Unknown, Variables
 from atc.errors import AtcError, AtcWarning
 
 FORMULAS = [
@@ -389,7 +389,7 @@ def test_a_slip_in_a_command_is_no_other_model(line, meant, tmp_path):
 
 def test_every_command_of_lammps_is_known():
 
-    from atc.decomposers.lammps_commands import COMMANDS
+    from atc.decomposers.lammps.commands import COMMANDS
 
     with lammps_session() as lmp:
         assert not set(lmp.available_styles("command")) - COMMANDS

@@ -144,7 +144,7 @@ def potential(source, units=None, *, special_bonds=None, folder=None, name=None,
             raise AtcError("special_bonds= goes with objects; in LAMMPS lines write a special_bonds line")
         for module in _STYLE_MODULES:
             import_module(f".{module}", __name__)
-        from .lammps_input import potential_from_lammps
+        from .lammps import potential_from_lammps
 
         return potential_from_lammps(source, units, folder, name)
     parts = list(source) if isinstance(source, list | tuple) else [source]

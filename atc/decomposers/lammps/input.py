@@ -8,15 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import AtcError
-from ..units import LAMMPS_STYLES, Units, units
-from .base import Potential, Term, Wrapper
-from .hybrid import Hybrid, parse_hybrid, strip_suffix
-from .lammps_data_coeffs import take_data_file
-from .lammps_script import Command, is_text, read_commands, read_text
-from .pair import MAX_TYPES, Pairs, PairStyle
-from .registry import MAPPED_STYLES, STYLES, CoeffLine, Modify, StyleInput, TypeRange, supported
-from .special_bonds import SpecialBonds
+from ...errors import AtcError
+from ...units import LAMMPS_STYLES, Units, units
+from ..base import Potential, Term, Wrapper
+from ..hybrid import Hybrid, parse_hybrid, strip_suffix
+from ..pair import MAX_TYPES, Pairs, PairStyle
+from ..registry import MAPPED_STYLES, STYLES, CoeffLine, Modify, StyleInput, TypeRange, supported
+from ..special_bonds import SpecialBonds
+from .data_coeffs import take_data_file
+from .script import Command, is_text, read_commands, read_text
 
 __all__ = ["potential_from_lammps"]
 
@@ -229,7 +229,7 @@ def apply_modify(modify: Modify, lines) -> Modify:
     """`modify` after the words of pair_modify lines."""
     from dataclasses import replace
 
-    from .pair_input import MIX_RULES
+    from ..pair_input import MIX_RULES
 
     for words, where in lines:
         k = 0

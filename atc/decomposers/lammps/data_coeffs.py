@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from ..errors import AtcError
-from .lammps_script import Command
+from ...errors import AtcError
+from .script import Command
 
 _SECTION = re.compile(
     rb"^[ \t]*((?:Pair|PairIJ|Bond|Angle|Dihedral|Improper) Coeffs|(?:Atom|Bond|Angle|Dihedral|Improper) Type Labels|Masses)[ \t]*(?:#[^\n]*)?\r?$",

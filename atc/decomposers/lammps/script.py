@@ -9,9 +9,9 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..errors import AtcError
-from .lammps_commands import COMMANDS, check_known
-from .lammps_variables import Unknown, Variables
+from ...errors import AtcError
+from .commands import COMMANDS, check_known
+from .variables import Unknown, Variables
 
 MODEL = {
     "units",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import warnings
 
-from ..errors import AtcError, AtcWarning
+from ...errors import AtcError, AtcWarning
 
 #: Commands that define the model.
 MODEL = (
