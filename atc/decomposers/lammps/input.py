@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import deque
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -11,12 +12,17 @@ import numpy as np
 from ...errors import AtcError
 from ...units import LAMMPS_STYLES, Units, units
 from ..base import Potential, Term, Wrapper
+from ..exclusions import Exclusions, exclusions_of
 from ..hybrid import Hybrid, parse_hybrid, strip_suffix
 from ..pair import MAX_TYPES, Pairs, PairStyle
 from ..registry import MAPPED_STYLES, STYLES, CoeffLine, Modify, StyleInput, TypeRange, supported
 from ..special_bonds import SpecialBonds
+from ..zero import Nothing
 from .data_coeffs import take_data_file
-from .script import Command, is_text, read_commands, read_text
+from .interpreter import Interpreter, State
+from .runs import choose_run, sort_fixes
+from .script import Command, is_text, read_text
+from .setup import Setup
 
 __all__ = ["potential_from_lammps"]
 
@@ -46,10 +52,18 @@ class _Model:
     labels: dict[str, dict[str, int]] = field(default_factory=dict)
     masses: dict[int, float] = field(default_factory=dict)
     data_file: Path | None = None
+    dimension: int = 3
+    atom_style: tuple[str, ...] = ()
+    #: why the model is not all there: the read_restart line
+    restart: Command | None = None
+    exclusions: Exclusions | None = None
 
 
-def potential_from_lammps(source: str | Path, units_=None, folder=None, name=None) -> Potential:
-    """The `Potential` of LAMMPS lines, or of the LAMMPS input script at a path. See `atc.potential`."""
+def potential_from_lammps(source: str | Path, units_=None, folder=None, name=None, run=None, trajectory=()) -> Potential:
+    """The `Potential` of LAMMPS lines, or of the LAMMPS input script at a path. See `atc.potential`.
+
+    trajectory : paths of the frames that are to be computed: where the model changes from run to run, the script's ``dump`` lines may say which run it is
+    """
     script = isinstance(source, Path) or not is_text(source)
     if script:
         if not str(source).strip():
@@ -61,10 +75,24 @@ def potential_from_lammps(source: str | Path, units_=None, folder=None, name=Non
             raise AtcError(f"{source}: no such file, nor LAMMPS lines (which start with a command such as pair_style or units)")
         text, name, folder = read_text(path), str(source), path.parent
     else:
+        path = None
         text, name, folder = source, name or "potential", Path.cwd() if folder is None else Path(folder)
-    commands = read_commands(text, name, folder, script)
-    model = _gather(commands, name, folder, units_)
+    script_run = Interpreter(folder, script, path)
+    script_run.execute(text, name)
+    choice = choose_run(script_run, run, name, trajectory)
+    model = _gather(choice.state, name, folder, units_, script)
     pot = _assemble(model, name)
+    pot.outside, changing = sort_fixes(choice)
+    pot.dimension, pot.atom_style = model.dimension, " ".join(model.atom_style)
+    if script and not any(c.name == "units" for c in choice.state.model) and units_ is None:
+        pot.remarks = (*pot.remarks, f"{name} has no units line: lj, as in LAMMPS")
+    pot.remarks = (*pot.remarks, *(f"forces from outside are no part of the stress: {o}" for o in pot.outside))
+    concerned = [c for c in choice.state.atoms if c.name not in ("mass", "labelmap", "run")]
+    if script or concerned or changing:
+        pot.setup = Setup(
+            name, folder, model.units.name, model.dimension, model.atom_style or ("atomic",), choice.state.atoms, choice.late, changing,
+            tuple(script_run.written_data), _needs(pot, model), model.exclusions.groups if model.exclusions else (),
+        )  # fmt: skip
     if script:
         pot.file = path.name
     else:
@@ -75,11 +103,20 @@ def potential_from_lammps(source: str | Path, units_=None, folder=None, name=Non
 # Gathering ------------------------------------------------------------------------------------------------------------------------------
 
 
-def _gather(commands: list[Command], name: str, folder: Path, units_) -> _Model:
-    model = _Model(_units(commands, name, units_), folder)
-    queue = list(commands)
+def _needs(pot: Potential, model: _Model) -> frozenset:
+    """What the terms need to know of atoms besides their places and types."""
+    styles = [s for t in pot.terms for s in (t, *getattr(t, "styles", ()))]
+    out = {"charges"} if any(getattr(s, "needs_charges", False) for s in styles) else set()
+    if model.exclusions and (model.exclusions.same or model.exclusions.different):
+        out.add("molecules")
+    return frozenset(out)
+
+
+def _gather(state: State, name: str, folder: Path, units_, script: bool) -> _Model:
+    model = _Model(_units(state.model, name, units_, script), folder)
+    queue = deque(state.model)
     while queue:
-        c = queue.pop(0)
+        c = queue.popleft()
         kind = c.name.split("_")[0]
         if c.name.endswith("_style") and kind in STYLES:
             _take_style(model, kind, c)
@@ -97,13 +134,19 @@ def _gather(commands: list[Command], name: str, folder: Path, units_) -> _Model:
             model.dielectric = _float(c, 0)
             if model.dielectric <= 0:
                 raise AtcError(f"{c.where}: the dielectric constant must be positive, got {c.words[0]}")
-        elif c.name == "kspace_style" and c.words[:1] != ("none",):
+        elif c.name == "kspace_style" and c.words[:1] not in (("none",), ("zero",)):
             raise AtcError(
                 f"{c.where}: kspace_style {' '.join(c.words)}: long-range forces cannot be split into bonds from positions alone, so they are not supported; "
                 "use coul/dsf or coul/wolf (or kspace_style none)"
             )
-        elif c.name == "dimension" and c.words[:1] != ("3",):
-            raise AtcError(f"{c.where}: dimension {' '.join(c.words)} is not supported: only three-dimensional models are")
+        elif c.name == "dimension":
+            if c.words not in (("2",), ("3",)):
+                raise AtcError(f"{c.where}: expected dimension 2 or 3, got {' '.join(c.words) or 'nothing'}")
+            model.dimension = int(c.words[0])
+        elif c.name == "atom_style":
+            model.atom_style = tuple(strip_suffix(w) for w in c.words)
+        elif c.name == "read_restart":
+            model.restart = c
         elif c.name == "labelmap":
             _labelmap(model, c)
         elif c.name == "mass":
@@ -113,11 +156,12 @@ def _gather(commands: list[Command], name: str, folder: Path, units_) -> _Model:
                     model.masses[t] = _float(c, 1)
         elif c.name == "read_data" and c.words:
             model.data_file, more = take_data_file(c, folder, {k: s.name for k, s in model.styles.items()})
-            queue[:0] = more
+            queue.extendleft(reversed(more))
+    model.exclusions = exclusions_of(state.atoms, lambda word, where: _types(model, "atom", word, where).lo)
     return model
 
 
-def _units(commands, name, given) -> Units:
+def _units(commands, name, given, script: bool = False) -> Units:
     said = [c for c in commands if c.name == "units"]
     names = {c.words[0] if c.words else "" for c in said}
     if len(names) > 1:
@@ -131,6 +175,8 @@ def _units(commands, name, given) -> Units:
         if given is not None and units(given).name != found.name:
             raise AtcError(f"{said[0].where}: the lines say units {found.name} but units={units(given).name!r} was given: drop one of them")
         return found
+    if given is None and script:
+        return units("lj")  # as LAMMPS does; `_assemble` says so
     if given is None:
         raise AtcError(
             f"{name}: the units of the coefficients are not known: add a 'units' line, or say units='metal' (one of {', '.join(LAMMPS_STYLES)})"
@@ -294,6 +340,10 @@ def _assemble(model: _Model, name: str) -> Potential:
     for kind in _BONDED:
         if kind in model.styles and model.styles[kind].name != "zero":
             terms += _bonded_terms(model, model.styles[kind])
+    if not terms and "pair" in model.styles:
+        terms.append(Nothing())
+    if model.restart is not None:
+        _check_restart(model)
     if not terms:
         raise AtcError(f"{name}: no interactions found: expected pair_style or bond_style lines with their coefficients")
     pot = Potential(terms, model.units)
@@ -302,6 +352,26 @@ def _assemble(model: _Model, name: str) -> Potential:
     pot.data_file = model.data_file
     pot.unmentioned = tuple(k for k in _BONDED if k not in model.styles and k not in model.declined)
     return pot
+
+
+#: Pair styles that neither shift nor mix, so that a restart file can keep nothing of them that their lines do not say.
+_WHOLE = re.compile(r"(eam|meam|sw|tersoff|adp|edip|vashishta|airebo|comb|bop|reaxff|snap)\b")
+
+
+def _check_restart(model: _Model) -> None:
+    c, pair = model.restart, model.styles.get("pair")
+    what = None
+    if pair is None:
+        what = "pair_style and pair_coeff lines"
+    elif not pair.modify and not _WHOLE.match(pair.name):
+        what = "a pair_modify line (shift, mix)"
+    elif any(k in model.styles for k in _BONDED) and not model.special:
+        what = "a special_bonds line"
+    if what:
+        raise AtcError(
+            f"{c.where}: read_restart {' '.join(c.words[:1])}: the model is in a binary file, which is not read: add {what} behind it (LAMMPS's write_coeff "
+            "and write_data write what holds)"
+        )
 
 
 class _PairBuild:
@@ -359,8 +429,13 @@ def _pair_terms(build: _PairBuild, special: SpecialBonds) -> list[Term]:
     built = build(build.n_types)
     styles = [b for b in built if isinstance(b, PairStyle)]
     terms: list[Term] = [_Unweighted(b, special) for b in built if isinstance(b, Term)]
+    excluded = build.model.exclusions
+    if terms and excluded:
+        raise AtcError(
+            f"{excluded.where}: neigh_modify exclude is not supported with pair_style {build.style.name}: its neighbours would not be those of the run"
+        )
     if styles:
-        terms.insert(0, Pairs(styles, build.n_types, special, grow=_PairGrow(build)))
+        terms.insert(0, Pairs(styles, build.n_types, special, grow=_PairGrow(build), exclusions=excluded))
     return terms
 
 
