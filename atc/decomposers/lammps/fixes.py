@@ -20,7 +20,7 @@ _CLASSES = {
             "nph nph/asphere nph/body nph/eff nph/sphere nphug bocs msst qbmsst tgnpt/drude tgnvt/drude drude/transform/direct drude/transform/inverse "
             "press/berendsen press/langevin box/relax deform deform/pressure move meso/move python/move recenter enforce2d ipi "
             "pimd pimd/langevin pimd/langevin/bosonic pimd/nvt pimd/nvt/bosonic hmc tfmc brownian brownian/asphere brownian/sphere mvv/dpd mvv/edpd mvv/tdpd "
-            "dpd/energy eos/cv eos/table eos/table/rx sph sph/stationary smd/integrate_tlsph smd/integrate_ulsph smd/move_tri_surf smd/adjust_dt "
+            "dpd/energy eos/cv eos/table eos/table/rx sph sph/stationary meso meso/stationary smd/integrate_tlsph smd/integrate_ulsph smd/move_tri_surf smd/adjust_dt "
             "wall/reflect wall/reflect/stochastic wall/piston wall/flow",
         ),
         (
@@ -38,7 +38,7 @@ _CLASSES = {
             "store/force store/state phonon pair pair/tracker saed/vtk numdiff numdiff/virial nonaffine/displacement mscg "
             "reax/c/bonds reax/c/species reaxff/bonds reaxff/species widom",
         ),
-        ("steers the run, not the forces", "halt dt/reset balance controller tune/kspace"),
+        ("steers the run, not the forces", "halt dt/reset balance controller tune/kspace gpu omp intel"),
         ("holds numbers of atoms that no supported force uses", "property/atom"),
     ),
     "outside": (
@@ -108,10 +108,6 @@ def classify(style: str, args) -> tuple[str, str] | None:
         return None
     if style in ("spring", "smd") and "couple" in args:
         return "model", "couples two groups of atoms by a spring"
-    if style == "box/relax":
-        return found
-    if style == "property/atom":
-        held = [w for w in args if w in ("q", "mol", "rmass")]
-        if held:
-            return "harmless", "the property is read from the data file, or set"
+    if style == "atc" and args and args[0] in ("hardy", "field"):
+        return "harmless", "measures or writes"
     return found

@@ -81,6 +81,8 @@ def potential_from_lammps(source: str | Path, units_=None, folder=None, name=Non
     script_run.execute(text, name)
     choice = choose_run(script_run, run, name, trajectory)
     model = _gather(choice.state, name, folder, units_, script)
+    if "pair" not in model.styles:
+        sort_fixes(choice)  # a fix may be why there is no pair style
     pot = _assemble(model, name)
     pot.outside, changing = sort_fixes(choice)
     pot.dimension, pot.atom_style = model.dimension, " ".join(model.atom_style)
@@ -379,6 +381,8 @@ class _PairBuild:
 
     def __init__(self, model: _Model, style: _Style):
         self.model, self.style = model, style
+        if not style.name.startswith("hybrid"):
+            _builder("pair", style.name, style.where)
         self.lines = _coeff_lines(model, style)
         self.hybrid: Hybrid | None = None
         if style.name in ("hybrid", "hybrid/overlay"):
@@ -387,7 +391,6 @@ class _PairBuild:
             self.tail = any(s.modify.tail for s in self.hybrid.subs)
             mapped = [len(line.words) - 1 for s, line in self.hybrid.order if s is not None and s.name in MAPPED_STYLES]
         else:
-            _builder("pair", style.name, style.where)
             self.modify = apply_modify(Modify(), [(c.words, c.where) for c in style.modify])
             self.tail = self.modify.tail
             mapped = [len(line.words) - 1 for line in self.lines] if style.name in MAPPED_STYLES else []

@@ -21,32 +21,45 @@ from .variables import Unknown, Variables
 PATIENCE = 5000
 MOST = 50000
 _DEEPEST = 20
-#: Commands that the states of all runs hold together, at most.
-_HOLD = 5_000_000
 #: Variables and output: what is not executed, or twice, does no harm.
 _IDLE = {"variable", "print", "label", "jump", "next", "quit", "log", "shell"}
 
 
-@dataclass(frozen=True)
 class State:
-    """What holds at a run (or at the end of a script without one).
+    """What holds at a run (or at the end of a script without one): a point in the lists of executed commands, which only grow.
 
-    model, atoms, fixes : the commands of these classes that were executed, in order; of fixes those that are there
-    where : file and line of the run, for messages
+    fixes : those that are there. where : file and line of the run, for messages
     """
 
-    model: tuple[Command, ...]
-    atoms: tuple[Command, ...]
-    fixes: tuple[Command, ...]
-    where: str = ""
+    def __init__(self, model: list, atoms: list, fixes: tuple, where: str = ""):
+        self._model, self._atoms, self.fixes, self.where = model, atoms, fixes, where
+        self._n_model, self._n_atoms = len(model), len(atoms)
 
-    def same_model(self, other: State) -> bool:
-        return _said(self.model) == _said(other.model)
+    @property
+    def model(self) -> tuple[Command, ...]:
+        """The commands of this class up to here, in order."""
+        return tuple(self._model[: self._n_model])
 
+    @property
+    def atoms(self) -> tuple[Command, ...]:
+        return tuple(self._atoms[: self._n_atoms])
 
-def _said(commands) -> list:
-    """The commands without where they stand; of lines given twice the last."""
-    return list(dict.fromkeys((c.name, c.words) for c in reversed(commands)))[::-1]
+    @property
+    def key(self):
+        """The same for states that hold the same lines of model commands."""
+        return id(self._model), self._n_model
+
+    def said(self) -> list:
+        """The model without where its lines stand; of lines given twice the last."""
+        return list(dict.fromkeys((c.name, c.words) for c in reversed(self.model)))[::-1]
+
+    def atoms_beyond(self, first: State) -> tuple[Command, ...]:
+        """The commands that concern atoms on top of those of an earlier state, all if they do not begin with these."""
+        if self._atoms is first._atoms:
+            return tuple(self._atoms[first._n_atoms : self._n_atoms])
+        a, b = ([c for c in s.atoms if c.name != "run"] for s in (first, self))
+        same = [(c.name, c.words) for c in b[: len(a)]] == [(c.name, c.words) for c in a]
+        return tuple(b[len(a) :] if same else b)
 
 
 @dataclass
@@ -97,8 +110,7 @@ class Interpreter:
         self._files: dict[Path, _File] = {}
         self._skip_jump = False
         self._executed = self._depth = 0
-        self._last: State | None = None
-        self._held = 0
+        self._fixes: tuple[Command, ...] = ()
 
     # Files -------------------------------------------------------------------------------------------------------------------------------
 
@@ -189,9 +201,8 @@ class Interpreter:
 
     def _take(self, c: Command) -> None:
         if c.name == "clear":
-            self.model.clear()
-            self.atoms.clear()
-            self.fixes.clear()
+            self.model, self.atoms = [], []
+            self._set_fixes({})
             return
         self.model.append(c)
         if c.name in ("read_data", "mass", "labelmap"):
@@ -210,7 +221,7 @@ class Interpreter:
             # What the restart brings goes before the lines above it; those behind it may say all of it again.
             words, why = self._known_words(line)
             self.model = [c for c in self.model if c.name in ("units", "dimension", "atom_style")]
-            self.atoms.clear()
+            self.atoms = []
             for target in (self.model, self.atoms):
                 target.append(Command(name, tuple(words[1:]), line.where, why))
             return
@@ -221,7 +232,7 @@ class Interpreter:
         if name == "unfix":
             if why:
                 raise AtcError(f"{line.where}: {why}")
-            self.fixes.pop(words[1] if len(words) > 1 else "", None)
+            self._set_fixes({k: c for k, c in self.fixes.items() if k != (words[1] if len(words) > 1 else "")})
             return
         if len(words) < 4:
             raise AtcError(f"{line.where}: fix needs a name, a group and a style, got {' '.join(words[1:]) or 'nothing'}")
@@ -232,7 +243,10 @@ class Interpreter:
             raise AtcError(
                 f"{line.where}: fix {words[3]} is no fix of LAMMPS that atc knows, so whether it changes forces is not known: leave it out if it does not"
             )
-        self.fixes[words[1]] = Command("fix", (words[1], words[2], style, *words[4:]), line.where, why)
+        self._set_fixes({**self.fixes, words[1]: Command("fix", (words[1], words[2], style, *words[4:]), line.where, why)})
+
+    def _set_fixes(self, fixes) -> None:
+        self.fixes, self._fixes = fixes, tuple(fixes.values())
 
     def _run(self, name: str, line: Line) -> None:
         words, _ = self._known_words(line)
@@ -244,17 +258,7 @@ class Interpreter:
             self.atoms.append(Command("run", (), line.where))
 
     def _state(self, where: str = "") -> State:
-        new = State(tuple(self.model), tuple(self.atoms), tuple(self.fixes.values()), where)
-        old = self._last
-        if old is not None:  # thousands of runs share what they have in common
-            parts = (getattr(old, k) if getattr(old, k) == getattr(new, k) else getattr(new, k) for k in ("model", "atoms", "fixes"))
-            new = State(*parts, where)
-        if old is None or new.model is not old.model or new.atoms is not old.atoms:
-            self._held += len(new.model) + len(new.atoms)
-        if self._held > _HOLD:
-            raise AtcError(f"{where}: too many runs with models of their own")
-        self._last = new
-        return new
+        return State(self.model, self.atoms, self._fixes, where)
 
     @property
     def state(self) -> State:

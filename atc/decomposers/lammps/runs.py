@@ -12,6 +12,9 @@ from .fixes import REACH, classify
 from .interpreter import Interpreter, State
 from .script import Command
 
+#: Runs with models of their own that are compared.
+_MOST = 200
+
 
 @dataclass(frozen=True)
 class Choice:
@@ -34,18 +37,44 @@ def choose_run(script: Interpreter, run: int | None, name: str, trajectory=()) -
             have = f"{len(script.runs)} run{'s' * (len(script.runs) != 1)}" if script.runs else "no run"
             raise AtcError(f"{name}: run = {run}: the script has {have}: expected a number from 1 to {len(states)}")
         return _choice(states, [run - 1])
-    numbers = list(range(len(states)))
-    if any(not s.same_model(states[0]) for s in states[1:]):
-        numbers = _dumped(script, trajectory, len(states)) or numbers
-    first = states[numbers[0]]
-    for k in numbers[1:]:
-        if not states[k].same_model(first):
-            c = _difference(first, states[k])
-            raise AtcError(
-                f"{c.where}: {c.name} {' '.join(c.words[:3])} holds in run {k + 1} ({states[k].where}), not in run {numbers[0] + 1} ({first.where}): "
-                f"say which run the frames belong to, e.g. run = {k + 1} in [potential]"
-            )
-    return _choice(states, numbers)
+    numbers = _distinct_models(states, name)
+    if len(numbers) > 1:
+        dumped = _dumped(script, trajectory, len(states))
+        if not dumped:
+            raise _differ(states, numbers[0], numbers[1])
+        numbers = [dumped[k] for k in _distinct_models([states[k] for k in dumped], name)]
+        if len(numbers) > 1:
+            raise _differ(states, numbers[0], numbers[1])
+        return _choice(states, dumped)
+    return _choice(states, list(range(len(states))))
+
+
+def _distinct_models(states, name) -> list[int]:
+    """The numbers of states with models of their own."""
+    lines = {}
+    for k, s in enumerate(states):
+        lines.setdefault(s.key, k)
+    if len(lines) > _MOST:
+        raise AtcError(
+            f"{name}: more than {_MOST} runs with models of their own: say which run the frames belong to, e.g. run = 1 in [potential]"
+        )
+    out, said = [], []
+    for k in lines.values():
+        mine = states[k].said()
+        if mine not in said:
+            out.append(k)
+            said.append(mine)
+        if len(out) > 2:
+            break
+    return out
+
+
+def _differ(states, i: int, k: int) -> AtcError:
+    c = _difference(states[i], states[k])
+    return AtcError(
+        f"{c.where}: {c.name} {' '.join(c.words[:3])} holds in run {k + 1} ({states[k].where}), not in run {i + 1} ({states[i].where}): "
+        f"say which run the frames belong to, e.g. run = {k + 1} in [potential]"
+    )
 
 
 def _difference(a: State, b: State) -> Command:
@@ -59,31 +88,23 @@ def _difference(a: State, b: State) -> Command:
 
 def _choice(states, numbers) -> Choice:
     first = states[numbers[0]]
-    late: dict = {}
+    # Of states that grow from the same list the longest says what the others say.
+    longest = {}
     for k in numbers[1:]:
-        if states[k].atoms is first.atoms:
-            continue
-        for c in _beyond(first.atoms, states[k].atoms):
-            late[c.name, c.words, c.where] = c
-    fixes = {c: None for k in dict.fromkeys(numbers) for c in states[k].fixes}
-    before = {c: None for s in _distinct(states[: numbers[-1] + 1]) for c in s.fixes}
-    return Choice(first, tuple(late.values()), tuple(fixes), tuple(before))
+        s = states[k]
+        if id(s._atoms) not in longest or s._n_atoms > longest[id(s._atoms)]._n_atoms:
+            longest[id(s._atoms)] = s
+    late = [c for s in list(longest.values())[:_MOST] for c in s.atoms_beyond(first) if c.name != "run" and (c.unknown or touches(c))]
+    fixes = {c: None for t in _distinct(states[k].fixes for k in numbers) for c in t}
+    before = {c: None for t in _distinct(s.fixes for s in states[: numbers[-1] + 1]) for c in t}
+    return Choice(first, tuple(dict.fromkeys(late)), tuple(fixes), tuple(before))
 
 
-def _distinct(states):
-    seen = set()
-    for s in states:
-        if id(s.fixes) not in seen:
-            seen.add(id(s.fixes))
-            yield s
-
-
-def _beyond(first, other):
-    """The commands of `other` that come on top of those of `first`, as far as they change atoms."""
-    a, b = ([c for c in commands if c.name != "run"] for commands in (first, other))
-    if [(c.name, c.words) for c in b[: len(a)]] == [(c.name, c.words) for c in a]:
-        b = b[len(a) :]
-    return [c for c in b if c.unknown or touches(c)]
+def _distinct(tuples):
+    seen = {}
+    for t in tuples:
+        seen.setdefault(id(t), t)
+    return seen.values()
 
 
 def _dumped(script, trajectory, n) -> list[int]:
