@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from lammps_oracle import Config, thermal_lattice
-from script_runs import agree, run_script
+from script_runs import agree, compare, run_script
 
 import atc
+from atc.errors import AtcError
 
 
 def charged(folder, n=4, seed=1):
@@ -125,3 +126,188 @@ def test_excluded_pairs(case, tmp_path):
         np.testing.assert_allclose(
             whole.stress_potential, tiles.stress_potential, rtol=0, atol=1e-11 * np.abs(whole.stress_potential).max()
         )
+
+
+# What a user gives besides the script, and what it must not contradict -------------------------------------------------------------------
+
+
+def test_the_scripts_own_data_file_as_trajectory_has_its_charges(tmp_path):
+    charged(tmp_path)
+    ran = run_script(tmp_path, IONS + "set type 1 charge -1.0\nset type 2 charge 1.0\n")
+    pot = atc.potential(tmp_path / "in.run")
+    d = pot.stream(atc.read(tmp_path / "q.data", units="real")[0], forces=True)
+    assert pot.units.to_user("energy", d.energy) == pytest.approx(ran.energy, rel=1e-10)
+
+
+def test_a_scene_needs_script_and_dump_only(tmp_path):
+    """Units, bonds, charges, masses come from the script and the data file that it reads."""
+    polymers(tmp_path)
+    ran = run_script(
+        tmp_path, CHAINS.replace("units lj\n", "units lj\nboundary p p p\n") + "set type 1 charge 0.5\ndelete_bonds all bond 1\n"
+    )
+    scene = {
+        "trajectory": {"file": str(tmp_path / "run.dump")},
+        "potential": {"input": str(tmp_path / "in.run")},
+        "kernel": {"name": "quartic", "radius": 1.5},
+        "grid": {"kind": "slab", "axis": "z", "bins": 3},
+        "fields": {"quantities": ["stress_potential", "density"]},
+    }
+    from atc.scene import Scene
+
+    ds = Scene.load(scene).run()
+    assert np.isfinite(ds.stress_potential).all() and float(ds.density.mean()) == pytest.approx(128 / (5.5 * 5.5 * 11.0), rel=0.1)
+    traj, pot = Scene.load(scene).trajectory(), Scene.load(scene).potential()
+    assert traj.units.name == "lj" and (traj[0].masses == 1).all() and len(traj[0].topology.weighted.bonds) == 96
+    pot.setup = None
+    assert pot.stream(traj[0]).energy == pytest.approx(ran.energy, rel=1e-10)
+
+
+def test_open_boundaries_of_a_data_file_are_the_scripts(tmp_path):
+    charged(tmp_path)
+    frame, pot = agree(tmp_path, "boundary p f s\n" + IONS + "set type 1 charge -1.0\nset type 2 charge 1.0\n")
+    own = pot.complete(atc.read(tmp_path / "q.data", units="real")[0])
+    assert own.cell.periodic.tolist() == [True, False, False] == frame.cell.periodic.tolist()
+    d = pot.stream(atc.read(tmp_path / "q.data", units="real")[0])
+    assert d.energy == pytest.approx(pot.stream(frame).energy, rel=1e-10)
+    run_script(tmp_path, IONS + "change_box all boundary p p f\n")
+    assert atc.potential(tmp_path / "in.run").complete(atc.read(tmp_path / "q.data", units="real")[0]).cell.periodic.tolist() == [
+        True,
+        True,
+        False,
+    ]
+
+
+def test_a_named_data_file_must_not_contradict_the_script(tmp_path):
+    charged(tmp_path)
+    text = IONS + "set type 1 charge -1.0\nset type 2 charge 1.0\nwrite_data after.data\n"
+    ran = run_script(tmp_path, text)
+    compare(tmp_path, ran, topology=tmp_path / "after.data")
+    compare(tmp_path, ran, topology=tmp_path / "q.data")
+    other = (tmp_path / "after.data").read_text().replace(" -1 ", " -2 ")
+    (tmp_path / "other.data").write_text(other)
+    with pytest.raises(AtcError, match=r"other\.data gives atom \d+ the charge -2, .*in\.run the charge -1 \(set, .*line 7\)"):
+        compare(tmp_path, ran, topology=tmp_path / "other.data")
+
+
+def test_bonds_of_a_named_data_file_must_not_contradict_the_script(tmp_path):
+    polymers(tmp_path)
+    ran = run_script(tmp_path, CHAINS + "delete_bonds all bond 1 remove special\nwrite_data after.data\n")
+    compare(tmp_path, ran, topology=tmp_path / "after.data")
+    compare(tmp_path, ran, topology=tmp_path / "p.data")
+    text = (tmp_path / "p.data").read_text()
+    (tmp_path / "copy.data").write_text(text)
+    with pytest.raises(AtcError, match=r"copy\.data and .*in\.run \(with delete_bonds, .*\) have different bonds"):
+        compare(tmp_path, ran, topology=tmp_path / "copy.data")
+
+
+def test_the_data_file_may_have_moved(tmp_path):
+    charged(tmp_path)
+    ran = run_script(tmp_path, IONS + "set type 1 charge -1.0\nset type 2 charge 1.0\n")
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "q.data").rename(tmp_path / "elsewhere" / "q.data")
+    compare(tmp_path, ran, topology=tmp_path / "elsewhere" / "q.data")
+    with pytest.raises(
+        AtcError, match=r"charges of atoms are needed and not known: .*q\.data, which .*in\.run reads, is not there: dump q too"
+    ):
+        compare(tmp_path, ran)
+
+
+def test_a_dump_of_some_atoms_only(tmp_path):
+    charged(tmp_path)
+    run_script(
+        tmp_path,
+        IONS + "set type 1 charge -1.0\nset type 2 charge 1.0\ngroup g id 1:60\ndump 1 g custom 1 some.dump id type x y z\nrun 0\n",
+    )
+    pot = atc.potential(tmp_path / "in.run")
+    with pytest.raises(AtcError, match="60 of the 64 atoms .* atom 61 is missing"):
+        pot.stream(atc.read(tmp_path / "some.dump", units="real")[0])
+
+
+def test_a_frame_without_numbers(tmp_path):
+    charged(tmp_path)
+    run_script(tmp_path, IONS + "set type 1 charge -1.0\n", columns="type x y z fx fy fz")
+    pot = atc.potential(tmp_path / "in.run")
+    with (
+        pytest.warns(UserWarning, match="no 'id' column"),
+        pytest.raises(AtcError, match=r"does not number its atoms, so that set \(.*line 7\)"),
+    ):
+        pot.stream(atc.read(tmp_path / "run.dump", units="real")[0])
+
+
+CREATED = (
+    "units metal\natom_style charge\nlattice rocksalt\n".replace("lattice rocksalt", "lattice fcc 5.6")
+    + "region box block 0 3 0 3 0 3\ncreate_box 2 box\ncreate_atoms 1 box\nlattice fcc 5.6 origin 0.5 0.0 0.0\ncreate_atoms 2 box\n"
+    "mass 1 23\nmass 2 35.5\npair_style lj/cut/coul/cut 4.0 6.0\npair_coeff * * 0.01 2.5\ndisplace_atoms all random 0.1 0.1 0.1 493\n"
+)
+
+
+def test_created_atoms_have_charges_by_type(tmp_path):
+    frame, pot = agree(tmp_path, CREATED + "set type 1 charge 0.5\nset type 2 charge -0.5\n")
+    assert frame.masses is not None and set(np.round(frame.masses, 6)) == {23.0, 35.5}
+    agree(
+        tmp_path,
+        CREATED + "group a type 1\nset group a charge 0.5\ngroup b id 5:20\nset group b charge -0.25\nneigh_modify exclude group a b\n",
+    )
+    agree(tmp_path, CREATED + "set atom 10*30 type 2\nset type 1 charge 0.4\nset atom 7 charge 2\n")
+
+
+UNKNOWN = {
+    "region": ("region r block 0 1 0 1 0 1\nset region r charge 1\n", "charges of atoms are needed and not known: .*create_atoms makes atoms whose places"),
+    "random": ("set type 1 charge 1\nset type 1 type/fraction 2 0.5 48\nset type 2 charge -1\nset atom 3 type 1", None),
+    "types before": ("set type 1 charge 1\nset atom 3 type 2", "charges.*do not show the types they had"),
+    "loop over values": ("variable q atom x*0.1\nset type 1 charge v_q", "value of every atom is not known"),
+    "between": ("set type 1 charge 1\ncreate_atoms 1 single 0.3 0.3 0.3", "not told apart|made later"),
+    "after a run": ("run 0\nset type 1 charge 1\nrun 0", "comes after a run.*run = N"),
+    "excluded": ("set type 1 charge 1\nregion r block 0 1 0 1 0 1\ngroup g region r\nneigh_modify exclude group g g", "who is in group g.*create_atoms"),
+    "qeq": ("set type 1 charge 1\nfix 1 all qeq/point 1 10 1e-6 100 coul/slater", "fix qeq/point sets charges"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", [c for c in UNKNOWN if UNKNOWN[c][1]])
+def test_what_cannot_be_known_of_created_atoms(case, tmp_path):
+    lines, says = UNKNOWN[case]
+    text = CREATED + lines + "\n"
+    if case == "qeq":
+        run_script(tmp_path, CREATED)
+        (tmp_path / "in.run").write_text(text)
+    else:
+        run_script(tmp_path, text)
+    with pytest.raises(AtcError, match=says) as e:
+        pot = atc.potential(tmp_path / "in.run")
+        pot.stream(atc.read(tmp_path / "run.dump", units="metal")[0])
+    assert "\n" not in str(e.value)
+    if case in ("region", "between", "types before", "loop over values"):  # a dump with charges knows them
+        agree(tmp_path, text, columns="id type q x y z fx fy fz")
+
+
+def test_new_numbers_keep_what_belongs_to_the_type(tmp_path):
+    """delete_atoms renumbers atoms of atomic systems: charges by type are still known, others are not."""
+    charged(tmp_path)
+    delete = "region r block 0 4 0 4 0 INF units box\ndelete_atoms region r\n"
+    agree(tmp_path, IONS + "set type 1 charge -1.0\nset type 2 charge 1.0\n" + delete)
+    agree(tmp_path, IONS + delete + "set type 1 charge -1.0\nset type 2 charge 1.0\n")
+    agree(tmp_path, IONS + "delete_atoms overlap 2.9 all all\nset type 1 charge -1.0\nset type 2 charge 1.0\n")
+    run_script(tmp_path, IONS + "set atom 1*30 charge -1.0\n" + delete)
+    with pytest.raises(AtcError, match="delete_atoms gives atoms new numbers"):
+        atc.potential(tmp_path / "in.run").stream(atc.read(tmp_path / "run.dump", units="real")[0])
+    agree(tmp_path, IONS + "set atom 1*30 charge -1.0\n" + delete.replace("region r\n", "region r compress no\n"))
+
+
+def test_several_data_files(tmp_path):
+    polymers(tmp_path)
+    text = CHAINS.replace(
+        "read_data p.data\n",
+        "read_data p.data extra/atom/types 1 extra/bond/types 1 group first\n"
+        "read_data p.data add append shift 0 0 11.0 offset 1 1 0 0 0 group second nocoeff\n",
+    )
+    text = text.replace("bond_coeff 2 40 1.2", "bond_coeff 2*3 40 1.2")
+    frame, pot = agree(tmp_path, text + "mass 3 2.0\nset group second charge 0.25\n")
+    assert len(frame) == 256 and len(frame.topology.bonds) == 192 and frame.types.max() == 3
+
+
+def test_a_data_file_behind_a_condition(tmp_path):
+    charged(tmp_path)
+    text = IONS.replace(
+        "read_data q.data", 'variable n index 0\nvariable f index q.data\nif "${n} == 0" then "read_data $f" else "read_restart r.1"'
+    )
+    agree(tmp_path, text + "set type 1 charge -1.0\nset type 2 charge 1.0\n")

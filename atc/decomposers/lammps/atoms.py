@@ -50,6 +50,21 @@ def set_keywords(c: Command) -> list[tuple[str, tuple[str, ...]]]:
     return out
 
 
+def boundary_words(c: Command) -> tuple[str, ...]:
+    """The three words of a ``boundary`` command, or of ``change_box ... boundary``."""
+    words = c.words if c.name == "boundary" else c.words[c.words.index("boundary") + 1 :][:3]
+    if len(words) != 3 or any(not re.fullmatch("p|pp|[fsm]{1,2}", w) for w in words):
+        raise AtcError(f"{c.where}: {c.name}: expected three of p, f, s, m, got {' '.join(words) or 'nothing'}")
+    return tuple(words)
+
+
+def _without_boundary(words):
+    if "boundary" not in words:
+        return words
+    k = words.index("boundary")
+    return words[:k] + words[k + 4 :]
+
+
 def touches(c: Command) -> set[str]:
     """What a command changes: property names, section names, "boundary", "atoms" (which there are), "ids"."""
     if c.name == "set":
@@ -252,6 +267,12 @@ class Atoms:
     def has_charges(self) -> bool:
         return "charges" in self.origin.columns or bool(self.charges[self.alive].any()) or bool(self.unknown["charges"].any())
 
+    def property_of(self, name, rows, found):
+        """(n,) values of a property, and where they are known."""
+        if not found.any():
+            return np.full(len(rows), PROPERTIES[name]), found
+        return getattr(self, name)[rows], found & ~self.unknown[name][rows]
+
     def mass_of(self, rows, found, types):
         """(n,) masses of atoms of a frame, and where they are known."""
         own = np.where(found, self.masses[rows] if len(self.masses) else np.nan, np.nan)
@@ -351,16 +372,12 @@ class Atoms:
         self._taint("positions", self.alive.copy(), f"atoms have moved in the run of {c.where}")
 
     def _boundary(self, c):
-        if len(c.words) != 3 or any(not re.fullmatch("p|[fsm]{1,2}|pp", w) for w in c.words):
-            raise AtcError(f"{c.where}: expected 'boundary' with three of p, f, s, m, got {' '.join(c.words) or 'nothing'}")
-        self.boundary = c.words
+        self.boundary = boundary_words(c)
 
     def _change_box(self, c):
         if "boundary" in c.words:
-            k = c.words.index("boundary")
-            self._boundary(Command("boundary", c.words[k + 1 : k + 4], c.where))
-        moves = [w for w in c.words[1:] if w in ("x", "y", "z", "xy", "xz", "yz", "remap")]
-        if moves and not ("boundary" in c.words and not set(moves) & {"remap"} and len(moves) == 0):
+            self.boundary = boundary_words(c)
+        if {"x", "y", "z", "xy", "xz", "yz", "remap"} & set(_without_boundary(c.words[1:])):
             self.box = None
             self._taint("positions", self.alive.copy(), f"{c.where}: change_box changes the box that atoms are put into")
 

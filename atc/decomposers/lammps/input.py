@@ -120,6 +120,11 @@ def _gather(state: State, name: str, folder: Path, units_, script: bool) -> _Mod
     while queue:
         c = queue.popleft()
         kind = c.name.split("_")[0]
+        if c.unknown:
+            style = strip_suffix(c.words[0]) if c.words and c.name.endswith("_style") and kind in STYLES else "none"
+            if "$" not in style and style != "none" and not style.startswith("hybrid"):
+                _builder(kind, style, c.where)  # that it is not supported is the better reason
+            raise AtcError(f"{c.where}: {c.unknown}")
         if c.name.endswith("_style") and kind in STYLES:
             _take_style(model, kind, c)
         elif c.name.endswith("_coeff") and kind in STYLES:
@@ -291,16 +296,24 @@ def apply_modify(modify: Modify, lines) -> Modify:
                 if value not in MIX_RULES:
                     raise AtcError(f"{where}: pair_modify mix {value}: expected one of {', '.join(MIX_RULES)}")
                 modify = replace(modify, mix=value)
-            elif key in ("table", "table/disp", "tabinner", "tabinner/disp", "tail", "compute", "neigh/trim"):
+            elif key == "compute":
+                modify = replace(modify, compute=_yes(value, f"{where}: pair_modify compute"))
+            elif key == "special":
+                which, weights = value, words[k + 2 : k + 5]
+                if which not in ("lj", "coul", "lj/coul") or len(weights) != 3:
+                    raise AtcError(
+                        f"{where}: pair_modify special: expected lj, coul or lj/coul and three weights, got {' '.join(words[k + 1 : k + 5])}"
+                    )
+                modify = replace(modify, special=(*modify.special, (which, *weights)))
+                k += 3
+            elif key in ("table", "table/disp", "tabinner", "tabinner/disp", "tail", "neigh/trim", "compute/tally"):
                 # table*: only for long-range Coulomb. tail: constants added to energy and pressure, no forces.
-                if key == "compute" and not _yes(value, f"{where}: pair_modify compute"):
-                    raise AtcError(f"{where}: pair_modify compute no is not supported: remove the style instead")
                 if key == "tail" and _yes(value, f"{where}: pair_modify tail"):
                     modify = replace(modify, tail=True)
             elif key == "nofdotr":
                 k -= 1
             else:
-                raise AtcError(f"{where}: pair_modify {key} is not supported: expected shift, mix, table, tail")
+                raise AtcError(f"{where}: pair_modify {key} is not supported: expected shift, mix, table, tail, compute, special")
             k += 2
     return modify
 
@@ -385,6 +398,7 @@ class _PairBuild:
             _builder("pair", style.name, style.where)
         self.lines = _coeff_lines(model, style)
         self.hybrid: Hybrid | None = None
+        self.modify_compute = True
         if style.name in ("hybrid", "hybrid/overlay"):
             self.hybrid = parse_hybrid(style, self.lines, apply_modify)
             self.lines = [line for _, line in self.hybrid.order]
@@ -392,7 +406,11 @@ class _PairBuild:
             mapped = [len(line.words) - 1 for s, line in self.hybrid.order if s is not None and s.name in MAPPED_STYLES]
         else:
             self.modify = apply_modify(Modify(), [(c.words, c.where) for c in style.modify])
-            self.tail = self.modify.tail
+            self.tail, self.modify_compute = self.modify.tail, self.modify.compute
+            if self.modify.special:
+                raise AtcError(
+                    f"{style.modify[-1].where}: pair_modify special goes with sub-styles of hybrid: 'pair_modify pair <style> special ...'"
+                )
             mapped = [len(line.words) - 1 for line in self.lines] if style.name in MAPPED_STYLES else []
         self.n_types = max([_n_types(self.lines), *mapped])
 
@@ -411,16 +429,24 @@ class _PairBuild:
                     raise AtcError(
                         f"{style.where}: {sub.called} must act on all pairs of the types that it maps: give the other sub-style's pairs to types mapped to NULL"
                     )
-            out += [b for b in built if isinstance(b, Term) or b.cutoff > 0]
+            built = [b for b in built if isinstance(b, Term) or b.cutoff > 0]
+            for b in built if sub.modify.special else ():
+                if isinstance(b, Term):
+                    raise AtcError(
+                        f"{style.where}: pair_modify special with {sub.called} is not supported: its neighbours would not be those of the run"
+                    )
+                b.own_special = sub.modify.special
+            out += built if sub.modify.compute else []
         return out
 
 
 @dataclass
 class _PairGrow:
     build: _PairBuild
+    own: tuple = ()
 
     def __call__(self, n_types: int) -> list[PairStyle]:
-        return [b for b in self.build(n_types) if isinstance(b, PairStyle)]
+        return [b for b in self.build(n_types) if isinstance(b, PairStyle) and getattr(b, "own_special", ()) == self.own]
 
 
 def _as_list(built) -> list:
@@ -431,14 +457,19 @@ def _pair_terms(build: _PairBuild, special: SpecialBonds) -> list[Term]:
     """All PairStyles in one sweep; terms of their own (sw) beside it."""
     built = build(build.n_types)
     styles = [b for b in built if isinstance(b, PairStyle)]
+    if not build.modify_compute:
+        return []
     terms: list[Term] = [_Unweighted(b, special) for b in built if isinstance(b, Term)]
     excluded = build.model.exclusions
     if terms and excluded:
         raise AtcError(
             f"{excluded.where}: neigh_modify exclude is not supported with pair_style {build.style.name}: its neighbours would not be those of the run"
         )
-    if styles:
-        terms.insert(0, Pairs(styles, build.n_types, special, grow=_PairGrow(build), exclusions=excluded))
+    # Styles with weights of their own (pair_modify special) sweep the list apart from the others.
+    for own in sorted({getattr(s, "own_special", ()) for s in styles}, reverse=True):
+        mine = [s for s in styles if getattr(s, "own_special", ()) == own]
+        weights = special.with_own(own, build.style.where) if own else special
+        terms.insert(0, Pairs(mine, build.n_types, weights, grow=_PairGrow(build, own), exclusions=excluded))
     return terms
 
 

@@ -171,7 +171,8 @@ class Interpreter:
         if kind is None:
             check_known(name, line.where, self.script)
         elif kind == "model":
-            self._take(Command(name, tuple(self._words(line)[1:]), line.where))
+            words, why = self._known_words(line)
+            self._take(Command(name, tuple(words[1:]), line.where, why))
         elif kind == "atoms":
             self._take_atoms(name, line)
         elif kind == "fix":

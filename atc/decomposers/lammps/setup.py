@@ -14,7 +14,7 @@ import numpy as np
 from ...errors import AtcError
 from ...frame import Cell, Topology
 from ...units import units
-from .atoms import _MOLECULAR, SECTIONS, Atoms, _rows, set_keywords, touches
+from .atoms import _MOLECULAR, SECTIONS, Atoms, _rows, boundary_words, set_keywords, touches
 from .read_data import data_options
 from .script import Command
 
@@ -62,6 +62,8 @@ class Setup:
         for c in (*self.commands, *self.late):
             if c.name == "set" and not c.unknown:
                 set_keywords(c)
+            elif "boundary" in (c.name, *c.words[1:]) and c.name in ("boundary", "change_box") and not c.unknown:
+                boundary_words(c)
         self.data_files = [data_options(c, self.folder).file for c in self.commands if c.name == "read_data"]
         edits = [c for c in self.commands if c.name not in ("read_data", "boundary", "mass") and touches(c)]
         #: {what: the first command that changes it behind the data files}
@@ -186,13 +188,8 @@ class Setup:
 
     def _periodic(self):
         """Which axes the last boundary line makes periodic, None if there is none."""
-        words = None
-        for c in self.commands:
-            if c.name == "boundary" and not c.unknown:
-                words = c.words
-            elif c.name == "change_box" and "boundary" in c.words:
-                words = c.words[c.words.index("boundary") + 1 :][:3]
-        return None if words is None or len(words) != 3 else [w in ("p", "pp") for w in words]
+        found = [c for c in self.commands if c.name == "boundary" or (c.name == "change_box" and "boundary" in c.words)]
+        return [w in ("p", "pp") for w in boundary_words(found[-1])] if found else None
 
     def _own(self, frame, p) -> bool:
         """Whether a frame shows a property itself."""
@@ -256,8 +253,7 @@ class Setup:
         if p == "masses":
             values, known = table.mass_of(rows, found, frame.types)
         else:
-            values = getattr(table, p)[rows]
-            known = found & ~table.unknown[p][rows]
+            values, known = table.property_of(p, rows, found)
         if p == "charges" and not table.has_charges():
             return None
         if p == "molecules" and "molecules" not in self.needs:
@@ -346,11 +342,11 @@ class Setup:
                 raise AtcError(
                     f"{frame.source}: whether atom {frame.ids[~found][0]} is in group {name} is not known, on which excluded pairs depend"
                 )
-            if g.unsure[rows].any():
+            if found.any() and g.unsure[rows].any():
                 raise AtcError(
                     f"{frame.source}: who is in group {name}, on which excluded pairs depend, is not known: {table.group_why.get(name, 'it changes')}"
                 )
-            bits |= np.where(g.inside[rows] | (name == "all"), 1 << k, 0)
+            bits |= np.where(g.inside[rows] if found.any() and name != "all" else name == "all", 1 << k, 0)
         return bits
 
 
