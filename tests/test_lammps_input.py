@@ -426,3 +426,20 @@ def test_every_command_of_lammps_is_known():
 
     with lammps_session() as lmp:
         assert not set(lmp.available_styles("command")) - COMMANDS
+
+
+def test_every_fix_of_lammps_has_a_class():
+    from atc.decomposers.hybrid import strip_suffix
+    from atc.decomposers.lammps.fixes import FIXES
+
+    with lammps_session() as lmp:
+        assert not {f for f in lmp.available_styles("fix") if strip_suffix(f) not in FIXES}
+
+
+def test_docs_print_the_tables():
+    from pathlib import Path
+
+    from atc.decomposers.lammps.tables import tables
+
+    text = (Path(__file__).resolve().parent.parent / "docs" / "lammps.md").read_text()
+    assert tables() in text, "docs/lammps.md: run python -m atc.decomposers.lammps.tables"

@@ -293,6 +293,17 @@ def test_new_numbers_keep_what_belongs_to_the_type(tmp_path):
     agree(tmp_path, IONS + "set atom 1*30 charge -1.0\n" + delete.replace("region r\n", "region r compress no\n"))
 
 
+def test_replicated_atoms(tmp_path):
+    polymers(tmp_path)
+    text = CHAINS.replace("read_data p.data\n", "boundary p p p\nread_data p.data\ngroup g id 1:20\nreplicate 2 1 2\n")
+    text += (
+        "region r block 3 9 2 5 6 INF units box\nset region r charge 0.7\nset group g charge -0.2\ndelete_bonds all bond 2 remove special\n"
+    )
+    frame, _ = agree(tmp_path, text)
+    assert len(frame) == 512
+    agree(tmp_path, text + "write_data out.data nocoeff\nclear\n" + text.replace("p.data", "out.data").replace("2 1 2", "1 2 1"))
+
+
 def test_several_data_files(tmp_path):
     polymers(tmp_path)
     text = CHAINS.replace(

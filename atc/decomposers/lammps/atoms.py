@@ -31,6 +31,8 @@ SET = {
     "rheo/rho": (1, ""), "rheo/status": (1, ""), "smd/contact/radius": (1, ""), "dpd/theta": (1, ""), "edpd/temp": (1, ""), "edpd/cv": (1, ""), "cc": (2, ""),
     "epsilon": (1, ""),
 }  # fmt: skip
+#: Copies of atoms that ``replicate`` makes here, at most.
+_MOST_ATOMS = 50_000_000
 _RANDOM = ("type/fraction", "type/ratio", "type/subset")
 _MOLECULAR = {"angle", "bond", "full", "molecular", "template", "amoeba", "oxdna"}
 
@@ -339,7 +341,7 @@ class Atoms:
         unsure = self.alive & self.unknown["positions"]
         inside = np.zeros(len(self.ids), bool)
         known = np.flatnonzero(self.alive & ~unsure)
-        inside[known] = r.holds(self.positions[known])
+        inside[known] = r.holds(self._wrapped(self.positions[known]))
         return _Group(inside, unsure)
 
     def group(self, name: str) -> _Group:
@@ -774,7 +776,6 @@ class Atoms:
         except ValueError:
             raise Trouble(f"displace_atoms move {' '.join(c.words[2:5])}: expected three numbers") from None
         self.positions[g.inside] += move
-        self.positions = self._wrapped(self.positions)
         self._taint("positions", g.unsure, f"{c.where}: displace_atoms moves atoms")
 
     def _wrapped(self, x):
@@ -782,15 +783,53 @@ class Atoms:
         if self.box is None or not len(x):
             return x
         lo, hi = self.box
-        xy, xz, yz = self.tilt
-        edges = np.array([[hi[0] - lo[0], 0, 0], [xy, hi[1] - lo[1], 0], [xz, yz, hi[2] - lo[2]]])
+        edges = self._box_edges()
         periodic = np.array([w in ("p", "pp") for w in self.boundary or ("p", "p", "p")])
         s = (x - lo) @ np.linalg.inv(edges)
         shift = np.where(periodic, np.floor(s), 0.0)
         return np.where(shift.any(1)[:, None], x - shift @ edges, x)
 
+    def _box_edges(self):
+        """(3, 3) rows a, b, c."""
+        (xy, xz, yz), (lx, ly, lz) = self.tilt, self.box[1] - self.box[0]
+        return np.array([[lx, 0, 0], [xy, ly, 0], [xz, yz, lz]])
+
     def _replicate(self, c):
-        raise Trouble("copies of the atoms are not made")
+        """Copies of the box along x, then y, then z; those of an atom have its number and molecule plus a multiple of the largest there is."""
+        if not self.complete or self.box is None or self.unknown["types"].any():
+            raise Trouble("copies are made of atoms that are not known")
+        try:
+            counts = [int(w) for w in c.words[:3]]
+        except ValueError:
+            counts = []
+        if len(counts) != 3 or min(counts) < 1 or set(c.words[3:]) - {"bbox"}:
+            raise Trouble(f"replicate {' '.join(c.words)}: copies along periodic bonds, or none, are not made")
+        here = self.alive
+        if here.sum() * int(np.prod(counts)) > _MOST_ATOMS:
+            raise Trouble("there are too many copies")
+        edges = self._box_edges()
+        top, molecule = int(self.ids[here].max(initial=0)), int(self.molecules[here].max(initial=0))
+        kept = {p: getattr(self, p)[here] for p in PROPERTIES}
+        unknown = {p: self.unknown[p][here] for p in PROPERTIES}
+        ids, groups, bonded = self.ids[here], {n: (g.inside[here], g.unsure[here]) for n, g in self.groups.items()}, dict(self.bonded)
+        weighted = None if self.weighted is None else dict(self.weighted)
+        for m, (z, y, x) in enumerate(np.ndindex(*counts[::-1])):
+            if m:
+                new = self._add(
+                    ids + m * top, kept["types"], False, charges=kept["charges"], masses=kept["masses"], molecules=kept["molecules"] + m * molecule,
+                    positions=kept["positions"] + np.array([x, y, z]) @ edges,
+                )  # fmt: skip
+                for p in PROPERTIES:
+                    self.unknown[p][new] = unknown[p]
+                for name, (inside, unsure) in groups.items():
+                    self.groups[name].inside[new], self.groups[name].unsure[new] = inside, unsure
+        for now, before in ((self.bonded, bonded), (self.weighted, weighted)):
+            for s in SECTIONS if before is not None else ():
+                types, members = before[s]
+                now[s] = np.tile(types, int(np.prod(counts))), np.concatenate([members + m * top for m in range(int(np.prod(counts)))])
+        lo, hi = self.box
+        self.box = lo, lo + (hi - lo) * counts
+        self.tilt = tuple(t * counts[1 if k == 0 else 2] for k, t in enumerate(self.tilt))
 
     def _ndx2group(self, c):
         raise Trouble("groups come from a file that is not read")

@@ -107,7 +107,7 @@ def read_data(atoms, c: Command) -> None:
         raise AtcError(f"{c.where}: read_data: atom {ids[np.isin(ids, atoms.ids[atoms.alive])][0]} of {options.file} is there already")
     new = atoms._add(
         ids, data.types + options.offsets["atom"], False, charges=raw["q"][order] if "q" in raw else None,
-        molecules=raw["mol"][order] + shift_mol if "mol" in raw else None, masses=masses, positions=atoms._wrapped(x),
+        molecules=raw["mol"][order] + shift_mol if "mol" in raw else None, masses=masses, positions=_unwrapped(raw, order, x, data),
     )  # fmt: skip
     for section, width in SECTIONS.items():
         types, members = data.bonded.get(section, (np.zeros(0, np.int64), np.zeros((0, width), np.int64)))
@@ -127,6 +127,14 @@ def read_data(atoms, c: Command) -> None:
             for what in ("charges", "molecules", "masses"):
                 if what not in atoms.origin.columns:
                     atoms._taint(what, new, f"{c.where}: the section {section} of {options.file} may hold it, which is not read")
+
+
+def _unwrapped(raw, order, x, data):
+    """Positions with image flags put in: where copies of the atoms go depends on them."""
+    if "ix" not in raw or data.box is None:
+        return x
+    images = np.stack([raw[k] for k in ("ix", "iy", "iz")], axis=1)[order]
+    return x + images @ data.box[0] if images.any() else x
 
 
 def _box(atoms, data, options) -> None:
