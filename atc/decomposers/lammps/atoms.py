@@ -809,24 +809,23 @@ class Atoms:
             raise Trouble("there are too many copies")
         edges = self._box_edges()
         top, molecule = int(self.ids[here].max(initial=0)), int(self.molecules[here].max(initial=0))
-        kept = {p: getattr(self, p)[here] for p in PROPERTIES}
-        unknown = {p: self.unknown[p][here] for p in PROPERTIES}
-        ids, groups, bonded = self.ids[here], {n: (g.inside[here], g.unsure[here]) for n, g in self.groups.items()}, dict(self.bonded)
-        weighted = None if self.weighted is None else dict(self.weighted)
-        for m, (z, y, x) in enumerate(np.ndindex(*counts[::-1])):
-            if m:
-                new = self._add(
-                    ids + m * top, kept["types"], False, charges=kept["charges"], masses=kept["masses"], molecules=kept["molecules"] + m * molecule,
-                    positions=kept["positions"] + np.array([x, y, z]) @ edges,
-                )  # fmt: skip
-                for p in PROPERTIES:
-                    self.unknown[p][new] = unknown[p]
-                for name, (inside, unsure) in groups.items():
-                    self.groups[name].inside[new], self.groups[name].unsure[new] = inside, unsure
-        for now, before in ((self.bonded, bonded), (self.weighted, weighted)):
-            for s in SECTIONS if before is not None else ():
-                types, members = before[s]
-                now[s] = np.tile(types, int(np.prod(counts))), np.concatenate([members + m * top for m in range(int(np.prod(counts)))])
+        copies = int(np.prod(counts))
+        kept = {p: np.tile(getattr(self, p)[here], (copies - 1,) + (1,) * (p == "positions")) for p in PROPERTIES}
+        m = np.repeat(np.arange(1, copies), here.sum())
+        shift = np.stack([m % counts[0], m // counts[0] % counts[1], m // (counts[0] * counts[1])], axis=1) @ edges
+        old = {p: np.tile(self.unknown[p][here], copies - 1) for p in PROPERTIES}
+        groups = {n: [np.tile(a[here], copies - 1) for a in (g.inside, g.unsure)] for n, g in self.groups.items()}
+        new = self._add(
+            np.tile(self.ids[here], copies - 1) + m * top, kept["types"], False, charges=kept["charges"], masses=kept["masses"],
+            molecules=kept["molecules"] + m * molecule, positions=kept["positions"] + shift,
+        )  # fmt: skip
+        for p in PROPERTIES:
+            self.unknown[p][new] = old[p]
+        for name, (inside, unsure) in groups.items():
+            self.groups[name].inside[new], self.groups[name].unsure[new] = inside, unsure
+        for bonded in (self.bonded, self.weighted or {}):
+            for s, (types, members) in bonded.items():
+                bonded[s] = np.tile(types, copies), np.concatenate([members + k * top for k in range(copies)])
         lo, hi = self.box
         self.box = lo, lo + (hi - lo) * counts
         self.tilt = tuple(t * counts[1 if k == 0 else 2] for k, t in enumerate(self.tilt))

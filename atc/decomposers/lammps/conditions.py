@@ -57,7 +57,7 @@ class _Parser:
                 return left
             self.p += 1
             right = self.expression(_BINARY[op][0])
-            if isinstance(left, str) != isinstance(right, str) or (isinstance(left, str) and op in ("||", "&&", "|^")):
+            if isinstance(left, str) != isinstance(right, str) or (isinstance(left, str) and op not in ("==", "!=")):
                 raise self.bad(f"{left!r} and {right!r} cannot be compared")
             left = _BINARY[op][1](left, right)
 

@@ -133,7 +133,7 @@ class Variables:
             return "unknown", f"variable {name} loop {' '.join(rest)}: expected one or two whole numbers"
         if style == "file" and rest and self._read is not None:
             try:
-                values = [w[0] for w in (line.split("#")[0].split() for line in self._read(rest[0]).split("\n")) if w]
+                values = [w for w in (line.split("#")[0].strip() for line in self._read(rest[0]).split("\n")) if w]
             except Unknown as e:
                 return "unknown", str(e)
             return ("strings", _Strings(values)) if values else ("unknown", f"variable {name}: {rest[0]} has no lines")
