@@ -21,7 +21,7 @@ from ..zero import Nothing
 from .data_coeffs import take_data_file
 from .interpreter import Interpreter, State
 from .runs import choose_run, sort_fixes
-from .script import Command, is_text, read_text
+from .script import Command, is_text, one_line, read_text
 from .setup import Setup
 
 __all__ = ["potential_from_lammps"]
@@ -64,6 +64,11 @@ def potential_from_lammps(source: str | Path, units_=None, folder=None, name=Non
 
     trajectory : paths of the frames that are to be computed: where the model changes from run to run, the script's ``dump`` lines may say which run it is
     """
+    with one_line():
+        return _potential(source, units_, folder, name, run, trajectory)
+
+
+def _potential(source, units_, folder, name, run, trajectory) -> Potential:
     script = isinstance(source, Path) or not is_text(source)
     if script:
         if not str(source).strip():

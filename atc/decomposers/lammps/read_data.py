@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import AtcError
+from .atom_commands import SECTIONS
+from .regions import Trouble
 from .script import Command
 
 _WORDS = {"group": 1, "nocoeff": 0, "shift": 3, "offset": 5, "fix": 3}
@@ -81,9 +83,6 @@ def data_options(c: Command, folder: Path) -> DataOptions:
 
 def read_data(atoms, c: Command) -> None:
     """Add the atoms of a data file to the table of `Atoms`."""
-    from .atoms import SECTIONS
-    from .regions import Trouble
-
     options = data_options(c, atoms.origin.folder)
     data = atoms.origin.open_data(options.file, c)
     if data is None:

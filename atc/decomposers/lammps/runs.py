@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...errors import AtcError
-from .atoms import touches
+from .atom_commands import touches
 from .fixes import REACH, classify
 from .interpreter import Interpreter, State
 from .script import Command

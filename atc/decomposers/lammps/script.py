@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import stat
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from .commands import CLASSES
 
 #: A script, or an included file, is no longer than this (bytes): what is, is something else.
 LONGEST = 1 << 24
+_LONGEST_MESSAGE = 2000
 _QUOTES = ('"""', '"', "'")
 
 
@@ -38,6 +40,18 @@ class Line:
     @property
     def head(self) -> str:
         return self.text.split(None, 1)[0]
+
+
+@contextmanager
+def one_line():
+    """Words of a script may hold line ends (in triple quotes); messages about them do not, and are no longer than need be."""
+    try:
+        yield
+    except AtcError as e:
+        message = " ".join(str(e).split())
+        if message == str(e) and len(message) <= _LONGEST_MESSAGE:
+            raise
+        raise AtcError(message if len(message) <= _LONGEST_MESSAGE else message[: _LONGEST_MESSAGE - 3] + "...") from None
 
 
 def is_text(source: str) -> bool:

@@ -14,9 +14,11 @@ import numpy as np
 from ...errors import AtcError
 from ...frame import Cell, Topology
 from ...units import units
-from .atoms import _MOLECULAR, SECTIONS, Atoms, _rows, boundary_words, set_keywords, touches
+from .atom_commands import MOLECULAR, SECTIONS, boundary_words, set_keywords, touches
+from .atom_table import Origin, rows_of
+from .atoms import Atoms
 from .read_data import data_options
-from .script import Command
+from .script import Command, one_line
 
 _FRAME = {"types": "types", "charges": "charges", "masses": "masses", "molecules": "molecules"}
 _SAYS = {"types": "type", "charges": "charge", "masses": "mass", "molecules": "molecule"}
@@ -120,9 +122,7 @@ class Setup:
             and (last[1] is types or (types is not None and last[1] is not None and np.array_equal(last[1], types)))
         ):
             return last[2]
-        from .atoms import Origin
-
-        columns = {"charges": {"charge", "full", "dipole", "electron"}, "molecules": _MOLECULAR | {"line", "tri", "smd"}}
+        columns = {"charges": {"charge", "full", "dipole", "electron"}, "molecules": MOLECULAR | {"line", "tri", "smd"}}
         origin = Origin(
             self.folder, self.units, self.dimension, self.atom_style, self._open, columns={w for w, styles in columns.items() if styles & set(self.atom_style)},
             mass_unit=units(self.units).mass,
@@ -147,12 +147,16 @@ class Setup:
         """
         if not self._concerns(frame):
             return frame
+        with one_line():
+            return self._completed(frame)
+
+    def _completed(self, frame):
         given = frame.given
         if given.get("ids"):
             return self._unnumbered(frame)
         self._named_file(given)
         table = self.atoms(frame.ids, frame.types if self._own(frame, "types") else None)
-        rows, found = _rows(table.ids, frame.ids, table.alive)
+        rows, found = rows_of(table.ids, frame.ids, table.alive)
         self._check_atoms(frame, table, found)
         changes, left = {}, {k: v for k, v in given.items() if k not in _FRAME and k not in ("topology", "boundary")}
         u = units(self.units)
@@ -207,7 +211,7 @@ class Setup:
         return ("charges" in self.needs and not self._own(frame, "charges")) or (frame.topology is None and self._has_bonds())
 
     def _has_bonds(self) -> bool:
-        return bool(_MOLECULAR & set(self.atom_style))
+        return bool(MOLECULAR & set(self.atom_style))
 
     def _named_file(self, given) -> None:
         """A named data file that has the name of the one the script reads stands for it, where that is not there."""
@@ -224,7 +228,7 @@ class Setup:
             )
         if table.may_miss or not self.data_files:
             return
-        _, there = _rows(frame.ids, table.ids)
+        _, there = rows_of(frame.ids, table.ids)
         gone = table.alive & ~there
         if gone.any():
             raise AtcError(
