@@ -124,7 +124,7 @@ def test_what_only_some_runs_have(tmp_path):
     assert atc.potential(script, run=1).outside == () == atc.potential(script, run=3).outside
     script.write_text(base + "fix w all wall/lj93 zlo EDGE 1 1 2.5\nfix g all gravity 1 vector 0 0 -1\nfix n all nve\nunfix g\nrun 10\n")
     pot = atc.potential(script)
-    assert pot.outside == (f"fix wall/lj93 on group all ({script}, line 11)",) and "forces from outside" in pot.describe()
+    assert pot.outside == ("fix wall/lj93 on group all (in.run, line 11)",) and "forces from outside" in pot.describe()
     script.write_text(base + "fix 1 all shake 0.1 10 0 b 1\nunfix 1\nfix 1 all nve\nrun 0\n")
     assert atc.potential(script).outside == ()
 

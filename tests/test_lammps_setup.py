@@ -322,3 +322,49 @@ def test_a_data_file_behind_a_condition(tmp_path):
         "read_data q.data", 'variable n index 0\nvariable f index q.data\nif "${n} == 0" then "read_data $f" else "read_restart r.1"'
     )
     agree(tmp_path, text + "set type 1 charge -1.0\nset type 2 charge 1.0\n")
+
+
+SPECIAL = "special_bonds lj 0.001 0.3 0.6 coul 0.1 0.5 0.7\n"
+HYBRID = CHAINS.replace("pair_style lj/cut/coul/cut 1.6 2.0", "pair_style hybrid/overlay lj/cut 1.6 coul/cut 2.0 morse 1.8").replace(
+    "pair_coeff * * 1.0 1.0", "pair_coeff * * lj/cut 1.0 1.0\npair_coeff * * coul/cut\npair_coeff * * morse 0.3 2.0 1.1"
+)
+MODIFIES = {
+    "special": "pair_modify pair lj/cut special lj 0.5 0.25 0.125",
+    "both": "pair_modify pair lj/cut special lj/coul 0.5 0.25 0.125\npair_modify pair coul/cut special coul 0.0 1.0 0.3 special lj 0.2 0.2 0.2",
+    "compute": "pair_modify pair morse compute no",
+    "compute yes": "pair_modify pair morse compute no\npair_modify pair morse compute yes shift yes",
+}
+
+
+@pytest.mark.parametrize("case", MODIFIES)
+def test_sub_styles_with_weights_of_their_own(case, tmp_path):
+    polymers(tmp_path)
+    agree(tmp_path, HYBRID.replace("special_bonds lj 0.0", "special_bonds lj 0.001") + MODIFIES[case] + "\n")
+
+
+def test_without_any_pair_forces(tmp_path):
+    charged(tmp_path)
+    text = "units real\natom_style charge\nread_data q.data\npair_style zero 5.0\npair_coeff * *\n"
+    frame, pot = agree(tmp_path, text)
+    ds = atc.fields(
+        atc.read(tmp_path / "run.dump", units="real"),
+        pot,
+        atc.kernel("quartic", radius=5.0),
+        atc.Grid.slab("z", bins=4),
+        ["density", "stress_potential"],
+    )
+    assert float(ds.density.min()) > 0 and float(abs(ds.stress_potential).max()) == 0.0
+    tiles = atc.fields(frame, pot, atc.kernel("quartic", radius=5.0), atc.Grid.regular(shape=(2, 2, 2)), ["density"], tiles=(2, 1, 1))
+    assert np.isfinite(tiles.density).all()
+    assert "no interactions" in atc.potential("pair_style zero 5.0\npair_coeff * *", units="real").describe()
+    # Bonds alone, of a style without forces.
+    polymers(tmp_path)
+    zero = "bond_style zero\nbond_coeff *\nangle_style zero\nangle_coeff *\ndihedral_style zero\ndihedral_coeff *\n"
+    agree(tmp_path, "units lj\natom_style full\nread_data p.data\npair_style zero 2.0\npair_coeff * *\n" + zero)
+
+
+def test_many_body_styles_leave_no_pairs_out(tmp_path):
+    (tmp_path / "Si.sw").write_text("Si Si Si 2.1683 2.0951 1.80 21.0 1.20 -0.333333333333 7.049556277 0.6022245584 4.0 0.0 0.0\n")
+    (tmp_path / "in.run").write_text("units metal\npair_style sw\npair_coeff * * Si.sw Si Si\nneigh_modify exclude type 1 2\n")
+    with pytest.raises(AtcError, match="line 4: neigh_modify exclude is not supported with pair_style sw"):
+        atc.potential(tmp_path / "in.run")

@@ -164,7 +164,7 @@ class Potential:
     outside : forces on atoms from outside that the script has besides (walls, fields, friction), one text for each; they are no part of the stress
     atom_style : words of the script's ``atom_style``, "" if it has none
     setup : what the script says of atoms, see `complete`, or None
-    dimension : 2 for a two-dimensional run
+    dimension : 2 where the model is that of a two-dimensional run (LAMMPS's ``dimension 2``), else 3; dimension_said : whether the lines say so
     """
 
     unmentioned: tuple[str, ...] = ()
@@ -178,6 +178,7 @@ class Potential:
     atom_style: str = ""
     setup = None
     dimension: int = 3
+    dimension_said: bool = False
 
     def __init__(self, terms, units_: Units | str, description: str = ""):
         self.terms = list(terms)

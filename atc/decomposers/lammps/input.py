@@ -52,7 +52,7 @@ class _Model:
     labels: dict[str, dict[str, int]] = field(default_factory=dict)
     masses: dict[int, float] = field(default_factory=dict)
     data_file: Path | None = None
-    dimension: int = 3
+    dimension: int | None = None  # None: the lines say nothing of it
     atom_style: tuple[str, ...] = ()
     #: why the model is not all there: the read_restart line
     restart: Command | None = None
@@ -90,16 +90,19 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
         sort_fixes(choice)  # a fix may be why there is no pair style
     pot = _assemble(model, name)
     pot.outside, changing = sort_fixes(choice)
-    pot.dimension, pot.atom_style = model.dimension, " ".join(model.atom_style)
+    # LAMMPS's default is 3, so a whole script says it in any case.
+    pot.dimension, pot.dimension_said = model.dimension or 3, model.dimension is not None or script
+    pot.atom_style = " ".join(model.atom_style)
     if script and not any(c.name == "units" for c in choice.state.model) and units_ is None:
-        pot.remarks = (*pot.remarks, f"{name} has no units line: lj, as in LAMMPS")
+        pot.remarks = (*pot.remarks, f"{Path(name).name} has no units line: lj, as in LAMMPS")
     pot.remarks = (*pot.remarks, *(f"forces from outside are no part of the stress: {o}" for o in pot.outside))
     concerned = [c for c in choice.state.atoms if c.name not in ("mass", "labelmap", "run")]
     if script or concerned or changing:
         pot.setup = Setup(
-            name, folder, model.units.name, model.dimension, model.atom_style or ("atomic",), choice.state.atoms, choice.late, changing,
+            name, folder, model.units.name, pot.dimension, model.atom_style or ("atomic",), choice.state.atoms, choice.late, changing,
             tuple(script_run.written_data), _needs(pot, model), model.exclusions.groups if model.exclusions else (),
         )  # fmt: skip
+        pot.remarks = (*pot.remarks, *pot.setup.remarks())
     if script:
         pot.file = path.name
     else:

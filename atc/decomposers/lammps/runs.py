@@ -10,7 +10,7 @@ from ...errors import AtcError
 from .atom_commands import touches
 from .fixes import REACH, classify
 from .interpreter import Interpreter, State
-from .script import Command
+from .script import Command, short
 
 #: Runs with models of their own that are compared.
 _MOST = 200
@@ -138,7 +138,7 @@ def sort_fixes(choice: Choice) -> tuple[tuple[str, ...], dict]:
         if kind == "model":
             raise AtcError(f"{what} {reason}, which is not supported: give the lines of the model that holds, without this fix")
         if kind == "outside":
-            outside.append(f"fix {c.words[2]} on group {c.words[1]} ({c.where})")
+            outside.append(f"fix {c.words[2]} on group {c.words[1]} ({short(c.where)})")
     changing: dict[str, str] = {}
     for c in (*choice.before, *choice.fixes):
         kind, reason = _class(c)

@@ -42,6 +42,12 @@ class Line:
         return self.text.split(None, 1)[0]
 
 
+def short(where: str) -> str:
+    """File and line without the folder: what is kept with results names no user."""
+    file, comma, line = where.rpartition(", line ")
+    return f"{Path(file).name}{comma}{line}" if comma else where
+
+
 @contextmanager
 def one_line():
     """Words of a script may hold line ends (in triple quotes); messages about them do not, and are no longer than need be."""

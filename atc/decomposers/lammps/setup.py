@@ -18,7 +18,7 @@ from .atom_commands import MOLECULAR, SECTIONS, boundary_words, set_keywords, to
 from .atom_table import Origin, rows_of
 from .atoms import Atoms
 from .read_data import data_options
-from .script import Command, one_line
+from .script import Command, one_line, short
 
 _FRAME = {"types": "types", "charges": "charges", "masses": "masses", "molecules": "molecules"}
 _SAYS = {"types": "type", "charges": "charge", "masses": "mass", "molecules": "molecule"}
@@ -76,6 +76,17 @@ class Setup:
 
     def __getstate__(self):
         return {**self.__dict__, "_cache": None, "_files": {}}
+
+    def remarks(self) -> list[str]:
+        """Where properties of atoms come from that the frames do not show, for `Potential.describe`."""
+        if not self.data_files:
+            return []
+        files = " and ".join(dict.fromkeys(p.name for p in self.data_files))
+        edits = list(
+            dict.fromkeys(f"{c.name} ({short(c.where)})" for what, c in self.edits.items() if what not in ("boundary", "positions"))
+        )
+        changed = f", changed by {', '.join(edits)}" if edits else ""
+        return [f"what the frames do not show of atoms (charges, masses, bonds) is from {files}{changed}"]
 
     # Files -------------------------------------------------------------------------------------------------------------------------------
 
