@@ -324,7 +324,26 @@ def test_a_data_file_behind_a_condition(tmp_path):
     agree(tmp_path, text + "set type 1 charge -1.0\nset type 2 charge 1.0\n")
 
 
-SPECIAL = "special_bonds lj 0.001 0.3 0.6 coul 0.1 0.5 0.7\n"
+def test_types_that_the_frames_do_not_show(tmp_path):
+    charged(tmp_path)
+    text = IONS + "set type 1 charge 0.5\n"
+    with pytest.warns(UserWarning, match="no 'type' or 'element' column"):
+        agree(tmp_path, text, columns="id x y z fx fy fz")
+    # Elements in the order of their names or places are no types.
+    run_script(
+        tmp_path,
+        text + "dump e all custom 1 e.dump id element x y z fx fy fz\ndump_modify e element B A sort id format float %.17g\nrun 0\n",
+    )
+    frame = atc.potential(tmp_path / "in.run").complete(atc.read(tmp_path / "e.dump", units="real")[0])
+    assert (frame.types == atc.read(tmp_path / "q.data", units="real")[0].types).all()
+    run_script(tmp_path, CREATED, columns="id x y z fx fy fz")
+    with (
+        pytest.warns(UserWarning, match="no 'type'"),
+        pytest.raises(AtcError, match="types of atoms are (needed and )?not known.*dump type too"),
+    ):
+        atc.potential(tmp_path / "in.run").complete(atc.read(tmp_path / "run.dump", units="metal")[0])
+
+
 HYBRID = CHAINS.replace("pair_style lj/cut/coul/cut 1.6 2.0", "pair_style hybrid/overlay lj/cut 1.6 coul/cut 2.0 morse 1.8").replace(
     "pair_coeff * * 1.0 1.0", "pair_coeff * * lj/cut 1.0 1.0\npair_coeff * * coul/cut\npair_coeff * * morse 0.3 2.0 1.1"
 )

@@ -166,7 +166,8 @@ class LammpsTrajectory(Trajectory):
 
         types, names = self._atom_types(c, k, n, rows, ids, where)
         given = {}
-        if "type" not in c and (rows is not None or not any(name in c for name in ("typelabel", "element"))):
+        if "type" not in c:
+            # Elements are numbered in the order in which they appear, which need not be that of the run's types.
             given["types"] = "assumed" if rows is None else self._data.source
         charges = c.scalar("q", u.charge) if "q" in c else None
         if charges is None and rows is not None and self._data.charges is not None:

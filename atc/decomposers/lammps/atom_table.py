@@ -72,6 +72,7 @@ class AtomTable:
         self.fresh_charges: dict[int, float] | None = None  # of renumbered atoms, by type; None: created atoms, without charge
         self.files: list[Path] = []
         self.may_miss = ""
+        self.n_types = 0  # as far as boxes and data files say
         self.complete = True  # whether every atom of the run is known to be in the table
         self.last_type_change = -1
         self.later_types: list[set[int]] = []

@@ -88,6 +88,7 @@ class Atoms(Groups, Bonds, Places):
         return lo, hi
 
     def _create_box(self, c):
+        self.n_types = max(self.n_types, int(c.words[0]) if c.words[:1] and c.words[0].isdigit() else 2)
         r = self.regions.get(c.words[1] if len(c.words) > 1 else "", "the region of the box is not known")
         if isinstance(r, str) or r.style not in ("block", "prism"):
             raise Trouble(r if isinstance(r, str) else f"a box from a region of style {r.style}")
@@ -123,7 +124,7 @@ class Atoms(Groups, Bonds, Places):
         return new
 
     def _read_restart(self, c):
-        self.complete = False
+        self.complete, self.n_types = False, 2
         new = self._add_fresh(f"{c.where}: atoms come from a restart file")
         for what in (*PROPERTIES, *SECTIONS):
             if what != "types":

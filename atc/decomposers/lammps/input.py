@@ -99,7 +99,7 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
     concerned = [c for c in choice.state.atoms if c.name not in ("mass", "labelmap", "run")]
     if script or concerned or changing:
         pot.setup = Setup(
-            name, folder, model.units.name, pot.dimension, model.atom_style or ("atomic",), choice.state.atoms, choice.late, changing,
+            name, folder, model.units.name, pot.dimension, _atom_style(model), choice.state.atoms, choice.late, changing,
             tuple(script_run.written_data), _needs(pot, model), model.exclusions.groups if model.exclusions else (),
         )  # fmt: skip
         pot.remarks = (*pot.remarks, *pot.setup.remarks())
@@ -111,6 +111,13 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
 
 
 # Gathering ------------------------------------------------------------------------------------------------------------------------------
+
+
+def _atom_style(model: _Model) -> tuple[str, ...]:
+    """The words of ``atom_style``; LAMMPS's default, or what the styles of a restarted run need."""
+    if model.atom_style or model.restart is None:
+        return model.atom_style or ("atomic",)
+    return ("full",) if any(k in model.styles for k in _BONDED) else ("atomic",)
 
 
 def _needs(pot: Potential, model: _Model) -> frozenset:
@@ -497,6 +504,8 @@ class _Unweighted(Wrapper):
 
     def _refuse(self, frame):
         top = frame.topology
+        if top is not None and top.weighted is not None:
+            top = top.weighted
         if top is not None and len(top.bonds) and not self.special.trivial:
             raise AtcError(
                 f"{frame.source} has bonds, but special_bonds weights are not supported with a many-body pair style: add 'special_bonds lj/coul 1 1 1' if that is what holds"

@@ -27,6 +27,7 @@ class DataOptions:
     group: str = ""
     nocoeff: bool = False
     fixes: tuple = ()
+    extra_types: int = 0
 
 
 def data_options(c: Command, folder: Path) -> DataOptions:
@@ -67,6 +68,8 @@ def data_options(c: Command, folder: Path) -> DataOptions:
             out.shift = numbers(k + 1, 3, float)
             k += 4
         elif key.startswith("extra/"):
+            (more,) = numbers(k + 1, 1, int)
+            out.extra_types = more if key == "extra/atom/types" else out.extra_types
             k += 2
         elif key in _WORDS and k + _WORDS[key] < len(words):
             if key == "group":
@@ -88,6 +91,9 @@ def read_data(atoms, c: Command) -> None:
     if data is None:
         raise Trouble(f"{options.file} is not there")
     atoms.files.append(options.file)
+    atoms.n_types = max(
+        atoms.n_types, data.counts.get("atom types", 2) + options.offsets["atom"], options.extra_types + data.counts.get("atom types", 2)
+    )
     _box(atoms, data, options)
     shift_id = shift_mol = 0
     if options.add == "append":

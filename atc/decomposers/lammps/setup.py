@@ -265,6 +265,8 @@ class Setup:
             return None
         file = frame.given.get(p)
         old = getattr(frame, _FRAME[p])
+        if p == "types" and table.n_types == 1:
+            return None
         if p == "masses":
             values, known = table.mass_of(rows, found, frame.types)
         else:
