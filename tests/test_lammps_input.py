@@ -215,6 +215,17 @@ def test_reversed_types_and_same_line_twice():
     assert atc.potential(lines, units="metal").decompose(c.frame()).energy == pytest.approx(r.energy, rel=1e-12)
 
 
+def test_pair_modify_holds_for_the_same_style_said_again():
+    c = Config([9.0] * 3, *thermal_lattice(np.diag([9.0] * 3), (3, 3, 3), kinds=2))
+    for lines in (
+        "pair_style lj/cut 3.0\npair_modify shift yes\npair_style lj/cut 4.0\npair_coeff * * 0.02 2.9",
+        "pair_style lj/cut 3.0\npair_modify shift yes\npair_style morse 4.0\npair_coeff * * 0.02 1.0 2.9",
+        "pair_style lj/cut 3.0\npair_modify shift yes\npair_style morse 4.0\npair_style lj/cut 4.0\npair_coeff * * 0.02 2.9",
+    ):
+        r = run_lammps(lines, c)
+        assert atc.potential(lines, units="metal").decompose(c.frame()).energy == pytest.approx(r.energy, rel=1e-12), lines
+
+
 def test_scripts_that_ship(tmp_path):
     from pathlib import Path
 

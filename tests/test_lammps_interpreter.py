@@ -115,6 +115,22 @@ def test_the_run_that_the_frames_belong_to(tmp_path):
             atc.potential(script, run=run)
 
 
+def test_a_restart_file_that_the_script_wrote(tmp_path):
+    """It holds what the script had said: styles that are said again, with their coefficients, go on from there."""
+    pair = "pair_style lj/cut 2.5\npair_coeff 1 1 1 1\npair_coeff 1 2 0.5 1\npair_coeff 2 2 2 1\npair_modify shift yes\n"
+    text = LJ + pair + "set atom 1*30 type 2\nwrite_restart r.equil\nrun 0\nclear\nread_restart r.equil\n"
+    for again in ("", pair, "pair_style lj/cut 2.5\npair_coeff 1 1 1 1\npair_coeff 1 2 0.5 1\npair_coeff 2 2 2 1\n"):
+        ran = run_script(tmp_path, text + again + "run 0\n")
+        d = atc.potential(tmp_path / "in.run").stream(atc.read(tmp_path / "run.dump", units="lj")[0])
+        assert d.energy == pytest.approx(ran.energy, rel=1e-10)
+    ran = run_script(tmp_path, text + "pair_style morse 2.0\npair_coeff * * 1 2 1\nrun 0\n")
+    with pytest.raises(AtcError, match="holds in run 2"):
+        atc.potential(tmp_path / "in.run")
+    assert atc.potential(tmp_path / "in.run", run=2).stream(atc.read(tmp_path / "run.dump", units="lj")[0]).energy == pytest.approx(
+        ran.energy, rel=1e-10
+    )
+
+
 def test_what_only_some_runs_have(tmp_path):
     script = tmp_path / "in.run"
     base = LJ + "pair_style lj/cut 2.5\npair_coeff * * 1 1\n"

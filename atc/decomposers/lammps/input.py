@@ -220,7 +220,9 @@ def _take_style(model: _Model, kind: str, c: Command) -> None:
         raise AtcError(
             f"{c.where}: {c.name} {name} is given a second time ({old.where} was the first): keep the one that holds, with its coefficients"
         )
-    model.styles[kind] = _Style(kind, name, args, c.where)
+    # The same style again: LAMMPS goes on with it, and with what pair_modify said of it.
+    modify = list(old.modify) if old is not None and old.name == name and not name.startswith("hybrid") else []
+    model.styles[kind] = _Style(kind, name, args, c.where, modify=modify)
 
 
 def _labelmap(model: _Model, c: Command) -> None:

@@ -21,6 +21,8 @@ from .variables import Unknown, Variables
 PATIENCE = 5000
 MOST = 50000
 _DEEPEST = 20
+#: Restart files whose models are kept in mind.
+_RESTARTS = 20
 #: Variables and output: what is not executed, or twice, does no harm.
 _IDLE = {"variable", "print", "label", "jump", "next", "quit", "log", "shell"}
 
@@ -50,8 +52,12 @@ class State:
         return id(self._model), self._n_model
 
     def said(self) -> list:
-        """The model without where its lines stand; of lines given twice the last."""
-        return list(dict.fromkeys((c.name, c.words) for c in reversed(self.model)))[::-1]
+        """The model without where its lines stand: of lines given twice the last, kind by kind; of data files also which styles they gave coefficients to."""
+        out, styles = [], ()
+        for c in self.model:
+            styles = (*styles, c.name) if c.name.endswith("_style") and c.name not in styles else styles
+            out.append((c.name, c.words, tuple(sorted(styles)) if c.name == "read_data" else ()))
+        return sorted(dict.fromkeys(reversed(out)), key=lambda c: c[0] if c[0] == "pair_modify" else c[0].split("_")[0])
 
     def atoms_beyond(self, first: State) -> tuple[Command, ...]:
         """The commands that concern atoms on top of those of an earlier state, all if they do not begin with these."""
@@ -111,6 +117,8 @@ class Interpreter:
         self._skip_jump = False
         self._executed = self._depth = 0
         self._fixes: tuple[Command, ...] = ()
+        self._restarts: dict[str, tuple[list, list]] = {}
+        self._restored: set[str] = set()
 
     # Files -------------------------------------------------------------------------------------------------------------------------------
 
@@ -183,7 +191,7 @@ class Interpreter:
             self._refuse(name, line)
         elif kind == "control":
             return getattr(self, f"_{name}")(line, file, p)
-        elif name in ("dump", "undump", "write_data"):
+        elif name in ("dump", "undump", "write_data", "write_restart"):
             self._dump(name, line)
         return None
 
@@ -203,7 +211,16 @@ class Interpreter:
     def _take(self, c: Command) -> None:
         if c.name == "clear":
             self.model, self.atoms = [], []
+            self._restored = set()
             self._set_fixes({})
+            return
+        kind, _, what = c.name.partition("_")
+        if what == "style" and kind in self._restored:
+            # Said again behind a restart file: its coefficients must be too; what pair_modify said of the same style stays.
+            old = [m for m in self.model if m.name.startswith(f"{kind}_")]
+            same = any(m.name == c.name and m.words[:1] == c.words[:1] for m in old)
+            self.model = [*(m for m in self.model if m not in old), c, *(m for m in old if same and m.name == "pair_modify")]
+            self._restored.discard(kind)
             return
         self.model.append(c)
         if c.name in ("read_data", "mass", "labelmap"):
@@ -221,12 +238,24 @@ class Interpreter:
         if name == "read_restart":
             # What the restart brings goes before the lines above it; those behind it may say all of it again.
             words, why = self._known_words(line)
+            if not why and len(words) > 1 and self._restore(words[1]):
+                return
             self.model = [c for c in self.model if c.name in ("units", "dimension", "atom_style")]
             self.atoms = []
             for target in (self.model, self.atoms):
                 target.append(Command(name, tuple(words[1:]), line.where, why))
             return
         raise AtcError(f"{line.where}: {name}: {reason}, which is not supported: write the lines of the model that holds")
+
+    def _restore(self, file: str) -> bool:
+        """Go on from a restart file that this script wrote, if it did."""
+        if file not in self._restarts:
+            return False
+        model, atoms = self._restarts[file]
+        self.model = list(model)
+        self.atoms = [c for c in atoms if c.name not in ("region", "lattice", "neigh_modify")]
+        self._restored = {c.name.partition("_")[0] for c in model if c.name.endswith("_style") and c.name != "atom_style"}
+        return True
 
     def _fix(self, name: str, line: Line) -> None:
         words, why = self._known_words(line)
@@ -267,9 +296,11 @@ class Interpreter:
 
     def _dump(self, name: str, line: Line) -> None:
         words, why = self._known_words(line)
-        if len(words) < 2 or (why and name != "write_data"):
+        if len(words) < 2 or (why and name != "write_data") or (name == "write_restart" and len(self._restarts) > _RESTARTS):
             return
-        if name == "write_data":
+        if name == "write_restart":
+            self._restarts[words[1]] = list(self.model), list(self.atoms)
+        elif name == "write_data":
             self.written_data.append(Path(words[1]).name)
         elif name == "dump" and len(words) > 5:
             self.dumps[words[1]] = (words[5], len(self.runs))
