@@ -316,6 +316,23 @@ def test_several_data_files(tmp_path):
     assert len(frame) == 256 and len(frame.topology.bonds) == 192 and frame.types.max() == 3
 
 
+def test_coefficients_of_several_data_files(tmp_path):
+    """Types are offset in coefficients too; a compressed file holds them as any other."""
+    import gzip
+
+    polymers(tmp_path)
+    head, body = (tmp_path / "p.data").read_text().split("Masses")
+    coeffs = "Pair Coeffs\n\n1 1.0 1.0\n2 0.5 1.1\n\nBond Coeffs\n\n1 30 1.3\n2 40 1.2\n\nAngle Coeffs\n\n1 5 110\n2 6 100\n\nDihedral Coeffs\n\n1 1.0 1 2\n2 0.5 -1 1\n\n"
+    (tmp_path / "p.data").write_text(head + coeffs + "Masses" + body)
+    with gzip.open(tmp_path / "c.data.gz", "wt") as f:
+        f.write(head + coeffs.replace("1 30 1.3", "1 35 1.25") + "Masses" + body)
+    extra = " ".join(f"extra/{k}/types 2" for k in ("atom", "bond", "angle", "dihedral"))
+    text = "".join(line + "\n" for line in CHAINS.splitlines() if "_coeff" not in line)
+    text = text.replace("read_data p.data", f"read_data p.data {extra}\nread_data c.data.gz add append shift 0 0 11.0 offset 2 2 2 2 0")
+    frame, _ = agree(tmp_path, text)
+    assert frame.types.max() == 4 and len(frame) == 256
+
+
 def test_a_data_file_behind_a_condition(tmp_path):
     charged(tmp_path)
     text = IONS.replace(
