@@ -76,6 +76,7 @@ def heat_currents(frames, pot, *, dt: float | None = None, threads: int | None =
     total = len(frames) if hasattr(frames, "__len__") else 0
     began = time.perf_counter()
     for frame in frames:
+        frame = pot.complete(frame) if hasattr(pot, "complete") else frame
         first = frame if first is None else first
         if len(frame) != len(first) or len(frame) < 2:
             raise AtcError(

@@ -82,7 +82,7 @@ class Request:
             if value is not None and not hasattr(value, method):
                 raise AtcError(f"{name} is a {type(value).__name__}: expected what {hint} gives")
         self.work = Work.of(self.quantities, getattr(self.pot, "central", True))
-        self.frames = as_frames(self.traj)
+        self.frames = as_frames(self.traj, self.pot)
         self.n_frames = len(self.frames)
         if not self.n_frames:
             raise AtcError("the trajectory has no frames: nothing to compute")
@@ -110,7 +110,9 @@ class Request:
                 except IndexError:
                     raise AtcError(f"reference {self.reference}: the trajectory has {self.n_frames} frames") from None
             else:
-                self.reference = as_frames(self.reference)[0]
+                self.reference = as_frames(self.reference, self.pot)[0]
+        elif self.reference is not None and getattr(self.pot, "setup", None) is not None:
+            self.reference = self.pot.complete(self.reference)
         self.first = self.frames[0]
         if self.work.grid_users and hasattr(self.grid, "fixed"):
             # Every entry of the output has as many points as the first.
@@ -267,8 +269,14 @@ class Request:
         )
 
 
-def as_frames(traj):
-    """Anything `atc.fields` takes as a trajectory, as a sequence of Frames."""
+def as_frames(traj, pot=None):
+    """Anything `atc.fields` takes as a trajectory, as a sequence of Frames; with what the script of a potential says of their atoms."""
+    from .readers.memory import completed
+
+    return completed(_frames(traj), pot)
+
+
+def _frames(traj):
     from .frame import Frame
 
     if isinstance(traj, Frame):

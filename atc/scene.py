@@ -141,6 +141,8 @@ class Scene(Document):
             )
         if len(given) == 2:
             raise self._bad("potential", "input", "give lammps or input, not both")
+        if "run" in self.data["potential"] and given != ["input"]:
+            raise self._bad("potential", "run", "goes with input, the script whose run it is")
 
     def _check_grid(self):
         if "grid" not in self.data:
@@ -215,10 +217,16 @@ class Scene(Document):
         return part
 
     def _whole(self):
+        from .readers.memory import completed
+
+        return completed(self._read(self._files(), "file"), self._script())
+
+    def _files(self):
+        """The path of the trajectory, or the paths of its files."""
         given = self.get("trajectory", "file")
         if isinstance(given, str):
-            return self._read(self.path("trajectory", "file"), "file")
-        return self._read([self.folder / Path(name).expanduser() for name in given], "file")
+            return self.path("trajectory", "file")
+        return [self.folder / Path(name).expanduser() for name in given or []]
 
     def _read(self, path, key):
         from . import read
@@ -234,12 +242,33 @@ class Scene(Document):
         if topology is not None and not topology.exists():
             raise self._bad("trajectory", "topology", f"there is no file {topology}")
         try:
-            return read(path, topology=topology, units=self.get("trajectory", "units"), masses=self.get("trajectory", "masses"))
+            return self._open(read, path, topology)
         except AtcError as e:
             named = any(str(one) in str(e) for one in (path if isinstance(path, list) else [path]))
             if topology is not None and str(topology) in str(e):
                 key = "topology"
             raise AtcError(str(e) if named else f"{self.where('trajectory', key)}: {e}") from None
+
+    def _open(self, read, path, topology):
+        """The trajectory; where neither it nor the scene says its units, those of the script that made it."""
+        units, masses = self.get("trajectory", "units"), self.get("trajectory", "masses")
+        try:
+            traj = read(path, topology=topology, units=units, masses=masses)
+        except AtcError:
+            pot = self._script() if units is None else None
+            if pot is None:
+                raise
+            try:
+                traj = read(path, topology=topology, units=pot.units.name, masses=masses)
+            except AtcError:
+                traj = None
+            if traj is None:
+                raise
+        return traj
+
+    def _script(self):
+        """The potential of the scene's LAMMPS script, None if it has none."""
+        return self.potential() if self.get("potential", "input") is not None else None
 
     def reference(self):
         """The reference frame, or None: the index counts from the trajectory's first frame, whatever `frames` selects; of a file, its first frame."""
@@ -279,7 +308,7 @@ class Scene(Document):
         if path is not None:
             if not path.is_file():
                 raise self._bad("potential", "input", f"there is no file {path}")
-            return self._shared(potential(path, units=units), partition)
+            return self._shared(self._of_script(path, units), partition)
         text = self.data["potential"]["lammps"]
         if units is None and "trajectory" in self.data and not re.search(r"^\s*units\s", text, re.MULTILINE):
             units = self.get("trajectory", "units") or self._whole().units.name
@@ -291,6 +320,17 @@ class Scene(Document):
             line -= bool(line) and opening not in ('"""', "'''")
         name = self._flags.get(("potential", "lammps"), self.name)
         return self._shared(potential("\n" * line + text + "\n", units=units, folder=self.folder, name=name), partition)
+
+    def _of_script(self, path, units):
+        """The potential of a script: read once, for the trajectory needs it too."""
+        from . import potential
+
+        run, files = self.get("potential", "run"), self._files()
+        key = (path, units, run, str(files))
+        if getattr(self, "_made", (None,))[0] != key:
+            files = files if isinstance(files, list) else [files]
+            self._made = (key, potential(path, units=units, run=run, trajectory=files))
+        return self._made[1]
 
     def _shared(self, pot, partition):
         if partition is None:

@@ -213,6 +213,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "lammps": Key(_string, "LAMMPS lines, e.g. '''pair_style sw\\npair_coeff * * Si.sw Si'''"),
         "input": Key(_string, 'the name of a LAMMPS input script, e.g. "in.run"', path=True),
         "units": Key(_choice(_unit_names), 'a unit style, e.g. "metal"'),
+        "run": Key(_count, "the number of the script's run that the frames belong to, counted from 1, e.g. 2"),
         "partition": Key(
             _partition, 'how energy is shared among atoms: "equal", "center", or by kind of term, e.g. { "angle" = "center" }'
         ),

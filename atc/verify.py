@@ -135,7 +135,7 @@ def verify(traj, pot, calculator=None, *, symbols=None, threads: int = 1) -> Ver
 
     if not hasattr(pot, "stream"):
         raise AtcError(f"pot is a {type(pot).__name__}: expected what atc.potential('pair_style ...') gives")
-    frames = as_frames(traj)
+    frames = as_frames(traj, pot)
     if not len(frames):
         raise AtcError("the trajectory has no frames: nothing to verify")
     u = frames[0].units

@@ -130,14 +130,14 @@ _STYLE_MODULES = (
 )
 
 
-def potential(source, units=None, *, special_bonds=None, folder=None, name=None, partition=None):
+def potential(source, units=None, *, special_bonds=None, folder=None, name=None, partition=None, run=None, trajectory=()):
     """A model of the interactions, ready to decompose frames.
 
     Parameters
     ----------
     source : str, path, Term, PairStyle, list of these, or Potential
-        LAMMPS lines (a string with several lines, or one that starts with a LAMMPS command), the path of a LAMMPS input script, of which
-        only the lines that define the model are read (``variable`` and ``include`` are understood), or objects of `atc.decomposers`.
+        LAMMPS lines (a string with several lines, or one that starts with a LAMMPS command), the path of a LAMMPS input script, which is
+        executed as LAMMPS does (variables, conditions, loops, included files) up to its runs, or objects of `atc.decomposers`.
     units : str or Units
         Units of the numbers in LAMMPS lines that have no ``units`` line. For objects: the units that descriptions refer to.
     special_bonds : str, optional
@@ -151,6 +151,12 @@ def potential(source, units=None, *, special_bonds=None, folder=None, name=None,
         How the energy is shared among the atoms, which heat flux and churning depend on, and energy, forces and stress do not: ``"equal"``,
         ``"center"`` or a dict by term such as ``{"sw": "center"}``; see `Potential.partitioned`. Default: ``"equal"`` for LAMMPS lines; objects
         as they are.
+
+    run : int, optional
+        For a script with several runs: the number of the run (counted from 1, ``minimize`` and the like included) that the frames belong to. Needed where
+        the model changes from run to run.
+    trajectory : paths, optional
+        For a script: the files with the frames, which its ``dump`` lines may name, so that `run` need not be given.
 
     Returns
     -------
@@ -167,7 +173,9 @@ def potential(source, units=None, *, special_bonds=None, folder=None, name=None,
     from .pair import Pairs, PairStyle
 
     if partition is not None:
-        return potential(source, units, special_bonds=special_bonds, folder=folder, name=name).partitioned(partition)
+        return potential(source, units, special_bonds=special_bonds, folder=folder, name=name, run=run, trajectory=trajectory).partitioned(
+            partition
+        )
     if isinstance(source, Potential):
         return source
     if isinstance(source, str | Path):
@@ -175,9 +183,9 @@ def potential(source, units=None, *, special_bonds=None, folder=None, name=None,
             raise AtcError("special_bonds= goes with objects; in LAMMPS lines write a special_bonds line")
         for module in _STYLE_MODULES:
             import_module(f".{module}", __name__)
-        from .lammps_input import potential_from_lammps
+        from .lammps import potential_from_lammps
 
-        return potential_from_lammps(source, units, folder, name)
+        return potential_from_lammps(source, units, folder, name, run, trajectory)
     parts = list(source) if isinstance(source, list | tuple) else [source]
     styles = [p for p in parts if isinstance(p, PairStyle)]
     terms = [p for p in parts if isinstance(p, Term)]

@@ -167,6 +167,10 @@ class Potential:
     masses : {type: mass}, internal units, as far as LAMMPS lines (or the data file they read) say
     data_file : Path or None, the file of the script's ``read_data`` line
     unmentioned : kinds of bonded terms ("bond", "angle", ...) that LAMMPS lines say nothing of, not even ``bond_style none``
+    outside : forces on atoms from outside that the script has besides (walls, fields, friction), one text for each; they are no part of the stress
+    atom_style : words of the script's ``atom_style``, "" if it has none
+    setup : what the script says of atoms, see `complete`, or None
+    dimension : 2 where the model is that of a two-dimensional run (LAMMPS's ``dimension 2``), else 3; dimension_said : whether the lines say so
     """
 
     unmentioned: tuple[str, ...] = ()
@@ -176,6 +180,11 @@ class Potential:
     masses: Mapping[int, float] = MappingProxyType({})
     data_file = None
     remarks: tuple[str, ...] = ()
+    outside: tuple[str, ...] = ()
+    atom_style: str = ""
+    setup = None
+    dimension: int = 3
+    dimension_said: bool = False
 
     def __init__(self, terms, units_: Units | str, description: str = ""):
         self.terms = list(terms)
@@ -238,6 +247,13 @@ class Potential:
             )
         return new
 
+    def complete(self, frame: Frame) -> Frame:
+        """The frame with what the script says of its atoms (charges, masses, bonds ...), as far as the frame does not show it itself.
+
+        Raises AtcError for what is needed and not known, and for contradictions between the script and a data file that was named.
+        """
+        return frame if self.setup is None else self.setup.complete(frame)
+
     def check_topology(self, frame: Frame) -> None:
         """Raise AtcError if the frame has bonded terms of a kind that LAMMPS lines do not mention: `atc.fields` leaves nothing out silently."""
         for kind in self.unmentioned if frame.topology is not None else ():
@@ -277,6 +293,7 @@ class Potential:
         AtcError for types without coefficients, missing charges or topology, coincident atoms.
         """
         require_compatible(self.units, frame.units, "the potential", frame.source)
+        frame = self.complete(frame)
         n = len(frame)
         accs = [Accumulator(n, forces, energies, sources) for _ in range(threads)]
 

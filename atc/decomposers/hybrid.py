@@ -129,8 +129,6 @@ def parse_hybrid(style, lines: list[CoeffLine], apply_modify) -> Hybrid:
         if words[:1] == ("pair",):
             sub, words = _find(subs, words[1:], c.where)
             targets = [sub]
-        if words[:1] == ("special",):
-            raise AtcError(f"{c.where}: pair_modify special is not supported: give one special_bonds line for all sub-styles")
         for s in targets:
             s.modify = apply_modify(s.modify, [(words, c.where)])
     return Hybrid(subs, order, style.name == "hybrid/overlay", style.where)

@@ -112,6 +112,9 @@ class Modify:
     shift: bool = False
     mix: str | None = None
     tail: bool = False
+    compute: bool = True
+    #: ((lj, coul or lj/coul, three weights), ...) in place of those of special_bonds
+    special: tuple = ()
 
 
 @dataclass(frozen=True)

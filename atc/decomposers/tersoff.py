@@ -12,7 +12,6 @@ from types import MappingProxyType
 import numpy as np
 
 from ..bonds import Bonds
-from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
 from ..units import Units

@@ -182,9 +182,14 @@ class LammpsTrajectory(Trajectory):
         rows = self._data.rows(ids) if self._data is not None else None
 
         types, names = self._atom_types(c, k, n, rows, ids, where)
+        given = {}
+        if "type" not in c:
+            # Elements are numbered in the order in which they appear, which need not be that of the run's types.
+            given["types"] = "assumed" if rows is None else self._data.source
         charges = c.scalar("q", u.charge) if "q" in c else None
         if charges is None and rows is not None and self._data.charges is not None:
             charges = self._data.charges[self._data.all_rows(rows, ids, where, "charges")]
+            given["charges"] = self._data.source
         masses = None
         if self._masses is not None:
             masses = self._masses(types, names, where)
@@ -192,11 +197,16 @@ class LammpsTrajectory(Trajectory):
             masses = c.scalar("mass", u.mass)
         elif rows is not None and self._data.has_masses:
             masses = self._data.masses_of(types, names, rows, ids, where)
+            given["masses"] = self._data.source
+        molecules = np.asarray(c["mol"]).astype(np.int64) if "mol" in c else None
         topology = self._topology_of(ids, where) if self._data is not None else None
+        if topology is not None:
+            given["topology"] = self._data.source
         extra = {name: np.ascontiguousarray(c[name]) for name in columns if name not in used}
         return Frame(
             positions=x, cell=cell, units=u, types=types, ids=ids, masses=masses, velocities=v, forces=f, charges=charges, images=images,
-            step=step, time=None if time is None else time * u.time, topology=topology, source=where, type_names=names, extra=extra,
+            step=step, time=None if time is None else time * u.time, topology=topology, source=where, type_names=names, extra=extra, molecules=molecules,
+            given=given,
         )  # fmt: skip
 
     def _atom_types(self, c, k, n, rows, ids, where):

@@ -186,7 +186,7 @@ class MDAnalysisTrajectory(Trajectory):
         return Frame(
             positions=x * u.length, cell=cell, units=u, types=self._types, masses=masses, velocities=v, forces=f, charges=charges,
             step=None if step is None else int(step), time=None if time is None else time * u.time, topology=self._topology, source=where,
-            type_names=self.type_names,
+            type_names=self.type_names, given={"boundary": "assumed"},
         )  # fmt: skip
 
     def _cell(self, box, x, where) -> Cell:

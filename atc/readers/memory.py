@@ -41,6 +41,45 @@ class FrameList(Trajectory):
         return frame
 
 
+class Completed(Trajectory):
+    """Another trajectory, its frames with what the LAMMPS script of a potential says of their atoms (see `Potential.complete`)."""
+
+    def __init__(self, base: Trajectory, pot):
+        super().__init__()
+        self.base, self.pot, self.units, self.source = base, pot, base.units, base.source
+
+    @property
+    def type_names(self):
+        return self.base.type_names
+
+    def __len__(self):
+        return len(self.base)
+
+    def _has(self, k):
+        return self.base._has(k)
+
+    def _frame(self, k):
+        return self.pot.complete(self.base[k])
+
+    def _precision(self, frame):
+        return self.base._precision(frame)
+
+    def _numbered(self):
+        return self.base._numbered()
+
+    def close(self):
+        self.base.close()
+
+
+def completed(frames, pot):
+    """Frames or a trajectory, as a potential's script completes them."""
+    if getattr(pot, "setup", None) is None:
+        return frames
+    if isinstance(frames, Trajectory):
+        return Completed(frames, pot)
+    return [pot.complete(f) for f in frames]
+
+
 class Adapted(Trajectory):
     """Another trajectory with other masses."""
 
