@@ -131,7 +131,7 @@ def _constant(inp: StyleInput) -> float:
     return inp.units.coulomb / inp.dielectric
 
 
-def _cut(inp: StyleInput, cutoff) -> CoulombCut:
+def cut_style(inp: StyleInput, cutoff) -> CoulombCut:
     style = CoulombCut.internal(cutoff)
     style.constant = _constant(inp)
     return style
@@ -143,7 +143,16 @@ def _coul_cut_style(inp: StyleInput):
     (cutoff,) = pair_values(
         inp, [("cutoff", "length")], optional=1, defaults=[rc], mix=lambda a, b, rule: (mix_distance(a[0], b[0], rule),)
     )
-    return _cut(inp, cutoff)
+    return cut_style(inp, cutoff)
+
+
+@pair_style("coul/cut/global")
+def _coul_cut_global_style(inp: StyleInput):
+    (rc,) = inp.numbers(inp.args, [("cutoff", "length")])
+    for line in inp.coeffs:
+        inp.numbers(line.words, [], line)
+    (cutoff,) = pair_values(inp, [("cutoff", "length")], optional=1, defaults=[rc], mix=lambda a, b, rule: (rc,))
+    return cut_style(inp, cutoff)
 
 
 def _positive(inp: StyleInput, cutoff: float) -> float:
@@ -169,7 +178,7 @@ def _dsf_style(inp: StyleInput):
     return _damped(inp, CoulombDSF, alpha, rc)
 
 
-@pair_style("coul/wolf")
+@pair_style("coul/wolf", "coul/wolf/cs")
 def _wolf_style(inp: StyleInput):
     alpha, rc = inp.numbers(inp.args, [("alpha", {"length": -1}), ("cutoff", "length")])
     return _damped(inp, CoulombWolf, alpha, rc)
@@ -192,10 +201,10 @@ def _lj_coul_cut_style(inp: StyleInput):
         return (*mix_lj(x[:3], y[:3], rule), mix_distance(x[3], y[3], rule))
 
     epsilon, sigma, cut_lj, cut_coul = fill(inp, given, 4, mix)
-    return [LennardJones.internal(epsilon, sigma, cut_lj, shift=inp.modify.shift), _cut(inp, cut_coul)]
+    return [LennardJones.internal(epsilon, sigma, cut_lj, shift=inp.modify.shift), cut_style(inp, cut_coul)]
 
 
-def _wanted(inp: StyleInput):
+def wanted_pairs(inp: StyleInput):
     """The Coulomb part acts wherever the style does, also on pairs of types whose Lennard-Jones cutoff is 0."""
     on = np.zeros((inp.n_types + 1, inp.n_types + 1), bool)
     on[1:, 1:] = True
@@ -210,7 +219,7 @@ def _lj_damped(cls):
         rcoul = rlj if rcoul is None else rcoul
         arrays = pair_values(inp, LennardJones.numbers, optional=1, defaults=[rlj], mix=mix_lj)
         lj = LennardJones.internal(*arrays, shift=inp.modify.shift)
-        return [lj, cls.everywhere(_wanted(inp), alpha, _positive(inp, rcoul), _constant(inp))]
+        return [lj, cls.everywhere(wanted_pairs(inp), alpha, _positive(inp, rcoul), _constant(inp))]
 
     return build
 

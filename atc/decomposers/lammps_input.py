@@ -46,6 +46,7 @@ class _Model:
     labels: dict[str, dict[str, int]] = field(default_factory=dict)
     masses: dict[int, float] = field(default_factory=dict)
     data_file: Path | None = None
+    notes: list[str] = field(default_factory=list)
 
 
 def potential_from_lammps(source: str | Path, units_=None, folder=None, name=None) -> Potential:
@@ -278,6 +279,7 @@ def _input(model: _Model, style: _Style, lines, n_types: int, **more) -> StyleIn
         dielectric=model.dielectric,
         labels=model.labels,
         masses=model.masses,
+        notes=model.notes,
         **more,
     )
 
@@ -297,7 +299,7 @@ def _assemble(model: _Model, name: str) -> Potential:
     if not terms:
         raise AtcError(f"{name}: no interactions found: expected pair_style or bond_style lines with their coefficients")
     pot = Potential(terms, model.units)
-    pot.remarks = tuple(notes)
+    pot.remarks = (*notes, *model.notes)
     pot.masses = {t: float(model.units.to_internal("mass", m)) for t, m in model.masses.items()}
     pot.data_file = model.data_file
     pot.unmentioned = tuple(k for k in _BONDED if k not in model.styles and k not in model.declined)

@@ -123,6 +123,7 @@ class StyleInput:
         given nor can be mixed is an error. All True except under hybrid.
     labels : {kind: {label: type}} from ``labelmap``
     masses : {type: mass} in user units as far as the lines say
+    notes : what the user should know about the model, see `note`
     """
 
     kind: str
@@ -138,6 +139,12 @@ class StyleInput:
     wanted: np.ndarray | None = None
     labels: dict = field(default_factory=dict)
     masses: dict = field(default_factory=dict)
+    notes: list = field(default_factory=list)
+
+    def note(self, text: str) -> None:
+        """Say something about the model that is no error: it becomes one of the potential's remarks."""
+        if text not in self.notes:
+            self.notes.append(text)
 
     def replace(self, **changes) -> StyleInput:
         return replace(self, **changes)
