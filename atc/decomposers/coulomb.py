@@ -93,6 +93,7 @@ class CoulombDSF(_Damped):
     """
 
     name = "coul/dsf"
+    approximate = True
 
     def _damp(self, alpha, cutoff, constant):
         self.alpha, self.constant = alpha, constant
@@ -101,7 +102,13 @@ class CoulombDSF(_Damped):
         self.e_shift = a / cutoff - self.f_shift * cutoff
 
     def add(self, types, i, j, d2, weights, U, G, prepared):
-        _dsf(types, i, j, d2, weights, self.table, self.constant, self.alpha, self.e_shift, self.f_shift, prepared, U, G)
+        _dsf(types, i, j, d2, weights, self.table, self.constant, self.alpha, self.e_shift, self.f_shift, self.approximate, prepared, U, G)
+
+
+class CoulombDSFExact(CoulombDSF):
+    """`CoulombDSF` with erfc to all digits, as LAMMPS has it in ``born/coul/dsf``."""
+
+    approximate = False
 
 
 class CoulombWolf(_Damped):
@@ -240,7 +247,7 @@ def _coul_cut(types, i, j, d2, weights, table, constant, q, U, G):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _dsf(types, i, j, d2, weights, table, constant, alpha, e_shift, f_shift, q, U, G):
+def _dsf(types, i, j, d2, weights, table, constant, alpha, e_shift, f_shift, approximate, q, U, G):
     weighted = len(weights) > 0
     for b in range(len(d2)):
         p, k = i[b], j[b]
@@ -249,9 +256,12 @@ def _dsf(types, i, j, d2, weights, table, constant, alpha, e_shift, f_shift, q, 
             d = np.sqrt(d2[b])
             c = constant * q[p] * q[k] / d
             gauss = np.exp(-alpha * alpha * d2[b])
-            # Abramowitz & Stegun 7.1.26, as LAMMPS has it.
-            t = 1.0 / (1.0 + 0.3275911 * alpha * d)
-            erfc_ = t * (0.254829592 + t * (-0.284496736 + t * (1.421413741 + t * (-1.453152027 + t * 1.061405429)))) * gauss
+            if approximate:
+                # Abramowitz & Stegun 7.1.26, as LAMMPS has it.
+                t = 1.0 / (1.0 + 0.3275911 * alpha * d)
+                erfc_ = t * (0.254829592 + t * (-0.284496736 + t * (1.421413741 + t * (-1.453152027 + t * 1.061405429)))) * gauss
+            else:
+                erfc_ = erfc(alpha * d)
             lost = 1.0 - w if w < 1.0 else 0.0
             U[b] += c * (erfc_ - d * e_shift - d2[b] * f_shift - lost)
             G[b] -= c * (erfc_ + (2.0 / np.sqrt(np.pi) * alpha * gauss + d * f_shift) * d - lost) / d2[b]

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from .pair_input import mix_distance, mix_energy
+from .pair_input import mix_distance, mix_energy, pair_values
 from .radial import RadialStyle, mix_lj_distances, one_cutoff
+from .registry import StyleInput, pair_style
 
 _PER_AREA = {"length": -2}
 
@@ -60,7 +61,8 @@ def _mix_gauss(a, b, rule):
 
 
 def _mix_gauss_cut(a, b, rule):
-    sign = min(np.sign(a[0]), np.sign(b[0]))
+    # A hill if one of them is one.
+    sign = max(np.sign(a[0]), np.sign(b[0]))
     return (
         sign * mix_energy(abs(a[0]), abs(b[0]), a[2], b[2], rule),
         *(mix_distance(x, y, rule) for x, y in zip(a[1:], b[1:], strict=True)),
@@ -69,7 +71,16 @@ def _mix_gauss_cut(a, b, rule):
 
 one_cutoff(Gauss, mix=_mix_gauss)
 one_cutoff(GaussCut, mix=_mix_gauss_cut, check=lambda *v: None if v[2] > 0 else "sigma_h must be positive")
-one_cutoff(BornGauss)
+@pair_style("born/gauss")
+def _born_gauss_style(inp: StyleInput):
+    (rc,) = inp.numbers(inp.args, [BornGauss.numbers[-1]])
+    *numbers, cutoff = pair_values(inp, BornGauss.numbers, optional=1, defaults=[rc])
+    if (cutoff[cutoff > 0] != rc).any():
+        # LAMMPS (22 Jul 2025) reads them and goes on with the global one; measured, not documented.
+        inp.note("pair_style born/gauss: cutoffs on pair_coeff lines are without effect, as in LAMMPS: the one of the pair_style line holds")
+    return BornGauss.internal(*numbers, np.where(cutoff > 0, rc, 0.0), shift=inp.modify.shift)
+
+
 one_cutoff(UhlenbeckFord, mix=mix_lj_distances, check=lambda *v: None if v[1] > 0 else "sigma must be positive")
 
 

@@ -73,8 +73,9 @@ class LennardJonesCubic(RadialStyle):
 class RelativeResolution(RadialStyle):
     """A fine Lennard-Jones near, a coarse one far, and forces cubic in d between them and before the cutoff (LAMMPS ``lj/relres``).
 
-    The fine one (ε, σ) acts for d < switch_inner, the coarse one (ε_cg, σ_cg) from switch_outer to inner, and nothing beyond the cutoff. Value and slope
-    of the force are continuous where a zone between two cutoffs has a width, the energy everywhere; with `shift` it is 0 at the cutoff.
+    The fine one (ε, σ) acts for d < switch_inner, the coarse one (ε_cg, σ_cg) from switch_outer to inner, and nothing beyond the cutoff. The force is
+    continuous where a zone between two cutoffs has a width (its slope not at switch_outer: LAMMPS has its sign reversed there), the energy everywhere;
+    with `shift` it is 0 at the cutoff.
     Numbers: epsilon, sigma, epsilon_cg, sigma_cg, switch_inner, switch_outer, inner, cutoff; see `RadialStyle`.
     """
 
@@ -91,7 +92,8 @@ class RelativeResolution(RadialStyle):
         a_cg, c_cg, u_so, F_so, dF_so = _lj(e_cg, s_cg, so)
         _, _, u_ci, F_ci, dF_ci = _lj(e_cg, s_cg, ci)
         zero = np.zeros_like(ci)
-        switch = _cubic(F_si, dF_si, F_so, dF_so, so - si)
+        # LAMMPS (22 Jul 2025) joins the outer end with the slope's sign reversed; measured, not documented.
+        switch = _cubic(F_si, dF_si, F_so, -dF_so, so - si)
         end = _cubic(F_ci, dF_ci, zero, zero, cutoff - ci)
         at_si = u_so + np.where(so > si, _work(switch, so - si), 0.0)
         return a, c, at_si - u_si, si, at_si, *switch, so, a_cg, c_cg, ci, u_ci, *end

@@ -55,6 +55,8 @@ class MorseSmoothLinear(RadialStyle):
 class Pedone(RadialStyle):
     """U = C₀/d¹² + D₀[e^{−2α(d − r₀)} − 2 e^{−α(d − r₀)}] − offset (LAMMPS ``pedone``; Pedone et al., J. Phys. Chem. B 110, 11780).
 
+    With `shift`, LAMMPS's offset is the Morse part at the cutoff minus (not plus) C₀/r_c¹²; so is this one.
+
     Numbers: d0, alpha, r0, c0, cutoff; see `RadialStyle`.
     """
 
@@ -63,6 +65,12 @@ class Pedone(RadialStyle):
 
     def columns(self, d0, alpha, r0, c0, cutoff):
         return d0, alpha, r0, c0
+
+    def fill(self, *numbers, shift):
+        super().fill(*numbers, shift=shift)
+        if shift:
+            c0, cutoff = numbers[-2:]
+            self.table[..., -1] -= np.where(cutoff > 0, 2 * c0 / np.where(cutoff > 0, cutoff, 1.0) ** 12, 0.0)
 
 
 class MOMB(RadialStyle):

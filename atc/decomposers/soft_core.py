@@ -53,14 +53,15 @@ class CoulombSoft(ChargedStyle):
 
 
 class MorseSoft(RadialStyle):
-    """Morse with a soft core (LAMMPS ``morse/soft``).
+    """Morse with a soft core: U = f {u(d) + s B e^{−3α(d − r₀)}}, u that of `Morse`, B = −⅔ D₀ e^{−2αr₀}(e^{αr₀} − 1) (LAMMPS ``morse/soft``).
 
-    u(d) + s B e^{−3α(d − r₀)} with B = −⅔ D₀ e^{−αr₀}... see `columns`; s = (1 − λ)/(1 − λ_f) for λ ≥ λ_f; else s = 1 and all times (λ/λ_f)ⁿ.
+    s = (1 − λ)/(1 − λ_f) and f = 1 for λ ≥ λ_f; s = 1 and f = (λ/λ_f)ⁿ below. LAMMPS does not shift it.
     Numbers: d0, alpha, r0, activation λ, n, threshold λ_f, cutoff; see `RadialStyle`.
     """
 
     name = "morse/soft"
     numbers = (*Morse.numbers[:3], ("activation", _PLAIN), ("n", _PLAIN), ("threshold", _PLAIN), Morse.numbers[3])
+    shifts = False
 
     def columns(self, d0, alpha, r0, activation, n, threshold, cutoff):
         e = np.exp(alpha * r0)

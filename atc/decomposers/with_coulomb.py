@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .buckingham import Born, Buckingham
-from .coulomb import CoulombDSF, CoulombWolf, wanted_pairs
+from .coulomb import CoulombDSFExact, CoulombWolf, wanted_pairs
 from .inverse_powers import NM, Class2
 from .lennard_jones import LennardJones, mix_lj
 from .pair_input import fill, mix_distance, pair_values
@@ -106,6 +106,6 @@ def _with_damped(names, cls, damped, mix=None, check=None):
 
 
 # The core/shell variants differ by 1e-20 length² in d², for charges at the same place.
-_with_damped(("born/coul/dsf", "born/coul/dsf/cs"), Born, CoulombDSF, check=positive_rho)
+_with_damped(("born/coul/dsf", "born/coul/dsf/cs"), Born, CoulombDSFExact, check=positive_rho)
 _with_damped(("born/coul/wolf", "born/coul/wolf/cs"), Born, CoulombWolf, check=positive_rho)
 _with_damped(("lj/cut/coul/wolf",), LennardJones, CoulombWolf, mix_lj)
