@@ -2,17 +2,27 @@
 
 import numpy as np
 import pytest
+from lammps_oracle import Config
 from test_decomposers_pair import BOXES, agree, config
+
+import atc
+from atc.errors import AtcError
 
 # One entry is a form of lines: coefficients by type, mixed, with cutoffs of their own, shifted. Spacing of atoms: 1.12 in lj, 3.3 Å in metal and real.
 STYLES = {
-    "lj/smooth": ("lj", "pair_style lj/smooth 2.0 2.6\npair_coeff * * 1.0 1.0\npair_coeff 1 2 1.1 0.9 1.8 2.3\npair_coeff 3 3 0.7 1.1 2.1 2.5"),
+    "lj/smooth": (
+        "lj",
+        "pair_style lj/smooth 2.0 2.6\npair_coeff * * 1.0 1.0\npair_coeff 1 2 1.1 0.9 1.8 2.3\npair_coeff 3 3 0.7 1.1 2.1 2.5",
+    ),
     "lj/smooth mixed": (
         "real",
         "pair_style lj/smooth 6.0 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 5.5 6.5\npair_coeff 3 3 0.15 3.3 5.0 7.0\n"
         "pair_modify shift yes mix arithmetic",
     ),
-    "lj/cubic": ("lj", "pair_style lj/cubic\npair_coeff 1 1 1.0 0.9\npair_coeff 2 2 1.2 0.85\npair_coeff 3 3 0.8 0.95\npair_coeff 1 2 0.5 1.1"),
+    "lj/cubic": (
+        "lj",
+        "pair_style lj/cubic\npair_coeff 1 1 1.0 0.9\npair_coeff 2 2 1.2 0.85\npair_coeff 3 3 0.8 0.95\npair_coeff 1 2 0.5 1.1",
+    ),
     "lj/sf": ("lj", "pair_style lj/sf 2.5\npair_coeff 1 1 1.0 1.0\npair_coeff 2 2 0.7 1.05 2.2\npair_coeff 3 3 0.7 0.9"),
     "lj/relres": (
         "lj",
@@ -32,7 +42,10 @@ STYLES = {
         "real",
         "dielectric 2.5\npair_style lj/gromacs/coul/gromacs 6.0 7.9 0.0 7.0\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8\npair_coeff 3 3 0.15 3.3",
     ),
-    "lj/gromacs/coul/gromacs one": ("metal", "pair_style lj/gromacs/coul/gromacs 5.0 7.5\npair_coeff * * 0.01 3.0\npair_coeff 1 2 0.02 2.9"),
+    "lj/gromacs/coul/gromacs one": (
+        "metal",
+        "pair_style lj/gromacs/coul/gromacs 5.0 7.5\npair_coeff * * 0.01 3.0\npair_coeff 1 2 0.02 2.9",
+    ),
     "lj/charmm/coul/charmm": (
         "real",
         "dielectric 1.5\npair_style lj/charmm/coul/charmm 6.0 7.9 5.0 7.0\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 0.2 2.5\npair_coeff 3 3 0.15 3.3",
@@ -50,7 +63,10 @@ STYLES = {
         "real",
         "dielectric 1.5\npair_style lj/charmmfsw/coul/charmmfsh 6.0 7.9 7.0\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 0.2 2.5\npair_coeff 3 3 0.15 3.3",
     ),
-    "lj/charmmfsw/coul/charmmfsh one": ("metal", "pair_style lj/charmmfsw/coul/charmmfsh 6.0 7.9\npair_coeff * * 0.01 3.0\npair_coeff 1 2 0.02 2.9"),
+    "lj/charmmfsw/coul/charmmfsh one": (
+        "metal",
+        "pair_style lj/charmmfsw/coul/charmmfsh 6.0 7.9\npair_coeff * * 0.01 3.0\npair_coeff 1 2 0.02 2.9",
+    ),
     "lj/class2": (
         "real",
         "pair_style lj/class2 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 6.5\npair_coeff 3 3 0.15 3.3 7.0\npair_modify shift yes mix arithmetic",
@@ -59,13 +75,19 @@ STYLES = {
         "real",
         "pair_style lj/class2/coul/cut 7.0 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 6.5\npair_coeff 3 3 0.15 3.3 7.0 6.0\npair_modify shift yes",
     ),
-    "lj96/cut": ("lj", "pair_style lj96/cut 2.5\npair_coeff 1 1 1 1\npair_coeff 2 2 0.7 1.05 2.2\npair_coeff 3 3 0.7 0.9\npair_modify mix sixthpower shift yes"),
+    "lj96/cut": (
+        "lj",
+        "pair_style lj96/cut 2.5\npair_coeff 1 1 1 1\npair_coeff 2 2 0.7 1.05 2.2\npair_coeff 3 3 0.7 0.9\npair_modify mix sixthpower shift yes",
+    ),
     "mie/cut": (
         "real",
         "pair_style mie/cut 7.9\npair_coeff 1 1 0.2 3.0 14.2 6.6\npair_coeff 2 2 0.1 2.8 12 6 6.5\npair_coeff 3 3 0.15 3.3 10 5.5\n"
         "pair_modify shift yes mix arithmetic",
     ),
-    "mie/cut whole": ("lj", "pair_style mie/cut 2.5\npair_coeff * * 1.0 1.0 14 7\npair_coeff 2 2 0.9 1.0 8 6\npair_coeff 1 3 0.9 1.0 12 6 2.1"),
+    "mie/cut whole": (
+        "lj",
+        "pair_style mie/cut 2.5\npair_coeff * * 1.0 1.0 14 7\npair_coeff 2 2 0.9 1.0 8 6\npair_coeff 1 3 0.9 1.0 12 6 2.1",
+    ),
     "nm/cut": ("real", "pair_style nm/cut 7.9\npair_coeff * * 0.2 3.4 9.0 6.5\npair_coeff 1 2 0.1 3.0 8 7 6.5\npair_modify shift yes"),
     "nm/cut/coul/cut": (
         "real",
@@ -109,14 +131,20 @@ STYLES = {
     "born/coul/wolf/cs": ("metal", "pair_style born/coul/wolf/cs 0.2 6.9\npair_coeff * * 0.2 0.32 2.3 20.0 30.0"),
     "coul/wolf/cs": ("real", "pair_style coul/wolf/cs 0.21 7.9\npair_coeff * *"),
     "coul/cut/global": ("real", "pair_style coul/cut/global 7.9\npair_coeff * *"),
-    "coul/slater/cut": ("real", "dielectric 1.7\npair_style coul/slater/cut 1.5 7.9\npair_coeff 1 1\npair_coeff 2 2 6.0\npair_coeff 3 3 7.0"),
+    "coul/slater/cut": (
+        "real",
+        "dielectric 1.7\npair_style coul/slater/cut 1.5 7.9\npair_coeff 1 1\npair_coeff 2 2 6.0\npair_coeff 3 3 7.0",
+    ),
     "coul/diel": ("real", "pair_style coul/diel 7.9\npair_coeff * * 78 3.4 0.9\npair_coeff 1 2 70 3.0 0.8"),
     "born/gauss": (
         "metal",
         "pair_style born/gauss 7.9\npair_coeff * * 80.0 2.1 0.3 0.7 3.1\npair_coeff 1 2 90.0 2.0 0.2 0.8 3.0 6.5\npair_modify shift yes",
     ),
     "gauss": ("lj", "pair_style gauss 2.6\npair_coeff 1 1 1.0 0.9\npair_coeff 2 2 -0.8 1.1 2.2\npair_coeff 3 3 0.7 0.8"),
-    "gauss arithmetic": ("lj", "pair_style gauss 2.6\npair_coeff 1 1 1.0 0.9\npair_coeff 2 2 0.8 1.1 2.2\npair_coeff 3 3 0.7 0.8\npair_modify mix arithmetic"),
+    "gauss arithmetic": (
+        "lj",
+        "pair_style gauss 2.6\npair_coeff 1 1 1.0 0.9\npair_coeff 2 2 0.8 1.1 2.2\npair_coeff 3 3 0.7 0.8\npair_modify mix arithmetic",
+    ),
     "gauss/cut": (
         "lj",
         "pair_style gauss/cut 2.6\npair_coeff 1 1 0.3 1.4 0.2\npair_coeff 2 2 0.4 1.3 0.3 2.2\npair_coeff 3 3 0.3 1.5 0.25\npair_modify shift yes",
@@ -125,7 +153,10 @@ STYLES = {
         "lj",
         "pair_style gauss/cut 2.6\npair_coeff 1 1 -0.3 1.4 0.2\npair_coeff 2 2 0.4 1.3 0.3 2.2\npair_coeff 3 3 0.3 1.5 0.25\npair_modify mix arithmetic",
     ),
-    "ufm": ("lj", "pair_style ufm 2.6\npair_coeff 1 1 1.0 0.9\npair_coeff 2 2 0.8 1.1 2.2\npair_coeff 3 3 0.7 0.8\npair_modify shift yes mix arithmetic"),
+    "ufm": (
+        "lj",
+        "pair_style ufm 2.6\npair_coeff 1 1 1.0 0.9\npair_coeff 2 2 0.8 1.1 2.2\npair_coeff 3 3 0.7 0.8\npair_modify shift yes mix arithmetic",
+    ),
     "morse/smooth/linear": (
         "metal",
         "pair_style morse/smooth/linear 7.9\npair_coeff * * 0.3 1.4 3.1\npair_coeff 1 2 0.2 1.5 3.0 6.1",
@@ -155,8 +186,14 @@ STYLES = {
         "pair_coeff 2 3 0.8 1.3 1.9 wca",
     ),
     "harmonic/cut": ("lj", "pair_style harmonic/cut\npair_coeff * * 1.0 1.5\npair_coeff 1 2 2.0 2.2"),
-    "lj/cut/soft": ("real", "pair_style lj/cut/soft 2.0 0.5 7.9\npair_coeff * * 0.2 3.0 0.7\npair_coeff 1 2 0.1 2.8 1.0 6.5\npair_modify shift yes"),
-    "lj/cut/soft mixed": ("lj", "pair_style lj/cut/soft 1 0.5 2.5\npair_coeff 1 1 1 1 0.5\npair_coeff 2 2 0.7 1.05 0.5 2.2\npair_coeff 3 3 0.7 0.9 0.5"),
+    "lj/cut/soft": (
+        "real",
+        "pair_style lj/cut/soft 2.0 0.5 7.9\npair_coeff * * 0.2 3.0 0.7\npair_coeff 1 2 0.1 2.8 1.0 6.5\npair_modify shift yes",
+    ),
+    "lj/cut/soft mixed": (
+        "lj",
+        "pair_style lj/cut/soft 1 0.5 2.5\npair_coeff 1 1 1 1 0.5\npair_coeff 2 2 0.7 1.05 0.5 2.2\npair_coeff 3 3 0.7 0.9 0.5",
+    ),
     "lj/class2/soft": (
         "real",
         "pair_style lj/class2/soft 2.0 0.5 7.9\npair_coeff 1 1 0.2 3.0 0.7\npair_coeff 2 2 0.1 2.8 0.7 6.5\npair_coeff 3 3 0.1 3.1 0.7\npair_modify shift yes",
@@ -182,3 +219,122 @@ def test_style(style):
     unit, lines = STYLES[style]
     box = list(BOXES)[len(style) % 3]
     agree(lines, config(box, unit, seed=len(style)), threads=2 if box == "triclinic" else 1)
+
+
+def molecule(unit, seed=0, periodic=(True, False, False)):
+    """Chains of five atoms in a box with open sides."""
+    c = config("orthogonal", unit, seed=seed)
+    i = np.arange(len(c.positions) - 1)
+    bonds = np.stack([i, i + 1], axis=1)[i % 5 != 4]
+    inside = np.clip(c.positions, 1e-6, np.diag(c.cell) - 1e-6)
+    return Config(c.cell, inside, c.types, units=unit, charges=c.charges, ntypes=3, bonds=bonds, periodic=periodic)
+
+
+WEIGHTS = "special_bonds lj 0.1 0.3 0.6 coul 0.2 0.4 0.7"
+BONDS = "\nbond_style zero\nbond_coeff *"
+
+
+@pytest.mark.parametrize("style", [s for s in STYLES if " " not in s])
+def test_weights_of_bonded_neighbours(style):
+    unit, lines = STYLES[style]
+    c = molecule(unit, seed=len(style))
+    pot = atc.potential(f"{WEIGHTS}\n{lines}", units=unit)
+    # LAMMPS weights the force of lj/smooth/linear (lj/sf) and not its energy, which would not be the force's any more.
+    agree(lines + BONDS, c, pot, before=[WEIGHTS], energy=style != "lj/sf")
+
+
+@pytest.mark.parametrize("weights", ["coul 0.2 0.4 1.0", "coul 0.0 0.5 1.0 lj 0.1 0.1 0.1"])
+def test_excluded_pairs_of_a_full_sum(weights):
+    # LAMMPS does not look at this style's cutoff, only at its neighbour list: the outer ones of the chain, which lie between, are not weighted here.
+    lines = (
+        "dielectric 2.0\npair_style hybrid/overlay lj/cut 6.5 coul/exclude 7.9\npair_coeff * * lj/cut 0.2 3.0\npair_coeff * * coul/exclude"
+    )
+    pot = atc.potential(f"special_bonds {weights}\n{lines}", units="real")
+    agree(lines + BONDS, molecule("real"), pot, before=[f"special_bonds {weights}"])
+
+
+OVERLAY = (
+    "pair_style hybrid/overlay lj/charmm/coul/charmm 5.0 7.0 gauss/cut 6.0 lj/class2/coul/cut 5.0 6.0 born/coul/dsf 0.2 6.0\n"
+    "pair_coeff 1 1 lj/charmm/coul/charmm 0.2 3.0\npair_coeff 2 2 lj/charmm/coul/charmm 0.1 2.8\npair_coeff 1 2 gauss/cut 0.3 3.4 0.4\n"
+    "pair_coeff 1 2 lj/charmm/coul/charmm 0.1 3.0\npair_coeff 3 3 lj/class2/coul/cut 0.1 3.0\npair_coeff 1 3 lj/class2/coul/cut 0.1 3.0\n"
+    "pair_coeff 2 3 born/coul/dsf 0.2 0.32 2.3 20.0 30.0\npair_modify pair gauss/cut shift yes"
+)
+
+
+def test_overlay():
+    agree(OVERLAY, config("triclinic", "real"))
+    agree(OVERLAY + BONDS, molecule("real"), atc.potential(f"{WEIGHTS}\n{OVERLAY}", units="real"), before=[WEIGHTS])
+
+
+@pytest.mark.parametrize(
+    "style, pair, pairij",
+    [
+        ("lj/charmm/coul/charmm 5.0 7.0", ["0.2 3.0 0.1 2.9", "0.1 2.8 0.1 2.7", "0.15 3.3 0.1 3.1"], None),
+        ("lj/class2/coul/cut 5.0 7.0", ["0.2 3.0", "0.1 2.8", "0.15 3.3"], None),
+        ("nm/cut 7.0", None, "0.2 3.4 9.0 6.5"),
+        ("buck/coul/cut 7.0", None, "800.0 0.35 30.0"),
+    ],
+)
+def test_coefficients_of_a_data_file(tmp_path, style, pair, pairij):
+    c = config("orthogonal", "real", seed=3)
+    data = tmp_path / "config.data"
+    c.write_data(data)
+    section = "\nPair Coeffs\n\n" + "\n".join(f"{k} {w}" for k, w in enumerate(pair, 1)) if pair else ""
+    if pairij:
+        section = "\nPairIJ Coeffs\n\n" + "\n".join(f"{i} {j} {pairij}" for i in (1, 2, 3) for j in range(i, 4))
+    data.write_text(data.read_text() + section + "\n")
+    script = tmp_path / "in.run"
+    script.write_text(f"units real\natom_style charge\npair_style {style}\nread_data config.data\nrun 0\n")
+    lines = [f"pair_style {style}"]
+    lines += [f"pair_coeff {k} {k} {w}" for k, w in enumerate(pair, 1)] if pair else [f"pair_coeff * * {pairij}"]
+    agree("\n".join(lines), c, atc.potential(script))
+
+
+DPD = {
+    "dpd": ("pair_style dpd 0.0 1.9 348\npair_coeff * * 25.0 4.5\npair_coeff 1 2 30.0 4.5 1.5", ""),
+    "dpd/ext": ("pair_style dpd/ext 0.0 1.9 348\npair_coeff * * 25.0 4.5 4.5 0.5 0.5\npair_coeff 1 2 30.0 4.5 4.5 0.5 0.5 1.5", ""),
+    "dpd/tstat": (
+        "pair_style hybrid/overlay lj/cut 2.5 dpd/tstat 0.0 0.0 1.9 348\npair_coeff * * lj/cut 1.0 1.0\npair_coeff * * dpd/tstat 4.5\n"
+        "pair_coeff 1 2 dpd/tstat 4.5 1.5",
+        "hybrid",
+    ),
+    "dpd/ext/tstat": (
+        "pair_style hybrid/overlay lj/cut 2.5 dpd/ext/tstat 0.0 0.0 1.9 348\npair_coeff * * lj/cut 1.0 1.0\npair_coeff * * dpd/ext/tstat 4.5 4.5 0.5 0.5",
+        "hybrid",
+    ),
+}
+
+
+@pytest.mark.parametrize("style", DPD)
+def test_dpd_without_friction_and_noise(style):
+    """Atoms at rest at no temperature feel the conservative force alone."""
+    lines, _ = DPD[style]
+    pot = atc.potential(lines, units="lj")
+    agree(lines, config("triclinic", "lj"), pot, before=["comm_modify vel yes"])
+    assert f"{style}: friction and noise" in pot.describe()
+
+
+@pytest.mark.parametrize(
+    "lines, says",
+    [
+        ("mie/cut 7.9\npair_coeff * * 1 1 6 6", "line 2.*exponents must be positive and different"),
+        ("lj/smooth 7.9 7.0\npair_coeff * * 1 1", "line 1.*inner cutoff must be positive and less"),
+        ("lj/smooth 6.0 7.0\npair_coeff * * 1 1 6.0", "line 2.*all or none of inner cutoff"),
+        ("lj/gromacs/coul/gromacs 6 7 5\npair_coeff * * 1 1", "two or four cutoffs"),
+        ("lj/charmm/coul/charmm 6 7\npair_coeff * * 1 1 0.5", r"epsilon sigma \[epsilon_14 sigma_14\]"),
+        ("lj/charmm/coul/charmm 7 6\npair_coeff * * 1 1", "LJ inner cutoff"),
+        ("lj/spica 7\npair_coeff * * lj8_4 1 1", "lj9_6, lj12_4, lj12_6"),
+        ("lj/relres 4 3 5 6\npair_coeff * * 1 1 1 1", "not decrease"),
+        ("lj/cut/soft 2 0.5 7\npair_coeff 1 1 1 1 0.5\npair_coeff 2 2 1 1 0.6", "types 1 and 2"),
+        ("cosine/squared 3\npair_coeff * * 1 3", "larger than sigma"),
+        ("wf/cut 3\npair_coeff * * 1 1 1.5 1", "whole numbers"),
+        ("nm/cut 7\npair_coeff 1 1 1 1 9 6\npair_coeff 2 2 1 1 9 6", "nm/cut does not mix"),
+        ("harmonic/cut 3\npair_coeff * * 1 1", "takes no numbers"),
+        ("buck/coul/cut 7\npair_coeff * * 1 0 1", "rho must be positive"),
+        ("beck 7\npair_coeff * * 1 1", "A B a alpha beta"),
+        ("lj/mdf 5 6\npair_coeff * * 1 nan", "finite"),
+    ],
+)
+def test_what_is_not_understood(lines, says):
+    with pytest.raises(AtcError, match=says):
+        atc.potential(f"pair_style {lines}", units="metal").decompose(config("small", "metal", kinds=2).frame())

@@ -117,7 +117,9 @@ def _coefficients(inp: StyleInput, inner, outer):
     inp = inp.replace(modify=replace(inp.modify, mix=inp.modify.mix or "arithmetic"))
     for line in inp.coeffs:
         if len(line.words) not in (2, 4):
-            raise inp.error(f"pair_coeff of {inp.name} takes epsilon sigma [epsilon_14 sigma_14], got {' '.join(line.words) or 'nothing'}", line)
+            raise inp.error(
+                f"pair_coeff of {inp.name} takes epsilon sigma [epsilon_14 sigma_14], got {' '.join(line.words) or 'nothing'}", line
+            )
     doubled = tuple(line.__class__(line.types, line.words * 2 if len(line.words) == 2 else line.words, line.where) for line in inp.coeffs)
     wants = (*_LJ[:2], ("epsilon_14", "energy"), ("sigma_14", "length"))
 

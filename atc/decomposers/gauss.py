@@ -13,10 +13,9 @@ _PER_AREA = {"length": -2}
 
 
 class Gauss(RadialStyle):
-    """U = −A e^{−B d²} for d < cutoff (LAMMPS ``gauss``). LAMMPS does not weight it by special_bonds. Numbers: A, B, cutoff; see `RadialStyle`."""
+    """U = −A e^{−B d²} for d < cutoff (LAMMPS ``gauss``). Numbers: A, B, cutoff; see `RadialStyle`."""
 
     name = "gauss"
-    weight = None
     numbers = (("A", "energy"), ("B", _PER_AREA), ("cutoff", "length"))
 
     def columns(self, A, B, cutoff):
@@ -71,13 +70,17 @@ def _mix_gauss_cut(a, b, rule):
 
 one_cutoff(Gauss, mix=_mix_gauss)
 one_cutoff(GaussCut, mix=_mix_gauss_cut, check=lambda *v: None if v[2] > 0 else "sigma_h must be positive")
+
+
 @pair_style("born/gauss")
 def _born_gauss_style(inp: StyleInput):
     (rc,) = inp.numbers(inp.args, [BornGauss.numbers[-1]])
     *numbers, cutoff = pair_values(inp, BornGauss.numbers, optional=1, defaults=[rc])
     if (cutoff[cutoff > 0] != rc).any():
         # LAMMPS (22 Jul 2025) reads them and goes on with the global one; measured, not documented.
-        inp.note("pair_style born/gauss: cutoffs on pair_coeff lines are without effect, as in LAMMPS: the one of the pair_style line holds")
+        inp.note(
+            "pair_style born/gauss: cutoffs on pair_coeff lines are without effect, as in LAMMPS: the one of the pair_style line holds"
+        )
     return BornGauss.internal(*numbers, np.where(cutoff > 0, rc, 0.0), shift=inp.modify.shift)
 
 

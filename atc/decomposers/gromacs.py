@@ -63,7 +63,9 @@ def _both(inp: StyleInput):
     inner, outer, inner_c, outer_c = inp.numbers(inp.args, [(n, "length") for n in names], optional=2)
     if inner_c is None:
         inner_c, outer_c = inner, outer
-    wrong = inner_below_outer(inner, outer, "LJ ") or (None if 0 <= inner_c < outer_c else "the inner Coulomb cutoff must be less than the outer one")
+    wrong = inner_below_outer(inner, outer, "LJ ") or (
+        None if 0 <= inner_c < outer_c else "the inner Coulomb cutoff must be less than the outer one"
+    )
     if wrong:
         raise inp.error(f"{inp.command}: {wrong}, got {' '.join(inp.args)}")
     given = {}

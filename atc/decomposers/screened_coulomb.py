@@ -50,7 +50,7 @@ class CoulombDiel(ChargedStyle):
 class CoulombExclude(ChargedStyle):
     """U = (γ − 1) C q_i q_j/d for the pairs with special_bonds weight γ < 1 only: takes what they lose off a full sum (LAMMPS ``coul/exclude``).
 
-    Numbers: cutoff; see `ChargedStyle`.
+    LAMMPS counts such pairs up to the reach of its neighbour list, a little beyond the cutoff. Numbers: cutoff; see `ChargedStyle`.
     """
 
     name = "coul/exclude"
