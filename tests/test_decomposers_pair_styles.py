@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from lammps_oracle import Config
+from lammps_oracle import Config, lammps_session
 from test_decomposers_pair import BOXES, agree, config
 
 import atc
@@ -185,6 +185,12 @@ STYLES = {
         "pair_style cosine/squared 2.5\npair_coeff * * 1.0 1.1\npair_coeff 1 2 1.1 1.2 2.0\npair_coeff 3 3 1.0 1.05 wca\npair_coeff 2 2 1.0 1.2 1.2 wca\n"
         "pair_coeff 2 3 0.8 1.3 1.9 wca",
     ),
+    "colloid": (
+        "lj",
+        "pair_style colloid 4.0\npair_coeff 1 1 39.5 0.3 0.5 0.5\npair_coeff 1 2 75.0 0.3 0.0 0.4 3.0\npair_coeff 2 2 144.0 1.0 0.0 0.0 2.5\n"
+        "pair_coeff 3 3 30.0 0.3 0.4 0.4\npair_coeff 1 3 35 0.3 0.5 0.4\npair_coeff 2 3 75.0 0.3 0.5 0.0 3.0\npair_modify shift yes",
+    ),
+    "colloid arithmetic": ("lj", "pair_style colloid 3.0\npair_coeff 1 1 39.5 0.3 0.5 0.5\npair_coeff 2 2 144.0 0.4 0.6 0.6 2.5\npair_coeff 3 3 30.0 0.3 0.4 0.4\npair_modify mix arithmetic"),
     "harmonic/cut": ("lj", "pair_style harmonic/cut\npair_coeff * * 1.0 1.5\npair_coeff 1 2 2.0 2.2"),
     "lj/cut/soft": (
         "real",
@@ -338,3 +344,32 @@ def test_dpd_without_friction_and_noise(style):
 def test_what_is_not_understood(lines, says):
     with pytest.raises(AtcError, match=says):
         atc.potential(f"pair_style {lines}", units="metal").decompose(config("small", "metal", kinds=2).frame())
+
+
+def test_every_style_of_lammps_is_supported_or_has_a_reason():
+    from atc.decomposers.hybrid import strip_suffix
+    from atc.decomposers.registry import PAIR_STYLES
+    from atc.decomposers.unsupported import reason
+
+    with lammps_session() as lmp:
+        names = {strip_suffix(name) for name in lmp.available_styles("pair")}
+    assert len(names) > 200
+    atc.potential("pair_style lj/cut 1\npair_coeff * * 1 1", units="lj")  # registers all styles
+    known = set(PAIR_STYLES) | {"hybrid", "hybrid/overlay", "hybrid/scaled", "none"}
+    assert sorted(n for n in names if n not in known and not reason("pair", n)) == []
+
+
+@pytest.mark.parametrize(
+    "style, why",
+    [
+        ("lj/cut/coul/long 9", "long-range electrostatics"),
+        ("gayberne 1 1 1 4", "orientation"),
+        ("granular", "history"),
+        ("tip4p/long 1 2 1 1 0.1 9", "virtual site"),
+    ],
+)
+def test_why_not(style, why):
+    with pytest.raises(AtcError, match=f"line 1: pair_style .* is not supported: .*{why}"):
+        atc.potential(f"pair_style {style}\npair_coeff * * 1 1", units="real")
+    with pytest.raises(AtcError, match=f"line 1: .* sub-style of hybrid/overlay is not supported: .*{why}"):
+        atc.potential(f"pair_style hybrid/overlay {style} lj/cut 9\npair_coeff * * lj/cut 1 1", units="real")

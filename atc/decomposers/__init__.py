@@ -97,6 +97,7 @@ _STYLE_MODULES = (
     "beck",
     "pirani",
     "finite_range",
+    "colloid",
     "screened_coulomb",
     "soft_core",
     "with_coulomb",

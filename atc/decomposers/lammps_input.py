@@ -15,7 +15,7 @@ from .hybrid import Hybrid, parse_hybrid, strip_suffix
 from .lammps_data_coeffs import take_data_file
 from .lammps_script import Command, is_text, read_commands, read_text
 from .pair import MAX_TYPES, Pairs, PairStyle
-from .registry import MAPPED_STYLES, STYLES, CoeffLine, Modify, StyleInput, TypeRange, supported
+from .registry import MAPPED_STYLES, STYLES, CoeffLine, Modify, StyleInput, TypeRange, refusal, supported
 from .special_bonds import SpecialBonds
 
 __all__ = ["potential_from_lammps"]
@@ -223,7 +223,7 @@ def _builder(kind: str, name: str, where: str):
     try:
         return STYLES[kind][name]
     except KeyError:
-        raise AtcError(f"{where}: {kind}_style {name} is not supported: expected one of {supported(kind)}") from None
+        raise AtcError(f"{where}: {refusal(kind, name)}") from None
 
 
 def apply_modify(modify: Modify, lines) -> Modify:

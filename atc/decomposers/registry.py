@@ -202,3 +202,10 @@ def supported(kind: str) -> str:
     """The names of the styles of a kind, for messages."""
     names = sorted(set(STYLES[kind]) - {"hybrid"}) + (["hybrid", "hybrid/overlay", "none"] if kind == "pair" else ["zero", "none"])
     return ", ".join(names)
+
+
+def refusal(kind: str, name: str) -> str:
+    """What to tell of a style that is not supported: why, if that is known, or which ones are."""
+    from .unsupported import reason
+
+    return f"{kind}_style {name} is not supported: {reason(kind, name) or f'expected one of {supported(kind)}'}"
