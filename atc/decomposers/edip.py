@@ -9,8 +9,8 @@ from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from ..errors import AtcError, AtcWarning
 from ..units import Units
 from ..units import units as system

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from math import erfc
 
 import numpy as np
-from numba import njit
 
 from ..bonds import Bonds
+from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
 from ..units import Units

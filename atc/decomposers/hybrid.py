@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import AtcError
 from .registry import MAPPED_STYLES, PAIR_STYLES, CoeffLine, Modify, mapped_elements
+from .unsupported import reason
 
 # Words that are arguments of a sub-style, not the name of the next one.
 _ARGUMENTS = {"linear", "spline", "lookup", "bitmap", "nocoeff", "full", "threebody", "on", "off", "shift", "maxdelta"}
@@ -94,9 +95,8 @@ def _parse_subs(style, known) -> list[SubStyle]:
         else:
             name = strip_suffix(word)
             if name not in known:
-                raise AtcError(
-                    f"{style.where}: {word} as a sub-style of {style.name} is not supported: expected one of {', '.join(sorted(known))}"
-                )
+                why = reason("pair", name) or f"expected one of {', '.join(sorted(known))}"
+                raise AtcError(f"{style.where}: {word} as a sub-style of {style.name} is not supported: {why}")
             subs.append(SubStyle(name, ()))
     if not subs:
         raise AtcError(f"{style.where}: {style.name} needs sub-styles")

@@ -134,6 +134,8 @@ def _builder(cls):
 
 for _cls in (LennardJones, LennardJonesSmoothLinear, LennardJonesExpand):
     pair_style(_cls.name)(_builder(_cls))
+# Its old name in LAMMPS.
+pair_style("lj/sf")(_builder(LennardJonesSmoothLinear))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

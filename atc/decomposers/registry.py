@@ -137,6 +137,7 @@ class StyleInput:
         given nor can be mixed is an error. All True except under hybrid.
     labels : {kind: {label: type}} from ``labelmap``
     masses : {type: mass} in user units as far as the lines say
+    notes : what the user should know about the model, see `note`
     """
 
     kind: str
@@ -152,6 +153,12 @@ class StyleInput:
     wanted: np.ndarray | None = None
     labels: dict = field(default_factory=dict)
     masses: dict = field(default_factory=dict)
+    notes: list = field(default_factory=list)
+
+    def note(self, text: str) -> None:
+        """Say something about the model that is no error: it becomes one of the potential's remarks."""
+        if text not in self.notes:
+            self.notes.append(text)
 
     def replace(self, **changes) -> StyleInput:
         return replace(self, **changes)
@@ -209,3 +216,10 @@ def supported(kind: str) -> str:
     """The names of the styles of a kind, for messages."""
     names = sorted(set(STYLES[kind]) - {"hybrid"}) + (["hybrid", "hybrid/overlay", "none"] if kind == "pair" else ["zero", "none"])
     return ", ".join(names)
+
+
+def refusal(kind: str, name: str) -> str:
+    """What to tell of a style that is not supported: why, if that is known, or which ones are."""
+    from .unsupported import reason
+
+    return f"{kind}_style {name} is not supported: {reason(kind, name) or f'expected one of {supported(kind)}'}"

@@ -6,8 +6,8 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from ..errors import AtcError, AtcWarning
 from ..units import Units
 from ..units import units as system

@@ -7,7 +7,8 @@ function b(ζ) and the repulsion, which `form` = (cutoff, angular, order) and th
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from ..compiled import njit
 
 SINE, MURTY = 0, 1
 TERSOFF, KUMAGAI, GAO_WEBER = 0, 1, 2

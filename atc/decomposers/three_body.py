@@ -10,9 +10,9 @@ from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 
 from ..bonds import Bonds
+from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
 from ..units import Units

@@ -15,7 +15,7 @@ from ..base import Potential, Term, Wrapper
 from ..exclusions import Exclusions, exclusions_of
 from ..hybrid import Hybrid, parse_hybrid, strip_suffix
 from ..pair import MAX_TYPES, Pairs, PairStyle
-from ..registry import MAPPED_STYLES, STYLES, CoeffLine, Modify, StyleInput, TypeRange, mapped_elements, supported
+from ..registry import MAPPED_STYLES, STYLES, CoeffLine, Modify, StyleInput, TypeRange, mapped_elements, refusal, supported
 from ..special_bonds import SpecialBonds
 from ..zero import Nothing
 from .data_coeffs import take_data_file
@@ -57,6 +57,7 @@ class _Model:
     #: why the model is not all there: the read_restart line
     restart: Command | None = None
     exclusions: Exclusions | None = None
+    notes: list[str] = field(default_factory=list)
 
 
 def potential_from_lammps(source: str | Path, units_=None, folder=None, name=None, run=None, trajectory=()) -> Potential:
@@ -292,7 +293,7 @@ def _builder(kind: str, name: str, where: str):
     try:
         return STYLES[kind][name]
     except KeyError:
-        raise AtcError(f"{where}: {kind}_style {name} is not supported: expected one of {supported(kind)}") from None
+        raise AtcError(f"{where}: {refusal(kind, name)}") from None
 
 
 def apply_modify(modify: Modify, lines) -> Modify:
@@ -356,6 +357,7 @@ def _input(model: _Model, style: _Style, lines, n_types: int, **more) -> StyleIn
         dielectric=model.dielectric,
         labels=model.labels,
         masses=model.masses,
+        notes=model.notes,
         **more,
     )
 
@@ -379,7 +381,7 @@ def _assemble(model: _Model, name: str) -> Potential:
     if not terms:
         raise AtcError(f"{name}: no interactions found: expected pair_style or bond_style lines with their coefficients")
     pot = Potential(terms, model.units)
-    pot.remarks = tuple(notes)
+    pot.remarks = (*notes, *model.notes)
     pot.masses = {t: float(model.units.to_internal("mass", m)) for t, m in model.masses.items()}
     pot.data_file = model.data_file
     pot.unmentioned = tuple(k for k in _BONDED if k not in model.styles and k not in model.declined)
