@@ -160,6 +160,7 @@ class Potential:
     remarks : tuple of str, what else `describe` should say
     masses : {type: mass}, internal units, as far as LAMMPS lines (or the data file they read) say
     data_file : Path or None, the file of the script's ``read_data`` line
+    outside : forces of the run that are not in the potential, such as "fix wall/lj93 on group all (in.run, line 12)"
     unmentioned : kinds of bonded terms ("bond", "angle", ...) that LAMMPS lines say nothing of, not even ``bond_style none``
     """
 
@@ -170,6 +171,7 @@ class Potential:
     masses: Mapping[int, float] = MappingProxyType({})
     data_file = None
     remarks: tuple[str, ...] = ()
+    outside: tuple[str, ...] = ()
 
     def __init__(self, terms, units_: Units | str, description: str = ""):
         self.terms = list(terms)
