@@ -19,6 +19,7 @@ from .parallel import frame_results, here
 from .plan import Request, plan  # noqa: F401  (plan belongs to the same door)
 from .plausible import doubts
 from .statistics import BlockAverage
+from .times import Sequence
 from .verlet import anchor_of
 
 #: With so many frames one from the middle says where all begin.
@@ -168,6 +169,8 @@ def _run(request, store, progress) -> _Sink:
         results.close()
     if done < n:
         raise AtcError(f"the trajectory has only {done} frames that can be read, but {n} were expected")
+    for sentence in sink.sequence.warnings(sink.averaging):
+        warnings.warn(f"{getattr(request.frames, 'source', 'the trajectory')}: {sentence}", AtcWarning, stacklevel=3)
     if sink.layout is None:  # every frame was there already: the run was stopped just before its end
         sink.prepare(frame_fields(request.first, request.settings(), 0))
     return sink
@@ -258,6 +261,7 @@ class _Sink:
         self.any_mass = None
         self.note: dict = {}
         self._said_refined = False
+        self.sequence = Sequence()
         self.next_frame = min(len(self.notes) * request.window, request.n_frames)
         self._saved = time.monotonic()
         if store is not None and request.window > 1:
@@ -271,8 +275,9 @@ class _Sink:
         """The result of frame `k`, or of it and `more` that follow it."""
         if self.layout is None:
             self.prepare(result)
-        for one in (frame, *more):
+        for j, one in enumerate((frame, *more), k):
             self._fits(one, result)
+            self.sequence.add(j, one)
         self._merge_note(k, frame, result)
         if not self.averaging:
             self._emit({**self._masked(result.arrays, result.mask), **self._coordinates(frame, result)}, result.mask)
