@@ -160,10 +160,19 @@ def _frames(traj, k, frame, pot, kern, x_gc, exact, laws, scale, found, timestep
             "(--set check.timestep=0.001)"
         )
     dt = 0.5 * (times[1] - times[-1])
-    if not dt > 0:
-        return None, "no differences between frames: time does not increase"
-    if any(abs(times[m] - times[0] - m * dt) > 1e-6 * dt * abs(m) for m in near):
-        return None, "no differences between frames: frames are not evenly spaced in time"
+    order = sorted(near)
+    for a, b in itertools.pairwise(order):
+        if not times[b] > times[a]:
+            return (
+                None,
+                f"no differences between frames: time does not increase from {_called(k + a, near[a])} to {_called(k + b, near[b])}: joined or appended files?",
+            )
+    for m in order:
+        if abs(times[m] - times[0] - m * dt) > 1e-6 * dt * abs(m):
+            return None, (
+                f"no differences between frames: frames are not evenly spaced in time: {_called(k + m, near[m])} is "
+                f"{number(u.to_user('time', abs(times[m] - times[0])))} {label} from {_called(k, frame)}, expected {number(u.to_user('time', abs(m) * dt))}"
+            )
     if any(f.cell != frame.cell for f in near.values()):
         return None, "no differences between frames: the cell changes, its walls do work that is in none of the laws"
     if any(not np.array_equal(f.ids, frame.ids) for f in near.values()):
@@ -248,6 +257,10 @@ def _extrapolated(residuals, spacings, name, scale, noise, jump, dt, steps, cap)
     worst = relative(law.size(value).max(), scale)
     without = None if bare is None else relative(law.size(bare).max(), scale)
     return Outcome(worst, limit, None if limit > HOPELESS else worst <= max(limit, EXACT), without), parts
+
+
+def _called(k, frame) -> str:
+    return f"frame {k}" if frame.step is None else f"frame {k} (step {frame.step})"
 
 
 def _time(frame, timestep, u):

@@ -1,8 +1,8 @@
-"""The command line: ``atc info | plan | fields | compare | check | conductivity | bench | plot``.
+"""The command line: ``atc info | plan | fields | verify | compare | check | conductivity | bench | plot``.
 
 Only what every command needs is imported here, so that ``atc --help`` is instant: numba, xarray and matplotlib come with the commands that use them.
 
-Exit status: 0 done; 1 ``atc check`` found a broken law; 2 unusable input (one line on stderr, never a traceback); 130 interrupted, 143 terminated, 129 hung up (what is finished is kept); 1 anything atc did not foresee (ATC_DEBUG=1 shows the traceback).
+Exit status: 0 done; 1 ``atc check`` found a broken law, or ``atc verify`` a difference; 2 unusable input (one line on stderr, never a traceback); 130 interrupted, 143 terminated, 129 hung up (what is finished is kept); 1 anything atc did not foresee (ATC_DEBUG=1 shows the traceback).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Annotated
 import typer
 from typer.core import TyperGroup
 
-from . import __version__, cli_advect, cli_bench, cli_dispersion, cli_pd, cli_upscale
+from . import __version__, cli_advect, cli_bench, cli_dispersion, cli_pd, cli_upscale, cli_verify
 from .cli_common import (
     Begin,
     End,
@@ -209,7 +209,7 @@ def info(
         list[str],
         typer.Argument(
             metavar="TRAJ...",
-            help="A trajectory: LAMMPS dump or data file, or anything ASE or MDAnalysis reads; several files are joined.",
+            help="A trajectory: LAMMPS dump or data file, or anything ASE or MDAnalysis reads; several files are joined. Or a scene.",
             show_default=False,
         ),
     ],
@@ -218,11 +218,19 @@ def info(
     masses: Masses = None,
     json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
 ) -> None:
-    """What is in a trajectory, in which units, how precise, and what can be computed from it; or what is in an output of atc."""
-    from .info import describe, describe_output, is_output
+    """What is in a trajectory, in which units, how precise, and what can be computed from it; or what is in an output of atc.
+
+    Of a scene also whether the forces in its trajectory are those of its potential.
+    """
+    from .info import describe, describe_output, describe_scene, is_output
 
     if len(trajectory) == 1 and is_output(trajectory[0]):
         report = describe_output(trajectory[0])
+    elif len(trajectory) == 1 and trajectory[0].endswith(".toml"):
+        given = [flag for flag, value in (("--topology", topology), ("--units", units), ("--masses", masses)) if value is not None]
+        if given:
+            raise AtcError(f"{given[0]} goes with a trajectory; in a scene it is a key of [trajectory]")
+        report = describe_scene(load_scene(trajectory[0], None))
     else:
         source = trajectory if len(trajectory) > 1 else trajectory[0]
         report = describe(source, topology=topology, units=units, masses=parse_masses(masses))
@@ -507,7 +515,7 @@ def _parse_limits(text: str | None):
 # --------------------------------------------------------------------------------------------------------------------
 # Commands in modules of their own: options only, the work is imported when they run.
 
-for _module in (cli_bench, cli_pd, cli_upscale, cli_dispersion, cli_advect):
+for _module in (cli_verify, cli_bench, cli_pd, cli_upscale, cli_dispersion, cli_advect):
     _module.register(app)
 
 if __name__ == "__main__":

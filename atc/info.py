@@ -62,7 +62,27 @@ def describe(source, topology=None, units=None, masses=None) -> Report:
     """
     from . import read
 
-    trajectory = read(source, topology=topology, units=units, masses=masses)
+    return _describe(read(source, topology=topology, units=units, masses=masses), source)
+
+
+def describe_scene(scene, threads: int = 1) -> Report:
+    """The same of a scene's trajectory, and whether the run's forces (and its log, if the scene names one) are those of the scene's potential."""
+    from .run_check import alarm
+
+    trajectory = scene.trajectory()
+    report = _describe(trajectory, trajectory.source)
+    pot = scene.potential()
+    if pot is None:
+        return report
+    pot.check_topology(trajectory[0])
+    found = alarm(trajectory, pot, mode=scene.get("trajectory", "forces", "warn"), log=scene.log(), threads=threads)
+    report.rows.append(("potential", pot.describe()))
+    report.rows.append(("agrees with run", found.text))
+    report.data["agrees_with_run"] = found.text
+    return report
+
+
+def _describe(trajectory, source) -> Report:
     data = trajectory.info()
     if not data["frames"]:
         raise AtcError(f"{source}: holds no complete frame")

@@ -70,8 +70,12 @@ class Request:
     tiles: object = None
     input_error: tuple = (0.0, {})
     anchor: object = None
+    forces: str = "warn"
+    log: object = None
+    agreement: str = ""
 
     def __post_init__(self):
+        from .agreement import MODES
         from .frame import Frame
 
         for name, value, method, hint in (
@@ -90,6 +94,8 @@ class Request:
             raise AtcError(
                 f"tolerance {self.tolerance!r}: expected a number between 0 and 1, relative to the largest value of the field, e.g. 1e-5"
             )
+        if self.forces not in MODES:
+            raise AtcError(f"forces {self.forces!r}: expected one of {', '.join(map(repr, MODES))}")
         if self.average is not True and self.average is not False and (not isinstance(self.average, (int, np.integer)) or self.average < 1):
             raise AtcError(f"average {self.average!r}: expected True, False, or the number of frames in a window")
         for name in ("threads", "workers"):
@@ -268,6 +274,14 @@ class Request:
             anchor=self.anchor,
         )
 
+    def alarm(self):
+        """Whether the run's forces, and its log, are those of the potential (`run_check.RunCheck`). Warns, or raises where they must agree."""
+        from .run_check import alarm
+
+        return alarm(
+            self.frames, self.pot, mode=self.forces, log=self.log, threads=self.threads, first=self.first, needed=bool(self.work.bond_users)
+        )
+
 
 def as_frames(traj, pot=None):
     """Anything `atc.fields` takes as a trajectory, as a sequence of Frames; with what the script of a potential says of their atoms."""
@@ -305,6 +319,7 @@ class Plan:
     error : predicted error relative to the largest value of each field
     parts : CPU seconds a frame of each part of the work
     measured : whether the cost model was measured on this machine (`atc bench --calibrate`)
+    agreement : whether the forces of the trajectory are those of the potential
     """
 
     passes: list[str]
@@ -328,6 +343,7 @@ class Plan:
     quantities: list[str] = field(default_factory=list)
     parts: dict[str, float] = field(default_factory=dict)
     measured: bool = False
+    agreement: str = ""
 
     def __str__(self):
         def count(x):
@@ -359,11 +375,13 @@ class Plan:
             f"memory  about {_bytes(self.memory)}, output {_bytes(self.output_bytes)}",
             f"error   about {self.error:.0e} of the largest value of each field (tolerance {self.tolerance:g}); measured at random points when it runs",
         ]
+        if self.agreement:
+            lines.append(f"run     agrees with the potential? {self.agreement}")
         return "\n".join(lines)
 
 
 def plan(*args, **kwargs) -> Plan:
-    """What `atc.fields` would do with the same arguments: nothing is computed, one frame is read.
+    """What `atc.fields` would do with the same arguments. Nothing is computed but the forces of a frame or two, where the trajectory has them to compare.
 
     Takes a `Request`, or the arguments of `atc.fields` up to `workers`.
     """
@@ -389,6 +407,7 @@ def plan(*args, **kwargs) -> Plan:
         total_seconds=wall * request.n_frames / request.workers, memory=memory, output_bytes=entry * request.entries * (2 if request.average is not False else 1),
         error=max([1e-13, *(min(0.3 * m.tolerance, 0.5 * request.tolerance) for m in request.methods.values() if not m.exact)]), tolerance=request.tolerance, workers=request.workers,
         threads=threads, quantities=[q.name for q in work.quantities], parts=p.parts, measured=request.costs.machine != "shipped",
+        agreement=request.alarm().text,
     )  # fmt: skip
 
 

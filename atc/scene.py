@@ -282,6 +282,17 @@ class Scene(Document):
             raise self._bad("trajectory", "reference", f"there is no frame {value}: {whole.source} has {len(whole)}, numbered from 0")
         return whole[value]
 
+    def log(self):
+        """The log files of the run, as a list of paths; None if the scene names none."""
+        value = self.get("trajectory", "log")
+        if value is None:
+            return None
+        paths = [self.folder / Path(name).expanduser() for name in ([value] if isinstance(value, str) else value)]
+        for path in paths:
+            if not path.is_file():
+                raise self._bad("trajectory", "log", f"there is no file {path}")
+        return paths
+
     def kernel(self):
         """The localisation function, in the user's unit of length; None if the scene has none."""
         if "kernel" not in self.data:
@@ -401,7 +412,8 @@ class Scene(Document):
         }
         return {
             "traj": traj, "pot": self.potential(), "kern": self.kernel(), "grid": self.grid(), "reference": self.reference(), "method": method,
-            "threads": 1 if parallel else jobs, "workers": jobs if parallel else 1, **given,
+            "threads": 1 if parallel else jobs, "workers": jobs if parallel else 1, "forces": self.get("trajectory", "forces", "warn"), "log": self.log(),
+            **given,
         }  # fmt: skip
 
     def plan(self, jobs: int = 1):

@@ -168,6 +168,12 @@ def _unit_names():
     return list(_SYSTEMS)
 
 
+def _force_modes():
+    from .agreement import MODES
+
+    return list(MODES)
+
+
 def _structure_names():
     from .upscaling.crystal import STRUCTURES
 
@@ -208,6 +214,10 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "reference": Key(
             _either(_integer, _string), 'the index of the reference frame, or the file that holds it, e.g. 0 or "start.data"', path=True
         ),
+        "forces": Key(
+            _choice(_force_modes), 'what to do where the run\'s forces are not the potential\'s: "warn", "must agree" or "ignore"'
+        ),
+        "log": Key(_either(_string, _list_of(_string)), 'the LAMMPS log file of the run, or a list of them, e.g. "log.lammps"', path=True),
     },
     "potential": {
         "lammps": Key(_string, "LAMMPS lines, e.g. '''pair_style sw\\npair_coeff * * Si.sw Si'''"),
