@@ -18,7 +18,8 @@ RESULTS = 5
 #: What a frame's digest is made of, in this order.
 PARTS = ("cell", "positions", "types", "ids", "masses", "velocities", "charges", "bonds", "step or time")
 #: Attributes of potentials that say where something came from, or how to make more of it, and not what it is.
-_NOT_CONTENT = frozenset({"where", "folder", "file", "text", "data_file", "grow", "build", "source"})
+#: (What a script says of atoms is in the frames' digests.)
+_NOT_CONTENT = frozenset({"where", "folder", "file", "text", "data_file", "grow", "build", "source", "setup", "outside", "remarks"})
 
 
 def identity(request) -> dict:
@@ -28,7 +29,7 @@ def identity(request) -> dict:
         "results": RESULTS,
         "quantities": [q.name for q in work.quantities],
         "trajectory": frame_digest(request.first),
-        "potential": f"{request.pot.describe()}; {contents(request.pot)}" if work.bond_users and request.pot is not None else None,
+        "potential": f"{_described(request.pot)}; {contents(request.pot)}" if work.bond_users and request.pot is not None else None,
         "potential on the first frame": _evaluated(request) if work.bond_users and request.pot is not None else None,
         "kernel": _kernel(request.kern) if work.kernel_users else None,
         "grid": fingerprint(request.grid) if work.grid_users else None,
@@ -46,6 +47,11 @@ def identity(request) -> dict:
 def _kernel(kern) -> list[str]:
     short = all(isinstance(v, (int, float, str)) for v in kern.parameters.values())
     return [kern.name, *([f"{k} {v!r}" for k, v in kern.parameters.items()] if short else [fingerprint(kern.parameters)])]
+
+
+def _described(pot) -> str:
+    # Remarks name files and lines, which may be others with the same model in them.
+    return "; ".join(t.describe() for t in pot.terms) if hasattr(pot, "terms") else pot.describe()
 
 
 def _evaluated(request) -> str:
