@@ -62,8 +62,9 @@ def check(traj, pot, kern, grid=None, *, points: int = 20, seed: int = 0, timest
     AtcError for frames without masses or velocities, a potential that does not fit, nothing to look at.
     """
     from . import read
+    from .planar import matched
 
-    traj = read(traj)
+    traj, pot = matched(read(traj), pot)
     n_frames = len(traj)
     if not n_frames:
         raise AtcError(f"{traj.source}: holds no complete frame")

@@ -140,7 +140,7 @@ def _state(frame, data) -> str:
     text = f"density {_g(data['density'])} {u.label('density')} (atoms over the whole cell)"
     if frame.velocities is not None and len(frame) > 1:
         v = frame.velocities - frame.masses @ frame.velocities / frame.masses.sum()
-        data["temperature"] = float(frame.masses @ (v * v).sum(axis=1) / (3 * (len(frame) - 1) * u.boltzmann))
+        data["temperature"] = float(frame.masses @ (v * v).sum(axis=1) / (frame.dimension * (len(frame) - 1) * u.boltzmann))
         text += f", temperature {_g(data['temperature'])} {u.label('temperature')}"
     return text + ", first frame"
 

@@ -234,7 +234,8 @@ class Scene(Document):
         if topology is not None and not topology.exists():
             raise self._bad("trajectory", "topology", f"there is no file {topology}")
         try:
-            return read(path, topology=topology, units=self.get("trajectory", "units"), masses=self.get("trajectory", "masses"))
+            given = {k: self.get("trajectory", k) for k in ("units", "masses", "dimension")}
+            return read(path, topology=topology, **given)
         except AtcError as e:
             named = any(str(one) in str(e) for one in (path if isinstance(path, list) else [path]))
             if topology is not None and str(topology) in str(e):
@@ -310,7 +311,7 @@ class Scene(Document):
         kind = table.pop("kind")
         if kind == "points":
             xyz = table["points"]
-            table = {"xyz": self._columns("grid", "points", 3) if isinstance(xyz, str) else xyz}
+            table = {"xyz": self._columns("grid", "points", 3, 2) if isinstance(xyz, str) else xyz}
         try:
             return getattr(Grid, kind)(**table)
         except AtcError as e:
@@ -397,8 +398,8 @@ class Scene(Document):
                 shutil.rmtree(partial, ignore_errors=True)
             raise
 
-    def _columns(self, section, key, count):
-        """A text file of numbers, `count` to a line."""
+    def _columns(self, section, key, count, fewer=None):
+        """A text file of numbers, `count` to a line (or `fewer`)."""
         import numpy as np
 
         path = self.path(section, key)
@@ -408,7 +409,7 @@ class Scene(Document):
             raise self._bad(section, key, f"{path} cannot be read: {e.strerror or e}") from None
         except ValueError as e:
             raise self._bad(section, key, f"{path}: expected {count} numbers a line: {' '.join(str(e).split())}") from None
-        if values.shape[1] != count or not len(values):
+        if values.shape[1] not in (count, fewer) or not len(values):
             raise self._bad(section, key, f"{path}: expected {count} numbers a line, found {values.shape[1] if len(values) else 'none'}")
         return values
 

@@ -46,6 +46,7 @@ class _Model:
     labels: dict[str, dict[str, int]] = field(default_factory=dict)
     masses: dict[int, float] = field(default_factory=dict)
     data_file: Path | None = None
+    dimension: int | None = None  # None: the lines say nothing of it
 
 
 def potential_from_lammps(source: str | Path, units_=None, folder=None, name=None) -> Potential:
@@ -102,8 +103,10 @@ def _gather(commands: list[Command], name: str, folder: Path, units_) -> _Model:
                 f"{c.where}: kspace_style {' '.join(c.words)}: long-range forces cannot be split into bonds from positions alone, so they are not supported; "
                 "use coul/dsf or coul/wolf (or kspace_style none)"
             )
-        elif c.name == "dimension" and c.words[:1] != ("3",):
-            raise AtcError(f"{c.where}: dimension {' '.join(c.words)} is not supported: only three-dimensional models are")
+        elif c.name == "dimension":
+            if c.words not in (("2",), ("3",)):
+                raise AtcError(f"{c.where}: dimension {' '.join(c.words)}: expected 2 or 3")
+            model.dimension = int(c.words[0])
         elif c.name == "labelmap":
             _labelmap(model, c)
         elif c.name == "mass":
@@ -300,6 +303,9 @@ def _assemble(model: _Model, name: str) -> Potential:
     pot.remarks = tuple(notes)
     pot.masses = {t: float(model.units.to_internal("mass", m)) for t, m in model.masses.items()}
     pot.data_file = model.data_file
+    # A script that makes the box without a word is LAMMPS's default; lines that say nothing leave it to the trajectory.
+    pot.dimension = model.dimension or 3
+    pot.dimension_said = model.dimension is not None or model.data_file is not None
     pot.unmentioned = tuple(k for k in _BONDED if k not in model.styles and k not in model.declined)
     return pot
 

@@ -29,12 +29,15 @@ class Trajectory(Sequence):
         What to call the trajectory in messages, usually its path.
     type_names : dict
         {type: name} where the source knows names (elements, type labels).
+    dimension : int or None
+        2 or 3 where whoever opened it said so (2: its frames are those of a two-dimensional run, see `atc.planar`); None: nobody did.
 
     For a new source, subclass it and write ``__len__`` and ``_frame(k)`` for 0 ≤ k < len.
     """
 
     units: Units
     source: str = "trajectory"
+    dimension: int | None = None
 
     def __init__(self):
         self._guard = threading.RLock()
@@ -202,7 +205,7 @@ class _View(Trajectory):
     def __init__(self, base: Trajectory, which: slice | range):
         super().__init__()
         self.base, self._which = base, which
-        self.units, self.source = base.units, base.source
+        self.units, self.source, self.dimension = base.units, base.source, base.dimension
         if isinstance(which, slice) and which.step == 0:
             raise ValueError("slice step cannot be zero")
 
