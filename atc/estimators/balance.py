@@ -347,9 +347,10 @@ class Exact:
 _STEPS = (1.0, 2.0, 4.0)
 
 
-def stencil(x_gc, h: float) -> np.ndarray:
-    """(g·19, 3): every point, then x ± h, ± 2h, ± 4h along each axis."""
+def stencil(x_gc, h: float, dimension: int = 3) -> np.ndarray:
+    """(g·19, 3): every point, then x ± h, ± 2h, ± 4h along each axis; in the plane, out of which nothing changes, the point itself for those along z."""
     steps = np.concatenate([np.zeros((1, 3)), *[[k * s * h * e for s in _STEPS for k in (1, -1)] for e in np.eye(3)]])
+    steps[:, dimension:] = 0.0
     return (x_gc[:, None] + steps).reshape(-1, 3)
 
 
