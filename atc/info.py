@@ -55,14 +55,14 @@ def stress_error(resolution: float, units) -> float:
     return angstrom * _STRESS_ERROR_PER_ANGSTROM
 
 
-def describe(source, topology=None, units=None, masses=None) -> Report:
+def describe(source, topology=None, units=None, masses=None, dimension=None) -> Report:
     """Look into a trajectory without computing anything: its first and last frame are read, the rest is only counted.
 
     Parameters are those of `atc.read`. Raises `AtcError` for what `atc.read` refuses, and for a source without a complete frame.
     """
     from . import read
 
-    trajectory = read(source, topology=topology, units=units, masses=masses)
+    trajectory = read(source, topology=topology, units=units, masses=masses, dimension=dimension)
     data = trajectory.info()
     if not data["frames"]:
         raise AtcError(f"{source}: holds no complete frame")
@@ -90,6 +90,8 @@ def describe(source, topology=None, units=None, masses=None) -> Report:
         )
         rows.append((f"type {kind}" + (f" ({what['name']})" if what["name"] else ""), f"{what['count']} atoms, {mass}"))
     rows.append(("cell", _cell(data["cell"], u)))
+    if u.dimension == 2:
+        rows.append(("dimension", "2: fields are per area, pressures are forces per length"))
     text = ", ".join(data["quantities"])
     rows.append(("per atom", text + (f"; not used: {', '.join(data['extra'])}" if data["extra"] else "")))
     if data["topology"]:
@@ -119,14 +121,17 @@ def describe(source, topology=None, units=None, masses=None) -> Report:
 def _cell(c, u) -> str:
     v = np.array(c["vectors"])
     lengths = np.array(c["lengths"])
-    text = " x ".join(_g(s) for s in lengths) + f" {u.label('length')}"
-    if np.count_nonzero(v - np.diag(np.diag(v))):
+    d = u.dimension
+    text = " x ".join(_g(s) for s in lengths[:d]) + f" {u.label('length')}"
+    if d == 3 and np.count_nonzero(v - np.diag(np.diag(v))):
         e = v / lengths[:, None]
         angles = np.degrees(np.arccos(np.clip([e[1] @ e[2], e[0] @ e[2], e[0] @ e[1]], -1, 1)))
         text += f", triclinic: alpha, beta, gamma = {', '.join(_g(a) for a in angles)} degrees"
-    if any(c["origin"]):
-        text += f", origin {', '.join(_g(s) for s in c['origin'])}"
-    periodic = [axis for axis, p in zip("xyz", c["periodic"]) if p]
+    elif d == 2 and (v[0, 1] or v[1, 0]):
+        text += f", gamma = {_g(np.degrees(np.arccos(np.clip(v[0] @ v[1] / (lengths[0] * lengths[1]), -1, 1))))} degrees"
+    if any(c["origin"][:d]):
+        text += f", origin {', '.join(_g(s) for s in c['origin'][:d])}"
+    periodic = [axis for axis, p in zip("xyz"[:d], c["periodic"]) if p]
     text += f", periodic in {', '.join(periodic)}" if periodic else ", open on every side"
     return text + ("; it changes with time" if c["changes"] else "")
 

@@ -70,7 +70,7 @@ def kernel(name, radius=None, *, width=None, size=None, table=None, dimension=No
     width : float
         The Gaussian's w, its standard deviation along each axis.
     size : three floats
-        The box's edge lengths; two for two dimensions.
+        The box's edge lengths; two with ``dimension=2``.
     table : sequence of (r, value)
         Values of φ at increasing r, up to a common factor; linear in between, constant before the first, 0 after the last.
     dimension : 2 or 3
@@ -88,8 +88,9 @@ def kernel(name, radius=None, *, width=None, size=None, table=None, dimension=No
     if dimension is not None:
         if isinstance(dimension, bool) or dimension not in (2, 3):
             raise AtcError(f"kernel {name!r}: dimension must be 2 or 3, got {dimension!r}")
-        made = kernel(name, radius, width=width, size=size, table=table)
-        return made.in_dimension(dimension)
+        if name in ("box", "cell") and radius is None and np.shape(size) == (2,) and dimension == 2:
+            return Box(np.array([_positive("size", e, "box") for e in size]))
+        return kernel(name, radius, width=width, size=size, table=table).in_dimension(dimension)
     if isinstance(name, Kernel):
         return name
     canonical = _ALIASES.get(name, name) if isinstance(name, str) else None
@@ -108,10 +109,9 @@ def kernel(name, radius=None, *, width=None, size=None, table=None, dimension=No
         if radius is not None:
             return Box(np.full(3, 2.0 * _positive("radius", radius, canonical)), given=1)
         try:
-            edges = np.asarray(size, dtype=float)
-            edges = edges.copy() if edges.shape in ((2,), (3,)) else np.array(np.broadcast_to(edges, (3,)))
+            edges = np.array(np.broadcast_to(np.asarray(size, dtype=float), (3,)))
         except (ValueError, TypeError):
-            raise AtcError(f"kernel 'box': size must be three edge lengths (two in two dimensions), got {size!r}") from None
+            raise AtcError(f"kernel 'box': size must be three edge lengths (two with dimension=2), got {size!r}") from None
         return Box(np.array([_positive("size", e, canonical) for e in edges]), given=np.size(size))
     if canonical == "piecewise-linear":
         return _from_table(table)

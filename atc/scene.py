@@ -264,6 +264,8 @@ class Scene(Document):
         name = table.pop("name")
         if isinstance(table.get("table"), str):
             table["table"] = self._columns("kernel", "table", 2)
+        if isinstance(table.get("size"), list) and len(table["size"]) == 2:
+            table["dimension"] = 2
         try:
             return kernel(name, table.pop("radius", None), **table)
         except AtcError as e:

@@ -275,7 +275,7 @@ BAD = {
     "include missing": (f"units lj\n{LJ}include nothing.in", "line 4.*nothing.in: no such file"),
     "quote": (f"units lj\n{LJ}pair_modify 'shift yes", "line 4.*quote"),
     "exclusions": (f"units lj\n{LJ}neigh_modify exclude type 1 1", "line 4.*exclude"),
-    "two dimensions": (f"units lj\ndimension 2\n{LJ}", "line 2.*dimension 2"),
+    "four dimensions": (f"units lj\ndimension 4\n{LJ}", "line 2.*dimension 4.*expected 2 or 3"),
     "dielectric": (f"units lj\n{LJ}dielectric 0", "line 4.*positive"),
     "mix rule": (f"units lj\n{LJ}pair_modify mix mean", "line 4.*geometric, arithmetic"),
     "modify": (f"units lj\n{LJ}pair_modify special lj 0 0 0", "line 4.*special"),
