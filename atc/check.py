@@ -62,9 +62,10 @@ def check(traj, pot, kern, grid=None, *, points: int = 20, seed: int = 0, timest
     AtcError for frames without masses or velocities, a potential that does not fit, nothing to look at.
     """
     from . import read
+    from .planar import matched
     from .readers.memory import completed
 
-    traj = completed(read(traj), pot)
+    traj, pot = matched(completed(read(traj), pot), pot)
     n_frames = len(traj)
     if not n_frames:
         raise AtcError(f"{traj.source}: holds no complete frame")
@@ -90,7 +91,7 @@ def check(traj, pot, kern, grid=None, *, points: int = 20, seed: int = 0, timest
     if n_random < points:
         notes.append(f"only {n_random} of {points} random points keep clear of the kernel's kinks")
     h = law.step_length(kern_in)
-    stencils = law.stencil(x_gc, h)
+    stencils = law.stencil(x_gc, h, frame.dimension)
     deposit = law.deposit_at(stencils, kern_in, frame.cell, threads)
     state = _motion(frame, pot, threads, deposit)
     fields = law.deposited(state, deposit)

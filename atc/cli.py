@@ -216,6 +216,9 @@ def info(
     topology: Topology = None,
     units: UnitsOption = None,
     masses: Masses = None,
+    dimension: Annotated[
+        int | None, typer.Option("--dimension", metavar="2|3", help="2: a run in the plane (LAMMPS's dimension 2).", show_default=False)
+    ] = None,
     json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
 ) -> None:
     """What is in a trajectory, in which units, how precise, and what can be computed from it; or what is in an output of atc.
@@ -233,7 +236,7 @@ def info(
         report = describe_scene(load_scene(trajectory[0], None))
     else:
         source = trajectory if len(trajectory) > 1 else trajectory[0]
-        report = describe(source, topology=topology, units=units, masses=parse_masses(masses))
+        report = describe(source, topology=topology, units=units, masses=parse_masses(masses), dimension=dimension)
     if json:
         print(report.json())
     else:

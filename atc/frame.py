@@ -235,6 +235,11 @@ class Frame:
     def __len__(self):
         return len(self.positions)
 
+    @property
+    def dimension(self) -> int:
+        """3, or 2 for a frame of a two-dimensional run (see `atc.planar`)."""
+        return self.units.dimension
+
     def replace(self, **changes) -> Frame:
         """A copy with some attributes changed (the arrays not named are shared)."""
         return replace(self, **changes)

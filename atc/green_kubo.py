@@ -29,7 +29,7 @@ class HeatCurrents:
     """The heat current of the box, frame by frame; internal units.
 
     J_tc : (t, 3) heat flux times volume, energy·length/time, relative to the mass-mean velocity. dt : time between frames.
-    volume, temperature : their means (temperature of 3N−3 degrees of freedom). units : the user's. atoms : how many.
+    volume, temperature : their means (temperature of 3N−3, in the plane 2N−2, degrees of freedom). units : the user's. atoms : how many.
     notes : what to know of the frames.
     """
 
@@ -71,6 +71,8 @@ def heat_currents(frames, pot, *, dt: float | None = None, threads: int | None =
 
     from .estimators.compute import Settings, frame_fields
     from .estimators.sources import drift_velocity
+    from .planar import matched
+    from .readers.trajectory import Trajectory
     from .times import Clock
     from .verlet import Following
 
@@ -78,10 +80,14 @@ def heat_currents(frames, pot, *, dt: float | None = None, threads: int | None =
     J, volumes, temperatures, first = [], [], [], None
     clock, paths = Clock("a correlation function"), Paths()
     lists = Following(getattr(pot, "cutoff", 0.0))
+    if isinstance(frames, (list, tuple, Trajectory)):
+        frames, pot = matched(frames, pot)
     total = len(frames) if hasattr(frames, "__len__") else 0
     began = time.perf_counter()
     for frame in frames:
         frame = pot.complete(frame) if hasattr(pot, "complete") else frame
+        frame, pot = matched(frame, pot)
+        settings.pot = pot
         first = frame if first is None else first
         if len(frame) != len(first) or len(frame) < 2:
             raise AtcError(
@@ -97,7 +103,7 @@ def heat_currents(frames, pot, *, dt: float | None = None, threads: int | None =
         J.append(frame.units.to_internal("energy_current", np.asarray(current).reshape(3)))
         volumes.append(frame.cell.volume)
         kinetic = still.masses @ np.einsum("nc,nc->n", still.velocities, still.velocities)
-        temperatures.append(kinetic / ((3 * len(frame) - 3) * frame.units.boltzmann))
+        temperatures.append(kinetic / (frame.dimension * (len(frame) - 1) * frame.units.boltzmann))
         if progress is not None:
             progress(len(J), total, len(J) / max(time.perf_counter() - began, 1e-9))
     if first is None:
@@ -200,7 +206,7 @@ class Conductivity:
     value, stderr : mean of the three directions, and its error: standard error from the independent segments, and the last change of the integral
         before the plateau, added as squares
     components : {"x": (value, stderr), ...}: κ_xx, κ_yy, κ_zz over the same plateau. They differ in a crystal that is not cubic, or by chance.
-    si, si_stderr : value and stderr in W/(m K); None for reduced units
+    si, si_stderr : value and stderr in W/(m K) (two dimensions: W/K, `si_units`); None for reduced units
     plateau : (begin, end), lags over which the running integral is averaged
     converged : whether the integral had stopped to change
     time, correlation, correlation_stderr, integral, integral_stderr : (lags,) lag, ⟨J(0)·J(t)⟩/⟨J·J⟩ and the running integral as a conductivity
@@ -232,13 +238,14 @@ class Conductivity:
     atoms: int | None = None
     source: str = ""
     notes: list = field(default_factory=list)
+    si_units: str = "W/(m K)"
 
     def rows(self) -> list[tuple[str, str]]:
         """(what, text) to print."""
         t = self.time_units
         out = [("conductivity", f"{_pm(self.value, self.stderr)} {self.units}")]
-        if self.si is not None and self.units != SI:
-            out.append(("", f"{_pm(self.si, self.si_stderr)} {SI}"))
+        if self.si is not None and self.units != self.si_units:
+            out.append(("", f"{_pm(self.si, self.si_stderr)} {self.si_units}"))
         out.append(("by direction", ", ".join(f"{c} {_pm(*pair)}" for c, pair in self.components.items()) + f" {self.units}"))
         out.append(
             ("plateau", f"{self.plateau[0]:.4g} to {self.plateau[1]:.4g} {t}" + ("" if self.converged else " (the integral still changes)"))
@@ -296,7 +303,7 @@ class Conductivity:
         return figure
 
 
-SI = "W/(m K)"
+SI, SI_PLANE = "W/(m K)", "W/K"
 
 
 def _pm(value, error) -> str:
@@ -355,7 +362,8 @@ def _analysed(currents: HeatCurrents, segments, plateau, longest) -> Conductivit
     from .estimators.correlation import mean_and_error, running_integral, segment_integrals
     from .estimators.correlation import plateau as find_plateau
 
-    u, J = currents.units, currents.J_tc
+    u = currents.units
+    J = currents.J_tc[:, : u.dimension]
     if not isinstance(segments, int) or isinstance(segments, bool) or segments < 2:
         raise AtcError(f"segments={segments!r}: expected a whole number of at least 2, or there is no error to be had")
     length = len(J) // segments
@@ -376,7 +384,7 @@ def _analysed(currents: HeatCurrents, segments, plateau, longest) -> Conductivit
     integral_ml = integral_mlk.mean(axis=2)
     where = find_plateau(integral_ml) if plateau is None else _given_plateau(plateau, runs, u)
     value, stderr = where.value(integral_ml)
-    components = {c: where.value(integral_mlk[:, :, k]) for k, c in enumerate("xyz")}
+    components = {c: where.value(integral_mlk[:, :, k]) for k, c in enumerate("xyz"[: u.dimension])}
     c0 = runs.acf_mlk[:, 0].mean()
     if not c0 > 0:
         raise AtcError(f"{currents.source}: its heat currents are all 0: are the velocities there?")
@@ -401,10 +409,10 @@ def _analysed(currents: HeatCurrents, segments, plateau, longest) -> Conductivit
         notes.append(
             f"the frames are too far apart to resolve the current: the integral is off by about {coarse:.2g} {_label(u)}; write them more often"
         )
-    to_si = None if u.reduced else u.factor("conductivity") / _si().factor("conductivity")
+    to_si = None if u.reduced else u.factor("conductivity") / _si(u.dimension).factor("conductivity")
     return Conductivity(
         value=value, stderr=stderr, components=components, units=_label(u), si=None if to_si is None else value * to_si,
-        si_stderr=None if to_si is None else stderr * to_si,
+        si_stderr=None if to_si is None else stderr * to_si, si_units=SI if u.dimension == 3 else SI_PLANE,
         plateau=tuple(float(u.to_user("time", runs.dt * l)) for l in (where.begin, where.end)), converged=where.found,
         time=u.to_user("time", runs.time), time_units=u.label("time"), correlation=correlation, correlation_stderr=correlation_stderr,
         integral=integral, integral_stderr=integral_stderr, samples=len(J), segments=segments, dt=float(u.to_user("time", currents.dt)),
@@ -440,8 +448,8 @@ def conductivity_of_scene(scene, *, segments=10, plateau=None, longest=None, dt=
     return _analysed(currents, segments, plateau, longest)
 
 
-def _si() -> Units:
-    return units("si")
+def _si(dimension) -> Units:
+    return units("si").planar if dimension == 2 else units("si")
 
 
 def _label(u: Units) -> str:

@@ -40,6 +40,7 @@ def identity(request) -> dict:
         "group": request.group() if request.group() > 1 else None,
         "horizon": None if request.horizon is None else float(request.horizon),
         "units": request.first.units.name,
+        "dimension": request.first.dimension,
         "reference": frame_digest(request.reference) if work.reference_users and request.reference is not None else None,
     }
 

@@ -86,7 +86,9 @@ class Request:
             if value is not None and not hasattr(value, method):
                 raise AtcError(f"{name} is a {type(value).__name__}: expected what {hint} gives")
         self.work = Work.of(self.quantities, getattr(self.pot, "central", True))
-        self.frames = as_frames(self.traj, self.pot)
+        from .planar import matched, planar
+
+        self.frames, self.pot = matched(as_frames(self.traj, self.pot), self.pot)
         self.n_frames = len(self.frames)
         if not self.n_frames:
             raise AtcError("the trajectory has no frames: nothing to compute")
@@ -106,9 +108,16 @@ class Request:
                 raise AtcError(f"{name} {value!r}: expected a whole number, 1 or more")
         if self.tiles is not None:
             t = np.asarray(self.tiles)
-            if t.shape != (3,) or t.dtype.kind not in "iu" or (t < 1).any():
-                raise AtcError(f"tiles {self.tiles!r}: expected three whole numbers, 1 or more, e.g. (2, 2, 1)")
-            self.tiles = tuple(int(n) for n in t)
+            flat = self.frames[0].dimension == 2
+            if (
+                t.dtype.kind not in "iu"
+                or t.shape not in ((3,), (2,) if flat else (3,))
+                or (t < 1).any()
+                or (flat and t[2:].any() and t[2] != 1)
+            ):
+                expected = "two whole numbers, 1 or more, e.g. (2, 2)" if flat else "three whole numbers, 1 or more, e.g. (2, 2, 1)"
+                raise AtcError(f"tiles {self.tiles!r}: expected {expected}")
+            self.tiles = (*(int(n) for n in t), 1)[:3]
         if self.reference is not None and not isinstance(self.reference, Frame):
             if isinstance(self.reference, (int, np.integer)):
                 try:
@@ -120,6 +129,12 @@ class Request:
         elif self.reference is not None and getattr(self.pot, "setup", None) is not None:
             self.reference = self.pot.complete(self.reference)
         self.first = self.frames[0]
+        if self.reference is not None and self.reference.dimension != self.first.dimension:
+            if self.first.dimension == 3:
+                raise AtcError(f"the reference {self.reference.source} is of a two-dimensional run, but {self.first.source} is not")
+            self.reference = planar(self.reference)
+        if self.kern is not None and self.work.kernel_users:
+            self.kern.in_dimension(self.first.dimension)
         if self.work.grid_users and hasattr(self.grid, "fixed"):
             # Every entry of the output has as many points as the first.
             where = self.first if set(self.work.grid_users) - set(self.work.on_reference) or self.reference is None else self.reference

@@ -252,14 +252,15 @@ class Scene(Document):
     def _open(self, read, path, topology):
         """The trajectory; where neither it nor the scene says its units, those of the script that made it."""
         units, masses = self.get("trajectory", "units"), self.get("trajectory", "masses")
+        dimension = self.get("trajectory", "dimension")
         try:
-            traj = read(path, topology=topology, units=units, masses=masses)
+            traj = read(path, topology=topology, units=units, masses=masses, dimension=dimension)
         except AtcError:
             pot = self._script() if units is None else None
             if pot is None:
                 raise
             try:
-                traj = read(path, topology=topology, units=pot.units.name, masses=masses)
+                traj = read(path, topology=topology, units=pot.units.name, masses=masses, dimension=dimension)
             except AtcError:
                 traj = None
             if traj is None:
@@ -303,6 +304,8 @@ class Scene(Document):
         name = table.pop("name")
         if isinstance(table.get("table"), str):
             table["table"] = self._columns("kernel", "table", 2)
+        if isinstance(table.get("size"), list) and len(table["size"]) == 2:
+            table["dimension"] = 2
         try:
             return kernel(name, table.pop("radius", None), **table)
         except AtcError as e:
@@ -361,7 +364,7 @@ class Scene(Document):
         kind = table.pop("kind")
         if kind == "points":
             xyz = table["points"]
-            table = {"xyz": self._columns("grid", "points", 3) if isinstance(xyz, str) else xyz}
+            table = {"xyz": self._columns("grid", "points", 3, 2) if isinstance(xyz, str) else xyz}
         try:
             return getattr(Grid, kind)(**table)
         except AtcError as e:
@@ -449,8 +452,8 @@ class Scene(Document):
                 shutil.rmtree(partial, ignore_errors=True)
             raise
 
-    def _columns(self, section, key, count):
-        """A text file of numbers, `count` to a line."""
+    def _columns(self, section, key, count, fewer=None):
+        """A text file of numbers, `count` to a line (or `fewer`)."""
         import numpy as np
 
         path = self.path(section, key)
@@ -460,7 +463,7 @@ class Scene(Document):
             raise self._bad(section, key, f"{path} cannot be read: {e.strerror or e}") from None
         except ValueError as e:
             raise self._bad(section, key, f"{path}: expected {count} numbers a line: {' '.join(str(e).split())}") from None
-        if values.shape[1] != count or not len(values):
+        if values.shape[1] not in (count, fewer) or not len(values):
             raise self._bad(section, key, f"{path}: expected {count} numbers a line, found {values.shape[1] if len(values) else 'none'}")
         return values
 

@@ -132,10 +132,11 @@ def verify(traj, pot, calculator=None, *, symbols=None, threads: int = 1) -> Ver
         without calculator, where the trajectory has no forces; where the calculator fails.
     """
     from .plan import as_frames
+    from .planar import matched
 
     if not hasattr(pot, "stream"):
         raise AtcError(f"pot is a {type(pot).__name__}: expected what atc.potential('pair_style ...') gives")
-    frames = as_frames(traj, pot)
+    frames, pot = matched(as_frames(traj, pot), pot)
     if not len(frames):
         raise AtcError("the trajectory has no frames: nothing to verify")
     u = frames[0].units
@@ -160,7 +161,7 @@ def verify(traj, pot, calculator=None, *, symbols=None, threads: int = 1) -> Ver
             u.to_user("force", float(np.sqrt((difference**2).mean()))) if len(frame) else 0.0,
             None if worst is None else int(frame.ids[worst]),
         )
-        if stress is not None and frame.cell.periodic.all():
+        if stress is not None and frame.cell.periodic[: frame.dimension].all():
             c.stress_max = u.to_user("pressure", float(np.abs(stress).max()))
             c.stress_error = u.to_user("pressure", float(np.abs(mine.virial_cc / frame.cell.volume - stress).max()))
         out.frames.append(c)

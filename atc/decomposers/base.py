@@ -166,6 +166,7 @@ class Potential:
     remarks : tuple of str, what else `describe` should say
     masses : {type: mass}, internal units, as far as LAMMPS lines (or the data file they read) say
     data_file : Path or None, the file of the script's ``read_data`` line
+    dimension : 2 where the model is that of a two-dimensional run (LAMMPS's ``dimension 2``), else 3; dimension_said : whether the lines say so
     unmentioned : kinds of bonded terms ("bond", "angle", ...) that LAMMPS lines say nothing of, not even ``bond_style none``
     outside : forces on atoms from outside that the script has besides (walls, fields, friction), one text for each; they are no part of the stress
     atom_style : words of the script's ``atom_style``, "" if it has none
@@ -177,6 +178,8 @@ class Potential:
     text: str | None = None  # the LAMMPS lines it was made from, or
     file: str | None = None  # the name of the input script
 
+    dimension: int = 3
+    dimension_said: bool = False
     masses: Mapping[int, float] = MappingProxyType({})
     data_file = None
     remarks: tuple[str, ...] = ()
@@ -294,6 +297,10 @@ class Potential:
         """
         require_compatible(self.units, frame.units, "the potential", frame.source)
         frame = self.complete(frame)
+        if self.dimension == 2 and frame.dimension == 3:
+            from ..planar import planar
+
+            frame = planar(frame)
         n = len(frame)
         accs = [Accumulator(n, forces, energies, sources) for _ in range(threads)]
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..compiled import njit
 from ..errors import AtcError
-from ..kernels import Box, BSpline, Gaussian, GaussianMarginal, Radial
+from ..kernels import Box, BSpline, Gaussian, Radial
 from ._simd import JIT
 
 _RADIAL, _GAUSSIAN, _BSPLINE = 0, 1, 2
@@ -234,14 +234,7 @@ def _gather(points, kind, radii, coef, x_nc, a_nk, w_n, start, bins, low, scale,
 
 def marginal_slope(marginal, z):
     """dφ₁/dz of a kernel integrated over planes."""
-    z = np.asarray(z, float)
-    if isinstance(marginal, GaussianMarginal):
-        return -z / marginal.width**2 * marginal.phi(z)
-    total = np.zeros_like(z)
-    for R, c in zip(marginal.radii, marginal.coef_mk):
-        u = np.abs(z) / R
-        total += np.where(u < 1.0, np.polynomial.polynomial.polyval(u, c[1:] * np.arange(1, len(c))) / R, 0.0)
-    return np.sign(z) * total
+    return marginal.slope(z)
 
 
 def _gather_slab(bound, kernel, cell, x_nc, a_nk, gradient):

@@ -45,9 +45,9 @@ def powers(n: int) -> list[tuple[int, int, int]]:
     return [(a, b, n - a - b) for a in range(n, -1, -1) for b in range(n - a, -1, -1)]
 
 
-def count(order: int) -> int:
-    """Numbers that an atom carries."""
-    return sum(len(powers(n)) for n in range(2, order + 3))
+def count(order: int, dimension: int = 3) -> int:
+    """Numbers that an atom carries; in the plane those without z."""
+    return sum(len(powers(n)) if dimension == 3 else n + 1 for n in range(2, order + 3))
 
 
 def _padded(n):
@@ -57,10 +57,10 @@ def _padded(n):
 class Layout:
     """Where what is in a row: degree by degree, each filled up to a multiple of four numbers; then the atom's position, in double precision.
 
-    columns : (k,) of the monomials; powers : (k, 3) theirs; place : of the position, in doubles; row : length, in numbers
+    columns : (k,) of the monomials (in the plane of those without z, the others are 0); powers : (k, 3) theirs; place : of the position, in doubles; row : length, in numbers
     """
 
-    def __init__(self, order, real):
+    def __init__(self, order, real, dimension=3):
         self.order, self.real = order, real
         columns, exponents, end = [], [], 0
         for n in range(2, order + 3):
@@ -70,6 +70,9 @@ class Layout:
             end += _padded(len(monomials))
         size = np.dtype(real).itemsize
         self.columns, self.powers = np.array(columns), np.array(exponents)
+        if dimension == 2:
+            flat = self.powers[:, 2] == 0
+            self.columns, self.powers = self.columns[flat], self.powers[flat]
         self.place = end * size // 8
         # Whole quarters of a cache line.
         self.row = 16 * ((end * size + 24 + 15) // 16) // size

@@ -15,7 +15,7 @@ _TOPOLOGIES = (".psf", ".top", ".itp", ".prmtop", ".parm7", ".tpr")
 _LAMMPS_NAMES = (".lammpstrj", ".dump", ".lammpsdump")
 
 
-def read(source, topology=None, units=None, masses=None):
+def read(source, topology=None, units=None, masses=None, dimension=None):
     """A lazy, sliceable trajectory of `Frame`s.
 
     Parameters
@@ -34,6 +34,9 @@ def read(source, topology=None, units=None, masses=None):
         A contradiction between the argument and the file is an error.
     masses
         ``{type or name: mass}`` or a list for types 1, 2, ..., in the trajectory's units; goes before all other masses.
+    dimension : 2 or 3
+        2: a run in the plane z = const (LAMMPS's ``dimension 2``); fields are per area then, pressures forces per length. Not given: what the
+        potential says, else 3.
 
     Returns
     -------
@@ -45,6 +48,15 @@ def read(source, topology=None, units=None, masses=None):
     AtcError
         Unknown units, contradictions, a file that is damaged or not a trajectory.
     """
+    trajectory = _read(source, topology, units, masses)
+    if dimension is None:
+        return trajectory
+    from ..planar import in_dimension
+
+    return in_dimension(trajectory, dimension)
+
+
+def _read(source, topology, units, masses):
     from ..frame import Frame
 
     if isinstance(source, (str, os.PathLike)):

@@ -23,8 +23,13 @@ class FrameList(Trajectory):
                 raise AtcError(f"item {k} of the list is a {type(f).__name__}, expected a Frame like the first")
             if f.units.name != self.units.name:
                 raise AtcError(f"frame {k} of the list has units {f.units.name!r}, the first {self.units.name!r}: they must agree")
+            if f.dimension != self.units.dimension:
+                raise AtcError(
+                    f"frame {k} of the list is of a {f.dimension}-D run, the first of a {self.units.dimension}-D one: they must agree"
+                )
         if units is not None and unit_system(units).name != self.units.name:
             raise AtcError(f"the frames are in {self.units.name!r} units but the units argument says {unit_system(units).name!r}")
+        self.dimension = 2 if self.units.dimension == 2 else None
         self._masses = None if masses is None else Masses(masses, self.units)
 
     @property
@@ -47,6 +52,7 @@ class Completed(Trajectory):
     def __init__(self, base: Trajectory, pot):
         super().__init__()
         self.base, self.pot, self.units, self.source = base, pot, base.units, base.source
+        self.assumed, self.dimension = base.assumed, base.dimension
 
     @property
     def type_names(self):
@@ -85,7 +91,8 @@ class Adapted(Trajectory):
 
     def __init__(self, base: Trajectory, units=None, masses=None):
         super().__init__()
-        self.base, self.units, self.source, self.assumed = base, base.units, base.source, base.assumed
+        self.base, self.units, self.source = base, base.units, base.source
+        self.assumed, self.dimension = base.assumed, base.dimension
         if units is not None and unit_system(units).name != base.units.name:
             raise AtcError(f"{base.source} was opened in {base.units.name!r} units but the units argument says {unit_system(units).name!r}")
         self._masses = None if masses is None else Masses(masses, self.units)

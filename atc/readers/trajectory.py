@@ -29,6 +29,8 @@ class Trajectory(Sequence):
         What to call the trajectory in messages, usually its path.
     type_names : dict
         {type: name} where the source knows names (elements, type labels).
+    dimension : int or None
+        2 or 3 where whoever opened it said so (2: its frames are those of a two-dimensional run, see `atc.planar`); None: nobody did.
 
     For a new source, subclass it and write ``__len__`` and ``_frame(k)`` for 0 ≤ k < len.
     """
@@ -37,6 +39,7 @@ class Trajectory(Sequence):
     source: str = "trajectory"
     #: What the reader takes for granted because the format cannot say it: sentences for `atc info`.
     assumed: tuple[str, ...] = ()
+    dimension: int | None = None
 
     def __init__(self):
         self._guard = threading.RLock()
@@ -204,7 +207,8 @@ class _View(Trajectory):
     def __init__(self, base: Trajectory, which: slice | range):
         super().__init__()
         self.base, self._which = base, which
-        self.units, self.source, self.assumed = base.units, base.source, base.assumed
+        self.units, self.source = base.units, base.source
+        self.assumed, self.dimension = base.assumed, base.dimension
         if isinstance(which, slice) and which.step == 0:
             raise ValueError("slice step cannot be zero")
 

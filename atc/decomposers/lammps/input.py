@@ -384,6 +384,9 @@ def _assemble(model: _Model, name: str) -> Potential:
     pot.remarks = (*notes, *model.notes)
     pot.masses = {t: float(model.units.to_internal("mass", m)) for t, m in model.masses.items()}
     pot.data_file = model.data_file
+    # A script that makes the box without a word is LAMMPS's default; lines that say nothing leave it to the trajectory.
+    pot.dimension = model.dimension or 3
+    pot.dimension_said = model.dimension is not None or model.data_file is not None
     pot.unmentioned = tuple(k for k in _BONDED if k not in model.styles and k not in model.declined)
     return pot
 
