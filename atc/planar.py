@@ -180,7 +180,8 @@ def matched(frames, pot=None):
 def thin(frame: Frame) -> bool:
     """Whether a frame looks like one of a two-dimensional run: all atoms at one z, in a cell that repeats along z and is hardly thicker than an atom."""
     n, cell = len(frame), frame.cell
-    if frame.dimension == 2 or n < 16 or not cell.periodic[2] or not cell.volume > 0:
+    # Nodes with a volume of their own are pieces of a continuum.
+    if frame.dimension == 2 or n < 16 or "volume" in frame.extra or not cell.periodic[2] or not cell.volume > 0:
         return False
     height = float(cell.heights[2])
     apart = np.sqrt(cell.volume / height / n)
