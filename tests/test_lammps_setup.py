@@ -404,3 +404,63 @@ def test_many_body_styles_leave_no_pairs_out(tmp_path):
     (tmp_path / "in.run").write_text("units metal\npair_style sw\npair_coeff * * Si.sw Si Si\nneigh_modify exclude type 1 2\n")
     with pytest.raises(AtcError, match="line 4: neigh_modify exclude is not supported with pair_style sw"):
         atc.potential(tmp_path / "in.run")
+
+
+def test_masses_that_the_script_gives(tmp_path):
+    charged(tmp_path)
+    text = IONS.replace("read_data q.data\n", "read_data q.data\nmass 1 25.0\n")
+    run_script(tmp_path, text)
+    pot = atc.potential(tmp_path / "in.run")
+    for frame in (atc.read(tmp_path / "run.dump", units="real")[0], atc.read(tmp_path / "q.data", units="real")[0]):
+        full = pot.complete(frame)
+        assert set(full.masses[full.types == 1]) == {25.0} and set(full.masses[full.types == 2]) == {10.0}
+    own = atc.read(tmp_path / "run.dump", units="real", masses={1: 7.0, 2: 8.0})[0]  # the user's word goes first
+    assert set(pot.complete(own).masses) == {7.0, 8.0}
+
+
+LATE = {
+    "excluded": ("neigh_modify exclude type 1 1", "line 8: neigh_modify exclude type 1 holds in run 2"),
+    "charges": ("set type 1 charge 0.5", "charges.*comes after a run"),
+    "numbers": ("delete_atoms overlap 0.1 all all", "delete_atoms gives atoms new numbers after a run"),
+    "boundary": ("change_box all boundary p p f", "boundaries are not known.*comes after a run"),
+}
+
+
+@pytest.mark.parametrize("case", LATE)
+def test_what_comes_between_runs(case, tmp_path):
+    charged(tmp_path)
+    line, says = LATE[case]
+    (tmp_path / "in.run").write_text(IONS + "run 0\n" + line + "\nrun 0\n")
+    frame = atc.read(tmp_path / "q.data", units="real")[0]
+    with pytest.raises(AtcError, match=says):
+        atc.potential(tmp_path / "in.run").stream(frame)
+    assert np.isfinite(atc.potential(tmp_path / "in.run", run=1).stream(frame).energy)
+
+
+def test_a_group_that_changes_between_runs(tmp_path):
+    polymers(tmp_path)
+    ran = run_script(tmp_path, CHAINS + "group g id 1:20\nneigh_modify exclude group g g\nrun 0\ngroup g id 21:40\n")
+    with pytest.raises(AtcError, match="who is in group g.*comes after a run"):
+        run_script(tmp_path, (tmp_path / "in.run").read_text() + "run 0\n")
+        compare(tmp_path, ran)
+
+
+def test_atoms_that_may_be_lost(tmp_path):
+    charged(tmp_path)
+    text = IONS + "set type 1 charge -1.0\nset type 2 charge 1.0\ngroup g id 1:60\n"
+    run_script(tmp_path, text + "thermo_modify lost ignore\ndump 1 g custom 1 some.dump id type x y z\nrun 0\n")
+    assert np.isfinite(atc.potential(tmp_path / "in.run").stream(atc.read(tmp_path / "some.dump", units="real")[0]).energy)
+
+
+def test_atoms_that_a_fix_brings(tmp_path):
+    """Their charges are known from the frames only."""
+    charged(tmp_path)
+    text = (
+        IONS
+        + "set type 1 charge -1.0\nset type 2 charge 1.0\nregion r block EDGE EDGE EDGE EDGE EDGE EDGE units box\nfix d all deposit 3 2 1 493 region r near 1.0\n"
+    )
+    text += "fix n all nve\ntimestep 0.01\nrun 5\n"
+    run_script(tmp_path, text)
+    with pytest.raises(AtcError, match="charges of atoms are needed and not known.*fix deposit adds or removes atoms"):
+        atc.potential(tmp_path / "in.run").stream(atc.read(tmp_path / "run.dump", units="real")[0])
+    agree(tmp_path, text, columns="id type q x y z fx fy fz")

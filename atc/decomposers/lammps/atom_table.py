@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import AtcError
-from .atom_commands import PROPERTIES, SECTIONS, touches
+from .atom_commands import MOLECULAR, PROPERTIES, SECTIONS, touches
 from .regions import Region, Trouble
 from .script import Command
 
@@ -155,13 +155,26 @@ class AtomTable:
 
     def change_later(self, c: Command) -> None:
         """A command behind the run, which holds for later frames: what it touches is unknown."""
+        later = f"{c.where}: {c.name} comes after a run, and holds for the frames behind it only: say run = N in [potential]"
+        if c.name == "group":
+            nobody = np.zeros(len(self.ids), bool)
+            for name in c.words[:1]:
+                self.groups.setdefault(name, Group(nobody, nobody)).unsure = ~nobody
+                self.group_why.setdefault(name, later)
         for what in touches(c):
-            if what == "atoms":
+            if what == "ids":
+                if not (c.name == "delete_atoms" and self._keeps_ids(c)):
+                    for p in ("charges", "molecules", "masses", *SECTIONS):
+                        self.taint_everyone(p, f"{c.where}: {c.name} gives atoms new numbers after a run")
+            elif what == "atoms":
                 self.complete, self.may_miss = False, self.may_miss or f"{c.where}: {c.name} comes after a run"
             else:
-                self.taint_everyone(
-                    what, f"{c.where}: {c.name} comes after a run, and holds for the frames behind it only: say run = N in [potential]"
-                )
+                self.taint_everyone(what, later)
+
+    def _keeps_ids(self, c: Command) -> bool:
+        """Whether a ``delete_atoms`` command leaves the atoms their numbers: those of molecules do, and ``compress no``."""
+        options = dict(zip(c.words, c.words[1:], strict=False))
+        return options.get("compress", "yes") == "no" or bool(MOLECULAR & set(self.origin.atom_style))
 
     # What it says of frames --------------------------------------------------------------------------------------------------------------
 

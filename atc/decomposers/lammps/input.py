@@ -101,7 +101,7 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
     if script or concerned or changing:
         pot.setup = Setup(
             name, folder, model.units.name, pot.dimension, _atom_style(model), choice.state.atoms, choice.late, changing,
-            tuple(script_run.written_data), _needs(pot, model), model.exclusions.groups if model.exclusions else (),
+            tuple(script_run.written_data), _needs(pot, model), model.exclusions.groups if model.exclusions else (), script_run.may_lose,
         )  # fmt: skip
         pot.remarks = (*pot.remarks, *pot.setup.remarks())
     if script:

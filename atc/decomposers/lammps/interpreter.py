@@ -101,6 +101,7 @@ class Interpreter:
     state : State, at the end
     written : [(file name of a dump, number of the first run it is written in, of the first one it is not, or None)]
     written_data : names of the data files that are written
+    may_lose : the line that lets LAMMPS go on where atoms are lost, or ""
     """
 
     def __init__(self, folder: Path, script: bool = False, path: Path | None = None):
@@ -116,6 +117,7 @@ class Interpreter:
         self._files: dict[Path, _File] = {}
         self._skip_jump = False
         self._executed = self._depth = 0
+        self.may_lose = ""
         self._fixes: tuple[Command, ...] = ()
         self._restarts: dict[str, tuple[list, list]] = {}
         self._restored: set[str] = set()
@@ -191,6 +193,10 @@ class Interpreter:
             self._refuse(name, line)
         elif kind == "control":
             return getattr(self, f"_{name}")(line, file, p)
+        elif name == "thermo_modify":
+            words, _ = self._known_words(line)
+            if "lost" in words and words[words.index("lost") + 1 :][:1] in (["ignore"], ["warn"]):
+                self.may_lose = line.where
         elif name in ("dump", "undump", "write_data", "write_restart"):
             self._dump(name, line)
         return None
@@ -229,8 +235,10 @@ class Interpreter:
     def _take_atoms(self, name: str, line: Line) -> None:
         words, why = self._known_words(line)
         c = Command(name, tuple(words[1:]), line.where, why)
-        if name == "neigh_modify" and not {"exclude", "include"} & set(c.words):
-            return
+        if name == "neigh_modify":
+            if not {"exclude", "include"} & set(c.words):
+                return
+            self.model.append(c)
         self.atoms.append(c)
 
     def _refuse(self, name: str, line: Line) -> None:
@@ -252,7 +260,7 @@ class Interpreter:
         if file not in self._restarts:
             return False
         model, atoms = self._restarts[file]
-        self.model = list(model)
+        self.model = [c for c in model if c.name != "neigh_modify"]
         self.atoms = [c for c in atoms if c.name not in ("region", "lattice", "neigh_modify")]
         self._restored = {c.name.partition("_")[0] for c in model if c.name.endswith("_style") and c.name != "atom_style"}
         return True

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...errors import AtcError
-from .atom_commands import MOLECULAR, PROPERTIES, SECTIONS
+from .atom_commands import PROPERTIES, SECTIONS
 from .atom_table import AtomTable, Group, rows_of
 from .regions import Trouble
 
@@ -39,7 +39,7 @@ class Places(AtomTable):
         if unsure.any():
             # Those that are left are in the frame.
             _, found = rows_of(self.shown_ids, self.ids)
-            if options.get("compress", "yes") == "yes" and not self._molecular():
+            if not self._keeps_ids(c):
                 self.complete = False
             else:
                 inside = inside | (unsure & ~found)
@@ -52,11 +52,8 @@ class Places(AtomTable):
                 keep = found.reshape(members.shape).all(1)
                 self.bonded[s] = types[keep], members[keep]
             self.weighted = None
-        if options.get("compress", "yes") == "yes" and not self._molecular():
+        if not self._keeps_ids(c):
             self._renumber(f"{c.where}: delete_atoms gives atoms new numbers (compress no keeps them)")
-
-    def _molecular(self) -> bool:
-        return bool(MOLECULAR & set(self.origin.atom_style))
 
     def _renumber(self, why: str):
         """Atoms lose their numbers: what is the same for all atoms of a type is still known, by the types that the frames show."""

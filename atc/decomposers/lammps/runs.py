@@ -94,7 +94,12 @@ def _choice(states, numbers) -> Choice:
         s = states[k]
         if id(s._atoms) not in longest or s._n_atoms > longest[id(s._atoms)]._n_atoms:
             longest[id(s._atoms)] = s
-    late = [c for s in list(longest.values())[:_MOST] for c in s.atoms_beyond(first) if c.name != "run" and (c.unknown or touches(c))]
+    late = [
+        c
+        for s in list(longest.values())[:_MOST]
+        for c in s.atoms_beyond(first)
+        if c.name != "run" and (c.unknown or touches(c) or c.name == "group")
+    ]
     fixes = {c: None for t in _distinct(states[k].fixes for k in numbers) for c in t}
     before = {c: None for t in _distinct(s.fixes for s in states[: numbers[-1] + 1]) for c in t}
     return Choice(first, tuple(dict.fromkeys(late)), tuple(fixes), tuple(before))

@@ -31,6 +31,10 @@ _DUMP = {
 }
 
 
+#: Instead of values: the frame is better off without the property.
+_NOT_KNOWN = object()
+
+
 @dataclass
 class Setup:
     """The atoms of a script.
@@ -43,6 +47,7 @@ class Setup:
     written : names of the data files that the script writes
     needs : which of "charges", "topology", "molecules" the potential depends on
     groups : names of the groups that pair exclusions need, bit k of `Frame.groups` the k-th
+    may_lose : the line that lets atoms be lost, or ""
     """
 
     name: str
@@ -56,6 +61,7 @@ class Setup:
     written: tuple[str, ...] = ()
     needs: frozenset = frozenset()
     groups: tuple[str, ...] = ()
+    may_lose: str = ""
 
     def __post_init__(self):
         self._cache = None
@@ -174,17 +180,17 @@ class Setup:
         for p, attribute in _FRAME.items():
             value = self._property(frame, table, p, rows, found, u)
             if value is not None:
-                changes[attribute] = value
+                changes[attribute] = None if value is _NOT_KNOWN else value
         top = self._topology(frame, table)
         if top is not None:
             changes["topology"] = top if top or self._has_bonds() else None
         if self.groups:
             changes["groups"] = self._group_bits(frame, table, rows, found)
-        if given.get("boundary") and table.boundary is not None:
+        if given.get("boundary"):
             if "boundary" in table.why:
                 raise AtcError(f"{frame.source}: the boundaries are not known: {table.why['boundary']}")
-            periodic = [w in ("p", "pp") for w in table.boundary]
-            changes["cell"] = Cell(frame.cell.vectors, frame.cell.origin, periodic)
+            if table.boundary is not None:
+                changes["cell"] = Cell(frame.cell.vectors, frame.cell.origin, [w in ("p", "pp") for w in table.boundary])
         return frame.replace(**changes, given=left)
 
     def _unnumbered(self, frame):
@@ -212,7 +218,7 @@ class Setup:
 
     def _concerns(self, frame) -> bool:
         """Whether there is anything that the script could add to a frame, at little cost."""
-        if self.groups or frame.given or self.changing:
+        if self.groups or frame.given or self.changing or self.data_files:
             return True
         if frame.charges is None or frame.masses is None or ("molecules" in self.needs and frame.molecules is None):
             return bool(self.commands)
@@ -235,9 +241,9 @@ class Setup:
         if not found.all() and table.complete and self.data_files and self.missing_or_none(table) is None:
             raise AtcError(
                 f"{frame.source}: atom {frame.ids[~found][0]} is not among the atoms of {self.name} ({', '.join(p.name for p in self.data_files)}): "
-                "they belong to different systems"
+                "they belong to different systems; where only the model of the script is meant, write its lines into lammps of [potential]"
             )
-        if table.may_miss or not self.data_files:
+        if table.may_miss or self.may_lose or not self.data_files or self.missing_or_none(table) is not None:
             return
         _, there = rows_of(frame.ids, table.ids)
         gone = table.alive & ~there
@@ -279,9 +285,9 @@ class Setup:
             why = self._why(table, p, frame.ids[~known][0], found[~known][0])
             if old is not None and file:
                 changed = p in self.edits or p in table.why or p in self.changing
-                if changed:
+                if changed and (p in self.needs or p == "types"):
                     self._trust(frame, p, file, why)
-                return None
+                return _NOT_KNOWN if changed and self.is_own(file) else None
             if p in self.needs or p == "types":
                 raise AtcError(f"{frame.source}: the {p} of atoms are needed and not known: {why}: {_DUMP[p]}")
             return None
@@ -321,6 +327,8 @@ class Setup:
             if file and not any(s in self.edits for s in SECTIONS):
                 return None
             why = f"{missing}, which {self.name} reads, is not there"
+        if not self._has_bonds() and frame.topology is None:
+            return None
         if why is not None and (self._has_bonds() or file):
             if frame.topology is not None:
                 self._trust(frame, "topology", file, why)
