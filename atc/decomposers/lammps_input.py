@@ -298,6 +298,10 @@ def _assemble(model: _Model, name: str) -> Potential:
             terms += _bonded_terms(model, model.styles[kind])
     if not terms:
         raise AtcError(f"{name}: no interactions found: expected pair_style or bond_style lines with their coefficients")
+    if any("charmm" in t.describe() for t in terms):
+        from .one_four import one_four_terms
+
+        terms += one_four_terms(terms)
     pot = Potential(terms, model.units)
     pot.remarks = (*notes, *model.notes)
     pot.masses = {t: float(model.units.to_internal("mass", m)) for t, m in model.masses.items()}
