@@ -317,7 +317,7 @@ class _PairBuild:
         self.model, self.style = model, style
         self.lines = _coeff_lines(model, style)
         self.hybrid: Hybrid | None = None
-        if style.name in ("hybrid", "hybrid/overlay"):
+        if style.name in ("hybrid", "hybrid/overlay", "hybrid/scaled"):
             self.hybrid = parse_hybrid(style, self.lines, apply_modify)
             self.lines = [line for _, line in self.hybrid.order]
             self.tail = any(s.modify.tail for s in self.hybrid.subs)
@@ -344,6 +344,14 @@ class _PairBuild:
                     raise AtcError(
                         f"{style.where}: {sub.called} must act on all pairs of the types that it maps: give the other sub-style's pairs to types mapped to NULL"
                     )
+            if sub.factor != 1.0:
+                from .scaled import Scaled
+
+                if any(isinstance(b, Term) for b in built):
+                    raise AtcError(
+                        f"{style.where}: {style.name} with a factor other than 1 for {sub.called} is not supported: only for pair potentials"
+                    )
+                built = [Scaled(b, sub.factor) for b in built]
             out += [b for b in built if isinstance(b, Term) or b.cutoff > 0]
         return out
 
@@ -364,7 +372,7 @@ def _pair_terms(build: _PairBuild, special: SpecialBonds) -> list[Term]:
     """All PairStyles in one sweep; terms of their own (sw) beside it."""
     built = build(build.n_types)
     styles = [b for b in built if isinstance(b, PairStyle)]
-    terms: list[Term] = [_Unweighted(b, special) for b in built if isinstance(b, Term)]
+    terms: list[Term] = [b if getattr(b, "unweighted", False) else _Unweighted(b, special) for b in built if isinstance(b, Term)]
     if styles:
         terms.insert(0, Pairs(styles, build.n_types, special, grow=_PairGrow(build)))
     return terms
