@@ -235,7 +235,10 @@ def test_data_file_that_is_missing_matters_only_if_needed(tmp_path):
 
 LJ = "pair_style lj/cut 5\npair_coeff 1 1 1 1\n"
 BAD = {
-    "unsupported style": ("units metal\npair_style reaxff NULL\npair_coeff * * ffield C", "line 2.*reaxff is not supported: it finds its charges"),
+    "unsupported style": (
+        "units metal\npair_style reaxff NULL\npair_coeff * * ffield C",
+        "line 2.*reaxff is not supported: it finds its charges",
+    ),
     "long range": (f"units metal\n{LJ}kspace_style pppm 1e-4", "line 4.*kspace_style pppm"),
     "long-range pair style": ("units real\npair_style lj/cut/coul/long 9\npair_coeff * * 1 1", "lj/cut/coul/long is not supported"),
     "units missing": (LJ, "add a 'units' line"),
