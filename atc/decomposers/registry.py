@@ -214,7 +214,9 @@ class StyleInput:
 
 def supported(kind: str) -> str:
     """The names of the styles of a kind, for messages."""
-    names = sorted(set(STYLES[kind]) - {"hybrid"}) + (["hybrid", "hybrid/overlay", "none"] if kind == "pair" else ["zero", "none"])
+    names = sorted(set(STYLES[kind]) - {"hybrid"}) + (
+        ["hybrid", "hybrid/overlay", "hybrid/scaled", "none"] if kind == "pair" else ["zero", "none"]
+    )
     return ", ".join(names)
 
 

@@ -380,6 +380,10 @@ def _assemble(model: _Model, name: str) -> Potential:
         _check_restart(model)
     if not terms:
         raise AtcError(f"{name}: no interactions found: expected pair_style or bond_style lines with their coefficients")
+    if any("charmm" in t.describe() for t in terms):
+        from ..one_four import one_four_terms
+
+        terms += one_four_terms(terms)
     pot = Potential(terms, model.units)
     pot.remarks = (*notes, *model.notes)
     pot.masses = {t: float(model.units.to_internal("mass", m)) for t, m in model.masses.items()}
@@ -421,7 +425,7 @@ class _PairBuild:
         self.lines = _coeff_lines(model, style)
         self.hybrid: Hybrid | None = None
         self.modify_compute = True
-        if style.name in ("hybrid", "hybrid/overlay"):
+        if style.name in ("hybrid", "hybrid/overlay", "hybrid/scaled"):
             self.hybrid = parse_hybrid(style, self.lines, apply_modify)
             self.lines = [line for _, line in self.hybrid.order]
             self.tail = any(s.modify.tail for s in self.hybrid.subs)
@@ -454,6 +458,14 @@ class _PairBuild:
                     raise AtcError(
                         f"{style.where}: {sub.called} must act on all pairs of the types that it maps: give the other sub-style's pairs to types mapped to NULL"
                     )
+            if sub.factor != 1.0:
+                from ..scaled import Scaled
+
+                if any(isinstance(b, Term) for b in built):
+                    raise AtcError(
+                        f"{style.where}: {style.name} with a factor other than 1 for {sub.called} is not supported: only for pair potentials"
+                    )
+                built = [Scaled(b, sub.factor) for b in built]
             built = [b for b in built if isinstance(b, Term) or b.cutoff > 0]
             for b in built if sub.modify.special else ():
                 if isinstance(b, Term):
@@ -484,7 +496,7 @@ def _pair_terms(build: _PairBuild, special: SpecialBonds) -> list[Term]:
     styles = [b for b in built if isinstance(b, PairStyle)]
     if not build.modify_compute:
         return []
-    terms: list[Term] = [_Unweighted(b, special) for b in built if isinstance(b, Term)]
+    terms: list[Term] = [b if getattr(b, "unweighted", False) else _Unweighted(b, special) for b in built if isinstance(b, Term)]
     excluded = build.model.exclusions
     if terms and excluded:
         raise AtcError(
