@@ -4,6 +4,8 @@ import json
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from lammps_runs import ARGON, argon, run, water
 from test_run_forces import NVE, RIGID
 from typer.testing import CliRunner
@@ -136,6 +138,51 @@ def test_what_is_no_log(tmp_path, content, message):
     with pytest.raises(AtcError, match=message) as e:
         LammpsLog(path, "real")
     assert "\n" not in str(e.value) and str(path) in str(e.value)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@given(st.data())
+def test_damaged_logs(tmp_path_factory, data):
+    """Whatever is cut, doubled or overwritten in a log: rows, or the package's own error in one line."""
+    text = damaged_log(tmp_path_factory)
+    for _ in range(data.draw(st.integers(1, 3))):
+        a = data.draw(st.integers(0, len(text)))
+        b = min(len(text), a + data.draw(st.integers(0, 400)))
+        put = data.draw(
+            st.sampled_from(
+                [
+                    "",
+                    "\n",
+                    "nan ",
+                    "1e999",
+                    "-1e-99999999",
+                    "9" * 400,
+                    "\n---\nkeywords: ['Step', ]\n",
+                    "\n---------- Step 5 ----- CPU = ",
+                    "Step ",
+                    "\xff",
+                    "  - [1, 2",
+                ]
+            )
+        )
+        text = text[:a] + put + text[b:]
+    path = tmp_path_factory.mktemp("damaged") / "log"
+    path.write_text(text)
+    try:
+        rows = LammpsLog(path, "real").rows
+    except AtcError as e:
+        assert "\n" not in str(e)
+    else:
+        assert all(isinstance(r.step, int) for r in rows)
+
+
+def damaged_log(factory, made=[]):  # noqa: B006  (made once)
+    if not made:
+        folder = factory.mktemp("whole")
+        for name in ("one", "multi", "yaml"):
+            run(folder, argon(), ARGON, STYLES[name] + RUN)
+            made.append((folder / "run.log").read_text())
+    return "".join(made)
 
 
 def test_yaml_without_steps_says_so(tmp_path):

@@ -285,7 +285,7 @@ class LammpsLog:
                 if name is not None and name not in values:
                     values[name], digits[name] = float(words[c]), steps[c][r]
             step = values.pop("step")
-            if step == int(step):
+            if abs(step) < 2**62 and step == int(step):  # not so for NaN
                 self.rows.append(LogRow(int(step), values, digits, norm, self._runs, line, causes))
 
 
@@ -353,7 +353,7 @@ def _look_of(texts):
         mantissa, _, exponent = t.lstrip("+-").lower().partition("e")
         before, point, fraction = mantissa.partition(".")
         whole &= not point and not exponent
-        decimals.add(len(fraction) - int(exponent) if exponent.lstrip("+-").isdigit() else len(fraction))
+        decimals.add(len(fraction) - int(exponent) if exponent.lstrip("+-").isdecimal() and len(exponent) < 6 else len(fraction))
         digits = max(digits, len((before + fraction).lstrip("0")))
     common = next(iter(decimals)) if len(decimals) == 1 and len(texts) > 1 else 0
     return digits, max(common, 0), whole
