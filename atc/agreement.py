@@ -39,6 +39,7 @@ class ForceCheck:
     rms : of the run's forces, internal. differ : number of atoms whose forces differ beyond the digits; worst : ids of those that differ most
     atoms : how many there are. looks : what the difference looks like, in words. outside : forces from outside that the script names
     energy, virial_cc : of the potential on this frame (internal), since they are known then
+    largest, largest_force, rms_difference : the largest difference of an atom, the largest force of the run, rms of the differences (internal)
     """
 
     frame: int
@@ -53,6 +54,9 @@ class ForceCheck:
     outside: tuple[str, ...] = ()
     energy: float = float("nan")
     virial_cc: np.ndarray | None = None
+    largest: float = 0.0
+    largest_force: float = 0.0
+    rms_difference: float = 0.0
 
     def __str__(self):
         if self.agrees:
@@ -135,8 +139,16 @@ def compare_forces(frame, pot, number: int = 0, *, resolution: float | None = No
     share = rms_d / rms_F if rms_F > 0 else (np.inf if rms_d > 0 else 0.0)
     explained = _rms(allowed) / scale if scale > 0 else 0.0
     check = ForceCheck(number, within, share, explained, rms_F, int(odd.sum()), n, outside=outside, **known)
+    check.largest, check.largest_force, check.rms_difference = float(d.max()), float(np.linalg.norm(F, axis=1).max()), rms_d
+    check.worst = (int(frame.ids[d.argmax()]),)
     if not within:
-        odd = d > np.maximum(4.0 * allowed, 1e-3 * _rms(d) if odd.sum() > 0.5 * n else 0.0)
+        while 0 < tries < MOVES:  # one try alone makes too little of some atoms
+            tries += 1
+            shift = rng.uniform(-0.5, 0.5, (n, 3)) * dx
+            moved = pot.stream(frame.replace(positions=frame.positions + shift), None, threads=threads, forces=True)
+            moved2 += ((moved.forces_nc - mine.forces_nc) ** 2).sum(1)
+            allowed = np.sqrt(rounding**2 + moved2 / tries)
+        odd = d > 5.0 * np.maximum(allowed, np.median(allowed))
         check.differ = int(odd.sum())
         order = np.argsort(-d, kind="stable")[:_WORST]
         check.worst = tuple(int(i) for i in frame.ids[order])

@@ -168,12 +168,14 @@ def _frames(traj, k, frame, pot, kern, x_gc, exact, laws, scale, found, timestep
                 None,
                 f"no differences between frames: time does not increase from {_called(k + a, near[a])} to {_called(k + b, near[b])}: joined or appended files?",
             )
-    for m in order:
-        if abs(times[m] - times[0] - m * dt) > 1e-6 * dt * abs(m):
-            return None, (
-                f"no differences between frames: frames are not evenly spaced in time: {_called(k + m, near[m])} is "
-                f"{number(u.to_user('time', abs(times[m] - times[0])))} {label} from {_called(k, frame)}, expected {number(u.to_user('time', abs(m) * dt))}"
-            )
+    if any(abs(times[m] - times[0] - m * dt) > 1e-6 * dt * abs(m) for m in order):
+        gaps = {(a, b): (times[b] - times[a]) / (b - a) for a, b in itertools.pairwise(order)}
+        (a, b), (c, d) = max(gaps, key=gaps.get), min(gaps, key=gaps.get)
+        most, least = (number(u.to_user("time", gaps[key])) for key in ((a, b), (c, d)))
+        return None, (
+            f"no differences between frames: frames are not evenly spaced in time: from {_called(k + a, near[a])} to {_called(k + b, near[b])} {most} {label} "
+            f"a frame, from {_called(k + c, near[c])} to {_called(k + d, near[d])} {least}"
+        )
     if any(f.cell != frame.cell for f in near.values()):
         return None, "no differences between frames: the cell changes, its walls do work that is in none of the laws"
     if any(not np.array_equal(f.ids, frame.ids) for f in near.values()):

@@ -43,6 +43,11 @@ class _Case:
     def size(self):
         return _norm(self.D_nc[self.odd])
 
+    @cached_property
+    def same(self):
+        """(n,) atoms that certainly do not differ: a difference as large as those of the others would have been seen in spite of the digits."""
+        return ~self.odd & (8.0 * self.noise < self.size / np.sqrt(self.odd.sum()))
+
     def holds(self, left, over=None, share: float = LEFT) -> bool:
         """Whether what a law leaves of D on the atoms that differ is nothing."""
         noise = _norm(self.noise[self.odd][:, None]) if over is None else over
@@ -92,23 +97,21 @@ def _factor(c: _Case) -> str:
         return ""
     text = f"one factor for all: the run's forces are {k:.6g} times the potential's"
     fits = _unit_factors(c, k)
-    return f"{text}, {fits}" if fits else f"{text}: an energy scale (epsilon) or its units"
+    return f"{text}: {fits}" if fits else f"{text}: an energy scale (epsilon) or its units"
 
 
 def _unit_factors(c: _Case, k: float) -> str:
     """Which pair of unit styles with the same length has forces in the ratio k, that of the trajectory or of the potential being taken for another."""
-    said, given = c.frame.units, getattr(c.pot, "units", c.frame.units)
+    said, given, out = c.frame.units, getattr(c.pot, "units", c.frame.units), []
     for other in (units(name) for name in (*LAMMPS_STYLES, "ase", "mdanalysis")):
         # coefficients written in `other` but read as the potential's units; or forces of the file in `other` read as the trajectory's
         if other.length == given.length and other.name != given.name and not other.reduced and not given.reduced:
             if abs(other.energy / given.energy / k - 1.0) < 1e-3:
-                return f"as {other.label('energy')} to {given.label('energy')}: coefficients in {other.name!r} units read as {given.name!r} units"
+                out.append(f"coefficients in {other.name!r} units read as {given.name!r} units")
         if other.length == said.length and other.name != said.name and not other.reduced and not said.reduced:
             if abs(said.energy / other.energy / k - 1.0) < 1e-3:
-                return (
-                    f"as {said.label('force')} to {other.label('force')}: a trajectory in {other.name!r} units read as {said.name!r} units"
-                )
-    return ""
+                out.append(f"a trajectory in {other.name!r} units read as {said.name!r} units")
+    return " or ".join(out)
 
 
 def _held(c: _Case) -> str:
@@ -149,7 +152,7 @@ def _per_atom(c: _Case) -> str:
         g, rest = left(weights["mass"])
         if c.holds(rest):
             value = f"{_vector(f.units.to_user('velocity', g) * f.units.time)} {f.units.label('length')}/{f.units.label('time')}^2"
-            what = "fix gravity" if c.odd.all() else "fix gravity, or a force on their centre of mass (fix spring, addforce, smd)"
+            what = "fix gravity" if not c.same.any() else "fix gravity, or a force on their centre of mass (fix spring, addforce, smd)"
             return f"forces proportional to mass, acceleration {value} ({_which(c)}): {what}"
     if "charge" in weights:
         E, rest = left(weights["charge"])
@@ -165,13 +168,15 @@ def _friction(c: _Case) -> str:
     if f.velocities is None or not f.velocities[c.odd].any() or c.odd.sum() < 3:
         return ""
     D, v, types = c.D_nc[c.odd], f.velocities[c.odd], f.types[c.odd]
-    left = D.copy()
+    left, drag_n = D.copy(), np.zeros(len(f))
     for t in np.unique(types):
         of = types == t
-        left[of] -= (D[of] * v[of]).sum() / max((v[of] ** 2).sum(), 1e-300) * v[of]
+        gamma = (D[of] * v[of]).sum() / max((v[of] ** 2).sum(), 1e-300)
+        left[of] -= gamma * v[of]
+        drag_n[f.types == t] = np.abs(gamma) * np.linalg.norm(f.velocities[f.types == t], axis=1)
     if c.holds(left):
         sign = "against" if (D * v).sum() < 0 else "along"
-        return f"forces proportional to velocity, {sign} it ({_which(c)}): friction (fix viscous, drag)"
+        return f"forces proportional to velocity, {sign} it ({_which(c, drag_n)}): friction (fix viscous, drag), or springs to where the atoms just were (fix spring/self)"
     return ""
 
 
@@ -419,7 +424,7 @@ def _rest(c: _Case) -> str:
     random = _norm(D)
     noise = 3.0 * _norm(c.noise) + 1e-9 * random
     where = _which(c)
-    of = "everything" if c.odd.all() else where
+    of = "everything" if c.odd.mean() > 0.9 or not c.same.any() else where
     if total <= noise:
         why = (
             "forces between atoms that the potential has not, or has otherwise: wrong or missing coefficients, styles, exclusions or units"
@@ -430,26 +435,26 @@ def _rest(c: _Case) -> str:
     )
 
 
-def _which(c: _Case) -> str:
-    """The atoms that differ, as types, a range of ids, or their number."""
+def _which(c: _Case, law_n=None) -> str:
+    """The atoms that differ, as types, a range of ids, or their number. law_n : (n,) size of the force that a law would have on each atom."""
     ids, types = c.frame.ids, c.frame.types
-    if c.odd.all():
+    same = c.same if law_n is None else ~c.odd & (8.0 * c.noise < law_n)
+    if not same.any():
         return "all atoms"
-    theirs, others = set(np.unique(types[c.odd]).tolist()), set(np.unique(types[~c.odd]).tolist())
+    theirs, others = set(np.unique(types[c.odd]).tolist()), set(np.unique(types[same]).tolist())
     if not theirs & others:
         return f"the atoms of type {', '.join(map(str, sorted(theirs)))}"
     at = np.flatnonzero(c.odd)
     if len(at) == 1:
         return f"atom {ids[at[0]]}"
-    if at[-1] - at[0] + 1 == len(at):
+    if not same[at[0] : at[-1] + 1].any():
         return f"atoms {ids[at[0]]} to {ids[at[-1]]}"
-    share = theirs - others
-    only = f", all of type {next(iter(theirs))}" if len(theirs) == 1 and not share else ""
+    only = f", all of type {next(iter(theirs))}" if len(theirs) == 1 else ""
     return f"{len(at)} of {len(ids)} atoms{only}"
 
 
 def _vector(a) -> str:
-    a = np.where(np.abs(a) < 1e-6 * np.abs(a).max(), 0.0, a)
+    a = np.where(np.abs(a) < 5e-4 * np.abs(a).max(), 0.0, a)  # what the digits of a file leave
     return f"[{', '.join(f'{v:.4g}' for v in a)}]"
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from .agreement import MODES, SEVERAL, ForceCheck, compare_forces, follows_from
 from .errors import AtcError, AtcWarning
+from .readers.trajectory import resolution_of
 from .thermo import ThermoCheck, compare_thermo
 
 #: How many frames are looked at for one whose step is in the log.
@@ -98,7 +99,7 @@ class RunCheck:
             if f.forces is not None:
                 c = f.forces
                 rms = self.units.to_user("force", c.rms)
-                share = c.share * rms if rms > 0 else float("nan")
+                share = self.units.to_user("force", c.rms_difference)
                 rows.append(
                     (
                         f"forces, rms ({self.units.label('force')})",
@@ -192,7 +193,7 @@ def examine(frames, pot, *, which=None, log=None, threads: int = 1, first=None, 
 
     def look(k, forces):
         frame = first if k == 0 else frames[k]
-        resolution = _resolution(frames, frame)
+        resolution = resolution_of(frames, frame)
         check = looked[k] = FrameCheck(k, frame.step)
         if forces and frame.forces is not None:
             check.forces = compare_forces(frame, pot, k, resolution=resolution, threads=threads)
@@ -227,13 +228,6 @@ def examine(frames, pot, *, which=None, log=None, threads: int = 1, first=None, 
     if reasons and seen_log and not seen_forces:
         out.notes.append(reasons[0])
     return out
-
-
-def _resolution(frames, frame) -> float:
-    from .readers.trajectory import decimal_resolution
-
-    look = getattr(frames, "_precision", None)
-    return float(look(frame)[0] if look is not None else decimal_resolution(frame.positions)[0])
 
 
 def alarm(frames, pot, *, mode: str = "warn", log=None, threads: int = 1, first=None, needed: bool = True, what: str = "") -> RunCheck:

@@ -52,7 +52,7 @@ class Clock:
     _steps: int | None = None
     _timed: bool = True
     _stepped: bool = True
-    _step_size: float | None = None
+    _kind: str = ""
 
     def follows(self, frame) -> bool:
         """Take note of the next frame. False where it is the one before once more, as a continued run writes it: it should be left out.
@@ -112,8 +112,6 @@ class Clock:
             raise AtcError(
                 f"{seen.frame.source}: {text}: {self.what} needs equal distances: take a part without gaps (frames in [trajectory], -b, -e, --step)"
             )
-
-    _kind = ""
 
     def spacing(self, timestep: float | None = None) -> float | None:
         """Time between frames (internal): from their times, or their steps and `timestep` (internal); None where neither is known."""

@@ -32,6 +32,7 @@ EXTENSIVE = frozenset("potential kinetic total pair molecular vdwl coul long tai
 TENSOR = ("pxx", "pyy", "pzz", "pxy", "pxz", "pyz")
 
 _MULTI = re.compile(r"^-{4,}\s*Step\s+(-?\d+)\s+-{3,}\s*CPU\s*=")
+_MEMORY = ("Per MPI rank memory allocation", "Memory usage per processor")
 _PAIR = re.compile(r"(\S+)\s+=\s+(\S+)")
 
 
@@ -143,6 +144,8 @@ class LammpsLog:
 
     def _lines(self, lines, path) -> None:
         state, k = _State(), 0
+        # printed text may look like a heading; a log that was cut down to its tables has nothing else
+        self._whole = any(line.startswith(_MEMORY) for line in lines)
         while k < len(lines):
             line = lines[k]
             words = line.split()
@@ -150,7 +153,7 @@ class LammpsLog:
                 k = self._multi(lines, k, state)
             elif words[:1] == ["keywords:"] and k and lines[k - 1].strip() == "---":
                 k = self._yaml(lines, k, state)
-            elif words[:1] == ["Step"] or _follows_memory(lines, k, words):
+            elif (words[:1] == ["Step"] and not self._whole) or _follows_memory(lines, k, words):
                 k = self._table(lines, k, state)
             else:
                 self._command(words, state, path, k + 1)
@@ -211,7 +214,7 @@ class LammpsLog:
             words = lines[at].split()
             if lines[at].startswith(("Loop time of", "Per MPI rank", "Memory usage", "ERROR")) or _MULTI.match(lines[at]):
                 break
-            if words[:1] == ["Step"]:
+            if words[:1] == ["Step"] and not self._whole:
                 break
             if len(words) == len(heading) and all(_numeric(w) for w in words):
                 found.append((at + 1, words))
@@ -282,7 +285,7 @@ class LammpsLog:
                 if name is not None and name not in values:
                     values[name], digits[name] = float(words[c]), steps[c][r]
             step = values.pop("step")
-            if step == int(step):
+            if abs(step) < 2**62 and step == int(step):  # not so for NaN
                 self.rows.append(LogRow(int(step), values, digits, norm, self._runs, line, causes))
 
 
@@ -293,7 +296,7 @@ def _follows_memory(lines, k, words) -> bool:
     back = k - 1
     while back >= 0 and (lines[back].startswith("WARNING") or not lines[back].strip()):
         back -= 1
-    return back >= 0 and lines[back].startswith(("Per MPI rank memory allocation", "Memory usage per processor"))
+    return back >= 0 and lines[back].startswith(_MEMORY)
 
 
 def _causes(state: _State) -> tuple[str, ...]:
@@ -350,7 +353,7 @@ def _look_of(texts):
         mantissa, _, exponent = t.lstrip("+-").lower().partition("e")
         before, point, fraction = mantissa.partition(".")
         whole &= not point and not exponent
-        decimals.add(len(fraction) - int(exponent) if exponent.lstrip("+-").isdigit() else len(fraction))
+        decimals.add(len(fraction) - int(exponent) if exponent.lstrip("+-").isdecimal() and len(exponent) < 6 else len(fraction))
         digits = max(digits, len((before + fraction).lstrip("0")))
     common = next(iter(decimals)) if len(decimals) == 1 and len(texts) > 1 else 0
     return digits, max(common, 0), whole

@@ -374,6 +374,12 @@ def text_resolution(tokens) -> tuple[float, str]:
     return max(10.0 ** (np.floor(np.log10(big)) + 1 - digits), float(np.spacing(big))), f"{digits} significant digits"
 
 
+def resolution_of(frames, frame: Frame) -> float:
+    """Step of the last digit of a frame's positions (internal), as far as the trajectory it comes from knows it; 0 if unknown."""
+    look = getattr(frames, "_precision", None)
+    return float(look(frame)[0] if look is not None else decimal_resolution(frame.positions)[0])
+
+
 def warn(message: str) -> None:
     warnings.warn(message, AtcWarning, stacklevel=3)
 
