@@ -284,6 +284,25 @@ class Grid:
             return self
         return Grid(self.kind, {**self._, "spacing": None, "shape": self.bind(units, cell, positions).counts})
 
+    def require_dimension(self, dimension: int) -> None:
+        """Raise AtcError unless the grid has a meaning in so many dimensions: points of two numbers in the plane only, and there one layer and no planes across."""
+        p, shown = self._, {"cell": "vectors", "xyz": "points"}
+        if self.kind == "regular":
+            _layers(p["shape"], dimension == 2)
+        if dimension == 3:
+            for key, value in p.items():
+                if isinstance(value, np.ndarray) and np.isnan(value).any():
+                    want = "one or three" if key == "spacing" else "x, y and z"
+                    raise AtcError(
+                        f"grid {shown.get(key, key)}: two numbers are of a two-dimensional run, but this one has three dimensions: give {want}"
+                    )
+        elif self.kind == "slab" and p["axis"] == 2:
+            raise AtcError("a slab profile along axis z: a two-dimensional run has no extent there: take x or y")
+        elif self.kind == "plane" and p["axis"] in (0, 1):
+            raise AtcError(f"a plane normal to axis {'xyz'[p['axis']]}: in two dimensions that is a line: use a line or a slab profile")
+        elif self.kind == "plane" and p.get("position") is not None:
+            raise AtcError("a plane at a position along z: a two-dimensional run has only one: leave the position out")
+
     def bind(self, units, cell: Cell, positions=None) -> BoundGrid:
         """The grid for one frame: positions in internal units.
 
@@ -294,6 +313,7 @@ class Grid:
         positions : (n, 3), needed by `Grid.atoms`
         """
         p, f = self._, units.factor("length")
+        self.require_dimension(units.dimension)
         flat = units.dimension == 2
         # Where the plane of a two-dimensional run is: in the middle of its cell.
         place = partial(_in_space, cell.origin[2] + 0.5 * cell.vectors[2, 2] if flat else None, units)
@@ -310,13 +330,10 @@ class Grid:
             if flat:
                 start, end = place("line start", p["start"] * f), place("line end", p["end"] * f)
                 return BoundGrid("line", cell, ("s",), origin=start - cell.origin, steps=((end - start) / max(n - 1, 1))[None], counts=(n,))
-            place("line start", p["start"]), place("line end", p["end"])
             step = (p["end"] - p["start"]) * f / max(n - 1, 1)
             return BoundGrid("line", cell, ("s",), origin=p["start"] * f - cell.origin, steps=step[None], counts=(n,))
         if self.kind == "slab":
             n, a = p["bins"], p["axis"]
-            if flat and a == 2:
-                raise AtcError("a slab profile along z: a two-dimensional run has no extent there: take axis x or y")
             step = cell.vectors[a] / n
             return BoundGrid("slab", cell, ("xyz"[a],), origin=0.5 * step, steps=step[None], counts=(n,), axis=a)
         if self.kind == "plane":
@@ -326,12 +343,6 @@ class Grid:
                 name = ("u", "v")
             else:
                 a = p["axis"]
-                if flat and (a != 2 or p["position"] is not None):
-                    raise AtcError(
-                        "a plane at a position along z: a two-dimensional run has only one: leave the position out"
-                        if a == 2
-                        else f"a plane normal to {'xyz'[a]}: in two dimensions that is a line: use a line or a slab profile"
-                    )
                 others = [k for k in range(3) if k != a]
                 share = 0.5 if p["position"] is None else p["position"] * f / cell.heights[a]
                 origin, edges = share * cell.vectors[a], cell.vectors[others]
@@ -340,10 +351,6 @@ class Grid:
             region, name = p["cell"], ("x", "y", "z")
             if flat:
                 return self._layer(units, cell)
-            if region is not None and not isinstance(region, Cell) and np.isnan(region).any():
-                raise AtcError("the grid's region has two edges, but the run has three dimensions: give three")
-            if p["origin"] is not None:
-                place("grid origin", p["origin"])
             if region is None:
                 origin, edges = np.zeros(3), cell.vectors
             elif isinstance(region, Cell):
@@ -353,8 +360,6 @@ class Grid:
             if p["origin"] is not None:
                 origin = p["origin"] * f - cell.origin
         lengths = np.linalg.norm(edges, axis=1)
-        if self.kind == "regular" and p["spacing"] is not None and np.isnan(p["spacing"]).any():
-            raise AtcError("grid spacing: two numbers are a grid of a two-dimensional run: give one or three")
         shape = _layers(p["shape"], False) if self.kind == "regular" else p["shape"]
         counts = shape or tuple(int(k) for k in np.maximum(np.round(lengths / (p["spacing"] * f)), 1))
         steps = edges / np.array(counts)[:, None]
@@ -381,10 +386,8 @@ class Grid:
 
 
 def _in_space(z, units, what, points):
-    """Points that were given by two numbers, in the plane z (None: three dimensions, where these are an error); points off the plane are one."""
+    """Points that were given by two numbers or three, in the plane z (None: three dimensions, as they are); an error for points off the plane."""
     if z is None:
-        if np.isnan(points).any():
-            raise AtcError(f"{what}: two numbers are a point of a two-dimensional run, but this one has three dimensions: give x, y and z")
         return points
     at = np.where(np.isnan(points[..., 2]), z, points[..., 2])
     # 1e-9: vectors that went through another unit system differ by rounding.
@@ -402,8 +405,6 @@ def _in_space(z, units, what, points):
 def _directions(what, vectors, flat: bool):
     """Edge vectors, given by two numbers or three."""
     if not flat:
-        if np.isnan(vectors).any():
-            raise AtcError(f"{what}: two numbers are a vector of a two-dimensional run, but this one has three dimensions: give three")
         return vectors
     out = vectors.copy()
     out[:, 2] = np.nan_to_num(out[:, 2])

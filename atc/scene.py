@@ -413,11 +413,22 @@ class Scene(Document):
             for k in ("quantities", "tolerance", "average", "horizon", "tiles")
             if self.get("fields", k) is not None
         }
+        pot, kern, grid = self.potential(), self.kernel(), self.grid()
+        self._require_dimension(2 if traj.units.dimension == 2 or (pot is not None and pot.dimension == 2) else 3, kern, grid)
         return {
-            "traj": traj, "pot": self.potential(), "kern": self.kernel(), "grid": self.grid(), "reference": self.reference(), "method": method,
+            "traj": traj, "pot": pot, "kern": kern, "grid": grid, "reference": self.reference(), "method": method,
             "threads": 1 if parallel else jobs, "workers": jobs if parallel else 1, "forces": self.get("trajectory", "forces", "warn"), "log": self.log(),
             **given,
         }  # fmt: skip
+
+    def _require_dimension(self, dimension, kern, grid):
+        """Raise unless kernel and grid have a meaning in so many dimensions."""
+        for section, thing, check in (("kernel", kern, "in_dimension"), ("grid", grid, "require_dimension")):
+            try:
+                if thing is not None:
+                    getattr(thing, check)(dimension)
+            except AtcError as e:
+                raise self._placed_error(section, list(self.data[section]), e) from None
 
     def plan(self, jobs: int = 1):
         """What `run` would do; nothing is computed."""

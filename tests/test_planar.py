@@ -305,7 +305,7 @@ def test_slab_averages_the_layer(melt):
     layer = atc.fields(*what, atc.Grid.regular(shape=(10, 200)), ["stress_potential", "density"], tolerance=1e-12)
     for q in ("stress_potential", "density"):
         assert np.abs(slab[q].values[0] - layer[q].values[0].mean((1, 2))).max() < 1e-6 * np.abs(slab[q].values).max()
-    with pytest.raises(AtcError, match="slab profile along z"):
+    with pytest.raises(AtcError, match="slab profile along axis z"):
         atc.fields(*what, atc.Grid.slab("z", 10), ["density"])
 
 
@@ -516,7 +516,7 @@ def test_three_dimensions_that_look_like_two_are_doubted():
     ("make_grid", "says"),
     [
         (lambda: atc.Grid.regular(shape=(4, 4, 4)), "one layer: give two numbers"),
-        (lambda: atc.Grid.plane(axis="x", shape=4), "line or a slab"),
+        (lambda: atc.Grid.plane(axis="x", shape=4), "a line or a slab"),
         (lambda: atc.Grid.plane(axis="z", position=0.1, shape=4), "only one"),
         (lambda: atc.Grid.plane([0, 0], [1, 0], [0, 1, 1], shape=4), "leave the plane"),
         (lambda: atc.Grid.line([0, 0, 0], [1, 1, 1], 4), "line end lies at z = 1, off the plane"),
@@ -533,10 +533,10 @@ def test_grids_without_meaning(make_grid, says):
     [
         (lambda: atc.Grid.regular(shape=(4, 4)), "give three"),
         (lambda: atc.Grid.regular(spacing=(1.0, 1.0)), "one or three"),
-        (lambda: atc.Grid.regular(vectors=[4.0, 4.0], shape=4), "give three"),
+        (lambda: atc.Grid.regular(vectors=[4.0, 4.0], shape=4), "grid vectors: two numbers"),
         (lambda: atc.Grid.points([[1, 2]]), "give x, y and z"),
         (lambda: atc.Grid.line([0, 0], [1, 1], 4), "give x, y and z"),
-        (lambda: atc.Grid.plane([0, 0, 0], [1, 0], [0, 1], shape=4), "give three"),
+        (lambda: atc.Grid.plane([0, 0, 0], [1, 0], [0, 1], shape=4), "grid u: two numbers"),
     ],
 )
 def test_two_numbers_in_three_dimensions(make_grid, says):
