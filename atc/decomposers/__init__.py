@@ -90,6 +90,7 @@ _STYLE_MODULES = (
     "zero",
     "stillinger_weber",
     "bond",
+    "bond_curves",
     "angle",
     "dihedral",
     "improper",
