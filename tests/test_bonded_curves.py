@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from bonded_systems import CELLS, NO_BOND, agrees, melt
-from decomposer_checks import sources_are_derivatives
+from bonded_systems import CELLS, agrees, melt
 
 import atc
-from atc.errors import AtcError
+from atc.errors import AtcError, AtcWarning
 
 BONDS = {
     "class2": "1 1.1 30 -20 10\nbond_coeff 2 0.9 50 -30 7",
@@ -35,3 +34,37 @@ def test_bonds_in_other_units(style):
     """Every coefficient's unit: real has kcal/mol, nano other lengths."""
     agrees(melt(unit_style="real"), bonds(style))
     agrees(melt(unit_style="nano"), bonds(style))
+
+
+PAIRS = "pair_style lj/cut 1.3\npair_modify shift yes\npair_coeff * * 1.0 0.9\n"
+QUARTIC = "bond_style quartic\nbond_coeff 1 1200 -0.55 0.25 1.3 34.6878\nbond_coeff 2 1100 -0.5 0.2 1.04 30\n"
+
+
+@pytest.mark.parametrize("cell", CELLS)
+def test_quartic_bonds_take_the_pair_interaction_away_until_they_break(cell):
+    config = melt(cell)
+    config.atom_style = "angle"
+    d = agrees(config, QUARTIC, pair="special_bonds lj/coul 1 1 1\n" + PAIRS)
+    lengths = np.sqrt((d.bonds.r_bc[-len(config.bonds) :] ** 2).sum(axis=1))
+    broken = np.count_nonzero(lengths > np.where(config.bond_types == 1, 1.3, 1.04))
+    assert broken > 10 and [n for what, n in d.notes.items() if "broken" in what] == [broken]
+    with pytest.raises(AtcError, match="quartic needs 'special_bonds lj/coul 1 1 1'"):
+        atc.potential(PAIRS + QUARTIC, "lj")
+
+
+def test_special_bonds_of_their_own_weigh_the_pair_interaction():
+    """Pairs two bonds apart are listed as bonds of type 2: 0.7 of their Lennard-Jones, 0.3 of their Coulomb interaction (LAMMPS's order)."""
+    config = melt()
+    far = config.angles[:, [0, 2]]
+    config.bonds = np.concatenate([config.bonds, far])
+    config.bond_types = np.concatenate([np.ones(len(config.bond_types), int), np.full(len(far), 2)])
+    config.charges = np.random.default_rng(3).uniform(-1, 1, len(config.positions))
+    config.atom_style = "full"
+    pair = "special_bonds lj/coul 0 1 1\npair_style lj/cut/coul/cut 2.5\npair_coeff * * 1.0 0.3\n"
+    lines = "bond_style hybrid harmonic special\nbond_coeff 1 harmonic 30 1.0\nbond_coeff 2 special 0.3 0.7\n"
+    with pytest.warns(AtcWarning, match="first weight to the Coulomb"):
+        agrees(config, lines, pair=pair)
+    with pytest.raises(AtcError, match="weights of 1-2 neighbours to be 0"):
+        atc.potential(pair.replace("0 1 1", "1 1 1") + lines, "lj")
+    with pytest.raises(AtcError, match="there is none"):
+        atc.potential(lines, "lj")

@@ -91,6 +91,7 @@ _STYLE_MODULES = (
     "stillinger_weber",
     "bond",
     "bond_curves",
+    "bond_pairwise",
     "angle",
     "dihedral",
     "improper",

@@ -46,6 +46,7 @@ class _Model:
     labels: dict[str, dict[str, int]] = field(default_factory=dict)
     masses: dict[int, float] = field(default_factory=dict)
     data_file: Path | None = None
+    pairs: Pairs | None = None
 
 
 def potential_from_lammps(source: str | Path, units_=None, folder=None, name=None) -> Potential:
@@ -278,6 +279,7 @@ def _input(model: _Model, style: _Style, lines, n_types: int, **more) -> StyleIn
         dielectric=model.dielectric,
         labels=model.labels,
         masses=model.masses,
+        pairs=model.pairs,
         **more,
     )
 
@@ -291,6 +293,8 @@ def _assemble(model: _Model, name: str) -> Potential:
         if build.tail:
             notes.append("long-range tail corrections (pair_modify tail) are not included")
         terms += _pair_terms(build, special)
+        # Some bonded styles need the pair interaction of their atoms.
+        model.pairs = next((t for t in terms if isinstance(t, Pairs)), None)
     for kind in _BONDED:
         if kind in model.styles and model.styles[kind].name != "zero":
             terms += _bonded_terms(model, model.styles[kind])

@@ -123,6 +123,7 @@ class StyleInput:
         given nor can be mixed is an error. All True except under hybrid.
     labels : {kind: {label: type}} from ``labelmap``
     masses : {type: mass} in user units as far as the lines say
+    pairs : for bonded styles, the `Pairs` term of the model (None: no interaction that is a sum over pairs)
     """
 
     kind: str
@@ -138,6 +139,7 @@ class StyleInput:
     wanted: np.ndarray | None = None
     labels: dict = field(default_factory=dict)
     masses: dict = field(default_factory=dict)
+    pairs: object = None
 
     def replace(self, **changes) -> StyleInput:
         return replace(self, **changes)
