@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bonded_systems import CELLS, agrees, melt
+from bonded_systems import CELLS, NO_BOND, agrees, melt
 
 import atc
 from atc.errors import AtcError, AtcWarning
@@ -68,3 +68,44 @@ def test_special_bonds_of_their_own_weigh_the_pair_interaction():
         atc.potential(pair.replace("0 1 1", "1 1 1") + lines, "lj")
     with pytest.raises(AtcError, match="there is none"):
         atc.potential(lines, "lj")
+
+
+ANGLES = {
+    "quartic": "1 100 3 -2 1\nangle_coeff 2 180 2 1 -0.5",
+    "mm3": "1 3 100\nangle_coeff 2 2 170",
+    "fourier": "1 3 0.2 0.5 -0.7\nangle_coeff 2 2 1 -1 0.3",
+    "fourier/simple": "1 3 0.5 3\nangle_coeff 2 2 -0.4 2.5",
+    "cosine/periodic": "1 3 1 4\nangle_coeff 2 2 -1 3",
+    "cosine/squared/restricted": "1 3 100\nangle_coeff 2 0.2 180",
+    "mwlc": "1 25 1 10 1.3\nangle_coeff 2 3 1 0.5 0.7",
+    "cosine/shift": "1 3 100\nangle_coeff 2 2 180",
+    "cosine/shift/exp": "1 3 100 2\nangle_coeff 2 2 120 -0.0005",
+    "gaussian": "1 1.3 2 1.0 0.4 100 0.5 0.9 130\nangle_coeff 2 0.7 1 0.3 0.8 150",
+    "class2": "1 100 3 -2 1\nangle_coeff 1 bb 2 1.1 0.9\nangle_coeff 1 ba 0.7 0.4 1.1 0.9\n"
+    "angle_coeff 2 110 2 0.3 0.1\nangle_coeff 2 ba 0.2 0.5 1.0 0.95\nangle_coeff * bb -1 0.9 1.05",
+    "class2/p6": "* 100 3 -2 1 0.5 -0.3\nangle_coeff * bb 2 1.1 0.9\nangle_coeff * ba 0.7 0.4 1.1 0.9",
+    "cross": "1 2 0.7 0.4 1.1 0.9 100\nangle_coeff 2 1 -0.2 0.5 1.0 0.9 120",
+}
+
+
+def angles(style):
+    return f"angle_style {style}\nangle_coeff {ANGLES[style]}\n"
+
+
+FAULTY = pytest.mark.filterwarnings("ignore:angle_style fourier/simple:atc.errors.AtcWarning")
+
+
+@FAULTY
+@pytest.mark.parametrize("style", ANGLES)
+@pytest.mark.parametrize("cell", CELLS)
+def test_angles_equal_lammps(style, cell):
+    agrees(melt(cell), NO_BOND + angles(style))
+
+
+@FAULTY
+@pytest.mark.parametrize("style", ANGLES)
+def test_angles_in_other_units(style):
+    # Temperatures at which LAMMPS's own exponentials do not underflow.
+    lines = angles(style).replace(" 1.3 2 1.0", " 300 2 1.0").replace("1 25 1 10 1.3", "1 25 1 10 900").replace("0.5 0.7", "0.5 250")
+    agrees(melt(unit_style="real"), NO_BOND + lines)
+    agrees(melt(unit_style="nano"), NO_BOND + lines)

@@ -93,6 +93,8 @@ _STYLE_MODULES = (
     "bond_curves",
     "bond_pairwise",
     "angle",
+    "angle_curves",
+    "angle_coupled",
     "dihedral",
     "improper",
     "embedded_atom",

@@ -6,6 +6,7 @@ import warnings
 
 import numpy as np
 
+from ..errors import AtcWarning
 from ..frame import Frame
 from .bond import BondStyle, _BondWork
 from .bonded import energy, length, per_length4, plain

@@ -209,6 +209,55 @@ class RowTerm:
         return cls._from_input(rows, inp)
 
 
+class CrossTerms:
+    """For class2 styles, whose coefficients come in parts: the main ones, and cross terms behind a word of their own.
+
+    The class in front of a `BondedTerm`. In a data file each part is a section; every type needs all of them, as in LAMMPS.
+    """
+
+    main: tuple[tuple[str, Callable[[Units], float]], ...]
+    crosses: Mapping[str, tuple[tuple[str, Callable[[Units], float]], ...]]
+
+    @property
+    def wants(self):
+        return tuple(w for part in (self.main, *self.crosses.values()) for w in part)
+
+    @classmethod
+    def _build(cls, inp):
+        if inp.args:
+            raise inp.error(f"{inp.command} takes no arguments, got {' '.join(inp.args)}")
+        parts = {"": cls.main, **cls.crosses}
+        got: dict[int, dict[str, list]] = {}
+        for line in inp.coeffs:
+            word = line.words[0] if line.words and line.words[0] in cls.crosses else ""
+            wants = [(what, f(inp.units)) for what, f in parts[word]]
+            numbers = inp.numbers(line.words[1 if word else 0 :], wants, line)
+            for (t,) in line.covers(inp.n_types):
+                got.setdefault(t, {})[word] = numbers
+        for t, has in got.items():
+            missing = [p for p in parts if p not in has]
+            if missing:
+                what = " and ".join(f"{inp.kind}_coeff {t} {p}".strip() + f" (data file: {SECTIONS[inp.kind, p]})" for p in missing)
+                raise inp.error(f"{inp.kind} type {t} of style {inp.name} lacks coefficients: add {what}")
+        return cls._from_input({t: [x for p in parts for x in has[p]] for t, has in got.items()}, inp)
+
+
+#: the sections of class2 cross terms in data files, by the words of their lines
+SECTIONS = {
+    ("angle", ""): "Angle Coeffs",
+    ("angle", "bb"): "BondBond Coeffs",
+    ("angle", "ba"): "BondAngle Coeffs",
+    ("dihedral", ""): "Dihedral Coeffs",
+    ("dihedral", "mbt"): "MiddleBondTorsion Coeffs",
+    ("dihedral", "ebt"): "EndBondTorsion Coeffs",
+    ("dihedral", "at"): "AngleTorsion Coeffs",
+    ("dihedral", "aat"): "AngleAngleTorsion Coeffs",
+    ("dihedral", "bb13"): "BondBond13 Coeffs",
+    ("improper", ""): "Improper Coeffs",
+    ("improper", "aa"): "AngleAngle Coeffs",
+}
+
+
 def filled(rows: Mapping[int, Sequence[float]], filling=(0.0,)) -> np.ndarray:
     """(largest type + 1, longest row): each row by its type, filled up with `filling` over and over (from the second number on, if it has several)."""
     width = max((len(r) for r in rows.values()), default=1)
@@ -331,7 +380,7 @@ def register_bonded(register, *classes):
         return build
 
     for cls in classes:
-        register(cls.name)(cls._build if issubclass(cls, RowTerm) else make(cls))
+        register(cls.name)(cls._build if issubclass(cls, RowTerm | CrossTerms) else make(cls))
     register("hybrid")(_build_hybrid)
 
 
