@@ -25,6 +25,12 @@ from .registry import angle_style
 _SMALL = 0.001
 
 
+def over_sine(v, sin):
+    """v/sin θ with sin θ at least 0.001, and how many were clamped."""
+    small = sin < _SMALL
+    return v / np.where(small, _SMALL, sin), int(np.count_nonzero(small & (v != 0.0)))
+
+
 _CENTER = ((0.0, 1.0, 0.0), "energy to the middle atom")
 _SHARES = {"center": _CENTER, "centre": _CENTER}
 
@@ -43,6 +49,8 @@ class AngleStyle(BondedTerm):
     partitions = MappingProxyType({"equal": "equal", "center": "center"})
     weights = np.full(3, 1.0 / 3.0)
     shared = "energy shared a third to each atom"
+    #: whether the energy depends on the lengths of the arms too, see `angle_coupled`
+    coupled = False
 
     def __init__(self, coeffs, *, units="metal", partition="equal"):
         super().__init__(coeffs, units=units)
@@ -87,11 +95,25 @@ class _AngleWork(Work):
                 f"{self.frame.source}: two atoms of the angle {ids} are at the same place, so it has no angle: remove one of them"
             )
         U, U_c, G_bc = np.zeros(n), np.zeros(n), np.zeros(n)
-        clamped = self.term.add(types, cos, sin, d_bc, U, U_c, G_bc)
+        if self.term.coupled:
+            G_arms, d_b, d_c = np.zeros((2, n)), np.sqrt((r_b**2).sum(axis=1)), np.sqrt((r_c**2).sum(axis=1))
+            clamped = self.term.add_coupled(types, cos, sin, d_b, d_c, U, U_c, *G_arms)
+        else:
+            clamped = self.term.add(types, cos, sin, d_bc, U, U_c, G_bc)
         acc.note("angles near 0 or 180 degrees where sin was clamped at 0.001", clamped)
         acc.energy += float(U.sum())
         i, j, r, G = np.empty(3 * n, np.int32), np.empty(3 * n, np.int32), np.empty((3 * n, 3)), np.empty(3 * n)
         _assemble(b, a, c, r_b, r_c, cos, U_c, G_bc, i, j, r, G)
+        if self.term.coupled:
+            G[0::3] += G_arms[0]
+            G[1::3] += G_arms[1]
+        if not np.isfinite(U.sum() + G.sum()):
+            bad = int(np.argmax(~np.isfinite(U + G.reshape(-1, 3).sum(axis=1))))
+            ids = ", ".join(str(self.frame.ids[k[bad]]) for k in (b, a, c))
+            raise AtcError(
+                f"{self.frame.source}: the angle {ids} (type {types[bad]}, style {self.term.name}) is {np.degrees(np.arctan2(sin[bad], cos[bad])):.6g} degrees, "
+                "where its energy is not a finite number"
+            )
         if acc.energies is not None:
             _share3(b, a, c, U, self.term.weights, acc.energies)
         D = None

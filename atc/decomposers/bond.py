@@ -50,6 +50,9 @@ class _BondWork(Work):
         self.images = Images(frame.cell)
         self.stages = (-(-len(atoms) // CHUNK),)
 
+    def add(self, i, j, types, d, U, G):
+        return self.term.add(types, d, U, G)
+
     def run(self, stage, task, acc: Accumulator):
         here = slice(task * CHUNK, (task + 1) * CHUNK)
         i, j, types = self.i[here], self.j[here], self.types[here]
@@ -58,7 +61,7 @@ class _BondWork(Work):
         self.images.vectors_to(self.frame.positions, i, j, r)
         d = np.sqrt(np.einsum("bc,bc->b", r, r))
         U, G = np.zeros(n), np.zeros(n)
-        bad, noted = self.term.add(types, d, U, G)
+        bad, noted = self.add(i, j, types, d, U, G)
         if bad >= 0:
             a, b = self.frame.ids[i[bad]], self.frame.ids[j[bad]]
             raise AtcError(

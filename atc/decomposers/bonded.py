@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -35,6 +36,27 @@ def per_length(u: Units) -> float:
     return 1.0 / u.length
 
 
+def per_length3(u: Units) -> float:
+    return u.energy / u.length**3
+
+
+def per_length4(u: Units) -> float:
+    return u.energy / u.length**4
+
+
+def energy_per_length(u: Units) -> float:
+    return u.energy / u.length
+
+
+def kelvin(u: Units) -> float:
+    """k_B T of a temperature."""
+    return u.boltzmann
+
+
+def plain(u: Units) -> float:
+    return 1.0
+
+
 def degrees(u: Units) -> float:
     return np.pi / 180.0
 
@@ -52,6 +74,9 @@ class BondedTerm(Term):
     ----------
     covered : types with coefficients
     others : types that other styles take care of (hybrid). A type of the topology that nobody covers is an error.
+    refused : {type: why} of types whose coefficients are understood and have no forces along distances: an error only where a frame uses them
+
+    Terms of type 0 and below are switched off in LAMMPS (a broken ``quartic`` bond, ``delete_bonds``): they contribute nothing.
     """
 
     kind = ""
@@ -59,6 +84,7 @@ class BondedTerm(Term):
     #: (what, factor to internal units as a function of Units) of each number of a coefficient line
     wants: tuple[tuple[str, Callable[[Units], float]], ...] = ()
     others: frozenset = frozenset()
+    refused: Mapping[int, str] = MappingProxyType({})
 
     def __init__(self, coeffs: Mapping | Sequence, *, units: str | Units = "metal"):
         if not isinstance(coeffs, Mapping):
@@ -88,6 +114,15 @@ class BondedTerm(Term):
         """What is wrong with the numbers of type t, if anything."""
         return None
 
+    def keep_refusals(self, refused: Mapping[int, str], where: str = ""):
+        """Remember types without forces along distances; if there are no others, the style can compute nothing and that is an error at once."""
+        self.refused = dict(refused)
+        if refused and set(refused) == set(self.covered):
+            raise AtcError(f"{where or self.name}: {self._why(min(refused))}")
+
+    def _why(self, t: int) -> str:
+        return f"{self.kind} type {t} of style {self.name}: {self.refused[t]}"
+
     def describe(self) -> str:
         return f"{self.kind} {self.name}"
 
@@ -104,12 +139,18 @@ class BondedTerm(Term):
                 f"{frame.source}: {kind}_style {self.name} needs to know the {kind}s: give a LAMMPS data file with a {kind.capitalize()}s section as topology"
             )
         atoms, types = np.asarray(getattr(top, f"{kind}s")), np.asarray(getattr(top, f"{kind}_types"))
-        missing = sorted(set(np.unique(types).tolist()) - self.covered - self.others)
+        on = types > 0
+        if not on.all():
+            atoms, types = atoms[on], types[on]
+        used = set(np.unique(types).tolist())
+        missing = sorted(used - self.covered - self.others)
         if missing:
             raise AtcError(
                 f"{frame.source}: {kind} type {missing[0]} is in the topology but has no coefficients in {kind}_style {self.name}: "
                 f"add a {kind}_coeff {missing[0]} line"
             )
+        if not self.refused.keys().isdisjoint(used):
+            raise AtcError(f"{frame.source}: {self._why(min(used & self.refused.keys()))}")
         if len(atoms) and (atoms.min() < 0 or atoms.max() >= len(frame)):
             raise AtcError(
                 f"{frame.source}: the topology has {kind}s of atoms that are not in this frame ({len(frame)} atoms): dump all atoms"
@@ -118,6 +159,120 @@ class BondedTerm(Term):
             mine = np.isin(types, list(self.covered))
             atoms, types = atoms[mine], types[mine]
         return np.ascontiguousarray(atoms, dtype=np.int32), np.ascontiguousarray(types, dtype=np.int32)
+
+
+class RowTerm:
+    """For terms whose coefficient lines have no fixed length: subclasses turn the numbers of a line into a row of the table.
+
+    The class in front of a `BondedTerm`; takes the same parameters.
+    """
+
+    #: what a row is filled up with to the longest one, again and again
+    filling: tuple[float, ...] = (0.0,)
+
+    @classmethod
+    def row(cls, numbers: Sequence[float], u: Units) -> Sequence[float]:
+        """The internal numbers of one coefficient line. Raises ValueError with what is wrong."""
+        raise NotImplementedError
+
+    def __init__(self, coeffs, *, units: str | Units = "metal", **more):
+        coeffs = coeffs if isinstance(coeffs, Mapping) else {1: coeffs}
+        self.units = system(units)
+        try:
+            rows = {int(t): self.row([float(x) for x in v], self.units) for t, v in coeffs.items()}
+        except ValueError as e:
+            raise AtcError(f"{self.kind} style {self.name}: {e}") from None
+        self._set(rows)
+        if hasattr(self, "share"):
+            self.share(more.pop("partition", "equal"))
+
+    def _set(self, values: Mapping, where: str = ""):
+        self.covered = frozenset(values)
+        self.table = filled(values, self.filling)
+        for t in values:
+            wrong = self.check(t)
+            if wrong:
+                raise AtcError(f"{where or self.name}: {self.kind} type {t} of style {self.name}: {wrong}")
+
+    @classmethod
+    def _build(cls, inp):
+        if inp.args:
+            raise inp.error(f"{inp.command} takes no arguments, got {' '.join(inp.args)}")
+        rows = {}
+        for line in inp.coeffs:
+            try:
+                row = cls.row([inp.number(w, 1.0, "a coefficient", line) for w in line.words], inp.units)
+            except ValueError as e:
+                raise inp.error(f"{inp.kind}_coeff of {inp.name}: {e}", line) from None
+            for (t,) in line.covers(inp.n_types):
+                rows[t] = row
+        return cls._from_input(rows, inp)
+
+
+class CrossTerms:
+    """For class2 styles, whose coefficients come in parts: the main ones, and cross terms behind a word of their own.
+
+    The class in front of a `BondedTerm`. In a data file each part is a section; every type needs all of them, as in LAMMPS.
+    """
+
+    main: tuple[tuple[str, Callable[[Units], float]], ...]
+    crosses: Mapping[str, tuple[tuple[str, Callable[[Units], float]], ...]]
+
+    @property
+    def wants(self):
+        return tuple(w for part in (self.main, *self.crosses.values()) for w in part)
+
+    @classmethod
+    def _build(cls, inp):
+        if inp.args:
+            raise inp.error(f"{inp.command} takes no arguments, got {' '.join(inp.args)}")
+        parts = {"": cls.main, **cls.crosses}
+        got: dict[int, dict[str, list]] = {}
+        for line in inp.coeffs:
+            word = line.words[0] if line.words and line.words[0] in cls.crosses else ""
+            wants = [(what, f(inp.units)) for what, f in parts[word]]
+            numbers = inp.numbers(line.words[1 if word else 0 :], wants, line)
+            for (t,) in line.covers(inp.n_types):
+                got.setdefault(t, {})[word] = numbers
+        for t, has in got.items():
+            missing = [p for p in parts if p not in has]
+            if missing:
+                what = " and ".join(f"{inp.kind}_coeff {t} {p}".strip() + f" (data file: {SECTIONS[inp.kind, p]})" for p in missing)
+                raise inp.error(f"{inp.kind} type {t} of style {inp.name} lacks coefficients: add {what}")
+        return cls._from_input({t: [x for p in parts for x in has[p]] for t, has in got.items()}, inp)
+
+
+#: the sections of class2 cross terms in data files, by the words of their lines
+SECTIONS = {
+    ("angle", ""): "Angle Coeffs",
+    ("angle", "bb"): "BondBond Coeffs",
+    ("angle", "ba"): "BondAngle Coeffs",
+    ("dihedral", ""): "Dihedral Coeffs",
+    ("dihedral", "mbt"): "MiddleBondTorsion Coeffs",
+    ("dihedral", "ebt"): "EndBondTorsion Coeffs",
+    ("dihedral", "at"): "AngleTorsion Coeffs",
+    ("dihedral", "aat"): "AngleAngleTorsion Coeffs",
+    ("dihedral", "bb13"): "BondBond13 Coeffs",
+    ("improper", ""): "Improper Coeffs",
+    ("improper", "aa"): "AngleAngle Coeffs",
+}
+
+
+def filled(rows: Mapping[int, Sequence[float]], filling=(0.0,)) -> np.ndarray:
+    """(largest type + 1, longest row): each row by its type, filled up with `filling` over and over (from the second number on, if it has several)."""
+    width = max((len(r) for r in rows.values()), default=1)
+    lead = width % len(filling)
+    table = np.tile(np.concatenate([np.zeros(lead), np.tile(filling, width // len(filling))]), (max(rows, default=0) + 1, 1))
+    for t, r in rows.items():
+        table[t, : len(r)] = r
+    return table
+
+
+def whole(v: float, what: str, least: int | None = None) -> int:
+    """v as a whole number. Raises ValueError with what is wrong."""
+    if not np.isfinite(v) or v != int(v) or (least is not None and v < least):
+        raise ValueError(f"{what} must be a whole number{'' if least is None else f' from {least}'}, got {v:g}")
+    return int(v)
 
 
 def _converted(term, coeffs, u):
@@ -225,7 +380,7 @@ def register_bonded(register, *classes):
         return build
 
     for cls in classes:
-        register(cls.name)(make(cls))
+        register(cls.name)(cls._build if issubclass(cls, RowTerm | CrossTerms) else make(cls))
     register("hybrid")(_build_hybrid)
 
 

@@ -22,7 +22,8 @@ from ..errors import AtcError
 from ..units import Units
 from ..units import units as system
 from .base import Accumulator
-from .bonded import BondedTerm, energy, register_bonded
+from .bonded import BondedTerm, energy, plain, register_bonded
+from .bonded import whole as _whole
 from .cluster import ClusterTerm, weights_of
 from .registry import dihedral_style
 
@@ -32,8 +33,8 @@ _INNER = {"inner": ((0.0, 0.5, 0.5, 0.0), "energy shared half to each of the two
 _MIRROR = "a chain whose torsion this phase prefers and its mirror image differ in energy, so the term is not a function of distances and has no forces along bonds"
 
 
-def plain(u: Units) -> float:
-    return 1.0
+class MirrorError(ValueError):
+    """Coefficients that are understood, of a term that is not a function of distances: refused where a frame uses them."""
 
 
 class FourAtoms(BondedTerm, ClusterTerm):
@@ -82,12 +83,15 @@ class Torsion(FourAtoms):
 
     def _set(self, values: Mapping, where: str = ""):
         self.covered = frozenset(values)
-        rows = {}
+        rows, refused = {}, {}
         for t, v in values.items():
             try:
                 rows[t] = np.atleast_1d(self.series(*v))
+            except MirrorError as e:
+                refused[t] = str(e)
             except ValueError as e:
                 raise AtcError(f"{where or self.name}: {self.kind} type {t} of style {self.name}: {e}") from None
+        self.keep_refusals(refused, where)
         self.table = np.zeros((max(rows, default=0) + 1, max((len(a) for a in rows.values()), default=1)))
         for t, a in rows.items():
             self.table[t, : len(a)] = a
@@ -98,12 +102,6 @@ class Torsion(FourAtoms):
         return bad
 
 
-def _whole(v: float, what: str, least: int | None = None) -> int:
-    if v != int(v) or (least is not None and v < least):
-        raise ValueError(f"{what} must be a whole number{'' if least is None else f' from {least}'}, got {v:g}")
-    return int(v)
-
-
 def _cosine(n: int, factor: float) -> np.ndarray:
     a = np.zeros(n + 1)
     a[n] = factor
@@ -112,7 +110,7 @@ def _cosine(n: int, factor: float) -> np.ndarray:
 
 def _sign_of_phase(degrees: float) -> float:
     if degrees % 180.0 != 0.0:
-        raise ValueError(f"the phase {degrees:g} degrees is neither 0 nor 180: {_MIRROR}")
+        raise MirrorError(f"the phase {degrees:g} degrees is neither 0 nor 180: {_MIRROR}")
     return 1.0 if degrees % 360.0 == 0.0 else -1.0
 
 

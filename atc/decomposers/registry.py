@@ -138,6 +138,7 @@ class StyleInput:
     labels : {kind: {label: type}} from ``labelmap``
     masses : {type: mass} in user units as far as the lines say
     notes : what the user should know about the model, see `note`
+    pairs : for bonded styles, the `Pairs` term of the model (None: no interaction that is a sum over pairs)
     """
 
     kind: str
@@ -153,6 +154,7 @@ class StyleInput:
     wanted: np.ndarray | None = None
     labels: dict = field(default_factory=dict)
     masses: dict = field(default_factory=dict)
+    pairs: object = None
     notes: list = field(default_factory=list)
 
     def note(self, text: str) -> None:

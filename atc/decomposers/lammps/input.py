@@ -58,6 +58,7 @@ class _Model:
     restart: Command | None = None
     exclusions: Exclusions | None = None
     notes: list[str] = field(default_factory=list)
+    pairs: Pairs | None = None
 
 
 def potential_from_lammps(source: str | Path, units_=None, folder=None, name=None, run=None, trajectory=()) -> Potential:
@@ -358,6 +359,7 @@ def _input(model: _Model, style: _Style, lines, n_types: int, **more) -> StyleIn
         labels=model.labels,
         masses=model.masses,
         notes=model.notes,
+        pairs=model.pairs,
         **more,
     )
 
@@ -371,6 +373,8 @@ def _assemble(model: _Model, name: str) -> Potential:
         if build.tail:
             notes.append("long-range tail corrections (pair_modify tail) are not included")
         terms += _pair_terms(build, special)
+        # Some bonded styles need the pair interaction of their atoms.
+        model.pairs = next((t for t in terms if isinstance(t, Pairs)), None)
     for kind in _BONDED:
         if kind in model.styles and model.styles[kind].name != "zero":
             terms += _bonded_terms(model, model.styles[kind])
