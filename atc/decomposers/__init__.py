@@ -97,6 +97,8 @@ _STYLE_MODULES = (
     "angle_coupled",
     "dihedral",
     "improper",
+    "dihedral_curves",
+    "dihedral_coupled",
     "embedded_atom",
     "tersoff",
     "axilrod_teller",

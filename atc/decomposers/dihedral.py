@@ -108,7 +108,7 @@ def _cosine(n: int, factor: float) -> np.ndarray:
     return a
 
 
-def _sign_of_phase(degrees: float) -> float:
+def sign_of_phase(degrees: float) -> float:
     if degrees % 180.0 != 0.0:
         raise MirrorError(f"the phase {degrees:g} degrees is neither 0 nor 180: {_MIRROR}")
     return 1.0 if degrees % 360.0 == 0.0 else -1.0
@@ -142,7 +142,7 @@ class CharmmTorsion(Torsion):
             raise ValueError(
                 f"the weight {w:g} asks for 1-4 pair interactions with coefficients of a charmm pair style, which are not supported: only weight 0.0 is"
             )
-        a = _cosine(_whole(n, "n", 0), K * _sign_of_phase(d))
+        a = _cosine(_whole(n, "n", 0), K * sign_of_phase(d))
         a[0] += K
         return a
 
@@ -207,7 +207,7 @@ class FourierTorsion(Torsion):
         m = _whole(m, "the number of terms", 1)
         if len(more) != 3 * m:
             raise ValueError(f"{m} terms need {3 * m} numbers K n d after {m}, got {len(more)}")
-        terms = [(K, _whole(n, "n", 0), _sign_of_phase(d)) for K, n, d in zip(more[::3], more[1::3], more[2::3], strict=True)]
+        terms = [(K, _whole(n, "n", 0), sign_of_phase(d)) for K, n, d in zip(more[::3], more[1::3], more[2::3], strict=True)]
         a = np.zeros(max(n for _, n, _ in terms) + 1)
         for K, n, sign in terms:
             a[0] += K
