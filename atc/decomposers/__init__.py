@@ -99,6 +99,7 @@ _STYLE_MODULES = (
     "improper",
     "dihedral_curves",
     "dihedral_coupled",
+    "dihedral_table",
     "embedded_atom",
     "tersoff",
     "axilrod_teller",
