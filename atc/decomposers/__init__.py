@@ -97,6 +97,7 @@ _STYLE_MODULES = (
     "angle_coupled",
     "dihedral",
     "improper",
+    "improper_curves",
     "dihedral_curves",
     "dihedral_coupled",
     "dihedral_table",
