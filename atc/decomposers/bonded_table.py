@@ -33,22 +33,8 @@ def read_section(path, keyword: str, kind: str, where: str = "", units_name: str
     ------
     AtcError for a missing file or section, other units, a malformed line, or coordinates that do not increase.
     """
-    at = f"{where}: " if where else ""
-    try:
-        text = Path(path).read_text(encoding="utf-8", errors="replace")
-    except OSError as e:
-        raise AtcError(f"{at}cannot read the {kind} table {str(path)!r} ({e.strerror or e})") from None
-    tag = units_tag(text)
-    if None not in (tag, units_name) and tag != units_name:
-        raise AtcError(f"{at}{path} is in {tag!r} units (its UNITS: tag) and the model in {units_name!r}: use a table in the model's units")
-    lines = [(n, w) for n, line in enumerate(text.splitlines(), 1) if (w := line.partition("#")[0].split())]
-    start = next((p for p, (_, w) in enumerate(lines) if w[0] == keyword), None)
-    if start is None:
-        names = [w[0] for _, w in lines if not _number(w[0]) and w[0] != "N"]
-        raise AtcError(f"{at}{path} has no section {keyword!r}; it has {', '.join(names) or 'none'}")
-    if start + 1 == len(lines):
-        raise AtcError(f"{path}:{lines[start][0]}: the section {keyword!r} is empty: expected a line N <number of lines>")
-    number, words = lines[start + 1]
+    lines = section_lines(path, keyword, kind, where, units_name)
+    number, words = lines[0]
     n, slopes = None, None
     p = 0
     try:
@@ -68,23 +54,51 @@ def read_section(path, keyword: str, kind: str, where: str = "", units_name: str
         ) from None
     if n is None or n < 2:
         raise AtcError(f"{path}:{number}: a {kind} table needs N <number of lines> of at least 2")
-    rows = lines[start + 2 : start + 2 + n]
-    data = np.empty((n, 3))
-    for k in range(n):
-        try:
-            number, words = rows[k]
-            data[k] = [float(v) for v in words[1:4]]
-            int(words[0])
-        except (ValueError, IndexError):
-            here = f"{path}:{number}" if k < len(rows) else str(path)
-            raise AtcError(
-                f"{here}: the section {keyword!r} needs {n} lines of index, x, energy, force; line {k + 1} of them is missing or malformed"
-            ) from None
+    data = read_rows(path, keyword, lines[1 : n + 1], n, ("x", "energy", "force"))
     if not np.isfinite(data).all() or (np.diff(data[:, 0]) <= 0).any():
         raise AtcError(
             f"{path}: the first column after the index of section {keyword!r} must increase from line to line, all numbers finite"
         )
     return Section(data[:, 0].copy(), data[:, 1].copy(), data[:, 2].copy(), slopes)
+
+
+def section_lines(path, keyword: str, kind: str, where: str = "", units_name: str | None = None) -> list[tuple[int, list[str]]]:
+    """(number, words) of the lines behind a section's keyword to the end of the file, without comments and blank lines; the first is its parameters.
+
+    Raises AtcError as `read_section`.
+    """
+    at = f"{where}: " if where else ""
+    try:
+        text = Path(path).read_text(encoding="utf-8", errors="replace")
+    except OSError as e:
+        raise AtcError(f"{at}cannot read the {kind} table {str(path)!r} ({e.strerror or e})") from None
+    tag = units_tag(text)
+    if None not in (tag, units_name) and tag != units_name:
+        raise AtcError(f"{at}{path} is in {tag!r} units (its UNITS: tag) and the model in {units_name!r}: use a table in the model's units")
+    lines = [(n, w) for n, line in enumerate(text.splitlines(), 1) if (w := line.partition("#")[0].split())]
+    start = next((p for p, (_, w) in enumerate(lines) if w[0] == keyword), None)
+    if start is None:
+        names = [w[0] for _, w in lines if not _number(w[0]) and w[0] != "N"]
+        raise AtcError(f"{at}{path} has no section {keyword!r}; it has {', '.join(names) or 'none'}")
+    if start + 1 == len(lines):
+        raise AtcError(f"{path}:{lines[start][0]}: the section {keyword!r} is empty: expected a line N <number of lines>")
+    return lines[start + 1 :]
+
+
+def read_rows(path, keyword: str, rows, n: int, columns) -> np.ndarray:
+    """(n, columns) numbers of n lines ``index <columns>``. Raises AtcError that names the line."""
+    data = np.empty((n, len(columns)))
+    for k in range(n):
+        try:
+            number, words = rows[k]
+            data[k] = [float(v) for v in words[1 : len(columns) + 1]]
+            int(words[0])
+        except (ValueError, IndexError):
+            here = f"{path}:{number}" if k < len(rows) else str(path)
+            raise AtcError(
+                f"{here}: the section {keyword!r} needs {n} lines of index, {', '.join(columns)}; line {k + 1} of them is missing or malformed"
+            ) from None
+    return data
 
 
 def _number(word: str) -> bool:

@@ -108,7 +108,7 @@ def _cosine(n: int, factor: float) -> np.ndarray:
     return a
 
 
-def _sign_of_phase(degrees: float) -> float:
+def sign_of_phase(degrees: float) -> float:
     if degrees % 180.0 != 0.0:
         raise MirrorError(f"the phase {degrees:g} degrees is neither 0 nor 180: {_MIRROR}")
     return 1.0 if degrees % 360.0 == 0.0 else -1.0
@@ -157,7 +157,7 @@ class CharmmTorsion(Torsion):
     def series(self, K, n, d, w):
         if not 0.0 <= w <= 1.0:
             raise ValueError(f"the weight of the 1-4 pair must be between 0 and 1, got {w:g}")
-        a = _cosine(_whole(n, "n", 0), K * _sign_of_phase(d))
+        a = _cosine(_whole(n, "n", 0), K * sign_of_phase(d))
         a[0] += K
         return a
 
@@ -222,7 +222,7 @@ class FourierTorsion(Torsion):
         m = _whole(m, "the number of terms", 1)
         if len(more) != 3 * m:
             raise ValueError(f"{m} terms need {3 * m} numbers K n d after {m}, got {len(more)}")
-        terms = [(K, _whole(n, "n", 0), _sign_of_phase(d)) for K, n, d in zip(more[::3], more[1::3], more[2::3], strict=True)]
+        terms = [(K, _whole(n, "n", 0), sign_of_phase(d)) for K, n, d in zip(more[::3], more[1::3], more[2::3], strict=True)]
         a = np.zeros(max(n for _, n, _ in terms) + 1)
         for K, n, sign in terms:
             a[0] += K

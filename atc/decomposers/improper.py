@@ -29,11 +29,13 @@ class HarmonicImproper(FourAtoms):
     kind = "improper"
     name = "harmonic"
     wants = (("K", energy), ("chi0", degrees))
+    #: what its angle is called in notes, and the least sine of it that is divided by at a kink (LAMMPS's)
+    angle_name, small = "chi", _SMALL
 
     def evaluate(self, x_tkc, types, U, G, acc: Accumulator) -> int:
-        bad, collinear, kinks = _harmonic_impropers(x_tkc, types, self.table, U, G)
-        acc.note("impropers with three atoms in a line, where cos chi was continued to 0", collinear)
-        acc.note("impropers in a plane they do not prefer, where sin chi was clamped at 0.001", kinks)
+        bad, collinear, kinks = _harmonic_impropers(x_tkc, types, self.table, self.small, U, G)
+        acc.note(f"{self.kind}s with three atoms in a line, where cos {self.angle_name} was continued to 0", collinear)
+        acc.note(f"{self.kind}s in a plane they do not prefer, where sin {self.angle_name} was clamped at {self.small:g}", kinks)
         return bad
 
 
@@ -48,7 +50,7 @@ register_bonded(improper_style, HarmonicImproper, CvffImproper)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _harmonic_impropers(x, types, table, U, G):
+def _harmonic_impropers(x, types, table, small, U, G):
     slopes = np.empty(6)
     collinear = kinks = 0
     for t in range(len(U)):
@@ -66,8 +68,8 @@ def _harmonic_impropers(x, types, table, U, G):
         kink = 0.0
         if abs(plane - chi0) > 1e-12:
             s = sin
-            if s < _SMALL:
-                s = _SMALL
+            if s < small:
+                s = small
                 kinks += 1
             kink = (plane - chi0) / s
         slope = -2.0 * k * (regular + kink)
