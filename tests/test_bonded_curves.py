@@ -36,6 +36,19 @@ def test_bonds_in_other_units(style):
     agrees(melt(unit_style="nano"), bonds(style))
 
 
+@pytest.mark.parametrize("cell", CELLS)
+def test_nanotubes_with_coefficients_of_their_own(cell):
+    lines = "bond_style mesocnt\nbond_coeff 1 custom 3 1.1\nbond_coeff 2 custom 2 0.9\n"
+    lines += "angle_style mesocnt\nangle_coeff 1 buckling custom 3 2 60\nangle_coeff 2 harmonic custom 1.5\n"
+    agrees(melt(cell, unit_style="metal"), lines)
+    for wrong, says in (
+        ("bond_style mesocnt\nbond_coeff 1 C 10 10 20", "chirality"),
+        ("angle_style mesocnt\nangle_coeff 1 custom 3", "harmonic or buckling"),
+    ):
+        with pytest.raises(AtcError, match=f"line 2: .*{says}"):
+            atc.potential(wrong, "metal")
+
+
 PAIRS = "pair_style lj/cut 1.3\npair_modify shift yes\npair_coeff * * 1.0 0.9\n"
 QUARTIC = "bond_style quartic\nbond_coeff 1 1200 -0.55 0.25 1.3 34.6878\nbond_coeff 2 1100 -0.5 0.2 1.04 30\n"
 

@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 from decomposer_checks import agrees_with_lammps, potential, sources_are_derivatives
 from lammps_oracle import Config
-from test_decomposers_dihedral import CELLS, lines_of, one
-
-import atc
-from atc.errors import AtcError
+from test_decomposers_dihedral import CELLS, lines_of
 
 ZERO = ["pair_style zero 5.0 nocoeff", "pair_coeff * *"]
 IMPROPERS = {
