@@ -184,8 +184,10 @@ class RowTerm:
         except ValueError as e:
             raise AtcError(f"{self.kind} style {self.name}: {e}") from None
         self._set(rows)
-        if hasattr(self, "share"):
+        if hasattr(self, "weights"):
             self.share(more.pop("partition", "equal"))
+        if more:
+            raise TypeError(f"{type(self).__name__} has no parameter {next(iter(more))}")
 
     def _set(self, values: Mapping, where: str = ""):
         self.covered = frozenset(values)
