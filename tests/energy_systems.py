@@ -146,6 +146,12 @@ LINES = {
     "angle charmm": "angle_style charmm\nangle_coeff * 1.5 105 0.7 2.2",
     "hybrid": "bond_style hybrid harmonic morse\nbond_coeff 1 harmonic 3.0 1.3\nbond_coeff 2 morse 1.5 1.3 1.4\n"
     "angle_style hybrid harmonic cosine\nangle_coeff 1 harmonic 1.5 100\nangle_coeff 2 cosine 0.5",
+    "angle class2": "angle_style class2\nangle_coeff * 100 1.5 -0.6 0.3\nangle_coeff * bb 1.2 1.35 1.45\nangle_coeff * ba 0.7 0.4 1.35 1.45",
+    "dihedral class2": "dihedral_style class2\ndihedral_coeff * 1.1 0 0.7 180 0.4 0\ndihedral_coeff * mbt 0.1 0.2 0.3 1.4\n"
+    "dihedral_coeff * ebt 0.3 0.2 0.1 0.15 0.25 0.35 1.4 1.3\ndihedral_coeff * at 0.5 0.4 0.3 0.2 0.1 0.6 100 110\n"
+    "dihedral_coeff * aat 0.8 100 110\ndihedral_coeff * bb13 0.9 1.4 1.3",
+    "improper class2": "improper_style class2\nimproper_coeff * 0.5 0\nimproper_coeff * aa 0.5 0.7 0.9 100 110 120",
+    "improper fourier": "improper_style fourier\nimproper_coeff * 0.5 0.2 0.5 -0.7",
     "dihedral opls": "dihedral_style opls\ndihedral_coeff * 1.3 -0.4 0.8 0.25",
     "improper harmonic": "improper_style harmonic\nimproper_coeff * 0.5 35.0",
     "eam": "pair_style eam/alloy\npair_coeff * * {}/AlCu.eam.alloy Al Cu",

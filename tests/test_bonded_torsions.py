@@ -128,3 +128,82 @@ def test_walk_through_the_planes_of_a_table(tmp_path, way):
                 np.testing.assert_allclose(
                     up.forces_nc[3, 2] / o, pot.decompose(one(chain(plane + 1e-3))).forces_nc[3, 2] / 1e-3, rtol=1e-4
                 )
+
+
+SMOOTH = {
+    "class2": "dihedral_style class2\n" + "\n".join(f"dihedral_coeff 1 {c}" for c in ("1.1 0 0.7 180 0.4 0", *CROSS)),
+    "spherical": "dihedral_style spherical\ndihedral_coeff 1 2 1.5 1 0 0.3 1 20 0.2 2 40 0.7 0.8 3 60 1 0 0 0 2 90 1",
+    "quadratic": "dihedral_style quadratic\ndihedral_coeff 1 2 0",
+    "cosine/shift/exp": "dihedral_style cosine/shift/exp\ndihedral_coeff 1 2 180 -1.5",
+    "restricted": "dihedral_style cosine/squared/restricted\ndihedral_coeff 1 0.5 180",
+}
+
+
+@pytest.mark.parametrize(
+    "name, plane", [(n, p) for n in SMOOTH for p in (0.0, np.pi) if (n, p) not in (("quadratic", np.pi), ("restricted", 0.0))]
+)
+def test_walk_through_planar_chains(name, plane):
+    pot = atc.potential(SMOOTH[name], "metal")
+    at = pot.decompose(one(chain(plane)), sources=True)
+    assert not at.notes and np.isfinite(at.bonds.D_bdc).all()
+    for o in 10.0 ** -np.arange(1, 16.0):
+        up, down = (pot.decompose(one(chain(plane + s * o))) for s in (1, -1))
+        assert np.abs(up.forces_nc - at.forces_nc).max() <= 400 * o + 1e-11
+        assert abs(up.energy - at.energy) <= 100 * o * o + 1e-12
+        np.testing.assert_allclose(up.forces_nc[:, 2], -down.forces_nc[:, 2], rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+def test_walk_through_collinear_chains(name):
+    """Three atoms in a line: finite, and counted where cos φ is continued."""
+    pot = atc.potential(SMOOTH[name], "metal")
+    for sine in (0.0, 1e-9, 5e-4):
+        d = pot.decompose(one(chain(2.0, np.pi - np.arcsin(sine))), sources=True)
+        assert sum(d.notes.values()) == 1 and np.isfinite(d.forces_nc).all() and np.isfinite(d.bonds.D_bdc).all()
+
+
+def test_poles_and_ridges():
+    d = atc.potential(SMOOTH["quadratic"], "metal").decompose(one(chain(np.pi)))
+    assert d.energy == pytest.approx(2 * np.pi**2) and list(d.notes.values()) == [1] and "plane they do not prefer" in next(iter(d.notes))
+    # Beside the ridge the torque is that of the formula, 2 K φ, also as near as 1e-4: the force out of the plane on atom 4.
+    f = atc.potential(SMOOTH["quadratic"], "metal").decompose(one(chain(np.pi - 1e-4))).forces_nc[3]
+    assert np.linalg.norm(f) == pytest.approx(2 * 2 * np.pi / (0.9 * np.sin(1.8)), rel=1e-3)
+    with pytest.raises(AtcError, match="cosine/squared/restricted of the atoms 1, 2, 3, 4 has no finite energy"):
+        atc.potential(SMOOTH["restricted"], "metal").decompose(one(chain(0.0)))
+
+
+REFUSED = [
+    ("quadratic\ndihedral_coeff 1 2 60", "60 degrees is neither 0 nor 180"),
+    ("helix\ndihedral_coeff 1 1 2 0.5", "45 degrees is neither 0 nor 180: .*mirror image"),
+    ("cosine/shift/exp\ndihedral_coeff 1 2 60 1", "60 degrees is neither"),
+    ("cosine/shift/exp\ndihedral_coeff 1 2 0 1e-4", "below 0.001 LAMMPS's forces are not the derivative"),
+    ("spherical\ndihedral_coeff 1 1 1.5 1 30 0.3 1 20 0.2 2 40 0.7", "30 degrees is neither"),
+    ("spherical\ndihedral_coeff 1 1 1.5 1.5 0 0.3 1 20 0.2 2 40 0.7", "1.5 of phi is no whole number"),
+    ("spherical\ndihedral_coeff 1 2 1.5 1 0 0.3", "line 2: dihedral_coeff of spherical: expected n and then"),
+    ("table linear\ndihedral_coeff 1 x y", "takes linear or spline and a number of points"),
+    ("table linear 50\ndihedral_coeff 1 torsion.table NONE", "has no section 'NONE'; it has WITH, PLAIN"),
+    ("table linear 50\ndihedral_coeff 1 bad.table TURN", "must increase from line to line within less than a full turn"),
+    ("table linear 50\ndihedral_coeff 1 bad.table WORDS", r"bad.table:\d+: expected the parameters of a dihedral table"),
+    ("table linear 50\ndihedral_coeff 1 bad.table SHORT", r"needs 3 lines of index, phi, energy; line 3 of them"),
+    ("table/cut linear 50\ndihedral_coeff 1 aat 1 90 80 torsion.table WITH", "the second angle must be larger"),
+]
+
+
+@pytest.mark.parametrize("lines, says", REFUSED)
+def test_refused(tmp_path, lines, says):
+    torsion_tables(tmp_path)
+    (tmp_path / "bad.table").write_text("TURN\nN 2\n\n1 0 0 0\n2 360 0 0\n\nWORDS\nN 2 FAST\n\nSHORT\nN 3 NOF\n\n1 0 0\n2 1 0\n")
+    with pytest.raises(AtcError, match=says) as e:
+        atc.potential("dihedral_style " + lines, units="real", folder=tmp_path)
+    assert "\n" not in str(e.value)
+
+
+def test_types_of_one_hand_are_refused_only_where_a_frame_uses_them():
+    config = chains(n=4, types=1)
+    lines = ["dihedral_style quadratic", "dihedral_coeff 1 2 180", "dihedral_coeff 2 2 60"]
+    pot = atc.potential("\n".join(lines), units="real")
+    agrees_with_lammps(pot, [*ZERO, *lines[:2]], config)
+    frame = config.frame()
+    frame.topology.dihedral_types[1] = 2
+    with pytest.raises(AtcError, match="dihedral type 2 of style quadratic: the phase 60 degrees is neither 0 nor 180"):
+        pot.decompose(frame)

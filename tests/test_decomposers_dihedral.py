@@ -251,7 +251,7 @@ REFUSED = [
     ("dihedral_style fourier\ndihedral_coeff 1 2 1.0 3 0", "2 terms need 6 numbers"),
     ("dihedral_style nharmonic\ndihedral_coeff 1 3 1.0 3", "takes n and then n coefficients"),
     ("dihedral_style opls\ndihedral_coeff 1 1.0 2", "K1 K2 K3 K4"),
-    ("dihedral_style class2\ndihedral_coeff 1 1.0 2", "class2 is not supported"),
+    ("dihedral_style klass2\ndihedral_coeff 1 1.0 2", "klass2 is not supported: expected one of charmm"),
 ]
 
 

@@ -16,6 +16,7 @@ from ..units import Units
 from ..units import units as system
 from .base import Accumulator, Term, Work
 from .registry import STYLES, TypeRange
+from .unsupported_bonded import reason
 
 CHUNK = 16384
 
@@ -183,8 +184,10 @@ class RowTerm:
         except ValueError as e:
             raise AtcError(f"{self.kind} style {self.name}: {e}") from None
         self._set(rows)
-        if hasattr(self, "share"):
+        if hasattr(self, "weights"):
             self.share(more.pop("partition", "equal"))
+        if more:
+            raise TypeError(f"{type(self).__name__} has no parameter {next(iter(more))}")
 
     def _set(self, values: Mapping, where: str = ""):
         self.covered = frozenset(values)
@@ -340,6 +343,8 @@ def _build_hybrid(inp):
             if word in args:
                 raise inp.error(f"{inp.command} names {word} twice: name each style once")
             args[word] = []
+        elif why := reason(inp.kind, word):
+            raise inp.error(f"{inp.command}: {inp.kind}_style {word} is not supported: {why}")
         elif not args:
             raise inp.error(f"{inp.command}: {word} is not supported: expected {', '.join(sorted(known))}")
         else:
@@ -351,6 +356,9 @@ def _build_hybrid(inp):
         name = line.words[0] if line.words else ""
         if name not in args and name not in ("none", "skip"):
             raise inp.error(f"{inp.kind}_coeff of hybrid: expected one of {', '.join([*args, 'none'])} after the type, got {name!r}", line)
+        if name == "skip":
+            # A row of a class2 section for a type of another style: nothing is said about it.
+            continue
         for (t,) in line.covers(inp.n_types):
             last[t] = name
         if name in args:

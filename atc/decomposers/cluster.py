@@ -36,6 +36,12 @@ def weights_of(partition, k: int, names: dict, what: str) -> tuple[np.ndarray, s
     return w, "energy shared " + " : ".join(f"{v:.6g}" for v in w) + " among its atoms"
 
 
+def first_not_finite(U, G) -> int:
+    """The first tuple whose energy (m,) or G (m, pairs) is not finite, or −1."""
+    bad = ~(np.isfinite(U) & np.isfinite(G).all(axis=1))
+    return int(np.argmax(bad)) if bad.any() else -1
+
+
 class ClusterTerm(Term):
     """A term whose tuples of atoms are known beforehand. Subclasses give the tuples and G of their distances.
 

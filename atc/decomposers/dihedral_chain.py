@@ -12,6 +12,7 @@ import numpy as np
 
 from ..compiled import njit
 from .base import Accumulator
+from .cluster import first_not_finite
 from .dihedral import FourAtoms, cosine_and_slopes
 
 #: LAMMPS's SMALL: the least sine that is divided by
@@ -66,8 +67,7 @@ class CoupledTorsion(FourAtoms):
         U[:] = u
         G[:] = np.einsum("tq,tqe->te", partial, chain.slopes)
         acc.note(f"{self.kind}s with three atoms in a line, where cos phi was continued to 0", int(chain.near.sum()))
-        bad = ~np.isfinite(U + G.sum(axis=1))
-        return int(np.argmax(bad)) if bad.any() else -1
+        return first_not_finite(U, G)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -8,6 +8,7 @@ from ..compiled import njit
 from .angle_curves import restricted, shift_exp
 from .base import Accumulator
 from .bonded import degrees, energy, plain, register_bonded
+from .cluster import first_not_finite
 from .dihedral import FourAtoms, MirrorError, Torsion, cosine_and_slopes, sign_of_phase
 from .improper import HarmonicImproper
 from .registry import dihedral_style
@@ -28,8 +29,7 @@ class CurveTorsion(FourAtoms):
         U[:], slope = self.curve(cos, sin, types)
         G *= slope[:, None]
         acc.note(f"{self.kind}s with three atoms in a line, where cos phi was continued to 0", int(near.sum()))
-        bad = ~np.isfinite(U + G.sum(axis=1))
-        return int(np.argmax(bad)) if bad.any() else -1
+        return first_not_finite(U, G)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

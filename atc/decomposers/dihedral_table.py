@@ -243,11 +243,13 @@ def _sections(inp, lead: int, what: str):
 
 @dihedral_style("table")
 def _table(inp):
-    return TableTorsion(_sections(inp, 0, "")[0], **_way(inp))
+    way = _way(inp)
+    return TableTorsion(_sections(inp, 0, "")[0], **way)
 
 
 @dihedral_style("table/cut")
 def _table_cut(inp):
+    way = _way(inp)
     sections, fronts = _sections(inp, 4, "aat, K, two angles, ")
     cuts = {}
     for t, (words, line) in fronts.items():
@@ -256,4 +258,4 @@ def _table_cut(inp):
         cuts[t] = tuple(inp.number(w, 1.0, what, line) for w, what in zip(words[1:], ("K", "angle1", "angle2"), strict=True))
         if not 0.0 <= cuts[t][1] < cuts[t][2]:
             raise inp.error("dihedral_coeff of table/cut: the second angle must be larger than the first", line)
-    return TableCutTorsion(sections, cuts, **_way(inp))
+    return TableCutTorsion(sections, cuts, **way)

@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import AtcWarning
 from .base import Accumulator
 from .bonded import CrossTerms, RowTerm, degrees, energy, length, per_length2, per_length4, register_bonded
+from .cluster import first_not_finite
 from .dihedral import FourAtoms
 from .improper_pyramid import Pyramid, PyramidImproper, asin_over_sine
 from .registry import improper_style
@@ -235,8 +236,7 @@ class CosineSquaredImproper(FourAtoms):
             shifted = np.cos(np.arccos(cos) - chi0)
         U[:] = 0.5 * K * shifted**2
         G[:] = (K * shifted)[:, None] * slopes
-        bad = ~np.isfinite(U + G.sum(axis=1))
-        return int(np.argmax(bad)) if bad.any() else -1
+        return first_not_finite(U, G)
 
 
 register_bonded(

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .base import Accumulator
+from .cluster import first_not_finite
 from .dihedral import FourAtoms
 
 _PAIRS = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]
@@ -110,8 +111,7 @@ class PyramidImproper(FourAtoms):
     def evaluate(self, x_tkc, types, U, G, acc: Accumulator) -> int:
         with np.errstate(divide="ignore", invalid="ignore"):
             U[:], G[:] = self.curve(Pyramid.of(x_tkc, self.apex), types, acc)
-        bad = ~np.isfinite(U + G.sum(axis=1))
-        return int(np.argmax(bad)) if bad.any() else -1
+        return first_not_finite(U, G)
 
 
 def asin_over_sine(sin2):

@@ -7,11 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from ...errors import AtcError
+from ..bonded import SECTIONS
 from .read_data import data_options
 from .script import Command
 
 _SECTION = re.compile(
-    rb"^[ \t]*((?:Pair|PairIJ|Bond|Angle|Dihedral|Improper) Coeffs|(?:Atom|Bond|Angle|Dihedral|Improper) Type Labels|Masses)[ \t]*(?:#[^\n]*)?\r?$",
+    rb"^[ \t]*((?:Pair|PairIJ|Bond|Angle|Dihedral|Improper|BondBond|BondAngle|MiddleBondTorsion|EndBondTorsion|AngleTorsion|AngleAngleTorsion|BondBond13|"
+    rb"AngleAngle) Coeffs|(?:Atom|Bond|Angle|Dihedral|Improper) Type Labels|Masses)[ \t]*(?:#[^\n]*)?\r?$",
     re.M,
 )
 
@@ -22,6 +24,8 @@ def data_file_commands(path: Path, style_names: dict[str, str]) -> list[Command]
     `style_names` are the styles in force ({"pair": "lj/cut", ...}): sections of kinds without a style are passed over.
     """
     text = _bytes(path)
+    # Sections of class2 cross terms: their rows are lines with a word of their own.
+    crosses = {section: key for key, section in SECTIONS.items() if key[1]}
     labels, masses, coeffs = [], [], []
     for m in _SECTION.finditer(text):
         section = m.group(1).decode()
@@ -48,6 +52,12 @@ def data_file_commands(path: Path, style_names: dict[str, str]) -> list[Command]
                 coeffs.append(Command("pair_coeff", tuple(words), where))
             elif kind == "pair" and "pair" in style_names:
                 coeffs.append(Command("pair_coeff", (words[0], *words), where))
+            elif section in crosses:
+                of, word = crosses[section]
+                # hybrid: the style's name, or skip, comes first.
+                at = 2 if style_names.get(of) == "hybrid" else 1
+                if of in style_names and "skip" not in words[1:2]:
+                    coeffs.append(Command(f"{of}_coeff", (*words[:at], word, *words[at:]), where))
             elif kind in style_names:
                 coeffs.append(Command(f"{kind}_coeff", tuple(words), where))
     return labels + masses + coeffs
