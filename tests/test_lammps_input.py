@@ -347,7 +347,7 @@ BAD = {
     "table style": ("units metal\npair_style table bitmap 12\npair_coeff 1 1 f k", "line 2.*linear N"),
     "table file": ("units metal\npair_style table linear 12\npair_coeff 1 1 f k", "line 3.*f: no such file"),
     "nothing": ("units metal\nmass 1 28", "no interactions found"),
-    "bond style": ("units lj\nbond_style quartic\nbond_coeff 1 1 1 1 1 1", "line 2.*quartic is not supported.*harmonic"),
+    "bond style": ("units lj\nbond_style oxdna/fene\nbond_coeff 1 1 1 1", "line 2.*oxdna/fene is not supported"),
     "bond coefficients": ("units lj\nbond_style harmonic\nmass 1 1", "line 2.*no bond_coeff"),
     "adapt": (f"units lj\n{LJ}fix 1 all adapt 1 pair lj/cut epsilon 1 1 v_x", "line 4.*adapt"),
     "labelmap": (f"units lj\nlabelmap atom 1\n{LJ}", "line 2.*labelmap"),
