@@ -14,6 +14,7 @@ import numpy as np
 
 from .case_fields import CaseFields
 from .errors import AtcError
+from .interruption import asked, whole
 from .output import Layout, Store, Variable, explained, open_dataset
 
 # Wall seconds between two saved states, beside those of the entries.
@@ -106,9 +107,9 @@ def run(case, out, *, threads: int = 0, progress=None, resume: bool = True):
 
 def _request(case) -> dict:
     """What an unfinished output must have been made from to be continued."""
-    from . import __version__
+    from .identity import RESULTS
 
-    request = {"version": __version__, "case": case.to_toml()}
+    request = {"results": RESULTS, "case": case.to_toml()}
     for section, key in (("body", "file"), ("run", "restart")):
         path = case.path(section, key)
         if path is not None and path.is_file():
@@ -135,32 +136,6 @@ def load_state(path):
             return State.from_arrays({k: f[k] for k in f.files})
     except (OSError, ValueError, KeyError) as e:
         raise AtcError(f"{path}: is not a restart file of atc pd ({str(e).splitlines()[0]})") from None
-
-
-class _Patience:
-    """Ctrl-C is heard between steps, so that the state can be saved; a second one at once."""
-
-    over = False
-
-    def __enter__(self):
-        import signal
-        import threading
-
-        self.before = None
-        if threading.current_thread() is threading.main_thread():
-            self.before = signal.signal(signal.SIGINT, self._heard)
-        return self
-
-    def _heard(self, *_):
-        if self.over:
-            raise KeyboardInterrupt
-        self.over = True
-
-    def __exit__(self, *_):
-        import signal
-
-        if self.before is not None:
-            signal.signal(signal.SIGINT, self.before)
 
 
 class _Run:
@@ -198,10 +173,11 @@ class _Run:
             self.fields.prepare(sim, len(self.marks))
         if progress is not None:
             progress(sim.state.step - start, self.steps, 0.0)
-        with _Patience() as patience:
-            self._loop(sim, progress, start, end, patience)
+        # A signal to stop is heard between steps, so that the state can be saved.
+        with whole():
+            self._loop(sim, progress, start, end)
 
-    def _loop(self, sim, progress, start, end, patience):
+    def _loop(self, sim, progress, start, end):
         began, first, saved = time.perf_counter(), sim.state.step, time.monotonic()
         while True:
             step = sim.state.step
@@ -217,11 +193,11 @@ class _Run:
             self._step(sim, chunk)
             if progress is not None:
                 progress(sim.state.step - start, self.steps, (sim.state.step - first) / max(time.perf_counter() - began, 1e-9))
-            if patience.over or time.monotonic() - saved > _SAVE_EVERY:
+            if asked() or time.monotonic() - saved > _SAVE_EVERY:
                 self._save(sim)
                 saved = time.monotonic()
-            if patience.over:
-                raise KeyboardInterrupt
+            if asked():
+                return
 
     def _advance(self, sim, n):
         """n steps in time, or n states of equilibrium."""

@@ -62,8 +62,10 @@ def check(traj, pot, kern, grid=None, *, points: int = 20, seed: int = 0, timest
     AtcError for frames without masses or velocities, a potential that does not fit, nothing to look at.
     """
     from . import read
+    from .planar import matched
+    from .readers.memory import completed
 
-    traj = read(traj)
+    traj, pot = matched(completed(read(traj), pot), pot)
     n_frames = len(traj)
     if not n_frames:
         raise AtcError(f"{traj.source}: holds no complete frame")
@@ -89,7 +91,7 @@ def check(traj, pot, kern, grid=None, *, points: int = 20, seed: int = 0, timest
     if n_random < points:
         notes.append(f"only {n_random} of {points} random points keep clear of the kernel's kinks")
     h = law.step_length(kern_in)
-    stencils = law.stencil(x_gc, h)
+    stencils = law.stencil(x_gc, h, frame.dimension)
     deposit = law.deposit_at(stencils, kern_in, frame.cell, threads)
     state = _motion(frame, pot, threads, deposit)
     fields = law.deposited(state, deposit)
@@ -159,10 +161,21 @@ def _frames(traj, k, frame, pot, kern, x_gc, exact, laws, scale, found, timestep
             "(--set check.timestep=0.001)"
         )
     dt = 0.5 * (times[1] - times[-1])
-    if not dt > 0:
-        return None, "no differences between frames: time does not increase"
-    if any(abs(times[m] - times[0] - m * dt) > 1e-6 * dt * abs(m) for m in near):
-        return None, "no differences between frames: frames are not evenly spaced in time"
+    order = sorted(near)
+    for a, b in itertools.pairwise(order):
+        if not times[b] > times[a]:
+            return (
+                None,
+                f"no differences between frames: time does not increase from {_called(k + a, near[a])} to {_called(k + b, near[b])}: joined or appended files?",
+            )
+    if any(abs(times[m] - times[0] - m * dt) > 1e-6 * dt * abs(m) for m in order):
+        gaps = {(a, b): (times[b] - times[a]) / (b - a) for a, b in itertools.pairwise(order)}
+        (a, b), (c, d) = max(gaps, key=gaps.get), min(gaps, key=gaps.get)
+        most, least = (number(u.to_user("time", gaps[key])) for key in ((a, b), (c, d)))
+        return None, (
+            f"no differences between frames: frames are not evenly spaced in time: from {_called(k + a, near[a])} to {_called(k + b, near[b])} {most} {label} "
+            f"a frame, from {_called(k + c, near[c])} to {_called(k + d, near[d])} {least}"
+        )
     if any(f.cell != frame.cell for f in near.values()):
         return None, "no differences between frames: the cell changes, its walls do work that is in none of the laws"
     if any(not np.array_equal(f.ids, frame.ids) for f in near.values()):
@@ -247,6 +260,10 @@ def _extrapolated(residuals, spacings, name, scale, noise, jump, dt, steps, cap)
     worst = relative(law.size(value).max(), scale)
     without = None if bare is None else relative(law.size(bare).max(), scale)
     return Outcome(worst, limit, None if limit > HOPELESS else worst <= max(limit, EXACT), without), parts
+
+
+def _called(k, frame) -> str:
+    return f"frame {k}" if frame.step is None else f"frame {k} (step {frame.step})"
 
 
 def _time(frame, timestep, u):

@@ -1,8 +1,8 @@
-"""The command line: ``atc info | plan | fields | compare | check | conductivity | bench | plot``.
+"""The command line: ``atc info | plan | fields | verify | compare | check | conductivity | bench | plot``.
 
 Only what every command needs is imported here, so that ``atc --help`` is instant: numba, xarray and matplotlib come with the commands that use them.
 
-Exit status: 0 done; 1 ``atc check`` found a broken law; 2 unusable input (one line on stderr, never a traceback); 130 interrupted; 1 anything atc did not foresee (ATC_DEBUG=1 shows the traceback).
+Exit status: 0 done; 1 ``atc check`` found a broken law, or ``atc verify`` a difference; 2 unusable input (one line on stderr, never a traceback); 130 interrupted, 143 terminated, 129 hung up (what is finished is kept); 1 anything atc did not foresee (ATC_DEBUG=1 shows the traceback).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Annotated
 import typer
 from typer.core import TyperGroup
 
-from . import __version__, cli_advect, cli_bench, cli_dispersion, cli_pd, cli_upscale
+from . import __version__, cli_advect, cli_bench, cli_dispersion, cli_pd, cli_upscale, cli_verify
 from .cli_common import (
     Begin,
     End,
@@ -40,27 +40,30 @@ from .cli_common import (
     progress_bar,
 )
 from .errors import AtcError
+from .interruption import last, watched
+from .terminal import only_printable, printable
 
 
 def _fail(message: str, status: int) -> None:
-    text = "".join(
-        c if c.isprintable() else "?" for c in " ".join(str(message).split())
-    )  # what a damaged file holds must not steer the terminal
-    print("error: " + text, file=sys.stderr, flush=True)
+    print("error: " + printable(" ".join(str(message).split())), file=sys.stderr, flush=True)
     sys.exit(status)
 
 
 def _show_warning(message, category, filename, lineno, file=None, line=None) -> None:
-    print("warning: " + " ".join(str(message).split()), file=sys.stderr, flush=True)
+    print("warning: " + printable(" ".join(str(message).split())), file=sys.stderr, flush=True)
 
 
 @contextlib.contextmanager
 def _one_line_warnings():
     """Warnings of atc as one line each; those of libraries are for developers."""
+    import logging
+
     from .errors import AtcWarning
 
     with warnings.catch_warnings():
         if not os.environ.get("ATC_DEBUG"):
+            # It has its say about folders for its own cache.
+            logging.getLogger("matplotlib").setLevel(logging.ERROR)
             warnings.simplefilter("ignore")
             warnings.simplefilter("default", AtcWarning)
             warnings.showwarning = _show_warning
@@ -73,17 +76,20 @@ class _Commands(TyperGroup):
     def main(self, args=None, prog_name=None, complete_var=None, standalone_mode=True, **extra):
         if not standalone_mode:
             return super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
+        _outputs_opened().clear()
         if os.environ.get("ATC_DEBUG"):
             status = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
             sys.exit(status if isinstance(status, int) else 0)
         try:
-            with _one_line_warnings():
+            with _one_line_warnings(), only_printable(), watched():
                 status = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
             sys.stdout.flush()
         except AtcError as e:
+            if isinstance(e.__cause__ or e.__context__, (OSError, RuntimeError)):
+                _fail_damaged()
             _fail(e, 2)
         except KeyboardInterrupt:
-            _fail(interrupted(), 130)
+            _stopped()
         except BrokenPipeError:
             _leave_quietly()
         except SystemExit as e:  # typer's way with a broken pipe
@@ -93,6 +99,7 @@ class _Commands(TyperGroup):
         except MemoryError as e:
             _fail(f"not enough memory{': ' + str(e) if str(e) else ''}: take a coarser grid, a smaller radius or fewer jobs (-j 1)", 2)
         except OSError as e:
+            _fail_damaged()
             _fail(f"{e.filename + ': ' if isinstance(e.filename, str) else ''}{e.strerror or e}", 2)
         except Exception as e:
             names = {c.__name__ for c in type(e).__mro__}
@@ -104,11 +111,34 @@ class _Commands(TyperGroup):
                 hint = f" (see: {ctx.command_path} --help)" if ctx is not None else ""
                 _fail(e.format_message() + hint, 2)
             if "Abort" in names:
-                _fail(interrupted(), 130)
+                _stopped()
+            _fail_damaged()
             _fail(f"{type(e).__name__}: {e}: atc did not foresee this; run again with ATC_DEBUG=1 for the traceback", 1)
         if status == 130:  # typer's way with Ctrl-C
-            _fail(interrupted(), 130)
+            _stopped()
         sys.exit(status if isinstance(status, int) else 0)
+
+
+def _fail_damaged() -> None:
+    """Say so if one of the outputs that this command was reading is no longer what was written."""
+    for path in _outputs_opened():
+        from .output import damage
+
+        why = damage(path)
+        if why:
+            _fail(why, 2)
+
+
+def _outputs_opened() -> list:
+    """The outputs that this command has opened, without importing what opens them."""
+    output = sys.modules.get(f"{__package__}.output")
+    return output.opened if output else []
+
+
+def _stopped() -> None:
+    """The end of a command that a signal has stopped."""
+    signal = last()
+    _fail(interrupted(*[signal.word] if signal else []), signal.status if signal else 130)
 
 
 def _leave_quietly() -> None:
@@ -179,23 +209,34 @@ def info(
         list[str],
         typer.Argument(
             metavar="TRAJ...",
-            help="A trajectory: LAMMPS dump or data file, or anything ASE or MDAnalysis reads; several files are joined.",
+            help="A trajectory: LAMMPS dump or data file, or anything ASE or MDAnalysis reads; several files are joined. Or a scene.",
             show_default=False,
         ),
     ],
     topology: Topology = None,
     units: UnitsOption = None,
     masses: Masses = None,
+    dimension: Annotated[
+        int | None, typer.Option("--dimension", metavar="2|3", help="2: a run in the plane (LAMMPS's dimension 2).", show_default=False)
+    ] = None,
     json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
 ) -> None:
-    """What is in a trajectory, in which units, how precise, and what can be computed from it; or what is in an output of atc."""
-    from .info import describe, describe_output, is_output
+    """What is in a trajectory, in which units, how precise, and what can be computed from it; or what is in an output of atc.
+
+    Of a scene also whether the forces in its trajectory are those of its potential.
+    """
+    from .info import describe, describe_output, describe_scene, is_output
 
     if len(trajectory) == 1 and is_output(trajectory[0]):
         report = describe_output(trajectory[0])
+    elif len(trajectory) == 1 and trajectory[0].endswith(".toml"):
+        given = [flag for flag, value in (("--topology", topology), ("--units", units), ("--masses", masses)) if value is not None]
+        if given:
+            raise AtcError(f"{given[0]} goes with a trajectory; in a scene it is a key of [trajectory]")
+        report = describe_scene(load_scene(trajectory[0], None))
     else:
         source = trajectory if len(trajectory) > 1 else trajectory[0]
-        report = describe(source, topology=topology, units=units, masses=parse_masses(masses))
+        report = describe(source, topology=topology, units=units, masses=parse_masses(masses), dimension=dimension)
     if json:
         print(report.json())
     else:
@@ -237,7 +278,7 @@ def fields(
     made = load_scene(scene, set, begin, end, step)
     out = made.output(output, overwrite=overwrite)
     started = time.perf_counter()
-    with kept_on_interrupt("interrupted; the finished frames are kept: the same command continues"), progress_bar(quiet) as progress:
+    with kept_on_interrupt("the finished frames are kept: the same command continues"), progress_bar(quiet) as progress:
         try:
             attributes = made.write(out, jobs=jobs, cluster=cluster, progress=progress, resume=not restart)
         except AtcError as e:
@@ -477,7 +518,7 @@ def _parse_limits(text: str | None):
 # --------------------------------------------------------------------------------------------------------------------
 # Commands in modules of their own: options only, the work is imported when they run.
 
-for _module in (cli_bench, cli_pd, cli_upscale, cli_dispersion, cli_advect):
+for _module in (cli_verify, cli_bench, cli_pd, cli_upscale, cli_dispersion, cli_advect):
     _module.register(app)
 
 if __name__ == "__main__":

@@ -10,8 +10,9 @@ from typing import Annotated, Any
 import typer
 
 from .errors import AtcError
+from .terminal import printable, unfiltered
 
-#: What Ctrl-C says while a command runs that can be continued: set by `kept_on_interrupt`.
+#: What is said of a command that is stopped and can be continued: set by `kept_on_interrupt`.
 _kept: str | None = None
 
 
@@ -23,13 +24,13 @@ def kept_on_interrupt(message: str):
     try:
         yield
     finally:
-        if sys.exc_info()[0] is not KeyboardInterrupt:
+        if not issubclass(sys.exc_info()[0] or type(None), KeyboardInterrupt):
             _kept = None
 
 
-def interrupted() -> str:
-    """What to say after Ctrl-C."""
-    return _kept or "interrupted"
+def interrupted(word: str = "interrupted") -> str:
+    """What to say after Ctrl-C, or the signal that `word` is for."""
+    return f"{word}; {_kept}" if _kept else word
 
 
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="The scene, a TOML file.", show_default=False)]
@@ -92,9 +93,17 @@ def parse_masses(text: str | None):
 
 def console():
     from rich.console import Console
+    from rich.segment import Segment
+
+    class Clean(Console):
+        """Draws colours and tables, but no text that would steer the terminal."""
+
+        def render(self, renderable, options=None):
+            for part in super().render(renderable, options):
+                yield part if part.control or part.text.isprintable() else Segment(printable(part.text), part.style)
 
     # wide when piped, so that no number is cut; no markup, so that file names with brackets survive
-    return Console(width=None if sys.stdout.isatty() else 200, markup=False, highlight=False)
+    return Clean(file=unfiltered(sys.stdout), width=None if sys.stdout.isatty() else 200, markup=False, highlight=False)
 
 
 class Progress:
@@ -137,7 +146,7 @@ def progress_bar(quiet: bool, things: str = "frames"):
         TextColumn("{task.fields[rate]}"),
         TextColumn("{task.fields[left]}"),
     )
-    bar = Bar(*columns, console=Console(stderr=True), transient=True)
+    bar = Bar(*columns, console=Console(file=unfiltered(sys.stderr), stderr=True), transient=True)
     try:
         yield Progress(bar, things)
     finally:

@@ -50,7 +50,7 @@ def pd_command(
     out = made.output(output, overwrite=overwrite)
     started = time.perf_counter()
     with (
-        kept_on_interrupt("interrupted; what is done is kept: the same command continues"),
+        kept_on_interrupt("what is done is kept: the same command continues"),
         progress_bar(quiet, "steps") as progress,
     ):
         try:

@@ -17,6 +17,13 @@ from .errors import AtcError
 
 SIX = ("xx", "yy", "zz", "xy", "xz", "yz")
 SHOWN = (*SIX, "hydrostatic", "vonmises")
+
+
+def _shown(dimension, names=SHOWN):
+    """Those of some components that say anything: in two dimensions those without z."""
+    return tuple(c for c in names if dimension == 3 or "z" not in c)
+
+
 STRESSES = ("stress", "stress_potential")
 POINTWISE = "pointwise, Hardy - smoothed virial"
 PROFILES = "profiles (means over the other axes), Hardy - smoothed virial"
@@ -36,6 +43,7 @@ class Comparison:
     notes : what could not be compared, and why
     attrs : kernel, radius, method, tolerance, measured error of the output
     place : atc.layout.Layout of the points
+    dimension : of the run, 3 or 2
     """
 
     rows: list[dict]
@@ -45,6 +53,7 @@ class Comparison:
     notes: list[str] = field(default_factory=list)
     attrs: dict = field(default_factory=dict)
     place: object = None
+    dimension: int = 3
 
     def json(self) -> str:
         """The table as JSON, numbers unrounded."""
@@ -193,7 +202,9 @@ def compare(ds, *, frame=None) -> Comparison:
     place = layout(ds, ds[hardy_name])
     entries, when = _entries(ds, frame)
     title = ", ".join(t for t in (Path(name).name, kernel_title(ds, str), when) if t)
-    out = Comparison([], xr.Dataset(), ds[hardy_name].attrs.get("units", ""), title, place=place)
+    out = Comparison(
+        [], xr.Dataset(), ds[hardy_name].attrs.get("units", ""), title, place=place, dimension=int(ds.attrs.get("dimension", 3))
+    )
     for k in ("kernel", "radius", "radius_units", "method", "tolerance", "measured_error"):
         if k in ds.attrs:
             v = ds.attrs[k]
@@ -277,8 +288,8 @@ def _box_averages(out, ds, boxes, place, single):
         elif single is not None and f"virial_stress{suffix}_stderr" in ds:
             e = ds[f"virial_stress{suffix}_stderr"]
             error, label = (e.isel(frame=single) if "frame" in e.dims else e).values, "stderr_virial"
-        for c in SHOWN:
-            a, b = float(component(h, c)), float(component(v, c))
+        for c in _shown(out.dimension):
+            a, b = float(component(h, c, out.dimension)), float(component(v, c, out.dimension))
             row = {"section": section, "name": c, "hardy": a, "virial": b, "difference": a - b, "relative": abs(a - b) / size}
             if error is not None and c in SIX:
                 e = float(component(error, c))
@@ -312,8 +323,8 @@ def _pointwise(out, ds, mean, hardy_name, place, single, scale):
     if single is not None and f"{hardy_name}_stderr" in ds:
         error = ds[f"{hardy_name}_stderr"]
         error = (error.isel(frame=single) if "frame" in error.dims else error).transpose(*dims).values
-    for c in SHOWN:
-        d = component(h, c) - component(v, c)
+    for c in _shown(out.dimension):
+        d = component(h, c, out.dimension) - component(v, c, out.dimension)
         good = np.isfinite(d)
         if not good.any():
             continue
@@ -345,7 +356,7 @@ def _profiles(out, hardy, virial, place, scale):
         s, text = place.abscissa(k)
         out.data[f"profile_{dim}_position"] = ((dim,), s, {"units": place.unit, "label": text})
         for c in ("hydrostatic", "vonmises", "any component"):
-            d = a - b if c == "any component" else component(a, c) - component(b, c)
+            d = a - b if c == "any component" else component(a, c, out.dimension) - component(b, c, out.dimension)
             rms = float(np.sqrt((d * d).reshape(len(d), -1).mean(axis=0).max()))
             largest = float(np.abs(d).max())
             row = {"section": PROFILES, "name": f"along {dim}: {c}", "rms": rms, "max": largest}
@@ -410,7 +421,9 @@ def side_by_side(results: list[Comparison], labels=None, section=f"by output, {_
     units = {r.units for r in results}
     if len(units) > 1:
         raise AtcError(f"these outputs are in different units ({', '.join(sorted(units))}): they cannot share a table")
-    out = Comparison([], xr.Dataset(), units.pop(), "", [])
+    if len({r.dimension for r in results}) > 1:
+        raise AtcError("some of these outputs are of two-dimensional runs, others not: they cannot share a table")
+    out = Comparison([], xr.Dataset(), units.pop(), "", [], dimension=results[0].dimension)
     box = "box average"
     numbers: dict[str, list[float]] = {}
     for label, r in zip(labels, results):

@@ -57,7 +57,7 @@ def _against(Figure, result):
         if place.kind == "volume":
             place, selection, where = cut(place)
             d = d.isel(selection)
-        maps = [c for c in ("hydrostatic", "vonmises") if np.isfinite(component(d.values, c)).any()]
+        maps = [c for c in ("hydrostatic", "vonmises") if np.isfinite(component(d.values, c, result.dimension)).any()]
     panels = bool(boxes) + len(axes) + len(maps)
     if not panels:
         raise AtcError("there is nothing to draw: neither box averages nor pointwise differences could be compared")
@@ -78,7 +78,9 @@ def _against(Figure, result):
         ax = axs.pop(0)
         x = data[f"profile_{dim}_position"]
         for c, colour in zip(("hydrostatic", "xx", "yy", "zz", "vonmises"), ("k", "C0", "C1", "C2", "C3")):
-            h, v = (component(data[f"profile_{dim}_{w}"].values, c) for w in ("hardy", "virial"))
+            if c == "zz" and result.dimension == 2:
+                continue
+            h, v = (component(data[f"profile_{dim}_{w}"].values, c, result.dimension) for w in ("hardy", "virial"))
             ax.plot(x.values, h, color=colour, label=SYMBOL.get(c, c))
             ax.plot(x.values, v, color=colour, ls=(0, (3, 2)), lw=1.0)
         ax.set_xlabel(x.attrs.get("label", dim))
@@ -91,7 +93,7 @@ def _against(Figure, result):
     for ax in fig.axes:
         ax.spines[["top", "right"]].set_visible(False)
     for c in maps:
-        h = component(d.values, c)
+        h = component(d.values, c, result.dimension)
         top = float(np.nanmax(np.abs(h))) or 1.0
         sign = colours("", c, h, None if c == "vonmises" else (-top, top), False)
         draw_map(

@@ -78,7 +78,7 @@ def output_layout(request: Request, frame, result: FrameResult, moves: bool = Fa
         head = {"grid": grid_dims, "box": (), "atom": ("atom",)}[q.kind]
         shape = result.arrays[q.name].shape
         attrs = {"units": u.label(q.dimension), "long_name": q.long_name, "sign_convention": q.sign}
-        comment = [q.comment] if q.comment else []
+        comment = [_in_plane(q.comment) if u.dimension == 2 else q.comment] if q.comment else []
         if request.average is not False:
             comment.append(f"time average {'<w X>/<w>, w the ' + _WEIGHTS[q.weight] if q.weight else 'of the fields of the frames'}")
         moving(q.name, head + tail[q.rank], shape, f8, **attrs, **({"comment": "; ".join(comment)} if comment else {}))
@@ -108,9 +108,22 @@ def output_layout(request: Request, frame, result: FrameResult, moves: bool = Fa
                      grid=_grid_name(request.grid))  # fmt: skip
     if work.bond_users:
         attrs["decomposition"] = request.pot.describe()
-    attrs["periodic"] = "".join("p" if p else "f" for p in frame.cell.periodic)
+    attrs["dimension"] = u.dimension
+    attrs["periodic"] = "".join("p" if p else "f" for p in frame.cell.periodic[: u.dimension])
     attrs["scene"] = str(request.scene) if request.scene else scene_of(request)
     return Layout(variables, request.entries, attrs)
+
+
+def _in_plane(comment: str) -> str:
+    """What a quantity's comment says of three dimensions, for two."""
+    for space, plane in (
+        ("(3 n k_B): three degrees of freedom per atom", "(2 n k_B): two degrees of freedom per atom"),
+        ("stress times volume", "stress times area"),
+        ("the volume of the horizon", "the area of the horizon"),
+        ("heat flux times volume", "heat flux times area"),
+    ):
+        comment = comment.replace(space, plane)
+    return comment
 
 
 _WEIGHTS = {"mass": "mass density", "one": "number density"}

@@ -116,6 +116,9 @@ def neighborhood(frame, cutoff: float, count: int = 0) -> tuple[float, float, fl
     if n < 2:
         return 0.0, 0.0, 0.0, 0.0
     if cutoff > 0.5 * cell.heights[cell.periodic].min(initial=np.inf):
+        if frame.dimension == 2:
+            k = n / cell.volume * pi * cutoff**2
+            return k, 0.5 * k * max(k - 1, 0), 2 / 3 * cutoff, 0.905 * cutoff
         k = n / cell.volume * 4 / 3 * pi * cutoff**3
         return k, 0.5 * k * max(k - 1, 0), 0.75 * cutoff, 1.03 * cutoff
     s = cell.fractional(frame.positions)
@@ -215,11 +218,22 @@ def _tuples(term, frame) -> tuple[int, int]:
 
 def visits(bound, kern, items: float, length: float) -> float:
     """(bond, point) pairs within reach: items of mean length `length` on a bound grid."""
-    R = kern.support
-    capsule = 4 / 3 * pi * R**3 + pi * R**2 * length
+    capsule = capsule_of(kern, length)
     # Points of a plane, a line, or scattered ones: as if the items filled the cell.
     volume = bound.cell_volume * len(bound) if bound.kind == "regular" else bound.cell.volume
     return items * len(bound) * capsule / volume
+
+
+def capsule_of(kern, length: float) -> float:
+    """The volume (in the plane: area) within reach of a bond."""
+    R = kern.support
+    return pi * R**2 + 2 * R * length if kern.dimension == 2 else 4 / 3 * pi * R**3 + pi * R**2 * length
+
+
+def shadow(kern, length: float) -> float:
+    """Its mean shadow: what meets rows of points."""
+    R = kern.support
+    return 2 * R + 2 / pi * length if kern.dimension == 2 else pi * R**2 + 0.5 * pi * R * length
 
 
 def direct(costs: Costs, bound, kern, items: float, length: float, components: int) -> float:
@@ -238,7 +252,7 @@ def direct(costs: Costs, bound, kern, items: float, length: float, components: i
     if bound.kind == "regular":
         # The rows run along the axis with the most points; the shadow of the capsule over the area that belongs to a row.
         row = bound.cell_volume / bound.spacing[int(np.argmax(bound.counts))]
-        rows = items * (pi * R**2 + 0.5 * pi * R * length) / row
+        rows = items * shadow(kern, length) / row
     else:
         rows = many / max(1.0, 1.3 * R / max(bound.spacing.min(), 1e-9))
     name = family(kern)[0]
@@ -261,7 +275,7 @@ def spectral(costs: Costs, deposit, items: float, length: float, components: int
     if deposit.order is not None:
         from .deposit.moments import count
 
-        many = count(deposit.order)
+        many = count(deposit.order, deposit.kernel.dimension)
         spread += items * (costs.moment_bond + costs.moment * many)
         spread += atoms * (costs.moment_atom + costs.moment_register * window_registers(deposit, 8 * ceil(many / 8)))
         spread += nodes * costs.moment_node * many
@@ -296,7 +310,7 @@ def lanes(components: int) -> list[int]:
 
 def window_registers(deposit, components: int) -> float:
     """Registers of 32 bytes that one point is added to: four lanes in single precision take a whole one too."""
-    return float(deposit.parameters.width**3 * sum(max(1, n * itemsize(deposit) // 32) for n in lanes(components)))
+    return float(deposit.parameters.width**2 * deposit.depth * sum(max(1, n * itemsize(deposit) // 32) for n in lanes(components)))
 
 
 def itemsize(deposit) -> int:
@@ -333,7 +347,7 @@ def _collapses(deposit, length: float, part: float) -> bool:
 def spectral_memory(deposit, components: int, threads: int, atoms: float = 0.0) -> float:
     """Bytes of a spectral deposit: each thread's meshes (single precision is summed up in double now and then), the modes of one group of components,
     and planes and transforms in work; moments of so many atoms in each thread, and their mesh."""
-    nodes = float(np.prod(np.asarray(deposit.mesh, float) + deposit.parameters.width + 1))
+    nodes = float(np.prod(deposit._layer(np.asarray(deposit.mesh, float) + deposit.parameters.width + 1)))
     each = 8.0 if itemsize(deposit) == 8 else 12.0
     groups = lanes(components)
     # As complex numbers, half of the box: kept modes of y and z, all of x; and once more the kept ones.
@@ -352,6 +366,7 @@ def check(costs: Costs, bound, kern, items: float, length: float, points: int) -
     if bound.kind == "slab":
         return 7e-8 * items * 5
     # The longest bonds are about 4/3 of the mean (pairs within a cutoff); what is in reach is marked in bins (`deposit.direct`).
-    near = 1.0 - exp(-points * 4 / 3 * pi * (1.11 * (kern.support + 4 / 3 * length)) ** 3 / bound.cell.volume)
-    reached = items * points * (4 / 3 * pi * kern.support**3 + pi * kern.support**2 * length) / bound.cell.volume
+    reach = 1.11 * (kern.support + 4 / 3 * length)
+    near = 1.0 - exp(-points * (pi * reach**2 if kern.dimension == 2 else 4 / 3 * pi * reach**3) / bound.cell.volume)
+    reached = items * points * capsule_of(kern, length) / bound.cell.volume
     return costs.filter_bond * items + costs.point_bond * near * items + costs.point_visit * reached

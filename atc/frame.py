@@ -138,6 +138,8 @@ class Topology:
     """Bonded terms by atom *index* into the frame they belong to. Types are LAMMPS's, from 1.
 
     ``bonds`` (m, 2), ``angles`` (m, 3; the middle atom is the apex), ``dihedrals`` (m, 4), ``impropers`` (m, 4), each with ``*_types`` (m,).
+    ``weighted``: the terms that say which atoms are one, two, three bonds apart, where they are not these (LAMMPS's ``delete_bonds`` switches bonds off
+    and leaves the weights of pairs as they were), or None.
     """
 
     bonds: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.int64))
@@ -148,9 +150,10 @@ class Topology:
     dihedral_types: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
     impropers: np.ndarray = field(default_factory=lambda: np.zeros((0, 4), np.int64))
     improper_types: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
+    weighted: Topology | None = None
 
     def __bool__(self):
-        return any(len(a) for a in (self.bonds, self.angles, self.dihedrals, self.impropers))
+        return any(len(a) for a in (self.bonds, self.angles, self.dihedrals, self.impropers)) or bool(self.weighted)
 
     def __repr__(self):
         return f"Topology({', '.join(f'{len(getattr(self, k))} {k}' for k in ('bonds', 'angles', 'dihedrals', 'impropers'))})"
@@ -175,6 +178,10 @@ class Frame:
     source : what to call this frame in messages, e.g. ``"run.dump frame 3"``
     type_names : {type: name} where the source knows names
     extra : {column: (n,) or (n, k) array} per-atom columns that atc does not interpret, as read (not converted)
+    molecules : (n,) int or None, LAMMPS's molecule numbers
+    groups : (n,) int or None, bits that say in which groups of a LAMMPS script an atom is (those that leave out pairs)
+    given : {attribute: file} for "types", "charges", "masses", "topology" that are not the source's own but from a data file beside it; "assumed" for
+        types and "boundary" that nothing says, "order" for "ids" that are places in the file
     """
 
     positions: np.ndarray
@@ -193,6 +200,9 @@ class Frame:
     source: str = "frame"
     type_names: dict = field(default_factory=dict)
     extra: dict = field(default_factory=dict)
+    molecules: np.ndarray | None = None
+    groups: np.ndarray | None = None
+    given: dict = field(default_factory=dict)
 
     def __post_init__(self):
         self.positions = np.ascontiguousarray(self.positions, dtype=np.float64)
@@ -200,7 +210,9 @@ class Frame:
             raise AtcError(f"{self.source}: positions must have shape (n, 3), got {self.positions.shape}")
         n = len(self.positions)
         self.types = np.ones(n, np.int64) if self.types is None else np.ascontiguousarray(self.types, dtype=np.int64)
-        self.ids = np.arange(1, n + 1) if self.ids is None else np.ascontiguousarray(self.ids, dtype=np.int64)
+        if self.ids is None:
+            self.ids, self.given = np.arange(1, n + 1), {**self.given, "ids": "order"}
+        self.ids = np.ascontiguousarray(self.ids, dtype=np.int64)
         for name, width in (("masses", None), ("charges", None), ("velocities", 3), ("forces", 3)):
             a = getattr(self, name)
             if a is None:
@@ -222,6 +234,11 @@ class Frame:
 
     def __len__(self):
         return len(self.positions)
+
+    @property
+    def dimension(self) -> int:
+        """3, or 2 for a frame of a two-dimensional run (see `atc.planar`)."""
+        return self.units.dimension
 
     def replace(self, **changes) -> Frame:
         """A copy with some attributes changed (the arrays not named are shared)."""

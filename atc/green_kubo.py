@@ -19,9 +19,9 @@ from .units import Units, units
 _CURRENT = 4.0
 # Numerical error of the integral (from frames too far apart) that is worth a word.
 _COARSE = 0.05
-# Frames whose distances in time differ by more than this part are not equally spaced; dumps print the time with at least six digits.
-_UNEVEN = 1e-4
 MIN_SAMPLES = 20  # per segment
+#: Atoms that get further than this many distances between neighbours, rms, diffuse.
+DIFFUSES = 0.6
 
 
 @dataclass
@@ -29,7 +29,8 @@ class HeatCurrents:
     """The heat current of the box, frame by frame; internal units.
 
     J_tc : (t, 3) heat flux times volume, energy·length/time, relative to the mass-mean velocity. dt : time between frames.
-    volume, temperature : their means (temperature of 3N−3 degrees of freedom). units : the user's. atoms : how many.
+    volume, temperature : their means (temperature of 3N−3, in the plane 2N−2, degrees of freedom). units : the user's. atoms : how many.
+    notes : what to know of the frames.
     """
 
     J_tc: np.ndarray
@@ -39,6 +40,7 @@ class HeatCurrents:
     units: Units
     atoms: int | None = None
     source: str = "heat currents"
+    notes: list = field(default_factory=list)
 
     def __len__(self):
         return len(self.J_tc)
@@ -51,7 +53,7 @@ def heat_currents(frames, pot, *, dt: float | None = None, threads: int | None =
     ----------
     frames : trajectory from `atc.read`, or any iterable of Frames, equally spaced in time; read once, one frame at a time
     pot : potential from `atc.potential`
-    dt : time between frames in the user's unit, for frames that do not know their time
+    dt : time between frames in the user's unit, for frames that do not know their time (steps, where they are known, must still be equally spaced)
     threads : threads within a frame (default 1: frames of a Green-Kubo run are small and many)
     progress : callable(done, total, rate), total 0 if it is not known
 
@@ -62,60 +64,137 @@ def heat_currents(frames, pot, *, dt: float | None = None, threads: int | None =
     Raises
     ------
     AtcError
-        when velocities, masses or times are missing, frames are not equally spaced, or the number of atoms changes.
+        when velocities, masses or times are missing, frames are not equally spaced (steps that repeat or go back, gaps, a change of the time step), or
+        the number of atoms changes. The frame with which a continued run begins, if it is the one before once more, is left out.
     """
     import time
 
     from .estimators.compute import Settings, frame_fields
     from .estimators.sources import drift_velocity
+    from .planar import matched
+    from .readers.trajectory import Trajectory
+    from .times import Clock
     from .verlet import Following
 
     settings = Settings(names=("heat_current",), pot=pot, threads=threads or 1, check_points=0)
-    J, times, volumes, temperatures, first = [], [], [], [], None
+    J, volumes, temperatures, first = [], [], [], None
+    clock, paths = Clock("a correlation function"), Paths()
     lists = Following(getattr(pot, "cutoff", 0.0))
+    if isinstance(frames, (list, tuple, Trajectory)):
+        frames, pot = matched(frames, pot)
     total = len(frames) if hasattr(frames, "__len__") else 0
     began = time.perf_counter()
     for frame in frames:
+        frame = pot.complete(frame) if hasattr(pot, "complete") else frame
+        frame, pot = matched(frame, pot)
+        settings.pot = pot
         first = frame if first is None else first
         if len(frame) != len(first) or len(frame) < 2:
             raise AtcError(
                 f"{frame.source}: a conductivity needs the same two or more atoms in every frame, found {len(frame)} after {len(first)}"
             )
         frame.require("velocities", "masses", why="the heat current")
+        if not clock.follows(frame):
+            continue
+        paths.add(frame)
         still = frame.replace(velocities=frame.velocities - drift_velocity(frame))
         settings.anchor = lists.at(still)
         current = frame_fields(still, settings, len(J)).arrays["heat_current"]
         J.append(frame.units.to_internal("energy_current", np.asarray(current).reshape(3)))
-        times.append(np.nan if frame.time is None else frame.time)
         volumes.append(frame.cell.volume)
         kinetic = still.masses @ np.einsum("nc,nc->n", still.velocities, still.velocities)
-        temperatures.append(kinetic / ((3 * len(frame) - 3) * frame.units.boltzmann))
+        temperatures.append(kinetic / (frame.dimension * (len(frame) - 1) * frame.units.boltzmann))
         if progress is not None:
             progress(len(J), total, len(J) / max(time.perf_counter() - began, 1e-9))
     if first is None:
         raise AtcError("no frames were given: a conductivity needs a trajectory")
-    step = first.units.to_internal("time", dt) if dt is not None else _time_step(np.array(times), first)
+    step, notes = _time_step(clock, first, None if dt is None else _positive(dt, "dt", first.units))
     return HeatCurrents(
-        np.array(J), float(step), float(np.mean(volumes)), float(np.mean(temperatures)), first.units, len(first), str(first.source)
-    )
+        np.array(J), float(step), float(np.mean(volumes)), float(np.mean(temperatures)), first.units, len(first), str(first.source),
+        [*notes, *paths.notes()],
+    )  # fmt: skip
 
 
-def _time_step(times, frame) -> float:
-    if len(times) < 2:
+def _time_step(clock, frame, given) -> tuple[float, list[str]]:
+    """Time between frames (internal), and what to know of it. `given` goes before what the frames say."""
+    u, notes = frame.units, list(clock.notes)
+    if clock.count < 2 and given is None:
         raise AtcError(f"{frame.source}: has one frame: a conductivity needs thousands, equally spaced in time")
-    steps = np.diff(times)
-    if not np.isfinite(steps).all():
+    step = clock.spacing()
+    if given is None and step is None:
         raise AtcError(
             f"{frame.source}: its frames do not know their time (dump_modify time yes makes LAMMPS write it): give the time between frames as dt"
         )
-    mean = steps.mean()
-    if not mean > 0 or np.abs(steps - mean).max() > _UNEVEN * mean:
-        u = frame.units
-        low, high = (f"{u.to_user('time', s):.6g}" for s in (steps.min(), steps.max()))
-        raise AtcError(
-            f"{frame.source}: its frames are {low} to {high} {u.label('time')} apart, but a correlation function needs equal distances: take a part of it"
-        )
-    return float(mean)
+    if given is None:
+        return step, notes
+    if step is not None and abs(step - given) > 1e-3 * given:
+        here, there = (f"{u.to_user('time', t):.6g} {u.label('time')}" for t in (given, step))
+        notes.append(f"dt = {here} goes before the times of the frames, by which they are {there} apart")
+    if not clock.checked:
+        notes.append("the frames have neither steps nor times: that they are equally spaced could not be checked")
+    return given, notes
+
+
+class Paths:
+    """How far the atoms of each species get: whether species diffuse among each other."""
+
+    def __init__(self):
+        self.first = self.last = self.moved = None
+
+    def add(self, frame) -> None:
+        if self.last is None:
+            self.first, self.moved = frame, np.zeros((len(frame), 3))
+        else:
+            d = frame.positions - self.last
+            self.moved += d - np.where(frame.cell.periodic, np.rint(d @ frame.cell.inverse), 0.0) @ frame.cell.vectors
+        self.last = frame.positions
+
+    def notes(self) -> list[str]:
+        """What a mixture needs before its heat current is that of conduction alone."""
+        if self.first is None:
+            return []
+        f = self.first
+        kinds, labels = species(f)
+        if len(labels) < 2:
+            return []
+        w = self.moved - (f.masses @ self.moved) / f.masses.sum()
+        reach = (f.cell.volume / len(f)) ** (1.0 / 3.0)
+        far = {k: float(np.sqrt((w[kinds == k] ** 2).sum(1).mean())) for k in range(len(labels))}
+        moving = [k for k, d in far.items() if d > DIFFUSES * reach]
+        if not moving:
+            return []
+        u = f.units
+        told = ", ".join(f"{labels[k]} by {u.to_user('length', far[k]):.3g} {u.label('length')}" for k in moving)
+        return [
+            f"a mixture whose species diffuse ({told}, rms): the partial enthalpies that diffusing species carry are not taken off the current, "
+            "J - sum over species of h_s sum of v_i, so that the value is not the conductivity at zero flow of matter; take h_s from runs of other compositions, "
+            "subtract, and give the series to atc.conductivity"
+        ]
+
+
+def species(frame) -> tuple[np.ndarray, list[str]]:
+    """(n,) number of each atom's species and their names: types of atoms, or kinds of molecules where bonds say which atoms belong together."""
+    types = frame.types
+    names = frame.type_names
+    values, kinds = np.unique(types, return_inverse=True)
+    labels = [f"type {t}" + (f" ({names[t]})" if t in names else "") for t in values.tolist()]
+    top = frame.topology
+    if top is None or not len(top.bonds):
+        return kinds, labels
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    n = len(frame)
+    i, j = top.bonds.T
+    count, molecule = connected_components(coo_array((np.ones(len(i)), (i, j)), shape=(n, n)), directed=False)
+    content = np.zeros((count, len(values)), np.int64)
+    np.add.at(content, (molecule, kinds), 1)
+    unique, which = np.unique(content, axis=0, return_inverse=True)
+    called = [
+        "molecules of " + " + ".join(f"{m} {labels[k]}" for k, m in enumerate(row) if m) if row.sum() > 1 else labels[int(row.argmax())]
+        for row in unique
+    ]
+    return which.reshape(-1)[molecule], called
 
 
 @dataclass
@@ -127,7 +206,7 @@ class Conductivity:
     value, stderr : mean of the three directions, and its error: standard error from the independent segments, and the last change of the integral
         before the plateau, added as squares
     components : {"x": (value, stderr), ...}: κ_xx, κ_yy, κ_zz over the same plateau. They differ in a crystal that is not cubic, or by chance.
-    si, si_stderr : value and stderr in W/(m K); None for reduced units
+    si, si_stderr : value and stderr in W/(m K) (two dimensions: W/K, `si_units`); None for reduced units
     plateau : (begin, end), lags over which the running integral is averaged
     converged : whether the integral had stopped to change
     time, correlation, correlation_stderr, integral, integral_stderr : (lags,) lag, ⟨J(0)·J(t)⟩/⟨J·J⟩ and the running integral as a conductivity
@@ -159,13 +238,14 @@ class Conductivity:
     atoms: int | None = None
     source: str = ""
     notes: list = field(default_factory=list)
+    si_units: str = "W/(m K)"
 
     def rows(self) -> list[tuple[str, str]]:
         """(what, text) to print."""
         t = self.time_units
         out = [("conductivity", f"{_pm(self.value, self.stderr)} {self.units}")]
-        if self.si is not None and self.units != SI:
-            out.append(("", f"{_pm(self.si, self.si_stderr)} {SI}"))
+        if self.si is not None and self.units != self.si_units:
+            out.append(("", f"{_pm(self.si, self.si_stderr)} {self.si_units}"))
         out.append(("by direction", ", ".join(f"{c} {_pm(*pair)}" for c, pair in self.components.items()) + f" {self.units}"))
         out.append(
             ("plateau", f"{self.plateau[0]:.4g} to {self.plateau[1]:.4g} {t}" + ("" if self.converged else " (the integral still changes)"))
@@ -223,7 +303,7 @@ class Conductivity:
         return figure
 
 
-SI = "W/(m K)"
+SI, SI_PLANE = "W/(m K)", "W/K"
 
 
 def _pm(value, error) -> str:
@@ -282,7 +362,8 @@ def _analysed(currents: HeatCurrents, segments, plateau, longest) -> Conductivit
     from .estimators.correlation import mean_and_error, running_integral, segment_integrals
     from .estimators.correlation import plateau as find_plateau
 
-    u, J = currents.units, currents.J_tc
+    u = currents.units
+    J = currents.J_tc[:, : u.dimension]
     if not isinstance(segments, int) or isinstance(segments, bool) or segments < 2:
         raise AtcError(f"segments={segments!r}: expected a whole number of at least 2, or there is no error to be had")
     length = len(J) // segments
@@ -303,14 +384,14 @@ def _analysed(currents: HeatCurrents, segments, plateau, longest) -> Conductivit
     integral_ml = integral_mlk.mean(axis=2)
     where = find_plateau(integral_ml) if plateau is None else _given_plateau(plateau, runs, u)
     value, stderr = where.value(integral_ml)
-    components = {c: where.value(integral_mlk[:, :, k]) for k, c in enumerate("xyz")}
+    components = {c: where.value(integral_mlk[:, :, k]) for k, c in enumerate("xyz"[: u.dimension])}
     c0 = runs.acf_mlk[:, 0].mean()
     if not c0 > 0:
         raise AtcError(f"{currents.source}: its heat currents are all 0: are the velocities there?")
     integral, integral_stderr = mean_and_error(integral_ml)
     correlation, correlation_stderr = runs.mean(runs.acf_mlk / c0)
 
-    notes = []
+    notes = list(currents.notes)
     if not where.found:
         notes.append(
             "the integral had not converged at the longest lag: the value is that of the longest lags and may be too small; take a longer run "
@@ -328,10 +409,10 @@ def _analysed(currents: HeatCurrents, segments, plateau, longest) -> Conductivit
         notes.append(
             f"the frames are too far apart to resolve the current: the integral is off by about {coarse:.2g} {_label(u)}; write them more often"
         )
-    to_si = None if u.reduced else u.factor("conductivity") / _si().factor("conductivity")
+    to_si = None if u.reduced else u.factor("conductivity") / _si(u.dimension).factor("conductivity")
     return Conductivity(
         value=value, stderr=stderr, components=components, units=_label(u), si=None if to_si is None else value * to_si,
-        si_stderr=None if to_si is None else stderr * to_si,
+        si_stderr=None if to_si is None else stderr * to_si, si_units=SI if u.dimension == 3 else SI_PLANE,
         plateau=tuple(float(u.to_user("time", runs.dt * l)) for l in (where.begin, where.end)), converged=where.found,
         time=u.to_user("time", runs.time), time_units=u.label("time"), correlation=correlation, correlation_stderr=correlation_stderr,
         integral=integral, integral_stderr=integral_stderr, samples=len(J), segments=segments, dt=float(u.to_user("time", currents.dt)),
@@ -367,8 +448,8 @@ def conductivity_of_scene(scene, *, segments=10, plateau=None, longest=None, dt=
     return _analysed(currents, segments, plateau, longest)
 
 
-def _si() -> Units:
-    return units("si")
+def _si(dimension) -> Units:
+    return units("si").planar if dimension == 2 else units("si")
 
 
 def _label(u: Units) -> str:

@@ -1,13 +1,14 @@
 """Where fields are wanted: regular grids, planes, lines, slab profiles, points, the atoms.
 
 A `Grid` is what the user asks for, in the user's units and possibly relative to a cell that changes from frame to frame. `Grid.bind`
-turns it into a `BoundGrid`: positions in internal units for one frame.
+turns it into a `BoundGrid`: positions in internal units for one frame. In two dimensions points may be given by two numbers, and all of them lie in the plane of
+the atoms: a regular grid has one layer.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -54,6 +55,18 @@ def _spacing(value, n):
     return np.array(np.broadcast_to(a.reshape(-1), (n,)))
 
 
+def _points(what, value, shape):
+    """Points (or one point, or vectors) as float arrays: ``shape`` with a 3 last. Those of two numbers get NaN for z, which is filled in when the plane is known."""
+    try:
+        a = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise AtcError(f"{what} must be numbers, got {value!r}") from None
+    if a.ndim == len(shape) and a.shape[-1:] == (2,):
+        two = _numbers(what, value, (*shape[:-1], 2))
+        return np.concatenate([two, np.full((*two.shape[:-1], 1), np.nan)], axis=-1)
+    return _numbers(what, value, shape)
+
+
 def _axis(axis) -> int:
     try:
         return _AXES[axis]
@@ -70,12 +83,40 @@ def _at(at) -> float:
 def _shape_or_spacing(shape, spacing, n):
     if (shape is None) == (spacing is None):
         raise AtcError("a grid needs either a shape (numbers of points) or a spacing")
+    given = shape if spacing is None else spacing
+    if n == 3 and np.ndim(given) == 1 and len(given) == 2:
+        # Of a grid in two dimensions, with its one layer; 0 says so until it is bound.
+        if spacing is None:
+            return (*_counts("grid shape", shape, 2), 0), None
+        return None, np.append(_spacing(spacing, 2), np.nan)
+    if n == 3 and spacing is None and np.ndim(shape) == 0:
+        return (*_counts("grid shape", shape, 2), -_counts("grid shape", shape, 1)[0]), None
     return (_counts("grid shape", shape, n), None) if spacing is None else (None, _spacing(spacing, n))
+
+
+def _layers(shape, flat: bool):
+    """Three numbers of points: of one layer if `flat`. See `_shape_or_spacing` for what 0 and less mean."""
+    if shape is None:
+        return None
+    n = shape[-1]
+    if flat:
+        if n > 1:
+            raise AtcError(
+                f"grid shape {' x '.join(map(str, shape))}: in two dimensions a regular grid has one layer: give two numbers, e.g. {list(shape[:2])}"
+            )
+        return (*shape[:2], 1)
+    if n == 0:
+        raise AtcError(f"grid shape {' x '.join(map(str, shape[:2]))}: two numbers are a grid of a two-dimensional run: give three")
+    return (*shape[:2], abs(n))
 
 
 def _same(a: dict, b: dict) -> bool:
     def equal(x, y):
-        return np.array_equal(x, y) if isinstance(x, np.ndarray) and isinstance(y, np.ndarray) else type(x) is type(y) and x == y
+        return (
+            np.array_equal(x, y, equal_nan=True)
+            if isinstance(x, np.ndarray) and isinstance(y, np.ndarray)
+            else type(x) is type(y) and x == y
+        )
 
     return a.keys() == b.keys() and all(equal(a[k], b[k]) for k in a)
 
@@ -92,7 +133,7 @@ class Grid:
 
     @classmethod
     def regular(cls, cell=None, spacing=None, shape=None, at="centers", origin=None, vectors=None) -> Grid:
-        """Points on a regular three-dimensional grid.
+        """Points on a regular three-dimensional grid; in two dimensions on one layer of it, in the plane of the atoms.
 
         Parameters
         ----------
@@ -102,7 +143,7 @@ class Grid:
             The wanted distance between points along each edge; the edge is divided into the nearest whole number of parts. `atc.fields` does so
             in the first frame: as the cell changes, the points move with it and stay as many.
         shape : int or three ints
-            Numbers of points, instead of a spacing.
+            Numbers of points, instead of a spacing. Of both, two for two dimensions.
         at : "centers" or "corners"
         origin : three floats
             The region's corner; 0, or the cell's own, if not given.
@@ -120,14 +161,22 @@ class Grid:
             if cell is not None:
                 raise AtcError("give a grid's region as cell or as vectors, not both")
             cell = vectors
-        origin = None if origin is None else _numbers("grid origin", origin, (3,))
+        origin = None if origin is None else _points("grid origin", origin, (3,))
         if cell is not None and not isinstance(cell, Cell):
             v = np.asarray(cell, dtype=object)
-            v = np.diag(_numbers("grid region", cell, (3,))) if v.ndim == 1 else _numbers("grid region", cell, (3, 3))
+            flat = v.shape[:1] == (2,)
+            if flat:
+                two = np.diag(_numbers("grid region", cell, (2,))) if v.ndim == 1 else _points("grid region", cell, (2, 3))[:, :2]
+                v = np.eye(3)
+                v[:2, :2] = two
+            else:
+                v = np.diag(_numbers("grid region", cell, (3,))) if v.ndim == 1 else _numbers("grid region", cell, (3, 3))
             lengths = np.linalg.norm(v, axis=1)
             if (lengths == 0).any() or abs(np.linalg.det(v)) <= 1e-14 * lengths.prod():
                 raise AtcError(f"the grid's region has no volume: edge vectors {v.tolist()}")
             cell = v
+            if flat:
+                cell[2, 2] = np.nan
         if isinstance(cell, Cell) and not cell.complete:
             raise AtcError("the grid's cell has an edge without length: give the region's edge vectors")
         return cls("regular", {"cell": cell, "spacing": spacing, "shape": shape, "shift": shift, "origin": origin})
@@ -153,18 +202,19 @@ class Grid:
             return cls("plane", {"axis": _axis(axis), "position": position, "shape": shape, "spacing": spacing, "shift": shift})
         if u is None or v is None:
             raise AtcError("a plane needs two edge vectors u and v, or an axis")
-        origin = _numbers("plane origin", (0, 0, 0) if origin is None else origin, (3,))
-        u, v = _numbers("plane u", u, (3,)), _numbers("plane v", v, (3,))
-        if np.linalg.norm(np.cross(u, v)) <= 1e-14 * np.linalg.norm(u) * np.linalg.norm(v):
+        origin = _points("plane origin", (0, 0, 0) if origin is None else origin, (3,))
+        u, v = _points("plane u", u, (3,)), _points("plane v", v, (3,))
+        a, b = np.nan_to_num(u), np.nan_to_num(v)
+        if np.linalg.norm(np.cross(a, b)) <= 1e-14 * np.linalg.norm(a) * np.linalg.norm(b):
             raise AtcError("the plane's edge vectors u and v are parallel or zero")
         return cls("plane", {"axis": None, "origin": origin, "u": u, "v": v, "shape": shape, "spacing": spacing, "shift": shift})
 
     @classmethod
     def line(cls, start, end, n) -> Grid:
         """`n` points from `start` to `end`, both included (with n = 1, `start`)."""
-        start, end = _numbers("line start", start, (3,)), _numbers("line end", end, (3,))
+        start, end = _points("line start", start, (3,)), _points("line end", end, (3,))
         (n,) = _counts("number of points on the line", n, 1)
-        if n > 1 and not (end - start).any():
+        if n > 1 and not np.nan_to_num(end - start).any():
             raise AtcError("the line's start and end are the same point")
         return cls("line", {"start": start, "end": end, "n": n})
 
@@ -181,9 +231,9 @@ class Grid:
 
     @classmethod
     def points(cls, xyz) -> Grid:
-        """These points, (n, 3)."""
+        """These points, (n, 3); (n, 2) in two dimensions."""
         a = np.asarray(xyz, dtype=object)
-        a = _numbers("grid points", [xyz] if a.ndim == 1 and a.size == 3 else xyz, (None, 3)) if a.size else np.zeros((0, 3))
+        a = _points("grid points", [xyz] if a.ndim == 1 and a.size in (2, 3) else xyz, (None, 3)) if a.size else np.zeros((0, 3))
         if len(a) == 0:
             raise AtcError("the grid has no points")
         return cls("points", {"xyz": a})
@@ -211,9 +261,9 @@ class Grid:
         """One line for reports."""
         p = self._
         how = (
-            f"{' x '.join(map(str, p['shape']))} points"
+            f"{' x '.join(str(abs(n)) for n in p['shape'] if n)} points"
             if p.get("shape")
-            else f"spacing {np.unique(p['spacing']).tolist()}"
+            else f"spacing {np.unique(p['spacing'][np.isfinite(p['spacing'])]).tolist()}"
             if "spacing" in p
             else ""
         )
@@ -234,6 +284,25 @@ class Grid:
             return self
         return Grid(self.kind, {**self._, "spacing": None, "shape": self.bind(units, cell, positions).counts})
 
+    def require_dimension(self, dimension: int) -> None:
+        """Raise AtcError unless the grid has a meaning in so many dimensions: points of two numbers in the plane only, and there one layer and no planes across."""
+        p, shown = self._, {"cell": "vectors", "xyz": "points"}
+        if self.kind == "regular":
+            _layers(p["shape"], dimension == 2)
+        if dimension == 3:
+            for key, value in p.items():
+                if isinstance(value, np.ndarray) and np.isnan(value).any():
+                    want = "one or three" if key == "spacing" else "x, y and z"
+                    raise AtcError(
+                        f"grid {shown.get(key, key)}: two numbers are of a two-dimensional run, but this one has three dimensions: give {want}"
+                    )
+        elif self.kind == "slab" and p["axis"] == 2:
+            raise AtcError("a slab profile along axis z: a two-dimensional run has no extent there: take x or y")
+        elif self.kind == "plane" and p["axis"] in (0, 1):
+            raise AtcError(f"a plane normal to axis {'xyz'[p['axis']]}: in two dimensions that is a line: use a line or a slab profile")
+        elif self.kind == "plane" and p.get("position") is not None:
+            raise AtcError("a plane at a position along z: a two-dimensional run has only one: leave the position out")
+
     def bind(self, units, cell: Cell, positions=None) -> BoundGrid:
         """The grid for one frame: positions in internal units.
 
@@ -244,16 +313,23 @@ class Grid:
         positions : (n, 3), needed by `Grid.atoms`
         """
         p, f = self._, units.factor("length")
+        self.require_dimension(units.dimension)
+        flat = units.dimension == 2
+        # Where the plane of a two-dimensional run is: in the middle of its cell.
+        place = partial(_in_space, cell.origin[2] + 0.5 * cell.vectors[2, 2] if flat else None, units)
         if self.kind == "atoms":
             if positions is None or len(positions) == 0:
                 raise AtcError("a grid of atoms needs a frame with atoms")
             return BoundGrid("atoms", cell, ("atom",), xyz=np.ascontiguousarray(positions, dtype=np.float64))
         if self.kind == "points":
-            return BoundGrid("points", cell, ("point",), xyz=p["xyz"] * f)
+            return BoundGrid("points", cell, ("point",), xyz=place("grid point", p["xyz"] * f))
         if not cell.complete:
             cell = cell.completed(np.zeros((0, 3)) if positions is None else positions)
         if self.kind == "line":
             n = p["n"]
+            if flat:
+                start, end = place("line start", p["start"] * f), place("line end", p["end"] * f)
+                return BoundGrid("line", cell, ("s",), origin=start - cell.origin, steps=((end - start) / max(n - 1, 1))[None], counts=(n,))
             step = (p["end"] - p["start"]) * f / max(n - 1, 1)
             return BoundGrid("line", cell, ("s",), origin=p["start"] * f - cell.origin, steps=step[None], counts=(n,))
         if self.kind == "slab":
@@ -262,7 +338,8 @@ class Grid:
             return BoundGrid("slab", cell, ("xyz"[a],), origin=0.5 * step, steps=step[None], counts=(n,), axis=a)
         if self.kind == "plane":
             if p["axis"] is None:
-                origin, edges = p["origin"] * f - cell.origin, np.stack([p["u"], p["v"]]) * f
+                origin, edges = place("plane origin", p["origin"] * f) - cell.origin, np.stack([p["u"], p["v"]]) * f
+                edges = _directions("plane edge", edges, flat)
                 name = ("u", "v")
             else:
                 a = p["axis"]
@@ -272,6 +349,8 @@ class Grid:
                 name = tuple("xyz"[k] for k in others)
         else:
             region, name = p["cell"], ("x", "y", "z")
+            if flat:
+                return self._layer(units, cell)
             if region is None:
                 origin, edges = np.zeros(3), cell.vectors
             elif isinstance(region, Cell):
@@ -281,9 +360,58 @@ class Grid:
             if p["origin"] is not None:
                 origin = p["origin"] * f - cell.origin
         lengths = np.linalg.norm(edges, axis=1)
-        counts = p["shape"] or tuple(int(k) for k in np.maximum(np.round(lengths / (p["spacing"] * f)), 1))
+        shape = _layers(p["shape"], False) if self.kind == "regular" else p["shape"]
+        counts = shape or tuple(int(k) for k in np.maximum(np.round(lengths / (p["spacing"] * f)), 1))
         steps = edges / np.array(counts)[:, None]
         return BoundGrid(self.kind, cell, name, origin=origin + p["shift"] * steps.sum(0), steps=steps, counts=counts, shift=p["shift"])
+
+    def _layer(self, units, cell) -> BoundGrid:
+        """A regular grid in two dimensions: one layer, in the plane; what the region says of z is of no account."""
+        p, f = self._, units.factor("length")
+        region = p["cell"]
+        if region is None:
+            origin, edges = np.zeros(3), cell.vectors
+        elif isinstance(region, Cell):
+            origin, edges = region.origin - cell.origin, region.vectors
+        else:
+            origin, edges = -cell.origin, region * f
+        if p["origin"] is not None:
+            origin = p["origin"] * f - cell.origin
+        edges = _directions("grid region", edges[:2], True)
+        shape = _layers(p["shape"], True)
+        counts = shape or (*(int(k) for k in np.maximum(np.round(np.linalg.norm(edges, axis=1) / (p["spacing"][:2] * f)), 1)), 1)
+        steps = np.stack([edges[0] / counts[0], edges[1] / counts[1], cell.vectors[2]])
+        origin = np.array([*origin[:2], 0.0]) + p["shift"] * steps[:2].sum(0) + 0.5 * cell.vectors[2]
+        return BoundGrid("regular", cell, ("x", "y", "z"), origin=origin, steps=steps, counts=counts, shift=p["shift"])
+
+
+def _in_space(z, units, what, points):
+    """Points that were given by two numbers or three, in the plane z (None: three dimensions, as they are); an error for points off the plane."""
+    if z is None:
+        return points
+    at = np.where(np.isnan(points[..., 2]), z, points[..., 2])
+    # 1e-9: vectors that went through another unit system differ by rounding.
+    off = np.flatnonzero(np.abs(np.atleast_1d(at) - z) > 1e-9 * max(1.0, float(np.abs(np.nan_to_num(points)).max(initial=0.0))))
+    if len(off):
+        bad = units.to_user("length", float(np.atleast_1d(at)[off[0]]))
+        number = f" {off[0]}" if points.ndim > 1 else ""
+        where = f"z = {units.to_user('length', float(z)):g} {units.label('length')}"
+        raise AtcError(f"{what}{number} lies at z = {bad:g}, off the plane {where} of a two-dimensional run: give x and y only")
+    out = points.copy()
+    out[..., 2] = z
+    return out
+
+
+def _directions(what, vectors, flat: bool):
+    """Edge vectors, given by two numbers or three."""
+    if not flat:
+        return vectors
+    out = vectors.copy()
+    out[:, 2] = np.nan_to_num(out[:, 2])
+    if np.abs(out[:, 2]).max() > 1e-9 * np.abs(out).max():
+        raise AtcError(f"{what}: its edges leave the plane of a two-dimensional run: give two numbers for each")
+    out[:, 2] = 0.0
+    return out
 
 
 class BoundGrid:

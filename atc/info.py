@@ -55,14 +55,34 @@ def stress_error(resolution: float, units) -> float:
     return angstrom * _STRESS_ERROR_PER_ANGSTROM
 
 
-def describe(source, topology=None, units=None, masses=None) -> Report:
+def describe(source, topology=None, units=None, masses=None, dimension=None) -> Report:
     """Look into a trajectory without computing anything: its first and last frame are read, the rest is only counted.
 
     Parameters are those of `atc.read`. Raises `AtcError` for what `atc.read` refuses, and for a source without a complete frame.
     """
     from . import read
 
-    trajectory = read(source, topology=topology, units=units, masses=masses)
+    return _describe(read(source, topology=topology, units=units, masses=masses, dimension=dimension), source)
+
+
+def describe_scene(scene, threads: int = 1) -> Report:
+    """The same of a scene's trajectory, and whether the run's forces (and its log, if the scene names one) are those of the scene's potential."""
+    from .run_check import alarm
+
+    trajectory = scene.trajectory()
+    report = _describe(trajectory, trajectory.source)
+    pot = scene.potential()
+    if pot is None:
+        return report
+    pot.check_topology(trajectory[0])
+    found = alarm(trajectory, pot, mode=scene.get("trajectory", "forces", "warn"), log=scene.log(), threads=threads)
+    report.rows.append(("potential", pot.describe()))
+    report.rows.append(("agrees with run", found.text))
+    report.data["agrees_with_run"] = found.text
+    return report
+
+
+def _describe(trajectory, source) -> Report:
     data = trajectory.info()
     if not data["frames"]:
         raise AtcError(f"{source}: holds no complete frame")
@@ -90,6 +110,8 @@ def describe(source, topology=None, units=None, masses=None) -> Report:
         )
         rows.append((f"type {kind}" + (f" ({what['name']})" if what["name"] else ""), f"{what['count']} atoms, {mass}"))
     rows.append(("cell", _cell(data["cell"], u)))
+    if u.dimension == 2:
+        rows.append(("dimension", "2: fields are per area, pressures are forces per length"))
     text = ", ".join(data["quantities"])
     rows.append(("per atom", text + (f"; not used: {', '.join(data['extra'])}" if data["extra"] else "")))
     if data["topology"]:
@@ -99,6 +121,7 @@ def describe(source, topology=None, units=None, masses=None) -> Report:
         rows.append(("state", text))
     if not data["ids"]:
         notes.append("the source does not number its atoms: they are taken in file order, which must be the same in every frame")
+    notes += trajectory.assumed
     notes += doubts(first)
     for name, consequence in _NEEDED_FOR.items():
         if name not in data["quantities"]:
@@ -119,14 +142,17 @@ def describe(source, topology=None, units=None, masses=None) -> Report:
 def _cell(c, u) -> str:
     v = np.array(c["vectors"])
     lengths = np.array(c["lengths"])
-    text = " x ".join(_g(s) for s in lengths) + f" {u.label('length')}"
-    if np.count_nonzero(v - np.diag(np.diag(v))):
+    d = u.dimension
+    text = " x ".join(_g(s) for s in lengths[:d]) + f" {u.label('length')}"
+    if d == 3 and np.count_nonzero(v - np.diag(np.diag(v))):
         e = v / lengths[:, None]
         angles = np.degrees(np.arccos(np.clip([e[1] @ e[2], e[0] @ e[2], e[0] @ e[1]], -1, 1)))
         text += f", triclinic: alpha, beta, gamma = {', '.join(_g(a) for a in angles)} degrees"
-    if any(c["origin"]):
-        text += f", origin {', '.join(_g(s) for s in c['origin'])}"
-    periodic = [axis for axis, p in zip("xyz", c["periodic"]) if p]
+    elif d == 2 and (v[0, 1] or v[1, 0]):
+        text += f", gamma = {_g(np.degrees(np.arccos(np.clip(v[0] @ v[1] / (lengths[0] * lengths[1]), -1, 1))))} degrees"
+    if any(c["origin"][:d]):
+        text += f", origin {', '.join(_g(s) for s in c['origin'][:d])}"
+    periodic = [axis for axis, p in zip("xyz"[:d], c["periodic"]) if p]
     text += f", periodic in {', '.join(periodic)}" if periodic else ", open on every side"
     return text + ("; it changes with time" if c["changes"] else "")
 
@@ -140,7 +166,7 @@ def _state(frame, data) -> str:
     text = f"density {_g(data['density'])} {u.label('density')} (atoms over the whole cell)"
     if frame.velocities is not None and len(frame) > 1:
         v = frame.velocities - frame.masses @ frame.velocities / frame.masses.sum()
-        data["temperature"] = float(frame.masses @ (v * v).sum(axis=1) / (3 * (len(frame) - 1) * u.boltzmann))
+        data["temperature"] = float(frame.masses @ (v * v).sum(axis=1) / (frame.dimension * (len(frame) - 1) * u.boltzmann))
         text += f", temperature {_g(data['temperature'])} {u.label('temperature')}"
     return text + ", first frame"
 
@@ -152,24 +178,30 @@ def is_output(source) -> bool:
     path = Path(str(source))
     if path.suffix not in (".nc", ".zarr") or not path.exists():
         return False
-    from .output import open_dataset
+    from .output import Damaged, open_dataset
 
     try:
         with open_dataset(path) as ds:
             return "atc_version" in ds.attrs
+    except Damaged:
+        raise
     except (AtcError, OSError):
         return False
 
 
 def describe_output(path) -> Report:
     """What an output of atc holds: its fields, their units and errors, and how it was made."""
-    from .output import load
+    from .output import Damaged, damage, load
 
+    why = damage(path)
+    if why:
+        raise Damaged(why)
     with load(path) as ds:
         rows = [("made by", f"atc {ds.attrs['atc_version']}" + (f" from {ds.attrs['sources']}" if ds.attrs.get("sources") else ""))]
         rows += [
             (key, str(ds.attrs[key])) for key in ("units", "grid", "kernel", "method", "tolerance", "refinements") if ds.attrs.get(key)
         ]
+        rows.append(("checksums", "every chunk is what was written"))
         rows.append(("sizes", ", ".join(f"{name} {n}" for name, n in ds.sizes.items())))
         fields = {}
         for name, da in ds.data_vars.items():

@@ -9,17 +9,10 @@ import numpy as np
 from .estimators.compute import Settings, frame_fields
 from .grids import Grid
 from .info import stress_error
+from .readers.trajectory import resolution_of
 
 #: Points at which the fields are computed with moved atoms.
 POINTS = 100
-
-
-def resolution_of(request) -> float:
-    """Smallest step between the coordinates of the first frame, internal units; 0 if unknown."""
-    from .readers.trajectory import decimal_resolution
-
-    look = getattr(request.frames, "_precision", None)
-    return float(look(request.first)[0] if look is not None else decimal_resolution(request.first.positions)[0])
 
 
 def input_errors(request) -> tuple[float, dict[str, float]]:
@@ -34,7 +27,7 @@ def input_errors(request) -> tuple[float, dict[str, float]]:
     names += tuple(q.name for q in work.quantities if q.kind == "grid" and not q.on_reference and q.parts)
     if not names or not len(request.first):
         return 0.0, {}
-    step = resolution_of(request)
+    step = resolution_of(request.frames, request.first)
     units = request.first.units
     if stress_error(units.to_user("length", step), units) < 0.1 * max(request.tolerance, 1e-6):
         return step, {}

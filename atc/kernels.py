@@ -11,6 +11,10 @@ linear table is a sum of cones. β of a piece is closed: clip the bond to the sp
 The means J_k = (1/Δ)∫ρ^k du over [u_a, u_b] follow from J_k = [D_k + k p² J_{k−2}]/(k+1), D_k = [u ρ^k]_a^b / Δ, Δ = u_b − u_a.
 Written with S = ρ_a + ρ_b and T = u_a + u_b (so ρ_b − ρ_a = Δ T/S, and asinh(u_b/p) − asinh(u_a/p) = 2 atanh(Δ/S)) every term is
 positive and Δ has been divided out by hand: nothing cancels for bonds of any length, tangent, or through x.
+
+In two dimensions (`Kernel.planar`) φ is the same function of the distance in the plane with ∫φ dA = 1. Between points and bonds of one plane every
+formula above holds as it is: a planar kernel is its three-dimensional twin times a constant. Only what is integrated differs: the normalisation, the
+transform (`deposit.fourier`) and the profile, φ integrated along lines of the plane instead of planes (`atc.disc`).
 """
 
 from __future__ import annotations
@@ -37,7 +41,7 @@ _ALIASES = {
     "quartic_sphere": "quartic",
 }
 
-# Radial shapes: [(radius as a fraction of R, coefficients of (ρ/R_m)^k)], and the normalisation times R³.
+# Radial shapes: [(radius as a fraction of R, coefficients of (ρ/R_m)^k)], and the normalisation times R³ (in the plane see `_plane_integral`).
 _SHAPES = {
     "step": ([(1.0, (1.0,))], 3 / (4 * pi)),
     "linear": ([(1.0, (1.0, -1.0))], 3 / pi),
@@ -50,7 +54,7 @@ _SHAPES = {
 _GL_T, _GL_W = (lambda x, w: (0.5 * (x + 1.0), 0.5 * w))(*np.polynomial.legendre.leggauss(8))
 
 
-def kernel(name, radius=None, *, width=None, size=None, table=None) -> Kernel:
+def kernel(name, radius=None, *, width=None, size=None, table=None, dimension=None) -> Kernel:
     """Make a localisation function φ with ∫φ = 1, in the user's unit of length.
 
     Parameters
@@ -66,9 +70,11 @@ def kernel(name, radius=None, *, width=None, size=None, table=None) -> Kernel:
     width : float
         The Gaussian's w, its standard deviation along each axis.
     size : three floats
-        The box's edge lengths.
+        The box's edge lengths; two with ``dimension=2``.
     table : sequence of (r, value)
         Values of φ at increasing r, up to a common factor; linear in between, constant before the first, 0 after the last.
+    dimension : 2 or 3
+        2: normalised in the plane, ∫φ dA = 1, for two-dimensional runs. Not given: what the run is, when the kernel is used.
 
     Raises
     ------
@@ -79,6 +85,12 @@ def kernel(name, radius=None, *, width=None, size=None, table=None) -> Kernel:
     -----
     ``cubic``, ``quartic`` and ``step`` are LAMMPS fix atc's ``cubic_sphere``, ``quartic_sphere`` and ``step``.
     """
+    if dimension is not None:
+        if isinstance(dimension, bool) or dimension not in (2, 3):
+            raise AtcError(f"kernel {name!r}: dimension must be 2 or 3, got {dimension!r}")
+        if name in ("box", "cell") and radius is None and np.shape(size) == (2,) and dimension == 2:
+            return Box(np.array([_positive("size", e, "box") for e in size]))
+        return kernel(name, radius, width=width, size=size, table=table).in_dimension(dimension)
     if isinstance(name, Kernel):
         return name
     canonical = _ALIASES.get(name, name) if isinstance(name, str) else None
@@ -95,12 +107,12 @@ def kernel(name, radius=None, *, width=None, size=None, table=None) -> Kernel:
         return Gaussian(_positive("width", width, canonical) if radius is None else _positive("radius", radius, canonical) / 3.0)
     if canonical == "box":
         if radius is not None:
-            return Box(np.full(3, 2.0 * _positive("radius", radius, canonical)))
+            return Box(np.full(3, 2.0 * _positive("radius", radius, canonical)), given=1)
         try:
             edges = np.array(np.broadcast_to(np.asarray(size, dtype=float), (3,)))
         except (ValueError, TypeError):
-            raise AtcError(f"kernel 'box': size must be three edge lengths, got {size!r}") from None
-        return Box(np.array([_positive("size", e, canonical) for e in edges]))
+            raise AtcError(f"kernel 'box': size must be three edge lengths (two with dimension=2), got {size!r}") from None
+        return Box(np.array([_positive("size", e, canonical) for e in edges]), given=np.size(size))
     if canonical == "piecewise-linear":
         return _from_table(table)
     R = _positive("radius", radius, canonical)
@@ -156,6 +168,11 @@ def _from_table(table) -> Radial:
     return Radial("piecewise-linear", radii, coef_mk, 1.0 / integral, table=t)
 
 
+def _plane_integral(radii, coef_mk) -> float:
+    """∫ Σ_m Σ_k c_mk (ρ/R_m)^k dA over the plane."""
+    return float(2 * pi * (radii**2 * (coef_mk / (np.arange(5) + 2.0)).sum(axis=1)).sum())
+
+
 def _along(d, r, R):
     """Bond geometry in units of the bond's length: p² and the foot of the perpendicular, D, along the bond from x_i, and |r|."""
     d, r = np.broadcast_arrays(np.asarray(d, float), np.asarray(r, float))
@@ -173,6 +190,20 @@ class Kernel:
 
     name: str
     is_isotropic = True
+    #: 2: normalised in the plane.
+    dimension: int = 3
+
+    def planar(self) -> Kernel:
+        """The same kernel in two dimensions, with ∫φ dA = 1."""
+        raise NotImplementedError
+
+    def in_dimension(self, dimension: int) -> Kernel:
+        """The same kernel for runs in so many dimensions; AtcError for one made for two dimensions in three."""
+        if dimension == 2:
+            return self if self.dimension == 2 else self.planar()
+        if self.dimension == 2:
+            raise AtcError(f"kernel {self.name!r} was made for two dimensions, but the run has three: leave its dimension out")
+        return self
 
     @property
     def support(self) -> float:
@@ -217,17 +248,22 @@ class Kernel:
         return f"<kernel {self.describe()}>"
 
     def __eq__(self, other):
-        return isinstance(other, Kernel) and self.name == other.name and str(self.parameters) == str(other.parameters)
+        return (
+            isinstance(other, Kernel)
+            and self.name == other.name
+            and self.dimension == other.dimension
+            and str(self.parameters) == str(other.parameters)
+        )
 
     def __hash__(self):
-        return hash((self.name, str(self.parameters)))
+        return hash((self.name, self.dimension, str(self.parameters)))
 
 
 class Radial(Kernel):
     """Σ_m Σ_k c_mk (ρ/R_m)^k, each m only for ρ < R_m."""
 
-    def __init__(self, name, radii, coef_mk, normalisation, table=None):
-        self.name = name
+    def __init__(self, name, radii, coef_mk, normalisation, table=None, dimension=3):
+        self.name, self.dimension = name, dimension
         self.radii = np.asarray(radii, float)
         self.coef_mk = np.asarray(coef_mk, float)
         self.normalisation = float(normalisation)
@@ -245,7 +281,14 @@ class Radial(Kernel):
 
     def scaled(self, factor):
         table = None if self._table is None else self._table * [factor, 1.0]
-        return self if factor == 1.0 else Radial(self.name, self.radii * factor, self.coef_mk, self.normalisation / factor**3, table)
+        if factor == 1.0:
+            return self
+        return Radial(
+            self.name, self.radii * factor, self.coef_mk, self.normalisation / factor**self.dimension, table, self.dimension
+        )  # fmt: skip
+
+    def planar(self):
+        return Radial(self.name, self.radii, self.coef_mk, 1.0 / _plane_integral(self.radii, self.coef_mk), self._table, dimension=2)
 
     def phi(self, d):
         rho = np.sqrt((np.asarray(d, float) ** 2).sum(-1))
@@ -276,6 +319,10 @@ class Radial(Kernel):
         return self.normalisation * total
 
     def marginal(self, normal=(0.0, 0.0, 1.0)):
+        if self.dimension == 2:
+            from .disc import DiscMarginal
+
+            return DiscMarginal(self.radii, self.normalisation * self.coef_mk)
         coef = np.zeros((len(self.radii), 7))
         for m, R in enumerate(self.radii):
             c = 2 * pi * R**2 * self.normalisation * self.coef_mk[m] / (np.arange(5) + 2.0)
@@ -300,14 +347,14 @@ def mean_powers(p2, ua, ub, delta):
 
 
 class Gaussian(Kernel):
-    """exp(−ρ²/2w²)/((2π)^{3/2} w³), cut where it is 1e-16 of its peak."""
+    """exp(−ρ²/2w²)/(2π w²)^{d/2}, cut where it is 1e-16 of its peak."""
 
     name = "gaussian"
     #: Relative accuracy of bond functions.
     accuracy = 1e-17
 
-    def __init__(self, width):
-        self.width = float(width)
+    def __init__(self, width, dimension=3):
+        self.width, self.dimension = float(width), dimension
 
     @property
     def parameters(self):
@@ -315,7 +362,7 @@ class Gaussian(Kernel):
 
     @property
     def normalisation(self):
-        return 1.0 / (2 * pi * self.width**2) ** 1.5
+        return 1.0 / (2 * pi * self.width**2) ** (0.5 * self.dimension)
 
     @property
     def support(self):
@@ -327,7 +374,10 @@ class Gaussian(Kernel):
         return 3.0 * self.width
 
     def scaled(self, factor):
-        return self if factor == 1.0 else Gaussian(self.width * factor)
+        return self if factor == 1.0 else Gaussian(self.width * factor, self.dimension)
+
+    def planar(self):
+        return Gaussian(self.width, dimension=2)
 
     def phi(self, d):
         rho2 = (np.asarray(d, float) ** 2).sum(-1)
@@ -357,13 +407,13 @@ def _mean_gauss(s, D):
 
 
 class BSpline(Kernel):
-    """Product over x, y, z of M4(d/h)/h, the cubic B-spline of knot spacing h = radius/2: not rotation invariant."""
+    """Product over x, y, z (in the plane over x and y) of M4(d/h)/h, the cubic B-spline of knot spacing h = radius/2: not rotation invariant."""
 
     name = "bspline"
     is_isotropic = False
 
-    def __init__(self, radius):
-        self.radius = float(radius)
+    def __init__(self, radius, dimension=3):
+        self.radius, self.dimension = float(radius), dimension
 
     @property
     def parameters(self):
@@ -375,14 +425,18 @@ class BSpline(Kernel):
 
     @property
     def normalisation(self):
-        return 1.0 / self._h**3
+        # In the plane d_z is 0 and its factor M4(0) = 2/3 is in every product.
+        return 1.0 / self._h**3 if self.dimension == 3 else 1.5 / self._h**2
 
     @property
     def support(self):
-        return sqrt(3.0) * self.radius
+        return sqrt(float(self.dimension)) * self.radius
 
     def scaled(self, factor):
-        return self if factor == 1.0 else BSpline(self.radius * factor)
+        return self if factor == 1.0 else BSpline(self.radius * factor, self.dimension)
+
+    def planar(self):
+        return BSpline(self.radius, dimension=2)
 
     def phi(self, d):
         return self.normalisation * _m4(np.asarray(d, float) / self._h).prod(-1)
@@ -439,13 +493,18 @@ def _along_axis(kern, normal) -> int:
 
 
 class Box(Kernel):
-    """1/volume for −L/2 ≤ d < L/2 along every axis: half-open, so that touching boxes count an atom on their face once."""
+    """1/volume (1/area) for −L/2 ≤ d < L/2 along every axis: half-open, so that touching boxes count an atom on their face once.
+
+    size : (3,) or (2,); given : how many numbers the user gave
+    """
 
     name = "box"
     is_isotropic = False
 
-    def __init__(self, size):
+    def __init__(self, size, given=None):
         self.size = np.asarray(size, float)
+        self.dimension = len(self.size)
+        self._given = self.dimension if given is None else given
 
     @property
     def parameters(self):
@@ -464,10 +523,20 @@ class Box(Kernel):
         return 0.5 * float(self.size.max())
 
     def scaled(self, factor):
-        return self if factor == 1.0 else Box(self.size * factor)
+        return self if factor == 1.0 else Box(self.size * factor, self._given)
+
+    def planar(self):
+        if self._given == 3:
+            raise AtcError(f"kernel 'box': size has three edge lengths, {self.size.tolist()}, but the run is two-dimensional: give two")
+        return Box(self.size[:2], self._given)
+
+    def in_dimension(self, dimension):
+        if dimension == 3 and self.dimension == 2:
+            raise AtcError(f"kernel 'box': size has two edge lengths, {self.size.tolist()}, but the run has three dimensions: give three")
+        return super().in_dimension(dimension)
 
     def phi(self, d):
-        d = np.asarray(d, float)
+        d = np.asarray(d, float)[..., : self.dimension]
         return np.where(((d >= -0.5 * self.size) & (d < 0.5 * self.size)).all(-1), self.normalisation, 0.0)
 
     def grad_phi(self, d):
@@ -477,7 +546,7 @@ class Box(Kernel):
         d, r = np.broadcast_arrays(np.asarray(d, float), np.asarray(r, float))
         lo, hi = np.zeros(d.shape[:-1]), np.ones(d.shape[:-1])
         half = 0.5 * self.size
-        for a in range(3):
+        for a in range(self.dimension):
             moving = np.abs(r[..., a]) > TINY * self.size[a]
             step = np.where(moving, r[..., a], 1.0)
             t1, t2 = (d[..., a] - half[a]) / step, (d[..., a] + half[a]) / step
@@ -520,6 +589,15 @@ class Marginal:
             total += R * u * np.polynomial.polynomial.polyval(u, c / (np.arange(7) + 1.0))
         return 0.5 + np.sign(z) * total
 
+    def slope(self, z):
+        """dφ₁/dz."""
+        z = np.asarray(z, float)
+        total = np.zeros_like(z)
+        for R, c in zip(self.radii, self.coef_mk):
+            u = np.abs(z) / R
+            total += np.where(u < 1.0, np.polynomial.polynomial.polyval(u, c[1:] * np.arange(1, len(c))) / R, 0.0)
+        return np.sign(z) * total
+
     def beta(self, d, r):
         """The mean of φ₁(d − t r) over t in [0, 1], for numbers d = z_i − z and r."""
         d, r = np.broadcast_arrays(np.asarray(d, float), np.asarray(r, float))
@@ -559,6 +637,9 @@ class GaussianMarginal(Marginal):
     def phi(self, z):
         z = np.asarray(z, float)
         return np.where(np.abs(z) < self.support, self.normalisation * np.exp(-0.5 * (z / self.width) ** 2), 0.0)
+
+    def slope(self, z):
+        return -np.asarray(z, float) / self.width**2 * self.phi(z)
 
     def cumulative(self, z):
         from scipy.special import erf

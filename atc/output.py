@@ -90,6 +90,10 @@ def check_name(out) -> Path:
     return path
 
 
+class Damaged(AtcError):
+    """An output that is no longer what was written."""
+
+
 class Store:
     """The unfinished output of one run.
 
@@ -126,16 +130,10 @@ class Store:
             known = self._read_json("request.json")
             if not resume:
                 self._clear()
-            elif known is not None and known != request:
-                differing = ", ".join(sorted(k for k in {*known, *request} if known.get(k) != request.get(k)))
+            elif known is not None and (why := _other(known, request)):
                 self._unlock()
-                more = ""
-                if differing == "frames":
-                    more = (
-                        f"the trajectory had {known['frames']} frames then and has {request['frames']} now; take as many as then (-e), or "
-                    )
                 raise AtcError(
-                    f"{self.partial}: holds an unfinished run of another request (different: {differing}): {more}finish that one, "
+                    f"{self.partial}: holds an unfinished run of another request (different: {why}): finish that one, "
                     "delete the directory, or start again without resuming"
                 )
             elif known is None:
@@ -149,7 +147,20 @@ class Store:
                     except ValueError:  # the kill came while this line was written
                         break
                 # Forget a half-written line, so that the next one starts on its own.
-                journal.write_text("".join(json.dumps(e) + "\n" for e in self.journal))
+                self._write_journal()
+
+    def keep(self, count: int) -> None:
+        """Forget all entries but the first `count`."""
+        if count < len(self.journal):
+            del self.journal[count:]
+            with explained(self.out):
+                self._write_journal()
+                (self.partial / "state.npz").unlink(missing_ok=True)
+
+    def _write_journal(self) -> None:
+        temporary = self.partial / "journal.tmp"
+        temporary.write_text("".join(json.dumps(e) + "\n" for e in self.journal))
+        os.replace(temporary, self.partial / "journal.jsonl")
 
     # --- while running
     @property
@@ -159,14 +170,25 @@ class Store:
 
     def begin(self, layout: Layout) -> None:
         """Create the arrays, or check that those of an earlier run fit."""
+        import numcodecs
         import zarr
 
         self.layout = layout
         path = str(self.partial / "data.zarr")
         with explained(self.out):
             if self.done:
-                self._group = zarr.open_group(path, mode="r+")
-                self._arrays = dict(self._group.arrays())
+                for half in (self.partial / "data.zarr").glob("**/*.partial"):
+                    half.unlink()  # a chunk that a kill left unfinished under a name of its own
+                with _every_chunk():
+                    self._group = zarr.open_group(path, mode="r+")
+                    self._arrays = dict(self._group.arrays())
+                for v in layout.variables:
+                    # The trajectory may have grown.
+                    if v.static is None and self._arrays[v.name].shape[0] != layout.entries:
+                        self._arrays[v.name].resize((layout.entries, *v.shape))
+                    elif v.static is not None and self._arrays[v.name].shape != v.shape:
+                        self._arrays[v.name].resize(v.shape)
+                        self._arrays[v.name][...] = v.static
                 return
             shutil.rmtree(path, ignore_errors=True)
             self._group = zarr.open_group(path, mode="w", zarr_format=2)
@@ -178,8 +200,9 @@ class Store:
                 else:
                     first = max(1, int(_CHUNK_BYTES // max(1, np.dtype(dtype).itemsize * int(np.prod(v.shape[1:], dtype=np.int64)))))
                     chunks = (1, *(max(1, min(n, first) if k == 0 else n) for k, n in enumerate(v.shape)))
-                array = self._group.create_array(
-                    v.name, shape=shape, chunks=chunks, dtype=dtype, fill_value=_fill(dtype),
+                with _every_chunk():
+                    array = self._group.create_array(
+                    v.name, shape=shape, chunks=chunks, dtype=dtype, fill_value=_fill(dtype), filters=[numcodecs.CRC32()],
                     attributes={"_ARRAY_DIMENSIONS": list(v.all_dims), **_clean(v.attrs)},
                 )  # fmt: skip
                 self._arrays[v.name] = array
@@ -282,6 +305,10 @@ class Store:
                     dtype = h5py.string_dtype()
                 elif dtype.kind == "f":
                     kwargs["fillvalue"] = np.nan
+                if shape and all(shape) and dtype.kind in "fiu":
+                    # As in the .zarr, a chunk never spans two frames.
+                    stored = self._arrays[v.name].chunks
+                    kwargs |= {"chunks": tuple(stored), "fletcher32": True}
                 array = f.create_variable(v.name, v.all_dims, dtype, **kwargs)
                 if v.static is not None:
                     array[...] = v.static.astype(object) if v.static.dtype.kind in "UO" else v.static
@@ -356,9 +383,79 @@ class Store:
         os.replace(temporary, self.partial / name)
 
 
+def _every_chunk():
+    """Arrays opened within write chunks that hold nothing but the fill value, too: one that is missing later is a loss, not a field of nothing."""
+    import zarr
+
+    return zarr.config.set({"array.write_empty_chunks": True})
+
+
+def _other(known: dict, request: dict) -> str:
+    """What makes `request` another one than that of an unfinished output; "" for the same. More frames than then are no difference."""
+    from .identity import differences
+
+    out = differences(known, request)
+    then, now = known.get("frames"), request.get("frames")
+    if then is not None and now is not None and now < then:
+        fewer = f"frames: the trajectory had {then} and has {now} now, take as many as then (-e)"
+        out = f"{out}; {fewer}" if out else fewer
+    return out
+
+
 def _fill(dtype):
     # A fill value of 0 would read as "missing" where the numbers are 0.
     return np.nan if np.dtype(dtype).kind == "f" else None
+
+
+#: Files opened by this process, to look at when something in one of them turns out to be unreadable.
+opened: list[Path] = []
+
+
+def _require_all_chunks(path) -> None:
+    """A chunk that is missing reads as NaN: say so instead."""
+    import zarr
+
+    for name, a in zarr.open_group(str(path), mode="r").arrays():
+        why = _missing(path, name, a)
+        if why:
+            raise Damaged(why)
+
+
+def _missing(path, name, a) -> str | None:
+    if not any(type(f).__name__ == "CRC32" for f in a.filters) or a.nchunks_initialized >= a.nchunks:
+        return None  # outputs of 0.4 and before leave chunks without numbers out
+    return f"{path}: {name}: {a.nchunks - a.nchunks_initialized} of {a.nchunks} chunks are missing: the file is damaged, compute it again"
+
+
+def damage(path) -> str | None:
+    """What is wrong with an output file, in one line; None if every chunk is what was written."""
+    path = Path(path)
+    if path.suffix == ".zarr":
+        import zarr
+
+        try:
+            arrays = dict(zarr.open_group(str(path), mode="r").arrays())
+        except Exception as e:
+            return f"{path}: its metadata cannot be read ({type(e).__name__}): the file is damaged, compute it again"
+    else:
+        import h5py
+
+        try:
+            file = h5py.File(path, "r")
+        except OSError:
+            return f"{path}: its structure cannot be read: the file is damaged, compute it again"
+        arrays = {name: a for name, a in file.items() if isinstance(a, h5py.Dataset)}
+    for name, a in arrays.items():
+        why = _missing(path, name, a) if path.suffix == ".zarr" else None
+        if why:
+            return why
+        for k in range(a.shape[0]) if a.ndim else (Ellipsis,):
+            try:
+                a[k]
+            except Exception:  # each library has its own words for it
+                at = f" of frame {k}" if a.ndim > 1 else ""
+                return f"{path}: {name}{at} is not what was written (its checksum differs): the file is damaged, compute it again"
+    return None
 
 
 def open_dataset(path):
@@ -368,8 +465,10 @@ def open_dataset(path):
     path = Path(path)
     if not path.exists():
         raise AtcError(f"{path}: there is no such file")
+    opened.append(path)
     try:
         if path.suffix == ".zarr":
+            _require_all_chunks(path)
             ds = xr.open_dataset(path, engine="zarr", chunks=None, decode_times=False)
         else:
             ds = xr.open_dataset(path, engine="h5netcdf", decode_times=False)
@@ -383,8 +482,11 @@ def open_dataset(path):
             ordered.set_close(ds.close)
             return ordered
         return ds
-    except (OSError, ValueError, KeyError) as e:
-        raise AtcError(f"{path}: is not an output of atc ({str(e).splitlines()[0]})") from e
+    except (OSError, ValueError, KeyError, RuntimeError) as e:
+        why = damage(path) if isinstance(e, RuntimeError) or path.suffix == ".zarr" else None
+        if why:
+            raise Damaged(why) from None
+        raise AtcError(f"{path}: is not an output of atc ({' '.join(str(e).split())[:120]})") from e
 
 
 def load(path):

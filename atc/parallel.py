@@ -7,10 +7,12 @@ mean of a group of frames of a time average (`estimators.groups`).
 from __future__ import annotations
 
 import contextlib
+import warnings
 from collections import deque
+from dataclasses import replace
 from itertools import islice
 
-from .errors import AtcError
+from .errors import AtcError, AtcWarning
 from .estimators.compute import FrameResult
 from .estimators.groups import group_fields
 
@@ -77,9 +79,20 @@ def _in_processes(request, settings, frames):
     from concurrent.futures import ProcessPoolExecutor
     from concurrent.futures.process import BrokenProcessPool
 
-    pool = ProcessPoolExecutor(
-        request.workers, mp_context=multiprocessing.get_context("spawn"), initializer=_begin_worker, initargs=(settings,)
-    )
+    try:
+        pool = ProcessPoolExecutor(
+            request.workers, mp_context=multiprocessing.get_context("spawn"), initializer=_begin_worker, initargs=(settings,)
+        )
+    except (OSError, ImportError) as e:  # no semaphores: a container without /dev/shm
+        warnings.warn(
+            f"no worker processes can be had here ({getattr(e, 'strerror', None) or e}): frames are computed one after another, by as many threads",
+            AtcWarning,
+            stacklevel=2,
+        )
+        settings = replace(settings, threads=request.workers * request.threads)
+        for k, group in frames:
+            yield group, group_fields(group, settings, k)
+        return
     waiting: deque = deque()
     try:
         for k, group in frames:
@@ -102,12 +115,12 @@ _worker_settings = None
 
 
 def _begin_worker(settings):
-    import signal
+    from .interruption import in_worker
 
     global _worker_settings
     _worker_settings = settings
-    # Ctrl-C belongs to the parent: it lets the frames in work finish and stops.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # The parent lets the frames in work finish and stops.
+    in_worker()
 
 
 def _work(frames, k) -> FrameResult:

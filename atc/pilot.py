@@ -9,8 +9,8 @@ computed alone at every grid point, and the sum of squares of the others, whose 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from .compiled import njit
 from .deposit import make
 from .estimators.accuracy import BEYOND, CutGaussian
 from .estimators.hot import WATCHED, Strongest, error_map
@@ -32,7 +32,7 @@ class Pilot:
 
     def __init__(self, pot, frame, bound, kern, tolerance, threads=1):
         if isinstance(kern, Gaussian):
-            kern = CutGaussian(kern.width, BEYOND * tolerance)
+            kern = CutGaussian(kern.width, BEYOND * tolerance, kern.dimension)
         self.bound, self.kern, self.cell = bound, kern, frame.cell
         strongest = Strongest(frame.positions, threads)
         totals = [np.zeros((2, 6)) for _ in range(threads)]
@@ -77,13 +77,15 @@ def _add(r_bc, G_b, totals):
 
 
 def roughness(kern) -> float:
-    """∫ φ² dV of a kernel: what the variance of a field of independent sources is proportional to."""
+    """∫ φ² dV (dA in the plane) of a kernel: what the variance of a field of independent sources is proportional to."""
     from .deposit.fourier import phi_hat
     from .kernels import BSpline
 
     k = (np.arange(4000) + 0.5) * (0.05 / kern.radius)
     dk = k[1] - k[0]
     if isinstance(kern, BSpline):
-        return float((2 * np.sum(np.sinc(k * 0.25 * kern.radius / np.pi) ** 8) * dk / (2 * np.pi)) ** 3)
+        return float((2 * np.sum(np.sinc(k * 0.25 * kern.radius / np.pi) ** 8) * dk / (2 * np.pi)) ** kern.dimension)
     hat = phi_hat(kern, np.stack([k, 0 * k, 0 * k], 1))
+    if kern.dimension == 2:
+        return float(np.sum(hat**2 * k) * dk / (2 * np.pi))
     return float(np.sum(hat**2 * k**2) * dk / (2 * np.pi**2))

@@ -70,8 +70,12 @@ class Request:
     tiles: object = None
     input_error: tuple = (0.0, {})
     anchor: object = None
+    forces: str = "warn"
+    log: object = None
+    agreement: str = ""
 
     def __post_init__(self):
+        from .agreement import MODES
         from .frame import Frame
 
         for name, value, method, hint in (
@@ -82,7 +86,9 @@ class Request:
             if value is not None and not hasattr(value, method):
                 raise AtcError(f"{name} is a {type(value).__name__}: expected what {hint} gives")
         self.work = Work.of(self.quantities, getattr(self.pot, "central", True))
-        self.frames = as_frames(self.traj)
+        from .planar import matched, planar
+
+        self.frames, self.pot = matched(as_frames(self.traj, self.pot), self.pot)
         self.n_frames = len(self.frames)
         if not self.n_frames:
             raise AtcError("the trajectory has no frames: nothing to compute")
@@ -90,6 +96,8 @@ class Request:
             raise AtcError(
                 f"tolerance {self.tolerance!r}: expected a number between 0 and 1, relative to the largest value of the field, e.g. 1e-5"
             )
+        if self.forces not in MODES:
+            raise AtcError(f"forces {self.forces!r}: expected one of {', '.join(map(repr, MODES))}")
         if self.average is not True and self.average is not False and (not isinstance(self.average, (int, np.integer)) or self.average < 1):
             raise AtcError(f"average {self.average!r}: expected True, False, or the number of frames in a window")
         for name in ("threads", "workers"):
@@ -100,9 +108,16 @@ class Request:
                 raise AtcError(f"{name} {value!r}: expected a whole number, 1 or more")
         if self.tiles is not None:
             t = np.asarray(self.tiles)
-            if t.shape != (3,) or t.dtype.kind not in "iu" or (t < 1).any():
-                raise AtcError(f"tiles {self.tiles!r}: expected three whole numbers, 1 or more, e.g. (2, 2, 1)")
-            self.tiles = tuple(int(n) for n in t)
+            flat = self.frames[0].dimension == 2
+            if (
+                t.dtype.kind not in "iu"
+                or t.shape not in ((3,), (2,) if flat else (3,))
+                or (t < 1).any()
+                or (flat and t[2:].any() and t[2] != 1)
+            ):
+                expected = "two whole numbers, 1 or more, e.g. (2, 2)" if flat else "three whole numbers, 1 or more, e.g. (2, 2, 1)"
+                raise AtcError(f"tiles {self.tiles!r}: expected {expected}")
+            self.tiles = (*(int(n) for n in t), 1)[:3]
         if self.reference is not None and not isinstance(self.reference, Frame):
             if isinstance(self.reference, (int, np.integer)):
                 try:
@@ -110,8 +125,16 @@ class Request:
                 except IndexError:
                     raise AtcError(f"reference {self.reference}: the trajectory has {self.n_frames} frames") from None
             else:
-                self.reference = as_frames(self.reference)[0]
+                self.reference = as_frames(self.reference, self.pot)[0]
+        elif self.reference is not None and getattr(self.pot, "setup", None) is not None:
+            self.reference = self.pot.complete(self.reference)
         self.first = self.frames[0]
+        if self.reference is not None and self.reference.dimension != self.first.dimension:
+            if self.first.dimension == 3:
+                raise AtcError(f"the reference {self.reference.source} is of a two-dimensional run, but {self.first.source} is not")
+            self.reference = planar(self.reference)
+        if self.kern is not None and self.work.kernel_users:
+            self.kern.in_dimension(self.first.dimension)
         if self.work.grid_users and hasattr(self.grid, "fixed"):
             # Every entry of the output has as many points as the first.
             where = self.first if set(self.work.grid_users) - set(self.work.on_reference) or self.reference is None else self.reference
@@ -266,38 +289,23 @@ class Request:
             anchor=self.anchor,
         )
 
-    def key(self) -> dict:
-        """What the result depends on, as plain values: an unfinished output is continued only by a request with the same key."""
-        from . import __version__
+    def alarm(self):
+        """Whether the run's forces, and its log, are those of the potential (`run_check.RunCheck`). Warns, or raises where they must agree."""
+        from .run_check import alarm
 
-        return {
-            "version": __version__,
-            "quantities": [q.name for q in self.work.quantities],
-            "potential": self._potential_key() if self.work.bond_users else None,
-            "kernel": fingerprint((self.kern.name, self.kern.parameters)) if self.work.kernel_users else None,
-            "grid": fingerprint(self.grid) if self.work.grid_users else None,
-            "method": self.method,
-            "tolerance": float(self.tolerance),
-            **({"tiles": list(self.tiles)} if self.tiles else {}),
-            "average": int(self.average) if self.average is not True else True,
-            **({"group": self.group()} if self.group() > 1 else {}),
-            "frames": self.n_frames,
-            "units": self.first.units.name,
-            "trajectory": digest(self.first),
-            "reference": digest(self.reference) if self.work.reference_users and self.reference is not None else None,
-        }
-
-    def _potential_key(self) -> str:
-        """What the potential says about the first frame: no other coefficients say the same, wherever they come from."""
-        if self.pot is None:
-            return ""
-        d = self.pot.stream(self.first, None, threads=self.threads)
-        # 10 digits: the order of summation, hence the number of threads, must not matter.
-        return f"{self.pot.describe()}; energy {d.energy:.9e}, virial {np.trace(d.virial_cc):.9e}"
+        return alarm(
+            self.frames, self.pot, mode=self.forces, log=self.log, threads=self.threads, first=self.first, needed=bool(self.work.bond_users)
+        )
 
 
-def as_frames(traj):
-    """Anything `atc.fields` takes as a trajectory, as a sequence of Frames."""
+def as_frames(traj, pot=None):
+    """Anything `atc.fields` takes as a trajectory, as a sequence of Frames; with what the script of a potential says of their atoms."""
+    from .readers.memory import completed
+
+    return completed(_frames(traj), pot)
+
+
+def _frames(traj):
     from .frame import Frame
 
     if isinstance(traj, Frame):
@@ -308,58 +316,6 @@ def as_frames(traj):
     from .readers.trajectory import Trajectory
 
     return traj if isinstance(traj, Trajectory) else read(traj)
-
-
-def fingerprint(thing) -> str:
-    """A text that is the same for equal things in every process: all numbers, arrays and texts reachable from `thing`."""
-    import hashlib
-
-    h = hashlib.sha256()
-    seen: set[int] = set()
-
-    def walk(x, name):
-        h.update(f"|{name}:{type(x).__name__}:".encode())
-        if isinstance(x, (str, bytes, bool, int, float, complex, type(None), np.generic)):
-            h.update(repr(x).encode())
-        elif isinstance(x, np.ndarray) and x.dtype.kind != "O":
-            h.update(f"{x.dtype.str}{x.shape}".encode() + np.ascontiguousarray(x).tobytes())
-        elif id(x) in seen:
-            return
-        else:
-            seen.add(id(x))
-            if isinstance(x, dict):
-                for k in sorted(x, key=repr):
-                    walk(x[k], repr(k))
-            elif isinstance(x, (list, tuple, np.ndarray)):
-                for k, y in enumerate(x):
-                    walk(y, str(k))
-            elif isinstance(x, (set, frozenset)):
-                walk(sorted(x, key=repr), name)
-            else:
-                walk(vars(x), name)
-
-    walk(thing, "")
-    return h.hexdigest()[:24]
-
-
-def digest(frame) -> str:
-    """A fingerprint of a frame's numbers."""
-    import hashlib
-
-    h = hashlib.sha256()
-    arrays = (
-        frame.positions,
-        frame.cell.vectors,
-        frame.cell.origin,
-        frame.cell.periodic,
-        frame.types,
-        frame.ids,
-        frame.masses,
-        frame.velocities,
-    )
-    for a in arrays:
-        h.update(b"-" if a is None else np.ascontiguousarray(a).tobytes())
-    return h.hexdigest()[:24]
 
 
 @dataclass
@@ -378,6 +334,7 @@ class Plan:
     error : predicted error relative to the largest value of each field
     parts : CPU seconds a frame of each part of the work
     measured : whether the cost model was measured on this machine (`atc bench --calibrate`)
+    agreement : whether the forces of the trajectory are those of the potential
     """
 
     passes: list[str]
@@ -401,6 +358,7 @@ class Plan:
     quantities: list[str] = field(default_factory=list)
     parts: dict[str, float] = field(default_factory=dict)
     measured: bool = False
+    agreement: str = ""
 
     def __str__(self):
         def count(x):
@@ -432,11 +390,13 @@ class Plan:
             f"memory  about {_bytes(self.memory)}, output {_bytes(self.output_bytes)}",
             f"error   about {self.error:.0e} of the largest value of each field (tolerance {self.tolerance:g}); measured at random points when it runs",
         ]
+        if self.agreement:
+            lines.append(f"run     agrees with the potential? {self.agreement}")
         return "\n".join(lines)
 
 
 def plan(*args, **kwargs) -> Plan:
-    """What `atc.fields` would do with the same arguments: nothing is computed, one frame is read.
+    """What `atc.fields` would do with the same arguments. Nothing is computed but the forces of a frame or two, where the trajectory has them to compare.
 
     Takes a `Request`, or the arguments of `atc.fields` up to `workers`.
     """
@@ -462,6 +422,7 @@ def plan(*args, **kwargs) -> Plan:
         total_seconds=wall * request.n_frames / request.workers, memory=memory, output_bytes=entry * request.entries * (2 if request.average is not False else 1),
         error=max([1e-13, *(min(0.3 * m.tolerance, 0.5 * request.tolerance) for m in request.methods.values() if not m.exact)]), tolerance=request.tolerance, workers=request.workers,
         threads=threads, quantities=[q.name for q in work.quantities], parts=p.parts, measured=request.costs.machine != "shipped",
+        agreement=request.alarm().text,
     )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from . import components
-from .components import TENSOR, VECTOR
+from .components import TENSOR
 from .drawing import STYLE, at_frame, colours, draw_map, figure, kernel_title, label_of, save
 from .errors import AtcError
 from .layout import STDERR, cut, fields_of, grid_dims, layout, rank
@@ -53,12 +53,13 @@ def plot(ds, quantity=None, *, component=None, slice=None, axis=None, index=None
 
         return plot_nodes(ds, quantity, component=component, slice=slice, axis=axis, frame=frame, limits=limits, robust=robust)
     panels = []
+    dimension = int(ds.attrs.get("dimension", 3))
     wanted = [q.strip() for q in quantity.split(",")] if quantity else [None]
     for q in wanted:
         name = pick(ds, q)
         da, when = at_frame(ds, name, frame)
         da = da.transpose(*grid_dims(da), ...)
-        comps = _scalars(da, component if rank(da) or len(wanted) == 1 else None)
+        comps = _scalars(da, component if rank(da) or len(wanted) == 1 else None, dimension)
         if len(wanted) > 1 and component is None and rank(da):
             comps = ["magnitude" if rank(da) == 1 else "vonmises"]
         panels += [(name, da, c) for c in comps]
@@ -75,11 +76,11 @@ def plot(ds, quantity=None, *, component=None, slice=None, axis=None, index=None
     title = ", ".join(t for t in (kernel_title(ds), where, when) if t)
     with mpl.rc_context(STYLE):
         if place.kind in ("line", "slab"):
-            return _profiles(Figure, ds, panels, place, title, limits, frame)
+            return _profiles(Figure, ds, panels, place, title, limits, frame, dimension)
         values = []
         for _, da, c in panels:
             v = da.isel(selection).values
-            values.append(v if c is None else components.component(v, c))
+            values.append(v if c is None else components.component(v, c, dimension))
         return _maps(Figure, panels, values, place, title, limits, robust, atoms)
 
 
@@ -103,7 +104,7 @@ def pick(ds, quantity):
     return quantity
 
 
-def _scalars(da, wanted) -> list[str | None]:
+def _scalars(da, wanted, dimension=3) -> list[str | None]:
     """The components to draw, one a panel."""
     order = rank(da)
     if order == 0:
@@ -112,7 +113,7 @@ def _scalars(da, wanted) -> list[str | None]:
         return [None]
     if wanted in (None, "all"):
         if order == 1:
-            return list(VECTOR)
+            return components.names(1, dimension)
         symmetric = np.allclose(
             da.values,
             np.swapaxes(da.values, -1, -2),
@@ -120,7 +121,9 @@ def _scalars(da, wanted) -> list[str | None]:
             atol=1e-12 * float(np.nanmax(np.abs(da.values), initial=0)),
             equal_nan=True,
         )
-        return TENSOR[:6] if symmetric else ["xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"]
+        if symmetric:
+            return components.names(2, dimension)
+        return [a + b for a in "xyz"[:dimension] for b in "xyz"[:dimension]]
     return [w.strip() for w in wanted.split(",")]
 
 
@@ -156,7 +159,7 @@ def _maps(Figure, panels, values, place, title, limits, robust, atoms):
     return fig
 
 
-def _profiles(Figure, ds, panels, place, title, limits, frame):
+def _profiles(Figure, ds, panels, place, title, limits, frame, dimension=3):
     """Curves along the one dimension, one panel a field, with the standard error as a band where the output has one."""
     groups: dict[str, list] = {}
     for name, da, comp in panels:
@@ -166,12 +169,12 @@ def _profiles(Figure, ds, panels, place, title, limits, frame):
     for ax, (name, members) in zip(axs.flat, groups.items()):
         error = _stderr(ds, name, frame)
         for da, comp in members:
-            v = da.values if comp is None else components.component(da.values, comp)
+            v = da.values if comp is None else components.component(da.values, comp, dimension)
             (line,) = ax.plot(s, v, label=comp, marker="o" if len(s) == 1 else None)
             # the error of an invariant is not the invariant of the errors
             if error is not None and (comp is None or comp in TENSOR or comp in ("x", "y", "z")):
                 e = error.transpose(*da.dims).values
-                e = e if comp is None else components.component(e, comp)
+                e = e if comp is None else components.component(e, comp, dimension)
                 ax.fill_between(s, v - e, v + e, color=line.get_color(), alpha=0.25, linewidth=0)
         ax.set_xlabel(label)
         ax.set_ylabel(label_of(members[0][0], None if len(members) > 1 else members[0][1], members[0][0].attrs.get("units", "")))

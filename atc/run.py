@@ -14,11 +14,14 @@ from .errors import AtcError, AtcWarning
 from .estimators.compute import FrameResult, frame_fields, require
 from .estimators.methods import DEPOSITS, Method, Refinement, details, summary
 from .estimators.registry import QUANTITIES
+from .identity import changed_parts, frame_digest, identity
+from .interruption import whole
 from .output import Layout, Store, dataset_in_memory, explained, open_dataset
 from .parallel import frame_results, here
 from .plan import Request, plan  # noqa: F401  (plan belongs to the same door)
 from .plausible import doubts
 from .statistics import BlockAverage
+from .times import Sequence
 from .verlet import anchor_of
 
 #: With so many frames one from the middle says where all begin.
@@ -29,7 +32,7 @@ _SAVE_EVERY = 5.0
 
 def fields(
     traj, pot=None, kern=None, grid=None, quantities=("stress",), tolerance=1e-5, *, method="auto", reference=None, average=False,
-    threads=None, workers=1, cluster=None, tiles=None, out=None, progress=None, resume=True, scene=None, horizon=None,
+    threads=None, workers=1, cluster=None, tiles=None, out=None, progress=None, resume=True, scene=None, horizon=None, forces="warn", log=None,
 ):  # fmt: skip
     """Continuum fields of a trajectory.
 
@@ -74,6 +77,11 @@ def fields(
         The scene as TOML, to be kept with the result.
     horizon : float
         Radius, in the trajectory's unit of length, within which a weighted virial sees bonds; by default the longest reach of the potential.
+    forces : "warn", "must agree" or "ignore"
+        Where the trajectory has forces, those of its first frame (and of one from the middle of long runs) are compared with the potential's. What the
+        digits of the file do not explain is a warning that says what it looks like, or with "must agree" an error before anything is computed.
+    log : path, or list of paths
+        LAMMPS log files of the run: energy and pressure tensor of the steps that both have are compared, too.
 
     Returns
     -------
@@ -83,7 +91,7 @@ def fields(
         sign_convention, error_max (largest error found at random points by the exact method, relative to the largest value of the
         field), error_l2 (rms, relative to the rms of the field), error_of_fluctuation (largest, relative to the largest deviation from the mean),
         measured_error (the same as error_max); input_error where the coordinates have so few digits that it matters: how far the field of the first frame
-        moves when atoms move by what rounding hid. With `out` the data are read from the file when they are used.
+        moves when atoms move by what rounding hid. `agrees_with_run` of the dataset says how forces and log compare. With `out` the data are read from the file when they are used.
 
     Raises
     ------
@@ -95,7 +103,23 @@ def fields(
     Formulas: R 4.0.34-4.0.116 as corrected in the documentation: σ = σ_U + σ_K, σ_U = Σ_bonds G r⊗r β, σ_K = −Σ m (v_j − v)⊗(v_j − v) φ_j.
     """
     request = Request(
-        traj, pot, kern, grid, quantities, tolerance, method, reference, average, threads, workers, scene, horizon, cluster, tiles
+        traj,
+        pot,
+        kern,
+        grid,
+        quantities,
+        tolerance,
+        method,
+        reference,
+        average,
+        threads,
+        workers,
+        scene,
+        horizon,
+        cluster,
+        tiles,
+        forces=forces,
+        log=log,
     )
     if out is None:
         _sanity(request)
@@ -112,7 +136,7 @@ def write(request: Request, out, progress=None, resume=True) -> dict:
     Returns the attributes of the dataset.
     """
     _sanity(request)
-    store = Store(out, request.key(), resume)
+    store = Store(out, {**identity(request), "frames": request.n_frames}, resume)
     try:
         sink = _run(request, store, progress)
         final = sink.final_attributes()
@@ -126,6 +150,8 @@ def _run(request, store, progress) -> _Sink:
     n, window = request.n_frames, request.window
     sink = _Sink(request, store)
     start = sink.next_frame
+    sink.compare_done(start)
+    request.agreement = _agreement(request, store)
     request.anchor = anchor_of(request)
     first = _settle(request, store, start)
     if request.group() > 1:
@@ -138,17 +164,36 @@ def _run(request, store, progress) -> _Sink:
     try:
         for group, result in results:
             end = done + len(group)
-            sink.add(done, group[0], result, last_of_window=end % window == 0 or end == n, more=group[1:])
-            done = end
+            with whole():
+                sink.add(done, group[0], result, last_of_window=end % window == 0 or end == n, more=group[1:])
+                done = end
             if progress is not None:
                 progress(done, n, (done - start) / max(time.perf_counter() - began, 1e-9))
+    except KeyboardInterrupt:
+        with whole():
+            sink.save_unfinished(done)
+        raise
     finally:
         results.close()
     if done < n:
         raise AtcError(f"the trajectory has only {done} frames that can be read, but {n} were expected")
+    for sentence in sink.sequence.warnings(sink.averaging):
+        warnings.warn(f"{getattr(request.frames, 'source', 'the trajectory')}: {sentence}", AtcWarning, stacklevel=3)
     if sink.layout is None:  # every frame was there already: the run was stopped just before its end
         sink.prepare(frame_fields(request.first, request.settings(), 0))
     return sink
+
+
+def _agreement(request: Request, store) -> str:
+    """Whether the run's forces are the potential's, in words: once a run, before anything is computed."""
+    about = [request.forces, [str(p) for p in request.log] if isinstance(request.log, list) else str(request.log)]
+    known = store.recall("agrees_with_run") if store is not None else None
+    if known is not None and known["about"] == about:
+        return known["text"]
+    text = request.alarm().text
+    if store is not None:
+        store.remember("agrees_with_run", {"about": about, "text": text})
+    return text
 
 
 def _input_errors(request: Request, store) -> tuple[float, dict[str, float]]:
@@ -219,15 +264,44 @@ class _Sink:
         self.request, self.store = request, store
         self.layout: Layout | None = None
         self.entries: list[dict] = []
+        if store is not None:
+            store.keep(self._whole_entries(store.journal))
         self.notes: list[dict] = list(store.journal) if store else []
         self.averages: dict[str, BlockAverage] = {}
         self.any_mass = None
         self.note: dict = {}
         self._said_refined = False
+        self.sequence = Sequence()
         self.next_frame = min(len(self.notes) * request.window, request.n_frames)
         self._saved = time.monotonic()
         if store is not None and request.window > 1:
             self._restore(store.load_state())
+
+    def _whole_entries(self, journal) -> int:
+        """How many entries hold as many frames as they shall: the last window of a trajectory that has grown since may have been a short one."""
+        n, window = self.request.n_frames, self.request.window
+        for k, note in enumerate(journal):
+            if note.get("frames") != min(window, n - k * window):
+                return k
+        return len(journal)
+
+    def compare_done(self, count: int) -> None:
+        """The frames that are done must be what they were; which is told by their content, so they are read again."""
+        digests = [d for note in (*self.notes, self.note) for d in note.get("digests", ())]
+        if count == 0:
+            return
+        out = self.store.partial
+        for k, then in enumerate(digests[:count]):
+            try:
+                frame = self.request.frames[k]
+            except IndexError:
+                break
+            now = frame_digest(frame)
+            if now != then:
+                raise AtcError(
+                    f"{frame.source}: is not what it was when its fields were computed (different: {changed_parts(then, now)}), and {out} holds an unfinished run with it: "
+                    "compute that trajectory under another name, delete the directory, or start again without resuming"
+                )
 
     @property
     def averaging(self) -> bool:
@@ -237,9 +311,10 @@ class _Sink:
         """The result of frame `k`, or of it and `more` that follow it."""
         if self.layout is None:
             self.prepare(result)
-        for one in (frame, *more):
+        for j, one in enumerate((frame, *more), k):
             self._fits(one, result)
-        self._merge_note(k, frame, result)
+            self.sequence.add(j, one)
+        self._merge_note(k, frame, result, more)
         if not self.averaging:
             self._emit({**self._masked(result.arrays, result.mask), **self._coordinates(frame, result)}, result.mask)
             return
@@ -296,7 +371,7 @@ class _Sink:
         return out
 
     # --- what goes along
-    def _merge_note(self, k, frame, result):
+    def _merge_note(self, k, frame, result, more=()):
         """Errors are the largest of the frames; the rest is counted."""
         errors = self.note.setdefault("errors", {})
         for name, measured in result.errors.items():
@@ -314,6 +389,7 @@ class _Sink:
                     f"{frame.source}: computed again more closely: {what} (further ones are noted in the output)", AtcWarning, stacklevel=2
                 )
         self.note["frames"] = self.note.get("frames", 0) + result.frames
+        self.note.setdefault("digests", []).extend(frame_digest(f) for f in (frame, *more))
         self.note["sources"] = [*self.note.get("sources", []), file_name(frame.source)][:1]
 
     def _coordinates(self, frame, result):
@@ -371,6 +447,8 @@ class _Sink:
                     at["error_relative_to"] = "sum of the sizes of the terms: the field is 0 within rounding"
                 worst = max(worst, at["measured_error"])
         out[""] = {"sources": ", ".join(dict.fromkeys(s for note in self.notes for s in note["sources"]))}
+        if self.request.agreement:
+            out[""]["agrees_with_run"] = self.request.agreement
         step, moved = self.request.input_error
         if moved:
             for name, error in moved.items():
@@ -402,6 +480,11 @@ class _Sink:
         return out
 
     # --- an average that was interrupted
+    def save_unfinished(self, after) -> None:
+        """Keep what a window has of its frames, when the run is stopped between two of them."""
+        if self.store is not None and self.averages and self.request.window > 1:
+            self._save(after)
+
     def _save(self, after):
         import json
 

@@ -141,6 +141,8 @@ class Scene(Document):
             )
         if len(given) == 2:
             raise self._bad("potential", "input", "give lammps or input, not both")
+        if "run" in self.data["potential"] and given != ["input"]:
+            raise self._bad("potential", "run", "goes with input, the script whose run it is")
 
     def _check_grid(self):
         if "grid" not in self.data:
@@ -215,10 +217,16 @@ class Scene(Document):
         return part
 
     def _whole(self):
+        from .readers.memory import completed
+
+        return completed(self._read(self._files(), "file"), self._script())
+
+    def _files(self):
+        """The path of the trajectory, or the paths of its files."""
         given = self.get("trajectory", "file")
         if isinstance(given, str):
-            return self._read(self.path("trajectory", "file"), "file")
-        return self._read([self.folder / Path(name).expanduser() for name in given], "file")
+            return self.path("trajectory", "file")
+        return [self.folder / Path(name).expanduser() for name in given or []]
 
     def _read(self, path, key):
         from . import read
@@ -234,12 +242,34 @@ class Scene(Document):
         if topology is not None and not topology.exists():
             raise self._bad("trajectory", "topology", f"there is no file {topology}")
         try:
-            return read(path, topology=topology, units=self.get("trajectory", "units"), masses=self.get("trajectory", "masses"))
+            return self._open(read, path, topology)
         except AtcError as e:
             named = any(str(one) in str(e) for one in (path if isinstance(path, list) else [path]))
             if topology is not None and str(topology) in str(e):
                 key = "topology"
             raise AtcError(str(e) if named else f"{self.where('trajectory', key)}: {e}") from None
+
+    def _open(self, read, path, topology):
+        """The trajectory; where neither it nor the scene says its units, those of the script that made it."""
+        units, masses = self.get("trajectory", "units"), self.get("trajectory", "masses")
+        dimension = self.get("trajectory", "dimension")
+        try:
+            traj = read(path, topology=topology, units=units, masses=masses, dimension=dimension)
+        except AtcError:
+            pot = self._script() if units is None else None
+            if pot is None:
+                raise
+            try:
+                traj = read(path, topology=topology, units=pot.units.name, masses=masses, dimension=dimension)
+            except AtcError:
+                traj = None
+            if traj is None:
+                raise
+        return traj
+
+    def _script(self):
+        """The potential of the scene's LAMMPS script, None if it has none."""
+        return self.potential() if self.get("potential", "input") is not None else None
 
     def reference(self):
         """The reference frame, or None: the index counts from the trajectory's first frame, whatever `frames` selects; of a file, its first frame."""
@@ -253,6 +283,17 @@ class Scene(Document):
             raise self._bad("trajectory", "reference", f"there is no frame {value}: {whole.source} has {len(whole)}, numbered from 0")
         return whole[value]
 
+    def log(self):
+        """The log files of the run, as a list of paths; None if the scene names none."""
+        value = self.get("trajectory", "log")
+        if value is None:
+            return None
+        paths = [self.folder / Path(name).expanduser() for name in ([value] if isinstance(value, str) else value)]
+        for path in paths:
+            if not path.is_file():
+                raise self._bad("trajectory", "log", f"there is no file {path}")
+        return paths
+
     def kernel(self):
         """The localisation function, in the user's unit of length; None if the scene has none."""
         if "kernel" not in self.data:
@@ -263,6 +304,8 @@ class Scene(Document):
         name = table.pop("name")
         if isinstance(table.get("table"), str):
             table["table"] = self._columns("kernel", "table", 2)
+        if isinstance(table.get("size"), list) and len(table["size"]) == 2:
+            table["dimension"] = 2
         try:
             return kernel(name, table.pop("radius", None), **table)
         except AtcError as e:
@@ -279,7 +322,7 @@ class Scene(Document):
         if path is not None:
             if not path.is_file():
                 raise self._bad("potential", "input", f"there is no file {path}")
-            return self._shared(potential(path, units=units), partition)
+            return self._shared(self._of_script(path, units), partition)
         text = self.data["potential"]["lammps"]
         if units is None and "trajectory" in self.data and not re.search(r"^\s*units\s", text, re.MULTILINE):
             units = self.get("trajectory", "units") or self._whole().units.name
@@ -291,6 +334,17 @@ class Scene(Document):
             line -= bool(line) and opening not in ('"""', "'''")
         name = self._flags.get(("potential", "lammps"), self.name)
         return self._shared(potential("\n" * line + text + "\n", units=units, folder=self.folder, name=name), partition)
+
+    def _of_script(self, path, units):
+        """The potential of a script: read once, for the trajectory needs it too."""
+        from . import potential
+
+        run, files = self.get("potential", "run"), self._files()
+        key = (path, units, run, str(files))
+        if getattr(self, "_made", (None,))[0] != key:
+            files = files if isinstance(files, list) else [files]
+            self._made = (key, potential(path, units=units, run=run, trajectory=files))
+        return self._made[1]
 
     def _shared(self, pot, partition):
         if partition is None:
@@ -310,7 +364,7 @@ class Scene(Document):
         kind = table.pop("kind")
         if kind == "points":
             xyz = table["points"]
-            table = {"xyz": self._columns("grid", "points", 3) if isinstance(xyz, str) else xyz}
+            table = {"xyz": self._columns("grid", "points", 3, 2) if isinstance(xyz, str) else xyz}
         try:
             return getattr(Grid, kind)(**table)
         except AtcError as e:
@@ -359,10 +413,22 @@ class Scene(Document):
             for k in ("quantities", "tolerance", "average", "horizon", "tiles")
             if self.get("fields", k) is not None
         }
+        pot, kern, grid = self.potential(), self.kernel(), self.grid()
+        self._require_dimension(2 if traj.units.dimension == 2 or (pot is not None and pot.dimension == 2) else 3, kern, grid)
         return {
-            "traj": traj, "pot": self.potential(), "kern": self.kernel(), "grid": self.grid(), "reference": self.reference(), "method": method,
-            "threads": 1 if parallel else jobs, "workers": jobs if parallel else 1, **given,
+            "traj": traj, "pot": pot, "kern": kern, "grid": grid, "reference": self.reference(), "method": method,
+            "threads": 1 if parallel else jobs, "workers": jobs if parallel else 1, "forces": self.get("trajectory", "forces", "warn"), "log": self.log(),
+            **given,
         }  # fmt: skip
+
+    def _require_dimension(self, dimension, kern, grid):
+        """Raise unless kernel and grid have a meaning in so many dimensions."""
+        for section, thing, check in (("kernel", kern, "in_dimension"), ("grid", grid, "require_dimension")):
+            try:
+                if thing is not None:
+                    getattr(thing, check)(dimension)
+            except AtcError as e:
+                raise self._placed_error(section, list(self.data[section]), e) from None
 
     def plan(self, jobs: int = 1):
         """What `run` would do; nothing is computed."""
@@ -397,8 +463,8 @@ class Scene(Document):
                 shutil.rmtree(partial, ignore_errors=True)
             raise
 
-    def _columns(self, section, key, count):
-        """A text file of numbers, `count` to a line."""
+    def _columns(self, section, key, count, fewer=None):
+        """A text file of numbers, `count` to a line (or `fewer`)."""
         import numpy as np
 
         path = self.path(section, key)
@@ -408,7 +474,7 @@ class Scene(Document):
             raise self._bad(section, key, f"{path} cannot be read: {e.strerror or e}") from None
         except ValueError as e:
             raise self._bad(section, key, f"{path}: expected {count} numbers a line: {' '.join(str(e).split())}") from None
-        if values.shape[1] != count or not len(values):
+        if values.shape[1] not in (count, fewer) or not len(values):
             raise self._bad(section, key, f"{path}: expected {count} numbers a line, found {values.shape[1] if len(values) else 'none'}")
         return values
 

@@ -95,6 +95,12 @@ def _choice(choices: Callable[[], list[str]] | list[str]):
     return checked
 
 
+def _dimension(v):
+    if isinstance(v, bool) or v not in (2, 3) or not isinstance(v, int):
+        raise ValueError
+    return v
+
+
 def _axis(v):
     if isinstance(v, str) and v.lower() in ("x", "y", "z", "a", "b", "c"):
         return v.lower()
@@ -168,6 +174,12 @@ def _unit_names():
     return list(_SYSTEMS)
 
 
+def _force_modes():
+    from .agreement import MODES
+
+    return list(MODES)
+
+
 def _structure_names():
     from .upscaling.crystal import STRUCTURES
 
@@ -191,8 +203,8 @@ class Key:
     path: bool = False  # a file name (when it is a string), relative to the scene
 
 
-_LENGTH3 = _either(_positive, _list_of(_positive, 3))
-_VECTOR = _list_of(_number, 3)
+_LENGTH3 = _either(_positive, _list_of(_positive, 3), _list_of(_positive, 2))
+_VECTOR = _either(_list_of(_number, 3), _list_of(_number, 2))  # two numbers in two dimensions
 
 SCHEMA: dict[str, dict[str, Key]] = {
     "trajectory": {
@@ -204,15 +216,21 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "topology": Key(_string, 'the name of a LAMMPS data file, e.g. "run.data"', path=True),
         "units": Key(_choice(_unit_names), 'a unit style, e.g. "metal"'),
         "masses": Key(_masses, "a mass for each type, e.g. { 1 = 28.0855 } or [28.0855]"),
+        "dimension": Key(_dimension, "2 (a run in the plane, LAMMPS's dimension 2) or 3"),
         "frames": Key(_frames, 'frames counted from 0, e.g. "100:500:5", { begin = 100, end = 500, step = 5 } or -1'),
         "reference": Key(
             _either(_integer, _string), 'the index of the reference frame, or the file that holds it, e.g. 0 or "start.data"', path=True
         ),
+        "forces": Key(
+            _choice(_force_modes), 'what to do where the run\'s forces are not the potential\'s: "warn", "must agree" or "ignore"'
+        ),
+        "log": Key(_either(_string, _list_of(_string)), 'the LAMMPS log file of the run, or a list of them, e.g. "log.lammps"', path=True),
     },
     "potential": {
         "lammps": Key(_string, "LAMMPS lines, e.g. '''pair_style sw\\npair_coeff * * Si.sw Si'''"),
         "input": Key(_string, 'the name of a LAMMPS input script, e.g. "in.run"', path=True),
         "units": Key(_choice(_unit_names), 'a unit style, e.g. "metal"'),
+        "run": Key(_count, "the number of the script's run that the frames belong to, counted from 1, e.g. 2"),
         "partition": Key(
             _partition, 'how energy is shared among atoms: "equal", "center", or by kind of term, e.g. { "angle" = "center" }'
         ),
@@ -221,7 +239,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "name": Key(_string, 'the name of a kernel, e.g. "quartic"'),
         "radius": Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 8.0"),
         "width": Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 3.0"),
-        "size": Key(_LENGTH3, "one or three lengths greater than 0, e.g. [5.0, 5.0, 5.0]"),
+        "size": Key(_LENGTH3, "one or three lengths greater than 0 (one or two in two dimensions), e.g. [5.0, 5.0, 5.0]"),
         "table": Key(
             _either(_string, _list_of(_list_of(_number))), "a file of r and phi(r) in two columns, or the pairs [[r, phi], ...]", path=True
         ),
@@ -241,14 +259,18 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "end": Key(_VECTOR, "a point, e.g. [0.0, 0.0, 50.0]"),
         "n": Key(_count, "a number of points, e.g. 100"),
         "bins": Key(_count, "a number of bins, e.g. 100"),
-        "points": Key(_either(_string, _list_of(_VECTOR)), "points [[x, y, z], ...], or a file of three columns", path=True),
+        "points": Key(
+            _either(_string, _list_of(_VECTOR)),
+            "points [[x, y, z], ...] ([x, y] in two dimensions), or a file of three (two) columns",
+            path=True,
+        ),
     },
     "fields": {
         "quantities": Key(_either(_list_of(_string), lambda v: [_string(v)]), 'a list of quantities, e.g. ["stress", "density"]'),
         "tolerance": Key(_tolerance, "the error allowed relative to the field's maximum, e.g. 1e-5"),
         "method": Key(_string, 'how to sum, e.g. "auto"'),
         "horizon": Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 6.0: how far weighted virials see"),
-        "tiles": Key(_list_of(_count, 3), "numbers of tiles along the cell's edges, e.g. [2, 2, 1]"),
+        "tiles": Key(_either(_list_of(_count, 3), _list_of(_count, 2)), "numbers of tiles along the cell's edges, e.g. [2, 2, 1]"),
         "average": Key(
             _either(_boolean, _count), "true (one time average with standard error), false, or the number of frames in a window"
         ),

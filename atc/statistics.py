@@ -11,7 +11,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
+
+from .compiled import njit
 
 # A block length counts as evidence only if at least this many blocks of it were seen: the standard error from n blocks is itself
 # uncertain by 1/√(2(n−1)), 41 % at 4.

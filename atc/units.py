@@ -10,7 +10,7 @@ The numbers are those of ``Update::set_units`` in LAMMPS and are checked against
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import sqrt
 
 from .errors import AtcError
@@ -30,7 +30,10 @@ _KJ_MOL = 1000.0 / (_AVOGADRO * _E_CHARGE)  # eV
 @dataclass(frozen=True)
 class Units:
     """One unit system. ``length``, ``energy``, ``mass``, ``charge`` and ``velocity`` are the sizes of its units in
-    internal units; the constants ``boltzmann`` and ``coulomb`` are in internal units (energy/temperature, and energy·length/charge²)."""
+    internal units; the constants ``boltzmann`` and ``coulomb`` are in internal units (energy/temperature, and energy·length/charge²).
+
+    ``dimension`` is 3, or 2 for runs in a plane (`planar`): what is per volume is per area then. ``pressure`` and ``density`` are LAMMPS's for it:
+    pressure times length and density times length, since LAMMPS puts the area where the volume stands otherwise."""
 
     name: str
     length: float
@@ -43,6 +46,7 @@ class Units:
     pressure: float
     density: float
     labels: dict = field(default_factory=dict, repr=False, compare=False)
+    dimension: int = 3
 
     @property
     def time(self) -> float:
@@ -71,13 +75,53 @@ class Units:
         """What to print as the unit of `dimension`, e.g. ``"bar"``."""
         return self.labels[dimension]
 
+    @property
+    def planar(self) -> Units:
+        """The same units for a run in two dimensions: fields per area, pressure a force per length."""
+        if self.dimension == 2:
+            return self
+        labels = self.labels
+        length, energy, time, velocity = (labels[k] for k in ("length", "energy", "time", "velocity"))
+        pressure, density = _PER_AREA.get(self.name) or (f"{labels['pressure']}*{length}", f"{labels['density']}*{length}")
+        mass_flow = f"{labels['mass']}*{velocity}" if "/" not in velocity else f"{labels['mass']}*({velocity})"
+        area = f"{length}^2"
+        flat = {
+            "volume": area,
+            "number_density": f"1/{area}",
+            "pressure": pressure,
+            # bar*angstrom times angstrom^2
+            "pressure_volume": labels["pressure_volume"] if self.name not in _PER_AREA else f"{pressure}*{area}",
+            "density": density,
+            "momentum": f"{mass_flow}/{area}",
+            "energy_density": f"{energy}/{area}",
+            "energy_flux": f"{energy}/({length}*{time})",
+            "power_density": f"{energy}/({area}*{time})",
+            "conductivity": f"kB/{time}" if self.reduced else f"{energy}/({time}*K)",
+            "force_density": f"{energy}/{length}^3" if labels["force"] == f"{energy}/{length}" else f"{labels['force']}/{area}",
+        }
+        return replace(
+            self, dimension=2, pressure=self.pressure * self.length, density=self.density * self.length, labels={**labels, **flat}
+        )  # fmt: skip
+
+
+# Units of pressure and density per area, of the styles in which these have no name of their own (bar, g/cm^3).
+_PER_AREA = {
+    "lj": ("epsilon/sigma^2", "m/sigma^2"),
+    "si": ("Pa*m", "kg/m^2"),
+    "cgs": ("dyne/cm", "g/cm^2"),
+    "micro": ("pg/us^2", "pg/um^2"),
+    "nano": ("ag/ns^2", "ag/nm^2"),
+    "electron": ("Pa*bohr", "amu/bohr^2"),
+    "ase": ("eV/angstrom^2", "amu/angstrom^2"),
+    "mdanalysis": ("kJ/(mol*angstrom^2)", "amu/angstrom^2"),
+}
 
 _DIMENSIONS = {
     "dimensionless": lambda u: 1.0,
     "temperature": lambda u: 1.0,
     "length": lambda u: u.length,
-    "volume": lambda u: u.length**3,
-    "number_density": lambda u: u.length**-3,
+    "volume": lambda u: u.length**u.dimension,
+    "number_density": lambda u: u.length**-u.dimension,
     "energy": lambda u: u.energy,
     "mass": lambda u: u.mass,
     "charge": lambda u: u.charge,
@@ -86,15 +130,15 @@ _DIMENSIONS = {
     "rate": lambda u: 1.0 / u.time,
     "force": lambda u: u.energy / u.length,
     "pressure": lambda u: u.pressure,
-    "pressure_volume": lambda u: u.pressure * u.length**3,
+    "pressure_volume": lambda u: u.pressure * u.length**u.dimension,
     "density": lambda u: u.density,
-    "momentum": lambda u: u.mass * u.velocity / u.length**3,
-    "energy_density": lambda u: u.energy / u.length**3,
-    "energy_flux": lambda u: u.energy / (u.length**2 * u.time),
+    "momentum": lambda u: u.mass * u.velocity / u.length**u.dimension,
+    "energy_density": lambda u: u.energy / u.length**u.dimension,
+    "energy_flux": lambda u: u.energy / (u.length ** (u.dimension - 1) * u.time),
     "energy_current": lambda u: u.energy * u.velocity,
-    "power_density": lambda u: u.energy / (u.length**3 * u.time),
-    "conductivity": lambda u: u.energy / (u.time * u.length),
-    "force_density": lambda u: u.energy / u.length**4,
+    "power_density": lambda u: u.energy / (u.length**u.dimension * u.time),
+    "conductivity": lambda u: u.energy / (u.time * u.length ** (u.dimension - 2)),
+    "force_density": lambda u: u.energy / u.length ** (u.dimension + 1),
 }
 
 

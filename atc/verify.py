@@ -16,6 +16,7 @@ class FrameComparison:
 
     energy, energy_other : potential energies. force_max : largest |F| of the other side; force_error, force_rms : largest difference of a
     force, and its root mean square. stress_error : largest difference of a component of the virial stress (potential part); stress_max : its largest component.
+    agrees : whether the digits of the trajectory explain the differences of its own forces (None for a calculator); looks : what they look like where not.
     """
 
     frame: int
@@ -27,6 +28,8 @@ class FrameComparison:
     worst_atom: int | None
     stress_max: float | None = None
     stress_error: float | None = None
+    agrees: bool | None = None
+    looks: str = ""
 
 
 @dataclass
@@ -68,6 +71,12 @@ class Verification:
                 line += f"; forces differ by up to {c.force_error:.3g} of {c.force_max:.3g} {f} ({_ratio(c.force_error, c.force_max):.1e}, atom {c.worst_atom})"
             if c.stress_error is not None:
                 line += f"; virial stress by {c.stress_error:.3g} of {c.stress_max:.3g} {p}"
+            if c.agrees is not None:
+                line += (
+                    ", explained by the file's digits"
+                    if c.agrees
+                    else ", more than the file's digits explain" + (f": it looks like {c.looks}" if c.looks else "")
+                )
             lines.append(line)
         return "\n".join(lines)
 
@@ -132,39 +141,48 @@ def verify(traj, pot, calculator=None, *, symbols=None, threads: int = 1) -> Ver
         without calculator, where the trajectory has no forces; where the calculator fails.
     """
     from .plan import as_frames
+    from .planar import matched
 
     if not hasattr(pot, "stream"):
         raise AtcError(f"pot is a {type(pot).__name__}: expected what atc.potential('pair_style ...') gives")
-    frames = as_frames(traj)
+    frames, pot = matched(as_frames(traj, pot), pot)
     if not len(frames):
         raise AtcError("the trajectory has no frames: nothing to verify")
     u = frames[0].units
     against = "the trajectory's own forces" if calculator is None else f"the ASE calculator {type(calculator).__name__}"
     out = Verification(against, {"energy": u.label("energy"), "force": u.label("force"), "stress": u.label("pressure")})
     for k, frame in enumerate(frames):
-        mine = pot.stream(frame, None, threads=threads, forces=True)
-        energy = stress = None
         if calculator is None:
-            frame.require("forces", why="a comparison without calculator")
-            forces = frame.forces
-        else:
-            energy, forces, stress = _of_calculator(calculator, frame, symbols)
+            out.frames.append(_of_trajectory(frame, pot, k, frames, u, threads))
+            continue
+        mine = pot.stream(frame, None, threads=threads, forces=True)
+        energy, forces, stress = _of_calculator(calculator, frame, symbols)
         difference = np.linalg.norm(mine.forces_nc - forces, axis=1)
         worst = int(difference.argmax()) if len(frame) else None
         c = FrameComparison(
             k,
             u.to_user("energy", mine.energy),
-            None if energy is None else u.to_user("energy", energy),
+            u.to_user("energy", energy),
             u.to_user("force", float(np.linalg.norm(forces, axis=1).max(initial=0.0))),
             u.to_user("force", float(difference.max(initial=0.0))),
             u.to_user("force", float(np.sqrt((difference**2).mean()))) if len(frame) else 0.0,
             None if worst is None else int(frame.ids[worst]),
         )
-        if stress is not None and frame.cell.periodic.all():
+        if stress is not None and frame.cell.periodic[: frame.dimension].all():
             c.stress_max = u.to_user("pressure", float(np.abs(stress).max()))
             c.stress_error = u.to_user("pressure", float(np.abs(mine.virial_cc / frame.cell.volume - stress).max()))
         out.frames.append(c)
     return out
+
+
+def _of_trajectory(frame, pot, k, frames, u, threads) -> FrameComparison:
+    from .agreement import compare_forces
+    from .readers.trajectory import resolution_of
+
+    frame.require("forces", why="a comparison without calculator")
+    c = compare_forces(frame, pot, k, resolution=resolution_of(frames, frame), threads=threads)
+    force = (u.to_user("force", f) for f in (c.largest_force, c.largest, c.rms_difference))
+    return FrameComparison(k, u.to_user("energy", c.energy), None, *force, c.worst[0] if c.worst else None, agrees=c.agrees, looks=c.looks)
 
 
 def _of_calculator(calculator, frame, symbols):

@@ -12,8 +12,8 @@ from contextvars import ContextVar
 from threading import Lock
 
 import numpy as np
-from numba import njit
 
+from .compiled import njit
 from .errors import AtcError
 from .neighbors import CellList, Workspace
 

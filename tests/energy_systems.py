@@ -156,6 +156,15 @@ LINES = {
     "improper harmonic": "improper_style harmonic\nimproper_coeff * 0.5 35.0",
     "eam": "pair_style eam/alloy\npair_coeff * * {}/AlCu.eam.alloy Al Cu",
     "tersoff": "pair_style tersoff\npair_coeff * * {}/SiC.tersoff Si C",
+    "tersoff/mod": "pair_style tersoff/mod\npair_coeff * * {}/Si.tersoff.mod Si Si",
+    "tersoff/zbl": "pair_style tersoff/zbl\npair_coeff * * {}/SiC.tersoff.zbl Si C",
+    "vashishta": "pair_style vashishta\npair_coeff * * {}/SiO.1997.vashishta Si O",
+    "edip": "pair_style edip/multi\npair_coeff * * {}/SiC.edip Si C",
+    "adp": "pair_style adp\npair_coeff * * {}/AlCu.adp Al Cu",
+    "meam": "pair_style meam\npair_coeff * * {0}/library.meam Si C {0}/SiC.meam Si C",
+    "meam/spline": "pair_style meam/spline\npair_coeff * * {}/TiO.meam.spline Ti O",
+    "eam/cd": "pair_style eam/cd\npair_coeff * * {}/FeCr.cdeam Fe Cr",
+    "eim": "pair_style eim\npair_coeff * * Na Cl {}/ffield.eim Na Cl",
     "atm": "pair_style atm 30 30\npair_coeff * * * 300.0",
 }
 FRAMES = {
@@ -165,11 +174,33 @@ FRAMES = {
     "sw": lambda s: diamond(seed=s), "sw two elements": lambda s: diamond(seed=s), "sw primitive": primitive,
     "eam": lambda s: diamond(5.0, s),
     "tersoff": lambda s: diamond(4.6, s),
+    "tersoff/mod": lambda s: diamond(5.43, s), "tersoff/zbl": lambda s: diamond(4.4, s),
+    "vashishta": lambda s: diamond(4.8, s, shake=0.5), "edip": lambda s: diamond(4.9, s), "adp": lambda s: diamond(5.0, s), "meam": lambda s: diamond(4.8, s),
+    "meam/spline": lambda s: diamond(5.2, s), "eim": lambda s: diamond(5.8, s), "eam/cd": lambda s: diamond(4.6, s),
 }  # fmt: skip
 NAMES = [*LINES, "3-body", "4-body", "5-body"]
 #: C² or better everywhere on the way of the tests; the others have jumps of the second derivative (cutoffs, splines)
-SMOOTH = [n for n in NAMES if n not in ("lj", "smooth lj", "eam", "tersoff")]
-PARTITIONED = [n for n in NAMES if n.split()[0] in ("sw", "angle", "hybrid", "dihedral", "tersoff", "3-body", "4-body", "5-body")]
+ROUGH = (
+    "lj",
+    "smooth lj",
+    "eam",
+    "tersoff",
+    "tersoff/mod",
+    "tersoff/zbl",
+    "vashishta",
+    "edip",
+    "adp",
+    "meam",
+    "meam/spline",
+    "eim",
+    "eam/cd",
+)
+SMOOTH = [n for n in NAMES if n not in ROUGH]
+PARTITIONED = [
+    n
+    for n in NAMES
+    if n.split()[0] in ("sw", "angle", "hybrid", "dihedral", "tersoff", "tersoff/mod", "vashishta", "edip", "3-body", "4-body", "5-body")
+]
 TUPLES = [(0, 1, 2, 3, 4), (5, 2, 6, 0, 1), (3, 4, 1, 6, 2)]
 
 
@@ -179,7 +210,7 @@ def potential(name, partition=None):
         return atc.potential(RandomTerm(int(name[0]), TUPLES), "metal", partition=partition)
     folder = _sw_files() if name.startswith("sw") else None
     lines = LINES[name]
-    if "{}" in lines:
+    if "{" in lines:
         lines = lines.format(lammps_potentials())
     # One term of a topology at a time: the others are declined, or `atc.fields` would ask for them. A style in `lines` comes later and holds.
     declined = "".join(f"{kind}_style none\n" for kind in ("bond", "angle", "dihedral", "improper"))

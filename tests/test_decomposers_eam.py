@@ -45,6 +45,11 @@ FILES = {
     "funcfl": ("eam", "* * {}/Cu_u3.eam", 2),
     "Finnis-Sinclair": ("eam/fs", "* * {}/AlFe_mm.eam.fs Fe Al", 2),
     "three elements": ("eam/fs", "* * {}/NiAlH_jea.eam.fs H Ni Al", 3),
+    "helium": ("eam/he", "* * {}/PdHHe.eam.he He Pd H", 3),
+    "concentration": ("eam/cd", "* * {}/FeCr.cdeam Cr Fe", 2),
+    "concentration, two sites": ("eam/cd/old", "* * {}/FeCr.cdeam Fe Cr", 2),
+    "adp": ("adp", "* * {}/Ni.adp Ni", 1),
+    "adp of an alloy": ("adp", "* * {}/AlCu.adp Cu Al", 2),
 }
 
 
@@ -95,7 +100,7 @@ def test_hybrid_overlay_leaves_types_out():
     agrees_with_lammps(potential("\n".join(lines), config), lines, config)
 
 
-@pytest.mark.parametrize("style,coeff,kinds", [FILES[k] for k in ("alloy", "Finnis-Sinclair", "funcfl")])
+@pytest.mark.parametrize("style,coeff,kinds", [FILES[k] for k in ("alloy", "Finnis-Sinclair", "funcfl", "helium")])
 def test_sources_are_the_derivatives_of_the_shares(style, coeff, kinds):
     config = metal(counts=(2, 2, 3), kinds=kinds, scale=0.7)
     pot = potential(f"pair_style {style}\npair_coeff {coeff.format(POTENTIALS)}", config)
@@ -106,6 +111,57 @@ def test_sources_are_the_derivatives_of_the_shares(style, coeff, kinds):
     assert d.n_bonds == len(
         {(min(i, j), max(i, j), *np.round(abs(r), 9)) for i, j, r in zip(d.bonds.i, d.bonds.j, d.bonds.r_bc, strict=True)}
     )
+
+
+@pytest.mark.parametrize("style", ["eam/cd", "eam/cd/old"])
+def test_concentration_sources_and_damaged_files(tmp_path, style):
+    """x of a neighbour depends on its own neighbours: sources beyond the cutoff; the polynomial at the end of the file."""
+    lines = f"pair_style {style}\npair_coeff * * {POTENTIALS}/FeCr.cdeam Fe Cr"
+    config = metal(counts=(2, 2, 3), kinds=2, scale=0.7)
+    d = sources_are_derivatives(potential(lines, config), config.frame(), atoms=range(0, 12, 3), tolerance=2e-6)
+    assert np.linalg.norm(d.bonds.r_bc, axis=1).max() > 5.6
+    path, text = tmp_path / "FeCr.cdeam", (POTENTIALS / "FeCr.cdeam").read_text().rstrip("\n").splitlines()
+    for last, message in (
+        (["# none"], "degree and the coefficients"), (["# h", "4 1.0 2.0"], "degree and the coefficients"), (["h", "1 x 2.0"], "degree and the coefficients"),
+        (["a", "b", "1 1.0 2.0"], "degree and the coefficients|more lines"),
+    ):  # fmt: skip
+        path.write_text("\n".join(text[:-2] + last) + "\n")
+        with pytest.raises(atc.AtcError, match=message) as e:
+            atc.potential(f"pair_style {style}\npair_coeff * * {path} Fe Cr", units="metal")
+        assert str(path) in str(e.value)
+    path.write_text("\n".join([*text[:-2], "any comment", "1 0.9 0.2"]) + "\n")
+    lines = f"pair_style {style}\npair_coeff * * {path} Fe Cr"
+    agrees_with_lammps(potential(lines, config), lines, config)
+
+
+def test_adp_sources_and_units(tmp_path):
+    lines = f"pair_style adp\npair_coeff * * {POTENTIALS}/AlCu.adp Cu Al"
+    config = metal(counts=(2, 2, 3), kinds=2, scale=0.7)
+    pot = potential(lines, config)
+    assert "dipole and quadrupole energy to their own atom" in pot.describe()
+    sources_are_derivatives(pot, config.frame(), atoms=range(0, 12, 3), tolerance=2e-6)
+    with pytest.raises(atc.AtcError, match="every atom type is NULL"):
+        atc.potential(lines.replace("Cu Al", "NULL NULL"), units="metal")
+    path = tmp_path / "Ni.adp"
+    path.write_text((POTENTIALS / "Ni.adp").read_text().replace("DATE: ", "UNITS: metal DATE: ", 1))
+    with pytest.raises(atc.AtcError, match="LAMMPS does not convert adp files"):
+        atc.potential(f"pair_style adp\npair_coeff * * {path} Ni", units="real")
+    path.write_text((POTENTIALS / "Cu_mishin1.eam.alloy").read_text())
+    with pytest.raises(atc.AtcError, match="dipole function of Cu and Cu"):
+        atc.potential(f"pair_style adp\npair_coeff * * {path} Cu", units="metal")
+
+
+@pytest.mark.parametrize("last", [300.0, 277.0947])
+def test_helium_below_the_first_density(tmp_path, last):
+    """Densities below the first point of F: LAMMPS goes on with the line of the second row. 277.0947 puts the dimer's density between the first two points."""
+    path = tmp_path / "PdHHe.eam.he"
+    path.write_text((POTENTIALS / "PdHHe.eam.he").read_text().replace("1.378101e+02", repr(last), 1))
+    lines = f"pair_style eam/he\npair_coeff * * {path} Pd He"
+    for config in (metal(kinds=2), Config(np.diag([30.0, 20, 20]), np.array([[5.0, 5, 5], [7.2, 5, 5]]), types=[1, 1], ntypes=2)):
+        agrees_with_lammps(potential(lines, config), lines, config)
+    path.write_text(path.read_text().replace(repr(last), "x", 1))
+    with pytest.raises(atc.AtcError, match="largest density rhomax"):
+        atc.potential(lines, units="metal")
 
 
 def tables(tmp_path, nrho=400, nr=600, cut=5.0, kind="alloy", factor=1.0, header="analytic tables"):

@@ -5,8 +5,8 @@ import pytest
 from lammps_oracle import Config, lammps_session, run_lammps, thermal_lattice
 
 import atc
-from atc.decomposers.lammps_script import split_words
-from atc.decomposers.lammps_variables import Unknown, Variables
+from atc.decomposers.lammps.script import split_words
+from atc.decomposers.lammps.variables import Unknown, Variables
 from atc.errors import AtcError, AtcWarning
 
 FORMULAS = [
@@ -215,6 +215,17 @@ def test_reversed_types_and_same_line_twice():
     assert atc.potential(lines, units="metal").decompose(c.frame()).energy == pytest.approx(r.energy, rel=1e-12)
 
 
+def test_pair_modify_holds_for_the_same_style_said_again():
+    c = Config([9.0] * 3, *thermal_lattice(np.diag([9.0] * 3), (3, 3, 3), kinds=2))
+    for lines in (
+        "pair_style lj/cut 3.0\npair_modify shift yes\npair_style lj/cut 4.0\npair_coeff * * 0.02 2.9",
+        "pair_style lj/cut 3.0\npair_modify shift yes\npair_style morse 4.0\npair_coeff * * 0.02 1.0 2.9",
+        "pair_style lj/cut 3.0\npair_modify shift yes\npair_style morse 4.0\npair_style lj/cut 4.0\npair_coeff * * 0.02 2.9",
+    ):
+        r = run_lammps(lines, c)
+        assert atc.potential(lines, units="metal").decompose(c.frame()).energy == pytest.approx(r.energy, rel=1e-12), lines
+
+
 def test_scripts_that_ship(tmp_path):
     from pathlib import Path
 
@@ -235,7 +246,10 @@ def test_data_file_that_is_missing_matters_only_if_needed(tmp_path):
 
 LJ = "pair_style lj/cut 5\npair_coeff 1 1 1 1\n"
 BAD = {
-    "unsupported style": ("units metal\npair_style reaxff NULL\npair_coeff * * ffield C", "line 2.*reaxff is not supported.*lj/cut"),
+    "unsupported style": (
+        "units metal\npair_style reaxff NULL\npair_coeff * * ffield C",
+        "line 2.*reaxff is not supported: it finds its charges",
+    ),
     "long range": (f"units metal\n{LJ}kspace_style pppm 1e-4", "line 4.*kspace_style pppm"),
     "long-range pair style": ("units real\npair_style lj/cut/coul/long 9\npair_coeff * * 1 1", "lj/cut/coul/long is not supported"),
     "units missing": (LJ, "add a 'units' line"),
@@ -266,19 +280,48 @@ BAD = {
         "units lj\nvariable rc equal temp\npair_style lj/cut ${rc}\npair_coeff 1 1 1 1",
         "line 3.*'temp' is only known",
     ),
-    "loop variable": ("units lj\nvariable i loop 3\npair_style lj/cut $i\npair_coeff 1 1 1 1", "variable i is of style loop"),
-    "stepped variable": ("units lj\nvariable i index 3 4\nnext i\npair_style lj/cut $i\npair_coeff 1 1 1 1", "stepped by 'next'"),
-    "loop over the model": ("units lj\nlabel a\npair_style lj/cut 2\npair_coeff 1 1 1 1\njump SELF a", "line 5.*repeats the model line"),
-    "skipped model": ("units lj\njump SELF a\npair_style lj/cut 2\nlabel a\npair_coeff 1 1 1 1", "line 2.*skips"),
-    "condition": ('units lj\npair_style lj/cut 2\nif "1 > 2" then "pair_coeff 1 1 1 1"', "line 3.*depends on a condition"),
+    "world variable": ("units lj\nvariable i world 3 4\npair_style lj/cut $i\npair_coeff 1 1 1 1", "line 3.*variable i is of style world"),
+    "environment": ("units lj\nvariable i getenv RC\npair_style lj/cut $i\npair_coeff 1 1 1 1", "line 3.*environment of the run"),
+    "stepped too far": ("units lj\nvariable i index 3\nnext i\npair_style lj/cut $i\npair_coeff 1 1 1 1", "line 4.*i is not defined"),
+    "loop over the model": ("units lj\nlabel a\npair_style lj/cut 2\npair_coeff 1 1 1 1\njump SELF a", "loop without end"),
+    "skipped model": ("units lj\njump SELF a\npair_style lj/cut 2\nlabel a\npair_coeff 1 1 1 1", "line 5.*before any pair_style"),
+    "unknown condition": (
+        'units lj\npair_style lj/cut 2\nvariable t equal temp\nif "${t} > 2" then "pair_coeff 1 1 1 1"',
+        "line 4.*pair_coeff.*condition.*'temp'",
+    ),
+    "unknown jump": (
+        'units lj\nvariable t equal temp\nif "${t} > 2" then "jump SELF a"\npair_style lj/cut 2\npair_coeff 1 1 1 1\nlabel a',
+        "line 3.*skips 'pair_style' .*line 4",
+    ),
+    "no label": (f"units lj\n{LJ}jump SELF a", "line 4.*label a"),
     "jump elsewhere": (f"units lj\n{LJ}jump other.in", "line 4.*another file"),
+    "shake": (f"units lj\n{LJ}fix 1 all shake 1e-4 20 0 b 1", "line 4: fix shake holds bonds and angles rigid.*part of the stress"),
+    "rigid": (f"units lj\n{LJ}fix 1 all rigid/nvt/omp molecule temp 1 1 1", "line 4: fix rigid/nvt moves atoms as rigid bodies"),
+    "unknown fix": (f"units lj\n{LJ}fix 1 all magic 3", "line 4: fix magic is no fix of LAMMPS"),
+    "restrain": (f"units lj\n{LJ}fix 1 all restrain bond 1 2 3 4 5", "line 4: fix restrain adds forces between atoms"),
+    "spring": (f"units lj\n{LJ}fix 1 all spring couple b 100 0 0 0 0", "line 4: fix spring couples two groups"),
+    "restart": (
+        "units lj\npair_style lj/cut 2.5\npair_coeff 1 1 1 1\nread_restart r.1",
+        "line 4: read_restart r.1.*binary file.*pair_style",
+    ),
+    "kim": ("kim init SW metal", "line 1: kim: .*archive of KIM"),
+    "set": (f"units lj\n{LJ}set type 1 chrage 2", "line 4: set chrage"),
+    "exclude": (f"units lj\n{LJ}neigh_modify exclude types 1 1", "line 4.*expected neigh_modify exclude type, group"),
+    "include of a group": (f"units lj\n{LJ}neigh_modify include mobile", "line 4.*group only"),
+    "every": (f"units lj\n{LJ}run 100 every 10 'pair_coeff 1 1 2 1'", "line 4.*'pair_coeff' is executed while LAMMPS runs"),
+    "model of another run": (
+        f"units lj\n{LJ}run 10\npair_coeff 1 1 2 1\nrun 10",
+        "line 5: pair_coeff 1 1 2 holds in run 2 .*line 6.*run = 2",
+    ),
+    "python": (f"units lj\n{LJ}python f input 1 SELF format p file f.py", "line 4: python f gets LAMMPS itself"),
     "include missing": (f"units lj\n{LJ}include nothing.in", "line 4.*nothing.in: no such file"),
     "quote": (f"units lj\n{LJ}pair_modify 'shift yes", "line 4.*quote"),
-    "exclusions": (f"units lj\n{LJ}neigh_modify exclude type 1 1", "line 4.*exclude"),
-    "two dimensions": (f"units lj\ndimension 2\n{LJ}", "line 2.*dimension 2"),
+    "dimensions": (f"units lj\ndimension 4\n{LJ}", "line 2.*dimension 2 or 3"),
+    "boundary": (f"units lj\nboundary p q p\n{LJ}", "line 2.*p, f, s, m"),
     "dielectric": (f"units lj\n{LJ}dielectric 0", "line 4.*positive"),
     "mix rule": (f"units lj\n{LJ}pair_modify mix mean", "line 4.*geometric, arithmetic"),
     "modify": (f"units lj\n{LJ}pair_modify special lj 0 0 0", "line 4.*special"),
+    "modify what": (f"units lj\n{LJ}pair_modify sift yes", "line 4.*sift"),
     "style twice": (f"units lj\n{LJ}pair_style lj/cut 3", "line 4.*second time"),
     "hybrid without style": (
         "units lj\npair_style hybrid lj/cut 2 morse 2\npair_coeff 1 1 1 1\npair_coeff * * morse 1 1 1",
@@ -294,8 +337,8 @@ BAD = {
         "no sub-style for types 1 and 2",
     ),
     "hybrid special": (
-        "units lj\npair_style hybrid lj/cut 2\npair_coeff * * lj/cut 1 1\npair_modify pair lj/cut special lj 0 0 0",
-        "line 4.*special_bonds line",
+        "units lj\npair_style hybrid lj/cut 2\npair_coeff * * lj/cut 1 1\npair_modify pair lj/cut special lj 0.5 0 0",
+        "cannot change the weight 0 of 1-2",
     ),
     "hybrid of the unknown": ("units lj\npair_style hybrid lj/cut 2 reaxff\npair_coeff * * lj/cut 1 1", "line 2.*reaxff"),
     "born rho": ("units lj\npair_style born 2.5\npair_coeff 1 1 1 0 1 1 1", "line 3.*rho must be positive"),
@@ -320,6 +363,10 @@ def test_bad_lines_are_named(case, tmp_path):
     # The same in a file: the message starts with its name.
     path = tmp_path / "in.bad"
     path.write_text(lines)
+    if case == "units missing":  # a script without units has LAMMPS's default, and says so
+        pot = atc.potential(path)
+        assert pot.units.name == "lj" and "no units line: lj" in pot.describe()
+        return
     with pytest.raises(AtcError, match=says) as e:
         atc.potential(path)
     assert str(e.value).startswith(str(path))
@@ -389,7 +436,24 @@ def test_a_slip_in_a_command_is_no_other_model(line, meant, tmp_path):
 
 def test_every_command_of_lammps_is_known():
 
-    from atc.decomposers.lammps_commands import COMMANDS
+    from atc.decomposers.lammps.commands import COMMANDS
 
     with lammps_session() as lmp:
         assert not set(lmp.available_styles("command")) - COMMANDS
+
+
+def test_every_fix_of_lammps_has_a_class():
+    from atc.decomposers.hybrid import strip_suffix
+    from atc.decomposers.lammps.fixes import FIXES
+
+    with lammps_session() as lmp:
+        assert not {f for f in lmp.available_styles("fix") if strip_suffix(f) not in FIXES}
+
+
+def test_docs_print_the_tables():
+    from pathlib import Path
+
+    from atc.decomposers.lammps.tables import tables
+
+    text = (Path(__file__).resolve().parent.parent / "docs" / "lammps.md").read_text()
+    assert tables() in text, "docs/lammps.md: run python -m atc.decomposers.lammps.tables"

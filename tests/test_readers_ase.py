@@ -137,10 +137,11 @@ def test_damaged_xyz(tmp_path):
     with pytest.warns(AtcWarning, match=r"t.extxyz: its last frame \(number 2, from line 13\) is not complete and is left out"):
         assert len(atc.read(path)) == 2
     path.write_text(text.rstrip("\n"))
-    assert len(atc.read(path)) == 3
+    with pytest.warns(AtcWarning, match="has no line end"):
+        assert len(atc.read(path)) == 2
     lines = text.split("\n")
     path.write_text("\n".join([*lines[:8], "Cl x y z", *lines[9:]]))
-    with pytest.raises(AtcError, match=r"t.extxyz frame 1: ASE cannot read it"):
+    with pytest.raises(AtcError, match=r"t.extxyz, frame 1, line 9: column 'pos\[1\]' holds 'x', expected a number"):
         atc.read(path)[1]
     path.write_text("\n".join([*lines[:6], "many", *lines[7:]]))
     with pytest.raises(AtcError, match=r"t.extxyz, frame 1, line 7: expected the number of atoms, got 'many'"):

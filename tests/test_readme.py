@@ -28,7 +28,7 @@ def test_styles(kind):
     # Reading any LAMMPS line registers all styles.
     atc.potential("pair_style lj/cut 1.0\npair_coeff 1 1 1.0 1.0", units="lj")
 
-    known = set(STYLES[kind]) | ({"hybrid", "hybrid/overlay"} if kind == "pair" else set())
+    known = set(STYLES[kind]) | ({"hybrid", "hybrid/overlay", "hybrid/scaled"} if kind == "pair" else set())
     assert sorted(row(f"{kind} styles")) == sorted(known)
 
 

@@ -386,7 +386,7 @@ def test_what_goes_in(tmp_path):
         fields(frames, what=["piola_stress"], reference=7)
 
 
-def test_nothing_before_the_resumed_frame_is_read(tmp_path):
+def test_frames_that_are_done_are_read_to_be_compared_and_not_computed(tmp_path, monkeypatch):
     from atc.readers.trajectory import Trajectory
 
     class Lazy(Trajectory):
@@ -403,9 +403,17 @@ def test_nothing_before_the_resumed_frame_is_read(tmp_path):
 
     with pytest.raises(Stop):
         fields(Lazy(), tmp_path / "o.zarr", progress=stop_after(3))
+    from atc import parallel
+
+    computed = []
+    inner = parallel.group_fields
+    monkeypatch.setattr(
+        parallel, "group_fields", lambda frames, settings, k, **more: computed.append(k) or inner(frames, settings, k, **more)
+    )
     traj = Lazy()
     fields(traj, tmp_path / "o.zarr")
-    assert sorted(set(traj.read)) == [0, 1, 3, 4]  # the first one to know the request, the second to know whether the cell changes
+    assert sorted(set(traj.read)) == [0, 1, 2, 3, 4]
+    assert computed == [3, 4]
 
 
 def test_journal_holds_no_paths(tmp_path):

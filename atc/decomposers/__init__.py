@@ -27,6 +27,46 @@ _WHERE = {
     "CoulombDSF": "coulomb",
     "CoulombWolf": "coulomb",
     "ZBL": "zbl",
+    "Mie": "inverse_powers",
+    "NM": "inverse_powers",
+    "LennardJones96": "inverse_powers",
+    "Class2": "inverse_powers",
+    "Spica": "inverse_powers",
+    "LennardJonesMDF": "mdf",
+    "LennardMDF": "mdf",
+    "BuckinghamMDF": "mdf",
+    "LennardJonesGromacs": "gromacs",
+    "CoulombGromacs": "gromacs",
+    "LennardJonesCharmm": "charmm",
+    "LennardJonesCharmmFSW": "charmm",
+    "CoulombCharmm": "charmm",
+    "CoulombCharmmImplicit": "charmm",
+    "CoulombCharmmFSH": "charmm",
+    "LennardJonesSmooth": "lj_smooth",
+    "LennardJonesCubic": "lj_smooth",
+    "RelativeResolution": "lj_smooth",
+    "Gauss": "gauss",
+    "GaussCut": "gauss",
+    "BornGauss": "gauss",
+    "UhlenbeckFord": "gauss",
+    "Beck": "beck",
+    "Pirani": "pirani",
+    "WangFrenkel": "finite_range",
+    "CosineSquared": "finite_range",
+    "HarmonicCut": "finite_range",
+    "DPD": "finite_range",
+    "Colloid": "colloid",
+    "CoulombDebye": "screened_coulomb",
+    "CoulombSlater": "screened_coulomb",
+    "CoulombDiel": "screened_coulomb",
+    "LennardJonesSoft": "soft_core",
+    "Class2Soft": "soft_core",
+    "CoulombSoft": "soft_core",
+    "MorseSoft": "soft_core",
+    "MorseSmoothLinear": "morse",
+    "Pedone": "morse",
+    "MOMB": "morse",
+    "ListedPairs": "pair_list",
     "Generic": "generic",
     "SpecialBonds": "special_bonds",
     "StillingerWeber": "stillinger_weber",
@@ -101,6 +141,27 @@ _WHERE = {
     "EAMTables": "eam_file",
     "Tersoff": "tersoff",
     "TersoffEntry": "tersoff_file",
+    "TersoffMod": "tersoff_variants",
+    "TersoffModC": "tersoff_variants",
+    "TersoffModEntry": "tersoff_variants",
+    "TersoffZBL": "tersoff_variants",
+    "TersoffZBLEntry": "tersoff_variants",
+    "GaoWeber": "tersoff_variants",
+    "GaoWeberZBL": "tersoff_variants",
+    "StillingerWeberMod": "stillinger_weber",
+    "Vashishta": "three_body",
+    "VashishtaEntry": "three_body",
+    "HarmonicTriplets": "three_body",
+    "ScreenedTriplets": "three_body",
+    "AngularDependent": "angular_dependent",
+    "EDIP": "edip",
+    "EDIPEntry": "edip",
+    "MEAM": "meam",
+    "SplineMEAM": "spline_meam",
+    "EmbeddedIon": "embedded_ion",
+    "LocalDensity": "local_density",
+    "ConcentrationEAM": "concentration_eam",
+    "Polymorphic": "polymorphic",
     "AxilrodTeller": "axilrod_teller",
     "ManyBody": "many_body",
 }
@@ -131,6 +192,21 @@ _STYLE_MODULES = (
     "coulomb",
     "zbl",
     "zero",
+    "inverse_powers",
+    "mdf",
+    "gromacs",
+    "charmm",
+    "lj_smooth",
+    "gauss",
+    "beck",
+    "pirani",
+    "finite_range",
+    "colloid",
+    "screened_coulomb",
+    "soft_core",
+    "with_coulomb",
+    "lepton",
+    "pair_list",
     "stillinger_weber",
     "bond",
     "bond_curves",
@@ -147,18 +223,28 @@ _STYLE_MODULES = (
     "dihedral_table",
     "embedded_atom",
     "tersoff",
+    "tersoff_variants",
+    "three_body",
+    "angular_dependent",
+    "edip",
+    "meam",
+    "embedded_ion",
+    "spline_meam",
+    "local_density",
+    "concentration_eam",
+    "polymorphic",
     "axilrod_teller",
 )
 
 
-def potential(source, units=None, *, special_bonds=None, folder=None, name=None, partition=None):
+def potential(source, units=None, *, special_bonds=None, folder=None, name=None, partition=None, run=None, trajectory=()):
     """A model of the interactions, ready to decompose frames.
 
     Parameters
     ----------
     source : str, path, Term, PairStyle, list of these, or Potential
-        LAMMPS lines (a string with several lines, or one that starts with a LAMMPS command), the path of a LAMMPS input script, of which
-        only the lines that define the model are read (``variable`` and ``include`` are understood), or objects of `atc.decomposers`.
+        LAMMPS lines (a string with several lines, or one that starts with a LAMMPS command), the path of a LAMMPS input script, which is
+        executed as LAMMPS does (variables, conditions, loops, included files) up to its runs, or objects of `atc.decomposers`.
     units : str or Units
         Units of the numbers in LAMMPS lines that have no ``units`` line. For objects: the units that descriptions refer to.
     special_bonds : str, optional
@@ -172,6 +258,12 @@ def potential(source, units=None, *, special_bonds=None, folder=None, name=None,
         How the energy is shared among the atoms, which heat flux and churning depend on, and energy, forces and stress do not: ``"equal"``,
         ``"center"`` or a dict by term such as ``{"sw": "center"}``; see `Potential.partitioned`. Default: ``"equal"`` for LAMMPS lines; objects
         as they are.
+
+    run : int, optional
+        For a script with several runs: the number of the run (counted from 1, ``minimize`` and the like included) that the frames belong to. Needed where
+        the model changes from run to run.
+    trajectory : paths, optional
+        For a script: the files with the frames, which its ``dump`` lines may name, so that `run` need not be given.
 
     Returns
     -------
@@ -188,7 +280,9 @@ def potential(source, units=None, *, special_bonds=None, folder=None, name=None,
     from .pair import Pairs, PairStyle
 
     if partition is not None:
-        return potential(source, units, special_bonds=special_bonds, folder=folder, name=name).partitioned(partition)
+        return potential(source, units, special_bonds=special_bonds, folder=folder, name=name, run=run, trajectory=trajectory).partitioned(
+            partition
+        )
     if isinstance(source, Potential):
         return source
     if isinstance(source, str | Path):
@@ -196,9 +290,9 @@ def potential(source, units=None, *, special_bonds=None, folder=None, name=None,
             raise AtcError("special_bonds= goes with objects; in LAMMPS lines write a special_bonds line")
         for module in _STYLE_MODULES:
             import_module(f".{module}", __name__)
-        from .lammps_input import potential_from_lammps
+        from .lammps import potential_from_lammps
 
-        return potential_from_lammps(source, units, folder, name)
+        return potential_from_lammps(source, units, folder, name, run, trajectory)
     parts = list(source) if isinstance(source, list | tuple) else [source]
     styles = [p for p in parts if isinstance(p, PairStyle)]
     terms = [p for p in parts if isinstance(p, Term)]

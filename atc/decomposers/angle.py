@@ -10,9 +10,9 @@ from __future__ import annotations
 from types import MappingProxyType
 
 import numpy as np
-from numba import njit
 
 from ..bonds import Bonds
+from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
 from .base import Accumulator, Work

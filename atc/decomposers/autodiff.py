@@ -327,7 +327,7 @@ def source(tape: Tape, out: Value, slopes: list[Value]) -> str:
 
 def compiled(text: str):
     """The compiled function of a `source`."""
-    from numba import njit
+    from ..compiled import njit
 
     space = {"np": np, "math": math}
     exec(compile(text, "<energy and gradient>", "exec"), space)

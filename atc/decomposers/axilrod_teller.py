@@ -5,9 +5,9 @@ from __future__ import annotations
 from itertools import permutations
 
 import numpy as np
-from numba import njit
 
 from ..bonds import Bonds
+from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
 from ..units import Units

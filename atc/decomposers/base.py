@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
-from numba import njit
 
 from ..bonds import Bonds
+from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
 from ..neighbors import Workspace
@@ -81,6 +81,8 @@ class Term:
 
     cutoff: float = 0.0
     pairwise: bool = False
+    #: In cutoffs, how far away an atom may be and still change a bond of an atom, if the term is not pairwise.
+    depth: float = 2.0
     part_name: str = ""
     partitions: Mapping[str, str] = MappingProxyType({})
 
@@ -119,6 +121,10 @@ class Wrapper(Term):
     @property
     def pairwise(self) -> bool:
         return self.term.pairwise
+
+    @property
+    def depth(self) -> float:
+        return self.term.depth
 
     @property
     def part_name(self) -> str:
@@ -160,16 +166,28 @@ class Potential:
     remarks : tuple of str, what else `describe` should say
     masses : {type: mass}, internal units, as far as LAMMPS lines (or the data file they read) say
     data_file : Path or None, the file of the script's ``read_data`` line
+    dimension : 2 where the model is that of a two-dimensional run (LAMMPS's ``dimension 2``), else 3; dimension_said : whether the lines say so
     unmentioned : kinds of bonded terms ("bond", "angle", ...) that LAMMPS lines say nothing of, not even ``bond_style none``
+    outside : forces on atoms from outside that the script has besides (walls, fields, friction), one text for each; they are no part of the stress
+    atom_style : words of the script's ``atom_style``, "" if it has none
+    setup : what the script says of atoms, see `complete`, or None
+    dimension : 2 where the model is that of a two-dimensional run (LAMMPS's ``dimension 2``), else 3; dimension_said : whether the lines say so
     """
 
     unmentioned: tuple[str, ...] = ()
     text: str | None = None  # the LAMMPS lines it was made from, or
     file: str | None = None  # the name of the input script
 
+    dimension: int = 3
+    dimension_said: bool = False
     masses: Mapping[int, float] = MappingProxyType({})
     data_file = None
     remarks: tuple[str, ...] = ()
+    outside: tuple[str, ...] = ()
+    atom_style: str = ""
+    setup = None
+    dimension: int = 3
+    dimension_said: bool = False
 
     def __init__(self, terms, units_: Units | str, description: str = ""):
         self.terms = list(terms)
@@ -202,7 +220,7 @@ class Potential:
             ``"equal"``: every term as it does by default, 1/K of a K-body energy to each of its atoms (bond-order energies half to each end of the
             bond, embedding energies to their own atoms). ``"center"``: Stillinger-Weber triplets and angles to their middle atom, torsions half to
             each of their two middle atoms, bond-order energies to the atom whose neighbours they depend on; other terms as ``"equal"``.
-            A dict chooses term by term, {"sw": "center", "dihedral": (0, 0.5, 0.5, 0)}; its keys are pair styles (sw, tersoff) and angle,
+            A dict chooses term by term, {"sw": "center", "dihedral": (0, 0.5, 0.5, 0)}; its keys are pair styles (sw, tersoff, vashishta, edip ...) and angle,
             dihedral, improper; terms it does not name stay as they are.
 
         Raises
@@ -231,6 +249,13 @@ class Potential:
                 f"partition must be {' or '.join(map(repr, PARTITIONS))}, or a dict such as {{'sw': 'center'}}, got {partition!r}"
             )
         return new
+
+    def complete(self, frame: Frame) -> Frame:
+        """The frame with what the script says of its atoms (charges, masses, bonds ...), as far as the frame does not show it itself.
+
+        Raises AtcError for what is needed and not known, and for contradictions between the script and a data file that was named.
+        """
+        return frame if self.setup is None else self.setup.complete(frame)
 
     def check_topology(self, frame: Frame) -> None:
         """Raise AtcError if the frame has bonded terms of a kind that LAMMPS lines do not mention: `atc.fields` leaves nothing out silently."""
@@ -271,6 +296,11 @@ class Potential:
         AtcError for types without coefficients, missing charges or topology, coincident atoms.
         """
         require_compatible(self.units, frame.units, "the potential", frame.source)
+        frame = self.complete(frame)
+        if self.dimension == 2 and frame.dimension == 3:
+            from ..planar import planar
+
+            frame = planar(frame)
         n = len(frame)
         accs = [Accumulator(n, forces, energies, sources) for _ in range(threads)]
 

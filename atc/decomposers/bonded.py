@@ -8,8 +8,8 @@ from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Cell, Frame
 from ..units import Units

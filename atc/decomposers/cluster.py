@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from ..bonds import Bonds
+from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
 from .base import Accumulator, Term, Work
@@ -63,10 +63,10 @@ class ClusterTerm(Term):
         raise NotImplementedError
 
     def prepare(self, frame: Frame) -> Work:
-        return _ClusterWork(self, frame)
+        return ClusterWork(self, frame)
 
 
-class _ClusterWork(Work):
+class ClusterWork(Work):
     def __init__(self, term: ClusterTerm, frame: Frame):
         self.term, self.frame = term, frame
         self.atoms, self.types = term.terms_of(frame)
@@ -80,7 +80,7 @@ class _ClusterWork(Work):
         x = self._positions(atoms)
         U = np.empty(len(atoms))
         G = np.empty((len(atoms), k * (k - 1) // 2))
-        bad = self.term.evaluate(x, types, U, G, acc)
+        bad = self.evaluate(atoms, x, types, U, G, acc)
         if bad >= 0:
             names = ", ".join(str(i) for i in self.frame.ids[atoms[bad]])
             raise AtcError(
@@ -94,6 +94,10 @@ class _ClusterWork(Work):
         energies = acc.energies if acc.energies is not None else _NOTHING
         m = _cluster_bonds(atoms, x, U, G, self.term.weights, ws.i, ws.j, ws.r, ws.G, D, energies)
         return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
+
+    def evaluate(self, atoms, x, types, U, G, acc) -> int:
+        """As `ClusterTerm.evaluate`, for works that need to know the atoms."""
+        return self.term.evaluate(x, types, U, G, acc)
 
     def _positions(self, atoms) -> np.ndarray:
         """(m, K, 3) relative to each tuple's first atom; every atom at the image closest to the one before it, as LAMMPS does for bonded terms."""

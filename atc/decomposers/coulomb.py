@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import erfc
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from ..errors import AtcError
 from ..units import units as get_units
 from .lennard_jones import LennardJones, mix_lj
@@ -93,6 +93,7 @@ class CoulombDSF(_Damped):
     """
 
     name = "coul/dsf"
+    approximate = True
 
     def _damp(self, alpha, cutoff, constant):
         self.alpha, self.constant = alpha, constant
@@ -101,7 +102,13 @@ class CoulombDSF(_Damped):
         self.e_shift = a / cutoff - self.f_shift * cutoff
 
     def add(self, types, i, j, d2, weights, U, G, prepared):
-        _dsf(types, i, j, d2, weights, self.table, self.constant, self.alpha, self.e_shift, self.f_shift, prepared, U, G)
+        _dsf(types, i, j, d2, weights, self.table, self.constant, self.alpha, self.e_shift, self.f_shift, self.approximate, prepared, U, G)
+
+
+class CoulombDSFExact(CoulombDSF):
+    """`CoulombDSF` with erfc to all digits, as LAMMPS has it in ``born/coul/dsf``."""
+
+    approximate = False
 
 
 class CoulombWolf(_Damped):
@@ -131,7 +138,7 @@ def _constant(inp: StyleInput) -> float:
     return inp.units.coulomb / inp.dielectric
 
 
-def _cut(inp: StyleInput, cutoff) -> CoulombCut:
+def cut_style(inp: StyleInput, cutoff) -> CoulombCut:
     style = CoulombCut.internal(cutoff)
     style.constant = _constant(inp)
     return style
@@ -143,7 +150,16 @@ def _coul_cut_style(inp: StyleInput):
     (cutoff,) = pair_values(
         inp, [("cutoff", "length")], optional=1, defaults=[rc], mix=lambda a, b, rule: (mix_distance(a[0], b[0], rule),)
     )
-    return _cut(inp, cutoff)
+    return cut_style(inp, cutoff)
+
+
+@pair_style("coul/cut/global")
+def _coul_cut_global_style(inp: StyleInput):
+    (rc,) = inp.numbers(inp.args, [("cutoff", "length")])
+    for line in inp.coeffs:
+        inp.numbers(line.words, [], line)
+    (cutoff,) = pair_values(inp, [("cutoff", "length")], optional=1, defaults=[rc], mix=lambda a, b, rule: (rc,))
+    return cut_style(inp, cutoff)
 
 
 def _positive(inp: StyleInput, cutoff: float) -> float:
@@ -169,7 +185,7 @@ def _dsf_style(inp: StyleInput):
     return _damped(inp, CoulombDSF, alpha, rc)
 
 
-@pair_style("coul/wolf")
+@pair_style("coul/wolf", "coul/wolf/cs")
 def _wolf_style(inp: StyleInput):
     alpha, rc = inp.numbers(inp.args, [("alpha", {"length": -1}), ("cutoff", "length")])
     return _damped(inp, CoulombWolf, alpha, rc)
@@ -192,10 +208,10 @@ def _lj_coul_cut_style(inp: StyleInput):
         return (*mix_lj(x[:3], y[:3], rule), mix_distance(x[3], y[3], rule))
 
     epsilon, sigma, cut_lj, cut_coul = fill(inp, given, 4, mix)
-    return [LennardJones.internal(epsilon, sigma, cut_lj, shift=inp.modify.shift), _cut(inp, cut_coul)]
+    return [LennardJones.internal(epsilon, sigma, cut_lj, shift=inp.modify.shift), cut_style(inp, cut_coul)]
 
 
-def _wanted(inp: StyleInput):
+def wanted_pairs(inp: StyleInput):
     """The Coulomb part acts wherever the style does, also on pairs of types whose Lennard-Jones cutoff is 0."""
     on = np.zeros((inp.n_types + 1, inp.n_types + 1), bool)
     on[1:, 1:] = True
@@ -210,7 +226,7 @@ def _lj_damped(cls):
         rcoul = rlj if rcoul is None else rcoul
         arrays = pair_values(inp, LennardJones.numbers, optional=1, defaults=[rlj], mix=mix_lj)
         lj = LennardJones.internal(*arrays, shift=inp.modify.shift)
-        return [lj, cls.everywhere(_wanted(inp), alpha, _positive(inp, rcoul), _constant(inp))]
+        return [lj, cls.everywhere(wanted_pairs(inp), alpha, _positive(inp, rcoul), _constant(inp))]
 
     return build
 
@@ -231,7 +247,7 @@ def _coul_cut(types, i, j, d2, weights, table, constant, q, U, G):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _dsf(types, i, j, d2, weights, table, constant, alpha, e_shift, f_shift, q, U, G):
+def _dsf(types, i, j, d2, weights, table, constant, alpha, e_shift, f_shift, approximate, q, U, G):
     weighted = len(weights) > 0
     for b in range(len(d2)):
         p, k = i[b], j[b]
@@ -240,9 +256,12 @@ def _dsf(types, i, j, d2, weights, table, constant, alpha, e_shift, f_shift, q, 
             d = np.sqrt(d2[b])
             c = constant * q[p] * q[k] / d
             gauss = np.exp(-alpha * alpha * d2[b])
-            # Abramowitz & Stegun 7.1.26, as LAMMPS has it.
-            t = 1.0 / (1.0 + 0.3275911 * alpha * d)
-            erfc_ = t * (0.254829592 + t * (-0.284496736 + t * (1.421413741 + t * (-1.453152027 + t * 1.061405429)))) * gauss
+            if approximate:
+                # Abramowitz & Stegun 7.1.26, as LAMMPS has it.
+                t = 1.0 / (1.0 + 0.3275911 * alpha * d)
+                erfc_ = t * (0.254829592 + t * (-0.284496736 + t * (1.421413741 + t * (-1.453152027 + t * 1.061405429)))) * gauss
+            else:
+                erfc_ = erfc(alpha * d)
             lost = 1.0 - w if w < 1.0 else 0.0
             U[b] += c * (erfc_ - d * e_shift - d2[b] * f_shift - lost)
             G[b] -= c * (erfc_ + (2.0 / np.sqrt(np.pi) * alpha * gauss + d * f_shift) * d - lost) / d2[b]

@@ -16,8 +16,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from ..errors import AtcError
 from ..units import Units
 from ..units import units as system
@@ -131,17 +131,32 @@ class HarmonicTorsion(Torsion):
 class CharmmTorsion(Torsion):
     """U = K [1 + cos(nφ − d)] (LAMMPS ``charmm``). Coefficients K [energy], n, d [degrees, 0 or 180], w.
 
-    w, the weight of a 1-4 pair interaction whose coefficients belong to a pair style, must be 0: such an interaction is not computed.
+    w is the weight of a 1-4 pair interaction whose coefficients belong to a charmm pair style. From LAMMPS lines it becomes a term of its own
+    (`one_four`); where there is no such term, w must be 0.
     """
 
     name = "charmm"
     wants = (("K", energy), ("n", plain), ("d", plain), ("w", plain))
 
-    def series(self, K, n, d, w):
-        if w != 0.0:
-            raise ValueError(
-                f"the weight {w:g} asks for 1-4 pair interactions with coefficients of a charmm pair style, which are not supported: only weight 0.0 is"
+    #: whether somebody takes care of the 1-4 pairs
+    ends_done = False
+
+    def _set(self, values: Mapping, where: str = ""):
+        super()._set(values, where)
+        self.end_weights = {t: v[3] for t, v in values.items() if v[3] != 0.0}
+
+    def prepare(self, frame):
+        if self.end_weights and not self.ends_done:
+            t, w = next(iter(self.end_weights.items()))
+            raise AtcError(
+                f"dihedral type {t} of style {self.name}: the weight {w:g} asks for a 1-4 pair interaction, which is not supported here: "
+                "give the dihedral types by number in LAMMPS lines with a charmm pair style, or weight 0.0"
             )
+        return super().prepare(frame)
+
+    def series(self, K, n, d, w):
+        if not 0.0 <= w <= 1.0:
+            raise ValueError(f"the weight of the 1-4 pair must be between 0 and 1, got {w:g}")
         a = _cosine(_whole(n, "n", 0), K * sign_of_phase(d))
         a[0] += K
         return a

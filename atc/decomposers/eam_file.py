@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
-from .parameter_file import energy_conversion
+from .parameter_file import energy_conversion, units_tag
 
 # LAMMPS's eV·Å in Hartree·Bohr, three digits, for the effective charges of funcfl files.
 _HARTREE_BOHR = 27.2 * 0.529
@@ -21,7 +21,8 @@ class EAMTables:
     elements : names. masses : (m,). cutoff : for every pair.
     F_en : (m, n_rho) embedding energy at densities k·drho; rho_eer : (m, m, n_r) [source, host] density that a source element makes at a host
     element at distances k·dr; zr_eer : (m, m, n_r) r·φ(r), symmetric.
-    rho_end : the density from which on the embedding energy is continued linearly.
+    rho_end : the density from which on the embedding energy is continued linearly. rho_first : the density of the first point of F.
+    u_eer, w_eer : (m, m, n_r) dipole and quadrupole functions of ``adp``, or None. mixing : coefficients of h(x) of ``eam/cd``, the constant first, or None
     """
 
     elements: list[str]
@@ -33,6 +34,10 @@ class EAMTables:
     rho_eer: np.ndarray
     zr_eer: np.ndarray
     rho_end: float
+    rho_first: float = 0.0
+    u_eer: np.ndarray | None = None
+    w_eer: np.ndarray | None = None
+    mixing: np.ndarray | None = None
 
 
 class _Lines:
@@ -110,8 +115,21 @@ def _mass(words, where):
         raise AtcError(f"{where}: expected the atomic number and the mass, got {' '.join(words)!r}") from None
 
 
-def read_setfl(path, units_name: str, finnis_sinclair: bool = False, where: str = "") -> EAMTables:
+def read_setfl(
+    path,
+    units_name: str,
+    finnis_sinclair: bool = False,
+    where: str = "",
+    *,
+    helium: bool = False,
+    angular: bool = False,
+    mixing: bool = False,
+) -> EAMTables:
     """A setfl file: embedding energies and densities by element (Finnis-Sinclair: densities by pair of elements), r·φ by pair.
+
+    helium : LAMMPS's ``eam/he``: the fifth line ends with the density of the last point of F, and the first may be negative
+    angular : LAMMPS's ``adp``: dipole and quadrupole functions by pair follow
+    mixing : LAMMPS's ``eam/cd``: a comment and a polynomial of the concentration follow
 
     units_name : unit style the result is wanted in; the file's ``UNITS:`` tag is converted between metal and real as LAMMPS means
         to (its setfl readers leave out the last entry of each table)
@@ -122,6 +140,10 @@ def read_setfl(path, units_name: str, finnis_sinclair: bool = False, where: str 
     AtcError for a missing, malformed or truncated file.
     """
     f = _Lines(path, 3, where)
+    if angular and units_tag(f.text) not in (None, units_name):
+        raise AtcError(
+            f"{path}: this file is in {units_tag(f.text)!r} units and the model in {units_name!r}: LAMMPS does not convert adp files"
+        )
     factor = energy_conversion(f.text, units_name, path)
     words, at = f.words(2, "the number of elements and their names")
     try:
@@ -131,7 +153,13 @@ def read_setfl(path, units_name: str, finnis_sinclair: bool = False, where: str 
     if len(words) != m + 1:
         raise AtcError(f"{at}: {m} elements but {len(words) - 1} names")
     elements = words[1:]
-    nrho, drho, nr, dr, cut = _grid(*f.words(5, "nrho drho nr dr cutoff"))
+    words, at = f.words(6 if helium else 5, "nrho drho nr dr cutoff" + (" rhomax" if helium else ""))
+    nrho, drho, nr, dr, cut = _grid(words, at)
+    rho_end = (nrho - 1) * drho
+    if helium:
+        if not _is_number(words[5]) or not np.isfinite(float(words[5])):
+            raise AtcError(f"{at}: expected the largest density rhomax at the end, got {words[5]!r}")
+        rho_end = float(words[5])
     masses, F = np.zeros(m), np.zeros((m, nrho))
     rho, zr = np.zeros((m, m, nr)), np.zeros((m, m, nr))
     for a, e in enumerate(elements):
@@ -145,12 +173,33 @@ def read_setfl(path, units_name: str, finnis_sinclair: bool = False, where: str 
     for a in range(m):
         for b in range(a + 1):
             zr[a, b] = zr[b, a] = f.numbers(nr, f"the pair energy of {elements[a]} and {elements[b]}") * factor
+    more: list = [None, None]
+    for k, what in enumerate(("dipole", "quadrupole") if angular else ()):
+        more[k] = np.zeros((m, m, nr))
+        for a in range(m):
+            for b in range(a + 1):
+                more[k][a, b] = more[k][b, a] = f.numbers(nr, f"the {what} function of {elements[a]} and {elements[b]}")
+    h = _polynomial(f) if mixing else None
     if f.p < len(f.lines):
         hint = "; is it a Finnis-Sinclair file (eam/fs)?" if not finnis_sinclair and m > 1 else ""
         raise AtcError(
             f"{path}:{f.lines[f.p][0]}: more lines than {'eam/fs' if finnis_sinclair else 'eam/alloy'} files of {m} elements have{hint}"
         )
-    return EAMTables(elements, masses, drho, dr, cut, F, rho, zr, (nrho - 1) * drho)
+    rho_first = rho_end - (nrho - 1) * drho if helium else 0.0
+    return EAMTables(elements, masses, drho, dr, cut, F, rho, zr, rho_end, rho_first, *more, h)
+
+
+def _polynomial(f: _Lines) -> np.ndarray:
+    """The last line: degree and coefficients; a comment may stand in front of it."""
+    if len(f.lines) - f.p == 2:
+        f.p += 1
+    words, at = f.words(2, "the degree and the coefficients of h(x)")
+    if not words[0].isdigit() or len(words) < int(words[0]) + 2 or not all(_is_number(w) for w in words):
+        raise AtcError(f"{at}: expected the degree and the coefficients of h(x), got {' '.join(words)!r}")
+    h = np.array([float(w) for w in words[1 : int(words[0]) + 2]])
+    if not np.isfinite(h).all():
+        raise AtcError(f"{at}: the coefficients of h(x) must be finite")
+    return h
 
 
 def read_funcfl(paths, units_name: str, where: str = "") -> EAMTables:

@@ -1,4 +1,5 @@
-"""Embedded atom: a pair energy, and an energy of the density that an atom's neighbours make at its place (LAMMPS ``eam``, ``eam/alloy``, ``eam/fs``).
+"""Embedded atom: a pair energy, and an energy of the density that an atom's neighbours make at its place (LAMMPS ``eam``, ``eam/alloy``, ``eam/fs``,
+``eam/he``).
 
 A frame is done in three stages, none of which holds a neighbour list: densities (each thread sums its own), embedding energies and their
 slopes, then one bond a pair of neighbours.
@@ -7,9 +8,9 @@ slopes, then one bond a pair of neighbours.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from ..bonds import Bonds
+from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
 from ..units import Units
@@ -60,21 +61,22 @@ class EmbeddedAtom(Term):
         energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
         self.dr, self.drho = tables.dr * length, tables.drho
         self.cutoff = float(tables.cutoff * length)
-        self.rho_end = tables.rho_end
+        self.rho_first, self.rho_end = tables.rho_first, tables.rho_end
         self.F = np.ascontiguousarray(spline(tables.F_en[keep] * energy))
         self.rho = np.ascontiguousarray(spline(tables.rho_eer[np.ix_(keep, keep)]))
         self.zr = np.ascontiguousarray(spline(tables.zr_eer[np.ix_(keep, keep)] * (energy * length)))
 
     @classmethod
     def from_setfl(
-        cls, path, elements=None, *, units: str | Units = "metal", finnis_sinclair: bool = False, where: str = ""
+        cls, path, elements=None, *, units: str | Units = "metal", finnis_sinclair: bool = False, helium: bool = False, where: str = ""
     ) -> EmbeddedAtom:
-        """From a setfl file (LAMMPS ``eam/alloy``), or its Finnis-Sinclair variant (``eam/fs``): ``EmbeddedAtom.from_setfl("AlCu.eam.alloy", ["Al"])``."""
-        t = read_setfl(path, system(units).name, finnis_sinclair, where)
+        """From a setfl file (LAMMPS ``eam/alloy``), its Finnis-Sinclair variant (``eam/fs``), or that with negative densities (helium: ``eam/he``):
+        ``EmbeddedAtom.from_setfl("AlCu.eam.alloy", ["Al"])``."""
+        t = read_setfl(path, system(units).name, finnis_sinclair or helium, where, helium=helium)
         odd = next((e for e in elements or () if e not in (None, "NULL", *t.elements)), None)
         if odd is not None:
             raise AtcError(f"{where or path}: {path} has no element {odd!r}: it has {', '.join(t.elements)}")
-        return cls(t, elements, units=units, name="eam/fs" if finnis_sinclair else "eam/alloy")
+        return cls(t, elements, units=units, name="eam/he" if helium else "eam/fs" if finnis_sinclair else "eam/alloy")
 
     @classmethod
     def from_funcfl(
@@ -94,10 +96,11 @@ class EmbeddedAtom(Term):
         return _EAMWork(self, frame)
 
 
-def spline(tables) -> np.ndarray:
+def spline(tables, last_slope: float | None = None) -> np.ndarray:
     """(..., n + 1, 4) coefficients of LAMMPS's cubic spline through (..., n) values (PairEAM::interpolate), rows counted from 1.
 
-    Between point m and m + 1, at p = x/step + 1 − m: ((c0 p + c1) p + c2) p + c3. Slopes at the points are five-point differences.
+    Between point m and m + 1, at p = x/step + 1 − m: ((c0 p + c1) p + c2) p + c3. Slopes at the points are five-point differences,
+    at the last point last_slope (per step), or the difference to the one before.
     """
     f = np.asarray(tables, float)
     n = f.shape[-1]
@@ -105,7 +108,7 @@ def spline(tables) -> np.ndarray:
     s[..., 0] = f[..., 1] - f[..., 0]
     s[..., 1] = 0.5 * (f[..., 2] - f[..., 0])
     s[..., n - 2] = 0.5 * (f[..., n - 1] - f[..., n - 3])
-    s[..., n - 1] = f[..., n - 1] - f[..., n - 2]
+    s[..., n - 1] = f[..., n - 1] - f[..., n - 2] if last_slope is None else last_slope
     s[..., 2 : n - 2] = ((f[..., : n - 4] - f[..., 4:]) + 8.0 * (f[..., 3 : n - 1] - f[..., 1 : n - 3])) / 12.0
     out = np.zeros((*f.shape[:-1], n + 1, 4))
     df = f[..., 1:] - f[..., :-1]
@@ -145,7 +148,7 @@ class _EAMWork(Work):
         self.sums = {}
         self.slope = np.empty(len(rho))
         energies = acc.energies if acc.energies is not None else _NOTHING
-        energy, beyond = _embed(rho, self.element, term.F, 1.0 / term.drho, term.rho_end, self.atom, self.slope, energies)
+        energy, beyond = _embed(rho, self.element, term.F, 1.0 / term.drho, term.rho_first, term.rho_end, self.atom, self.slope, energies)
         acc.energy += energy
         acc.note("atoms with a density beyond the end of the EAM table", beyond)
 
@@ -191,20 +194,27 @@ def _densities(i, j, d2, n, element, spline, per_dr, rho):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _embed(rho, element, spline, per_drho, rho_end, atom, slope, energies):
+def _embed(rho, element, spline, per_drho, rho_first, rho_end, atom, slope, energies):
     """F(ρ) of every atom and F'(ρ) into slope. Returns the energy and how many atoms are beyond the table."""
     points = spline.shape[1] - 1
     total = 0.0
     beyond = 0
     for s in range(len(rho)):
-        p = rho[s] * per_drho + 1.0
-        m = max(1, min(int(p), points - 1))
+        p = (rho[s] - rho_first) * per_drho + 1.0
+        # With negative densities LAMMPS's first row is the second, and the line goes on from its beginning.
+        m = max(1 if rho_first == 0.0 else 2, min(int(p), points - 1))
         p = min(p - m, 1.0)
+        below = rho_first != 0.0 and rho[s] < rho_first
+        if below:
+            p = -1.0
         c = spline[element[s], m]
         f = ((3.0 * c[0] * p + 2.0 * c[1]) * p + c[2]) * per_drho
         u = ((c[0] * p + c[1]) * p + c[2]) * p + c[3]
         if rho[s] > rho_end:
             u += f * (rho[s] - rho_end)
+            beyond += 1
+        if below:
+            u += f * (rho[s] - rho_first)
             beyond += 1
         slope[s] = f
         total += u
@@ -259,7 +269,7 @@ def _bonds(i, j, r, d2, n, element, rho, zr, per_dr, slope, atom, G, D, energies
     return m, total, -1
 
 
-MAPPED_STYLES.update(("eam/alloy", "eam/fs"))
+MAPPED_STYLES.update(("eam/alloy", "eam/fs", "eam/he"))
 
 
 @pair_style("eam/alloy")
@@ -272,6 +282,12 @@ def _alloy(inp):
 def _finnis_sinclair(inp):
     path, elements, line = mapped_line(inp, ".eam.fs")
     return EmbeddedAtom.from_setfl(path, elements, units=inp.units, finnis_sinclair=True, where=line.where)
+
+
+@pair_style("eam/he")
+def _helium(inp):
+    path, elements, line = mapped_line(inp, ".eam.he")
+    return EmbeddedAtom.from_setfl(path, elements, units=inp.units, helium=True, where=line.where)
 
 
 @pair_style("eam")

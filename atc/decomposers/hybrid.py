@@ -8,10 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..errors import AtcError
-from .registry import MAPPED_STYLES, PAIR_STYLES, CoeffLine, Modify
+from .registry import MAPPED_STYLES, PAIR_STYLES, CoeffLine, Modify, mapped_elements
+from .unsupported import reason
 
 # Words that are arguments of a sub-style, not the name of the next one.
-_ARGUMENTS = {"linear", "spline", "lookup", "bitmap", "nocoeff", "full", "threebody", "on", "off"}
+_ARGUMENTS = {"linear", "spline", "lookup", "bitmap", "nocoeff", "full", "threebody", "on", "off", "shift", "maxdelta", "check", "nocheck"}
 # Accelerator suffixes: other code for the same formula.
 _SUFFIX = re.compile(r"/(omp|opt|gpu|intel|kk|kk/host|kk/device)$")
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
@@ -29,6 +30,8 @@ class SubStyle:
     name: str
     args: tuple[str, ...]
     index: int = 0
+    #: of hybrid/scaled
+    factor: float = 1.0
     lines: list[CoeffLine] = field(default_factory=list)
     modify: Modify = field(default_factory=Modify)
 
@@ -57,7 +60,7 @@ class Hybrid:
             for pair in line.covers(n_types):
                 if sub is None:
                     of[pair] = []
-                elif sub.name in MAPPED_STYLES and not _mapped(line, pair):
+                elif sub.name in MAPPED_STYLES and not _mapped(sub.name, line, pair):
                     continue
                 elif not self.overlay:
                     of[pair] = [k]
@@ -78,26 +81,40 @@ class Hybrid:
         return masks
 
 
-def _mapped(line: CoeffLine, pair) -> bool:
-    elements = line.words[1:]
+def _mapped(style: str, line: CoeffLine, pair) -> bool:
+    elements = mapped_elements(style, line.words)
     return all(t <= len(elements) and elements[t - 1] != "NULL" for t in pair)
+
+
+def _is_argument(word: str) -> bool:
+    return bool(_NUMBER.match(word)) or word in _ARGUMENTS
 
 
 def _parse_subs(style, known) -> list[SubStyle]:
     """The sub-styles behind ``hybrid`` on the pair_style line; `known` are the names that may occur."""
     subs: list[SubStyle] = []
-    for word in style.args:
-        if _NUMBER.match(word) or word in _ARGUMENTS:
+    scaled = style.name == "hybrid/scaled"
+    for k, word in enumerate(style.args):
+        if scaled and k + 1 < len(style.args) and not _is_argument(style.args[k + 1]):
+            # The factor in front of the next sub-style.
+            if not _NUMBER.match(word):
+                raise AtcError(f"{style.where}: {style.name}: the factor {word} may change as the run goes: give its value as a number")
+            factor = float(word)
+            continue
+        if _is_argument(word) or (subs and subs[-1].name == "list" and not subs[-1].args):
             if not subs:
                 raise AtcError(f"{style.where}: expected a sub-style behind {style.name}, got {word!r}")
             subs[-1].args += (word,)
         else:
             name = strip_suffix(word)
             if name not in known:
-                raise AtcError(
-                    f"{style.where}: {word} as a sub-style of {style.name} is not supported: expected one of {', '.join(sorted(known))}"
-                )
+                why = reason("pair", name) or f"expected one of {', '.join(sorted(known))}"
+                raise AtcError(f"{style.where}: {word} as a sub-style of {style.name} is not supported: {why}")
             subs.append(SubStyle(name, ()))
+            if scaled:
+                if k == 0:
+                    raise AtcError(f"{style.where}: {style.name} needs a factor in front of {word}")
+                subs[-1].factor = factor
     if not subs:
         raise AtcError(f"{style.where}: {style.name} needs sub-styles")
     for s in subs:
@@ -129,11 +146,9 @@ def parse_hybrid(style, lines: list[CoeffLine], apply_modify) -> Hybrid:
         if words[:1] == ("pair",):
             sub, words = _find(subs, words[1:], c.where)
             targets = [sub]
-        if words[:1] == ("special",):
-            raise AtcError(f"{c.where}: pair_modify special is not supported: give one special_bonds line for all sub-styles")
         for s in targets:
             s.modify = apply_modify(s.modify, [(words, c.where)])
-    return Hybrid(subs, order, style.name == "hybrid/overlay", style.where)
+    return Hybrid(subs, order, style.name != "hybrid", style.where)
 
 
 def _find(subs, words, where):

@@ -12,8 +12,8 @@ sin θ = 0.001. (LAMMPS clamps sin² θ of impropers at 0.001, at 1.8° already,
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from .base import Accumulator
 from .bonded import degrees, energy, register_bonded
 from .dihedral import FourAtoms, HarmonicTorsion, cosine_and_slopes

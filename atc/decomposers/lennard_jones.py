@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from .pair import PairStyle
 from .pair_input import mix_distance, mix_energy, pair_values
 from .registry import StyleInput, pair_style
@@ -134,6 +134,8 @@ def _builder(cls):
 
 for _cls in (LennardJones, LennardJonesSmoothLinear, LennardJonesExpand):
     pair_style(_cls.name)(_builder(_cls))
+# Its old name in LAMMPS.
+pair_style("lj/sf")(_builder(LennardJonesSmoothLinear))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -6,9 +6,9 @@ import inspect
 from itertools import combinations
 
 import numpy as np
-from numba import njit
 
 from ..bonds import Bonds
+from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
 from ..units import Units

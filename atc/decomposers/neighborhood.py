@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
 from ..verlet import cell_list
@@ -54,6 +54,45 @@ class Neighborhood:
         """The most neighbours of an atom of a chunk, and the number of pairs of neighbours."""
         k = np.diff(self.start[self.first[task] : self.first[task + 1] + 1])
         return int(k.max(initial=0)), int((k * (k - 1) // 2).sum())
+
+    def runs(self, limit: int) -> tuple[np.ndarray, int, int]:
+        """Edges of runs of atoms with at most `limit` pairs of neighbours (or one atom); the most neighbours of an atom; the most pairs of a run."""
+        return _runs(self.start, limit)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _runs(start, limit):
+    n = len(start) - 1
+    edges = [0]
+    most = room = here = 0
+    for s in range(n):
+        k = start[s + 1] - start[s]
+        t = k * (k - 1) // 2
+        if here + t > limit and s > edges[-1]:
+            edges.append(s)
+            here = 0
+        here += t
+        most = max(most, k)
+        room = max(room, here)
+    edges.append(n)
+    return np.array(edges), most, room
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def around(s, start, pair, end, a, b, r, d, who, arm, dist):
+    """The neighbours of atom s: their names, x_s − x_k and distances into who, arm, dist. Returns how many."""
+    k = start[s + 1] - start[s]
+    for e in range(k):
+        p = pair[start[s] + e]
+        sign = 1.0
+        who[e] = b[p]
+        if end[start[s] + e] == 1:
+            sign = -1.0
+            who[e] = a[p]
+        dist[e] = d[p]
+        for c in range(3):
+            arm[e, c] = sign * r[p, c]
+    return k
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

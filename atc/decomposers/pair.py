@@ -7,9 +7,9 @@ A pair style is an object that adds its U(d) and G = U'(d)/d to a chunk of pairs
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from ..bonds import Bonds
+from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
 from ..units import units as get_units
@@ -108,15 +108,17 @@ class Pairs(Term):
     n_types : int
     special : object with ``prepare(frame)`` giving per-frame special-bond weights, or None (see special_bonds)
     grow : function n_types → list of PairStyle for a frame with more types than `n_types`, or None if there is no more to know
+    exclusions : Exclusions or None, pairs that no style acts on
     """
 
     pairwise = True
 
-    def __init__(self, styles, n_types: int, special=None, grow=None):
+    def __init__(self, styles, n_types: int, special=None, grow=None, exclusions=None):
         self.styles = list(styles)
         self.n_types = n_types
         self.special = special
         self.grow = grow
+        self.exclusions = exclusions
         self.cutoff = max((s.cutoff for s in self.styles), default=0.0)
         if not self.cutoff > 0:
             names = ", ".join(s.name for s in self.styles)
@@ -135,7 +137,7 @@ class Pairs(Term):
                 )
             if top not in self._grown:
                 try:
-                    self._grown[top] = Pairs(self.grow(top), top, self.special)
+                    self._grown[top] = Pairs(self.grow(top), top, self.special, exclusions=self.exclusions)
                 except AtcError as e:
                     raise AtcError(f"{frame.source} has atoms of type {top}; {e}") from None
             return self._grown[top].prepare(frame)
@@ -155,6 +157,7 @@ class _PairWork(Work):
         self.prepared = [s.prepare(frame) for s in term.styles]
         keep = any(s.keeps_excluded for s in term.styles)
         self.special = term.special.prepare(frame, keep) if term.special is not None else None
+        self.excluded = term.exclusions.prepare(frame) if term.exclusions is not None else None
         self.stages = (self.list.n_chunks,)
 
     def run(self, stage, task, acc: Accumulator):
@@ -162,6 +165,8 @@ class _PairWork(Work):
         if task == 0:
             self._self_energies(acc)
         n = self.list.half(task, ws)
+        if self.excluded is not None:
+            n = self.excluded.leave_out(ws, n)
         weights = {"lj": ONES, "coul": ONES, None: ONES}
         if self.special is not None:
             n, weights["lj"], weights["coul"] = self.special.weigh(ws, n)

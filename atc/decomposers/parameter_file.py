@@ -5,12 +5,16 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
+from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 from ..errors import AtcError, AtcWarning
 
 # LAMMPS's own factor between eV and kcal/mol, so that a converted file gives LAMMPS's energies to rounding.
 _METAL_TO_REAL = 23.060549
+#: No parameter is as large; their powers must be numbers.
+LARGE = 1e50
 
 
 def read_parameter_file(path, what: str, where: str = "") -> str:
@@ -78,3 +82,36 @@ def energy_conversion(text: str, wanted: str, path) -> float:
         )
     warnings.warn(f"{path}: energies converted from {has} to {wanted} units, as LAMMPS does", AtcWarning, stacklevel=4)
     return factor
+
+
+def read_entries(path, elements, units_name: str, kind, where: str = "") -> dict:
+    """{(elem1, elem2, elem3): entry} of a parameter file for some elements, energies and lengths in `units_name`.
+
+    kind : the frozen dataclass of an entry, with ``where`` and the class variables `what` (the potential's name), `keys` (the numbers of an entry of
+        the file, in order), `energies` (those of them that are energies), and a method `check` that says what is impossible, or None
+
+    Raises
+    ------
+    AtcError for a missing file, a malformed, impossible or duplicate entry, a missing combination of `elements`, or units that cannot be converted.
+    """
+    text = read_parameter_file(path, kind.what, where)
+    if not getattr(kind, "converts", True) and units_tag(text) not in (None, units_name):
+        raise AtcError(
+            f"{path}: this file is in {units_tag(text)!r} units and the model in {units_name!r}: LAMMPS does not convert {kind.what} files"
+        )
+    factor = energy_conversion(text, units_name, path)
+    entries: dict[tuple, object] = {}
+    for here, names, values in element_entries(text, path, kind.keys, elements, kind.what):
+        entry = kind(**dict(zip(kind.keys, values, strict=True)), where=here)
+        odd = next((key for key, v in zip(kind.keys, values, strict=True) if not abs(v) < LARGE), None)
+        if wrong := (f"{odd} must be a finite number below {LARGE:g}" if odd else entry.check()):
+            raise AtcError(f"{here}: {wrong}")
+        if names in entries:
+            raise AtcError(f"{here}: second entry for {' '.join(names)} (the first is at {entries[names].where}): remove one")
+        entries[names] = replace(entry, **{key: getattr(entry, key) * factor for key in kind.energies})
+    for triple in product(elements, repeat=3):
+        if triple not in entries:
+            raise AtcError(
+                f"{path}: no entry for {' '.join(triple)}, which {where or 'the list of elements'} needs; a file must have every combination"
+            )
+    return entries

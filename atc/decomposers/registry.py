@@ -36,6 +36,17 @@ STYLES = {"pair": PAIR_STYLES, "bond": BOND_STYLES, "angle": ANGLE_STYLES, "dihe
 MAPPED_STYLES = {"sw"}
 
 
+def mapped_elements(style: str, words) -> tuple[str, ...]:
+    """The words of such a line that name the element of each atom type: those behind its file; for meam behind library, its elements and parameter file; for
+    eim behind its elements and file."""
+    if style not in ("meam", "meam/c", "eim"):
+        return tuple(words[1:])
+    # Names of elements have neither dots nor slashes.
+    least = 0 if style == "eim" else 1
+    file = next((k for k, w in enumerate(words) if k > least and ("." in w or "/" in w or (style != "eim" and w == "NULL"))), len(words))
+    return tuple(words[file + 1 :])
+
+
 def factor(units: Units, dimension: str | dict | float) -> float:
     """Internal size of a user's unit: `dimension` as in `atc.units`, or powers of them, {"energy": 1, "length": 6}, or the factor itself."""
     if isinstance(dimension, int | float):
@@ -101,6 +112,9 @@ class Modify:
     shift: bool = False
     mix: str | None = None
     tail: bool = False
+    compute: bool = True
+    #: ((lj, coul or lj/coul, three weights), ...) in place of those of special_bonds
+    special: tuple = ()
 
 
 @dataclass(frozen=True)
@@ -123,6 +137,7 @@ class StyleInput:
         given nor can be mixed is an error. All True except under hybrid.
     labels : {kind: {label: type}} from ``labelmap``
     masses : {type: mass} in user units as far as the lines say
+    notes : what the user should know about the model, see `note`
     pairs : for bonded styles, the `Pairs` term of the model (None: no interaction that is a sum over pairs)
     """
 
@@ -140,6 +155,12 @@ class StyleInput:
     labels: dict = field(default_factory=dict)
     masses: dict = field(default_factory=dict)
     pairs: object = None
+    notes: list = field(default_factory=list)
+
+    def note(self, text: str) -> None:
+        """Say something about the model that is no error: it becomes one of the potential's remarks."""
+        if text not in self.notes:
+            self.notes.append(text)
 
     def replace(self, **changes) -> StyleInput:
         return replace(self, **changes)
@@ -195,5 +216,14 @@ class StyleInput:
 
 def supported(kind: str) -> str:
     """The names of the styles of a kind, for messages."""
-    names = sorted(set(STYLES[kind]) - {"hybrid"}) + (["hybrid", "hybrid/overlay", "none"] if kind == "pair" else ["zero", "none"])
+    names = sorted(set(STYLES[kind]) - {"hybrid"}) + (
+        ["hybrid", "hybrid/overlay", "hybrid/scaled", "none"] if kind == "pair" else ["zero", "none"]
+    )
     return ", ".join(names)
+
+
+def refusal(kind: str, name: str) -> str:
+    """What to tell of a style that is not supported: why, if that is known, or which ones are."""
+    from .unsupported import reason
+
+    return f"{kind}_style {name} is not supported: {reason(kind, name) or f'expected one of {supported(kind)}'}"

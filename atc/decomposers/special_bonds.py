@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from ..errors import AtcError
 
 _PRESETS = {
@@ -59,6 +59,10 @@ class SpecialBonds:
                 lj = weights if "lj" in key else lj
                 coul = weights if "coul" in key else coul
                 k += 4
+            elif key == "extra" and k + 1 < len(words):
+                k += 2  # room in a list of LAMMPS's own
+            elif key == "one/five" and words[k + 1 : k + 2] in (["no"], ["off"], ["false"]):
+                k += 2
             elif key in flags:
                 value = words[k + 1] if k + 1 < len(words) else ""
                 if value not in ("yes", "no", "on", "off", "true", "false"):
@@ -71,6 +75,25 @@ class SpecialBonds:
                 )
         return cls(lj, coul, **flags)
 
+    def with_own(self, lines, where) -> SpecialBonds:
+        """These weights with those that ``pair_modify special`` gives one style: ((which, three weights), ...).
+
+        LAMMPS leaves pairs of weight 0 out of its lists, and does not know those of weight 1, before a style sees them: only weights between can be others.
+        """
+        lj, coul = self.lj, self.coul
+        for which, *words in lines:
+            weights = _three(words, which, where)
+            lj = weights if "lj" in which else lj
+            coul = weights if "coul" in which else coul
+        for k in range(3):
+            both, new = {self.lj[k], self.coul[k]}, {lj[k], coul[k]}
+            if len(both) == 1 and both <= {0.0, 1.0} and new != both:
+                raise AtcError(
+                    f"{where}: pair_modify special cannot change the weight {both.pop():g} of 1-{k + 2} neighbours, which LAMMPS fixes in its lists: "
+                    "a special_bonds weight such as 1e-10 can be changed"
+                )
+        return type(self)(lj, coul, self.angle, self.dihedral)
+
     @property
     def trivial(self) -> bool:
         """Whether all weights are 1."""
@@ -82,6 +105,8 @@ class SpecialBonds:
         ready = getattr(top, "special", None)  # those of a tile, see estimators.cutting
         if ready is not None:
             return _Weights(self, ready.cell, ready.start, ready.other, ready.apart, ready.hints, keep_excluded)
+        if top is not None and top.weighted is not None:
+            top = top.weighted
         if top is None or not len(top.bonds) or self.trivial:
             return None
         last = self._last

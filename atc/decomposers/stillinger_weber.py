@@ -25,8 +25,8 @@ from ..units import Units, units
 from ..verlet import cell_list
 from .base import Accumulator, Term, Work, two_body_sources
 from .cluster import weights_of
-from .registry import pair_style
-from .stillinger_weber_kernels import sw_index, sw_merge, sw_pairs, sw_runs, sw_triplets
+from .registry import MAPPED_STYLES, pair_style
+from .stillinger_weber_kernels import ODD, SQUARE, SWITCHED, sw_index, sw_merge, sw_pairs, sw_runs, sw_triplets
 from .sw_file import SWEntry, read_sw_file
 
 
@@ -60,6 +60,10 @@ class StillingerWeber(Term):
     """
 
     part_name = "sw"
+    #: The style's name, the angular function, and its numbers besides cos θ0.
+    style = "sw"
+    angular = SQUARE
+    deltas = (0.0, 0.0)
     partitions = MappingProxyType({"equal": "equal", "center": "center"})
 
     def __init__(
@@ -106,7 +110,7 @@ class StillingerWeber(Term):
         elements = [None if e in (None, "NULL") else e for e in elements]
         if len(elements) < least_types:
             raise AtcError(
-                f"{where or path}: pair_style sw needs one element (or NULL) for each of the {least_types} atom types, found {len(elements)}"
+                f"{where or path}: pair_style {cls.style} needs one element (or NULL) for each of the {least_types} atom types, found {len(elements)}"
             )
         used = dict.fromkeys(e for e in elements if e is not None)
         if not used:
@@ -120,9 +124,9 @@ class StillingerWeber(Term):
         return cls.from_entries(entries, elements, units=units, threebody=threebody, partition=partition)
 
     def share(self, partition):
-        w, words = weights_of(partition, 3, _SHARES, "sw")
+        w, words = weights_of(partition, 3, _SHARES, self.style)
         if w[1] != w[2]:
-            raise AtcError(f"sw: the two outer atoms of a triplet are equals, so their shares must be, got {partition!r}")
+            raise AtcError(f"{self.style}: the two outer atoms of a triplet are equals, so their shares must be, got {partition!r}")
         self.weights = float(w[0]), float(w[1])
         self.shared = "a third to each of its atoms" if isinstance(partition, str) and partition == "equal" else words
 
@@ -148,7 +152,7 @@ class StillingerWeber(Term):
         )
         m = len(names)
         self.pair = np.zeros((m, m, 8))
-        self.triplet = np.zeros((m, m, m, 2))
+        self.triplet = np.zeros((m, m, m, 4))
         for (ia, a), (ib, b) in product(enumerate(names), repeat=2):
             e = self._entry(entries, a, b, b)
             sigma, energy = u.to_internal("length", e.sigma), u.to_internal("energy", e.epsilon)
@@ -160,7 +164,8 @@ class StillingerWeber(Term):
                 raise AtcError(f"{e.where}: a·sigma must be a positive length in the entry {a} {b} {b} (its cutoff), got {e.a} · {e.sigma}")
             for ic, c in enumerate(names):
                 t = self._entry(entries, a, b, c)
-                self.triplet[ia, ib, ic] = t.lam * u.to_internal("energy", t.epsilon) if threebody else 0.0, t.costheta0
+                strength = t.lam * u.to_internal("energy", t.epsilon) if threebody else 0.0
+                self.triplet[ia, ib, ic] = strength, t.costheta0, *self.deltas
         self._symmetric(entries)
         self.same_ends = bool((self.pair[..., 7] == self.pair[..., 7].T).all())
         self.cutoff = float(self.pair[..., 0].max())
@@ -197,7 +202,7 @@ class StillingerWeber(Term):
         self.pair[..., :7] = mean[..., :7]
 
     def describe(self) -> str:
-        what = "sw " + "-".join(str(n) for n in self.names) if self.elements is not None else "sw"
+        what = f"{self.style} {'-'.join(str(n) for n in self.names)}" if self.elements is not None else self.style
         share = f"pair energy shared half to each atom, triplet energy {self.shared}; one merged bond a pair, outer b-c bonds apart"
         return f"{what}, {share}" if self.threebody else f"{what} without three-body term, pair energy shared half to each atom"
 
@@ -227,7 +232,7 @@ class _SWWork(Work):
         else:
             if n and frame.types.max() >= len(term.element_of_type):
                 raise AtcError(
-                    f"{frame.source}: atoms of type {int(frame.types.max())} but pair_style sw names the elements of types 1 to {len(term.element_of_type) - 1}: name the others too, "
+                    f"{frame.source}: atoms of type {int(frame.types.max())} but pair_style {term.style} names the elements of types 1 to {len(term.element_of_type) - 1}: name the others too, "
                     "or NULL"
                 )
             if n and frame.types.min() < 1:
@@ -293,11 +298,12 @@ class _SWWork(Work):
             ws.grow()
         energies = acc.energies if acc.energies is not None else _NOTHING
         D = np.empty((self.room, 2, 3)) if acc.sources else None
-        m, energy = sw_triplets(
-            s0, s1, self.out_start, self.in_start, self.in_pair, self.a, self.b, self.rec, self.element, term.triplet, self.atom, self.most, term.prune,
+        m, energy, odd = sw_triplets(
+            term.angular, s0, s1, self.out_start, self.in_start, self.in_pair, self.a, self.b, self.rec, self.element, term.triplet, self.atom, self.most, term.prune,
             *term.weights, self.G_end, self.S_end, ws.i, ws.j, ws.r, ws.G, D, energies,
         )  # fmt: skip
         acc.energy += energy
+        acc.note(ODD.get(term.angular, ""), odd)
         return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], None if D is None else D[:m])
 
     def _merge(self, task, acc):
@@ -317,6 +323,34 @@ _SHARES = {"center": _CENTER, "centre": _CENTER}
 _TRIPLETS_PER_TASK = 1 << 16
 
 
+class StillingerWeberMod(StillingerWeber):
+    """`StillingerWeber` with [g_C(δ) δ]² for δ² = (cos θ − cos θ0)², g_C = 1 up to |δ| = δ1, 0 from δ2 on, ½ + ½ cos(π (|δ| − δ1)/(δ2 − δ1)) between, so that
+    sheets of atoms with two kinds of angles hold together (LAMMPS ``sw/mod``).
+
+    Between δ1 and δ2 LAMMPS's forces have 2 g_C δ where the derivative of the energy is 2 g_C δ (g_C + δ g_C'): its runs do not conserve energy while a triplet
+    passes there. Forces and stress are those of the run, energies too; the balance of energy is broken by as much as the run broke it, and a note counts
+    such triplets.
+
+    Parameters
+    ----------
+    As `StillingerWeber`; δ1 and δ2 are 0.25 and 0.35 unless `switch` says otherwise (``pair_style sw/mod maxdelta``).
+
+    Notes
+    -----
+    Source: Jiang, Acta Mech. Solida Sin. 32, 17 (2019).
+    """
+
+    style = "sw/mod"
+    bodies = 3
+    angular = SWITCHED
+    deltas = (0.25, 0.35)
+
+    def switch(self, first: float, last: float) -> None:
+        """From now on with these δ1 and δ2."""
+        self.deltas = first, last
+        self.triplet[..., 2:] = self.deltas
+
+
 @pair_style("sw")
 def _sw(inp):
     args = list(inp.args)
@@ -326,17 +360,36 @@ def _sw(inp):
             raise inp.error(f"pair_style sw: expected nothing or threebody on|off, got {' '.join(args)!r}")
         threebody = args[1] in ("on", "yes", "true")
         args = args[2:]
+    return _from_line(inp, StillingerWeber, threebody=threebody)
+
+
+@pair_style("sw/mod")
+def _sw_mod(inp):
+    term = _from_line(inp, StillingerWeberMod)
+    if inp.args:
+        if len(inp.args) != 3 or inp.args[0] != "maxdelta":
+            raise inp.error(f"pair_style sw/mod: expected nothing or maxdelta and two numbers, got {' '.join(inp.args)!r}")
+        deltas = tuple(inp.number(w, 1.0, "maxdelta") for w in inp.args[1:])
+        if not 0 <= deltas[0] < deltas[1]:
+            raise inp.error(f"pair_style sw/mod: maxdelta takes 0 <= delta1 < delta2, got {' '.join(inp.args[1:])}")
+        term.switch(*deltas)
+    return term
+
+
+def _from_line(inp, kind, **more):
+    """The potential of the one ``pair_coeff * *`` line."""
     if not inp.coeffs:
-        raise inp.error("pair_style sw has no pair_coeff line: give pair_coeff * * <file.sw> <element of each atom type>")
+        raise inp.error(f"{inp.command} has no pair_coeff line: give pair_coeff * * <file.sw> <element of each atom type>")
     if len(inp.coeffs) > 1:
-        raise inp.error("pair_style sw takes one pair_coeff * * line: leave one of them", inp.coeffs[1])
+        raise inp.error(f"{inp.command} takes one pair_coeff * * line: leave one of them", inp.coeffs[1])
     line = inp.coeffs[0]
     if any(t.lo != 1 or t.hi is not None for t in line.types):
-        raise inp.error("pair_style sw wants pair_coeff * * <file.sw> <element of each atom type>: replace the types by * *", line)
+        raise inp.error(f"{inp.command} wants pair_coeff * * <file.sw> <element of each atom type>: replace the types by * *", line)
     if len(line.words) < 2:
         raise inp.error(
-            f"pair_coeff * * of sw takes a file and the element of each atom type, got {' '.join(line.words) or 'nothing'}", line
+            f"pair_coeff * * of {inp.name} takes a file and the element of each atom type, got {' '.join(line.words) or 'nothing'}", line
         )
-    return StillingerWeber.from_file(
-        inp.path(line.words[0], line), line.words[1:], units=inp.units, threebody=threebody, least_types=inp.n_types, where=line.where
-    )
+    return kind.from_file(inp.path(line.words[0], line), line.words[1:], units=inp.units, least_types=inp.n_types, where=line.where, **more)
+
+
+MAPPED_STYLES.add("sw/mod")

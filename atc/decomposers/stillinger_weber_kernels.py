@@ -3,7 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from ..compiled import njit
+
+#: Angular functions of δ = cos θ − cos θ0: δ², [g_C(δ) δ]², δ²/(1 + C δ²); and (θ − θ0)².
+SQUARE, SWITCHED, SATURATED, HARMONIC = 0, 1, 2, 3
+ODD = {
+    SWITCHED: "triplets in the switch of sw/mod, where LAMMPS's force is not the derivative of its energy",
+    HARMONIC: "angles clamped near 0 or 180 degrees",
+}
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -104,12 +112,46 @@ def sw_runs(out_start, in_start, limit):
     return np.array(edges), most, room
 
 
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _odd(kind, cos, row):
+    """1 where the derivative of an angular function is not what it says: see the notes that count them."""
+    if kind == HARMONIC:
+        return 1 if 1.0 - cos * cos < 1e-6 else 0
+    if kind == SWITCHED:
+        return 1 if row[2] < abs(cos - row[1]) < row[3] else 0
+    return 0
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _angular(kind, cos, row):
+    """The angular function of a triplet and its derivative with respect to cos θ; row[1] is cos θ0 (HARMONIC: θ0)."""
+    if kind == HARMONIC:
+        cos = min(1.0, max(-1.0, cos))
+        apart = np.arccos(cos) - row[1]
+        # LAMMPS's guard: sin θ no smaller than 0.001.
+        return apart * apart, -2.0 * apart / max(np.sqrt(1.0 - cos * cos), 1e-3)
+    delta = cos - row[1]
+    if kind == SATURATED:
+        q = 1.0 / (1.0 + row[2] * delta * delta)
+        return delta * delta * q, 2.0 * delta * q * q
+    if kind == SWITCHED:
+        size = abs(delta)
+        if size >= row[3]:
+            return 0.0, 0.0
+        if size > row[2]:
+            # LAMMPS's force has the derivative 2 g_C δ here, as if g_C were constant and once only; its runs went by that.
+            delta *= 0.5 + 0.5 * np.cos(np.pi * (size - row[2]) / (row[3] - row[2]))
+    return delta * delta, 2.0 * delta
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def sw_triplets(
-    s0, s1, out_start, in_start, in_pair, a, b, rec, element, table, atom, most, prune, w_centre, w_end, G_end, S_end, out_i, out_j, out_r, out_G, out_D, energies
+    angular, s0, s1, out_start, in_start, in_pair, a, b, rec, element, table, atom, most, prune, w_centre, w_end, G_end, S_end, out_i, out_j, out_r, out_G, out_D, energies
 ):  # fmt: skip
     """All triplets around the atoms s0..s1: G of the arms into G_end (pair, which end is the centre), outer distances to the out arrays.
 
+    angular : which angular function A(cos θ), whose numbers are in table[centre, b, c, 1:], beside the strength in front; U = strength h_b h_c A.
+    Returns the number of outer bonds, the energy, and how many triplets were odd (`_odd`).
     S_end and out_D are None where no sources are wanted: numba then leaves those branches out of the machine code. With U the energy of a triplet
     and w its atoms' shares, the source of the ordered pair p, q is ∂U^(p)/∂x_q = w_p ∂U/∂x_q.
     """
@@ -121,6 +163,7 @@ def sw_triplets(
     if out_D is not None:
         S_arm = np.empty((most, 2, 3))
     m = 0
+    odd = 0
     total = 0.0
     shared = len(energies) > 0
     for s in range(s0, s1):
@@ -155,9 +198,10 @@ def sw_triplets(
                 xc, yc, zc, vc = arm[f, 0], arm[f, 1], arm[f, 2], arm[f, 3]
                 v = vb * vc
                 cos = (xb * xc + yb * yc + zb * zc) * v
-                delta = cos - table[es, ee, ef, 1]
-                slope = 2.0 * base * delta
-                u = base * delta * delta
+                value, slope = _angular(angular, cos, table[es, ee, ef])
+                slope *= base
+                odd += _odd(angular, cos, table[es, ee, ef])
+                u = base * value
                 g_b = slope * (v - cos * vb * vb) - u * wb
                 g_c = slope * (v - cos * vc * vc) - u * arm[f, 5]
                 g_e += g_b
@@ -196,7 +240,7 @@ def sw_triplets(
             G_end[pair[e], end[e]] = G_arm[e]
             if S_end is not None:
                 S_end[pair[e], end[e]] = S_arm[e]
-    return m, total
+    return m, total, odd
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -10,7 +10,6 @@ from itertools import product
 from types import MappingProxyType
 
 import numpy as np
-from numba import njit
 
 from ..bonds import Bonds
 from ..errors import AtcError
@@ -23,16 +22,25 @@ from .elements import ElementMap, mapped_line
 from .neighborhood import Neighborhood
 from .registry import MAPPED_STYLES, pair_style
 from .tersoff_file import TersoffEntry, read_tersoff_file
+from .tersoff_kernels import SINE, TERSOFF, bond_orders, merge
 
 _NOTHING = np.zeros(0)
 _NO_S = np.zeros((0, 2, 2, 3))
 _NO_D = np.zeros((0, 2, 3))
+#: Columns of the tables of pairs and of triplets, and those of a pair's repulsion that only some variants have.
+_TWO, _THREE, _CORE = 17, 11, [12, 13, 14, 15, 16]
 _CENTER = ((1.0, 0.0), "bond-order energy V_ij to its center i")
 _PAIR = {
     "pair": ((0.5, 0.5), "bond-order energy V_ij shared half to each of i and j"),
     "center": _CENTER,
     "centre": _CENTER,
 }
+
+
+def _row(width, *values) -> np.ndarray:
+    out = np.zeros(width)
+    out[: len(values)] = values
+    return out
 
 
 class Tersoff(Term):
@@ -50,6 +58,7 @@ class Tersoff(Term):
     partition : how V_ij = ½ f_C b_ij f_A, which depends on the neighbours of i, is shared: "pair" (half to i, half to j, as LAMMPS), "center" (all to
         i), or two numbers that add up to 1. Atoms k that only weaken the bond have no share. Repulsion: half to each. Stress and total energy do not
         depend on it; heat flux and churning do.
+    shift : δ: every distance d in the formulas (not in the angles) is replaced by d + δ (LAMMPS's ``shift``), in `units`
 
     Notes
     -----
@@ -58,35 +67,53 @@ class Tersoff(Term):
 
     part_name = "tersoff"
     partitions = MappingProxyType({"equal": "pair", "center": "center"})
+    #: What a variant of the family changes: its name, the entries of its files, and the kernels' choice of cutoff, angular function and b(ζ).
+    style = "tersoff"
+    bodies = 3
+    entry = TersoffEntry
+    form = (SINE, TERSOFF, TERSOFF)
 
-    def __init__(self, entries: dict, elements=None, *, units: str | Units = "metal", partition="pair"):
+    def __init__(self, entries: dict, elements=None, *, units: str | Units = "metal", partition="pair", shift: float = 0.0):
         self.units = u = system(units)
-        entries = {tuple(k): v if isinstance(v, TersoffEntry) else TersoffEntry(**v) for k, v in entries.items()}
+        entries = {tuple(k): v if isinstance(v, self.entry) else self.entry(**v) for k, v in entries.items()}
         for e in entries.values():
             if wrong := e.check():
                 raise AtcError(f"{e.where}: {wrong}")
         names = [next(iter(entries))[0]] if elements is None else list(dict.fromkeys(e for e in elements if e not in (None, "NULL")))
-        self.map = ElementMap(elements, names, "pair_style tersoff")
+        self.map = ElementMap(elements, names, f"pair_style {self.style}")
         self.share(partition)
-        energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
         m = len(names)
-        self.two = np.zeros((m, m, 12))
-        self.three = np.zeros((m, m, m, 9))
+        self.shift = float(u.to_internal("length", shift))
+        self.two = np.zeros((m, m, _TWO))
+        self.three = np.zeros((m, m, m, _THREE))
         for (i, a), (j, b), (k, c) in product(enumerate(names), repeat=3):
             e = entries.get((a, b, c))
             if e is None:
-                raise AtcError(f"Tersoff: no entry for {a} {b} {c}: a potential needs every combination of its elements")
-            R, D, lam3 = e.R * length, e.D * length, e.lam3 / length
-            self.three[i, j, k] = R, D, lam3, e.m, e.gamma, e.c**2, e.d**2, e.costheta0, (1.0 + e.c**2 / e.d**2 if e.c else 1.0)
+                raise AtcError(f"{self.style}: no entry for {a} {b} {c}: a potential needs every combination of its elements")
+            self.three[i, j, k] = self.around(e)
             if j == k:
                 if not e.n > 0 and e.beta > 0 and e.B > 0:
                     raise AtcError(f"{e.where}: n must be positive in the entry {a} {b} {b}, got {e.n:g}")
-                c1, c2 = ((2.0 * e.n * 1e-16) ** (-1.0 / e.n), (2.0 * e.n * 1e-8) ** (-1.0 / e.n)) if e.n > 0 else (np.inf, np.inf)
-                self.two[i, j] = R, D, e.A * energy, e.lam1 / length, e.B * energy, e.lam2 / length, e.beta, e.n, c1, c2, 1.0 / c2, 1.0 / c1
+                self.two[i, j] = self.between(e)
         self._symmetric(entries, names)
         self.cutoff = float((self.three[..., 0] + self.three[..., 1]).max())
         if not self.cutoff > 0:
-            raise AtcError("Tersoff: every cutoff R + D is 0")
+            raise AtcError(f"{self.style}: every cutoff R + D is 0")
+        # A negative δ lets pairs act from farther away.
+        self.cutoff += max(0.0, -self.shift)
+
+    def around(self, e) -> np.ndarray:
+        """The row of `three` of an entry, in internal units: R, D, λ3, m, and the angular function's numbers."""
+        u = self.units
+        R, D, lam3 = u.to_internal("length", e.R), u.to_internal("length", e.D), e.lam3 / u.to_internal("length", 1.0)
+        return _row(_THREE, R, D, lam3, e.m, e.gamma, e.c**2, e.d**2, e.costheta0, (1.0 + e.c**2 / e.d**2 if e.c else 1.0))
+
+    def between(self, e) -> np.ndarray:
+        """The row of `two` of an entry: R, D, A, λ1, B, λ2, and what b(ζ) needs; behind them c0, and strength, length, r_C, A_F of a ZBL core."""
+        u, energy, length = self.units, self.units.to_internal("energy", 1.0), self.units.to_internal("length", 1.0)
+        c1, c2 = ((2.0 * e.n * 1e-16) ** (-1.0 / e.n), (2.0 * e.n * 1e-8) ** (-1.0 / e.n)) if e.n > 0 else (np.inf, np.inf)
+        R, D = u.to_internal("length", e.R), u.to_internal("length", e.D)
+        return _row(_TWO, R, D, e.A * energy, e.lam1 / length, e.B * energy, e.lam2 / length, e.beta, e.n, c1, c2, 1.0 / c2, 1.0 / c1)
 
     def _symmetric(self, entries, names):
         """The repulsion of a pair, which LAMMPS takes from one of two entries by the numbering of the atoms, must be the same in both."""
@@ -98,29 +125,34 @@ class Tersoff(Term):
                     f"{e.where} and {f.where}: the entries {names[i]} {names[j]} {names[j]} and {names[j]} {names[i]} {names[i]} give different R, D, A or lambda1 for the "
                     "repulsion of one pair, of which LAMMPS takes one by the atoms' numbers: make them equal"
                 )
-        self.repulsion = np.ascontiguousarray(0.5 * (self.two + self.two.transpose(1, 0, 2))[..., :4])
+            if j > i and not np.allclose(self.two[i, j, _CORE], self.two[j, i, _CORE], rtol=1e-5, atol=0):
+                e, f = entries[names[i], names[j], names[j]], entries[names[j], names[i], names[i]]
+                raise AtcError(f"{e.where} and {f.where}: different c0 or ZBL numbers for the repulsion of one pair: make them equal")
+        self.repulsion = np.ascontiguousarray(0.5 * (self.two + self.two.transpose(1, 0, 2))[..., [0, 1, 2, 3, *_CORE]])
 
     @classmethod
-    def from_file(cls, path, elements, *, units: str | Units = "metal", partition="pair", where: str = "") -> Tersoff:
+    def from_file(cls, path, elements, *, units: str | Units = "metal", partition="pair", shift: float = 0.0, where: str = "") -> Tersoff:
         """From a LAMMPS parameter file, e.g. ``Tersoff.from_file("Si.tersoff", ["Si"])``. where : the line that names it, for messages."""
         used = dict.fromkeys(e for e in elements if e not in (None, "NULL"))
-        entries = read_tersoff_file(path, used, system(units).name, where)
+        entries = read_tersoff_file(path, used, system(units).name, where, cls.entry)
         for triple in product(used, repeat=3):
             if triple not in entries:
                 raise AtcError(
                     f"{path}: no entry for {' '.join(triple)}, which {where or 'the list of elements'} needs; a file must have every combination"
                 )
-        return cls(entries, elements, units=units, partition=partition)
+        return cls(entries, elements, units=units, partition=partition, shift=shift)
 
     def share(self, partition):
         if isinstance(partition, str) and partition == "equal":
             raise AtcError(
-                "tersoff: partition 'equal': a bond-order term has as many atoms as its bond has neighbours; use 'pair', 'center' or two numbers"
+                f"{self.style}: partition 'equal': a bond-order term has as many atoms as its bond has neighbours; use 'pair', 'center' or two numbers"
             )
-        self.weights, self.shared = weights_of(partition, 2, _PAIR, "tersoff")
+        self.weights, self.shared = weights_of(partition, 2, _PAIR, self.style)
 
     def describe(self) -> str:
-        return f"tersoff{self.map.describe()}, {self.shared}, repulsion half to each atom; one merged bond a pair, outer j-k bonds apart"
+        return (
+            f"{self.style}{self.map.describe()}, {self.shared}, repulsion half to each atom; one merged bond a pair, outer j-k bonds apart"
+        )
 
     def prepare(self, frame: Frame) -> Work:
         return _TersoffWork(self, frame)
@@ -154,8 +186,8 @@ class _TersoffWork(Work):
             ws.grow()
         D = np.empty((room, 2, 3)) if acc.sources else _NO_D
         energies = acc.energies if acc.energies is not None else _NOTHING
-        m, energy = _bond_orders(
-            near.first[task], near.first[task + 1], most, near.start, near.pair, near.end, near.a, near.b, near.r_pc, near.d_p, self.element,
+        m, energy = bond_orders(
+            term.form, term.shift, near.first[task], near.first[task + 1], most, near.start, near.pair, near.end, near.a, near.b, near.r_pc, near.d_p, self.element,
             term.two, term.three, term.weights, near.atom, self.G_end, self.S_end, ws.i, ws.j, ws.r, ws.G, D, energies,
         )  # fmt: skip
         acc.energy += energy
@@ -168,8 +200,8 @@ class _TersoffWork(Work):
             ws.grow()
         D = np.empty((p1 - p0, 2, 3)) if acc.sources else _NO_D
         energies = acc.energies if acc.energies is not None else _NOTHING
-        m, energy, bad = _merge(
-            p0, p1, near.a, near.b, near.r_pc, near.d_p, self.element, self.term.repulsion, self.G_end, self.S_end, near.atom,
+        m, energy, bad = merge(
+            self.term.form, self.term.shift, p0, p1, near.a, near.b, near.r_pc, near.d_p, self.element, self.term.repulsion, self.G_end, self.S_end, near.atom,
             ws.i, ws.j, ws.r, ws.G, D, energies,
         )  # fmt: skip
         if bad >= 0:
@@ -181,218 +213,15 @@ class _TersoffWork(Work):
         return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _cutoff(d, R, D):
-    """f_C and its slope."""
-    if d < R - D:
-        return 1.0, 0.0
-    if d >= R + D:
-        return 0.0, 0.0
-    x = 0.5 * np.pi * (d - R) / D
-    return 0.5 * (1.0 - np.sin(x)), -0.25 * np.pi / D * np.cos(x)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _bond_order(zeta, two):
-    """b(ζ) and b'(ζ), with LAMMPS's limits (PairTersoff::ters_bij) where one term of 1 + (βζ)ⁿ is lost in the other."""
-    beta, n = two[6], two[7]
-    t = beta * zeta
-    if t > two[8]:
-        return 1.0 / np.sqrt(t), -0.5 * beta * t**-1.5
-    if t > two[9]:
-        tn = t**-n
-        return (1.0 - tn / (2.0 * n)) / np.sqrt(t), -0.5 * beta * t**-1.5 * (1.0 - (1.0 + 0.5 / n) * tn)
-    if t < two[11]:
-        return 1.0, 0.0
-    if t < two[10]:
-        return 1.0 - t**n / (2.0 * n), -0.5 * beta * t ** (n - 1.0)
-    tn = t**n
-    return (1.0 + tn) ** (-0.5 / n), -0.5 * (1.0 + tn) ** (-1.0 - 0.5 / n) * tn / zeta
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _bond_orders(
-    s0,
-    s1,
-    most,
-    start,
-    pair,
-    end,
-    a,
-    b,
-    r,
-    d,
-    element,
-    two,
-    three,
-    weights,
-    atom,
-    G_end,
-    S_end,
-    out_i,
-    out_j,
-    out_r,
-    out_G,
-    out_D,
-    energies,
-):
-    """V_ij of the bonds of the atoms s0..s1 and its derivatives: arms into the slots, outer distances to the out arrays."""
-    sources = len(out_D) > 0
-    shared = len(energies) > 0
-    w_i, w_j = weights[0], weights[1]
-    who = np.empty(most, np.int32)
-    arm = np.empty((most, 3))  # x_i − x_k
-    dist = np.empty(most)
-    G_arm = np.empty(most)
-    G_out = np.empty((most, most))
-    S_arm = np.empty((most, 2, 3))
-    S_out = np.empty((most, most, 3))  # [p, q] = ∂U^(p)/∂x_q
-    along, other, outer = np.empty(most), np.empty(most), np.empty(most)  # ∂ζ/∂ξ of ij, ik, jk
-    g_j, g_i, g_k = np.empty(3), np.empty(3), np.empty(3)
-    total = 0.0
-    m = 0
-    for s in range(s0, s1):
-        k = start[s + 1] - start[s]
-        for e in range(k):
-            p = pair[start[s] + e]
-            sign = 1.0
-            who[e] = b[p]
-            if end[start[s] + e] == 1:
-                sign = -1.0
-                who[e] = a[p]
-            dist[e] = d[p]
-            G_arm[e] = 0.0
-            for c in range(3):
-                arm[e, c] = sign * r[p, c]
-                S_arm[e, 0, c] = S_arm[e, 1, c] = 0.0
-            for f in range(k):
-                G_out[e, f] = 0.0
-                if sources:
-                    for c in range(3):
-                        S_out[e, f, c] = 0.0
-        es = element[s]
-        for e in range(k):
-            ee = element[who[e]]
-            par = two[es, ee]
-            d1 = dist[e]
-            if d1 >= par[0] + par[1] or par[4] == 0.0:
-                continue
-            zeta = 0.0
-            for f in range(k):
-                along[f] = other[f] = outer[f] = 0.0
-                if f == e:
-                    continue
-                tri = three[es, ee, element[who[f]]]
-                d2 = dist[f]
-                if d2 >= tri[0] + tri[1]:
-                    continue
-                fc, dfc = _cutoff(d2, tri[0], tri[1])
-                v = 1.0 / (d1 * d2)
-                cos = (arm[e, 0] * arm[f, 0] + arm[e, 1] * arm[f, 1] + arm[e, 2] * arm[f, 2]) * v
-                h = tri[7] - cos
-                q = 1.0 / (tri[6] + h * h)
-                g = tri[4] * (tri[8] - tri[5] * q)
-                dg = -2.0 * tri[4] * tri[5] * h * q * q
-                x = tri[2] * (d1 - d2)
-                if tri[3] == 3.0:
-                    y, dy = x * x * x, 3.0 * tri[2] * x * x
-                else:
-                    y, dy = x, tri[2]
-                # LAMMPS's bounds of the exponential.
-                ex = 1e30 if y > 69.0776 else (0.0 if y < -69.0776 else np.exp(y))
-                zeta += fc * g * ex
-                by_cos = fc * dg * ex
-                by_r = fc * g * ex * dy
-                along[f] = by_cos * (v - cos / (d1 * d1)) + by_r / d1
-                other[f] = by_cos * (v - cos / (d2 * d2)) - by_r / d2 + dfc * g * ex / d2
-                outer[f] = -by_cos * v
-            fc, dfc = _cutoff(d1, par[0], par[1])
-            attraction = -par[4] * np.exp(-par[5] * d1)
-            fa, dfa = attraction * fc, attraction * (dfc - par[5] * fc)
-            order, slope = _bond_order(zeta, par)
-            V = 0.5 * order * fa
-            pre = 0.5 * fa * slope
-            g_ij = 0.5 * order * dfa / d1
-            for f in range(k):
-                g_ij += pre * along[f]
-            total += V
-            if shared:
-                energies[atom[s]] += w_i * V
-                energies[atom[who[e]]] += w_j * V
-            G_arm[e] += g_ij
-            for f in range(k):
-                G_arm[f] += pre * other[f]
-                if e < f:
-                    G_out[e, f] += pre * outer[f]
-                else:
-                    G_out[f, e] += pre * outer[f]
-            if sources:
-                for c in range(3):
-                    g_j[c] = -g_ij * arm[e, c]
-                    g_i[c] = 0.0
-                for f in range(k):
-                    if other[f] == 0.0 and outer[f] == 0.0:
-                        continue
-                    for c in range(3):
-                        across = pre * outer[f] * (arm[f, c] - arm[e, c])
-                        g_j[c] += across
-                        g_k[c] = -pre * other[f] * arm[f, c] - across
-                        g_i[c] -= g_k[c]
-                        S_arm[f, 0, c] += w_i * g_k[c]
-                        S_out[e, f, c] += w_j * g_k[c]
-                for c in range(3):
-                    S_arm[e, 0, c] += w_i * g_j[c]
-                    S_arm[e, 1, c] += w_j * (g_i[c] - g_j[c])
-        for e in range(k):
-            p, side = pair[start[s] + e], end[start[s] + e]
-            G_end[p, side] = G_arm[e]
-            if sources:
-                for c in range(3):
-                    S_end[p, side, 0, c] = S_arm[e, 0, c]
-                    S_end[p, side, 1, c] = S_arm[e, 1, c]
-            for f in range(e + 1, k):
-                keep = G_out[e, f] != 0.0
-                out_i[m], out_j[m], out_G[m] = atom[who[e]], atom[who[f]], G_out[e, f]
-                for c in range(3):
-                    out_r[m, c] = arm[f, c] - arm[e, c]
-                    if sources:
-                        out_D[m, 0, c], out_D[m, 1, c] = S_out[e, f, c], S_out[f, e, c]
-                        keep = keep or S_out[e, f, c] != 0.0 or S_out[f, e, c] != 0.0
-                m += 1 if keep else 0
-    return m, total
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _merge(p0, p1, a, b, r, d, element, repulsion, G_end, S_end, atom, out_i, out_j, out_r, out_G, out_D, energies):
-    """One bond a pair: repulsion and what both ends' bond orders give. Returns their number, the repulsive energy, the first bad pair (−1)."""
-    sources = len(out_D) > 0
-    shared = len(energies) > 0
-    total = 0.0
-    m = 0
-    for p in range(p0, p1):
-        i, j = a[p], b[p]
-        par = repulsion[element[i], element[j]]
-        fc, dfc = _cutoff(d[p], par[0], par[1])
-        e = par[2] * np.exp(-par[3] * d[p])
-        u = e * fc
-        own = e * (dfc - par[3] * fc) / d[p]
-        g = own + G_end[p, 0] + G_end[p, 1]
-        if not np.isfinite(g + u):
-            return 0, 0.0, p
-        total += u
-        if shared:
-            energies[atom[i]] += 0.5 * u
-            energies[atom[j]] += 0.5 * u
-        keep = g != 0.0
-        out_i[m], out_j[m], out_G[m] = atom[i], atom[j], g
-        for c in range(3):
-            out_r[m, c] = r[p, c]
-            if sources:
-                out_D[m, 0, c] = -0.5 * own * r[p, c] + S_end[p, 0, 0, c] + S_end[p, 1, 1, c]
-                out_D[m, 1, c] = 0.5 * own * r[p, c] + S_end[p, 0, 1, c] + S_end[p, 1, 0, c]
-                keep = keep or out_D[m, 0, c] != 0.0 or out_D[m, 1, c] != 0.0
-        m += 1 if keep else 0
-    return m, total, -1
+def bond_order_style(inp, kind, ending):
+    """A member of the family from its ``pair_style NAME [shift δ]`` and its one ``pair_coeff * *`` line."""
+    shift = 0.0
+    if inp.args:
+        if len(inp.args) != 2 or inp.args[0] != "shift":
+            raise inp.error(f"{inp.command}: expected nothing or shift and a distance, got {' '.join(inp.args)!r}")
+        shift = inp.number(inp.args[1], 1.0, "shift")
+    path, elements, line = mapped_line(inp.replace(args=()), ending)
+    return kind.from_file(path, elements, units=inp.units, shift=shift, where=line.where)
 
 
 MAPPED_STYLES.add("tersoff")
@@ -400,7 +229,4 @@ MAPPED_STYLES.add("tersoff")
 
 @pair_style("tersoff")
 def _tersoff(inp):
-    if inp.args:
-        raise inp.error(f"pair_style tersoff: {' '.join(inp.args)} is not supported: expected no arguments")
-    path, elements, line = mapped_line(inp, ".tersoff")
-    return Tersoff.from_file(path, elements, units=inp.units, where=line.where)
+    return bond_order_style(inp, Tersoff, ".tersoff")

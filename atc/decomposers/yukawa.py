@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from .pair import PairStyle
 from .pair_input import mix_distance, mix_energy, pair_values
 from .registry import StyleInput, pair_style

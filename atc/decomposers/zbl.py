@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from ..errors import AtcError
 from ..units import Units
 from ..units import units as get_units
@@ -83,6 +83,15 @@ class ZBL(PairStyle):
 
     def add(self, types, i, j, d2, weights, U, G, prepared):
         _zbl(types, i, j, d2, self.table, U, G)
+
+
+def universal_screening(u: Units, zi, zj, r):
+    """Unswitched U and dU/dr of two nuclei at distance r, all in the unit style's own units."""
+    a = _A0 * _ANGSTROM.get(u.name, 1.0) / (zi**_POWER + zj**_POWER)
+    e2 = u.coulomb * u.charge**2 / (u.energy * u.length) * _ELECTRON.get(u.name, 1.0) ** 2 * zi * zj
+    terms = [c * np.exp(-k * r / a) for c, k in zip(_C, _D, strict=True)]
+    U = e2 / r * sum(terms)
+    return U, -U / r - e2 / (r * a) * sum(k * t for k, t in zip(_D, terms, strict=True))
 
 
 @pair_style("zbl")

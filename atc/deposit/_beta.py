@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from math import erf, exp, sqrt
 
-import numba as nb
 import numpy as np
 
+from ..compiled import njit
 from ._simd import INLINE, JIT_FMA, exp2i4, load4, log2_ratio4, maximum4, minimum4, peek, poke, splat4, sqrt4, store4, where_zero4
 
 # Room for the constants of any family, and behind them for what is done one point at a time.
@@ -19,7 +19,7 @@ SCRATCH = 64
 N_CONSTANTS = SCRATCH + 40
 
 
-@nb.njit(**JIT_FMA)
+@njit(**JIT_FMA)
 def even_constants(length, R, c_mk, piece, r_bc, frame_bcc, b, k):
     k[0] = (R / length) * (R / length)
     k[1] = c_mk[piece, 0]
@@ -27,13 +27,13 @@ def even_constants(length, R, c_mk, piece, r_bc, frame_bcc, b, k):
     k[3] = c_mk[piece, 2] / (k[0] * k[0])
 
 
-@nb.njit(**INLINE)
+@njit(**INLINE)
 def even(D, Y, M, k):
     """c0 + c1 w + c2 w² with w = 1 − ρ²/R²: step, Epanechnikov, quartic."""
     return even_mean(D, peek(k, 0) - M * M - Y * Y, peek(k, 1), peek(k, 2), peek(k, 3))
 
 
-@nb.njit(**INLINE)
+@njit(**INLINE)
 def even_mean(D, w, c0, c1, c2):
     w = maximum4(w, 0.0)
     q = sqrt4(w)
@@ -49,7 +49,7 @@ def even_mean(D, w, c0, c1, c2):
     return share * (c0 + c1 * (w - m2) + c2 * (w * (w - 2.0 * m2) + m4))
 
 
-@nb.njit(**INLINE)
+@njit(**INLINE)
 def _inverse_and_atanh(S, delta):
     """1/S and atanh(δ/S)/δ for 0 ≤ δ ≤ S, S > 0.
 
@@ -76,20 +76,20 @@ def _inverse_and_atanh(S, delta):
     return inverse_S, where_zero4(e, g, f * g + 0.34657359027997264 * e) * (inverse * S * Q)
 
 
-@nb.njit(**JIT_FMA)
+@njit(**JIT_FMA)
 def cone_constants(length, R, c_mk, piece, r_bc, frame_bcc, b, k):
     k[0] = (R / length) * (R / length)
     k[1] = c_mk[piece, 0]
     k[2] = c_mk[piece, 1] * (length / R)
 
 
-@nb.njit(**INLINE)
+@njit(**INLINE)
 def cone(D, Y, M, k):
     """c0 + c1 ρ/R: linear, hardy, tables."""
     return cone_mean(D, M * M + Y * Y, peek(k, 0), peek(k, 1), peek(k, 2))
 
 
-@nb.njit(**INLINE)
+@njit(**INLINE)
 def cone_mean(D, p2, R2, c0, c1):
     q = sqrt4(maximum4(R2 - p2, 0.0))
     lo = maximum4(D - q, 0.0)
@@ -103,7 +103,7 @@ def cone_mean(D, p2, R2, c0, c1):
     return share * (c0 + c1 * j1)
 
 
-@nb.njit(**JIT_FMA)
+@njit(**JIT_FMA)
 def radial_constants(length, R, c_mk, piece, r_bc, frame_bcc, b, k):
     s = length / R
     k[0] = (R / length) * (R / length)
@@ -114,13 +114,13 @@ def radial_constants(length, R, c_mk, piece, r_bc, frame_bcc, b, k):
     k[5] = c_mk[piece, 4] * s * s * s * s
 
 
-@nb.njit(**INLINE)
+@njit(**INLINE)
 def radial(D, Y, M, k):
     """Σ_k c_k (ρ/R)^k, k = 0..4 (`kernels.mean_powers`)."""
     return radial_mean(D, M * M + Y * Y, peek(k, 0), peek(k, 1), peek(k, 2), peek(k, 3), peek(k, 4), peek(k, 5))
 
 
-@nb.njit(**INLINE)
+@njit(**INLINE)
 def radial_mean(D, p2, R2, c0, c1, c2, c3, c4):
     q = sqrt4(maximum4(R2 - p2, 0.0))
     lo = maximum4(D - q, 0.0)
@@ -143,7 +143,7 @@ def radial_mean(D, p2, R2, c0, c1, c2, c3, c4):
     return share * (c0 + c1 * j1 + c2 * (p2 + m2) + c3 * j3 + c4 * (p2 * (p2 + 2.0 * m2) + m4))
 
 
-@nb.njit(**INLINE)
+@njit(**INLINE)
 def exp_minus(x):
     """exp(−x) for 0 ≤ x: 2^−n times a Taylor series of degree 13 on |t| ≤ ½ ln 2 (0.3466^14/14! = 4e-18)."""
     x = minimum4(x, 700.0)
@@ -171,7 +171,7 @@ LONG = 3.0
 _TERMS = 48
 
 
-@nb.njit(**JIT_FMA)
+@njit(**JIT_FMA)
 def gaussian_constants(length, R, c_mk, piece, r_bc, frame_bcc, b, k):
     """c0 exp(−ρ²/2w²), w = c1, to a relative accuracy of c2 (1e-17 is exact). With y = s²(D − ½), s = |r|/√2 w, the mean over the bond is
     exp(−s²(D − ½)²) ∫ exp(−s²t²) cosh(2yt) dt over |t| < ½ = exp(..) Σ_j y^2j 4^j/(2j)! ∫ t^2j exp(−s²t²) dt: all terms are positive.
@@ -215,7 +215,7 @@ def gaussian_constants(length, R, c_mk, piece, r_bc, frame_bcc, b, k):
             factor *= 2.0 * j * (2.0 * j - 1.0) / 4.0
 
 
-@nb.njit(**INLINE)
+@njit(**INLINE)
 def gaussian(D, Y, M, k):
     p2 = M * M + Y * Y
     if peek(k, 2) > 0.0:
@@ -234,7 +234,7 @@ def gaussian(D, Y, M, k):
     return peek(k, 1) * peek(k, 3) * load4(k, SCRATCH) * exp_minus(peek(k, 0) * p2)
 
 
-@nb.njit(**JIT_FMA)
+@njit(**JIT_FMA)
 def cartesian_constants(length, R, c_mk, piece, r_bc, frame_bcc, b, k):
     k[3] = length
     # One frame a bond, or a buffer with the frame of this bond.
@@ -247,7 +247,7 @@ def cartesian_constants(length, R, c_mk, piece, r_bc, frame_bcc, b, k):
         k[13 + j] = c_mk[piece, j]
 
 
-@nb.njit(**JIT_FMA)
+@njit(**JIT_FMA)
 def _cartesian(D, Y, M, k):
     """d = x_i − x along x, y, z, from the bond's frame, into k[SCRATCH:SCRATCH + 12]."""
     D = D * peek(k, 3)
@@ -257,7 +257,7 @@ def _cartesian(D, Y, M, k):
         store4(k, SCRATCH + 4 * c, D * peek(k, 4 + c) + Y * peek(k, 7 + c) + M * peek(k, 10 + c))
 
 
-@nb.njit(**JIT_FMA)
+@njit(**JIT_FMA)
 def _m4(v):
     v = abs(v)
     a = 2.0 - v if v < 2.0 else 0.0
@@ -272,7 +272,7 @@ _W5 = tuple(float(x) for x in 0.5 * _GL5[1])
 bspline_constants = cartesian_constants
 
 
-@nb.njit(**JIT_FMA)
+@njit(**JIT_FMA)
 def bspline(D, Y, M, k):
     """c0 Π M4(d_a/h), h = c1: between crossings of knot planes a polynomial of degree 9 along the bond, five Gauss points are exact."""
     times = k + 8 * (SCRATCH + 16)
@@ -283,7 +283,7 @@ def bspline(D, Y, M, k):
     return load4(k, SCRATCH + 12)
 
 
-@nb.njit(**JIT_FMA)
+@njit(**JIT_FMA)
 def bspline_mean(d0, d1, d2, r0, r1, r2, c_at, times):
     """At one point: d = x_i − x; room for 17 numbers at `times`."""
     h = peek(c_at, 1)
@@ -318,7 +318,7 @@ def bspline_mean(d0, d1, d2, r0, r1, r2, c_at, times):
 box_constants = cartesian_constants
 
 
-@nb.njit(**JIT_FMA)
+@njit(**JIT_FMA)
 def box(D, Y, M, k):
     """c0 inside the half-open box of edges c1, c2, c3: the share of the bond between three pairs of planes."""
     _cartesian(D, Y, M, k)
@@ -328,7 +328,7 @@ def box(D, Y, M, k):
     return load4(k, SCRATCH + 12)
 
 
-@nb.njit(**JIT_FMA)
+@njit(**JIT_FMA)
 def box_mean(d0, d1, d2, r0, r1, r2, c_at):
     """At one point: d = x_i − x."""
     lo = 0.0

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from math import erf, factorial, sqrt
 
-import numba as nb
 import numpy as np
 
+from ..compiled import njit
 from ._beta import LONG, box_mean, bspline_mean, cone_mean, even_mean, exp_minus, radial_mean
 from ._simd import INLINE, JIT_FMA, largest4, load4, minimum4, peek, peek_int, poke, splat4, sqrt4, store4
 
@@ -20,18 +20,18 @@ from ._simd import INLINE, JIT_FMA, largest4, load4, minimum4, peek, peek_int, p
 _LANES, _SEEN, _KEPT, _LAST, _J = 4, 56, 57, 58, 59
 
 
-@nb.njit(**INLINE)
+@njit(**INLINE)
 def even_pairs(D, p2, length2, R2, c_at, series_at, bond_at, r_at, k):
     s2 = length2 * (1.0 / R2)
     return even_mean(D, R2 / length2 - p2, peek(c_at, 0), peek(c_at, 1) * s2, peek(c_at, 2) * s2 * s2)
 
 
-@nb.njit(**INLINE)
+@njit(**INLINE)
 def cone_pairs(D, p2, length2, R2, c_at, series_at, bond_at, r_at, k):
     return cone_mean(D, p2, R2 / length2, peek(c_at, 0), peek(c_at, 1) * sqrt4(length2 * (1.0 / R2)))
 
 
-@nb.njit(**INLINE)
+@njit(**INLINE)
 def radial_pairs(D, p2, length2, R2, c_at, series_at, bond_at, r_at, k):
     s2 = length2 * (1.0 / R2)
     s = sqrt4(s2)
@@ -88,7 +88,7 @@ def _last_by_s2(s2, accuracy):
 _N_FACTORIALS = len(_FACTORIALS)
 
 
-@nb.njit(**JIT_FMA)
+@njit(**JIT_FMA)
 def _last(y, s2, series_at):
     """The last term that matters for y and s² up to these."""
     at = 1 + _N_FACTORIALS
@@ -97,7 +97,7 @@ def _last(y, s2, series_at):
     return int(max(peek(series_at, at + 2 + at_y), peek(series_at, at + 2 + n_y + at_s2)))
 
 
-@nb.njit(**INLINE)
+@njit(**INLINE)
 def gaussian_pairs(D, p2, length2, R2, c_at, series_at, bond_at, r_at, k):
     """c0 exp(−ρ²/2w²). With s² = |r|²/2w² and y = s²(D − ½) the mean over the bond is exp(−s²(p² + (D − ½)² + ¼)) Σ_j J_j y^2j, where
     J_j = 4^j/(2j)! ∫ t^2j exp(s²(¼ − t²)) dt over |t| < ½ = (j + 1) s² J_j+1 + 1/(2j + 1)!: downwards, in step with Horner's rule; all terms are positive.
@@ -156,7 +156,7 @@ def gaussian_pairs(D, p2, length2, R2, c_at, series_at, bond_at, r_at, k):
     return beta
 
 
-@nb.njit(**JIT_FMA)
+@njit(**JIT_FMA)
 def _vectors(x, y, z, bond_at, r_at, k):
     """d and r of the four, side by side, into k."""
     store4(k, _LANES, x)
@@ -168,7 +168,7 @@ def _vectors(x, y, z, bond_at, r_at, k):
             poke(k, _LANES + 12 + 3 * l + c, peek(r_at, b + c))
 
 
-@nb.njit(**JIT_FMA)
+@njit(**JIT_FMA)
 def bspline_pairs(x, y, z, R2, c_at, series_at, bond_at, r_at, k):
     times = k + 8 * 32
     _vectors(x, y, z, bond_at, r_at, k)
@@ -179,7 +179,7 @@ def bspline_pairs(x, y, z, R2, c_at, series_at, bond_at, r_at, k):
     return load4(k, 0)
 
 
-@nb.njit(**JIT_FMA)
+@njit(**JIT_FMA)
 def box_pairs(x, y, z, R2, c_at, series_at, bond_at, r_at, k):
     _vectors(x, y, z, bond_at, r_at, k)
     for l in range(4):

@@ -12,8 +12,7 @@ from __future__ import annotations
 
 from math import ceil, floor, isfinite, sqrt
 
-import numba as nb
-
+from ..compiled import njit
 from ._beta import even, even_constants
 from ._simd import (
     ENTRY,
@@ -44,7 +43,7 @@ BETA = even
 CONSTANTS = even_constants
 
 
-@nb.njit(**INLINE)
+@njit(**INLINE)
 def folded(i, n):
     """i modulo n; a division is slow and rarely needed."""
     if 0 <= i < n:
@@ -53,7 +52,7 @@ def folded(i, n):
     return i if 0 <= i < n else i % n
 
 
-@nb.njit(**INLINE)
+@njit(**INLINE)
 def chords(n, D_at, Y_at, M_at, E2, D2, Y2, k_lo, k_hi, base2, n2, wrap2, first_at, count_at, at_at, short_at, long_at):
     """First point and number of points of each row inside the capsule, and where in the row of the accumulator that is.
 
@@ -124,7 +123,7 @@ def chords(n, D_at, Y_at, M_at, E2, D2, Y2, k_lo, k_hi, base2, n2, wrap2, first_
     return short, long, int(points)
 
 
-@nb.njit(**INLINE)
+@njit(**INLINE)
 def rows_of_planes(i, i_hi, j_lo, width, most, base0, n0, n1, wrap0, map_at, column_at, D_at, Y_at, M_at, row_at):
     """Bond coordinates of the rows of planes i, i+1, .. (as many as the buffers hold; nearly always all), and the rows' numbers.
 
@@ -151,7 +150,7 @@ def rows_of_planes(i, i_hi, j_lo, width, most, base0, n0, n1, wrap0, map_at, col
     return rows, i
 
 
-@nb.njit(**JIT_FMA)
+@njit(**JIT_FMA)
 def add(acc_at, to_at, beta_at, runs, quads, b_at):
     """b β for runs of four points; up to eight components from registers. The components of a point are neighbours in memory."""
     if quads == 2:
@@ -179,7 +178,7 @@ def add(acc_at, to_at, beta_at, runs, quads, b_at):
                 accumulate4(acc_at, to + c + 12 * quads, w3 * b)
 
 
-@nb.njit(**ENTRY)
+@njit(**ENTRY)
 def prepare(x_nc, i_b, r_bc, origin_c, offset_c, step_ac, inverse_ca, shape_a, wrap_a, tiny, map_bk, end_bk, base_ba, length_b, frame_bcc):
     """The geometry of bonds from x_nc[i_b] to x − r on the lattice (see the arguments of `lattice_bonds`). Returns the greatest length,
     −1 if something is not finite.

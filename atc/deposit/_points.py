@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from math import floor, isfinite, sqrt
 
-import numba as nb
 import numpy as np
 
+from ..compiled import njit
 from ._beta_pairs import even_pairs
 from ._simd import (
     ENTRY,
@@ -43,7 +43,7 @@ _FEW = 8
 _AHEAD = 100
 
 
-@nb.njit(**JIT_FMA)
+@njit(**JIT_FMA)
 def near(r0, r1, r2, m, support, cartesian, bond, x_at, apart, n, pair_at, bond_at, point_at, most):
     """Append the pairs of one bond with those of `m` points that lie inside its capsule; returns how many there are then.
 
@@ -84,7 +84,7 @@ def near(r0, r1, r2, m, support, cartesian, bond, x_at, apart, n, pair_at, bond_
     return n
 
 
-@nb.njit(**JIT_FMA)
+@njit(**JIT_FMA)
 def near_few(r_at, first, last, end, m, support, cartesian, x_at, apart, n, pair_at, bond_at, point_at, most):
     """The same for the bonds `first` to `last` (there are `end` of them) and a few points: four bonds at a time."""
     least = SHORTEST * support
@@ -129,7 +129,7 @@ def near_few(r_at, first, last, end, m, support, cartesian, x_at, apart, n, pair
     return n
 
 
-@nb.njit(**ENTRY)
+@njit(**ENTRY)
 def find_pairs(
     state,  # where to go on: the first bond in a row with its start, the bin, the bond; all 0 at first
     x_nc,
@@ -282,7 +282,7 @@ def find_pairs(
     return n
 
 
-@nb.njit(**ENTRY)
+@njit(**ENTRY)
 def renumber(n, bond_l, which_b):
     """Number the bonds of pairs anew, by their order among those that occur; `which_b` gets what they were called. Returns how many there are."""
     count, before = 0, -1
@@ -346,7 +346,7 @@ def sum_pairs(
                     axpy4(acc_at, g + c, t, load4(b_at, b + c))
 
 
-@nb.njit(**ENTRY)
+@njit(**ENTRY)
 def mark(p_ga, pad, limit2, edges, periodic, marked):
     """Mark the bins whose centre is near a point; p_ga in bins."""
     n0, n1, n2 = marked.shape

@@ -12,11 +12,12 @@ import types as _types
 from functools import partial
 from pathlib import Path
 
-import numba as nb
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
+
+from ..compiled import njit
 
 JIT = dict(cache=True, nogil=True, error_model="numpy")
 # What is only called from compiled code needs no entry from Python, which takes longer to compile than most of these functions.
@@ -387,4 +388,4 @@ def specialise(py_func, tag: str, **names):
     f = _types.FunctionType(py_func.__code__, {**py_func.__globals__, **names}, py_func.__name__, py_func.__defaults__)
     f.__qualname__ = f"{py_func.__qualname__}_{tag}_{_SOURCES}"
     f.__module__ = py_func.__module__
-    return nb.njit(**ENTRY)(f)
+    return njit(**ENTRY)(f)

@@ -34,9 +34,9 @@ class CollapsingDeposit(SpectralDeposit):
     dense = DENSE_ATOMS
 
     def __init__(self, grid, kernel, cell, n_site, threads=1, tolerance=1e-5, gradients=False, order=3):
-        self.order, self.most_components = order, 8 * ceil(moments.count(order) / 8)
+        self.order, self.most_components = order, 8 * ceil(moments.count(order, kernel.dimension) / 8)
         super().__init__(grid, kernel, cell, n_site, 6, threads, tolerance, gradients=gradients)
-        self.layout = moments.Layout(order, self.real)
+        self.layout = moments.Layout(order, self.real, kernel.dimension)
         self._rows = [None] * self.threads
         self._longest = None
 
@@ -119,12 +119,12 @@ class CollapsingDeposit(SpectralDeposit):
         order = self._by_place(t)
         which, x_nc = which[order], x_nc[order]
         width, coef = self.parameters.width, self._rules()[3]
-        spread_rows, coef_flat = spread.row_core(width, len(coef) - 1, self.real), coef.ravel().astype(self.real)
+        spread_rows, coef_flat = spread.row_core(width, len(coef) - 1, self.real, self.depth), coef.ravel().astype(self.real)
         columns = np.full(8 * ceil(len(self.layout.columns) / 8), -1)
         columns[: len(self.layout.columns)] = self.layout.columns
         columns = columns.reshape(-1, 8)
         meshes = [self._mesh_for(("moment", 8 * g, thread), lo, hi, 8, rows.scale) for g in range(len(columns))]
-        short = self._short(meshes[0], LONGER * SPARSE / width**3) if self.real is np.float32 else len(which)
+        short = self._short(meshes[0], LONGER * SPARSE / (width**2 * self.depth)) if self.real is np.float32 else len(which)
 
         def groups(some):
             mine = meshes[some]
@@ -143,7 +143,7 @@ class CollapsingDeposit(SpectralDeposit):
                     if m is not first:
                         np.maximum(m.rows, first.rows, out=m.rows)
                 with self._counting:
-                    self._visits[thread] += n * width**3 * len(mine)
+                    self._visits[thread] += n * width**2 * self.depth * len(mine)
                     self._points[thread] += n * (some.start == 0)
 
         workers = min(workers, len(columns))

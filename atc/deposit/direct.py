@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from functools import cache
 from math import ceil
 
-import numba as nb
 import numpy as np
 
+from ..compiled import njit
+from ..disc import DiscMarginal
 from ..errors import AtcError
 from ..kernels import TINY, Box, BSpline, Gaussian, GaussianMarginal, Radial
 from . import _beta, _beta_pairs, _lattice, _points, _slab
@@ -35,7 +36,8 @@ def family(kernel):
         coef[0, :2] = kernel.normalisation, 0.5 * kernel.radius
         return "bspline", np.array([kernel.support]), coef
     if isinstance(kernel, Box):
-        coef[0, :4] = kernel.normalisation, *kernel.size
+        # In the plane d_z is 0: inside edges of any length.
+        coef[0, :4] = kernel.normalisation, *kernel.size, *kernel.size[: 3 - kernel.dimension]
         # A point exactly on a corner is inside; the sphere's rounding must not lose it.
         return "box", np.array([kernel.support * (1.0 + 1e-12)]), coef
     if not isinstance(kernel, Radial):
@@ -68,7 +70,7 @@ def stress_components(r_bc, G_b):
     return b_bk
 
 
-@nb.njit(**ENTRY)
+@njit(**ENTRY)
 def _outer(r_bc, G_b, b_bk):
     for b in range(len(G_b)):
         x, y, z, G = r_bc[b, 0], r_bc[b, 1], r_bc[b, 2], G_b[b]
@@ -437,6 +439,8 @@ class SlabDeposit(Deposit):
             name, self.radii, self.coef = "polynomial", marginal.radii[order], np.ascontiguousarray(marginal.coef_mk[order])
             if marginal.half_open:
                 name = "box"
+            elif isinstance(marginal, DiscMarginal):
+                name = "disc"
         self._core = _core(_slab.slab_bonds, name)
         self.step = self.height / len(grid)
         self.area = self.cell.volume / self.height

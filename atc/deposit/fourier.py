@@ -6,6 +6,8 @@
   divided by the integral of φ̂². As every cause of error depends on one component of k at a time, all these integrals are one-dimensional, over
   p(κ) = ∫ φ̂²(κ e + q) d²q (q normal to the unit vector e);
 - against the field of sources in step with one mode, a crystal's for example: the largest |φ̂| times what is wrong.
+
+In two dimensions k lies in the plane: φ̂ is Hankel's transform, and p(κ) an integral over the line normal to e.
 """
 
 from __future__ import annotations
@@ -47,6 +49,33 @@ def _moments(z):
     return out
 
 
+def _moments_plane(z):
+    """(5, ...) ∫₀¹ s^(n+1) J₀(z s) ds for n = 0..4: from ∫₀¹ s^m J₀ = J₁/z + (m−1) J₀/z² − (m−1)² ∫₀¹ s^(m−2) J₀/z², and Struve's functions for ∫ J₀."""
+    from scipy.special import j0, j1, struve
+
+    z = np.asarray(z, float)
+    out = np.empty((5, *z.shape))
+    small = z < _SERIES
+    if small.any():
+        z2 = 0.25 * z[small] ** 2
+        total = np.zeros((5, z2.size))
+        term = np.ones_like(z2)
+        for j in range(24):
+            for n in range(5):
+                total[n] += term / (n + 2 + 2 * j)
+            term = -term * z2 / (j + 1) ** 2
+        out[:, small] = total
+    if not small.all():
+        z = z[~small]
+        J0, J1 = j0(z), j1(z)
+        # ∫₀^z J₀ = z J₀ + (π z/2)(J₁ H₀ − J₀ H₁)
+        A = {0: J0 + 0.5 * pi * (J1 * struve(0, z) - J0 * struve(1, z)), 1: J1 / z}
+        for m in range(2, 6):
+            A[m] = J1 / z + (m - 1) * J0 / z**2 - (m - 1) ** 2 * A[m - 2] / z**2
+        out[:, ~small] = np.stack([A[m] for m in range(1, 6)])
+    return out
+
+
 def radial_hat(kernel, k):
     """φ̂ of an isotropic kernel for wave numbers k (any shape)."""
     k = np.asarray(k, float)
@@ -55,6 +84,10 @@ def radial_hat(kernel, k):
     if not isinstance(kernel, Radial):
         raise AtcError(f"kernel {kernel.name!r} has no radial transform: the direct method takes it")
     total = np.zeros(k.shape)
+    if kernel.dimension == 2:
+        for R, c in zip(kernel.radii, kernel.coef_mk):
+            total += (2 * pi * kernel.normalisation * R**2) * np.einsum("n,n...->...", c, _moments_plane(k * R))
+        return total
     for R, c in zip(kernel.radii, kernel.coef_mk):
         # Written so that a column of zeros costs nothing.
         for n, moment in enumerate(_moments(k * R)):
@@ -75,7 +108,7 @@ def phi_hat(kernel, k_c):
 class Spectrum:
     """A kernel's modes along one direction, k in units of 1/scale.
 
-    hat : φ̂(κ e); power : p(κ) dκ normalised to ∫₀^∞ p = 1; tail : ∫_κ^∞ p
+    dimension : the kernel's. hat : φ̂(κ e); power : p(κ) dκ normalised to ∫₀^∞ p = 1; tail : ∫_κ^∞ p
     centre : how much of φ(0) the modes beyond κ make up
     """
 
@@ -85,6 +118,7 @@ class Spectrum:
     power: np.ndarray
     tail: np.ndarray
     centre: np.ndarray
+    dimension: int = 3
 
 
 @lru_cache(maxsize=64)
@@ -96,24 +130,40 @@ def spectrum(kernel, gradient=False) -> Spectrum:
         hat = np.sinc(k * 0.25 / pi) ** 4
         p = hat**2 * (k**2 if gradient else 1.0)
         # One axis after the other.
-        centre = 3.0 * hat
+        centre = float(kernel.dimension) * hat
     elif isinstance(kernel, (Gaussian, Radial)):
         scale = kernel.radius
         top = 90.0 if isinstance(kernel, Gaussian) else 1500.0
         k = (np.arange(int(top / 0.05)) + 0.5) * 0.05
         hat = radial_hat(kernel, k / scale)
-        # ∫ φ̂² q dq over the plane at κ: all k from κ on.
-        p = np.cumsum((hat**2 * k * (k**2 if gradient else 1.0))[::-1])[::-1]
-        centre = hat * k**2
+        if kernel.dimension == 2:
+            p = _along_lines(k, hat**2 * (k**2 if gradient else 1.0))
+            centre = hat * k
+        else:
+            # ∫ φ̂² q dq over the plane at κ: all k from κ on.
+            p = np.cumsum((hat**2 * k * (k**2 if gradient else 1.0))[::-1])[::-1]
+            centre = hat * k**2
     else:
         raise AtcError(f"kernel {kernel.name!r} jumps, its modes decay too slowly for the spectral method: use method 'direct'")
     p = p / p.sum()
-    total = (hat if isinstance(kernel, BSpline) else hat * k**2).sum()
+    total = (hat if isinstance(kernel, BSpline) else hat * k ** (kernel.dimension - 1)).sum()
     centre = np.maximum.accumulate(np.abs(np.cumsum(centre[::-1]) / total))[::-1]
     if gradient:
         # In step: against the mode with the largest gradient.
         hat = hat * k / np.abs(hat * k).max()
-    return Spectrum(scale, k, hat, p, np.cumsum(p[::-1])[::-1], centre)
+    return Spectrum(scale, k, hat, p, np.cumsum(p[::-1])[::-1], centre, kernel.dimension)
+
+
+def _along_lines(k, power):
+    """∫ power(√(κ² + q²)) dq over the line at distance κ, for κ at k, the middles of equal steps: by the length of the line in each ring, at some κ, and in between by its logarithm."""
+    step = k[1] - k[0]
+    some = np.unique(np.r_[np.arange(0, min(40, len(k))), np.geomspace(1, len(k) - 1, 300).astype(int)])
+    rim = np.r_[k - 0.5 * step, k[-1] + 0.5 * step]
+    out = np.empty(len(some))
+    for m, i in enumerate(some):
+        q = np.sqrt(np.maximum(rim[i:] ** 2 - k[i] ** 2, 0.0))
+        out[m] = power[i:] @ np.diff(q)
+    return np.exp(np.interp(k, k[some], np.log(np.maximum(out, 1e-300))))
 
 
 # --- the spreading window: Kaiser and Bessel's, x in mesh spacings, support |x| < width/2
@@ -166,8 +216,8 @@ def aliasing(spec, width, shapes, spacing, upto):
     others, own = images(f, width, shapes[:, None])
     wrong = np.sqrt(others) / own
     power = np.add.reduceat(spec.power[:upto], np.arange(0, upto, thin))
-    # Three axes, each with its own images.
-    return np.maximum(np.sqrt(3.0 * (wrong**2 * power).sum(-1)), np.abs(wrong * spec.hat[:upto:thin]).max(-1))
+    # Each axis has its own images.
+    return np.maximum(np.sqrt(float(spec.dimension) * (wrong**2 * power).sum(-1)), np.abs(wrong * spec.hat[:upto:thin]).max(-1))
 
 
 @dataclass(frozen=True)
@@ -200,13 +250,14 @@ def choose(kernel, left_out, confused, points_density, costs=COSTS[8], gradient=
     Parameters
     ----------
     left_out, confused : what the modes left out and the ones that the mesh takes for each other may cost
-    points_density : points to spread per unit volume
+    points_density : points to spread per unit volume (in the plane: area)
     costs : see COSTS
     gradient : whether the errors are those of the field's gradient
     centre : how much of φ(0) may be left out: where fields are wanted at the kernels' centres
     """
     spec = spectrum(kernel, gradient)
-    lost = np.sqrt(3.0 * spec.tail)
+    d = spec.dimension
+    lost = np.sqrt(float(d) * spec.tail)
     worst = np.maximum.accumulate(np.abs(spec.hat)[::-1])[::-1]
     fine = np.maximum(lost, worst) <= left_out
     if centre is not None:
@@ -234,7 +285,7 @@ def choose(kernel, left_out, confused, points_density, costs=COSTS[8], gradient=
                 low = oversampling
         if found is not None:
             h = pi / (k_max * found[0]) * spec.scale
-            cost = points_density * (costs[0] + costs[1] * width**3) + costs[2] / h**3
+            cost = points_density * (costs[0] + costs[1] * width**d) + costs[2] / h**d
             if best is None or cost < best[0]:
                 error = float(np.hypot(found[2], max(lost[upto], worst[upto])))
                 best = cost, Parameters(h, k_max / spec.scale, width, found[1], error)

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from math import exp, floor, sqrt
 
-import numba as nb
 import numpy as np
 
+from ..compiled import njit
 from ..errors import AtcError
-from ..kernels import Box, BSpline, Gaussian, GaussianMarginal, Radial
+from ..kernels import Box, BSpline, Gaussian, Radial
 from ._simd import JIT
 
 _RADIAL, _GAUSSIAN, _BSPLINE = 0, 1, 2
@@ -106,7 +106,7 @@ def _bins(cell, x, support):
     return x_nc, order, start, bins, low, scale
 
 
-@nb.njit(**JIT)
+@njit(**JIT)
 def _sorted(x, s, periodic, vectors, bins, low, scale):
     """Positions wrapped and sorted by bin, their order, and the first of each bin; s fractional."""
     n = len(x)
@@ -137,7 +137,7 @@ def _sorted(x, s, periodic, vectors, bins, low, scale):
     return out, order, start
 
 
-@nb.njit(**JIT)
+@njit(**JIT)
 def _m4(d, h):
     """The cubic B-spline of knot spacing h (times h), and its slope."""
     u = abs(d) / h
@@ -145,7 +145,7 @@ def _m4(d, h):
     return (p * p * p - 4.0 * q * q * q) / 6.0, -0.5 * (p * p - 4.0 * q * q) * (1.0 if d > 0.0 else -1.0) / h
 
 
-@nb.njit(**JIT)
+@njit(**JIT)
 def _phi(kind, d0, d1, d2, r2, radii, coef, g):
     """φ(d), with ∂φ/∂d in g."""
     if kind == _GAUSSIAN:
@@ -178,7 +178,7 @@ def _phi(kind, d0, d1, d2, r2, radii, coef, g):
     return value
 
 
-@nb.njit(**JIT)
+@njit(**JIT)
 def _gather(points, kind, radii, coef, x_nc, a_nk, w_n, start, bins, low, scale, periodic, cell, inverse, values, gradients):
     """Points and atoms relative to the cell's origin, atoms sorted by bin."""
     support = radii[0]
@@ -234,14 +234,7 @@ def _gather(points, kind, radii, coef, x_nc, a_nk, w_n, start, bins, low, scale,
 
 def marginal_slope(marginal, z):
     """dφ₁/dz of a kernel integrated over planes."""
-    z = np.asarray(z, float)
-    if isinstance(marginal, GaussianMarginal):
-        return -z / marginal.width**2 * marginal.phi(z)
-    total = np.zeros_like(z)
-    for R, c in zip(marginal.radii, marginal.coef_mk):
-        u = np.abs(z) / R
-        total += np.where(u < 1.0, np.polynomial.polynomial.polyval(u, c[1:] * np.arange(1, len(c))) / R, 0.0)
-    return np.sign(z) * total
+    return marginal.slope(z)
 
 
 def _gather_slab(bound, kernel, cell, x_nc, a_nk, gradient):

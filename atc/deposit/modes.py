@@ -2,7 +2,7 @@
 
 Along an axis of the box the points of a grid are reached in one of three ways: where the grid closes on itself by folding modes that agree there
 and a fast transform, exact however coarse the grid; where its points merely lie on lines along the box's edges by a sum over the modes of that
-axis; and for points anywhere by a mesh that is read off with the spreading window.
+axis; and for points anywhere by a mesh that is read off with the spreading window. In two dimensions the mesh has one layer and the only mode along z is the mean.
 """
 
 from __future__ import annotations
@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import pi, sqrt
 
-import numba as nb
 import numpy as np
 
+from ..compiled import njit
 from ..kernels import Radial
 from . import fourier, spread
 from ._simd import ENTRY
@@ -49,7 +49,7 @@ def separable(grid, to_mesh):
     return axes, owner
 
 
-@nb.njit(**ENTRY)
+@njit(**ENTRY)
 def _fill(table, step, b, n0, n1, n2, w0, w1, w2, out):
     """out = w0 w1 w2 table(|k|), by the cubic through the four nearest of table[1 + i] at i step: 0.01⁴ is enough for kernels with a kink."""
     for i in range(len(n0)):
@@ -95,6 +95,8 @@ class Modes:
 
     def window_hat(self, axis):
         p = self.parameters
+        if axis == 2 and self.kernel.dimension == 2:
+            return np.ones(1)
         return fourier.window_hat(self.index[axis] / self.counts[axis], p.width, p.shape)
 
     def wave_vector(self, c):
@@ -219,7 +221,10 @@ class Modes:
             seen &= self._seen(a, t_gc[:, a])
         out = np.zeros((len(t_gc), len(mesh_cxyz)))
         part = np.zeros((int(seen.sum()), len(mesh_cxyz)))
-        spread.interpolate(t_gc[seen] - self.low, self.counts, coef, self.parameters.width, mesh_cxyz, part)
+        if self.kernel.dimension == 2:
+            spread.interpolate_plane(t_gc[seen] - self.low, self.counts, coef, self.parameters.width, mesh_cxyz[:, :, :, 0].copy(), part)
+        else:
+            spread.interpolate(t_gc[seen] - self.low, self.counts, coef, self.parameters.width, mesh_cxyz, part)
         out[seen] = part
         return out
 

@@ -15,12 +15,12 @@ from __future__ import annotations
 from functools import cache, lru_cache
 from math import factorial, frexp
 
-import numba as nb
 import numpy as np
 from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
+from ..compiled import njit
 from . import fourier, spread
 from ._simd import ENTRY, specialise
 from .spread import begin
@@ -45,9 +45,9 @@ def powers(n: int) -> list[tuple[int, int, int]]:
     return [(a, b, n - a - b) for a in range(n, -1, -1) for b in range(n - a, -1, -1)]
 
 
-def count(order: int) -> int:
-    """Numbers that an atom carries."""
-    return sum(len(powers(n)) for n in range(2, order + 3))
+def count(order: int, dimension: int = 3) -> int:
+    """Numbers that an atom carries; in the plane those without z."""
+    return sum(len(powers(n)) if dimension == 3 else n + 1 for n in range(2, order + 3))
 
 
 def _padded(n):
@@ -57,10 +57,10 @@ def _padded(n):
 class Layout:
     """Where what is in a row: degree by degree, each filled up to a multiple of four numbers; then the atom's position, in double precision.
 
-    columns : (k,) of the monomials; powers : (k, 3) theirs; place : of the position, in doubles; row : length, in numbers
+    columns : (k,) of the monomials (in the plane of those without z, the others are 0); powers : (k, 3) theirs; place : of the position, in doubles; row : length, in numbers
     """
 
-    def __init__(self, order, real):
+    def __init__(self, order, real, dimension=3):
         self.order, self.real = order, real
         columns, exponents, end = [], [], 0
         for n in range(2, order + 3):
@@ -70,6 +70,9 @@ class Layout:
             end += _padded(len(monomials))
         size = np.dtype(real).itemsize
         self.columns, self.powers = np.array(columns), np.array(exponents)
+        if dimension == 2:
+            flat = self.powers[:, 2] == 0
+            self.columns, self.powers = self.columns[flat], self.powers[flat]
         self.place = end * size // 8
         # Whole quarters of a cache line.
         self.row = 16 * ((end * size + 24 + 15) // 16) // size
@@ -232,7 +235,7 @@ def add_bonds(x_nc, i_b, j_b, r_bc, G_b, first, weight_k, slack, longest, invers
     return len(i_b), many
 
 
-@nb.njit(**ENTRY)
+@njit(**ENTRY)
 def survey(i_b, j_b, r_bc, G_b):
     """Mean size of each component of G r⊗r (6,), the largest, whether all is finite, and least and greatest index."""
     mean = np.zeros(6)
@@ -286,7 +289,7 @@ class Rows:
         return True
 
 
-@nb.njit(**ENTRY)
+@njit(**ENTRY)
 def _join(rows, scale, others, other_scale, places, other_places, place):
     factor = other_scale / scale if scale > 0.0 else 1.0
     k = place * 8 // rows.itemsize
@@ -299,7 +302,7 @@ def _join(rows, scale, others, other_scale, places, other_places, place):
 
 
 # --- in the end
-@nb.njit(**ENTRY)
+@njit(**ENTRY)
 def contract(S, which, alphas, factors, n0, n1, n2, b, F):
     """F += Σ factor (ik)^α S over some monomials; S, F: real and imaginary parts side by side along the last axis.
 

@@ -4,6 +4,8 @@ The mesh is [x][y][z][components], components padded to four or eight. On period
 index wraps. What is done at one point is written as LLVM instructions for each width of the window: the products of weights and components stay
 in registers, and no loop is short. Memory goes by address there; `spread_bonds` owns the arrays and the bounds.
 
+In two dimensions the mesh is one layer, of which every point takes all along z (DEPTH 1).
+
 In single precision a mesh takes half the time and half the memory; its sums have to stay short (`SpectralDeposit` moves them on).
 """
 
@@ -12,16 +14,16 @@ from __future__ import annotations
 from functools import cache
 from math import ceil, floor, frexp, sqrt
 
-import numba as nb
 import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
+from ..compiled import njit
 from ._simd import ENTRY, INLINE, specialise
 
-# Set by `core` and `gatherer`: nodes of the window along each axis, components, type of the mesh, and what is done at a point.
-WIDTH, LANES, REAL, SPREAD = 4, 8, np.float64, None
+# Set by `core` and `row_core`: nodes of the window along x and y, and along z (as many, or 1), components, type of the mesh, and what is done at a point.
+WIDTH, DEPTH, LANES, REAL, SPREAD = 4, 4, 8, np.float64, None
 
 _DOUBLE, _FLOAT, _INT64, _INT32 = ir.DoubleType(), ir.FloatType(), ir.IntType(64), ir.IntType(32)
 
@@ -41,11 +43,12 @@ def begin(typingctx, array):
     return types.int64(array), codegen
 
 
-def _spreader(width, lanes, degree, real):
+def _spreader(width, lanes, degree, real, depth):
     """An intrinsic: (mesh, first node's offset, strides of x and y, distances along x, y, z, coefficients, components, scratch) -> nothing.
 
     Coefficients: (degree + 1, 4⌈width/4⌉) of the window in powers of the distance; scratch: room for 8⌈width/4⌉ numbers.
     """
+    assert depth in (1, width)
     pad = 4 * ((width + 3) // 4)
     number = _FLOAT if real == np.float32 else _DOUBLE
     size = 4 if real == np.float32 else 8
@@ -82,7 +85,7 @@ def _spreader(width, lanes, degree, real):
         for k in range(2):
             builder.store(p[k], place(scratch, k * pad, row), align=size)
         v = load(values, 0, node)
-        vz = [builder.fmul(pick(p[2], node, c), v, flags=contract) for c in range(width)]
+        vz = [builder.fmul(pick(p[2], node, c), v, flags=contract) for c in range(width)] if depth > 1 else [v]
         end = ir.Constant(_INT64, width)
         with cgutils.for_range(builder, end) as a:
             wx = builder.load(place(scratch, a.index, number))
@@ -125,13 +128,14 @@ def row_length(count, bytes_each):
 
 
 @cache
-def core(width, lanes, degree, real):
+def core(width, lanes, degree, real, depth):
     """`spread_bonds` for a window, a number of components and a precision."""
-    tag = f"{width}_{lanes}_{degree}_{np.dtype(real).name}"
-    return specialise(spread_bonds, tag, WIDTH=width, LANES=lanes, REAL=real, SPREAD=_spreader(width, lanes, degree, real))
+    tag = f"{width}_{lanes}_{degree}_{np.dtype(real).name}" + "_plane" * (depth == 1)
+    make = _spreader(width, lanes, degree, real, depth)
+    return specialise(spread_bonds, tag, WIDTH=width, DEPTH=depth, LANES=lanes, REAL=real, SPREAD=make)
 
 
-@nb.njit(**INLINE)
+@njit(**INLINE)
 def first_node(u, n, inverse, half, low):
     """Array index of the first node in reach of u (mesh spacings; of any image, where n > 0) and its distance above the window's lower end."""
     v = u - n * floor(u * inverse) - half - low
@@ -139,7 +143,7 @@ def first_node(u, n, inverse, half, low):
     return i, i - v
 
 
-@nb.njit(**ENTRY)
+@njit(**ENTRY)
 def survey(x_nc, i_b, r_bc, b_bk, origin, to_mesh, bounded):
     """What is to come: least and greatest mesh coordinate along each axis (2, 3) if `bounded`, mean |b| of each column, greatest |b|, and
     whether all numbers are finite.
@@ -212,6 +216,8 @@ def spread_bonds(
     low0, low1, low2 = float(low[0]), float(low[1]), float(low[2])
     # One node's distance to spare, as in the halo.
     last0, last1, last2 = counts[0] - WIDTH, counts[1] - WIDTH, counts[2] - WIDTH
+    if DEPTH == 1:
+        last2 = 1
     stride1 = row * LANES
     stride0 = counts[1] * stride1
     n_comp, most = b_bk.shape[1], longest.shape[1]
@@ -249,7 +255,10 @@ def spread_bonds(
                 t = (piece + nodes[m, q]) * share
                 i0, f0 = first_node(u0 - t * d0, n0, inverse0, half, low0)
                 i1, f1 = first_node(u1 - t * d1, n1, inverse1, half, low1)
-                i2, f2 = first_node(u2 - t * d2, n2, inverse2, half, low2)
+                if DEPTH == 1:
+                    i2, f2 = 1, 0.0
+                else:
+                    i2, f2 = first_node(u2 - t * d2, n2, inverse2, half, low2)
                 if i0 < 1 or i1 < 1 or i2 < 1 or i0 > last0 or i1 > last1 or i2 > last2:
                     continue
                 w = node_weights[m, q] * share * inverse_scale
@@ -257,17 +266,17 @@ def spread_bonds(
                     values[k] = b_bk[b, k] * w
                 rows[i0, i1] = 1
                 SPREAD(
-                    mesh_at, i0 * stride0 + i1 * stride1 + i2 * LANES, stride0, stride1, f0, f1, f2, coef_at, values_at, scratch_at
+                    mesh_at, i0 * stride0 + i1 * stride1 + (i2 if DEPTH > 1 else 0) * LANES, stride0, stride1, f0, f1, f2, coef_at, values_at, scratch_at
                 )  # fmt: skip
         total += pieces * (m + 1)
     return total
 
 
 @cache
-def row_core(width, degree, real):
+def row_core(width, degree, real, depth):
     """`spread_rows` for a window and a precision."""
-    tag = f"{width}_{degree}_{np.dtype(real).name}"
-    return specialise(spread_rows, tag, WIDTH=width, LANES=8, REAL=real, SPREAD=_spreader(width, 8, degree, real))
+    tag = f"{width}_{degree}_{np.dtype(real).name}" + "_plane" * (depth == 1)
+    return specialise(spread_rows, tag, WIDTH=width, DEPTH=depth, LANES=8, REAL=real, SPREAD=_spreader(width, 8, degree, real, depth))
 
 
 def spread_rows(
@@ -287,6 +296,8 @@ def spread_rows(
     inverse0, inverse1, inverse2 = 1.0 / n0 if n0 > 0.0 else 0.0, 1.0 / n1 if n1 > 0.0 else 0.0, 1.0 / n2 if n2 > 0.0 else 0.0
     low0, low1, low2 = float(low[0]), float(low[1]), float(low[2])
     last0, last1, last2 = counts[0] - WIDTH, counts[1] - WIDTH, counts[2] - WIDTH
+    if DEPTH == 1:
+        last2 = 1
     stride1 = row * LANES
     stride0 = counts[1] * stride1
     scratch, values = np.zeros(8 * ((WIDTH + 3) // 4), REAL), np.zeros(LANES, REAL)
@@ -296,12 +307,15 @@ def spread_rows(
         x, y, z = x_nc[n, 0] - origin[0], x_nc[n, 1] - origin[1], x_nc[n, 2] - origin[2]
         i0, f0 = first_node(x * to_mesh[0, 0] + y * to_mesh[1, 0] + z * to_mesh[2, 0], n0, inverse0, half, low0)
         i1, f1 = first_node(x * to_mesh[0, 1] + y * to_mesh[1, 1] + z * to_mesh[2, 1], n1, inverse1, half, low1)
-        i2, f2 = first_node(x * to_mesh[0, 2] + y * to_mesh[1, 2] + z * to_mesh[2, 2], n2, inverse2, half, low2)
+        if DEPTH == 1:
+            i2, f2 = 1, 0.0
+        else:
+            i2, f2 = first_node(x * to_mesh[0, 2] + y * to_mesh[1, 2] + z * to_mesh[2, 2], n2, inverse2, half, low2)
         if i0 < 1 or i1 < 1 or i2 < 1 or i0 > last0 or i1 > last1 or i2 > last2:
             continue
         total += 1
         rows[i0, i1] = 1
-        at, a = i0 * stride0 + i1 * stride1 + i2 * LANES, which[n]
+        at, a = i0 * stride0 + i1 * stride1 + (i2 if DEPTH > 1 else 0) * LANES, which[n]
         for g in range(len(meshes)):
             for k in range(LANES):
                 c = columns[g, k]
@@ -310,7 +324,7 @@ def spread_rows(
     return total
 
 
-@nb.njit(**ENTRY)
+@njit(**ENTRY)
 def flush(mesh, rows, width, total, scale):
     """total += scale mesh, mesh = 0, rows = 0: where points have been spread since the last time. Arrays [x][y][z and component]."""
     reached = np.zeros(rows.shape, np.uint8)
@@ -329,7 +343,7 @@ def flush(mesh, rows, width, total, scale):
                     mesh[x, y, k] = 0.0
 
 
-@nb.njit(**ENTRY)
+@njit(**ENTRY)
 def collect(mesh, scale, first, period, out):
     """One plane [y][z][component] of the mesh, added to out[component][y][z]: nodes counted from `first`, the halo of periodic axes to its place."""
     n_comp, n1, n2 = out.shape
@@ -349,7 +363,7 @@ def collect(mesh, scale, first, period, out):
                 out[c, to1, to2] += scale * mesh[y, z, c]
 
 
-@nb.njit(**ENTRY)
+@njit(**ENTRY)
 def interpolate(u_gc, period, coef, width, mesh, out):
     """out[g, c] = Σ over the nodes in reach of u (mesh spacings, array indices) of mesh × window; all axes periodic.
 
@@ -378,4 +392,32 @@ def interpolate(u_gc, period, coef, width, mesh, out):
                     for k in range(width):
                         part += w[2, k] * mesh[c, at[0, i], at[1, j], at[2, k]]
                     total += w[0, i] * w[1, j] * part
+            out[g, c] = total
+
+
+@njit(**ENTRY)
+def interpolate_plane(u_gc, period, coef, width, mesh, out):
+    """`interpolate` from a mesh of one layer, [component][x][y]."""
+    degree = len(coef) - 1
+    w = np.zeros((2, width))
+    at = np.zeros((2, width), np.int64)
+    for g in range(len(u_gc)):
+        for a in range(2):
+            n = period[a]
+            u = u_gc[g, a] - 0.5 * width
+            i = floor(u) + 1
+            f = i - u
+            for k in range(width):
+                p = coef[degree, k]
+                for d in range(degree - 1, -1, -1):
+                    p = p * f + coef[d, k]
+                w[a, k] = p
+                at[a, k] = (i + k) % n
+        for c in range(mesh.shape[0]):
+            total = 0.0
+            for i in range(width):
+                part = 0.0
+                for j in range(width):
+                    part += w[1, j] * mesh[c, at[0, i], at[1, j]]
+                total += w[0, i] * part
             out[g, c] = total

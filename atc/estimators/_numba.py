@@ -2,7 +2,7 @@
 
 from math import sqrt
 
-from numba import njit
+from ..compiled import njit
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

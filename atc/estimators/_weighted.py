@@ -3,7 +3,8 @@
 from math import floor, sqrt
 
 import numpy as np
-from numba import njit
+
+from ..compiled import njit
 
 _OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy"}
 

@@ -18,8 +18,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from ..errors import AtcError
 from ..kernels import Box, Gaussian, Radial
 from .sources import drift_velocity
@@ -78,7 +78,7 @@ def step_length(kern) -> float:
 def kink_distance(kern, d_c) -> np.ndarray:
     """How far vectors d (..., 3) are from the places where φ or its first derivatives have kinks or jumps."""
     if isinstance(kern, Box):
-        return np.abs(np.abs(d_c) - 0.5 * kern.size).min(-1)
+        return np.abs(np.abs(d_c[..., : kern.dimension]) - 0.5 * kern.size).min(-1)
     if isinstance(kern, Radial):
         rho = np.sqrt((d_c**2).sum(-1))
         return np.abs(rho[..., None] - np.append(kern.radii, 0.0)).min(-1)
@@ -176,7 +176,9 @@ def choose_points(frame, kern, count: int, rng, bound=None) -> tuple[np.ndarray,
         if missing <= 0:
             break
         u = rng.normal(size=(2 * missing + 4, 3))
-        u *= (0.5 * kern.radius * rng.random(len(u)) ** (1 / 3) / np.sqrt((u * u).sum(1)))[:, None]
+        if frame.dimension == 2:
+            u[:, 2] = 0.0
+        u *= (0.5 * kern.radius * rng.random(len(u)) ** (1 / frame.dimension) / np.sqrt((u * u).sum(1)))[:, None]
         found.append(fit(frame.positions[rng.integers(len(frame), size=len(u))] + u, missing))
     n = sum(map(len, found))
     if bound is not None and bound.kind != "slab":
@@ -345,9 +347,10 @@ class Exact:
 _STEPS = (1.0, 2.0, 4.0)
 
 
-def stencil(x_gc, h: float) -> np.ndarray:
-    """(g·19, 3): every point, then x ± h, ± 2h, ± 4h along each axis."""
+def stencil(x_gc, h: float, dimension: int = 3) -> np.ndarray:
+    """(g·19, 3): every point, then x ± h, ± 2h, ± 4h along each axis; in the plane, out of which nothing changes, the point itself for those along z."""
     steps = np.concatenate([np.zeros((1, 3)), *[[k * s * h * e for s in _STEPS for k in (1, -1)] for e in np.eye(3)]])
+    steps[:, dimension:] = 0.0
     return (x_gc[:, None] + steps).reshape(-1, 3)
 
 

@@ -181,7 +181,9 @@ class _FrameJob:
             if stage is not None:
                 stage.use(methods, again=bool(self.sums))
         # The sums on the grid, and those at the points of the check. Made anew, since they remember what was formed from them.
-        fresh = [Sums(drift=self.drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann) for _ in range(2)]
+        fresh = [
+            Sums(drift=self.drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann, dimension=frame.dimension) for _ in range(2)
+        ]
         for new, old in zip(fresh, self.sums):
             for name in ("site", "bond", "whole", "point", "gathered", "gradient"):
                 setattr(new, name, getattr(old, name))
@@ -244,7 +246,7 @@ class _FrameJob:
         hot = HotPoints(frame, self.settings, stage, self.strongest, stage.strong_g, self.index)
         if not len(hot):
             return
-        sums = Sums(drift=self.drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann)
+        sums = Sums(drift=self.drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann, dimension=frame.dimension)
         sums.bond.update(_columns(work.bond, BOND, hot.bond_sums(work.bond, self.drift)))
         if getattr(self.settings.pot, "pairwise", False) and {"stress", "sources"} <= sums.bond.keys():
             sums.bond["sources"] = -full(sums.bond["stress"]).reshape(-1, 9)

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from types import SimpleNamespace
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from ..decomposers.bonded import Images
 from ..decomposers.special_bonds import SpecialBonds, special_hints
 from ..errors import AtcError
@@ -42,6 +42,7 @@ class Tile:
     def potential(self, pot):
         """`pot` of a whole frame, as it acts on the particles of this tile."""
         new, lists = copy(pot), iter(self.listed)
+        new.setup = None  # the whole frame is complete
         new.terms = [_with_tuples(term, next(lists)) if is_listed(term) else term for term in pot.terms]
         return new
 
@@ -71,6 +72,8 @@ class Cut:
     def __init__(self, frame, counts, pot, to_reference=None):
         self.frame, self.counts, self.to_reference = frame, np.array(counts), to_reference
         self.pot = copy(pot)
+        if getattr(pot, "setup", None) is not None:
+            self.frame = frame = pot.complete(frame)
         self.pot.terms = [leaf for term in pot.terms for leaf in term.leaves(frame)]
         for term in self.pot.terms:
             if is_listed(term) and not hasattr(term, "terms_of"):
@@ -103,6 +106,8 @@ class Cut:
     def _special(self):
         """Special neighbours of all atoms (CSR: start, neighbour, how many bonds apart), if the potential has any."""
         top = self.frame.topology
+        if top is not None and top.weighted is not None:
+            top = top.weighted
         for term in self.pot.terms:
             special = getattr(term, "special", None)
             if isinstance(special, SpecialBonds) and top is not None and len(top.bonds) and not special.trivial:
@@ -149,7 +154,7 @@ class Cut:
 
 def cluster(frame, home_pc, index, image):
     """The chosen atoms and images as an open frame without topology; home : where image 0 of each of them is."""
-    names = ("types", "masses", "velocities", "charges", "ids")
+    names = ("types", "masses", "velocities", "charges", "ids", "molecules", "groups")
     take = {name: None if getattr(frame, name) is None else getattr(frame, name)[index] for name in names}
     open_cell = Cell(frame.cell.vectors, frame.cell.origin, (False, False, False))
     return Frame(home_pc + image @ frame.cell.vectors, open_cell, frame.units, step=frame.step, source=frame.source, **take)
@@ -160,7 +165,7 @@ def depth(pot, listed: bool = False) -> float:
     for term in pot.terms:
         if is_listed(term) and not listed:
             raise AtcError(f"{term.describe().split(',')[0]} finds its atoms in a list, not around each other")
-    return max((t.cutoff * (1.0 if t.pairwise else 2.0) for t in pot.terms), default=0.0) * (1 + 1e-9)
+    return max((t.cutoff * (1.0 if t.pairwise else t.depth) for t in pot.terms), default=0.0) * (1 + 1e-9)
 
 
 def _copies(own, atoms, images, types):

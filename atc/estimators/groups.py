@@ -222,7 +222,9 @@ class _Run:
             if stage.seeking:
                 stage.strongest = Strongest(frame.positions, threads)
             factors = AtomFactors(frame, drift)
-            sums = [Sums(drift=drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann) for _ in range(2)]
+            sums = [
+                Sums(drift=drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann, dimension=frame.dimension) for _ in range(2)
+            ]
             start = perf_counter()
             decomposition = atoms = None
             if work.bond_users:
@@ -254,7 +256,7 @@ class _Run:
             self.seconds["bonds"] += done - start
             self.seconds["sites"] += perf_counter() - done
         stage.strongest, stage.seeking = None, False
-        main = Sums(drift=self.drifts[0], volume=frame.cell.volume, boltzmann=frame.units.boltzmann, size=size)
+        main = Sums(drift=self.drifts[0], volume=frame.cell.volume, boltzmann=frame.units.boltzmann, dimension=frame.dimension, size=size)
         n, exact = len(self.frames), 0.0
         if self.strongest is not None:
             exact = self._put_right(bonds)
@@ -362,7 +364,7 @@ class _Run:
         for frame, factors in zip(self.frames, self.strongest.factors):
             here = copy(hot)
             here.frame = frame
-            sums = Sums(drift=factors.drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann)
+            sums = Sums(drift=factors.drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann, dimension=frame.dimension)
             sums.bond.update(_columns(work.bond, BOND, here.bond_sums(work.bond, factors.drift)))
             self._no_churning(sums)
             if work.site:

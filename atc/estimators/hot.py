@@ -13,9 +13,9 @@ from __future__ import annotations
 from contextlib import nullcontext
 
 import numpy as np
-from numba import njit
 
 from ..bonds import Bonds
+from ..compiled import njit
 from ..deposit import make
 from ..errors import AtcError
 from .accuracy import Check

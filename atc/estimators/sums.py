@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from .kinematics import eshelby, quotient_gradient
 from .tensors import full
 
@@ -32,6 +32,8 @@ class Sums:
     drift: np.ndarray = field(default_factory=lambda: np.zeros(3))
     volume: float = np.nan
     boltzmann: float = np.nan
+    # Degrees of freedom of an atom.
+    dimension: int = 3
     thermal_shifted: np.ndarray | None = None
     kinetic_flux_shifted: np.ndarray | None = None
     # The largest Σ |G| r² β at the points of the check: what the stress is made of, however much of it cancels.
@@ -82,8 +84,10 @@ class Sums:
 
     @cached_property
     def temperature(self) -> np.ndarray:
-        """(g,) trace(T − ρ v⊗v)/(3 n k_B), 0 where there is no mass."""
-        return quotient(self.thermal[:, :3].sum(1) / (3.0 * self.boltzmann), np.where(self.defined, self.site["one"][:, 0], 0.0))
+        """(g,) trace(T − ρ v⊗v)/(d n k_B), d degrees of freedom per atom, 0 where there is no mass."""
+        return quotient(
+            self.thermal[:, :3].sum(1) / (float(self.dimension) * self.boltzmann), np.where(self.defined, self.site["one"][:, 0], 0.0)
+        )
 
     # --- heat (formulas.md §4; v' = v − drift, w = v_j − v(x), u = v(x) − drift)
     @cached_property

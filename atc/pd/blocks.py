@@ -9,8 +9,8 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from .bonds import JIT, Families
 
 # Enough work a block to hide its overhead; a window of a few thousand nodes still fits into the second-level cache.

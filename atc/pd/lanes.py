@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
+from ..compiled import njit
 from .bonds import JIT
 
 # Row buffers: columns of a fixed length, so that the compiler can tell them apart and vectorise.

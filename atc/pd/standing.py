@@ -7,8 +7,8 @@ the order of the table, and a broken bond adds zero: results are bitwise the sam
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from .bonds import JIT
 
 # Rows are drawn together once this share of what is walked has broken.

@@ -15,24 +15,28 @@ _TOPOLOGIES = (".psf", ".top", ".itp", ".prmtop", ".parm7", ".tpr")
 _LAMMPS_NAMES = (".lammpstrj", ".dump", ".lammpsdump")
 
 
-def read(source, topology=None, units=None, masses=None):
+def read(source, topology=None, units=None, masses=None, dimension=None):
     """A lazy, sliceable trajectory of `Frame`s.
 
     Parameters
     ----------
     source
-        The path of a LAMMPS text dump (plain, .gz, .bz2, .xz), binary dump or data file; of anything ``ase.io.iread`` or MDAnalysis reads; a
-        pattern (``dump.*``, in the order of the numbers in the names) or a list of paths, which are joined; or
-        ase.Atoms, a list of them, an MDAnalysis Universe or AtomGroup, a Frame, a list of Frames, a trajectory.
-        What a file is, is told from its content where it is LAMMPS's, from its name otherwise.
+        The path of a file of LAMMPS: dump (text, binary, yaml, netcdf, cfg, dcd, extxyz; plain, .gz, .bz2, .xz, .zst) or data file; of anything
+        ``ase.io.iread`` or MDAnalysis reads; a pattern (``dump.*``, in the order of the numbers in the names) or a list of paths, which are joined;
+        or ase.Atoms, a list of them, an MDAnalysis Universe or AtomGroup, a Frame, a list of Frames, a trajectory.
+        What a file is, is told from its content where it is LAMMPS's, from its name otherwise; what is no trajectory is told too.
     topology
         For LAMMPS: the path of a data file, which gives bonded terms, and masses, charges and types where the dump has none.
         For MDAnalysis: the path of a topology, or a Universe.
     units : str
         A LAMMPS unit style (lj, real, metal, si, cgs, electron, micro, nano). Needed for LAMMPS files that do not say it; sources of ASE and
-        MDAnalysis have their own ("ase", "mdanalysis"). A contradiction between the argument and the file is an error.
+        MDAnalysis have their own ("ase", "mdanalysis"). Extended XYZ is in ASE's units unless a style is given here, which all its numbers are then in.
+        A contradiction between the argument and the file is an error.
     masses
         ``{type or name: mass}`` or a list for types 1, 2, ..., in the trajectory's units; goes before all other masses.
+    dimension : 2 or 3
+        2: a run in the plane z = const (LAMMPS's ``dimension 2``); fields are per area then, pressures forces per length. Not given: what the
+        potential says, else 3.
 
     Returns
     -------
@@ -44,6 +48,15 @@ def read(source, topology=None, units=None, masses=None):
     AtcError
         Unknown units, contradictions, a file that is damaged or not a trajectory.
     """
+    trajectory = _read(source, topology, units, masses)
+    if dimension is None:
+        return trajectory
+    from ..planar import in_dimension
+
+    return in_dimension(trajectory, dimension)
+
+
+def _read(source, topology, units, masses):
     from ..frame import Frame
 
     if isinstance(source, (str, os.PathLike)):
@@ -96,8 +109,14 @@ def _is_atoms(x) -> bool:
 
 
 def _path(path: Path, topology, units, masses):
-    from ._bytes import open_bytes
+    from ._bytes import open_bytes, require_file
+    from .sniff import by_its_name, is_text, not_a_trajectory, shown
 
+    if path.suffix == ".zarr" and path.is_dir():
+        raise AtcError(
+            f"{path} is an output of atc or another Zarr store, not a trajectory: atc info, atc plot and atc compare read outputs"
+        )
+    require_file(path)
     reader = open_bytes(path)
     head = reader.read(0, 1 << 14).tobytes()
     reader.close()
@@ -105,10 +124,17 @@ def _path(path: Path, topology, units, masses):
         raise AtcError(
             f"{path} is empty" if not path.stat().st_size else f"{path} holds nothing but blanks, or nothing that can be decompressed yet"
         )
+    what = not_a_trajectory(head) or (_hdf5(path) if head.startswith(b"\x89HDF\r\n") else None)
+    if what is not None:
+        raise AtcError(f"{path} is {what}")
     if head.lstrip().startswith(b"ITEM:"):
         from .lammps_dump import LammpsDump
 
         return LammpsDump(path, topology, units, masses)
+    from .lammps_yaml import LammpsYamlDump, looks_like_yaml_dump
+
+    if looks_like_yaml_dump(head):
+        return LammpsYamlDump(path, topology, units, masses)
     suffixes = [s.lower() for s in path.suffixes]
     from .lammps_binary import looks_binary
 
@@ -116,15 +142,26 @@ def _path(path: Path, topology, units, masses):
         from .lammps_binary import LammpsBinaryDump
 
         return LammpsBinaryDump(path, topology, units, masses)
+    from .lammps_dcd import LammpsDcd, written_by_lammps
+
+    if written_by_lammps(head):
+        return LammpsDcd(path, topology, units, masses)
     from .lammps_data import LammpsDataTrajectory, looks_like_data
 
     if looks_like_data(head):
         return LammpsDataTrajectory(path, topology, units, masses)
-    last = next((s for s in reversed(suffixes) if s not in (".gz", ".bz2", ".xz")), "")
+    from .lammps_cfg import LammpsCfg, looks_like_lammps_cfg
+
+    if looks_like_lammps_cfg(head):
+        return LammpsCfg(path, topology, units, masses)
+    from .lammps_netcdf import LammpsNetcdf, netcdf_by_lammps
+
+    if netcdf_by_lammps(path, head):
+        return LammpsNetcdf(path, topology, units, masses)
+    last = next((s for s in reversed(suffixes) if s not in (".gz", ".bz2", ".xz", ".zst")), "")
     if any(s in _LAMMPS_NAMES for s in suffixes) or ".bin" in suffixes[-2:]:
-        start = head[:40].split(b"\n")[0].decode("utf-8", "replace")
         raise AtcError(
-            f"{path}: not a LAMMPS dump: a text dump starts with 'ITEM:', a binary one with its magic string, this with {start!r}"
+            f"{path}: not a LAMMPS dump: a text dump starts with 'ITEM:', a binary one with its magic string, this with {shown(head)}"
         )
     if last in _TOPOLOGIES:
         raise AtcError(f"{path} holds a topology but no positions: give the trajectory's path, and this as topology=")
@@ -132,6 +169,13 @@ def _path(path: Path, topology, units, masses):
         from .mdanalysis import MDAnalysisTrajectory
 
         return MDAnalysisTrajectory(path, topology, units, masses)
+    from .xyz import ExtendedXyz, looks_like_xyz
+
+    if is_text(head) and looks_like_xyz(head, last):
+        return ExtendedXyz(path, topology, units, masses)
+    what = by_its_name(path.name) if is_text(head) else None
+    if what is not None:
+        raise AtcError(f"{path} is {what}")
     if topology is not None:
         raise AtcError(
             f"{path}: a topology goes with LAMMPS dumps and the formats of MDAnalysis ({' '.join(sorted(_MDANALYSIS))}); this is read by ASE"
@@ -139,3 +183,22 @@ def _path(path: Path, topology, units, masses):
     from .ase import open_ase
 
     return open_ase(path, units, masses)
+
+
+def _hdf5(path: Path) -> str | None:
+    """What an HDF5 file is, if it is none that MDAnalysis reads by its name."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as f:
+            attrs = {str(name): str(f.attrs.get(name)) for name in list(f.attrs)[:64]}
+            groups = set(f)
+    except Exception:  # whatever HDF5 stumbles over
+        return "an HDF5 file that is damaged or cut off"
+    if "atc_version" in attrs:
+        return "an output of atc, not a trajectory: atc info, atc plot and atc compare read it"
+    if attrs.get("Conventions") == "AMBER":
+        return "a NetCDF-4 trajectory, of which only the classic versions are read: convert it (nccopy -k cdf5 OLD NEW)"
+    if "h5md" in groups:
+        return None if path.suffix.lower() == ".h5md" else "an H5MD trajectory by another name: call it .h5md"
+    return "an HDF5 or NetCDF-4 file of no trajectory that atc knows; give a dump, H5MD (.h5md), .extxyz, .traj, ..."

@@ -9,7 +9,8 @@ anything unusual ("nan", 20 digits, 1e400), are handed back as positions in the 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from ..compiled import njit
 
 FLOAT, INT, TEXT = 0, 1, 2
 DONE, FULL, SHORT, LONG = 0, 1, 2, 3

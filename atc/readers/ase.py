@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import io
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +10,8 @@ import numpy as np
 from ..errors import AtcError
 from ..frame import Cell, Frame
 from ..units import units as unit_system
-from . import _parse
-from ._bytes import open_bytes
-from .trajectory import Masses, Trajectory, warn
+from .trajectory import Masses, Trajectory
+from .xyz import ExtendedXyz
 
 
 class _AseTrajectory(Trajectory):
@@ -37,6 +36,8 @@ class _AseTrajectory(Trajectory):
     def _frame(self, k):
         atoms = self._atoms(k)
         where = f"{self.source} frame {k}"
+        if not len(atoms):
+            raise AtcError(f"{where}: holds no atoms")
         try:
             cell = Cell(np.asarray(atoms.cell, float), periodic=atoms.pbc)
         except AtcError as e:
@@ -78,7 +79,8 @@ class AtomsList(_AseTrajectory):
         return self._items[k]
 
 
-def _need_ase(path):
+def need_ase(path):
+    """An AtcError unless ASE can be imported."""
     try:
         import ase.io  # noqa: F401
     except ImportError:
@@ -90,9 +92,20 @@ class _FromFile(_AseTrajectory):
         super().__init__(str(path), units, masses)
         self.path = Path(path)
 
-    def _fail(self, k, error):
-        text = " ".join(str(error).split())[:120] or type(error).__name__
-        return AtcError(f"{self.source} frame {k}: ASE cannot read it ({text})")
+    def _fail(self, k):
+        return AtcError(
+            f"{self.source} frame {k}: cannot be read as a file of {self._form}, which ASE takes it for: damaged, cut off, or something else"
+        )
+
+    _form = "ASE's own format (.traj)"
+
+    def _frame(self, k):
+        try:
+            return super()._frame(k)
+        except AtcError:
+            raise
+        except Exception:  # what was read is no possible set of Atoms
+            raise self._fail(k) from None
 
 
 class AseTrajFile(_FromFile):
@@ -111,8 +124,8 @@ class AseTrajFile(_FromFile):
         if self._file is None:
             try:
                 self._file = TrajectoryReader(str(self.path))
-            except Exception as e:
-                raise self._fail(0, e) from None
+            except Exception:
+                raise self._fail(0) from None
         return self._file
 
     def __len__(self):
@@ -124,8 +137,8 @@ class AseTrajFile(_FromFile):
                 return self._open()[k]
             except AtcError:
                 raise
-            except Exception as e:
-                raise self._fail(k, e) from None
+            except Exception:
+                raise self._fail(k) from None
 
     def close(self):
         if self._file is not None:
@@ -136,81 +149,14 @@ class AseTrajFile(_FromFile):
         return {**super().__getstate__(), "_file": None}
 
 
-class ExtendedXyz(_FromFile):
-    """(Extended) xyz, plain or compressed: frames are found by counting lines, and each is given to ASE alone."""
-
-    def __init__(self, path, units=None, masses=None):
-        super().__init__(path, units, masses)
-        self._bytes = open_bytes(path)
-        self._spans, self._next, self._line, self._complete = [], 0, 1, False
-        if not self._has(0):
-            raise AtcError(f"{path} holds no complete frame")
-
-    def _scan(self):
-        if self._complete:
-            return False
-        start, k = self._next, len(self._spans)
-        self._bytes.hold = start
-        head = self._bytes.read(start, start + 64).tobytes()
-        if not head.strip():
-            self._complete = True
-            return False
-        first, _, _ = head.partition(b"\n")
-        if not first.strip().isdigit():
-            raise AtcError(
-                f"{self.source}, frame {k}, line {self._line}: expected the number of atoms, got {first[:40].decode('utf-8', 'replace').strip()!r}"
-            )
-        left, pos = int(first) + 2, start
-        while left:
-            buf = self._bytes.read(pos, pos + (1 << 18))
-            used, seen = _parse.skip_lines(buf, left)
-            left -= seen
-            pos += used
-            if left and not len(buf):
-                self._complete = True
-                # Programs leave out the last line end of an xyz file: complete if the last line has as many words as the one before.
-                lines = self._bytes.read(start, pos).tobytes().split(b"\n")
-                if left == 1 and len(lines[-1].split()) >= 4 and (len(lines) < 4 or len(lines[-1].split()) == len(lines[-2].split())):
-                    break
-                warn(f"{self.source}: its last frame (number {k}, from line {self._line}) is not complete and is left out")
-                return False
-        self._spans.append((start, pos))
-        self._next, self._line = pos, self._line + int(first) + 2
-        return True
-
-    def _has(self, k):
-        with self._guard:
-            while k >= len(self._spans) and self._scan():
-                pass
-        return k < len(self._spans)
-
-    def __len__(self):
-        with self._guard:
-            while self._scan():
-                pass
-        return len(self._spans)
-
-    def _atoms(self, k):
-        if not self._has(k):
-            raise IndexError(k)
-        from ase.io import read
-
-        text = self._bytes.read(*self._spans[k]).tobytes().decode("utf-8", "replace")
-        try:
-            return read(io.StringIO(text), index=0, format="extxyz")
-        except Exception as e:
-            raise self._fail(k, e) from None
-
-    def close(self):
-        self._bytes.close()
-
-
 class AseFile(_FromFile):
     """Any other format, through ``ase.io.iread``: forward frame by frame; going back starts again."""
 
-    def __init__(self, path, units=None, masses=None):
+    def __init__(self, path, units=None, masses=None, form=None, described=None):
         super().__init__(path, units, masses)
         self._n = None
+        self._format = form
+        self._form = f"format {form!r}" + (f" ({described})" if described else "")
         self._restart()
         if not self._has(0):
             raise AtcError(f"{path} holds no frame")
@@ -222,14 +168,18 @@ class AseFile(_FromFile):
         if self._iterator is None:
             from ase.io import iread
 
-            self._iterator = iread(str(self.path), index=":")
+            self._iterator = iread(str(self.path), index=":", format=self._format)
         try:
-            self._last = next(self._iterator)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                self._last = next(self._iterator)
+            if not all(hasattr(self._last, name) for name in ("arrays", "cell", "pbc")):
+                raise TypeError
         except StopIteration:
             self._n = self._at + 1
             return False
-        except Exception as e:
-            raise self._fail(self._at + 1, e) from None
+        except Exception:
+            raise self._fail(self._at + 1) from None
         self._at += 1
         return True
 
@@ -261,17 +211,17 @@ class AseFile(_FromFile):
 
 def open_ase(path, units=None, masses=None):
     """The reader for a file of one of ASE's formats. A LAMMPS dump is never given to ASE, which would guess its units."""
-    _need_ase(path)
+    need_ase(path)
     from ase.io.formats import UnknownFileTypeError, filetype, ioformats
 
     try:
-        form = filetype(str(path))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            form = filetype(str(path))
     except UnknownFileTypeError:
-        raise AtcError(
-            f"{path}: neither LAMMPS, nor a format that MDAnalysis or ASE knows; give a dump, a data file, .extxyz, .traj, .trr, ..."
-        ) from None
-    except Exception as e:
-        raise AtcError(f"{path}: cannot tell what it is ({' '.join(str(e).split())[:120]})") from None
+        form = None
+    except Exception:  # whatever a guess by one of a hundred formats stumbles over
+        form = None
     if form not in ioformats:
         raise AtcError(
             f"{path}: neither LAMMPS, nor a format that MDAnalysis or ASE knows; give a dump, a data file, .extxyz, .traj, .trr, ..."
@@ -283,5 +233,8 @@ def open_ase(path, units=None, masses=None):
     if form == "traj":
         return AseTrajFile(path, units, masses)
     if form in ("extxyz", "xyz"):
-        return ExtendedXyz(path, units, masses)
-    return AseFile(path, units, masses)
+        return ExtendedXyz(path, None, units, masses)
+    return AseFile(path, units, masses, form, str(getattr(ioformats[form], "description", "") or ""))
+
+
+__all__ = ["AseFile", "AseTrajFile", "AtomsList", "ExtendedXyz", "need_ase", "open_ase"]

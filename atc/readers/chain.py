@@ -20,9 +20,12 @@ _OPEN = 16
 def matching(pattern) -> list[Path] | None:
     """The files of a pattern (``dump.*``), numbers in their names in numerical order; None if it is no pattern, or itself the name of a file."""
     text = str(pattern)
-    if not has_magic(text) or Path(text).exists():
+    try:
+        if not has_magic(text) or Path(text).exists():
+            return None
+        found = [Path(p) for p in glob(text, recursive=True) if Path(p).is_file()]
+    except (OSError, ValueError):  # no possible name of a file: said where it is opened
         return None
-    found = [Path(p) for p in glob(text, recursive=True) if Path(p).is_file()]
     if not found:
         raise AtcError(f"{text}: no file matches this pattern")
     return sorted(found, key=_numerical)
@@ -59,7 +62,7 @@ class Chain(Trajectory):
         self._seen: dict[int, int] = {}  # frames of each file whose species have been looked at
         self._data = None
         first = self._part(0)
-        self.units = first.units
+        self.units, self.assumed = first.units, first.assumed
         self.source = f"{self.paths[0]} .. {self.paths[-1]}" if len(self.paths) > 1 else str(self.paths[0])
         # LAMMPS files share the data file: it is read once.
         self._data = getattr(first, "_data", None)

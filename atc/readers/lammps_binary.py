@@ -96,7 +96,8 @@ class LammpsBinaryDump(LammpsTrajectory):
             first = None
         super().__init__(path, topology, units, masses, first and first.units)
         if not self._has(0):
-            raise AtcError(f"{path} holds no complete frame")
+            raise AtcError(f"{path} holds no complete frame: it ends within its first one")
+        self._require_atoms(lambda k: self._headers[k].n)
 
     def _header(self, start: int, k: int) -> _Header:
         where = f"{self.source}, frame {k}, byte {start}"
@@ -167,7 +168,7 @@ class LammpsBinaryDump(LammpsTrajectory):
                     raise AtcError(f"{self.source}, frame {k}, byte {at}: a chunk of {m} numbers in {h.width} columns; the file is damaged")
                 at += 4 + 8 * m
                 total += m
-            if total != h.n * h.width and h.chunks:
+            if total != h.n * h.width:
                 raise AtcError(
                     f"{self.source}, frame {k}, byte {start}: {total // h.width} atoms are there but {h.n} are announced; the file is damaged"
                 )

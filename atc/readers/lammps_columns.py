@@ -19,6 +19,7 @@ _POSITIONS = (
 )
 INT_COLUMNS = frozenset(("id", "type", "mol", "proc", "procp1", "ix", "iy", "iz"))
 TEXT_COLUMNS = frozenset(("element", "typelabel"))
+KNOWN_FLOATS = frozenset("x y z xu yu zu xs ys zs xsu ysu zsu vx vy vz fx fy fz q mass".split())
 _FLAGS = frozenset("pfsm")
 
 
@@ -99,7 +100,12 @@ def sort_order(ids, where: str, line_of):
 
 
 class LammpsTrajectory(Trajectory):
-    """What text and binary dumps share: units, topology, masses, and the making of frames."""
+    """What all files of LAMMPS share: units, topology, masses, and the making of frames."""
+
+    #: What to say once of files without an 'id' column; None where they cannot have one.
+    _without_ids: str | None = "has no 'id' column: atoms are numbered in file order and cannot be followed from frame to frame"
+
+    _without_types = "has no 'type' or 'element' column: all atoms are taken to be of type 1; dump type too if there are more"
 
     def __init__(self, path, topology, units, masses, file_units):
         super().__init__()
@@ -121,6 +127,17 @@ class LammpsTrajectory(Trajectory):
             self._warned.add(key)
             warn(message)
 
+    def _require_atoms(self, count) -> None:
+        """A file that never holds an atom is none of atoms; a step without any among others is what the run wrote, and is said once."""
+        k = 0
+        while self._has(k):
+            if count(k):
+                if k:
+                    self._once("none", f"{self.source}: its first {k} frames hold no atoms: the dump's group or threshold selected none")
+                return
+            k += 1
+        raise AtcError(f"{self.source}: none of its {k} frame{'s' * (k != 1)} holds an atom: the dump's group or threshold selected none")
+
     @property
     def type_names(self):
         names = super().type_names
@@ -132,12 +149,12 @@ class LammpsTrajectory(Trajectory):
         """The Frame of frame k. `columns` in file order; `line_of(row)` says where an atom's line is, for messages."""
         u = self.units
         order = sort_order(columns["id"], where, line_of) if "id" in columns else None
-        if "id" not in columns:
-            self._once(
-                "id", f"{self.source} has no 'id' column: atoms are numbered in file order and cannot be followed from frame to frame"
-            )
+        if "id" not in columns and self._without_ids:
+            self._once("id", f"{self.source} {self._without_ids}")
         c = Columns(columns, order, where, line_of)
         n = len(next(iter(columns.values())))
+        if not n:
+            self._once("none", f"{where} holds no atoms: the dump's group or threshold selected none at this step")
         used = {"id", "type", "q", "mass", "ix", "iy", "iz"}
         found = next((p for p in _POSITIONS if c.has(p[0])), None)
         if found is None:
@@ -165,9 +182,14 @@ class LammpsTrajectory(Trajectory):
         rows = self._data.rows(ids) if self._data is not None else None
 
         types, names = self._atom_types(c, k, n, rows, ids, where)
+        given = {}
+        if "type" not in c:
+            # Elements are numbered in the order in which they appear, which need not be that of the run's types.
+            given["types"] = "assumed" if rows is None else self._data.source
         charges = c.scalar("q", u.charge) if "q" in c else None
         if charges is None and rows is not None and self._data.charges is not None:
             charges = self._data.charges[self._data.all_rows(rows, ids, where, "charges")]
+            given["charges"] = self._data.source
         masses = None
         if self._masses is not None:
             masses = self._masses(types, names, where)
@@ -175,11 +197,16 @@ class LammpsTrajectory(Trajectory):
             masses = c.scalar("mass", u.mass)
         elif rows is not None and self._data.has_masses:
             masses = self._data.masses_of(types, names, rows, ids, where)
+            given["masses"] = self._data.source
+        molecules = np.asarray(c["mol"]).astype(np.int64) if "mol" in c else None
         topology = self._topology_of(ids, where) if self._data is not None else None
+        if topology is not None:
+            given["topology"] = self._data.source
         extra = {name: np.ascontiguousarray(c[name]) for name in columns if name not in used}
         return Frame(
             positions=x, cell=cell, units=u, types=types, ids=ids, masses=masses, velocities=v, forces=f, charges=charges, images=images,
-            step=step, time=None if time is None else time * u.time, topology=topology, source=where, type_names=names, extra=extra,
+            step=step, time=None if time is None else time * u.time, topology=topology, source=where, type_names=names, extra=extra, molecules=molecules,
+            given=given,
         )  # fmt: skip
 
     def _atom_types(self, c, k, n, rows, ids, where):
@@ -202,10 +229,7 @@ class LammpsTrajectory(Trajectory):
                 f"{where}: {len(self._masses)} masses are given but there is no 'type' or 'element' column to tell the atoms apart; dump type too"
             )
         if self._masses is None and "mass" not in c:
-            self._once(
-                "type",
-                f"{self.source} has no 'type' or 'element' column: all atoms are taken to be of type 1; dump type too if there are more",
-            )
+            self._once("type", f"{self.source} {self._without_types}")
         return np.ones(n, np.int64), {}
 
     def _species(self, k):

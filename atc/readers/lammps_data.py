@@ -489,8 +489,10 @@ class LammpsDataTrajectory(Trajectory):
             masses = self._masses(d.types, d.type_names, self.source)
         elif d.has_masses:
             masses = d.masses_of(d.types, d.type_names, np.arange(len(d.ids)), d.ids, self.source)
+        # What a LAMMPS script says of these atoms goes before what the file says.
+        given = dict.fromkeys(("types", "charges", "topology") + ("masses",) * (self._masses is None), self.source)
         return Frame(
             positions=d.positions.copy(), cell=d.cell, units=self.units, types=d.types, ids=d.ids, masses=masses, velocities=d.velocities,
             charges=d.charges, images=d.images, topology=d.topology_for(d.ids, self.source), source=self.source, type_names=d.type_names,
-            extra=dict(d.extra),
+            extra=dict(d.extra), molecules=d.extra.get("mol"), given={**given, "boundary": "assumed"},
         )  # fmt: skip

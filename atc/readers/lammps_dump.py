@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +10,8 @@ from ..errors import AtcError
 from ..frame import Cell
 from . import _parse
 from ._bytes import open_bytes
-from .lammps_columns import INT_COLUMNS, TEXT_COLUMNS, LammpsTrajectory, cell_from_bounds, periodic_flags
+from .lammps_columns import INT_COLUMNS, KNOWN_FLOATS, TEXT_COLUMNS, LammpsTrajectory, cell_from_bounds, periodic_flags
+from .table import FLOAT, INT, TEXT, is_number, parse_columns
 from .trajectory import text_resolution, warn
 
 
@@ -27,6 +27,26 @@ class Header:
     columns: tuple = ()
     lines: int = 0
     size: int = 0
+
+
+_LONGEST_LINE = 1 << 20
+
+
+def number(text: str) -> float:
+    """A number as C prints it; ValueError otherwise (Python alone would take 1_000 too)."""
+    if "_" in text or not text.isascii():
+        raise ValueError
+    return float(text)
+
+
+def whole(text: str) -> int:
+    """An integer that fits in 64 bits; ValueError otherwise."""
+    if not text.lstrip("+-").isdigit() or not text.isascii() or len(text) > 20:
+        raise ValueError
+    value = int(text)
+    if not -(2**63) <= value < 2**63:
+        raise ValueError
+    return value
 
 
 class Truncated(Exception):
@@ -53,6 +73,11 @@ class LammpsDump(LammpsTrajectory):
     with a warning. Anything else that is not as it should be is an AtcError that names the frame and the line.
     """
 
+    _may_lack_line_end = True  # whether the atoms of a frame can be the end of the file
+    _next_begins = "ITEM: TIMESTEP"
+    _mark = b"ITEM:"  # what every frame begins with
+    _first_item = b"ITEM: TIMESTEP"  # what is only there once a frame
+
     def __init__(self, path, topology=None, units=None, masses=None):
         self._bytes = open_bytes(path)
         self._start, self._body, self._end, self._line, self._n = [], [], [], [], []
@@ -66,7 +91,9 @@ class LammpsDump(LammpsTrajectory):
             raise AtcError(f"{path} holds no complete frame: it ends within its first one") from None
         super().__init__(path, topology, units, masses, header.units)
         if not self._has(0):
-            raise AtcError(f"{path} holds no complete frame")
+            raise AtcError(f"{path} holds no complete frame: it ends within its first one, or that one's last line has no line end")
+        # A group or threshold may select nothing at a step, and then zero is what its density is; but somewhere there must be atoms.
+        self._require_atoms(lambda k: self._n[k])
 
     # Finding frames -------------------------------------------------------------------------------------------------------------------
 
@@ -89,6 +116,10 @@ class LammpsDump(LammpsTrajectory):
                 raise AtcError(f"{self.source}, frame {k}, line {line}: found no 'ITEM: ATOMS' here; is it a dump of atoms?")
         lines = text[:end].decode("utf-8", "replace").split("\n")[:-1]
         h = self._header_lines(lines, line, k)
+        if not h.columns:
+            raise AtcError(
+                f"{self.source}, frame {k}, line {line + len(lines) - 1}: 'ITEM: ATOMS' stands where the lines of another item are expected; the file is damaged"
+            )
         h.lines, h.size = len(lines), end
         return h
 
@@ -123,25 +154,27 @@ class LammpsDump(LammpsTrajectory):
                 if item.startswith("ITEM: BOX BOUNDS"):
                     if m + 3 >= len(lines):
                         return h
-                    h.box = (tuple(item.split()[3:]), [[float(w) for w in lines[m + r].split()] for r in (1, 2, 3)], line + m)
+                    h.box = (tuple(item.split()[3:]), [[number(w) for w in lines[m + r].split()] for r in (1, 2, 3)], line + m)
                     m += 4
                     continue
                 if m + 1 >= len(lines):
                     return h
                 value = lines[m + 1].strip()
                 if item.startswith("ITEM: TIMESTEP"):
-                    h.step = int(value)
+                    h.step = whole(value)
                 elif item == "ITEM: NUMBER OF ATOMS":
-                    h.n = int(value)
+                    h.n = whole(value)
                     if h.n < 0:
                         raise ValueError
                 elif item == "ITEM: TIME":
-                    h.time = float(value)
+                    h.time = number(value)
+                    if not np.isfinite(h.time):
+                        raise ValueError
                 elif item == "ITEM: UNITS":
                     h.units = value
                 elif item.startswith("ITEM: NUMBER OF"):
                     raise AtcError(
-                        f"{self.source}, line {line + m}: {item[6:]!r}: this is a dump of something else than atoms; atc reads 'dump atom' and 'dump custom'"
+                        f"{self.source}, line {line + m}: {item[6:]!r}: this is a dump of something else than atoms; atc reads atoms (dump custom: id type x y z vx vy vz)"
                     )
             except ValueError:
                 raise bad(m + 1, f"numbers for {item!r}") from None
@@ -165,13 +198,14 @@ class LammpsDump(LammpsTrajectory):
             body = start + h.size
             end = self._skip(body, h)
         except Truncated:
+            self._announces_too_many(start, k, line)
             self._complete = True
             warn(
-                f"{self.source}: its last frame (number {k}, from line {line}) is not complete and is left out; if it is, its last line lacks a line end"
+                f"{self.source}: its last frame (number {k}, from line {line}) is not complete and is left out: the file ends within it, or within its last line, which has no line end"
             )
             return False
         follows = self._bytes.read(end, end + 5).tobytes()
-        if follows and not b"ITEM:".startswith(follows[:5]) and follows.strip():
+        if follows and not self._mark.startswith(follows[: len(self._mark)]) and follows.strip():
             self._miscounted(h, k, body, end, line)
         if h.units is not None and k and h.units != self.units.name:
             raise AtcError(f"{self.source}, frame {k}, line {line}: the units change from {self.units.name!r} to {h.units!r}")
@@ -182,7 +216,7 @@ class LammpsDump(LammpsTrajectory):
         self._end.append(end)
         self._line.append(line)
         self._n.append(h.n)
-        self._next, self._next_line = end, line + h.lines + h.n
+        self._next, self._next_line = end, line + h.lines + h.n + self._lines_behind()
         return True
 
     def _skip(self, pos: int, h: Header) -> int:
@@ -195,22 +229,53 @@ class LammpsDump(LammpsTrajectory):
             n -= seen
             pos += used
             if n and len(buf) < size:
-                if n == 1:
+                if n == 1 and not self._start and self._may_lack_line_end:
+                    # LAMMPS ends every line; but a file of one frame may have passed through an editor, and nothing else is left to read in it.
                     text = self._bytes.read(first, pos).tobytes()
-                    if _ends_whole(text, len(h.columns)):
-                        return pos
-                    if not self._start and len(text[text.rfind(b"\n") + 1 :].split()) == len(h.columns):
+                    if len(text[text.rfind(b"\n") + 1 :].split()) == len(h.columns):
                         warn(
                             f"{self.source}: its only frame has no line end behind the last atom; it is read, but its last number may have been cut off"
                         )
                         return pos
                 raise Truncated
+            if not seen and len(buf) >= _LONGEST_LINE:
+                raise AtcError(f"{self.source}, byte {pos - used}: a line of more than {_LONGEST_LINE} letters; the file is damaged")
         return pos
+
+    def _announces_too_many(self, start, k, line):
+        """A frame that seems to reach beyond the end of the file, but within which another begins, is damaged, not cut."""
+        at, lines = start, 0
+        while True:
+            # Blocks overlap by a little, so that a mark on the seam is found.
+            block = self._bytes.read(at, at + (1 << 22)).tobytes()
+            own = block.find(self._first_item) + 1 if at == start else 0
+            seen = block.find(b"\n" + self._first_item, own)
+            if seen >= 0:
+                have = lines + block.count(b"\n", 0, seen + 1)
+                raise AtcError(
+                    f"{self.source}, frame {k}, line {line + have}: another frame begins here, before the atoms that the header in line {line} announces are there; the file is damaged"
+                )
+            if len(block) < 1 << 22:
+                return
+            step = len(block) - 64
+            lines += block.count(b"\n", 0, step)
+            at += step
+
+    def _lines_behind(self) -> int:
+        """Lines between the last atom of a frame and the next frame."""
+        return 0
+
+    def _words(self, buf) -> np.ndarray:
+        """The bytes of the table of atoms as white-space separated words."""
+        return buf
+
+    def _parse(self, buf, columns, kinds, n, where, finite) -> dict:
+        return parse_columns(buf, columns, kinds, n, where, finite)
 
     def _miscounted(self, h, k, body, end, line):
         """N lines below the header do not end at the next frame: say where it goes wrong."""
         text = self._bytes.read(body, end).tobytes()
-        at = text.find(b"ITEM:")
+        at = text.find(self._mark)
         first = line + h.lines
         if at >= 0:
             have = text.count(b"\n", 0, at)
@@ -218,7 +283,7 @@ class LammpsDump(LammpsTrajectory):
                 f"{self.source}, frame {k}, line {first + have}: the frame ends after {have} atoms but announces {h.n}; lines are missing"
             )
         raise AtcError(
-            f"{self.source}, frame {k}, line {first + h.n}: expected 'ITEM: TIMESTEP' after {h.n} atoms; there are more lines than announced"
+            f"{self.source}, frame {k}, line {first + h.n}: expected {self._next_begins!r} after {h.n} atoms; there are more lines than announced"
         )
 
     def _has(self, k):
@@ -288,60 +353,14 @@ class LammpsDump(LammpsTrajectory):
             buf = np.append(buf, np.uint8(10))
         if len(buf) < end - body:
             raise self._shorter(k)
-        kinds, slots, count = [], [], [0, 0, 0]
-        sample = buf[:65536].tobytes().split(b"\n", 1)[0].split() if n else []
+        sample = self._words(buf[:65536]).tobytes().split(b"\n", 1)[0].split()[-len(h.columns) :] if n else []
+        kinds = []
         for c, name in enumerate(h.columns):
-            kind = _parse.INT if name in INT_COLUMNS else _parse.TEXT if name in TEXT_COLUMNS else _parse.FLOAT
-            if kind == _parse.FLOAT and c < len(sample) and not _is_number(sample[c]) and name not in _KNOWN_FLOATS:
-                kind = _parse.TEXT
+            kind = INT if name in INT_COLUMNS else TEXT if name in TEXT_COLUMNS else FLOAT
+            if kind == FLOAT and c < len(sample) and not is_number(sample[c]) and name not in KNOWN_FLOATS:
+                kind = TEXT
             kinds.append(kind)
-            slots.append(count[kind])
-            count[kind] += 1
-        floats = np.empty((n, count[_parse.FLOAT]))
-        ints = np.empty((n, count[_parse.INT]), np.int64)
-        texts = np.empty((n, count[_parse.TEXT], 2), np.int64)
-        hard = np.empty((max(4096, 2 * len(kinds)), 4), np.int64)
-        kind_k, slot_k = np.array(kinds, np.int64), np.array(slots, np.int64)
-        status, row, pos = _parse.FULL, 0, 0
-        while status == _parse.FULL:
-            status, row, pos, n_hard = _parse.parse_table(buf, pos, kind_k, slot_k, row, n, floats, ints, texts, hard)
-            for r, c, a, b in hard[:n_hard].tolist():
-                token = buf[a:b].tobytes()
-                self._convert(token, r, c, kinds, slots, floats, ints, h, k, first)
-        if status != _parse.DONE:
-            text = buf[pos:].tobytes().split(b"\n", 1)[0].decode("utf-8", "replace").strip()
-            got = f"'{text[:60]}{'…' if len(text) > 60 else ''}'"
-            raise AtcError(
-                f"{self.source}, frame {k}, line {first + row}: expected {len(kinds)} columns ({' '.join(h.columns)}), got {len(text.split())}: {got}"
-            )
-        out = {}
-        for name, kind, slot in zip(h.columns, kinds, slots):
-            if kind == _parse.TEXT:
-                out[name] = _words(buf, texts[:, slot])
-            else:
-                out[name] = (floats if kind == _parse.FLOAT else ints)[:, slot]
-        return out
-
-    def _convert(self, token, r, c, kinds, slots, floats, ints, h, k, first):
-        """Numbers the kernel leaves to Python: over-long ones, and what is none."""
-        name = h.columns[c]
-        where = f"{self.source}, frame {k}, line {first + r}"
-        text = token.decode("utf-8", "replace")
-        try:
-            if "_" in text:
-                raise ValueError
-            value = float(text)
-            if kinds[c] == _parse.INT:
-                if not (value.is_integer() and abs(value) < 2**63):
-                    raise ValueError
-                ints[r, slots[c]] = int(text) if text.lstrip("+-").isdigit() else int(value)
-                return
-        except (ValueError, OverflowError):
-            kind = "an integer" if kinds[c] == _parse.INT else "a number"
-            raise AtcError(f"{where}: column {name!r} holds {text[:40]!r}, expected {kind}") from None
-        if not np.isfinite(value) and name in _KNOWN_FLOATS:
-            raise AtcError(f"{where}: column {name!r} holds {text!r}; the run that wrote it has probably blown up")
-        floats[r, slots[c]] = value
+        return self._parse(buf, h.columns, kinds, n, lambda row: f"{self.source}, frame {k}, line {first + row}", KNOWN_FLOATS)
 
     def _columns_of(self, k):
         h = self._header(self._start[k], self._line[k], k)
@@ -362,63 +381,12 @@ class LammpsDump(LammpsTrajectory):
         ):
             if all(name in h.columns for name in names):
                 at = [h.columns.index(name) for name in names]
-                words = [w.split() for w in lines[:: max(1, len(lines) // 1000)]]
-                r, why = text_resolution([w[a].decode() for w in words for a in at])
+                words = [self._words(np.frombuffer(w, np.uint8)).tobytes().split() for w in lines[:: max(1, len(lines) // 1000)]]
+                words = [w[-len(h.columns) :] for w in words if len(w) >= len(h.columns)]
+                r, why = text_resolution([w[a].decode("utf-8", "replace") for w in words for a in at])
                 scale = float(np.linalg.norm(frame.cell.vectors, axis=1).max()) if scaled else self.units.length
                 return r * scale, why
         return 0.0, "no coordinates"
 
     def close(self):
         self._bytes.close()
-
-
-_KNOWN_FLOATS = frozenset("x y z xu yu zu xs ys zs xsu ysu zsu vx vy vz fx fy fz q mass".split())
-
-
-def _ends_whole(body: bytes, n_columns: int) -> bool:
-    """Whether the last line of a table, which has no line end, is nevertheless complete: its last word would otherwise be unlike all others.
-
-    A word that was cut off has fewer digits than it had. So it is whole if it has as many (significant digits, or decimals where all words
-    have the same number) as the longest word of its column; where the column has exponents, it must have one, of two digits.
-    """
-    lines = body.split(b"\n")
-    last = lines[-1].split()
-    if len(last) != n_columns:
-        return False
-    column = [words[-1] for line in lines[:-1] if (words := line.split())]
-    word = last[-1]
-    if not column or not _is_number(word):
-        return False
-    parts = [_digits(w) for w in column]
-    digits, decimals, exponent = _digits(word)
-    if any(p[2] for p in parts) and not re.search(rb"e[-+]\d\d", word.lower()):
-        return False
-    if decimals > 0 and all(p[1] == decimals for p in parts):
-        return True
-    return digits >= max(p[0] for p in parts)
-
-
-def _digits(word: bytes):
-    """Significant digits, decimals, and whether there is an exponent."""
-    mantissa, _, exponent = word.lower().lstrip(b"+-").partition(b"e")
-    whole, _, fraction = mantissa.partition(b".")
-    return len((whole + fraction).lstrip(b"0")), len(fraction), bool(exponent)
-
-
-def _is_number(token: bytes) -> bool:
-    try:
-        float(token)
-    except ValueError:
-        return False
-    return True
-
-
-def _words(buf, ranges) -> np.ndarray:
-    """The texts at byte ranges (n, 2) of `buf`, through their distinct values: a column holds few different ones."""
-    n = len(ranges)
-    if not n:
-        return np.array([], dtype="U1")
-    width = int((ranges[:, 1] - ranges[:, 0]).max())
-    at = ranges[:, :1] + np.arange(width)
-    chars = np.where(at < ranges[:, 1:], buf[np.minimum(at, len(buf) - 1)], 0).astype(np.uint8)
-    return np.char.decode(np.ascontiguousarray(chars).view(f"S{width}")[:, 0], "utf-8", "replace")

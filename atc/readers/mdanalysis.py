@@ -39,6 +39,10 @@ class MDAnalysisTrajectory(Trajectory):
         self.units = unit_system("mdanalysis")
         path = isinstance(source, (str, os.PathLike))
         self.source = os.fspath(source) if path else "MDAnalysis Universe"
+        if units is not None and unit_system(units).reduced:
+            raise AtcError(
+                f"{self.source}: this format is in nm or Å, and a run in lj units has none: dump it as custom or dcd, whose units are those of the run"
+            )
         if units is not None and unit_system(units).name != "mdanalysis":
             raise AtcError(
                 f"{self.source}: MDAnalysis's units are Å, ps, kJ/mol ('mdanalysis'), but the units argument says {unit_system(units).name!r}: leave it out"
@@ -48,6 +52,8 @@ class MDAnalysisTrajectory(Trajectory):
         elif topology is not None:
             raise AtcError("a Universe has its topology already: leave the topology argument out")
         self._atoms = source.atoms
+        if not len(self._atoms):
+            raise AtcError(f"{self.source}: holds no atoms")
         if not path and len(self._atoms) and not hasattr(self._atoms.universe, "trajectory"):
             raise AtcError("the Universe has no trajectory: load coordinates first")
         u = self._atoms.universe
@@ -59,12 +65,15 @@ class MDAnalysisTrajectory(Trajectory):
             raise AtcError(
                 f"{self.source}: it reads {_UNITLESS[name]}, whose units MDAnalysis does not know; give atc.read the path of a LAMMPS dump and units= instead"
             )
+        for file in [reader.filename] if not hasattr(reader, "readers") else [r.filename for r in reader.readers]:
+            _not_of_lammps(file, path)
         if getattr(reader, "convert_units", True) is False and any(getattr(reader, "units", {}).values()):
             raise AtcError(
                 f"{self.source}: the Universe was made with convert_units=False; atc needs MDAnalysis's own units: make it without"
             )
         if not path and getattr(reader, "filename", None):
             self.source = str(reader.filename)
+        self._length, self._cut = None, False
         self._masses = None if masses is None else Masses(masses, self.units)
         self._own_masses = self._universe_masses()
         self._types, self._type_names = self._universe_types()
@@ -125,7 +134,30 @@ class MDAnalysisTrajectory(Trajectory):
     # Frames ---------------------------------------------------------------------------------------------------------------------------
 
     def __len__(self):
-        return len(self._atoms.universe.trajectory)
+        if self._length is None:
+            with self._guard, warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                n = len(self._atoms.universe.trajectory)
+                # A file still being written ends within a frame: headers are counted, numbers are not.
+                try:
+                    if n > 1:
+                        self._atoms.universe.trajectory[n - 1]
+                except Exception:
+                    n -= 1
+                    self._cut = True
+                self._length = n
+                self._cut |= self._rest_of_dcd()
+            if self._cut:
+                warn(f"{self.source}: its last frame (number {n}) is not complete and is left out")
+        return self._length
+
+    def _rest_of_dcd(self) -> bool:
+        """Whether a DCD goes on behind its last whole frame: MDAnalysis says nothing of it."""
+        from .lammps_dcd import rest_behind_frames
+
+        reader = self._atoms.universe.trajectory
+        name = getattr(reader, "filename", None)
+        return reader.format == "DCD" and isinstance(name, (str, os.PathLike)) and rest_behind_frames(name)
 
     def _frame(self, k):
         u = self.units
@@ -133,9 +165,13 @@ class MDAnalysisTrajectory(Trajectory):
         atoms = self._atoms
         with self._guard:
             try:
-                ts = atoms.universe.trajectory[k]
-            except Exception as e:
-                raise AtcError(f"{where}: MDAnalysis cannot read it ({' '.join(str(e).split())[:120]})") from None
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")
+                    ts = atoms.universe.trajectory[k]
+            except Exception:
+                raise AtcError(
+                    f"{where}: MDAnalysis cannot read it: the file is damaged or cut off there, or has changed since it was opened"
+                ) from None
             x = np.array(atoms.positions, dtype=np.float64)
             v = np.array(atoms.velocities, dtype=np.float64) * u.velocity if ts.has_velocities else None
             f = np.array(atoms.forces, dtype=np.float64) * u.factor("force") if ts.has_forces else None
@@ -150,7 +186,7 @@ class MDAnalysisTrajectory(Trajectory):
         return Frame(
             positions=x * u.length, cell=cell, units=u, types=self._types, masses=masses, velocities=v, forces=f, charges=charges,
             step=None if step is None else int(step), time=None if time is None else time * u.time, topology=self._topology, source=where,
-            type_names=self.type_names,
+            type_names=self.type_names, given={"boundary": "assumed"},
         )  # fmt: skip
 
     def _cell(self, box, x, where) -> Cell:
@@ -158,6 +194,8 @@ class MDAnalysisTrajectory(Trajectory):
             return Cell(np.zeros((3, 3)), periodic=(False, False, False))
         from MDAnalysis.lib.mdamath import triclinic_vectors
 
+        if not np.isfinite(box).all():
+            raise AtcError(f"{where}: the box {box.tolist()} holds numbers that are not finite")
         if not (box[:3] > 0).all():
             if (box[3:] != 90.0).any() or (box[:3] < 0).any():
                 raise AtcError(f"{where}: the box {box.tolist()} is none")
@@ -165,10 +203,30 @@ class MDAnalysisTrajectory(Trajectory):
         vectors = triclinic_vectors(box, dtype=np.float64)
         if not vectors.any():
             raise AtcError(f"{where}: lengths and angles {box.tolist()} make no box")
-        return Cell(vectors * self.units.length)
+        try:
+            return Cell(vectors * self.units.length)
+        except AtcError as e:
+            raise AtcError(f"{where}: {e}") from None
 
     def _precision(self, frame):
         return decimal_resolution(frame.positions)
+
+
+def _not_of_lammps(file, by_path: bool) -> None:
+    """A DCD of LAMMPS in a Universe has its lengths and times in the units of the run, which MDAnalysis takes for Å and CHARMM's."""
+    from .lammps_dcd import written_by_lammps
+
+    if not isinstance(file, (str, os.PathLike)) or by_path:
+        return
+    try:
+        with open(file, "rb") as f:
+            head = f.read(4096)
+    except (OSError, ValueError):
+        return
+    if written_by_lammps(head):
+        raise AtcError(
+            f"{os.fspath(file)}: a DCD that LAMMPS wrote, whose units MDAnalysis does not know; give atc.read its path, units= and, as topology=, the run's data file"
+        )
 
 
 def _universe(path, topology):
@@ -188,7 +246,37 @@ def _universe(path, topology):
                 return universe
             return MDAnalysis.Universe(os.fspath(topology), path)
         except ImportError as e:
-            raise AtcError(f"{path}: MDAnalysis needs another package to read it ({' '.join(str(e).split())[:120]})") from None
-        except Exception as e:
-            hint = "" if topology is not None else "; if its format needs one, give topology="
-            raise AtcError(f"{path}: MDAnalysis cannot open it ({' '.join(str(e).split())[:160]}){hint}") from None
+            need = f" ({e.name})" if getattr(e, "name", None) else ""
+            raise AtcError(f"{path}: MDAnalysis needs another package to read it{need}: install it") from None
+        except Exception:
+            raise AtcError(f"{path}: MDAnalysis cannot open it{_why(MDAnalysis, path, topology)}") from None
+
+
+def _why(MDAnalysis, path, topology) -> str:
+    """What can be said of a file or a pair of files that make no Universe: the exceptions of its hundred readers are for their developers."""
+
+    def count(of):
+        try:
+            return of()
+        except Exception:
+            return None
+
+    from MDAnalysis.coordinates.core import get_reader_for
+
+    here = count(lambda: get_reader_for(path).parse_n_atoms(path))
+    if topology is None:
+        unnumbered = str(path).lower().endswith((".mdcrd", ".trj", ".crdbox", ".trz"))
+        return (
+            ": its format does not say how many atoms there are: give topology="
+            if unnumbered
+            else ": it is damaged, cut off, or not what its name says"
+        )
+    other = len(topology.atoms) if hasattr(topology, "atoms") else count(lambda: len(MDAnalysis.Universe(os.fspath(topology)).atoms))
+    name = "the topology" if hasattr(topology, "atoms") else os.fspath(topology)
+    if not hasattr(topology, "atoms") and not os.path.exists(name):
+        return f": there is no topology {name}"
+    if here is not None and other is not None and here != other:
+        return f": it holds {here} atoms, {name} {other}"
+    if other is None:
+        return f": the topology {name} cannot be read: damaged, or not what its name says"
+    return f" with {name}: it is damaged, cut off, not what its name says, or of other atoms"

@@ -23,8 +23,13 @@ class FrameList(Trajectory):
                 raise AtcError(f"item {k} of the list is a {type(f).__name__}, expected a Frame like the first")
             if f.units.name != self.units.name:
                 raise AtcError(f"frame {k} of the list has units {f.units.name!r}, the first {self.units.name!r}: they must agree")
+            if f.dimension != self.units.dimension:
+                raise AtcError(
+                    f"frame {k} of the list is of a {f.dimension}-D run, the first of a {self.units.dimension}-D one: they must agree"
+                )
         if units is not None and unit_system(units).name != self.units.name:
             raise AtcError(f"the frames are in {self.units.name!r} units but the units argument says {unit_system(units).name!r}")
+        self.dimension = 2 if self.units.dimension == 2 else None
         self._masses = None if masses is None else Masses(masses, self.units)
 
     @property
@@ -41,12 +46,53 @@ class FrameList(Trajectory):
         return frame
 
 
+class Completed(Trajectory):
+    """Another trajectory, its frames with what the LAMMPS script of a potential says of their atoms (see `Potential.complete`)."""
+
+    def __init__(self, base: Trajectory, pot):
+        super().__init__()
+        self.base, self.pot, self.units, self.source = base, pot, base.units, base.source
+        self.assumed, self.dimension = base.assumed, base.dimension
+
+    @property
+    def type_names(self):
+        return self.base.type_names
+
+    def __len__(self):
+        return len(self.base)
+
+    def _has(self, k):
+        return self.base._has(k)
+
+    def _frame(self, k):
+        return self.pot.complete(self.base[k])
+
+    def _precision(self, frame):
+        return self.base._precision(frame)
+
+    def _numbered(self):
+        return self.base._numbered()
+
+    def close(self):
+        self.base.close()
+
+
+def completed(frames, pot):
+    """Frames or a trajectory, as a potential's script completes them."""
+    if getattr(pot, "setup", None) is None:
+        return frames
+    if isinstance(frames, Trajectory):
+        return Completed(frames, pot)
+    return [pot.complete(f) for f in frames]
+
+
 class Adapted(Trajectory):
     """Another trajectory with other masses."""
 
     def __init__(self, base: Trajectory, units=None, masses=None):
         super().__init__()
         self.base, self.units, self.source = base, base.units, base.source
+        self.assumed, self.dimension = base.assumed, base.dimension
         if units is not None and unit_system(units).name != base.units.name:
             raise AtcError(f"{base.source} was opened in {base.units.name!r} units but the units argument says {unit_system(units).name!r}")
         self._masses = None if masses is None else Masses(masses, self.units)

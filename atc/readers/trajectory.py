@@ -29,12 +29,17 @@ class Trajectory(Sequence):
         What to call the trajectory in messages, usually its path.
     type_names : dict
         {type: name} where the source knows names (elements, type labels).
+    dimension : int or None
+        2 or 3 where whoever opened it said so (2: its frames are those of a two-dimensional run, see `atc.planar`); None: nobody did.
 
     For a new source, subclass it and write ``__len__`` and ``_frame(k)`` for 0 ≤ k < len.
     """
 
     units: Units
     source: str = "trajectory"
+    #: What the reader takes for granted because the format cannot say it: sentences for `atc info`.
+    assumed: tuple[str, ...] = ()
+    dimension: int | None = None
 
     def __init__(self):
         self._guard = threading.RLock()
@@ -203,6 +208,7 @@ class _View(Trajectory):
         super().__init__()
         self.base, self._which = base, which
         self.units, self.source = base.units, base.source
+        self.assumed, self.dimension = base.assumed, base.dimension
         if isinstance(which, slice) and which.step == 0:
             raise ValueError("slice step cannot be zero")
 
@@ -366,6 +372,12 @@ def text_resolution(tokens) -> tuple[float, str]:
     if len(decimals) == 1 and not exponential and (d := decimals.pop()) > 0:
         return max(10.0**-d, float(np.spacing(big))), f"{d} decimals"
     return max(10.0 ** (np.floor(np.log10(big)) + 1 - digits), float(np.spacing(big))), f"{digits} significant digits"
+
+
+def resolution_of(frames, frame: Frame) -> float:
+    """Step of the last digit of a frame's positions (internal), as far as the trajectory it comes from knows it; 0 if unknown."""
+    look = getattr(frames, "_precision", None)
+    return float(look(frame)[0] if look is not None else decimal_resolution(frame.positions)[0])
 
 
 def warn(message: str) -> None:

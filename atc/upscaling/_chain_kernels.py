@@ -6,7 +6,8 @@ Displacements sit in an array padded by M nodes on either side, so that the loop
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from ..compiled import njit
 
 _BLOCK = 1024  # nodes per pass over the neighbours: three such rows stay in the first-level cache
 

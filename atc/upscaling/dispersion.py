@@ -483,6 +483,11 @@ def dispersion_of_scene(scene, *, progress=None) -> Dispersion:
     pot = scene.potential()
     if traj is None and pot is None:
         raise AtcError(f"{scene.where('dispersion')}: needs a [potential], a [trajectory] or both")
+    for what, dimension in (("[trajectory]", traj and traj.units.dimension), ("[potential]", pot and pot.dimension)):
+        if dimension == 2:
+            raise AtcError(
+                f"{scene.where('dispersion')}: [dispersion] is about crystals in three dimensions, but {what} is of a two-dimensional run"
+            )
     units = traj.units if traj is not None else pot.units
     crystal = _crystal_of(scene, get, traj, units)
     a = get("lattice_constant")

@@ -13,6 +13,7 @@ from itertools import product
 import numpy as np
 
 from ..errors import AtcError
+from ..times import Clock
 from .crystal import Crystal
 from .force_constants import frequency_unit, signed_root
 from .sites import Sites, commensurate, find_sites, shortest_contact, star
@@ -50,7 +51,7 @@ def amplitudes(traj, crystal: Crystal, choose, *, timestep: float | None = None)
 
     Raises
     ------
-    AtcError for missing velocities or masses, atoms that leave their sites, or a box that does not fit.
+    AtcError for missing velocities or masses, atoms that leave their sites, a box that does not fit, steps or times that repeat or go back.
     """
     it = iter(traj)
     first = next(it, None)
@@ -67,7 +68,8 @@ def amplitudes(traj, crystal: Crystal, choose, *, timestep: float | None = None)
     phase = np.exp(-1j * (k @ sites.sites[order].T)).reshape(len(k), n, -1) / np.sqrt(sites.cells)
     root = np.sqrt(first.masses)[:, None]
     nearest = shortest_contact(sites)
-    u_all, v_all, times, steps, kinetic, cells = [], [], [], [], [], []
+    u_all, v_all, kinetic, cells = [], [], [], []
+    clock = Clock("a dispersion from a run", gaps=False)
     inv0 = np.linalg.inv(sites.cell)
     drift = np.zeros(3)
 
@@ -80,6 +82,9 @@ def amplitudes(traj, crystal: Crystal, choose, *, timestep: float | None = None)
         if len(frame) != len(first):
             raise AtcError(f"{frame.source}: {len(frame)} atoms, but the first frame has {len(first)}")
         frame.require("velocities", why="the dispersion from a trajectory")
+        if not clock.follows(frame):
+            frame = next(it, None)
+            continue
         x = (frame.positions - frame.cell.origin) @ frame.cell.inverse @ sites.cell
         # The crystal may drift as a whole, through the box if it likes: it is looked for where it was the frame before.
         u = x - sites.sites - drift
@@ -99,31 +104,28 @@ def amplitudes(traj, crystal: Crystal, choose, *, timestep: float | None = None)
         u_all.append(project(u))
         v_all.append(project(v))
         kinetic.append((frame.masses[:, None] * v**2).sum() / (3 * (len(frame) - 1) * frame.units.boltzmann))
-        times.append(frame.time)
-        steps.append(frame.step)
         cells.append(frame.cell.vectors)
         frame = next(it, None)
-    notes = []
+    notes = list(clock.notes)
     swing = np.abs(np.array(cells) - sites.cell).max() / np.abs(sites.cell).max()
     if swing > 1e-6:
         notes.append(f"the box changes by up to {100 * swing:.2g} % during the run: wave vectors are those of the first frame")
-    dt, why = _interval(times, steps, timestep, first.units)
+    dt, why = _interval(clock, timestep, first.units)
     if dt is None:
         notes.append(f"no spectra: {why}")
     return Amplitudes(sites, k, np.array(u_all), np.array(v_all), dt, float(np.mean(kinetic)), first.source, notes)
 
 
-def _interval(times, steps, timestep, units):
-    if any(t is None for t in times):
-        if timestep is None or any(s is None for s in steps):
-            return None, "the frames have no times; say the time of a step with timestep in [dispersion]"
-        times = np.array(steps, float) * units.to_internal("time", timestep)
-    gaps = np.diff(np.array(times, float))
-    if len(gaps) < 1:
+def _interval(clock: Clock, timestep, units):
+    """(time between frames, "") or (None, why not)."""
+    if clock.count < 2:
         return None, "there is one frame only"
-    if not (gaps > 0).all() or np.ptp(gaps) > 1e-6 * gaps.mean():
-        return None, "the frames are not equally spaced in time"
-    return float(gaps.mean()), ""
+    dt = clock.spacing(None if timestep is None else units.to_internal("time", timestep))
+    if dt is None:
+        return None, "the frames have no times; say the time of a step with timestep in [dispersion]"
+    if clock.gap:
+        return None, f"the frames are not equally spaced in time: {clock.gap}"
+    return float(dt), ""
 
 
 # --------------------------------------------------------------------------------------------------------------------

@@ -19,6 +19,7 @@ SYSTEMS = [
     ("lj", None), ("morse cluster", None), ("bond morse", None), ("sw", "equal"), ("sw", "center"), ("sw two elements", {"sw": (0.6, 0.2, 0.2)}),
     ("sw primitive", "equal"), ("angle harmonic", "equal"), ("angle charmm", "center"), ("hybrid", "equal"), ("dihedral opls", "equal"),
     ("dihedral opls", "center"), ("improper harmonic", "equal"), ("eam", "equal"), ("tersoff", "equal"), ("tersoff", "center"), ("atm", "equal"),
+    ("tersoff/mod", "center"), ("tersoff/zbl", "equal"), ("vashishta", "equal"), ("edip", "equal"), ("edip", "center"), ("adp", "equal"), ("meam", "equal"), ("meam/spline", "equal"), ("eim", "equal"), ("eam/cd", "equal"),
     ("3-body", "equal"), ("4-body", "equal"), ("4-body", "center"), ("5-body", "equal"), ("5-body", "center"),
 ]  # fmt: skip
 NAMES = [f"{n} {p or ''}".strip() for n, p in SYSTEMS]

@@ -8,8 +8,8 @@ vanishes in every uniform deformation, and so does its force. Everything is comp
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from ...compiled import njit
 from ..bonds import JIT
 from ..lanes import INLINE, C, gather
 from .base import BondForces, ForceModel, Isotropic, deformed

@@ -8,8 +8,8 @@ Sums carry V_i too: W = ω ν V_i V_j, so that a bond's two ends get exactly opp
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from ...compiled import njit
 from ..blocks import node_rows
 from ..bonds import JIT
 from ..lanes import INLINE, C, gather, gather_positions

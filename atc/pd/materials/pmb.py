@@ -7,8 +7,8 @@ e = η·(2ξ+η)/(|ξ+η|+|ξ|), so that a body at rest is exactly at rest where
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from ...compiled import njit
 from ...errors import AtcError
 from ..bonds import JIT
 from ..lanes import INLINE, C, gather

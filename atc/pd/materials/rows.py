@@ -6,8 +6,8 @@ No kernel may reorder or fuse its arithmetic (that gains nothing here): where a 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from ...compiled import njit
 from ..bonds import JIT
 from ..lanes import INLINE, C, deal
 

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import re
+from collections import deque
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from ..errors import AtcError
-from ..units import LAMMPS_STYLES, Units, units
-from .base import Potential, Term, Wrapper
-from .hybrid import Hybrid, parse_hybrid, strip_suffix
-from .lammps_data_coeffs import take_data_file
-from .lammps_script import Command, is_text, read_commands, read_text
-from .pair import MAX_TYPES, Pairs, PairStyle
-from .registry import MAPPED_STYLES, STYLES, CoeffLine, Modify, StyleInput, TypeRange, supported
-from .special_bonds import SpecialBonds
+from ...errors import AtcError
+from ...units import LAMMPS_STYLES, Units, units
+from ..base import Potential, Term, Wrapper
+from ..exclusions import Exclusions, exclusions_of
+from ..hybrid import Hybrid, parse_hybrid, strip_suffix
+from ..pair import MAX_TYPES, Pairs, PairStyle
+from ..registry import MAPPED_STYLES, STYLES, CoeffLine, Modify, StyleInput, TypeRange, mapped_elements, refusal, supported
+from ..special_bonds import SpecialBonds
+from ..zero import Nothing
+from .data_coeffs import take_data_file
+from .interpreter import Interpreter, State
+from .runs import choose_run, sort_fixes
+from .script import Command, is_text, one_line, read_text
+from .setup import Setup
 
 __all__ = ["potential_from_lammps"]
 
@@ -46,11 +52,25 @@ class _Model:
     labels: dict[str, dict[str, int]] = field(default_factory=dict)
     masses: dict[int, float] = field(default_factory=dict)
     data_file: Path | None = None
+    dimension: int | None = None  # None: the lines say nothing of it
+    atom_style: tuple[str, ...] = ()
+    #: why the model is not all there: the read_restart line
+    restart: Command | None = None
+    exclusions: Exclusions | None = None
+    notes: list[str] = field(default_factory=list)
     pairs: Pairs | None = None
 
 
-def potential_from_lammps(source: str | Path, units_=None, folder=None, name=None) -> Potential:
-    """The `Potential` of LAMMPS lines, or of the LAMMPS input script at a path. See `atc.potential`."""
+def potential_from_lammps(source: str | Path, units_=None, folder=None, name=None, run=None, trajectory=()) -> Potential:
+    """The `Potential` of LAMMPS lines, or of the LAMMPS input script at a path. See `atc.potential`.
+
+    trajectory : paths of the frames that are to be computed: where the model changes from run to run, the script's ``dump`` lines may say which run it is
+    """
+    with one_line():
+        return _potential(source, units_, folder, name, run, trajectory)
+
+
+def _potential(source, units_, folder, name, run, trajectory) -> Potential:
     script = isinstance(source, Path) or not is_text(source)
     if script:
         if not str(source).strip():
@@ -62,10 +82,29 @@ def potential_from_lammps(source: str | Path, units_=None, folder=None, name=Non
             raise AtcError(f"{source}: no such file, nor LAMMPS lines (which start with a command such as pair_style or units)")
         text, name, folder = read_text(path), str(source), path.parent
     else:
+        path = None
         text, name, folder = source, name or "potential", Path.cwd() if folder is None else Path(folder)
-    commands = read_commands(text, name, folder, script)
-    model = _gather(commands, name, folder, units_)
+    script_run = Interpreter(folder, script, path)
+    script_run.execute(text, name)
+    choice = choose_run(script_run, run, name, trajectory)
+    model = _gather(choice.state, name, folder, units_, script)
+    if "pair" not in model.styles:
+        sort_fixes(choice)  # a fix may be why there is no pair style
     pot = _assemble(model, name)
+    pot.outside, changing = sort_fixes(choice)
+    # LAMMPS's default is 3, so a whole script says it in any case.
+    pot.dimension, pot.dimension_said = model.dimension or 3, model.dimension is not None or script
+    pot.atom_style = " ".join(model.atom_style)
+    if script and not any(c.name == "units" for c in choice.state.model) and units_ is None:
+        pot.remarks = (*pot.remarks, f"{Path(name).name} has no units line: lj, as in LAMMPS")
+    pot.remarks = (*pot.remarks, *(f"forces from outside are no part of the stress: {o}" for o in pot.outside))
+    concerned = [c for c in choice.state.atoms if c.name not in ("mass", "labelmap", "run")]
+    if script or concerned or changing:
+        pot.setup = Setup(
+            name, folder, model.units.name, pot.dimension, _atom_style(model), choice.state.atoms, choice.late, changing,
+            tuple(script_run.written_data), _needs(pot, model), model.exclusions.groups if model.exclusions else (), script_run.may_lose,
+        )  # fmt: skip
+        pot.remarks = (*pot.remarks, *pot.setup.remarks())
     if script:
         pot.file = path.name
     else:
@@ -76,12 +115,33 @@ def potential_from_lammps(source: str | Path, units_=None, folder=None, name=Non
 # Gathering ------------------------------------------------------------------------------------------------------------------------------
 
 
-def _gather(commands: list[Command], name: str, folder: Path, units_) -> _Model:
-    model = _Model(_units(commands, name, units_), folder)
-    queue = list(commands)
+def _atom_style(model: _Model) -> tuple[str, ...]:
+    """The words of ``atom_style``; LAMMPS's default, or what the styles of a restarted run need."""
+    if model.atom_style or model.restart is None:
+        return model.atom_style or ("atomic",)
+    return ("full",) if any(k in model.styles for k in _BONDED) else ("atomic",)
+
+
+def _needs(pot: Potential, model: _Model) -> frozenset:
+    """What the terms need to know of atoms besides their places and types."""
+    styles = [s for t in pot.terms for s in (t, *getattr(t, "styles", ()))]
+    out = {"charges"} if any(getattr(s, "needs_charges", False) for s in styles) else set()
+    if model.exclusions and (model.exclusions.same or model.exclusions.different):
+        out.add("molecules")
+    return frozenset(out)
+
+
+def _gather(state: State, name: str, folder: Path, units_, script: bool) -> _Model:
+    model = _Model(_units(state.model, name, units_, script), folder)
+    queue = deque(state.model)
     while queue:
-        c = queue.pop(0)
+        c = queue.popleft()
         kind = c.name.split("_")[0]
+        if c.unknown:
+            style = strip_suffix(c.words[0]) if c.words and c.name.endswith("_style") and kind in STYLES else "none"
+            if "$" not in style and style != "none" and not style.startswith("hybrid"):
+                _builder(kind, style, c.where)  # that it is not supported is the better reason
+            raise AtcError(f"{c.where}: {c.unknown}")
         if c.name.endswith("_style") and kind in STYLES:
             _take_style(model, kind, c)
         elif c.name.endswith("_coeff") and kind in STYLES:
@@ -98,13 +158,19 @@ def _gather(commands: list[Command], name: str, folder: Path, units_) -> _Model:
             model.dielectric = _float(c, 0)
             if model.dielectric <= 0:
                 raise AtcError(f"{c.where}: the dielectric constant must be positive, got {c.words[0]}")
-        elif c.name == "kspace_style" and c.words[:1] != ("none",):
+        elif c.name == "kspace_style" and c.words[:1] not in (("none",), ("zero",)):
             raise AtcError(
                 f"{c.where}: kspace_style {' '.join(c.words)}: long-range forces cannot be split into bonds from positions alone, so they are not supported; "
                 "use coul/dsf or coul/wolf (or kspace_style none)"
             )
-        elif c.name == "dimension" and c.words[:1] != ("3",):
-            raise AtcError(f"{c.where}: dimension {' '.join(c.words)} is not supported: only three-dimensional models are")
+        elif c.name == "dimension":
+            if c.words not in (("2",), ("3",)):
+                raise AtcError(f"{c.where}: expected dimension 2 or 3, got {' '.join(c.words) or 'nothing'}")
+            model.dimension = int(c.words[0])
+        elif c.name == "atom_style":
+            model.atom_style = tuple(strip_suffix(w) for w in c.words)
+        elif c.name == "read_restart":
+            model.restart = c
         elif c.name == "labelmap":
             _labelmap(model, c)
         elif c.name == "mass":
@@ -114,11 +180,12 @@ def _gather(commands: list[Command], name: str, folder: Path, units_) -> _Model:
                     model.masses[t] = _float(c, 1)
         elif c.name == "read_data" and c.words:
             model.data_file, more = take_data_file(c, folder, {k: s.name for k, s in model.styles.items()})
-            queue[:0] = more
+            queue.extendleft(reversed(more))
+    model.exclusions = exclusions_of(state.atoms, lambda word, where: _types(model, "atom", word, where).lo)
     return model
 
 
-def _units(commands, name, given) -> Units:
+def _units(commands, name, given, script: bool = False) -> Units:
     said = [c for c in commands if c.name == "units"]
     names = {c.words[0] if c.words else "" for c in said}
     if len(names) > 1:
@@ -132,6 +199,8 @@ def _units(commands, name, given) -> Units:
         if given is not None and units(given).name != found.name:
             raise AtcError(f"{said[0].where}: the lines say units {found.name} but units={units(given).name!r} was given: drop one of them")
         return found
+    if given is None and script:
+        return units("lj")  # as LAMMPS does; `_assemble` says so
     if given is None:
         raise AtcError(
             f"{name}: the units of the coefficients are not known: add a 'units' line, or say units='metal' (one of {', '.join(LAMMPS_STYLES)})"
@@ -153,7 +222,9 @@ def _take_style(model: _Model, kind: str, c: Command) -> None:
         raise AtcError(
             f"{c.where}: {c.name} {name} is given a second time ({old.where} was the first): keep the one that holds, with its coefficients"
         )
-    model.styles[kind] = _Style(kind, name, args, c.where)
+    # The same style again: LAMMPS goes on with it, and with what pair_modify said of it.
+    modify = list(old.modify) if old is not None and old.name == name and not name.startswith("hybrid") else []
+    model.styles[kind] = _Style(kind, name, args, c.where, modify=modify)
 
 
 def _labelmap(model: _Model, c: Command) -> None:
@@ -223,14 +294,14 @@ def _builder(kind: str, name: str, where: str):
     try:
         return STYLES[kind][name]
     except KeyError:
-        raise AtcError(f"{where}: {kind}_style {name} is not supported: expected one of {supported(kind)}") from None
+        raise AtcError(f"{where}: {refusal(kind, name)}") from None
 
 
 def apply_modify(modify: Modify, lines) -> Modify:
     """`modify` after the words of pair_modify lines."""
     from dataclasses import replace
 
-    from .pair_input import MIX_RULES
+    from ..pair_input import MIX_RULES
 
     for words, where in lines:
         k = 0
@@ -244,16 +315,24 @@ def apply_modify(modify: Modify, lines) -> Modify:
                 if value not in MIX_RULES:
                     raise AtcError(f"{where}: pair_modify mix {value}: expected one of {', '.join(MIX_RULES)}")
                 modify = replace(modify, mix=value)
-            elif key in ("table", "table/disp", "tabinner", "tabinner/disp", "tail", "compute", "neigh/trim"):
+            elif key == "compute":
+                modify = replace(modify, compute=_yes(value, f"{where}: pair_modify compute"))
+            elif key == "special":
+                which, weights = value, words[k + 2 : k + 5]
+                if which not in ("lj", "coul", "lj/coul") or len(weights) != 3:
+                    raise AtcError(
+                        f"{where}: pair_modify special: expected lj, coul or lj/coul and three weights, got {' '.join(words[k + 1 : k + 5])}"
+                    )
+                modify = replace(modify, special=(*modify.special, (which, *weights)))
+                k += 3
+            elif key in ("table", "table/disp", "tabinner", "tabinner/disp", "tail", "neigh/trim", "compute/tally"):
                 # table*: only for long-range Coulomb. tail: constants added to energy and pressure, no forces.
-                if key == "compute" and not _yes(value, f"{where}: pair_modify compute"):
-                    raise AtcError(f"{where}: pair_modify compute no is not supported: remove the style instead")
                 if key == "tail" and _yes(value, f"{where}: pair_modify tail"):
                     modify = replace(modify, tail=True)
             elif key == "nofdotr":
                 k -= 1
             else:
-                raise AtcError(f"{where}: pair_modify {key} is not supported: expected shift, mix, table, tail")
+                raise AtcError(f"{where}: pair_modify {key} is not supported: expected shift, mix, table, tail, compute, special")
             k += 2
     return modify
 
@@ -279,6 +358,7 @@ def _input(model: _Model, style: _Style, lines, n_types: int, **more) -> StyleIn
         dielectric=model.dielectric,
         labels=model.labels,
         masses=model.masses,
+        notes=model.notes,
         pairs=model.pairs,
         **more,
     )
@@ -298,14 +378,45 @@ def _assemble(model: _Model, name: str) -> Potential:
     for kind in _BONDED:
         if kind in model.styles and model.styles[kind].name != "zero":
             terms += _bonded_terms(model, model.styles[kind])
+    if not terms and "pair" in model.styles:
+        terms.append(Nothing())
+    if model.restart is not None:
+        _check_restart(model)
     if not terms:
         raise AtcError(f"{name}: no interactions found: expected pair_style or bond_style lines with their coefficients")
+    if any("charmm" in t.describe() for t in terms):
+        from ..one_four import one_four_terms
+
+        terms += one_four_terms(terms)
     pot = Potential(terms, model.units)
-    pot.remarks = tuple(notes)
+    pot.remarks = (*notes, *model.notes)
     pot.masses = {t: float(model.units.to_internal("mass", m)) for t, m in model.masses.items()}
     pot.data_file = model.data_file
+    # A script that makes the box without a word is LAMMPS's default; lines that say nothing leave it to the trajectory.
+    pot.dimension = model.dimension or 3
+    pot.dimension_said = model.dimension is not None or model.data_file is not None
     pot.unmentioned = tuple(k for k in _BONDED if k not in model.styles and k not in model.declined)
     return pot
+
+
+#: Pair styles that neither shift nor mix, so that a restart file can keep nothing of them that their lines do not say.
+_WHOLE = re.compile(r"(eam|meam|sw|tersoff|adp|edip|vashishta|airebo|comb|bop|reaxff|snap)\b")
+
+
+def _check_restart(model: _Model) -> None:
+    c, pair = model.restart, model.styles.get("pair")
+    what = None
+    if pair is None:
+        what = "pair_style and pair_coeff lines"
+    elif not pair.modify and not _WHOLE.match(pair.name):
+        what = "a pair_modify line (shift, mix)"
+    elif any(k in model.styles for k in _BONDED) and not model.special:
+        what = "a special_bonds line"
+    if what:
+        raise AtcError(
+            f"{c.where}: read_restart {' '.join(c.words[:1])}: the model is in a binary file, which is not read: add {what} behind it (LAMMPS's write_coeff "
+            "and write_data write what holds)"
+        )
 
 
 class _PairBuild:
@@ -313,18 +424,26 @@ class _PairBuild:
 
     def __init__(self, model: _Model, style: _Style):
         self.model, self.style = model, style
+        if not style.name.startswith("hybrid"):
+            _builder("pair", style.name, style.where)
         self.lines = _coeff_lines(model, style)
         self.hybrid: Hybrid | None = None
-        if style.name in ("hybrid", "hybrid/overlay"):
+        self.modify_compute = True
+        if style.name in ("hybrid", "hybrid/overlay", "hybrid/scaled"):
             self.hybrid = parse_hybrid(style, self.lines, apply_modify)
             self.lines = [line for _, line in self.hybrid.order]
             self.tail = any(s.modify.tail for s in self.hybrid.subs)
-            mapped = [len(line.words) - 1 for s, line in self.hybrid.order if s is not None and s.name in MAPPED_STYLES]
+            mapped = [
+                len(mapped_elements(s.name, line.words)) for s, line in self.hybrid.order if s is not None and s.name in MAPPED_STYLES
+            ]
         else:
-            _builder("pair", style.name, style.where)
             self.modify = apply_modify(Modify(), [(c.words, c.where) for c in style.modify])
-            self.tail = self.modify.tail
-            mapped = [len(line.words) - 1 for line in self.lines] if style.name in MAPPED_STYLES else []
+            self.tail, self.modify_compute = self.modify.tail, self.modify.compute
+            if self.modify.special:
+                raise AtcError(
+                    f"{style.modify[-1].where}: pair_modify special goes with sub-styles of hybrid: 'pair_modify pair <style> special ...'"
+                )
+            mapped = [len(mapped_elements(style.name, line.words)) for line in self.lines] if style.name in MAPPED_STYLES else []
         self.n_types = max([_n_types(self.lines), *mapped])
 
     def __call__(self, n_types: int) -> list[PairStyle | Term]:
@@ -337,21 +456,38 @@ class _PairBuild:
             lines = sub.lines[-1:] if sub.name in MAPPED_STYLES else sub.lines
             built = _as_list(_builder("pair", sub.name, style.where)(_input(model, own, lines, n_types, modify=sub.modify, wanted=wanted)))
             if sub.name in MAPPED_STYLES:
-                mapped = np.array([0 < t <= len(lines[0].words) - 1 and lines[0].words[t] != "NULL" for t in range(n_types + 1)])
+                names = ("NULL", *mapped_elements(sub.name, lines[0].words))
+                mapped = np.array([t < len(names) and names[t] != "NULL" for t in range(n_types + 1)])
                 if not (wanted == (mapped[:, None] & mapped[None, :])).all():
                     raise AtcError(
                         f"{style.where}: {sub.called} must act on all pairs of the types that it maps: give the other sub-style's pairs to types mapped to NULL"
                     )
-            out += [b for b in built if isinstance(b, Term) or b.cutoff > 0]
+            if sub.factor != 1.0:
+                from ..scaled import Scaled
+
+                if any(isinstance(b, Term) for b in built):
+                    raise AtcError(
+                        f"{style.where}: {style.name} with a factor other than 1 for {sub.called} is not supported: only for pair potentials"
+                    )
+                built = [Scaled(b, sub.factor) for b in built]
+            built = [b for b in built if isinstance(b, Term) or b.cutoff > 0]
+            for b in built if sub.modify.special else ():
+                if isinstance(b, Term):
+                    raise AtcError(
+                        f"{style.where}: pair_modify special with {sub.called} is not supported: its neighbours would not be those of the run"
+                    )
+                b.own_special = sub.modify.special
+            out += built if sub.modify.compute else []
         return out
 
 
 @dataclass
 class _PairGrow:
     build: _PairBuild
+    own: tuple = ()
 
     def __call__(self, n_types: int) -> list[PairStyle]:
-        return [b for b in self.build(n_types) if isinstance(b, PairStyle)]
+        return [b for b in self.build(n_types) if isinstance(b, PairStyle) and getattr(b, "own_special", ()) == self.own]
 
 
 def _as_list(built) -> list:
@@ -362,9 +498,19 @@ def _pair_terms(build: _PairBuild, special: SpecialBonds) -> list[Term]:
     """All PairStyles in one sweep; terms of their own (sw) beside it."""
     built = build(build.n_types)
     styles = [b for b in built if isinstance(b, PairStyle)]
-    terms: list[Term] = [_Unweighted(b, special) for b in built if isinstance(b, Term)]
-    if styles:
-        terms.insert(0, Pairs(styles, build.n_types, special, grow=_PairGrow(build)))
+    if not build.modify_compute:
+        return []
+    terms: list[Term] = [b if getattr(b, "unweighted", False) else _Unweighted(b, special) for b in built if isinstance(b, Term)]
+    excluded = build.model.exclusions
+    if terms and excluded:
+        raise AtcError(
+            f"{excluded.where}: neigh_modify exclude is not supported with pair_style {build.style.name}: its neighbours would not be those of the run"
+        )
+    # Styles with weights of their own (pair_modify special) sweep the list apart from the others.
+    for own in sorted({getattr(s, "own_special", ()) for s in styles}, reverse=True):
+        mine = [s for s in styles if getattr(s, "own_special", ()) == own]
+        weights = special.with_own(own, build.style.where) if own else special
+        terms.insert(0, Pairs(mine, build.n_types, weights, grow=_PairGrow(build, own), exclusions=excluded))
     return terms
 
 
@@ -384,6 +530,8 @@ class _Unweighted(Wrapper):
 
     def _refuse(self, frame):
         top = frame.topology
+        if top is not None and top.weighted is not None:
+            top = top.weighted
         if top is not None and len(top.bonds) and not self.special.trivial:
             raise AtcError(
                 f"{frame.source} has bonds, but special_bonds weights are not supported with a many-body pair style: add 'special_bonds lj/coul 1 1 1' if that is what holds"

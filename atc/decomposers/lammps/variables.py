@@ -55,15 +55,39 @@ _BINARY = {
 }
 
 
+#: A line with its variables put in is no longer than this, and a formula needs no more evaluations of other variables.
+LONGEST = 1 << 16
+MOST = 10000
+_DEEPEST = 50
+_FORMAT = re.compile(r"[^%]{0,200}%[-+ #0]*\d{0,3}(?:\.\d{0,3})?[eEfFgG][^%]{0,200}$")
+
+
 class Unknown(Exception):
     """A value that the text alone does not give; the message says why."""
 
 
-class Variables:
-    """The variables of a script as far as they are known from its text."""
+class _Strings:
+    """The values of an index, loop, or file variable, and which of them holds."""
 
-    def __init__(self):
-        self._values: dict[str, tuple[str, str]] = {}
+    def __init__(self, values, pad: int = 0):
+        self.values, self.pad, self.k = values, pad, 0
+
+    @property
+    def text(self) -> str:
+        value = self.values[self.k]
+        return value if isinstance(value, str) else f"{value:0{self.pad}d}" if self.pad else str(value)
+
+
+class Variables:
+    """The variables of a script as far as they are known from its text.
+
+    `read` gives the text of a file that a ``file`` variable names, or raises Unknown.
+    """
+
+    def __init__(self, read=None):
+        self._values: dict[str, tuple[str, object]] = {}
+        self._read = read
+        self._left = MOST
 
     def define(self, words: list[str]) -> None:
         """Take ``variable <words>``."""
@@ -72,31 +96,92 @@ class Variables:
         name, style, rest = words[0], words[1], words[2:]
         if style == "delete":
             self._values.pop(name, None)
-        elif style == "equal" and rest:
-            self._values[name] = ("equal", rest[0] if len(rest) == 1 else " ".join(rest))
+        elif style in ("equal", "vector", "atom") and rest:
+            self._values[name] = (style, rest[0] if len(rest) == 1 else " ".join(rest))
         elif style == "string" and rest:
-            self._values[name] = ("text", rest[0])
-        elif style in ("index", "universe", "world", "loop", "uloop"):
+            self._values[name] = ("text", self._in_quotes(rest[0], name))
+        elif style in ("index", "universe", "world", "loop", "uloop", "file", "atomfile"):
             # LAMMPS: such a variable keeps its first definition (this is how -var on the command line wins).
-            if name in self._values:
-                return
-            if style == "index" and rest:
-                self._values[name] = ("text", rest[0])
-            else:
-                self._values[name] = ("unknown", f"variable {name} is of style {style}, whose value is only known while LAMMPS runs")
+            if name not in self._values:
+                self._values[name] = self._listed(name, style, rest)
         elif style == "internal" and rest:
             self._values[name] = ("equal", rest[0])
+        elif style == "format" and len(rest) > 1:
+            self._values[name] = ("format", (rest[0], rest[1]))
+        elif style == "getenv":
+            self.forget(name, f"variable {name} is taken from the environment of the run, which is not known")
         else:
             self.forget(name, f"variable {name} is of style {style}, whose value is only known while LAMMPS runs")
+
+    def _in_quotes(self, text, name):
+        """A string variable's value: LAMMPS puts variables in there even if it is quoted."""
+        try:
+            return self.substitute(text)
+        except Unknown:
+            return text
+
+    def _listed(self, name, style, rest):
+        if style == "index" and rest:
+            return "strings", _Strings(rest)
+        if style == "loop":
+            pad = rest[-1:] == ["pad"]
+            numbers = rest[: len(rest) - pad]
+            if len(numbers) in (1, 2) and all(re.fullmatch(r"\d{1,18}", w) for w in numbers):
+                low, high = (1, int(numbers[0])) if len(numbers) == 1 else map(int, numbers)
+                if low <= high:
+                    return "strings", _Strings(range(low, high + 1), len(str(high)) if pad else 0)
+            return "unknown", f"variable {name} loop {' '.join(rest)}: expected one or two whole numbers"
+        if style == "file" and rest and self._read is not None:
+            try:
+                values = [w for w in (line.split("#")[0].strip() for line in self._read(rest[0]).split("\n")) if w]
+            except Unknown as e:
+                return "unknown", str(e)
+            return ("strings", _Strings(values)) if values else ("unknown", f"variable {name}: {rest[0]} has no lines")
+        if style == "atomfile" and rest:
+            return "atomfile", rest[0]
+        return "unknown", f"variable {name} is of style {style}, whose value is only known while LAMMPS runs"
+
+    def step(self, names: list[str]) -> bool:
+        """``next``: whether the values have come to their end, so that the next jump is left out."""
+        ended = False
+        for name in names:
+            kind, value = self._values.get(name, ("unknown", ""))
+            if kind != "strings":
+                if name in self._values:
+                    self.forget(name, f"variable {name} is stepped by 'next', and its values are not known")
+                continue
+            if value.k + 1 < len(value.values):
+                value.k += 1
+            else:
+                ended = True
+        if ended:
+            for name in names:
+                self._values.pop(name, None)
+        return ended
 
     def forget(self, name: str, why: str) -> None:
         """Mark a variable as one whose value is not known."""
         self._values[name] = ("unknown", why)
 
+    def kind(self, name: str) -> tuple[str, object] | None:
+        """Style and value of a variable ("text", "equal", "atom", "atomfile", "strings", "unknown" ...), None if it is not defined."""
+        return self._values.get(name)
+
     def text(self, name: str, depth: int = 0) -> str:
         """What ``${name}`` stands for (LAMMPS prints equal-style values with %.15g)."""
         kind, value = self._get(name)
-        return value if kind == "text" else f"{self.evaluate(value, depth + 1):.15g}"
+        if kind == "text":
+            return value
+        if kind == "strings":
+            return value.text
+        if kind == "format":
+            other, form = value
+            if not _FORMAT.match(form):
+                raise Unknown(f"variable {name}: the format {form!r} is not understood")
+            return form % self.evaluate(f"v_{other}", depth + 1)
+        if kind != "equal":
+            raise Unknown(f"variable {name} has a value for every atom")
+        return f"{self.evaluate(value, depth + 1):.15g}"
 
     def _get(self, name):
         if name not in self._values:
@@ -112,13 +197,14 @@ class Variables:
         try:
             return float(value)
         except ValueError:
-            raise Unknown(f"variable {name} is {value!r}, which is not a number") from None
+            raise Unknown(f"variable {name} is {value[:40]!r}, which is not a number") from None
 
     def substitute(self, line: str) -> str:
         """Replace ``${name}``, ``$x`` and ``$(formula:%format)`` outside quotes."""
         if "$" not in line:
             return line
-        out, p, quote = [], 0, ""
+        self._left = MOST
+        out, p, quote, size = [], 0, "", 0
         while p < len(line):
             c = line[p]
             if quote:
@@ -136,6 +222,9 @@ class Variables:
                 quote = c
             elif c == "$":
                 value, p = self._dollar(line, p)
+                size += len(value)
+                if size > LONGEST:
+                    raise Unknown(f"the line is longer than {LONGEST} characters with its variables put in")
                 out.append(value)
                 continue
             out.append(c)
@@ -158,19 +247,21 @@ class Variables:
             else:
                 raise Unknown("'$(' without ')'")
             body, form = line[p + 2 : q], "%.20g"
-            m = re.search(r":(%[-+ #0-9.]*[eEfFgG])$", body)
+            m = re.search(r":([^:%]*%[-+ #0]*\d{0,3}(?:\.\d{0,3})?[eEfFgG][^:%]*)$", body)
             if m:
                 body, form = body[: m.start()], m.group(1)
-            value = self.evaluate(body)
-            return form % value, q + 1
+            return form % self.evaluate(body), q + 1
         if not nxt or nxt.isspace():
             raise Unknown("'$' without a variable's name")
         return self.text(nxt), p + 2
 
     def evaluate(self, formula: str, depth: int = 0) -> float:
         """The value of an equal-style formula."""
-        if depth > 50:
-            raise Unknown(f"the formula {formula!r} refers to itself")
+        if depth == 0:
+            self._left = MOST
+        self._left -= 1
+        if depth > _DEEPEST or self._left < 0:
+            raise Unknown(f"the formula {formula[:60]!r} refers to itself, or to too many others")
         tokens, p = [], 0
         formula = formula.strip()
         while p < len(formula):
@@ -186,14 +277,19 @@ class Variables:
             if parser.p != len(tokens):
                 raise Unknown(f"cannot evaluate {formula!r}: {tokens[parser.p][1]!r} is not expected there")
         except (ValueError, ZeroDivisionError, OverflowError) as e:
-            raise Unknown(f"cannot evaluate {formula!r}: {e}") from None
+            raise Unknown(f"cannot evaluate {parser.formula!r}: {e}") from None
         return float(value)
 
 
 class _Parser:
     def __init__(self, tokens, variables, formula, depth):
-        self.tokens, self.variables, self.formula, self.depth = tokens, variables, formula, depth
-        self.p = 0
+        self.tokens, self.variables, self.formula, self.depth = (
+            tokens,
+            variables,
+            formula if len(formula) < 80 else formula[:77] + "...",
+            depth,
+        )
+        self.p = self.level = 0
 
     def peek(self):
         return self.tokens[self.p] if self.p < len(self.tokens) else ("end", "the end")
@@ -209,20 +305,29 @@ class _Parser:
             raise Unknown(f"cannot evaluate {self.formula!r}: expected {op!r}, found {v!r}")
 
     def expression(self, least):
+        self.level += 1
+        if self.level > _DEEPEST:
+            raise Unknown(f"cannot evaluate {self.formula!r}: too many brackets")
         left = self.unary()
         while True:
             kind, op = self.peek()
             if kind != "o" or op not in _BINARY or _BINARY[op][0] <= least:
+                self.level -= 1
                 return left
             self.take()
             left = _BINARY[op][1](left, self.expression(_BINARY[op][0]))
 
     def unary(self):
+        signs = []
+        while self.peek() in (("o", "-"), ("o", "!")):
+            signs.append(self.take()[1])
+        value = self.atom()
+        for sign in reversed(signs):
+            value = -value if sign == "-" else float(not value)
+        return value
+
+    def atom(self):
         kind, v = self.take()
-        if (kind, v) == ("o", "-"):
-            return -self.unary()
-        if (kind, v) == ("o", "!"):
-            return float(not self.unary())
         if (kind, v) == ("o", "("):
             value = self.expression(0)
             self.expect(")")

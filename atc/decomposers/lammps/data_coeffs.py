@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
-from ..errors import AtcError
-from .bonded import SECTIONS
-from .lammps_script import Command
+from ...errors import AtcError
+from ..bonded import SECTIONS
+from .read_data import data_options
+from .script import Command
 
 _SECTION = re.compile(
     rb"^[ \t]*((?:Pair|PairIJ|Bond|Angle|Dihedral|Improper|BondBond|BondAngle|MiddleBondTorsion|EndBondTorsion|AngleTorsion|AngleAngleTorsion|BondBond13|"
@@ -21,7 +23,7 @@ def data_file_commands(path: Path, style_names: dict[str, str]) -> list[Command]
 
     `style_names` are the styles in force ({"pair": "lj/cut", ...}): sections of kinds without a style are passed over.
     """
-    text = path.read_bytes()
+    text = _bytes(path)
     # Sections of class2 cross terms: their rows are lines with a word of their own.
     crosses = {section: key for key, section in SECTIONS.items() if key[1]}
     labels, masses, coeffs = [], [], []
@@ -61,18 +63,37 @@ def data_file_commands(path: Path, style_names: dict[str, str]) -> list[Command]
     return labels + masses + coeffs
 
 
-def resolve(folder: Path, c: Command) -> Path:
-    """The file of a read_data line."""
-    p = Path(c.words[0]).expanduser()
-    return p if p.is_absolute() else folder / p
+def _bytes(path: Path) -> bytes:
+    """The file, decompressed."""
+    from ...readers._bytes import open_bytes
+
+    reader = open_bytes(path)
+    parts, at = [], 0
+    while len(part := reader.read(at, at + (1 << 24))):
+        parts.append(part.tobytes())
+        at += len(part)
+    reader.close()
+    return b"".join(parts)
 
 
 def take_data_file(c: Command, folder: Path, style_names) -> tuple[Path, list[Command]]:
     """The path, and the commands of the data file; none if it is not there (only needed if coefficients turn out missing)."""
-    path = resolve(folder, c)
-    if not path.is_file() or path.suffix == ".gz":
+    options = data_options(c, folder)
+    path = options.file
+    if not path.is_file():
         return path, []
     try:
-        return path, data_file_commands(path, {} if "nocoeff" in c.words else style_names)
+        commands = data_file_commands(path, {} if options.nocoeff else style_names)
     except OSError as e:
         raise AtcError(f"{c.where}: {path} cannot be read: {e.strerror}") from None
+    return path, [_offset(k, options.offsets) for k in commands] if any(options.offsets.values()) else commands
+
+
+def _offset(c: Command, offsets: dict) -> Command:
+    """A command of a data file whose types ``read_data ... offset`` shifts."""
+    if c.name == "labelmap":
+        kind, number, label = c.words
+        return replace(c, words=(kind, str(int(number) + offsets[kind]), label))
+    kind = "atom" if c.name in ("mass", "pair_coeff") else c.name.split("_")[0]
+    width = 2 if c.name == "pair_coeff" else 1
+    return replace(c, words=(*(str(int(w) + offsets[kind]) if w.isdigit() else w for w in c.words[:width]), *c.words[width:]))

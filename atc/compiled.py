@@ -1,0 +1,175 @@
+"""`njit` as the kernels of this package use it: numba's, with a cache that cannot be wrong and that nothing depends on.
+
+Numba's own cache looks only at the file of a function for changes. A function of another file that was compiled into it, or a constant imported from there,
+may have changed since, after an upgrade for instance, and the old machine code would go on giving the old numbers. Here a cache entry is bound to all
+source files whose functions a kernel calls, and to the constants it uses. Where no folder can be written, code is compiled anew in each process, with a note.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import os
+import tempfile
+import warnings
+from functools import cache
+from pathlib import Path
+from types import FunctionType, ModuleType
+
+import numba
+import numpy as np
+from numba.core import config
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+
+from .errors import AtcWarning
+
+__all__ = ["njit"]
+
+
+def njit(**options):
+    """A decorator: ``numba.njit(**options)``; with ``cache=True`` in this package's cache."""
+    keep = options.pop("cache", False)
+
+    def decorate(function):
+        dispatcher = numba.njit(**options)(function)
+        if keep:
+            try:
+                dispatcher._cache = _Cache(function)
+            except RuntimeError:  # numba's word for "no place"
+                _say_once()
+        return dispatcher
+
+    return decorate
+
+
+class _Locator(_CacheLocator):
+    """Where a kernel's code is kept, and what it depends on."""
+
+    def __init__(self, function, file, folder):
+        self._function, self._file, self._folder = function, file, folder
+
+    @classmethod
+    def from_function(cls, function, file):
+        folder = _folder(os.path.dirname(os.path.abspath(file)), config.CACHE_DIR or "")
+        return None if folder is None else cls(function, file, folder)
+
+    def get_cache_path(self):
+        return self._folder
+
+    def get_source_stamp(self):
+        return _stamp(self._function)
+
+    def get_disambiguator(self):
+        return str(self._function.__code__.co_firstlineno)
+
+
+class _Implementation(CompileResultCacheImpl):
+    _locator_classes = (_Locator,)
+
+
+class _Cache(FunctionCache):
+    """Neither an entry that cannot be read nor a disk without room keeps a kernel from being compiled."""
+
+    _impl_class = _Implementation
+
+    def load_overload(self, sig, target_context):
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception:  # half an entry, another numba's, not ours to read: whatever it is, it is no code for us
+            return None
+
+    def save_overload(self, sig, data):
+        try:
+            try:
+                super().save_overload(sig, data)
+            except OSError:
+                raise
+            except Exception:  # the list of entries is damaged: begin a new one
+                self.flush()
+                super().save_overload(sig, data)
+        except OSError:
+            _say_once()
+
+
+# --- where
+
+
+@cache
+def _folder(source: str, given: str) -> str | None:
+    """The folder for the kernels of a source folder: in NUMBA_CACHE_DIR, beside the sources, or in the user's cache; None where none can be written.
+
+    Never in a folder that others can write: machine code is loaded from it.
+    """
+    name = f"{os.path.basename(source)}_{hashlib.sha1(source.encode()).hexdigest()}"
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    places = [os.path.join(given, name)] if given else []
+    places.append(os.path.join(source, "__pycache__"))
+    if os.path.isabs(home):
+        places.append(os.path.join(home, "numba", name))
+    for place in places:
+        try:
+            os.makedirs(place, exist_ok=True)
+            with tempfile.TemporaryFile(dir=place):
+                return place
+        except OSError:
+            continue
+    return None
+
+
+@cache
+def _say_once() -> None:
+    import multiprocessing
+
+    if multiprocessing.current_process().name == "MainProcess":  # workers leave it to their parent
+        warnings.warn(
+            "compiled code cannot be kept, as no folder for it can be written: it is compiled anew in every run, which takes some ten seconds; set NUMBA_CACHE_DIR to a folder that can be written",
+            AtcWarning,
+            stacklevel=2,
+        )
+
+
+# --- what code depends on
+
+
+def _stamp(function) -> str:
+    """A digest of the sources and constants that the machine code of a function is made of."""
+    h = hashlib.sha256()
+    seen: set[int] = set()
+    files: set[str] = set()
+
+    def walk(f):
+        if id(f) in seen:
+            return
+        seen.add(id(f))
+        files.add(inspect.getfile(f))
+        names = list(f.__code__.co_names) + [name for c in f.__code__.co_consts if inspect.iscode(c) for name in c.co_names]
+        cells = zip(f.__code__.co_freevars, (c.cell_contents for c in f.__closure__ or ()))
+        for name, value in [*((n, f.__globals__[n]) for n in names if n in f.__globals__), *cells]:
+            take(name, value)
+
+    def take(name, value):
+        inner = getattr(value, "py_func", None) or getattr(value, "_defn", None)  # a dispatcher, an intrinsic
+        if isinstance(inner, FunctionType):
+            walk(inner)
+        elif isinstance(value, FunctionType):
+            files.add(inspect.getfile(value))
+        elif isinstance(value, ModuleType):
+            if value.__name__.split(".")[0] == __name__.split(".")[0]:
+                files.add(value.__file__)
+        elif isinstance(value, np.ndarray):
+            h.update(f"{name}{value.dtype.str}{value.shape}".encode() + value.tobytes())
+        elif isinstance(value, (int, float, complex, str, bool, tuple, np.generic)):
+            h.update(f"{name}={value!r}".encode())
+
+    walk(function)
+    for file in sorted(files):
+        h.update(os.path.basename(file).encode() + _content(file))
+    return h.hexdigest()
+
+
+@cache
+def _content(file: str) -> bytes:
+    try:
+        return hashlib.sha256(Path(file).read_bytes()).digest()
+    except OSError:
+        return b""

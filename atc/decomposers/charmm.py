@@ -1,0 +1,271 @@
+"""CHARMM's pair interactions: energies switched off, or forces switched and shifted off, towards the outer cutoff."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..compiled import njit
+from .radial import ChargedStyle, RadialStyle, inner_below_outer, mix_lj_distances, several_cutoffs
+from .registry import StyleInput, pair_style
+
+_LJ = (("epsilon", "energy"), ("sigma", "length"), ("inner", "length"), ("cutoff", "length"))
+
+# CHARMM's own Coulomb constant in kcal/mol Å/e², which LAMMPS takes for the force-shifted styles in units real.
+_CHARMM_CONSTANT = 332.0716
+
+
+class LennardJonesCharmm(RadialStyle):
+    """U = 4ε[(σ/d)¹² − (σ/d)⁶] S(d), the Lennard-Jones part of LAMMPS ``lj/charmm/coul/charmm``.
+
+    S = 1 for d < inner and (r_c² − d²)²(r_c² + 2d² − 3 inner²)/(r_c² − inner²)³ beyond, r_c the cutoff.
+    Numbers: epsilon, sigma, inner, cutoff; see `RadialStyle`.
+
+    Attributes
+    ----------
+    one_four : `OneFour` or None, what dihedral style charmm needs for the pairs at the ends of dihedrals
+    """
+
+    name = "lj/charmm"
+    numbers = _LJ
+    shifts = False
+    one_four = None
+
+    def columns(self, epsilon, sigma, inner, cutoff):
+        return 4 * epsilon * sigma**12, 4 * epsilon * sigma**6, inner**2, (cutoff**2 - inner**2) ** -3.0
+
+
+class LennardJonesCharmmFSW(RadialStyle):
+    """Lennard-Jones with CHARMM's force switch, the Lennard-Jones part of LAMMPS ``lj/charmmfsw/coul/charmmfsh``.
+
+    U = A(1/d¹² − 1/(r_i r_c)⁶) − B(1/d⁶ − 1/(r_i r_c)³) for d < r_i, the inner cutoff, and beyond
+    U = A r_c⁶/(r_c⁶ − r_i⁶) (1/d⁶ − 1/r_c⁶)² − B r_c³/(r_c³ − r_i³) (1/d³ − 1/r_c³)² (Steinbach & Brooks, J. Comput. Chem. 15, 667), A = 4εσ¹², B = 4εσ⁶.
+    The force beyond r_i is LAMMPS's: that of Lennard-Jones times S of `LennardJonesCharmm`, which is close to, but not, the slope of this energy.
+    Numbers: epsilon, sigma, inner, cutoff; see `RadialStyle`.
+    """
+
+    name = "lj/charmmfsw"
+    numbers = _LJ
+    shifts = False
+    one_four = None
+
+    def columns(self, epsilon, sigma, inner, cutoff):
+        a, c = 4 * epsilon * sigma**12, 4 * epsilon * sigma**6
+        i3, c3 = inner**3, cutoff**3
+        k12, k6 = a * c3**2 / (c3**2 - i3**2), c * c3 / (c3 - i3)
+        return a, c, inner**2, (cutoff**2 - inner**2) ** -3.0, -a / (i3 * c3) ** 2 + c / (i3 * c3), k12, k6, 1 / c3
+
+
+class CoulombCharmm(ChargedStyle):
+    """U = C q_i q_j S(d)/d, S as for `LennardJonesCharmm` (the Coulomb part of LAMMPS ``lj/charmm/coul/charmm``).
+
+    The force is LAMMPS's, S(d) times that of the bare charges: where S changes it is not the slope of the energy.
+    Numbers: inner, cutoff; see `ChargedStyle`.
+    """
+
+    name = "coul/charmm"
+    numbers = (("inner", "length"), ("cutoff", "length"))
+
+    def columns(self, inner, cutoff):
+        return inner**2, (cutoff**2 - inner**2) ** -3.0
+
+
+class CoulombCharmmImplicit(CoulombCharmm):
+    """U = C q_i q_j S(d)/d², a dielectric constant that grows like the distance (the Coulomb part of LAMMPS ``lj/charmm/coul/charmm/implicit``).
+
+    C q_i q_j/d² is an energy where lengths are in the unit style's unit. Numbers: inner, cutoff; see `ChargedStyle`.
+    """
+
+    name = "coul/charmm/implicit"
+
+
+class CoulombCharmmFSH(ChargedStyle):
+    """U = C q_i q_j (1/d + d/r_c² − 2/r_c), force C q_i q_j (1/d² − 1/r_c²) (the Coulomb part of LAMMPS ``lj/charmmfsw/coul/charmmfsh``).
+
+    Numbers: cutoff; see `ChargedStyle`.
+    """
+
+    name = "coul/charmmfsh"
+    numbers = (("cutoff", "length"),)
+
+    def columns(self, cutoff):
+        return (1 / cutoff,)
+
+
+class OneFour:
+    """What the first and the fourth atom of a dihedral of style charmm do to each other: Lennard-Jones of their own and bare charges, no cutoff.
+
+    a, c : (n_types + 1, n_types + 1) 4ε₁₄σ₁₄¹² and 4ε₁₄σ₁₄⁶, internal units
+    constant : Coulomb constant; with `implicit` for C q_i q_j/d²
+    cutoffs : (inner, outer, Coulomb) cutoffs of the force-switched and force-shifted style, on which energies of dihedral style charmmfsw depend
+    """
+
+    def __init__(self, epsilon, sigma, constant: float, implicit: bool = False, cutoffs=None):
+        self.a, self.c, self.constant, self.implicit = 4 * epsilon * sigma**12, 4 * epsilon * sigma**6, constant, implicit
+        self.shifted = cutoffs is not None
+        inner, outer, coulomb = cutoffs or (np.inf, np.inf, np.inf)
+        self.offset = -self.a / (inner * outer) ** 6 + self.c / (inner * outer) ** 3
+        self.inverse_cutoff = 1 / coulomb
+
+
+def _constant(inp: StyleInput, shifted: bool) -> float:
+    constant = inp.units.coulomb
+    if shifted and inp.units.name == "real":
+        constant = _CHARMM_CONSTANT * inp.units.energy * inp.units.length / inp.units.factor("charge") ** 2
+    return constant / inp.dielectric
+
+
+def _coefficients(inp: StyleInput, inner, outer):
+    """Arrays epsilon, sigma, inner, outer (0 where the style does not act), and epsilon_14 and sigma_14."""
+    # CHARMM mixes arithmetically unless told otherwise.
+    inp = inp.replace(modify=replace(inp.modify, mix=inp.modify.mix or "arithmetic"))
+    for line in inp.coeffs:
+        if len(line.words) not in (2, 4):
+            raise inp.error(
+                f"pair_coeff of {inp.name} takes epsilon sigma [epsilon_14 sigma_14], got {' '.join(line.words) or 'nothing'}", line
+            )
+    doubled = tuple(line.__class__(line.types, line.words * 2 if len(line.words) == 2 else line.words, line.where) for line in inp.coeffs)
+    wants = (*_LJ[:2], ("epsilon_14", "energy"), ("sigma_14", "length"))
+
+    def mix(a, b, rule):
+        return (*mix_lj_distances(a[:2], b[:2], rule), *mix_lj_distances(a[2:4], b[2:4], rule), 1.0)
+
+    doubled = tuple(line.__class__(line.types, (*line.words, "1"), line.where) for line in doubled)
+    arrays = several_cutoffs(inp.replace(coeffs=doubled), (*wants, ("on", "dimensionless")), (), mix)
+    epsilon, sigma, e14, s14, on = arrays
+    return epsilon, sigma, on * inner, on * outer, e14, s14, on
+
+
+def _switched(coulomb, implicit):
+    def build(inp: StyleInput):
+        names = ("inner LJ cutoff", "outer LJ cutoff", "inner Coulomb cutoff", "outer Coulomb cutoff")
+        if len(inp.args) == 3:
+            raise inp.error(f"{inp.command} takes two or four cutoffs, got {' '.join(inp.args)}")
+        inner, outer, inner_c, outer_c = inp.numbers(inp.args, [(n, "length") for n in names], optional=2)
+        if inner_c is None:
+            inner_c, outer_c = inner, outer
+        wrong = inner_below_outer(inner, outer, "LJ ") or inner_below_outer(inner_c, outer_c, "Coulomb ")
+        if wrong:
+            raise inp.error(f"{inp.command}: {wrong}, got {' '.join(inp.args)}")
+        *lj, e14, s14, on = _coefficients(inp, inner, outer)
+        style = LennardJonesCharmm.internal(*lj)
+        charges = coulomb.of(inp, on * inner_c, on * outer_c)
+        if implicit:
+            charges.constant *= inp.units.length
+        style.one_four = OneFour(e14, s14, charges.constant, implicit)
+        return [style, charges]
+
+    return build
+
+
+pair_style("lj/charmm/coul/charmm")(_switched(CoulombCharmm, False))
+pair_style("lj/charmm/coul/charmm/implicit")(_switched(CoulombCharmmImplicit, True))
+
+
+@pair_style("lj/charmmfsw/coul/charmmfsh")
+def _force_switched(inp: StyleInput):
+    names = ("inner LJ cutoff", "outer LJ cutoff", "Coulomb cutoff")
+    inner, outer, rc = inp.numbers(inp.args, [(n, "length") for n in names], optional=1)
+    wrong = inner_below_outer(inner, outer, "LJ ") or (None if rc is None or rc > 0 else "the Coulomb cutoff must be positive")
+    if wrong:
+        raise inp.error(f"{inp.command}: {wrong}, got {' '.join(inp.args)}")
+    *lj, e14, s14, on = _coefficients(inp, inner, outer)
+    style = LennardJonesCharmmFSW.internal(*lj)
+    charges = CoulombCharmmFSH.of(inp, on * (outer if rc is None else rc))
+    charges.constant = _constant(inp, True)
+    style.one_four = OneFour(e14, s14, charges.constant, cutoffs=(inner, outer, outer if rc is None else rc))
+    return [style, charges]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _switch(x, outer2, inner2, inverse):
+    """S and dS/d(d²) at x = d²."""
+    if x <= inner2:
+        return 1.0, 0.0
+    t = outer2 - x
+    return t * t * (outer2 + 2.0 * x - 3.0 * inner2) * inverse, 6.0 * t * (inner2 - x) * inverse
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _lj_charmm(types, i, j, d2, weights, table, U, G):
+    weighted = len(weights) > 0
+    for b in range(len(d2)):
+        p = table[types[i[b]], types[j[b]]]
+        if d2[b] < p[0]:
+            w = weights[b] if weighted else 1.0
+            s2 = 1.0 / d2[b]
+            s6 = s2 * s2 * s2
+            a = p[1] * s6 * s6
+            c = p[2] * s6
+            S, dS = _switch(d2[b], p[0], p[3], p[4])
+            U[b] += w * (a - c) * S
+            G[b] -= w * ((12.0 * a - 6.0 * c) * s2 * S - 2.0 * (a - c) * dS)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _lj_charmmfsw(types, i, j, d2, weights, table, U, G):
+    weighted = len(weights) > 0
+    for b in range(len(d2)):
+        p = table[types[i[b]], types[j[b]]]
+        if d2[b] < p[0]:
+            w = weights[b] if weighted else 1.0
+            s2 = 1.0 / d2[b]
+            s6 = s2 * s2 * s2
+            a = p[1] * s6 * s6
+            c = p[2] * s6
+            g = (12.0 * a - 6.0 * c) * s2
+            if d2[b] <= p[3]:
+                u = a - c + p[5]
+            else:
+                x = s6 - p[8] * p[8]
+                y = np.sqrt(s6) - p[8]
+                u = p[6] * x * x - p[7] * y * y
+                g *= _switch(d2[b], p[0], p[3], p[4])[0]
+            U[b] += w * u
+            G[b] -= w * g
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _coul_charmm(types, i, j, d2, weights, table, constant, q, U, G):
+    weighted = len(weights) > 0
+    for b in range(len(d2)):
+        p = table[types[i[b]], types[j[b]]]
+        if d2[b] < p[0]:
+            w = weights[b] if weighted else 1.0
+            S, _ = _switch(d2[b], p[0], p[1], p[2])
+            u = w * constant * q[i[b]] * q[j[b]] / np.sqrt(d2[b]) * S
+            U[b] += u
+            G[b] -= u / d2[b]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _coul_charmm_implicit(types, i, j, d2, weights, table, constant, q, U, G):
+    weighted = len(weights) > 0
+    for b in range(len(d2)):
+        p = table[types[i[b]], types[j[b]]]
+        if d2[b] < p[0]:
+            w = weights[b] if weighted else 1.0
+            S, dS = _switch(d2[b], p[0], p[1], p[2])
+            u = w * constant * q[i[b]] * q[j[b]] / d2[b]
+            U[b] += u * S
+            G[b] -= 2.0 * u * (S / d2[b] - dS)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _coul_charmmfsh(types, i, j, d2, weights, table, constant, q, U, G):
+    weighted = len(weights) > 0
+    for b in range(len(d2)):
+        p = table[types[i[b]], types[j[b]]]
+        if d2[b] < p[0]:
+            c = constant * q[i[b]] * q[j[b]] * (weights[b] if weighted else 1.0)
+            d = np.sqrt(d2[b])
+            U[b] += c * (1.0 / d + p[1] * (d * p[1] - 2.0))
+            G[b] -= c * (1.0 / d2[b] - p[1] * p[1]) / d
+
+
+LennardJonesCharmm.kernel = staticmethod(_lj_charmm)
+LennardJonesCharmmFSW.kernel = staticmethod(_lj_charmmfsw)
+CoulombCharmm.kernel = staticmethod(_coul_charmm)
+CoulombCharmmImplicit.kernel = staticmethod(_coul_charmm_implicit)
+CoulombCharmmFSH.kernel = staticmethod(_coul_charmmfsh)

@@ -1,0 +1,316 @@
+"""Embedded atoms whose cross interaction depends on the local concentration (LAMMPS ``eam/cd`` and ``eam/cd/old``)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..bonds import Bonds
+from ..compiled import njit
+from ..errors import AtcError
+from ..frame import Frame
+from ..units import Units
+from ..units import units as system
+from .base import Accumulator, Term, Work
+from .eam_file import EAMTables, read_setfl
+from .elements import ElementMap, mapped_line
+from .embedded_atom import _place, spline
+from .neighborhood import Neighborhood, around
+from .registry import MAPPED_STYLES, pair_style
+
+_NOTHING = np.zeros(0)
+_NO_D = np.zeros((0, 2, 3))
+_OUTER_PER_TASK = 1 << 16
+
+
+class ConcentrationEAM(Term):
+    """U = Σ_i F_i(ρ_i) + Σ_{AA, BB pairs} φ(d) + Σ_{AB pairs} H_ij φ_AB(d), x_i = Σ_{j of B} ρ_j(d_ij)/ρ_i the concentration around i,
+    H_ij = ½ [h(x_i) + h(x_j)] (one site), or h(½ (x_i + x_j)) (two sites), h a polynomial.
+
+    A pair's G = [φ' H + F_i' ρ_ji' + X_i ρ_ji' (δ_jB − x_i)/ρ_i + the same with i and j exchanged]/d, X_i = Σ_j φ_ij ∂H_ij/∂x_i: one bond a pair. Embedding energy belongs to its
+    own atom, half of a pair's energy to each end; since x_j depends on all neighbours of j, bonds between neighbours of an atom carry energy sources, though
+    no force. Between the points of the tables it is LAMMPS's cubic spline.
+
+    Parameters
+    ----------
+    tables : EAMTables of two elements, A and B, with `mixing`, in `units`
+    elements : the element of each atom type, from type 1; None or "NULL" leaves a type out. Default: every atom is A.
+    units : unit style of the tables; the default has eV and Å
+    two_sites : LAMMPS's ``eam/cd/old``
+
+    Notes
+    -----
+    Source: Caro, Crowson & Caro, Phys. Rev. Lett. 95, 075702 (2005); Stukowski, Sadigh, Erhart & Caro, Model. Simul. Mater. Sci. Eng. 17, 075005 (2009).
+    """
+
+    # A bond of i and j has X_j, which may have the concentrations of j's neighbours, which have their neighbours.
+    depth = 3.0
+
+    def __init__(self, tables: EAMTables, elements=None, *, units: str | Units = "metal", two_sites: bool = False):
+        self.units = u = system(units)
+        self.style = "eam/cd/old" if two_sites else "eam/cd"
+        if tables.mixing is None or len(tables.elements) != 2:
+            raise AtcError(f"{self.style}: needs tables of two elements with a polynomial h(x), got {len(tables.elements)} elements")
+        self.map = ElementMap(elements, tables.elements, f"pair_style {self.style}")
+        energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
+        self.per_dr, self.per_drho = 1.0 / (tables.dr * length), 1.0 / tables.drho
+        self.cutoff = float(tables.cutoff * length)
+        self.two_sites = bool(two_sites)
+        self.h = np.ascontiguousarray(tables.mixing, float)
+        self.F = np.ascontiguousarray(spline(tables.F_en * energy))
+        self.rho = np.ascontiguousarray(spline(tables.rho_eer[:, 0]))
+        self.zr = np.ascontiguousarray(spline(tables.zr_eer * (energy * length)))
+
+    @classmethod
+    def from_file(cls, path, elements=None, *, units: str | Units = "metal", two_sites: bool = False, where: str = "") -> ConcentrationEAM:
+        """From a LAMMPS file, e.g. ``ConcentrationEAM.from_file("FeCr.cdeam", ["Fe", "Cr"])``. where : the line that names it, for messages."""
+        t = read_setfl(path, system(units).name, False, where, mixing=True)
+        odd = next((e for e in elements or () if e not in (None, "NULL", *t.elements)), None)
+        if odd is not None:
+            raise AtcError(f"{where or path}: {path} has no element {odd!r}: it has {', '.join(t.elements)}")
+        return cls(t, elements, units=units, two_sites=two_sites)
+
+    def describe(self) -> str:
+        return f"{self.style}{self.map.describe()}, embedding energy to its own atom, pair energy shared half to each"
+
+    def prepare(self, frame: Frame) -> Work:
+        return _Work(self, frame)
+
+
+class _Work(Work):
+    def __init__(self, term: ConcentrationEAM, frame: Frame):
+        self.term, self.frame = term, frame
+        element_n, who = term.map.apply(frame)
+        self.near = near = Neighborhood(frame, who, term.cutoff, "EAM")
+        self.element = element_n[near.atom]
+        self.stages = (near.chunks, 1, near.chunks, near.chunks, near.chunks, near.chunks)
+
+    def run(self, stage, task, acc: Accumulator):
+        return (self._collect, self._join, self._densities, self._weights, self._merge, self._outer)[stage](task, acc)
+
+    def _collect(self, task, acc):
+        self.near.collect(task, acc.ws)
+
+    def _join(self, task, acc):
+        near = self.near
+        near.join()
+        n = len(near.atom)
+        self.rho, self.x, self.slope, self.X = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+        self.grad = np.zeros((n if acc.sources else 0, 3))
+        self.runs, self.most, self.room = near.runs(_OUTER_PER_TASK)
+        self.stages = (near.chunks, 1, near.chunks, near.chunks, near.chunks, len(self.runs) - 1 if acc.sources else 0)
+
+    def _lists(self):
+        near = self.near
+        return near.start, near.pair, near.end, near.a, near.b, near.r_pc, near.d_p, self.element
+
+    def _densities(self, task, acc):
+        near, t = self.near, self.term
+        energies = acc.energies if acc.energies is not None else _NOTHING
+        acc.energy += _densities(
+            near.first[task], near.first[task + 1], *self._lists(), t.F, t.rho, t.per_drho, t.per_dr, near.atom, self.rho, self.x, self.slope, self.grad,
+            energies,
+        )  # fmt: skip
+
+    def _weights(self, task, acc):
+        near, t = self.near, self.term
+        _weights(near.first[task], near.first[task + 1], *self._lists(), t.zr, t.per_dr, t.h, t.two_sites, self.x, self.X)
+
+    def _merge(self, task, acc):
+        near, ws, t = self.near, acc.ws, self.term
+        p0, p1 = near.edges[task], near.edges[task + 1]
+        while ws.capacity < p1 - p0:
+            ws.grow()
+        D = np.empty((p1 - p0, 2, 3)) if acc.sources else _NO_D
+        energies = acc.energies if acc.energies is not None else _NOTHING
+        m, energy, bad = _pairs(
+            p0, p1, near.a, near.b, near.r_pc, near.d_p, self.element, t.rho, t.zr, t.per_dr, t.h, t.two_sites, self.rho, self.x, self.slope, self.X,
+            self.grad, near.atom, ws.i, ws.j, ws.r, ws.G, D, energies,
+        )  # fmt: skip
+        if bad >= 0:
+            a, b = self.frame.ids[near.atom[near.a[bad]]], self.frame.ids[near.atom[near.b[bad]]]
+            raise AtcError(
+                f"{self.frame.source}: the EAM force between atoms {a} and {b} at distance {near.d_p[bad]:.3g} is not a finite number"
+            )
+        acc.energy += energy
+        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
+
+    def _outer(self, task, acc):
+        ws, t = acc.ws, self.term
+        while ws.capacity < self.room:
+            ws.grow()
+        D = np.empty((self.room, 2, 3))
+        m = _outer(
+            self.runs[task], self.runs[task + 1], self.most, *self._lists(), t.rho, t.zr, t.per_dr, t.h, t.two_sites, self.rho, self.x, self.near.atom,
+            ws.i, ws.j, ws.r, ws.G, D,
+        )  # fmt: skip
+        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m])
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _at(table, d, per_dr):
+    """Value and slope of a table at a distance."""
+    m, x = _place(d, per_dr, table.shape[0] - 1)
+    c = table[m]
+    return ((c[0] * x + c[1]) * x + c[2]) * x + c[3], ((3.0 * c[0] * x + 2.0 * c[1]) * x + c[2]) * per_dr
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _phi(table, d, per_dr):
+    z, dz = _at(table, d, per_dr)
+    return z / d, (dz - z / d) / d
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _h(h, x):
+    """h(x) and h'(x)."""
+    value = slope = 0.0
+    for k in range(len(h) - 1, -1, -1):
+        slope = slope * x + value
+        value = value * x + h[k]
+    return value, slope
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _mixed(h, two_sites, x, y):
+    """H of concentrations x and y, and its derivative by x."""
+    if two_sites:
+        value, slope = _h(h, 0.5 * (x + y))
+        return value, 0.5 * slope
+    value, slope = _h(h, x)
+    return 0.5 * (value + _h(h, y)[0]), 0.5 * slope
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _densities(s0, s1, start, pair, end, a, b, r, d, element, F, rho_table, per_drho, per_dr, atom, rho, x, slope, grad, energies):
+    """ρ, x, F' of the atoms s0..s1, and Σ_k ∂x/∂x_k where wanted. Returns Σ F."""
+    points = F.shape[1] - 1
+    total = 0.0
+    for s in range(s0, s1):
+        of_B = 0.0
+        for e in range(start[s], start[s + 1]):
+            p = pair[e]
+            k = b[p] if end[e] == 0 else a[p]
+            value = _at(rho_table[element[k]], d[p], per_dr)[0]
+            rho[s] += value
+            of_B += value if element[k] == 1 else 0.0
+        x[s] = of_B / rho[s] if rho[s] > 0.0 else 0.0
+        y = rho[s] * per_drho + 1.0
+        m = max(1, min(int(y), points - 1))
+        y = min(y - m, 1.0)
+        c = F[element[s], m]
+        u = ((c[0] * y + c[1]) * y + c[2]) * y + c[3]
+        slope[s] = ((3.0 * c[0] * y + 2.0 * c[1]) * y + c[2]) * per_drho
+        total += u
+        if len(energies) > 0:
+            energies[atom[s]] += u
+        if len(grad) > 0 and rho[s] > 0.0:
+            for e in range(start[s], start[s + 1]):
+                p = pair[e]
+                k, sign = (b[p], 1.0) if end[e] == 0 else (a[p], -1.0)
+                g = _at(rho_table[element[k]], d[p], per_dr)[1] * ((1.0 if element[k] == 1 else 0.0) - x[s]) / (rho[s] * d[p])
+                for c3 in range(3):
+                    grad[s, c3] -= g * sign * r[p, c3]
+    return total
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _weights(s0, s1, start, pair, end, a, b, r, d, element, zr, per_dr, h, two_sites, x, X):
+    """X of the atoms s0..s1."""
+    for s in range(s0, s1):
+        for e in range(start[s], start[s + 1]):
+            p = pair[e]
+            k = b[p] if end[e] == 0 else a[p]
+            if element[k] != element[s]:
+                X[s] += _phi(zr[0, 1], d[p], per_dr)[0] * _mixed(h, two_sites, x[s], x[k])[1]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _pairs(
+    p0, p1, a, b, r, d, element, rho_table, zr, per_dr, h, two_sites, rho, x, slope, X, grad, atom, out_i, out_j, out_r, out_G, out_D, energies
+):  # fmt: skip
+    sources = len(out_D) > 0
+    total = 0.0
+    m = 0
+    for p in range(p0, p1):
+        i, j = a[p], b[p]
+        ei, ej = element[i], element[j]
+        u, du = _phi(zr[ei, ej], d[p], per_dr)
+        by_i = by_j = 0.0
+        if ei != ej:
+            H, by_i = _mixed(h, two_sites, x[i], x[j])
+            by_j = _mixed(h, two_sites, x[j], x[i])[1]
+            by_i *= u
+            by_j *= u
+            u *= H
+            du *= H
+        # What j does to the density of i, and to its concentration.
+        drho_i, drho_j = _at(rho_table[ej], d[p], per_dr)[1], _at(rho_table[ei], d[p], per_dr)[1]
+        dx_i = drho_i * ((1.0 if ej == 1 else 0.0) - x[i]) / rho[i] if rho[i] > 0.0 else 0.0
+        dx_j = drho_j * ((1.0 if ei == 1 else 0.0) - x[j]) / rho[j] if rho[j] > 0.0 else 0.0
+        g = (du + slope[i] * drho_i + slope[j] * drho_j + X[i] * dx_i + X[j] * dx_j) / d[p]
+        if not np.isfinite(g + u):
+            return 0, 0.0, p
+        total += u
+        if len(energies) > 0:
+            energies[atom[i]] += 0.5 * u
+            energies[atom[j]] += 0.5 * u
+        keep = g != 0.0
+        out_i[m], out_j[m], out_G[m] = atom[i], atom[j], g
+        for c in range(3):
+            out_r[m, c] = r[p, c]
+            if sources:
+                # grad : Σ_k ∂x/∂x_k, minus what the atom's own motion does to its concentration.
+                out_D[m, 0, c] = -(0.5 * du + slope[i] * drho_i + 0.5 * X[i] * dx_i) / d[p] * r[p, c] - 0.5 * by_j * grad[j, c]
+                out_D[m, 1, c] = (0.5 * du + slope[j] * drho_j + 0.5 * X[j] * dx_j) / d[p] * r[p, c] - 0.5 * by_i * grad[i, c]
+                keep = keep or out_D[m, 0, c] != 0.0 or out_D[m, 1, c] != 0.0
+        m += 1 if keep else 0
+    return m, total, -1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _outer(
+    s0, s1, most, start, pair, end, a, b, r, d, element, rho_table, zr, per_dr, h, two_sites, rho, x, atom, out_i, out_j, out_r, out_G, out_D
+):  # fmt: skip
+    """Between neighbours e, f of an atom s: ∂U^(e)/∂x_f = ½ φ_es ∂H/∂x_s ∂x_s/∂x_f, and the same with e and f exchanged."""
+    who, arm, dist = np.empty(most, np.int32), np.empty((most, 3)), np.empty(most)
+    share, slope = np.empty(most), np.empty(most)
+    m = 0
+    for s in range(s0, s1):
+        k = around(s, start, pair, end, a, b, r, d, who, arm, dist)
+        if not rho[s] > 0.0:
+            continue
+        for e in range(k):
+            o = who[e]
+            share[e] = 0.0
+            if element[o] != element[s]:
+                share[e] = 0.5 * _phi(zr[0, 1], dist[e], per_dr)[0] * _mixed(h, two_sites, x[s], x[o])[1]
+            slope[e] = -_at(rho_table[element[o]], dist[e], per_dr)[1] * ((1.0 if element[o] == 1 else 0.0) - x[s]) / (rho[s] * dist[e])
+        for e in range(k):
+            for f in range(e + 1, k):
+                if share[e] * slope[f] == 0.0 and share[f] * slope[e] == 0.0:
+                    continue
+                out_i[m], out_j[m], out_G[m] = atom[who[e]], atom[who[f]], 0.0
+                for c in range(3):
+                    out_r[m, c] = arm[f, c] - arm[e, c]
+                    out_D[m, 0, c] = share[e] * slope[f] * arm[f, c]
+                    out_D[m, 1, c] = share[f] * slope[e] * arm[e, c]
+                m += 1
+    return m
+
+
+MAPPED_STYLES.update(("eam/cd", "eam/cd/old"))
+
+
+def _build(inp, two_sites):
+    path, elements, line = mapped_line(inp, ".cdeam")
+    return ConcentrationEAM.from_file(path, elements, units=inp.units, two_sites=two_sites, where=line.where)
+
+
+@pair_style("eam/cd")
+def _one_site(inp):
+    return _build(inp, False)
+
+
+@pair_style("eam/cd/old")
+def _two_sites(inp):
+    return _build(inp, True)

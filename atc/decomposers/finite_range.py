@@ -1,0 +1,175 @@
+"""Potentials that end at their cutoff by themselves: Wang-Frenkel, the squared cosine, the harmonic repulsion, and the conservative force of DPD."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..compiled import njit
+from .pair_input import pair_values
+from .radial import RadialStyle, one_cutoff
+from .registry import StyleInput, pair_style
+
+_PLAIN = "dimensionless"
+
+
+class WangFrenkel(RadialStyle):
+    """U = ε α [(σ/d)^{2μ} − 1][(r_c/d)^{2μ} − 1]^{2ν}, with α such that the minimum is −ε (LAMMPS ``wf/cut``; Wang et al., PCCP 22, 10624).
+
+    Numbers: epsilon, sigma, nu, mu (whole numbers), cutoff; see `RadialStyle`.
+    """
+
+    name = "wf/cut"
+    numbers = (("epsilon", "energy"), ("sigma", "length"), ("nu", _PLAIN), ("mu", _PLAIN), ("cutoff", "length"))
+
+    def columns(self, epsilon, sigma, nu, mu, cutoff):
+        x = (cutoff / sigma) ** (2 * mu)
+        alpha = 2 * nu * x * ((1 + 2 * nu) / (2 * nu * (x - 1))) ** (2 * nu + 1)
+        return epsilon * alpha, sigma**2, cutoff**2, mu, 2 * nu
+
+
+class CosineSquared(RadialStyle):
+    """U = −ε for d < σ and −ε cos²[π(d − σ)/(2(r_c − σ))] up to the cutoff r_c (LAMMPS ``cosine/squared``).
+
+    With wca = 1, the Weeks-Chandler-Andersen repulsion ε[(σ/d)¹² − 2(σ/d)⁶ + 1] is added for d < σ, and r_c = σ leaves that alone.
+    Numbers: epsilon, sigma, wca (0 or 1), cutoff; see `RadialStyle`.
+    """
+
+    name = "cosine/squared"
+    numbers = (("epsilon", "energy"), ("sigma", "length"), ("wca", _PLAIN), ("cutoff", "length"))
+    shifts = False
+
+    def columns(self, epsilon, sigma, wca, cutoff):
+        attracts = cutoff > sigma
+        return np.where(attracts, epsilon, 0.0), sigma, np.where(attracts, np.pi / (2 * (cutoff - sigma)), 0.0), wca * epsilon
+
+
+class HarmonicCut(RadialStyle):
+    """U = k (r_c − d)² for d < r_c (LAMMPS ``harmonic/cut``). Numbers: k, cutoff; see `RadialStyle`."""
+
+    name = "harmonic/cut"
+    numbers = (("k", {"energy": 1, "length": -2}), ("cutoff", "length"))
+    shifts = False
+
+    def columns(self, k, cutoff):
+        return k, cutoff
+
+
+class DPD(RadialStyle):
+    """U = ½ A r_c (1 − d/r_c)² for d < r_c: the conservative force of dissipative particle dynamics (LAMMPS ``dpd``, ``dpd/ext``).
+
+    Numbers: A, cutoff; see `RadialStyle`.
+    """
+
+    name = "dpd"
+    numbers = (("A", {"energy": 1, "length": -1}), ("cutoff", "length"))
+    shifts = False
+
+    def columns(self, A, cutoff):
+        return 0.5 * A / cutoff, cutoff
+
+
+def _whole(*numbers):
+    _, sigma, nu, mu, cutoff = numbers
+    if not (nu % 1 == 0 and mu % 1 == 0 and nu > 0 and mu > 0):
+        return "nu and mu must be whole numbers from 1"
+    return None
+
+
+one_cutoff(WangFrenkel, check=_whole)
+
+
+@pair_style("cosine/squared")
+def _cosine_squared_style(inp: StyleInput):
+    (rc,) = inp.numbers(inp.args, [("cutoff", "length")])
+    lines = []
+    for line in inp.coeffs:
+        wca = line.words[-1:] == ("wca",)
+        words = line.words[:-1] if wca else line.words
+        e, s, cut = inp.numbers(words, [CosineSquared.numbers[k] for k in (0, 1, 3)], line, optional=1)
+        cut = rc if cut is None else cut
+        if cut < s or (cut == s and not wca):
+            raise inp.error(f"{inp.command}: the cutoff must be larger than sigma (or equal with wca), got {' '.join(line.words)}", line)
+        lines.append(line.__class__(line.types, (*words[:2], "1" if wca else "0", *words[2:]), line.where))
+    return CosineSquared.internal(*pair_values(inp.replace(coeffs=tuple(lines)), CosineSquared.numbers, optional=1, defaults=[rc]))
+
+
+@pair_style("harmonic/cut")
+def _harmonic_cut_style(inp: StyleInput):
+    inp.numbers(inp.args, [])
+    return HarmonicCut.internal(*pair_values(inp, HarmonicCut.numbers, mix=None))
+
+
+_FRICTION = ("friction", _PLAIN)
+# Style: numbers in front of the cutoff on the pair_style line, and numbers of a pair_coeff line in front of its cutoff; A where there is one.
+_DPD = {
+    "dpd": (1, ("A", "gamma")),
+    "dpd/ext": (1, ("A", "gamma", "gamma_perpendicular", "s", "s_perpendicular")),
+    "dpd/tstat": (2, ("gamma",)),
+    "dpd/ext/tstat": (2, ("gamma", "gamma_perpendicular", "s", "s_perpendicular")),
+}
+
+
+@pair_style(*_DPD)
+def _dpd_style(inp: StyleInput):
+    temperatures, names = _DPD[inp.name]
+    wants = [("temperature", _PLAIN)] * temperatures + [("cutoff", "length"), ("seed", _PLAIN)]
+    rc = inp.numbers(inp.args, wants)[-2]
+    inp.note(f"pair_style {inp.name}: friction and noise are a thermostat's, no functions of positions: they are not in forces and stress")
+    numbers = [(n, {"energy": 1, "length": -1} if n == "A" else _PLAIN) for n in names] + [("cutoff", "length")]
+    arrays = pair_values(inp, numbers, optional=1, defaults=[rc])
+    return DPD.internal(arrays[0], arrays[-1]) if "A" in names else []
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _wang_frenkel(types, i, j, d2, weights, table, U, G):
+    weighted = len(weights) > 0
+    for b in range(len(d2)):
+        p = table[types[i[b]], types[j[b]]]
+        if d2[b] < p[0]:
+            w = weights[b] if weighted else 1.0
+            mu, nu2 = int(p[4]), int(p[5])
+            s = 1.0 / d2[b]
+            x = (p[2] * s) ** mu
+            y = (p[3] * s) ** mu
+            z = (y - 1.0) ** (nu2 - 1)
+            U[b] += w * (p[1] * (x - 1.0) * z * (y - 1.0) - p[6])
+            G[b] -= w * 2.0 * mu * p[1] * z * (x * (y - 1.0) + nu2 * y * (x - 1.0)) * s
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _cosine_squared(types, i, j, d2, weights, table, U, G):
+    weighted = len(weights) > 0
+    for b in range(len(d2)):
+        p = table[types[i[b]], types[j[b]]]
+        if d2[b] < p[0]:
+            w = weights[b] if weighted else 1.0
+            sigma = p[2]
+            if d2[b] < sigma * sigma:
+                s2 = sigma * sigma / d2[b]
+                s6 = s2 * s2 * s2
+                U[b] += w * (p[4] * (s6 * s6 - 2.0 * s6 + 1.0) - p[1]) if p[4] != 0.0 else -w * p[1]
+                G[b] -= w * 12.0 * p[4] * (s6 * s6 - s6) / d2[b] if p[4] != 0.0 else 0.0
+            else:
+                d = np.sqrt(d2[b])
+                c = np.cos(p[3] * (d - sigma))
+                U[b] -= w * p[1] * c * c
+                G[b] += w * p[1] * p[3] * np.sin(2.0 * p[3] * (d - sigma)) / d
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _parabola(types, i, j, d2, weights, table, U, G):
+    weighted = len(weights) > 0
+    for b in range(len(d2)):
+        p = table[types[i[b]], types[j[b]]]
+        if d2[b] < p[0]:
+            w = weights[b] if weighted else 1.0
+            d = np.sqrt(d2[b])
+            t = p[2] - d
+            U[b] += w * p[1] * t * t
+            # Coincident atoms feel no force: the direction is undefined.
+            G[b] -= w * 2.0 * p[1] * t / d if d > 0.0 else 0.0
+
+
+WangFrenkel.kernel = staticmethod(_wang_frenkel)
+CosineSquared.kernel = staticmethod(_cosine_squared)
+HarmonicCut.kernel = DPD.kernel = staticmethod(_parabola)

@@ -1,0 +1,122 @@
+"""GROMACS's shift function: a polynomial beyond the inner cutoff that takes energy, force and its slope to zero at the outer one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..compiled import njit
+from .lennard_jones import mix_lj
+from .pair_input import fill
+from .radial import ChargedStyle, RadialStyle, inner_below_outer, inner_outer, mix_lj_distances
+from .registry import StyleInput, pair_style
+
+
+def _shift(e, e1, e2, inner, outer):
+    """A/3, B/4, C of S(d) = A/3 t³ + B/4 t⁴ + C, t = d − inner, for a term with value, slope and curvature e, e1, e2 at the outer cutoff."""
+    t = outer - inner
+    A = (-3 * e1 + t * e2) / t**2
+    B = (2 * e1 - t * e2) / t**3
+    C = -e + t / 2 * e1 - t * t / 12 * e2
+    return A / 3, B / 4, C
+
+
+class LennardJonesGromacs(RadialStyle):
+    """U = 4ε[(σ/d)¹² − (σ/d)⁶] + S(d) (LAMMPS ``lj/gromacs``).
+
+    S = C for d < inner and A/3 t³ + B/4 t⁴ + C, t = d − inner, beyond, such that U, U' and U'' vanish at the cutoff.
+    Numbers: epsilon, sigma, inner, cutoff; see `RadialStyle`.
+    """
+
+    name = "lj/gromacs"
+    numbers = (("epsilon", "energy"), ("sigma", "length"), ("inner", "length"), ("cutoff", "length"))
+    shifts = False
+
+    def columns(self, epsilon, sigma, inner, cutoff):
+        a, c, r = 4 * epsilon * sigma**12, 4 * epsilon * sigma**6, cutoff
+        e = a / r**12 - c / r**6
+        e1 = -12 * a / r**13 + 6 * c / r**7
+        e2 = 156 * a / r**14 - 42 * c / r**8
+        return a, c, inner, *_shift(e, e1, e2, inner, r)
+
+
+class CoulombGromacs(ChargedStyle):
+    """U = C q_i q_j (1/d + S(d)), S as for `LennardJonesGromacs` (the Coulomb part of LAMMPS ``lj/gromacs/coul/gromacs``).
+
+    Numbers: inner, cutoff; see `ChargedStyle`.
+    """
+
+    name = "coul/gromacs"
+    numbers = (("inner", "length"), ("cutoff", "length"))
+
+    def columns(self, inner, cutoff):
+        return inner, *_shift(1 / cutoff, -1 / cutoff**2, 2 / cutoff**3, inner, cutoff)
+
+
+inner_outer(LennardJonesGromacs, mix=mix_lj_distances)
+
+
+@pair_style("lj/gromacs/coul/gromacs")
+def _both(inp: StyleInput):
+    names = ("inner LJ cutoff", "outer LJ cutoff", "inner Coulomb cutoff", "outer Coulomb cutoff")
+    if len(inp.args) == 3:
+        raise inp.error(f"{inp.command} takes two or four cutoffs, got {' '.join(inp.args)}")
+    inner, outer, inner_c, outer_c = inp.numbers(inp.args, [(n, "length") for n in names], optional=2)
+    if inner_c is None:
+        inner_c, outer_c = inner, outer
+    wrong = inner_below_outer(inner, outer, "LJ ") or (
+        None if 0 <= inner_c < outer_c else "the inner Coulomb cutoff must be less than the outer one"
+    )
+    if wrong:
+        raise inp.error(f"{inp.command}: {wrong}, got {' '.join(inp.args)}")
+    given = {}
+    for line in inp.coeffs:
+        values = inp.numbers(line.words, LennardJonesGromacs.numbers[:2], line)
+        for pair in line.covers(inp.n_types):
+            given[pair] = (*values, 1.0)
+    epsilon, sigma, on = fill(inp, given, 3, mix=lambda a, b, rule: (*mix_lj((*a[:2], 1.0), (*b[:2], 1.0), rule)[:2], 1.0))
+    return [LennardJonesGromacs.internal(epsilon, sigma, on * inner, on * outer), CoulombGromacs.of(inp, on * inner_c, on * outer_c)]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _lj_gromacs(types, i, j, d2, weights, table, U, G):
+    weighted = len(weights) > 0
+    for b in range(len(d2)):
+        p = table[types[i[b]], types[j[b]]]
+        if d2[b] < p[0]:
+            w = weights[b] if weighted else 1.0
+            s2 = 1.0 / d2[b]
+            s6 = s2 * s2 * s2
+            a = p[1] * s6 * s6
+            c = p[2] * s6
+            u = a - c + p[6]
+            g = -(12.0 * a - 6.0 * c) * s2
+            d = np.sqrt(d2[b])
+            t = d - p[3]
+            if t > 0.0:
+                u += t * t * t * (p[4] + p[5] * t)
+                g += t * t * (3.0 * p[4] + 4.0 * p[5] * t) / d
+            U[b] += w * u
+            G[b] += w * g
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _coul_gromacs(types, i, j, d2, weights, table, constant, q, U, G):
+    weighted = len(weights) > 0
+    for b in range(len(d2)):
+        p = table[types[i[b]], types[j[b]]]
+        if d2[b] < p[0]:
+            c = constant * q[i[b]] * q[j[b]] * (weights[b] if weighted else 1.0)
+            d = np.sqrt(d2[b])
+            s = 1.0 / d
+            u = s + p[4]
+            du = -s * s
+            t = d - p[1]
+            if t > 0.0:
+                u += t * t * t * (p[2] + p[3] * t)
+                du += t * t * (3.0 * p[2] + 4.0 * p[3] * t)
+            U[b] += c * u
+            G[b] += c * du * s
+
+
+LennardJonesGromacs.kernel = staticmethod(_lj_gromacs)
+CoulombGromacs.kernel = staticmethod(_coul_gromacs)

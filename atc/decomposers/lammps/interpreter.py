@@ -1,0 +1,546 @@
+"""A LAMMPS input script executed without running it: which commands LAMMPS gets to, with which words, before each of its runs.
+
+Variables, conditions, loops and included files are followed as LAMMPS follows them. What only the run knows (thermodynamic output, the environment) is
+kept as unknown, and refused only where a line needs it that matters.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ...errors import AtcError
+from ..hybrid import strip_suffix
+from .commands import CLASSES, check_known
+from .conditions import holds
+from .fixes import classify
+from .script import Command, Line, logical_lines, read_text, split_words
+from .variables import Unknown, Variables
+
+#: Commands that are executed before loops that change nothing are cut short, and before a script is given up.
+PATIENCE = 5000
+MOST = 50000
+_DEEPEST = 20
+#: Restart files whose models are kept in mind.
+_RESTARTS = 20
+#: Variables and output: what is not executed, or twice, does no harm.
+_IDLE = {"variable", "print", "label", "jump", "next", "quit", "log", "shell"}
+
+
+class State:
+    """What holds at a run (or at the end of a script without one): a point in the lists of executed commands, which only grow.
+
+    fixes : those that are there. where : file and line of the run, for messages
+    """
+
+    def __init__(self, model: list, atoms: list, fixes: tuple, where: str = ""):
+        self._model, self._atoms, self.fixes, self.where = model, atoms, fixes, where
+        self._n_model, self._n_atoms = len(model), len(atoms)
+
+    @property
+    def model(self) -> tuple[Command, ...]:
+        """The commands of this class up to here, in order."""
+        return tuple(self._model[: self._n_model])
+
+    @property
+    def atoms(self) -> tuple[Command, ...]:
+        return tuple(self._atoms[: self._n_atoms])
+
+    @property
+    def key(self):
+        """The same for states that hold the same lines of model commands."""
+        return id(self._model), self._n_model
+
+    def said(self) -> list:
+        """The model without where its lines stand: of lines given twice the last, kind by kind; of data files also which styles they gave coefficients to."""
+        out, styles = [], ()
+        for c in self.model:
+            styles = (*styles, c.name) if c.name.endswith("_style") and c.name not in styles else styles
+            out.append((c.name, c.words, tuple(sorted(styles)) if c.name == "read_data" else ()))
+        return sorted(dict.fromkeys(reversed(out)), key=lambda c: c[0] if c[0] == "pair_modify" else c[0].split("_")[0])
+
+    def atoms_beyond(self, first: State) -> tuple[Command, ...]:
+        """The commands that concern atoms on top of those of an earlier state, all if they do not begin with these."""
+        if self._atoms is first._atoms:
+            return tuple(self._atoms[first._n_atoms : self._n_atoms])
+        a, b = ([c for c in s.atoms if c.name != "run"] for s in (first, self))
+        same = [(c.name, c.words) for c in b[: len(a)]] == [(c.name, c.words) for c in a]
+        return tuple(b[len(a) :] if same else b)
+
+
+@dataclass
+class _File:
+    """A script being executed: its lines, and where its labels are."""
+
+    path: Path | None
+    lines: list[Line]
+    labels: dict[str, int] = field(default_factory=dict)
+
+    def __post_init__(self):
+        for k, line in enumerate(self.lines):
+            words = line.text.split()
+            if words[0] == "label" and len(words) > 1:
+                self.labels.setdefault(words[1], k)
+
+
+class _Quit(Exception):
+    pass
+
+
+class Interpreter:
+    """Executes LAMMPS lines.
+
+    Parameters
+    ----------
+    folder : where files are looked up
+    script : whether the lines are a whole script, which may hold commands that atc does not know
+
+    Attributes
+    ----------
+    runs : list of State, one for each command that runs
+    state : State, at the end
+    written : [(file name of a dump, number of the first run it is written in, of the first one it is not, or None)]
+    written_data : names of the data files that are written
+    may_lose : the line that lets LAMMPS go on where atoms are lost, or ""
+    """
+
+    def __init__(self, folder: Path, script: bool = False, path: Path | None = None):
+        self.folder, self.script, self.path = folder, script, path
+        self.variables = Variables(self._read_values)
+        self.runs: list[State] = []
+        self.model: list[Command] = []
+        self.atoms: list[Command] = []
+        self.fixes: dict[str, Command] = {}
+        self.dumps: dict[str, tuple[str, int]] = {}
+        self.written: list[tuple[str, int, int | None]] = []
+        self.written_data: list[str] = []
+        self._files: dict[Path, _File] = {}
+        self._skip_jump = False
+        self._executed = self._depth = 0
+        self.may_lose = ""
+        self._fixes: tuple[Command, ...] = ()
+        self._restarts: dict[str, tuple[list, list]] = {}
+        self._restored: set[str] = set()
+
+    # Files -------------------------------------------------------------------------------------------------------------------------------
+
+    def execute(self, text: str, name: str) -> None:
+        """Execute a whole script."""
+        try:
+            self._file(_File(self.path, logical_lines(text, name)))
+        except _Quit:
+            pass
+        for file, first in self.dumps.values():
+            self.written.append((file, first, None))
+
+    def _find(self, name: str) -> Path:
+        path = Path(name).expanduser()
+        return path if path.is_absolute() else self.folder / path
+
+    def _load(self, name: str, where: str) -> _File:
+        path = self._find(name)
+        if path not in self._files:
+            self._files[path] = _File(path, logical_lines(read_text(path, where), str(path)))
+        return self._files[path]
+
+    def _read_values(self, name: str) -> str:
+        try:
+            return read_text(self._find(name))
+        except AtcError as e:
+            raise Unknown(str(e)) from None
+
+    def _file(self, file: _File) -> None:
+        """Execute the lines of a file, and of those it jumps to."""
+        if self._depth >= _DEEPEST:
+            raise AtcError(f"{file.path}: includes are nested more than {_DEEPEST} deep; does a file include itself?")
+        self._depth += 1
+        p = 0
+        while p < len(file.lines):
+            line = file.lines[p]
+            target = self._line(line, file, p)
+            if target is not None:
+                file, p = target
+            else:
+                p += 1
+        self._depth -= 1
+
+    # Lines -------------------------------------------------------------------------------------------------------------------------------
+
+    def _line(self, line: Line, file: _File, p: int):
+        """Execute one line; the file and line to go on with if it jumps."""
+        self._executed += 1
+        if self._executed > MOST:
+            raise AtcError(f"{line.where}: more than {MOST} commands are executed up to here: is this a loop without end?")
+        name = line.head
+        if name.startswith("$") or name[0] in "\"'":
+            words = self._words(line)
+            name = words[0] if words else ""
+            if not name:
+                return None
+        kind = CLASSES.get(name, (None, ""))[0]
+        if kind is None:
+            check_known(name, line.where, self.script)
+        elif kind == "model":
+            words, why = self._known_words(line)
+            self._take(Command(name, tuple(words[1:]), line.where, why))
+        elif kind == "atoms":
+            self._take_atoms(name, line)
+        elif kind == "fix":
+            self._fix(name, line)
+        elif kind == "run":
+            self._run(name, line)
+        elif kind == "refused":
+            self._refuse(name, line)
+        elif kind == "control":
+            return getattr(self, f"_{name}")(line, file, p)
+        elif name == "thermo_modify":
+            words, _ = self._known_words(line)
+            if "lost" in words and words[words.index("lost") + 1 :][:1] in (["ignore"], ["warn"]):
+                self.may_lose = line.where
+        elif name in ("dump", "undump", "write_data", "write_restart"):
+            self._dump(name, line)
+        return None
+
+    def _words(self, line: Line) -> list[str]:
+        try:
+            return split_words(self.variables.substitute(line.text), line.where)
+        except Unknown as e:
+            raise AtcError(f"{line.where}: {e}") from None
+
+    def _known_words(self, line: Line) -> tuple[list[str], str | None]:
+        """The words, with variables as they stand and the reason where these are not known."""
+        try:
+            return split_words(self.variables.substitute(line.text), line.where), None
+        except Unknown as e:
+            return split_words(line.text, line.where), str(e)
+
+    def _take(self, c: Command) -> None:
+        if c.name == "clear":
+            self.model, self.atoms = [], []
+            self._restored = set()
+            self._set_fixes({})
+            return
+        kind, _, what = c.name.partition("_")
+        if what == "style" and kind in self._restored:
+            # Said again behind a restart file: its coefficients must be too; what pair_modify said of the same style stays.
+            old = [m for m in self.model if m.name.startswith(f"{kind}_")]
+            same = any(m.name == c.name and m.words[:1] == c.words[:1] for m in old)
+            self.model = [*(m for m in self.model if m not in old), c, *(m for m in old if same and m.name == "pair_modify")]
+            self._restored.discard(kind)
+            return
+        self.model.append(c)
+        if c.name in ("read_data", "mass", "labelmap"):
+            self.atoms.append(c)
+
+    def _take_atoms(self, name: str, line: Line) -> None:
+        words, why = self._known_words(line)
+        c = Command(name, tuple(words[1:]), line.where, why)
+        if name == "neigh_modify":
+            if not {"exclude", "include"} & set(c.words):
+                return
+            self.model.append(c)
+        self.atoms.append(c)
+
+    def _refuse(self, name: str, line: Line) -> None:
+        reason = CLASSES[name][1]
+        if name == "read_restart":
+            # What the restart brings goes before the lines above it; those behind it may say all of it again.
+            words, why = self._known_words(line)
+            if not why and len(words) > 1 and self._restore(words[1]):
+                return
+            self.model = [c for c in self.model if c.name in ("units", "dimension", "atom_style")]
+            self.atoms = []
+            for target in (self.model, self.atoms):
+                target.append(Command(name, tuple(words[1:]), line.where, why))
+            return
+        raise AtcError(f"{line.where}: {name}: {reason}, which is not supported: write the lines of the model that holds")
+
+    def _restore(self, file: str) -> bool:
+        """Go on from a restart file that this script wrote, if it did."""
+        if file not in self._restarts:
+            return False
+        model, atoms = self._restarts[file]
+        self.model = [c for c in model if c.name != "neigh_modify"]
+        self.atoms = [c for c in atoms if c.name not in ("region", "lattice", "neigh_modify")]
+        self._restored = {c.name.partition("_")[0] for c in model if c.name.endswith("_style") and c.name != "atom_style"}
+        return True
+
+    def _fix(self, name: str, line: Line) -> None:
+        words, why = self._known_words(line)
+        if name == "unfix":
+            if why:
+                raise AtcError(f"{line.where}: {why}")
+            self._set_fixes({k: c for k, c in self.fixes.items() if k != (words[1] if len(words) > 1 else "")})
+            return
+        if len(words) < 4:
+            raise AtcError(f"{line.where}: fix needs a name, a group and a style, got {' '.join(words[1:]) or 'nothing'}")
+        style = strip_suffix(words[3])
+        if "$" in words[3] or "$" in words[1]:
+            raise AtcError(f"{line.where}: {why}")
+        if classify(style, words[4:]) is None:
+            raise AtcError(
+                f"{line.where}: fix {words[3]} is no fix of LAMMPS that atc knows, so whether it changes forces is not known: leave it out if it does not"
+            )
+        self._set_fixes({**self.fixes, words[1]: Command("fix", (words[1], words[2], style, *words[4:]), line.where, why)})
+
+    def _set_fixes(self, fixes) -> None:
+        self.fixes, self._fixes = fixes, tuple(fixes.values())
+
+    def _run(self, name: str, line: Line) -> None:
+        words, _ = self._known_words(line)
+        if name == "run" and "every" in words:
+            for text in words[words.index("every") + 2 :]:
+                self._harmless_or_refuse(text, line.where, "is executed while LAMMPS runs")
+        self.runs.append(self._state(line.where))
+        if not (self.atoms and self.atoms[-1].name == "run"):
+            self.atoms.append(Command("run", (), line.where))
+
+    def _state(self, where: str = "") -> State:
+        return State(self.model, self.atoms, self._fixes, where)
+
+    @property
+    def state(self) -> State:
+        return self._state()
+
+    def _dump(self, name: str, line: Line) -> None:
+        words, why = self._known_words(line)
+        if len(words) < 2 or (why and name != "write_data") or (name == "write_restart" and len(self._restarts) > _RESTARTS):
+            return
+        if name == "write_restart":
+            self._restarts[words[1]] = list(self.model), list(self.atoms)
+        elif name == "write_data":
+            self.written_data.append(Path(words[1]).name)
+        elif name == "dump" and len(words) > 5:
+            self.dumps[words[1]] = (words[5], len(self.runs))
+        elif words[1] in self.dumps:
+            file, first = self.dumps.pop(words[1])
+            self.written.append((file, first, len(self.runs)))
+
+    # Control -----------------------------------------------------------------------------------------------------------------------------
+
+    def _variable(self, line, file, p):
+        head = line.text.split()
+        try:
+            words = split_words(self.variables.substitute(line.text), line.where)
+        except (Unknown, AtcError) as e:
+            if len(head) > 1:
+                self.variables.forget(head[1], str(e))
+            return
+        self.variables.define(words[1:])
+
+    def _next(self, line, file, p):
+        words, _ = self._known_words(line)
+        self._skip_jump = self.variables.step(words[1:]) or self._skip_jump
+
+    def _label(self, line, file, p):
+        pass
+
+    def _print(self, line, file, p):
+        pass
+
+    def _quit(self, line, file, p):
+        raise _Quit
+
+    def _shell(self, line, file, p):
+        words, why = self._known_words(line)
+        if words[1:2] == ["cd"]:
+            if why or len(words) != 3:
+                raise AtcError(f"{line.where}: shell cd: {why or 'expected a folder'}")
+            self.folder = self._find(words[2])
+
+    def _python(self, line, file, p):
+        words, _ = self._known_words(line)
+        if "SELF" in words[2:]:
+            raise AtcError(
+                f"{line.where}: python {words[1]} gets LAMMPS itself (SELF), so it may change anything: write the lines of the model that holds"
+            )
+
+    def _partition(self, line, file, p):
+        words, _ = self._known_words(line)
+        self._harmless_or_refuse(" ".join(words[3:]), line.where, "is for some partitions only")
+
+    def _include(self, line, file, p):
+        words = self._words(line)
+        if len(words) < 2:
+            raise AtcError(f"{line.where}: include needs a file name")
+        self._file(self._load(words[1], line.where))
+
+    def _jump(self, line, file, p):
+        if self._skip_jump:
+            self._skip_jump = False
+            return None
+        words = self._words(line)
+        if len(words) < 2:
+            raise AtcError(f"{line.where}: jump needs a file name, or SELF")
+        target, at = self._target(words, line, file)
+        if target is file and at <= p and self._executed > PATIENCE:
+            span = file.lines[at : p + 1]
+            if self._changing(span) is None:
+                self._forget(span, f"is set in a loop that goes on for more than {PATIENCE} commands ({line.where})")
+                return None
+        return target, at
+
+    def _target(self, words, line, file):
+        name, label = words[1], words[2] if len(words) > 2 else None
+        if name == "SELF" or (file.path is not None and self._find(name).name == file.path.name and not self._is_other(name, file)):
+            target = file
+        else:
+            path = self._find(name)
+            if not path.is_file():
+                raise AtcError(f"{line.where}: jump to another file, {name}, which is not there (looked for {path})")
+            target = self._load(name, line.where)
+        if label is None:
+            return target, 0
+        if label not in target.labels:
+            raise AtcError(f"{line.where}: jump to the label {label}, which is not there: add 'label {label}'")
+        return target, target.labels[label]
+
+    def _is_other(self, name, file) -> bool:
+        """Whether a file name of a jump means another file than the one that is executed."""
+        path = self._find(name)
+        try:
+            return path.exists() and not path.samefile(file.path)
+        except OSError:
+            return False
+
+    def _if(self, line, file, p):
+        words, branches = self._parse_if(line)
+        for condition, commands in branches:
+            try:
+                true = condition is None or holds(self.variables.substitute(condition))
+            except Unknown as e:
+                return self._uncertain(line, file, p, branches, str(e))
+            if true:
+                for text in commands:
+                    for one in logical_lines(text, line.where):
+                        target = self._line(Line(one.text, line.where), file, p)
+                        if target is not None:
+                            return target
+                return None
+        return None
+
+    def _parse_if(self, line):
+        """The words, and [(condition or None, commands), ...]."""
+        words = split_words(_outside_quotes(self.variables, line), line.where)
+        branches, k = [], 1
+        keyword = "if"
+        while k < len(words):
+            condition = None
+            if keyword != "else":
+                condition = words[k]
+                k += 1
+                if keyword == "if" and words[k : k + 1] != ["then"]:
+                    raise AtcError(f"{line.where}: expected 'if <condition> then <command> ...', got {' '.join(words[:4])}")
+                k += keyword == "if"
+            commands = []
+            while k < len(words) and words[k] not in ("elif", "else"):
+                commands.append(words[k])
+                k += 1
+            branches.append((condition, commands))
+            keyword = words[k] if k < len(words) else ""
+            k += 1
+        if not branches:
+            raise AtcError(f"{line.where}: expected 'if <condition> then <command> ...'")
+        return words, branches
+
+    # What may or may not be executed -----------------------------------------------------------------------------------------------------
+
+    def _uncertain(self, line, file, p, branches, why):
+        """A condition that is not known: nothing it decides on may matter."""
+        for _, commands in branches:
+            for text in commands:
+                for one in logical_lines(text, line.where):
+                    self._maybe(Line(one.text, line.where), file, p, why)
+
+    def _maybe(self, line: Line, file, p, why: str) -> None:
+        name = line.head
+        if name == "jump":
+            words, unknown = self._known_words(line)
+            if unknown:
+                raise AtcError(f"{line.where}: {unknown}")
+            target, at = self._target(words, line, file)
+            if target is not file:
+                raise AtcError(f"{line.where}: jump to another file depends on a condition that is not known: {why}")
+            span = file.lines[min(at, p + 1) : max(at, p + 1)]
+            self._executed += len(span)
+            found = self._changing(span)
+            if found is not None:
+                word = "repeats" if at <= p else "skips"
+                raise AtcError(
+                    f"{line.where}: whether this jump {word} {found.head!r} ({found.where}) is not known: {why}: write the model without it"
+                )
+            self._forget(span, f"depends on a condition ({line.where})")
+            return
+        found = self._changing([line])
+        if found is not None and CLASSES.get(name, ("",))[0] == "atoms":
+            self.atoms.append(Command(name, tuple(split_words(line.text, line.where)[1:]), line.where, f"it depends on a condition: {why}"))
+        elif found is not None:
+            raise AtcError(
+                f"{line.where}: {name!r} depends on a condition that is not known: {why}: write the line that holds without 'if'"
+            )
+        self._forget([line], f"depends on a condition ({line.where})")
+
+    def _harmless_or_refuse(self, text: str, where: str, why: str) -> None:
+        for line in logical_lines(text, where):
+            line = Line(line.text, where)
+            if self._changing([line]) is not None:
+                raise AtcError(f"{where}: {line.head!r} {why}, which is not supported: write the line that holds by itself")
+            self._forget([line], f"is set by a command that {why} ({where})")
+
+    def _changing(self, lines) -> Line | None:
+        """The first line that may change the model or the atoms."""
+        for line in lines:
+            name = line.head
+            kind = CLASSES.get(name, ("harmless",))[0]
+            if name in _IDLE or kind in ("harmless", "run"):
+                continue
+            if name == "neigh_modify" and "exclude" not in line.text and "include" not in line.text:
+                continue
+            if name == "if":
+                try:
+                    _, branches = self._parse_if(line)
+                except (AtcError, Unknown):
+                    return line
+                inner = [
+                    Line(one.text, line.where) for _, commands in branches for text in commands for one in logical_lines(text, line.where)
+                ]
+                if not any(i.head == "if" for i in inner) and self._changing(inner) is None:
+                    continue
+            if name == "fix":
+                words = line.text.split()
+                found = classify(strip_suffix(words[3]), words[4:]) if len(words) > 3 else None
+                if found is not None and found[0] in ("harmless", "outside"):
+                    continue
+            if name == "unfix":
+                words = line.text.split()
+                there = self.fixes.get(words[1]) if len(words) > 1 else None
+                if there is None or classify(there.words[2], there.words[3:])[0] in ("harmless", "outside"):
+                    continue
+            return line
+        return None
+
+    def _forget(self, lines, why: str) -> None:
+        for line in lines:
+            words = line.text.split()
+            if words[0] == "variable" and len(words) > 1:
+                self.variables.forget(words[1], f"variable {words[1]} {why}")
+            elif words[0] == "next":
+                for v in words[1:]:
+                    self.variables.forget(v, f"variable {v} {why}")
+            elif words[0] == "if" and "variable" in words:
+                try:
+                    _, branches = self._parse_if(line)
+                except (AtcError, Unknown):
+                    continue
+                for _, commands in branches:
+                    self._forget(
+                        [one for text in commands if text.strip() for one in logical_lines(text, line.where) if one.head != "if"], why
+                    )
+
+
+def _outside_quotes(variables: Variables, line: Line) -> str:
+    """The line with variables put in outside quotes, and as it stands where these are not known."""
+    try:
+        return variables.substitute(line.text)
+    except Unknown:
+        return line.text

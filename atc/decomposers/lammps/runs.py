@@ -1,0 +1,156 @@
+"""Which run of a script the frames belong to, and what its fixes mean for them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...errors import AtcError
+from .atom_commands import touches
+from .fixes import REACH, classify
+from .interpreter import Interpreter, State
+from .script import Command, short
+
+#: Runs with models of their own that are compared.
+_MOST = 200
+
+
+@dataclass(frozen=True)
+class Choice:
+    """state : what holds. late : commands of later runs that may change atoms. fixes : those of every run meant; before : of the runs up to it."""
+
+    state: State
+    late: tuple[Command, ...]
+    fixes: tuple[Command, ...]
+    before: tuple[Command, ...]
+
+
+def choose_run(script: Interpreter, run: int | None, name: str, trajectory=()) -> Choice:
+    """The run that `run` names, counted from 1; without it all runs, which must then have the same model.
+
+    Where they have not, and all frames were written by ``dump`` lines that hold for runs of one model, it is these.
+    """
+    states = script.runs or [script.state]
+    if run is not None:
+        if isinstance(run, bool) or not isinstance(run, int) or not 1 <= run <= len(states):
+            have = f"{len(script.runs)} run{'s' * (len(script.runs) != 1)}" if script.runs else "no run"
+            raise AtcError(f"{name}: run = {run}: the script has {have}: expected a number from 1 to {len(states)}")
+        return _choice(states, [run - 1])
+    numbers = _distinct_models(states, name)
+    if len(numbers) > 1:
+        dumped = _dumped(script, trajectory, len(states))
+        if not dumped:
+            raise _differ(states, numbers[0], numbers[1])
+        numbers = [dumped[k] for k in _distinct_models([states[k] for k in dumped], name)]
+        if len(numbers) > 1:
+            raise _differ(states, numbers[0], numbers[1])
+        return _choice(states, dumped)
+    return _choice(states, list(range(len(states))))
+
+
+def _distinct_models(states, name) -> list[int]:
+    """The numbers of states with models of their own."""
+    lines = {}
+    for k, s in enumerate(states):
+        lines.setdefault(s.key, k)
+    if len(lines) > _MOST:
+        raise AtcError(
+            f"{name}: more than {_MOST} runs with models of their own: say which run the frames belong to, e.g. run = 1 in [potential]"
+        )
+    out, said = [], []
+    for k in lines.values():
+        mine = states[k].said()
+        if mine not in said:
+            out.append(k)
+            said.append(mine)
+        if len(out) > 2:
+            break
+    return out
+
+
+def _differ(states, i: int, k: int) -> AtcError:
+    c = _difference(states[i], states[k])
+    return AtcError(
+        f"{c.where}: {c.name} {' '.join(c.words[:3])} holds in run {k + 1} ({states[k].where}), not in run {i + 1} ({states[i].where}): "
+        f"say which run the frames belong to, e.g. run = {k + 1} in [potential]"
+    )
+
+
+def _difference(a: State, b: State) -> Command:
+    """A command of b that a has not, or the other way round."""
+    said = {(c.name, c.words) for c in a.model}
+    other = {(c.name, c.words) for c in b.model}
+    return next((c for c in b.model if (c.name, c.words) not in said), None) or next(
+        (c for c in a.model if (c.name, c.words) not in other), b.model[-1] if b.model else a.model[-1]
+    )
+
+
+def _choice(states, numbers) -> Choice:
+    first = states[numbers[0]]
+    # Of states that grow from the same list the longest says what the others say.
+    longest = {}
+    for k in numbers[1:]:
+        s = states[k]
+        if id(s._atoms) not in longest or s._n_atoms > longest[id(s._atoms)]._n_atoms:
+            longest[id(s._atoms)] = s
+    late = [
+        c
+        for s in list(longest.values())[:_MOST]
+        for c in s.atoms_beyond(first)
+        if c.name != "run" and (c.unknown or touches(c) or c.name == "group")
+    ]
+    fixes = {c: None for t in _distinct(states[k].fixes for k in numbers) for c in t}
+    before = {c: None for t in _distinct(s.fixes for s in states[: numbers[-1] + 1]) for c in t}
+    return Choice(first, tuple(dict.fromkeys(late)), tuple(fixes), tuple(before))
+
+
+def _distinct(tuples):
+    seen = {}
+    for t in tuples:
+        seen.setdefault(id(t), t)
+    return seen.values()
+
+
+def _dumped(script, trajectory, n) -> list[int]:
+    """The runs in which the files of a trajectory are written; none if the script's dump lines do not say it of all of them."""
+    out: set[int] = set()
+    for file in trajectory:
+        found = [
+            range(first, n if last is None else min(last, n))
+            for pattern, first, last in script.written
+            if re.fullmatch("[0-9]*".join(map(re.escape, Path(pattern).name.split("*"))), Path(file).name)
+        ]
+        if len(found) != 1:
+            return []
+        out.update(found[0])
+    return sorted(out)
+
+
+def sort_fixes(choice: Choice) -> tuple[tuple[str, ...], dict]:
+    """The forces from outside, one text for each fix, and what fixes change while LAMMPS runs, {property: reason}.
+
+    Raises AtcError for fixes whose forces are part of the stress and not known.
+    """
+    outside = []
+    for c in choice.fixes:
+        kind, reason = _class(c)
+        what = f"{c.where}: fix {c.words[2]}"
+        if kind == "constraint":
+            raise AtcError(
+                f"{what} {reason}: the forces that do it are part of the stress and are not supported yet: take another run, or leave the fix out"
+            )
+        if kind == "model":
+            raise AtcError(f"{what} {reason}, which is not supported: give the lines of the model that holds, without this fix")
+        if kind == "outside":
+            outside.append(f"fix {c.words[2]} on group {c.words[1]} ({short(c.where)})")
+    changing: dict[str, str] = {}
+    for c in (*choice.before, *choice.fixes):
+        kind, reason = _class(c)
+        for what in REACH.get(kind, ()):
+            changing.setdefault(what, f"{c.where}: fix {c.words[2]} {reason}")
+    return tuple(outside), changing
+
+
+def _class(c: Command):
+    return classify(c.words[2], c.words[3:])

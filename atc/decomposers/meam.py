@@ -1,0 +1,188 @@
+"""The modified embedded-atom method with screening (LAMMPS ``pair_style meam``)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..bonds import Bonds
+from ..errors import AtcError
+from ..frame import Frame
+from ..units import Units
+from ..units import units as system
+from . import meam_reference
+from .base import Accumulator, Term, Work
+from .elements import ElementMap
+from .embedded_atom import spline
+from .meam_file import MEAMParameters, library_elements, read_meam
+from .meam_kernels import densities, merge, screenings
+from .neighborhood import Neighborhood
+from .parameter_file import read_parameter_file
+from .registry import MAPPED_STYLES, pair_style
+
+_NOTHING = np.zeros(0)
+_NO_S = np.zeros((0, 2, 2, 3))
+_NO_D = np.zeros((0, 2, 3))
+_OUTER_PER_TASK = 1 << 16
+
+
+class MEAM(Term):
+    """U = Σ_i F_i(ρ̄_i) + Σ_pairs S_ij f_c φ_ij(d_ij), F = A E_c ρ̄ ln ρ̄, ρ̄ = ρ0 G(Γ)/ρ_bkgd, Γ = Σ_k t̄_k R_k/ρ0², ρ0 = Σ_j p0_j, p_k,j = S_ij f_c ρ_k(d_ij),
+    R_1 = Σ_jk p1 p1 cos θ_jk, R_2 = Σ_jk p2 p2 (cos² θ_jk − 1/3), R_3 = Σ_jk p3 p3 (cos³ θ_jk − 3/5 cos θ_jk), ρ_k = ρ0 exp(−β_k (d/r_e − 1)).
+
+    Screening is a function of distances: S_ij = Π_k f_c((C − C_min)/(C_max − C_min)), C = 1 + 2 (X + Y − 1)/(1 − (X − Y)²), X = d_ik²/d_ij², Y = d_jk²/d_ij²; so is the rest
+    through cos θ_jk = (ξ_ij + ξ_ik − ξ_jk)/(d_ij d_ik). A pair i–j has one bond with the pair force, what both ends' densities give, and ∂S/∂ξ_ij; an atom k
+    that screens it partially adds bonds i–k and j–k; the angular densities add bonds between an atom's neighbours. The many distances around an atom
+    are not independent: G is that of the formulas as written here.
+
+    F belongs to its own atom, half of a pair's energy to each end, as in LAMMPS. φ is LAMMPS's table of 1000 points with its spline, made from the reference
+    structures (`atc.decomposers.meam_reference`), so that energies and forces agree with LAMMPS to rounding.
+
+    Parameters
+    ----------
+    parameters : MEAMParameters in `units`
+    elements : its element of each atom type, from type 1; None or "NULL" leaves a type out. Default: every atom is the first element.
+    units : the default has eV and Å
+
+    Notes
+    -----
+    Source: Baskes, Phys. Rev. B 46, 2727 (1992); Lee & Baskes, Phys. Rev. B 62, 8564 (2000); Gullet, Wagner & Slepoy, SAND2003-8782 (2003). Reference structures:
+    fcc, bcc, hcp, dia, sc, dim, and between elements b1, b2, dia, l12, dim. Files: `from_files`.
+    """
+
+    style = "meam"
+    bodies = 3
+
+    def __init__(self, parameters: MEAMParameters, elements=None, *, units: str | Units = "metal"):
+        self.units = u = system(units)
+        p = parameters
+        self.map = ElementMap(elements, p.names, "pair_style meam")
+        energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
+        m = len(p.names)
+        phi, step = meam_reference.tables(p)
+        self.phi, self.per_dr = np.ascontiguousarray(spline(phi * energy)), 1.0 / (step * length)
+        self.rc, self.delr = float(p.rc * length), float(p.delr * length)
+        self.beta, self.t, self.rho0 = (np.ascontiguousarray(x, float) for x in (p.beta_ek, p.t_ek, p.rho0_e))
+        self.re = np.ascontiguousarray(p.re[np.arange(m), np.arange(m)] * length)
+        self.strength = p.A_e * p.Ec[np.arange(m), np.arange(m)] * energy
+        self.background = np.array([meam_reference.background(p, e) for e in range(m)])
+        self.ibar = p.ibar.astype(np.int64)
+        self.choices = int(p.ialloy), bool(p.emb_lin_neg), float(p.gsmooth_factor)
+        self.Cmin, self.Cmax = p.Cmin, p.Cmax
+        # Where C = C_max, an ellipse around the pair, no point is farther from an end than this (squared, over d_ij²).
+        C = max(float(p.Cmax.max()), 2.0)
+        self.bound = 0.25 * C * C / (C - 1.0)
+        self.cutoff = self.rc * self.bound**0.5
+
+    @classmethod
+    def from_files(cls, library, names, parameters=None, elements=None, *, units: str | Units = "metal", where: str = "") -> MEAM:
+        """From LAMMPS's files, as its pair_coeff line names them: ``MEAM.from_files("library.meam", ["Si", "C"], "SiC.meam", ["Si", "C"])``.
+
+        names : the elements to take from the library, in the order that the indices of the parameter file count. where : the line, for messages
+        """
+        return cls(read_meam(library, names, parameters, system(units).name, where), elements, units=units)
+
+    def describe(self) -> str:
+        return f"meam{self.map.describe()}, embedding energy to its own atom, pair energy shared half to each; bonds to screening atoms and outer bonds apart"
+
+    def prepare(self, frame: Frame) -> Work:
+        return _MEAMWork(self, frame)
+
+
+class _MEAMWork(Work):
+    def __init__(self, term: MEAM, frame: Frame):
+        self.term, self.frame = term, frame
+        element_n, who = term.map.apply(frame)
+        self.near = near = Neighborhood(frame, who, term.cutoff, "MEAM")
+        self.element = element_n[near.atom]
+        self.partial = np.zeros(near.chunks, np.int64)
+        self.stages = (near.chunks, 1, near.chunks, near.chunks, near.chunks)
+
+    def run(self, stage, task, acc: Accumulator):
+        return (self._collect, self._join, self._screen, self._centres, self._merge)[stage](task, acc)
+
+    def _collect(self, task, acc):
+        self.near.collect(task, acc.ws)
+
+    def _join(self, task, acc):
+        near = self.near
+        near.join()
+        pairs = len(near.a)
+        self.S, self.dUdS, self.G_end = np.zeros(pairs), np.zeros((pairs, 2)), np.zeros((pairs, 2))
+        self.S_end = np.zeros((pairs, 2, 2, 3)) if acc.sources else _NO_S
+        self.edges, self.most, self.room = near.runs(_OUTER_PER_TASK)
+        self.stages = (near.chunks, 1, near.chunks, len(self.edges) - 1, near.chunks)
+
+    def _lists(self):
+        near = self.near
+        return near.a, near.b, near.r_pc, near.d_p, near.start, near.pair, near.end, self.element
+
+    def _screen(self, task, acc):
+        term, near = self.term, self.near
+        p0, p1 = near.edges[task], near.edges[task + 1]
+        self.partial[task] = screenings(p0, p1, *self._lists(), term.rc, term.Cmin, term.Cmax, term.bound, self.S)
+
+    def _centres(self, task, acc):
+        term, near, ws = self.term, self.near, acc.ws
+        while ws.capacity < self.room:
+            ws.grow()
+        D = np.zeros((self.room, 2, 3)) if acc.sources else _NO_D
+        energies = acc.energies if acc.energies is not None else _NOTHING
+        m, energy = densities(
+            self.edges[task], self.edges[task + 1], self.most, near.start, near.pair, near.end, near.a, near.b, near.r_pc, near.d_p, self.element,
+            term.rc, term.delr, self.S, term.beta, term.t, term.rho0, term.re, term.strength, term.background, term.ibar, *term.choices,
+            near.atom, self.G_end, self.S_end, self.dUdS, ws.i, ws.j, ws.r, ws.G, D, energies,
+        )  # fmt: skip
+        acc.energy += energy
+        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
+
+    def _merge(self, task, acc):
+        term, near, ws = self.term, self.near, acc.ws
+        p0, p1 = near.edges[task], near.edges[task + 1]
+        room = p1 - p0 + 2 * int(self.partial[task])
+        while ws.capacity < room:
+            ws.grow()
+        D = np.empty((room, 2, 3)) if acc.sources else _NO_D
+        energies = acc.energies if acc.energies is not None else _NOTHING
+        m, energy, bad = merge(
+            p0, p1, *self._lists(), term.rc, term.delr, term.Cmin, term.Cmax, term.bound, term.phi, term.per_dr, self.S, self.dUdS, self.G_end,
+            self.S_end, near.atom, ws.i, ws.j, ws.r, ws.G, D, energies,
+        )  # fmt: skip
+        if bad >= 0:
+            a, b = self.frame.ids[near.atom[near.a[bad]]], self.frame.ids[near.atom[near.b[bad]]]
+            raise AtcError(
+                f"{self.frame.source}: the MEAM force between atoms {a} and {b} at distance {near.d_p[bad]:.3g} is not a finite number"
+            )
+        acc.energy += energy
+        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
+
+
+# meam/c is what older versions of LAMMPS call it.
+MAPPED_STYLES.update(("meam", "meam/c"))
+
+
+@pair_style("meam", "meam/c")
+def _meam(inp):
+    wants = "pair_coeff * * <library> <its elements> <parameter file or NULL> <element of each atom type>"
+    if inp.args:
+        raise inp.error(f"{inp.command}: {' '.join(inp.args)} is not supported: expected no arguments")
+    if len(inp.coeffs) != 1:
+        raise inp.error(f"{inp.command} takes one line {wants}", inp.coeffs[1] if inp.coeffs else None)
+    line = inp.coeffs[0]
+    if any(t.lo != 1 or t.hi is not None for t in line.types):
+        raise inp.error(f"{inp.command} wants {wants}: replace the types by * *", line)
+    if len(line.words) < 4:
+        raise inp.error(f"{inp.command} wants {wants}, got {' '.join(line.words) or 'nothing'} behind * *", line)
+    library = inp.path(line.words[0], line)
+    known = library_elements(read_parameter_file(library, "MEAM library", line.where), library)
+    count = next((k for k, w in enumerate(line.words[1:]) if w not in known or w == "NULL"), None)
+    if not count:
+        raise inp.error(f"{inp.command} wants {wants}: found no {'parameter file' if count is None else 'elements of the library'}", line)
+    names, file, elements = line.words[1 : 1 + count], line.words[1 + count], line.words[2 + count :]
+    elements = [None if e == "NULL" else e for e in elements]
+    if len(elements) < inp.n_types:
+        raise inp.error(f"{inp.command} needs one element (or NULL) for each of the {inp.n_types} atom types, found {len(elements)}", line)
+    odd = next((e for e in elements if e is not None and e not in names), None)
+    if odd is not None:
+        raise inp.error(f"{inp.command}: {odd} is not among the elements taken from the library ({', '.join(names)})", line)
+    parameters = None if file == "NULL" else inp.path(file, line)
+    return MEAM.from_files(library, names, parameters, elements, units=inp.units, where=line.where)

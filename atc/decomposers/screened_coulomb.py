@@ -1,0 +1,158 @@
+"""Coulomb interactions whose charges are screened, smeared, or in a medium whose dielectric constant depends on the distance."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..compiled import njit
+from .pair_input import mix_distance, pair_values
+from .radial import ChargedStyle
+from .registry import StyleInput, pair_style
+
+_CUTOFF = ("cutoff", "length")
+_PER_LENGTH = {"length": -1}
+
+
+class CoulombDebye(ChargedStyle):
+    """U = C q_i q_j e^{−κd}/d for d < cutoff (LAMMPS ``coul/debye``). Numbers: kappa, cutoff; see `ChargedStyle`."""
+
+    name = "coul/debye"
+    numbers = (("kappa", _PER_LENGTH), _CUTOFF)
+
+    def columns(self, kappa, cutoff):
+        return (kappa,)
+
+
+class CoulombSlater(ChargedStyle):
+    """U = C q_i q_j/d [1 − (1 + d/λ) e^{−2d/λ}]: smeared charges (LAMMPS ``coul/slater/cut``). Numbers: decay λ, cutoff; see `ChargedStyle`."""
+
+    name = "coul/slater/cut"
+    numbers = (("decay", "length"), _CUTOFF)
+
+    def columns(self, decay, cutoff):
+        return (1 / decay,)
+
+
+class CoulombDiel(ChargedStyle):
+    """U = C q_i q_j/d [ε/ε_D(d) − 1], ε_D = (5.2 + ε)/2 + (ε − 5.2)/2 tanh[(d − r_me)/σ_e] (LAMMPS ``coul/diel``).
+
+    A correction to a Coulomb interaction in a medium ε for charges close to each other (Lenart, Jusufi & Panagiotopoulos, J. Chem. Phys. 126, 044509).
+    Numbers: epsilon, r_me, sigma_e, cutoff; see `ChargedStyle`.
+    """
+
+    name = "coul/diel"
+    numbers = (("epsilon", "dimensionless"), ("r_me", "length"), ("sigma_e", "length"), _CUTOFF)
+
+    def columns(self, epsilon, r_me, sigma_e, cutoff):
+        return epsilon, r_me, 1 / sigma_e
+
+
+class CoulombExclude(ChargedStyle):
+    """U = (γ − 1) C q_i q_j/d for the pairs with special_bonds weight γ < 1 only: takes what they lose off a full sum (LAMMPS ``coul/exclude``).
+
+    LAMMPS counts such pairs up to the reach of its neighbour list, a little beyond the cutoff. Numbers: cutoff; see `ChargedStyle`.
+    """
+
+    name = "coul/exclude"
+    keeps_excluded = True
+    numbers = (_CUTOFF,)
+
+    def columns(self, cutoff):
+        return ()
+
+
+def _one_number(cls, wants):
+    """``pair_style NAME number cutoff``, ``pair_coeff i j [cutoff]``; cutoffs are mixed."""
+
+    def build(inp: StyleInput):
+        number, rc = inp.numbers(inp.args, [wants, _CUTOFF])
+        mix = lambda a, b, rule: (mix_distance(a[0], b[0], rule),)  # noqa: E731
+        (cutoff,) = pair_values(inp, [_CUTOFF], optional=1, defaults=[rc], mix=mix)
+        return cls.of(inp, np.full_like(cutoff, number), cutoff)
+
+    pair_style(cls.name)(build)
+
+
+_one_number(CoulombDebye, ("kappa", _PER_LENGTH))
+_one_number(CoulombSlater, ("lambda", "length"))
+
+
+@pair_style("coul/diel")
+def _diel_style(inp: StyleInput):
+    (rc,) = inp.numbers(inp.args, [_CUTOFF])
+    epsilon, *more = pair_values(inp, CoulombDiel.numbers, optional=1, defaults=[rc])
+    if inp.coeffs:
+        # LAMMPS (22 Jul 2025) keeps one epsilon for all pairs of types, that of the last line; measured, not documented.
+        last = float(inp.coeffs[-1].words[0])
+        if (epsilon[more[-1] > 0] != last).any():
+            inp.note(f"pair_style coul/diel: all pairs of types have the epsilon of the last pair_coeff line, {last:g}, as in LAMMPS")
+        epsilon = np.full_like(epsilon, last)
+    return CoulombDiel.of(inp, epsilon, *more)
+
+
+@pair_style("coul/exclude")
+def _exclude_style(inp: StyleInput):
+    (rc,) = inp.numbers(inp.args, [_CUTOFF])
+    for line in inp.coeffs:
+        inp.numbers(line.words, [], line)
+    (cutoff,) = pair_values(inp, [_CUTOFF], optional=1, defaults=[rc], mix=lambda a, b, rule: (rc,))
+    return CoulombExclude.of(inp, cutoff)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _debye(types, i, j, d2, weights, table, constant, q, U, G):
+    weighted = len(weights) > 0
+    for b in range(len(d2)):
+        p = table[types[i[b]], types[j[b]]]
+        if d2[b] < p[0]:
+            w = weights[b] if weighted else 1.0
+            d = np.sqrt(d2[b])
+            u = w * constant * q[i[b]] * q[j[b]] * np.exp(-p[1] * d) / d
+            U[b] += u
+            G[b] -= u * (p[1] + 1.0 / d) / d
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _slater(types, i, j, d2, weights, table, constant, q, U, G):
+    weighted = len(weights) > 0
+    for b in range(len(d2)):
+        p = table[types[i[b]], types[j[b]]]
+        if d2[b] < p[0]:
+            w = weights[b] if weighted else 1.0
+            d = np.sqrt(d2[b])
+            u = w * constant * q[i[b]] * q[j[b]] / d
+            x = d * p[1]
+            e = np.exp(-2.0 * x)
+            U[b] += u * (1.0 - (1.0 + x) * e)
+            G[b] -= u * (1.0 - (1.0 + 2.0 * x * (1.0 + x)) * e) / d2[b]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _diel(types, i, j, d2, weights, table, constant, q, U, G):
+    weighted = len(weights) > 0
+    for b in range(len(d2)):
+        p = table[types[i[b]], types[j[b]]]
+        if d2[b] < p[0]:
+            w = weights[b] if weighted else 1.0
+            d = np.sqrt(d2[b])
+            u = w * constant * q[i[b]] * q[j[b]] / d
+            half = 0.5 * (p[1] - 5.2)
+            t = np.tanh((d - p[2]) * p[3])
+            eps = 5.2 + half * (1.0 + t)
+            U[b] += u * (p[1] / eps - 1.0)
+            G[b] -= u * ((p[1] / eps - 1.0) / d + p[1] / (eps * eps) * half * (1.0 - t * t) * p[3]) / d
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _exclude(types, i, j, d2, weights, table, constant, q, U, G):
+    for b in range(len(weights)):
+        if weights[b] < 1.0 and d2[b] < table[types[i[b]], types[j[b]], 0]:
+            u = (weights[b] - 1.0) * constant * q[i[b]] * q[j[b]] / np.sqrt(d2[b])
+            U[b] += u
+            G[b] -= u / d2[b]
+
+
+CoulombDebye.kernel = staticmethod(_debye)
+CoulombSlater.kernel = staticmethod(_slater)
+CoulombDiel.kernel = staticmethod(_diel)
+CoulombExclude.kernel = staticmethod(_exclude)

@@ -1,0 +1,139 @@
+"""Being asked to stop: Ctrl-C, SIGTERM and a lost terminal end a command in the same orderly way, and never in the middle of what must be done whole."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import threading
+
+#: What each signal is called in messages.
+_WORDS = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "the terminal has gone"}
+
+
+class Stopped(KeyboardInterrupt):
+    """A signal to stop. `number` is the signal's, the exit status 128 more, `word` what it is called."""
+
+    def __init__(self, number: int):
+        super().__init__(number)
+        self.number = number
+        self.word = _WORDS.get(signal.Signals(number).name, "stopped")
+
+    @property
+    def status(self) -> int:
+        return 128 + self.number
+
+
+class _Watch:
+    """The signals of this process while a command runs. The first one stops it as soon as nothing must be finished first; the second one at once."""
+
+    def __init__(self):
+        self.held = 0
+        self.pending: int | None = None
+        self.heard = 0
+
+    def __call__(self, number, frame):
+        self.heard += 1
+        if self.heard > 1:
+            _at_once(number)
+        self.pending = number
+        if not self.held:
+            self.raise_pending()
+
+    def raise_pending(self):
+        global _last
+        number, self.pending = self.pending, None
+        if number is not None:
+            _last = Stopped(number)
+            raise _last
+
+
+_watch: _Watch | None = None
+_last: Stopped | None = None
+
+
+def last() -> Stopped | None:
+    """The signal that stopped this process last: command-line libraries turn every KeyboardInterrupt into one of their own."""
+    return _last
+
+
+@contextlib.contextmanager
+def watched(names=tuple(_WORDS)):
+    """Around a command: signals that ask to stop raise `Stopped`. Only in the main thread, and only where nobody else handles them."""
+    global _watch
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {}
+    _watch = _Watch()
+    for name in names:
+        number = getattr(signal, name, None)
+        # nohup: who is told to ignore a signal ignores it.
+        if number is not None and signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):
+            before[number] = signal.signal(number, _watch)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        _watch = None
+
+
+@contextlib.contextmanager
+def whole():
+    """What is done within is done whole: a signal to stop is heard when it is over."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    # Called from somebody's own program: there, Ctrl-C alone is our business.
+    with contextlib.nullcontext() if _watch is not None else watched(("SIGINT",)):
+        watch = _watch
+        watch.held += 1
+        try:
+            yield
+        finally:
+            watch.held -= 1
+        if not watch.held:
+            watch.raise_pending()
+
+
+def asked() -> bool:
+    """Whether a signal to stop waits for `whole` to end."""
+    return _watch is not None and _watch.pending is not None
+
+
+def _at_once(number: int) -> None:
+    """Leave without looking back; worker processes see that this one is gone (`end_with_parent`)."""
+    import multiprocessing
+
+    for child in multiprocessing.active_children():
+        child.kill()
+    with contextlib.suppress(OSError):
+        os.write(2, b"error: stopped at once; what was finished before is kept\n")
+    os._exit(128 + number)
+
+
+def in_worker() -> None:
+    """In a worker process: signals to stop are the parent's business, and it ends when the parent has gone, however that went."""
+    for name in _WORDS:
+        number = getattr(signal, name, None)
+        if number is not None:
+            signal.signal(number, signal.SIG_IGN)
+    end_with_parent()
+
+
+def end_with_parent() -> None:
+    """End this process as soon as the one that started it is gone; killed -9 as well."""
+    import multiprocessing
+    from multiprocessing import connection
+
+    parent = multiprocessing.parent_process()
+    if parent is None:
+        return
+
+    def wait():
+        connection.wait([parent.sentinel])
+        # No clean-up: nobody is left whom it could serve, and threads may be deep in a computation.
+        os._exit(1)
+
+    threading.Thread(target=wait, daemon=True, name="end with parent").start()
