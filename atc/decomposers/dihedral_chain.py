@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from .base import Accumulator
 from .cluster import first_not_finite
 from .dihedral import FourAtoms, cosine_and_slopes

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from .angle_curves import restricted, shift_exp
 from .base import Accumulator
 from .bonded import degrees, energy, plain, register_bonded
