@@ -107,8 +107,9 @@ class _AngleWork(Work):
         if self.term.coupled:
             G[0::3] += G_arms[0]
             G[1::3] += G_arms[1]
-        if not np.isfinite(U.sum() + G.sum()):
-            bad = int(np.argmax(~np.isfinite(U + G.reshape(-1, 3).sum(axis=1))))
+        finite = np.isfinite(U) & np.isfinite(G.reshape(-1, 3)).all(axis=1)
+        if not finite.all():
+            bad = int(np.argmin(finite))
             ids = ", ".join(str(self.frame.ids[k[bad]]) for k in (b, a, c))
             raise AtcError(
                 f"{self.frame.source}: the angle {ids} (type {types[bad]}, style {self.term.name}) is {np.degrees(np.arctan2(sin[bad], cos[bad])):.6g} degrees, "

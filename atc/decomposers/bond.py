@@ -50,6 +50,10 @@ class _BondWork(Work):
         self.images = Images(frame.cell)
         self.stages = (-(-len(atoms) // CHUNK),)
 
+    def vectors(self, here: slice, r):
+        """Fill r = x_i − x_j of some of the bonds."""
+        self.images.vectors_to(self.frame.positions, self.i[here], self.j[here], r)
+
     def add(self, i, j, types, d, U, G):
         return self.term.add(types, d, U, G)
 
@@ -58,7 +62,7 @@ class _BondWork(Work):
         i, j, types = self.i[here], self.j[here], self.types[here]
         n = len(i)
         r = np.empty((n, 3))
-        self.images.vectors_to(self.frame.positions, i, j, r)
+        self.vectors(here, r)
         d = np.sqrt(np.einsum("bc,bc->b", r, r))
         U, G = np.zeros(n), np.zeros(n)
         bad, noted = self.add(i, j, types, d, U, G)

@@ -14,7 +14,7 @@ from .pair import ONES, Pairs, PairStyle
 from .registry import bond_style
 
 
-class _OwnPairs:
+class OwnPairs:
     """The pair styles of a model, evaluated between bonded atoms only."""
 
     def __init__(self, pairs: Pairs | list[PairStyle] | None, frame: Frame):
@@ -49,7 +49,7 @@ class PairedBond(BondStyle):
         super().__init__(coeffs, units=units)
         self.pairs = pairs
 
-    def add_with_pairs(self, own: _OwnPairs, i, j, types, d, U, G):
+    def add_with_pairs(self, own: OwnPairs, i, j, types, d, U, G):
         """As `BondStyle.add`."""
         raise NotImplementedError
 
@@ -72,7 +72,7 @@ class PairedBond(BondStyle):
 class _PairedWork(_BondWork):
     def __init__(self, term: PairedBond, frame: Frame):
         super().__init__(term, frame)
-        self.own = _OwnPairs(term.pairs, frame)
+        self.own = OwnPairs(term.pairs, frame)
 
     def add(self, i, j, types, d, U, G):
         return self.term.add_with_pairs(self.own, i, j, types, d, U, G)

@@ -321,10 +321,10 @@ class HybridTerm(Term):
         return [leaf for t in self.terms for leaf in t.leaves(frame)]
 
     def prepare(self, frame: Frame) -> Work:
-        return _HybridWork([t.prepare(frame) for t in self.terms])
+        return HybridWork([t.prepare(frame) for t in self.terms])
 
 
-class _HybridWork(Work):
+class HybridWork(Work):
     def __init__(self, works):
         self.tasks = [(w, k) for w in works for k in range(w.stages[0])]
         self.stages = (len(self.tasks),)

@@ -81,7 +81,14 @@ class LeptonFormula:
             if part and (not sign or not name.isidentifier()):
                 raise ValueError(f"expected a definition such as eps=0.01 behind the semicolon, got {part!r}")
             if part:
-                self.definitions[name] = self._parse(body)
+                tree = self._parse(body)
+                early = self.definitions.keys() & {n.id for n in ast.walk(tree) if isinstance(n, ast.Name)}
+                if early:
+                    # LAMMPS takes such a name for 0 without a word.
+                    raise ValueError(
+                        f"{name} uses {min(early)}, which is defined in front of it: Lepton wants definitions behind their uses"
+                    )
+                self.definitions[name] = tree
         self.tree = self._parse(first)
         # Unknown names and circles show now.
         with np.errstate(all="ignore"):

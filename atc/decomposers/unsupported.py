@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from .unsupported_bonded import REASONS as BONDED
+
 _KSPACE = "it needs long-range electrostatics (kspace_style), which are not supported yet: rerun with a cutoff style such as coul/dsf or coul/wolf"
 _SITE = "its charges sit on a virtual site whose force is spread over the molecule, not on atoms"
 _ANGLES = "it depends on the orientation of the particles, which is no function of the distances between atoms"
@@ -72,7 +74,7 @@ _PAIR = {
     "it is a model that another program or library computes": "kim python",
 }
 
-REASONS: dict[str, dict[str, str]] = {"pair": {name: why for why, names in _PAIR.items() for name in names.split()}}
+REASONS: dict[str, dict[str, str]] = {"pair": {name: why for why, names in _PAIR.items() for name in names.split()}, **BONDED}
 
 
 def reason(kind: str, name: str) -> str | None:

@@ -7,7 +7,6 @@ _HISTORY = (
 )
 _BODIES = "its forces act on the orientations of nucleotides, which are no function of the distances between atoms"
 _AMOEBA = "it belongs to the AMOEBA force field, whose multipoles and induced dipoles positions alone do not give"
-_FORMULA = "its formulas are not done yet: use a table style, or a style that has the formula"
 
 REASONS = {
     "bond": {
@@ -16,7 +15,6 @@ REASONS = {
         "bpm/spring/plastic": _HISTORY,
         "rheo/shell": _HISTORY,
         "harmonic/restrain": "each bond is held at the length it had when the run began, which neither the script nor a frame says: use bond_style harmonic with those lengths",
-        "lepton": _FORMULA,
         "oxdna/fene": _BODIES,
         "oxdna2/fene": _BODIES,
         "oxrna2/fene": _BODIES,
@@ -25,11 +23,8 @@ REASONS = {
         "amoeba": _AMOEBA,
         "cosine/buck6d": "it adds the pair interaction of pair_style buck6d between its outer atoms, which is not supported",
         "dipole": "it holds the direction of an atom's dipole, which is no function of the distances between atoms",
-        "lepton": _FORMULA,
-        "sdk": "it adds the repulsion of pair_style lj/sdk between its outer atoms, which is not done yet",
-        "spica": "it adds the repulsion of pair_style lj/spica between its outer atoms, which is not done yet",
     },
-    "dihedral": {"lepton": _FORMULA},
+    "dihedral": {},
     "improper": {"amoeba": _AMOEBA},
 }
 
