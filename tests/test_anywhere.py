@@ -17,7 +17,7 @@ set -e
 "$PYTHON" -m atc --help > help.txt
 "$PYTHON" -m atc info plate/silicon_plate.dump.gz > info.txt
 "$PYTHON" -m atc plan plate/scene.toml > plan.txt
-"$PYTHON" -m atc fields plate/scene.toml --set "grid.shape=[26,26,2]" -b 0 -e 2 -o small.nc -q $JOBS
+"$PYTHON" -m atc fields plate/scene.toml --set "grid.shape=[24,24,4]" -b 0 -e 2 -o small.nc -q $JOBS
 """
 MORE = """
 "$PYTHON" -m atc plot small.nc -q stress -c vonmises -o small.png
