@@ -70,6 +70,8 @@ def test_quartic_bonds_take_the_pair_interaction_away_until_they_break(cell):
     assert broken > 10 and [n for what, n in d.notes.items() if "broken" in what] == [broken]
     with pytest.raises(AtcError, match="quartic needs 'special_bonds lj/coul 1 1 1'"):
         atc.potential(PAIRS + QUARTIC, "lj")
+    # Weights of charges do not matter without any.
+    agrees(config, QUARTIC, pair="special_bonds lj 1 1 1\n" + PAIRS)
 
 
 def test_special_bonds_of_their_own_weigh_the_pair_interaction():

@@ -93,7 +93,8 @@ class QuarticBond(PairedBond):
 
     def check_pairs(self, inp):
         special = getattr(inp.pairs, "special", None)
-        if special is not None and not special.trivial:
+        charged = any(s.needs_charges for s in getattr(inp.pairs, "styles", ()))
+        if special is not None and {*special.lj, *(special.coul if charged else ())} != {1.0}:
             raise inp.error(
                 "bond_style quartic needs 'special_bonds lj/coul 1 1 1': it takes the pair interaction of its atoms away itself"
             )
