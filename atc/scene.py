@@ -234,7 +234,10 @@ class Scene(Document):
         if topology is not None and not topology.exists():
             raise self._bad("trajectory", "topology", f"there is no file {topology}")
         try:
-            return read(path, topology=topology, units=self.get("trajectory", "units"), masses=self.get("trajectory", "masses"))
+            return read(
+                path, topology=topology, units=self.get("trajectory", "units"), masses=self.get("trajectory", "masses"),
+                atom_style=self.get("trajectory", "atom_style"),
+            )  # fmt: skip
         except AtcError as e:
             named = any(str(one) in str(e) for one in (path if isinstance(path, list) else [path]))
             if topology is not None and str(topology) in str(e):

@@ -162,6 +162,16 @@ def frame_slice(value) -> slice:
     return slice(begin, end, step)
 
 
+def _atom_style(v):
+    from .errors import AtcError
+    from .readers.lammps_atom_styles import AtomStyle
+
+    try:
+        return AtomStyle(_string(v), "").given
+    except AtcError:
+        raise ValueError from None
+
+
 def _unit_names():
     from .units import _SYSTEMS
 
@@ -202,6 +212,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
             path=True,
         ),
         "topology": Key(_string, 'the name of a LAMMPS data file, e.g. "run.data"', path=True),
+        "atom_style": Key(_atom_style, 'the atom_style of the LAMMPS run, e.g. "full" or "hybrid sphere molecular"'),
         "units": Key(_choice(_unit_names), 'a unit style, e.g. "metal"'),
         "masses": Key(_masses, "a mass for each type, e.g. { 1 = 28.0855 } or [28.0855]"),
         "frames": Key(_frames, 'frames counted from 0, e.g. "100:500:5", { begin = 100, end = 500, step = 5 } or -1'),

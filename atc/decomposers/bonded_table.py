@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numba import njit
 
 from ..errors import AtcError
+from ..readers.whole import whole_text
 from .parameter_file import units_tag
 
 
@@ -34,10 +34,7 @@ def read_section(path, keyword: str, kind: str, where: str = "", units_name: str
     AtcError for a missing file or section, other units, a malformed line, or coordinates that do not increase.
     """
     at = f"{where}: " if where else ""
-    try:
-        text = Path(path).read_text(encoding="utf-8", errors="replace")
-    except OSError as e:
-        raise AtcError(f"{at}cannot read the {kind} table {str(path)!r} ({e.strerror or e})") from None
+    text = whole_text(path, f"{kind} table", where)
     tag = units_tag(text)
     if None not in (tag, units_name) and tag != units_name:
         raise AtcError(f"{at}{path} is in {tag!r} units (its UNITS: tag) and the model in {units_name!r}: use a table in the model's units")
@@ -69,6 +66,8 @@ def read_section(path, keyword: str, kind: str, where: str = "", units_name: str
     if n is None or n < 2:
         raise AtcError(f"{path}:{number}: a {kind} table needs N <number of lines> of at least 2")
     rows = lines[start + 2 : start + 2 + n]
+    if n > len(rows):
+        raise AtcError(f"{path}:{number}: the section {keyword!r} announces {n} lines, the file has {len(rows)} more")
     data = np.empty((n, 3))
     for k in range(n):
         try:

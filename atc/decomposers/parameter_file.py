@@ -5,21 +5,19 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from pathlib import Path
 
 from ..errors import AtcError, AtcWarning
+from ..readers.lammps_sections import number_of, shortened
+from ..readers.whole import whole_text
 
 # LAMMPS's own factor between eV and kcal/mol, so that a converted file gives LAMMPS's energies to rounding.
 _METAL_TO_REAL = 23.060549
+_LARGE = 1e50  # no parameter is as large; their powers must be numbers
 
 
 def read_parameter_file(path, what: str, where: str = "") -> str:
     """The text of a `what` parameter file, or an AtcError at `where` that says why not."""
-    at = f"{where}: " if where else ""
-    try:
-        return Path(path).read_text(encoding="utf-8", errors="replace")
-    except OSError as e:
-        raise AtcError(f"{at}cannot read the {what} file {str(path)!r} ({e.strerror or e}): give its path relative to the input") from None
+    return whole_text(path, what, where)
 
 
 def element_entries(text: str, path, keys, elements, what: str) -> Iterator[tuple[str, tuple[str, ...], list[float]]]:
@@ -44,10 +42,10 @@ def element_entries(text: str, path, keys, elements, what: str) -> Iterator[tupl
         if all(n in elements for n in names):
             values = []
             for key, word in zip(keys, words, strict=True):
-                try:
-                    values.append(float(word))
-                except ValueError:
-                    raise AtcError(f"{here}: {key} must be a number in a {what} entry, found {word!r}") from None
+                value = number_of(word)
+                if value is None or not abs(value) < _LARGE:
+                    raise AtcError(f"{here}: {key} must be a number in a {what} entry, found {shortened(word)!r}")
+                values.append(value)
             yield here, names, values
         words = []
     if words:

@@ -15,7 +15,7 @@ _TOPOLOGIES = (".psf", ".top", ".itp", ".prmtop", ".parm7", ".tpr")
 _LAMMPS_NAMES = (".lammpstrj", ".dump", ".lammpsdump")
 
 
-def read(source, topology=None, units=None, masses=None):
+def read(source, topology=None, units=None, masses=None, atom_style=None):
     """A lazy, sliceable trajectory of `Frame`s.
 
     Parameters
@@ -33,6 +33,9 @@ def read(source, topology=None, units=None, masses=None):
         MDAnalysis have their own ("ase", "mdanalysis"). A contradiction between the argument and the file is an error.
     masses
         ``{type or name: mass}`` or a list for types 1, 2, ..., in the trajectory's units; goes before all other masses.
+    atom_style : str
+        The ``atom_style`` line of the LAMMPS run, e.g. "full" or "hybrid sphere molecular": what the columns of its data file (the source, or the
+        topology) are. Needed where the file does not say it behind ``Atoms`` and the number of columns leaves several possibilities.
 
     Returns
     -------
@@ -46,17 +49,23 @@ def read(source, topology=None, units=None, masses=None):
     """
     from ..frame import Frame
 
+    if atom_style is not None:
+        from .lammps_atom_styles import AtomStyle, StyledFile
+
+        AtomStyle(atom_style, "atom_style")
+        if isinstance(topology, (str, os.PathLike)) and not isinstance(topology, StyledFile):
+            topology = StyledFile(topology, atom_style)
     if isinstance(source, (str, os.PathLike)):
         from .chain import Chain, matching
 
         files = matching(source)
         if files is None or len(files) == 1:
-            return _path(Path(source) if files is None else files[0], topology, units, masses)
-        return Chain(files, topology, units, masses)
+            return _path(Path(source) if files is None else files[0], topology, units, masses, atom_style)
+        return Chain(files, topology, units, masses, atom_style)
     if isinstance(source, (list, tuple)) and source and all(isinstance(s, (str, os.PathLike)) for s in source):
         from .chain import Chain, matching
 
-        return Chain([file for s in source for file in matching(s) or [s]], topology, units, masses)
+        return Chain([file for s in source for file in matching(s) or [s]], topology, units, masses, atom_style)
     from .trajectory import Trajectory
 
     if isinstance(source, Trajectory):
@@ -95,7 +104,7 @@ def _is_atoms(x) -> bool:
     return type(x).__module__.split(".")[0] == "ase" or all(hasattr(x, a) for a in ("get_positions", "get_cell", "get_pbc", "numbers"))
 
 
-def _path(path: Path, topology, units, masses):
+def _path(path: Path, topology, units, masses, atom_style=None):
     from ._bytes import open_bytes
 
     reader = open_bytes(path)
@@ -119,7 +128,7 @@ def _path(path: Path, topology, units, masses):
     from .lammps_data import LammpsDataTrajectory, looks_like_data
 
     if looks_like_data(head):
-        return LammpsDataTrajectory(path, topology, units, masses)
+        return LammpsDataTrajectory(path, topology, units, masses, atom_style)
     last = next((s for s in reversed(suffixes) if s not in (".gz", ".bz2", ".xz")), "")
     if any(s in _LAMMPS_NAMES for s in suffixes) or ".bin" in suffixes[-2:]:
         start = head[:40].split(b"\n")[0].decode("utf-8", "replace")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 
 from ..errors import AtcError
@@ -25,6 +26,7 @@ ATOM_STYLES = {
     "full": "id mol type q x y z",
     "line": "id mol type lineflag density x y z",
     "mdpd": "id type rho x y z",
+    "mesont": "id mol type bond1 bond2 mass mradius mlength buckling x y z",
     "molecular": "id mol type x y z",
     "oxdna": "id type x y z",
     "peri": "id type volume density x y z",
@@ -86,6 +88,7 @@ class AtomStyle:
         words = words.split() if isinstance(words, str) else list(words)
         if not words or not all(isinstance(w, str) for w in words):
             raise AtcError(f'{where}: expected a LAMMPS atom style, e.g. "full" or "hybrid sphere molecular", got {words!r}')
+        self.given = " ".join(words)
         self.hybrid = _base(words[0]) == "hybrid"
         self.species = None
         parts, k = [], int(self.hybrid)
@@ -143,6 +146,19 @@ class AtomStyle:
             columns += new
             have.update(new)
         return columns
+
+
+class StyledFile(os.PathLike):
+    """The path of a data file, with the atom style of the run that it is for."""
+
+    def __init__(self, path, atom_style):
+        self.path, self.atom_style = os.fspath(path), AtomStyle(atom_style, "atom_style").given
+
+    def __fspath__(self):
+        return self.path
+
+    def __str__(self):
+        return str(self.path)
 
 
 def style_of_comment(comment: str) -> AtomStyle | None:

@@ -10,7 +10,7 @@ from ..errors import AtcError
 from ..frame import Cell, Frame, Topology
 from ..units import Units
 from .lammps_atom_styles import ASK, WHOLE, AtomStyle, inferred_style, style_of_comment
-from .lammps_masses import SHAPES, masses_by_shape
+from .lammps_masses import SHAPES, centres, masses_by_shape
 from .lammps_molecule import bonded_of_templates
 from .lammps_sections import SectionedFile, number_of, shortened, whole_of
 from .lammps_units import settle_units
@@ -302,6 +302,8 @@ class LammpsData:
                 section.require(self.counts.get(name.lower()))
                 shapes[name] = section.table(of.split(), WHOLE)
         self._mass_n = masses_by_shape(style.parts, a, shapes, self.source)
+        for part in {"line", "tri"} & set(style.parts):
+            centres(part, a, shapes)
         # A hybrid whose parts are not known may have masses of its own, which go before those of section Masses.
         self._masses_unsure = "peri" in style.parts and self._mass_n is None
         self._masses_unsure |= style.hybrid and not style.parts and (row is None or len(row) > 6) and not self._without_shapes()

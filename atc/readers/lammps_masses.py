@@ -56,6 +56,20 @@ def masses_by_shape(parts, atoms: dict, sections: dict, source: str) -> np.ndarr
     return mass
 
 
+def centres(part, atoms: dict, sections: dict) -> None:
+    """Lines and triangles lie where the middle of their corners is, as LAMMPS puts them: their positions in section Atoms are checked only roughly."""
+    s = sections.get(SHAPES[part][0])
+    if s is None or not len(s["id"]):
+        return
+    has = atoms[SHAPES[part][1]] != 0
+    order = np.argsort(s["id"])
+    row = order[np.searchsorted(s["id"][order], atoms["id"][has])]
+    for a in "xyz":
+        corners = [s[f"{a}{k}"] for k in (1, 2, 3) if f"{a}{k}" in s]
+        if corners:
+            atoms[a][has] = (sum(corners) / len(corners))[row]
+
+
 def _extents(part, atoms, sections, source):
     """Volumes, areas or lengths of the atoms that have a shape, in the order of the file, and (n,) bool which they are."""
     name, flag, _ = SHAPES[part]

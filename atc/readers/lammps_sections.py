@@ -13,6 +13,7 @@ from numba import njit
 
 from ..errors import AtcError
 from . import _parse
+from .trajectory import warn
 from .whole import whole_bytes
 
 _MANY = 100_000  # lines that begin with a letter: names of sections, and rows that begin with a type label
@@ -102,13 +103,21 @@ def _first_short(buf, columns):
 class Section:
     """The lines of a section: ``buf`` without blanks and comments, ``number`` of each line in the file."""
 
-    def __init__(self, name, comment, line, buf, number, source):
+    def __init__(self, name, comment, line, buf, number, source, last):
+        self._last = last  # whether its last line is the last of the file
         self.name, self.comment, self.line, self.buf, self.number, self.source = name, comment, line, buf, number, source
 
     def __len__(self):
         return len(self.number)
 
     def require(self, expected: int | None, what: str = "its header announces") -> None:
+        if expected is not None and len(self) == expected + 1 and self._last and expected:
+            # LAMMPS does not notice a single line behind the last section.
+            warn(
+                f"{self.where(expected)}: section {self.name} has one line more than the {expected} that the header announces: left out, as by LAMMPS"
+            )
+            self.buf = self.buf[: _parse.skip_lines(self.buf, expected)[0]]
+            self.number = self.number[:expected]
         if expected is not None and len(self) != expected:
             at = self.number[min(expected, len(self) - 1)] if len(self) else self.line
             raise AtcError(
@@ -318,7 +327,11 @@ class SectionedFile:
     def section(self, name: str) -> Section:
         begin, end, comment, at = self.places[name]
         line = self._line_of(begin)
+        first = self._text(begin, self._end_of_line(begin)) if begin < end else ""
+        if first.strip()[:1].isalpha():  # LAMMPS skips the line behind a name, which may hold the names of the columns
+            begin, line = self._end_of_line(begin), line + 1
         n = _lines_between(self._buf, begin, end)
         out, number = np.empty(end - begin, np.uint8), np.empty(n, np.int64)
         rows, size = _filled(self._buf, begin, end, out, line, number)
-        return Section(name, comment, line - 1, out[:size], number[:rows], self.source)
+        last = end == len(self._buf) and rows and number[rows - 1] == line + n - 1
+        return Section(name, comment, line - 1, out[:size], number[:rows], self.source, bool(last))
