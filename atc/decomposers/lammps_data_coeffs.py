@@ -2,53 +2,51 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 from ..errors import AtcError
 from .lammps_script import Command
 
-_SECTION = re.compile(
-    rb"^[ \t]*((?:Pair|PairIJ|Bond|Angle|Dihedral|Improper) Coeffs|(?:Atom|Bond|Angle|Dihedral|Improper) Type Labels|Masses)[ \t]*(?:#[^\n]*)?\r?$",
-    re.M,
-)
-
 
 def data_file_commands(path: Path, style_names: dict[str, str]) -> list[Command]:
     """``mass``, ``labelmap`` and ``*_coeff`` commands equivalent to the sections of a data file.
 
-    `style_names` are the styles in force ({"pair": "lj/cut", ...}): sections of kinds without a style are passed over.
+    `style_names` are the styles in force ({"pair": "lj/cut", ...}): sections of kinds without a style are passed over. The cross terms of class2 come as
+    ``angle_coeff N bb ...`` (``angle_coeff N class2 bb ...`` where the style is hybrid).
     """
-    text = path.read_bytes()
+    from ..readers.lammps_data import COEFFS, SECTIONS, header_line
+    from ..readers.lammps_sections import SectionedFile
+
+    f = SectionedFile(path, SECTIONS, header_line, "data file")
     labels, masses, coeffs = [], [], []
-    for m in _SECTION.finditer(text):
-        section = m.group(1).decode()
-        line = text.count(b"\n", 0, m.end()) + 1
-        kind = section.split()[0].lower()
-        seen = False
-        for raw in text[m.end() + 1 : m.end() + (1 << 20)].split(b"\n"):
-            line += 1
-            words = raw.split(b"#")[0].decode("utf-8", "replace").split()
-            if not words:
-                if seen:
-                    break
-                continue
-            # The next section's name ends this one: rows start with a number or a label and have more than one word.
-            if seen and _SECTION.match(raw):
-                break
-            seen = True
-            where = f"{path}, line {line}"
-            if section == "Masses":
-                masses.append(Command("mass", tuple(words[:2]), where))
-            elif section.endswith("Labels"):
-                labels.append(Command("labelmap", (kind, *words[:2]), where))
-            elif kind == "pairij" and "pair" in style_names:
-                coeffs.append(Command("pair_coeff", tuple(words), where))
-            elif kind == "pair" and "pair" in style_names:
-                coeffs.append(Command("pair_coeff", (words[0], *words), where))
-            elif kind in style_names:
-                coeffs.append(Command(f"{kind}_coeff", tuple(words), where))
-    return labels + masses + coeffs
+    for name in f.places:
+        kind, cross = COEFFS.get(name, ("", ""))
+        if name == "Masses" or name.endswith("Type Labels"):
+            s = f.section(name)
+            for k, words in enumerate(s.rows()):
+                if name == "Masses":
+                    masses.append(Command("mass", tuple(words[:2]), s.where(k)))
+                else:
+                    labels.append(Command("labelmap", (name.split()[0].lower(), *words[:2]), s.where(k)))
+        elif kind.replace("pairij", "pair") in style_names:
+            s = f.section(name)
+            for k, words in enumerate(s.rows()):
+                coeffs.append(_coefficients(kind, cross, words, style_names, s.where(k)))
+    return labels + masses + [c for c in coeffs if c is not None]
+
+
+def _coefficients(kind, cross, words, style_names, where) -> Command | None:
+    if kind == "pair":
+        words = [words[0], *words]
+    elif kind == "pairij":
+        kind = "pair"
+    elif cross:
+        # Lines of a hybrid name the style, or say that the type has no such term.
+        named = int(style_names[kind].startswith("hybrid") and len(words) > 1)
+        if named and words[1] == "skip":
+            return None
+        words = [*words[: 1 + named], cross, *words[1 + named :]]
+    return Command(f"{kind}_coeff", tuple(words), where)
 
 
 def resolve(folder: Path, c: Command) -> Path:
@@ -60,9 +58,9 @@ def resolve(folder: Path, c: Command) -> Path:
 def take_data_file(c: Command, folder: Path, style_names) -> tuple[Path, list[Command]]:
     """The path, and the commands of the data file; none if it is not there (only needed if coefficients turn out missing)."""
     path = resolve(folder, c)
-    if not path.is_file() or path.suffix == ".gz":
+    if not path.exists():
         return path, []
     try:
         return path, data_file_commands(path, {} if "nocoeff" in c.words else style_names)
-    except OSError as e:
-        raise AtcError(f"{c.where}: {path} cannot be read: {e.strerror}") from None
+    except AtcError as e:
+        raise AtcError(f"{c.where}: read_data: {e}") from None
