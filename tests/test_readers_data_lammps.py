@@ -17,7 +17,7 @@ from atc.units import units
 HEAD = "t\n\n2 atoms\n2 atom types\n{more}0 9 xlo xhi\n0 9 ylo yhi\n-0.5 9 zlo zhi\n\n"
 MASSES = "Masses\n\n1 1.5\n2 2.5\n\n"
 SET = (
-    "type 1 charge 0.25", "type 1 mol 7", "type 1 diameter 0.5", "type 1 density 3", "type 1 mass 4", "type 1 dpd/theta 0.77", "type 1 sph/rho 0.22",
+    "type 1 charge 0.25", "type 1 mol 7", "type 1 diameter 0.5", "type 1 density 3", "type 1 mass 4", "type 1 dpd/theta 0.77", "type 2 dpd/theta 0.5", "type 1 sph/rho 0.22",
     "type 1 rheo/rho 0.22", "type 1 shape 1 2 3", "type 1 quat 0 0 1 0", "type 1 dipole 1 2 3", "type 1 image 1 -2 3", "type 1 spin/atom 2.0 1 0 0",
 )  # fmt: skip
 

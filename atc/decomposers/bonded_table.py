@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from ..errors import AtcError
+from ..readers.lammps_sections import shortened
 from ..readers.whole import whole_text
 from .parameter_file import units_tag
 
@@ -42,7 +43,7 @@ def read_section(path, keyword: str, kind: str, where: str = "", units_name: str
     start = next((p for p, (_, w) in enumerate(lines) if w[0] == keyword), None)
     if start is None:
         names = [w[0] for _, w in lines if not _number(w[0]) and w[0] != "N"]
-        raise AtcError(f"{at}{path} has no section {keyword!r}; it has {', '.join(names) or 'none'}")
+        raise AtcError(f"{at}{path} has no section {keyword!r}; it has {shortened(', '.join(names)) or 'none'}")
     if start + 1 == len(lines):
         raise AtcError(f"{path}:{lines[start][0]}: the section {keyword!r} is empty: expected a line N <number of lines>")
     number, words = lines[start + 1]
@@ -61,7 +62,7 @@ def read_section(path, keyword: str, kind: str, where: str = "", units_name: str
                 raise ValueError
     except (ValueError, IndexError):
         raise AtcError(
-            f"{path}:{number}: expected the parameters of a {kind} table, N <n> [FP <lo> <hi>] [EQ <x0>], got {' '.join(words)!r}"
+            f"{path}:{number}: expected the parameters of a {kind} table, N <n> [FP <lo> <hi>] [EQ <x0>], got {shortened(' '.join(words))!r}"
         ) from None
     if n is None or n < 2:
         raise AtcError(f"{path}:{number}: a {kind} table needs N <number of lines> of at least 2")

@@ -57,7 +57,7 @@ class _Lines:
         number, words = self.lines[self.p]
         self.p += 1
         if len(words) < least:
-            raise AtcError(f"{self.path}:{number}: expected {what}, got {' '.join(words)!r}")
+            raise AtcError(f"{self.path}:{number}: expected {what}, got {shortened(' '.join(words))!r}")
         return words, f"{self.path}:{number}"
 
     def numbers(self, n: int, what: str) -> np.ndarray:

@@ -54,14 +54,14 @@ def read_section(path: Path, keyword: str) -> TableSection:
         while k < len(lines) and not lines[k].split("#")[0].split():
             k += 1
         if k == len(lines):
-            raise AtcError(f"{path}: section {name} has no parameter line: expected 'N <count> ...'")
+            raise AtcError(f"{path}: section {shortened(name)} has no parameter line: expected 'N <count> ...'")
         section, count = _parameters(lines[k].split("#")[0].split(), f"{path}, line {k + 1}")
         k += 1
         found.append(name)
         rows = []
         while len(rows) < count:
             if k == len(lines):
-                raise AtcError(f"{path}: section {name} ends after {len(rows)} of {count} entries")
+                raise AtcError(f"{path}: section {shortened(name)} ends after {len(rows)} of {count} entries")
             words = lines[k].split("#")[0].split()
             k += 1
             if not words:
@@ -86,7 +86,7 @@ def read_section(path: Path, keyword: str) -> TableSection:
             raise AtcError(f"{path}: the distances of section {keyword} must be positive and increase from line to line")
         section.units = tag.group(1) if tag else None
         return section
-    raise AtcError(f"{path}: no section {keyword!r}: found {', '.join(found) or 'none'}")
+    raise AtcError(f"{path}: no section {keyword!r}: found {shortened(', '.join(found)) or 'none'}")
 
 
 def _parameters(words, where) -> tuple[TableSection, int]:
@@ -100,7 +100,7 @@ def _parameters(words, where) -> tuple[TableSection, int]:
             elif words[k] in ("FP", "FPRIME"):
                 s.fprime, k = (float(words[k + 1]), float(words[k + 2])), k + 3
             else:
-                raise AtcError(f"{where}: {words[k]} in a table's parameters is not supported: expected N, R, RSQ, FPRIME")
+                raise AtcError(f"{where}: {shortened(words[k])} in a table's parameters is not supported: expected N, R, RSQ, FPRIME")
     except (IndexError, ValueError):
         raise AtcError(f"{where}: expected 'N <count> [R|RSQ lo hi] [FPRIME lo hi]', got {shortened(' '.join(words))!r}") from None
     numbers = (s.lo, s.hi, *(s.fprime or ()))

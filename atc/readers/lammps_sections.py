@@ -228,6 +228,8 @@ def whole_of(word: str) -> int | None:
 
 
 def shortened(text: str, most: int = 60) -> str:
+    """What a message shows of words from a file: the beginning, and only what can be printed."""
+    text = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text[: most + 1])
     return text if len(text) <= most else f"{text[:most]}..."
 
 

@@ -12,8 +12,9 @@ from ..errors import AtcError
 from ._bytes import StreamBytes, open_bytes
 
 _PIECE = 1 << 24
-#: Bytes of text that come out of a compressed file at most.
-LARGEST = 1 << 35
+# Columns of numbers shrink to a third, of repeated ones to a thirtieth; more than this from a compressed file is not read.
+_SMALL, _SWELL = 1 << 28, 100
+LARGEST = 1 << 40
 #: Bytes of the largest potential file, table or molecule: those of LAMMPS have 20 MB at most.
 LARGEST_TEXT = 1 << 28
 
@@ -26,6 +27,7 @@ def whole_bytes(path, largest: int = LARGEST) -> np.ndarray:
             if size > largest:
                 raise AtcError(f"{path}: {size} bytes are more than the {largest} that such a file may have")
             return _ended(reader.read(0, size))
+        largest = min(largest, max(_SMALL, _SWELL * size))
         parts, at = [], 0
         while len(part := reader.read(at, at + _PIECE)):
             parts.append(part)
