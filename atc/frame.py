@@ -151,6 +151,7 @@ class Topology:
     impropers: np.ndarray = field(default_factory=lambda: np.zeros((0, 4), np.int64))
     improper_types: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
     weighted: Topology | None = None
+    untold: str = ""  # why it is not known which atoms are bonded: an error where that is needed
 
     def __bool__(self):
         return any(len(a) for a in (self.bonds, self.angles, self.dihedrals, self.impropers)) or bool(self.weighted)

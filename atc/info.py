@@ -55,14 +55,14 @@ def stress_error(resolution: float, units) -> float:
     return angstrom * _STRESS_ERROR_PER_ANGSTROM
 
 
-def describe(source, topology=None, units=None, masses=None, dimension=None) -> Report:
+def describe(source, topology=None, units=None, masses=None, dimension=None, atom_style=None) -> Report:
     """Look into a trajectory without computing anything: its first and last frame are read, the rest is only counted.
 
     Parameters are those of `atc.read`. Raises `AtcError` for what `atc.read` refuses, and for a source without a complete frame.
     """
     from . import read
 
-    return _describe(read(source, topology=topology, units=units, masses=masses, dimension=dimension), source)
+    return _describe(read(source, topology=topology, units=units, masses=masses, dimension=dimension, atom_style=atom_style), source)
 
 
 def describe_scene(scene, threads: int = 1) -> Report:

@@ -250,17 +250,18 @@ class Scene(Document):
             raise AtcError(str(e) if named else f"{self.where('trajectory', key)}: {e}") from None
 
     def _open(self, read, path, topology):
-        """The trajectory; where neither it nor the scene says its units, those of the script that made it."""
+        """The trajectory; where neither it nor the scene says its units or atom style, those of the script that made it."""
         units, masses = self.get("trajectory", "units"), self.get("trajectory", "masses")
-        dimension = self.get("trajectory", "dimension")
+        more = {k: self.get("trajectory", k) for k in ("dimension", "atom_style")}
         try:
-            traj = read(path, topology=topology, units=units, masses=masses, dimension=dimension)
+            traj = read(path, topology=topology, units=units, masses=masses, **more)
         except AtcError:
-            pot = self._script() if units is None else None
+            pot = self._script() if units is None or more["atom_style"] is None else None
             if pot is None:
                 raise
+            more["atom_style"] = more["atom_style"] or pot.atom_style or None
             try:
-                traj = read(path, topology=topology, units=pot.units.name, masses=masses, dimension=dimension)
+                traj = read(path, topology=topology, units=units or pot.units.name, masses=masses, **more)
             except AtcError:
                 traj = None
             if traj is None:

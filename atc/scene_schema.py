@@ -168,6 +168,16 @@ def frame_slice(value) -> slice:
     return slice(begin, end, step)
 
 
+def _atom_style(v):
+    from .errors import AtcError
+    from .readers.lammps_atom_styles import AtomStyle
+
+    try:
+        return AtomStyle(_string(v), "").given
+    except AtcError:
+        raise ValueError from None
+
+
 def _unit_names():
     from .units import _SYSTEMS
 
@@ -214,6 +224,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
             path=True,
         ),
         "topology": Key(_string, 'the name of a LAMMPS data file, e.g. "run.data"', path=True),
+        "atom_style": Key(_atom_style, 'the atom_style of the LAMMPS run, e.g. "full" or "hybrid sphere molecular"'),
         "units": Key(_choice(_unit_names), 'a unit style, e.g. "metal"'),
         "masses": Key(_masses, "a mass for each type, e.g. { 1 = 28.0855 } or [28.0855]"),
         "dimension": Key(_dimension, "2 (a run in the plane, LAMMPS's dimension 2) or 3"),

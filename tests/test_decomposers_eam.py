@@ -263,7 +263,12 @@ def test_threads_and_perfect_crystal():
 DAMAGE = [
     (lambda t: t.replace("2 Aa Bb", "3 Aa Bb"), "3 elements but 2 names"),
     (lambda t: t[: len(t) // 2], "the file is cut off"),
-    (lambda t: t + "1 2 3\n", "more lines than eam/alloy files of 2 elements have"),
+    (lambda t: t + "1 2 3\n" * 200, "more lines than eam/alloy files of 2 elements have"),
+    (lambda t: t.replace("\n400 ", "\n400000000000 "), "in a file of .* characters: the file is cut off or its counts are wrong"),
+    (lambda t: t.replace("\n400 ", "\n4e2 "), None),
+    (lambda t: t.replace("\n400 ", "\n--1 "), "expected nrho drho nr dr cutoff"),
+    (lambda t: t.replace("\n-", "\nnan -", 1), "is not a number|not finite|should have"),
+    (lambda t: t.replace("\n-", "\n1e300 -", 1), "is no number of a potential"),
     (lambda t: t.replace("10 10.0 3.0 fcc", "10 ten"), "expected the atomic number and the mass"),
     (lambda t: t.replace("only\n2 Aa", "only\n\n# no\n2 Aa"), None),
     (lambda t: t.replace("\n-", "\nx", 1), "is not a number"),
@@ -281,6 +286,40 @@ def test_damaged_files(tmp_path, damage, message):
     with pytest.raises(atc.AtcError, match=message) as e:
         atc.potential(lines, units="metal")
     assert str(path) in str(e.value) and "\n" not in str(e.value)
+
+
+def surplus(lines, where):
+    """Lines of `tables` with values that no table takes: (the lines) of F with 80 lines, ρ with 120 ..."""
+    ends = {"F": 6 + 80 - 1, "density": 6 + 80 + 120 - 1, "last": len(lines) - 1}
+    if where in ends:
+        lines[ends[where]] += " 7.0 8.0"
+    elif where == "behind":
+        lines += ["1 2 3 4 5", "written by hand"]
+    else:  # a line between two tables: all values of the next one are shifted, in LAMMPS too
+        lines.insert(6 + 80, "2.1 2.05")
+    return lines
+
+
+@pytest.mark.parametrize("where", ["F", "density", "last", "behind", "between"])
+def test_surplus_values_are_left_out_as_by_lammps(tmp_path, where):
+    path = tables(tmp_path)
+    path.write_text("\n".join(surplus(path.read_text().splitlines(), where)) + "\n")
+    lines = f"pair_style eam/alloy\npair_coeff * * {path} Aa Bb"
+    config = metal()
+    with pytest.warns(atc.errors.AtcWarning, match=r"two.eam.alloy:\d+: .*left out, as by LAMMPS"):
+        pot = potential(lines, config)
+    agrees_with_lammps(pot, lines, config)
+
+
+def test_surplus_values_of_funcfl(tmp_path):
+    text = (POTENTIALS / "Cu_u3.eam").read_text().rstrip("\n")
+    path = tmp_path / "Cu_u3.eam"
+    path.write_text(text + " 1.0 2.0\nand more\n")
+    lines = f"pair_style eam\npair_coeff * * {path}"
+    config = metal()
+    with pytest.warns(atc.errors.AtcWarning, match="left out, as by LAMMPS"):
+        pot = potential(lines, config)
+    agrees_with_lammps(pot, lines, config)
 
 
 REFUSED = [

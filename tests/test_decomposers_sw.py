@@ -384,3 +384,18 @@ def test_frames_it_cannot_do():
         pot.decompose(Frame(x, Cell(cell), units("metal")))
     empty = pot.decompose(Frame(np.zeros((0, 3)), Cell(cell), units("metal")))
     assert empty.energy == 0 and empty.n_bonds == 0
+
+
+def test_entries_that_differ_by_rounding(write):
+    """The pair's energy is the mean of both entries; beyond rounding they are refused, see above."""
+    path = write(alloy().replace("Y X X 2.05", "Y X X 2.05003"))
+    line = "pair_style sw\npair_coeff * * file.sw X Y\n"
+    with pytest.warns(AtcWarning, match=r"the two-body terms of X and Y in both entries differ by 1.5e-05: .* up to \S+ eV"):
+        mean = atc.potential(line, "metal", folder=path.parent)
+    write(alloy())
+    one = atc.potential(line, "metal", folder=path.parent)
+    write(alloy().replace("Y X X 2.05", "Y X X 2.05003").replace("X Y Y 2.05", "X Y Y 2.05003"))
+    other = atc.potential(line, "metal", folder=path.parent)
+    frame = Frame(np.array([[0.0, 0, 0], [2.4, 0, 0]]), Cell(np.eye(3) * 30.0), units("metal"), types=[1, 2])
+    e = [p.decompose(frame).energy for p in (one, mean, other)]
+    assert e[0] != e[2] and e[1] == pytest.approx(0.5 * (e[0] + e[2]), rel=1e-12)

@@ -1,11 +1,12 @@
 """Tersoff and Axilrod-Teller-Muto: LAMMPS, energy sources, perfect crystals, cutoffs, small boxes, refused input."""
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from decomposer_checks import agrees_with_lammps, consistent_bonds, potential, source_matrix, sources_are_derivatives
-from lammps_oracle import Config, thermal_lattice
+from lammps_oracle import Config, run_lammps, thermal_lattice
 
 import atc
 from atc.decomposers.axilrod_teller import AxilrodTeller
@@ -197,6 +198,37 @@ def test_tersoff_damaged_files(tmp_path, edit, message):
     with pytest.raises(atc.AtcError, match=message) as e:
         atc.potential(f"pair_style tersoff\npair_coeff * * {path} Si C", units="metal")
     assert str(path) in str(e.value) and "\n" not in str(e.value)
+
+
+def test_entries_that_differ_by_rounding():
+    """SiC_1994 has D of a pair to five digits in one entry and to six in the other: LAMMPS's energy depends on the numbering of the atoms."""
+    path = potentials_of_lammps() / "SiC_1994.tersoff"
+    lines = f"pair_style tersoff\npair_coeff * * {path} Si C"
+    with pytest.warns(
+        atc.errors.AtcWarning,
+        match=r"SiC_1994.tersoff:28 and .*:24: the repulsion of .* differ by 5.9e-05: the mean of both .* up to \S+e-0\d eV",
+    ) as said:
+        pot = atc.potential(lines, units="metal")
+    most = float(re.search(r"up to (\S+) eV", str(said[0].message)).group(1))
+    x, t = thermal_lattice(np.diag([7.4, 7.8, 8.1]), (4, 4, 4), jitter=0.2, kinds=2, seed=3)
+    energies = []
+    for order in (np.argsort(t, kind="stable"), np.argsort(-t, kind="stable")):  # silicon first, carbon first
+        config = Config(np.diag([7.4, 7.8, 8.1]), x[order], types=t[order], units="metal", ntypes=2)
+        energies.append(run_lammps(lines, config).energy)
+        mine = pot.decompose(config.frame()).energy
+    low, high = sorted(energies)
+    assert high - low > 1e-7 * abs(low) and low < mine < high
+    # Half the difference of a pair's two energies, for every pair near its cutoff.
+    assert abs(mine - 0.5 * (low + high)) < 0.05 * (high - low)
+    assert high - low < 100 * most
+
+
+def test_entries_that_differ_by_more_are_refused(tmp_path):
+    text = (potentials_of_lammps() / "SiC_1994.tersoff").read_text().replace("2.9726  1681.731", "2.9826  1681.731")
+    path = tmp_path / "x.tersoff"
+    path.write_text(text)
+    with pytest.raises(atc.AtcError, match="give different R, D, A or lambda1"):
+        atc.potential(f"pair_style tersoff\npair_coeff * * {path} Si C", units="metal")
 
 
 REFUSED = [

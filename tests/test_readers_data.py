@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 import atc
 from atc.errors import AtcError
-from atc.readers.lammps_data import ATOM_STYLES, LammpsData
+from atc.readers.lammps_atom_styles import ATOM_STYLES
+from atc.readers.lammps_data import LammpsData
 from atc.units import units
 
 HEAD = "title\n\n{n} atoms\n2 atom types\n{more}\n-1 9 xlo xhi\n-2 8 ylo yhi\n-3 7 zlo zhi\n\n"
@@ -31,6 +32,7 @@ def save(tmp_path):
 VALUES = {
     "id": [7, 3], "mol": [4, 5], "type": [2, 1], "q": [0.5, -1.25], "x": [1.5, 2.5], "y": [-1.0, 0.25], "z": [3.0, 1e-3], "ix": [0, -1], "iy": [2, 0],
     "iz": [0, 1], "mass": [3.5, 4.5], "diameter": [2.0, 0.0], "density": [1.5, 2.5],
+    "bodyflag": [0, 0], "ellipsoidflag": [0, 0], "lineflag": [0, 0], "triangleflag": [0, 0],
 }  # fmt: skip
 
 
@@ -40,7 +42,7 @@ def test_every_atom_style_named_in_the_comment(save, style, images):
     columns = ATOM_STYLES[style].split() + ["ix", "iy", "iz"] * images
     # Columns atc does not know get a number that would be noticed anywhere else.
     rows = [" ".join(str(VALUES.get(c, [77, 88])[k]) for c in columns) for k in range(2)]
-    f = atc.read(save(text(rows, f" # {style}")), units="metal")[0]
+    f = atc.read(save(text(rows, f" # {style}" + " 0" * (style == "tdpd"))), units="metal")[0]
     assert f.ids.tolist() == [3, 7] and f.types.tolist() == [1, 2]
     assert f.positions.tolist() == [[2.5, 0.25, 1e-3], [1.5, -1.0, 3.0]]
     assert (f.charges is not None) == ("q" in columns)
@@ -50,8 +52,12 @@ def test_every_atom_style_named_in_the_comment(save, style, images):
     if "mass" in columns:
         assert f.masses.tolist() == [4.5, 3.5]
     elif "diameter" in columns:
-        # mass of a ball in g/cm^3 and Å; of a point particle the density column is the mass
-        np.testing.assert_allclose(f.masses, [2.5, 1.5 * 0.602214129 * np.pi / 6 * 8], rtol=1e-15)
+        # The mass of a ball, its density as it stands; of a point particle the density column is the mass.
+        np.testing.assert_allclose(f.masses, [2.5, 1.5 * np.pi / 6 * 8], rtol=1e-15)
+    elif style == "peri":
+        assert f.masses is None  # LAMMPS moves its particles by their density
+    elif "density" in columns:
+        np.testing.assert_allclose(f.masses, np.array([2.5, 1.5]) * (1 if style == "ellipsoid" else np.pi / 6), rtol=1e-15)
     else:
         assert f.masses.tolist() == [28, 12]
     assert f.cell.vectors.tolist() == np.diag([10.0, 10, 10]).tolist() and f.cell.origin.tolist() == [-1, -2, -3]

@@ -135,6 +135,8 @@ class BondedTerm(Term):
         AtcError without topology, for types without coefficients, or for atoms that are not in the frame.
         """
         kind, top = self.kind, frame.topology
+        if top is not None and top.untold:
+            raise AtcError(top.untold)
         if top is None:
             raise AtcError(
                 f"{frame.source}: {kind}_style {self.name} needs to know the {kind}s: give a LAMMPS data file with a {kind.capitalize()}s section as topology"

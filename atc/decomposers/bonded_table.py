@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from ..compiled import njit
 from ..errors import AtcError
+from ..readers.lammps_sections import shortened
+from ..readers.whole import whole_text
 from .parameter_file import units_tag
 
 
@@ -50,10 +51,12 @@ def read_section(path, keyword: str, kind: str, where: str = "", units_name: str
                 raise ValueError
     except (ValueError, IndexError):
         raise AtcError(
-            f"{path}:{number}: expected the parameters of a {kind} table, N <n> [FP <lo> <hi>] [EQ <x0>], got {' '.join(words)!r}"
+            f"{path}:{number}: expected the parameters of a {kind} table, N <n> [FP <lo> <hi>] [EQ <x0>], got {shortened(' '.join(words))!r}"
         ) from None
     if n is None or n < 2:
         raise AtcError(f"{path}:{number}: a {kind} table needs N <number of lines> of at least 2")
+    if n > len(lines) - 1:
+        raise AtcError(f"{path}:{number}: the section {keyword!r} announces {n} lines, the file has {len(lines) - 1} more")
     data = read_rows(path, keyword, lines[1 : n + 1], n, ("x", "energy", "force"))
     if not np.isfinite(data).all() or (np.diff(data[:, 0]) <= 0).any():
         raise AtcError(
@@ -68,10 +71,7 @@ def section_lines(path, keyword: str, kind: str, where: str = "", units_name: st
     Raises AtcError as `read_section`.
     """
     at = f"{where}: " if where else ""
-    try:
-        text = Path(path).read_text(encoding="utf-8", errors="replace")
-    except OSError as e:
-        raise AtcError(f"{at}cannot read the {kind} table {str(path)!r} ({e.strerror or e})") from None
+    text = whole_text(path, f"{kind} table", where)
     tag = units_tag(text)
     if None not in (tag, units_name) and tag != units_name:
         raise AtcError(f"{at}{path} is in {tag!r} units (its UNITS: tag) and the model in {units_name!r}: use a table in the model's units")
@@ -79,7 +79,7 @@ def section_lines(path, keyword: str, kind: str, where: str = "", units_name: st
     start = next((p for p, (_, w) in enumerate(lines) if w[0] == keyword), None)
     if start is None:
         names = [w[0] for _, w in lines if not _number(w[0]) and w[0] != "N"]
-        raise AtcError(f"{at}{path} has no section {keyword!r}; it has {', '.join(names) or 'none'}")
+        raise AtcError(f"{at}{path} has no section {keyword!r}; it has {shortened(', '.join(names)) or 'none'}")
     if start + 1 == len(lines):
         raise AtcError(f"{path}:{lines[start][0]}: the section {keyword!r} is empty: expected a line N <number of lines>")
     return lines[start + 1 :]

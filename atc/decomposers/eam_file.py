@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from ..errors import AtcError
+from ..errors import AtcError, AtcWarning
+from ..readers.lammps_sections import number_of, shortened, whole_of
+from ..readers.whole import whole_text
 from .parameter_file import energy_conversion, units_tag
 
+_LARGE = 1e50  # no number of a potential is as large
 # LAMMPS's eV·Å in Hartree·Bohr, three digits, for the effective charges of funcfl files.
 _HARTREE_BOHR = 27.2 * 0.529
 
@@ -44,12 +47,9 @@ class _Lines:
     """The lines of a potential file behind its free text, comments removed."""
 
     def __init__(self, path, header: int, where: str):
-        at = f"{where}: " if where else ""
-        try:
-            self.text = Path(path).read_text(encoding="utf-8", errors="replace")
-        except OSError as e:
-            raise AtcError(f"{at}cannot read the EAM file {str(path)!r} ({e.strerror or e}): give its path relative to the input") from None
+        self.text = whole_text(path, "EAM", where)
         self.path = path
+        self._said = False
         lines = self.text.splitlines()
         self.lines = [(k, w) for k, line in enumerate(lines[header:], header + 1) if (w := line.partition("#")[0].split())]
         self.last = len(lines)
@@ -62,7 +62,7 @@ class _Lines:
         number, words = self.lines[self.p]
         self.p += 1
         if len(words) < least:
-            raise AtcError(f"{self.path}:{number}: expected {what}, got {' '.join(words)!r}")
+            raise AtcError(f"{self.path}:{number}: expected {what}, got {shortened(' '.join(words))!r}")
         return words, f"{self.path}:{number}"
 
     def numbers(self, n: int, what: str) -> np.ndarray:
@@ -75,44 +75,68 @@ class _Lines:
             out += self.lines[self.p][1]
             self.p += 1
         if len(out) > n:
-            raise AtcError(
-                f"{self.path}:{self.lines[self.p - 1][0]}: {what} has {len(out)} numbers where its table (from line {first}) should have {n}"
-            )
+            number = self.lines[self.p - 1][0]
+            complaint = f"{what} has {len(out)} numbers where its table (from line {first}) should have {n}"
+            if not all(_is_number(w) for w in out):
+                raise AtcError(f"{self.path}:{number}: {complaint}")  # another line of the format
+            self.surplus(complaint, number)
+            out = out[:n]
         try:
             a = np.array(out, dtype=np.float64)
         except ValueError:
-            bad = next(w for w in out if not _is_number(w))
-            raise AtcError(f"{self.path}: {bad!r} in {what} (from line {first}) is not a number") from None
+            bad = next(w for w in out if number_of(w) is None)
+            raise AtcError(f"{self.path}: {shortened(bad)!r} in {what} (from line {first}) is not a number") from None
         if not np.isfinite(a).all():
             raise AtcError(f"{self.path}: {what} (from line {first}) holds numbers that are not finite")
+        if not (np.abs(a) < _LARGE).all():
+            raise AtcError(f"{self.path}: {what} (from line {first}) holds {a[np.argmax(np.abs(a))]:g}, which is no number of a potential")
         return a
+
+    def surplus(self, what: str, line: int) -> None:
+        """Say once that the file has more values than its tables take."""
+        if not self._said:
+            warnings.warn(
+                f"{self.path}:{line}: {what}: those behind are left out, as by LAMMPS; is the file damaged?", AtcWarning, stacklevel=5
+            )
+        self._said = True
+
+    def room_for(self, count: int, at: str) -> None:
+        """Refuse tables that a file of this length cannot hold, before memory is taken for them."""
+        if count > len(self.text):
+            raise AtcError(
+                f"{at}: tables of {count} numbers in a file of {len(self.text)} characters: the file is cut off or its counts are wrong"
+            )
+
+    def end(self, limit: int, complaint: str) -> None:
+        """What follows the last table: LAMMPS does not look at it; a whole table more is another format."""
+        if self.p >= len(self.lines):
+            return
+        number = self.lines[self.p][0]
+        if sum(len(w) for _, w in self.lines[self.p :]) >= limit:
+            raise AtcError(f"{self.path}:{number}: {complaint}")
+        self.surplus("lines behind the last table", number)
 
 
 def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
+    return number_of(word) is not None
 
 
 def _grid(words, where):
     """nrho drho nr dr cutoff"""
-    try:
-        nrho, drho, nr, dr, cut = int(words[0]), float(words[1]), int(words[2]), float(words[3]), float(words[4])
-    except ValueError:
-        raise AtcError(f"{where}: expected nrho drho nr dr cutoff, got {' '.join(words)!r}") from None
+    nrho, drho, nr, dr, cut = whole_of(words[0]), number_of(words[1]), whole_of(words[2]), number_of(words[3]), number_of(words[4])
+    if None in (nrho, drho, nr, dr, cut):
+        raise AtcError(f"{where}: expected nrho drho nr dr cutoff, got {shortened(' '.join(words))!r}")
     # LAMMPS's spline takes differences over five points.
-    if nrho < 5 or nr < 5 or not (drho > 0 and dr > 0 and cut > 0):
+    if nrho < 5 or nr < 5 or not all(1 / _LARGE < v < _LARGE for v in (drho, dr, cut)):
         raise AtcError(f"{where}: nrho and nr must be at least 5, drho, dr and the cutoff positive, got {' '.join(words[:5])!r}")
     return nrho, drho, nr, dr, cut
 
 
 def _mass(words, where):
-    try:
-        return float(words[1])
-    except ValueError:
-        raise AtcError(f"{where}: expected the atomic number and the mass, got {' '.join(words)!r}") from None
+    mass = number_of(words[1])
+    if mass is None:
+        raise AtcError(f"{where}: expected the atomic number and the mass, got {shortened(' '.join(words))!r}")
+    return mass
 
 
 def read_setfl(
@@ -146,10 +170,9 @@ def read_setfl(
         )
     factor = energy_conversion(f.text, units_name, path)
     words, at = f.words(2, "the number of elements and their names")
-    try:
-        m = int(words[0])
-    except ValueError:
-        raise AtcError(f"{at}: expected the number of elements and their names, got {' '.join(words)!r}") from None
+    m = whole_of(words[0])
+    if m is None or m < 1:
+        raise AtcError(f"{at}: expected the number of elements and their names, got {shortened(' '.join(words))!r}")
     if len(words) != m + 1:
         raise AtcError(f"{at}: {m} elements but {len(words) - 1} names")
     elements = words[1:]
@@ -160,6 +183,7 @@ def read_setfl(
         if not _is_number(words[5]) or not np.isfinite(float(words[5])):
             raise AtcError(f"{at}: expected the largest density rhomax at the end, got {words[5]!r}")
         rho_end = float(words[5])
+    f.room_for(m * (nrho + nr) + m * (m - 1) * nr // 2, at)
     masses, F = np.zeros(m), np.zeros((m, nrho))
     rho, zr = np.zeros((m, m, nr)), np.zeros((m, m, nr))
     for a, e in enumerate(elements):
@@ -180,11 +204,8 @@ def read_setfl(
             for b in range(a + 1):
                 more[k][a, b] = more[k][b, a] = f.numbers(nr, f"the {what} function of {elements[a]} and {elements[b]}")
     h = _polynomial(f) if mixing else None
-    if f.p < len(f.lines):
-        hint = "; is it a Finnis-Sinclair file (eam/fs)?" if not finnis_sinclair and m > 1 else ""
-        raise AtcError(
-            f"{path}:{f.lines[f.p][0]}: more lines than {'eam/fs' if finnis_sinclair else 'eam/alloy'} files of {m} elements have{hint}"
-        )
+    hint = "; is it a Finnis-Sinclair file (eam/fs)?" if not finnis_sinclair and m > 1 else ""
+    f.end(nr, f"more lines than {'eam/fs' if finnis_sinclair else 'eam/alloy'} files of {m} elements have{hint}")
     rho_first = rho_end - (nrho - 1) * drho if helium else 0.0
     return EAMTables(elements, masses, drho, dr, cut, F, rho, zr, rho_end, rho_first, *more, h)
 
@@ -216,6 +237,7 @@ def read_funcfl(paths, units_name: str, where: str = "") -> EAMTables:
         F = f.numbers(nrho, "the embedding energy") * factor
         z = f.numbers(nr, "the effective charge") * np.sqrt(factor)
         rho = f.numbers(nr, "the density")
+        f.end(nr, "more lines than a funcfl file has; is it a setfl file (eam/alloy)?")
         files.append((mass, drho, dr, cut, F, z, rho))
     drho, dr = max(f[1] for f in files), max(f[2] for f in files)
     rmax = max((len(f[5]) - 1) * f[2] for f in files)

@@ -7,9 +7,10 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
-from pathlib import Path
 
 from ..errors import AtcError, AtcWarning
+from ..readers.lammps_sections import number_of, shortened
+from ..readers.whole import whole_text
 
 # LAMMPS's own factor between eV and kcal/mol, so that a converted file gives LAMMPS's energies to rounding.
 _METAL_TO_REAL = 23.060549
@@ -19,11 +20,12 @@ LARGE = 1e50
 
 def read_parameter_file(path, what: str, where: str = "") -> str:
     """The text of a `what` parameter file, or an AtcError at `where` that says why not."""
-    at = f"{where}: " if where else ""
-    try:
-        return Path(path).read_text(encoding="utf-8", errors="replace")
-    except OSError as e:
-        raise AtcError(f"{at}cannot read the {what} file {str(path)!r} ({e.strerror or e}): give its path relative to the input") from None
+    return whole_text(path, what, where)
+
+
+def _overflows(word: str) -> bool:
+    """Whether a word is what computers write for a number that is none."""
+    return word.lower().lstrip("+-") in ("nan", "inf", "infinity")
 
 
 def element_entries(text: str, path, keys, elements, what: str) -> Iterator[tuple[str, tuple[str, ...], list[float]]]:
@@ -48,10 +50,11 @@ def element_entries(text: str, path, keys, elements, what: str) -> Iterator[tupl
         if all(n in elements for n in names):
             values = []
             for key, word in zip(keys, words, strict=True):
-                try:
-                    values.append(float(word))
-                except ValueError:
-                    raise AtcError(f"{here}: {key} must be a number in a {what} entry, found {word!r}") from None
+                value = number_of(word)
+                if value is None or not abs(value) < LARGE:
+                    wanted = f"a finite number below {LARGE:g}" if value is not None or _overflows(word) else "a number"
+                    raise AtcError(f"{here}: {key} must be {wanted} in a {what} entry, found {shortened(word)!r}")
+                values.append(value)
             yield here, names, values
         words = []
     if words:
@@ -103,8 +106,7 @@ def read_entries(path, elements, units_name: str, kind, where: str = "") -> dict
     entries: dict[tuple, object] = {}
     for here, names, values in element_entries(text, path, kind.keys, elements, kind.what):
         entry = kind(**dict(zip(kind.keys, values, strict=True)), where=here)
-        odd = next((key for key, v in zip(kind.keys, values, strict=True) if not abs(v) < LARGE), None)
-        if wrong := (f"{odd} must be a finite number below {LARGE:g}" if odd else entry.check()):
+        if wrong := entry.check():
             raise AtcError(f"{here}: {wrong}")
         if names in entries:
             raise AtcError(f"{here}: second entry for {' '.join(names)} (the first is at {entries[names].where}): remove one")

@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
+from ..readers.lammps_sections import shortened
 from ..units import Units
 
 PAIR_STYLES: dict[str, Callable] = {}
@@ -200,8 +201,15 @@ class StyleInput:
         """A file named on a line: relative to the script's folder."""
         p = Path(name).expanduser()
         p = p if p.is_absolute() else self.folder / p
-        if not p.is_file():
-            raise self.error(f"{name}: no such file (looked for {p})", line)
+        try:
+            there, other = p.is_file(), p.exists()
+        except (OSError, ValueError):  # no possible name of a file
+            there = other = False
+        if not there:
+            raise self.error(
+                f"{shortened(name)}: {'no file, but a directory, a pipe or a device' if other else 'no such file'} (looked for {shortened(str(p), 200)})",
+                line,
+            )
         return p
 
     def type_values(self, wants, optional: int = 0) -> dict[int, tuple]:

@@ -105,6 +105,8 @@ class SpecialBonds:
         ready = getattr(top, "special", None)  # those of a tile, see estimators.cutting
         if ready is not None:
             return _Weights(self, ready.cell, ready.start, ready.other, ready.apart, ready.hints, keep_excluded)
+        if top is not None and top.untold and not self.trivial:
+            raise AtcError(top.untold)
         if top is not None and top.weighted is not None:
             top = top.weighted
         if top is None or not len(top.bonds) or self.trivial:

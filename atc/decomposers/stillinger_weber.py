@@ -28,6 +28,7 @@ from .cluster import weights_of
 from .registry import MAPPED_STYLES, pair_style
 from .stillinger_weber_kernels import ODD, SQUARE, SWITCHED, sw_index, sw_merge, sw_pairs, sw_runs, sw_triplets
 from .sw_file import SWEntry, read_sw_file
+from .twin_entries import agree
 
 
 class StillingerWeber(Term):
@@ -179,20 +180,20 @@ class StillingerWeber(Term):
 
     def _symmetric(self, entries):
         """Where LAMMPS would take one of two entries by the numbering of the atoms, they must say the same."""
-        # Published files round to seven digits: products that are equal on paper differ by about 1e-7.
-        same = 1e-5
         names = self.names
         for i, j in product(range(len(names)), repeat=2):
-            if j > i and not np.allclose(self.pair[i, j, :7], self.pair[j, i, :7], rtol=same, atol=0):
-                e, f = entries[names[i], names[j], names[j]], entries[names[j], names[i], names[i]]
+            e, f = entries[names[i], names[j], names[j]], entries[names[j], names[i], names[i]]
+            what = f"{e.where} and {f.where}: the two-body terms of {names[i]} and {names[j]} in both entries"
+            if j > i and not agree(self.pair[i, j, :7], self.pair[j, i, :7], what, self._two_body, self.units.label("energy")):
                 raise AtcError(
                     f"{e.where} and {f.where}: the entries {names[i]} {names[j]} {names[j]} and {names[j]} {names[i]} {names[i]} give different two-body terms or cutoffs "
                     "for the same pair, of which LAMMPS takes one by the atoms' numbers: make them equal"
                 )
             for k in range(j + 1, len(names)):
                 x, y = self.triplet[i, j, k], self.triplet[i, k, j]
-                if not np.allclose(x, y, rtol=same, atol=0):
-                    e, f = entries[names[i], names[j], names[k]], entries[names[i], names[k], names[j]]
+                e, f = entries[names[i], names[j], names[k]], entries[names[i], names[k], names[j]]
+                what = f"{e.where} and {f.where}: lambda*epsilon or costheta0 of {names[j]}-{names[i]}-{names[k]} in both entries"
+                if not agree(x, y, what):
                     raise AtcError(
                         f"{e.where} and {f.where}: the entries {names[i]} {names[j]} {names[k]} and {names[i]} {names[k]} {names[j]} give different lambda*epsilon or "
                         "costheta0 for the same triplet, of which LAMMPS takes one by the order of its neighbour list: make them equal"
@@ -200,6 +201,12 @@ class StillingerWeber(Term):
                 self.triplet[i, j, k] = self.triplet[i, k, j] = 0.5 * (x + y)
         mean = 0.5 * (self.pair + self.pair.transpose(1, 0, 2))
         self.pair[..., :7] = mean[..., :7]
+
+    def _two_body(self, row):
+        """The two-body energy in the user's unit at distances from σ to the cutoff."""
+        _, cut, sigma, repulsive, attractive, p, q = row[:7]
+        d = np.linspace(sigma, cut, 200, endpoint=False)
+        return self.units.to_user("energy", (repulsive * d**-p - attractive * d**-q) * np.exp(sigma / (d - cut)))
 
     def describe(self) -> str:
         what = f"{self.style} {'-'.join(str(n) for n in self.names)}" if self.elements is not None else self.style

@@ -10,11 +10,16 @@ import numpy as np
 
 from ..compiled import njit
 from ..errors import AtcError
+from ..readers.lammps_sections import number_of, shortened
+from ..readers.whole import whole_text
 from ..units import LAMMPS_STYLES
 from ..units import units as get_units
 from .pair import PairStyle
 from .pair_input import fill
 from .registry import StyleInput, pair_style
+
+_LARGE = 1e100  # no energy or force of a table is as large
+_MOST = 10_000_000
 
 
 @dataclass
@@ -36,7 +41,7 @@ def read_section(path: Path, keyword: str) -> TableSection:
 
     Raises AtcError for a missing section or parameter, too few lines, or entries that are not numbers.
     """
-    lines = Path(path).read_text(encoding="utf-8", errors="replace").splitlines()
+    lines = whole_text(path, "table").splitlines()
     tag = re.search(r"UNITS:\s*(\S+)", lines[0]) if lines else None
     k = 0
     found = []
@@ -49,25 +54,23 @@ def read_section(path: Path, keyword: str) -> TableSection:
         while k < len(lines) and not lines[k].split("#")[0].split():
             k += 1
         if k == len(lines):
-            raise AtcError(f"{path}: section {name} has no parameter line: expected 'N <count> ...'")
+            raise AtcError(f"{path}: section {shortened(name)} has no parameter line: expected 'N <count> ...'")
         section, count = _parameters(lines[k].split("#")[0].split(), f"{path}, line {k + 1}")
         k += 1
         found.append(name)
         rows = []
         while len(rows) < count:
             if k == len(lines):
-                raise AtcError(f"{path}: section {name} ends after {len(rows)} of {count} entries")
+                raise AtcError(f"{path}: section {shortened(name)} ends after {len(rows)} of {count} entries")
             words = lines[k].split("#")[0].split()
             k += 1
             if not words:
                 continue
             if name == keyword:
-                try:
-                    rows.append([float(w) for w in words[:4]])
-                    if len(words) < 4:
-                        raise ValueError
-                except ValueError:
-                    raise AtcError(f"{path}, line {k}: expected 'index r energy force', got {' '.join(words)!r}") from None
+                row = [number_of(w) for w in words[:4]]
+                if len(row) < 4 or None in row or not max(map(abs, row)) < _LARGE:
+                    raise AtcError(f"{path}, line {k}: expected 'index r energy force', got {shortened(' '.join(words))!r}")
+                rows.append(row)
             else:
                 rows.append(())
         if name != keyword:
@@ -83,7 +86,7 @@ def read_section(path: Path, keyword: str) -> TableSection:
             raise AtcError(f"{path}: the distances of section {keyword} must be positive and increase from line to line")
         section.units = tag.group(1) if tag else None
         return section
-    raise AtcError(f"{path}: no section {keyword!r}: found {', '.join(found) or 'none'}")
+    raise AtcError(f"{path}: no section {keyword!r}: found {shortened(', '.join(found)) or 'none'}")
 
 
 def _parameters(words, where) -> tuple[TableSection, int]:
@@ -97,9 +100,12 @@ def _parameters(words, where) -> tuple[TableSection, int]:
             elif words[k] in ("FP", "FPRIME"):
                 s.fprime, k = (float(words[k + 1]), float(words[k + 2])), k + 3
             else:
-                raise AtcError(f"{where}: {words[k]} in a table's parameters is not supported: expected N, R, RSQ, FPRIME")
+                raise AtcError(f"{where}: {shortened(words[k])} in a table's parameters is not supported: expected N, R, RSQ, FPRIME")
     except (IndexError, ValueError):
-        raise AtcError(f"{where}: expected 'N <count> [R|RSQ lo hi] [FPRIME lo hi]', got {' '.join(words)!r}") from None
+        raise AtcError(f"{where}: expected 'N <count> [R|RSQ lo hi] [FPRIME lo hi]', got {shortened(' '.join(words))!r}") from None
+    numbers = (s.lo, s.hi, *(s.fprime or ()))
+    if not all(abs(v) < _LARGE for v in numbers):
+        raise AtcError(f"{where}: the numbers of a table's parameters must be finite, got {shortened(' '.join(words))!r}")
     if count < 2:
         raise AtcError(f"{where}: a table needs N of at least 2")
     return s, count
@@ -217,9 +223,11 @@ def _table_style(inp: StyleInput):
     if len(inp.args) != 2 or inp.args[0] not in ("linear", "spline"):
         raise inp.error(f"pair_style table {' '.join(inp.args)} is not supported: expected 'pair_style table linear N' or 'table spline N'")
     n = inp.args[1]
-    if not n.isdigit() or int(n) < 2:
+    if not (n.isascii() and n.isdigit() and len(n) < 20) or int(n) < 2:
         raise inp.error(f"{inp.command}: expected a number of points of at least 2, got {n!r}")
     n = int(n)
+    if n > _MOST:
+        raise inp.error(f"{inp.command}: {n} points are more than the {_MOST} that are supported")
     grids, given = [], {}
     for line in inp.coeffs:
         if len(line.words) not in (2, 3):

@@ -23,6 +23,7 @@ from .neighborhood import Neighborhood
 from .registry import MAPPED_STYLES, pair_style
 from .tersoff_file import TersoffEntry, read_tersoff_file
 from .tersoff_kernels import SINE, TERSOFF, bond_orders, merge
+from .twin_entries import agree
 
 _NOTHING = np.zeros(0)
 _NO_S = np.zeros((0, 2, 2, 3))
@@ -118,9 +119,11 @@ class Tersoff(Term):
     def _symmetric(self, entries, names):
         """The repulsion of a pair, which LAMMPS takes from one of two entries by the numbering of the atoms, must be the same in both."""
         for i, j in product(range(len(names)), repeat=2):
-            # Published files round: products that are equal on paper may differ in the seventh digit.
-            if j > i and not np.allclose(self.two[i, j, :4], self.two[j, i, :4], rtol=1e-5, atol=0):
-                e, f = entries[names[i], names[j], names[j]], entries[names[j], names[i], names[i]]
+            if j <= i:
+                continue
+            e, f = entries[names[i], names[j], names[j]], entries[names[j], names[i], names[i]]
+            what = f"{e.where} and {f.where}: the repulsion of {names[i]} and {names[j]} in both entries"
+            if not agree(self.two[i, j, :4], self.two[j, i, :4], what, self._repulsive, self.units.label("energy")):
                 raise AtcError(
                     f"{e.where} and {f.where}: the entries {names[i]} {names[j]} {names[j]} and {names[j]} {names[i]} {names[i]} give different R, D, A or lambda1 for the "
                     "repulsion of one pair, of which LAMMPS takes one by the atoms' numbers: make them equal"
@@ -129,6 +132,13 @@ class Tersoff(Term):
                 e, f = entries[names[i], names[j], names[j]], entries[names[j], names[i], names[i]]
                 raise AtcError(f"{e.where} and {f.where}: different c0 or ZBL numbers for the repulsion of one pair: make them equal")
         self.repulsion = np.ascontiguousarray(0.5 * (self.two + self.two.transpose(1, 0, 2))[..., [0, 1, 2, 3, *_CORE]])
+
+    def _repulsive(self, row):
+        """f_C A exp(−λ1 d) in the user's energy unit at distances from three quarters of the cutoff on, where bonds are."""
+        R, D, A, lam1 = row[:4]
+        d = np.linspace(0.75 * (R - D), R + D, 200)
+        switch = np.where(d < R - D, 1.0, 0.5 - 0.5 * np.sin(0.5 * np.pi * np.clip((d - R) / D if D > 0 else 0.0 * d, -1, 1)))
+        return self.units.to_user("energy", switch * A * np.exp(-lam1 * d))
 
     @classmethod
     def from_file(cls, path, elements, *, units: str | Units = "metal", partition="pair", shift: float = 0.0, where: str = "") -> Tersoff:

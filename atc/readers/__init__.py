@@ -15,7 +15,7 @@ _TOPOLOGIES = (".psf", ".top", ".itp", ".prmtop", ".parm7", ".tpr")
 _LAMMPS_NAMES = (".lammpstrj", ".dump", ".lammpsdump")
 
 
-def read(source, topology=None, units=None, masses=None, dimension=None):
+def read(source, topology=None, units=None, masses=None, dimension=None, atom_style=None):
     """A lazy, sliceable trajectory of `Frame`s.
 
     Parameters
@@ -37,6 +37,9 @@ def read(source, topology=None, units=None, masses=None, dimension=None):
     dimension : 2 or 3
         2: a run in the plane z = const (LAMMPS's ``dimension 2``); fields are per area then, pressures forces per length. Not given: what the
         potential says, else 3.
+    atom_style : str
+        The ``atom_style`` line of the LAMMPS run, e.g. "full" or "hybrid sphere molecular": what the columns of its data file (the source, or the
+        topology) are. Needed where the file does not say it behind ``Atoms`` and the number of columns leaves several possibilities.
 
     Returns
     -------
@@ -48,7 +51,7 @@ def read(source, topology=None, units=None, masses=None, dimension=None):
     AtcError
         Unknown units, contradictions, a file that is damaged or not a trajectory.
     """
-    trajectory = _read(source, topology, units, masses)
+    trajectory = _read(source, topology, units, masses, atom_style)
     if dimension is None:
         return trajectory
     from ..planar import in_dimension
@@ -56,20 +59,26 @@ def read(source, topology=None, units=None, masses=None, dimension=None):
     return in_dimension(trajectory, dimension)
 
 
-def _read(source, topology, units, masses):
+def _read(source, topology, units, masses, atom_style):
     from ..frame import Frame
 
+    if atom_style is not None:
+        from .lammps_atom_styles import AtomStyle, StyledFile
+
+        AtomStyle(atom_style, "atom_style")
+        if isinstance(topology, (str, os.PathLike)) and not isinstance(topology, StyledFile):
+            topology = StyledFile(topology, atom_style)
     if isinstance(source, (str, os.PathLike)):
         from .chain import Chain, matching
 
         files = matching(source)
         if files is None or len(files) == 1:
-            return _path(Path(source) if files is None else files[0], topology, units, masses)
-        return Chain(files, topology, units, masses)
+            return _path(Path(source) if files is None else files[0], topology, units, masses, atom_style)
+        return Chain(files, topology, units, masses, atom_style)
     if isinstance(source, (list, tuple)) and source and all(isinstance(s, (str, os.PathLike)) for s in source):
         from .chain import Chain, matching
 
-        return Chain([file for s in source for file in matching(s) or [s]], topology, units, masses)
+        return Chain([file for s in source for file in matching(s) or [s]], topology, units, masses, atom_style)
     from .trajectory import Trajectory
 
     if isinstance(source, Trajectory):
@@ -108,7 +117,7 @@ def _is_atoms(x) -> bool:
     return type(x).__module__.split(".")[0] == "ase" or all(hasattr(x, a) for a in ("get_positions", "get_cell", "get_pbc", "numbers"))
 
 
-def _path(path: Path, topology, units, masses):
+def _path(path: Path, topology, units, masses, atom_style=None):
     from ._bytes import open_bytes, require_file
     from .sniff import by_its_name, is_text, not_a_trajectory, shown
 
@@ -149,7 +158,7 @@ def _path(path: Path, topology, units, masses):
     from .lammps_data import LammpsDataTrajectory, looks_like_data
 
     if looks_like_data(head):
-        return LammpsDataTrajectory(path, topology, units, masses)
+        return LammpsDataTrajectory(path, topology, units, masses, atom_style)
     from .lammps_cfg import LammpsCfg, looks_like_lammps_cfg
 
     if looks_like_lammps_cfg(head):

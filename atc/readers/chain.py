@@ -41,7 +41,7 @@ class Chain(Trajectory):
     Parameters
     ----------
     paths : files of any kind that `atc.read` takes, all in the same units
-    topology, units, masses : as for `atc.read`, for every file
+    topology, units, masses, atom_style : as for `atc.read`, for every file
 
     Notes
     -----
@@ -49,12 +49,12 @@ class Chain(Trajectory):
     the step it starts from again), a warning says so: those frames are there twice.
     """
 
-    def __init__(self, paths, topology=None, units=None, masses=None):
+    def __init__(self, paths, topology=None, units=None, masses=None, atom_style=None):
         super().__init__()
         self.paths = [Path(p) for p in paths]
         if not self.paths:
             raise AtcError("there are no files in the list: expected paths of trajectories")
-        self._given = (topology, units, masses)
+        self._given, self._atom_style = (topology, units, masses), atom_style
         self._open: OrderedDict[int, Trajectory] = OrderedDict()
         self._starts: list[int] = [0]
         self._declared: dict[int, str] = {}
@@ -75,7 +75,7 @@ class Chain(Trajectory):
             from . import read
 
             topology, units, masses = self._given
-            part = read(self.paths[p], self._data or topology, units or (self.units.name if p else None), masses)
+            part = read(self.paths[p], self._data or topology, units or (self.units.name if p else None), masses, atom_style=self._atom_style)
             if p and part.units.name != self.units.name:
                 raise AtcError(
                     f"{part.source} is in {part.units.name!r} units, {self.paths[0]} in {self.units.name!r}: read them one by one"

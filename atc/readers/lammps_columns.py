@@ -266,5 +266,5 @@ def _data_file(topology):
     if isinstance(topology, LammpsData):
         return topology
     if isinstance(topology, (str, bytes)) or hasattr(topology, "__fspath__"):
-        return LammpsData(topology)
+        return LammpsData(topology, getattr(topology, "atom_style", None))
     raise AtcError(f"topology of a LAMMPS dump: expected the path of a LAMMPS data file, got {type(topology).__name__}")

@@ -21,7 +21,8 @@ _SECTION = re.compile(
 def data_file_commands(path: Path, style_names: dict[str, str]) -> list[Command]:
     """``mass``, ``labelmap`` and ``*_coeff`` commands equivalent to the sections of a data file.
 
-    `style_names` are the styles in force ({"pair": "lj/cut", ...}): sections of kinds without a style are passed over.
+    `style_names` are the styles in force ({"pair": "lj/cut", ...}): sections of kinds without a style are passed over. The cross terms of class2 come as
+    ``angle_coeff N bb ...`` (``angle_coeff N class2 bb ...`` where the style is hybrid).
     """
     text = _bytes(path)
     # Sections of class2 cross terms: their rows are lines with a word of their own.

@@ -106,7 +106,7 @@ class Setup:
             from ...readers.lammps_data import LammpsData
 
             try:
-                data = LammpsData(path)
+                data = LammpsData(path, " ".join(self.atom_style) or None)
                 data.use_units(units(self.units))
             except AtcError as e:
                 raise AtcError(f"{c.where}: read_data: {e}") from None
