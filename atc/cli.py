@@ -219,6 +219,10 @@ def info(
     dimension: Annotated[
         int | None, typer.Option("--dimension", metavar="2|3", help="2: a run in the plane (LAMMPS's dimension 2).", show_default=False)
     ] = None,
+    atom_style: Annotated[
+        str | None,
+        typer.Option("--atom-style", metavar="STYLE", help="What the columns of a LAMMPS data file are, e.g. full.", show_default=False),
+    ] = None,
     json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
 ) -> None:
     """What is in a trajectory, in which units, how precise, and what can be computed from it; or what is in an output of atc.
@@ -230,13 +234,23 @@ def info(
     if len(trajectory) == 1 and is_output(trajectory[0]):
         report = describe_output(trajectory[0])
     elif len(trajectory) == 1 and trajectory[0].endswith(".toml"):
-        given = [flag for flag, value in (("--topology", topology), ("--units", units), ("--masses", masses)) if value is not None]
+        given = [
+            flag
+            for flag, value in (
+                ("--topology", topology),
+                ("--units", units),
+                ("--masses", masses),
+                ("--dimension", dimension),
+                ("--atom-style", atom_style),
+            )
+            if value is not None
+        ]
         if given:
             raise AtcError(f"{given[0]} goes with a trajectory; in a scene it is a key of [trajectory]")
         report = describe_scene(load_scene(trajectory[0], None))
     else:
         source = trajectory if len(trajectory) > 1 else trajectory[0]
-        report = describe(source, topology=topology, units=units, masses=parse_masses(masses), dimension=dimension)
+        report = describe(source, topology=topology, units=units, masses=parse_masses(masses), dimension=dimension, atom_style=atom_style)
     if json:
         print(report.json())
     else:

@@ -75,7 +75,9 @@ class Chain(Trajectory):
             from . import read
 
             topology, units, masses = self._given
-            part = read(self.paths[p], self._data or topology, units or (self.units.name if p else None), masses, atom_style=self._atom_style)
+            part = read(
+                self.paths[p], self._data or topology, units or (self.units.name if p else None), masses, atom_style=self._atom_style
+            )
             if p and part.units.name != self.units.name:
                 raise AtcError(
                     f"{part.source} is in {part.units.name!r} units, {self.paths[0]} in {self.units.name!r}: read them one by one"
