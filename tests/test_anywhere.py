@@ -134,3 +134,10 @@ def test_code_that_was_kept_is_not_used_when_what_it_calls_has_changed(tmp_path,
     assert first[0] == "4.0"
     (tmp_path / "inner.py").write_text(MODULES["inner.py"].replace(old, new))
     assert value_now()[0] == str(value)
+
+
+def test_kernels_are_compiled_through_one_door():
+    """numba's own cache, where it is asked for by name, needs a folder and misses changes."""
+    for file in (ROOT / "atc").rglob("*.py"):
+        if file.name != "compiled.py" and "cache=True" in file.read_text():
+            assert "from numba import njit" not in file.read_text() and "nb.njit" not in file.read_text(), file

@@ -9,8 +9,8 @@ from __future__ import annotations
 import re
 
 import numpy as np
-from numba import njit
 
+from ..compiled import njit
 from ..errors import AtcError
 from . import _parse
 from .trajectory import warn
