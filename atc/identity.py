@@ -32,7 +32,7 @@ def identity(request) -> dict:
         "potential": f"{_described(request.pot)}; {contents(request.pot)}" if work.bond_users and request.pot is not None else None,
         "potential on the first frame": _evaluated(request) if work.bond_users and request.pot is not None else None,
         "kernel": _kernel(request.kern) if work.kernel_users else None,
-        "grid": fingerprint(request.grid) if work.grid_users else None,
+        "grid": contents(request.grid, everything=True) if work.grid_users else None,
         "method": request.method,
         "tolerance": float(request.tolerance),
         "tiles": list(request.tiles) if request.tiles else None,
@@ -47,7 +47,7 @@ def identity(request) -> dict:
 
 def _kernel(kern) -> list[str]:
     short = all(isinstance(v, (int, float, str)) for v in kern.parameters.values())
-    return [kern.name, *([f"{k} {v!r}" for k, v in kern.parameters.items()] if short else [fingerprint(kern.parameters)])]
+    return [kern.name, *([f"{k} {v!r}" for k, v in kern.parameters.items()] if short else [contents(kern.parameters)])]
 
 
 def _described(pot) -> str:
@@ -62,75 +62,43 @@ def _evaluated(request) -> str:
     return f"energy {d.energy:.9e}, virial {np.trace(d.virial_cc):.9e}"
 
 
-def contents(thing) -> str:
-    """A digest of the numbers and words in the public attributes of an object of this package: the same wherever it was made from, and however often it was used."""
+def contents(thing, everything: bool = False) -> str:
+    """A digest of the numbers and words in an object of this package: of its public attributes, the same wherever it was made from and however often it was used,
+    or of `everything` in objects that only hold what they were given."""
     h = hashlib.sha256()
-    seen: set[int] = set()
+    seen: dict[int, object] = {}  # held, so that no other object gets the number of one that is gone
 
     def walk(x, name):
         if x is None or isinstance(x, (str, bytes, bool, int, float, complex, np.generic)):
             h.update(f"|{name}={x!r}".encode())
-        elif isinstance(x, np.ndarray):
-            if x.dtype.kind != "O":
-                h.update(f"|{name}:{x.dtype.str}{x.shape}".encode() + np.ascontiguousarray(x).tobytes())
+        elif isinstance(x, np.ndarray) and x.dtype.kind != "O":
+            h.update(f"|{name}:{x.dtype.str}{x.shape}".encode() + np.ascontiguousarray(x).tobytes())
         elif id(x) in seen:
             return
         elif isinstance(x, Mapping):
-            seen.add(id(x))
+            seen[id(x)] = x
             for k in sorted(x, key=repr):
                 walk(x[k], f"{name}[{k!r}]")
-        elif isinstance(x, (list, tuple)):
-            seen.add(id(x))
+        elif isinstance(x, (list, tuple, np.ndarray)):
+            seen[id(x)] = x
             for k, y in enumerate(x):
                 walk(y, f"{name}[{k}]")
         elif isinstance(x, (set, frozenset)):
             walk(sorted(x, key=repr), name)
         elif type(x).__module__.split(".")[0] == __name__.split(".")[0]:
-            seen.add(id(x))
+            seen[id(x)] = x
             h.update(f"|{name}:{type(x).__qualname__}".encode())
             for k in sorted(attributes(x)):
-                if not k.startswith("_") and k not in _NOT_CONTENT:
+                if everything or not (k.startswith("_") or k in _NOT_CONTENT):
                     walk(getattr(x, k), f"{name}.{k}")
         elif callable(x):
-            code = getattr(x, "__code__", None)
-            h.update(
-                f"|{name}:{getattr(x, '__qualname__', '')}".encode()
-                + (code.co_code + repr(code.co_consts).encode() if code and x.__name__ == "<lambda>" else b"")
-            )
+            h.update(f"|{name}:{getattr(x, '__qualname__', '')}".encode())
+            if getattr(x, "__name__", "") == "<lambda>":
+                h.update(x.__code__.co_code + repr(x.__code__.co_consts).encode())
 
     def attributes(x):
         own = list(getattr(x, "__dict__", ()))
         return own + [s for c in type(x).__mro__ for s in getattr(c, "__slots__", ()) if hasattr(x, s)]
-
-    walk(thing, "")
-    return h.hexdigest()[:24]
-
-
-def fingerprint(thing) -> str:
-    """A text that is the same for equal things in every process: all numbers, arrays and texts reachable from `thing`."""
-    h = hashlib.sha256()
-    seen: set[int] = set()
-
-    def walk(x, name):
-        h.update(f"|{name}:{type(x).__name__}:".encode())
-        if isinstance(x, (str, bytes, bool, int, float, complex, type(None), np.generic)):
-            h.update(repr(x).encode())
-        elif isinstance(x, np.ndarray) and x.dtype.kind != "O":
-            h.update(f"{x.dtype.str}{x.shape}".encode() + np.ascontiguousarray(x).tobytes())
-        elif id(x) in seen:
-            return
-        else:
-            seen.add(id(x))
-            if isinstance(x, dict):
-                for k in sorted(x, key=repr):
-                    walk(x[k], repr(k))
-            elif isinstance(x, (list, tuple, np.ndarray)):
-                for k, y in enumerate(x):
-                    walk(y, str(k))
-            elif isinstance(x, (set, frozenset)):
-                walk(sorted(x, key=repr), name)
-            else:
-                walk(vars(x), name)
 
     walk(thing, "")
     return h.hexdigest()[:24]

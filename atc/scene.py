@@ -254,19 +254,16 @@ class Scene(Document):
         units, masses = self.get("trajectory", "units"), self.get("trajectory", "masses")
         more = {k: self.get("trajectory", k) for k in ("dimension", "atom_style")}
         try:
-            traj = read(path, topology=topology, units=units, masses=masses, **more)
-        except AtcError:
+            return read(path, topology=topology, units=units, masses=masses, **more)
+        except AtcError as e:
             pot = self._script() if units is None or more["atom_style"] is None else None
             if pot is None:
                 raise
             more["atom_style"] = more["atom_style"] or pot.atom_style or None
             try:
-                traj = read(path, topology=topology, units=units or pot.units.name, masses=masses, **more)
+                return read(path, topology=topology, units=units or pot.units.name, masses=masses, **more)
             except AtcError:
-                traj = None
-            if traj is None:
-                raise
-        return traj
+                raise e from None
 
     def _script(self):
         """The potential of the scene's LAMMPS script, None if it has none."""

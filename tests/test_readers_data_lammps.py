@@ -386,3 +386,16 @@ def test_coefficients_of_cross_terms(tmp_path):
     path.write_bytes(gzip.compress(text.replace("1 3.6 1 1", "1 class2 3.6 1 1\n2 skip").encode()))
     got = [(c.name, c.words) for c in data_file_commands(path, {"angle": "hybrid"})]
     assert got == [("angle_coeff", ("1", "class2", "bb", "3.6", "1", "1"))]
+
+
+def test_long_sections_of_coefficients_are_read_to_their_end(tmp_path):
+    """More than a megabyte of pairs of types."""
+    n = 300
+    rows = "".join(f"{i} {j} 0.1 {3 + 0.001 * i:.15f}\n" for i in range(1, n + 1) for j in range(i, n + 1))
+    assert len(rows) > 1 << 20
+    text = (
+        f"t\n\n1 atoms\n{n} atom types\n\n0 9 xlo xhi\n0 9 ylo yhi\n0 9 zlo zhi\n\nPairIJ Coeffs\n\n{rows}\nAtoms # atomic\n\n1 1 1 1 1\n"
+    )
+    (tmp_path / "x.data").write_text(text)
+    found = data_file_commands(tmp_path / "x.data", {"pair": "lj/cut"})
+    assert len(found) == n * (n + 1) // 2 and found[-1].words[:2] == (str(n), str(n))

@@ -12,6 +12,7 @@ import numpy as np
 from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Cell, Frame
+from ..readers.lammps_data import COEFFS
 from ..units import Units
 from ..units import units as system
 from .base import Accumulator, Term, Work
@@ -247,20 +248,8 @@ class CrossTerms:
         return cls._from_input({t: [x for p in parts for x in has[p]] for t, has in got.items()}, inp)
 
 
-#: the sections of class2 cross terms in data files, by the words of their lines
-SECTIONS = {
-    ("angle", ""): "Angle Coeffs",
-    ("angle", "bb"): "BondBond Coeffs",
-    ("angle", "ba"): "BondAngle Coeffs",
-    ("dihedral", ""): "Dihedral Coeffs",
-    ("dihedral", "mbt"): "MiddleBondTorsion Coeffs",
-    ("dihedral", "ebt"): "EndBondTorsion Coeffs",
-    ("dihedral", "at"): "AngleTorsion Coeffs",
-    ("dihedral", "aat"): "AngleAngleTorsion Coeffs",
-    ("dihedral", "bb13"): "BondBond13 Coeffs",
-    ("improper", ""): "Improper Coeffs",
-    ("improper", "aa"): "AngleAngle Coeffs",
-}
+#: the sections of data files, by kind and the word of a class2 cross term ("": the kind's own)
+SECTIONS = {key: name for name, key in COEFFS.items()}
 
 
 def filled(rows: Mapping[int, Sequence[float]], filling=(0.0,)) -> np.ndarray:

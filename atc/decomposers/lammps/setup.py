@@ -238,9 +238,6 @@ class Setup:
             return bool(self.commands)
         return frame.topology is None and (self._has_bonds() or any(s in self.edits for s in SECTIONS))
 
-    def _needed(self, frame) -> bool:
-        return ("charges" in self.needs and not self._own(frame, "charges")) or (frame.topology is None and self._has_bonds())
-
     def _has_bonds(self) -> bool:
         return bool(MOLECULAR & set(self.atom_style))
 
