@@ -7,7 +7,6 @@ from typing import Annotated
 import typer
 
 from .cli_common import Begin, End, Jobs, SceneFile, Set, Step, console, load_scene
-from .errors import AtcError
 
 
 def register(app) -> None:
@@ -38,12 +37,10 @@ def register(app) -> None:
         The run's forces are those in the trajectory, its energy and pressure those of the log file named by log in [trajectory]. Differences are set
         against what the digits of the files explain. Exit status 0 when model and run agree, 1 when they do not, 2 when they cannot be compared.
         """
-        from .plan import cpus
+        from .plan import cores
         from .run_check import verify_scene
 
-        if jobs < 0:
-            raise AtcError(f"-j {jobs}: expected a number of processor cores, or 0 for all of them")
-        found = verify_scene(load_scene(scene, set, begin, end, step), frames, threads=jobs or cpus())
+        found = verify_scene(load_scene(scene, set, begin, end, step), frames, threads=cores(jobs))
         if json:
             print(found.json())
         elif not quiet:

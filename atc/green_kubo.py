@@ -435,16 +435,15 @@ def _flowing(J_tc, runs, where, components, scale) -> list[str]:
 
 def conductivity_of_scene(scene, *, segments=10, plateau=None, longest=None, dt=None, jobs: int = 1, progress=None) -> Conductivity:
     """`conductivity` of the trajectory and potential of a scene; `jobs` threads within a frame (0: all processors). The notes are not warned of."""
-    from .plan import cpus
+    from .plan import cores
 
-    if jobs < 0:
-        raise AtcError(f"-j {jobs}: expected a number of processor cores, or 0 for all of them")
+    threads = cores(jobs)
     pot = scene.potential()
     if pot is None:
         raise AtcError(
             f'{scene.name}: no [potential] section: the heat current needs one: lammps = """pair_style ...""" (LAMMPS lines) or input = "in.file"'
         )
-    currents = heat_currents(scene.trajectory(), pot, dt=dt, threads=jobs or cpus(), progress=progress)
+    currents = heat_currents(scene.trajectory(), pot, dt=dt, threads=threads, progress=progress)
     return _analysed(currents, segments, plateau, longest)
 
 

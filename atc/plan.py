@@ -49,6 +49,13 @@ def cpus() -> int:
         return os.cpu_count() or 1
 
 
+def cores(jobs: int) -> int:
+    """How many processors ``-j jobs`` stands for: 0 is all of them."""
+    if jobs < 0:
+        raise AtcError(f"-j {jobs}: expected a number of processor cores, or 0 for all of them")
+    return jobs or cpus()
+
+
 @dataclass
 class Request:
     """One call of `atc.fields`, checked and resolved; see there for the parameters."""

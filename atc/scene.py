@@ -393,12 +393,10 @@ class Scene(Document):
         `jobs` processors: whole frames to processes where there are as many frames, else threads within a frame; 0 means all processors.
         """
         self.require_complete()
-        if jobs < 0:
-            raise AtcError(f"-j {jobs}: expected a number of processor cores, or 0 for all of them")
         from .choose import require_known
-        from .plan import cpus
+        from .plan import cores
 
-        jobs = jobs or cpus()
+        jobs = cores(jobs)
         method = self.get("fields", "method", "auto")
         try:
             require_known(method)

@@ -79,11 +79,20 @@ class Completed(Trajectory):
 
 def completed(frames, pot):
     """Frames or a trajectory, as a potential's script completes them."""
-    if getattr(pot, "setup", None) is None:
+    if getattr(pot, "setup", None) is None or _is_completed(frames, pot.setup):
         return frames
     if isinstance(frames, Trajectory):
         return Completed(frames, pot)
     return [pot.complete(f) for f in frames]
+
+
+def _is_completed(frames, setup) -> bool:
+    """Whether a trajectory, or the one it is a part of, has been completed by this script: once is enough."""
+    while isinstance(frames, Trajectory):
+        if isinstance(frames, Completed) and frames.pot.setup is setup:
+            return True
+        frames = getattr(frames, "base", None)
+    return False
 
 
 class Adapted(Trajectory):
