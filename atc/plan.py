@@ -82,7 +82,7 @@ class Request:
     agreement: str = ""
 
     def __post_init__(self):
-        from .agreement import MODES
+        from .agreement.forces import MODES
         from .frame import Frame
 
         for name, value, method, hint in (
@@ -298,7 +298,7 @@ class Request:
 
     def alarm(self):
         """Whether the run's forces, and its log, are those of the potential (`run_check.RunCheck`). Warns, or raises where they must agree."""
-        from .run_check import alarm
+        from .agreement.run_check import alarm
 
         return alarm(
             self.frames, self.pot, mode=self.forces, log=self.log, threads=self.threads, first=self.first, needed=bool(self.work.bond_users)

@@ -4,7 +4,7 @@ import time
 
 import numpy as np
 
-from atc.advection import Kernel, advect
+from atc.advection.equation import Kernel, advect
 from atc.upscaling import evolve
 from atc.upscaling.chain import LennardJones, Springs, bump
 from atc.upscaling.evolve import verlet

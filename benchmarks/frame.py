@@ -18,7 +18,7 @@ import numpy as np
 
 import atc
 from atc.deposit import make
-from atc.neighbors import CellList, Workspace
+from atc.neighbors.cell_list import CellList, Workspace
 
 SW = "Si Si Si 2.1683 2.0951 1.80 21.0 1.20 -0.333333333333 7.049556277 0.6022245584 4.0 0.0 0.0\n"
 

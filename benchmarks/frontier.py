@@ -17,7 +17,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 import atc
-from atc.bench import bench
+from atc.analysis.bench import bench
 from atc.calibrate import argon, silicon
 from atc.costs import direct
 from atc.errors import AtcError

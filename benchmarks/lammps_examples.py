@@ -166,7 +166,7 @@ def atc_side(folder: Path, script: str, out: Path) -> dict:
     import warnings
 
     import atc
-    from atc.scene import Scene
+    from atc.config.scene import Scene
 
     warnings.simplefilter("ignore")
     used = {}

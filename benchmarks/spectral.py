@@ -20,7 +20,7 @@ import atc
 from atc.deposit import exact_at, make
 from atc.deposit.direct import stress_components
 from atc.frame import Cell
-from atc.neighbors import CellList, Workspace
+from atc.neighbors.cell_list import CellList, Workspace
 from atc.units import units
 
 CUTOFF = 8.5

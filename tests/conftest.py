@@ -1,12 +1,13 @@
-"""Shared by all tests: the helpers beside this file (``lammps_oracle``, ``naive``) are importable from every test folder."""
+"""Shared by all tests: the helpers beside this file (``lammps_oracle``, ``naive``) and the tests themselves are importable from every test folder."""
 
 import os
 import sys
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-if str(HERE) not in sys.path:
-    sys.path.insert(0, str(HERE))
+for folder in (HERE, *sorted(f for f in HERE.iterdir() if f.is_dir() and f.name != "__pycache__")):
+    if str(folder) not in sys.path:
+        sys.path.insert(0, str(folder))
 
 # Pictures are drawn off-screen wherever tests run.
 os.environ.setdefault("MPLBACKEND", "Agg")

@@ -118,7 +118,7 @@ def test_potential(case):
 @pytest.mark.parametrize("name", CASES)
 def test_scene(name):
     """The shipped scene runs, and its virial stress is minus LAMMPS's pressure, in LAMMPS's units."""
-    from atc.scene import Scene
+    from atc.config.scene import Scene
 
     what = CASES[name]
     coarse = {"grid.bins": 5} if name in ("argon_slab", "heat_flow") else {"grid.shape": [4, 4, 2]}

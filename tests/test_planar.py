@@ -343,7 +343,7 @@ def test_collapsed_bonds_are_the_same_bonds(melt):
 
 def test_balance_laws(melt, tmp_path):
     """In closed form to rounding; and of Stillinger-Weber triplets, which churn."""
-    from atc.check import check
+    from atc.analysis.check import check
 
     report = check(melt.traj, melt.pot, atc.kernel("lucy", 2.5), atc.Grid.regular(spacing=1.0), points=8)
     assert report.ok
@@ -425,9 +425,9 @@ def test_conductivity(melt):
 
 def test_from_the_command_line(melt, tmp_path, capsys):
     """A scene from plan to picture; the key, the script and the argument say the same."""
-    from atc.compare import compare
-    from atc.plotting import plot
-    from atc.scene import Scene
+    from atc.analysis.compare import compare
+    from atc.config.scene import Scene
+    from atc.pictures.plotting import plot
 
     scene = {
         "trajectory": {"file": str(melt.folder / "run.dump"), "units": "lj", "topology": str(melt.folder / "run.data"), "frames": "5:"},

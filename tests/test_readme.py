@@ -33,9 +33,9 @@ def test_styles(kind):
 
 
 def test_kernels_grids_quantities():
+    from atc.config.scene import GRIDS
     from atc.estimators.registry import QUANTITIES
     from atc.kernels import NAMES
-    from atc.scene import GRIDS
 
     assert row("kernels") == list(NAMES)
     assert row("grids") == list(GRIDS)
@@ -50,7 +50,7 @@ def test_links():
 
 def test_scene_and_python_say_the_same():
     """The scene and the Python of the README, run on two frames with points further apart, give the same stress."""
-    from atc.scene import Scene
+    from atc.config.scene import Scene
 
     few = {"trajectory.frames": "0:2", "grid.spacing": 6.0}
     scene = Scene.loads(block("toml"), folder=ROOT / "data" / "silicon_plate", overrides=few)

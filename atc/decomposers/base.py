@@ -14,7 +14,7 @@ from ..bonds import Bonds
 from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
-from ..neighbors import Workspace
+from ..neighbors.cell_list import Workspace
 from ..units import Units, require_compatible, units
 
 #: Words for sharing the energy of a whole potential; see `Potential.partitioned`.

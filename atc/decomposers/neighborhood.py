@@ -7,7 +7,7 @@ import numpy as np
 from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
-from ..verlet import cell_list
+from ..neighbors.verlet import cell_list
 
 
 class Neighborhood:

@@ -12,8 +12,8 @@ from ..bonds import Bonds
 from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
+from ..neighbors.verlet import cell_list
 from ..units import units as get_units
-from ..verlet import cell_list
 from .base import Accumulator, Term, Work
 from .registry import factor
 

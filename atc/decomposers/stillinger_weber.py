@@ -21,8 +21,8 @@ import numpy as np
 from ..bonds import Bonds
 from ..errors import AtcError
 from ..frame import Frame
+from ..neighbors.verlet import cell_list
 from ..units import Units, units
-from ..verlet import cell_list
 from .base import Accumulator, Term, Work, two_body_sources
 from .cluster import weights_of
 from .registry import MAPPED_STYLES, pair_style

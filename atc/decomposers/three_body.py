@@ -15,9 +15,9 @@ from ..bonds import Bonds
 from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
+from ..neighbors.verlet import cell_list
 from ..units import Units
 from ..units import units as system
-from ..verlet import cell_list
 from .base import Accumulator, Term, Work
 from .cluster import weights_of
 from .elements import ElementMap, mapped_line

@@ -19,7 +19,6 @@ import numpy as np
 
 from ..bonds import Bonds
 from ..deposit import make
-from ..statistics import longest_block
 from .accuracy import ZERO, _ratio, extent_of, kernel_internal
 from .compute import (
     SAFE,
@@ -42,6 +41,7 @@ from .hot import WATCHED, HotPoints, Strongest, error_map
 from .methods import NAMES
 from .registry import BOND, SITE, Work
 from .sources import AtomFactors, bond_factors, drift_velocity
+from .statistics import longest_block
 from .sums import Sums, full
 
 #: Atoms of all frames of a group, at most. The frames are held until the group is done: it may have to be computed again.

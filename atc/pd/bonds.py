@@ -81,7 +81,7 @@ def families(X_nc, cell: Cell, horizon: float, *, coincident: bool = False) -> F
     X_nc : (n, 3) reference positions. cell : Cell (open axes have no images). horizon : float, one length unit throughout.
     coincident : whether nodes may be at the same place (an error otherwise)
     """
-    from ..neighbors import CellList, Workspace
+    from ..neighbors.cell_list import CellList, Workspace
 
     reach = horizon * (1 + HORIZON_SLACK)
     n = len(X_nc)

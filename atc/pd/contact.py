@@ -103,7 +103,7 @@ class ContactSearch:
     def _pairs(self, y, cutoff, movers):
         """i ≤ j, shift (p, 6 or 0) and contact distance of all pairs within `cutoff` that have a mover in them; with `movers` None of those that
         are within twice the slow nodes' reach of touching. Shifts are the translations of j's image, now and in the reference configuration."""
-        from ..neighbors import CellList, Workspace
+        from ..neighbors.cell_list import CellList, Workspace
 
         self.rebuilt += 1
         cell = self.body.cell

@@ -91,7 +91,7 @@ def _picture(run, path):
             right.plot(run.t_t, values, label=name)
         right.set(title="energy", xlabel="time")
         right.legend()
-        from ..output import explained
+        from ..running.output import explained
 
         with explained(path):
             fig.savefig(path, metadata={"Software": None})
@@ -100,7 +100,7 @@ def _picture(run, path):
 
 def writable(path) -> Path:
     """The path of a dataset that can be written, or an error that says why not."""
-    from ..output import check_name
+    from ..running.output import check_name
 
     path = check_name(path)
     if not path.parent.is_dir():
@@ -113,7 +113,7 @@ def save_dataset(ds, path: Path) -> None:
     import os
     import shutil
 
-    from ..output import explained
+    from ..running.output import explained
 
     part = path.with_name(path.name + ".part")
     with explained(path):

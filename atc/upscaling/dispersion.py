@@ -273,7 +273,7 @@ class Dispersion:
 
     def save(self, path) -> None:
         """Write the dataset: .nc or .zarr."""
-        from ..output import check_name, explained
+        from ..running.output import check_name, explained
 
         path = check_name(path)
         with explained(path):
@@ -329,7 +329,7 @@ class Dispersion:
 
     def picture(self, path) -> Path:
         """Draw `figure` into a file; returns the path."""
-        from ..drawing import save
+        from ..pictures.drawing import save
 
         path = Path(path)
         save(self.figure(), path)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import AtcError
-from ..neighbors import neighbor_list
+from ..neighbors.cell_list import neighbor_list
 from .crystal import STENCIL, Crystal, forces
 
 #: Frequencies in THz per internal angular frequency: 1/(2π) of the time in which amu Å²/t² is 1 eV, in ps (CODATA 2018).

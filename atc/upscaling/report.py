@@ -86,7 +86,7 @@ class Report:
 
     def dataset(self, name: str, ds) -> None:
         """Save a dataset as name.nc beside the report."""
-        from ..output import explained
+        from ..running.output import explained
 
         path = self.folder / f"{name}.nc"
         with explained(path):
@@ -103,7 +103,7 @@ class Report:
             f"<body><h1>{html.escape(self.title)}</h1>\n<h2>Claim by claim</h2><table><tr><th>where</th><th>claim</th><th>measured</th><th>verdict</th></tr>"
             f"{rows}</table>\n" + "\n".join(self._body) + "\n</body></html>\n"
         )
-        from ..output import explained
+        from ..running.output import explained
 
         path = self.folder / "report.html"
         with explained(path):

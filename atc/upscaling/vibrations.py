@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 
 from ..errors import AtcError
-from ..times import Clock
+from ..readers.times import Clock
 from .crystal import Crystal
 from .force_constants import frequency_unit, signed_root
 from .sites import Sites, commensurate, find_sites, shortest_contact, star

@@ -1,0 +1,1 @@
+"""Nonlocal advection."""

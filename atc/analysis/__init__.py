@@ -1,0 +1,1 @@
+"""What is made of fields and trajectories: comparison, balance laws, speed against error, conductivity."""

@@ -1,0 +1,455 @@
+"""Hardy's stress against the virial stress: box averages, profiles, pointwise differences, and how they change with the kernel.
+
+The mean of Hardy's stress over a box *is* the virial stress (its potential part exactly, as far as the grid resolves the kernel; its
+kinetic part up to the local mean velocity, which Hardy takes out point by point and the virial only as a whole). Point by point the two
+differ: a per-atom virial smoothed with the kernel puts half of every bond to each end instead of along the bond.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import AtcError
+
+SIX = ("xx", "yy", "zz", "xy", "xz", "yz")
+SHOWN = (*SIX, "hydrostatic", "vonmises")
+
+
+def _shown(dimension, names=SHOWN):
+    """Those of some components that say anything: in two dimensions those without z."""
+    return tuple(c for c in names if dimension == 3 or "z" not in c)
+
+
+STRESSES = ("stress", "stress_potential")
+POINTWISE = "pointwise, Hardy - smoothed virial"
+PROFILES = "profiles (means over the other axes), Hardy - smoothed virial"
+_RELATIVE = "Hardy - smoothed virial relative to the largest component of Hardy's stress; box average: Hardy - virial"
+ACCURACY = "accuracy of the numbers, relative to the largest value of each field"
+
+
+@dataclass
+class Comparison:
+    """How Hardy's stress and the virial stress differ.
+
+    Attributes
+    ----------
+    rows : list of dicts with ``section``, ``name`` and, where they apply, ``hardy``, ``virial``, ``difference``, ``relative`` (to the largest
+        Hardy component), ``stderr_difference`` or ``stderr_virial`` and ``sigmas`` (difference in standard errors); stresses in `units`, tension positive
+    data : xarray.Dataset with ``profile_*`` (axis profiles of both) and ``difference`` (Hardy − smoothed virial, pointwise) where the output allows
+    notes : what could not be compared, and why
+    attrs : kernel, radius, method, tolerance, measured error of the output
+    place : atc.pictures.geometry.Layout of the points
+    dimension : of the run, 3 or 2
+    """
+
+    rows: list[dict]
+    data: object
+    units: str
+    title: str
+    notes: list[str] = field(default_factory=list)
+    attrs: dict = field(default_factory=dict)
+    place: object = None
+    dimension: int = 3
+
+    def json(self) -> str:
+        """The table as JSON, numbers unrounded."""
+        return json.dumps(
+            {"title": self.title, "units": self.units, **self.attrs, "rows": self.rows, "notes": self.notes}, indent=2, default=_plain
+        )
+
+    def csv(self) -> str:
+        """The table as CSV, numbers unrounded."""
+        import csv
+        import io
+
+        out = io.StringIO()
+        columns = list(dict.fromkeys(k for row in self.rows for k in row))
+        writer = csv.DictWriter(out, columns, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows({k: _plain(v) if isinstance(v, np.generic) else v for k, v in row.items()} for row in self.rows)
+        return out.getvalue()
+
+    def value(self, section: str, name: str, column: str = "difference"):
+        """One number of the table."""
+        for row in self.rows:
+            if row["section"] == section and row["name"] == name:
+                return row[column]
+        raise KeyError((section, name))
+
+    def print(self, console) -> None:
+        """The table, one block a section."""
+        from rich.table import Table
+
+        console.print(self.title, soft_wrap=True)
+        for section in dict.fromkeys(r["section"] for r in self.rows):
+            rows = [r for r in self.rows if r["section"] == section]
+            columns = list(dict.fromkeys(k for r in rows for k in r if k not in ("section", "name")))
+            console.print(f"\n{section}", style="bold", soft_wrap=True)
+            table = Table(box=_box(), pad_edge=False, padding=(0, 1, 0, 0))
+            table.add_column("")
+            for c in columns:
+                table.add_column(_heading(c, self.units), justify="right")
+            for r in rows:
+                table.add_row(r["name"], *(_cell(c, r.get(c)) for c in columns))
+            console.print(table)
+        for note in self.notes:
+            console.print(f"note: {note}", soft_wrap=True)
+
+    def picture(self, path) -> Path:
+        """Draw the comparison; returns the path."""
+        from ..pictures.comparison import compare_figure
+        from ..pictures.drawing import save
+
+        path = Path(path)
+        save(compare_figure(self), path)
+        return path
+
+
+def _box():
+    from rich import box
+
+    return box.SIMPLE_HEAD
+
+
+_HEADINGS = {
+    "hardy": "Hardy",
+    "virial": "virial",
+    "difference": "Hardy - virial",
+    "stderr_difference": "std. error of the difference",
+    "stderr_virial": "std. error of the virial",
+    "rms": "rms",
+    "max": "max",
+}
+
+
+def _heading(column, units):
+    if column == "sigmas":
+        return "in std. errors"
+    if ", " in column or column == "relative box average":  # in tables whose title says that everything is relative
+        return column.removeprefix("relative ")
+    return f"{_HEADINGS[column]} ({units})" if column in _HEADINGS and units else _HEADINGS.get(column, column)
+
+
+def _cell(column, v) -> str:
+    if v is None:
+        return ""
+    if isinstance(v, str):
+        return v
+    if isinstance(v, (bool, np.bool_)):
+        return "yes" if v else "no"
+    if column.startswith("relative"):
+        return f"{100 * v:.2g} %" if abs(v) >= 1e-7 else f"{100 * v:.0e} %"
+    if column.startswith("measured"):
+        return f"{v:.1e}"
+    if column in ("sigmas", "rms in std. errors"):
+        return f"{v:.2g}"
+    return f"{v:.5g}" if abs(v) < 1e6 else f"{v:.4e}"
+
+
+def _plain(v):
+    if isinstance(v, np.ndarray):
+        return v.tolist()
+    if isinstance(v, np.generic):
+        return v.item()
+    return str(v)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+
+
+def compare(ds, *, frame=None) -> Comparison:
+    """Compare Hardy's stress with the virial stress in an output of `atc.fields`.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset, or the path of an output; it must hold ``stress`` or ``stress_potential``, and ``virial_stress`` (for box averages)
+        or ``smoothed_virial_stress`` (for profiles and pointwise differences), or both
+    frame : index of one entry of the output; default: the mean over all, where a frame without mass at a point counts as zero stress there
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    AtcError : when there is nothing to compare
+
+    Notes
+    -----
+    Entries are read one at a time. With several, the standard error of a box average's difference is that of its series, by block averaging
+    (`atc.statistics`); with a single time average, differences are held against the standard errors it carries.
+    """
+    import xarray as xr
+
+    from ..pictures.drawing import kernel_title
+    from ..pictures.geometry import layout
+    from ..running.output import load
+
+    name = "output" if isinstance(ds, xr.Dataset) else str(ds)
+    ds = load(ds)
+    hardy_name = next((n for n in STRESSES if n in ds), None)
+    if hardy_name is None:
+        raise AtcError(f"{name}: holds no Hardy stress to compare: compute quantities stress, virial_stress and smoothed_virial_stress")
+    part = hardy_name.removeprefix("stress")
+    if "virial_stress" + part not in ds and "smoothed_virial_stress" + part not in ds:
+        raise AtcError(
+            f"{name}: holds no virial stress to compare with: compute virial_stress (box average) or smoothed_virial_stress (pointwise) too"
+        )
+    place = layout(ds, ds[hardy_name])
+    entries, when = _entries(ds, frame)
+    title = ", ".join(t for t in (Path(name).name, kernel_title(ds, str), when) if t)
+    out = Comparison(
+        [], xr.Dataset(), ds[hardy_name].attrs.get("units", ""), title, place=place, dimension=int(ds.attrs.get("dimension", 3))
+    )
+    for k in ("kernel", "radius", "radius_units", "method", "tolerance", "measured_error"):
+        if k in ds.attrs:
+            v = ds.attrs[k]
+            out.attrs[k] = _plain(v) if isinstance(v, (np.generic, np.ndarray)) else v
+    wanted = [n for n in _NEEDED if n in ds]
+    mean, boxes = _means(ds, wanted, entries, place)
+    hardy = mean[hardy_name]
+    scale = float(np.nanmax(np.abs(hardy), initial=0.0)) or 1.0
+    single = entries[0] if len(entries) == 1 else None
+    _box_averages(out, ds, boxes, place, single)
+    _pointwise(out, ds, mean, hardy_name, place, single, scale)
+    _accuracy(out, ds)
+    return out
+
+
+_NEEDED = (
+    "stress", "stress_potential", "virial_stress", "virial_stress_potential", "smoothed_virial_stress", "smoothed_virial_stress_potential",
+)  # fmt: skip
+
+
+def _entries(ds, frame):
+    """Which entries are averaged, and what to call that."""
+    n = ds.sizes.get("frame", 1)
+    averaged = "frames_averaged" in ds
+    if frame is not None:
+        if not -n <= frame < n:
+            raise AtcError(f"frame {frame}: the output has {n} frame{'s' * (n != 1)}, numbered 0 to {n - 1}")
+        return [frame % n], f"entry {frame % n}" if averaged else f"frame {frame % n}"
+    if averaged:
+        return list(range(n)), f"average of {int(ds['frames_averaged'].sum())} frames"
+    return list(range(n)), "" if n == 1 else f"mean of {n} frames"
+
+
+def _means(ds, names, entries, place):
+    """Mean fields ({name: array}, NaN where never defined) and the series of box means ({name: [(3, 3), ...]})."""
+    total, defined, boxes = {}, {}, {n: [] for n in names}
+    for k in entries:
+        for n in names:
+            da = ds[n].isel(frame=k) if "frame" in ds[n].dims else ds[n]
+            box = not any(d in da.dims for d in place.dims)
+            x = da.transpose("i", "j").values if box else da.transpose(*place.dims, "i", "j").values
+            good = np.isfinite(x)
+            # where there is nothing the sums are 0: undefined points count as empty, not as absent
+            x = np.where(good, x, 0.0)
+            boxes[n].append(x if box else x.reshape(-1, 3, 3).mean(axis=0))
+            total[n] = x if n not in total else total[n] + x
+            defined[n] = good if n not in defined else defined[n] | good
+    return {n: np.where(defined[n], total[n] / len(entries), np.nan) for n in names}, boxes
+
+
+def _box_averages(out, ds, boxes, place, single):
+    from ..estimators.statistics import BlockAverage
+    from ..pictures.components import component
+
+    for suffix in ("", "_potential"):
+        if f"virial_stress{suffix}" not in boxes or f"stress{suffix}" not in boxes:
+            continue
+        if not place.tiles:
+            out.notes.append(
+                f"the {place.kind} does not fill the cell: its mean is not a box average and is not compared with the virial of the box"
+            )
+            return
+        is_open = [axis for axis, p in zip("xyz", ds.attrs.get("periodic", "ppp")) if p != "p"]
+        if is_open and not suffix:
+            out.notes.append(
+                f"the cell is open along {', '.join(is_open)}: what the kernel carries beyond its faces there is missing from Hardy's box average"
+            )
+        hardy, virial = (np.array(boxes[n + suffix]) for n in ("stress", "virial_stress"))
+        section = "box average" + (", potential part" if suffix else "")
+        h, v = hardy.mean(0), virial.mean(0)
+        size = float(np.abs(v).max()) or 1.0
+        error, label = None, None
+        if len(hardy) > 1:
+            series = BlockAverage()
+            for d in hardy - virial:
+                series.add(d)
+            _, error, correlated = series.result()
+            label = "stderr_difference"
+            if correlated.any() and not suffix:
+                out.notes.append(f"{len(hardy)} entries are too few, or too correlated, to tell: the standard errors are lower bounds")
+        elif single is not None and f"virial_stress{suffix}_stderr" in ds:
+            e = ds[f"virial_stress{suffix}_stderr"]
+            error, label = (e.isel(frame=single) if "frame" in e.dims else e).values, "stderr_virial"
+        for c in _shown(out.dimension):
+            a, b = float(component(h, c, out.dimension)), float(component(v, c, out.dimension))
+            row = {"section": section, "name": c, "hardy": a, "virial": b, "difference": a - b, "relative": abs(a - b) / size}
+            if error is not None and c in SIX:
+                e = float(component(error, c))
+                row[label] = e if np.isfinite(e) else None
+                row["sigmas"] = abs(a - b) / e if e > 0 else None
+            out.rows.append(row)
+        # A slab profile is integrated in closed form across, so that only its bins are left to sum over.
+        if suffix and not is_open and float(np.abs(h - v).max()) > 1e-9 * size:
+            out.notes.append(
+                f"over a periodic box the integral of Hardy's potential stress is the virial exactly; the mean over grid points differs from it by "
+                f"{float(np.abs(h - v).max()) / size:.1e}, which is the grid's quadrature: it falls as the grid resolves the kernel"
+            )
+    if {"box average", "box average, potential part"} <= {r["section"] for r in out.rows}:
+        out.notes.append(
+            "the kinetic parts differ by definition: Hardy's takes out the velocity at each point, the virial's the mean velocity of the frame"
+        )
+
+
+def _pointwise(out, ds, mean, hardy_name, place, single, scale):
+    from ..pictures.components import component
+
+    part = hardy_name.removeprefix("stress")
+    name = "smoothed_virial_stress" + part
+    if name not in mean:
+        out.notes.append(f"no {name} in this output: profiles and pointwise differences need it; add it to the scene's quantities")
+        return
+    h, v = mean[hardy_name], mean[name]
+    dims = (*place.dims, "i", "j")
+    out.data["difference"] = (dims, h - v, {"units": out.units, "long_name": "Hardy's stress minus the smoothed per-atom virial"})
+    error = None
+    if single is not None and f"{hardy_name}_stderr" in ds:
+        error = ds[f"{hardy_name}_stderr"]
+        error = (error.isel(frame=single) if "frame" in error.dims else error).transpose(*dims).values
+    for c in _shown(out.dimension):
+        d = component(h, c, out.dimension) - component(v, c, out.dimension)
+        good = np.isfinite(d)
+        if not good.any():
+            continue
+        rms, largest = float(np.sqrt((d[good] ** 2).mean())), float(np.abs(d[good]).max())
+        row = {"section": POINTWISE, "name": c, "rms": rms, "max": largest, "relative rms": rms / scale, "relative max": largest / scale}
+        if error is not None and c in SIX:
+            e = component(error, c)
+            ok = good & (e > 0)
+            if ok.any():
+                row["rms in std. errors"] = float(np.sqrt(((d[ok] / e[ok]) ** 2).mean()))
+        out.rows.append(row)
+    _profiles(out, h, v, place, scale)
+
+
+def _profiles(out, hardy, virial, place, scale):
+    """Means over the other axes, empty space counted as empty, so that a profile times the area is a force."""
+    from ..pictures.components import component
+
+    if place.kind not in ("volume", "plane", "line", "slab"):
+        return
+    for k, dim in enumerate(place.dims):
+        if hardy.shape[k] < 2:
+            continue
+        others = tuple(m for m in range(len(place.dims)) if m != k)
+        a, b = (np.nan_to_num(x).mean(axis=others) for x in (hardy, virial))
+        attrs = {"units": out.units}
+        out.data[f"profile_{dim}_hardy"] = ((dim, "i", "j"), a, attrs)
+        out.data[f"profile_{dim}_virial"] = ((dim, "i", "j"), b, attrs)
+        s, text = place.abscissa(k)
+        out.data[f"profile_{dim}_position"] = ((dim,), s, {"units": place.unit, "label": text})
+        for c in ("hydrostatic", "vonmises", "any component"):
+            d = a - b if c == "any component" else component(a, c, out.dimension) - component(b, c, out.dimension)
+            rms = float(np.sqrt((d * d).reshape(len(d), -1).mean(axis=0).max()))
+            largest = float(np.abs(d).max())
+            row = {"section": PROFILES, "name": f"along {dim}: {c}", "rms": rms, "max": largest}
+            out.rows.append({**row, "relative rms": rms / scale, "relative max": largest / scale})
+
+
+def _accuracy(out, ds):
+    """The errors the output carries: relative to the largest value of each field, measured at random points by the exact method."""
+    for name in ds.data_vars:
+        attrs = ds[name].attrs
+        if "measured_error" in attrs:
+            row = {"section": ACCURACY, "name": name, "measured max": float(attrs["measured_error"])}
+            if "error_l2" in attrs:
+                row["measured rms"] = float(attrs["error_l2"])
+            out.rows.append(row)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Several results: other radii, other kernels, other runs.
+
+
+def compare_radii(scene, radii, *, jobs: int = 1, progress=None) -> Comparison:
+    """The comparison as a function of the kernel radius: the scene's stress is computed once for each radius.
+
+    Parameters
+    ----------
+    scene : Scene or the path of one. Its quantities are replaced by the stresses to compare.
+    radii : lengths in the trajectory's unit style (for a Gaussian, its width)
+    jobs, progress : as for `atc.fields`
+
+    Returns
+    -------
+    Comparison with one row a radius; `data` holds the numbers along a ``radius`` dimension
+    """
+    from ..config.scene import Scene
+
+    scene = scene if isinstance(scene, Scene) else Scene.load(scene)
+    size = "width" if scene.get("kernel", "width") is not None and scene.get("kernel", "radius") is None else "radius"
+    asked = scene.get("fields", "quantities") or []
+    stress = (
+        "stress_potential"
+        if asked and not any(q in ("stress", "virial_stress", "smoothed_virial_stress", "stress_kinetic") for q in asked)
+        else "stress"
+    )
+    part = stress.removeprefix("stress")
+    quantities = [stress, "virial_stress" + part, "smoothed_virial_stress" + part]
+    results = []
+    for radius in radii:
+        one = Scene.load(scene, {f"kernel.{size}": float(radius), "fields.quantities": quantities})
+        results.append(compare(one.run(None, jobs=jobs, progress=progress)))
+    labels = [f"{radius:g}" for radius in radii]
+    out = side_by_side(results, labels=labels, section=f"by kernel {size}, {_RELATIVE}", coordinate=("radius", np.asarray(radii, float)))
+    out.title = f"{Path(scene.name).name}, {scene.get('kernel', 'name')} kernel, {len(labels)} values of its {size}"
+    return out
+
+
+def side_by_side(results: list[Comparison], labels=None, section=f"by output, {_RELATIVE}", coordinate=None) -> Comparison:
+    """Several comparisons in one table: relative to each one's largest stress component."""
+    import xarray as xr
+
+    labels = labels or [r.title for r in results]
+    units = {r.units for r in results}
+    if len(units) > 1:
+        raise AtcError(f"these outputs are in different units ({', '.join(sorted(units))}): they cannot share a table")
+    if len({r.dimension for r in results}) > 1:
+        raise AtcError("some of these outputs are of two-dimensional runs, others not: they cannot share a table")
+    out = Comparison([], xr.Dataset(), units.pop(), "", [], dimension=results[0].dimension)
+    box = "box average"
+    numbers: dict[str, list[float]] = {}
+    for label, r in zip(labels, results):
+        row = {"section": section, "name": label}
+        for c in ("hydrostatic", "vonmises"):
+            for column in ("relative rms", "relative max"):
+                row[f"{column}, {c}"] = _try(r, POINTWISE, c, column)
+        worst = [_try(r, POINTWISE, c, "relative max") for c in SIX]
+        row["relative max, any component"] = max((w for w in worst if w is not None), default=None)
+        boxes = [
+            next((x for x in (_try(r, s, c, "relative") for s in (box + ", potential part", box)) if x is not None), None) for c in SIX
+        ]
+        row["relative box average"] = max((b for b in boxes if b is not None), default=None)
+        out.rows.append(row)
+        out.notes += [n for n in r.notes if n not in out.notes]
+        for k, v in row.items():
+            if k not in ("section", "name"):
+                numbers.setdefault(k, []).append(np.nan if v is None else v)
+    out.attrs = {k: results[0].attrs[k] for k in ("radius_units",) if k in results[0].attrs}
+    dim, values = coordinate or ("output", np.asarray(labels))
+    out.data = xr.Dataset({k.replace(", ", "_").replace(" ", "_"): (dim, v) for k, v in numbers.items()}, coords={dim: values})
+    return out
+
+
+def _try(result, section, name, column):
+    try:
+        return result.value(section, name, column)
+    except KeyError:
+        return None

@@ -1,0 +1,1 @@
+"""What an `atc pd` case says, builds and runs."""

@@ -1,0 +1,243 @@
+"""From a checked case to the objects of the engine."""
+
+from __future__ import annotations
+
+from functools import reduce
+
+import numpy as np
+
+from ..errors import AtcError
+from . import damage as case_damage
+
+
+def simulation(case, threads: int = 0, state=None):
+    """The `atc.pd.Simulation` that a case describes."""
+    from .. import pd
+
+    body = make_body(case)
+    _require_bonds(case, body)
+    materials = {}
+    names = {}
+    from .materials import made, models
+
+    for k, m in enumerate(case.data["material"]):
+        cls = models()[m["model"]]
+        number = m.get("id", k + 1)
+        names[number] = k
+        try:
+            materials[number] = made(cls, m)
+        except AtcError as e:
+            raise AtcError(f"{case.where('material', str(k))}: [material] {e}") from None
+    present = np.unique(body.material_n).tolist()
+    for number in present:
+        if number not in materials:
+            raise AtcError(
+                f"{case.where('material')}: the nodes have material {number}, which no [[material]] has as its id: {sorted(materials)}"
+            )
+    case_damage.require_one_model(case, materials)
+    materials = {n: materials[n] for n in present}
+
+    stiffness = case_damage.stiffness(case, materials)
+    damage = case_damage.rules(case, materials, body, stiffness)
+    no_fail = [region_of(case, r) for r in case.get("damage", "no_fail", [])]
+    for k, r in enumerate(no_fail):
+        _require_nodes(case, body, r, ("damage", "no_fail"), f"its region number {k + 1}")
+
+    contact = None
+    if "contact" in case.data:
+        contact = pd.Contact(**case.data["contact"])
+    indenters = [
+        pd.Indenter(
+            t["radius"], t["stiffness"], history(case, ("indenter", str(k), "center"), t["center"]), t.get("velocity"), t.get("axis")
+        )
+        for k, t in enumerate(case.data.get("indenter", []))
+    ]
+    walls = [
+        pd.Wall(history(case, ("wall", str(k), "point"), t["point"]), t["normal"], t["stiffness"], t.get("velocity"))
+        for k, t in enumerate(case.data.get("wall", []))
+    ]
+    conditions = []
+    for section, make, words in (
+        ("prescribed", pd.Prescribed, ("velocity", "displacement", "until")),
+        ("body_force", pd.BodyForce, ("density", "total")),
+    ):
+        for k, t in enumerate(case.data.get(section, [])):
+            region = region_of(case, t.get("region"))
+            _require_nodes(case, body, region, (section, str(k), "region"))
+            X = body.X_nc[body.nodes(region)]
+            conditions.append(make(region, **{w: history(case, (section, str(k), w), t[w], X) for w in words if w in t}))
+    options = {}
+    if state is None:
+        start = {"velocity": np.zeros((len(body), 3)), "displacement": np.zeros((len(body), 3))}
+        for k, t in enumerate(case.data.get("initial", [])):
+            region = region_of(case, t.get("region"))
+            _require_nodes(case, body, region, ("initial", str(k), "region"))
+            for word in ("velocity", "displacement"):
+                if word in t:
+                    nodes = body.nodes(region)
+                    value = history(case, ("initial", str(k), word), t[word], body.X_nc[nodes])
+                    start[word][nodes] = value(0.0) if callable(value) else value
+        if any("velocity" in t for t in case.data.get("initial", [])):
+            options["velocities"] = start["velocity"]
+        if any("displacement" in t for t in case.data.get("initial", [])):
+            options["displacements"] = start["displacement"]
+    run = case.data["run"]
+    in_motion = run.get("solver", "verlet") == "verlet"
+    for key in ("dt", "safety", "damping", "lammps_compat"):
+        if key in run and (in_motion or key != "dt"):
+            options[key] = run[key]
+    try:
+        sim = pd.Simulation(
+            body, materials, damage=damage, no_fail=no_fail or None, contact=contact, indenter=indenters, walls=walls, conditions=conditions,
+            interfaces=stiffness or None, state=state, threads=threads, **options,
+        )  # fmt: skip
+    except AtcError as e:
+        raise AtcError(str(e) if case.name in str(e) else f"{case.name}: {e}") from None
+    if not in_motion:
+        # The time between two states of equilibrium, which no stability limits: loads and prescribed displacements are functions of it.
+        sim.dt = float(run.get("dt", 1.0))
+    return sim
+
+
+def make_body(case):
+    """The body of a case, with its notches and the material of each node."""
+    from .. import pd
+    from ..frame import Cell
+
+    b = case.data["body"]
+    notches = []
+    for t in case.data.get("notch", []):
+        more = {"as_damage": t.get("as_damage", False)}
+        notches.append(pd.Notch.line(t["start"], t["end"], **more) if "start" in t else pd.Notch(t["origin"], t["a"], t["b"], **more))
+    options = {k: b[k] for k in ("dimension", "plane", "thickness") if k in b}
+    options["notches"] = notches
+    cell = None
+    if "cell" in b:
+        cell = Cell(b["cell"], b.get("origin", (0.0, 0.0, 0.0)), b["periodic"])
+    options["cell"] = cell
+    options["unbonded"] = case_damage.unbonded(case)
+    try:
+        if "region" in b:
+            region = region_of(case, b["region"])
+            if cell is not None and cell.periodic.any():
+                region = region & _inside_once(cell)
+            more = {k: b[k] for k in ("offset", "jitter", "seed") if k in b}
+            body = pd.Body.lattice(region, b["spacing"], b["horizon"], b.get("density", 1.0), **options, **more)
+        else:
+            from .bodies import read_nodes
+
+            nodes = read_nodes(case.path("body", "file"), b, lambda why: case.bad(("body", "file"), why))
+            if cell is None and nodes.cell is not None:
+                options["cell"] = nodes.cell
+            more = {} if "spacing" not in b else {"spacing": b["spacing"]}
+            body = pd.Body(nodes.x_nc, nodes.volume_n, nodes.density_n, b["horizon"], materials=nodes.material_n, **options, **more)
+    except AtcError as e:
+        raise AtcError(str(e) if case.name in str(e) else f"{case.where('body')}: [body] {e}") from None
+    material_n, rho_n = np.array(body.material_n), np.array(body.rho_n)
+    # A lattice is made of the first material where no region says otherwise; later ones go over earlier ones.
+    if "region" in b:
+        material_n[:] = case.data["material"][0].get("id", 1)
+    for k, m in enumerate(case.data["material"]):
+        number = m.get("id", k + 1)
+        if "region" in m:
+            inside = body.nodes(region_of(case, m["region"]))
+            if not len(inside):
+                raise case.bad(("material", str(k), "region"), "no node of the body lies in it")
+            material_n[inside] = number
+        elif "region" in b and k:
+            raise AtcError(
+                f"{case.where('material', str(k))}: [material] needs region, where it is: only the first of several may be everywhere else"
+            )
+    for k, m in enumerate(case.data["material"]):
+        if "density" in m:
+            rho_n[material_n == m.get("id", k + 1)] = m["density"]
+    body.material_n, body.rho_n = material_n.astype(np.int32), rho_n
+    return body
+
+
+def region_of(case, region):
+    """A `pd.Region` from its name or description; None for the whole body."""
+    from .. import pd
+
+    if region is None:
+        return None
+    if isinstance(region, str):
+        return region_of(case, case.data["regions"][region])
+    if "any" in region:
+        return reduce(lambda a, b: a | b, (region_of(case, r) for r in region["any"]))
+    if "all" in region:
+        return reduce(lambda a, b: a & b, (region_of(case, r) for r in region["all"]))
+    if "not" in region:
+        return ~region_of(case, region["not"])
+    if region["shape"] == "box":
+        return pd.Box(region["lo"], region["hi"])
+    if region["shape"] == "sphere":
+        return pd.Sphere(region["center"], region["radius"])
+    return pd.Cylinder(region["axis"], region["center"], region["radius"], region["lo"], region["hi"])
+
+
+def _inside_once(cell):
+    """The points of a periodic cell, each of those on opposite faces once."""
+    from ..pd.regions import _Combined
+
+    def contains(x):
+        s = cell.fractional(x)
+        return np.where(cell.periodic, (s > -1e-9) & (s < 1 - 1e-9), True).all(axis=1)
+
+    return _Combined(contains, np.full(3, -np.inf), np.full(3, np.inf))
+
+
+def history(case, path, value, X_nc=None):
+    """What the engine takes for three components or a table of them: "free" is None, and formulas are functions of time at the nodes X_nc."""
+    number = lambda c: np.nan if c == "free" else c  # noqa: E731
+    if isinstance(value, dict):
+        return np.array(value["times"], float), np.array([[number(c) for c in row] for row in value["values"]], float)
+    if not isinstance(value, list):
+        return value
+    if any(isinstance(c, dict) or (isinstance(c, str) and c != "free") for c in value):
+        return _Law(value, X_nc, lambda why: case.bad(path, why))
+    return [None if c == "free" else c for c in value]
+
+
+class _Law:
+    """t → (3,) or (m, 3): numbers, tables of time, and formulas of t and the nodes' reference positions."""
+
+    def __init__(self, components, X_nc, complain):
+        from ..config.formulas import Formula
+
+        self.place = {} if X_nc is None else dict(zip("xyz", X_nc.T, strict=True))
+        self.complain = complain
+        self.parts = []
+        for c in components:
+            if isinstance(c, dict):
+                self.parts.append((np.array(c["times"], float), np.array(c["values"], float)))
+            elif isinstance(c, str) and c != "free":
+                formula = Formula(c, ("t", *self.place))
+                # What stands still is computed once.
+                self.parts.append(formula if "t" in formula.uses else formula.finite(complain, t=0.0, **self.place))
+            else:
+                self.parts.append(np.nan if c == "free" else float(c))
+
+    def __call__(self, t):
+        values = [
+            p.finite(self.complain, t=t, **self.place) if callable(p) else np.interp(t, *p) if isinstance(p, tuple) else p
+            for p in self.parts
+        ]
+        return np.stack(np.broadcast_arrays(*values), axis=-1)
+
+
+def _require_nodes(case, body, region, path, what="it"):
+    if region is not None and not len(body.nodes(region)):
+        raise case.bad(path, f"no node of the body lies in {what}")
+
+
+def _require_bonds(case, body):
+    """Something must hold the body together (or push it apart), and every notch cut something."""
+    if not len(body.bonds) and "contact" not in case.data:
+        raise case.bad(
+            ("body", "horizon"),
+            f"no node has another one within {body.horizon:g}, so that nothing holds the body together: take about three spacings (of {body.spacing:g})",
+        )
+    for k, cut in enumerate(body.cuts):
+        if not cut and len(body.bonds):
+            raise AtcError(f"{case.where('notch', str(k))}: [notch] crosses no bond of the body: check its place and its length")

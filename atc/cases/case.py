@@ -1,0 +1,382 @@
+"""Cases: the TOML file in which a person describes a peridynamic body, what acts on it, and what to keep of the run.
+
+Sections ``[body]``, ``[regions.NAME]``, ``[[material]]``, ``[[interface]]``, ``[damage]``, ``[contact]``, ``[[notch]]``, ``[[indenter]]``, ``[[wall]]``, ``[[initial]]``, ``[[prescribed]]``,
+``[[body_force]]``, ``[run]``, ``[output]``, and ``[kernel]``, ``[grid]``, ``[fields]`` as in scenes. Everything is checked before anything is computed, and every complaint names the file and the line. Numbers are in any one
+consistent system of units; the output labels them as SI. Paths are relative to the case.
+"""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ..config.schema import guess
+from ..config.toml import Document, complaint, key_lines, read_document, toml_key, toml_value
+from ..errors import AtcError
+from .schema import ARRAYS, TABLES
+
+SECTIONS = [*TABLES, *ARRAYS]
+
+
+@dataclass
+class Case(Document):
+    """A checked case.
+
+    Attributes
+    ----------
+    data : {section: {key: value}}, and lists of such tables for the sections that may be repeated
+    folder : where relative paths start
+    name : what to call the case in messages
+    """
+
+    data: dict[str, Any]
+    folder: Path = field(default_factory=Path, compare=False)
+    name: str = field(default="case", compare=False)
+    _lines: dict = field(default_factory=dict, repr=False, compare=False)
+    _flags: dict = field(default_factory=dict, repr=False, compare=False)
+
+    # ---- making one
+
+    @classmethod
+    def load(cls, source, overrides=None) -> Case:
+        """Read and check a case: the path of a TOML file, or a mapping of sections. `overrides` : ``["run.steps=100"]`` or ``{"run.steps": 100}``.
+
+        Raises AtcError, naming file, line and key, for anything unknown, missing or malformed.
+        """
+        if isinstance(source, Mapping):
+            return cls._build(_copied(source), Path(), "case", {}, overrides)
+        path = Path(source)
+        text = read_document(path, "case")
+        try:
+            data = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as e:
+            raise AtcError(complaint(str(path), text, e)) from None
+        return cls._build(data, path.parent, str(path), key_lines(text), overrides)
+
+    @classmethod
+    def _build(cls, data, folder, name, lines, overrides):
+        case = cls(data, folder, name, lines)
+        for section, value in data.items():
+            if section not in SECTIONS:
+                raise AtcError(
+                    f"{case.where(section)}: unknown section [{section}]: {guess(section, SECTIONS)}known: {', '.join(SECTIONS)}"
+                )
+            if section in ARRAYS and isinstance(value, dict):
+                # One table where several are allowed.
+                data[section] = [value]
+                case._lines.update({(section, "0", *p[1:]): n for p, n in lines.items() if p[0] == section})
+            elif not isinstance(value, list if section in ARRAYS else dict):
+                raise AtcError(f"{case.where(section)}: {section} must be a section: write [{section}] and its keys below")
+            elif section in ARRAYS and not all(isinstance(v, dict) for v in value):
+                raise AtcError(f"{case.where(section)}: {section} must be sections: write [[{section}]] and the keys of each below")
+        for (section, key), value, flag in _overrides(overrides):
+            case.data.setdefault(section, {})[key] = value
+            case._flags[section, key] = flag
+        case._check()
+        return case
+
+    # ---- complaints
+
+    def bad(self, path, why) -> AtcError:
+        """An error at a key: `path` = (section, key) or (section, number, key)."""
+        return AtcError(f"{self.where(*map(str, path))}: [{path[0]}] {path[-1]}: {why}")
+
+    def _check(self):
+        for name, value in self.data.get("regions", {}).items():
+            self._check_key(TABLES["body"]["region"], self.data["regions"], name, ("regions", name), value)
+        for section, table in self.data.items():
+            if section == "regions":
+                continue
+            tables = [((section, str(k)), t) for k, t in enumerate(table)] if section in ARRAYS else [((section,), table)]
+            for path, t in tables:
+                known = self._keys(path, t)
+                for key, value in list(t.items()):
+                    if key not in known:
+                        why = f"{guess(key, known)}known: {', '.join(known)}"
+                        if section == "material" and t.get("model") == "pmb" and key in ("poisson", "shear"):
+                            why = (
+                                "bonds of pmb fix Poisson's ratio at 1/4 (plane stress 1/3): one modulus is all; take lps for another ratio"
+                            )
+                        raise AtcError(f"{self.where(*path, key)}: unknown key {key!r} in [{section}]: {why}")
+                    self._check_key(known[key], t, key, (*path, key), value)
+        self._check_body()
+        self._check_things()
+        for path, region in self._regions_used():
+            self._check_region(region, path)
+
+    def _keys(self, path, table):
+        if path[0] != "material":
+            return {**TABLES, **ARRAYS}[path[0]]
+        from .materials import keys_of
+
+        model = table.get("model")
+        if model is None:
+            raise AtcError(f'{self.where(*path)}: [material] needs model, e.g. model = "pmb"')
+        return {**ARRAYS["material"], **keys_of(model, lambda why: self.bad((*path, "model"), why))}
+
+    def _check_key(self, spec, table, key, path, value):
+        try:
+            table[key] = spec.check(value)
+        except (ValueError, TypeError) as e:
+            reason = f" ({e})" if str(e) and "literal" not in str(e) else ""
+            raise self.bad(path, f"expected {spec.expected}, got {_shown(value)}{reason}") from None
+
+    def _check_body(self):
+        if "body" not in self.data:
+            raise self.need(
+                "body", 'it needs region and spacing (a lattice), or file (nodes), and horizon, e.g. region = { shape = "box", ... }'
+            )
+        body = self.data["body"]
+        if ("region" in body) == ("file" in body):
+            raise self.need("body", "[body] needs region (a lattice inside it) or file (nodes from a file), and not both")
+        if "horizon" not in body:
+            raise self.need("body", "[body] needs horizon, a length of about three spacings, e.g. horizon = 0.0015001")
+        if "region" in body:
+            if "spacing" not in body:
+                raise self.need("body", "[body] needs spacing, the distance between the nodes of its lattice")
+            for key in ("volume",):
+                if key in body:
+                    raise self.bad(
+                        ("body", key),
+                        "belongs to nodes from a file; those of a lattice have spacing^3 (spacing^2 thickness in two dimensions)",
+                    )
+        else:
+            for key in ("offset", "jitter", "seed"):
+                if key in body:
+                    raise self.bad(("body", key), "belongs to a lattice (region and spacing), not to nodes from a file")
+            path = self.path("body", "file")
+            if not path.is_file():
+                raise self.bad(("body", "file"), f"there is no file {path}")
+        if body.get("dimension", 3) == 3:
+            for key in ("plane", "thickness"):
+                if key in body:
+                    raise self.bad(("body", key), "belongs to a body of dimension 2 (plane, thickness) or 1 (thickness: its cross-section)")
+        elif body["dimension"] == 1 and "plane" in body:
+            raise self.bad(("body", "plane"), "belongs to a body of dimension 2")
+        if "periodic" in body and any(body["periodic"]) and "cell" not in body:
+            raise self.bad(("body", "periodic"), "a periodic body needs cell, three lengths or edge vectors")
+        if "cell" in body and "periodic" not in body:
+            raise self.bad(("body", "cell"), "say which of its axes are periodic: periodic = [true, true, true]")
+        if not self.data.get("material"):
+            raise self.need("material", 'it needs model and its constants, e.g. model = "pmb" and bulk = 14.9e9')
+        if "density" not in body and "file" not in body and not all("density" in m for m in self.data["material"]):
+            raise self.need("body", "[body] needs density, a mass per volume")
+
+    def _check_things(self):
+        def one_of(path, table, *keys, least=1):
+            given = [k for k in keys if k in table]
+            if len(given) != 1 and (given or least):
+                raise AtcError(f"{self.where(*path)}: [{path[0]}] needs {'exactly one of ' if len(keys) > 1 else ''}{' and '.join(keys)}")
+
+        for section in ARRAYS:
+            for k, t in enumerate(self.data.get(section, [])):
+                path = (section, str(k))
+                if section == "notch":
+                    line = {"start", "end"} <= set(t)
+                    if line == ({"origin", "a", "b"} <= set(t)) or set(t) - ({"start", "end"} if line else {"origin", "a", "b"}) - {
+                        "as_damage"
+                    }:
+                        raise AtcError(
+                            f"{self.where(*path)}: [notch] needs start and end (a line in the plate), or origin, a and b (a parallelogram)"
+                        )
+                elif section in ("prescribed", "initial"):
+                    one_of(path, t, "velocity", "displacement")
+                elif section == "body_force":
+                    one_of(path, t, "density", "total")
+                else:
+                    for key in {"indenter": ("radius", "stiffness", "center"), "wall": ("point", "normal", "stiffness")}.get(section, ()):
+                        one_of(path, t, key)
+                    where = "center" if section == "indenter" else "point"
+                    moving = isinstance(t.get(where), dict) or any(isinstance(c, (str, dict)) for c in t.get(where, ()))
+                    if section in ("indenter", "wall") and "velocity" in t and moving:
+                        raise self.bad((*path, "velocity"), f"{where} is a function of time already: give one of the two")
+        numbers = [m.get("id", k + 1) for k, m in enumerate(self.data["material"])]
+        if len(set(numbers)) < len(numbers):
+            raise self.need("material", f"two materials have the same number: {numbers}")
+        from .damage import check
+
+        breaking = check(self, one_of)
+        run = self.data.get("run", {})
+        if "steps" not in run:
+            raise self.need("run", "it needs steps, e.g. steps = 2000")
+        if "dt" in run and "safety" in run:
+            raise self.bad(("run", "safety"), "dt is given: give one of the two")
+        if run.get("solver", "verlet") != "verlet":
+            for key in ("safety", "damping"):
+                if key in run:
+                    raise self.bad(("run", key), f"belongs to motion: solver = {run['solver']!r} looks for equilibrium at every step")
+            if breaking:
+                raise AtcError(
+                    f'{self.where(*breaking)}: solver = "{run["solver"]}" breaks no bonds: leave [damage], s00 and Gc out, or take solver = "verlet" with damping'
+                )
+        else:
+            for key in ("tolerance", "iterations"):
+                if key in run:
+                    raise self.bad(("run", key), 'belongs to solver = "relax" or "static"')
+        output = self.data.get("output", {})
+        from .run import QUANTITIES
+
+        for q in output.get("quantities", []):
+            if q not in QUANTITIES:
+                raise self.bad(("output", "quantities"), f"unknown {q!r}: {guess(q, QUANTITIES)}known: {', '.join(QUANTITIES)}")
+        if Path(output.get("extxyz", "frames.xyz")).suffix not in (".extxyz", ".xyz"):
+            raise self.bad(("output", "extxyz"), f"expected a name that ends in .extxyz or .xyz, got {output['extxyz']!r}")
+        from .fields import scene_of
+
+        scene_of(self)
+        restart = self.path("run", "restart")
+        if restart is not None and not restart.is_file():
+            raise self.bad(("run", "restart"), f"there is no file {restart}")
+
+    def _regions_used(self):
+        for name, region in self.data.get("regions", {}).items():
+            yield ("regions", name), region
+        if "region" in self.data["body"]:
+            yield ("body", "region"), self.data["body"]["region"]
+        for region in self.get("damage", "no_fail", []):
+            yield ("damage", "no_fail"), region
+        for section in ARRAYS:
+            for k, t in enumerate(self.data.get(section, [])):
+                if "region" in t:
+                    yield (section, str(k), "region"), t["region"]
+
+    def _check_region(self, region, path, inside=()):
+        known = self.data.get("regions", {})
+        if isinstance(region, str):
+            if region not in known:
+                raise self.bad(
+                    path, f"there is no region {region!r}: {guess(region, known)}known: {', '.join(known) or 'none; write [regions.NAME]'}"
+                )
+            if region in inside:
+                raise self.bad(("regions", region), "is made of itself")
+            self._check_region(known[region], ("regions", region), (*inside, region))
+        for word in ("any", "all", "not"):
+            if isinstance(region, dict) and word in region:
+                for r in region[word] if word != "not" else [region[word]]:
+                    self._check_region(r, path, inside)
+        if isinstance(region, dict) and region.get("shape") == "box" and any(a > b for a, b in zip(region["lo"], region["hi"])):
+            raise self.bad(path, f"a box needs lo <= hi, got {_shown(region['lo'])} and {_shown(region['hi'])}")
+
+    # ---- what it means
+
+    def get(self, section: str, key: str, default=None):
+        """The value of a key of a section that is there once."""
+        return self.data.get(section, {}).get(key, default)
+
+    def path(self, section: str, key: str) -> Path | None:
+        """A file name of the case, relative to its folder unless absolute."""
+        value = self.get(section, key)
+        return None if value is None else self.folder / Path(value).expanduser()
+
+    def simulation(self, threads: int = 0, state=None):
+        """The `atc.pd.Simulation` this case describes, at its start (or at `state`)."""
+        from .build import simulation
+
+        return simulation(self, threads, state)
+
+    def run(self, out, *, threads: int = 0, progress=None, resume: bool = True):
+        """Run the case into `out` (.zarr or .nc); see `atc.cases.run.run`. Returns the xarray.Dataset."""
+        from .run import run
+
+        return run(self, out, threads=threads, progress=progress, resume=resume)
+
+    def output(self, given=None, overwrite: bool = False) -> Path:
+        """The file to write: `given`, else ``[output] file``. Whether it can be written is found out here."""
+        if given is not None:
+            path, where = Path(given), f"-o {given}"
+        elif self.get("output", "file") is not None:
+            path, where = self.path("output", "file"), self.where("output", "file") + ": [output] file"
+        else:
+            raise self.need("output", 'say where the result goes: -o OUT, or file = "out.zarr" in [output]')
+        if path.suffix not in (".zarr", ".nc"):
+            raise AtcError(f"{where}: expected a name that ends in .zarr or .nc, got {path.name}")
+        if not path.parent.is_dir():
+            raise AtcError(f"{where}: there is no directory {path.parent}: make it, or choose another place")
+        if not os.access(path.parent, os.W_OK | os.X_OK):
+            raise AtcError(f"{where}: no permission to write in {path.parent}: choose another place")
+        if path.exists() and not overwrite:
+            raise AtcError(f"{where}: {path} exists: give --overwrite to replace it, or another name")
+        # What an interrupted run has left of them is its own.
+        begun = path.with_name(path.name + ".partial").exists()
+        for key in () if overwrite or begun else ("vtk", "extxyz", "restart"):
+            other = self.path("output", key)
+            if other is not None and other.exists():
+                raise self.bad(("output", key), f"{other} exists: give --overwrite to replace it, or another name")
+        self.check_places()
+        return path
+
+    def check_places(self) -> None:
+        """Raise if the folders of what is written at the end of a run are not there: before it, not after hours."""
+        for key in ("extxyz", "restart"):
+            path = self.path("output", key)
+            if path is not None and not (path.parent.is_dir() and os.access(path.parent, os.W_OK | os.X_OK)):
+                raise self.bad(("output", key), f"there is no directory {path.parent} to write in: make it, or choose another place")
+
+    def to_toml(self) -> str:
+        """The case with its overrides as TOML; file names without their folders."""
+        out = []
+        for section in SECTIONS:
+            value = self.data.get(section)
+            if not value:
+                if section in self.data:
+                    out += [f"[{section}]", ""]
+                continue
+            for table in value if section in ARRAYS else [value]:
+                out.append(f"[[{section}]]" if section in ARRAYS else f"[{section}]")
+                for key, v in table.items():
+                    spec = {**TABLES, **ARRAYS}[section].get(key)
+                    if spec is not None and spec.path and isinstance(v, str):
+                        v = Path(v).name
+                    out.append(f"{toml_key(key)} = {_toml(v)}")
+                out.append("")
+        return "\n".join(out)
+
+
+def _toml(v) -> str:
+    if isinstance(v, float) and v in (float("inf"), float("-inf")):
+        return "inf" if v > 0 else "-inf"
+    if isinstance(v, list):
+        return "[" + ", ".join(map(_toml, v)) + "]"
+    if isinstance(v, Mapping):
+        return "{ " + ", ".join(f"{toml_key(str(k))} = {_toml(x)}" for k, x in v.items()) + " }"
+    return toml_value(v)
+
+
+def _shown(value) -> str:
+    try:
+        text = " ".join(_toml(value).split())
+    except TypeError:
+        text = str(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _copied(value):
+    if isinstance(value, Mapping):
+        return {k: _copied(v) for k, v in value.items()}
+    return [_copied(v) for v in value] if isinstance(value, (list, tuple)) else value
+
+
+def _overrides(overrides):
+    """((section, key), value, flag) of each override."""
+    if not overrides:
+        return
+    given = [(k, v, k) for k, v in overrides.items()] if isinstance(overrides, Mapping) else [(t, None, f"--set {t}") for t in overrides]
+    for text, value, flag in given:
+        dotted = text
+        if value is None:
+            dotted, eq, word = text.partition("=")
+            if not eq:
+                raise AtcError(f"{flag}: expected SECTION.KEY=VALUE, e.g. --set run.steps=100")
+            try:
+                value = tomllib.loads(f"v = {word.strip()}")["v"]
+            except tomllib.TOMLDecodeError:
+                value = word.strip()
+        section, _, key = dotted.strip().partition(".")
+        if section not in TABLES or not key:
+            known = [s for s in TABLES if s != "regions"]
+            raise AtcError(f"{flag}: expected SECTION.KEY=VALUE with a section of {', '.join(known)}; edit the case for the others")
+        yield (section, key), value, flag

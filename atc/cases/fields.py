@@ -1,0 +1,96 @@
+"""Fields of a peridynamic run by the estimators that make fields of atoms: the sections ``[kernel]``, ``[grid]`` and ``[fields]`` of a case, as in scenes.
+
+They go into a second output beside the first, ``OUT-fields``, entry by entry, with the same habits.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..errors import AtcError
+
+SECTIONS = ("kernel", "grid", "fields")
+
+
+def scene_of(case):
+    """The three sections as a checked `atc.config.scene.Scene`; None if the case has none of them."""
+    from ..config.scene import Scene
+
+    there = {s: dict(case.data[s]) for s in SECTIONS if s in case.data}
+    if not there:
+        return None
+    if "quantities" not in there.get("fields", {}):
+        raise case.need(
+            "fields", '[fields] needs quantities, what to compute with this kernel and grid, e.g. quantities = ["peridynamic_stress"]'
+        )
+    # A scene must name a trajectory; here the run is it.
+    scene = Scene._build({**there, "trajectory": {"file": "run", "reference": 0}}, case.folder, case.name, case._lines, None)
+    scene._flags.update(case._flags)
+    return scene
+
+
+def fields_path(out) -> Path:
+    out = Path(out)
+    return out.with_name(f"{out.stem}-fields{out.suffix}")
+
+
+class CaseFields:
+    """Computes and stores the fields of each entry of a run."""
+
+    def __init__(self, case, out, request: dict, resume: bool, threads: int):
+        from ..running.output import Store
+
+        self.scene = scene_of(case)
+        self.scene.data["potential"] = {"lammps": "-"}  # the bonds of the run
+        self.scene.require_complete()
+        self.case, self.threads = case, threads
+        self.path = fields_path(out)
+        self.store = Store(self.path, {**request, "of": "fields"}, resume)
+        self.sink = None
+
+    def prepare(self, sim, entries: int) -> None:
+        from ..pd.fields import reference_frame, snapshot
+        from ..plan import Request, cpus
+        from ..running.run import _Sink
+
+        scene = self.scene
+        frame, bonds = snapshot(sim)
+        given = {k: scene.get("fields", k) for k in ("quantities", "tolerance", "method", "horizon") if scene.get("fields", k) is not None}
+        try:
+            self.request = Request(
+                [frame] * entries,
+                bonds,
+                scene.kernel(),
+                scene.grid(),
+                reference=reference_frame(sim),
+                threads=self.threads or cpus(),
+                scene=self.case.to_toml(),
+                **given,
+            )
+            from ..estimators.compute import require
+
+            require(frame, self.request.settings(), self.request.work)
+        except AtcError as e:
+            raise AtcError(str(e) if self.case.name in str(e) else f"{self.case.where('fields')}: [fields] {e}") from None
+        self.sink = _Sink(self.request, self.store)
+
+    def add(self, sim, entry: int) -> None:
+        """The fields of this moment, unless they are there already."""
+        from ..estimators.compute import frame_fields
+        from ..pd.fields import snapshot
+
+        if entry < self.store.done:
+            return
+        frame, bonds = snapshot(sim)
+        settings = self.request.settings()
+        settings.pot = bonds
+        self.sink.add(entry, frame, frame_fields(frame, settings, entry), last_of_window=True)
+
+    def finish(self) -> None:
+        from ..estimators.compute import frame_fields
+
+        if self.sink.layout is None:  # all entries were there: the run was stopped just before its end
+            self.sink.prepare(frame_fields(self.request.first, self.request.settings(), 0))
+        attributes = self.sink.final_attributes()
+        attributes[""]["sources"] = Path(self.case.name).name
+        self.store.finish(attributes)

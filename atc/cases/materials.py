@@ -1,0 +1,78 @@
+"""Which materials there are and which constants each takes: from the engine's own classes, so that a new one needs no word here."""
+
+from __future__ import annotations
+
+import inspect
+
+from ..config.schema import Key, _boolean, _not_negative, _number, _positive, _string, guess
+
+
+def _influence(v):
+    from ..config.formulas import Influence
+    from ..pd.materials.base import INFLUENCE
+
+    if _string(v) in INFLUENCE:
+        return v
+    if v.isidentifier() and v not in ("r", "delta"):
+        raise ValueError(f"{guess(v, INFLUENCE)}known: {', '.join(INFLUENCE)}")
+    Influence(v)
+    return v
+
+
+def _correction(v):
+    if v is not False and v != "energy":
+        raise ValueError
+    return v
+
+
+def made(cls, table):
+    """The material that the constants in `table` define."""
+    from ..config.formulas import Influence
+    from ..pd.materials.base import INFLUENCE
+
+    given = {p: table[p] for p in parameters(cls) if p in table}
+    if given.get("influence", "one") not in INFLUENCE:
+        given["influence"] = Influence(given["influence"])
+    if given.get("surface_correction") is False:
+        del given["surface_correction"]
+    return cls(**given)
+
+
+def models() -> dict:
+    """{name: class} of the engine's materials that numbers define: a function of the bond has no place in a file."""
+    from ..pd import materials
+    from ..pd.materials.base import Material
+
+    found = {}
+    for value in vars(materials).values():
+        if inspect.isclass(value) and issubclass(value, Material) and value is not Material and value.by_numbers:
+            found[value.name.lower().replace(" ", "_")] = value
+    return found
+
+
+def parameters(cls) -> list[str]:
+    return [p for p in inspect.signature(cls.__init__).parameters if p != "self"]
+
+
+def _value(name):
+    if name in ("volume_correction",):
+        return Key(_boolean, "true or false")
+    if name == "influence":
+        from ..pd.materials.base import INFLUENCE
+
+        return Key(_influence, f"{', '.join(map(repr, INFLUENCE))}, or a formula of r and delta, e.g. 'exp(-(2*r/delta)**2)'")
+    if name == "surface_correction":
+        return Key(_correction, '"energy", or false')
+    if name == "stabilisation":
+        return Key(_not_negative, "a number, 0 or more, e.g. 0.1")
+    if name in ("poisson",):
+        return Key(_number, "a number, e.g. 0.25")
+    return Key(_number if name.startswith("lam") else _positive, "a number greater than 0")
+
+
+def keys_of(model, complain) -> dict[str, Key]:
+    """The keys of a material of this model, apart from what every material has. `complain(why)` makes the error for an unknown model."""
+    known = models()
+    if not isinstance(model, str) or model not in known:
+        raise complain(f"unknown {model!r}: {guess(str(model), known)}known: {', '.join(known)}")
+    return {"density": Key(_positive, "a mass per volume greater than 0"), **{p: _value(p) for p in parameters(known[model])}}

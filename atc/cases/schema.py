@@ -1,0 +1,238 @@
+"""What a peridynamics case may hold: its sections and keys and what values they take. The checks are those of scenes (`atc.scene_schema`)."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+from ..config.schema import SCHEMA as SCENE
+from ..config.schema import Key, _boolean, _choice, _count, _either, _integer, _list_of, _not_negative, _number, _positive, _seed, _string
+
+SHAPES = {"box": ("lo", "hi"), "cylinder": ("axis", "center", "radius", "lo", "hi"), "sphere": ("center", "radius")}
+
+
+def _bound(v):
+    """A number, also inf and -inf: an open side."""
+    if isinstance(v, bool) or not isinstance(v, (int, float)) or v != v:
+        raise ValueError
+    return v
+
+
+def _dimension(v):
+    if isinstance(v, bool) or v not in (1, 2, 3):
+        raise ValueError
+    return v
+
+
+_V3 = _list_of(_number, 3)
+
+
+def _table(row, what):
+    """A table {times, values}."""
+
+    def checked(v):
+        if set(v) != {"times", "values"}:
+            raise ValueError("a table has the keys times and values")
+        times, values = _list_of(_number)(v["times"]), _list_of(row)(v["values"])
+        if len(times) != len(values) or any(b <= a for a, b in pairwise(times)):
+            raise ValueError(f"a table needs increasing times and one {what} for each")
+        return {"times": times, "values": values}
+
+    return checked
+
+
+def _history(variables, free=False):
+    """Three components, each a number, a formula of `variables`, a table of numbers, or maybe "free"; or one table of rows of three."""
+
+    def number(v):
+        return v if free and v == "free" else _number(v)
+
+    def component(v):
+        if isinstance(v, dict) and "t" in variables:
+            return _table(_number, "value")(v)
+        if isinstance(v, str) and not (free and v == "free"):
+            from ..config.formulas import Formula
+
+            Formula(v, variables, ("free",) if free else ())
+            return v
+        return number(v)
+
+    def checked(v):
+        if isinstance(v, dict) and "t" in variables:
+            return _table(_list_of(number, 3), "row of three values")(v)
+        return _list_of(component, 3)(v)
+
+    return checked
+
+
+def _region(v):
+    """A region's name, or its description."""
+    if isinstance(v, str):
+        return _string(v)
+    return _described(v)
+
+
+def _described(v):
+    if not isinstance(v, dict):
+        raise ValueError
+    if set(v) & {"any", "all", "not"}:
+        if len(v) != 1:
+            raise ValueError("any, all and not stand alone")
+        ((word, inner),) = v.items()
+        return {word: _region(inner) if word == "not" else _list_of(_region)(inner)}
+    shape = v.get("shape")
+    if shape not in SHAPES:
+        raise ValueError(f"shape must be one of {', '.join(SHAPES)}")
+    for key in v:
+        if key != "shape" and key not in SHAPES[shape]:
+            raise ValueError(f"a {shape} has no {key!r}; its keys: {', '.join(SHAPES[shape])}")
+    out: dict[str, Any] = {"shape": shape}
+    for key in SHAPES[shape]:
+        if shape == "cylinder" and key in ("lo", "hi"):
+            out[key] = _bound(v.get(key, float("-inf") if key == "lo" else float("inf")))
+            continue
+        if key not in v:
+            raise ValueError(f"a {shape} needs {', '.join(k for k in SHAPES[shape] if shape != 'cylinder' or k not in ('lo', 'hi'))}")
+        if key == "radius":
+            out[key] = _positive(v[key])
+        elif key == "axis":
+            out[key] = _choice(["x", "y", "z"])(v[key])
+        elif key == "center":
+            out[key] = _list_of(_number, 2 if shape == "cylinder" else 3)(v[key])
+        else:
+            out[key] = _list_of(_bound, 3)(v[key])
+    return out
+
+
+_REGION = Key(_region, 'the name of a region, or { shape = "box", lo = [...], hi = [...] }')
+_TABLE = "or { times = [...], values = [[...], ...] }"
+_MOTION = Key(_history(("t", "x", "y", "z"), free=True), f'three of numbers, formulas of t, x, y, z and "free", {_TABLE}')
+_PATH = Key(_history(("t",)), f"a point, three numbers or formulas of t, {_TABLE}")
+_START = Key(_history(("x", "y", "z")), "three numbers or formulas of x, y, z")
+_POINT = Key(_V3, "a point, e.g. [0.0, 0.0, 0.0]")
+# When bonds break: of a material, and of an interface.
+_STRENGTH = {
+    "s00": Key(_positive, "a critical stretch, e.g. 0.0005"),
+    "Gc": Key(_positive, "a fracture energy per area, greater than 0"),
+    "alpha": Key(_not_negative, "a number, 0 or more, e.g. 0.25"),
+    "breaks": Key(_boolean, "true or false"),
+}
+
+
+def _two_materials(v):
+    if not isinstance(v, list) or len(v) != 2 or not all(isinstance(m, (str, int)) and not isinstance(m, bool) for m in v):
+        raise ValueError
+    if v[0] == v[1]:
+        raise ValueError("an interface is between two different materials")
+    return v
+
+
+# Sections of one table.
+TABLES: dict[str, dict[str, Key]] = {
+    "body": {
+        "region": _REGION,
+        "file": Key(
+            _string, 'a file of nodes: .csv, .extxyz, a LAMMPS data file (atom_style peri), or a mesh, e.g. "plate.vtu"', path=True
+        ),
+        "spacing": Key(_positive, "the distance between nodes, greater than 0"),
+        "horizon": Key(_positive, "a length greater than 0, e.g. 0.0015001"),
+        "density": Key(_positive, "a mass per volume greater than 0"),
+        "volume": Key(_positive, "the volume of each node, greater than 0"),
+        "dimension": Key(_dimension, "1, 2 or 3"),
+        "plane": Key(_choice(["stress", "strain"]), '"stress" or "strain"'),
+        "thickness": Key(_positive, "a length greater than 0 (in one dimension the cross-section)"),
+        "offset": _POINT,
+        "jitter": Key(_not_negative, "the largest random displacement in spacings, e.g. 0.1"),
+        "seed": Key(_seed, "a whole number, 0 or more"),
+        "cell": Key(_list_of(_either(_positive, _V3), 3), "three lengths or edge vectors of a periodic cell"),
+        "origin": _POINT,
+        "periodic": Key(_list_of(_boolean, 3), "three of true and false, e.g. [true, true, false]"),
+    },
+    "regions": {},
+    "damage": {
+        **{k: _STRENGTH[k] for k in ("s00", "Gc", "alpha")},
+        "no_fail": Key(_either(_list_of(_region), lambda v: [_region(v)]), "regions whose bonds never break"),
+    },
+    "contact": {
+        "strength": Key(_not_negative, "the multiple of the micromodulus, e.g. 15"),
+        "own": Key(_positive, "a share of a pair's reference distance, e.g. 0.9"),
+        "reach": Key(_positive, "a multiple of the sum of the radii, e.g. 1.35"),
+        "skin": Key(_positive, "how much further the list of pairs looks, in spacings, e.g. 0.75"),
+    },
+    "run": {
+        "steps": Key(_count, "a number of steps, e.g. 2000"),
+        "dt": Key(_positive, "a time step greater than 0"),
+        "safety": Key(_positive, "the time step as a part of the stable one, e.g. 0.8"),
+        "damping": Key(_not_negative, "a rate, 0 or more"),
+        "solver": Key(_choice(["verlet", "relax", "static"]), '"verlet" (motion), "relax" or "static" (equilibrium at every step)'),
+        "tolerance": Key(_positive, "the force left over relative to the largest one, e.g. 1e-8"),
+        "iterations": Key(_count, "the most iterations of one equilibrium, e.g. 50000"),
+        "lammps_compat": Key(_boolean, "true or false"),
+        "restart": Key(_string, "the restart file of an earlier run", path=True),
+    },
+    "output": {
+        "file": Key(_string, 'the file to write, e.g. "out.zarr" or "out.nc"', path=True),
+        "every": Key(_count, "steps between two outputs, e.g. 100"),
+        "quantities": Key(_list_of(_string), 'a list, e.g. ["displacement", "damage"]'),
+        "vtk": Key(_string, 'a folder for ParaView\'s files, e.g. "disk-vtk"', path=True),
+        "extxyz": Key(_string, 'a file for frames, e.g. "disk.extxyz"', path=True),
+        "restart": Key(_string, 'a file for the state at the end, e.g. "end.npz"', path=True),
+    },
+    "kernel": SCENE["kernel"],
+    "grid": SCENE["grid"],
+    "fields": {k: SCENE["fields"][k] for k in ("quantities", "tolerance", "method", "horizon")},
+}
+
+# Sections of which there may be several, [[wall]] ... [[wall]] ...
+ARRAYS: dict[str, dict[str, Key]] = {
+    "material": {
+        "model": Key(_string, 'e.g. "pmb"'),
+        "name": Key(_string, 'a name for [[interface]], e.g. "glass"'),
+        "id": Key(_integer, "a whole number"),
+        "region": _REGION,
+        **_STRENGTH,
+    },
+    "interface": {
+        "between": Key(_two_materials, 'two materials by name or id, e.g. ["glass", "steel"]'),
+        "bonded": Key(_boolean, "true or false"),
+        "stiffness": Key(_positive, "how stiff its bonds are relative to the default, greater than 0, e.g. 0.1"),
+        **_STRENGTH,
+    },
+    "notch": {
+        "start": Key(_list_of(_number, 2), "the start of the line, [x, y]"),
+        "end": Key(_list_of(_number, 2), "the end of the line, [x, y]"),
+        "origin": _POINT,
+        "a": Key(_V3, "an edge of the cut, e.g. [0.05, 0.0, 0.0]"),
+        "b": Key(_V3, "the other edge of the cut, e.g. [0.0, 0.0, 0.01]"),
+        "as_damage": Key(_boolean, "true or false"),
+    },
+    "indenter": {
+        "radius": Key(_positive, "a length greater than 0"),
+        "stiffness": Key(_positive, "a force per volume and length squared"),
+        "center": _PATH,
+        "velocity": Key(_V3, "three numbers"),
+        "axis": Key(_choice(["x", "y", "z"]), '"x", "y" or "z" for a cylinder'),
+    },
+    "wall": {
+        "point": _PATH,
+        "normal": _POINT,
+        "stiffness": Key(_positive, "a force per volume and length squared"),
+        "velocity": Key(_V3, "three numbers"),
+    },
+    "initial": {
+        "region": _REGION,
+        "velocity": _START,
+        "displacement": _START,
+    },
+    "prescribed": {
+        "region": _REGION,
+        "velocity": _MOTION,
+        "displacement": _MOTION,
+        "until": Key(_positive, "a time greater than 0"),
+    },
+    "body_force": {
+        "region": _REGION,
+        "density": Key(_history(("t", "x", "y", "z")), f"force per volume, three numbers or formulas of t, x, y, z, {_TABLE}"),
+        "total": Key(_history(("t",)), f"one force shared out by volume, three numbers or formulas of t, {_TABLE}"),
+    },
+}

@@ -1,0 +1,78 @@
+"""``atc advect``: nonlocal advection. Only the options live here; the work is in `atc.advection` and `atc.advection_study`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..errors import AtcError
+
+
+def register(app: typer.Typer) -> None:
+    app.command()(advect)
+
+
+def advect(
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="OUT", help="The run as .nc or .zarr; a picture goes beside it.", show_default=False)
+    ],
+    initial: Annotated[
+        str, typer.Option("--initial", metavar="FORMULA", help="u at t = 0, a formula of x (and L, the period).")
+    ] = "sin(2*pi*x/L)",
+    length: Annotated[float, typer.Option("--length", metavar="L", help="The period.")] = 1.0,
+    nodes: Annotated[int, typer.Option("--nodes", metavar="N", help="Grid points.")] = 1024,
+    kernel: Annotated[
+        str,
+        typer.Option(
+            "--kernel",
+            metavar="NAME|FORMULA|FILE",
+            help="box, triangle, gaussian; a formula of s = |z|/horizon; or a file with columns s and b(s).",
+        ),
+    ] = "gaussian",
+    horizon: Annotated[
+        float, typer.Option("--horizon", metavar="D", help="Reach of the kernel; three standard deviations of gaussian, which reaches 3 D.")
+    ] = 0.02,
+    viscosity: Annotated[float, typer.Option("--viscosity", metavar="EPS", help="Strength of the regularisation; 0 is inviscid.")] = 0.01,
+    flux: Annotated[str, typer.Option("--flux", metavar="NAME|FORMULA", help="burgers (u^2/2), or a formula of u.")] = "burgers",
+    two_point: Annotated[
+        str, typer.Option("--two-point", metavar="NAME", help="midpoint, or conserving (energy constant at viscosity 0).")
+    ] = "midpoint",
+    duration: Annotated[float, typer.Option("--duration", metavar="T", help="How long.")] = 1.0,
+    frames: Annotated[int, typer.Option("--frames", metavar="N", help="Recorded times.")] = 101,
+    method: Annotated[str, typer.Option("--method", metavar="NAME", help="auto, fft (Burgers) or stencil.")] = "auto",
+    safety: Annotated[float, typer.Option("--safety", metavar="C", help="Part of the stable time step to take.")] = 0.5,
+    reference: Annotated[
+        bool, typer.Option("--reference/--no-reference", help="Compare with the local equation (Cole-Hopf, Hopf-Lax).")
+    ] = True,
+    horizons: Annotated[
+        str | None,
+        typer.Option(
+            "--horizons", metavar="H1,H2,...", help="A study instead: these horizons against Cole-Hopf at the end.", show_default=False
+        ),
+    ] = None,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing.")] = False,
+) -> None:
+    """Nonlocal advection in one dimension: Burgers or another flux, shocks, mass and entropy ledgers, against the local equation."""
+    from ..advection.study import convergence_study, picture, run_study
+    from ..upscaling.custom import save_dataset, writable
+
+    output = writable(output)
+    common = {
+        "initial": initial, "length": length, "nodes": nodes, "kernel": kernel, "viscosity": viscosity, "flux": flux, "two_point": two_point, "duration": duration,
+        "method": method, "safety": safety,
+    }  # fmt: skip
+    if horizons is not None:
+        try:
+            values = [float(h) for h in horizons.split(",")]
+        except ValueError:
+            raise AtcError(f"--horizons {horizons}: expected lengths, e.g. --horizons 0.08,0.04,0.02") from None
+        study = convergence_study(horizons=values, **common)
+    else:
+        study = run_study(horizon=horizon, frames=frames, reference=reference, **common)
+    save_dataset(study.dataset, output)
+    drawn = picture(study, output.with_suffix(".png"))
+    if not quiet:
+        print("\n".join(study.lines))
+        print(f"dataset: {output}\npicture: {drawn}")

@@ -1,0 +1,107 @@
+"""``atc bench``: speed against error, and the cost model's constants."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..errors import AtcError
+from .common import Begin, End, Jobs, Quiet, Set, Step, console, load_scene
+
+
+def register(app) -> None:
+    """Add the command to the application."""
+
+    @app.command()
+    def bench(
+        scene: Annotated[Path | None, typer.Argument(metavar="SCENE", help="The scene, a TOML file.", show_default=False)] = None,
+        set: Set = None,
+        begin: Begin = None,
+        end: End = None,
+        step: Step = None,
+        jobs: Jobs = 1,
+        tolerances: Annotated[
+            str | None, typer.Option("--tolerances", metavar="T1,T2,...", help="Tolerances of the spectral method.", show_default=False)
+        ] = None,
+        field: Annotated[
+            str | None,
+            typer.Option(
+                "--field", metavar="NAME", help="Which of the scene's fields; default: stress_potential, or the first.", show_default=False
+            ),
+        ] = None,
+        calibrate: Annotated[
+            bool, typer.Option("--calibrate", help="Measure what plans and choices of methods are based on, and keep it.")
+        ] = False,
+        picture: Annotated[
+            Path | None,
+            typer.Option("--picture", metavar="FILE", help="Where the picture goes; default: next to SCENE.", show_default=False),
+        ] = None,
+        json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+        quiet: Quiet = False,
+    ) -> None:
+        """Time against error of every method on the scene's first frame, next to binned and smoothed per-atom virials.
+
+        With --calibrate (and no scene) the constants of the cost model are measured on this machine, in about a minute, and kept in the user's cache
+        folder; `atc plan` and method "auto" use them from then on.
+        """
+        if calibrate:
+            _calibrate(json, quiet)
+            if scene is None:
+                return
+        if scene is None:
+            raise AtcError("atc bench: give a scene, or --calibrate")
+        from ..analysis.bench import TOLERANCES
+        from ..analysis.bench import bench as run
+        from ..pictures.drawing import picture_kind
+        from ..plan import Request
+
+        target = picture or scene.with_name(scene.stem + "-bench.png")
+        picture_kind(target)
+        ladder = TOLERANCES if tolerances is None else _numbers(tolerances)
+        made = load_scene(scene, set, begin, end, step)
+        arguments = made.arguments(jobs)
+        arguments["threads"], arguments["workers"] = max(arguments["threads"], arguments["workers"]), 1
+        arguments["traj"] = arguments["traj"][:1]
+        result = run(Request(**arguments), ladder, (lambda text: None) if quiet or json else _say, field=field)
+        result.picture(target)
+        if json:
+            print(result.json())
+        else:
+            result.print(console())
+            if not quiet:
+                print(f"picture: {target}")
+
+
+def _say(text: str) -> None:
+    import sys
+
+    if sys.stderr.isatty():
+        print(f"  {text} ...", file=sys.stderr, flush=True)
+
+
+def _numbers(text: str) -> list[float]:
+    try:
+        values = [float(t) for t in text.split(",") if t.strip()]
+        if not values or not all(0 < t < 1 for t in values):
+            raise ValueError
+    except ValueError:
+        raise AtcError(f"--tolerances {text}: expected numbers between 0 and 1, e.g. --tolerances 1e-3,1e-5") from None
+    return sorted(values, reverse=True)
+
+
+def _calibrate(json: bool, quiet: bool) -> None:
+    from dataclasses import asdict
+    from json import dumps
+
+    from ..calibrate import calibrate
+
+    costs = calibrate((lambda text: None) if quiet or json else _say)
+    path = costs.save()
+    if json:
+        print(dumps(asdict(costs), indent=1))
+    elif not quiet:
+        print(f"costs of this machine: {path} (delete it to go back to those shipped)")
+        print(f"a visit of the quartic's {costs.visit['even'] * 1e9:.1f} ns, a pair {costs.pair * 1e9:.0f} ns, a spread point {costs.spread_point * 1e9:.0f} ns"
+              f" and {costs.spread_register * 1e9:.2f} ns a register of its window")  # fmt: skip

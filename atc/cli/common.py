@@ -1,0 +1,160 @@
+"""What the commands of ``atc`` share: options, the loading of scenes, progress, the console. Nothing heavy is imported here."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ..errors import AtcError
+from ..terminal import printable, unfiltered
+
+#: What is said of a command that is stopped and can be continued: set by `kept_on_interrupt`.
+_kept: str | None = None
+
+
+@contextlib.contextmanager
+def kept_on_interrupt(message: str):
+    """While this runs, an interruption ends with `message`."""
+    global _kept
+    _kept = message
+    try:
+        yield
+    finally:
+        if not issubclass(sys.exc_info()[0] or type(None), KeyboardInterrupt):
+            _kept = None
+
+
+def interrupted(word: str = "interrupted") -> str:
+    """What to say after Ctrl-C, or the signal that `word` is for."""
+    return f"{word}; {_kept}" if _kept else word
+
+
+SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="The scene, a TOML file.", show_default=False)]
+Set = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="SECTION.KEY=VALUE",
+        help="Override a key of the scene, e.g. --set kernel.radius=10. Repeatable.",
+        show_default=False,
+    ),
+]
+Begin = Annotated[int | None, typer.Option("-b", "--begin", metavar="N", help="First frame, counted from 0.", show_default=False)]
+End = Annotated[int | None, typer.Option("-e", "--end", metavar="N", help="Frame to stop before.", show_default=False)]
+Step = Annotated[int | None, typer.Option("--step", metavar="N", help="Take every N-th frame.", show_default=False)]
+Jobs = Annotated[int, typer.Option("-j", "--jobs", metavar="N", help="Processor cores to use; 0 is all of them.")]
+Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no summary.")]
+Topology = Annotated[
+    str | None, typer.Option("--topology", metavar="FILE", help="LAMMPS data file with masses, charges, bonds.", show_default=False)
+]
+UnitsOption = Annotated[
+    str | None, typer.Option("--units", metavar="STYLE", help="LAMMPS unit style: lj, real, metal, si, ...", show_default=False)
+]
+Masses = Annotated[
+    str | None, typer.Option("--masses", metavar="LIST", help="Masses by type: 28.0855,15.999 or 1=28.0855,2=15.999.", show_default=False)
+]
+
+
+def load_scene(path, settings, begin=None, end=None, step=None, quiet=True):
+    """The scene with the flags' overrides on top."""
+    from ..config.scene import Scene
+
+    overrides: list[Any] = list(settings or [])
+    flags = {k: v for k, v in (("begin", begin), ("end", end), ("step", step)) if v is not None}
+    scene = Scene.load(path, overrides)
+    if flags:
+        frames = scene.get("trajectory", "frames")
+        if frames is not None:
+            from ..config.schema import frame_slice
+
+            s = frame_slice(frames)
+            written = {k: v for k, v in (("begin", s.start), ("end", s.stop), ("step", s.step)) if v is not None}
+            flags = written | flags
+        names = {"begin": "-b", "end": "-e", "step": "--step"}
+        scene.set("trajectory", "frames", flags, flag=" ".join(f"{names[k]} {v}" for k, v in flags.items()))
+    return scene
+
+
+def parse_masses(text: str | None):
+    if text is None:
+        return None
+    parts = [p for p in text.replace(" ", ",").split(",") if p]
+    try:
+        if all("=" in p for p in parts):
+            return {int(k) if k.isdigit() else k: float(v) for k, v in (p.split("=", 1) for p in parts)}
+        return [float(p) for p in parts]
+    except ValueError:
+        raise AtcError(f"--masses {text}: expected masses by type, e.g. 28.0855,15.999 or 1=28.0855,2=15.999") from None
+
+
+def console():
+    from rich.console import Console
+    from rich.segment import Segment
+
+    class Clean(Console):
+        """Draws colours and tables, but no text that would steer the terminal."""
+
+        def render(self, renderable, options=None):
+            for part in super().render(renderable, options):
+                yield part if part.control or part.text.isprintable() else Segment(printable(part.text), part.style)
+
+    # wide when piped, so that no number is cut; no markup, so that file names with brackets survive
+    return Clean(file=unfiltered(sys.stdout), width=None if sys.stdout.isatty() else 200, markup=False, highlight=False)
+
+
+class Progress:
+    """What `atc.fields` calls after every frame; draws a bar when somebody watches."""
+
+    def __init__(self, bar=None, things: str = "frames"):
+        self.bar, self.task, self.things = bar, None, things
+        self.there = self.total = 0
+        self.rate = 0.0
+
+    def __call__(self, done: int, total: int, rate: float) -> None:
+        self.total, self.rate = total, rate
+        if rate == 0.0:  # the first call: what an earlier, interrupted run left
+            self.there = done
+        if self.bar is None:
+            return
+        if self.task is None:
+            self.bar.start()
+            self.task = self.bar.add_task(self.things, total=total, completed=done, rate="", left="")
+            return
+        left = (total - done) / rate if rate > 0 else 0.0
+        each = f"{rate:.3g} {self.things}/s" if rate >= 1 else f"{1 / rate:.3g} s/{self.things[:-1]}" if rate > 0 else ""
+        self.bar.update(self.task, completed=done, rate=each, left=f"{duration(left)} left" if done < total else "")
+
+
+@contextlib.contextmanager
+def progress_bar(quiet: bool, things: str = "frames"):
+    """A progress bar on the terminal; silent when stderr is piped or `quiet`."""
+    if quiet or not sys.stderr.isatty():
+        yield Progress(things=things)
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
+    from rich.progress import Progress as Bar
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TextColumn("{task.fields[left]}"),
+    )
+    bar = Bar(*columns, console=Console(file=unfiltered(sys.stderr), stderr=True), transient=True)
+    try:
+        yield Progress(bar, things)
+    finally:
+        bar.stop()
+
+
+def duration(seconds: float) -> str:
+    if seconds < 90:
+        return f"{seconds:.1f} s" if seconds < 10 else f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"

@@ -1,0 +1,52 @@
+"""``atc dispersion``: frequencies of a crystal from its force constants, phonopy, peridynamic models and a trajectory."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .common import Begin, End, Quiet, SceneFile, Set, Step, console, load_scene
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+
+    @app.command()
+    def dispersion(
+        scene: SceneFile,
+        output: Annotated[
+            Path | None, typer.Option("-o", "--output", metavar="OUT", help="Write a dataset: .nc or .zarr.", show_default=False)
+        ] = None,
+        set: Set = None,
+        begin: Begin = None,
+        end: End = None,
+        step: Step = None,
+        picture: Annotated[
+            Path | None, typer.Option("--picture", metavar="FILE", help="Draw everything in one picture.", show_default=False)
+        ] = None,
+        json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+        overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
+        quiet: Quiet = False,
+    ) -> None:
+        """Phonon dispersion of a crystal: lattice, phonopy, peridynamic models and a trajectory side by side, with elastic constants.
+
+        Needs [dispersion] and [potential], [trajectory] or both.
+        """
+        from ..upscaling.dispersion import dispersion_of_scene
+
+        made = load_scene(scene, set, begin, end, step)
+        out = made.output(output, overwrite=overwrite) if output is not None or made.get("output", "file") is not None else None
+        result = dispersion_of_scene(made)
+        if out is not None:
+            result.save(out)
+        if picture is not None:
+            result.picture(picture)
+        if json:
+            print(result.json())
+        elif not quiet:
+            result.print(console())
+            for what, path in (("dataset", out), ("picture", picture)):
+                if path is not None:
+                    print(f"{what}: {path}")

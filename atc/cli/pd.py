@@ -1,0 +1,152 @@
+"""``atc pd CASE.toml`` and ``atc export OUT``."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .common import duration, kept_on_interrupt, progress_bar
+
+
+def register(app) -> None:
+    """Add the commands to `app`."""
+    app.command("pd")(pd_command)
+    app.command("export")(export_command)
+
+
+def pd_command(
+    case: Annotated[Path, typer.Argument(metavar="CASE", help="The case, a TOML file.", show_default=False)],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="OUT", help="The file to write: .zarr or .nc.", show_default=False)
+    ] = None,
+    set: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="SECTION.KEY=VALUE",
+            help="Override a key of the case, e.g. --set run.steps=100. Repeatable.",
+            show_default=False,
+        ),
+    ] = None,
+    jobs: Annotated[int, typer.Option("-j", "--jobs", metavar="N", help="Processor cores to use; 0 is all of them.")] = 0,
+    check: Annotated[bool, typer.Option("--check", help="Only say what would be run: nodes, bonds, time step, memory.")] = False,
+    restart: Annotated[bool, typer.Option("--restart", help="Forget what an interrupted run has done.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no summary.")] = False,
+) -> None:
+    """Run a peridynamic body. After an interruption the same command continues, with the same result as if there had been none."""
+    from ..cases.case import Case
+    from ..errors import AtcError
+
+    if jobs < 0:
+        raise AtcError(f"-j {jobs}: expected a number of processor cores, or 0 for all of them")
+    made = Case.load(case, set)
+    if check:
+        print(describe(made))
+        return
+    out = made.output(output, overwrite=overwrite)
+    started = time.perf_counter()
+    with (
+        kept_on_interrupt("what is done is kept: the same command continues"),
+        progress_bar(quiet, "steps") as progress,
+    ):
+        try:
+            ds = made.run(out, threads=jobs, progress=progress, resume=not restart)
+        except AtcError as e:
+            raise AtcError(str(e).replace("start again without resuming", "start again with --restart")) from None
+    if not quiet:
+        summary(ds, out, time.perf_counter() - started, progress)
+
+
+def describe(case) -> str:
+    """What a case would run."""
+    sim = case.simulation(1)
+    body, run = sim.body, case.data["run"]
+    state = sum(a.nbytes for a in sim.state.to_arrays().values())
+    bonds = len(body.bonds)
+    return "\n".join(
+        [
+            f"{len(body)} nodes in {body.dimension} dimension{'s' * (body.dimension > 1)}, {bonds} bonds, horizon {body.horizon:g} = {body.horizon / body.spacing:.3g} spacings",
+            *_held_together(case, sim),
+            f"time step {sim.dt:.4g}, {sim.dt / sim.time_step_stable:.2f} of the stable {sim.time_step_stable:.4g}; {run['steps']} steps to {run['steps'] * sim.dt:.4g}",
+            f"broken at the start: {sim.n_broken} bonds; one saved state takes {state / 1e6:.1f} MB",
+        ]
+    )
+
+
+def _held_together(case, sim) -> list[str]:
+    """A line for each material, and one for each pair of them that has bonds or an interface of its own."""
+    import numpy as np
+
+    from ..cases.damage import between
+
+    names = {m.get("id", k + 1): f" {m['name']}" for k, m in enumerate(case.data["material"]) if "name" in m}
+    numbers, table, rule = sim.body.material_n, sim.body.bonds, sim.model.rule
+    pairs, counts = np.unique(np.sort([numbers[table.i_b], numbers[table.j_b]], axis=0), axis=1, return_counts=True)
+    bonds = {tuple(int(m) for m in p): int(n) for p, n in zip(pairs.T, counts, strict=True)}
+    own = {between(case, k): t for k, t in enumerate(case.data.get("interface", []))}
+
+    def breaks(pair):
+        s00, alpha = rule.s00[sim.model.kinds[pair]], rule.alpha[sim.model.kinds[pair]]
+        return f"break at a stretch of {s00:.4g}{f', alpha {alpha:g}' if alpha else ''}" if np.isfinite(s00) else "never break"
+
+    lines = [
+        f"material {n}{names.get(n, '')}: {m.name}, {int((numbers == n).sum())} nodes, {bonds.get((n, n), 0)} bonds that {breaks((n, n))}"
+        for n, m in sorted(sim.materials.items())
+    ]
+    for pair in sorted({p for p in bonds if p[0] != p[1]} | set(own)):
+        t = own.get(pair, {})
+        if not t.get("bonded", True):
+            lines.append(f"between {pair[0]} and {pair[1]}: no bonds")
+            continue
+        stiffness = f", {t['stiffness']:g} times as stiff as by default," if "stiffness" in t else ""
+        lines.append(f"between {pair[0]} and {pair[1]}: {bonds.get(pair, 0)} bonds{stiffness} that {breaks(pair)}")
+    return lines
+
+
+def summary(ds, out, seconds, progress) -> None:
+
+    done = progress.total - progress.there
+    before = f"{progress.there} of {progress.total} steps were there, {done} computed" if progress.there else f"{done} steps"
+    print(f"{out}: {ds.attrs['quantities']} of {ds.sizes['node']} nodes at {ds.sizes['frame']} times")
+    total = ds["energy_total"].values
+    moved = max(float(abs(ds[f"energy_{k}"]).max()) for k in ("kinetic", "strain", "work_external", "work_constraint"))
+    drift = f"; the energy ledger closes to {abs(total - total[0]).max() / moved:.1e} of its largest part" if moved > 0 else ""
+    print(
+        f"broken bonds: {int(ds['n_broken'][-1])} of {ds.attrs['bonds']}; largest damage {float(ds['damage'][-1].max()) if 'damage' in ds else float('nan'):.3g}{drift}"
+    )
+    print(f"{before} in {duration(seconds)}" + (f" ({1000 * seconds / done:.3g} ms a step, start and output included)" if done > 1 else ""))
+
+
+def export_command(
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="Output of atc fields or atc pd.", show_default=False)],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", metavar="FILE", help="What to write: .pvd (default), .vtu, .vti, .vts or .extxyz.", show_default=False
+        ),
+    ] = None,
+    quantity: Annotated[
+        str | None,
+        typer.Option("-q", "--quantity", metavar="NAMES", help="Which fields, separated by commas; default all.", show_default=False),
+    ] = None,
+    begin: Annotated[
+        int | None, typer.Option("-b", "--begin", metavar="N", help="First frame, counted from 0.", show_default=False)
+    ] = None,
+    end: Annotated[int | None, typer.Option("-e", "--end", metavar="N", help="Frame to stop before.", show_default=False)] = None,
+    step: Annotated[int | None, typer.Option("--step", metavar="N", help="Take every N-th frame.", show_default=False)] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Do not print the file's name.")] = False,
+) -> None:
+    """Write an output for ParaView (VTK) or as extended XYZ."""
+    from ..errors import AtcError
+    from ..export.export import export
+
+    if step is not None and step < 1:
+        raise AtcError(f"--step {step}: expected a whole number, 1 or more")
+    names = [q.strip() for q in quantity.split(",")] if quantity else None
+    path = export(out, output, quantities=names, frames=slice(begin, end, step))
+    if not quiet:
+        print(path)

@@ -1,0 +1,49 @@
+"""``atc verify``: energy, forces and pressure tensor of the potential beside those of the run."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from .common import Begin, End, Jobs, SceneFile, Set, Step, console, load_scene
+
+
+def register(app) -> None:
+    """Add the command to the application."""
+
+    @app.command()
+    def verify(
+        scene: SceneFile,
+        set: Set = None,
+        begin: Begin = None,
+        end: End = None,
+        step: Step = None,
+        jobs: Jobs = 1,
+        frames: Annotated[
+            str | None,
+            typer.Option(
+                "--frames",
+                metavar="LIST",
+                help="Which of the scene's frames: 0,10,-1, a slice 0:100:20, or all; default: the first, the middle and the last.",
+                show_default=False,
+            ),
+        ] = None,
+        json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+        quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Only the exit status.")] = False,
+    ) -> None:
+        """Model and run side by side: energy, forces, pressure tensor, temperature; needs [trajectory] and [potential].
+
+        The run's forces are those in the trajectory, its energy and pressure those of the log file named by log in [trajectory]. Differences are set
+        against what the digits of the files explain. Exit status 0 when model and run agree, 1 when they do not, 2 when they cannot be compared.
+        """
+        from ..agreement.run_check import verify_scene
+        from ..plan import cores
+
+        found = verify_scene(load_scene(scene, set, begin, end, step), frames, threads=cores(jobs))
+        if json:
+            print(found.json())
+        elif not quiet:
+            found.print(console())
+        if not found.agrees:
+            raise typer.Exit(1)

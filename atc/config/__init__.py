@@ -1,0 +1,1 @@
+"""TOML, its checks, formulas, the scene and its schema."""

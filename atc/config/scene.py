@@ -1,0 +1,596 @@
+"""Scenes: the TOML file in which a person says what to compute.
+
+A scene has the sections ``[trajectory]``, ``[potential]``, ``[kernel]``, ``[grid]``, ``[fields]``, ``[check]``, ``[dispersion]`` and ``[output]``. Everything in it is
+checked before anything is computed; every complaint names the file and the line (or the ``--set`` flag) and says what was expected.
+Paths are relative to the scene file, lengths in the trajectory's unit style.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ..errors import AtcError
+from .schema import GRIDS, SCHEMA, frame_slice, guess
+from .toml import Document, complaint, key_lines, read_document, toml_key, toml_value
+
+# --------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Scene(Document):
+    """What to compute: a checked scene.
+
+    Attributes
+    ----------
+    data : {section: {key: value}} after overrides, checked; values in the user's units, paths as written
+    folder : where relative paths start
+    name : what to call the scene in messages
+    """
+
+    data: dict[str, dict[str, Any]]
+    folder: Path = field(default_factory=Path, compare=False)
+    name: str = field(default="scene", compare=False)
+    _lines: dict = field(default_factory=dict, repr=False, compare=False)
+    _flags: dict = field(default_factory=dict, repr=False, compare=False)
+    _text: str = field(default="", repr=False, compare=False)
+
+    # ---- making one
+
+    @classmethod
+    def load(cls, source: str | os.PathLike | Mapping, overrides: Mapping[str, Any] | list[str] | None = None) -> Scene:
+        """Read and check a scene.
+
+        Parameters
+        ----------
+        source : path of a TOML file, or a mapping of sections
+        overrides : ``{"kernel.radius": 10}`` or ``["kernel.radius=10"]`` (the value as TOML, or a bare word)
+
+        Raises
+        ------
+        AtcError : naming file, line and key, for anything unknown, missing or malformed
+        """
+        if isinstance(source, Scene):
+            return cls.load({s: dict(t) for s, t in source.data.items()}, overrides)._placed(source)
+        if isinstance(source, Mapping):
+            return cls._build({k: dict(v) if isinstance(v, Mapping) else v for k, v in source.items()}, Path(), "scene", {}, overrides)
+        path = Path(source)
+        return cls.loads(read_document(path, "scene"), name=str(path), folder=path.parent, overrides=overrides)
+
+    @classmethod
+    def loads(cls, text: str, name: str = "scene", folder: str | os.PathLike = ".", overrides=None) -> Scene:
+        """Check a scene given as TOML text."""
+        try:
+            data = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as e:
+            raise AtcError(complaint(name, text, e)) from None
+        scene = cls._build(data, Path(folder), name, key_lines(text), overrides)
+        scene._text = text
+        return scene
+
+    def _placed(self, other: Scene) -> Scene:
+        self.folder, self.name, self._lines, self._text = other.folder, other.name, other._lines, other._text
+        return self
+
+    @classmethod
+    def _build(cls, data, folder, name, lines, overrides):
+        scene = cls(data, folder, name, lines)
+        for section, table in data.items():
+            if section not in SCHEMA:
+                raise AtcError(f"{scene.where(section)}: unknown section [{section}]: {guess(section, SCHEMA)}known: {', '.join(SCHEMA)}")
+            if not isinstance(table, dict):
+                raise AtcError(f"{scene.where(section)}: {section} must be a section: write [{section}] and its keys below")
+        for path, value, flag in _overrides(overrides):
+            section, key = path
+            scene.data.setdefault(section, {})[key] = value
+            scene._flags[section, key] = flag
+        scene._check()
+        return scene
+
+    # ---- complaints
+
+    def _bad(self, section, key, why) -> AtcError:
+        return AtcError(f"{self.where(section, key)}: [{section}] {key}: {why}")
+
+    def _check(self):
+        for section, table in self.data.items():
+            known = SCHEMA[section]
+            for key, value in table.items():
+                if key not in known:
+                    raise AtcError(
+                        f"{self.where(section, key)}: unknown key {key!r} in [{section}]: {guess(key, known)}known: {', '.join(known)}"
+                    )
+                spec = known[key]
+                try:
+                    table[key] = spec.check(value)
+                except (ValueError, TypeError) as e:
+                    # int("abc") and its like bring Python's own words, which help nobody.
+                    reason = f" ({e})" if str(e) and "literal" not in str(e) else ""
+                    raise self._bad(section, key, f"expected {spec.expected}, got {_shown(value)}{reason}") from None
+        if "file" not in self.data.get("trajectory", {}) and not ("dispersion" in self.data and "trajectory" not in self.data):
+            raise self.need("trajectory", 'it needs file, the trajectory to read, e.g. file = "run.dump"')
+        self._check_grid()
+        self._check_potential()
+        for q in self.get("fields", "quantities", []):
+            self._check_name("fields", "quantities", q, _quantity_names())
+        name = self.data.get("kernel", {}).get("name")
+        if name is not None:
+            self._check_name("kernel", "name", name, _kernel_names())
+            if not isinstance(self.get("kernel", "table"), str):  # a table in a file is looked at when it is used
+                self.kernel()
+        elif "kernel" in self.data:
+            raise self.need("kernel", f"[kernel] needs name, one of {', '.join(_kernel_names())}")
+
+    def _check_name(self, section, key, word, known):
+        if known and word not in known:
+            raise self._bad(section, key, f"unknown {word!r}: {guess(word, known)}known: {', '.join(known)}")
+
+    def _check_potential(self):
+        if "potential" not in self.data:
+            return
+        given = [k for k in ("lammps", "input") if k in self.data["potential"]]
+        if not given:
+            raise self.need(
+                "potential", '[potential] needs lammps = """pair_style ...""" (LAMMPS lines) or input = "in.file" (a LAMMPS input script)'
+            )
+        if len(given) == 2:
+            raise self._bad("potential", "input", "give lammps or input, not both")
+        if "run" in self.data["potential"] and given != ["input"]:
+            raise self._bad("potential", "run", "goes with input, the script whose run it is")
+
+    def _check_grid(self):
+        if "grid" not in self.data:
+            return
+        table = self.data["grid"]
+        kind = table.get("kind")
+        if kind is None:
+            raise self.need("grid", f"[grid] needs kind, one of {', '.join(GRIDS)}")
+        needs, may = GRIDS[kind]
+        allowed = ["kind", *may]
+        for need in needs:
+            options = need if isinstance(need, tuple) else (need,)
+            allowed += options
+            given = [k for k in options if k in table]
+            if not given:
+                examples = " or ".join(f"{k} ({SCHEMA['grid'][k].expected})" for k in options)
+                raise self.need("grid", f"a {kind} grid needs {examples}")
+            if len(given) > 1:
+                raise self._bad("grid", given[1], f"give {' or '.join(options)}, not both")
+        for key in table:
+            if key not in allowed:
+                raise self._bad("grid", key, f"does not belong to a {kind} grid; its keys: {', '.join(allowed)}")
+        if not isinstance(table.get("points"), str):  # points in a file are looked at when they are used
+            self.grid()
+
+    def require_complete(self):
+        """What the quantities asked for need must be there."""
+        from ..estimators.registry import Work
+
+        quantities = self.get("fields", "quantities")
+        if quantities is None:
+            raise self.need("fields", 'it needs quantities, what to compute, e.g. quantities = ["stress", "density"]')
+        work = Work.of(quantities)
+        if work.bond_users and "potential" not in self.data:
+            raise self.need(
+                "potential", f'{work.bond_users[0]} needs one: lammps = """pair_style ...""" (LAMMPS lines) or input = "in.file"'
+            )
+        if work.kernel_users and "kernel" not in self.data:
+            raise self.need("kernel", f'{work.kernel_users[0]} needs one, e.g. name = "quartic" and radius = 8.0')
+        if work.grid_users and "grid" not in self.data:
+            raise self.need("grid", f'{work.grid_users[0]} needs one, e.g. kind = "regular" and spacing = 2.0')
+        if work.reference_users and self.get("trajectory", "reference") is None:
+            raise self.need(
+                "trajectory",
+                f"{work.reference_users[0]} needs reference, the index of the reference frame or the file that holds it, e.g. reference = 0",
+            )
+
+    # ---- what it means
+
+    def get(self, section: str, key: str, default=None):
+        """The value of a key, or `default`."""
+        return self.data.get(section, {}).get(key, default)
+
+    def path(self, section: str, key: str) -> Path | None:
+        """A file name of the scene, relative to the scene's folder unless absolute."""
+        value = self.get(section, key)
+        return None if value is None else self.folder / Path(value).expanduser()
+
+    def trajectory(self):
+        """The frames asked for, as `atc.read` gives them. `AtcError` if there are none."""
+        whole = self._whole()
+        frames = self.get("trajectory", "frames")
+        if frames is None:
+            part = whole
+        else:
+            part = whole[frame_slice(frames)]
+        if len(part) == 0:
+            why = f"{whole.source} has {len(whole)} complete frame{'s' * (len(whole) != 1)}, numbered from 0"
+            raise AtcError(
+                f"{self.where('trajectory', 'frames')}: [trajectory] frames: {_shown(frames) if frames is not None else 'all'} selects none: {why}"
+            )
+        return part
+
+    def _whole(self):
+        from ..readers.memory import completed
+
+        return completed(self._read(self._files(), "file"), self._script())
+
+    def _files(self):
+        """The path of the trajectory, or the paths of its files."""
+        given = self.get("trajectory", "file")
+        if isinstance(given, str):
+            return self.path("trajectory", "file")
+        return [self.folder / Path(name).expanduser() for name in given or []]
+
+    def _read(self, path, key):
+        from .. import read
+        from ..readers.chain import matching
+
+        for one in path if isinstance(path, list) else [path]:
+            try:
+                if matching(one) is None and not one.exists():
+                    raise AtcError(f"there is no file {one}")
+            except AtcError as e:
+                raise self._bad("trajectory", key, str(e)) from None
+        topology = self.path("trajectory", "topology")
+        if topology is not None and not topology.exists():
+            raise self._bad("trajectory", "topology", f"there is no file {topology}")
+        try:
+            return self._open(read, path, topology)
+        except AtcError as e:
+            named = any(str(one) in str(e) for one in (path if isinstance(path, list) else [path]))
+            if topology is not None and str(topology) in str(e):
+                key = "topology"
+            raise AtcError(str(e) if named else f"{self.where('trajectory', key)}: {e}") from None
+
+    def _open(self, read, path, topology):
+        """The trajectory; where neither it nor the scene says its units or atom style, those of the script that made it."""
+        units, masses = self.get("trajectory", "units"), self.get("trajectory", "masses")
+        more = {k: self.get("trajectory", k) for k in ("dimension", "atom_style")}
+        try:
+            return read(path, topology=topology, units=units, masses=masses, **more)
+        except AtcError as e:
+            pot = self._script() if units is None or more["atom_style"] is None else None
+            if pot is None:
+                raise
+            more["atom_style"] = more["atom_style"] or pot.atom_style or None
+            try:
+                return read(path, topology=topology, units=units or pot.units.name, masses=masses, **more)
+            except AtcError:
+                raise e from None
+
+    def _script(self):
+        """The potential of the scene's LAMMPS script, None if it has none."""
+        return self.potential() if self.get("potential", "input") is not None else None
+
+    def reference(self):
+        """The reference frame, or None: the index counts from the trajectory's first frame, whatever `frames` selects; of a file, its first frame."""
+        value = self.get("trajectory", "reference")
+        if value is None:
+            return None
+        if isinstance(value, str):
+            return self._read(self.path("trajectory", "reference"), "reference")[0]
+        whole = self._whole()
+        if not -len(whole) <= value < len(whole):
+            raise self._bad("trajectory", "reference", f"there is no frame {value}: {whole.source} has {len(whole)}, numbered from 0")
+        return whole[value]
+
+    def log(self):
+        """The log files of the run, as a list of paths; None if the scene names none."""
+        value = self.get("trajectory", "log")
+        if value is None:
+            return None
+        paths = [self.folder / Path(name).expanduser() for name in ([value] if isinstance(value, str) else value)]
+        for path in paths:
+            if not path.is_file():
+                raise self._bad("trajectory", "log", f"there is no file {path}")
+        return paths
+
+    def kernel(self):
+        """The localisation function, in the user's unit of length; None if the scene has none."""
+        if "kernel" not in self.data:
+            return None
+        from ..kernels import kernel
+
+        table = dict(self.data["kernel"])
+        name = table.pop("name")
+        if isinstance(table.get("table"), str):
+            table["table"] = self._columns("kernel", "table", 2)
+        if isinstance(table.get("size"), list) and len(table["size"]) == 2:
+            table["dimension"] = 2
+        try:
+            return kernel(name, table.pop("radius", None), **table)
+        except AtcError as e:
+            raise self._placed_error("kernel", list(self.data["kernel"]), e) from None
+
+    def potential(self):
+        """The model of the interactions; None if the scene has none. Files it names are relative to the scene."""
+        if "potential" not in self.data:
+            return None
+        from .. import potential
+
+        units, partition = self.get("potential", "units"), self.get("potential", "partition")
+        path = self.path("potential", "input")
+        if path is not None:
+            if not path.is_file():
+                raise self._bad("potential", "input", f"there is no file {path}")
+            return self._shared(self._of_script(path, units), partition)
+        text = self.data["potential"]["lammps"]
+        if units is None and "trajectory" in self.data and not re.search(r"^\s*units\s", text, re.MULTILINE):
+            units = self.get("trajectory", "units") or self._whole().units.name
+        # Empty lines in front, so that what is wrong with line 3 of the text is reported at its line of the scene.
+        line = 0
+        if ("potential", "lammps") not in self._flags:
+            line = self._lines.get(("potential", "lammps"), 0)
+            opening = self._text.split("\n")[line - 1].partition("=")[2].strip() if line else ""
+            line -= bool(line) and opening not in ('"""', "'''")
+        name = self._flags.get(("potential", "lammps"), self.name)
+        return self._shared(potential("\n" * line + text + "\n", units=units, folder=self.folder, name=name), partition)
+
+    def _of_script(self, path, units):
+        """The potential of a script: read once, for the trajectory needs it too."""
+        from .. import potential
+
+        run, files = self.get("potential", "run"), self._files()
+        key = (path, units, run, str(files))
+        if getattr(self, "_made", (None,))[0] != key:
+            files = files if isinstance(files, list) else [files]
+            self._made = (key, potential(path, units=units, run=run, trajectory=files))
+        return self._made[1]
+
+    def _shared(self, pot, partition):
+        if partition is None:
+            return pot
+        try:
+            return pot.partitioned(partition)
+        except AtcError as e:
+            raise AtcError(f"{self.where('potential', 'partition')}: [potential] {e}") from None
+
+    def grid(self):
+        """Where the fields are wanted; None if the scene has no grid."""
+        if "grid" not in self.data:
+            return None
+        from ..grids import Grid
+
+        table = dict(self.data["grid"])
+        kind = table.pop("kind")
+        if kind == "points":
+            xyz = table["points"]
+            table = {"xyz": self._columns("grid", "points", 3, 2) if isinstance(xyz, str) else xyz}
+        try:
+            return getattr(Grid, kind)(**table)
+        except AtcError as e:
+            raise self._placed_error("grid", list(self.data["grid"]), e) from None
+
+    def output(self, given=None, overwrite: bool = False) -> Path:
+        """The file to write: `given`, else the scene's ``[output] file``. Whether it can be written is found out here, before anything is computed."""
+        if given is not None:
+            path, where = Path(given), f"-o {given}"
+        elif self.get("output", "file") is not None:
+            path, where = self.path("output", "file"), self.where("output", "file") + ": [output] file"
+        else:
+            raise self.need("output", 'say where the result goes: -o OUT, or file = "out.zarr" in [output]')
+        if path.suffix not in (".zarr", ".nc"):
+            raise AtcError(f"{where}: expected a name that ends in .zarr or .nc, got {path.name}")
+        folder = path.parent
+        if not folder.is_dir():
+            raise AtcError(f"{where}: there is no directory {folder}: make it, or choose another place")
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise AtcError(f"{where}: no permission to write in {folder}: choose another place")
+        if path.exists() and not overwrite:
+            raise AtcError(f"{where}: {path} exists: give --overwrite to replace it, or another name")
+        return path
+
+    def arguments(self, jobs: int = 1) -> dict:
+        """The arguments of `atc.fields` (and `atc.plan`) this scene stands for.
+
+        `jobs` processors: whole frames to processes where there are as many frames, else threads within a frame; 0 means all processors.
+        """
+        self.require_complete()
+        from ..choose import require_known
+        from ..plan import cores
+
+        jobs = cores(jobs)
+        method = self.get("fields", "method", "auto")
+        try:
+            require_known(method)
+        except AtcError as e:
+            raise self._placed_error("fields", ["method"], e) from None
+        traj = self.trajectory()
+        parallel = jobs > 1 and len(traj) >= jobs
+        given = {
+            k: self.get("fields", k)
+            for k in ("quantities", "tolerance", "average", "horizon", "tiles")
+            if self.get("fields", k) is not None
+        }
+        pot, kern, grid = self.potential(), self.kernel(), self.grid()
+        self._require_dimension(2 if traj.units.dimension == 2 or (pot is not None and pot.dimension == 2) else 3, kern, grid)
+        return {
+            "traj": traj, "pot": pot, "kern": kern, "grid": grid, "reference": self.reference(), "method": method,
+            "threads": 1 if parallel else jobs, "workers": jobs if parallel else 1, "forces": self.get("trajectory", "forces", "warn"), "log": self.log(),
+            **given,
+        }  # fmt: skip
+
+    def _require_dimension(self, dimension, kern, grid):
+        """Raise unless kernel and grid have a meaning in so many dimensions."""
+        for section, thing, check in (("kernel", kern, "in_dimension"), ("grid", grid, "require_dimension")):
+            try:
+                if thing is not None:
+                    getattr(thing, check)(dimension)
+            except AtcError as e:
+                raise self._placed_error(section, list(self.data[section]), e) from None
+
+    def plan(self, jobs: int = 1):
+        """What `run` would do; nothing is computed."""
+        from ..plan import plan
+
+        return plan(**self.arguments(jobs))
+
+    def run(self, out=None, *, jobs: int = 1, cluster=None, progress=None, resume: bool = True):
+        """Compute the fields: `atc.fields` with this scene's arguments, into `out` (or in memory). Returns the xarray.Dataset."""
+        if out is None:
+            from .. import fields
+
+            return fields(**self.arguments(jobs), cluster=cluster, progress=progress, scene=self.to_toml())
+        from ..running.output import open_dataset
+
+        self.write(out, jobs=jobs, cluster=cluster, progress=progress, resume=resume)
+        return open_dataset(out)
+
+    def write(self, out, *, jobs: int = 1, cluster=None, progress=None, resume: bool = True) -> dict:
+        """Compute the fields into `out` and return the attributes of the dataset, which stays closed."""
+        from ..plan import Request
+        from ..running.run import write
+
+        request = Request(**self.arguments(jobs), cluster=cluster, scene=self.to_toml())
+        partial = Path(f"{out}.partial")
+        there = partial.exists()
+        try:
+            return write(request, out, progress, resume)
+        except AtcError:
+            # Input that cannot be used leaves nothing behind; a run that has finished frames, or one that is not ours, does.
+            if not there and not (partial / "journal.jsonl").exists():
+                shutil.rmtree(partial, ignore_errors=True)
+            raise
+
+    def _columns(self, section, key, count, fewer=None):
+        """A text file of numbers, `count` to a line (or `fewer`)."""
+        import numpy as np
+
+        path = self.path(section, key)
+        try:
+            values = np.loadtxt(path, ndmin=2)
+        except OSError as e:
+            raise self._bad(section, key, f"{path} cannot be read: {e.strerror or e}") from None
+        except ValueError as e:
+            raise self._bad(section, key, f"{path}: expected {count} numbers a line: {' '.join(str(e).split())}") from None
+        if values.shape[1] not in (count, fewer) or not len(values):
+            raise self._bad(section, key, f"{path}: expected {count} numbers a line, found {values.shape[1] if len(values) else 'none'}")
+        return values
+
+    def _placed_error(self, section, keys, error) -> AtcError:
+        """An error of a lower floor, with the line of the key it speaks of (or of the section)."""
+        message = str(error)
+        spoken = [k for k in keys if k != "name" and k in message]
+        where = self.where(section, spoken[0]) if len(spoken) == 1 else self.where(section)
+        return AtcError(f"{where}: [{section}] {message}")
+
+    def to_toml(self) -> str:
+        """The resolved scene as TOML. Absolute paths lose what lies outside the scene's folder, so that no user or host name is kept."""
+        out = []
+        for section in SCHEMA:
+            table = self.data.get(section)
+            if not table:
+                continue
+            out.append(f"[{section}]")
+            for key, value in table.items():
+                if SCHEMA[section][key].path and isinstance(value, str):
+                    value = self._anonymous(value)
+                elif SCHEMA[section][key].path and isinstance(value, list):
+                    value = [self._anonymous(v) if isinstance(v, str) else v for v in value]
+                out.append(f"{toml_key(key)} = {toml_value(value)}")
+            out.append("")
+        return "\n".join(out)
+
+    def _anonymous(self, name: str) -> str:
+        path = Path(name).expanduser()
+        if path.is_absolute():
+            try:
+                return path.relative_to(self.folder.resolve()).as_posix()
+            except ValueError:
+                return path.name
+        if ".." in path.parts and Path.home().name in path.parts:
+            return path.name
+        return path.as_posix()
+
+    def set(self, section: str, key: str, value, flag: str = "") -> None:
+        """Change one key and check the scene again; `flag` is what a complaint then names."""
+        before = {s: dict(t) for s, t in self.data.items()}
+        self.data.setdefault(section, {})[key] = value
+        self._flags[section, key] = flag or f"{section}.{key}"
+        try:
+            self._check()
+        except AtcError:
+            self.data = before
+            raise
+
+
+# --------------------------------------------------------------------------------------------------------------------
+
+
+def _shown(value) -> str:
+    text = toml_value(value) if not isinstance(value, (dict, list)) or _plain(value) else str(value)
+    text = " ".join(text.split())
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _plain(value) -> bool:
+    if isinstance(value, dict):
+        return all(_plain(v) for v in value.values())
+    if isinstance(value, list):
+        return all(_plain(v) for v in value)
+    return isinstance(value, (bool, int, float, str))
+
+
+def _overrides(overrides):
+    """((section, key), value, flag) of each override."""
+    if not overrides:
+        return
+    if isinstance(overrides, Mapping):
+        for dotted, value in overrides.items():
+            yield _setting_path(dotted, dotted), value, dotted
+        return
+    for text in overrides:
+        dotted, eq, value = text.partition("=")
+        flag = f"--set {text}"
+        if not eq:
+            raise AtcError(f"{flag}: expected SECTION.KEY=VALUE, e.g. --set kernel.radius=10")
+        section, key = path = _setting_path(dotted.strip(), flag)
+        yield path, _typed(section, key, value.strip()), flag
+
+
+def _setting_path(dotted: str, flag: str) -> tuple[str, str]:
+    section, dot, key = dotted.partition(".")
+    if not dot:
+        homes = [s for s in SCHEMA if dotted in SCHEMA[s]]
+        hint = f"did you mean {homes[0]}.{dotted}? " if homes else ""
+        raise AtcError(f"{flag}: expected SECTION.KEY=VALUE, e.g. kernel.radius=10; {hint}got only {dotted!r} before the =")
+    if section not in SCHEMA:
+        raise AtcError(f"{flag}: unknown section {section!r}: {guess(section, SCHEMA)}known: {', '.join(SCHEMA)}")
+    if key not in SCHEMA[section]:
+        raise AtcError(f"{flag}: unknown key {key!r} in [{section}]: {guess(key, SCHEMA[section])}known: {', '.join(SCHEMA[section])}")
+    return section, key
+
+
+def _typed(section: str, key: str, text: str):
+    """The value a flag means: TOML where it is TOML, else the bare word; ``a,b`` where a list is wanted."""
+    try:
+        return tomllib.loads(f"v = {text}")["v"]
+    except tomllib.TOMLDecodeError:
+        pass
+    if (section, key) == ("fields", "quantities"):
+        return [w.strip() for w in text.split(",") if w.strip()]
+    if "," in text and not text.startswith("["):
+        try:
+            return tomllib.loads(f"v = [{text}]")["v"]
+        except tomllib.TOMLDecodeError:
+            pass
+    return text
+
+
+def _kernel_names() -> list[str]:
+    from .. import kernels
+
+    return [*kernels.NAMES, *kernels._ALIASES]
+
+
+def _quantity_names() -> list[str]:
+    from ..estimators.registry import QUANTITIES
+
+    return list(QUANTITIES)

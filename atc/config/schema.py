@@ -1,0 +1,322 @@
+"""What a scene may hold: its sections and keys, what values they take, which kinds of grid there are."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+# --------------------------------------------------------------------------------------------------------------------
+# Checks of single values: each returns the value in its normal form, or raises ValueError (with a text: why not).
+
+
+def _string(v):
+    if not isinstance(v, str) or not v.strip():
+        raise ValueError
+    return v
+
+
+def _number(v):
+    if isinstance(v, bool) or not isinstance(v, (int, float)) or v != v or v in (float("inf"), float("-inf")):
+        raise ValueError
+    return v
+
+
+def _not_negative(v):
+    if _number(v) < 0:
+        raise ValueError("it must not be negative")
+    return v
+
+
+def _positive(v):
+    if _number(v) <= 0:
+        raise ValueError("it must be greater than 0")
+    return v
+
+
+def _count(v):
+    if isinstance(v, bool) or not isinstance(v, int):
+        raise ValueError
+    if v < 1:
+        raise ValueError("it must be at least 1, or there is nothing to compute")
+    return v
+
+
+def _seed(v):
+    if _integer(v) < 0:
+        raise ValueError("it must not be negative")
+    return v
+
+
+def _integer(v):
+    if isinstance(v, bool) or not isinstance(v, int):
+        raise ValueError
+    return v
+
+
+def _boolean(v):
+    if not isinstance(v, bool):
+        raise ValueError
+    return v
+
+
+def _list_of(check, length=None):
+    def checked(v):
+        if not isinstance(v, list) or (length is not None and len(v) != length) or not v:
+            raise ValueError
+        return [check(x) for x in v]
+
+    return checked
+
+
+def _either(*checks):
+    def checked(v):
+        reason = ""
+        for check in checks:
+            try:
+                return check(v)
+            except ValueError as e:
+                reason = reason or str(e)
+        raise ValueError(reason)
+
+    return checked
+
+
+def _choice(choices: Callable[[], list[str]] | list[str]):
+    def checked(v):
+        known = choices() if callable(choices) else choices
+        if not isinstance(v, str):
+            raise ValueError
+        if v not in known:
+            raise ValueError(f"{guess(v, known)}known: {', '.join(known)}")
+        return v
+
+    return checked
+
+
+def _dimension(v):
+    if isinstance(v, bool) or v not in (2, 3) or not isinstance(v, int):
+        raise ValueError
+    return v
+
+
+def _axis(v):
+    if isinstance(v, str) and v.lower() in ("x", "y", "z", "a", "b", "c"):
+        return v.lower()
+    if isinstance(v, int) and not isinstance(v, bool) and v in (0, 1, 2):
+        return v
+    raise ValueError
+
+
+def _frames(v):
+    """A slice string, a table {begin, end, step} or one index, kept as written once it is known to be well formed."""
+    frame_slice(v)
+    return v
+
+
+def _partition(v):
+    if isinstance(v, dict) and v:
+        return {str(k): w if isinstance(w, list) else _string(w) for k, w in v.items()}
+    return _string(v)
+
+
+def _masses(v):
+    if isinstance(v, list):
+        return _list_of(_positive)(v)
+    if isinstance(v, dict) and v:
+        return {str(k): _positive(m) for k, m in v.items()}
+    raise ValueError
+
+
+def _tolerance(v):
+    if not 0 < _number(v) < 1:
+        raise ValueError("it must lie between 0 and 1 (1e-12 means the exact sum)")
+    return v
+
+
+def guess(word: str, known) -> str:
+    known = {str(k).lower(): k for k in known}
+    near = difflib.get_close_matches(str(word).lower(), list(known), n=1, cutoff=0.6)
+    return f"did you mean {known[near[0]]!r}? " if near else ""
+
+
+def frame_slice(value) -> slice:
+    """The `slice` that a scene's ``frames`` means: ``"100:500:5"``, ``{begin, end, step}``, or one frame's index. ValueError if it means none."""
+    if isinstance(value, bool):
+        raise ValueError
+    if isinstance(value, int):
+        return slice(value, value + 1 if value != -1 else None, 1)
+    if isinstance(value, str):
+        parts = value.split(":")
+        if len(parts) == 1:
+            return frame_slice(int(parts[0]))
+        if len(parts) > 3:
+            raise ValueError("a slice has at most three numbers")
+        begin, end, step = ([int(p) if p.strip() else None for p in parts] + [None])[:3]
+    elif isinstance(value, dict):
+        wrong = [k for k in value if k not in ("begin", "end", "step")]
+        if wrong:
+            raise ValueError(f"unknown key {wrong[0]!r}; known: begin, end, step")
+        if any(isinstance(x, bool) or not isinstance(x, int) for x in value.values()):
+            raise ValueError
+        begin, end, step = (value.get(k) for k in ("begin", "end", "step"))
+    else:
+        raise ValueError
+    if step is not None and step < 1:
+        raise ValueError("the step must be at least 1")
+    return slice(begin, end, step)
+
+
+def _atom_style(v):
+    from ..errors import AtcError
+    from ..readers.lammps_atom_styles import AtomStyle
+
+    try:
+        return AtomStyle(_string(v), "").given
+    except AtcError:
+        raise ValueError from None
+
+
+def _unit_names():
+    from ..units import _SYSTEMS
+
+    return list(_SYSTEMS)
+
+
+def _force_modes():
+    from ..agreement.forces import MODES
+
+    return list(MODES)
+
+
+def _structure_names():
+    from ..upscaling.crystal import STRUCTURES
+
+    return list(STRUCTURES)
+
+
+def _model_names():
+    from ..upscaling.matching import MODELS
+
+    return list(MODELS)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# What a scene may hold.
+
+
+@dataclass(frozen=True)
+class Key:
+    check: Callable[[Any], Any]
+    expected: str
+    path: bool = False  # a file name (when it is a string), relative to the scene
+
+
+_LENGTH3 = _either(_positive, _list_of(_positive, 3), _list_of(_positive, 2))
+_VECTOR = _either(_list_of(_number, 3), _list_of(_number, 2))  # two numbers in two dimensions
+
+SCHEMA: dict[str, dict[str, Key]] = {
+    "trajectory": {
+        "file": Key(
+            _either(_string, _list_of(_string)),
+            'a file name, a pattern or a list of names, e.g. "run.dump", "dump.*" or ["a.dump", "b.dump"]',
+            path=True,
+        ),
+        "topology": Key(_string, 'the name of a LAMMPS data file, e.g. "run.data"', path=True),
+        "atom_style": Key(_atom_style, 'the atom_style of the LAMMPS run, e.g. "full" or "hybrid sphere molecular"'),
+        "units": Key(_choice(_unit_names), 'a unit style, e.g. "metal"'),
+        "masses": Key(_masses, "a mass for each type, e.g. { 1 = 28.0855 } or [28.0855]"),
+        "dimension": Key(_dimension, "2 (a run in the plane, LAMMPS's dimension 2) or 3"),
+        "frames": Key(_frames, 'frames counted from 0, e.g. "100:500:5", { begin = 100, end = 500, step = 5 } or -1'),
+        "reference": Key(
+            _either(_integer, _string), 'the index of the reference frame, or the file that holds it, e.g. 0 or "start.data"', path=True
+        ),
+        "forces": Key(
+            _choice(_force_modes), 'what to do where the run\'s forces are not the potential\'s: "warn", "must agree" or "ignore"'
+        ),
+        "log": Key(_either(_string, _list_of(_string)), 'the LAMMPS log file of the run, or a list of them, e.g. "log.lammps"', path=True),
+    },
+    "potential": {
+        "lammps": Key(_string, "LAMMPS lines, e.g. '''pair_style sw\\npair_coeff * * Si.sw Si'''"),
+        "input": Key(_string, 'the name of a LAMMPS input script, e.g. "in.run"', path=True),
+        "units": Key(_choice(_unit_names), 'a unit style, e.g. "metal"'),
+        "run": Key(_count, "the number of the script's run that the frames belong to, counted from 1, e.g. 2"),
+        "partition": Key(
+            _partition, 'how energy is shared among atoms: "equal", "center", or by kind of term, e.g. { "angle" = "center" }'
+        ),
+    },
+    "kernel": {
+        "name": Key(_string, 'the name of a kernel, e.g. "quartic"'),
+        "radius": Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 8.0"),
+        "width": Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 3.0"),
+        "size": Key(_LENGTH3, "one or three lengths greater than 0 (one or two in two dimensions), e.g. [5.0, 5.0, 5.0]"),
+        "table": Key(
+            _either(_string, _list_of(_list_of(_number))), "a file of r and phi(r) in two columns, or the pairs [[r, phi], ...]", path=True
+        ),
+    },
+    "grid": {
+        "kind": Key(_choice(lambda: list(GRIDS)), 'the kind of grid, e.g. "regular"'),
+        "shape": Key(_either(_count, _list_of(_count)), "how many points along each axis, e.g. [40, 40, 20]"),
+        "spacing": Key(_either(_positive, _list_of(_positive)), "the distance between points, greater than 0, e.g. 2.0"),
+        "at": Key(_choice(["centers", "corners"]), '"centers" or "corners"'),
+        "origin": Key(_VECTOR, "a point, e.g. [0.0, 0.0, 0.0]"),
+        "vectors": Key(_list_of(_either(_positive, _VECTOR)), "edge vectors, e.g. [[40.0, 0.0, 0.0], [0.0, 40.0, 0.0], [0.0, 0.0, 20.0]]"),
+        "axis": Key(_axis, 'an axis of the cell, e.g. "z"'),
+        "position": Key(_number, "a distance from the cell's face along axis, e.g. 12.5"),
+        "u": Key(_VECTOR, "an edge vector, e.g. [40.0, 0.0, 0.0]"),
+        "v": Key(_VECTOR, "an edge vector, e.g. [0.0, 40.0, 0.0]"),
+        "start": Key(_VECTOR, "a point, e.g. [0.0, 0.0, 0.0]"),
+        "end": Key(_VECTOR, "a point, e.g. [0.0, 0.0, 50.0]"),
+        "n": Key(_count, "a number of points, e.g. 100"),
+        "bins": Key(_count, "a number of bins, e.g. 100"),
+        "points": Key(
+            _either(_string, _list_of(_VECTOR)),
+            "points [[x, y, z], ...] ([x, y] in two dimensions), or a file of three (two) columns",
+            path=True,
+        ),
+    },
+    "fields": {
+        "quantities": Key(_either(_list_of(_string), lambda v: [_string(v)]), 'a list of quantities, e.g. ["stress", "density"]'),
+        "tolerance": Key(_tolerance, "the error allowed relative to the field's maximum, e.g. 1e-5"),
+        "method": Key(_string, 'how to sum, e.g. "auto"'),
+        "horizon": Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 6.0: how far weighted virials see"),
+        "tiles": Key(_either(_list_of(_count, 3), _list_of(_count, 2)), "numbers of tiles along the cell's edges, e.g. [2, 2, 1]"),
+        "average": Key(
+            _either(_boolean, _count), "true (one time average with standard error), false, or the number of frames in a window"
+        ),
+    },
+    "check": {
+        "points": Key(_count, "a number of random points, e.g. 20"),
+        "seed": Key(_seed, "a whole number, 0 or more"),
+        "timestep": Key(_positive, "the time of one step in the trajectory's units, e.g. 0.001"),
+    },
+    "dispersion": {
+        "structure": Key(_choice(_structure_names), 'a cubic structure, e.g. "fcc"'),
+        "lattice_constant": Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 5.3"),
+        "keep_lattice_constant": Key(_boolean, "true (compute at lattice_constant) or false (relax, or take the trajectory's)"),
+        "unit_cell": Key(_string, 'a file with one unit cell, e.g. "cell.data"', path=True),
+        "masses": Key(_list_of(_positive), "a mass for each atom of the basis, e.g. [39.948]"),
+        "directions": Key(_list_of(_list_of(_number, 3)), "directions, e.g. [[1, 0, 0], [1, 1, 1]]"),
+        "models": Key(_list_of(_choice(_model_names)), 'peridynamic models, e.g. ["classical", "cubic"]'),
+        "horizon": Key(_positive, "a length greater than 0, e.g. 8.5"),
+        "knots": Key(_count, "a number of knots, e.g. 12"),
+        "width": Key(_positive, "a length greater than 0, e.g. 0.5"),
+        "order": Key(_seed, "a whole number, 0 or more"),
+        "reach": Key(_positive, "a length greater than 0, e.g. 8.5"),
+        "phonopy": Key(_boolean, "true or false"),
+        "blocks": Key(_count, "a number of blocks, e.g. 5"),
+        "timestep": Key(_positive, "the time of one step in the trajectory's units, e.g. 0.001"),
+    },
+    "output": {"file": Key(_string, 'the file to write, e.g. "out.zarr" or "out.nc"', path=True)},
+}
+
+# kind of grid → (keys it needs, alternatives within a tuple; keys it may have)
+GRIDS: dict[str, tuple[list, list]] = {
+    "regular": ([("shape", "spacing")], ["at", "origin", "vectors"]),
+    "plane": ([("axis", "u"), ("shape", "spacing")], ["position", "origin", "v", "at"]),
+    "line": (["start", "end", "n"], []),
+    "slab": (["axis", "bins"], []),
+    "points": (["points"], []),
+    "atoms": ([], []),
+}

@@ -1,0 +1,193 @@
+"""TOML beyond `tomllib`: on which line a key stands, what was wrong in plain words, and writing values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from ..errors import AtcError
+
+# --------------------------------------------------------------------------------------------------------------------
+# Where in the text a key stands.
+
+
+def key_lines(text: str) -> dict[tuple[str, ...], int]:
+    """Line numbers (from 1) of every table header and key of a TOML text, by dotted path: ``("kernel", "radius") → 7``.
+
+    Tables of an array, ``[[wall]]``, are numbered: ``("wall", "0", "normal") → 12``.
+
+    A scan, not a parser: it is only asked about texts that `tomllib` has already accepted.
+    """
+    found: dict[tuple[str, ...], int] = {}
+    table: tuple[str, ...] = ()
+    counts: dict[tuple[str, ...], int] = {}
+    depth, quote, number, i, n = 0, "", 1, 0, len(text)
+    line_start = True
+    while i < n:
+        c = text[i]
+        if quote:  # inside a string, maybe one that runs over lines
+            if c == "\\" and quote[0] == '"':
+                number += text[i + 1 : i + 2] == "\n"
+                i += 2
+                continue
+            if text.startswith(quote, i):
+                i += len(quote)
+                while len(quote) == 3 and text[i : i + 1] == quote[0]:  # a multi-line string may end in up to two quotes of its own
+                    i += 1
+                quote = ""
+                continue
+        elif c == "#":
+            i = text.find("\n", i)
+            if i < 0:
+                break
+            continue
+        elif line_start and depth == 0 and not c.isspace():
+            end = text.find("\n", i)
+            head = text[i : end if end >= 0 else n]
+            if c == "[":
+                table = _dotted(head.strip("[ \t"))
+                found.setdefault(table, number)
+                if head.startswith("[["):
+                    array, count = table, counts.get(table, 0)
+                    counts[array], table = count + 1, (*array, str(count))
+                    found[table] = number
+                i = end if end >= 0 else n
+                continue
+            path = _dotted(head)
+            for k in range(1, len(path) + 1):
+                found.setdefault(table + path[:k], number)
+            line_start = False
+            i += max(_key_length(head), 1)
+            continue
+        elif c in "\"'":
+            quote = c * 3 if text.startswith(c * 3, i) else c
+            i += len(quote)
+            continue
+        elif c in "[{":
+            depth += 1
+        elif c in "]}":
+            depth -= 1
+        if c == "\n":
+            number += 1
+            line_start = True
+        i += 1
+    return found
+
+
+def _dotted(head: str) -> tuple[str, ...]:
+    """The dotted key at the start of `head`, up to ``=`` or ``]``."""
+    parts, part, quote = [], "", ""
+    for c in head:
+        if quote:
+            if c == quote:
+                quote = ""
+            else:
+                part += c
+        elif c in "\"'":
+            quote = c
+        elif c in "=]#":
+            break
+        elif c == ".":
+            parts.append(part)
+            part = ""
+        elif not c.isspace():
+            part += c
+    return (*parts, part)
+
+
+def _key_length(head: str) -> int:
+    """How many characters the key takes, its ``=`` included."""
+    quote = ""
+    for k, c in enumerate(head):
+        if quote:
+            quote = "" if c == quote else quote
+        elif c in "\"'":
+            quote = c
+        elif c == "=":
+            return k + 1
+    return len(head)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# What scenes and peridynamic cases share.
+
+
+def read_document(path: Path, what: str) -> str:
+    """The text of a TOML file that is to be a `what`, or an AtcError that says why not."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise AtcError(f"{path}: no such {what} file") from None
+    except IsADirectoryError:
+        raise AtcError(f"{path}: is a directory, expected a {what} (a TOML file)") from None
+    except UnicodeDecodeError:
+        raise AtcError(f"{path}: is not a text file, expected a {what} (a TOML file)") from None
+    except OSError as e:
+        raise AtcError(f"{path}: cannot be read: {e.strerror}") from None
+
+
+class Document:
+    """A TOML file that knows where its keys stand: `data`, its `name`, lines by path in `_lines`, and the flags that set keys in `_flags`."""
+
+    def where(self, *path: str) -> str:
+        """``file:line`` of a key or section, or the flag that set it."""
+        if path in self._flags:
+            return self._flags[path]
+        while path:
+            if path in self._lines:
+                return f"{self.name}:{self._lines[path]}"
+            path = path[:-1]
+        return self.name
+
+    def need(self, section: str, what: str) -> AtcError:
+        """An error for what a section lacks."""
+        return AtcError(f"{self.where(section)}: {what}" if section in self.data else f"{self.name}: no [{section}] section: {what}")
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# Writing TOML.
+
+
+def _toml_string(s: str) -> str:
+    escapes = {"\\": "\\\\", '"': '\\"', "\b": "\\b", "\t": "\\t", "\f": "\\f", "\r": "\\r"}
+    multi = "\n" in s
+    out = "".join(escapes.get(c) or (c if c == "\n" and multi else f"\\u{ord(c):04X}" if ord(c) < 32 or ord(c) == 127 else c) for c in s)
+    return f'"""\n{out}"""' if multi else f'"{out}"'
+
+
+def toml_key(k: str) -> str:
+    bare = k and all(c.isascii() and (c.isalnum() or c in "-_") for c in k)
+    return k if bare else _toml_string(k).replace("\n", "\\n") if "\n" not in k else '"' + _toml_string(k)[4:-3].replace("\n", "\\n") + '"'
+
+
+def toml_value(v) -> str:
+    """One value as TOML."""
+    if isinstance(v, bool):
+        return "true" if v else "false"
+    if isinstance(v, int):
+        return str(v)
+    if isinstance(v, float):
+        return repr(v)
+    if isinstance(v, str):
+        return _toml_string(v)
+    if isinstance(v, (list, tuple)):
+        return "[" + ", ".join(toml_value(x) for x in v) + "]"
+    if isinstance(v, Mapping):
+        return "{ " + ", ".join(f"{toml_key(str(k))} = {toml_value(x)}" for k, x in v.items()) + " }"
+    raise TypeError(f"{type(v).__name__} has no TOML form")
+
+
+def complaint(name: str, text: str, e: Exception) -> str:
+    """tomllib's complaint with the line first, and what most often is the reason."""
+    message = str(e)
+    line = getattr(e, "lineno", None)
+    if line is None and "(at line " in message:
+        line = int(message.rpartition("(at line ")[2].split(",")[0])
+    elif line is None and "(at end of document)" in message:
+        line = text.count("\n") + 1
+    reason = message.rpartition(" (at ")[0] or message
+    source = text.split("\n")[line - 1].strip() if line and line <= text.count("\n") + 1 else ""
+    value = source.partition("=")[2].strip()
+    if reason == "Invalid value" and value[:1].isalpha():
+        reason = f"invalid value {value[:40]}: text needs quotes"
+    return f"{name}{f':{line}' if line else ''}: not valid TOML: {reason[:1].lower() + reason[1:]}"

@@ -1,0 +1,1 @@
+"""Drawing: maps, lines, nodes, comparisons."""

@@ -1,0 +1,113 @@
+"""Pictures of `atc compare`: Hardy's stress beside the virial's, and the trend of their difference over several results."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import AtcError
+from .components import SYMBOL, component
+from .drawing import STYLE, colours, draw_map, figure
+from .geometry import cut, unit_text
+
+
+def compare_figure(result):
+    """The picture of a `Comparison`: profiles of both stresses and their difference, or the trend over several results."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context(STYLE):
+        if "radius" in result.data.dims or "output" in result.data.dims:
+            return _trend(Figure, result)
+        return _against(Figure, result)
+
+
+def _trend(Figure, result):
+    dim = "radius" if "radius" in result.data.dims else "output"
+    fig, axs = figure(Figure, 1, 5.2, 3.4)
+    ax = axs[0, 0]
+    x = result.data[dim].values
+    at = x if dim == "radius" else np.arange(len(x))
+    styles = {"rms": ("-", "o"), "max": ("--", "s")}
+    for k, c in enumerate(("hydrostatic", "vonmises")):
+        for how, (line, marker) in styles.items():
+            name = f"relative_{how}_{c}"
+            if name in result.data:
+                ax.plot(at, 100 * result.data[name].values, line, marker=marker, ms=4, color=f"C{k}", label=f"{SYMBOL[c]}, {how}")
+    if dim == "radius":
+        ax.set_xlabel(f"kernel radius ({unit_text(result.attrs['radius_units'])})" if result.attrs.get("radius_units") else "kernel radius")
+        ax.set_xlim(0, at.max() * 1.05)
+    else:
+        ax.set_xticks(at, [str(v).split(",")[0] for v in x], rotation=20, ha="right")
+    ax.set_ylabel("Hardy - smoothed virial\n(% of the largest component)")
+    ax.set_ylim(bottom=0)
+    ax.legend()
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.set_title(result.title or "Hardy and virial stress")
+    return fig
+
+
+def _against(Figure, result):
+    """Box averages, for each axis the profiles of Hardy (full lines) and smoothed virial (dashed), and maps of the difference."""
+    data, place = result.data, result.place
+    axes = [n.removeprefix("profile_").removesuffix("_hardy") for n in data.data_vars if n.endswith("_hardy")]
+    boxes = [r for r in result.rows if r["section"] == "box average"] or [r for r in result.rows if r["section"].startswith("box average")]
+    maps, where = [], ""
+    if "difference" in data and place.kind != "slab" and place.kind != "line":
+        d = data["difference"]
+        if place.kind == "volume":
+            place, selection, where = cut(place)
+            d = d.isel(selection)
+        maps = [c for c in ("hydrostatic", "vonmises") if np.isfinite(component(d.values, c, result.dimension)).any()]
+    panels = bool(boxes) + len(axes) + len(maps)
+    if not panels:
+        raise AtcError("there is nothing to draw: neither box averages nor pointwise differences could be compared")
+    fig, axs = figure(Figure, panels, 3.9, 3.1)
+    axs = list(axs.flat)
+    units = f" ({unit_text(result.units)})" if unit_text(result.units) else ""
+    if boxes:
+        ax = axs.pop(0)
+        at = np.arange(len(boxes))
+        errors = [r.get("stderr_virial") or 0 for r in boxes]
+        ax.bar(at - 0.2, [r["hardy"] for r in boxes], 0.4, label="Hardy", color="C0")
+        ax.bar(at + 0.2, [r["virial"] for r in boxes], 0.4, label="virial", color="C1", yerr=errors if any(errors) else None)
+        ax.set_xticks(at, [{"hydrostatic": "mean", "vonmises": "Mises"}.get(r["name"], r["name"]) for r in boxes])
+        ax.axhline(0, color="0.4", lw=0.6)
+        ax.set_title(f"average over the box{units}")
+        ax.legend()
+    for k, dim in enumerate(axes):
+        ax = axs.pop(0)
+        x = data[f"profile_{dim}_position"]
+        for c, colour in zip(("hydrostatic", "xx", "yy", "zz", "vonmises"), ("k", "C0", "C1", "C2", "C3")):
+            if c == "zz" and result.dimension == 2:
+                continue
+            h, v = (component(data[f"profile_{dim}_{w}"].values, c, result.dimension) for w in ("hardy", "virial"))
+            ax.plot(x.values, h, color=colour, label=SYMBOL.get(c, c))
+            ax.plot(x.values, v, color=colour, ls=(0, (3, 2)), lw=1.0)
+        ax.set_xlabel(x.attrs.get("label", dim))
+        ax.set_title(
+            (f"mean over the other axes{units}" if len(axes) > 1 else f"profile{units}")
+            + ("\nfull: Hardy, dashed: smoothed virial" if k == 0 else "")
+        )
+        ax.set_xlim(x.values.min(), x.values.max())
+        lines = ax.get_legend_handles_labels()
+    for ax in fig.axes:
+        ax.spines[["top", "right"]].set_visible(False)
+    for c in maps:
+        h = component(d.values, c, result.dimension)
+        top = float(np.nanmax(np.abs(h))) or 1.0
+        sign = colours("", c, h, None if c == "vonmises" else (-top, top), False)
+        draw_map(
+            fig,
+            axs.pop(0),
+            place,
+            place.flat(),
+            h,
+            *sign,
+            f"{SYMBOL[c]} of Hardy - smoothed virial{units}" + (f"\n{where}" if where else ""),
+        )
+    for ax in axs:
+        ax.remove()
+    if axes:
+        fig.legend(*lines, loc="outside lower center", ncols=5)
+    fig.suptitle(result.title, fontsize=9)
+    return fig

@@ -1,0 +1,186 @@
+"""What every picture shares: style, colours, labels, one map with its bar, files written whole or not at all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import AtcError
+from .components import SYMBOL, TENSOR
+from .geometry import unit_text
+
+# what cannot be negative
+_POSITIVE = {"number_density", "density", "temperature", "vonmises", "max_shear", "magnitude"}
+_MAPS = {"temperature": "inferno", "vonmises": "magma", "max_shear": "magma"}
+STYLE = {
+    "font.size": 9,
+    "axes.titlesize": 9,
+    "axes.labelsize": 9,
+    "axes.linewidth": 0.8,
+    "axes.formatter.limits": (-3, 4),
+    "axes.formatter.use_mathtext": True,
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "figure.dpi": 100,
+    "savefig.dpi": 200,
+    "image.interpolation": "nearest",
+    "lines.linewidth": 1.4,
+    "mathtext.default": "regular",
+    "svg.hashsalt": "atc",
+}
+
+
+def at_frame(ds, name, frame):
+    """The field at one frame (or averaged), and what to call that."""
+    da = ds[name]
+    if "frame" not in da.dims:
+        return da, ""
+    n = da.sizes["frame"]
+    if frame == "mean":
+        if n == 1:
+            return da.isel(frame=0), _frame_text(ds, 0)
+        return da.mean("frame", skipna=True, keep_attrs=True), f"mean of {n} frames"
+    try:
+        k = int(frame)
+    except ValueError:
+        raise AtcError(f"frame {frame!r}: expected a number counted from 0 (-1 is the last) or mean") from None
+    if not -n <= k < n:
+        raise AtcError(f"frame {k}: the output has {n} frame{'s' * (n != 1)}, numbered 0 to {n - 1}")
+    return da.isel(frame=k), _frame_text(ds, k)
+
+
+def _frame_text(ds, k) -> str:
+    one = ds.isel(frame=k)
+    if "frames_averaged" in ds:
+        return f"average of {int(one.frames_averaged)} frames"
+    text = f"frame {int(one.frame)}" if "frame" in one.coords else f"frame {k}"
+    if "time" in one.coords and np.isfinite(float(one.time)):
+        text += f", t = {float(one.time):.4g} {unit_text(one.time.attrs.get('units', ''))}".rstrip()
+    elif "step" in one.coords and int(one.step) >= 0:
+        text += f", step {int(one.step)}"
+    return text
+
+
+def label_of(da, comp, units) -> str:
+    name = da.name.replace("_", " ")
+    if comp is not None:
+        name += f"$_{{{comp}}}$" if comp in TENSOR or comp in ("x", "y", "z") else f", {SYMBOL[comp]}"
+    units = unit_text(units)
+    return f"{name} ({units})" if units else name
+
+
+def kernel_title(ds, unit=unit_text) -> str:
+    """Kernel and radius: without them a Hardy field means little."""
+    kernel, radius = ds.attrs.get("kernel"), ds.attrs.get("radius")
+    if not kernel:
+        return ""
+    text = f"{str(kernel).partition(',')[0]} kernel"
+    if isinstance(radius, (int, float, np.number)):
+        text += f", R = {float(radius):.4g} {unit(ds.attrs.get('radius_units', ''))}".rstrip()
+    return text
+
+
+def colours(name, comp, values, limits, robust, floor=0.0):
+    """Colour map and limits for one panel; a signed map never reaches less far than `floor`, so that rounding does not look like a field."""
+    import matplotlib as mpl
+
+    finite = values[np.isfinite(values)]
+    positive = comp in _POSITIVE or (comp is None and name in _POSITIVE)
+    if positive or (comp is None and finite.size and finite.min() >= 0):
+        cmap = _MAPS.get(comp or name, "viridis")
+        lo, hi = 0.0, 1.0
+        if finite.size:
+            lo, hi = np.percentile(finite, [2, 98]) if robust else (finite.min(), finite.max())
+    else:
+        cmap = "RdBu_r"
+        top = 1.0
+        if finite.size:
+            top = max(np.percentile(np.abs(finite), 98) if robust else np.abs(finite).max(), floor)
+        lo, hi = -top, top
+    if limits is not None:
+        lo, hi = limits
+    if not hi - lo > 1e-12 * abs(hi):  # a constant field
+        pad = abs(lo) * 1e-3 or 1.0
+        lo, hi = lo - pad, hi + pad
+    cmap = mpl.colormaps[cmap].with_extremes(bad="0.82")
+    extend = {(0, 0): "neither", (1, 0): "min", (0, 1): "max", (1, 1): "both"}[
+        bool(finite.size and finite.min() < lo), bool(finite.size and finite.max() > hi)
+    ]
+    return cmap, lo, hi, extend
+
+
+def figure(Figure, n, width, height, columns=3):
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    columns = min(n, 2 if n in (2, 4) and columns > 1 else columns)
+    rows = -(-n // columns)
+    fig = Figure(figsize=(width * columns, height * rows + 0.3), layout="constrained")
+    FigureCanvasAgg(fig)
+    return fig, fig.subplots(rows, columns, squeeze=False)
+
+
+def draw_map(fig, ax, place, drawn_as, v, cmap, low, high, extend, title):
+    """One map with its colour bar, at true positions and equal aspect."""
+    flat, labels, _, _ = drawn_as
+    lo, hi = flat.reshape(-1, 2).min(0), flat.reshape(-1, 2).max(0)
+    wide = hi[1] - lo[1] < 0.45 * (hi[0] - lo[0])
+    if place.kind == "plane":
+        drawn = ax.pcolormesh(
+            flat[..., 0], flat[..., 1], np.ma.masked_invalid(v), cmap=cmap, vmin=low, vmax=high, rasterized=True, shading="flat"
+        )
+        ax.set_xlim(lo[0], hi[0])
+        ax.set_ylim(lo[1], hi[1])
+    else:
+        good = np.isfinite(v)
+        order = np.argsort(np.where(good, np.abs(v), -1), kind="stable")  # the largest on top
+        order = order[good[order]]
+        size = float(np.clip(1.5e4 / max(len(v), 1), 2, 40))
+        ax.scatter(*flat[~good].T, s=size, c="0.82", linewidths=0)
+        drawn = ax.scatter(*flat[order].T, s=size, c=v[order], cmap=cmap, vmin=low, vmax=high, rasterized=len(v) > 5000)
+        drawn.set(edgecolor="0.3", linewidth=0.2)
+        ax.margins(0.03)
+    ax.set_aspect("equal")
+    ax.set_xlabel(labels[0])
+    ax.set_ylabel(labels[1])
+    ax.set_title(title)
+    where = {"location": "bottom", "shrink": 0.8, "aspect": 40} if wide else {"fraction": 0.046, "pad": 0.02}
+    bar = fig.colorbar(drawn, ax=ax, extend=extend, **where)
+    bar.outline.set_linewidth(0.6)
+    return drawn
+
+
+def picture_kind(path) -> str:
+    """Of a picture that can be written there, the suffix; an `AtcError` if none can."""
+    path = Path(path)
+    kind = path.suffix.lower().lstrip(".")
+    if kind not in ("png", "pdf", "svg"):
+        raise AtcError(f"{path}: a picture's name must end in .png, .pdf or .svg")
+    if not path.parent.is_dir():
+        raise AtcError(f"{path}: there is no directory {path.parent}")
+    return kind
+
+
+def save(fig, path) -> Path:
+    """Write a figure (.png, .pdf, .svg) atomically."""
+    import os
+
+    path, kind = Path(path), picture_kind(path)
+    part = path.with_name(f".{path.name}.partial")
+    # dates and software versions in the file would make equal pictures differ
+    meta = {
+        "png": {"Software": None},
+        "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+        "svg": {"Date": None, "Creator": None},
+    }[kind]
+    import matplotlib as mpl
+
+    try:
+        with mpl.rc_context(STYLE):
+            fig.savefig(part, format=kind, metadata=meta)
+        os.replace(part, path)
+    except OSError as e:
+        raise AtcError(f"{path}: cannot be written: {e.strerror or e}") from None
+    finally:
+        part.unlink(missing_ok=True)
+    return path

@@ -1,0 +1,245 @@
+"""Where the points of a field are, in two and three dimensions: what pictures and comparisons need to know of an output's geometry."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from ..errors import AtcError
+
+_TEX = {
+    "angstrom": "Å", "sigma": "$\\sigma$", "K": "K", "epsilon/kB": "$\\epsilon/k_B$", "epsilon/sigma^3": "$\\epsilon/\\sigma^3$", "m/sigma^3": "$m/\\sigma^3$",
+    "1": "", "sigma/tau": "$\\sigma/\\tau$", "1/sigma^3": "$1/\\sigma^3$",
+}  # fmt: skip
+
+#: How the name of a field's standard error ends.
+STDERR = "_stderr"
+
+
+def unit_text(units: str) -> str:
+    """The unit as drawn: Å for angstrom, powers raised."""
+    if units in _TEX:
+        return _TEX[units]
+    text = units.replace("angstrom", "Å").replace("*", "·")
+    return re.sub(r"\^(-?\d+)", r"$^{\1}$", text)
+
+
+def rank(da) -> int:
+    """0 for scalars, 1 for vectors, 2 for tensors."""
+    return sum(d in ("i", "j") for d in da.dims)
+
+
+def grid_dims(da) -> list[str]:
+    """The dimensions of a variable that are the grid's."""
+    return [d for d in da.dims if d not in ("frame", "i", "j")]
+
+
+def fields_of(ds) -> list[str]:
+    """The variables of a dataset that are fields on its grid (standard errors and the like left out)."""
+    return [n for n, da in ds.data_vars.items() if grid_dims(da) and da.dtype.kind == "f" and not n.endswith(STDERR) and placed(ds, da)]
+
+
+class Layout:
+    """The points of a field in space, in the dataset's length unit.
+
+    Attributes
+    ----------
+    kind : ``volume``, ``plane``, ``line``, ``slab``, ``points`` or ``atoms``
+    dims : the grid's dimensions, in the order of `x_gc`
+    x_gc : (*shape, 3) the points
+    steps : (dims, 3) from one point to the next
+    edges : what to call the directions of the dimensions where they are not Cartesian
+    tiles : whether the mean over the points is a mean over the whole cell
+    thickness : of the layer that a plane cut from a volume stands for, half of it on either side
+    """
+
+    def __init__(self, kind, dims, x_gc, unit, tiles=False, steps=None, edges="abc"):
+        self.kind, self.dims, self.x_gc, self.unit, self.tiles = kind, list(dims), np.asarray(x_gc, float), unit, tiles
+        self.edges = edges
+        self.steps = steps
+        self.thickness = np.inf
+        if self.steps is None and kind in ("volume", "plane", "line", "slab"):
+            self.steps = np.array([self._step(k) for k in range(len(self.dims))])
+
+    def _step(self, k):
+        """From one point to the next along dimension k (a lattice: the same everywhere)."""
+        n = self.x_gc.shape[k]
+        if n < 2:
+            return np.zeros(3)
+        first = (0,) * (self.x_gc.ndim - 1)
+        last = tuple(n - 1 if a == k else 0 for a in range(self.x_gc.ndim - 1))
+        return (self.x_gc[last] - self.x_gc[first]) / (n - 1)
+
+    def cut(self, k, i):
+        """The plane of a volume at index i of dimension k."""
+        keep = [d for d in range(3) if d != k]
+        out = Layout(
+            "plane",
+            [self.dims[d] for d in keep],
+            np.take(self.x_gc, i, axis=k),
+            self.unit,
+            steps=self.steps[keep],
+            edges=[self.edges[d] for d in keep],
+        )
+        normal = np.cross(*out.steps)
+        size = np.linalg.norm(normal)
+        out.thickness = 0.5 * abs(self.steps[k] @ normal) / size if size > 0 else np.inf
+        return out
+
+    def flat(self):
+        """The points in two dimensions: for a plane the (n+1, m+1, 2) corners of its tiles, else (n, 2) points; labels, basis (3, 3) and origin."""
+        x = self.x_gc.reshape(-1, 3)
+        unit = f" ({unit_text(self.unit)})" if unit_text(self.unit) else ""
+        if self.kind != "plane":
+            extent = np.ptp(x, axis=0)
+            u, v = sorted(np.argsort(-extent, kind="stable")[:2])
+            basis = np.eye(3)[[u, v, 3 - u - v]]
+            return x @ basis[:2].T, [f"{'xyz'[u]}{unit}", f"{'xyz'[v]}{unit}"], basis, x.mean(0)
+        a, b = (s if np.linalg.norm(s) > 0 else None for s in self.steps)
+        if a is None or b is None:  # a single row of points: any direction across it will do
+            one = a if b is None else b
+            one = np.array([1.0, 0, 0]) if one is None else one
+            other = np.eye(3)[np.argmin(np.abs(one))]
+            other = np.cross(np.cross(one, other), one)
+            other *= np.linalg.norm(one) / np.linalg.norm(other)
+            a, b = (one, other) if b is None else (other, one)
+        normal = np.cross(a, b)
+        normal /= np.linalg.norm(normal)
+        along = [k for k in range(3) if abs(abs(normal[k]) - 1) < 1e-9]
+        if along:
+            u, v = (d for d in range(3) if d != along[0])
+            basis = np.array([np.eye(3)[u], np.eye(3)[v], np.eye(3)[along[0]]])
+            labels = [f"{'xyz'[u]}{unit}", f"{'xyz'[v]}{unit}"]
+        else:
+            e = a / np.linalg.norm(a)
+            basis = np.array([e, np.cross(normal, e), normal])
+            labels = [f"along {self.edges[0]}{unit}", f"in the plane, normal to {self.edges[0]}{unit}"]
+        n, m = self.x_gc.shape[:2]
+        i, j = np.arange(n + 1) - 0.5, np.arange(m + 1) - 0.5
+        corners = self.x_gc[0, 0] + i[:, None, None] * a + j[None, :, None] * b
+        origin = self.x_gc[0, 0]
+        return corners @ basis[:2].T, labels, basis, origin
+
+    def abscissa(self, k=0):
+        """Distance along dimension k and its label. Along a Cartesian axis it is the coordinate itself."""
+        index = tuple(slice(None) if a == k else 0 for a in range(self.x_gc.ndim - 1))
+        x = self.x_gc[index]
+        step = self.steps[k]
+        length = np.linalg.norm(step)
+        unit = f" ({unit_text(self.unit)})" if unit_text(self.unit) else ""
+        along = [c for c in range(3) if length > 0 and abs(abs(step[c]) - length) <= 1e-9 * length]
+        if along or length == 0:
+            c = along[0] if along else 0
+            return x[:, c], f"{'xyz'[c]}{unit}"
+        return (x - x[0]) @ (step / length), f"distance along {self.edges[k]}{unit}"
+
+
+def cut(place, text=None, axis=None, index=None):
+    """A plane of a volume: its layout, the selection that gives it, and what to call it.
+
+    `text` is ``"z=0.5"`` (fraction of the axis) or ``"z=12.5A"`` (distance along it); or `axis` and `index`. Default: the middle of the axis
+    with the fewest points.
+    """
+    if text is not None:
+        if axis is not None or index is not None:
+            raise AtcError("give --slice, or --axis and --index, not both")
+        axis, eq, where = text.partition("=")
+        if not eq:
+            raise AtcError(f"slice {text!r}: expected AXIS=POSITION, e.g. z=0.5 (fraction of the axis) or z=12.5A (length)")
+    else:
+        shape = place.x_gc.shape[:3]
+        axis, where = axis if axis is not None else place.dims[2 - int(np.argmin(shape[::-1]))], None
+    names = (
+        {str(k): k for k in range(3)} | dict(zip("abc", range(3))) | dict(zip("xyz", range(3))) | {d: k for k, d in enumerate(place.dims)}
+    )
+    if str(axis) not in names:
+        raise AtcError(f"axis {axis!r}: expected one of {', '.join(place.dims)}")
+    k = names[str(axis)]
+    n, dim = place.x_gc.shape[k], place.dims[k]
+    s, label = place.abscissa(k)
+    if where is None:
+        i = n // 2 if index is None else index
+        if not -n <= i < n:
+            raise AtcError(f"index {index}: the grid has {n} points along {dim}, numbered 0 to {n - 1}")
+        i %= n
+    else:
+        try:
+            i = _index_at(where.strip(), s, n)
+        except ValueError:
+            raise AtcError(
+                f"slice {text!r}: expected a fraction between 0 and 1 (z=0.5), or a length with an A behind it (z=12.5A)"
+            ) from None
+    plane = place.cut(k, i)
+    x = plane.x_gc.reshape(-1, 3)
+    flat = [c for c in range(3) if np.ptp(x[:, c]) <= 1e-9 * max(np.ptp(place.x_gc[..., c]), 1e-300)]
+    position = (
+        f"{'xyz'[flat[0]]} = {x[0, flat[0]]:.4g} {unit_text(place.unit)}".rstrip()
+        if flat
+        else f"plane {i + 1} of {n} along {place.edges[k]}"
+    )
+    return plane, {dim: i}, position
+
+
+def _index_at(where, s, n):
+    if where.endswith("A"):
+        return int(np.argmin(np.abs(s - float(where[:-1]))))
+    fraction = float(where)
+    if not 0 <= fraction <= 1:
+        raise ValueError
+    return int(np.clip(round(fraction * n - 0.5), 0, n - 1))
+
+
+def placed(ds, da) -> bool:
+    """Whether the output says where the points of a field are."""
+    return _positions(ds, da) is not None
+
+
+def _positions(ds, da):
+    """(*shape, 3) positions of the points of a field's grid, or None if the output does not hold them. Points that move are where they are in the
+    frame of `da`; where it has none (a mean) they are where the first frame has them."""
+    dims = grid_dims(da)
+    shape = tuple(ds.sizes[d] for d in dims)
+    names = [f"position_{c}" for c in "xyz"]
+    for coords in (da.coords, ds.coords):
+        found = [coords[n].isel(frame=0) if "frame" in coords[n].dims else coords[n] for n in names if n in coords]
+        if len(found) == 3 and all(set(c.dims) == set(dims) for c in found):
+            return np.stack([c.transpose(*dims).values for c in found], axis=-1)
+    axes = ["xyz".index(d) if d in ("x", "y", "z") and d in ds.coords else None for d in dims]
+    if None in axes:
+        return None
+    out = np.zeros((*shape, 3))
+    for k, (d, c) in enumerate(zip(dims, axes)):
+        here = da.coords.get(f"position_{d}")
+        axis = here if here is not None and here.dims == (d,) else ds.coords[d]
+        out[..., c] = axis.values.reshape([-1 if m == k else 1 for m in range(len(dims))])
+    return out
+
+
+def layout(ds, da) -> Layout:
+    """Where the points of the field `da` of an output are."""
+    dims = grid_dims(da)
+    x = _positions(ds, da)
+    if x is None:
+        raise AtcError(f"{da.name}: the output does not say where its points are")
+    unit = next((c.attrs["units"] for c in (ds.coords.get(n) for n in ("position_x", *dims)) if c is not None and "units" in c.attrs), "")
+    if dims[0] in ("point", "atom"):
+        return Layout("points" if dims[0] == "point" else "atoms", dims, x, unit)
+    kind = {3: "volume", 2: "plane"}.get(len(dims)) or ("slab" if str(ds.attrs.get("grid", "")).startswith("slab") else "line")
+    edges = {"x": "a", "y": "b", "z": "c", "s": "the line"}
+    out = Layout(kind, dims, x, unit, edges=[edges.get(d, d) for d in dims])
+    out.tiles = _tiles(ds, out)
+    return out
+
+
+def _tiles(ds, place) -> bool:
+    """Whether the points stand for the whole cell, so that their mean is a box average."""
+    if place.kind not in ("volume", "slab") or "cell" not in ds.coords:
+        return False
+    cell = ds.coords["cell"].values.reshape(-1, 3, 3)[0]
+    size = np.abs(cell).max()
+    spans = place.steps * np.array(place.x_gc.shape[:-1])[:, None]
+    if place.kind == "volume":
+        return all(n == 1 or np.allclose(span, edge, atol=1e-6 * size) for n, span, edge in zip(place.x_gc.shape, spans, cell))
+    heights = np.linalg.det(cell) / np.array([np.linalg.norm(np.cross(cell[(k + 1) % 3], cell[(k + 2) % 3])) for k in range(3)])
+    return bool(np.isclose(np.linalg.norm(spans[0]), np.abs(heights), atol=1e-6 * size).any())

@@ -1,0 +1,110 @@
+"""Pictures of peridynamic bodies: every node a square of its size, where it is now, seen along the axis in which the body is thinnest."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import AtcError
+from .geometry import rank, unit_text
+
+
+def plot_nodes(ds, quantity=None, *, component=None, slice=None, axis=None, frame=-1, limits=None, robust=False):
+    """Draw quantities of the nodes, one panel each (or one a component).
+
+    Parameters
+    ----------
+    ds : output of ``atc pd``
+    quantity : damage (default), displacement, velocity, energy, force, stress; several separated by commas
+    component : as for fields; default the magnitude of vectors and the von Mises stress
+    slice : ``"z=0.5"`` (fraction of the body's extent) or ``"z=0.001m"``: only the layer of nodes there, seen along that axis
+    axis : the axis along which one looks, from its positive end; default the thinnest
+    frame : number of the output, -1 the last
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    from .components import component as scalar
+    from .drawing import STYLE, at_frame, colours, figure, label_of
+
+    names = [n for n, da in ds.data_vars.items() if "node" in da.dims]
+    wanted = [q.strip() for q in quantity.split(",")] if quantity else ["damage" if "damage" in names else names[0]]
+    X = np.stack([ds[f"position_{a}"].values for a in "xyz"], axis=1)
+    unit = ds["position_x"].attrs.get("units", "")
+    spacing = float(ds.attrs["spacing"])
+    which, view = _layer(X, slice, axis, spacing)
+    panels = []
+    for q in wanted:
+        if q not in names:
+            raise AtcError(f"{q} is not in this output: it holds {', '.join(names)}")
+        da, when = at_frame(ds, q, frame)
+        order = rank(da)
+        comps = [c.strip() for c in component.split(",")] if component and order else [[None], ["magnitude"], ["vonmises"]][order]
+        for c in comps:
+            values = da.values[which]
+            panels.append((da, c, values if c is None else scalar(values, c)))
+    u = ds["displacement"].isel(frame=0 if frame == "mean" else int(frame)).values[which] if "displacement" in ds else 0.0
+    x = X[which] + u
+    across = [k for k in range(3) if k != view]
+    # Seen from the positive end of the axis: what is nearer is drawn last.
+    nearer = np.argsort(x[:, view], kind="stable")
+    lo, hi = X[which][:, across].min(0), X[which][:, across].max(0)
+    pad = 0.08 * (hi - lo).max() + spacing
+    span = hi - lo + 2 * pad
+    width = 5.2 if len(panels) == 1 else 4.0
+    with mpl.rc_context(STYLE):
+        fig, axes = figure(Figure, len(panels), width, max(1.3, (width - 1.3) * min(span[1] / span[0], 2.5)) + 0.7)
+        for ax, (da, c, values) in zip(axes.flat, panels):
+            cmap, low, high, extend = colours(da.name, c, values, limits, robust)
+            if da.name == "damage" and limits is None:
+                cmap, low, high, extend = mpl.colormaps["inferno_r"], 0.0, max(1e-12, float(values.max(initial=0.0))), "neither"
+            ax.set(xlim=(lo[0] - pad, hi[0] + pad), ylim=(lo[1] - pad, hi[1] + pad), aspect="equal")
+            ax.set_facecolor("0.96")
+            art = _squares(ax, x[nearer][:, across], values[nearer], spacing, cmap, low, high)
+            fig.colorbar(art, ax=ax, extend=extend, shrink=0.9, label=label_of(da, c, da.attrs.get("units", "")))
+            labels = [f"{'xyz'[k]} ({unit_text(unit)})" if unit else "xyz"[k] for k in across]
+            ax.set(xlabel=labels[0], ylabel=labels[1])
+        for ax in list(axes.flat)[len(panels) :]:
+            ax.remove()
+        fig.suptitle(", ".join(t for t in (str(ds.attrs.get("materials", "")).upper(), when) if t), fontsize=9)
+    return fig
+
+
+def _squares(ax, x, values, size, cmap, low, high):
+    from matplotlib.collections import PolyCollection
+
+    h = 0.5 * size
+    corners = np.array([[-h, -h], [h, -h], [h, h], [-h, h]])
+    squares = PolyCollection(
+        x[:, None] + corners, array=np.asarray(values, float), cmap=cmap, edgecolors="face", linewidths=0.1, rasterized=True
+    )
+    squares.set_clim(low, high)
+    ax.add_collection(squares)
+    return squares
+
+
+def _layer(X, where, axis, spacing):
+    """Which nodes are drawn, and the axis along which one looks."""
+    extent = np.ptp(X, axis=0)
+    view = int(np.argmin(extent + 1e-9 * extent.max() * np.array([2, 1, 0])))
+    if axis is not None:
+        if axis not in ("x", "y", "z"):
+            raise AtcError(f"--axis {axis}: expected x, y or z, the axis along which the body is seen")
+        view = "xyz".index(axis)
+    if where is None:
+        return np.arange(len(X)), view
+    name, eq, text = where.partition("=")
+    try:
+        k = "xyz".index(name.strip())
+        text = text.strip()
+        number = text.rstrip("abcdefghijklmnopqrstuvwxyzA")
+        value = float(number)
+        if number == text:
+            value = X[:, k].min() + value * extent[k]
+    except ValueError:
+        raise AtcError(f"--slice {where}: expected AXIS=FRACTION or AXIS=LENGTH with a unit, e.g. z=0.5 or z=0.001m") from None
+    near = np.abs(X[:, k] - value)
+    return np.flatnonzero(near <= near.min() + 0.5 * spacing), k

@@ -1,0 +1,236 @@
+"""Pictures of fields: slices and planes as maps, slabs and lines as profiles, points and atoms as scatter plots.
+
+Everything is drawn in the units of the dataset and at its true positions (triclinic grids too). Signed components get a diverging map
+that is symmetric about zero, quantities that cannot be negative a sequential one; where a field is undefined (vacuum) the map is grey.
+"""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import AtcError
+from ..running.output import load
+from . import components
+from .components import TENSOR
+from .drawing import STYLE, at_frame, colours, draw_map, figure, kernel_title, label_of, save
+from .geometry import STDERR, cut, fields_of, grid_dims, layout, rank
+
+
+def plot(ds, quantity=None, *, component=None, slice=None, axis=None, index=None, frame=-1, limits=None, robust=False, atoms=None):
+    """Draw one field, one panel a component.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset or path, an output of `atc.fields`
+    quantity : name of a field, or several separated by commas; default the stress, else the first field
+    component : ``xx`` … ``zz``, ``hydrostatic``, ``pressure``, ``vonmises``, ``max_shear``, ``principal1``…``3``; ``x``, ``y``, ``z``,
+        ``magnitude``; several separated by commas; default every component
+    slice : for a 3-D grid, ``"z=0.5"`` (fraction of the axis) or ``"z=12.5A"`` (distance along the axis, in the dataset's length unit)
+    axis, index : the same by index
+    frame : index, or ``"mean"``
+    limits : (lo, hi) of the colours; robust : limits at the 2nd and 98th percentile
+    atoms : (n, 3) positions in the dataset's units to draw on maps, those near the plane
+
+    Returns
+    -------
+    matplotlib.figure.Figure, drawn without a display (Agg)
+
+    Raises
+    ------
+    AtcError : for a field, component, frame or plane that is not there
+    """
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    ds = load(ds)
+    if "equation" in ds.attrs and "x" in ds.dims:
+        raise AtcError("this is an output of atc advect, whose picture was written beside it (the same name, .png)")
+    if ds.attrs.get("kind") == "peridynamics":
+        from .nodes import plot_nodes
+
+        return plot_nodes(ds, quantity, component=component, slice=slice, axis=axis, frame=frame, limits=limits, robust=robust)
+    panels = []
+    dimension = int(ds.attrs.get("dimension", 3))
+    wanted = [q.strip() for q in quantity.split(",")] if quantity else [None]
+    for q in wanted:
+        name = pick(ds, q)
+        da, when = at_frame(ds, name, frame)
+        da = da.transpose(*grid_dims(da), ...)
+        comps = _scalars(da, component if rank(da) or len(wanted) == 1 else None, dimension)
+        if len(wanted) > 1 and component is None and rank(da):
+            comps = ["magnitude" if rank(da) == 1 else "vonmises"]
+        panels += [(name, da, c) for c in comps]
+    dims = {tuple(grid_dims(da)) for _, da, _ in panels}
+    if len(dims) > 1:
+        raise AtcError("fields on different grids cannot share a picture: plot them one by one")
+    place = layout(ds, panels[0][1])
+    if place.kind == "volume":
+        place, selection, where = cut(place, slice, axis, index)
+    else:
+        if slice is not None or axis is not None or index is not None:
+            raise AtcError(f"this output is on a {place.kind}, not on a 3-D grid: there is nothing to slice")
+        selection, where = {}, ""
+    title = ", ".join(t for t in (kernel_title(ds), where, when) if t)
+    with mpl.rc_context(STYLE):
+        if place.kind in ("line", "slab"):
+            return _profiles(Figure, ds, panels, place, title, limits, frame, dimension)
+        values = []
+        for _, da, c in panels:
+            v = da.isel(selection).values
+            values.append(v if c is None else components.component(v, c, dimension))
+        return _maps(Figure, panels, values, place, title, limits, robust, atoms)
+
+
+def pick(ds, quantity):
+    names = fields_of(ds)
+    if quantity is None:
+        for name in ("stress", "stress_potential", "smoothed_virial_stress", *names):
+            if name in names:
+                return name
+        raise AtcError("this output holds no field on a grid (only box totals): there is nothing to draw; its numbers are in atc compare")
+    if quantity.endswith(STDERR) and quantity.removesuffix(STDERR) in names and quantity in ds:
+        return quantity
+    if quantity not in names:
+        near = difflib.get_close_matches(quantity, names, n=1)
+        why = (
+            "is one number for the box, not a field: nothing to draw"
+            if quantity in ds and not grid_dims(ds[quantity])
+            else "is not in this output"
+        )
+        raise AtcError(f"{quantity} {why}: {f'did you mean {near[0]!r}? ' if near else ''}it holds {', '.join(names) or 'no fields'}")
+    return quantity
+
+
+def _scalars(da, wanted, dimension=3) -> list[str | None]:
+    """The components to draw, one a panel."""
+    order = rank(da)
+    if order == 0:
+        if wanted not in (None, "all"):
+            raise AtcError(f"{da.name} is a scalar: it has no component {wanted!r}")
+        return [None]
+    if wanted in (None, "all"):
+        if order == 1:
+            return components.names(1, dimension)
+        symmetric = np.allclose(
+            da.values,
+            np.swapaxes(da.values, -1, -2),
+            rtol=1e-9,
+            atol=1e-12 * float(np.nanmax(np.abs(da.values), initial=0)),
+            equal_nan=True,
+        )
+        if symmetric:
+            return components.names(2, dimension)
+        return [a + b for a in "xyz"[:dimension] for b in "xyz"[:dimension]]
+    return [w.strip() for w in wanted.split(",")]
+
+
+def _panel_size(flat, panels):
+    """Width and height of one panel, and how many go side by side."""
+    span = np.maximum(np.ptp(flat.reshape(-1, 2), axis=0), 1e-12)
+    aspect = float(np.clip(span[1] / span[0], 0.1, 2.5))
+    if aspect < 0.45:
+        width = 6.0
+        return width, 0.88 * width * aspect + 1.25, 1
+    width = 4.6 if panels == 1 else 3.3
+    return width, (width - 1.15) * aspect + 0.75, 3
+
+
+def _maps(Figure, panels, values, place, title, limits, robust, atoms):
+    drawn_as = place.flat()
+    flat, _, basis, origin = drawn_as
+    width, height, columns = _panel_size(flat, len(panels))
+    fig, axs = figure(Figure, len(panels), width, height, columns)
+    largest: dict[str, float] = {}
+    for (name, _, _), v in zip(panels, values):
+        largest[name] = max(largest.get(name, 0.0), float(np.nanmax(np.abs(v), initial=0.0)))
+    for ax, (name, da, comp), v in zip(axs.flat, panels, values):
+        painted = colours(name, comp, v, limits, robust, 1e-3 * largest[name])
+        draw_map(fig, ax, place, drawn_as, v, *painted, label_of(da, comp, da.attrs.get("units", "")))
+        if atoms is not None and len(atoms):
+            near = np.abs((atoms - origin) @ basis[2]) <= place.thickness
+            size = float(np.clip(3e3 / max(near.sum(), 1), 1.5, 16))
+            ax.scatter(*(atoms[near] @ basis[:2].T).T, s=size, facecolors="w", edgecolors="k", linewidths=0.4, alpha=0.8)
+    for ax in list(axs.flat)[len(panels) :]:
+        ax.remove()
+    fig.suptitle(title, fontsize=9)
+    return fig
+
+
+def _profiles(Figure, ds, panels, place, title, limits, frame, dimension=3):
+    """Curves along the one dimension, one panel a field, with the standard error as a band where the output has one."""
+    groups: dict[str, list] = {}
+    for name, da, comp in panels:
+        groups.setdefault(name, []).append((da, comp))
+    fig, axs = figure(Figure, len(groups), 5.0, 3.1)
+    s, label = place.abscissa()
+    for ax, (name, members) in zip(axs.flat, groups.items()):
+        error = _stderr(ds, name, frame)
+        for da, comp in members:
+            v = da.values if comp is None else components.component(da.values, comp, dimension)
+            (line,) = ax.plot(s, v, label=comp, marker="o" if len(s) == 1 else None)
+            # the error of an invariant is not the invariant of the errors
+            if error is not None and (comp is None or comp in TENSOR or comp in ("x", "y", "z")):
+                e = error.transpose(*da.dims).values
+                e = e if comp is None else components.component(e, comp, dimension)
+                ax.fill_between(s, v - e, v + e, color=line.get_color(), alpha=0.25, linewidth=0)
+        ax.set_xlabel(label)
+        ax.set_ylabel(label_of(members[0][0], None if len(members) > 1 else members[0][1], members[0][0].attrs.get("units", "")))
+        if len(s) > 1:
+            ax.set_xlim(s[0], s[-1])
+        if limits is not None:
+            ax.set_ylim(*limits)
+        lo, hi = ax.get_ylim()
+        if lo < 0 < hi:
+            ax.axhline(0, color="0.6", lw=0.6, zorder=0)
+        if len(members) > 1:
+            ax.legend(ncols=1 if len(members) < 4 else 2)
+        ax.spines[["top", "right"]].set_visible(False)
+    for ax in list(axs.flat)[len(groups) :]:
+        ax.remove()
+    fig.suptitle(title, fontsize=9)
+    return fig
+
+
+def _stderr(ds, name, frame):
+    """The standard error that belongs to the entry drawn; None for a mean over several entries, whose error is not theirs."""
+    if name + STDERR not in ds:
+        return None
+    error = ds[name + STDERR]
+    if "frame" not in error.dims:
+        return error
+    if frame == "mean":
+        return error.isel(frame=0) if error.sizes["frame"] == 1 else None
+    return error.isel(frame=int(frame))
+
+
+def plot_file(path, quantity=None, *, output=None, overlay=None, frame=-1, **options) -> Path:
+    """`plot` of an output file into a picture next to it (or `output`); returns the picture's path.
+
+    `overlay`: a scene whose trajectory's atoms are drawn on the map, at the frame shown.
+    """
+    path = Path(path)
+    ds = load(path)
+    atoms = None
+    if overlay is not None:
+        atoms = _atoms(overlay, ds, frame)
+    fig = plot(ds, quantity, frame=frame, atoms=atoms, **options)
+    if output is None:
+        nodes = ds.attrs.get("kind") == "peridynamics"
+        words = [path.stem, quantity or ("damage" if nodes else pick(ds, None)), options.get("component")]
+        output = path.with_name("-".join(w.replace(",", "-") for w in words if w) + ".png")
+    return save(fig, output)
+
+
+def _atoms(scene, ds, frame):
+    """Positions, in the cell, in the dataset's length unit, of the atoms of the frame that is drawn."""
+    from ..config.scene import Scene
+
+    trajectory = Scene.load(scene).trajectory()
+    k = int(ds["frame"].values[0 if frame == "mean" else int(frame)])
+    if k >= len(trajectory):
+        raise AtcError(f"--overlay {scene}: the picture shows frame {k} of the run, the scene selects only {len(trajectory)} frames")
+    one = trajectory[k]
+    return one.units.to_user("length", one.cell.wrap(one.positions)[0])

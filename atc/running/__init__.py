@@ -1,0 +1,1 @@
+"""Frames over processes and clusters, averages collected, the output's store."""

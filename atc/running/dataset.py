@@ -1,0 +1,147 @@
+"""What an output holds: its variables, coordinates and attributes, from a request and the result of one frame."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..estimators.compute import FrameResult
+from ..plan import Request
+from .as_scene import scene_of
+from .output import Layout, Variable
+
+
+def follows_cell(request: Request) -> bool:
+    """Whether the points of the grid move with the cell of each frame."""
+    on_grid = [q for q in request.work.quantities if q.kind == "grid" and not q.on_reference]
+    return bool(on_grid) and getattr(request.grid, "follows_cell", False)
+
+
+def grid_moves(request: Request) -> bool:
+    """Whether the output needs the positions of the points for every entry: grids of atoms, and of a cell that changes from the first frame to the second."""
+    if request.entries < 2:
+        return False
+    if follows_cell(request):
+        return request.frames[1].cell != request.first.cell
+    return getattr(request.grid, "follows_atoms", False) and bool(set(request.work.grid_users) - set(request.work.on_reference))
+
+
+def moving_coordinates(bound, u) -> dict:
+    """Positions of the points at one time, under names that are no dimensions, as {name: (dims, values, attrs)}."""
+    found = _grid_coordinates(bound, u)
+    whole = {name: entry for name, entry in found.items() if name.startswith("position_")}
+    return whole or {f"position_{name}": entry for name, entry in found.items()}
+
+
+def output_layout(request: Request, frame, result: FrameResult, moves: bool = False) -> Layout:
+    """All variables and attributes of the output."""
+    from .. import __version__
+    from ..estimators.peridynamic import horizon_of
+
+    work, u = request.work, frame.units
+    bound = result.bound
+    letters = np.array(["x", "y", "z"])
+    grid_dims = tuple(bound.dims) if bound is not None else ()
+    f8, i8 = np.dtype(np.float64), np.dtype(np.int64)
+    variables: list[Variable] = []
+
+    def static(name, dims, values, **attrs):
+        values = np.asarray(values)
+        variables.append(Variable(name, tuple(dims), values.shape, values.dtype, attrs, static=values, coordinate=True))
+
+    def moving(name, dims, shape, dtype, coordinate=False, **attrs):
+        variables.append(Variable(name, tuple(dims), tuple(shape), dtype, attrs, coordinate=coordinate))
+
+    first_of = "first frame of the window" if request.average is not False else "frame"
+    static(
+        "frame", ("frame",), np.arange(request.entries, dtype=i8) * request.window, long_name=f"number of the {first_of} in the trajectory"
+    )
+    moving("step", (), (), i8, True, long_name=f"time step of the {first_of} (-1: unknown)")
+    moving("time", (), (), f8, True, units=u.label("time"), long_name=f"time of the {first_of}")
+    moving("cell", ("edge", "i"), (3, 3), f8, True, units=u.label("length"), long_name="edge vectors of the cell")
+    moving("cell_origin", ("i",), (3,), f8, True, units=u.label("length"), long_name="origin of the cell")
+    static("i", ("i",), letters, long_name="direction of a vector; first index of a tensor")
+    if any(q.rank == 2 for q in work.quantities):
+        static("j", ("j",), letters, long_name="second index of a tensor")
+    if any(q.kind == "atom" for q in work.quantities):
+        static("atom", ("atom",), frame.ids.astype(i8), long_name="atom id")
+    if bound is not None:
+        at_times = moving_coordinates(bound, u) if moves else {}
+        for name, (dims, values, attrs) in at_times.items():
+            moving(name, dims, values.shape, f8, True, **attrs)
+        for name, (dims, values, attrs) in _grid_coordinates(bound, u).items():
+            if name not in at_times:
+                static(
+                    name, dims, values, **attrs, **({"comment": f"of the first frame; position_{name} has every frame's"} if moves else {})
+                )
+    tail = {0: (), 1: ("i",), 2: ("i", "j")}
+    for q in work.quantities:
+        head = {"grid": grid_dims, "box": (), "atom": ("atom",)}[q.kind]
+        shape = result.arrays[q.name].shape
+        attrs = {"units": u.label(q.dimension), "long_name": q.long_name, "sign_convention": q.sign}
+        comment = [_in_plane(q.comment) if u.dimension == 2 else q.comment] if q.comment else []
+        if request.average is not False:
+            comment.append(f"time average {'<w X>/<w>, w the ' + _WEIGHTS[q.weight] if q.weight else 'of the fields of the frames'}")
+        moving(q.name, head + tail[q.rank], shape, f8, **attrs, **({"comment": "; ".join(comment)} if comment else {}))
+        if request.average is not False:
+            moving(f"{q.name}_stderr", head + tail[q.rank], shape, f8, units=attrs["units"], long_name=f"standard error of {q.long_name}",
+                   sign_convention="positive", comment="by block averaging; a lower bound where the blocks still correlate")  # fmt: skip
+            moving(f"{q.name}_correlated", head + tail[q.rank], shape, np.dtype(bool), units="1", sign_convention="none",
+                   long_name=f"whether the blocks still correlate (or are too few to tell), so that {q.name}_stderr is a lower bound")  # fmt: skip
+    if work.masked:
+        moving("mask", grid_dims, result.mask.shape, np.dtype(bool), units="1", sign_convention="none",
+               long_name="whether there is mass within the kernel: velocity and whatever is relative to it are NaN where not")  # fmt: skip
+    if request.average is not False:
+        moving("frames_averaged", (), (), i8, units="1", sign_convention="none", long_name="number of frames in the average")
+    attrs = {
+        "atc_version": __version__,
+        "version": __version__,
+        "units": u.name,
+        "tolerance": float(request.tolerance),
+        "quantities": ", ".join(q.name for q in work.quantities),
+    }
+    if work.horizon_users:
+        attrs.update(horizon=u.to_user("length", horizon_of(request.settings(), u, work.horizon_users)), horizon_units=u.label("length"))
+    if bound is not None and not work.kernel_users:
+        attrs.update(method=request.method_used, grid=_grid_name(request.grid))
+    elif bound is not None:
+        attrs.update(kernel=request.kern.describe(), radius=radius_of(request.kern), radius_units=u.label("length"), method=request.method_used,
+                     grid=_grid_name(request.grid))  # fmt: skip
+    if work.bond_users:
+        attrs["decomposition"] = request.pot.describe()
+    attrs["dimension"] = u.dimension
+    attrs["periodic"] = "".join("p" if p else "f" for p in frame.cell.periodic[: u.dimension])
+    attrs["scene"] = str(request.scene) if request.scene else scene_of(request)
+    return Layout(variables, request.entries, attrs)
+
+
+def _in_plane(comment: str) -> str:
+    """What a quantity's comment says of three dimensions, for two."""
+    for space, plane in (
+        ("(3 n k_B): three degrees of freedom per atom", "(2 n k_B): two degrees of freedom per atom"),
+        ("stress times volume", "stress times area"),
+        ("the volume of the horizon", "the area of the horizon"),
+        ("heat flux times volume", "heat flux times area"),
+    ):
+        comment = comment.replace(space, plane)
+    return comment
+
+
+_WEIGHTS = {"mass": "mass density", "one": "number density"}
+
+
+def _grid_coordinates(bound, u) -> dict:
+    """The grid's coordinates as {name: (dims, values, attrs)}."""
+    out = {}
+    for name, entry in bound.coords(u).items():
+        dims, values, *attrs = entry
+        out[name] = ((dims,) if isinstance(dims, str) else tuple(dims), np.asarray(values), dict(attrs[0]) if attrs else {})
+    return out
+
+
+def radius_of(kern) -> float:
+    """The kernel's radius, in its own unit of length."""
+    return float(getattr(kern, "radius", kern.support))
+
+
+def _grid_name(grid) -> str:
+    return grid.describe() if hasattr(grid, "describe") else repr(grid)

@@ -1,0 +1,504 @@
+"""Results on disk, frame by frame: nothing under the final name until everything is there; a killed run can go on.
+
+While a run lasts, everything is in ``OUT.partial/``: ``request.json`` (what is being computed), ``data.zarr``, ``journal.jsonl`` (one line
+for each entry that is complete) and, for time averages, ``state.npz``. At the end ``data.zarr`` is renamed to OUT, or copied entry by
+entry to a NetCDF file which is renamed.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import shutil
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import AtcError
+
+_CHUNK_BYTES = 32 * 2**20
+
+
+@dataclass
+class Variable:
+    """A variable of the dataset. `dims` without the leading "frame" unless `static`."""
+
+    name: str
+    dims: tuple[str, ...]
+    shape: tuple[int, ...]
+    dtype: np.dtype
+    attrs: dict
+    static: np.ndarray | None = None
+    coordinate: bool = False
+
+    @property
+    def all_dims(self):
+        return self.dims if self.static is not None else ("frame", *self.dims)
+
+
+@dataclass
+class Layout:
+    """All variables, the number of entries along "frame", and the attributes of the dataset."""
+
+    variables: list[Variable]
+    entries: int
+    attrs: dict = field(default_factory=dict)
+
+
+@contextmanager
+def explained(path):
+    """Turn what the operating system says about an output into one line."""
+    try:
+        yield
+    except OSError as e:
+        if e.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise AtcError(
+                f"{path}: the disk is full: make room and run the same command again (frames that are complete, if any, are kept in {path}.partial)"
+            ) from e
+        why = " ".join(str(e.strerror or e).split())[:200]
+        raise AtcError(f"{path}: cannot be written ({why}): choose another output file or change its permissions") from e
+
+
+def dataset_in_memory(layout: Layout, entries: list[dict], attrs: dict):
+    """The same dataset as an `xarray.Dataset` in memory."""
+    import xarray as xr
+
+    data, coords = {}, {}
+    for v in layout.variables:
+        values = v.static if v.static is not None else np.stack([e[v.name] for e in entries]).astype(v.dtype, copy=False)
+        (coords if v.coordinate else data)[v.name] = (v.all_dims, values, _clean({**v.attrs, **attrs.get(v.name, {})}))
+    return xr.Dataset(data, coords, _clean({**layout.attrs, **attrs.get("", {}), "variables": " ".join(data)}))
+
+
+def _clean(attrs: dict) -> dict:
+    """Attributes every format can hold."""
+    return {
+        k: int(v) if isinstance(v, (bool, np.bool_)) else v.item() if isinstance(v, np.generic) else v
+        for k, v in attrs.items()
+        if v is not None
+    }
+
+
+def check_name(out) -> Path:
+    """The output path, or an error that says which names are possible."""
+    path = Path(out)
+    if path.suffix not in (".zarr", ".nc"):
+        raise AtcError(f"{path}: the name of the output must end in .zarr or .nc")
+    return path
+
+
+class Damaged(AtcError):
+    """An output that is no longer what was written."""
+
+
+class Store:
+    """The unfinished output of one run.
+
+    Parameters
+    ----------
+    out : path ending in .zarr or .nc
+    request : dict of plain values
+        What is being computed. An unfinished output of another request is never continued.
+    resume : bool
+        False: throw an unfinished output away and begin again.
+
+    Raises
+    ------
+    AtcError
+        if the place cannot be written, is in use by another run, or holds an unfinished output of another request.
+    """
+
+    def __init__(self, out, request: dict, resume: bool = True):
+        self.out = check_name(out)
+        self.partial = self.out.with_name(self.out.name + ".partial")
+        self.layout: Layout | None = None
+        self._group = None
+        self._arrays: dict = {}
+        self.journal: list[dict] = []
+        with explained(self.out):
+            if not self.out.parent.is_dir():
+                raise AtcError(f"{self.out}: the directory {self.out.parent} does not exist")
+            if self.out.suffix == ".nc" and self.out.is_dir():
+                raise AtcError(f"{self.out}: is a directory; choose another name")
+            self.partial.mkdir(exist_ok=True)
+            self._lock()
+            self._recover()
+            request = json.loads(json.dumps(request, sort_keys=True))
+            known = self._read_json("request.json")
+            if not resume:
+                self._clear()
+            elif known is not None and (why := _other(known, request)):
+                self._unlock()
+                raise AtcError(
+                    f"{self.partial}: holds an unfinished run of another request (different: {why}): finish that one, "
+                    "delete the directory, or start again without resuming"
+                )
+            elif known is None:
+                self._clear()
+            self._write_json("request.json", request)
+            journal = self.partial / "journal.jsonl"
+            if journal.exists() and (self.partial / "data.zarr").is_dir():
+                for line in journal.read_text().splitlines():
+                    try:
+                        self.journal.append(json.loads(line))
+                    except ValueError:  # the kill came while this line was written
+                        break
+                # Forget a half-written line, so that the next one starts on its own.
+                self._write_journal()
+
+    def keep(self, count: int) -> None:
+        """Forget all entries but the first `count`."""
+        if count < len(self.journal):
+            del self.journal[count:]
+            with explained(self.out):
+                self._write_journal()
+                (self.partial / "state.npz").unlink(missing_ok=True)
+
+    def _write_journal(self) -> None:
+        temporary = self.partial / "journal.tmp"
+        temporary.write_text("".join(json.dumps(e) + "\n" for e in self.journal))
+        os.replace(temporary, self.partial / "journal.jsonl")
+
+    # --- while running
+    @property
+    def done(self) -> int:
+        """Number of complete entries; they are the first ones."""
+        return len(self.journal)
+
+    def begin(self, layout: Layout) -> None:
+        """Create the arrays, or check that those of an earlier run fit."""
+        import numcodecs
+        import zarr
+
+        self.layout = layout
+        path = str(self.partial / "data.zarr")
+        with explained(self.out):
+            if self.done:
+                for half in (self.partial / "data.zarr").glob("**/*.partial"):
+                    half.unlink()  # a chunk that a kill left unfinished under a name of its own
+                with _every_chunk():
+                    self._group = zarr.open_group(path, mode="r+")
+                    self._arrays = dict(self._group.arrays())
+                for v in layout.variables:
+                    # The trajectory may have grown.
+                    if v.static is None and self._arrays[v.name].shape[0] != layout.entries:
+                        self._arrays[v.name].resize((layout.entries, *v.shape))
+                    elif v.static is not None and self._arrays[v.name].shape != v.shape:
+                        self._arrays[v.name].resize(v.shape)
+                        self._arrays[v.name][...] = v.static
+                return
+            shutil.rmtree(path, ignore_errors=True)
+            self._group = zarr.open_group(path, mode="w", zarr_format=2)
+            for v in layout.variables:
+                shape = v.shape if v.static is not None else (layout.entries, *v.shape)
+                dtype = v.static.dtype if v.static is not None else v.dtype
+                if v.static is not None:
+                    chunks = tuple(max(1, n) for n in shape)
+                else:
+                    first = max(1, int(_CHUNK_BYTES // max(1, np.dtype(dtype).itemsize * int(np.prod(v.shape[1:], dtype=np.int64)))))
+                    chunks = (1, *(max(1, min(n, first) if k == 0 else n) for k, n in enumerate(v.shape)))
+                with _every_chunk():
+                    array = self._group.create_array(
+                    v.name, shape=shape, chunks=chunks, dtype=dtype, fill_value=_fill(dtype), filters=[numcodecs.CRC32()],
+                    attributes={"_ARRAY_DIMENSIONS": list(v.all_dims), **_clean(v.attrs)},
+                )  # fmt: skip
+                self._arrays[v.name] = array
+                if v.static is not None and v.static.size:
+                    array[...] = v.static
+
+    def write(self, values: dict, note: dict) -> None:
+        """The next entry: one array a variable, and `note` (plain values) for the journal. Complete when this returns."""
+        k = self.done
+        with explained(self.out):
+            for v in self.layout.variables:
+                if v.static is None:
+                    self._arrays[v.name][k] = np.asarray(values[v.name], dtype=v.dtype)
+            with open(self.partial / "journal.jsonl", "a") as f:
+                f.write(json.dumps(note) + "\n")
+                f.flush()
+                os.fsync(f.fileno())
+        self.journal.append(note)
+        (self.partial / "state.npz").unlink(missing_ok=True)
+
+    def save_state(self, arrays: dict) -> None:
+        """Keep what an unfinished time average needs to go on."""
+        with explained(self.out):
+            temporary = self.partial / "state.tmp.npz"
+            np.savez(temporary, **arrays)
+            os.replace(temporary, self.partial / "state.npz")
+
+    def load_state(self) -> dict | None:
+        """What `save_state` kept, if the run was stopped within an average."""
+        path = self.partial / "state.npz"
+        if not path.exists():
+            return None
+        with np.load(path) as f:
+            return {k: f[k] for k in f.files}
+
+    def remember(self, name: str, value) -> None:
+        """Keep plain values that an interrupted run must find again."""
+        with explained(self.out):
+            self._write_json(f"{name}.json", value)
+
+    def recall(self, name: str):
+        """What `remember` kept, or None."""
+        return self._read_json(f"{name}.json")
+
+    # --- the end
+    def finish(self, attrs: dict) -> None:
+        """Set the final attributes (by variable; "" for the dataset) and rename."""
+        import zarr
+
+        with explained(self.out):
+            path = self.partial / "data.zarr"
+            for v in self.layout.variables:
+                if v.name in attrs:
+                    self._arrays[v.name].attrs.update(_clean(attrs[v.name]))
+            names = " ".join(v.name for v in self.layout.variables if not v.coordinate)
+            self._group.attrs.update(_clean({**self.layout.attrs, **attrs.get("", {}), "variables": names}))
+            coordinates = " ".join(v.name for v in self.layout.variables if v.coordinate and v.all_dims != (v.name,))
+            if coordinates:
+                self._group.attrs["coordinates"] = coordinates
+            if self.out.suffix == ".nc":
+                self._to_netcdf(self.partial / "data.nc", attrs)
+                os.replace(self.partial / "data.nc", self.out)
+            else:
+                zarr.consolidate_metadata(str(path), zarr_format=2)
+                self._swap(path)
+            self._unlock()
+            shutil.rmtree(self.partial)
+
+    def _swap(self, path) -> None:
+        """Rename a directory over another: the old one steps aside first and comes back if the second step never happens."""
+        old = self.partial / "old"
+        if self.out.exists():
+            os.rename(self.out, old)
+        os.rename(path, self.out)
+
+    def _recover(self) -> None:
+        old = self.partial / "old"
+        if old.exists() and not self.out.exists():
+            os.rename(old, self.out)
+
+    def _to_netcdf(self, path, attrs) -> None:
+        import h5netcdf
+        import h5py
+
+        path.unlink(missing_ok=True)
+        self._reserve(path)
+        with h5netcdf.File(path, "w") as f:
+            for v in self.layout.variables:
+                shape = v.shape if v.static is not None else (self.layout.entries, *v.shape)
+                for d, n in zip(v.all_dims, shape):
+                    if d not in f.dimensions:
+                        f.dimensions[d] = n
+            for v in self.layout.variables:
+                dtype = v.static.dtype if v.static is not None else np.dtype(v.dtype)
+                final = _clean({**v.attrs, **attrs.get(v.name, {})})
+                kwargs = {}
+                if dtype.kind == "b":
+                    final["dtype"], dtype = "bool", np.dtype(np.int8)  # xarray's way: NetCDF has no booleans
+                elif dtype.kind in "UO":
+                    dtype = h5py.string_dtype()
+                elif dtype.kind == "f":
+                    kwargs["fillvalue"] = np.nan
+                if shape and all(shape) and dtype.kind in "fiu":
+                    # As in the .zarr, a chunk never spans two frames.
+                    stored = self._arrays[v.name].chunks
+                    kwargs |= {"chunks": tuple(stored), "fletcher32": True}
+                array = f.create_variable(v.name, v.all_dims, dtype, **kwargs)
+                if v.static is not None:
+                    array[...] = v.static.astype(object) if v.static.dtype.kind in "UO" else v.static
+                else:
+                    for k in range(self.layout.entries):
+                        array[k] = np.asarray(self._arrays[v.name][k]).astype(dtype, copy=False)
+                for key, value in final.items():
+                    array.attrs[key] = value
+            for key, value in dict(self._group.attrs).items():
+                f.attrs[key] = value
+
+    def _reserve(self, path) -> None:
+        """See that there is room for the file: HDF5 takes a full disk badly, and says so at length on standard error."""
+        need = 2**18
+        for v in self.layout.variables:
+            count = v.static.size if v.static is not None else self.layout.entries * int(np.prod(v.shape, dtype=np.int64))
+            need += count * max(8, np.dtype(v.dtype).itemsize)
+        if hasattr(os, "posix_fallocate"):
+            handle = os.open(path, os.O_CREAT | os.O_WRONLY, 0o666)
+            try:
+                os.posix_fallocate(handle, 0, need)
+            finally:
+                os.close(handle)
+                path.unlink()
+
+    # --- small things
+    def _lock(self) -> None:
+        try:
+            import fcntl
+        except ImportError:  # no such thing on Windows: two runs on one output are the user's care there
+            self._handle = None
+            return
+        self._handle = open(self.partial / "lock", "w")
+        try:
+            fcntl.flock(self._handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            self._handle.close()
+            raise AtcError(f"{self.partial}: another run is writing this output: wait for it, or choose another name") from None
+
+    def close(self) -> None:
+        """Let another run have the place, and leave nothing behind that nobody could continue."""
+        if (
+            self._handle is not None
+            and not self.journal
+            and not (self.partial / "state.npz").exists()
+            and not (self.partial / "old").exists()
+        ):
+            shutil.rmtree(self.partial, ignore_errors=True)
+        self._unlock()
+
+    def _unlock(self) -> None:
+        if self._handle is not None:
+            self._handle.close()
+            self._handle = None
+
+    def _clear(self) -> None:
+        self.journal = []
+        for entry in self.partial.iterdir():
+            if entry.name in ("lock", "old"):
+                continue
+            shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+
+    def _read_json(self, name):
+        try:
+            return json.loads((self.partial / name).read_text())
+        except (FileNotFoundError, ValueError):
+            return None
+
+    def _write_json(self, name, value) -> None:
+        temporary = self.partial / (name + ".tmp")
+        temporary.write_text(json.dumps(value, indent=1, sort_keys=True))
+        os.replace(temporary, self.partial / name)
+
+
+def _every_chunk():
+    """Arrays opened within write chunks that hold nothing but the fill value, too: one that is missing later is a loss, not a field of nothing."""
+    import zarr
+
+    return zarr.config.set({"array.write_empty_chunks": True})
+
+
+def _other(known: dict, request: dict) -> str:
+    """What makes `request` another one than that of an unfinished output; "" for the same. More frames than then are no difference."""
+    from ..identity import differences
+
+    out = differences(known, request)
+    then, now = known.get("frames"), request.get("frames")
+    if then is not None and now is not None and now < then:
+        fewer = f"frames: the trajectory had {then} and has {now} now, take as many as then (-e)"
+        out = f"{out}; {fewer}" if out else fewer
+    return out
+
+
+def _fill(dtype):
+    # A fill value of 0 would read as "missing" where the numbers are 0.
+    return np.nan if np.dtype(dtype).kind == "f" else None
+
+
+#: Files opened by this process, to look at when something in one of them turns out to be unreadable.
+opened: list[Path] = []
+
+
+def _require_all_chunks(path) -> None:
+    """A chunk that is missing reads as NaN: say so instead."""
+    import zarr
+
+    for name, a in zarr.open_group(str(path), mode="r").arrays():
+        why = _missing(path, name, a)
+        if why:
+            raise Damaged(why)
+
+
+def _missing(path, name, a) -> str | None:
+    if not any(type(f).__name__ == "CRC32" for f in a.filters) or a.nchunks_initialized >= a.nchunks:
+        return None  # outputs of 0.4 and before leave chunks without numbers out
+    return f"{path}: {name}: {a.nchunks - a.nchunks_initialized} of {a.nchunks} chunks are missing: the file is damaged, compute it again"
+
+
+def damage(path) -> str | None:
+    """What is wrong with an output file, in one line; None if every chunk is what was written."""
+    path = Path(path)
+    if path.suffix == ".zarr":
+        import zarr
+
+        try:
+            arrays = dict(zarr.open_group(str(path), mode="r").arrays())
+        except Exception as e:
+            return f"{path}: its metadata cannot be read ({type(e).__name__}): the file is damaged, compute it again"
+    else:
+        import h5py
+
+        try:
+            file = h5py.File(path, "r")
+        except OSError:
+            return f"{path}: its structure cannot be read: the file is damaged, compute it again"
+        arrays = {name: a for name, a in file.items() if isinstance(a, h5py.Dataset)}
+    for name, a in arrays.items():
+        why = _missing(path, name, a) if path.suffix == ".zarr" else None
+        if why:
+            return why
+        for k in range(a.shape[0]) if a.ndim else (Ellipsis,):
+            try:
+                a[k]
+            except Exception:  # each library has its own words for it
+                at = f" of frame {k}" if a.ndim > 1 else ""
+                return f"{path}: {name}{at} is not what was written (its checksum differs): the file is damaged, compute it again"
+    return None
+
+
+def open_dataset(path):
+    """An output of atc as a lazily loaded `xarray.Dataset`."""
+    import xarray as xr
+
+    path = Path(path)
+    if not path.exists():
+        raise AtcError(f"{path}: there is no such file")
+    opened.append(path)
+    try:
+        if path.suffix == ".zarr":
+            _require_all_chunks(path)
+            ds = xr.open_dataset(path, engine="zarr", chunks=None, decode_times=False)
+        else:
+            ds = xr.open_dataset(path, engine="h5netcdf", decode_times=False)
+        # How this file is packed must not bind the next one: formats do not know each other's compressors.
+        ds.encoding = {}
+        for v in ds.variables.values():
+            v.encoding = {}
+        order = str(ds.attrs.get("variables", "")).split()
+        if set(order) == set(ds.data_vars):
+            ordered = xr.Dataset({name: ds.variables[name] for name in order}, coords=ds.coords, attrs=ds.attrs)
+            ordered.set_close(ds.close)
+            return ordered
+        return ds
+    except (OSError, ValueError, KeyError, RuntimeError) as e:
+        why = damage(path) if isinstance(e, RuntimeError) or path.suffix == ".zarr" else None
+        if why:
+            raise Damaged(why) from None
+        raise AtcError(f"{path}: is not an output of atc ({' '.join(str(e).split())[:120]})") from e
+
+
+def load(path):
+    """Open an output of ``atc fields`` (.zarr or .nc), or pass a Dataset through. `AtcError` for anything else."""
+    import xarray as xr
+
+    if isinstance(path, xr.Dataset):
+        return path
+    path = Path(path)
+    if path.exists() and path.suffix not in (".zarr", ".nc"):
+        raise AtcError(f"{path}: expected an output of atc fields, a name that ends in .zarr or .nc")
+    ds = open_dataset(path)
+    if not ds.data_vars:
+        raise AtcError(f"{path}: holds no fields: not an output of atc fields, or a damaged one")
+    return ds

@@ -1,0 +1,209 @@
+"""Where frames are computed: here, in other processes of this machine, or by the workers of a Dask cluster. Results come in the order of the frames.
+
+A frame's result depends on the frame, the settings and its number alone, so it does not matter who computes it, or how often it was begun; the same holds for the
+mean of a group of frames of a time average (`estimators.groups`).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import warnings
+from collections import deque
+from dataclasses import replace
+from itertools import islice
+
+from ..errors import AtcError, AtcWarning
+from ..estimators.compute import FrameResult
+from ..estimators.groups import group_fields
+
+#: How long a scheduler may take to answer.
+PATIENCE = "10s"
+
+
+def frame_results(request, start: int, first: FrameResult | None = None):
+    """(frames, FrameResult) in order from frame `start`: one frame after the other, or groups of them; the result of the first frame may be there already.
+
+    Parameters
+    ----------
+    request : atc.plan.Request, its methods settled
+    """
+    settings = request.settings()
+    if first is not None:
+        yield [request.first], first
+        start = 1
+    if start >= request.n_frames:
+        return
+    frames = _grouped(request, start)
+    if request.cluster is not None and request.tiles is None:
+        yield from _on_cluster(request, settings, frames)
+    elif request.workers > 1 and request.tiles is None:
+        yield from _in_processes(request, settings, frames)
+    else:
+        with here(request) as run_tiles:
+            for k, group in frames:
+                yield group, group_fields(group, settings, k, run_tiles=run_tiles)
+
+
+def _grouped(request, start):
+    """(number of the first, frames) of what is computed together, from frame `start` on, reading nothing before it."""
+    frames = iter(request.frames if start == 0 else request.frames[start:])
+    for k, count in request.groups(start):
+        group = list(islice(frames, count))
+        if group:
+            yield k, group
+        if len(group) < count:
+            return
+
+
+@contextlib.contextmanager
+def here(request):
+    """How the tiles of a frame that is put together here are computed: None (here too), or a function that has the cluster do it."""
+    if request.tiles is None or request.cluster is None:
+        yield None
+        return
+    with connected(request.cluster) as client:
+
+        def run_tiles(f, tiles, task):
+            keep = client.submit(_itself, task, pure=False)
+            jobs = (client.submit(f, tile, keep, pure=False) for tile in tiles)
+            yield from _in_order(jobs, _many(client))
+
+        yield run_tiles
+
+
+# --- processes of this machine
+
+
+def _in_processes(request, settings, frames):
+    import multiprocessing
+    from concurrent.futures import ProcessPoolExecutor
+    from concurrent.futures.process import BrokenProcessPool
+
+    try:
+        pool = ProcessPoolExecutor(
+            request.workers, mp_context=multiprocessing.get_context("spawn"), initializer=_begin_worker, initargs=(settings,)
+        )
+    except (OSError, ImportError) as e:  # no semaphores: a container without /dev/shm
+        warnings.warn(
+            f"no worker processes can be had here ({getattr(e, 'strerror', None) or e}): frames are computed one after another, by as many threads",
+            AtcWarning,
+            stacklevel=2,
+        )
+        settings = replace(settings, threads=request.workers * request.threads)
+        for k, group in frames:
+            yield group, group_fields(group, settings, k)
+        return
+    waiting: deque = deque()
+    try:
+        for k, group in frames:
+            waiting.append((group, pool.submit(_work, group, k)))
+            if len(waiting) > 2 * request.workers:
+                group, job = waiting.popleft()
+                yield group, job.result()
+        while waiting:
+            group, job = waiting.popleft()
+            yield group, job.result()
+    except BrokenProcessPool:
+        raise AtcError(
+            'a worker process died: out of memory, or the script that calls atc.fields with workers > 1 lacks `if __name__ == "__main__":` around the call'
+        ) from None
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+_worker_settings = None
+
+
+def _begin_worker(settings):
+    from .interruption import in_worker
+
+    global _worker_settings
+    _worker_settings = settings
+    # The parent lets the frames in work finish and stops.
+    in_worker()
+
+
+def _work(frames, k) -> FrameResult:
+    return group_fields(frames, _worker_settings, k)
+
+
+# --- a Dask cluster
+
+
+@contextlib.contextmanager
+def connected(cluster):
+    """A client of the cluster: one that is given, or one for an address, closed at the end. Its failures in one line."""
+    try:
+        import distributed
+    except ImportError:
+        raise AtcError("a cluster needs dask and distributed: pip install 'atc[cluster]'") from None
+    import warnings
+
+    own = not isinstance(cluster, distributed.Client)
+    if own:
+        try:
+            client = distributed.Client(cluster, timeout=PATIENCE, set_as_default=False)
+        except (OSError, TimeoutError, ValueError, TypeError) as e:
+            raise AtcError(
+                f"cluster {cluster}: no Dask scheduler answers there ({' '.join(str(e).split())[:120]}): give its address, e.g. tcp://127.0.0.1:8786"
+            ) from None
+    else:
+        client = cluster
+    try:
+        if not _workers(client):
+            raise AtcError(f"cluster {client.scheduler.address}: it has no workers: start some with dask worker")
+        with warnings.catch_warnings():
+            # Frames travel with their tasks, so that they survive the worker that had them.
+            warnings.filterwarnings("ignore", message="Sending large graph")
+            yield client
+    except distributed.KilledWorker as e:
+        raise AtcError(f"cluster: workers died again and again over one frame, out of memory? ({' '.join(str(e).split())[:160]})") from None
+    finally:
+        if own:
+            client.close()
+
+
+def _workers(client) -> int:
+    return sum(client.nthreads().values())
+
+
+def _many(client) -> int:
+    """Tasks to have under way: enough that no worker waits, not so many that frames pile up."""
+    return 2 * max(1, _workers(client)) + 1
+
+
+def _on_cluster(request, settings, frames):
+    with connected(request.cluster) as client:
+        keep = client.submit(_itself, settings, pure=False)
+        sent: deque = deque()
+
+        def jobs():
+            for k, group in frames:
+                sent.append(group)
+                yield client.submit(_frame_task, group, keep, k, pure=False)
+
+        for result in _in_order(jobs(), _many(client)):
+            yield sent.popleft(), result
+
+
+def _in_order(jobs, most: int):
+    """Results of futures in the order in which they were submitted, no more than `most` of them under way."""
+    waiting: deque = deque()
+    try:
+        for job in jobs:
+            waiting.append(job)
+            if len(waiting) >= most:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
+    finally:
+        for job in waiting:
+            job.cancel()
+
+
+def _itself(x):
+    return x
+
+
+def _frame_task(frames, settings, k) -> FrameResult:
+    return group_fields(frames, settings, k)

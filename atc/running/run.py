@@ -1,0 +1,543 @@
+"""From a trajectory to a dataset: frames one after another or over processes, resumable, averaged if asked."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from dataclasses import replace
+
+import numpy as np
+
+from ..errors import AtcError, AtcWarning
+from ..estimators.compute import FrameResult, frame_fields, require
+from ..estimators.methods import DEPOSITS, Method, Refinement, details, summary
+from ..estimators.registry import QUANTITIES
+from ..estimators.statistics import BlockAverage
+from ..identity import changed_parts, frame_digest, identity
+from ..neighbors.verlet import anchor_of
+from ..plan import Request, plan  # noqa: F401  (plan belongs to the same door)
+from ..readers.plausible import doubts
+from ..readers.times import Sequence
+from .as_scene import file_name
+from .dataset import follows_cell, grid_moves, moving_coordinates, output_layout, radius_of
+from .interruption import whole
+from .output import Layout, Store, dataset_in_memory, explained, open_dataset
+from .parallel import frame_results, here
+
+#: With so many frames one from the middle says where all begin.
+SEVERAL = 6
+# Seconds between two saves of an unfinished time average.
+_SAVE_EVERY = 5.0
+
+
+def fields(
+    traj, pot=None, kern=None, grid=None, quantities=("stress",), tolerance=1e-5, *, method="auto", reference=None, average=False,
+    threads=None, workers=1, cluster=None, tiles=None, out=None, progress=None, resume=True, scene=None, horizon=None, forces="warn", log=None,
+):  # fmt: skip
+    """Continuum fields of a trajectory.
+
+    Parameters
+    ----------
+    traj : trajectory from `atc.read`, Frame, list of Frames, or anything `atc.read` takes
+    pot : potential from `atc.potential`; needed by quantities with a potential part
+    kern : kernel from `atc.kernel`, its radius in the trajectory's unit of length
+    grid : `atc.Grid`: where the fields are wanted
+    quantities : names; a whole gives its parts too
+        number_density, density, momentum, velocity, temperature, energy, stress (= stress_kinetic + stress_potential), virial_stress (of the box),
+        virial_stress_per_atom (stress times volume), smoothed_virial_stress, piola_stress; heat_flux (= heat_flux_kinetic + heat_flux_potential +
+        heat_flux_churning), energy_flux, churning, churning_divergence, churning_heat_source, heat_current (of the box); velocity_gradient,
+        strain_rate, vorticity; displacement, displacement_gradient, eshelby_stress; peridynamic_stress and its variants
+        peridynamic_stress_weighted_virial, _weighted_virial_normalised, _nodal_virial, each also as peridynamic_piola_stress.
+        See `atc.estimators.registry`.
+    tolerance : float
+        Error allowed, relative to the largest value of a field.
+    method : "auto", or a method of `atc.deposit`
+    reference : Frame, or number of a frame of `traj`, or what `atc.read` takes
+        Reference configuration of displacements, piola_stress and eshelby_stress; the grid of these two stresses is that of the reference frame.
+    average : False, True or int
+        Time average over all frames, or over windows of so many: every X comes with X_stderr (standard error by block averaging) and
+        X_correlated (True where the blocks still correlate, so that X_stderr is a lower bound). velocity is <ρ v>/<ρ> and temperature
+        <n T>/<n>, T relative to the velocity field of each frame; everything else is the plain mean of the fields of the frames, in
+        which a frame without mass at a point counts as zero stress there. In windows of 64 frames and more the sums over atoms and bonds of up to 16
+        frames at a time are added up before they are finished (see `atc.estimators.groups`); errors are then those of the means of so many frames.
+    threads : int
+        Threads within a frame (default: all processors, shared among the workers). Results are identical for equal `threads`.
+    workers : int
+        Processes over frames, when there are as many frames; otherwise threads.
+    cluster : str
+        Address of a Dask scheduler, ``tcp://host:port``, or a `distributed.Client`: frames (or tiles) are computed by its workers, each with `threads`
+        threads. Workers may come, go and die: what they had not finished is computed by others, with the same result.
+    tiles : three ints
+        Cut each frame along the cell's edges into so many tiles, for frames too large for one worker. Results differ from those without by rounding.
+    out : path ending in .zarr or .nc
+        Written frame by frame to ``out.partial`` and renamed at the end. After a kill or Ctrl-C the same call goes on where it was,
+        with the same result as an uninterrupted run. `resume=False` begins again.
+    progress : callable(done, total, rate), frames and frames per second
+    scene : str
+        The scene as TOML, to be kept with the result.
+    horizon : float
+        Radius, in the trajectory's unit of length, within which a weighted virial sees bonds; by default the longest reach of the potential.
+    forces : "warn", "must agree" or "ignore"
+        Where the trajectory has forces, those of its first frame (and of one from the middle of long runs) are compared with the potential's. What the
+        digits of the file do not explain is a warning that says what it looks like, or with "must agree" an error before anything is computed.
+    log : path, or list of paths
+        LAMMPS log files of the run: energy and pressure tensor of the steps that both have are compared, too.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dims: frame, then the grid's, then i, j labelled "x", "y", "z"; float64, in the trajectory's units. Stress is tension positive, i
+        the face normal (divergence direction) and j the force component. Attributes of each variable: units, long_name,
+        sign_convention, error_max (largest error found at random points by the exact method, relative to the largest value of the
+        field), error_l2 (rms, relative to the rms of the field), error_of_fluctuation (largest, relative to the largest deviation from the mean),
+        measured_error (the same as error_max); input_error where the coordinates have so few digits that it matters: how far the field of the first frame
+        moves when atoms move by what rounding hid. `agrees_with_run` of the dataset says how forces and log compare. With `out` the data are read from the file when they are used.
+
+    Raises
+    ------
+    AtcError
+        when something needed is missing or the output cannot be written.
+
+    Notes
+    -----
+    Formulas: R 4.0.34-4.0.116 as corrected in the documentation: σ = σ_U + σ_K, σ_U = Σ_bonds G r⊗r β, σ_K = −Σ m (v_j − v)⊗(v_j − v) φ_j.
+    """
+    request = Request(
+        traj,
+        pot,
+        kern,
+        grid,
+        quantities,
+        tolerance,
+        method,
+        reference,
+        average,
+        threads,
+        workers,
+        scene,
+        horizon,
+        cluster,
+        tiles,
+        forces=forces,
+        log=log,
+    )
+    if out is None:
+        _sanity(request)
+        sink = _run(request, None, progress)
+        return dataset_in_memory(sink.layout, sink.entries, sink.final_attributes())
+    write(request, out, progress, resume)
+    with explained(out):
+        return open_dataset(out)
+
+
+def write(request: Request, out, progress=None, resume=True) -> dict:
+    """What `fields` does with an output, without opening it again (and without the second that the libraries for that take to import).
+
+    Returns the attributes of the dataset.
+    """
+    _sanity(request)
+    store = Store(out, {**identity(request), "frames": request.n_frames}, resume)
+    try:
+        sink = _run(request, store, progress)
+        final = sink.final_attributes()
+        store.finish(final)
+        return {**sink.layout.attrs, **final[""]}
+    finally:
+        store.close()
+
+
+def _run(request, store, progress) -> _Sink:
+    n, window = request.n_frames, request.window
+    sink = _Sink(request, store)
+    start = sink.next_frame
+    sink.compare_done(start)
+    request.agreement = _agreement(request, store)
+    request.anchor = anchor_of(request)
+    first = _settle(request, store, start)
+    if request.group() > 1:
+        first = None  # it is part of a group
+    began, done = time.perf_counter(), start
+    if progress is not None:
+        progress(done, n, 0.0)
+    request.input_error = _input_errors(request, store)
+    results = frame_results(request, start, first)
+    try:
+        for group, result in results:
+            end = done + len(group)
+            with whole():
+                sink.add(done, group[0], result, last_of_window=end % window == 0 or end == n, more=group[1:])
+                done = end
+            if progress is not None:
+                progress(done, n, (done - start) / max(time.perf_counter() - began, 1e-9))
+    except KeyboardInterrupt:
+        with whole():
+            sink.save_unfinished(done)
+        raise
+    finally:
+        results.close()
+    if done < n:
+        raise AtcError(f"the trajectory has only {done} frames that can be read, but {n} were expected")
+    for sentence in sink.sequence.warnings(sink.averaging):
+        warnings.warn(f"{getattr(request.frames, 'source', 'the trajectory')}: {sentence}", AtcWarning, stacklevel=3)
+    if sink.layout is None:  # every frame was there already: the run was stopped just before its end
+        sink.prepare(frame_fields(request.first, request.settings(), 0))
+    return sink
+
+
+def _agreement(request: Request, store) -> str:
+    """Whether the run's forces are the potential's, in words: once a run, before anything is computed."""
+    about = [request.forces, [str(p) for p in request.log] if isinstance(request.log, list) else str(request.log)]
+    known = store.recall("agrees_with_run") if store is not None else None
+    if known is not None and known["about"] == about:
+        return known["text"]
+    text = request.alarm().text
+    if store is not None:
+        store.remember("agrees_with_run", {"about": about, "text": text})
+    return text
+
+
+def _input_errors(request: Request, store) -> tuple[float, dict[str, float]]:
+    """See `input_error`; once a run, on the first frame."""
+    if not request.work.grid_users:
+        return 0.0, {}
+    known = store.recall("input_error") if store is not None else None
+    if known is None:
+        from ..input_error import input_errors
+
+        known = input_errors(request)
+        if store is not None:
+            store.remember("input_error", known)
+    return known[0], known[1]
+
+
+def _settle(request: Request, store, start: int) -> FrameResult | None:
+    """Fix the methods for all frames, by the errors they leave on the first and on the middle one: the first one's result, if it had to be computed and is still wanted.
+
+    They may become looser as well as tighter. On every frame they are tightened as far as that frame needs, beginning from these: what is done to a frame does not depend on which frames
+    were computed before it, where, or whether the run was interrupted.
+    """
+    if store is not None and start > 0:
+        known = store.recall("methods")
+        if known is not None:
+            request.methods = {key: Method.from_plain(known[key]) for key in DEPOSITS if key in known}
+            return None
+    result = None
+    if not all(m.exact for m in request.methods.values()):
+        began = request.methods
+        with here(request) as run_tiles:
+            result = frame_fields(request.first, request.settings(), 0, run_tiles=run_tiles)
+            request.settle(result)
+            if request.n_frames >= SEVERAL:
+                _settle_on(request, request.n_frames // 2, run_tiles)
+        over = [e["error_max"] for e in result.errors.values() if e["error_max"] > request.tolerance]
+        if result.refined and not over:
+            changed = [
+                f"{summary({k: m})} to {m.tolerance:g} -> {request.methods[k]}"
+                for k, m in began.items()
+                if m.looser_than(request.methods[k])
+            ]
+            if changed:
+                result.refined = [Refinement(f"for all frames, after the first: {', '.join(changed)} ({result.refined[0]})")]
+    if store is not None:
+        store.remember("methods", {key: m.plain() for key, m in request.methods.items()})
+    return result if start == 0 else None
+
+
+def _settle_on(request: Request, k: int, run_tiles) -> None:
+    """Where runs begin is often not where they spend their time: a perfect crystal, atoms at rest. A frame of the middle has the last word on where the others begin."""
+    try:
+        frame = request.frames[k]
+        # Whatever list of neighbours was kept for the first frames stays theirs.
+        result = frame_fields(frame, replace(request.settings(), anchor=None), k, run_tiles=run_tiles)
+    except (AtcError, IndexError):
+        return  # what is wrong with it is told when it is its turn
+    request.settle(result)
+
+
+# --- results to entries of the output
+
+
+class _Sink:
+    """Collects the results of frames into entries (a frame, or the average of a window) in memory or in a store."""
+
+    def __init__(self, request: Request, store: Store | None):
+        self.request, self.store = request, store
+        self.layout: Layout | None = None
+        self.entries: list[dict] = []
+        if store is not None:
+            store.keep(self._whole_entries(store.journal))
+        self.notes: list[dict] = list(store.journal) if store else []
+        self.averages: dict[str, BlockAverage] = {}
+        self.any_mass = None
+        self.note: dict = {}
+        self._said_refined = False
+        self.sequence = Sequence()
+        self.next_frame = min(len(self.notes) * request.window, request.n_frames)
+        self._saved = time.monotonic()
+        if store is not None and request.window > 1:
+            self._restore(store.load_state())
+
+    def _whole_entries(self, journal) -> int:
+        """How many entries hold as many frames as they shall: the last window of a trajectory that has grown since may have been a short one."""
+        n, window = self.request.n_frames, self.request.window
+        for k, note in enumerate(journal):
+            if note.get("frames") != min(window, n - k * window):
+                return k
+        return len(journal)
+
+    def compare_done(self, count: int) -> None:
+        """The frames that are done must be what they were; which is told by their content, so they are read again."""
+        digests = [d for note in (*self.notes, self.note) for d in note.get("digests", ())]
+        if count == 0:
+            return
+        out = self.store.partial
+        for k, then in enumerate(digests[:count]):
+            try:
+                frame = self.request.frames[k]
+            except IndexError:
+                break
+            now = frame_digest(frame)
+            if now != then:
+                raise AtcError(
+                    f"{frame.source}: is not what it was when its fields were computed (different: {changed_parts(then, now)}), and {out} holds an unfinished run with it: "
+                    "compute that trajectory under another name, delete the directory, or start again without resuming"
+                )
+
+    @property
+    def averaging(self) -> bool:
+        return self.request.average is not False
+
+    def add(self, k: int, frame, result: FrameResult, last_of_window: bool, more=()) -> None:
+        """The result of frame `k`, or of it and `more` that follow it."""
+        if self.layout is None:
+            self.prepare(result)
+        for j, one in enumerate((frame, *more), k):
+            self._fits(one, result)
+            self.sequence.add(j, one)
+        self._merge_note(k, frame, result, more)
+        if not self.averaging:
+            self._emit({**self._masked(result.arrays, result.mask), **self._coordinates(frame, result)}, result.mask)
+            return
+        for name, x in result.arrays.items():
+            weight = QUANTITIES[name].weight
+            # The weight stays in internal units: only ratios of it matter.
+            if name not in self.averages:
+                self.averages[name] = BlockAverage(block=self.request.group(k), threads=self.request.threads)
+            self.averages[name].add(x, None if weight is None else result.weights[name], result.frames, result.within.get(name))
+        if result.mask is not None:
+            self.any_mass = result.mask.copy() if self.any_mass is None else self.any_mass | result.mask
+        if "frame" not in self.note:
+            self.note.update(frame=k, first=_plain_coordinates(self._coordinates(frame, result)))
+        if last_of_window:
+            self._emit_average()
+        elif self.store is not None and time.monotonic() - self._saved > _SAVE_EVERY:
+            self._save(k + result.frames)
+
+    def _emit_average(self):
+        means, extra = {}, {}
+        for name, average in self.averages.items():
+            mean, stderr, correlated = average.result()
+            means[name], extra[f"{name}_stderr"], extra[f"{name}_correlated"] = mean, stderr, correlated
+        values = self._masked(means, self.any_mass)
+        for name in means:
+            if QUANTITIES[name].masked:
+                values[f"{name}_stderr"] = self._masked({name: extra.pop(f"{name}_stderr")}, self.any_mass)[name]
+        values.update(extra)
+        values["frames_averaged"] = np.array(self.note["frames"])
+        values.update({name: np.array(v) for name, v in self.note.pop("first").items()})
+        mask = self.any_mass
+        self.averages, self.any_mass = {}, None
+        self._emit(values, mask)
+
+    def _emit(self, values, mask):
+        if mask is not None:
+            values["mask"] = mask
+        note, self.note = self.note, {}
+        if self.store is None:
+            self.entries.append(values)
+        else:
+            self.store.write(values, note)
+        self.notes.append(note)
+
+    @staticmethod
+    def _masked(arrays, mask):
+        """Quotients are NaN where there is no mass."""
+        out = {}
+        for name, x in arrays.items():
+            if mask is not None and QUANTITIES[name].masked and not mask.all():
+                x = x.copy()
+                x[~mask] = np.nan
+            out[name] = x
+        return out
+
+    # --- what goes along
+    def _merge_note(self, k, frame, result, more=()):
+        """Errors are the largest of the frames; the rest is counted."""
+        errors = self.note.setdefault("errors", {})
+        for name, measured in result.errors.items():
+            known = errors.setdefault(name, {})
+            for kind, value in measured.items():
+                known[kind] = max(known.get(kind, 0.0), value)
+        counts = self.note.setdefault("notes", {})
+        for what, count in result.notes.items():
+            counts[what] = counts.get(what, 0) + count
+        for what in result.refined:
+            self.note.setdefault("refined", []).extend([j, what.plain()] for j in range(k, k + result.frames))
+            if not self._said_refined:
+                self._said_refined = True
+                warnings.warn(
+                    f"{frame.source}: computed again more closely: {what} (further ones are noted in the output)", AtcWarning, stacklevel=2
+                )
+        self.note["frames"] = self.note.get("frames", 0) + result.frames
+        self.note.setdefault("digests", []).extend(frame_digest(f) for f in (frame, *more))
+        self.note["sources"] = [*self.note.get("sources", []), file_name(frame.source)][:1]
+
+    def _coordinates(self, frame, result):
+        u = frame.units
+        out = {"cell": u.to_user("length", frame.cell.vectors), "cell_origin": u.to_user("length", frame.cell.origin)}
+        out["step"] = np.array(-1 if frame.step is None else frame.step, dtype=np.int64)
+        out["time"] = np.array(np.nan if frame.time is None else u.to_user("time", frame.time), dtype=np.float64)
+        if self.moves:
+            out.update({name: values for name, (_, values, _) in moving_coordinates(result.bound, u).items()})
+        return out
+
+    def prepare(self, result: FrameResult) -> None:
+        """Lay the output out: the shapes from any frame's result, the rest from the trajectory's first frame, also when a run goes on from a later one."""
+        request, first = self.request, self.request.first
+        self.moves = grid_moves(request)
+        self._cell = first.cell
+        if set(request.work.grid_users) - set(request.work.on_reference):
+            result = replace(result, bound=request.bound)
+        self.layout = output_layout(request, first, result, self.moves)
+        self._atoms = first.ids
+        if self.store is not None:
+            self.store.begin(self.layout)
+
+    def _fits(self, frame, result):
+        if not self.moves and self.request.entries > 1 and follows_cell(self.request) and frame.cell != self._cell:
+            warnings.warn(
+                f"{frame.source}: the cell changes, and the grid with it, but its coordinates in the output are those of the first frame: see cell and cell_origin",
+                AtcWarning,
+                stacklevel=2,
+            )
+            self._cell = frame.cell
+        for v in self.layout.variables:
+            x = result.arrays.get(v.name)
+            if x is not None and x.shape != v.shape:
+                raise AtcError(
+                    f"{frame.source}: {v.name} has shape {x.shape} here but {v.shape} in the first frame: compute frames with different numbers of atoms "
+                    "one by one"
+                )
+        if any(q.kind == "atom" for q in self.request.work.quantities) and not np.array_equal(self._atoms, frame.ids):
+            raise AtcError(
+                f"{frame.source}: its atom ids are not those of the first frame: compute per-atom quantities of such frames one by one"
+            )
+
+    def final_attributes(self) -> dict:
+        """Attributes only known at the end, by variable; "" for the dataset."""
+        out: dict = {}
+        worst = 0.0
+        for note in self.notes:
+            for name, measured in note["errors"].items():
+                at = out.setdefault(name, {})
+                for kind, value in measured.items():
+                    at[kind] = max(at.get(kind, 0.0), value)
+                at["measured_error"] = at.get("error_max", 0.0)
+                if at.pop("error_of_terms", 0.0):
+                    at["error_relative_to"] = "sum of the sizes of the terms: the field is 0 within rounding"
+                worst = max(worst, at["measured_error"])
+        out[""] = {"sources": ", ".join(dict.fromkeys(s for note in self.notes for s in note["sources"]))}
+        if self.request.agreement:
+            out[""]["agrees_with_run"] = self.request.agreement
+        step, moved = self.request.input_error
+        if moved:
+            for name, error in moved.items():
+                out.setdefault(name, {})["input_error"] = error
+            out[""]["input_error"] = max(moved.values())
+            out[""]["input_resolution"] = self.request.first.units.to_user("length", step)
+        refined = Refinement.summary([r for note in self.notes for r in note.get("refined", [])])
+        if refined:
+            out[""]["refinements"] = refined
+        if self.request.methods:
+            out[""]["method"], out[""]["method_details"] = self.request.method_used, details(self.request.methods)
+        counts: dict = {}
+        for note in self.notes:
+            for what, count in note["notes"].items():
+                counts[what] = counts.get(what, 0) + count
+        if counts:
+            out[""]["notes"] = "; ".join(f"{what}: {count}" for what, count in sorted(counts.items()))
+        if self.request.work.grid_users:
+            out[""]["measured_error"] = worst
+            if worst > self.request.tolerance:
+                # The exact sum itself can only miss it where a field is the small difference of large numbers.
+                exact = all(m.exact or not m.forced for m in self.request.methods.values())
+                warnings.warn(
+                    f"the measured error {worst:.1e} exceeds the tolerance {self.request.tolerance:.1e}: "
+                    + ("a field is hardly more than the rounding of what it is the difference of" if exact else "use method='direct'"),
+                    AtcWarning,
+                    stacklevel=2,
+                )
+        return out
+
+    # --- an average that was interrupted
+    def save_unfinished(self, after) -> None:
+        """Keep what a window has of its frames, when the run is stopped between two of them."""
+        if self.store is not None and self.averages and self.request.window > 1:
+            self._save(after)
+
+    def _save(self, after):
+        import json
+
+        arrays = {f"{name}/{key}": a for name, average in self.averages.items() for key, a in average.state().items()}
+        if self.any_mass is not None:
+            arrays["any_mass"] = self.any_mass
+        arrays["about"] = np.array(json.dumps({"entry": len(self.notes), "next": after, "note": self.note}))
+        self.store.save_state(arrays)
+        self._saved = time.monotonic()
+
+    def _restore(self, state):
+        import json
+
+        if state is None:
+            return
+        about = json.loads(str(state.pop("about")))
+        if about["entry"] != len(self.notes):
+            return
+        self.next_frame, self.note = about["next"], about["note"]
+        self.any_mass = state.pop("any_mass", None)
+        by_name: dict[str, dict] = {}
+        for key, a in state.items():
+            name, _, rest = key.partition("/")
+            by_name.setdefault(name, {})[rest] = a
+        self.averages = {name: BlockAverage.from_state(s, self.request.threads) for name, s in by_name.items()}
+
+
+def _plain_coordinates(coordinates):
+    """As JSON can hold them; floats survive JSON exactly."""
+    return {name: np.asarray(v).tolist() for name, v in coordinates.items()}
+
+
+# --- does it look right?
+
+
+def _sanity(request: Request) -> None:
+    """Complain of what is missing in the first frame; warn of what can be computed but is probably not what was meant."""
+    frame, work, u = request.first, request.work, request.first.units
+    require(frame, request.settings(), work)
+    for doubt in doubts(frame, temperature="velocities" in work.attributes):
+        warnings.warn(f"{frame.source}: {doubt}", AtcWarning, stacklevel=3)
+    if work.grid_users and request.kern is not None and request.grid is not None:
+        spacing = grid_spacing(request.grid.bind(u, frame.cell, frame.positions))
+        support = u.to_internal("length", request.kern.support)
+        if spacing > support:
+            warnings.warn(
+                f"the kernel's radius ({radius_of(request.kern):g} {u.label('length')}) is smaller than the distance between grid points "
+                f"({u.to_user('length', spacing):.3g}): much of the material is seen by no point; use a finer grid or a wider kernel",
+                AtcWarning, stacklevel=3,
+            )  # fmt: skip
+
+
+def grid_spacing(bound) -> float:
+    """Largest distance between neighbouring points along a grid axis (internal units); 0 for scattered points."""
+    gaps = [] if bound.spacing is None else [d for d, n in zip(bound.spacing, bound.shape) if n > 1]
+    return float(max(gaps, default=0.0))

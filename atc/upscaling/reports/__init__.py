@@ -1,0 +1,1 @@
+"""Reports of upscaling studies, apart from the mathematics."""
