@@ -110,7 +110,14 @@ def _lattice_rows(bound, kern, items, length, components):
     return [items, rows, many, many * ceil(components / 4)]
 
 
-_FAMILIES = {"even": "quartic", "radial": "hardy", "cone": "linear", "gaussian": "gaussian", "bspline": "bspline", "box": "box"}
+_FAMILIES = {
+    "even": "quartic",
+    "radial": "hardy",
+    "cone": "linear",
+    "gaussian": "gaussian",
+    "bspline": "bspline",
+    "box": "box",
+}
 
 
 def _direct(costs, frame, bonds, length, u):
@@ -203,11 +210,19 @@ def _moments(costs, frame, bonds, bound):
     rows, times, finished, finishes = [], [], [], []
     # Of equal strength: none of them becomes points.
     G_b = 1.0 / (bonds.r_bc**2).sum(1)
-    for radius, tolerance, order in ((20.0, 1e-2, 2), (20.0, 1e-4, 3), (20.0, 1e-6, 4), (14.0, 1e-4, 4), (30.0, 1e-5, 3)):
+    for radius, tolerance, order in (
+        (20.0, 1e-2, 2),
+        (20.0, 1e-4, 3),
+        (20.0, 1e-6, 4),
+        (14.0, 1e-4, 4),
+        (30.0, 1e-5, 3),
+    ):
         last = {}
 
         def add(radius=radius, tolerance=tolerance, order=order, last=last):
-            d = last["deposit"] = make("spectral", bound, kernel("gaussian", radius), frame.cell, 0, 6, tolerance=tolerance, order=order)
+            d = last["deposit"] = make(
+                "spectral", bound, kernel("gaussian", radius), frame.cell, 0, 6, tolerance=tolerance, order=order
+            )
             d.add_bond_stress(frame.positions, bonds.i, bonds.r_bc, G_b, j_b=bonds.j)
 
         rows.append([len(bonds), len(bonds) * count(order)])
@@ -240,7 +255,9 @@ def _points(costs, frame, bonds, length, u):
         some = slice(None, len(bonds) // 4)
 
         def run(points=points, kern=kern, some=some):
-            exact_at(points, kern, frame.cell, 0, 6).add_bond_stress(frame.positions, bonds.i[some], bonds.r_bc[some], bonds.G_b[some])
+            exact_at(points, kern, frame.cell, 0, 6).add_bond_stress(
+                frame.positions, bonds.i[some], bonds.r_bc[some], bonds.G_b[some]
+            )
 
         items = len(bonds.G_b[some])
         reached = items * count * (4 / 3 * pi * radius**3 + pi * radius**2 * length) / frame.cell.volume
@@ -254,7 +271,9 @@ def _points(costs, frame, bonds, length, u):
     slab = Grid.slab("z", 100).bind(u, frame.cell)
 
     def profile():
-        make("direct", slab, kernel("quartic", 10.0), frame.cell, 0, 6).add_bond_stress(frame.positions, bonds.i, bonds.r_bc, bonds.G_b)
+        make("direct", slab, kernel("quartic", 10.0), frame.cell, 0, 6).add_bond_stress(
+            frame.positions, bonds.i, bonds.r_bc, bonds.G_b
+        )
 
     costs.slab_bond = clock(profile, 2) / len(bonds)
 
@@ -279,11 +298,16 @@ def _rest(costs, frame, pot, n):
     spent = clock(lambda: fields(tiny, None, kern, big, ["stress_kinetic"], threads=1, tolerance=1e-12), 2)
     inner = big.bind(tiny.units, tiny.cell)
     deposit = model.direct(costs, inner, kern, len(tiny), 0.0, 10)
-    costs.value = max(spent - costs.frame - deposit, 0.0) / (64**3 * (9 + 10))  # components of the field and of the sums
+    costs.value = max(spent - costs.frame - deposit, 0.0) / (
+        64**3 * (9 + 10)
+    )  # components of the field and of the sums
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.dump"
         with open(path, "w") as f:
-            f.write(f"ITEM: UNITS\nmetal\nITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n{n}\nITEM: BOX BOUNDS pp pp pp\n" + "0 100\n" * 3)
+            f.write(
+                f"ITEM: UNITS\nmetal\nITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n{n}\nITEM: BOX BOUNDS pp pp pp\n"
+                + "0 100\n" * 3
+            )
             f.write("ITEM: ATOMS id type x y z vx vy vz\n")
             np.savetxt(
                 f,

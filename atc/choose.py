@@ -49,7 +49,9 @@ def sizes(work, atoms: int, load: Load) -> dict[str, tuple[float, float, int]]:
     return out
 
 
-def spectral_deposit(bound, kern, cell, components: int, tolerance: float, threads: int = 1, gradients: bool = False, order=None):
+def spectral_deposit(
+    bound, kern, cell, components: int, tolerance: float, threads: int = 1, gradients: bool = False, order=None
+):
     """A spectral deposit without its meshes, or an AtcError that says why there can be none."""
     from .deposit.collapse import spectral_deposit
 
@@ -86,7 +88,16 @@ def carriers(key: str, work, atoms: int) -> float:
 
 
 def choose(
-    method: str, tolerance: float, costs: Costs, work, places: dict, kern, atoms: int, load: Load, pilot=None, together=None
+    method: str,
+    tolerance: float,
+    costs: Costs,
+    work,
+    places: dict,
+    kern,
+    atoms: int,
+    load: Load,
+    pilot=None,
+    together=None,
 ) -> dict[str, Method]:
     """The method of each deposit.
 
@@ -123,7 +134,20 @@ class _Look:
 
 
 def _one(
-    method, tolerance, costs, bound, kern, cell, items, length, components, exact, gradients, look=None, carried=0.0, frames=1
+    method,
+    tolerance,
+    costs,
+    bound,
+    kern,
+    cell,
+    items,
+    length,
+    components,
+    exact,
+    gradients,
+    look=None,
+    carried=0.0,
+    frames=1,
 ) -> Method:
     """exact : seconds of the exact sum; gradients : whether those are wanted too; carried : atoms that can carry moments; frames : finished together."""
     ways = _Spectral(costs, bound, kern, cell, items, length, components, gradients, carried, frames)
@@ -150,7 +174,10 @@ def _one(
     except AtcError as e:
         return Method("direct", reason=f"spectral cannot: {_short(e)}")
     if fast >= exact:
-        return Method("direct", reason=f"exact, and cheaper here: {exact:.2g} s of CPU against {fast:.2g} s by the spectral method")
+        return Method(
+            "direct",
+            reason=f"exact, and cheaper here: {exact:.2g} s of CPU against {fast:.2g} s by the spectral method",
+        )
     return ways.method(start, tolerance, exact)
 
 
@@ -176,7 +203,9 @@ class _Spectral:
     def _best(self, t):
         """(seconds, deposit)"""
         what = self.items, self.length, self.components
-        return cheapest(self.costs, self.bound, self.kern, self.cell, *what, t, self.gradients, self.carried, self.frames)
+        return cheapest(
+            self.costs, self.bound, self.kern, self.cell, *what, t, self.gradients, self.carried, self.frames
+        )
 
     def cost(self, t) -> float:
         """CPU seconds; an AtcError where its mesh is too large."""
@@ -196,7 +225,17 @@ class _Spectral:
 
 
 def adjusted(
-    method: Method, error, tolerance, costs: Costs, bound, kern, cell, load: Load, components: int, carried=0.0, frames: int = 1
+    method: Method,
+    error,
+    tolerance,
+    costs: Costs,
+    bound,
+    kern,
+    cell,
+    load: Load,
+    components: int,
+    carried=0.0,
+    frames: int = 1,
 ) -> Method:
     """The method of sums over bonds for further frames, by the error that `method` left on the first: looser or tighter, as far as errors follow the tolerance."""
     limit = method.tolerance * AIM_LATER * tolerance / max(error, 1e-300) * (1 + 1e-9)

@@ -142,7 +142,9 @@ def _stamp(function) -> str:
             return
         seen.add(id(f))
         files.add(inspect.getfile(f))
-        names = list(f.__code__.co_names) + [name for c in f.__code__.co_consts if inspect.iscode(c) for name in c.co_names]
+        names = list(f.__code__.co_names) + [
+            name for c in f.__code__.co_consts if inspect.iscode(c) for name in c.co_names
+        ]
         cells = zip(f.__code__.co_freevars, (c.cell_contents for c in f.__closure__ or ()))
         for name, value in [*((n, f.__globals__[n]) for n in names if n in f.__globals__), *cells]:
             take(name, value)

@@ -39,7 +39,14 @@ class Costs:
     bond: float = 1.8e-7
     row: float = 5e-9
     visit: dict = field(
-        default_factory=lambda: {"even": 2.5e-9, "radial": 1.1e-8, "cone": 9e-9, "gaussian": 5e-9, "bspline": 2.3e-7, "box": 2.1e-8}
+        default_factory=lambda: {
+            "even": 2.5e-9,
+            "radial": 1.1e-8,
+            "cone": 9e-9,
+            "gaussian": 5e-9,
+            "bspline": 2.3e-7,
+            "box": 2.1e-8,
+        }
     )
     accumulate: float = 1.3e-9
     slab_bond: float = 2.7e-7
@@ -106,7 +113,12 @@ class Load:
 
     def seconds(self, costs: Costs, atoms: int) -> float:
         """For the neighbour list, the forces and the decomposition."""
-        return costs.list_atom * atoms + costs.pair * self.pairs + costs.triplet * self.triplets + costs.tuple * self.tuples
+        return (
+            costs.list_atom * atoms
+            + costs.pair * self.pairs
+            + costs.triplet * self.triplets
+            + costs.tuple * self.tuples
+        )
 
 
 def neighborhood(frame, cutoff: float, count: int = 0) -> tuple[float, float, float, float]:
@@ -259,13 +271,19 @@ def direct(costs: Costs, bound, kern, items: float, length: float, components: i
     return costs.bond * items + costs.row * rows + (costs.visit[name] + costs.accumulate * vectors) * many
 
 
-def spectral(costs: Costs, deposit, items: float, length: float, components: int, atoms: float = 0.0, frames: int = 1) -> float:
+def spectral(
+    costs: Costs, deposit, items: float, length: float, components: int, atoms: float = 0.0, frames: int = 1
+) -> float:
     """Seconds a frame of a spectral deposit (of which only the parameters are needed) for `items` bonds of mean length `length`, of so many atoms, of `frames` frames that
     are finished together."""
     if not components or not items:
         return 0.0
     single = itemsize(deposit) == 4
-    point, register = (costs.spread_point_single, costs.spread_register_single) if single else (costs.spread_point, costs.spread_register)
+    point, register = (
+        (costs.spread_point_single, costs.spread_register_single)
+        if single
+        else (costs.spread_point, costs.spread_register)
+    )
     node = costs.mesh_node_single if transform_itemsize(deposit) == 4 else costs.mesh_node
     groups = len(lanes(components))
     mesh, points = np.asarray(deposit.mesh, float), len(deposit.grid)
@@ -310,7 +328,11 @@ def lanes(components: int) -> list[int]:
 
 def window_registers(deposit, components: int) -> float:
     """Registers of 32 bytes that one point is added to: four lanes in single precision take a whole one too."""
-    return float(deposit.parameters.width**2 * deposit.depth * sum(max(1, n * itemsize(deposit) // 32) for n in lanes(components)))
+    return float(
+        deposit.parameters.width**2
+        * deposit.depth
+        * sum(max(1, n * itemsize(deposit) // 32) for n in lanes(components))
+    )
 
 
 def itemsize(deposit) -> int:
@@ -331,7 +353,9 @@ def points_each(deposit, length: float) -> float:
     """Points that a bond becomes, where they are `length` long on average: one for an atom, none for a bond whose moments atoms carry."""
     if length <= 0:
         return 1.0
-    return sum(0.0 if _collapses(deposit, length, part) else deposit.points_of(length * part) for part in _LENGTHS) / len(_LENGTHS)
+    return sum(
+        0.0 if _collapses(deposit, length, part) else deposit.points_of(length * part) for part in _LENGTHS
+    ) / len(_LENGTHS)
 
 
 def collapsed(deposit, length: float) -> float:
@@ -357,7 +381,11 @@ def spectral_memory(deposit, components: int, threads: int, atoms: float = 0.0) 
     moments = 0.0
     if deposit.order is not None:
         layout = deposit.layout
-        moments = atoms * layout.row * itemsize(deposit) * threads + nodes * each * deposit.most_components + complex_ * kept * components
+        moments = (
+            atoms * layout.row * itemsize(deposit) * threads
+            + nodes * each * deposit.most_components
+            + complex_ * kept * components
+        )
     return moments + nodes * each * sum(groups) * threads + complex_ * kept * (2.0 * min(components, 8) + 2.0 * threads)
 
 

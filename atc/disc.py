@@ -40,7 +40,9 @@ class DiscMarginal(Marginal):
             inside = (u > 0) & (u < 1.0)
             v = np.where(inside, u, 0.5)
             I = _chord_means(v)
-            before = np.stack([np.zeros_like(v), 2.0 * np.arcsinh(np.sqrt((1 - v) * (1 + v)) / v), *np.moveaxis(I, -1, 0)[:3]], -1)
+            before = np.stack(
+                [np.zeros_like(v), 2.0 * np.arcsinh(np.sqrt((1 - v) * (1 + v)) / v), *np.moveaxis(I, -1, 0)[:3]], -1
+            )
             k = np.arange(5)
             # At the rim a kernel that is 0 there has no such term: its coefficients' sum is 0 but for rounding.
             rim = c.sum()
@@ -64,7 +66,12 @@ class DiscMarginal(Marginal):
             long = np.abs(r) > DISC_SHORT * R
             s = np.where(long, r, R)
             a, b = np.clip(d / R, -1.0, 1.0), np.clip((d - s) / R, -1.0, 1.0)
-            by_strips = R * (np.sign(a)[..., None] * _strips(np.abs(a)) - np.sign(b)[..., None] * _strips(np.abs(b))) @ c * (R / s)
+            by_strips = (
+                R
+                * (np.sign(a)[..., None] * _strips(np.abs(a)) - np.sign(b)[..., None] * _strips(np.abs(b)))
+                @ c
+                * (R / s)
+            )
             total += np.where(long, by_strips, R * _short_mean(d / R, np.where(long, 0.0, r) / R, c))
         return total
 

@@ -38,7 +38,9 @@ class Cell:
             raise AtcError("the cell holds numbers that are not finite")
         lengths = np.linalg.norm(v, axis=1)
         if (self.periodic & (lengths == 0)).any():
-            raise AtcError("a periodic axis of the cell has zero length: give the cell vectors, or declare the axis open")
+            raise AtcError(
+                "a periodic axis of the cell has zero length: give the cell vectors, or declare the axis open"
+            )
         if (lengths > 0).all() and abs(np.linalg.det(v)) <= 1e-14 * lengths.prod():
             raise AtcError("the cell has zero volume: its edge vectors are linearly dependent")
         for a in (self.vectors, self.origin, self.periodic):
@@ -123,7 +125,8 @@ class Cell:
 
     def __eq__(self, other):
         return isinstance(other, Cell) and all(
-            np.array_equal(a, b) for a, b in ((self.vectors, other.vectors), (self.origin, other.origin), (self.periodic, other.periodic))
+            np.array_equal(a, b)
+            for a, b in ((self.vectors, other.vectors), (self.origin, other.origin), (self.periodic, other.periodic))
         )
 
     __hash__ = None
@@ -255,4 +258,6 @@ class Frame:
         for name in names:
             if getattr(self, name) is None:
                 needs = "need" if "," in why else "needs"
-                raise AtcError(f"{self.source}: {name} are missing but {why} {needs} them: {hints.get(name, 'add them to the trajectory')}")
+                raise AtcError(
+                    f"{self.source}: {name} are missing but {why} {needs} them: {hints.get(name, 'add them to the trajectory')}"
+                )

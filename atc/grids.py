@@ -28,7 +28,9 @@ def _numbers(what, value, shape):
         want = " x ".join("n" if s is None else str(s) for s in shape)
         raise AtcError(f"{what}: expected {want} numbers, got shape {a.shape}")
     if not np.isfinite(a).all():
-        raise AtcError(f"{what} must be finite, got {value!r}" if a.size < 10 else f"{what} holds numbers that are not finite")
+        raise AtcError(
+            f"{what} must be finite, got {value!r}" if a.size < 10 else f"{what} holds numbers that are not finite"
+        )
     return a
 
 
@@ -106,7 +108,9 @@ def _layers(shape, flat: bool):
             )
         return (*shape[:2], 1)
     if n == 0:
-        raise AtcError(f"grid shape {' x '.join(map(str, shape[:2]))}: two numbers are a grid of a two-dimensional run: give three")
+        raise AtcError(
+            f"grid shape {' x '.join(map(str, shape[:2]))}: two numbers are a grid of a two-dimensional run: give three"
+        )
     return (*shape[:2], abs(n))
 
 
@@ -166,11 +170,19 @@ class Grid:
             v = np.asarray(cell, dtype=object)
             flat = v.shape[:1] == (2,)
             if flat:
-                two = np.diag(_numbers("grid region", cell, (2,))) if v.ndim == 1 else _points("grid region", cell, (2, 3))[:, :2]
+                two = (
+                    np.diag(_numbers("grid region", cell, (2,)))
+                    if v.ndim == 1
+                    else _points("grid region", cell, (2, 3))[:, :2]
+                )
                 v = np.eye(3)
                 v[:2, :2] = two
             else:
-                v = np.diag(_numbers("grid region", cell, (3,))) if v.ndim == 1 else _numbers("grid region", cell, (3, 3))
+                v = (
+                    np.diag(_numbers("grid region", cell, (3,)))
+                    if v.ndim == 1
+                    else _numbers("grid region", cell, (3, 3))
+                )
             lengths = np.linalg.norm(v, axis=1)
             if (lengths == 0).any() or abs(np.linalg.det(v)) <= 1e-14 * lengths.prod():
                 raise AtcError(f"the grid's region has no volume: edge vectors {v.tolist()}")
@@ -182,7 +194,9 @@ class Grid:
         return cls("regular", {"cell": cell, "spacing": spacing, "shape": shape, "shift": shift, "origin": origin})
 
     @classmethod
-    def plane(cls, origin=None, u=None, v=None, *, axis=None, position=None, shape=None, spacing=None, at="centers") -> Grid:
+    def plane(
+        cls, origin=None, u=None, v=None, *, axis=None, position=None, shape=None, spacing=None, at="centers"
+    ) -> Grid:
         """Points on a parallelogram: from `origin` along the edge vectors `u` and `v`, or a cross-section of each frame's cell.
 
         Parameters
@@ -199,7 +213,9 @@ class Grid:
             if not (origin is None and u is None and v is None):
                 raise AtcError("give a plane as origin, u and v or as axis and position, not both")
             position = None if position is None else float(_numbers("plane position", position, ()))
-            return cls("plane", {"axis": _axis(axis), "position": position, "shape": shape, "spacing": spacing, "shift": shift})
+            return cls(
+                "plane", {"axis": _axis(axis), "position": position, "shape": shape, "spacing": spacing, "shift": shift}
+            )
         if u is None or v is None:
             raise AtcError("a plane needs two edge vectors u and v, or an axis")
         origin = _points("plane origin", (0, 0, 0) if origin is None else origin, (3,))
@@ -207,7 +223,10 @@ class Grid:
         a, b = np.nan_to_num(u), np.nan_to_num(v)
         if np.linalg.norm(np.cross(a, b)) <= 1e-14 * np.linalg.norm(a) * np.linalg.norm(b):
             raise AtcError("the plane's edge vectors u and v are parallel or zero")
-        return cls("plane", {"axis": None, "origin": origin, "u": u, "v": v, "shape": shape, "spacing": spacing, "shift": shift})
+        return cls(
+            "plane",
+            {"axis": None, "origin": origin, "u": u, "v": v, "shape": shape, "spacing": spacing, "shift": shift},
+        )
 
     @classmethod
     def line(cls, start, end, n) -> Grid:
@@ -233,7 +252,11 @@ class Grid:
     def points(cls, xyz) -> Grid:
         """These points, (n, 3); (n, 2) in two dimensions."""
         a = np.asarray(xyz, dtype=object)
-        a = _points("grid points", [xyz] if a.ndim == 1 and a.size in (2, 3) else xyz, (None, 3)) if a.size else np.zeros((0, 3))
+        a = (
+            _points("grid points", [xyz] if a.ndim == 1 and a.size in (2, 3) else xyz, (None, 3))
+            if a.size
+            else np.zeros((0, 3))
+        )
         if len(a) == 0:
             raise AtcError("the grid has no points")
         return cls("points", {"xyz": a})
@@ -251,7 +274,9 @@ class Grid:
     @property
     def follows_cell(self) -> bool:
         """Whether the positions of the points depend on the frame's cell."""
-        return self.kind == "slab" or (self.kind in ("regular", "plane") and self._.get("cell", self._.get("u")) is None)
+        return self.kind == "slab" or (
+            self.kind in ("regular", "plane") and self._.get("cell", self._.get("u")) is None
+        )
 
     @property
     def follows_atoms(self) -> bool:
@@ -299,7 +324,9 @@ class Grid:
         elif self.kind == "slab" and p["axis"] == 2:
             raise AtcError("a slab profile along axis z: a two-dimensional run has no extent there: take x or y")
         elif self.kind == "plane" and p["axis"] in (0, 1):
-            raise AtcError(f"a plane normal to axis {'xyz'[p['axis']]}: in two dimensions that is a line: use a line or a slab profile")
+            raise AtcError(
+                f"a plane normal to axis {'xyz'[p['axis']]}: in two dimensions that is a line: use a line or a slab profile"
+            )
         elif self.kind == "plane" and p.get("position") is not None:
             raise AtcError("a plane at a position along z: a two-dimensional run has only one: leave the position out")
 
@@ -329,7 +356,14 @@ class Grid:
             n = p["n"]
             if flat:
                 start, end = place("line start", p["start"] * f), place("line end", p["end"] * f)
-                return BoundGrid("line", cell, ("s",), origin=start - cell.origin, steps=((end - start) / max(n - 1, 1))[None], counts=(n,))
+                return BoundGrid(
+                    "line",
+                    cell,
+                    ("s",),
+                    origin=start - cell.origin,
+                    steps=((end - start) / max(n - 1, 1))[None],
+                    counts=(n,),
+                )
             step = (p["end"] - p["start"]) * f / max(n - 1, 1)
             return BoundGrid("line", cell, ("s",), origin=p["start"] * f - cell.origin, steps=step[None], counts=(n,))
         if self.kind == "slab":
@@ -363,7 +397,15 @@ class Grid:
         shape = _layers(p["shape"], False) if self.kind == "regular" else p["shape"]
         counts = shape or tuple(int(k) for k in np.maximum(np.round(lengths / (p["spacing"] * f)), 1))
         steps = edges / np.array(counts)[:, None]
-        return BoundGrid(self.kind, cell, name, origin=origin + p["shift"] * steps.sum(0), steps=steps, counts=counts, shift=p["shift"])
+        return BoundGrid(
+            self.kind,
+            cell,
+            name,
+            origin=origin + p["shift"] * steps.sum(0),
+            steps=steps,
+            counts=counts,
+            shift=p["shift"],
+        )
 
     def _layer(self, units, cell) -> BoundGrid:
         """A regular grid in two dimensions: one layer, in the plane; what the region says of z is of no account."""
@@ -379,7 +421,10 @@ class Grid:
             origin = p["origin"] * f - cell.origin
         edges = _directions("grid region", edges[:2], True)
         shape = _layers(p["shape"], True)
-        counts = shape or (*(int(k) for k in np.maximum(np.round(np.linalg.norm(edges, axis=1) / (p["spacing"][:2] * f)), 1)), 1)
+        counts = shape or (
+            *(int(k) for k in np.maximum(np.round(np.linalg.norm(edges, axis=1) / (p["spacing"][:2] * f)), 1)),
+            1,
+        )
         steps = np.stack([edges[0] / counts[0], edges[1] / counts[1], cell.vectors[2]])
         origin = np.array([*origin[:2], 0.0]) + p["shift"] * steps[:2].sum(0) + 0.5 * cell.vectors[2]
         return BoundGrid("regular", cell, ("x", "y", "z"), origin=origin, steps=steps, counts=counts, shift=p["shift"])
@@ -391,12 +436,16 @@ def _in_space(z, units, what, points):
         return points
     at = np.where(np.isnan(points[..., 2]), z, points[..., 2])
     # 1e-9: vectors that went through another unit system differ by rounding.
-    off = np.flatnonzero(np.abs(np.atleast_1d(at) - z) > 1e-9 * max(1.0, float(np.abs(np.nan_to_num(points)).max(initial=0.0))))
+    off = np.flatnonzero(
+        np.abs(np.atleast_1d(at) - z) > 1e-9 * max(1.0, float(np.abs(np.nan_to_num(points)).max(initial=0.0)))
+    )
     if len(off):
         bad = units.to_user("length", float(np.atleast_1d(at)[off[0]]))
         number = f" {off[0]}" if points.ndim > 1 else ""
         where = f"z = {units.to_user('length', float(z)):g} {units.label('length')}"
-        raise AtcError(f"{what}{number} lies at z = {bad:g}, off the plane {where} of a two-dimensional run: give x and y only")
+        raise AtcError(
+            f"{what}{number} lies at z = {bad:g}, off the plane {where} of a two-dimensional run: give x and y only"
+        )
     out = points.copy()
     out[..., 2] = z
     return out
@@ -534,10 +583,18 @@ class BoundGrid:
             along = [("xyz".index(d), s) for d, s in zip(self.dims, self.steps)]
             if all(np.count_nonzero(np.delete(s, k)) == 0 for k, s in along):
                 for (k, s), d, n in zip(along, self.dims, self.counts):
-                    out[d] = ((d,), to_user(self.cell.origin[k] + self.origin[k] + s[k] * np.arange(n)), {**label, "long_name": d})
+                    out[d] = (
+                        (d,),
+                        to_user(self.cell.origin[k] + self.origin[k] + s[k] * np.arange(n)),
+                        {**label, "long_name": d},
+                    )
                 if self.kind == "regular":
                     return out
         xyz = to_user(self.points_gc)
         for k, d in enumerate("xyz"):
-            out[f"position_{d}"] = (self.dims, xyz[:, k].reshape(self.shape), {**label, "long_name": f"{d} of the points"})
+            out[f"position_{d}"] = (
+                self.dims,
+                xyz[:, k].reshape(self.shape),
+                {**label, "long_name": f"{d} of the points"},
+            )
         return out

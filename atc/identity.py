@@ -19,7 +19,9 @@ RESULTS = 5
 PARTS = ("cell", "positions", "types", "ids", "masses", "velocities", "charges", "bonds", "step or time")
 #: Attributes of potentials that say where something came from, or how to make more of it, and not what it is.
 #: (What a script says of atoms is in the frames' digests.)
-_NOT_CONTENT = frozenset({"where", "folder", "file", "text", "data_file", "grow", "build", "source", "setup", "outside", "remarks"})
+_NOT_CONTENT = frozenset(
+    {"where", "folder", "file", "text", "data_file", "grow", "build", "source", "setup", "outside", "remarks"}
+)
 
 
 def identity(request) -> dict:
@@ -29,7 +31,9 @@ def identity(request) -> dict:
         "results": RESULTS,
         "quantities": [q.name for q in work.quantities],
         "trajectory": frame_digest(request.first),
-        "potential": f"{_described(request.pot)}; {contents(request.pot)}" if work.bond_users and request.pot is not None else None,
+        "potential": f"{_described(request.pot)}; {contents(request.pot)}"
+        if work.bond_users and request.pot is not None
+        else None,
         "potential on the first frame": _evaluated(request) if work.bond_users and request.pot is not None else None,
         "kernel": _kernel(request.kern) if work.kernel_users else None,
         "grid": contents(request.grid, everything=True) if work.grid_users else None,
@@ -41,7 +45,9 @@ def identity(request) -> dict:
         "horizon": None if request.horizon is None else float(request.horizon),
         "units": request.first.units.name,
         "dimension": request.first.dimension,
-        "reference": frame_digest(request.reference) if work.reference_users and request.reference is not None else None,
+        "reference": frame_digest(request.reference)
+        if work.reference_users and request.reference is not None
+        else None,
     }
 
 
@@ -107,7 +113,11 @@ def contents(thing, everything: bool = False) -> str:
 def frame_digest(frame) -> str:
     """A frame's numbers, a short digest for each of `PARTS`."""
     t = frame.topology
-    bonds = () if t is None else [getattr(t, k + s) for k in ("bond", "angle", "dihedral", "improper") for s in ("s", "_types")]
+    bonds = (
+        ()
+        if t is None
+        else [getattr(t, k + s) for k in ("bond", "angle", "dihedral", "improper") for s in ("s", "_types")]
+    )
     return " ".join(
         _short(*part)
         for part in (
@@ -147,7 +157,8 @@ def differences(then: Mapping, now: Mapping) -> str:
         elif key == "case" and isinstance(a, str) and isinstance(b, str):
             out += [f"case: {line}" for line in _toml_differences(a, b)]
         elif all(
-            isinstance(v, (int, float, bool, type(None), list)) or (isinstance(v, str) and len(v) < 20 and " " not in v) for v in (a, b)
+            isinstance(v, (int, float, bool, type(None), list)) or (isinstance(v, str) and len(v) < 20 and " " not in v)
+            for v in (a, b)
         ):
             out.append(f"{key}: {_said(a)} then, {_said(b)} now")
         else:
@@ -177,4 +188,8 @@ def _toml_differences(a: str, b: str) -> list[str]:
         then, now = flat(tomllib.loads(a), "", {}), flat(tomllib.loads(b), "", {})
     except tomllib.TOMLDecodeError:
         return ["text"]
-    return [f"{k}: {_said(then.get(k))} then, {_said(now.get(k))} now" for k in dict.fromkeys([*then, *now]) if then.get(k) != now.get(k)]
+    return [
+        f"{k}: {_said(then.get(k))} then, {_said(now.get(k))} now"
+        for k in dict.fromkeys([*then, *now])
+        if then.get(k) != now.get(k)
+    ]

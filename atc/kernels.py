@@ -97,21 +97,29 @@ def kernel(name, radius=None, *, width=None, size=None, table=None, dimension=No
     if canonical not in NAMES:
         raise AtcError(f"unknown kernel {name!r}: expected one of {', '.join(NAMES)}")
     given = {k: v for k, v in (("radius", radius), ("width", width), ("size", size), ("table", table)) if v is not None}
-    allowed = {"gaussian": ("width", "radius"), "box": ("size", "radius"), "piecewise-linear": ("table",)}.get(canonical, ("radius",))
+    allowed = {"gaussian": ("width", "radius"), "box": ("size", "radius"), "piecewise-linear": ("table",)}.get(
+        canonical, ("radius",)
+    )
     for k in given:
         if k not in allowed:
             raise AtcError(f"kernel {canonical!r} does not take {k}: give {' or '.join(allowed)}")
     if len(given) != 1:
-        raise AtcError(f"kernel {canonical!r} needs {'exactly one of ' if len(allowed) > 1 else ''}{' and '.join(allowed)}")
+        raise AtcError(
+            f"kernel {canonical!r} needs {'exactly one of ' if len(allowed) > 1 else ''}{' and '.join(allowed)}"
+        )
     if canonical == "gaussian":
-        return Gaussian(_positive("width", width, canonical) if radius is None else _positive("radius", radius, canonical) / 3.0)
+        return Gaussian(
+            _positive("width", width, canonical) if radius is None else _positive("radius", radius, canonical) / 3.0
+        )
     if canonical == "box":
         if radius is not None:
             return Box(np.full(3, 2.0 * _positive("radius", radius, canonical)), given=1)
         try:
             edges = np.array(np.broadcast_to(np.asarray(size, dtype=float), (3,)))
         except (ValueError, TypeError):
-            raise AtcError(f"kernel 'box': size must be three edge lengths (two with dimension=2), got {size!r}") from None
+            raise AtcError(
+                f"kernel 'box': size must be three edge lengths (two with dimension=2), got {size!r}"
+            ) from None
         return Box(np.array([_positive("size", e, canonical) for e in edges]), given=np.size(size))
     if canonical == "piecewise-linear":
         return _from_table(table)
@@ -202,7 +210,9 @@ class Kernel:
         if dimension == 2:
             return self if self.dimension == 2 else self.planar()
         if self.dimension == 2:
-            raise AtcError(f"kernel {self.name!r} was made for two dimensions, but the run has three: leave its dimension out")
+            raise AtcError(
+                f"kernel {self.name!r} was made for two dimensions, but the run has three: leave its dimension out"
+            )
         return self
 
     @property
@@ -237,7 +247,9 @@ class Kernel:
 
     def describe(self) -> str:
         """One line: name and lengths."""
-        return f"{self.name}, " + ", ".join(f"{k} {v:.12g}" if np.isscalar(v) else f"{k} {v}" for k, v in self.parameters.items())
+        return f"{self.name}, " + ", ".join(
+            f"{k} {v:.12g}" if np.isscalar(v) else f"{k} {v}" for k, v in self.parameters.items()
+        )
 
     @property
     def parameters(self) -> dict:
@@ -288,7 +300,14 @@ class Radial(Kernel):
         )  # fmt: skip
 
     def planar(self):
-        return Radial(self.name, self.radii, self.coef_mk, 1.0 / _plane_integral(self.radii, self.coef_mk), self._table, dimension=2)
+        return Radial(
+            self.name,
+            self.radii,
+            self.coef_mk,
+            1.0 / _plane_integral(self.radii, self.coef_mk),
+            self._table,
+            dimension=2,
+        )
 
     def phi(self, d):
         rho = np.sqrt((np.asarray(d, float) ** 2).sum(-1))
@@ -453,8 +472,15 @@ class BSpline(Kernel):
         d, r = np.broadcast_arrays(np.asarray(d, float), np.asarray(r, float))
         # Between the times at which the bond crosses a knot plane the integrand is a polynomial of degree 9: five Gauss points are exact.
         with np.errstate(divide="ignore", invalid="ignore"):
-            knots = [np.where(r[..., a] != 0, (d[..., a] - k * self._h) / r[..., a], 0.0) for a in range(3) for k in (-2, -1, 0, 1, 2)]
-        times = np.sort(np.clip(np.nan_to_num(np.stack([*knots, np.ones_like(d[..., 0]), np.zeros_like(d[..., 0])], -1)), 0.0, 1.0), -1)
+            knots = [
+                np.where(r[..., a] != 0, (d[..., a] - k * self._h) / r[..., a], 0.0)
+                for a in range(3)
+                for k in (-2, -1, 0, 1, 2)
+            ]
+        times = np.sort(
+            np.clip(np.nan_to_num(np.stack([*knots, np.ones_like(d[..., 0]), np.zeros_like(d[..., 0])], -1)), 0.0, 1.0),
+            -1,
+        )
         x, w = np.polynomial.legendre.leggauss(5)
         total = np.zeros(d.shape[:-1])
         for m in range(times.shape[-1] - 1):
@@ -527,12 +553,16 @@ class Box(Kernel):
 
     def planar(self):
         if self._given == 3:
-            raise AtcError(f"kernel 'box': size has three edge lengths, {self.size.tolist()}, but the run is two-dimensional: give two")
+            raise AtcError(
+                f"kernel 'box': size has three edge lengths, {self.size.tolist()}, but the run is two-dimensional: give two"
+            )
         return Box(self.size[:2], self._given)
 
     def in_dimension(self, dimension):
         if dimension == 3 and self.dimension == 2:
-            raise AtcError(f"kernel 'box': size has two edge lengths, {self.size.tolist()}, but the run has three dimensions: give three")
+            raise AtcError(
+                f"kernel 'box': size has two edge lengths, {self.size.tolist()}, but the run has three dimensions: give three"
+            )
         return super().in_dimension(dimension)
 
     def phi(self, d):

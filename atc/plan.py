@@ -105,7 +105,11 @@ class Request:
             )
         if self.forces not in MODES:
             raise AtcError(f"forces {self.forces!r}: expected one of {', '.join(map(repr, MODES))}")
-        if self.average is not True and self.average is not False and (not isinstance(self.average, (int, np.integer)) or self.average < 1):
+        if (
+            self.average is not True
+            and self.average is not False
+            and (not isinstance(self.average, (int, np.integer)) or self.average < 1)
+        ):
             raise AtcError(f"average {self.average!r}: expected True, False, or the number of frames in a window")
         for name in ("threads", "workers"):
             value = getattr(self, name)
@@ -122,7 +126,11 @@ class Request:
                 or (t < 1).any()
                 or (flat and t[2:].any() and t[2] != 1)
             ):
-                expected = "two whole numbers, 1 or more, e.g. (2, 2)" if flat else "three whole numbers, 1 or more, e.g. (2, 2, 1)"
+                expected = (
+                    "two whole numbers, 1 or more, e.g. (2, 2)"
+                    if flat
+                    else "three whole numbers, 1 or more, e.g. (2, 2, 1)"
+                )
                 raise AtcError(f"tiles {self.tiles!r}: expected {expected}")
             self.tiles = (*(int(n) for n in t), 1)[:3]
         if self.reference is not None and not isinstance(self.reference, Frame):
@@ -138,13 +146,19 @@ class Request:
         self.first = self.frames[0]
         if self.reference is not None and self.reference.dimension != self.first.dimension:
             if self.first.dimension == 3:
-                raise AtcError(f"the reference {self.reference.source} is of a two-dimensional run, but {self.first.source} is not")
+                raise AtcError(
+                    f"the reference {self.reference.source} is of a two-dimensional run, but {self.first.source} is not"
+                )
             self.reference = planar(self.reference)
         if self.kern is not None and self.work.kernel_users:
             self.kern.in_dimension(self.first.dimension)
         if self.work.grid_users and hasattr(self.grid, "fixed"):
             # Every entry of the output has as many points as the first.
-            where = self.first if set(self.work.grid_users) - set(self.work.on_reference) or self.reference is None else self.reference
+            where = (
+                self.first
+                if set(self.work.grid_users) - set(self.work.on_reference) or self.reference is None
+                else self.reference
+            )
             self.grid = self.grid.fixed(where.units, where.cell, where.positions)
         if self.work.bond_users and hasattr(self.pot, "check_topology"):
             self.pot.check_topology(self.first)
@@ -169,7 +183,18 @@ class Request:
         load = self.load if work.bond or work.reference_bond else Load()
         pilot = self._pilot if self.may_loosen(work) and hasattr(self.pot, "terms") else None
         together = dict.fromkeys(self.added_up, self.group()) if work is self.work else None
-        return choose(method, self.tolerance, self.costs, work, places, self.kernel_internal, len(self.first), load, pilot, together)
+        return choose(
+            method,
+            self.tolerance,
+            self.costs,
+            work,
+            places,
+            self.kernel_internal,
+            len(self.first),
+            load,
+            pilot,
+            together,
+        )
 
     def places(self, work: Work) -> dict | None:
         """For each deposit that a frame needs, the bound grid and the cell that its atoms are in; None where something for that is missing."""
@@ -197,7 +222,9 @@ class Request:
             from .choose import adjusted
 
             ways = self.costs, self.bound, self.kernel_internal, self.first.cell, self.load, self.work.n_bond
-            self.methods["bond"] = adjusted(method, max(errors), self.tolerance, *ways, float(len(self.first)), self.group())
+            self.methods["bond"] = adjusted(
+                method, max(errors), self.tolerance, *ways, float(len(self.first)), self.group()
+            )
 
     def _pilot(self):
         """A pass over the bonds of the first frame; see there."""
@@ -242,7 +269,13 @@ class Request:
     def added_up(self) -> frozenset[str]:
         """The deposits ("site", "bond") that frames of a window are added up in; see `estimators.groups`."""
         grid, first = self.grid, self.first
-        if self.average is False or self.n_frames < 2 or self.tiles is not None or grid is None or getattr(grid, "follows_atoms", False):
+        if (
+            self.average is False
+            or self.n_frames < 2
+            or self.tiles is not None
+            or grid is None
+            or getattr(grid, "follows_atoms", False)
+        ):
             return frozenset()
         from .estimators.groups import added_up, size_of
 
@@ -301,7 +334,13 @@ class Request:
         from .agreement.run_check import alarm
 
         return alarm(
-            self.frames, self.pot, mode=self.forces, log=self.log, threads=self.threads, first=self.first, needed=bool(self.work.bond_users)
+            self.frames,
+            self.pot,
+            mode=self.forces,
+            log=self.log,
+            threads=self.threads,
+            first=self.first,
+            needed=bool(self.work.bond_users),
         )
 
 
@@ -412,7 +451,9 @@ def plan(*args, **kwargs) -> Plan:
     if work.grid_users and (request.grid is None or (request.kern is None and work.kernel_users)):
         raise AtcError(f"{', '.join(work.grid_users)} need a {'kernel and a ' * bool(work.kernel_users)}grid")
     if work.bond_users and request.pot is None:
-        raise AtcError(f"{', '.join(work.bond_users)} need a potential: give the pair_style/pair_coeff lines of the run")
+        raise AtcError(
+            f"{', '.join(work.bond_users)} need a potential: give the pair_style/pair_coeff lines of the run"
+        )
     from .predict import predict
 
     p = predict(request)
@@ -443,14 +484,23 @@ def _passes(work: Work, request: Request) -> list[str]:
         made += ["potential energy of each atom"] * bool(work.energy_users)
         made += ["energy sources"] * bool(work.source_users) + ["heat current of the box"] * ("box_power" in work.whole)
         cutoff = request.first.units.to_user("length", request.pot.cutoff)
-        out.append(f"one pass over the bonds (neighbours within {cutoff:g} {request.first.units.label('length')}): {'; '.join(made)}")
+        out.append(
+            f"one pass over the bonds (neighbours within {cutoff:g} {request.first.units.label('length')}): {'; '.join(made)}"
+        )
     if work.summed_site:
         terms, components = ", ".join(_TERMS[s] for s in work.site), work.n_site
         out.append(f"one pass over the atoms: Σ a φ for a = {terms}: {components} component{'s' * (components != 1)}")
-    for key, gather, where in (("gather", work.gather, ""), ("reference_gather", work.reference_gather, ", over reference positions")):
+    for key, gather, where in (
+        ("gather", work.gather, ""),
+        ("reference_gather", work.reference_gather, ", over reference positions"),
+    ):
         if gather:
             terms = ", ".join(_TERMS[s] for s in gather)
-            over = "points" if key not in request.methods or request.methods[key].exact else "atoms, on the modes of one mesh"
+            over = (
+                "points"
+                if key not in request.methods or request.methods[key].exact
+                else "atoms, on the modes of one mesh"
+            )
             out.append(f"one pass over the {over}: Σ a φ{' and Σ a ∂φ/∂x' * work.slopes(key)} for a = {terms}{where}")
     if {"box_kinetic", "atom_kinetic"} & {*work.whole}:
         out.append("m v⊗v of the atoms, without a kernel")
@@ -482,7 +532,9 @@ def _left_out(work: Work) -> list[tuple[str, str]]:
     if "velocities" not in work.attributes:
         out.append(("velocities", "nothing asked depends on them"))
     if not work.summed_site and work.grid_users:
-        out.append(("sums over atoms", "nothing asked needs them" if not work.site else "those with gradients have the same"))
+        out.append(
+            ("sums over atoms", "nothing asked needs them" if not work.site else "those with gradients have the same")
+        )
     if work.kernel_users and not work.gradient_users:
         out.append(("gradient of the kernel", "no gradient was asked for"))
     if not work.grid_users:
@@ -493,7 +545,15 @@ def _left_out(work: Work) -> list[tuple[str, str]]:
 
 
 def _duration(s: float) -> str:
-    return f"{1000 * s:.0f} ms" if s < 1 else f"{s:.2g} s" if s < 100 else f"{s / 60:.1f} min" if s < 6000 else f"{s / 3600:.1f} h"
+    return (
+        f"{1000 * s:.0f} ms"
+        if s < 1
+        else f"{s:.2g} s"
+        if s < 100
+        else f"{s / 60:.1f} min"
+        if s < 6000
+        else f"{s / 3600:.1f} h"
+    )
 
 
 def _bytes(b: float) -> str:

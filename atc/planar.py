@@ -61,7 +61,12 @@ def planar(frame: Frame) -> Frame:
     if frame.velocities is not None:
         v_nc = frame.velocities
         fastest = float(np.abs(v_nc).max(initial=0.0))
-        _flat(frame, v_nc[:, 2], FLAT * fastest, lambda k: f"has the velocity vz = {_shown(frame, 'velocity', v_nc[k, 2])}")
+        _flat(
+            frame,
+            v_nc[:, 2],
+            FLAT * fastest,
+            lambda k: f"has the velocity vz = {_shown(frame, 'velocity', v_nc[k, 2])}",
+        )
         changes["velocities"] = v_nc * [1.0, 1.0, 0.0]
     if frame.images is not None:
         changes["images"] = frame.images * np.array([1, 1, 0], dtype=frame.images.dtype)
@@ -125,7 +130,9 @@ def in_dimension(trajectory: Trajectory, dimension) -> Trajectory:
         raise AtcError(f"dimension {dimension!r}: expected 2 (a run in the plane, LAMMPS's dimension 2) or 3")
     if trajectory.units.dimension == 2:
         if dimension == 3:
-            raise AtcError(f"{trajectory.source} was opened as a two-dimensional run, but the dimension argument says 3")
+            raise AtcError(
+                f"{trajectory.source} was opened as a two-dimensional run, but the dimension argument says 3"
+            )
         return trajectory
     if dimension == 2:
         return Planar(trajectory)
@@ -162,12 +169,16 @@ def matched(frames, pot=None):
         return frames, pot
     if flat and pot.dimension == 3:
         if pot.dimension_said:
-            raise AtcError(f"{one.source} is read as a two-dimensional run, but the potential says dimension 3: make them agree")
+            raise AtcError(
+                f"{one.source} is read as a two-dimensional run, but the potential says dimension 3: make them agree"
+            )
         pot = copy(pot)
         pot.dimension = 2
     elif not flat and pot.dimension == 2:
         if isinstance(one, Trajectory) and one.dimension == 3:
-            raise AtcError(f"{one.source} is read with dimension = 3, but the potential says dimension 2: make them agree")
+            raise AtcError(
+                f"{one.source} is read with dimension = 3, but the potential says dimension 2: make them agree"
+            )
         if isinstance(frames, Frame):
             frames = planar(frames)
         elif isinstance(frames, Trajectory):

@@ -73,14 +73,18 @@ def predict(request) -> Prediction:
                 passing.append(8.0 * points * (4 * -(-components // 4)) * (threads + 1))
                 visits += many if key != "site" else 0.0
             else:
-                deposit = spectral_deposit(bound, kern, bound.cell, components, method.tolerance, gradients=slopes, order=method.order)
+                deposit = spectral_deposit(
+                    bound, kern, bound.cell, components, method.tolerance, gradients=slopes, order=method.order
+                )
                 seconds = model.spectral(costs, deposit, items, length, components, n, m if key in together else 1)
                 passing.append(model.spectral_memory(deposit, components, threads, n))
             parts[what] = parts.get(what, 0.0) + seconds
             # Points around the strongest bonds, where sums over bonds are approximate; see `estimators.hot`.
             watched = POINTS if key == "bond" and not method.exact and request.tiles is None else 0
             looked_at = GROUP_POINTS if m > 1 else 100 + watched
-            parts["error check"] = parts.get("error check", 0.0) + model.check(costs, bound, checked, items, length, min(points, looked_at))
+            parts["error check"] = parts.get("error check", 0.0) + model.check(
+                costs, bound, checked, items, length, min(points, looked_at)
+            )
         components = sum(3**q.rank for q in work.quantities if q.kind == "grid")
         sums = {"site": work.n_site, "bond": work.n_bond, "": work.n_reference_bond}
         values = components + sum(sums.values())
@@ -98,7 +102,9 @@ def predict(request) -> Prediction:
         memory += 8.0 * points * (work.n_site + work.n_bond + work.n_reference_bond)
     memory += max(passing)
     parts["the rest"] = costs.frame * (OF_EACH + (1.0 - OF_EACH) / m)
-    serial = parts["reading"] + parts["the rest"] + parts.get("fields", 0.0) + costs.list_atom * n * bool(work.bond_users)
+    serial = (
+        parts["reading"] + parts["the rest"] + parts.get("fields", 0.0) + costs.list_atom * n * bool(work.bond_users)
+    )
     total = sum(parts.values())
     return Prediction(max(total - serial, 0.0), min(serial, total), parts, memory, points, visits)
 

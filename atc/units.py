@@ -82,7 +82,10 @@ class Units:
             return self
         labels = self.labels
         length, energy, time, velocity = (labels[k] for k in ("length", "energy", "time", "velocity"))
-        pressure, density = _PER_AREA.get(self.name) or (f"{labels['pressure']}*{length}", f"{labels['density']}*{length}")
+        pressure, density = _PER_AREA.get(self.name) or (
+            f"{labels['pressure']}*{length}",
+            f"{labels['density']}*{length}",
+        )
         mass_flow = f"{labels['mass']}*{velocity}" if "/" not in velocity else f"{labels['mass']}*({velocity})"
         area = f"{length}^2"
         flat = {
@@ -97,7 +100,9 @@ class Units:
             "energy_flux": f"{energy}/({length}*{time})",
             "power_density": f"{energy}/({area}*{time})",
             "conductivity": f"kB/{time}" if self.reduced else f"{energy}/({time}*K)",
-            "force_density": f"{energy}/{length}^3" if labels["force"] == f"{energy}/{length}" else f"{labels['force']}/{area}",
+            "force_density": f"{energy}/{length}^3"
+            if labels["force"] == f"{energy}/{length}"
+            else f"{labels['force']}/{area}",
         }
         return replace(
             self, dimension=2, pressure=self.pressure * self.length, density=self.density * self.length, labels={**labels, **flat}

@@ -28,7 +28,9 @@ def trajectory(cells, frames):
     shape = first.positions.shape
     return [
         first.replace(
-            positions=first.positions + rng.normal(0, 0.08, shape), velocities=first.velocities + rng.normal(0, 1e-3, shape), step=k
+            positions=first.positions + rng.normal(0, 0.08, shape),
+            velocities=first.velocities + rng.normal(0, 1e-3, shape),
+            step=k,
         )
         for k in range(frames)
     ], pot
@@ -46,7 +48,12 @@ def main():
     p = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     p.add_argument("--cells", type=int, nargs="*", default=[10, 20])
     p.add_argument("--frames", type=int, nargs="*", default=[256, 64])
-    p.add_argument("--single", type=int, default=32, help="frames of the run frame by frame, whose time a frame does not depend on them")
+    p.add_argument(
+        "--single",
+        type=int,
+        default=32,
+        help="frames of the run frame by frame, whose time a frame does not depend on them",
+    )
     p.add_argument("--repeat", type=int, default=1)
     a = p.parse_args()
     together, alone = groups.size_of, lambda window, atoms: 1

@@ -57,13 +57,17 @@ def main():
             saved, evolve._FFT_FROM = evolve._FFT_FROM, limit
             found[name] = cpu(lambda: verlet(model, u0, dt=model.time_step(), steps=20, every=20), 2)
             evolve._FFT_FROM = saved
-        print(f"100,001 nodes, {M:3d} neighbours: sum {50 * found['sum']:6.2f} ms a step, convolution {50 * found['fft']:6.2f}")
+        print(
+            f"100,001 nodes, {M:3d} neighbours: sum {50 * found['sum']:6.2f} ms a step, convolution {50 * found['fft']:6.2f}"
+        )
     x = np.arange(4096) / 4096
     for M in (8, 24, 64, 200):
         kernel, found = Kernel("box", (M + 0.4) / 4096, 1 / 4096), {}
         for method in ("stencil", "fft"):
             run = advect(np.sin(2 * np.pi * x), kernel, duration=0.002, viscosity=1e-3, method=method, times=2)
-            found[method] = cpu(lambda: advect(np.sin(2 * np.pi * x), kernel, duration=0.02, viscosity=1e-3, method=method, times=2), 2)
+            found[method] = cpu(
+                lambda: advect(np.sin(2 * np.pi * x), kernel, duration=0.02, viscosity=1e-3, method=method, times=2), 2
+            )
             steps = run.steps * 10
         print(
             f"Burgers, 4096 nodes, {kernel.neighbors:3d} neighbours: stencil {1e3 * found['stencil'] / steps:6.3f} ms a step, fft {1e3 * found['fft'] / steps:6.3f}"

@@ -62,8 +62,12 @@ def main(argv=None):
     G = np.random.default_rng(1).normal(size=len(i))
     metal = units("metal")
     bound = atc.Grid.regular(shape=o.grid).bind(metal, cell)
-    print(f"{len(x)} atoms, {len(i)} bonds ({len(i) / len(x):.1f} an atom), {o.grid}^3 points, R = {o.radius} Å, 6 components, one thread")
-    print(f"{'kernel':>10} {'first call s':>13} {'visits/bond':>12} {'ns/visit':>9} {'seconds':>9} {'100 points s':>13} {'error':>9}")
+    print(
+        f"{len(x)} atoms, {len(i)} bonds ({len(i) / len(x):.1f} an atom), {o.grid}^3 points, R = {o.radius} Å, 6 components, one thread"
+    )
+    print(
+        f"{'kernel':>10} {'first call s':>13} {'visits/bond':>12} {'ns/visit':>9} {'seconds':>9} {'100 points s':>13} {'error':>9}"
+    )
     rows = []
     for name in o.kernels:
         kern = atc.kernel(name, o.radius)

@@ -27,7 +27,9 @@ def crystal(model, n):
     """Hot argon (fcc) or silicon (diamond), atoms in random order as after a long run."""
     rng = np.random.default_rng(0)
     fcc = np.array([[0, 0, 0], [0.5, 0.5, 0], [0.5, 0, 0.5], [0, 0.5, 0.5]])
-    a, basis, mass, shake = (5.376, fcc, 39.948, 0.25) if model == "lj" else (5.431, np.concatenate([fcc, fcc + 0.25]), 28.0855, 0.15)
+    a, basis, mass, shake = (
+        (5.376, fcc, 39.948, 0.25) if model == "lj" else (5.431, np.concatenate([fcc, fcc + 0.25]), 28.0855, 0.15)
+    )
     cells = np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing="ij"), -1).reshape(-1, 1, 3)
     x = (cells + basis).reshape(-1, 3) * a
     x = (x + rng.normal(0, shake, x.shape))[rng.permutation(len(x))]
@@ -37,7 +39,10 @@ def crystal(model, n):
 def write_dump(path, x, v, box):
     n = len(x)
     with open(path, "w") as f:
-        f.write(f"ITEM: UNITS\nmetal\nITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n{n}\nITEM: BOX BOUNDS pp pp pp\n" + f"0 {box!r}\n" * 3)
+        f.write(
+            f"ITEM: UNITS\nmetal\nITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n{n}\nITEM: BOX BOUNDS pp pp pp\n"
+            + f"0 {box!r}\n" * 3
+        )
         f.write("ITEM: ATOMS id type x y z vx vy vz\n")
         np.savetxt(f, np.c_[np.arange(1, n + 1), np.ones(n), x, v], fmt="%d %d %.10g %.10g %.10g %.10g %.10g %.10g")
     return path.stat().st_size
@@ -101,7 +106,9 @@ def main():
                     bound = grid.bind(frame.units, frame.cell, frame.positions)
 
                     def stress(bound=bound):
-                        dep = make("direct", bound, kern.scaled(frame.units.length), frame.cell, 0, 6, threads=a.threads)
+                        dep = make(
+                            "direct", bound, kern.scaled(frame.units.length), frame.cell, 0, 6, threads=a.threads
+                        )
                         pot.stream(
                             frame,
                             lambda b, t: dep.add_bond_stress(frame.positions, b.i, b.r_bc, b.G_b, thread=t),

@@ -93,13 +93,21 @@ def draw(results, path):
         ax = figure.add_subplot(rows, 2, k + 1)
         for c, r in enumerate(cases):
             color = f"C{c % 10}"
-            front = sorted((q["cpu"], q["error_max"]) for q in r["rungs"] if q["front"] and q["method"] in ("spectral", "direct"))
+            front = sorted(
+                (q["cpu"], q["error_max"]) for q in r["rungs"] if q["front"] and q["method"] in ("spectral", "direct")
+            )
             ax.plot(*zip(*front), color=color, lw=1, alpha=0.6)
             for q in r["rungs"]:
                 marker = {"spectral": "o", "direct": "s", "smoothed virial": "^", "binned virial": "v"}[q["method"]]
                 ax.plot(q["cpu"], q["error_max"], marker=marker, color=color, ms=5, mfc=color if q["front"] else "none")
             ax.plot([], [], color=color, marker="o", label=r["name"].split(", ", 1)[1].replace("^3", "³"))
-        ax.set(xscale="log", yscale="log", title=title, xlabel="CPU seconds a frame", ylabel="largest error / largest value")
+        ax.set(
+            xscale="log",
+            yscale="log",
+            title=title,
+            xlabel="CPU seconds a frame",
+            ylabel="largest error / largest value",
+        )
         ax.grid(True, alpha=0.25)
         ax.legend(fontsize=7, loc="center left")
     figure.suptitle(
@@ -113,12 +121,16 @@ def main():
     p = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     p.add_argument("--json", type=Path, default=HERE / "frontier.json")
     p.add_argument("--picture", type=Path, default=HERE.parent / "docs" / "frontier.png")
-    p.add_argument("--only", nargs="*", default=[], help="words that a case must have in its name: lj, 32000, gaussian, R=10, 40^3")
+    p.add_argument(
+        "--only", nargs="*", default=[], help="words that a case must have in its name: lj, 32000, gaussian, R=10, 40^3"
+    )
     p.add_argument("--draw", action="store_true")
     p.add_argument("--big", action="store_true")
     p.add_argument("--again", action="store_true")
     p.add_argument("--list", action="store_true", help="say what would run, and run nothing")
-    p.add_argument("--most", type=float, default=120.0, help="CPU seconds that one way to compute a frame may be predicted to take")
+    p.add_argument(
+        "--most", type=float, default=120.0, help="CPU seconds that one way to compute a frame may be predicted to take"
+    )
     a = p.parse_args()
     known = json.loads(a.json.read_text()) if a.json.exists() else {"machine": MACHINE, "cases": []}
     there = set() if a.again else {c["name"] for c in known["cases"]}
@@ -162,7 +174,9 @@ def main():
                 r[key] = float(f"{r[key]:.3g}")
         known["cases"] = [c for c in known["cases"] if c["name"] != name] + [row]
         a.json.write_text(json.dumps(known, indent=1) + "\n")
-        print("    " + "; ".join(f"{r['label']} {r['cpu']:.2f} s {r['error_max']:.1e}" for r in row["rungs"]), flush=True)
+        print(
+            "    " + "; ".join(f"{r['label']} {r['cpu']:.2f} s {r['error_max']:.1e}" for r in row["rungs"]), flush=True
+        )
         for what, why in row["left_out"]:
             print(f"    left out: {what}: {why}", flush=True)
     if not a.list:

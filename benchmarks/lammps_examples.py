@@ -220,16 +220,27 @@ def atc_side(folder: Path, script: str, out: Path) -> dict:
     de = abs(u.to_user("energy", mine.energy) - energy) / scale
     # Crystals: forces are rounding of terms that cancel; the virial says how large these terms are.
     terms = (
-        float(np.abs(np.trace(mine.virial_cc))) / max(float(np.cbrt(frame.cell.volume / max(len(frame), 1))), 1e-300) / max(len(frame), 1)
+        float(np.abs(np.trace(mine.virial_cc)))
+        / max(float(np.cbrt(frame.cell.volume / max(len(frame), 1))), 1e-300)
+        / max(len(frame), 1)
     )
     if size < 1e-6 * u.to_user("force", terms):
         df *= size / u.to_user("force", terms)
     good = df <= LIMIT and de <= LIMIT
-    return {"verdict": "agrees" if good else "disagrees", "forces": df, "energy": de, "atoms": len(frame), "outside": outside, **used}
+    return {
+        "verdict": "agrees" if good else "disagrees",
+        "forces": df,
+        "energy": de,
+        "atoms": len(frame),
+        "outside": outside,
+        **used,
+    }
 
 
 def of_scene(Scene, folder: Path, script: str, out: Path, **potential):
-    scene = Scene.load({"trajectory": {"file": str(out / "frame.dump")}, "potential": {"input": str(folder / script), **potential}})
+    scene = Scene.load(
+        {"trajectory": {"file": str(out / "frame.dump")}, "potential": {"input": str(folder / script), **potential}}
+    )
     pot = scene.potential()
     return scene.trajectory()[0], pot
 
@@ -251,7 +262,9 @@ def one(tree: Path, script: Path, work: Path, timeout: float) -> dict:
     said = child("atc", here, script.name, out, timeout)
     shutil.rmtree(folder, ignore_errors=True)
     try:
-        return json.loads(said.strip().splitlines()[-1]) | ({} if (out / "run.json").exists() else {"lammps": why_not(stamp.read_text())})
+        return json.loads(said.strip().splitlines()[-1]) | (
+            {} if (out / "run.json").exists() else {"lammps": why_not(stamp.read_text())}
+        )
     except (ValueError, IndexError):
         return {"verdict": "bug", "why": said[-400:] or "died"}
 
@@ -284,10 +297,18 @@ def child(what: str, *args, timeout=None) -> str:
     *args, timeout = (*args, timeout) if timeout is not None else args
     try:
         p = subprocess.run(
-            [sys.executable, __file__, "--child", what, *map(str, args)], capture_output=True, text=True, timeout=timeout, errors="replace"
+            [sys.executable, __file__, "--child", what, *map(str, args)],
+            capture_output=True,
+            text=True,
+            timeout=timeout,
+            errors="replace",
         )
     except subprocess.TimeoutExpired:
-        return json.dumps({"verdict": "timeout", "why": f"longer than {timeout:g} s"}) if what == "atc" else f"longer than {timeout:g} s"
+        return (
+            json.dumps({"verdict": "timeout", "why": f"longer than {timeout:g} s"})
+            if what == "atc"
+            else f"longer than {timeout:g} s"
+        )
     return p.stdout if what == "atc" and p.stdout.strip() else p.stdout + p.stderr
 
 
@@ -332,7 +353,9 @@ def data_files(tree: Path) -> dict[str, dict]:
 
     warnings.simplefilter("ignore")
     out = {}
-    for path in sorted(p for part in ("examples", "bench") for p in (tree / part).rglob("*") if p.is_file() and not p.is_symlink()):
+    for path in sorted(
+        p for part in ("examples", "bench") for p in (tree / part).rglob("*") if p.is_file() and not p.is_symlink()
+    ):
         if "data" not in path.name.lower() or path.name.startswith(("in.", "log.")):
             continue
         try:
@@ -364,7 +387,12 @@ def main():
         return
     p = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     p.add_argument("tree", type=Path)
-    p.add_argument("--work", type=Path, default=Path("lammps_examples"), help="where LAMMPS's part is kept (default: ./lammps_examples)")
+    p.add_argument(
+        "--work",
+        type=Path,
+        default=Path("lammps_examples"),
+        help="where LAMMPS's part is kept (default: ./lammps_examples)",
+    )
     p.add_argument("--json", type=Path, help="write every verdict here")
     p.add_argument("--only", default="", help="only scripts whose path holds this word")
     p.add_argument("--jobs", type=int, default=2)
@@ -376,7 +404,9 @@ def main():
     if a.data_files:
         results = data_files(tree)
     else:
-        scripts = sorted(s for part in ("examples", "bench") for s in (tree / part).rglob("in.*") if s.is_file() and a.only in str(s))
+        scripts = sorted(
+            s for part in ("examples", "bench") for s in (tree / part).rglob("in.*") if s.is_file() and a.only in str(s)
+        )
         with ThreadPoolExecutor(a.jobs) as pool:
             found = pool.map(lambda s: (str(s.relative_to(tree)), one(tree, s, work, a.timeout)), scripts)
             results = {}

@@ -25,7 +25,14 @@ def main():
     p.add_argument("--quantities", nargs="+", default=["stress"])
     a = p.parse_args()
     frame, pot = argon(a.cells)
-    arguments = (frame, pot, atc.kernel(a.kernel, radius=a.radius), atc.Grid.regular(shape=a.grid), a.quantities, a.tolerance)
+    arguments = (
+        frame,
+        pot,
+        atc.kernel(a.kernel, radius=a.radius),
+        atc.Grid.regular(shape=a.grid),
+        a.quantities,
+        a.tolerance,
+    )
     planned = plan(*arguments, threads=a.threads)
     print(planned)
     cpu, wall = time.process_time(), time.perf_counter()

@@ -63,7 +63,9 @@ with lammps_session() as lmp:
 
 def lammps(model, args):
     """(wall, cpu) seconds a step."""
-    text = LAMMPS.format(radius=args.radius, model=model, coeff=C if model == "pmb" else f"{BULK} {SHEAR}", warm=max(1, args.warm))
+    text = LAMMPS.format(
+        radius=args.radius, model=model, coeff=C if model == "pmb" else f"{BULK} {SHEAR}", warm=max(1, args.warm)
+    )
     tests = Path(__file__).resolve().parent.parent / "tests"
     with tempfile.TemporaryDirectory() as tmp:
         Path(tmp, "in.disk").write_text(text)
@@ -121,7 +123,9 @@ def main():
             print("  atc    wall {:7.1f} ms  CPU {:7.1f} ms a step".format(*(1e3 * x for x in ours[-1])), flush=True)
             if not a.no_lammps:
                 theirs.append(lammps(model, a))
-                print("  LAMMPS wall {:7.1f} ms  CPU {:7.1f} ms a step".format(*(1e3 * x for x in theirs[-1])), flush=True)
+                print(
+                    "  LAMMPS wall {:7.1f} ms  CPU {:7.1f} ms a step".format(*(1e3 * x for x in theirs[-1])), flush=True
+                )
         if theirs:
             wall, cpu = np.median(theirs, axis=0) / np.median(ours, axis=0)
             print(f"  LAMMPS/atc, medians: wall {wall:.1f}, CPU {cpu:.1f}")

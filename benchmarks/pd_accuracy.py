@@ -228,15 +228,21 @@ def picture(path, spacing, horizon, classical, step, precision):
     for name, colour in colours.items():
         for nu, style, word in ((True, "o-", "with ν"), (False, "s--", "without ν")):
             mine = [r for r in spacing if r[0] == name and r[1] == nu]
-            panels[0, 0].loglog([r[2] for r in mine], [r[5] for r in mine], style, color=colour, label=f"{name} {word}", ms=4, lw=1.2)
+            panels[0, 0].loglog(
+                [r[2] for r in mine], [r[5] for r in mine], style, color=colour, label=f"{name} {word}", ms=4, lw=1.2
+            )
             panels[0, 1].loglog([r[7] for r in mine], [r[8] for r in mine], style, color=colour, ms=4, lw=1.2)
     m = np.unique([r[2] for r in spacing])
-    panels[0, 0].set(xlabel="δ/Δx", ylabel="error of the displacement", title="spacing at one δ, against Δx → 0", xticks=m)
+    panels[0, 0].set(
+        xlabel="δ/Δx", ylabel="error of the displacement", title="spacing at one δ, against Δx → 0", xticks=m
+    )
     panels[0, 0].xaxis.set_major_formatter("{x:.0f}")
     panels[0, 0].xaxis.set_minor_formatter("")
     panels[0, 0].legend(fontsize=7, ncol=2)
     panels[0, 1].set(
-        xlabel="CPU seconds, δ/Δx from 2 upwards", ylabel="error of the displacement", title="speed against error at one δ, Δt = 0.7"
+        xlabel="CPU seconds, δ/Δx from 2 upwards",
+        ylabel="error of the displacement",
+        title="speed against error at one δ, Δt = 0.7",
     )
     s = np.array([r[0] for r in step])
     panels[1, 1].loglog(s, [r[3] for r in step], "o-", color="tab:blue", ms=4, label="displacement, against Δt → 0")
@@ -246,22 +252,40 @@ def picture(path, spacing, horizon, classical, step, precision):
     panels[1, 1].legend(fontsize=7)
     for k, (name, colour) in enumerate({**colours, CORRECTED: "tab:purple"}.items()):
         if name != CORRECTED:
-            panels[0, 2].loglog([r[0] for r in horizon], [r[1 + k] for r in horizon], "o-", color=colour, ms=4, lw=1.2, label=name)
+            panels[0, 2].loglog(
+                [r[0] for r in horizon], [r[1 + k] for r in horizon], "o-", color=colour, ms=4, lw=1.2, label=name
+            )
         for m, style in ((2, ":"), (3, "-"), (4, "--")):
             mine = [r for r in classical if r[:2] == (name, m)]
             panels[1, 0].loglog(
-                [r[5] for r in mine], [r[6] for r in mine], f"o{style}", color=colour, ms=4, lw=1.2, label=name if m == 3 else None
+                [r[5] for r in mine],
+                [r[6] for r in mine],
+                f"o{style}",
+                color=colour,
+                ms=4,
+                lw=1.2,
+                label=name if m == 3 else None,
             )
-    panels[0, 2].set(xlabel="δ / width of the bump", ylabel="error of the model (exact)", title="horizon, against classical elasticity")
+    panels[0, 2].set(
+        xlabel="δ / width of the bump",
+        ylabel="error of the model (exact)",
+        title="horizon, against classical elasticity",
+    )
     panels[0, 2].legend(fontsize=7)
     panels[1, 0].set(
-        xlabel="CPU seconds, Δx and δ together smaller", ylabel="error of the displacement", title="the same, to classical elasticity"
+        xlabel="CPU seconds, Δx and δ together smaller",
+        ylabel="error of the displacement",
+        title="the same, to classical elasticity",
     )
     panels[1, 0].legend(fontsize=7, loc="lower left", title="δ = 2Δx dotted, 3Δx solid, 4Δx dashed", title_fontsize=7)
     for what, colour in (("displacements", "tab:blue"), ("positions", "tab:red")):
         mine = [r for r in precision if r[1] == what]
-        panels[1, 2].loglog([r[0] for r in mine], [r[2] for r in mine], "o-", color=colour, ms=4, label=f"{what} in float32")
-    panels[1, 2].set(xlabel="largest strain at the start", ylabel="error against float64", title="precision (PMB, δ = 3Δx)")
+        panels[1, 2].loglog(
+            [r[0] for r in mine], [r[2] for r in mine], "o-", color=colour, ms=4, label=f"{what} in float32"
+        )
+    panels[1, 2].set(
+        xlabel="largest strain at the start", ylabel="error against float64", title="precision (PMB, δ = 3Δx)"
+    )
     panels[1, 2].legend(fontsize=7)
     for p in panels.flat:
         p.grid(alpha=0.3, which="both", lw=0.4)
@@ -291,7 +315,9 @@ def main(path=None, finest=12):
     )
     for name, m, w, n, steps, cpu, error in classical:
         print(f"| {name} | {m} | {w:.1f} | {n} | {steps} | {cpu:.2g} | {error:.2e} |")
-    print("\n| Δt / stable step | steps | CPU s | displacement, against Δt → 0 | total energy |\n|---:|---:|---:|---:|---:|")
+    print(
+        "\n| Δt / stable step | steps | CPU s | displacement, against Δt → 0 | total energy |\n|---:|---:|---:|---:|---:|"
+    )
     for share, steps, cpu, error, energy in step:
         print(f"| {share:.3f} | {steps} | {cpu:.3g} | {error:.2e} | {energy:.2e} |")
     print("\n| largest strain | displacements in float32 | positions in float32 |\n|---:|---:|---:|")

@@ -30,11 +30,16 @@ def write(path: Path, n: int, frames: int) -> None:
         for k in range(frames):
             order = rng.permutation(n)
             positions, velocities = rng.random((n, 3)) * length, rng.normal(size=(n, 3))
-            text.write(f"ITEM: TIMESTEP\n{k}\nITEM: NUMBER OF ATOMS\n{n}\nITEM: BOX BOUNDS pp pp pp\n" + 3 * f"0.0 {length}\n")
+            text.write(
+                f"ITEM: TIMESTEP\n{k}\nITEM: NUMBER OF ATOMS\n{n}\nITEM: BOX BOUNDS pp pp pp\n" + 3 * f"0.0 {length}\n"
+            )
             text.write("ITEM: ATOMS id type x y z vx vy vz\n")
             table = np.column_stack([order + 1, np.ones(n), positions, velocities])
             text.write(
-                "\n".join(f"{i:.0f} {t:.0f} {a:g} {b:g} {c:g} {u:g} {v:g} {w:g}" for i, t, a, b, c, u, v, w in table.tolist()) + "\n"
+                "\n".join(
+                    f"{i:.0f} {t:.0f} {a:g} {b:g} {c:g} {u:g} {v:g} {w:g}" for i, t, a, b, c, u, v, w in table.tolist()
+                )
+                + "\n"
             )
             binary.write(struct.pack("<q10sii", -10, b"DUMPCUSTOM", 1, 2) + struct.pack("<qqi6i", k, n, 0, *[0] * 6))
             columns = b"id type x y z vx vy vz"
@@ -92,7 +97,9 @@ def read_mdanalysis(path) -> int:
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        universe = MDAnalysis.Universe(path, format="LAMMPSDUMP", atom_style="id type x y z", topology_format="LAMMPSDUMP")
+        universe = MDAnalysis.Universe(
+            path, format="LAMMPSDUMP", atom_style="id type x y z", topology_format="LAMMPSDUMP"
+        )
         return sum(1 for ts in universe.trajectory if ts.positions is not None)
 
 

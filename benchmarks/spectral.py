@@ -79,7 +79,9 @@ def against_finufft(x, cell, pieces, kern, tolerances, grid):
     values = np.repeat(stress_components(r, G), 2, axis=0)
     bound = atc.Grid.regular(shape=grid).bind(units("metal"), cell, x)
     edge = cell.vectors[0, 0]
-    print(f"{len(points)} points, 6 components, one thread, {kern.name} R = {kern.radius:g}; CPU s; errors: of the field, rms")
+    print(
+        f"{len(points)} points, 6 components, one thread, {kern.name} R = {kern.radius:g}; CPU s; errors: of the field, rms"
+    )
     for tolerance in tolerances:
         own = np.inf
         for _ in range(4):
@@ -117,7 +119,9 @@ def against_finufft(x, cell, pieces, kern, tolerances, grid):
             for eps in 10.0 ** np.arange(-1.0, -12.0, -0.5):
                 dtype = "complex64" if eps >= 1e-5 else "complex128"
                 real = np.float32 if dtype == "complex64" else np.float64
-                Z, seconds = modes_by_finufft(lambda e=eps, f=factor, d=dtype: plan(e, f, d), angle.astype(real), pairs.astype(dtype))
+                Z, seconds = modes_by_finufft(
+                    lambda e=eps, f=factor, d=dtype: plan(e, f, d), angle.astype(real), pairs.astype(dtype)
+                )
                 its = np.sqrt((np.abs(field_modes(Z) - want) ** 2).sum()) / norm
                 if its <= error:
                     found.append((seconds, its, eps, factor, dtype))
@@ -157,7 +161,9 @@ def main():
         for i, r, G in pieces:
             exact.add_bond_stress(x, i, r, G)
         want = exact.bond_sums()
-        cases = [(f"spectral {t:g}", "spectral", t) for t in a.tolerances] + ([] if a.no_direct else [("direct", "direct", 0.0)])
+        cases = [(f"spectral {t:g}", "spectral", t) for t in a.tolerances] + (
+            [] if a.no_direct else [("direct", "direct", 0.0)]
+        )
         print(f"{name:17s} CPU s: set up + add + finish = total; wall s; error max, L2")
         for label, method, tolerance in cases:
 
@@ -169,7 +175,9 @@ def main():
             d = got[which] - want
             error = np.abs(d).max() / np.abs(got).max(), np.sqrt((d**2).mean() / (want**2).mean())
             how = (
-                f"mesh {dep.mesh[0]}, width {dep.parameters.width}, {dep.points / n_bond:.2f} points a bond" if method == "spectral" else ""
+                f"mesh {dep.mesh[0]}, width {dep.parameters.width}, {dep.points / n_bond:.2f} points a bond"
+                if method == "spectral"
+                else ""
             )
             print(
                 f"{label:17s} {cpu[0]:.2f} + {cpu[1]:.2f} + {cpu[2]:.2f} = {cpu.sum():.2f}; {wall:.2f}; {error[0]:.1e} {error[1]:.1e} {how}",

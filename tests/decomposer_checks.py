@@ -20,13 +20,20 @@ def agrees_with_lammps(pot, lines, config, *, shares=True, tolerance=LAMMPS_TOLE
     d = pot.decompose(frame, threads=threads)
     u = frame.units
     scale = np.abs(res.energies_n).sum() + abs(res.energy)
-    assert abs(u.to_user("energy", d.energy) - res.energy) <= tolerance * scale, (u.to_user("energy", d.energy), res.energy)
+    assert abs(u.to_user("energy", d.energy) - res.energy) <= tolerance * scale, (
+        u.to_user("energy", d.energy),
+        res.energy,
+    )
     forces = u.to_user("force", d.forces_nc)
     np.testing.assert_allclose(forces, res.forces_nc, rtol=0, atol=tolerance * np.abs(res.forces_nc).max())
     mine = u.to_user("pressure", d.virial_cc / frame.cell.volume) * res.volume
-    np.testing.assert_allclose(mine, res.virial, rtol=0, atol=tolerance * max(np.abs(res.virial).max(), np.abs(res.stress_n).max()))
+    np.testing.assert_allclose(
+        mine, res.virial, rtol=0, atol=tolerance * max(np.abs(res.virial).max(), np.abs(res.stress_n).max())
+    )
     if shares:
-        np.testing.assert_allclose(u.to_user("energy", d.energies_n), res.energies_n, rtol=0, atol=tolerance * np.abs(res.energies_n).max())
+        np.testing.assert_allclose(
+            u.to_user("energy", d.energies_n), res.energies_n, rtol=0, atol=tolerance * np.abs(res.energies_n).max()
+        )
     np.testing.assert_allclose(d.energies_n.sum(), d.energy, rtol=1e-12, atol=1e-12 * np.abs(d.energies_n).sum())
     consistent_bonds(d, len(frame), threads)
     return d, res

@@ -31,7 +31,15 @@ def hot(x, cell, seed, style="metal", masses=28.0855, speed=0.05, **more):
     rng = np.random.default_rng(seed + 100)
     v = speed * rng.normal(size=x.shape) + speed * np.array([0.3, -0.2, 0.1])
     n = len(x)
-    return Frame(x, cell, units(style), types=np.arange(n) % 2 + 1, masses=masses * (1 + 0.3 * (np.arange(n) % 2)), velocities=v, **more)
+    return Frame(
+        x,
+        cell,
+        units(style),
+        types=np.arange(n) % 2 + 1,
+        masses=masses * (1 + 0.3 * (np.arange(n) % 2)),
+        velocities=v,
+        **more,
+    )
 
 
 def diamond(a=5.431, seed=0, shake=0.2, tilt=(0.6, -0.8, 0.4)):
@@ -70,7 +78,9 @@ def chains(seed=0, n=3, length=5):
             step /= np.linalg.norm(step, axis=1)[:, None]
             if all(abs(step[k] @ step[k + 1]) < 0.85 for k in range(length - 2)):
                 break
-        chain[:] = rng.uniform(0, 6, 3) + np.concatenate([[np.zeros(3)], np.cumsum(step * rng.uniform(1.2, 1.6, (length - 1, 1)), axis=0)])
+        chain[:] = rng.uniform(0, 6, 3) + np.concatenate(
+            [[np.zeros(3)], np.cumsum(step * rng.uniform(1.2, 1.6, (length - 1, 1)), axis=0)]
+        )
     i = np.arange(n * length).reshape(n, length)
 
     def runs(k):
@@ -97,7 +107,9 @@ class RandomTerm(ClusterTerm):
 
     def share(self, partition):
         k = self.bodies
-        self.weights, self.shared = weights_of(partition, k, {"first": ((1.0,) + (0.0,) * (k - 1), "to the first")}, "random")
+        self.weights, self.shared = weights_of(
+            partition, k, {"first": ((1.0,) + (0.0,) * (k - 1), "to the first")}, "random"
+        )
 
     def describe(self):
         return f"random {self.bodies}-body, {self.shared}"
@@ -199,7 +211,20 @@ SMOOTH = [n for n in NAMES if n not in ROUGH]
 PARTITIONED = [
     n
     for n in NAMES
-    if n.split()[0] in ("sw", "angle", "hybrid", "dihedral", "tersoff", "tersoff/mod", "vashishta", "edip", "3-body", "4-body", "5-body")
+    if n.split()[0]
+    in (
+        "sw",
+        "angle",
+        "hybrid",
+        "dihedral",
+        "tersoff",
+        "tersoff/mod",
+        "vashishta",
+        "edip",
+        "3-body",
+        "4-body",
+        "5-body",
+    )
 ]
 TUPLES = [(0, 1, 2, 3, 4), (5, 2, 6, 0, 1), (3, 4, 1, 6, 2)]
 

@@ -33,7 +33,9 @@ def _load_mpi():
     if _mpi is not None:
         return
     for root in dict.fromkeys((sys.prefix, sys.exec_prefix, os.path.dirname(os.path.dirname(sys.executable)))):
-        hits = glob.glob(os.path.join(root, "lib*", "libmpi.so.12")) or glob.glob(os.path.join(root, "**", "libmpi.so.12*"), recursive=True)
+        hits = glob.glob(os.path.join(root, "lib*", "libmpi.so.12")) or glob.glob(
+            os.path.join(root, "**", "libmpi.so.12*"), recursive=True
+        )
         if hits:
             _mpi = ctypes.CDLL(hits[0], ctypes.RTLD_GLOBAL)
             return
@@ -91,7 +93,9 @@ class Config:
         if self.cell.shape == (3,):
             self.cell = np.diag(self.cell)
         if self.cell[0, 1] or self.cell[0, 2] or self.cell[1, 2] or (np.diag(self.cell) <= 0).any():
-            raise ValueError(f"not LAMMPS's restricted cell (lower triangular, positive diagonal): {self.cell.tolist()}")
+            raise ValueError(
+                f"not LAMMPS's restricted cell (lower triangular, positive diagonal): {self.cell.tolist()}"
+            )
         self.positions = np.array(self.positions, float)
         n = len(self.positions)
         self.types = np.ones(n, int) if self.types is None else np.array(self.types, int)
@@ -109,7 +113,9 @@ class Config:
         if self.atom_style is None:
             bonded = any(len(getattr(self, name)) for name, _ in _KINDS)
             self.atom_style = (
-                ("full" if self.charges is not None else "molecular") if bonded else ("charge" if self.charges is not None else "atomic")
+                ("full" if self.charges is not None else "molecular")
+                if bonded
+                else ("charge" if self.charges is not None else "atomic")
             )
 
     @property
@@ -146,7 +152,9 @@ class Config:
         out += ["", f"Atoms # {self.atom_style}", ""]
         out += [f"{i + 1} {before(i)} " + " ".join(f"{c:.17g}" for c in self.positions[i]) for i in range(n)]
         if self.velocities is not None:
-            out += ["", "Velocities", ""] + [f"{i + 1} " + " ".join(f"{c:.17g}" for c in self.velocities[i]) for i in range(n)]
+            out += ["", "Velocities", ""] + [
+                f"{i + 1} " + " ".join(f"{c:.17g}" for c in self.velocities[i]) for i in range(n)
+            ]
         Path(path).write_text("\n".join(out + sections) + "\n")
 
     def frame(self):
@@ -307,7 +315,9 @@ def thermal_lattice(cell, counts, *, jitter=0.1, kinds=1, seed=0, origin=(0.0, 0
     """
     rng = np.random.default_rng(seed)
     cell = np.diag(cell) if np.ndim(cell) == 1 else np.asarray(cell, float)
-    s = (np.stack(np.meshgrid(*(np.arange(c) for c in counts), indexing="ij"), -1).reshape(-1, 3) + 0.5) / np.array(counts)
+    s = (np.stack(np.meshgrid(*(np.arange(c) for c in counts), indexing="ij"), -1).reshape(-1, 3) + 0.5) / np.array(
+        counts
+    )
     spacing = (np.linalg.norm(cell, axis=1) / np.array(counts)).min()
     x = s @ cell + np.array(origin) + rng.uniform(-jitter, jitter, s.shape) * spacing
     return x, rng.integers(1, kinds + 1, len(x))

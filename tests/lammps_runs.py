@@ -83,7 +83,10 @@ def water(seed=3, n=4):
     angles = np.stack([m + 1, m, m + 2], 1)
     t = np.tile([1, 2, 2], len(o))
     mass = {1: 15.9994, 2: 1.008}
-    v = rng.normal(0, 1, x.shape) * np.sqrt(0.0019872067 * 300 / np.array([mass[k] for k in t]) / 48.88821291**2)[:, None]
+    v = (
+        rng.normal(0, 1, x.shape)
+        * np.sqrt(0.0019872067 * 300 / np.array([mass[k] for k in t]) / 48.88821291**2)[:, None]
+    )
     return Config(
         np.full(3, L), x, t, "real", mass, np.where(t == 1, -0.82, 0.41), v, bonds=bonds, angles=angles, molecules=np.repeat(np.arange(len(o)), 3) + 1,
         atom_style="full",

@@ -76,7 +76,11 @@ class NaiveKernel:
         else:
             foot = float(d @ r) / rr
             across = d - foot * r
-            radii = self.r if self.table is not None else {"hardy": [L / 2, L], "gaussian": [L, 3 * L, 6 * L]}.get(self.name, [L])
+            radii = (
+                self.r
+                if self.table is not None
+                else {"hardy": [L / 2, L], "gaussian": [L, 3 * L, 6 * L]}.get(self.name, [L])
+            )
             out = [foot]
             for R in radii:
                 chord = (R * R - float(across @ across)) / rr

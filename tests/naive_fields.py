@@ -87,4 +87,6 @@ class BruteLJ:
                 # half of the energy belongs to each end
                 D = np.stack([-0.5 * G[:, None] * r, 0.5 * G[:, None] * r], axis=1) if sources else None
                 consume(Bonds(bonds.i[a:b], bonds.j[a:b], r, G, D), k % threads)
-        return Decomposition(float(e_n.sum()), bonds.virial(), e_n if energies else None, F_nc if forces else None, n_bonds=len(bonds))
+        return Decomposition(
+            float(e_n.sum()), bonds.virial(), e_n if energies else None, F_nc if forces else None, n_bonds=len(bonds)
+        )

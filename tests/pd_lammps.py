@@ -49,7 +49,9 @@ def write_data(body, path, box):
         f.write("\nAtoms # peri\n\n")
         for k in range(n):
             x = body.X_nc[k]
-            f.write(f"{k + 1} {body.material_n[k]} {body.V_n[k]:.17g} {body.rho_n[k]:.17g} {x[0]:.17g} {x[1]:.17g} {x[2]:.17g}\n")
+            f.write(
+                f"{k + 1} {body.material_n[k]} {body.V_n[k]:.17g} {body.rho_n[k]:.17g} {x[0]:.17g} {x[1]:.17g} {x[2]:.17g}\n"
+            )
 
 
 def box_of(body, margin):

@@ -14,7 +14,9 @@ COLUMNS = "id type x y z fx fy fz"
 @dataclass
 class Ran:
     energy: float
-    virial: np.ndarray  # (3, 3) Σ G r⊗r in energy units of the script: minus the virial pressure times the volume, over nktv2p
+    virial: (
+        np.ndarray
+    )  # (3, 3) Σ G r⊗r in energy units of the script: minus the virial pressure times the volume, over nktv2p
     forces: np.ndarray
     ids: np.ndarray
 
@@ -61,7 +63,9 @@ def compare(folder, ran, *, dump="run.dump", name="in.run", tol=1e-10, **read):
     u = pot.units
     scale = max(abs(ran.energy), np.abs(ran.virial).max(), 1e-3)
     assert u.to_user("energy", d.energy) == __import__("pytest").approx(ran.energy, rel=tol, abs=tol * scale)
-    np.testing.assert_allclose(u.to_user("force", d.forces_nc), ran.forces, rtol=0, atol=tol * max(np.abs(ran.forces).max(), 1e-3))
+    np.testing.assert_allclose(
+        u.to_user("force", d.forces_nc), ran.forces, rtol=0, atol=tol * max(np.abs(ran.forces).max(), 1e-3)
+    )
     np.testing.assert_allclose(u.to_user("energy", d.virial_cc), ran.virial, rtol=0, atol=tol * scale)
     return frame, pot
 

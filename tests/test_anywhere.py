@@ -58,7 +58,12 @@ def everything(site, work, commands, wrap=(), **more):
         path = work / made
         shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
     done = subprocess.run(
-        [*wrap, *POWERLESS, "bash", "-c", commands], cwd=work, env=environment(site, **more), capture_output=True, text=True, timeout=400
+        [*wrap, *POWERLESS, "bash", "-c", commands],
+        cwd=work,
+        env=environment(site, **more),
+        capture_output=True,
+        text=True,
+        timeout=400,
     )
     assert done.returncode == 0, done.stderr
     assert (work / "small.nc").stat().st_size > 10_000
@@ -97,7 +102,9 @@ def test_two_processes_compile_at_once(place, tmp_path):
     code = "import numpy as np\nfrom atc.bonds import *\nimport atc\nf = atc.read('plate/silicon_plate.dump.gz', masses=[28.0855])[0]\np = atc.potential(open('plate/scene.toml').read().split('\"\"\"')[1], units='metal', folder='plate')\nprint(repr(p.stream(f, None, threads=1).energy))"
     env = environment(site, HOME="/proc/nobody", NUMBA_CACHE_DIR=str(tmp_path))
     jobs = [
-        subprocess.Popen([sys.executable, "-c", code], cwd=work, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        subprocess.Popen(
+            [sys.executable, "-c", code], cwd=work, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
         for _ in range(2)
     ]
     said = [job.communicate(timeout=200) for job in jobs]

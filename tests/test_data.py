@@ -29,7 +29,9 @@ def case(request):
     name, what = request.param, CASES[request.param]
     folder = DATA / name
     topology = what.get("topology")
-    traj = atc.read(folder / f"{name}.dump.gz", topology=folder / topology if topology else None, masses=what.get("masses"))
+    traj = atc.read(
+        folder / f"{name}.dump.gz", topology=folder / topology if topology else None, masses=what.get("masses")
+    )
     return name, what, traj, pd.read_csv(folder / "thermo.csv")
 
 
@@ -104,10 +106,15 @@ def test_potential(case):
         virial = mine.virial_cc
         dx = u.to_internal("length", printed(u.to_user("length", frame.positions), digits(what)[0]))
         # 1e-13: sums over 1e5 terms that partly cancel, and the table's 15 digits.
-        assert abs(mine.energy - u.to_internal("energy", row["pe"])) <= (np.abs(mine.forces_nc) * dx).sum() + 1e-13 * abs(mine.energy)
+        assert abs(mine.energy - u.to_internal("energy", row["pe"])) <= (
+            np.abs(mine.forces_nc) * dx
+        ).sum() + 1e-13 * abs(mine.energy)
         if bound is None:
             # What rounding of this size does to the virial: the spread over three random ones, times ten to be safe for every frame.
-            moved = [pot.stream(frame.replace(positions=frame.positions + rng.uniform(-1, 1, dx.shape) * dx)).virial_cc for _ in range(3)]
+            moved = [
+                pot.stream(frame.replace(positions=frame.positions + rng.uniform(-1, 1, dx.shape) * dx)).virial_cc
+                for _ in range(3)
+            ]
             bound = 10 * np.max(np.abs(np.array(moved) - virial))
             assert bound < 10.0 ** (3 - digits(what)[0]) * np.abs(virial).max()
         theirs = -u.to_internal("pressure", full(row, "v")) * frame.cell.volume
@@ -131,10 +138,20 @@ def test_scene(name):
         # Rounding of the dump, next to the largest of pressures that nearly cancel, with two digits to spare; test_kinetic and
         # test_potential have the sharp bounds, this one is about units, signs and frames.
         np.testing.assert_allclose(
-            mine, theirs, rtol=0, atol=10.0 ** (2 - min(digits(what))) * np.abs([full(row, "v") for _, row in thermo.iterrows()]).max()
+            mine,
+            theirs,
+            rtol=0,
+            atol=10.0 ** (2 - min(digits(what))) * np.abs([full(row, "v") for _, row in thermo.iterrows()]).max(),
         )
     reduced = "epsilon/sigma^3"
-    assert ds["virial_stress"].attrs["units"] == {"silicon_plate": "bar", "argon_slab": "atm", "melt": reduced, "heat_flow": reduced}[name]
+    assert (
+        ds["virial_stress"].attrs["units"]
+        == {"silicon_plate": "bar", "argon_slab": "atm", "melt": reduced, "heat_flow": reduced}[name]
+    )
     inside = ds["mask"].values.astype(bool)
     main = "heat_flux" if name == "heat_flow" else "stress"
-    assert inside.any() and np.isfinite(ds[main].values[inside]).all() and np.isfinite(ds[f"{main}_potential"].values[inside]).all()
+    assert (
+        inside.any()
+        and np.isfinite(ds[main].values[inside]).all()
+        and np.isfinite(ds[f"{main}_potential"].values[inside]).all()
+    )

@@ -102,7 +102,9 @@ def test_slab():
             normal = cell.inverse[:, a] * cell.heights[a]
             np.testing.assert_allclose((g.points_gc - cell.origin) @ normal, (np.arange(5) + 0.5) * cell.heights[a] / 5)
     np.testing.assert_allclose(atc.Grid.slab("y", 2).bind(METAL, BOX).coords(METAL)["y"][1], [0.5, 5.5])
-    np.testing.assert_allclose(atc.Grid.slab("x", 2).bind(METAL, TILTED).coords(METAL)["x"][1], TILTED.heights[0] * np.array([0.25, 0.75]))
+    np.testing.assert_allclose(
+        atc.Grid.slab("x", 2).bind(METAL, TILTED).coords(METAL)["x"][1], TILTED.heights[0] * np.array([0.25, 0.75])
+    )
 
 
 def test_points_and_atoms():

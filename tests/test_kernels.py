@@ -66,7 +66,9 @@ def test_integral_is_one_and_support_is_where_it_ends(kern, twin):
         assert kern.phi([0, kern.support * (1 - 1e-3), 0]) > 0
     else:
         x = np.linspace(-kern.radius, kern.radius, 5)
-        one = sum(quad(lambda z: float(kern.marginal().phi(z)), a, b, epsabs=1e-15)[0] for a, b in itertools.pairwise(x))
+        one = sum(
+            quad(lambda z: float(kern.marginal().phi(z)), a, b, epsabs=1e-15)[0] for a, b in itertools.pairwise(x)
+        )
         assert one == pytest.approx(1.0, abs=1e-13)
         assert kern.phi(np.full(3, kern.support)) == 0
 
@@ -136,7 +138,9 @@ JUMPS = ("step", "box", "piecewise-linear")
 
 
 @pytest.mark.parametrize(
-    "kern", [k for k, _ in CASES if k.name not in JUMPS], ids=[i for i, (k, _) in zip(IDS, CASES) if k.name not in JUMPS]
+    "kern",
+    [k for k, _ in CASES if k.name not in JUMPS],
+    ids=[i for i, (k, _) in zip(IDS, CASES) if k.name not in JUMPS],
 )
 def test_phi_difference_is_the_divergence_of_beta(kern):
     """φ(d − r) − φ(d) = r·∂β/∂d with the sign of the bond: the property that makes β the bond function."""
@@ -144,9 +148,15 @@ def test_phi_difference_is_the_divergence_of_beta(kern):
     d, r = rng.normal(size=(2, 50, 3)) * kern.support / 3
     h = 1e-4 * kern.support
     n = r / np.linalg.norm(r, axis=1)[:, None]
-    slope = (8 * (kern.beta(d + h * n, r) - kern.beta(d - h * n, r)) - kern.beta(d + 2 * h * n, r) + kern.beta(d - 2 * h * n, r)) / (12 * h)
+    slope = (
+        8 * (kern.beta(d + h * n, r) - kern.beta(d - h * n, r))
+        - kern.beta(d + 2 * h * n, r)
+        + kern.beta(d - 2 * h * n, r)
+    ) / (12 * h)
     # 3e-5: fourth-order differences of h = 1e-4, second order (1e-4 of the slope's jump) where a kink of φ is inside the stencil.
-    np.testing.assert_allclose(slope * np.linalg.norm(r, axis=1), kern.phi(d) - kern.phi(d - r), rtol=0, atol=3e-5 * kern.peak)
+    np.testing.assert_allclose(
+        slope * np.linalg.norm(r, axis=1), kern.phi(d) - kern.phi(d - r), rtol=0, atol=3e-5 * kern.peak
+    )
 
 
 @every
@@ -163,9 +173,14 @@ def test_gradient(kern, twin):
         away &= (np.abs(np.abs(d)[..., None] - np.array([0, 0.5, 1]) * kern.radius) > 3 * h).all((1, 2))
     assert away.sum() > 20
     e = np.eye(3) * h
-    num = np.stack([(8 * (kern.phi(d + v) - kern.phi(d - v)) - kern.phi(d + 2 * v) + kern.phi(d - 2 * v)) / (12 * h) for v in e], -1)
+    num = np.stack(
+        [(8 * (kern.phi(d + v) - kern.phi(d - v)) - kern.phi(d + 2 * v) + kern.phi(d - 2 * v)) / (12 * h) for v in e],
+        -1,
+    )
     # 1e-9: rounding 1e-16/1e-4 and the error h⁴ of the differences.
-    np.testing.assert_allclose(kern.grad_phi(d)[away] * kern.support, num[away] * kern.support, rtol=0, atol=1e-9 * kern.peak)
+    np.testing.assert_allclose(
+        kern.grad_phi(d)[away] * kern.support, num[away] * kern.support, rtol=0, atol=1e-9 * kern.peak
+    )
 
 
 @every
@@ -174,7 +189,9 @@ def test_marginal_is_the_integral_over_the_plane(kern, twin):
     if kern.is_isotropic:
         for z in np.array([0.0, 0.13, 0.5, 0.77, 0.96]) * kern.support:
             edge = math.sqrt(max(kern.support**2 - z * z, 0.0))
-            knots = np.sort([*np.linspace(0, edge, 16), *[math.sqrt(R * R - z * z) for R in getattr(kern, "radii", []) if z < R]])
+            knots = np.sort(
+                [*np.linspace(0, edge, 16), *[math.sqrt(R * R - z * z) for R in getattr(kern, "radii", []) if z < R]]
+            )
             f = lambda q, z=z: 2 * math.pi * q * float(kern.phi([q, 0, z]))  # noqa: E731
             want = sum(quad(f, a, b, epsabs=1e-16, epsrel=1e-13)[0] for a, b in itertools.pairwise(knots) if b > a)
             for s in (z, -z):
@@ -183,9 +200,22 @@ def test_marginal_is_the_integral_over_the_plane(kern, twin):
     z = np.linspace(-1.1, 1.1, 7) * m.support
     for s in z:
         knots = np.sort(
-            np.clip([-m.support, *np.linspace(-1, 1, 20) * m.support, *[x for R in getattr(m, "radii", []) for x in (-R, R)], s], None, s)
+            np.clip(
+                [
+                    -m.support,
+                    *np.linspace(-1, 1, 20) * m.support,
+                    *[x for R in getattr(m, "radii", []) for x in (-R, R)],
+                    s,
+                ],
+                None,
+                s,
+            )
         )
-        want = sum(quad(lambda t: float(m.phi(t)), a, b, epsabs=1e-16, epsrel=1e-13)[0] for a, b in itertools.pairwise(knots) if b > a)
+        want = sum(
+            quad(lambda t: float(m.phi(t)), a, b, epsabs=1e-16, epsrel=1e-13)[0]
+            for a, b in itertools.pairwise(knots)
+            if b > a
+        )
         assert float(m.cumulative(s)) == pytest.approx(want, abs=1e-13)
 
 

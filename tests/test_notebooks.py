@@ -13,13 +13,19 @@ NOTEBOOKS = Path(__file__).resolve().parent.parent / "notebooks"
 def run(name):
     notebook = nbformat.read(NOTEBOOKS / name, as_version=4)
     # Any exception in a cell is raised here, with the cell and its traceback.
-    NotebookClient(notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": str(NOTEBOOKS)}}).execute()
+    NotebookClient(
+        notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": str(NOTEBOOKS)}}
+    ).execute()
     return notebook
 
 
 def printed(notebook):
     return "".join(
-        o.text for c in notebook.cells if c.cell_type == "code" for o in c.outputs if o.output_type == "stream" and o.name == "stdout"
+        o.text
+        for c in notebook.cells
+        if c.cell_type == "code"
+        for o in c.outputs
+        if o.output_type == "stream" and o.name == "stdout"
     )
 
 
@@ -37,9 +43,17 @@ def test_hardy_vs_virial(monkeypatch):
     # The notebook's own backend, which keeps the pictures in it.
     monkeypatch.delenv("MPLBACKEND", raising=False)
     notebook = run("hardy_vs_virial.ipynb")
-    assert not [o for c in notebook.cells if c.cell_type == "code" for o in c.outputs if o.output_type == "stream" and o.name == "stderr"]
+    assert not [
+        o
+        for c in notebook.cells
+        if c.cell_type == "code"
+        for o in c.outputs
+        if o.output_type == "stream" and o.name == "stderr"
+    ]
     text = printed(notebook)
-    far, peak = map(float, re.search(r"far from the hole ([\d.]+) GPa; largest on this line: Hardy ([\d.]+)", text).groups())
+    far, peak = map(
+        float, re.search(r"far from the hole ([\d.]+) GPa; largest on this line: Hardy ([\d.]+)", text).groups()
+    )
     # Elasticity says 3 at the rim of a small hole; a kernel half as wide as the hole takes some of that away.
     assert 1.5 < peak / far < 3.5
     differences = [float(x) for x in re.findall(r"GPa +([\d.]+) %", text)]
@@ -55,7 +69,13 @@ def test_hardy_vs_virial(monkeypatch):
 def test_heat_and_churning(monkeypatch):
     monkeypatch.delenv("MPLBACKEND", raising=False)
     notebook = run("heat_and_churning.ipynb")
-    assert not [o for c in notebook.cells if c.cell_type == "code" for o in c.outputs if o.output_type == "stream" and o.name == "stderr"]
+    assert not [
+        o
+        for c in notebook.cells
+        if c.cell_type == "code"
+        for o in c.outputs
+        if o.output_type == "stream" and o.name == "stderr"
+    ]
     text = printed(notebook)
     parts = [float(x) for x in re.findall(r"([\d.]+) % of the whole", text)]
     # "There is a third one": small, not nothing.
@@ -63,7 +83,8 @@ def test_heat_and_churning(monkeypatch):
     # "With churning rounding, without it some per cent": both partitions obey the balances.
     assert "holds: True" in text and "with this choice, too: True" in text
     closed, without = (
-        float(re.search(pattern, text).group(1)) for pattern in (r"energy balance +d.*?ps +(\S+) ", r"without churning +(\S+) ")
+        float(re.search(pattern, text).group(1))
+        for pattern in (r"energy balance +d.*?ps +(\S+) ", r"without churning +(\S+) ")
     )
     assert closed < 1e-12 and without > 1e-3
     near, spread, plate = map(float, re.search(r"near (\S+), spread (\S+); plate (\S+)", text).groups())
@@ -82,7 +103,13 @@ def test_heat_and_churning(monkeypatch):
 def test_upscaling_paper(monkeypatch):
     monkeypatch.delenv("MPLBACKEND", raising=False)
     notebook = run("upscaling_paper.ipynb")
-    assert not [o for c in notebook.cells if c.cell_type == "code" for o in c.outputs if o.output_type == "stream" and o.name == "stderr"]
+    assert not [
+        o
+        for c in notebook.cells
+        if c.cell_type == "code"
+        for o in c.outputs
+        if o.output_type == "stream" and o.name == "stderr"
+    ]
     text = printed(notebook)
     assert "leading powers of N agree: True" in text and "(5.2) as printed equals our expansion: True" in text
     assert "steps: 184 and 162; cost ratio 0.22016" in text
@@ -106,17 +133,30 @@ def test_upscaling_paper(monkeypatch):
 def test_peridynamic_stress(monkeypatch):
     monkeypatch.delenv("MPLBACKEND", raising=False)
     notebook = run("peridynamic_stress.ipynb")
-    assert not [o for c in notebook.cells if c.cell_type == "code" for o in c.outputs if o.output_type == "stream" and o.name == "stderr"]
+    assert not [
+        o
+        for c in notebook.cells
+        if c.cell_type == "code"
+        for o in c.outputs
+        if o.output_type == "stream" and o.name == "stderr"
+    ]
     text = printed(notebook)
     rows = [
         list(map(float, row))
-        for row in re.findall(r"^\d dx +(\S+) +(\S+) \+- +(\S+) +(\S+) \+- +(\S+) +(\S+) \+- +(\S+)", text, re.MULTILINE)
+        for row in re.findall(
+            r"^\d dx +(\S+) +(\S+) \+- +(\S+) +(\S+) \+- +(\S+) +(\S+) \+- +(\S+)", text, re.MULTILINE
+        )
     ]
     assert len(rows) == 3
     for lattice, ls, ls_spread, w, _, wn, wn_spread in rows:
         # "to a fraction of a per cent", "little more than a fifth", "restores the mean. It still varies from point to point"
         assert (
-            0.7 < lattice < 1 and abs(ls - 1) < 5e-3 and ls_spread < 5e-3 and 0.19 < w < 0.23 and abs(wn - 1) < 0.02 and wn_spread > 0.005
+            0.7 < lattice < 1
+            and abs(ls - 1) < 5e-3
+            and ls_spread < 5e-3
+            and 0.19 < w < 0.23
+            and abs(wn - 1) < 0.02
+            and wn_spread > 0.005
         )
     assert 0.228 < float(re.search(r"largest mean weight in three dimensions (\S+)", text).group(1)) < 0.23
     assert "the same sum as Hardy's: True" in text
@@ -126,13 +166,21 @@ def test_peridynamic_stress(monkeypatch):
     ripples = [float(x) for x in re.findall(r"ripple (\S+) of", text)]
     # "The slopes keep the ratios of the homogeneous case": of the softer lattice, the weighted virial a quarter in the plane.
     assert (
-        0.8 < slopes[0] < 0.9 and 0.22 < slopes[1] / slopes[0] < 0.3 and abs(slopes[2] / slopes[0] - 1) < 0.03 and ripples[0] < ripples[2]
+        0.8 < slopes[0] < 0.9
+        and 0.22 < slopes[1] / slopes[0] < 0.3
+        and abs(slopes[2] / slopes[0] - 1) < 0.03
+        and ripples[0] < ripples[2]
     )
     assert float(re.search(r"left on a free node (\S+) of", text).group(1)) < 1e-6
-    far, near = zip(*[map(float, m) for m in re.findall(r"(\d\.\d+) of K/sqrt\(2 pi r\) from 8 to 30 spacings, (\S+) at one", text)])
+    far, near = zip(
+        *[map(float, m) for m in re.findall(r"(\d\.\d+) of K/sqrt\(2 pi r\) from 8 to 30 spacings, (\S+) at one", text)]
+    )
     # "the shape of the field and a quarter of its size"; "blunt within a horizon of the tip"
     assert (
-        0.8 < far[0] < 0.93 and 0.22 < far[1] / far[0] < 0.3 and abs(far[2] / far[0] - 1) < 0.03 and all(n < f for n, f in zip(near, far))
+        0.8 < far[0] < 0.93
+        and 0.22 < far[1] / far[0] < 0.3
+        and abs(far[2] / far[0] - 1) < 0.03
+        and all(n < f for n, f in zip(near, far))
     )
     assert sum(o.output_type == "display_data" for c in notebook.cells if c.cell_type == "code" for o in c.outputs) == 3
 
@@ -140,18 +188,39 @@ def test_peridynamic_stress(monkeypatch):
 def test_dispersion(monkeypatch):
     monkeypatch.delenv("MPLBACKEND", raising=False)
     notebook = run("dispersion.ipynb")
-    assert not [o for c in notebook.cells if c.cell_type == "code" for o in c.outputs if o.output_type == "stream" and o.name == "stderr"]
+    assert not [
+        o
+        for c in notebook.cells
+        if c.cell_type == "code"
+        for o in c.outputs
+        if o.output_type == "stream" and o.name == "stderr"
+    ]
     text = printed(notebook)
     assert "a = 5.26865 angstrom; C11 4.142, C12 2.358, C44 2.358 GPa" in text
     assert "a = 5.43095 angstrom; C11 151.4, C12 76.4, C44 56.4 GPa" in text
     assert all(float(x) < 1e-6 for x in re.findall(r"phonopy agrees to (\S+) THz", text))
-    assert float(re.search(r"harmonic crystal ([\d.]+) %", text)[1]) < 0.5 and float(re.search(r"within ([\d.]+) %", text)[1]) < 0.2
-    error = {m[0].strip(): float(m[1]) for m in re.findall(r"^(.+?) rms error of the frequency +([\d.]+) %", text, re.M)}
+    assert (
+        float(re.search(r"harmonic crystal ([\d.]+) %", text)[1]) < 0.5
+        and float(re.search(r"within ([\d.]+) %", text)[1]) < 0.2
+    )
+    error = {
+        m[0].strip(): float(m[1]) for m in re.findall(r"^(.+?) rms error of the frequency +([\d.]+) %", text, re.M)
+    }
     # "Right for long waves only", "wrong even for long waves", "good to a per cent", "as accurate as one likes".
     assert (
-        error["classical"] > error["isotropic, non-negative"] > 10 > 2 > error["cubic, central"] > 0.1 > error["mollified lattice kernel"]
+        error["classical"]
+        > error["isotropic, non-negative"]
+        > 10
+        > 2
+        > error["cubic, central"]
+        > 0.1
+        > error["mollified lattice kernel"]
     )
     assert text.count("stable: True") == 5
-    for measured, predicted, sound in re.findall(r"measured ([\d.]+) km/s, dω/dk ([\d.]+) km/s, speed of sound ([\d.]+)", text):
+    for measured, predicted, sound in re.findall(
+        r"measured ([\d.]+) km/s, dω/dk ([\d.]+) km/s, speed of sound ([\d.]+)", text
+    ):
         assert abs(float(measured) / float(predicted) - 1) < 3e-3 and float(measured) < 0.98 * float(sound)
-    assert sum("image/png" in o.get("data", {}) for c in notebook.cells if c.cell_type == "code" for o in c.outputs) == 2
+    assert (
+        sum("image/png" in o.get("data", {}) for c in notebook.cells if c.cell_type == "code" for o in c.outputs) == 2
+    )

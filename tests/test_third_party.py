@@ -49,7 +49,11 @@ def test_forces_of_later_frames_agree_to_the_rounding_of_their_positions(argon, 
 def test_temperature_and_density_are_those_of_the_run(argon):
     pot = atc.potential(MODEL, units="mdanalysis")
     ds = atc.fields(
-        argon[0], pot, atc.kernel("quartic", radius=10.0), atc.Grid.regular(shape=(4, 4, 4)), ["density", "temperature", "stress"]
+        argon[0],
+        pot,
+        atc.kernel("quartic", radius=10.0),
+        atc.Grid.regular(shape=(4, 4, 4)),
+        ["density", "temperature", "stress"],
     )
     frame = argon[0]
     v = frame.velocities - frame.velocities.mean(axis=0)

@@ -37,20 +37,32 @@ def test_a_gas_has_lammps_s_energies_temperature_pressure_and_density(style):
     cell, n = np.array([20.0, 22.0, 24.0]), 2
     x = np.array([[5.0, 5.0, 5.0], [7.0, 6.0, 4.5]])
     config = Config(
-        cell=cell, positions=x, velocities=rng.normal(size=(n, 3)), charges=[1.5, -0.7], masses={1: 3.25}, units=u.name, periodic=(0, 0, 0)
+        cell=cell,
+        positions=x,
+        velocities=rng.normal(size=(n, 3)),
+        charges=[1.5, -0.7],
+        masses={1: 3.25},
+        units=u.name,
+        periodic=(0, 0, 0),
     )
-    res = run_lammps("pair_style coul/cut 8\npair_coeff * *", config, after=("thermo_modify norm no", "run 0 post no"), skin=2.0)
+    res = run_lammps(
+        "pair_style coul/cut 8\npair_coeff * *", config, after=("thermo_modify norm no", "run 0 post no"), skin=2.0
+    )
     f = config.frame()
     kinetic = 0.5 * (f.masses[:, None] * f.velocities**2).sum()
     r = np.linalg.norm(f.positions[0] - f.positions[1])
     coulomb = u.coulomb * f.charges[0] * f.charges[1] / r
-    assert u.to_user("energy", kinetic) == pytest.approx(res.kinetic, rel=1e-14, abs=0)  # a dozen operations, in another order
+    assert u.to_user("energy", kinetic) == pytest.approx(
+        res.kinetic, rel=1e-14, abs=0
+    )  # a dozen operations, in another order
     assert u.to_user("energy", coulomb) == pytest.approx(res.energy, rel=1e-14, abs=0)
     # LAMMPS subtracts three degrees of freedom.
     assert 2 * kinetic / ((3 * n - 3) * u.boltzmann) == pytest.approx(res.temperature, rel=1e-14, abs=0)
     pv = (2 * kinetic + coulomb) / 3  # the virial of 1/r is its energy
     assert u.to_user("pressure", pv / f.cell.volume) == pytest.approx(res.pressure[:3].mean(), rel=1e-13, abs=0)
-    assert u.to_user("volume", f.cell.volume) == pytest.approx(res.volume, rel=1e-13, abs=0)  # a determinant, rounded a dozen times
+    assert u.to_user("volume", f.cell.volume) == pytest.approx(
+        res.volume, rel=1e-13, abs=0
+    )  # a determinant, rounded a dozen times
 
 
 def test_mass_density_is_lammps_s(style):
@@ -68,14 +80,50 @@ def test_mass_density_is_lammps_s(style):
 # One physical state in the units of each style, from the SI: lengths in m, velocities in m/s, pressures in Pa, ... (LAMMPS manual, units).
 SI = {
     "real": dict(
-        length=1e-10, velocity=1e5, pressure=101325.0, density=1e3, time=1e-15, mass=1.66053906660e-27, energy=4184 / 6.02214076e23
+        length=1e-10,
+        velocity=1e5,
+        pressure=101325.0,
+        density=1e3,
+        time=1e-15,
+        mass=1.66053906660e-27,
+        energy=4184 / 6.02214076e23,
     ),
-    "metal": dict(length=1e-10, velocity=1e2, pressure=1e5, density=1e3, time=1e-12, mass=1.66053906660e-27, energy=1.602176634e-19),
+    "metal": dict(
+        length=1e-10,
+        velocity=1e2,
+        pressure=1e5,
+        density=1e3,
+        time=1e-12,
+        mass=1.66053906660e-27,
+        energy=1.602176634e-19,
+    ),
     "si": dict(length=1.0, velocity=1.0, pressure=1.0, density=1.0, time=1.0, mass=1.0, energy=1.0, charge=1.0),
-    "cgs": dict(length=1e-2, velocity=1e-2, pressure=0.1, density=1e3, time=1.0, mass=1e-3, energy=1e-7, charge=3.3356409519815e-10),
-    "electron": dict(length=5.29177210903e-11, pressure=1.0, time=1e-15, mass=1.66053906660e-27, energy=4.3597447222071e-18),
-    "micro": dict(length=1e-6, velocity=1.0, pressure=1e3, density=1e3, time=1e-6, mass=1e-15, energy=1e-15, charge=1e-12),
-    "nano": dict(length=1e-9, velocity=1.0, pressure=1e6, density=1e6, time=1e-9, mass=1e-21, energy=1e-21, charge=1.602176634e-19),
+    "cgs": dict(
+        length=1e-2,
+        velocity=1e-2,
+        pressure=0.1,
+        density=1e3,
+        time=1.0,
+        mass=1e-3,
+        energy=1e-7,
+        charge=3.3356409519815e-10,
+    ),
+    "electron": dict(
+        length=5.29177210903e-11, pressure=1.0, time=1e-15, mass=1.66053906660e-27, energy=4.3597447222071e-18
+    ),
+    "micro": dict(
+        length=1e-6, velocity=1.0, pressure=1e3, density=1e3, time=1e-6, mass=1e-15, energy=1e-15, charge=1e-12
+    ),
+    "nano": dict(
+        length=1e-9,
+        velocity=1.0,
+        pressure=1e6,
+        density=1e6,
+        time=1e-9,
+        mass=1e-21,
+        energy=1e-21,
+        charge=1.602176634e-19,
+    ),
     "ase": dict(length=1e-10, pressure=1.602176634e11, mass=1.66053906660e-27, energy=1.602176634e-19),
     "mdanalysis": dict(length=1e-10, velocity=1e2, time=1e-12, mass=1.66053906660e-27, energy=1e3 / 6.02214076e23),
 }
@@ -108,7 +156,9 @@ def test_ase_constants_are_ase_s():
 
     u = units("ase")
     assert u.boltzmann == pytest.approx(ase.units.kB, rel=ROUNDING, abs=0)
-    assert u.coulomb == pytest.approx(ase.units.Hartree * ase.units.Bohr, rel=1e-12, abs=0)  # given to 17 digits in atc.units
+    assert u.coulomb == pytest.approx(
+        ase.units.Hartree * ase.units.Bohr, rel=1e-12, abs=0
+    )  # given to 17 digits in atc.units
     assert u.time == 1.0
     # ASE's fs in its own time unit, against the SI; its amu is CODATA 2014.
     assert units("real").time == pytest.approx(ase.units.fs, rel=1e-6)

@@ -65,16 +65,22 @@ class Kernel:
         reach, dx = self.horizon * end, self.spacing
         M = math.ceil(reach / dx - 0.5 - 1e-9)
         if M < 1:
-            raise AtcError(f"horizon = {self.horizon:g}: does not reach the next node at {dx:g}; take more nodes or a longer horizon")
+            raise AtcError(
+                f"horizon = {self.horizon:g}: does not reach the next node at {dx:g}; take more nodes or a longer horizon"
+            )
         m = np.arange(1, M + 1)
         left, right = (m - 0.5) * dx, np.minimum((m + 0.5) * dx, reach)
         nodes, weights = np.polynomial.legendre.leggauss(8)
         z = 0.5 * (left + right)[:, None] + 0.5 * (right - left)[:, None] * nodes
         values = np.asarray(b(z / self.horizon), dtype=float)
         if values.shape != z.shape or not np.isfinite(values).all():
-            raise AtcError("the kernel's profile: expected a finite number for every distance between 0 and the horizon")
+            raise AtcError(
+                "the kernel's profile: expected a finite number for every distance between 0 and the horizon"
+            )
         if values.min() < 0:
-            raise AtcError("the kernel's profile is negative somewhere: φ_s must be 0 or greater, or the regularisation amplifies")
+            raise AtcError(
+                "the kernel's profile is negative somewhere: φ_s must be 0 or greater, or the regularisation amplifies"
+            )
         w = 0.5 * (right - left) * (values @ weights)
         second = 2 * (w * (m * dx) ** 2).sum()
         if not second > 0:
@@ -139,7 +145,9 @@ class AdvectionRun:
     @property
     def closure_t(self) -> np.ndarray:
         """What the entropy ledger does not account for, over the energy at t = 0: the error of the time integration (rounding, with relaxation)."""
-        return (self.energy_t - self.energy_t[0] - self.production_t + self.dissipation_t) / max(self.energy_t[0], np.finfo(float).tiny)
+        return (self.energy_t - self.energy_t[0] - self.production_t + self.dissipation_t) / max(
+            self.energy_t[0], np.finfo(float).tiny
+        )
 
     @property
     def mass_error(self) -> float:
@@ -158,8 +166,14 @@ class AdvectionRun:
         from .. import __version__
 
         main = [max(find_shocks(self.x_n, u, self.psi), key=lambda s: s["jump"], default=None) for u in self.u_tn]
-        shock = {key: np.array([s[key] if s else np.nan for s in main]) for key in ("position", "jump", "width", "speed")}
-        shape = self.kernel.shape if isinstance(self.kernel.shape, str) else getattr(self.kernel.shape, "__name__", "function")
+        shock = {
+            key: np.array([s[key] if s else np.nan for s in main]) for key in ("position", "jump", "width", "speed")
+        }
+        shape = (
+            self.kernel.shape
+            if isinstance(self.kernel.shape, str)
+            else getattr(self.kernel.shape, "__name__", "function")
+        )
         attrs = {
             "equation": "u_t + int F(u(x),u(y)) phi_a(y-x) dy = viscosity int (u(y)-u(x)) phi_s(y-x) dy", "flux": self.flux, "two_point_flux": self.two_point,
             "kernel": shape, "horizon": self.kernel.horizon, "viscosity": self.viscosity, "method": self.method, "integrator": "SSP-RK3", "steps": self.steps,
@@ -171,7 +185,11 @@ class AdvectionRun:
                 "mass": ("time", self.mass_t, {"long_name": "integral of u"}),
                 "energy": ("time", self.energy_t, {"long_name": "integral of u^2/2"}),
                 "production": ("time", self.production_t, {"long_name": "energy made by the flux since t = 0"}),
-                "dissipation": ("time", self.dissipation_t, {"long_name": "energy taken by the regularisation since t = 0"}),
+                "dissipation": (
+                    "time",
+                    self.dissipation_t,
+                    {"long_name": "energy taken by the regularisation since t = 0"},
+                ),
                 "closure": (
                     "time",
                     self.closure_t,
@@ -318,7 +336,9 @@ def _relaxed(u, change, gain, size) -> float:
     if not square > 1e-28 * size**2 * len(u):
         return 1.0
     scale = 2 * (gain[0] - gain[1] - float(u @ change)) / square
-    return scale if 0.5 < scale < 2 else 1.0  # never seen inside the stability region; the ledger's closure would show it
+    return (
+        scale if 0.5 < scale < 2 else 1.0
+    )  # never seen inside the stability region; the ledger's closure would show it
 
 
 def _check_flux(psi, u) -> None:

@@ -38,7 +38,9 @@ def _check(t, viscosity, period):
         raise AtcError(f"period = {period!r}: expected a length greater than 0")
 
 
-def cole_hopf(u0: Callable, x_n, t: float, viscosity: float, period: float = 1.0, points: float = 4.0) -> tuple[np.ndarray, float]:
+def cole_hopf(
+    u0: Callable, x_n, t: float, viscosity: float, period: float = 1.0, points: float = 4.0
+) -> tuple[np.ndarray, float]:
     """The exact solution of u_t + u u_x = ε u_xx with u(x, 0) = u0(x), and an estimate of its own error.
 
     Parameters

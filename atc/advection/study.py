@@ -111,7 +111,10 @@ def run_study(
         ds["local"] = (
             "x",
             local,
-            {"long_name": "local Burgers equation at the last time: " + ("Cole-Hopf" if viscosity else "Hopf-Lax"), "error": error},
+            {
+                "long_name": "local Burgers equation at the last time: " + ("Cole-Hopf" if viscosity else "Hopf-Lax"),
+                "error": error,
+            },
         )
         difference = np.abs(run.u_tn[-1] - local)
         stated = f"Cole-Hopf, itself within {max(error, 1e-16):.0e}" if viscosity else "Hopf-Lax"
@@ -176,7 +179,10 @@ def convergence_study(
         {"initial": initial, "kernel": kernel, "viscosity": viscosity, "two_point_flux": two_point, "time": duration, "atc_version": __version__},
     )  # fmt: skip
     lines = [f"rms difference from Cole-Hopf (itself within {max(stated, 1e-16):.0e}) at t = {duration:g}"]
-    lines += [f"  horizon {h:<8g} {e:.4e}" + (f"   order {o:.3f}" if np.isfinite(o) else "") for h, e, o in zip(horizons, errors, order)]
+    lines += [
+        f"  horizon {h:<8g} {e:.4e}" + (f"   order {o:.3f}" if np.isfinite(o) else "")
+        for h, e, o in zip(horizons, errors, order)
+    ]
     return Study(ds, None, lines)
 
 
@@ -219,7 +225,12 @@ def picture(study: Study, path: Path) -> Path:
             left.set(xlabel="x", ylabel="u", title=f"t = {ds.attrs['time']:g}")
             left.legend()
             right.loglog(ds.horizon, ds.error, "o-")
-            right.loglog(ds.horizon, ds.error.values[-1] * (ds.horizon / ds.horizon.values[-1]) ** 2, color="0.6", label="slope 2")
+            right.loglog(
+                ds.horizon,
+                ds.error.values[-1] * (ds.horizon / ds.horizon.values[-1]) ** 2,
+                color="0.6",
+                label="slope 2",
+            )
             right.set(xlabel="horizon", ylabel="rms difference from Cole–Hopf")
             right.legend()
         else:
@@ -228,7 +239,14 @@ def picture(study: Study, path: Path) -> Path:
             top = float(np.nanmax(np.abs(ds.u))) or 1.0
             step = max(1, len(run.x_n) // 1500)
             a_map = a.pcolormesh(
-                run.x_n[::step], run.t_t, run.u_tn[:, ::step], cmap="RdBu_r", vmin=-top, vmax=top, shading="nearest", rasterized=True
+                run.x_n[::step],
+                run.t_t,
+                run.u_tn[:, ::step],
+                cmap="RdBu_r",
+                vmin=-top,
+                vmax=top,
+                shading="nearest",
+                rasterized=True,
             )
             fig.colorbar(a_map, ax=a, label="u")
             a.plot(ds.shock_position, ds.time, "k.", ms=1)

@@ -125,7 +125,11 @@ def _held(c: _Case) -> str:
         return f"atoms without force ({_which(c)}): fix setforce 0 0 0, fix freeze, or left out of the integration and of their neighbours' lists"
     if touched and set(touched) <= set(zero):
         return f"forces along {_axes(touched)} set to 0 ({_which(c)}): fix setforce, planeforce, lineforce or enforce2d"
-    if touched and all(np.ptp(F[:, k]) <= 1e-5 * np.abs(F[:, k]).max() for k in touched) and np.ptp(c.model_nc[c.odd][:, touched]) > 0:
+    if (
+        touched
+        and all(np.ptp(F[:, k]) <= 1e-5 * np.abs(F[:, k]).max() for k in touched)
+        and np.ptp(c.model_nc[c.odd][:, touched]) > 0
+    ):
         return f"forces along {_axes(touched)} set to one value ({_which(c)}): fix setforce or aveforce"
     return ""
 
@@ -145,14 +149,22 @@ def _per_atom(c: _Case) -> str:
     g, rest = left(np.ones(len(D)))
     if c.holds(rest):
         equal = [name for name, w in weights.items() if np.ptp(w) <= 1e-9 * np.abs(w).max()]
-        more = " (mass and charge are the same for all of them: gravity or an electric field would look the same)" if equal else ""
+        more = (
+            " (mass and charge are the same for all of them: gravity or an electric field would look the same)"
+            if equal
+            else ""
+        )
         value = _vector(f.units.to_user("force", g))
         return f"the same force {value} {f.units.label('force')} on each atom ({_which(c)}): fix addforce{more}"
     if "mass" in weights:
         g, rest = left(weights["mass"])
         if c.holds(rest):
             value = f"{_vector(f.units.to_user('velocity', g) * f.units.time)} {f.units.label('length')}/{f.units.label('time')}^2"
-            what = "fix gravity" if not c.same.any() else "fix gravity, or a force on their centre of mass (fix spring, addforce, smd)"
+            what = (
+                "fix gravity"
+                if not c.same.any()
+                else "fix gravity, or a force on their centre of mass (fix spring, addforce, smd)"
+            )
             return f"forces proportional to mass, acceleration {value} ({_which(c)}): {what}"
     if "charge" in weights:
         E, rest = left(weights["charge"])
@@ -210,7 +222,9 @@ def _one_coordinate(c: _Case) -> str:
     inside, edge = x[~c.odd], x[c.odd]
     where = _which(c)
     near = ""
-    if len(inside) and (edge.max() < inside.min() or edge.min() > inside.max() or (edge.max() - edge.min()) < 0.5 * np.ptp(x)):
+    if len(inside) and (
+        edge.max() < inside.min() or edge.min() > inside.max() or (edge.max() - edge.min()) < 0.5 * np.ptp(x)
+    ):
         a, b = (float(u.to_user("length", s)) for s in (edge.min(), edge.max()))
         near = f", with {'xyz'[k]} from {a:.4g} to {b:.4g} {u.label('length')}"
     return f"forces along {'xyz'[k]} only, on {where}{near}: a wall, gravity, a spring or another force from outside along {'xyz'[k]}"
@@ -346,7 +360,9 @@ def _coulomb_forces(c: _Case, q):
     """What of the potential's forces depends on charges `q`."""
     try:
         with_q = c.pot.stream(c.frame.replace(charges=q), None, threads=c.threads, forces=True).forces_nc
-        without = c.pot.stream(c.frame.replace(charges=np.zeros(len(q))), None, threads=c.threads, forces=True).forces_nc
+        without = c.pot.stream(
+            c.frame.replace(charges=np.zeros(len(q))), None, threads=c.threads, forces=True
+        ).forces_nc
     except AtcError:
         return None
     return with_q - without
@@ -408,9 +424,7 @@ def _distant_charges(c: _Case, q) -> str:
     i, j = at[i], at[j]
     alike = float((E[i] * E[j]).sum()) / max(float(0.5 * ((E[i] ** 2).sum() + (E[j] ** 2).sum())), 1e-300)
     if alike > 0.6:
-        return (
-            "a smooth electric field on charged atoms: Coulomb forces from beyond the cutoff (kspace_style), or of other long-range terms"
-        )
+        return "a smooth electric field on charged atoms: Coulomb forces from beyond the cutoff (kspace_style), or of other long-range terms"
     return ""
 
 
@@ -426,13 +440,9 @@ def _rest(c: _Case) -> str:
     where = _which(c)
     of = "everything" if c.odd.mean() > 0.9 or not c.same.any() else where
     if total <= noise:
-        why = (
-            "forces between atoms that the potential has not, or has otherwise: wrong or missing coefficients, styles, exclusions or units"
-        )
+        why = "forces between atoms that the potential has not, or has otherwise: wrong or missing coefficients, styles, exclusions or units"
         return f"{of}: {why}"
-    return (
-        f"{of}, and the differences do not add up to zero: forces from outside (a fix that adds forces), or wrong forces together with them"
-    )
+    return f"{of}, and the differences do not add up to zero: forces from outside (a fix that adds forces), or wrong forces together with them"
 
 
 def _which(c: _Case, law_n=None) -> str:

@@ -70,7 +70,9 @@ class ForceCheck:
         if self.looks:
             text += f"; it looks like {self.looks}"
         if self.outside:
-            text += f"; forces from outside are named in the script and are not in the potential: {', '.join(self.outside)}"
+            text += (
+                f"; forces from outside are named in the script and are not in the potential: {', '.join(self.outside)}"
+            )
         return text
 
 
@@ -87,7 +89,9 @@ def follows_from(pot) -> bool:
     return isinstance(pot, Potential)
 
 
-def compare_forces(frame, pot, number: int = 0, *, resolution: float | None = None, threads: int = 1, diagnose: bool = True) -> ForceCheck:
+def compare_forces(
+    frame, pot, number: int = 0, *, resolution: float | None = None, threads: int = 1, diagnose: bool = True
+) -> ForceCheck:
     """The forces of a frame beside those of the potential, and whether the digits of the file explain the difference.
 
     Parameters
@@ -139,7 +143,11 @@ def compare_forces(frame, pot, number: int = 0, *, resolution: float | None = No
     share = rms_d / rms_F if rms_F > 0 else (np.inf if rms_d > 0 else 0.0)
     explained = _rms(allowed) / scale if scale > 0 else 0.0
     check = ForceCheck(number, within, share, explained, rms_F, int(odd.sum()), n, outside=outside, **known)
-    check.largest, check.largest_force, check.rms_difference = float(d.max()), float(np.linalg.norm(F, axis=1).max()), rms_d
+    check.largest, check.largest_force, check.rms_difference = (
+        float(d.max()),
+        float(np.linalg.norm(F, axis=1).max()),
+        rms_d,
+    )
     check.worst = (int(frame.ids[d.argmax()]),)
     if not within:
         while 0 < tries < MOVES:  # one try alone makes too little of some atoms

@@ -83,7 +83,16 @@ class RunCheck:
             rows = [("", "model", "run", "difference", "digits explain", "")]
             lines = [] if f.thermo is None else f.thermo.lines
             if not any(x.name == "energy" for x in lines):
-                rows.append((f"energy ({self.units.label('energy')})", _g(self.units.to_user("energy", f.energy)), "-", "", "", ""))
+                rows.append(
+                    (
+                        f"energy ({self.units.label('energy')})",
+                        _g(self.units.to_user("energy", f.energy)),
+                        "-",
+                        "",
+                        "",
+                        "",
+                    )
+                )
             for x in lines:
                 sign = "yes" if x.agrees else "no" if x.counts else "(no)"
                 rows.append(
@@ -113,7 +122,10 @@ class RunCheck:
             widths = [max(len(r[k]) for r in rows) for k in range(6)]
             for r in rows:
                 console.print(
-                    ("  " + r[0].ljust(widths[0]) + "".join("  " + r[k].rjust(widths[k]) for k in range(1, 6))).rstrip(), soft_wrap=True
+                    (
+                        "  " + r[0].ljust(widths[0]) + "".join("  " + r[k].rjust(widths[k]) for k in range(1, 6))
+                    ).rstrip(),
+                    soft_wrap=True,
                 )
             for c in (f.forces, f.thermo):
                 if c is not None and not c.agrees:
@@ -123,7 +135,9 @@ class RunCheck:
                         console.print(f"  note: {note}", soft_wrap=True)
         for note in self.notes:
             console.print(f"note: {note}", soft_wrap=True)
-        verdict = {True: "model and run agree", False: "model and run do NOT agree", None: f"not known: {self.why}"}[self.agrees]
+        verdict = {True: "model and run agree", False: "model and run do NOT agree", None: f"not known: {self.why}"}[
+            self.agrees
+        ]
         console.print(verdict, soft_wrap=True)
 
 
@@ -161,7 +175,9 @@ def read_log(log, units):
 
     found = LammpsLog(log, units)
     if found.units.reduced != units.reduced:
-        raise AtcError(f"{found.source}: is in {found.units.name!r} units, the trajectory in {units.name!r}: it is not the log of this run")
+        raise AtcError(
+            f"{found.source}: is in {found.units.name!r} units, the trajectory in {units.name!r}: it is not the log of this run"
+        )
     return found
 
 
@@ -199,7 +215,9 @@ def examine(frames, pot, *, which=None, log=None, threads: int = 1, first=None, 
             check.forces = compare_forces(frame, pot, k, resolution=resolution, threads=threads)
             check.energy = check.forces.energy
         if log is not None:
-            check.thermo = compare_thermo(frame, pot, log, k, known=check.forces, resolution=resolution, threads=threads)
+            check.thermo = compare_thermo(
+                frame, pot, log, k, known=check.forces, resolution=resolution, threads=threads
+            )
             if check.thermo is not None:
                 check.energy = check.thermo.energy
         if check.agrees is not None:
@@ -230,7 +248,9 @@ def examine(frames, pot, *, which=None, log=None, threads: int = 1, first=None, 
     return out
 
 
-def alarm(frames, pot, *, mode: str = "warn", log=None, threads: int = 1, first=None, needed: bool = True, what: str = "") -> RunCheck:
+def alarm(
+    frames, pot, *, mode: str = "warn", log=None, threads: int = 1, first=None, needed: bool = True, what: str = ""
+) -> RunCheck:
     """`examine` as `atc.fields` uses it: complaints are warnings, or an error where forces ``must agree``.
 
     needed : whether anything that is computed depends on the potential
@@ -249,7 +269,11 @@ def alarm(frames, pot, *, mode: str = "warn", log=None, threads: int = 1, first=
         words = "; ".join(found.complaints) or found.text
         raise AtcError(f'{source + ": " if source else ""}forces = "must agree", but {words}')
     for sentence in found.complaints:
-        warnings.warn(f"{source + ': ' if source else ''}the run does not agree with the potential: {sentence}", AtcWarning, stacklevel=3)
+        warnings.warn(
+            f"{source + ': ' if source else ''}the run does not agree with the potential: {sentence}",
+            AtcWarning,
+            stacklevel=3,
+        )
     return found
 
 
@@ -270,7 +294,11 @@ def verify_scene(scene, frames: str | None = None, threads: int = 1) -> RunCheck
     found = examine(traj, pot, which=which, log=log, threads=threads, first=first)
     if found.agrees is None:
         dump = "dump fx fy fz too" if "no forces" in found.why else ""
-        beside = 'name its log file: log = "log.lammps" in [trajectory]' if log is None else "choose frames whose steps are in the log"
+        beside = (
+            'name its log file: log = "log.lammps" in [trajectory]'
+            if log is None
+            else "choose frames whose steps are in the log"
+        )
         raise AtcError(
             f"{scene.name}: nothing to compare with: {'; '.join([found.why, *found.notes])}: {' or '.join(x for x in (dump, beside) if x)}"
         )
@@ -289,7 +317,9 @@ def _selected(text: str | None, total: int) -> list[int]:
         for part in text.split(","):
             out += range(total)[frame_slice(part.strip())]
     except (ValueError, TypeError):
-        raise AtcError(f"--frames {text}: expected numbers of frames such as 0,10,-1, a slice such as 0:100:20, or all") from None
+        raise AtcError(
+            f"--frames {text}: expected numbers of frames such as 0,10,-1, a slice such as 0:100:20, or all"
+        ) from None
     if not out:
         raise AtcError(f"--frames {text}: selects none of {total} frames, numbered from 0")
     return sorted(set(out))

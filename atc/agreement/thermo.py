@@ -67,15 +67,25 @@ class ThermoCheck:
         return next((x for x in self.lines if x.name == name), None)
 
     def __str__(self):
-        what = "energy and pressure" if self.line("pressure") or self.line("pressure xx") else "energy" if self.line("energy") else "state"
+        what = (
+            "energy and pressure"
+            if self.line("pressure") or self.line("pressure xx")
+            else "energy"
+            if self.line("energy")
+            else "state"
+        )
         where = f"of frame {self.frame} (step {self.step} of {self.source})"
         if self.agrees:
             return f"{what} {where}: yes, to the digits of the log"
-        text = f"no: {where[3:]}: " + ", ".join(f"{x.name} {x.model:.8g} here, {x.run:.8g} in the run ({x.units})" for x in self.wrong[:3])
+        text = f"no: {where[3:]}: " + ", ".join(
+            f"{x.name} {x.model:.8g} here, {x.run:.8g} in the run ({x.units})" for x in self.wrong[:3]
+        )
         return text + "".join(f"; {n}" for n in self.notes)
 
 
-def compare_thermo(frame, pot, log, number: int = 0, *, known=None, resolution: float = 0.0, threads: int = 1) -> ThermoCheck | None:
+def compare_thermo(
+    frame, pot, log, number: int = 0, *, known=None, resolution: float = 0.0, threads: int = 1
+) -> ThermoCheck | None:
     """A frame beside what the log says of its step; None where it says nothing.
 
     Parameters
@@ -135,12 +145,23 @@ def _compare(frame, log, row, number, energy, virial, doubt) -> ThermoCheck:
     def add(name, dimension, model, key_or_value, digit, doubt=0.0, scale=0.0, counts=True, times=1):
         factor = u.factor(dimension)
         allowed = 0.5 * digit * 1.001 + (doubt + ROUNDING * scale) / factor / times
-        out.lines.append(Line(name, u.label(dimension), float(model) / factor / times, float(key_or_value), float(allowed), counts))
+        out.lines.append(
+            Line(name, u.label(dimension), float(model) / factor / times, float(key_or_value), float(allowed), counts)
+        )
 
     run = _potential_energy(have, last)
     if run is not None:
         value, digit, what = run
-        add("energy", "energy", energy, value, digit, doubt[0], abs(energy) + 1e-4 * CANCELLATION / ROUNDING * n, times=per)
+        add(
+            "energy",
+            "energy",
+            energy,
+            value,
+            digit,
+            doubt[0],
+            abs(energy) + 1e-4 * CANCELLATION / ROUNDING * n,
+            times=per,
+        )
         if what:
             out.notes.append(what)
         if per > 1:
@@ -237,7 +258,11 @@ def _potential_energy(have, last):
     else:
         return None
     if have.get("tail"):
-        return value - have["tail"], digit + last["tail"], "the tail correction E_tail of the run is taken off its energy"
+        return (
+            value - have["tail"],
+            digit + last["tail"],
+            "the tail correction E_tail of the run is taken off its energy",
+        )
     return value, digit, ""
 
 

@@ -42,11 +42,16 @@ class Verification:
 
     @property
     def force_error(self) -> float:
-        return max((_ratio(f.force_error, f.force_max) for f in self.frames if f.force_error is not None), default=float("nan"))
+        return max(
+            (_ratio(f.force_error, f.force_max) for f in self.frames if f.force_error is not None), default=float("nan")
+        )
 
     @property
     def stress_error(self) -> float:
-        return max((_ratio(f.stress_error, f.stress_max) for f in self.frames if f.stress_error is not None), default=float("nan"))
+        return max(
+            (_ratio(f.stress_error, f.stress_max) for f in self.frames if f.stress_error is not None),
+            default=float("nan"),
+        )
 
     @property
     def energy_error(self) -> float:
@@ -58,7 +63,9 @@ class Verification:
         return _ratio(float(np.abs(change[:, 0] - change[:, 1]).max()), float(np.abs(change[:, 1]).max()))
 
     def json(self) -> str:
-        return json.dumps({"against": self.against, "units": self.units, "frames": [asdict(f) for f in self.frames]}, indent=2)
+        return json.dumps(
+            {"against": self.against, "units": self.units, "frames": [asdict(f) for f in self.frames]}, indent=2
+        )
 
     def __str__(self):
         e, f, p = (self.units[k] for k in ("energy", "force", "stress"))
@@ -107,7 +114,9 @@ def to_atoms(frame, symbols=None):
     types = np.unique(frame.types).tolist()
     odd = next((t for t in types if names.get(t) not in chemical_symbols[1:]), None)
     if odd is not None:
-        raise AtcError(f"{frame.source}: ASE needs the chemical symbol of type {odd}: give symbols={{{odd}: 'Ar'}} (or whatever it is)")
+        raise AtcError(
+            f"{frame.source}: ASE needs the chemical symbol of type {odd}: give symbols={{{odd}: 'Ar'}} (or whatever it is)"
+        )
     atoms = Atoms(
         [names[t] for t in frame.types.tolist()],
         positions=frame.positions - frame.cell.origin,
@@ -182,7 +191,9 @@ def _of_trajectory(frame, pot, k, frames, u, threads) -> FrameComparison:
     frame.require("forces", why="a comparison without calculator")
     c = compare_forces(frame, pot, k, resolution=resolution_of(frames, frame), threads=threads)
     force = (u.to_user("force", f) for f in (c.largest_force, c.largest, c.rms_difference))
-    return FrameComparison(k, u.to_user("energy", c.energy), None, *force, c.worst[0] if c.worst else None, agrees=c.agrees, looks=c.looks)
+    return FrameComparison(
+        k, u.to_user("energy", c.energy), None, *force, c.worst[0] if c.worst else None, agrees=c.agrees, looks=c.looks
+    )
 
 
 def _of_calculator(calculator, frame, symbols):

@@ -98,10 +98,20 @@ class Bench:
         for method in dict.fromkeys(r.method for r in self.rungs):
             some = [r for r in self.rungs if r.method == method]
             marker, color = styles.get(method, ("x", "C4"))
-            ax.plot([r.cpu for r in some], [max(r.error_max, 1e-16) for r in some], marker=marker, color=color, ls="", ms=7, label=method)
+            ax.plot(
+                [r.cpu for r in some],
+                [max(r.error_max, 1e-16) for r in some],
+                marker=marker,
+                color=color,
+                ls="",
+                ms=7,
+                label=method,
+            )
             for r in some:
                 if r.tolerance and r.method == "spectral":
-                    ax.annotate(f"{r.tolerance:g}", (r.cpu, r.error_max), textcoords="offset points", xytext=(6, 3), fontsize=8)
+                    ax.annotate(
+                        f"{r.tolerance:g}", (r.cpu, r.error_max), textcoords="offset points", xytext=(6, 3), fontsize=8
+                    )
         front = sorted((r for r in self.rungs if r.front), key=lambda r: r.cpu)
         ax.step(
             [r.cpu for r in front],
@@ -122,14 +132,19 @@ class Bench:
 def mark_front(rungs) -> None:
     """Set `front` on what nothing else beats in both time and error."""
     for r in rungs:
-        r.front = not any((o.cpu <= r.cpu and o.error_max < r.error_max) or (o.cpu < r.cpu and o.error_max <= r.error_max) for o in rungs)
+        r.front = not any(
+            (o.cpu <= r.cpu and o.error_max < r.error_max) or (o.cpu < r.cpu and o.error_max <= r.error_max)
+            for o in rungs
+        )
 
 
 def field_of(request, field=None) -> str:
     """The field that is measured: the one asked for, else stress_potential if anything is a sum over bonds, else the first one on the grid."""
     on_grid = [q for q in request.work.quantities if q.kind == "grid"]
     if not on_grid or request.kern is None or request.grid is None:
-        raise AtcError("atc bench measures fields on a grid: the scene asks for none (quantities), or has no kernel or grid")
+        raise AtcError(
+            "atc bench measures fields on a grid: the scene asks for none (quantities), or has no kernel or grid"
+        )
     names = [q.name for q in on_grid]
     if field is not None:
         if field not in names:
@@ -178,7 +193,11 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
                 result = frame_fields(frame, settings, 0)
             cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
             again = 0 if best is None else best[3]
-            best = (result, cpu, wall, again + 1) if best is None else (result, min(cpu, best[1]), min(wall, best[2]), again + 1)
+            best = (
+                (result, cpu, wall, again + 1)
+                if best is None
+                else (result, min(cpu, best[1]), min(wall, best[2]), again + 1)
+            )
         return best[:3]
 
     rungs, left_out, exact = [], [], None
@@ -194,7 +213,15 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
         exact = result.arrays[name]
         own = result.errors[name]
         rungs.append(
-            Rung("direct (exact)", "direct" if bound.kind != "slab" else "slab", None, cpu, wall, own["error_max"], own["error_l2"])
+            Rung(
+                "direct (exact)",
+                "direct" if bound.kind != "slab" else "slab",
+                None,
+                cpu,
+                wall,
+                own["error_max"],
+                own["error_l2"],
+            )
         )
     else:
         left_out.append(
@@ -207,7 +234,14 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
         try:
             deposits = {
                 k: cheapest(
-                    costs, places[k][0], kern, places[k][1], *size, t, "gather" in k and work.slopes(k), carriers(k, work, len(frame))
+                    costs,
+                    places[k][0],
+                    kern,
+                    places[k][1],
+                    *size,
+                    t,
+                    "gather" in k and work.slopes(k),
+                    carriers(k, work, len(frame)),
                 )
                 for k, size in needed.items()
             }
@@ -237,7 +271,9 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
         rungs.append(Rung(f"spectral {t:g}", "spectral", t, cpu, wall, *errors, details=about))
     if exact is None:
         if not rungs:
-            raise AtcError(f"atc bench: the exact sum would take {seconds:.0f} s of CPU and the spectral method cannot: {left_out[-1][1]}")
+            raise AtcError(
+                f"atc bench: the exact sum would take {seconds:.0f} s of CPU and the spectral method cannot: {left_out[-1][1]}"
+            )
         exact = closest
     ahead = fixed + direct_seconds(costs, bound, kern, len(frame), 0.0, 6)
     if name == "stress_potential" and ahead > most_each:
@@ -246,25 +282,33 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
         progress("per-atom virials")
         smooth = "smoothed_virial_stress_potential"
         result, cpu, wall = run(replace(settings, names=(smooth,)))
-        rungs.append(Rung("smoothed per-atom virial", "smoothed virial", None, cpu, wall, *_errors(result.arrays[smooth], exact)))
+        rungs.append(
+            Rung("smoothed per-atom virial", "smoothed virial", None, cpu, wall, *_errors(result.arrays[smooth], exact))
+        )
         binned = _binned(frame, request, bound, exact)
         if binned is not None:
             rungs.append(binned)
     chosen = request.methods_for(work)
     main = chosen[list(needed)[-1]]
-    candidates = [r for r in rungs if (r.method == "spectral") == (not main.exact) and r.method in ("spectral", "direct", "slab")]
+    candidates = [
+        r for r in rungs if (r.method == "spectral") == (not main.exact) and r.method in ("spectral", "direct", "slab")
+    ]
     if candidates:
         nearest = min(candidates, key=lambda r: abs(np.log((r.tolerance or 1.0) / (main.tolerance or 1.0))))
         nearest.chosen = True
     mark_front(rungs)
     bonds = round(request.load.bonds) if work.bond or work.reference_bond else 0
-    return Bench(frame.source, name, len(frame), bonds, len(bound), request.kern.describe(), request.threads, rungs, left_out)
+    return Bench(
+        frame.source, name, len(frame), bonds, len(bound), request.kern.describe(), request.threads, rungs, left_out
+    )
 
 
 def _errors(values, exact) -> tuple[float, float]:
     d = np.nan_to_num(values) - np.nan_to_num(exact)
     largest, rms = float(np.abs(np.nan_to_num(exact)).max(initial=0.0)), float(np.sqrt(np.nanmean(exact**2)))
-    return float(np.abs(d).max(initial=0.0)) / largest if largest else 0.0, float(np.sqrt(np.mean(d**2))) / rms if rms else 0.0
+    return float(np.abs(d).max(initial=0.0)) / largest if largest else 0.0, float(
+        np.sqrt(np.mean(d**2))
+    ) / rms if rms else 0.0
 
 
 def _binned(frame, request, bound, exact) -> Rung | None:

@@ -28,7 +28,10 @@ _VERLET = 4.0
 
 def check_scene(scene, jobs: int = 1) -> Report:
     """`check` with what a scene says: its trajectory, potential, kernel, grid and [check] section."""
-    for section, example in (("potential", 'lammps = """pair_style ..."""'), ("kernel", 'name = "quartic" and radius = 8.0')):
+    for section, example in (
+        ("potential", 'lammps = """pair_style ..."""'),
+        ("kernel", 'name = "quartic" and radius = 8.0'),
+    ):
         if section not in scene.data:
             raise AtcError(f"{scene.name}: no [{section}] section: the balance laws need one, e.g. {example}")
     options = scene.data.get("check", {})
@@ -37,7 +40,9 @@ def check_scene(scene, jobs: int = 1) -> Report:
     return check(traj, pot, kern, grid, threads=jobs or os.cpu_count() or 1, **options)
 
 
-def check(traj, pot, kern, grid=None, *, points: int = 20, seed: int = 0, timestep: float | None = None, threads: int = 1) -> Report:
+def check(
+    traj, pot, kern, grid=None, *, points: int = 20, seed: int = 0, timestep: float | None = None, threads: int = 1
+) -> Report:
     """Residuals of the balance laws of mass, momentum and energy and of ∇·z = 0, on the frame in the middle of a trajectory.
 
     Parameters
@@ -101,7 +106,10 @@ def check(traj, pot, kern, grid=None, *, points: int = 20, seed: int = 0, timest
     written = law.from_fields(still, pot, kern, stencils, threads)
     # rounding of z and q_C, which are 0 for pair potentials, is that of stress and heat flux
     whole = {"churning": "stress", "heat_flux_churning": "heat_flux"}
-    apart = {name: relative(np.abs(a - fields[name]).max(), np.abs(fields[whole.get(name, name)]).max()) for name, a in written.items()}
+    apart = {
+        name: relative(np.abs(a - fields[name]).max(), np.abs(fields[whole.get(name, name)]).max())
+        for name, a in written.items()
+    }
     by_fields = law.field_laws(laws, exact, fields | written, h)
 
     scale = {name: x.largest[1] for name, x in laws.items()}
@@ -127,7 +135,9 @@ def _motion(frame, pot, threads, deposit):
     try:
         return law.motion(frame, pot, threads, deposit)
     except NotImplementedError as e:
-        raise AtcError(f"the energy balance needs the derivatives of each atom's energy, which are not there for: {e}") from None
+        raise AtcError(
+            f"the energy balance needs the derivatives of each atom's energy, which are not there for: {e}"
+        ) from None
 
 
 def _outcome(x, scale, limit, times=1.0) -> Outcome:
@@ -213,7 +223,11 @@ def _frames(traj, k, frame, pot, kern, x_gc, exact, laws, scale, found, timestep
     noise = limits.resolution_noise(exact, dx, dv)
     jump = limits.cutoff_noise(exact, found, dt)
     # A smooth motion changes its rates in dt by no more than this share of them, squared in dt or, where atoms cross a jump of φ'', linear.
-    cap = 10.0 * (frequency * dt) ** 2 + 10.0 * np.sqrt(heat / m_n.sum()) * dt / kern.radius if law.smooth(kern) else 1e300
+    cap = (
+        10.0 * (frequency * dt) ** 2 + 10.0 * np.sqrt(heat / m_n.sum()) * dt / kern.radius
+        if law.smooth(kern)
+        else 1e300
+    )
     steps = near[1].step - frame.step if frame.step is not None and near[1].step is not None else 1
     for name in ("mass", "momentum", "energy"):
         worst = float(noise[name].max())

@@ -55,7 +55,10 @@ class Findings:
     def picked(self, holds) -> list[tuple[str, str, Outcome]]:
         """(law, way, outcome) of the outcomes whose `holds` is this."""
         return [
-            (name, way, o) for name in self.laws for way, found in self.ways.items() if name in found and (o := found[name]).holds is holds
+            (name, way, o)
+            for name in self.laws
+            for way, found in self.ways.items()
+            if name in found and (o := found[name]).holds is holds
         ]
 
     @property
@@ -97,7 +100,9 @@ class Report:
         console.print(self.title, soft_wrap=True)
         widths = [max(len(r[c]) for r in self.rows) for c in range(len(self.rows[0]))]
         for row in self.rows:
-            console.print("  " + "  ".join(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=True)).rstrip(), soft_wrap=True)
+            console.print(
+                "  " + "  ".join(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=True)).rstrip(), soft_wrap=True
+            )
         for line in self.verdict:
             console.print(line, soft_wrap=True)
         for note in self.notes:
@@ -144,7 +149,9 @@ def report(f: Findings) -> Report:
     }  # fmt: skip
     notes = f.notes + _cutoff_note(f.jumps, u)
     if f.sources[2]:
-        notes.append(f"{f.sources[2]} atoms were left out of the test of the energy sources: pairs crossed the cutoff within it")
+        notes.append(
+            f"{f.sources[2]} atoms were left out of the test of the energy sources: pairs crossed the cutoff within it"
+        )
     if forces is not None:
         notes.append(f"forces of the potential and forces in the file differ by {_percent(forces)} of the largest")
     ok = not f.picked(False) and f.sources_hold and f.fields_agree
@@ -178,7 +185,14 @@ def _table(f: Findings) -> list[list[str]]:
             row.append(", ".join(f"{s:.2f}" for s in f.frames.slope.get(name, [])))
         rows.append(row)
         if name == "energy":
-            rows.append(["  without churning", "", *(_e(found[name].without) for found in f.ways.values()), *([""] if f.frames else [])])
+            rows.append(
+                [
+                    "  without churning",
+                    "",
+                    *(_e(found[name].without) for found in f.ways.values()),
+                    *([""] if f.frames else []),
+                ]
+            )
     return rows
 
 
@@ -225,7 +239,11 @@ def _forces(frame, forces_nc) -> float | None:
     return relative(np.abs(forces_nc - frame.forces).max(), np.abs(frame.forces).max())
 
 
-_WAYS = {"chain rule": "in closed form", "fields": "from the fields on stencils", "frames": "from differences between frames"}
+_WAYS = {
+    "chain rule": "in closed form",
+    "fields": "from the fields on stencils",
+    "frames": "from differences between frames",
+}
 _SUSPECTS = {
     "chain rule": "forces, stress and energy sources do not belong to each other: an error of atc",
     "fields": "the deposited fields are not the sums they should be: an error of atc",
@@ -266,7 +284,9 @@ def _verdict(f: Findings) -> list[str]:
         )
     if not f.fields_agree:
         worst = max(f.apart, key=f.apart.get)
-        out.append(f"BROKEN: the field {worst} differs from an independent sum by {_percent(f.apart[worst])} of the largest value")
+        out.append(
+            f"BROKEN: the field {worst} differs from an independent sum by {_percent(f.apart[worst])} of the largest value"
+        )
     return out
 
 

@@ -58,7 +58,9 @@ class Comparison:
     def json(self) -> str:
         """The table as JSON, numbers unrounded."""
         return json.dumps(
-            {"title": self.title, "units": self.units, **self.attrs, "rows": self.rows, "notes": self.notes}, indent=2, default=_plain
+            {"title": self.title, "units": self.units, **self.attrs, "rows": self.rows, "notes": self.notes},
+            indent=2,
+            default=_plain,
         )
 
     def csv(self) -> str:
@@ -70,7 +72,9 @@ class Comparison:
         columns = list(dict.fromkeys(k for row in self.rows for k in row))
         writer = csv.DictWriter(out, columns, lineterminator="\n")
         writer.writeheader()
-        writer.writerows({k: _plain(v) if isinstance(v, np.generic) else v for k, v in row.items()} for row in self.rows)
+        writer.writerows(
+            {k: _plain(v) if isinstance(v, np.generic) else v for k, v in row.items()} for row in self.rows
+        )
         return out.getvalue()
 
     def value(self, section: str, name: str, column: str = "difference"):
@@ -193,7 +197,9 @@ def compare(ds, *, frame=None) -> Comparison:
     ds = load(ds)
     hardy_name = next((n for n in STRESSES if n in ds), None)
     if hardy_name is None:
-        raise AtcError(f"{name}: holds no Hardy stress to compare: compute quantities stress, virial_stress and smoothed_virial_stress")
+        raise AtcError(
+            f"{name}: holds no Hardy stress to compare: compute quantities stress, virial_stress and smoothed_virial_stress"
+        )
     part = hardy_name.removeprefix("stress")
     if "virial_stress" + part not in ds and "smoothed_virial_stress" + part not in ds:
         raise AtcError(
@@ -203,7 +209,12 @@ def compare(ds, *, frame=None) -> Comparison:
     entries, when = _entries(ds, frame)
     title = ", ".join(t for t in (Path(name).name, kernel_title(ds, str), when) if t)
     out = Comparison(
-        [], xr.Dataset(), ds[hardy_name].attrs.get("units", ""), title, place=place, dimension=int(ds.attrs.get("dimension", 3))
+        [],
+        xr.Dataset(),
+        ds[hardy_name].attrs.get("units", ""),
+        title,
+        place=place,
+        dimension=int(ds.attrs.get("dimension", 3)),
     )
     for k in ("kernel", "radius", "radius_units", "method", "tolerance", "measured_error"):
         if k in ds.attrs:
@@ -284,13 +295,22 @@ def _box_averages(out, ds, boxes, place, single):
             _, error, correlated = series.result()
             label = "stderr_difference"
             if correlated.any() and not suffix:
-                out.notes.append(f"{len(hardy)} entries are too few, or too correlated, to tell: the standard errors are lower bounds")
+                out.notes.append(
+                    f"{len(hardy)} entries are too few, or too correlated, to tell: the standard errors are lower bounds"
+                )
         elif single is not None and f"virial_stress{suffix}_stderr" in ds:
             e = ds[f"virial_stress{suffix}_stderr"]
             error, label = (e.isel(frame=single) if "frame" in e.dims else e).values, "stderr_virial"
         for c in _shown(out.dimension):
             a, b = float(component(h, c, out.dimension)), float(component(v, c, out.dimension))
-            row = {"section": section, "name": c, "hardy": a, "virial": b, "difference": a - b, "relative": abs(a - b) / size}
+            row = {
+                "section": section,
+                "name": c,
+                "hardy": a,
+                "virial": b,
+                "difference": a - b,
+                "relative": abs(a - b) / size,
+            }
             if error is not None and c in SIX:
                 e = float(component(error, c))
                 row[label] = e if np.isfinite(e) else None
@@ -314,11 +334,17 @@ def _pointwise(out, ds, mean, hardy_name, place, single, scale):
     part = hardy_name.removeprefix("stress")
     name = "smoothed_virial_stress" + part
     if name not in mean:
-        out.notes.append(f"no {name} in this output: profiles and pointwise differences need it; add it to the scene's quantities")
+        out.notes.append(
+            f"no {name} in this output: profiles and pointwise differences need it; add it to the scene's quantities"
+        )
         return
     h, v = mean[hardy_name], mean[name]
     dims = (*place.dims, "i", "j")
-    out.data["difference"] = (dims, h - v, {"units": out.units, "long_name": "Hardy's stress minus the smoothed per-atom virial"})
+    out.data["difference"] = (
+        dims,
+        h - v,
+        {"units": out.units, "long_name": "Hardy's stress minus the smoothed per-atom virial"},
+    )
     error = None
     if single is not None and f"{hardy_name}_stderr" in ds:
         error = ds[f"{hardy_name}_stderr"]
@@ -329,7 +355,14 @@ def _pointwise(out, ds, mean, hardy_name, place, single, scale):
         if not good.any():
             continue
         rms, largest = float(np.sqrt((d[good] ** 2).mean())), float(np.abs(d[good]).max())
-        row = {"section": POINTWISE, "name": c, "rms": rms, "max": largest, "relative rms": rms / scale, "relative max": largest / scale}
+        row = {
+            "section": POINTWISE,
+            "name": c,
+            "rms": rms,
+            "max": largest,
+            "relative rms": rms / scale,
+            "relative max": largest / scale,
+        }
         if error is not None and c in SIX:
             e = component(error, c)
             ok = good & (e > 0)
@@ -398,7 +431,8 @@ def compare_radii(scene, radii, *, jobs: int = 1, progress=None) -> Comparison:
     asked = scene.get("fields", "quantities") or []
     stress = (
         "stress_potential"
-        if asked and not any(q in ("stress", "virial_stress", "smoothed_virial_stress", "stress_kinetic") for q in asked)
+        if asked
+        and not any(q in ("stress", "virial_stress", "smoothed_virial_stress", "stress_kinetic") for q in asked)
         else "stress"
     )
     part = stress.removeprefix("stress")
@@ -408,12 +442,19 @@ def compare_radii(scene, radii, *, jobs: int = 1, progress=None) -> Comparison:
         one = Scene.load(scene, {f"kernel.{size}": float(radius), "fields.quantities": quantities})
         results.append(compare(one.run(None, jobs=jobs, progress=progress)))
     labels = [f"{radius:g}" for radius in radii]
-    out = side_by_side(results, labels=labels, section=f"by kernel {size}, {_RELATIVE}", coordinate=("radius", np.asarray(radii, float)))
+    out = side_by_side(
+        results,
+        labels=labels,
+        section=f"by kernel {size}, {_RELATIVE}",
+        coordinate=("radius", np.asarray(radii, float)),
+    )
     out.title = f"{Path(scene.name).name}, {scene.get('kernel', 'name')} kernel, {len(labels)} values of its {size}"
     return out
 
 
-def side_by_side(results: list[Comparison], labels=None, section=f"by output, {_RELATIVE}", coordinate=None) -> Comparison:
+def side_by_side(
+    results: list[Comparison], labels=None, section=f"by output, {_RELATIVE}", coordinate=None
+) -> Comparison:
     """Several comparisons in one table: relative to each one's largest stress component."""
     import xarray as xr
 
@@ -434,7 +475,10 @@ def side_by_side(results: list[Comparison], labels=None, section=f"by output, {_
         worst = [_try(r, POINTWISE, c, "relative max") for c in SIX]
         row["relative max, any component"] = max((w for w in worst if w is not None), default=None)
         boxes = [
-            next((x for x in (_try(r, s, c, "relative") for s in (box + ", potential part", box)) if x is not None), None) for c in SIX
+            next(
+                (x for x in (_try(r, s, c, "relative") for s in (box + ", potential part", box)) if x is not None), None
+            )
+            for c in SIX
         ]
         row["relative box average"] = max((b for b in boxes if b is not None), default=None)
         out.rows.append(row)
@@ -444,7 +488,9 @@ def side_by_side(results: list[Comparison], labels=None, section=f"by output, {_
                 numbers.setdefault(k, []).append(np.nan if v is None else v)
     out.attrs = {k: results[0].attrs[k] for k in ("radius_units",) if k in results[0].attrs}
     dim, values = coordinate or ("output", np.asarray(labels))
-    out.data = xr.Dataset({k.replace(", ", "_").replace(" ", "_"): (dim, v) for k, v in numbers.items()}, coords={dim: values})
+    out.data = xr.Dataset(
+        {k.replace(", ", "_").replace(" ", "_"): (dim, v) for k, v in numbers.items()}, coords={dim: values}
+    )
     return out
 
 

@@ -191,7 +191,9 @@ def species(frame) -> tuple[np.ndarray, list[str]]:
     np.add.at(content, (molecule, kinds), 1)
     unique, which = np.unique(content, axis=0, return_inverse=True)
     called = [
-        "molecules of " + " + ".join(f"{m} {labels[k]}" for k, m in enumerate(row) if m) if row.sum() > 1 else labels[int(row.argmax())]
+        "molecules of " + " + ".join(f"{m} {labels[k]}" for k, m in enumerate(row) if m)
+        if row.sum() > 1
+        else labels[int(row.argmax())]
         for row in unique
     ]
     return which.reshape(-1)[molecule], called
@@ -246,13 +248,24 @@ class Conductivity:
         out = [("conductivity", f"{_pm(self.value, self.stderr)} {self.units}")]
         if self.si is not None and self.units != self.si_units:
             out.append(("", f"{_pm(self.si, self.si_stderr)} {self.si_units}"))
-        out.append(("by direction", ", ".join(f"{c} {_pm(*pair)}" for c, pair in self.components.items()) + f" {self.units}"))
         out.append(
-            ("plateau", f"{self.plateau[0]:.4g} to {self.plateau[1]:.4g} {t}" + ("" if self.converged else " (the integral still changes)"))
+            ("by direction", ", ".join(f"{c} {_pm(*pair)}" for c, pair in self.components.items()) + f" {self.units}")
+        )
+        out.append(
+            (
+                "plateau",
+                f"{self.plateau[0]:.4g} to {self.plateau[1]:.4g} {t}"
+                + ("" if self.converged else " (the integral still changes)"),
+            )
         )
         atoms = f"{self.atoms} atoms, " if self.atoms else ""
         state = f"{self.temperature:.5g} {self.temperature_units}, {self.volume:.6g} {self.volume_units}"
-        out.append(("from", f"{atoms}{state}; {self.samples} currents, {self.dt:.4g} {t} apart, in {self.segments} independent segments"))
+        out.append(
+            (
+                "from",
+                f"{atoms}{state}; {self.samples} currents, {self.dt:.4g} {t} apart, in {self.segments} independent segments",
+            )
+        )
         return out
 
     def print(self, console) -> None:
@@ -265,7 +278,9 @@ class Conductivity:
 
     def json(self) -> str:
         """Everything as JSON, numbers unrounded."""
-        return json.dumps(self.__dict__, indent=2, default=lambda v: v.tolist() if isinstance(v, (np.ndarray, np.generic)) else str(v))
+        return json.dumps(
+            self.__dict__, indent=2, default=lambda v: v.tolist() if isinstance(v, (np.ndarray, np.generic)) else str(v)
+        )
 
     def picture(self, path) -> Path:
         """Draw the correlation function and its integral; returns the path."""
@@ -352,7 +367,9 @@ def conductivity(
     The mean of J is not taken off: in equilibrium it is 0. Where it is not, within errors, the result says so. Elements or species that diffuse
     among each other need partial enthalpies taken off the current, which this does not do.
     """
-    result = _analysed(_currents(source, pot, dt, volume, temperature, units, threads, progress), segments, plateau, longest)
+    result = _analysed(
+        _currents(source, pot, dt, volume, temperature, units, threads, progress), segments, plateau, longest
+    )
     for note in result.notes:
         warnings.warn(f"{result.source}: {note}", AtcWarning, stacklevel=2)
     return result
@@ -376,7 +393,9 @@ def _analysed(currents: HeatCurrents, segments, plateau, longest) -> Conductivit
     if longest is not None:
         lags = round(_positive(longest, "longest", u) / currents.dt) + 1
         if lags < 5:
-            raise AtcError(f"longest={longest:g}: is less than four times the distance between samples, {u.to_user('time', currents.dt):g}")
+            raise AtcError(
+                f"longest={longest:g}: is less than four times the distance between samples, {u.to_user('time', currents.dt):g}"
+            )
     runs = segment_integrals(J, currents.dt, segments, lags)
     # From the integral of ⟨JJ⟩ to a conductivity in the user's units.
     scale = 1.0 / (currents.volume * u.boltzmann * currents.temperature**2) / u.factor("conductivity")
@@ -403,7 +422,9 @@ def _analysed(currents: HeatCurrents, segments, plateau, longest) -> Conductivit
             f"the mean heat current along {', '.join(moving)} is not 0: this is not a run in equilibrium (heat or atoms flow), and Green-Kubo does not hold"
         )
     # The trapezoidal rule's error is a third of its change from the doubled step.
-    every_other = running_integral(runs.acf_mlk.mean(axis=(0, 2))[: where.begin + 1 : 2, None], 2 * runs.dt)[-1, 0] * scale
+    every_other = (
+        running_integral(runs.acf_mlk.mean(axis=(0, 2))[: where.begin + 1 : 2, None], 2 * runs.dt)[-1, 0] * scale
+    )
     coarse = abs(every_other - integral[where.begin - where.begin % 2]) / 3.0
     if where.begin >= 2 and coarse > max(stderr, _COARSE * abs(value)):
         notes.append(
@@ -433,7 +454,9 @@ def _flowing(J_tc, runs, where, components, scale) -> list[str]:
     return out
 
 
-def conductivity_of_scene(scene, *, segments=10, plateau=None, longest=None, dt=None, jobs: int = 1, progress=None) -> Conductivity:
+def conductivity_of_scene(
+    scene, *, segments=10, plateau=None, longest=None, dt=None, jobs: int = 1, progress=None
+) -> Conductivity:
     """`conductivity` of the trajectory and potential of a scene; `jobs` threads within a frame (0: all processors). The notes are not warned of."""
     from ..plan import cores
 
@@ -481,11 +504,19 @@ def _currents(source, pot, dt, volume, temperature, units_, threads, progress) -
     if isinstance(source, HeatCurrents):
         return source
     if isinstance(source, (str, Path)):
-        raise AtcError(f"{source}: give frames, not a file name: atc.conductivity(atc.read({str(source)!r}), potential)")
-    if isinstance(source, np.ndarray) or (isinstance(source, (list, tuple)) and len(source) and np.ndim(source[0]) == 1):
-        missing = [n for n, v in (("dt", dt), ("volume", volume), ("temperature", temperature), ("units", units_)) if v is None]
+        raise AtcError(
+            f"{source}: give frames, not a file name: atc.conductivity(atc.read({str(source)!r}), potential)"
+        )
+    if isinstance(source, np.ndarray) or (
+        isinstance(source, (list, tuple)) and len(source) and np.ndim(source[0]) == 1
+    ):
+        missing = [
+            n for n, v in (("dt", dt), ("volume", volume), ("temperature", temperature), ("units", units_)) if v is None
+        ]
         if missing:
-            raise AtcError(f"heat currents as an array need {', '.join(missing)}: give them as keywords, in the units of the array")
+            raise AtcError(
+                f"heat currents as an array need {', '.join(missing)}: give them as keywords, in the units of the array"
+            )
         u = units(units_)
         J = np.asarray(source, dtype=np.float64)
         if J.ndim != 2 or J.shape[1] != 3 or not np.isfinite(J).all():
@@ -495,7 +526,9 @@ def _currents(source, pot, dt, volume, temperature, units_, threads, progress) -
             _positive(temperature, "temperature", u, "temperature"), u,
         )  # fmt: skip
     if pot is None:
-        raise AtcError("no potential was given, but the heat current needs one: give the pair_style/pair_coeff lines of the run")
+        raise AtcError(
+            "no potential was given, but the heat current needs one: give the pair_style/pair_coeff lines of the run"
+        )
     out = heat_currents(source, pot, dt=dt, threads=threads, progress=progress)
     if units_ is not None and units(units_).name != out.units.name:
         raise AtcError(f"{out.source}: is in {out.units.name!r} units, not {units(units_).name!r}: leave units out")

@@ -62,7 +62,9 @@ def describe(source, topology=None, units=None, masses=None, dimension=None, ato
     """
     from .. import read
 
-    return _describe(read(source, topology=topology, units=units, masses=masses, dimension=dimension, atom_style=atom_style), source)
+    return _describe(
+        read(source, topology=topology, units=units, masses=masses, dimension=dimension, atom_style=atom_style), source
+    )
 
 
 def describe_scene(scene, threads: int = 1) -> Report:
@@ -90,7 +92,9 @@ def _describe(trajectory, source) -> Report:
     u = trajectory.units
     rows, notes = [], []
 
-    rows.append(("units", f"{u.name} (length {u.label('length')}, time {u.label('time')}, stress {u.label('pressure')})"))
+    rows.append(
+        ("units", f"{u.name} (length {u.label('length')}, time {u.label('time')}, stress {u.label('pressure')})")
+    )
     text = str(data["frames"])
     for name, unit in (("time", " " + u.label("time")), ("step", "")):
         if data[name] is not None:
@@ -120,7 +124,9 @@ def _describe(trajectory, source) -> Report:
     if text:
         rows.append(("state", text))
     if not data["ids"]:
-        notes.append("the source does not number its atoms: they are taken in file order, which must be the same in every frame")
+        notes.append(
+            "the source does not number its atoms: they are taken in file order, which must be the same in every frame"
+        )
     notes += trajectory.assumed
     notes += doubts(first)
     for name, consequence in _NEEDED_FOR.items():
@@ -135,7 +141,9 @@ def _describe(trajectory, source) -> Report:
         consequence = f"a stress error of about {100 * error:.1g} % at a kernel radius of {where}"
         rows.append(("precision", f"{text}: {consequence}" if error > 1e-6 else text))
         if error > _WORTH_A_WARNING:
-            notes.append(f"coarse coordinates mean {consequence}: in LAMMPS write them with dump_modify format float %.10g")
+            notes.append(
+                f"coarse coordinates mean {consequence}: in LAMMPS write them with dump_modify format float %.10g"
+            )
     return Report(trajectory.source if isinstance(source, list) else f"{source}", rows, notes, data)
 
 
@@ -149,7 +157,9 @@ def _cell(c, u) -> str:
         angles = np.degrees(np.arccos(np.clip([e[1] @ e[2], e[0] @ e[2], e[0] @ e[1]], -1, 1)))
         text += f", triclinic: alpha, beta, gamma = {', '.join(_g(a) for a in angles)} degrees"
     elif d == 2 and (v[0, 1] or v[1, 0]):
-        text += f", gamma = {_g(np.degrees(np.arccos(np.clip(v[0] @ v[1] / (lengths[0] * lengths[1]), -1, 1))))} degrees"
+        text += (
+            f", gamma = {_g(np.degrees(np.arccos(np.clip(v[0] @ v[1] / (lengths[0] * lengths[1]), -1, 1))))} degrees"
+        )
     if any(c["origin"][:d]):
         text += f", origin {', '.join(_g(s) for s in c['origin'][:d])}"
     periodic = [axis for axis, p in zip("xyz"[:d], c["periodic"]) if p]
@@ -166,7 +176,9 @@ def _state(frame, data) -> str:
     text = f"density {_g(data['density'])} {u.label('density')} (atoms over the whole cell)"
     if frame.velocities is not None and len(frame) > 1:
         v = frame.velocities - frame.masses @ frame.velocities / frame.masses.sum()
-        data["temperature"] = float(frame.masses @ (v * v).sum(axis=1) / (frame.dimension * (len(frame) - 1) * u.boltzmann))
+        data["temperature"] = float(
+            frame.masses @ (v * v).sum(axis=1) / (frame.dimension * (len(frame) - 1) * u.boltzmann)
+        )
         text += f", temperature {_g(data['temperature'])} {u.label('temperature')}"
     return text + ", first frame"
 
@@ -197,9 +209,16 @@ def describe_output(path) -> Report:
     if why:
         raise Damaged(why)
     with load(path) as ds:
-        rows = [("made by", f"atc {ds.attrs['atc_version']}" + (f" from {ds.attrs['sources']}" if ds.attrs.get("sources") else ""))]
+        rows = [
+            (
+                "made by",
+                f"atc {ds.attrs['atc_version']}" + (f" from {ds.attrs['sources']}" if ds.attrs.get("sources") else ""),
+            )
+        ]
         rows += [
-            (key, str(ds.attrs[key])) for key in ("units", "grid", "kernel", "method", "tolerance", "refinements") if ds.attrs.get(key)
+            (key, str(ds.attrs[key]))
+            for key in ("units", "grid", "kernel", "method", "tolerance", "refinements")
+            if ds.attrs.get(key)
         ]
         rows.append(("checksums", "every chunk is what was written"))
         rows.append(("sizes", ", ".join(f"{name} {n}" for name, n in ds.sizes.items())))
@@ -213,9 +232,12 @@ def describe_output(path) -> Report:
             more += ", with standard error" * (f"{name}_stderr" in ds)
             text = f"{attrs.get('long_name', '')} [{attrs.get('units', '')}] over {', '.join(da.dims)}{more}"
             rows.append((name, text))
-            fields[name] = {"dims": list(da.dims), **{k: v.item() if hasattr(v, "item") else v for k, v in attrs.items()}}
+            fields[name] = {
+                "dims": list(da.dims),
+                **{k: v.item() if hasattr(v, "item") else v for k, v in attrs.items()},
+            }
         data = {"attributes": {k: str(v) for k, v in ds.attrs.items()}, "sizes": dict(ds.sizes), "fields": fields}
-        notes = ["atc plot draws it, atc compare sets it beside the virial stress, atc export writes VTK and extended XYZ"] * (
-            "quantities" in ds.attrs
-        )
+        notes = [
+            "atc plot draws it, atc compare sets it beside the virial stress, atc export writes VTK and extended XYZ"
+        ] * ("quantities" in ds.attrs)
     return Report(f"{path}: an output of atc", rows, notes, data)

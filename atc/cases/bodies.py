@@ -73,7 +73,9 @@ def _csv(path):
     table.columns = [str(c).strip().lower() for c in table.columns]
     missing = [c for c in ("x", "y", "z") if c not in table]
     if missing:
-        raise AtcError(f"{path}: its header needs the columns x, y, z (and maybe volume, density, material); missing: {', '.join(missing)}")
+        raise AtcError(
+            f"{path}: its header needs the columns x, y, z (and maybe volume, density, material); missing: {', '.join(missing)}"
+        )
     unknown = [c for c in table if c not in ("x", "y", "z", "volume", "density", "material")]
     if unknown:
         raise AtcError(f"{path}: unknown column {unknown[0]!r}; known: x, y, z, volume, density, material")
@@ -124,7 +126,12 @@ def _lammps(path):
     frame = read(path, units="lj")[0]
     if "volume" not in frame.extra:
         raise AtcError(f"{path}: its atoms have no volume: expected a data file of atom_style peri (Atoms # peri)")
-    return {"x_nc": frame.positions, "volume": frame.extra["volume"], "density": frame.extra["density"], "material": frame.types}
+    return {
+        "x_nc": frame.positions,
+        "volume": frame.extra["volume"],
+        "density": frame.extra["density"],
+        "material": frame.types,
+    }
 
 
 # Cells of a mesh: how to cut them into simplices, by meshio's names (corner nodes only).
@@ -169,7 +176,9 @@ def _mesh(path, dimension, thickness):
         volumes.append(total)
         parts.append(k)
     if not centres:
-        raise AtcError(f"{path}: has no cells of dimension {dimension}: found {', '.join(sorted({b.type for b in mesh.cells})) or 'none'}")
+        raise AtcError(
+            f"{path}: has no cells of dimension {dimension}: found {', '.join(sorted({b.type for b in mesh.cells})) or 'none'}"
+        )
     out = {"x_nc": np.concatenate(centres), "volume": np.concatenate(volumes) * (thickness if dimension < 3 else 1.0)}
     for name in ("density", "material"):
         if name in mesh.cell_data:

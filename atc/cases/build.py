@@ -48,7 +48,11 @@ def simulation(case, threads: int = 0, state=None):
         contact = pd.Contact(**case.data["contact"])
     indenters = [
         pd.Indenter(
-            t["radius"], t["stiffness"], history(case, ("indenter", str(k), "center"), t["center"]), t.get("velocity"), t.get("axis")
+            t["radius"],
+            t["stiffness"],
+            history(case, ("indenter", str(k), "center"), t["center"]),
+            t.get("velocity"),
+            t.get("axis"),
         )
         for k, t in enumerate(case.data.get("indenter", []))
     ]
@@ -65,7 +69,9 @@ def simulation(case, threads: int = 0, state=None):
             region = region_of(case, t.get("region"))
             _require_nodes(case, body, region, (section, str(k), "region"))
             X = body.X_nc[body.nodes(region)]
-            conditions.append(make(region, **{w: history(case, (section, str(k), w), t[w], X) for w in words if w in t}))
+            conditions.append(
+                make(region, **{w: history(case, (section, str(k), w), t[w], X) for w in words if w in t})
+            )
     options = {}
     if state is None:
         start = {"velocity": np.zeros((len(body), 3)), "displacement": np.zeros((len(body), 3))}
@@ -108,7 +114,11 @@ def make_body(case):
     notches = []
     for t in case.data.get("notch", []):
         more = {"as_damage": t.get("as_damage", False)}
-        notches.append(pd.Notch.line(t["start"], t["end"], **more) if "start" in t else pd.Notch(t["origin"], t["a"], t["b"], **more))
+        notches.append(
+            pd.Notch.line(t["start"], t["end"], **more)
+            if "start" in t
+            else pd.Notch(t["origin"], t["a"], t["b"], **more)
+        )
     options = {k: b[k] for k in ("dimension", "plane", "thickness") if k in b}
     options["notches"] = notches
     cell = None
@@ -130,7 +140,9 @@ def make_body(case):
             if cell is None and nodes.cell is not None:
                 options["cell"] = nodes.cell
             more = {} if "spacing" not in b else {"spacing": b["spacing"]}
-            body = pd.Body(nodes.x_nc, nodes.volume_n, nodes.density_n, b["horizon"], materials=nodes.material_n, **options, **more)
+            body = pd.Body(
+                nodes.x_nc, nodes.volume_n, nodes.density_n, b["horizon"], materials=nodes.material_n, **options, **more
+            )
     except AtcError as e:
         raise AtcError(str(e) if case.name in str(e) else f"{case.where('body')}: [body] {e}") from None
     material_n, rho_n = np.array(body.material_n), np.array(body.rho_n)
@@ -220,7 +232,11 @@ class _Law:
 
     def __call__(self, t):
         values = [
-            p.finite(self.complain, t=t, **self.place) if callable(p) else np.interp(t, *p) if isinstance(p, tuple) else p
+            p.finite(self.complain, t=t, **self.place)
+            if callable(p)
+            else np.interp(t, *p)
+            if isinstance(p, tuple)
+            else p
             for p in self.parts
         ]
         return np.stack(np.broadcast_arrays(*values), axis=-1)
@@ -240,4 +256,6 @@ def _require_bonds(case, body):
         )
     for k, cut in enumerate(body.cuts):
         if not cut and len(body.bonds):
-            raise AtcError(f"{case.where('notch', str(k))}: [notch] crosses no bond of the body: check its place and its length")
+            raise AtcError(
+                f"{case.where('notch', str(k))}: [notch] crosses no bond of the body: check its place and its length"
+            )

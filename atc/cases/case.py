@@ -70,9 +70,13 @@ class Case(Document):
                 data[section] = [value]
                 case._lines.update({(section, "0", *p[1:]): n for p, n in lines.items() if p[0] == section})
             elif not isinstance(value, list if section in ARRAYS else dict):
-                raise AtcError(f"{case.where(section)}: {section} must be a section: write [{section}] and its keys below")
+                raise AtcError(
+                    f"{case.where(section)}: {section} must be a section: write [{section}] and its keys below"
+                )
             elif section in ARRAYS and not all(isinstance(v, dict) for v in value):
-                raise AtcError(f"{case.where(section)}: {section} must be sections: write [[{section}]] and the keys of each below")
+                raise AtcError(
+                    f"{case.where(section)}: {section} must be sections: write [[{section}]] and the keys of each below"
+                )
         for (section, key), value, flag in _overrides(overrides):
             case.data.setdefault(section, {})[key] = value
             case._flags[section, key] = flag
@@ -91,16 +95,16 @@ class Case(Document):
         for section, table in self.data.items():
             if section == "regions":
                 continue
-            tables = [((section, str(k)), t) for k, t in enumerate(table)] if section in ARRAYS else [((section,), table)]
+            tables = (
+                [((section, str(k)), t) for k, t in enumerate(table)] if section in ARRAYS else [((section,), table)]
+            )
             for path, t in tables:
                 known = self._keys(path, t)
                 for key, value in list(t.items()):
                     if key not in known:
                         why = f"{guess(key, known)}known: {', '.join(known)}"
                         if section == "material" and t.get("model") == "pmb" and key in ("poisson", "shear"):
-                            why = (
-                                "bonds of pmb fix Poisson's ratio at 1/4 (plane stress 1/3): one modulus is all; take lps for another ratio"
-                            )
+                            why = "bonds of pmb fix Poisson's ratio at 1/4 (plane stress 1/3): one modulus is all; take lps for another ratio"
                         raise AtcError(f"{self.where(*path, key)}: unknown key {key!r} in [{section}]: {why}")
                     self._check_key(known[key], t, key, (*path, key), value)
         self._check_body()
@@ -128,11 +132,14 @@ class Case(Document):
     def _check_body(self):
         if "body" not in self.data:
             raise self.need(
-                "body", 'it needs region and spacing (a lattice), or file (nodes), and horizon, e.g. region = { shape = "box", ... }'
+                "body",
+                'it needs region and spacing (a lattice), or file (nodes), and horizon, e.g. region = { shape = "box", ... }',
             )
         body = self.data["body"]
         if ("region" in body) == ("file" in body):
-            raise self.need("body", "[body] needs region (a lattice inside it) or file (nodes from a file), and not both")
+            raise self.need(
+                "body", "[body] needs region (a lattice inside it) or file (nodes from a file), and not both"
+            )
         if "horizon" not in body:
             raise self.need("body", "[body] needs horizon, a length of about three spacings, e.g. horizon = 0.0015001")
         if "region" in body:
@@ -154,7 +161,10 @@ class Case(Document):
         if body.get("dimension", 3) == 3:
             for key in ("plane", "thickness"):
                 if key in body:
-                    raise self.bad(("body", key), "belongs to a body of dimension 2 (plane, thickness) or 1 (thickness: its cross-section)")
+                    raise self.bad(
+                        ("body", key),
+                        "belongs to a body of dimension 2 (plane, thickness) or 1 (thickness: its cross-section)",
+                    )
         elif body["dimension"] == 1 and "plane" in body:
             raise self.bad(("body", "plane"), "belongs to a body of dimension 2")
         if "periodic" in body and any(body["periodic"]) and "cell" not in body:
@@ -170,16 +180,18 @@ class Case(Document):
         def one_of(path, table, *keys, least=1):
             given = [k for k in keys if k in table]
             if len(given) != 1 and (given or least):
-                raise AtcError(f"{self.where(*path)}: [{path[0]}] needs {'exactly one of ' if len(keys) > 1 else ''}{' and '.join(keys)}")
+                raise AtcError(
+                    f"{self.where(*path)}: [{path[0]}] needs {'exactly one of ' if len(keys) > 1 else ''}{' and '.join(keys)}"
+                )
 
         for section in ARRAYS:
             for k, t in enumerate(self.data.get(section, [])):
                 path = (section, str(k))
                 if section == "notch":
                     line = {"start", "end"} <= set(t)
-                    if line == ({"origin", "a", "b"} <= set(t)) or set(t) - ({"start", "end"} if line else {"origin", "a", "b"}) - {
-                        "as_damage"
-                    }:
+                    if line == ({"origin", "a", "b"} <= set(t)) or set(t) - (
+                        {"start", "end"} if line else {"origin", "a", "b"}
+                    ) - {"as_damage"}:
                         raise AtcError(
                             f"{self.where(*path)}: [notch] needs start and end (a line in the plate), or origin, a and b (a parallelogram)"
                         )
@@ -188,12 +200,17 @@ class Case(Document):
                 elif section == "body_force":
                     one_of(path, t, "density", "total")
                 else:
-                    for key in {"indenter": ("radius", "stiffness", "center"), "wall": ("point", "normal", "stiffness")}.get(section, ()):
+                    for key in {
+                        "indenter": ("radius", "stiffness", "center"),
+                        "wall": ("point", "normal", "stiffness"),
+                    }.get(section, ()):
                         one_of(path, t, key)
                     where = "center" if section == "indenter" else "point"
                     moving = isinstance(t.get(where), dict) or any(isinstance(c, (str, dict)) for c in t.get(where, ()))
                     if section in ("indenter", "wall") and "velocity" in t and moving:
-                        raise self.bad((*path, "velocity"), f"{where} is a function of time already: give one of the two")
+                        raise self.bad(
+                            (*path, "velocity"), f"{where} is a function of time already: give one of the two"
+                        )
         numbers = [m.get("id", k + 1) for k, m in enumerate(self.data["material"])]
         if len(set(numbers)) < len(numbers):
             raise self.need("material", f"two materials have the same number: {numbers}")
@@ -208,7 +225,10 @@ class Case(Document):
         if run.get("solver", "verlet") != "verlet":
             for key in ("safety", "damping"):
                 if key in run:
-                    raise self.bad(("run", key), f"belongs to motion: solver = {run['solver']!r} looks for equilibrium at every step")
+                    raise self.bad(
+                        ("run", key),
+                        f"belongs to motion: solver = {run['solver']!r} looks for equilibrium at every step",
+                    )
             if breaking:
                 raise AtcError(
                     f'{self.where(*breaking)}: solver = "{run["solver"]}" breaks no bonds: leave [damage], s00 and Gc out, or take solver = "verlet" with damping'
@@ -222,9 +242,13 @@ class Case(Document):
 
         for q in output.get("quantities", []):
             if q not in QUANTITIES:
-                raise self.bad(("output", "quantities"), f"unknown {q!r}: {guess(q, QUANTITIES)}known: {', '.join(QUANTITIES)}")
+                raise self.bad(
+                    ("output", "quantities"), f"unknown {q!r}: {guess(q, QUANTITIES)}known: {', '.join(QUANTITIES)}"
+                )
         if Path(output.get("extxyz", "frames.xyz")).suffix not in (".extxyz", ".xyz"):
-            raise self.bad(("output", "extxyz"), f"expected a name that ends in .extxyz or .xyz, got {output['extxyz']!r}")
+            raise self.bad(
+                ("output", "extxyz"), f"expected a name that ends in .extxyz or .xyz, got {output['extxyz']!r}"
+            )
         from .fields import scene_of
 
         scene_of(self)
@@ -249,7 +273,8 @@ class Case(Document):
         if isinstance(region, str):
             if region not in known:
                 raise self.bad(
-                    path, f"there is no region {region!r}: {guess(region, known)}known: {', '.join(known) or 'none; write [regions.NAME]'}"
+                    path,
+                    f"there is no region {region!r}: {guess(region, known)}known: {', '.join(known) or 'none; write [regions.NAME]'}",
                 )
             if region in inside:
                 raise self.bad(("regions", region), "is made of itself")
@@ -258,7 +283,11 @@ class Case(Document):
             if isinstance(region, dict) and word in region:
                 for r in region[word] if word != "not" else [region[word]]:
                     self._check_region(r, path, inside)
-        if isinstance(region, dict) and region.get("shape") == "box" and any(a > b for a, b in zip(region["lo"], region["hi"])):
+        if (
+            isinstance(region, dict)
+            and region.get("shape") == "box"
+            and any(a > b for a, b in zip(region["lo"], region["hi"]))
+        ):
             raise self.bad(path, f"a box needs lo <= hi, got {_shown(region['lo'])} and {_shown(region['hi'])}")
 
     # ---- what it means
@@ -314,7 +343,10 @@ class Case(Document):
         for key in ("extxyz", "restart"):
             path = self.path("output", key)
             if path is not None and not (path.parent.is_dir() and os.access(path.parent, os.W_OK | os.X_OK)):
-                raise self.bad(("output", key), f"there is no directory {path.parent} to write in: make it, or choose another place")
+                raise self.bad(
+                    ("output", key),
+                    f"there is no directory {path.parent} to write in: make it, or choose another place",
+                )
 
     def to_toml(self) -> str:
         """The case with its overrides as TOML; file names without their folders."""
@@ -364,7 +396,11 @@ def _overrides(overrides):
     """((section, key), value, flag) of each override."""
     if not overrides:
         return
-    given = [(k, v, k) for k, v in overrides.items()] if isinstance(overrides, Mapping) else [(t, None, f"--set {t}") for t in overrides]
+    given = (
+        [(k, v, k) for k, v in overrides.items()]
+        if isinstance(overrides, Mapping)
+        else [(t, None, f"--set {t}") for t in overrides]
+    )
     for text, value, flag in given:
         dotted = text
         if value is None:
@@ -378,5 +414,7 @@ def _overrides(overrides):
         section, _, key = dotted.strip().partition(".")
         if section not in TABLES or not key:
             known = [s for s in TABLES if s != "regions"]
-            raise AtcError(f"{flag}: expected SECTION.KEY=VALUE with a section of {', '.join(known)}; edit the case for the others")
+            raise AtcError(
+                f"{flag}: expected SECTION.KEY=VALUE with a section of {', '.join(known)}; edit the case for the others"
+            )
         yield (section, key), value, flag

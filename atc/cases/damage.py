@@ -25,7 +25,10 @@ def between(case, k) -> tuple[int, int]:
             out.append(m)
         else:
             known = [repr(n) for n in names] + [str(n) for n in sorted(numbers)]
-            raise case.bad(("interface", str(k), "between"), f"there is no material {m!r}: {guess(str(m), names)}known: {', '.join(known)}")
+            raise case.bad(
+                ("interface", str(k), "between"),
+                f"there is no material {m!r}: {guess(str(m), names)}known: {', '.join(known)}",
+            )
     if out[0] == out[1]:
         raise case.bad(("interface", str(k), "between"), f"these are names of one material, number {out[0]}")
     return min(out), max(out)
@@ -58,7 +61,9 @@ def check(case, one_of):
         if t.get("bonded", True) is False and useless:
             raise case.bad((*path, useless[0]), "bonded = false: there are no bonds that it could say anything about")
         if t.get("bonded", True) and not useless:
-            raise AtcError(f"{case.where(*path)}: [interface] says nothing: give bonded = false, stiffness, s00, Gc or breaks = false")
+            raise AtcError(
+                f"{case.where(*path)}: [interface] says nothing: give bonded = false, stiffness, s00, Gc or breaks = false"
+            )
     damage = case.data.get("damage")
     if damage is not None:
         one_of(("damage",), damage, "s00", "Gc", least=0 if breaking else 1)
@@ -67,7 +72,9 @@ def check(case, one_of):
         for k, t in enumerate(case.data.get(section, [])):
             for key in ("alpha", "breaks"):
                 if key in t and not breaking:
-                    raise case.bad((section, str(k), key), "nothing in this case breaks: give s00 or Gc, here or in [damage]")
+                    raise case.bad(
+                        (section, str(k), key), "nothing in this case breaks: give s00 or Gc, here or in [damage]"
+                    )
     return breaking
 
 
@@ -122,7 +129,9 @@ def rules(case, materials, body, factors):
             out[of] = CriticalStretch(strength["s00"], alpha)
         elif "Gc" in strength and pair:
             a, b = (materials[m] for m in pair)
-            out[of] = CriticalStretch.from_energy(strength["Gc"], a, body, alpha, other=b, interface=factors.get(pair, 1.0))
+            out[of] = CriticalStretch.from_energy(
+                strength["Gc"], a, body, alpha, other=b, interface=factors.get(pair, 1.0)
+            )
         elif "Gc" in strength:
             out[of] = CriticalStretch.from_energy(strength["Gc"], materials[of], body, alpha)
     if not out:

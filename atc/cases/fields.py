@@ -21,10 +21,13 @@ def scene_of(case):
         return None
     if "quantities" not in there.get("fields", {}):
         raise case.need(
-            "fields", '[fields] needs quantities, what to compute with this kernel and grid, e.g. quantities = ["peridynamic_stress"]'
+            "fields",
+            '[fields] needs quantities, what to compute with this kernel and grid, e.g. quantities = ["peridynamic_stress"]',
         )
     # A scene must name a trajectory; here the run is it.
-    scene = Scene._build({**there, "trajectory": {"file": "run", "reference": 0}}, case.folder, case.name, case._lines, None)
+    scene = Scene._build(
+        {**there, "trajectory": {"file": "run", "reference": 0}}, case.folder, case.name, case._lines, None
+    )
     scene._flags.update(case._flags)
     return scene
 
@@ -55,7 +58,11 @@ class CaseFields:
 
         scene = self.scene
         frame, bonds = snapshot(sim)
-        given = {k: scene.get("fields", k) for k in ("quantities", "tolerance", "method", "horizon") if scene.get("fields", k) is not None}
+        given = {
+            k: scene.get("fields", k)
+            for k in ("quantities", "tolerance", "method", "horizon")
+            if scene.get("fields", k) is not None
+        }
         try:
             self.request = Request(
                 [frame] * entries,
@@ -71,7 +78,9 @@ class CaseFields:
 
             require(frame, self.request.settings(), self.request.work)
         except AtcError as e:
-            raise AtcError(str(e) if self.case.name in str(e) else f"{self.case.where('fields')}: [fields] {e}") from None
+            raise AtcError(
+                str(e) if self.case.name in str(e) else f"{self.case.where('fields')}: [fields] {e}"
+            ) from None
         self.sink = _Sink(self.request, self.store)
 
     def add(self, sim, entry: int) -> None:

@@ -60,7 +60,9 @@ def _value(name):
     if name == "influence":
         from ..pd.materials.base import INFLUENCE
 
-        return Key(_influence, f"{', '.join(map(repr, INFLUENCE))}, or a formula of r and delta, e.g. 'exp(-(2*r/delta)**2)'")
+        return Key(
+            _influence, f"{', '.join(map(repr, INFLUENCE))}, or a formula of r and delta, e.g. 'exp(-(2*r/delta)**2)'"
+        )
     if name == "surface_correction":
         return Key(_correction, '"energy", or false')
     if name == "stabilisation":
@@ -75,4 +77,7 @@ def keys_of(model, complain) -> dict[str, Key]:
     known = models()
     if not isinstance(model, str) or model not in known:
         raise complain(f"unknown {model!r}: {guess(str(model), known)}known: {', '.join(known)}")
-    return {"density": Key(_positive, "a mass per volume greater than 0"), **{p: _value(p) for p in parameters(known[model])}}
+    return {
+        "density": Key(_positive, "a mass per volume greater than 0"),
+        **{p: _value(p) for p in parameters(known[model])},
+    }

@@ -24,9 +24,19 @@ _SAVE_EVERY = 60.0
 QUANTITIES = {
     "displacement": (1, "length", "displacement", "positive along +x, +y, +z"),
     "velocity": (1, "velocity", "velocity", "positive along +x, +y, +z"),
-    "damage": (0, "dimensionless", "damage: share of the family, by volume, whose bonds are broken", "0 whole, 1 without bonds"),
+    "damage": (
+        0,
+        "dimensionless",
+        "damage: share of the family, by volume, whose bonds are broken",
+        "0 whole, 1 without bonds",
+    ),
     "energy": (0, "energy", "strain energy of the node", "positive"),
-    "force": (1, "force", "total force on the node: bonds, contact, indenters, walls, body forces", "positive along +x, +y, +z"),
+    "force": (
+        1,
+        "force",
+        "total force on the node: bonds, contact, indenters, walls, body forces",
+        "positive along +x, +y, +z",
+    ),
     "stress": (
         2,
         "pressure",
@@ -192,7 +202,11 @@ class _Run:
             chunk = min(target - step, self._chunk(began, step - first))
             self._step(sim, chunk)
             if progress is not None:
-                progress(sim.state.step - start, self.steps, (sim.state.step - first) / max(time.perf_counter() - began, 1e-9))
+                progress(
+                    sim.state.step - start,
+                    self.steps,
+                    (sim.state.step - first) / max(time.perf_counter() - began, 1e-9),
+                )
             if asked() or time.monotonic() - saved > _SAVE_EVERY:
                 self._save(sim)
                 saved = time.monotonic()
@@ -269,7 +283,11 @@ class _Run:
         """{quantity: unit} of what is known at the nodes."""
         from ..units import units
 
-        return {**{q: units("si").label(QUANTITIES[q][1]) for q in self.names}, "volume": units("si").label("volume"), "material": "1"}
+        return {
+            **{q: units("si").label(QUANTITIES[q][1]) for q in self.names},
+            "volume": units("si").label("volume"),
+            "material": "1",
+        }
 
     def _layout(self, sim) -> Layout:
         from .. import __version__
@@ -297,10 +315,16 @@ class _Run:
             static("j", ("j",), letters, long_name="second index of a tensor")
         for k, a in enumerate("xyz"):
             static(
-                f"position_{a}", ("node",), body.X_nc[:, k], units=u.label("length"), long_name=f"{a} of the node in the undeformed body"
+                f"position_{a}",
+                ("node",),
+                body.X_nc[:, k],
+                units=u.label("length"),
+                long_name=f"{a} of the node in the undeformed body",
             )
         static("volume", ("node",), body.V_n, units=u.label("volume"), long_name="volume of the node")
-        static("density", ("node",), body.rho_n, units=u.label("density"), long_name="mass density of the undeformed body")
+        static(
+            "density", ("node",), body.rho_n, units=u.label("density"), long_name="mass density of the undeformed body"
+        )
         static("material", ("node",), body.material_n, units="1", long_name="material of the node")
         for q in self.names:
             rank, dimension, long_name, sign = QUANTITIES[q]
@@ -315,7 +339,15 @@ class _Run:
                 long_name=long_name,
                 sign_convention="since the start of the run" if "_" in k else "positive",
             )
-        moving("n_broken", (), (), np.int64, units="1", long_name="number of broken bonds", sign_convention="each bond once")
+        moving(
+            "n_broken",
+            (),
+            (),
+            np.int64,
+            units="1",
+            long_name="number of broken bonds",
+            sign_convention="each bond once",
+        )
         attrs = {
             "atc_version": __version__, "version": __version__, "kind": "peridynamics", "units": "si",
             "units_note": "numbers are those of the case, in whichever consistent units it is written; labels are those of SI",

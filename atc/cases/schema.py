@@ -6,7 +6,20 @@ from itertools import pairwise
 from typing import Any
 
 from ..config.schema import SCHEMA as SCENE
-from ..config.schema import Key, _boolean, _choice, _count, _either, _integer, _list_of, _not_negative, _number, _positive, _seed, _string
+from ..config.schema import (
+    Key,
+    _boolean,
+    _choice,
+    _count,
+    _either,
+    _integer,
+    _list_of,
+    _not_negative,
+    _number,
+    _positive,
+    _seed,
+    _string,
+)
 
 SHAPES = {"box": ("lo", "hi"), "cylinder": ("axis", "center", "radius", "lo", "hi"), "sphere": ("center", "radius")}
 
@@ -92,7 +105,9 @@ def _described(v):
             out[key] = _bound(v.get(key, float("-inf") if key == "lo" else float("inf")))
             continue
         if key not in v:
-            raise ValueError(f"a {shape} needs {', '.join(k for k in SHAPES[shape] if shape != 'cylinder' or k not in ('lo', 'hi'))}")
+            raise ValueError(
+                f"a {shape} needs {', '.join(k for k in SHAPES[shape] if shape != 'cylinder' or k not in ('lo', 'hi'))}"
+            )
         if key == "radius":
             out[key] = _positive(v[key])
         elif key == "axis":
@@ -106,7 +121,9 @@ def _described(v):
 
 _REGION = Key(_region, 'the name of a region, or { shape = "box", lo = [...], hi = [...] }')
 _TABLE = "or { times = [...], values = [[...], ...] }"
-_MOTION = Key(_history(("t", "x", "y", "z"), free=True), f'three of numbers, formulas of t, x, y, z and "free", {_TABLE}')
+_MOTION = Key(
+    _history(("t", "x", "y", "z"), free=True), f'three of numbers, formulas of t, x, y, z and "free", {_TABLE}'
+)
 _PATH = Key(_history(("t",)), f"a point, three numbers or formulas of t, {_TABLE}")
 _START = Key(_history(("x", "y", "z")), "three numbers or formulas of x, y, z")
 _POINT = Key(_V3, "a point, e.g. [0.0, 0.0, 0.0]")
@@ -120,7 +137,11 @@ _STRENGTH = {
 
 
 def _two_materials(v):
-    if not isinstance(v, list) or len(v) != 2 or not all(isinstance(m, (str, int)) and not isinstance(m, bool) for m in v):
+    if (
+        not isinstance(v, list)
+        or len(v) != 2
+        or not all(isinstance(m, (str, int)) and not isinstance(m, bool) for m in v)
+    ):
         raise ValueError
     if v[0] == v[1]:
         raise ValueError("an interface is between two different materials")
@@ -132,7 +153,9 @@ TABLES: dict[str, dict[str, Key]] = {
     "body": {
         "region": _REGION,
         "file": Key(
-            _string, 'a file of nodes: .csv, .extxyz, a LAMMPS data file (atom_style peri), or a mesh, e.g. "plate.vtu"', path=True
+            _string,
+            'a file of nodes: .csv, .extxyz, a LAMMPS data file (atom_style peri), or a mesh, e.g. "plate.vtu"',
+            path=True,
         ),
         "spacing": Key(_positive, "the distance between nodes, greater than 0"),
         "horizon": Key(_positive, "a length greater than 0, e.g. 0.0015001"),
@@ -164,7 +187,9 @@ TABLES: dict[str, dict[str, Key]] = {
         "dt": Key(_positive, "a time step greater than 0"),
         "safety": Key(_positive, "the time step as a part of the stable one, e.g. 0.8"),
         "damping": Key(_not_negative, "a rate, 0 or more"),
-        "solver": Key(_choice(["verlet", "relax", "static"]), '"verlet" (motion), "relax" or "static" (equilibrium at every step)'),
+        "solver": Key(
+            _choice(["verlet", "relax", "static"]), '"verlet" (motion), "relax" or "static" (equilibrium at every step)'
+        ),
         "tolerance": Key(_positive, "the force left over relative to the largest one, e.g. 1e-8"),
         "iterations": Key(_count, "the most iterations of one equilibrium, e.g. 50000"),
         "lammps_compat": Key(_boolean, "true or false"),
@@ -232,7 +257,9 @@ ARRAYS: dict[str, dict[str, Key]] = {
     },
     "body_force": {
         "region": _REGION,
-        "density": Key(_history(("t", "x", "y", "z")), f"force per volume, three numbers or formulas of t, x, y, z, {_TABLE}"),
+        "density": Key(
+            _history(("t", "x", "y", "z")), f"force per volume, three numbers or formulas of t, x, y, z, {_TABLE}"
+        ),
         "total": Key(_history(("t",)), f"one force shared out by volume, three numbers or formulas of t, {_TABLE}"),
     },
 }

@@ -16,7 +16,14 @@ def register(app: typer.Typer) -> None:
 
 def advect(
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="OUT", help="The run as .nc or .zarr; a picture goes beside it.", show_default=False)
+        Path,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="OUT",
+            help="The run as .nc or .zarr; a picture goes beside it.",
+            show_default=False,
+        ),
     ],
     initial: Annotated[
         str, typer.Option("--initial", metavar="FORMULA", help="u at t = 0, a formula of x (and L, the period).")
@@ -32,12 +39,22 @@ def advect(
         ),
     ] = "gaussian",
     horizon: Annotated[
-        float, typer.Option("--horizon", metavar="D", help="Reach of the kernel; three standard deviations of gaussian, which reaches 3 D.")
+        float,
+        typer.Option(
+            "--horizon",
+            metavar="D",
+            help="Reach of the kernel; three standard deviations of gaussian, which reaches 3 D.",
+        ),
     ] = 0.02,
-    viscosity: Annotated[float, typer.Option("--viscosity", metavar="EPS", help="Strength of the regularisation; 0 is inviscid.")] = 0.01,
-    flux: Annotated[str, typer.Option("--flux", metavar="NAME|FORMULA", help="burgers (u^2/2), or a formula of u.")] = "burgers",
+    viscosity: Annotated[
+        float, typer.Option("--viscosity", metavar="EPS", help="Strength of the regularisation; 0 is inviscid.")
+    ] = 0.01,
+    flux: Annotated[
+        str, typer.Option("--flux", metavar="NAME|FORMULA", help="burgers (u^2/2), or a formula of u.")
+    ] = "burgers",
     two_point: Annotated[
-        str, typer.Option("--two-point", metavar="NAME", help="midpoint, or conserving (energy constant at viscosity 0).")
+        str,
+        typer.Option("--two-point", metavar="NAME", help="midpoint, or conserving (energy constant at viscosity 0)."),
     ] = "midpoint",
     duration: Annotated[float, typer.Option("--duration", metavar="T", help="How long.")] = 1.0,
     frames: Annotated[int, typer.Option("--frames", metavar="N", help="Recorded times.")] = 101,
@@ -49,7 +66,10 @@ def advect(
     horizons: Annotated[
         str | None,
         typer.Option(
-            "--horizons", metavar="H1,H2,...", help="A study instead: these horizons against Cole-Hopf at the end.", show_default=False
+            "--horizons",
+            metavar="H1,H2,...",
+            help="A study instead: these horizons against Cole-Hopf at the end.",
+            show_default=False,
         ),
     ] = None,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing.")] = False,

@@ -16,27 +16,38 @@ def register(app) -> None:
 
     @app.command()
     def bench(
-        scene: Annotated[Path | None, typer.Argument(metavar="SCENE", help="The scene, a TOML file.", show_default=False)] = None,
+        scene: Annotated[
+            Path | None, typer.Argument(metavar="SCENE", help="The scene, a TOML file.", show_default=False)
+        ] = None,
         set: Set = None,
         begin: Begin = None,
         end: End = None,
         step: Step = None,
         jobs: Jobs = 1,
         tolerances: Annotated[
-            str | None, typer.Option("--tolerances", metavar="T1,T2,...", help="Tolerances of the spectral method.", show_default=False)
+            str | None,
+            typer.Option(
+                "--tolerances", metavar="T1,T2,...", help="Tolerances of the spectral method.", show_default=False
+            ),
         ] = None,
         field: Annotated[
             str | None,
             typer.Option(
-                "--field", metavar="NAME", help="Which of the scene's fields; default: stress_potential, or the first.", show_default=False
+                "--field",
+                metavar="NAME",
+                help="Which of the scene's fields; default: stress_potential, or the first.",
+                show_default=False,
             ),
         ] = None,
         calibrate: Annotated[
-            bool, typer.Option("--calibrate", help="Measure what plans and choices of methods are based on, and keep it.")
+            bool,
+            typer.Option("--calibrate", help="Measure what plans and choices of methods are based on, and keep it."),
         ] = False,
         picture: Annotated[
             Path | None,
-            typer.Option("--picture", metavar="FILE", help="Where the picture goes; default: next to SCENE.", show_default=False),
+            typer.Option(
+                "--picture", metavar="FILE", help="Where the picture goes; default: next to SCENE.", show_default=False
+            ),
         ] = None,
         json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
         quiet: Quiet = False,

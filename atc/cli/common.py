@@ -43,19 +43,28 @@ Set = Annotated[
         show_default=False,
     ),
 ]
-Begin = Annotated[int | None, typer.Option("-b", "--begin", metavar="N", help="First frame, counted from 0.", show_default=False)]
+Begin = Annotated[
+    int | None, typer.Option("-b", "--begin", metavar="N", help="First frame, counted from 0.", show_default=False)
+]
 End = Annotated[int | None, typer.Option("-e", "--end", metavar="N", help="Frame to stop before.", show_default=False)]
 Step = Annotated[int | None, typer.Option("--step", metavar="N", help="Take every N-th frame.", show_default=False)]
 Jobs = Annotated[int, typer.Option("-j", "--jobs", metavar="N", help="Processor cores to use; 0 is all of them.")]
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no summary.")]
 Topology = Annotated[
-    str | None, typer.Option("--topology", metavar="FILE", help="LAMMPS data file with masses, charges, bonds.", show_default=False)
+    str | None,
+    typer.Option(
+        "--topology", metavar="FILE", help="LAMMPS data file with masses, charges, bonds.", show_default=False
+    ),
 ]
 UnitsOption = Annotated[
-    str | None, typer.Option("--units", metavar="STYLE", help="LAMMPS unit style: lj, real, metal, si, ...", show_default=False)
+    str | None,
+    typer.Option("--units", metavar="STYLE", help="LAMMPS unit style: lj, real, metal, si, ...", show_default=False),
 ]
 Masses = Annotated[
-    str | None, typer.Option("--masses", metavar="LIST", help="Masses by type: 28.0855,15.999 or 1=28.0855,2=15.999.", show_default=False)
+    str | None,
+    typer.Option(
+        "--masses", metavar="LIST", help="Masses by type: 28.0855,15.999 or 1=28.0855,2=15.999.", show_default=False
+    ),
 ]
 
 
@@ -125,7 +134,9 @@ class Progress:
             self.task = self.bar.add_task(self.things, total=total, completed=done, rate="", left="")
             return
         left = (total - done) / rate if rate > 0 else 0.0
-        each = f"{rate:.3g} {self.things}/s" if rate >= 1 else f"{1 / rate:.3g} s/{self.things[:-1]}" if rate > 0 else ""
+        each = (
+            f"{rate:.3g} {self.things}/s" if rate >= 1 else f"{1 / rate:.3g} s/{self.things[:-1]}" if rate > 0 else ""
+        )
         self.bar.update(self.task, completed=done, rate=each, left=f"{duration(left)} left" if done < total else "")
 
 

@@ -17,14 +17,16 @@ def register(app: typer.Typer) -> None:
     def dispersion(
         scene: SceneFile,
         output: Annotated[
-            Path | None, typer.Option("-o", "--output", metavar="OUT", help="Write a dataset: .nc or .zarr.", show_default=False)
+            Path | None,
+            typer.Option("-o", "--output", metavar="OUT", help="Write a dataset: .nc or .zarr.", show_default=False),
         ] = None,
         set: Set = None,
         begin: Begin = None,
         end: End = None,
         step: Step = None,
         picture: Annotated[
-            Path | None, typer.Option("--picture", metavar="FILE", help="Draw everything in one picture.", show_default=False)
+            Path | None,
+            typer.Option("--picture", metavar="FILE", help="Draw everything in one picture.", show_default=False),
         ] = None,
         json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
         overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
@@ -37,7 +39,11 @@ def register(app: typer.Typer) -> None:
         from ..upscaling.dispersion import dispersion_of_scene
 
         made = load_scene(scene, set, begin, end, step)
-        out = made.output(output, overwrite=overwrite) if output is not None or made.get("output", "file") is not None else None
+        out = (
+            made.output(output, overwrite=overwrite)
+            if output is not None or made.get("output", "file") is not None
+            else None
+        )
         result = dispersion_of_scene(made)
         if out is not None:
             result.save(out)

@@ -20,7 +20,8 @@ def register(app) -> None:
 def pd_command(
     case: Annotated[Path, typer.Argument(metavar="CASE", help="The case, a TOML file.", show_default=False)],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="OUT", help="The file to write: .zarr or .nc.", show_default=False)
+        Path | None,
+        typer.Option("-o", "--output", metavar="OUT", help="The file to write: .zarr or .nc.", show_default=False),
     ] = None,
     set: Annotated[
         list[str] | None,
@@ -31,8 +32,12 @@ def pd_command(
             show_default=False,
         ),
     ] = None,
-    jobs: Annotated[int, typer.Option("-j", "--jobs", metavar="N", help="Processor cores to use; 0 is all of them.")] = 0,
-    check: Annotated[bool, typer.Option("--check", help="Only say what would be run: nodes, bonds, time step, memory.")] = False,
+    jobs: Annotated[
+        int, typer.Option("-j", "--jobs", metavar="N", help="Processor cores to use; 0 is all of them.")
+    ] = 0,
+    check: Annotated[
+        bool, typer.Option("--check", help="Only say what would be run: nodes, bonds, time step, memory.")
+    ] = False,
     restart: Annotated[bool, typer.Option("--restart", help="Forget what an interrupted run has done.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no summary.")] = False,
@@ -91,7 +96,11 @@ def _held_together(case, sim) -> list[str]:
 
     def breaks(pair):
         s00, alpha = rule.s00[sim.model.kinds[pair]], rule.alpha[sim.model.kinds[pair]]
-        return f"break at a stretch of {s00:.4g}{f', alpha {alpha:g}' if alpha else ''}" if np.isfinite(s00) else "never break"
+        return (
+            f"break at a stretch of {s00:.4g}{f', alpha {alpha:g}' if alpha else ''}"
+            if np.isfinite(s00)
+            else "never break"
+        )
 
     lines = [
         f"material {n}{names.get(n, '')}: {m.name}, {int((numbers == n).sum())} nodes, {bonds.get((n, n), 0)} bonds that {breaks((n, n))}"
@@ -110,15 +119,24 @@ def _held_together(case, sim) -> list[str]:
 def summary(ds, out, seconds, progress) -> None:
 
     done = progress.total - progress.there
-    before = f"{progress.there} of {progress.total} steps were there, {done} computed" if progress.there else f"{done} steps"
+    before = (
+        f"{progress.there} of {progress.total} steps were there, {done} computed" if progress.there else f"{done} steps"
+    )
     print(f"{out}: {ds.attrs['quantities']} of {ds.sizes['node']} nodes at {ds.sizes['frame']} times")
     total = ds["energy_total"].values
     moved = max(float(abs(ds[f"energy_{k}"]).max()) for k in ("kinetic", "strain", "work_external", "work_constraint"))
-    drift = f"; the energy ledger closes to {abs(total - total[0]).max() / moved:.1e} of its largest part" if moved > 0 else ""
+    drift = (
+        f"; the energy ledger closes to {abs(total - total[0]).max() / moved:.1e} of its largest part"
+        if moved > 0
+        else ""
+    )
     print(
         f"broken bonds: {int(ds['n_broken'][-1])} of {ds.attrs['bonds']}; largest damage {float(ds['damage'][-1].max()) if 'damage' in ds else float('nan'):.3g}{drift}"
     )
-    print(f"{before} in {duration(seconds)}" + (f" ({1000 * seconds / done:.3g} ms a step, start and output included)" if done > 1 else ""))
+    print(
+        f"{before} in {duration(seconds)}"
+        + (f" ({1000 * seconds / done:.3g} ms a step, start and output included)" if done > 1 else "")
+    )
 
 
 def export_command(
@@ -126,18 +144,32 @@ def export_command(
     output: Annotated[
         Path | None,
         typer.Option(
-            "-o", "--output", metavar="FILE", help="What to write: .pvd (default), .vtu, .vti, .vts or .extxyz.", show_default=False
+            "-o",
+            "--output",
+            metavar="FILE",
+            help="What to write: .pvd (default), .vtu, .vti, .vts or .extxyz.",
+            show_default=False,
         ),
     ] = None,
     quantity: Annotated[
         str | None,
-        typer.Option("-q", "--quantity", metavar="NAMES", help="Which fields, separated by commas; default all.", show_default=False),
+        typer.Option(
+            "-q",
+            "--quantity",
+            metavar="NAMES",
+            help="Which fields, separated by commas; default all.",
+            show_default=False,
+        ),
     ] = None,
     begin: Annotated[
         int | None, typer.Option("-b", "--begin", metavar="N", help="First frame, counted from 0.", show_default=False)
     ] = None,
-    end: Annotated[int | None, typer.Option("-e", "--end", metavar="N", help="Frame to stop before.", show_default=False)] = None,
-    step: Annotated[int | None, typer.Option("--step", metavar="N", help="Take every N-th frame.", show_default=False)] = None,
+    end: Annotated[
+        int | None, typer.Option("-e", "--end", metavar="N", help="Frame to stop before.", show_default=False)
+    ] = None,
+    step: Annotated[
+        int | None, typer.Option("--step", metavar="N", help="Take every N-th frame.", show_default=False)
+    ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="Do not print the file's name.")] = False,
 ) -> None:
     """Write an output for ParaView (VTK) or as extended XYZ."""

@@ -103,7 +103,10 @@ class _Commands(TyperGroup):
                 _leave_quietly()
             raise
         except MemoryError as e:
-            _fail(f"not enough memory{': ' + str(e) if str(e) else ''}: take a coarser grid, a smaller radius or fewer jobs (-j 1)", 2)
+            _fail(
+                f"not enough memory{': ' + str(e) if str(e) else ''}: take a coarser grid, a smaller radius or fewer jobs (-j 1)",
+                2,
+            )
         except OSError as e:
             _fail_damaged()
             _fail(f"{e.filename + ': ' if isinstance(e.filename, str) else ''}{e.strerror or e}", 2)
@@ -178,7 +181,9 @@ def _version(value: bool) -> None:
 
 @app.callback()
 def _root(
-    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
+    ] = False,
 ) -> None:
     pass
 
@@ -202,7 +207,10 @@ def _summary(attributes: dict, out, seconds: float, progress: Progress) -> None:
         print(
             f"input error {float(rounding):.1e}: what rounding the coordinates to {float(attributes['input_resolution']):.1g} left in doubt"
         )
-    print(f"{before} in {duration(seconds)}" + (f" ({computed / seconds:.3g} frames/s, start included)" if computed > 1 else ""))
+    print(
+        f"{before} in {duration(seconds)}"
+        + (f" ({computed / seconds:.3g} frames/s, start included)" if computed > 1 else "")
+    )
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -223,11 +231,19 @@ def info(
     units: UnitsOption = None,
     masses: Masses = None,
     dimension: Annotated[
-        int | None, typer.Option("--dimension", metavar="2|3", help="2: a run in the plane (LAMMPS's dimension 2).", show_default=False)
+        int | None,
+        typer.Option(
+            "--dimension", metavar="2|3", help="2: a run in the plane (LAMMPS's dimension 2).", show_default=False
+        ),
     ] = None,
     atom_style: Annotated[
         str | None,
-        typer.Option("--atom-style", metavar="STYLE", help="What the columns of a LAMMPS data file are, e.g. full.", show_default=False),
+        typer.Option(
+            "--atom-style",
+            metavar="STYLE",
+            help="What the columns of a LAMMPS data file are, e.g. full.",
+            show_default=False,
+        ),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
 ) -> None:
@@ -256,7 +272,14 @@ def info(
         report = describe_scene(load_scene(trajectory[0], None))
     else:
         source = trajectory if len(trajectory) > 1 else trajectory[0]
-        report = describe(source, topology=topology, units=units, masses=parse_masses(masses), dimension=dimension, atom_style=atom_style)
+        report = describe(
+            source,
+            topology=topology,
+            units=units,
+            masses=parse_masses(masses),
+            dimension=dimension,
+            atom_style=atom_style,
+        )
     if json:
         print(report.json())
     else:
@@ -264,7 +287,9 @@ def info(
 
 
 @app.command()
-def plan(scene: SceneFile, set: Set = None, begin: Begin = None, end: End = None, step: Step = None, jobs: Jobs = 1) -> None:
+def plan(
+    scene: SceneFile, set: Set = None, begin: Begin = None, end: End = None, step: Step = None, jobs: Jobs = 1
+) -> None:
     """What would be computed, by which method and why; predicted time, memory and error."""
     made = load_scene(scene, set, begin, end, step)
     print(made.plan(jobs=jobs))
@@ -274,7 +299,8 @@ def plan(scene: SceneFile, set: Set = None, begin: Begin = None, end: End = None
 def fields(
     scene: SceneFile,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="OUT", help="The file to write: .zarr or .nc.", show_default=False)
+        Path | None,
+        typer.Option("-o", "--output", metavar="OUT", help="The file to write: .zarr or .nc.", show_default=False),
     ] = None,
     set: Set = None,
     begin: Begin = None,
@@ -290,7 +316,9 @@ def fields(
             show_default=False,
         ),
     ] = None,
-    restart: Annotated[bool, typer.Option("--restart", help="Forget the finished frames of an interrupted run.")] = False,
+    restart: Annotated[
+        bool, typer.Option("--restart", help="Forget the finished frames of an interrupted run.")
+    ] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
     quiet: Quiet = False,
 ) -> None:
@@ -311,12 +339,17 @@ def fields(
 def compare(
     what: Annotated[
         list[Path],
-        typer.Argument(metavar="OUT...|SCENE", help="Outputs of atc fields, or a scene together with --radii.", show_default=False),
+        typer.Argument(
+            metavar="OUT...|SCENE", help="Outputs of atc fields, or a scene together with --radii.", show_default=False
+        ),
     ],
     radii: Annotated[
         str | None,
         typer.Option(
-            "--radii", metavar="R1,R2,...", help="Compute the scene's stress for these kernel radii and compare them.", show_default=False
+            "--radii",
+            metavar="R1,R2,...",
+            help="Compute the scene's stress for these kernel radii and compare them.",
+            show_default=False,
         ),
     ] = None,
     set: Set = None,
@@ -325,7 +358,10 @@ def compare(
     step: Step = None,
     jobs: Jobs = 1,
     picture: Annotated[
-        Path | None, typer.Option("--picture", metavar="FILE", help="Where the picture goes; default: next to OUT.", show_default=False)
+        Path | None,
+        typer.Option(
+            "--picture", metavar="FILE", help="Where the picture goes; default: next to OUT.", show_default=False
+        ),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="The table as JSON.")] = False,
     csv: Annotated[bool, typer.Option("--csv", help="The table as CSV.")] = False,
@@ -378,7 +414,8 @@ def check(
     step: Step = None,
     jobs: Jobs = 1,
     points: Annotated[
-        int | None, typer.Option("--points", metavar="N", help="Random points, and as many of the grid's.", show_default=False)
+        int | None,
+        typer.Option("--points", metavar="N", help="Random points, and as many of the grid's.", show_default=False),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Only the exit status.")] = False,
@@ -410,19 +447,31 @@ def conductivity(
     end: End = None,
     step: Step = None,
     jobs: Jobs = 1,
-    segments: Annotated[int, typer.Option("--segments", metavar="N", help="Independent parts of the run that give the error.")] = 10,
+    segments: Annotated[
+        int, typer.Option("--segments", metavar="N", help="Independent parts of the run that give the error.")
+    ] = 10,
     plateau: Annotated[
         str | None,
-        typer.Option("--plateau", metavar="T1,T2", help="Average the integral over these lags; default: found.", show_default=False),
+        typer.Option(
+            "--plateau",
+            metavar="T1,T2",
+            help="Average the integral over these lags; default: found.",
+            show_default=False,
+        ),
     ] = None,
     longest: Annotated[
-        float | None, typer.Option("--longest", metavar="T", help="The longest lag; default: half a segment.", show_default=False)
+        float | None,
+        typer.Option("--longest", metavar="T", help="The longest lag; default: half a segment.", show_default=False),
     ] = None,
     dt: Annotated[
-        float | None, typer.Option("--dt", metavar="T", help="Time between frames, if the file does not say it.", show_default=False)
+        float | None,
+        typer.Option("--dt", metavar="T", help="Time between frames, if the file does not say it.", show_default=False),
     ] = None,
     picture: Annotated[
-        Path | None, typer.Option("--picture", metavar="FILE", help="Draw the correlation function and its integral.", show_default=False)
+        Path | None,
+        typer.Option(
+            "--picture", metavar="FILE", help="Draw the correlation function and its integral.", show_default=False
+        ),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress.")] = False,
@@ -451,7 +500,11 @@ def plot(
     quantity: Annotated[
         str | None,
         typer.Option(
-            "-q", "--quantity", metavar="NAME", help="Which field; default: the first stress, else the first field.", show_default=False
+            "-q",
+            "--quantity",
+            metavar="NAME",
+            help="Which field; default: the first stress, else the first field.",
+            show_default=False,
         ),
     ] = None,
     component: Annotated[
@@ -474,21 +527,40 @@ def plot(
         ),
     ] = None,
     axis: Annotated[
-        str | None, typer.Option("--axis", metavar="AXIS", help="Axis normal to the plane (with --index).", show_default=False)
+        str | None,
+        typer.Option("--axis", metavar="AXIS", help="Axis normal to the plane (with --index).", show_default=False),
     ] = None,
-    index: Annotated[int | None, typer.Option("--index", metavar="K", help="Index of the plane along --axis.", show_default=False)] = None,
+    index: Annotated[
+        int | None, typer.Option("--index", metavar="K", help="Index of the plane along --axis.", show_default=False)
+    ] = None,
     frame: Annotated[
-        str, typer.Option("--frame", metavar="N|mean", help="Frame counted from 0 (-1 is the last), or the mean over frames.")
+        str,
+        typer.Option(
+            "--frame", metavar="N|mean", help="Frame counted from 0 (-1 is the last), or the mean over frames."
+        ),
     ] = "-1",
-    limits: Annotated[str | None, typer.Option("--limits", metavar="LO,HI", help="Limits of the colour scale.", show_default=False)] = None,
+    limits: Annotated[
+        str | None, typer.Option("--limits", metavar="LO,HI", help="Limits of the colour scale.", show_default=False)
+    ] = None,
     robust: Annotated[bool, typer.Option("--robust", help="Limits at the 2nd and 98th percentile.")] = False,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="FILE", help="The picture: .png, .pdf or .svg; default next to OUT.", show_default=False),
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            help="The picture: .png, .pdf or .svg; default next to OUT.",
+            show_default=False,
+        ),
     ] = None,
     overlay: Annotated[
         Path | None,
-        typer.Option("--overlay", metavar="SCENE", help="Draw the atoms of this scene's trajectory near the plane.", show_default=False),
+        typer.Option(
+            "--overlay",
+            metavar="SCENE",
+            help="Draw the atoms of this scene's trajectory near the plane.",
+            show_default=False,
+        ),
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="Do not print the picture's name.")] = False,
 ) -> None:
@@ -509,7 +581,9 @@ def _parse_radii(text: str) -> list[float]:
         if not radii or min(radii) <= 0:
             raise ValueError
     except ValueError:
-        raise AtcError(f"--radii {text}: expected lengths greater than 0 in the trajectory's units, e.g. --radii 4,6,8,10") from None
+        raise AtcError(
+            f"--radii {text}: expected lengths greater than 0 in the trajectory's units, e.g. --radii 4,6,8,10"
+        ) from None
     return radii
 
 
@@ -519,7 +593,9 @@ def _parse_times(text: str | None):
     try:
         begin, end = (float(v) for v in text.split(","))
     except ValueError:
-        raise AtcError(f"--plateau {text}: expected two lags in the trajectory's unit of time, e.g. --plateau 3,6") from None
+        raise AtcError(
+            f"--plateau {text}: expected two lags in the trajectory's unit of time, e.g. --plateau 3,6"
+        ) from None
     return begin, end
 
 

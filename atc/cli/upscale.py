@@ -19,7 +19,11 @@ group = typer.Typer(
 Folder = Annotated[
     Path,
     typer.Option(
-        "-o", "--output", metavar="OUTDIR", help="Directory for report.html, pictures, numbers.json and runs as .nc.", show_default=False
+        "-o",
+        "--output",
+        metavar="OUTDIR",
+        help="Directory for report.html, pictures, numbers.json and runs as .nc.",
+        show_default=False,
     ),
 ]
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing.")]
@@ -33,7 +37,9 @@ def _table(report, quiet: bool) -> None:
     if quiet:
         return
     for c in report.claims:
-        print(f"{c.where}: {c.claim}\n    {c.measured}\n    -> {c.verdict}{': ' + c.assumption if c.assumption else ''}")
+        print(
+            f"{c.where}: {c.claim}\n    {c.measured}\n    -> {c.verdict}{': ' + c.assumption if c.assumption else ''}"
+        )
     print(f"report: {report.folder / 'report.html'}")
 
 
@@ -59,7 +65,10 @@ def lj(
     dt: Annotated[float, typer.Option("--dt", metavar="T", help="Time step.")] = 0.1,
     duration: Annotated[float, typer.Option("--duration", metavar="T", help="Length of the runs.")] = 300.0,
     beyond_spinodal: Annotated[
-        str, typer.Option("--beyond-spinodal", metavar="refuse|allow", help="Lennard-Jones bonds stretched until they soften.")
+        str,
+        typer.Option(
+            "--beyond-spinodal", metavar="refuse|allow", help="Lennard-Jones bonds stretched until they soften."
+        ),
     ] = "refuse",
     quiet: Quiet = False,
 ) -> None:
@@ -82,14 +91,26 @@ def lj(
 
 @group.command()
 def series(
-    order: Annotated[int, typer.Option("--order", metavar="M", help="Number of terms; the last derivative is twice that.")] = 4,
+    order: Annotated[
+        int, typer.Option("--order", metavar="M", help="Number of terms; the last derivative is twice that.")
+    ] = 4,
     neighbors: Annotated[
-        str, typer.Option("--neighbors", metavar="N|exact|leading", help="A number; polynomials in N; or large N, which is peridynamics.")
+        str,
+        typer.Option(
+            "--neighbors",
+            metavar="N|exact|leading",
+            help="A number; polynomials in N; or large N, which is peridynamics.",
+        ),
     ] = "exact",
     inner: Annotated[
-        int | None, typer.Option("--inner", metavar="DEGREE", help="The inner expansion of this odd degree instead.", show_default=False)
+        int | None,
+        typer.Option(
+            "--inner", metavar="DEGREE", help="The inner expansion of this odd degree instead.", show_default=False
+        ),
     ] = None,
-    lennard_jones: Annotated[bool, typer.Option("--lj", help="The Lennard-Jones chain (eq. 5.2) instead of springs.")] = False,
+    lennard_jones: Annotated[
+        bool, typer.Option("--lj", help="The Lennard-Jones chain (eq. 5.2) instead of springs.")
+    ] = False,
     json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
 ) -> None:
     """Higher-order gradient series and dispersion series in exact rationals, and what each truncation is good for."""
@@ -137,7 +158,12 @@ def series(
     if json:
         print(
             _json.dumps(
-                {"length": length, "gradient": list(map(str, terms)), "dispersion": list(map(str, waves)), "well_posedness": verdicts},
+                {
+                    "length": length,
+                    "gradient": list(map(str, terms)),
+                    "dispersion": list(map(str, waves)),
+                    "well_posedness": verdicts,
+                },
                 indent=1,
             )
         )
@@ -151,33 +177,56 @@ def series(
 @group.command()
 def chain(
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="OUT", help="The run as .nc or .zarr; a picture goes beside it.", show_default=False)
+        Path,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="OUT",
+            help="The run as .nc or .zarr; a picture goes beside it.",
+            show_default=False,
+        ),
     ],
-    model: Annotated[str, typer.Option("--model", metavar="NAME", help="springs, lj, or pd (peridynamics with --horizon).")] = "springs",
+    model: Annotated[
+        str, typer.Option("--model", metavar="NAME", help="springs, lj, or pd (peridynamics with --horizon).")
+    ] = "springs",
     spacing: Annotated[float, typer.Option("--spacing", metavar="DX", help="Distance of the nodes.")] = 0.25,
     neighbors: Annotated[int, typer.Option("--neighbors", metavar="M", help="On either side (springs, lj).")] = 20,
     horizon: Annotated[
-        float | None, typer.Option("--horizon", metavar="D", help="For pd: a multiple of the spacing.", show_default=False)
+        float | None,
+        typer.Option("--horizon", metavar="D", help="For pd: a multiple of the spacing.", show_default=False),
     ] = None,
     coarse: Annotated[
         str | None,
         typer.Option(
-            "--coarse", metavar="METHOD,FACTOR", help="Coarsen the springs first: band,2 or moments-4,2 (horizon kept).", show_default=False
+            "--coarse",
+            metavar="METHOD,FACTOR",
+            help="Coarsen the springs first: band,2 or moments-4,2 (horizon kept).",
+            show_default=False,
         ),
     ] = None,
     length: Annotated[float, typer.Option("--length", metavar="L", help="Of the chain.")] = 1000.0,
-    initial: Annotated[str, typer.Option("--initial", metavar="SHAPE", help="bump or square, in the middle, at rest.")] = "bump",
+    initial: Annotated[
+        str, typer.Option("--initial", metavar="SHAPE", help="bump or square, in the middle, at rest.")
+    ] = "bump",
     half_width: Annotated[float, typer.Option("--half-width", metavar="W", help="Of the initial shape.")] = 10.0,
     amplitude: Annotated[float, typer.Option("--amplitude", metavar="A", help="Of the initial shape.")] = 1.0,
     duration: Annotated[float, typer.Option("--duration", metavar="T", help="Length of the run.")] = 300.0,
     dt: Annotated[
         float | None,
-        typer.Option("--dt", metavar="T", help="Time step; default: eq. 4.13 with 0.85, for lj 0.1 of the stable one.", show_default=False),
+        typer.Option(
+            "--dt",
+            metavar="T",
+            help="Time step; default: eq. 4.13 with 0.85, for lj 0.1 of the stable one.",
+            show_default=False,
+        ),
     ] = None,
     boundary: Annotated[str, typer.Option("--boundary", metavar="NAME", help="periodic or clamped.")] = "clamped",
     rows: Annotated[int, typer.Option("--rows", metavar="N", help="Recorded times, about.")] = 300,
     beyond_spinodal: Annotated[
-        str, typer.Option("--beyond-spinodal", metavar="refuse|allow", help="Lennard-Jones bonds stretched until they soften.")
+        str,
+        typer.Option(
+            "--beyond-spinodal", metavar="refuse|allow", help="Lennard-Jones bonds stretched until they soften."
+        ),
     ] = "refuse",
     quiet: Quiet = False,
 ) -> None:

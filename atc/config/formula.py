@@ -37,7 +37,9 @@ def formula(text: str, variable: str, what: str, **constants: float):
     try:
         tree = ast.parse(text.replace("^", "**"), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise AtcError(f"{what} {text!r}: not a formula of {variable}; expected something like sin(2*pi*{variable})") from None
+        raise AtcError(
+            f"{what} {text!r}: not a formula of {variable}; expected something like sin(2*pi*{variable})"
+        ) from None
 
     def build(node):
         if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)) and not isinstance(node.value, bool):

@@ -101,7 +101,11 @@ class Formula:
             for name in sorted(self.uses):
                 v = np.asarray(values[name], float)
                 at.append(f"{name} = {float(v if v.ndim == 0 else np.broadcast_to(v, out.shape).ravel()[bad]):.6g}")
-            raise complain(f"{self._shown()} is {float(np.ravel(out)[bad])} at {', '.join(at)}" if at else f"{self._shown()} is not finite")
+            raise complain(
+                f"{self._shown()} is {float(np.ravel(out)[bad])} at {', '.join(at)}"
+                if at
+                else f"{self._shown()} is not finite"
+            )
         return out
 
     def __eq__(self, other):
@@ -145,7 +149,9 @@ class Formula:
         if isinstance(node, ast.Compare) and all(type(op) in _COMPARE for op in node.ops):
             parts = [self._translate(n) for n in (node.left, *node.comparators)]
             tests = [_COMPARE[type(op)] for op in node.ops]
-            return lambda v: reduce(np.logical_and, (f(a(v), b(v)) for f, a, b in zip(tests, parts, parts[1:], strict=False)))
+            return lambda v: reduce(
+                np.logical_and, (f(a(v), b(v)) for f, a, b in zip(tests, parts, parts[1:], strict=False))
+            )
         if isinstance(node, ast.BoolOp):
             f = np.logical_and if isinstance(node.op, ast.And) else np.logical_or
             parts = [self._translate(n) for n in node.values]
@@ -186,7 +192,8 @@ class Formula:
         name = node.func.id
         if name not in FUNCTIONS:
             raise self._wrong(
-                self._place(node), f"unknown function {name!r}: {guess(name, FUNCTIONS)}known: {', '.join(sorted(FUNCTIONS))}"
+                self._place(node),
+                f"unknown function {name!r}: {guess(name, FUNCTIONS)}known: {', '.join(sorted(FUNCTIONS))}",
             )
         f, fewest, most = FUNCTIONS[name]
         if node.keywords or any(isinstance(a, ast.Starred) for a in node.args) or not fewest <= len(node.args) <= most:

@@ -59,7 +59,9 @@ class Scene(Document):
         if isinstance(source, Scene):
             return cls.load({s: dict(t) for s, t in source.data.items()}, overrides)._placed(source)
         if isinstance(source, Mapping):
-            return cls._build({k: dict(v) if isinstance(v, Mapping) else v for k, v in source.items()}, Path(), "scene", {}, overrides)
+            return cls._build(
+                {k: dict(v) if isinstance(v, Mapping) else v for k, v in source.items()}, Path(), "scene", {}, overrides
+            )
         path = Path(source)
         return cls.loads(read_document(path, "scene"), name=str(path), folder=path.parent, overrides=overrides)
 
@@ -83,9 +85,13 @@ class Scene(Document):
         scene = cls(data, folder, name, lines)
         for section, table in data.items():
             if section not in SCHEMA:
-                raise AtcError(f"{scene.where(section)}: unknown section [{section}]: {guess(section, SCHEMA)}known: {', '.join(SCHEMA)}")
+                raise AtcError(
+                    f"{scene.where(section)}: unknown section [{section}]: {guess(section, SCHEMA)}known: {', '.join(SCHEMA)}"
+                )
             if not isinstance(table, dict):
-                raise AtcError(f"{scene.where(section)}: {section} must be a section: write [{section}] and its keys below")
+                raise AtcError(
+                    f"{scene.where(section)}: {section} must be a section: write [{section}] and its keys below"
+                )
         for path, value, flag in _overrides(overrides):
             section, key = path
             scene.data.setdefault(section, {})[key] = value
@@ -113,7 +119,9 @@ class Scene(Document):
                     # int("abc") and its like bring Python's own words, which help nobody.
                     reason = f" ({e})" if str(e) and "literal" not in str(e) else ""
                     raise self._bad(section, key, f"expected {spec.expected}, got {_shown(value)}{reason}") from None
-        if "file" not in self.data.get("trajectory", {}) and not ("dispersion" in self.data and "trajectory" not in self.data):
+        if "file" not in self.data.get("trajectory", {}) and not (
+            "dispersion" in self.data and "trajectory" not in self.data
+        ):
             raise self.need("trajectory", 'it needs file, the trajectory to read, e.g. file = "run.dump"')
         self._check_grid()
         self._check_potential()
@@ -137,7 +145,8 @@ class Scene(Document):
         given = [k for k in ("lammps", "input") if k in self.data["potential"]]
         if not given:
             raise self.need(
-                "potential", '[potential] needs lammps = """pair_style ...""" (LAMMPS lines) or input = "in.file" (a LAMMPS input script)'
+                "potential",
+                '[potential] needs lammps = """pair_style ...""" (LAMMPS lines) or input = "in.file" (a LAMMPS input script)',
             )
         if len(given) == 2:
             raise self._bad("potential", "input", "give lammps or input, not both")
@@ -178,7 +187,8 @@ class Scene(Document):
         work = Work.of(quantities)
         if work.bond_users and "potential" not in self.data:
             raise self.need(
-                "potential", f'{work.bond_users[0]} needs one: lammps = """pair_style ...""" (LAMMPS lines) or input = "in.file"'
+                "potential",
+                f'{work.bond_users[0]} needs one: lammps = """pair_style ...""" (LAMMPS lines) or input = "in.file"',
             )
         if work.kernel_users and "kernel" not in self.data:
             raise self.need("kernel", f'{work.kernel_users[0]} needs one, e.g. name = "quartic" and radius = 8.0')
@@ -278,7 +288,11 @@ class Scene(Document):
             return self._read(self.path("trajectory", "reference"), "reference")[0]
         whole = self._whole()
         if not -len(whole) <= value < len(whole):
-            raise self._bad("trajectory", "reference", f"there is no frame {value}: {whole.source} has {len(whole)}, numbered from 0")
+            raise self._bad(
+                "trajectory",
+                "reference",
+                f"there is no frame {value}: {whole.source} has {len(whole)}, numbered from 0",
+            )
         return whole[value]
 
     def log(self):
@@ -410,7 +424,9 @@ class Scene(Document):
             if self.get("fields", k) is not None
         }
         pot, kern, grid = self.potential(), self.kernel(), self.grid()
-        self._require_dimension(2 if traj.units.dimension == 2 or (pot is not None and pot.dimension == 2) else 3, kern, grid)
+        self._require_dimension(
+            2 if traj.units.dimension == 2 or (pot is not None and pot.dimension == 2) else 3, kern, grid
+        )
         return {
             "traj": traj, "pot": pot, "kern": kern, "grid": grid, "reference": self.reference(), "method": method,
             "threads": 1 if parallel else jobs, "workers": jobs if parallel else 1, "forces": self.get("trajectory", "forces", "warn"), "log": self.log(),
@@ -469,9 +485,15 @@ class Scene(Document):
         except OSError as e:
             raise self._bad(section, key, f"{path} cannot be read: {e.strerror or e}") from None
         except ValueError as e:
-            raise self._bad(section, key, f"{path}: expected {count} numbers a line: {' '.join(str(e).split())}") from None
+            raise self._bad(
+                section, key, f"{path}: expected {count} numbers a line: {' '.join(str(e).split())}"
+            ) from None
         if values.shape[1] not in (count, fewer) or not len(values):
-            raise self._bad(section, key, f"{path}: expected {count} numbers a line, found {values.shape[1] if len(values) else 'none'}")
+            raise self._bad(
+                section,
+                key,
+                f"{path}: expected {count} numbers a line, found {values.shape[1] if len(values) else 'none'}",
+            )
         return values
 
     def _placed_error(self, section, keys, error) -> AtcError:
@@ -560,11 +582,15 @@ def _setting_path(dotted: str, flag: str) -> tuple[str, str]:
     if not dot:
         homes = [s for s in SCHEMA if dotted in SCHEMA[s]]
         hint = f"did you mean {homes[0]}.{dotted}? " if homes else ""
-        raise AtcError(f"{flag}: expected SECTION.KEY=VALUE, e.g. kernel.radius=10; {hint}got only {dotted!r} before the =")
+        raise AtcError(
+            f"{flag}: expected SECTION.KEY=VALUE, e.g. kernel.radius=10; {hint}got only {dotted!r} before the ="
+        )
     if section not in SCHEMA:
         raise AtcError(f"{flag}: unknown section {section!r}: {guess(section, SCHEMA)}known: {', '.join(SCHEMA)}")
     if key not in SCHEMA[section]:
-        raise AtcError(f"{flag}: unknown key {key!r} in [{section}]: {guess(key, SCHEMA[section])}known: {', '.join(SCHEMA[section])}")
+        raise AtcError(
+            f"{flag}: unknown key {key!r} in [{section}]: {guess(key, SCHEMA[section])}known: {', '.join(SCHEMA[section])}"
+        )
     return section, key
 
 

@@ -230,12 +230,19 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "dimension": Key(_dimension, "2 (a run in the plane, LAMMPS's dimension 2) or 3"),
         "frames": Key(_frames, 'frames counted from 0, e.g. "100:500:5", { begin = 100, end = 500, step = 5 } or -1'),
         "reference": Key(
-            _either(_integer, _string), 'the index of the reference frame, or the file that holds it, e.g. 0 or "start.data"', path=True
+            _either(_integer, _string),
+            'the index of the reference frame, or the file that holds it, e.g. 0 or "start.data"',
+            path=True,
         ),
         "forces": Key(
-            _choice(_force_modes), 'what to do where the run\'s forces are not the potential\'s: "warn", "must agree" or "ignore"'
+            _choice(_force_modes),
+            'what to do where the run\'s forces are not the potential\'s: "warn", "must agree" or "ignore"',
         ),
-        "log": Key(_either(_string, _list_of(_string)), 'the LAMMPS log file of the run, or a list of them, e.g. "log.lammps"', path=True),
+        "log": Key(
+            _either(_string, _list_of(_string)),
+            'the LAMMPS log file of the run, or a list of them, e.g. "log.lammps"',
+            path=True,
+        ),
     },
     "potential": {
         "lammps": Key(_string, "LAMMPS lines, e.g. '''pair_style sw\\npair_coeff * * Si.sw Si'''"),
@@ -243,25 +250,35 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "units": Key(_choice(_unit_names), 'a unit style, e.g. "metal"'),
         "run": Key(_count, "the number of the script's run that the frames belong to, counted from 1, e.g. 2"),
         "partition": Key(
-            _partition, 'how energy is shared among atoms: "equal", "center", or by kind of term, e.g. { "angle" = "center" }'
+            _partition,
+            'how energy is shared among atoms: "equal", "center", or by kind of term, e.g. { "angle" = "center" }',
         ),
     },
     "kernel": {
         "name": Key(_string, 'the name of a kernel, e.g. "quartic"'),
         "radius": Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 8.0"),
         "width": Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 3.0"),
-        "size": Key(_LENGTH3, "one or three lengths greater than 0 (one or two in two dimensions), e.g. [5.0, 5.0, 5.0]"),
+        "size": Key(
+            _LENGTH3, "one or three lengths greater than 0 (one or two in two dimensions), e.g. [5.0, 5.0, 5.0]"
+        ),
         "table": Key(
-            _either(_string, _list_of(_list_of(_number))), "a file of r and phi(r) in two columns, or the pairs [[r, phi], ...]", path=True
+            _either(_string, _list_of(_list_of(_number))),
+            "a file of r and phi(r) in two columns, or the pairs [[r, phi], ...]",
+            path=True,
         ),
     },
     "grid": {
         "kind": Key(_choice(lambda: list(GRIDS)), 'the kind of grid, e.g. "regular"'),
         "shape": Key(_either(_count, _list_of(_count)), "how many points along each axis, e.g. [40, 40, 20]"),
-        "spacing": Key(_either(_positive, _list_of(_positive)), "the distance between points, greater than 0, e.g. 2.0"),
+        "spacing": Key(
+            _either(_positive, _list_of(_positive)), "the distance between points, greater than 0, e.g. 2.0"
+        ),
         "at": Key(_choice(["centers", "corners"]), '"centers" or "corners"'),
         "origin": Key(_VECTOR, "a point, e.g. [0.0, 0.0, 0.0]"),
-        "vectors": Key(_list_of(_either(_positive, _VECTOR)), "edge vectors, e.g. [[40.0, 0.0, 0.0], [0.0, 40.0, 0.0], [0.0, 0.0, 20.0]]"),
+        "vectors": Key(
+            _list_of(_either(_positive, _VECTOR)),
+            "edge vectors, e.g. [[40.0, 0.0, 0.0], [0.0, 40.0, 0.0], [0.0, 0.0, 20.0]]",
+        ),
         "axis": Key(_axis, 'an axis of the cell, e.g. "z"'),
         "position": Key(_number, "a distance from the cell's face along axis, e.g. 12.5"),
         "u": Key(_VECTOR, "an edge vector, e.g. [40.0, 0.0, 0.0]"),
@@ -277,13 +294,20 @@ SCHEMA: dict[str, dict[str, Key]] = {
         ),
     },
     "fields": {
-        "quantities": Key(_either(_list_of(_string), lambda v: [_string(v)]), 'a list of quantities, e.g. ["stress", "density"]'),
+        "quantities": Key(
+            _either(_list_of(_string), lambda v: [_string(v)]), 'a list of quantities, e.g. ["stress", "density"]'
+        ),
         "tolerance": Key(_tolerance, "the error allowed relative to the field's maximum, e.g. 1e-5"),
         "method": Key(_string, 'how to sum, e.g. "auto"'),
-        "horizon": Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 6.0: how far weighted virials see"),
-        "tiles": Key(_either(_list_of(_count, 3), _list_of(_count, 2)), "numbers of tiles along the cell's edges, e.g. [2, 2, 1]"),
+        "horizon": Key(
+            _positive, "a length greater than 0 in the trajectory's units, e.g. 6.0: how far weighted virials see"
+        ),
+        "tiles": Key(
+            _either(_list_of(_count, 3), _list_of(_count, 2)), "numbers of tiles along the cell's edges, e.g. [2, 2, 1]"
+        ),
         "average": Key(
-            _either(_boolean, _count), "true (one time average with standard error), false, or the number of frames in a window"
+            _either(_boolean, _count),
+            "true (one time average with standard error), false, or the number of frames in a window",
         ),
     },
     "check": {
@@ -294,7 +318,9 @@ SCHEMA: dict[str, dict[str, Key]] = {
     "dispersion": {
         "structure": Key(_choice(_structure_names), 'a cubic structure, e.g. "fcc"'),
         "lattice_constant": Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 5.3"),
-        "keep_lattice_constant": Key(_boolean, "true (compute at lattice_constant) or false (relax, or take the trajectory's)"),
+        "keep_lattice_constant": Key(
+            _boolean, "true (compute at lattice_constant) or false (relax, or take the trajectory's)"
+        ),
         "unit_cell": Key(_string, 'a file with one unit cell, e.g. "cell.data"', path=True),
         "masses": Key(_list_of(_positive), "a mass for each atom of the basis, e.g. [39.948]"),
         "directions": Key(_list_of(_list_of(_number, 3)), "directions, e.g. [[1, 0, 0], [1, 1, 1]]"),

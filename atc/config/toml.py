@@ -32,7 +32,9 @@ def key_lines(text: str) -> dict[tuple[str, ...], int]:
                 continue
             if text.startswith(quote, i):
                 i += len(quote)
-                while len(quote) == 3 and text[i : i + 1] == quote[0]:  # a multi-line string may end in up to two quotes of its own
+                while (
+                    len(quote) == 3 and text[i : i + 1] == quote[0]
+                ):  # a multi-line string may end in up to two quotes of its own
                     i += 1
                 quote = ""
                 continue
@@ -141,7 +143,9 @@ class Document:
 
     def need(self, section: str, what: str) -> AtcError:
         """An error for what a section lacks."""
-        return AtcError(f"{self.where(section)}: {what}" if section in self.data else f"{self.name}: no [{section}] section: {what}")
+        return AtcError(
+            f"{self.where(section)}: {what}" if section in self.data else f"{self.name}: no [{section}] section: {what}"
+        )
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -151,13 +155,22 @@ class Document:
 def _toml_string(s: str) -> str:
     escapes = {"\\": "\\\\", '"': '\\"', "\b": "\\b", "\t": "\\t", "\f": "\\f", "\r": "\\r"}
     multi = "\n" in s
-    out = "".join(escapes.get(c) or (c if c == "\n" and multi else f"\\u{ord(c):04X}" if ord(c) < 32 or ord(c) == 127 else c) for c in s)
+    out = "".join(
+        escapes.get(c) or (c if c == "\n" and multi else f"\\u{ord(c):04X}" if ord(c) < 32 or ord(c) == 127 else c)
+        for c in s
+    )
     return f'"""\n{out}"""' if multi else f'"{out}"'
 
 
 def toml_key(k: str) -> str:
     bare = k and all(c.isascii() and (c.isalnum() or c in "-_") for c in k)
-    return k if bare else _toml_string(k).replace("\n", "\\n") if "\n" not in k else '"' + _toml_string(k)[4:-3].replace("\n", "\\n") + '"'
+    return (
+        k
+        if bare
+        else _toml_string(k).replace("\n", "\\n")
+        if "\n" not in k
+        else '"' + _toml_string(k)[4:-3].replace("\n", "\\n") + '"'
+    )
 
 
 def toml_value(v) -> str:

@@ -243,7 +243,9 @@ _STYLE_MODULES = (
 )
 
 
-def potential(source, units=None, *, special_bonds=None, folder=None, name=None, partition=None, run=None, trajectory=()):
+def potential(
+    source, units=None, *, special_bonds=None, folder=None, name=None, partition=None, run=None, trajectory=()
+):
     """A model of the interactions, ready to decompose frames.
 
     Parameters
@@ -286,9 +288,9 @@ def potential(source, units=None, *, special_bonds=None, folder=None, name=None,
     from .pair import Pairs, PairStyle
 
     if partition is not None:
-        return potential(source, units, special_bonds=special_bonds, folder=folder, name=name, run=run, trajectory=trajectory).partitioned(
-            partition
-        )
+        return potential(
+            source, units, special_bonds=special_bonds, folder=folder, name=name, run=run, trajectory=trajectory
+        ).partitioned(partition)
     if isinstance(source, Potential):
         return source
     if isinstance(source, str | Path):

@@ -119,7 +119,13 @@ def multiple_cosine(n, cos, sin):
     theta = np.arctan2(sin, cos)
     near = sin < 1e-4
     # n² cos nθ/cos θ [1 − (n² − 1) sin²θ/3 ...] relative to cos nθ: the next term is below 1e-16 there.
-    limit = n * n * np.cos(n * np.rint(theta / np.pi) * np.pi) / np.where(near, np.sign(cos), 1.0) * (1.0 - (n * n - 1.0) * sin * sin / 6.0)
+    limit = (
+        n
+        * n
+        * np.cos(n * np.rint(theta / np.pi) * np.pi)
+        / np.where(near, np.sign(cos), 1.0)
+        * (1.0 - (n * n - 1.0) * sin * sin / 6.0)
+    )
     return np.cos(n * theta), np.where(near, limit, n * np.sin(n * theta) / np.where(near, 1.0, sin))
 
 

@@ -45,7 +45,9 @@ class AngularDependent(Centred):
         self.units = u = system(units)
         if tables.u_eer is None or tables.w_eer is None:
             raise AtcError("adp: the tables have no dipole and quadrupole functions")
-        used = tables.elements if elements is None else list(dict.fromkeys(e for e in elements if e not in (None, "NULL")))
+        used = (
+            tables.elements if elements is None else list(dict.fromkeys(e for e in elements if e not in (None, "NULL")))
+        )
         keep = [tables.elements.index(e) for e in used]
         self.map = ElementMap(elements, used, "pair_style adp")
         energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
@@ -158,7 +160,9 @@ def _centres(
                 along += mu[c] * arm[e, c]
                 qr += q[c] * arm[e, c]
                 rlr += v[c] * arm[e, c]
-            radial = (slope * drho[e] + du[e] * along + dw[e] * rlr) / dist[e] - nu / 3.0 * (dw[e] * dist[e] + 2.0 * w[e])
+            radial = (slope * drho[e] + du[e] * along + dw[e] * rlr) / dist[e] - nu / 3.0 * (
+                dw[e] * dist[e] + 2.0 * w[e]
+            )
             G_end[p, side] = radial + u[e] * m + 2.0 * w[e] * qr
             if sources:
                 for c in range(3):

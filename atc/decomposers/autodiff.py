@@ -12,7 +12,22 @@ import operator
 
 import numpy as np
 
-UNARY = ("exp", "log", "sqrt", "sin", "cos", "tan", "arcsin", "arccos", "arctan", "sinh", "cosh", "tanh", "expm1", "log1p")
+UNARY = (
+    "exp",
+    "log",
+    "sqrt",
+    "sin",
+    "cos",
+    "tan",
+    "arcsin",
+    "arccos",
+    "arctan",
+    "sinh",
+    "cosh",
+    "tanh",
+    "expm1",
+    "log1p",
+)
 ERF = ("erf", "erfc")
 _BINARY = {"add": "+", "sub": "-", "mul": "*", "div": "/", "pow": "**"}
 COMPARE = {"lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "==", "ne": "!="}
@@ -64,7 +79,13 @@ class Tape:
         if op == "sub" and c[0] == 0.0:
             return self.apply("neg", args[1])
         if op in _BINARY and None not in c:
-            f = {"add": operator.add, "sub": operator.sub, "mul": operator.mul, "div": operator.truediv, "pow": operator.pow}[op]
+            f = {
+                "add": operator.add,
+                "sub": operator.sub,
+                "mul": operator.mul,
+                "div": operator.truediv,
+                "pow": operator.pow,
+            }[op]
             if not (op == "div" and c[1] == 0.0):
                 return self.value(f(*c))
         if op == "neg" and c[0] is not None:
@@ -138,7 +159,9 @@ class Value:
             return NotImplemented
         name = _UFUNCS.get(ufunc.__name__)
         if name is None:
-            raise NotRecorded(f"numpy.{ufunc.__name__} cannot be differentiated here: use another function, or give gradient=")
+            raise NotRecorded(
+                f"numpy.{ufunc.__name__} cannot be differentiated here: use another function, or give gradient="
+            )
         return call(self.tape, name, inputs)
 
     def __array_function__(self, func, kinds, args, kwargs):
@@ -146,7 +169,9 @@ class Value:
             return self.tape.apply("where", *args)
         if func is np.clip and len(args) == 3:
             return self.tape.apply("minimum", self.tape.apply("maximum", args[0], args[1]), args[2])
-        raise NotRecorded(f"numpy.{func.__name__} cannot be differentiated here: use another function, or give gradient=")
+        raise NotRecorded(
+            f"numpy.{func.__name__} cannot be differentiated here: use another function, or give gradient="
+        )
 
 
 _UFUNCS = {n: n for n in UNARY} | {
@@ -168,7 +193,9 @@ def call(tape: Tape, name: str, args):
     if name == "cbrt":
         return tape.apply("pow", args[0], 1.0 / 3.0)
     if name == "hypot":
-        return tape.apply("sqrt", tape.apply("add", tape.apply("mul", args[0], args[0]), tape.apply("mul", args[1], args[1])))
+        return tape.apply(
+            "sqrt", tape.apply("add", tape.apply("mul", args[0], args[0]), tape.apply("mul", args[1], args[1]))
+        )
     return tape.apply(name, *args)
 
 
@@ -282,7 +309,9 @@ def source(tape: Tape, out: Value, slopes: list[Value]) -> str:
         return (
             repr(args[0])
             if math.isfinite(args[0])
-            else f"np.{'nan' if args[0] != args[0] else 'inf' if args[0] > 0 else 'NINF'}".replace("np.NINF", "(-np.inf)")
+            else f"np.{'nan' if args[0] != args[0] else 'inf' if args[0] > 0 else 'NINF'}".replace(
+                "np.NINF", "(-np.inf)"
+            )
         )
 
     for k in sorted(used):

@@ -55,7 +55,11 @@ class AxilrodTeller(Term):
         if self.uniform:
             self.nu = nu.reshape(1, 1, 1)
         else:
-            if nu.ndim != 3 or len(set(nu.shape)) != 1 or not all(np.array_equal(nu, nu.transpose(p)) for p in permutations(range(3))):
+            if (
+                nu.ndim != 3
+                or len(set(nu.shape)) != 1
+                or not all(np.array_equal(nu, nu.transpose(p)) for p in permutations(range(3)))
+            ):
                 raise AtcError(f"pair_style atm: nu by type must be a symmetric (n, n, n) array, got shape {nu.shape}")
             self.nu = np.zeros((nu.shape[0] + 1,) * 3)
             self.nu[1:, 1:, 1:] = nu
@@ -107,7 +111,9 @@ def _derivative(nu, u, v, w, P, Q15, Q25):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _triple_dipoles(p0, p1, a, b, r, d, start, pair, end, types, nu, cut2, product2, atom, out_i, out_j, out_r, out_G, out_D, energies):
+def _triple_dipoles(
+    p0, p1, a, b, r, d, start, pair, end, types, nu, cut2, product2, atom, out_i, out_j, out_r, out_G, out_D, energies
+):
     """Bonds of the pairs p0..p1. A triple is met from each of its three pairs, which take a third of its energy each."""
     sources = len(out_D) > 0
     shared = len(energies) > 0
@@ -185,7 +191,8 @@ def _atm(inp):
     for line in inp.coeffs:
         if len(line.words) != 2:
             raise inp.error(
-                f"pair_coeff of atm takes three types and nu, got {' '.join(line.words) or 'nothing'} behind the first two", line
+                f"pair_coeff of atm takes three types and nu, got {' '.join(line.words) or 'nothing'} behind the first two",
+                line,
             )
         lines.append((_types(inp, line), inp.number(line.words[1], 1.0, "nu", line), line))
         n = max(n, *lines[-1][0]) if lines[-1][0][1] is not None else n
@@ -208,7 +215,9 @@ def _atm(inp):
             if (i, j) not in given and (inp.wanted is None or (known and inp.wanted[i, j])):
                 raise inp.error(f"pair_style atm: no pair_coeff for types {i} and {j}: add 'pair_coeff {i} {j} * <nu>'")
             if known and not inp.wanted[i, j] and (nu[i - 1, j - 1] != 0.0).any():
-                raise inp.error(f"pair_style atm: types {i} and {j} belong to another sub-style but have a nu: use hybrid/overlay")
+                raise inp.error(
+                    f"pair_style atm: types {i} and {j} belong to another sub-style but have a nu: use hybrid/overlay"
+                )
     return AxilrodTeller(nu, cutoff, triple, units=inp.units)
 
 
@@ -219,4 +228,6 @@ def _types(inp, line):
     try:
         return (int(lo), int(lo)) if not star else (int(lo or 1), int(hi) if hi else None)
     except ValueError:
-        raise inp.error(f"pair_coeff of atm: expected a third type such as 1, * or 2*4, got {line.words[0]!r}", line) from None
+        raise inp.error(
+            f"pair_coeff of atm: expected a third type such as 1, * or 2*4, got {line.words[0]!r}", line
+        ) from None

@@ -194,7 +194,9 @@ class Potential:
         self.units = units(units_)
         self.description = description
         if not self.terms:
-            raise AtcError("the potential has no interactions: give at least one pair_style or bonded style with its coefficients")
+            raise AtcError(
+                "the potential has no interactions: give at least one pair_style or bonded style with its coefficients"
+            )
 
     @property
     def pairwise(self) -> bool:
@@ -243,7 +245,9 @@ class Potential:
                     raise AtcError(
                         f"partition: the potential has no term {key!r} whose energy could be shared in another way: {f'it has {known}' if known else 'none of its terms could'}"
                     )
-            new.terms = [t.partitioned(partition[n]) if n in partition else t for t, n in zip(self.terms, names, strict=True)]
+            new.terms = [
+                t.partitioned(partition[n]) if n in partition else t for t, n in zip(self.terms, names, strict=True)
+            ]
         else:
             raise AtcError(
                 f"partition must be {' or '.join(map(repr, PARTITIONS))}, or a dict such as {{'sw': 'center'}}, got {partition!r}"
@@ -347,7 +351,9 @@ class Potential:
     def decompose(self, frame: Frame, *, threads: int = 1, sources: bool = False) -> Decomposition:
         """Energy, per-atom energies, forces and all bonds of a frame, at once. For large frames prefer `stream`."""
         parts: list[list[Bonds]] = [[] for _ in range(threads)]
-        d = self.stream(frame, lambda b, t: parts[t].append(b.copy()), threads=threads, energies=True, forces=True, sources=sources)
+        d = self.stream(
+            frame, lambda b, t: parts[t].append(b.copy()), threads=threads, energies=True, forces=True, sources=sources
+        )
         d.bonds = Bonds.concatenate(b for p in parts for b in p)
         return d
 

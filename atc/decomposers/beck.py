@@ -37,7 +37,9 @@ class Beck(RadialStyle):
 
 def _beck_lines(inp: StyleInput) -> StyleInput:
     """The lines with the constant put in its place."""
-    lines = tuple(line.__class__(line.types, (*line.words[:5], str(_BECK), *line.words[5:]), line.where) for line in inp.coeffs)
+    lines = tuple(
+        line.__class__(line.types, (*line.words[:5], str(_BECK), *line.words[5:]), line.where) for line in inp.coeffs
+    )
     for line in inp.coeffs:
         inp.numbers(line.words, (*Beck.numbers[:5], Beck.numbers[6]), line, optional=1)
     return inp.replace(coeffs=lines)

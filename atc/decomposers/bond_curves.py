@@ -5,7 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from .bond import BondStyle
-from .bonded import RowTerm, energy, kelvin, length, per_length2, per_length3, per_length4, plain, register_bonded, whole
+from .bonded import (
+    RowTerm,
+    energy,
+    kelvin,
+    length,
+    per_length2,
+    per_length3,
+    per_length4,
+    plain,
+    register_bonded,
+    whole,
+)
 from .registry import bond_style
 
 #: MM3's cubic constant; the quartic one is 7/12 of its square
@@ -77,9 +88,7 @@ class NonlinearBond(CurveBond):
         return epsilon * x * x / rest, 2.0 * epsilon * x * reach**2 / rest**2
 
     def refuse(self, t, d):
-        return (
-            f"{abs(d - self.table[t, 1]) / self.table[t, 2]:.4g} of its maximum extension lambda away from r0, where its energy is infinite"
-        )
+        return f"{abs(d - self.table[t, 1]) / self.table[t, 2]:.4g} of its maximum extension lambda away from r0, where its energy is infinite"
 
 
 class HarmonicShiftBond(CurveBond):
@@ -204,5 +213,13 @@ class GaussianBond(RowTerm, CurveBond):
 
 
 register_bonded(
-    bond_style, Class2Bond, GromosBond, NonlinearBond, HarmonicShiftBond, HarmonicShiftCutBond, MM3Bond, FeneNMBond, GaussianBond
+    bond_style,
+    Class2Bond,
+    GromosBond,
+    NonlinearBond,
+    HarmonicShiftBond,
+    HarmonicShiftCutBond,
+    MM3Bond,
+    FeneNMBond,
+    GaussianBond,
 )

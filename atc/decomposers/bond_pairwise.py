@@ -122,9 +122,7 @@ class QuarticBond(PairedBond):
         return "where its repulsion is infinite: two bonded atoms are at the same place"
 
     def note(self):
-        return (
-            "quartic bonds longer than their cutoff: broken, without a force (bonds that broke earlier and are short again are not known)"
-        )
+        return "quartic bonds longer than their cutoff: broken, without a force (bonds that broke earlier and are short again are not known)"
 
 
 class SpecialBond(PairedBond):
@@ -160,7 +158,9 @@ class SpecialBond(PairedBond):
                 stacklevel=2,
             )
         if any(s.keeps_excluded for s in inp.pairs.styles):
-            raise inp.error("bond_style special is not supported with coul/dsf and coul/wolf, which count excluded pairs in part")
+            raise inp.error(
+                "bond_style special is not supported with coul/dsf and coul/wolf, which count excluded pairs in part"
+            )
 
     def add_with_pairs(self, own, i, j, types, d, U, G):
         w = self.table[types]

@@ -243,7 +243,9 @@ class CrossTerms:
         for t, has in got.items():
             missing = [p for p in parts if p not in has]
             if missing:
-                what = " and ".join(f"{inp.kind}_coeff {t} {p}".strip() + f" (data file: {SECTIONS[inp.kind, p]})" for p in missing)
+                what = " and ".join(
+                    f"{inp.kind}_coeff {t} {p}".strip() + f" (data file: {SECTIONS[inp.kind, p]})" for p in missing
+                )
                 raise inp.error(f"{inp.kind} type {t} of style {inp.name} lacks coefficients: add {what}")
         return cls._from_input({t: [x for p in parts for x in has[p]] for t, has in got.items()}, inp)
 
@@ -256,7 +258,9 @@ def filled(rows: Mapping[int, Sequence[float]], filling=(0.0,)) -> np.ndarray:
     """(largest type + 1, longest row): each row by its type, filled up with `filling` over and over (from the second number on, if it has several)."""
     width = max((len(r) for r in rows.values()), default=1)
     lead = width % len(filling)
-    table = np.tile(np.concatenate([np.zeros(lead), np.tile(filling, width // len(filling))]), (max(rows, default=0) + 1, 1))
+    table = np.tile(
+        np.concatenate([np.zeros(lead), np.tile(filling, width // len(filling))]), (max(rows, default=0) + 1, 1)
+    )
     for t, r in rows.items():
         table[t, : len(r)] = r
     return table
@@ -275,7 +279,9 @@ def _converted(term, coeffs, u):
         v = tuple(np.atleast_1d(v).astype(float))
         if len(v) != len(term.wants):
             names = ", ".join(w for w, _ in term.wants)
-            raise AtcError(f"{term.kind} style {term.name}: type {t} needs {names or 'no numbers'}, got {len(v)} numbers")
+            raise AtcError(
+                f"{term.kind} style {term.name}: type {t} needs {names or 'no numbers'}, got {len(v)} numbers"
+            )
         out[int(t)] = tuple(x * f(u) for x, (_, f) in zip(v, term.wants, strict=True))
     return out
 
@@ -346,7 +352,10 @@ def _build_hybrid(inp):
     for line in inp.coeffs:
         name = line.words[0] if line.words else ""
         if name not in args and name not in ("none", "skip"):
-            raise inp.error(f"{inp.kind}_coeff of hybrid: expected one of {', '.join([*args, 'none'])} after the type, got {name!r}", line)
+            raise inp.error(
+                f"{inp.kind}_coeff of hybrid: expected one of {', '.join([*args, 'none'])} after the type, got {name!r}",
+                line,
+            )
         if name == "skip":
             # A row of a class2 section for a type of another style: nothing is said about it.
             continue
@@ -357,7 +366,12 @@ def _build_hybrid(inp):
     terms = []
     for name, more in args.items():
         # A type given twice belongs to the style that names it last.
-        mine = [replace(x, types=(TypeRange(t, t),)) for x in lines[name] for (t,) in x.covers(inp.n_types) if last[t] == name]
+        mine = [
+            replace(x, types=(TypeRange(t, t),))
+            for x in lines[name]
+            for (t,) in x.covers(inp.n_types)
+            if last[t] == name
+        ]
         if mine:
             terms.append(known[name](inp.replace(name=name, args=tuple(more), coeffs=tuple(mine))))
     silent = {t for t, name in last.items() if name not in args}

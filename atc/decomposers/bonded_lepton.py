@@ -85,7 +85,8 @@ class _Formulas:
             if len(line.words) != 1 + lead:
                 what = f"the reference {'length' if inp.kind == 'bond' else 'angle'} and " if lead else ""
                 raise inp.error(
-                    f"{inp.kind}_coeff of lepton takes {what}a formula in quotes, got {' '.join(line.words) or 'nothing'}", line
+                    f"{inp.kind}_coeff of lepton takes {what}a formula in quotes, got {' '.join(line.words) or 'nothing'}",
+                    line,
                 )
             reference = inp.number(line.words[0], 1.0, "the reference", line) * self.size() if lead else 0.0
             try:

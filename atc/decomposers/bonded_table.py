@@ -56,7 +56,9 @@ def read_section(path, keyword: str, kind: str, where: str = "", units_name: str
     if n is None or n < 2:
         raise AtcError(f"{path}:{number}: a {kind} table needs N <number of lines> of at least 2")
     if n > len(lines) - 1:
-        raise AtcError(f"{path}:{number}: the section {keyword!r} announces {n} lines, the file has {len(lines) - 1} more")
+        raise AtcError(
+            f"{path}:{number}: the section {keyword!r} announces {n} lines, the file has {len(lines) - 1} more"
+        )
     data = read_rows(path, keyword, lines[1 : n + 1], n, ("x", "energy", "force"))
     if not np.isfinite(data).all() or (np.diff(data[:, 0]) <= 0).any():
         raise AtcError(
@@ -65,7 +67,9 @@ def read_section(path, keyword: str, kind: str, where: str = "", units_name: str
     return Section(data[:, 0].copy(), data[:, 1].copy(), data[:, 2].copy(), slopes)
 
 
-def section_lines(path, keyword: str, kind: str, where: str = "", units_name: str | None = None) -> list[tuple[int, list[str]]]:
+def section_lines(
+    path, keyword: str, kind: str, where: str = "", units_name: str | None = None
+) -> list[tuple[int, list[str]]]:
     """(number, words) of the lines behind a section's keyword to the end of the file, without comments and blank lines; the first is its parameters.
 
     Raises AtcError as `read_section`.
@@ -74,14 +78,18 @@ def section_lines(path, keyword: str, kind: str, where: str = "", units_name: st
     text = whole_text(path, f"{kind} table", where)
     tag = units_tag(text)
     if None not in (tag, units_name) and tag != units_name:
-        raise AtcError(f"{at}{path} is in {tag!r} units (its UNITS: tag) and the model in {units_name!r}: use a table in the model's units")
+        raise AtcError(
+            f"{at}{path} is in {tag!r} units (its UNITS: tag) and the model in {units_name!r}: use a table in the model's units"
+        )
     lines = [(n, w) for n, line in enumerate(text.splitlines(), 1) if (w := line.partition("#")[0].split())]
     start = next((p for p, (_, w) in enumerate(lines) if w[0] == keyword), None)
     if start is None:
         names = [w[0] for _, w in lines if not _number(w[0]) and w[0] != "N"]
         raise AtcError(f"{at}{path} has no section {keyword!r}; it has {shortened(', '.join(names)) or 'none'}")
     if start + 1 == len(lines):
-        raise AtcError(f"{path}:{lines[start][0]}: the section {keyword!r} is empty: expected a line N <number of lines>")
+        raise AtcError(
+            f"{path}:{lines[start][0]}: the section {keyword!r} is empty: expected a line N <number of lines>"
+        )
     return lines[start + 1 :]
 
 
@@ -193,14 +201,27 @@ def _lookup(types, x, ends, values, spline, U, F):
 
 def build_tables(inp, kind: str) -> Tables:
     """From ``bond_style table linear 1000`` and ``bond_coeff 1 file KEYWORD`` lines."""
-    if len(inp.args) != 2 or inp.args[0] not in ("linear", "spline") or not inp.args[1].isdigit() or int(inp.args[1]) < 2:
-        raise inp.error(f"{inp.command} takes linear or spline and a number of points of at least 2, got {' '.join(inp.args) or 'nothing'}")
+    if (
+        len(inp.args) != 2
+        or inp.args[0] not in ("linear", "spline")
+        or not inp.args[1].isdigit()
+        or int(inp.args[1]) < 2
+    ):
+        raise inp.error(
+            f"{inp.command} takes linear or spline and a number of points of at least 2, got {' '.join(inp.args) or 'nothing'}"
+        )
     sections: dict[int, Section] = {}
     for line in inp.coeffs:
         if len(line.words) != 2:
-            raise inp.error(f"{kind}_coeff of table takes a file and a section's keyword, got {' '.join(line.words) or 'nothing'}", line)
+            raise inp.error(
+                f"{kind}_coeff of table takes a file and a section's keyword, got {' '.join(line.words) or 'nothing'}",
+                line,
+            )
         section = internal_section(
-            read_section(inp.path(line.words[0], line), line.words[1], kind, line.where, inp.units.name), kind, inp.units, line.where
+            read_section(inp.path(line.words[0], line), line.words[1], kind, line.where, inp.units.name),
+            kind,
+            inp.units,
+            line.where,
         )
         for (t,) in line.covers(inp.n_types):
             sections[t] = section
@@ -232,6 +253,7 @@ def read_tables(sections: dict, kind: str, *, points: int, spline: bool = False,
 
     u = system(units)
     read = {
-        pk: internal_section(read_section(*pk, kind, units_name=u.name), kind, u, str(pk[0])) for pk in dict.fromkeys(sections.values())
+        pk: internal_section(read_section(*pk, kind, units_name=u.name), kind, u, str(pk[0]))
+        for pk in dict.fromkeys(sections.values())
     }
     return Tables({t: read[pk] for t, pk in sections.items()}, points, spline, u)

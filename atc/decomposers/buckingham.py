@@ -71,7 +71,11 @@ class Born(PairStyle):
 def _fill(style, A, rho, sigma, C, D, cutoff, shift):
     rc = np.where(cutoff > 0, cutoff, np.inf)
     inverse = 1.0 / np.where(rho > 0, rho, np.inf)
-    offset = A * np.exp((sigma - np.where(cutoff > 0, cutoff, 0.0)) * inverse) - C / rc**6 + D / rc**8 if shift else np.zeros_like(A)
+    offset = (
+        A * np.exp((sigma - np.where(cutoff > 0, cutoff, 0.0)) * inverse) - C / rc**6 + D / rc**8
+        if shift
+        else np.zeros_like(A)
+    )
     style._set(cutoff, A, inverse, sigma, C, D, offset)
 
 

@@ -40,7 +40,9 @@ class Centred(Term):
         """Fill G_p[p0:p1] with G of the pair energies; return their sum and the first pair that is not finite, or −1."""
         return 0.0, -1
 
-    def centres(self, near, element, s0, s1, most, G_end, S_end, out_i, out_j, out_r, out_G, out_D, energies) -> tuple[int, float]:
+    def centres(
+        self, near, element, s0, s1, most, G_end, S_end, out_i, out_j, out_r, out_G, out_D, energies
+    ) -> tuple[int, float]:
         """Around the atoms s0..s1: arms into G_end (pair, end) and S_end (pair, end, 2, 3), outer bonds to the out arrays; return their number and Σ U_i.
 
         S_end[p, end] : ∂U^(centre)/∂x_other and ∂U^(other)/∂x_centre. It and out_D have no rows where no sources are wanted, energies none where no shares are.

@@ -102,7 +102,12 @@ class OneFour:
     """
 
     def __init__(self, epsilon, sigma, constant: float, implicit: bool = False, cutoffs=None):
-        self.a, self.c, self.constant, self.implicit = 4 * epsilon * sigma**12, 4 * epsilon * sigma**6, constant, implicit
+        self.a, self.c, self.constant, self.implicit = (
+            4 * epsilon * sigma**12,
+            4 * epsilon * sigma**6,
+            constant,
+            implicit,
+        )
         self.shifted = cutoffs is not None
         inner, outer, coulomb = cutoffs or (np.inf, np.inf, np.inf)
         self.offset = -self.a / (inner * outer) ** 6 + self.c / (inner * outer) ** 3
@@ -123,9 +128,13 @@ def _coefficients(inp: StyleInput, inner, outer):
     for line in inp.coeffs:
         if len(line.words) not in (2, 4):
             raise inp.error(
-                f"pair_coeff of {inp.name} takes epsilon sigma [epsilon_14 sigma_14], got {' '.join(line.words) or 'nothing'}", line
+                f"pair_coeff of {inp.name} takes epsilon sigma [epsilon_14 sigma_14], got {' '.join(line.words) or 'nothing'}",
+                line,
             )
-    doubled = tuple(line.__class__(line.types, line.words * 2 if len(line.words) == 2 else line.words, line.where) for line in inp.coeffs)
+    doubled = tuple(
+        line.__class__(line.types, line.words * 2 if len(line.words) == 2 else line.words, line.where)
+        for line in inp.coeffs
+    )
     wants = (*_LJ[:2], ("epsilon_14", "energy"), ("sigma_14", "length"))
 
     def mix(a, b, rule):
@@ -167,7 +176,9 @@ pair_style("lj/charmm/coul/charmm/implicit")(_switched(CoulombCharmmImplicit, Tr
 def _force_switched(inp: StyleInput):
     names = ("inner LJ cutoff", "outer LJ cutoff", "Coulomb cutoff")
     inner, outer, rc = inp.numbers(inp.args, [(n, "length") for n in names], optional=1)
-    wrong = inner_below_outer(inner, outer, "LJ ") or (None if rc is None or rc > 0 else "the Coulomb cutoff must be positive")
+    wrong = inner_below_outer(inner, outer, "LJ ") or (
+        None if rc is None or rc > 0 else "the Coulomb cutoff must be positive"
+    )
     if wrong:
         raise inp.error(f"{inp.command}: {wrong}, got {' '.join(inp.args)}")
     *lj, e14, s14, on = _coefficients(inp, inner, outer)

@@ -104,7 +104,9 @@ class ClusterWork(Work):
         x = np.zeros((*atoms.shape, 3))
         step = np.empty((len(atoms), 3))
         for k in range(1, atoms.shape[1]):
-            self.images.vectors_to(self.frame.positions, np.ascontiguousarray(atoms[:, k]), np.ascontiguousarray(atoms[:, k - 1]), step)
+            self.images.vectors_to(
+                self.frame.positions, np.ascontiguousarray(atoms[:, k]), np.ascontiguousarray(atoms[:, k - 1]), step
+            )
             x[:, k] = x[:, k - 1] + step
         return x
 

@@ -37,7 +37,9 @@ def read_maps(path, where: str = "") -> np.ndarray:
             except ValueError:
                 raise AtcError(f"{path}:{number}: expected the energies of a correction map, got {word!r}") from None
     if not values or len(values) % POINTS**2 or not np.isfinite(values).all():
-        raise AtcError(f"{path}: correction maps have {POINTS} x {POINTS} finite numbers each, this file has {len(values)} numbers")
+        raise AtcError(
+            f"{path}: correction maps have {POINTS} x {POINTS} finite numbers each, this file has {len(values)} numbers"
+        )
     return np.reshape(values, (-1, POINTS, POINTS))
 
 
@@ -62,7 +64,9 @@ def read_crossterms(path, section: str = "CMAP") -> tuple[np.ndarray, np.ndarray
             # The name of the next section.
             break
         if len(words) != 7:
-            raise AtcError(f"{path}:{number}: a row of section {section} has an index, a type and five atom ids, got {line.strip()!r}")
+            raise AtcError(
+                f"{path}:{number}: a row of section {section} has an index, a type and five atom ids, got {line.strip()!r}"
+            )
         rows.append([int(w) for w in words[1:]])
     table = np.array(rows, np.int64).reshape(-1, 6)
     return table[:, 0], table[:, 1:]

@@ -31,8 +31,13 @@ class Colloid(RadialStyle):
 
 one_cutoff(
     Colloid,
-    mix=lambda a, b, rule: (*mix_lj_distances(a[:2], b[:2], rule), *(mix_distance(x, y, rule) for x, y in zip(a[2:], b[2:], strict=True))),
-    check=lambda *v: None if v[1] > 0 and v[2] >= 0 and v[3] >= 0 else "sigma must be positive and the diameters not negative",
+    mix=lambda a, b, rule: (
+        *mix_lj_distances(a[:2], b[:2], rule),
+        *(mix_distance(x, y, rule) for x, y in zip(a[2:], b[2:], strict=True)),
+    ),
+    check=lambda *v: (
+        None if v[1] > 0 and v[2] >= 0 and v[3] >= 0 else "sigma must be positive and the diameters not negative"
+    ),
 )
 
 
@@ -52,7 +57,14 @@ def _sphere_solvent(d2, A, sigma, a):
     i = 1.0 / (a2 - d2)
     i3 = i * i * i
     k = 2.0 / 9.0 * a * a2 * s3 * A * i3
-    n = s3 * s3 * (5.0 * a2 * a2 * a2 + 45.0 * a2 * a2 * d2 + 63.0 * a2 * d2 * d2 + 15.0 * d2 * d2 * d2) / 15.0 * i3 * i3
+    n = (
+        s3
+        * s3
+        * (5.0 * a2 * a2 * a2 + 45.0 * a2 * a2 * d2 + 63.0 * a2 * d2 * d2 + 15.0 * d2 * d2 * d2)
+        / 15.0
+        * i3
+        * i3
+    )
     slope = s3 * s3 * (90.0 * a2 * a2 + 252.0 * a2 * d2 + 90.0 * d2 * d2) / 15.0 * i3 * i3
     return k * (1.0 - n), k * (6.0 * i - slope - 18.0 * n * i)
 

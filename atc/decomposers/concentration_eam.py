@@ -49,7 +49,9 @@ class ConcentrationEAM(Term):
         self.units = u = system(units)
         self.style = "eam/cd/old" if two_sites else "eam/cd"
         if tables.mixing is None or len(tables.elements) != 2:
-            raise AtcError(f"{self.style}: needs tables of two elements with a polynomial h(x), got {len(tables.elements)} elements")
+            raise AtcError(
+                f"{self.style}: needs tables of two elements with a polynomial h(x), got {len(tables.elements)} elements"
+            )
         self.map = ElementMap(elements, tables.elements, f"pair_style {self.style}")
         energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
         self.per_dr, self.per_drho = 1.0 / (tables.dr * length), 1.0 / tables.drho
@@ -61,7 +63,9 @@ class ConcentrationEAM(Term):
         self.zr = np.ascontiguousarray(spline(tables.zr_eer * (energy * length)))
 
     @classmethod
-    def from_file(cls, path, elements=None, *, units: str | Units = "metal", two_sites: bool = False, where: str = "") -> ConcentrationEAM:
+    def from_file(
+        cls, path, elements=None, *, units: str | Units = "metal", two_sites: bool = False, where: str = ""
+    ) -> ConcentrationEAM:
         """From a LAMMPS file, e.g. ``ConcentrationEAM.from_file("FeCr.cdeam", ["Fe", "Cr"])``. where : the line that names it, for messages."""
         t = read_setfl(path, system(units).name, False, where, mixing=True)
         odd = next((e for e in elements or () if e not in (None, "NULL", *t.elements)), None)
@@ -113,7 +117,9 @@ class _Work(Work):
 
     def _weights(self, task, acc):
         near, t = self.near, self.term
-        _weights(near.first[task], near.first[task + 1], *self._lists(), t.zr, t.per_dr, t.h, t.two_sites, self.x, self.X)
+        _weights(
+            near.first[task], near.first[task + 1], *self._lists(), t.zr, t.per_dr, t.h, t.two_sites, self.x, self.X
+        )
 
     def _merge(self, task, acc):
         near, ws, t = self.near, acc.ws, self.term
@@ -181,7 +187,9 @@ def _mixed(h, two_sites, x, y):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _densities(s0, s1, start, pair, end, a, b, r, d, element, F, rho_table, per_drho, per_dr, atom, rho, x, slope, grad, energies):
+def _densities(
+    s0, s1, start, pair, end, a, b, r, d, element, F, rho_table, per_drho, per_dr, atom, rho, x, slope, grad, energies
+):
     """ρ, x, F' of the atoms s0..s1, and Σ_k ∂x/∂x_k where wanted. Returns Σ F."""
     points = F.shape[1] - 1
     total = 0.0
@@ -207,7 +215,11 @@ def _densities(s0, s1, start, pair, end, a, b, r, d, element, F, rho_table, per_
             for e in range(start[s], start[s + 1]):
                 p = pair[e]
                 k, sign = (b[p], 1.0) if end[e] == 0 else (a[p], -1.0)
-                g = _at(rho_table[element[k]], d[p], per_dr)[1] * ((1.0 if element[k] == 1 else 0.0) - x[s]) / (rho[s] * d[p])
+                g = (
+                    _at(rho_table[element[k]], d[p], per_dr)[1]
+                    * ((1.0 if element[k] == 1 else 0.0) - x[s])
+                    / (rho[s] * d[p])
+                )
                 for c3 in range(3):
                     grad[s, c3] -= g * sign * r[p, c3]
     return total
@@ -260,8 +272,12 @@ def _pairs(
             out_r[m, c] = r[p, c]
             if sources:
                 # grad : Σ_k ∂x/∂x_k, minus what the atom's own motion does to its concentration.
-                out_D[m, 0, c] = -(0.5 * du + slope[i] * drho_i + 0.5 * X[i] * dx_i) / d[p] * r[p, c] - 0.5 * by_j * grad[j, c]
-                out_D[m, 1, c] = (0.5 * du + slope[j] * drho_j + 0.5 * X[j] * dx_j) / d[p] * r[p, c] - 0.5 * by_i * grad[i, c]
+                out_D[m, 0, c] = (
+                    -(0.5 * du + slope[i] * drho_i + 0.5 * X[i] * dx_i) / d[p] * r[p, c] - 0.5 * by_j * grad[j, c]
+                )
+                out_D[m, 1, c] = (0.5 * du + slope[j] * drho_j + 0.5 * X[j] * dx_j) / d[p] * r[
+                    p, c
+                ] - 0.5 * by_i * grad[i, c]
                 keep = keep or out_D[m, 0, c] != 0.0 or out_D[m, 1, c] != 0.0
         m += 1 if keep else 0
     return m, total, -1
@@ -284,7 +300,11 @@ def _outer(
             share[e] = 0.0
             if element[o] != element[s]:
                 share[e] = 0.5 * _phi(zr[0, 1], dist[e], per_dr)[0] * _mixed(h, two_sites, x[s], x[o])[1]
-            slope[e] = -_at(rho_table[element[o]], dist[e], per_dr)[1] * ((1.0 if element[o] == 1 else 0.0) - x[s]) / (rho[s] * dist[e])
+            slope[e] = (
+                -_at(rho_table[element[o]], dist[e], per_dr)[1]
+                * ((1.0 if element[o] == 1 else 0.0) - x[s])
+                / (rho[s] * dist[e])
+            )
         for e in range(k):
             for f in range(e + 1, k):
                 if share[e] * slope[f] == 0.0 and share[f] * slope[e] == 0.0:

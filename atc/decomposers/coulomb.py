@@ -102,7 +102,22 @@ class CoulombDSF(_Damped):
         self.e_shift = a / cutoff - self.f_shift * cutoff
 
     def add(self, types, i, j, d2, weights, U, G, prepared):
-        _dsf(types, i, j, d2, weights, self.table, self.constant, self.alpha, self.e_shift, self.f_shift, self.approximate, prepared, U, G)
+        _dsf(
+            types,
+            i,
+            j,
+            d2,
+            weights,
+            self.table,
+            self.constant,
+            self.alpha,
+            self.e_shift,
+            self.f_shift,
+            self.approximate,
+            prepared,
+            U,
+            G,
+        )
 
 
 class CoulombDSFExact(CoulombDSF):
@@ -131,7 +146,9 @@ class CoulombWolf(_Damped):
         self.f_shift = -(self.e_shift + 2.0 * alpha / _SQRT_PI * np.exp(-((alpha * cutoff) ** 2))) / cutoff
 
     def add(self, types, i, j, d2, weights, U, G, prepared):
-        _wolf(types, i, j, d2, weights, self.table, self.constant, self.alpha, self.e_shift, self.f_shift, prepared, U, G)
+        _wolf(
+            types, i, j, d2, weights, self.table, self.constant, self.alpha, self.e_shift, self.f_shift, prepared, U, G
+        )
 
 
 def _constant(inp: StyleInput) -> float:
@@ -259,7 +276,11 @@ def _dsf(types, i, j, d2, weights, table, constant, alpha, e_shift, f_shift, app
             if approximate:
                 # Abramowitz & Stegun 7.1.26, as LAMMPS has it.
                 t = 1.0 / (1.0 + 0.3275911 * alpha * d)
-                erfc_ = t * (0.254829592 + t * (-0.284496736 + t * (1.421413741 + t * (-1.453152027 + t * 1.061405429)))) * gauss
+                erfc_ = (
+                    t
+                    * (0.254829592 + t * (-0.284496736 + t * (1.421413741 + t * (-1.453152027 + t * 1.061405429))))
+                    * gauss
+                )
             else:
                 erfc_ = erfc(alpha * d)
             lost = 1.0 - w if w < 1.0 else 0.0

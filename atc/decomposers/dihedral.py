@@ -222,7 +222,9 @@ class FourierTorsion(Torsion):
         m = _whole(m, "the number of terms", 1)
         if len(more) != 3 * m:
             raise ValueError(f"{m} terms need {3 * m} numbers K n d after {m}, got {len(more)}")
-        terms = [(K, _whole(n, "n", 0), sign_of_phase(d)) for K, n, d in zip(more[::3], more[1::3], more[2::3], strict=True)]
+        terms = [
+            (K, _whole(n, "n", 0), sign_of_phase(d)) for K, n, d in zip(more[::3], more[1::3], more[2::3], strict=True)
+        ]
         a = np.zeros(max(n for _, n, _ in terms) + 1)
         for K, n, sign in terms:
             a[0] += K
@@ -253,7 +255,8 @@ def _nharmonic(inp):
         n = inp.number(line.words[0], 1.0, "the number of terms", line) if line.words else 0
         if n < 1 or n != len(line.words) - 1:
             raise inp.error(
-                f"dihedral_coeff of nharmonic takes n and then n coefficients A1 .. An, got {' '.join(line.words) or 'nothing'}", line
+                f"dihedral_coeff of nharmonic takes n and then n coefficients A1 .. An, got {' '.join(line.words) or 'nothing'}",
+                line,
             )
         return tuple(inp.number(w, "energy", f"A{k}", line) for k, w in enumerate(line.words[1:], 1))
 
@@ -263,7 +266,9 @@ def _nharmonic(inp):
 @dihedral_style("fourier")
 def _fourier(inp):
     def numbers(line):
-        return _scaled_fourier([inp.number(w, 1.0, "a coefficient", line) for w in line.words] or [0.0], inp.units.energy)
+        return _scaled_fourier(
+            [inp.number(w, 1.0, "a coefficient", line) for w in line.words] or [0.0], inp.units.energy
+        )
 
     return FourierTorsion._from_input(_each_type(inp, numbers), inp)
 

@@ -101,7 +101,9 @@ class SphericalTorsion(RowTerm, CoupledTorsion):
     def row(cls, numbers, u):
         n = whole(numbers[0], "the number of terms", 1) if numbers else 0
         if n < 1 or len(numbers) != 1 + 10 * n:
-            raise ValueError(f"expected n and then C K a u L b v M c w for each of the n terms, got {len(numbers)} numbers")
+            raise ValueError(
+                f"expected n and then C K a u L b v M c w for each of the n terms, got {len(numbers)} numbers"
+            )
         terms = np.reshape(numbers[1:], (n, 10)) * [u.energy, 1, degrees(u), 1, 1, degrees(u), 1, 1, degrees(u), 1]
         return terms.ravel()
 
@@ -121,7 +123,9 @@ class SphericalTorsion(RowTerm, CoupledTorsion):
     def curve(self, chain: Chain, types):
         t1, t2, dt1, dt2 = chain.angles()
         U, partial = np.zeros(len(types)), np.zeros((len(types), 6))
-        for C, K, a, u, L, b, v, M, c, w in np.moveaxis(self.table[types].reshape(len(types), -1, 10), 1, 0).transpose(0, 2, 1):
+        for C, K, a, u, L, b, v, M, c, w in np.moveaxis(self.table[types].reshape(len(types), -1, 10), 1, 0).transpose(
+            0, 2, 1
+        ):
             sign = np.where(np.cos(K * a) < 0, -1.0, 1.0)
             cos_K, slope_K = chebyshev(K, chain.cos)
             p, q, r = u - sign * cos_K, v - np.cos(L * (t1 - b)), w - np.cos(M * (t2 - c))

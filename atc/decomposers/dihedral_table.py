@@ -197,7 +197,9 @@ class TableCutTorsion(_Tabulated, CoupledTorsion):
 
     name = "table/cut"
 
-    def __init__(self, sections, cuts, *, points: int, spline: bool = False, units="metal", partition="equal", where=""):
+    def __init__(
+        self, sections, cuts, *, points: int, spline: bool = False, units="metal", partition="equal", where=""
+    ):
         self._take(sections, points, spline, units, where)
         self.cuts = np.zeros((max(cuts, default=0) + 1, 3))
         for t, (K, a, b) in cuts.items():
@@ -220,8 +222,15 @@ class TableCutTorsion(_Tabulated, CoupledTorsion):
 
 
 def _way(inp):
-    if len(inp.args) != 2 or inp.args[0] not in ("linear", "spline") or not inp.args[1].isdigit() or int(inp.args[1]) < 3:
-        raise inp.error(f"{inp.command} takes linear or spline and a number of points of at least 3, got {' '.join(inp.args) or 'nothing'}")
+    if (
+        len(inp.args) != 2
+        or inp.args[0] not in ("linear", "spline")
+        or not inp.args[1].isdigit()
+        or int(inp.args[1]) < 3
+    ):
+        raise inp.error(
+            f"{inp.command} takes linear or spline and a number of points of at least 3, got {' '.join(inp.args) or 'nothing'}"
+        )
     return {"points": int(inp.args[1]), "spline": inp.args[0] == "spline", "units": inp.units, "where": inp.where}
 
 
@@ -231,7 +240,8 @@ def _sections(inp, lead: int, what: str):
     for line in inp.coeffs:
         if len(line.words) != lead + 2:
             raise inp.error(
-                f"dihedral_coeff of {inp.name} takes {what}a file and a section's keyword, got {' '.join(line.words) or 'nothing'}", line
+                f"dihedral_coeff of {inp.name} takes {what}a file and a section's keyword, got {' '.join(line.words) or 'nothing'}",
+                line,
             )
         key = line.words[lead:]
         if key not in read:
@@ -255,7 +265,9 @@ def _table_cut(inp):
     for t, (words, line) in fronts.items():
         if words[0] != "aat":
             raise inp.error(f"dihedral_coeff of table/cut starts with aat, got {words[0]}", line)
-        cuts[t] = tuple(inp.number(w, 1.0, what, line) for w, what in zip(words[1:], ("K", "angle1", "angle2"), strict=True))
+        cuts[t] = tuple(
+            inp.number(w, 1.0, what, line) for w, what in zip(words[1:], ("K", "angle1", "angle2"), strict=True)
+        )
         if not 0.0 <= cuts[t][1] < cuts[t][2]:
             raise inp.error("dihedral_coeff of table/cut: the second angle must be larger than the first", line)
     return TableCutTorsion(sections, cuts, **way)

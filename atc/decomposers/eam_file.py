@@ -51,7 +51,9 @@ class _Lines:
         self.path = path
         self._said = False
         lines = self.text.splitlines()
-        self.lines = [(k, w) for k, line in enumerate(lines[header:], header + 1) if (w := line.partition("#")[0].split())]
+        self.lines = [
+            (k, w) for k, line in enumerate(lines[header:], header + 1) if (w := line.partition("#")[0].split())
+        ]
         self.last = len(lines)
         self.p = 0
 
@@ -71,7 +73,9 @@ class _Lines:
         first = self.lines[self.p][0] if self.p < len(self.lines) else self.last
         while len(out) < n:
             if self.p >= len(self.lines):
-                raise AtcError(f"{self.path}: ends after {len(out)} of the {n} numbers of {what} (from line {first}): the file is cut off")
+                raise AtcError(
+                    f"{self.path}: ends after {len(out)} of the {n} numbers of {what} (from line {first}): the file is cut off"
+                )
             out += self.lines[self.p][1]
             self.p += 1
         if len(out) > n:
@@ -89,14 +93,18 @@ class _Lines:
         if not np.isfinite(a).all():
             raise AtcError(f"{self.path}: {what} (from line {first}) holds numbers that are not finite")
         if not (np.abs(a) < _LARGE).all():
-            raise AtcError(f"{self.path}: {what} (from line {first}) holds {a[np.argmax(np.abs(a))]:g}, which is no number of a potential")
+            raise AtcError(
+                f"{self.path}: {what} (from line {first}) holds {a[np.argmax(np.abs(a))]:g}, which is no number of a potential"
+            )
         return a
 
     def surplus(self, what: str, line: int) -> None:
         """Say once that the file has more values than its tables take."""
         if not self._said:
             warnings.warn(
-                f"{self.path}:{line}: {what}: those behind are left out, as by LAMMPS; is the file damaged?", AtcWarning, stacklevel=5
+                f"{self.path}:{line}: {what}: those behind are left out, as by LAMMPS; is the file damaged?",
+                AtcWarning,
+                stacklevel=5,
             )
         self._said = True
 
@@ -123,12 +131,20 @@ def _is_number(word: str) -> bool:
 
 def _grid(words, where):
     """nrho drho nr dr cutoff"""
-    nrho, drho, nr, dr, cut = whole_of(words[0]), number_of(words[1]), whole_of(words[2]), number_of(words[3]), number_of(words[4])
+    nrho, drho, nr, dr, cut = (
+        whole_of(words[0]),
+        number_of(words[1]),
+        whole_of(words[2]),
+        number_of(words[3]),
+        number_of(words[4]),
+    )
     if None in (nrho, drho, nr, dr, cut):
         raise AtcError(f"{where}: expected nrho drho nr dr cutoff, got {shortened(' '.join(words))!r}")
     # LAMMPS's spline takes differences over five points.
     if nrho < 5 or nr < 5 or not all(1 / _LARGE < v < _LARGE for v in (drho, dr, cut)):
-        raise AtcError(f"{where}: nrho and nr must be at least 5, drho, dr and the cutoff positive, got {' '.join(words[:5])!r}")
+        raise AtcError(
+            f"{where}: nrho and nr must be at least 5, drho, dr and the cutoff positive, got {' '.join(words[:5])!r}"
+        )
     return nrho, drho, nr, dr, cut
 
 
@@ -252,7 +268,17 @@ def read_funcfl(paths, units_name: str, where: str = "") -> EAMTables:
         rho[a, :] = _four_points(r, f[2], f[6])
         for b in range(m):
             zr[a, b] = _HARTREE_BOHR * z[max(a, b)] * z[min(a, b)]
-    return EAMTables([str(k) for k in range(m)], np.array([f[0] for f in files]), drho, dr, max(f[3] for f in files), F, rho, zr, rho_end)
+    return EAMTables(
+        [str(k) for k in range(m)],
+        np.array([f[0] for f in files]),
+        drho,
+        dr,
+        max(f[3] for f in files),
+        F,
+        rho,
+        zr,
+        rho_end,
+    )
 
 
 def _four_points(x, step, table):

@@ -48,7 +48,25 @@ class EDIPEntry:
     where: str = "the EDIP parameters"
 
     what: ClassVar[str] = "EDIP"
-    keys: ClassVar[tuple] = ("A", "B", "a", "c", "alpha", "beta", "eta", "gamma", "lam", "mu", "rho", "sigma", "Q0", "u1", "u2", "u3", "u4")
+    keys: ClassVar[tuple] = (
+        "A",
+        "B",
+        "a",
+        "c",
+        "alpha",
+        "beta",
+        "eta",
+        "gamma",
+        "lam",
+        "mu",
+        "rho",
+        "sigma",
+        "Q0",
+        "u1",
+        "u2",
+        "u3",
+        "u4",
+    )
     energies: ClassVar[tuple] = ("A", "lam")
     converts: ClassVar[bool] = False
 
@@ -91,7 +109,11 @@ class EDIP(Centred):
         for e in entries.values():
             if wrong := e.check():
                 raise AtcError(f"{e.where}: {wrong}")
-        names = [next(iter(entries))[0]] if elements is None else list(dict.fromkeys(e for e in elements if e not in (None, "NULL")))
+        names = (
+            [next(iter(entries))[0]]
+            if elements is None
+            else list(dict.fromkeys(e for e in elements if e not in (None, "NULL")))
+        )
         self.map = ElementMap(elements, names, f"pair_style {self.style}")
         self.share(partition)
         energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
@@ -100,7 +122,9 @@ class EDIP(Centred):
         for (i, a), (j, b), (k, c) in product(enumerate(names), repeat=3):
             e = entries.get((a, b, c))
             if e is None:
-                raise AtcError(f"{self.style}: no entry for {a} {b} {c}: a potential needs every combination of its elements")
+                raise AtcError(
+                    f"{self.style}: no entry for {a} {b} {c}: a potential needs every combination of its elements"
+                )
             self.three[i, j, k] = e.lam * energy, e.eta, e.Q0, e.mu, e.u1, e.u2, e.u3, e.u4
             if j == k:
                 self.two[i, j] = (
@@ -120,7 +144,9 @@ class EDIP(Centred):
     def from_file(cls, path, elements, *, units: str | Units = "metal", partition="equal", where: str = "") -> EDIP:
         """From a LAMMPS parameter file, e.g. ``EDIP.from_file("Si.edip", ["Si"])``. where : the line that names it, for messages."""
         used = dict.fromkeys(e for e in elements if e not in (None, "NULL"))
-        return cls(read_entries(path, used, system(units).name, EDIPEntry, where), elements, units=units, partition=partition)
+        return cls(
+            read_entries(path, used, system(units).name, EDIPEntry, where), elements, units=units, partition=partition
+        )
 
     def share(self, partition):
         if partition not in _SHARES:

@@ -30,7 +30,10 @@ def mapped_line(inp: StyleInput, ending: str):
         raise inp.error(f"{inp.command} wants {wants}, got {' '.join(line.words) or 'nothing'} behind * *", line)
     elements = [None if e == "NULL" else e for e in line.words[1:]]
     if len(elements) < inp.n_types:
-        raise inp.error(f"{inp.command} needs one element (or NULL) for each of the {inp.n_types} atom types, found {len(elements)}", line)
+        raise inp.error(
+            f"{inp.command} needs one element (or NULL) for each of the {inp.n_types} atom types, found {len(elements)}",
+            line,
+        )
     if not any(elements):
         raise inp.error(f"{inp.command}: every atom type is NULL: name the element of at least one type", line)
     if inp.wanted is not None:

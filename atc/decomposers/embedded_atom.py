@@ -47,10 +47,20 @@ class EmbeddedAtom(Term):
     Source: Daw & Baskes, Phys. Rev. B 29, 6443 (1984); Finnis & Sinclair, Phil. Mag. A 50, 45 (1984). Files: `from_setfl`, `from_funcfl`.
     """
 
-    def __init__(self, tables: EAMTables, elements=None, *, units: str | Units = "metal", name: str = "eam/alloy", rest: str | None = None):
+    def __init__(
+        self,
+        tables: EAMTables,
+        elements=None,
+        *,
+        units: str | Units = "metal",
+        name: str = "eam/alloy",
+        rest: str | None = None,
+    ):
         self.units = u = system(units)
         self.name = name
-        used = tables.elements if elements is None else list(dict.fromkeys(e for e in elements if e not in (None, "NULL")))
+        used = (
+            tables.elements if elements is None else list(dict.fromkeys(e for e in elements if e not in (None, "NULL")))
+        )
         self.map = ElementMap(elements, tables.elements, f"pair_style {name}")
         if elements is not None:
             # Only what is needed, so that a file of sixteen elements costs no memory.
@@ -68,7 +78,14 @@ class EmbeddedAtom(Term):
 
     @classmethod
     def from_setfl(
-        cls, path, elements=None, *, units: str | Units = "metal", finnis_sinclair: bool = False, helium: bool = False, where: str = ""
+        cls,
+        path,
+        elements=None,
+        *,
+        units: str | Units = "metal",
+        finnis_sinclair: bool = False,
+        helium: bool = False,
+        where: str = "",
     ) -> EmbeddedAtom:
         """From a setfl file (LAMMPS ``eam/alloy``), its Finnis-Sinclair variant (``eam/fs``), or that with negative densities (helium: ``eam/he``):
         ``EmbeddedAtom.from_setfl("AlCu.eam.alloy", ["Al"])``."""
@@ -123,7 +140,9 @@ class _EAMWork(Work):
     def __init__(self, term: EmbeddedAtom, frame: Frame):
         self.term, self.frame = term, frame
         element_n, who = term.map.apply(frame)
-        self.list = cells = cell_list(frame.positions if who is None else frame.positions[who], frame.cell, term.cutoff, who)
+        self.list = cells = cell_list(
+            frame.positions if who is None else frame.positions[who], frame.cell, term.cutoff, who
+        )
         # Inside, atoms are called by their place in the sorted list; `atom` gives the frame's index.
         self.atom = cells.order if who is None else who[cells.order]
         self.element = element_n[self.atom]
@@ -148,7 +167,9 @@ class _EAMWork(Work):
         self.sums = {}
         self.slope = np.empty(len(rho))
         energies = acc.energies if acc.energies is not None else _NOTHING
-        energy, beyond = _embed(rho, self.element, term.F, 1.0 / term.drho, term.rho_first, term.rho_end, self.atom, self.slope, energies)
+        energy, beyond = _embed(
+            rho, self.element, term.F, 1.0 / term.drho, term.rho_first, term.rho_end, self.atom, self.slope, energies
+        )
         acc.energy += energy
         acc.note("atoms with a density beyond the end of the EAM table", beyond)
 
@@ -158,7 +179,20 @@ class _EAMWork(Work):
         D = np.empty((n, 2, 3)) if acc.sources else _NO_D
         energies = acc.energies if acc.energies is not None else _NOTHING
         m, energy, bad = _bonds(
-            ws.i, ws.j, ws.r, ws.d2, n, self.element, term.rho, term.zr, 1.0 / term.dr, self.slope, self.atom, ws.G, D, energies
+            ws.i,
+            ws.j,
+            ws.r,
+            ws.d2,
+            n,
+            self.element,
+            term.rho,
+            term.zr,
+            1.0 / term.dr,
+            self.slope,
+            self.atom,
+            ws.G,
+            D,
+            energies,
         )
         if bad >= 0:
             a, b = self.frame.ids[self.atom[ws.i[bad]]], self.frame.ids[self.atom[ws.j[bad]]]
@@ -302,7 +336,8 @@ def _funcfl(inp):
         mine = [a for a, b in line.covers(inp.n_types) if a == b]
         if not mine:
             raise inp.error(
-                "pair_coeff of eam is given for a type with itself; other pairs follow from it: write 'pair_coeff 1 1 file'", line
+                "pair_coeff of eam is given for a type with itself; other pairs follow from it: write 'pair_coeff 1 1 file'",
+                line,
             )
         path = inp.path(line.words[0], line)
         if path not in paths:

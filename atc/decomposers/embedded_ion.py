@@ -25,7 +25,22 @@ _NO_D = np.zeros((0, 2, 3))
 _OUTER_PER_TASK = 1 << 16
 # LAMMPS's tables: so many points from 0 to the largest cutoff.
 _POINTS = 5000
-_PAIR = ("rc_phi", "rc_phi2", "Eb", "re", "alpha", "beta", "rc_eta", "A_eta", "rs_eta", "rc_psi", "A_psi", "zeta", "rs_psi", "p")
+_PAIR = (
+    "rc_phi",
+    "rc_phi2",
+    "Eb",
+    "re",
+    "alpha",
+    "beta",
+    "rc_eta",
+    "A_eta",
+    "rs_eta",
+    "rc_psi",
+    "A_psi",
+    "zeta",
+    "rs_psi",
+    "p",
+)
 
 
 @dataclass
@@ -78,7 +93,9 @@ def read_eim(path, names, units_name: str = "metal", where: str = "") -> EIMPara
             raise AtcError(f"{where or path}: {path} has no element: line for {name}")
         for b in range(a, len(names)):
             if (a, b) not in pairs:
-                raise AtcError(f"{path}: no pair: line for {name} and {names[b]}, which {where or 'the list of elements'} needs")
+                raise AtcError(
+                    f"{path}: no pair: line for {name} and {names[b]}, which {where or 'the list of elements'} needs"
+                )
     return EIMParameters(list(names), np.array([chi[n] for n in names]), pairs, bounds)
 
 
@@ -203,13 +220,23 @@ class _EIMWork(Work):
 
     def _charges(self, task, acc):
         near = self.near
-        _charges(near.first[task], near.first[task + 1], *self._lists(), self.term.eta, self.term.per_dr, self.q, self.grad)
+        _charges(
+            near.first[task], near.first[task + 1], *self._lists(), self.term.eta, self.term.per_dr, self.q, self.grad
+        )
 
     def _potentials(self, task, acc):
         near = self.near
         energies = acc.energies if acc.energies is not None else _NOTHING
         acc.energy += _potentials(
-            near.first[task], near.first[task + 1], *self._lists(), self.term.psi, self.term.per_dr, self.q, self.sigma, near.atom, energies
+            near.first[task],
+            near.first[task + 1],
+            *self._lists(),
+            self.term.psi,
+            self.term.per_dr,
+            self.q,
+            self.sigma,
+            near.atom,
+            energies,
         )
 
     def _merge(self, task, acc):
@@ -282,7 +309,29 @@ def _potentials(s0, s1, start, pair, end, a, b, r, d, element, psi, per_dr, q, s
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _pairs(p0, p1, a, b, r, d, element, phi, eta, psi, per_dr, q, sigma, grad, atom, out_i, out_j, out_r, out_G, out_D, energies):
+def _pairs(
+    p0,
+    p1,
+    a,
+    b,
+    r,
+    d,
+    element,
+    phi,
+    eta,
+    psi,
+    per_dr,
+    q,
+    sigma,
+    grad,
+    atom,
+    out_i,
+    out_j,
+    out_r,
+    out_G,
+    out_D,
+    energies,
+):
     sources = len(out_D) > 0
     total = 0.0
     m = 0
@@ -314,7 +363,9 @@ def _pairs(p0, p1, a, b, r, d, element, phi, eta, psi, per_dr, q, sigma, grad, a
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _outer(s0, s1, most, start, pair, end, a, b, r, d, element, eta, psi, per_dr, q, atom, out_i, out_j, out_r, out_G, out_D):
+def _outer(
+    s0, s1, most, start, pair, end, a, b, r, d, element, eta, psi, per_dr, q, atom, out_i, out_j, out_r, out_G, out_D
+):
     """Between neighbours e, f of an atom s: ∂U^(e)/∂x_f = ½ q_e ψ_es ∂q_s/∂x_f, and the same with e and f exchanged."""
     who, arm, dist = np.empty(most, np.int32), np.empty((most, 3)), np.empty(most)
     share, slope = np.empty(most), np.empty(most)
@@ -357,8 +408,13 @@ def _eim(inp):
     names = list(dict.fromkeys(line.words[:file]))
     elements = [None if e == "NULL" else e for e in line.words[file + 1 :]]
     if len(elements) < inp.n_types:
-        raise inp.error(f"{inp.command} needs one element (or NULL) for each of the {inp.n_types} atom types, found {len(elements)}", line)
+        raise inp.error(
+            f"{inp.command} needs one element (or NULL) for each of the {inp.n_types} atom types, found {len(elements)}",
+            line,
+        )
     odd = next((e for e in elements if e is not None and e not in names), None)
     if odd is not None:
-        raise inp.error(f"{inp.command}: {odd} is not among the elements in front of the file ({', '.join(names)})", line)
+        raise inp.error(
+            f"{inp.command}: {odd} is not among the elements in front of the file ({', '.join(names)})", line
+        )
     return EmbeddedIon.from_file(inp.path(line.words[file], line), names, elements, units=inp.units, where=line.where)

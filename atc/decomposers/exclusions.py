@@ -74,7 +74,19 @@ class _Excluded:
     def leave_out(self, ws, n: int) -> int:
         """Take the pairs out of the first n of a workspace; how many are left."""
         return _leave_out(
-            ws.i, ws.j, ws.r, ws.d2, n, self.types, self.mask, self.bits, self.molecules, self.a, self.b, self.same, self.different
+            ws.i,
+            ws.j,
+            ws.r,
+            ws.d2,
+            n,
+            self.types,
+            self.mask,
+            self.bits,
+            self.molecules,
+            self.a,
+            self.b,
+            self.same,
+            self.different,
         )
 
 

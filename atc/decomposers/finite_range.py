@@ -40,7 +40,12 @@ class CosineSquared(RadialStyle):
 
     def columns(self, epsilon, sigma, wca, cutoff):
         attracts = cutoff > sigma
-        return np.where(attracts, epsilon, 0.0), sigma, np.where(attracts, np.pi / (2 * (cutoff - sigma)), 0.0), wca * epsilon
+        return (
+            np.where(attracts, epsilon, 0.0),
+            sigma,
+            np.where(attracts, np.pi / (2 * (cutoff - sigma)), 0.0),
+            wca * epsilon,
+        )
 
 
 class HarmonicCut(RadialStyle):
@@ -88,9 +93,14 @@ def _cosine_squared_style(inp: StyleInput):
         e, s, cut = inp.numbers(words, [CosineSquared.numbers[k] for k in (0, 1, 3)], line, optional=1)
         cut = rc if cut is None else cut
         if cut < s or (cut == s and not wca):
-            raise inp.error(f"{inp.command}: the cutoff must be larger than sigma (or equal with wca), got {' '.join(line.words)}", line)
+            raise inp.error(
+                f"{inp.command}: the cutoff must be larger than sigma (or equal with wca), got {' '.join(line.words)}",
+                line,
+            )
         lines.append(line.__class__(line.types, (*words[:2], "1" if wca else "0", *words[2:]), line.where))
-    return CosineSquared.internal(*pair_values(inp.replace(coeffs=tuple(lines)), CosineSquared.numbers, optional=1, defaults=[rc]))
+    return CosineSquared.internal(
+        *pair_values(inp.replace(coeffs=tuple(lines)), CosineSquared.numbers, optional=1, defaults=[rc])
+    )
 
 
 @pair_style("harmonic/cut")
@@ -114,7 +124,9 @@ def _dpd_style(inp: StyleInput):
     temperatures, names = _DPD[inp.name]
     wants = [("temperature", _PLAIN)] * temperatures + [("cutoff", "length"), ("seed", _PLAIN)]
     rc = inp.numbers(inp.args, wants)[-2]
-    inp.note(f"pair_style {inp.name}: friction and noise are a thermostat's, no functions of positions: they are not in forces and stress")
+    inp.note(
+        f"pair_style {inp.name}: friction and noise are a thermostat's, no functions of positions: they are not in forces and stress"
+    )
     numbers = [(n, {"energy": 1, "length": -1} if n == "A" else _PLAIN) for n in names] + [("cutoff", "length")]
     arrays = pair_values(inp, numbers, optional=1, defaults=[rc])
     return DPD.internal(arrays[0], arrays[-1]) if "A" in names else []

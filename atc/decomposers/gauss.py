@@ -36,7 +36,14 @@ class BornGauss(RadialStyle):
     """U = A₀ e^{−αd} − A₁ e^{−β(d − r₀)²} − offset (LAMMPS ``born/gauss``). Numbers: A0, alpha, A1, beta, r0, cutoff; see `RadialStyle`."""
 
     name = "born/gauss"
-    numbers = (("A0", "energy"), ("alpha", {"length": -1}), ("A1", "energy"), ("beta", _PER_AREA), ("r0", "length"), ("cutoff", "length"))
+    numbers = (
+        ("A0", "energy"),
+        ("alpha", {"length": -1}),
+        ("A1", "energy"),
+        ("beta", _PER_AREA),
+        ("r0", "length"),
+        ("cutoff", "length"),
+    )
 
     def columns(self, A0, alpha, A1, beta, r0, cutoff):
         return A0, alpha, A1, beta, r0
@@ -56,7 +63,11 @@ def _mix_gauss(a, b, rule):
     """A like an energy, its sign apart; 1/√B like a distance."""
     s_a, s_b = a[1] ** -0.5, b[1] ** -0.5
     sign = min(np.sign(a[0]), np.sign(b[0]))
-    return sign * mix_energy(abs(a[0]), abs(b[0]), s_a, s_b, rule), mix_distance(s_a, s_b, rule) ** -2.0, mix_distance(a[2], b[2], rule)
+    return (
+        sign * mix_energy(abs(a[0]), abs(b[0]), s_a, s_b, rule),
+        mix_distance(s_a, s_b, rule) ** -2.0,
+        mix_distance(a[2], b[2], rule),
+    )
 
 
 def _mix_gauss_cut(a, b, rule):

@@ -30,7 +30,9 @@ class Generic(PairStyle):
     AtcError if the functions cannot be compiled, are not finite just inside the cutoff, or the derivative is not that of the energy there.
     """
 
-    def __init__(self, energy, derivative, cutoff, *, units, types=None, n_types: int | None = None, name: str = "generic"):
+    def __init__(
+        self, energy, derivative, cutoff, *, units, types=None, n_types: int | None = None, name: str = "generic"
+    ):
         u = get_units(units)
         if not (np.isfinite(cutoff) and cutoff > 0):
             raise AtcError(f"Generic: the cutoff must be a positive number, got {cutoff}")

@@ -73,8 +73,13 @@ def _both(inp: StyleInput):
         values = inp.numbers(line.words, LennardJonesGromacs.numbers[:2], line)
         for pair in line.covers(inp.n_types):
             given[pair] = (*values, 1.0)
-    epsilon, sigma, on = fill(inp, given, 3, mix=lambda a, b, rule: (*mix_lj((*a[:2], 1.0), (*b[:2], 1.0), rule)[:2], 1.0))
-    return [LennardJonesGromacs.internal(epsilon, sigma, on * inner, on * outer), CoulombGromacs.of(inp, on * inner_c, on * outer_c)]
+    epsilon, sigma, on = fill(
+        inp, given, 3, mix=lambda a, b, rule: (*mix_lj((*a[:2], 1.0), (*b[:2], 1.0), rule)[:2], 1.0)
+    )
+    return [
+        LennardJonesGromacs.internal(epsilon, sigma, on * inner, on * outer),
+        CoulombGromacs.of(inp, on * inner_c, on * outer_c),
+    ]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

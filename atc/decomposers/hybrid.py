@@ -12,7 +12,21 @@ from .registry import MAPPED_STYLES, PAIR_STYLES, CoeffLine, Modify, mapped_elem
 from .unsupported import reason
 
 # Words that are arguments of a sub-style, not the name of the next one.
-_ARGUMENTS = {"linear", "spline", "lookup", "bitmap", "nocoeff", "full", "threebody", "on", "off", "shift", "maxdelta", "check", "nocheck"}
+_ARGUMENTS = {
+    "linear",
+    "spline",
+    "lookup",
+    "bitmap",
+    "nocoeff",
+    "full",
+    "threebody",
+    "on",
+    "off",
+    "shift",
+    "maxdelta",
+    "check",
+    "nocheck",
+}
 # Accelerator suffixes: other code for the same formula.
 _SUFFIX = re.compile(r"/(omp|opt|gpu|intel|kk|kk/host|kk/device)$")
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
@@ -98,7 +112,9 @@ def _parse_subs(style, known) -> list[SubStyle]:
         if scaled and k + 1 < len(style.args) and not _is_argument(style.args[k + 1]):
             # The factor in front of the next sub-style.
             if not _NUMBER.match(word):
-                raise AtcError(f"{style.where}: {style.name}: the factor {word} may change as the run goes: give its value as a number")
+                raise AtcError(
+                    f"{style.where}: {style.name}: the factor {word} may change as the run goes: give its value as a number"
+                )
             factor = float(word)
             continue
         if _is_argument(word) or (subs and subs[-1].name == "list" and not subs[-1].args):
@@ -140,7 +156,9 @@ def parse_hybrid(style, lines: list[CoeffLine], apply_modify) -> Hybrid:
         order.append((sub, line))
     for s in subs:
         if not s.lines and s.name != "zero":
-            raise AtcError(f"{style.where}: the sub-style {s.called} has no pair_coeff line: add one, or drop the sub-style")
+            raise AtcError(
+                f"{style.where}: the sub-style {s.called} has no pair_coeff line: add one, or drop the sub-style"
+            )
     for c in style.modify:
         words, targets = c.words, subs
         if words[:1] == ("pair",):
@@ -165,4 +183,6 @@ def _find(subs, words, where):
     for s in same:
         if number == str(s.index):
             return s, words[2:]
-    raise AtcError(f"{where}: {name} is used {len(same)} times in the hybrid: say which with a number behind it, such as '{name} 1'")
+    raise AtcError(
+        f"{where}: {name} is used {len(same)} times in the hybrid: say which with a number behind it, such as '{name} 1'"
+    )

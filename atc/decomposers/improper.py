@@ -35,7 +35,10 @@ class HarmonicImproper(FourAtoms):
     def evaluate(self, x_tkc, types, U, G, acc: Accumulator) -> int:
         bad, collinear, kinks = _harmonic_impropers(x_tkc, types, self.table, self.small, U, G)
         acc.note(f"{self.kind}s with three atoms in a line, where cos {self.angle_name} was continued to 0", collinear)
-        acc.note(f"{self.kind}s in a plane they do not prefer, where sin {self.angle_name} was clamped at {self.small:g}", kinks)
+        acc.note(
+            f"{self.kind}s in a plane they do not prefer, where sin {self.angle_name} was clamped at {self.small:g}",
+            kinks,
+        )
         return bad
 
 

@@ -101,7 +101,8 @@ class InversionHarmonicImproper(PyramidImproper):
             U = U + K / 3.0 * (np.arcsin(s) - omega0) ** 2
             kink = np.where(omega0 != 0.0, omega0 / np.maximum(s, _SMALL), 0.0)
             acc.note(
-                "impropers in a plane they do not prefer, where sin omega was clamped at 0.001", int(((s < _SMALL) & (omega0 != 0)).sum())
+                "impropers in a plane they do not prefer, where sin omega was clamped at 0.001",
+                int(((s < _SMALL) & (omega0 != 0)).sum()),
             )
             G = G + (K / 3.0 * (asin_over_sine(p.sin2[axis]) - kink) / cos)[:, None] * p.sin2_e[axis]
         return U, G
@@ -130,7 +131,12 @@ class DistHarmImproper(PyramidImproper):
     def _set(self, values, where=""):
         super()._set(values, where)
         self.keep_refusals(
-            {t: f"its distance d0 is oriented and not 0: {_HANDED}" for t in values if self.table[t, 0] and self.table[t, 1]}, where
+            {
+                t: f"its distance d0 is oriented and not 0: {_HANDED}"
+                for t in values
+                if self.table[t, 0] and self.table[t, 1]
+            },
+            where,
         )
 
     def curve(self, p, types, acc):
@@ -184,7 +190,12 @@ class Class2Improper(CrossTerms, PyramidImproper):
     def _set(self, values, where=""):
         super()._set(values, where)
         self.keep_refusals(
-            {t: f"its chi is oriented and chi0 not 0: {_HANDED}" for t in values if self.table[t, 0] and self.table[t, 1]}, where
+            {
+                t: f"its chi is oriented and chi0 not 0: {_HANDED}"
+                for t in values
+                if self.table[t, 0] and self.table[t, 1]
+            },
+            where,
         )
 
     def curve(self, p, types, acc):
@@ -196,7 +207,10 @@ class Class2Improper(CrossTerms, PyramidImproper):
         G = np.einsum("kt,kte->te", K / 9.0 * omega_over_V / p.scale / cos, p.sin2_e)
         sin = np.sqrt(1.0 - p.cos**2)
         slope = -1.0 / np.maximum(sin, _SMALL)
-        acc.note("impropers with two arms in a line, where sin theta was clamped at 0.001", int((sin < _SMALL).any(axis=0).sum()))
+        acc.note(
+            "impropers with two arms in a line, where sin theta was clamped at 0.001",
+            int((sin < _SMALL).any(axis=0).sum()),
+        )
         x1, x2, x3 = np.arccos(p.cos) - np.array(t)
         U = U + M1 * x1 * x3 + M2 * x1 * x2 + M3 * x2 * x3
         by_theta = np.array([M1 * x3 + M2 * x2, M2 * x1 + M3 * x3, M1 * x1 + M3 * x2])

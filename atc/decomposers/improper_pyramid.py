@@ -73,7 +73,11 @@ class Pyramid:
             D = area[k] * square[k]
             by_square, by_dot = [zero] * 3, [zero] * 3
             # area of i, j: square_i square_j − p²; pair (i, j) has the number i + j − 1.
-            by_square[i], by_square[j], by_dot[i + j - 1] = square[j] / area[k], square[i] / area[k], -2.0 * p[i + j - 1] / area[k]
+            by_square[i], by_square[j], by_dot[i + j - 1] = (
+                square[j] / area[k],
+                square[i] / area[k],
+                -2.0 * p[i + j - 1] / area[k],
+            )
             by_square[k] = 1.0 / square[k]
             s2 = np.minimum(V2 / D, 1.0)
             sin2.append(s2)
@@ -94,7 +98,17 @@ class Pyramid:
         M_e = np.zeros((len(x_tkc), 6))
         M_e[:, at[3]], M_e[:, at[4]], M_e[:, at[5]] = 2.0 * (dot(w, w) - t), 2.0 * (dot(u, u) - t), 2.0 * t
         height2_e = (V2_e - height2[:, None] * M_e) / M[:, None]
-        return cls(V2, V2_e, np.array(sin2), np.array(sin2_e), np.array(scale), np.array(cos), np.array(cos_e), height2, height2_e)
+        return cls(
+            V2,
+            V2_e,
+            np.array(sin2),
+            np.array(sin2_e),
+            np.array(scale),
+            np.array(cos),
+            np.array(cos_e),
+            height2,
+            height2_e,
+        )
 
 
 class PyramidImproper(FourAtoms):

@@ -105,7 +105,10 @@ def _spica_style(inp: StyleInput):
     for line in inp.coeffs:
         form = line.words[0] if line.words else "nothing"
         if form not in SPICA_FORMS:
-            raise inp.error(f"pair_coeff of {inp.name} takes one of {', '.join(SPICA_FORMS)} and epsilon sigma [cutoff], got {form}", line)
+            raise inp.error(
+                f"pair_coeff of {inp.name} takes one of {', '.join(SPICA_FORMS)} and epsilon sigma [cutoff], got {form}",
+                line,
+            )
         e, s, cut = inp.numbers(line.words[1:], _LJ, line, optional=1)
         for pair in line.covers(inp.n_types):
             given[pair] = (*SPICA_FORMS[form], e, s, rc if cut is None else cut)

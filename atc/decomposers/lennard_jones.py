@@ -112,7 +112,9 @@ class LennardJonesExpand(PairStyle):
         if shift:
             s6 = (sigma / np.where(cutoff > 0, cutoff + delta, np.inf)) ** 6
             offset = 4 * epsilon * (s6 * s6 - s6)
-        self._set(np.where(cutoff > 0, cutoff + delta, 0.0), 4 * epsilon * sigma**12, 4 * epsilon * sigma**6, offset, delta)
+        self._set(
+            np.where(cutoff > 0, cutoff + delta, 0.0), 4 * epsilon * sigma**12, 4 * epsilon * sigma**6, offset, delta
+        )
 
     def add(self, types, i, j, d2, weights, U, G, prepared):
         _lj_expand(types, i, j, d2, weights, self.table, U, G)
@@ -121,13 +123,20 @@ class LennardJonesExpand(PairStyle):
 def mix_lj(a, b, rule):
     """LAMMPS's mixing of (epsilon, sigma, ..., cutoff): what lies between sigma and the cutoff is averaged."""
     between = tuple(0.5 * (x + y) for x, y in zip(a[2:-1], b[2:-1], strict=True))
-    return (mix_energy(a[0], b[0], a[1], b[1], rule), mix_distance(a[1], b[1], rule), *between, mix_distance(a[-1], b[-1], rule))
+    return (
+        mix_energy(a[0], b[0], a[1], b[1], rule),
+        mix_distance(a[1], b[1], rule),
+        *between,
+        mix_distance(a[-1], b[-1], rule),
+    )
 
 
 def _builder(cls):
     def build(inp: StyleInput):
         (rc,) = inp.numbers(inp.args, [("cutoff", "length")])
-        return cls.internal(*pair_values(inp, cls.numbers, optional=1, defaults=[rc], mix=mix_lj), shift=inp.modify.shift)
+        return cls.internal(
+            *pair_values(inp, cls.numbers, optional=1, defaults=[rc], mix=mix_lj), shift=inp.modify.shift
+        )
 
     return build
 

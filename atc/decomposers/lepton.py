@@ -120,7 +120,9 @@ class LeptonFormula:
             if node.id in known:
                 return known[node.id]
             hint = ": LAMMPS variables are not known here, write the number" if node.id.startswith("v_") else ""
-            raise ValueError(f"{node.id} is neither {' nor '.join(self.variables)} nor defined behind a semicolon{hint}")
+            raise ValueError(
+                f"{node.id} is neither {' nor '.join(self.variables)} nor defined behind a semicolon{hint}"
+            )
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
             v, dv = value(node.operand)
             return (-v, -dv) if isinstance(node.op, ast.USub) else (v, dv)
@@ -128,7 +130,9 @@ class LeptonFormula:
             return _BINARY[type(node.op)](*value(node.left), *value(node.right))
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
             return self._function(node.func.id, [value(a) for a in node.args])
-        raise ValueError(f"{ast.unparse(node)!r} is not understood: there are + - * / ^ and {', '.join([*_ONE, *_MORE])}")
+        raise ValueError(
+            f"{ast.unparse(node)!r} is not understood: there are + - * / ^ and {', '.join([*_ONE, *_MORE])}"
+        )
 
     def _function(self, name, arguments):
         if len(arguments) != (1 if name in _ONE else _MORE.get(name, -1)):
@@ -181,7 +185,9 @@ class Lepton(PairStyle):
 
     name = "lepton"
 
-    def __init__(self, formulas, which, cutoff, units: Units, *, shift: bool = False, charged: bool = False, dielectric=1.0):
+    def __init__(
+        self, formulas, which, cutoff, units: Units, *, shift: bool = False, charged: bool = False, dielectric=1.0
+    ):
         self.formulas, self.which, self.units, self.needs_charges = formulas, which, units, charged
         self.weight = "coul" if charged else "lj"
         # As in LAMMPS, qi qj/r is an energy: each charge carries the root of the Coulomb constant.
@@ -189,7 +195,9 @@ class Lepton(PairStyle):
         self._set(cutoff, np.zeros_like(cutoff))
         if shift:
             for i, j in np.argwhere(cutoff > 0):
-                self.table[i, j, 1] = formulas[which[i, j]](np.array([cutoff[i, j] / units.length]))[0][0] * units.energy
+                self.table[i, j, 1] = (
+                    formulas[which[i, j]](np.array([cutoff[i, j] / units.length]))[0][0] * units.energy
+                )
 
     def prepare(self, frame):
         return frame.charges * self.root if self.needs_charges else None
@@ -222,7 +230,9 @@ def formula_word(inp, line, word: str, variables=()) -> LeptonFormula:
 def _lepton_style(inp: StyleInput):
     charged = inp.name == "lepton/coul"
     if len(inp.args) > 1:
-        raise inp.error(f"{inp.command} {' '.join(inp.args[1:])}: only a cutoff is supported, no keywords for long-range electrostatics")
+        raise inp.error(
+            f"{inp.command} {' '.join(inp.args[1:])}: only a cutoff is supported, no keywords for long-range electrostatics"
+        )
     (rc,) = inp.numbers(inp.args, [("cutoff", "length")])
     if charged and inp.modify.shift:
         raise inp.error(f"{inp.command}: pair_modify shift does not go with this style (LAMMPS refuses it too)")
@@ -230,11 +240,20 @@ def _lepton_style(inp: StyleInput):
     for line in inp.coeffs:
         if not 1 <= len(line.words) <= 2:
             raise inp.error(
-                f"pair_coeff of {inp.name} takes a formula (in quotes, or without blanks) and [cutoff], got {' '.join(line.words)}", line
+                f"pair_coeff of {inp.name} takes a formula (in quotes, or without blanks) and [cutoff], got {' '.join(line.words)}",
+                line,
             )
         (cut,) = inp.numbers(line.words[1:], [("cutoff", "length")], line, optional=1)
         formulas.append(formula_word(inp, line, line.words[0], ("qi", "qj") if charged else ()))
         for pair in line.covers(inp.n_types):
             given[pair] = (len(formulas), rc if cut is None else cut)
     which, cutoff = fill(inp, given, 2)
-    return Lepton(formulas, which.astype(int) - 1, cutoff, inp.units, shift=inp.modify.shift, charged=charged, dielectric=inp.dielectric)
+    return Lepton(
+        formulas,
+        which.astype(int) - 1,
+        cutoff,
+        inp.units,
+        shift=inp.modify.shift,
+        charged=charged,
+        dielectric=inp.dielectric,
+    )

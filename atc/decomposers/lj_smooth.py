@@ -115,7 +115,9 @@ def _cubic_style(inp: StyleInput):
         values = inp.numbers(line.words, _LJ, line)
         for pair in line.covers(inp.n_types):
             given[pair] = (*values, 1.0)
-    return LennardJonesCubic.internal(*fill(inp, given, 3, lambda a, b, rule: (*mix_lj_distances(a[:2], b[:2], rule), 1.0)))
+    return LennardJonesCubic.internal(
+        *fill(inp, given, 3, lambda a, b, rule: (*mix_lj_distances(a[:2], b[:2], rule), 1.0))
+    )
 
 
 @pair_style("lj/relres")

@@ -244,7 +244,11 @@ def _bonds(p0, p1, a, b, r, d, kind, counted, shape, slope, atom, out_i, out_j, 
 def _local_density(inp):
     if inp.args:
         raise inp.error(f"{inp.command} takes no arguments, got {' '.join(inp.args)}")
-    if len(inp.coeffs) != 1 or any(t.lo != 1 or t.hi is not None for t in inp.coeffs[0].types) or len(inp.coeffs[0].words) != 1:
+    if (
+        len(inp.coeffs) != 1
+        or any(t.lo != 1 or t.hi is not None for t in inp.coeffs[0].types)
+        or len(inp.coeffs[0].words) != 1
+    ):
         raise inp.error(f"{inp.command} takes one line pair_coeff * * <file>", inp.coeffs[0] if inp.coeffs else None)
     line = inp.coeffs[0]
     return LocalDensity.from_file(inp.path(line.words[0], line), units=inp.units, where=line.where)

@@ -93,7 +93,9 @@ class ManyBody(ClusterTerm):
         self.reach = 0.0
         if cutoff is not None:
             if k not in (2, 3):
-                raise AtcError(f"{name}: a cutoff makes tuples of 2 or 3 atoms, got a function of {k}: list the tuples with atoms=")
+                raise AtcError(
+                    f"{name}: a cutoff makes tuples of 2 or 3 atoms, got a function of {k}: list the tuples with atoms="
+                )
             if not (np.isfinite(cutoff) and cutoff > 0):
                 raise AtcError(f"{name}: the cutoff must be a positive number, got {cutoff}")
             self.reach = self.cutoff = float(u.to_internal("length", cutoff))
@@ -111,7 +113,9 @@ class ManyBody(ClusterTerm):
                 ps = inspect.signature(getattr(energy, "py_func", energy)).parameters.values()
             except (TypeError, ValueError):
                 ps = ()
-            k = counts.get(sum(p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD) and p.default is p.empty for p in ps))
+            k = counts.get(
+                sum(p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD) and p.default is p.empty for p in ps)
+            )
         if k is None:
             raise AtcError(f"{self.name}: say of how many atoms the energy is: bodies=")
         if bodies is not None and k != bodies:
@@ -145,7 +149,9 @@ class ManyBody(ClusterTerm):
             if not given:
                 raise
             first = str(e).strip().splitlines()[0] if str(e).strip() else type(e).__name__
-            raise AtcError(f"{self.name}: energy and gradient cannot be compiled for {pairs} arguments: {first}") from None
+            raise AtcError(
+                f"{self.name}: energy and gradient cannot be compiled for {pairs} arguments: {first}"
+            ) from None
         fine = np.isfinite(U) & np.isfinite(G).all(axis=1)
         if given and fine.any():
             h = 1e-6 * scale
@@ -179,7 +185,9 @@ class ManyBody(ClusterTerm):
     def kernel(self):
         """f(Q, U, G), compiled when first used."""
         if getattr(self, "_kernel", None) is None:
-            self._kernel = compiled(self.source) if self.functions is None else _batch_of(*self.functions, len(self.names))
+            self._kernel = (
+                compiled(self.source) if self.functions is None else _batch_of(*self.functions, len(self.names))
+            )
         return self._kernel
 
     def __getstate__(self):
@@ -208,9 +216,15 @@ class ManyBody(ClusterTerm):
         t = self.tuples
         if self.by_id:
             place = np.searchsorted(frame.ids, t)
-            found = (place < len(frame)) & (frame.ids[np.minimum(place, len(frame) - 1)] == t) if len(frame) else np.zeros(t.shape, bool)
+            found = (
+                (place < len(frame)) & (frame.ids[np.minimum(place, len(frame) - 1)] == t)
+                if len(frame)
+                else np.zeros(t.shape, bool)
+            )
             if not found.all():
-                raise AtcError(f"{frame.source}: {self.name} names atom {int(t[~found][0])}, which is not in this frame")
+                raise AtcError(
+                    f"{frame.source}: {self.name} names atom {int(t[~found][0])}, which is not in this frame"
+                )
             t = place
         elif t.size and (t.min() < 0 or t.max() >= len(frame)):
             raise AtcError(
@@ -239,7 +253,12 @@ def _batch_of(energy, gradient, n: int):
     """The loop over terms around the user's own two functions."""
     e, g = (f if hasattr(f, "py_func") else njit(nogil=True, error_model="numpy")(f) for f in (energy, gradient))
     args = ", ".join(f"Q[t, {k}]" for k in range(n))
-    lines = ["def f(Q, U, G):", "    for t in range(Q.shape[0]):", f"        U[t] = energy({args})", f"        slopes = gradient({args})"]
+    lines = [
+        "def f(Q, U, G):",
+        "    for t in range(Q.shape[0]):",
+        f"        U[t] = energy({args})",
+        f"        slopes = gradient({args})",
+    ]
     lines += [f"        G[t, {k}] = slopes[{k}]" for k in range(n)]
     space = {"energy": e, "gradient": g}
     exec(compile("\n".join(lines), "<energy and gradient>", "exec"), space)

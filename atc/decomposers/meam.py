@@ -74,7 +74,9 @@ class MEAM(Term):
         self.cutoff = self.rc * self.bound**0.5
 
     @classmethod
-    def from_files(cls, library, names, parameters=None, elements=None, *, units: str | Units = "metal", where: str = "") -> MEAM:
+    def from_files(
+        cls, library, names, parameters=None, elements=None, *, units: str | Units = "metal", where: str = ""
+    ) -> MEAM:
         """From LAMMPS's files, as its pair_coeff line names them: ``MEAM.from_files("library.meam", ["Si", "C"], "SiC.meam", ["Si", "C"])``.
 
         names : the elements to take from the library, in the order that the indices of the parameter file count. where : the line, for messages
@@ -176,13 +178,21 @@ def _meam(inp):
     known = library_elements(read_parameter_file(library, "MEAM library", line.where), library)
     count = next((k for k, w in enumerate(line.words[1:]) if w not in known or w == "NULL"), None)
     if not count:
-        raise inp.error(f"{inp.command} wants {wants}: found no {'parameter file' if count is None else 'elements of the library'}", line)
+        raise inp.error(
+            f"{inp.command} wants {wants}: found no {'parameter file' if count is None else 'elements of the library'}",
+            line,
+        )
     names, file, elements = line.words[1 : 1 + count], line.words[1 + count], line.words[2 + count :]
     elements = [None if e == "NULL" else e for e in elements]
     if len(elements) < inp.n_types:
-        raise inp.error(f"{inp.command} needs one element (or NULL) for each of the {inp.n_types} atom types, found {len(elements)}", line)
+        raise inp.error(
+            f"{inp.command} needs one element (or NULL) for each of the {inp.n_types} atom types, found {len(elements)}",
+            line,
+        )
     odd = next((e for e in elements if e is not None and e not in names), None)
     if odd is not None:
-        raise inp.error(f"{inp.command}: {odd} is not among the elements taken from the library ({', '.join(names)})", line)
+        raise inp.error(
+            f"{inp.command}: {odd} is not among the elements taken from the library ({', '.join(names)})", line
+        )
     parameters = None if file == "NULL" else inp.path(file, line)
     return MEAM.from_files(library, names, parameters, elements, units=inp.units, where=line.where)

@@ -13,16 +13,55 @@ from ..errors import AtcError, AtcWarning
 from .parameter_file import LARGE, read_parameter_file, units_tag
 
 LATTICES = ("fcc", "bcc", "hcp", "dia", "sc", "dim", "b1", "b2", "l12")
-_LIBRARY = ("z", "ielement", "atwt", "alpha", "b0", "b1", "b2", "b3", "alat", "esub", "asub", "t0", "t1", "t2", "t3", "rozero", "ibar")
+_LIBRARY = (
+    "z",
+    "ielement",
+    "atwt",
+    "alpha",
+    "b0",
+    "b1",
+    "b2",
+    "b3",
+    "alat",
+    "esub",
+    "asub",
+    "t0",
+    "t1",
+    "t2",
+    "t3",
+    "rozero",
+    "ibar",
+)
 _WORDS = 2 + len(_LIBRARY)
 # LAMMPS's default skin in Å: its screening looks at the neighbours within rc and this.
 _SKIN = 2.0
 _FORMS = (-5, 0, 1, 3, 4)
-_NAMES_OF_SCALARS = ("rc", "delr", "gsmooth_factor", "augt1", "ialloy", "mixture_ref_t", "erose_form", "emb_lin_neg", "bkgd_dyn")
-_INDICES = {"rho0": 1, "Cmin": 3, "Cmax": 3} | dict.fromkeys(("Ec", "delta", "alpha", "re", "lattce", "nn2", "attrac", "repuls", "zbl"), 2)
+_NAMES_OF_SCALARS = (
+    "rc",
+    "delr",
+    "gsmooth_factor",
+    "augt1",
+    "ialloy",
+    "mixture_ref_t",
+    "erose_form",
+    "emb_lin_neg",
+    "bkgd_dyn",
+)
+_INDICES = {"rho0": 1, "Cmin": 3, "Cmax": 3} | dict.fromkeys(
+    ("Ec", "delta", "alpha", "re", "lattce", "nn2", "attrac", "repuls", "zbl"), 2
+)
 _LINE = re.compile(r"^(\w+)\s*(?:\(([^()]*)\))?\s*=\s*(.*)$")
 #: Nearest-neighbour distance over lattice constant.
-_NEAREST = {"fcc": 0.5**0.5, "bcc": 0.75**0.5, "dia": 0.1875**0.5, "hcp": 1.0, "dim": 1.0, "sc": 1.0, "b1": 0.5, "b2": 0.75**0.5}
+_NEAREST = {
+    "fcc": 0.5**0.5,
+    "bcc": 0.75**0.5,
+    "dia": 0.1875**0.5,
+    "hcp": 1.0,
+    "dim": 1.0,
+    "sc": 1.0,
+    "b1": 0.5,
+    "b2": 0.75**0.5,
+}
 
 
 @dataclass
@@ -112,7 +151,9 @@ def read_meam(library, names, parameters=None, units_name: str = "metal", where:
     for e, name in enumerate(names):
         at = known[name][0]
         if lat[e] not in _NEAREST or lat[e] in ("b1", "b2"):
-            raise AtcError(f"{at}: the reference structure {lat[e]} of an element is not supported: expected fcc, bcc, hcp, dia, sc or dim")
+            raise AtcError(
+                f"{at}: the reference structure {lat[e]} of an element is not supported: expected fcc, bcc, hcp, dia, sc or dim"
+            )
         if v["t0"][e] != 1.0:
             raise AtcError(f"{at}: t0 must be 1, got {v['t0'][e]:g}")
         if v["ibar"][e] not in _FORMS:
@@ -207,7 +248,9 @@ def _same_units(text, path, units_name):
 def _lattice(word, at) -> str:
     word = word.lower()
     if word not in LATTICES:
-        raise AtcError(f"{at}: the reference structure {word!r} is not supported: expected one of {', '.join(LATTICES)}")
+        raise AtcError(
+            f"{at}: the reference structure {word!r} is not supported: expected one of {', '.join(LATTICES)}"
+        )
     return word
 
 
@@ -237,7 +280,9 @@ def _read_settings(path, m, own, scalars, units_name, where):
         at = f"{path}:{number}"
         match = _LINE.match(line)
         if not match or not match[3].split():
-            raise AtcError(f"{at}: expected keyword = value or keyword(I,J) = value in a MEAM parameter file, got {line!r}")
+            raise AtcError(
+                f"{at}: expected keyword = value or keyword(I,J) = value in a MEAM parameter file, got {line!r}"
+            )
         key, index, value = match[1], match[2], match[3].split()[0].strip("'\"")
         if key in _NAMES_OF_SCALARS:
             if index is not None:
@@ -270,7 +315,9 @@ def _read_settings(path, m, own, scalars, units_name, where):
         if str(used) != value and (used is None or not _is(value, used)):
             pair = ",".join(str(k + 1) for k in i)
             warnings.warn(
-                f"{at}: LAMMPS does not use {key}({index}) = {value} but {key}({pair}), and so does this", AtcWarning, stacklevel=5
+                f"{at}: LAMMPS does not use {key}({index}) = {value} but {key}({pair}), and so does this",
+                AtcWarning,
+                stacklevel=5,
             )
 
 

@@ -153,7 +153,11 @@ def densities(
             e = near[x]
             for y in range(x, count):
                 f = near[y]
-                cos = (arm[e, 0] * arm[f, 0] + arm[e, 1] * arm[f, 1] + arm[e, 2] * arm[f, 2]) / (dist[e] * dist[f]) if y > x else 1.0
+                cos = (
+                    (arm[e, 0] * arm[f, 0] + arm[e, 1] * arm[f, 1] + arm[e, 2] * arm[f, 2]) / (dist[e] * dist[f])
+                    if y > x
+                    else 1.0
+                )
                 l2, l3 = cos * cos - 1.0 / 3.0, (cos * cos - 0.6) * cos
                 Q[e, 1] += 2.0 * P[f, 1] * cos
                 Q[e, 2] += 2.0 * P[f, 2] * l2

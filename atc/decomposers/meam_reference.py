@@ -104,7 +104,11 @@ def _site(p, lattice, own, other, majority, r, nn2):
     rho0 = sum(n * _density(p, e, 0, r) for e, n in near.items())
     T = sum(n * _density(p, e, 0, r) * p.t_ek[e, 1:, None] for e, n in near.items())
     norm = sum(n * _density(p, e, 0, r) * (p.t_ek[e, 1:, None] ** 2 if p.ialloy == 1 else 1.0) for e, n in near.items())
-    t = np.broadcast_to(p.t_ek[own, 1:, None], T.shape) if p.ialloy == 2 else np.divide(T, norm, out=np.zeros_like(T), where=norm != 0.0)
+    t = (
+        np.broadcast_to(p.t_ek[own, 1:, None], T.shape)
+        if p.ialloy == 2
+        else np.divide(T, norm, out=np.zeros_like(T), where=norm != 0.0)
+    )
 
     def rho(e, k):
         return _density(p, e, k, r) * (p.t_ek[e, k] if p.ialloy == 1 else 1.0)
@@ -146,9 +150,15 @@ def pair_energy(p: MEAMParameters, a: int, b: int, r, core: bool = True):
             for n in range(1, 11):
                 phi = phi + (-second * S / Z) ** n * _reference(p, a, b, r * ratio**n)
         else:
-            parts = ((a, b, 0.75), (b, a, 0.25)) if lattice == "l12" else ((a, b, 0.5 * second / Z), (b, a, 0.5 * second / Z))
+            parts = (
+                ((a, b, 0.75), (b, a, 0.25))
+                if lattice == "l12"
+                else ((a, b, 0.5 * second / Z), (b, a, 0.5 * second / Z))
+            )
             for e, other, share in parts:
-                phi = phi - share * screening(p, lattice, e, other, e == a) * pair_energy(p, e, e, r * ratio, core=False)
+                phi = phi - share * screening(p, lattice, e, other, e == a) * pair_energy(
+                    p, e, e, r * ratio, core=False
+                )
     if core and p.zbl[a, b]:
         s = p.alpha[a, b] * (r / p.re[a, b] - 1.0)
         with np.errstate(divide="ignore", invalid="ignore"):

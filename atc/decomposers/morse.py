@@ -101,7 +101,9 @@ one_cutoff(Pedone)
 def _momb_style(inp: StyleInput):
     rc, s6, damping = inp.numbers(inp.args, [("cutoff", "length"), ("s6", "dimensionless"), ("d", "dimensionless")])
     d0, alpha, r0, c6, rr, cutoff = pair_values(inp, (*MOMB.numbers[:5], MOMB.numbers[-1]), optional=1, defaults=[rc])
-    return MOMB.internal(d0, alpha, r0, c6, rr, np.full_like(d0, s6), np.full_like(d0, damping), cutoff, shift=inp.modify.shift)
+    return MOMB.internal(
+        d0, alpha, r0, c6, rr, np.full_like(d0, s6), np.full_like(d0, damping), cutoff, shift=inp.modify.shift
+    )
 
 
 @pair_style("morse")

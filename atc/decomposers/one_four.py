@@ -52,7 +52,9 @@ class OneFourTerm(ClusterTerm):
         frame.require("charges", why="the 1-4 pairs of a charmm dihedral style")
         top = int(frame.types.max()) if len(frame) else 0
         if top >= len(self.coefficients.a):
-            raise AtcError(f"{frame.source}: atoms of type {top} but the pair coefficients cover types 1 to {len(self.coefficients.a) - 1}")
+            raise AtcError(
+                f"{frame.source}: atoms of type {top} but the pair coefficients cover types 1 to {len(self.coefficients.a) - 1}"
+            )
         return _OneFourWork(self, frame)
 
 
@@ -61,7 +63,21 @@ class _OneFourWork(ClusterWork):
         term, f = self.term, self.frame
         c = term.coefficients
         G[:] = 0.0
-        return _ends(x, f.types, f.charges, atoms, term.scale[types], c.a, c.c, c.constant, term.form, c.offset, c.inverse_cutoff, U, G)
+        return _ends(
+            x,
+            f.types,
+            f.charges,
+            atoms,
+            term.scale[types],
+            c.a,
+            c.c,
+            c.constant,
+            term.form,
+            c.offset,
+            c.inverse_cutoff,
+            U,
+            G,
+        )
 
 
 def one_four_terms(terms: list[Term]) -> list[Term]:
@@ -70,7 +86,13 @@ def one_four_terms(terms: list[Term]) -> list[Term]:
     Raises AtcError if the pair style has no 1-4 coefficients, or not of the kind that the dihedral style needs.
     """
     torsions = [t for term in terms for t in _charmm_torsions(term) if t.end_weights]
-    found = [s.one_four for term in terms if isinstance(term, Pairs) for s in term.styles if getattr(s, "one_four", None) is not None]
+    found = [
+        s.one_four
+        for term in terms
+        if isinstance(term, Pairs)
+        for s in term.styles
+        if getattr(s, "one_four", None) is not None
+    ]
     out = []
     for torsion in torsions:
         t, w = next(iter(torsion.end_weights.items()))

@@ -63,7 +63,10 @@ class PairStyle:
         cutoff = np.asarray(values[-1], float)
         if not ((cutoff >= 0).all() and (cutoff > 0).any() and np.isfinite(cutoff).all()):
             raise AtcError(f"{type(self).__name__}: the cutoff must be positive, got {values[-1]}")
-        self.fill(*(as_matrix(v, n, factor(self.units, d)) for v, (_, d) in zip(values, self.numbers, strict=True)), shift=shift)
+        self.fill(
+            *(as_matrix(v, n, factor(self.units, d)) for v, (_, d) in zip(values, self.numbers, strict=True)),
+            shift=shift,
+        )
 
     def _set(self, cutoff, *columns) -> None:
         """`table` from the cutoff and the kernel's columns; columns of pairs without interaction are 0."""
@@ -122,7 +125,9 @@ class Pairs(Term):
         self.cutoff = max((s.cutoff for s in self.styles), default=0.0)
         if not self.cutoff > 0:
             names = ", ".join(s.name for s in self.styles)
-            raise AtcError(f"pair style {names or 'none'} has no interaction, every cutoff is 0: give a positive cutoff")
+            raise AtcError(
+                f"pair style {names or 'none'} has no interaction, every cutoff is 0: give a positive cutoff"
+            )
         self._grown: dict[int, Pairs] = {}
 
     def describe(self) -> str:
@@ -205,7 +210,9 @@ class _PairWork(Work):
             if why:
                 return AtcError(f"{frame.source}: atoms {a} and {b}: {why}")
         shown = frame.units.to_user("length", d)
-        return AtcError(f"{frame.source}: the pair force between atoms {a} and {b} at distance {shown:.3g} is not a finite number")
+        return AtcError(
+            f"{frame.source}: the pair force between atoms {a} and {b} at distance {shown:.3g} is not a finite number"
+        )
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

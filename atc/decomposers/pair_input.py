@@ -72,7 +72,9 @@ def fill(inp: StyleInput, given: dict, width: int, mix=None) -> list[np.ndarray]
                 missing = f"types {i} and {j}"
                 if i == j:
                     how = ""
-                raise inp.error(f"{inp.command}: no pair_coeff for {missing}{', ' + how if how else ''}; add 'pair_coeff {i} {j} ...'")
+                raise inp.error(
+                    f"{inp.command}: no pair_coeff for {missing}{', ' + how if how else ''}; add 'pair_coeff {i} {j} ...'"
+                )
             out[:, i, j] = out[:, j, i] = values
     return list(out)
 
@@ -88,5 +90,7 @@ def as_matrix(value, n_types: int, factor: float = 1.0) -> np.ndarray:
         if not np.array_equal(a, a.T):
             from ..errors import AtcError
 
-            raise AtcError("pair coefficients given as a matrix must be symmetric: the value for types (i, j) is that for (j, i)")
+            raise AtcError(
+                "pair coefficients given as a matrix must be symmetric: the value for types (i, j) is that for (j, i)"
+            )
     return out

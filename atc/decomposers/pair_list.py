@@ -40,7 +40,11 @@ class ListedPairs(ClusterTerm):
     unweighted = True
 
     def __init__(self, ids, forms, numbers, cutoffs, where="list"):
-        self.ids, self.forms, self.where = np.asarray(ids, np.int64).reshape(-1, 2), np.asarray(forms, dtype=object), where
+        self.ids, self.forms, self.where = (
+            np.asarray(ids, np.int64).reshape(-1, 2),
+            np.asarray(forms, dtype=object),
+            where,
+        )
         self.numbers, self.cutoffs = np.asarray(numbers, float).reshape(-1, 4), np.asarray(cutoffs, float)
 
     def describe(self) -> str:
@@ -53,7 +57,9 @@ class ListedPairs(ClusterTerm):
         atoms = order[np.where(found, at, 0)] if len(order) else np.zeros_like(at)
         missing = self.ids[~found | (frame.ids[atoms] != self.ids)] if len(order) else self.ids.ravel()
         if len(missing):
-            raise AtcError(f"{frame.source}: {self.where} names atom {missing[0]}, which is not in this frame: dump all atoms")
+            raise AtcError(
+                f"{frame.source}: {self.where} names atom {missing[0]}, which is not in this frame: dump all atoms"
+            )
         return np.ascontiguousarray(atoms, dtype=np.int32), np.arange(len(atoms), dtype=np.int32)
 
     def evaluate(self, x_tkc, types, U, G, acc: Accumulator) -> int:
@@ -96,9 +102,13 @@ _FORMULA = {"lj126": _lj, "morse": _morse, "harmonic": _harmonic, "quartic": _qu
 @pair_style("list")
 def _list_style(inp: StyleInput):
     if not 2 <= len(inp.args) <= 3 or (len(inp.args) == 3 and inp.args[2] not in ("check", "nocheck")):
-        raise inp.error(f"{inp.command} takes a file, a cutoff and [check or nocheck], got {' '.join(inp.args) or 'nothing'}")
+        raise inp.error(
+            f"{inp.command} takes a file, a cutoff and [check or nocheck], got {' '.join(inp.args) or 'nothing'}"
+        )
     if inp.modify.shift:
-        raise inp.error(f"{inp.command}: pair_modify shift yes is not supported for listed pairs: set it for the other sub-styles only")
+        raise inp.error(
+            f"{inp.command}: pair_modify shift yes is not supported for listed pairs: set it for the other sub-styles only"
+        )
     path = inp.path(inp.args[0])
     rc = inp.number(inp.args[1], "length", "cutoff")
     for line in inp.coeffs:

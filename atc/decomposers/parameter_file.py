@@ -109,7 +109,9 @@ def read_entries(path, elements, units_name: str, kind, where: str = "") -> dict
         if wrong := entry.check():
             raise AtcError(f"{here}: {wrong}")
         if names in entries:
-            raise AtcError(f"{here}: second entry for {' '.join(names)} (the first is at {entries[names].where}): remove one")
+            raise AtcError(
+                f"{here}: second entry for {' '.join(names)} (the first is at {entries[names].where}): remove one"
+            )
         entries[names] = replace(entry, **{key: getattr(entry, key) * factor for key in kind.energies})
     for triple in product(elements, repeat=3):
         if triple not in entries:

@@ -17,7 +17,14 @@ class Pirani(RadialStyle):
     """
 
     name = "lj/pirani"
-    numbers = (("alpha", _PLAIN), ("beta", _PLAIN), ("gamma", _PLAIN), ("rm", "length"), ("epsilon", "energy"), ("cutoff", "length"))
+    numbers = (
+        ("alpha", _PLAIN),
+        ("beta", _PLAIN),
+        ("gamma", _PLAIN),
+        ("rm", "length"),
+        ("epsilon", "energy"),
+        ("cutoff", "length"),
+    )
 
     def columns(self, alpha, beta, gamma, rm, epsilon, cutoff):
         return alpha, beta, gamma, rm, epsilon

@@ -109,7 +109,11 @@ def read_polymorphic(path, units_name: str = "metal", where: str = "") -> Polymo
 
     U, V, W = pairs(nr), pairs(nr), pairs(nr)
     # The file's triples are JIK, the centre in the middle.
-    P = take(triples * nr).reshape(m, m, m, nr).transpose(1, 0, 2, 3) if eta == 3 else np.repeat(pairs(nr)[:, None], m, axis=1)
+    P = (
+        take(triples * nr).reshape(m, m, m, nr).transpose(1, 0, 2, 3)
+        if eta == 3
+        else np.repeat(pairs(nr)[:, None], m, axis=1)
+    )
     G = take(triples * ntheta).reshape(m, m, m, ntheta).transpose(1, 0, 2, 3)
     return PolymorphicTables(names, eta, cut, xi, U, V, W, P, G, pairs(nx), xmax)
 
@@ -148,12 +152,18 @@ class Polymorphic(Centred):
         self.cut, self.xi = t.cut_ee * length, t.xi_ee
         self.cutoff = float(self.cut.max())
         self.per_r = (nr - 1) / self.cut
-        self.per_p, self.per_g, self.per_x = (nr - 1) / (2.0 * self.cutoff), (t.G.shape[-1] - 1) / 2.0, (t.F.shape[-1] - 1) / t.xmax
+        self.per_p, self.per_g, self.per_x = (
+            (nr - 1) / (2.0 * self.cutoff),
+            (t.G.shape[-1] - 1) / 2.0,
+            (t.F.shape[-1] - 1) / t.xmax,
+        )
         self.U, self.F = np.ascontiguousarray(spline(t.U * energy)), np.ascontiguousarray(spline(t.F * energy))
         self.V, self.W, self.P, self.G = (np.ascontiguousarray(spline(x)) for x in (t.V, t.W, t.P, t.G))
 
     @classmethod
-    def from_file(cls, path, elements=None, *, units: str | Units = "metal", partition="pair", where: str = "") -> Polymorphic:
+    def from_file(
+        cls, path, elements=None, *, units: str | Units = "metal", partition="pair", where: str = ""
+    ) -> Polymorphic:
         """From a LAMMPS file. where : the line that names it, for messages."""
         t = read_polymorphic(path, system(units).name, where)
         odd = next((e for e in elements or () if e not in (None, "NULL", *t.names)), None)
@@ -167,9 +177,7 @@ class Polymorphic(Centred):
         self.weights, self.shared = weights_of(partition, 2, _PAIR, "polymorphic")
 
     def describe(self) -> str:
-        return (
-            f"polymorphic{self.map.describe()}, {self.shared}, pair energy half to each atom; one merged bond a pair, outer j-k bonds apart"
-        )
+        return f"polymorphic{self.map.describe()}, {self.shared}, pair energy half to each atom; one merged bond a pair, outer j-k bonds apart"
 
     def pairs(self, near, element, p0, p1, G_p, energies):
         return _pairs(p0, p1, near.a, near.b, near.d_p, element, self.cut, self.per_r, self.U, near.atom, G_p, energies)
@@ -269,7 +277,9 @@ def _centres(
                 X += value[f] * g * p
                 by_cos = value[f] * dg * p
                 along[f] = by_cos * (v - cos / (dist[e] * dist[e])) + value[f] * g * dp / dist[e]
-                other[f] = by_cos * (v - cos / (dist[f] * dist[f])) + g * (slope[f] * p - value[f] * xi[es, ee] * dp) / dist[f]
+                other[f] = (
+                    by_cos * (v - cos / (dist[f] * dist[f])) + g * (slope[f] * p - value[f] * xi[es, ee] * dp) / dist[f]
+                )
                 outer[f] = -by_cos * v
             f_value, f_slope = _at(F[es, ee], X, per_x)
             v_value, v_slope = _at(V[es, ee], dist[e], per_r[es, ee])

@@ -116,7 +116,9 @@ def _in_order(style, values, named) -> list:
     names = [name for name, _ in style.numbers]
     given = dict(zip(names, values, strict=False)) | named
     if len(values) > len(names) or sorted(given) != sorted(names):
-        raise AtcError(f"{type(style).__name__} takes {', '.join(names)}; got {', '.join(map(str, [*values, *named])) or 'nothing'}")
+        raise AtcError(
+            f"{type(style).__name__} takes {', '.join(names)}; got {', '.join(map(str, [*values, *named])) or 'nothing'}"
+        )
     return [given[name] for name in names]
 
 

@@ -44,9 +44,23 @@ def _fold(op: str, plain):
     return f
 
 
-_MATH_NAMES = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2", "fabs": "abs", "hypot": "hypot", "pow": "pow"}
-_FUNCTIONS = {n: _function(_MATH_NAMES.get(n, n), getattr(math, n)) for n in (*(n for n in UNARY if hasattr(math, n)), *ERF, *_MATH_NAMES)}
-_REPLACED = {getattr(math, n): f for n, f in _FUNCTIONS.items()} | {min: _fold("minimum", min), max: _fold("maximum", max)}
+_MATH_NAMES = {
+    "asin": "arcsin",
+    "acos": "arccos",
+    "atan": "arctan",
+    "atan2": "arctan2",
+    "fabs": "abs",
+    "hypot": "hypot",
+    "pow": "pow",
+}
+_FUNCTIONS = {
+    n: _function(_MATH_NAMES.get(n, n), getattr(math, n))
+    for n in (*(n for n in UNARY if hasattr(math, n)), *ERF, *_MATH_NAMES)
+}
+_REPLACED = {getattr(math, n): f for n, f in _FUNCTIONS.items()} | {
+    min: _fold("minimum", min),
+    max: _fold("maximum", max),
+}
 _MATH = types.SimpleNamespace(**{n: getattr(math, n) for n in dir(math) if not n.startswith("_")} | _FUNCTIONS)
 
 
@@ -65,7 +79,11 @@ def _recordable(f, done: dict):
     if f not in done:
         names = {"min": min, "max": max} | f.__globals__
         own = dict(f.__globals__)
-        cells = None if f.__closure__ is None else tuple(types.CellType(_recordable(c.cell_contents, done)) for c in f.__closure__)
+        cells = (
+            None
+            if f.__closure__ is None
+            else tuple(types.CellType(_recordable(c.cell_contents, done)) for c in f.__closure__)
+        )
         done[f] = types.FunctionType(f.__code__, own, f.__name__, f.__defaults__, cells)
         done[f].__kwdefaults__ = f.__kwdefaults__
         for name in _names_in(f.__code__):
@@ -150,14 +168,18 @@ def _from_text(text: str, tape: Tape, names: dict):
             return tape.apply("where", ev(n.test), ev(n.body), ev(n.orelse))
         if isinstance(n, ast.Call) and isinstance(n.func, ast.Name) and not n.keywords:
             if n.func.id not in functions:
-                raise NotRecorded(f"unknown function {n.func.id!r} in {text!r}: expected {', '.join(sorted(functions))}")
+                raise NotRecorded(
+                    f"unknown function {n.func.id!r} in {text!r}: expected {', '.join(sorted(functions))}"
+                )
             return functions[n.func.id](*(ev(a) for a in n.args))
         raise NotRecorded(f"cannot read {ast.unparse(n)!r} in {text!r}: expected an arithmetic expression")
 
     try:
         tree = ast.parse(text.strip(), mode="eval")
     except SyntaxError:
-        raise NotRecorded(f"cannot read {text!r}: expected an arithmetic expression such as 'k*(d12 - r0)**2'") from None
+        raise NotRecorded(
+            f"cannot read {text!r}: expected an arithmetic expression such as 'k*(d12 - r0)**2'"
+        ) from None
     return ev(tree.body)
 
 

@@ -30,7 +30,13 @@ ANGLE_STYLES: dict[str, Callable] = {}
 DIHEDRAL_STYLES: dict[str, Callable] = {}
 IMPROPER_STYLES: dict[str, Callable] = {}
 
-STYLES = {"pair": PAIR_STYLES, "bond": BOND_STYLES, "angle": ANGLE_STYLES, "dihedral": DIHEDRAL_STYLES, "improper": IMPROPER_STYLES}
+STYLES = {
+    "pair": PAIR_STYLES,
+    "bond": BOND_STYLES,
+    "angle": ANGLE_STYLES,
+    "dihedral": DIHEDRAL_STYLES,
+    "improper": IMPROPER_STYLES,
+}
 
 
 #: Pair styles whose one ``pair_coeff * *`` line maps atom types to elements (NULL: not this style's).
@@ -44,7 +50,10 @@ def mapped_elements(style: str, words) -> tuple[str, ...]:
         return tuple(words[1:])
     # Names of elements have neither dots nor slashes.
     least = 0 if style == "eim" else 1
-    file = next((k for k, w in enumerate(words) if k > least and ("." in w or "/" in w or (style != "eim" and w == "NULL"))), len(words))
+    file = next(
+        (k for k, w in enumerate(words) if k > least and ("." in w or "/" in w or (style != "eim" and w == "NULL"))),
+        len(words),
+    )
     return tuple(words[file + 1 :])
 
 
@@ -194,7 +203,9 @@ class StyleInput:
             names = " ".join(w if k < least else f"[{w}]" for k, (w, _) in enumerate(wants))
             subject = f"{self.kind}_coeff of {self.name}" if line is not None else self.command
             raise self.error(f"{subject} takes {names or 'no numbers'}, got {' '.join(words) or 'nothing'}", line)
-        out: list[float | None] = [self.number(word, d, what, line) for word, (what, d) in zip(words, wants, strict=False)]
+        out: list[float | None] = [
+            self.number(word, d, what, line) for word, (what, d) in zip(words, wants, strict=False)
+        ]
         return out + [None] * (len(wants) - len(out))
 
     def path(self, name: str, line: CoeffLine | None = None) -> Path:

@@ -85,7 +85,9 @@ def _diel_style(inp: StyleInput):
         # LAMMPS (22 Jul 2025) keeps one epsilon for all pairs of types, that of the last line; measured, not documented.
         last = float(inp.coeffs[-1].words[0])
         if (epsilon[more[-1] > 0] != last).any():
-            inp.note(f"pair_style coul/diel: all pairs of types have the epsilon of the last pair_coeff line, {last:g}, as in LAMMPS")
+            inp.note(
+                f"pair_style coul/diel: all pairs of types have the epsilon of the last pair_coeff line, {last:g}, as in LAMMPS"
+            )
         epsilon = np.full_like(epsilon, last)
     return CoulombDiel.of(inp, epsilon, *more)
 

@@ -11,7 +11,14 @@ from .radial import ChargedStyle, RadialStyle, mix_lj6, mix_lj_distances
 from .registry import StyleInput, pair_style
 
 _PLAIN = "dimensionless"
-_LJ = (("epsilon", "energy"), ("sigma", "length"), ("activation", _PLAIN), ("n", _PLAIN), ("alpha", _PLAIN), ("cutoff", "length"))
+_LJ = (
+    ("epsilon", "energy"),
+    ("sigma", "length"),
+    ("activation", _PLAIN),
+    ("n", _PLAIN),
+    ("alpha", _PLAIN),
+    ("cutoff", "length"),
+)
 
 
 class LennardJonesSoft(RadialStyle):
@@ -96,7 +103,9 @@ def _lj_soft(cls, mix):
     def build(inp: StyleInput):
         n, alpha, rc = inp.numbers(inp.args, [("n", _PLAIN), ("alpha_LJ", _PLAIN), ("cutoff", "length")])
         e, s, activation, cutoff = pair_values(inp, (*_LJ[:3], _LJ[-1]), optional=1, defaults=[rc], mix=mix)
-        return cls.internal(e, s, activation, np.full_like(e, n), np.full_like(e, alpha), cutoff, shift=inp.modify.shift)
+        return cls.internal(
+            e, s, activation, np.full_like(e, n), np.full_like(e, alpha), cutoff, shift=inp.modify.shift
+        )
 
     pair_style(cls.name)(build)
 
@@ -112,15 +121,21 @@ def _coul_soft_style(inp: StyleInput):
     def mix(a, b, rule):
         return (a[0] if a[0] == b[0] else np.nan, mix_distance(a[1], b[1], rule))
 
-    activation, cutoff = pair_values(inp, (CoulombSoft.numbers[0], CoulombSoft.numbers[-1]), optional=1, defaults=[rc], mix=mix)
+    activation, cutoff = pair_values(
+        inp, (CoulombSoft.numbers[0], CoulombSoft.numbers[-1]), optional=1, defaults=[rc], mix=mix
+    )
     return CoulombSoft.of(inp, activation, np.full_like(cutoff, n), np.full_like(cutoff, alpha), cutoff)
 
 
 @pair_style("morse/soft")
 def _morse_soft_style(inp: StyleInput):
     n, threshold, rc = inp.numbers(inp.args, [("n", _PLAIN), ("lf", _PLAIN), ("cutoff", "length")])
-    d0, alpha, r0, activation, cutoff = pair_values(inp, (*MorseSoft.numbers[:4], MorseSoft.numbers[-1]), optional=1, defaults=[rc])
-    return MorseSoft.internal(d0, alpha, r0, activation, np.full_like(d0, n), np.full_like(d0, threshold), cutoff, shift=inp.modify.shift)
+    d0, alpha, r0, activation, cutoff = pair_values(
+        inp, (*MorseSoft.numbers[:4], MorseSoft.numbers[-1]), optional=1, defaults=[rc]
+    )
+    return MorseSoft.internal(
+        d0, alpha, r0, activation, np.full_like(d0, n), np.full_like(d0, threshold), cutoff, shift=inp.modify.shift
+    )
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

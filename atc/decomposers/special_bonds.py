@@ -28,7 +28,12 @@ class SpecialBonds:
     """
 
     def __init__(self, lj=(0.0, 0.0, 0.0), coul=(0.0, 0.0, 0.0), angle: bool = False, dihedral: bool = False):
-        self.lj, self.coul, self.angle, self.dihedral = tuple(map(float, lj)), tuple(map(float, coul)), bool(angle), bool(dihedral)
+        self.lj, self.coul, self.angle, self.dihedral = (
+            tuple(map(float, lj)),
+            tuple(map(float, coul)),
+            bool(angle),
+            bool(dihedral),
+        )
         self._last = None
 
     def __getstate__(self):
@@ -123,7 +128,9 @@ class SpecialBonds:
         a, d = np.asarray(top.angles, np.int64), np.asarray(top.dihedrals, np.int64)
         joined13 = np.concatenate([_keys(a[:, [0, 2]], n), _keys(d[:, [0, 2]], n), _keys(d[:, [1, 3]], n)])
         joined14 = _keys(d[:, [0, 3]], n)
-        start, other, apart = _special(n, start, other, self.angle, np.unique(joined13), self.dihedral, np.unique(joined14))
+        start, other, apart = _special(
+            n, start, other, self.angle, np.unique(joined13), self.dihedral, np.unique(joined14)
+        )
         return start, other, apart, special_hints(start, other)
 
 
@@ -164,7 +171,9 @@ def _three(words, key, where):
     except ValueError:
         out = ()
     if len(out) != 3 or not all(0.0 <= w <= 1.0 for w in out):
-        raise AtcError(f"{where}: special_bonds {key} needs three weights between 0 and 1, got {' '.join(words) or 'nothing'}")
+        raise AtcError(
+            f"{where}: special_bonds {key} needs three weights between 0 and 1, got {' '.join(words) or 'nothing'}"
+        )
     return out
 
 

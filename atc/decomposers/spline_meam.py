@@ -63,7 +63,9 @@ class SplineMEAMFunctions:
     G: Spline | None = None
 
 
-def read_spline_meam(path, units_name: str = "metal", stillinger_weber: bool = False, where: str = "") -> SplineMEAMFunctions:
+def read_spline_meam(
+    path, units_name: str = "metal", stillinger_weber: bool = False, where: str = ""
+) -> SplineMEAMFunctions:
     """A ``.meam.spline`` file (of one element, or with a line ``meam/spline N names``), or a ``.meam.sw.spline`` file.
 
     Raises
@@ -116,7 +118,9 @@ def read_spline_meam(path, units_name: str = "metal", stillinger_weber: bool = F
         number, words = lines[0]
         place = 1
         if len(words) < 3 or not words[1].isdigit() or len(words) != 2 + int(words[1]):
-            raise AtcError(f"{path}:{number}: expected meam/spline, the number of elements and their names, got {' '.join(words)!r}")
+            raise AtcError(
+                f"{path}:{number}: expected meam/spline, the number of elements and their names, got {' '.join(words)!r}"
+            )
         names = words[2:]
     m = 1 if names is None else len(names)
     pairs = m * (m + 1) // 2
@@ -124,7 +128,9 @@ def read_spline_meam(path, units_name: str = "metal", stillinger_weber: bool = F
     F, G = (spline("F"), spline("G")) if stillinger_weber else (None, None)
     parts = [[spline(what) for _ in range(n)] for what, n in (("rho", m), ("U", m), ("f", m), ("g", pairs))]
     if place < len(lines):
-        raise AtcError(f"{path}:{lines[place][0]}: more lines than the functions of {m} element{'s' if m > 1 else ''} take")
+        raise AtcError(
+            f"{path}:{lines[place][0]}: more lines than the functions of {m} element{'s' if m > 1 else ''} take"
+        )
     return SplineMEAMFunctions(names, phi, *parts, F, G)
 
 
@@ -171,7 +177,9 @@ class SplineMEAM(Centred):
         self.cutoff = float(max(s.x[-1] for s in radial) * length)
 
     @classmethod
-    def from_file(cls, path, elements=None, *, units: str | Units = "metal", stillinger_weber: bool = False, where: str = "") -> SplineMEAM:
+    def from_file(
+        cls, path, elements=None, *, units: str | Units = "metal", stillinger_weber: bool = False, where: str = ""
+    ) -> SplineMEAM:
         """From a LAMMPS file: ``SplineMEAM.from_file("Ti.meam.spline", ["Ti"])``. where : the line that names it, for messages."""
         return cls(read_spline_meam(path, system(units).name, stillinger_weber, where), elements, units=units)
 
@@ -312,7 +320,9 @@ def _build(inp, ending, stillinger_weber):
     if not stillinger_weber and functions.names is not None and elements != functions.names:
         names = " ".join(functions.names)
         if sorted(map(str, elements)) != sorted(functions.names):
-            raise inp.error(f"{inp.command}: LAMMPS wants one atom type for each element of the file: write {names}", line)
+            raise inp.error(
+                f"{inp.command}: LAMMPS wants one atom type for each element of the file: write {names}", line
+            )
         warnings.warn(
             f"{line.where}: LAMMPS's meam/spline gives the atom types the elements of the file in its order ({names}), whatever the line says, and so does this",
             AtcWarning,
@@ -320,7 +330,9 @@ def _build(inp, ending, stillinger_weber):
         )
         elements = functions.names
     if not stillinger_weber and functions.names is None and len(elements) != 1:
-        raise inp.error(f"{inp.command}: LAMMPS takes a file of one element for one atom type, got {' '.join(line.words[1:])}", line)
+        raise inp.error(
+            f"{inp.command}: LAMMPS takes a file of one element for one atom type, got {' '.join(line.words[1:])}", line
+        )
     return SplineMEAM(functions, elements, units=inp.units)
 
 

@@ -87,7 +87,11 @@ class StillingerWeber(Term):
         element of each atom type from 1, None for types left out."""
         self = cls.__new__(cls)
         self._build(
-            {tuple(k): v if isinstance(v, SWEntry) else SWEntry(**v) for k, v in entries.items()}, elements, units, threebody, partition
+            {tuple(k): v if isinstance(v, SWEntry) else SWEntry(**v) for k, v in entries.items()},
+            elements,
+            units,
+            threebody,
+            partition,
         )
         return self
 
@@ -127,7 +131,9 @@ class StillingerWeber(Term):
     def share(self, partition):
         w, words = weights_of(partition, 3, _SHARES, self.style)
         if w[1] != w[2]:
-            raise AtcError(f"{self.style}: the two outer atoms of a triplet are equals, so their shares must be, got {partition!r}")
+            raise AtcError(
+                f"{self.style}: the two outer atoms of a triplet are equals, so their shares must be, got {partition!r}"
+            )
         self.weights = float(w[0]), float(w[1])
         self.shared = "a third to each of its atoms" if isinstance(partition, str) and partition == "equal" else words
 
@@ -138,9 +144,13 @@ class StillingerWeber(Term):
             for key in fields(SWEntry)[:-1]:
                 v = getattr(e, key.name)
                 if not np.isfinite(v) or (v < 0 and key.name != "costheta0"):
-                    raise AtcError(f"{e.where}: {key.name} of {' '.join(triple)} must be a finite number that is not negative, got {v}")
+                    raise AtcError(
+                        f"{e.where}: {key.name} of {' '.join(triple)} must be a finite number that is not negative, got {v}"
+                    )
         names = (
-            list(dict.fromkeys(k[0] for k in entries)) if elements is None else list(dict.fromkeys(e for e in elements if e is not None))
+            list(dict.fromkeys(k[0] for k in entries))
+            if elements is None
+            else list(dict.fromkeys(e for e in elements if e is not None))
         )
         self.elements = elements
         self.names = names
@@ -149,7 +159,9 @@ class StillingerWeber(Term):
         self.prune = 0.0
         # Element of each type, from 1; −1 takes no part. An entry 0 for "every type".
         self.element_of_type = (
-            np.zeros(0, np.int64) if elements is None else np.array([-1, *(-1 if e is None else names.index(e) for e in elements)])
+            np.zeros(0, np.int64)
+            if elements is None
+            else np.array([-1, *(-1 if e is None else names.index(e) for e in elements)])
         )
         m = len(names)
         self.pair = np.zeros((m, m, 8))
@@ -168,7 +180,9 @@ class StillingerWeber(Term):
                     f"{e.where}: the entry {a} {b} {b} gives no finite energy: A, B, epsilon or the powers p and q of sigma are too large"
                 )
             if not 0 < self.pair[ia, ib, 0] < np.inf:
-                raise AtcError(f"{e.where}: a·sigma must be a positive length in the entry {a} {b} {b} (its cutoff), got {e.a} · {e.sigma}")
+                raise AtcError(
+                    f"{e.where}: a·sigma must be a positive length in the entry {a} {b} {b} (its cutoff), got {e.a} · {e.sigma}"
+                )
             for ic, c in enumerate(names):
                 t = self._entry(entries, a, b, c)
                 strength = t.lam * u.to_internal("energy", t.epsilon) if threebody else 0.0
@@ -182,7 +196,9 @@ class StillingerWeber(Term):
         try:
             return entries[a, b, c]
         except KeyError:
-            raise AtcError(f"Stillinger-Weber: no entry for {a} {b} {c}: give one for every combination of the elements in use") from None
+            raise AtcError(
+                f"Stillinger-Weber: no entry for {a} {b} {c}: give one for every combination of the elements in use"
+            ) from None
 
     def _symmetric(self, entries):
         """Where LAMMPS would take one of two entries by the numbering of the atoms, they must say the same."""
@@ -190,7 +206,9 @@ class StillingerWeber(Term):
         for i, j in product(range(len(names)), repeat=2):
             e, f = entries[names[i], names[j], names[j]], entries[names[j], names[i], names[i]]
             what = f"{e.where} and {f.where}: the two-body terms of {names[i]} and {names[j]} in both entries"
-            if j > i and not agree(self.pair[i, j, :7], self.pair[j, i, :7], what, self._two_body, self.units.label("energy")):
+            if j > i and not agree(
+                self.pair[i, j, :7], self.pair[j, i, :7], what, self._two_body, self.units.label("energy")
+            ):
                 raise AtcError(
                     f"{e.where} and {f.where}: the entries {names[i]} {names[j]} {names[j]} and {names[j]} {names[i]} {names[i]} give different two-body terms or cutoffs "
                     "for the same pair, of which LAMMPS takes one by the atoms' numbers: make them equal"
@@ -217,7 +235,11 @@ class StillingerWeber(Term):
     def describe(self) -> str:
         what = f"{self.style} {'-'.join(str(n) for n in self.names)}" if self.elements is not None else self.style
         share = f"pair energy shared half to each atom, triplet energy {self.shared}; one merged bond a pair, outer b-c bonds apart"
-        return f"{what}, {share}" if self.threebody else f"{what} without three-body term, pair energy shared half to each atom"
+        return (
+            f"{what}, {share}"
+            if self.threebody
+            else f"{what} without three-body term, pair energy shared half to each atom"
+        )
 
     def prepare(self, frame: Frame) -> Work:
         return _SWWork(self, frame)
@@ -271,7 +293,9 @@ class _SWWork(Work):
         n = self.list.half(task, ws)
         energies = acc.energies if acc.energies is not None else _NOTHING
         rec = np.empty((n, 8))
-        m, energy, bad = sw_pairs(ws.i, ws.j, ws.r, ws.d2, n, self.element, term.pair, term.same_ends, self.atom, rec, ws.G, energies)
+        m, energy, bad = sw_pairs(
+            ws.i, ws.j, ws.r, ws.d2, n, self.element, term.pair, term.same_ends, self.atom, rec, ws.G, energies
+        )
         if bad >= 0:
             a, b = self.frame.ids[self.atom[ws.i[bad]]], self.frame.ids[self.atom[ws.j[bad]]]
             d = ws.d2[bad] ** 0.5
@@ -325,7 +349,9 @@ class _SWWork(Work):
         while ws.capacity < p1 - p0:
             ws.grow()
         D = np.empty((p1 - p0, 2, 3)) if acc.sources else None
-        m = sw_merge(p0, p1, self.a, self.b, self.rec, self.G, self.G_end, self.S_end, self.atom, ws.i, ws.j, ws.r, ws.G, D)
+        m = sw_merge(
+            p0, p1, self.a, self.b, self.rec, self.G, self.G_end, self.S_end, self.atom, ws.i, ws.j, ws.r, ws.G, D
+        )
         return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], None if D is None else D[:m])
 
 
@@ -381,7 +407,9 @@ def _sw_mod(inp):
     term = _from_line(inp, StillingerWeberMod)
     if inp.args:
         if len(inp.args) != 3 or inp.args[0] != "maxdelta":
-            raise inp.error(f"pair_style sw/mod: expected nothing or maxdelta and two numbers, got {' '.join(inp.args)!r}")
+            raise inp.error(
+                f"pair_style sw/mod: expected nothing or maxdelta and two numbers, got {' '.join(inp.args)!r}"
+            )
         deltas = tuple(inp.number(w, 1.0, "maxdelta") for w in inp.args[1:])
         if not 0 <= deltas[0] < deltas[1]:
             raise inp.error(f"pair_style sw/mod: maxdelta takes 0 <= delta1 < delta2, got {' '.join(inp.args[1:])}")
@@ -392,17 +420,29 @@ def _sw_mod(inp):
 def _from_line(inp, kind, **more):
     """The potential of the one ``pair_coeff * *`` line."""
     if not inp.coeffs:
-        raise inp.error(f"{inp.command} has no pair_coeff line: give pair_coeff * * <file.sw> <element of each atom type>")
+        raise inp.error(
+            f"{inp.command} has no pair_coeff line: give pair_coeff * * <file.sw> <element of each atom type>"
+        )
     if len(inp.coeffs) > 1:
         raise inp.error(f"{inp.command} takes one pair_coeff * * line: leave one of them", inp.coeffs[1])
     line = inp.coeffs[0]
     if any(t.lo != 1 or t.hi is not None for t in line.types):
-        raise inp.error(f"{inp.command} wants pair_coeff * * <file.sw> <element of each atom type>: replace the types by * *", line)
+        raise inp.error(
+            f"{inp.command} wants pair_coeff * * <file.sw> <element of each atom type>: replace the types by * *", line
+        )
     if len(line.words) < 2:
         raise inp.error(
-            f"pair_coeff * * of {inp.name} takes a file and the element of each atom type, got {' '.join(line.words) or 'nothing'}", line
+            f"pair_coeff * * of {inp.name} takes a file and the element of each atom type, got {' '.join(line.words) or 'nothing'}",
+            line,
         )
-    return kind.from_file(inp.path(line.words[0], line), line.words[1:], units=inp.units, least_types=inp.n_types, where=line.where, **more)
+    return kind.from_file(
+        inp.path(line.words[0], line),
+        line.words[1:],
+        units=inp.units,
+        least_types=inp.n_types,
+        where=line.where,
+        **more,
+    )
 
 
 MAPPED_STYLES.add("sw/mod")

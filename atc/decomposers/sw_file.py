@@ -56,7 +56,9 @@ def read_sw_file(path, elements, units_name: str, where: str = "") -> dict:
             if value < 0 and key != "costheta0":
                 raise AtcError(f"{here}: {key} must not be negative in a {_WHAT} entry, found {value:g}")
         if names in entries:
-            raise AtcError(f"{here}: second entry for {' '.join(names)} (the first is at {entries[names].where}): remove one")
+            raise AtcError(
+                f"{here}: second entry for {' '.join(names)} (the first is at {entries[names].where}): remove one"
+            )
         entry = SWEntry(*values, where=here)
         entries[names] = replace(entry, epsilon=entry.epsilon * factor)
     return entries

@@ -69,7 +69,9 @@ def read_section(path: Path, keyword: str) -> TableSection:
             if name == keyword:
                 row = [number_of(w) for w in words[:4]]
                 if len(row) < 4 or None in row or not max(map(abs, row)) < _LARGE:
-                    raise AtcError(f"{path}, line {k}: expected 'index r energy force', got {shortened(' '.join(words))!r}")
+                    raise AtcError(
+                        f"{path}, line {k}: expected 'index r energy force', got {shortened(' '.join(words))!r}"
+                    )
                 rows.append(row)
             else:
                 rows.append(())
@@ -83,7 +85,9 @@ def read_section(path: Path, keyword: str) -> TableSection:
         elif section.spacing == "RSQ":
             section.r = np.sqrt(section.lo**2 + (section.hi**2 - section.lo**2) * t)
         if not (np.diff(section.r) > 0).all() or section.r[0] <= 0:
-            raise AtcError(f"{path}: the distances of section {keyword} must be positive and increase from line to line")
+            raise AtcError(
+                f"{path}: the distances of section {keyword} must be positive and increase from line to line"
+            )
         section.units = tag.group(1) if tag else None
         return section
     raise AtcError(f"{path}: no section {keyword!r}: found {shortened(', '.join(found)) or 'none'}")
@@ -100,12 +104,18 @@ def _parameters(words, where) -> tuple[TableSection, int]:
             elif words[k] in ("FP", "FPRIME"):
                 s.fprime, k = (float(words[k + 1]), float(words[k + 2])), k + 3
             else:
-                raise AtcError(f"{where}: {shortened(words[k])} in a table's parameters is not supported: expected N, R, RSQ, FPRIME")
+                raise AtcError(
+                    f"{where}: {shortened(words[k])} in a table's parameters is not supported: expected N, R, RSQ, FPRIME"
+                )
     except (IndexError, ValueError):
-        raise AtcError(f"{where}: expected 'N <count> [R|RSQ lo hi] [FPRIME lo hi]', got {shortened(' '.join(words))!r}") from None
+        raise AtcError(
+            f"{where}: expected 'N <count> [R|RSQ lo hi] [FPRIME lo hi]', got {shortened(' '.join(words))!r}"
+        ) from None
     numbers = (s.lo, s.hi, *(s.fprime or ()))
     if not all(abs(v) < _LARGE for v in numbers):
-        raise AtcError(f"{where}: the numbers of a table's parameters must be finite, got {shortened(' '.join(words))!r}")
+        raise AtcError(
+            f"{where}: the numbers of a table's parameters must be finite, got {shortened(' '.join(words))!r}"
+        )
     if count < 2:
         raise AtcError(f"{where}: a table needs N of at least 2")
     return s, count
@@ -133,14 +143,35 @@ class Table(PairStyle):
 
     name = "table"
 
-    def __init__(self, r, energy, force, *, units, cutoff=None, points: int = 5000, interpolation: str = "spline", n_types: int = 1):
+    def __init__(
+        self,
+        r,
+        energy,
+        force,
+        *,
+        units,
+        cutoff=None,
+        points: int = 5000,
+        interpolation: str = "spline",
+        n_types: int = 1,
+    ):
         u = get_units(units)
         if interpolation not in ("spline", "linear"):
             raise AtcError(f"Table: interpolation must be 'spline' or 'linear', got {interpolation!r}")
         r, energy, force = (np.ascontiguousarray(a, dtype=float) for a in (r, energy, force))
-        if not (r.ndim == 1 and len(r) >= 2 and r.shape == energy.shape == force.shape and (np.diff(r) > 0).all() and r[0] > 0):
-            raise AtcError("Table: r, energy and force must be arrays of one length (at least 2), r positive and increasing")
-        grid = _Grid(TableSection(r, energy, force), r[-1] if cutoff is None else cutoff, points, interpolation == "spline")
+        if not (
+            r.ndim == 1
+            and len(r) >= 2
+            and r.shape == energy.shape == force.shape
+            and (np.diff(r) > 0).all()
+            and r[0] > 0
+        ):
+            raise AtcError(
+                "Table: r, energy and force must be arrays of one length (at least 2), r positive and increasing"
+            )
+        grid = _Grid(
+            TableSection(r, energy, force), r[-1] if cutoff is None else cutoff, points, interpolation == "spline"
+        )
         which = np.full((n_types + 1, n_types + 1), -1)
         which[1:, 1:] = 0
         self._set_grids([grid], which, u)
@@ -165,7 +196,9 @@ class Table(PairStyle):
         self.spline = grids[0].spline
         # Per grid: inner², 1/δ, δ²/6; per point: U, G, and their second derivatives (spline).
         self.head = np.array([[g.inner2 * L**2, 1.0 / (g.delta * L**2), g.delta**2 * L**4 / 6.0] for g in grids])
-        self.data = np.ascontiguousarray([np.stack([g.e * E, -g.f * E / L**2, g.e2 * E / L**4, -g.f2 * E / L**6], axis=-1) for g in grids])
+        self.data = np.ascontiguousarray(
+            [np.stack([g.e * E, -g.f * E / L**2, g.e2 * E / L**4, -g.f2 * E / L**6], axis=-1) for g in grids]
+        )
         self.inner = [g.inner2**0.5 * L for g in grids]
 
     def add(self, types, i, j, d2, weights, U, G, prepared):
@@ -221,7 +254,9 @@ class _Grid:
 @pair_style("table")
 def _table_style(inp: StyleInput):
     if len(inp.args) != 2 or inp.args[0] not in ("linear", "spline"):
-        raise inp.error(f"pair_style table {' '.join(inp.args)} is not supported: expected 'pair_style table linear N' or 'table spline N'")
+        raise inp.error(
+            f"pair_style table {' '.join(inp.args)} is not supported: expected 'pair_style table linear N' or 'table spline N'"
+        )
     n = inp.args[1]
     if not (n.isascii() and n.isdigit() and len(n) < 20) or int(n) < 2:
         raise inp.error(f"{inp.command}: expected a number of points of at least 2, got {n!r}")
@@ -231,7 +266,9 @@ def _table_style(inp: StyleInput):
     grids, given = [], {}
     for line in inp.coeffs:
         if len(line.words) not in (2, 3):
-            raise inp.error(f"{inp.command}: expected 'pair_coeff I J file keyword [cutoff]', got {' '.join(line.words)!r}", line)
+            raise inp.error(
+                f"{inp.command}: expected 'pair_coeff I J file keyword [cutoff]', got {' '.join(line.words)!r}", line
+            )
         s = read_section(inp.path(line.words[0], line), line.words[1])
         if s.units is not None and s.units != inp.units.name:
             s = _converted(s, inp, line)
@@ -249,7 +286,9 @@ def _table_style(inp: StyleInput):
 def _converted(s: TableSection, inp: StyleInput, line) -> TableSection:
     """A section whose file says other units than the model's."""
     if s.units not in LAMMPS_STYLES or (s.units == "lj") != inp.units.reduced:
-        raise inp.error(f"{inp.command}: {line.words[0]} says UNITS: {s.units}, which does not go with units {inp.units.name}", line)
+        raise inp.error(
+            f"{inp.command}: {line.words[0]} says UNITS: {s.units}, which does not go with units {inp.units.name}", line
+        )
     u = get_units(s.units)
     L, E = u.length / inp.units.length, u.energy / inp.units.energy
     fp = None if s.fprime is None else tuple(v * E / L**2 for v in s.fprime)

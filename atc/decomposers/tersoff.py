@@ -74,13 +74,19 @@ class Tersoff(Term):
     entry = TersoffEntry
     form = (SINE, TERSOFF, TERSOFF)
 
-    def __init__(self, entries: dict, elements=None, *, units: str | Units = "metal", partition="pair", shift: float = 0.0):
+    def __init__(
+        self, entries: dict, elements=None, *, units: str | Units = "metal", partition="pair", shift: float = 0.0
+    ):
         self.units = u = system(units)
         entries = {tuple(k): v if isinstance(v, self.entry) else self.entry(**v) for k, v in entries.items()}
         for e in entries.values():
             if wrong := e.check():
                 raise AtcError(f"{e.where}: {wrong}")
-        names = [next(iter(entries))[0]] if elements is None else list(dict.fromkeys(e for e in elements if e not in (None, "NULL")))
+        names = (
+            [next(iter(entries))[0]]
+            if elements is None
+            else list(dict.fromkeys(e for e in elements if e not in (None, "NULL")))
+        )
         self.map = ElementMap(elements, names, f"pair_style {self.style}")
         self.share(partition)
         m = len(names)
@@ -90,7 +96,9 @@ class Tersoff(Term):
         for (i, a), (j, b), (k, c) in product(enumerate(names), repeat=3):
             e = entries.get((a, b, c))
             if e is None:
-                raise AtcError(f"{self.style}: no entry for {a} {b} {c}: a potential needs every combination of its elements")
+                raise AtcError(
+                    f"{self.style}: no entry for {a} {b} {c}: a potential needs every combination of its elements"
+                )
             self.three[i, j, k] = self.around(e)
             if j == k:
                 if not e.n > 0 and e.beta > 0 and e.B > 0:
@@ -107,14 +115,32 @@ class Tersoff(Term):
         """The row of `three` of an entry, in internal units: R, D, λ3, m, and the angular function's numbers."""
         u = self.units
         R, D, lam3 = u.to_internal("length", e.R), u.to_internal("length", e.D), e.lam3 / u.to_internal("length", 1.0)
-        return _row(_THREE, R, D, lam3, e.m, e.gamma, e.c**2, e.d**2, e.costheta0, (1.0 + e.c**2 / e.d**2 if e.c else 1.0))
+        return _row(
+            _THREE, R, D, lam3, e.m, e.gamma, e.c**2, e.d**2, e.costheta0, (1.0 + e.c**2 / e.d**2 if e.c else 1.0)
+        )
 
     def between(self, e) -> np.ndarray:
         """The row of `two` of an entry: R, D, A, λ1, B, λ2, and what b(ζ) needs; behind them c0, and strength, length, r_C, A_F of a ZBL core."""
         u, energy, length = self.units, self.units.to_internal("energy", 1.0), self.units.to_internal("length", 1.0)
-        c1, c2 = ((2.0 * e.n * 1e-16) ** (-1.0 / e.n), (2.0 * e.n * 1e-8) ** (-1.0 / e.n)) if e.n > 0 else (np.inf, np.inf)
+        c1, c2 = (
+            ((2.0 * e.n * 1e-16) ** (-1.0 / e.n), (2.0 * e.n * 1e-8) ** (-1.0 / e.n)) if e.n > 0 else (np.inf, np.inf)
+        )
         R, D = u.to_internal("length", e.R), u.to_internal("length", e.D)
-        return _row(_TWO, R, D, e.A * energy, e.lam1 / length, e.B * energy, e.lam2 / length, e.beta, e.n, c1, c2, 1.0 / c2, 1.0 / c1)
+        return _row(
+            _TWO,
+            R,
+            D,
+            e.A * energy,
+            e.lam1 / length,
+            e.B * energy,
+            e.lam2 / length,
+            e.beta,
+            e.n,
+            c1,
+            c2,
+            1.0 / c2,
+            1.0 / c1,
+        )
 
     def _symmetric(self, entries, names):
         """The repulsion of a pair, which LAMMPS takes from one of two entries by the numbering of the atoms, must be the same in both."""
@@ -130,18 +156,24 @@ class Tersoff(Term):
                 )
             if j > i and not np.allclose(self.two[i, j, _CORE], self.two[j, i, _CORE], rtol=1e-5, atol=0):
                 e, f = entries[names[i], names[j], names[j]], entries[names[j], names[i], names[i]]
-                raise AtcError(f"{e.where} and {f.where}: different c0 or ZBL numbers for the repulsion of one pair: make them equal")
+                raise AtcError(
+                    f"{e.where} and {f.where}: different c0 or ZBL numbers for the repulsion of one pair: make them equal"
+                )
         self.repulsion = np.ascontiguousarray(0.5 * (self.two + self.two.transpose(1, 0, 2))[..., [0, 1, 2, 3, *_CORE]])
 
     def _repulsive(self, row):
         """f_C A exp(−λ1 d) in the user's energy unit at distances from three quarters of the cutoff on, where bonds are."""
         R, D, A, lam1 = row[:4]
         d = np.linspace(0.75 * (R - D), R + D, 200)
-        switch = np.where(d < R - D, 1.0, 0.5 - 0.5 * np.sin(0.5 * np.pi * np.clip((d - R) / D if D > 0 else 0.0 * d, -1, 1)))
+        switch = np.where(
+            d < R - D, 1.0, 0.5 - 0.5 * np.sin(0.5 * np.pi * np.clip((d - R) / D if D > 0 else 0.0 * d, -1, 1))
+        )
         return self.units.to_user("energy", switch * A * np.exp(-lam1 * d))
 
     @classmethod
-    def from_file(cls, path, elements, *, units: str | Units = "metal", partition="pair", shift: float = 0.0, where: str = "") -> Tersoff:
+    def from_file(
+        cls, path, elements, *, units: str | Units = "metal", partition="pair", shift: float = 0.0, where: str = ""
+    ) -> Tersoff:
         """From a LAMMPS parameter file, e.g. ``Tersoff.from_file("Si.tersoff", ["Si"])``. where : the line that names it, for messages."""
         used = dict.fromkeys(e for e in elements if e not in (None, "NULL"))
         entries = read_tersoff_file(path, used, system(units).name, where, cls.entry)
@@ -160,9 +192,7 @@ class Tersoff(Term):
         self.weights, self.shared = weights_of(partition, 2, _PAIR, self.style)
 
     def describe(self) -> str:
-        return (
-            f"{self.style}{self.map.describe()}, {self.shared}, repulsion half to each atom; one merged bond a pair, outer j-k bonds apart"
-        )
+        return f"{self.style}{self.map.describe()}, {self.shared}, repulsion half to each atom; one merged bond a pair, outer j-k bonds apart"
 
     def prepare(self, frame: Frame) -> Work:
         return _TersoffWork(self, frame)

@@ -71,6 +71,8 @@ def read_tersoff_file(path, elements, units_name: str, where: str = "", kind=Ter
         if wrong := (f"{odd} must be a finite number below {LARGE:g}" if odd else entry.check()):
             raise AtcError(f"{here}: {wrong}")
         if names in entries:
-            raise AtcError(f"{here}: second entry for {' '.join(names)} (the first is at {entries[names].where}): remove one")
+            raise AtcError(
+                f"{here}: second entry for {' '.join(names)} (the first is at {entries[names].where}): remove one"
+            )
         entries[names] = replace(entry, **{key: getattr(entry, key) * factor for key in kind.energies})
     return entries

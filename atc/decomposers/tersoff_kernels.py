@@ -23,7 +23,9 @@ def _cutoff(kind, d, R, D):
         return 0.0, 0.0
     x = 0.5 * np.pi * (d - R) / D
     if kind == MURTY:
-        return 0.5 - 0.5625 * np.sin(x) - 0.0625 * np.sin(3.0 * x), -0.28125 * np.pi / D * (np.cos(x) + np.cos(3.0 * x) / 3.0)
+        return 0.5 - 0.5625 * np.sin(x) - 0.0625 * np.sin(3.0 * x), -0.28125 * np.pi / D * (
+            np.cos(x) + np.cos(3.0 * x) / 3.0
+        )
     return 0.5 * (1.0 - np.sin(x)), -0.25 * np.pi / D * np.cos(x)
 
 
@@ -86,7 +88,12 @@ def _fermi(d, center, steep):
 def _universal(d, strength, a):
     """Coulomb energy of two nuclei screened by the universal function of Ziegler, Biersack and Littmark, and its slope."""
     x = d / a
-    e1, e2, e3, e4 = 0.1818 * np.exp(-3.2 * x), 0.5099 * np.exp(-0.9423 * x), 0.2802 * np.exp(-0.4029 * x), 0.02817 * np.exp(-0.2016 * x)
+    e1, e2, e3, e4 = (
+        0.1818 * np.exp(-3.2 * x),
+        0.5099 * np.exp(-0.9423 * x),
+        0.2802 * np.exp(-0.4029 * x),
+        0.02817 * np.exp(-0.2016 * x),
+    )
     phi = e1 + e2 + e3 + e4
     slope = -(3.2 * e1 + 0.9423 * e2 + 0.4029 * e3 + 0.2016 * e4) / a
     return strength * phi / d, strength * (slope - phi / d) / d
@@ -247,7 +254,9 @@ def bond_orders(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def merge(form, shift, p0, p1, a, b, r, d, element, repulsion, G_end, S_end, atom, out_i, out_j, out_r, out_G, out_D, energies):
+def merge(
+    form, shift, p0, p1, a, b, r, d, element, repulsion, G_end, S_end, atom, out_i, out_j, out_r, out_G, out_D, energies
+):
     """One bond a pair: repulsion and what both ends' bond orders give. Returns their number, the repulsive energy, the first bad pair (−1)."""
     sources = len(out_D) > 0
     shared = len(energies) > 0

@@ -160,7 +160,9 @@ class TersoffZBL(Tersoff):
             )
         out = super().between(e)
         a = 0.8854 * u.to_internal("length", 0.529) / (e.Zi**0.23 + e.Zj**0.23)
-        strength = e.Zi * e.Zj / (4.0 * np.pi * _VACUUM[u.name]) * u.to_internal("energy", 1.0) * u.to_internal("length", 1.0)
+        strength = (
+            e.Zi * e.Zj / (4.0 * np.pi * _VACUUM[u.name]) * u.to_internal("energy", 1.0) * u.to_internal("length", 1.0)
+        )
         out[13:] = strength, a, u.to_internal("length", e.ZBLcut), e.ZBLexpscale / u.to_internal("length", 1.0)
         return out
 

@@ -57,7 +57,11 @@ class ThreeBody(Term):
         for e in entries.values():
             if wrong := e.check():
                 raise AtcError(f"{e.where}: {wrong}")
-        names = [next(iter(entries))[0]] if elements is None else list(dict.fromkeys(e for e in elements if e not in (None, "NULL")))
+        names = (
+            [next(iter(entries))[0]]
+            if elements is None
+            else list(dict.fromkeys(e for e in elements if e not in (None, "NULL")))
+        )
         self.map = ElementMap(elements, names, f"pair_style {self.style}")
         self.share(partition)
         m = len(names)
@@ -65,7 +69,9 @@ class ThreeBody(Term):
         for (i, a), (j, b), (k, c) in product(enumerate(names), repeat=3):
             e = entries.get((a, b, c))
             if e is None:
-                raise AtcError(f"{self.style}: no entry for {a} {b} {c}: a potential needs every combination of its elements")
+                raise AtcError(
+                    f"{self.style}: no entry for {a} {b} {c}: a potential needs every combination of its elements"
+                )
             self.triplet[i, j, k, :3] = self.triplet_row(e)
             if j == k:
                 self.pair[i, j], self.arms[i, j] = self.pair_row(e), self.arm_row(e)
@@ -101,12 +107,16 @@ class ThreeBody(Term):
     def from_file(cls, path, elements, *, units: str | Units = "metal", partition="equal", where: str = ""):
         """From a LAMMPS parameter file. elements : the element of each atom type from 1, ``"NULL"`` or None leaves a type out; where : the line that names it."""
         used = dict.fromkeys(e for e in elements if e not in (None, "NULL"))
-        return cls(read_entries(path, used, system(units).name, cls.entry, where), elements, units=units, partition=partition)
+        return cls(
+            read_entries(path, used, system(units).name, cls.entry, where), elements, units=units, partition=partition
+        )
 
     def share(self, partition):
         w, words = weights_of(partition, 3, _SHARES, self.style)
         if w[1] != w[2]:
-            raise AtcError(f"{self.style}: the two outer atoms of a triplet are equals, so their shares must be, got {partition!r}")
+            raise AtcError(
+                f"{self.style}: the two outer atoms of a triplet are equals, so their shares must be, got {partition!r}"
+            )
         self.weights = float(w[0]), float(w[1])
         self.shared = "a third to each of its atoms" if isinstance(partition, str) and partition == "equal" else words
 
@@ -133,7 +143,9 @@ class _ThreeBodyWork(Work):
     def __init__(self, term: ThreeBody, frame: Frame):
         self.term, self.frame = term, frame
         element_n, who = term.map.apply(frame)
-        self.list = cells = cell_list(frame.positions if who is None else frame.positions[who], frame.cell, term.cutoff, who)
+        self.list = cells = cell_list(
+            frame.positions if who is None else frame.positions[who], frame.cell, term.cutoff, who
+        )
         # Inside, atoms are called by their place in the sorted list; `atom` gives the frame's index.
         self.atom = cells.order if who is None else who[cells.order]
         self.element = element_n[self.atom]
@@ -216,7 +228,9 @@ class _ThreeBodyWork(Work):
         while ws.capacity < p1 - p0:
             ws.grow()
         D = np.empty((p1 - p0, 2, 3)) if acc.sources else None
-        m = sw_merge(p0, p1, self.a, self.b, self.rec, self.G, self.G_end, self.S_end, self.atom, ws.i, ws.j, ws.r, ws.G, D)
+        m = sw_merge(
+            p0, p1, self.a, self.b, self.rec, self.G, self.G_end, self.S_end, self.atom, ws.i, ws.j, ws.r, ws.G, D
+        )
         return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], None if D is None else D[:m])
 
 
@@ -321,7 +335,22 @@ class VashishtaEntry:
     where: str = "the Vashishta parameters"
 
     what: ClassVar[str] = "Vashishta"
-    keys: ClassVar[tuple] = ("H", "eta", "Zi", "Zj", "lambda1", "D", "lambda4", "W", "rc", "B", "gamma", "r0", "C", "costheta0")
+    keys: ClassVar[tuple] = (
+        "H",
+        "eta",
+        "Zi",
+        "Zj",
+        "lambda1",
+        "D",
+        "lambda4",
+        "W",
+        "rc",
+        "B",
+        "gamma",
+        "r0",
+        "C",
+        "costheta0",
+    )
     energies: ClassVar[tuple] = ("H", "D", "W", "B")
 
     def check(self) -> str | None:
@@ -363,7 +392,15 @@ class Vashishta(ThreeBody):
         coulomb = u.coulomb * u.to_internal("charge", e.Zi) * u.to_internal("charge", e.Zj)
         rc = e.rc * L
         numbers = np.array(
-            [e.H * E * L**e.eta, e.eta, coulomb, 1.0 / (e.lambda1 * L), e.D * E * L**4, 1.0 / (e.lambda4 * L), e.W * E * L**6]
+            [
+                e.H * E * L**e.eta,
+                e.eta,
+                coulomb,
+                1.0 / (e.lambda1 * L),
+                e.D * E * L**4,
+                1.0 / (e.lambda4 * L),
+                e.W * E * L**6,
+            ]
         )
         value, slope = _vashishta(rc, numbers)
         return np.array([rc, value, slope, 0.0, *numbers])
@@ -463,7 +500,9 @@ class ScreenedTriplets(HarmonicTriplets):
     def arm_row(self, e):
         if e.cutoff > 0 and not e.rho > 0:
             raise AtcError(f"{e.where}: rho must be positive, got {e.rho:g}")
-        return self.units.to_internal("length", e.cutoff), 1.0 / self.units.to_internal("length", e.rho) if e.rho > 0 else 0.0
+        return self.units.to_internal("length", e.cutoff), 1.0 / self.units.to_internal(
+            "length", e.rho
+        ) if e.rho > 0 else 0.0
 
 
 def _style(kind, ending):
@@ -478,7 +517,9 @@ def _style(kind, ending):
 @pair_style("vashishta/table")
 def _vashishta_table(inp):
     if len(inp.args) != 2 or not inp.args[0].isdigit():
-        raise inp.error(f"{inp.command} takes the number of points and an inner cutoff, got {' '.join(inp.args) or 'nothing'}")
+        raise inp.error(
+            f"{inp.command} takes the number of points and an inner cutoff, got {' '.join(inp.args) or 'nothing'}"
+        )
     inner = inp.number(inp.args[1], 1.0, "inner cutoff")
     path, elements, line = mapped_line(inp.replace(args=()), ".vashishta")
     term = Vashishta.from_file(path, elements, units=inp.units, where=line.where)

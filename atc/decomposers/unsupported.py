@@ -14,7 +14,9 @@ _CHARGES = "it finds its charges as the run goes (charge equilibration), which p
 _SIZES = "it needs the diameters of the atoms, which frames do not carry"
 _CONTACT = "its forces depend on diameters, spins and the history of contacts, not on positions alone"
 _HISTORY = "its forces depend on the bonds of a reference state and on their history; for peridynamics see atc pd"
-_PARTICLES = "its forces depend on densities, energies and other fields that each particle carries along, not on positions alone"
+_PARTICLES = (
+    "its forces depend on densities, energies and other fields that each particle carries along, not on positions alone"
+)
 _VELOCITY = "its forces depend on velocities or random numbers, not on positions alone"
 _REACTING = "its particles carry temperatures, energies or concentrations of their own, not positions alone"
 _LAYERS = "it depends on the normals of atomic layers or on one direction in space and not on distances alone"
@@ -74,7 +76,10 @@ _PAIR = {
     "it is a model that another program or library computes": "kim python",
 }
 
-REASONS: dict[str, dict[str, str]] = {"pair": {name: why for why, names in _PAIR.items() for name in names.split()}, **BONDED}
+REASONS: dict[str, dict[str, str]] = {
+    "pair": {name: why for why, names in _PAIR.items() for name in names.split()},
+    **BONDED,
+}
 
 
 def reason(kind: str, name: str) -> str | None:

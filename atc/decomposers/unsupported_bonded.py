@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-_HISTORY = (
-    "its forces depend on the bonds of a reference state, on damage and on rates, not on positions alone; for peridynamics see atc pd"
-)
+_HISTORY = "its forces depend on the bonds of a reference state, on damage and on rates, not on positions alone; for peridynamics see atc pd"
 _BODIES = "its forces act on the orientations of nucleotides, which are no function of the distances between atoms"
 _AMOEBA = "it belongs to the AMOEBA force field, whose multipoles and induced dipoles positions alone do not give"
 

@@ -68,7 +68,10 @@ _with_coul_cut("lj/class2/coul/cut", Class2, mix_lj6)
 @pair_style("lj/cut/coul/debye")
 def _lj_debye(inp: StyleInput):
     (kappa,), arrays, cut, cut_coul = two_cutoffs(inp, [("kappa", {"length": -1})], LennardJones.numbers[:-1], mix_lj)
-    return [LennardJones.internal(*arrays, cut, shift=inp.modify.shift), CoulombDebye.of(inp, np.full_like(cut, kappa), cut_coul)]
+    return [
+        LennardJones.internal(*arrays, cut, shift=inp.modify.shift),
+        CoulombDebye.of(inp, np.full_like(cut, kappa), cut_coul),
+    ]
 
 
 def _both_soft(name, cls, mix):

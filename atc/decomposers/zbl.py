@@ -104,7 +104,10 @@ def _zbl_style(inp: StyleInput):
         z1, z2 = inp.numbers(line.words, [("z_i", "dimensionless"), ("z_j", "dimensionless")], line)
         for i, j in line.covers(inp.n_types):
             if i == j and z1 != z2:
-                raise inp.error(f"{inp.command}: type {i} with itself needs twice the same nuclear charge, got {z1:g} and {z2:g}", line)
+                raise inp.error(
+                    f"{inp.command}: type {i} with itself needs twice the same nuclear charge, got {z1:g} and {z2:g}",
+                    line,
+                )
             given[i, j] = (z1, z2, 1.0)
     zi, zj, on = fill(inp, given, 3, mix=lambda a, b, rule: (a[0], b[0], 1.0))
     return ZBL.of_pairs(zi, zj, on > 0, inner, outer, inp.units)

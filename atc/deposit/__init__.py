@@ -44,7 +44,9 @@ def make(method, bound_grid, kernel, cell, n_site, n_bond, threads=1, tolerance=
 
         return spectral_deposit(bound_grid, kernel, cell, n_site, n_bond, threads, tolerance, gradients, order)
     if gradients:
-        raise AtcError(f"deposit method {method!r} gives no gradients: use method 'spectral', or atc.deposit.gradient.gather")
+        raise AtcError(
+            f"deposit method {method!r} gives no gradients: use method 'spectral', or atc.deposit.gradient.gather"
+        )
     from . import direct
 
     if bound_grid.kind == "slab":

@@ -12,7 +12,21 @@ from math import erf, exp, sqrt
 import numpy as np
 
 from ..compiled import njit
-from ._simd import INLINE, JIT_FMA, exp2i4, load4, log2_ratio4, maximum4, minimum4, peek, poke, splat4, sqrt4, store4, where_zero4
+from ._simd import (
+    INLINE,
+    JIT_FMA,
+    exp2i4,
+    load4,
+    log2_ratio4,
+    maximum4,
+    minimum4,
+    peek,
+    poke,
+    splat4,
+    sqrt4,
+    store4,
+    where_zero4,
+)
 
 # Room for the constants of any family, and behind them for what is done one point at a time.
 SCRATCH = 64

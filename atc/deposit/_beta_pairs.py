@@ -36,7 +36,14 @@ def radial_pairs(D, p2, length2, R2, c_at, series_at, bond_at, r_at, k):
     s2 = length2 * (1.0 / R2)
     s = sqrt4(s2)
     return radial_mean(
-        D, p2, R2 / length2, peek(c_at, 0), peek(c_at, 1) * s, peek(c_at, 2) * s2, peek(c_at, 3) * s * s2, peek(c_at, 4) * s2 * s2
+        D,
+        p2,
+        R2 / length2,
+        peek(c_at, 0),
+        peek(c_at, 1) * s,
+        peek(c_at, 2) * s2,
+        peek(c_at, 3) * s * s2,
+        peek(c_at, 4) * s2 * s2,
     )
 
 

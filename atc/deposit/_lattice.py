@@ -179,7 +179,23 @@ def add(acc_at, to_at, beta_at, runs, quads, b_at):
 
 
 @njit(**ENTRY)
-def prepare(x_nc, i_b, r_bc, origin_c, offset_c, step_ac, inverse_ca, shape_a, wrap_a, tiny, map_bk, end_bk, base_ba, length_b, frame_bcc):
+def prepare(
+    x_nc,
+    i_b,
+    r_bc,
+    origin_c,
+    offset_c,
+    step_ac,
+    inverse_ca,
+    shape_a,
+    wrap_a,
+    tiny,
+    map_bk,
+    end_bk,
+    base_ba,
+    length_b,
+    frame_bcc,
+):
     """The geometry of bonds from x_nc[i_b] to x − r on the lattice (see the arguments of `lattice_bonds`). Returns the greatest length,
     −1 if something is not finite.
     """
@@ -320,7 +336,21 @@ def lattice_bonds(
                 poke(column_at, j - j_lo, float(folded(base1 + j, n1) if wrap1 else base1 + j))
             while i <= i_hi and j_lo <= j_hi:
                 rows, i = rows_of_planes(
-                    i, i_hi, j_lo, j_hi - j_lo + 1, most, base0, n0, n1, wrap0, map_at, column_at, D_at, Y_at, M_at, row_at
+                    i,
+                    i_hi,
+                    j_lo,
+                    j_hi - j_lo + 1,
+                    most,
+                    base0,
+                    n0,
+                    n1,
+                    wrap0,
+                    map_at,
+                    column_at,
+                    D_at,
+                    Y_at,
+                    M_at,
+                    row_at,
                 )
                 short, long, points = chords(
                     rows, D_at, Y_at, M_at, (R / length) ** 2, D2, Y2, k_lo, k_hi,
@@ -332,7 +362,12 @@ def lattice_bonds(
                 for t in range(short):
                     j = peek_int(short_at, t)
                     k = peek(first_at, j)
-                    beta = BETA(ramp4(peek(D_at, j) + k * D2, D2), ramp4(peek(Y_at, j) + k * Y2, Y2), splat4(peek(M_at, j)), k_at)
+                    beta = BETA(
+                        ramp4(peek(D_at, j) + k * D2, D2),
+                        ramp4(peek(Y_at, j) + k * Y2, Y2),
+                        splat4(peek(M_at, j)),
+                        k_at,
+                    )
                     store4(beta_at, 4 * n_runs, beta)
                     poke_int(to_at, n_runs, int(peek(row_at, j)) * stride + int(peek(at_at, j)) * n_comp)
                     n_runs += 1
@@ -346,7 +381,12 @@ def lattice_bonds(
                         runs = min(min((left + 3) >> 2, (ext - at) >> 2), most - n_runs)
                         to = int(peek(row_at, j)) * stride + at * n_comp
                         for _ in range(runs):
-                            beta = BETA(ramp4(peek(D_at, j) + k * D2, D2), ramp4(peek(Y_at, j) + k * Y2, Y2), splat4(peek(M_at, j)), k_at)
+                            beta = BETA(
+                                ramp4(peek(D_at, j) + k * D2, D2),
+                                ramp4(peek(Y_at, j) + k * Y2, Y2),
+                                splat4(peek(M_at, j)),
+                                k_at,
+                            )
                             store4(beta_at, 4 * n_runs, beta)
                             poke_int(to_at, n_runs, to)
                             n_runs += 1

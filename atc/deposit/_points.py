@@ -268,13 +268,30 @@ def find_pairs(
             if m > 0:
                 few = 0 < m < _FEW and last - b > 1 and m * (last - b) <= full
                 if few and n + m * (last - b) <= full:
-                    n = near_few(r_at, b, last, n_bonds, m, support, cartesian, x_at, apart, n, pair_at, bond_at, point_at, most)
+                    n = near_few(
+                        r_at, b, last, n_bonds, m, support, cartesian, x_at, apart, n, pair_at, bond_at, point_at, most
+                    )
                     b = last
                 while b < last:
                     if few or n + m > full:
                         state[0], state[1], state[2] = first, begin, b
                         return n
-                    n = near(r_bc[b, 0], r_bc[b, 1], r_bc[b, 2], m, support, cartesian, b, x_at, apart, n, pair_at, bond_at, point_at, most)
+                    n = near(
+                        r_bc[b, 0],
+                        r_bc[b, 1],
+                        r_bc[b, 2],
+                        m,
+                        support,
+                        cartesian,
+                        b,
+                        x_at,
+                        apart,
+                        n,
+                        pair_at,
+                        bond_at,
+                        point_at,
+                        most,
+                    )
                     b += 1
             b = first
         first, w, b = last, 0, last
@@ -363,7 +380,11 @@ def mark(p_ga, pad, limit2, edges, periodic, marked):
                         continue
                     d2 = 0.0
                     for c in range(3):
-                        d = (c0 + 0.5 - p0) * edges[0, c] + (c1 + 0.5 - p1) * edges[1, c] + (c2 + 0.5 - p2) * edges[2, c]
+                        d = (
+                            (c0 + 0.5 - p0) * edges[0, c]
+                            + (c1 + 0.5 - p1) * edges[1, c]
+                            + (c2 + 0.5 - p2) * edges[2, c]
+                        )
                         d2 += d * d
                     if d2 <= limit2:
                         marked[c0 % n0, c1 % n1, c2 % n2] = True

@@ -50,7 +50,9 @@ class _Vec4Model(models.PrimitiveModel):
 
 def _splat(builder, value):
     lane0 = builder.insert_element(ir.Constant(_VEC4, ir.Undefined), value, ir.Constant(_INT32, 0))
-    return builder.shuffle_vector(lane0, ir.Constant(_VEC4, ir.Undefined), ir.Constant(ir.VectorType(_INT32, 4), [0] * 4))
+    return builder.shuffle_vector(
+        lane0, ir.Constant(_VEC4, ir.Undefined), ir.Constant(ir.VectorType(_INT32, 4), [0] * 4)
+    )
 
 
 def _constant(value):
@@ -68,7 +70,9 @@ def _vector(builder, type_, value):
 def _define(op, instruction):
     """vec4 op vec4, vec4 op float, float op vec4."""
     pairs = [(vec4, vec4), (vec4, types.float64), (types.float64, vec4)]
-    infer_global(op)(type(f"_vec4_{op.__name__}", (ConcreteTemplate,), {"cases": [signature(vec4, a, b) for a, b in pairs]}))
+    infer_global(op)(
+        type(f"_vec4_{op.__name__}", (ConcreteTemplate,), {"cases": [signature(vec4, a, b) for a, b in pairs]})
+    )
 
     def lower(context, builder, sig, args):
         a, b = (_vector(builder, t, v) for t, v in zip(sig.args, args))
@@ -78,7 +82,12 @@ def _define(op, instruction):
         lower_builtin(op, a, b)(lower)
 
 
-for _op, _instruction in ((operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul"), (operator.truediv, "fdiv")):
+for _op, _instruction in (
+    (operator.add, "fadd"),
+    (operator.sub, "fsub"),
+    (operator.mul, "fmul"),
+    (operator.truediv, "fdiv"),
+):
     _define(_op, _instruction)
 
 
@@ -165,7 +174,9 @@ def lanes4(typingctx, a):
 
     def codegen(context, builder, sig, args):
         undefined = ir.Constant(_VEC4, ir.Undefined)
-        four = [builder.shuffle_vector(args[0], undefined, ir.Constant(ir.VectorType(_INT32, 4), [k] * 4)) for k in range(4)]
+        four = [
+            builder.shuffle_vector(args[0], undefined, ir.Constant(ir.VectorType(_INT32, 4), [k] * 4)) for k in range(4)
+        ]
         return context.make_tuple(builder, sig.return_type, four)
 
     return types.UniTuple(vec4, 4)(vec4), codegen
@@ -319,14 +330,21 @@ def load_rows4(typingctx, at, i):
 
     def codegen(context, builder, sig, args):
         at, i = args
-        a, b, c = (builder.load(_pointer(builder, at, builder.add(i, ir.Constant(_INT64, 4 * k)), _VEC4), align=8) for k in range(3))
+        a, b, c = (
+            builder.load(_pointer(builder, at, builder.add(i, ir.Constant(_INT64, 4 * k)), _VEC4), align=8)
+            for k in range(3)
+        )
 
         def pick(a, b, lanes):
             return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_INT32, 4), lanes))
 
         columns = [
             pick(pick(a, b, first), c, second)
-            for first, second in (([0, 3, 6, 6], [0, 1, 2, 5]), ([1, 4, 7, 7], [0, 1, 2, 6]), ([2, 5, 5, 5], [0, 1, 4, 7]))
+            for first, second in (
+                ([0, 3, 6, 6], [0, 1, 2, 5]),
+                ([1, 4, 7, 7], [0, 1, 2, 6]),
+                ([2, 5, 5, 5], [0, 1, 4, 7]),
+            )
         ]
         return context.make_tuple(builder, sig.return_type, columns)
 

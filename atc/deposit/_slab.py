@@ -208,7 +208,11 @@ def slab_bonds(x_nc, i_b, r_bc, b_bk, origin_c, normal_c, radii_m, coef_mk, step
     for b in range(len(r_bc)):
         o = i_b[b]
         r = r_bc[b, 0] * normal_c[0] + r_bc[b, 1] * normal_c[1] + r_bc[b, 2] * normal_c[2]
-        z = (x_nc[o, 0] - origin_c[0]) * normal_c[0] + (x_nc[o, 1] - origin_c[1]) * normal_c[1] + (x_nc[o, 2] - origin_c[2]) * normal_c[2]
+        z = (
+            (x_nc[o, 0] - origin_c[0]) * normal_c[0]
+            + (x_nc[o, 1] - origin_c[1]) * normal_c[1]
+            + (x_nc[o, 2] - origin_c[2]) * normal_c[2]
+        )
         if not isfinite(r + z):
             return -1
         f = z / step - 0.5

@@ -17,7 +17,9 @@ DENSE_ATOMS = 36.0
 LONGER = 8.0
 
 
-def spectral_deposit(grid, kernel, cell, n_site, n_bond, threads=1, tolerance=1e-5, gradients=False, order=None) -> SpectralDeposit:
+def spectral_deposit(
+    grid, kernel, cell, n_site, n_bond, threads=1, tolerance=1e-5, gradients=False, order=None
+) -> SpectralDeposit:
     """One way or the other. order : of the moments, for stresses (six components); None: all bonds become points."""
     if order is None or n_bond != 6:
         return SpectralDeposit(grid, kernel, cell, n_site, n_bond, threads, tolerance, gradients=gradients)
@@ -57,7 +59,9 @@ class CollapsingDeposit(SpectralDeposit):
         i_b, j_b = (_array(a, np.int32) for a in (i_b, j_b))
         n = len(G_b)
         if r_bc.shape != (n, 3) or i_b.shape != (n,) or j_b.shape != (n,):
-            raise ValueError(f"i_b, j_b and r_bc must have shapes {(n,)} and {(n, 3)}, got {i_b.shape}, {j_b.shape} and {r_bc.shape}")
+            raise ValueError(
+                f"i_b, j_b and r_bc must have shapes {(n,)} and {(n, 3)}, got {i_b.shape}, {j_b.shape} and {r_bc.shape}"
+            )
         if not 0 <= thread < self.threads:
             raise ValueError(f"thread {thread} of a deposit made for {self.threads}")
         mean, most, finite, low, high = moments.survey(i_b, j_b, r_bc, G_b)
@@ -73,7 +77,13 @@ class CollapsingDeposit(SpectralDeposit):
         slack = 0
         if n > SAMPLE:
             some = slice(None, None, n // SAMPLE)
-            slack = self._slack(i_b[some], r_bc[some], stress_components(r_bc[some], G_b[some]), weight, (self._longest, self._errors.of))
+            slack = self._slack(
+                i_b[some],
+                r_bc[some],
+                stress_components(r_bc[some], G_b[some]),
+                weight,
+                (self._longest, self._errors.of),
+            )
         add, rest, first = moments.core(self.order, self.real), np.empty(n, np.int64), 0
         points = []
         while first < n:
@@ -88,7 +98,16 @@ class CollapsingDeposit(SpectralDeposit):
                 self._spread_rows(thread)
         rest = np.concatenate(points)
         if len(rest):
-            self._add("bond", x_nc, i_b[rest], r_bc[rest], stress_components(r_bc[rest], G_b[rest]), thread, typical=mean, slack=slack)
+            self._add(
+                "bond",
+                x_nc,
+                i_b[rest],
+                r_bc[rest],
+                stress_components(r_bc[rest], G_b[rest]),
+                thread,
+                typical=mean,
+                slack=slack,
+            )
 
     def _rows_for(self, thread, n, most):
         """The rows of a thread, for n atoms and bonds up to `most`."""
@@ -119,12 +138,17 @@ class CollapsingDeposit(SpectralDeposit):
         order = self._by_place(t)
         which, x_nc = which[order], x_nc[order]
         width, coef = self.parameters.width, self._rules()[3]
-        spread_rows, coef_flat = spread.row_core(width, len(coef) - 1, self.real, self.depth), coef.ravel().astype(self.real)
+        spread_rows, coef_flat = (
+            spread.row_core(width, len(coef) - 1, self.real, self.depth),
+            coef.ravel().astype(self.real),
+        )
         columns = np.full(8 * ceil(len(self.layout.columns) / 8), -1)
         columns[: len(self.layout.columns)] = self.layout.columns
         columns = columns.reshape(-1, 8)
         meshes = [self._mesh_for(("moment", 8 * g, thread), lo, hi, 8, rows.scale) for g in range(len(columns))]
-        short = self._short(meshes[0], LONGER * SPARSE / (width**2 * self.depth)) if self.real is np.float32 else len(which)
+        short = (
+            self._short(meshes[0], LONGER * SPARSE / (width**2 * self.depth)) if self.real is np.float32 else len(which)
+        )
 
         def groups(some):
             mine = meshes[some]
@@ -151,7 +175,9 @@ class CollapsingDeposit(SpectralDeposit):
 
     def _by_place(self, t):
         """An order of points (mesh spacings) in which what follows is near: in columns along z, a few nodes wide."""
-        t = t - np.where(self._periodic, np.floor(t / np.maximum(self._period, 1)) * self._period, t.min(0, initial=np.inf))
+        t = t - np.where(
+            self._periodic, np.floor(t / np.maximum(self._period, 1)) * self._period, t.min(0, initial=np.inf)
+        )
         c = np.clip(t, 0, 2**20 - 1).astype(np.int64)
         return np.argsort((c[:, 0] >> 3) << 40 | (c[:, 1] >> 3) << 20 | c[:, 2])
 
@@ -181,7 +207,10 @@ class CollapsingDeposit(SpectralDeposit):
         scale = max(max(m.scale, m.largest) for m in meshes)
         F, modes = None, None
         columns = range(len(self.layout.columns))
-        for what, groups in (("bond", self._groups(6)), ("moment", [(k, min(k + 8, len(columns)), 8) for k in columns[::8]])):
+        for what, groups in (
+            ("bond", self._groups(6)),
+            ("moment", [(k, min(k + 8, len(columns)), 8) for k in columns[::8]]),
+        ):
             for group in groups:
                 done = self._transformed(what, group, extent)
                 if done is None:
@@ -205,6 +234,8 @@ class CollapsingDeposit(SpectralDeposit):
                 return
             which, alphas, factors = self.layout.parts(columns, c)
             if len(which):
-                moments.contract(S.view(self._number), which, alphas, factor * factors, *modes.index, b, F[c].view(self._number))
+                moments.contract(
+                    S.view(self._number), which, alphas, factor * factors, *modes.index, b, F[c].view(self._number)
+                )
 
         self._each(component, range(6))

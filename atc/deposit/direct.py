@@ -90,7 +90,9 @@ class Deposit:
     def __init__(self, grid, kernel, cell, n_site, n_bond, threads):
         self.grid, self.kernel = grid, kernel
         self.cell = cell if cell.complete else cell.completed(grid.points_gc)
-        self._origin, self._vectors, self._inverse = (_array(a) for a in (self.cell.origin, self.cell.vectors, self.cell.inverse))
+        self._origin, self._vectors, self._inverse = (
+            _array(a) for a in (self.cell.origin, self.cell.vectors, self.cell.inverse)
+        )
         self.n_site, self.n_bond, self.threads = int(n_site), int(n_bond), int(threads)
         self._buffers = {}
         self._visits = [0] * self.threads
@@ -114,7 +116,9 @@ class Deposit:
         x_bc, r_bc, b_bk = _array(x_bc), _array(r_bc), _array(b_bk)
         n = len(x_bc)
         if r_bc.shape != (n, 3) or b_bk.shape != (n, self.n_bond):
-            raise ValueError(f"bond vectors and values must have shapes {(n, 3)} and {(n, self.n_bond)}, got {r_bc.shape} and {b_bk.shape}")
+            raise ValueError(
+                f"bond vectors and values must have shapes {(n, 3)} and {(n, self.n_bond)}, got {r_bc.shape} and {b_bk.shape}"
+            )
         if n and self.n_bond:
             self._add("bond", x_bc, np.arange(n, dtype=np.int32), r_bc, b_bk, thread)
 
@@ -194,12 +198,19 @@ class LatticeDeposit(Deposit):
         points = np.where(wrap, reach, np.minimum(reach, counts))
         row = 2 if points[2] >= 0.99 * points.max() else int(points.argmax())
         self._order = [a for a in range(3) if a != row] + [row]
-        self.steps, self.counts, self.wrap = np.ascontiguousarray(steps[self._order]), counts[self._order], wrap[self._order]
+        self.steps, self.counts, self.wrap = (
+            np.ascontiguousarray(steps[self._order]),
+            counts[self._order],
+            wrap[self._order],
+        )
         self.inverse = np.linalg.inv(self.steps)
         self.reach, self.offset = np.linalg.norm(self.inverse, axis=0), _array(grid.origin)
         # Where the lattice does not close on itself, periodic images of a bond are bonds of their own: shifts along these axes.
         self.image = np.flatnonzero(self.cell.periodic) if not grid.wraps else np.zeros(0, np.int64)
-        corners = np.stack(np.meshgrid(*[(0, n - 1) for n in self.counts], indexing="ij"), -1).reshape(-1, 3) @ self.steps + grid.origin
+        corners = (
+            np.stack(np.meshgrid(*[(0, n - 1) for n in self.counts], indexing="ij"), -1).reshape(-1, 3) @ self.steps
+            + grid.origin
+        )
         corners = corners @ self._inverse
         self.region = np.stack([corners.min(0), corners.max(0)])
         n, chord = int(self.counts[2]), 2.0 * self.radii[0] / np.linalg.norm(self.steps[2])
@@ -331,7 +342,12 @@ class PointsDeposit(Deposit):
         self._periodic = _array(cell.periodic, bool)
         self._room: dict = {}
         # Without `expect`: none of them, and nothing is left out by them.
-        self._marked, self._mark_low, self._mark_scale, self._length = np.ones((1, 1, 1), bool), np.zeros(3), np.ones(3), -1.0
+        self._marked, self._mark_low, self._mark_scale, self._length = (
+            np.ones((1, 1, 1), bool),
+            np.zeros(3),
+            np.ones(3),
+            -1.0,
+        )
 
     def expect(self, length: float) -> None:
         """Most bonds will not be longer than this: those that start where no point is in reach are passed over quickly, longer ones are looked at.
@@ -348,9 +364,16 @@ class PointsDeposit(Deposit):
         bins = np.clip((span * cell.heights * _BINS_EACH / reach).astype(np.int64), 1, 128)
         edges = np.ascontiguousarray(cell.vectors * (span / bins)[:, None])
         half = 0.5 * max(np.linalg.norm(np.array(sign) @ edges) for sign in itertools.product((-1, 1), repeat=3))
-        self._marked, self._mark_low, self._mark_scale, self._length = np.zeros(bins, bool), low, bins / span, float(length)
+        self._marked, self._mark_low, self._mark_scale, self._length = (
+            np.zeros(bins, bool),
+            low,
+            bins / span,
+            float(length),
+        )
         pad = (reach + half) * (1 + 1e-9) / cell.heights * self._mark_scale
-        _points.mark((s - low) * self._mark_scale, pad, ((reach + half) * (1 + 1e-9)) ** 2, edges, self._periodic, self._marked)
+        _points.mark(
+            (s - low) * self._mark_scale, pad, ((reach + half) * (1 + 1e-9)) ** 2, edges, self._periodic, self._marked
+        )
 
     def find(self, x_nc, i_b, r_bc, thread=0):
         """Which bonds have points within reach: pieces, each to be given to `add_found` before the next is asked for. Bond b starts at x_nc[i_b].
@@ -401,7 +424,9 @@ class PointsDeposit(Deposit):
 
     def _sum(self, what, n, pairs, r_bc, b_bk, thread):
         acc = self._buffer(what, thread, (len(self.points), b_bk.shape[1]))
-        self._core(n, *pairs, r_bc, b_bk, self.radii, self.coef, self._series, acc, np.full(_beta_pairs.N_CONSTANTS, -1.0))
+        self._core(
+            n, *pairs, r_bc, b_bk, self.radii, self.coef, self._series, acc, np.full(_beta_pairs.N_CONSTANTS, -1.0)
+        )
 
     def _finish(self, total, n_comp):
         out = np.empty((len(total), n_comp))
@@ -436,7 +461,11 @@ class SlabDeposit(Deposit):
             self.coef = np.array([[marginal.normalisation, marginal.width, Gaussian.accuracy]])
         else:
             order = np.argsort(-marginal.radii)
-            name, self.radii, self.coef = "polynomial", marginal.radii[order], np.ascontiguousarray(marginal.coef_mk[order])
+            name, self.radii, self.coef = (
+                "polynomial",
+                marginal.radii[order],
+                np.ascontiguousarray(marginal.coef_mk[order]),
+            )
             if marginal.half_open:
                 name = "box"
             elif isinstance(marginal, DiscMarginal):

@@ -144,7 +144,9 @@ def spectrum(kernel, gradient=False) -> Spectrum:
             p = np.cumsum((hat**2 * k * (k**2 if gradient else 1.0))[::-1])[::-1]
             centre = hat * k**2
     else:
-        raise AtcError(f"kernel {kernel.name!r} jumps, its modes decay too slowly for the spectral method: use method 'direct'")
+        raise AtcError(
+            f"kernel {kernel.name!r} jumps, its modes decay too slowly for the spectral method: use method 'direct'"
+        )
     p = p / p.sum()
     total = (hat if isinstance(kernel, BSpline) else hat * k ** (kernel.dimension - 1)).sum()
     centre = np.maximum.accumulate(np.abs(np.cumsum(centre[::-1]) / total))[::-1]
@@ -217,7 +219,9 @@ def aliasing(spec, width, shapes, spacing, upto):
     wrong = np.sqrt(others) / own
     power = np.add.reduceat(spec.power[:upto], np.arange(0, upto, thin))
     # Each axis has its own images.
-    return np.maximum(np.sqrt(float(spec.dimension) * (wrong**2 * power).sum(-1)), np.abs(wrong * spec.hat[:upto:thin]).max(-1))
+    return np.maximum(
+        np.sqrt(float(spec.dimension) * (wrong**2 * power).sum(-1)), np.abs(wrong * spec.hat[:upto:thin]).max(-1)
+    )
 
 
 @dataclass(frozen=True)
@@ -265,7 +269,9 @@ def choose(kernel, left_out, confused, points_density, costs=COSTS[8], gradient=
     enough = np.flatnonzero(fine)
     # Near the table's end the tail is cut short.
     if not len(enough) or spec.k[enough[0]] > 0.5 * spec.k[-1]:
-        raise AtcError(f"kernel {kernel.name!r}: its modes decay too slowly for this tolerance by method 'spectral': use method 'direct'")
+        raise AtcError(
+            f"kernel {kernel.name!r}: its modes decay too slowly for this tolerance by method 'spectral': use method 'direct'"
+        )
     upto = max(int(enough[0]), 2)
     k_max = spec.k[upto]
     best = None
@@ -329,4 +335,6 @@ def longest_bonds(kernel, tolerances, most=10, gradient=False):
 def rule_error(kernel, m, length, gradient=False, most=10):
     """(b,) error by m + 1 points for bonds of these lengths and all shorter ones; up to the next length of the table."""
     errors = _rule_errors(kernel, most, gradient)
-    return errors[m, np.minimum(np.searchsorted(_LENGTHS, np.asarray(length) / spectrum(kernel).scale), len(_LENGTHS) - 1)]
+    return errors[
+        m, np.minimum(np.searchsorted(_LENGTHS, np.asarray(length) / spectrum(kernel).scale), len(_LENGTHS) - 1)
+    ]

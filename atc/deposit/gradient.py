@@ -63,7 +63,21 @@ def gather(bound, kernel, cell, x_nc, a_nk, w_n=None, gradient=True, threads=1):
         kind, radii, coef = _coefficients(kernel)
         x, order, start, bins, low, scale = _bins(cell, np.asarray(x_nc) - cell.origin, kernel.support)
         w = np.zeros(0) if w_n is None else np.ascontiguousarray(np.asarray(w_n, float)[order])
-        rest = (kind, radii, coef, x, a_nk[order], w, start, bins, low, scale, cell.periodic, cell.vectors, cell.inverse)
+        rest = (
+            kind,
+            radii,
+            coef,
+            x,
+            a_nk[order],
+            w,
+            start,
+            bins,
+            low,
+            scale,
+            cell.periodic,
+            cell.vectors,
+            cell.inverse,
+        )
 
         def part(a, b):
             _gather(points[a:b], *rest, values[a:b], gradients[a:b])
@@ -179,7 +193,9 @@ def _phi(kind, d0, d1, d2, r2, radii, coef, g):
 
 
 @njit(**JIT)
-def _gather(points, kind, radii, coef, x_nc, a_nk, w_n, start, bins, low, scale, periodic, cell, inverse, values, gradients):
+def _gather(
+    points, kind, radii, coef, x_nc, a_nk, w_n, start, bins, low, scale, periodic, cell, inverse, values, gradients
+):
     """Points and atoms relative to the cell's origin, atoms sorted by bin."""
     support = radii[0]
     support2 = support * support
@@ -255,7 +271,9 @@ def _gather_slab(bound, kernel, cell, x_nc, a_nk, gradient):
     reach = marginal.support
     for g in range(bins):
         centre = (g + 0.5) / bins * height
-        first, last = (int(np.floor((centre - reach) / height)), int(np.floor((centre + reach) / height))) if periodic else (0, 0)
+        first, last = (
+            (int(np.floor((centre - reach) / height)), int(np.floor((centre + reach) / height))) if periodic else (0, 0)
+        )
         for image in range(first, last + 1):
             a, b = np.searchsorted(z, [centre - image * height - reach, centre - image * height + reach])
             d = z[a:b] + image * height - centre

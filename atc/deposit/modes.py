@@ -54,7 +54,11 @@ def _fill(table, step, b, n0, n1, n2, w0, w1, w2, out):
     """out = w0 w1 w2 table(|k|), by the cubic through the four nearest of table[1 + i] at i step: 0.01⁴ is enough for kernels with a kink."""
     for i in range(len(n0)):
         for j in range(len(n1)):
-            x, y, z = n0[i] * b[0, 0] + n1[j] * b[0, 1], n0[i] * b[1, 0] + n1[j] * b[1, 1], n0[i] * b[2, 0] + n1[j] * b[2, 1]
+            x, y, z = (
+                n0[i] * b[0, 0] + n1[j] * b[0, 1],
+                n0[i] * b[1, 0] + n1[j] * b[1, 1],
+                n0[i] * b[2, 0] + n1[j] * b[2, 1],
+            )
             w = w0[i] * w1[j]
             for k in range(len(n2)):
                 kx, ky, kz = x + n2[k] * b[0, 2], y + n2[k] * b[1, 2], z + n2[k] * b[2, 2]
@@ -65,7 +69,9 @@ def _fill(table, step, b, n0, n1, n2, w0, w1, w2, out):
                 value = (
                     f1
                     + t * (f2 - f1)
-                    + t * (t - 1.0) * (0.25 * (f0 - f1 - f2 + f3) + (t - 0.5) * (f3 - f0 + 3.0 * (f1 - f2)) * (1.0 / 6.0))
+                    + t
+                    * (t - 1.0)
+                    * (0.25 * (f0 - f1 - f2 + f3) + (t - 0.5) * (f3 - f0 + 3.0 * (f1 - f2)) * (1.0 / 6.0))
                 )
                 out[i, j, k] = value * w * w2[k]
 
@@ -84,7 +90,14 @@ class Modes:
     """
 
     def __init__(self, kernel, parameters, vectors, counts, low, reach, extent):
-        self.kernel, self.parameters, self.counts, self.low, self.reach, self.extent = kernel, parameters, counts, low, reach, extent
+        self.kernel, self.parameters, self.counts, self.low, self.reach, self.extent = (
+            kernel,
+            parameters,
+            counts,
+            low,
+            reach,
+            extent,
+        )
         edges = np.linalg.norm(vectors, axis=1)
         self.inverse = np.linalg.inv(vectors)
         self.volume = abs(np.linalg.det(vectors))
@@ -156,7 +169,10 @@ class Modes:
                 e[1:] *= 2.0
             return np.where(self._seen(a, t), e, 0.0).astype(F.dtype)
 
-        closed = [abs(x.count * x.step - n) <= 1e-9 * n and not np.isfinite(r) for x, n, r in zip(axes, self.counts, self.reach)]
+        closed = [
+            abs(x.count * x.step - n) <= 1e-9 * n and not np.isfinite(r)
+            for x, n, r in zip(axes, self.counts, self.reach)
+        ]
         # z first where that makes less of it.
         first = not closed[2] and axes[2].count < len(self.index[2])
         if first:
@@ -222,7 +238,9 @@ class Modes:
         out = np.zeros((len(t_gc), len(mesh_cxyz)))
         part = np.zeros((int(seen.sum()), len(mesh_cxyz)))
         if self.kernel.dimension == 2:
-            spread.interpolate_plane(t_gc[seen] - self.low, self.counts, coef, self.parameters.width, mesh_cxyz[:, :, :, 0].copy(), part)
+            spread.interpolate_plane(
+                t_gc[seen] - self.low, self.counts, coef, self.parameters.width, mesh_cxyz[:, :, :, 0].copy(), part
+            )
         else:
             spread.interpolate(t_gc[seen] - self.low, self.counts, coef, self.parameters.width, mesh_cxyz, part)
         out[seen] = part

@@ -116,7 +116,9 @@ class Errors:
         errors = np.maximum((wrong**2 * power).sum(-1), np.abs(wrong * hat).max(-1) ** 2)
         # The ends' mean square against that of a point, where the mesh's errors are.
         kept = k <= parameters.k_max * spec.scale
-        images, own = fourier.images(k[kept] * parameters.spacing / (2 * np.pi * spec.scale), parameters.width, parameters.shape)
+        images, own = fourier.images(
+            k[kept] * parameters.spacing / (2 * np.pi * spec.scale), parameters.width, parameters.shape
+        )
         where = images / own**2 * power[kept]
         size = 0.5 * ((even**2 + odd**2)[:, kept] * where).sum(-1) / where.sum()
         errors += confused**2 * np.maximum(size - 1.0, 0.0)
@@ -129,7 +131,9 @@ class Errors:
 
     def of(self, length):
         """The error of bonds of these lengths and of all shorter ones; up to the next length of the table."""
-        return self._errors[np.minimum(np.searchsorted(fourier._LENGTHS, np.asarray(length) / self._spec.scale), len(self._errors) - 1)]
+        return self._errors[
+            np.minimum(np.searchsorted(fourier._LENGTHS, np.asarray(length) / self._spec.scale), len(self._errors) - 1)
+        ]
 
 
 errors = lru_cache(maxsize=64)(Errors)
@@ -149,7 +153,9 @@ def _adder(order, real):
             return builder.fptrunc(x, number) if size == 4 else x
 
         def shuffled(v, index):
-            return builder.shuffle_vector(v, ir.Constant(v.type, ir.Undefined), ir.Constant(ir.VectorType(_INT32, len(index)), index))
+            return builder.shuffle_vector(
+                v, ir.Constant(v.type, ir.Undefined), ir.Constant(ir.VectorType(_INT32, len(index)), index)
+            )
 
         four = ir.Constant(ir.VectorType(number, 4), [0.0] * 4)
         r = four
@@ -187,10 +193,14 @@ def core(order, real):
     """`add_bonds` for an order and a precision."""
     layout = Layout(order, real)
     tag = f"{order}_{np.dtype(real).name}"
-    return specialise(add_bonds, tag, BYTES=layout.row * np.dtype(real).itemsize, PLACE=layout.place, ADD=_adder(order, real))
+    return specialise(
+        add_bonds, tag, BYTES=layout.row * np.dtype(real).itemsize, PLACE=layout.place, ADD=_adder(order, real)
+    )
 
 
-def add_bonds(x_nc, i_b, j_b, r_bc, G_b, first, weight_k, slack, longest, inverse_length, inverse_scale, rows, places, rest):
+def add_bonds(
+    x_nc, i_b, j_b, r_bc, G_b, first, weight_k, slack, longest, inverse_length, inverse_scale, rows, places, rest
+):
     """Add bonds `first`.. to the rows of their two atoms. Returns the bond before which an atom has moved (else their number; −1: it is nowhere), and how many are in `rest`.
 
     Parameters

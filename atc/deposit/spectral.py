@@ -138,10 +138,14 @@ class SpectralDeposit(Deposit):
         if not grid.is_lattice or separable(grid, self._inverse) is None:
             # The mesh is used twice.
             mesh *= np.sqrt(0.5)
-        density = self.dense / (kernel.radius / 2.5) ** kernel.dimension / 4 if points is None else points / self.cell.volume
+        density = (
+            self.dense / (kernel.radius / 2.5) ** kernel.dimension / 4 if points is None else points / self.cell.volume
+        )
         # Nearby densities give nearby choices: round, so that they can be remembered.
         costs = fourier.COSTS[np.dtype(self.real).itemsize]
-        self.parameters = p = fourier.choose(kernel, modes, mesh, float(f"{density:.1e}"), costs, self.gradients, centre)
+        self.parameters = p = fourier.choose(
+            kernel, modes, mesh, float(f"{density:.1e}"), costs, self.gradients, centre
+        )
         periodic = self._periodic = np.array([*self.cell.periodic[:2], self._flat or self.cell.periodic[2]], bool)
         edges = np.linalg.norm(self._vectors, axis=1)
         nodes = np.array([_good_length(max(ceil(edge / p.spacing), p.width + 1, 4)) for edge in edges])
@@ -157,7 +161,11 @@ class SpectralDeposit(Deposit):
         self._reach = np.where(periodic, np.inf, kernel.support * np.linalg.norm(self._to_mesh, axis=0))
         self._view = self._targets()
         self._meshes = {}
-        self._check(self._layer(np.where(periodic, nodes, np.minimum(self._view[1] - self._view[0], 2 * self._reach)) + p.width + 1))
+        self._check(
+            self._layer(
+                np.where(periodic, nodes, np.minimum(self._view[1] - self._view[0], 2 * self._reach)) + p.width + 1
+            )
+        )
         self._points = [0] * self.threads
         self._rule = None
         self._mesh_share = mesh
@@ -215,7 +223,16 @@ class SpectralDeposit(Deposit):
         """Like `add_bonds`, for bonds more than 2^`spread.STRONG` times as strong as others of the frame: the same points as when they come among those."""
         x_bc, r_bc, b_bk = (np.ascontiguousarray(a, np.float64) for a in (x_bc, r_bc, b_bk))
         if len(b_bk):
-            self._add("bond", x_bc, np.arange(len(b_bk), dtype=np.int32), r_bc, b_bk, 0, typical=np.ones(b_bk.shape[1]), strong=True)
+            self._add(
+                "bond",
+                x_bc,
+                np.arange(len(b_bk), dtype=np.int32),
+                r_bc,
+                b_bk,
+                0,
+                typical=np.ones(b_bk.shape[1]),
+                strong=True,
+            )
 
     def add_among(self, x_bc, r_bc, b_bk, typical):
         """Like `add_bonds`, for a few bonds of a frame whose mean size is `typical` (k,): as closely integrated as among all."""
@@ -252,7 +269,9 @@ class SpectralDeposit(Deposit):
                 part[short] = collapse[1](length[short])
             part *= strength
             # Mean strength is 1 or more: sums in step, and of squares.
-            if part.mean() <= self._bond_share and np.sqrt((part**2).mean()) <= self._bond_share * np.sqrt((strength**2).mean()):
+            if part.mean() <= self._bond_share and np.sqrt((part**2).mean()) <= self._bond_share * np.sqrt(
+                (strength**2).mean()
+            ):
                 return slack
         return 0
 
@@ -376,7 +395,11 @@ class SpectralDeposit(Deposit):
 
     def _of(self, what, first=None):
         """The meshes of a kind, in the order of the threads."""
-        return [m for (kind, k, _), m in sorted(self._meshes.items(), key=lambda item: item[0]) if kind == what and first in (None, k)]
+        return [
+            m
+            for (kind, k, _), m in sorted(self._meshes.items(), key=lambda item: item[0])
+            if kind == what and first in (None, k)
+        ]
 
     def _transformed(self, what, group, extent=None):
         """Modes, and what was added in them: (component, k0, k1, k2), times the kernel's own; None if nothing was.

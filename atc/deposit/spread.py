@@ -68,7 +68,9 @@ def _spreader(width, lanes, degree, real, depth):
         def pick(vector, kind, k):
             """Lane k of a vector, all over another one."""
             undefined = ir.Constant(vector.type, ir.Undefined)
-            return builder.shuffle_vector(vector, undefined, ir.Constant(ir.VectorType(_INT32, kind.count), [k] * kind.count))
+            return builder.shuffle_vector(
+                vector, undefined, ir.Constant(ir.VectorType(_INT32, kind.count), [k] * kind.count)
+            )
 
         def splat(x, kind):
             return pick(builder.insert_element(ir.Constant(kind, ir.Undefined), x, ir.Constant(_INT32, 0)), kind, 0)
@@ -212,7 +214,11 @@ def spread_bonds(
     """
     half = 0.5 * WIDTH
     n0, n1, n2 = float(period[0]), float(period[1]), float(period[2])
-    inverse0, inverse1, inverse2 = 1.0 / n0 if n0 > 0.0 else 0.0, 1.0 / n1 if n1 > 0.0 else 0.0, 1.0 / n2 if n2 > 0.0 else 0.0
+    inverse0, inverse1, inverse2 = (
+        1.0 / n0 if n0 > 0.0 else 0.0,
+        1.0 / n1 if n1 > 0.0 else 0.0,
+        1.0 / n2 if n2 > 0.0 else 0.0,
+    )
     low0, low1, low2 = float(low[0]), float(low[1]), float(low[2])
     # One node's distance to spare, as in the halo.
     last0, last1, last2 = counts[0] - WIDTH, counts[1] - WIDTH, counts[2] - WIDTH
@@ -276,7 +282,9 @@ def spread_bonds(
 def row_core(width, degree, real, depth):
     """`spread_rows` for a window and a precision."""
     tag = f"{width}_{degree}_{np.dtype(real).name}" + "_plane" * (depth == 1)
-    return specialise(spread_rows, tag, WIDTH=width, DEPTH=depth, LANES=8, REAL=real, SPREAD=_spreader(width, 8, degree, real, depth))
+    return specialise(
+        spread_rows, tag, WIDTH=width, DEPTH=depth, LANES=8, REAL=real, SPREAD=_spreader(width, 8, degree, real, depth)
+    )
 
 
 def spread_rows(
@@ -293,7 +301,11 @@ def spread_rows(
     """
     half = 0.5 * WIDTH
     n0, n1, n2 = float(period[0]), float(period[1]), float(period[2])
-    inverse0, inverse1, inverse2 = 1.0 / n0 if n0 > 0.0 else 0.0, 1.0 / n1 if n1 > 0.0 else 0.0, 1.0 / n2 if n2 > 0.0 else 0.0
+    inverse0, inverse1, inverse2 = (
+        1.0 / n0 if n0 > 0.0 else 0.0,
+        1.0 / n1 if n1 > 0.0 else 0.0,
+        1.0 / n2 if n2 > 0.0 else 0.0,
+    )
     low0, low1, low2 = float(low[0]), float(low[1]), float(low[2])
     last0, last1, last2 = counts[0] - WIDTH, counts[1] - WIDTH, counts[2] - WIDTH
     if DEPTH == 1:

@@ -143,7 +143,9 @@ def add(
                     while first < last:
                         # One more than there is room for may be written.
                         part = min(last, first + ROOM - 1 - found)
-                        found = _collect(first, part, p_cg, t0, t1, t2, x0, x1, x2, y0, y1, y2, far2, found, which, d_6k)
+                        found = _collect(
+                            first, part, p_cg, t0, t1, t2, x0, x1, x2, y0, y1, y2, far2, found, which, d_6k
+                        )
                         first = part
                         if found >= ROOM - 1:
                             _weights(found, 0.5 * d, near2, d_6k[0], d_6k[1], d_6k[2], d_6k[3], d_6k[4], d_6k[5])

@@ -80,12 +80,18 @@ class Check:
         slab = bound.kind == "slab"
         total = int(np.prod(bound.shape))
         rng = np.random.default_rng([20240229, index])
-        self.which = np.sort(rng.choice(total, min(total, SLAB_BINS if slab else count), replace=False)) if which is None else which
+        self.which = (
+            np.sort(rng.choice(total, min(total, SLAB_BINS if slab else count), replace=False))
+            if which is None
+            else which
+        )
         if slab:
             self.target = SlabTarget(bound, self.which, kern)
         else:
             home = Cell(cell.vectors, (0.0, 0.0, 0.0), cell.periodic)
-            points = BoundGrid("points", home, ("point",), xyz=np.ascontiguousarray(bound.relative_points_of(self.which)))
+            points = BoundGrid(
+                "points", home, ("point",), xyz=np.ascontiguousarray(bound.relative_points_of(self.which))
+            )
             self.target = Target({}, points, kern, home, threads, origin=cell.origin)
 
     def errors(self, field_g, at_points, scale: float = 0.0, extent=None) -> dict[str, float]:
@@ -108,7 +114,11 @@ class Check:
         rms = float(np.sqrt(np.mean(difference**2))) if difference.size else 0.0
         extent = extent or extent_of(field_g)
         if extent.largest <= ZERO * scale:
-            found = {"error_max": _ratio(worst, scale), "error_l2": _ratio(rms, scale), "error_of_fluctuation": _ratio(worst, scale)}
+            found = {
+                "error_max": _ratio(worst, scale),
+                "error_l2": _ratio(rms, scale),
+                "error_of_fluctuation": _ratio(worst, scale),
+            }
             return found | ({"error_of_terms": 1.0} if scale > 0 else {})
         return {
             "error_max": _ratio(worst, extent.largest),
@@ -138,7 +148,9 @@ def extent_of(field_g) -> Extent:
     if not field_g.size:
         return Extent(0.0, 0.0, 0.0)
     low, high, mean, square = _extent(np.ascontiguousarray(field_g, dtype=np.float64).reshape(len(field_g), -1))
-    return Extent(float(max(high.max(), -low.min())), float(max((high - mean).max(), (mean - low).max())), float(np.sqrt(square)))
+    return Extent(
+        float(max(high.max(), -low.min())), float(max((high - mean).max(), (mean - low).max())), float(np.sqrt(square))
+    )
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -92,7 +92,10 @@ def jumps(kern) -> bool:
 
 def smooth(kern) -> bool:
     """Whether the first derivatives of φ have no jumps."""
-    return not (isinstance(kern, Box) or (isinstance(kern, Radial) and kern.name in ("step", "linear", "hardy", "piecewise-linear")))
+    return not (
+        isinstance(kern, Box)
+        or (isinstance(kern, Radial) and kern.name in ("step", "linear", "hardy", "piecewise-linear"))
+    )
 
 
 class Sites:
@@ -142,7 +145,9 @@ class Sites:
 
     def div(self, a_nc) -> np.ndarray:
         """(g, ...) ∂_µ Σ a^µ φ for a (n, 3, ...)."""
-        return sum((m @ a_nc[:, c].reshape(len(a_nc), -1)).reshape(-1, *a_nc.shape[2:]) for c, m in enumerate(self.gradient))
+        return sum(
+            (m @ a_nc[:, c].reshape(len(a_nc), -1)).reshape(-1, *a_nc.shape[2:]) for c, m in enumerate(self.gradient)
+        )
 
 
 #: Points with less than this share of the typical density are taken for empty.
@@ -160,7 +165,9 @@ def choose_points(frame, kern, count: int, rng, bound=None) -> tuple[np.ndarray,
     """
     clear = 5.0 * step_length(kern)
     typical = float(frame.masses.mean()) * len(frame) / frame.cell.volume
-    first = Sites(frame.positions[rng.choice(len(frame), min(len(frame), 20), replace=False)], frame.positions, frame.cell, kern)
+    first = Sites(
+        frame.positions[rng.choice(len(frame), min(len(frame), 20), replace=False)], frame.positions, frame.cell, kern
+    )
     typical = min(typical, float(np.median(first.sum(frame.masses))))  # the whole cell may be mostly empty
 
     def fit(x_gc, want):
@@ -182,7 +189,9 @@ def choose_points(frame, kern, count: int, rng, bound=None) -> tuple[np.ndarray,
         found.append(fit(frame.positions[rng.integers(len(frame), size=len(u))] + u, missing))
     n = sum(map(len, found))
     if bound is not None and bound.kind != "slab":
-        some = rng.permutation(len(bound))[: 8 * count] if len(bound) < 10**6 else rng.integers(len(bound), size=8 * count)
+        some = (
+            rng.permutation(len(bound))[: 8 * count] if len(bound) < 10**6 else rng.integers(len(bound), size=8 * count)
+        )
         found.append(fit(bound.relative_points_gc[some] + frame.cell.origin, count))
     x_gc = np.concatenate(found) if found else np.zeros((0, 3))
     if not len(x_gc):
@@ -303,7 +312,9 @@ class Exact:
         ev = e[:, None] * v
         self.divJ = s.div(ev)
         self.v = self.pi / self.rho[:, None]
-        self.gradv = self.dpi / self.rho[:, None, None] - self.drho[:, :, None] * self.v[:, None, :] / self.rho[:, None, None]
+        self.gradv = (
+            self.dpi / self.rho[:, None, None] - self.drho[:, :, None] * self.v[:, None, :] / self.rho[:, None, None]
+        )
         # rates: each sum changes because its atoms' φ and its atoms' factors change
         self.rho_t = -s.div(mv)
         self.pi_t = s.sum(-st.slope_nc) - s.div(v[:, :, None] * mv[:, None, :])
@@ -332,12 +343,17 @@ class Exact:
         return {
             "mass": Law({"d(rho)/dt": self.rho_t, "div(rho v)": div_pi}, self.rho_t + div_pi),
             "momentum": Law(
-                {"d(rho v)/dt": self.pi_t, "div(rho v v)": convection, "div(stress)": div_stress}, self.pi_t + convection - div_stress
+                {"d(rho v)/dt": self.pi_t, "div(rho v v)": convection, "div(stress)": div_stress},
+                self.pi_t + convection - div_stress,
             ),
             "energy": Law(
-                {"d(e)/dt": self.energy_t, "div(e v)": carried, "div(stress.v)": work, "div(q)": div_q}, residual, residual - div_qC
+                {"d(e)/dt": self.energy_t, "div(e v)": carried, "div(stress.v)": work, "div(q)": div_q},
+                residual,
+                residual - div_qC,
             ),
-            "churning": Law({"div(stress_potential)": force, "div(z) - div(stress_potential)": s.sum(st.torque_nc)}, div_z),
+            "churning": Law(
+                {"div(stress_potential)": force, "div(z) - div(stress_potential)": s.sum(st.torque_nc)}, div_z
+            ),
         }
 
 
@@ -398,7 +414,9 @@ def from_fields(frame, pot, kern_user, x_gc, threads: int) -> dict[str, np.ndarr
     from .compute import Settings, frame_fields
     from .registry import QUANTITIES
 
-    names = [n for n in ("density", "momentum", "velocity", "energy", "stress", "heat_flux", "churning") if n in QUANTITIES]
+    names = [
+        n for n in ("density", "momentum", "velocity", "energy", "stress", "heat_flux", "churning") if n in QUANTITIES
+    ]
     u = frame.units
     grid = Grid.points(u.to_user("length", x_gc))
     result = frame_fields(frame, Settings(tuple(names), pot, kern_user, grid, threads=threads, check_points=1))
@@ -447,7 +465,9 @@ def energy_rates(frame, pot, state: Motion, threads: int = 1) -> tuple[float, fl
     tau = 1e-3 / speed
 
     def shares(t):
-        return pot.stream(frame.replace(positions=frame.positions + t * state.v_nc), threads=threads, energies=True).energies_n
+        return pot.stream(
+            frame.replace(positions=frame.positions + t * state.v_nc), threads=threads, energies=True
+        ).energies_n
 
     slopes = [(shares(s * tau) - shares(-s * tau)) / (2 * s * tau) for s in _STEPS]
     fourth = [(4 * slopes[0] - slopes[1]) / 3, (4 * slopes[1] - slopes[2]) / 3]
@@ -472,7 +492,11 @@ def sums_of_frame(frame, pot, x_gc, kern, drift, shift, threads: int):
 
 def frame_residuals(exact_laws, exact: Exact, before, after, dt: float) -> dict[str, Law]:
     """The laws with rates (after − before)/(2 dt) and the exact divergences of the frame in the middle."""
-    rate_of = {"mass": ("d(rho)/dt", exact.rho_t), "momentum": ("d(rho v)/dt", exact.pi_t), "energy": ("d(e)/dt", exact.energy_t)}
+    rate_of = {
+        "mass": ("d(rho)/dt", exact.rho_t),
+        "momentum": ("d(rho v)/dt", exact.pi_t),
+        "energy": ("d(e)/dt", exact.energy_t),
+    }
     out = {}
     for law, (name, rate) in rate_of.items():
         exact_law = exact_laws[law]

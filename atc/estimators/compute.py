@@ -47,7 +47,9 @@ class Settings:
     def reference_energies(self) -> np.ndarray:
         """(n,) potential energies of the atoms in the reference frame, computed once."""
         if not hasattr(self, "_reference_energies"):
-            self._reference_energies = self.pot.stream(self.reference, None, threads=self.threads, energies=True, forces=False).energies_n
+            self._reference_energies = self.pot.stream(
+                self.reference, None, threads=self.threads, energies=True, forces=False
+            ).energies_n
         return self._reference_energies
 
 
@@ -153,7 +155,11 @@ SAFE = 0.65
 # Where the density is below this fraction of its largest value, quotients by it need the exact sums.
 _THIN = 0.02
 # The sums that fields are quotients of: deposit, and where its density is.
-_QUOTIENTS = (("site", "site", "mass"), ("gather", "gathered", "mass"), ("reference_gather", "gathered", "reference_mass"))
+_QUOTIENTS = (
+    ("site", "site", "mass"),
+    ("gather", "gathered", "mass"),
+    ("reference_gather", "gathered", "reference_mass"),
+)
 
 
 class _FrameJob:
@@ -182,12 +188,17 @@ class _FrameJob:
                 stage.use(methods, again=bool(self.sums))
         # The sums on the grid, and those at the points of the check. Made anew, since they remember what was formed from them.
         fresh = [
-            Sums(drift=self.drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann, dimension=frame.dimension) for _ in range(2)
+            Sums(drift=self.drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann, dimension=frame.dimension)
+            for _ in range(2)
         ]
         for new, old in zip(fresh, self.sums):
             for name in ("site", "bond", "whole", "point", "gathered", "gradient"):
                 setattr(new, name, getattr(old, name))
-            new.thermal_shifted, new.kinetic_flux_shifted, new.size = old.thermal_shifted, old.kinetic_flux_shifted, old.size
+            new.thermal_shifted, new.kinetic_flux_shifted, new.size = (
+                old.thermal_shifted,
+                old.kinetic_flux_shifted,
+                old.size,
+            )
         first, self.sums = not self.sums, fresh
         start = perf_counter()
         if work.bond_users and (first or todo & {"bond", "reference_bond"}):
@@ -200,12 +211,22 @@ class _FrameJob:
             if self.settings.tiles is None:
                 anchor = self.settings.anchor
                 with nullcontext() if anchor is None else anchor.at(frame):
-                    self.decomposition, self.atoms = _bond_pass(frame, self.settings, work, self.stage, self.reference, self.factors, fresh)
+                    self.decomposition, self.atoms = _bond_pass(
+                        frame, self.settings, work, self.stage, self.reference, self.factors, fresh
+                    )
             else:
                 from .tiles import bond_pass
 
                 self.decomposition, self.atoms = bond_pass(
-                    frame, self.settings, work, self.stage, self.reference, self.factors, fresh, self.index, self.run_tiles
+                    frame,
+                    self.settings,
+                    work,
+                    self.stage,
+                    self.reference,
+                    self.factors,
+                    fresh,
+                    self.index,
+                    self.run_tiles,
                 )
             if getattr(self.settings.pot, "pairwise", False):
                 # Pairs churn nothing: z = S + M is 0 for them identically, not only as far as two approximate sums cancel.
@@ -226,7 +247,9 @@ class _FrameJob:
                 fresh[0].site.update({name: fresh[0].gathered[name] for name in work.site})
                 # The check keeps to a path of its own.
                 fresh[1].site.update(
-                    _columns(work.site, SITE, self.stage.check.target.sites(frame.positions, self.factors.columns(work.site)))
+                    _columns(
+                        work.site, SITE, self.stage.check.target.sites(frame.positions, self.factors.columns(work.site))
+                    )
                 )
         if work.reference_gather and (first or "reference_gather" in todo):
             _reference_gather_pass(frame, self.settings, work, self.reference, self.factors, fresh)
@@ -246,7 +269,9 @@ class _FrameJob:
         hot = HotPoints(frame, self.settings, stage, self.strongest, stage.strong_g, self.index)
         if not len(hot):
             return
-        sums = Sums(drift=self.drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann, dimension=frame.dimension)
+        sums = Sums(
+            drift=self.drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann, dimension=frame.dimension
+        )
         sums.bond.update(_columns(work.bond, BOND, hot.bond_sums(work.bond, self.drift)))
         if getattr(self.settings.pot, "pairwise", False) and {"stress", "sources"} <= sums.bond.keys():
             sums.bond["sources"] = -full(sums.bond["stress"]).reshape(-1, 9)
@@ -272,7 +297,9 @@ class _FrameJob:
                     more = self.hot.check.errors(known, without_nan(q.form(self.hot_sums)), q.scale(main), extent)
                     for key in ("error_max", "error_of_fluctuation"):
                         found[key] = max(found[key], more[key])
-                self.expected[q.name] = max(found["error_max"], SAFE * here.check.expected(known, wanted, q.scale(main), extent))
+                self.expected[q.name] = max(
+                    found["error_max"], SAFE * here.check.expected(known, wanted, q.scale(main), extent)
+                )
                 arrays[q.name] = arrays[q.name].reshape(*here.bound.shape, *values.shape[1:])
                 if q.weight is not None:
                     weights[q.name] = main.site[q.weight][:, 0].reshape(here.bound.shape)
@@ -292,7 +319,13 @@ class _FrameJob:
             clear_thin(main, (self.stage or self.reference).main.methods)
 
     def tightened(self, methods, result, goal) -> dict:
-        return tightened(self.work, methods, thin_sums(self.sums[0], self.work), self.expected if self.settings.check_points else {}, goal)
+        return tightened(
+            self.work,
+            methods,
+            thin_sums(self.sums[0], self.work),
+            self.expected if self.settings.check_points else {},
+            goal,
+        )
 
 
 def watched(work, settings, methods) -> bool:
@@ -311,7 +344,9 @@ def clear_thin(main, methods) -> None:
 def thin_sums(main, work) -> set[str]:
     """The deposits whose sums are small somewhere though fields are quotients by them."""
     found = {key: getattr(main, of).get(name) for key, of, name in _QUOTIENTS if key != "site" or work.masked}
-    return {key for key, rho in found.items() if rho is not None and rho.min(initial=np.inf) < _THIN * rho.max(initial=0.0)}
+    return {
+        key for key, rho in found.items() if rho is not None and rho.min(initial=np.inf) < _THIN * rho.max(initial=0.0)
+    }
 
 
 def tightened(work, methods, thin, expected, goal) -> dict:
@@ -333,7 +368,9 @@ def tightened(work, methods, thin, expected, goal) -> dict:
             continue
         for key in loose & set(deposits_of(q, work)):
             method = methods[key].tightened(error, goal)
-            if method != methods[key] and (key not in out or method.exact or not 0 < out[key][0].tolerance <= method.tolerance):
+            if method != methods[key] and (
+                key not in out or method.exact or not 0 < out[key][0].tolerance <= method.tolerance
+            ):
                 if key not in out or not out[key][0].exact:
                     out[key] = method, Refinement(f"{q.name} above {goal:.1e}", error)
     return out
@@ -373,7 +410,9 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums, kept=None
                 stage.strongest.add(bonds, thread)
             for found in check.find(x_nc, bonds.i, bonds.r_bc, thread):
                 few = bonds.taken(found.bonds)
-                check.add_found(found, bond_factors(work.bond, widths, few, peculiar_nc, frame.velocities, size=size), thread)
+                check.add_found(
+                    found, bond_factors(work.bond, widths, few, peculiar_nc, frame.velocities, size=size), thread
+                )
         if to_reference is not None:
             X_bc, R_bc = to_reference.bonds(bonds)
             if reference_deposit is not None:
@@ -429,7 +468,9 @@ def _columns(names, sources, total_gk) -> dict[str, np.ndarray]:
 def checkable(work) -> list:
     """The fields that points around the strongest bonds can be computed for: those of sums over bonds and atoms alone."""
     return [
-        q for q in work.quantities if q.kind == "grid" and q.bond and not (q.on_reference or q.gather or q.gradient or q.point or q.whole)
+        q
+        for q in work.quantities
+        if q.kind == "grid" and q.bond and not (q.on_reference or q.gather or q.gradient or q.point or q.whole)
     ]
 
 
@@ -471,7 +512,9 @@ def _reference_gather_pass(frame, settings, work, stage, factors, sums):
     energy_n1 = (factors.energies_n - settings.reference_energies())[:, None]
     names = ["reference_mass", "reference_displacement", "reference_energy"]
     for target, s in zip(stage.targets, sums):
-        values, gradients = displacement.gather(target, settings.reference.positions, frame.masses, energy_n1, True, "reference_gather")
+        values, gradients = displacement.gather(
+            target, settings.reference.positions, frame.masses, energy_n1, True, "reference_gather"
+        )
         s.gathered.update(_columns(names, GATHER, values))
         s.gradient.update(_columns(names, GATHER, gradients))
 
@@ -482,7 +525,9 @@ def require(frame, settings, work):
         frame.require(attribute, why=", ".join(users))
     if work.bond_users:
         if settings.pot is None:
-            raise AtcError(f"no potential was given but {_need(work.bond_users)} one: give the pair_style/pair_coeff lines of the run")
+            raise AtcError(
+                f"no potential was given but {_need(work.bond_users)} one: give the pair_style/pair_coeff lines of the run"
+            )
         require_compatible(settings.pot.units, frame.units, "the potential", frame.source)
         if not settings.central and work.symmetric_users:
             raise AtcError(

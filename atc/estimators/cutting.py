@@ -77,7 +77,9 @@ class Cut:
         self.pot.terms = [leaf for term in pot.terms for leaf in term.leaves(frame)]
         for term in self.pot.terms:
             if is_listed(term) and not hasattr(term, "terms_of"):
-                raise AtcError(f"tiles: {term.describe().split(',')[0]} does not say which atoms it acts on: leave tiles out")
+                raise AtcError(
+                    f"tiles: {term.describe().split(',')[0]} does not say which atoms it acts on: leave tiles out"
+                )
         cell = frame.cell
         self.s_nc = cell.fractional(frame.positions)
         self.wraps_nc = np.where(cell.periodic, np.floor(self.s_nc), 0.0)
@@ -128,7 +130,8 @@ class Cut:
             # The atoms' own extent, not the tile's: an atom on the border may have been put on either side.
             lo, hi = s[own].min(0, initial=np.inf) - h, s[own].max(0, initial=-np.inf) + h
             ranges = [
-                range(int(np.ceil(lo[a] - 1)), int(np.floor(hi[a])) + 1) if cell.periodic[a] and own.any() else range(1) for a in range(3)
+                range(int(np.ceil(lo[a] - 1)), int(np.floor(hi[a])) + 1) if cell.periodic[a] and own.any() else range(1)
+                for a in range(3)
             ]
             parts = []
             for image in itertools.product(*ranges):
@@ -146,7 +149,9 @@ class Cut:
         if self.special is not None:
             start, other, apart = _special_of(*self.special, index, len(frame))
             topology = Topology(bonds=np.zeros((1, 2), np.int64))
-            topology.special = SimpleNamespace(start=start, other=other, apart=apart, hints=special_hints(start, other), cell=frame.cell)
+            topology.special = SimpleNamespace(
+                start=start, other=other, apart=apart, hints=special_hints(start, other), cell=frame.cell
+            )
         particles = cluster(frame, self.home_nc[index], index, image).replace(topology=topology)
         reference = None if self.to_reference is None else self.to_reference.of(index)
         return Tile(particles, own[index] & ~image.any(1), index, image, tuples, reference)
@@ -157,7 +162,9 @@ def cluster(frame, home_pc, index, image):
     names = ("types", "masses", "velocities", "charges", "ids", "molecules", "groups")
     take = {name: None if getattr(frame, name) is None else getattr(frame, name)[index] for name in names}
     open_cell = Cell(frame.cell.vectors, frame.cell.origin, (False, False, False))
-    return Frame(home_pc + image @ frame.cell.vectors, open_cell, frame.units, step=frame.step, source=frame.source, **take)
+    return Frame(
+        home_pc + image @ frame.cell.vectors, open_cell, frame.units, step=frame.step, source=frame.source, **take
+    )
 
 
 def depth(pot, listed: bool = False) -> float:
@@ -195,7 +202,9 @@ def _with_members(index, image, copies):
     number[of[order]] = np.arange(len(order))
     particle, tuples, done = number[of], [], len(index)
     for atoms, _, types in copies:
-        tuples.append((np.ascontiguousarray(particle[done : done + atoms.size].reshape(atoms.shape)), np.ascontiguousarray(types)))
+        tuples.append(
+            (np.ascontiguousarray(particle[done : done + atoms.size].reshape(atoms.shape)), np.ascontiguousarray(types))
+        )
         done += atoms.size
     return atom[order], at[order], tuples
 

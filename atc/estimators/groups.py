@@ -60,7 +60,9 @@ def size_of(window: int, atoms: int) -> int:
 
 def added_up(work: Work) -> frozenset[str]:
     """The deposits whose sums can be added up over frames ("site", "bond"); none if there is no gain in groups, or something asked is not made for them."""
-    if any((work.gather, work.reference_gather, work.reference_bond, work.point, work.reference_point, work.on_reference)):
+    if any(
+        (work.gather, work.reference_gather, work.reference_bond, work.point, work.reference_point, work.on_reference)
+    ):
         return frozenset()
     if any(q.kind == "atom" for q in work.quantities):
         return frozenset()
@@ -175,7 +177,10 @@ class _Mean:
             return float(
                 np.mean(
                     [
-                        np.divide(x - _wide(w, x) * mean, _wide(weight, x), out=np.zeros_like(x), where=_wide(weight, x) > 0) ** 2
+                        np.divide(
+                            x - _wide(w, x) * mean, _wide(weight, x), out=np.zeros_like(x), where=_wide(weight, x) > 0
+                        )
+                        ** 2
                         for x, w in self.each[q.name]
                     ]
                 )
@@ -212,7 +217,9 @@ class _Run:
         self.methods, self.thin, self.notes = methods, set(), {}
         bonds = stage.main.open(work.n_bond) if work.bond else None
         sites = stage.main.make("site", work.n_site, 0) if "site" in self.together and work.site else None
-        self.strongest = _Strongest(work) if stage.bound.kind != "slab" and watched(work, self.settings, methods) else None
+        self.strongest = (
+            _Strongest(work) if stage.bound.kind != "slab" and watched(work, self.settings, methods) else None
+        )
         # Fields on the grid, those of the whole box, and exact ones at the points of the check.
         fields, exactly, size = _Mean(), _Mean(keep=True), 0.0
         boxes, mask = _Mean(keep=True), None
@@ -223,14 +230,17 @@ class _Run:
                 stage.strongest = Strongest(frame.positions, threads)
             factors = AtomFactors(frame, drift)
             sums = [
-                Sums(drift=drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann, dimension=frame.dimension) for _ in range(2)
+                Sums(drift=drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann, dimension=frame.dimension)
+                for _ in range(2)
             ]
             start = perf_counter()
             decomposition = atoms = None
             if work.bond_users:
                 anchor = self.settings.anchor
                 with nullcontext() if anchor is None else anchor.at(frame):
-                    decomposition, atoms = _bond_pass(frame, self.settings, work, stage, None, factors, sums, kept=bonds)
+                    decomposition, atoms = _bond_pass(
+                        frame, self.settings, work, stage, None, factors, sums, kept=bonds
+                    )
                 self._no_churning(sums[1])
                 for what, count in (getattr(decomposition, "notes", None) or {}).items():
                     self.notes[what] = self.notes.get(what, 0) + count
@@ -256,7 +266,13 @@ class _Run:
             self.seconds["bonds"] += done - start
             self.seconds["sites"] += perf_counter() - done
         stage.strongest, stage.seeking = None, False
-        main = Sums(drift=self.drifts[0], volume=frame.cell.volume, boltzmann=frame.units.boltzmann, dimension=frame.dimension, size=size)
+        main = Sums(
+            drift=self.drifts[0],
+            volume=frame.cell.volume,
+            boltzmann=frame.units.boltzmann,
+            dimension=frame.dimension,
+            size=size,
+        )
         n, exact = len(self.frames), 0.0
         if self.strongest is not None:
             exact = self._put_right(bonds)
@@ -328,7 +344,9 @@ class _Run:
                 continue
             arrays[q.name] = x.reshape(*stage.bound.shape, *x.shape[1:])
             if q.weight is not None:
-                weights[q.name] = (main.site[q.weight][:, 0] if q in self.late else fields.weight(q.name)).reshape(stage.bound.shape)
+                weights[q.name] = (main.site[q.weight][:, 0] if q in self.late else fields.weight(q.name)).reshape(
+                    stage.bound.shape
+                )
         self.result = FrameResult(
             arrays,
             mask=None if mask is None else mask.reshape(stage.bound.shape),
@@ -351,9 +369,16 @@ class _Run:
             few, error = strongest.watched(cell), self.left
             if len(few[0]):
                 exact = make("direct", stage.bound, stage.reach, cell, 0, 1)
-                error += float(error_map(stage.main.make("bond", 0, 1), exact, few, np.array([strongest.mean / 3.0])).max(initial=0.0))
+                error += float(
+                    error_map(stage.main.make("bond", 0, 1), exact, few, np.array([strongest.mean / 3.0])).max(
+                        initial=0.0
+                    )
+                )
             sizes = {q.name: extents[q.name].largest for q in quantities}
-            alone = {name: _ratio(error / n, scales[name] if size <= ZERO * scales[name] else size) for name, size in sizes.items()}
+            alone = {
+                name: _ratio(error / n, scales[name] if size <= ZERO * scales[name] else size)
+                for name, size in sizes.items()
+            }
             if all(self.expected[name] + alone[name] <= self.goal for name in alone):
                 return {name: {"error_max": value} for name, value in alone.items()}
         hot = HotPoints(self.frames[0], self.settings, stage, strongest, self.strong_g, self.index)
@@ -364,7 +389,12 @@ class _Run:
         for frame, factors in zip(self.frames, self.strongest.factors):
             here = copy(hot)
             here.frame = frame
-            sums = Sums(drift=factors.drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann, dimension=frame.dimension)
+            sums = Sums(
+                drift=factors.drift,
+                volume=frame.cell.volume,
+                boltzmann=frame.units.boltzmann,
+                dimension=frame.dimension,
+            )
             sums.bond.update(_columns(work.bond, BOND, here.bond_sums(work.bond, factors.drift)))
             self._no_churning(sums)
             if work.site:
@@ -376,7 +406,9 @@ class _Run:
             )
             for q in quantities
         }
-        return {name: {key: errors[key] for key in ("error_max", "error_of_fluctuation")} for name, errors in found.items()}
+        return {
+            name: {key: errors[key] for key in ("error_max", "error_of_fluctuation")} for name, errors in found.items()
+        }
 
 
 class _Strongest:
@@ -397,7 +429,9 @@ class _Strongest:
     def add(self, frame, strongest, factors) -> None:
         known, most = strongest.ranked(), strongest.exactly
         strong = len(strongest.sort_out())
-        b_bk = bond_factors(self.names, self.widths, known, factors.peculiar_nc if "power" in self.names else None, frame.velocities)
+        b_bk = bond_factors(
+            self.names, self.widths, known, factors.peculiar_nc if "power" in self.names else None, frame.velocities
+        )
         self.parts.append((frame.positions[known.i], known, b_bk, np.arange(len(known)) < strong))
         self.most, self.sizes = max(self.most, most), self.sizes + strongest.totals
         self.factors.append(factors)
@@ -432,7 +466,10 @@ def _joined(results) -> FrameResult:
             errors[name] = {key: max(value, errors.get(name, {}).get(key, 0.0)) for key, value in found.items()} | {
                 key: value for key, value in errors.get(name, {}).items() if key not in found
             }
-    notes = {what: sum(r.notes.get(what, 0) for r in results) for what in dict.fromkeys(what for r in results for what in r.notes)}
+    notes = {
+        what: sum(r.notes.get(what, 0) for r in results)
+        for what in dict.fromkeys(what for r in results for what in r.notes)
+    }
     return replace(
         first,
         arrays=arrays,

@@ -151,7 +151,12 @@ def _above(x_nc, i, r_bc, size_b, squared, floor):
             continue
         a = i[b]
         u = np.sin(
-            12.9898 * x_nc[a, 0] + 78.233 * x_nc[a, 1] + 37.719 * x_nc[a, 2] + 3.7 * r_bc[b, 0] + 5.1 * r_bc[b, 1] + 7.3 * r_bc[b, 2]
+            12.9898 * x_nc[a, 0]
+            + 78.233 * x_nc[a, 1]
+            + 37.719 * x_nc[a, 2]
+            + 3.7 * r_bc[b, 0]
+            + 5.1 * r_bc[b, 1]
+            + 7.3 * r_bc[b, 2]
         )
         key = size * (1.0 + 0.01 * abs(u))
         if key > floor:
@@ -279,12 +284,21 @@ def _around(x_nc, origin, inverse, p_pc, radius_p, wide_pc, vectors, periodic, m
                             continue
                         known = False
                         for m in range(first, n):
-                            known |= image[m, 0] == k0 - cell_c[0] and image[m, 1] == k1 - cell_c[1] and image[m, 2] == k2 - cell_c[2]
+                            known |= (
+                                image[m, 0] == k0 - cell_c[0]
+                                and image[m, 1] == k1 - cell_c[1]
+                                and image[m, 2] == k2 - cell_c[2]
+                            )
                         if known:
                             continue
                         if n == most:
                             return n + 1, index, image
-                        index[n], image[n, 0], image[n, 1], image[n, 2] = a, k0 - cell_c[0], k1 - cell_c[1], k2 - cell_c[2]
+                        index[n], image[n, 0], image[n, 1], image[n, 2] = (
+                            a,
+                            k0 - cell_c[0],
+                            k1 - cell_c[1],
+                            k2 - cell_c[2],
+                        )
                         n += 1
     return n, index, image
 
@@ -306,7 +320,9 @@ class HotPoints:
             error_g = error_map(stage.main.make("bond", 0, 1), exact, bonds, np.array([strongest.mean / 3.0]))
             worst = worst_points(error_g)
             candidates = np.r_[worst[:FIRST], candidates, worst[FIRST:]]
-        self.which, self.xyz, self.places = placed(bound, candidates, FELT + POINTS, strongest.centres(frame.cell), 1.5 * kern.radius)
+        self.which, self.xyz, self.places = placed(
+            bound, candidates, FELT + POINTS, strongest.centres(frame.cell), 1.5 * kern.radius
+        )
         self.check = Check(bound, kern, frame.cell, settings.threads, index, 0, which=self.which)
         self.check.target.summed_kern = stage.reach
         self.check.target.place(frame.positions)

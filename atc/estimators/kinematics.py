@@ -25,7 +25,10 @@ class Displacement:
 
     def __init__(self, frame, reference, on_reference: bool):
         same_atoms(frame, reference)
-        H0, H = reference.cell.vectors, np.where(frame.cell.periodic[:, None], frame.cell.vectors, reference.cell.vectors)
+        H0, H = (
+            reference.cell.vectors,
+            np.where(frame.cell.periodic[:, None], frame.cell.vectors, reference.cell.vectors),
+        )
         self.origin = reference.cell.origin
         F = np.eye(3) if np.array_equal(H0, H) else reference.cell.inverse @ H
         X = reference.positions

@@ -53,7 +53,12 @@ def cutoff_jumps(frame, pot, threads: int = 1) -> list[CutoffJump]:
 def _jumps_of(style, frame) -> list[CutoffJump]:
     types = frame.types.astype(np.int32)
     first = {int(t): int(np.flatnonzero(types == t)[0]) for t in np.unique(types)}
-    pairs = [(a, b) for a in first for b in first if a <= b and a <= style.n_types and b <= style.n_types and style.table[a, b, 0] > 0]
+    pairs = [
+        (a, b)
+        for a in first
+        for b in first
+        if a <= b and a <= style.n_types and b <= style.n_types and style.table[a, b, 0] > 0
+    ]
     if not pairs:
         return []
     i = np.array([first[a] for a, _ in pairs], np.int32)

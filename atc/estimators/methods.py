@@ -54,7 +54,9 @@ class Method:
 
     def _rung(self, k: int) -> Method:
         order = self.orders[k] if self.orders else None
-        return replace(self, tolerance=self.rungs[k], rungs=self.rungs[k + 1 :], order=order, orders=self.orders[k + 1 :])
+        return replace(
+            self, tolerance=self.rungs[k], rungs=self.rungs[k + 1 :], order=order, orders=self.orders[k + 1 :]
+        )
 
     def looser_than(self, other: Method) -> bool:
         return not self.exact and (other.exact or other.tolerance < self.tolerance)
@@ -136,5 +138,9 @@ def details(methods: dict[str, Method]) -> str:
 def deposits_of(quantity, work) -> tuple[str, ...]:
     """The deposits that a quantity of some work is made of."""
     prefix = "reference_" if quantity.on_reference else ""
-    of = (("site" if work.summed_site else "gather", quantity.site), (prefix + "bond", quantity.bond), (prefix + "gather", quantity.gather))
+    of = (
+        ("site" if work.summed_site else "gather", quantity.site),
+        (prefix + "bond", quantity.bond),
+        (prefix + "gather", quantity.gather),
+    )
     return tuple(dict.fromkeys(key for key, sums in of if sums))

@@ -42,7 +42,9 @@ def mean_weight(s, dimension: int = 3) -> np.ndarray:
         return np.clip(np.minimum(0.5 * s, 1.0 - 0.5 * s), 0.0, None)
     if dimension == 2:
         inner, outer = _table_2d()
-        return np.where(s < 1.0, s * inner(np.clip(s, 0.0, 1.0)), np.maximum(2.0 - s, 0.0) ** 1.5 * outer(np.clip(s, 1.0, 2.0)))
+        return np.where(
+            s < 1.0, s * inner(np.clip(s, 0.0, 1.0)), np.maximum(2.0 - s, 0.0) ** 1.5 * outer(np.clip(s, 1.0, 2.0))
+        )
     # For s > 1 by powers of the width 2 − s of the lens, so that nothing cancels where it is small.
     h, k = np.clip(2.0 - s, 0.0, 1.0), np.maximum(s * s, 1.0)
     beyond = 0.75 * h * (1.0 - 0.25 * k - h * (0.5 - h * ((0.5 - 1.0 / k) / 3.0 + h * (0.25 - 0.05 * h) / k)))
@@ -109,7 +111,9 @@ def horizon_of(settings, units, users) -> float:
         return float(given) * units.factor("length")
     found = getattr(settings.pot, "horizon", None) or getattr(settings.pot, "cutoff", 0.0)
     if not found > 0:
-        raise AtcError(f"{users[0]} needs a horizon, and the potential has no cutoff to take for it: give horizon, a length")
+        raise AtcError(
+            f"{users[0]} needs a horizon, and the potential has no cutoff to take for it: give horizon, a length"
+        )
     return float(found)
 
 
@@ -147,7 +151,9 @@ class WeightedVirials:
         for side, (here, cell) in enumerate(zip((stage, reference), cells)):
             if self.names[side]:
                 kinds = [name.removeprefix("reference_") for name in self.names[side]]
-                self.columns[side] = [WeightedVirial(t.bound.relative_points_gc, cell, kinds, horizon, pot, threads) for t in here.targets]
+                self.columns[side] = [
+                    WeightedVirial(t.bound.relative_points_gc, cell, kinds, horizon, pot, threads) for t in here.targets
+                ]
 
     def add(self, x_nc, bonds, X_bc, R_bc, thread):
         F_bc = bonds.forces()

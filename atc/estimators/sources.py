@@ -98,7 +98,9 @@ class AtomSums:
     power : (3,) Σ (v_j·∂U^(i)/∂x_j − v_i·∂U^(j)/∂x_i) r over all bonds, v in the frame of the simulation
     """
 
-    def __init__(self, frame, threads: int, virial=False, residual=False, power=False, moment=False, reference_moment=False):
+    def __init__(
+        self, frame, threads: int, virial=False, residual=False, power=False, moment=False, reference_moment=False
+    ):
         n = len(frame)
         self.velocities = frame.velocities
         self._virial = [np.zeros((n, 6)) for _ in range(threads)] if virial else None

@@ -153,7 +153,10 @@ class BlockAverage:
         if wa is None:
             arguments, n = (_pair, a, b, x0, level.s_xx, out), a.size
         else:
-            arguments, n = (_weighted_pair, a, b, wa, wb, x0, w0, level.s_xx, level.s_xw, level.s_ww, out, out_w), wa.size
+            arguments, n = (
+                (_weighted_pair, a, b, wa, wb, x0, w0, level.s_xx, level.s_xw, level.s_ww, out, out_w),
+                wa.size,
+            )
         f, *arrays = arguments
         arrays = [_flat(array) for array in arrays]
         many = min(self.threads, 1 + a.size // _PIECE)
@@ -263,7 +266,9 @@ class BlockAverage:
         short = self._short_growth(errors[0], blocks[0]) ** 2
         # A standard error that falls again with longer blocks is chance, so that the largest up to the plateau counts; of the lengths that
         # any grouping of the frames leaves, for the same numbers with and without.
-        begin = next(k for k in range(usable) if self.block * 2**k >= min(longest_block(self.n), self.block * 2 ** (usable - 1)))
+        begin = next(
+            k for k in range(usable) if self.block * 2**k >= min(longest_block(self.n), self.block * 2 ** (usable - 1))
+        )
         plateau = np.maximum.accumulate(errors[begin:], axis=0)
         for k in range(usable - 1, -1, -1):
             long_enough = (self.block * 2.0**k) ** 3 > 2.0 * self.n * short * growth[k] ** 4
@@ -315,7 +320,11 @@ class BlockAverage:
         k = 0
         while f"{k}.n" in state:
             sums = {name: np.array(state[f"{k}.{name}"]) for name in _SUMS if f"{k}.{name}" in state}
-            self.levels.append(_Level(int(state[f"{k}.n"]), **sums, pending=pair(f"{k}.pending") if f"{k}.pending_x" in state else None))
+            self.levels.append(
+                _Level(
+                    int(state[f"{k}.n"]), **sums, pending=pair(f"{k}.pending") if f"{k}.pending_x" in state else None
+                )
+            )
             k += 1
         return self
 

@@ -86,7 +86,8 @@ class Sums:
     def temperature(self) -> np.ndarray:
         """(g,) trace(T − ρ v⊗v)/(d n k_B), d degrees of freedom per atom, 0 where there is no mass."""
         return quotient(
-            self.thermal[:, :3].sum(1) / (float(self.dimension) * self.boltzmann), np.where(self.defined, self.site["one"][:, 0], 0.0)
+            self.thermal[:, :3].sum(1) / (float(self.dimension) * self.boltzmann),
+            np.where(self.defined, self.site["one"][:, 0], 0.0),
         )
 
     # --- heat (formulas.md §4; v' = v − drift, w = v_j − v(x), u = v(x) − drift)
@@ -105,7 +106,9 @@ class Sums:
     @cached_property
     def heat_flux_potential(self) -> np.ndarray:
         """(g, 3) q_U = A − M v = A' − M u, 0 where there is no mass."""
-        return np.where(self.defined[:, None], self.bond["power"] - np.einsum("gij,gj->gi", self._M, self.peculiar), 0.0)
+        return np.where(
+            self.defined[:, None], self.bond["power"] - np.einsum("gij,gj->gi", self._M, self.peculiar), 0.0
+        )
 
     @cached_property
     def heat_flux_churning(self) -> np.ndarray:
@@ -135,7 +138,9 @@ class Sums:
     @cached_property
     def displacement_gradient(self) -> np.ndarray:
         """(g, 3, 3) [i, j] = ∂u_j/∂x_i."""
-        return quotient_gradient(self.gathered["mass"][:, 0], self.displacement, self.gradient["mass"], self.gradient["displacement"])
+        return quotient_gradient(
+            self.gathered["mass"][:, 0], self.displacement, self.gradient["mass"], self.gradient["displacement"]
+        )
 
     @cached_property
     def eshelby(self) -> np.ndarray:

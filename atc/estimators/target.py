@@ -64,7 +64,10 @@ class Target:
 
             cuts = np.linspace(0, len(x_nc), self.threads + 1).astype(int)
             with ThreadPoolExecutor(self.threads) as pool:
-                jobs = [pool.submit(deposit.add_sites, x_nc[a:b], a_nk[a:b], thread=t) for t, (a, b) in enumerate(itertools.pairwise(cuts))]
+                jobs = [
+                    pool.submit(deposit.add_sites, x_nc[a:b], a_nk[a:b], thread=t)
+                    for t, (a, b) in enumerate(itertools.pairwise(cuts))
+                ]
                 for job in jobs:
                     job.result()
 

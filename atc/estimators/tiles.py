@@ -70,7 +70,9 @@ class _Spot:
 def refuse(frame, work, pot) -> None:
     """Raise for what is not computed in tiles."""
     if not hasattr(pot, "terms") or not getattr(pot, "central", True):
-        raise AtcError("tiles: only potentials made of atc's terms are cut into tiles, not the bonds of a body: leave tiles out")
+        raise AtcError(
+            "tiles: only potentials made of atc's terms are cut into tiles, not the bonds of a body: leave tiles out"
+        )
 
 
 def tile_sums(tile: Tile, task: Task) -> dict:
@@ -85,11 +87,19 @@ def tile_sums(tile: Tile, task: Task) -> dict:
         reference = _Spot(task.reference, task, work.n_reference_bond, "reference_bond")
     if work.horizon_users:
         weighted = WeightedVirials(
-            [task.here and task.here.cell, task.reference and task.reference.cell], task.pot, threads, work, here, reference, task.horizon
+            [task.here and task.here.cell, task.reference and task.reference.cell],
+            task.pot,
+            threads,
+            work,
+            here,
+            reference,
+            task.horizon,
         )
     moment = bool({"atom_moment", "reference_atom_moment"} & whole)
     residual, reference_moment = "source_residual" in work.site, "reference_atom_moment" in whole
-    atoms = AtomSums(frame, threads, virial=work.atom_virial, residual=residual, moment=moment, reference_moment=reference_moment)
+    atoms = AtomSums(
+        frame, threads, virial=work.atom_virial, residual=residual, moment=moment, reference_moment=reference_moment
+    )
     # Not a sum of one atom: of the bonds that are this tile's.
     power = AtomSums(frame, threads, power="box_power" in whole)
     widths = [BOND[name].width for name in names]
@@ -121,7 +131,9 @@ def tile_sums(tile: Tile, task: Task) -> dict:
                 here.deposit.add_bonds(frame.positions[mine.i], mine.r_bc, b_bk, thread=thread)
             for found in here.check.find(frame.positions, mine.i, mine.r_bc, thread):
                 few = mine.taken(found.bonds)
-                here.check.add_found(found, bond_factors(names, widths, few, peculiar_nc, frame.velocities, size=size), thread)
+                here.check.add_found(
+                    found, bond_factors(names, widths, few, peculiar_nc, frame.velocities, size=size), thread
+                )
         if work.reference_bond:
             P_b9 = piola_factor(mine, R_bc)
             reference.deposit.add_bonds(X_bc, R_bc, P_b9, thread=thread)
@@ -131,9 +143,16 @@ def tile_sums(tile: Tile, task: Task) -> dict:
             weighted.add(frame.positions, mine, X_bc, R_bc, thread)
 
     more = {"sources": True} if work.source_users else {}
-    d = tile.potential(task.pot).stream(frame, consume, threads=threads, energies=bool(work.energy_users), forces=False, **more)
+    d = tile.potential(task.pot).stream(
+        frame, consume, threads=threads, energies=bool(work.energy_users), forces=False, **more
+    )
     own = np.flatnonzero(tile.own_p)
-    out = {"own": tile.index_p[own], "sum": {"virial": sum(virials), "n_bonds": sum(counts)}, "atoms": {}, "notes": d.notes}
+    out = {
+        "own": tile.index_p[own],
+        "sum": {"virial": sum(virials), "n_bonds": sum(counts)},
+        "atoms": {},
+        "notes": d.notes,
+    }
     if names:
         out["sum"]["main"], out["sum"]["check"] = here.sums()
     if work.reference_bond:

@@ -160,7 +160,9 @@ class _Fields(_Source):
         if self.place.kind not in ("volume",) or self.moving:
             return False
         steps = np.asarray(self.place.steps)
-        return bool(np.abs(steps - np.diag(np.diag(steps))).max() <= 1e-12 * np.abs(steps).max() and (np.diag(steps) >= 0).all())
+        return bool(
+            np.abs(steps - np.diag(np.diag(steps))).max() <= 1e-12 * np.abs(steps).max() and (np.diag(steps) >= 0).all()
+        )
 
     def points(self, k):
         if self.moving:
@@ -177,7 +179,15 @@ class _Fields(_Source):
         arrays = {n: a.reshape(*self.shape, *a.shape[len(self.dims) :]) for n, a in self.arrays(k).items()}
         if self.suffix == ".vti":
             spacing = np.diag(self.place.steps)
-            write_image(path, self.lattice[0, 0, 0], np.where(spacing > 0, spacing, 1.0), self.shape, arrays, about, self.units())
+            write_image(
+                path,
+                self.lattice[0, 0, 0],
+                np.where(spacing > 0, spacing, 1.0),
+                self.shape,
+                arrays,
+                about,
+                self.units(),
+            )
         else:
             write_lattice(path, self.points(k).reshape(*self.shape, 3), arrays, about, self.units())
 
@@ -185,7 +195,9 @@ class _Fields(_Source):
 def _write_xyz(source, target, which) -> Path:
     """Extended XYZ, one frame after another; undefined values are nan. The species is X, an element of none, which every reader knows."""
     if source.lattice is not None:
-        raise AtcError(f"{target}: extended XYZ holds points, atoms and nodes; this output is on a {source.place.kind}: take .pvd")
+        raise AtcError(
+            f"{target}: extended XYZ holds points, atoms and nodes; this output is on a {source.place.kind}: take .pvd"
+        )
     temporary = target.with_name(target.name + ".tmp")
     cells = source.ds["cell"].values if "cell" in source.ds else None
     periodic = str(source.ds.attrs.get("periodic", "fff"))

@@ -31,14 +31,22 @@ class _Appended:
         extra = f' NumberOfComponents="{components}"' if components > 1 else ""
         tag = f'<DataArray type="{_TYPES[a.dtype.str[1:]]}" Name={quoteattr(name)}{extra} format="appended" offset="{self.offset}"'
         # What VTK itself writes for vtkDataArray::UNITS_LABEL.
-        tag += f'><InformationKey name="UNITS_LABEL" location="vtkDataArray">{escape(unit)}</InformationKey></DataArray>' if unit else "/>"
+        tag += (
+            f'><InformationKey name="UNITS_LABEL" location="vtkDataArray">{escape(unit)}</InformationKey></DataArray>'
+            if unit
+            else "/>"
+        )
         data = a.tobytes()
         self.blocks.append(np.uint64(len(data)).tobytes() + data)
         self.offset += 8 + len(data)
         return tag
 
     def point_data(self, arrays: dict, units: dict | None) -> str:
-        return "<PointData>" + "".join(self.array(name, a, (units or {}).get(name)) for name, a in arrays.items()) + "</PointData>"
+        return (
+            "<PointData>"
+            + "".join(self.array(name, a, (units or {}).get(name)) for name, a in arrays.items())
+            + "</PointData>"
+        )
 
     def field_data(self, values: dict) -> str:
         if not values:
@@ -84,7 +92,9 @@ def write_nodes(path, x_nc, arrays: dict, about: dict | None = None, units: dict
     out.write(Path(path), "UnstructuredGrid", body)
 
 
-def write_image(path, origin, spacing, shape, arrays: dict, about: dict | None = None, units: dict | None = None) -> None:
+def write_image(
+    path, origin, spacing, shape, arrays: dict, about: dict | None = None, units: dict | None = None
+) -> None:
     """A .vti: a regular grid along x, y and z.
 
     origin, spacing : (3,) of the first point and between points. shape : (3,) numbers of points. arrays : {name: (*shape, ...)}, x slowest as in `atc.Grid`.
@@ -115,7 +125,8 @@ def write_series(path, files, times) -> None:
     """The .pvd: which file belongs to which time. File names are relative to it."""
     path = Path(path)
     rows = "\n".join(
-        f'<DataSet timestep="{float(t)!r}" file={quoteattr(os.path.relpath(f, path.parent))}/>' for f, t in zip(files, times, strict=True)
+        f'<DataSet timestep="{float(t)!r}" file={quoteattr(os.path.relpath(f, path.parent))}/>'
+        for f, t in zip(files, times, strict=True)
     )
     temporary = path.with_name(path.name + ".tmp")
     temporary.write_text(

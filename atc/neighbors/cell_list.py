@@ -343,7 +343,20 @@ def _half(x, order, start, nb, columns, home, vectors, periodic, cut2, bin0, bin
             # The first run starts with the home bin itself: only atoms after this one.
             n = _scan(x, order, xi, yi, zi, s + 1, hi[0], cut2, jout, rout, d2out, n)
             for k in range(1, m):
-                n = _scan(x, order, xi - shift[k, 0], yi - shift[k, 1], zi - shift[k, 2], lo[k], hi[k], cut2, jout, rout, d2out, n)
+                n = _scan(
+                    x,
+                    order,
+                    xi - shift[k, 0],
+                    yi - shift[k, 1],
+                    zi - shift[k, 2],
+                    lo[k],
+                    hi[k],
+                    cut2,
+                    jout,
+                    rout,
+                    d2out,
+                    n,
+                )
             for p in range(n0, n):
                 iout[p] = order[s]
     return n
@@ -380,7 +393,20 @@ def _full(x, order, start, nb, columns, vectors, periodic, cut2, bin0, bin1, onl
                     n = _scan(x, order, xi, yi, zi, lo[k], s, cut2, jout, rout, d2out, n)
                     n = _scan(x, order, xi, yi, zi, s + 1, hi[k], cut2, jout, rout, d2out, n)
                 else:
-                    n = _scan(x, order, xi - shift[k, 0], yi - shift[k, 1], zi - shift[k, 2], lo[k], hi[k], cut2, jout, rout, d2out, n)
+                    n = _scan(
+                        x,
+                        order,
+                        xi - shift[k, 0],
+                        yi - shift[k, 1],
+                        zi - shift[k, 2],
+                        lo[k],
+                        hi[k],
+                        cut2,
+                        jout,
+                        rout,
+                        d2out,
+                        n,
+                    )
             for p in range(n0, n):
                 iout[p] = order[s]
     return n

@@ -116,7 +116,13 @@ class KeptList:
     def __init__(self, kept, moved_nc, cutoff):
         self._kept, self.cutoff = kept, float(cutoff)
         cells = kept.list
-        self.n, self.start, self.chunk_edges, self.n_chunks, self.cell = cells.n, cells.start, cells.chunk_edges, cells.n_chunks, cells.cell
+        self.n, self.start, self.chunk_edges, self.n_chunks, self.cell = (
+            cells.n,
+            cells.start,
+            cells.chunk_edges,
+            cells.n_chunks,
+            cells.cell,
+        )
         self.order = kept.order
         self.x_sorted = cells.x_sorted + moved_nc[kept.order]
 
@@ -150,7 +156,12 @@ def _near(i, j, code, shifts, x, order, cut2, iout, jout, rout, d2out):
 def anchor_of(request) -> Anchor | None:
     """An anchor at the first frame of a request, with a skin from how far its second frame has moved; None where a list is not worth keeping."""
     pot = request.pot
-    if not request.work.bond_users or request.n_frames < 3 or request.tiles is not None or not getattr(pot, "cutoff", 0) > 0:
+    if (
+        not request.work.bond_users
+        or request.n_frames < 3
+        or request.tiles is not None
+        or not getattr(pot, "cutoff", 0) > 0
+    ):
         return None
     try:
         second = request.frames[1]

@@ -29,7 +29,10 @@ _LAZY = {
     "Notch": "bonds",
     "Families": "bonds",
     **dict.fromkeys(("Region", "Box", "Cylinder", "Sphere", "Nodes", "Everywhere"), "regions"),
-    **dict.fromkeys(("PMB", "LPS", "Elastic", "Correspondence", "Linear", "MATERIALS", "INFLUENCE", "BondForces", "Material"), "materials"),
+    **dict.fromkeys(
+        ("PMB", "LPS", "Elastic", "Correspondence", "Linear", "MATERIALS", "INFLUENCE", "BondForces", "Material"),
+        "materials",
+    ),
     "CriticalStretch": "damage",
     "Contact": "contact",
     "Indenter": "indenter",

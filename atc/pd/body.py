@@ -63,8 +63,15 @@ class Body:
         self.rho_n = _per_node(density, n, "density")
         for name, a in (("volumes", self.V_n), ("density", self.rho_n)):
             if not (np.isfinite(a) & (a > 0)).all():
-                raise AtcError(f"{name} must be positive everywhere; node {int(np.flatnonzero(~(a > 0))[0])} has {a[~(a > 0)][0]!r}")
-        self.horizon, self.dimension, self.plane, self.thickness = float(horizon), int(dimension), plane, float(thickness)
+                raise AtcError(
+                    f"{name} must be positive everywhere; node {int(np.flatnonzero(~(a > 0))[0])} has {a[~(a > 0)][0]!r}"
+                )
+        self.horizon, self.dimension, self.plane, self.thickness = (
+            float(horizon),
+            int(dimension),
+            plane,
+            float(thickness),
+        )
         self.material_n = np.ascontiguousarray(np.broadcast_to(np.asarray(materials, np.int32), (n,)))
         if cell is None:
             cell = Cell(np.zeros((3, 3)), periodic=False)
@@ -74,7 +81,11 @@ class Body:
         sizes = (self.V_n / (self.thickness if dimension < 3 else 1.0)) ** (1 / dimension)
         self.spacing = float(sizes.mean() if spacing is None else spacing)
         # Node radii, for contact: half the spacing of a lattice.
-        self.radius_n = np.full(n, 0.5 * self.spacing) if spacing is not None or np.ptp(sizes) <= 1e-9 * sizes.mean() else 0.5 * sizes
+        self.radius_n = (
+            np.full(n, 0.5 * self.spacing)
+            if spacing is not None or np.ptp(sizes) <= 1e-9 * sizes.mean()
+            else 0.5 * sizes
+        )
         self.notches = [notches] if isinstance(notches, Notch) else list(notches)
         self.unbonded = list(unbonded)
         self._warn = warn
@@ -171,12 +182,18 @@ class Body:
         points = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1) * spacing + offset
         points = points[region.contains(points)]
         if not len(points):
-            raise AtcError("no lattice point lies inside the region: use a smaller spacing, or move the lattice by an offset")
+            raise AtcError(
+                "no lattice point lies inside the region: use a smaller spacing, or move the lattice by an offset"
+            )
         if jitter:
-            points[:, :dimension] += np.random.default_rng(seed).uniform(-jitter, jitter, (len(points), dimension)) * spacing
+            points[:, :dimension] += (
+                np.random.default_rng(seed).uniform(-jitter, jitter, (len(points), dimension)) * spacing
+            )
         thickness = (spacing ** (3 - dimension)) if thickness is None else thickness
         volume = spacing**dimension * (thickness if dimension < 3 else 1.0)
-        return cls(points, volume, density, horizon, dimension=dimension, thickness=thickness, spacing=spacing, **options)
+        return cls(
+            points, volume, density, horizon, dimension=dimension, thickness=thickness, spacing=spacing, **options
+        )
 
 
 def _per_node(value, n, name):

@@ -95,7 +95,9 @@ def families(X_nc, cell: Cell, horizon: float, *, coincident: bool = False) -> F
         if periodic:
             S = np.rint((X_nc[i] - X_nc[j] - ws.r[:m]) @ cl.cell.inverse).astype(np.int16)
             # i < j; a node and its own image: the lexicographically positive one.
-            swap = (i > j) | ((i == j) & ((S[:, 0] < 0) | ((S[:, 0] == 0) & ((S[:, 1] < 0) | ((S[:, 1] == 0) & (S[:, 2] < 0))))))
+            swap = (i > j) | (
+                (i == j) & ((S[:, 0] < 0) | ((S[:, 0] == 0) & ((S[:, 1] < 0) | ((S[:, 1] == 0) & (S[:, 2] < 0)))))
+            )
             S[swap] *= -1
             shifts.append(S)
         else:
@@ -113,10 +115,15 @@ def families(X_nc, cell: Cell, horizon: float, *, coincident: bool = False) -> F
         lo = S.min(axis=0) if len(S) else np.zeros(3, np.int64)
         span = (S.max(axis=0) if len(S) else lo) - lo + 1
         if int(np.prod(span.astype(int))) > 255:
-            raise AtcError(f"the horizon {horizon:g} spans more than 6 periodic cells: make the cell larger, or the horizon smaller")
+            raise AtcError(
+                f"the horizon {horizon:g} spans more than 6 periodic cells: make the cell larger, or the horizon smaller"
+            )
         code = ((S[:, 0] - lo[0]) * span[1] + (S[:, 1] - lo[1])) * span[2] + (S[:, 2] - lo[2])
         images = np.stack(
-            np.meshgrid(*(np.arange(a, a + s) for a, s in zip(lo.astype(int), span.astype(int), strict=True)), indexing="ij"), -1
+            np.meshgrid(
+                *(np.arange(a, a + s) for a, s in zip(lo.astype(int), span.astype(int), strict=True)), indexing="ij"
+            ),
+            -1,
         )
         images_tc = images.reshape(-1, 3).astype(float) @ cl.cell.vectors
         image_b = code.astype(np.uint8)
@@ -132,7 +139,9 @@ def families(X_nc, cell: Cell, horizon: float, *, coincident: bool = False) -> F
         table = table.keep(r0 <= reach)
     if len(r0) and not coincident and r0.min() == 0:
         b = int(np.argmin(r0))
-        raise AtcError(f"nodes {table.i_b[b]} and {table.j_b[b]} are at the same place: every node needs a place of its own")
+        raise AtcError(
+            f"nodes {table.i_b[b]} and {table.j_b[b]} are at the same place: every node needs a place of its own"
+        )
     return table
 
 

@@ -17,7 +17,11 @@ def as_function(value, name):
             raise AtcError(f"{name}: a table needs increasing times and one row of three values for each")
         return lambda t: np.array([np.interp(t, times, table[:, c]) for c in range(3)])
     try:
-        a = np.array([np.nan if c is None else c for c in value], float) if np.ndim(value) == 1 else np.asarray(value, float)
+        a = (
+            np.array([np.nan if c is None else c for c in value], float)
+            if np.ndim(value) == 1
+            else np.asarray(value, float)
+        )
     except (TypeError, ValueError):
         raise AtcError(
             f"{name} must be three numbers (None for a free component), an array, a table (times, values) or a function of time"
@@ -53,7 +57,9 @@ class Prescribed(Condition):
         if (velocity is None) == (displacement is None):
             raise AtcError("a prescribed motion needs exactly one of velocity and displacement")
         self.is_velocity = velocity is not None
-        self.value = as_function(velocity if self.is_velocity else displacement, "velocity" if self.is_velocity else "displacement")
+        self.value = as_function(
+            velocity if self.is_velocity else displacement, "velocity" if self.is_velocity else "displacement"
+        )
         self.until = float(until)
 
     def at(self, t):

@@ -69,7 +69,19 @@ class ContactSearch:
             self._renew(z)
         n = len(self.i)
         active = self.crew.run(_touching, n, self.i, self.j, self.shift, z, self.d, grain=1 << 14)
-        return _push(np.concatenate(active), self.i, self.j, self.shift, z, self.d, self.body.V_n, self.index_n, self.m, self.c_k, F_nc)
+        return _push(
+            np.concatenate(active),
+            self.i,
+            self.j,
+            self.shift,
+            z,
+            self.d,
+            self.body.V_n,
+            self.index_n,
+            self.m,
+            self.c_k,
+            F_nc,
+        )
 
     def _renew(self, z):
         """New lists: of the movers if they are few, of the whole body otherwise."""

@@ -27,7 +27,9 @@ class CriticalStretch:
             raise AtcError(f"alpha of the critical stretch must be zero or positive, got {self.alpha!r}")
 
     @classmethod
-    def from_energy(cls, Gc: float, material, body, alpha: float = 0.0, *, other=None, interface=1.0) -> CriticalStretch:
+    def from_energy(
+        cls, Gc: float, material, body, alpha: float = 0.0, *, other=None, interface=1.0
+    ) -> CriticalStretch:
         """The s00 at which separating a plane costs the fracture energy `Gc` (energy per area) in this material and horizon.
 
         All bonds across the plane at their critical stretch: in 3-D G_c = (9/5) K δ s0² for PMB, in 2-D c h δ⁴ s0²/4.
@@ -35,7 +37,9 @@ class CriticalStretch:
         """
         if not Gc > 0:
             raise AtcError(f"the fracture energy Gc must be positive, got {Gc!r}")
-        one = material.fracture_energy(body, 1.0) if other is None else material.interface_energy(other, body, interface)
+        one = (
+            material.fracture_energy(body, 1.0) if other is None else material.interface_energy(other, body, interface)
+        )
         return cls(float(np.sqrt(Gc / one)), alpha)
 
 

@@ -158,7 +158,9 @@ class SnapshotBonds:
             for part in chunks:
                 F = chunk(part).forces()
                 for c in range(3):
-                    forces_nc[:, c] += np.bincount(self.i[part], F[:, c], self._n) - np.bincount(self.j[part], F[:, c], self._n)
+                    forces_nc[:, c] += np.bincount(self.i[part], F[:, c], self._n) - np.bincount(
+                        self.j[part], F[:, c], self._n
+                    )
         return Decomposition(
             energy=float(energies_n.sum()) if energies else np.nan, virial_cc=sum(virials), energies_n=energies_n, forces_nc=forces_nc, n_bonds=n,
         )  # fmt: skip

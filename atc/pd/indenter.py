@@ -34,7 +34,11 @@ class Indenter(_Rigid):
     def __init__(self, radius: float, stiffness: float, center, velocity=None, axis=None):
         if not (radius > 0 and stiffness >= 0):
             raise AtcError("an indenter needs a positive radius and a stiffness that is not negative")
-        self.radius, self.stiffness, self.axis = float(radius), float(stiffness), -1 if axis is None else "xyz".index(axis)
+        self.radius, self.stiffness, self.axis = (
+            float(radius),
+            float(stiffness),
+            -1 if axis is None else "xyz".index(axis),
+        )
         if velocity is None:
             self.center = as_function(center, "the indenter's center")
         else:

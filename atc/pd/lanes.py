@@ -77,14 +77,19 @@ def _deal(typingctx, f, base, node_k, k, w, own):
         node = _data(context, builder, signature.args[2], args[2])
         columns = _data(context, builder, signature.args[4], args[4])
         mine = _vector(builder, _data(context, builder, signature.args[5], args[5]), _I64(0), _V4)
-        c = [builder.load(_vector(builder, columns, builder.add(args[3], _I64(column * C)), _V8), align=8) for column in (0, 1, 2, 6)]
+        c = [
+            builder.load(_vector(builder, columns, builder.add(args[3], _I64(column * C)), _V8), align=8)
+            for column in (0, 1, 2, 6)
+        ]
         low, high = (0, 8, 2, 10, 4, 12, 6, 14), (1, 9, 3, 11, 5, 13, 7, 15)
         pairs = [(_shuffle(builder, c[0], c[1], s), _shuffle(builder, c[2], c[3], s)) for s in (low, high)]
         total = builder.load(mine, align=8)
         for lane in range(8):
             p = lane // 2 * 2
             row = _shuffle(builder, *pairs[lane % 2], (p, p + 1, p + 8, p + 9))
-            n = builder.sub(builder.zext(builder.load(builder.gep(node, [builder.add(args[3], _I64(lane))])), _I64), args[1])
+            n = builder.sub(
+                builder.zext(builder.load(builder.gep(node, [builder.add(args[3], _I64(lane))])), _I64), args[1]
+            )
             at = _vector(builder, rows, builder.mul(n, _I64(4)), _V4)
             old = builder.load(at, align=8)
             # Three forces, and the smaller of the two stretches.

@@ -78,7 +78,10 @@ class Simulation:
             materials = {m: materials for m in np.unique(body.material_n).tolist()}
         classes = {m.model for m in materials.values()}
         if len(classes) != 1:
-            raise AtcError("the materials of one body must be of one class: " + ", ".join(sorted({m.name for m in materials.values()})))
+            raise AtcError(
+                "the materials of one body must be of one class: "
+                + ", ".join(sorted({m.name for m in materials.values()}))
+            )
         self.body = body
         n = len(body)
         self.crew = Crew(threads if n > 4096 else 1)
@@ -274,13 +277,17 @@ class Simulation:
         if len(s.pending["i"]):
             # Bonds that broke at the end of the last step have pulled once more, in the half kick of this one.
             p = s.pending
-            s.ledger["dissipated_fracture"] += half * float(np.einsum("bc,bc->", p["F_bc"], s.v_nc[p["j"]] - s.v_nc[p["i"]]))
+            s.ledger["dissipated_fracture"] += half * float(
+                np.einsum("bc,bc->", p["F_bc"], s.v_nc[p["j"]] - s.v_nc[p["i"]])
+            )
             s.pending = no_bonds()
         if self.external:
             s.ledger["work_external"] += half * total(power, self.crew, n, s.external_nc, s.v_nc)
         if self.damping:
             # The friction's work with the mid-step velocity: exact to the order of the integrator.
-            s.ledger["dissipated_damping"] += self.damping * dt * 2 * total(kinetic, self.crew, n, self._free_mass(held), s.v_nc)
+            s.ledger["dissipated_damping"] += (
+                self.damping * dt * 2 * total(kinetic, self.crew, n, self._free_mass(held), s.v_nc)
+            )
         middle = [s.v_nc[p.nodes].copy() for p in self.prescribed] if held else ()
         s.step += 1
         s.time = s.time + dt

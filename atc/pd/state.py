@@ -71,7 +71,9 @@ class State:
         values = {}
         for f in fields(cls):
             if f.name in ("ledger", "pending"):
-                values[f.name] = {k[len(f.name) + 1 :]: np.array(v) for k, v in arrays.items() if k.startswith(f.name + ".")}
+                values[f.name] = {
+                    k[len(f.name) + 1 :]: np.array(v) for k, v in arrays.items() if k.startswith(f.name + ".")
+                }
                 continue
             if f.name not in arrays:
                 raise AtcError(f"the restart has no {f.name!r}: it is not a state of this program, or it is damaged")

@@ -48,7 +48,9 @@ class _Statics:
             if p.is_velocity:
                 value = p.at(t)
                 if np.any(np.nan_to_num(value) != 0):
-                    raise AtcError("a static state cannot have prescribed velocities other than zero: prescribe displacements instead")
+                    raise AtcError(
+                        "a static state cannot have prescribed velocities other than zero: prescribe displacements instead"
+                    )
                 self.held[p.nodes] |= ~np.isnan(value)
             else:
                 value = p.at(t)
@@ -123,7 +125,9 @@ def _relax(sim, s, tolerance, max_steps, callback):
         if worst <= tolerance:
             break
         if not np.isfinite(worst):
-            raise AtcError("the relaxation has blown up: forces are no longer finite numbers; load in smaller increments")
+            raise AtcError(
+                "the relaxation has blown up: forces are no longer finite numbers; load in smaller increments"
+            )
         if callback is not None and k % 50 == 0:
             callback(k, worst)
         u = z[:, :3]
@@ -190,7 +194,13 @@ def _solve(sim, s, tolerance, max_iterations, inner):
         # At rest from the start scipy divides nothing by nothing.
         with np.errstate(invalid="ignore"):
             x = newton_krylov(
-                residual, np.zeros(len(base)), f_tol=small, maxiter=max_iterations, inner_maxiter=inner, callback=count, method="lgmres"
+                residual,
+                np.zeros(len(base)),
+                f_tol=small,
+                maxiter=max_iterations,
+                inner_maxiter=inner,
+                callback=count,
+                method="lgmres",
             )
         residual(x)
     except NoConvergence:

@@ -32,9 +32,21 @@ def _trend(Figure, result):
         for how, (line, marker) in styles.items():
             name = f"relative_{how}_{c}"
             if name in result.data:
-                ax.plot(at, 100 * result.data[name].values, line, marker=marker, ms=4, color=f"C{k}", label=f"{SYMBOL[c]}, {how}")
+                ax.plot(
+                    at,
+                    100 * result.data[name].values,
+                    line,
+                    marker=marker,
+                    ms=4,
+                    color=f"C{k}",
+                    label=f"{SYMBOL[c]}, {how}",
+                )
     if dim == "radius":
-        ax.set_xlabel(f"kernel radius ({unit_text(result.attrs['radius_units'])})" if result.attrs.get("radius_units") else "kernel radius")
+        ax.set_xlabel(
+            f"kernel radius ({unit_text(result.attrs['radius_units'])})"
+            if result.attrs.get("radius_units")
+            else "kernel radius"
+        )
         ax.set_xlim(0, at.max() * 1.05)
     else:
         ax.set_xticks(at, [str(v).split(",")[0] for v in x], rotation=20, ha="right")
@@ -50,7 +62,9 @@ def _against(Figure, result):
     """Box averages, for each axis the profiles of Hardy (full lines) and smoothed virial (dashed), and maps of the difference."""
     data, place = result.data, result.place
     axes = [n.removeprefix("profile_").removesuffix("_hardy") for n in data.data_vars if n.endswith("_hardy")]
-    boxes = [r for r in result.rows if r["section"] == "box average"] or [r for r in result.rows if r["section"].startswith("box average")]
+    boxes = [r for r in result.rows if r["section"] == "box average"] or [
+        r for r in result.rows if r["section"].startswith("box average")
+    ]
     maps, where = [], ""
     if "difference" in data and place.kind != "slab" and place.kind != "line":
         d = data["difference"]
@@ -69,7 +83,14 @@ def _against(Figure, result):
         at = np.arange(len(boxes))
         errors = [r.get("stderr_virial") or 0 for r in boxes]
         ax.bar(at - 0.2, [r["hardy"] for r in boxes], 0.4, label="Hardy", color="C0")
-        ax.bar(at + 0.2, [r["virial"] for r in boxes], 0.4, label="virial", color="C1", yerr=errors if any(errors) else None)
+        ax.bar(
+            at + 0.2,
+            [r["virial"] for r in boxes],
+            0.4,
+            label="virial",
+            color="C1",
+            yerr=errors if any(errors) else None,
+        )
         ax.set_xticks(at, [{"hydrostatic": "mean", "vonmises": "Mises"}.get(r["name"], r["name"]) for r in boxes])
         ax.axhline(0, color="0.4", lw=0.6)
         ax.set_title(f"average over the box{units}")

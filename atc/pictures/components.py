@@ -36,7 +36,9 @@ def component(values, name: str, dimension: int = 3):
     if not tensor or name not in TENSOR_SCALARS:
         known = TENSOR + TENSOR_SCALARS if tensor else VECTOR
         near = difflib.get_close_matches(name, known, n=1)
-        raise AtcError(f"unknown component {name!r}: {f'did you mean {near[0]!r}? ' if near else ''}known: {', '.join(known)}")
+        raise AtcError(
+            f"unknown component {name!r}: {f'did you mean {near[0]!r}? ' if near else ''}known: {', '.join(known)}"
+        )
     trace = np.einsum("...ii->...", values)
     if name == "hydrostatic":
         return trace / dimension

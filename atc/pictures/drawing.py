@@ -127,7 +127,14 @@ def draw_map(fig, ax, place, drawn_as, v, cmap, low, high, extend, title):
     wide = hi[1] - lo[1] < 0.45 * (hi[0] - lo[0])
     if place.kind == "plane":
         drawn = ax.pcolormesh(
-            flat[..., 0], flat[..., 1], np.ma.masked_invalid(v), cmap=cmap, vmin=low, vmax=high, rasterized=True, shading="flat"
+            flat[..., 0],
+            flat[..., 1],
+            np.ma.masked_invalid(v),
+            cmap=cmap,
+            vmin=low,
+            vmax=high,
+            rasterized=True,
+            shading="flat",
         )
         ax.set_xlim(lo[0], hi[0])
         ax.set_ylim(lo[1], hi[1])

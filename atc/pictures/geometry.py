@@ -37,7 +37,11 @@ def grid_dims(da) -> list[str]:
 
 def fields_of(ds) -> list[str]:
     """The variables of a dataset that are fields on its grid (standard errors and the like left out)."""
-    return [n for n, da in ds.data_vars.items() if grid_dims(da) and da.dtype.kind == "f" and not n.endswith(STDERR) and placed(ds, da)]
+    return [
+        n
+        for n, da in ds.data_vars.items()
+        if grid_dims(da) and da.dtype.kind == "f" and not n.endswith(STDERR) and placed(ds, da)
+    ]
 
 
 class Layout:
@@ -146,12 +150,17 @@ def cut(place, text=None, axis=None, index=None):
             raise AtcError("give --slice, or --axis and --index, not both")
         axis, eq, where = text.partition("=")
         if not eq:
-            raise AtcError(f"slice {text!r}: expected AXIS=POSITION, e.g. z=0.5 (fraction of the axis) or z=12.5A (length)")
+            raise AtcError(
+                f"slice {text!r}: expected AXIS=POSITION, e.g. z=0.5 (fraction of the axis) or z=12.5A (length)"
+            )
     else:
         shape = place.x_gc.shape[:3]
         axis, where = axis if axis is not None else place.dims[2 - int(np.argmin(shape[::-1]))], None
     names = (
-        {str(k): k for k in range(3)} | dict(zip("abc", range(3))) | dict(zip("xyz", range(3))) | {d: k for k, d in enumerate(place.dims)}
+        {str(k): k for k in range(3)}
+        | dict(zip("abc", range(3)))
+        | dict(zip("xyz", range(3)))
+        | {d: k for k, d in enumerate(place.dims)}
     )
     if str(axis) not in names:
         raise AtcError(f"axis {axis!r}: expected one of {', '.join(place.dims)}")
@@ -222,10 +231,19 @@ def layout(ds, da) -> Layout:
     x = _positions(ds, da)
     if x is None:
         raise AtcError(f"{da.name}: the output does not say where its points are")
-    unit = next((c.attrs["units"] for c in (ds.coords.get(n) for n in ("position_x", *dims)) if c is not None and "units" in c.attrs), "")
+    unit = next(
+        (
+            c.attrs["units"]
+            for c in (ds.coords.get(n) for n in ("position_x", *dims))
+            if c is not None and "units" in c.attrs
+        ),
+        "",
+    )
     if dims[0] in ("point", "atom"):
         return Layout("points" if dims[0] == "point" else "atoms", dims, x, unit)
-    kind = {3: "volume", 2: "plane"}.get(len(dims)) or ("slab" if str(ds.attrs.get("grid", "")).startswith("slab") else "line")
+    kind = {3: "volume", 2: "plane"}.get(len(dims)) or (
+        "slab" if str(ds.attrs.get("grid", "")).startswith("slab") else "line"
+    )
     edges = {"x": "a", "y": "b", "z": "c", "s": "the line"}
     out = Layout(kind, dims, x, unit, edges=[edges.get(d, d) for d in dims])
     out.tiles = _tiles(ds, out)
@@ -240,6 +258,10 @@ def _tiles(ds, place) -> bool:
     size = np.abs(cell).max()
     spans = place.steps * np.array(place.x_gc.shape[:-1])[:, None]
     if place.kind == "volume":
-        return all(n == 1 or np.allclose(span, edge, atol=1e-6 * size) for n, span, edge in zip(place.x_gc.shape, spans, cell))
-    heights = np.linalg.det(cell) / np.array([np.linalg.norm(np.cross(cell[(k + 1) % 3], cell[(k + 2) % 3])) for k in range(3)])
+        return all(
+            n == 1 or np.allclose(span, edge, atol=1e-6 * size) for n, span, edge in zip(place.x_gc.shape, spans, cell)
+        )
+    heights = np.linalg.det(cell) / np.array(
+        [np.linalg.norm(np.cross(cell[(k + 1) % 3], cell[(k + 2) % 3])) for k in range(3)]
+    )
     return bool(np.isclose(np.linalg.norm(spans[0]), np.abs(heights), atol=1e-6 * size).any())

@@ -42,11 +42,19 @@ def plot_nodes(ds, quantity=None, *, component=None, slice=None, axis=None, fram
             raise AtcError(f"{q} is not in this output: it holds {', '.join(names)}")
         da, when = at_frame(ds, q, frame)
         order = rank(da)
-        comps = [c.strip() for c in component.split(",")] if component and order else [[None], ["magnitude"], ["vonmises"]][order]
+        comps = (
+            [c.strip() for c in component.split(",")]
+            if component and order
+            else [[None], ["magnitude"], ["vonmises"]][order]
+        )
         for c in comps:
             values = da.values[which]
             panels.append((da, c, values if c is None else scalar(values, c)))
-    u = ds["displacement"].isel(frame=0 if frame == "mean" else int(frame)).values[which] if "displacement" in ds else 0.0
+    u = (
+        ds["displacement"].isel(frame=0 if frame == "mean" else int(frame)).values[which]
+        if "displacement" in ds
+        else 0.0
+    )
     x = X[which] + u
     across = [k for k in range(3) if k != view]
     # Seen from the positive end of the axis: what is nearer is drawn last.
@@ -60,7 +68,12 @@ def plot_nodes(ds, quantity=None, *, component=None, slice=None, axis=None, fram
         for ax, (da, c, values) in zip(axes.flat, panels):
             cmap, low, high, extend = colours(da.name, c, values, limits, robust)
             if da.name == "damage" and limits is None:
-                cmap, low, high, extend = mpl.colormaps["inferno_r"], 0.0, max(1e-12, float(values.max(initial=0.0))), "neither"
+                cmap, low, high, extend = (
+                    mpl.colormaps["inferno_r"],
+                    0.0,
+                    max(1e-12, float(values.max(initial=0.0))),
+                    "neither",
+                )
             ax.set(xlim=(lo[0] - pad, hi[0] + pad), ylim=(lo[1] - pad, hi[1] + pad), aspect="equal")
             ax.set_facecolor("0.96")
             art = _squares(ax, x[nearer][:, across], values[nearer], spacing, cmap, low, high)
@@ -79,7 +92,12 @@ def _squares(ax, x, values, size, cmap, low, high):
     h = 0.5 * size
     corners = np.array([[-h, -h], [h, -h], [h, h], [-h, h]])
     squares = PolyCollection(
-        x[:, None] + corners, array=np.asarray(values, float), cmap=cmap, edgecolors="face", linewidths=0.1, rasterized=True
+        x[:, None] + corners,
+        array=np.asarray(values, float),
+        cmap=cmap,
+        edgecolors="face",
+        linewidths=0.1,
+        rasterized=True,
     )
     squares.set_clim(low, high)
     ax.add_collection(squares)
@@ -105,6 +123,8 @@ def _layer(X, where, axis, spacing):
         if number == text:
             value = X[:, k].min() + value * extent[k]
     except ValueError:
-        raise AtcError(f"--slice {where}: expected AXIS=FRACTION or AXIS=LENGTH with a unit, e.g. z=0.5 or z=0.001m") from None
+        raise AtcError(
+            f"--slice {where}: expected AXIS=FRACTION or AXIS=LENGTH with a unit, e.g. z=0.5 or z=0.001m"
+        ) from None
     near = np.abs(X[:, k] - value)
     return np.flatnonzero(near <= near.min() + 0.5 * spacing), k

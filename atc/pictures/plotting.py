@@ -19,7 +19,19 @@ from .drawing import STYLE, at_frame, colours, draw_map, figure, kernel_title, l
 from .geometry import STDERR, cut, fields_of, grid_dims, layout, rank
 
 
-def plot(ds, quantity=None, *, component=None, slice=None, axis=None, index=None, frame=-1, limits=None, robust=False, atoms=None):
+def plot(
+    ds,
+    quantity=None,
+    *,
+    component=None,
+    slice=None,
+    axis=None,
+    index=None,
+    frame=-1,
+    limits=None,
+    robust=False,
+    atoms=None,
+):
     """Draw one field, one panel a component.
 
     Parameters
@@ -51,7 +63,9 @@ def plot(ds, quantity=None, *, component=None, slice=None, axis=None, index=None
     if ds.attrs.get("kind") == "peridynamics":
         from .nodes import plot_nodes
 
-        return plot_nodes(ds, quantity, component=component, slice=slice, axis=axis, frame=frame, limits=limits, robust=robust)
+        return plot_nodes(
+            ds, quantity, component=component, slice=slice, axis=axis, frame=frame, limits=limits, robust=robust
+        )
     panels = []
     dimension = int(ds.attrs.get("dimension", 3))
     wanted = [q.strip() for q in quantity.split(",")] if quantity else [None]
@@ -90,7 +104,9 @@ def pick(ds, quantity):
         for name in ("stress", "stress_potential", "smoothed_virial_stress", *names):
             if name in names:
                 return name
-        raise AtcError("this output holds no field on a grid (only box totals): there is nothing to draw; its numbers are in atc compare")
+        raise AtcError(
+            "this output holds no field on a grid (only box totals): there is nothing to draw; its numbers are in atc compare"
+        )
     if quantity.endswith(STDERR) and quantity.removesuffix(STDERR) in names and quantity in ds:
         return quantity
     if quantity not in names:
@@ -100,7 +116,9 @@ def pick(ds, quantity):
             if quantity in ds and not grid_dims(ds[quantity])
             else "is not in this output"
         )
-        raise AtcError(f"{quantity} {why}: {f'did you mean {near[0]!r}? ' if near else ''}it holds {', '.join(names) or 'no fields'}")
+        raise AtcError(
+            f"{quantity} {why}: {f'did you mean {near[0]!r}? ' if near else ''}it holds {', '.join(names) or 'no fields'}"
+        )
     return quantity
 
 
@@ -152,7 +170,9 @@ def _maps(Figure, panels, values, place, title, limits, robust, atoms):
         if atoms is not None and len(atoms):
             near = np.abs((atoms - origin) @ basis[2]) <= place.thickness
             size = float(np.clip(3e3 / max(near.sum(), 1), 1.5, 16))
-            ax.scatter(*(atoms[near] @ basis[:2].T).T, s=size, facecolors="w", edgecolors="k", linewidths=0.4, alpha=0.8)
+            ax.scatter(
+                *(atoms[near] @ basis[:2].T).T, s=size, facecolors="w", edgecolors="k", linewidths=0.4, alpha=0.8
+            )
     for ax in list(axs.flat)[len(panels) :]:
         ax.remove()
     fig.suptitle(title, fontsize=9)
@@ -177,7 +197,9 @@ def _profiles(Figure, ds, panels, place, title, limits, frame, dimension=3):
                 e = e if comp is None else components.component(e, comp, dimension)
                 ax.fill_between(s, v - e, v + e, color=line.get_color(), alpha=0.25, linewidth=0)
         ax.set_xlabel(label)
-        ax.set_ylabel(label_of(members[0][0], None if len(members) > 1 else members[0][1], members[0][0].attrs.get("units", "")))
+        ax.set_ylabel(
+            label_of(members[0][0], None if len(members) > 1 else members[0][1], members[0][0].attrs.get("units", ""))
+        )
         if len(s) > 1:
             ax.set_xlim(s[0], s[-1])
         if limits is not None:
@@ -231,6 +253,8 @@ def _atoms(scene, ds, frame):
     trajectory = Scene.load(scene).trajectory()
     k = int(ds["frame"].values[0 if frame == "mean" else int(frame)])
     if k >= len(trajectory):
-        raise AtcError(f"--overlay {scene}: the picture shows frame {k} of the run, the scene selects only {len(trajectory)} frames")
+        raise AtcError(
+            f"--overlay {scene}: the picture shows frame {k} of the run, the scene selects only {len(trajectory)} frames"
+        )
     one = trajectory[k]
     return one.units.to_user("length", one.cell.wrap(one.positions)[0])

@@ -114,7 +114,9 @@ def _read(source, topology, units, masses, atom_style):
 
 
 def _is_atoms(x) -> bool:
-    return type(x).__module__.split(".")[0] == "ase" or all(hasattr(x, a) for a in ("get_positions", "get_cell", "get_pbc", "numbers"))
+    return type(x).__module__.split(".")[0] == "ase" or all(
+        hasattr(x, a) for a in ("get_positions", "get_cell", "get_pbc", "numbers")
+    )
 
 
 def _path(path: Path, topology, units, masses, atom_style=None):
@@ -131,7 +133,9 @@ def _path(path: Path, topology, units, masses, atom_style=None):
     reader.close()
     if not head.strip():
         raise AtcError(
-            f"{path} is empty" if not path.stat().st_size else f"{path} holds nothing but blanks, or nothing that can be decompressed yet"
+            f"{path} is empty"
+            if not path.stat().st_size
+            else f"{path} holds nothing but blanks, or nothing that can be decompressed yet"
         )
     what = not_a_trajectory(head) or (_hdf5(path) if head.startswith(b"\x89HDF\r\n") else None)
     if what is not None:

@@ -178,7 +178,9 @@ def require_file(path) -> Path:
     except (OSError, ValueError) as e:  # a name too long, a loop of links, no permission, a zero byte in the name
         name = str(path)
         shown = name if len(name) < 200 else f"{name[:80]} ... {name[-40:]}"
-        raise AtcError(f"{shown}: cannot be opened ({(getattr(e, 'strerror', None) or 'no possible name of a file').lower()})") from None
+        raise AtcError(
+            f"{shown}: cannot be opened ({(getattr(e, 'strerror', None) or 'no possible name of a file').lower()})"
+        ) from None
     if stat.S_ISDIR(mode):
         raise AtcError(f"{path} is a directory: name a trajectory file")
     if not stat.S_ISREG(mode):

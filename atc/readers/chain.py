@@ -76,7 +76,11 @@ class Chain(Trajectory):
 
             topology, units, masses = self._given
             part = read(
-                self.paths[p], self._data or topology, units or (self.units.name if p else None), masses, atom_style=self._atom_style
+                self.paths[p],
+                self._data or topology,
+                units or (self.units.name if p else None),
+                masses,
+                atom_style=self._atom_style,
             )
             if p and part.units.name != self.units.name:
                 raise AtcError(

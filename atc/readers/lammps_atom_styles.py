@@ -62,7 +62,9 @@ _USED = frozenset("id mol type q mass x y z ix iy iz diameter density template_i
 _NOT_NEGATIVE = frozenset(
     "theta rho diameter density mass volume eradius edpd_temp edpd_cv esph cv area epsilon kradius cradius template_index template_atom".split()
 )
-WHOLE = frozenset("id mol ix iy iz bodyflag ellipsoidflag lineflag triangleflag template_index template_atom status espin etag".split())
+WHOLE = frozenset(
+    "id mol ix iy iz bodyflag ellipsoidflag lineflag triangleflag template_index template_atom status espin etag".split()
+)
 ASK = "write the style behind the name of the section, e.g. 'Atoms # full', or give it: atom_style = \"full\""
 
 
@@ -87,7 +89,9 @@ class AtomStyle:
     def __init__(self, words, where: str):
         words = words.split() if isinstance(words, str) else list(words)
         if not words or not all(isinstance(w, str) for w in words):
-            raise AtcError(f'{where}: expected a LAMMPS atom style, e.g. "full" or "hybrid sphere molecular", got {words!r}')
+            raise AtcError(
+                f'{where}: expected a LAMMPS atom style, e.g. "full" or "hybrid sphere molecular", got {words!r}'
+            )
         self.given = " ".join(words)
         self.hybrid = _base(words[0]) == "hybrid"
         self.species = None
@@ -95,7 +99,9 @@ class AtomStyle:
         while k < len(words):
             name = _base(words[k])
             if name not in ATOM_STYLES or (parts and not self.hybrid):
-                raise AtcError(f"{where}: {words[k]!r} is no atom style that atc knows, which are hybrid, {', '.join(ATOM_STYLES)}")
+                raise AtcError(
+                    f"{where}: {words[k]!r} is no atom style that atc knows, which are hybrid, {', '.join(ATOM_STYLES)}"
+                )
             parts.append(name)
             k += 1 + self._arguments(name, words[k + 1 :])
         self.parts = tuple(parts)
@@ -120,7 +126,11 @@ class AtomStyle:
         """Names of the columns of section Atoms, without image flags. `width`: of the file's lines, for a tdpd that does not say its species."""
         if not self.hybrid:
             columns = ATOM_STYLES[self.parts[0]].split()
-            return columns + self._species(0 if width is None else width - len(columns)) if self.parts[0] == "tdpd" else columns
+            return (
+                columns + self._species(0 if width is None else width - len(columns))
+                if self.parts[0] == "tdpd"
+                else columns
+            )
         columns, have = list(_BEHIND), set(_BEHIND)
         for name in self.parts:
             more = self._species(0) if name == "tdpd" else ATOM_STYLES[name].split()
@@ -206,7 +216,9 @@ def inferred_style(rows, bonded: bool, where: str) -> AtomStyle:
         possible = {key: names for key, names in possible.items() if key[-3:] != ("x", "y", "z")}
     if len(possible) != 1:
         names = ", ".join(name for group in possible.values() for name in group) or "none"
-        raise AtcError(f"{where}: which atom style has these {len(row)} columns is not certain (possible: {names}); {ASK}")
+        raise AtcError(
+            f"{where}: which atom style has these {len(row)} columns is not certain (possible: {names}); {ASK}"
+        )
     names = next(iter(possible.values()))
     return AtomStyle([next((name for name in _USUAL if name in names), names[0])], where)
 
@@ -219,4 +231,6 @@ def _fits(column: str, word: str) -> bool:
         return bool(re.fullmatch(r"[01]" if column.endswith("flag") else r"[-+]?\d+", word)) and not (
             column in _NOT_NEGATIVE and word.startswith("-")
         )
-    return bool(re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", word)) and not (column in _NOT_NEGATIVE and word.startswith("-"))
+    return bool(re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", word)) and not (
+        column in _NOT_NEGATIVE and word.startswith("-")
+    )

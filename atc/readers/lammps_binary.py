@@ -146,7 +146,9 @@ class LammpsBinaryDump(LammpsTrajectory):
         (chunks,) = c.unpack(endian, "i")
         if width < 1 or chunks < 0:
             raise AtcError(f"{where}: {width} columns in {chunks} chunks; the file is damaged")
-        return _Header(start, step, n, triclinic, tuple(boundary), box, width, chunks, c.at, endian, magic, units, time, columns)
+        return _Header(
+            start, step, n, triclinic, tuple(boundary), box, width, chunks, c.at, endian, magic, units, time, columns
+        )
 
     def _scan(self) -> bool:
         if self._complete:
@@ -165,7 +167,9 @@ class LammpsBinaryDump(LammpsTrajectory):
                     raise _Truncated
                 (m,) = struct.unpack(h.endian + "i", raw)
                 if m < 0 or m % h.width:
-                    raise AtcError(f"{self.source}, frame {k}, byte {at}: a chunk of {m} numbers in {h.width} columns; the file is damaged")
+                    raise AtcError(
+                        f"{self.source}, frame {k}, byte {at}: a chunk of {m} numbers in {h.width} columns; the file is damaged"
+                    )
                 at += 4 + 8 * m
                 total += m
             if total != h.n * h.width:
@@ -218,7 +222,9 @@ class LammpsBinaryDump(LammpsTrajectory):
         try:
             if h.triclinic == 2:
                 return Cell(np.reshape(h.box[:9], (3, 3)) * length, np.array(h.box[9:]) * length, periodic)
-            return cell_from_bounds(h.box[0:6:2], h.box[1:6:2], h.box[6:] if h.triclinic else (0.0, 0.0, 0.0), periodic, length)
+            return cell_from_bounds(
+                h.box[0:6:2], h.box[1:6:2], h.box[6:] if h.triclinic else (0.0, 0.0, 0.0), periodic, length
+            )
         except AtcError as e:
             raise AtcError(f"{self.source}, frame {k}: {e}") from None
 
@@ -240,7 +246,9 @@ class LammpsBinaryDump(LammpsTrajectory):
                     )
                 column = whole.astype(np.int64)
             columns[name] = column
-        return self._build(columns, self._cell(h, k), k, where, int(h.step), h.time, lambda row: f"atom {row} of the file")
+        return self._build(
+            columns, self._cell(h, k), k, where, int(h.step), h.time, lambda row: f"atom {row} of the file"
+        )
 
     def _columns_of_old(self, h: _Header, table) -> tuple:
         """Names of the columns of a format that does not store them: only where one reading alone is possible."""
@@ -262,7 +270,13 @@ class LammpsBinaryDump(LammpsTrajectory):
             scaled = bool((x >= -0.1).all() and (x <= 1.1).all())
             plain = bool((x >= lo - 0.1 * (hi - lo)).all() and (x <= hi + 0.1 * (hi - lo)).all())
             # A handful of atoms may sit in the unit cube of a large box by chance; in a filled box they cannot.
-            if scaled and plain and h.n >= 100 and (np.ptp(x, axis=0) < 0.5 * (hi - lo)).any() and (np.ptp(x, axis=0) > 0.5).all():
+            if (
+                scaled
+                and plain
+                and h.n >= 100
+                and (np.ptp(x, axis=0) < 0.5 * (hi - lo)).any()
+                and (np.ptp(x, axis=0) > 0.5).all()
+            ):
                 plain = False
             if scaled == plain:
                 raise AtcError(problem)

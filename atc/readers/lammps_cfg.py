@@ -72,7 +72,9 @@ class LammpsCfg(LammpsTrajectory):
             scale = number(found["A"][0])
             h = np.array([[number(found[f"H0({i},{j})"][0]) for j in (1, 2, 3)] for i in (1, 2, 3)])
         except (KeyError, ValueError):
-            raise self._fail(1, "expected 'Number of particles', 'A' and the nine numbers H0(i,j), each with a number") from None
+            raise self._fail(
+                1, "expected 'Number of particles', 'A' and the nine numbers H0(i,j), each with a number"
+            ) from None
         if scale not in (1.0, _EXPANDED):
             raise self._fail(2, f"'A = {scale:g}': LAMMPS writes 1, or 10 for unwrapped coordinates")
         self._unwrapped = scale == _EXPANDED
@@ -94,12 +96,16 @@ class LammpsCfg(LammpsTrajectory):
             names.append(text[at:stop].partition(b"=")[2].strip().decode("utf-8", "replace").split(" [")[0])
             at = stop + 1
         if entries != 3 + len(names):
-            raise self._fail(line, f"entry_count is {entries}, expected 3 coordinates and {len(names)} auxiliary columns")
+            raise self._fail(
+                line, f"entry_count is {entries}, expected 3 coordinates and {len(names)} auxiliary columns"
+            )
         # The table: mass, element and numbers are three lines an atom. A file that ends within them is still being written.
         body = text[at:]
         there = body.count(b"\n") // 3
         if self._n < 0 or there < self._n:
-            raise AtcError(f"{self.source} holds no complete frame: {there} of {self._n} atoms are there, each line with its line end")
+            raise AtcError(
+                f"{self.source} holds no complete frame: {there} of {self._n} atoms are there, each line with its line end"
+            )
         if not self._n:
             raise AtcError(f"{self.source} holds no atoms")
         lines = body.split(b"\n")
@@ -108,12 +114,19 @@ class LammpsCfg(LammpsTrajectory):
         lines = lines[: 3 * self._n]
         joined = np.frombuffer(b"".join(b" ".join(lines[3 * k : 3 * k + 3]) + b"\n" for k in range(self._n)), np.uint8)
         # Positions have names of their own: an auxiliary x is another column.
-        names = [f"auxiliary {name}" if name in ("mass", "element", "xs", "ys", "zs", "x", "y", "z") else name for name in names]
+        names = [
+            f"auxiliary {name}" if name in ("mass", "element", "xs", "ys", "zs", "x", "y", "z") else name
+            for name in names
+        ]
         if len(set(names)) < len(names):
             raise self._fail(line, "an auxiliary column is there twice")
         sample = lines[2].split()[3:]
         kinds = [
-            INT if n in INT_COLUMNS else FLOAT if c >= len(sample) or is_number(sample[c]) or n in KNOWN_FLOATS else TEXT
+            INT
+            if n in INT_COLUMNS
+            else FLOAT
+            if c >= len(sample) or is_number(sample[c]) or n in KNOWN_FLOATS
+            else TEXT
             for c, n in enumerate(names)
         ]
         first = line + 1
@@ -138,7 +151,8 @@ class LammpsCfg(LammpsTrajectory):
         mass = columns["mass"]
         if not (mass > 0).all():
             self._once(
-                "mass", f"{self.source}: its six decimals leave nothing of the masses in these units; they are not used, give masses"
+                "mass",
+                f"{self.source}: its six decimals leave nothing of the masses in these units; they are not used, give masses",
             )
             del columns["mass"]
         if "type" not in columns and self._data is None:
@@ -164,4 +178,6 @@ class LammpsCfg(LammpsTrajectory):
 
     def _precision(self, frame):
         step, why = text_resolution([w.decode("utf-8", "replace") for w in self._sample])
-        return step * (_EXPANDED if self._unwrapped else 1.0) * float(np.linalg.norm(frame.cell.vectors, axis=1).max()), why
+        return step * (_EXPANDED if self._unwrapped else 1.0) * float(
+            np.linalg.norm(frame.cell.vectors, axis=1).max()
+        ), why

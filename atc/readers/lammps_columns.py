@@ -103,9 +103,13 @@ class LammpsTrajectory(Trajectory):
     """What all files of LAMMPS share: units, topology, masses, and the making of frames."""
 
     #: What to say once of files without an 'id' column; None where they cannot have one.
-    _without_ids: str | None = "has no 'id' column: atoms are numbered in file order and cannot be followed from frame to frame"
+    _without_ids: str | None = (
+        "has no 'id' column: atoms are numbered in file order and cannot be followed from frame to frame"
+    )
 
-    _without_types = "has no 'type' or 'element' column: all atoms are taken to be of type 1; dump type too if there are more"
+    _without_types = (
+        "has no 'type' or 'element' column: all atoms are taken to be of type 1; dump type too if there are more"
+    )
 
     def __init__(self, path, topology, units, masses, file_units):
         super().__init__()
@@ -133,10 +137,15 @@ class LammpsTrajectory(Trajectory):
         while self._has(k):
             if count(k):
                 if k:
-                    self._once("none", f"{self.source}: its first {k} frames hold no atoms: the dump's group or threshold selected none")
+                    self._once(
+                        "none",
+                        f"{self.source}: its first {k} frames hold no atoms: the dump's group or threshold selected none",
+                    )
                 return
             k += 1
-        raise AtcError(f"{self.source}: none of its {k} frame{'s' * (k != 1)} holds an atom: the dump's group or threshold selected none")
+        raise AtcError(
+            f"{self.source}: none of its {k} frame{'s' * (k != 1)} holds an atom: the dump's group or threshold selected none"
+        )
 
     @property
     def type_names(self):

@@ -137,7 +137,9 @@ class LammpsData:
         self.box = None
         if general:
             if set(general) != {"avec", "bvec", "cvec", "origin"}:
-                raise AtcError(f"{self.source}: a general triclinic box needs avec, bvec, cvec and 'abc origin' in the header")
+                raise AtcError(
+                    f"{self.source}: a general triclinic box needs avec, bvec, cvec and 'abc origin' in the header"
+                )
             self.box = (np.array([general[v] for v in ("avec", "bvec", "cvec")]), np.array(general["origin"]))
             self._require_volume(self.box[0], "the vectors avec, bvec, cvec")
         elif set(bounds) == set("xyz"):
@@ -191,7 +193,9 @@ class LammpsData:
         else:
             self.style = given or AtomStyle("atomic", self.source)
             self.atom_style = self.style.name
-            self._raw["atoms"] = {c: np.zeros(0, np.int64 if c in ("id", "type") else float) for c in ("id", "type", "x", "y", "z")}
+            self._raw["atoms"] = {
+                c: np.zeros(0, np.int64 if c in ("id", "type") else float) for c in ("id", "type", "x", "y", "z")
+            }
             self._mass_n, self._masses_unsure, self._certain, self._lines = None, False, True, ()
         self._default_bounds([self._raw["atoms"][c] for c in "xyz"])
         if "Velocities" in f.places:
@@ -213,7 +217,9 @@ class LammpsData:
         for k, words in enumerate(s.rows()):
             number = whole_of(words[0])
             if len(words) != 2 or number is None:
-                raise AtcError(f"{s.where(k)}: expected 'type label' in section {s.name}, got {shortened(' '.join(words))!r}")
+                raise AtcError(
+                    f"{s.where(k)}: expected 'type label' in section {s.name}, got {shortened(' '.join(words))!r}"
+                )
             if words[1] in out:
                 raise AtcError(f"{s.where(k)}: label {shortened(words[1])!r} is there twice in section {s.name}")
             out[words[1]] = number
@@ -223,16 +229,22 @@ class LammpsData:
         s = self._file.section("Masses")
         expected = self.counts.get("atom types")
         if expected is not None and len(s) != expected:
-            raise AtcError(f"{self.source}, line {s.line}: section Masses has {len(s)} lines, its header announces {expected}")
+            raise AtcError(
+                f"{self.source}, line {s.line}: section Masses has {len(s)} lines, its header announces {expected}"
+            )
         for k, words in enumerate(s.rows()):
             if len(words) < 2:
                 raise AtcError(f"{s.where(k)}: expected 'type mass' in section Masses")
             t = self.labels.get("Atom", {}).get(words[0], whole_of(words[0]))
             if t is None:
-                raise AtcError(f"{s.where(k)}: {shortened(words[0])!r} is neither a number nor one of the file's Atom Type Labels")
+                raise AtcError(
+                    f"{s.where(k)}: {shortened(words[0])!r} is neither a number nor one of the file's Atom Type Labels"
+                )
             mass = number_of(words[1])
             if mass is None or not _SMALL < mass < _LARGE:
-                raise AtcError(f"{s.where(k)}: the mass of {shortened(words[0])} is {shortened(words[1])!r}, expected a positive number")
+                raise AtcError(
+                    f"{s.where(k)}: the mass of {shortened(words[0])} is {shortened(words[1])!r}, expected a positive number"
+                )
             if t in self._mass_of_key:
                 raise AtcError(f"{s.where(k)}: type {t} is there twice in section Masses")
             self._mass_of_key[t] = (words[1], int(s.number[k]))
@@ -306,7 +318,9 @@ class LammpsData:
             centres(part, a, shapes)
         # A hybrid whose parts are not known may have masses of its own, which go before those of section Masses.
         self._masses_unsure = "peri" in style.parts and self._mass_n is None
-        self._masses_unsure |= style.hybrid and not style.parts and (row is None or len(row) > 6) and not self._without_shapes()
+        self._masses_unsure |= (
+            style.hybrid and not style.parts and (row is None or len(row) > 6) and not self._without_shapes()
+        )
 
     def _without_shapes(self):
         """Whether the lines of section Velocities show that no part of a hybrid has a mass of its own (those have angular velocities too)."""
@@ -384,7 +398,9 @@ class LammpsData:
         self.types = a["type"][order]
         if len(self.types) and self.types.min() < 1:
             k = int(self.types.argmin())
-            raise AtcError(f"{where}{self._atom_line(int(order[k]))}: atom {self.ids[k]} has type {self.types[k]}; types count from 1")
+            raise AtcError(
+                f"{where}{self._atom_line(int(order[k]))}: atom {self.ids[k]} has type {self.types[k]}; types count from 1"
+            )
         self.positions = np.stack([a[c] for c in "xyz"], axis=1)[order] * u.length
         self.images = np.stack([a[c] for c in ("ix", "iy", "iz")], axis=1)[order] if "ix" in a else None
         self.charges = a["q"][order] * u.charge if "q" in a else None

@@ -66,13 +66,17 @@ class LammpsDcd(LammpsTrajectory):
 
     assumed = ("a DCD file does not say which faces of its box are periodic: all are taken to be",)
     _without_ids = None
-    _without_types = "holds no types: all atoms are taken to be of type 1; give the run's data file as topology if there are more"
+    _without_types = (
+        "holds no types: all atoms are taken to be of type 1; give the run's data file as topology if there are more"
+    )
 
     def __init__(self, path, topology=None, units=None, masses=None):
         self._bytes = open_bytes(path)
         self.source = str(path)
         self._read_header()
-        if topology is not None and not (isinstance(topology, str) or hasattr(topology, "__fspath__") or hasattr(topology, "masses_of")):
+        if topology is not None and not (
+            isinstance(topology, str) or hasattr(topology, "__fspath__") or hasattr(topology, "masses_of")
+        ):
             raise AtcError(
                 f"{path} was written by LAMMPS: its topology must be the path of a LAMMPS data file, not a {type(topology).__name__}"
             )
@@ -184,10 +188,15 @@ class LammpsDcd(LammpsTrajectory):
             columns = {"id": self._ids, **columns}
         step = self._first + k * self._every if self._steps_known else None
         time = None if step is None or self._dt is None else step * self._dt
-        return self._build(columns, self._cell(six, where), k, where, step, time, lambda row: f"atom {row + 1} of the file")
+        return self._build(
+            columns, self._cell(six, where), k, where, step, time, lambda row: f"atom {row + 1} of the file"
+        )
 
     def _check_record(self, raw, at, size, start, k):
-        ends = struct.unpack_from(self._endian + "i", raw, at)[0], struct.unpack_from(self._endian + "i", raw, at + 4 + size)[0]
+        ends = (
+            struct.unpack_from(self._endian + "i", raw, at)[0],
+            struct.unpack_from(self._endian + "i", raw, at + 4 + size)[0],
+        )
         if ends != (size, size):
             raise AtcError(
                 f"{self.source}, frame {k}, byte {start + at}: a record of {ends[0]} bytes, expected {size}; the file is damaged"

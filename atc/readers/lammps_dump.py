@@ -91,7 +91,9 @@ class LammpsDump(LammpsTrajectory):
             raise AtcError(f"{path} holds no complete frame: it ends within its first one") from None
         super().__init__(path, topology, units, masses, header.units)
         if not self._has(0):
-            raise AtcError(f"{path} holds no complete frame: it ends within its first one, or that one's last line has no line end")
+            raise AtcError(
+                f"{path} holds no complete frame: it ends within its first one, or that one's last line has no line end"
+            )
         # A group or threshold may select nothing at a step, and then zero is what its density is; but somewhere there must be atoms.
         self._require_atoms(lambda k: self._n[k])
 
@@ -113,7 +115,9 @@ class LammpsDump(LammpsTrajectory):
             size *= 4
             if size > 1 << 20:
                 self._header_lines(text[: 1 << 14].decode("utf-8", "replace").split("\n")[:-1], line, k)
-                raise AtcError(f"{self.source}, frame {k}, line {line}: found no 'ITEM: ATOMS' here; is it a dump of atoms?")
+                raise AtcError(
+                    f"{self.source}, frame {k}, line {line}: found no 'ITEM: ATOMS' here; is it a dump of atoms?"
+                )
         lines = text[:end].decode("utf-8", "replace").split("\n")[:-1]
         h = self._header_lines(lines, line, k)
         if not h.columns:
@@ -154,7 +158,11 @@ class LammpsDump(LammpsTrajectory):
                 if item.startswith("ITEM: BOX BOUNDS"):
                     if m + 3 >= len(lines):
                         return h
-                    h.box = (tuple(item.split()[3:]), [[number(w) for w in lines[m + r].split()] for r in (1, 2, 3)], line + m)
+                    h.box = (
+                        tuple(item.split()[3:]),
+                        [[number(w) for w in lines[m + r].split()] for r in (1, 2, 3)],
+                        line + m,
+                    )
                     m += 4
                     continue
                 if m + 1 >= len(lines):
@@ -191,7 +199,10 @@ class LammpsDump(LammpsTrajectory):
             if not len(self._bytes.read(start, start + 1)):
                 self._complete = True
                 return False
-            if not self._bytes.read(start, start + 4096).tobytes().strip() and len(self._bytes.read(start, start + 4096)) < 4096:
+            if (
+                not self._bytes.read(start, start + 4096).tobytes().strip()
+                and len(self._bytes.read(start, start + 4096)) < 4096
+            ):
                 self._complete = True  # blank lines at the end
                 return False
             h = self._header(start, line, k)
@@ -208,7 +219,9 @@ class LammpsDump(LammpsTrajectory):
         if follows and not self._mark.startswith(follows[: len(self._mark)]) and follows.strip():
             self._miscounted(h, k, body, end, line)
         if h.units is not None and k and h.units != self.units.name:
-            raise AtcError(f"{self.source}, frame {k}, line {line}: the units change from {self.units.name!r} to {h.units!r}")
+            raise AtcError(
+                f"{self.source}, frame {k}, line {line}: the units change from {self.units.name!r} to {h.units!r}"
+            )
         if h.n:
             self._per_line = max(8.0, (end - body) / h.n)
         self._start.append(start)
@@ -239,7 +252,9 @@ class LammpsDump(LammpsTrajectory):
                         return pos
                 raise Truncated
             if not seen and len(buf) >= _LONGEST_LINE:
-                raise AtcError(f"{self.source}, byte {pos - used}: a line of more than {_LONGEST_LINE} letters; the file is damaged")
+                raise AtcError(
+                    f"{self.source}, byte {pos - used}: a line of more than {_LONGEST_LINE} letters; the file is damaged"
+                )
         return pos
 
     def _announces_too_many(self, start, k, line):
@@ -316,7 +331,9 @@ class LammpsDump(LammpsTrajectory):
         return self._build(columns, cell, k, where, h.step, h.time, lambda row: f"line {first + row}")
 
     def _shorter(self, k: int) -> AtcError:
-        return AtcError(f"{self.source}, frame {k}: the file has become shorter since it was opened; is something writing it anew?")
+        return AtcError(
+            f"{self.source}, frame {k}: the file has become shorter since it was opened; is something writing it anew?"
+        )
 
     def _cell(self, h: Header, k: int) -> Cell:
         words, rows, line = h.box
@@ -334,7 +351,9 @@ class LammpsDump(LammpsTrajectory):
             )
         periodic = periodic_flags(words, where)
         if any(len(r) != width for r in rows):
-            raise AtcError(f"{where}: expected three lines of {width} numbers below {' '.join(('ITEM: BOX BOUNDS', *h.box[0]))!r}")
+            raise AtcError(
+                f"{where}: expected three lines of {width} numbers below {' '.join(('ITEM: BOX BOUNDS', *h.box[0]))!r}"
+            )
         a = np.array(rows)
         length = self.units.length
         try:
@@ -360,7 +379,9 @@ class LammpsDump(LammpsTrajectory):
             if kind == FLOAT and c < len(sample) and not is_number(sample[c]) and name not in KNOWN_FLOATS:
                 kind = TEXT
             kinds.append(kind)
-        return self._parse(buf, h.columns, kinds, n, lambda row: f"{self.source}, frame {k}, line {first + row}", KNOWN_FLOATS)
+        return self._parse(
+            buf, h.columns, kinds, n, lambda row: f"{self.source}, frame {k}, line {first + row}", KNOWN_FLOATS
+        )
 
     def _columns_of(self, k):
         h = self._header(self._start[k], self._line[k], k)
@@ -372,7 +393,9 @@ class LammpsDump(LammpsTrajectory):
 
     def _precision(self, frame):
         h = self._header(self._start[0], self._line[0], 0)
-        lines = self._bytes.read(self._body[0], min(self._end[0], self._body[0] + (1 << 18))).tobytes().split(b"\n")[:-1]
+        lines = (
+            self._bytes.read(self._body[0], min(self._end[0], self._body[0] + (1 << 18))).tobytes().split(b"\n")[:-1]
+        )
         for names, scaled in (
             (("x", "y", "z"), False),
             (("xu", "yu", "zu"), False),
@@ -381,7 +404,10 @@ class LammpsDump(LammpsTrajectory):
         ):
             if all(name in h.columns for name in names):
                 at = [h.columns.index(name) for name in names]
-                words = [self._words(np.frombuffer(w, np.uint8)).tobytes().split() for w in lines[:: max(1, len(lines) // 1000)]]
+                words = [
+                    self._words(np.frombuffer(w, np.uint8)).tobytes().split()
+                    for w in lines[:: max(1, len(lines) // 1000)]
+                ]
                 words = [w[-len(h.columns) :] for w in words if len(w) >= len(h.columns)]
                 r, why = text_resolution([w[a].decode("utf-8", "replace") for w in words for a in at])
                 scale = float(np.linalg.norm(frame.cell.vectors, axis=1).max()) if scaled else self.units.length

@@ -212,7 +212,9 @@ class LammpsLog:
         found = []
         while at < len(lines):
             words = lines[at].split()
-            if lines[at].startswith(("Loop time of", "Per MPI rank", "Memory usage", "ERROR")) or _MULTI.match(lines[at]):
+            if lines[at].startswith(("Loop time of", "Per MPI rank", "Memory usage", "ERROR")) or _MULTI.match(
+                lines[at]
+            ):
                 break
             if words[:1] == ["Step"] and not self._whole:
                 break
@@ -274,7 +276,9 @@ class LammpsLog:
             names = [_BY_WORD.get(w) for w in state.keywords]
         if "step" not in names:
             if found:
-                self.notes.append(f"the output from line {found[0][0]} on has no column Step: add step to thermo_style custom")
+                self.notes.append(
+                    f"the output from line {found[0][0]} on has no column Step: add step to thermo_style custom"
+                )
             return
         causes = _causes(state)
         norm = state.norm if state.norm is not None or not state.echoed or self._said is None else self._said == "lj"
@@ -312,7 +316,21 @@ def _causes(state: _State) -> tuple[str, ...]:
             out.append(f"{what} of compute {compute} (thermo_modify)")
     for style in dict.fromkeys(state.fixes.values()):
         if style.startswith(
-            ("shake", "rattle", "rigid", "wall", "efield", "addforce", "gravity", "spring", "restrain", "cmap", "indent", "external", "qeq")
+            (
+                "shake",
+                "rattle",
+                "rigid",
+                "wall",
+                "efield",
+                "addforce",
+                "gravity",
+                "spring",
+                "restrain",
+                "cmap",
+                "indent",
+                "external",
+                "qeq",
+            )
         ):
             out.append(f"fix {style}")
     return tuple(out)
@@ -338,7 +356,9 @@ def _last_digits(columns) -> list[np.ndarray]:
         values = np.array([float(t) for t in texts])
         with np.errstate(divide="ignore", invalid="ignore"):
             step = np.where(
-                values != 0, 10.0 ** (np.floor(np.log10(np.abs(values))) + 1 - min(max(digits, most) if whole else digits, 17)), 0.0
+                values != 0,
+                10.0 ** (np.floor(np.log10(np.abs(values))) + 1 - min(max(digits, most) if whole else digits, 17)),
+                0.0,
             )
         if decimals:
             step = np.maximum(step, 10.0**-decimals)
@@ -353,7 +373,9 @@ def _look_of(texts):
         mantissa, _, exponent = t.lstrip("+-").lower().partition("e")
         before, point, fraction = mantissa.partition(".")
         whole &= not point and not exponent
-        decimals.add(len(fraction) - int(exponent) if exponent.lstrip("+-").isdecimal() and len(exponent) < 6 else len(fraction))
+        decimals.add(
+            len(fraction) - int(exponent) if exponent.lstrip("+-").isdecimal() and len(exponent) < 6 else len(fraction)
+        )
         digits = max(digits, len((before + fraction).lstrip("0")))
     common = next(iter(decimals)) if len(decimals) == 1 and len(texts) > 1 else 0
     return digits, max(common, 0), whole

@@ -78,7 +78,9 @@ def _extents(part, atoms, sections, source):
     ids = np.zeros(0, np.int64) if s is None else s["id"]
     order = np.argsort(ids)
     if not np.array_equal(ids[order], np.sort(atoms["id"][has])):
-        raise AtcError(f"{source}: section {name} has {len(ids)} lines, but {int(has.sum())} atoms with {flag} 1, or not of the same atoms")
+        raise AtcError(
+            f"{source}: section {name} has {len(ids)} lines, but {int(has.sum())} atoms with {flag} 1, or not of the same atoms"
+        )
     if not len(ids):
         return np.zeros(0), has
     row = order[np.searchsorted(ids[order], atoms["id"][has])]
@@ -87,7 +89,11 @@ def _extents(part, atoms, sections, source):
         if (size < 0).any():
             raise AtcError(f"{source}: section {name}: atom {ids[(size < 0).any(axis=1)][0]} has a negative diameter")
         return _BALL * size.prod(axis=1)[row], has
-    p = [np.stack([s[f"{a}{k}"] if f"{a}{k}" in s else np.zeros(len(ids)) for a in "xyz"], axis=1) for k in (1, 2, 3) if f"x{k}" in s]
+    p = [
+        np.stack([s[f"{a}{k}"] if f"{a}{k}" in s else np.zeros(len(ids)) for a in "xyz"], axis=1)
+        for k in (1, 2, 3)
+        if f"x{k}" in s
+    ]
     if part == "line":
         return np.linalg.norm(p[1] - p[0], axis=1)[row], has
     return 0.5 * np.linalg.norm(np.cross(p[1] - p[0], p[2] - p[0]), axis=1)[row], has

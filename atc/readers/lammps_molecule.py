@@ -45,7 +45,9 @@ class LammpsMolecule:
         more = dict(zip(BONDED, (bond, angle, dihedral, improper), strict=True))
         bonded = {name: (types + more[name], members) for name, (types, members) in self.bonded.items()}
         types = None if self.types is None else self.types + atom
-        return LammpsMolecule(self.source, self.n, types, self.coords, self.charges, self.masses, self.diameters, self.molecules, bonded)
+        return LammpsMolecule(
+            self.source, self.n, types, self.coords, self.charges, self.masses, self.diameters, self.molecules, bonded
+        )
 
 
 def read_molecule(path, labels=None) -> LammpsMolecule:
@@ -61,7 +63,12 @@ def read_molecule(path, labels=None) -> LammpsMolecule:
     AtcError, with file and line, for anything that LAMMPS would not read, and for lists of special neighbours that are not those of the bonds.
     """
     labels = labels or {}
-    f = SectionedFile(path, {*BONDED, *_PER_ATOM, *_OTHER}, lambda line: bool(_COUNT.match(line) or _NUMBERS.match(line)), "molecule file")
+    f = SectionedFile(
+        path,
+        {*BONDED, *_PER_ATOM, *_OTHER},
+        lambda line: bool(_COUNT.match(line) or _NUMBERS.match(line)),
+        "molecule file",
+    )
     if f.title.lstrip().startswith(("{", "[")):
         raise AtcError(f"{path}: molecule files in JSON are not read: write it in LAMMPS's text format")
     if f.others:
@@ -71,7 +78,9 @@ def read_molecule(path, labels=None) -> LammpsMolecule:
         if m := _COUNT.match(line):
             counts[m.group(2)] = whole_of(m.group(1))
             if counts[m.group(2)] is None:
-                raise AtcError(f"{path}, line {number}: {shortened(m.group(1))} {m.group(2)} are more than any file holds")
+                raise AtcError(
+                    f"{path}, line {number}: {shortened(m.group(1))} {m.group(2)} are more than any file holds"
+                )
     n = counts.get("atoms", 0)
     if n < 1:
         raise AtcError(f"{path}: the header has no '<n> atoms' line; is it a LAMMPS molecule file?")
@@ -117,7 +126,9 @@ def _from_one(ids, n, s):
 def _bonded(out, f, name, width, expected, labels):
     if name not in f.places:
         if expected:
-            raise AtcError(f"{out.source}: the header announces {expected} {name.lower()} but there is no section '{name}'")
+            raise AtcError(
+                f"{out.source}: the header announces {expected} {name.lower()} but there is no section '{name}'"
+            )
         return
     s = f.section(name)
     s.require(expected)
@@ -128,7 +139,9 @@ def _bonded(out, f, name, width, expected, labels):
     wrong |= (np.diff(np.sort(members, axis=1), axis=1) == 0).any(axis=1)
     if wrong.any():
         k = int(wrong.argmax())
-        raise AtcError(f"{s.where(k)}: expected a type from 1 and {width} different atoms from 1 to {out.n} in section {name}")
+        raise AtcError(
+            f"{s.where(k)}: expected a type from 1 and {width} different atoms from 1 to {out.n} in section {name}"
+        )
     out.bonded[name] = (table["type"], members)
 
 
@@ -146,11 +159,15 @@ def _check_special(out, f):
         for k, words in enumerate(s.rows()):
             values = [whole_of(w) for w in words]
             if None in values or not 1 <= values[0] <= out.n:
-                raise AtcError(f"{s.where(k)}: expected integers in section {s.name}, got {shortened(' '.join(words))!r}")
+                raise AtcError(
+                    f"{s.where(k)}: expected integers in section {s.name}, got {shortened(' '.join(words))!r}"
+                )
             said.setdefault(values[0], {})[s.name] = (values[1:], s.where(k))
     for a, parts in said.items():
         if len(parts) < 2 or len(parts["Special Bond Counts"][0]) != 3:
-            raise AtcError(f"{out.source}: sections Special Bond Counts (id n12 n13 n14) and Special Bonds do not go together for atom {a}")
+            raise AtcError(
+                f"{out.source}: sections Special Bond Counts (id n12 n13 n14) and Special Bonds do not go together for atom {a}"
+            )
         members, where = parts["Special Bonds"]
         n12, n13, n14 = parts["Special Bond Counts"][0]
         shells, seen = [{a}], {a}
@@ -158,7 +175,11 @@ def _check_special(out, f):
             shells.append({c for b in shells[-1] for c in near[b]} - seen)
             seen |= shells[-1]
         cut = (0, n12, n12 + n13, n12 + n13 + n14)
-        if min(n12, n13, n14) < 0 or cut[3] != len(members) or any(set(members[cut[k] : cut[k + 1]]) != shells[k + 1] for k in range(3)):
+        if (
+            min(n12, n13, n14) < 0
+            or cut[3] != len(members)
+            or any(set(members[cut[k] : cut[k + 1]]) != shells[k + 1] for k in range(3))
+        ):
             raise AtcError(
                 f"{where}: the special bonds of atom {a} are not those that the section Bonds makes: such lists are not supported"
             )
@@ -175,13 +196,17 @@ def bonded_of_templates(atoms: dict, molecules, source: str) -> dict:
     """
     ids, index, atom = atoms["id"], atoms["template_index"], atoms["template_atom"]
     if ((index > 0) != (atom > 0)).any() or (len(index) and index.max() > len(molecules)):
-        raise AtcError(f"{source}: atoms of template molecule {index.max(initial=0)}, but {len(molecules)} molecules are known")
+        raise AtcError(
+            f"{source}: atoms of template molecule {index.max(initial=0)}, but {len(molecules)} molecules are known"
+        )
     out = {name: ([], []) for name in BONDED}
     there = np.sort(ids)
     for k, molecule in enumerate(molecules, 1):
         mine = index == k
         if mine.any() and atom[mine].max() > molecule.n:
-            raise AtcError(f"{source}: template atom {atom[mine].max()} of {molecule.source}, which has {molecule.n} atoms")
+            raise AtcError(
+                f"{source}: template atom {atom[mine].max()} of {molecule.source}, which has {molecule.n} atoms"
+            )
         for name, (types, members) in molecule.bonded.items():
             for t, m in zip(types.tolist(), members, strict=True):
                 first = ids[mine & (atom == m[0])]

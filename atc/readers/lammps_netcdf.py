@@ -58,7 +58,9 @@ class LammpsNetcdf(LammpsTrajectory):
     units of its run, not in AMBER's (20.455 Å/ps), unless their own attribute says otherwise, which is refused. An axis of length 0 is open.
     """
 
-    assumed = ("a NetCDF file of LAMMPS does not say which faces of its box are periodic: all with a length are taken to be",)
+    assumed = (
+        "a NetCDF file of LAMMPS does not say which faces of its box are periodic: all with a length are taken to be",
+    )
     _without_ids = "has no 'id': atoms are numbered in file order, which is only theirs if LAMMPS sorted them (dump netcdf/mpiio does not)"
 
     def __init__(self, path, topology=None, units=None, masses=None):
@@ -85,7 +87,9 @@ class LammpsNetcdf(LammpsTrajectory):
         f = self._file
         n = f.dims.get("atom")
         if n is None or n >= 1 << 40:
-            raise AtcError(f"{self.source}: expected a dimension 'atom', got {', '.join(f.dims) or 'none'}; not a trajectory of LAMMPS")
+            raise AtcError(
+                f"{self.source}: expected a dimension 'atom', got {', '.join(f.dims) or 'none'}; not a trajectory of LAMMPS"
+            )
         self._n = n
         for name in ("cell_lengths", "cell_angles"):
             v = f.variables.get(name)
@@ -97,11 +101,18 @@ class LammpsNetcdf(LammpsTrajectory):
         if unit not in (None, "degree"):
             raise AtcError(f"{self.source}: cell_angles are in {unit!r}, expected degrees")
         length = self._unit("cell_lengths")
-        for name, per in (("coordinates", ""), ("unwrapped_coordinates", ""), ("cell_origin", ""), ("velocities", self._unit("time"))):
+        for name, per in (
+            ("coordinates", ""),
+            ("unwrapped_coordinates", ""),
+            ("cell_origin", ""),
+            ("velocities", self._unit("time")),
+        ):
             unit = self._unit(name)
             allowed = {None, length, *((f"{length}/{per}", f"{length}/{per}s") if per else ())}
             if unit not in allowed:
-                raise AtcError(f"{self.source}: {name} are in {unit!r}, but the cell in {length!r}: expected one system of units")
+                raise AtcError(
+                    f"{self.source}: {name} are in {unit!r}, but the cell in {length!r}: expected one system of units"
+                )
 
     def _scaled(self, name, k) -> np.ndarray:
         """Values of a variable with its scale factor. Whole numbers stay whole without one."""
@@ -157,7 +168,9 @@ class LammpsNetcdf(LammpsTrajectory):
             if name in INT_COLUMNS:
                 whole = np.rint(a.astype(np.float64)) if a.dtype.kind == "f" else a
                 if not (whole == a).all():
-                    raise AtcError(f"{self.source}, frame {k}: variable {name!r} holds numbers that are not whole; the file is damaged")
+                    raise AtcError(
+                        f"{self.source}, frame {k}: variable {name!r} holds numbers that are not whole; the file is damaged"
+                    )
                 out[name] = whole.astype(np.int64)
             elif a.dtype.kind in "fiu":
                 out[name] = a.astype(np.float64)
@@ -184,10 +197,19 @@ class LammpsNetcdf(LammpsTrajectory):
         lengths = np.asarray(self._scaled("cell_lengths", k), float)
         angles = np.asarray(self._scaled("cell_angles", k), float)
         origin = np.zeros(3)
-        if self._file.variables.get("cell_origin") is not None and self._file.variables["cell_origin"].shape == (None, 3):
+        if self._file.variables.get("cell_origin") is not None and self._file.variables["cell_origin"].shape == (
+            None,
+            3,
+        ):
             origin = np.asarray(self._scaled("cell_origin", k), float)
-        if not (np.isfinite([*lengths, *angles, *origin]).all() and (lengths >= 0).all() and ((angles > 0) & (angles < 180)).all()):
-            raise AtcError(f"{where}: lengths {lengths.tolist()} and angles {angles.tolist()} make no cell; the file is damaged")
+        if not (
+            np.isfinite([*lengths, *angles, *origin]).all()
+            and (lengths >= 0).all()
+            and ((angles > 0) & (angles < 180)).all()
+        ):
+            raise AtcError(
+                f"{where}: lengths {lengths.tolist()} and angles {angles.tolist()} make no cell; the file is damaged"
+            )
         ca, cb, cg = np.where(angles == 90, 0.0, np.cos(np.radians(angles)))
         sg = np.sqrt(1 - cg * cg)
         third = np.array([cb, (ca - cb * cg) / sg, 0.0])

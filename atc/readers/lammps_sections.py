@@ -105,7 +105,14 @@ class Section:
 
     def __init__(self, name, comment, line, buf, number, source, last):
         self._last = last  # whether its last line is the last of the file
-        self.name, self.comment, self.line, self.buf, self.number, self.source = name, comment, line, buf, number, source
+        self.name, self.comment, self.line, self.buf, self.number, self.source = (
+            name,
+            comment,
+            line,
+            buf,
+            number,
+            source,
+        )
 
     def __len__(self):
         return len(self.number)
@@ -151,7 +158,9 @@ class Section:
         hard = np.empty((4096, 4), np.int64)
         status, row, pos = _parse.FULL, 0, 0
         while status == _parse.FULL:
-            status, row, pos, n_hard = _parse.parse_table(buf, pos, np.array(kinds), np.array(slots), row, n, floats, ints, texts, hard)
+            status, row, pos, n_hard = _parse.parse_table(
+                buf, pos, np.array(kinds), np.array(slots), row, n, floats, ints, texts, hard
+            )
             for r, c, a, b in hard[:n_hard].tolist():
                 word = buf[a:b].tobytes().decode("utf-8", "replace")
                 if kinds[c] == _parse.INT:
@@ -163,7 +172,9 @@ class Section:
         if floats.size and (top := np.abs(floats).max()) > _HUGE:
             r, s = np.argwhere(np.abs(floats) == top)[0]
             c = next(k for k in range(len(kinds)) if kinds[k] == _parse.FLOAT and slots[k] == s)
-            raise AtcError(f"{self.where(r)}: {floats[r, s]:g} for {columns[c]!r} in section {name} is no number that atoms have")
+            raise AtcError(
+                f"{self.where(r)}: {floats[r, s]:g} for {columns[c]!r} in section {name} is no number that atoms have"
+            )
         out = {}
         for c, kind, slot in zip(columns, kinds, slots, strict=True):
             if kind == _parse.TEXT:
@@ -183,13 +194,17 @@ class Section:
     def _number(self, word, row, column) -> float:
         value = number_of(word)
         if value is None:
-            raise AtcError(f"{self.where(row)}: expected a finite number for {column!r} in section {self.name}, got {shortened(word)!r}")
+            raise AtcError(
+                f"{self.where(row)}: expected a finite number for {column!r} in section {self.name}, got {shortened(word)!r}"
+            )
         return value
 
     def _whole(self, word, row, column) -> int:
         value = whole_of(word)
         if value is None:
-            raise AtcError(f"{self.where(row)}: expected an integer for {column!r} in section {self.name}, got {shortened(word)!r}")
+            raise AtcError(
+                f"{self.where(row)}: expected an integer for {column!r} in section {self.name}, got {shortened(word)!r}"
+            )
         return value
 
     def _labelled(self, spans, label):
@@ -201,7 +216,9 @@ class Section:
                 text = word.decode("utf-8", "replace")
                 known[word] = label[text] if text in label else whole_of(text)
                 if known[word] is None:
-                    raise AtcError(f"{self.where(k)}: {shortened(text)!r} is neither a number nor one of the file's Type Labels")
+                    raise AtcError(
+                        f"{self.where(k)}: {shortened(text)!r} is neither a number nor one of the file's Type Labels"
+                    )
             out[k] = known[word]
         return out
 
@@ -316,7 +333,9 @@ class SectionedFile:
             return False
         alike = self._alike.get(re.sub(r"\s", "", name).lower())
         if alike is not None:
-            raise AtcError(f"{self.source}, line {self._line_of(at)}: section {shortened(name)!r}: LAMMPS wants it written {alike!r}")
+            raise AtcError(
+                f"{self.source}, line {self._line_of(at)}: section {shortened(name)!r}: LAMMPS wants it written {alike!r}"
+            )
         return True
 
     def _alone(self, at: int, end: int) -> bool:

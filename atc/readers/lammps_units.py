@@ -16,7 +16,9 @@ def settle_units(given, declared, source):
         except AtcError as e:
             raise AtcError(f"{file}: {e}") from None
         if system is not None and here.name != system.name:
-            raise AtcError(f"{file} says its units are {here.name!r} but {by} says {system.name!r}: correct the one that is wrong")
+            raise AtcError(
+                f"{file} says its units are {here.name!r} but {by} says {system.name!r}: correct the one that is wrong"
+            )
         system, by = here, str(file)
     if system is None:
         raise AtcError(

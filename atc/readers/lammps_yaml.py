@@ -46,12 +46,16 @@ class LammpsYamlDump(LammpsDump):
                 raise Truncated
             size *= 4
             if size > 1 << 20:
-                raise AtcError(f"{self.source}, frame {k}, line {line}: found no 'data:' here; is it a YAML dump of atoms?")
+                raise AtcError(
+                    f"{self.source}, frame {k}, line {line}: found no 'data:' here; is it a YAML dump of atoms?"
+                )
         lines = text[:end].decode("utf-8", "replace").split("\n")[:-1]
         h = self._header_lines(lines, line, k)
         for what, value in (("timestep", h.step), ("natoms", h.n), ("box", h.box), ("keywords", h.columns or None)):
             if value is None:
-                raise AtcError(f"{self.source}, frame {k}, line {line + len(lines) - 1}: expected '{what}:' before 'data:'")
+                raise AtcError(
+                    f"{self.source}, frame {k}, line {line + len(lines) - 1}: expected '{what}:' before 'data:'"
+                )
         h.lines, h.size = len(lines), end
         return h
 

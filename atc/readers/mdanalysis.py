@@ -85,8 +85,12 @@ class MDAnalysisTrajectory(Trajectory):
         if self._masses is not None or not hasattr(self._atoms, "masses"):
             return None
         m = np.asarray(self._atoms.masses, float)
-        declared = any(a.attrname == "masses" and not getattr(a, "is_guessed", False) for a in self._atoms.universe._topology.attrs)
-        if (m > 0).all() or (declared and (m >= 0).all() and (m > 0).any()):  # virtual sites have no mass, and their file says so
+        declared = any(
+            a.attrname == "masses" and not getattr(a, "is_guessed", False) for a in self._atoms.universe._topology.attrs
+        )
+        if (m > 0).all() or (
+            declared and (m >= 0).all() and (m > 0).any()
+        ):  # virtual sites have no mass, and their file says so
             return m * self.units.mass
         if (m > 0).any():
             bad = int(np.flatnonzero(~(m > 0))[0])
@@ -271,7 +275,11 @@ def _why(MDAnalysis, path, topology) -> str:
             if unnumbered
             else ": it is damaged, cut off, or not what its name says"
         )
-    other = len(topology.atoms) if hasattr(topology, "atoms") else count(lambda: len(MDAnalysis.Universe(os.fspath(topology)).atoms))
+    other = (
+        len(topology.atoms)
+        if hasattr(topology, "atoms")
+        else count(lambda: len(MDAnalysis.Universe(os.fspath(topology)).atoms))
+    )
     name = "the topology" if hasattr(topology, "atoms") else os.fspath(topology)
     if not hasattr(topology, "atoms") and not os.path.exists(name):
         return f": there is no topology {name}"

@@ -22,13 +22,17 @@ class FrameList(Trajectory):
             if not isinstance(f, Frame):
                 raise AtcError(f"item {k} of the list is a {type(f).__name__}, expected a Frame like the first")
             if f.units.name != self.units.name:
-                raise AtcError(f"frame {k} of the list has units {f.units.name!r}, the first {self.units.name!r}: they must agree")
+                raise AtcError(
+                    f"frame {k} of the list has units {f.units.name!r}, the first {self.units.name!r}: they must agree"
+                )
             if f.dimension != self.units.dimension:
                 raise AtcError(
                     f"frame {k} of the list is of a {f.dimension}-D run, the first of a {self.units.dimension}-D one: they must agree"
                 )
         if units is not None and unit_system(units).name != self.units.name:
-            raise AtcError(f"the frames are in {self.units.name!r} units but the units argument says {unit_system(units).name!r}")
+            raise AtcError(
+                f"the frames are in {self.units.name!r} units but the units argument says {unit_system(units).name!r}"
+            )
         self.dimension = 2 if self.units.dimension == 2 else None
         self._masses = None if masses is None else Masses(masses, self.units)
 
@@ -103,7 +107,9 @@ class Adapted(Trajectory):
         self.base, self.units, self.source = base, base.units, base.source
         self.assumed, self.dimension = base.assumed, base.dimension
         if units is not None and unit_system(units).name != base.units.name:
-            raise AtcError(f"{base.source} was opened in {base.units.name!r} units but the units argument says {unit_system(units).name!r}")
+            raise AtcError(
+                f"{base.source} was opened in {base.units.name!r} units but the units argument says {unit_system(units).name!r}"
+            )
         self._masses = None if masses is None else Masses(masses, self.units)
 
     @property
@@ -118,7 +124,11 @@ class Adapted(Trajectory):
 
     def _frame(self, k):
         frame = self.base[k]
-        return frame if self._masses is None else frame.replace(masses=self._masses(frame.types, frame.type_names, frame.source))
+        return (
+            frame
+            if self._masses is None
+            else frame.replace(masses=self._masses(frame.types, frame.type_names, frame.source))
+        )
 
     def _precision(self, frame):
         return self.base._precision(frame)

@@ -46,7 +46,9 @@ class ClassicFile:
         try:
             self._read_header()
         except (struct.error, IndexError, UnicodeDecodeError):
-            raise AtcError(f"{source}: its NetCDF header is damaged or cut off near byte {min(self._at, len(self._data))}") from None
+            raise AtcError(
+                f"{source}: its NetCDF header is damaged or cut off near byte {min(self._at, len(self._data))}"
+            ) from None
 
     # Header -----------------------------------------------------------------------------------------------------------------------------
 
@@ -117,7 +119,9 @@ class ClassicFile:
             size = dtype.itemsize
             for n in shape[along:]:
                 size *= n
-            self.variables[name] = Variable(name, tuple(dims[d][0] for d in which), shape, dtype, attrs, begin, along, size)
+            self.variables[name] = Variable(
+                name, tuple(dims[d][0] for d in which), shape, dtype, attrs, begin, along, size
+            )
         self.dims = dict(dims)
         moving = [v for v in self.variables.values() if v.along_records]
         # A single variable along the records is not padded.

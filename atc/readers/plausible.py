@@ -28,9 +28,13 @@ def doubts(frame, temperature: bool = True) -> list[str]:
         w = frame.velocities - frame.masses @ frame.velocities / frame.masses.sum()
         T = float(frame.masses @ np.einsum("nc,nc->n", w, w)) / (float(frame.dimension) * len(frame) * u.boltzmann)
         if T > 1e5 or 0 < T < 1e-3:
-            out.append(f"the atoms have a temperature of {T:.3g} K: velocities or masses are probably not in {u.name!r} units")
+            out.append(
+                f"the atoms have a temperature of {T:.3g} K: velocities or masses are probably not in {u.name!r} units"
+            )
     if frame.cell.volume > 0 and frame.dimension == 3:
         density = frame.masses.sum() / frame.cell.volume * _GCC
         if density > 30:
-            out.append(f"the box has a mean density of {density:.3g} g/cm^3: lengths or masses are probably not in {u.name!r} units")
+            out.append(
+                f"the box has a mean density of {density:.3g} g/cm^3: lengths or masses are probably not in {u.name!r} units"
+            )
     return out

@@ -43,14 +43,29 @@ _MAGICS = (
     ),
     (b"\x7fELF", "a program: give the trajectory"),
     (b"MZ\x90", "a program: give the trajectory"),
-    (b"\x80\x02", "a pickle of Python, which is not opened because that could run anything: write the frames as extended XYZ"),
-    (b"\x80\x03", "a pickle of Python, which is not opened because that could run anything: write the frames as extended XYZ"),
-    (b"\x80\x04", "a pickle of Python, which is not opened because that could run anything: write the frames as extended XYZ"),
-    (b"\x80\x05", "a pickle of Python, which is not opened because that could run anything: write the frames as extended XYZ"),
+    (
+        b"\x80\x02",
+        "a pickle of Python, which is not opened because that could run anything: write the frames as extended XYZ",
+    ),
+    (
+        b"\x80\x03",
+        "a pickle of Python, which is not opened because that could run anything: write the frames as extended XYZ",
+    ),
+    (
+        b"\x80\x04",
+        "a pickle of Python, which is not opened because that could run anything: write the frames as extended XYZ",
+    ),
+    (
+        b"\x80\x05",
+        "a pickle of Python, which is not opened because that could run anything: write the frames as extended XYZ",
+    ),
 )
 
 _TEXTS = (
-    (rb"(?i)\A\s*<(!doctype html|html|head|body)\b", "a web page (HTML), no trajectory: a download that failed often leaves one"),
+    (
+        rb"(?i)\A\s*<(!doctype html|html|head|body)\b",
+        "a web page (HTML), no trajectory: a download that failed often leaves one",
+    ),
     (
         rb"\A\s*(<\?xml[^>]*>\s*)?<VTKFile|\A# vtk DataFile",
         "a VTK file, made for pictures (dump vtk, or atc export): give the trajectory itself",

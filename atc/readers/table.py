@@ -55,7 +55,9 @@ def parse_columns(buf, names, kinds, n: int, where: Callable[[int], str], finite
         raise _miscounted(where(row), names, buf[pos : pos + 4096].tobytes().split(b"\n", 1)[0])
     out = {}
     for name, kind, slot in zip(names, kinds, slots):
-        out[name] = words(buf, texts[:, slot], name, where) if kind == TEXT else (floats if kind == FLOAT else ints)[:, slot]
+        out[name] = (
+            words(buf, texts[:, slot], name, where) if kind == TEXT else (floats if kind == FLOAT else ints)[:, slot]
+        )
     return out
 
 
@@ -74,7 +76,9 @@ def convert(token: bytes, kind: int, name: str, where: Callable[[], str], finite
                 raise ValueError
             return exact
     except (ValueError, OverflowError):
-        raise AtcError(f"{where()}: column {name!r} holds {text[:40]!r}, expected {'an integer' if kind == INT else 'a number'}") from None
+        raise AtcError(
+            f"{where()}: column {name!r} holds {text[:40]!r}, expected {'an integer' if kind == INT else 'a number'}"
+        ) from None
     if name in finite and not np.isfinite(value):
         raise AtcError(f"{where()}: column {name!r} holds {text!r}; the run that wrote it has probably blown up")
     return value
@@ -88,7 +92,9 @@ def words(buf, ranges, name: str, where: Callable[[int], str]) -> np.ndarray:
     lengths = ranges[:, 1] - ranges[:, 0]
     width = int(lengths.max())
     if width > LONGEST_WORD:
-        raise AtcError(f"{where(int(lengths.argmax()))}: column {name!r} holds a word of {width} letters; the file is damaged")
+        raise AtcError(
+            f"{where(int(lengths.argmax()))}: column {name!r} holds a word of {width} letters; the file is damaged"
+        )
     at = ranges[:, :1] + np.arange(width)
     chars = np.where(at < ranges[:, 1:], buf[np.minimum(at, len(buf) - 1)], 0).astype(np.uint8)
     return np.char.decode(np.ascontiguousarray(chars).view(f"S{width}")[:, 0], "utf-8", "replace")

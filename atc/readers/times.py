@@ -85,7 +85,9 @@ class Clock:
         u = seen.frame.units
         slack = 0.0
         if kind == "times":
-            slack = 4.0 * float(np.spacing(np.float32(max(abs(seen.time), abs(last.time)))))  # some formats keep times as float32
+            slack = 4.0 * float(
+                np.spacing(np.float32(max(abs(seen.time), abs(last.time))))
+            )  # some formats keep times as float32
         if not distance > 0:
             back = "repeats" if distance == 0 else "goes back"
             which = "step" if kind == "steps" else "time"
@@ -104,7 +106,13 @@ class Clock:
         else:
             here, there = f"{distance:.0f} steps", f"{self._distance:.0f}"
         text = f"{_called(seen)} comes {here} after {_called(last)}, those before are {there} apart"
-        if kind == "times" and self._steps and seen.step is not None and last.step is not None and seen.step - last.step == self._steps:
+        if (
+            kind == "times"
+            and self._steps
+            and seen.step is not None
+            and last.step is not None
+            and seen.step - last.step == self._steps
+        ):
             a, b = (u.to_user("time", d / self._steps) for d in (self._distance, distance))
             text = f"the time step changes from {a:.6g} to {b:.6g} {u.label('time')} at {_called(last)}"
         self.gap = text
@@ -140,7 +148,13 @@ def _called(seen: _Seen) -> str:
 
 def same_moment(a, b) -> bool:
     """Whether two frames are one moment written twice: the same step and time, atoms at the same places (through periodic faces) with the same velocities."""
-    if a is None or (a.step is None and a.time is None) or a.step != b.step or len(a) != len(b) or not np.array_equal(a.ids, b.ids):
+    if (
+        a is None
+        or (a.step is None and a.time is None)
+        or a.step != b.step
+        or len(a) != len(b)
+        or not np.array_equal(a.ids, b.ids)
+    ):
         return False
     if a.step is None and (b.time is None or a.time != b.time):
         return False

@@ -190,7 +190,9 @@ class Trajectory(Sequence):
         out["topology"] = {k: len(getattr(t, k)) for k in ("bonds", "angles", "dihedrals", "impropers")} if t else None
         out["step"] = None if first.step is None or last.step is None else [int(first.step), int(last.step)]
         out["time"] = (
-            None if first.time is None or last.time is None else [u.to_user("time", float(first.time)), u.to_user("time", float(last.time))]
+            None
+            if first.time is None or last.time is None
+            else [u.to_user("time", float(first.time)), u.to_user("time", float(last.time))]
         )
         resolution, why = self._precision(first)
         out["coordinate_resolution"] = float(u.to_user("length", resolution))

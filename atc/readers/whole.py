@@ -33,7 +33,9 @@ def whole_bytes(path, largest: int = LARGEST) -> np.ndarray:
             parts.append(part)
             at += len(part)
             if at > largest:
-                raise AtcError(f"{path}: {size} compressed bytes hold more than the {largest} bytes that such a file may have")
+                raise AtcError(
+                    f"{path}: {size} compressed bytes hold more than the {largest} bytes that such a file may have"
+                )
     return _ended(np.concatenate(parts) if parts else np.zeros(0, np.uint8))
 
 
@@ -60,11 +62,15 @@ def whole_text(path, what: str, where: str = "") -> str:
         if stat.S_ISDIR(mode):
             raise AtcError(f"{at}cannot read the {what} file {name!r} (it is a directory): give the path of a file")
         if not stat.S_ISREG(mode):
-            raise AtcError(f"{at}cannot read the {what} file {name!r} (it is a pipe or a device): write it to a file first")
+            raise AtcError(
+                f"{at}cannot read the {what} file {name!r} (it is a pipe or a device): write it to a file first"
+            )
         text = whole_bytes(path, LARGEST_TEXT).tobytes()
     except (OSError, ValueError) as e:
         why = getattr(e, "strerror", None) or "no possible name of a file"
-        raise AtcError(f"{at}cannot read the {what} file {name!r} ({why}): give its path relative to the input") from None
+        raise AtcError(
+            f"{at}cannot read the {what} file {name!r} ({why}): give its path relative to the input"
+        ) from None
     if b"\0" in text[: 1 << 16]:
         raise AtcError(f"{at}the {what} file {name!r} is not a text file: it holds zero bytes")
     return text.decode("utf-8", "replace")

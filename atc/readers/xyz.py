@@ -26,7 +26,16 @@ _VELOCITIES = ("vel", "velo", "velocity", "velocities")
 _FORCES = ("forces", "force", "frc")
 _VECTORS = {"pos": ("x", "y", "z"), "positions": ("x", "y", "z")}
 _VECTORS |= {n: ("vx", "vy", "vz") for n in _VELOCITIES} | {n: ("fx", "fy", "fz") for n in _FORCES}
-_SCALARS = {"mass": "mass", "masses": "mass", "q": "q", "charge": "q", "charges": "q", "initial_charges": "q", "id": "id", "type": "type"}
+_SCALARS = {
+    "mass": "mass",
+    "masses": "mass",
+    "q": "q",
+    "charge": "q",
+    "charges": "q",
+    "initial_charges": "q",
+    "id": "id",
+    "type": "type",
+}
 _OWN_MASS = "the file's own mass"
 _NO_GUARD = contextlib.nullcontext()
 _DUMP = "dump it as custom (id type x y z vx vy vz) or extxyz instead"
@@ -68,20 +77,28 @@ class ExtendedXyz(LammpsTrajectory):
         self.source, self.path = str(path), Path(path)
         self._spans, self._next, self._line, self._complete = [], 0, 1, False
         if not self._has(0):
-            raise AtcError(f"{path} holds no complete frame: it ends within its first one, or that one's last line has no line end")
+            raise AtcError(
+                f"{path} holds no complete frame: it ends within its first one, or that one's last line has no line end"
+            )
         comment = self._comment(0)
         self._by_lammps = comment.kind in ("lammps", "lammps plain")
         given = getattr(units, "name", units)
         if self._by_lammps and given == "ase":
-            raise AtcError(f"{path} was written by LAMMPS: its units are those of the run, e.g. units='metal', never ASE's")
+            raise AtcError(
+                f"{path} was written by LAMMPS: its units are those of the run, e.g. units='metal', never ASE's"
+            )
         if comment.kind == "lammps plain" and topology is None:
             raise AtcError(
                 f"{path} is a plain XYZ file of LAMMPS (dump xyz), which holds neither the box nor velocities: {_DUMP}, or give the data file of the run as topology, with units, if its box does not change"
             )
         if comment.kind == "ipi" and given not in (None, "ase"):
-            raise AtcError(f"{path}: its comment gives the units of i-PI, and it is read in ASE's: leave units={given!r} out")
+            raise AtcError(
+                f"{path}: its comment gives the units of i-PI, and it is read in ASE's: leave units={given!r} out"
+            )
         if self._by_lammps and given is None and topology is None:
-            raise AtcError(f"{path} was written by LAMMPS in the units of its run, which it does not say: give them, e.g. units='metal'")
+            raise AtcError(
+                f"{path} was written by LAMMPS in the units of its run, which it does not say: give them, e.g. units='metal'"
+            )
         self._ase = not self._by_lammps and given in (None, "ase")
         self._told = given is not None
         if self._ase and topology is not None:
@@ -93,7 +110,9 @@ class ExtendedXyz(LammpsTrajectory):
         else:
             super().__init__(path, topology, units, masses, None)
             if self.units.name not in LAMMPS_STYLES:
-                raise AtcError(f"{path}: units={self.units.name!r}: expected 'ase' or a unit style of LAMMPS ({', '.join(LAMMPS_STYLES)})")
+                raise AtcError(
+                    f"{path}: units={self.units.name!r}: expected 'ase' or a unit style of LAMMPS ({', '.join(LAMMPS_STYLES)})"
+                )
         if self._data is not None:
             self._ids_of_data(self._spans[0][3], f"{path}, frame 0")
 
@@ -116,7 +135,9 @@ class ExtendedXyz(LammpsTrajectory):
             if n < 0 or n > 1 << 48:
                 raise ValueError
         except ValueError:
-            raise AtcError(f"{self.source}, frame {k}, line {self._line}: expected the number of atoms, got {shown(first)}") from None
+            raise AtcError(
+                f"{self.source}, frame {k}, line {self._line}: expected the number of atoms, got {shown(first)}"
+            ) from None
         if end and not n:
             raise AtcError(f"{self.source}, frame {k}, line {self._line}: a frame without atoms")
         left, pos = n + 2, start
@@ -137,7 +158,9 @@ class ExtendedXyz(LammpsTrajectory):
                 )
                 return False
             if not seen and len(buf):
-                raise AtcError(f"{self.source}, frame {k}, byte {pos - used}: a line of more than {len(buf)} letters; the file is damaged")
+                raise AtcError(
+                    f"{self.source}, frame {k}, byte {pos - used}: a line of more than {len(buf)} letters; the file is damaged"
+                )
         self._spans.append((start, pos, self._line, n))
         self._next, self._line = pos, self._line + n + 2
         return True
@@ -197,7 +220,9 @@ class ExtendedXyz(LammpsTrajectory):
         comment = read_comment(text, where)
         names, kinds = self._layout(comment, buf, where)
         finite = KNOWN_FLOATS | {name for name in names if name.split("[")[0] in _VECTORS}
-        raw = parse_columns(buf, names, kinds, n, lambda row: f"{self.source}, frame {k}, line {line + 2 + row}", finite)
+        raw = parse_columns(
+            buf, names, kinds, n, lambda row: f"{self.source}, frame {k}, line {line + 2 + row}", finite
+        )
         widths = {name: width for name, _, width in comment.columns} or {"species": 1, "pos": 3}
         columns = self._meanings(raw, widths, where, comment)
         if self._data is not None and "id" not in columns:
@@ -218,12 +243,20 @@ class ExtendedXyz(LammpsTrajectory):
                 unknown = None if has_momenta else name
             if self._ase and low in ("type", "charge", "charges", "q"):
                 target = None  # ASE's own name is initial_charges; a type of others is not counted from 1
-            if low == "id" and not self._by_lammps and (parts[0].dtype.kind != "i" or len(np.unique(parts[0])) < len(parts[0])):
+            if (
+                low == "id"
+                and not self._by_lammps
+                and (parts[0].dtype.kind != "i" or len(np.unique(parts[0])) < len(parts[0]))
+            ):
                 target = None
             if low in _SPECIES and width == 1 and "element" not in out:
                 out |= self._species_columns(parts[0].astype(str), where, comment)
             elif (
-                low == "z" and width == 1 and parts[0].dtype.kind == "i" and "element" not in out and not any(s in widths for s in _SPECIES)
+                low == "z"
+                and width == 1
+                and parts[0].dtype.kind == "i"
+                and "element" not in out
+                and not any(s in widths for s in _SPECIES)
             ):
                 out["element"] = _symbols(parts[0], where)
             elif target and target != (None,) and target[0] not in out:
@@ -232,7 +265,9 @@ class ExtendedXyz(LammpsTrajectory):
                 out.update({name: parts[0]} if width == 1 else {f"{name}[{j}]": p for j, p in enumerate(parts, 1)})
         out.update(raw)
         if "x" not in out:
-            raise AtcError(f"{where}: no positions among Properties={comment.keys.get('properties', '')[:80]!r}: expected pos:R:3")
+            raise AtcError(
+                f"{where}: no positions among Properties={comment.keys.get('properties', '')[:80]!r}: expected pos:R:3"
+            )
         if unknown:
             self._once(
                 "velocities",
@@ -285,7 +320,10 @@ class ExtendedXyz(LammpsTrajectory):
                 f"{self.source}: i-PI did not name the unit of its cell: atomic_unit, i-PI's own, is taken; write cell{{...}} into the comment if it is another",
             )
         if TIME_ROUNDED in comment.keys:
-            self._once("time", f"{self.source}: six decimals leave too little of its times in these units; steps without times are read")
+            self._once(
+                "time",
+                f"{self.source}: six decimals leave too little of its times in these units; steps without times are read",
+            )
         time = None if self._ase else comment.time
         frame = self._build(columns, cell, k, where, comment.step, time, line_of)
         return self._as_ase(frame, where) if self._ase else frame
@@ -294,7 +332,8 @@ class ExtendedXyz(LammpsTrajectory):
         u = self.units
         if comment.kind == "lammps plain":
             self._once(
-                "box", f"{self.source}: its box is not in the file and is taken from {self._data.source}: right only if it never changes"
+                "box",
+                f"{self.source}: its box is not in the file and is taken from {self._data.source}: right only if it never changes",
             )
             return self._data.cell
         if comment.vectors is None:

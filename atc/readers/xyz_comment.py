@@ -11,7 +11,9 @@ from ..errors import AtcError
 from ..units import units as unit_system
 from .lammps_dump import number, whole
 
-_PAIR = re.compile(r"""([A-Za-z_][\w.-]*)\s*=\s*("(?:[^"\\]|\\.)*"|'[^']*'|\{[^}]*\}|\[(?:[^\[\]]|\[[^\[\]]*\])*\]|[^\s"'{\[]\S*)""")
+_PAIR = re.compile(
+    r"""([A-Za-z_][\w.-]*)\s*=\s*("(?:[^"\\]|\\.)*"|'[^']*'|\{[^}]*\}|\[(?:[^\[\]]|\[[^\[\]]*\])*\]|[^\s"'{\[]\S*)"""
+)
 _IPI = re.compile(r"CELL[\(\[\{](abcABC|H|GENH)[\)\]\}]:\s*((?:[-+\d.eE]+\s+){5,8}[-+\d.eE]+)")
 _BRACES = re.compile(r"\b(cell|positions|velocities|forces|momenta)\s*\{(\w+)\}")
 _PLAIN_LAMMPS = re.compile(r"^\s*Atoms\. Timestep: (-?\d+)(?:\s+Time: (\S+))?\s*$")
@@ -19,7 +21,12 @@ _LONGEST = 1 << 14
 #: Keys of `Comment.keys` for what the reader has to say about a comment.
 CELL_UNIT_TAKEN, TIME_ROUNDED = "cell unit taken", "time rounded away"
 _LAMMPS = re.compile(r"\s*Timestep=\S+ Time=\S+ pbc=|.*\bTimestep=.*\bPotential_energy=")
-_LENGTHS = {"angstrom": 1.0, "nanometer": 10.0, "atomic_unit": unit_system("electron").length, "bohr": unit_system("electron").length}
+_LENGTHS = {
+    "angstrom": 1.0,
+    "nanometer": 10.0,
+    "atomic_unit": unit_system("electron").length,
+    "bohr": unit_system("electron").length,
+}
 
 
 @dataclass
@@ -28,7 +35,9 @@ class Comment:
 
     kind: str
     keys: dict = field(default_factory=dict)  # lower-case key -> text, extended ones
-    columns: list = field(default_factory=list)  # (name, letter of its type, width); empty: species and three coordinates
+    columns: list = field(
+        default_factory=list
+    )  # (name, letter of its type, width); empty: species and three coordinates
     vectors: np.ndarray | None = None  # (3, 3) rows, in the file's unit of length
     origin: np.ndarray | None = None
     periodic: tuple | None = None
@@ -44,7 +53,9 @@ def read_comment(line: str, where: str) -> Comment:
         raise AtcError(f"{where}: a comment of {len(line)} letters; the file is damaged")
     m = _PLAIN_LAMMPS.match(line)
     if m:
-        return Comment("lammps plain", step=_step(m.group(1), where), time=_time(m.group(2), where) if m.group(2) else None)
+        return Comment(
+            "lammps plain", step=_step(m.group(1), where), time=_time(m.group(2), where) if m.group(2) else None
+        )
     m = _IPI.search(line)
     if m:
         return _ipi(m, line, where)
@@ -136,7 +147,10 @@ def _extended(line: str, where: str) -> Comment:
 
 
 def _ipi(m, line: str, where: str) -> Comment:
-    what, values = m.group(1), np.array([float(w) for w in m.group(2).split()] if _all_numbers(m.group(2)) else [np.nan])
+    what, values = (
+        m.group(1),
+        np.array([float(w) for w in m.group(2).split()] if _all_numbers(m.group(2)) else [np.nan]),
+    )
     braces = dict(_BRACES.findall(line))
     for other in ("velocities", "forces", "momenta"):
         if other in braces:
@@ -153,7 +167,13 @@ def _ipi(m, line: str, where: str) -> Comment:
             raise AtcError(f"{where}: {name}{{{braces[name]}}}: expected one of {', '.join(_LENGTHS)}")
     if len(values) != (6 if what == "abcABC" else 9) or not np.isfinite(values).all():
         raise AtcError(f"{where}: expected {6 if what == 'abcABC' else 9} numbers behind CELL({what})")
-    c = Comment("ipi", keys, length=_LENGTHS[braces["positions"]], cell_length=_LENGTHS[braces["cell"]], periodic=(True, True, True))
+    c = Comment(
+        "ipi",
+        keys,
+        length=_LENGTHS[braces["positions"]],
+        cell_length=_LENGTHS[braces["cell"]],
+        periodic=(True, True, True),
+    )
     if what == "abcABC":
         a, b, l = values[:3]
         ca, cb, cg = np.where(values[3:] == 90, 0.0, np.cos(np.radians(values[3:])))
@@ -168,7 +188,9 @@ def _ipi(m, line: str, where: str) -> Comment:
     else:
         h = values.reshape(3, 3)
         if h[1, 0] or h[2, 0] or h[2, 1]:
-            raise AtcError(f"{where}: CELL({what}) is not upper triangular: i-PI turns such cells, and the atoms stay; write CELL(abcABC)")
+            raise AtcError(
+                f"{where}: CELL({what}) is not upper triangular: i-PI turns such cells, and the atoms stay; write CELL(abcABC)"
+            )
         c.vectors = h.T  # i-PI's h has the edge vectors as columns
     step = re.search(r"\bStep:\s*(-?\d+)", line)
     if step:

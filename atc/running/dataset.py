@@ -22,7 +22,9 @@ def grid_moves(request: Request) -> bool:
         return False
     if follows_cell(request):
         return request.frames[1].cell != request.first.cell
-    return getattr(request.grid, "follows_atoms", False) and bool(set(request.work.grid_users) - set(request.work.on_reference))
+    return getattr(request.grid, "follows_atoms", False) and bool(
+        set(request.work.grid_users) - set(request.work.on_reference)
+    )
 
 
 def moving_coordinates(bound, u) -> dict:
@@ -53,7 +55,10 @@ def output_layout(request: Request, frame, result: FrameResult, moves: bool = Fa
 
     first_of = "first frame of the window" if request.average is not False else "frame"
     static(
-        "frame", ("frame",), np.arange(request.entries, dtype=i8) * request.window, long_name=f"number of the {first_of} in the trajectory"
+        "frame",
+        ("frame",),
+        np.arange(request.entries, dtype=i8) * request.window,
+        long_name=f"number of the {first_of} in the trajectory",
     )
     moving("step", (), (), i8, True, long_name=f"time step of the {first_of} (-1: unknown)")
     moving("time", (), (), f8, True, units=u.label("time"), long_name=f"time of the {first_of}")
@@ -71,7 +76,11 @@ def output_layout(request: Request, frame, result: FrameResult, moves: bool = Fa
         for name, (dims, values, attrs) in _grid_coordinates(bound, u).items():
             if name not in at_times:
                 static(
-                    name, dims, values, **attrs, **({"comment": f"of the first frame; position_{name} has every frame's"} if moves else {})
+                    name,
+                    dims,
+                    values,
+                    **attrs,
+                    **({"comment": f"of the first frame; position_{name} has every frame's"} if moves else {}),
                 )
     tail = {0: (), 1: ("i",), 2: ("i", "j")}
     for q in work.quantities:
@@ -80,7 +89,9 @@ def output_layout(request: Request, frame, result: FrameResult, moves: bool = Fa
         attrs = {"units": u.label(q.dimension), "long_name": q.long_name, "sign_convention": q.sign}
         comment = [_in_plane(q.comment) if u.dimension == 2 else q.comment] if q.comment else []
         if request.average is not False:
-            comment.append(f"time average {'<w X>/<w>, w the ' + _WEIGHTS[q.weight] if q.weight else 'of the fields of the frames'}")
+            comment.append(
+                f"time average {'<w X>/<w>, w the ' + _WEIGHTS[q.weight] if q.weight else 'of the fields of the frames'}"
+            )
         moving(q.name, head + tail[q.rank], shape, f8, **attrs, **({"comment": "; ".join(comment)} if comment else {}))
         if request.average is not False:
             moving(f"{q.name}_stderr", head + tail[q.rank], shape, f8, units=attrs["units"], long_name=f"standard error of {q.long_name}",
@@ -91,7 +102,15 @@ def output_layout(request: Request, frame, result: FrameResult, moves: bool = Fa
         moving("mask", grid_dims, result.mask.shape, np.dtype(bool), units="1", sign_convention="none",
                long_name="whether there is mass within the kernel: velocity and whatever is relative to it are NaN where not")  # fmt: skip
     if request.average is not False:
-        moving("frames_averaged", (), (), i8, units="1", sign_convention="none", long_name="number of frames in the average")
+        moving(
+            "frames_averaged",
+            (),
+            (),
+            i8,
+            units="1",
+            sign_convention="none",
+            long_name="number of frames in the average",
+        )
     attrs = {
         "atc_version": __version__,
         "version": __version__,
@@ -100,7 +119,10 @@ def output_layout(request: Request, frame, result: FrameResult, moves: bool = Fa
         "quantities": ", ".join(q.name for q in work.quantities),
     }
     if work.horizon_users:
-        attrs.update(horizon=u.to_user("length", horizon_of(request.settings(), u, work.horizon_users)), horizon_units=u.label("length"))
+        attrs.update(
+            horizon=u.to_user("length", horizon_of(request.settings(), u, work.horizon_users)),
+            horizon_units=u.label("length"),
+        )
     if bound is not None and not work.kernel_users:
         attrs.update(method=request.method_used, grid=_grid_name(request.grid))
     elif bound is not None:
@@ -134,7 +156,11 @@ def _grid_coordinates(bound, u) -> dict:
     out = {}
     for name, entry in bound.coords(u).items():
         dims, values, *attrs = entry
-        out[name] = ((dims,) if isinstance(dims, str) else tuple(dims), np.asarray(values), dict(attrs[0]) if attrs else {})
+        out[name] = (
+            (dims,) if isinstance(dims, str) else tuple(dims),
+            np.asarray(values),
+            dict(attrs[0]) if attrs else {},
+        )
     return out
 
 

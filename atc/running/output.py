@@ -59,7 +59,9 @@ def explained(path):
                 f"{path}: the disk is full: make room and run the same command again (frames that are complete, if any, are kept in {path}.partial)"
             ) from e
         why = " ".join(str(e.strerror or e).split())[:200]
-        raise AtcError(f"{path}: cannot be written ({why}): choose another output file or change its permissions") from e
+        raise AtcError(
+            f"{path}: cannot be written ({why}): choose another output file or change its permissions"
+        ) from e
 
 
 def dataset_in_memory(layout: Layout, entries: list[dict], attrs: dict):
@@ -68,7 +70,9 @@ def dataset_in_memory(layout: Layout, entries: list[dict], attrs: dict):
 
     data, coords = {}, {}
     for v in layout.variables:
-        values = v.static if v.static is not None else np.stack([e[v.name] for e in entries]).astype(v.dtype, copy=False)
+        values = (
+            v.static if v.static is not None else np.stack([e[v.name] for e in entries]).astype(v.dtype, copy=False)
+        )
         (coords if v.coordinate else data)[v.name] = (v.all_dims, values, _clean({**v.attrs, **attrs.get(v.name, {})}))
     return xr.Dataset(data, coords, _clean({**layout.attrs, **attrs.get("", {}), "variables": " ".join(data)}))
 
@@ -198,7 +202,12 @@ class Store:
                 if v.static is not None:
                     chunks = tuple(max(1, n) for n in shape)
                 else:
-                    first = max(1, int(_CHUNK_BYTES // max(1, np.dtype(dtype).itemsize * int(np.prod(v.shape[1:], dtype=np.int64)))))
+                    first = max(
+                        1,
+                        int(
+                            _CHUNK_BYTES // max(1, np.dtype(dtype).itemsize * int(np.prod(v.shape[1:], dtype=np.int64)))
+                        ),
+                    )
                     chunks = (1, *(max(1, min(n, first) if k == 0 else n) for k, n in enumerate(v.shape)))
                 with _every_chunk():
                     array = self._group.create_array(
@@ -324,7 +333,9 @@ class Store:
         """See that there is room for the file: HDF5 takes a full disk badly, and says so at length on standard error."""
         need = 2**18
         for v in self.layout.variables:
-            count = v.static.size if v.static is not None else self.layout.entries * int(np.prod(v.shape, dtype=np.int64))
+            count = (
+                v.static.size if v.static is not None else self.layout.entries * int(np.prod(v.shape, dtype=np.int64))
+            )
             need += count * max(8, np.dtype(v.dtype).itemsize)
         if hasattr(os, "posix_fallocate"):
             handle = os.open(path, os.O_CREAT | os.O_WRONLY, 0o666)
@@ -346,7 +357,9 @@ class Store:
             fcntl.flock(self._handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             self._handle.close()
-            raise AtcError(f"{self.partial}: another run is writing this output: wait for it, or choose another name") from None
+            raise AtcError(
+                f"{self.partial}: another run is writing this output: wait for it, or choose another name"
+            ) from None
 
     def close(self) -> None:
         """Let another run have the place, and leave nothing behind that nobody could continue."""

@@ -81,7 +81,10 @@ def _in_processes(request, settings, frames):
 
     try:
         pool = ProcessPoolExecutor(
-            request.workers, mp_context=multiprocessing.get_context("spawn"), initializer=_begin_worker, initargs=(settings,)
+            request.workers,
+            mp_context=multiprocessing.get_context("spawn"),
+            initializer=_begin_worker,
+            initargs=(settings,),
         )
     except (OSError, ImportError) as e:  # no semaphores: a container without /dev/shm
         warnings.warn(
@@ -157,7 +160,9 @@ def connected(cluster):
             warnings.filterwarnings("ignore", message="Sending large graph")
             yield client
     except distributed.KilledWorker as e:
-        raise AtcError(f"cluster: workers died again and again over one frame, out of memory? ({' '.join(str(e).split())[:160]})") from None
+        raise AtcError(
+            f"cluster: workers died again and again over one frame, out of memory? ({' '.join(str(e).split())[:160]})"
+        ) from None
     finally:
         if own:
             client.close()

@@ -237,7 +237,9 @@ def _settle(request: Request, store, start: int) -> FrameResult | None:
                 if m.looser_than(request.methods[k])
             ]
             if changed:
-                result.refined = [Refinement(f"for all frames, after the first: {', '.join(changed)} ({result.refined[0]})")]
+                result.refined = [
+                    Refinement(f"for all frames, after the first: {', '.join(changed)} ({result.refined[0]})")
+                ]
     if store is not None:
         store.remember("methods", {key: m.plain() for key, m in request.methods.items()})
     return result if start == 0 else None
@@ -323,7 +325,9 @@ class _Sink:
             # The weight stays in internal units: only ratios of it matter.
             if name not in self.averages:
                 self.averages[name] = BlockAverage(block=self.request.group(k), threads=self.request.threads)
-            self.averages[name].add(x, None if weight is None else result.weights[name], result.frames, result.within.get(name))
+            self.averages[name].add(
+                x, None if weight is None else result.weights[name], result.frames, result.within.get(name)
+            )
         if result.mask is not None:
             self.any_mass = result.mask.copy() if self.any_mass is None else self.any_mass | result.mask
         if "frame" not in self.note:
@@ -386,7 +390,9 @@ class _Sink:
             if not self._said_refined:
                 self._said_refined = True
                 warnings.warn(
-                    f"{frame.source}: computed again more closely: {what} (further ones are noted in the output)", AtcWarning, stacklevel=2
+                    f"{frame.source}: computed again more closely: {what} (further ones are noted in the output)",
+                    AtcWarning,
+                    stacklevel=2,
                 )
         self.note["frames"] = self.note.get("frames", 0) + result.frames
         self.note.setdefault("digests", []).extend(frame_digest(f) for f in (frame, *more))
@@ -473,7 +479,11 @@ class _Sink:
                 exact = all(m.exact or not m.forced for m in self.request.methods.values())
                 warnings.warn(
                     f"the measured error {worst:.1e} exceeds the tolerance {self.request.tolerance:.1e}: "
-                    + ("a field is hardly more than the rounding of what it is the difference of" if exact else "use method='direct'"),
+                    + (
+                        "a field is hardly more than the rounding of what it is the difference of"
+                        if exact
+                        else "use method='direct'"
+                    ),
                     AtcWarning,
                     stacklevel=2,
                 )

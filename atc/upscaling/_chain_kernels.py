@@ -41,7 +41,9 @@ def springs_force(u, w, out):
         row = out[begin:end]
         row[:] = 0.0
         for q in range(1, M + 1):
-            _add_neighbors(u[M + begin - q : M + end - q], u[M + begin : M + end], u[M + begin + q : M + end + q], w[q - 1], row)
+            _add_neighbors(
+                u[M + begin - q : M + end - q], u[M + begin : M + end], u[M + begin + q : M + end + q], w[q - 1], row
+            )
 
 
 @njit(cache=True, error_model="numpy")

@@ -77,7 +77,9 @@ class Springs:
         object.__setattr__(self, "weights", weights)
 
     @classmethod
-    def paper(cls, spacing: float, neighbors: int, modulus: float = 1.0, density: float = 1.0, name: str = "springs") -> Springs:
+    def paper(
+        cls, spacing: float, neighbors: int, modulus: float = 1.0, density: float = 1.0, name: str = "springs"
+    ) -> Springs:
         """The paper's springs: K(M)/|qΔx| with K(M) = 2K₁/(M(M+1)) (eqs. 4.1, A.2)."""
         spacing, M = positive("spacing", spacing), whole("neighbors", neighbors)
         q = np.arange(1, M + 1)
@@ -89,7 +91,9 @@ class Springs:
         horizon, spacing = positive("horizon", horizon), positive("spacing", spacing)
         M = round(horizon / spacing)
         if M < 1 or abs(M * spacing - horizon) > 1e-9 * horizon:
-            raise AtcError(f"horizon = {horizon:g}: not a multiple of spacing = {spacing:g}; the paper's quadrature needs one")
+            raise AtcError(
+                f"horizon = {horizon:g}: not a multiple of spacing = {spacing:g}; the paper's quadrature needs one"
+            )
         return cls.paper(spacing, M, modulus, density, name="peridynamics")
 
     @property
@@ -140,7 +144,10 @@ class Springs:
         squared = self.frequency_squared(k)
         best, step = int(np.argmax(squared)), k[1]
         around = minimize_scalar(
-            lambda p: -float(self.frequency_squared(p)), bounds=(k[best] - step, k[best] + step), method="bounded", options={"xatol": 1e-12}
+            lambda p: -float(self.frequency_squared(p)),
+            bounds=(k[best] - step, k[best] + step),
+            method="bounded",
+            options={"xatol": 1e-12},
         )
         return math.sqrt(max(float(squared[best]), -around.fun))
 
@@ -162,7 +169,10 @@ class Springs:
         """½ Δx Σ_bonds w_q (u_{i+q} − u_i)², an energy (× cross-section)."""
         from ._chain_kernels import springs_energy
 
-        return springs_energy(np.ascontiguousarray(u_n, dtype=float), self.weights, check_boundary(boundary) == "periodic") * self.spacing
+        return (
+            springs_energy(np.ascontiguousarray(u_n, dtype=float), self.weights, check_boundary(boundary) == "periodic")
+            * self.spacing
+        )
 
     def acceleration(self, u_n, boundary: str = "periodic") -> np.ndarray:
         """ü of all nodes for the displacements `u_n`."""

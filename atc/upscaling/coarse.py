@@ -18,7 +18,9 @@ from .evolve import count_steps, modal, relative_error
 METHODS = ("paper", "trapezoid", "moments-2", "moments-4", "band", "band-in-time")
 
 
-def coarsen(fine: Springs, spacing: float, neighbors: int, method: str = "band", band: float = 0.5, dt: float | None = None) -> Springs:
+def coarsen(
+    fine: Springs, spacing: float, neighbors: int, method: str = "band", band: float = 0.5, dt: float | None = None
+) -> Springs:
     """A chain of `neighbors` neighbours at `spacing` that stands for `fine`.
 
     Parameters
@@ -58,7 +60,9 @@ def coarsen(fine: Springs, spacing: float, neighbors: int, method: str = "band",
     elif method == "band":
         weights = _fitted_band(fine, start, positive("band", band))
     elif method == "band-in-time":
-        weights = _fitted_band(fine, start, positive("band", band), positive("dt", start.time_step() if dt is None else dt))
+        weights = _fitted_band(
+            fine, start, positive("band", band), positive("dt", start.time_step() if dt is None else dt)
+        )
     else:
         raise AtcError(
             f"coarse model {method!r}: expected paper, trapezoid, moments-2, moments-4 (or another number), band or band-in-time"
@@ -175,7 +179,10 @@ def accuracy_table(
         stable = bool(squared.min() > -1e-12 * squared.max() and dt < model.stable_time_step)
         errors = [math.nan] * 3  # an unstable chain has no solution to compare
         if stable:
-            errors = [relative_error(modal(model, u0, t, dt=step_or_exact)[0], reference[::step]) for step_or_exact in (None, dt)]
+            errors = [
+                relative_error(modal(model, u0, t, dt=step_or_exact)[0], reference[::step])
+                for step_or_exact in (None, dt)
+            ]
             errors.append(float(np.abs(model.frequency(k) / fine.frequency(k) - 1).max()))
         rows.append(
             Accuracy(

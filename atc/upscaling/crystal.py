@@ -64,7 +64,9 @@ class Crystal:
         Cell(self.vectors)  # says what is wrong with degenerate vectors
 
     @classmethod
-    def cubic(cls, structure: str, lattice_constant: float, masses, units: str | Units, *, types=None, symbols=None) -> Crystal:
+    def cubic(
+        cls, structure: str, lattice_constant: float, masses, units: str | Units, *, types=None, symbols=None
+    ) -> Crystal:
         """One of the `STRUCTURES` sc, bcc, fcc, diamond, cube edges along x, y, z.
 
         Parameters
@@ -87,7 +89,9 @@ class Crystal:
             raise AtcError(f"{structure}: expected 1 mass or {len(basis)}, got {len(masses)}")
         masses = np.broadcast_to(masses, (len(basis),))
         if types is None:
-            types = np.arange(1, len(basis) + 1) if len(basis) == 2 and masses[0] != masses[1] else np.ones(len(basis), int)
+            types = (
+                np.arange(1, len(basis) + 1) if len(basis) == 2 and masses[0] != masses[1] else np.ones(len(basis), int)
+            )
         names = {}
         if symbols is not None:
             symbols = [symbols] * len(basis) if isinstance(symbols, str) else list(symbols)
@@ -195,7 +199,9 @@ def evaluate(model, frame: Frame) -> tuple[float, np.ndarray, np.ndarray]:
     try:
         stress = atoms.get_stress(voigt=False)
     except NotImplementedError:
-        raise AtcError(f"{type(model).__name__}: this ASE calculator gives no stress, which lattice and elastic constants need") from None
+        raise AtcError(
+            f"{type(model).__name__}: this ASE calculator gives no stress, which lattice and elastic constants need"
+        ) from None
     return atoms.get_potential_energy(), atoms.get_forces(), stress * frame.cell.volume
 
 
@@ -212,7 +218,9 @@ def _ase_atoms(frame: Frame):
     from ase import Atoms
 
     if frame.units.reduced:
-        raise AtcError(f"{frame.source}: an ASE calculator works in eV and angstrom, but this crystal is in reduced units (lj)")
+        raise AtcError(
+            f"{frame.source}: an ASE calculator works in eV and angstrom, but this crystal is in reduced units (lj)"
+        )
     missing = [t for t in np.unique(frame.types).tolist() if t not in frame.type_names]
     if missing:
         raise AtcError(f"{frame.source}: an ASE calculator needs chemical symbols: give symbols= for type {missing[0]}")
@@ -314,7 +322,9 @@ def relax(crystal: Crystal, model, pressure: float = 0.0, *, tolerance: float = 
             iso[6:, 1:] = np.eye(3 * n)
             step = iso @ np.linalg.lstsq(iso.T @ full @ iso, iso.T @ residual, rcond=1e-9)[0]
         else:
-            step = np.linalg.lstsq(full, residual, rcond=1e-9)[0]  # rigid translations of the basis cost nothing: the shortest step
+            step = np.linalg.lstsq(full, residual, rcond=1e-9)[
+                0
+            ]  # rigid translations of the basis cost nothing: the shortest step
         strain, u = step[:6], step[6:].reshape(n, 3)
         largest = max(np.abs(strain).max(), np.abs(u).max() / size)
         scale = min(1.0, 0.03 / largest) if largest > 0 else 1.0

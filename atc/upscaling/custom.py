@@ -35,7 +35,9 @@ def run_chain(
         chain = Springs.paper(spacing, neighbors)
     if coarse is not None:
         if model == "lj":
-            raise AtcError("--coarse goes with springs and pd; a Lennard-Jones chain is coarsened by --spacing and --neighbors")
+            raise AtcError(
+                "--coarse goes with springs and pd; a Lennard-Jones chain is coarsened by --spacing and --neighbors"
+            )
         chain, dt = _coarsened(chain, coarse, dt)
     n = round(positive("length", length) / chain.spacing) + 1
     if n > 2_000_000:
@@ -46,14 +48,22 @@ def run_chain(
         raise AtcError(f"--initial {initial}: expected bump or square")
     u0 = shapes[initial](x, length / 2, positive("half_width", half_width), amplitude)
     if not np.any(u0):
-        raise AtcError("the initial displacement is zero everywhere: give an amplitude other than 0, and a half-width of a few spacings")
+        raise AtcError(
+            "the initial displacement is zero everywhere: give an amplitude other than 0, and a half-width of a few spacings"
+        )
     if dt is None:
         dt = 0.1 * chain.stable_time_step if model == "lj" else chain.time_step()
     steps = count_steps(duration, dt)
     if steps < 1:
         raise AtcError(f"--duration {duration:g} is shorter than one time step, {dt:g}")
     run = verlet(
-        chain, u0, dt=dt, steps=steps, every=max(1, -(-steps // whole("rows", rows))), boundary=boundary, beyond_spinodal=beyond_spinodal
+        chain,
+        u0,
+        dt=dt,
+        steps=steps,
+        every=max(1, -(-steps // whole("rows", rows))),
+        boundary=boundary,
+        beyond_spinodal=beyond_spinodal,
     )
     save_dataset(run.dataset(), output)
     return run, _picture(run, output.with_suffix(".png"))
@@ -82,7 +92,10 @@ def _picture(run, path):
     with matplotlib.rc_context(STYLE):
         fig = Figure(figsize=(10, 4), layout="constrained")
         left, middle, right = fig.subplots(1, 3, width_ratios=[1.3, 1.3, 0.9])
-        fig.colorbar(draw_density(left, run.x_n, run.t_t, run.density_tn, f"{run.model.name}: density over density at rest"), ax=left)
+        fig.colorbar(
+            draw_density(left, run.x_n, run.t_t, run.density_tn, f"{run.model.name}: density over density at rest"),
+            ax=left,
+        )
         for t in np.linspace(0, run.t_t[-1], 4):
             middle.plot(run.x_n, run.at(t), label=f"t = {t:.4g}")
         middle.set(title="displacement", xlabel="reference position")

@@ -67,11 +67,21 @@ class Dispersion:
         unit, factor = frequency_unit(u)
         out = [("crystal", f"{self.crystal.name}, lattice constant {self.crystal.lattice_constant:.7g} {length}")]
         if self.pressure is not None:
-            at_zero = f"; {self.relaxed.lattice_constant:.7g} {length} at zero pressure" if self.relaxed is not None else ""
+            at_zero = (
+                f"; {self.relaxed.lattice_constant:.7g} {length} at zero pressure" if self.relaxed is not None else ""
+            )
             out.append(("pressure", f"{self.pressure:.4g} {u.label('pressure')}{at_zero}"))
         if self.fc is not None:
-            how = {"analytic": "second derivatives of the pair potential", "displacements": "displaced atoms, sixth order"}[self.fc.method]
-            out.append(("force constants", f"{len(self.fc.i)} bonds up to {u.to_user('length', self.fc.reach):.4g} {length}; {how}"))
+            how = {
+                "analytic": "second derivatives of the pair potential",
+                "displacements": "displaced atoms, sixth order",
+            }[self.fc.method]
+            out.append(
+                (
+                    "force constants",
+                    f"{len(self.fc.i)} bonds up to {u.to_user('length', self.fc.reach):.4g} {length}; {how}",
+                )
+            )
         if self.elastic is not None:
             scale, name = (1.0 / u.pressure, u.label("pressure")) if u.reduced else (GPA, "GPa")
             c = self.elastic.C_vv * scale
@@ -82,7 +92,10 @@ class Dispersion:
                 out.append(("elastic constants", f"C11 {c11:.4f}, C12 {c12:.4f}, C44 {c44:.4f} {name}{more}"))
             else:
                 out += [
-                    ("elastic constants" if a == 0 else "", " ".join(f"{x:10.4f}" for x in row) + (f"  {name}" if a == 0 else ""))
+                    (
+                        "elastic constants" if a == 0 else "",
+                        " ".join(f"{x:10.4f}" for x in row) + (f"  {name}" if a == 0 else ""),
+                    )
                     for a, row in enumerate(c)
                 ]
         for ray in self.rays:
@@ -106,7 +119,9 @@ class Dispersion:
                 cells = "".join(f"{100 * x:9.3f}" for x in np.sqrt((m.error_bf**2).mean(axis=0)))
                 step = u.to_user("time", m.stable_step)
                 low = f"{m.min_omega2:10.2e}" if m.stable else f"{m.min_omega2:9.1e}!"
-                lines.append(f"  {m.label:<26}{cells}{100 * m.rms:9.3f}{100 * m.band:9.3f}{low}{step:11.4g} {u.label('time')}")
+                lines.append(
+                    f"  {m.label:<26}{cells}{100 * m.rms:9.3f}{100 * m.band:9.3f}{low}{step:11.4g} {u.label('time')}"
+                )
             lines.append(
                 "  (zone: rms over the whole zone; min ω²: smallest beyond the first zone up to 4·2π/a, of the crystal's largest; ! marks an unstable model; steps are 2/ω_max)"
             )
@@ -192,7 +207,11 @@ class Dispersion:
         k_user = 1.0 / u.to_user("length", 1.0)
         data, coords = {}, {"branch": np.arange(modes), "c": ["x", "y", "z"], "ray": [r.label for r in self.rays]}
         stack = lambda get: np.stack([get(r) for r in self.rays])  # noqa: E731
-        coords["fraction"] = ("point", self.rays[0].fractions, {"units": "1", "long_name": "|k| over the zone boundary's"})
+        coords["fraction"] = (
+            "point",
+            self.rays[0].fractions,
+            {"units": "1", "long_name": "|k| over the zone boundary's"},
+        )
         data["wave_vector"] = (("ray", "point", "c"), stack(lambda r: r.k_kc) * k_user, per_length)
         if self.fc is not None:
             data["frequency"] = (("ray", "point", "branch"), factor * stack(lambda r: r.lattice_km), hz)
@@ -217,20 +236,40 @@ class Dispersion:
             coords["residual_fraction"] = self.matches[0].fractions
             get = lambda name: np.array([getattr(m, name) for m in self.matches])  # noqa: E731
             dims = ("model", "residual_branch", "residual_fraction")
-            data["relative_error"] = (dims, get("error_bf"), {"units": "1", "long_name": "ω of the model over ω of the crystal, minus 1"})
-            data["velocity_error"] = (dims, get("velocity_error_bf"), {"units": "1", "long_name": "error of dω/dk over the speed of sound"})
-            data["rms_error"] = ("model", get("rms"), {"units": "1", "long_name": "rms of relative_error over branches and fractions"})
+            data["relative_error"] = (
+                dims,
+                get("error_bf"),
+                {"units": "1", "long_name": "ω of the model over ω of the crystal, minus 1"},
+            )
+            data["velocity_error"] = (
+                dims,
+                get("velocity_error_bf"),
+                {"units": "1", "long_name": "error of dω/dk over the speed of sound"},
+            )
+            data["rms_error"] = (
+                "model",
+                get("rms"),
+                {"units": "1", "long_name": "rms of relative_error over branches and fractions"},
+            )
             data["rms_error_zone"] = ("model", get("band"), {"units": "1", "long_name": "the same over the whole zone"})
             data["min_omega2"] = (
                 "model",
                 get("min_omega2"),
                 {"units": "1", "long_name": "smallest ω² beyond the zone over the crystal's largest"},
             )
-            data["stable_step"] = ("model", u.to_user("time", get("stable_step")), {"units": u.label("time"), "long_name": "2/ω_max"})
+            data["stable_step"] = (
+                "model",
+                u.to_user("time", get("stable_step")),
+                {"units": u.label("time"), "long_name": "2/ω_max"},
+            )
         if self.elastic is not None:
             coords["voigt_1"] = coords["voigt_2"] = ["xx", "yy", "zz", "yz", "xz", "xy"]
             press = {"units": u.label("pressure")}
-            data["elastic_constants"] = (("voigt_1", "voigt_2"), self.elastic.to_user(), {**press, "long_name": "C, basis relaxed"})
+            data["elastic_constants"] = (
+                ("voigt_1", "voigt_2"),
+                self.elastic.to_user(),
+                {**press, "long_name": "C, basis relaxed"},
+            )
             data["elastic_constants_born"] = (
                 ("voigt_1", "voigt_2"),
                 self.elastic.to_user("born_vv"),
@@ -247,7 +286,11 @@ class Dispersion:
                 ("spectrum", "peak of the velocity spectrum"),
                 ("spectrum_error", "its standard error"),
             ):
-                data[f"measured_{name}"] = (("k", "branch"), factor * getattr(r, f"{name}_km"), {"units": unit, "long_name": label})
+                data[f"measured_{name}"] = (
+                    ("k", "branch"),
+                    factor * getattr(r, f"{name}_km"),
+                    {"units": unit, "long_name": label},
+                )
             if r.current_kcf is not None:
                 coords["spectrum_frequency"] = ("frequency_bin", factor * r.frequency_f, {"units": unit})
                 coords["polarisation"] = ["longitudinal", "transverse"]
@@ -295,7 +338,9 @@ class Dispersion:
                 axes.plot(ray.fractions, factor * ray.lattice_km, color="black", linewidth=1.6, label="lattice")
                 top = max(top, factor * ray.lattice_km.max())
             if ray.phonopy_km is not None:
-                axes.plot(ray.fractions[::3], factor * ray.phonopy_km[::3], ".", color="0.5", markersize=4, label="phonopy")
+                axes.plot(
+                    ray.fractions[::3], factor * ray.phonopy_km[::3], ".", color="0.5", markersize=4, label="phonopy"
+                )
             for m, (name, values) in enumerate(ray.models.items()):
                 style = {"color": f"C{m}", "linewidth": 1.0, "linestyle": ("--", "-.", ":", (0, (5, 1)))[m % 4]}
                 axes.plot(ray.fractions, factor * values, **style, label=name)
@@ -403,7 +448,9 @@ def dispersion(
         return force_constants(_basis_at_rest(c, model), model, reach=reach)
 
     if traj is not None:
-        out.measured = measure(traj, crystal, directions, fc=constants if model is not None else None, blocks=blocks, timestep=timestep)
+        out.measured = measure(
+            traj, crystal, directions, fc=constants if model is not None else None, blocks=blocks, timestep=timestep
+        )
         notes += out.measured.notes
         if lattice_constant == "auto":
             crystal = out.measured.crystal
@@ -416,7 +463,9 @@ def dispersion(
         try:
             out.elastic = elastic_constants(crystal, model)
             if not out.elastic.stable:
-                notes.append("the elastic constants are not positive definite: this crystal is unstable under homogeneous strain")
+                notes.append(
+                    "the elastic constants are not positive definite: this crystal is unstable under homogeneous strain"
+                )
         except AtcError as e:
             notes.append(str(e))
     out.crystal = crystal
@@ -429,8 +478,13 @@ def dispersion(
     made = []
     if models:
         if out.elastic is None or not is_cubic(out.elastic, 1e-4):
-            raise AtcError(f"{crystal.name}: the peridynamic models are for stable cubic crystals with the cube's edges along x, y, z")
-        made = [make_model(m, out.fc, out.elastic, horizon=inner(horizon), knots=knots, width=inner(width), order=order) for m in models]
+            raise AtcError(
+                f"{crystal.name}: the peridynamic models are for stable cubic crystals with the cube's edges along x, y, z"
+            )
+        made = [
+            make_model(m, out.fc, out.elastic, horizon=inner(horizon), knots=knots, width=inner(width), order=order)
+            for m in models
+        ]
         out.matches = [match(m, out.fc, FRACTIONS) for m in made]
     bands = None
     if phonopy:
@@ -478,7 +532,9 @@ def dispersion_of_scene(scene, *, progress=None) -> Dispersion:
     """`dispersion` of a scene: [potential], [trajectory] (either may be missing) and [dispersion]."""
     get = lambda key, default=None: scene.get("dispersion", key, default)  # noqa: E731
     if "dispersion" not in scene.data:
-        raise AtcError(f'{scene.name}: no [dispersion] section: say which crystal it is, e.g. structure = "fcc" and lattice_constant = 5.3')
+        raise AtcError(
+            f'{scene.name}: no [dispersion] section: say which crystal it is, e.g. structure = "fcc" and lattice_constant = 5.3'
+        )
     traj = scene.trajectory() if scene.get("trajectory", "file") is not None else None
     pot = scene.potential()
     if traj is None and pot is None:
@@ -506,7 +562,9 @@ def _crystal_of(scene, get, traj, units) -> Crystal:
     cell = scene.path("dispersion", "unit_cell")
     if cell is not None:
         if get("structure") is not None:
-            raise AtcError(f"{scene.where('dispersion', 'unit_cell')}: [dispersion] give structure or unit_cell, not both")
+            raise AtcError(
+                f"{scene.where('dispersion', 'unit_cell')}: [dispersion] give structure or unit_cell, not both"
+            )
         frame = scene._read(cell, "unit_cell") if cell.exists() else None
         if frame is None:
             raise AtcError(f"{scene.where('dispersion', 'unit_cell')}: [dispersion] unit_cell: there is no file {cell}")

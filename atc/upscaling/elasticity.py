@@ -103,7 +103,9 @@ def elastic_constants(crystal: Crystal, model, *, step: float = 1e-4) -> Elastic
         values, modes = np.linalg.eigh(r.phi_xx)
         top = np.abs(values).max()
         if values[0] < -1e-7 * top:
-            raise AtcError(f"{crystal.name}: its basis is unstable against moving sublattices (an optical mode at k = 0 is imaginary)")
+            raise AtcError(
+                f"{crystal.name}: its basis is unstable against moving sublattices (an optical mode at k = 0 is imaginary)"
+            )
         inner = values > 1e-7 * top
         L = modes[:, inner].T @ r.lambda_xv
         C = born - (L.T / values[inner]) @ L / crystal.volume

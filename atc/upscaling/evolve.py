@@ -74,9 +74,17 @@ class History:
             {
                 "displacement": (("time", "x"), self.u_tn, {"units": "length", "long_name": "displacement"}),
                 "velocity": (("time", "x"), self.v_tn, {"units": "length/time", "long_name": "velocity"}),
-                "relative_density": (("time", "x"), self.density_tn, {"units": "1", "long_name": "density over density at rest"}),
+                "relative_density": (
+                    ("time", "x"),
+                    self.density_tn,
+                    {"units": "1", "long_name": "density over density at rest"},
+                ),
                 "kinetic_energy": ("time", self.kinetic_t, {"units": "energy", "long_name": "kinetic energy"}),
-                "potential_energy": ("time", self.potential_t, {"units": "energy", "long_name": "potential energy, zero at rest"}),
+                "potential_energy": (
+                    "time",
+                    self.potential_t,
+                    {"units": "energy", "long_name": "potential energy, zero at rest"},
+                ),
             },
             {
                 "time": ("time", self.t_t, {"units": "time"}),
@@ -106,7 +114,15 @@ def _displacements(name: str, u, n: int | None = None) -> np.ndarray:
 
 
 def verlet(
-    model, u0_n, v0_n=None, *, dt: float, steps: int, every=1, boundary: str = "periodic", beyond_spinodal: str = "refuse"
+    model,
+    u0_n,
+    v0_n=None,
+    *,
+    dt: float,
+    steps: int,
+    every=1,
+    boundary: str = "periodic",
+    beyond_spinodal: str = "refuse",
 ) -> History:
     """Velocity Verlet of a chain.
 
@@ -169,9 +185,21 @@ def verlet(
         kinetic[row] = 0.5 * model.density * model.spacing * float(v @ v)
         # A quadratic energy from the force at hand: −½ Σ u F, clamped nodes outside included (they are at 0).
         potential[row] = (
-            -0.5 * model.density * model.spacing * float(u_tn[row] @ a) if linear else model.potential_energy(u_tn[row], boundary)
+            -0.5 * model.density * model.spacing * float(u_tn[row] @ a)
+            if linear
+            else model.potential_energy(u_tn[row], boundary)
         )
-    return History(model, boundary, dt, np.arange(n) * model.spacing, dt * np.array(marks, dtype=float), u_tn, v_tn, kinetic, potential)
+    return History(
+        model,
+        boundary,
+        dt,
+        np.arange(n) * model.spacing,
+        dt * np.array(marks, dtype=float),
+        u_tn,
+        v_tn,
+        kinetic,
+        potential,
+    )
 
 
 def _springs_stepper(model, n, dt, periodic):
@@ -258,7 +286,9 @@ def _lj_stepper(model, n, dt, periodic, highest):
 # Exact in time.
 
 
-def modal(model, u0_n, times, v0_n=None, *, spacing: float | None = None, boundary: str = "periodic", dt: float | None = None):
+def modal(
+    model, u0_n, times, v0_n=None, *, spacing: float | None = None, boundary: str = "periodic", dt: float | None = None
+):
     """The exact solution of a linear model in time: each mode turns with its own frequency.
 
     Parameters
@@ -282,7 +312,9 @@ def modal(model, u0_n, times, v0_n=None, *, spacing: float | None = None, bounda
     t_t = np.atleast_1d(np.asarray(times, dtype=float))
     discrete = isinstance(model, Springs)
     if isinstance(model, LennardJones) or not hasattr(model, "frequency"):
-        raise AtcError(f"{model.name}: only linear models have modes; use its .linearised() for small displacements, or verlet")
+        raise AtcError(
+            f"{model.name}: only linear models have modes; use its .linearised() for small displacements, or verlet"
+        )
     dx = model.spacing if discrete else positive("spacing", spacing, "the distance of the nodes")
     if check_boundary(boundary) == "periodic":
         if discrete:
@@ -325,7 +357,9 @@ def _clamped_modes(model, n):
     row[1 : model.neighbors + 1] = -model.weights[: n - 1]
     squared, modes = eigh(toeplitz(row) / model.density)
     if squared[0] < -1e-12 * squared[-1]:
-        raise AtcError(f"{model.name}: ω² = {squared[0]:g} < 0: this chain is unstable (its weights are negative where they must not be)")
+        raise AtcError(
+            f"{model.name}: ω² = {squared[0]:g} < 0: this chain is unstable (its weights are negative where they must not be)"
+        )
     return np.sqrt(np.maximum(squared, 0)), modes
 
 

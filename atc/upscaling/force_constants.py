@@ -88,7 +88,9 @@ class ForceConstants:
         """(n, atoms, 3, 3) force constants of a `repeat` supercell (`Crystal.supercell` order): what phonopy calls compact force constants."""
         crystal, n = self.crystal, len(self.crystal)
         repeat = np.array(repeat)
-        shift = np.rint((self.r_bc - crystal.positions[self.j] + crystal.positions[self.i]) @ np.linalg.inv(crystal.vectors)).astype(int)
+        shift = np.rint(
+            (self.r_bc - crystal.positions[self.j] + crystal.positions[self.i]) @ np.linalg.inv(crystal.vectors)
+        ).astype(int)
         cell = np.ravel_multi_index((shift % repeat).T, repeat)
         out = np.zeros((n, n * int(repeat.prod()), 3, 3))
         np.add.at(out, (self.i, cell * n + self.j), self.phi_bcc)
@@ -138,7 +140,9 @@ def _D(fc: ForceConstants, k_kc, e=None):
     return 0.5 * (D + D.conj().transpose(0, 2, 1))
 
 
-def force_constants(crystal: Crystal, model, *, reach: float | None = None, method: str = "auto", step: float = 1e-3) -> ForceConstants:
+def force_constants(
+    crystal: Crystal, model, *, reach: float | None = None, method: str = "auto", step: float = 1e-3
+) -> ForceConstants:
     """Force constants of a crystal under a potential of `atc.potential` or an ASE calculator.
 
     Parameters
@@ -221,7 +225,9 @@ def _displacements(crystal: Crystal, model, reach: float, step: float) -> ForceC
     frame, basis = crystal.supercell(repeat)
     x0, n = frame.positions, len(crystal)
     if len(frame) > 40000:
-        raise AtcError(f"{crystal.name}: a reach of {reach:.3g} takes a supercell of {len(frame)} atoms: say a smaller one with reach=")
+        raise AtcError(
+            f"{crystal.name}: a reach of {reach:.3g} takes a supercell of {len(frame)} atoms: say a smaller one with reach="
+        )
     parts, outside, largest = [], 0.0, 0.0
     for a in range(n):
         rows = np.zeros((len(frame), 3, 3))  # [atom, force component, displacement component]

@@ -151,7 +151,9 @@ def spring_series(order: int, neighbors: int | str = "exact") -> list:
     order = whole("order", order)
     if neighbors == "leading":
         return peridynamic_series(order)
-    exact = [(faulhaber(2 * m - 1) * Fraction(4, factorial(2 * m))).divided_by(N * (N + 1)) for m in range(1, order + 1)]
+    exact = [
+        (faulhaber(2 * m - 1) * Fraction(4, factorial(2 * m))).divided_by(N * (N + 1)) for m in range(1, order + 1)
+    ]
     if neighbors == "exact":
         return exact
     n = whole("neighbors", neighbors)
@@ -166,7 +168,8 @@ def peridynamic_series(order: int) -> list[Fraction]:
 def chain_series(weights: Sequence, order: int) -> list:
     """c_m = (2/(2m)!) Σ_q w_q q^{2m} of any chain, L = Δx and in units of w·Δx²; exact if the weights are Fractions."""
     return [
-        sum(w * Fraction(2 * q ** (2 * m), factorial(2 * m)) for q, w in enumerate(weights, 1)) for m in range(1, whole("order", order) + 1)
+        sum(w * Fraction(2 * q ** (2 * m), factorial(2 * m)) for q, w in enumerate(weights, 1))
+        for m in range(1, whole("order", order) + 1)
     ]
 
 
@@ -185,7 +188,9 @@ def inner_series(degree: int, neighbors: int | str = 1, consistent: bool = False
     """
     degree = whole("degree", degree)
     if degree % 2 == 0:
-        raise AtcError(f"degree = {degree}: expected an odd number: even derivatives drop out of y(x + r/2) − y(x − r/2)")
+        raise AtcError(
+            f"degree = {degree}: expected an odd number: even derivatives drop out of y(x + r/2) − y(x − r/2)"
+        )
     half = [Fraction(2, 2**k * factorial(k)) for k in range(1, degree + 1, 2)]
     terms = (degree + 1) // 2 if consistent else degree
     out = []
@@ -242,9 +247,7 @@ class WellPosedness:
         if not self.well_posed:
             return f"ill-posed: short waves, kL > {self.band[0]:.4g}, grow without bound (the bad sign)"
         if not self.stable:
-            return (
-                f"well-posed but unstable: waves {self.band[0]:.4g} < kL < {self.band[1]:.4g} grow, at most as exp({self.growth:.3g} c t/L)"
-            )
+            return f"well-posed but unstable: waves {self.band[0]:.4g} < kL < {self.band[1]:.4g} grow, at most as exp({self.growth:.3g} c t/L)"
         return "well-posed and stable: ω² ≥ 0 at every wavenumber"
 
 
@@ -271,7 +274,9 @@ def well_posedness(series: Sequence) -> WellPosedness:
     if band is not None:
         if well_posed:
             q = np.polynomial.Polynomial([0.0, *map(float, p)])  # ω² over s
-            stationary = [float(r.real) for r in q.deriv().roots() if abs(r.imag) < 1e-9 * max(1.0, abs(r)) and r.real > 0]
+            stationary = [
+                float(r.real) for r in q.deriv().roots() if abs(r.imag) < 1e-9 * max(1.0, abs(r)) and r.real > 0
+            ]
             growth = float(np.sqrt(max(0.0, -min((q(s) for s in stationary), default=0.0))))
         else:
             growth = float("inf")
@@ -357,6 +362,8 @@ def as_sympy(series: Sequence, symbol: str = "N") -> list:
     n = sympy.Symbol(symbol, positive=True)
 
     def convert(c):
-        return sum((sympy.Rational(v.numerator, v.denominator) * n**i for i, v in enumerate(_polynomial(c))), sympy.Integer(0))
+        return sum(
+            (sympy.Rational(v.numerator, v.denominator) * n**i for i, v in enumerate(_polynomial(c))), sympy.Integer(0)
+        )
 
     return [sympy.factor(convert(c)) for c in series]

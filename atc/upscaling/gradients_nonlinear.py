@@ -38,7 +38,9 @@ def pair_series(order: int) -> dict:
     dict {(n, p, derivatives): Fraction}
     """
     out = {}
-    for level in range(1, 2 * whole("order", order), 2):  # Σ (k − 1), the power of a beyond that of the potential's derivatives
+    for level in range(
+        1, 2 * whole("order", order), 2
+    ):  # Σ (k − 1), the power of a beyond that of the potential's derivatives
         for parts in _partitions(level):
             orders = tuple(sorted(k + 1 for k in parts))
             out[(1 + len(orders), sum(orders), orders)] = Fraction(2, prod(map(factorial, orders)) * _repeats(orders))
@@ -71,7 +73,9 @@ def inner_pair_series(degree: int) -> dict:
     """
     degree = whole("degree", degree)
     if degree % 2 == 0:
-        raise AtcError(f"degree = {degree}: expected an odd number: even derivatives drop out of y(x + r/2) − y(x − r/2)")
+        raise AtcError(
+            f"degree = {degree}: expected an odd number: even derivatives drop out of y(x + r/2) − y(x − r/2)"
+        )
     # V'(D) about r y': D = r y' + Σ_{k = 3, 5, …} 2 (r/2)^k y^(k)/k!
     flux: dict = {}
     for level in range(0, degree, 2):
@@ -158,7 +162,12 @@ def paper_equation_5_2() -> dict:
 
 
 def evaluate(
-    equation: dict, derivatives: dict[int, float], neighbors: int, spacing: float, epsilon: float = 1.0, sigma: float = 1.0
+    equation: dict,
+    derivatives: dict[int, float],
+    neighbors: int,
+    spacing: float,
+    epsilon: float = 1.0,
+    sigma: float = 1.0,
 ) -> float:
     """ρ y_tt of `lennard_jones_equation` for given values of y', y'', … ({1: y', 2: y'', …}): to check it against the sum over the chain."""
     total = 0.0

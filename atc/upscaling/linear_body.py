@@ -43,7 +43,9 @@ class Stencil:
         r = np.linalg.norm(xi, axis=1)
         near = (r > 0) & (r <= model.horizon)
         n, xi = n[near], xi[near]
-        springs = np.concatenate([model.kernel(part) for part in np.array_split(xi, max(1, len(xi) // 4000))]) * spacing**6
+        springs = (
+            np.concatenate([model.kernel(part) for part in np.array_split(xi, max(1, len(xi) // 4000))]) * spacing**6
+        )
         on = np.abs(springs).max(axis=(1, 2)) > 0
         return cls(np.eye(3) * spacing, n[on], springs[on], model.crystal.density * spacing**3, model.label)
 
@@ -61,7 +63,9 @@ class Stencil:
     def dynamical_matrix(self, k_kc) -> np.ndarray:
         """(k, 3, 3) exact for an infinite body of these nodes."""
         k = np.atleast_2d(np.asarray(k_kc, float))
-        return np.tensordot(2 * np.sin(0.5 * k @ (self.offsets @ self.vectors).T) ** 2, self.springs, axes=1) / self.mass
+        return (
+            np.tensordot(2 * np.sin(0.5 * k @ (self.offsets @ self.vectors).T) ** 2, self.springs, axes=1) / self.mass
+        )
 
     def radial_gradient(self, k_kc) -> np.ndarray:
         k = np.atleast_2d(np.asarray(k_kc, float))
@@ -94,13 +98,17 @@ class LinearBody:
         periodic = np.broadcast_to(periodic, (3,))
         size = np.array(self.repeat)
         # Bonds that lead to the same node of a periodic block are added up first: few are left in a thin bar.
-        offsets, same = np.unique(np.where(periodic, stencil.offsets % size, stencil.offsets), axis=0, return_inverse=True)
+        offsets, same = np.unique(
+            np.where(periodic, stencil.offsets % size, stencil.offsets), axis=0, return_inverse=True
+        )
         springs = np.zeros((len(offsets), 3, 3))
         np.add.at(springs, same.ravel(), stencil.springs)
         itself = (offsets == 0).all(axis=1)  # a node and its own image: no relative displacement
         offsets, springs = offsets[~itself], springs[~itself]
         if n * len(offsets) > 5e7:
-            raise AtcError(f"a body of {n} nodes with {len(offsets)} bonds each takes too much memory: take fewer nodes or a wider spacing")
+            raise AtcError(
+                f"a body of {n} nodes with {len(offsets)} bonds each takes too much memory: take fewer nodes or a wider spacing"
+            )
         there = (index[:, None, :] + offsets[None]).reshape(-1, 3)
         inside = (((there >= 0) & (there < size)) | periodic).all(axis=1)
         row = np.repeat(np.arange(n), len(offsets))[inside]
@@ -139,7 +147,14 @@ class LinearBody:
             return np.einsum("nij,nj->ni", self._onsite, u.reshape(n, 3)).ravel() - self._S @ u.ravel()
 
         start = np.random.default_rng(0).normal(size=3 * n)
-        top = eigsh(LinearOperator((3 * n, 3 * n), pull, dtype=float), k=1, which="LA", v0=start, tol=1e-3, return_eigenvectors=False)[0]
+        top = eigsh(
+            LinearOperator((3 * n, 3 * n), pull, dtype=float),
+            k=1,
+            which="LA",
+            v0=start,
+            tol=1e-3,
+            return_eigenvectors=False,
+        )[0]
         return float(np.sqrt(top / self.stencil.mass))
 
     def energies(self) -> np.ndarray:
@@ -285,7 +300,9 @@ def wave_packet(
         times.append(body.time)
         drift = max(drift, abs(energy.sum() / total - 1))
     speed = np.polyfit(times, legs, 1)[0]
-    return Packet(k, omega, group, None if model is None else prediction(model)[1], float(speed), legs[-1] - first, float(drift))
+    return Packet(
+        k, omega, group, None if model is None else prediction(model)[1], float(speed), legs[-1] - first, float(drift)
+    )
 
 
 def discretisation_error(stencil: Stencil, model, k_kc) -> np.ndarray:

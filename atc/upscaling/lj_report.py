@@ -182,7 +182,9 @@ def _runs(report: Report, half_width, amplitude, dt, duration, beyond_spinodal) 
         "Fig. 5.1(b, c)", "At the atoms' resolution peridynamics reproduces molecular dynamics.", f"largest difference of positions {float(np.abs(twin.u_tn - md.u_tn).max()):g}",
         YES, "(5.3) with Δx = a and M = N is (5.1): the same sum",
     )  # fmt: skip
-    smooth = {name: relative_error(r.u_tn[-1], md.u_tn[-1][:: round(r.model.spacing)]) for name, r in list(runs.items())[1:]}
+    smooth = {
+        name: relative_error(r.u_tn[-1], md.u_tn[-1][:: round(r.model.spacing)]) for name, r in list(runs.items())[1:]
+    }
     report.claim(
         "Fig. 5.1(d, e)", "The solution at the shock front changes with the discretisation.",
         f"largest density {', '.join(f'{r.density_tn.max():.4f}' for r in runs.values())} for Δx = a, 2a, 4a; displacements at the end differ from MD by {', '.join(percent(v) for v in smooth.values())} (relative L2)",
@@ -200,10 +202,19 @@ def _hard(report: Report, dt) -> None:
     report.heading("What breaks")
     x = np.arange(1001.0)
     messages = {}
-    for name, kwargs in (("as printed: amplitude 2 on ±10", {}), ("the same, fracture allowed", {"beyond_spinodal": "allow"})):
+    for name, kwargs in (
+        ("as printed: amplitude 2 on ±10", {}),
+        ("the same, fracture allowed", {"beyond_spinodal": "allow"}),
+    ):
         try:
             h = verlet(
-                LennardJones(1.0, 4), bump(x, half_width=10.0, amplitude=2.0), dt=dt, steps=3000, every=100, boundary="clamped", **kwargs
+                LennardJones(1.0, 4),
+                bump(x, half_width=10.0, amplitude=2.0),
+                dt=dt,
+                steps=3000,
+                every=100,
+                boundary="clamped",
+                **kwargs,
             )
             change = float(np.abs(h.total_t / h.total_t[0] - 1).max())
             messages[name] = f"ran; the total energy changes by {percent(change)}"
@@ -221,7 +232,10 @@ def _hard(report: Report, dt) -> None:
         ax.set(xlabel="stretch", ylabel="stress / modulus", ylim=(-0.2, 0.06), title=f"spinodal at {LJ_SPINODAL:.4f}")
 
     report.figure(
-        "spinodal", "Stress of a homogeneous stretch, the same for every M and Δx. Beyond its maximum the chain breaks.", draw, (5, 3.2)
+        "spinodal",
+        "Stress of a homogeneous stretch, the same for every M and Δx. Beyond its maximum the chain breaks.",
+        draw,
+        (5, 3.2),
     )
     report.claim(
         "§5.3", "The initial profile is that of section 4 with twice the amplitude.", f"as printed (±10): {messages['as printed: amplitude 2 on ±10']}",

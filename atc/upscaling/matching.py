@@ -15,7 +15,15 @@ from ..errors import AtcError
 from .crystal import Crystal
 from .elasticity import ElasticConstants
 from .force_constants import ForceConstants, nearest_images, signed_root
-from .peridynamic_kernels import Classical, CoarseLattice, FittedKernel, KernelBasis, Lattice, MollifiedLattice, ShellBasis
+from .peridynamic_kernels import (
+    Classical,
+    CoarseLattice,
+    FittedKernel,
+    KernelBasis,
+    Lattice,
+    MollifiedLattice,
+    ShellBasis,
+)
 
 #: Where residuals are taken, fractions of the zone boundary.
 FRACTIONS = (0.1, 0.25, 0.5, 0.75, 1.0)
@@ -157,7 +165,9 @@ def wave_vectors(cutoff: float, spacing: float, lines: int = 10) -> np.ndarray:
 
 def zone_wave_vectors(crystal: Crystal, factor: float, n: int = 12) -> np.ndarray:
     """(k, 3) a uniform mesh of the (coarse) Brillouin zone, half of it: D(−k) is D(k)'s conjugate."""
-    s = np.stack(np.meshgrid(*((np.arange(n) + 0.5) / n,) * 2, (np.arange(n // 2) + 0.5) / n, indexing="ij"), -1).reshape(-1, 3)
+    s = np.stack(
+        np.meshgrid(*((np.arange(n) + 0.5) / n,) * 2, (np.arange(n // 2) + 0.5) / n, indexing="ij"), -1
+    ).reshape(-1, 3)
     return nearest_images(s @ (crystal.reciprocal / factor), crystal.reciprocal / factor)
 
 
@@ -245,7 +255,9 @@ def fit_linear(
         # Nothing is broken at the points known so far: look between them, around those that are nearest to it.
         clean += 1
         near = np.argsort(slack)[:40]
-        new = (k[near][:, None, :] + rng.uniform(-1, 1, (len(near), 15, 3)) * 0.12 * limits.boundary / clean).reshape(-1, 3)
+        new = (k[near][:, None, :] + rng.uniform(-1, 1, (len(near), 15, 3)) * 0.12 * limits.boundary / clean).reshape(
+            -1, 3
+        )
         far = np.linalg.norm(stable_k, axis=1).max()
         new = np.vstack([new, k[rng.integers(len(stable_k), size=500)] + rng.normal(size=(500, 3)) * 0.05 * far])
         new = new[(np.linalg.norm(new, axis=1) <= far) & (np.linalg.norm(new, axis=1) > 0.05 * limits.boundary)]
@@ -255,7 +267,9 @@ def fit_linear(
         # Keep those that matter: the ones this kernel breaks or nearly breaks.
         keep = np.argsort(limits.cuts(x, new, extra)[2])[:400]
         k, M = np.vstack([k, new[keep]]), np.concatenate([M, extra[keep]])
-    raise AtcError("the fitted kernel did not become stable within 200 rounds of cutting planes: give it a longer horizon or more knots")
+    raise AtcError(
+        "the fitted kernel did not become stable within 200 rounds of cutting planes: give it a longer horizon or more knots"
+    )
 
 
 class _Limits:
@@ -312,7 +326,9 @@ def fit_kernel(
     basis = KernelBasis(crystal, float(horizon or 1.2 * fc.reach), knots, degrees, kinds)
     g = 2 * np.pi / np.linalg.norm(crystal.conventional[0])
     stable = None if kind == "isotropic" else wave_vectors(4.05 * g, g / 6)
-    return FittedKernel(basis, fit_linear(basis, target_of(fc), nonnegative=kind == "isotropic", stable_k=stable, floor=floor), label)
+    return FittedKernel(
+        basis, fit_linear(basis, target_of(fc), nonnegative=kind == "isotropic", stable_k=stable, floor=floor), label
+    )
 
 
 def fit_coarse(fc: ForceConstants, factor: int, *, horizon: float | None = None, floor: float = 0.02) -> CoarseLattice:
@@ -379,7 +395,9 @@ def match(model, fc: ForceConstants, fractions=FRACTIONS) -> Match:
         verror.append((v_mine - v_true) / slow)
     error, verror = np.array(error), np.array(verror)
     dense = np.linspace(0.02, 1.0, 50)
-    every = [signed_root(branch_values(model, b, dense)) / np.sqrt(branch_values(lattice, b, dense)) - 1.0 for b in branches]
+    every = [
+        signed_root(branch_values(model, b, dense)) / np.sqrt(branch_values(lattice, b, dense)) - 1.0 for b in branches
+    ]
     band = float(np.sqrt(np.mean(np.square(every))))
     g = 2 * np.pi / np.linalg.norm(crystal.conventional[0])
     periodic = isinstance(model, (Lattice, CoarseLattice))
@@ -408,7 +426,16 @@ def match(model, fc: ForceConstants, fractions=FRACTIONS) -> Match:
 MODELS = ("classical", "isotropic", "cubic", "noncentral", "mollified", "coarse2", "coarse3", "lattice")
 
 
-def make_model(name: str, fc: ForceConstants, elastic: ElasticConstants, *, horizon=None, knots: int = 12, width=None, order: int = 4):
+def make_model(
+    name: str,
+    fc: ForceConstants,
+    elastic: ElasticConstants,
+    *,
+    horizon=None,
+    knots: int = 12,
+    width=None,
+    order: int = 4,
+):
     """One of `MODELS` for a crystal. horizon, width: internal length (width by default as wide as the zone allows)."""
     if name == "classical":
         return Classical(elastic)

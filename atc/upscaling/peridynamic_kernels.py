@@ -101,7 +101,9 @@ class MollifiedLattice:
         from scipy.optimize import brentq
 
         far = max(fc.crystal.zone_boundary(d) for d in ((1, 0, 0), (1, 1, 0), (1, 1, 1)))
-        x = brentq(lambda x: 1 - np.exp(-x) * sum(x**j / factorial(j) for j in range(order + 1)) - loss, 1e-9, order + 1.0)
+        x = brentq(
+            lambda x: 1 - np.exp(-x) * sum(x**j / factorial(j) for j in range(order + 1)) - loss, 1e-9, order + 1.0
+        )
         return cls(fc, np.sqrt(2 * x) / far, order)
 
     @property
@@ -185,8 +187,14 @@ class KernelBasis:
         c, wc = np.polynomial.legendre.leggauss(16)
         phi = 2 * np.pi * (np.arange(32) + 0.5) / 32
         s = np.sqrt(1 - c**2)
-        self._n = np.stack([np.outer(s, np.cos(phi)), np.outer(s, np.sin(phi)), np.outer(c, np.ones(32))], -1).reshape(-1, 3)
-        f = [cubic_harmonic(l, self._n)[:, None, None] * t for l in self.degrees for t in bond_tensors(self._n, self.kinds)]
+        self._n = np.stack([np.outer(s, np.cos(phi)), np.outer(s, np.sin(phi)), np.outer(c, np.ones(32))], -1).reshape(
+            -1, 3
+        )
+        f = [
+            cubic_harmonic(l, self._n)[:, None, None] * t
+            for l in self.degrees
+            for t in bond_tensors(self._n, self.kinds)
+        ]
         self._weights = np.repeat(wc, 32) * (2 * np.pi / 32)
         self._f_qac = np.stack(f, 1).reshape(len(self._n), len(f), 9) * self._weights[:, None, None]
 
@@ -234,7 +242,9 @@ class KernelBasis:
     def onsite(self) -> np.ndarray:
         """(size, 3, 3) the limit k → ∞: ∫ C dξ / ρ."""
         angular = self._f_qac.sum(axis=0)
-        return (angular[:, None, :] * self._hat_rm.sum(axis=0)[None, :, None]).reshape(self.size, 3, 3) / self.crystal.density
+        return (angular[:, None, :] * self._hat_rm.sum(axis=0)[None, :, None]).reshape(
+            self.size, 3, 3
+        ) / self.crystal.density
 
     def kernel(self, xi_bc) -> np.ndarray:
         """(size, b, 3, 3) each basis function at ξ; 0 beyond the horizon."""
@@ -301,7 +311,9 @@ class ShellBasis:
         r = r[(d > 1e-9) & (d <= self.horizon * (1 + 1e-9))]
         # Orbits: equal sorted |components| in units of the cube's edge.
         key = np.sort(np.abs(r), axis=1)
-        _, orbit = np.unique(np.round(key / np.linalg.norm(self.crystal.conventional[0]), 6), axis=0, return_inverse=True)
+        _, orbit = np.unique(
+            np.round(key / np.linalg.norm(self.crystal.conventional[0]), 6), axis=0, return_inverse=True
+        )
         order = np.argsort(orbit.ravel(), kind="stable")
         self.r_bc, self.orbit = r[order], orbit.ravel()[order]
         self.mass = self.crystal.masses.sum() * self.factor**3
@@ -334,7 +346,9 @@ class ShellBasis:
         """(size,) the largest ω² of each."""
         return (
             2
-            * np.add.reduceat(np.abs(self._t).max(axis=2), np.searchsorted(self.orbit, np.arange(self.orbits)), axis=1).ravel()
+            * np.add.reduceat(
+                np.abs(self._t).max(axis=2), np.searchsorted(self.orbit, np.arange(self.orbits)), axis=1
+            ).ravel()
             / self.mass
         )
 

@@ -64,9 +64,13 @@ class Report:
         self._body.append(f"<p>{html.escape(text)}</p>")
 
     def table(self, head: list[str], rows: list[list], caption: str = "") -> None:
-        cells = "".join("<tr>" + "".join(f"<td{_num(c)}>{html.escape(_show(c))}</td>" for c in row) + "</tr>" for row in rows)
+        cells = "".join(
+            "<tr>" + "".join(f"<td{_num(c)}>{html.escape(_show(c))}</td>" for c in row) + "</tr>" for row in rows
+        )
         title = f"<figcaption>{html.escape(caption)}</figcaption>" if caption else ""
-        self._body.append(f"<figure><table><tr>{''.join(f'<th>{html.escape(h)}</th>' for h in head)}</tr>{cells}</table>{title}</figure>")
+        self._body.append(
+            f"<figure><table><tr>{''.join(f'<th>{html.escape(h)}</th>' for h in head)}</tr>{cells}</table>{title}</figure>"
+        )
 
     def claim(self, where: str, claim: str, measured: str, verdict: str, assumption: str = "") -> None:
         self.claims.append(Claim(where, claim, measured, verdict, assumption))
@@ -109,7 +113,9 @@ class Report:
         with explained(path):
             path.write_text(page, encoding="utf-8")
             numbers = {"title": self.title, "claims": [asdict(c) for c in self.claims], **self.numbers}
-            (self.folder / "numbers.json").write_text(json.dumps(numbers, indent=1, default=_plain) + "\n", encoding="utf-8")
+            (self.folder / "numbers.json").write_text(
+                json.dumps(numbers, indent=1, default=_plain) + "\n", encoding="utf-8"
+            )
         return path
 
 

@@ -90,7 +90,9 @@ def find_sites(frame, crystal: Crystal, cell=None) -> Sites:
     sites = m @ crystal.vectors + crystal.positions[which] + shift
     key = np.rint(np.mod((m @ np.linalg.inv(counts)) + 1e-9, 1.0) * 1e6).astype(np.int64)
     if len(np.unique(np.column_stack([key, which]), axis=0)) != len(frame):
-        raise AtcError(f"{frame.source}: two atoms sit at one site of {crystal.name}: it has defects, has melted, or has another structure")
+        raise AtcError(
+            f"{frame.source}: two atoms sit at one site of {crystal.name}: it has defects, has melted, or has another structure"
+        )
     return Sites(crystal, counts.astype(int), which, sites, H)
 
 

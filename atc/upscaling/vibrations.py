@@ -61,7 +61,9 @@ def amplitudes(traj, crystal: Crystal, choose, *, timestep: float | None = None)
     sites = find_sites(first, crystal)
     crystal = sites.crystal
     if np.abs(first.masses - crystal.masses[sites.basis]).max() > 1e-6 * crystal.masses.max():
-        raise AtcError(f"{first.source}: the masses of the atoms differ from those of {crystal.name}: give the same in both")
+        raise AtcError(
+            f"{first.source}: the masses of the atoms differ from those of {crystal.name}: give the same in both"
+        )
     k = np.asarray(choose(sites), float).reshape(-1, 3)
     n = len(crystal)
     order = np.argsort(sites.basis, kind="stable")
@@ -109,7 +111,9 @@ def amplitudes(traj, crystal: Crystal, choose, *, timestep: float | None = None)
     notes = list(clock.notes)
     swing = np.abs(np.array(cells) - sites.cell).max() / np.abs(sites.cell).max()
     if swing > 1e-6:
-        notes.append(f"the box changes by up to {100 * swing:.2g} % during the run: wave vectors are those of the first frame")
+        notes.append(
+            f"the box changes by up to {100 * swing:.2g} % during the run: wave vectors are those of the first frame"
+        )
     dt, why = _interval(clock, timestep, first.units)
     if dt is None:
         notes.append(f"no spectra: {why}")
@@ -144,7 +148,9 @@ class Estimate:
 def _windows(frames: int, blocks: int):
     """Slices of equal blocks, and the Hann weights of one."""
     length = frames // blocks
-    return [slice(b * length, (b + 1) * length) for b in range(blocks)], np.hanning(length + 2)[1:-1] if length else np.zeros(0)
+    return [slice(b * length, (b + 1) * length) for b in range(blocks)], np.hanning(length + 2)[
+        1:-1
+    ] if length else np.zeros(0)
 
 
 def by_ratio(u_stx, v_stx, vectors_sxm=None, blocks: int = 5, groups=None) -> Estimate:
@@ -172,10 +178,16 @@ def by_ratio(u_stx, v_stx, vectors_sxm=None, blocks: int = 5, groups=None) -> Es
         return Estimate(*jackknife(lambda which: np.sqrt(V[which].sum(axis=0) / U[which].sum(axis=0)), blocks))
     from scipy.linalg import eigh
 
-    U, V = (np.array([np.einsum("t,stx,sty->sxy", w, a[:, p], a[:, p].conj(), optimize=True) for p in parts]) for a in (u, v_stx))
+    U, V = (
+        np.array([np.einsum("t,stx,sty->sxy", w, a[:, p], a[:, p].conj(), optimize=True) for p in parts])
+        for a in (u, v_stx)
+    )
 
     def solve(which):
-        return np.mean([signed_root(eigh(b, a, eigvals_only=True)) for a, b in zip(U[which].sum(axis=0), V[which].sum(axis=0))], axis=0)
+        return np.mean(
+            [signed_root(eigh(b, a, eigvals_only=True)) for a, b in zip(U[which].sum(axis=0), V[which].sum(axis=0))],
+            axis=0,
+        )
 
     return Estimate(*jackknife(solve, blocks))
 
@@ -227,7 +239,11 @@ def by_spectrum(v_stm, dt: float, blocks: int = 5, groups=None) -> Estimate:
     empty = np.full(modes, np.nan)
     length = frames // blocks
     if blocks < 2 or length < MIN_FRAMES:
-        return Estimate(empty, empty, f"{frames} frames in {blocks} blocks are too few for a spectrum: {MIN_FRAMES} a block at least")
+        return Estimate(
+            empty,
+            empty,
+            f"{frames} frames in {blocks} blocks are too few for a spectrum: {MIN_FRAMES} a block at least",
+        )
     omega, power = spectra(v_stm, dt, blocks)
     power = _pooled(power, groups)
 
@@ -242,7 +258,9 @@ def by_spectrum(v_stm, dt: float, blocks: int = 5, groups=None) -> Estimate:
     value, error = jackknife(peaks, blocks)
     slow = value * length * dt < 2 * np.pi * MIN_CYCLES
     value, error = np.where(slow, np.nan, value), np.where(slow, np.nan, error)
-    return Estimate(value, error, f"a block holds fewer than {MIN_CYCLES:g} periods of the slowest modes" if slow.any() else "")
+    return Estimate(
+        value, error, f"a block holds fewer than {MIN_CYCLES:g} periods of the slowest modes" if slow.any() else ""
+    )
 
 
 @dataclass
@@ -277,7 +295,14 @@ class Measured:
 
 
 def measure(
-    traj, crystal: Crystal, directions, *, fc=None, blocks: int = 5, timestep: float | None = None, cubic: bool | None = None
+    traj,
+    crystal: Crystal,
+    directions,
+    *,
+    fc=None,
+    blocks: int = 5,
+    timestep: float | None = None,
+    cubic: bool | None = None,
 ) -> Measured:
     """ω(k) of a trajectory at every wave vector along `directions` that fits into its box.
 
@@ -310,7 +335,9 @@ def measure(
             for f, k in zip(fractions, ks):
                 # Equivalent ones fit only if the box has the cube's symmetry too.
                 members = [
-                    q for q in star(k, cubic) if np.abs(sites.cell @ q / (2 * np.pi) - np.rint(sites.cell @ q / (2 * np.pi))).max() < 1e-6
+                    q
+                    for q in star(k, cubic)
+                    if np.abs(sites.cell @ q / (2 * np.pi) - np.rint(sites.cell @ q / (2 * np.pi))).max() < 1e-6
                 ]
                 plan.append((r, f, k, np.array(members)))
         if not plan:
@@ -323,7 +350,9 @@ def measure(
     crystal, notes = a.sites.crystal, list(a.notes)
     for r, d in enumerate(directions):
         if not any(p[0] == r for p in plan):
-            notes.append(f"no wave vector along {list(d)} fits into the box (not commensurate): no measured points there")
+            notes.append(
+                f"no wave vector along {list(d)} fits into the box (not commensurate): no measured points there"
+            )
     harmonic = fc(crystal) if fc is not None else None
     n3 = 3 * len(crystal)
     rows, currents, frequency, at = [], [], None, 0

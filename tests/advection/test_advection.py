@@ -46,7 +46,12 @@ def test_sums(shape, two_point):
     np.testing.assert_allclose(flux(u), expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max())
 
 
-@given(shape=st.sampled_from(KERNELS), horizon=st.floats(0.7, 40), two_point=st.sampled_from(FLUXES), seed=st.integers(0, 99))
+@given(
+    shape=st.sampled_from(KERNELS),
+    horizon=st.floats(0.7, 40),
+    two_point=st.sampled_from(FLUXES),
+    seed=st.integers(0, 99),
+)
 @settings(max_examples=40, deadline=None)
 def test_moments_mass_and_energy_of_the_sums(shape, horizon, two_point, seed):
     """∫ z φ_a = ∫ z² φ_s = 2; the transport has no sum, and with the conserving flux no power; the regularisation only takes energy."""
@@ -56,9 +61,9 @@ def test_moments_mass_and_energy_of_the_sums(shape, horizon, two_point, seed):
     assert 2 * (m * kernel.odd_m).sum() == pytest.approx(2, rel=1e-13)
     assert 2 * (m * m * kernel.even_m).sum() == pytest.approx(2, rel=1e-13)
     k = 1e-3
-    assert float(kernel.advection_symbol(k)) == pytest.approx(2 * k, rel=1e-6) and float(kernel.diffusion_symbol(k)) == pytest.approx(
-        k * k, rel=1e-6
-    )
+    assert float(kernel.advection_symbol(k)) == pytest.approx(2 * k, rel=1e-6) and float(
+        kernel.diffusion_symbol(k)
+    ) == pytest.approx(k * k, rel=1e-6)
     u = np.random.default_rng(seed).normal(size=300)
     transport, smooth = _by_stencil(kernel, 300, _burgers, two_point, True)
     f, s = transport(u), smooth(u)
@@ -80,7 +85,15 @@ def test_constants_stay():
 def test_mass_and_ledger(method, two_point):
     """Mass to 1e-14 and the entropy ledger to 1e-12 through a shock."""
     x = np.arange(512) / 512
-    run = advect(0.3 + WAVE(x), Kernel("box", 0.02, 1 / 512), duration=1.0, viscosity=0.005, two_point=two_point, method=method, times=11)
+    run = advect(
+        0.3 + WAVE(x),
+        Kernel("box", 0.02, 1 / 512),
+        duration=1.0,
+        viscosity=0.005,
+        two_point=two_point,
+        method=method,
+        times=11,
+    )
     assert run.mass_error < 1e-14
     assert np.abs(run.closure_t).max() < 1e-12
     assert run.energy_t[-1] < 0.5 * run.energy_t[0] and (np.diff(run.dissipation_t) > 0).all()
@@ -94,13 +107,18 @@ def test_conserving_flux_keeps_energy_and_the_midpoint_flux_does_not():
     kernel = Kernel("box", 0.05, 1 / 512)
     kept = advect(WAVE(x), kernel, duration=2.0, two_point="conserving")
     assert np.abs(kept.energy_t / kept.energy_t[0] - 1).max() < 1e-11 and kept.mass_error < 1e-14
-    plain = [advect(WAVE(x), kernel, duration=0.4, two_point="conserving", relaxation=False, safety=c, times=2) for c in (0.3, 0.15)]
+    plain = [
+        advect(WAVE(x), kernel, duration=0.4, two_point="conserving", relaxation=False, safety=c, times=2)
+        for c in (0.3, 0.15)
+    ]
     error = [abs(r.energy_t[-1] / r.energy_t[0] - 1) for r in plain]
     assert np.log2(error[0] / error[1]) == pytest.approx(3, abs=0.3)
     grown = advect(WAVE(x), kernel, duration=2.0, two_point="midpoint")
     assert grown.energy_t[-1] > 2 * grown.energy_t[0] and grown.production_t[-1] > 0
     # What it does to energy is the flux's doing, not the time step's: as the shock forms it first takes, in the same measure for any step.
-    again, same = (advect(WAVE(x), kernel, duration=0.6, two_point="midpoint", safety=c, times=2).energy_t for c in (0.1, 0.3))
+    again, same = (
+        advect(WAVE(x), kernel, duration=0.6, two_point="midpoint", safety=c, times=2).energy_t for c in (0.1, 0.3)
+    )
     assert again[-1] == pytest.approx(same[-1], rel=2e-3) and abs(again[-1] / again[0] - 1) > 0.1
     dies = advect(WAVE(x), Kernel("gaussian", 0.03, 1 / 512), duration=20.0, two_point="midpoint")
     assert "grew beyond" in dies.stopped and dies.t_t[-1] < 20 and len(dies.t_t) == len(dies.u_tn)
@@ -115,7 +133,12 @@ def test_second_order_in_the_horizon(shape, two_point):
     errors = [
         np.sqrt(
             np.mean(
-                (advect(WAVE(x), Kernel(shape, h, 1 / 1024), duration=0.3, viscosity=0.05, two_point=two_point, times=2).u_tn[-1] - local)
+                (
+                    advect(
+                        WAVE(x), Kernel(shape, h, 1 / 1024), duration=0.3, viscosity=0.05, two_point=two_point, times=2
+                    ).u_tn[-1]
+                    - local
+                )
                 ** 2
             )
         )
@@ -131,7 +154,9 @@ def test_third_order_in_time():
     kernel = Kernel("triangle", 0.06, 1 / 256)
     for relaxation in (True, False):
         u = [
-            advect(0.2 + WAVE(x), kernel, duration=0.3, viscosity=0.02, times=2, safety=c, relaxation=relaxation).u_tn[-1]
+            advect(0.2 + WAVE(x), kernel, duration=0.3, viscosity=0.02, times=2, safety=c, relaxation=relaxation).u_tn[
+                -1
+            ]
             for c in (0.6, 0.3, 0.02)
         ]
         assert np.log2(np.abs(u[0] - u[2]).max() / np.abs(u[1] - u[2]).max()) == pytest.approx(3, abs=0.35)
@@ -191,7 +216,9 @@ def test_vanishing_viscosity():
     u = hopf_lax(WAVE, x, 0.12)
     np.testing.assert_allclose(u, WAVE(x - u * 0.12), atol=1e-10)
     # and a mean flow only moves it (Galilei)
-    np.testing.assert_allclose(hopf_lax(lambda y: 0.7 + WAVE(y), x + 0.07, 0.1), 0.7 + hopf_lax(WAVE, x, 0.1), atol=1e-9)
+    np.testing.assert_allclose(
+        hopf_lax(lambda y: 0.7 + WAVE(y), x + 0.07, 0.1), 0.7 + hopf_lax(WAVE, x, 0.1), atol=1e-9
+    )
     u, _ = cole_hopf(lambda y: 0.7 + WAVE(y), x + 0.35, 0.5, 0.01)
     np.testing.assert_allclose(u, 0.7 + cole_hopf(WAVE, x, 0.5, 0.01)[0], atol=1e-10)
     np.testing.assert_array_equal(cole_hopf(WAVE, x, 0.0, 0.01)[0], WAVE(x))
@@ -224,7 +251,18 @@ def test_formula():
     x = np.linspace(0, 1, 5)
     np.testing.assert_allclose(f(x), 2 * x**2 - np.sin(np.pi * x) / 3 + 4)
     np.testing.assert_array_equal(formula("3", "x", "f")(x), np.full(5, 3.0))
-    for bad in ("__import__('os')", "x.real", "(lambda: 1)()", "x if x else 1", "sin(x, 2)", "y", "[x]", "x +", "True", ""):
+    for bad in (
+        "__import__('os')",
+        "x.real",
+        "(lambda: 1)()",
+        "x if x else 1",
+        "sin(x, 2)",
+        "y",
+        "[x]",
+        "x +",
+        "True",
+        "",
+    ):
         with pytest.raises(AtcError):
             formula(bad, "x", "--initial")
 
@@ -235,7 +273,9 @@ def run_cli(*args):
 
 def test_command(tmp_path):
     out = tmp_path / "a.nc"
-    result = run_cli("-o", out, "--nodes", 256, "--viscosity", 0.02, "--duration", 0.4, "--kernel", "box", "--horizon", 0.03)
+    result = run_cli(
+        "-o", out, "--nodes", 256, "--viscosity", 0.02, "--duration", 0.4, "--kernel", "box", "--horizon", 0.03
+    )
     assert result.exit_code == 0, result.output
     with xr.open_dataset(out) as ds:
         assert ds.sizes == {"time": 101, "x": 256}
@@ -263,7 +303,9 @@ def test_command(tmp_path):
     assert result.exit_code == 0, result.output
     with xr.open_zarr(tmp_path / "b.zarr", consolidated=False) as ds:
         assert ds.attrs["flux"] == "u^3/3" and "local" not in ds
-    result = run_cli("-o", tmp_path / "c.nc", "--nodes", 512, "--horizons", "0.06,0.03", "--viscosity", 0.05, "--duration", 0.2)
+    result = run_cli(
+        "-o", tmp_path / "c.nc", "--nodes", 512, "--horizons", "0.06,0.03", "--viscosity", 0.05, "--duration", 0.2
+    )
     assert result.exit_code == 0, result.output
     with xr.open_dataset(tmp_path / "c.nc") as ds:
         assert float(ds.order[-1]) == pytest.approx(2, abs=0.1)

@@ -23,7 +23,9 @@ def compared(folder, config, model, script, mine=None, *, topology=True, units=N
     dump, _ = run(folder, config, model, script, log=False, **options)
     traj = atc.read(dump, topology=folder / "run.data" if topology else None)
     frame = traj[1]
-    return compare_forces(frame, atc.potential(mine or model, units=units or config.units), 1, resolution=resolution_of(traj, frame))
+    return compare_forces(
+        frame, atc.potential(mine or model, units=units or config.units), 1, resolution=resolution_of(traj, frame)
+    )
 
 
 @pytest.mark.parametrize("fmt", ["%.15g", "%.9g", "%g", "%.4f", "%.4g"])
@@ -31,7 +33,13 @@ def test_digits_explain_what_they_hide(tmp_path, fmt):
     """The right potential agrees however few digits were written; the share says how much they hide."""
     found = compared(tmp_path, argon(), ARGON, NVE, fmt=fmt)
     assert found.agrees and found.differ == 0 and not found.looks and "yes" in str(found)
-    low, high = {"%.15g": (0, 1e-11), "%.9g": (1e-9, 1e-6), "%g": (1e-6, 1e-3), "%.4f": (1e-6, 2e-3), "%.4g": (1e-4, 0.1)}[fmt]
+    low, high = {
+        "%.15g": (0, 1e-11),
+        "%.9g": (1e-9, 1e-6),
+        "%g": (1e-6, 1e-3),
+        "%.4f": (1e-6, 2e-3),
+        "%.4g": (1e-4, 0.1),
+    }[fmt]
     assert low <= found.share < high
 
 
@@ -103,7 +111,8 @@ def test_molecules(tmp_path, script):
 
 
 @pytest.mark.parametrize(
-    "old, new, looks", [("450.0", "440.0", "forces along bonds (types 1)"), ("1 55.0", "1 50.0", "forces within bonded triples")]
+    "old, new, looks",
+    [("450.0", "440.0", "forces along bonds (types 1)"), ("1 55.0", "1 50.0", "forces within bonded triples")],
 )
 def test_bonded_coefficients(tmp_path, old, new, looks):
     found = compared(tmp_path, water(), RIGID, NVE, RIGID.replace(old, new))
@@ -141,13 +150,19 @@ def test_distant_charges(tmp_path, mine):
 def test_units_are_named(tmp_path):
     """Coefficients in kcal/mol read as eV, and a trajectory of metal units read as real: one factor, and which units it fits."""
     found = compared(tmp_path, argon(), ARGON, NVE, units="metal")
-    assert not found.agrees and "0.0433641 times" in found.looks and "coefficients in 'real' units read as 'metal'" in found.looks
+    assert (
+        not found.agrees
+        and "0.0433641 times" in found.looks
+        and "coefficients in 'real' units read as 'metal'" in found.looks
+    )
     twice = compared(tmp_path, argon(), ARGON, NVE, ARGON.replace("0.238", "0.476").replace("0.3 ", "0.6 "))
     assert "one factor for all: the run's forces are 0.5 times" in twice.looks and "energy scale" in twice.looks
 
 
 def test_a_trajectory_in_other_units(tmp_path):
-    dump, _ = run(tmp_path, argon(units="metal"), ARGON.replace("0.238", "0.0103"), NVE.replace("0.5", "0.001"), log=False)
+    dump, _ = run(
+        tmp_path, argon(units="metal"), ARGON.replace("0.238", "0.0103"), NVE.replace("0.5", "0.001"), log=False
+    )
     text = dump.read_text().replace("ITEM: UNITS\nmetal", "ITEM: UNITS\nreal")
     dump.write_text(text)
     frame = atc.read(dump, topology=tmp_path / "run.data")[1]
@@ -179,9 +194,15 @@ def test_a_pair_at_its_cutoff(tmp_path):
 def test_printed_digits_are_told(form, unit):
     """What was lost in print is within the estimate, and not far below it."""
     x = np.random.default_rng(0).normal(0, 3, (400, 3))
-    seen = x.astype(np.float32).astype(float) if form == "single" else np.array([[float(form.format(c)) for c in r] for r in x])
+    seen = (
+        x.astype(np.float32).astype(float)
+        if form == "single"
+        else np.array([[float(form.format(c)) for c in r] for r in x])
+    )
     error, estimate = np.linalg.norm(seen - x, axis=1) * unit, printed_error(seen * unit, unit)
-    assert (error <= estimate * 1.0001 + 1e-15).all() and np.sqrt((error**2).mean()) > 0.1 * np.sqrt((estimate**2).mean())
+    assert (error <= estimate * 1.0001 + 1e-15).all() and np.sqrt((error**2).mean()) > 0.1 * np.sqrt(
+        (estimate**2).mean()
+    )
 
 
 def test_nan_never_agrees():
@@ -219,7 +240,13 @@ file = "out.nc"
 @pytest.fixture(scope="module")
 def argon_run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("argon")
-    run(folder, argon(), ARGON, "thermo_style custom step temp pe press pxx\nthermo 1\nfix 1 all nve\ntimestep 1.0\nrun 7", every=1)
+    run(
+        folder,
+        argon(),
+        ARGON,
+        "thermo_style custom step temp pe press pxx\nthermo 1\nfix 1 all nve\ntimestep 1.0\nrun 7",
+        every=1,
+    )
     return folder
 
 
@@ -256,7 +283,9 @@ def test_a_wrong_potential_is_a_warning_everywhere(argon_run):
             found = act()
         said = [str(w.message) for w in caught if "does not agree with the potential" in str(w.message)]
         assert len(said) == 2 and "forces of frame 0 differ" in said[0] and "step 0 of run.log" in said[1], said
-        text = getattr(found, "agreement", None) or getattr(found, "attrs", getattr(found, "data", {})).get("agrees_with_run")
+        text = getattr(found, "agreement", None) or getattr(found, "attrs", getattr(found, "data", {})).get(
+            "agrees_with_run"
+        )
         assert text.startswith("no: forces of frame 0 differ from the potential's by ")
     assert "run     agrees with the potential? no: " in str(made_plan(made))
 
@@ -280,7 +309,10 @@ def test_must_agree_needs_something_to_agree_with(tmp_path):
     with pytest.raises(AtcError, match="the trajectory has no forces"):
         scene(tmp_path, forces="must agree").run()
     assert "not known: the trajectory has no forces" in scene(tmp_path).run().attrs["agrees_with_run"]
-    assert "energy and pressure of frame 0 (step 0 of run.log): yes" in scene(tmp_path, log="run.log").run().attrs["agrees_with_run"]
+    assert (
+        "energy and pressure of frame 0 (step 0 of run.log): yes"
+        in scene(tmp_path, log="run.log").run().attrs["agrees_with_run"]
+    )
 
 
 def test_what_the_script_says_of_forces_from_outside_is_named(argon_run):
@@ -311,5 +343,9 @@ def test_a_run_that_goes_on_does_not_compare_again(argon_run, tmp_path, monkeypa
 def test_the_python_call_says_whether_digits_explain(argon_run):
     traj = atc.read(argon_run / "run.dump", topology=argon_run / "run.data")[:2]
     good, bad = (atc.verify(traj, atc.potential(m, units="real")) for m in (ARGON, WRONG))
-    assert all(f.agrees for f in good.frames) and good.force_error < 1e-11 and "explained by the file's digits" in str(good)
+    assert (
+        all(f.agrees for f in good.frames)
+        and good.force_error < 1e-11
+        and "explained by the file's digits" in str(good)
+    )
     assert not any(f.agrees for f in bad.frames) and "it looks like everything" in str(bad) and bad.force_error > 1e-3

@@ -21,7 +21,15 @@ def rungs_of(result):
 @pytest.fixture(scope="module")
 def result():
     frame, pot = argon(5)
-    request = Request(frame, pot, atc.kernel("gaussian", radius=8.0), atc.Grid.regular(shape=10), ["stress", "density"], 1e-4, threads=1)
+    request = Request(
+        frame,
+        pot,
+        atc.kernel("gaussian", radius=8.0),
+        atc.Grid.regular(shape=10),
+        ["stress", "density"],
+        1e-4,
+        threads=1,
+    )
     return bench(request, (1e-6, 1e-2, 1e-4))
 
 
@@ -50,7 +58,9 @@ def test_binning_is_what_binning_gives(result):
     from atc.analysis.bench import _binned
 
     frame, pot = argon(5)
-    request = Request(frame, pot, atc.kernel("gaussian", radius=8.0), atc.Grid.regular(shape=2), ["stress"], 1e-4, threads=1)
+    request = Request(
+        frame, pot, atc.kernel("gaussian", radius=8.0), atc.Grid.regular(shape=2), ["stress"], 1e-4, threads=1
+    )
     ds = atc.fields(frame, pot, None, None, ["virial_stress_per_atom_potential", "virial_stress_potential"])
     s = frame.positions @ frame.cell.inverse
     octant = (np.floor(s * 2).astype(int) % 2) @ [4, 2, 1]
@@ -59,7 +69,9 @@ def test_binning_is_what_binning_gives(result):
     want = np.array([v[octant == k].sum(0) for k in range(8)]).reshape(2, 2, 2, 3, 3) / volume
     rung = _binned(frame, request, request.bound, want)
     assert rung.error_max < 1e-12
-    np.testing.assert_allclose(want.reshape(8, 3, 3).mean(0), ds.virial_stress_potential.values[0], rtol=0, atol=1e-9 * np.abs(want).max())
+    np.testing.assert_allclose(
+        want.reshape(8, 3, 3).mean(0), ds.virial_stress_potential.values[0], rtol=0, atol=1e-9 * np.abs(want).max()
+    )
 
 
 def test_the_front_is_what_nothing_else_beats():
@@ -73,19 +85,33 @@ def test_the_front_is_what_nothing_else_beats():
 
 def test_where_the_exact_sum_takes_too_long_errors_come_from_random_points():
     frame, pot = argon(5)
-    request = Request(frame, pot, atc.kernel("gaussian", radius=8.0), atc.Grid.regular(shape=10), ["stress_potential"], threads=1)
+    request = Request(
+        frame, pot, atc.kernel("gaussian", radius=8.0), atc.Grid.regular(shape=10), ["stress_potential"], threads=1
+    )
     result = bench(request, (1e-2, 1e-5), most=0.0)
     assert [r.method for r in result.rungs] == ["spectral", "spectral", "smoothed virial", "binned virial"]
-    assert "predicted to take" in result.left_out[0][1] and all(0 < r.error_max <= r.tolerance for r in result.rungs[:2])
+    assert "predicted to take" in result.left_out[0][1] and all(
+        0 < r.error_max <= r.tolerance for r in result.rungs[:2]
+    )
 
 
 def test_kernels_that_jump_leave_the_spectral_method_out():
     frame, pot = argon(4)
-    result = bench(Request(frame, pot, atc.kernel("step", radius=6.0), atc.Grid.regular(shape=6), ["stress"], threads=1), (1e-2, 1e-3))
-    assert [r.method for r in result.rungs] == ["direct", "smoothed virial", "binned virial"] and len(result.left_out) == 2
-    profile = bench(Request(frame, pot, atc.kernel("quartic", radius=6.0), atc.Grid.slab("z", 6), ["stress"], threads=1), (1e-2,))
+    result = bench(
+        Request(frame, pot, atc.kernel("step", radius=6.0), atc.Grid.regular(shape=6), ["stress"], threads=1),
+        (1e-2, 1e-3),
+    )
+    assert [r.method for r in result.rungs] == ["direct", "smoothed virial", "binned virial"] and len(
+        result.left_out
+    ) == 2
+    profile = bench(
+        Request(frame, pot, atc.kernel("quartic", radius=6.0), atc.Grid.slab("z", 6), ["stress"], threads=1), (1e-2,)
+    )
     assert [r.method for r in profile.rungs] == ["slab", "smoothed virial", "binned virial"]
-    density = bench(Request(frame, None, atc.kernel("gaussian", radius=6.0), atc.Grid.regular(shape=6), ["density"], threads=1), (1e-2,))
+    density = bench(
+        Request(frame, None, atc.kernel("gaussian", radius=6.0), atc.Grid.regular(shape=6), ["density"], threads=1),
+        (1e-2,),
+    )
     assert density.field == "density" and [r.method for r in density.rungs] == ["direct", "spectral"]
     with pytest.raises(atc.AtcError, match="none"):
         bench(Request(frame, pot, None, None, ["virial_stress"]))
@@ -163,7 +189,9 @@ def test_constants_are_solved_for():
 def test_any_field_of_a_scene():
     """Fields of gradients and those on a reference configuration too; by name."""
     frame, pot = argon(5)
-    moved = frame.replace(positions=frame.positions + np.random.default_rng(0).normal(scale=0.05, size=frame.positions.shape))
+    moved = frame.replace(
+        positions=frame.positions + np.random.default_rng(0).normal(scale=0.05, size=frame.positions.shape)
+    )
     request = Request(
         moved, pot, atc.kernel("gaussian", radius=8.0), atc.Grid.regular(shape=8), ["heat_flux", "velocity_gradient", "piola_stress"],
         reference=frame, threads=1,
@@ -172,7 +200,9 @@ def test_any_field_of_a_scene():
         found = bench(request, (1e-2, 1e-4), field=name)
         by = rungs_of(found)
         assert found.field == name and by["direct (exact)"].error_max < 1e-12
-        assert by["spectral 0.0001"].error_max < 1e-3 and by["spectral 0.0001"].error_max < by["spectral 0.01"].error_max, name
+        assert (
+            by["spectral 0.0001"].error_max < 1e-3 and by["spectral 0.0001"].error_max < by["spectral 0.01"].error_max
+        ), name
     assert field_of(request) == "stress_potential"
     with pytest.raises(atc.AtcError, match=r"field 'temper'.*velocity_gradient"):
         bench(request, (1e-2,), field="temper")

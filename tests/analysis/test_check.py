@@ -50,8 +50,12 @@ def sw_lines():
 
 def eam():
     x, t = thermal_lattice(np.diag([8.2, 9.0, 10.4]), (3, 4, 4), jitter=0.15, kinds=2, seed=4)
-    config = Config(np.array([[8.2, 0, 0], [3.1, 9.0, 0], [-2.6, 3.3, 10.4]]), x, types=t, masses={1: 63.546, 2: 26.98}, ntypes=2)
-    return hot(config, 600), atc.potential(f"pair_style eam/alloy\npair_coeff * * {POTENTIALS}/AlCu.eam.alloy Cu Al", units="metal")
+    config = Config(
+        np.array([[8.2, 0, 0], [3.1, 9.0, 0], [-2.6, 3.3, 10.4]]), x, types=t, masses={1: 63.546, 2: 26.98}, ntypes=2
+    )
+    return hot(config, 600), atc.potential(
+        f"pair_style eam/alloy\npair_coeff * * {POTENTIALS}/AlCu.eam.alloy Cu Al", units="metal"
+    )
 
 
 def melt():
@@ -64,7 +68,11 @@ def melt():
 def case(name, sw_lines):
     if name == "lj":
         frame = argon("tilted", n=(3, 3, 3))
-        return frame, atc.potential("pair_style lj/cut 6.0\npair_coeff * * 0.0104 3.4\npair_coeff 1 2 0.014 3.3", units="metal"), 1.6
+        return (
+            frame,
+            atc.potential("pair_style lj/cut 6.0\npair_coeff * * 0.0104 3.4\npair_coeff 1 2 0.014 3.3", units="metal"),
+            1.6,
+        )
     if name == "sw":
         return hot(silicon_config(shake=0.2), 600), atc.potential(sw_lines, units="metal"), 1.6
     return (*eam(), 1.6) if name == "eam" else (*melt(), 0.7)
@@ -95,12 +103,29 @@ def test_laws_hold(name, churns, sw_lines):
         assert energy["chain_rule"]["without_churning"] > churns
         # two ways to the same number: z:∇v in closed form, and the divergence of z·v on stencils
         assert abs(energy["fields"]["without_churning"] / energy["chain_rule"]["without_churning"] - 1) < 1e-6
-    assert set(report.data["fields_against_own_sums"]) >= {"density", "momentum", "velocity", "energy", "stress", "heat_flux", "churning"}
+    assert set(report.data["fields_against_own_sums"]) >= {
+        "density",
+        "momentum",
+        "velocity",
+        "energy",
+        "stress",
+        "heat_flux",
+        "churning",
+    }
     json.loads(report.json())
 
 
 # What stencils can do near the kinks of each kernel, and whether they can do anything where it jumps.
-STENCILS = {"step": None, "box": None, "linear": 1e-4, "hardy": 1e-4, "cubic": 1e-7, "quartic": 1e-7, "lucy": 1e-8, "bspline": 1e-8}
+STENCILS = {
+    "step": None,
+    "box": None,
+    "linear": 1e-4,
+    "hardy": 1e-4,
+    "cubic": 1e-7,
+    "quartic": 1e-7,
+    "lucy": 1e-8,
+    "bspline": 1e-8,
+}
 
 
 @pytest.mark.parametrize("name", STENCILS)
@@ -158,7 +183,11 @@ def test_exact_rates(sw_lines):
 
     t = 1e-3 / np.abs(state.v_nc).max()
     rate = (8 * (at(t) - at(-t)) - (at(2 * t) - at(-2 * t))) / (12 * t)
-    for got, want in ((exact.rho_t[:, None], rate[:, :1]), (exact.pi_t, rate[:, 1:4]), (exact.energy_t[:, None], rate[:, 4:])):
+    for got, want in (
+        (exact.rho_t[:, None], rate[:, :1]),
+        (exact.pi_t, rate[:, 1:4]),
+        (exact.energy_t[:, None], rate[:, 4:]),
+    ):
         # rounding 1e-15/1e-3 of the sum, fourth order in 1e-3
         np.testing.assert_allclose(got, want, rtol=0, atol=1e-9 * np.abs(want).max())
 
@@ -226,7 +255,9 @@ def _moved_shares(bonds: Bonds) -> Bonds:
     return bonds
 
 
-@pytest.mark.parametrize("spoil, word", [(_flip, "energy balance"), (_half_of_a_pair, "energy balance"), (_moved_shares, "energy sources")])
+@pytest.mark.parametrize(
+    "spoil, word", [(_flip, "energy balance"), (_half_of_a_pair, "energy balance"), (_moved_shares, "energy sources")]
+)
 def test_wrong_sources_are_found(spoil, word, sw_lines):
     frame, pot, width = case("sw", sw_lines)
     report = check(frame, Spoiled(pot, spoil), kernel("gaussian", width=width), points=4)
@@ -273,7 +304,9 @@ def test_wrong_fields_are_found(field, sign, sw_lines, monkeypatch):
 # ---- differences between frames
 
 
-def run(folder, lines, config, *, timestep, every, frames=9, temperature=600.0, warm=100, form="%.17g", then=(), time=True):
+def run(
+    folder, lines, config, *, timestep, every, frames=9, temperature=600.0, warm=100, form="%.17g", then=(), time=True
+):
     """A short constant-energy run of live LAMMPS; the dump's name."""
     data, dump = folder / "config.data", folder / "run.dump"
     config.write_data(data)
@@ -353,7 +386,9 @@ def test_wrong_potential_and_masses_are_found(argon_run):
 @pytest.mark.parametrize("fix", ["fix heat all langevin 80 80 0.1 4848", "unfix move\nfix move all nvt temp 80 80 0.1"])
 def test_thermostats_are_found(fix, tmp_path):
     dump = run(tmp_path, SMOOTH, liquid(), timestep=2e-4, every=5, temperature=80.0, then=fix.splitlines())
-    report = check(atc.read(dump, masses={1: 39.948}), atc.potential(SMOOTH, units="metal"), kernel("lucy", radius=6.0), points=5)
+    report = check(
+        atc.read(dump, masses={1: 39.948}), atc.potential(SMOOTH, units="metal"), kernel("lucy", radius=6.0), points=5
+    )
     assert not report.ok
     assert report.data["laws"]["energy"]["frames"]["holds"] is False
     assert report.data["laws"]["energy"]["fields"]["holds"] is True
@@ -395,7 +430,9 @@ def test_jumps_and_digits_limit(tmp_path):
         bonds = pot.decompose(frame.replace(positions=x)).bonds
         shift = np.rint((x[bonds.i] - x[bonds.j] - bonds.r_bc) @ frame.cell.inverse).astype(int)
         both = (bonds.i, bonds.j, shift), (bonds.j, bonds.i, -shift)
-        lists.append({(i, j, tuple(n)) for a, b, s in both for i, j, n in zip(a.tolist(), b.tolist(), s.tolist(), strict=True)})
+        lists.append(
+            {(i, j, tuple(n)) for a, b, s in both for i, j, n in zip(a.tolist(), b.tolist(), s.tolist(), strict=True)}
+        )
     crossed = len(lists[0] ^ lists[1]) / 2
     assert crossed > 100
     assert found.crossings * t == pytest.approx(crossed, rel=0.2)  # Poisson, and the shell's own few hundred pairs

@@ -20,12 +20,25 @@ def output(shape=(4, 5, 6), frames=1, hardy=None, smoothed=None, virial=None, ce
     data = {}
     for name, f in (("stress", hardy), ("smoothed_virial_stress", smoothed)):
         if f is not None:
-            data[name] = (("frame", *dims, "i", "j"), np.stack([f(s, k) for k in range(frames)]), {"units": "bar", "measured_error": 2e-9})
+            data[name] = (
+                ("frame", *dims, "i", "j"),
+                np.stack([f(s, k) for k in range(frames)]),
+                {"units": "bar", "measured_error": 2e-9},
+            )
     if virial is not None:
         data["virial_stress"] = (("frame", "i", "j"), np.stack([virial(k) for k in range(frames)]), {"units": "bar"})
     coords = {f"position_{c}": (dims, x[..., k], {"units": "angstrom"}) for k, c in enumerate("xyz")}
-    coords |= {"cell": (("frame", "edge", "i"), np.stack([cell] * frames)), "i": list("xyz"), "j": list("xyz"), "frame": np.arange(frames)}
-    return xr.Dataset(data, coords, {"kernel": "quartic, radius 4", "radius": 4.0, "radius_units": "angstrom", "periodic": "ppp", **attrs})
+    coords |= {
+        "cell": (("frame", "edge", "i"), np.stack([cell] * frames)),
+        "i": list("xyz"),
+        "j": list("xyz"),
+        "frame": np.arange(frames),
+    }
+    return xr.Dataset(
+        data,
+        coords,
+        {"kernel": "quartic, radius 4", "radius": 4.0, "radius_units": "angstrom", "periodic": "ppp", **attrs},
+    )
 
 
 A = np.array([[1.0, 0.5, 0], [0.5, 2.0, 0.25], [0, 0.25, -4.0]])
@@ -54,12 +67,18 @@ def test_box_average_and_pointwise_difference_in_closed_form():
     largest = 4 + 3 / np.sqrt(2)
     assert r.value(POINTWISE, "xx", "relative max") == pytest.approx(np.sqrt(2) / largest, rel=1e-12)
     assert r.value("box average", "xx", "relative") == pytest.approx(0.01 / 3.99, rel=1e-9)
-    assert r.value(POINTWISE, "vonmises", "max") == pytest.approx(0.0, abs=1e-12)  # a hydrostatic difference has no deviator
+    assert r.value(POINTWISE, "vonmises", "max") == pytest.approx(
+        0.0, abs=1e-12
+    )  # a hydrostatic difference has no deviator
     assert r.value(ACCURACY, "stress", "measured max") == 2e-9
 
 
 def test_profiles_average_over_the_other_axes():
-    ds = output(hardy=lambda s, k: A + 3 * wave(s, 2) * np.eye(3) + wave(s, 0) * A, smoothed=lambda s, k: A + 0 * wave(s), virial=None)
+    ds = output(
+        hardy=lambda s, k: A + 3 * wave(s, 2) * np.eye(3) + wave(s, 0) * A,
+        smoothed=lambda s, k: A + 0 * wave(s),
+        virial=None,
+    )
     r = compare(ds)
     along_z = r.data["profile_z_hardy"].values
     s = (np.arange(6) + 0.5) / 6
@@ -67,7 +86,9 @@ def test_profiles_average_over_the_other_axes():
     # cos² at 6 equally spaced points has mean 1/2
     assert r.value(PROFILES, "along z: hydrostatic", "rms") == pytest.approx(3 / np.sqrt(2), rel=1e-12)
     assert r.value(PROFILES, "along y: any component", "max") == pytest.approx(0.0, abs=1e-12)
-    np.testing.assert_allclose(r.data["profile_z_position"].values[1] - r.data["profile_z_position"].values[0], np.linalg.norm(CELL[2]) / 6)
+    np.testing.assert_allclose(
+        r.data["profile_z_position"].values[1] - r.data["profile_z_position"].values[0], np.linalg.norm(CELL[2]) / 6
+    )
 
 
 def test_empty_space_counts_as_empty():
@@ -76,7 +97,9 @@ def test_empty_space_counts_as_empty():
     def half(s, k):
         return np.where(s[..., 0, None, None] < 0.5, 2 * A, np.nan)
 
-    r = compare(output(hardy=half, smoothed=lambda s, k: np.where(s[..., 0, None, None] < 0.5, 2 * A, 0.0), virial=lambda k: A))
+    r = compare(
+        output(hardy=half, smoothed=lambda s, k: np.where(s[..., 0, None, None] < 0.5, 2 * A, 0.0), virial=lambda k: A)
+    )
     for c in ("xx", "yz", "vonmises"):
         assert r.value("box average", c) == pytest.approx(0.0, abs=1e-12)
         assert r.value(POINTWISE, c, "max") == pytest.approx(0.0, abs=1e-12)
@@ -86,14 +109,20 @@ def test_frames_average_and_give_a_standard_error():
     rng = np.random.default_rng(3)
     noise = rng.normal(size=64)
     ds = output(
-        (2, 2, 2), 64, hardy=lambda s, k: A + 0 * wave(s) + noise[k] * np.eye(3), smoothed=lambda s, k: A + 0 * wave(s), virial=lambda k: A
+        (2, 2, 2),
+        64,
+        hardy=lambda s, k: A + 0 * wave(s) + noise[k] * np.eye(3),
+        smoothed=lambda s, k: A + 0 * wave(s),
+        virial=lambda k: A,
     )
     r = compare(ds)
     assert r.value("box average", "xx") == pytest.approx(noise.mean(), abs=1e-12)
     # white noise: block averaging of 64 numbers scatters by some 20 % about σ/√n (Flyvbjerg & Petersen); 2 is beyond five times that
     naive = noise.std(ddof=1) / 8
     assert naive / 2 < r.value("box average", "xx", "stderr_difference") < 2 * naive
-    assert r.value("box average", "xx", "sigmas") == pytest.approx(abs(noise.mean()) / r.value("box average", "xx", "stderr_difference"))
+    assert r.value("box average", "xx", "sigmas") == pytest.approx(
+        abs(noise.mean()) / r.value("box average", "xx", "stderr_difference")
+    )
     one = compare(ds, frame=5)
     assert one.value("box average", "xx") == pytest.approx(noise[5], abs=1e-12)
     with pytest.raises(AtcError, match="64 frames"):
@@ -119,7 +148,9 @@ def test_a_grid_that_does_not_fill_the_cell_has_no_box_average():
 
 
 def test_an_open_cell_is_compared_with_a_caveat():
-    ds = output(hardy=lambda s, k: A + 0 * wave(s), smoothed=lambda s, k: A + 0 * wave(s), virial=lambda k: A, periodic="pfp")
+    ds = output(
+        hardy=lambda s, k: A + 0 * wave(s), smoothed=lambda s, k: A + 0 * wave(s), virial=lambda k: A, periodic="pfp"
+    )
     r = compare(ds)
     assert r.value("box average", "xx") == pytest.approx(0.0, abs=1e-12)
     assert any("open along y" in n for n in r.notes)
@@ -134,7 +165,9 @@ def test_nothing_to_compare(have, words):
 
 
 def test_as_json_csv_and_picture(tmp_path):
-    r = compare(output(hardy=lambda s, k: A + 3 * wave(s) * A, smoothed=lambda s, k: A + wave(s) * A, virial=lambda k: A))
+    r = compare(
+        output(hardy=lambda s, k: A + 3 * wave(s) * A, smoothed=lambda s, k: A + wave(s) * A, virial=lambda k: A)
+    )
     data = json.loads(r.json())
     assert data["rows"] == r.rows
     assert data["kernel"] == "quartic, radius 4"
@@ -151,7 +184,13 @@ def test_as_json_csv_and_picture(tmp_path):
 
 def test_side_by_side(tmp_path):
     results = [
-        compare(output(hardy=lambda s, k, f=f: A + f * wave(s) * np.eye(3), smoothed=lambda s, k: A + 0 * wave(s), virial=lambda k: A))
+        compare(
+            output(
+                hardy=lambda s, k, f=f: A + f * wave(s) * np.eye(3),
+                smoothed=lambda s, k: A + 0 * wave(s),
+                virial=lambda k: A,
+            )
+        )
         for f in (1.0, 2.0)
     ]
     r = side_by_side(results, labels=["one", "two"])
@@ -173,7 +212,12 @@ def test_what_a_coarse_grid_does_to_the_box_average_is_said(shape, said):
 
     pot = atc.potential("pair_style lj/cut 6\npair_coeff * * 0.0104 3.405", units="metal")
     ds = atc.fields(
-        argon(), pot, atc.kernel("gaussian", width=1.9), atc.Grid.regular(shape=shape), ["stress", "virial_stress"], tolerance=1e-12
+        argon(),
+        pot,
+        atc.kernel("gaussian", width=1.9),
+        atc.Grid.regular(shape=shape),
+        ["stress", "virial_stress"],
+        tolerance=1e-12,
     )
     r = compare(ds)
     assert any("grid's quadrature" in n for n in r.notes) == said

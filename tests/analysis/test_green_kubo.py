@@ -42,7 +42,9 @@ def of_array(J, dt=0.04, **more):
 def test_autocorrelation_is_the_sum_over_pairs():
     rng = np.random.default_rng(1)
     x = rng.normal(size=(37, 2)) + 0.3
-    naive = np.array([[sum(x[s, k] * x[s + t, k] for s in range(37 - t)) / (37 - t) for k in range(2)] for t in range(37)])
+    naive = np.array(
+        [[sum(x[s, k] * x[s + t, k] for s in range(37 - t)) / (37 - t) for k in range(2)] for t in range(37)]
+    )
     for lags in (1, 5, 37):
         # 1e-14: a transform of 100 numbers of size 1
         np.testing.assert_allclose(autocorrelation(x, lags), naive[:lags], rtol=0, atol=1e-14)
@@ -67,7 +69,9 @@ def test_segments_do_not_see_each_other():
 def test_plateau_begins_where_the_tail_is_lost_in_the_noise():
     """Exact integrals 1 − exp(−t) of four segments, each off by a small noise of its own that grows with time: nothing random."""
     t = 0.1 * np.arange(400)
-    noise = np.array([1.0, -1.0, 1.0, -1.0])[:, None] * 0.01 * np.sqrt(t)  # mean 0: the step from window to window is the exact one
+    noise = (
+        np.array([1.0, -1.0, 1.0, -1.0])[:, None] * 0.01 * np.sqrt(t)
+    )  # mean 0: the step from window to window is the exact one
     found = plateau(1.0 - np.exp(-t) + noise)
 
     def mean(a, b):
@@ -131,7 +135,9 @@ def test_directions_and_a_plateau_of_ones_own():
     by_hand = [np.mean(running_integral(autocorrelation(x, 3000), 0.05)[100:161]) for x in np.split(J, 10)]
     assert r.value == pytest.approx(np.mean(by_hand), rel=1e-12)
     assert r.stderr == pytest.approx(np.std(by_hand, ddof=1) / np.sqrt(10), rel=1e-12)
-    assert r.integral[130] == pytest.approx(np.mean([running_integral(autocorrelation(x, 131), 0.05)[-1].mean() for x in np.split(J, 10)]))
+    assert r.integral[130] == pytest.approx(
+        np.mean([running_integral(autocorrelation(x, 131), 0.05)[-1].mean() for x in np.split(J, 10)])
+    )
 
 
 def test_units_of_an_array():
@@ -140,7 +146,9 @@ def test_units_of_an_array():
     real, metal, si = units("real"), units("metal"), units("si")
     a = atc.conductivity(J, dt=50.0, volume=2e4, temperature=70.0, units="real", plateau=(2e3, 4e3))
     convert = {d: real.factor(d) / metal.factor(d) for d in ("energy_current", "time", "volume")}
-    assert convert["time"] == pytest.approx(1e-3, rel=1e-7)  # LAMMPS's constants of the two styles agree to their printed digits
+    assert convert["time"] == pytest.approx(
+        1e-3, rel=1e-7
+    )  # LAMMPS's constants of the two styles agree to their printed digits
     b = atc.conductivity(
         J * convert["energy_current"], dt=50.0 * convert["time"], volume=2e4, temperature=70.0, units="metal",
         plateau=(2e3 * convert["time"], 4e3 * convert["time"]),
@@ -242,7 +250,9 @@ def test_table_and_picture(tmp_path, capsys):
     r = of_array(ornstein_uhlenbeck(np.random.default_rng(12), 20000, 0.05, [(1.0, 0.5, 0.0)]), 0.05)
     r.print(Console(width=200))
     out = capsys.readouterr().out
-    assert "conductivity" in out and "kB/(sigma*tau)" in out and "10 independent segments" in out and "W/(m K)" not in out
+    assert (
+        "conductivity" in out and "kB/(sigma*tau)" in out and "10 independent segments" in out and "W/(m K)" not in out
+    )
     assert f"{r.stderr:.3f}"[:3] in out
     data = json.loads(r.json())
     assert data["value"] == r.value and len(data["integral"]) == len(r.time)
@@ -354,7 +364,9 @@ def test_command(tmp_path, capsys):
     assert (mine["value"], mine["stderr"], mine["samples"], mine["atoms"]) == (theirs.value, theirs.stderr, 250, 32)
     assert mine["dt"] == pytest.approx(40.0)
     done = run(scene, "--segments", 5, "--picture", tmp_path / "gk.png")
-    assert done.exit_code == 0 and "W/(m K)" in done.output and "gk.png" in done.output and (tmp_path / "gk.png").exists()
+    assert (
+        done.exit_code == 0 and "W/(m K)" in done.output and "gk.png" in done.output and (tmp_path / "gk.png").exists()
+    )
     for arguments, message in (
         ((tmp_path / "none.toml",), "no [potential] section"),
         ((scene, "--plateau", "300"), "expected two lags"),
@@ -362,7 +374,12 @@ def test_command(tmp_path, capsys):
         ((scene, "-j", "-1"), "-j -1"),
     ):
         done = run(*arguments)
-        assert done.exit_code == 2 and message in done.output and "Traceback" not in done.output and len(done.output.splitlines()) == 1
+        assert (
+            done.exit_code == 2
+            and message in done.output
+            and "Traceback" not in done.output
+            and len(done.output.splitlines()) == 1
+        )
 
 
 @pytest.mark.slow

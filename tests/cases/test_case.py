@@ -119,7 +119,15 @@ def test_case_is_the_simulation_written_by_hand(tmp_path):
     assert np.array_equal(ds.damage[-1], sim.damage()) and np.array_equal(ds.energy[-1], sim.strain_energy_n())
     assert ds.step.values.tolist() == [0, 25, 50, 75, 100, 120] and ds.attrs["kind"] == "peridynamics"
     e = sim.energies()
-    for name in ("kinetic", "strain", "work_constraint", "dissipated_damping", "dissipated_fracture", "contact", "total"):
+    for name in (
+        "kinetic",
+        "strain",
+        "work_constraint",
+        "dissipated_damping",
+        "dissipated_fracture",
+        "contact",
+        "total",
+    ):
         assert ds[f"energy_{name}"].values[-1] == getattr(e, name)
     for v in ds.data_vars.values():
         assert {"units", "long_name", "sign_convention"} <= set(v.attrs)
@@ -130,7 +138,10 @@ def test_case_is_the_simulation_written_by_hand(tmp_path):
 
 
 def test_materials_by_region_and_overrides(tmp_path):
-    text = PLATE.replace("[material]", '[[material]]\nmodel = "pmb"\nyoungs = 9e9\ndensity = 1000\n\n[[material]]\nid = 7\nregion = "top"')
+    text = PLATE.replace(
+        "[material]",
+        '[[material]]\nmodel = "pmb"\nyoungs = 9e9\ndensity = 1000\n\n[[material]]\nid = 7\nregion = "top"',
+    )
     case = Case.load(write(tmp_path, text), ["body.jitter=0", "run.steps=3", "contact.strength=7"])
     sim = case.simulation(1)
     assert sim.contact.contact == pd.Contact(strength=7)
@@ -180,7 +191,10 @@ def test_equilibrium_at_every_step(tmp_path, solver):
     # E of a thin bar; the free edges lack some of their bonds
     assert reaction[3] / strain[3] == pytest.approx(2.0, rel=0.02)
     assert float(abs(ds.force[3, inner]).max()) < 1e-5 * reaction[3]
-    for section, key, value, words in (("run", "damping", 1.0, "belongs to motion"), ("damage", "s00", 0.1, "breaks no bonds")):
+    for section, key, value, words in (
+        ("run", "damping", 1.0, "belongs to motion"),
+        ("damage", "s00", 0.1, "breaks no bonds"),
+    ):
         with pytest.raises(AtcError, match=words):
             Case.load(case.data, {f"{section}.{key}": value})
 
@@ -216,7 +230,12 @@ def test_equilibrium_at_every_step(tmp_path, solver):
         ("dt = 1.5e-7", "dt = 1.5e-7\nsafety = 0.5", 53, "dt is given"),
         ("every = 25", 'every = 25\nquantities = ["damag"]', 57, "unknown 'damag': did you mean 'damage'"),
         ("[run]", "[run\n", 50, "not valid TOML"),
-        ('region = "bottom"', 'region = { shape = "box", lo = [1, 1, 1], hi = [2, 2, 2] }', 40, "no node of the body lies in it"),
+        (
+            'region = "bottom"',
+            'region = { shape = "box", lo = [1, 1, 1], hi = [2, 2, 2] }',
+            40,
+            "no node of the body lies in it",
+        ),
     ],
 )
 def test_mistakes_have_a_line(tmp_path, before, after, line, words):
@@ -240,9 +259,9 @@ def test_more_mistakes(tmp_path):
         Case.load(
             write(
                 tmp_path,
-                PLATE.replace('region = { shape = "box", lo = [0, 0, 0], hi = [0.03, 0.012, 0] }', 'file = "x.csv"').replace(
-                    "jitter = 0.05\n", ""
-                ),
+                PLATE.replace(
+                    'region = { shape = "box", lo = [0, 0, 0], hi = [0.03, 0.012, 0] }', 'file = "x.csv"'
+                ).replace("jitter = 0.05\n", ""),
             )
         )
 
@@ -282,7 +301,9 @@ quantities = ["density", "velocity", "peridynamic_stress", "peridynamic_piola_st
 @pytest.mark.parametrize("sign", [signal.SIGKILL, signal.SIGINT])
 def test_interrupted_run_continues_bitwise(tmp_path, sign):
     text = PLATE + FIELDS if sign == signal.SIGINT else PLATE
-    text = text.replace("steps = 120", "steps = 4000").replace("every = 25", 'every = 200\nvtk = "frames"\nrestart = "end.npz"')
+    text = text.replace("steps = 120", "steps = 4000").replace(
+        "every = 25", 'every = 200\nvtk = "frames"\nrestart = "end.npz"'
+    )
     case = write(tmp_path, text)
     env = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     whole = Case.load(case).run(tmp_path / "whole.zarr", threads=1)
@@ -365,7 +386,13 @@ def test_fields_of_a_run_are_those_of_its_state(tmp_path):
     sim.step(120)
     frame, bonds = pd.snapshot(sim)
     line = atc.Grid.line([0.002, 0.006, 0.0], [0.028, 0.006, 0.0], 14)
-    names = ["density", "velocity", "peridynamic_stress", "peridynamic_piola_stress", "peridynamic_stress_weighted_virial"]
+    names = [
+        "density",
+        "velocity",
+        "peridynamic_stress",
+        "peridynamic_piola_stress",
+        "peridynamic_stress_weighted_virial",
+    ]
     want = atc.fields(frame, bonds, atc.kernel("quartic", 0.003), line, names, reference=pd.reference_frame(sim))
     for name in names:
         # other threads, other order of sums
@@ -391,14 +418,22 @@ def test_blown_up_runs_say_so(tmp_path):
 
 
 def nodes_case(tmp_path, file, **body):
-    case = {"body": {"file": str(file), "horizon": 2.01, **body}, "material": {"model": "pmb", "bulk": 1.0}, "run": {"steps": 1}}
+    case = {
+        "body": {"file": str(file), "horizon": 2.01, **body},
+        "material": {"model": "pmb", "bulk": 1.0},
+        "run": {"steps": 1},
+    }
     return make_body(Case.load(case))
 
 
 def test_csv(tmp_path):
     (tmp_path / "n.csv").write_text("# nodes\nx, y, z, volume, material\n0,0,0,1.5,1\n1,0,0,2.5,1\n0,1,0,1,1\n")
     body = nodes_case(tmp_path, tmp_path / "n.csv", density=3.0)
-    assert body.X_nc.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]] and body.V_n.tolist() == [1.5, 2.5, 1.0] and set(body.rho_n) == {3.0}
+    assert (
+        body.X_nc.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+        and body.V_n.tolist() == [1.5, 2.5, 1.0]
+        and set(body.rho_n) == {3.0}
+    )
     with pytest.raises(AtcError, match="does not say the density"):
         nodes_case(tmp_path, tmp_path / "n.csv")
     for text, words in (("x,y\n0,0\n", "missing: z"), ("x,y,z,w\n0,0,0,0\n", "unknown column 'w'"), ("x,y,z\n0,0,a\n", "'z' has no number in row 1"),
@@ -421,7 +456,11 @@ def test_lammps_data(tmp_path):
         "peri\n\n2 atoms\n1 atom types\n\n0 4 xlo xhi\n0 4 ylo yhi\n0 4 zlo zhi\n\nAtoms # peri\n\n2 1 0.5 2200 1.1 0 0\n1 1 0.25 2200 0.1 0 0\n"
     )
     body = nodes_case(tmp_path, tmp_path / "n.data")
-    assert body.X_nc.tolist() == [[0.1, 0, 0], [1.1, 0, 0]] and body.V_n.tolist() == [0.25, 0.5] and set(body.rho_n) == {2200.0}
+    assert (
+        body.X_nc.tolist() == [[0.1, 0, 0], [1.1, 0, 0]]
+        and body.V_n.tolist() == [0.25, 0.5]
+        and set(body.rho_n) == {2200.0}
+    )
 
 
 def test_mesh(tmp_path):
@@ -439,13 +478,16 @@ def test_mesh(tmp_path):
     }
     for name, cells in cuts.items():
         meshio.write(
-            tmp_path / "m.vtu", meshio.Mesh(points, [(name, np.array(cells))], cell_data={"density": [np.arange(len(cells)) + 1.0]})
+            tmp_path / "m.vtu",
+            meshio.Mesh(points, [(name, np.array(cells))], cell_data={"density": [np.arange(len(cells)) + 1.0]}),
         )
         body = nodes_case(tmp_path, tmp_path / "m.vtu")
         assert body.V_n.sum() == pytest.approx(8.0, rel=1e-12) and len(body) == len(cells)
         np.testing.assert_allclose(body.V_n @ body.X_nc / 8, [1, 1, 1], rtol=1e-12)
         assert body.rho_n.tolist() == [k + 1.0 for k in range(len(cells))]
-    meshio.write(tmp_path / "m.vtu", meshio.Mesh(c[:4], [("quad", np.array([[0, 1, 2, 3]])), ("line", np.array([[0, 1]]))]))
+    meshio.write(
+        tmp_path / "m.vtu", meshio.Mesh(c[:4], [("quad", np.array([[0, 1, 2, 3]])), ("line", np.array([[0, 1]]))])
+    )
     body = nodes_case(tmp_path, tmp_path / "m.vtu", dimension=2, thickness=0.5, density=1.0)
     assert body.V_n[0] == pytest.approx(2.0, rel=1e-12)
     np.testing.assert_allclose(body.X_nc, [[1, 1, 0]], rtol=1e-12)
@@ -467,7 +509,8 @@ def test_vtk_extxyz_and_picture_of_a_run(tmp_path):
     from atc.pictures.plotting import plot_file
 
     text = PLATE.replace(
-        "every = 25", 'every = 40\nvtk = "frames"\nextxyz = "out.xyz"\nquantities = ["displacement", "damage", "stress", "energy"]'
+        "every = 25",
+        'every = 40\nvtk = "frames"\nextxyz = "out.xyz"\nquantities = ["displacement", "damage", "stress", "energy"]',
     )
     ds = Case.load(write(tmp_path, text)).run(tmp_path / "out.zarr", threads=1)
     mesh = meshio.read(tmp_path / "frames" / "frames_00003.vtu")
@@ -477,7 +520,11 @@ def test_vtk_extxyz_and_picture_of_a_run(tmp_path):
     pvd = (tmp_path / "frames" / "frames.pvd").read_text()
     assert all(f'timestep="{float(t)!r}" file="frames_{k:05d}.vtu"' in pvd for k, t in enumerate(ds.time.values))
     frames = ase.io.read(tmp_path / "out.xyz", index=":")
-    assert len(frames) == 4 and np.array_equal(frames[3].positions, x) and np.array_equal(frames[2].arrays["damage"], ds.damage[2])
+    assert (
+        len(frames) == 4
+        and np.array_equal(frames[3].positions, x)
+        and np.array_equal(frames[2].arrays["damage"], ds.damage[2])
+    )
     assert np.array_equal(frames[3].arrays["local_stress"].reshape(-1, 3, 3), ds.stress[-1])
     path = export(tmp_path / "out.zarr", quantities=["damage"], frames=slice(1, None, 2))
     assert sorted(p.name for p in path.with_suffix("").iterdir()) == ["out_00001.vtu", "out_00003.vtu"]

@@ -31,7 +31,11 @@ def same(case, other, steps=30):
     for k in x:
         # formulas may associate otherwise than the numbers they are compared with
         np.testing.assert_allclose(
-            x[k], y[k], rtol=1e-12, atol=1e-15 * max(1e-300, np.abs(y[k]).max(initial=0)) if y[k].dtype.kind == "f" else 0, err_msg=k
+            x[k],
+            y[k],
+            rtol=1e-12,
+            atol=1e-15 * max(1e-300, np.abs(y[k]).max(initial=0)) if y[k].dtype.kind == "f" else 0,
+            err_msg=k,
         )
     return a
 
@@ -126,7 +130,8 @@ def test_the_ledger_closes_under_forces_and_motions_of_time(drive):
 
 def test_influence_functions_by_formula():
     named = plate(
-        material={"model": "lps", "youngs": 1.0, "poisson": 0.3, "influence": "linear"}, initial={"velocity": ["1e-2*x", "1e-2*y*y", 0]}
+        material={"model": "lps", "youngs": 1.0, "poisson": 0.3, "influence": "linear"},
+        initial={"velocity": ["1e-2*x", "1e-2*y*y", 0]},
     )
     written = {**named, "material": {**named["material"], "influence": "max(1 - r/delta, 0)"}}
     same(written, named)
@@ -172,7 +177,11 @@ steps = 5
 """
     path = tmp_path / "case.toml"
     for old, new, words in (
-        ("min(", "mni(", r"case.toml:11: \[prescribed\] velocity: .*character 6: unknown function 'mni': did you mean 'min'"),
+        (
+            "min(",
+            "mni(",
+            r"case.toml:11: \[prescribed\] velocity: .*character 6: unknown function 'mni': did you mean 'min'",
+        ),
         ('"free"', '"fre"', r"case.toml:11: .*unknown 'fre': did you mean 'free'"),
         ('"0"', '"1/t"', r'case.toml:11: \[prescribed\] velocity: "1/t" is inf at t = 0'),
         ('"0"', '"sqrt(x - 5)"', r'case.toml:11: \[prescribed\] velocity: "sqrt\(x - 5\)" is nan at x = 0'),

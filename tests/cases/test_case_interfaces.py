@@ -42,10 +42,19 @@ def test_nearest_neighbours_are_springs_in_series(tmp_path, model, factor):
 
     λ = μ in one dimension, so that LPS's dilatation has no force, and each end adds half of a bond's spring.
     """
-    pulled = {"region": {"shape": "box", "lo": [38.5, -1, -1], "hi": [40, 1, 1]}, "displacement": [0.01, "free", "free"]}
+    pulled = {
+        "region": {"shape": "box", "lo": [38.5, -1, -1], "hi": [40, 1, 1]},
+        "displacement": [0.01, "free", "free"],
+    }
     held = {"region": {"shape": "box", "lo": [-1, -1, -1], "hi": [0.5, 1, 1]}, "displacement": [0.0, "free", "free"]}
     more = {} if factor is None else {"interface": {"between": ["steel", "glass"], "stiffness": factor}}
-    case = bar(model=model, horizon=1.2, prescribed=[held, pulled], run={"steps": 1, "solver": "relax", "tolerance": 1e-9}, **more)
+    case = bar(
+        model=model,
+        horizon=1.2,
+        prescribed=[held, pulled],
+        run={"steps": 1, "solver": "relax", "tolerance": 1e-9},
+        **more,
+    )
     case["material"] = [{**m, "volume_correction": False} for m in case["material"]]
     ds = Case.load(case).run(tmp_path / "out.nc", threads=1)
     sim = Case.load(case).simulation(1)
@@ -214,7 +223,9 @@ def test_strength_of_each_material():
     sim = Case.load(case).simulation(1)
     rule, kinds = sim.model.rule, sim.model.kinds
     # own strength, the general alpha; across, the weaker one
-    assert [rule.s00[kinds[p]] for p in ((1, 1), (2, 2), (1, 2))] == [0.01, 0.02, 0.01] and set(rule.alpha[list(kinds.values())]) == {0.25}
+    assert [rule.s00[kinds[p]] for p in ((1, 1), (2, 2), (1, 2))] == [0.01, 0.02, 0.01] and set(
+        rule.alpha[list(kinds.values())]
+    ) == {0.25}
     safe = sim.state.intact_b == 2
     assert (safe == (sim.body.bonds.i_b <= 3)).all()
     case["material"][1] = {**case["material"][1], "breaks": False}
@@ -235,7 +246,9 @@ def test_strength_of_each_material():
 def test_more_than_sixteen_materials():
     """Kinds of bonds are pairs of materials: 20 × 20 of them are more than a byte holds."""
     n = 20
-    body = pd.Body.lattice(pd.Box((0, 0, 0), (n - 0.9, 0, 0)), 1.0, 1.2, 1.0, dimension=1, thickness=1.0, materials=np.arange(n))
+    body = pd.Body.lattice(
+        pd.Box((0, 0, 0), (n - 0.9, 0, 0)), 1.0, 1.2, 1.0, dimension=1, thickness=1.0, materials=np.arange(n)
+    )
     sim = pd.Simulation(
         body,
         {k: pd.PMB(youngs=1.0 + k, volume_correction=False) for k in range(n)},
@@ -286,7 +299,10 @@ def test_check_says_what_holds_what_together():
 @pytest.mark.parametrize(
     "interface, words",
     [
-        ({"between": ["glas", "steel"], "s00": 1.0}, "there is no material 'glas': did you mean 'glass'.*known: 'glass', 'steel', 1, 2"),
+        (
+            {"between": ["glas", "steel"], "s00": 1.0},
+            "there is no material 'glas': did you mean 'glass'.*known: 'glass', 'steel', 1, 2",
+        ),
         ({"between": ["glass", 1], "s00": 1.0}, "names of one material"),
         ({"between": ["glass"], "s00": 1.0}, "expected two materials by name or id"),
         ({"between": ["glass", "glass"], "s00": 1.0}, "two different materials"),
@@ -297,7 +313,10 @@ def test_check_says_what_holds_what_together():
         ({"between": ["glass", "steel"], "breaks": False}, "nothing in this case breaks"),
         ({"between": ["glass", "steel"], "stiffness": 0.0}, "greater than 0"),
         ({"between": ["glass", "steel"], "stiffnes": 1.0}, "did you mean 'stiffness'"),
-        ([{"between": ["glass", "steel"], "s00": 1.0}, {"between": [2, 1], "s00": 1.0}], "have an interface already, number 1"),
+        (
+            [{"between": ["glass", "steel"], "s00": 1.0}, {"between": [2, 1], "s00": 1.0}],
+            "have an interface already, number 1",
+        ),
     ],
 )
 def test_mistakes(interface, words):
@@ -326,4 +345,8 @@ def test_mistakes_that_only_the_body_shows():
     with pytest.raises(AtcError, match="no material 9"):
         pd.Simulation(pd.Body(np.eye(3), 1.0, 1.0, 2.0), pd.PMB(1.0), interfaces={(1, 9): 2.0})
     with pytest.raises(AtcError, match="factor greater than 0"):
-        pd.Simulation(pd.Body(np.eye(3), 1.0, 1.0, 2.0, materials=[1, 1, 2]), {1: pd.PMB(1.0), 2: pd.PMB(2.0)}, interfaces={(1, 2): 0.0})
+        pd.Simulation(
+            pd.Body(np.eye(3), 1.0, 1.0, 2.0, materials=[1, 1, 2]),
+            {1: pd.PMB(1.0), 2: pd.PMB(2.0)},
+            interfaces={(1, 2): 0.0},
+        )

@@ -52,7 +52,10 @@ def write_dump(path, frames=3, cells=3, velocities=True, seed=1):
         for k in range(frames):
             x = (x0 + rng.normal(0, 0.15, x0.shape)) % (cells * a)
             v = rng.normal(0, 1.3, x0.shape)
-            f.write(f"ITEM: TIMESTEP\n{100 * k}\nITEM: NUMBER OF ATOMS\n{len(x)}\nITEM: BOX BOUNDS pp pp pp\n" + f"0 {cells * a}\n" * 3)
+            f.write(
+                f"ITEM: TIMESTEP\n{100 * k}\nITEM: NUMBER OF ATOMS\n{len(x)}\nITEM: BOX BOUNDS pp pp pp\n"
+                + f"0 {cells * a}\n" * 3
+            )
             f.write("ITEM: ATOMS id type x y z" + (" vx vy vz" if velocities else "") + "\n")
             for n, (p, w) in enumerate(zip(x, v), 1):
                 f.write(f"{n} 1 " + " ".join(repr(float(c)) for c in (*p, *(w if velocities else ()))) + "\n")
@@ -375,7 +378,12 @@ def test_unforeseen_errors_are_one_line_and_admit_it(case, monkeypatch):
 def atc(*args, **kw):
     env = dict(os.environ, PYTHONUNBUFFERED="1")
     return subprocess.Popen(
-        [sys.executable, "-m", "atc", *map(str, args)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=env, **kw
+        [sys.executable, "-m", "atc", *map(str, args)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=env,
+        **kw,
     )
 
 

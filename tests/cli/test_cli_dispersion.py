@@ -37,7 +37,9 @@ def refused(text, *args) -> str:
     """The one line of an unusable scene; as a program of its own, so that nothing of the test runner is in the way."""
     with open("scene.toml", "w") as f:
         f.write(text)
-    done = subprocess.run([sys.executable, "-m", "atc", "dispersion", "scene.toml", *args], capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-m", "atc", "dispersion", "scene.toml", *args], capture_output=True, text=True
+    )
     assert done.returncode == 2, done
     assert done.stderr.count("\n") == 1 and done.stderr.startswith("error: ")
     return done.stderr
@@ -85,7 +87,9 @@ def test_argon_scene(folder):
 
 
 def test_silicon_scene_as_json_and_zarr(folder):
-    done = run(DATA / "silicon_crystal" / "scene.toml", "-o", "out.zarr", "--json", "--set", 'dispersion.models=["mollified"]')
+    done = run(
+        DATA / "silicon_crystal" / "scene.toml", "-o", "out.zarr", "--json", "--set", 'dispersion.models=["mollified"]'
+    )
     assert done.exit_code == 0, done.output
     out = json.loads(done.stdout)
     assert out["lattice_constant"] == pytest.approx(5.43095, rel=1e-6)
@@ -107,13 +111,25 @@ def test_without_a_trajectory(folder):
         )
     done = run("scene.toml")
     assert done.exit_code == 0, done.output
-    assert "lattice constant 5.268652" in done.output and "[210] boundary" in done.output and "phonopy" not in done.output
+    assert (
+        "lattice constant 5.268652" in done.output and "[210] boundary" in done.output and "phonopy" not in done.output
+    )
     # Stretched beyond its stability: reported, not hidden.
     done = run(
-        "scene.toml", "--set", "dispersion.lattice_constant=6.6", "--set", "dispersion.keep_lattice_constant=true", "--picture", "x.png"
+        "scene.toml",
+        "--set",
+        "dispersion.lattice_constant=6.6",
+        "--set",
+        "dispersion.keep_lattice_constant=true",
+        "--picture",
+        "x.png",
     )
     assert done.exit_code == 0, done.output
-    assert "unstable: imaginary frequencies" in done.output and "i, " in done.output and "not positive definite" in done.output
+    assert (
+        "unstable: imaginary frequencies" in done.output
+        and "i, " in done.output
+        and "not positive definite" in done.output
+    )
 
 
 def test_without_a_potential(folder):
@@ -155,10 +171,13 @@ def test_bad_scenes(folder):
     assert "a [potential], a [trajectory] or both" in refused(crystal)
     assert "no [dispersion] section" in refused('[trajectory]\nfile = "x.dump"\n')
     assert "fitted to force constants" in refused(
-        f'[trajectory]\nfile = "{DATA / "argon_crystal" / "argon_crystal.dump.gz"}"\nmasses = [39.948]\n' + crystal + 'models = ["cubic"]\n'
+        f'[trajectory]\nfile = "{DATA / "argon_crystal" / "argon_crystal.dump.gz"}"\nmasses = [39.948]\n'
+        + crystal
+        + 'models = ["cubic"]\n'
     )
     assert "not a whole number of cells" in refused(
-        f'[trajectory]\nfile = "{DATA / "argon_crystal" / "argon_crystal.dump.gz"}"\nmasses = [39.948]\n' + crystal.replace("5.3", "4.6")
+        f'[trajectory]\nfile = "{DATA / "argon_crystal" / "argon_crystal.dump.gz"}"\nmasses = [39.948]\n'
+        + crystal.replace("5.3", "4.6")
     )
     assert "nearer to equilibrium" in refused(POTENTIAL + crystal.replace("5.3", "15.0"))
 

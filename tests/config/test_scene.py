@@ -90,7 +90,12 @@ BAD = {
     "twice the same key": ("radius = 8.0", "radius = 8.0\nradius = 9.0", 17, ["TOML"]),
     "unclosed string": ('"out.zarr"', '"out.zarr', 30, ["TOML"]),
     "two potentials": ("[potential]", '[potential]\ninput = "in.run"', 8, ["lammps or input", "not both"]),
-    "no such key after a multi-line value": ("[fields]", "[fields]\nquantity = 3", 26, ["quantity", "did you mean 'quantities'"]),
+    "no such key after a multi-line value": (
+        "[fields]",
+        "[fields]\nquantity = 3",
+        26,
+        ["quantity", "did you mean 'quantities'"],
+    ),
 }
 
 
@@ -239,7 +244,9 @@ def test_frame_slices(value, expected):
 # ---- round trip
 
 words = st.text(st.characters(codec="utf-8"), min_size=1).filter(lambda s: s.strip())
-names = st.text(st.characters(codec="utf-8", exclude_characters="/~\x00"), min_size=1).filter(lambda s: s.strip() and s not in (".", ".."))
+names = st.text(st.characters(codec="utf-8", exclude_characters="/~\x00"), min_size=1).filter(
+    lambda s: s.strip() and s not in (".", "..")
+)
 lengths = st.floats(min_value=1e-6, max_value=1e6)
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 counts = st.integers(1, 10**6)
@@ -305,7 +312,9 @@ def test_no_names_of_people_or_places(tmp_path):
     """Absolute paths lose what lies outside the scene's folder."""
     path = tmp_path / "scene.toml"
     path.write_text(
-        GOOD.replace('"run.dump"', f'"{tmp_path}/sub/run.dump"').replace('file = "out.zarr"', 'file = "/somewhere/else/out.zarr"')
+        GOOD.replace('"run.dump"', f'"{tmp_path}/sub/run.dump"').replace(
+            'file = "out.zarr"', 'file = "/somewhere/else/out.zarr"'
+        )
     )
     text = Scene.load(path).to_toml()
     assert 'file = "sub/run.dump"' in text
@@ -341,7 +350,11 @@ def test_every_key_is_documented():
 def test_partition_of_the_energy(tmp_path):
     scene = {
         "trajectory": {"file": "x.dump"},
-        "potential": {"lammps": "pair_style lj/cut 5\npair_coeff 1 1 0.01 3.4", "units": "metal", "partition": "center"},
+        "potential": {
+            "lammps": "pair_style lj/cut 5\npair_coeff 1 1 0.01 3.4",
+            "units": "metal",
+            "partition": "center",
+        },
     }
     assert Scene.load(scene).potential().describe()
     scene["potential"]["partition"] = {"sw": "center"}

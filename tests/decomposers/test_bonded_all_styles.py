@@ -22,7 +22,9 @@ KINDS = ("bond", "angle", "dihedral", "improper")
 def test_every_style_is_supported_or_has_a_reason():
     atc.potential("bond_style harmonic\nbond_coeff 1 1 1", units="lj")
     with lammps_session() as lmp:
-        theirs = {kind: {strip_suffix(s) for s in lmp.available_styles(kind)} - {"hybrid", "none", ""} for kind in KINDS}
+        theirs = {
+            kind: {strip_suffix(s) for s in lmp.available_styles(kind)} - {"hybrid", "none", ""} for kind in KINDS
+        }
     for kind in KINDS:
         known = set(registry.STYLES[kind]) - {"hybrid"}
         assert len(theirs[kind]) > 8
@@ -33,14 +35,18 @@ def test_every_style_is_supported_or_has_a_reason():
 
 
 def test_the_reason_reaches_the_user():
-    with pytest.raises(AtcError, match="line 1: .*angle_style dipole is not supported: it holds the direction of an atom's dipole"):
+    with pytest.raises(
+        AtcError, match="line 1: .*angle_style dipole is not supported: it holds the direction of an atom's dipole"
+    ):
         atc.potential("angle_style hybrid harmonic dipole\nangle_coeff 1 harmonic 1 1", "lj")
 
 
 def data_file(config, path, sections):
     """The data file of a Config, with coefficient sections."""
     config.write_data(path)
-    path.write_text(path.read_text() + "".join(f"\n{name}\n\n" + "\n".join(rows) + "\n" for name, rows in sections.items()))
+    path.write_text(
+        path.read_text() + "".join(f"\n{name}\n\n" + "\n".join(rows) + "\n" for name, rows in sections.items())
+    )
 
 
 def agrees_from_data_file(tmp_path, config, head, sections):
@@ -63,7 +69,9 @@ def agrees_from_data_file(tmp_path, config, head, sections):
     d = atc.potential(script, folder=tmp_path).decompose(frame)
     u = frame.units
     np.testing.assert_allclose(u.to_user("energy", d.energy), energy, rtol=1e-10)
-    np.testing.assert_allclose(u.to_user("force", d.forces_nc), forces, rtol=0, atol=LAMMPS_TOLERANCE * np.abs(forces).max())
+    np.testing.assert_allclose(
+        u.to_user("force", d.forces_nc), forces, rtol=0, atol=LAMMPS_TOLERANCE * np.abs(forces).max()
+    )
 
 
 def rows_of(kind, style, coeffs, hybrid=None):
@@ -74,14 +82,23 @@ def rows_of(kind, style, coeffs, hybrid=None):
         first, *rest = line.split()
         word = rest[0] if rest[0] in words else ""
         row = rest[1:] if word else rest
-        out.setdefault(SECTIONS[kind, word], []).append(" ".join([first, *([style] if hybrid is not None else []), *row]))
+        out.setdefault(SECTIONS[kind, word], []).append(
+            " ".join([first, *([style] if hybrid is not None else []), *row])
+        )
     for section, rows in out.items() if hybrid is not None else ():
         rows += [f"{t} {row if section == SECTIONS[kind, ''] else 'skip'}" for t, row in hybrid.items()]
     return {s: sorted(r, key=lambda row: int(row.split()[0])) for s, r in out.items()}
 
 
 CLASS2 = {
-    "angle": ["1 100 3 -2 1", "2 110 2 0.3 0.1", "1 bb 2 1.1 0.9", "2 bb -1 0.9 1.05", "1 ba 0.7 0.4 1.1 0.9", "2 ba 0.2 0.5 1.0 0.95"],
+    "angle": [
+        "1 100 3 -2 1",
+        "2 110 2 0.3 0.1",
+        "1 bb 2 1.1 0.9",
+        "2 bb -1 0.9 1.05",
+        "1 ba 0.7 0.4 1.1 0.9",
+        "2 ba 0.2 0.5 1.0 0.95",
+    ],
     "dihedral": [c for c in TORSIONS["class2"] if c[0] in "13"],
     "improper": IMPROPERS["class2"],
 }
@@ -94,18 +111,24 @@ def test_class2_sections_of_a_data_file(tmp_path, hybrid):
         tmp_path, angle, ["bond_style zero", f"angle_style {'hybrid class2 cosine' if hybrid else 'class2'}"],
         {"Bond Coeffs": ["1", "2"], **rows_of("angle", "class2", [c for c in CLASS2["angle"] if not hybrid or c[0] == "1"], {2: "cosine 2.5"} if hybrid else None)},
     )  # fmt: skip
-    for kind, config, other in (("dihedral", chains(n=12, types=3), "opls 1.3 -0.4 0.8 0.25"), ("improper", pyramids(), "cvff 1.3 1 3")):
+    for kind, config, other in (
+        ("dihedral", chains(n=12, types=3), "opls 1.3 -0.4 0.8 0.25"),
+        ("improper", pyramids(), "cvff 1.3 1 3"),
+    ):
         coeffs = [c for c in CLASS2[kind] if c[0] != "2"]
         if not hybrid:
             coeffs += [c.replace("3", "2", 1) for c in coeffs if c[0] == "3"]
         style = f"hybrid class2 {other.split()[0]}" if hybrid else "class2"
-        agrees_from_data_file(tmp_path, config, [f"{kind}_style {style}"], rows_of(kind, "class2", coeffs, {2: other} if hybrid else None))
+        agrees_from_data_file(
+            tmp_path, config, [f"{kind}_style {style}"], rows_of(kind, "class2", coeffs, {2: other} if hybrid else None)
+        )
 
 
 def test_a_class2_type_needs_all_its_parts(tmp_path):
     lines = "angle_style class2\nangle_coeff 1 100 3 -2 1\nangle_coeff 1 bb 2 1 1\n"
     with pytest.raises(
-        AtcError, match=r"line 1: angle type 1 of style class2 lacks coefficients: add angle_coeff 1 ba \(data file: BondAngle Coeffs\)"
+        AtcError,
+        match=r"line 1: angle type 1 of style class2 lacks coefficients: add angle_coeff 1 ba \(data file: BondAngle Coeffs\)",
     ):
         atc.potential(lines, "lj")
     with pytest.raises(AtcError, match="line 3: .*M r1 r2, got 2 1"):

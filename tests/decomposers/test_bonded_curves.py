@@ -128,7 +128,12 @@ def test_angles_equal_lammps(style, cell):
 @pytest.mark.parametrize("style", ANGLES)
 def test_angles_in_other_units(style):
     # Temperatures at which LAMMPS's own exponentials do not underflow.
-    lines = angles(style).replace(" 1.3 2 1.0", " 300 2 1.0").replace("1 25 1 10 1.3", "1 25 1 10 900").replace("0.5 0.7", "0.5 250")
+    lines = (
+        angles(style)
+        .replace(" 1.3 2 1.0", " 300 2 1.0")
+        .replace("1 25 1 10 1.3", "1 25 1 10 900")
+        .replace("0.5 0.7", "0.5 250")
+    )
     agrees(melt(unit_style="real"), NO_BOND + lines)
     agrees(melt(unit_style="nano"), NO_BOND + lines)
 
@@ -141,7 +146,11 @@ def bent(angles, arms=(1.0, 1.2), style="lj"):
     x[:, 2] = arms[1] * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(n)])
     x += np.arange(n)[:, None, None] * [6.0, 0, 0] + 5.0
     return Config(
-        np.diag([6.0 * n + 10, 20, 20]), x.reshape(-1, 3), units=style, angles=np.arange(3 * n).reshape(n, 3), angle_types=np.ones(n, int)
+        np.diag([6.0 * n + 10, 20, 20]),
+        x.reshape(-1, 3),
+        units=style,
+        angles=np.arange(3 * n).reshape(n, 3),
+        angle_types=np.ones(n, int),
     )
 
 
@@ -150,7 +159,10 @@ def bent(angles, arms=(1.0, 1.2), style="lj"):
 def test_angles_near_0_and_180_degrees(style):
     """Down to where sines are clamped (below 0.001), as LAMMPS clamps them, angle by angle; at 1e-8 and exactly in line: finite."""
     lines = "\n".join(
-        [f"angle_style {style}", *(f"angle_coeff {c}" for c in ANGLES[style].replace("angle_coeff ", "").split("\n") if c[0] in "1*")]
+        [
+            f"angle_style {style}",
+            *(f"angle_coeff {c}" for c in ANGLES[style].replace("angle_coeff ", "").split("\n") if c[0] in "1*"),
+        ]
     )
     sines = np.array([1e-2, 2e-3] if style == "cosine/squared/restricted" else [1e-2, 2e-3, 5e-4, 1e-5])
     config = bent(np.concatenate([sines, np.pi - sines]))
@@ -191,7 +203,9 @@ def test_polynomial_angles_are_smooth_at_their_own_end():
 
 
 # LAMMPS's forces of mm3 and fourier/simple are not the derivatives of their energies.
-@pytest.mark.parametrize("lines", [*(bonds(s) for s in BONDS), *(angles(s) for s in ANGLES if s not in ("mm3", "fourier/simple"))])
+@pytest.mark.parametrize(
+    "lines", [*(bonds(s) for s in BONDS), *(angles(s) for s in ANGLES if s not in ("mm3", "fourier/simple"))]
+)
 def test_sources_are_the_derivatives_of_the_shares(lines):
     config = melt("triclinic", n_chains=2, length=5, seed=4)
     sources_are_derivatives(potential(lines, config), config.frame())
@@ -204,12 +218,18 @@ def test_sources_are_the_derivatives_of_the_shares(lines):
             "bond_style nonlinear\nbond_coeff 1 30 1.1 0.3",
             r"atoms 1 and 2 \(type 1, style nonlinear\) is 1.5 sigma long, 1.333 of its maximum extension",
         ),
-        ("bond_style fene/nm\nbond_coeff 1 30 1.5 1 1 12 6", r"1.5 sigma long, 1 of the length at which it has infinite energy"),
+        (
+            "bond_style fene/nm\nbond_coeff 1 30 1.5 1 1 12 6",
+            r"1.5 sigma long, 1 of the length at which it has infinite energy",
+        ),
     ],
 )
 def test_bonds_without_an_energy(lines, says):
     frame = Frame(
-        [[0, 0, 0], [1.5, 0, 0]], Cell([20.0, 20, 20]), units("lj"), topology=Topology(bonds=np.array([[0, 1]]), bond_types=np.array([1]))
+        [[0, 0, 0], [1.5, 0, 0]],
+        Cell([20.0, 20, 20]),
+        units("lj"),
+        topology=Topology(bonds=np.array([[0, 1]]), bond_types=np.array([1])),
     )
     with pytest.raises(AtcError, match=says):
         atc.potential(lines, "lj").decompose(frame)
@@ -238,7 +258,9 @@ def test_coefficients_that_make_no_sense(lines, says):
 
 
 def test_forces_that_are_no_derivative_are_said():
-    with pytest.warns(AtcWarning, match="fourier/simple with n = 3: LAMMPS computes forces that are not the derivative"):
+    with pytest.warns(
+        AtcWarning, match="fourier/simple with n = 3: LAMMPS computes forces that are not the derivative"
+    ):
         atc.potential("angle_style fourier/simple\nangle_coeff 1 3 1 3", "lj")
 
 
@@ -255,7 +277,10 @@ def test_terms_of_type_0_and_below_are_off():
         angles=top.angles, angle_types=np.where(angle_on, top.angle_types, -top.angle_types),
     )  # fmt: skip
     without = Topology(
-        bonds=top.bonds[on], bond_types=top.bond_types[on], angles=top.angles[angle_on], angle_types=top.angle_types[angle_on]
+        bonds=top.bonds[on],
+        bond_types=top.bond_types[on],
+        angles=top.angles[angle_on],
+        angle_types=top.angle_types[angle_on],
     )
     a, b = (pot.decompose(frame.replace(topology=t)) for t in (off, without))
     assert a.energy == b.energy and np.array_equal(a.forces_nc, b.forces_nc)
@@ -269,7 +294,10 @@ def test_objects_are_what_the_lines_say():
             "bond_style gaussian\nbond_coeff 1 300 2 1.0 0.1 1.0 0.5 0.2 1.3",
         ),
         (Class2Bond((1.1, 30, -20, 10), units="real"), "bond_style class2\nbond_coeff 1 1.1 30 -20 10"),
-        (CrossAngle((2, 0.7, 0.4, 1.1, 0.9, 100), units="real"), "angle_style cross\nangle_coeff 1 2 0.7 0.4 1.1 0.9 100"),
+        (
+            CrossAngle((2, 0.7, 0.4, 1.1, 0.9, 100), units="real"),
+            "angle_style cross\nangle_coeff 1 2 0.7 0.4 1.1 0.9 100",
+        ),
         (
             Class2Angle((100, 3, -2, 1, 2, 1.1, 0.9, 0.7, 0.4, 1.1, 0.9), units="real"),
             "angle_style class2\nangle_coeff 1 100 3 -2 1\nangle_coeff 1 bb 2 1.1 0.9\nangle_coeff 1 ba 0.7 0.4 1.1 0.9",

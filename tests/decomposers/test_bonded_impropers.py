@@ -18,7 +18,14 @@ IMPROPERS = {
     "distharm": ["1 3 0", "2 2 0", "3 0 1.5"],
     "sqdistharm": ["1 3 0.2", "2 2 0", "3 0 1"],
     "ring": ["1 3 110", "2 2 90", "3 1 70"],
-    "class2": ["1 3 0", "2 2 0", "3 0 20", "1 aa 0.5 0.7 0.9 100 110 120", "2 aa 0 0 0 1 1 1", "3 aa 1 -2 0.3 90 100 130"],
+    "class2": [
+        "1 3 0",
+        "2 2 0",
+        "3 0 20",
+        "1 aa 0.5 0.7 0.9 100 110 120",
+        "2 aa 0 0 0 1 1 1",
+        "3 aa 1 -2 0.3 90 100 130",
+    ],
     "cossq": ["1 3 0", "2 2 50", "3 1 90"],
 }
 faulty = pytest.mark.filterwarnings("ignore:improper_style cossq:atc.errors.AtcWarning")
@@ -31,7 +38,9 @@ def pyramids(cell="tilted", n=12, types=3, seed=0, style="real"):
     for _ in range(n):
         a = 2 * np.pi * (np.arange(3) + rng.uniform(-0.15, 0.15, 3)) / 3
         q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-        arms = rng.uniform(1.0, 1.4, (3, 1)) * np.column_stack([np.cos(a), np.sin(a), rng.uniform(-0.9, 0.9) + rng.uniform(-0.2, 0.2, 3)])
+        arms = rng.uniform(1.0, 1.4, (3, 1)) * np.column_stack(
+            [np.cos(a), np.sin(a), rng.uniform(-0.9, 0.9) + rng.uniform(-0.2, 0.2, 3)]
+        )
         x.append(np.concatenate([np.zeros((1, 3)), arms]) @ q + rng.uniform(0, 10, 3))
     x = np.concatenate(x)
     c = CELLS[cell]
@@ -54,7 +63,9 @@ def test_impropers_agree_with_lammps(style, cell):
 def test_sources_are_the_derivatives_of_the_shares(style):
     config = pyramids(n=4, seed=3)
     lines = lines_of(
-        "improper", style, [c.replace("2 2 50", "2 2 0").replace("3 1 90", "3 1 0") if style == "cossq" else c for c in IMPROPERS[style]]
+        "improper",
+        style,
+        [c.replace("2 2 50", "2 2 0").replace("3 1 90", "3 1 0") if style == "cossq" else c for c in IMPROPERS[style]],
     )
     sources_are_derivatives(potential("\n".join(lines), config), config.frame())
 
@@ -62,7 +73,9 @@ def test_sources_are_the_derivatives_of_the_shares(style):
 def flat(height, arms=(1.1, 1.3, 0.9), turn=0.0):
     """Atom 1 at this height over the plane of three others, at about 120° from each other."""
     a = np.radians([0.0, 115.0, 230.0]) + turn
-    return np.concatenate([[[0, 0, height]], np.array(arms)[:, None] * np.column_stack([np.cos(a), np.sin(a), np.zeros(3)])])
+    return np.concatenate(
+        [[[0, 0, height]], np.array(arms)[:, None] * np.column_stack([np.cos(a), np.sin(a), np.zeros(3)])]
+    )
 
 
 FLAT = {
@@ -93,7 +106,9 @@ def test_walk_through_the_plane(style):
 
 
 def test_ridges_and_upright_arms():
-    d = atc.potential("improper_style inversion/harmonic\nimproper_coeff 1 3 40", "metal").decompose(one(flat(0.0), "improper"))
+    d = atc.potential("improper_style inversion/harmonic\nimproper_coeff 1 3 40", "metal").decompose(
+        one(flat(0.0), "improper")
+    )
     assert list(d.notes.values()) == [3] and np.isfinite(d.forces_nc).all()
     assert d.energy == pytest.approx(3 * np.radians(40) ** 2)
     # Atom 4's arm upright on the plane of the others.
@@ -112,7 +127,10 @@ REFUSED = [
     ("class2\nimproper_coeff 1 3 20\nimproper_coeff 1 aa 0 0 0 1 1 1", "chi is oriented and chi0 not 0"),
     ("class2\nimproper_coeff 1 3 0", r"lacks coefficients: add improper_coeff 1 aa \(data file: AngleAngle Coeffs\)"),
     ("umbrella\nimproper_coeff 1 3 180", "omega0 must be 0 or an angle with a sine"),
-    ("fourier\nimproper_coeff 1 3 0 1 0 2", "line 2: improper_coeff of fourier: expected K C0 C1 C2 and optionally 0 or 1"),
+    (
+        "fourier\nimproper_coeff 1 3 0 1 0 2",
+        "line 2: improper_coeff of fourier: expected K C0 C1 C2 and optionally 0 or 1",
+    ),
 ]
 
 

@@ -20,7 +20,16 @@ CROSS = (
 TORSIONS = {
     "class2": ["1 1.1 0 0.7 180 0.4 0", "2 1.1 180 0 50 0.4 -180", "3 0.5 0 -0.3 0 0.2 180"]
     + [f"{t} {c}" for t in (1, 3) for c in CROSS]
-    + [f"2 {c}" for c in ("mbt 0 0.1 0 1", "ebt 0 0.1 0 0.2 0 0 1 1", "at 0 0 1 1 0 0 90 100", "aat -1 110 100", "bb13 0.5 1 1.2")],
+    + [
+        f"2 {c}"
+        for c in (
+            "mbt 0 0.1 0 1",
+            "ebt 0 0.1 0 0.2 0 0 1 1",
+            "at 0 0 1 1 0 0 90 100",
+            "aat -1 110 100",
+            "bb13 0.5 1 1.2",
+        )
+    ],
     "spherical": [
         "1 1 1.5 2 90 0.3 1 20 0.2 3 40 0.7",
         "2 2 1.5 1 0 0.3 1 20 0.2 2.5 40 0.7 0.8 3 60 1 0 0 0 2 90 1",
@@ -48,8 +57,12 @@ def test_spherical_agrees_with_lammps_but_for_its_pressure():
     res = run_lammps([*ZERO, *lines], config)
     d = potential("\n".join(lines), config).decompose(config.frame())
     u = config.frame().units
-    np.testing.assert_allclose(u.to_user("energy", d.energies_n), res.energies_n, rtol=0, atol=1e-10 * np.abs(res.energies_n).max())
-    np.testing.assert_allclose(u.to_user("force", d.forces_nc), res.forces_nc, rtol=0, atol=1e-10 * np.abs(res.forces_nc).max())
+    np.testing.assert_allclose(
+        u.to_user("energy", d.energies_n), res.energies_n, rtol=0, atol=1e-10 * np.abs(res.energies_n).max()
+    )
+    np.testing.assert_allclose(
+        u.to_user("force", d.forces_nc), res.forces_nc, rtol=0, atol=1e-10 * np.abs(res.forces_nc).max()
+    )
     x = config.positions.reshape(-1, 4, 3)
     step = np.diff(x, axis=1)
     step -= np.round(step @ np.linalg.inv(config.cell)) @ config.cell
@@ -66,7 +79,9 @@ def test_sources_are_the_derivatives_of_the_shares(style):
     config = chains(n=3, types=3, seed=3)
     # The restricted style has a pole in the planes: third derivatives of 1e9 beside values of 1.
     tolerance = 3e-6 if style == "cosine/squared/restricted" else 3e-8
-    sources_are_derivatives(potential("\n".join(lines_of("dihedral", style, TORSIONS[style])), config), config.frame(), tolerance=tolerance)
+    sources_are_derivatives(
+        potential("\n".join(lines_of("dihedral", style, TORSIONS[style])), config), config.frame(), tolerance=tolerance
+    )
 
 
 def torsion_tables(folder, odd=0.0):
@@ -91,7 +106,11 @@ def torsion_tables(folder, odd=0.0):
 def test_tables_agree_with_lammps(tmp_path, way):
     torsion_tables(tmp_path)
     config = chains("tilted", n=12, types=2)
-    lines = [f"dihedral_style table {way}", "dihedral_coeff 1 @torsion.table WITH", "dihedral_coeff 2 @torsion.table PLAIN"]
+    lines = [
+        f"dihedral_style table {way}",
+        "dihedral_coeff 1 @torsion.table WITH",
+        "dihedral_coeff 2 @torsion.table PLAIN",
+    ]
     cut = [
         f"dihedral_style table/cut {way}",
         "dihedral_coeff 1 aat 1.2 60 150 @torsion.table WITH",
@@ -106,7 +125,8 @@ def test_tables_that_prefer_one_hand_are_refused_where_they_are_used(tmp_path):
     torsion_tables(tmp_path, odd=1e-3)
     lines = "dihedral_style table spline 90\ndihedral_coeff 1 torsion.table WITH\n"
     with pytest.raises(
-        AtcError, match=r"line 1: dihedral type 1 of style table: its table is not the same for phi and -phi .*mirror image"
+        AtcError,
+        match=r"line 1: dihedral type 1 of style table: its table is not the same for phi and -phi .*mirror image",
     ):
         atc.potential(lines, units="real", folder=tmp_path)
 
@@ -114,7 +134,9 @@ def test_tables_that_prefer_one_hand_are_refused_where_they_are_used(tmp_path):
 @pytest.mark.parametrize("way", ["linear 90", "linear 55", "spline 55"])
 def test_walk_through_the_planes_of_a_table(tmp_path, way):
     torsion_tables(tmp_path)
-    pot = atc.potential(f"dihedral_style table {way}\ndihedral_coeff 1 torsion.table WITH", units="real", folder=tmp_path)
+    pot = atc.potential(
+        f"dihedral_style table {way}\ndihedral_coeff 1 torsion.table WITH", units="real", folder=tmp_path
+    )
     for plane in (0.0, np.pi):
         at = pot.decompose(one(chain(plane)))
         for o in 10.0 ** -np.arange(1, 16.0):
@@ -140,7 +162,8 @@ SMOOTH = {
 
 
 @pytest.mark.parametrize(
-    "name, plane", [(n, p) for n in SMOOTH for p in (0.0, np.pi) if (n, p) not in (("quadratic", np.pi), ("restricted", 0.0))]
+    "name, plane",
+    [(n, p) for n in SMOOTH for p in (0.0, np.pi) if (n, p) not in (("quadratic", np.pi), ("restricted", 0.0))],
 )
 def test_walk_through_planar_chains(name, plane):
     pot = atc.potential(SMOOTH[name], "metal")
@@ -164,7 +187,11 @@ def test_walk_through_collinear_chains(name):
 
 def test_poles_and_ridges():
     d = atc.potential(SMOOTH["quadratic"], "metal").decompose(one(chain(np.pi)))
-    assert d.energy == pytest.approx(2 * np.pi**2) and list(d.notes.values()) == [1] and "plane they do not prefer" in next(iter(d.notes))
+    assert (
+        d.energy == pytest.approx(2 * np.pi**2)
+        and list(d.notes.values()) == [1]
+        and "plane they do not prefer" in next(iter(d.notes))
+    )
     # Beside the ridge the torque is that of the formula, 2 K φ, also as near as 1e-4: the force out of the plane on atom 4.
     f = atc.potential(SMOOTH["quadratic"], "metal").decompose(one(chain(np.pi - 1e-4))).forces_nc[3]
     assert np.linalg.norm(f) == pytest.approx(2 * 2 * np.pi / (0.9 * np.sin(1.8)), rel=1e-3)
@@ -182,8 +209,14 @@ REFUSED = [
     ("spherical\ndihedral_coeff 1 2 1.5 1 0 0.3", "line 2: dihedral_coeff of spherical: expected n and then"),
     ("table linear\ndihedral_coeff 1 x y", "takes linear or spline and a number of points"),
     ("table linear 50\ndihedral_coeff 1 torsion.table NONE", "has no section 'NONE'; it has WITH, PLAIN"),
-    ("table linear 50\ndihedral_coeff 1 bad.table TURN", "must increase from line to line within less than a full turn"),
-    ("table linear 50\ndihedral_coeff 1 bad.table WORDS", r"bad.table:\d+: expected the parameters of a dihedral table"),
+    (
+        "table linear 50\ndihedral_coeff 1 bad.table TURN",
+        "must increase from line to line within less than a full turn",
+    ),
+    (
+        "table linear 50\ndihedral_coeff 1 bad.table WORDS",
+        r"bad.table:\d+: expected the parameters of a dihedral table",
+    ),
     ("table linear 50\ndihedral_coeff 1 bad.table SHORT", r"needs 3 lines of index, phi, energy; line 3 of them"),
     ("table/cut linear 50\ndihedral_coeff 1 aat 1 90 80 torsion.table WITH", "the second angle must be larger"),
 ]
@@ -192,7 +225,9 @@ REFUSED = [
 @pytest.mark.parametrize("lines, says", REFUSED)
 def test_refused(tmp_path, lines, says):
     torsion_tables(tmp_path)
-    (tmp_path / "bad.table").write_text("TURN\nN 2\n\n1 0 0 0\n2 360 0 0\n\nWORDS\nN 2 FAST\n\nSHORT\nN 3 NOF\n\n1 0 0\n2 1 0\n")
+    (tmp_path / "bad.table").write_text(
+        "TURN\nN 2\n\n1 0 0 0\n2 360 0 0\n\nWORDS\nN 2 FAST\n\nSHORT\nN 3 NOF\n\n1 0 0\n2 1 0\n"
+    )
     with pytest.raises(AtcError, match=says) as e:
         atc.potential("dihedral_style " + lines, units="real", folder=tmp_path)
     assert "\n" not in str(e.value)

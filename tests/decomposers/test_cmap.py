@@ -41,7 +41,8 @@ def test_maps_of_charmm_prefer_one_hand(tmp_path, name):
     types, ids = read_crossterms(tmp_path / "one.data")
     assert types.tolist() == [1] and ids.tolist() == [[1, 2, 3, 4, 5]]
     with pytest.raises(
-        AtcError, match=r"in.x, line 3: fix cmap: 1 crossterms use map 1: .*mirror image by up to .*not a function of distances"
+        AtcError,
+        match=r"in.x, line 3: fix cmap: 1 crossterms use map 1: .*mirror image by up to .*not a function of distances",
     ) as e:
         check_fix_cmap([name], lammps_potentials(), "in.x, line 3", types)
     assert "\n" not in str(e.value)

@@ -36,7 +36,11 @@ def test_agrees_with_lammps(style, file, elements, a, tilt):
 
 @pytest.mark.parametrize(
     "style,file,elements",
-    [("tersoff/mod/c", "Si.tersoff.modc", "Si"), ("tersoff/zbl", "SiC.tersoff.zbl", "Si C"), ("gw/zbl", "SiC.gw.zbl", "Si C")],
+    [
+        ("tersoff/mod/c", "Si.tersoff.modc", "Si"),
+        ("tersoff/zbl", "SiC.tersoff.zbl", "Si C"),
+        ("gw/zbl", "SiC.gw.zbl", "Si C"),
+    ],
 )
 def test_real_units(style, file, elements):
     lines = lines_of(style, file, elements)
@@ -83,7 +87,8 @@ def test_hybrid_overlay():
 
 @pytest.mark.parametrize("partition", [None, "center"])
 @pytest.mark.parametrize(
-    "style,file,elements,a", [CASES[2][:3] + (5.2,), CASES[4][:3] + (5.0,), CASES[6][:3] + (3.6,), CASES[7][:3] + (4.2,)]
+    "style,file,elements,a",
+    [CASES[2][:3] + (5.2,), CASES[4][:3] + (5.0,), CASES[6][:3] + (3.6,), CASES[7][:3] + (4.2,)],
 )
 def test_sources(style, file, elements, a, partition):
     config = crystal(a, n=(1, 1, 1), kinds=len(elements.split()), jitter=0.2)
@@ -102,7 +107,10 @@ def test_cutoff_of_murty_is_smooth():
 
     h = 1e-5
     for edge in (2.7, 3.3):
-        left, right = (force(edge - h) - force(edge - 3 * h)) / (2 * h), (force(edge + 3 * h) - force(edge + h)) / (2 * h)
+        left, right = (
+            (force(edge - h) - force(edge - 3 * h)) / (2 * h),
+            (force(edge + 3 * h) - force(edge + h)) / (2 * h),
+        )
         # f_C''' jumps: slopes 4e-5 apart differ by h² times it, some 1e-3 of U'' ~ 10.
         assert abs(left - right) < 5e-2 * max(1.0, abs(left))
     assert force(3.3) == 0.0 and force(3.4) == 0.0

@@ -8,7 +8,17 @@ from bonded_systems import CELLS, NO_BOND, agrees, chains, melt
 from lammps_oracle import Config
 
 import atc
-from atc.decomposers import CharmmAngle, CosineAngle, FeneBond, HarmonicAngle, HarmonicBond, HybridTerm, MorseBond, TableBond, read_tables
+from atc.decomposers import (
+    CharmmAngle,
+    CosineAngle,
+    FeneBond,
+    HarmonicAngle,
+    HarmonicBond,
+    HybridTerm,
+    MorseBond,
+    TableBond,
+    read_tables,
+)
 from atc.errors import AtcError
 from atc.frame import Cell, Frame, Topology
 from atc.units import units
@@ -50,8 +60,14 @@ def test_angles_equal_lammps(style, cell):
     [
         ("real", "bond_style harmonic\nbond_coeff * 300 1.5\nangle_style charmm\nangle_coeff * 60 109.5 11 2.5\n"),
         ("metal", "bond_style morse\nbond_coeff * 3.1 2.1 1.5\nangle_style cosine/delta\nangle_coeff * 1.1 115\n"),
-        ("electron", "bond_style fene\nbond_coeff * 0.05 2.3 0.01 1.4\nangle_style cosine/squared\nangle_coeff * 0.1 120\n"),
-        ("nano", "bond_style fene/expand\nbond_coeff * 90 2.4 1.1 1.4 .05\nangle_style harmonic\nangle_coeff * 90 120\n"),
+        (
+            "electron",
+            "bond_style fene\nbond_coeff * 0.05 2.3 0.01 1.4\nangle_style cosine/squared\nangle_coeff * 0.1 120\n",
+        ),
+        (
+            "nano",
+            "bond_style fene/expand\nbond_coeff * 90 2.4 1.1 1.4 .05\nangle_style harmonic\nangle_coeff * 90 120\n",
+        ),
     ],
 )
 def test_other_units(unit_style, lines):
@@ -79,7 +95,8 @@ def table_files(folder):
         t = np.linspace(0, 180, n)
         c = np.pi / 180
         out += ["", name, fp, ""] + [
-            f"{k + 1} {a:.15g} {9 * np.cos(2 * c * a) + a / 90:.15g} {18 * c * np.sin(2 * c * a) - 1.1 / 90:.15g}" for k, a in enumerate(t)
+            f"{k + 1} {a:.15g} {9 * np.cos(2 * c * a) + a / 90:.15g} {18 * c * np.sin(2 * c * a) - 1.1 / 90:.15g}"
+            for k, a in enumerate(t)
         ]
     (folder / "angle.table").write_text("\n".join(out) + "\n")
 
@@ -88,7 +105,11 @@ def table_files(folder):
 def test_tables_equal_lammps(tmp_path, how):
     table_files(tmp_path)
     lines = f"bond_style table {how}\nbond_coeff 1 @bond.table ONE\nbond_coeff 2 @bond.table TWO\n"
-    agrees(melt(), lines + f"angle_style table {how}\nangle_coeff 1 @angle.table A1\nangle_coeff 2 @angle.table A2\n", folder=tmp_path)
+    agrees(
+        melt(),
+        lines + f"angle_style table {how}\nangle_coeff 1 @angle.table A1\nangle_coeff 2 @angle.table A2\n",
+        folder=tmp_path,
+    )
     d = agrees(
         melt("triclinic"),
         f"bond_style hybrid table {how} harmonic\nbond_coeff 1 harmonic 60 1.1\nbond_coeff 2 table @bond.table ONE\n",
@@ -127,13 +148,17 @@ def test_bead_spring_melt(tmp_path):
         molecules=np.repeat(np.arange(32), 16) + 1,
     )  # fmt: skip
     pair = "special_bonds fene\npair_style lj/cut 1.122462048309373\npair_modify shift yes\npair_coeff * * 1.0 1.0\n"
-    d = agrees(config, "bond_style fene\nbond_coeff * 30.0 1.5 1.0 1.0\nangle_style cosine\nangle_coeff * 1.5\n", pair=pair)
+    d = agrees(
+        config, "bond_style fene\nbond_coeff * 30.0 1.5 1.0 1.0\nangle_style cosine\nangle_coeff * 1.5\n", pair=pair
+    )
     assert d.n_bonds > 480 + 3 * 448
 
 
 def test_shares_and_bonds_of_one_bond_and_one_angle():
     """By hand: a bond of 1.2 and a right angle."""
-    top = Topology(bonds=np.array([[0, 1]]), bond_types=np.array([1]), angles=np.array([[0, 1, 2]]), angle_types=np.array([1]))
+    top = Topology(
+        bonds=np.array([[0, 1]]), bond_types=np.array([1]), angles=np.array([[0, 1, 2]]), angle_types=np.array([1])
+    )
     frame = Frame([[1.2, 0, 0], [0, 0, 0], [0, 0.5, 0]], Cell([9.0, 9, 9]), units("metal"), topology=top)
     d = atc.potential(HarmonicBond((3.0, 1.0)), "metal").decompose(frame)
     np.testing.assert_allclose(d.energies_n, [0.06, 0.06, 0])
@@ -166,7 +191,9 @@ def test_objects_equal_lines():
 def test_table_objects(tmp_path):
     table_files(tmp_path)
     frame = melt().frame()
-    tables = read_tables({1: (tmp_path / "bond.table", "ONE"), 2: (tmp_path / "bond.table", "TWO")}, "bond", points=100, units="lj")
+    tables = read_tables(
+        {1: (tmp_path / "bond.table", "ONE"), 2: (tmp_path / "bond.table", "TWO")}, "bond", points=100, units="lj"
+    )
     lines = "bond_style table linear 100\nbond_coeff 1 bond.table ONE\nbond_coeff 2 bond.table TWO\n"
     a = atc.potential(lines, "lj", folder=tmp_path).decompose(frame)
     assert atc.potential(TableBond(tables)).decompose(frame).energy == a.energy
@@ -198,7 +225,10 @@ def test_closest_image_in_a_strongly_tilted_cell():
         x = rng.uniform(-3, 3, (60, 3)) @ vectors
         top = Topology(bonds=np.arange(60).reshape(30, 2), bond_types=np.ones(30, int))
         d = atc.potential(HarmonicBond((1.0, 0.5)), "metal").decompose(Frame(x, cell, units("metal"), topology=top))
-        n = np.stack(np.meshgrid(np.arange(-100, 101), np.arange(-100, 101), [0], indexing="ij"), -1).reshape(-1, 3) @ vectors
+        n = (
+            np.stack(np.meshgrid(np.arange(-100, 101), np.arange(-100, 101), [0], indexing="ij"), -1).reshape(-1, 3)
+            @ vectors
+        )
         for b in range(30):
             every = np.linalg.norm(x[2 * b] - x[2 * b + 1] + n, axis=1)
             np.testing.assert_allclose(np.linalg.norm(d.bonds.r_bc[b]), every.min(), rtol=1e-12)
@@ -207,7 +237,9 @@ def test_closest_image_in_a_strongly_tilted_cell():
 def test_threads_and_chunks():
     """More bonds than one task holds: the same sums."""
     x, bonds, angles, _ = chains(CELLS["orthogonal"] * 10, n_chains=1800, length=12)
-    top = Topology(bonds=bonds, bond_types=np.ones(len(bonds), int), angles=angles, angle_types=np.ones(len(angles), int))
+    top = Topology(
+        bonds=bonds, bond_types=np.ones(len(bonds), int), angles=angles, angle_types=np.ones(len(angles), int)
+    )
     frame = Frame(x, Cell(CELLS["orthogonal"] * 10), units("lj"), topology=top)
     pot = atc.potential([HarmonicBond((3.0, 1.0), units="lj"), HarmonicAngle((3.0, 110.0), units="lj")])
     a, b = pot.decompose(frame), pot.decompose(frame, threads=2)
@@ -215,9 +247,13 @@ def test_threads_and_chunks():
     np.testing.assert_allclose(b.forces_nc, a.forces_nc, rtol=0, atol=1e-12 * abs(a.forces_nc).max())
     r = x[bonds[:, 0]] - x[bonds[:, 1]]  # unwrapped chains
     stretch = np.linalg.norm(r, axis=1) - 1
-    c = np.einsum("tc,tc->t", u := _unit(x[angles[:, 0]] - x[angles[:, 1]]), w := _unit(x[angles[:, 2]] - x[angles[:, 1]]))
+    c = np.einsum(
+        "tc,tc->t", u := _unit(x[angles[:, 0]] - x[angles[:, 1]]), w := _unit(x[angles[:, 2]] - x[angles[:, 1]])
+    )
     assert u.shape == w.shape
-    np.testing.assert_allclose(a.energy, 3 * (stretch**2).sum() + 3 * ((np.arccos(c) - np.radians(110)) ** 2).sum(), rtol=1e-12)
+    np.testing.assert_allclose(
+        a.energy, 3 * (stretch**2).sum() + 3 * ((np.arccos(c) - np.radians(110)) ** 2).sum(), rtol=1e-12
+    )
     assert a.n_bonds == len(bonds) + 3 * len(angles)
 
 
@@ -236,7 +272,8 @@ def _frame(positions, cell=(20.0, 20, 20), bonds=((0, 1),), angles=(), ids=None)
 def test_overstretched_fene():
     fene = atc.potential(FeneBond((30, 1.5, 1, 1), units="lj"))
     with pytest.raises(
-        AtcError, match=r"run.dump frame 3: the bond between atoms 12 and 40 \(type 1, style fene\) is 1.5 sigma long.*broken"
+        AtcError,
+        match=r"run.dump frame 3: the bond between atoms 12 and 40 \(type 1, style fene\) is 1.5 sigma long.*broken",
     ):
         fene.decompose(_frame([[0, 0, 0], [1.5, 0, 0]], ids=[12, 40]))
     with pytest.raises(AtcError, match=r"same place"):
@@ -250,13 +287,17 @@ def test_overstretched_fene():
 def test_what_is_missing_is_said(tmp_path):
     pot = atc.potential(HarmonicBond((30, 1.5), units="lj"))
     frame = _frame([[0, 0, 0], [1, 0, 0]])
-    with pytest.raises(AtcError, match=r"run.dump frame 3: bond_style harmonic needs to know the bonds: give a LAMMPS data file"):
+    with pytest.raises(
+        AtcError, match=r"run.dump frame 3: bond_style harmonic needs to know the bonds: give a LAMMPS data file"
+    ):
         pot.decompose(frame.replace(topology=None))
     frame.topology.bond_types[0] = 3
     with pytest.raises(AtcError, match=r"bond type 3 is in the topology but has no coefficients.*bond_coeff 3"):
         pot.decompose(frame)
     with pytest.raises(AtcError, match="bond type 3"):
-        atc.potential(HybridTerm([HarmonicBond({1: (30, 1.5)}, units="lj"), MorseBond({2: (30, 1, 1.5)}, units="lj")])).decompose(frame)
+        atc.potential(
+            HybridTerm([HarmonicBond({1: (30, 1.5)}, units="lj"), MorseBond({2: (30, 1, 1.5)}, units="lj")])
+        ).decompose(frame)
     with pytest.raises(AtcError, match="atoms that are not in this frame"):
         pot.decompose(_frame([[0, 0, 0], [1, 0, 0]], bonds=((0, 2),)))
     with pytest.raises(AtcError, match=r"needs K, r0, got 1 numbers"):
@@ -264,11 +305,14 @@ def test_what_is_missing_is_said(tmp_path):
     with pytest.raises(AtcError, match=r"R0 must be positive"):
         FeneBond((30, 0, 1, 1))
     with pytest.raises(AtcError, match=r"two atoms of the angle 1, 2, 3 are at the same place"):
-        atc.potential(CosineAngle((2,), units="lj")).decompose(_frame([[0, 0, 0], [0, 0, 0], [1, 1, 1]], angles=((0, 1, 2),)))
+        atc.potential(CosineAngle((2,), units="lj")).decompose(
+            _frame([[0, 0, 0], [0, 0, 0], [1, 1, 1]], angles=((0, 1, 2),))
+        )
     table_files(tmp_path)
     table = atc.potential("bond_style table linear 100\nbond_coeff 1 bond.table ONE\n", "lj", folder=tmp_path)
     with pytest.raises(
-        AtcError, match=r"atoms 1 and 2 \(type 1, style table\) is 1.7 sigma long, outside its table, which runs from 0.6 to 1.5"
+        AtcError,
+        match=r"atoms 1 and 2 \(type 1, style table\) is 1.7 sigma long, outside its table, which runs from 0.6 to 1.5",
     ):
         table.decompose(_frame([[0, 0, 0], [1.7, 0, 0]]))
     # No bonds at all is no error.
@@ -281,10 +325,22 @@ def test_what_is_missing_is_said(tmp_path):
         ("bond_style harmonic\nbond_coeff 1 30\n", r"line 2: bond_coeff of harmonic takes K r0, got 30"),
         ("bond_style harmonic 3\nbond_coeff 1 30 1\n", r"line 1: bond_style harmonic takes no arguments, got 3"),
         ("bond_style harmonic\nbond_coeff 1 30 big\n", r"line 2: .*expected a number for r0, got 'big'"),
-        ("bond_style table cubic 100\nbond_coeff 1 bond.table ONE\n", r"line 1: .*takes linear or spline and a number of points"),
-        ("bond_style table linear 100\nbond_coeff 1 bond.table THREE\n", r"line 2: .*bond.table has no section 'THREE'; it has ONE, TWO"),
-        ("bond_style table linear 100\nbond_coeff 1 bad.table ONE\n", r"bad.table:2: expected the parameters of a bond table.*'N 3 FAST'"),
-        ("bond_style table linear 100\nbond_coeff 1 bad.table TWO\n", r"bad.table:\d+: the section 'TWO' needs 3 lines.*line 3"),
+        (
+            "bond_style table cubic 100\nbond_coeff 1 bond.table ONE\n",
+            r"line 1: .*takes linear or spline and a number of points",
+        ),
+        (
+            "bond_style table linear 100\nbond_coeff 1 bond.table THREE\n",
+            r"line 2: .*bond.table has no section 'THREE'; it has ONE, TWO",
+        ),
+        (
+            "bond_style table linear 100\nbond_coeff 1 bad.table ONE\n",
+            r"bad.table:2: expected the parameters of a bond table.*'N 3 FAST'",
+        ),
+        (
+            "bond_style table linear 100\nbond_coeff 1 bad.table TWO\n",
+            r"bad.table:\d+: the section 'TWO' needs 3 lines.*line 3",
+        ),
         ("bond_style table linear 100\nbond_coeff 1 bad.table DOWN\n", r"must increase"),
         (
             "angle_style table linear 100\nangle_coeff 1 bond.table ONE\n",
@@ -303,7 +359,9 @@ def test_what_is_missing_is_said(tmp_path):
 )
 def test_lines_that_make_no_sense(tmp_path, lines, says):
     table_files(tmp_path)
-    (tmp_path / "bad.table").write_text("ONE\nN 3 FAST\n\nDOWN\nN 2\n\n1 2.0 0 0\n2 1.0 0 0\n\nTWO\nN 3\n\n1 1.0 0 0\n2 1.1 0 0\n3 1.2 0\n")
+    (tmp_path / "bad.table").write_text(
+        "ONE\nN 3 FAST\n\nDOWN\nN 2\n\n1 2.0 0 0\n2 1.0 0 0\n\nTWO\nN 3\n\n1 1.0 0 0\n2 1.1 0 0\n3 1.2 0\n"
+    )
     with pytest.raises(AtcError, match=says) as e:
         atc.potential(lines, "lj", folder=tmp_path)
     assert "\n" not in str(e.value)

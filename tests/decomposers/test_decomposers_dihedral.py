@@ -6,7 +6,14 @@ from decomposer_checks import agrees_with_lammps, consistent_bonds, potential, s
 from lammps_oracle import Config
 
 import atc
-from atc.decomposers.dihedral import COLLINEAR, FourierTorsion, HarmonicTorsion, MultiHarmonicTorsion, NHarmonicTorsion, OPLSTorsion
+from atc.decomposers.dihedral import (
+    COLLINEAR,
+    FourierTorsion,
+    HarmonicTorsion,
+    MultiHarmonicTorsion,
+    NHarmonicTorsion,
+    OPLSTorsion,
+)
 from atc.decomposers.improper import CvffImproper, HarmonicImproper
 from atc.frame import Cell, Frame, Topology
 from atc.units import units
@@ -23,7 +30,10 @@ def chains(cell="tilted", n=6, types=1, kind="dihedrals", seed=0, style="real"):
             steps = rng.normal(size=(3, 3))
             steps *= (rng.uniform(0.6, 2.0, 3) / np.linalg.norm(steps, axis=1))[:, None]
             sines = [
-                np.linalg.norm(np.cross(steps[k], steps[k + 1])) / np.linalg.norm(steps[k]) / np.linalg.norm(steps[k + 1]) for k in (0, 1)
+                np.linalg.norm(np.cross(steps[k], steps[k + 1]))
+                / np.linalg.norm(steps[k])
+                / np.linalg.norm(steps[k + 1])
+                for k in (0, 1)
             ]
             if min(sines) > 0.3:
                 break
@@ -55,7 +65,9 @@ def lines_of(kind, style, coeffs):
 def test_dihedrals_agree_with_lammps(style, cell):
     config = chains(cell, n=12, types=3)
     lines = lines_of("dihedral", style, DIHEDRALS[style])
-    d, _ = agrees_with_lammps(potential("\n".join(lines), config), ["pair_style zero 5.0 nocoeff", "pair_coeff * *", *lines], config)
+    d, _ = agrees_with_lammps(
+        potential("\n".join(lines), config), ["pair_style zero 5.0 nocoeff", "pair_coeff * *", *lines], config
+    )
     # Torsions of U = constant (type 2 of nharmonic, type 3 of harmonic) have no bonds; all others have six.
     assert d.n_bonds <= 6 * 12
 
@@ -65,7 +77,9 @@ def test_dihedrals_agree_with_lammps(style, cell):
 def test_impropers_agree_with_lammps(style, cell):
     config = chains(cell, n=12, types=3, kind="impropers")
     lines = lines_of("improper", style, IMPROPERS[style])
-    agrees_with_lammps(potential("\n".join(lines), config), ["pair_style zero 5.0 nocoeff", "pair_coeff * *", *lines], config)
+    agrees_with_lammps(
+        potential("\n".join(lines), config), ["pair_style zero 5.0 nocoeff", "pair_coeff * *", *lines], config
+    )
 
 
 def test_hybrid_styles_agree_with_lammps():
@@ -76,7 +90,9 @@ def test_hybrid_styles_agree_with_lammps():
         "dihedral_coeff 2*3 harmonic 0.7 -1 2",
     ]
     lines += ["dihedral_coeff 4 nharmonic 3 1.1 -2.3 0.7"]
-    agrees_with_lammps(potential("\n".join(lines), config), ["pair_style zero 5.0 nocoeff", "pair_coeff * *", *lines], config)
+    agrees_with_lammps(
+        potential("\n".join(lines), config), ["pair_style zero 5.0 nocoeff", "pair_coeff * *", *lines], config
+    )
 
 
 @pytest.mark.parametrize("kind,style", [*(("dihedral", s) for s in DIHEDRALS), *(("improper", s) for s in IMPROPERS)])
@@ -160,7 +176,8 @@ def chain(phi, theta1=2.0, theta2=1.8, b=(1.1, 1.4, 0.9)):
 
 # An improper has a ridge at the plane it does not prefer: see the test of kinks.
 @pytest.mark.parametrize(
-    "name,plane", [(n, p) for n in TERMS for p in (0.0, np.pi) if (n, p) not in (("improper at 0", np.pi), ("improper at 180", 0.0))]
+    "name,plane",
+    [(n, p) for n in TERMS for p in (0.0, np.pi) if (n, p) not in (("improper at 0", np.pi), ("improper at 180", 0.0))],
 )
 def test_walk_through_planar_chains(name, plane):
     """Energy and forces through φ = 0 and π: finite, the energy the closed form, the forces its derivative, and smooth where the term is."""

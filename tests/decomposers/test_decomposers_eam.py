@@ -31,10 +31,19 @@ CELLS = {
 def metal(cell="tilted", counts=(3, 4, 4), kinds=2, seed=0, style="metal", scale=1.0, jitter=0.2):
     vectors, periodic = CELLS[cell]
     x, t = thermal_lattice(
-        vectors * scale if cell != "slab" else np.diag([8.2, 9.0, 10.0]) * scale, counts, jitter=jitter, kinds=kinds, seed=seed
+        vectors * scale if cell != "slab" else np.diag([8.2, 9.0, 10.0]) * scale,
+        counts,
+        jitter=jitter,
+        kinds=kinds,
+        seed=seed,
     )
     return Config(
-        vectors * scale, x + (0 if cell != "slab" else np.array([0, 0, 5.0])), types=t, units=style, periodic=periodic, ntypes=kinds
+        vectors * scale,
+        x + (0 if cell != "slab" else np.array([0, 0, 5.0])),
+        types=t,
+        units=style,
+        periodic=periodic,
+        ntypes=kinds,
     )
 
 
@@ -109,7 +118,10 @@ def test_sources_are_the_derivatives_of_the_shares(style, coeff, kinds):
     d = sources_are_derivatives(pot, config.frame(), atoms=range(0, 12, 3), tolerance=2e-6)
     # One bond a pair: no more than half the neighbours.
     assert d.n_bonds == len(
-        {(min(i, j), max(i, j), *np.round(abs(r), 9)) for i, j, r in zip(d.bonds.i, d.bonds.j, d.bonds.r_bc, strict=True)}
+        {
+            (min(i, j), max(i, j), *np.round(abs(r), 9))
+            for i, j, r in zip(d.bonds.i, d.bonds.j, d.bonds.r_bc, strict=True)
+        }
     )
 
 
@@ -157,7 +169,10 @@ def test_helium_below_the_first_density(tmp_path, last):
     path = tmp_path / "PdHHe.eam.he"
     path.write_text((POTENTIALS / "PdHHe.eam.he").read_text().replace("1.378101e+02", repr(last), 1))
     lines = f"pair_style eam/he\npair_coeff * * {path} Pd He"
-    for config in (metal(kinds=2), Config(np.diag([30.0, 20, 20]), np.array([[5.0, 5, 5], [7.2, 5, 5]]), types=[1, 1], ntypes=2)):
+    for config in (
+        metal(kinds=2),
+        Config(np.diag([30.0, 20, 20]), np.array([[5.0, 5, 5], [7.2, 5, 5]]), types=[1, 1], ntypes=2),
+    ):
         agrees_with_lammps(potential(lines, config), lines, config)
     path.write_text(path.read_text().replace(repr(last), "x", 1))
     with pytest.raises(atc.AtcError, match="largest density rhomax"):
@@ -264,7 +279,10 @@ DAMAGE = [
     (lambda t: t.replace("2 Aa Bb", "3 Aa Bb"), "3 elements but 2 names"),
     (lambda t: t[: len(t) // 2], "the file is cut off"),
     (lambda t: t + "1 2 3\n" * 200, "more lines than eam/alloy files of 2 elements have"),
-    (lambda t: t.replace("\n400 ", "\n400000000000 "), "in a file of .* characters: the file is cut off or its counts are wrong"),
+    (
+        lambda t: t.replace("\n400 ", "\n400000000000 "),
+        "in a file of .* characters: the file is cut off or its counts are wrong",
+    ),
     (lambda t: t.replace("\n400 ", "\n4e2 "), None),
     (lambda t: t.replace("\n400 ", "\n--1 "), "expected nrho drho nr dr cutoff"),
     (lambda t: t.replace("\n-", "\nnan -", 1), "is not a number|not finite|should have"),

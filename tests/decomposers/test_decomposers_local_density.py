@@ -57,7 +57,9 @@ def test_indicator_and_an_atom_alone(table):
         (up, _), (down, _), (_, g) = _indicator(d + 1e-6, row), _indicator(d - 1e-6, row), _indicator(d, row)
         assert (up - down) / 2e-6 == pytest.approx(g * d, abs=1e-9)
     # F below its table is its first value, for an atom without neighbours too.
-    d = atc.potential(lines_of(table), units="metal").decompose(Frame(np.zeros((1, 3)), Cell(np.eye(3) * 30), units("metal"), types=[1]))
+    d = atc.potential(lines_of(table), units="metal").decompose(
+        Frame(np.zeros((1, 3)), Cell(np.eye(3) * 30), units("metal"), types=[1])
+    )
     first = [float(line) for line in table.read_text().splitlines() if line.count(" ") == 0 and "." in line]
     assert d.energy == pytest.approx(first[0] + first[30], rel=1e-14)
 

@@ -23,7 +23,9 @@ OPEN = Cell(np.eye(3) * 30, periodic=(False,) * 3)
 
 def cluster(n=7, seed=0, cell=OPEN, spread=2.5):
     rng = np.random.default_rng(seed)
-    return Frame(rng.normal(size=(n, 3)) * spread, cell, units("metal"), types=rng.integers(1, 3, n), ids=np.arange(n) * 2 + 1)
+    return Frame(
+        rng.normal(size=(n, 3)) * spread, cell, units("metal"), types=rng.integers(1, 3, n), ids=np.arange(n) * 2 + 1
+    )
 
 
 def slopes_of(f, points):
@@ -49,7 +51,10 @@ ZOO = {
     "hyperbolic": lambda a, b: np.sinh(a) * np.tanh(b) - np.cosh(a - b) + np.expm1(a / 9) + np.log1p(b),
     "powers": lambda a, b: a**b + b**2.5 + 2.0**a + np.power(b, a) + np.square(a) + np.reciprocal(b),
     "choices": lambda a, b: (
-        abs(a - b) * max(a, b) + np.where((a < b) | (b > 99), np.log(a), np.tanh(b)) + np.clip(a, 1.2, 1.7) + np.maximum(a, 0.5)
+        abs(a - b) * max(a, b)
+        + np.where((a < b) | (b > 99), np.log(a), np.tanh(b))
+        + np.clip(a, 1.2, 1.7)
+        + np.maximum(a, 0.5)
     ),
     "error function": lambda a, b: math.erf(a) * math.erfc(b),
     "loops, arrays, helpers": lambda a, b: (
@@ -138,7 +143,9 @@ def sw_three_body(d12, d13, d23, lam=21.0, eps=2.1683, sigma=2.0951, a=1.8, gamm
     cos = (d12**2 + d13**2 - d23**2) / (2 * d12 * d13)
     inside = (d12 < a * sigma) & (d13 < a * sigma)
     return np.where(
-        inside, lam * eps * (cos + 1 / 3) ** 2 * np.exp(gamma * sigma / (d12 - a * sigma) + gamma * sigma / (d13 - a * sigma)), 0.0
+        inside,
+        lam * eps * (cos + 1 / 3) ** 2 * np.exp(gamma * sigma / (d12 - a * sigma) + gamma * sigma / (d13 - a * sigma)),
+        0.0,
     )
 
 
@@ -146,10 +153,14 @@ def sw_three_body(d12, d13, d23, lam=21.0, eps=2.1683, sigma=2.0951, a=1.8, gamm
 def test_neighbour_rule_is_stillinger_weber_of_lammps(tmp_path, style):
     """All triples of a centre and two neighbours: the three-body half of LAMMPS's sw, its two-body half switched off (A = 0)."""
     eps = 2.1683 if style == "metal" else 50.0
-    (tmp_path / "three.sw").write_text(f"Si Si Si {eps} 2.0951 1.80 21.0 1.20 -0.333333333333333333 0 0.6022245584 4.0 0.0 0.0\n")
+    (tmp_path / "three.sw").write_text(
+        f"Si Si Si {eps} 2.0951 1.80 21.0 1.20 -0.333333333333333333 0 0.6022245584 4.0 0.0 0.0\n"
+    )
     x, t = thermal_lattice(CELL.vectors, (3, 4, 4), jitter=0.25, seed=1)
     config = Config(CELL.vectors, x, units=style)
-    pot = atc.potential(ManyBody(lambda a, b, c: sw_three_body(a, b, c, eps=eps), cutoff=1.8 * 2.0951, units=style), units=style)
+    pot = atc.potential(
+        ManyBody(lambda a, b, c: sw_three_body(a, b, c, eps=eps), cutoff=1.8 * 2.0951, units=style), units=style
+    )
     lines = f"pair_style sw\npair_coeff * * {tmp_path / 'three.sw'} Si"
     d, _ = agrees_with_lammps(pot, lines, config)
     assert d.n_bonds > 1000
@@ -194,7 +205,9 @@ def test_pair_rule_is_a_pair_potential():
     lines = "pair_style lj/cut 4.0\npair_coeff * * 0.3 2.0"
     x, t = thermal_lattice(CELL.vectors, (3, 4, 4), jitter=0.2, seed=2)
     config = Config(CELL.vectors, x)
-    pot = atc.potential(ManyBody("4*e*((s/d12)**12 - (s/d12)**6)", cutoff=4.0, bodies=2, parameters={"e": 0.3, "s": 2.0}))
+    pot = atc.potential(
+        ManyBody("4*e*((s/d12)**12 - (s/d12)**6)", cutoff=4.0, bodies=2, parameters={"e": 0.3, "s": 2.0})
+    )
     agrees_with_lammps(pot, lines, config)
     frame = cluster(6, seed=2)
     some = atc.potential(ManyBody("d12**2", cutoff=9.0, bodies=2, types=(1, 2))).decompose(frame)
@@ -244,7 +257,10 @@ def cayley_menger(*xi):
     def det(m):
         if len(m) == 1:
             return m[0][0]
-        return sum((-1) ** c * m[0][c] * det([[row[j] for j in range(len(m)) if j != c] for row in m[1:]]) for c in range(len(m)))
+        return sum(
+            (-1) ** c * m[0][c] * det([[row[j] for j in range(len(m)) if j != c] for row in m[1:]])
+            for c in range(len(m))
+        )
 
     return det(g)
 
@@ -342,7 +358,10 @@ REFUSED = [
     (lambda: ManyBody("d12", atoms=[[1.5, 2]]), "whole numbers"),
     (lambda: ManyBody("d12", atoms=[[0, 1]], partition=(0.5, 0.6)), "add up to 1"),
     (lambda: ManyBody("d12", atoms=[[0, 1]], types=(1, 2)), "goes with cutoff="),
-    (lambda: ManyBody(lambda a: a**3, gradient=lambda a: (2 * a**2,), atoms=[[0, 1]]), "gradient is not that of the energy"),
+    (
+        lambda: ManyBody(lambda a: a**3, gradient=lambda a: (2 * a**2,), atoms=[[0, 1]]),
+        "gradient is not that of the energy",
+    ),
     (lambda: ManyBody("d12", atoms=[[0, 1]], variables="r"), "expected 'distance' or 'xi'"),
 ]
 

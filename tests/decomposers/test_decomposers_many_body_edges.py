@@ -24,7 +24,11 @@ STYLES = {
     "eam/he": (lines_of("eam/he", "PdHHe.eam.he", "Pd {}"), 3.9, FCC),
     "eam/cd": (lines_of("eam/cd", "FeCr.cdeam", "Fe {}"), 3.4, FCC),
     "adp": (lines_of("adp", "AlCu.adp", "Al {}"), 4.0, FCC),
-    "meam": (f"pair_style meam\npair_coeff * * {POTENTIALS}/library.meam Si C {POTENTIALS}/SiC.meam Si {{}}", 4.6, DIAMOND),
+    "meam": (
+        f"pair_style meam\npair_coeff * * {POTENTIALS}/library.meam Si C {POTENTIALS}/SiC.meam Si {{}}",
+        4.6,
+        DIAMOND,
+    ),
     "polymorphic": (lines_of("polymorphic", "GaN_tersoff.poly", "Ga {}"), 4.6, DIAMOND),
     "eim": (f"pair_style eim\npair_coeff * * Na Cl {POTENTIALS}/ffield.eim Na {{}}", 5.8, DIAMOND),
     "meam/sw/spline": (lines_of("meam/sw/spline", "Si.b.meam.sw.spline", "Si {}"), 5.3, DIAMOND),
@@ -51,7 +55,12 @@ def two(name) -> str:
 def test_nearly_nothing(name):
     """No atoms; one atom; two far apart; one that is left out. At one place: refused in one line."""
     pot = atc.potential(STYLES[name][0].format("NULL"), units="metal")
-    for x, types in (([], []), ([[1.0, 2, 3]], [1]), ([[1.0, 2, 3], [15.0, 2, 3]], [1, 1]), ([[1.0, 2, 3], [2.5, 2, 3]], [1, 2])):
+    for x, types in (
+        ([], []),
+        ([[1.0, 2, 3]], [1]),
+        ([[1.0, 2, 3], [15.0, 2, 3]], [1, 1]),
+        ([[1.0, 2, 3], [2.5, 2, 3]], [1, 2]),
+    ):
         for periodic in (True, False):
             cell = Cell(np.eye(3) * 30, periodic=(periodic,) * 3)
             frame = Frame(np.reshape(x, (-1, 3)), cell, units("metal"), types=np.array(types, int))
@@ -107,7 +116,23 @@ FILES = {
     "tersoff/mod": "Si.tersoff.mod", "tersoff/zbl": "SiC.tersoff.zbl", "gw": "SiC.gw", "sw/mod": "tmd.sw.mod", "vashishta": "SiC.vashishta",
     "nb3b/screened": "PSiO.nb3b.screened", "edip/multi": "SiC.edip", "meam": "SiC.meam", "eim": "ffield.eim", "meam/sw/spline": "Si.b.meam.sw.spline",
 }  # fmt: skip
-JUNK = ("x", "-1", "0", "1e400", "nan", "-inf", "é", "1e308", "99999999999999999999", "=", "(1,2)", "&", "NULL", "'", "-5")
+JUNK = (
+    "x",
+    "-1",
+    "0",
+    "1e400",
+    "nan",
+    "-inf",
+    "é",
+    "1e308",
+    "99999999999999999999",
+    "=",
+    "(1,2)",
+    "&",
+    "NULL",
+    "'",
+    "-5",
+)
 
 
 @pytest.mark.filterwarnings("ignore")

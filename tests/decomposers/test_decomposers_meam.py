@@ -67,10 +67,13 @@ def test_pair_energies_of_every_element_and_pair():
         for e, o in ((a, b), (b, a))
     ]
     second = [
-        meam_reference.screening(p, "b2", e, o) * float(meam_reference.pair_energy(p, e, e, [r * 2 / 3**0.5], core=False)[0])
+        meam_reference.screening(p, "b2", e, o)
+        * float(meam_reference.pair_energy(p, e, e, [r * 2 / 3**0.5], core=False)[0])
         for e, o in ((a, b), (b, a))
     ]
-    assert 2 * E == pytest.approx(sum(F) + 8 * float(meam_reference.pair_energy(p, a, b, [r])[0]) + 3 * sum(second), rel=1e-13)
+    assert 2 * E == pytest.approx(
+        sum(F) + 8 * float(meam_reference.pair_energy(p, a, b, [r])[0]) + 3 * sum(second), rel=1e-13
+    )
 
 
 SETTINGS = [
@@ -86,7 +89,9 @@ SETTINGS = [
 def test_every_setting(tmp_path, setting):
     path = tmp_path / "two.meam"
     source = "MoCoNiVFeAlCr_2nn.meam"
-    head = [line for line in (POTENTIALS / source).read_text().splitlines() if not re.search(r"\(\d*,?[3-7]|,[3-7]", line)]
+    head = [
+        line for line in (POTENTIALS / source).read_text().splitlines() if not re.search(r"\(\d*,?[3-7]|,[3-7]", line)
+    ]
     path.write_text("\n".join(head) + f"\n{setting}  # for a test\n")
     lines = lines_of("Mo Co", path, LIBRARY_2NN)
     config = crystal(3.7, kinds=2, basis=FCC, jitter=0.3)

@@ -13,9 +13,13 @@ MODELS = {
     "charmm": "pair_style lj/charmm/coul/charmm 3.0 3.5\n" + COEFFS + "dihedral_style charmm",
     "implicit": "pair_style lj/charmm/coul/charmm/implicit 5.0 6.0 4.0 5.0\n" + COEFFS + "dihedral_style charmm",
     "charmmfsw": "pair_style lj/charmmfsw/coul/charmmfsh 3.0 5.0 4.0\n" + COEFFS + "dihedral_style charmmfsw",
-    "charmm with the force switch": "pair_style lj/charmmfsw/coul/charmmfsh 3.0 5.0\n" + COEFFS + "dihedral_style charmm",
+    "charmm with the force switch": "pair_style lj/charmmfsw/coul/charmmfsh 3.0 5.0\n"
+    + COEFFS
+    + "dihedral_style charmm",
     "hybrid": "pair_style hybrid/overlay lj/charmm/coul/charmm 3.0 3.5 morse 4.0\n"
-    + "".join(" ".join([*line.split()[:3], "lj/charmm/coul/charmm", *line.split()[3:]]) + "\n" for line in COEFFS.splitlines())
+    + "".join(
+        " ".join([*line.split()[:3], "lj/charmm/coul/charmm", *line.split()[3:]]) + "\n" for line in COEFFS.splitlines()
+    )
     + "pair_coeff 1 2 lj/charmm/coul/charmm 0.12 2.9\npair_coeff 1 3 lj/charmm/coul/charmm 0.12 2.9 0.1 2.0\npair_coeff 2 3 lj/charmm/coul/charmm 0.12 2.9\n"
     + "pair_coeff 1 2 morse 0.1 1.5 3.0\ndihedral_style charmm",
 }
@@ -25,7 +29,9 @@ WEIGHTS = "\ndihedral_coeff 1 0.3 3 0 0.5\ndihedral_coeff 2 0.2 2 180 1.0\ndihed
 def chains(periodic=True, unit="real"):
     """Three chains of six atoms, one across the border of a box that is hardly larger."""
     rng = np.random.default_rng(4)
-    steps = np.cumsum(np.tile([[1.2, 0.3, 0.5], [1.1, -0.4, -0.5]], (3, 1)) + rng.uniform(-0.25, 0.25, (3, 6, 3)), axis=1)
+    steps = np.cumsum(
+        np.tile([[1.2, 0.3, 0.5], [1.1, -0.4, -0.5]], (3, 1)) + rng.uniform(-0.25, 0.25, (3, 6, 3)), axis=1
+    )
     x = steps + np.array([[1.0, 2.0, 2.0], [1.5, 5.5, 5.0], [6.0, 8.5, 8.0]])[:, None]
     if not periodic:
         x[2, :, 0] -= 4.0
@@ -52,7 +58,9 @@ def test_ends_of_torsions(model):
     pot = atc.potential(lines, units=c.units)
     # LAMMPS gives the torsion a quarter to each of its four atoms and the pair half to each of its two, as atc does.
     d, _ = agrees_with_lammps(pot, lines + "\nbond_style zero\nbond_coeff *", c)
-    without = atc.potential(lines.replace(" 0.5\n", " 0.0\n").replace(" 1.0\n", " 0.0\n"), units=c.units).decompose(c.frame())
+    without = atc.potential(lines.replace(" 0.5\n", " 0.0\n").replace(" 1.0\n", " 0.0\n"), units=c.units).decompose(
+        c.frame()
+    )
     assert np.abs(d.forces_nc - without.forces_nc).max() > 0.01 * np.abs(d.forces_nc).max()
 
 
@@ -70,7 +78,10 @@ def test_ends_of_torsions_and_energy_shares():
     [
         ("pair_style lj/cut 9\npair_coeff * * 0.1 3\ndihedral_style charmm", "weight 0.5.*not supported without"),
         ("dihedral_style charmm", "weight 0.5.*not supported without"),
-        ("pair_style lj/charmm/coul/charmm 8 9\npair_coeff * * 0.1 3\ndihedral_style charmmfsw", "needs pair_style lj/charmmfsw"),
+        (
+            "pair_style lj/charmm/coul/charmm 8 9\npair_coeff * * 0.1 3\ndihedral_style charmmfsw",
+            "needs pair_style lj/charmmfsw",
+        ),
     ],
 )
 def test_ends_without_coefficients(lines, says):

@@ -21,7 +21,16 @@ BOXES = {
     "small": (np.array([[2.0, 0, 0], [0.6, 3, 0], [0.4, -0.5, 3]]), (2, 3, 3)),
 }
 # Spacing of the lattice in the unit style's length.
-SPACING = {"lj": 1.12, "metal": 3.3, "real": 3.3, "electron": 6.2, "si": 3.3e-10, "nano": 0.33, "cgs": 3.3e-8, "micro": 3.3e-4}
+SPACING = {
+    "lj": 1.12,
+    "metal": 3.3,
+    "real": 3.3,
+    "electron": 6.2,
+    "si": 3.3e-10,
+    "nano": 0.33,
+    "cgs": 3.3e-8,
+    "micro": 3.3e-4,
+}
 
 
 def config(box, style, kinds=3, charges=True, seed=0, jitter=0.14):
@@ -30,7 +39,11 @@ def config(box, style, kinds=3, charges=True, seed=0, jitter=0.14):
     x, t = thermal_lattice(cell * a, counts, jitter=jitter, kinds=kinds, seed=seed)
     t[:kinds] = np.arange(1, kinds + 1)
     rng = np.random.default_rng(seed + 1)
-    q = rng.uniform(-1, 1, len(x)) * (units(style).to_user("charge", 1.0) if not units(style).reduced else 1.0) if charges else None
+    q = (
+        rng.uniform(-1, 1, len(x)) * (units(style).to_user("charge", 1.0) if not units(style).reduced else 1.0)
+        if charges
+        else None
+    )
     return Config(cell * a, x, t, units=style, charges=q, ntypes=kinds)
 
 
@@ -45,9 +58,13 @@ def agree(lines, c, potential=None, threads=1, before=(), rtol=RTOL, energy=True
     assert force > 0 and scale > 0
     if energy:
         assert abs(u.to_user("energy", d.energy) - r.energy) <= rtol * scale
-        np.testing.assert_allclose(u.to_user("energy", d.energies_n), r.energies_n, rtol=0, atol=rtol * np.abs(r.energies_n).max())
+        np.testing.assert_allclose(
+            u.to_user("energy", d.energies_n), r.energies_n, rtol=0, atol=rtol * np.abs(r.energies_n).max()
+        )
     np.testing.assert_allclose(u.to_user("force", d.forces_nc), r.forces_nc, rtol=0, atol=rtol * force)
-    np.testing.assert_allclose(u.to_user("pressure_volume", d.virial_cc), r.virial, rtol=0, atol=rtol * np.abs(r.virial).max())
+    np.testing.assert_allclose(
+        u.to_user("pressure_volume", d.virial_cc), r.virial, rtol=0, atol=rtol * np.abs(r.virial).max()
+    )
     # The streamed sums are those of the bonds that were handed out.
     np.testing.assert_allclose(d.bonds.virial(), d.virial_cc, rtol=0, atol=1e-12 * np.abs(d.virial_cc).max())
     return r, d
@@ -55,7 +72,10 @@ def agree(lines, c, potential=None, threads=1, before=(), rtol=RTOL, energy=True
 
 # Lines for `metal` or `real`-like lengths in Å, spacing 3.3.
 STYLES = {
-    "lj/cut": ("metal", "pair_style lj/cut 7.9\npair_coeff * * 0.01 3.0\npair_coeff 1 2 0.02 2.8 6.5\npair_coeff 3 3 0.015 3.3 7.0"),
+    "lj/cut": (
+        "metal",
+        "pair_style lj/cut 7.9\npair_coeff * * 0.01 3.0\npair_coeff 1 2 0.02 2.8 6.5\npair_coeff 3 3 0.015 3.3 7.0",
+    ),
     "lj/cut mixed": (
         "real",
         "pair_style lj/cut 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 6.5\npair_coeff 3 3 0.15 3.3 7.0\npair_modify shift yes",
@@ -79,19 +99,31 @@ STYLES = {
         "metal",
         "pair_style lj/expand 7.0\npair_coeff 1 1 0.02 2.6 0.3\npair_coeff 2 2 0.01 2.8 0.1 6.4\npair_coeff 3 3 0.015 3.3 -0.2\npair_modify shift yes mix arithmetic",
     ),
-    "morse": ("metal", "pair_style morse 7.9\npair_coeff * * 0.3 1.4 3.1\npair_coeff 1 2 0.2 1.5 3.0 6.1\npair_modify shift yes"),
-    "buck": ("metal", "pair_style buck 7.9\npair_coeff * * 800.0 0.35 30.0\npair_coeff 1 3 900.0 0.34 25.0 6.4\npair_modify shift yes"),
+    "morse": (
+        "metal",
+        "pair_style morse 7.9\npair_coeff * * 0.3 1.4 3.1\npair_coeff 1 2 0.2 1.5 3.0 6.1\npair_modify shift yes",
+    ),
+    "buck": (
+        "metal",
+        "pair_style buck 7.9\npair_coeff * * 800.0 0.35 30.0\npair_coeff 1 3 900.0 0.34 25.0 6.4\npair_modify shift yes",
+    ),
     "born": (
         "metal",
         "pair_style born 7.9\npair_coeff * * 0.2 0.32 2.3 20.0 30.0\npair_coeff 2 2 0.3 0.35 2.2 20.0 25.0 6.4\npair_modify shift yes",
     ),
-    "yukawa": ("lj", "pair_style yukawa 1.7 2.6\npair_coeff 1 1 10.0\npair_coeff 2 2 8.0 2.2\npair_coeff 3 3 7.0\npair_modify shift yes"),
+    "yukawa": (
+        "lj",
+        "pair_style yukawa 1.7 2.6\npair_coeff 1 1 10.0\npair_coeff 2 2 8.0 2.2\npair_coeff 3 3 7.0\npair_modify shift yes",
+    ),
     "soft": ("lj", "pair_style soft 1.6\npair_coeff 1 1 10.0\npair_coeff 2 2 8.0 2.2\npair_coeff 3 3 7.0"),
     "soft sixthpower": (
         "lj",
         "pair_style soft 1.6\npair_coeff 1 1 10.0\npair_coeff 2 2 8.0 2.2\npair_coeff 3 3 7.0\npair_modify mix sixthpower",
     ),
-    "coul/cut": ("real", "dielectric 1.7\npair_style coul/cut 7.9\npair_coeff 1 1\npair_coeff 2 2 6.0\npair_coeff 3 3 7.0"),
+    "coul/cut": (
+        "real",
+        "dielectric 1.7\npair_style coul/cut 7.9\npair_coeff 1 1\npair_coeff 2 2 6.0\npair_coeff 3 3 7.0",
+    ),
     "coul/cut electron": ("electron", "pair_style coul/cut 15\npair_coeff * *"),
     "coul/cut lj": ("lj", "pair_style coul/cut 2.6\npair_coeff * *"),
     "coul/dsf": ("metal", "pair_style coul/dsf 0.21 7.9\npair_coeff * *"),
@@ -102,7 +134,10 @@ STYLES = {
         "pair_style lj/cut/coul/cut 6.5 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 6.0\npair_coeff 3 3 0.15 3.3 7.0 7.5\npair_modify shift yes",
     ),
     "lj/cut/coul/cut one": ("metal", "pair_style lj/cut/coul/cut 7.9\npair_coeff * * 0.01 3.0"),
-    "lj/cut/coul/dsf": ("real", "pair_style lj/cut/coul/dsf 0.2 6.5 7.9\npair_coeff * * 0.2 3.0\npair_coeff 1 2 0.2 2.9 6.0"),
+    "lj/cut/coul/dsf": (
+        "real",
+        "pair_style lj/cut/coul/dsf 0.2 6.5 7.9\npair_coeff * * 0.2 3.0\npair_coeff 1 2 0.2 2.9 6.0",
+    ),
     "zbl": ("metal", "pair_style zbl 5.0 7.9\npair_coeff 1 1 14 14\npair_coeff 2 2 6 6\npair_coeff 3 3 29.0 29.0"),
     "zbl real": ("real", "pair_style zbl 5.0 7.9\npair_coeff * * 14 14\npair_coeff 1 2 6 14"),
     "zbl electron": ("electron", "pair_style zbl 9.0 15\npair_coeff * * 14 14"),
@@ -188,7 +223,11 @@ def test_table_of_arrays_is_lammpss(tmp_path, monkeypatch):
 
     s = read_section(tmp_path / "one.table", "PAIR")
     pot = atc.potential(D.Table(s.r, s.e, s.f, cutoff=7.3, points=700, units="metal", n_types=3))
-    agree("pair_style table spline 700\npair_coeff * * one.table PAIR 7.3", config("triclinic", "metal", jitter=0.1, charges=False), pot)
+    agree(
+        "pair_style table spline 700\npair_coeff * * one.table PAIR 7.3",
+        config("triclinic", "metal", jitter=0.1, charges=False),
+        pot,
+    )
 
 
 def test_table_too_close_is_named(tmp_path, monkeypatch):
@@ -222,7 +261,11 @@ def test_table_units_tag(tmp_path, monkeypatch):
     """A table that says UNITS: real in a metal model is converted (atc and LAMMPS differ in the digits of kcal/mol: 1e-6)."""
     table_file(tmp_path / "one.table", tag="UNITS: real", scale=23.060549)
     monkeypatch.chdir(tmp_path)
-    agree("pair_style table spline 400\npair_coeff * * one.table PAIR", config("small", "metal", jitter=0.1, charges=False), rtol=1e-6)
+    agree(
+        "pair_style table spline 400\npair_coeff * * one.table PAIR",
+        config("small", "metal", jitter=0.1, charges=False),
+        rtol=1e-6,
+    )
 
 
 # Objects --------------------------------------------------------------------------------------------------------------------------------
@@ -234,7 +277,8 @@ def test_objects_are_the_lines():
     cut = np.array([[7.0, 0, 6.5], [0, 6.0, 6.0], [6.5, 6.0, 7.5]])
     pairs = [(i, j) for i in range(3) for j in range(i, 3)]
     lines = "pair_style hybrid/overlay lj/cut 7.0\n" + "\n".join(
-        f"pair_coeff {i + 1} {j + 1} " + (f"lj/cut {e[i, j]} 3.0 {cut[i, j]}" if cut[i, j] else "none") for i, j in pairs
+        f"pair_coeff {i + 1} {j + 1} " + (f"lj/cut {e[i, j]} 3.0 {cut[i, j]}" if cut[i, j] else "none")
+        for i, j in pairs
     )
     agree(lines + "\npair_modify shift yes", c, atc.potential([D.LennardJones(e, 3.0, cut, units="real", shift=True)]))
     one = {"units": "real", "n_types": 3}
@@ -280,10 +324,16 @@ def _du(d):
 
 def test_generic():
     c = config("small", "real")
-    agree("pair_style lj/cut 7.5\npair_coeff * * 0.01 3.0", c, atc.potential(D.Generic(_u, _du, 7.5, units="real", n_types=3)))
+    agree(
+        "pair_style lj/cut 7.5\npair_coeff * * 0.01 3.0",
+        c,
+        atc.potential(D.Generic(_u, _du, 7.5, units="real", n_types=3)),
+    )
     only = atc.potential([D.Generic(_u, _du, 7.5, units="real", types=[(1, 2), (3, 3)])])
     none = "\n".join(f"pair_coeff {p} none" for p in ("1 1", "2 2", "1 3", "2 3"))
-    agree(f"pair_style hybrid lj/cut 7.5\npair_coeff 1 2 lj/cut 0.01 3.0\npair_coeff 3 3 lj/cut 0.01 3.0\n{none}", c, only)
+    agree(
+        f"pair_style hybrid lj/cut 7.5\npair_coeff 1 2 lj/cut 0.01 3.0\npair_coeff 3 3 lj/cut 0.01 3.0\n{none}", c, only
+    )
     with pytest.raises(AtcError, match="derivative is not that of the energy"):
         D.Generic(_u, lambda d: 0.04 * (12 * (3.0 / d) ** 12 - 6 * (3.0 / d) ** 6) / d, 7.5, units="real")
     with pytest.raises(AtcError, match="undefined"):
@@ -369,7 +419,9 @@ def test_hybrid_takes_no_pair_out_of_sw(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "Si.sw").write_text(SI_SW)
     for elements, pair in (("Si Si", "1 2"), ("Si", "1 1"), ("Si NULL", "* *")):
-        lines = f"pair_style hybrid sw lj/cut 6.0\npair_coeff * * sw Si.sw {elements}\npair_coeff {pair} lj/cut 0.01 3.0"
+        lines = (
+            f"pair_style hybrid sw lj/cut 6.0\npair_coeff * * sw Si.sw {elements}\npair_coeff {pair} lj/cut 0.01 3.0"
+        )
         with pytest.raises(AtcError, match="all pairs of the types that it maps"):
             atc.potential(lines, units="metal")
 

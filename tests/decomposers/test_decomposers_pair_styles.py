@@ -26,7 +26,10 @@ STYLES = {
         "lj",
         "pair_style lj/cubic\npair_coeff 1 1 1.0 0.9\npair_coeff 2 2 1.2 0.85\npair_coeff 3 3 0.8 0.95\npair_coeff 1 2 0.5 1.1",
     ),
-    "lj/sf": ("lj", "pair_style lj/sf 2.5\npair_coeff 1 1 1.0 1.0\npair_coeff 2 2 0.7 1.05 2.2\npair_coeff 3 3 0.7 0.9"),
+    "lj/sf": (
+        "lj",
+        "pair_style lj/sf 2.5\npair_coeff 1 1 1.0 1.0\npair_coeff 2 2 0.7 1.05 2.2\npair_coeff 3 3 0.7 0.9",
+    ),
     "lj/relres": (
         "lj",
         "pair_style lj/relres 1.5 1.7 2.2 2.6\npair_coeff 1 1 1.0 1.0 1.5 1.1\npair_coeff 2 2 0.7 1.05 0 0 1.4 1.5 2.0 2.3\npair_coeff 3 3 0.9 0.95 1 1\n"
@@ -61,7 +64,10 @@ STYLES = {
         "real",
         "pair_style lj/charmm/coul/charmm/implicit 6.0 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 0.2 2.5\npair_coeff 3 3 0.15 3.3",
     ),
-    "lj/charmm/coul/charmm/implicit nano": ("nano", "pair_style lj/charmm/coul/charmm/implicit 0.6 0.79\npair_coeff * * 1.6 0.3"),
+    "lj/charmm/coul/charmm/implicit nano": (
+        "nano",
+        "pair_style lj/charmm/coul/charmm/implicit 0.6 0.79\npair_coeff * * 1.6 0.3",
+    ),
     "lj/charmmfsw/coul/charmmfsh": (
         "real",
         "dielectric 1.5\npair_style lj/charmmfsw/coul/charmmfsh 6.0 7.9 7.0\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 0.2 2.5\npair_coeff 3 3 0.15 3.3",
@@ -91,7 +97,10 @@ STYLES = {
         "lj",
         "pair_style mie/cut 2.5\npair_coeff * * 1.0 1.0 14 7\npair_coeff 2 2 0.9 1.0 8 6\npair_coeff 1 3 0.9 1.0 12 6 2.1",
     ),
-    "nm/cut": ("real", "pair_style nm/cut 7.9\npair_coeff * * 0.2 3.4 9.0 6.5\npair_coeff 1 2 0.1 3.0 8 7 6.5\npair_modify shift yes"),
+    "nm/cut": (
+        "real",
+        "pair_style nm/cut 7.9\npair_coeff * * 0.2 3.4 9.0 6.5\npair_coeff 1 2 0.1 3.0 8 7 6.5\npair_modify shift yes",
+    ),
     "nm/cut/coul/cut": (
         "real",
         "pair_style nm/cut/coul/cut 7.0 7.9\npair_coeff * * 0.2 3.4 9.0 6.0\npair_coeff 1 2 0.1 3.0 8 7 6.5\npair_coeff 3 3 0.2 3 9 7 6 5\npair_modify shift yes",
@@ -106,13 +115,19 @@ STYLES = {
         "pair_style lj/mdf 6.0 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 5.5 6.5\npair_coeff 3 3 0.15 3.3\npair_modify mix arithmetic",
     ),
     "lennard/mdf": ("lj", "pair_style lennard/mdf 2.0 2.6\npair_coeff * * 4.0 4.0\npair_coeff 1 2 5.0 4.1 1.8 2.3"),
-    "buck/mdf": ("metal", "pair_style buck/mdf 6.0 7.9\npair_coeff * * 800.0 0.35 30.0\npair_coeff 1 3 900.0 0.34 25.0 5.0 6.4"),
+    "buck/mdf": (
+        "metal",
+        "pair_style buck/mdf 6.0 7.9\npair_coeff * * 800.0 0.35 30.0\npair_coeff 1 3 900.0 0.34 25.0 5.0 6.4",
+    ),
     "lj/cut/coul/debye": (
         "real",
         "dielectric 1.7\npair_style lj/cut/coul/debye 0.3 6.5 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 6.0\npair_coeff 3 3 0.15 3.3 7.0 7.5\n"
         "pair_modify shift yes",
     ),
-    "coul/debye": ("real", "dielectric 1.7\npair_style coul/debye 0.3 7.9\npair_coeff 1 1\npair_coeff 2 2 6.0\npair_coeff 3 3 7.0"),
+    "coul/debye": (
+        "real",
+        "dielectric 1.7\npair_style coul/debye 0.3 7.9\npair_coeff 1 1\npair_coeff 2 2 6.0\npair_coeff 3 3 7.0",
+    ),
     "lj/cut/coul/wolf": (
         "real",
         "pair_style lj/cut/coul/wolf 0.2 6.5 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 6.0\npair_coeff 3 3 0.15 3.3\npair_modify shift yes",
@@ -143,7 +158,10 @@ STYLES = {
         "metal",
         "pair_style born/gauss 7.9\npair_coeff * * 80.0 2.1 0.3 0.7 3.1\npair_coeff 1 2 90.0 2.0 0.2 0.8 3.0 6.5\npair_modify shift yes",
     ),
-    "gauss": ("lj", "pair_style gauss 2.6\npair_coeff 1 1 1.0 0.9\npair_coeff 2 2 -0.8 1.1 2.2\npair_coeff 3 3 0.7 0.8"),
+    "gauss": (
+        "lj",
+        "pair_style gauss 2.6\npair_coeff 1 1 1.0 0.9\npair_coeff 2 2 -0.8 1.1 2.2\npair_coeff 3 3 0.7 0.8",
+    ),
     "gauss arithmetic": (
         "lj",
         "pair_style gauss 2.6\npair_coeff 1 1 1.0 0.9\npair_coeff 2 2 0.8 1.1 2.2\npair_coeff 3 3 0.7 0.8\npair_modify mix arithmetic",
@@ -172,7 +190,10 @@ STYLES = {
         "metal",
         "pair_style pedone 7.9\npair_coeff * * 0.03 1.9 2.7 22.0\npair_coeff 1 2 0.04 2.0 2.5 1.0 6.1\npair_modify shift yes",
     ),
-    "momb": ("metal", "pair_style momb 7.9 0.75 20\npair_coeff * * 0.3 1.4 3.1 10.3 2.4\npair_coeff 1 2 0.0 1.0 1.0 12.3 2.8"),
+    "momb": (
+        "metal",
+        "pair_style momb 7.9 0.75 20\npair_coeff * * 0.3 1.4 3.1 10.3 2.4\npair_coeff 1 2 0.0 1.0 1.0 12.3 2.8",
+    ),
     "beck": (
         "metal",
         "pair_style beck 7.9\npair_coeff * * 399.67 0.9 0.675 2.39 0.0003746\npair_coeff 1 2 399.67 0.8 0.675 2.2 0.0003746 6.5",
@@ -182,7 +203,10 @@ STYLES = {
         "metal",
         "pair_style lj/pirani 7.9\npair_coeff * * 4.0 9.0 6.0 3.4 0.01\npair_coeff 1 2 4.0 7.0 4.0 3.1 0.02 6.5\npair_modify shift yes",
     ),
-    "wf/cut": ("lj", "pair_style wf/cut 2.5\npair_coeff * * 1.0 1.0 1 1\npair_coeff 1 2 1.1 0.9 2 1 2.0\npair_coeff 3 3 1.0 1.05 1 3 1.8"),
+    "wf/cut": (
+        "lj",
+        "pair_style wf/cut 2.5\npair_coeff * * 1.0 1.0 1 1\npair_coeff 1 2 1.1 0.9 2 1 2.0\npair_coeff 3 3 1.0 1.05 1 3 1.8",
+    ),
     "cosine/squared": (
         "lj",
         "pair_style cosine/squared 2.5\npair_coeff * * 1.0 1.1\npair_coeff 1 2 1.1 1.2 2.0\npair_coeff 3 3 1.0 1.05 wca\npair_coeff 2 2 1.0 1.2 1.2 wca\n"
@@ -258,9 +282,7 @@ def test_weights_of_bonded_neighbours(style):
 @pytest.mark.parametrize("weights", ["coul 0.2 0.4 1.0", "coul 0.0 0.5 1.0 lj 0.1 0.1 0.1"])
 def test_excluded_pairs_of_a_full_sum(weights):
     # LAMMPS does not look at this style's cutoff, only at its neighbour list: the outer ones of the chain, which lie between, are not weighted here.
-    lines = (
-        "dielectric 2.0\npair_style hybrid/overlay lj/cut 6.5 coul/exclude 7.9\npair_coeff * * lj/cut 0.2 3.0\npair_coeff * * coul/exclude"
-    )
+    lines = "dielectric 2.0\npair_style hybrid/overlay lj/cut 6.5 coul/exclude 7.9\npair_coeff * * lj/cut 0.2 3.0\npair_coeff * * coul/exclude"
     pot = atc.potential(f"special_bonds {weights}\n{lines}", units="real")
     agree(lines + BONDS, molecule("real"), pot, before=[f"special_bonds {weights}"])
 
@@ -304,7 +326,10 @@ def test_coefficients_of_a_data_file(tmp_path, style, pair, pairij):
 
 DPD = {
     "dpd": ("pair_style dpd 0.0 1.9 348\npair_coeff * * 25.0 4.5\npair_coeff 1 2 30.0 4.5 1.5", ""),
-    "dpd/ext": ("pair_style dpd/ext 0.0 1.9 348\npair_coeff * * 25.0 4.5 4.5 0.5 0.5\npair_coeff 1 2 30.0 4.5 4.5 0.5 0.5 1.5", ""),
+    "dpd/ext": (
+        "pair_style dpd/ext 0.0 1.9 348\npair_coeff * * 25.0 4.5 4.5 0.5 0.5\npair_coeff 1 2 30.0 4.5 4.5 0.5 0.5 1.5",
+        "",
+    ),
     "dpd/tstat": (
         "pair_style hybrid/overlay lj/cut 2.5 dpd/tstat 0.0 0.0 1.9 348\npair_coeff * * lj/cut 1.0 1.0\npair_coeff * * dpd/tstat 4.5\n"
         "pair_coeff 1 2 dpd/tstat 4.5 1.5",
@@ -390,7 +415,11 @@ SCALED = (
 def test_scaled():
     agree(SCALED, config("small", "real"))
     agree(SCALED + BONDS, molecule("real"), atc.potential(f"{WEIGHTS}\n{SCALED}", units="real"), before=[WEIGHTS])
-    for line, says in (("v_one lj/cut 7", "v_one may change"), ("lj/cut 7", "needs a factor"), ("0.5 gayberne 1 1 1 4", "orientation")):
+    for line, says in (
+        ("v_one lj/cut 7", "v_one may change"),
+        ("lj/cut 7", "needs a factor"),
+        ("0.5 gayberne 1 1 1 4", "orientation"),
+    ):
         with pytest.raises(AtcError, match=says):
             atc.potential(f"pair_style hybrid/scaled {line}\npair_coeff * * lj/cut 1 1", units="lj")
 
@@ -408,7 +437,12 @@ LEPTON = {
 @pytest.mark.parametrize("name", LEPTON)
 def test_formulas(name):
     agree(LEPTON[name], config("orthogonal", "real", seed=5))
-    agree(LEPTON[name] + BONDS, molecule("real"), atc.potential(f"{WEIGHTS}\n{LEPTON[name]}", units="real"), before=[WEIGHTS])
+    agree(
+        LEPTON[name] + BONDS,
+        molecule("real"),
+        atc.potential(f"{WEIGHTS}\n{LEPTON[name]}", units="real"),
+        before=[WEIGHTS],
+    )
 
 
 @pytest.mark.parametrize(
@@ -456,7 +490,10 @@ def test_listed_pairs(tmp_path, monkeypatch):
 
 OBJECTS = {
     "mie/cut 7.5": ("0.2 3.0 14 6", lambda one: D.Mie(0.2, 3.0, 14, 6, 7.5, **one)),
-    "lj/smooth 6.0 7.5": ("0.2 3.0", lambda one: D.LennardJonesSmooth(epsilon=0.2, sigma=3.0, inner=6.0, cutoff=7.5, **one)),
+    "lj/smooth 6.0 7.5": (
+        "0.2 3.0",
+        lambda one: D.LennardJonesSmooth(epsilon=0.2, sigma=3.0, inner=6.0, cutoff=7.5, **one),
+    ),
     "lj/gromacs 6.0 7.5": ("0.2 3.0", lambda one: D.LennardJonesGromacs(0.2, 3.0, 6.0, cutoff=7.5, **one)),
     "gauss/cut 7.5": ("0.9 3.0 0.5", lambda one: D.GaussCut(0.9, 3.0, 0.5, np.full((3, 3), 7.5), **one)),
     "coul/debye 0.3 7.5": ("", lambda one: D.CoulombDebye(0.3, 7.5, **one)),

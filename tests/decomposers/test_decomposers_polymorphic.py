@@ -17,13 +17,22 @@ CASES = [
 @pytest.mark.parametrize("file,elements,a,basis", CASES)
 def test_agrees_with_lammps(file, elements, a, basis, tilt):
     config = crystal(a, kinds=len(elements.split()), tilt=tilt, basis=basis, jitter=0.2)
-    agrees_with_lammps(potential(lines_of("polymorphic", file, elements), config), lines_of("polymorphic", file, elements), config)
+    agrees_with_lammps(
+        potential(lines_of("polymorphic", file, elements), config), lines_of("polymorphic", file, elements), config
+    )
 
 
 def made_up(path, eta, xmax, seed=1, cuts=(3.4, 3.0, 3.2), xi=(1.0, 0.5, 0.8)):
     """Two elements, waves for tables; five values a line, as LAMMPS's reader wants."""
     rng = np.random.default_rng(seed)
-    out = ["# made up", f"2 {eta}", "1 10.0 Aa", "2 11.0 Bb", f"60 40 50 {xmax}", *(f"{c} {x}" for c, x in zip(cuts, xi, strict=True))]
+    out = [
+        "# made up",
+        f"2 {eta}",
+        "1 10.0 Aa",
+        "2 11.0 Bb",
+        f"60 40 50 {xmax}",
+        *(f"{c} {x}" for c, x in zip(cuts, xi, strict=True)),
+    ]
     for points in [60] * (9 + (8 if eta == 3 else 3)) + [40] * 8 + [50] * 3:
         x, (a, b, c), k = np.linspace(0, 1, points), rng.uniform(-1, 1, 3), rng.uniform(0.5, 3, 2)
         v = a * np.cos(k[0] * x) + b * np.sin(k[1] * x) + c * x

@@ -19,7 +19,16 @@ from atc.units import units
 
 A_SI = 5.43095
 DIAMOND = np.array(
-    [[0, 0, 0], [0, 0.5, 0.5], [0.5, 0, 0.5], [0.5, 0.5, 0], [0.25, 0.25, 0.25], [0.25, 0.75, 0.75], [0.75, 0.25, 0.75], [0.75, 0.75, 0.25]]
+    [
+        [0, 0, 0],
+        [0, 0.5, 0.5],
+        [0.5, 0, 0.5],
+        [0.5, 0.5, 0],
+        [0.25, 0.25, 0.25],
+        [0.25, 0.75, 0.75],
+        [0.75, 0.25, 0.75],
+        [0.75, 0.75, 0.25],
+    ]
 )
 # Published: Stillinger & Weber 1985 in eV and Å; mW: Molinero & Moore 2009 in kcal/mol and Å.
 SI = "Si Si Si 2.1683 2.0951 1.80 21.0 1.20 -0.333333333333 7.049556277 0.6022245584 4.0 0.0 0.0\n"
@@ -41,7 +50,9 @@ def alloy(tol=0.0, gamma_odd=0.8, q=0.5):
     for i, j, k in itertools.product("XY", repeat=3):
         pair = "".join(sorted(i + k))
         eps, sigma, a, A, B, p, q_ = two[pair]
-        lam = {"XXX": 21.0, "YYY": 31.0, "XYY": 24.0, "YXX": 26.0, "XXY": 22.0, "XYX": 22.0, "YXY": 29.0, "YYX": 29.0}[i + j + k]
+        lam = {"XXX": 21.0, "YYY": 31.0, "XYY": 24.0, "YXX": 26.0, "XXY": 22.0, "XYX": 22.0, "YXY": 29.0, "YYX": 29.0}[
+            i + j + k
+        ]
         cos0 = {"X": -0.33, "Y": -0.2}[i]
         gamma = gamma_odd if (i, k) == ("Y", "X") else 1.2
         if j != k:
@@ -109,7 +120,10 @@ def test_one_atom_meets_itself(write):
     path = write(SI)
     cell = np.array([[2.4, 0, 0], [0.3, 2.5, 0], [-0.2, 0.4, 2.6]])
     d = agrees(
-        Config(cell, [[0.3, 0.2, 0.1]], masses={1: 1.0}), "pair_style sw\npair_coeff * * @file.sw Si\n", folder=path.parent, rtol=1e-10
+        Config(cell, [[0.3, 0.2, 0.1]], masses={1: 1.0}),
+        "pair_style sw\npair_coeff * * @file.sw Si\n",
+        folder=path.parent,
+        rtol=1e-10,
     )
     assert abs(d.forces_nc).max() < 1e-12 and abs(d.virial_cc).max() > 1
 
@@ -133,7 +147,10 @@ def test_water_in_other_units(write, unit_style, scale):
     x, cell = diamond((2, 2, 1), 0.25, a=6.1)
     path = write(MW.replace("6.189 2.3925", f"{energy} {2.3925 * scale:.16g}"))
     config = Config(
-        cell * scale, x * scale, units=unit_style, masses={1: 1.0 if unit_style == "lj" else 3e-26 if unit_style == "si" else 18.015}
+        cell * scale,
+        x * scale,
+        units=unit_style,
+        masses={1: 1.0 if unit_style == "lj" else 3e-26 if unit_style == "si" else 18.015},
     )
     agrees(config, "pair_style sw\npair_coeff * * @file.sw mW\n", folder=path.parent)
 
@@ -164,13 +181,20 @@ def test_lammps_own_files():
             pytest.skip(f"this LAMMPS comes without {name}")
         x, cell = diamond((2, 2, 2), 0.2, a=a)
         types = np.random.default_rng(6).integers(1, 3, len(x))
-        agrees(Config(cell, x, types, ntypes=2), f"pair_style sw\npair_coeff * * @{name} {elements}\n", folder=potentials)
+        agrees(
+            Config(cell, x, types, ntypes=2), f"pair_style sw\npair_coeff * * @{name} {elements}\n", folder=potentials
+        )
     # Entries of this one are products rounded to seven digits, that differ by 1e-7 between i j k and i k j: LAMMPS takes one or the other.
     name = "CdTeZnSeHgS0.sw"
     if (potentials / name).is_file():
         x, cell = diamond((2, 2, 2), 0.2, a=6.4)
         types = np.random.default_rng(6).integers(1, 4, len(x))
-        agrees(Config(cell, x, types, ntypes=3), f"pair_style sw\npair_coeff * * @{name} Cd Te Zn\n", folder=potentials, rtol=3e-6)
+        agrees(
+            Config(cell, x, types, ntypes=3),
+            f"pair_style sw\npair_coeff * * @{name} Cd Te Zn\n",
+            folder=potentials,
+            rtol=3e-6,
+        )
 
 
 def test_threebody_off(write):
@@ -222,10 +246,22 @@ def naive(x, cell, e: SWEntry):
             for atom in (a, j[b], j[c]):
                 energy_n[atom] += le * delta**2 * h[0] * h[1] / 3
             out.append(
-                (a, j[b], r[b], 2 * le * delta * h[0] * h[1] * (1 / (d[b] * d[c]) - cos / d[b] ** 2) + le * delta**2 * dh[0] * h[1] / d[b])
+                (
+                    a,
+                    j[b],
+                    r[b],
+                    2 * le * delta * h[0] * h[1] * (1 / (d[b] * d[c]) - cos / d[b] ** 2)
+                    + le * delta**2 * dh[0] * h[1] / d[b],
+                )
             )
             out.append(
-                (a, j[c], r[c], 2 * le * delta * h[0] * h[1] * (1 / (d[b] * d[c]) - cos / d[c] ** 2) + le * delta**2 * h[0] * dh[1] / d[c])
+                (
+                    a,
+                    j[c],
+                    r[c],
+                    2 * le * delta * h[0] * h[1] * (1 / (d[b] * d[c]) - cos / d[c] ** 2)
+                    + le * delta**2 * h[0] * dh[1] / d[c],
+                )
             )
             out.append((j[b], j[c], r[c] - r[b], -2 * le * delta * h[0] * h[1] / (d[b] * d[c])))
     return energy_n, Bonds(*(np.array(v) for v in zip(*out, strict=True)))
@@ -267,11 +303,14 @@ def test_bonds_equal_the_sum_over_triplets():
 def test_numbers_equal_file(write):
     x, cell = diamond((1, 2, 1), 0.2)
     frame = Frame(x, Cell(cell), units("metal"))
-    from_file = atc.potential("pair_style sw\npair_coeff * * file.sw Si\n", "metal", folder=write(SI).parent).decompose(frame)
+    from_file = atc.potential("pair_style sw\npair_coeff * * file.sw Si\n", "metal", folder=write(SI).parent).decompose(
+        frame
+    )
     mine = atc.potential(StillingerWeber(**SI_NUMBERS), "metal").decompose(frame)
     assert mine.energy == from_file.energy and np.array_equal(mine.forces_nc, from_file.forces_nc)
     assert (
-        "half" in atc.potential(StillingerWeber(**SI_NUMBERS), "metal").describe() and "third" in StillingerWeber(**SI_NUMBERS).describe()
+        "half" in atc.potential(StillingerWeber(**SI_NUMBERS), "metal").describe()
+        and "third" in StillingerWeber(**SI_NUMBERS).describe()
     )
 
 
@@ -281,7 +320,9 @@ def test_left_out_types_feel_nothing():
     types = np.random.default_rng(8).integers(1, 3, len(x))
     frame = Frame(x, Cell(cell), units("metal"), types=types)
     d = atc.potential(StillingerWeber(**SI_NUMBERS, elements=[None, "Si"]), "metal").decompose(frame)
-    alone = atc.potential(StillingerWeber(**SI_NUMBERS), "metal").decompose(Frame(x[types == 2], Cell(cell), units("metal")))
+    alone = atc.potential(StillingerWeber(**SI_NUMBERS), "metal").decompose(
+        Frame(x[types == 2], Cell(cell), units("metal"))
+    )
     np.testing.assert_allclose(d.energy, alone.energy, rtol=1e-13)
     np.testing.assert_allclose(d.forces_nc[types == 2], alone.forces_nc, rtol=0, atol=1e-12)
     assert (d.forces_nc[types == 1] == 0).all() and (types[d.bonds.i] == 2).all()
@@ -390,7 +431,9 @@ def test_entries_that_differ_by_rounding(write):
     """The pair's energy is the mean of both entries; beyond rounding they are refused, see above."""
     path = write(alloy().replace("Y X X 2.05", "Y X X 2.05003"))
     line = "pair_style sw\npair_coeff * * file.sw X Y\n"
-    with pytest.warns(AtcWarning, match=r"the two-body terms of X and Y in both entries differ by 1.5e-05: .* up to \S+ eV"):
+    with pytest.warns(
+        AtcWarning, match=r"the two-body terms of X and Y in both entries differ by 1.5e-05: .* up to \S+ eV"
+    ):
         mean = atc.potential(line, "metal", folder=path.parent)
     write(alloy())
     one = atc.potential(line, "metal", folder=path.parent)

@@ -86,7 +86,9 @@ def test_tersoff_sources(file, elements, a, partition):
     d = sources_are_derivatives(pot, config.frame(), tolerance=1e-7)
     other = atc.potential(Tersoff.from_file(POTENTIALS / file, elements)).decompose(config.frame(), sources=True)
     np.testing.assert_allclose(d.forces_nc, other.forces_nc, rtol=0, atol=1e-12)
-    moved = np.abs(source_matrix(d.bonds, len(config.positions)) - source_matrix(other.bonds, len(config.positions))).max()
+    moved = np.abs(
+        source_matrix(d.bonds, len(config.positions)) - source_matrix(other.bonds, len(config.positions))
+    ).max()
     assert (moved == 0) == (partition == "pair")
     assert ("half to each of i and j" in term.describe()) == (partition == "pair")
 
@@ -157,7 +159,12 @@ def nearly_empty():
 def test_no_atoms_one_atom_and_atoms_left_out(which, periodic):
     pot = atc.potential(nearly_empty()[which])
     for x, kind in (([], 1), ([[1.0, 2, 3]], 1), ([[1.0, 2, 3], [2.5, 2, 3], [1, 4, 4]], 2)):
-        frame = Frame(np.reshape(x, (-1, 3)), Cell(np.eye(3) * 10, periodic=(periodic,) * 3), units("metal"), types=np.full(len(x), kind))
+        frame = Frame(
+            np.reshape(x, (-1, 3)),
+            Cell(np.eye(3) * 10, periodic=(periodic,) * 3),
+            units("metal"),
+            types=np.full(len(x), kind),
+        )
         d = pot.decompose(frame, sources=True, threads=2)
         assert d.energy == 0.0 and d.n_bonds == 0 and not d.forces_nc.any()
 
@@ -260,7 +267,9 @@ ATM_CELLS = {
 
 def gas(cell, kinds=1, style="metal", seed=0, counts=(2, 2, 3)):
     vectors, periodic = ATM_CELLS[cell]
-    x, t = thermal_lattice(np.diag([9.0, 9, 9]) if cell == "open" else vectors, counts, jitter=0.25, kinds=kinds, seed=seed)
+    x, t = thermal_lattice(
+        np.diag([9.0, 9, 9]) if cell == "open" else vectors, counts, jitter=0.25, kinds=kinds, seed=seed
+    )
     return Config(vectors, x + (2.0 if cell == "open" else 0.0), types=t, units=style, periodic=periodic, ntypes=kinds)
 
 
@@ -276,7 +285,12 @@ def test_atm_agrees_with_lammps(cell, triple):
 def test_atm_types_overlay_and_units():
     config = gas("tilted", kinds=3, style="real")
     lines = ["pair_style hybrid/overlay lj/cut 6.0 atm 6.5 5.5", "pair_coeff * * lj/cut 0.2 3.0"]
-    lines += ["pair_coeff * * atm * 100.0", "pair_coeff 1 1 atm 2*3 50000.0", "pair_coeff 1 2 atm 3 -30000.0", "pair_coeff 2 2 atm 2 0.0"]
+    lines += [
+        "pair_coeff * * atm * 100.0",
+        "pair_coeff 1 1 atm 2*3 50000.0",
+        "pair_coeff 1 2 atm 3 -30000.0",
+        "pair_coeff 2 2 atm 2 0.0",
+    ]
     agrees_with_lammps(potential("\n".join(lines), config), lines, config)
     alone = ["pair_style atm 6.5 5.5", "pair_coeff * * * 100.0", "pair_coeff 2 3 3 7e5"]
     agrees_with_lammps(potential("\n".join(alone), config), alone, config)
@@ -305,7 +319,12 @@ def test_atm_crystal_whose_distances_are_the_cutoff():
         for q in range(p):
             a, b, c = np.linalg.norm(near[p]), np.linalg.norm(near[q]), np.linalg.norm(near[p] - near[q])
             if c < 2 * 3.7 + 1e-6 and a * b * c < 8.0**3:
-                cosines = (near[p] @ near[q]) * (near[p] @ (near[p] - near[q])) * (-near[q] @ (near[p] - near[q])) / (a * b * c) ** 2
+                cosines = (
+                    (near[p] @ near[q])
+                    * (near[p] @ (near[p] - near[q]))
+                    * (-near[q] @ (near[p] - near[q]))
+                    / (a * b * c) ** 2
+                )
                 naive += 700.0 * (1 + 3 * cosines) / (a * b * c) ** 3 / 3
     assert d.energies_n[0] == pytest.approx(naive, rel=1e-12)
 

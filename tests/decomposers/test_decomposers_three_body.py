@@ -51,9 +51,13 @@ def test_triplets_with_different_arms(tmp_path):
     rows += ["B B B 1.0 170 0.9 2.9", "B A A 5.0 80 2.0 2.6", "B A B 6.0 10 9 9", "B B A 6.0 10 9 9"]
     path.write_text("# UNITS: metal\n" + "\n".join(rows) + "\n")
     config = crystal(5.2, kinds=2)
-    agrees_with_lammps(potential(lines_of("nb3b/screened", path, "A B"), config), lines_of("nb3b/screened", path, "A B"), config)
+    agrees_with_lammps(
+        potential(lines_of("nb3b/screened", path, "A B"), config), lines_of("nb3b/screened", path, "A B"), config
+    )
     path.write_text("\n".join(" ".join(w for k, w in enumerate(r.split()) if k != 5) for r in rows) + "\n")
-    agrees_with_lammps(potential(lines_of("nb3b/harmonic", path, "A B"), config), lines_of("nb3b/harmonic", path, "A B"), config)
+    agrees_with_lammps(
+        potential(lines_of("nb3b/harmonic", path, "A B"), config), lines_of("nb3b/harmonic", path, "A B"), config
+    )
 
 
 def test_straight_triplet_is_clamped_and_counted(tmp_path):
@@ -80,7 +84,10 @@ def test_forces_of_sw_mod_in_its_switch():
     d = potential(lines_of("sw/mod", "tmd.sw.mod", "Mo S"), config).decompose(config.frame(), sources=True)
     assert any("not the derivative of its energy" in note and count > 0 for note, count in d.notes.items())
     np.testing.assert_allclose(
-        source_matrix(d.bonds, len(config.positions)).sum(axis=0), -d.forces_nc, rtol=0, atol=1e-12 * np.abs(d.forces_nc).max()
+        source_matrix(d.bonds, len(config.positions)).sum(axis=0),
+        -d.forces_nc,
+        rtol=0,
+        atol=1e-12 * np.abs(d.forces_nc).max(),
     )
 
 
@@ -88,7 +95,10 @@ def test_maxdelta_of_sw_mod(tmp_path):
     """A trimer on both sides of δ1 and δ2 (this LAMMPS refuses the keyword that its manual has): the closed form."""
     path = tmp_path / "A.sw"
     path.write_text("A A A 1.0 2.0951 1.80 21.0 1.20 -0.333333333333 0.0 0.6 4.0 0.0 0.0\n")
-    for lines, d1, d2 in ((lines_of("sw/mod", path, "A"), 0.25, 0.35), (lines_of("sw/mod maxdelta 0.1 0.5", path, "A"), 0.1, 0.5)):
+    for lines, d1, d2 in (
+        (lines_of("sw/mod", path, "A"), 0.25, 0.35),
+        (lines_of("sw/mod maxdelta 0.1 0.5", path, "A"), 0.1, 0.5),
+    ):
         pot = atc.potential(lines, units="metal")
         for delta in (0.05, 0.2, 0.3, 0.34, 0.45, 0.6):
             cos = delta - 0.333333333333
@@ -109,7 +119,8 @@ def test_vashishta_ends_smoothly():
 
     def at(d, more=()):
         return pot.decompose(
-            Frame(np.array([[0.0, 0, 0], [d, 0, 0], *more]), cell, units("metal"), types=[1, 2, 2][: 2 + len(more)]), sources=True
+            Frame(np.array([[0.0, 0, 0], [d, 0, 0], *more]), cell, units("metal"), types=[1, 2, 2][: 2 + len(more)]),
+            sources=True,
         )
 
     near, edge = at(6.0 - 1e-6), at(6.0)
@@ -145,7 +156,11 @@ def test_vashishta_table(tmp_path, points, inner):
     d, _ = agrees_with_lammps(potential(lines, config), lines, config)
     exact = potential(lines_of("vashishta", path, "In P"), config).decompose(config.frame())
     assert 1e-9 < abs(d.energy / exact.energy - 1) < 0.1
-    for args, message in (("500", "takes the number of points"), ("1 0.2", "two points or more"), ("50 7.0", "inner cutoff between 0 and")):
+    for args, message in (
+        ("500", "takes the number of points"),
+        ("1 0.2", "two points or more"),
+        ("50 7.0", "inner cutoff between 0 and"),
+    ):
         with pytest.raises(atc.AtcError, match=message):
             atc.potential(lines_of(f"vashishta/table {args}", path, "In P"), units="metal")
 
@@ -153,7 +168,10 @@ def test_vashishta_table(tmp_path, points, inner):
 def test_hybrid_overlay():
     config = crystal(4.8, kinds=2)
     lines = ["pair_style hybrid/overlay vashishta lj/cut 4.0 edip/multi"]
-    lines += [f"pair_coeff * * vashishta {POTENTIALS}/InP.vashishta In P", f"pair_coeff * * edip/multi {POTENTIALS}/Si.edip Si NULL"]
+    lines += [
+        f"pair_coeff * * vashishta {POTENTIALS}/InP.vashishta In P",
+        f"pair_coeff * * edip/multi {POTENTIALS}/Si.edip Si NULL",
+    ]
     lines += ["pair_coeff 2 2 lj/cut 0.02 2.1"]
     agrees_with_lammps(potential("\n".join(lines), config), lines, config)
 

@@ -87,7 +87,22 @@ def test_substitution_is_lammpss():
 
 
 @pytest.mark.parametrize(
-    "formula", ["1+", "pe*2", "c_1", "v_missing", "1 2", "sqrt(-1)", "1/0", "sqrt(1,2)", "f(1)", "(1", "v_loop", "2 ? 3", "random(1,2,3)"]
+    "formula",
+    [
+        "1+",
+        "pe*2",
+        "c_1",
+        "v_missing",
+        "1 2",
+        "sqrt(-1)",
+        "1/0",
+        "sqrt(1,2)",
+        "f(1)",
+        "(1",
+        "v_loop",
+        "2 ? 3",
+        "random(1,2,3)",
+    ],
 )
 def test_what_cannot_be_evaluated(formula):
     v = Variables()
@@ -137,7 +152,11 @@ MORE = "pair_coeff 1 1 lj/cut ${eps} ${sig}\npair_coeff 2*3 2*3 lj/cut $(v_eps/2
 def test_script_is_what_lammps_runs(tmp_path, monkeypatch):
     x, t = thermal_lattice(np.array([[13.2, 0, 0], [3, 13.2, 0], [1, -2, 13.2]]), (4, 4, 4), kinds=3, seed=2)
     c = Config(
-        np.array([[13.2, 0, 0], [3, 13.2, 0], [1, -2, 13.2]]), x, t, charges=np.random.default_rng(0).uniform(-1, 1, len(x)), ntypes=3
+        np.array([[13.2, 0, 0], [3, 13.2, 0], [1, -2, 13.2]]),
+        x,
+        t,
+        charges=np.random.default_rng(0).uniform(-1, 1, len(x)),
+        ntypes=3,
     )
     c.write_data(tmp_path / "conf.data")
     (tmp_path / "in.model").write_text(SCRIPT)
@@ -152,7 +171,9 @@ def test_script_is_what_lammps_runs(tmp_path, monkeypatch):
     d = pot.decompose(c.frame())
     np.testing.assert_allclose(d.energy, energy, rtol=1e-12)
     np.testing.assert_allclose(d.forces_nc, forces, rtol=0, atol=1e-12 * np.abs(forces).max())
-    assert pot.units.name == "metal" and pot.data_file == tmp_path / "conf.data" and pot.masses == {1: 1.0, 2: 1.0, 3: 1.0}
+    assert (
+        pot.units.name == "metal" and pot.data_file == tmp_path / "conf.data" and pot.masses == {1: 1.0, 2: 1.0, 3: 1.0}
+    )
 
 
 def test_coefficients_from_the_data_file(tmp_path, monkeypatch):
@@ -198,9 +219,7 @@ def test_labels():
         [9.0] * 3,
         *thermal_lattice(np.diag([9.0] * 3), (3, 3, 3), kinds=2),
     )
-    lines = (
-        "labelmap atom 1 Ar 2 Kr\npair_style lj/cut 4.0\npair_coeff Ar Ar 0.01 3.0\npair_coeff Kr Kr 0.02 3.1\npair_coeff Kr Ar 0.03 3.0"
-    )
+    lines = "labelmap atom 1 Ar 2 Kr\npair_style lj/cut 4.0\npair_coeff Ar Ar 0.01 3.0\npair_coeff Kr Kr 0.02 3.1\npair_coeff Kr Ar 0.03 3.0"
     r = run_lammps(lines, c)
     assert atc.potential(lines, units="metal").decompose(c.frame()).energy == pytest.approx(r.energy, rel=1e-12)
 
@@ -208,9 +227,7 @@ def test_labels():
 def test_reversed_types_and_same_line_twice():
     """LAMMPS turns `pair_coeff 2 1` around; later lines override."""
     c = Config([9.0] * 3, *thermal_lattice(np.diag([9.0] * 3), (3, 3, 3), kinds=2))
-    lines = (
-        "pair_style lj/cut 4.0\npair_coeff * * 0.01 3.0\npair_coeff 2 1 0.03 3.0\npair_coeff *2 2* 0.02 2.9\npair_coeff 1 1 0.02 2.9 3.8"
-    )
+    lines = "pair_style lj/cut 4.0\npair_coeff * * 0.01 3.0\npair_coeff 2 1 0.03 3.0\npair_coeff *2 2* 0.02 2.9\npair_coeff 1 1 0.02 2.9 3.8"
     r = run_lammps(lines, c)
     assert atc.potential(lines, units="metal").decompose(c.frame()).energy == pytest.approx(r.energy, rel=1e-12)
 
@@ -223,7 +240,9 @@ def test_pair_modify_holds_for_the_same_style_said_again():
         "pair_style lj/cut 3.0\npair_modify shift yes\npair_style morse 4.0\npair_style lj/cut 4.0\npair_coeff * * 0.02 2.9",
     ):
         r = run_lammps(lines, c)
-        assert atc.potential(lines, units="metal").decompose(c.frame()).energy == pytest.approx(r.energy, rel=1e-12), lines
+        assert atc.potential(lines, units="metal").decompose(c.frame()).energy == pytest.approx(r.energy, rel=1e-12), (
+            lines
+        )
 
 
 def test_scripts_that_ship(tmp_path):
@@ -239,7 +258,9 @@ def test_data_file_that_is_missing_matters_only_if_needed(tmp_path):
     (tmp_path / "in.a").write_text("units lj\npair_style lj/cut 2.5\nread_data gone.data\n")
     with pytest.raises(AtcError, match=r"line 2.*gone\.data that may hold them is not there"):
         atc.potential(tmp_path / "in.a")
-    (tmp_path / "in.b").write_text("units lj\npair_style lj/cut 2.5\nread_data gone.data\npair_coeff * * 1 1\nmass * 2.0\n")
+    (tmp_path / "in.b").write_text(
+        "units lj\npair_style lj/cut 2.5\nread_data gone.data\npair_coeff * * 1 1\nmass * 2.0\n"
+    )
     pot = atc.potential(tmp_path / "in.b")
     assert pot.data_file == tmp_path / "gone.data" and pot.masses == {1: 2.0}
 
@@ -251,7 +272,10 @@ BAD = {
         "line 2.*reaxff is not supported: it finds its charges",
     ),
     "long range": (f"units metal\n{LJ}kspace_style pppm 1e-4", "line 4.*kspace_style pppm"),
-    "long-range pair style": ("units real\npair_style lj/cut/coul/long 9\npair_coeff * * 1 1", "lj/cut/coul/long is not supported"),
+    "long-range pair style": (
+        "units real\npair_style lj/cut/coul/long 9\npair_coeff * * 1 1",
+        "lj/cut/coul/long is not supported",
+    ),
     "units missing": (LJ, "add a 'units' line"),
     "units unknown": (f"units imperial\n{LJ}", "line 1.*imperial"),
     "units twice": (f"units metal\nunits real\n{LJ}", "line 2.*more than once"),
@@ -265,9 +289,15 @@ BAD = {
     "infinite formula": ("units lj\npair_style lj/cut 2.5\npair_coeff 1 1 $(1/0) 1", "line 3.*1/0"),
     "no cutoff": ("units lj\npair_style lj/cut\npair_coeff 1 1 1 1", "line 2.*takes cutoff"),
     "coefficient first": ("units lj\npair_coeff 1 1 1 1", "line 2.*before any pair_style"),
-    "missing pair": ("units lj\npair_style morse 2.5\npair_coeff 1 1 1 1 1\npair_coeff 2 2 1 1 1", "types 1 and 2.*pair_coeff 1 2"),
+    "missing pair": (
+        "units lj\npair_style morse 2.5\npair_coeff 1 1 1 1 1\npair_coeff 2 2 1 1 1",
+        "types 1 and 2.*pair_coeff 1 2",
+    ),
     "missing type": ("units lj\npair_style lj/cut 2.5\npair_coeff 2 2 1 1", "types 1 and 1"),
-    "no mean": ("units lj\npair_style lj/cut 2.5\npair_coeff 1 1 1 1\npair_coeff 2 2 -1 1", "types 1 and 2 have no geometric mean"),
+    "no mean": (
+        "units lj\npair_style lj/cut 2.5\npair_coeff 1 1 1 1\npair_coeff 2 2 -1 1",
+        "types 1 and 2 have no geometric mean",
+    ),
     "no sixth-power mean": (
         "units lj\npair_style lj/cut 2.5\npair_modify mix sixthpower\npair_coeff 1 1 1 0\npair_coeff 2 2 1 0",
         "types 1 and 2 have no sixthpower mean",
@@ -280,11 +310,26 @@ BAD = {
         "units lj\nvariable rc equal temp\npair_style lj/cut ${rc}\npair_coeff 1 1 1 1",
         "line 3.*'temp' is only known",
     ),
-    "world variable": ("units lj\nvariable i world 3 4\npair_style lj/cut $i\npair_coeff 1 1 1 1", "line 3.*variable i is of style world"),
-    "environment": ("units lj\nvariable i getenv RC\npair_style lj/cut $i\npair_coeff 1 1 1 1", "line 3.*environment of the run"),
-    "stepped too far": ("units lj\nvariable i index 3\nnext i\npair_style lj/cut $i\npair_coeff 1 1 1 1", "line 4.*i is not defined"),
-    "loop over the model": ("units lj\nlabel a\npair_style lj/cut 2\npair_coeff 1 1 1 1\njump SELF a", "loop without end"),
-    "skipped model": ("units lj\njump SELF a\npair_style lj/cut 2\nlabel a\npair_coeff 1 1 1 1", "line 5.*before any pair_style"),
+    "world variable": (
+        "units lj\nvariable i world 3 4\npair_style lj/cut $i\npair_coeff 1 1 1 1",
+        "line 3.*variable i is of style world",
+    ),
+    "environment": (
+        "units lj\nvariable i getenv RC\npair_style lj/cut $i\npair_coeff 1 1 1 1",
+        "line 3.*environment of the run",
+    ),
+    "stepped too far": (
+        "units lj\nvariable i index 3\nnext i\npair_style lj/cut $i\npair_coeff 1 1 1 1",
+        "line 4.*i is not defined",
+    ),
+    "loop over the model": (
+        "units lj\nlabel a\npair_style lj/cut 2\npair_coeff 1 1 1 1\njump SELF a",
+        "loop without end",
+    ),
+    "skipped model": (
+        "units lj\njump SELF a\npair_style lj/cut 2\nlabel a\npair_coeff 1 1 1 1",
+        "line 5.*before any pair_style",
+    ),
     "unknown condition": (
         'units lj\npair_style lj/cut 2\nvariable t equal temp\nif "${t} > 2" then "pair_coeff 1 1 1 1"',
         "line 4.*pair_coeff.*condition.*'temp'",
@@ -295,8 +340,14 @@ BAD = {
     ),
     "no label": (f"units lj\n{LJ}jump SELF a", "line 4.*label a"),
     "jump elsewhere": (f"units lj\n{LJ}jump other.in", "line 4.*another file"),
-    "shake": (f"units lj\n{LJ}fix 1 all shake 1e-4 20 0 b 1", "line 4: fix shake holds bonds and angles rigid.*part of the stress"),
-    "rigid": (f"units lj\n{LJ}fix 1 all rigid/nvt/omp molecule temp 1 1 1", "line 4: fix rigid/nvt moves atoms as rigid bodies"),
+    "shake": (
+        f"units lj\n{LJ}fix 1 all shake 1e-4 20 0 b 1",
+        "line 4: fix shake holds bonds and angles rigid.*part of the stress",
+    ),
+    "rigid": (
+        f"units lj\n{LJ}fix 1 all rigid/nvt/omp molecule temp 1 1 1",
+        "line 4: fix rigid/nvt moves atoms as rigid bodies",
+    ),
     "unknown fix": (f"units lj\n{LJ}fix 1 all magic 3", "line 4: fix magic is no fix of LAMMPS"),
     "restrain": (f"units lj\n{LJ}fix 1 all restrain bond 1 2 3 4 5", "line 4: fix restrain adds forces between atoms"),
     "spring": (f"units lj\n{LJ}fix 1 all spring couple b 100 0 0 0 0", "line 4: fix spring couples two groups"),
@@ -308,7 +359,10 @@ BAD = {
     "set": (f"units lj\n{LJ}set type 1 chrage 2", "line 4: set chrage"),
     "exclude": (f"units lj\n{LJ}neigh_modify exclude types 1 1", "line 4.*expected neigh_modify exclude type, group"),
     "include of a group": (f"units lj\n{LJ}neigh_modify include mobile", "line 4.*group only"),
-    "every": (f"units lj\n{LJ}run 100 every 10 'pair_coeff 1 1 2 1'", "line 4.*'pair_coeff' is executed while LAMMPS runs"),
+    "every": (
+        f"units lj\n{LJ}run 100 every 10 'pair_coeff 1 1 2 1'",
+        "line 4.*'pair_coeff' is executed while LAMMPS runs",
+    ),
     "model of another run": (
         f"units lj\n{LJ}run 10\npair_coeff 1 1 2 1\nrun 10",
         "line 5: pair_coeff 1 1 2 holds in run 2 .*line 6.*run = 2",
@@ -331,7 +385,10 @@ BAD = {
         "units lj\npair_style hybrid lj/cut 2 lj/cut 3\npair_coeff * * lj/cut 1 1\npair_coeff * * lj/cut 2 1 1",
         "line 3.*|lj/cut is used 2 times",
     ),
-    "hybrid unused": ("units lj\npair_style hybrid lj/cut 2 morse 3\npair_coeff * * lj/cut 1 1", "morse has no pair_coeff"),
+    "hybrid unused": (
+        "units lj\npair_style hybrid lj/cut 2 morse 3\npair_coeff * * lj/cut 1 1",
+        "morse has no pair_coeff",
+    ),
     "hybrid gap": (
         "units lj\npair_style hybrid lj/cut 2 morse 3\npair_coeff 1 1 lj/cut 1 1\npair_coeff 2 2 morse 1 1 1",
         "no sub-style for types 1 and 2",
@@ -340,7 +397,10 @@ BAD = {
         "units lj\npair_style hybrid lj/cut 2\npair_coeff * * lj/cut 1 1\npair_modify pair lj/cut special lj 0.5 0 0",
         "cannot change the weight 0 of 1-2",
     ),
-    "hybrid of the unknown": ("units lj\npair_style hybrid lj/cut 2 reaxff\npair_coeff * * lj/cut 1 1", "line 2.*reaxff"),
+    "hybrid of the unknown": (
+        "units lj\npair_style hybrid lj/cut 2 reaxff\npair_coeff * * lj/cut 1 1",
+        "line 2.*reaxff",
+    ),
     "born rho": ("units lj\npair_style born 2.5\npair_coeff 1 1 1 0 1 1 1", "line 3.*rho must be positive"),
     "zbl charges": ("units metal\npair_style zbl 3 4\npair_coeff 1 1 14 6", "line 3.*14 and 6"),
     "zbl cutoffs": ("units metal\npair_style zbl 4 3\npair_coeff 1 1 14 14", "0 < inner < outer"),

@@ -30,7 +30,9 @@ def test_conditions_are_lammpss():
             assert holds(c) == (lmp.extract_variable("r") == "yes"), c
 
 
-@pytest.mark.parametrize("c", ["", "1 <", "abc", "1 == abc", "(1", "1)", "abc && abd", "abc < abd", "!abc", "1 ? 2", "((((" * 40])
+@pytest.mark.parametrize(
+    "c", ["", "1 <", "abc", "1 == abc", "(1", "1)", "abc && abd", "abc < abd", "!abc", "1 ? 2", "((((" * 40]
+)
 def test_conditions_that_lammps_does_not_know(c):
     with pytest.raises(Unknown):
         holds(c)
@@ -101,7 +103,10 @@ RUNS = LJ + (
 def test_the_run_that_the_frames_belong_to(tmp_path):
     (tmp_path / "in.run").write_text(RUNS)
     script = tmp_path / "in.run"
-    with pytest.raises(AtcError, match=r"line 14: pair_style lj/cut 2.5 holds in run 2 \(.*line 17\), not in run 1 \(.*line 12\).*run = 2"):
+    with pytest.raises(
+        AtcError,
+        match=r"line 14: pair_style lj/cut 2.5 holds in run 2 \(.*line 17\), not in run 1 \(.*line 12\).*run = 2",
+    ):
         atc.potential(script)
     assert "soft" in atc.potential(script, run=1).describe()
     assert "lj/cut" in atc.potential(script, run=2).describe() and "lj/cut" in atc.potential(script, run=3).describe()
@@ -117,7 +122,9 @@ def test_the_run_that_the_frames_belong_to(tmp_path):
 
 def test_a_restart_file_that_the_script_wrote(tmp_path):
     """It holds what the script had said: styles that are said again, with their coefficients, go on from there."""
-    pair = "pair_style lj/cut 2.5\npair_coeff 1 1 1 1\npair_coeff 1 2 0.5 1\npair_coeff 2 2 2 1\npair_modify shift yes\n"
+    pair = (
+        "pair_style lj/cut 2.5\npair_coeff 1 1 1 1\npair_coeff 1 2 0.5 1\npair_coeff 2 2 2 1\npair_modify shift yes\n"
+    )
     text = LJ + pair + "set atom 1*30 type 2\nwrite_restart r.equil\nrun 0\nclear\nread_restart r.equil\n"
     for again in ("", pair, "pair_style lj/cut 2.5\npair_coeff 1 1 1 1\npair_coeff 1 2 0.5 1\npair_coeff 2 2 2 1\n"):
         ran = run_script(tmp_path, text + again + "run 0\n")
@@ -126,9 +133,9 @@ def test_a_restart_file_that_the_script_wrote(tmp_path):
     ran = run_script(tmp_path, text + "pair_style morse 2.0\npair_coeff * * 1 2 1\nrun 0\n")
     with pytest.raises(AtcError, match="holds in run 2"):
         atc.potential(tmp_path / "in.run")
-    assert atc.potential(tmp_path / "in.run", run=2).stream(atc.read(tmp_path / "run.dump", units="lj")[0]).energy == pytest.approx(
-        ran.energy, rel=1e-10
-    )
+    assert atc.potential(tmp_path / "in.run", run=2).stream(
+        atc.read(tmp_path / "run.dump", units="lj")[0]
+    ).energy == pytest.approx(ran.energy, rel=1e-10)
 
 
 def test_what_only_some_runs_have(tmp_path):
@@ -138,7 +145,10 @@ def test_what_only_some_runs_have(tmp_path):
     with pytest.raises(AtcError, match="line 12: fix shake"):
         atc.potential(script)
     assert atc.potential(script, run=1).outside == () == atc.potential(script, run=3).outside
-    script.write_text(base + "fix w all wall/lj93 zlo EDGE 1 1 2.5\nfix g all gravity 1 vector 0 0 -1\nfix n all nve\nunfix g\nrun 10\n")
+    script.write_text(
+        base
+        + "fix w all wall/lj93 zlo EDGE 1 1 2.5\nfix g all gravity 1 vector 0 0 -1\nfix n all nve\nunfix g\nrun 10\n"
+    )
     pot = atc.potential(script)
     assert pot.outside == ("fix wall/lj93 on group all (in.run, line 11)",) and "forces from outside" in pot.describe()
     script.write_text(base + "fix 1 all shake 0.1 10 0 b 1\nunfix 1\nfix 1 all nve\nrun 0\n")
@@ -147,12 +157,16 @@ def test_what_only_some_runs_have(tmp_path):
 
 def test_a_long_loop_that_changes_nothing_is_cut_short(tmp_path):
     script = tmp_path / "in.run"
-    body = "variable t equal temp\nlabel a\nvariable i loop 1000000\nrun 100\nvariable s equal ${t}\nnext i\njump SELF a\n"
+    body = (
+        "variable t equal temp\nlabel a\nvariable i loop 1000000\nrun 100\nvariable s equal ${t}\nnext i\njump SELF a\n"
+    )
     script.write_text(LJ + "pair_style lj/cut 2.5\npair_coeff * * 1 1\n" + body)
     begin = time.perf_counter()
     assert "lj/cut" in atc.potential(script).describe()
     assert time.perf_counter() - begin < 10
-    script.write_text(LJ + "pair_style lj/cut 2.5\npair_coeff * * 1 1\n" + body.replace("run 100", "pair_coeff 1 1 $i 1.0"))
+    script.write_text(
+        LJ + "pair_style lj/cut 2.5\npair_coeff * * 1 1\n" + body.replace("run 100", "pair_coeff 1 1 $i 1.0")
+    )
     with pytest.raises(AtcError, match="loop without end|runs with models of their own"):
         atc.potential(script)
 

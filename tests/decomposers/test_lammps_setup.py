@@ -13,7 +13,9 @@ def charged(folder, n=4, seed=1):
     """Ions without charges yet, two types."""
     x, t = thermal_lattice(np.diag([3.0 * n] * 3), (n, n, n), kinds=2, seed=seed)
     t[:2] = 1, 2
-    Config([3.0 * n] * 3, x, t, units="real", charges=np.zeros(len(x)), masses={1: 20.0, 2: 10.0}, ntypes=2).write_data(folder / "q.data")
+    Config([3.0 * n] * 3, x, t, units="real", charges=np.zeros(len(x)), masses={1: 20.0, 2: 10.0}, ntypes=2).write_data(
+        folder / "q.data"
+    )
 
 
 def polymers(folder, seed=2):
@@ -98,7 +100,9 @@ BONDS = {
 @pytest.mark.parametrize("case", BONDS)
 def test_bonds_switched_in_the_script(case, tmp_path):
     polymers(tmp_path)
-    text = CHAINS.replace("read_data p.data", "read_data p.data extra/bond/per/atom 4 extra/angle/per/atom 4 extra/special/per/atom 20")
+    text = CHAINS.replace(
+        "read_data p.data", "read_data p.data extra/bond/per/atom 4 extra/angle/per/atom 4 extra/special/per/atom 20"
+    )
     frame, pot = agree(tmp_path, text + "pair_modify shift no\n" + BONDS[case] + "\n")
 
 
@@ -143,7 +147,8 @@ def test_a_scene_needs_script_and_dump_only(tmp_path):
     """Units, bonds, charges, masses come from the script and the data file that it reads."""
     polymers(tmp_path)
     ran = run_script(
-        tmp_path, CHAINS.replace("units lj\n", "units lj\nboundary p p p\n") + "set type 1 charge 0.5\ndelete_bonds all bond 1\n"
+        tmp_path,
+        CHAINS.replace("units lj\n", "units lj\nboundary p p p\n") + "set type 1 charge 0.5\ndelete_bonds all bond 1\n",
     )
     scene = {
         "trajectory": {"file": str(tmp_path / "run.dump")},
@@ -155,7 +160,9 @@ def test_a_scene_needs_script_and_dump_only(tmp_path):
     from atc.config.scene import Scene
 
     ds = Scene.load(scene).run()
-    assert np.isfinite(ds.stress_potential).all() and float(ds.density.mean()) == pytest.approx(128 / (5.5 * 5.5 * 11.0), rel=0.1)
+    assert np.isfinite(ds.stress_potential).all() and float(ds.density.mean()) == pytest.approx(
+        128 / (5.5 * 5.5 * 11.0), rel=0.1
+    )
     traj, pot = Scene.load(scene).trajectory(), Scene.load(scene).potential()
     assert traj.units.name == "lj" and (traj[0].masses == 1).all() and len(traj[0].topology.weighted.bonds) == 96
     pot.setup = None
@@ -170,7 +177,9 @@ def test_open_boundaries_of_a_data_file_are_the_scripts(tmp_path):
     d = pot.stream(atc.read(tmp_path / "q.data", units="real")[0])
     assert d.energy == pytest.approx(pot.stream(frame).energy, rel=1e-10)
     run_script(tmp_path, IONS + "change_box all boundary p p f\n")
-    assert atc.potential(tmp_path / "in.run").complete(atc.read(tmp_path / "q.data", units="real")[0]).cell.periodic.tolist() == [
+    assert atc.potential(tmp_path / "in.run").complete(
+        atc.read(tmp_path / "q.data", units="real")[0]
+    ).cell.periodic.tolist() == [
         True,
         True,
         False,
@@ -185,7 +194,9 @@ def test_a_named_data_file_must_not_contradict_the_script(tmp_path):
     compare(tmp_path, ran, topology=tmp_path / "q.data")
     other = (tmp_path / "after.data").read_text().replace(" -1 ", " -2 ")
     (tmp_path / "other.data").write_text(other)
-    with pytest.raises(AtcError, match=r"other\.data gives atom \d+ the charge -2, .*in\.run the charge -1 \(set, .*line 7\)"):
+    with pytest.raises(
+        AtcError, match=r"other\.data gives atom \d+ the charge -2, .*in\.run the charge -1 \(set, .*line 7\)"
+    ):
         compare(tmp_path, ran, topology=tmp_path / "other.data")
 
 
@@ -207,7 +218,8 @@ def test_the_data_file_may_have_moved(tmp_path):
     (tmp_path / "q.data").rename(tmp_path / "elsewhere" / "q.data")
     compare(tmp_path, ran, topology=tmp_path / "elsewhere" / "q.data")
     with pytest.raises(
-        AtcError, match=r"charges of atoms are needed and not known: .*q\.data, which .*in\.run reads, is not there: dump q too"
+        AtcError,
+        match=r"charges of atoms are needed and not known: .*q\.data, which .*in\.run reads, is not there: dump q too",
     ):
         compare(tmp_path, ran)
 
@@ -216,7 +228,8 @@ def test_a_dump_of_some_atoms_only(tmp_path):
     charged(tmp_path)
     run_script(
         tmp_path,
-        IONS + "set type 1 charge -1.0\nset type 2 charge 1.0\ngroup g id 1:60\ndump 1 g custom 1 some.dump id type x y z\nrun 0\n",
+        IONS
+        + "set type 1 charge -1.0\nset type 2 charge 1.0\ngroup g id 1:60\ndump 1 g custom 1 some.dump id type x y z\nrun 0\n",
     )
     pot = atc.potential(tmp_path / "in.run")
     with pytest.raises(AtcError, match="60 of the 64 atoms .* atom 61 is missing"):
@@ -246,7 +259,8 @@ def test_created_atoms_have_charges_by_type(tmp_path):
     assert frame.masses is not None and set(np.round(frame.masses, 6)) == {23.0, 35.5}
     agree(
         tmp_path,
-        CREATED + "group a type 1\nset group a charge 0.5\ngroup b id 5:20\nset group b charge -0.25\nneigh_modify exclude group a b\n",
+        CREATED
+        + "group a type 1\nset group a charge 0.5\ngroup b id 5:20\nset group b charge -0.25\nneigh_modify exclude group a b\n",
     )
     agree(tmp_path, CREATED + "set atom 10*30 type 2\nset type 1 charge 0.4\nset atom 7 charge 2\n")
 
@@ -296,12 +310,13 @@ def test_new_numbers_keep_what_belongs_to_the_type(tmp_path):
 def test_replicated_atoms(tmp_path):
     polymers(tmp_path)
     text = CHAINS.replace("read_data p.data\n", "boundary p p p\nread_data p.data\ngroup g id 1:20\nreplicate 2 1 2\n")
-    text += (
-        "region r block 3 9 2 5 6 INF units box\nset region r charge 0.7\nset group g charge -0.2\ndelete_bonds all bond 2 remove special\n"
-    )
+    text += "region r block 3 9 2 5 6 INF units box\nset region r charge 0.7\nset group g charge -0.2\ndelete_bonds all bond 2 remove special\n"
     frame, _ = agree(tmp_path, text)
     assert len(frame) == 512
-    agree(tmp_path, text + "write_data out.data nocoeff\nclear\n" + text.replace("p.data", "out.data").replace("2 1 2", "1 2 1"))
+    agree(
+        tmp_path,
+        text + "write_data out.data nocoeff\nclear\n" + text.replace("p.data", "out.data").replace("2 1 2", "1 2 1"),
+    )
 
 
 def test_several_data_files(tmp_path):
@@ -328,7 +343,9 @@ def test_coefficients_of_several_data_files(tmp_path):
         f.write(head + coeffs.replace("1 30 1.3", "1 35 1.25") + "Masses" + body)
     extra = " ".join(f"extra/{k}/types 2" for k in ("atom", "bond", "angle", "dihedral"))
     text = "".join(line + "\n" for line in CHAINS.splitlines() if "_coeff" not in line)
-    text = text.replace("read_data p.data", f"read_data p.data {extra}\nread_data c.data.gz add append shift 0 0 11.0 offset 2 2 2 2 0")
+    text = text.replace(
+        "read_data p.data", f"read_data p.data {extra}\nread_data c.data.gz add append shift 0 0 11.0 offset 2 2 2 2 0"
+    )
     frame, _ = agree(tmp_path, text)
     assert frame.types.max() == 4 and len(frame) == 256
 
@@ -336,7 +353,8 @@ def test_coefficients_of_several_data_files(tmp_path):
 def test_a_data_file_behind_a_condition(tmp_path):
     charged(tmp_path)
     text = IONS.replace(
-        "read_data q.data", 'variable n index 0\nvariable f index q.data\nif "${n} == 0" then "read_data $f" else "read_restart r.1"'
+        "read_data q.data",
+        'variable n index 0\nvariable f index q.data\nif "${n} == 0" then "read_data $f" else "read_restart r.1"',
     )
     agree(tmp_path, text + "set type 1 charge -1.0\nset type 2 charge 1.0\n")
 
@@ -349,7 +367,8 @@ def test_types_that_the_frames_do_not_show(tmp_path):
     # Elements in the order of their names or places are no types.
     run_script(
         tmp_path,
-        text + "dump e all custom 1 e.dump id element x y z fx fy fz\ndump_modify e element B A sort id format float %.17g\nrun 0\n",
+        text
+        + "dump e all custom 1 e.dump id element x y z fx fy fz\ndump_modify e element B A sort id format float %.17g\nrun 0\n",
     )
     frame = atc.potential(tmp_path / "in.run").complete(atc.read(tmp_path / "e.dump", units="real")[0])
     assert (frame.types == atc.read(tmp_path / "q.data", units="real")[0].types).all()
@@ -361,7 +380,9 @@ def test_types_that_the_frames_do_not_show(tmp_path):
         atc.potential(tmp_path / "in.run").complete(atc.read(tmp_path / "run.dump", units="metal")[0])
 
 
-HYBRID = CHAINS.replace("pair_style lj/cut/coul/cut 1.6 2.0", "pair_style hybrid/overlay lj/cut 1.6 coul/cut 2.0 morse 1.8").replace(
+HYBRID = CHAINS.replace(
+    "pair_style lj/cut/coul/cut 1.6 2.0", "pair_style hybrid/overlay lj/cut 1.6 coul/cut 2.0 morse 1.8"
+).replace(
     "pair_coeff * * 1.0 1.0", "pair_coeff * * lj/cut 1.0 1.0\npair_coeff * * coul/cut\npair_coeff * * morse 0.3 2.0 1.1"
 )
 MODIFIES = {
@@ -390,7 +411,9 @@ def test_without_any_pair_forces(tmp_path):
         ["density", "stress_potential"],
     )
     assert float(ds.density.min()) > 0 and float(abs(ds.stress_potential).max()) == 0.0
-    tiles = atc.fields(frame, pot, atc.kernel("quartic", radius=5.0), atc.Grid.regular(shape=(2, 2, 2)), ["density"], tiles=(2, 1, 1))
+    tiles = atc.fields(
+        frame, pot, atc.kernel("quartic", radius=5.0), atc.Grid.regular(shape=(2, 2, 2)), ["density"], tiles=(2, 1, 1)
+    )
     assert np.isfinite(tiles.density).all()
     assert "no interactions" in atc.potential("pair_style zero 5.0\npair_coeff * *", units="real").describe()
     # Bonds alone, of a style without forces.
@@ -400,8 +423,12 @@ def test_without_any_pair_forces(tmp_path):
 
 
 def test_many_body_styles_leave_no_pairs_out(tmp_path):
-    (tmp_path / "Si.sw").write_text("Si Si Si 2.1683 2.0951 1.80 21.0 1.20 -0.333333333333 7.049556277 0.6022245584 4.0 0.0 0.0\n")
-    (tmp_path / "in.run").write_text("units metal\npair_style sw\npair_coeff * * Si.sw Si Si\nneigh_modify exclude type 1 2\n")
+    (tmp_path / "Si.sw").write_text(
+        "Si Si Si 2.1683 2.0951 1.80 21.0 1.20 -0.333333333333 7.049556277 0.6022245584 4.0 0.0 0.0\n"
+    )
+    (tmp_path / "in.run").write_text(
+        "units metal\npair_style sw\npair_coeff * * Si.sw Si Si\nneigh_modify exclude type 1 2\n"
+    )
     with pytest.raises(AtcError, match="line 4: neigh_modify exclude is not supported with pair_style sw"):
         atc.potential(tmp_path / "in.run")
 
@@ -449,7 +476,9 @@ def test_atoms_that_may_be_lost(tmp_path):
     charged(tmp_path)
     text = IONS + "set type 1 charge -1.0\nset type 2 charge 1.0\ngroup g id 1:60\n"
     run_script(tmp_path, text + "thermo_modify lost ignore\ndump 1 g custom 1 some.dump id type x y z\nrun 0\n")
-    assert np.isfinite(atc.potential(tmp_path / "in.run").stream(atc.read(tmp_path / "some.dump", units="real")[0]).energy)
+    assert np.isfinite(
+        atc.potential(tmp_path / "in.run").stream(atc.read(tmp_path / "some.dump", units="real")[0]).energy
+    )
 
 
 def test_atoms_that_a_fix_brings(tmp_path):

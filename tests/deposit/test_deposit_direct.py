@@ -192,7 +192,9 @@ def test_bond_stress_is_bonds_with_G_r_r():
     one.add_bond_stress(x, i, r, G)
     rr = G[:, None, None] * r[:, :, None] * r[:, None, :]
     two.add_bonds(x[i], r, np.stack([rr[:, k, l] for k, l in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))], -1))
-    np.testing.assert_allclose(one.bond_sums(), two.bond_sums(), rtol=0, atol=1e-15 * np.abs(two.bond_sums()).max() * 10)
+    np.testing.assert_allclose(
+        one.bond_sums(), two.bond_sums(), rtol=0, atol=1e-15 * np.abs(two.bond_sums()).max() * 10
+    )
     assert one.visits == two.visits
     assert one.site_sums().shape == (len(bound), 0)
 
@@ -374,7 +376,9 @@ def test_visits_are_the_points_inside_the_capsules():
     assert dep.visits / 2000 == pytest.approx(volume / 1.5**3, rel=2e-3)
 
 
-@pytest.mark.parametrize("grid", [GRIDS["regular"], GRIDS["region"], GRIDS["points"], atc.Grid.slab("z", 4)], ids=lambda g: g.kind)
+@pytest.mark.parametrize(
+    "grid", [GRIDS["regular"], GRIDS["region"], GRIDS["points"], atc.Grid.slab("z", 4)], ids=lambda g: g.kind
+)
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_numbers_that_are_not_finite_are_refused(grid, bad):
     for cell in (CELLS["triclinic"], CELLS["open"]):

@@ -96,7 +96,9 @@ def test_what_atoms_carry(order, real):
     rows = moments.Rows(layout, 3)
     rows.scale, rest = 4.0, np.empty(2, np.int64)
     everything = np.full(49, 1e9)
-    done = moments.core(order, real)(x, i, j, r, G, 0, np.ones(6), 0, everything, 1 / 3.0, 1 / 4.0, rows.rows, rows.places, rest)
+    done = moments.core(order, real)(
+        x, i, j, r, G, 0, np.ones(6), 0, everything, 1 / 3.0, 1 / 4.0, rows.rows, rows.places, rest
+    )
     assert done == (2, 0) and (rows.positions([0, 1, 2]) == x).all()
     for atom in range(3):
         for c, e in zip(layout.columns, layout.powers):
@@ -210,7 +212,10 @@ def test_mesh_grows_and_what_the_grid_cannot_see_is_left_out():
     rng = np.random.default_rng(4)
     bound = atc.Grid.regular(shape=(20, 3, 15)).bind(METAL, cell, np.zeros((1, 3)))
     for tolerance in (1e-3, 1e-6):
-        fast, direct = spectral_deposit(bound, kern, cell, 0, 6, 1, tolerance, order=4), make("direct", bound, kern, cell, 0, 6)
+        fast, direct = (
+            spectral_deposit(bound, kern, cell, 0, 6, 1, tolerance, order=4),
+            make("direct", bound, kern, cell, 0, 6),
+        )
         for centre in (30, 20, 55, -500, 70, 1e7):
             x = rng.random((40, 3)) * 8 + [centre, 0, centre]
             i, j = rng.integers(0, 40, (2, 60)).astype(np.int32)
@@ -228,7 +233,11 @@ def test_strengths_of_any_size(size):
     G[:40] *= size
     bound = atc.Grid.regular(shape=6).bind(METAL, cell, x)
     for tolerance in (1e-4, 1e-6):
-        close(deposit(bound, kern, cell, tolerance, 4, (x, i, j, r, G)).bond_sums(), exact(bound, kern, cell, (x, i, j, r, G)), tolerance)
+        close(
+            deposit(bound, kern, cell, tolerance, 4, (x, i, j, r, G)).bond_sums(),
+            exact(bound, kern, cell, (x, i, j, r, G)),
+            tolerance,
+        )
         d = spectral_deposit(bound, kern, cell, 0, 6, 1, tolerance, order=4)
         for k in range(6):
             part = slice(k * len(i) // 6, (k + 1) * len(i) // 6)
@@ -249,7 +258,10 @@ def test_strong_bonds_are_taken_out_again(tolerance):
     G[strong] *= np.geomspace(300, 1e4, 64)
     data = frame.positions, bonds.i, bonds.j, bonds.r_bc, G
     d = deposit(bound, kern, cell, tolerance, 4, data)
-    b = np.stack([r[:, p] * r[:, q] for r in [bonds.r_bc[strong]] for p, q in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))], 1)
+    b = np.stack(
+        [r[:, p] * r[:, q] for r in [bonds.r_bc[strong]] for p, q in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))],
+        1,
+    )
     d.add_strong(frame.positions[bonds.i[strong]], bonds.r_bc[strong], -G[strong][:, None] * b)
     others = np.delete(np.arange(len(G)), strong)
     want = exact(bound, kern, cell, tuple(a if a is frame.positions else a[others] for a in data))
@@ -313,7 +325,9 @@ def test_wide_kernels_choose_moments_and_short_ones_do_not(shipped):
     orders = {}
     for radius in (6.0, 20.0, 30.0):
         for tolerance in (1e-3, 1e-5):
-            _, d = cheapest(Costs(), bound, atc.kernel("gaussian", radius), cell, 8.5e6, 6.4, 6, tolerance, carried=256e3)
+            _, d = cheapest(
+                Costs(), bound, atc.kernel("gaussian", radius), cell, 8.5e6, 6.4, 6, tolerance, carried=256e3
+            )
             orders[radius, tolerance] = d.order
     assert orders[6.0, 1e-5] is None
     assert orders[20.0, 1e-5] >= orders[20.0, 1e-3] >= 1 and orders[20.0, 1e-5] >= orders[30.0, 1e-5] >= 1
@@ -337,7 +351,8 @@ def test_the_promise_at_every_point(tolerance, shipped):
         warnings.simplefilter("ignore", AtcWarning)
         want = atc.fields(frame, pot, kern, grid, what, 1e-12, threads=1).stress_potential.values
         whole, tiled = (
-            atc.fields(frame, pot, kern, grid, what, tolerance, method="spectral", threads=2, **more) for more in ({}, {"tiles": (2, 1, 1)})
+            atc.fields(frame, pot, kern, grid, what, tolerance, method="spectral", threads=2, **more)
+            for more in ({}, {"tiles": (2, 1, 1)})
         )
     assert "moments to order" in whole.attrs["method_details"]
     close(whole.stress_potential.values, want, tolerance)

@@ -99,7 +99,9 @@ def test_any_number_of_points(shape, at):
     """Fewer points than modes (folded) and more (padded), even and odd numbers."""
     cell, kern = CELLS["triclinic"], atc.kernel("gaussian", width=1.1)
     data = sample(cell, 3)
-    want, got = (both(m, shape, kern, cell, data, at=at, **kw) for m, kw in (("direct", {}), ("spectral", {"tolerance": 1e-9})))
+    want, got = (
+        both(m, shape, kern, cell, data, at=at, **kw) for m, kw in (("direct", {}), ("spectral", {"tolerance": 1e-9}))
+    )
     # One point may lie where the field is small.
     for g, w in zip(got, want):
         close(g, w, 1e-8)
@@ -109,18 +111,24 @@ def test_coarse_grid_is_a_subset_of_a_fine_one():
     cell, data = CELLS["triclinic"], sample(CELLS["triclinic"], 4)
     # The same modes: only rounding differs, that of single precision at the first.
     for name, tolerance, rounding in (("lucy", 1e-3, 1e-6), ("gaussian", 1e-8, 1e-12)):
-        fine, coarse = (both("spectral", s, KERNELS[name], cell, data, at="corners", tolerance=tolerance) for s in ((12, 15, 8), (4, 5, 2)))
+        fine, coarse = (
+            both("spectral", s, KERNELS[name], cell, data, at="corners", tolerance=tolerance)
+            for s in ((12, 15, 8), (4, 5, 2))
+        )
         for f, c in zip(fine, coarse):
             close(c.reshape(4, 5, 2, -1), f.reshape(12, 15, 8, -1)[::3, ::3, ::4], rounding)
 
 
 @pytest.mark.parametrize(
-    "name, radius, tolerance", [("gaussian", 40.0, 1e-8), ("lucy", 30.0, 1e-6), ("bspline", 25.0, 1e-5), ("quartic", 30.0, 1e-4)]
+    "name, radius, tolerance",
+    [("gaussian", 40.0, 1e-8), ("lucy", 30.0, 1e-6), ("bspline", 25.0, 1e-5), ("quartic", 30.0, 1e-4)],
 )
 def test_kernel_wider_than_the_box(name, radius, tolerance):
     cell, kern = Cell([[6.0, 0, 0], [1.0, 5.0, 0], [0, -2.0, 7.0]]), atc.kernel(name, radius)
     data = sample(cell, 5, n=20, n_bond=40)
-    want, got = (both(m, (3, 4, 2), kern, cell, data, **kw) for m, kw in (("direct", {}), ("spectral", {"tolerance": tolerance})))
+    want, got = (
+        both(m, (3, 4, 2), kern, cell, data, **kw) for m, kw in (("direct", {}), ("spectral", {"tolerance": tolerance}))
+    )
     for g, w in zip(got, want):
         close(g, w, tolerance)
 
@@ -129,7 +137,9 @@ def test_box_and_origin_of_any_size():
     """A flat cell much smaller than the kernel along one axis, 1e6 Å from the origin."""
     cell, kern = Cell([30.0, 1.5, 9.0], [1e6, -1e6, 0.0]), atc.kernel("gaussian", width=1.0)
     data = sample(cell, 6)
-    want, got = (both(m, (20, 3, 8), kern, cell, data, **kw) for m, kw in (("direct", {}), ("spectral", {"tolerance": 1e-6})))
+    want, got = (
+        both(m, (20, 3, 8), kern, cell, data, **kw) for m, kw in (("direct", {}), ("spectral", {"tolerance": 1e-6}))
+    )
     for g, w in zip(got, want):
         close(g, w, 1e-6)
 
@@ -180,7 +190,14 @@ def test_positions_that_are_not_numbers(bad):
 
 def test_nothing_added():
     cell = CELLS["orthogonal"]
-    dep = make("spectral", atc.Grid.regular(shape=(3, 4, 5)).bind(METAL, cell, np.zeros((1, 3))), KERNELS["gaussian"], cell, 2, 6)
+    dep = make(
+        "spectral",
+        atc.Grid.regular(shape=(3, 4, 5)).bind(METAL, cell, np.zeros((1, 3))),
+        KERNELS["gaussian"],
+        cell,
+        2,
+        6,
+    )
     dep.add_sites(np.zeros((0, 3)), np.zeros((0, 2)))
     assert dep.site_sums().shape == (60, 2) and not dep.site_sums().any()
     assert dep.bond_sums().shape == (60, 6) and not dep.bond_sums().any()
@@ -215,7 +232,10 @@ def test_transform_is_the_integral(name):
 def test_transform_of_the_spline():
     kern = KERNELS["bspline"]
     k = np.array([0.7, -1.3, 2.1])
-    factors = [quad(lambda v, c=c: 2 * np.cos(c * v) * kern.phi(np.array([v, 0, 0])), 0, 5, points=[2.5], epsabs=1e-14)[0] for c in k]
+    factors = [
+        quad(lambda v, c=c: 2 * np.cos(c * v) * kern.phi(np.array([v, 0, 0])), 0, 5, points=[2.5], epsabs=1e-14)[0]
+        for c in k
+    ]
     assert abs(fourier.phi_hat(kern, k) - np.prod(factors) / kern.peak**2) < 1e-12
 
 
@@ -223,7 +243,13 @@ def test_transform_of_the_spline():
 def test_window(width, shape):
     f = np.array([0.0, 0.1, 0.37, 1.2, 2.9])
     want = [
-        quad(lambda x, q=q: 2 * np.cos(2 * np.pi * q * x) * fourier.window(x, width, shape), 0, 0.5 * width, limit=200, epsabs=1e-13)[0]
+        quad(
+            lambda x, q=q: 2 * np.cos(2 * np.pi * q * x) * fourier.window(x, width, shape),
+            0,
+            0.5 * width,
+            limit=200,
+            epsabs=1e-13,
+        )[0]
         for q in f
     ]
     assert np.abs(fourier.window_hat(f, width, shape) - want).max() < 1e-12
@@ -261,7 +287,12 @@ GRIDS = {
     "points": atc.Grid.points(np.random.default_rng(2).normal(size=(40, 3)) * 15),
     "atoms": atc.Grid.atoms(),
 }
-BOUNDARIES = {"periodic": (True, True, True), "film": (True, True, False), "wire": (False, False, True), "cluster": (False, False, False)}
+BOUNDARIES = {
+    "periodic": (True, True, True),
+    "film": (True, True, False),
+    "wire": (False, False, True),
+    "cluster": (False, False, False),
+}
 
 
 @pytest.mark.parametrize("boundary", BOUNDARIES)
@@ -294,7 +325,9 @@ def test_empty_space_costs_nothing():
         cell = Cell([edge, edge, 20.0], [origin, origin, 0.0], periodic=(False, False, True))
         line = atc.Grid.line([395.0, 403, 3], [412.0, 403, 3], 50)
         meshes.append(compare(line, KERNELS["gaussian"], cell, data, 1e-6).mesh)
-        dep = make("spectral", atc.Grid.regular(shape=(64, 64, 4)).bind(METAL, cell, x), KERNELS["gaussian"], cell, 2, 6)
+        dep = make(
+            "spectral", atc.Grid.regular(shape=(64, 64, 4)).bind(METAL, cell, x), KERNELS["gaussian"], cell, 2, 6
+        )
         dep.add_sites(x, data[3])
         assert dep.mesh.prod() < 3e5
     assert (meshes[0] == meshes[1]).all() and (meshes[0] == meshes[2]).all()
@@ -319,7 +352,9 @@ def test_mesh_grows_with_what_is_added():
 
 def test_nothing_in_sight():
     cell = Cell([20.0] * 3, periodic=(False, False, False))
-    dep = make("spectral", atc.Grid.regular(shape=4).bind(METAL, cell, np.zeros((1, 3))), KERNELS["gaussian"], cell, 1, 6)
+    dep = make(
+        "spectral", atc.Grid.regular(shape=4).bind(METAL, cell, np.zeros((1, 3))), KERNELS["gaussian"], cell, 1, 6
+    )
     dep.add_sites(np.full((3, 3), 1e5), np.ones((3, 1)))
     assert not dep.site_sums().any()
 
@@ -426,7 +461,9 @@ def test_strengths_of_any_size(spread_of_strengths):
 def test_grids_coarser_than_the_kernel_and_anisotropic(shape):
     cell = Cell([60.0, 58.0, 62.0])
     for name, tolerance in (("gaussian", 1e-6), ("lucy", 1e-3)):
-        compare(atc.Grid.regular(shape=shape, at="corners"), KERNELS[name], cell, sample(cell, 16, 2000, 4000), tolerance)
+        compare(
+            atc.Grid.regular(shape=shape, at="corners"), KERNELS[name], cell, sample(cell, 16, 2000, 4000), tolerance
+        )
 
 
 def test_crystal_without_stress():
@@ -481,7 +518,9 @@ def test_what_it_cannot_do_says_so(kern, tolerance, grid, cell, says):
 def test_table_of_the_transform(name):
     """Every mode's factor, tabulated, against φ̂ itself; cell tilted, so that the largest |k| is at one corner only."""
     kern, cell = KERNELS[name], CELLS["triclinic"]
-    dep = make("spectral", atc.Grid.regular(shape=3).bind(METAL, cell, np.zeros((1, 3))), kern, cell, 1, 0, tolerance=1e-2)
+    dep = make(
+        "spectral", atc.Grid.regular(shape=3).bind(METAL, cell, np.zeros((1, 3))), kern, cell, 1, 0, tolerance=1e-2
+    )
     dep.add_sites(np.zeros((1, 3)), np.ones((1, 1)))
     modes = dep._transformed("site", dep._groups(1)[0])[0]
     k_c = np.stack([modes.wave_vector(c) for c in range(3)], -1)

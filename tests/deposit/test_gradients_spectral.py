@@ -24,7 +24,9 @@ KERNELS = [("gaussian", 8.0, 1e-3), ("gaussian", 8.0, 1e-5), ("gaussian", 8.0, 1
 @pytest.mark.parametrize("where", ["lattice", "points"])
 def test_gradients_keep_the_tolerance_at_every_point(liquid, name, radius, tolerance, where):  # noqa: F811
     frame, kern = liquid[0], atc.kernel(name, radius=radius)
-    grid = GRID if where == "lattice" else atc.Grid.points(frame.cell.cartesian(np.random.default_rng(1).random((300, 3))))
+    grid = (
+        GRID if where == "lattice" else atc.Grid.points(frame.cell.cartesian(np.random.default_rng(1).random((300, 3))))
+    )
     ds = quiet(frame, None, kern, grid, RATES, tolerance, method="spectral")
     exact = quiet(frame, None, kern, grid, RATES, 1e-12)
     assert ds.attrs["method"] == "spectral" and exact.attrs["method"] == "direct"
@@ -56,14 +58,20 @@ def test_displacements_and_eshelbys_stress(liquid):  # noqa: F811
 
 def test_a_displacement_of_all_together_has_no_gradient(liquid):  # noqa: F811
     reference, kern = liquid[0], atc.kernel("gaussian", radius=8.0)
-    frame = reference.replace(positions=reference.positions + [3.0, -2.0, 1.0], velocities=np.full((len(reference), 3), [3.0, 2.0, -1.0]))
+    frame = reference.replace(
+        positions=reference.positions + [3.0, -2.0, 1.0], velocities=np.full((len(reference), 3), [3.0, 2.0, -1.0])
+    )
     what = ["displacement", "displacement_gradient", "velocity_gradient", "strain_rate"]
     ds = quiet(frame, None, kern, GRID, what, 1e-3, reference=reference)
     assert ds.attrs["method"] == "spectral" and "refinements" not in ds.attrs
     np.testing.assert_allclose(ds.displacement, np.broadcast_to([3.0, -2.0, 1.0], ds.displacement.shape), rtol=1e-12)
     for q in what[1:]:
         # rounding of 3 Å, or Å/ps, over 8 Å
-        assert float(abs(ds[q]).max()) < 1e-13 and ds[q].attrs["error_max"] < 1e-12 and "terms" in ds[q].attrs["error_relative_to"]
+        assert (
+            float(abs(ds[q]).max()) < 1e-13
+            and ds[q].attrs["error_max"] < 1e-12
+            and "terms" in ds[q].attrs["error_relative_to"]
+        )
 
 
 def test_a_deformed_cell_takes_the_exact_sum(liquid):  # noqa: F811
@@ -96,7 +104,9 @@ def test_empty_space_is_left_to_the_exact_sum(liquid):  # noqa: F811
 def test_one_transform_gives_the_sums_and_their_gradients(liquid, monkeypatch):  # noqa: F811
     frame, kern = liquid[0], atc.kernel("gaussian", radius=8.0)
     gathers = Counter(monkeypatch, gradient_module, "gather", lambda bound, *a: len(bound))
-    made = Counter(monkeypatch, atc.deposit, "make", lambda method, bound, kern, cell, n_site, n_bond: (method, n_site, n_bond))
+    made = Counter(
+        monkeypatch, atc.deposit, "make", lambda method, bound, kern, cell, n_site, n_bond: (method, n_site, n_bond)
+    )
     quiet(frame, None, kern, GRID, ["velocity_gradient", "density", "velocity"], 1e-4)
     # mass and momentum once, with their gradients; exactly only at the points of the check
     assert made.calls == [("spectral", 4, 0), ("direct", 4, 0)] and gathers.calls == [100]
@@ -113,7 +123,9 @@ def test_a_gradient_too_wrong_is_computed_again(liquid):  # noqa: F811
     request = Request(frame, None, kern, GRID, RATES, 1e-6, threads=1)
     request.methods = {"gather": Method("spectral", 1e-3, "test", (1e-4, 1e-7))}
     result = frame_fields(frame, request.settings(), 0)
-    assert result.methods["gather"].tolerance == 1e-7 and "sums over atoms for gradients spectral to 1e-07" in str(result.refined[0])
+    assert result.methods["gather"].tolerance == 1e-7 and "sums over atoms for gradients spectral to 1e-07" in str(
+        result.refined[0]
+    )
     assert max(e["error_max"] for e in result.errors.values()) <= 1e-6
 
 
@@ -127,7 +139,10 @@ def test_the_plan_says_so(liquid):  # noqa: F811
     text = str(plan(frame, None, atc.kernel("linear", 6.0), GRID, RATES, 1e-4, threads=1))
     assert "one pass over the points" in text and "direct" in text.split("method")[1]
     text = str(plan(frame, None, kern, GRID, ["velocity_gradient", "temperature"], 1e-4, threads=1))
-    assert "one pass over the atoms: Σ a φ for a = m, m v, 1, m v⊗v: 11 components" in text and "those with gradients" not in text
+    assert (
+        "one pass over the atoms: Σ a φ for a = m, m v, 1, m v⊗v: 11 components" in text
+        and "those with gradients" not in text
+    )
 
 
 @pytest.mark.parametrize("name", ["linear", "hardy"])

@@ -41,7 +41,9 @@ def naive(frame, kern, points, pot):
     n = site(np.ones(len(x)))[:, 0]
     v_g = site(m[:, None] * v) / rho[:, None]
     # definition, not T − ρ v⊗v: every atom relative to every point's velocity
-    thermal = np.array([site_sum(points[g : g + 1], x, m[:, None] * outer6(v - v_g[g]), kern, cell)[0] for g in range(len(points))])
+    thermal = np.array(
+        [site_sum(points[g : g + 1], x, m[:, None] * outer6(v - v_g[g]), kern, cell)[0] for g in range(len(points))]
+    )
     S = bond_sum(points, x[bonds.i], r, np.einsum("b,bi,bj->bij", G, r, r).reshape(-1, 9), kern, cell).reshape(-1, 3, 3)
     w = np.zeros((len(x), 3, 3))
     for b in range(len(G)):
@@ -113,7 +115,18 @@ def test_attributes_of_the_dataset():
         ["stress"],
         scene="[kernel]\nname='quartic'\n",
     )
-    for name in ("version", "kernel", "radius", "decomposition", "method", "tolerance", "measured_error", "scene", "sources", "units"):
+    for name in (
+        "version",
+        "kernel",
+        "radius",
+        "decomposition",
+        "method",
+        "tolerance",
+        "measured_error",
+        "scene",
+        "sources",
+        "units",
+    ):
         assert name in ds.attrs, name
     assert ds.attrs["radius"] == 5.6 and ds.attrs["sources"] == "run.dump" and ds.attrs["method"] == "direct"
     assert "somebody" not in str(ds.attrs) + str([v.attrs for v in ds.variables.values()])
@@ -124,7 +137,9 @@ def test_a_whole_gives_its_parts_and_a_part_comes_alone():
     frame, grid, kern = argon(), atc.Grid.regular(shape=(2, 3, 2)), atc.kernel("quartic", radius=5.5)
     ds = atc.fields(frame, BruteLJ(), kern, grid, "stress")
     assert list(ds.data_vars) == ["stress", "stress_kinetic", "stress_potential", "mask"]
-    np.testing.assert_allclose(ds.stress, ds.stress_kinetic + ds.stress_potential, atol=1e-12 * float(abs(ds.stress).max()))
+    np.testing.assert_allclose(
+        ds.stress, ds.stress_kinetic + ds.stress_potential, atol=1e-12 * float(abs(ds.stress).max())
+    )
     for part in ("stress_kinetic", "stress_potential"):
         alone = atc.fields(frame, BruteLJ(), kern, grid, [part])
         assert [v for v in alone.data_vars if v != "mask"] == [part]
@@ -257,11 +272,20 @@ def test_no_atoms_and_one_atom():
     scale = float(one.masses[0] * (one.velocities[0] ** 2).sum() / one.units.boltzmann)
     assert np.abs(ds.temperature.values[inside]).max() < 1e-12 * scale
     np.testing.assert_allclose(
-        ds.velocity.values[inside], np.broadcast_to(one.units.to_user("velocity", one.velocities[0]), (inside.sum(), 3)), rtol=1e-13
+        ds.velocity.values[inside],
+        np.broadcast_to(one.units.to_user("velocity", one.velocities[0]), (inside.sum(), 3)),
+        rtol=1e-13,
     )
-    none = one.replace(positions=np.zeros((0, 3)), velocities=np.zeros((0, 3)), masses=np.zeros(0), types=None, ids=None)
+    none = one.replace(
+        positions=np.zeros((0, 3)), velocities=np.zeros((0, 3)), masses=np.zeros(0), types=None, ids=None
+    )
     ds = atc.fields(none, BruteLJ(cutoff=4.0), kern, grid, ["density", "stress", "temperature"]).isel(frame=0)
-    assert (ds.density == 0).all() and (ds.stress_potential == 0).all() and not ds.mask.any() and np.isnan(ds.temperature).all()
+    assert (
+        (ds.density == 0).all()
+        and (ds.stress_potential == 0).all()
+        and not ds.mask.any()
+        and np.isnan(ds.temperature).all()
+    )
 
 
 def test_uniform_drift_of_a_million_thermal_speeds():

@@ -21,7 +21,9 @@ KERN = ("quartic", 4.5)
 
 def points_near(frame, n=6, seed=3):
     rng = np.random.default_rng(seed)
-    return frame.positions[rng.permutation(len(frame))[:n] % len(frame)] + rng.uniform(-0.8, 0.8, (min(n, len(frame)), 3))
+    return frame.positions[rng.permutation(len(frame))[:n] % len(frame)] + rng.uniform(
+        -0.8, 0.8, (min(n, len(frame)), 3)
+    )
 
 
 def ordered(bonds):
@@ -47,7 +49,9 @@ def naive(frame, kern, points, pot):
     T = site(m[:, None, None] * v[:, :, None] * v[:, None, :]).reshape(-1, 3, 3)
     sigma_K = -(T - rho[:, None, None] * v_g[:, :, None] * v_g[:, None, :])
     J = site(e[:, None] * v)
-    S = bond_sum(points, x[b.i], b.r_bc, np.einsum("b,bi,bj->bij", b.G_b, b.r_bc, b.r_bc).reshape(-1, 9), kern, cell).reshape(-1, 3, 3)
+    S = bond_sum(
+        points, x[b.i], b.r_bc, np.einsum("b,bi,bj->bij", b.G_b, b.r_bc, b.r_bc).reshape(-1, 9), kern, cell
+    ).reshape(-1, 3, 3)
     # the bond (j, k) and the bond (k, j) are the same line: both start at x_i of the unordered bond
     j, k, x_jk, D = ordered(b)
     start, line = np.tile(x[b.i], (2, 1)), np.tile(b.r_bc, (2, 1))
@@ -118,11 +122,15 @@ def test_energy_flux_is_what_its_parts_say(name):
     """J + A = ε v − σ v + q, and the churning tensor has no divergence: the force follows from the energy sources at every atom."""
     frame, pot = system(name, seed=1)
     grid = atc.Grid.points(points_near(frame, 12))
-    ds = atc.fields(frame, pot, atc.kernel(*KERN), grid, ["energy", "stress", "velocity", "momentum", *FLUXES, "density"]).isel(frame=0)
+    ds = atc.fields(
+        frame, pot, atc.kernel(*KERN), grid, ["energy", "stress", "velocity", "momentum", *FLUXES, "density"]
+    ).isel(frame=0)
     f = {q: frame.units.to_internal(QUANTITIES[q].dimension, ds[q].values) for q in ds.data_vars if q in QUANTITIES}
     v = f["velocity"]
     total = f["energy"][:, None] * v - np.einsum("gij,gj->gi", f["stress"], v) + f["heat_flux"]
-    scale = np.abs(f["energy_flux"]).max() + np.abs(f["heat_flux_potential"]).max() + np.abs(f["energy"][:, None] * v).max()
+    scale = (
+        np.abs(f["energy_flux"]).max() + np.abs(f["heat_flux_potential"]).max() + np.abs(f["energy"][:, None] * v).max()
+    )
     # rounding: sums of some hundred terms, and differences of them
     np.testing.assert_allclose(total, f["energy_flux"], rtol=0, atol=1e-12 * scale)
     forces = np.abs(pot.decompose(frame).forces_nc).max()
@@ -154,11 +162,16 @@ def test_integrals_over_the_box(partition):
     current = u.to_internal("energy_current", ds.heat_current.values)
     # 1e-10: the direct deposit cuts Gaussians at 1e-16 of their peak
     np.testing.assert_allclose(
-        u.to_internal("energy_flux", flux.values) * u.factor("volume"), current, rtol=0, atol=1e-10 * np.abs(current).max()
+        u.to_internal("energy_flux", flux.values) * u.factor("volume"),
+        current,
+        rtol=0,
+        atol=1e-10 * np.abs(current).max(),
     )
     assert abs(ds.churning.mean(("x", "y", "z"))).max() < 1e-10 * abs(ds.churning).max()
     assert abs(ds.churning).max() > 0
-    wide = atc.fields(frame, pot, atc.kernel("gaussian", width=12.0), atc.Grid.points(frame.positions[:2]), ["heat_flux"]).isel(frame=0)
+    wide = atc.fields(
+        frame, pot, atc.kernel("gaussian", width=12.0), atc.Grid.points(frame.positions[:2]), ["heat_flux"]
+    ).isel(frame=0)
     # exp(-2 π² w²/a²) is 1e-42: at this width every field is its mean
     got = u.to_internal("energy_flux", wide.heat_flux.values) * frame.cell.volume
     np.testing.assert_allclose(got, np.tile(current, (2, 1)), rtol=0, atol=1e-9 * np.abs(current).max())
@@ -173,7 +186,9 @@ def test_what_depends_on_the_partition(name):
     names = ["stress_potential", "heat_flux", "churning", "churning_divergence"]
     a, b = (atc.fields(frame, pot, kern, grid, names) for pot in (equal, center))
     assert a.attrs["decomposition"] != b.attrs["decomposition"]
-    np.testing.assert_allclose(a.stress_potential, b.stress_potential, rtol=0, atol=1e-12 * float(abs(a.stress_potential).max()))
+    np.testing.assert_allclose(
+        a.stress_potential, b.stress_potential, rtol=0, atol=1e-12 * float(abs(a.stress_potential).max())
+    )
     for q in ("heat_flux", "churning"):
         assert float(abs(a[q] - b[q]).max()) > 1e-3 * float(abs(a[q]).max()), q
     for ds in (a, b):
@@ -224,8 +239,12 @@ def test_two_streams():
 
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", AtcWarning)
-            a, b = (atc.fields(f, BruteLJ(), kern, atc.Grid.points(points), ["heat_flux_kinetic"]) for f in (still, moving))
-        np.testing.assert_allclose(b.heat_flux_kinetic, a.heat_flux_kinetic, rtol=0, atol=1e-6 * float(abs(a.heat_flux_kinetic).max()))
+            a, b = (
+                atc.fields(f, BruteLJ(), kern, atc.Grid.points(points), ["heat_flux_kinetic"]) for f in (still, moving)
+            )
+        np.testing.assert_allclose(
+            b.heat_flux_kinetic, a.heat_flux_kinetic, rtol=0, atol=1e-6 * float(abs(a.heat_flux_kinetic).max())
+        )
 
 
 def test_rotation():
@@ -242,8 +261,12 @@ def test_rotation():
         for f, p in ((frame, points), (turned, points @ Q.T))
     )
     for q in ("heat_flux", "heat_flux_churning", "energy_flux", "heat_current", "vorticity"):
-        np.testing.assert_allclose(b[q].values, a[q].values @ Q.T, rtol=0, atol=1e-11 * float(abs(a[q]).max()), err_msg=q)
-    np.testing.assert_allclose(b.churning, np.einsum("ai,bj,gij->gab", Q, Q, a.churning), rtol=0, atol=1e-11 * float(abs(a.churning).max()))
+        np.testing.assert_allclose(
+            b[q].values, a[q].values @ Q.T, rtol=0, atol=1e-11 * float(abs(a[q]).max()), err_msg=q
+        )
+    np.testing.assert_allclose(
+        b.churning, np.einsum("ai,bj,gij->gab", Q, Q, a.churning), rtol=0, atol=1e-11 * float(abs(a.churning).max())
+    )
     np.testing.assert_allclose(
         b.churning_heat_source, a.churning_heat_source, rtol=0, atol=1e-10 * float(abs(a.churning_heat_source).max())
     )
@@ -271,7 +294,9 @@ def hot_config(cell, counts, kinds=2, seed=0, style="metal", jitter=0.2, speed=3
     cell = np.asarray(cell, float)
     x, t = thermal_lattice(cell, counts, jitter=jitter, kinds=kinds, seed=seed)
     v = speed * np.random.default_rng(seed).normal(size=x.shape) + speed * np.array([0.2, 0.1, -0.1])
-    return Config(cell, x, types=t, masses={k + 1: 20.0 + 15 * k for k in range(kinds)}, velocities=v, units=style, ntypes=kinds)
+    return Config(
+        cell, x, types=t, masses={k + 1: 20.0 + 15 * k for k in range(kinds)}, velocities=v, units=style, ntypes=kinds
+    )
 
 
 TILTED = np.array([[11.0, 0, 0], [2.5, 12.0, 0], [-2.0, 3.0, 13.0]])
@@ -300,7 +325,9 @@ def current(frame, pot):
     return atc.fields(frame, pot, quantities=["heat_current"]).heat_current.values[0]
 
 
-@pytest.mark.parametrize("name", [n for n in SMOOTH if n.split()[0] in ("lj", "morse", "atm", "3-body", "4-body", "5-body")])
+@pytest.mark.parametrize(
+    "name", [n for n in SMOOTH if n.split()[0] in ("lj", "morse", "atm", "3-body", "4-body", "5-body")]
+)
 def test_current_is_the_rate_of_the_energy_moment(name):
     """d/dt Σ e_j r_j of an isolated cluster by central differences along the exact motion; the error falls with the square of the step."""
     frame, pot = system(name, seed=6)
@@ -336,7 +363,11 @@ def silicon_cluster(seed=0):
     rng = np.random.default_rng(seed)
     x = s + rng.uniform(-0.1, 0.1, s.shape)
     return Frame(
-        x, Cell([40.0] * 3, periodic=(False,) * 3), units("metal"), masses=np.full(8, 28.0855), velocities=0.05 * rng.normal(size=x.shape)
+        x,
+        Cell([40.0] * 3, periodic=(False,) * 3),
+        units("metal"),
+        masses=np.full(8, 28.0855),
+        velocities=0.05 * rng.normal(size=x.shape),
     )
 
 
@@ -361,7 +392,9 @@ def test_embedded_atoms():
     np.testing.assert_allclose(ds.heat_current_convective, convective, rtol=0, atol=1e-10 * np.abs(convective).max())
     b = pot.decompose(frame).bonds
     halves = -0.5 * np.einsum("b,bc,bc,bd->d", b.G_b, b.r_bc, frame.velocities[b.i] + frame.velocities[b.j], b.r_bc)
-    np.testing.assert_allclose(frame.units.to_user("energy_current", halves), total - convective, rtol=0, atol=1e-10 * np.abs(total).max())
+    np.testing.assert_allclose(
+        frame.units.to_user("energy_current", halves), total - convective, rtol=0, atol=1e-10 * np.abs(total).max()
+    )
     difference = np.abs(ds.heat_current.values - total).max() / np.abs(total).max()
     assert 1e-4 < difference < 0.5, difference
     cluster = Frame(frame.positions[:14], Cell([60.0] * 3, periodic=(False,) * 3), frame.units, types=frame.types[:14], masses=frame.masses[:14],
@@ -390,7 +423,11 @@ def test_only_what_is_needed_is_computed(monkeypatch):
         # the first call tells unfinished outputs apart; main sum and check alike
         return [c["sources"] for c in pot.calls], sorted(set(spy.made)), gathers[:]
 
-    assert run(["stress", "energy", "temperature"]) == ([False], [(0, 6), (13, 0)], [])  # no sources unless heat is asked for
+    assert run(["stress", "energy", "temperature"]) == (
+        [False],
+        [(0, 6), (13, 0)],
+        [],
+    )  # no sources unless heat is asked for
     assert run(["heat_flux"]) == ([True], [(0, 18), (17, 0)], [])
     assert run(["churning"], frame.replace(velocities=None, masses=None)) == ([True], [(0, 15)], [])
     assert run(["churning_divergence"], frame.replace(velocities=None, masses=None)) == ([True], [(4, 0)], [])
@@ -442,12 +479,16 @@ def test_grids_agree():
         scale = np.abs(n).max() if q != "churning_divergence" else np.inf
         np.testing.assert_allclose(n, at[q].values, rtol=0, atol=min(1e-11 * scale, 1.0), err_msg=q)
         assert box[q].attrs["error_max"] < 1e-10
-    slab = atc.fields(frame, pot, kern, atc.Grid.slab("z", 4), ["energy_flux", "churning", "energy", "heat_current"]).isel(frame=0)
+    slab = atc.fields(
+        frame, pot, kern, atc.Grid.slab("z", 4), ["energy_flux", "churning", "energy", "heat_current"]
+    ).isel(frame=0)
     # 4 bins of a periodic axis are not its mean: compare with the mean over a fine lattice of each plane instead
     fine = atc.fields(frame, pot, kern, atc.Grid.regular(shape=(12, 12, 4)), ["energy_flux", "churning"]).isel(frame=0)
     for q in ("energy_flux", "churning"):
         # 12 points a plane for a kernel of radius 4.5 whose second derivative has kinks: 1e-3
-        np.testing.assert_allclose(fine[q].mean(("x", "y")), slab[q], rtol=0, atol=3e-3 * float(abs(slab[q]).max()), err_msg=q)
+        np.testing.assert_allclose(
+            fine[q].mean(("x", "y")), slab[q], rtol=0, atol=3e-3 * float(abs(slab[q]).max()), err_msg=q
+        )
 
 
 def test_curl():

@@ -93,7 +93,9 @@ def test_slope_of_marginals(name, radius):
         np.testing.assert_allclose(marginal_slope(m, z), -2 * np.pi * z * kern.phi(d), rtol=0, atol=1e-13 * m.phi(0.0))
     h = 1e-5
     # central differences: h² φ₁'''/6, and a kink of φ₁' within h of no point
-    np.testing.assert_allclose(marginal_slope(m, z), (m.phi(z + h) - m.phi(z - h)) / (2 * h), rtol=0, atol=1e-8 * m.phi(0.0))
+    np.testing.assert_allclose(
+        marginal_slope(m, z), (m.phi(z + h) - m.phi(z - h)) / (2 * h), rtol=0, atol=1e-8 * m.phi(0.0)
+    )
 
 
 @pytest.mark.parametrize("cell", ["tilted", "orthogonal"])
@@ -101,9 +103,12 @@ def test_slope_of_marginals(name, radius):
 def test_derivatives_of_fields(cell, name, radius):
     """∂_i of velocity and displacement by central differences of the fields themselves."""
     frame = argon(cell, seed=4)
-    reference = frame.replace(positions=frame.positions + np.random.default_rng(1).uniform(-0.3, 0.3, frame.positions.shape))
+    reference = frame.replace(
+        positions=frame.positions + np.random.default_rng(1).uniform(-0.3, 0.3, frame.positions.shape)
+    )
     reference = reference.replace(
-        cell=Cell(frame.cell.vectors @ DEFORM, frame.cell.origin, frame.cell.periodic), positions=reference.positions @ DEFORM
+        cell=Cell(frame.cell.vectors @ DEFORM, frame.cell.origin, frame.cell.periodic),
+        positions=reference.positions @ DEFORM,
     )
     kern, points, h = atc.kernel(name, radius=radius), frame.positions[:5] + 0.6, 1e-3
     stencil = np.concatenate([points, *(points + s * h * np.eye(3)[c] for c in range(3) for s in (1, -1))])
@@ -112,9 +117,13 @@ def test_derivatives_of_fields(cell, name, radius):
     n = len(points)
     for of in ("velocity", "displacement"):
         f = ds[of].values.reshape(7, n, 3)
-        want = np.stack([(f[1 + 2 * c] - f[2 + 2 * c]) / (2 * h) for c in range(3)], axis=1)  # [g, i derivative, j component]
+        want = np.stack(
+            [(f[1 + 2 * c] - f[2 + 2 * c]) / (2 * h) for c in range(3)], axis=1
+        )  # [g, i derivative, j component]
         # h² f'''/6 with f''' of order f/(radius/5)³
-        np.testing.assert_allclose(ds[f"{of}_gradient"].values[:n], want, rtol=0, atol=1e-5 * np.abs(want).max(), err_msg=of)
+        np.testing.assert_allclose(
+            ds[f"{of}_gradient"].values[:n], want, rtol=0, atol=1e-5 * np.abs(want).max(), err_msg=of
+        )
 
 
 DEFORM = np.array([[1.03, 0.02, 0.0], [-0.01, 0.98, 0.03], [0.02, 0.0, 1.01]])
@@ -122,7 +131,9 @@ DEFORM = np.array([[1.03, 0.02, 0.0], [-0.01, 0.98, 0.03], [0.02, 0.0, 1.01]])
 
 def test_parts_of_the_velocity_gradient():
     frame = argon("tilted", seed=5)
-    ds = atc.fields(frame, None, atc.kernel("quartic", radius=5.0), atc.Grid.regular(shape=(3, 2, 4)), RATES).isel(frame=0)
+    ds = atc.fields(frame, None, atc.kernel("quartic", radius=5.0), atc.Grid.regular(shape=(3, 2, 4)), RATES).isel(
+        frame=0
+    )
     L = ds.velocity_gradient.values
     np.testing.assert_allclose(ds.strain_rate, (L + L.swapaxes(-1, -2)) / 2, rtol=0, atol=1e-15 * np.abs(L).max())
     eps = np.zeros((3, 3, 3))
@@ -135,7 +146,13 @@ def test_parts_of_the_velocity_gradient():
 def crystal(n=9, a=2.0, seed=None):
     """A simple cubic crystal in open space."""
     x = np.stack(np.meshgrid(*[np.arange(n) * a] * 3, indexing="ij"), -1).reshape(-1, 3)
-    return Frame(x, Cell([n * a] * 3, periodic=(False,) * 3), units("metal"), masses=np.full(len(x), 30.0), velocities=np.zeros_like(x))
+    return Frame(
+        x,
+        Cell([n * a] * 3, periodic=(False,) * 3),
+        units("metal"),
+        masses=np.full(len(x), 30.0),
+        velocities=np.zeros_like(x),
+    )
 
 
 def test_homogeneous_flow():
@@ -144,7 +161,9 @@ def test_homogeneous_flow():
     L = 1e-2 * np.array([[0.1, 0.3, 0.0], [-0.2, 0.05, 0.4], [0.1, 0.0, -0.15]])  # [i, j] = ∂v_i/∂x_j
     frame = frame.replace(velocities=frame.positions @ L.T + [0.1, 0.2, 0.3])
     middle = frame.positions.mean(0) + [0.3, -0.2, 0.5]
-    kern = atc.kernel("bspline", radius=4.0)  # knots as far apart as atoms: a partition of unity that reproduces linear functions
+    kern = atc.kernel(
+        "bspline", radius=4.0
+    )  # knots as far apart as atoms: a partition of unity that reproduces linear functions
     ds = atc.fields(frame, None, kern, atc.Grid.points([middle]), RATES, tolerance=1e-5).isel(frame=0)
     to = frame.units.to_user("rate", 1.0)
     got = ds.velocity_gradient.values[0] / to
@@ -159,7 +178,11 @@ def test_rigid_rotation_turns_with_twice_its_rate():
     frame, w = crystal(), 1e-2 * np.array([0.1, -0.2, 0.3])
     frame = frame.replace(velocities=np.cross(w, frame.positions))
     ds = atc.fields(
-        frame, None, atc.kernel("bspline", radius=4.0), atc.Grid.points([frame.positions.mean(0)]), ["vorticity", "strain_rate"]
+        frame,
+        None,
+        atc.kernel("bspline", radius=4.0),
+        atc.Grid.points([frame.positions.mean(0)]),
+        ["vorticity", "strain_rate"],
     ).isel(frame=0)
     np.testing.assert_allclose(ds.vorticity.values[0] / frame.units.to_user("rate", 1.0), 2 * w, rtol=0, atol=1e-12)
     assert np.abs(ds.strain_rate).max() < 1e-12
@@ -248,9 +271,9 @@ def test_homogeneous_deformation():
     frame = reference.replace(positions=x @ DEFORM, cell=Cell(reference.cell.vectors @ DEFORM))
     kern = atc.kernel("gaussian", width=2.4)  # ripple of the crystal: exp(−2π² w²/a²) = 5e-13
     points = frame.cell.cartesian([[0.05, 0.5, 0.97], [0.4, 0.3, 0.2], [-0.6, 1.5, 0.1]])
-    ds = atc.fields(frame, None, kern, atc.Grid.points(points), ["displacement", "displacement_gradient"], reference=reference).isel(
-        frame=0
-    )
+    ds = atc.fields(
+        frame, None, kern, atc.Grid.points(points), ["displacement", "displacement_gradient"], reference=reference
+    ).isel(frame=0)
     h = np.eye(3) - np.linalg.inv(DEFORM)
     np.testing.assert_allclose(ds.displacement, points @ h, rtol=0, atol=1e-10)
     np.testing.assert_allclose(ds.displacement_gradient, np.tile(h, (3, 1, 1)), rtol=0, atol=1e-10)
@@ -260,9 +283,13 @@ def test_homogeneous_deformation():
 def test_slabs_of_a_deformed_cell_are_refused():
     reference, frame = pair()
     with pytest.raises(AtcError, match="slab"):
-        atc.fields(frame, None, atc.kernel("quartic", radius=5.0), atc.Grid.slab("z", 5), ["displacement"], reference=reference)
+        atc.fields(
+            frame, None, atc.kernel("quartic", radius=5.0), atc.Grid.slab("z", 5), ["displacement"], reference=reference
+        )
     same = frame.replace(cell=reference.cell, positions=reference.positions + 0.1)
-    ds = atc.fields(same, None, atc.kernel("quartic", radius=5.0), atc.Grid.slab("z", 5), ["displacement"], reference=reference)
+    ds = atc.fields(
+        same, None, atc.kernel("quartic", radius=5.0), atc.Grid.slab("z", 5), ["displacement"], reference=reference
+    )
     np.testing.assert_allclose(ds.displacement, 0.1, rtol=1e-10)
 
 
@@ -285,7 +312,9 @@ def test_vacuum_is_masked():
     z = frame.positions[:, 2].mean()
     points = np.array([[1.0, 1.0, z], [1.0, 1.0, z + 11.5]])
     names = [*RATES, "displacement", "displacement_gradient", "eshelby_stress"]
-    ds = atc.fields(frame, BruteLJ(), atc.kernel("quartic", radius=4.0), atc.Grid.points(points), names, reference=frame).isel(frame=0)
+    ds = atc.fields(
+        frame, BruteLJ(), atc.kernel("quartic", radius=4.0), atc.Grid.points(points), names, reference=frame
+    ).isel(frame=0)
     for q in names:
         assert np.isnan(ds[q].values[1]).all() and np.isfinite(ds[q].values[0]).all(), q
     assert float(abs(ds.displacement[0]).max()) == 0 and float(abs(ds.eshelby_stress[0]).max()) == 0
@@ -299,7 +328,10 @@ def test_time_average_is_weighted_by_mass():
     mean = atc.fields(frames, None, kern, grid, ["velocity_gradient"], average=True)
     want = (single.velocity_gradient * single.density).sum("frame") / single.density.sum("frame")
     np.testing.assert_allclose(
-        mean.velocity_gradient.values[0], want.transpose("x", "y", "z", "i", "j"), rtol=0, atol=1e-12 * float(abs(want).max())
+        mean.velocity_gradient.values[0],
+        want.transpose("x", "y", "z", "i", "j"),
+        rtol=0,
+        atol=1e-12 * float(abs(want).max()),
     )
 
 
@@ -313,15 +345,26 @@ def test_eshelby_by_brute_force(name):
     H = reference.cell.vectors @ DEFORM
     F = np.linalg.inv(reference.cell.vectors) @ H
     x = (reference.positions - reference.cell.origin) @ F + reference.cell.origin
-    frame = reference.replace(positions=x + np.random.default_rng(9).uniform(-0.1, 0.1, x.shape), cell=Cell(H, reference.cell.origin))
+    frame = reference.replace(
+        positions=x + np.random.default_rng(9).uniform(-0.1, 0.1, x.shape), cell=Cell(H, reference.cell.origin)
+    )
     kern, points, h = atc.kernel("quartic", radius=4.5), reference.positions[:5] + 0.5, 1e-3
-    ds = atc.fields(frame, pot, kern, atc.Grid.points(points), ["piola_stress", "eshelby_stress"], reference=reference).isel(frame=0)
+    ds = atc.fields(
+        frame, pot, kern, atc.Grid.points(points), ["piola_stress", "eshelby_stress"], reference=reference
+    ).isel(frame=0)
     u = frame.units
     W = site_sum(
-        points, reference.positions, (pot.decompose(frame).energies_n - pot.decompose(reference).energies_n)[:, None], kern, reference.cell
+        points,
+        reference.positions,
+        (pot.decompose(frame).energies_n - pot.decompose(reference).energies_n)[:, None],
+        kern,
+        reference.cell,
     )[:, 0]
     P = u.to_internal("pressure", ds.piola_stress.values)
-    step = [[displaced_by_brute_force(frame, reference, kern, points + s * h * e, "reference") for s in (1, -1)] for e in np.eye(3)]
+    step = [
+        [displaced_by_brute_force(frame, reference, kern, points + s * h * e, "reference") for s in (1, -1)]
+        for e in np.eye(3)
+    ]
     grad = np.stack([(a - b) / (2 * h) for a, b in step], axis=1)  # [g, j, k] = ∂_j u_k
     want = W[:, None, None] * np.eye(3) - P @ grad.swapaxes(1, 2)
     got = u.to_internal("pressure", ds.eshelby_stress.values)
@@ -343,13 +386,15 @@ def test_eshelby_of_a_homogeneous_deformation():
 
     F = np.array([[1.02, 0.01, 0.0], [0.0, 0.99, 0.02], [0.01, 0.0, 1.01]])  # [i, k] = ∂x_k/∂X_i
     h = 1e-5
-    P = np.array([[(W(F + h * np.outer(e, f)) - W(F - h * np.outer(e, f))) / (2 * h) for f in np.eye(3)] for e in np.eye(3)])
+    P = np.array(
+        [[(W(F + h * np.outer(e, f)) - W(F - h * np.outer(e, f))) / (2 * h) for f in np.eye(3)] for e in np.eye(3)]
+    )
     want = W(F) * np.eye(3) - P @ (F - np.eye(3)).T
     frame = reference.replace(positions=x @ F, cell=Cell(reference.cell.vectors @ F))
     points = [[0.1, 3.0, 5.0], [6.0, 6.5, 7.0]]
-    ds = atc.fields(frame, pot, atc.kernel("gaussian", width=4.8), atc.Grid.points(points), ["eshelby_stress"], reference=reference).isel(
-        frame=0
-    )
+    ds = atc.fields(
+        frame, pot, atc.kernel("gaussian", width=4.8), atc.Grid.points(points), ["eshelby_stress"], reference=reference
+    ).isel(frame=0)
     got = frame.units.to_internal("pressure", ds.eshelby_stress.values)
     # central differences of the energy: h² W''' and 1e-16 W/h
     np.testing.assert_allclose(got, np.tile(want, (2, 1, 1)), rtol=0, atol=1e-7 * np.abs(want).max())

@@ -44,7 +44,9 @@ class Skew(BruteLJ):
             for k, part in enumerate((slice(0, half), slice(half, None))):
                 chunk = Bonds(bonds.i[part], bonds.j[part], bonds.r_bc[part], bonds.G_b[part], F_bc=bonds.F_bc[part])
                 consume(chunk, k % threads)
-        return Decomposition(float(e_n.sum()), bonds.virial(), e_n if energies else None, F_nc if forces else None, n_bonds=len(bonds))
+        return Decomposition(
+            float(e_n.sum()), bonds.virial(), e_n if energies else None, F_nc if forces else None, n_bonds=len(bonds)
+        )
 
 
 class Springs:
@@ -149,16 +151,27 @@ def test_mean_weight_beyond_reach_is_zero():
 def test_lehoucq_silling_is_hardys(cell):
     frame = argon(cell, seed=2)
     points = frame.positions[:5] + 0.4
-    ds = atc.fields(frame, BruteLJ(), atc.kernel("quartic", 5.0), atc.Grid.points(points), ["peridynamic_stress", "stress_potential"])
+    ds = atc.fields(
+        frame,
+        BruteLJ(),
+        atc.kernel("quartic", 5.0),
+        atc.Grid.points(points),
+        ["peridynamic_stress", "stress_potential"],
+    )
     assert np.array_equal(ds.peridynamic_stress, ds.stress_potential) and float(abs(ds.peridynamic_stress).max()) > 0
-    assert ds.peridynamic_stress.attrs["units"] == "bar" and "face normal" in ds.peridynamic_stress.attrs["sign_convention"]
+    assert (
+        ds.peridynamic_stress.attrs["units"] == "bar"
+        and "face normal" in ds.peridynamic_stress.attrs["sign_convention"]
+    )
     # the shape W gives it: −½ over ordered pairs of F_IJ⊗x_IJ, force first
     bonds, _, _ = BruteLJ().evaluate(frame)
     F = bonds.forces()
     x = frame.positions[bonds.i]
     both = [(x, bonds.r_bc, F), (x - bonds.r_bc, -bonds.r_bc, -F)]
     want = sum(
-        bond_sum(points, a, r, -0.5 * np.einsum("bk,bi->bik", f, r).reshape(-1, 9), atc.kernel("quartic", 5.0), frame.cell)
+        bond_sum(
+            points, a, r, -0.5 * np.einsum("bk,bi->bik", f, r).reshape(-1, 9), atc.kernel("quartic", 5.0), frame.cell
+        )
         for a, r, f in both
     ).reshape(-1, 3, 3)
     np.testing.assert_allclose(internal(ds, "peridynamic_stress"), want, rtol=0, atol=ROUNDING * np.abs(want).max())
@@ -184,7 +197,9 @@ def test_divergence_of_noncentral_forces_is_their_density():
     np.testing.assert_allclose(divergence, want, rtol=0, atol=1e-9 * np.abs(want).max())
     # the same bonds behind Hardy's stress, and behind the reference stress of an undeformed body
     np.testing.assert_allclose(internal(ds, "stress_potential"), field, rtol=0, atol=0)
-    np.testing.assert_allclose(internal(ds, "peridynamic_piola_stress"), field, rtol=0, atol=ROUNDING * np.abs(field).max())
+    np.testing.assert_allclose(
+        internal(ds, "peridynamic_piola_stress"), field, rtol=0, atol=ROUNDING * np.abs(field).max()
+    )
 
 
 def test_quantities_that_know_central_forces_only_refuse_others():
@@ -241,7 +256,13 @@ def test_reference_tensors(pot):
     ]
     kern = atc.kernel("quartic", 5.0)
     ds = atc.fields(
-        frame, pot, kern, atc.Grid.points(points), [*names, "peridynamic_stress_nodal_virial"], reference=reference, horizon=6.0
+        frame,
+        pot,
+        kern,
+        atc.Grid.points(points),
+        [*names, "peridynamic_stress_nodal_virial"],
+        reference=reference,
+        horizon=6.0,
     )
     bonds, _, _ = pot.evaluate(frame)
     shift = np.rint((frame.positions[bonds.i] - frame.positions[bonds.j] - bonds.r_bc) @ frame.cell.inverse)
@@ -264,7 +285,9 @@ def test_reference_tensors(pot):
 def test_nodal_virial_is_the_per_atom_virial_by_volume():
     frame = argon("slab", seed=5)
     frame.extra = {"volume": np.linspace(20.0, 40.0, len(frame))}
-    ds = atc.fields(frame, BruteLJ(), quantities=["peridynamic_stress_nodal_virial", "virial_stress_per_atom_potential"])
+    ds = atc.fields(
+        frame, BruteLJ(), quantities=["peridynamic_stress_nodal_virial", "virial_stress_per_atom_potential"]
+    )
     want = ds.virial_stress_per_atom_potential.values[0] / frame.extra["volume"][:, None, None]
     np.testing.assert_allclose(ds.peridynamic_stress_nodal_virial[0], want, rtol=0, atol=1e-13 * np.abs(want).max())
 
@@ -277,7 +300,9 @@ def test_rotation_and_translation():
         [[1, 0, 0], [0, np.cos(b), -np.sin(b)], [0, np.sin(b), np.cos(b)]]
     )
     far = np.array([300.0, -20.0, 5.0])
-    moved = frame.replace(positions=frame.positions @ Q.T + far, cell=Cell(frame.cell.vectors @ Q.T, frame.cell.origin + far, [False] * 3))
+    moved = frame.replace(
+        positions=frame.positions @ Q.T + far, cell=Cell(frame.cell.vectors @ Q.T, frame.cell.origin + far, [False] * 3)
+    )
 
     class Turned(Skew):
         def evaluate(self, frame):
@@ -330,9 +355,9 @@ def test_homogeneous_deformation(m, low, high):
              for w, xi in zip(lens, pot.offsets)]  # fmt: skip
     assert 0.35 < sum(parts)[0, 0] / frame.cell.volume / classical[0, 0] < 0.56
     # At the nodes, as W would have it evaluated: a value of its own, and no better.
-    at_node = atc.fields(frame, pot, grid=atc.Grid.atoms(), quantities=VARIANTS[:1], horizon=float(m) * 1.002)[VARIANTS[0]].values.reshape(
-        3, 3
-    )
+    at_node = atc.fields(frame, pot, grid=atc.Grid.atoms(), quantities=VARIANTS[:1], horizon=float(m) * 1.002)[
+        VARIANTS[0]
+    ].values.reshape(3, 3)
     assert 0.15 < at_node[0, 0] / classical[0, 0] < 0.30
 
 
@@ -345,7 +370,9 @@ def test_homogeneous_deformation_in_fewer_dimensions(dimension):
     ds = atc.fields(frame, pot, grid=atc.Grid.regular(shape=shape), quantities=VARIANTS, horizon=3.006)
     normalised = ds[VARIANTS[1]].values[0].reshape(-1, 3, 3).mean(0)
     # jumps again, sampled at 200 points an axis
-    np.testing.assert_allclose(normalised, classical, rtol=0, atol=2e-2 / (1 + 4 * (dimension == 2)) * np.abs(classical).max())
+    np.testing.assert_allclose(
+        normalised, classical, rtol=0, atol=2e-2 / (1 + 4 * (dimension == 2)) * np.abs(classical).max()
+    )
 
 
 # --- what cannot be done says so
@@ -384,8 +411,14 @@ quantities = ["peridynamic_stress_weighted_virial"]
 horizon = 2.0
 """
     rng = np.random.default_rng(0)
-    s = (np.stack(np.meshgrid(*[np.arange(5)] * 3, indexing="ij"), -1).reshape(-1, 3) + 0.5) * 1.1 + rng.uniform(-0.05, 0.05, (125, 3))
-    lines = ["ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n125\nITEM: BOX BOUNDS pp pp pp\n" + "0 5.5\n" * 3 + "ITEM: ATOMS id type x y z"]
+    s = (np.stack(np.meshgrid(*[np.arange(5)] * 3, indexing="ij"), -1).reshape(-1, 3) + 0.5) * 1.1 + rng.uniform(
+        -0.05, 0.05, (125, 3)
+    )
+    lines = [
+        "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n125\nITEM: BOX BOUNDS pp pp pp\n"
+        + "0 5.5\n" * 3
+        + "ITEM: ATOMS id type x y z"
+    ]
     lines += [f"{k + 1} 1 {p[0]:.12g} {p[1]:.12g} {p[2]:.12g}" for k, p in enumerate(s)]
     (tmp_path / "melt.dump").write_text("\n".join(lines) + "\n")
     (tmp_path / "scene.toml").write_text(text)

@@ -17,14 +17,18 @@ def deformed(reference, F, seed=1, shake=0.1):
     rng = np.random.default_rng(seed)
     cell = reference.cell
     new = Cell(cell.vectors @ F.T, cell.origin @ F.T, cell.periodic)
-    return reference.replace(positions=reference.positions @ F.T + rng.uniform(-shake, shake, reference.positions.shape), cell=new)
+    return reference.replace(
+        positions=reference.positions @ F.T + rng.uniform(-shake, shake, reference.positions.shape), cell=new
+    )
 
 
 F = np.array([[1.06, 0.04, 0.0], [-0.03, 0.97, 0.05], [0.02, 0.0, 1.01]])
 
 
 def piola(frame, reference, points, pot=None):
-    return atc.fields(frame, pot or BruteLJ(), atc.kernel(*KERN), atc.Grid.points(points), ["piola_stress"], reference=reference)
+    return atc.fields(
+        frame, pot or BruteLJ(), atc.kernel(*KERN), atc.Grid.points(points), ["piola_stress"], reference=reference
+    )
 
 
 @pytest.mark.parametrize("cell", ["orthogonal", "tilted", "slab", "open"])
@@ -35,7 +39,9 @@ def test_definition_by_brute_force(cell):
     pot = BruteLJ()
     bonds, _, _ = pot.evaluate(frame)
     # atoms are in their own images: the shift of the current bond is the shift of the reference bond
-    shift = np.rint((frame.positions[bonds.i] - frame.positions[bonds.j] - bonds.r_bc) @ np.linalg.inv(frame.cell.vectors))
+    shift = np.rint(
+        (frame.positions[bonds.i] - frame.positions[bonds.j] - bonds.r_bc) @ np.linalg.inv(frame.cell.vectors)
+    )
     R = reference.positions[bonds.i] - reference.positions[bonds.j] - shift @ reference.cell.vectors
     b = np.einsum("b,bi,bj->bij", bonds.G_b, R, bonds.r_bc).reshape(-1, 9)
     want = bond_sum(points, reference.positions[bonds.i], R, b, atc.kernel(*KERN), reference.cell).reshape(-1, 3, 3)
@@ -50,8 +56,17 @@ def test_definition_by_brute_force(cell):
 def test_reference_is_the_current_frame():
     frame = argon("tilted", seed=5)
     points = frame.positions[:5] + 0.3
-    ds = atc.fields(frame, BruteLJ(), atc.kernel(*KERN), atc.Grid.points(points), ["piola_stress", "stress_potential"], reference=frame)
-    np.testing.assert_allclose(ds.piola_stress, ds.stress_potential, rtol=0, atol=1e-12 * float(abs(ds.stress_potential).max()))
+    ds = atc.fields(
+        frame,
+        BruteLJ(),
+        atc.kernel(*KERN),
+        atc.Grid.points(points),
+        ["piola_stress", "stress_potential"],
+        reference=frame,
+    )
+    np.testing.assert_allclose(
+        ds.piola_stress, ds.stress_potential, rtol=0, atol=1e-12 * float(abs(ds.stress_potential).max())
+    )
 
 
 @pytest.mark.parametrize("flags", [False, True])
@@ -120,7 +135,9 @@ def test_divergence_is_the_force_density_of_the_reference():
     centre = reference.cell.cartesian([[0.3, 0.4, 0.6], [0.8, 0.1, 0.2]])
     steps = np.arange(1, 6) * h
     points = [p + s * k * e for p in centre for e in np.eye(3) for k in steps for s in (1, -1)]
-    ds = atc.fields(frame, pot, kern, atc.Grid.points(np.array(points)), ["piola_stress"], tolerance=1e-12, reference=reference)
+    ds = atc.fields(
+        frame, pot, kern, atc.Grid.points(np.array(points)), ["piola_stress"], tolerance=1e-12, reference=reference
+    )
     P = frame.units.to_internal("pressure", ds.piola_stress.values[0]).reshape(2, 3, 5, 2, 3, 3)
     divergence = np.einsum("k,pmkmn->pn", c, P[:, :, :, 0] - P[:, :, :, 1])
     from naive_fields import site_sum

@@ -22,7 +22,16 @@ from atc.running import run
 
 KERN = atc.kernel("quartic", radius=5.5)
 GRID = atc.Grid.regular(shape=(5, 4, 6))
-LINEAR = ["number_density", "density", "momentum", "velocity", "stress_potential", "energy", "energy_flux", "peridynamic_stress"]
+LINEAR = [
+    "number_density",
+    "density",
+    "momentum",
+    "velocity",
+    "stress_potential",
+    "energy",
+    "energy_flux",
+    "peridynamic_stress",
+]
 
 
 def quiet(*args, **more):
@@ -84,7 +93,9 @@ def test_every_field_that_is_called_linear_is(monkeypatch):
         if not groups.added_up(work):
             assert not q.linear or work.on_reference
             continue
-        together, single = both(monkeypatch, 4, frames, pot, atc.kernel("quartic", 4.0), atc.Grid.regular(shape=4), [name], 1e-12)
+        together, single = both(
+            monkeypatch, 4, frames, pot, atc.kernel("quartic", 4.0), atc.Grid.regular(shape=4), [name], 1e-12
+        )
         if name != "churning_divergence":  # rounding
             close(together, single, 1e-11)
 
@@ -98,7 +109,13 @@ def test_what_is_added_up():
     # σ_K frame by frame, σ_U together
     assert found("stress") == {"bond"} and found("stress", "density", "temperature", "virial_stress") == {"bond"}
     assert found("energy_flux") == {"site", "bond"}
-    for names in (("temperature",), ("heat_flux",), ("stress", "heat_flux"), ("energy_flux", "temperature"), ("virial_stress",)):
+    for names in (
+        ("temperature",),
+        ("heat_flux",),
+        ("stress", "heat_flux"),
+        ("energy_flux", "temperature"),
+        ("virial_stress",),
+    ):
         assert not found(*names)
     for names in (
         ("velocity_gradient",),
@@ -110,16 +127,35 @@ def test_what_is_added_up():
 
 
 def test_windows_keep_enough_blocks():
-    assert [groups.size_of(w, 4000) for w in (1, 63, 64, 127, 128, 256, 511, 512, 10**6)] == [1, 1, 4, 4, 8, 16, 16, 16, 16]
+    assert [groups.size_of(w, 4000) for w in (1, 63, 64, 127, 128, 256, 511, 512, 10**6)] == [
+        1,
+        1,
+        4,
+        4,
+        8,
+        16,
+        16,
+        16,
+        16,
+    ]
     assert [groups.size_of(10**4, n) for n in (32_000, 64_000, 256_000, 10**6)] == [16, 8, 2, 1]
     frames = [argon()] * 300
     request = Request(frames, BruteLJ(), KERN, GRID, ["stress"], average=130)
     # two windows in groups of 8, and one of 40 frames
     sizes = list(request.groups())
-    assert sizes[:2] == [(0, 8), (8, 8)] and sizes[16:18] == [(128, 2), (130, 8)] and sizes[-40:] == [(k, 1) for k in range(260, 300)]
+    assert (
+        sizes[:2] == [(0, 8), (8, 8)]
+        and sizes[16:18] == [(128, 2), (130, 8)]
+        and sizes[-40:] == [(k, 1) for k in range(260, 300)]
+    )
     assert list(request.groups(146)) == [s for s in sizes if s[0] >= 146]
     assert "added up 8 at a time" in str(plan(request))
-    for more in ({"average": False}, {"average": 50}, {"average": True, "grid": atc.Grid.atoms()}, {"average": True, "tiles": (2, 1, 1)}):
+    for more in (
+        {"average": False},
+        {"average": 50},
+        {"average": True, "grid": atc.Grid.atoms()},
+        {"average": True, "tiles": (2, 1, 1)},
+    ):
         assert Request(frames, BruteLJ(), KERN, **{"grid": GRID, "quantities": ["stress"], **more}).group() == 1
     other = argon().replace(cell=Cell([9.1, 10.0, 11.0], [-3.0, 2.0, 50.0]))
     assert Request([frames[0], other] * 100, BruteLJ(), KERN, GRID, ["stress"], average=True).group() == 1
@@ -138,7 +174,10 @@ def test_a_cell_that_changes_ends_a_sum(monkeypatch):
 def test_where_matter_comes_and_goes(monkeypatch):
     """Points without mass in some frames or in all of them: weights and masks are those of single frames."""
     one = argon(Cell([30.0, 9.0, 9.0]), n=(2, 1, 1), jitter=0.1)
-    frames = [one.replace(positions=one.positions + [0.7 * k, 0, 0], velocities=one.velocities + [0.01 * k, 0, 0]) for k in range(9)]
+    frames = [
+        one.replace(positions=one.positions + [0.7 * k, 0, 0], velocities=one.velocities + [0.01 * k, 0, 0])
+        for k in range(9)
+    ]
     grid = atc.Grid.regular(shape=(20, 3, 3))
     for what in (["velocity", "density"], ["velocity", "temperature", "stress_potential"]):
         together, single = both(monkeypatch, 4, frames, BruteLJ(), atc.kernel("quartic", 3.0), grid, what, 1e-12)
@@ -160,7 +199,9 @@ def test_the_promise_at_every_point(system, kernel, tolerances, spectral_wins, m
     frame, pot = calibrate.silicon(3) if system == "silicon" else calibrate.argon(5)
     if system == "gas":
         k = np.random.default_rng(2).permutation(len(frame))[: len(frame) // 8]
-        frame = frame.replace(positions=frame.positions[k], velocities=frame.velocities[k], masses=frame.masses[k], types=None, ids=None)
+        frame = frame.replace(
+            positions=frame.positions[k], velocities=frame.velocities[k], masses=frame.masses[k], types=None, ids=None
+        )
     frames = moving(frame.replace(velocities=np.zeros_like(frame.positions)), 5, 0.1)
     if system == "strong pair":  # in one frame only
         x = frames[2].positions
@@ -171,7 +212,9 @@ def test_the_promise_at_every_point(system, kernel, tolerances, spectral_wins, m
     monkeypatch.setattr(groups, "size_of", lambda window, atoms: 4)
     for tolerance in tolerances:
         together = quiet(frames, pot, kern, grid, what, tolerance)
-        assert "bonds: spectral" in together.attrs["method"] or together.attrs["method"] == "spectral" or tolerance < 1e-4
+        assert (
+            "bonds: spectral" in together.attrs["method"] or together.attrs["method"] == "spectral" or tolerance < 1e-4
+        )
         for name in ("stress", "stress_potential", "stress_kinetic", "density"):
             a, b = together[name].values, exact[name].values
             true, found = np.nanmax(np.abs(a - b)) / np.nanmax(np.abs(b)), together[name].attrs["error_max"]
@@ -186,7 +229,9 @@ def test_the_strongest_bonds_of_all_frames_are_exact_and_the_rest_is_watched(spe
     frames = moving(frame, 4)
     frames[2].positions[5] = frames[2].positions[4] + [2.0, 0.1, 0]
     kern, looked = atc.kernel("lucy", 7.0), []
-    request = Request(frames, pot, kern, atc.Grid.regular(shape=10), ["stress_potential"], 1e-2, threads=1, average=True)
+    request = Request(
+        frames, pot, kern, atc.Grid.regular(shape=10), ["stress_potential"], 1e-2, threads=1, average=True
+    )
     settings = request.settings()
     settings.methods = {"bond": Method("spectral", 0.1)}
     works = groups.Work.of(settings.names)
@@ -209,7 +254,12 @@ def test_the_strongest_bonds_of_all_frames_are_exact_and_the_rest_is_watched(spe
     monkeypatch.setattr(
         groups._Run,
         "_put_right",
-        lambda self, deposit: (self.strongest.sort_out(), setattr(self, "left", 0.0), setattr(self, "strong_g", np.zeros(1000)), 0.0)[-1],
+        lambda self, deposit: (
+            self.strongest.sort_out(),
+            setattr(self, "left", 0.0),
+            setattr(self, "strong_g", np.zeros(1000)),
+            0.0,
+        )[-1],
     )
     job = groups._Run(frames, settings, works, 0, 1.0)
     job.compute(settings.methods)
@@ -223,7 +273,10 @@ def test_a_group_with_too_large_an_error_is_computed_again(spectral_wins, monkey
     kern, grid = atc.kernel("lucy", 7.0), atc.Grid.regular(shape=8)
     request = Request(frames, pot, kern, grid, ["stress"], 1e-3, threads=1, average=True)
     settings = request.settings()
-    settings.methods = {"site": Method("spectral", 1e-2, "", (1e-3,)), "bond": Method("spectral", 0.5, "", (1e-2, 1e-3, 1e-4))}
+    settings.methods = {
+        "site": Method("spectral", 1e-2, "", (1e-3,)),
+        "bond": Method("spectral", 0.5, "", (1e-2, 1e-3, 1e-4)),
+    }
     result = groups.group_fields(frames[4:], settings, 4)
     assert result.frames == 4 and "above" in str(result.refined[0]) and result.methods["bond"].tolerance < 0.5
     settings.methods = {}

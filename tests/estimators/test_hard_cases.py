@@ -25,7 +25,9 @@ KERN = atc.kernel("quartic", radius=5.5)
 
 def atoms(x, cell, v=None, mass=39.948):
     x = np.asarray(x, float).reshape(-1, 3)
-    return Frame(x, cell, METAL, masses=np.full(len(x), mass), velocities=np.zeros_like(x) if v is None else np.asarray(v, float))
+    return Frame(
+        x, cell, METAL, masses=np.full(len(x), mass), velocities=np.zeros_like(x) if v is None else np.asarray(v, float)
+    )
 
 
 def fields(frame, what, cutoff=CUTOFF, kern=KERN, grid=None, tolerance=1e-12):
@@ -95,7 +97,9 @@ def density_zero():
     grid = atc.Grid.regular(shape=(3, 3, 20))
     ds, _ = fields(frame, ["stress", "density", "temperature", "velocity"], grid=grid)
     mask, rho = ds.mask.values[0], ds.density.values[0]
-    want = site_sum(grid.bind(METAL, cell).points_gc, frame.positions, frame.masses[:, None], KERN, cell)[:, 0].reshape(mask.shape)
+    want = site_sum(grid.bind(METAL, cell).points_gc, frame.positions, frame.masses[:, None], KERN, cell)[:, 0].reshape(
+        mask.shape
+    )
     assert 0 < mask.sum() < mask.size and (mask == (want > 0)).all() and (rho[~mask] == 0).all()
     for name in ("temperature", "velocity", "stress"):
         bad = np.isnan(ds[name].values[0])
@@ -221,7 +225,9 @@ def test_the_error_of_the_input_is_told(case):
 
 def test_a_kernel_smaller_than_the_spacing_is_a_warning():
     with pytest.warns(AtcWarning, match="kernel's radius .* smaller than the distance between grid points"):
-        atc.fields(argon(), BruteLJ(), atc.kernel("quartic", radius=2.0), atc.Grid.regular(shape=2), ["stress_potential"])
+        atc.fields(
+            argon(), BruteLJ(), atc.kernel("quartic", radius=2.0), atc.Grid.regular(shape=2), ["stress_potential"]
+        )
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6])

@@ -13,14 +13,20 @@ from atc.estimators.statistics import BlockAverage
 FOLDER = Path(__file__).resolve().parents[2] / "data" / "heat_flow"
 POWER, LENGTH = 60.0, 28.8
 EXPECTED = POWER / (2 * 9.6**2)  # both ways round, through the cross-section
-HOT, COLD = (6.0, 8.4), (20.4, 22.8)  # the slabs of in.heat_flow: 3.75 to 5.25 and 12.75 to 14.25 lattice constants of 1.6
+HOT, COLD = (
+    (6.0, 8.4),
+    (20.4, 22.8),
+)  # the slabs of in.heat_flow: 3.75 to 5.25 and 12.75 to 14.25 lattice constants of 1.6
 RADIUS = 1.5
 
 
 @pytest.fixture(scope="module")
 def profiles():
     """Fields of every frame along z."""
-    scene = Scene.load(FOLDER / "scene.toml", {"fields.quantities": ["heat_flux", "energy_flux", "temperature"], "fields.average": False})
+    scene = Scene.load(
+        FOLDER / "scene.toml",
+        {"fields.quantities": ["heat_flux", "energy_flux", "temperature"], "fields.average": False},
+    )
     return scene.run()
 
 
@@ -109,7 +115,9 @@ def test_heat_flows_down_the_temperature(profiles):
     around = np.where(z < HOT[1], z + LENGTH, z)[down]
     slope_down = np.polyfit(around, T[down], 1)[0]
     assert slope_up < 0 < slope_down
-    assert slope_up == pytest.approx(-slope_down, rel=0.1)  # the same power through the same crystal: a few per cent of noise in 40 frames
+    assert slope_up == pytest.approx(
+        -slope_down, rel=0.1
+    )  # the same power through the same crystal: a few per cent of noise in 40 frames
 
 
 def test_pair_potentials_do_not_churn(profiles):

@@ -55,12 +55,17 @@ def test_the_promise_is_kept_at_every_point(liquid, tolerance):
     what = ["stress", "temperature", "density"]
     ds = quiet(frame, pot, KERN, GRID, what, tolerance)
     exact = quiet(frame, pot, KERN, GRID, what, 1e-12)
-    assert "spectral" in ds.attrs["method"] and exact.attrs["method"] == "direct" and exact.attrs["measured_error"] < 1e-12
+    assert (
+        "spectral" in ds.attrs["method"] and exact.attrs["method"] == "direct" and exact.attrs["measured_error"] < 1e-12
+    )
     assert "mesh" in ds.attrs["method_details"] and "means the exact sum" in exact.attrs["method_details"]
     for name in ("stress", "stress_potential", "stress_kinetic", "temperature", "density"):
         assert worst(ds, exact, name) <= tolerance
         # what is reported was found at 100 of the 1728 points: near the largest there is
-        assert 0.2 * worst(ds, exact, name) <= ds[name].attrs["error_max"] + 1e-2 * tolerance and ds[name].attrs["error_max"] <= tolerance
+        assert (
+            0.2 * worst(ds, exact, name) <= ds[name].attrs["error_max"] + 1e-2 * tolerance
+            and ds[name].attrs["error_max"] <= tolerance
+        )
     assert ds.attrs["measured_error"] <= tolerance
 
 
@@ -75,7 +80,12 @@ def stressless(liquid):
 
     def frame(a, shake=shake):
         return liquid[0].replace(
-            positions=s * 6 * a + shake, cell=Cell([6 * a] * 3), masses=np.full(len(s), 39.948), velocities=None, types=None, ids=None
+            positions=s * 6 * a + shake,
+            cell=Cell([6 * a] * 3),
+            masses=np.full(len(s), 39.948),
+            velocities=None,
+            types=None,
+            ids=None,
         )
 
     a = brentq(lambda a: np.trace(pot.stream(frame(a)).virial_cc), 5.1, 5.5, xtol=1e-14)
@@ -134,7 +144,9 @@ def test_refined_frames_are_the_same_however_they_are_computed(liquid, stressles
             quiet(*arguments, out=out, progress=stop_after(stop))
         # costs measured in between must not change how the rest is computed
         monkeypatch.setattr(
-            Costs, "load", classmethod(lambda cls: dataclasses.replace(cls(), spread_register=1.0, spread_register_single=1.0))
+            Costs,
+            "load",
+            classmethod(lambda cls: dataclasses.replace(cls(), spread_register=1.0, spread_register_single=1.0)),
         )
         same(serial, quiet(*arguments, out=out))
         monkeypatch.undo()
@@ -175,7 +187,9 @@ def test_a_forced_method_stays(liquid, stressless):
         ds = atc.fields(stressless[0], liquid[1], KERN, GRID, ["stress_potential"], 1e-4, method="spectral", threads=1)
     assert ds.attrs["method"] == "spectral"
     with pytest.raises(atc.AtcError, match="quartic.*direct"):
-        atc.fields(liquid[0], liquid[1], atc.kernel("quartic", 8.0), GRID, ["stress_potential"], 1e-9, method="spectral")
+        atc.fields(
+            liquid[0], liquid[1], atc.kernel("quartic", 8.0), GRID, ["stress_potential"], 1e-9, method="spectral"
+        )
 
 
 def test_empty_space_has_the_mask_of_the_exact_sum(liquid):
@@ -230,7 +244,9 @@ def test_bonds_left_out_of_the_check_reach_no_point(cell):
         kept[found.bonds] = True
         some.add_found(found, b_b[found.bonds])
     every.add_bonds(x[i], r, b_b)
-    np.testing.assert_allclose(some.bond_sums(), every.bond_sums(), rtol=0, atol=1e-15 * kern.normalisation * np.abs(b_b).sum())
+    np.testing.assert_allclose(
+        some.bond_sums(), every.bond_sums(), rtol=0, atol=1e-15 * kern.normalisation * np.abs(b_b).sum()
+    )
     assert some.visits == every.visits
     touched = np.zeros(len(i), bool)
     reach = [range(-3, 4) if p else [0] for p in box.periodic]
@@ -265,7 +281,9 @@ def test_visits_are_those_counted(liquid):
     deposit = make("direct", bound, kern, frame.cell, 0, 6)
     deposit.add_bond_stress(frame.positions, bonds.i, bonds.r_bc, bonds.G_b)
     length = np.linalg.norm(bonds.r_bc, axis=1).mean()
-    assert deposit.visits == pytest.approx(visits(bound, kern, len(bonds), length), rel=0.04)  # runs of four points stick out
+    assert deposit.visits == pytest.approx(
+        visits(bound, kern, len(bonds), length), rel=0.04
+    )  # runs of four points stick out
 
 
 def test_costs_are_kept_and_bad_ones_ignored(tmp_path):
@@ -281,7 +299,12 @@ def test_costs_are_kept_and_bad_ones_ignored(tmp_path):
 def test_the_plan_says_which_method_and_why(liquid):
     frame, pot = liquid
     text = str(plan(frame, pot, KERN, GRID, ["stress"], 1e-5, threads=1))
-    assert "sums over bonds: spectral to" in text and "mesh" in text and "for the exact sum" in text and "of CPU a frame" in text
+    assert (
+        "sums over bonds: spectral to" in text
+        and "mesh" in text
+        and "for the exact sum" in text
+        and "of CPU a frame" in text
+    )
     text = str(plan(frame, pot, atc.kernel("step", 8.0), GRID, ["stress"], 1e-5, threads=1))
     assert "sums over bonds: direct (spectral cannot: kernel 'step'" in text
     text = str(plan(frame, pot, KERN, atc.Grid.slab("z", 20), ["stress"], 1e-5, threads=1))
@@ -299,10 +322,19 @@ def test_churning_of_pairs_is_zero_at_any_tolerance(liquid):
 
 
 def test_refinements_are_told_like_by_like():
-    a, b = Refinement("stress above 1e-05: sums over bonds direct", 3e-5), Refinement("nearly empty space: sums over atoms direct")
+    a, b = (
+        Refinement("stress above 1e-05: sums over bonds direct", 3e-5),
+        Refinement("nearly empty space: sums over atoms direct"),
+    )
     assert str(a) == "error 3.0e-05 of stress above 1e-05: sums over bonds direct" and str(b) == b.what
     told = Refinement.summary(
-        [(1, a.plain()), (2, b.plain()), (2, dataclasses.replace(a, error=4e-5).plain()), (3, a.plain()), (9, a.plain())]
+        [
+            (1, a.plain()),
+            (2, b.plain()),
+            (2, dataclasses.replace(a, error=4e-5).plain()),
+            (3, a.plain()),
+            (9, a.plain()),
+        ]
     )
     assert told == (
         "frames 1-3, 9: error up to 4.0e-05 of stress above 1e-05: sums over bonds direct; frame 2: nearly empty space: sums over atoms direct"

@@ -60,10 +60,20 @@ def test_few_atoms_around_the_points_give_the_sums_of_all(what, monkeypatch):
         frame, pot = argon(14)
     if what == "tilted":
         tilt = np.array([[1, 0, 0], [0.4, 1, 0], [-0.3, 0.2, 1.0]])
-        frame = frame.replace(positions=frame.positions @ tilt + [1e4, 0, -3], cell=Cell(frame.cell.vectors @ tilt, [1e4, 0, -3]))
-    job = job_of(frame, pot, atc.kernel("quartic", 5.0), Method("spectral", 1e-2), "heat_flux" if what == "heat" else "stress_potential")
+        frame = frame.replace(
+            positions=frame.positions @ tilt + [1e4, 0, -3], cell=Cell(frame.cell.vectors @ tilt, [1e4, 0, -3])
+        )
+    job = job_of(
+        frame,
+        pot,
+        atc.kernel("quartic", 5.0),
+        Method("spectral", 1e-2),
+        "heat_flux" if what == "heat" else "stress_potential",
+    )
     points = job.hot
-    assert len(points) > 10 and points._cluster(pot, 5.0) is not None and len(points._cluster(pot, 5.0)) < 0.5 * len(frame)
+    assert (
+        len(points) > 10 and points._cluster(pot, 5.0) is not None and len(points._cluster(pot, 5.0)) < 0.5 * len(frame)
+    )
     few = points.bond_sums(job.work.bond, job.drift)
     monkeypatch.setattr(hot.HotPoints, "_cluster", lambda *_: None)
     np.testing.assert_allclose(few, points.bond_sums(job.work.bond, job.drift), rtol=0, atol=1e-12 * np.abs(few).max())
@@ -81,7 +91,9 @@ def test_the_strongest_bonds_do_not_depend_on_threads():
     ranked = found[0].ranked()
     assert len(ranked) == found[0].most
     # keys of nearly equal bonds differ by a percent at most
-    np.testing.assert_allclose(np.abs(ranked.G_b) * (ranked.r_bc**2).sum(1), np.sort(size)[::-1][: len(ranked)], rtol=0.011)
+    np.testing.assert_allclose(
+        np.abs(ranked.G_b) * (ranked.r_bc**2).sum(1), np.sort(size)[::-1][: len(ranked)], rtol=0.011
+    )
     for other in found[1:]:
         for name in ("i", "j", "r_bc", "G_b"):
             np.testing.assert_array_equal(getattr(ranked, name), getattr(other.ranked(), name))
@@ -104,7 +116,11 @@ def true_error(ds, exact, name):
 
 @pytest.mark.parametrize(
     ("system", "kernel"),
-    [*[(s, k) for s in ("hot", "one pair", "wire", "silicon") for k in ("gaussian", "lucy")], ("hot", "quartic"), ("silicon", "quartic")],
+    [
+        *[(s, k) for s in ("hot", "one pair", "wire", "silicon") for k in ("gaussian", "lucy")],
+        ("hot", "quartic"),
+        ("silicon", "quartic"),
+    ],
 )
 def test_the_promise_at_every_point(system, kernel):
     """Hot argon, whose stress a few bonds make; one strong pair in a crystal; a wire in a box; silicon, whose errors are the largest for what is asked."""
@@ -116,7 +132,11 @@ def test_the_promise_at_every_point(system, kernel):
         frame, pot = around(9, 5.3, 0.1)
         keep = ((frame.positions[:, :2] - 24.0) ** 2).sum(1) < 9**2
         frame = frame.replace(
-            positions=frame.positions[keep], velocities=frame.velocities[keep], masses=frame.masses[keep], types=None, ids=None
+            positions=frame.positions[keep],
+            velocities=frame.velocities[keep],
+            masses=frame.masses[keep],
+            types=None,
+            ids=None,
         )
     else:
         frame, pot = silicon(5)
@@ -157,7 +177,10 @@ def test_a_pilot_expects_what_comes():
             exact = job_of(frame, pot, kern, Method()).sums[0].bond["stress"]
             for t in (1e-2, 1e-3):
                 expected = pilot.error(choose.spectral_deposit(bound, kern, frame.cell, 1, t))
-                true = np.abs(job_of(frame, pot, kern, Method("spectral", t)).sums[0].bond["stress"] - exact).max() / np.abs(exact).max()
+                true = (
+                    np.abs(job_of(frame, pot, kern, Method("spectral", t)).sums[0].bond["stress"] - exact).max()
+                    / np.abs(exact).max()
+                )
                 assert 0.4 * true < expected < 8 * true
 
 
@@ -165,7 +188,11 @@ def test_a_coherent_stress_begins_looser_and_one_that_cancels_does_not():
     kern, what = atc.kernel("gaussian", 8.0), ["stress_potential"]
     frame, pot = argon(9)
     coherent = Request(frame, pot, kern, GRID, what, 1e-4, threads=1).methods["bond"]
-    assert coherent.name == "spectral" and coherent.tolerance >= 4e-4 and 1e-4 in [pytest.approx(r) for r in coherent.rungs]
+    assert (
+        coherent.name == "spectral"
+        and coherent.tolerance >= 4e-4
+        and 1e-4 in [pytest.approx(r) for r in coherent.rungs]
+    )
     frame, pot = silicon(5)
     assert Request(frame, pot, kern, GRID, what, 1e-4, threads=1).methods["bond"].tolerance == 1e-4
     # Not beyond what single precision holds.

@@ -73,7 +73,9 @@ def test_what_refers_to_a_reference_adds_up(name):
     shift = rng.integers(-2, 3, x.shape) * reference.cell.periodic
     volume = {"volume": rng.uniform(8, 12, len(x))}
     images = {"images": -shift}
-    frame = reference.replace(positions=x + rng.uniform(-0.05, 0.05, x.shape) + shift @ cell.vectors, cell=cell, extra=volume, **images)
+    frame = reference.replace(
+        positions=x + rng.uniform(-0.05, 0.05, x.shape) + shift @ cell.vectors, cell=cell, extra=volume, **images
+    )
     reference = reference.replace(extra=volume, images=np.zeros_like(shift))
     whole, parts = both((2, 1, 2), frame, pot, KERN, GRID, REFERRING, reference=reference, horizon=6.0, threads=1)
     same(whole, parts)
@@ -105,7 +107,13 @@ def test_special_pairs_are_the_same(box, special):
         more = "\nangle_style none\ndihedral_style none\n"
         pot = atc.potential(f"{style}{more}{SPECIAL[special]}", units="lj")
         whole, parts = both(
-            (2, 2, 1), frame, pot, atc.kernel("quartic", radius=1.5), GRID, ["stress", "energy", "heat_current", "virial_stress"], threads=1
+            (2, 2, 1),
+            frame,
+            pot,
+            atc.kernel("quartic", radius=1.5),
+            GRID,
+            ["stress", "energy", "heat_current", "virial_stress"],
+            threads=1,
         )
         same(whole, parts, among=["stress", "energy"])
 
@@ -134,7 +142,15 @@ def test_tiles_and_tasks_can_be_sent(name):
     reference, pot = system(name)
     frame = reference.replace(positions=reference.positions + 0.01)
     request = Request(
-        frame, pot, KERN, GRID, ["stress", "piola_stress", "heat_current"], 1e-12, reference=reference, tiles=(2, 2, 1), threads=1
+        frame,
+        pot,
+        KERN,
+        GRID,
+        ["stress", "piola_stress", "heat_current"],
+        1e-12,
+        reference=reference,
+        tiles=(2, 2, 1),
+        threads=1,
     )
 
     def elsewhere(f, tiles, task):
@@ -150,9 +166,16 @@ def test_tiles_and_tasks_can_be_sent(name):
 def test_an_empty_frame_and_empty_tiles():
     frame, pot = system("bond harmonic")
     none = frame.replace(
-        positions=np.zeros((0, 3)), types=None, ids=None, masses=np.zeros(0), velocities=np.zeros((0, 3)), topology=Topology()
+        positions=np.zeros((0, 3)),
+        types=None,
+        ids=None,
+        masses=np.zeros(0),
+        velocities=np.zeros((0, 3)),
+        topology=Topology(),
     )
-    whole, parts = (atc.fields(none, pot, KERN, GRID, ["stress_potential", "energy_potential"], tiles=t) for t in (None, (2, 2, 2)))
+    whole, parts = (
+        atc.fields(none, pot, KERN, GRID, ["stress_potential", "energy_potential"], tiles=t) for t in (None, (2, 2, 2))
+    )
     assert not whole.stress_potential.values.any() and not parts.stress_potential.values.any()
     # all in one corner
     corner = hot(

@@ -111,7 +111,14 @@ def test_command_line(tmp_path):
     from atc.cli import app
 
     traj = [argon(seed=k) for k in range(3)]
-    atc.fields(traj, BruteLJ(), atc.kernel("quartic", 6.0), atc.Grid.regular(shape=(2, 2, 2)), ["density"], out=tmp_path / "out.nc")
+    atc.fields(
+        traj,
+        BruteLJ(),
+        atc.kernel("quartic", 6.0),
+        atc.Grid.regular(shape=(2, 2, 2)),
+        ["density"],
+        out=tmp_path / "out.nc",
+    )
     result = CliRunner().invoke(app, ["export", str(tmp_path / "out.nc"), "-b", "1", "-q", "density"])
     assert result.exit_code == 0 and result.output.strip() == str(tmp_path / "out.pvd")
     assert len(list((tmp_path / "out").iterdir())) == 2
@@ -121,7 +128,9 @@ def test_command_line(tmp_path):
     )
     result = CliRunner().invoke(app, ["pd", str(tmp_path / "case.toml"), "--check"])
     assert result.exit_code == 0 and "125 nodes in 3 dimensions" in result.output and "4 steps to" in result.output
-    result = CliRunner().invoke(app, ["pd", str(tmp_path / "case.toml"), "-o", str(tmp_path / "pd.zarr"), "--set", "run.steps=6"])
+    result = CliRunner().invoke(
+        app, ["pd", str(tmp_path / "case.toml"), "-o", str(tmp_path / "pd.zarr"), "--set", "run.steps=6"]
+    )
     assert result.exit_code == 0 and "of 125 nodes at 4 times" in result.output and "6 steps in" in result.output
     for arguments, words in (
         (["pd", str(tmp_path / "case.toml"), "-o", str(tmp_path / "pd.zarr")], "exists: give --overwrite"),

@@ -60,7 +60,9 @@ def test_equals_vesin_for_many_atoms():
     v = np.array([[30.0, 0, 0], [8, 28, 0], [-9, 3, 33]])
     x = rng.uniform(0, 1, (4000, 3)) @ v
     i, j, r, S = neighbor_list(x, Cell(v), 4.5, threads=2)
-    vi, vj, vS, vD = vesin.NeighborList(cutoff=4.5, full_list=True).compute(points=x, box=v, periodic=True, quantities="ijSD")
+    vi, vj, vS, vD = vesin.NeighborList(cutoff=4.5, full_list=True).compute(
+        points=x, box=v, periodic=True, quantities="ijSD"
+    )
     both = as_set(np.r_[i, j], np.r_[j, i], np.r_[S, -S])
     assert both == as_set(vi, vj, vS)
     assert len(vi) == 2 * len(i) > 50_000
@@ -128,7 +130,12 @@ def test_bad_cutoff(cutoff):
 
 
 @settings(max_examples=60, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.floats(0.5, 9.0), st.tuples(st.booleans(), st.booleans(), st.booleans()), st.integers(1, 25))
+@given(
+    st.integers(0, 2**32 - 1),
+    st.floats(0.5, 9.0),
+    st.tuples(st.booleans(), st.booleans(), st.booleans()),
+    st.integers(1, 25),
+)
 def test_any_cell(seed, cutoff, periodic, n):
     rng = np.random.default_rng(seed)
     v = rng.normal(0, 4, (3, 3))

@@ -62,7 +62,9 @@ def test_families_are_all_pairs_within_the_horizon(periodic):
 
 def test_horizon_at_an_exact_multiple_counts_those_bonds_and_warns():
     for shift in (0.0, 1 / 3, 10.0, 1e3 / 7):
-        body = pd.Body.lattice(pd.Box((shift, 0, 0), (shift + 0.6005, 0.6005, 0.6005)), 0.1, 0.3, 1.0, offset=(shift, 0, 0))
+        body = pd.Body.lattice(
+            pd.Box((shift, 0, 0), (shift + 0.6005, 0.6005, 0.6005)), 0.1, 0.3, 1.0, offset=(shift, 0, 0)
+        )
         with pytest.warns(AtcWarning, match="exact bond length"):
             t = body.bonds
         # The node in the middle of a 7³ block has the whole lattice ball of radius 3 around it: 122 partners.
@@ -104,9 +106,13 @@ def test_rest_is_exactly_at_rest_wherever_the_body_is(name, shift):
     material = pd.MATERIALS[name](K, G)
     assert np.all(forces_of(moved, material, None) == 0)
     # A rigid translation of the body is as good as none: bonds see differences only.
-    sim = pd.Simulation(body, material, displacements=np.full(3, shift), damage=pd.CriticalStretch(1e-12, 0.25), contact=True)
+    sim = pd.Simulation(
+        body, material, displacements=np.full(3, shift), damage=pd.CriticalStretch(1e-12, 0.25), contact=True
+    )
     sim.step(3)
-    assert np.all(sim.forces() == 0) and np.all(sim.state.v_nc == 0) and sim.n_broken == 0 and sim.energies().strain == 0
+    assert (
+        np.all(sim.forces() == 0) and np.all(sim.state.v_nc == 0) and sim.n_broken == 0 and sim.energies().strain == 0
+    )
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -185,12 +191,16 @@ def naive_lps(body, K, G, u):
 
 def test_naive_twins_with_unequal_volumes():
     rng = np.random.default_rng(3)
-    body = pd.Body(block((5, 5, 4), jitter=0.1).X_nc, rng.uniform(0.5, 1.5, 100), rng.uniform(1, 3, 100), 2.7, spacing=1.0)
+    body = pd.Body(
+        block((5, 5, 4), jitter=0.1).X_nc, rng.uniform(0.5, 1.5, 100), rng.uniform(1, 3, 100), 2.7, spacing=1.0
+    )
     u = rng.normal(size=(100, 3)) * 0.05
     c = pd.PMB(K).micromodulus(body)
     assert c == pytest.approx(18 * K / (np.pi * 2.7**4), rel=1e-14)
     np.testing.assert_allclose(forces_of(body, pd.PMB(K), u) / body.V_n[:, None], naive_pmb(body, c, u), atol=1e-13)
-    np.testing.assert_allclose(forces_of(body, pd.LPS(K, G), u) / body.V_n[:, None], naive_lps(body, K, G, u), atol=1e-13)
+    np.testing.assert_allclose(
+        forces_of(body, pd.LPS(K, G), u) / body.V_n[:, None], naive_lps(body, K, G, u), atol=1e-13
+    )
 
 
 # ---- discrete truths
@@ -561,7 +571,10 @@ def test_several_materials_meet_in_series():
     same = forces_of(two, {1: pd.PMB(K), 2: pd.PMB(K)}, u)
     np.testing.assert_allclose(same, forces_of(body, pd.PMB(K), u), atol=1e-14)
     sim = pd.Simulation(
-        two, {1: pd.PMB(K), 2: pd.PMB(3 * K)}, displacements=u, damage={1: pd.CriticalStretch(0.1), 2: pd.CriticalStretch(0.2)}
+        two,
+        {1: pd.PMB(K), 2: pd.PMB(3 * K)},
+        displacements=u,
+        damage={1: pd.CriticalStretch(0.1), 2: pd.CriticalStretch(0.2)},
     )
     t = two.bonds
     across = left[t.i_b] != left[t.j_b]
@@ -585,7 +598,12 @@ def test_errors_say_what_to_do():
         (lambda: pd.Simulation(body, {2: pd.PMB(1.0)}), "material 1"),
         (lambda: pd.Simulation(body, pd.PMB(1.0), damage={3: pd.CriticalStretch(1.0)}), "no material 3"),
         (lambda: pd.Simulation(body, pd.PMB(1.0), state=pd.State.rest(block((3, 3, 3)))), "another body"),
-        (lambda: pd.Simulation(body, pd.PMB(1.0), conditions=[pd.BodyForce(pd.Box((50,) * 3, (60,) * 3), (1, 0, 0))]), "no node"),
+        (
+            lambda: pd.Simulation(
+                body, pd.PMB(1.0), conditions=[pd.BodyForce(pd.Box((50,) * 3, (60,) * 3), (1, 0, 0))]
+            ),
+            "no node",
+        ),
         (lambda: pd.Prescribed(None), "exactly one"),
         (lambda: pd.Prescribed(None, velocity=(1, 2)), "three components"),
         (lambda: pd.CriticalStretch(-1.0), "positive"),

@@ -8,7 +8,9 @@ import pytest
 
 from atc import pd
 
-spec = importlib.util.spec_from_file_location("pd_accuracy", Path(__file__).resolve().parents[2] / "benchmarks" / "pd_accuracy.py")
+spec = importlib.util.spec_from_file_location(
+    "pd_accuracy", Path(__file__).resolve().parents[2] / "benchmarks" / "pd_accuracy.py"
+)
 study = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(study)
 
@@ -23,7 +25,11 @@ def test_exact_solutions_are_those_of_the_integrals():
     dA = wr[:, None] * r * (2 * np.pi / 400)
     n = np.stack([np.cos(phi), np.sin(phi)])
     phase = np.exp(1j * k * r * n[0]) - 1
-    for key, (nu, omega) in {"pmb": (1 / 3, None), "lps": (0.2, 1 / r), "correspondence": (0.2, np.ones_like(r))}.items():
+    for key, (nu, omega) in {
+        "pmb": (1 / 3, None),
+        "lps": (0.2, 1 / r),
+        "correspondence": (0.2, np.ones_like(r)),
+    }.items():
         mu, lam = 1 / (2 * (1 + nu)), nu / (1 - nu**2)
         got = [float(m[0]) for m in study.moduli(key, np.array([k]), horizon)]
         for c, value in enumerate(got):
@@ -33,11 +39,16 @@ def test_exact_solutions_are_those_of_the_integrals():
             else:
                 m = (omega * r**2 * dA).sum()
                 if key == "lps":
-                    want = 4 * (lam - mu) * abs((omega * r * e * dA).sum() / m) ** 2 + 8 * mu / m * (omega * np.abs(e) ** 2 * dA).sum()
+                    want = (
+                        4 * (lam - mu) * abs((omega * r * e * dA).sum() / m) ** 2
+                        + 8 * mu / m * (omega * np.abs(e) ** 2 * dA).sum()
+                    )
                 else:
                     gradient = (omega * phase * r * n * dA).sum(axis=(1, 2)) * 2 / m  # along x and y
                     rest = phase - r * (gradient[0] * n[0] + gradient[1] * n[1])
-                    want = (lam + 2 * mu, mu)[c] * abs(gradient[0]) ** 2 + 0.1 * 8 * mu / m * (omega * np.abs(rest) ** 2 * dA).sum()
+                    want = (lam + 2 * mu, mu)[c] * abs(gradient[0]) ** 2 + 0.1 * 8 * mu / m * (
+                        omega * np.abs(rest) ** 2 * dA
+                    ).sum()
             assert value == pytest.approx(want, rel=1e-10), (key, c)
         near = [float(m[0]) for m in study.moduli(key, np.array([k]), 1e-3)]
         np.testing.assert_allclose(near, [(lam + 2 * mu) * k**2, mu * k**2], rtol=2e-5)
@@ -57,7 +68,9 @@ def test_waves_approach_classical_elasticity(name, make, m, n, within):
     for side in (n // 2, n):
         sim, steps = study.plate(m, make(), horizon=m / side)
         sim.step(steps)
-        errors.append(study.difference(sim.state.u_nc / study.AMPLITUDE, study.exact(name, sim.body.X_nc, study.END, 0)))
+        errors.append(
+            study.difference(sim.state.u_nc / study.AMPLITUDE, study.exact(name, sim.body.X_nc, study.END, 0))
+        )
     assert errors[1] < within and errors[0] > 3.5 * errors[1], errors
 
 

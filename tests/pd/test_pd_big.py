@@ -51,7 +51,10 @@ def test_sums_in_parts_are_the_sums(monkeypatch, name, compat):
 def test_looking_at_a_run_does_not_change_it(name):
     body = pd.Body.lattice(pd.Box((0, 0, 0), (7, 6, 5)), 1.0, 3.01, 1.0, jitter=0.1)
     v = np.random.default_rng(2).normal(size=body.X_nc.shape) * 0.06
-    a, b = (pd.Simulation(body, pd.MATERIALS[name](1.3, 0.5), velocities=v, damage=pd.CriticalStretch(0.03), threads=1) for _ in range(2))
+    a, b = (
+        pd.Simulation(body, pd.MATERIALS[name](1.3, 0.5), velocities=v, damage=pd.CriticalStretch(0.03), threads=1)
+        for _ in range(2)
+    )
     for _ in range(4):
         a.step(2)
         b.step(2)

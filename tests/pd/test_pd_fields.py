@@ -11,14 +11,18 @@ from atc.errors import AtcError
 from atc.frame import Cell
 from atc.pd.materials import MATERIALS
 
-LS, W, WN, NODAL = (f"peridynamic_stress{v}" for v in ("", "_weighted_virial", "_weighted_virial_normalised", "_nodal_virial"))
+LS, W, WN, NODAL = (
+    f"peridynamic_stress{v}" for v in ("", "_weighted_virial", "_weighted_virial_normalised", "_nodal_virial")
+)
 E = np.array([[1.0, 0.3, 0.2], [0.3, -0.25, 0.1], [0.2, 0.1, 0.5]]) * 1e-5
 
 
 def block(dimension):
     half = 7.0 if dimension == 3 else 12.0
     flat = [half if k < dimension else 0.0 for k in range(3)]
-    return pd.Body.lattice(pd.Box([-f for f in flat], flat), 1.0, 3.015, 2.0, dimension=dimension, thickness=0.7 if dimension < 3 else None)
+    return pd.Body.lattice(
+        pd.Box([-f for f in flat], flat), 1.0, 3.015, 2.0, dimension=dimension, thickness=0.7 if dimension < 3 else None
+    )
 
 
 @pytest.mark.parametrize("dimension", [1, 2, 3])
@@ -66,7 +70,15 @@ def test_divergence_is_the_force_density(name):
     c = np.array([5 / 6, -5 / 21, 5 / 84, -5 / 504, 1 / 1260]) / h
     centre = np.array([[1.3, 1.4, 1.6], [3.0, 0.2, 2.2]])
     points = np.array([p + s * k * h * e for p in centre for e in np.eye(3) for k in range(1, 6) for s in (1, -1)])
-    ds = atc.fields(frame, bonds, kern, atc.Grid.points(points), [LS, "peridynamic_piola_stress"], tolerance=1e-12, reference=reference)
+    ds = atc.fields(
+        frame,
+        bonds,
+        kern,
+        atc.Grid.points(points),
+        [LS, "peridynamic_piola_stress"],
+        tolerance=1e-12,
+        reference=reference,
+    )
     for field, x in ((LS, frame.positions), ("peridynamic_piola_stress", reference.positions)):
         s = ds[field].values.reshape(2, 3, 5, 2, 3, 3)
         divergence = np.einsum("k,pmkmn->pn", c, s[:, :, :, 0] - s[:, :, :, 1])

@@ -24,7 +24,9 @@ def style(model, s00, alpha):
 
 
 def bar(jitter=0.0, cell=None):
-    return pd.Body.lattice(pd.Box((0, 0, 0), (0.00755, 0.00305, 0.00305)), DX, 0.0015001, RHO, jitter=jitter, cell=cell, seed=4)
+    return pd.Body.lattice(
+        pd.Box((0, 0, 0), (0.00755, 0.00305, 0.00305)), DX, 0.0015001, RHO, jitter=jitter, cell=cell, seed=4
+    )
 
 
 def agree(sim, reference, steps, within=1e-12):
@@ -64,7 +66,9 @@ def test_periodic_bodies(model):
     body = pd.Body.lattice(pd.Box((0, 0, 0), (0.00355,) * 3), DX, 0.0015001, RHO, cell=Cell([0.004] * 3))
     v = np.sin(2 * np.pi * body.X_nc[:, [1, 2, 0]] / 0.004) * 0.5 + 3.0
     ref = run_peri(body, style(model, 1e10, 0.0), [50, 200], dt=DT, velocities=v, skin=0.0004)
-    agree(pd.Simulation(body, MODELS[model][1](), velocities=v, dt=DT, contact=True, lammps_compat=True), ref, [50, 200])
+    agree(
+        pd.Simulation(body, MODELS[model][1](), velocities=v, dt=DT, contact=True, lammps_compat=True), ref, [50, 200]
+    )
     right = pd.Simulation(body, MODELS[model][1](), velocities=v, dt=DT, contact=True)
     right.step(200)
     off = np.abs(right.positions_nc - ref[-1]["x"]).max() / DX
@@ -79,7 +83,12 @@ def test_fracture_under_an_indenter(model):
     steps = [50, 200, 500]
     ref = run_peri(body, style(model, 0.0005, 0.25), steps, dt=DT, indent=push)
     sim = pd.Simulation(
-        body, MODELS[model][1](), damage=pd.CriticalStretch(0.0005, 0.25), contact=True, dt=DT, indenter=pd.Indenter(*push[:2], *push[2:])
+        body,
+        MODELS[model][1](),
+        damage=pd.CriticalStretch(0.0005, 0.25),
+        contact=True,
+        dt=DT,
+        indenter=pd.Indenter(*push[:2], *push[2:]),
     )
     agree(sim, ref[:2], steps[:2])
     # Broken up, the motion is chaotic: rounding grows, and which bond breaks when still agrees.
@@ -100,7 +109,10 @@ def test_contact_of_two_bodies(model):
     agree(sim, ref, [100, 200, 500], within=2e-11)
     left = sim.state.v_nc[: len(a), 0].mean()
     assert left < -5.0, "the left block has turned round"
-    assert np.abs((sim.mass_n[:, None] * sim.state.v_nc).sum(axis=0)).max() < 1e-12 * (sim.mass_n[:, None] * np.abs(v)).sum()
+    assert (
+        np.abs((sim.mass_n[:, None] * sim.state.v_nc).sum(axis=0)).max()
+        < 1e-12 * (sim.mass_n[:, None] * np.abs(v)).sum()
+    )
 
 
 def test_small_extensions_are_none_to_lammps():
@@ -111,7 +123,10 @@ def test_small_extensions_are_none_to_lammps():
     for model in ("pmb", "lps"):
         ref = run_peri(body, style(model, 1e10, 0.0), [1], dt=DT, velocities=v)
         assert not ref[0]["f"].any()
-        sims = [pd.Simulation(body, MODELS[model][1](), velocities=v, dt=DT, lammps_compat=compat) for compat in (True, False)]
+        sims = [
+            pd.Simulation(body, MODELS[model][1](), velocities=v, dt=DT, lammps_compat=compat)
+            for compat in (True, False)
+        ]
         for sim in sims:
             sim.step(1)
         assert not sims[0].forces().any()
@@ -156,7 +171,9 @@ def test_the_whole_disk_of_the_report():
         bonds = np.abs(sim.damage() - r["damage"]).max()
         total = abs(sim.damage().sum() / r["damage"].sum() - 1)
         kinetic = abs(sim.energies().kinetic / (r["ke"] * DX**3) - 1)
-        print(f"step {k}: positions {off:.1e}, damage {bonds:.1e}, sum of damage {total:.1e}, kinetic energy {kinetic:.1e}")
+        print(
+            f"step {k}: positions {off:.1e}, damage {bonds:.1e}, sum of damage {total:.1e}, kinetic energy {kinetic:.1e}"
+        )
         if k <= 1000:
             rounded.step(k - rounded.state.step, store_as_lammps)
             own = np.abs(sim.positions_nc - rounded.positions_nc).max() / DX

@@ -50,7 +50,9 @@ def test_an_equilibrium_is_a_step_and_time_is_what_it_is_told(solver):
 
 
 @pytest.mark.parametrize(
-    "material", [pd.PMB(youngs=1.0), pd.LPS(youngs=1.0, poisson=0.3), pd.Correspondence(youngs=1.0, poisson=0.3)], ids=lambda m: m.name
+    "material",
+    [pd.PMB(youngs=1.0), pd.LPS(youngs=1.0, poisson=0.3), pd.Correspondence(youngs=1.0, poisson=0.3)],
+    ids=lambda m: m.name,
 )
 def test_the_ledger_of_a_quasi_static_history_closes(material):
     """Loads and reactions do what the strain energy gains, to second order in the increments."""
@@ -60,7 +62,11 @@ def test_the_ledger_of_a_quasi_static_history_closes(material):
         for k in range(increments):
             pd.solve_static(sim, time=4.0 * (k + 1) / increments, tolerance=1e-9)
         e = sim.energies()
-        assert e.work_external > 0.02 * e.strain and e.work_constraint > 0.1 * e.strain and abs(e.dissipated_damping) < 1e-6 * e.strain
+        assert (
+            e.work_external > 0.02 * e.strain
+            and e.work_constraint > 0.1 * e.strain
+            and abs(e.dissipated_damping) < 1e-6 * e.strain
+        )
         errors.append(abs(e.total) / e.strain)
     assert errors[0] < 1e-2 and errors[2] < errors[0] / 10, errors
 
@@ -73,7 +79,9 @@ def test_what_a_sudden_load_releases_is_dissipated(solver):
     getattr(pd, solver)(sim, tolerance=1e-8)
     e = sim.energies()
     assert moving > 0 and e.kinetic == 0 and e.work_external == pytest.approx(2 * e.strain, rel=1e-4)
-    assert e.dissipated_damping == pytest.approx(e.strain + moving, rel=1e-4) and e.total == pytest.approx(moving, rel=1e-3)
+    assert e.dissipated_damping == pytest.approx(e.strain + moving, rel=1e-4) and e.total == pytest.approx(
+        moving, rel=1e-3
+    )
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
@@ -96,7 +104,9 @@ def test_a_restart_between_equilibria_is_bitwise(solver):
     assert whole.energies() == again.energies()
 
 
-@pytest.mark.parametrize("solver, few", [("relax", {"max_steps": 3}), ("solve_static", {"max_iterations": 1, "inner": 1})])
+@pytest.mark.parametrize(
+    "solver, few", [("relax", {"max_steps": 3}), ("solve_static", {"max_iterations": 1, "inner": 1})]
+)
 def test_without_an_equilibrium_everything_is_as_it_was(solver, few):
     sim = bar()
     sim.step(3)

@@ -74,13 +74,18 @@ def test_divergence_of_the_potential_stress_is_the_force_density(name):
     kern = atc.kernel("gaussian", width=1.5)
     stencil = Differences(frame, h=0.15, seed=1)
     sigma = user_to_internal(
-        atc.fields(frame, pot, kern, stencil.grid, ["stress_potential"], tolerance=1e-12), "stress_potential", "pressure", frame.units
+        atc.fields(frame, pot, kern, stencil.grid, ["stress_potential"], tolerance=1e-12),
+        "stress_potential",
+        "pressure",
+        frame.units,
     )
     want = site_sum(stencil.centre, frame.positions, pot.decompose(frame).forces_nc, kern, frame.cell)
     np.testing.assert_allclose(stencil.divergence(sigma), want, rtol=0, atol=1e-9 * np.abs(want).max())
 
 
-@pytest.mark.parametrize("kern", [("quartic", 4.0), ("hardy", 3.0), ("step", 5.0), ("gaussian", 1.0)], ids=lambda k: k[0])
+@pytest.mark.parametrize(
+    "kern", [("quartic", 4.0), ("hardy", 3.0), ("step", 5.0), ("gaussian", 1.0)], ids=lambda k: k[0]
+)
 def test_flux_through_a_closed_surface_is_the_force_inside(kern):
     """The same law for kernels without derivatives: between two slabs' planes ∫(∂σ_zz/∂z) = force. Slab averages of σ_zν jump by the force."""
     frame, pot = system("lj", seed=4)
@@ -97,7 +102,10 @@ def test_flux_through_a_closed_surface_is_the_force_inside(kern):
     marginal = kern.marginal(n)
     # force between plane 0 and plane g: each atom (and image) with the share of its kernel between them
     for g in range(1, bins):
-        share = sum(marginal.cumulative(d + k * height - z[0]) - marginal.cumulative(d + k * height - z[g]) for k in range(-3, 4))
+        share = sum(
+            marginal.cumulative(d + k * height - z[0]) - marginal.cumulative(d + k * height - z[g])
+            for k in range(-3, 4)
+        )
         want = share @ forces / area
         np.testing.assert_allclose(traction[g] - traction[0], want, rtol=0, atol=1e-12 * np.abs(traction).max())
 
@@ -125,10 +133,16 @@ def test_mean_over_a_resolved_grid_is_the_virial(name, shape):
     virial = ds.virial_stress_potential.values
     # the first alias of the Gaussian at spacing h is exp(−½ (2π w/h)²), h < 0.65: below rounding
     np.testing.assert_allclose(mean("stress_potential"), virial, rtol=0, atol=1e-10 * np.abs(virial).max())
-    np.testing.assert_allclose(mean("smoothed_virial_stress"), ds.virial_stress, rtol=0, atol=1e-10 * np.abs(virial).max())
+    np.testing.assert_allclose(
+        mean("smoothed_virial_stress"), ds.virial_stress, rtol=0, atol=1e-10 * np.abs(virial).max()
+    )
     volume = frame.units.to_user("volume", frame.cell.volume)
-    np.testing.assert_allclose(ds.virial_stress_per_atom.sum("atom") / volume, ds.virial_stress, rtol=0, atol=1e-12 * np.abs(virial).max())
-    np.testing.assert_allclose(mean("density"), frame.units.to_user("density", frame.masses.sum() / frame.cell.volume), rtol=1e-10)
+    np.testing.assert_allclose(
+        ds.virial_stress_per_atom.sum("atom") / volume, ds.virial_stress, rtol=0, atol=1e-12 * np.abs(virial).max()
+    )
+    np.testing.assert_allclose(
+        mean("density"), frame.units.to_user("density", frame.masses.sum() / frame.cell.volume), rtol=1e-10
+    )
     p = frame.units.to_user("momentum", frame.masses @ frame.velocities / frame.cell.volume)
     np.testing.assert_allclose(mean("momentum"), p, rtol=0, atol=1e-10 * np.abs(p).max())
 
@@ -155,7 +169,8 @@ def test_integral_of_the_stress_over_the_box_is_the_virial(what, step, name):
     if what == "sw":  # lattice planes 1.4 apart
         frame = silicon(seed=7, tilt=(1.5, -2.0, 3.0), shake=0.0).replace(masses=None, velocities=None)
         frame = frame.replace(
-            positions=(frame.positions - frame.cell.origin) * (5.6 / 5.431), cell=atc.Cell(frame.cell.vectors * (5.6 / 5.431))
+            positions=(frame.positions - frame.cell.origin) * (5.6 / 5.431),
+            cell=atc.Cell(frame.cell.vectors * (5.6 / 5.431)),
         )
         rng = np.random.default_rng(2)
         frame.positions[:, :2] += rng.uniform(-0.25, 0.25, (len(frame), 2))
@@ -164,13 +179,19 @@ def test_integral_of_the_stress_over_the_box_is_the_virial(what, step, name):
     frame.positions[:, 2] = z0 + np.rint((frame.positions[:, 2] - z0) / step) * step
     parts = round(height / step)
     R = {"lj": 4.0, "sw": 4.2}[what]
-    kern = {"box": lambda: atc.kernel("box", size=[R, R, R]), "gaussian": lambda: atc.kernel("gaussian", width=1.2)}.get(
-        name, lambda: atc.kernel(name, radius=R)
-    )()
+    kern = {
+        "box": lambda: atc.kernel("box", size=[R, R, R]),
+        "gaussian": lambda: atc.kernel("gaussian", width=1.2),
+    }.get(name, lambda: atc.kernel(name, radius=R))()
     n = 10
-    ds = atc.fields(frame, pot, kern, atc.Grid.slab("z", parts * n), ["stress_potential", "virial_stress_potential"], tolerance=1e-12).isel(
-        frame=0
-    )
+    ds = atc.fields(
+        frame,
+        pot,
+        kern,
+        atc.Grid.slab("z", parts * n),
+        ["stress_potential", "virial_stress_potential"],
+        tolerance=1e-12,
+    ).isel(frame=0)
     profile = ds.stress_potential.values.reshape(parts, n, 3, 3)
     mean = np.einsum("k,pkij->ij", open_weights(n), profile) / parts
     virial = ds.virial_stress_potential.values

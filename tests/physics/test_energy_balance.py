@@ -32,7 +32,9 @@ def get(name, partition):
 
 def points_near(frame, count=3, seed=0):
     rng = np.random.default_rng(seed)
-    return frame.positions[rng.choice(len(frame), count, replace=count > len(frame))] + rng.uniform(-0.8, 0.8, (count, 3))
+    return frame.positions[rng.choice(len(frame), count, replace=count > len(frame))] + rng.uniform(
+        -0.8, 0.8, (count, 3)
+    )
 
 
 class _Sums:
@@ -42,7 +44,13 @@ class _Sums:
         self.frame, self.bonds, self.kern, self.points = frame, bonds, kern, points
 
     def _site(self, a_nk, weight):
-        return site_sum(self.points, self.frame.positions, a_nk, SimpleNamespace(support=self.kern.support, phi=weight), self.frame.cell)
+        return site_sum(
+            self.points,
+            self.frame.positions,
+            a_nk,
+            SimpleNamespace(support=self.kern.support, phi=weight),
+            self.frame.cell,
+        )
 
     def site(self, a_nk):
         return self._site(a_nk, self.kern.phi)
@@ -80,14 +88,18 @@ def energy_equation(frame, pot, kern, points):
     np.add.at(e_t, b.i, np.einsum("bc,bc->b", D0, v[b.j] - v[b.i]))
     np.add.at(e_t, b.j, np.einsum("bc,bc->b", D1, v[b.i] - v[b.j]))
     # columns: ρ, π, ε, T, J
-    columns = np.column_stack([m, m[:, None] * v, e, (m[:, None, None] * v[:, :, None] * v[:, None]).reshape(n, 9), e[:, None] * v])
+    columns = np.column_stack(
+        [m, m[:, None] * v, e, (m[:, None, None] * v[:, :, None] * v[:, None]).reshape(n, 9), e[:, None] * v]
+    )
     cut = [1, 4, 5, 14]
     rho, pi, eps, T, J = np.split(s.site(columns), cut, axis=1)
     d_rho, d_pi, d_eps, d_T, d_J = np.split(s.site_gradient(columns), cut, axis=2)
     rho, eps, d_rho, d_eps = rho[:, 0], eps[:, 0], d_rho[..., 0], d_eps[..., 0]
     div_T = np.einsum("gmmn->gn", d_T.reshape(g, 3, 3, 3))
     # ordered pairs j, k: x_jk = r with D0 for j = i, and −r with D1 for j = j
-    strength = np.column_stack([b.G_b[:, None] * b.r_bc, D0 - D1, np.einsum("bc,bc->b", v[b.j], D0) - np.einsum("bc,bc->b", v[b.i], D1)])
+    strength = np.column_stack(
+        [b.G_b[:, None] * b.r_bc, D0 - D1, np.einsum("bc,bc->b", v[b.j], D0) - np.einsum("bc,bc->b", v[b.i], D1)]
+    )
     tensors = s.bond((b.r_bc[:, :, None] * strength[:, None, :6]).reshape(-1, 18)).reshape(g, 3, 6)
     S, M = tensors[..., :3], tensors[..., 3:6]
     div_S, div_M, div_A = np.split(s.bond_divergence(strength), [3, 6], axis=1)
@@ -118,7 +130,11 @@ def residual(t):
     return t.rate + t.transport - t.work + t.div_q
 
 
-KERNELS = {"quartic": atc.kernel("quartic", 4.0), "gaussian": atc.kernel("gaussian", width=1.0), "lucy": atc.kernel("lucy", 3.5)}
+KERNELS = {
+    "quartic": atc.kernel("quartic", 4.0),
+    "gaussian": atc.kernel("gaussian", width=1.0),
+    "lucy": atc.kernel("lucy", 3.5),
+}
 
 
 @pytest.mark.parametrize("name,partition", SYSTEMS, ids=NAMES)
@@ -182,7 +198,9 @@ def churning(bonds, x, kern, point):
 
 def one_term(bodies, partition="equal", seed=0):
     frame = cluster(seed=seed)
-    return frame, atc.potential(RandomTerm(bodies, TUPLES[:1], seed, partition), "metal").decompose(frame, sources=True).bonds
+    return frame, atc.potential(RandomTerm(bodies, TUPLES[:1], seed, partition), "metal").decompose(
+        frame, sources=True
+    ).bonds
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -215,13 +233,18 @@ def test_churning_vanishes_in_the_virial_limit(bodies, partition):
     ∇φ ~ d/w², the ratio falls as w⁻²; seen from a fixed fraction of w away, as w⁻¹."""
     if bodies == 6:
         frame = cluster()
-        p = atc.potential(RandomTerm(6, [(0, 1, 2, 3, 4, 5)], partition="equal" if partition == "equal" else "first"), "metal")
+        p = atc.potential(
+            RandomTerm(6, [(0, 1, 2, 3, 4, 5)], partition="equal" if partition == "equal" else "first"), "metal"
+        )
         bonds = p.decompose(frame, sources=True).bonds
     else:
         frame, bonds = one_term(bodies, "first" if partition == "center" else partition)
     middle = frame.positions[np.unique(bonds.i)].mean(axis=0)
     w = 15.0 * 2.0 ** np.arange(5)
-    for offset, slope in ((lambda w: np.array([0.9, -0.4, 0.6]), -2.0), (lambda w: w * np.array([0.5, -0.3, 0.7]), -1.0)):
+    for offset, slope in (
+        (lambda w: np.array([0.9, -0.4, 0.6]), -2.0),
+        (lambda w: w * np.array([0.5, -0.3, 0.7]), -1.0),
+    ):
         ratio = []
         for width in w:
             z, S = churning(bonds, frame.positions, atc.kernel("gaussian", width=width), middle + offset(width))
@@ -239,7 +262,8 @@ def test_churning_is_not_symmetric():
 
 
 @pytest.mark.parametrize(
-    "name,partition", [("sw", "equal"), ("sw", "center"), ("angle charmm", "equal"), ("tersoff", "equal"), ("4-body", "equal")]
+    "name,partition",
+    [("sw", "equal"), ("sw", "center"), ("angle charmm", "equal"), ("tersoff", "equal"), ("4-body", "equal")],
 )
 def test_energy_of_a_cluster_flows_as_its_atoms_move(name, partition):
     """∫ (ε v + q − σ·v) dV of an isolated cluster is d/dt Σ x_j e_j: by central differences along the motion, with slope 2 in the time step."""
@@ -249,7 +273,9 @@ def test_energy_of_a_cluster_flows_as_its_atoms_move(name, partition):
     b, v, x, m = d.bonds, frame.velocities, frame.positions, frame.masses
     e = 0.5 * m * (v**2).sum(1) + d.energies_n
     # Σ J + Σ A: the bond's β has integral 1
-    flux = e @ v + np.einsum("b,bm->m", np.einsum("bc,bc->b", v[b.j], b.D_bdc[:, 0]) - np.einsum("bc,bc->b", v[b.i], b.D_bdc[:, 1]), b.r_bc)
+    flux = e @ v + np.einsum(
+        "b,bm->m", np.einsum("bc,bc->b", v[b.j], b.D_bdc[:, 0]) - np.einsum("bc,bc->b", v[b.i], b.D_bdc[:, 1]), b.r_bc
+    )
     acceleration = d.forces_nc / m[:, None]
 
     def moment(t):

@@ -11,7 +11,11 @@ from atc.estimators.registry import QUANTITIES
 _OWN_TESTS = ("piola_stress", "displacement", "displacement_gradient", "eshelby_stress", "churning", "churning_divergence", "churning_heat_source",
               "heat_flux_churning", "vorticity")  # fmt: skip
 # Piola stresses need a reference, nodal virials a volume of each node.
-NAMES = [q for q in QUANTITIES if q not in _OWN_TESTS and not q.startswith("peridynamic_piola") and not q.endswith("nodal_virial")]
+NAMES = [
+    q
+    for q in QUANTITIES
+    if q not in _OWN_TESTS and not q.startswith("peridynamic_piola") and not q.endswith("nodal_virial")
+]
 KERN = ("quartic", 4.5)
 # Rounding of positions of size 30 Å is 4e-15 Å; the steep repulsion of hot pairs turns it into 1e-14..1e-13 of the largest stress.
 TIGHT = 1e-12
@@ -22,7 +26,9 @@ def points_in(frame, count=6, seed=0):
 
 
 def compute(frame, pot, points, names=NAMES):
-    return atc.fields(frame, pot, atc.kernel(*KERN), atc.Grid.points(points), names, tolerance=1e-12, threads=2).isel(frame=0)
+    return atc.fields(frame, pot, atc.kernel(*KERN), atc.Grid.points(points), names, tolerance=1e-12, threads=2).isel(
+        frame=0
+    )
 
 
 def assert_same(got, want, names=NAMES, Q=None, atoms=None):
@@ -72,7 +78,9 @@ def test_permutation(name):
     frame, pot = system(name, seed=3)
     points = points_in(frame)
     p = np.random.default_rng(5).permutation(len(frame))
-    mixed = frame.replace(positions=frame.positions[p], velocities=frame.velocities[p], masses=frame.masses[p], types=frame.types[p])
+    mixed = frame.replace(
+        positions=frame.positions[p], velocities=frame.velocities[p], masses=frame.masses[p], types=frame.types[p]
+    )
     assert_same(compute(mixed, pot, points), compute(frame, pot, points), atoms=p)
 
 
@@ -93,7 +101,11 @@ def test_another_cell_of_the_same_lattice(name):
     frame, pot = system(name, seed=5)
     points = points_in(frame)
     want = compute(frame, pot, points)
-    for M in ([[1, 0, 0], [1, 1, 0], [-2, 1, 1]], [[0, 1, 0], [1, 0, 0], [0, 0, 1]], [[-1, 0, 0], [0, 1, 0], [0, 0, 1]]):
+    for M in (
+        [[1, 0, 0], [1, 1, 0], [-2, 1, 1]],
+        [[0, 1, 0], [1, 0, 0], [0, 0, 1]],
+        [[-1, 0, 0], [0, 1, 0], [0, 0, 1]],
+    ):
         other = frame.replace(cell=atc.Cell(np.array(M) @ frame.cell.vectors, frame.cell.origin, frame.cell.periodic))
         assert_same(compute(other, pot, points), want)
 
@@ -163,7 +175,12 @@ def test_every_grid_gives_the_same_field(grid):
         for g, h in enumerate((np.arange(3) + 0.5) / 3):
             points = c.cartesian(np.column_stack([s, np.full(len(s), h)]))
             want = atc.fields(
-                frame, pot, kern, atc.Grid.points(points), ["density", "stress_potential", "smoothed_virial_stress"], tolerance=1e-12
+                frame,
+                pot,
+                kern,
+                atc.Grid.points(points),
+                ["density", "stress_potential", "smoothed_virial_stress"],
+                tolerance=1e-12,
             ).isel(frame=0)
             for q in ("density", "stress_potential", "smoothed_virial_stress"):
                 scale = float(np.abs(ds[q]).max())

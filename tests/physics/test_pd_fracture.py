@@ -71,7 +71,9 @@ def test_mode_one_crack_speed_and_branching():
         c = np.polyfit(t[run], x[run], 1)[0]
         n = [branches(sim, at, 1.1 * sim.body.spacing) for at in (0.075, 0.08, 0.085, 0.09)]
         seen[stress] = (c / speed, n)
-        print(f"stress {stress / 1e6:g} MPa: crack speed {c:.0f} m/s = {c / speed:.2f} of Rayleigh's {speed:.0f}, cracks side by side {n}")
+        print(
+            f"stress {stress / 1e6:g} MPa: crack speed {c:.0f} m/s = {c / speed:.2f} of Rayleigh's {speed:.0f}, cracks side by side {n}"
+        )
     # Mean speeds over the second half of the plate. A weakly driven crack is slow and straight; a strongly driven one is fast and branches.
     assert 0.4 < seen[14e6][0] < seen[20e6][0] < 1.0
     assert seen[4e6][0] < seen[14e6][0]

@@ -24,7 +24,16 @@ SI = {
 CUT = SI["a"] * SI["sigma"]
 OPEN = (False, False, False)
 DIAMOND = np.array(
-    [[0, 0, 0], [0, 0.5, 0.5], [0.5, 0, 0.5], [0.5, 0.5, 0], [0.25, 0.25, 0.25], [0.25, 0.75, 0.75], [0.75, 0.25, 0.75], [0.75, 0.75, 0.25]]
+    [
+        [0, 0, 0],
+        [0, 0.5, 0.5],
+        [0.5, 0, 0.5],
+        [0.5, 0.5, 0],
+        [0.25, 0.25, 0.25],
+        [0.25, 0.75, 0.75],
+        [0.75, 0.25, 0.75],
+        [0.75, 0.75, 0.25],
+    ]
 )
 REGULAR = {  # U' vanishes at the angle, or U is a polynomial in cos θ: no clamp, and the exact force
     "cosine": CosineAngle((2.0,)),
@@ -60,7 +69,9 @@ def evaluate(term, x):
 @pytest.mark.parametrize("fold", [False, True], ids=["180", "0"])
 def test_straight_angles_exert_no_force(style, fold):
     """At exactly 0 and 180° the force on every atom is zero by symmetry, whatever the style says about U'; nothing is infinite."""
-    term = {**REGULAR, **CLAMPED, "harmonic 180": HarmonicAngle((2.0, 180.0)), "harmonic 0": HarmonicAngle((2.0, 0.0))}[style]
+    term = {**REGULAR, **CLAMPED, "harmonic 180": HarmonicAngle((2.0, 180.0)), "harmonic 0": HarmonicAngle((2.0, 0.0))}[
+        style
+    ]
     x = bent(0.0)
     if fold:
         x[2] = x[1] + (x[0] - x[1]) * 1.3 / 1.1
@@ -119,7 +130,9 @@ def test_clamped_angles_are_counted_and_equal_lammps(style):
         "charmm": "charmm\nangle_coeff 1 2.0 110.0 3.0 1.5",
         "cosine/delta": "cosine/delta\nangle_coeff 1 2.0 110.0",
     }[style]
-    config = Config(np.diag([30.0, 30, 30]), bent(alpha) + 15, angles=[[0, 1, 2]], bonds=[[0, 1], [1, 2]], masses={1: 1.0})
+    config = Config(
+        np.diag([30.0, 30, 30]), bent(alpha) + 15, angles=[[0, 1, 2]], bonds=[[0, 1], [1, 2]], masses={1: 1.0}
+    )
     res = run_lammps(f"pair_style zero 5\npair_coeff * *\nbond_style zero\nbond_coeff *\nangle_style {coeff}\n", config)
     # LAMMPS has sin from √(1 − cos²) and the angle from acos: 1e-16/4e-4 of an angle, a relative 1e-9 here.
     np.testing.assert_allclose(d.forces_nc, res.forces_nc, rtol=0, atol=1e-8 * abs(res.forces_nc).max())
@@ -145,7 +158,9 @@ def test_perfect_diamond_crystal():
     two = atc.potential(StillingerWeber(**SI, threebody=False), "metal").decompose(frame)
     assert np.isfinite(d.bonds.G_b).all()
     np.testing.assert_allclose(d.energy, two.energy, rtol=1e-14)
-    np.testing.assert_allclose(d.energies_n, -2 * SI["epsilon"], rtol=1e-7)  # ε is fitted: U = −2ε at the minimum, to the digits of A and B
+    np.testing.assert_allclose(
+        d.energies_n, -2 * SI["epsilon"], rtol=1e-7
+    )  # ε is fitted: U = −2ε at the minimum, to the digits of A and B
     assert abs(d.forces_nc).max() < 1e-13
     # 1 eV/Å³ is 160 GPa: the lattice constant's five digits leave some MPa.
     assert abs(np.trace(d.virial_cc)) / 3 / frame.cell.volume * 1.602e5 < 20

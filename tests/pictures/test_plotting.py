@@ -107,7 +107,13 @@ def output(grid, cell=ORTHOGONAL, origin=(1.0, -2.0, 3.0), frames=2, **fields):
         "cell": (("frame", "edge", "i"), np.stack([c.vectors] * frames)),
     }
     coords["time"] = ("frame", 0.5 * np.arange(frames), {"units": "ps"})
-    attrs = {"kernel": "quartic, radius 5", "radius": 5.0, "radius_units": "angstrom", "grid": grid.describe(), "periodic": "ppp"}
+    attrs = {
+        "kernel": "quartic, radius 5",
+        "radius": 5.0,
+        "radius_units": "angstrom",
+        "grid": grid.describe(),
+        "periodic": "ppp",
+    }
     return xr.Dataset(data, coords, attrs), bound
 
 
@@ -157,7 +163,9 @@ def test_a_slice_is_drawn_at_its_true_positions(cell, slice, k, letters):
 def test_colours_of_signed_and_positive_fields():
     from atc import Grid
 
-    ds, _ = output(Grid.regular(shape=(4, 6, 5)), stress=("bar", linear), density=("g/cm^3", lambda x, k: 9 + x[..., 1]))
+    ds, _ = output(
+        Grid.regular(shape=(4, 6, 5)), stress=("bar", linear), density=("g/cm^3", lambda x, k: 9 + x[..., 1])
+    )
     mesh = mesh_of(plotting.plot(ds, "stress", component="yy", frame=0).axes[0])[2]
     assert mesh.norm.vmin == -mesh.norm.vmax == -np.abs(mesh.get_array()).max()
     assert mesh.cmap.name == "RdBu_r"
@@ -244,7 +252,9 @@ def test_profiles_with_their_standard_errors():
     for s in z:
         np.testing.assert_allclose(np.unique(band[np.isclose(band[:, 0], s)][:, 1].round(9)), [-s - 0.5, -s + 0.5])
     assert ax.get_xlabel() == "z (Å)"
-    assert not plotting.plot(ds, "stress", component="vonmises").axes[0].collections  # it has no standard error of its own
+    assert (
+        not plotting.plot(ds, "stress", component="vonmises").axes[0].collections
+    )  # it has no standard error of its own
     several = plotting.plot(ds, "stress,temperature").axes
     assert [a.get_ylabel() for a in several] == ["stress, von Mises (bar)", "temperature (K)"]
 

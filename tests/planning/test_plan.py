@@ -26,14 +26,25 @@ def test_density_alone_searches_no_neighbours():
 
 def test_stress_runs_two_passes():
     p = plan([argon()] * 10, BruteLJ(), KERN, GRID, ["stress"], average=True)
-    assert len(p.passes) == 3 and "6 components" in p.passes[0] and "10 components" in p.passes[1] and "average over all" in p.passes[2]
-    assert p.method == "direct" and p.cpu_seconds > 0 and p.total_seconds >= 10 * p.wall_seconds * 0.999 and p.memory > 0
+    assert (
+        len(p.passes) == 3
+        and "6 components" in p.passes[0]
+        and "10 components" in p.passes[1]
+        and "average over all" in p.passes[2]
+    )
+    assert (
+        p.method == "direct" and p.cpu_seconds > 0 and p.total_seconds >= 10 * p.wall_seconds * 0.999 and p.memory > 0
+    )
     assert 0 < p.error < p.tolerance
 
 
 def test_potential_stress_alone_needs_no_velocities():
     p = plan(argon().replace(velocities=None, masses=None), BruteLJ(), KERN, GRID, ["stress_potential"])
-    assert len(p.passes) == 1 and any("velocities" in what for what, _ in p.left_out) and any("atoms" in what for what, _ in p.left_out)
+    assert (
+        len(p.passes) == 1
+        and any("velocities" in what for what, _ in p.left_out)
+        and any("atoms" in what for what, _ in p.left_out)
+    )
 
 
 def test_virial_needs_no_grid():
@@ -46,7 +57,12 @@ def test_numbers_of_bonds_and_visits_are_right():
     L, n = 24.0, 6
     s = np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing="ij"), -1).reshape(-1, 3) * (L / n)
     frame = argon(n=(1, 1, 1)).replace(
-        positions=s, cell=atc.Cell([L] * 3), masses=np.full(n**3, 40.0), velocities=np.zeros((n**3, 3)), types=None, ids=None
+        positions=s,
+        cell=atc.Cell([L] * 3),
+        masses=np.full(n**3, 40.0),
+        velocities=np.zeros((n**3, 3)),
+        types=None,
+        ids=None,
     )
     assert 0.5 * neighborhood(frame, 4.1)[0] == 3.0 and 0.5 * neighborhood(frame, 5.7)[0] == 9.0
     pot = BruteLJ(cutoff=5.7)
@@ -113,9 +129,15 @@ def test_bonded_terms_without_a_style_are_not_left_out_silently():
     frame = Frame(x, Cell(np.eye(3) * 20.0), units("lj"), topology=topology)
     lines = "units lj\npair_style lj/cut 2.5\npair_coeff 1 1 1.0 1.0\n"
     with pytest.raises(AtcError, match=r"2 bonds but the potential has no bond_style.*'bond_style none'"):
-        atc.fields(frame, atc.potential(lines), atc.kernel("quartic", radius=2.0), atc.Grid.points(x), ["stress_potential"])
+        atc.fields(
+            frame, atc.potential(lines), atc.kernel("quartic", radius=2.0), atc.Grid.points(x), ["stress_potential"]
+        )
     ds = atc.fields(
-        frame, atc.potential(lines + "bond_style none\n"), atc.kernel("quartic", radius=2.0), atc.Grid.points(x), ["stress_potential"]
+        frame,
+        atc.potential(lines + "bond_style none\n"),
+        atc.kernel("quartic", radius=2.0),
+        atc.Grid.points(x),
+        ["stress_potential"],
     )
     assert np.isfinite(ds.stress_potential).all()
 

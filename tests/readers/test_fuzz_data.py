@@ -224,7 +224,9 @@ def damaged(draw, text):
         words = lines[k].split()
         if how in ("word", "number") and words:
             at = draw(st.integers(0, len(words) - 1))
-            words[at] = draw(st.sampled_from(WORDS)) if how == "word" else str(draw(st.one_of(st.integers(), st.floats())))
+            words[at] = (
+                draw(st.sampled_from(WORDS)) if how == "word" else str(draw(st.one_of(st.integers(), st.floats())))
+            )
             lines[k] = " ".join(words)
         elif how == "drop":
             del lines[k]
@@ -258,7 +260,11 @@ def fuzz(kind, folder, examples):
     seen = set()
 
     @settings(
-        max_examples=examples, deadline=None, database=None, suppress_health_check=list(HealthCheck), phases=[Phase.generate, Phase.shrink]
+        max_examples=examples,
+        deadline=None,
+        database=None,
+        suppress_health_check=list(HealthCheck),
+        phases=[Phase.generate, Phase.shrink],
     )
     @given(damaged(text))
     def run(changed):
@@ -291,7 +297,9 @@ def test_any_bytes(tmp_path, content, kind):
 
 # What cannot be read at all, and what is too much --------------------------------------------------------------------------------------------
 
-WAYS_IN = {k: load for k, (_, load) in KINDS.items() if k in ("data", "molecule", "tersoff", "setfl", "table", "bond table")}
+WAYS_IN = {
+    k: load for k, (_, load) in KINDS.items() if k in ("data", "molecule", "tersoff", "setfl", "table", "bond table")
+}
 
 
 @pytest.mark.parametrize("kind", WAYS_IN)
@@ -319,7 +327,9 @@ def test_compressed_to_nothing(tmp_path, kind):
     assert time.perf_counter() - began < 30
 
 
-@pytest.mark.parametrize("damage", [lambda b: b[: len(b) // 2], lambda b: b[:40] + b"\xff" * 20 + b[60:], lambda b: b[:10]])
+@pytest.mark.parametrize(
+    "damage", [lambda b: b[: len(b) // 2], lambda b: b[:40] + b"\xff" * 20 + b[60:], lambda b: b[:10]]
+)
 def test_damaged_compression(tmp_path, damage):
     path = tmp_path / "d.data.gz"
     path.write_bytes(damage(gzip.compress(DATA.encode())))

@@ -72,7 +72,9 @@ def binary(old=False):
             + struct.pack("<i", table.shape[1])
         )
         if not old:
-            out += struct.pack("<i", 5) + b"metal" + b"\1" + struct.pack("<d", 0.5) + struct.pack("<i", len(names)) + names
+            out += (
+                struct.pack("<i", 5) + b"metal" + b"\1" + struct.pack("<d", 0.5) + struct.pack("<i", len(names)) + names
+            )
         out += struct.pack("<ii", 1, table.size) + table.astype("<f8").tobytes()
     return out
 
@@ -143,12 +145,17 @@ def by_ase(form):
 
 
 def gro():
-    atoms = "".join(f"    1SOL  {n:>5}{k:5d}{0.1 * k:8.3f}{0.2 * k:8.3f}{0.3 * k:8.3f}\n" for k, n in enumerate(("OW", "HW1", "HW2"), 1))
+    atoms = "".join(
+        f"    1SOL  {n:>5}{k:5d}{0.1 * k:8.3f}{0.2 * k:8.3f}{0.3 * k:8.3f}\n"
+        for k, n in enumerate(("OW", "HW1", "HW2"), 1)
+    )
     return f"water t= 0.5 step= 3\n    3\n{atoms}   1.00000   1.00000   1.00000\n".encode()
 
 
 def pdb():
-    atoms = "".join(f"ATOM  {k:5d}  O   HOH A{k:4d}    {k:8.3f}{2 * k:8.3f}{3 * k:8.3f}  1.00  0.00           O\n" for k in (1, 2))
+    atoms = "".join(
+        f"ATOM  {k:5d}  O   HOH A{k:4d}    {k:8.3f}{2 * k:8.3f}{3 * k:8.3f}  1.00  0.00           O\n" for k in (1, 2)
+    )
     return f"CRYST1   10.000   10.000   10.000  90.00  90.00  90.00 P 1           1\nMODEL        1\n{atoms}ENDMDL\nMODEL        2\n{atoms}ENDMDL\nEND\n".encode()
 
 
@@ -215,7 +222,11 @@ def read_all(path, units):
                 n = 0
                 for frame in traj:
                     n += 1
-                    assert np.isfinite(frame.positions).all() and np.isfinite(frame.cell.vectors).all() and frame.cell.volume > 0
+                    assert (
+                        np.isfinite(frame.positions).all()
+                        and np.isfinite(frame.cell.vectors).all()
+                        and frame.cell.volume > 0
+                    )
                     assert frame.time is None or np.isfinite(frame.time)
                     assert frame.step is None or -(2**63) <= frame.step < 2**63
                     assert len(np.unique(frame.ids)) == len(frame) == len(frame.types)
@@ -240,7 +251,13 @@ def fuzz(name, path, count):
     assert read_all(path, units) in (1, 2)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
-    @settings(max_examples=count, deadline=None, database=None, derandomize=count < 1000, suppress_health_check=list(HealthCheck))
+    @settings(
+        max_examples=count,
+        deadline=None,
+        database=None,
+        derandomize=count < 1000,
+        suppress_health_check=list(HealthCheck),
+    )
     @given(damage(seed))
     @example(seed)
     def run(content):

@@ -62,7 +62,9 @@ def test_every_form_of_the_log(tmp_path, style):
         n = numbers(found, k)
         assert {"energy", "pressure"} <= set(n) and all(x["agrees"] for x in n.values())
         fine = "yaml" in style or style == "format"
-        assert abs(n["energy"]["difference"]) < (1e-10 if fine else 0.06 if style == "coarse" else 1e-3) * abs(n["energy"]["run"])
+        assert abs(n["energy"]["difference"]) < (1e-10 if fine else 0.06 if style == "coarse" else 1e-3) * abs(
+            n["energy"]["run"]
+        )
         assert abs(n["pressure"]["difference"]) < (1e-10 if fine else 1e-3) * abs(n["pressure"]["run"])
     assert ("per atom" in " ".join(found["frames"][0]["log"]["notes"])) == (style in ("norm", "yaml, norm"))
     wrong = verify(scene(tmp_path, argon(), ARGON.replace("0.238", "0.24")), "--json", status=1)
@@ -75,17 +77,32 @@ def test_lj_units_are_per_atom_unless_said_otherwise(tmp_path, norm):
 
     x, t = thermal_lattice((6.8, 6.8, 6.8), (6, 6, 6), jitter=0.05)
     v = np.random.default_rng(0).normal(0, 1, x.shape)
-    config, model = Config(np.full(3, 6.8), x, t, "lj", {1: 1.0}, velocities=v), "pair_style lj/cut 2.5\npair_coeff 1 1 1.0 1.0"
+    config, model = (
+        Config(np.full(3, 6.8), x, t, "lj", {1: 1.0}, velocities=v),
+        "pair_style lj/cut 2.5\npair_coeff 1 1 1.0 1.0",
+    )
     run(
-        tmp_path, config, model, CUSTOM + norm + "thermo 5\nfix 1 all nve\ntimestep 0.002\nrun 5", columns="id type x y z vx vy vz fx fy fz"
+        tmp_path,
+        config,
+        model,
+        CUSTOM + norm + "thermo 5\nfix 1 all nve\ntimestep 0.002\nrun 5",
+        columns="id type x y z vx vy vz fx fy fz",
     )
     found = verify(scene(tmp_path, config, model), "--json")
     n = numbers(found)
-    assert found["agrees"] and abs(n["energy"]["run"]) < 10 if norm != "thermo_modify norm no\n" else abs(n["energy"]["run"]) > 100
+    assert (
+        found["agrees"] and abs(n["energy"]["run"]) < 10
+        if norm != "thermo_modify norm no\n"
+        else abs(n["energy"]["run"]) > 100
+    )
     # without the echoed commands, LAMMPS's default is taken; where that is wrong it is seen what it is
     log = tmp_path / "run.log"
     log.write_text(
-        "\n".join(line for line in log.read_text().split("\n") if not line.startswith(("units", "thermo", "pair", "run", "fix")))
+        "\n".join(
+            line
+            for line in log.read_text().split("\n")
+            if not line.startswith(("units", "thermo", "pair", "run", "fix"))
+        )
     )
     blind = verify(scene(tmp_path, config, model), status=1 if "no" in norm.split()[-1:] else 0)
     assert ("are totals (thermo_modify norm no), which the log does not say" in blind) == ("no" in norm.split()[-1:])
@@ -93,7 +110,10 @@ def test_lj_units_are_per_atom_unless_said_otherwise(tmp_path, norm):
 
 def test_several_runs_warnings_and_a_broken_end(tmp_path):
     """Rows of two runs of one step are both known; warnings, printed text that looks like a heading, and a line that was cut off are no rows."""
-    script = RUN.replace("run 10", "run 5") + "\nprint 'Step Temp PotEng'\nprint '1 2 3'\nfix p all print 1 'Step of print 5'\nrun 5"
+    script = (
+        RUN.replace("run 10", "run 5")
+        + "\nprint 'Step Temp PotEng'\nprint '1 2 3'\nfix p all print 1 'Step of print 5'\nrun 5"
+    )
     run(tmp_path, argon(), ARGON, script)
     log = tmp_path / "run.log"
     text = log.read_text()
@@ -198,9 +218,16 @@ def test_tail_corrections_are_named(tmp_path):
     found = verify(scene(tmp_path, argon(), ARGON), "--json", "--frames", "0", status=1)
     n, notes = numbers(found), " ".join(found["frames"][0]["log"]["notes"])
     assert (
-        n["energy"]["agrees"] and not n["pressure xx"]["agrees"] and n["pressure xy"]["agrees"] and found["frames"][0]["forces"]["agrees"]
+        n["energy"]["agrees"]
+        and not n["pressure xx"]["agrees"]
+        and n["pressure xy"]["agrees"]
+        and found["frames"][0]["forces"]["agrees"]
     )
-    assert "E_tail of the run is taken off" in notes and "a tail correction (pair_modify tail yes)" in notes and "the forces agree" in notes
+    assert (
+        "E_tail of the run is taken off" in notes
+        and "a tail correction (pair_modify tail yes)" in notes
+        and "the forces agree" in notes
+    )
 
 
 def test_rigid_molecules(tmp_path):
@@ -212,7 +239,10 @@ def test_rigid_molecules(tmp_path):
     assert found["frames"][0]["forces"]["agrees"] and "the forces agree" in notes and "fix rigid/nve/small" in notes
     run(tmp_path, w, RIGID, CUSTOM + "thermo 5\nfix 2 all shake 1e-8 100 0 b 1 a 1\n" + NVE)
     shaken = verify(scene(tmp_path, w, RIGID), "--frames", "1", status=1)
-    assert f"the run counts {3 * 192 - 3 - 3 * 64} degrees of freedom, {3 * 64} fewer than {3 * 192 - 3}: constraints (shake" in shaken
+    assert (
+        f"the run counts {3 * 192 - 3 - 3 * 64} degrees of freedom, {3 * 64} fewer than {3 * 192 - 3}: constraints (shake"
+        in shaken
+    )
     assert "constraint forces along bonds of fixed length" in shaken and "do NOT agree" in shaken
 
 
@@ -236,7 +266,10 @@ def test_wrong_masses_show_in_the_kinetic_energy(tmp_path):
 def test_verify_needs_something_to_compare(tmp_path):
     run(tmp_path, argon(), ARGON, RUN, columns="id type x y z")
     out = verify(scene(tmp_path, argon(), ARGON, log=None), status=2)
-    assert "nothing to compare with: the trajectory has no forces" in out and "dump fx fy fz too or name its log file" in out
+    assert (
+        "nothing to compare with: the trajectory has no forces" in out
+        and "dump fx fy fz too or name its log file" in out
+    )
     log = tmp_path / "run.log"
     log.write_text(
         log.read_text()
@@ -253,9 +286,18 @@ def test_verify_needs_something_to_compare(tmp_path):
 
 def test_the_log_alone_can_be_written_less_often(tmp_path):
     """Where neither the first nor the middle frame has its step in the log, another one is found."""
-    run(tmp_path, argon(), ARGON, "thermo 6\nfix 1 all nve\ntimestep 1.0\nrun 6", every=2, columns="id type x y z vx vy vz")
+    run(
+        tmp_path,
+        argon(),
+        ARGON,
+        "thermo 6\nfix 1 all nve\ntimestep 1.0\nrun 6",
+        every=2,
+        columns="id type x y z vx vy vz",
+    )
     log = tmp_path / "run.log"
-    log.write_text("\n".join(line for line in log.read_text().split("\n") if line.split()[:1] != ["0"] or len(line.split()) != 6))
+    log.write_text(
+        "\n".join(line for line in log.read_text().split("\n") if line.split()[:1] != ["0"] or len(line.split()) != 6)
+    )
     found = verify(scene(tmp_path, argon(), ARGON), "--json", "--frames", "0")
     assert [f["frame"] for f in found["frames"]] == [3] and found["agrees"]
 
@@ -264,6 +306,10 @@ def test_info_of_a_scene(tmp_path):
     run(tmp_path, argon(), ARGON, RUN)
     path = scene(tmp_path, argon(), ARGON)
     result = CliRunner().invoke(app, ["info", str(path)], prog_name="atc")
-    assert result.exit_code == 0 and "agrees with run  forces of frame 0: yes" in result.output and "pair lj/cut" in result.output
+    assert (
+        result.exit_code == 0
+        and "agrees with run  forces of frame 0: yes" in result.output
+        and "pair lj/cut" in result.output
+    )
     result = CliRunner().invoke(app, ["info", str(path), "--units", "real"], prog_name="atc")
     assert result.exit_code == 2 and "--units goes with a trajectory" in result.output

@@ -64,7 +64,11 @@ def test_only_what_is_there():
     a.set_masses(np.arange(8) + 1.0)
     a.arrays["mine"] = np.arange(8)
     f = atc.read(a)[0]
-    assert f.charges.tolist() == list(range(8)) and f.masses.tolist() == list(range(1, 9)) and f.extra["mine"].tolist() == list(range(8))
+    assert (
+        f.charges.tolist() == list(range(8))
+        and f.masses.tolist() == list(range(1, 9))
+        and f.extra["mine"].tolist() == list(range(8))
+    )
     from ase.calculators.emt import EMT
 
     b = bulk("Cu").repeat(2)
@@ -80,7 +84,11 @@ def test_only_what_is_there():
 def test_types_do_not_depend_on_the_order_of_reading():
     items = [ase.Atoms("OH"), ase.Atoms("NH2"), ase.Atoms("CO")]
     forward, backward = atc.read(items), atc.read(items)
-    assert [f.types.tolist() for f in forward] == [f.types.tolist() for f in backward[::-1]][::-1] == [[1, 2], [3, 2, 2], [4, 1]]
+    assert (
+        [f.types.tolist() for f in forward]
+        == [f.types.tolist() for f in backward[::-1]][::-1]
+        == [[1, 2], [3, 2, 2], [4, 1]]
+    )
     assert atc.read(items, masses={"O": 1, "H": 2, "N": 3, "C": 4})[2].masses.tolist() == [4, 1]
 
 
@@ -134,7 +142,9 @@ def test_damaged_xyz(tmp_path):
     ase.io.write(path, [snapshot(k) for k in range(3)])
     text = path.read_text()
     path.write_text(text[:-200])
-    with pytest.warns(AtcWarning, match=r"t.extxyz: its last frame \(number 2, from line 13\) is not complete and is left out"):
+    with pytest.warns(
+        AtcWarning, match=r"t.extxyz: its last frame \(number 2, from line 13\) is not complete and is left out"
+    ):
         assert len(atc.read(path)) == 2
     path.write_text(text.rstrip("\n"))
     with pytest.warns(AtcWarning, match="has no line end"):

@@ -38,7 +38,9 @@ def same(a, b):
 def test_as_one(parts, how):
     paths, whole = parts
     pattern = paths[0].parent / "run.*.dump*"
-    source = {"list": paths, "pattern": pattern, "pattern in a list": [str(pattern)], "texts": [str(p) for p in paths]}[how]
+    source = {"list": paths, "pattern": pattern, "pattern in a list": [str(pattern)], "texts": [str(p) for p in paths]}[
+        how
+    ]
     traj = atc.read(source)
     assert len(traj) == 10 and traj.units.name == "metal"
     for a, b in zip(traj, whole, strict=True):
@@ -142,7 +144,12 @@ def test_types_do_not_depend_on_what_is_read_first(tmp_path):
         traj = atc.read(tmp_path / "v?.extxyz")
         assert {k: traj[k].types.tolist() for k in order} == dict(enumerate(expected)), order
     traj = pickle.loads(pickle.dumps(atc.read(tmp_path / "v?.extxyz")[2:]))
-    assert [f.types.tolist() for f in traj] == expected[2:] and traj[1].type_names == {1: "Ar", 2: "Ne", 3: "Xe", 4: "Kr"}
+    assert [f.types.tolist() for f in traj] == expected[2:] and traj[1].type_names == {
+        1: "Ar",
+        2: "Ne",
+        3: "Xe",
+        4: "Kr",
+    }
 
 
 def test_types_survive_closing(tmp_path, monkeypatch):
@@ -153,7 +160,9 @@ def test_types_survive_closing(tmp_path, monkeypatch):
     monkeypatch.setattr(chain, "_OPEN", 1)
     names = ["He", "Ne", "Ar", "Kr", "Xe"]
     for k in range(5):
-        write(tmp_path / f"v{k}.extxyz", Atoms([names[k], names[0]], [[0, 0, 0], [3, 0, 0]], cell=[10, 10, 10], pbc=True))
+        write(
+            tmp_path / f"v{k}.extxyz", Atoms([names[k], names[0]], [[0, 0, 0], [3, 0, 0]], cell=[10, 10, 10], pbc=True)
+        )
     traj = atc.read(tmp_path / "v?.extxyz")
     assert atc.read(tmp_path / "v?.extxyz")[2].types.tolist() == [3, 1]
     assert traj[4].types.tolist() == [5, 1] and [f.types.tolist() for f in traj] == [[k + 1, 1] for k in range(5)]

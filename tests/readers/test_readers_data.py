@@ -57,7 +57,9 @@ def test_every_atom_style_named_in_the_comment(save, style, images):
     elif style == "peri":
         assert f.masses is None  # LAMMPS moves its particles by their density
     elif "density" in columns:
-        np.testing.assert_allclose(f.masses, np.array([2.5, 1.5]) * (1 if style == "ellipsoid" else np.pi / 6), rtol=1e-15)
+        np.testing.assert_allclose(
+            f.masses, np.array([2.5, 1.5]) * (1 if style == "ellipsoid" else np.pi / 6), rtol=1e-15
+        )
     else:
         assert f.masses.tolist() == [28, 12]
     assert f.cell.vectors.tolist() == np.diag([10.0, 10, 10]).tolist() and f.cell.origin.tolist() == [-1, -2, -3]
@@ -86,7 +88,8 @@ def test_style_from_the_number_of_columns(save, row, more, style):
 def test_a_style_that_is_not_certain_is_asked_for(save):
     path = save(text(["1 1 1 0.5 1.0 2.0"]))
     with pytest.raises(
-        AtcError, match=r"t.data, line 17: which atom style has these 6 columns is not certain .*charge.*write the style .* 'Atoms # full'"
+        AtcError,
+        match=r"t.data, line 17: which atom style has these 6 columns is not certain .*charge.*write the style .* 'Atoms # full'",
     ):
         atc.read(path, units="metal")
     with pytest.raises(AtcError, match=r"line 17: which atom style .* \(possible: none\)"):
@@ -108,7 +111,15 @@ def test_round_trip(tmp_path, atoms, seed, tilt, style, labels):
     ids = np.random.default_rng(seed).permutation(3 * n)[:n] + 1
     names = {1: "Si", 2: "c3", 3: "O-w"}
     label = (lambda t: names[t]) if labels else str
-    out = [f"LAMMPS data file, units = {style}", "", f"{n} atoms", "3 atom types", "0 10 xlo xhi", "1 11 ylo yhi", "2 12.5 zlo zhi"]
+    out = [
+        f"LAMMPS data file, units = {style}",
+        "",
+        f"{n} atoms",
+        "3 atom types",
+        "0 10 xlo xhi",
+        "1 11 ylo yhi",
+        "2 12.5 zlo zhi",
+    ]
     out += [" ".join(f"{t:.17g}" for t in tilt) + " xy xz yz", ""]
     if labels:
         out += ["Atom Type Labels", "", *(f"{t} {name}" for t, name in names.items()), ""]
@@ -127,7 +138,10 @@ def test_round_trip(tmp_path, atoms, seed, tilt, style, labels):
     out += [
         "Atoms # charge",
         "",
-        *(f"{i} {label(t)} " + " ".join(f"{v:.17g}" for v in (q, x, y, z)) for i, (t, q, x, y, z, *_) in zip(ids, atoms)),
+        *(
+            f"{i} {label(t)} " + " ".join(f"{v:.17g}" for v in (q, x, y, z))
+            for i, (t, q, x, y, z, *_) in zip(ids, atoms)
+        ),
         "",
     ]
     backwards = list(zip(ids, atoms))[::-1]
@@ -145,7 +159,9 @@ def test_round_trip(tmp_path, atoms, seed, tilt, style, labels):
     np.testing.assert_array_equal(f.positions, a[:, 2:5] * u.length)
     np.testing.assert_array_equal(f.velocities, a[:, 5:] * u.velocity)
     np.testing.assert_array_equal(f.masses, (a[:, 0] + 0.5) * u.mass)
-    np.testing.assert_array_equal(f.cell.vectors, np.array([[10, 0, 0], [tilt[0], 10, 0], [tilt[1], tilt[2], 10.5]]) * u.length)
+    np.testing.assert_array_equal(
+        f.cell.vectors, np.array([[10, 0, 0], [tilt[0], 10, 0], [tilt[1], tilt[2], 10.5]]) * u.length
+    )
     assert f.type_names == (names if labels else {})
 
 
@@ -156,12 +172,20 @@ GOOD = text(["1 1 0.5 1.0 2.0", "2 2 1.5 1.0 2.0"], " # atomic", after="Velociti
     "old,new,message",
     [
         ("2 2 1.5 1.0 2.0", "2 2 1.5 1.0", r"line 18: expected 5 columns \(id type x y z\) in section Atoms, got 4"),
-        ("2 2 1.5 1.0 2.0", "2 2 1.5 nan 2.0", r"line 18: expected a finite number for 'y' in section Atoms, got 'nan'"),
+        (
+            "2 2 1.5 1.0 2.0",
+            "2 2 1.5 nan 2.0",
+            r"line 18: expected a finite number for 'y' in section Atoms, got 'nan'",
+        ),
         ("2 2 1.5 1.0 2.0", "2 2 1.5 a 2.0", r"line 18: expected a finite number for 'y' in section Atoms, got 'a'"),
         ("2 2 1.5 1.0 2.0", "1 2 1.5 1.0 2.0", r"atom 1 is there twice in section Atoms"),
         ("2 2 1.5 1.0 2.0", "2 0 1.5 1.0 2.0", r"atom 2 has type 0; types count from 1"),
         ("2 2 1.5 1.0 2.0", "2 Si 1.5 1.0 2.0", r"line 18: expected an integer for 'type' in section Atoms, got 'Si'"),
-        ("2 2 1.5 1.0 2.0\n", "", r"line 17: section Atoms has 1 lines, its header announces 2; the file is cut off or damaged"),
+        (
+            "2 2 1.5 1.0 2.0\n",
+            "",
+            r"line 17: section Atoms has 1 lines, its header announces 2; the file is cut off or damaged",
+        ),
         ("2 0 0 1\n", "", r"section Velocities has 1 lines, its header announces 2"),
         ("2 0 0 1", "3 0 0 1", r"sections Atoms and Velocities hold different atoms"),
         ("-2 8 ylo yhi\n", "", r"the header has no complete box"),
@@ -197,7 +221,9 @@ def test_units_and_topology_arguments(save):
         "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n1\nITEM: BOX BOUNDS pp pp pp\n0 9\n0 9\n0 9\nITEM: ATOMS id type x y z\n1 3 1 1 1\n",
         "d.dump",
     )
-    with pytest.raises(AtcError, match=r"d.dump frame 0: section Masses of .*t.data has no mass for type 3, only for 1, 2"):
+    with pytest.raises(
+        AtcError, match=r"d.dump frame 0: section Masses of .*t.data has no mass for type 3, only for 1, 2"
+    ):
         atc.read(dump, topology=path, units="metal")[0]
     with pytest.raises(AtcError, match="expected the path of a LAMMPS data file, got int"):
         atc.read(dump, topology=5, units="metal")

@@ -181,10 +181,14 @@ def test_layouts_that_lammps_reads(tmp_path, name):
 def test_what_is_said_of_layouts(tmp_path):
     path = tmp_path / "l.data"
     path.write_text(LAYOUTS["wrong hint"])
-    with pytest.warns(AtcWarning, match=r"l.data, line 16: the comment behind Atoms says 'full', but the run's atom style is 'atomic'"):
+    with pytest.warns(
+        AtcWarning, match=r"l.data, line 16: the comment behind Atoms says 'full', but the run's atom style is 'atomic'"
+    ):
         LammpsData(path, atom_style="atomic")
     path.write_text(LAYOUTS["one line more at the end"])
-    with pytest.warns(AtcWarning, match=r"l.data, line 18: section Atoms has one line more than the 2 .* left out, as by LAMMPS"):
+    with pytest.warns(
+        AtcWarning, match=r"l.data, line 18: section Atoms has one line more than the 2 .* left out, as by LAMMPS"
+    ):
         LammpsData(path)
 
 
@@ -237,7 +241,10 @@ def test_sections_of_fixes(tmp_path):
 def test_old_columns_of_spins_are_noticed(tmp_path):
     path = tmp_path / "s.data"
     path.write_text(HEADER + "Atoms # spin\n\n1 1 2.2 0.0 1.0 3.0 1.0 0 0\n2 1 2.2 1.4 1.4 1.4 0 1.0 0\n")
-    with pytest.raises(AtcError, match="line 11: the spin's direction is no unit vector.* id type sp x y z spx spy spz of an old LAMMPS"):
+    with pytest.raises(
+        AtcError,
+        match="line 11: the spin's direction is no unit vector.* id type sp x y z spx spy spz of an old LAMMPS",
+    ):
         LammpsData(path)
 
 
@@ -250,7 +257,8 @@ def test_atom_style_given(tmp_path):
     path = tmp_path / "f.data"
     path.write_text(FULL)
     with pytest.raises(
-        AtcError, match=r"line 16: which atom style has these 7 columns is not certain .*full.*or give it: atom_style = \"full\""
+        AtcError,
+        match=r"line 16: which atom style has these 7 columns is not certain .*full.*or give it: atom_style = \"full\"",
     ):
         atc.read(path, units="lj")
     assert atc.read(path, units="lj", atom_style="full")[0].charges.tolist() == [0.5, 0.5]
@@ -259,7 +267,8 @@ def test_atom_style_given(tmp_path):
         != atc.read(path, units="lj", atom_style="full")[0].positions.tolist()
     )
     with pytest.raises(
-        AtcError, match=r"line 16: atom style 'atomic' \(the atom_style given\) has the columns id type x y z .* the line has 7"
+        AtcError,
+        match=r"line 16: atom style 'atomic' \(the atom_style given\) has the columns id type x y z .* the line has 7",
     ):
         atc.read(path, units="lj", atom_style="atomic")
     with pytest.raises(AtcError, match="'filled' is no atom style that atc knows, which are hybrid, "):
@@ -273,7 +282,9 @@ def test_atom_style_of_a_topology_and_of_a_scene(tmp_path):
     dump = "ITEM: TIMESTEP\n{}\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS pp pp pp\n0 9\n0 9\n-0.5 9\nITEM: ATOMS id type x y z\n1 1 1 1 1\n2 2 2 2 2\n"
     (tmp_path / "a.dump").write_text(dump.format(0))
     (tmp_path / "b.dump").write_text(dump.format(1))
-    traj = atc.read([tmp_path / "a.dump", tmp_path / "b.dump"], topology=tmp_path / "f.data", units="lj", atom_style="full")
+    traj = atc.read(
+        [tmp_path / "a.dump", tmp_path / "b.dump"], topology=tmp_path / "f.data", units="lj", atom_style="full"
+    )
     assert [f.charges.tolist() for f in traj] == [[0.5, 0.5]] * 2
     from atc.config.scene import Scene
 
@@ -337,11 +348,15 @@ def test_template(tmp_path):
     frame = atc.read(tmp_path / "t.data", units="lj")[0]
     assert frame.types.tolist() == [2, 1, 2, 1, 2] and frame.masses.tolist() == [2, 1, 2, 1, 2]
     pot = atc.potential("pair_style lj/cut 2.5\npair_coeff * * 1 1", units="lj")
-    with pytest.raises(AtcError, match=r"t.data: the bonds of atom_style template are in the molecule files of the run"):
+    with pytest.raises(
+        AtcError, match=r"t.data: the bonds of atom_style template are in the molecule files of the run"
+    ):
         pot.decompose(frame)
     with pytest.raises(AtcError, match="bonds of atom_style template"):
         atc.potential("bond_style harmonic\nbond_coeff * 1 1", units="lj").decompose(frame)
-    pot = atc.potential("pair_style lj/cut 2.5\npair_coeff * * 1 1\nspecial_bonds lj/coul 1 1 1\nbond_style none", units="lj")
+    pot = atc.potential(
+        "pair_style lj/cut 2.5\npair_coeff * * 1 1\nspecial_bonds lj/coul 1 1 1\nbond_style none", units="lj"
+    )
     assert np.isfinite(pot.decompose(frame).energy)
     molecule = read_molecule(tmp_path / "m.txt")
     assert molecule.types.tolist() == [2, 1, 2] and molecule.coords.shape == (3, 3)
@@ -393,9 +408,7 @@ def test_long_sections_of_coefficients_are_read_to_their_end(tmp_path):
     n = 300
     rows = "".join(f"{i} {j} 0.1 {3 + 0.001 * i:.15f}\n" for i in range(1, n + 1) for j in range(i, n + 1))
     assert len(rows) > 1 << 20
-    text = (
-        f"t\n\n1 atoms\n{n} atom types\n\n0 9 xlo xhi\n0 9 ylo yhi\n0 9 zlo zhi\n\nPairIJ Coeffs\n\n{rows}\nAtoms # atomic\n\n1 1 1 1 1\n"
-    )
+    text = f"t\n\n1 atoms\n{n} atom types\n\n0 9 xlo xhi\n0 9 ylo yhi\n0 9 zlo zhi\n\nPairIJ Coeffs\n\n{rows}\nAtoms # atomic\n\n1 1 1 1 1\n"
     (tmp_path / "x.data").write_text(text)
     found = data_file_commands(tmp_path / "x.data", {"pair": "lj/cut"})
     assert len(found) == n * (n + 1) // 2 and found[-1].words[:2] == (str(n), str(n))

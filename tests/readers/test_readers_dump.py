@@ -42,7 +42,9 @@ def write_dump(frames, header_units=None):
             out.append("ITEM: BOX BOUNDS xy xz yz " + f["flags"])
             out += [f"{a:.17g} {b:.17g} {t:.17g}" for a, b, t in zip(blo, bhi, f["tilt"])]
         out.append("ITEM: ATOMS " + " ".join(f["columns"]))
-        columns = [[v if isinstance(v, str) else f"{v:.17g}" for v in np.asarray(c).tolist()] for c in f["columns"].values()]
+        columns = [
+            [v if isinstance(v, str) else f"{v:.17g}" for v in np.asarray(c).tolist()] for c in f["columns"].values()
+        ]
         out += [" ".join(row) for row in zip(*columns)]
     return "\n".join(out) + "\n"
 
@@ -86,14 +88,22 @@ def snapshots(draw):
         lo = np.array(draw(st.tuples(number, number, number)))
         hi = lo + np.array(draw(st.tuples(*[st.floats(0.5, 100)] * 3)))
         tilt = draw(st.none() | st.tuples(*[st.floats(-60, 60, allow_subnormal=False)] * 3))
-        flags = " ".join(draw(st.lists(st.sampled_from(["pp", "ff", "ss", "mm", "fs", "sf", "fm"]), min_size=3, max_size=3)))
+        flags = " ".join(
+            draw(st.lists(st.sampled_from(["pp", "ff", "ss", "mm", "fs", "sf", "fm"]), min_size=3, max_size=3))
+        )
         vectors = np.diag(hi - lo)
         if tilt is not None:
             vectors[1, 0], vectors[2, 0], vectors[2, 1] = tilt
         s = rng.uniform(-0.5, 1.5, (n, 3))
         x = s @ vectors + lo
         ids = rng.permutation(3 * n)[:n] + 1
-        data = {"id": ids, "type": rng.integers(1, 4, n), "q": rng.normal(size=n), "mol": rng.integers(0, 9, n), "c_pe": rng.normal(size=n)}
+        data = {
+            "id": ids,
+            "type": rng.integers(1, 4, n),
+            "q": rng.normal(size=n),
+            "mol": rng.integers(0, 9, n),
+            "c_pe": rng.normal(size=n),
+        }
         data["element"] = rng.choice(["Si", "C", "Ge"], n)
         data |= {c + style[1:]: a for c, a in zip("xyz", (s if "s" in style else x).T)}
         for base in ("i", "v", "f"):
@@ -101,13 +111,28 @@ def snapshots(draw):
         time = draw(st.none() | st.floats(0, 1e6))
         columns = {name: data[name] for name in names}
         frames.append(
-            dict(step=draw(st.integers(0, 10**12)), time=time, lo=lo, hi=hi, tilt=tilt, flags=flags, columns=columns, x=x, vectors=vectors)
+            dict(
+                step=draw(st.integers(0, 10**12)),
+                time=time,
+                lo=lo,
+                hi=hi,
+                tilt=tilt,
+                flags=flags,
+                columns=columns,
+                x=x,
+                vectors=vectors,
+            )
         )
     return frames
 
 
 @settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(snapshots(), st.sampled_from(["real", "metal", "lj", "si", "nano", "electron"]), st.booleans(), st.sampled_from(list(PACK)))
+@given(
+    snapshots(),
+    st.sampled_from(["real", "metal", "lj", "si", "nano", "electron"]),
+    st.booleans(),
+    st.sampled_from(list(PACK)),
+)
 def test_what_was_written_comes_back(tmp_path, frames, style, in_header, pack):
     path = tmp_path / f"h.dump{pack}"
     path.write_bytes(PACK[pack](write_dump(frames, style if in_header else None).encode()))
@@ -217,7 +242,9 @@ def test_frames_that_are_skipped_are_not_parsed(save, pack):
 
 @pytest.mark.parametrize("pack", list(PACK))
 def test_pickled_trajectories_and_views_read_on(save, pack):
-    traj = atc.read(save(PACK[pack](write_dump([simple(4, k) for k in range(8)]).encode()), f"t.dump{pack}"), units="metal")
+    traj = atc.read(
+        save(PACK[pack](write_dump([simple(4, k) for k in range(8)]).encode()), f"t.dump{pack}"), units="metal"
+    )
     for there in (traj, traj[1::3]):
         copy = pickle.loads(pickle.dumps(there))
         assert [f.step for f in copy] == [f.step for f in there]
@@ -243,7 +270,9 @@ def test_threads_share_a_trajectory(save):
     from concurrent.futures import ThreadPoolExecutor
 
     for pack in ("", ".gz"):
-        traj = atc.read(save(PACK[pack](write_dump([simple(50, k) for k in range(40)]).encode()), f"t.dump{pack}"), units="metal")
+        traj = atc.read(
+            save(PACK[pack](write_dump([simple(50, k) for k in range(40)]).encode()), f"t.dump{pack}"), units="metal"
+        )
         with ThreadPoolExecutor(4) as pool:
             frames = list(pool.map(traj.__getitem__, range(40)))
         assert [f.step for f in frames] == list(range(40))
@@ -286,7 +315,9 @@ def test_masses_by_type_list_column_and_what_is_wrong_with_them(save):
     path = save(write_dump([f]))
     u = units("si")
     np.testing.assert_array_equal(atc.read(path, units="si", masses=[1.0, 3.0])[0].masses, np.array([3, 1, 3]) * u.mass)
-    np.testing.assert_array_equal(atc.read(path, units="si", masses={1: 1.0, 2: 3.0})[0].masses, np.array([3, 1, 3]) * u.mass)
+    np.testing.assert_array_equal(
+        atc.read(path, units="si", masses={1: 1.0, 2: 3.0})[0].masses, np.array([3, 1, 3]) * u.mass
+    )
     f["columns"]["mass"] = np.array([5.0, 6.0, 7.0])
     column = save(write_dump([f]), "m.dump")
     np.testing.assert_array_equal(atc.read(column, units="si")[0].masses, np.array([5, 6, 7]) * u.mass)
@@ -326,7 +357,10 @@ def test_no_ids(save):
 
 def test_units_are_never_guessed(save):
     path = save(write_dump([simple()]))
-    with pytest.raises(AtcError, match=r"t.dump: its units are not in the file; give the unit style of the LAMMPS run, e.g. units='metal'"):
+    with pytest.raises(
+        AtcError,
+        match=r"t.dump: its units are not in the file; give the unit style of the LAMMPS run, e.g. units='metal'",
+    ):
         atc.read(path)
     with pytest.raises(AtcError, match="unknown units 'Metal'"):
         atc.read(path, units="Metal")
@@ -359,7 +393,9 @@ def test_a_last_frame_that_is_cut_anywhere_is_left_out(save):
             n = len(traj)
         assert n == 2, cut
         assert [w.category for w in caught] == [AtcWarning]
-        assert re.search(r"t.dump: its last frame \(number 2, from line 27\) is not complete and is left out", str(caught[0].message))
+        assert re.search(
+            r"t.dump: its last frame \(number 2, from line 27\) is not complete and is left out", str(caught[0].message)
+        )
         assert [f.step for f in traj] == [0, 1]
 
 
@@ -372,7 +408,9 @@ def test_a_cut_number_is_never_taken_for_a_whole_one(save):
     assert len(traj) == 2 and traj[1].positions[2, 2] == 3.75
     # Whatever the last word looks like: without a line end, nobody knows that it is whole.
     for cut in range(6):
-        with pytest.warns(AtcWarning, match=r"number 1, from line 13\) is not complete and is left out.*has no line end"):
+        with pytest.warns(
+            AtcWarning, match=r"number 1, from line 13\) is not complete and is left out.*has no line end"
+        ):
             assert len(atc.read(save(first + second[: len(second) - cut]), units="lj")) == 1
     # A file of one frame only: nothing else is left to read.
     with pytest.warns(AtcWarning, match="its last number may have been cut off"):
@@ -440,7 +478,10 @@ def broken(line, new):
             r"frame 1, line 27: expected 'ITEM: TIMESTEP' after 4 atoms; there are more lines than announced",
         ),
         (broken(25, "3 1 1.0 x2.0 3.0"), r"frame 1, line 25: column 'y' holds 'x2.0', expected a number"),
-        (broken(25, "3 1 1.0 nan 3.0"), r"frame 1, line 25: column 'y' holds 'nan'; the run that wrote it has probably blown up"),
+        (
+            broken(25, "3 1 1.0 nan 3.0"),
+            r"frame 1, line 25: column 'y' holds 'nan'; the run that wrote it has probably blown up",
+        ),
         (broken(25, "3 1 1.0 -inf 3.0"), r"frame 1, line 25: column 'y' holds '-inf'"),
         (broken(25, "3 1 1.0 1e999 3.0"), r"frame 1, line 25: column 'y' holds '1e999'"),
         (broken(25, "3.5 1 1.0 2.0 3.0"), r"frame 1, line 25: column 'id' holds '3.5', expected an integer"),
@@ -451,7 +492,10 @@ def broken(line, new):
         (broken(17, "-4"), r"frame 1, line 17: expected numbers for 'ITEM: NUMBER OF ATOMS', got '-4'"),
         (broken(17, "5"), r"frame 1, line 27: the frame ends after 4 atoms but announces 5; lines are missing"),
         (broken(17, "3"), r"frame 1, line 26: expected 'ITEM: TIMESTEP' after 3 atoms"),
-        (broken(18, "ITEM: BOX BOUNDS"), r"frame 1, line 18: 'ITEM: BOX BOUNDS' has no boundary flags .* e.g. 'ITEM: BOX BOUNDS pp pp pp'"),
+        (
+            broken(18, "ITEM: BOX BOUNDS"),
+            r"frame 1, line 18: 'ITEM: BOX BOUNDS' has no boundary flags .* e.g. 'ITEM: BOX BOUNDS pp pp pp'",
+        ),
         (broken(18, "ITEM: BOX BOUNDS pp pp pq"), r"frame 1, line 18: expected three boundary flags"),
         (broken(19, "0 0"), r"frame 1, line 18: the box bounds .* enclose no volume"),
         (broken(19, "10 0"), r"frame 1, line 18: the box bounds .* enclose no volume"),
@@ -460,13 +504,19 @@ def broken(line, new):
         (broken(20, "0 10 1"), r"frame 1, line 18: expected three lines of 2 numbers"),
         (broken(22, "ITEM: ATOMS"), r"frame 1, line 22: 'ITEM: ATOMS' does not name its columns"),
         (broken(22, "ITEM: ATOMS id type x y x"), r"frame 1, line 22: column 'x' is there twice"),
-        (broken(22, "ITEM: ATOMS id type a b c"), r"frame 1: no positions among the columns \(id type a b c\): expected x y z"),
+        (
+            broken(22, "ITEM: ATOMS id type a b c"),
+            r"frame 1: no positions among the columns \(id type a b c\): expected x y z",
+        ),
         (broken(22, None), r"frame 1, line 22: expected an 'ITEM:' line, got '1 1 "),
         (
             "\n".join([*LINES[:18], *LINES[20:]]),
             r"frame 1, line 20: 'ITEM: ATOMS' stands where the lines of another item are expected",
         ),
-        (broken(16, "ITEM: NUMBER OF ENTRIES"), r"line 16: 'NUMBER OF ENTRIES': this is a dump of something else than atoms"),
+        (
+            broken(16, "ITEM: NUMBER OF ENTRIES"),
+            r"line 16: 'NUMBER OF ENTRIES': this is a dump of something else than atoms",
+        ),
     ],
 )
 def test_damage_is_named(save, text, message):

@@ -74,7 +74,9 @@ def run(lmp, folder, style, box):
         if k not in ("mass", "image")
     }
     packed = np.array(lmp.numpy.extract_atom("image"))[:n][order].astype(np.int64)
-    get["image"] = np.stack([(packed & 1023) - 512, (packed >> 10 & 1023) - 512, (packed >> 20) - 512], 1)  # SMALLBIG packing
+    get["image"] = np.stack(
+        [(packed & 1023) - 512, (packed >> 10 & 1023) - 512, (packed >> 20) - 512], 1
+    )  # SMALLBIG packing
     lo, hi, xy, yz, xz, periodic, _ = lmp.extract_box()
     get["vectors"] = np.array([[hi[0] - lo[0], 0, 0], [xy, hi[1] - lo[1], 0], [xz, yz, hi[2] - lo[2]]])
     get["origin"], get["periodic"] = np.array(lo), np.array(periodic, bool)
@@ -84,7 +86,11 @@ def run(lmp, folder, style, box):
     return get
 
 
-@pytest.fixture(scope="module", params=[*((s, "tilted") for s in STYLES), *(("metal", b) for b in BOXES if b != "tilted")], ids="-".join)
+@pytest.fixture(
+    scope="module",
+    params=[*((s, "tilted") for s in STYLES), *(("metal", b) for b in BOXES if b != "tilted")],
+    ids="-".join,
+)
 def written(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("lammps")
     style, box = request.param
@@ -140,7 +146,9 @@ def test_scaled_unwrapped_and_zipped(written):
     np.testing.assert_allclose(f.positions, unwrapped, rtol=0, atol=0.51e-4 * u.length)
     assert traj.info()["coordinate_resolution"] == pytest.approx(1e-4)
     f = atc.read(folder / "atom.dump", units=style)[-1]
-    np.testing.assert_allclose(f.positions, memory["x"] * u.length, rtol=0, atol=0.51e-5 * 20 * u.length)  # %g of up to 1.1
+    np.testing.assert_allclose(
+        f.positions, memory["x"] * u.length, rtol=0, atol=0.51e-5 * 20 * u.length
+    )  # %g of up to 1.1
 
 
 def test_binary_dumps(written):
@@ -177,7 +185,9 @@ def test_data_file_alone_and_as_topology(written):
     np.testing.assert_array_equal(f.types, memory["type"])
     # write_data wraps the atoms first, and prints 16 or 17 digits, depending on the version: a few ulp of numbers up to 40.
     unwrapped = memory["x"] + memory["image"] @ memory["vectors"]
-    np.testing.assert_allclose(f.positions + f.images @ f.cell.vectors, unwrapped * u.length, rtol=0, atol=3e-14 * u.length)
+    np.testing.assert_allclose(
+        f.positions + f.images @ f.cell.vectors, unwrapped * u.length, rtol=0, atol=3e-14 * u.length
+    )
     np.testing.assert_allclose(f.velocities, memory["v"] * u.velocity, rtol=2e-15)
     np.testing.assert_allclose(f.charges, memory["q"] * u.charge, rtol=2e-15)
     np.testing.assert_allclose(f.masses, np.array([2.5, 1.25])[memory["type"] - 1] * u.mass, rtol=2e-15)
@@ -220,7 +230,9 @@ def test_general_triclinic(tmp_path):
         s = f.cell.fractional(f.positions)
         np.testing.assert_allclose(s, restricted.cell.fractional(restricted.positions), rtol=0, atol=1e-14)
         # Components along the edges do not know about the rotation.
-        np.testing.assert_allclose(f.velocities @ f.cell.vectors.T, restricted.velocities @ restricted.cell.vectors.T, rtol=0, atol=1e-13)
+        np.testing.assert_allclose(
+            f.velocities @ f.cell.vectors.T, restricted.velocities @ restricted.cell.vectors.T, rtol=0, atol=1e-13
+        )
 
 
 def test_molecule_with_every_kind_of_bonded_term_and_type_labels(tmp_path):
@@ -274,7 +286,11 @@ def test_molecule_with_every_kind_of_bonded_term_and_type_labels(tmp_path):
             assert len(order) == 3
             assert sorted(map(tuple, t.angles.tolist())) == [(0, 1, 3), (2, 0, 1)]
             assert t.dihedrals.tolist() == [[2, 0, 1, 3]] and t.impropers.tolist() == [[0, 2, 1, 3]]
-            assert t.angle_types.tolist() == [1, 1] and t.dihedral_types.tolist() == [1] and t.improper_types.tolist() == [1]
+            assert (
+                t.angle_types.tolist() == [1, 1]
+                and t.dihedral_types.tolist() == [1]
+                and t.improper_types.tolist() == [1]
+            )
 
 
 def test_bonded_atoms_that_are_not_in_the_frame(tmp_path):
@@ -286,11 +302,16 @@ def test_bonded_atoms_that_are_not_in_the_frame(tmp_path):
     (tmp_path / "part.dump").write_text(head + "id type x y z\n1 1 1 1 1\n2 1 2 1 1\n")
     (tmp_path / "other.dump").write_text(head + "id x y z\n1 1 1 1\n7 2 1 1\n")
     (tmp_path / "noid.dump").write_text(head + "type x y z\n1 1 1 1\n1 2 1 1\n")
-    with pytest.raises(AtcError, match=r"part.dump frame 0: atom 3 of bond 1 in .*m.data is not in the frame; dump all bonded atoms"):
+    with pytest.raises(
+        AtcError, match=r"part.dump frame 0: atom 3 of bond 1 in .*m.data is not in the frame; dump all bonded atoms"
+    ):
         atc.read(tmp_path / "part.dump", topology=tmp_path / "m.data", units="lj")[0]
     with pytest.raises(AtcError, match=r"other.dump frame 0: atom 7 is not in .*m.data, which should give its types"):
         atc.read(tmp_path / "other.dump", topology=tmp_path / "m.data", units="lj")[0]
-    with pytest.warns(AtcWarning), pytest.raises(AtcError, match=r"noid.dump frame 0: a topology needs the 'id' column"):
+    with (
+        pytest.warns(AtcWarning),
+        pytest.raises(AtcError, match=r"noid.dump frame 0: a topology needs the 'id' column"),
+    ):
         atc.read(tmp_path / "noid.dump", topology=tmp_path / "m.data", units="lj")[0]
 
 
@@ -306,10 +327,17 @@ def test_damaged_binary_dumps(tmp_path):
     frame = len(data) // whole
     for cut in (frame * 3 + 4, frame * 3 + 60, len(data) - frame // 2, len(data) - 1):
         path.write_bytes(data[:cut])
-        with pytest.warns(AtcWarning, match=r"cut.bin: its last frame \(number 3, from byte \d+\) is not complete and is left out"):
+        with pytest.warns(
+            AtcWarning, match=r"cut.bin: its last frame \(number 3, from byte \d+\) is not complete and is left out"
+        ):
             assert len(atc.read(path)) == 3
     second = data.index(b"DUMPCUSTOM", 100) - 8
-    for at, what in ((9, "magic string"), (18, "byte-order marker"), (34, "atoms are there but"), (42, "not the header of a frame")):
+    for at, what in (
+        (9, "magic string"),
+        (18, "byte-order marker"),
+        (34, "atoms are there but"),
+        (42, "not the header of a frame"),
+    ):
         bad = bytearray(data)
         bad[second + at] ^= 0x55
         path.write_bytes(bytes(bad))
@@ -325,7 +353,9 @@ def test_damaged_binary_dumps(tmp_path):
         atc.read(path)[3]
     nan_id = data[: len(data) - 8 * columns] + value + data[len(data) - 8 * (columns - 1) :]
     path.write_bytes(nan_id)
-    with pytest.raises(AtcError, match=r"cut.bin frame 3, atom \d+ of the file: column 'id' holds nan, expected an integer"):
+    with pytest.raises(
+        AtcError, match=r"cut.bin frame 3, atom \d+ of the file: column 'id' holds nan, expected an integer"
+    ):
         atc.read(path)[3]
     path.write_bytes(b"\x00" * 50)
     with pytest.raises(AtcError, match="not a LAMMPS dump"):

@@ -189,7 +189,9 @@ def test_dcd_that_is_cut_damaged_or_of_other_atoms(written, tmp_path):
     path = tmp_path / "t.dcd"
     for cut in (1, 4, size // 2, size - 1):
         path.write_bytes(data[:-cut])
-        with pytest.warns(AtcWarning, match=r"t.dcd: its last frame \(number 3, from byte \d+\) is not complete and is left out"):
+        with pytest.warns(
+            AtcWarning, match=r"t.dcd: its last frame \(number 3, from byte \d+\) is not complete and is left out"
+        ):
             assert len(atc.read(path, units=u.name)) == 3
     bad = bytearray(data)
     bad[20:24] = struct.pack("<i", 99)  # the last step: no longer first + 3 intervals
@@ -250,7 +252,8 @@ def test_dcd_whose_steps_are_not_even(tmp_path):
 def test_extxyz(written):
     folder, u, memory = written
     with pytest.raises(
-        AtcError, match="was written by LAMMPS in the units of its run, which it does not say: give them, e.g. units='metal'"
+        AtcError,
+        match="was written by LAMMPS in the units of its run, which it does not say: give them, e.g. units='metal'",
     ):
         atc.read(folder / "t.extxyz")
     with pytest.raises(AtcError, match="never ASE's"):
@@ -268,7 +271,9 @@ def test_extxyz(written):
     np.testing.assert_array_equal(with_data[2].charges, memory[2]["q"] * u.charge)
     np.testing.assert_array_equal(with_data[2].velocities, traj[2].velocities)
     bare = atc.read(folder / "bare.extxyz", units=u.name)[3]
-    assert bare.velocities is None and bare.forces is None and bare.masses is None and bare.time == 16 * TIMESTEP * u.time
+    assert (
+        bare.velocities is None and bare.forces is None and bare.masses is None and bare.time == 16 * TIMESTEP * u.time
+    )
     same(bare, u, memory[3], position=6e-5, cell=6e-5, velocities=None)
 
 
@@ -304,7 +309,8 @@ def test_plain_xyz(written, tmp_path, name):
     folder, u, memory = written
     for given in (None, u.name):
         with pytest.raises(
-            AtcError, match=r"is a plain XYZ file of LAMMPS \(dump xyz\), which holds neither the box nor velocities: dump it as custom"
+            AtcError,
+            match=r"is a plain XYZ file of LAMMPS \(dump xyz\), which holds neither the box nor velocities: dump it as custom",
         ):
             atc.read(folder / name, units=given)
     with pytest.warns(AtcWarning, match="its box is not in the file and is taken from"):
@@ -336,7 +342,9 @@ def test_cfg(written, tmp_path):
         np.testing.assert_array_equal(f.types, m["type"])
         np.testing.assert_array_equal(f.charges, m["q"] * u.charge)
         np.testing.assert_array_equal(f.images, m["image"])
-        np.testing.assert_allclose(f.cell.fractional(f.positions), (m["x"] - m["origin"]) @ np.linalg.inv(m["vectors"]), rtol=0, atol=1e-14)
+        np.testing.assert_allclose(
+            f.cell.fractional(f.positions), (m["x"] - m["origin"]) @ np.linalg.inv(m["vectors"]), rtol=0, atol=1e-14
+        )
         np.testing.assert_array_equal(f.extra["auxiliary x"], m["x"][:, 0])
     assert isinstance(atc.read(folder / "c.10.cfg", units=u.name), LammpsCfg)
     for k, step in enumerate(STEPS):
@@ -345,7 +353,9 @@ def test_cfg(written, tmp_path):
         same(f, u, {**m, "x": x}, position=6e-4, cell=6e-5, velocities=None)
         assert [f.type_names[t] for t in f.types.tolist()] == [("Si", "C")[t - 1] for t in m["type"].tolist()]
     # Without names, LAMMPS calls all types C: only their masses differ.
-    with pytest.raises(AtcError, match="atoms called 'C' have masses 12.25 and 28.5, so this name stands for several types"):
+    with pytest.raises(
+        AtcError, match="atoms called 'C' have masses 12.25 and 28.5, so this name stands for several types"
+    ):
         atc.read(folder / "n.10.cfg", units=u.name)[0]
     f = atc.read(folder / "n.10.cfg", topology=folder / "start.data")[0]
     np.testing.assert_array_equal(f.types, memory[0]["type"])

@@ -41,7 +41,9 @@ def test_formats(name):
         np.testing.assert_array_equal(f.positions, ts.positions)
         assert (f.velocities is None) != velocities and (f.forces is None) != forces
         if velocities:
-            np.testing.assert_allclose(f.velocities, np.asarray(ts.velocities, float) / PS, rtol=1e-9)  # constants written twice
+            np.testing.assert_allclose(
+                f.velocities, np.asarray(ts.velocities, float) / PS, rtol=1e-9
+            )  # constants written twice
         else:
             with pytest.raises(AtcError, match="velocities are missing"):
                 f.require("velocities", why="temperature")
@@ -152,7 +154,9 @@ def test_lammps_files_are_not_taken_from_mdanalysis():
     with pytest.raises(AtcError, match="it reads a LAMMPS data file"):
         atc.read(v)
     ours = atc.read(D.LAMMPSDUMP, units="real")
-    np.testing.assert_allclose(relative(ours[1].positions), relative(u.trajectory[1].positions), atol=1e-5)  # float32 and %g
+    np.testing.assert_allclose(
+        relative(ours[1].positions), relative(u.trajectory[1].positions), atol=1e-5
+    )  # float32 and %g
 
 
 def test_lammps_dumps_of_the_collection_against_mdanalysis():
@@ -168,9 +172,13 @@ def test_lammps_dumps_of_the_collection_against_mdanalysis():
 
 
 def test_errors(tmp_path):
-    with pytest.raises(AtcError, match=r"MDAnalysis's units are Å, ps, kJ/mol \('mdanalysis'\), but the units argument says 'real'"):
+    with pytest.raises(
+        AtcError, match=r"MDAnalysis's units are Å, ps, kJ/mol \('mdanalysis'\), but the units argument says 'real'"
+    ):
         atc.read(D.XTC, units="real")
-    with pytest.raises(AtcError, match=r"adk\.psf holds a topology but no positions: give the trajectory's path, and this as topology="):
+    with pytest.raises(
+        AtcError, match=r"adk\.psf holds a topology but no positions: give the trajectory's path, and this as topology="
+    ):
         atc.read(D.PSF)
     with pytest.raises(AtcError, match="has its topology already"):
         atc.read(MDAnalysis.Universe(D.PSF, D.DCD), topology=D.PSF)

@@ -10,7 +10,9 @@ from atc.units import units
 
 
 def frame(k=0, name="metal"):
-    return Frame(positions=np.full((3, 3), float(k)), cell=Cell([5.0, 6, 7]), units=units(name), types=[1, 2, 1], step=k)
+    return Frame(
+        positions=np.full((3, 3), float(k)), cell=Cell([5.0, 6, 7]), units=units(name), types=[1, 2, 1], step=k
+    )
 
 
 def test_a_frame_and_lists_of_frames():

@@ -31,17 +31,35 @@ NAMES = {
 }
 
 
-def write(path, style="metal", version=2, frames=3, program="LAMMPS", change=None, origin=True, ids=True, dt=0.25, kind="f8"):
+def write(
+    path, style="metal", version=2, frames=3, program="LAMMPS", change=None, origin=True, ids=True, dt=0.25, kind="f8"
+):
     """A file of `frames` steps 0, 10, ...; `change(file)` may alter it before it is closed. Returns what was put in, in the file's units."""
     rng = np.random.default_rng(0)
     length, time = NAMES[style]
     f = netcdf_file(path, "w", version=version)
     f.Conventions, f.ConventionVersion, f.program, f.programVersion = "AMBER", "1.0", program, "22 Jul 2025"
-    for name, size in (("frame", None), ("spatial", 3), ("atom", N), ("cell_spatial", 3), ("cell_angular", 3), ("label", 10), ("Voigt", 6)):
+    for name, size in (
+        ("frame", None),
+        ("spatial", 3),
+        ("atom", N),
+        ("cell_spatial", 3),
+        ("cell_angular", 3),
+        ("label", 10),
+        ("Voigt", 6),
+    ):
         f.createDimension(name, size)
-    per_frame = [("time", "f8", ()), ("cell_lengths", "f8", ("cell_spatial",)), ("cell_angles", "f8", ("cell_angular",))]
+    per_frame = [
+        ("time", "f8", ()),
+        ("cell_lengths", "f8", ("cell_spatial",)),
+        ("cell_angles", "f8", ("cell_angular",)),
+    ]
     per_frame += [("cell_origin", "f8", ("cell_spatial",))] * origin + [("id", "i4", ("atom",))] * ids
-    per_frame += [("type", "i4", ("atom",)), ("coordinates", kind, ("atom", "spatial")), ("velocities", kind, ("atom", "spatial"))]
+    per_frame += [
+        ("type", "i4", ("atom",)),
+        ("coordinates", kind, ("atom", "spatial")),
+        ("velocities", kind, ("atom", "spatial")),
+    ]
     per_frame += [
         ("forces", kind, ("atom", "spatial")),
         ("c_s", kind, ("atom", "Voigt")),
@@ -53,9 +71,17 @@ def write(path, style="metal", version=2, frames=3, program="LAMMPS", change=Non
     v["time"].scale_factor = np.float64(dt)
     put = []
     for k in range(frames):
-        p = {"time": 10.0 * k, "cell_lengths": [8.0, 9.0, 10.0 + k], "cell_angles": [80.0, 90.0, 60.0], "cell_origin": [1.0, 2.0, 3.0]}
+        p = {
+            "time": 10.0 * k,
+            "cell_lengths": [8.0, 9.0, 10.0 + k],
+            "cell_angles": [80.0, 90.0, 60.0],
+            "cell_origin": [1.0, 2.0, 3.0],
+        }
         p |= {"id": rng.permutation(N) + 1, "type": rng.integers(1, 3, N), "coordinates": rng.uniform(0, 8, (N, 3))}
-        p |= {name: rng.normal(size=shape) for name, shape in (("velocities", (N, 3)), ("forces", (N, 3)), ("c_s", (N, 6)), ("q", N))}
+        p |= {
+            name: rng.normal(size=shape)
+            for name, shape in (("velocities", (N, 3)), ("forces", (N, 3)), ("c_s", (N, 6)), ("q", N))
+        }
         p["mass"] = rng.uniform(1, 9, N)
         for name, variable in v.items():
             variable[k] = p[name]
@@ -86,7 +112,10 @@ def test_every_column_in_the_units_of_the_run(tmp_path, style, version):
         a, b, c = f.cell.vectors / u.length
         np.testing.assert_allclose([np.linalg.norm(e) for e in (a, b, c)], p["cell_lengths"], rtol=1e-14)
         np.testing.assert_allclose(
-            [b @ c / (9 * (10 + k)), a @ c / (8 * (10 + k)), a @ b / 72], np.cos(np.radians([80, 90, 60])), rtol=0, atol=1e-15
+            [b @ c / (9 * (10 + k)), a @ c / (8 * (10 + k)), a @ b / 72],
+            np.cos(np.radians([80, 90, 60])),
+            rtol=0,
+            atol=1e-15,
         )
         np.testing.assert_allclose(f.cell.origin, np.array([1, 2, 3]) * u.length, rtol=1e-15)
     assert atc.read(tmp_path / "t.nc", units=style).units is u
@@ -161,7 +190,10 @@ def test_amber_itself_is_left_to_mdanalysis(tmp_path):
     path = tmp_path / "t.nc"
 
     def amber(f):
-        f.variables["velocities"].units, f.variables["velocities"].scale_factor = "angstrom/picosecond", np.float64(20.455)
+        f.variables["velocities"].units, f.variables["velocities"].scale_factor = (
+            "angstrom/picosecond",
+            np.float64(20.455),
+        )
         f.variables["coordinates"].units, f.variables["forces"].units = "angstrom", "kilocalorie/mole/angstrom"
         f.variables["cell_lengths"].units = "angstrom"
         del f.variables["time"]._attributes["scale_factor"]
@@ -183,7 +215,9 @@ def test_cut_and_damaged(tmp_path, version):
     record = traj._file.record_size
     for cut in (1, 8, record // 2, record - 1):
         path.write_bytes(data[:-cut])
-        with pytest.warns(AtcWarning, match="its header announces 3 frames, the file ends within number 2: it is left out"):
+        with pytest.warns(
+            AtcWarning, match="its header announces 3 frames, the file ends within number 2: it is left out"
+        ):
             assert len(atc.read(path)) == 2
     # While LAMMPS runs, the header may say fewer frames than are there: those it says are whole.
     bad = bytearray(data)

@@ -132,7 +132,9 @@ def test_sorting(ids):
         assert np.ptp(ids) >= 8 * len(ids)
 
 
-@pytest.mark.parametrize("form,want", [("%g", 1e-4), ("%.3f", 1e-3), ("%.10g", 1e-8), ("%.17g", 1.4210854715202004e-14), ("%.5e", 1e-4)])
+@pytest.mark.parametrize(
+    "form,want", [("%g", 1e-4), ("%.3f", 1e-3), ("%.10g", 1e-8), ("%.17g", 1.4210854715202004e-14), ("%.5e", 1e-4)]
+)
 def test_resolution_of_text(form, want):
     x = np.random.default_rng(0).uniform(0, 99, 900)
     resolution, _ = text_resolution([form % v for v in x])

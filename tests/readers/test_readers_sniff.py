@@ -56,14 +56,26 @@ SW = "# DATE: 2007-06-11 UNITS: metal CONTRIBUTOR: A. B., a@b.c CITATION: none\n
 
 CASES = {
     "script": (SCRIPT, "is a LAMMPS input script, not a trajectory: give the dump it writes"),
-    "script without a name": ("variable T equal 300\nregion b block 0 1 0 1 0 1\ncreate_box 1 b\nmass 1 1\n", "is a LAMMPS input script"),
-    "script with continued lines": ("pair_coeff * * &\n  1.0 &\n  2.0\nunits metal\nfix 1 all nve\nrun 5\n", "is a LAMMPS input script"),
-    "log": ("LAMMPS (22 Jul 2025 - Update 1)\nunits lj\n", "is the log of a LAMMPS run, which holds thermo output but no atoms"),
+    "script without a name": (
+        "variable T equal 300\nregion b block 0 1 0 1 0 1\ncreate_box 1 b\nmass 1 1\n",
+        "is a LAMMPS input script",
+    ),
+    "script with continued lines": (
+        "pair_coeff * * &\n  1.0 &\n  2.0\nunits metal\nfix 1 all nve\nrun 5\n",
+        "is a LAMMPS input script",
+    ),
+    "log": (
+        "LAMMPS (22 Jul 2025 - Update 1)\nunits lj\n",
+        "is the log of a LAMMPS run, which holds thermo output but no atoms",
+    ),
     "log without its head": (
         "Per MPI rank memory allocation (min/avg/max) = 3 | 3 | 3 Mbytes\nStep Temp\n0 1\n",
         "is the log of a LAMMPS run",
     ),
-    "thermo in YAML": ("---\nkeywords: ['Step', 'Temp', ]\ndata:\n  - [0, 1, ]\n...\n", "is thermo output of LAMMPS in YAML"),
+    "thermo in YAML": (
+        "---\nkeywords: ['Step', 'Temp', ]\ndata:\n  - [0, 1, ]\n...\n",
+        "is thermo output of LAMMPS in YAML",
+    ),
     "molecule": (MOLECULE, "is a molecule template of LAMMPS, which has no box"),
     "dump local": (
         HEADER + "ITEM: NUMBER OF ENTRIES\n1\n" + BOX + "ITEM: ENTRIES index c_1\n1 2\n",
@@ -73,9 +85,18 @@ CASES = {
         "ITEM: UNITS\nlj\n" + HEADER + "ITEM: NUMBER OF BONDS\n1\n" + BOX + "ITEM: BONDS a\n1\n",
         "is a dump of something else",
     ),
-    "dump grid": (HEADER + BOX + "ITEM: DIMENSION\n3\nITEM: GRID SIZE nx ny nz\n1 1 1\nITEM: GRID CELLS a\n1\n", "is grid data of LAMMPS"),
-    "dump grid with time": ("ITEM: UNITS\nlj\nITEM: TIME\n0\n" + HEADER + BOX + "ITEM: DIMENSION\n2\n", "is grid data of LAMMPS"),
-    "fix ave/chunk": ("# Chunk-averaged data for fix 1 and group all\n# Timestep Number-of-chunks\n", "is the output of a fix of LAMMPS"),
+    "dump grid": (
+        HEADER + BOX + "ITEM: DIMENSION\n3\nITEM: GRID SIZE nx ny nz\n1 1 1\nITEM: GRID CELLS a\n1\n",
+        "is grid data of LAMMPS",
+    ),
+    "dump grid with time": (
+        "ITEM: UNITS\nlj\nITEM: TIME\n0\n" + HEADER + BOX + "ITEM: DIMENSION\n2\n",
+        "is grid data of LAMMPS",
+    ),
+    "fix ave/chunk": (
+        "# Chunk-averaged data for fix 1 and group all\n# Timestep Number-of-chunks\n",
+        "is the output of a fix of LAMMPS",
+    ),
     "fix ave/time": ("# Time-averaged data for fix 1\n# TimeStep v_a\n0 1\n", "is the output of a fix of LAMMPS"),
     "potential": (SW, "is a potential file of LAMMPS, not a trajectory: name it in a pair_coeff line"),
     "Cu.eam": ("comment\n29 63.55 3.615 fcc\n500 5e-4 500 1e-2 4.95\n", "is a potential file by its name"),
@@ -94,7 +115,10 @@ CASES = {
     "x.npy": (lambda: saved(np.save, np.zeros(3)), "is a NumPy array"),
     "x.pkl": (b"\x80\x04\x95\x05\0\0\0\0\0\0\0K\x01.", "is a pickle of Python"),
     "program": (b"\x7fELF" + bytes(40), "is a program"),
-    "restart": (b"LammpS RestartT\0" + bytes(40), "is a LAMMPS restart file, which only LAMMPS reads: make a data file of it"),
+    "restart": (
+        b"LammpS RestartT\0" + bytes(40),
+        "is a LAMMPS restart file, which only LAMMPS reads: make a data file of it",
+    ),
     "empty": ("", "is empty"),
     "blank": ("\n \n", "holds nothing but blanks"),
     "noise": (
@@ -113,7 +137,13 @@ CASES = {
     "noise.nc": (b"CDF\x01" + bytes(range(256)), "."),
     "noise.h5": (b"\x89HDF\r\n\x1a\n" + bytes(range(256)), "HDF5"),
 }
-OF_OTHERS = {"noise.dcd", "noise.xtc", "noise.cif", "POSCAR", "melt.in"}  # their readers have units of their own, and say that first
+OF_OTHERS = {
+    "noise.dcd",
+    "noise.xtc",
+    "noise.cif",
+    "POSCAR",
+    "melt.in",
+}  # their readers have units of their own, and say that first
 FOREIGN = ("Error", "Traceback", "codec", "Errno", "Exception", "unpack", "ASE cannot", "None")
 
 
@@ -179,9 +209,7 @@ def test_bombs(tmp_path, kind, monkeypatch):
     monkeypatch.setattr(module, "_BOMB", 1 << 21)
     opener = {"gz": gzip.open, "bz2": bz2.open, "xz": lzma.open}[kind]
     path = tmp_path / f"t.dump.{kind}"
-    header = (
-        b"ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n900000000000\nITEM: BOX BOUNDS pp pp pp\n0 9\n0 9\n0 9\nITEM: ATOMS id type x y z\n"
-    )
+    header = b"ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n900000000000\nITEM: BOX BOUNDS pp pp pp\n0 9\n0 9\n0 9\nITEM: ATOMS id type x y z\n"
     block = b"1 1 1 1 1\n" * (1 << 16)
     with opener(path, "wb") as f:
         f.write(header)
@@ -228,7 +256,9 @@ def test_zstd_is_read_where_python_can(tmp_path):
     # One frame of one raw block: magic, a header that gives the size in two bytes, the block's length and that it is the last.
     size = len(text)
     raw = (
-        b"\x28\xb5\x2f\xfd" + b"\x60" + (size - 256).to_bytes(2, "little") if size >= 256 else b"\x28\xb5\x2f\xfd" + b"\x20" + bytes([size])
+        b"\x28\xb5\x2f\xfd" + b"\x60" + (size - 256).to_bytes(2, "little")
+        if size >= 256
+        else b"\x28\xb5\x2f\xfd" + b"\x20" + bytes([size])
     )
     path = tmp_path / "t.dump.zst"
     path.write_bytes(raw + ((size << 3) | 1).to_bytes(3, "little") + text)

@@ -21,7 +21,10 @@ def save(tmp_path):
     def save(comment, rows, name="t.extxyz", frames=1):
         path = tmp_path / name
         path.write_text(
-            "".join(f"{len(rows)}\n{comment.replace('<k>', str(k))}\n" + "".join(f"{r}\n" for r in rows) for k in range(frames))
+            "".join(
+                f"{len(rows)}\n{comment.replace('<k>', str(k))}\n" + "".join(f"{r}\n" for r in rows)
+                for k in range(frames)
+            )
         )
         return path
 
@@ -30,7 +33,10 @@ def save(tmp_path):
 
 @pytest.mark.parametrize("name", ["vel", "velo", "velocities", "velocity"])
 def test_velocities_are_read_in_the_units_that_are_given(save, name):
-    path = save(f"{LATTICE} Properties=species:S:1:pos:R:3:{name}:R:3 Time=2.5 Timestep=7", ["Ar 1 2 3 0.1 0.2 0.3", "Kr 2 3 4 -1 -2 -3"])
+    path = save(
+        f"{LATTICE} Properties=species:S:1:pos:R:3:{name}:R:3 Time=2.5 Timestep=7",
+        ["Ar 1 2 3 0.1 0.2 0.3", "Kr 2 3 4 -1 -2 -3"],
+    )
     v = np.array([[0.1, 0.2, 0.3], [-1, -2, -3]])
     for style in ("metal", "real", "lj", "ase"):
         with warnings.catch_warnings():
@@ -43,7 +49,8 @@ def test_velocities_are_read_in_the_units_that_are_given(save, name):
         assert f.step == 7 and f.time == (None if style == "ase" else 2.5 * u.time)
         assert f.masses.tolist() == [40 * u.mass, 80 * u.mass]
     with pytest.warns(
-        AtcWarning, match=rf"its column '{name}' holds velocities in units that the file does not say; they are left out: give units="
+        AtcWarning,
+        match=rf"its column '{name}' holds velocities in units that the file does not say; they are left out: give units=",
     ):
         f = atc.read(path)[0]
     assert f.velocities is None and f.units.name == "ase" and f.step == 7 and f.time is None
@@ -57,7 +64,9 @@ def test_forces_under_every_name(save, name):
     path = save(f"{LATTICE} Properties=species:S:1:pos:R:3:{name}:R:3", ["Ar 1 2 3 0.1 0.2 0.3"])
     assert atc.read(path)[0].forces.tolist() == [[0.1, 0.2, 0.3]]
     u = units("real")
-    np.testing.assert_array_equal(atc.read(path, units="real")[0].forces, np.array([[0.1, 0.2, 0.3]]) * u.factor("force"))
+    np.testing.assert_array_equal(
+        atc.read(path, units="real")[0].forces, np.array([[0.1, 0.2, 0.3]]) * u.factor("force")
+    )
 
 
 def test_columns_of_ovito(save):
@@ -69,10 +78,17 @@ def test_columns_of_ovito(save):
     )
     f = atc.read(path, units="metal")[0]
     assert f.ids.tolist() == [3, 7] and f.types.tolist() == [1, 2] and f.type_names == {1: "O", 2: "H"}
-    assert f.charges.tolist() == [-1, 0.5] and f.masses.tolist() == [16, 1.5] and f.extra["c_pe"].tolist() == [0.75, 0.25]
+    assert (
+        f.charges.tolist() == [-1, 0.5] and f.masses.tolist() == [16, 1.5] and f.extra["c_pe"].tolist() == [0.75, 0.25]
+    )
     assert f.cell.origin.tolist() == [1, 1, 1] and f.cell.periodic.tolist() == [True, False, True] and f.step == 100
     g = atc.read(path)[0]
-    assert g.units.name == "ase" and g.type_names == {1: "O", 2: "H"} and g.ids.tolist() == [3, 7] and g.masses.tolist() == [16, 1.5]
+    assert (
+        g.units.name == "ase"
+        and g.type_names == {1: "O", 2: "H"}
+        and g.ids.tolist() == [3, 7]
+        and g.masses.tolist() == [16, 1.5]
+    )
 
 
 def test_momenta_mean_what_ase_means(tmp_path):
@@ -114,11 +130,14 @@ def test_atomic_numbers_names_that_are_no_elements_and_plain_files(save):
     assert f.type_names == {1: "Si", 2: "C"}
     f = atc.read(save(f"{LATTICE} Properties=species:S:1:pos:R:3", ["CT1 1 2 3", "HA 2 3 4"]))[0]
     assert f.type_names == {1: "CT1", 2: "HA"} and f.masses is None
-    assert atc.read(save(f"{LATTICE} Properties=species:S:1:pos:R:3", ["CT1 1 2 3"]), masses={"CT1": 12})[0].masses.tolist() == [12]
+    assert atc.read(save(f"{LATTICE} Properties=species:S:1:pos:R:3", ["CT1 1 2 3"]), masses={"CT1": 12})[
+        0
+    ].masses.tolist() == [12]
     f = atc.read(save("any words", ["O 0 0 0", "H 0 0 1 extra"[:7]], "t.xyz"))[0]
     assert not f.cell.periodic.any() and f.units.name == "ase"
     with pytest.raises(
-        AtcError, match=r"t.xyz, frame 0, line 2: the first column holds numbers \(1, 2\), and nothing says whether they are types"
+        AtcError,
+        match=r"t.xyz, frame 0, line 2: the first column holds numbers \(1, 2\), and nothing says whether they are types",
     ):
         atc.read(save("any words", ["1 0 0 0", "2 0 0 1"], "t.xyz"))[0]
     with pytest.raises(AtcError, match="a topology goes with the unit style of a LAMMPS run"):
@@ -146,7 +165,10 @@ def test_other_cells_of_ipi_and_what_is_refused(save):
     h = "# CELL(H): 10 1 2 0 11 3 0 0 12 Step: 0 positions{angstrom} cell{angstrom}"
     np.testing.assert_array_equal(atc.read(save(h, rows))[0].cell.vectors, [[10, 0, 0], [1, 11, 0], [2, 3, 12]])
     for comment, what in (
-        (h.replace("positions{angstrom}", ""), r"line 2: the comment has i-PI's CELL\(H\) but not the unit of positions"),
+        (
+            h.replace("positions{angstrom}", ""),
+            r"line 2: the comment has i-PI's CELL\(H\) but not the unit of positions",
+        ),
         (h.replace("positions{angstrom}", "velocities{angstrom}"), "i-PI wrote velocities here, not positions"),
         (h.replace("cell{angstrom}", "cell{parsec}"), "expected one of angstrom"),
         (h.replace("10 1 2 0", "10 1 2 1"), "not upper triangular"),
@@ -201,7 +223,9 @@ def test_frames_are_found_by_counting_lines(save, tmp_path):
     text = path.read_text()
     for cut in range(1, 60):
         path.write_text(text[:-cut])
-        with pytest.warns(AtcWarning, match=r"its last frame \(number 8, from line 33\) is not complete and is left out"):
+        with pytest.warns(
+            AtcWarning, match=r"its last frame \(number 8, from line 33\) is not complete and is left out"
+        ):
             assert len(atc.read(path)) == 8
     path.write_text(text.replace("Timestep=4", "Timestep=4 Time=0.0 Potential_energy=1", 1))
     with pytest.raises(AtcError, match="frame 4, line 18: a frame of another program than the first"):

@@ -3,7 +3,20 @@
 import numpy as np
 import pytest
 from decomposer_checks import source_matrix
-from energy_systems import LINES, NAMES, PARTITIONED, SMOOTH, TUPLES, RandomTerm, chains, cluster, diamond, potential, primitive, system
+from energy_systems import (
+    LINES,
+    NAMES,
+    PARTITIONED,
+    SMOOTH,
+    TUPLES,
+    RandomTerm,
+    chains,
+    cluster,
+    diamond,
+    potential,
+    primitive,
+    system,
+)
 from frames import argon
 
 import atc
@@ -51,7 +64,9 @@ def test_shares_change_as_the_sources_say(name, partition):
     scale = np.abs(source_matrix(d.bonds, len(frame))).sum(axis=(1, 2)).max()
 
     def slope(h):
-        up, down = (pot.stream(frame.replace(positions=frame.positions + s * h * v), energies=True).energies_n for s in (1, -1))
+        up, down = (
+            pot.stream(frame.replace(positions=frame.positions + s * h * v), energies=True).energies_n for s in (1, -1)
+        )
         return (up - down) / (2 * h)
 
     if name in SMOOTH:
@@ -78,7 +93,9 @@ def test_sources_add_up_to_the_forces_and_cost_nothing_else(name, partition):
     np.testing.assert_allclose(m.sum(axis=0), -d.forces_nc, rtol=0, atol=1e-12 * terms * len(d.bonds))
     np.testing.assert_allclose(d.energies_n, plain.energies_n, rtol=0, atol=1e-13 * np.abs(plain.energies_n).max())
     np.testing.assert_allclose(d.forces_nc, plain.forces_nc, rtol=0, atol=1e-12 * terms * len(d.bonds))
-    np.testing.assert_allclose(d.virial_cc, plain.virial_cc, rtol=0, atol=1e-12 * np.abs(d.bonds.G_b) @ (d.bonds.r_bc**2).sum(1))
+    np.testing.assert_allclose(
+        d.virial_cc, plain.virial_cc, rtol=0, atol=1e-12 * np.abs(d.bonds.G_b) @ (d.bonds.r_bc**2).sum(1)
+    )
 
 
 @pytest.mark.parametrize("name,partition", EVERY, ids=ids(EVERY))
@@ -131,7 +148,9 @@ def test_shares_of_one_triplet_and_one_angle():
         top = atc.frame.Topology(angles=[[1, 0, 2]], angle_types=[1])
         order = (w[1], w[0], w[2])
         given = partition if isinstance(partition, str) else order
-        d = atc.potential(HarmonicAngle((1.0, 110.0), partition=given)).decompose(frame.replace(topology=top), sources=True)
+        d = atc.potential(HarmonicAngle((1.0, 110.0), partition=given)).decompose(
+            frame.replace(topology=top), sources=True
+        )
         np.testing.assert_allclose(d.energies_n, np.multiply(w, d.energy), rtol=1e-14)
         np.testing.assert_allclose(source_matrix(d.bonds, 3), np.multiply.outer(w, -d.forces_nc), rtol=0, atol=1e-14)
     assert "to the atom at its center" in StillingerWeber(**SI, partition="center").describe()
@@ -203,16 +222,25 @@ def test_threebody_off_and_mixed_terms():
     d = atc.potential(StillingerWeber(**SI, threebody=False)).decompose(frame, sources=True)
     np.testing.assert_allclose(d.bonds.D_bdc[:, 0], -0.5 * d.bonds.G_b[:, None] * d.bonds.r_bc, rtol=1e-15)
     frame = chains()
-    pot = atc.potential([LennardJones(0.01, 1.5, 4.0, n_types=2, units="metal"), HarmonicAngle({1: (1.0, 110.0), 2: (2.0, 100.0)})])
+    pot = atc.potential(
+        [LennardJones(0.01, 1.5, 4.0, n_types=2, units="metal"), HarmonicAngle({1: (1.0, 110.0), 2: (2.0, 100.0)})]
+    )
     d = pot.decompose(frame, sources=True)
     assert len(d.bonds.D_bdc) == len(d.bonds) > 27
-    np.testing.assert_allclose(source_matrix(d.bonds, len(frame)).sum(axis=0), -d.forces_nc, rtol=0, atol=1e-10 * np.abs(d.forces_nc).max())
+    np.testing.assert_allclose(
+        source_matrix(d.bonds, len(frame)).sum(axis=0), -d.forces_nc, rtol=0, atol=1e-10 * np.abs(d.forces_nc).max()
+    )
 
 
 def test_every_chunk_of_a_stream_has_its_sources():
     frame, pot = system("sw")
     seen = []
-    pot.stream(frame, lambda b, t: seen.append(b.D_bdc is not None and b.D_bdc.shape == (len(b), 2, 3)), sources=True, threads=2)
+    pot.stream(
+        frame,
+        lambda b, t: seen.append(b.D_bdc is not None and b.D_bdc.shape == (len(b), 2, 3)),
+        sources=True,
+        threads=2,
+    )
     assert seen and all(seen)
     seen = []
     pot.stream(frame, lambda b, t: seen.append(b.D_bdc is None), threads=2)
@@ -269,7 +297,10 @@ def test_objects_are_not_changed():
     np.testing.assert_array_equal(back.decompose(frame).energies_n, atc.potential(term).decompose(frame).energies_n)
     # objects keep what they were made with, unless told otherwise
     made = StillingerWeber(**SI, partition="center")
-    assert "at its center" in atc.potential(made).describe() and "a third to each" in atc.potential(made, partition="equal").describe()
+    assert (
+        "at its center" in atc.potential(made).describe()
+        and "a third to each" in atc.potential(made, partition="equal").describe()
+    )
     hybrid = HybridTerm([HarmonicAngle({1: (1.0, 110.0)}), HarmonicAngle({2: (1.0, 110.0)})])
     assert atc.potential(hybrid, partition="center").describe().count("middle atom") == 2
     assert "middle" not in hybrid.describe()

@@ -27,7 +27,11 @@ def frames(steps, dt=0.005, times=True, types=None, seed=0):
         time, source = step * dt if times else None, f"run.dump frame {len(out)}"
         v = r.normal(0, 0.3, x0.shape)
         cell = Cell(np.full(3, 2 * a))
-        out.append(Frame(x, cell, units("lj"), types=types, masses=np.ones(32), velocities=v, step=step, time=time, source=source))
+        out.append(
+            Frame(
+                x, cell, units("lj"), types=types, masses=np.ones(32), velocities=v, step=step, time=time, source=source
+            )
+        )
     return out
 
 
@@ -72,7 +76,11 @@ def test_the_frame_that_a_continued_run_writes_again_is_left_out():
     found = atc.heat_currents([*run[:3], again, *run[3:]], POT)
     plain = atc.heat_currents(run, POT)
     np.testing.assert_array_equal(found.J_tc, plain.J_tc)
-    assert found.dt == pytest.approx(0.5) and "frame 3 (step 200) is frame 2 (step 200) once more" in found.notes[0] and not plain.notes
+    assert (
+        found.dt == pytest.approx(0.5)
+        and "frame 3 (step 200) is frame 2 (step 200) once more" in found.notes[0]
+        and not plain.notes
+    )
 
 
 def test_times_account_for_steps():
@@ -91,7 +99,10 @@ def test_a_change_of_the_time_step_is_seen():
 def test_dt_against_times():
     """dt goes before the file's times, which may be in other units, but not without a word."""
     found = atc.heat_currents(frames(steps=EVEN), POT, dt=2.0)
-    assert found.dt == 2.0 and "dt = 2 tau goes before the times of the frames, by which they are 0.5 tau apart" in found.notes[0]
+    assert (
+        found.dt == 2.0
+        and "dt = 2 tau goes before the times of the frames, by which they are 0.5 tau apart" in found.notes[0]
+    )
     bare = [f.replace(step=None, time=None) for f in frames(steps=EVEN)]
     assert "could not be checked" in atc.heat_currents(bare, POT, dt=2.0).notes[0]
     assert not atc.heat_currents([f.replace(time=None) for f in frames(steps=EVEN)], POT, dt=0.5).notes
@@ -114,7 +125,11 @@ def mixture(drift, **more):
 def test_a_mixture_that_diffuses_gets_a_note():
     """Of the partial enthalpies: where a species gets far, but not where it only vibrates, or where molecules of one kind move as wholes."""
     notes = atc.heat_currents(mixture(0.15), POT).notes
-    assert len(notes) == 1 and "a mixture whose species diffuse (type 2 by " in notes[0] and "partial enthalpies" in notes[0]
+    assert (
+        len(notes) == 1
+        and "a mixture whose species diffuse (type 2 by " in notes[0]
+        and "partial enthalpies" in notes[0]
+    )
     assert not atc.heat_currents(mixture(0.001), POT).notes
     one = [f.replace(types=np.ones(32, int)) for f in mixture(0.15)]
     assert not atc.heat_currents(one, POT).notes
@@ -139,13 +154,16 @@ def test_the_note_reaches_the_conductivity():
 
 
 def fields(run, **more):
-    return atc.fields(run, POT, atc.kernel("quartic", radius=1.5), atc.Grid.regular(shape=(3, 3, 3)), ["density"], **more)
+    return atc.fields(
+        run, POT, atc.kernel("quartic", radius=1.5), atc.Grid.regular(shape=(3, 3, 3)), ["density"], **more
+    )
 
 
 def test_fields_names_frames_that_are_there_twice():
     run = frames(steps=[0, 100, 200, 200, 300, 100, 200])
     with pytest.warns(
-        AtcWarning, match=r"frame 3 \(step 200\) after 2 \(step 200\), 5 \(step 100\) after 4 \(step 300\): duplicates of a restart"
+        AtcWarning,
+        match=r"frame 3 \(step 200\) after 2 \(step 200\), 5 \(step 100\) after 4 \(step 300\): duplicates of a restart",
     ):
         fields(run)
     with pytest.warns(AtcWarning, match="they count twice in the average"):
@@ -179,7 +197,9 @@ def test_dispersion():
     even = amplitudes(frames(steps=EVEN), crystal, gamma)
     assert even.dt == pytest.approx(0.5) and not even.notes
     gap = amplitudes(frames(steps=[0, 100, 200, 400, 500]), crystal, gamma)
-    assert gap.dt is None and "not equally spaced in time: frame 3 (step 400) comes 1 tau after frame 2" in " ".join(gap.notes)
+    assert gap.dt is None and "not equally spaced in time: frame 3 (step 400) comes 1 tau after frame 2" in " ".join(
+        gap.notes
+    )
     with pytest.raises(AtcError, match="goes back"):
         amplitudes(frames(steps=[0, 100, 200, 100]), crystal, gamma)
     run = frames(steps=EVEN)

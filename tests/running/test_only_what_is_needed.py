@@ -43,7 +43,9 @@ def test_no_triplet_is_looked_at_for_a_pair_potential(monkeypatch):
     atc.fields(crystal, sw, KERN, GRID, ["stress_potential"])
     assert triplets.calls
     triplets.calls.clear()
-    pairs = atc.decomposers.StillingerWeber(2.1683, 2.0951, 1.8, 21.0, 1.2, -1 / 3, 7.05, 0.602, 4.0, 0.0, threebody=False)
+    pairs = atc.decomposers.StillingerWeber(
+        2.1683, 2.0951, 1.8, 21.0, 1.2, -1 / 3, 7.05, 0.602, 4.0, 0.0, threebody=False
+    )
     atc.fields(crystal, atc.potential(pairs, units="metal"), KERN, GRID, ["stress_potential"])
     assert not triplets.calls
 
@@ -72,7 +74,9 @@ def nanowire(edge):
     L = frame.cell.vectors[0, 0]
     keep = ((x[:, :2] - L / 2) ** 2).sum(1) < 9.0**2
     moved = x[keep] + [edge / 2 - L / 2, edge / 2 - L / 2, 0]
-    return frame.replace(positions=moved, velocities=None, masses=None, types=None, ids=None, cell=Cell([edge, edge, L])), pot
+    return frame.replace(
+        positions=moved, velocities=None, masses=None, types=None, ids=None, cell=Cell([edge, edge, L])
+    ), pot
 
 
 def test_empty_space_costs_nothing(monkeypatch):
@@ -116,8 +120,14 @@ def test_a_kept_list_has_the_pairs_of_a_new_one(system, cell):
     if cell != "cubic":
         shear = np.array([[1, 0, 0], [0.3, 1, 0], [-0.2, 0.25, 1.0]])
         periodic = (True, cell == "tilted", True)
-        frame = frame.replace(positions=frame.positions @ shear + 3.0, cell=Cell(frame.cell.vectors @ shear, [3.0] * 3, periodic))
-    who = np.sort(rng.choice(len(frame), len(frame) // 2, replace=False)).astype(np.int32) if system == "sw with others" else None
+        frame = frame.replace(
+            positions=frame.positions @ shear + 3.0, cell=Cell(frame.cell.vectors @ shear, [3.0] * 3, periodic)
+        )
+    who = (
+        np.sort(rng.choice(len(frame), len(frame) // 2, replace=False)).astype(np.int32)
+        if system == "sw with others"
+        else None
+    )
     skin, cutoff = 1.0, pot.cutoff
     step = rng.normal(size=frame.positions.shape)
     step *= 0.499 * skin * rng.random((len(step), 1)) / np.linalg.norm(step, axis=1, keepdims=True)
@@ -150,7 +160,10 @@ def test_a_kept_list_has_the_pairs_of_a_new_one(system, cell):
     far = moved.positions.copy()
     far[0] = frame.positions[0] + [0.51 * skin, 0, 0]
     assert anchor.moved(moved.replace(positions=far)) is None
-    assert anchor.moved(moved.replace(cell=Cell(frame.cell.vectors * 1.001, frame.cell.origin, frame.cell.periodic))) is None
+    assert (
+        anchor.moved(moved.replace(cell=Cell(frame.cell.vectors * 1.001, frame.cell.origin, frame.cell.periodic)))
+        is None
+    )
     assert anchor.moved(moved.replace(ids=moved.ids + 1)) is None
 
 
@@ -158,7 +171,10 @@ def vibrating(n=6):
     frame, pot = silicon(2)
     rng = np.random.default_rng(1)
     frames = [
-        frame.replace(positions=frame.positions + rng.normal(0, 0.02, frame.positions.shape), source=f"silicon frame {k}") for k in range(n)
+        frame.replace(
+            positions=frame.positions + rng.normal(0, 0.02, frame.positions.shape), source=f"silicon frame {k}"
+        )
+        for k in range(n)
     ]
     gone = frames[3].positions.copy()
     gone[5] += 1.0

@@ -23,7 +23,15 @@ def output(tmp_path_factory):
     frame, pot = argon(4)
     out = tmp_path_factory.mktemp("o") / "a.nc"
     frames = [frame.replace(positions=frame.positions + 0.01 * k) for k in range(4)]
-    atc.fields(frames, pot, atc.kernel("gaussian", radius=6.0), atc.Grid.regular(shape=4), ["stress", "density"], average=2, out=out)
+    atc.fields(
+        frames,
+        pot,
+        atc.kernel("gaussian", radius=6.0),
+        atc.Grid.regular(shape=4),
+        ["stress", "density"],
+        average=2,
+        out=out,
+    )
     return out
 
 
@@ -33,7 +41,11 @@ def test_info_knows_outputs(output, tmp_path):
     assert "Hardy's stress [bar]" in out and "with standard error" in out and f"atc {atc.__version__}" in out
     status, out = run("info", output, "--json")
     said = json.loads(out)
-    assert said["sizes"]["frame"] == 2 and said["fields"]["density"]["units"] == "g/cm^3" and "stress_stderr" not in said["fields"]
+    assert (
+        said["sizes"]["frame"] == 2
+        and said["fields"]["density"]["units"] == "g/cm^3"
+        and "stress_stderr" not in said["fields"]
+    )
     (tmp_path / "b.nc").write_bytes(b"not one of ours")
     status, out = run("info", tmp_path / "b.nc")
     assert status != 0 and "output of atc" not in out

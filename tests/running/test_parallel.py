@@ -85,7 +85,9 @@ def frames(n=8):
     first, pot = argon(4)
     rng = np.random.default_rng(0)
     return [
-        first.replace(positions=first.positions + rng.normal(0, 0.05, first.positions.shape), step=k, source=f"a frame {k}")
+        first.replace(
+            positions=first.positions + rng.normal(0, 0.05, first.positions.shape), step=k, source=f"a frame {k}"
+        )
         for k in range(n)
     ], pot
 
@@ -162,7 +164,9 @@ def test_tiles_add_up_for_pair_potentials(tiles):
     for n in (3, 4):
         frame, pot = argon(n)
         whole, parts = (atc.fields(frame, pot, KERN, GRID, what, threads=2, tiles=t) for t in (None, tiles))
-        close(parts, whole, [v for v in whole.data_vars if v not in ("mask", "heat_flux_churning", "churning_divergence")])
+        close(
+            parts, whole, [v for v in whole.data_vars if v not in ("mask", "heat_flux_churning", "churning_divergence")]
+        )
         assert float(np.abs(parts.churning_divergence).max()) < 1e-10 * float(np.abs(whole.stress).max())
 
 
@@ -171,7 +175,9 @@ def test_tiles_add_up_for_many_body_potentials_and_tilted_cells():
     pot = pot.partitioned("center")
     shear = np.array([[1, 0, 0], [0.3, 1, 0], [-0.2, 0.25, 1.0]])
     tilted = frame.replace(
-        positions=frame.positions @ shear + 5.0, cell=Cell(frame.cell.vectors @ shear, [5.0, 5, 5]), velocities=frame.velocities + 0.01
+        positions=frame.positions @ shear + 5.0,
+        cell=Cell(frame.cell.vectors @ shear, [5.0, 5, 5]),
+        velocities=frame.velocities + 0.01,
     )
     what = ["stress", "heat_flux", "energy_flux", "churning", "churning_divergence", "smoothed_virial_stress"]
     slab = tilted.replace(cell=Cell(tilted.cell.vectors, tilted.cell.origin, (True, True, False)))
@@ -215,7 +221,9 @@ def test_no_function_has_two_copies_that_may_round_differently():
     functions = list(compiled_functions())
     assert len(functions) > 100
     vectors = {id(x) for x in vars(_simd).values() if isinstance(x, Intrinsic)}
-    contracted = {id(f) for f, uses in functions if f.targetoptions.get("fastmath") or any(id(u) in vectors for u in uses)}
+    contracted = {
+        id(f) for f, uses in functions if f.targetoptions.get("fastmath") or any(id(u) in vectors for u in uses)
+    }
     assert len(contracted) > 20
     for f, uses in functions:
         for g in uses:

@@ -79,7 +79,9 @@ def uninterrupted(tmp_path_factory):
 
     def get(suffix, average):
         if (suffix, average) not in made:
-            made[suffix, average] = fields(trajectory(), tmp_path_factory.mktemp("whole") / f"o{suffix}", average=average)
+            made[suffix, average] = fields(
+                trajectory(), tmp_path_factory.mktemp("whole") / f"o{suffix}", average=average
+            )
         return made[suffix, average]
 
     return get
@@ -151,7 +153,11 @@ def test_unfinished_output_of_another_request_is_refused(tmp_path):
     with pytest.raises(Stop):
         fields(trajectory(), out, progress=stop_after(2))
     before = (tmp_path / "o.zarr.partial" / "journal.jsonl").read_text()
-    for more, word in [({"tolerance": 1e-6}, "tolerance"), ({"average": 2}, "average"), ({"pot": BruteLJ(cutoff=4.0)}, "potential")]:
+    for more, word in [
+        ({"tolerance": 1e-6}, "tolerance"),
+        ({"average": 2}, "average"),
+        ({"pot": BruteLJ(cutoff=4.0)}, "potential"),
+    ]:
         with pytest.raises(AtcError, match=word):
             fields(trajectory(), out, **more)
     with pytest.raises(AtcError, match="trajectory"):
@@ -235,7 +241,9 @@ def test_full_disk(tmp_path):
         """)
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     lines = done.stdout.strip().splitlines()
-    assert len(lines) == 2 and all(line.startswith("AtcError") and "o." in line for line in lines), done.stdout + done.stderr
+    assert len(lines) == 2 and all(line.startswith("AtcError") and "o." in line for line in lines), (
+        done.stdout + done.stderr
+    )
     assert not (tmp_path / "o.zarr").exists() and not (tmp_path / "o.nc").exists()
     # what is complete is kept, and once there is room it is used
     again = fields(trajectory(), tmp_path / "o.nc")
@@ -274,7 +282,9 @@ def test_a_changing_cell_survives_interruption(tmp_path, suffix, average):
     grid = atc.Grid.regular(spacing=2.5)
 
     def run(out, progress=None):
-        return atc.fields(frames, BruteLJ(), KERN, grid, ["density", "stress"], average=average, threads=2, out=out, progress=progress)
+        return atc.fields(
+            frames, BruteLJ(), KERN, grid, ["density", "stress"], average=average, threads=2, out=out, progress=progress
+        )
 
     class Stop(Exception):
         pass
@@ -313,11 +323,17 @@ def test_progress():
 def test_average_is_the_mean_of_the_frames():
     frames = trajectory(6)
     every = fields(frames, what=["stress", "density", "velocity", "temperature", "virial_stress", "energy"])
-    mean = fields(frames, what=["stress", "density", "velocity", "temperature", "virial_stress", "energy"], average=True)
+    mean = fields(
+        frames, what=["stress", "density", "velocity", "temperature", "virial_stress", "energy"], average=True
+    )
     assert mean.sizes["frame"] == 1 and mean.frames_averaged.values.tolist() == [6] and mean.step.values.tolist() == [0]
     for q in ("stress", "stress_kinetic", "stress_potential", "density", "virial_stress", "energy"):
-        np.testing.assert_allclose(mean[q][0], every[q].mean("frame"), rtol=0, atol=1e-12 * float(abs(every[q]).max()), err_msg=q)
-    np.testing.assert_allclose(mean.velocity[0], (every.density * every.velocity).mean("frame") / every.density.mean("frame"), atol=1e-12)
+        np.testing.assert_allclose(
+            mean[q][0], every[q].mean("frame"), rtol=0, atol=1e-12 * float(abs(every[q]).max()), err_msg=q
+        )
+    np.testing.assert_allclose(
+        mean.velocity[0], (every.density * every.velocity).mean("frame") / every.density.mean("frame"), atol=1e-12
+    )
     n = fields(frames, what=["number_density"]).number_density
     np.testing.assert_allclose(mean.temperature[0], (n * every.temperature).mean("frame") / n.mean("frame"), rtol=1e-12)
     np.testing.assert_allclose(mean.density_stderr[0], every.density.std("frame", ddof=1) / np.sqrt(6), rtol=1e-9)
@@ -362,14 +378,18 @@ def test_frames_that_do_not_fit_together():
 def test_a_spacing_is_settled_by_the_first_frame():
     """As the cell grows its grid grows with it, with as many points, and density still adds up to the mass."""
     frames = [argon(atc.Cell([9.0 + 2 * k, 10.0, 11.0 - k]), seed=k) for k in range(4)]
-    ds = atc.fields(frames, None, atc.kernel("gaussian", width=3.0), atc.Grid.regular(spacing=1.0), ["density", "momentum"], 1e-12)
+    ds = atc.fields(
+        frames, None, atc.kernel("gaussian", width=3.0), atc.Grid.regular(spacing=1.0), ["density", "momentum"], 1e-12
+    )
     assert ds.density.shape == (4, 9, 10, 11) and "9 x 10 x 11 points" in ds.attrs["grid"]
     for k, frame in enumerate(frames):
         one = ds.density[k]
         expected = frame.units.to_user("density", frame.masses.sum() / frame.cell.volume)
         np.testing.assert_allclose(one.mean(), expected, rtol=1e-6)
         np.testing.assert_allclose(ds.position_x[k] / frame.cell.vectors[0, 0], ((np.arange(9) + 0.5) / 9), rtol=1e-12)
-        alone = atc.fields(frame, None, atc.kernel("gaussian", width=3.0), atc.Grid.regular(shape=(9, 10, 11)), ["density"], 1e-12)
+        alone = atc.fields(
+            frame, None, atc.kernel("gaussian", width=3.0), atc.Grid.regular(shape=(9, 10, 11)), ["density"], 1e-12
+        )
         np.testing.assert_array_equal(one, alone.density[0])
 
 
@@ -408,7 +428,9 @@ def test_frames_that_are_done_are_read_to_be_compared_and_not_computed(tmp_path,
     computed = []
     inner = parallel.group_fields
     monkeypatch.setattr(
-        parallel, "group_fields", lambda frames, settings, k, **more: computed.append(k) or inner(frames, settings, k, **more)
+        parallel,
+        "group_fields",
+        lambda frames, settings, k, **more: computed.append(k) or inner(frames, settings, k, **more),
     )
     traj = Lazy()
     fields(traj, tmp_path / "o.zarr")
@@ -461,7 +483,11 @@ def test_a_call_in_python_keeps_a_scene_that_says_the_same(grid):
     kern = atc.kernel("gaussian", width=1.7)
     ds = atc.fields(frame, atc.potential(lines, units="metal"), kern, grid, ["stress", "density"], 1e-7)
     scene = Scene.loads(ds.attrs["scene"])
-    assert scene.kernel() == kern and scene.get("fields", "tolerance") == 1e-7 and scene.get("trajectory", "file") == "run.dump"
+    assert (
+        scene.kernel() == kern
+        and scene.get("fields", "tolerance") == 1e-7
+        and scene.get("trajectory", "file") == "run.dump"
+    )
     assert scene.get("potential", "lammps") == lines and "somebody" not in ds.attrs["scene"]
     again = atc.fields(frame, scene.potential(), scene.kernel(), scene.grid(), scene.get("fields", "quantities"), 1e-7)
     for name in ("stress", "density"):

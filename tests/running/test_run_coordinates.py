@@ -23,7 +23,9 @@ def breathing(n=3, cell="orthogonal"):
         s = 1 + 0.01 * k
         out.append(
             first.replace(
-                positions=first.positions * s, cell=Cell(first.cell.vectors * s, first.cell.origin * s, first.cell.periodic), step=k
+                positions=first.positions * s,
+                cell=Cell(first.cell.vectors * s, first.cell.origin * s, first.cell.periodic),
+                step=k,
             )
         )
     return out
@@ -32,7 +34,9 @@ def breathing(n=3, cell="orthogonal"):
 @pytest.mark.parametrize("suffix", [".zarr", ".nc"])
 @pytest.mark.parametrize("again", [".zarr", ".nc"])
 def test_outputs_can_be_written_again(tmp_path, suffix, again):
-    ds = atc.fields(breathing(), BruteLJ(), KERN, atc.Grid.regular(shape=3), ["stress", "density"], out=tmp_path / f"a{suffix}")
+    ds = atc.fields(
+        breathing(), BruteLJ(), KERN, atc.Grid.regular(shape=3), ["stress", "density"], out=tmp_path / f"a{suffix}"
+    )
     path = tmp_path / f"b{again}"
     (ds.to_zarr if again == ".zarr" else ds.to_netcdf)(path)
     xr.testing.assert_identical(open_dataset(path).load(), ds.load())

@@ -163,7 +163,16 @@ def test_the_command_says_how_to_begin_again(case):
     process = atc("fields", "scene.toml", "--set", "kernel.radius=4.5", cwd=case)
     _, err = process.communicate(timeout=100)
     assert process.returncode == 2 and "kernel" in err and "--restart" in err and len(err.splitlines()) == 1
-    ok("fields", str(case / "scene.toml"), "--set", "kernel.radius=4.5", "--restart", "-q", "-o", str(case / "out.zarr"))
+    ok(
+        "fields",
+        str(case / "scene.toml"),
+        "--set",
+        "kernel.radius=4.5",
+        "--restart",
+        "-q",
+        "-o",
+        str(case / "out.zarr"),
+    )
 
 
 def test_python_still_quits_by_itself(tmp_path):

@@ -50,7 +50,9 @@ def wholes(tmp_path_factory):
 def prepare(folder: Path, kind: str):
     name, more = KINDS[kind]
     if kind == "pd":
-        (folder / "case.toml").write_text(PLATE.replace("steps = 120", "steps = 3000").replace("every = 25", "every = 100"))
+        (folder / "case.toml").write_text(
+            PLATE.replace("steps = 120", "steps = 3000").replace("every = 25", "every = 100")
+        )
     else:
         write_dump(folder / "run.dump", frames=FRAMES)
         (folder / "scene.toml").write_text(BIG)
@@ -94,7 +96,12 @@ def test_killed_at_random_moments(tmp_path, wholes, kind):
 @pytest.mark.slow
 def test_many_kills(tmp_path, wholes):
     """ATC_KILLS (default 100) kills over all kinds of runs."""
-    wanted, done, round_, rng = int(os.environ.get("ATC_KILLS", "100")), {}, 0, random.Random(os.environ.get("ATC_SEED", "1"))
+    wanted, done, round_, rng = (
+        int(os.environ.get("ATC_KILLS", "100")),
+        {},
+        0,
+        random.Random(os.environ.get("ATC_SEED", "1")),
+    )
     while sum(done.values()) < wanted:
         kind = list(KINDS)[round_ % len(KINDS)]
         folder = tmp_path / str(round_)
@@ -117,14 +124,17 @@ def stopped(process, out, number, least=2):
     return process.returncode, err
 
 
-@pytest.mark.parametrize("number, status, word", [(signal.SIGTERM, 143, "terminated"), (signal.SIGHUP, 129, "the terminal has gone")])
+@pytest.mark.parametrize(
+    "number, status, word", [(signal.SIGTERM, 143, "terminated"), (signal.SIGHUP, 129, "the terminal has gone")]
+)
 @pytest.mark.parametrize("kind", ["zarr", "workers", "pd"])
 def test_told_to_stop(tmp_path, wholes, kind, number, status, word):
     out, _ = prepare(tmp_path, kind)
     got, err = stopped(command(tmp_path, kind), out, number)
     assert (
         got == status
-        and err == f"error: {word}; {'what is done is' if kind == 'pd' else 'the finished frames are'} kept: the same command continues\n"
+        and err
+        == f"error: {word}; {'what is done is' if kind == 'pd' else 'the finished frames are'} kept: the same command continues\n"
     )
     assert not out.exists()
     assert command(tmp_path, kind).wait(timeout=200) == 0
@@ -161,7 +171,9 @@ def children(pid) -> set[int]:
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
             try:
-                below.setdefault(int((entry / "stat").read_text().rsplit(")", 1)[1].split()[1]), []).append(int(entry.name))
+                below.setdefault(int((entry / "stat").read_text().rsplit(")", 1)[1].split()[1]), []).append(
+                    int(entry.name)
+                )
             except (OSError, IndexError):
                 continue
     todo = [pid]
@@ -278,14 +290,18 @@ def damaged(outputs, tmp_path, name):
 
 
 @pytest.mark.parametrize("name", ["o.nc", "o.zarr"])
-@pytest.mark.parametrize("words", [["info"], ["compare"], ["plot", "-q", "stress", "-c", "xx", "--frame", "1"], ["export"]])
+@pytest.mark.parametrize(
+    "words", [["info"], ["compare"], ["plot", "-q", "stress", "-c", "xx", "--frame", "1"], ["export"]]
+)
 def test_a_flipped_bit_is_named(outputs, tmp_path, name, words):
     from test_cli import run
 
     out = damaged(outputs, tmp_path, name)
     result = run(words[0], str(out), *words[1:])
     assert result.exit_code == 2, result.output
-    assert "stress" in result.stderr and "not what was written" in result.stderr and len(result.stderr.splitlines()) == 1
+    assert (
+        "stress" in result.stderr and "not what was written" in result.stderr and len(result.stderr.splitlines()) == 1
+    )
 
 
 def test_a_missing_chunk_is_named(outputs, tmp_path):

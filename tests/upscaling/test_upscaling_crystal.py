@@ -38,10 +38,16 @@ def test_argon():
     assert c.lattice_constant == pytest.approx(5.26865, rel=1e-6)
     C = elastic("argon").gpa()
     assert C[0, 0] == pytest.approx(4.142, rel=1.2e-4) and C[0, 1] == pytest.approx(2.358, rel=1.2e-4)
-    assert C[3, 3] == pytest.approx(C[0, 1], rel=1e-8)  # Cauchy: central forces at zero pressure, every atom a centre of symmetry
+    assert C[3, 3] == pytest.approx(
+        C[0, 1], rel=1e-8
+    )  # Cauchy: central forces at zero pressure, every atom a centre of symmetry
     x = 2 * np.pi / c.lattice_constant * np.array([1, 0, 0])
     ta, ta2, la = constants("argon").frequencies(x)[0] * THZ
-    assert la == pytest.approx(1.99605, rel=3e-6) and ta == pytest.approx(1.36553, rel=3e-6) and ta2 == pytest.approx(ta, rel=1e-12)
+    assert (
+        la == pytest.approx(1.99605, rel=3e-6)
+        and ta == pytest.approx(1.36553, rel=3e-6)
+        and ta2 == pytest.approx(ta, rel=1e-12)
+    )
 
 
 def test_silicon():
@@ -69,7 +75,9 @@ def test_lattice_constant_is_where_the_pressure_vanishes():
 
 def test_relax_finds_a_basis_and_a_cell():
     """Silicon from a cell that is sheared, stretched and has its basis displaced."""
-    c = start("silicon").strained([[0.02, 0.01, 0.0], [0.01, -0.01, 0.005], [0.0, 0.005, 0.01]], [[0, 0, 0], [0.1, -0.05, 0.07]])
+    c = start("silicon").strained(
+        [[0.02, 0.01, 0.0], [0.01, -0.01, 0.005], [0.0, 0.005, 0.01]], [[0, 0, 0], [0.1, -0.05, 0.07]]
+    )
     found = relax(c, model("silicon"))
     assert found.volume == pytest.approx(crystal("silicon").volume, rel=1e-8)
     r = nearest_images((found.positions[1] - found.positions[0])[None], found.vectors)[0]
@@ -126,7 +134,10 @@ def test_analytic_force_constants():
     assert len(fc.i) == len(r)
     first, second = slopes(r)
     n = r / np.linalg.norm(r, axis=1)[:, None]
-    phi = -(second[:, None, None] * n[:, :, None] * n[:, None, :] + first[:, None, None] * (np.eye(3) - n[:, :, None] * n[:, None, :]))
+    phi = -(
+        second[:, None, None] * n[:, :, None] * n[:, None, :]
+        + first[:, None, None] * (np.eye(3) - n[:, :, None] * n[:, None, :])
+    )
     mine = {tuple(np.round(x, 4) + 0.0): p for x, p in zip(fc.r_bc, fc.phi_bcc)}
     theirs = {tuple(np.round(x, 4) + 0.0): p for x, p in zip(r, phi)}
     assert mine.keys() == theirs.keys()
@@ -159,7 +170,8 @@ def test_phonopy(name, repeat):
 def test_two_masses_and_imaginary_frequencies():
     """Caesium-chloride structure under Lennard-Jones: two masses, two cutoffs, and unstable; phonopy agrees, imaginary ones included."""
     pot = atc.potential(
-        "pair_style lj/cut 6\npair_coeff 1 1 0.010 3.2 6\npair_coeff 2 2 0.012 3.0 5\npair_coeff 1 2 0.02 3.3 5.5", units="metal"
+        "pair_style lj/cut 6\npair_coeff 1 1 0.010 3.2 6\npair_coeff 2 2 0.012 3.0 5\npair_coeff 1 2 0.02 3.3 5.5",
+        units="metal",
     )
     c = Crystal(np.eye(3) * 4.1, [[0, 0, 0], [2.05, 2.05, 2.05]], [20.0, 130.0], "metal", [1, 2], name="CsCl")
     fc = force_constants(c, pot)
@@ -168,7 +180,9 @@ def test_two_masses_and_imaginary_frequencies():
     assert mine.min() < -0.1  # imaginary, reported as negative
     theirs = frequencies(phonopy_of(c, pot, (3, 3, 3)), c, k)
     assert np.abs(mine - theirs).max() < 1e-6
-    np.testing.assert_allclose(force_constants(c, pot, method="displacements").frequencies(k), fc.frequencies(k), atol=1e-8)
+    np.testing.assert_allclose(
+        force_constants(c, pot, method="displacements").frequencies(k), fc.frequencies(k), atol=1e-8
+    )
 
 
 def test_any_ase_calculator():
@@ -182,7 +196,9 @@ def test_any_ase_calculator():
     atoms.set_masses([MASS])
     c = relax(Crystal.from_ase(atoms, conventional=np.eye(3) * a), calc)
     assert c.lattice_constant == pytest.approx(crystal("argon").lattice_constant, rel=1e-9)
-    np.testing.assert_allclose(elastic_constants(c, calc).C_vv, elastic("argon").C_vv, atol=1e-8 * elastic("argon").C_vv.max())
+    np.testing.assert_allclose(
+        elastic_constants(c, calc).C_vv, elastic("argon").C_vv, atol=1e-8 * elastic("argon").C_vv.max()
+    )
     k = np.random.default_rng(4).uniform(-1, 1, (10, 3))
     with pytest.raises(AtcError, match="reach"):
         force_constants(c, calc)
@@ -223,7 +239,11 @@ def test_long_waves():
 
 def test_zone_boundaries():
     g = 2 * np.pi / crystal("argon").lattice_constant
-    for direction, length in (((1, 0, 0), 1.0), ((1, 1, 0), 0.75 * 2**0.5), ((1, 1, 1), 0.5 * 3**0.5)):  # X, K, L of fcc
+    for direction, length in (
+        ((1, 0, 0), 1.0),
+        ((1, 1, 0), 0.75 * 2**0.5),
+        ((1, 1, 1), 0.5 * 3**0.5),
+    ):  # X, K, L of fcc
         assert crystal("argon").zone_boundary(direction) == pytest.approx(length * g, rel=1e-12)
 
 

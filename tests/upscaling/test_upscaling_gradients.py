@@ -77,7 +77,11 @@ def test_equation_4_4_and_md_equals_pd():
     e = sympy.Symbol("e", positive=True)
     ours = as_sympy(peridynamic_series(7))
     for m, c in enumerate(ours, 1):
-        exact = 2 * sympy.integrate(2 / delta**2 / e * e ** (2 * m) / sympy.factorial(2 * m), (e, 0, delta)) / delta ** (2 * m - 2)
+        exact = (
+            2
+            * sympy.integrate(2 / delta**2 / e * e ** (2 * m) / sympy.factorial(2 * m), (e, 0, delta))
+            / delta ** (2 * m - 2)
+        )
         assert sympy.simplify(c - exact) == 0
     assert [c.leading for c in spring_series(12)] == peridynamic_series(12)
     assert ours[:3] == [1, sympy.Rational(1, 24), sympy.Rational(1, 1080)]
@@ -127,7 +131,9 @@ def test_inner_expansion():
             assert well_posedness(inner).stable, "a sum of squares"
         # one bond: exactly the square of the truncated 2 sin(kr/2)
         z = sympy.Symbol("z")
-        square = sympy.expand(sum((-1) ** i * 2 * (z / 2) ** (2 * i + 1) / sympy.factorial(2 * i + 1) for i in range(half)) ** 2)
+        square = sympy.expand(
+            sum((-1) ** i * 2 * (z / 2) ** (2 * i + 1) / sympy.factorial(2 * i + 1) for i in range(half)) ** 2
+        )
         ours = sum((-1) ** m * c * z ** (2 * m + 2) for m, c in enumerate(as_sympy(inner_series(degree))))
         assert sympy.expand(square - ours) == 0
     with pytest.raises(AtcError, match="odd"):
@@ -188,7 +194,10 @@ def test_nonlinear_series_by_sympy():
     force = -s * (right ** (-s - 1) - left ** (-s - 1))  # times r^{−s−1}
     series = sympy.series(force, r, 0, 6).removeO()
     ours = sum(
-        sympy.Rational(c.numerator, c.denominator) * r**level * sympy.prod([y[i] for i in orders]) / y[1] ** (s + 1 + len(orders))
+        sympy.Rational(c.numerator, c.denominator)
+        * r**level
+        * sympy.prod([y[i] for i in orders])
+        / y[1] ** (s + 1 + len(orders))
         for (level, orders), c in power_law(s, 3).items()
     )
     assert sympy.simplify(series - ours) == 0
@@ -215,7 +224,9 @@ def test_lennard_jones_series_against_the_chain(M, spacing):
         here = 0.4
         slope = lambda d, A=A, B=B: -12 * A / d**13 + 6 * B / d**7  # noqa: E731
         exact = float((slope(y(0, here + j * dx) - y(0, here)) - slope(y(0, here) - y(0, here - j * dx))).sum())
-        series = evaluate(lennard_jones_equation(4), {i: float(y(i, here)) for i in range(1, 9)}, M, dx, chain.epsilon, chain.sigma)
+        series = evaluate(
+            lennard_jones_equation(4), {i: float(y(i, here)) for i in range(1, 9)}, M, dx, chain.epsilon, chain.sigma
+        )
         errors.append(abs(series / exact - 1))
     assert errors[0] < 1e-3 and np.log2(errors[0] / errors[1]) == pytest.approx(8, abs=0.6)
 

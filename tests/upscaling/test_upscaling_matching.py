@@ -141,7 +141,9 @@ def test_mollified_kernel_in_space():
     assert np.trapezoid(g, r) == pytest.approx(1.0, abs=1e-9)
     assert np.trapezoid(g * r**2, r) == pytest.approx(0.0, abs=1e-8)
     q = 1e-3 * np.array([[1, 2, 3.0]])
-    np.testing.assert_allclose(model.dynamical_matrix(q), elastic("argon").christoffel(q), rtol=3e-5, atol=1e-14)  # (ka)²/24
+    np.testing.assert_allclose(
+        model.dynamical_matrix(q), elastic("argon").christoffel(q), rtol=3e-5, atol=1e-14
+    )  # (ka)²/24
 
 
 def test_plain_gaussian_changes_the_elastic_constants():
@@ -149,7 +151,9 @@ def test_plain_gaussian_changes_the_elastic_constants():
     plain = MollifiedLattice(constants("argon"), 0.5, order=0)
     q = np.array([[1e-3, 0, 0]])
     extra = plain.dynamical_matrix(q) - elastic("argon").christoffel(q)
-    np.testing.assert_allclose(np.diagonal(extra[0].real), 0.5e-6 * 0.25 * np.diagonal(constants("argon").onsite_matrix()), rtol=1e-3)
+    np.testing.assert_allclose(
+        np.diagonal(extra[0].real), 0.5e-6 * 0.25 * np.diagonal(constants("argon").onsite_matrix()), rtol=1e-3
+    )
 
 
 @pytest.mark.parametrize("name", ["classical", "isotropic", "cubic", "noncentral", "mollified", "coarse2", "lattice"])
@@ -258,7 +262,9 @@ def test_body_is_its_stencil():
     before = body.energies().sum()
     momentum = body.v.sum(axis=0)
     body.run(300)
-    assert body.energies().sum() == pytest.approx(before, rel=2e-2)  # (ω Δt)²/8 at Δt = 0.2 of the stable step, no drift
+    assert body.energies().sum() == pytest.approx(
+        before, rel=2e-2
+    )  # (ω Δt)²/8 at Δt = 0.2 of the stable step, no drift
     np.testing.assert_allclose(body.v.sum(axis=0), momentum, atol=1e-13)
     assert body.omega_max == pytest.approx(
         np.sqrt(np.linalg.eigvalsh(s.dynamical_matrix(np.indices((6, 6, 6)).reshape(3, -1).T @ b)).max()), rel=1e-3
@@ -272,7 +278,8 @@ def test_body_is_its_stencil():
 
 
 @pytest.mark.parametrize(
-    "name, polarisation, fraction", [("mollified", (1, 0, 0), 0.5), ("mollified", (0, 1, 0), 0.75), ("noncentral", (1, 0, 0), 0.5)]
+    "name, polarisation, fraction",
+    [("mollified", (1, 0, 0), 0.5), ("mollified", (0, 1, 0), 0.75), ("noncentral", (1, 0, 0), 0.5)],
 )
 def test_wave_packets_travel_with_the_group_velocity(name, polarisation, fraction):
     k = fraction * G
@@ -281,7 +288,9 @@ def test_wave_packets_travel_with_the_group_velocity(name, polarisation, fractio
     assert p.measured == pytest.approx(p.group, rel=3e-3)
     assert p.travelled > 20 and p.energy_drift < 1e-3
     # What the kernel, and the crystal, predict: the nodes' sum is the kernel's integral to 1 % here.
-    branch = next(b for b in cubic_branches(crystal("argon")) if b.label == ("[100] L" if polarisation[0] else "[100] T"))
+    branch = next(
+        b for b in cubic_branches(crystal("argon")) if b.label == ("[100] L" if polarisation[0] else "[100] T")
+    )
     crystal_group = branch_values(Lattice(constants("argon")), branch, [fraction], velocities=True)[1][0]
     sound = branch_values(Lattice(constants("argon")), branch, [0.01], velocities=True)[1][0]
     assert abs(p.model_group - crystal_group) < 0.01 * sound
@@ -302,7 +311,9 @@ def test_the_peridynamics_engine_takes_the_kernel():
     # Gershgorin's bound on the step lies below Verlet's own limit (well below, where springs have both signs).
     assert 0 < body.simulation.time_step_stable * lattice.omega_max / 2 < 1
     k = 0.5 * G
-    p = wave_packet(s, k, (1, 0, 0), model=model, waves=8, periods=10, cross=(2, 2), make_body=partial(PeridynamicBody, model))
+    p = wave_packet(
+        s, k, (1, 0, 0), model=model, waves=8, periods=10, cross=(2, 2), make_body=partial(PeridynamicBody, model)
+    )
     # Eight waves are a band of 1e-2, which the packet's own spreading makes 2 % of; Verlet's energy wobbles by (ω Δt)².
     assert p.measured == pytest.approx(p.group, rel=2e-2) and p.energy_drift < 1e-2
 
@@ -317,7 +328,9 @@ def test_linear_material_refuses_what_it_cannot():
     with pytest.raises(AtcError, match="expected .*3, 3"):
         pd.Simulation(body, pd.Linear(lambda xi: np.ones(len(xi))))
     with pytest.raises(AtcError, match="do not break"):
-        pd.Simulation(body, pd.Linear(lambda xi: np.broadcast_to(np.eye(3), (len(xi), 3, 3))), damage=pd.CriticalStretch(0.1))
+        pd.Simulation(
+            body, pd.Linear(lambda xi: np.broadcast_to(np.eye(3), (len(xi), 3, 3))), damage=pd.CriticalStretch(0.1)
+        )
     with pytest.raises(AtcError, match="no contact"):
         pd.Simulation(body, pd.Linear(lambda xi: np.broadcast_to(np.eye(3), (len(xi), 3, 3))), contact=True)
 

@@ -30,7 +30,11 @@ def vibrating(c, repeat, frames=120, dt=0.03, scale=0.01, seed=0, shift=(0.0, 0.
     phase = np.exp(1j * (k @ frame.positions.T))  # (k, atoms)
     time = frame.units.to_internal("time", dt) * np.arange(frames)
     amplitude = rng.normal(size=omega.shape) + 1j * rng.normal(size=omega.shape)
-    shape = e.reshape(len(k), len(c), 3, -1)[:, basis] / np.sqrt(frame.masses)[None, :, None, None] * phase[:, :, None, None]
+    shape = (
+        e.reshape(len(k), len(c), 3, -1)[:, basis]
+        / np.sqrt(frame.masses)[None, :, None, None]
+        * phase[:, :, None, None]
+    )
     out = []
     for s, t in enumerate(time):
         q = amplitude * np.exp(-1j * omega * t) / omega
@@ -59,7 +63,9 @@ def test_ratio_and_spectrum_of_known_oscillators():
     v = -1j * omega * (a * np.exp(-1j * omega * t[:, None]) - b * np.exp(1j * omega * t[:, None]))
     # Projected on the modes, and mixed by a unitary matrix that is to be found.
     found = by_ratio(u, v, np.broadcast_to(np.eye(3), (4, 3, 3)), 4)
-    np.testing.assert_allclose(found.omega, omega, rtol=4e-3)  # the slowest makes 1.6 periods in a block; Hann leaves (ωT)⁻³
+    np.testing.assert_allclose(
+        found.omega, omega, rtol=4e-3
+    )  # the slowest makes 1.6 periods in a block; Hann leaves (ωT)⁻³
     np.testing.assert_allclose(found.omega[1:], omega[1:], rtol=2e-4)
     q, _ = np.linalg.qr(rng.normal(size=(3, 3)) + 1j * rng.normal(size=(3, 3)))
     mixed = by_ratio(u @ q.T, v @ q.T, None, 2)
@@ -208,7 +214,12 @@ def lammps_dump(path, temperature, every, frames, equilibrate=4000):
 
 def test_live_lammps_at_2_kelvin(tmp_path):
     lammps_dump(tmp_path / "run.dump", 2.0, 30, 240)
-    r = measure(atc.read(tmp_path / "run.dump", masses=[MASS]), start("argon"), RAYS, fc=lambda c: force_constants(c, model("argon")))
+    r = measure(
+        atc.read(tmp_path / "run.dump", masses=[MASS]),
+        start("argon"),
+        RAYS,
+        fc=lambda c: force_constants(c, model("argon")),
+    )
     exact = constants("argon").frequencies(r.k_kc)
     assert 1.8 < r.temperature < 2.2
     assert np.abs(r.ratio_km / exact - 1).max() < 7e-3
@@ -221,13 +232,20 @@ def test_shift_with_temperature(tmp_path):
     shift = []
     for T in (1.0, 6.0):
         lammps_dump(tmp_path / f"{T}.dump", T, 25, 1500, 20000)
-        r = measure(atc.read(tmp_path / f"{T}.dump", masses=[MASS]), start("argon"), RAYS, fc=lambda c: force_constants(c, model("argon")))
+        r = measure(
+            atc.read(tmp_path / f"{T}.dump", masses=[MASS]),
+            start("argon"),
+            RAYS,
+            fc=lambda c: force_constants(c, model("argon")),
+        )
         shift.append(
             (
                 r.temperature,
                 float(
                     np.mean(
-                        r.spectrum_km[np.isfinite(r.spectrum_km)] / constants("argon").frequencies(r.k_kc)[np.isfinite(r.spectrum_km)] - 1
+                        r.spectrum_km[np.isfinite(r.spectrum_km)]
+                        / constants("argon").frequencies(r.k_kc)[np.isfinite(r.spectrum_km)]
+                        - 1
                     )
                 ),
             )
@@ -247,7 +265,9 @@ def test_refused():
     with pytest.raises(AtcError, match="not a whole number of cells"):
         measure(frames, c.with_lattice_constant(4.5), RAYS)
     with pytest.raises(AtcError, match="atoms, but a perfect"):
-        few = frames[0].replace(**{n: getattr(frames[0], n)[1:] for n in ("positions", "velocities", "masses", "types", "ids")})
+        few = frames[0].replace(
+            **{n: getattr(frames[0], n)[1:] for n in ("positions", "velocities", "masses", "types", "ids")}
+        )
         measure([few], c, RAYS)
     with pytest.raises(AtcError, match="do not sit at the sites|two atoms sit"):
         x = np.random.default_rng(0).uniform(0, 15, (27, 3))
@@ -272,7 +292,11 @@ def test_said():
     fc = lambda c: force_constants(c, model("argon"))  # noqa: E731
     r = measure(frames[:40], c, [(1, 0, 0), (1, 0.377, 0)], fc=fc)
     assert any("not commensurate" in n for n in r.notes)
-    assert any("too few for a spectrum" in n for n in r.notes) and np.isnan(r.spectrum_km).all() and np.isfinite(r.ratio_km).all()
+    assert (
+        any("too few for a spectrum" in n for n in r.notes)
+        and np.isnan(r.spectrum_km).all()
+        and np.isfinite(r.ratio_km).all()
+    )
     r = measure([f.replace(time=None) for f in frames], c, RAYS, fc=fc)
     assert any("no times" in n for n in r.notes) and r.current_kcf is None
     r = measure([f.replace(time=None) for f in frames], c, RAYS, fc=fc, timestep=0.015, blocks=2)
@@ -283,7 +307,8 @@ def test_said():
     r = measure(slow, c, RAYS, fc=fc, blocks=2)
     assert any("folded down" in n for n in r.notes)
     breathing = [
-        f.replace(cell=Cell(f.cell.vectors * (1 + 1e-3 * k)), positions=f.positions * (1 + 1e-3 * k)) for k, f in enumerate(frames)
+        f.replace(cell=Cell(f.cell.vectors * (1 + 1e-3 * k)), positions=f.positions * (1 + 1e-3 * k))
+        for k, f in enumerate(frames)
     ]
     r = measure(breathing, c, RAYS, fc=fc)
     assert any("box changes" in n for n in r.notes)

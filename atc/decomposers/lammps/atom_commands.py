@@ -32,12 +32,16 @@ def set_keywords(c: Command) -> list[tuple[str, tuple[str, ...]]]:
     """[(keyword, values), ...] of a ``set`` command. AtcError for a keyword that is not known."""
     out, k = [], 2
     if len(c.words) < 4:
-        raise AtcError(f"{c.where}: expected 'set atom|type|mol|group|region <which> <keyword> <value>', got 'set {' '.join(c.words)}'")
+        raise AtcError(
+            f"{c.where}: expected 'set atom|type|mol|group|region <which> <keyword> <value>', got 'set {' '.join(c.words)}'"
+        )
     while k < len(c.words):
         key = c.words[k]
         n = 1 if re.match(r"[id]2?_", key) else SET.get(key, (0, ""))[0]
         if not n or k + n >= len(c.words):
-            raise AtcError(f"{c.where}: set {key}: {'its value is missing' if n else 'no property of atoms that atc knows'}")
+            raise AtcError(
+                f"{c.where}: set {key}: {'its value is missing' if n else 'no property of atoms that atc knows'}"
+            )
         out.append((key, c.words[k + 1 : k + 1 + n]))
         k += 1 + n
     return out

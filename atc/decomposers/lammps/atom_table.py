@@ -69,7 +69,9 @@ class AtomTable:
         self.regions: dict[str, Region | str] = {}
         self.spacing, self.box, self.boundary = np.ones(3), None, None
         self.tilt = (0.0, 0.0, 0.0)
-        self.fresh_charges: dict[int, float] | None = None  # of renumbered atoms, by type; None: created atoms, without charge
+        self.fresh_charges: dict[int, float] | None = (
+            None  # of renumbered atoms, by type; None: created atoms, without charge
+        )
         self.files: list[Path] = []
         self.may_miss = ""
         self.n_types = 0  # as far as boxes and data files say
@@ -179,7 +181,11 @@ class AtomTable:
     # What it says of frames --------------------------------------------------------------------------------------------------------------
 
     def has_charges(self) -> bool:
-        return "charges" in self.origin.columns or bool(self.charges[self.alive].any()) or bool(self.unknown["charges"].any())
+        return (
+            "charges" in self.origin.columns
+            or bool(self.charges[self.alive].any())
+            or bool(self.unknown["charges"].any())
+        )
 
     def property_of(self, name, rows, found):
         """(n,) values of a property, and where they are known."""
@@ -243,7 +249,9 @@ class AtomTable:
         if prop == "types" and self.later:
             # Of atoms that create_atoms makes later there may be some of these types among those that are in the table already.
             for types in self.later:
-                unsure = unsure | (self.alive & self.fresh & (True if types is None else np.isin(self.types, list(types))))
+                unsure = unsure | (
+                    self.alive & self.fresh & (True if types is None else np.isin(self.types, list(types)))
+                )
         return Group(self.alive & holds(values) & ~unsure, unsure)
 
     def _where(self, region: str) -> Group:
@@ -290,7 +298,11 @@ def rows_of(ids, wanted, alive=None):
     """Row in `ids` of each wanted id (0 where there is none), and whether there is one."""
     if not len(ids):
         return np.zeros(len(wanted), np.int64), np.zeros(len(wanted), bool)
-    order = np.argsort(ids, kind="stable") if alive is None else np.flatnonzero(alive)[np.argsort(ids[alive], kind="stable")]
+    order = (
+        np.argsort(ids, kind="stable")
+        if alive is None
+        else np.flatnonzero(alive)[np.argsort(ids[alive], kind="stable")]
+    )
     if not len(order):
         return np.zeros(len(wanted), np.int64), np.zeros(len(wanted), bool)
     sorted_ids = ids[order]

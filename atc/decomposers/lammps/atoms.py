@@ -25,7 +25,9 @@ class Atoms(Groups, Bonds, Places):
 
     def carry_out(self, commands) -> Atoms:
         """Carry out the commands, in order."""
-        self.last_type_change = max((k for k, c in enumerate(commands) if c.name == "set" and "types" in touches(c)), default=-1)
+        self.last_type_change = max(
+            (k for k, c in enumerate(commands) if c.name == "set" and "types" in touches(c)), default=-1
+        )
         created = [(k, {int(c.words[0])} if c.words[:1] and c.words[0].isdigit() and "mol" not in c.words else None)
                    for k, c in enumerate(commands) if c.name == "create_atoms"]  # fmt: skip
         for k, c in enumerate(commands):
@@ -64,7 +66,9 @@ class Atoms(Groups, Bonds, Places):
             self.boundary = boundary_words(c)
         if {"x", "y", "z", "xy", "xz", "yz", "remap"} & set(without_boundary(c.words[1:])):
             self.box = None
-            self._taint("positions", self.alive.copy(), f"{c.where}: change_box changes the box that atoms are put into")
+            self._taint(
+                "positions", self.alive.copy(), f"{c.where}: change_box changes the box that atoms are put into"
+            )
 
     def _lattice(self, c):
         self.spacing = lattice_spacing(c.words, self.origin.units, self.origin.dimension)
@@ -173,7 +177,9 @@ class Atoms(Groups, Bonds, Places):
             a[chosen.inside] = value
             self.unknown[what] = self.unknown[what] & ~chosen.inside
         if chosen.unsure.any():
-            self._taint(what, chosen.unsure, f"{c.where}: which atoms 'set {' '.join(c.words[:2])}' means is not known: {why}")
+            self._taint(
+                what, chosen.unsure, f"{c.where}: which atoms 'set {' '.join(c.words[:2])}' means is not known: {why}"
+            )
 
     def _set_bonded(self, section, key, value, chosen, c, why):
         types, members = self.bonded[section]
@@ -183,7 +189,11 @@ class Atoms(Groups, Bonds, Places):
         inside, unsure = self._of(members, chosen)
         types[inside.all(1)] = int(label)
         if (unsure.any(1) & (inside | unsure).all(1)).any():
-            self._taint(section, None, f"{c.where}: which {section.lower()} 'set {' '.join(c.words[:2])}' means is not known: {why}")
+            self._taint(
+                section,
+                None,
+                f"{c.where}: which {section.lower()} 'set {' '.join(c.words[:2])}' means is not known: {why}",
+            )
 
     def _read_data(self, c):
         read_data(self, c)

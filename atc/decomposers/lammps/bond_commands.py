@@ -21,9 +21,13 @@ class Bonds(AtomTable):
             raise AtcError(f"{c.where}: expected 'delete_bonds group style ...'")
         style, k = c.words[1], 2
         chosen = self.group(c.words[0])
-        sections = {"bond": ["Bonds"], "angle": ["Angles"], "dihedral": ["Dihedrals"], "improper": ["Impropers"]}.get(style, list(SECTIONS))
+        sections = {"bond": ["Bonds"], "angle": ["Angles"], "dihedral": ["Dihedrals"], "improper": ["Impropers"]}.get(
+            style, list(SECTIONS)
+        )
         if style not in ("multi", "atom", "stats", "bond", "angle", "dihedral", "improper"):
-            raise AtcError(f"{c.where}: delete_bonds {style}: expected multi, atom, bond, angle, dihedral, improper or stats")
+            raise AtcError(
+                f"{c.where}: delete_bonds {style}: expected multi, atom, bond, angle, dihedral, improper or stats"
+            )
         lo, hi = 0, np.inf
         if style not in ("multi", "stats"):
             lo, hi = self._span(c.words[2] if len(c.words) > 2 else "", style, 0)
@@ -62,9 +66,12 @@ class Bonds(AtomTable):
 
     def _create_bonds(self, c):
         style = c.words[0] if c.words else ""
-        section = {"single/bond": "Bonds", "single/angle": "Angles", "single/dihedral": "Dihedrals", "single/improper": "Impropers"}.get(
-            style
-        )
+        section = {
+            "single/bond": "Bonds",
+            "single/angle": "Angles",
+            "single/dihedral": "Dihedrals",
+            "single/improper": "Impropers",
+        }.get(style)
         if section is None:
             raise Trouble(f"create_bonds {style or 'without a style'} chooses pairs by distance")
         width = SECTIONS[section]
@@ -74,7 +81,9 @@ class Bonds(AtomTable):
         except ValueError:
             ids = []
         if len(ids) != width:
-            raise AtcError(f"{c.where}: create_bonds {style}: expected a type and {width} atoms, got {' '.join(c.words[1:])}")
+            raise AtcError(
+                f"{c.where}: create_bonds {style}: expected a type and {width} atoms, got {' '.join(c.words[1:])}"
+            )
         if c.words[2 + width :] == ("special", "no"):
             self._keep_weights()
         else:

@@ -54,7 +54,9 @@ _CLASSES = {
 }  # fmt: skip
 
 #: command → (class, reason)
-CLASSES = {name: (kind, reason) for kind, groups in _CLASSES.items() for reason, names in groups for name in names.split()}
+CLASSES = {
+    name: (kind, reason) for kind, groups in _CLASSES.items() for reason, names in groups for name in names.split()
+}
 COMMANDS = frozenset(CLASSES)
 
 #: Commands that define the model, which a slip of the pen may mean.
@@ -69,4 +71,6 @@ def check_known(name: str, where: str, script: bool) -> None:
     if near or not script:
         hint = f"did you mean {near[0]}?" if near else "correct it or leave it out"
         raise AtcError(f"{where}: {name!r} is not a LAMMPS command: {hint}")
-    warnings.warn(f"{where}: {name!r} is not a command of LAMMPS that atc knows: it is ignored", AtcWarning, stacklevel=2)
+    warnings.warn(
+        f"{where}: {name!r} is not a command of LAMMPS that atc knows: it is ignored", AtcWarning, stacklevel=2
+    )

@@ -18,10 +18,14 @@ def holds(text: str) -> bool:
     while p < len(text):
         m = _TOKEN.match(text, p)
         if not m:
-            raise Unknown(f"cannot evaluate the condition {text[:60]!r}: {text[p : p + 12].strip()!r} is not understood")
+            raise Unknown(
+                f"cannot evaluate the condition {text[:60]!r}: {text[p : p + 12].strip()!r} is not understood"
+            )
         number, word, op, single, double = m.groups()
         quoted = single if single is not None else double
-        tokens.append(("value", float(number)) if number else ("op", op) if op else ("value", word if quoted is None else quoted))
+        tokens.append(
+            ("value", float(number)) if number else ("op", op) if op else ("value", word if quoted is None else quoted)
+        )
         p = m.end()
     value = _Parser(tokens, text).whole()
     if isinstance(value, str):

@@ -70,4 +70,6 @@ def _offset(c: Command, offsets: dict) -> Command:
         return replace(c, words=(kind, str(int(number) + offsets[kind]), label))
     kind = "atom" if c.name in ("mass", "pair_coeff") else c.name.split("_")[0]
     width = 2 if c.name == "pair_coeff" else 1
-    return replace(c, words=(*(str(int(w) + offsets[kind]) if w.isdigit() else w for w in c.words[:width]), *c.words[width:]))
+    return replace(
+        c, words=(*(str(int(w) + offsets[kind]) if w.isdigit() else w for w in c.words[:width]), *c.words[width:])
+    )

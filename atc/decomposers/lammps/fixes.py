@@ -98,7 +98,9 @@ REACH = {
 }
 
 #: fix → (class, reason)
-FIXES = {name: (kind, reason) for kind, groups in _CLASSES.items() for reason, names in groups for name in names.split()}
+FIXES = {
+    name: (kind, reason) for kind, groups in _CLASSES.items() for reason, names in groups for name in names.split()
+}
 
 
 def classify(style: str, args) -> tuple[str, str] | None:

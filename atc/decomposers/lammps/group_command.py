@@ -41,7 +41,9 @@ class Groups(AtomTable):
             holds = self._listed(args, style)
             if prop == "ids":
                 return Group(self.alive & holds(self.ids), np.zeros(len(self.ids), bool)), ""
-            return self._by(prop, holds), self.why.get(prop) or "atoms that are made later are not told apart from these"
+            return self._by(prop, holds), self.why.get(
+                prop
+            ) or "atoms that are made later are not told apart from these"
         if style == "include" and args[:1] == ("molecule",):
             ids = np.unique(self.molecules[old.inside])
             g = self._by("molecules", lambda v: np.isin(v, ids[ids != 0]))
@@ -60,13 +62,27 @@ class Groups(AtomTable):
                 elif style == "intersect":
                     inside, unsure = inside & p.inside, maybe & (p.inside | p.unsure) & ~(inside & p.inside)
                 else:
-                    inside, unsure = inside & ~(p.inside | p.unsure), maybe & ~p.inside & ~(inside & ~(p.inside | p.unsure))
+                    inside, unsure = (
+                        inside & ~(p.inside | p.unsure),
+                        maybe & ~p.inside & ~(inside & ~(p.inside | p.unsure)),
+                    )
             return Group(inside, unsure), why
-        raise Trouble("its members change as the run goes" if style == "dynamic" else f"group {style} depends on what the run computes")
+        raise Trouble(
+            "its members change as the run goes"
+            if style == "dynamic"
+            else f"group {style} depends on what the run computes"
+        )
 
     def _listed(self, args, kind):
         """A test of numbers from ``1 2 4:8:2`` or ``<= 5`` or ``<> 3 7``."""
-        tests = {"<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal, "==": np.equal, "!=": np.not_equal}
+        tests = {
+            "<": np.less,
+            "<=": np.less_equal,
+            ">": np.greater,
+            ">=": np.greater_equal,
+            "==": np.equal,
+            "!=": np.not_equal,
+        }
         label = "atom" if kind == "type" else ""
         try:
             if args[:1] and args[0] in tests:
@@ -87,5 +103,6 @@ class Groups(AtomTable):
         except (ValueError, IndexError):
             raise Trouble(f"expected numbers such as 1 2 4:8, or '<= 5', got {' '.join(args)!r}") from None
         return lambda v: np.any(
-            [(v >= lo) & (v <= hi) & ((v - lo) % step == 0) for lo, hi, step in spans] or [np.zeros(len(v), bool)], axis=0
+            [(v >= lo) & (v <= hi) & ((v - lo) % step == 0) for lo, hi, step in spans] or [np.zeros(len(v), bool)],
+            axis=0,
         )

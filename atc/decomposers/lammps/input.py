@@ -15,7 +15,17 @@ from ..base import Potential, Term, Wrapper
 from ..exclusions import Exclusions, exclusions_of
 from ..hybrid import Hybrid, parse_hybrid, strip_suffix
 from ..pair import MAX_TYPES, Pairs, PairStyle
-from ..registry import MAPPED_STYLES, STYLES, CoeffLine, Modify, StyleInput, TypeRange, mapped_elements, refusal, supported
+from ..registry import (
+    MAPPED_STYLES,
+    STYLES,
+    CoeffLine,
+    Modify,
+    StyleInput,
+    TypeRange,
+    mapped_elements,
+    refusal,
+    supported,
+)
 from ..special_bonds import SpecialBonds
 from ..zero import Nothing
 from .data_coeffs import take_data_file
@@ -61,7 +71,9 @@ class _Model:
     pairs: Pairs | None = None
 
 
-def potential_from_lammps(source: str | Path, units_=None, folder=None, name=None, run=None, trajectory=()) -> Potential:
+def potential_from_lammps(
+    source: str | Path, units_=None, folder=None, name=None, run=None, trajectory=()
+) -> Potential:
     """The `Potential` of LAMMPS lines, or of the LAMMPS input script at a path. See `atc.potential`.
 
     trajectory : paths of the frames that are to be computed: where the model changes from run to run, the script's ``dump`` lines may say which run it is
@@ -79,7 +91,9 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
             )
         path = Path(source).expanduser()
         if not path.exists():
-            raise AtcError(f"{source}: no such file, nor LAMMPS lines (which start with a command such as pair_style or units)")
+            raise AtcError(
+                f"{source}: no such file, nor LAMMPS lines (which start with a command such as pair_style or units)"
+            )
         text, name, folder = read_text(path), str(source), path.parent
     else:
         path = None
@@ -192,12 +206,16 @@ def _units(commands, name, given, script: bool = False) -> Units:
         raise AtcError(f"{said[-1].where}: units are set more than once, to {' and '.join(sorted(names))}: keep one")
     if said:
         if said[0].words[:1] and said[0].words[0] not in LAMMPS_STYLES:
-            raise AtcError(f"{said[0].where}: unknown units {said[0].words[0]!r}: expected one of {', '.join(LAMMPS_STYLES)}")
+            raise AtcError(
+                f"{said[0].where}: unknown units {said[0].words[0]!r}: expected one of {', '.join(LAMMPS_STYLES)}"
+            )
         if not said[0].words:
             raise AtcError(f"{said[0].where}: units needs a style: one of {', '.join(LAMMPS_STYLES)}")
         found = units(said[0].words[0])
         if given is not None and units(given).name != found.name:
-            raise AtcError(f"{said[0].where}: the lines say units {found.name} but units={units(given).name!r} was given: drop one of them")
+            raise AtcError(
+                f"{said[0].where}: the lines say units {found.name} but units={units(given).name!r} was given: drop one of them"
+            )
         return found
     if given is None and script:
         return units("lj")  # as LAMMPS does; `_assemble` says so
@@ -229,7 +247,9 @@ def _take_style(model: _Model, kind: str, c: Command) -> None:
 
 def _labelmap(model: _Model, c: Command) -> None:
     if not c.words or c.words[0] not in ("atom", *_BONDED) or len(c.words) % 2 == 0:
-        raise AtcError(f"{c.where}: expected 'labelmap atom|bond|angle|dihedral|improper number label ...', got {' '.join(c.words)!r}")
+        raise AtcError(
+            f"{c.where}: expected 'labelmap atom|bond|angle|dihedral|improper number label ...', got {' '.join(c.words)!r}"
+        )
     for number, label in zip(c.words[1::2], c.words[2::2], strict=True):
         model.labels.setdefault(c.words[0], {})[label] = int(_number(number, c.where))
 
@@ -332,7 +352,9 @@ def apply_modify(modify: Modify, lines) -> Modify:
             elif key == "nofdotr":
                 k -= 1
             else:
-                raise AtcError(f"{where}: pair_modify {key} is not supported: expected shift, mix, table, tail, compute, special")
+                raise AtcError(
+                    f"{where}: pair_modify {key} is not supported: expected shift, mix, table, tail, compute, special"
+                )
             k += 2
     return modify
 
@@ -383,7 +405,9 @@ def _assemble(model: _Model, name: str) -> Potential:
     if model.restart is not None:
         _check_restart(model)
     if not terms:
-        raise AtcError(f"{name}: no interactions found: expected pair_style or bond_style lines with their coefficients")
+        raise AtcError(
+            f"{name}: no interactions found: expected pair_style or bond_style lines with their coefficients"
+        )
     if any("charmm" in t.describe() for t in terms):
         from ..one_four import one_four_terms
 
@@ -434,7 +458,9 @@ class _PairBuild:
             self.lines = [line for _, line in self.hybrid.order]
             self.tail = any(s.modify.tail for s in self.hybrid.subs)
             mapped = [
-                len(mapped_elements(s.name, line.words)) for s, line in self.hybrid.order if s is not None and s.name in MAPPED_STYLES
+                len(mapped_elements(s.name, line.words))
+                for s, line in self.hybrid.order
+                if s is not None and s.name in MAPPED_STYLES
             ]
         else:
             self.modify = apply_modify(Modify(), [(c.words, c.where) for c in style.modify])
@@ -443,18 +469,28 @@ class _PairBuild:
                 raise AtcError(
                     f"{style.modify[-1].where}: pair_modify special goes with sub-styles of hybrid: 'pair_modify pair <style> special ...'"
                 )
-            mapped = [len(mapped_elements(style.name, line.words)) for line in self.lines] if style.name in MAPPED_STYLES else []
+            mapped = (
+                [len(mapped_elements(style.name, line.words)) for line in self.lines]
+                if style.name in MAPPED_STYLES
+                else []
+            )
         self.n_types = max([_n_types(self.lines), *mapped])
 
     def __call__(self, n_types: int) -> list[PairStyle | Term]:
         model, style = self.model, self.style
         if self.hybrid is None:
-            return _as_list(_builder("pair", style.name, style.where)(_input(model, style, self.lines, n_types, modify=self.modify)))
+            return _as_list(
+                _builder("pair", style.name, style.where)(_input(model, style, self.lines, n_types, modify=self.modify))
+            )
         out = []
         for sub, wanted in zip(self.hybrid.subs, self.hybrid.masks(n_types), strict=True):
             own = _Style("pair", sub.name, sub.args, style.where)
             lines = sub.lines[-1:] if sub.name in MAPPED_STYLES else sub.lines
-            built = _as_list(_builder("pair", sub.name, style.where)(_input(model, own, lines, n_types, modify=sub.modify, wanted=wanted)))
+            built = _as_list(
+                _builder("pair", sub.name, style.where)(
+                    _input(model, own, lines, n_types, modify=sub.modify, wanted=wanted)
+                )
+            )
             if sub.name in MAPPED_STYLES:
                 names = ("NULL", *mapped_elements(sub.name, lines[0].words))
                 mapped = np.array([t < len(names) and names[t] != "NULL" for t in range(n_types + 1)])
@@ -487,7 +523,9 @@ class _PairGrow:
     own: tuple = ()
 
     def __call__(self, n_types: int) -> list[PairStyle]:
-        return [b for b in self.build(n_types) if isinstance(b, PairStyle) and getattr(b, "own_special", ()) == self.own]
+        return [
+            b for b in self.build(n_types) if isinstance(b, PairStyle) and getattr(b, "own_special", ()) == self.own
+        ]
 
 
 def _as_list(built) -> list:
@@ -500,7 +538,9 @@ def _pair_terms(build: _PairBuild, special: SpecialBonds) -> list[Term]:
     styles = [b for b in built if isinstance(b, PairStyle)]
     if not build.modify_compute:
         return []
-    terms: list[Term] = [b if getattr(b, "unweighted", False) else _Unweighted(b, special) for b in built if isinstance(b, Term)]
+    terms: list[Term] = [
+        b if getattr(b, "unweighted", False) else _Unweighted(b, special) for b in built if isinstance(b, Term)
+    ]
     excluded = build.model.exclusions
     if terms and excluded:
         raise AtcError(

@@ -170,7 +170,9 @@ class Interpreter:
         """Execute one line; the file and line to go on with if it jumps."""
         self._executed += 1
         if self._executed > MOST:
-            raise AtcError(f"{line.where}: more than {MOST} commands are executed up to here: is this a loop without end?")
+            raise AtcError(
+                f"{line.where}: more than {MOST} commands are executed up to here: is this a loop without end?"
+            )
         name = line.head
         if name.startswith("$") or name[0] in "\"'":
             words = self._words(line)
@@ -225,7 +227,11 @@ class Interpreter:
             # Said again behind a restart file: its coefficients must be too; what pair_modify said of the same style stays.
             old = [m for m in self.model if m.name.startswith(f"{kind}_")]
             same = any(m.name == c.name and m.words[:1] == c.words[:1] for m in old)
-            self.model = [*(m for m in self.model if m not in old), c, *(m for m in old if same and m.name == "pair_modify")]
+            self.model = [
+                *(m for m in self.model if m not in old),
+                c,
+                *(m for m in old if same and m.name == "pair_modify"),
+            ]
             self._restored.discard(kind)
             return
         self.model.append(c)
@@ -253,7 +259,9 @@ class Interpreter:
             for target in (self.model, self.atoms):
                 target.append(Command(name, tuple(words[1:]), line.where, why))
             return
-        raise AtcError(f"{line.where}: {name}: {reason}, which is not supported: write the lines of the model that holds")
+        raise AtcError(
+            f"{line.where}: {name}: {reason}, which is not supported: write the lines of the model that holds"
+        )
 
     def _restore(self, file: str) -> bool:
         """Go on from a restart file that this script wrote, if it did."""
@@ -262,7 +270,9 @@ class Interpreter:
         model, atoms = self._restarts[file]
         self.model = [c for c in model if c.name != "neigh_modify"]
         self.atoms = [c for c in atoms if c.name not in ("region", "lattice", "neigh_modify")]
-        self._restored = {c.name.partition("_")[0] for c in model if c.name.endswith("_style") and c.name != "atom_style"}
+        self._restored = {
+            c.name.partition("_")[0] for c in model if c.name.endswith("_style") and c.name != "atom_style"
+        }
         return True
 
     def _fix(self, name: str, line: Line) -> None:
@@ -273,7 +283,9 @@ class Interpreter:
             self._set_fixes({k: c for k, c in self.fixes.items() if k != (words[1] if len(words) > 1 else "")})
             return
         if len(words) < 4:
-            raise AtcError(f"{line.where}: fix needs a name, a group and a style, got {' '.join(words[1:]) or 'nothing'}")
+            raise AtcError(
+                f"{line.where}: fix needs a name, a group and a style, got {' '.join(words[1:]) or 'nothing'}"
+            )
         style = strip_suffix(words[3])
         if "$" in words[3] or "$" in words[1]:
             raise AtcError(f"{line.where}: {why}")
@@ -281,7 +293,9 @@ class Interpreter:
             raise AtcError(
                 f"{line.where}: fix {words[3]} is no fix of LAMMPS that atc knows, so whether it changes forces is not known: leave it out if it does not"
             )
-        self._set_fixes({**self.fixes, words[1]: Command("fix", (words[1], words[2], style, *words[4:]), line.where, why)})
+        self._set_fixes(
+            {**self.fixes, words[1]: Command("fix", (words[1], words[2], style, *words[4:]), line.where, why)}
+        )
 
     def _set_fixes(self, fixes) -> None:
         self.fixes, self._fixes = fixes, tuple(fixes.values())
@@ -304,7 +318,11 @@ class Interpreter:
 
     def _dump(self, name: str, line: Line) -> None:
         words, why = self._known_words(line)
-        if len(words) < 2 or (why and name != "write_data") or (name == "write_restart" and len(self._restarts) > _RESTARTS):
+        if (
+            len(words) < 2
+            or (why and name != "write_data")
+            or (name == "write_restart" and len(self._restarts) > _RESTARTS)
+        ):
             return
         if name == "write_restart":
             self._restarts[words[1]] = list(self.model), list(self.atoms)
@@ -382,7 +400,9 @@ class Interpreter:
 
     def _target(self, words, line, file):
         name, label = words[1], words[2] if len(words) > 2 else None
-        if name == "SELF" or (file.path is not None and self._find(name).name == file.path.name and not self._is_other(name, file)):
+        if name == "SELF" or (
+            file.path is not None and self._find(name).name == file.path.name and not self._is_other(name, file)
+        ):
             target = file
         else:
             path = self._find(name)
@@ -430,7 +450,9 @@ class Interpreter:
                 condition = words[k]
                 k += 1
                 if keyword == "if" and words[k : k + 1] != ["then"]:
-                    raise AtcError(f"{line.where}: expected 'if <condition> then <command> ...', got {' '.join(words[:4])}")
+                    raise AtcError(
+                        f"{line.where}: expected 'if <condition> then <command> ...', got {' '.join(words[:4])}"
+                    )
                 k += keyword == "if"
             commands = []
             while k < len(words) and words[k] not in ("elif", "else"):
@@ -473,7 +495,11 @@ class Interpreter:
             return
         found = self._changing([line])
         if found is not None and CLASSES.get(name, ("",))[0] == "atoms":
-            self.atoms.append(Command(name, tuple(split_words(line.text, line.where)[1:]), line.where, f"it depends on a condition: {why}"))
+            self.atoms.append(
+                Command(
+                    name, tuple(split_words(line.text, line.where)[1:]), line.where, f"it depends on a condition: {why}"
+                )
+            )
         elif found is not None:
             raise AtcError(
                 f"{line.where}: {name!r} depends on a condition that is not known: {why}: write the line that holds without 'if'"
@@ -484,7 +510,9 @@ class Interpreter:
         for line in logical_lines(text, where):
             line = Line(line.text, where)
             if self._changing([line]) is not None:
-                raise AtcError(f"{where}: {line.head!r} {why}, which is not supported: write the line that holds by itself")
+                raise AtcError(
+                    f"{where}: {line.head!r} {why}, which is not supported: write the line that holds by itself"
+                )
             self._forget([line], f"is set by a command that {why} ({where})")
 
     def _changing(self, lines) -> Line | None:
@@ -502,7 +530,10 @@ class Interpreter:
                 except (AtcError, Unknown):
                     return line
                 inner = [
-                    Line(one.text, line.where) for _, commands in branches for text in commands for one in logical_lines(text, line.where)
+                    Line(one.text, line.where)
+                    for _, commands in branches
+                    for text in commands
+                    for one in logical_lines(text, line.where)
                 ]
                 if not any(i.head == "if" for i in inner) and self._changing(inner) is None:
                     continue
@@ -534,7 +565,14 @@ class Interpreter:
                     continue
                 for _, commands in branches:
                     self._forget(
-                        [one for text in commands if text.strip() for one in logical_lines(text, line.where) if one.head != "if"], why
+                        [
+                            one
+                            for text in commands
+                            if text.strip()
+                            for one in logical_lines(text, line.where)
+                            if one.head != "if"
+                        ],
+                        why,
                     )
 
 

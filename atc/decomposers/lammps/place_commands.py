@@ -21,7 +21,10 @@ class Places(AtomTable):
         options = dict(zip(c.words[-6::2], c.words[-5::2], strict=False)) if len(c.words) > 2 else {}
         options = {key: value for key, value in options.items() if key in ("compress", "bond", "mol")}
         if style == "group":
-            gone, why = self.group(c.words[1] if len(c.words) > 1 else ""), self.group_why.get(c.words[1] if len(c.words) > 1 else "", "")
+            gone, why = (
+                self.group(c.words[1] if len(c.words) > 1 else ""),
+                self.group_why.get(c.words[1] if len(c.words) > 1 else "", ""),
+            )
         elif style == "region":
             gone, why = self._where(c.words[1] if len(c.words) > 1 else ""), self.why.get("positions", "")
         else:
@@ -29,7 +32,9 @@ class Places(AtomTable):
                 Group(np.zeros(len(self.ids), bool), self.alive.copy()),
                 f"delete_atoms {style} chooses atoms by distance or at random",
             )
-        options = dict(zip(c.words[k::2], c.words[k + 1 :: 2], strict=False)) if style in ("group", "region") else options
+        options = (
+            dict(zip(c.words[k::2], c.words[k + 1 :: 2], strict=False)) if style in ("group", "region") else options
+        )
         inside, unsure = gone.inside, gone.unsure
         if options.get("mol") == "yes":
             ids = np.unique(self.molecules[inside])

@@ -92,12 +92,17 @@ def read_data(atoms, c: Command) -> None:
         raise Trouble(f"{options.file} is not there")
     atoms.files.append(options.file)
     atoms.n_types = max(
-        atoms.n_types, data.counts.get("atom types", 2) + options.offsets["atom"], options.extra_types + data.counts.get("atom types", 2)
+        atoms.n_types,
+        data.counts.get("atom types", 2) + options.offsets["atom"],
+        options.extra_types + data.counts.get("atom types", 2),
     )
     _box(atoms, data, options)
     shift_id = shift_mol = 0
     if options.add == "append":
-        shift_id, shift_mol = int(atoms.ids[atoms.alive].max(initial=0)), int(atoms.molecules[atoms.alive].max(initial=0))
+        shift_id, shift_mol = (
+            int(atoms.ids[atoms.alive].max(initial=0)),
+            int(atoms.molecules[atoms.alive].max(initial=0)),
+        )
         if not atoms.complete:
             raise Trouble("its atoms get numbers behind those of atoms that are not known")
     elif isinstance(options.add, tuple):
@@ -109,7 +114,9 @@ def read_data(atoms, c: Command) -> None:
     masses = None if data.per_atom_mass is None else data.per_atom_mass / atoms.origin.mass_unit
     ids = data.ids + shift_id
     if np.isin(ids, atoms.ids[atoms.alive]).any():
-        raise AtcError(f"{c.where}: read_data: atom {ids[np.isin(ids, atoms.ids[atoms.alive])][0]} of {options.file} is there already")
+        raise AtcError(
+            f"{c.where}: read_data: atom {ids[np.isin(ids, atoms.ids[atoms.alive])][0]} of {options.file} is there already"
+        )
     new = atoms._add(
         ids, data.types + options.offsets["atom"], False, charges=raw["q"][order] if "q" in raw else None,
         molecules=raw["mol"][order] + shift_mol if "mol" in raw else None, masses=masses, positions=_unwrapped(raw, order, x, data),
@@ -133,7 +140,9 @@ def read_data(atoms, c: Command) -> None:
         if section not in ("NULL", "CMAP", "crossterm"):
             for what in ("charges", "molecules", "masses"):
                 if what not in atoms.origin.columns:
-                    atoms._taint(what, new, f"{c.where}: the section {section} of {options.file} may hold it, which is not read")
+                    atoms._taint(
+                        what, new, f"{c.where}: the section {section} of {options.file} may hold it, which is not read"
+                    )
 
 
 def _unwrapped(raw, order, x, data):

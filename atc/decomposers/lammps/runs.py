@@ -141,7 +141,9 @@ def sort_fixes(choice: Choice) -> tuple[tuple[str, ...], dict]:
                 f"{what} {reason}: the forces that do it are part of the stress and are not supported yet: take another run, or leave the fix out"
             )
         if kind == "model":
-            raise AtcError(f"{what} {reason}, which is not supported: give the lines of the model that holds, without this fix")
+            raise AtcError(
+                f"{what} {reason}, which is not supported: give the lines of the model that holds, without this fix"
+            )
         if kind == "outside":
             outside.append(f"fix {c.words[2]} on group {c.words[1]} ({short(c.where)})")
     changing: dict[str, str] = {}

@@ -57,7 +57,9 @@ def one_line():
         message = " ".join(str(e).split())
         if message == str(e) and len(message) <= _LONGEST_MESSAGE:
             raise
-        raise AtcError(message if len(message) <= _LONGEST_MESSAGE else message[: _LONGEST_MESSAGE - 3] + "...") from None
+        raise AtcError(
+            message if len(message) <= _LONGEST_MESSAGE else message[: _LONGEST_MESSAGE - 3] + "..."
+        ) from None
 
 
 def is_text(source: str) -> bool:

@@ -89,7 +89,11 @@ class Setup:
             return []
         files = " and ".join(dict.fromkeys(p.name for p in self.data_files))
         edits = list(
-            dict.fromkeys(f"{c.name} ({short(c.where)})" for what, c in self.edits.items() if what not in ("boundary", "positions"))
+            dict.fromkeys(
+                f"{c.name} ({short(c.where)})"
+                for what, c in self.edits.items()
+                if what not in ("boundary", "positions")
+            )
         )
         changed = f", changed by {', '.join(edits)}" if edits else ""
         return [f"what the frames do not show of atoms (charges, masses, bonds) is from {files}{changed}"]
@@ -204,7 +208,9 @@ class Setup:
             if "boundary" in table.why:
                 raise AtcError(f"{frame.source}: the boundaries are not known: {table.why['boundary']}")
             if table.boundary is not None:
-                changes["cell"] = Cell(frame.cell.vectors, frame.cell.origin, [w in ("p", "pp") for w in table.boundary])
+                changes["cell"] = Cell(
+                    frame.cell.vectors, frame.cell.origin, [w in ("p", "pp") for w in table.boundary]
+                )
         return frame.replace(**changes, given=left)
 
     def _unnumbered(self, frame):
@@ -214,10 +220,18 @@ class Setup:
                 continue
             keys = SECTIONS if p == "topology" else (p,)
             c = next((self.edits[k] for k in (*keys, "ids") if k in self.edits), None)
-            if c is not None and (p in self.needs or p != "charges") and not (p == "topology" and not self._has_bonds()):
-                raise AtcError(f"{frame.source} does not number its atoms, so that {c.name} ({c.where}) cannot be put to them: dump id too")
+            if (
+                c is not None
+                and (p in self.needs or p != "charges")
+                and not (p == "topology" and not self._has_bonds())
+            ):
+                raise AtcError(
+                    f"{frame.source} does not number its atoms, so that {c.name} ({c.where}) cannot be put to them: dump id too"
+                )
         if self.groups and set(self.groups) != {"all"}:
-            raise AtcError(f"{frame.source} does not number its atoms, so that who is in group {self.groups[0]} is not known: dump id too")
+            raise AtcError(
+                f"{frame.source} does not number its atoms, so that who is in group {self.groups[0]} is not known: dump id too"
+            )
         periodic = self._periodic() if frame.given.get("boundary") else None
         return frame if periodic is None else frame.replace(cell=Cell(frame.cell.vectors, frame.cell.origin, periodic))
 
@@ -244,7 +258,9 @@ class Setup:
     def _named_file(self, given) -> None:
         """A named data file that has the name of the one the script reads stands for it, where that is not there."""
         missing = self.missing
-        named = next((Path(v) for k, v in given.items() if k in (*_FRAME, "topology") and v not in ("assumed", "order")), None)
+        named = next(
+            (Path(v) for k, v in given.items() if k in (*_FRAME, "topology") and v not in ("assumed", "order")), None
+        )
         self._stand_in = named if missing is not None and named is not None and named.name == missing.name else None
 
     def _check_atoms(self, frame, table, found) -> None:
@@ -270,7 +286,9 @@ class Setup:
     def _trust(self, frame, what, file, why) -> None:
         """Whether to take the word of a file that the user named for what the script's commands leave open."""
         if file in ("assumed", "order") or self.is_own(file):
-            raise AtcError(f"{frame.source}: the {what} of atoms are not known: {why}: {_DUMP.get(what, _DUMP['topology'])}")
+            raise AtcError(
+                f"{frame.source}: the {what} of atoms are not known: {why}: {_DUMP.get(what, _DUMP['topology'])}"
+            )
         if Path(file).name not in self.written and (self.data_files or what in self.changing):
             raise AtcError(
                 f"{frame.source}: the {what} of atoms are taken from {file}, but {self.name} changes them: {why}: {_DUMP.get(what, _DUMP['topology'])}"
@@ -304,7 +322,13 @@ class Setup:
             return None
         if p in ("charges", "masses"):
             values = values * getattr(u, {"charges": "charge", "masses": "mass"}[p])
-        if old is not None and file and file not in ("assumed", "order") and not self.is_own(file) and self._stand_in is None:
+        if (
+            old is not None
+            and file
+            and file not in ("assumed", "order")
+            and not self.is_own(file)
+            and self._stand_in is None
+        ):
             same = np.isclose(values, old, rtol=1e-6, atol=0.0)
             if not same.all():
                 a = np.flatnonzero(~same)[0]
@@ -357,7 +381,9 @@ class Setup:
     def _compare(self, frame, top, file) -> None:
         for section in SECTIONS:
             name = section.lower()
-            mine, theirs = (_canonical(getattr(t, name), getattr(t, f"{name[:-1]}_types")) for t in (top, frame.topology))
+            mine, theirs = (
+                _canonical(getattr(t, name), getattr(t, f"{name[:-1]}_types")) for t in (top, frame.topology)
+            )
             if not np.array_equal(mine, theirs):
                 c = self.edits.get(section)
                 by = f" (with {c.name}, {c.where})" if c is not None else ""

@@ -39,7 +39,19 @@ def _table(classes, words) -> list[str]:
 
 def tables() -> str:
     """Both tables as Markdown."""
-    lines = [BEGIN, "", "### Commands", "", *_table(COMMAND_CLASSES, _COMMANDS), "", "### Fixes", "", *_table(FIX_CLASSES, _FIXES), "", END]
+    lines = [
+        BEGIN,
+        "",
+        "### Commands",
+        "",
+        *_table(COMMAND_CLASSES, _COMMANDS),
+        "",
+        "### Fixes",
+        "",
+        *_table(FIX_CLASSES, _FIXES),
+        "",
+        END,
+    ]
     return "\n".join(lines)
 
 

@@ -185,7 +185,9 @@ class Variables:
 
     def _get(self, name):
         if name not in self._values:
-            raise Unknown(f"variable {name} is not defined: add a line such as 'variable {name} index <value>' before it")
+            raise Unknown(
+                f"variable {name} is not defined: add a line such as 'variable {name} index <value>' before it"
+            )
         kind, value = self._values[name]
         if kind == "unknown":
             raise Unknown(value)

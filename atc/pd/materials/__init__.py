@@ -13,5 +13,7 @@ MATERIALS = {
     "pmb": lambda bulk, shear: PMB(bulk),
     "lps": lambda bulk, shear: LPS(bulk, shear),
     "correspondence": lambda bulk, shear: Correspondence(bulk, shear),
-    "elastic": lambda bulk, shear: Elastic(9 * bulk * shear / (3 * bulk + shear), (3 * bulk - 2 * shear) / (2 * (3 * bulk + shear))),
+    "elastic": lambda bulk, shear: Elastic(
+        9 * bulk * shear / (3 * bulk + shear), (3 * bulk - 2 * shear) / (2 * (3 * bulk + shear))
+    ),
 }

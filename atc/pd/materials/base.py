@@ -27,7 +27,9 @@ def influence_function(which):
     if callable(which):
         return which
     if which not in INFLUENCE:
-        raise AtcError(f"influence function {which!r} is not known: use one of {', '.join(INFLUENCE)}, or a function of (|xi|, horizon)")
+        raise AtcError(
+            f"influence function {which!r} is not known: use one of {', '.join(INFLUENCE)}, or a function of (|xi|, horizon)"
+        )
     return INFLUENCE[which]
 
 
@@ -82,9 +84,13 @@ class Isotropic(Material):
         if set(given) == {"youngs", "poisson"}:
             bulk, shear = youngs / (3 * (1 - 2 * poisson)), youngs / (2 * (1 + poisson))
         elif set(given) != {"bulk", "shear"}:
-            raise AtcError(f"{self.name}: give bulk and shear, or youngs and poisson; got {', '.join(given) or 'nothing'}")
+            raise AtcError(
+                f"{self.name}: give bulk and shear, or youngs and poisson; got {', '.join(given) or 'nothing'}"
+            )
         if not (bulk > 0 and shear > 0 and np.isfinite(bulk + shear)):
-            raise AtcError(f"{self.name}: bulk and shear modulus must be positive, got bulk {bulk:g} and shear {shear:g}")
+            raise AtcError(
+                f"{self.name}: bulk and shear modulus must be positive, got bulk {bulk:g} and shear {shear:g}"
+            )
         self.bulk, self.shear = float(bulk), float(shear)
 
     def lame(self, body):
@@ -134,7 +140,9 @@ class BondForces:
         from ...bonds import Bonds
 
         if self.G_b is None:
-            raise AtcError("the forces of this material do not act along its bonds: use the estimators that take force vectors")
+            raise AtcError(
+                "the forces of this material do not act along its bonds: use the estimators that take force vectors"
+            )
         return Bonds(self.i, self.j, self.r_bc, self.G_b)
 
 
@@ -248,7 +256,9 @@ class ForceModel:
         self.largest_smin = float(finite.max()) if len(finite) else -np.inf
 
     def collect(self, F_nc, smin_n, damage):
-        largest = self.crew.nodes(collect, self.n, self.blocks.lo, self.blocks.hi, self.blocks.offset, self.buf, F_nc, smin_n, damage)
+        largest = self.crew.nodes(
+            collect, self.n, self.blocks.lo, self.blocks.hi, self.blocks.offset, self.buf, F_nc, smin_n, damage
+        )
         if damage:
             self.largest_smin = max(largest)
 
@@ -293,7 +303,9 @@ class ForceModel:
     def listed(self, gone_k, start_n):
         """The numbers of the bonds that a kernel listed in `gone_b`, gone_k of each block, in rows that begin at start_n."""
         first = start_n[self.blocks.edges[:-1]]
-        parts = [first[k] + self.gone_b[first[k] : first[k] + gone_k[k]].astype(np.int64) for k in np.flatnonzero(gone_k)]
+        parts = [
+            first[k] + self.gone_b[first[k] : first[k] + gone_k[k]].astype(np.int64) for k in np.flatnonzero(gone_k)
+        ]
         return np.concatenate(parts) if parts else np.zeros(0, np.int64)
 
     def account(self, z, which):

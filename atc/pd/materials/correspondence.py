@@ -31,7 +31,17 @@ class Correspondence(Isotropic):
 
     name = "correspondence"
 
-    def __init__(self, bulk=None, shear=None, *, youngs=None, poisson=None, stabilisation=0.1, influence="one", volume_correction=True):
+    def __init__(
+        self,
+        bulk=None,
+        shear=None,
+        *,
+        youngs=None,
+        poisson=None,
+        stabilisation=0.1,
+        influence="one",
+        volume_correction=True,
+    ):
         super().__init__(bulk, shear, youngs=youngs, poisson=poisson)
         self.stabilisation = float(stabilisation)
         self.influence, self.volume_correction = influence, bool(volume_correction)
@@ -111,7 +121,17 @@ class CorrespondenceModel(ForceModel):
     def _states(self, z, intact_b):
         self._shape(z, intact_b)
         self._tensors(z, intact_b, False, self.H_ncc)
-        self.crew.nodes(_stress, self.n, self.H_ncc, self.inverse_ncc, self.lam_n, self.mu_n, self.g_active_n, self.body.V_n, self.Q_ncc)
+        self.crew.nodes(
+            _stress,
+            self.n,
+            self.H_ncc,
+            self.inverse_ncc,
+            self.lam_n,
+            self.mu_n,
+            self.g_active_n,
+            self.body.V_n,
+            self.Q_ncc,
+        )
 
     def forces(self, z, intact_b, F_nc, smin_n, damage):
         t, bl = self.table, self.blocks
@@ -190,7 +210,9 @@ class CorrespondenceModel(ForceModel):
         every = modulus * (total + own)
         for b in self.parts():
             i, j, pi, pj = pulls(b)
-            across += np.bincount(j, np.linalg.norm(pi, axis=1) * every[i], n) + np.bincount(i, np.linalg.norm(pj, axis=1) * every[j], n)
+            across += np.bincount(j, np.linalg.norm(pi, axis=1) * every[i], n) + np.bincount(
+                i, np.linalg.norm(pj, axis=1) * every[j], n
+            )
         return 0.5 * (own * every + across) + hold
 
 
@@ -297,7 +319,27 @@ def _forces(first, last, edges, lo, offset, start, j, image, images, z, r0, W, Q
                         q[c * C + k] = Q[n, c] + Q[i, c]
                     q[9 * C + k] = g[n] + g[i]
                 _row(m, w, q, r0[b0 : b0 + m], W[b0 : b0 + m], intact[b0 : b0 + m])
-                gone = settle(m, b0, i, base, j, node, w, f, own, intact, kind, s00, alpha, smin, s_low, damage, b_first, gone_b, gone)
+                gone = settle(
+                    m,
+                    b0,
+                    i,
+                    base,
+                    j,
+                    node,
+                    w,
+                    f,
+                    own,
+                    intact,
+                    kind,
+                    s00,
+                    alpha,
+                    smin,
+                    s_low,
+                    damage,
+                    b_first,
+                    gone_b,
+                    gone,
+                )
             close_row(f[i - base], own)
         gone_k[block] = gone
 

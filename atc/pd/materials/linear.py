@@ -32,7 +32,9 @@ class Linear(Material):
 
     def __init__(self, micromodulus, cutoff: float | None = None, volume_correction: bool = False):
         if not callable(micromodulus):
-            raise AtcError(f"linear: micromodulus must be a function of the bond vectors (b, 3), got {type(micromodulus).__name__}")
+            raise AtcError(
+                f"linear: micromodulus must be a function of the bond vectors (b, 3), got {type(micromodulus).__name__}"
+            )
         self.micromodulus, self.cutoff, self.volume_correction = micromodulus, cutoff, bool(volume_correction)
 
     def lame(self, body):
@@ -69,8 +71,12 @@ class LinearModel(ForceModel):
             self.S_bcc[part] = C * W[part, None, None]
         if first.cutoff is not None:
             self.S_bcc[t.r0_b > first.cutoff] = 0.0
-        if np.abs(self.S_bcc - self.S_bcc.swapaxes(1, 2)).max(initial=0.0) > 1e-10 * np.abs(self.S_bcc).max(initial=0.0):
-            raise AtcError("linear: the micromodulus must be a symmetric tensor, or the body would gain energy in cycles")
+        if np.abs(self.S_bcc - self.S_bcc.swapaxes(1, 2)).max(initial=0.0) > 1e-10 * np.abs(self.S_bcc).max(
+            initial=0.0
+        ):
+            raise AtcError(
+                "linear: the micromodulus must be a symmetric tensor, or the body would gain energy in cycles"
+            )
         self._i_b = t.i_b
         self._image_b = t.image_b.astype(np.int64) if len(t.image_b) else np.zeros(len(t), np.int64)
 
@@ -92,7 +98,10 @@ class LinearModel(ForceModel):
     def stiffness_n(self):
         # Gershgorin, block by block: ω² m ≤ 2 Σ_j |S_ij|.
         size = np.concatenate(
-            [np.abs(np.linalg.eigvalsh(s)).max(axis=1) for s in np.array_split(self.S_bcc, max(1, len(self.S_bcc) // _AT_ONCE))]
+            [
+                np.abs(np.linalg.eigvalsh(s)).max(axis=1)
+                for s in np.array_split(self.S_bcc, max(1, len(self.S_bcc) // _AT_ONCE))
+            ]
         )
         return self.table.sums(size)
 

@@ -29,7 +29,9 @@ class LPS(Isotropic):
 
     name = "lps"
 
-    def __init__(self, bulk=None, shear=None, *, youngs=None, poisson=None, influence="inverse", volume_correction=True):
+    def __init__(
+        self, bulk=None, shear=None, *, youngs=None, poisson=None, influence="inverse", volume_correction=True
+    ):
         super().__init__(bulk, shear, youngs=youngs, poisson=poisson)
         self.influence, self.volume_correction = influence, bool(volume_correction)
 
@@ -81,9 +83,9 @@ class StateModel(ForceModel):
             r2 = ((body.X_nc[t.j_b] - body.X_nc[t.i_b]) ** 2).sum(axis=1)
             from .base import influence_function
 
-            r2 *= influence_function(self.first.influence)(np.sqrt(r2), body.horizon) / influence_function(self.first.influence)(
-                t.r0_b, body.horizon
-            )
+            r2 *= influence_function(self.first.influence)(np.sqrt(r2), body.horizon) / influence_function(
+                self.first.influence
+            )(t.r0_b, body.horizon)
         self.M_n = t.sums(self.W_b * r2)
         # The bonds of an interface count by its factor; m is that of the family as if they were whole.
         factor = self.interface_factor(interfaces)
@@ -140,7 +142,9 @@ class StateModel(ForceModel):
         for b in self.parts():
             i, j, _, _, e, _ = deformed(self, z, b)
             W, r0 = self.W_b[b] * (intact_b[b] != 0), self.table.r0_b[b]
-            sums += np.bincount(i, W * (e - less[i] * r0) ** 2, self.n) + np.bincount(j, W * (e - less[j] * r0) ** 2, self.n)
+            sums += np.bincount(i, W * (e - less[i] * r0) ** 2, self.n) + np.bincount(
+                j, W * (e - less[j] * r0) ** 2, self.n
+            )
         if not self.lammps_compat:
             return 0.5 * self.h_n * S**2 + 0.5 * self.B_n * sums
         K = self.per_node(lambda m: m.bulk)
@@ -284,6 +288,26 @@ def _forces(first, last, edges, lo, offset, start, j, image, images, y, r0, W, W
                 gather_positions(b0, m, i, j, image, images, y, node, w)
                 # Lanes beyond the row have no extent, and pull nothing.
                 _row(min((m + 7) & ~7, len(r0) - b0), b0, w, r0, W, WB, e, intact)
-                gone = settle(m, b0, i, base, j, node, w, f, own, intact, kind, s00, alpha, smin, s_low, damage, b_first, gone_b, gone)
+                gone = settle(
+                    m,
+                    b0,
+                    i,
+                    base,
+                    j,
+                    node,
+                    w,
+                    f,
+                    own,
+                    intact,
+                    kind,
+                    s00,
+                    alpha,
+                    smin,
+                    s_low,
+                    damage,
+                    b_first,
+                    gone_b,
+                    gone,
+                )
             close_row(f[i - base], own)
         gone_k[block] = gone

@@ -29,7 +29,9 @@ class PMB(Material):
 
     name = "pmb"
 
-    def __init__(self, bulk=None, *, youngs=None, c=None, influence="one", volume_correction=True, surface_correction=None):
+    def __init__(
+        self, bulk=None, *, youngs=None, c=None, influence="one", volume_correction=True, surface_correction=None
+    ):
         if sum(v is not None for v in (bulk, youngs, c)) != 1:
             raise AtcError("PMB needs exactly one of bulk (modulus), youngs (modulus) and c (micromodulus)")
         value = next(v for v in (bulk, youngs, c) if v is not None)
@@ -86,7 +88,9 @@ class PMB(Material):
         omega = influence_function(self.influence)
         # Bonds of length r across a plane, per area: (solid angle mean of |cos|)/2 · r each way; each costs ½ c ω s0² r.
         mean_cos = {1: 1.0, 2: 2 / np.pi, 3: 0.5}[d]
-        moment = quad(lambda r: float(omega(np.array([r]), delta)[0]) * r ** (d + 1), 0, delta)[0] * sphere_measure(d, body.thickness)
+        moment = quad(lambda r: float(omega(np.array([r]), delta)[0]) * r ** (d + 1), 0, delta)[0] * sphere_measure(
+            d, body.thickness
+        )
         return 0.5 * c * s0**2 * moment * mean_cos / 2
 
     @staticmethod
@@ -201,6 +205,26 @@ def _forces(first, last, edges, lo, offset, start, j, image, images, z, r0, W, g
                 gather(b0, m, i, j, image, images, z, node, w)
                 # Whole vectors of eight: lanes beyond the row have no displacement, and pull nothing.
                 _row(min((m + 7) & ~7, len(r0) - b0), b0, w, r0, W, intact, guard)
-                gone = settle(m, b0, i, base, j, node, w, f, own, intact, kind, s00, alpha, smin, s_low, damage, b_first, gone_b, gone)
+                gone = settle(
+                    m,
+                    b0,
+                    i,
+                    base,
+                    j,
+                    node,
+                    w,
+                    f,
+                    own,
+                    intact,
+                    kind,
+                    s00,
+                    alpha,
+                    smin,
+                    s_low,
+                    damage,
+                    b_first,
+                    gone_b,
+                    gone,
+                )
             close_row(f[i - base], own)
         gone_k[block] = gone

@@ -48,7 +48,12 @@ def _run(model: Springs, rows: int | None = None, moments=(), boundary: str = "c
     every = 1 if rows is None else max(1, math.ceil(steps / rows))
     near = {s for t in moments for s in (math.floor(t / dt), math.floor(t / dt) + 1)}
     return verlet(
-        model, initial(_grid(model.spacing)), dt=dt, steps=steps, every=sorted({*range(0, steps, every), *near}), boundary=boundary
+        model,
+        initial(_grid(model.spacing)),
+        dt=dt,
+        steps=steps,
+        every=sorted({*range(0, steps, every), *near}),
+        boundary=boundary,
     )
 
 
@@ -66,8 +71,17 @@ def _series(report: Report) -> None:
         "exact ones and nearest neighbours, L = Na = δ for the leading order and for peridynamics."
     )
     report.table(
-        ["derivative", "chain, exact in N (L = a)", "chain, leading order (L = Na)", "peridynamics (L = δ)", "nearest neighbours (L = a)"],
-        [[f"∂^{2 * m}", str(exact[m - 1]), str(leading[m - 1]), str(peridynamic[m - 1]), str(local[m - 1])] for m in range(1, order + 1)],
+        [
+            "derivative",
+            "chain, exact in N (L = a)",
+            "chain, leading order (L = Na)",
+            "peridynamics (L = δ)",
+            "nearest neighbours (L = a)",
+        ],
+        [
+            [f"∂^{2 * m}", str(exact[m - 1]), str(leading[m - 1]), str(peridynamic[m - 1]), str(local[m - 1])]
+            for m in range(1, order + 1)
+        ],
     )
     report.table(
         ["term of ω/(ck)", "chain, exact in N (kL = ka)", "peridynamics (kL = kδ)"],
@@ -117,7 +131,15 @@ def _stability(report: Report) -> None:
     rows = []
     for M in counts:
         model = Springs.paper(horizon / M, M)
-        rows.append((model.spacing, M, model.sufficient_time_step, model.stable_time_step, _observed_limit(model) if M <= 50 else math.nan))
+        rows.append(
+            (
+                model.spacing,
+                M,
+                model.sufficient_time_step,
+                model.stable_time_step,
+                _observed_limit(model) if M <= 50 else math.nan,
+            )
+        )
     rows = np.array(rows)
     slack = rows[:, 3] / rows[:, 2] - 1
     observed = rows[:, 4] / rows[:, 2] - 1
@@ -133,7 +155,9 @@ def _stability(report: Report) -> None:
         ax.set(xlabel="Δx", ylabel="Δt", xlim=(0, 5.1), ylim=(0, None), title="δ = 5, ρ = K₁ = 1")
         ax.legend()
 
-    report.figure("fig_4_2_stability", "Fig. 4.2: the largest stable time step against the spacing, horizon 5.", draw, (6, 4))
+    report.figure(
+        "fig_4_2_stability", "Fig. 4.2: the largest stable time step against the spacing, horizon 5.", draw, (6, 4)
+    )
     report.table(
         ["Δx", "M", "(4.12)", "2/ω_max", "observed", "slack of (4.12)"],
         [
@@ -236,7 +260,14 @@ def _dispersion(report: Report) -> None:
     report.table(
         ["model", "nodes", "neighbours", "Δt", "steps", "relative cost"],
         [
-            [name, len(runs[name].x_n), models[name].neighbors, models[name].time_step(), steps[name], cost[name] / cost["MD"]]
+            [
+                name,
+                len(runs[name].x_n),
+                models[name].neighbors,
+                models[name].time_step(),
+                steps[name],
+                cost[name] / cost["MD"],
+            ]
             for name in models
         ],
         "Table 4.1 and its two companions. Cost: nodes × neighbours × steps.",
@@ -278,12 +309,19 @@ def _dispersion(report: Report) -> None:
         "CCM against MD": relative_error(profiles["CCM"][:-1][at_chain], profiles["MD"][:-1]),
     }
     report.table(
-        ["profile at t = 150.05", "relative L2 error against the chain, exact in time"], [[k, percent(v)] for k, v in errors.items()]
+        ["profile at t = 150.05", "relative L2 error against the chain, exact in time"],
+        [[k, percent(v)] for k, v in errors.items()],
     )
-    report.table(["as the paper ran them (Verlet, own Δt)", "relative L2 difference"], [[k, percent(v)] for k, v in between.items()])
-    cancelled = {name: 2 * (m.time_step() / m.spacing) ** 2 / (m.neighbors * (m.neighbors + 1)) for name, m in models.items()}
     report.table(
-        ["model", "share of the leading dispersion that Verlet's own error cancels"], [[k, percent(v)] for k, v in cancelled.items()]
+        ["as the paper ran them (Verlet, own Δt)", "relative L2 difference"],
+        [[k, percent(v)] for k, v in between.items()],
+    )
+    cancelled = {
+        name: 2 * (m.time_step() / m.spacing) ** 2 / (m.neighbors * (m.neighbors + 1)) for name, m in models.items()
+    }
+    report.table(
+        ["model", "share of the leading dispersion that Verlet's own error cancels"],
+        [[k, percent(v)] for k, v in cancelled.items()],
     )
     report.claim(
         "Figs. 4.3, 4.4", "Fine peridynamics with δ = 5 disperses as the chain does, the wave equation does not.",
@@ -320,7 +358,10 @@ def _dispersion(report: Report) -> None:
         ASSUMING,
         "starts at rest; either end will do",
     )
-    limit = {h: relative_error(continuous(Peridynamics(h)), continuous(wave_equation())) for h in (4.0, 2.0, 1.0, 0.5, 0.25, 0.125, 0.0625)}
+    limit = {
+        h: relative_error(continuous(Peridynamics(h)), continuous(wave_equation()))
+        for h in (4.0, 2.0, 1.0, 0.5, 0.25, 0.125, 0.0625)
+    }
     order = math.log(limit[0.125] / limit[0.0625]) / math.log(2)
     report.table(["horizon", "relative L2 distance from the wave equation"], [[h, v] for h, v in limit.items()])
     report.claim(
@@ -346,9 +387,16 @@ def _local_nonlocal(report: Report) -> None:
     def draw(fig):
         axs = fig.subplots(2, 2)
         for j, (M, run) in enumerate(runs.items()):
-            draw_density(axs[0, j], run.x_n, run.t_t, run.density_tn, f"({'ab'[j]}) 1,001 atoms, N = {M}", limits=(0.85, 1.15))
+            draw_density(
+                axs[0, j], run.x_n, run.t_t, run.density_tn, f"({'ab'[j]}) 1,001 atoms, N = {M}", limits=(0.85, 1.15)
+            )
             axs[1, j].plot(run.x_n, run.at(t))
-            axs[1, j].set(xlim=(300, 700), xlabel="reference position", title=f"({'cd'[j]}) t = {t}, N = {M}", ylabel="displacement")
+            axs[1, j].set(
+                xlim=(300, 700),
+                xlabel="reference position",
+                title=f"({'cd'[j]}) t = {t}, N = {M}",
+                ylabel="displacement",
+            )
 
     report.figure("fig_4_5_local", "Fig. 4.5: nearest neighbours and five neighbours.", draw, (10, 7))
     x = np.arange(1000.0)
@@ -379,7 +427,8 @@ def _square(report: Report) -> None:
     dt = models["CCM"].time_step()
     frames = [24, 93]
     runs = {
-        n: verlet(m, square_pulse(_grid(m.spacing)), dt=dt, steps=max(frames), every=frames, boundary="clamped") for n, m in models.items()
+        n: verlet(m, square_pulse(_grid(m.spacing)), dt=dt, steps=max(frames), every=frames, boundary="clamped")
+        for n, m in models.items()
     }
     report.heading("Square pulse (Fig. 4.6)")
 
@@ -455,7 +504,9 @@ def _coarse(report: Report) -> None:
     fine = Springs.paper(SPACING, NEIGHBORS)
     methods = ("paper", "trapezoid", "moments-2", "moments-4", "band")
     problem = {"length": LENGTH, "t": PROFILE_TIME, "duration": DURATION}
-    rows = accuracy_table(fine, bump, models=[(m, dx, M) for dx, M in ((0.5, 10), (1.0, 5)) for m in methods], **problem)
+    rows = accuracy_table(
+        fine, bump, models=[(m, dx, M) for dx, M in ((0.5, 10), (1.0, 5)) for m in methods], **problem
+    )
     rows += accuracy_table(fine, bump, models=[(m, 2.5, 2) for m in ("paper", "band")], **problem)
     # More reach at a larger spacing, and a wider band, are what the fit with Verlet's error needs.
     for safety, dx, M, band in (
@@ -474,7 +525,17 @@ def _coarse(report: Report) -> None:
         "weights within reach allow, and is to be run with its step only."
     )
     report.table(
-        ["weights", "Δx", "M", "Δt", "cost", "error, exact in time", "error, Verlet", "worst ω error, k ≤ ½π/Δx", "ω² ≥ 0"],
+        [
+            "weights",
+            "Δx",
+            "M",
+            "Δt",
+            "cost",
+            "error, exact in time",
+            "error, Verlet",
+            "worst ω error, k ≤ ½π/Δx",
+            "ω² ≥ 0",
+        ],
         [
             [
                 r.method,
@@ -513,7 +574,12 @@ def _coarse(report: Report) -> None:
         right.axvline(np.pi, color="0.7", lw=0.8)
         right.set(xlabel="k", ylabel="relative error of ω", ylim=(1e-9, 1), title="Δx = 2a, M = 10")
 
-    report.figure("coarse_models", "Accuracy against cost (nodes × neighbours × steps), and the dispersion behind it.", draw, (12, 4))
+    report.figure(
+        "coarse_models",
+        "Accuracy against cost (nodes × neighbours × steps), and the dispersion behind it.",
+        draw,
+        (12, 4),
+    )
     at = {(r.method, r.spacing): r for r in rows[:10]}
     best = min((r for r in rows if r.method == "band-in-time"), key=lambda r: r.error_verlet)
     report.text(
