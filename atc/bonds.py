@@ -9,18 +9,23 @@ import numpy as np
 
 @dataclass
 class Bonds:
-    """Unordered pairs of atoms through a definite periodic image, each with G = ∂U/∂ξ, ξ = |r|²/2 (formulas: R 4.0.34-4.0.47).
+    """Unordered pairs of atoms through a definite periodic image, each with G = ∂U/∂ξ, ξ = |r|²/2 (formulas: R
+    4.0.34-4.0.47).
 
-    A pair may occur more than once (several interactions share it, or several images): sums over bonds are what has meaning.
+    A pair may occur more than once (several interactions share it, or several images): sums over bonds are what has
+    meaning.
 
     Attributes
     ----------
     i, j : (b,) int32, atom indices
     r_bc : (b, 3) x_i − x_j through the bond: the bond runs from positions[i] to positions[i] − r. Never re-wrapped.
     G_b : (b,) energy/length². The force on i is −G r, on j +G r. G > 0 attracts.
-    F_bc : (b, 3) or None. The force on i due to j where it does not act along the bond (non-ordinary peridynamics; −F on j). None: −G r.
-    D_bdc : (b, 2, 3) or None. The directed energy sources of the bond, only made when asked for: D[:, 0] = ∂U^(i)/∂x_j and D[:, 1] = ∂U^(j)/∂x_i,
-        where U^(i) is the share of the potential energy given to atom i (R 4.0.114-4.0.125). What heat flux and churning are made of.
+    F_bc : (b, 3) or None. The force on i due to j where it does not act along the bond (non-ordinary peridynamics; −F
+        on j). None: −G r.
+    D_bdc : (b, 2, 3) or None. The directed energy sources of the bond, only made when asked for: D[:, 0] = ∂U^(i)/∂x_j
+        and D[:, 1] = ∂U^(j)/∂x_i,
+        where U^(i) is the share of the potential energy given to atom i (R 4.0.114-4.0.125). What heat flux and
+        churning are made of.
     """
 
     i: np.ndarray
@@ -47,7 +52,8 @@ class Bonds:
         return -self.G_b[:, None] * self.r_bc if self.F_bc is None else self.F_bc
 
     def virial(self) -> np.ndarray:
-        """Σ G r⊗r = −Σ r⊗F, (3, 3): the integral of Hardy's potential stress over the box (energy; tension positive)."""
+        """Σ G r⊗r = −Σ r⊗F, (3, 3): the integral of Hardy's potential stress over the box (energy; tension
+        positive)."""
         if self.F_bc is not None:
             return -self.r_bc.T @ self.F_bc
         return np.einsum("b,bi,bj->ij", self.G_b, self.r_bc, self.r_bc)

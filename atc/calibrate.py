@@ -1,7 +1,8 @@
 """Measure the constants of the cost model on this machine: `atc bench --calibrate`.
 
-Each constant is the time of the real code on a small piece of work, CPU seconds of one thread, the best of a few runs, kernels compiled before. Where one run
-holds several (visits, rows and bonds) runs of different shape are solved for all of them by non-negative least squares on relative residuals.
+Each constant is the time of the real code on a small piece of work, CPU seconds of one thread, the best of a few runs,
+kernels compiled before. Where one run holds several (visits, rows and bonds) runs of different shape are solved for all
+of them by non-negative least squares on relative residuals.
 """
 
 from __future__ import annotations
@@ -162,12 +163,22 @@ def _direct(costs, frame, bonds, length, u):
         costs.visit[family] = max((seconds(kern, bound, 6, part) - rest) / many, 0.2 * even)
 
 
-# (tolerance, kernel, R, components, every how many-th bond) of spreading: narrow and wide windows, four and eight lanes, in both precisions.
+# (tolerance, kernel, R, components, every how many-th bond) of spreading: narrow and wide windows, four and eight
+# lanes, in both precisions.
 _SPREADS = (
-    (1e-2, "gaussian", 10.0, 6, 1), (1e-3, "gaussian", 10.0, 3, 1), (1e-4, "gaussian", 8.0, 6, 2), (1e-5, "gaussian", 10.0, 6, 2),
-    (1e-5, "gaussian", 6.0, 4, 2), (1e-2, "quartic", 10.0, 6, 2), (2e-6, "gaussian", 10.0, 6, 2), (1e-6, "gaussian", 10.0, 3, 2),
-    (1e-7, "gaussian", 8.0, 6, 4), (1e-8, "gaussian", 10.0, 6, 4), (1e-8, "gaussian", 10.0, 1, 4), (1e-9, "gaussian", 10.0, 6, 8),
-)  # fmt: skip
+    (1e-2, "gaussian", 10.0, 6, 1),
+    (1e-3, "gaussian", 10.0, 3, 1),
+    (1e-4, "gaussian", 8.0, 6, 2),
+    (1e-5, "gaussian", 10.0, 6, 2),
+    (1e-5, "gaussian", 6.0, 4, 2),
+    (1e-2, "quartic", 10.0, 6, 2),
+    (2e-6, "gaussian", 10.0, 6, 2),
+    (1e-6, "gaussian", 10.0, 3, 2),
+    (1e-7, "gaussian", 8.0, 6, 4),
+    (1e-8, "gaussian", 10.0, 6, 4),
+    (1e-8, "gaussian", 10.0, 1, 4),
+    (1e-9, "gaussian", 10.0, 6, 8),
+)
 
 
 def _spectral(costs, frame, bonds, length, u):

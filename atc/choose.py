@@ -10,11 +10,13 @@ from .estimators.methods import EXACT, Method
 
 #: A tolerance at or below this means the exact sum.
 EXACT_BELOW = 1e-11
-#: The spectral method's own tolerance over the one asked for, from the loosest start to what is tried last. It is relative to a field of independent sources;
-#: how much further stresses may begin is measured (`pilot`), anything else begins at 1.
+#: The spectral method's own tolerance over the one asked for, from the loosest start to what is tried last. It is
+#: relative to a field of independent sources; how much further stresses may begin is measured (`pilot`), anything else
+#: begins at 1.
 FACTORS = (64.0, 45.0, 32.0, 22.0, 16.0, 11.0, 8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0, 0.7, 1 / 2, 1 / 8, 1 / 64, 1 / 512)
-#: The error that the pilot may expect on the first frame, over the tolerance, and the one that is expected on later ones, by what was found on the first:
-#: less, since what the frames differ by must fit in; nothing is tightened for what is below the third.
+#: The error that the pilot may expect on the first frame, over the tolerance, and the one that is expected on later
+#: ones, by what was found on the first: less, since what the frames differ by must fit in; nothing is tightened for
+#: what is below the third.
 AIM, AIM_LATER, ENOUGH = 0.4, 0.35, 0.45
 #: Where the pilot expects more even at the tolerance: what of it the start is.
 CLOSER = 0.7
@@ -59,10 +61,20 @@ def spectral_deposit(
 
 
 def cheapest(
-    costs: Costs, bound, kern, cell, items: float, length: float, components: int, tolerance: float, gradients=False, carried: float = 0.0,
+    costs: Costs,
+    bound,
+    kern,
+    cell,
+    items: float,
+    length: float,
+    components: int,
+    tolerance: float,
+    gradients=False,
+    carried: float = 0.0,
     frames: int = 1,
-):  # fmt: skip
-    """(seconds, spectral deposit): with points on bonds, or with the moments of `carried` atoms (0: not possible), whichever costs less a frame."""
+):
+    """(seconds, spectral deposit): with points on bonds, or with the moments of `carried` atoms (0: not possible),
+    whichever costs less a frame."""
     from .deposit import moments
 
     best = None
@@ -106,7 +118,8 @@ def choose(
     method : "auto" or what the user forces
     places : for each deposit the bound grid and the cell (the frame's or the reference's), see `Request.places`
     kern : kernel in internal units
-    pilot : a function that makes a `pilot.Pilot` of the first frame's stress; None: the spectral method begins at the tolerance
+    pilot : a function that makes a `pilot.Pilot` of the first frame's stress; None: the spectral method begins at the
+        tolerance
     together : of how many frames the sums of a deposit are finished together, by deposit; 1 of those that are not there
     """
     out = {}
@@ -149,7 +162,8 @@ def _one(
     carried=0.0,
     frames=1,
 ) -> Method:
-    """exact : seconds of the exact sum; gradients : whether those are wanted too; carried : atoms that can carry moments; frames : finished together."""
+    """exact : seconds of the exact sum; gradients : whether those are wanted too; carried : atoms that can carry
+    moments; frames : finished together."""
     ways = _Spectral(costs, bound, kern, cell, items, length, components, gradients, carried, frames)
 
     if method == "spectral":
@@ -218,7 +232,8 @@ class _Spectral:
         """Beginning at `start`, with what is cheaper than the exact sum to go on with."""
         seconds, first = self._best(start)
         why = f"{seconds:.2g} s of CPU against {exact:.2g} s for the exact sum"
-        # What is computed again, which is rare, goes by points: to find the best order for every rung takes longer than a small frame.
+        # What is computed again, which is rare, goes by points: to find the best order for every rung takes longer than
+        # a small frame.
         points = replace(self, carried=0.0)
         rungs = _rungs(tolerance, lambda t: points.cost(t) < exact, start)
         return Method("spectral", start, _shape(first, why, self.length), rungs, order=first.order)
@@ -237,7 +252,8 @@ def adjusted(
     carried=0.0,
     frames: int = 1,
 ) -> Method:
-    """The method of sums over bonds for further frames, by the error that `method` left on the first: looser or tighter, as far as errors follow the tolerance."""
+    """The method of sums over bonds for further frames, by the error that `method` left on the first: looser or
+    tighter, as far as errors follow the tolerance."""
     limit = method.tolerance * AIM_LATER * tolerance / max(error, 1e-300) * (1 + 1e-9)
     looser = [*_loose(tolerance), *(f * tolerance for f in FACTORS if f <= 1)]
     ladder = [*(t for t in looser if t > method.tolerance * (1 + 1e-9)), method.tolerance, *method.rungs]
@@ -252,7 +268,8 @@ def adjusted(
 
 
 def _start(tolerance, ways, exact, look) -> float:
-    """The loosest tolerance of the spectral method that the pilot expects to be enough, if a pilot is worth its while."""
+    """The loosest tolerance of the spectral method that the pilot expects to be enough, if a pilot is worth its
+    while."""
     ladder, ways = _loose(tolerance), replace(ways, carried=0.0)
     if not ladder:
         return tolerance

@@ -1,8 +1,9 @@
 """`njit` as the kernels of this package use it: numba's, with a cache that cannot be wrong and that nothing depends on.
 
-Numba's own cache looks only at the file of a function for changes. A function of another file that was compiled into it, or a constant imported from there,
-may have changed since, after an upgrade for instance, and the old machine code would go on giving the old numbers. Here a cache entry is bound to all
-source files whose functions a kernel calls, and to the constants it uses. Where no folder can be written, code is compiled anew in each process, with a note.
+Numba's own cache looks only at the file of a function for changes. A function of another file that was compiled into
+it, or a constant imported from there, may have changed since, after an upgrade for instance, and the old machine code
+would go on giving the old numbers. Here a cache entry is bound to all source files whose functions a kernel calls, and
+to the constants it uses. Where no folder can be written, code is compiled anew in each process, with a note.
 """
 
 from __future__ import annotations
@@ -96,7 +97,8 @@ class _Cache(FunctionCache):
 
 @cache
 def _folder(source: str, given: str) -> str | None:
-    """The folder for the kernels of a source folder: in NUMBA_CACHE_DIR, beside the sources, or in the user's cache; None where none can be written.
+    """The folder for the kernels of a source folder: in NUMBA_CACHE_DIR, beside the sources, or in the user's cache;
+    None where none can be written.
 
     Never in a folder that others can write: machine code is loaded from it.
     """
@@ -122,7 +124,8 @@ def _say_once() -> None:
 
     if multiprocessing.current_process().name == "MainProcess":  # workers leave it to their parent
         warnings.warn(
-            "compiled code cannot be kept, as no folder for it can be written: it is compiled anew in every run, which takes some ten seconds; set NUMBA_CACHE_DIR to a folder that can be written",
+            "compiled code cannot be kept, as no folder for it can be written: it is compiled anew in every run, "
+            "which takes some ten seconds; set NUMBA_CACHE_DIR to a folder that can be written",
             AtcWarning,
             stacklevel=2,
         )

@@ -3,17 +3,22 @@
 The model is linear and small on purpose; every count is of something the program does:
 
 - neighbour list and forces: per atom, per pair within the cutoff, per triplet of many-body terms;
-- direct deposit on a lattice: per bond, per row of points that crosses the capsule around it, per point in it and vector of four components.
-  Points: the capsule's volume, V + A L (V the kernel's sphere, A its cross-section, L the mean bond length), times points per volume; rows: the
-  capsule's mean shadow, A + π/2 R L, over the area that belongs to a row. An atom is a bond of no length;
-- spectral deposit, single and double precision apart: per point on a bond, per register (32 bytes) of its window on the mesh, per node of the mesh and
+- direct deposit on a lattice: per bond, per row of points that crosses the capsule around it, per point in it and
+  vector of four components.
+  Points: the capsule's volume, V + A L (V the kernel's sphere, A its cross-section, L the mean bond length), times
+  points per volume; rows: the capsule's mean shadow, A + π/2 R L, over the area that belongs to a row. An atom is a
+  bond of no length;
+- spectral deposit, single and double precision apart: per point on a bond, per register (32 bytes) of its window on the
+  mesh, per node of the mesh and
   component; see `atc.deposit.fourier`;
-- where atoms carry moments of their bonds: per bond, and per number in it; per atom, and per register of its window; per node and number;
+- where atoms carry moments of their bonds: per bond, and per number in it; per atom, and per register of its window;
+  per node and number;
 - scattered points and the error check: per bond that passes by, per bond that starts near a point, per visit;
 - gradients by the exact sum: per atom within reach of a point.
 
-`atc bench --calibrate` measures the constants (`calibrate`) and keeps them in the user's cache folder; without, those shipped are used, taken on one core of an
-ordinary x86-64 with AVX2. They are CPU seconds of one thread; threads share the work of deposits and forces.
+`atc bench --calibrate` measures the constants (`calibrate`) and keeps them in the user's cache folder; without, those
+shipped are used, taken on one core of an ordinary x86-64 with AVX2. They are CPU seconds of one thread; threads share
+the work of deposits and forces.
 """
 
 from __future__ import annotations
@@ -103,7 +108,8 @@ def cache_file() -> Path:
 
 @dataclass(frozen=True)
 class Load:
-    """What a potential makes of a frame: numbers of pairs within the cutoffs, of triplets, of listed tuples, of bonds handed on; their mean length."""
+    """What a potential makes of a frame: numbers of pairs within the cutoffs, of triplets, of listed tuples, of bonds
+    handed on; their mean length."""
 
     pairs: float = 0.0
     triplets: float = 0.0
@@ -122,8 +128,9 @@ class Load:
 
 
 def neighborhood(frame, cutoff: float, count: int = 0) -> tuple[float, float, float, float]:
-    """Around some atoms, 50 to 150 unless `count` says otherwise (so that empty space in the box does not mislead): mean number of neighbours within `cutoff` and of pairs of them, mean
-    distance of a neighbour, and of two neighbours from each other."""
+    """Around some atoms, 50 to 150 unless `count` says otherwise (so that empty space in the box does not mislead):
+    mean number of neighbours within `cutoff` and of pairs of them, mean distance of a neighbour, and of two neighbours
+    from each other."""
     n, cell = len(frame), frame.cell
     if n < 2:
         return 0.0, 0.0, 0.0, 0.0
@@ -262,7 +269,8 @@ def direct(costs: Costs, bound, kern, items: float, length: float, components: i
 
     R = kern.support
     if bound.kind == "regular":
-        # The rows run along the axis with the most points; the shadow of the capsule over the area that belongs to a row.
+        # The rows run along the axis with the most points; the shadow of the capsule over the area that belongs to a
+        # row.
         row = bound.cell_volume / bound.spacing[int(np.argmax(bound.counts))]
         rows = items * shadow(kern, length) / row
     else:
@@ -274,8 +282,8 @@ def direct(costs: Costs, bound, kern, items: float, length: float, components: i
 def spectral(
     costs: Costs, deposit, items: float, length: float, components: int, atoms: float = 0.0, frames: int = 1
 ) -> float:
-    """Seconds a frame of a spectral deposit (of which only the parameters are needed) for `items` bonds of mean length `length`, of so many atoms, of `frames` frames that
-    are finished together."""
+    """Seconds a frame of a spectral deposit (of which only the parameters are needed) for `items` bonds of mean length
+    `length`, of so many atoms, of `frames` frames that are finished together."""
     if not components or not items:
         return 0.0
     single = itemsize(deposit) == 4
@@ -350,7 +358,8 @@ _LENGTHS = tuple(4 / 3 * (0.1 + 0.2 * k) ** (1 / 3) for k in range(5))
 
 
 def points_each(deposit, length: float) -> float:
-    """Points that a bond becomes, where they are `length` long on average: one for an atom, none for a bond whose moments atoms carry."""
+    """Points that a bond becomes, where they are `length` long on average: one for an atom, none for a bond whose
+    moments atoms carry."""
     if length <= 0:
         return 1.0
     return sum(
@@ -364,13 +373,15 @@ def collapsed(deposit, length: float) -> float:
 
 
 def _collapses(deposit, length: float, part: float) -> bool:
-    """Forces fall off with the distance: a bond's share of the stress is taken to go with its length to the power −4 (argon between 4 and 8 Å: −5)."""
+    """Forces fall off with the distance: a bond's share of the stress is taken to go with its length to the power −4
+    (argon between 4 and 8 Å: −5)."""
     return deposit.order is not None and deposit.collapses(length * part, part**-4)
 
 
 def spectral_memory(deposit, components: int, threads: int, atoms: float = 0.0) -> float:
-    """Bytes of a spectral deposit: each thread's meshes (single precision is summed up in double now and then), the modes of one group of components,
-    and planes and transforms in work; moments of so many atoms in each thread, and their mesh."""
+    """Bytes of a spectral deposit: each thread's meshes (single precision is summed up in double now and then), the
+    modes of one group of components, and planes and transforms in work; moments of so many atoms in each thread, and
+    their mesh."""
     nodes = float(np.prod(deposit._layer(np.asarray(deposit.mesh, float) + deposit.parameters.width + 1)))
     each = 8.0 if itemsize(deposit) == 8 else 12.0
     groups = lanes(components)
@@ -390,10 +401,12 @@ def spectral_memory(deposit, components: int, threads: int, atoms: float = 0.0) 
 
 
 def check(costs: Costs, bound, kern, items: float, length: float, points: int) -> float:
-    """Seconds of the error check: every bond passes by, those that start near a point are looked at, and those near it are summed there."""
+    """Seconds of the error check: every bond passes by, those that start near a point are looked at, and those near it
+    are summed there."""
     if bound.kind == "slab":
         return 7e-8 * items * 5
-    # The longest bonds are about 4/3 of the mean (pairs within a cutoff); what is in reach is marked in bins (`deposit.direct`).
+    # The longest bonds are about 4/3 of the mean (pairs within a cutoff); what is in reach is marked in bins
+    # (`deposit.direct`).
     reach = 1.11 * (kern.support + 4 / 3 * length)
     near = 1.0 - exp(-points * (pi * reach**2 if kern.dimension == 2 else 4 / 3 * pi * reach**3) / bound.cell.volume)
     reached = items * points * capsule_of(kern, length) / bound.cell.volume

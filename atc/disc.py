@@ -1,6 +1,7 @@
 """Profiles of planar kernels: Σ_k c_k (ρ/R)^k over a disc, integrated along its chords.
 
-In three dimensions such integrals are polynomials of the distance (`kernels.Marginal`); along lines of a plane they have roots and logarithms.
+In three dimensions such integrals are polynomials of the distance (`kernels.Marginal`); along lines of a plane they
+have roots and logarithms.
 """
 
 from __future__ import annotations
@@ -9,15 +10,17 @@ import numpy as np
 
 from .kernels import _GL_T, _GL_W, TINY, Marginal
 
-# A bond shorter than this, in units of R, goes by quadrature along it: the difference of two strips would lose three digits.
+# A bond shorter than this, in units of R, goes by quadrature along it: the difference of two strips would lose three
+# digits.
 DISC_SHORT = 1e-3
 
 
 class DiscMarginal(Marginal):
     """A planar kernel Σ_m Σ_k c_mk (ρ/R_m)^k integrated along the lines at distance z: ∫φ₁ dz = 1.
 
-    With q = √(R² − z²) half the chord, I_k = ∫ρ^k du over it follows from I_k = [2 q R^k + k z² I_{k−2}]/(k + 1), I_{−1} = 2 asinh(q/|z|), I_0 = 2q; and the
-    integral over the strip from 0 to z, by the divergence theorem (∇·(x ρ^k) = (k + 2) ρ^k), is A_k = [z I_k + 2 R^{k+2} arcsin(z/R)]/(k + 2).
+    With q = √(R² − z²) half the chord, I_k = ∫ρ^k du over it follows from I_k = [2 q R^k + k z² I_{k−2}]/(k + 1),
+    I_{−1} = 2 asinh(q/|z|), I_0 = 2q; and the integral over the strip from 0 to z, by the divergence theorem (∇·(x ρ^k)
+    = (k + 2) ρ^k), is A_k = [z I_k + 2 R^{k+2} arcsin(z/R)]/(k + 2).
     """
 
     half_open = False
@@ -95,9 +98,11 @@ def _strips(u):
 
 
 def _short_mean(d, r, c):
-    """The mean over a short bond from d to d − r of the chord means, by Gauss and Legendre in the angle whose sine is z: no root at the rim. Split at z = 0.
+    """The mean over a short bond from d to d − r of the chord means, by Gauss and Legendre in the angle whose sine is
+    z: no root at the rim. Split at z = 0.
 
-    Between angles Δ apart z changes by 2 cos(mean angle) sin(Δ/2), which is the share of the bond times r: so differences of close numbers are not needed.
+    Between angles Δ apart z changes by 2 cos(mean angle) sin(Δ/2), which is the share of the bond times r: so
+    differences of close numbers are not needed.
     """
     d, r = np.broadcast_arrays(d, r)
     s = np.where(np.abs(r) < TINY, TINY, r)

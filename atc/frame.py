@@ -48,7 +48,8 @@ class Cell:
 
     @classmethod
     def from_lammps(cls, lo, hi, tilt=(0.0, 0.0, 0.0), periodic=(True, True, True)) -> Cell:
-        """From LAMMPS's *true* box bounds (xlo.. as in a data file, not a dump's bounding box) and tilts (xy, xz, yz)."""
+        """From LAMMPS's *true* box bounds (xlo.. as in a data file, not a dump's bounding box) and tilts (xy, xz,
+        yz)."""
         lo = np.asarray(lo, float)
         lx, ly, lz = np.asarray(hi, float) - lo
         xy, xz, yz = tilt
@@ -60,7 +61,8 @@ class Cell:
         return bool((np.linalg.norm(self.vectors, axis=1) > 0).all())
 
     def completed(self, positions, margin: float = 0.0) -> Cell:
-        """This cell with its zero rows replaced by directions normal to the others, as long as the atoms' extent plus `margin`."""
+        """This cell with its zero rows replaced by directions normal to the others, as long as the atoms' extent plus
+        `margin`."""
         if self.complete:
             return self
         v = self.vectors.copy()
@@ -115,7 +117,8 @@ class Cell:
         return np.asarray(s) @ self.vectors + self.origin
 
     def wrap(self, x):
-        """Positions moved into the cell along its periodic axes, and the (n, 3) integers n with x = wrapped + n @ vectors."""
+        """Positions moved into the cell along its periodic axes, and the (n, 3) integers n with x = wrapped + n @
+        vectors."""
         s = self.fractional(x)
         n = np.where(self.periodic, np.floor(s), 0.0)
         return np.asarray(x) - n @ self.vectors, n.astype(np.int64)
@@ -140,9 +143,10 @@ class Cell:
 class Topology:
     """Bonded terms by atom *index* into the frame they belong to. Types are LAMMPS's, from 1.
 
-    ``bonds`` (m, 2), ``angles`` (m, 3; the middle atom is the apex), ``dihedrals`` (m, 4), ``impropers`` (m, 4), each with ``*_types`` (m,).
-    ``weighted``: the terms that say which atoms are one, two, three bonds apart, where they are not these (LAMMPS's ``delete_bonds`` switches bonds off
-    and leaves the weights of pairs as they were), or None.
+    ``bonds`` (m, 2), ``angles`` (m, 3; the middle atom is the apex), ``dihedrals`` (m, 4), ``impropers`` (m, 4), each
+    with ``*_types`` (m,).
+    ``weighted``: the terms that say which atoms are one, two, three bonds apart, where they are not these (LAMMPS's
+    ``delete_bonds`` switches bonds off and leaves the weights of pairs as they were), or None.
     """
 
     bonds: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.int64))
@@ -171,10 +175,12 @@ class Frame:
     ----------
     positions : (n, 3) float64. As the source gives them; not necessarily inside the cell.
     cell : Cell
-    types : (n,) int, from 1 (LAMMPS's types; for ASE and MDAnalysis the species in order of first appearance or atomic number, see `type_names`)
+    types : (n,) int, from 1 (LAMMPS's types; for ASE and MDAnalysis the species in order of first appearance or atomic
+        number, see `type_names`)
     ids : (n,) int, ascending
     masses : (n,) or None. velocities, forces : (n, 3) or None. charges : (n,) or None.
-    images : (n, 3) int or None: how often each atom left the cell through each face; unwrapped = wrapped position + images @ cell vectors.
+    images : (n, 3) int or None: how often each atom left the cell through each face; unwrapped = wrapped position +
+        images @ cell vectors.
         Only set when `positions` are wrapped ones.
     step : int or None. time : float or None (internal time units).
     topology : Topology or None
@@ -184,7 +190,8 @@ class Frame:
     extra : {column: (n,) or (n, k) array} per-atom columns that atc does not interpret, as read (not converted)
     molecules : (n,) int or None, LAMMPS's molecule numbers
     groups : (n,) int or None, bits that say in which groups of a LAMMPS script an atom is (those that leave out pairs)
-    given : {attribute: file} for "types", "charges", "masses", "topology" that are not the source's own but from a data file beside it; "assumed" for
+    given : {attribute: file} for "types", "charges", "masses", "topology" that are not the source's own but from a data
+        file beside it; "assumed" for
         types and "boundary" that nothing says, "order" for "ids" that are places in the file
     """
 
@@ -231,7 +238,8 @@ class Frame:
             if a is not None and not np.isfinite(a).all():
                 bad = int(np.flatnonzero(~np.isfinite(a.reshape(n, -1)).all(axis=1))[0])
                 raise AtcError(
-                    f"{self.source}: atom {self.ids[bad]} has {name} that are not finite numbers; the run that wrote it has probably blown up"
+                    f"{self.source}: atom {self.ids[bad]} has {name} that are not finite numbers; the run that wrote "
+                    "it has probably blown up"
                 )
         if not self.cell.complete:
             self.cell = self.cell.completed(self.positions)
@@ -259,5 +267,6 @@ class Frame:
             if getattr(self, name) is None:
                 needs = "need" if "," in why else "needs"
                 raise AtcError(
-                    f"{self.source}: {name} are missing but {why} {needs} them: {hints.get(name, 'add them to the trajectory')}"
+                    f"{self.source}: {name} are missing but {why} {needs} them: "
+                    f"{hints.get(name, 'add them to the trajectory')}"
                 )

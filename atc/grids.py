@@ -1,8 +1,8 @@
 """Where fields are wanted: regular grids, planes, lines, slab profiles, points, the atoms.
 
-A `Grid` is what the user asks for, in the user's units and possibly relative to a cell that changes from frame to frame. `Grid.bind`
-turns it into a `BoundGrid`: positions in internal units for one frame. In two dimensions points may be given by two numbers, and all of them lie in the plane of
-the atoms: a regular grid has one layer.
+A `Grid` is what the user asks for, in the user's units and possibly relative to a cell that changes from frame to
+frame. `Grid.bind` turns it into a `BoundGrid`: positions in internal units for one frame. In two dimensions points may
+be given by two numbers, and all of them lie in the plane of the atoms: a regular grid has one layer.
 """
 
 from __future__ import annotations
@@ -58,7 +58,8 @@ def _spacing(value, n):
 
 
 def _points(what, value, shape):
-    """Points (or one point, or vectors) as float arrays: ``shape`` with a 3 last. Those of two numbers get NaN for z, which is filled in when the plane is known."""
+    """Points (or one point, or vectors) as float arrays: ``shape`` with a 3 last. Those of two numbers get NaN for z,
+    which is filled in when the plane is known."""
     try:
         a = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
@@ -104,7 +105,8 @@ def _layers(shape, flat: bool):
     if flat:
         if n > 1:
             raise AtcError(
-                f"grid shape {' x '.join(map(str, shape))}: in two dimensions a regular grid has one layer: give two numbers, e.g. {list(shape[:2])}"
+                f"grid shape {' x '.join(map(str, shape))}: in two dimensions a regular grid has one layer: give two "
+                f"numbers, e.g. {list(shape[:2])}"
             )
         return (*shape[:2], 1)
     if n == 0:
@@ -127,7 +129,8 @@ def _same(a: dict, b: dict) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Where fields are wanted; made by `regular`, `plane`, `line`, `slab`, `points` or `atoms`. Lengths in the user's units.
+    """Where fields are wanted; made by `regular`, `plane`, `line`, `slab`, `points` or `atoms`. Lengths in the user's
+    units.
 
     Points of regular grids and planes lie at the cell centres (i + ½)/n of their edges, or at the corners i/n.
     """
@@ -142,10 +145,12 @@ class Grid:
         Parameters
         ----------
         cell : None, Cell, three lengths or three edge vectors
-            The region. None: each frame's own cell, followed as it changes. A `Cell` is in internal units; anything else in the user's.
+            The region. None: each frame's own cell, followed as it changes. A `Cell` is in internal units; anything
+            else in the user's.
         spacing : float or three floats
-            The wanted distance between points along each edge; the edge is divided into the nearest whole number of parts. `atc.fields` does so
-            in the first frame: as the cell changes, the points move with it and stay as many.
+            The wanted distance between points along each edge; the edge is divided into the nearest whole number of
+            parts. `atc.fields` does so in the first frame: as the cell changes, the points move with it and stay as
+            many.
         shape : int or three ints
             Numbers of points, instead of a spacing. Of both, two for two dimensions.
         at : "centers" or "corners"
@@ -197,13 +202,15 @@ class Grid:
     def plane(
         cls, origin=None, u=None, v=None, *, axis=None, position=None, shape=None, spacing=None, at="centers"
     ) -> Grid:
-        """Points on a parallelogram: from `origin` along the edge vectors `u` and `v`, or a cross-section of each frame's cell.
+        """Points on a parallelogram: from `origin` along the edge vectors `u` and `v`, or a cross-section of each
+        frame's cell.
 
         Parameters
         ----------
         origin, u, v : three floats each
         axis, position : "x", "y" or "z", and a length
-            Instead: the cell's cross-section spanned by its two other edges, at this distance from the cell's face along `axis` (the middle, if no position is given).
+            Instead: the cell's cross-section spanned by its two other edges, at this distance from the cell's face
+            along `axis` (the middle, if no position is given).
         shape, spacing : two ints, or two floats
         at : "centers" or "corners"
         """
@@ -241,9 +248,9 @@ class Grid:
     def slab(cls, axis, bins) -> Grid:
         """A profile along a cell axis: at each bin centre the average of the field over the cell's cross-section.
 
-        The distance is measured along the normal of the faces (for an orthogonal cell the axis itself). The average is over the
-        plane through the bin's centre: the kernel is integrated in closed form, no three-dimensional grid is used.
-        Where a side face is open, kernels are not cut off at it.
+        The distance is measured along the normal of the faces (for an orthogonal cell the axis itself). The average is
+        over the plane through the bin's centre: the kernel is integrated in closed form, no three-dimensional grid is
+        used. Where a side face is open, kernels are not cut off at it.
         """
         (bins,) = _counts("number of bins", bins, 1)
         return cls("slab", {"axis": _axis(axis), "bins": bins})
@@ -304,13 +311,15 @@ class Grid:
         return f"{len(p['xyz'])} points" if self.kind == "points" else "the atoms"
 
     def fixed(self, units, cell: Cell, positions=None) -> Grid:
-        """This grid with the numbers of points that its spacing gives in this cell: where the cell changes, the points move with it and stay as many."""
+        """This grid with the numbers of points that its spacing gives in this cell: where the cell changes, the points
+        move with it and stay as many."""
         if self._.get("spacing") is None:
             return self
         return Grid(self.kind, {**self._, "spacing": None, "shape": self.bind(units, cell, positions).counts})
 
     def require_dimension(self, dimension: int) -> None:
-        """Raise AtcError unless the grid has a meaning in so many dimensions: points of two numbers in the plane only, and there one layer and no planes across."""
+        """Raise AtcError unless the grid has a meaning in so many dimensions: points of two numbers in the plane only,
+        and there one layer and no planes across."""
         p, shown = self._, {"cell": "vectors", "xyz": "points"}
         if self.kind == "regular":
             _layers(p["shape"], dimension == 2)
@@ -319,13 +328,15 @@ class Grid:
                 if isinstance(value, np.ndarray) and np.isnan(value).any():
                     want = "one or three" if key == "spacing" else "x, y and z"
                     raise AtcError(
-                        f"grid {shown.get(key, key)}: two numbers are of a two-dimensional run, but this one has three dimensions: give {want}"
+                        f"grid {shown.get(key, key)}: two numbers are of a two-dimensional run, but this one has "
+                        f"three dimensions: give {want}"
                     )
         elif self.kind == "slab" and p["axis"] == 2:
             raise AtcError("a slab profile along axis z: a two-dimensional run has no extent there: take x or y")
         elif self.kind == "plane" and p["axis"] in (0, 1):
             raise AtcError(
-                f"a plane normal to axis {'xyz'[p['axis']]}: in two dimensions that is a line: use a line or a slab profile"
+                f"a plane normal to axis {'xyz'[p['axis']]}: in two dimensions that is a line: use a line or a slab "
+                "profile"
             )
         elif self.kind == "plane" and p.get("position") is not None:
             raise AtcError("a plane at a position along z: a two-dimensional run has only one: leave the position out")
@@ -431,7 +442,8 @@ class Grid:
 
 
 def _in_space(z, units, what, points):
-    """Points that were given by two numbers or three, in the plane z (None: three dimensions, as they are); an error for points off the plane."""
+    """Points that were given by two numbers or three, in the plane z (None: three dimensions, as they are); an error
+    for points off the plane."""
     if z is None:
         return points
     at = np.where(np.isnan(points[..., 2]), z, points[..., 2])
@@ -517,7 +529,8 @@ class BoundGrid:
 
     @cached_property
     def tiles(self) -> bool:
-        """Whether this is a regular grid over the frame's whole cell, so that sums over points times `cell_volume` are integrals over it."""
+        """Whether this is a regular grid over the frame's whole cell, so that sums over points times `cell_volume` are
+        integrals over it."""
         if self.kind != "regular":
             return False
         edges = self.steps * np.array(self.counts)[:, None]
@@ -555,7 +568,8 @@ class BoundGrid:
     def coords(self, units) -> dict:
         """Coordinates for an xarray Dataset in the user's units: {name: (dims, values, attrs)}.
 
-        One coordinate per axis where the axis runs along x, y or z; else positions as auxiliary coordinates ``position_x`` ...
+        One coordinate per axis where the axis runs along x, y or z; else positions as auxiliary coordinates
+        ``position_x`` ...
         """
         label = {"units": units.label("length")}
         to_user = lambda a: units.to_user("length", a)  # noqa: E731

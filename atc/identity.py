@@ -1,7 +1,9 @@
-"""What makes a run that goes on the same run: every input that changes a number, as plain values, and each frame's own content.
+"""What makes a run that goes on the same run: every input that changes a number, as plain values, and each frame's own
+content.
 
-The identity of a request is kept beside an unfinished output, the digests of its frames in the journal of what is done. A run is continued only where both are
-what they were; what differs is named. The number of frames is no part of it: a trajectory may have grown.
+The identity of a request is kept beside an unfinished output, the digests of its frames in the journal of what is done.
+A run is continued only where both are what they were; what differs is named. The number of frames is no part of it: a
+trajectory may have grown.
 """
 
 from __future__ import annotations
@@ -62,15 +64,16 @@ def _described(pot) -> str:
 
 
 def _evaluated(request) -> str:
-    """What the potential says about the first frame: the last word on those whose numbers lie where `contents` does not look."""
+    """What the potential says about the first frame: the last word on those whose numbers lie where `contents` does not
+    look."""
     d = request.pot.stream(request.first, None, threads=request.threads)
     # 10 digits: the order of summation, hence the number of threads, must not matter.
     return f"energy {d.energy:.9e}, virial {np.trace(d.virial_cc):.9e}"
 
 
 def contents(thing, everything: bool = False) -> str:
-    """A digest of the numbers and words in an object of this package: of its public attributes, the same wherever it was made from and however often it was used,
-    or of `everything` in objects that only hold what they were given."""
+    """A digest of the numbers and words in an object of this package: of its public attributes, the same wherever it
+    was made from and however often it was used, or of `everything` in objects that only hold what they were given."""
     h = hashlib.sha256()
     seen: dict[int, object] = {}  # held, so that no other object gets the number of one that is gone
 
@@ -121,10 +124,17 @@ def frame_digest(frame) -> str:
     return " ".join(
         _short(*part)
         for part in (
-            (frame.cell.vectors, frame.cell.origin, frame.cell.periodic), (frame.positions, frame.images), (frame.types,), (frame.ids,), (frame.masses,),
-            (frame.velocities,), (frame.charges,), bonds, (frame.step, frame.time),
+            (frame.cell.vectors, frame.cell.origin, frame.cell.periodic),
+            (frame.positions, frame.images),
+            (frame.types,),
+            (frame.ids,),
+            (frame.masses,),
+            (frame.velocities,),
+            (frame.charges,),
+            bonds,
+            (frame.step, frame.time),
         )
-    )  # fmt: skip
+    )
 
 
 def _short(*values) -> str:
@@ -141,7 +151,8 @@ def changed_parts(then: str, now: str) -> str:
 
 
 def differences(then: Mapping, now: Mapping) -> str:
-    """What differs between two identities, in words; "" where nothing does. Their numbers of frames are left to the caller."""
+    """What differs between two identities, in words; "" where nothing does. Their numbers of frames are left to the
+    caller."""
     out = []
     for key in sorted({*then, *now} - {"frames"}):
         a, b = then.get(key), now.get(key)

@@ -1,4 +1,5 @@
-"""How much of a field is in doubt because the trajectory was written with few digits, to be read beside the method's own error."""
+"""How much of a field is in doubt because the trajectory was written with few digits, to be read beside the method's
+own error."""
 
 from __future__ import annotations
 
@@ -16,11 +17,13 @@ POINTS = 100
 
 
 def input_errors(request) -> tuple[float, dict[str, float]]:
-    """The resolution of the coordinates (internal) and, by field, how far the field moves when atoms move by what rounding hides.
+    """The resolution of the coordinates (internal) and, by field, how far the field moves when atoms move by what
+    rounding hides.
 
-    The first frame is computed twice at random points of the grid: as it is, and with every coordinate shifted by a random amount within half a step of its
-    last digit, which is what rounding did to it. Relative to the largest value, as all errors. Nothing is computed, and nothing returned, where coordinates
-    are so fine that it cannot matter at this tolerance.
+    The first frame is computed twice at random points of the grid: as it is, and with every coordinate shifted by a
+    random amount within half a step of its last digit, which is what rounding did to it. Relative to the largest value,
+    as all errors. Nothing is computed, and nothing returned, where coordinates are so fine that it cannot matter at
+    this tolerance.
     """
     work = request.work
     names = tuple(q.name for q in work.quantities if q.kind == "grid" and not q.on_reference and not q.parts)

@@ -3,18 +3,20 @@
 φ ≥ 0, ∫φ = 1. The bond function of a bond that runs from x_i to x_i − r, seen from x, is the mean of φ along it,
 β(x) = ∫₀¹ φ(x_i − t r − x) dt, so that φ_j − φ_i is the divergence of r β and ∫β = 1.
 
-Every isotropic kernel except the Gaussian is written as a sum of *pieces*, polynomials in ρ/R_m that are cut off at R_m:
-φ(ρ) = Σ_m Σ_k c_mk (ρ/R_m)^k for ρ < R_m. A cone cut at R minus a cone cut at R/2 is MDStressLab's `hardy`, and any piecewise
-linear table is a sum of cones. β of a piece is closed: clip the bond to the sphere, then take the mean of ρ^k over what is left, with
-ρ² = p² + u² (p the distance of x from the bond's line, u the coordinate along it).
+Every isotropic kernel except the Gaussian is written as a sum of *pieces*, polynomials in ρ/R_m that are cut off at
+R_m: φ(ρ) = Σ_m Σ_k c_mk (ρ/R_m)^k for ρ < R_m. A cone cut at R minus a cone cut at R/2 is MDStressLab's `hardy`, and
+any piecewise linear table is a sum of cones. β of a piece is closed: clip the bond to the sphere, then take the mean of
+ρ^k over what is left, with ρ² = p² + u² (p the distance of x from the bond's line, u the coordinate along it).
 
-The means J_k = (1/Δ)∫ρ^k du over [u_a, u_b] follow from J_k = [D_k + k p² J_{k−2}]/(k+1), D_k = [u ρ^k]_a^b / Δ, Δ = u_b − u_a.
-Written with S = ρ_a + ρ_b and T = u_a + u_b (so ρ_b − ρ_a = Δ T/S, and asinh(u_b/p) − asinh(u_a/p) = 2 atanh(Δ/S)) every term is
-positive and Δ has been divided out by hand: nothing cancels for bonds of any length, tangent, or through x.
+The means J_k = (1/Δ)∫ρ^k du over [u_a, u_b] follow from J_k = [D_k + k p² J_{k−2}]/(k+1), D_k = [u ρ^k]_a^b / Δ, Δ =
+u_b − u_a. Written with S = ρ_a + ρ_b and T = u_a + u_b (so ρ_b − ρ_a = Δ T/S, and asinh(u_b/p) − asinh(u_a/p) = 2
+atanh(Δ/S)) every term is positive and Δ has been divided out by hand: nothing cancels for bonds of any length, tangent,
+or through x.
 
-In two dimensions (`Kernel.planar`) φ is the same function of the distance in the plane with ∫φ dA = 1. Between points and bonds of one plane every
-formula above holds as it is: a planar kernel is its three-dimensional twin times a constant. Only what is integrated differs: the normalisation, the
-transform (`deposit.fourier`) and the profile, φ integrated along lines of the plane instead of planes (`atc.disc`).
+In two dimensions (`Kernel.planar`) φ is the same function of the distance in the plane with ∫φ dA = 1. Between points
+and bonds of one plane every formula above holds as it is: a planar kernel is its three-dimensional twin times a
+constant. Only what is integrated differs: the normalisation, the transform (`deposit.fourier`) and the profile, φ
+integrated along lines of the plane instead of planes (`atc.disc`).
 """
 
 from __future__ import annotations
@@ -26,7 +28,8 @@ import numpy as np
 
 from .errors import AtcError
 
-# A bond shorter than this times the radius is given this length, in a direction that no longer matters: its β is φ to rounding.
+# A bond shorter than this times the radius is given this length, in a direction that no longer matters: its β is φ to
+# rounding.
 TINY = 1e-30
 # The Gaussian is cut where it falls below this fraction of its peak.
 GAUSSIAN_CUT = 1e-16
@@ -41,7 +44,8 @@ _ALIASES = {
     "quartic_sphere": "quartic",
 }
 
-# Radial shapes: [(radius as a fraction of R, coefficients of (ρ/R_m)^k)], and the normalisation times R³ (in the plane see `_plane_integral`).
+# Radial shapes: [(radius as a fraction of R, coefficients of (ρ/R_m)^k)], and the normalisation times R³ (in the plane
+# see `_plane_integral`).
 _SHAPES = {
     "step": ([(1.0, (1.0,))], 3 / (4 * pi)),
     "linear": ([(1.0, (1.0, -1.0))], 3 / pi),
@@ -61,20 +65,23 @@ def kernel(name, radius=None, *, width=None, size=None, table=None, dimension=No
     ----------
     name : str
         ``"step"``, ``"linear"`` 1 − s, ``"cubic"`` 1 − 3s² + 2s³, ``"quartic"`` (1 − s²)², ``"lucy"`` (1 − s)³(1 + 3s),
-        ``"hardy"`` (1 up to R/2, then falling linearly to 0 at R; MDStressLab's), with s = r/R;
-        ``"piecewise-linear"`` through `table`; ``"gaussian"`` exp(−r²/2w²); ``"bspline"``, the product of a cubic B-spline along
-        each axis; ``"box"``, constant in a half-open box, −L/2 ≤ x_j − x < L/2 (LAMMPS fix atc's ``cell``).
+        ``"hardy"`` (1 up to R/2, then falling linearly to 0 at R; MDStressLab's), with s = r/R; ``"piecewise-linear"``
+        through `table`; ``"gaussian"`` exp(−r²/2w²); ``"bspline"``, the product of a cubic B-spline along each axis;
+        ``"box"``, constant in a half-open box, −L/2 ≤ x_j − x < L/2 (LAMMPS fix atc's ``cell``).
     radius : float
-        R, where φ ends. For ``gaussian`` it sets the width w = R/3 (the Gaussian itself goes on to 8.6 w, where it is 1e-16 of its
-        peak); for ``bspline`` it is the half support along each axis (two knot spacings); for ``box`` half the edge of a cube.
+        R, where φ ends. For ``gaussian`` it sets the width w = R/3 (the Gaussian itself goes on to 8.6 w, where it is
+        1e-16 of its peak); for ``bspline`` it is the half support along each axis (two knot spacings); for ``box`` half
+        the edge of a cube.
     width : float
         The Gaussian's w, its standard deviation along each axis.
     size : three floats
         The box's edge lengths; two with ``dimension=2``.
     table : sequence of (r, value)
-        Values of φ at increasing r, up to a common factor; linear in between, constant before the first, 0 after the last.
+        Values of φ at increasing r, up to a common factor; linear in between, constant before the first, 0 after the
+        last.
     dimension : 2 or 3
-        2: normalised in the plane, ∫φ dA = 1, for two-dimensional runs. Not given: what the run is, when the kernel is used.
+        2: normalised in the plane, ∫φ dA = 1, for two-dimensional runs. Not given: what the run is, when the kernel is
+        used.
 
     Raises
     ------
@@ -160,7 +167,8 @@ def _from_table(table) -> Radial:
         r, v = np.concatenate([[0.0], r]), np.concatenate([v[:1], v])
     if len(r) < 2 or not (v[1:] + v[:-1]).any():
         raise AtcError("kernel 'piecewise-linear': the table is zero everywhere")
-    # Line m (between r_m and r_m+1) as offset + slope·ρ; a piece is the difference of neighbouring lines, cut at the node between them.
+    # Line m (between r_m and r_m+1) as offset + slope·ρ; a piece is the difference of neighbouring lines, cut at the
+    # node between them.
     slope = np.append(np.diff(v) / np.diff(r), 0.0)
     offset = np.append(v[:-1] - slope[:-1] * r[:-1], 0.0)
     radii, coef_mk = r[1:], np.zeros((len(r) - 1, 5))
@@ -182,7 +190,8 @@ def _plane_integral(radii, coef_mk) -> float:
 
 
 def _along(d, r, R):
-    """Bond geometry in units of the bond's length: p² and the foot of the perpendicular, D, along the bond from x_i, and |r|."""
+    """Bond geometry in units of the bond's length: p² and the foot of the perpendicular, D, along the bond from x_i,
+    and |r|."""
     d, r = np.broadcast_arrays(np.asarray(d, float), np.asarray(r, float))
     length = np.sqrt((r * r).sum(-1))
     short = length < TINY * R
@@ -296,8 +305,13 @@ class Radial(Kernel):
         if factor == 1.0:
             return self
         return Radial(
-            self.name, self.radii * factor, self.coef_mk, self.normalisation / factor**self.dimension, table, self.dimension
-        )  # fmt: skip
+            self.name,
+            self.radii * factor,
+            self.coef_mk,
+            self.normalisation / factor**self.dimension,
+            table,
+            self.dimension,
+        )
 
     def planar(self):
         return Radial(
@@ -351,7 +365,8 @@ class Radial(Kernel):
 
 
 def mean_powers(p2, ua, ub, delta):
-    """Means of ρ^k, k = 0..4, over the stretch from ua to ub = ua + delta of a line at distance √p2 (see the module's head)."""
+    """Means of ρ^k, k = 0..4, over the stretch from ua to ub = ua + delta of a line at distance √p2 (see the module's
+    head)."""
     ra, rb = np.sqrt(p2 + ua * ua), np.sqrt(p2 + ub * ub)
     S = np.maximum(ra + rb, 1e-300)
     T = ua + ub
@@ -415,7 +430,8 @@ class Gaussian(Kernel):
 
 
 def _mean_gauss(s, D):
-    """∫₀¹ exp(−s²(t − D)²) dt. For s < 1 by 8 Gauss-Legendre points (error 9e-15 s^16), where a difference of erf's would cancel."""
+    """∫₀¹ exp(−s²(t − D)²) dt. For s < 1 by 8 Gauss-Legendre points (error 9e-15 s^16), where a difference of erf's
+    would cancel."""
     from scipy.special import erf
 
     s, D = np.broadcast_arrays(s, D)
@@ -426,7 +442,8 @@ def _mean_gauss(s, D):
 
 
 class BSpline(Kernel):
-    """Product over x, y, z (in the plane over x and y) of M4(d/h)/h, the cubic B-spline of knot spacing h = radius/2: not rotation invariant."""
+    """Product over x, y, z (in the plane over x and y) of M4(d/h)/h, the cubic B-spline of knot spacing h = radius/2:
+    not rotation invariant."""
 
     name = "bspline"
     is_isotropic = False
@@ -470,7 +487,8 @@ class BSpline(Kernel):
 
     def beta(self, d, r):
         d, r = np.broadcast_arrays(np.asarray(d, float), np.asarray(r, float))
-        # Between the times at which the bond crosses a knot plane the integrand is a polynomial of degree 9: five Gauss points are exact.
+        # Between the times at which the bond crosses a knot plane the integrand is a polynomial of degree 9: five Gauss
+        # points are exact.
         with np.errstate(divide="ignore", invalid="ignore"):
             knots = [
                 np.where(r[..., a] != 0, (d[..., a] - k * self._h) / r[..., a], 0.0)
@@ -513,13 +531,15 @@ def _along_axis(kern, normal) -> int:
     a = int(n.argmax())
     if n[a] < (1.0 - 1e-12) * sqrt((n**2).sum()):
         raise AtcError(
-            f"kernel {kern.name!r} is a product along x, y, z: a profile along a tilted axis needs an isotropic kernel (quartic, lucy, gaussian, ...)"
+            f"kernel {kern.name!r} is a product along x, y, z: a profile along a tilted axis needs an isotropic "
+            "kernel (quartic, lucy, gaussian, ...)"
         )
     return a
 
 
 class Box(Kernel):
-    """1/volume (1/area) for −L/2 ≤ d < L/2 along every axis: half-open, so that touching boxes count an atom on their face once.
+    """1/volume (1/area) for −L/2 ≤ d < L/2 along every axis: half-open, so that touching boxes count an atom on their
+    face once.
 
     size : (3,) or (2,); given : how many numbers the user gave
     """
@@ -554,14 +574,16 @@ class Box(Kernel):
     def planar(self):
         if self._given == 3:
             raise AtcError(
-                f"kernel 'box': size has three edge lengths, {self.size.tolist()}, but the run is two-dimensional: give two"
+                f"kernel 'box': size has three edge lengths, {self.size.tolist()}, but the run is two-dimensional: "
+                "give two"
             )
         return Box(self.size[:2], self._given)
 
     def in_dimension(self, dimension):
         if dimension == 3 and self.dimension == 2:
             raise AtcError(
-                f"kernel 'box': size has two edge lengths, {self.size.tolist()}, but the run has three dimensions: give three"
+                f"kernel 'box': size has two edge lengths, {self.size.tolist()}, but the run has three dimensions: "
+                "give three"
             )
         return super().in_dimension(dimension)
 
@@ -591,7 +613,8 @@ class Box(Kernel):
 
 
 class Marginal:
-    """φ₁(z) = Σ_m Σ_k c_mk (|z|/R_m)^k, each m only for |z| < R_m: a kernel integrated over the planes normal to z; ∫φ₁ dz = 1."""
+    """φ₁(z) = Σ_m Σ_k c_mk (|z|/R_m)^k, each m only for |z| < R_m: a kernel integrated over the planes normal to z; ∫φ₁
+    dz = 1."""
 
     def __init__(self, radii, coef_mk, half_open=False):
         self.radii = np.asarray(radii, float)

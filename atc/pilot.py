@@ -1,9 +1,11 @@
 """Before the first frame is deposited: how far above the tolerance the spectral method may start.
 
-Its own tolerance is relative to a field of independent sources, whose sum grows as the root of their number. Stresses are mostly coherent, larger; errors
-then are far below the tolerance asked for, in shaken argon fifty to a hundred times. Not always: where a few strong bonds make both the largest value and the
-largest error they are not, nor where attraction and repulsion cancel. One pass over the bonds tells: the field's mean, the strongest bonds, whose error is
-computed alone at every grid point, and the sum of squares of the others, whose errors add up at random. The check of the first frame has the last word.
+Its own tolerance is relative to a field of independent sources, whose sum grows as the root of their number. Stresses
+are mostly coherent, larger; errors then are far below the tolerance asked for, in shaken argon fifty to a hundred
+times. Not always: where a few strong bonds make both the largest value and the largest error they are not, nor where
+attraction and repulsion cancel. One pass over the bonds tells: the field's mean, the strongest bonds, whose error is
+computed alone at every grid point, and the sum of squares of the others, whose errors add up at random. The check of
+the first frame has the last word.
 """
 
 from __future__ import annotations
@@ -58,7 +60,8 @@ class Pilot:
         self.largest = max(self.mean, peak - self.mean - 3.0 * self.noise, 2.0 * self.noise)
 
     def error(self, deposit) -> float:
-        """The expected largest error over the largest value of a spectral deposit's stress; `deposit` is empty, for one component."""
+        """The expected largest error over the largest value of a spectral deposit's stress; `deposit` is empty, for one
+        component."""
         if not len(self.few[0]) or not self.largest > 0:
             return 1.0
         error_g = error_map(deposit, make("direct", self.bound, self.kern, self.cell, 0, 1), self.few, self.typical)

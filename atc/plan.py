@@ -1,4 +1,5 @@
-"""From a request to the least work that answers it, before anything is computed: which passes, sums and terms, by which method, at what cost (`costs`)."""
+"""From a request to the least work that answers it, before anything is computed: which passes, sums and terms, by which
+method, at what cost (`costs`)."""
 
 from __future__ import annotations
 
@@ -26,7 +27,8 @@ _TERMS = {
     "weighted": "−½ |r| (e_i − e_j)⊗F around each point",
     "weighted_normalised": "−½ |r| (e_i − e_j)⊗F around each point over its mean",
     "reference_weighted": "−½ |R| (E_i − E_j)⊗F around each point, between reference positions",
-    "reference_weighted_normalised": "−½ |R| (E_i − E_j)⊗F around each point over its mean, between reference positions",
+    "reference_weighted_normalised": "−½ |R| (E_i − E_j)⊗F around each point over its mean, between reference "
+    "positions",
     "kinetic_flux": "½ m v² v",
     "potential_flux": "U v",
     "energy_current": "(½ m v² + U) v",
@@ -101,7 +103,8 @@ class Request:
             raise AtcError("the trajectory has no frames: nothing to compute")
         if not (isinstance(self.tolerance, (int, float)) and 0 < self.tolerance < 1):
             raise AtcError(
-                f"tolerance {self.tolerance!r}: expected a number between 0 and 1, relative to the largest value of the field, e.g. 1e-5"
+                f"tolerance {self.tolerance!r}: expected a number between 0 and 1, relative to the largest value of "
+                "the field, e.g. 1e-5"
             )
         if self.forces not in MODES:
             raise AtcError(f"forces {self.forces!r}: expected one of {', '.join(map(repr, MODES))}")
@@ -173,7 +176,8 @@ class Request:
         self.methods = self.methods_for(self.work, self.method)
 
     def methods_for(self, work: Work, method: str = "auto") -> dict[str, Method]:
-        """The method of each deposit, by the cost model and the first frame: the same for every frame, whoever computes it."""
+        """The method of each deposit, by the cost model and the first frame: the same for every frame, whoever computes
+        it."""
         from .choose import choose
         from .costs import Load
 
@@ -197,7 +201,8 @@ class Request:
         )
 
     def places(self, work: Work) -> dict | None:
-        """For each deposit that a frame needs, the bound grid and the cell that its atoms are in; None where something for that is missing."""
+        """For each deposit that a frame needs, the bound grid and the cell that its atoms are in; None where something
+        for that is missing."""
         if self.kern is None or self.grid is None or (work.bond_users and self.pot is None):
             return None
         out = {key: (self.bound, self.first.cell) for key in ("site", "bond", "gather") if getattr(work, key)}
@@ -210,11 +215,13 @@ class Request:
         return out
 
     def may_loosen(self, work: Work) -> bool:
-        """Whether sums over bonds may begin above the tolerance: where the largest errors are known to be found, around the strongest bonds."""
+        """Whether sums over bonds may begin above the tolerance: where the largest errors are known to be found, around
+        the strongest bonds."""
         return work.bond == ["stress"] and self.tiles is None
 
     def settle(self, result) -> None:
-        """Fix the methods for all frames: those that the first one needed (a `FrameResult`), for further ones adjusted by the error it was left with."""
+        """Fix the methods for all frames: those that the first one needed (a `FrameResult`), for further ones adjusted
+        by the error it was left with."""
         self.methods = dict(result.methods)
         method = self.methods.get("bond", EXACT)
         errors = [result.expected[q.name] for q in self.work.quantities if q.bond and q.name in result.expected]
@@ -330,7 +337,8 @@ class Request:
         )
 
     def alarm(self):
-        """Whether the run's forces, and its log, are those of the potential (`run_check.RunCheck`). Warns, or raises where they must agree."""
+        """Whether the run's forces, and its log, are those of the potential (`run_check.RunCheck`). Warns, or raises
+        where they must agree."""
         from .agreement.run_check import alarm
 
         return alarm(
@@ -345,7 +353,8 @@ class Request:
 
 
 def as_frames(traj, pot=None):
-    """Anything `atc.fields` takes as a trajectory, as a sequence of Frames; with what the script of a potential says of their atoms."""
+    """Anything `atc.fields` takes as a trajectory, as a sequence of Frames; with what the script of a potential says of
+    their atoms."""
     from .readers.memory import completed
 
     return completed(_frames(traj), pot)
@@ -428,13 +437,15 @@ class Plan:
             else f"{self.threads} thread{'s' * (self.threads != 1)}"
         )
         lines += [
-            f"time    about {_duration(self.wall_seconds)} a frame, {_duration(self.total_seconds)} in all ({parallel}; first use adds compilation)",
+            f"time    about {_duration(self.wall_seconds)} a frame, {_duration(self.total_seconds)} in all "
+            f"({parallel}; first use adds compilation)",
             "        "
             + ", ".join(f"{what} {_duration(s)}" for what, s in self.parts.items() if s > 0.005 * self.cpu_seconds)
             + " of CPU a frame"
             + ("" if self.measured else "; atc bench --calibrate fits these to this machine"),
             f"memory  about {_bytes(self.memory)}, output {_bytes(self.output_bytes)}",
-            f"error   about {self.error:.0e} of the largest value of each field (tolerance {self.tolerance:g}); measured at random points when it runs",
+            f"error   about {self.error:.0e} of the largest value of each field (tolerance {self.tolerance:g}); "
+            "measured at random points when it runs",
         ]
         if self.agreement:
             lines.append(f"run     agrees with the potential? {self.agreement}")
@@ -442,7 +453,8 @@ class Plan:
 
 
 def plan(*args, **kwargs) -> Plan:
-    """What `atc.fields` would do with the same arguments. Nothing is computed but the forces of a frame or two, where the trajectory has them to compare.
+    """What `atc.fields` would do with the same arguments. Nothing is computed but the forces of a frame or two, where
+    the trajectory has them to compare.
 
     Takes a `Request`, or the arguments of `atc.fields` up to `workers`.
     """
@@ -465,13 +477,31 @@ def plan(*args, **kwargs) -> Plan:
     written = entry * request.costs.written_byte * (1.0 if request.average is False else 2.0 / request.window)
     wall = p.parallel / threads + p.serial + written
     return Plan(
-        passes=_passes(work, request), left_out=_left_out(work), method=request.method_used, reason=details(request.methods), atoms=len(frame),
-        frames=request.n_frames, points=p.points, bonds=request.load.bonds, visits=p.visits, cpu_seconds=p.parallel + p.serial + written, wall_seconds=wall,
-        total_seconds=wall * request.n_frames / request.workers, memory=memory, output_bytes=entry * request.entries * (2 if request.average is not False else 1),
-        error=max([1e-13, *(min(0.3 * m.tolerance, 0.5 * request.tolerance) for m in request.methods.values() if not m.exact)]), tolerance=request.tolerance, workers=request.workers,
-        threads=threads, quantities=[q.name for q in work.quantities], parts=p.parts, measured=request.costs.machine != "shipped",
+        passes=_passes(work, request),
+        left_out=_left_out(work),
+        method=request.method_used,
+        reason=details(request.methods),
+        atoms=len(frame),
+        frames=request.n_frames,
+        points=p.points,
+        bonds=request.load.bonds,
+        visits=p.visits,
+        cpu_seconds=p.parallel + p.serial + written,
+        wall_seconds=wall,
+        total_seconds=wall * request.n_frames / request.workers,
+        memory=memory,
+        output_bytes=entry * request.entries * (2 if request.average is not False else 1),
+        error=max(
+            [1e-13, *(min(0.3 * m.tolerance, 0.5 * request.tolerance) for m in request.methods.values() if not m.exact)]
+        ),
+        tolerance=request.tolerance,
+        workers=request.workers,
+        threads=threads,
+        quantities=[q.name for q in work.quantities],
+        parts=p.parts,
+        measured=request.costs.machine != "shipped",
         agreement=request.alarm().text,
-    )  # fmt: skip
+    )
 
 
 def _passes(work: Work, request: Request) -> list[str]:
@@ -485,7 +515,8 @@ def _passes(work: Work, request: Request) -> list[str]:
         made += ["energy sources"] * bool(work.source_users) + ["heat current of the box"] * ("box_power" in work.whole)
         cutoff = request.first.units.to_user("length", request.pot.cutoff)
         out.append(
-            f"one pass over the bonds (neighbours within {cutoff:g} {request.first.units.label('length')}): {'; '.join(made)}"
+            f"one pass over the bonds (neighbours within {cutoff:g} {request.first.units.label('length')}): "
+            f"{'; '.join(made)}"
         )
     if work.summed_site:
         terms, components = ", ".join(_TERMS[s] for s in work.site), work.n_site
@@ -506,12 +537,14 @@ def _passes(work: Work, request: Request) -> list[str]:
         out.append("m v⊗v of the atoms, without a kernel")
     if request.average is not False:
         out.append(
-            f"time average over {'all' if request.window >= request.n_frames else request.window} frames with its standard error by block averaging"
+            f"time average over {'all' if request.window >= request.n_frames else request.window} frames with its "
+            "standard error by block averaging"
         )
         if request.group() > 1:
             over = " and over ".join({"site": "atoms", "bond": "bonds"}[key] for key in sorted(request.added_up))
             out.append(
-                f"sums over {over}: the frames of a window are added up {request.group()} at a time before the sums are finished, and compared with exact ones"
+                f"sums over {over}: the frames of a window are added up {request.group()} at a time before the sums "
+                "are finished, and compared with exact ones"
             )
     return out
 

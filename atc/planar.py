@@ -1,10 +1,10 @@
 """Two-dimensional runs (LAMMPS's ``dimension 2``): frames, trajectories and potentials in a plane z = const.
 
-A frame in two dimensions is one whose atoms all lie in the plane, in a cell whose third edge is one internal unit of length along z and does not
-repeat; the plane goes through its middle. The cell's volume is then an area, so that everything divided by it is per area; bonds have no z
-component, and what is summed over them knows nothing of the third dimension. What is left to differ has it from one of two places: the units
-(`Units.planar`: names, factors, degrees of freedom) and the kernel (`Kernel.planar`: its normalisation ∫φ dA = 1, its transform, its integral
-along a line).
+A frame in two dimensions is one whose atoms all lie in the plane, in a cell whose third edge is one internal unit of
+length along z and does not repeat; the plane goes through its middle. The cell's volume is then an area, so that
+everything divided by it is per area; bonds have no z component, and what is summed over them knows nothing of the third
+dimension. What is left to differ has it from one of two places: the units (`Units.planar`: names, factors, degrees of
+freedom) and the kernel (`Kernel.planar`: its normalisation ∫φ dA = 1, its transform, its integral along a line).
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from .errors import AtcError
 from .frame import Cell, Frame
 from .readers.trajectory import Trajectory
 
-#: How far from the plane an atom may be, in cell sizes; and how fast out of it, over the largest speed: what a change of units leaves.
+#: How far from the plane an atom may be, in cell sizes; and how fast out of it, over the largest speed: what a change
+#: of units leaves.
 FLAT = 1e-9
 
 
@@ -26,7 +27,8 @@ def planar(frame: Frame) -> Frame:
 
     Parameters
     ----------
-    frame : Frame, all of whose atoms have the same z and no velocity along it; the edges a and b of its cell lie in the xy plane
+    frame : Frame, all of whose atoms have the same z and no velocity along it; the edges a and b of its cell lie in the
+        xy plane
 
     Returns
     -------
@@ -43,7 +45,8 @@ def planar(frame: Frame) -> Frame:
     for name, edge in zip("ab", v[:2]):
         if abs(edge[2]) > FLAT * size:
             raise AtcError(
-                f"{frame.source}: a two-dimensional run lies in the xy plane, but edge {name} of the cell has a z component: rotate it, or use dimension = 3"
+                f"{frame.source}: a two-dimensional run lies in the xy plane, but edge {name} of the cell has a z "
+                "component: rotate it, or use dimension = 3"
             )
     if not abs(v[0, 0] * v[1, 1] - v[0, 1] * v[1, 0]) > 1e-14 * size**2:
         raise AtcError(f"{frame.source}: the edges a and b of the cell enclose no area")
@@ -82,7 +85,8 @@ def _flat(frame, off_n, limit, what):
     if len(off):
         k = int(off[0])
         raise AtcError(
-            f"{frame.source}: a two-dimensional run lies in a plane, but atom {frame.ids[k]} {what(k)} ({len(off)} of {len(frame)} atoms are off): "
+            f"{frame.source}: a two-dimensional run lies in a plane, but atom {frame.ids[k]} {what(k)} ({len(off)} of "
+            f"{len(frame)} atoms are off): "
             "use fix enforce2d in the run, or dimension = 3"
         )
 
@@ -189,7 +193,8 @@ def matched(frames, pot=None):
 
 
 def thin(frame: Frame) -> bool:
-    """Whether a frame looks like one of a two-dimensional run: all atoms at one z, in a cell that repeats along z and is hardly thicker than an atom."""
+    """Whether a frame looks like one of a two-dimensional run: all atoms at one z, in a cell that repeats along z and
+    is hardly thicker than an atom."""
     n, cell = len(frame), frame.cell
     # Nodes with a volume of their own are pieces of a continuum.
     if frame.dimension == 2 or n < 16 or "volume" in frame.extra or not cell.periodic[2] or not cell.volume > 0:

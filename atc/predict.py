@@ -1,4 +1,5 @@
-"""Time and memory of one frame of a request, from the counts of its work and the costs of each (`costs`); of frames that are added up, their share."""
+"""Time and memory of one frame of a request, from the counts of its work and the costs of each (`costs`); of frames
+that are added up, their share."""
 
 from __future__ import annotations
 
@@ -24,7 +25,8 @@ SECONDS_PER_WEIGHT = 3e-8
 
 @dataclass
 class Prediction:
-    """parallel, serial : CPU seconds that threads share, and that they do not; parts : both, by what they are for; memory : peak bytes; counts."""
+    """parallel, serial : CPU seconds that threads share, and that they do not; parts : both, by what they are for;
+    memory : peak bytes; counts."""
 
     parallel: float
     serial: float

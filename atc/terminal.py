@@ -7,7 +7,8 @@ import sys
 
 
 def printable(text: str) -> str:
-    """`text` with everything a terminal would act on (escapes, bells, directions of writing) as question marks; line ends and tabs stay."""
+    """`text` with everything a terminal would act on (escapes, bells, directions of writing) as question marks; line
+    ends and tabs stay."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() or c in "\n\t" else "?" for c in text)
@@ -32,7 +33,8 @@ class _Filtered:
 
 @contextlib.contextmanager
 def only_printable():
-    """While this runs, whatever is printed to standard output or error is printable. `Console` draws past it, with its own filter."""
+    """While this runs, whatever is printed to standard output or error is printable. `Console` draws past it, with its
+    own filter."""
     out, err = sys.stdout, sys.stderr
     sys.stdout, sys.stderr = _Filtered(out), _Filtered(err)
     try:

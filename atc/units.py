@@ -30,10 +30,12 @@ _KJ_MOL = 1000.0 / (_AVOGADRO * _E_CHARGE)  # eV
 @dataclass(frozen=True)
 class Units:
     """One unit system. ``length``, ``energy``, ``mass``, ``charge`` and ``velocity`` are the sizes of its units in
-    internal units; the constants ``boltzmann`` and ``coulomb`` are in internal units (energy/temperature, and energy·length/charge²).
+    internal units; the constants ``boltzmann`` and ``coulomb`` are in internal units (energy/temperature, and
+    energy·length/charge²).
 
-    ``dimension`` is 3, or 2 for runs in a plane (`planar`): what is per volume is per area then. ``pressure`` and ``density`` are LAMMPS's for it:
-    pressure times length and density times length, since LAMMPS puts the area where the volume stands otherwise."""
+    ``dimension`` is 3, or 2 for runs in a plane (`planar`): what is per volume is per area then. ``pressure`` and
+    ``density`` are LAMMPS's for it: pressure times length and density times length, since LAMMPS puts the area where
+    the volume stands otherwise."""
 
     name: str
     length: float
@@ -105,8 +107,12 @@ class Units:
             else f"{labels['force']}/{area}",
         }
         return replace(
-            self, dimension=2, pressure=self.pressure * self.length, density=self.density * self.length, labels={**labels, **flat}
-        )  # fmt: skip
+            self,
+            dimension=2,
+            pressure=self.pressure * self.length,
+            density=self.density * self.length,
+            labels={**labels, **flat},
+        )
 
 
 # Units of pressure and density per area, of the styles in which these have no name of their own (bar, g/cm^3).
@@ -350,5 +356,6 @@ def require_compatible(a: Units, b: Units, what_a: str, what_b: str) -> None:
     """Reduced and physical units cannot be mixed: there is no conversion between them."""
     if a.reduced != b.reduced:
         raise AtcError(
-            f"{what_a} is in {a.name!r} units and {what_b} in {b.name!r}: reduced (lj) and physical units cannot be mixed; give both in the same system"
+            f"{what_a} is in {a.name!r} units and {what_b} in {b.name!r}: reduced (lj) and physical units cannot be "
+            "mixed; give both in the same system"
         )

@@ -1,8 +1,10 @@
-"""Time averages in groups of frames against frame by frame: CPU seconds a frame, alternating in one process, and the error found.
+"""Time averages in groups of frames against frame by frame: CPU seconds a frame, alternating in one process, and the
+error found.
 
     python benchmarks/average.py [--cells N ...] [--frames N ...] [--single N] [--quantities ...]
 
-Hot argon (N³ cells of 4 atoms) with Maxwell velocities, every frame displaced at random; 64³ points, R = 10 Å; one thread, compiled before the clock starts.
+Hot argon (N³ cells of 4 atoms) with Maxwell velocities, every frame displaced at random; 64³ points, R = 10 Å; one
+thread, compiled before the clock starts.
 """
 
 from __future__ import annotations
@@ -76,8 +78,10 @@ def main():
             groups.size_of = together
             said = plan(Request(frames, *arguments, threads=1, average=True))
             print(
-                f"{len(frames[0]):6d} atoms, {n:4d} frames by {m:2d}  {kernel:8s} {tolerance:.0e} {','.join(what):18s} single {1e3 * best[1]:7.1f} ms  "
-                f"groups {1e3 * best[0]:7.1f} ms  ratio {best[1] / best[0]:.2f}  predicted {1e3 * (said.cpu_seconds - said.parts['reading']):7.1f} ms  error {error:.1e}",
+                f"{len(frames[0]):6d} atoms, {n:4d} frames by {m:2d}  {kernel:8s} {tolerance:.0e} "
+                f"{','.join(what):18s} single {1e3 * best[1]:7.1f} ms  "
+                f"groups {1e3 * best[0]:7.1f} ms  ratio {best[1] / best[0]:.2f}  predicted "
+                f"{1e3 * (said.cpu_seconds - said.parts['reading']):7.1f} ms  error {error:.1e}",
                 flush=True,
             )
 

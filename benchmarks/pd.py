@@ -1,10 +1,13 @@
-"""Peridynamics, seconds a step beside LAMMPS's PERI package on the same disk (R's, 103,110 particles, 10,009,800 directed bonds), in turn.
+"""Peridynamics, seconds a step beside LAMMPS's PERI package on the same disk (R's, 103,110 particles, 10,009,800
+directed bonds), in turn.
 
-    python benchmarks/pd.py [--steps 50] [--rounds 3] [--warm 0] [--threads 2] [--radius 0.037] [--models pmb lps] [--no-lammps] [--full]
+    python benchmarks/pd.py [--steps 50] [--rounds 3] [--warm 0] [--threads 2] [--radius 0.037] [--models pmb lps]
+    [--no-lammps] [--full]
 
-`--warm` steps run first in both (600 is amid the fracture). LAMMPS runs on as many MPI ranks as there are threads (mpirun of the mpich wheel).
-Wall seconds and CPU seconds (user + system, of all ranks or threads) a step; the ratio of CPU seconds is what survives a busy machine.
-`--full` also runs the whole 2000 steps of PMB, without LAMMPS.  `--accuracy` is benchmarks/pd_accuracy.py: error against δ/Δx, Δt, precision and CPU time.
+`--warm` steps run first in both (600 is amid the fracture). LAMMPS runs on as many MPI ranks as there are threads
+(mpirun of the mpich wheel). Wall seconds and CPU seconds (user + system, of all ranks or threads) a step; the ratio of
+CPU seconds is what survives a busy machine. `--full` also runs the whole 2000 steps of PMB, without LAMMPS.
+`--accuracy` is benchmarks/pd_accuracy.py: error against δ/Δx, Δt, precision and CPU time.
 """
 
 from __future__ import annotations
@@ -82,9 +85,14 @@ def lammps(model, args):
 def disk(model, args):
     body = pd.Body.lattice(pd.Cylinder("y", (0, 0), args.radius, -0.0025, 0.0), 0.0005, 0.0015001, 2200.0)
     return pd.Simulation(
-        body, pd.PMB(c=C) if model == "pmb" else pd.LPS(BULK, SHEAR), damage=pd.CriticalStretch(0.0005, 0.25), contact=True, dt=1e-7,
-        indenter=pd.Indenter(0.005, 1e17, (0, 0.0051, 0), (0, -100.0, 0)), threads=args.threads,
-    )  # fmt: skip
+        body,
+        pd.PMB(c=C) if model == "pmb" else pd.LPS(BULK, SHEAR),
+        damage=pd.CriticalStretch(0.0005, 0.25),
+        contact=True,
+        dt=1e-7,
+        indenter=pd.Indenter(0.005, 1e17, (0, 0.0051, 0), (0, -100.0, 0)),
+        threads=args.threads,
+    )
 
 
 def mine(sim, steps):
@@ -114,7 +122,8 @@ def main():
         t = time.perf_counter()
         sim = disk(model, a)
         print(
-            f"{model}: {len(sim.body)} nodes, {2 * len(sim.body.bonds)} directed bonds, set up in {time.perf_counter() - t:.1f} s, {a.threads} thread(s)"
+            f"{model}: {len(sim.body)} nodes, {2 * len(sim.body.bonds)} directed bonds, set up in "
+            f"{time.perf_counter() - t:.1f} s, {a.threads} thread(s)"
         )
         sim.step(max(2, a.warm))
         ours, theirs = [], []
@@ -134,11 +143,13 @@ def main():
         sim = disk("pmb", a)
         sim.step(2000)
         print(
-            f"the full PMB run of 2000 steps: wall {time.perf_counter() - t:.1f} s, CPU {time.process_time() - cpu:.1f} s, {sim.n_broken} bonds broken,",
+            f"the full PMB run of 2000 steps: wall {time.perf_counter() - t:.1f} s, CPU "
+            f"{time.process_time() - cpu:.1f} s, {sim.n_broken} bonds broken,",
             end=" ",
         )
         print(
-            f"contact list made {sim.contact.rebuilt} times, largest memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:.2f} GB"
+            f"contact list made {sim.contact.rebuilt} times, largest memory "
+            f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:.2f} GB"
         )
 
 

@@ -1,10 +1,12 @@
-"""Peridynamics, speed against error: δ/Δx, Δt and precision against exact solutions of the same model, and against classical elasticity.
+"""Peridynamics, speed against error: δ/Δx, Δt and precision against exact solutions of the same model, and against
+classical elasticity.
 
     python benchmarks/pd_accuracy.py [--picture docs/pd_accuracy.png] [--fine 12]
 
-A bump of displacement in a periodic plate spreads as pressure and shear waves. In the continuum (Δx → 0, Δt → 0) the linear problem is solved exactly, wave
-by wave, for each material: ρω² of a wave k is an integral over the horizon, written out below independently of the engine. So the error is not
-measured against the engine's own fine runs (which are shown to converge to the same solution). CPU seconds: process time of the steps, set-up not included.
+A bump of displacement in a periodic plate spreads as pressure and shear waves. In the continuum (Δx → 0, Δt → 0) the
+linear problem is solved exactly, wave by wave, for each material: ρω² of a wave k is an integral over the horizon,
+written out below independently of the engine. So the error is not measured against the engine's own fine runs (which
+are shown to converge to the same solution). CPU seconds: process time of the steps, set-up not included.
 """
 
 from __future__ import annotations
@@ -92,7 +94,8 @@ CORRECTED = "PMB corrected"
 
 
 def plate(m, material, share=0.7, amplitude=AMPLITUDE, horizon=HORIZON):
-    """The simulation at δ = mΔx and `share` of the stable step (rounded down so that it ends at END), and its number of steps."""
+    """The simulation at δ = mΔx and `share` of the stable step (rounded down so that it ends at END), and its number of
+    steps."""
     dx = horizon / m
     n = round(SIDE / dx)
     body = pd.Body.lattice(
@@ -128,7 +131,8 @@ def difference(u, want):
 
 
 def against_spacing(finest):
-    """Rows (material, ν, δ/Δx, nodes, bonds, error against the same model with a tenth of the stable step; steps, CPU s and error with 0.7 of it)."""
+    """Rows (material, ν, δ/Δx, nodes, bonds, error against the same model with a tenth of the stable step; steps, CPU s
+    and error with 0.7 of it)."""
     rows = []
     for name, (key, make) in MATERIALS.items():
         for nu in (True, False):
@@ -153,7 +157,8 @@ def against_horizon():
 
 
 def against_classical(finest):
-    """Rows (material, δ/Δx, width of the bump/Δx, nodes, steps, CPU s, error against classical elasticity): both δ and Δx go to 0."""
+    """Rows (material, δ/Δx, width of the bump/Δx, nodes, steps, CPU s, error against classical elasticity): both δ and
+    Δx go to 0."""
     rows = []
     corrected = "pmb", lambda nu: pd.PMB(youngs=YOUNGS, volume_correction=nu, surface_correction="energy")
     for name, (key, make) in {**MATERIALS, CORRECTED: corrected}.items():
@@ -300,10 +305,12 @@ def main(path=None, finest=12):
     spacing, horizon, classical = against_spacing(finest), against_horizon(), against_classical(finest)
     step, precision = against_step(min(4, finest)), against_precision(min(3, finest))
     print(
-        f"A bump of displacement in a periodic plate, after it has spread over it: δ = {HORIZON:g} of the side, bump of width {WIDTH:g}. Relative L2 errors.\n"
+        f"A bump of displacement in a periodic plate, after it has spread over it: δ = {HORIZON:g} of the side, bump "
+        f"of width {WIDTH:g}. Relative L2 errors.\n"
     )
     print(
-        "| material | ν | δ/Δx | nodes | bonds | error, Δt = 0.1 | error, Δt = 0.7 | steps | CPU s |\n|---|---|---:|---:|---:|---:|---:|---:|---:|"
+        "| material | ν | δ/Δx | nodes | bonds | error, Δt = 0.1 | error, Δt = 0.7 | steps | CPU s "
+        "|\n|---|---|---:|---:|---:|---:|---:|---:|---:|"
     )
     for name, nu, m, n, b, slow, steps, cpu, fast in spacing:
         print(f"| {name} | {'yes' if nu else 'no'} | {m} | {n} | {b} | {slow:.2e} | {fast:.2e} | {steps} | {cpu:.2g} |")
@@ -311,12 +318,14 @@ def main(path=None, finest=12):
     for size, *errors in horizon:
         print(f"| {size:.3f} | {' | '.join(f'{e:.2e}' for e in errors)} |")
     print(
-        "\n| material | δ/Δx | width/Δx | nodes | steps | CPU s | error against classical elasticity |\n|---|---:|---:|---:|---:|---:|---:|"
+        "\n| material | δ/Δx | width/Δx | nodes | steps | CPU s | error against classical elasticity "
+        "|\n|---|---:|---:|---:|---:|---:|---:|"
     )
     for name, m, w, n, steps, cpu, error in classical:
         print(f"| {name} | {m} | {w:.1f} | {n} | {steps} | {cpu:.2g} | {error:.2e} |")
     print(
-        "\n| Δt / stable step | steps | CPU s | displacement, against Δt → 0 | total energy |\n|---:|---:|---:|---:|---:|"
+        "\n| Δt / stable step | steps | CPU s | displacement, against Δt → 0 | total energy "
+        "|\n|---:|---:|---:|---:|---:|"
     )
     for share, steps, cpu, error, energy in step:
         print(f"| {share:.3f} | {steps} | {cpu:.3g} | {error:.2e} | {energy:.2e} |")

@@ -1,8 +1,10 @@
-"""Predicted against measured CPU seconds of whole frames (`atc.plan` against `atc.fields`), for argon and silicon: the model promises a factor of two.
+"""Predicted against measured CPU seconds of whole frames (`atc.plan` against `atc.fields`), for argon and silicon: the
+model promises a factor of two.
 
     python benchmarks/predict.py [--json FILE] [--calibrate] [--big]
 
-Frames in memory, one thread, compiled before the clock starts. `--calibrate` measures the model's constants first (kept nowhere).
+Frames in memory, one thread, compiled before the clock starts. `--calibrate` measures the model's constants first (kept
+nowhere).
 """
 
 from __future__ import annotations
@@ -73,14 +75,26 @@ def main():
                 ds = atc.fields(*arguments, threads=1)
                 best = min(best, time.process_time() - began)
         row = {
-            "model": model, "atoms": len(frame), "kernel": name, "radius": radius, "grid": shape, "tolerance": tolerance, "quantities": what,
-            "method": ds.attrs.get("method"), "predicted": seconds, "measured": best, "ratio": seconds / best, "error": ds.attrs.get("measured_error"),
-        }  # fmt: skip
+            "model": model,
+            "atoms": len(frame),
+            "kernel": name,
+            "radius": radius,
+            "grid": shape,
+            "tolerance": tolerance,
+            "quantities": what,
+            "method": ds.attrs.get("method"),
+            "predicted": seconds,
+            "measured": best,
+            "ratio": seconds / best,
+            "error": ds.attrs.get("measured_error"),
+        }
         rows.append(row)
         parts = ", ".join(f"{k} {v:.3f}" for k, v in predicted.parts.items() if v > 0.02 * seconds and k != "reading")
         print(
-            f"{model} {len(frame):7d} {name!s:9s} R={radius:<4g} {shape:3d} {tolerance:.0e} {','.join(what):28s} {row['method']!s:9.9s} "
-            f"predicted {seconds:8.3f} measured {best:8.3f} ratio {row['ratio']:.2f} error {row['error'] or 0:.1e}  {parts}",
+            f"{model} {len(frame):7d} {name!s:9s} R={radius:<4g} {shape:3d} {tolerance:.0e} {','.join(what):28s} "
+            f"{row['method']!s:9.9s} "
+            f"predicted {seconds:8.3f} measured {best:8.3f} ratio {row['ratio']:.2f} error {row['error'] or 0:.1e}  "
+            f"{parts}",
             flush=True,
         )
     print(f"ratios from {min(r['ratio'] for r in rows):.2f} to {max(r['ratio'] for r in rows):.2f}")

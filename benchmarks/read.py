@@ -2,8 +2,8 @@
 
     python benchmarks/read.py [--atoms 100000] [--frames 20] [--peers]
 
-Prints seconds (CPU and wall) and MB/s of text. atc's figure includes finding the frames, sorting by id and unit conversion. ``--peers`` adds the three
-others; they are slow.
+Prints seconds (CPU and wall) and MB/s of text. atc's figure includes finding the frames, sorting by id and unit
+conversion. ``--peers`` adds the three others; they are slow.
 """
 
 from __future__ import annotations

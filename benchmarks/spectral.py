@@ -1,10 +1,12 @@
 """The deposit of argon's stress, spectral against direct: seconds and error for kernels and tolerances.
 
-    python benchmarks/spectral.py [--cells 20] [--kernel gaussian] [--radius 10] [--grid 64] [--tolerances 1e-2 ...] [--threads 1] [--no-direct]
-    python benchmarks/spectral.py --finufft [--cells 10] [--tolerances ...]        own spreading against finufft's, at equal error
+    python benchmarks/spectral.py [--cells 20] [--kernel gaussian] [--radius 10] [--grid 64] [--tolerances 1e-2 ...]
+    [--threads 1] [--no-direct] python benchmarks/spectral.py --finufft [--cells 10] [--tolerances ...]        own
+    spreading against finufft's, at equal error
 
-20 and 40 cells an edge are 32k and 256k atoms. CPU and wall seconds of one run, kernels compiled before the clock starts, list and forces not included.
-Errors are the largest, and the rms, against the exact sum at 300 random points, relative to the field's largest value, and its rms.
+20 and 40 cells an edge are 32k and 256k atoms. CPU and wall seconds of one run, kernels compiled before the clock
+starts, list and forces not included. Errors are the largest, and the rms, against the exact sum at 300 random points,
+relative to the field's largest value, and its rms.
 """
 
 from __future__ import annotations
@@ -69,7 +71,8 @@ def modes_by_finufft(plan_of, x, values):
 
 
 def against_finufft(x, cell, pieces, kern, tolerances, grid):
-    """Modes of the same points by both, one thread. Six real components are three complex ones to finufft; its upsampling is 2 or 1.25, whichever is faster."""
+    """Modes of the same points by both, one thread. Six real components are three complex ones to finufft; its
+    upsampling is 2 or 1.25, whichever is faster."""
     import finufft
 
     i, r, G = (np.concatenate([q[k] for q in pieces]) for k in range(3))
@@ -80,7 +83,8 @@ def against_finufft(x, cell, pieces, kern, tolerances, grid):
     bound = atc.Grid.regular(shape=grid).bind(units("metal"), cell, x)
     edge = cell.vectors[0, 0]
     print(
-        f"{len(points)} points, 6 components, one thread, {kern.name} R = {kern.radius:g}; CPU s; errors: of the field, rms"
+        f"{len(points)} points, 6 components, one thread, {kern.name} R = {kern.radius:g}; CPU s; errors: of the "
+        "field, rms"
     )
     for tolerance in tolerances:
         own = np.inf
@@ -128,8 +132,10 @@ def against_finufft(x, cell, pieces, kern, tolerances, grid):
                     break
         seconds, its, eps, factor, dtype = min(found)
         print(
-            f"tolerance {tolerance:g}: own {own:.2f} s (spreading {spread:.2f}, width {dep.parameters.width}, mesh {dep.mesh[0]}) error {error:.1e}; "
-            f"finufft {seconds:.2f} s (eps {eps:.0e}, upsampling {factor:g}, {dtype}, modes {shape[0]}) error {its:.1e}; {seconds / own:.1f} times",
+            f"tolerance {tolerance:g}: own {own:.2f} s (spreading {spread:.2f}, width {dep.parameters.width}, mesh "
+            f"{dep.mesh[0]}) error {error:.1e}; "
+            f"finufft {seconds:.2f} s (eps {eps:.0e}, upsampling {factor:g}, {dtype}, modes {shape[0]}) error "
+            f"{its:.1e}; {seconds / own:.1f} times",
             flush=True,
         )
 
@@ -180,7 +186,8 @@ def main():
                 else ""
             )
             print(
-                f"{label:17s} {cpu[0]:.2f} + {cpu[1]:.2f} + {cpu[2]:.2f} = {cpu.sum():.2f}; {wall:.2f}; {error[0]:.1e} {error[1]:.1e} {how}",
+                f"{label:17s} {cpu[0]:.2f} + {cpu[1]:.2f} + {cpu[2]:.2f} = {cpu.sum():.2f}; {wall:.2f}; "
+                f"{error[0]:.1e} {error[1]:.1e} {how}",
                 flush=True,
             )
 

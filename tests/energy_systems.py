@@ -1,6 +1,7 @@
 """Small hot systems with every kind of potential: for tests of energy shares, sources, and energy balance.
 
-`system(name, partition)` gives (frame, potential); `NAMES` lists them, `PARTITIONED` those whose energy can be shared in more than one way.
+`system(name, partition)` gives (frame, potential); `NAMES` lists them, `PARTITIONED` those whose energy can be shared
+in more than one way.
 """
 
 from functools import cache, lru_cache
@@ -14,7 +15,8 @@ from atc.decomposers.cluster import ClusterTerm, weights_of
 from atc.frame import Cell, Frame, Topology
 from atc.units import units
 
-SI = "Si Si Si 2.1683 2.0951 1.80 21.0 1.20 -0.333333333333 7.049556277 0.6022245584 4.0 0.0 0.0\n"  # Stillinger & Weber 1985
+# Stillinger & Weber 1985
+SI = "Si Si Si 2.1683 2.0951 1.80 21.0 1.20 -0.333333333333 7.049556277 0.6022245584 4.0 0.0 0.0\n"
 DIAMOND = np.array([[0, 0, 0], [0, 2, 2], [2, 0, 2], [2, 2, 0], [1, 1, 1], [1, 3, 3], [3, 1, 3], [3, 3, 1]]) / 4
 
 
@@ -68,7 +70,8 @@ def cluster(seed=0, n=7, apart=2.2, size=4.5, cell=12.0):
 
 
 def chains(seed=0, n=3, length=5):
-    """Random walks across the faces of a tilted box, with bonds of 1.2-1.6 and no angle near 0 or 180°; bonds, angles, dihedrals, impropers."""
+    """Random walks across the faces of a tilted box, with bonds of 1.2-1.6 and no angle near 0 or 180°; bonds, angles,
+    dihedrals, impropers."""
     rng = np.random.default_rng(seed)
     cell = Cell([[6.0, 0, 0], [1.5, 5.5, 0], [-1.0, 2.0, 6.5]])
     x = np.empty((n, length, 3))
@@ -88,14 +91,23 @@ def chains(seed=0, n=3, length=5):
 
     b, a, d = runs(2), runs(3), runs(4)
     one_two = lambda t: np.arange(len(t)) % 2 + 1  # noqa: E731
-    top = Topology(bonds=b, bond_types=one_two(b), angles=a, angle_types=one_two(a), dihedrals=d, dihedral_types=one_two(d),
-                   impropers=d, improper_types=one_two(d))  # fmt: skip
+    top = Topology(
+        bonds=b,
+        bond_types=one_two(b),
+        angles=a,
+        angle_types=one_two(a),
+        dihedrals=d,
+        dihedral_types=one_two(d),
+        impropers=d,
+        improper_types=one_two(d),
+    )
     x = cell.wrap(x.reshape(-1, 3))[0]
     return hot(x, cell, seed, masses=12.0, topology=top)
 
 
 class RandomTerm(ClusterTerm):
-    """U = cos(Σ c_e ξ_e) over the pairs e of K atoms: depends on all distances, no two alike. For tests of what holds for any K."""
+    """U = cos(Σ c_e ξ_e) over the pairs e of K atoms: depends on all distances, no two alike. For tests of what holds
+    for any K."""
 
     part_name = "random"
     partitions = {"equal": "equal", "center": "first"}  # noqa: RUF012
@@ -158,8 +170,10 @@ LINES = {
     "angle charmm": "angle_style charmm\nangle_coeff * 1.5 105 0.7 2.2",
     "hybrid": "bond_style hybrid harmonic morse\nbond_coeff 1 harmonic 3.0 1.3\nbond_coeff 2 morse 1.5 1.3 1.4\n"
     "angle_style hybrid harmonic cosine\nangle_coeff 1 harmonic 1.5 100\nangle_coeff 2 cosine 0.5",
-    "angle class2": "angle_style class2\nangle_coeff * 100 1.5 -0.6 0.3\nangle_coeff * bb 1.2 1.35 1.45\nangle_coeff * ba 0.7 0.4 1.35 1.45",
-    "dihedral class2": "dihedral_style class2\ndihedral_coeff * 1.1 0 0.7 180 0.4 0\ndihedral_coeff * mbt 0.1 0.2 0.3 1.4\n"
+    "angle class2": "angle_style class2\nangle_coeff * 100 1.5 -0.6 0.3\nangle_coeff * bb 1.2 1.35 1.45\nangle_coeff "
+    "* ba 0.7 0.4 1.35 1.45",
+    "dihedral class2": "dihedral_style class2\ndihedral_coeff * 1.1 0 0.7 180 0.4 0\ndihedral_coeff * mbt 0.1 0.2 0.3 "
+    "1.4\n"
     "dihedral_coeff * ebt 0.3 0.2 0.1 0.15 0.25 0.35 1.4 1.3\ndihedral_coeff * at 0.5 0.4 0.3 0.2 0.1 0.6 100 110\n"
     "dihedral_coeff * aat 0.8 100 110\ndihedral_coeff * bb13 0.9 1.4 1.3",
     "improper class2": "improper_style class2\nimproper_coeff * 0.5 0\nimproper_coeff * aa 0.5 0.7 0.9 100 110 120",
@@ -182,14 +196,24 @@ LINES = {
 FRAMES = {
     "lj": lambda s: argon("tilted", seed=s, n=(2, 3, 3)),
     "smooth lj": lambda s: argon("tilted", seed=s, n=(2, 3, 3)),
-    "lj cluster": cluster, "morse cluster": cluster, "atm": cluster,
-    "sw": lambda s: diamond(seed=s), "sw two elements": lambda s: diamond(seed=s), "sw primitive": primitive,
+    "lj cluster": cluster,
+    "morse cluster": cluster,
+    "atm": cluster,
+    "sw": lambda s: diamond(seed=s),
+    "sw two elements": lambda s: diamond(seed=s),
+    "sw primitive": primitive,
     "eam": lambda s: diamond(5.0, s),
     "tersoff": lambda s: diamond(4.6, s),
-    "tersoff/mod": lambda s: diamond(5.43, s), "tersoff/zbl": lambda s: diamond(4.4, s),
-    "vashishta": lambda s: diamond(4.8, s, shake=0.5), "edip": lambda s: diamond(4.9, s), "adp": lambda s: diamond(5.0, s), "meam": lambda s: diamond(4.8, s),
-    "meam/spline": lambda s: diamond(5.2, s), "eim": lambda s: diamond(5.8, s), "eam/cd": lambda s: diamond(4.6, s),
-}  # fmt: skip
+    "tersoff/mod": lambda s: diamond(5.43, s),
+    "tersoff/zbl": lambda s: diamond(4.4, s),
+    "vashishta": lambda s: diamond(4.8, s, shake=0.5),
+    "edip": lambda s: diamond(4.9, s),
+    "adp": lambda s: diamond(5.0, s),
+    "meam": lambda s: diamond(4.8, s),
+    "meam/spline": lambda s: diamond(5.2, s),
+    "eim": lambda s: diamond(5.8, s),
+    "eam/cd": lambda s: diamond(4.6, s),
+}
 NAMES = [*LINES, "3-body", "4-body", "5-body"]
 #: C² or better everywhere on the way of the tests; the others have jumps of the second derivative (cutoffs, splines)
 ROUGH = (
@@ -237,7 +261,8 @@ def potential(name, partition=None):
     lines = LINES[name]
     if "{" in lines:
         lines = lines.format(lammps_potentials())
-    # One term of a topology at a time: the others are declined, or `atc.fields` would ask for them. A style in `lines` comes later and holds.
+    # One term of a topology at a time: the others are declined, or `atc.fields` would ask for them. A style in `lines`
+    # comes later and holds.
     declined = "".join(f"{kind}_style none\n" for kind in ("bond", "angle", "dihedral", "improper"))
     return atc.potential(declined + lines, units="metal", folder=folder, partition=partition)
 

@@ -5,8 +5,8 @@
     frame = config.frame()                       # the same thing as an atc.Frame, internal units
     np.testing.assert_allclose(mine.energy, frame.units.to_internal("energy", res.energy), rtol=1e-10)
 
-Nothing of atc is used on LAMMPS's side; `Config.frame` only uses `atc.units` and `atc.frame`. With ``newton on`` and serial
-LAMMPS, ghost atoms make every periodic image within the cutoff count, also where the cutoff exceeds the box.
+Nothing of atc is used on LAMMPS's side; `Config.frame` only uses `atc.units` and `atc.frame`. With ``newton on`` and
+serial LAMMPS, ghost atoms make every periodic image within the cutoff count, also where the cutoff exceeds the box.
 """
 
 from __future__ import annotations
@@ -186,13 +186,16 @@ def lammps_to_atc_frame(config: Config):
 
 @dataclass
 class Result:
-    """What LAMMPS computed, in its own units; per-atom arrays sorted by id. Pressures in LAMMPS's order xx yy zz xy xz yz.
+    """What LAMMPS computed, in its own units; per-atom arrays sorted by id. Pressures in LAMMPS's order xx yy zz xy xz
+    yz.
 
-    energy : total potential energy. energies_n : (n,) its per-atom shares (compute pe/atom). ``parts`` names LAMMPS's own split:
-    evdwl, ecoul, ebond, eangle, edihed, eimp.
+    energy : total potential energy. energies_n : (n,) its per-atom shares (compute pe/atom). ``parts`` names LAMMPS's
+        own split: evdwl, ecoul, ebond, eangle, edihed, eimp.
     pressure, pressure_virial : (6,) with and without the kinetic term (compression positive, as LAMMPS prints it).
-    stress_n : (n, 6) compute stress/atom NULL virial: *minus* pressure × volume shares (tension positive), energy-like pressure·volume units.
-    positions_nc : wrapped into the box by LAMMPS. temperature : of 3N−3 degrees of freedom (compute temp). kinetic : total kinetic energy.
+    stress_n : (n, 6) compute stress/atom NULL virial: *minus* pressure × volume shares (tension positive), energy-like
+        pressure·volume units.
+    positions_nc : wrapped into the box by LAMMPS. temperature : of 3N−3 degrees of freedom (compute temp). kinetic :
+        total kinetic energy.
     """
 
     energy: float
@@ -263,7 +266,8 @@ def run_lammps(commands, config: Config, *, before=(), after=("run 0 post no",),
             "fix _nve all nve",
             # Per-atom tallies happen only on steps that announce them; thermo naming their sum announces them.
             "compute _rpe all reduce sum c__pe c__sa[1]",
-            "thermo_style custom step temp pe ke vol pxx pyy pzz pxy pxz pyz c__pv[*] evdwl ecoul ebond eangle edihed eimp c__rpe[*]",
+            "thermo_style custom step temp pe ke vol pxx pyy pzz pxy pxz pyz c__pv[*] evdwl ecoul ebond eangle edihed "
+            "eimp c__rpe[*]",
             "thermo_modify lost error norm no flush no",
             *_lines(after),
         ]
@@ -309,7 +313,8 @@ def _collect(lmp, extract):
 
 
 def thermal_lattice(cell, counts, *, jitter=0.1, kinds=1, seed=0, origin=(0.0, 0.0, 0.0)):
-    """Positions of a jittered lattice with `counts` points along the cell's axes (never coincident for jitter < 0.5), and types in 1..kinds.
+    """Positions of a jittered lattice with `counts` points along the cell's axes (never coincident for jitter < 0.5),
+    and types in 1..kinds.
 
     `jitter` is a fraction of the smallest spacing. The usual start for a thermal configuration without running MD.
     """

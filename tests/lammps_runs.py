@@ -9,7 +9,10 @@ from lammps_oracle import Config, lammps_session, thermal_lattice
 
 ARGON = "pair_style lj/cut 8.0\npair_coeff * * 0.238 3.4\npair_coeff 2 2 0.3 3.3"
 SALT = "pair_style lj/cut/coul/dsf 0.2 8.0\npair_coeff 1 1 0.3 2.6\npair_coeff 2 2 0.2 3.4\npair_coeff 1 2 0.25 3.0"
-WATER = "pair_style lj/cut 7.0\npair_coeff * * 0.0 1.0\npair_coeff 1 1 0.155 3.166\nbond_style harmonic\nbond_coeff 1 450.0 0.9572\nangle_style harmonic\nangle_coeff 1 55.0 104.52"
+WATER = (
+    "pair_style lj/cut 7.0\npair_coeff * * 0.0 1.0\npair_coeff 1 1 0.155 3.166\nbond_style harmonic\nbond_coeff 1 "
+    "450.0 0.9572\nangle_style harmonic\nangle_coeff 1 55.0 104.52"
+)
 
 
 def run(
@@ -25,7 +28,8 @@ def run(
     log=True,
     before=(),
 ):
-    """Write `name`.dump every so many steps while `script` runs; returns (path of the dump, path of the log). The data file is `name`.data."""
+    """Write `name`.dump every so many steps while `script` runs; returns (path of the dump, path of the log). The data
+    file is `name`.data."""
     folder = Path(folder)
     data, dump, logfile = (folder / f"{name}.{s}" for s in ("data", "dump", "log"))
     config.write_data(data)
@@ -88,6 +92,15 @@ def water(seed=3, n=4):
         * np.sqrt(0.0019872067 * 300 / np.array([mass[k] for k in t]) / 48.88821291**2)[:, None]
     )
     return Config(
-        np.full(3, L), x, t, "real", mass, np.where(t == 1, -0.82, 0.41), v, bonds=bonds, angles=angles, molecules=np.repeat(np.arange(len(o)), 3) + 1,
+        np.full(3, L),
+        x,
+        t,
+        "real",
+        mass,
+        np.where(t == 1, -0.82, 0.41),
+        v,
+        bonds=bonds,
+        angles=angles,
+        molecules=np.repeat(np.arange(len(o)), 3) + 1,
         atom_style="full",
-    )  # fmt: skip
+    )

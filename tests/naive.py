@@ -1,4 +1,5 @@
-"""Slow twins, to be checked by eye: kernels as in the literature, β by adaptive quadrature, sums as loops over images, bonds and points."""
+"""Slow twins, to be checked by eye: kernels as in the literature, β by adaptive quadrature, sums as loops over images,
+bonds and points."""
 
 import itertools
 import math
@@ -38,7 +39,8 @@ def cubic_bspline(v):
 
 
 class NaiveKernel:
-    """`name` and one length: R for radial kernels and bspline, w for gaussian, the edge of the cube for box; or a table."""
+    """`name` and one length: R for radial kernels and bspline, w for gaussian, the edge of the cube for box; or a
+    table."""
 
     def __init__(self, name, length=None, table=None):
         self.name, self.length, self.table = name, length, table
@@ -65,7 +67,8 @@ class NaiveKernel:
         return NORMALISATION[self.name] / (math.pi * L**3) * profile(self.name, r / L)
 
     def breaks(self, d, r):
-        """Times at which the integrand along the bond may have a kink: spheres crossed, knot planes crossed, nearest approach."""
+        """Times at which the integrand along the bond may have a kink: spheres crossed, knot planes crossed, nearest
+        approach."""
         L, out = self.length, []
         rr = float(r @ r)
         if rr == 0:
@@ -114,7 +117,8 @@ def site_sums(points, cell, kernel_phi, support, x, a, many=False):
 
 
 def bond_sums(points, cell, kernel_beta, support, x, r, b, many=False):
-    """Σ_bonds Σ_images b β: the bond runs from x to x − r. `kernel_beta` takes one d and one r, or with `many` several."""
+    """Σ_bonds Σ_images b β: the bond runs from x to x − r. `kernel_beta` takes one d and one r, or with `many`
+    several."""
     out = np.zeros((len(points), b.shape[1]))
     length2 = np.maximum(np.einsum("bc,bc->b", r, r), 1e-300)
     for g, p in enumerate(points):

@@ -10,7 +10,8 @@ from lammps_oracle import lammps_session
 
 
 def setup_lines(body, pair, *, skin=None, dt, indent=None, box=None, newton="on"):
-    """The input up to the first run. `pair` = (style, lines of coefficients); positions come from a data file next to this."""
+    """The input up to the first run. `pair` = (style, lines of coefficients); positions come from a data file next to
+    this."""
     periodic = body.cell.periodic
     boundary = " ".join("p" if p else "f" for p in periodic)
     skin = 2.0 * body.spacing if skin is None else skin
@@ -50,7 +51,8 @@ def write_data(body, path, box):
         for k in range(n):
             x = body.X_nc[k]
             f.write(
-                f"{k + 1} {body.material_n[k]} {body.V_n[k]:.17g} {body.rho_n[k]:.17g} {x[0]:.17g} {x[1]:.17g} {x[2]:.17g}\n"
+                f"{k + 1} {body.material_n[k]} {body.V_n[k]:.17g} {body.rho_n[k]:.17g} {x[0]:.17g} {x[1]:.17g} "
+                f"{x[2]:.17g}\n"
             )
 
 
@@ -65,7 +67,8 @@ def box_of(body, margin):
 
 
 def run_peri(body, pair, steps, *, dt, velocities=None, indent=None, skin=None, margin=None, cmdargs=()):
-    """Run LAMMPS to each step in `steps`; returns a list of dicts x, v, f (force density), damage, per node in the body's order, pe and ke."""
+    """Run LAMMPS to each step in `steps`; returns a list of dicts x, v, f (force density), damage, per node in the
+    body's order, pe and ke."""
     margin = 40 * body.spacing if margin is None else margin
     out = []
     with tempfile.TemporaryDirectory() as tmp, lammps_session(*cmdargs) as lmp:
@@ -91,10 +94,14 @@ def run_peri(body, pair, steps, *, dt, velocities=None, indent=None, skin=None, 
             unwrapped = x + decode_images(image) * (box_of(body, margin)[1] - box_of(body, margin)[0])
             out.append(
                 dict(
-                    x=unwrapped, v=np.array(lmp.numpy.extract_atom("v"))[order], f=np.array(lmp.numpy.extract_atom("f"))[order],
-                    damage=np.array(lmp.numpy.extract_compute("C1", 1, 1))[order], pe=lmp.get_thermo("pe"), ke=lmp.get_thermo("ke"),
+                    x=unwrapped,
+                    v=np.array(lmp.numpy.extract_atom("v"))[order],
+                    f=np.array(lmp.numpy.extract_atom("f"))[order],
+                    damage=np.array(lmp.numpy.extract_compute("C1", 1, 1))[order],
+                    pe=lmp.get_thermo("pe"),
+                    ke=lmp.get_thermo("ke"),
                 )
-            )  # fmt: skip
+            )
     return out
 
 

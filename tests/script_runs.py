@@ -55,7 +55,8 @@ def run_script(folder, text, *, after="", columns=COLUMNS, dump="run.dump", name
 
 
 def compare(folder, ran, *, dump="run.dump", name="in.run", tol=1e-10, **read):
-    """Energy, forces and virial of atc, from script and dump alone, beside LAMMPS's. Returns the frame and the potential."""
+    """Energy, forces and virial of atc, from script and dump alone, beside LAMMPS's. Returns the frame and the
+    potential."""
     pot = atc.potential(folder / name)
     traj = atc.read(folder / dump, units=pot.units.name, **read)
     frame = pot.complete(traj[-1])

@@ -1,4 +1,5 @@
-"""Runs anywhere: without a home, without rights to write the installed package, without a place for temporary files; code that was kept is never the wrong one."""
+"""Runs anywhere: without a home, without rights to write the installed package, without a place for temporary files;
+code that was kept is never the wrong one."""
 
 import os
 import shutil
@@ -85,7 +86,11 @@ def test_in_a_folder_of_your_choice_without_a_place_for_temporary_files(place, t
     cache.mkdir()
     wrap = []
     if POWERLESS and subprocess.run(["unshare", "-m", "true"], capture_output=True).returncode == 0:
-        script = 'for d in /tmp /var/tmp /dev/shm; do mount --bind "$d" "$d" && mount -o remount,bind,ro "$d"; done; for d in "$1" "$2"; do mount --bind "$d" "$d" && mount -o remount,bind,rw "$d"; done; cd "$1"; shift 2; exec "$@"'
+        script = (
+            'for d in /tmp /var/tmp /dev/shm; do mount --bind "$d" "$d" && mount -o remount,bind,ro "$d"; done; for d '
+            'in "$1" "$2"; do mount --bind "$d" "$d" && mount -o remount,bind,rw "$d"; done; cd "$1"; shift 2; exec '
+            '"$@"'
+        )
         wrap = ["unshare", "-m", "bash", "-c", script, "-", str(work), str(cache)]
         # a check of the arrangement itself
         probe = subprocess.run([*wrap, "touch", "/tmp/atc-probe"], capture_output=True, text=True)
@@ -99,7 +104,11 @@ def test_in_a_folder_of_your_choice_without_a_place_for_temporary_files(place, t
 
 def test_two_processes_compile_at_once(place, tmp_path):
     site, work = place
-    code = "import numpy as np\nfrom atc.bonds import *\nimport atc\nf = atc.read('plate/silicon_plate.dump.gz', masses=[28.0855])[0]\np = atc.potential(open('plate/scene.toml').read().split('\"\"\"')[1], units='metal', folder='plate')\nprint(repr(p.stream(f, None, threads=1).energy))"
+    code = (
+        "import numpy as np\nfrom atc.bonds import *\nimport atc\nf = atc.read('plate/silicon_plate.dump.gz', "
+        "masses=[28.0855])[0]\np = atc.potential(open('plate/scene.toml').read().split('\"\"\"')[1], units='metal', "
+        "folder='plate')\nprint(repr(p.stream(f, None, threads=1).energy))"
+    )
     env = environment(site, HOME="/proc/nobody", NUMBA_CACHE_DIR=str(tmp_path))
     jobs = [
         subprocess.Popen(
@@ -119,7 +128,8 @@ def test_two_processes_compile_at_once(place, tmp_path):
 
 MODULES = {
     "inner.py": "from atc.compiled import njit\nSCALE = 2.0\n@njit(cache=True)\ndef half(x):\n    return 0.5 * x\n",
-    "outer.py": "from atc.compiled import njit\nfrom inner import SCALE, half\n@njit(cache=True)\ndef f(x):\n    return half(x) + SCALE\n",
+    "outer.py": "from atc.compiled import njit\nfrom inner import SCALE, half\n@njit(cache=True)\ndef f(x):\n    "
+    "return half(x) + SCALE\n",
 }
 
 
@@ -131,9 +141,12 @@ def test_code_that_was_kept_is_not_used_when_what_it_calls_has_changed(tmp_path,
 
     def value_now():
         done = subprocess.run(
-            [sys.executable, "-c", "import outer; print(outer.f(4.0), sum(outer.f.stats.cache_hits.values()))"], cwd=tmp_path, capture_output=True, text=True,
+            [sys.executable, "-c", "import outer; print(outer.f(4.0), sum(outer.f.stats.cache_hits.values()))"],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
             env={**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}", "PYTHONDONTWRITEBYTECODE": "1"},
-        )  # fmt: skip
+        )
         return done.stdout.split() or done.stderr
 
     assert value_now() == ["4.0", "0"]

@@ -1,7 +1,9 @@
-"""The shipped trajectories against LAMMPS's own numbers for the very same frames (thermo.csv, written by the run that made them).
+"""The shipped trajectories against LAMMPS's own numbers for the very same frames (thermo.csv, written by the run that
+made them).
 
-The only difference between the two is rounding in the dump: positions are printed with 10 significant digits and velocities with 8 (``digits``). So
-each tolerance is computed from that: for the energy the worst case Σ|F|·δ, for the virial what random changes of that size do to it.
+The only difference between the two is rounding in the dump: positions are printed with 10 significant digits and
+velocities with 8 (``digits``). So each tolerance is computed from that: for the energy the worst case Σ|F|·δ, for the
+virial what random changes of that size do to it.
 """
 
 from pathlib import Path
@@ -110,7 +112,8 @@ def test_potential(case):
             np.abs(mine.forces_nc) * dx
         ).sum() + 1e-13 * abs(mine.energy)
         if bound is None:
-            # What rounding of this size does to the virial: the spread over three random ones, times ten to be safe for every frame.
+            # What rounding of this size does to the virial: the spread over three random ones, times ten to be safe for
+            # every frame.
             moved = [
                 pot.stream(frame.replace(positions=frame.positions + rng.uniform(-1, 1, dx.shape) * dx)).virial_cc
                 for _ in range(3)
@@ -135,8 +138,8 @@ def test_scene(name):
     for variable, prefix in (("virial_stress", "p"), ("virial_stress_potential", "v")):
         theirs = np.array([-full(row, prefix) for _, row in thermo.iterrows()])
         mine = ds[variable].transpose("frame", "i", "j").values
-        # Rounding of the dump, next to the largest of pressures that nearly cancel, with two digits to spare; test_kinetic and
-        # test_potential have the sharp bounds, this one is about units, signs and frames.
+        # Rounding of the dump, next to the largest of pressures that nearly cancel, with two digits to spare;
+        # test_kinetic and test_potential have the sharp bounds, this one is about units, signs and frames.
         np.testing.assert_allclose(
             mine,
             theirs,

@@ -109,8 +109,8 @@ def test_beta_against_adaptive_quadrature(kern, twin):
     R = kern.support
     for what, d, r in bonds(R, np.random.default_rng(2)):
         got, want = float(kern.beta(d, r)), twin.beta(d, r)
-        # The promise, relative to the kernel's peak. A kernel with a jump has β ~ √(depth) near tangency: rounding of the
-        # geometry by 1e-16 R then moves β by up to 1e-16/√(1e-6).
+        # The promise, relative to the kernel's peak. A kernel with a jump has β ~ √(depth) near tangency:
+        # rounding of the geometry by 1e-16 R then moves β by up to 1e-16/√(1e-6).
         tolerance = 1e-12
         if kern.name in ("step", "box") or kern is CASES[-1][0]:
             tolerance = 3e-12
@@ -153,7 +153,8 @@ def test_phi_difference_is_the_divergence_of_beta(kern):
         - kern.beta(d + 2 * h * n, r)
         + kern.beta(d - 2 * h * n, r)
     ) / (12 * h)
-    # 3e-5: fourth-order differences of h = 1e-4, second order (1e-4 of the slope's jump) where a kink of φ is inside the stencil.
+    # 3e-5: fourth-order differences of h = 1e-4, second order (1e-4 of the slope's jump) where a kink of φ is inside
+    # the stencil.
     np.testing.assert_allclose(
         slope * np.linalg.norm(r, axis=1), kern.phi(d) - kern.phi(d - r), rtol=0, atol=3e-5 * kern.peak
     )

@@ -58,10 +58,12 @@ def test_hardy_vs_virial(monkeypatch):
     assert 1.5 < peak / far < 3.5
     differences = [float(x) for x in re.findall(r"GPa +([\d.]+) %", text)]
     assert len(differences) == 5
-    # "The difference falls as the kernel gets wider than the bonds": from 4 to 16 angstrom by much more than the radius itself.
+    # "The difference falls as the kernel gets wider than the bonds": from 4 to 16 angstrom by much more than the radius
+    # itself.
     assert differences[0] > 4 * differences[-1] > 0
     sums = [float(x) for x in re.findall(r"relative difference ([\d.e+-]+)", text)]
-    # The mean over points 2 angstrom apart against the exact integral: limited by how the grid resolves the kernel, better for wider ones.
+    # The mean over points 2 angstrom apart against the exact integral: limited by how the grid resolves the kernel,
+    # better for wider ones.
     assert len(sums) == 3 and sums[0] < 1e-2 and sums[-1] < sums[0]
     assert sum(o.output_type == "display_data" for c in notebook.cells if c.cell_type == "code" for o in c.outputs) == 3
 
@@ -149,7 +151,8 @@ def test_peridynamic_stress(monkeypatch):
     ]
     assert len(rows) == 3
     for lattice, ls, ls_spread, w, _, wn, wn_spread in rows:
-        # "to a fraction of a per cent", "little more than a fifth", "restores the mean. It still varies from point to point"
+        # "to a fraction of a per cent", "little more than a fifth", "restores the mean. It still varies from point to
+        # point"
         assert (
             0.7 < lattice < 1
             and abs(ls - 1) < 5e-3
@@ -164,7 +167,8 @@ def test_peridynamic_stress(monkeypatch):
     assert abs(atoms[0] - 1) < 5e-3 and not 0.19 < atoms[1] < 0.25 and abs(atoms[2] - 1) < 0.05
     slopes = [float(x) for x in re.findall(r"slope (\S+) of", text)]
     ripples = [float(x) for x in re.findall(r"ripple (\S+) of", text)]
-    # "The slopes keep the ratios of the homogeneous case": of the softer lattice, the weighted virial a quarter in the plane.
+    # "The slopes keep the ratios of the homogeneous case": of the softer lattice, the weighted virial a quarter in the
+    # plane.
     assert (
         0.8 < slopes[0] < 0.9
         and 0.22 < slopes[1] / slopes[0] < 0.3

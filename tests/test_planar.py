@@ -1,4 +1,5 @@
-"""Two-dimensional runs: kernels normalised in the plane, exact sums against slow twins, LAMMPS with ``dimension 2``, balance laws, and what is refused."""
+"""Two-dimensional runs: kernels normalised in the plane, exact sums against slow twins, LAMMPS with ``dimension 2``,
+balance laws, and what is refused."""
 
 import itertools
 import warnings
@@ -233,9 +234,31 @@ run 120
 write_data run.data
 """
 RUNS = {
-    "lj": {"units": "lj", "density": 0.75, "tilt": 0, "m1": 1.0, "m2": 1.7, "T": 1.2, "style": "lj/cut 2.5", "c11": "1.0 1.0", "c22": "0.8 1.1", "c12": "0.9 1.05"},
-    "metal": {"units": "metal", "density": 3.9, "tilt": 2, "m1": 39.9, "m2": 83.8, "T": 90, "style": "lj/cut 9.0", "c11": "0.0104 3.4", "c22": "0.0140 3.65", "c12": "0.012 3.5"},
-}  # fmt: skip
+    "lj": {
+        "units": "lj",
+        "density": 0.75,
+        "tilt": 0,
+        "m1": 1.0,
+        "m2": 1.7,
+        "T": 1.2,
+        "style": "lj/cut 2.5",
+        "c11": "1.0 1.0",
+        "c22": "0.8 1.1",
+        "c12": "0.9 1.05",
+    },
+    "metal": {
+        "units": "metal",
+        "density": 3.9,
+        "tilt": 2,
+        "m1": 39.9,
+        "m2": 83.8,
+        "T": 90,
+        "style": "lj/cut 9.0",
+        "c11": "0.0104 3.4",
+        "c22": "0.0140 3.65",
+        "c12": "0.012 3.5",
+    },
+}
 
 
 class Run:
@@ -305,7 +328,8 @@ def test_against_lammps(run):
 
 
 def test_temperature_has_two_degrees_of_freedom(run):
-    """Of a kernel wider than the box the temperature is that of the whole: LAMMPS's, which takes two off all of them."""
+    """Of a kernel wider than the box the temperature is that of the whole: LAMMPS's, which takes two off all of
+    them."""
     frame = run.traj[-1]
     wide = atc.kernel("gaussian", width=6 * float(frame.cell.heights[:2].max()))
     ds = atc.fields(frame, run.pot, wide, atc.Grid.points([[1.0, 2.0]]), ["temperature"], tolerance=1e-12)
@@ -432,7 +456,16 @@ def test_conductivity(melt):
     # Σ over ordered pairs (v_k·∂U^(j)/∂x_k) x_jk, half of each pair's energy to either end.
     J += (-0.5 * b.G_b * ((v[b.i] + v[b.j]) * b.r_bc).sum(1)) @ b.r_bc
     assert np.abs(currents.J_tc[-1] - J).max() < 1e-12 * np.abs(J).max()
-    assert currents.temperature == pytest.approx(np.mean([(f.masses @ (g * g).sum(1)) / (2 * len(f) - 2) for f in frames for g in [f.velocities - f.masses @ f.velocities / f.masses.sum()]]), rel=1e-12)  # fmt: skip
+    assert currents.temperature == pytest.approx(
+        np.mean(
+            [
+                (f.masses @ (g * g).sum(1)) / (2 * len(f) - 2)
+                for f in frames
+                for g in [f.velocities - f.masses @ f.velocities / f.masses.sum()]
+            ]
+        ),
+        rel=1e-12,
+    )
     rng = np.random.default_rng(0)
     noise = np.c_[rng.normal(size=(4000, 2)), np.zeros(4000)]
     with warnings.catch_warnings():

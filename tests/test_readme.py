@@ -1,4 +1,5 @@
-"""What the README says is so: its table is the program's own list, its scene is a scene, its Python runs, its commands exist, its links lead somewhere."""
+"""What the README says is so: its table is the program's own list, its scene is a scene, its Python runs, its commands
+exist, its links lead somewhere."""
 
 import re
 import shlex

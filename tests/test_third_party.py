@@ -28,13 +28,15 @@ def rms(a):
 def test_forces_of_frame_0_agree_with_the_file(argon):
     frame = argon[0]
     forces = atc.potential(MODEL, units="mdanalysis").decompose(frame).forces_nc
-    # C6 and C12 are given to six digits; the file stores forces with 1e-4 kJ/mol/nm or better and this frame's positions exactly.
+    # C6 and C12 are given to six digits; the file stores forces with 1e-4 kJ/mol/nm or better and this frame's
+    # positions exactly.
     assert rms(forces - frame.forces) < 2e-5 * rms(frame.forces)
 
 
 @pytest.mark.parametrize("k", [1, 25, -1])
 def test_forces_of_later_frames_agree_to_the_rounding_of_their_positions(argon, k):
-    """Later frames were rounded to 0.01 Å when written; the forces in the file were not. The difference must be what such rounding does."""
+    """Later frames were rounded to 0.01 Å when written; the forces in the file were not. The difference must be what
+    such rounding does."""
     frame = argon[k]
     assert np.abs(frame.positions / 0.01 - np.rint(frame.positions / 0.01)).max() < 0.01
     potential = atc.potential(MODEL, units="mdanalysis")
@@ -42,7 +44,8 @@ def test_forces_of_later_frames_agree_to_the_rounding_of_their_positions(argon, 
     rng = np.random.default_rng(0)
     noise = rng.uniform(-0.005, 0.005, frame.positions.shape)
     expected = rms(potential.decompose(frame.replace(positions=frame.positions + noise)).forces_nc - forces)
-    # Both are rms over 3000 numbers of a heavy-tailed error: 25 % covers their scatter, a wrong image or unit would be far outside.
+    # Both are rms over 3000 numbers of a heavy-tailed error: 25 % covers their scatter, a wrong image or unit would be
+    # far outside.
     assert rms(forces - frame.forces) == pytest.approx(expected, rel=0.25)
 
 
@@ -58,7 +61,8 @@ def test_temperature_and_density_are_those_of_the_run(argon):
     frame = argon[0]
     v = frame.velocities - frame.velocities.mean(axis=0)
     kelvin = (frame.masses[:, None] * v**2).sum() / (3 * len(frame) * frame.units.boltzmann)
-    # The mean of a local temperature over points differs from the global one by the velocity fluctuations removed locally (about 1/atoms per kernel).
+    # The mean of a local temperature over points differs from the global one by the velocity fluctuations removed
+    # locally (about 1/atoms per kernel).
     assert float(ds.temperature.mean()) == pytest.approx(kelvin, rel=0.05)
     assert 80 < kelvin < 100  # liquid argon; a wrong velocity unit would be off by 100 or more
     # 1000 atoms of 39.948 amu in (36.014 Å)³; φ on 4³ points is not resolved to better than some percent.

@@ -30,7 +30,8 @@ def test_constants_are_those_of_lammps(style):
 
 
 def test_a_gas_has_lammps_s_energies_temperature_pressure_and_density(style):
-    """Kinetic energy, temperature, virial pressure, density and the Coulomb energy of two charges, through `to_internal` and `to_user`."""
+    """Kinetic energy, temperature, virial pressure, density and the Coulomb energy of two charges, through
+    `to_internal` and `to_user`."""
     u, _ = style
     rng = np.random.default_rng(3)
     # Sizes around 1 in every style's own units: what matters are the factors between them.
@@ -69,7 +70,8 @@ def test_mass_density_is_lammps_s(style):
     u, _ = style
     with lammps_session() as lmp:
         lmp.commands_string(
-            f"units {u.name}\nregion b block 0 3 0 4 0 5\ncreate_box 1 b\nmass 1 7.5\ncreate_atoms 1 single 1 1 1\ncreate_atoms 1 single 2 2 2\n"
+            f"units {u.name}\nregion b block 0 3 0 4 0 5\ncreate_box 1 b\nmass 1 7.5\ncreate_atoms 1 single 1 1 "
+            "1\ncreate_atoms 1 single 2 2 2\n"
             "pair_style zero 1.0\npair_coeff * *\nthermo_style custom step density\nrun 0 post no"
         )
         theirs = lmp.get_thermo("density")
@@ -77,7 +79,8 @@ def test_mass_density_is_lammps_s(style):
     assert mine == pytest.approx(theirs, rel=1e-14, abs=0)  # a handful of operations
 
 
-# One physical state in the units of each style, from the SI: lengths in m, velocities in m/s, pressures in Pa, ... (LAMMPS manual, units).
+# One physical state in the units of each style, from the SI: lengths in m, velocities in m/s, pressures in Pa, ...
+# (LAMMPS manual, units).
 SI = {
     "real": dict(
         length=1e-10,
@@ -131,7 +134,8 @@ SI = {
 
 @pytest.mark.parametrize("name,dimension", [(name, dimension) for name, sizes in SI.items() for dimension in sizes])
 def test_sizes_of_units_against_the_si(name, dimension):
-    # LAMMPS's constants are CODATA 2006 or older and rounded to about seven digits (nktv2p of `electron` to 2.94210108e13).
+    # LAMMPS's constants are CODATA 2006 or older and rounded to about seven digits (nktv2p of `electron` to
+    # 2.94210108e13).
     ratio = units(name).to_internal(dimension, 1.0) / units("si").to_internal(dimension, 1.0)
     assert ratio == pytest.approx(SI[name][dimension], rel=3e-6, abs=0)
 

@@ -15,7 +15,8 @@ def _pairs(left, right, here, weight, own, square, out):
 
 @njit(cache=True, error_model="numpy")
 def burgers_transport(row, a, own, square):
-    """Σ_m a_m [own · u_i (u_{i+m} − u_{i−m}) + square · (u²_{i+m} − u²_{i−m})]: the part of F in u_i² drops out, because a is odd."""
+    """Σ_m a_m [own · u_i (u_{i+m} − u_{i−m}) + square · (u²_{i+m} − u²_{i−m})]: the part of F in u_i² drops out,
+    because a is odd."""
     M = a.shape[0]
     n = row.shape[0] - 2 * M
     out = np.zeros(n)
@@ -43,7 +44,8 @@ def smoothing(row, s):
 
 @njit(cache=True, error_model="numpy")
 def cole_hopf_sums(x, begin, first, Phi, h, count, t, viscosity):
-    """Σ (x−y)/t w / Σ w over `count` points from begin[n], w = exp((min G − G)/2ε), G = (x−y)²/2t + Phi; point i is at y = (first + i) h."""
+    """Σ (x−y)/t w / Σ w over `count` points from begin[n], w = exp((min G − G)/2ε), G = (x−y)²/2t + Phi; point i is at
+    y = (first + i) h."""
     out = np.empty(x.shape[0])
     G = np.empty(count)
     for n in range(x.shape[0]):

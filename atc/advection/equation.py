@@ -1,10 +1,13 @@
-"""Nonlocal advection in one dimension on a periodic domain: nonlocal Burgers and any other flux, inviscid and regularised.
+"""Nonlocal advection in one dimension on a periodic domain: nonlocal Burgers and any other flux, inviscid and
+regularised.
 
-u_t + ∫ F(u(x), u(y)) φ_a(y − x) dy = ε ∫ (u(y) − u(x)) φ_s(y − x) dy,  φ_a odd, φ_s even and ≥ 0, F(a, b) = F(b, a), F(u, u) = ψ(u).
+u_t + ∫ F(u(x), u(y)) φ_a(y − x) dy = ε ∫ (u(y) − u(x)) φ_s(y − x) dy,  φ_a odd, φ_s even and ≥ 0, F(a, b) = F(b, a),
+F(u, u) = ψ(u).
 
-With ∫ z φ_a dz = 2 and ∫ z² φ_s dz = 2 the limit of a vanishing horizon is u_t + ψ(u)_x = ε u_xx. (Parks et al., LDRD report, chapter 2, eqs. 2.0.5, 2.0.14; its 2.0.7 lacks the factor 2,
-its 2.0.15 has the opposite sign and would be ill-posed.) Two fluxes: `midpoint`, F = ψ((a+b)/2), the report's; and `conserving`, F = ∫₀¹ ψ(a + s(b−a)) ds, for which ∫ u²/2 is
-constant at ε = 0. Both conserve mass. The midpoint flux is not entropy-stable: at ε = 0
+With ∫ z φ_a dz = 2 and ∫ z² φ_s dz = 2 the limit of a vanishing horizon is u_t + ψ(u)_x = ε u_xx. (Parks et al., LDRD
+report, chapter 2, eqs. 2.0.5, 2.0.14; its 2.0.7 lacks the factor 2, its 2.0.15 has the opposite sign and would be
+ill-posed.) Two fluxes: `midpoint`, F = ψ((a+b)/2), the report's; and `conserving`, F = ∫₀¹ ψ(a + s(b−a)) ds, for which
+∫ u²/2 is constant at ε = 0. Both conserve mass. The midpoint flux is not entropy-stable: at ε = 0
 it takes or makes energy, and after a few shock times has multiplied it.
 """
 
@@ -66,7 +69,8 @@ class Kernel:
         M = math.ceil(reach / dx - 0.5 - 1e-9)
         if M < 1:
             raise AtcError(
-                f"horizon = {self.horizon:g}: does not reach the next node at {dx:g}; take more nodes or a longer horizon"
+                f"horizon = {self.horizon:g}: does not reach the next node at {dx:g}; take more nodes or a longer "
+                "horizon"
             )
         m = np.arange(1, M + 1)
         left, right = (m - 0.5) * dx, np.minimum((m + 0.5) * dx, reach)
@@ -120,7 +124,8 @@ class AdvectionRun:
     ----------
     x_n, t_t, u_tn : grid, recorded times, solution
     mass_t, energy_t : ∫ u dx, ∫ u²/2 dx
-    production_t, dissipation_t : energy made by the flux and taken by the regularisation since t = 0 (the entropy ledger: energy_t = energy_0 + production − dissipation)
+    production_t, dissipation_t : energy made by the flux and taken by the regularisation since t = 0 (the entropy
+        ledger: energy_t = energy_0 + production − dissipation)
     steps, dt_range : steps taken, smallest and largest time step
     stopped : why the run ended early, or ""
     """
@@ -144,7 +149,8 @@ class AdvectionRun:
 
     @property
     def closure_t(self) -> np.ndarray:
-        """What the entropy ledger does not account for, over the energy at t = 0: the error of the time integration (rounding, with relaxation)."""
+        """What the entropy ledger does not account for, over the energy at t = 0: the error of the time integration
+        (rounding, with relaxation)."""
         return (self.energy_t - self.energy_t[0] - self.production_t + self.dissipation_t) / max(
             self.energy_t[0], np.finfo(float).tiny
         )
@@ -175,10 +181,20 @@ class AdvectionRun:
             else getattr(self.kernel.shape, "__name__", "function")
         )
         attrs = {
-            "equation": "u_t + int F(u(x),u(y)) phi_a(y-x) dy = viscosity int (u(y)-u(x)) phi_s(y-x) dy", "flux": self.flux, "two_point_flux": self.two_point,
-            "kernel": shape, "horizon": self.kernel.horizon, "viscosity": self.viscosity, "method": self.method, "integrator": "SSP-RK3", "steps": self.steps,
-            "smallest_time_step": self.dt_range[0], "largest_time_step": self.dt_range[1], "stopped": self.stopped, "atc_version": __version__,
-        }  # fmt: skip
+            "equation": "u_t + int F(u(x),u(y)) phi_a(y-x) dy = viscosity int (u(y)-u(x)) phi_s(y-x) dy",
+            "flux": self.flux,
+            "two_point_flux": self.two_point,
+            "kernel": shape,
+            "horizon": self.kernel.horizon,
+            "viscosity": self.viscosity,
+            "method": self.method,
+            "integrator": "SSP-RK3",
+            "steps": self.steps,
+            "smallest_time_step": self.dt_range[0],
+            "largest_time_step": self.dt_range[1],
+            "stopped": self.stopped,
+            "atc_version": __version__,
+        }
         return xr.Dataset(
             {
                 "u": (("time", "x"), self.u_tn, {"long_name": "solution"}),
@@ -210,10 +226,21 @@ def _burgers(u):
 
 
 def advect(
-    u0, kernel: Kernel, *, duration: float, viscosity: float = 0.0, psi: Callable | str = "burgers", two_point: str = "midpoint", times=101,
-    method: str = "auto", safety: float = 0.5, relaxation: bool = True, max_steps: int = 1_000_000,
-) -> AdvectionRun:  # fmt: skip
-    """Solve the nonlocal advection equation on a periodic grid with strong-stability-preserving Runge–Kutta of third order.
+    u0,
+    kernel: Kernel,
+    *,
+    duration: float,
+    viscosity: float = 0.0,
+    psi: Callable | str = "burgers",
+    two_point: str = "midpoint",
+    times=101,
+    method: str = "auto",
+    safety: float = 0.5,
+    relaxation: bool = True,
+    max_steps: int = 1_000_000,
+) -> AdvectionRun:
+    """Solve the nonlocal advection equation on a periodic grid with strong-stability-preserving Runge–Kutta of third
+    order.
 
     Parameters
     ----------
@@ -230,14 +257,17 @@ def advect(
         Recorded times: that many, evenly, or these.
     method : "auto", "fft" (Burgers only: two convolutions a stage) or "stencil" (any flux)
     safety : float
-        Δt = safety / (ε max λ / 2.51 + max|ψ'| max|φ̂_a| / 1.73): inside SSP-RK3's stability region. max λ is bounded by the kernel, so Δt does not fall with the spacing. Updated every step.
+        Δt = safety / (ε max λ / 2.51 + max|ψ'| max|φ̂_a| / 1.73): inside SSP-RK3's stability region. max λ is bounded
+        by the kernel, so Δt does not fall with the spacing. Updated every step.
     relaxation : bool
-        Scale each step by a number close to 1 such that energy changes by exactly what flux and regularisation do at its stages (Ketcheson 2019): still third order, and the ledger closes to rounding.
+        Scale each step by a number close to 1 such that energy changes by exactly what flux and regularisation do at
+        its stages (Ketcheson 2019): still third order, and the ledger closes to rounding.
 
     Returns
     -------
     AdvectionRun
-        `stopped` says why if the run ended early: max|u| above 100 times its first value (the midpoint flux at ε = 0), or `max_steps`.
+        `stopped` says why if the run ended early: max|u| above 100 times its first value (the midpoint flux at ε = 0),
+        or `max_steps`.
     """
     u = np.array(u0, dtype=float)
     if u.ndim != 1 or len(u) < 4 or not np.isfinite(u).all():
@@ -245,7 +275,8 @@ def advect(
     n, dx, M = len(u), kernel.spacing, kernel.neighbors
     if 2 * M >= n:
         raise AtcError(
-            f"horizon = {kernel.horizon:g}: the kernel reaches {M} of {n} nodes on either side; it must be shorter than half the period {n * dx:g}"
+            f"horizon = {kernel.horizon:g}: the kernel reaches {M} of {n} nodes on either side; it must be shorter "
+            f"than half the period {n * dx:g}"
         )
     if not (math.isfinite(viscosity) and viscosity >= 0):
         raise AtcError(f"viscosity = {viscosity!r}: expected 0 or greater (a negative one is ill-posed)")
@@ -273,7 +304,8 @@ def advect(
     rate = viscosity * even / _REAL_LIMIT + _fastest(function, u, burgers) * odd / _IMAGINARY_LIMIT
     if duration * rate / safety > max_steps:
         raise AtcError(
-            f"about {duration * rate / safety:.1e} steps would be needed (at most {max_steps:.0e}): the stable step is {1 / rate:.3g}; take a shorter duration, a smaller viscosity or a longer horizon"
+            f"about {duration * rate / safety:.1e} steps would be needed (at most {max_steps:.0e}): the stable step "
+            f"is {1 / rate:.3g}; take a shorter duration, a smaller viscosity or a longer horizon"
         )
     records = [u.copy()]
     ledger = np.zeros(2)  # production, dissipation
@@ -302,7 +334,8 @@ def advect(
                 change = (f1 + f2 + 4 * f3) * (dt / 6)
                 gain = np.array([p1 + p2 + 4 * p3, d1 + d2 + 4 * d3]) * (dt / 6)
                 scale = _relaxed(u, change, gain, size) if relaxation else 1.0
-                # A relaxed step ends at t + scale dt: the one that must land on a recorded time is repeated with a length that does.
+                # A relaxed step ends at t + scale dt: the one that must land on a recorded time is repeated with a
+                # length that does.
                 if not last or abs(scale * dt / remaining - 1) < 1e-13:
                     break
                 dt = remaining / scale
@@ -325,13 +358,28 @@ def advect(
     with np.errstate(over="ignore", invalid="ignore"):
         mass, energy = np.array([math.fsum(v) * dx for v in u_tn]), 0.5 * (u_tn**2).sum(axis=1) * dx
     return AdvectionRun(
-        kernel, "burgers" if burgers else getattr(psi, "__name__", "psi"), two_point, float(viscosity), method, np.arange(n) * dx, t_t, u_tn, mass, energy,
-        made[:, 0], made[:, 1], steps, (shortest if steps else 0.0, longest), stopped, function,
-    )  # fmt: skip
+        kernel,
+        "burgers" if burgers else getattr(psi, "__name__", "psi"),
+        two_point,
+        float(viscosity),
+        method,
+        np.arange(n) * dx,
+        t_t,
+        u_tn,
+        mass,
+        energy,
+        made[:, 0],
+        made[:, 1],
+        steps,
+        (shortest if steps else 0.0, longest),
+        stopped,
+        function,
+    )
 
 
 def _relaxed(u, change, gain, size) -> float:
-    """The factor by which a step is scaled so that Σ u²/2 changes by its gains; in units of the grid spacing, which drops out."""
+    """The factor by which a step is scaled so that Σ u²/2 changes by its gains; in units of the grid spacing, which
+    drops out."""
     square = float(change @ change)
     if not square > 1e-28 * size**2 * len(u):
         return 1.0
@@ -347,7 +395,8 @@ def _check_flux(psi, u) -> None:
         values = np.asarray(psi(np.linspace(lo, hi, 17)), dtype=float)
     except Exception as e:
         raise AtcError(
-            f"the flux: could not be evaluated for u between {lo:g} and {hi:g} ({type(e).__name__}: {e}); expected a function of an array"
+            f"the flux: could not be evaluated for u between {lo:g} and {hi:g} ({type(e).__name__}: {e}); expected a "
+            "function of an array"
         ) from None
     if values.shape != (17,) or not np.isfinite(values).all():
         raise AtcError(f"the flux: is not a finite number for every u between {lo:g} and {hi:g}")
@@ -384,7 +433,8 @@ def _by_fft(kernel, n, psi, two_point, burgers):
 
 def _by_stencil(kernel, n, psi, two_point, burgers):
     a, s, M = kernel.odd_m, kernel.even_m, kernel.neighbors
-    # F(a, b) = Σ_g w_g ψ(a + s_g (b − a)): one point is the midpoint flux; 8 Gauss points are exact for polynomials of degree 15.
+    # F(a, b) = Σ_g w_g ψ(a + s_g (b − a)): one point is the midpoint flux; 8 Gauss points are exact for polynomials of
+    # degree 15.
     nodes, weights = np.polynomial.legendre.leggauss(1 if two_point == "midpoint" else 8)
     nodes, weights = 0.5 * (nodes + 1), 0.5 * weights
     if burgers:
@@ -400,7 +450,8 @@ def _by_stencil(kernel, n, psi, two_point, burgers):
         def transport(u):
             row, out = _wrapped(u, M), np.zeros(n)
             for m in range(1, M + 1):
-                # F of the pairs (i, i+m), i = −m … n−1: each pair once, + at its left node and − at its right one, so mass is conserved pair by pair
+                # F of the pairs (i, i+m), i = −m … n−1: each pair once, + at its left node and − at its right one, so
+                # mass is conserved pair by pair
                 left = row[M - m : M + n]
                 step = row[M : M + n + m] - left
                 F = sum(w * psi(left + g * step) for g, w in zip(nodes, weights)) * a[m - 1]
@@ -415,12 +466,14 @@ def _wrapped(u, M):
 
 
 def find_shocks(x_n, u_n, psi=_burgers, steepness: float = 0.2) -> list[dict]:
-    """Shocks of a profile on a periodic grid: places where u falls more steeply than `steepness` times the steepest fall, and at least 5 times the mean slope of its range over the period.
+    """Shocks of a profile on a periodic grid: places where u falls more steeply than `steepness` times the steepest
+    fall, and at least 5 times the mean slope of its range over the period.
 
     Returns
     -------
     list of dict, from left to right
-        ``position``; ``left``, ``right``: u where the slope has fallen to a tenth, ``jump`` = left − right; ``width`` = jump/slope; ``speed`` = (ψ(left) − ψ(right))/jump (Rankine–Hugoniot).
+        ``position``; ``left``, ``right``: u where the slope has fallen to a tenth, ``jump`` = left − right; ``width`` =
+        jump/slope; ``speed`` = (ψ(left) − ψ(right))/jump (Rankine–Hugoniot).
     """
     u, x = np.asarray(u_n, dtype=float), np.asarray(x_n, dtype=float)
     n, dx = len(u), x[1] - x[0]

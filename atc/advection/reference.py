@@ -1,7 +1,8 @@
-"""The local Burgers equation exactly, to compare with: Cole–Hopf for ε > 0, Hopf–Lax for ε = 0. Periodic initial values.
+"""The local Burgers equation exactly, to compare with: Cole–Hopf for ε > 0, Hopf–Lax for ε = 0. Periodic initial
+values.
 
-u(x, t) = ∫ ((x−y)/t) e^{−G/2ε} dy / ∫ e^{−G/2ε} dy,  G = (x−y)²/2t + ∫₀^y u₀. In log space (the least G subtracted first) it works for any ε; the Fourier series of the same solution
-loses all digits for ε below about 0.02.
+u(x, t) = ∫ ((x−y)/t) e^{−G/2ε} dy / ∫ e^{−G/2ε} dy,  G = (x−y)²/2t + ∫₀^y u₀. In log space (the least G subtracted
+first) it works for any ε; the Fourier series of the same solution loses all digits for ε below about 0.02.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ _CHUNK = 2_000_000  # numbers in one block
 
 
 def _potential(u0: Callable, period: float, cells: int):
-    """∫₀^y u₀ at the cells + 1 points of one period (4 Gauss points a cell), its mean value, and bounds of |u₀| and |u₀'|."""
+    """∫₀^y u₀ at the cells + 1 points of one period (4 Gauss points a cell), its mean value, and bounds of |u₀| and
+    |u₀'|."""
     nodes, weights = np.polynomial.legendre.leggauss(4)
     h = period / cells
     y = (np.arange(cells)[:, None] + 0.5 * (nodes + 1)) * h
@@ -49,7 +51,8 @@ def cole_hopf(
     x_n : where
     t, viscosity : ε > 0; for ε = 0 `hopf_lax` is called
     points : float
-        Quadrature points per width of the narrowest peak of the integrand. The trapezoidal rule converges faster than any power: 4 is rounding-level for smooth u0.
+        Quadrature points per width of the narrowest peak of the integrand. The trapezoidal rule converges faster than
+        any power: 4 is rounding-level for smooth u0.
 
     Returns
     -------
@@ -69,17 +72,20 @@ def cole_hopf(
 
 def _quadrature(u0, x, t, viscosity, period, points):
     _, size, steep = _potential(u0, period, 4096)
-    # A jump of u0 makes `steep` infinite-like; its kink of G is integrated by cells no wider than 1/16384 of the period.
+    # A jump of u0 makes `steep` infinite-like; its kink of G is integrated by cells no wider than 1/16384 of the
+    # period.
     width = math.sqrt(2 * viscosity / (1 / t + min(steep, 1e3 * size / period)))
     cells = int(max(512 * points / 4, math.ceil(period / (width / points))))
     cells += -cells % 64
     h = period / cells
-    # Beyond this the integrand is below e^−40 of its peak: |y − x| > t max|u0| only adds (|y − x| − t max|u0|)²/2t to G.
+    # Beyond this the integrand is below e^−40 of its peak: |y − x| > t max|u0| only adds (|y − x| − t max|u0|)²/2t to
+    # G.
     reach = t * size + math.sqrt(160 * viscosity * t)
     count = 2 * math.ceil(reach / h) + 1
     if count * len(x) > 2e11 or cells > 50_000_000:
         raise AtcError(
-            f"viscosity = {viscosity:g}, t = {t:g}: the reference needs {count} quadrature points for each x; take a larger viscosity, or 0 (Hopf-Lax)"
+            f"viscosity = {viscosity:g}, t = {t:g}: the reference needs {count} quadrature points for each x; take a "
+            "larger viscosity, or 0 (Hopf-Lax)"
         )
     from ._kernels import cole_hopf_sums
 
@@ -91,7 +97,8 @@ def _quadrature(u0, x, t, viscosity, period, points):
 
 
 def hopf_lax(u0: Callable, x_n, t: float, period: float = 1.0, cells: int = 8192) -> np.ndarray:
-    """The entropy solution of u_t + u u_x = 0: u = (x − y*)/t, y* the least of (x−y)²/2t + ∫₀^y u₀. The least of `cells` points a period, then Newton's steps inside its cell."""
+    """The entropy solution of u_t + u u_x = 0: u = (x − y*)/t, y* the least of (x−y)²/2t + ∫₀^y u₀. The least of
+    `cells` points a period, then Newton's steps inside its cell."""
     _check(t, 0.0, period)
     x = np.asarray(x_n, dtype=float)
     if t == 0:

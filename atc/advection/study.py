@@ -1,4 +1,5 @@
-"""What ``atc advect`` does: one run with its ledgers, shocks, reference and picture, or a study of the convergence to the local equation."""
+"""What ``atc advect`` does: one run with its ledgers, shocks, reference and picture, or a study of the convergence to
+the local equation."""
 
 from __future__ import annotations
 
@@ -23,7 +24,8 @@ class Study:
 
 
 def kernel_shape(text: str):
-    """``box``, ``triangle``, ``gaussian``; a formula of s = |z|/horizon on 0 … 1; or a file with two columns, s and b(s)."""
+    """``box``, ``triangle``, ``gaussian``; a formula of s = |z|/horizon on 0 … 1; or a file with two columns, s and
+    b(s)."""
     if text in KERNELS:
         return text
     path = Path(text)
@@ -36,7 +38,8 @@ def kernel_shape(text: str):
             ) from None
         except ValueError as e:
             raise AtcError(
-                f"{path}: {e}; expected two columns of numbers, s = |z|/horizon from 0 to 1 and b(s); a line of names begins with #"
+                f"{path}: {e}; expected two columns of numbers, s = |z|/horizon from 0 to 1 and b(s); a line of names "
+                "begins with #"
             ) from None
         if (
             table.shape[1] != 2
@@ -57,16 +60,29 @@ def kernel_shape(text: str):
 
 
 def run_study(
-    *, initial="sin(2*pi*x)", length=1.0, nodes=1024, kernel="gaussian", horizon=0.02, viscosity=0.01, flux="burgers", two_point="midpoint", duration=1.0, frames=101,
-    method="auto", safety=0.5, reference=True,
-) -> Study:  # fmt: skip
+    *,
+    initial="sin(2*pi*x)",
+    length=1.0,
+    nodes=1024,
+    kernel="gaussian",
+    horizon=0.02,
+    viscosity=0.01,
+    flux="burgers",
+    two_point="midpoint",
+    duration=1.0,
+    frames=101,
+    method="auto",
+    safety=0.5,
+    reference=True,
+) -> Study:
     """One run; for Burgers' flux with the local solution beside it (variable ``local``)."""
     u0, psi, x, dx = _problem(initial, length, nodes, flux, safety)
     if frames < 2:
         raise AtcError(f"--frames {frames}: expected 2 or more")
     if frames * nodes > 200_000_000:
         raise AtcError(
-            f"--frames {frames} of --nodes {nodes}: {frames * nodes:.1e} numbers to keep, expected at most 2e8; take fewer frames"
+            f"--frames {frames} of --nodes {nodes}: {frames * nodes:.1e} numbers to keep, expected at most 2e8; take "
+            "fewer frames"
         )
     run = advect(
         u0(x),
@@ -82,13 +98,17 @@ def run_study(
     ds = run.dataset()
     ds.attrs |= {"initial": initial, "flux": flux, "kernel": kernel}
     lines = [
-        f"{run.steps} steps of {run.dt_range[0]:.3g} to {run.dt_range[1]:.3g} by {run.method}, kernel {kernel} over {run.kernel.neighbors} nodes on either side",
+        f"{run.steps} steps of {run.dt_range[0]:.3g} to {run.dt_range[1]:.3g} by {run.method}, kernel {kernel} over "
+        f"{run.kernel.neighbors} nodes on either side",
         f"mass: changes by {run.mass_error:.1e} of ∫|u|",
-        f"energy: {run.energy_t[0]:.6g} -> {run.energy_t[-1]:.6g}; made by the {two_point} flux {run.production_t[-1]:+.3e}, taken by the regularisation {run.dissipation_t[-1]:.3e}; ledger open by {np.abs(run.closure_t).max():.1e}",
+        f"energy: {run.energy_t[0]:.6g} -> {run.energy_t[-1]:.6g}; made by the {two_point} flux "
+        f"{run.production_t[-1]:+.3e}, taken by the regularisation {run.dissipation_t[-1]:.3e}; ledger open by "
+        f"{np.abs(run.closure_t).max():.1e}",
     ]
     shocks = sorted(run.shocks(), key=lambda s: -s["jump"])
     lines += [
-        f"shock at x = {s['position']:.5g}: {s['left']:.4g} -> {s['right']:.4g}, width {s['width']:.3g}, speed {s['speed']:.4g}"
+        f"shock at x = {s['position']:.5g}: {s['left']:.4g} -> {s['right']:.4g}, width {s['width']:.3g}, speed "
+        f"{s['speed']:.4g}"
         for s in shocks[:3]
     ] or ["no shock at the end"]
     if len(shocks) > 3:
@@ -119,7 +139,8 @@ def run_study(
         difference = np.abs(run.u_tn[-1] - local)
         stated = f"Cole-Hopf, itself within {max(error, 1e-16):.0e}" if viscosity else "Hopf-Lax"
         lines.append(
-            f"against the local equation ({stated}): largest difference {difference.max():.3e}, rms {np.sqrt((difference**2).mean()):.3e}"
+            f"against the local equation ({stated}): largest difference {difference.max():.3e}, rms "
+            f"{np.sqrt((difference**2).mean()):.3e}"
         )
     return Study(ds, run, lines)
 
@@ -146,7 +167,8 @@ def convergence_study(
         raise AtcError("--horizons compares with the Cole-Hopf solution, which only Burgers' flux has")
     if viscosity <= 0:
         raise AtcError(
-            "--horizons: give a --viscosity greater than 0; without one the solutions have shocks, where differences do not fall with the horizon"
+            "--horizons: give a --viscosity greater than 0; without one the solutions have shocks, where differences "
+            "do not fall with the horizon"
         )
     horizons = np.array(sorted({float(h) for h in horizons}, reverse=True))
     if len(horizons) < 2:
@@ -174,10 +196,22 @@ def convergence_study(
     from .. import __version__
 
     ds = xr.Dataset(
-        {"u": (("horizon", "x"), np.array(solutions)), "local": ("x", local, {"long_name": "Cole-Hopf", "error": stated}), "error": ("horizon", errors, {"long_name": "rms difference"}), "order": ("horizon", order)},
+        {
+            "u": (("horizon", "x"), np.array(solutions)),
+            "local": ("x", local, {"long_name": "Cole-Hopf", "error": stated}),
+            "error": ("horizon", errors, {"long_name": "rms difference"}),
+            "order": ("horizon", order),
+        },
         {"horizon": ("horizon", horizons), "x": ("x", x)},
-        {"initial": initial, "kernel": kernel, "viscosity": viscosity, "two_point_flux": two_point, "time": duration, "atc_version": __version__},
-    )  # fmt: skip
+        {
+            "initial": initial,
+            "kernel": kernel,
+            "viscosity": viscosity,
+            "two_point_flux": two_point,
+            "time": duration,
+            "atc_version": __version__,
+        },
+    )
     lines = [f"rms difference from Cole-Hopf (itself within {max(stated, 1e-16):.0e}) at t = {duration:g}"]
     lines += [
         f"  horizon {h:<8g} {e:.4e}" + (f"   order {o:.3f}" if np.isfinite(o) else "")

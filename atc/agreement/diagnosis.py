@@ -1,8 +1,8 @@
 """What a difference between the forces of a run and those of a potential looks like: where it probably comes from.
 
-Every test asks whether D_i = F_i(run) − F_i(model) follows one law, D = g m_i, D = q_i E, D = −γ v_i, Σ λ_b e_b along bonds ..., to within what the digits
-hide. The first law that holds is named; where none does, it is said which atoms differ and whether the differences add up to zero, as those of forces
-between atoms must.
+Every test asks whether D_i = F_i(run) − F_i(model) follows one law, D = g m_i, D = q_i E, D = −γ v_i, Σ λ_b e_b along
+bonds ..., to within what the digits hide. The first law that holds is named; where none does, it is said which atoms
+differ and whether the differences add up to zero, as those of forces between atoms must.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from ..units import LAMMPS_STYLES, units
 
 #: A law holds when what it leaves is below this share of the difference, or what the digits explain.
 LEFT = 0.02
-#: Bonds of one type whose lengths differ by less than this part are held fixed: shake leaves 1e-4 and less, heat a few per cent.
+#: Bonds of one type whose lengths differ by less than this part are held fixed: shake leaves 1e-4 and less, heat a few
+#: per cent.
 RIGID = 2e-3
 #: Charges are varied only in frames up to this size, molecules fitted only up to so many bonds.
 MOST_ATOMS, MOST_BONDS = 20_000, 30_000
@@ -26,7 +27,8 @@ MOST_ATOMS, MOST_BONDS = 20_000, 30_000
 
 @dataclass
 class _Case:
-    """What the tests look at. D_nc : F_run − F_model. odd : (n,) atoms that differ. noise : (n,) what the digits explain of |D|."""
+    """What the tests look at. D_nc : F_run − F_model. odd : (n,) atoms that differ. noise : (n,) what the digits
+    explain of |D|."""
 
     frame: Frame
     pot: object
@@ -45,7 +47,8 @@ class _Case:
 
     @cached_property
     def same(self):
-        """(n,) atoms that certainly do not differ: a difference as large as those of the others would have been seen in spite of the digits."""
+        """(n,) atoms that certainly do not differ: a difference as large as those of the others would have been seen in
+        spite of the digits."""
         return ~self.odd & (8.0 * self.noise < self.size / np.sqrt(self.odd.sum()))
 
     def holds(self, left, over=None, share: float = LEFT) -> bool:
@@ -59,7 +62,8 @@ def _norm(a) -> float:
 
 
 def looks_like(frame, pot, model_nc, noise, odd, threads: int = 1) -> str:
-    """In words, what makes the forces of a frame differ from `model_nc` on the atoms `odd`; "" where there is nothing to say.
+    """In words, what makes the forces of a frame differ from `model_nc` on the atoms `odd`; "" where there is nothing
+    to say.
 
     Parameters
     ----------
@@ -101,10 +105,12 @@ def _factor(c: _Case) -> str:
 
 
 def _unit_factors(c: _Case, k: float) -> str:
-    """Which pair of unit styles with the same length has forces in the ratio k, that of the trajectory or of the potential being taken for another."""
+    """Which pair of unit styles with the same length has forces in the ratio k, that of the trajectory or of the
+    potential being taken for another."""
     said, given, out = c.frame.units, getattr(c.pot, "units", c.frame.units), []
     for other in (units(name) for name in (*LAMMPS_STYLES, "ase", "mdanalysis")):
-        # coefficients written in `other` but read as the potential's units; or forces of the file in `other` read as the trajectory's
+        # coefficients written in `other` but read as the potential's units; or forces of the file in `other` read as
+        # the trajectory's
         if other.length == given.length and other.name != given.name and not other.reduced and not given.reduced:
             if abs(other.energy / given.energy / k - 1.0) < 1e-3:
                 out.append(f"coefficients in {other.name!r} units read as {given.name!r} units")
@@ -122,7 +128,10 @@ def _held(c: _Case) -> str:
     zero = [k for k in range(3) if not F[:, k].any()]
     touched = [k for k in range(3) if _norm(c.D_nc[c.odd][:, k]) > 3.0 * _norm(c.noise[c.odd]) / np.sqrt(3.0)]
     if len(zero) == 3:
-        return f"atoms without force ({_which(c)}): fix setforce 0 0 0, fix freeze, or left out of the integration and of their neighbours' lists"
+        return (
+            f"atoms without force ({_which(c)}): fix setforce 0 0 0, fix freeze, or left out of the integration and "
+            "of their neighbours' lists"
+        )
     if touched and set(touched) <= set(zero):
         return f"forces along {_axes(touched)} set to 0 ({_which(c)}): fix setforce, planeforce, lineforce or enforce2d"
     if (
@@ -159,7 +168,10 @@ def _per_atom(c: _Case) -> str:
     if "mass" in weights:
         g, rest = left(weights["mass"])
         if c.holds(rest):
-            value = f"{_vector(f.units.to_user('velocity', g) * f.units.time)} {f.units.label('length')}/{f.units.label('time')}^2"
+            value = (
+                f"{_vector(f.units.to_user('velocity', g) * f.units.time)} "
+                f"{f.units.label('length')}/{f.units.label('time')}^2"
+            )
             what = (
                 "fix gravity"
                 if not c.same.any()
@@ -170,7 +182,10 @@ def _per_atom(c: _Case) -> str:
         E, rest = left(weights["charge"])
         if c.holds(rest):
             value = _vector(E * f.units.charge / f.units.factor("force"))
-            return f"forces proportional to charge, {value} {f.units.label('force')} for each unit of charge ({_which(c)}): fix efield, an electric field"
+            return (
+                f"forces proportional to charge, {value} {f.units.label('force')} for each unit of charge "
+                f"({_which(c)}): fix efield, an electric field"
+            )
     return ""
 
 
@@ -188,12 +203,16 @@ def _friction(c: _Case) -> str:
         drag_n[f.types == t] = np.abs(gamma) * np.linalg.norm(f.velocities[f.types == t], axis=1)
     if c.holds(left):
         sign = "against" if (D * v).sum() < 0 else "along"
-        return f"forces proportional to velocity, {sign} it ({_which(c, drag_n)}): friction (fix viscous, drag), or springs to where the atoms just were (fix spring/self)"
+        return (
+            f"forces proportional to velocity, {sign} it ({_which(c, drag_n)}): friction (fix viscous, drag), or "
+            "springs to where the atoms just were (fix spring/self)"
+        )
     return ""
 
 
 def _noise(c: _Case) -> str:
-    """Independent numbers on each atom, as thermostats with noise add: LAMMPS draws them from a flat distribution, whose kurtosis is 9/5."""
+    """Independent numbers on each atom, as thermostats with noise add: LAMMPS draws them from a flat distribution,
+    whose kurtosis is 9/5."""
     D, types = c.D_nc[c.odd], c.frame.types[c.odd]
     between = abs(float((D * c.model_nc[c.odd]).sum())) > 0.3 * c.size * _norm(c.model_nc[c.odd])
     if D.size < 120 or between:
@@ -227,14 +246,18 @@ def _one_coordinate(c: _Case) -> str:
     ):
         a, b = (float(u.to_user("length", s)) for s in (edge.min(), edge.max()))
         near = f", with {'xyz'[k]} from {a:.4g} to {b:.4g} {u.label('length')}"
-    return f"forces along {'xyz'[k]} only, on {where}{near}: a wall, gravity, a spring or another force from outside along {'xyz'[k]}"
+    return (
+        f"forces along {'xyz'[k]} only, on {where}{near}: a wall, gravity, a spring or another force from outside "
+        f"along {'xyz'[k]}"
+    )
 
 
 # --- bonds
 
 
 def _rigid(c: _Case) -> str:
-    """Constraint forces: sums of forces along the bonds (and the third sides of angles) of molecules whose bonds do not change their lengths."""
+    """Constraint forces: sums of forces along the bonds (and the third sides of angles) of molecules whose bonds do not
+    change their lengths."""
     lines = _molecule_lines(c)
     if lines is None:
         return ""
@@ -248,7 +271,10 @@ def _rigid(c: _Case) -> str:
     )
     if _left_along(c, ends[held], e_bc[held]):
         names = ", ".join(map(str, fixed))
-        return f"constraint forces along bonds of fixed length (bond type {names}): fix shake, rattle or rigid molecules, which the potential does not have"
+        return (
+            f"constraint forces along bonds of fixed length (bond type {names}): fix shake, rattle or rigid "
+            "molecules, which the potential does not have"
+        )
     return ""
 
 
@@ -261,14 +287,18 @@ def _bonded(c: _Case) -> str:
     bonds = kinds > 0
     if _left_along(c, ends[bonds], e_bc[bonds]):
         found = np.unique(kinds[bonds & (c.odd[ends[:, 0]] & c.odd[ends[:, 1]])])
-        return f"forces along bonds (types {', '.join(map(str, found))}): bond coefficients, or bonds that were switched off or broken"
+        return (
+            f"forces along bonds (types {', '.join(map(str, found))}): bond coefficients, or bonds that were switched "
+            "off or broken"
+        )
     if _left_along(c, ends, e_bc):
         return "forces within bonded triples: angle or bond coefficients, or angles that were switched off"
     return _within_molecules(c)
 
 
 def _molecule_lines(c: _Case):
-    """Bonds and 1-3 pairs of the atoms that differ: ends (b, 2), kind (bond type, or minus an angle type), length, unit vector; None without bonds."""
+    """Bonds and 1-3 pairs of the atoms that differ: ends (b, 2), kind (bond type, or minus an angle type), length, unit
+    vector; None without bonds."""
     t = c.frame.topology
     if t is None or not len(t.bonds):
         return None
@@ -321,7 +351,10 @@ def _within_molecules(c: _Case) -> str:
         return ""
     sums = np.stack([np.bincount(number, weights=c.D_nc[:, k]) for k in range(3)], axis=1)
     if c.holds(sums):
-        return "forces within molecules (they add up to zero in each): bonded terms or constraints that the potential does not have"
+        return (
+            "forces within molecules (they add up to zero in each): bonded terms or constraints that the potential "
+            "does not have"
+        )
     return ""
 
 
@@ -375,12 +408,16 @@ def _charge_groups(frame) -> list[np.ndarray]:
 
 
 def _other_charges(c: _Case, q, coulomb, groups) -> str:
-    """D = Σ_ab λ_ab F_ab, F_ab the Coulomb forces between two groups: charges of the run are other multiples of these, 1 + λ_ab = s_a s_b."""
+    """D = Σ_ab λ_ab F_ab, F_ab the Coulomb forces between two groups: charges of the run are other multiples of these,
+    1 + λ_ab = s_a s_b."""
     k = float((coulomb * c.D_nc).sum() / (coulomb**2).sum())
     if c.holds((c.D_nc - k * coulomb)[c.odd]) and k > -1.0 - 1e-9:
         if abs(k + 1.0) < 1e-6:
             return "Coulomb forces that the run did not have: charges that were 0 in it"
-        return f"Coulomb forces of other charges, all {np.sqrt(max(1.0 + k, 0.0)):.4g} times these (or another dielectric constant)"
+        return (
+            f"Coulomb forces of other charges, all {np.sqrt(max(1.0 + k, 0.0)):.4g} times these (or another "
+            "dielectric constant)"
+        )
     if not 2 <= len(groups):
         return ""
     alone = []
@@ -424,7 +461,10 @@ def _distant_charges(c: _Case, q) -> str:
     i, j = at[i], at[j]
     alike = float((E[i] * E[j]).sum()) / max(float(0.5 * ((E[i] ** 2).sum() + (E[j] ** 2).sum())), 1e-300)
     if alike > 0.6:
-        return "a smooth electric field on charged atoms: Coulomb forces from beyond the cutoff (kspace_style), or of other long-range terms"
+        return (
+            "a smooth electric field on charged atoms: Coulomb forces from beyond the cutoff (kspace_style), or of "
+            "other long-range terms"
+        )
     return ""
 
 
@@ -440,13 +480,20 @@ def _rest(c: _Case) -> str:
     where = _which(c)
     of = "everything" if c.odd.mean() > 0.9 or not c.same.any() else where
     if total <= noise:
-        why = "forces between atoms that the potential has not, or has otherwise: wrong or missing coefficients, styles, exclusions or units"
+        why = (
+            "forces between atoms that the potential has not, or has otherwise: wrong or missing coefficients, "
+            "styles, exclusions or units"
+        )
         return f"{of}: {why}"
-    return f"{of}, and the differences do not add up to zero: forces from outside (a fix that adds forces), or wrong forces together with them"
+    return (
+        f"{of}, and the differences do not add up to zero: forces from outside (a fix that adds forces), or wrong "
+        "forces together with them"
+    )
 
 
 def _which(c: _Case, law_n=None) -> str:
-    """The atoms that differ, as types, a range of ids, or their number. law_n : (n,) size of the force that a law would have on each atom."""
+    """The atoms that differ, as types, a range of ids, or their number. law_n : (n,) size of the force that a law would
+    have on each atom."""
     ids, types = c.frame.ids, c.frame.types
     same = c.same if law_n is None else ~c.odd & (8.0 * c.noise < law_n)
     if not same.any():

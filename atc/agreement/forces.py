@@ -1,8 +1,9 @@
-"""Do the forces in the trajectory follow from the potential? The alarm for everything that a script, a hand or a force field got wrong.
+"""Do the forces in the trajectory follow from the potential? The alarm for everything that a script, a hand or a force
+field got wrong.
 
-The difference D = F_run − F_model of every atom is set against what the digits of the file explain: F_run was rounded, and so were the positions x, which
-moves F_model by H δx. That is not estimated but computed, by moving the atoms at random within half a step of their last digit. What a difference that
-remains looks like is found in `atc.diagnosis`.
+The difference D = F_run − F_model of every atom is set against what the digits of the file explain: F_run was rounded,
+and so were the positions x, which moves F_model by H δx. That is not estimated but computed, by moving the atoms at
+random within half a step of their last digit. What a difference that remains looks like is found in `atc.diagnosis`.
 """
 
 from __future__ import annotations
@@ -18,10 +19,12 @@ from ..errors import AtcError
 MODES = ("warn", "must agree", "ignore")
 #: Rms of the differences over what the digits explain, above which they do not explain it.
 BEYOND = 3.0
-#: A single atom counts as different when its difference is so many times what moved atoms make of its force (the rms of up to `MOVES` tries).
+#: A single atom counts as different when its difference is so many times what moved atoms make of its force (the rms of
+#: up to `MOVES` tries).
 SINGLE = 12.0
 MOVES = 3
-#: Two correct programs: relative to the rms of the forces, and to the mean sum of the sizes of the bond forces of an atom (which may cancel).
+#: Two correct programs: relative to the rms of the forces, and to the mean sum of the sizes of the bond forces of an
+#: atom (which may cancel).
 ROUNDING, CANCELLATION = 1e-8, 1e-12
 #: With so many frames one from the middle is looked at, too.
 SEVERAL = 6
@@ -35,11 +38,15 @@ class ForceCheck:
     Attributes
     ----------
     frame : which one. agrees : whether the digits of the file explain the difference
-    share : rms of the differences over the rms of the run's forces. explained : the part of it that the digits may hide, likewise
-    rms : of the run's forces, internal. differ : number of atoms whose forces differ beyond the digits; worst : ids of those that differ most
-    atoms : how many there are. looks : what the difference looks like, in words. outside : forces from outside that the script names
+    share : rms of the differences over the rms of the run's forces. explained : the part of it that the digits may
+        hide, likewise
+    rms : of the run's forces, internal. differ : number of atoms whose forces differ beyond the digits; worst : ids of
+        those that differ most
+    atoms : how many there are. looks : what the difference looks like, in words. outside : forces from outside that the
+        script names
     energy, virial_cc : of the potential on this frame (internal), since they are known then
-    largest, largest_force, rms_difference : the largest difference of an atom, the largest force of the run, rms of the differences (internal)
+    largest, largest_force, rms_difference : the largest difference of an atom, the largest force of the run, rms of the
+        differences (internal)
     """
 
     frame: int
@@ -64,7 +71,10 @@ class ForceCheck:
             return f"forces of frame {self.frame}: yes, rms difference {self.share:.1e} of rms force, {why}"
         many = f"{self.differ} of {self.atoms} atoms" if self.differ else f"{self.atoms} atoms"
         worst = f" (most: {', '.join(map(str, self.worst))})" if self.worst else ""
-        text = f"no: forces of frame {self.frame} differ from the potential's by {_percent(self.share)} (rms), on {many}{worst}"
+        text = (
+            f"no: forces of frame {self.frame} differ from the potential's by {_percent(self.share)} (rms), on "
+            f"{many}{worst}"
+        )
         if self.explained > 0.01 * self.share:
             text += f", the digits of the file explain {_percent(self.explained)}"
         if self.looks:
@@ -101,7 +111,8 @@ def compare_forces(
     number : what to call the frame
     resolution : step of the last digit of its positions (internal length); None: looked for in the numbers
     threads : threads
-    diagnose : whether to say what a difference looks like (which takes a few more evaluations where charges may be the cause)
+    diagnose : whether to say what a difference looks like (which takes a few more evaluations where charges may be the
+        cause)
     """
     from ..readers.trajectory import decimal_resolution
 
@@ -135,7 +146,8 @@ def compare_forces(
             if within or _rms(d) > 10 * BEYOND * _rms(allowed):
                 break
         if not within and 0 < odd.sum() <= max(20, n // 100):
-            # a pair at its cutoff acts or not by the last digit of a coordinate: whether its ends are the only ones that differ
+            # a pair at its cutoff acts or not by the last digit of a coordinate: whether its ends are the only ones
+            # that differ
             flipped = odd & at_cutoff(frame, pot, np.flatnonzero(odd), 4.0 * dx)
             if flipped.any():
                 within, odd = _within(np.where(flipped, 0.0, d), allowed)
@@ -178,9 +190,11 @@ def _within(d, allowed):
 
 
 def printed_error(x_nc, unit: float) -> np.ndarray:
-    """(n,) how far vectors may be from what was computed, by the digits that their numbers were written with (in a unit of size `unit`).
+    """(n,) how far vectors may be from what was computed, by the digits that their numbers were written with (in a unit
+    of size `unit`).
 
-    Numbers printed with p significant digits, with d decimals, or as float32 are told by their values. Half a step of the last digit.
+    Numbers printed with p significant digits, with d decimals, or as float32 are told by their values. Half a step of
+    the last digit.
     """
     x = np.asarray(x_nc, dtype=np.float64) / unit
     some = x.ravel()[:: max(1, x.size // 1500)]

@@ -1,4 +1,5 @@
-"""Whether a trajectory, and the log file beside it, agree with the potential of a scene: the alarm of `atc info`, `atc plan` and `atc fields`, and `atc verify`."""
+"""Whether a trajectory, and the log file beside it, agree with the potential of a scene: the alarm of `atc info`, `atc
+plan` and `atc fields`, and `atc verify`."""
 
 from __future__ import annotations
 
@@ -156,14 +157,25 @@ def _plain(f: FrameCheck, units) -> dict:
     if f.forces is not None:
         c = f.forces
         out["forces"] = {
-            "agrees": c.agrees, "rms_share": c.share, "explained_share": c.explained, "rms": units.to_user("force", c.rms), "units": units.label("force"),
-            "atoms": c.atoms, "atoms_differ": c.differ, "worst_atoms": list(c.worst), "looks_like": c.looks, "outside": list(c.outside),
-        }  # fmt: skip
+            "agrees": c.agrees,
+            "rms_share": c.share,
+            "explained_share": c.explained,
+            "rms": units.to_user("force", c.rms),
+            "units": units.label("force"),
+            "atoms": c.atoms,
+            "atoms_differ": c.differ,
+            "worst_atoms": list(c.worst),
+            "looks_like": c.looks,
+            "outside": list(c.outside),
+        }
     if f.thermo is not None:
         out["log"] = {
-            "agrees": f.thermo.agrees, "source": f.thermo.source, "numbers": [x.plain() for x in f.thermo.lines], "notes": f.thermo.notes,
+            "agrees": f.thermo.agrees,
+            "source": f.thermo.source,
+            "numbers": [x.plain() for x in f.thermo.lines],
+            "notes": f.thermo.notes,
             "causes": list(f.thermo.causes),
-        }  # fmt: skip
+        }
     return out
 
 
@@ -176,7 +188,8 @@ def read_log(log, units):
     found = LammpsLog(log, units)
     if found.units.reduced != units.reduced:
         raise AtcError(
-            f"{found.source}: is in {found.units.name!r} units, the trajectory in {units.name!r}: it is not the log of this run"
+            f"{found.source}: is in {found.units.name!r} units, the trajectory in {units.name!r}: it is not the log "
+            "of this run"
         )
     return found
 
@@ -231,7 +244,8 @@ def examine(frames, pot, *, which=None, log=None, threads: int = 1, first=None, 
         if not any(look(k, False) for k in range(min(total, _LOOK)) if k not in looked):
             steps = log.steps
             out.notes.append(
-                f"the log {log.name} has none of the steps of the frames that were looked at (frame {given[0]}: step {looked[given[0]].step}; "
+                f"the log {log.name} has none of the steps of the frames that were looked at (frame {given[0]}: step "
+                f"{looked[given[0]].step}; "
                 f"log: steps {steps[0]} to {steps[-1]})"
             )
     seen_forces, seen_log = (any(getattr(f, kind) is not None for f in out.frames) for kind in ("forces", "thermo"))
@@ -278,14 +292,16 @@ def alarm(
 
 
 def verify_scene(scene, frames: str | None = None, threads: int = 1) -> RunCheck:
-    """Model and run of a scene on the frames that a text such as ``0,10,-1``, ``0:100:20`` or ``all`` names; default: the first, the middle and the last.
+    """Model and run of a scene on the frames that a text such as ``0,10,-1``, ``0:100:20`` or ``all`` names; default:
+    the first, the middle and the last.
 
     Raises `AtcError` where there is nothing to compare: neither forces in the trajectory nor a log file.
     """
     pot = scene.potential()
     if pot is None:
         raise AtcError(
-            f'{scene.name}: no [potential] section: there is nothing to verify: give lammps = """pair_style ...""" (LAMMPS lines) or input = "in.file"'
+            f'{scene.name}: no [potential] section: there is nothing to verify: give lammps = """pair_style ...""" '
+            '(LAMMPS lines) or input = "in.file"'
         )
     traj, log = scene.trajectory(), scene.log()
     which = _selected(frames, len(traj))
@@ -300,7 +316,8 @@ def verify_scene(scene, frames: str | None = None, threads: int = 1) -> RunCheck
             else "choose frames whose steps are in the log"
         )
         raise AtcError(
-            f"{scene.name}: nothing to compare with: {'; '.join([found.why, *found.notes])}: {' or '.join(x for x in (dump, beside) if x)}"
+            f"{scene.name}: nothing to compare with: {'; '.join([found.why, *found.notes])}: "
+            f"{' or '.join(x for x in (dump, beside) if x)}"
         )
     return found
 

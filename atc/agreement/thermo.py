@@ -1,6 +1,7 @@
 """Energy, pressure tensor and temperature of a model beside those that a LAMMPS log file has for the same step.
 
-P = (Σ m v⊗v − Σ G r⊗r)/V with the velocities as they are, as LAMMPS does; T = Σ m v²/(f k_B) with f = 3N − 3 degrees of freedom (2N − 2 in the plane).
+P = (Σ m v⊗v − Σ G r⊗r)/V with the velocities as they are, as LAMMPS does; T = Σ m v²/(f k_B) with f = 3N − 3 degrees of
+freedom (2N − 2 in the plane).
 """
 
 from __future__ import annotations
@@ -11,14 +12,16 @@ import numpy as np
 
 from .forces import CANCELLATION, ROUNDING
 
-#: Moved copies of a frame that say how far energy and virial are in doubt, and how many times their largest change is allowed.
+#: Moved copies of a frame that say how far energy and virial are in doubt, and how many times their largest change is
+#: allowed.
 COPIES, BEYOND = 2, 3.0
 _TENSOR = {"pxx": (0, 0), "pyy": (1, 1), "pzz": (2, 2), "pxy": (0, 1), "pxz": (0, 2), "pyz": (1, 2)}
 
 
 @dataclass
 class Line:
-    """One number of model and run, in the units of the log. allowed : what digits explain of a difference. counts : whether it decides."""
+    """One number of model and run, in the units of the log. allowed : what digits explain of a difference. counts :
+    whether it decides."""
 
     name: str
     units: str
@@ -37,14 +40,20 @@ class Line:
 
     def plain(self) -> dict:
         return {
-            "name": self.name, "units": self.units, "model": self.model, "run": self.run, "difference": self.difference, "explained_by_digits": self.allowed,
+            "name": self.name,
+            "units": self.units,
+            "model": self.model,
+            "run": self.run,
+            "difference": self.difference,
+            "explained_by_digits": self.allowed,
             "agrees": bool(self.agrees),
-        }  # fmt: skip
+        }
 
 
 @dataclass
 class ThermoCheck:
-    """A step of the log beside a frame. lines : the numbers. notes : what is to be known of them. causes : what else the run's numbers contain.
+    """A step of the log beside a frame. lines : the numbers. notes : what is to be known of them. causes : what else
+    the run's numbers contain.
     energy : of the potential (internal)."""
 
     frame: int
@@ -195,15 +204,22 @@ def _compare(frame, log, row, number, energy, virial, doubt) -> ThermoCheck:
         if "temperature" in have and free > 0:
             k_B = frame.units.boltzmann
             add(
-                "temperature", "temperature", total / (free * k_B), have["temperature"], last["temperature"], 2 * k_doubt / (free * k_B),
-                total / (free * k_B), counts="kinetic" not in have and not of_temperature,
-            )  # fmt: skip
+                "temperature",
+                "temperature",
+                total / (free * k_B),
+                have["temperature"],
+                last["temperature"],
+                2 * k_doubt / (free * k_B),
+                total / (free * k_B),
+                counts="kinetic" not in have and not of_temperature,
+            )
             _degrees_of_freedom(out, total, k_B, free, have["temperature"])
     elif "temperature" in have and n > 1:
         total = dimension * (n - 1) * frame.units.boltzmann * have["temperature"]
         kinetic, source = (
             None,
-            "the kinetic part of its pressure is that of the log's temperature, since the frame has no velocities or no masses",
+            "the kinetic part of its pressure is that of the log's temperature, since the frame has no velocities or "
+            "no masses",
         )
         k_doubt = dimension * (n - 1) * frame.units.boltzmann * last["temperature"]
     else:
@@ -248,7 +264,8 @@ def _compare(frame, log, row, number, energy, virial, doubt) -> ThermoCheck:
 
 
 def _potential_energy(have, last):
-    """(value, last digit, note) of the potential energy without tail corrections, from whatever columns there are; None."""
+    """(value, last digit, note) of the potential energy without tail corrections, from whatever columns there are;
+    None."""
     if "potential" in have:
         value, digit = have["potential"], last["potential"]
     elif "pair" in have and "molecular" in have:
@@ -277,7 +294,8 @@ def _degrees_of_freedom(out, total, k_B, free, temperature) -> None:
         line.counts = False
         fewer = free - round(theirs)
         out.notes.append(
-            f"the run counts {round(theirs)} degrees of freedom, {abs(fewer)} {'fewer' if fewer > 0 else 'more'} than {free}: "
+            f"the run counts {round(theirs)} degrees of freedom, {abs(fewer)} {'fewer' if fewer > 0 else 'more'} than "
+            f"{free}: "
             + (
                 "constraints (shake, rattle, rigid) or compute_modify"
                 if fewer > 0
@@ -306,12 +324,14 @@ def _explanations(frame, log, check: ThermoCheck, forces) -> list[str]:
         d = np.array([x.difference for x in diagonal])
         if np.ptp(d) <= 2 * max(x.allowed for x in diagonal):
             out.append(
-                f"the run's pressure differs by the same {-d.mean():.6g} {diagonal[0].units} along x, y and z: a tail correction (pair_modify tail yes), "
+                f"the run's pressure differs by the same {-d.mean():.6g} {diagonal[0].units} along x, y and z: a tail "
+                "correction (pair_modify tail yes), "
                 "which is in no field"
             )
     if agree and check.wrong:
         out.append(
-            "the forces agree: what differs is in energy or virial only (tail corrections, fixes with energy or virial, rigid bodies, shifts)"
+            "the forces agree: what differs is in energy or virial only (tail corrections, fixes with energy or "
+            "virial, rigid bodies, shifts)"
         )
     if check.causes:
         out.append(f"the log says that the run's numbers contain or depend on: {', '.join(check.causes)}")

@@ -1,4 +1,5 @@
-"""Is this the potential of the run? Energies, forces and virial stress of a potential beside those of the trajectory or of an ASE calculator."""
+"""Is this the potential of the run? Energies, forces and virial stress of a potential beside those of the trajectory or
+of an ASE calculator."""
 
 from __future__ import annotations
 
@@ -12,11 +13,14 @@ from ..errors import AtcError
 
 @dataclass
 class FrameComparison:
-    """One frame, in the user's units. The other side is the trajectory's own forces, or a calculator's; None where it has no such number.
+    """One frame, in the user's units. The other side is the trajectory's own forces, or a calculator's; None where it
+    has no such number.
 
-    energy, energy_other : potential energies. force_max : largest |F| of the other side; force_error, force_rms : largest difference of a
-    force, and its root mean square. stress_error : largest difference of a component of the virial stress (potential part); stress_max : its largest component.
-    agrees : whether the digits of the trajectory explain the differences of its own forces (None for a calculator); looks : what they look like where not.
+    energy, energy_other : potential energies. force_max : largest |F| of the other side; force_error, force_rms :
+        largest difference of a force, and its root mean square. stress_error : largest difference of a component of the
+        virial stress (potential part); stress_max : its largest component.
+    agrees : whether the digits of the trajectory explain the differences of its own forces (None for a calculator);
+        looks : what they look like where not.
     """
 
     frame: int
@@ -34,7 +38,8 @@ class FrameComparison:
 
 @dataclass
 class Verification:
-    """What `verify` found. `force_error` is the largest difference of a force over all frames, relative to the largest force of its frame."""
+    """What `verify` found. `force_error` is the largest difference of a force over all frames, relative to the largest
+    force of its frame."""
 
     against: str
     units: dict
@@ -55,7 +60,8 @@ class Verification:
 
     @property
     def energy_error(self) -> float:
-        """Largest difference of the energies' changes between frames, over the largest change: a constant offset does not count. NaN for one frame."""
+        """Largest difference of the energies' changes between frames, over the largest change: a constant offset does
+        not count. NaN for one frame."""
         pairs = np.array([(f.energy, f.energy_other) for f in self.frames if f.energy_other is not None])
         if len(pairs) < 2:
             return float("nan")
@@ -75,7 +81,10 @@ class Verification:
             if c.energy_other is not None:
                 line += f" against {c.energy_other:.10g}"
             if c.force_error is not None:
-                line += f"; forces differ by up to {c.force_error:.3g} of {c.force_max:.3g} {f} ({_ratio(c.force_error, c.force_max):.1e}, atom {c.worst_atom})"
+                line += (
+                    f"; forces differ by up to {c.force_error:.3g} of {c.force_max:.3g} {f} "
+                    f"({_ratio(c.force_error, c.force_max):.1e}, atom {c.worst_atom})"
+                )
             if c.stress_error is not None:
                 line += f"; virial stress by {c.stress_error:.3g} of {c.stress_max:.3g} {p}"
             if c.agrees is not None:
@@ -98,7 +107,8 @@ def to_atoms(frame, symbols=None):
     Parameters
     ----------
     frame : Frame
-    symbols : {type: chemical symbol} or a list for types 1, 2, ...; default: the frame's own type names, where they are symbols
+    symbols : {type: chemical symbol} or a list for types 1, 2, ...; default: the frame's own type names, where they are
+        symbols
     """
     try:
         from ase import Atoms
@@ -115,7 +125,8 @@ def to_atoms(frame, symbols=None):
     odd = next((t for t in types if names.get(t) not in chemical_symbols[1:]), None)
     if odd is not None:
         raise AtcError(
-            f"{frame.source}: ASE needs the chemical symbol of type {odd}: give symbols={{{odd}: 'Ar'}} (or whatever it is)"
+            f"{frame.source}: ASE needs the chemical symbol of type {odd}: give symbols={{{odd}: 'Ar'}} (or whatever "
+            "it is)"
         )
     atoms = Atoms(
         [names[t] for t in frame.types.tolist()],
@@ -204,7 +215,8 @@ def _of_calculator(calculator, frame, symbols):
         energy, forces = float(atoms.get_potential_energy()), np.array(atoms.get_forces())
     except Exception as e:
         raise AtcError(
-            f"{frame.source}: the ASE calculator {type(calculator).__name__} failed: {' '.join(str(e).split()) or type(e).__name__}"
+            f"{frame.source}: the ASE calculator {type(calculator).__name__} failed: "
+            f"{' '.join(str(e).split()) or type(e).__name__}"
         ) from e
     try:
         stress = atoms.get_stress(voigt=False)

@@ -1,8 +1,10 @@
-"""Time against error on the user's own frame: every method and a ladder of tolerances, next to what per-atom virials would give (``atc bench``).
+"""Time against error on the user's own frame: every method and a ladder of tolerances, next to what per-atom virials
+would give (``atc bench``).
 
-Each rung is a whole frame (list, forces, deposits, error check) in this process, kernels compiled before; CPU seconds of all threads, and wall seconds.
-Errors are of one field, at every point of the grid, against the exact sum: the largest over the largest value, and the rms over the rms. For the binned
-and the smoothed per-atom virial they say how far those are from Hardy's stress, which no tolerance brings closer.
+Each rung is a whole frame (list, forces, deposits, error check) in this process, kernels compiled before; CPU seconds
+of all threads, and wall seconds. Errors are of one field, at every point of the grid, against the exact sum: the
+largest over the largest value, and the rms over the rms. For the binned and the smoothed per-atom virial they say how
+far those are from Hardy's stress, which no tolerance brings closer.
 """
 
 from __future__ import annotations
@@ -17,15 +19,18 @@ import numpy as np
 from ..errors import AtcError, AtcWarning
 
 TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8)
-#: A rung that took less than this, CPU and wall seconds together, is run once more, and the better time counts: the first one may have compiled something.
+#: A rung that took less than this, CPU and wall seconds together, is run once more, and the better time counts: the
+#: first one may have compiled something.
 SHORT = 20.0
-#: CPU seconds that the exact sum may take; beyond, errors are measured at random points instead, and against the closest spectral result.
+#: CPU seconds that the exact sum may take; beyond, errors are measured at random points instead, and against the
+#: closest spectral result.
 MOST = 200.0
 
 
 @dataclass
 class Rung:
-    """One way to compute the field. cpu, wall: seconds; error_max, error_l2: against the exact sum; front: nothing else is both faster and better."""
+    """One way to compute the field. cpu, wall: seconds; error_max, error_l2: against the exact sum; front: nothing else
+    is both faster and better."""
 
     label: str
     method: str
@@ -61,7 +66,8 @@ class Bench:
         from rich.table import Table
 
         console.print(
-            f"{self.title}: {self.field}, {self.atoms:,} atoms, {self.bonds:,} bonds, {self.points:,} points, {self.kernel}, {self.threads} thread(s)"
+            f"{self.title}: {self.field}, {self.atoms:,} atoms, {self.bonds:,} bonds, {self.points:,} points, "
+            f"{self.kernel}, {self.threads} thread(s)"
         )
         table = Table(box=None, pad_edge=False)
         for name, justify in (
@@ -139,7 +145,8 @@ def mark_front(rungs) -> None:
 
 
 def field_of(request, field=None) -> str:
-    """The field that is measured: the one asked for, else stress_potential if anything is a sum over bonds, else the first one on the grid."""
+    """The field that is measured: the one asked for, else stress_potential if anything is a sum over bonds, else the
+    first one on the grid."""
     on_grid = [q for q in request.work.quantities if q.kind == "grid"]
     if not on_grid or request.kern is None or request.grid is None:
         raise AtcError(
@@ -162,7 +169,8 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
         Its first frame, grid, kernel and potential are used, and one of its fields.
     tolerances : of the spectral method
     progress : called with what is about to run
-    most, most_each : CPU seconds that the exact sum, and any other rung, may be predicted to take; beyond, it is left out, and `left_out` says so
+    most, most_each : CPU seconds that the exact sum, and any other rung, may be predicted to take; beyond, it is left
+        out, and `left_out` says so
     field : which one; see `field_of`
 
     Raises
@@ -227,7 +235,8 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
         left_out.append(
             (
                 "direct",
-                f"predicted to take {seconds:.0f} s of CPU: errors are those found at random points, of virials those from the closest result",
+                f"predicted to take {seconds:.0f} s of CPU: errors are those found at random points, of virials those "
+                "from the closest result",
             )
         )
     for t in sorted(tolerances, reverse=True):
@@ -272,7 +281,8 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
     if exact is None:
         if not rungs:
             raise AtcError(
-                f"atc bench: the exact sum would take {seconds:.0f} s of CPU and the spectral method cannot: {left_out[-1][1]}"
+                f"atc bench: the exact sum would take {seconds:.0f} s of CPU and the spectral method cannot: "
+                f"{left_out[-1][1]}"
             )
         exact = closest
     ahead = fixed + direct_seconds(costs, bound, kern, len(frame), 0.0, 6)
@@ -312,7 +322,8 @@ def _errors(values, exact) -> tuple[float, float]:
 
 
 def _binned(frame, request, bound, exact) -> Rung | None:
-    """Per-atom virials added up in the cells of a grid over the whole box, over the cells' volume: what plain binning gives."""
+    """Per-atom virials added up in the cells of a grid over the whole box, over the cells' volume: what plain binning
+    gives."""
     from ..estimators.compute import Settings, frame_fields
 
     if not (bound.tiles or bound.kind == "slab"):

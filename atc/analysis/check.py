@@ -1,6 +1,8 @@
-"""``atc check``: do the fields of this trajectory, potential and kernel obey the balance laws, how well, and what limits it?
+"""``atc check``: do the fields of this trajectory, potential and kernel obey the balance laws, how well, and what
+limits it?
 
-The physics is in `atc.estimators.balance`, the words in `atc.check_report`; here are the choice of points and frames and what counts as holding.
+The physics is in `atc.estimators.balance`, the words in `atc.check_report`; here are the choice of points and frames
+and what counts as holding.
 """
 
 from __future__ import annotations
@@ -20,7 +22,8 @@ from .check_report import EXACT, Findings, Frames, Outcome, Report, number, rela
 DIFFERENCES = 30.0
 #: Nothing is said about a law when the error of a test is more than this share of the largest term.
 HOPELESS = 0.05
-#: Largest distance between frames, times the mean frequency √(Σ F²/m / Σ m v²) of the atoms, of which differences make sense.
+#: Largest distance between frames, times the mean frequency √(Σ F²/m / Σ m v²) of the atoms, of which differences make
+#: sense.
 CLOSE = 0.5
 #: Error of velocity Verlet at a step over that of central differences at the same step; see `_extrapolated`.
 _VERLET = 4.0
@@ -43,11 +46,13 @@ def check_scene(scene, jobs: int = 1) -> Report:
 def check(
     traj, pot, kern, grid=None, *, points: int = 20, seed: int = 0, timestep: float | None = None, threads: int = 1
 ) -> Report:
-    """Residuals of the balance laws of mass, momentum and energy and of ∇·z = 0, on the frame in the middle of a trajectory.
+    """Residuals of the balance laws of mass, momentum and energy and of ∇·z = 0, on the frame in the middle of a
+    trajectory.
 
     Parameters
     ----------
-    traj : trajectory, Frame or anything `atc.read` takes. With at least 3 frames close in time, rates are also taken as differences between
+    traj : trajectory, Frame or anything `atc.read` takes. With at least 3 frames close in time, rates are also taken as
+        differences between
         frames, with 5 or 9 frames at two or three spacings.
     pot : potential
     kern : kernel, user's length
@@ -89,7 +94,8 @@ def check(
             bound = None
     if law.jumps(kern_in):
         notes.append(
-            f"kernel {kern_in.name!r} jumps: its fields change by jumps when an atom enters or leaves, which no rate at a point sees"
+            f"kernel {kern_in.name!r} jumps: its fields change by jumps when an atom enters or leaves, which no rate "
+            "at a point sees"
         )
 
     x_gc, n_random = law.choose_points(frame, kern_in, points, np.random.default_rng([20240301, seed]), bound)
@@ -124,11 +130,24 @@ def check(
     notes += [f"{what}: {count}" for what, count in state.notes.items()]
     return report(
         Findings(
-            source=traj.source, number=k, frame=frame, kernel=kern.describe(), n_random=n_random, n_points=len(x_gc), laws=laws, closed=closed,
-            stencil=stencil, frames=frames, sources=law.energy_rates(frame, pot, state, threads), apart=apart, jumps=found, churns=churns,
-            forces_nc=state.forces_nc, notes=notes,
+            source=traj.source,
+            number=k,
+            frame=frame,
+            kernel=kern.describe(),
+            n_random=n_random,
+            n_points=len(x_gc),
+            laws=laws,
+            closed=closed,
+            stencil=stencil,
+            frames=frames,
+            sources=law.energy_rates(frame, pot, state, threads),
+            apart=apart,
+            jumps=found,
+            churns=churns,
+            forces_nc=state.forces_nc,
+            notes=notes,
         )
-    )  # fmt: skip
+    )
 
 
 def _motion(frame, pot, threads, deposit):
@@ -167,7 +186,8 @@ def _frames(traj, k, frame, pot, kern, x_gc, exact, laws, scale, found, timestep
     times = {m: _time(f, timestep, u) for m, f in near.items()}
     if any(t is None for t in times.values()):
         return None, (
-            f"no differences between frames: the trajectory does not say its times: give timestep, the {label} per step, in [check] "
+            f"no differences between frames: the trajectory does not say its times: give timestep, the {label} per "
+            "step, in [check] "
             "(--set check.timestep=0.001)"
         )
     dt = 0.5 * (times[1] - times[-1])
@@ -176,14 +196,16 @@ def _frames(traj, k, frame, pot, kern, x_gc, exact, laws, scale, found, timestep
         if not times[b] > times[a]:
             return (
                 None,
-                f"no differences between frames: time does not increase from {_called(k + a, near[a])} to {_called(k + b, near[b])}: joined or appended files?",
+                f"no differences between frames: time does not increase from {_called(k + a, near[a])} to "
+                f"{_called(k + b, near[b])}: joined or appended files?",
             )
     if any(abs(times[m] - times[0] - m * dt) > 1e-6 * dt * abs(m) for m in order):
         gaps = {(a, b): (times[b] - times[a]) / (b - a) for a, b in itertools.pairwise(order)}
         (a, b), (c, d) = max(gaps, key=gaps.get), min(gaps, key=gaps.get)
         most, least = (number(u.to_user("time", gaps[key])) for key in ((a, b), (c, d)))
         return None, (
-            f"no differences between frames: frames are not evenly spaced in time: from {_called(k + a, near[a])} to {_called(k + b, near[b])} {most} {label} "
+            f"no differences between frames: frames are not evenly spaced in time: from {_called(k + a, near[a])} to "
+            f"{_called(k + b, near[b])} {most} {label} "
             f"a frame, from {_called(k + c, near[c])} to {_called(k + d, near[d])} {least}"
         )
     if any(f.cell != frame.cell for f in near.values()):
@@ -200,7 +222,8 @@ def _frames(traj, k, frame, pot, kern, x_gc, exact, laws, scale, found, timestep
         good, here = (number(u.to_user("time", t)) for t in (0.1 / frequency, dt))
         return (
             None,
-            f"no differences between frames: they are {here} {label} apart, too far for the motion of the atoms; {good} {label} or less would do",
+            f"no differences between frames: they are {here} {label} apart, too far for the motion of the atoms; "
+            f"{good} {label} or less would do",
         )
     spacings = [m for m in (1, 2, 4) if m in near and m * dt * frequency <= 2 * CLOSE]
     drift = state.drift
@@ -211,7 +234,8 @@ def _frames(traj, k, frame, pot, kern, x_gc, exact, laws, scale, found, timestep
     fits = float((moved * state.v_nc).sum()) / (2 * dt * speed2) if speed2 > 0 else 1.0
     if not 0.5 < fits < 2.0:
         return None, (
-            f"no differences between frames: atoms move {number(fits)} times as far as their velocities say: frames at {number(u.to_user('time', dt))} {label} "
+            f"no differences between frames: atoms move {number(fits)} times as far as their velocities say: frames "
+            f"at {number(u.to_user('time', dt))} {label} "
             "do not fit the velocities; check the times (timestep) and units"
         )
     residuals = {}
@@ -222,7 +246,8 @@ def _frames(traj, k, frame, pot, kern, x_gc, exact, laws, scale, found, timestep
     dx, dv = _resolution(traj, frame)
     noise = limits.resolution_noise(exact, dx, dv)
     jump = limits.cutoff_noise(exact, found, dt)
-    # A smooth motion changes its rates in dt by no more than this share of them, squared in dt or, where atoms cross a jump of φ'', linear.
+    # A smooth motion changes its rates in dt by no more than this share of them, squared in dt or, where atoms cross a
+    # jump of φ'', linear.
     cap = (
         10.0 * (frequency * dt) ** 2 + 10.0 * np.sqrt(heat / m_n.sum()) * dt / kern.radius
         if law.smooth(kern)
@@ -242,12 +267,14 @@ def _frames(traj, k, frame, pot, kern, x_gc, exact, laws, scale, found, timestep
 
 
 def _extrapolated(residuals, spacings, name, scale, noise, jump, dt, steps, cap):
-    """The residual at spacing 0, and what limits it, from residuals R(m) = C + a m² + b m⁴ at one, two or three spacings.
+    """The residual at spacing 0, and what limits it, from residuals R(m) = C + a m² + b m⁴ at one, two or three
+    spacings.
 
-    Limits: what the extrapolation leaves; the run's own time step, `steps` times smaller than the spacing of the frames; rounding of the
-    file; jumps at the cutoff. The first two are no larger than `cap`, what a smooth motion can do. Velocity Verlet solves other equations of motion, x' = v − h² x'''/6 and m x'' = F − m h² x''''/12 to leading order:
-    third derivatives, like the error (2h)²/24 f''' = h² f'''/6 of a difference. A field's own third derivative has cancellations that those of the
-    atoms have not, hence the factor (1 to 2 is seen).
+    Limits: what the extrapolation leaves; the run's own time step, `steps` times smaller than the spacing of the
+    frames; rounding of the file; jumps at the cutoff. The first two are no larger than `cap`, what a smooth motion can
+    do. Velocity Verlet solves other equations of motion, x' = v − h² x'''/6 and m x'' = F − m h² x''''/12 to leading
+    order: third derivatives, like the error (2h)²/24 f''' = h² f'''/6 of a difference. A field's own third derivative
+    has cancellations that those of the atoms have not, hence the factor (1 to 2 is seen).
     """
     r = {m: residuals[m][name].residual for m in spacings}
     without = {m: residuals[m][name].without for m in spacings}

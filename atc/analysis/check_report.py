@@ -16,7 +16,8 @@ _NAMES = {"mass": "mass balance", "momentum": "momentum balance", "energy": "ene
 
 @dataclass
 class Outcome:
-    """One law by one way: residual, its limit, both relative to the law's largest term; `holds` is None where it cannot be decided."""
+    """One law by one way: residual, its limit, both relative to the law's largest term; `holds` is None where it cannot
+    be decided."""
 
     residual: float
     limit: float
@@ -73,7 +74,8 @@ class Findings:
 
 @dataclass
 class Frames:
-    """The laws from differences between frames, by spacing; all relative to the largest term, internal units for times."""
+    """The laws from differences between frames, by spacing; all relative to the largest term, internal units for
+    times."""
 
     dt: list[float]
     residual: dict[str, list[float]] = field(default_factory=dict)
@@ -84,7 +86,8 @@ class Frames:
 
 @dataclass
 class Report:
-    """What `check` found. `ok` is False if a law is broken; `lines` is the verdict, `data` everything as plain values."""
+    """What `check` found. `ok` is False if a law is broken; `lines` is the verdict, `data` everything as plain
+    values."""
 
     title: str
     ok: bool
@@ -206,8 +209,10 @@ def _cutoff_note(jumps, u) -> list[str]:
         j = max(jumps, key=lambda j: abs(j.force) * j.crossings)
     what, value = ("energy", j.energy) if energy else ("force", j.force)
     return [
-        f"{j.name} ends at its cutoff ({number(u.to_user('length', j.cutoff))} {u.label('length')}) with {'an' if energy else 'a'} {what} of "
-        f"{number(u.to_user(what, value))} {u.label(what)}: about {number(j.crossings * u.time)} pairs a {u.label('time')} cross it, and the {what} jumps by that much"
+        f"{j.name} ends at its cutoff ({number(u.to_user('length', j.cutoff))} {u.label('length')}) with "
+        f"{'an' if energy else 'a'} {what} of "
+        f"{number(u.to_user(what, value))} {u.label(what)}: about {number(j.crossings * u.time)} pairs a "
+        f"{u.label('time')} cross it, and the {what} jumps by that much"
     ]
 
 
@@ -233,7 +238,8 @@ def _plain(o: Outcome) -> dict:
 
 
 def _forces(frame, forces_nc) -> float | None:
-    """Largest difference between the potential's forces and those of the file, relative to the largest; None if the file has none."""
+    """Largest difference between the potential's forces and those of the file, relative to the largest; None if the
+    file has none."""
     if frame.forces is None:
         return None
     return relative(np.abs(forces_nc - frame.forces).max(), np.abs(frame.forces).max())
@@ -247,7 +253,8 @@ _WAYS = {
 _SUSPECTS = {
     "chain rule": "forces, stress and energy sources do not belong to each other: an error of atc",
     "fields": "the deposited fields are not the sums they should be: an error of atc",
-    "frames": "is the potential that of the run, the run free of thermostats, walls and other outside forces, and are units, masses and times right?",
+    "frames": "is the potential that of the run, the run free of thermostats, walls and other outside forces, and are "
+    "units, masses and times right?",
 }
 
 
@@ -271,21 +278,25 @@ def _verdict(f: Findings) -> list[str]:
     out += _frames_verdict(f.frames, f.frame.units) if f.frames else []
     for name, way, o in broken:
         out.append(
-            f"BROKEN: {_NAMES[name]} {_WAYS[way]}: off by {_percent(o.residual)} of its largest term, of which {_e(o.limit)} can be explained"
+            f"BROKEN: {_NAMES[name]} {_WAYS[way]}: off by {_percent(o.residual)} of its largest term, of which "
+            f"{_e(o.limit)} can be explained"
         )
     out += [f"what to look at: {_SUSPECTS[way]}" for way in dict.fromkeys(way for _, way, _ in broken)]
     for name, way, o in f.picked(None):
         out.append(
-            f"undecided: {_NAMES[name]} {_WAYS[way]}: off by {_percent(o.residual)}, but the test itself is only good to {_percent(o.limit)}"
+            f"undecided: {_NAMES[name]} {_WAYS[way]}: off by {_percent(o.residual)}, but the test itself is only good "
+            f"to {_percent(o.limit)}"
         )
     if not f.sources_hold:
         out.append(
-            f"BROKEN: the energy sources are not the derivatives of the atoms' energies: off by {_percent(f.sources[0])} of the largest rate"
+            "BROKEN: the energy sources are not the derivatives of the atoms' energies: off by "
+            f"{_percent(f.sources[0])} of the largest rate"
         )
     if not f.fields_agree:
         worst = max(f.apart, key=f.apart.get)
         out.append(
-            f"BROKEN: the field {worst} differs from an independent sum by {_percent(f.apart[worst])} of the largest value"
+            f"BROKEN: the field {worst} differs from an independent sum by {_percent(f.apart[worst])} of the largest "
+            "value"
         )
     return out
 
@@ -297,7 +308,10 @@ def _frames_verdict(frames: Frames, u) -> list[str]:
     worst = max(held, key=lambda name: frames.outcome[name].residual)
     o, limits = frames.outcome[worst], frames.limits[worst]
     spacings = ", ".join(number(u.to_user("time", t)) for t in frames.dt)
-    text = f"frames {spacings} {u.label('time')} apart: {', '.join(held)} hold{'s' * (len(held) == 1)} to {_e(o.residual)} "
+    text = (
+        f"frames {spacings} {u.label('time')} apart: {', '.join(held)} hold{'s' * (len(held) == 1)} to "
+        f"{_e(o.residual)} "
+    )
     text += f"({worst}; limited to {_e(o.limit)} by the {max(limits, key=limits.get)})"
     slopes = [s[0] for name, s in frames.slope.items() if s and name in held]
     if slopes:

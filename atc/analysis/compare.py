@@ -1,8 +1,10 @@
-"""Hardy's stress against the virial stress: box averages, profiles, pointwise differences, and how they change with the kernel.
+"""Hardy's stress against the virial stress: box averages, profiles, pointwise differences, and how they change with the
+kernel.
 
-The mean of Hardy's stress over a box *is* the virial stress (its potential part exactly, as far as the grid resolves the kernel; its
-kinetic part up to the local mean velocity, which Hardy takes out point by point and the virial only as a whole). Point by point the two
-differ: a per-atom virial smoothed with the kernel puts half of every bond to each end instead of along the bond.
+The mean of Hardy's stress over a box *is* the virial stress (its potential part exactly, as far as the grid resolves
+the kernel; its kinetic part up to the local mean velocity, which Hardy takes out point by point and the virial only as
+a whole). Point by point the two differ: a per-atom virial smoothed with the kernel puts half of every bond to each end
+instead of along the bond.
 """
 
 from __future__ import annotations
@@ -37,9 +39,12 @@ class Comparison:
 
     Attributes
     ----------
-    rows : list of dicts with ``section``, ``name`` and, where they apply, ``hardy``, ``virial``, ``difference``, ``relative`` (to the largest
-        Hardy component), ``stderr_difference`` or ``stderr_virial`` and ``sigmas`` (difference in standard errors); stresses in `units`, tension positive
-    data : xarray.Dataset with ``profile_*`` (axis profiles of both) and ``difference`` (Hardy − smoothed virial, pointwise) where the output allows
+    rows : list of dicts with ``section``, ``name`` and, where they apply, ``hardy``, ``virial``, ``difference``,
+        ``relative`` (to the largest
+        Hardy component), ``stderr_difference`` or ``stderr_virial`` and ``sigmas`` (difference in standard errors);
+        stresses in `units`, tension positive
+    data : xarray.Dataset with ``profile_*`` (axis profiles of both) and ``difference`` (Hardy − smoothed virial,
+        pointwise) where the output allows
     notes : what could not be compared, and why
     attrs : kernel, radius, method, tolerance, measured error of the output
     place : atc.pictures.geometry.Layout of the points
@@ -170,9 +175,11 @@ def compare(ds, *, frame=None) -> Comparison:
 
     Parameters
     ----------
-    ds : xarray.Dataset, or the path of an output; it must hold ``stress`` or ``stress_potential``, and ``virial_stress`` (for box averages)
+    ds : xarray.Dataset, or the path of an output; it must hold ``stress`` or ``stress_potential``, and
+        ``virial_stress`` (for box averages)
         or ``smoothed_virial_stress`` (for profiles and pointwise differences), or both
-    frame : index of one entry of the output; default: the mean over all, where a frame without mass at a point counts as zero stress there
+    frame : index of one entry of the output; default: the mean over all, where a frame without mass at a point counts
+        as zero stress there
 
     Returns
     -------
@@ -184,8 +191,9 @@ def compare(ds, *, frame=None) -> Comparison:
 
     Notes
     -----
-    Entries are read one at a time. With several, the standard error of a box average's difference is that of its series, by block averaging
-    (`atc.statistics`); with a single time average, differences are held against the standard errors it carries.
+    Entries are read one at a time. With several, the standard error of a box average's difference is that of its
+    series, by block averaging (`atc.statistics`); with a single time average, differences are held against the standard
+    errors it carries.
     """
     import xarray as xr
 
@@ -198,12 +206,14 @@ def compare(ds, *, frame=None) -> Comparison:
     hardy_name = next((n for n in STRESSES if n in ds), None)
     if hardy_name is None:
         raise AtcError(
-            f"{name}: holds no Hardy stress to compare: compute quantities stress, virial_stress and smoothed_virial_stress"
+            f"{name}: holds no Hardy stress to compare: compute quantities stress, virial_stress and "
+            "smoothed_virial_stress"
         )
     part = hardy_name.removeprefix("stress")
     if "virial_stress" + part not in ds and "smoothed_virial_stress" + part not in ds:
         raise AtcError(
-            f"{name}: holds no virial stress to compare with: compute virial_stress (box average) or smoothed_virial_stress (pointwise) too"
+            f"{name}: holds no virial stress to compare with: compute virial_stress (box average) or "
+            "smoothed_virial_stress (pointwise) too"
         )
     place = layout(ds, ds[hardy_name])
     entries, when = _entries(ds, frame)
@@ -232,8 +242,13 @@ def compare(ds, *, frame=None) -> Comparison:
 
 
 _NEEDED = (
-    "stress", "stress_potential", "virial_stress", "virial_stress_potential", "smoothed_virial_stress", "smoothed_virial_stress_potential",
-)  # fmt: skip
+    "stress",
+    "stress_potential",
+    "virial_stress",
+    "virial_stress_potential",
+    "smoothed_virial_stress",
+    "smoothed_virial_stress_potential",
+)
 
 
 def _entries(ds, frame):
@@ -275,13 +290,15 @@ def _box_averages(out, ds, boxes, place, single):
             continue
         if not place.tiles:
             out.notes.append(
-                f"the {place.kind} does not fill the cell: its mean is not a box average and is not compared with the virial of the box"
+                f"the {place.kind} does not fill the cell: its mean is not a box average and is not compared with the "
+                "virial of the box"
             )
             return
         is_open = [axis for axis, p in zip("xyz", ds.attrs.get("periodic", "ppp")) if p != "p"]
         if is_open and not suffix:
             out.notes.append(
-                f"the cell is open along {', '.join(is_open)}: what the kernel carries beyond its faces there is missing from Hardy's box average"
+                f"the cell is open along {', '.join(is_open)}: what the kernel carries beyond its faces there is "
+                "missing from Hardy's box average"
             )
         hardy, virial = (np.array(boxes[n + suffix]) for n in ("stress", "virial_stress"))
         section = "box average" + (", potential part" if suffix else "")
@@ -296,7 +313,8 @@ def _box_averages(out, ds, boxes, place, single):
             label = "stderr_difference"
             if correlated.any() and not suffix:
                 out.notes.append(
-                    f"{len(hardy)} entries are too few, or too correlated, to tell: the standard errors are lower bounds"
+                    f"{len(hardy)} entries are too few, or too correlated, to tell: the standard errors are lower "
+                    "bounds"
                 )
         elif single is not None and f"virial_stress{suffix}_stderr" in ds:
             e = ds[f"virial_stress{suffix}_stderr"]
@@ -319,12 +337,15 @@ def _box_averages(out, ds, boxes, place, single):
         # A slab profile is integrated in closed form across, so that only its bins are left to sum over.
         if suffix and not is_open and float(np.abs(h - v).max()) > 1e-9 * size:
             out.notes.append(
-                f"over a periodic box the integral of Hardy's potential stress is the virial exactly; the mean over grid points differs from it by "
-                f"{float(np.abs(h - v).max()) / size:.1e}, which is the grid's quadrature: it falls as the grid resolves the kernel"
+                "over a periodic box the integral of Hardy's potential stress is the virial exactly; the mean over "
+                "grid points differs from it by "
+                f"{float(np.abs(h - v).max()) / size:.1e}, which is the grid's quadrature: it falls as the grid "
+                "resolves the kernel"
             )
     if {"box average", "box average, potential part"} <= {r["section"] for r in out.rows}:
         out.notes.append(
-            "the kinetic parts differ by definition: Hardy's takes out the velocity at each point, the virial's the mean velocity of the frame"
+            "the kinetic parts differ by definition: Hardy's takes out the velocity at each point, the virial's the "
+            "mean velocity of the frame"
         )
 
 
@@ -397,7 +418,8 @@ def _profiles(out, hardy, virial, place, scale):
 
 
 def _accuracy(out, ds):
-    """The errors the output carries: relative to the largest value of each field, measured at random points by the exact method."""
+    """The errors the output carries: relative to the largest value of each field, measured at random points by the
+    exact method."""
     for name in ds.data_vars:
         attrs = ds[name].attrs
         if "measured_error" in attrs:

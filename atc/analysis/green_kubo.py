@@ -1,6 +1,7 @@
 """Thermal conductivity from the fluctuations of the heat current in equilibrium (Green-Kubo).
 
-κ_c = 1/(V k_B T²) ∫_0^∞ ⟨J_c(0) J_c(t)⟩ dt, with J the heat current of the box (quantity ``heat_current``): heat flux times volume.
+κ_c = 1/(V k_B T²) ∫_0^∞ ⟨J_c(0) J_c(t)⟩ dt, with J the heat current of the box (quantity ``heat_current``): heat flux
+times volume.
 """
 
 from __future__ import annotations
@@ -28,8 +29,10 @@ DIFFUSES = 0.6
 class HeatCurrents:
     """The heat current of the box, frame by frame; internal units.
 
-    J_tc : (t, 3) heat flux times volume, energy·length/time, relative to the mass-mean velocity. dt : time between frames.
-    volume, temperature : their means (temperature of 3N−3, in the plane 2N−2, degrees of freedom). units : the user's. atoms : how many.
+    J_tc : (t, 3) heat flux times volume, energy·length/time, relative to the mass-mean velocity. dt : time between
+        frames.
+    volume, temperature : their means (temperature of 3N−3, in the plane 2N−2, degrees of freedom). units : the user's.
+        atoms : how many.
     notes : what to know of the frames.
     """
 
@@ -51,21 +54,25 @@ def heat_currents(frames, pot, *, dt: float | None = None, threads: int | None =
 
     Parameters
     ----------
-    frames : trajectory from `atc.read`, or any iterable of Frames, equally spaced in time; read once, one frame at a time
+    frames : trajectory from `atc.read`, or any iterable of Frames, equally spaced in time; read once, one frame at a
+        time
     pot : potential from `atc.potential`
-    dt : time between frames in the user's unit, for frames that do not know their time (steps, where they are known, must still be equally spaced)
+    dt : time between frames in the user's unit, for frames that do not know their time (steps, where they are known,
+        must still be equally spaced)
     threads : threads within a frame (default 1: frames of a Green-Kubo run are small and many)
     progress : callable(done, total, rate), total 0 if it is not known
 
     Returns
     -------
-    HeatCurrents. J = Σ e_j v_j + Σ_{j≠k} (v_k·∂U^(j)/∂x_k) x_jk, velocities relative to the mass-mean velocity of the frame (formulas: R 4.0.114-4.0.123).
+    HeatCurrents. J = Σ e_j v_j + Σ_{j≠k} (v_k·∂U^(j)/∂x_k) x_jk, velocities relative to the mass-mean velocity of the
+    frame (formulas: R 4.0.114-4.0.123).
 
     Raises
     ------
     AtcError
-        when velocities, masses or times are missing, frames are not equally spaced (steps that repeat or go back, gaps, a change of the time step), or
-        the number of atoms changes. The frame with which a continued run begins, if it is the one before once more, is left out.
+        when velocities, masses or times are missing, frames are not equally spaced (steps that repeat or go back, gaps,
+        a change of the time step), or the number of atoms changes. The frame with which a continued run begins, if it
+        is the one before once more, is left out.
     """
     import time
 
@@ -91,7 +98,8 @@ def heat_currents(frames, pot, *, dt: float | None = None, threads: int | None =
         first = frame if first is None else first
         if len(frame) != len(first) or len(frame) < 2:
             raise AtcError(
-                f"{frame.source}: a conductivity needs the same two or more atoms in every frame, found {len(frame)} after {len(first)}"
+                f"{frame.source}: a conductivity needs the same two or more atoms in every frame, found {len(frame)} "
+                f"after {len(first)}"
             )
         frame.require("velocities", "masses", why="the heat current")
         if not clock.follows(frame):
@@ -110,9 +118,15 @@ def heat_currents(frames, pot, *, dt: float | None = None, threads: int | None =
         raise AtcError("no frames were given: a conductivity needs a trajectory")
     step, notes = _time_step(clock, first, None if dt is None else _positive(dt, "dt", first.units))
     return HeatCurrents(
-        np.array(J), float(step), float(np.mean(volumes)), float(np.mean(temperatures)), first.units, len(first), str(first.source),
+        np.array(J),
+        float(step),
+        float(np.mean(volumes)),
+        float(np.mean(temperatures)),
+        first.units,
+        len(first),
+        str(first.source),
         [*notes, *paths.notes()],
-    )  # fmt: skip
+    )
 
 
 def _time_step(clock, frame, given) -> tuple[float, list[str]]:
@@ -123,7 +137,8 @@ def _time_step(clock, frame, given) -> tuple[float, list[str]]:
     step = clock.spacing()
     if given is None and step is None:
         raise AtcError(
-            f"{frame.source}: its frames do not know their time (dump_modify time yes makes LAMMPS write it): give the time between frames as dt"
+            f"{frame.source}: its frames do not know their time (dump_modify time yes makes LAMMPS write it): give "
+            "the time between frames as dt"
         )
     if given is None:
         return step, notes
@@ -166,14 +181,17 @@ class Paths:
         u = f.units
         told = ", ".join(f"{labels[k]} by {u.to_user('length', far[k]):.3g} {u.label('length')}" for k in moving)
         return [
-            f"a mixture whose species diffuse ({told}, rms): the partial enthalpies that diffusing species carry are not taken off the current, "
-            "J - sum over species of h_s sum of v_i, so that the value is not the conductivity at zero flow of matter; take h_s from runs of other compositions, "
+            f"a mixture whose species diffuse ({told}, rms): the partial enthalpies that diffusing species carry are "
+            "not taken off the current, "
+            "J - sum over species of h_s sum of v_i, so that the value is not the conductivity at zero flow of "
+            "matter; take h_s from runs of other compositions, "
             "subtract, and give the series to atc.conductivity"
         ]
 
 
 def species(frame) -> tuple[np.ndarray, list[str]]:
-    """(n,) number of each atom's species and their names: types of atoms, or kinds of molecules where bonds say which atoms belong together."""
+    """(n,) number of each atom's species and their names: types of atoms, or kinds of molecules where bonds say which
+    atoms belong together."""
     types = frame.types
     names = frame.type_names
     values, kinds = np.unique(types, return_inverse=True)
@@ -205,13 +223,16 @@ class Conductivity:
 
     Attributes
     ----------
-    value, stderr : mean of the three directions, and its error: standard error from the independent segments, and the last change of the integral
+    value, stderr : mean of the three directions, and its error: standard error from the independent segments, and the
+        last change of the integral
         before the plateau, added as squares
-    components : {"x": (value, stderr), ...}: κ_xx, κ_yy, κ_zz over the same plateau. They differ in a crystal that is not cubic, or by chance.
+    components : {"x": (value, stderr), ...}: κ_xx, κ_yy, κ_zz over the same plateau. They differ in a crystal that is
+        not cubic, or by chance.
     si, si_stderr : value and stderr in W/(m K) (two dimensions: W/K, `si_units`); None for reduced units
     plateau : (begin, end), lags over which the running integral is averaged
     converged : whether the integral had stopped to change
-    time, correlation, correlation_stderr, integral, integral_stderr : (lags,) lag, ⟨J(0)·J(t)⟩/⟨J·J⟩ and the running integral as a conductivity
+    time, correlation, correlation_stderr, integral, integral_stderr : (lags,) lag, ⟨J(0)·J(t)⟩/⟨J·J⟩ and the running
+        integral as a conductivity
     samples, segments, dt, temperature, volume, atoms : what it was computed from
     notes : what a reader should know before using the number
     """
@@ -263,7 +284,8 @@ class Conductivity:
         out.append(
             (
                 "from",
-                f"{atoms}{state}; {self.samples} currents, {self.dt:.4g} {t} apart, in {self.segments} independent segments",
+                f"{atoms}{state}; {self.samples} currents, {self.dt:.4g} {t} apart, in {self.segments} independent "
+                "segments",
             )
         )
         return out
@@ -291,7 +313,8 @@ class Conductivity:
         return path
 
     def figure(self):
-        """A matplotlib Figure: autocorrelation above, running integral with the plateau below, bands of one standard error."""
+        """A matplotlib Figure: autocorrelation above, running integral with the plateau below, bands of one standard
+        error."""
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=(6.4, 6.0), layout="constrained")
@@ -309,9 +332,15 @@ class Conductivity:
             axes.axhline(0.0, color="0.6", linewidth=0.8, zorder=0)
             axes.set_ylabel(label)
         below.errorbar(
-            [np.mean(self.plateau)], [self.value], yerr=[self.stderr], xerr=[[np.ptp(self.plateau) / 2]] * 2, color="C3", capsize=3, zorder=3,
+            [np.mean(self.plateau)],
+            [self.value],
+            yerr=[self.stderr],
+            xerr=[[np.ptp(self.plateau) / 2]] * 2,
+            color="C3",
+            capsize=3,
+            zorder=3,
             label=f"{_pm(self.value, self.stderr)} {self.units}",
-        )  # fmt: skip
+        )
         below.legend(frameon=False)
         below.set_xlabel(f"t ({self.time_units})")
         figure.suptitle("Heat current: autocorrelation and Green-Kubo integral")
@@ -333,24 +362,38 @@ def _pm(value, error) -> str:
 
 
 def conductivity(
-    source, pot=None, *, segments: int = 10, plateau=None, longest: float | None = None, dt: float | None = None, volume: float | None = None,
-    temperature: float | None = None, units: str | Units | None = None, threads: int | None = None, progress=None,
-) -> Conductivity:  # fmt: skip
+    source,
+    pot=None,
+    *,
+    segments: int = 10,
+    plateau=None,
+    longest: float | None = None,
+    dt: float | None = None,
+    volume: float | None = None,
+    temperature: float | None = None,
+    units: str | Units | None = None,
+    threads: int | None = None,
+    progress=None,
+) -> Conductivity:
     """Thermal conductivity by Green and Kubo: κ = 1/(V k_B T²) ∫ ⟨J(0) J(t)⟩ dt, with an error bar.
 
     Parameters
     ----------
-    source : trajectory from `atc.read`, any iterable of Frames, `HeatCurrents`, or a (t, 3) array of heat currents (heat flux times volume)
-        An equilibrium run (constant energy, no thermostat, no flow), frames equally spaced and close enough to resolve the vibrations.
+    source : trajectory from `atc.read`, any iterable of Frames, `HeatCurrents`, or a (t, 3) array of heat currents
+        (heat flux times volume)
+        An equilibrium run (constant energy, no thermostat, no flow), frames equally spaced and close enough to resolve
+        the vibrations.
     pot : potential from `atc.potential`; for frames
     segments : int
-        The run is cut into so many equal parts; each gives an integral of its own, and their scatter the error. They must be much longer than
-        the plateau's lag; integrals go up to half a segment.
+        The run is cut into so many equal parts; each gives an integral of its own, and their scatter the error. They
+        must be much longer than the plateau's lag; integrals go up to half a segment.
     plateau : (begin, end), optional
-        Lags over which the running integral is averaged, in the user's unit of time; default: found (`atc.estimators.correlation.plateau`).
+        Lags over which the running integral is averaged, in the user's unit of time; default: found
+        (`atc.estimators.correlation.plateau`).
     longest : the longest lag to look at, in the user's unit of time
     dt : time between samples in the user's unit; for an array, or frames without times
-    volume, temperature, units : for an array: in the user's units, and which these are; for frames they override what the frames say
+    volume, temperature, units : for an array: in the user's units, and which these are; for frames they override what
+        the frames say
     threads, progress : see `heat_currents`
 
     Returns
@@ -364,8 +407,8 @@ def conductivity(
 
     Notes
     -----
-    The mean of J is not taken off: in equilibrium it is 0. Where it is not, within errors, the result says so. Elements or species that diffuse
-    among each other need partial enthalpies taken off the current, which this does not do.
+    The mean of J is not taken off: in equilibrium it is 0. Where it is not, within errors, the result says so. Elements
+    or species that diffuse among each other need partial enthalpies taken off the current, which this does not do.
     """
     result = _analysed(
         _currents(source, pot, dt, volume, temperature, units, threads, progress), segments, plateau, longest
@@ -386,7 +429,8 @@ def _analysed(currents: HeatCurrents, segments, plateau, longest) -> Conductivit
     length = len(J) // segments
     if length < MIN_SAMPLES:
         raise AtcError(
-            f"{currents.source}: {len(J)} heat currents in {segments} segments leave {length} in each, but it takes {MIN_SAMPLES} at the very least: "
+            f"{currents.source}: {len(J)} heat currents in {segments} segments leave {length} in each, but it takes "
+            f"{MIN_SAMPLES} at the very least: "
             "give more frames or fewer segments"
         )
     lags = None
@@ -394,7 +438,8 @@ def _analysed(currents: HeatCurrents, segments, plateau, longest) -> Conductivit
         lags = round(_positive(longest, "longest", u) / currents.dt) + 1
         if lags < 5:
             raise AtcError(
-                f"longest={longest:g}: is less than four times the distance between samples, {u.to_user('time', currents.dt):g}"
+                f"longest={longest:g}: is less than four times the distance between samples, "
+                f"{u.to_user('time', currents.dt):g}"
             )
     runs = segment_integrals(J, currents.dt, segments, lags)
     # From the integral of ⟨JJ⟩ to a conductivity in the user's units.
@@ -413,13 +458,15 @@ def _analysed(currents: HeatCurrents, segments, plateau, longest) -> Conductivit
     notes = list(currents.notes)
     if not where.found:
         notes.append(
-            "the integral had not converged at the longest lag: the value is that of the longest lags and may be too small; take a longer run "
+            "the integral had not converged at the longest lag: the value is that of the longest lags and may be too "
+            "small; take a longer run "
             "or fewer segments"
         )
     moving = _flowing(J, runs, where, components, scale)
     if moving:
         notes.append(
-            f"the mean heat current along {', '.join(moving)} is not 0: this is not a run in equilibrium (heat or atoms flow), and Green-Kubo does not hold"
+            f"the mean heat current along {', '.join(moving)} is not 0: this is not a run in equilibrium (heat or "
+            "atoms flow), and Green-Kubo does not hold"
         )
     # The trapezoidal rule's error is a third of its change from the doubled step.
     every_other = (
@@ -428,22 +475,42 @@ def _analysed(currents: HeatCurrents, segments, plateau, longest) -> Conductivit
     coarse = abs(every_other - integral[where.begin - where.begin % 2]) / 3.0
     if where.begin >= 2 and coarse > max(stderr, _COARSE * abs(value)):
         notes.append(
-            f"the frames are too far apart to resolve the current: the integral is off by about {coarse:.2g} {_label(u)}; write them more often"
+            f"the frames are too far apart to resolve the current: the integral is off by about {coarse:.2g} "
+            f"{_label(u)}; write them more often"
         )
     to_si = None if u.reduced else u.factor("conductivity") / _si(u.dimension).factor("conductivity")
     return Conductivity(
-        value=value, stderr=stderr, components=components, units=_label(u), si=None if to_si is None else value * to_si,
-        si_stderr=None if to_si is None else stderr * to_si, si_units=SI if u.dimension == 3 else SI_PLANE,
-        plateau=tuple(float(u.to_user("time", runs.dt * l)) for l in (where.begin, where.end)), converged=where.found,
-        time=u.to_user("time", runs.time), time_units=u.label("time"), correlation=correlation, correlation_stderr=correlation_stderr,
-        integral=integral, integral_stderr=integral_stderr, samples=len(J), segments=segments, dt=float(u.to_user("time", currents.dt)),
-        temperature=float(u.to_user("temperature", currents.temperature)), temperature_units=u.label("temperature"),
-        volume=float(u.to_user("volume", currents.volume)), volume_units=u.label("volume"), atoms=currents.atoms, source=currents.source, notes=notes,
-    )  # fmt: skip
+        value=value,
+        stderr=stderr,
+        components=components,
+        units=_label(u),
+        si=None if to_si is None else value * to_si,
+        si_stderr=None if to_si is None else stderr * to_si,
+        si_units=SI if u.dimension == 3 else SI_PLANE,
+        plateau=tuple(float(u.to_user("time", runs.dt * l)) for l in (where.begin, where.end)),
+        converged=where.found,
+        time=u.to_user("time", runs.time),
+        time_units=u.label("time"),
+        correlation=correlation,
+        correlation_stderr=correlation_stderr,
+        integral=integral,
+        integral_stderr=integral_stderr,
+        samples=len(J),
+        segments=segments,
+        dt=float(u.to_user("time", currents.dt)),
+        temperature=float(u.to_user("temperature", currents.temperature)),
+        temperature_units=u.label("temperature"),
+        volume=float(u.to_user("volume", currents.volume)),
+        volume_units=u.label("volume"),
+        atoms=currents.atoms,
+        source=currents.source,
+        notes=notes,
+    )
 
 
 def _flowing(J_tc, runs, where, components, scale) -> list[str]:
-    """Directions along which the mean current is no fluctuation: that of a run of length T has the variance 2/T ∫ ⟨J(0) J(t)⟩ dt."""
+    """Directions along which the mean current is no fluctuation: that of a run of length T has the variance 2/T ∫ ⟨J(0)
+    J(t)⟩ dt."""
     length, middle = len(J_tc) * runs.dt, 0.5 * (where.begin + where.end) * runs.dt
     out = []
     for c, mean, samples in zip("xyz", J_tc.mean(axis=0), J_tc.T):
@@ -457,14 +524,16 @@ def _flowing(J_tc, runs, where, components, scale) -> list[str]:
 def conductivity_of_scene(
     scene, *, segments=10, plateau=None, longest=None, dt=None, jobs: int = 1, progress=None
 ) -> Conductivity:
-    """`conductivity` of the trajectory and potential of a scene; `jobs` threads within a frame (0: all processors). The notes are not warned of."""
+    """`conductivity` of the trajectory and potential of a scene; `jobs` threads within a frame (0: all processors). The
+    notes are not warned of."""
     from ..plan import cores
 
     threads = cores(jobs)
     pot = scene.potential()
     if pot is None:
         raise AtcError(
-            f'{scene.name}: no [potential] section: the heat current needs one: lammps = """pair_style ...""" (LAMMPS lines) or input = "in.file"'
+            f'{scene.name}: no [potential] section: the heat current needs one: lammps = """pair_style ...""" (LAMMPS '
+            'lines) or input = "in.file"'
         )
     currents = heat_currents(scene.trajectory(), pot, dt=dt, threads=threads, progress=progress)
     return _analysed(currents, segments, plateau, longest)
@@ -495,7 +564,8 @@ def _given_plateau(given, runs, u):
     if not 0 < lags[0] <= lags[1] < runs.lags:
         last = u.to_user("time", runs.time[-1])
         raise AtcError(
-            f"plateau={begin:g},{end:g}: expected 0 < begin <= end <= {last:.6g} {u.label('time')}, the longest lag: give fewer segments, or a longer run"
+            f"plateau={begin:g},{end:g}: expected 0 < begin <= end <= {last:.6g} {u.label('time')}, the longest lag: "
+            "give fewer segments, or a longer run"
         )
     return Plateau(lags[0], lags[1], 0.0, True)
 

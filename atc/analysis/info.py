@@ -10,8 +10,8 @@ import numpy as np
 from ..errors import AtcError
 from ..readers.plausible import doubts
 
-# Measured on Lennard-Jones argon: coordinates rounded to 0.01 Å give 1.5 to 2 % stress error at a kernel radius of 5 Å. Rounding
-# errors are independent and small, so the stress error is linear in the rounding step.
+# Measured on Lennard-Jones argon: coordinates rounded to 0.01 Å give 1.5 to 2 % stress error at a kernel radius of 5 Å.
+# Rounding errors are independent and small, so the stress error is linear in the rounding step.
 _STRESS_ERROR_PER_ANGSTROM = 2e-2 / 0.01
 # In reduced units σ plays the part of argon's 3.4 Å.
 _ANGSTROM_PER_SIGMA = 3.4
@@ -19,14 +19,17 @@ _WORTH_A_WARNING = 1e-3
 
 # What cannot be computed without a per-atom quantity.
 _NEEDED_FOR = {
-    "velocities": "temperature, kinetic stress, velocity and momentum cannot be computed (stress_potential can); dump vx vy vz too",
-    "masses": "density, momentum, velocity, temperature and kinetic stress cannot be computed; give --masses or a LAMMPS data file as --topology",
+    "velocities": "temperature, kinetic stress, velocity and momentum cannot be computed (stress_potential can); dump "
+    "vx vy vz too",
+    "masses": "density, momentum, velocity, temperature and kinetic stress cannot be computed; give --masses or a "
+    "LAMMPS data file as --topology",
 }
 
 
 @dataclass
 class Report:
-    """`rows`: (what, text) to print; `data`: the same as plain values; `notes`: what is missing or imprecise, and what follows from it."""
+    """`rows`: (what, text) to print; `data`: the same as plain values; `notes`: what is missing or imprecise, and what
+    follows from it."""
 
     title: str
     rows: list[tuple[str, str]]
@@ -50,7 +53,8 @@ def _g(v) -> str:
 
 
 def stress_error(resolution: float, units) -> float:
-    """Relative stress error to expect at a kernel radius of 5 Å (1.5 σ) from coordinates resolved to `resolution` (in `units`)."""
+    """Relative stress error to expect at a kernel radius of 5 Å (1.5 σ) from coordinates resolved to `resolution` (in
+    `units`)."""
     angstrom = resolution * _ANGSTROM_PER_SIGMA if units.reduced else units.to_internal("length", resolution)
     return angstrom * _STRESS_ERROR_PER_ANGSTROM
 
@@ -58,7 +62,8 @@ def stress_error(resolution: float, units) -> float:
 def describe(source, topology=None, units=None, masses=None, dimension=None, atom_style=None) -> Report:
     """Look into a trajectory without computing anything: its first and last frame are read, the rest is only counted.
 
-    Parameters are those of `atc.read`. Raises `AtcError` for what `atc.read` refuses, and for a source without a complete frame.
+    Parameters are those of `atc.read`. Raises `AtcError` for what `atc.read` refuses, and for a source without a
+    complete frame.
     """
     from .. import read
 
@@ -68,7 +73,8 @@ def describe(source, topology=None, units=None, masses=None, dimension=None, ato
 
 
 def describe_scene(scene, threads: int = 1) -> Report:
-    """The same of a scene's trajectory, and whether the run's forces (and its log, if the scene names one) are those of the scene's potential."""
+    """The same of a scene's trajectory, and whether the run's forces (and its log, if the scene names one) are those of
+    the scene's potential."""
     from ..agreement.run_check import alarm
 
     trajectory = scene.trajectory()

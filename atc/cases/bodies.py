@@ -1,4 +1,5 @@
-"""Nodes of a peridynamic body from files: CSV, extended XYZ, LAMMPS data files (atom_style peri), and the cells of a mesh."""
+"""Nodes of a peridynamic body from files: CSV, extended XYZ, LAMMPS data files (atom_style peri), and the cells of a
+mesh."""
 
 from __future__ import annotations
 
@@ -26,8 +27,10 @@ def read_nodes(path, settings, bad) -> Nodes:
 
     Parameters
     ----------
-    path : ``.csv`` (a header with x, y, z and maybe volume, density, material), ``.xyz``/``.extxyz`` (columns volume, density, material), a LAMMPS data file with
-        ``atom_style peri`` (its types are the materials), or a mesh that meshio reads (.vtu, .vtk, .msh, ...): a node for each cell, at its centroid, with its volume
+    path : ``.csv`` (a header with x, y, z and maybe volume, density, material), ``.xyz``/``.extxyz`` (columns volume,
+        density, material), a LAMMPS data file with
+        ``atom_style peri`` (its types are the materials), or a mesh that meshio reads (.vtu, .vtk, .msh, ...): a node
+        for each cell, at its centroid, with its volume
     settings : {"density": ..., "volume": ..., "dimension": ..., "thickness": ...}: what the file does not say
     bad : makes the AtcError from a reason
     """
@@ -74,7 +77,8 @@ def _csv(path):
     missing = [c for c in ("x", "y", "z") if c not in table]
     if missing:
         raise AtcError(
-            f"{path}: its header needs the columns x, y, z (and maybe volume, density, material); missing: {', '.join(missing)}"
+            f"{path}: its header needs the columns x, y, z (and maybe volume, density, material); missing: "
+            f"{', '.join(missing)}"
         )
     unknown = [c for c in table if c not in ("x", "y", "z", "volume", "density", "material")]
     if unknown:
@@ -84,7 +88,8 @@ def _csv(path):
         values = pd.to_numeric(table[name], errors="coerce").to_numpy(float)
         if not np.isfinite(values).all():
             raise AtcError(
-                f"{path}: column {name!r} has no number in row {int(np.flatnonzero(~np.isfinite(values))[0]) + 1} below the header"
+                f"{path}: column {name!r} has no number in row {int(np.flatnonzero(~np.isfinite(values))[0]) + 1} "
+                "below the header"
             )
         out[name] = values
     out["x_nc"] = np.stack([out.pop(c) for c in "xyz"], axis=1)
@@ -156,7 +161,8 @@ def _mesh(path, dimension, thickness):
         mesh = meshio.read(path)
     except (Exception, SystemExit) as e:  # meshio leaves through sys.exit for unknown formats
         raise AtcError(
-            f"{path}: expected .csv, extended XYZ, a LAMMPS data file or a mesh; not a mesh that meshio reads: {' '.join(str(e).split()) or type(e).__name__}"
+            f"{path}: expected .csv, extended XYZ, a LAMMPS data file or a mesh; not a mesh that meshio reads: "
+            f"{' '.join(str(e).split()) or type(e).__name__}"
         ) from None
     points = np.zeros((len(mesh.points), 3))
     points[:, : mesh.points.shape[1]] = mesh.points
@@ -177,7 +183,8 @@ def _mesh(path, dimension, thickness):
         parts.append(k)
     if not centres:
         raise AtcError(
-            f"{path}: has no cells of dimension {dimension}: found {', '.join(sorted({b.type for b in mesh.cells})) or 'none'}"
+            f"{path}: has no cells of dimension {dimension}: found "
+            f"{', '.join(sorted({b.type for b in mesh.cells})) or 'none'}"
         )
     out = {"x_nc": np.concatenate(centres), "volume": np.concatenate(volumes) * (thickness if dimension < 3 else 1.0)}
     for name in ("density", "material"):

@@ -32,7 +32,8 @@ def simulation(case, threads: int = 0, state=None):
     for number in present:
         if number not in materials:
             raise AtcError(
-                f"{case.where('material')}: the nodes have material {number}, which no [[material]] has as its id: {sorted(materials)}"
+                f"{case.where('material')}: the nodes have material {number}, which no [[material]] has as its id: "
+                f"{sorted(materials)}"
             )
     case_damage.require_one_model(case, materials)
     materials = {n: materials[n] for n in present}
@@ -94,13 +95,24 @@ def simulation(case, threads: int = 0, state=None):
             options[key] = run[key]
     try:
         sim = pd.Simulation(
-            body, materials, damage=damage, no_fail=no_fail or None, contact=contact, indenter=indenters, walls=walls, conditions=conditions,
-            interfaces=stiffness or None, state=state, threads=threads, **options,
-        )  # fmt: skip
+            body,
+            materials,
+            damage=damage,
+            no_fail=no_fail or None,
+            contact=contact,
+            indenter=indenters,
+            walls=walls,
+            conditions=conditions,
+            interfaces=stiffness or None,
+            state=state,
+            threads=threads,
+            **options,
+        )
     except AtcError as e:
         raise AtcError(str(e) if case.name in str(e) else f"{case.name}: {e}") from None
     if not in_motion:
-        # The time between two states of equilibrium, which no stability limits: loads and prescribed displacements are functions of it.
+        # The time between two states of equilibrium, which no stability limits: loads and prescribed displacements are
+        # functions of it.
         sim.dt = float(run.get("dt", 1.0))
     return sim
 
@@ -158,7 +170,8 @@ def make_body(case):
             material_n[inside] = number
         elif "region" in b and k:
             raise AtcError(
-                f"{case.where('material', str(k))}: [material] needs region, where it is: only the first of several may be everywhere else"
+                f"{case.where('material', str(k))}: [material] needs region, where it is: only the first of several "
+                "may be everywhere else"
             )
     for k, m in enumerate(case.data["material"]):
         if "density" in m:
@@ -200,7 +213,8 @@ def _inside_once(cell):
 
 
 def history(case, path, value, X_nc=None):
-    """What the engine takes for three components or a table of them: "free" is None, and formulas are functions of time at the nodes X_nc."""
+    """What the engine takes for three components or a table of them: "free" is None, and formulas are functions of time
+    at the nodes X_nc."""
     number = lambda c: np.nan if c == "free" else c  # noqa: E731
     if isinstance(value, dict):
         return np.array(value["times"], float), np.array([[number(c) for c in row] for row in value["values"]], float)
@@ -252,7 +266,8 @@ def _require_bonds(case, body):
     if not len(body.bonds) and "contact" not in case.data:
         raise case.bad(
             ("body", "horizon"),
-            f"no node has another one within {body.horizon:g}, so that nothing holds the body together: take about three spacings (of {body.spacing:g})",
+            f"no node has another one within {body.horizon:g}, so that nothing holds the body together: take about "
+            f"three spacings (of {body.spacing:g})",
         )
     for k, cut in enumerate(body.cuts):
         if not cut and len(body.bonds):

@@ -1,8 +1,10 @@
 """Cases: the TOML file in which a person describes a peridynamic body, what acts on it, and what to keep of the run.
 
-Sections ``[body]``, ``[regions.NAME]``, ``[[material]]``, ``[[interface]]``, ``[damage]``, ``[contact]``, ``[[notch]]``, ``[[indenter]]``, ``[[wall]]``, ``[[initial]]``, ``[[prescribed]]``,
-``[[body_force]]``, ``[run]``, ``[output]``, and ``[kernel]``, ``[grid]``, ``[fields]`` as in scenes. Everything is checked before anything is computed, and every complaint names the file and the line. Numbers are in any one
-consistent system of units; the output labels them as SI. Paths are relative to the case.
+Sections ``[body]``, ``[regions.NAME]``, ``[[material]]``, ``[[interface]]``, ``[damage]``, ``[contact]``,
+``[[notch]]``, ``[[indenter]]``, ``[[wall]]``, ``[[initial]]``, ``[[prescribed]]``, ``[[body_force]]``, ``[run]``,
+``[output]``, and ``[kernel]``, ``[grid]``, ``[fields]`` as in scenes. Everything is checked before anything is
+computed, and every complaint names the file and the line. Numbers are in any one consistent system of units; the output
+labels them as SI. Paths are relative to the case.
 """
 
 from __future__ import annotations
@@ -43,7 +45,8 @@ class Case(Document):
 
     @classmethod
     def load(cls, source, overrides=None) -> Case:
-        """Read and check a case: the path of a TOML file, or a mapping of sections. `overrides` : ``["run.steps=100"]`` or ``{"run.steps": 100}``.
+        """Read and check a case: the path of a TOML file, or a mapping of sections. `overrides` : ``["run.steps=100"]``
+        or ``{"run.steps": 100}``.
 
         Raises AtcError, naming file, line and key, for anything unknown, missing or malformed.
         """
@@ -63,7 +66,8 @@ class Case(Document):
         for section, value in data.items():
             if section not in SECTIONS:
                 raise AtcError(
-                    f"{case.where(section)}: unknown section [{section}]: {guess(section, SECTIONS)}known: {', '.join(SECTIONS)}"
+                    f"{case.where(section)}: unknown section [{section}]: {guess(section, SECTIONS)}known: "
+                    f"{', '.join(SECTIONS)}"
                 )
             if section in ARRAYS and isinstance(value, dict):
                 # One table where several are allowed.
@@ -104,7 +108,10 @@ class Case(Document):
                     if key not in known:
                         why = f"{guess(key, known)}known: {', '.join(known)}"
                         if section == "material" and t.get("model") == "pmb" and key in ("poisson", "shear"):
-                            why = "bonds of pmb fix Poisson's ratio at 1/4 (plane stress 1/3): one modulus is all; take lps for another ratio"
+                            why = (
+                                "bonds of pmb fix Poisson's ratio at 1/4 (plane stress 1/3): one modulus is all; take "
+                                "lps for another ratio"
+                            )
                         raise AtcError(f"{self.where(*path, key)}: unknown key {key!r} in [{section}]: {why}")
                     self._check_key(known[key], t, key, (*path, key), value)
         self._check_body()
@@ -133,7 +140,8 @@ class Case(Document):
         if "body" not in self.data:
             raise self.need(
                 "body",
-                'it needs region and spacing (a lattice), or file (nodes), and horizon, e.g. region = { shape = "box", ... }',
+                "it needs region and spacing (a lattice), or file (nodes), and horizon, e.g. region = { shape = "
+                '"box", ... }',
             )
         body = self.data["body"]
         if ("region" in body) == ("file" in body):
@@ -149,7 +157,8 @@ class Case(Document):
                 if key in body:
                     raise self.bad(
                         ("body", key),
-                        "belongs to nodes from a file; those of a lattice have spacing^3 (spacing^2 thickness in two dimensions)",
+                        "belongs to nodes from a file; those of a lattice have spacing^3 (spacing^2 thickness in two "
+                        "dimensions)",
                     )
         else:
             for key in ("offset", "jitter", "seed"):
@@ -181,7 +190,8 @@ class Case(Document):
             given = [k for k in keys if k in table]
             if len(given) != 1 and (given or least):
                 raise AtcError(
-                    f"{self.where(*path)}: [{path[0]}] needs {'exactly one of ' if len(keys) > 1 else ''}{' and '.join(keys)}"
+                    f"{self.where(*path)}: [{path[0]}] needs "
+                    f"{'exactly one of ' if len(keys) > 1 else ''}{' and '.join(keys)}"
                 )
 
         for section in ARRAYS:
@@ -193,7 +203,8 @@ class Case(Document):
                         {"start", "end"} if line else {"origin", "a", "b"}
                     ) - {"as_damage"}:
                         raise AtcError(
-                            f"{self.where(*path)}: [notch] needs start and end (a line in the plate), or origin, a and b (a parallelogram)"
+                            f"{self.where(*path)}: [notch] needs start and end (a line in the plate), or origin, a "
+                            "and b (a parallelogram)"
                         )
                 elif section in ("prescribed", "initial"):
                     one_of(path, t, "velocity", "displacement")
@@ -231,7 +242,8 @@ class Case(Document):
                     )
             if breaking:
                 raise AtcError(
-                    f'{self.where(*breaking)}: solver = "{run["solver"]}" breaks no bonds: leave [damage], s00 and Gc out, or take solver = "verlet" with damping'
+                    f'{self.where(*breaking)}: solver = "{run["solver"]}" breaks no bonds: leave [damage], s00 and Gc '
+                    'out, or take solver = "verlet" with damping'
                 )
         else:
             for key in ("tolerance", "iterations"):
@@ -274,7 +286,8 @@ class Case(Document):
             if region not in known:
                 raise self.bad(
                     path,
-                    f"there is no region {region!r}: {guess(region, known)}known: {', '.join(known) or 'none; write [regions.NAME]'}",
+                    f"there is no region {region!r}: {guess(region, known)}known: "
+                    f"{', '.join(known) or 'none; write [regions.NAME]'}",
                 )
             if region in inside:
                 raise self.bad(("regions", region), "is made of itself")

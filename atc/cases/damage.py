@@ -1,4 +1,5 @@
-"""What holds a case's materials together and when it breaks: ``[damage]``, the strengths in ``[[material]]``, and ``[[interface]]``."""
+"""What holds a case's materials together and when it breaks: ``[damage]``, the strengths in ``[[material]]``, and
+``[[interface]]``."""
 
 from __future__ import annotations
 
@@ -62,7 +63,8 @@ def check(case, one_of):
             raise case.bad((*path, useless[0]), "bonded = false: there are no bonds that it could say anything about")
         if t.get("bonded", True) and not useless:
             raise AtcError(
-                f"{case.where(*path)}: [interface] says nothing: give bonded = false, stiffness, s00, Gc or breaks = false"
+                f"{case.where(*path)}: [interface] says nothing: give bonded = false, stiffness, s00, Gc or breaks = "
+                "false"
             )
     damage = case.data.get("damage")
     if damage is not None:
@@ -95,14 +97,16 @@ def stiffness(case, materials) -> dict:
             if any(materials[m].name == "correspondence" for m in pair):
                 raise case.bad(
                     ("interface", str(k), "stiffness"),
-                    "bonds of correspondence materials have no stiffness of their own: take pmb or lps, or bonded = false, s00 or Gc",
+                    "bonds of correspondence materials have no stiffness of their own: take pmb or lps, or bonded = "
+                    "false, s00 or Gc",
                 )
             out[pair] = float(t["stiffness"])
     return out
 
 
 def rules(case, materials, body, factors):
-    """When bonds break, as `pd.Simulation` takes it: None, one `CriticalStretch`, or {material or (a, b): CriticalStretch}.
+    """When bonds break, as `pd.Simulation` takes it: None, one `CriticalStretch`, or {material or (a, b):
+    CriticalStretch}.
 
     A material's own strength goes before that of [damage]; an interface's before that of its weaker side.
     """
@@ -143,17 +147,20 @@ def rules(case, materials, body, factors):
 
 
 def require_one_model(case, materials: dict) -> None:
-    """Materials of one body share the model, and how their bonds are weighted: name the line of the one that does not."""
+    """Materials of one body share the model, and how their bonds are weighted: name the line of the one that does
+    not."""
     first = None
     for k in range(len(case.data["material"])):
         m = materials[_number(case, k)]
         first = m if first is None else first
         if m.model is not first.model:
             raise AtcError(
-                f"{case.where('material', str(k))}: [material] {m.name} beside {first.name}: the materials of one body must be of one model (elastic and lps are)"
+                f"{case.where('material', str(k))}: [material] {m.name} beside {first.name}: the materials of one "
+                "body must be of one model (elastic and lps are)"
             )
         for key in ("influence", "volume_correction", "surface_correction"):
             if getattr(m, key) != getattr(first, key):
                 raise AtcError(
-                    f"{case.where('material', str(k))}: [material] {key} is not that of the first material: bonds between them need one and the same"
+                    f"{case.where('material', str(k))}: [material] {key} is not that of the first material: bonds "
+                    "between them need one and the same"
                 )

@@ -1,4 +1,5 @@
-"""Fields of a peridynamic run by the estimators that make fields of atoms: the sections ``[kernel]``, ``[grid]`` and ``[fields]`` of a case, as in scenes.
+"""Fields of a peridynamic run by the estimators that make fields of atoms: the sections ``[kernel]``, ``[grid]`` and
+``[fields]`` of a case, as in scenes.
 
 They go into a second output beside the first, ``OUT-fields``, entry by entry, with the same habits.
 """
@@ -22,7 +23,8 @@ def scene_of(case):
     if "quantities" not in there.get("fields", {}):
         raise case.need(
             "fields",
-            '[fields] needs quantities, what to compute with this kernel and grid, e.g. quantities = ["peridynamic_stress"]',
+            "[fields] needs quantities, what to compute with this kernel and grid, e.g. quantities = "
+            '["peridynamic_stress"]',
         )
     # A scene must name a trajectory; here the run is it.
     scene = Scene._build(

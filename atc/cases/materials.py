@@ -1,4 +1,5 @@
-"""Which materials there are and which constants each takes: from the engine's own classes, so that a new one needs no word here."""
+"""Which materials there are and which constants each takes: from the engine's own classes, so that a new one needs no
+word here."""
 
 from __future__ import annotations
 
@@ -73,7 +74,8 @@ def _value(name):
 
 
 def keys_of(model, complain) -> dict[str, Key]:
-    """The keys of a material of this model, apart from what every material has. `complain(why)` makes the error for an unknown model."""
+    """The keys of a material of this model, apart from what every material has. `complain(why)` makes the error for an
+    unknown model."""
     known = models()
     if not isinstance(model, str) or model not in known:
         raise complain(f"unknown {model!r}: {guess(str(model), known)}known: {', '.join(known)}")

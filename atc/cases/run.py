@@ -1,7 +1,9 @@
-"""A case from its first step to its last: output entry by entry, restarts that are bitwise the uninterrupted run, ParaView's files on the way.
+"""A case from its first step to its last: output entry by entry, restarts that are bitwise the uninterrupted run,
+ParaView's files on the way.
 
-While a run goes on, ``OUT.partial`` holds the finished entries and ``restart.npz``, the state of the last entry or of a moment since. The order is: state, then entry. A run
-that was killed between the two finds a state whose entry is missing, and writes the entry from the state.
+While a run goes on, ``OUT.partial`` holds the finished entries and ``restart.npz``, the state of the last entry or of a
+moment since. The order is: state, then entry. A run that was killed between the two finds a state whose entry is
+missing, and writes the entry from the state.
 """
 
 from __future__ import annotations
@@ -65,15 +67,15 @@ def run(case, out, *, threads: int = 0, progress=None, resume: bool = True):
     ----------
     case : Case
     out : path ending in .zarr or .nc
-        Written entry by entry to ``out.partial`` and renamed at the end. After a kill or Ctrl-C the same call goes on where it was, with bitwise the same
-        result as an uninterrupted run. `resume=False` begins again.
+        Written entry by entry to ``out.partial`` and renamed at the end. After a kill or Ctrl-C the same call goes on
+        where it was, with bitwise the same result as an uninterrupted run. `resume=False` begins again.
     threads : 0 is all cores; the result does not depend on it
     progress : callable(done, total, rate), steps and steps per second
 
     Returns
     -------
-    xarray.Dataset with dims frame, node, i, j: displacement, velocity, damage, energy, force at the nodes, and the energy ledger. What [fields] asks for is in
-    a second output beside it, ``OUT-fields``.
+    xarray.Dataset with dims frame, node, i, j: displacement, velocity, damage, energy, force at the nodes, and the
+    energy ledger. What [fields] asks for is in a second output beside it, ``OUT-fields``.
     """
     from ..pd.state import State
 
@@ -167,7 +169,8 @@ class _Run:
                 return {k: f[k] for k in f.files}
         except (OSError, ValueError, KeyError) as e:
             raise AtcError(
-                f"{self.file}: the state of the interrupted run cannot be read ({str(e).splitlines()[0]}): begin again with --restart"
+                f"{self.file}: the state of the interrupted run cannot be read ({str(e).splitlines()[0]}): begin "
+                "again with --restart"
             ) from None
 
     def go(self, sim, progress, fresh):
@@ -240,7 +243,8 @@ class _Run:
                 raise
         if not finite:
             raise AtcError(
-                f"the run has blown up at step {sim.state.step}: take a smaller time step than {sim.dt:.3g} (the stable one is {sim.time_step_stable:.3g}), "
+                f"the run has blown up at step {sim.state.step}: take a smaller time step than {sim.dt:.3g} (the "
+                f"stable one is {sim.time_step_stable:.3g}), "
                 "or softer indenters and walls"
             )
 
@@ -349,12 +353,23 @@ class _Run:
             sign_convention="each bond once",
         )
         attrs = {
-            "atc_version": __version__, "version": __version__, "kind": "peridynamics", "units": "si",
-            "units_note": "numbers are those of the case, in whichever consistent units it is written; labels are those of SI",
-            "horizon": body.horizon, "spacing": body.spacing, "dimension": body.dimension, "time_step": sim.dt, "stable_time_step": sim.time_step_stable,
-            "materials": ", ".join(sorted({m.name for m in sim.materials.values()})), "bonds": len(body.bonds), "quantities": ", ".join(self.names),
-            "periodic": "".join("p" if p else "f" for p in body.cell.periodic), "case": self.case.to_toml(),
-        }  # fmt: skip
+            "atc_version": __version__,
+            "version": __version__,
+            "kind": "peridynamics",
+            "units": "si",
+            "units_note": "numbers are those of the case, in whichever consistent units it is written; labels are "
+            "those of SI",
+            "horizon": body.horizon,
+            "spacing": body.spacing,
+            "dimension": body.dimension,
+            "time_step": sim.dt,
+            "stable_time_step": sim.time_step_stable,
+            "materials": ", ".join(sorted({m.name for m in sim.materials.values()})),
+            "bonds": len(body.bonds),
+            "quantities": ", ".join(self.names),
+            "periodic": "".join("p" if p else "f" for p in body.cell.periodic),
+            "case": self.case.to_toml(),
+        }
         return Layout(out, len(self.marks), attrs)
 
 
@@ -379,7 +394,8 @@ def node_values(sim, names) -> dict[str, np.ndarray]:
 
 
 def nodal_stress(sim) -> np.ndarray:
-    """(n, 3, 3) ½ Σ_J (x_J − x_I)⊗F_IJ / V_I with current positions: the partial stress of each node (tension positive, [divergence, force])."""
+    """(n, 3, 3) ½ Σ_J (x_J − x_I)⊗F_IJ / V_I with current positions: the partial stress of each node (tension positive,
+    [divergence, force])."""
     from ..estimators._numba import scatter_moment
 
     out = np.zeros((len(sim.body), 9))

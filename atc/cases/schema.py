@@ -1,4 +1,5 @@
-"""What a peridynamics case may hold: its sections and keys and what values they take. The checks are those of scenes (`atc.scene_schema`)."""
+"""What a peridynamics case may hold: its sections and keys and what values they take. The checks are those of scenes
+(`atc.scene_schema`)."""
 
 from __future__ import annotations
 
@@ -55,7 +56,8 @@ def _table(row, what):
 
 
 def _history(variables, free=False):
-    """Three components, each a number, a formula of `variables`, a table of numbers, or maybe "free"; or one table of rows of three."""
+    """Three components, each a number, a formula of `variables`, a table of numbers, or maybe "free"; or one table of
+    rows of three."""
 
     def number(v):
         return v if free and v == "free" else _number(v)

@@ -1,4 +1,5 @@
-"""``atc advect``: nonlocal advection. Only the options live here; the work is in `atc.advection` and `atc.advection_study`."""
+"""``atc advect``: nonlocal advection. Only the options live here; the work is in `atc.advection` and
+`atc.advection_study`."""
 
 from __future__ import annotations
 
@@ -74,15 +75,24 @@ def advect(
     ] = None,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing.")] = False,
 ) -> None:
-    """Nonlocal advection in one dimension: Burgers or another flux, shocks, mass and entropy ledgers, against the local equation."""
+    """Nonlocal advection in one dimension: Burgers or another flux, shocks, mass and entropy ledgers, against the local
+    equation."""
     from ..advection.study import convergence_study, picture, run_study
     from ..upscaling.custom import save_dataset, writable
 
     output = writable(output)
     common = {
-        "initial": initial, "length": length, "nodes": nodes, "kernel": kernel, "viscosity": viscosity, "flux": flux, "two_point": two_point, "duration": duration,
-        "method": method, "safety": safety,
-    }  # fmt: skip
+        "initial": initial,
+        "length": length,
+        "nodes": nodes,
+        "kernel": kernel,
+        "viscosity": viscosity,
+        "flux": flux,
+        "two_point": two_point,
+        "duration": duration,
+        "method": method,
+        "safety": safety,
+    }
     if horizons is not None:
         try:
             values = [float(h) for h in horizons.split(",")]

@@ -54,8 +54,8 @@ def register(app) -> None:
     ) -> None:
         """Time against error of every method on the scene's first frame, next to binned and smoothed per-atom virials.
 
-        With --calibrate (and no scene) the constants of the cost model are measured on this machine, in about a minute, and kept in the user's cache
-        folder; `atc plan` and method "auto" use them from then on.
+        With --calibrate (and no scene) the constants of the cost model are measured on this machine, in about a minute,
+        and kept in the user's cache folder; `atc plan` and method "auto" use them from then on.
         """
         if calibrate:
             _calibrate(json, quiet)
@@ -114,5 +114,8 @@ def _calibrate(json: bool, quiet: bool) -> None:
         print(dumps(asdict(costs), indent=1))
     elif not quiet:
         print(f"costs of this machine: {path} (delete it to go back to those shipped)")
-        print(f"a visit of the quartic's {costs.visit['even'] * 1e9:.1f} ns, a pair {costs.pair * 1e9:.0f} ns, a spread point {costs.spread_point * 1e9:.0f} ns"
-              f" and {costs.spread_register * 1e9:.2f} ns a register of its window")  # fmt: skip
+        print(
+            f"a visit of the quartic's {costs.visit['even'] * 1e9:.1f} ns, a pair {costs.pair * 1e9:.0f} ns, a "
+            f"spread point {costs.spread_point * 1e9:.0f} ns"
+            f" and {costs.spread_register * 1e9:.2f} ns a register of its window"
+        )

@@ -1,4 +1,5 @@
-"""What the commands of ``atc`` share: options, the loading of scenes, progress, the console. Nothing heavy is imported here."""
+"""What the commands of ``atc`` share: options, the loading of scenes, progress, the console. Nothing heavy is imported
+here."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""``atc dispersion``: frequencies of a crystal from its force constants, phonopy, peridynamic models and a trajectory."""
+"""``atc dispersion``: frequencies of a crystal from its force constants, phonopy, peridynamic models and a
+trajectory."""
 
 from __future__ import annotations
 
@@ -32,7 +33,8 @@ def register(app: typer.Typer) -> None:
         overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
         quiet: Quiet = False,
     ) -> None:
-        """Phonon dispersion of a crystal: lattice, phonopy, peridynamic models and a trajectory side by side, with elastic constants.
+        """Phonon dispersion of a crystal: lattice, phonopy, peridynamic models and a trajectory side by side, with
+        elastic constants.
 
         Needs [dispersion] and [potential], [trajectory] or both.
         """

@@ -42,7 +42,8 @@ def pd_command(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no summary.")] = False,
 ) -> None:
-    """Run a peridynamic body. After an interruption the same command continues, with the same result as if there had been none."""
+    """Run a peridynamic body. After an interruption the same command continues, with the same result as if there had
+    been none."""
     from ..cases.case import Case
     from ..errors import AtcError
 
@@ -74,9 +75,11 @@ def describe(case) -> str:
     bonds = len(body.bonds)
     return "\n".join(
         [
-            f"{len(body)} nodes in {body.dimension} dimension{'s' * (body.dimension > 1)}, {bonds} bonds, horizon {body.horizon:g} = {body.horizon / body.spacing:.3g} spacings",
+            f"{len(body)} nodes in {body.dimension} dimension{'s' * (body.dimension > 1)}, {bonds} bonds, horizon "
+            f"{body.horizon:g} = {body.horizon / body.spacing:.3g} spacings",
             *_held_together(case, sim),
-            f"time step {sim.dt:.4g}, {sim.dt / sim.time_step_stable:.2f} of the stable {sim.time_step_stable:.4g}; {run['steps']} steps to {run['steps'] * sim.dt:.4g}",
+            f"time step {sim.dt:.4g}, {sim.dt / sim.time_step_stable:.2f} of the stable {sim.time_step_stable:.4g}; "
+            f"{run['steps']} steps to {run['steps'] * sim.dt:.4g}",
             f"broken at the start: {sim.n_broken} bonds; one saved state takes {state / 1e6:.1f} MB",
         ]
     )
@@ -103,7 +106,8 @@ def _held_together(case, sim) -> list[str]:
         )
 
     lines = [
-        f"material {n}{names.get(n, '')}: {m.name}, {int((numbers == n).sum())} nodes, {bonds.get((n, n), 0)} bonds that {breaks((n, n))}"
+        f"material {n}{names.get(n, '')}: {m.name}, {int((numbers == n).sum())} nodes, {bonds.get((n, n), 0)} bonds "
+        f"that {breaks((n, n))}"
         for n, m in sorted(sim.materials.items())
     ]
     for pair in sorted({p for p in bonds if p[0] != p[1]} | set(own)):
@@ -131,7 +135,8 @@ def summary(ds, out, seconds, progress) -> None:
         else ""
     )
     print(
-        f"broken bonds: {int(ds['n_broken'][-1])} of {ds.attrs['bonds']}; largest damage {float(ds['damage'][-1].max()) if 'damage' in ds else float('nan'):.3g}{drift}"
+        f"broken bonds: {int(ds['n_broken'][-1])} of {ds.attrs['bonds']}; largest damage "
+        f"{float(ds['damage'][-1].max()) if 'damage' in ds else float('nan'):.3g}{drift}"
     )
     print(
         f"{before} in {duration(seconds)}"

@@ -1,8 +1,11 @@
 """The command line: ``atc info | plan | fields | verify | compare | check | conductivity | bench | plot``.
 
-Only what every command needs is imported here, so that ``atc --help`` is instant: numba, xarray and matplotlib come with the commands that use them.
+Only what every command needs is imported here, so that ``atc --help`` is instant: numba, xarray and matplotlib come
+with the commands that use them.
 
-Exit status: 0 done; 1 ``atc check`` found a broken law, or ``atc verify`` a difference; 2 unusable input (one line on stderr, never a traceback); 130 interrupted, 143 terminated, 129 hung up (what is finished is kept); 1 anything atc did not foresee (ATC_DEBUG=1 shows the traceback).
+Exit status: 0 done; 1 ``atc check`` found a broken law, or ``atc verify`` a difference; 2 unusable input (one line on
+stderr, never a traceback); 130 interrupted, 143 terminated, 129 hung up (what is finished is kept); 1 anything atc did
+not foresee (ATC_DEBUG=1 shows the traceback).
 """
 
 from __future__ import annotations
@@ -104,7 +107,8 @@ class _Commands(TyperGroup):
             raise
         except MemoryError as e:
             _fail(
-                f"not enough memory{': ' + str(e) if str(e) else ''}: take a coarser grid, a smaller radius or fewer jobs (-j 1)",
+                f"not enough memory{': ' + str(e) if str(e) else ''}: take a coarser grid, a smaller radius or fewer "
+                "jobs (-j 1)",
                 2,
             )
         except OSError as e:
@@ -151,7 +155,8 @@ def _stopped() -> None:
 
 
 def _leave_quietly() -> None:
-    """The reader of our output (head, less) has left: not an error, and the interpreter must not complain at exit either."""
+    """The reader of our output (head, less) has left: not an error, and the interpreter must not complain at exit
+    either."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     sys.exit(0)
 
@@ -159,7 +164,8 @@ def _leave_quietly() -> None:
 app = typer.Typer(
     cls=_Commands,
     name="atc",
-    help="Molecular-dynamics trajectories to continuum fields: Hardy stress, virial stress, density, temperature, each with a stated error.",
+    help="Molecular-dynamics trajectories to continuum fields: Hardy stress, virial stress, density, temperature, "
+    "each with a stated error.",
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     add_completion=False,
@@ -200,12 +206,14 @@ def _summary(attributes: dict, out, seconds: float, progress: Progress) -> None:
     error = attributes.get("measured_error")
     if error is not None:
         print(
-            f"measured error {float(error):.1e} of the largest value (tolerance {float(attributes['tolerance']):g}), at random points by the exact method"
+            f"measured error {float(error):.1e} of the largest value (tolerance {float(attributes['tolerance']):g}), "
+            "at random points by the exact method"
         )
     rounding = attributes.get("input_error")
     if rounding is not None and error is not None and float(rounding) > float(error):
         print(
-            f"input error {float(rounding):.1e}: what rounding the coordinates to {float(attributes['input_resolution']):.1g} left in doubt"
+            f"input error {float(rounding):.1e}: what rounding the coordinates to "
+            f"{float(attributes['input_resolution']):.1g} left in doubt"
         )
     print(
         f"{before} in {duration(seconds)}"
@@ -223,7 +231,8 @@ def info(
         list[str],
         typer.Argument(
             metavar="TRAJ...",
-            help="A trajectory: LAMMPS dump or data file, or anything ASE or MDAnalysis reads; several files are joined. Or a scene.",
+            help="A trajectory: LAMMPS dump or data file, or anything ASE or MDAnalysis reads; several files are "
+            "joined. Or a scene.",
             show_default=False,
         ),
     ],
@@ -247,7 +256,8 @@ def info(
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
 ) -> None:
-    """What is in a trajectory, in which units, how precise, and what can be computed from it; or what is in an output of atc.
+    """What is in a trajectory, in which units, how precise, and what can be computed from it; or what is in an output
+    of atc.
 
     Of a scene also whether the forces in its trajectory are those of its potential.
     """
@@ -384,7 +394,8 @@ def compare(
         for path in what:
             if path.suffix == ".toml":
                 raise AtcError(
-                    f"{path}: is a scene; give it with --radii (atc compare {path} --radii 4,6,8), or give the output of atc fields"
+                    f"{path}: is a scene; give it with --radii (atc compare {path} --radii 4,6,8), or give the output "
+                    "of atc fields"
                 )
         if set or begin is not None or end is not None or step is not None:
             raise AtcError("--set, -b, -e and --step go with a scene and --radii; an output is compared as it is")
@@ -422,8 +433,8 @@ def check(
 ) -> None:
     """Balance laws: residuals of mass, momentum, energy and of div z = 0 at random points and points of the grid.
 
-    On the frame in the middle, in closed form and from the fields; with 3, 5 or 9 frames close in time also from differences between frames.
-    Exit status 0 when every law holds as far as it can be told, 1 when one is broken.
+    On the frame in the middle, in closed form and from the fields; with 3, 5 or 9 frames close in time also from
+    differences between frames. Exit status 0 when every law holds as far as it can be told, 1 when one is broken.
     """
     from ..analysis.check import check_scene
 
@@ -476,7 +487,8 @@ def conductivity(
     json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress.")] = False,
 ) -> None:
-    """Thermal conductivity of an equilibrium run, by Green and Kubo, with an error bar: needs [trajectory] and [potential]."""
+    """Thermal conductivity of an equilibrium run, by Green and Kubo, with an error bar: needs [trajectory] and
+    [potential]."""
     from ..analysis.green_kubo import conductivity_of_scene
 
     made = load_scene(scene, set, begin, end, step)
@@ -568,9 +580,18 @@ def plot(
     from ..pictures import plotting
 
     path = plotting.plot_file(
-        out, quantity, component=component, slice=slice, axis=axis, index=index, frame=frame, limits=_parse_limits(limits), robust=robust,
-        output=output, overlay=overlay,
-    )  # fmt: skip
+        out,
+        quantity,
+        component=component,
+        slice=slice,
+        axis=axis,
+        index=index,
+        frame=frame,
+        limits=_parse_limits(limits),
+        robust=robust,
+        output=output,
+        overlay=overlay,
+    )
     if not quiet:
         print(path)
 

@@ -1,4 +1,5 @@
-"""``atc upscale``: molecular dynamics to peridynamics in one dimension. Only the options live here; the work is in `atc.upscaling`."""
+"""``atc upscale``: molecular dynamics to peridynamics in one dimension. Only the options live here; the work is in
+`atc.upscaling`."""
 
 from __future__ import annotations
 
@@ -11,7 +12,8 @@ from ..errors import AtcError
 
 group = typer.Typer(
     name="upscale",
-    help="Molecular dynamics to peridynamics in one dimension: the paper of Seleson, Parks, Gunzburger and Lehoucq (2009) computed again, and chains of your own.",
+    help="Molecular dynamics to peridynamics in one dimension: the paper of Seleson, Parks, Gunzburger and Lehoucq "
+    "(2009) computed again, and chains of your own.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -51,7 +53,8 @@ def _teller(quiet: bool):
 
 @group.command()
 def springs(output: Folder, quiet: Quiet = False) -> None:
-    """Section 4 of the paper: every figure and table for linear springs, claim by claim, and better coarse models. Half a minute."""
+    """Section 4 of the paper: every figure and table for linear springs, claim by claim, and better coarse models. Half
+    a minute."""
     from ..upscaling.reports.springs import springs_report
 
     _table(springs_report(output, _teller(quiet)), quiet)
@@ -143,7 +146,8 @@ def series(
         for r in rows:
             product = " ".join(f"y({k})" for k in r["derivatives"])
             print(
-                f"  {r['coefficient']:>14}  sigma^{r['sigma_power']} a^{r['a_power']} Z({r['zeta']})/Z({r['sigma_power']})  {product} / (y')^{-r['stretch_power']}"
+                f"  {r['coefficient']:>14}  sigma^{r['sigma_power']} a^{r['a_power']} "
+                f"Z({r['zeta']})/Z({r['sigma_power']})  {product} / (y')^{-r['stretch_power']}"
             )
         return
     if inner is not None:
@@ -230,16 +234,31 @@ def chain(
     ] = "refuse",
     quiet: Quiet = False,
 ) -> None:
-    """One run of a chain of your own by velocity Verlet: a dataset and its space-time picture. Modulus and density are 1."""
+    """One run of a chain of your own by velocity Verlet: a dataset and its space-time picture. Modulus and density are
+    1."""
     from ..upscaling.custom import run_chain
 
     run, picture = run_chain(
-        output, model=model, spacing=spacing, neighbors=neighbors, horizon=horizon, coarse=coarse, length=length, initial=initial, half_width=half_width,
-        amplitude=amplitude, duration=duration, dt=dt, boundary=boundary, rows=rows, beyond_spinodal=beyond_spinodal,
-    )  # fmt: skip
+        output,
+        model=model,
+        spacing=spacing,
+        neighbors=neighbors,
+        horizon=horizon,
+        coarse=coarse,
+        length=length,
+        initial=initial,
+        half_width=half_width,
+        amplitude=amplitude,
+        duration=duration,
+        dt=dt,
+        boundary=boundary,
+        rows=rows,
+        beyond_spinodal=beyond_spinodal,
+    )
     if not quiet:
         drift = abs(run.total_t / run.total_t[0] - 1).max()
         print(
-            f"{run.model.name}: {len(run.x_n)} nodes, {run.model.neighbors} neighbours, dt = {run.dt:.6g}, {len(run.t_t)} recorded times; largest relative change of the energy {drift:.1e}"
+            f"{run.model.name}: {len(run.x_n)} nodes, {run.model.neighbors} neighbours, dt = {run.dt:.6g}, "
+            f"{len(run.t_t)} recorded times; largest relative change of the energy {drift:.1e}"
         )
         print(f"dataset: {output}\npicture: {picture}")

@@ -25,7 +25,8 @@ def register(app) -> None:
             typer.Option(
                 "--frames",
                 metavar="LIST",
-                help="Which of the scene's frames: 0,10,-1, a slice 0:100:20, or all; default: the first, the middle and the last.",
+                help="Which of the scene's frames: 0,10,-1, a slice 0:100:20, or all; default: the first, the middle "
+                "and the last.",
                 show_default=False,
             ),
         ] = None,
@@ -34,8 +35,9 @@ def register(app) -> None:
     ) -> None:
         """Model and run side by side: energy, forces, pressure tensor, temperature; needs [trajectory] and [potential].
 
-        The run's forces are those in the trajectory, its energy and pressure those of the log file named by log in [trajectory]. Differences are set
-        against what the digits of the files explain. Exit status 0 when model and run agree, 1 when they do not, 2 when they cannot be compared.
+        The run's forces are those in the trajectory, its energy and pressure those of the log file named by log in
+        [trajectory]. Differences are set against what the digits of the files explain. Exit status 0 when model and run
+        agree, 1 when they do not, 2 when they cannot be compared.
         """
         from ..agreement.run_check import verify_scene
         from ..plan import cores

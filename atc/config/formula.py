@@ -1,4 +1,5 @@
-"""Formulas people type on the command line, as functions of arrays: numbers, one variable, + - * / ^, a few functions. Nothing else is executed."""
+"""Formulas people type on the command line, as functions of arrays: numbers, one variable, + - * / ^, a few functions.
+Nothing else is executed."""
 
 from __future__ import annotations
 
@@ -26,7 +27,8 @@ _UNARY = {ast.UAdd: np.positive, ast.USub: np.negative}
 
 
 def formula(text: str, variable: str, what: str, **constants: float):
-    """The function of `variable` that `text` says, e.g. formula("0.5 + sin(2*pi*x)", "x", "--initial"). `^` and `**` are powers.
+    """The function of `variable` that `text` says, e.g. formula("0.5 + sin(2*pi*x)", "x", "--initial"). `^` and `**`
+    are powers.
 
     Raises
     ------
@@ -65,7 +67,8 @@ def formula(text: str, variable: str, what: str, **constants: float):
             op, inner = FUNCTIONS[node.func.id], build(node.args[0])
             return lambda v: op(inner(v))
         raise AtcError(
-            f"{what} {text!r}: {ast.unparse(node)!r} is not understood; there are {variable}, {', '.join(names)}, + - * / ^ and {', '.join(FUNCTIONS)} of one argument"
+            f"{what} {text!r}: {ast.unparse(node)!r} is not understood; there are {variable}, {', '.join(names)}, + - "
+            f"* / ^ and {', '.join(FUNCTIONS)} of one argument"
         )
 
     try:

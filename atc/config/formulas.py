@@ -1,7 +1,8 @@
-"""Formulas that people write in files, like ``16.5*min(t/1e-6, 1)``: arithmetic, comparisons and a few functions of named variables, and nothing else.
+"""Formulas that people write in files, like ``16.5*min(t/1e-6, 1)``: arithmetic, comparisons and a few functions of
+named variables, and nothing else.
 
-The text is parsed by Python's own parser and every node of the tree is translated on its own; what is not on the list is an error that says where it stands.
-Nothing is ever handed to ``eval``.
+The text is parsed by Python's own parser and every node of the tree is translated on its own; what is not on the list
+is an error that says where it stands. Nothing is ever handed to ``eval``.
 """
 
 from __future__ import annotations
@@ -39,8 +40,23 @@ FUNCTIONS = {
     **{
         name: (getattr(np, numpy), 1, 1)
         for name, numpy in dict(
-            sin="sin", cos="cos", tan="tan", asin="arcsin", acos="arccos", atan="arctan", sinh="sinh", cosh="cosh", tanh="tanh", exp="exp", log="log",
-            log10="log10", sqrt="sqrt", abs="abs", floor="floor", ceil="ceil", sign="sign",
+            sin="sin",
+            cos="cos",
+            tan="tan",
+            asin="arcsin",
+            acos="arccos",
+            atan="arctan",
+            sinh="sinh",
+            cosh="cosh",
+            tanh="tanh",
+            exp="exp",
+            log="log",
+            log10="log10",
+            sqrt="sqrt",
+            abs="abs",
+            floor="floor",
+            ceil="ceil",
+            sign="sign",
         ).items()
     },
     "atan2": (np.arctan2, 2, 2),
@@ -48,7 +64,7 @@ FUNCTIONS = {
     "max": (lambda *a: reduce(np.maximum, a), 2, 99),
     "where": (lambda c, a, b: np.where(c, a, b), 3, 3),
     "step": (lambda a: np.where(a >= 0, 1.0, 0.0), 1, 1),
-}  # fmt: skip
+}
 CONSTANTS = {"pi": np.pi}
 
 
@@ -57,7 +73,8 @@ class Formula:
 
     Parameters
     ----------
-    text : e.g. ``"0.5*(1 - cos(2*pi*t/1e-6))"``. Known are + - * / ** %, comparisons, ``and or not``, ``a if c else b``, numbers, pi, the functions of
+    text : e.g. ``"0.5*(1 - cos(2*pi*t/1e-6))"``. Known are + - * / ** %, comparisons, ``and or not``, ``a if c else
+        b``, numbers, pi, the functions of
         `FUNCTIONS` (log is natural, step(u) is 0 for u < 0 and 1 otherwise) and the variables
     variables : their names
     words : what else could have been written in the formula's place, for the complaint about an unknown name
@@ -88,7 +105,8 @@ class Formula:
         self._value = self._translate(tree.body)
 
     def __call__(self, **values):
-        """The value at these values of the variables, numbers or arrays that broadcast. Not finite is the caller's to refuse: see `finite`."""
+        """The value at these values of the variables, numbers or arrays that broadcast. Not finite is the caller's to
+        refuse: see `finite`."""
         with np.errstate(all="ignore"):
             return np.asarray(self._value(values), float)
 
@@ -229,6 +247,7 @@ class Influence(Formula):
         w = self.finite(lambda why: AtcError(f"influence: {why}"), r=r, delta=delta)
         if (w < 0).any():
             raise AtcError(
-                f"influence: {self._shown()} is negative at r = {float(np.asarray(r)[np.broadcast_to(w, np.shape(r)) < 0][0]):.6g}"
+                f"influence: {self._shown()} is negative at r = "
+                f"{float(np.asarray(r)[np.broadcast_to(w, np.shape(r)) < 0][0]):.6g}"
             )
         return np.array(np.broadcast_to(w, np.shape(r)))

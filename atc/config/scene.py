@@ -1,8 +1,9 @@
 """Scenes: the TOML file in which a person says what to compute.
 
-A scene has the sections ``[trajectory]``, ``[potential]``, ``[kernel]``, ``[grid]``, ``[fields]``, ``[check]``, ``[dispersion]`` and ``[output]``. Everything in it is
-checked before anything is computed; every complaint names the file and the line (or the ``--set`` flag) and says what was expected.
-Paths are relative to the scene file, lengths in the trajectory's unit style.
+A scene has the sections ``[trajectory]``, ``[potential]``, ``[kernel]``, ``[grid]``, ``[fields]``, ``[check]``,
+``[dispersion]`` and ``[output]``. Everything in it is checked before anything is computed; every complaint names the
+file and the line (or the ``--set`` flag) and says what was expected. Paths are relative to the scene file, lengths in
+the trajectory's unit style.
 """
 
 from __future__ import annotations
@@ -86,7 +87,8 @@ class Scene(Document):
         for section, table in data.items():
             if section not in SCHEMA:
                 raise AtcError(
-                    f"{scene.where(section)}: unknown section [{section}]: {guess(section, SCHEMA)}known: {', '.join(SCHEMA)}"
+                    f"{scene.where(section)}: unknown section [{section}]: {guess(section, SCHEMA)}known: "
+                    f"{', '.join(SCHEMA)}"
                 )
             if not isinstance(table, dict):
                 raise AtcError(
@@ -110,7 +112,8 @@ class Scene(Document):
             for key, value in table.items():
                 if key not in known:
                     raise AtcError(
-                        f"{self.where(section, key)}: unknown key {key!r} in [{section}]: {guess(key, known)}known: {', '.join(known)}"
+                        f"{self.where(section, key)}: unknown key {key!r} in [{section}]: {guess(key, known)}known: "
+                        f"{', '.join(known)}"
                     )
                 spec = known[key]
                 try:
@@ -146,7 +149,8 @@ class Scene(Document):
         if not given:
             raise self.need(
                 "potential",
-                '[potential] needs lammps = """pair_style ...""" (LAMMPS lines) or input = "in.file" (a LAMMPS input script)',
+                '[potential] needs lammps = """pair_style ...""" (LAMMPS lines) or input = "in.file" (a LAMMPS input '
+                "script)",
             )
         if len(given) == 2:
             raise self._bad("potential", "input", "give lammps or input, not both")
@@ -197,7 +201,8 @@ class Scene(Document):
         if work.reference_users and self.get("trajectory", "reference") is None:
             raise self.need(
                 "trajectory",
-                f"{work.reference_users[0]} needs reference, the index of the reference frame or the file that holds it, e.g. reference = 0",
+                f"{work.reference_users[0]} needs reference, the index of the reference frame or the file that holds "
+                "it, e.g. reference = 0",
             )
 
     # ---- what it means
@@ -222,7 +227,8 @@ class Scene(Document):
         if len(part) == 0:
             why = f"{whole.source} has {len(whole)} complete frame{'s' * (len(whole) != 1)}, numbered from 0"
             raise AtcError(
-                f"{self.where('trajectory', 'frames')}: [trajectory] frames: {_shown(frames) if frames is not None else 'all'} selects none: {why}"
+                f"{self.where('trajectory', 'frames')}: [trajectory] frames: "
+                f"{_shown(frames) if frames is not None else 'all'} selects none: {why}"
             )
         return part
 
@@ -260,7 +266,8 @@ class Scene(Document):
             raise AtcError(str(e) if named else f"{self.where('trajectory', key)}: {e}") from None
 
     def _open(self, read, path, topology):
-        """The trajectory; where neither it nor the scene says its units or atom style, those of the script that made it."""
+        """The trajectory; where neither it nor the scene says its units or atom style, those of the script that made
+        it."""
         units, masses = self.get("trajectory", "units"), self.get("trajectory", "masses")
         more = {k: self.get("trajectory", k) for k in ("dimension", "atom_style")}
         try:
@@ -280,7 +287,8 @@ class Scene(Document):
         return self.potential() if self.get("potential", "input") is not None else None
 
     def reference(self):
-        """The reference frame, or None: the index counts from the trajectory's first frame, whatever `frames` selects; of a file, its first frame."""
+        """The reference frame, or None: the index counts from the trajectory's first frame, whatever `frames` selects;
+        of a file, its first frame."""
         value = self.get("trajectory", "reference")
         if value is None:
             return None
@@ -383,7 +391,8 @@ class Scene(Document):
             raise self._placed_error("grid", list(self.data["grid"]), e) from None
 
     def output(self, given=None, overwrite: bool = False) -> Path:
-        """The file to write: `given`, else the scene's ``[output] file``. Whether it can be written is found out here, before anything is computed."""
+        """The file to write: `given`, else the scene's ``[output] file``. Whether it can be written is found out here,
+        before anything is computed."""
         if given is not None:
             path, where = Path(given), f"-o {given}"
         elif self.get("output", "file") is not None:
@@ -404,7 +413,8 @@ class Scene(Document):
     def arguments(self, jobs: int = 1) -> dict:
         """The arguments of `atc.fields` (and `atc.plan`) this scene stands for.
 
-        `jobs` processors: whole frames to processes where there are as many frames, else threads within a frame; 0 means all processors.
+        `jobs` processors: whole frames to processes where there are as many frames, else threads within a frame; 0
+        means all processors.
         """
         self.require_complete()
         from ..choose import require_known
@@ -428,10 +438,18 @@ class Scene(Document):
             2 if traj.units.dimension == 2 or (pot is not None and pot.dimension == 2) else 3, kern, grid
         )
         return {
-            "traj": traj, "pot": pot, "kern": kern, "grid": grid, "reference": self.reference(), "method": method,
-            "threads": 1 if parallel else jobs, "workers": jobs if parallel else 1, "forces": self.get("trajectory", "forces", "warn"), "log": self.log(),
+            "traj": traj,
+            "pot": pot,
+            "kern": kern,
+            "grid": grid,
+            "reference": self.reference(),
+            "method": method,
+            "threads": 1 if parallel else jobs,
+            "workers": jobs if parallel else 1,
+            "forces": self.get("trajectory", "forces", "warn"),
+            "log": self.log(),
             **given,
-        }  # fmt: skip
+        }
 
     def _require_dimension(self, dimension, kern, grid):
         """Raise unless kernel and grid have a meaning in so many dimensions."""
@@ -449,7 +467,8 @@ class Scene(Document):
         return plan(**self.arguments(jobs))
 
     def run(self, out=None, *, jobs: int = 1, cluster=None, progress=None, resume: bool = True):
-        """Compute the fields: `atc.fields` with this scene's arguments, into `out` (or in memory). Returns the xarray.Dataset."""
+        """Compute the fields: `atc.fields` with this scene's arguments, into `out` (or in memory). Returns the
+        xarray.Dataset."""
         if out is None:
             from .. import fields
 
@@ -470,7 +489,8 @@ class Scene(Document):
         try:
             return write(request, out, progress, resume)
         except AtcError:
-            # Input that cannot be used leaves nothing behind; a run that has finished frames, or one that is not ours, does.
+            # Input that cannot be used leaves nothing behind; a run that has finished frames, or one that is not ours,
+            # does.
             if not there and not (partial / "journal.jsonl").exists():
                 shutil.rmtree(partial, ignore_errors=True)
             raise
@@ -504,7 +524,8 @@ class Scene(Document):
         return AtcError(f"{where}: [{section}] {message}")
 
     def to_toml(self) -> str:
-        """The resolved scene as TOML. Absolute paths lose what lies outside the scene's folder, so that no user or host name is kept."""
+        """The resolved scene as TOML. Absolute paths lose what lies outside the scene's folder, so that no user or host
+        name is kept."""
         out = []
         for section in SCHEMA:
             table = self.data.get(section)
@@ -589,7 +610,8 @@ def _setting_path(dotted: str, flag: str) -> tuple[str, str]:
         raise AtcError(f"{flag}: unknown section {section!r}: {guess(section, SCHEMA)}known: {', '.join(SCHEMA)}")
     if key not in SCHEMA[section]:
         raise AtcError(
-            f"{flag}: unknown key {key!r} in [{section}]: {guess(key, SCHEMA[section])}known: {', '.join(SCHEMA[section])}"
+            f"{flag}: unknown key {key!r} in [{section}]: {guess(key, SCHEMA[section])}known: "
+            f"{', '.join(SCHEMA[section])}"
         )
     return section, key
 

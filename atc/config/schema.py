@@ -142,7 +142,8 @@ def guess(word: str, known) -> str:
 
 
 def frame_slice(value) -> slice:
-    """The `slice` that a scene's ``frames`` means: ``"100:500:5"``, ``{begin, end, step}``, or one frame's index. ValueError if it means none."""
+    """The `slice` that a scene's ``frames`` means: ``"100:500:5"``, ``{begin, end, step}``, or one frame's index.
+    ValueError if it means none."""
     if isinstance(value, bool):
         raise ValueError
     if isinstance(value, int):

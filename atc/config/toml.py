@@ -129,7 +129,8 @@ def read_document(path: Path, what: str) -> str:
 
 
 class Document:
-    """A TOML file that knows where its keys stand: `data`, its `name`, lines by path in `_lines`, and the flags that set keys in `_flags`."""
+    """A TOML file that knows where its keys stand: `data`, its `name`, lines by path in `_lines`, and the flags that
+    set keys in `_flags`."""
 
     def where(self, *path: str) -> str:
         """``file:line`` of a key or section, or the flag that set it."""

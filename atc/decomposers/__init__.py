@@ -251,25 +251,27 @@ def potential(
     Parameters
     ----------
     source : str, path, Term, PairStyle, list of these, or Potential
-        LAMMPS lines (a string with several lines, or one that starts with a LAMMPS command), the path of a LAMMPS input script, which is
-        executed as LAMMPS does (variables, conditions, loops, included files) up to its runs, or objects of `atc.decomposers`.
+        LAMMPS lines (a string with several lines, or one that starts with a LAMMPS command), the path of a LAMMPS input
+        script, which is executed as LAMMPS does (variables, conditions, loops, included files) up to its runs, or
+        objects of `atc.decomposers`.
     units : str or Units
-        Units of the numbers in LAMMPS lines that have no ``units`` line. For objects: the units that descriptions refer to.
+        Units of the numbers in LAMMPS lines that have no ``units`` line. For objects: the units that descriptions refer
+        to.
     special_bonds : str, optional
-        For objects only: what LAMMPS's ``special_bonds`` would say, e.g. ``"lj/coul 0 1 1"``. Default, as in LAMMPS, ``0 0 0``:
-        atoms one, two or three bonds apart have no pair interaction, if the frame has bonds.
+        For objects only: what LAMMPS's ``special_bonds`` would say, e.g. ``"lj/coul 0 1 1"``. Default, as in LAMMPS,
+        ``0 0 0``: atoms one, two or three bonds apart have no pair interaction, if the frame has bonds.
     folder : path, optional
         For LAMMPS lines only: where the files they name are. Default: the current directory.
     name : str, optional
         For LAMMPS lines only: what messages call them.
     partition : str or dict, optional
-        How the energy is shared among the atoms, which heat flux and churning depend on, and energy, forces and stress do not: ``"equal"``,
-        ``"center"`` or a dict by term such as ``{"sw": "center"}``; see `Potential.partitioned`. Default: ``"equal"`` for LAMMPS lines; objects
-        as they are.
+        How the energy is shared among the atoms, which heat flux and churning depend on, and energy, forces and stress
+        do not: ``"equal"``, ``"center"`` or a dict by term such as ``{"sw": "center"}``; see `Potential.partitioned`.
+        Default: ``"equal"`` for LAMMPS lines; objects as they are.
 
     run : int, optional
-        For a script with several runs: the number of the run (counted from 1, ``minimize`` and the like included) that the frames belong to. Needed where
-        the model changes from run to run.
+        For a script with several runs: the number of the run (counted from 1, ``minimize`` and the like included) that
+        the frames belong to. Needed where the model changes from run to run.
     trajectory : paths, optional
         For a script: the files with the frames, which its ``dump`` lines may name, so that `run` need not be given.
 
@@ -279,7 +281,8 @@ def potential(
 
     Raises
     ------
-    AtcError that names the file and line: unsupported style, wrong or missing coefficients, unknown units, missing file.
+    AtcError that names the file and line: unsupported style, wrong or missing coefficients, unknown units, missing
+    file.
     """
     from pathlib import Path
 
@@ -307,7 +310,8 @@ def potential(
     if len(styles) + len(terms) != len(parts) or not parts:
         odd = next((p for p in parts if not isinstance(p, PairStyle | Term)), None)
         raise AtcError(
-            f"a potential is made from LAMMPS lines, a LAMMPS input script, or objects of atc.decomposers, not from {type(odd).__name__}"
+            "a potential is made from LAMMPS lines, a LAMMPS input script, or objects of atc.decomposers, not from "
+            f"{type(odd).__name__}"
         )
     known = {p.units.name: p.units for p in parts if getattr(p, "units", None) is not None}
     if units is None:

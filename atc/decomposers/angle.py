@@ -1,8 +1,9 @@
 """Angles of the topology: U(θ) at the middle atom of three, a third of it to each, as forces along the three distances.
 
-With the apex a between b and c (formulas §2): G of an arm is U_c (1/(d_ab d_ac) − cos θ/d_ab²), of the distance b–c −U_c/(d_ab d_ac),
-where U_c = dU/dcos θ = −U'(θ)/sin θ. Styles that are polynomials in cos θ have it without a division; the others divide by sin θ, where
-U' vanishes at 0 or 180° by its limit, otherwise by no less than 0.001 (as LAMMPS does), and such angles are counted in the notes.
+With the apex a between b and c (formulas §2): G of an arm is U_c (1/(d_ab d_ac) − cos θ/d_ab²), of the distance b–c
+−U_c/(d_ab d_ac), where U_c = dU/dcos θ = −U'(θ)/sin θ. Styles that are polynomials in cos θ have it without a division;
+the others divide by sin θ, where U' vanishes at 0 or 180° by its limit, otherwise by no less than 0.001 (as LAMMPS
+does), and such angles are counted in the notes.
 """
 
 from __future__ import annotations
@@ -41,8 +42,10 @@ class AngleStyle(BondedTerm):
     Parameters
     ----------
     coeffs, units : see `BondedTerm`
-    partition : how an angle's energy is shared among its atoms: "equal" (a third each, as LAMMPS), "center" (all to the middle atom), or three
-        numbers that add up to 1, in the order of the topology. Stress and total energy do not depend on it; heat flux and churning do.
+    partition : how an angle's energy is shared among its atoms: "equal" (a third each, as LAMMPS), "center" (all to the
+        middle atom), or three
+        numbers that add up to 1, in the order of the topology. Stress and total energy do not depend on it; heat flux
+        and churning do.
     """
 
     kind = part_name = "angle"
@@ -61,7 +64,8 @@ class AngleStyle(BondedTerm):
         self.shared = AngleStyle.shared if isinstance(partition, str) and partition == "equal" else words
 
     def add(self, types, cos, sin, d_bc, U, U_c, G_bc):
-        """Fill U and U_c = dU/dcos θ, all (t,). `d_bc` is the distance of the outer atoms, `G_bc` (zeros) a pair force between them.
+        """Fill U and U_c = dU/dcos θ, all (t,). `d_bc` is the distance of the outer atoms, `G_bc` (zeros) a pair force
+        between them.
 
         Returns the number of angles where sin θ was too small to divide by."""
         raise NotImplementedError
@@ -92,7 +96,8 @@ class _AngleWork(Work):
         if bad >= 0:
             ids = ", ".join(str(self.frame.ids[k[bad]]) for k in (b, a, c))
             raise AtcError(
-                f"{self.frame.source}: two atoms of the angle {ids} are at the same place, so it has no angle: remove one of them"
+                f"{self.frame.source}: two atoms of the angle {ids} are at the same place, so it has no angle: remove "
+                "one of them"
             )
         U, U_c, G_bc = np.zeros(n), np.zeros(n), np.zeros(n)
         if self.term.coupled:
@@ -112,7 +117,8 @@ class _AngleWork(Work):
             bad = int(np.argmin(finite))
             ids = ", ".join(str(self.frame.ids[k[bad]]) for k in (b, a, c))
             raise AtcError(
-                f"{self.frame.source}: the angle {ids} (type {types[bad]}, style {self.term.name}) is {np.degrees(np.arctan2(sin[bad], cos[bad])):.6g} degrees, "
+                f"{self.frame.source}: the angle {ids} (type {types[bad]}, style {self.term.name}) is "
+                f"{np.degrees(np.arctan2(sin[bad], cos[bad])):.6g} degrees, "
                 "where its energy is not a finite number"
             )
         if acc.energies is not None:
@@ -126,7 +132,8 @@ class _AngleWork(Work):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _geometry(r_b, r_c, cos, sin, d_bc):
-    """cos θ and sin θ (the sine from the cross product: accurate near 0 and 180°), |x_b − x_c|. Returns the first angle with an arm of length 0."""
+    """cos θ and sin θ (the sine from the cross product: accurate near 0 and 180°), |x_b − x_c|. Returns the first angle
+    with an arm of length 0."""
     for t in range(len(cos)):
         xb, yb, zb = r_b[t, 0], r_b[t, 1], r_b[t, 2]
         xc, yc, zc = r_c[t, 0], r_c[t, 1], r_c[t, 2]
@@ -171,7 +178,8 @@ def _share3(b, a, c, U, weights, energies):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _sources3(r, G, weights, D):
-    """Sources of the bonds b–a, c–a, b–c of every angle: ∂U^(p)/∂x_q = w_p ∂U/∂x_q, and ∂U/∂x from the forces along the bonds."""
+    """Sources of the bonds b–a, c–a, b–c of every angle: ∂U^(p)/∂x_q = w_p ∂U/∂x_q, and ∂U/∂x from the forces along the
+    bonds."""
     wb, wa, wc = weights[0], weights[1], weights[2]
     for t in range(len(G) // 3):
         p = 3 * t
@@ -212,7 +220,8 @@ class CosineSquaredAngle(AngleStyle):
 
 
 class CosineDeltaAngle(AngleStyle):
-    """U = K [1 − cos(θ − θ0)]. Coefficients K [energy], θ0 [degrees]. Where sin θ < 0.001 and θ0 is neither 0 nor 180° the sine is clamped."""
+    """U = K [1 − cos(θ − θ0)]. Coefficients K [energy], θ0 [degrees]. Where sin θ < 0.001 and θ0 is neither 0 nor 180°
+    the sine is clamped."""
 
     name = "cosine/delta"
     wants = (("K", energy), ("theta0", degrees))
@@ -245,7 +254,8 @@ def _cosine_delta(types, cos, sin, table, U, U_c):
 class HarmonicAngle(AngleStyle):
     """U = K (θ − θ0)² (LAMMPS's K: no ½). Coefficients K [energy/rad²], θ0 [degrees].
 
-    For θ0 = 0 or 180° U'/sin θ has a limit there and is taken to it; for other θ0 sin θ is clamped at 0.001, as LAMMPS does.
+    For θ0 = 0 or 180° U'/sin θ has a limit there and is taken to it; for other θ0 sin θ is clamped at 0.001, as LAMMPS
+    does.
     """
 
     name = "harmonic"
@@ -276,8 +286,8 @@ def _harmonic_angle(types, cos, sin, table, U, U_c):
 
 
 class CharmmAngle(AngleStyle):
-    """U = K (θ − θ0)² + K_UB (d_bc − r_UB)² with the outer atoms' distance (Urey-Bradley). Coefficients K [energy/rad²], θ0 [degrees],
-    K_UB [energy/length²], r_UB [length]. At 0 and 180° as `HarmonicAngle`."""
+    """U = K (θ − θ0)² + K_UB (d_bc − r_UB)² with the outer atoms' distance (Urey-Bradley). Coefficients K
+    [energy/rad²], θ0 [degrees], K_UB [energy/length²], r_UB [length]. At 0 and 180° as `HarmonicAngle`."""
 
     name = "charmm"
     wants = (("K", energy), ("theta0", degrees), ("K_UB", per_length2), ("r_UB", length))
@@ -305,7 +315,8 @@ class ZeroAngle(AngleStyle):
 
 
 class TableAngle(AngleStyle):
-    """U(θ) and −U'(θ) interpolated in a LAMMPS angle table (``angle_style table linear|spline N``). sin θ is clamped at 0.001, as LAMMPS does."""
+    """U(θ) and −U'(θ) interpolated in a LAMMPS angle table (``angle_style table linear|spline N``). sin θ is clamped at
+    0.001, as LAMMPS does."""
 
     name = "table"
 

@@ -1,6 +1,8 @@
-"""Angles that also depend on the lengths of their two arms (a at the apex): class2 force fields (COMPASS) and YAFF's cross terms.
+"""Angles that also depend on the lengths of their two arms (a at the apex): class2 force fields (COMPASS) and YAFF's
+cross terms.
 
-G of the arm a–b gets ∂U/∂d_ab / d_ab on top of what its angle gives; see `atc.decomposers.angle`. The first arm is that of the first atom.
+G of the arm a–b gets ∂U/∂d_ab / d_ab on top of what its angle gives; see `atc.decomposers.angle`. The first arm is that
+of the first atom.
 """
 
 from __future__ import annotations
@@ -24,10 +26,12 @@ class CoupledAngle(AngleStyle):
 
 
 class Class2Angle(CrossTerms, CoupledAngle):
-    """U = K2 x² + K3 x³ + K4 x⁴ + M y z + N1 y' x + N2 z' x, x = θ − θ0, y = d_1 − r1, z = d_2 − r2 (COMPASS; LAMMPS ``class2``).
+    """U = K2 x² + K3 x³ + K4 x⁴ + M y z + N1 y' x + N2 z' x, x = θ − θ0, y = d_1 − r1, z = d_2 − r2 (COMPASS; LAMMPS
+    ``class2``).
 
-    y', z' have r1, r2 of their own. Coefficients θ0 [degrees], K2, K3, K4 [energy/rad², ³, ⁴]; ``bb`` (section BondBond Coeffs) M [energy/length²],
-    r1, r2 [length]; ``ba`` (BondAngle Coeffs) N1, N2 [energy/length/rad], r1, r2 [length]. In Python one after the other, without the words.
+    y', z' have r1, r2 of their own. Coefficients θ0 [degrees], K2, K3, K4 [energy/rad², ³, ⁴]; ``bb`` (section BondBond
+    Coeffs) M [energy/length²], r1, r2 [length]; ``ba`` (BondAngle Coeffs) N1, N2 [energy/length/rad], r1, r2 [length].
+    In Python one after the other, without the words.
     """
 
     name = "class2"
@@ -54,7 +58,8 @@ class Class2Angle(CrossTerms, CoupledAngle):
 
 
 class Class2P6Angle(Class2Angle):
-    """`Class2Angle` with + K5 x⁵ + K6 x⁶ (MOF-FF; LAMMPS ``class2/p6``): coefficients θ0, K2 .. K6 and the same cross terms."""
+    """`Class2Angle` with + K5 x⁵ + K6 x⁶ (MOF-FF; LAMMPS ``class2/p6``): coefficients θ0, K2 .. K6 and the same cross
+    terms."""
 
     name = "class2/p6"
     main = (*Class2Angle.main, ("K5", energy), ("K6", energy))
@@ -68,8 +73,13 @@ class CrossAngle(CoupledAngle):
 
     name = "cross"
     wants = (
-        ("K_SS", per_length2), ("K_BS0", energy_per_length), ("K_BS1", energy_per_length), ("r1", length), ("r2", length), ("theta0", degrees)
-    )  # fmt: skip
+        ("K_SS", per_length2),
+        ("K_BS0", energy_per_length),
+        ("K_BS1", energy_per_length),
+        ("r1", length),
+        ("r2", length),
+        ("theta0", degrees),
+    )
 
     def add_coupled(self, types, cos, sin, d_b, d_c, U, U_c, G_b, G_c):
         K, N1, N2, r1, r2, theta0 = self.table[types].T

@@ -1,4 +1,5 @@
-"""Angles whose energy is a formula: of cos θ, where nothing is ever divided by sin θ, or of θ itself (see `atc.decomposers.angle`)."""
+"""Angles whose energy is a formula: of cos θ, where nothing is ever divided by sin θ, or of θ itself (see
+`atc.decomposers.angle`)."""
 
 from __future__ import annotations
 
@@ -26,7 +27,8 @@ class CosineCurve(AngleStyle):
 
 
 class ThetaCurve(AngleStyle):
-    """Base of angles with a formula of θ. Subclasses implement `curve`; sin θ is clamped at 0.001 as LAMMPS does, and such angles are counted."""
+    """Base of angles with a formula of θ. Subclasses implement `curve`; sin θ is clamped at 0.001 as LAMMPS does, and
+    such angles are counted."""
 
     def curve(self, theta, *columns):
         """U and dU/dθ, (t,); `columns` are the coefficients of each angle."""
@@ -79,7 +81,8 @@ def deviation_over_sine(x, theta0, cos, sin):
 
 
 class QuarticAngle(ThetaPolynomial):
-    """U = K2 x² + K3 x³ + K4 x⁴, x = θ − θ0 (LAMMPS ``quartic``). Coefficients θ0 [degrees], K2, K3, K4 [energy/rad², ³, ⁴]."""
+    """U = K2 x² + K3 x³ + K4 x⁴, x = θ − θ0 (LAMMPS ``quartic``). Coefficients θ0 [degrees], K2, K3, K4 [energy/rad²,
+    ³, ⁴]."""
 
     name = "quartic"
     wants = (("theta0", degrees), ("K2", energy), ("K3", energy), ("K4", energy))
@@ -88,8 +91,9 @@ class QuarticAngle(ThetaPolynomial):
 class MM3Angle(AngleStyle):
     """U = K x² [1 − 0.014 x° + 5.6e-5 x°² − 7e-7 x°³ + 2.2e-8 x°⁴], x = θ − θ0, x° in degrees (LAMMPS ``mm3``).
 
-    Energy and forces are LAMMPS's (22 Jul 2025, measured): its constants, in radians to six digits, where the manual prints 9e-10 as the last one;
-    and its forces, whose cubic coefficient is 1.6 % off the derivative of its energy. Coefficients K [energy/rad²], θ0 [degrees].
+    Energy and forces are LAMMPS's (22 Jul 2025, measured): its constants, in radians to six digits, where the manual
+    prints 9e-10 as the last one; and its forces, whose cubic coefficient is 1.6 % off the derivative of its energy.
+    Coefficients K [energy/rad²], θ0 [degrees].
     """
 
     name = "mm3"
@@ -115,7 +119,8 @@ class FourierAngle(CosineCurve):
 
 
 def multiple_cosine(n, cos, sin):
-    """cos nθ and d(cos nθ)/dcos θ = n sin nθ/sin θ for whole n, (t,). Nothing is singular: both are polynomials in cos θ."""
+    """cos nθ and d(cos nθ)/dcos θ = n sin nθ/sin θ for whole n, (t,). Nothing is singular: both are polynomials in cos
+    θ."""
     theta = np.arctan2(sin, cos)
     near = sin < 1e-4
     # n² cos nθ/cos θ [1 − (n² − 1) sin²θ/3 ...] relative to cos nθ: the next term is below 1e-16 there.
@@ -132,9 +137,10 @@ def multiple_cosine(n, cos, sin):
 class FourierSimpleAngle(CosineCurve):
     """U = K [1 + c cos nθ] (LAMMPS ``fourier/simple``). Coefficients K [energy], c, n.
 
-    The forces are those LAMMPS computes (22 Jul 2025, measured): n sin nθ/sin θ = n² [1 + (1 − n²)(1 − |cos θ|)/3], with the other sign beyond 90° if
-    n is even. That is exact for n = 0, 1, 2 and only good near 0 and 180° for others, where a warning says that forces and energy do not belong
-    together. (``fourier`` and ``cosine/periodic`` have no such fault.)
+    The forces are those LAMMPS computes (22 Jul 2025, measured): n sin nθ/sin θ = n² [1 + (1 − n²)(1 − |cos θ|)/3],
+    with the other sign beyond 90° if n is even. That is exact for n = 0, 1, 2 and only good near 0 and 180° for others,
+    where a warning says that forces and energy do not belong together. (``fourier`` and ``cosine/periodic`` have no
+    such fault.)
     """
 
     name = "fourier/simple"
@@ -144,8 +150,10 @@ class FourierSimpleAngle(CosineCurve):
         n = self.table[t, 2]
         if n not in (0.0, 1.0, 2.0) and self.table[t, 0] and self.table[t, 1]:
             warnings.warn(
-                f"angle_style fourier/simple with n = {n:g}: LAMMPS computes forces that are not the derivative of its energy for n other than 1 and 2; "
-                "the run's forces are taken as they are, so energy is not balanced: use angle_style cosine/periodic or fourier in new runs",
+                f"angle_style fourier/simple with n = {n:g}: LAMMPS computes forces that are not the derivative of "
+                "its energy for n other than 1 and 2; "
+                "the run's forces are taken as they are, so energy is not balanced: use angle_style cosine/periodic "
+                "or fourier in new runs",
                 AtcWarning,
                 stacklevel=2,
             )
@@ -158,7 +166,8 @@ class FourierSimpleAngle(CosineCurve):
 
 
 class CosinePeriodicAngle(AngleStyle):
-    """U = (2/n²) C [1 − B (−1)ⁿ cos nθ] (LAMMPS ``cosine/periodic``). Coefficients C [energy], B = 1 or −1, n = 1 .. 6. Regular at 0 and 180°."""
+    """U = (2/n²) C [1 − B (−1)ⁿ cos nθ] (LAMMPS ``cosine/periodic``). Coefficients C [energy], B = 1 or −1, n = 1 .. 6.
+    Regular at 0 and 180°."""
 
     name = "cosine/periodic"
     wants = (("C", energy), ("B", plain), ("n", plain))
@@ -179,7 +188,8 @@ class CosinePeriodicAngle(AngleStyle):
 
 
 class RestrictedAngle(CosineCurve):
-    """U = K (cos θ − cos θ0)²/sin² θ (MARTINI's restricted bending; LAMMPS ``cosine/squared/restricted``). Coefficients K [energy], θ0 [degrees].
+    """U = K (cos θ − cos θ0)²/sin² θ (MARTINI's restricted bending; LAMMPS ``cosine/squared/restricted``). Coefficients
+    K [energy], θ0 [degrees].
 
     Infinite at 0 and 180° (for θ0 = 0 or 180° only at the other end): such an angle is an error.
     """
@@ -205,9 +215,11 @@ def restricted(cos, sin, K, cos0):
 
 
 class WormLikeAngle(CosineCurve):
-    """U = −k_B T ln[(q1 + q2)/(1 + exp(−μ/k_B T))], q1 = exp[−k1 (1 + cos θ)/k_B T], q2 = exp[−(μ + k2 (1 + cos θ))/k_B T] (LAMMPS ``mwlc``).
+    """U = −k_B T ln[(q1 + q2)/(1 + exp(−μ/k_B T))], q1 = exp[−k1 (1 + cos θ)/k_B T], q2 = exp[−(μ + k2 (1 + cos θ))/k_B
+    T] (LAMMPS ``mwlc``).
 
-    A worm-like chain that can melt (Farrell et al. 2024). Coefficients k1, k2, μ [energy], T [temperature]. Regular at 0 and 180°.
+    A worm-like chain that can melt (Farrell et al. 2024). Coefficients k1, k2, μ [energy], T [temperature]. Regular at
+    0 and 180°.
     """
 
     name = "mwlc"
@@ -245,7 +257,8 @@ class CosineShiftAngle(ThetaCurve):
 
 
 def shift_exp(c, depth, a):
-    """U = −U_min (e^{−a u} − 1)/(e^a − 1) with u = −½(1 + c), and dU/dc; as LAMMPS to first order in a where |a| < 0.001."""
+    """U = −U_min (e^{−a u} − 1)/(e^a − 1) with u = −½(1 + c), and dU/dc; as LAMMPS to first order in a where |a| <
+    0.001."""
     u = -0.5 * (1.0 + c)
     a = np.asarray(a, float)
     small = np.abs(a) < 0.001
@@ -256,7 +269,8 @@ def shift_exp(c, depth, a):
 
 
 class CosineShiftExpAngle(CosineShiftAngle):
-    """U = −U_min (e^{−a u} − 1)/(e^a − 1), u = −½[1 + cos(θ − θ0)] (LAMMPS ``cosine/shift/exp``). Coefficients U_min [energy], θ0 [degrees], a."""
+    """U = −U_min (e^{−a u} − 1)/(e^a − 1), u = −½[1 + cos(θ − θ0)] (LAMMPS ``cosine/shift/exp``). Coefficients U_min
+    [energy], θ0 [degrees], a."""
 
     name = "cosine/shift/exp"
     wants = (*CosineShiftAngle.wants, ("a", plain))
@@ -266,7 +280,8 @@ class CosineShiftExpAngle(CosineShiftAngle):
 
 
 class GaussianAngle(RowTerm, ThetaCurve):
-    """U = −k_B T ln Σ_i A_i/(w_i √(π/2)) exp(−2 (θ − θ_i)²/w_i²), θ in radians (LAMMPS ``gaussian``, as it computes: its manual lacks the 2).
+    """U = −k_B T ln Σ_i A_i/(w_i √(π/2)) exp(−2 (θ − θ_i)²/w_i²), θ in radians (LAMMPS ``gaussian``, as it computes:
+    its manual lacks the 2).
 
     Coefficients T [temperature], n, then A_i, w_i [radians], θ_i [degrees] for each of the n terms.
     """

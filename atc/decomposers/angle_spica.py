@@ -1,4 +1,5 @@
-"""SPICA's coarse-grained angle: harmonic, with the repulsion of the pair style between its outer atoms, which special_bonds leave out there."""
+"""SPICA's coarse-grained angle: harmonic, with the repulsion of the pair style between its outer atoms, which
+special_bonds leave out there."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ from .registry import angle_style
 
 
 class SpicaAngle(HarmonicAngle):
-    """U = K (θ − θ0)² + [U_pair(d_bc) + ε up to the minimum of U_pair] (LAMMPS ``spica``, ``sdk``). Coefficients K [energy/rad²], θ0 [degrees].
+    """U = K (θ − θ0)² + [U_pair(d_bc) + ε up to the minimum of U_pair] (LAMMPS ``spica``, ``sdk``). Coefficients K
+    [energy/rad²], θ0 [degrees].
 
     U_pair is that of pair style ``lj/spica`` (``lj/sdk``) of the same potential, without its cutoff and shift.
     pairs : the `Pairs` term or the list of PairStyle with it
@@ -77,7 +79,8 @@ def _spica(inp):
         raise inp.error(f"{inp.command} takes no arguments, got {' '.join(inp.args)}")
     if not any(s.name == "lj/spica" for s in getattr(inp.pairs, "styles", ())):
         raise inp.error(
-            f"{inp.command} adds the repulsion of pair_style lj/spica (lj/sdk) between its outer atoms, which is not there: give it first"
+            f"{inp.command} adds the repulsion of pair_style lj/spica (lj/sdk) between its outer atoms, which is not "
+            "there: give it first"
         )
     term = SpicaAngle._from_input(inp.type_values([(what, f(inp.units)) for what, f in SpicaAngle.wants]), inp)
     term.pairs = inp.pairs

@@ -1,4 +1,5 @@
-"""The angular-dependent potential: embedded atom with dipoles and quadrupoles of the neighbourhood (LAMMPS ``pair_style adp``)."""
+"""The angular-dependent potential: embedded atom with dipoles and quadrupoles of the neighbourhood (LAMMPS ``pair_style
+adp``)."""
 
 from __future__ import annotations
 
@@ -17,21 +18,24 @@ from .registry import MAPPED_STYLES, pair_style
 
 
 class AngularDependent(Centred):
-    """U = Σ_i [F_i(ρ_i) + ½ μ_i² + ½ Σ_st (λ_i^st)² − ν_i²/6] + Σ_pairs φ(d), μ_i = Σ_j u(d_ij) r_ij, λ_i = Σ_j w(d_ij) r_ij r_ij, ν_i = tr λ_i.
+    """U = Σ_i [F_i(ρ_i) + ½ μ_i² + ½ Σ_st (λ_i^st)² − ν_i²/6] + Σ_pairs φ(d), μ_i = Σ_j u(d_ij) r_ij, λ_i = Σ_j w(d_ij)
+    r_ij r_ij, ν_i = tr λ_i.
 
     Dipole and quadrupole are functions of distances, since r_ij · r_ik = c_jk = ξ_ij + ξ_ik − ξ_jk (and c_jj = 2 ξ_ij):
-    μ_i² = Σ_jk u_j u_k c_jk, Σ_st (λ_i^st)² = Σ_jk w_j w_k c_jk², ν_i = Σ_j w_j d_ij². With m = Σ_k u_k, q = Σ_k w_k r_ik, the parts of G are
+    μ_i² = Σ_jk u_j u_k c_jk, Σ_st (λ_i^st)² = Σ_jk w_j w_k c_jk², ν_i = Σ_j w_j d_ij². With m = Σ_k u_k, q = Σ_k w_k
+    r_ik, the parts of G are
 
     - for the arm i–j: [F' ρ' + u' μ·r_ij + w' r_ij·λ·r_ij]/d + u_j m + 2 w_j q·r_ij − ν/3 (w' d + 2 w_j);
     - for the outer distance j–k: −u_j u_k − 2 w_j w_k c_jk.
 
-    The many neighbours' distances are not independent: this is G of the formulas as written. Everything of U_i belongs to atom i, half of φ to each end, as in
-    LAMMPS. Tables as in `EmbeddedAtom`, with LAMMPS's splines.
+    The many neighbours' distances are not independent: this is G of the formulas as written. Everything of U_i belongs
+    to atom i, half of φ to each end, as in LAMMPS. Tables as in `EmbeddedAtom`, with LAMMPS's splines.
 
     Parameters
     ----------
     tables : EAMTables with u_eer and w_eer, in `units`
-    elements : the tables' element of each atom type, from type 1; None or "NULL" leaves a type out. Default: every atom is the first element.
+    elements : the tables' element of each atom type, from type 1; None or "NULL" leaves a type out. Default: every atom
+        is the first element.
     units : unit style of the tables; the default has eV and Å
 
     Notes
@@ -62,7 +66,8 @@ class AngularDependent(Centred):
 
     @classmethod
     def from_file(cls, path, elements=None, *, units: str | Units = "metal", where: str = "") -> AngularDependent:
-        """From an extended setfl file: ``AngularDependent.from_file("AlCu.adp", ["Al", "Cu"])``. where : the line that names it, for messages."""
+        """From an extended setfl file: ``AngularDependent.from_file("AlCu.adp", ["Al", "Cu"])``. where : the line that
+        names it, for messages."""
         t = read_setfl(path, system(units).name, False, where, angular=True)
         odd = next((e for e in elements or () if e not in (None, "NULL", *t.elements)), None)
         if odd is not None:
@@ -70,16 +75,37 @@ class AngularDependent(Centred):
         return cls(t, elements, units=units)
 
     def describe(self) -> str:
-        return f"adp{self.map.describe()}, embedding, dipole and quadrupole energy to their own atom, pair energy shared half to each; outer bonds apart"
+        return (
+            f"adp{self.map.describe()}, embedding, dipole and quadrupole energy to their own atom, pair energy shared "
+            "half to each; outer bonds apart"
+        )
 
     def pairs(self, near, element, p0, p1, G_p, energies):
         return _pairs(p0, p1, near.a, near.b, near.d_p, element, self.zr, 1.0 / self.dr, near.atom, G_p, energies)
 
     def centres(self, near, element, s0, s1, most, *out):
         return _centres(
-            s0, s1, most, near.start, near.pair, near.end, near.a, near.b, near.r_pc, near.d_p, element, self.F, self.rho, self.u, self.w,
-            1.0 / self.drho, self.rho_end, 1.0 / self.dr, near.atom, *out,
-        )  # fmt: skip
+            s0,
+            s1,
+            most,
+            near.start,
+            near.pair,
+            near.end,
+            near.a,
+            near.b,
+            near.r_pc,
+            near.d_p,
+            element,
+            self.F,
+            self.rho,
+            self.u,
+            self.w,
+            1.0 / self.drho,
+            self.rho_end,
+            1.0 / self.dr,
+            near.atom,
+            *out,
+        )
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -109,9 +135,34 @@ def _spline(c, x, per_step):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _centres(
-    s0, s1, most, start, pair, end, a, b, r, d, element, F, rho_table, u_table, w_table, per_drho, rho_end, per_dr, atom,
-    G_end, S_end, out_i, out_j, out_r, out_G, out_D, energies,
-):  # fmt: skip
+    s0,
+    s1,
+    most,
+    start,
+    pair,
+    end,
+    a,
+    b,
+    r,
+    d,
+    element,
+    F,
+    rho_table,
+    u_table,
+    w_table,
+    per_drho,
+    rho_end,
+    per_dr,
+    atom,
+    G_end,
+    S_end,
+    out_i,
+    out_j,
+    out_r,
+    out_G,
+    out_D,
+    energies,
+):
     sources = len(S_end) > 0
     shared = len(energies) > 0
     points, rhos = u_table.shape[2] - 1, F.shape[1] - 1

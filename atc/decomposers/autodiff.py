@@ -1,8 +1,10 @@
-"""Recorded arithmetic and its derivatives: what turns a user's energy function into compiled code for energy and gradient.
+"""Recorded arithmetic and its derivatives: what turns a user's energy function into compiled code for energy and
+gradient.
 
-A function is called once with `Value`s, which record on a `Tape` what is done to them (`atc.decomposers.recording`). The record is differentiated in reverse
-(one sweep gives the derivatives with respect to every argument), common subexpressions are shared, and energy and gradient are printed as one
-straight piece of Python that numba compiles. Nothing is differenced numerically.
+A function is called once with `Value`s, which record on a `Tape` what is done to them (`atc.decomposers.recording`).
+The record is differentiated in reverse (one sweep gives the derivatives with respect to every argument), common
+subexpressions are shared, and energy and gradient are printed as one straight piece of Python that numba compiles.
+Nothing is differenced numerically.
 """
 
 from __future__ import annotations
@@ -38,7 +40,8 @@ class NotRecorded(Exception):
 
 
 class Tape:
-    """A record of operations in the order in which they were first done; the same operation on the same things is recorded once."""
+    """A record of operations in the order in which they were first done; the same operation on the same things is
+    recorded once."""
 
     def __init__(self):
         self.nodes: list[tuple] = []
@@ -145,7 +148,8 @@ class Value:
 
     def __bool__(self):
         raise NotRecorded(
-            "a branch (if, while, and, or) on the value of a distance cannot be differentiated: use numpy.where(condition, a, b), with & and | in the condition"
+            "a branch (if, while, and, or) on the value of a distance cannot be differentiated: use "
+            "numpy.where(condition, a, b), with & and | in the condition"
         )
 
     def __float__(self):
@@ -175,12 +179,39 @@ class Value:
 
 
 _UFUNCS = {n: n for n in UNARY} | {
-    "add": "add", "subtract": "sub", "multiply": "mul", "divide": "div", "true_divide": "div", "power": "pow", "float_power": "pow",
-    "negative": "neg", "positive": "pos", "absolute": "abs", "fabs": "abs", "square": "square", "reciprocal": "reciprocal", "cbrt": "cbrt",
-    "minimum": "minimum", "maximum": "maximum", "fmin": "minimum", "fmax": "maximum", "arctan2": "arctan2", "hypot": "hypot",
-    "less": "lt", "less_equal": "le", "greater": "gt", "greater_equal": "ge", "equal": "eq", "not_equal": "ne",
-    "logical_and": "and", "logical_or": "or", "logical_not": "not", "bitwise_and": "and", "bitwise_or": "or", "invert": "not",
-}  # fmt: skip
+    "add": "add",
+    "subtract": "sub",
+    "multiply": "mul",
+    "divide": "div",
+    "true_divide": "div",
+    "power": "pow",
+    "float_power": "pow",
+    "negative": "neg",
+    "positive": "pos",
+    "absolute": "abs",
+    "fabs": "abs",
+    "square": "square",
+    "reciprocal": "reciprocal",
+    "cbrt": "cbrt",
+    "minimum": "minimum",
+    "maximum": "maximum",
+    "fmin": "minimum",
+    "fmax": "maximum",
+    "arctan2": "arctan2",
+    "hypot": "hypot",
+    "less": "lt",
+    "less_equal": "le",
+    "greater": "gt",
+    "greater_equal": "ge",
+    "equal": "eq",
+    "not_equal": "ne",
+    "logical_and": "and",
+    "logical_or": "or",
+    "logical_not": "not",
+    "bitwise_and": "and",
+    "bitwise_or": "or",
+    "invert": "not",
+}
 
 
 def call(tape: Tape, name: str, args):

@@ -23,11 +23,13 @@ _HAIR = 1e-12
 
 
 class AxilrodTeller(Term):
-    """U = Σ_triples ν (1 + 3 cos γ1 cos γ2 cos γ3)/(d12 d13 d23)³ over triples with all d ≤ cutoff and d12 d13 d23 ≤ cutoff_triple³.
+    """U = Σ_triples ν (1 + 3 cos γ1 cos γ2 cos γ3)/(d12 d13 d23)³ over triples with all d ≤ cutoff and d12 d13 d23 ≤
+    cutoff_triple³.
 
-    In squared distances u, v, w it is ν [Q^(−3/2) + ⅜ (u+v−w)(u+w−v)(v+w−u) Q^(−5/2)], Q = uvw: no angle is formed, collinear and coincident
-    directions are ordinary. A third of a triple's energy goes to each of its atoms. All triples of a pair are summed into one bond.
-    The energy is cut off without smoothing, as in LAMMPS: it jumps where a triple enters.
+    In squared distances u, v, w it is ν [Q^(−3/2) + ⅜ (u+v−w)(u+w−v)(v+w−u) Q^(−5/2)], Q = uvw: no angle is formed,
+    collinear and coincident directions are ordinary. A third of a triple's energy goes to each of its atoms. All
+    triples of a pair are summed into one bond. The energy is cut off without smoothing, as in LAMMPS: it jumps where a
+    triple enters.
 
     Parameters
     ----------
@@ -72,7 +74,8 @@ class AxilrodTeller(Term):
             top, low = int(frame.types.max()), int(frame.types.min())
             if top >= len(self.nu) or low < 1:
                 raise AtcError(
-                    f"{frame.source}: atoms of type {top if low >= 1 else low} but pair_style atm knows types 1 to {len(self.nu) - 1}: add a pair_coeff line"
+                    f"{frame.source}: atoms of type {top if low >= 1 else low} but pair_style atm knows types 1 to "
+                    f"{len(self.nu) - 1}: add a pair_coeff line"
                 )
         return _ATMWork(self, frame)
 
@@ -96,16 +99,35 @@ class _ATMWork(Work):
         D = np.empty((p1 - p0, 2, 3)) if acc.sources else _NO_D
         energies = acc.energies if acc.energies is not None else _NOTHING
         m, energy = _triple_dipoles(
-            p0, p1, near.a, near.b, near.r_pc, near.d_p, near.start, near.pair, near.end, self.types, term.nu, term.cutoff**2, term.product2,
-            near.atom, ws.i, ws.j, ws.r, ws.G, D, energies,
-        )  # fmt: skip
+            p0,
+            p1,
+            near.a,
+            near.b,
+            near.r_pc,
+            near.d_p,
+            near.start,
+            near.pair,
+            near.end,
+            self.types,
+            term.nu,
+            term.cutoff**2,
+            term.product2,
+            near.atom,
+            ws.i,
+            ws.j,
+            ws.r,
+            ws.G,
+            D,
+            energies,
+        )
         acc.energy += energy
         return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _derivative(nu, u, v, w, P, Q15, Q25):
-    """2 ∂U/∂u = G of the distance √u, up to the terms that the caller has: P the product of three, Q15 = Q^(−3/2), Q25 = Q^(−5/2)."""
+    """2 ∂U/∂u = G of the distance √u, up to the terms that the caller has: P the product of three, Q15 = Q^(−3/2), Q25
+    = Q^(−5/2)."""
     x, y, z = u + v - w, u + w - v, v + w - u
     return 2.0 * nu * (-1.5 * Q15 / u + 0.375 * Q25 * (y * z + x * z - x * y - 2.5 * P / u))
 
@@ -114,7 +136,8 @@ def _derivative(nu, u, v, w, P, Q15, Q25):
 def _triple_dipoles(
     p0, p1, a, b, r, d, start, pair, end, types, nu, cut2, product2, atom, out_i, out_j, out_r, out_G, out_D, energies
 ):
-    """Bonds of the pairs p0..p1. A triple is met from each of its three pairs, which take a third of its energy each."""
+    """Bonds of the pairs p0..p1. A triple is met from each of its three pairs, which take a third of its energy
+    each."""
     sources = len(out_D) > 0
     shared = len(energies) > 0
     total = 0.0
@@ -127,7 +150,8 @@ def _triple_dipoles(
         sx = sy = sz = tx = ty = tz = 0.0
         for q in range(start[s], start[s + 1]):
             pk = pair[q]
-            # In a small cell an atom is its own neighbour: the pair p then stands twice in its list, and only this end of it is the pair itself.
+            # In a small cell an atom is its own neighbour: the pair p then stands twice in its list, and only this end
+            # of it is the pair itself.
             if pk == p and end[q] == 0:
                 continue
             if end[q] == 0:
@@ -181,7 +205,8 @@ def _triple_dipoles(
 def _atm(inp):
     if len(inp.args) != 2:
         raise inp.error(
-            f"pair_style atm takes two cutoffs, of distances and of the cube root of their product, got {' '.join(inp.args) or 'nothing'}"
+            "pair_style atm takes two cutoffs, of distances and of the cube root of their product, got "
+            f"{' '.join(inp.args) or 'nothing'}"
         )
     cutoff, triple = (inp.number(w, 1.0, "a cutoff") for w in inp.args)
     if not inp.coeffs:
@@ -191,7 +216,8 @@ def _atm(inp):
     for line in inp.coeffs:
         if len(line.words) != 2:
             raise inp.error(
-                f"pair_coeff of atm takes three types and nu, got {' '.join(line.words) or 'nothing'} behind the first two",
+                f"pair_coeff of atm takes three types and nu, got {' '.join(line.words) or 'nothing'} behind the "
+                "first two",
                 line,
             )
         lines.append((_types(inp, line), inp.number(line.words[1], 1.0, "nu", line), line))

@@ -1,4 +1,5 @@
-"""What a decomposer is: terms that turn a frame into energies, forces and bonds, chunk by chunk, on any number of threads."""
+"""What a decomposer is: terms that turn a frame into energies, forces and bonds, chunk by chunk, on any number of
+threads."""
 
 from __future__ import annotations
 
@@ -26,7 +27,8 @@ _SPELLINGS = {"centre": "center"}
 class Decomposition:
     """What a potential says about one frame, in internal units.
 
-    energy : float. energies_n : (n,) or None, the atoms' shares U^(j) (each K-body term 1/K, unless `Potential.describe` says otherwise).
+    energy : float. energies_n : (n,) or None, the atoms' shares U^(j) (each K-body term 1/K, unless
+        `Potential.describe` says otherwise).
     forces_nc : (n, 3) or None.
     virial_cc : (3, 3) Σ G r⊗r (tension positive; divide by the volume for the potential part of the virial stress).
     bonds : Bonds or None when they were streamed. n_bonds : how many there were.
@@ -43,8 +45,8 @@ class Decomposition:
 
 
 class Accumulator:
-    """One thread's running sums and buffers. `forces` and `energies` are None when nobody asked for them; `sources` says whether
-    terms must give their bonds' directed energy sources (`Bonds.D_bdc`)."""
+    """One thread's running sums and buffers. `forces` and `energies` are None when nobody asked for them; `sources`
+    says whether terms must give their bonds' directed energy sources (`Bonds.D_bdc`)."""
 
     def __init__(self, n: int, forces: bool, energies: bool, sources: bool = False):
         self.sources = sources
@@ -61,7 +63,8 @@ class Accumulator:
             self.notes[what] = self.notes.get(what, 0) + int(count)
 
     def add_bonds(self, bonds: Bonds) -> None:
-        """Add a chunk's forces and virial. Every term's forces follow from its bonds, so this is the only place that forms them."""
+        """Add a chunk's forces and virial. Every term's forces follow from its bonds, so this is the only place that
+        forms them."""
         self.n_bonds += len(bonds)
         if self.forces is not None:
             _add_forces_and_virial(bonds.i, bonds.j, bonds.r_bc, bonds.G_b, self.forces, self.virial)
@@ -72,11 +75,13 @@ class Accumulator:
 class Term:
     """A group of interactions evaluated together (all pair styles; all angles; Stillinger-Weber ...).
 
-    Subclasses set `cutoff` (internal length; 0 for bonded terms) and implement `prepare`. A term whose every bond is a two-body term of its own,
-    shared half to each end, sets `pairwise`: its energy sources follow from G. Any other term fills `Bonds.D_bdc` itself when `acc.sources`.
+    Subclasses set `cutoff` (internal length; 0 for bonded terms) and implement `prepare`. A term whose every bond is a
+    two-body term of its own, shared half to each end, sets `pairwise`: its energy sources follow from G. Any other term
+    fills `Bonds.D_bdc` itself when `acc.sources`.
 
-    Terms that can share their energy among their atoms in more than one way set `part_name` (which ``partition={...}`` of `atc.potential` calls them
-    by), `partitions` (what the words ``equal`` and ``center`` mean for them) and implement `share`.
+    Terms that can share their energy among their atoms in more than one way set `part_name` (which ``partition={...}``
+    of `atc.potential` calls them by), `partitions` (what the words ``equal`` and ``center`` mean for them) and
+    implement `share`.
     """
 
     cutoff: float = 0.0
@@ -103,7 +108,8 @@ class Term:
         raise AtcError(f"partition: {self.describe().split(',')[0]} shares its energy in one way only: leave it out")
 
     def partitioned(self, partition, word: bool = False) -> Term:
-        """The same term with another partition of its energy. With `word` it is one for a whole potential, which terms that do not know it ignore."""
+        """The same term with another partition of its energy. With `word` it is one for a whole potential, which terms
+        that do not know it ignore."""
         if word:
             if partition not in self.partitions:
                 return self
@@ -143,16 +149,18 @@ class Wrapper(Term):
 
 
 class Work:
-    """One term on one frame. `stages` is a list of task counts: all tasks of a stage finish before the next stage starts.
+    """One term on one frame. `stages` is a list of task counts: all tasks of a stage finish before the next stage
+    starts.
 
-    Tasks of a stage run in any order and on any thread; what they share they must only read, apart from slots that are theirs. A stage of
-    one task may change the counts of the stages behind it.
+    Tasks of a stage run in any order and on any thread; what they share they must only read, apart from slots that are
+    theirs. A stage of one task may change the counts of the stages behind it.
     """
 
     stages: tuple[int, ...] = (0,)
 
     def run(self, stage: int, task: int, acc: Accumulator) -> Bonds | None:
-        """Do one task: add its energy (and shares) to `acc`, return its bonds (views into `acc.ws` are fine) for forces, virial and deposit."""
+        """Do one task: add its energy (and shares) to `acc`, return its bonds (views into `acc.ws` are fine) for
+        forces, virial and deposit."""
         raise NotImplementedError
 
 
@@ -166,12 +174,16 @@ class Potential:
     remarks : tuple of str, what else `describe` should say
     masses : {type: mass}, internal units, as far as LAMMPS lines (or the data file they read) say
     data_file : Path or None, the file of the script's ``read_data`` line
-    dimension : 2 where the model is that of a two-dimensional run (LAMMPS's ``dimension 2``), else 3; dimension_said : whether the lines say so
-    unmentioned : kinds of bonded terms ("bond", "angle", ...) that LAMMPS lines say nothing of, not even ``bond_style none``
-    outside : forces on atoms from outside that the script has besides (walls, fields, friction), one text for each; they are no part of the stress
+    dimension : 2 where the model is that of a two-dimensional run (LAMMPS's ``dimension 2``), else 3; dimension_said :
+        whether the lines say so
+    unmentioned : kinds of bonded terms ("bond", "angle", ...) that LAMMPS lines say nothing of, not even ``bond_style
+        none``
+    outside : forces on atoms from outside that the script has besides (walls, fields, friction), one text for each;
+        they are no part of the stress
     atom_style : words of the script's ``atom_style``, "" if it has none
     setup : what the script says of atoms, see `complete`, or None
-    dimension : 2 where the model is that of a two-dimensional run (LAMMPS's ``dimension 2``), else 3; dimension_said : whether the lines say so
+    dimension : 2 where the model is that of a two-dimensional run (LAMMPS's ``dimension 2``), else 3; dimension_said :
+        whether the lines say so
     """
 
     unmentioned: tuple[str, ...] = ()
@@ -214,16 +226,18 @@ class Potential:
     def partitioned(self, partition) -> Potential:
         """The same potential with its energy shared in another way among the atoms.
 
-        Energy, forces and stress stay what they are; per-atom energies, energy sources, and with them heat flux and churning, change.
+        Energy, forces and stress stay what they are; per-atom energies, energy sources, and with them heat flux and
+        churning, change.
 
         Parameters
         ----------
         partition : str or dict
-            ``"equal"``: every term as it does by default, 1/K of a K-body energy to each of its atoms (bond-order energies half to each end of the
-            bond, embedding energies to their own atoms). ``"center"``: Stillinger-Weber triplets and angles to their middle atom, torsions half to
-            each of their two middle atoms, bond-order energies to the atom whose neighbours they depend on; other terms as ``"equal"``.
-            A dict chooses term by term, {"sw": "center", "dihedral": (0, 0.5, 0.5, 0)}; its keys are pair styles (sw, tersoff, vashishta, edip ...) and angle,
-            dihedral, improper; terms it does not name stay as they are.
+            ``"equal"``: every term as it does by default, 1/K of a K-body energy to each of its atoms (bond-order
+            energies half to each end of the bond, embedding energies to their own atoms). ``"center"``:
+            Stillinger-Weber triplets and angles to their middle atom, torsions half to each of their two middle atoms,
+            bond-order energies to the atom whose neighbours they depend on; other terms as ``"equal"``. A dict chooses
+            term by term, {"sw": "center", "dihedral": (0, 0.5, 0.5, 0)}; its keys are pair styles (sw, tersoff,
+            vashishta, edip ...) and angle, dihedral, improper; terms it does not name stay as they are.
 
         Raises
         ------
@@ -234,7 +248,8 @@ class Potential:
             partition = _SPELLINGS.get(partition, partition)
             if partition not in PARTITIONS:
                 raise AtcError(
-                    f"partition {partition!r}: expected {' or '.join(map(repr, PARTITIONS))}, or a dict such as {{'sw': 'center'}}"
+                    f"partition {partition!r}: expected {' or '.join(map(repr, PARTITIONS))}, or a dict such as "
+                    f"{{'sw': 'center'}}"
                 )
             new.terms = [t.partitioned(partition, word=True) for t in self.terms]
         elif isinstance(partition, Mapping):
@@ -243,26 +258,31 @@ class Potential:
                 if key not in names or not key:
                     known = ", ".join(dict.fromkeys(n for n in names if n))
                     raise AtcError(
-                        f"partition: the potential has no term {key!r} whose energy could be shared in another way: {f'it has {known}' if known else 'none of its terms could'}"
+                        f"partition: the potential has no term {key!r} whose energy could be shared in another way: "
+                        f"{f'it has {known}' if known else 'none of its terms could'}"
                     )
             new.terms = [
                 t.partitioned(partition[n]) if n in partition else t for t, n in zip(self.terms, names, strict=True)
             ]
         else:
             raise AtcError(
-                f"partition must be {' or '.join(map(repr, PARTITIONS))}, or a dict such as {{'sw': 'center'}}, got {partition!r}"
+                f"partition must be {' or '.join(map(repr, PARTITIONS))}, or a dict such as {{'sw': 'center'}}, got "
+                f"{partition!r}"
             )
         return new
 
     def complete(self, frame: Frame) -> Frame:
-        """The frame with what the script says of its atoms (charges, masses, bonds ...), as far as the frame does not show it itself.
+        """The frame with what the script says of its atoms (charges, masses, bonds ...), as far as the frame does not
+        show it itself.
 
-        Raises AtcError for what is needed and not known, and for contradictions between the script and a data file that was named.
+        Raises AtcError for what is needed and not known, and for contradictions between the script and a data file that
+        was named.
         """
         return frame if self.setup is None else self.setup.complete(frame)
 
     def check_topology(self, frame: Frame) -> None:
-        """Raise AtcError if the frame has bonded terms of a kind that LAMMPS lines do not mention: `atc.fields` leaves nothing out silently."""
+        """Raise AtcError if the frame has bonded terms of a kind that LAMMPS lines do not mention: `atc.fields` leaves
+        nothing out silently."""
         for kind in self.unmentioned if frame.topology is not None else ():
             count = len(getattr(frame.topology, f"{kind}s"))
             if count:
@@ -286,7 +306,8 @@ class Potential:
         Parameters
         ----------
         frame : Frame
-        consume : called as ``consume(bonds, thread)`` for every chunk, from thread number `thread` of 0..threads−1. The arrays are
+        consume : called as ``consume(bonds, thread)`` for every chunk, from thread number `thread` of 0..threads−1. The
+            arrays are
             reused: copy what is kept.
         energies, forces : whether to accumulate per-atom energies and forces
         sources : whether the bonds carry their directed energy sources `D_bdc`

@@ -13,10 +13,11 @@ _BECK = 2.709
 
 
 class Beck(RadialStyle):
-    """U = A e^{−αd − βd⁶} − B/(d² + a²)³ [1 + (2.709 + 3a²)/(d² + a²)] for d < cutoff (LAMMPS ``beck``; Beck, Mol. Phys. 14, 311).
+    """U = A e^{−αd − βd⁶} − B/(d² + a²)³ [1 + (2.709 + 3a²)/(d² + a²)] for d < cutoff (LAMMPS ``beck``; Beck, Mol.
+    Phys. 14, 311).
 
-    2.709 is a squared length in the unit style's unit, as in LAMMPS: meant in Å². Numbers: A, B, a, alpha, beta, square (2.709 in that unit), cutoff; see
-    `RadialStyle`.
+    2.709 is a squared length in the unit style's unit, as in LAMMPS: meant in Å². Numbers: A, B, a, alpha, beta, square
+    (2.709 in that unit), cutoff; see `RadialStyle`.
     """
 
     name = "beck"

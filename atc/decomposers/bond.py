@@ -24,7 +24,8 @@ class BondStyle(BondedTerm):
     pairwise = True
 
     def add(self, types, d, U, G):
-        """Fill U and G = U'(d)/d of bonds of length d, all (b,). Returns (the first bond that has no energy, or −1; how many are worth a note)."""
+        """Fill U and G = U'(d)/d of bonds of length d, all (b,). Returns (the first bond that has no energy, or −1; how
+        many are worth a note)."""
         raise NotImplementedError
 
     def refuse(self, t: int, d: float) -> str:
@@ -69,7 +70,8 @@ class _BondWork(Work):
         if bad >= 0:
             a, b = self.frame.ids[i[bad]], self.frame.ids[j[bad]]
             raise AtcError(
-                f"{self.frame.source}: the bond between atoms {a} and {b} (type {types[bad]}, style {self.term.name}) is {self.frame.units.to_user('length', d[bad]):.6g} "
+                f"{self.frame.source}: the bond between atoms {a} and {b} (type {types[bad]}, style {self.term.name}) "
+                f"is {self.frame.units.to_user('length', d[bad]):.6g} "
                 f"{self.frame.units.label('length')} long, {self.term.refuse(int(types[bad]), float(d[bad]))}"
             )
         if noted:
@@ -88,7 +90,8 @@ def _share2(i, j, U, energies):
 
 
 class HarmonicBond(BondStyle):
-    """U = K (d − r0)² (LAMMPS's K: no ½). Coefficients K [energy/length²], r0 [length]. A bond of length 0 has no direction and no force."""
+    """U = K (d − r0)² (LAMMPS's K: no ½). Coefficients K [energy/length²], r0 [length]. A bond of length 0 has no
+    direction and no force."""
 
     name = "harmonic"
     wants = (("K", per_length2), ("r0", length))
@@ -129,10 +132,11 @@ def _morse(types, d, table, U, G):
 
 
 class FeneBond(BondStyle):
-    """U = −½ K R0² ln[1 − (d/R0)²] + (4ε[(σ/d)¹² − (σ/d)⁶] + ε for d < 2^(1/6) σ). Coefficients K [energy/length²], R0 [length], ε, σ.
+    """U = −½ K R0² ln[1 − (d/R0)²] + (4ε[(σ/d)¹² − (σ/d)⁶] + ε for d < 2^(1/6) σ). Coefficients K [energy/length²], R0
+    [length], ε, σ.
 
-    A bond of R0 or more is an error. From 0.949 R0 on LAMMPS caps the logarithm (with a warning); here the formula holds up to R0, and such
-    bonds are counted in the notes.
+    A bond of R0 or more is an error. From 0.949 R0 on LAMMPS caps the logarithm (with a warning); here the formula
+    holds up to R0, and such bonds are counted in the notes.
     """
 
     name = "fene"
@@ -150,7 +154,10 @@ class FeneBond(BondStyle):
     def refuse(self, t, d):
         if d <= self._columns()[t, 4]:
             return "where its repulsion is infinite: two bonded atoms are at the same place"
-        return f"{d / (self._columns()[t, 1] + self._columns()[t, 4]):.4g} of the length at which it has infinite energy: the chain is broken or the topology is not this trajectory's"
+        return (
+            f"{d / (self._columns()[t, 1] + self._columns()[t, 4]):.4g} of the length at which it has infinite "
+            "energy: the chain is broken or the topology is not this trajectory's"
+        )
 
     def note(self):
         return "FENE bonds stretched beyond 0.949 R0, where LAMMPS caps the force"
@@ -204,7 +211,8 @@ class ZeroBond(BondStyle):
 
 
 class TableBond(BondStyle):
-    """U(d) and −U'(d) interpolated in a LAMMPS bond table (``bond_style table linear|spline N``; with linear the two are interpolated each by itself).
+    """U(d) and −U'(d) interpolated in a LAMMPS bond table (``bond_style table linear|spline N``; with linear the two
+    are interpolated each by itself).
 
     Parameters
     ----------

@@ -30,7 +30,8 @@ class CurveBond(BondStyle):
     bounded = False
 
     def curve(self, d, *columns):
-        """U and dU/dd of bonds of lengths d, all (b,); `columns` are the coefficients of each bond. NaN where the bond has no energy."""
+        """U and dU/dd of bonds of lengths d, all (b,); `columns` are the coefficients of each bond. NaN where the bond
+        has no energy."""
         raise NotImplementedError
 
     def add(self, types, d, U, G):
@@ -50,7 +51,8 @@ class CurveBond(BondStyle):
 
 
 class Class2Bond(CurveBond):
-    """U = K2 x² + K3 x³ + K4 x⁴, x = d − r0 (COMPASS; LAMMPS ``class2``). Coefficients r0 [length], K2, K3, K4 [energy/length², ³, ⁴]."""
+    """U = K2 x² + K3 x³ + K4 x⁴, x = d − r0 (COMPASS; LAMMPS ``class2``). Coefficients r0 [length], K2, K3, K4
+    [energy/length², ³, ⁴]."""
 
     name = "class2"
     wants = (("r0", length), ("K2", per_length2), ("K3", per_length3), ("K4", per_length4))
@@ -72,7 +74,8 @@ class GromosBond(CurveBond):
 
 
 class NonlinearBond(CurveBond):
-    """U = ε x²/(λ² − x²), x = d − r0 (LAMMPS ``nonlinear``). Coefficients ε [energy], r0, λ [length]. A bond with |x| ≥ λ is an error."""
+    """U = ε x²/(λ² − x²), x = d − r0 (LAMMPS ``nonlinear``). Coefficients ε [energy], r0, λ [length]. A bond with |x| ≥
+    λ is an error."""
 
     name = "nonlinear"
     wants = (("epsilon", energy), ("r0", length), ("lambda", length))
@@ -88,11 +91,15 @@ class NonlinearBond(CurveBond):
         return epsilon * x * x / rest, 2.0 * epsilon * x * reach**2 / rest**2
 
     def refuse(self, t, d):
-        return f"{abs(d - self.table[t, 1]) / self.table[t, 2]:.4g} of its maximum extension lambda away from r0, where its energy is infinite"
+        return (
+            f"{abs(d - self.table[t, 1]) / self.table[t, 2]:.4g} of its maximum extension lambda away from r0, where "
+            "its energy is infinite"
+        )
 
 
 class HarmonicShiftBond(CurveBond):
-    """U = U_min [x² − (r_c − r0)²]/(r0 − r_c)², x = d − r0 (LAMMPS ``harmonic/shift``). Coefficients U_min [energy], r0, r_c [length]."""
+    """U = U_min [x² − (r_c − r0)²]/(r0 − r_c)², x = d − r0 (LAMMPS ``harmonic/shift``). Coefficients U_min [energy],
+    r0, r_c [length]."""
 
     name = "harmonic/shift"
     wants = (("U_min", energy), ("r0", length), ("r_c", length))
@@ -117,7 +124,8 @@ class HarmonicShiftCutBond(HarmonicShiftBond):
 
 
 class MM3Bond(CurveBond):
-    """U = K x² [1 − 2.55 x + (7/12)·2.55² x²], x = d − r0 in Å (LAMMPS ``mm3``). Coefficients K [energy/length²], r0 [length]."""
+    """U = K x² [1 − 2.55 x + (7/12)·2.55² x²], x = d − r0 in Å (LAMMPS ``mm3``). Coefficients K [energy/length²], r0
+    [length]."""
 
     name = "mm3"
     wants = (("K", per_length2), ("r0", length))
@@ -132,9 +140,9 @@ class MM3Bond(CurveBond):
 class FeneNMBond(CurveBond):
     """U = −½ K R0² ln[1 − (d/R0)²] + (E0/(n − m) [m (r0/d)ⁿ − n (r0/d)ᵐ] for d < r0) (LAMMPS ``fene/nm``).
 
-    Coefficients K [energy/length²], R0 [length], E0 [energy], r0 [length], n, m. As in LAMMPS nothing is added where the second part ends, so the
-    energy (not the force) jumps by E0 at d = r0. A bond of R0 or more is an error; from 0.949 R0 on LAMMPS caps the logarithm, here the formula
-    holds and such bonds are counted in the notes.
+    Coefficients K [energy/length²], R0 [length], E0 [energy], r0 [length], n, m. As in LAMMPS nothing is added where
+    the second part ends, so the energy (not the force) jumps by E0 at d = r0. A bond of R0 or more is an error; from
+    0.949 R0 on LAMMPS caps the logarithm, here the formula holds and such bonds are counted in the notes.
     """
 
     name = "fene/nm"
@@ -164,11 +172,15 @@ class FeneNMBond(CurveBond):
     def refuse(self, t, d):
         if d == 0:
             return "where its repulsion is infinite: two bonded atoms are at the same place"
-        return f"{d / self.table[t, 1]:.4g} of the length at which it has infinite energy: the chain is broken or the topology is not this trajectory's"
+        return (
+            f"{d / self.table[t, 1]:.4g} of the length at which it has infinite energy: the chain is broken or the "
+            "topology is not this trajectory's"
+        )
 
 
 def log_of_gaussians(x, kT, terms):
-    """−k_B T ln Σ_i A_i/(w_i √(π/2)) exp(−2 (x − x_i)²/w_i²) and its derivative. x (m,), terms (m, n, 3) of A, w, x_i; A = 0: no such term."""
+    """−k_B T ln Σ_i A_i/(w_i √(π/2)) exp(−2 (x − x_i)²/w_i²) and its derivative. x (m,), terms (m, n, 3) of A, w, x_i;
+    A = 0: no such term."""
     A, w, centre = terms[..., 0], terms[..., 1], terms[..., 2]
     with np.errstate(divide="ignore"):
         log = np.where(A > 0, np.log(A / (w * np.sqrt(0.5 * np.pi))), -np.inf)
@@ -196,7 +208,8 @@ def gaussian_row(v, kB, size_A_w, size_x, what):
 
 
 class GaussianBond(RowTerm, CurveBond):
-    """U = −k_B T ln Σ_i A_i/(w_i √(π/2)) exp(−2 (d − r_i)²/w_i²) (LAMMPS ``gaussian``, as it computes: its manual lacks the 2).
+    """U = −k_B T ln Σ_i A_i/(w_i √(π/2)) exp(−2 (d − r_i)²/w_i²) (LAMMPS ``gaussian``, as it computes: its manual lacks
+    the 2).
 
     Coefficients T [temperature], n, then A_i, w_i, r_i [length] for each of the n terms.
     """

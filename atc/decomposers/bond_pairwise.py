@@ -1,4 +1,5 @@
-"""Bonds that speak for the pair interaction of their two atoms: LAMMPS's ``quartic`` takes it away while the bond holds, ``special`` adds a part of it."""
+"""Bonds that speak for the pair interaction of their two atoms: LAMMPS's ``quartic`` takes it away while the bond
+holds, ``special`` adds a part of it."""
 
 from __future__ import annotations
 
@@ -79,13 +80,16 @@ class _PairedWork(_BondWork):
 
 
 class QuarticBond(PairedBond):
-    """A bond that breaks (LAMMPS ``quartic``): U = K y² (y − B1)(y − B2) + U0 + LJ − U_pair for y = d − R_c ≤ 0, and 0 beyond.
+    """A bond that breaks (LAMMPS ``quartic``): U = K y² (y − B1)(y − B2) + U0 + LJ − U_pair for y = d − R_c ≤ 0, and 0
+    beyond.
 
-    LJ is 4[d⁻¹² − d⁻⁶] + 1 up to 2^(1/6), in the units of the coefficients. U_pair is what the pair style gives these two atoms: it is left to
-    broken bonds, so special_bonds must be 1 1 1. Coefficients K [energy/length⁴], B1, B2, R_c [length], U0 [energy].
+    LJ is 4[d⁻¹² − d⁻⁶] + 1 up to 2^(1/6), in the units of the coefficients. U_pair is what the pair style gives these
+    two atoms: it is left to broken bonds, so special_bonds must be 1 1 1. Coefficients K [energy/length⁴], B1, B2, R_c
+    [length], U0 [energy].
 
-    LAMMPS breaks a bond for good once it is longer than R_c (its type becomes 0). Bonds longer than R_c are counted in the notes: one that broke
-    before this frame and is shorter again cannot be told from the positions; only a topology of the frame itself knows.
+    LAMMPS breaks a bond for good once it is longer than R_c (its type becomes 0). Bonds longer than R_c are counted in
+    the notes: one that broke before this frame and is shorter again cannot be told from the positions; only a topology
+    of the frame itself knows.
     """
 
     name = "quartic"
@@ -96,7 +100,8 @@ class QuarticBond(PairedBond):
         charged = any(s.needs_charges for s in getattr(inp.pairs, "styles", ()))
         if special is not None and {*special.lj, *(special.coul if charged else ())} != {1.0}:
             raise inp.error(
-                "bond_style quartic needs 'special_bonds lj/coul 1 1 1': it takes the pair interaction of its atoms away itself"
+                "bond_style quartic needs 'special_bonds lj/coul 1 1 1': it takes the pair interaction of its atoms "
+                "away itself"
             )
 
     def add_with_pairs(self, own, i, j, types, d, U, G):
@@ -122,14 +127,19 @@ class QuarticBond(PairedBond):
         return "where its repulsion is infinite: two bonded atoms are at the same place"
 
     def note(self):
-        return "quartic bonds longer than their cutoff: broken, without a force (bonds that broke earlier and are short again are not known)"
+        return (
+            "quartic bonds longer than their cutoff: broken, without a force (bonds that broke earlier and are short "
+            "again are not known)"
+        )
 
 
 class SpecialBond(PairedBond):
-    """A part of the pair interaction between two listed atoms (LAMMPS ``special``). Coefficients: two weights between 0 and 1.
+    """A part of the pair interaction between two listed atoms (LAMMPS ``special``). Coefficients: two weights between 0
+    and 1.
 
-    LAMMPS's manual names the first the weight of the Lennard-Jones part and the second that of the Coulomb part. LAMMPS itself (22 Jul 2025, measured)
-    applies them the other way round, and so does this: a trajectory has what was computed. Where the two differ and there are charges, a warning says so.
+    LAMMPS's manual names the first the weight of the Lennard-Jones part and the second that of the Coulomb part. LAMMPS
+    itself (22 Jul 2025, measured) applies them the other way round, and so does this: a trajectory has what was
+    computed. Where the two differ and there are charges, a warning says so.
 
     In LAMMPS these pairs are then 1-2 neighbours, which special_bonds must leave out of the pair style (weight 0).
     """
@@ -144,16 +154,20 @@ class SpecialBond(PairedBond):
         special = getattr(inp.pairs, "special", None)
         if inp.pairs is None:
             raise inp.error(
-                "bond_style special weighs the pair interaction of its atoms, but there is none that is a sum over pairs: add a pair_style"
+                "bond_style special weighs the pair interaction of its atoms, but there is none that is a sum over "
+                "pairs: add a pair_style"
             )
         if special is not None and (special.lj[0] or special.coul[0]):
             raise inp.error(
-                "bond_style special needs the special_bonds weights of 1-2 neighbours to be 0: it adds their pair interaction itself"
+                "bond_style special needs the special_bonds weights of 1-2 neighbours to be 0: it adds their pair "
+                "interaction itself"
             )
         if (self.table[:, 0] != self.table[:, 1]).any() and any(s.needs_charges for s in inp.pairs.styles):
             warnings.warn(
-                f"{inp.where}: bond_style special: LAMMPS applies the first weight to the Coulomb and the second to the Lennard-Jones part, "
-                "other than its manual says, and so does atc: compare energies with the run if its LAMMPS is not of 2025",
+                f"{inp.where}: bond_style special: LAMMPS applies the first weight to the Coulomb and the second to "
+                "the Lennard-Jones part, "
+                "other than its manual says, and so does atc: compare energies with the run if its LAMMPS is not of "
+                "2025",
                 AtcWarning,
                 stacklevel=2,
             )

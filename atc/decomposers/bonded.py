@@ -1,4 +1,5 @@
-"""What bonds and angles share: which image of an atom is meant, which types have coefficients, and the cut into tasks."""
+"""What bonds and angles share: which image of an atom is meant, which types have coefficients, and the cut into
+tasks."""
 
 from __future__ import annotations
 
@@ -68,7 +69,8 @@ class BondedTerm(Term):
 
     Parameters
     ----------
-    coeffs : {type: numbers}, the numbers of LAMMPS's coefficient line in its order (`wants`) and in `units`; angles in degrees. For types that
+    coeffs : {type: numbers}, the numbers of LAMMPS's coefficient line in its order (`wants`) and in `units`; angles in
+        degrees. For types that
         differ in nothing a bare tuple is type 1.
     units : unit style of the numbers; the default has eV and Å
 
@@ -76,9 +78,11 @@ class BondedTerm(Term):
     ----------
     covered : types with coefficients
     others : types that other styles take care of (hybrid). A type of the topology that nobody covers is an error.
-    refused : {type: why} of types whose coefficients are understood and have no forces along distances: an error only where a frame uses them
+    refused : {type: why} of types whose coefficients are understood and have no forces along distances: an error only
+        where a frame uses them
 
-    Terms of type 0 and below are switched off in LAMMPS (a broken ``quartic`` bond, ``delete_bonds``): they contribute nothing.
+    Terms of type 0 and below are switched off in LAMMPS (a broken ``quartic`` bond, ``delete_bonds``): they contribute
+    nothing.
     """
 
     kind = ""
@@ -117,7 +121,8 @@ class BondedTerm(Term):
         return None
 
     def keep_refusals(self, refused: Mapping[int, str], where: str = ""):
-        """Remember types without forces along distances; if there are no others, the style can compute nothing and that is an error at once."""
+        """Remember types without forces along distances; if there are no others, the style can compute nothing and that
+        is an error at once."""
         self.refused = dict(refused)
         if refused and set(refused) == set(self.covered):
             raise AtcError(f"{where or self.name}: {self._why(min(refused))}")
@@ -140,7 +145,8 @@ class BondedTerm(Term):
             raise AtcError(top.untold)
         if top is None:
             raise AtcError(
-                f"{frame.source}: {kind}_style {self.name} needs to know the {kind}s: give a LAMMPS data file with a {kind.capitalize()}s section as topology"
+                f"{frame.source}: {kind}_style {self.name} needs to know the {kind}s: give a LAMMPS data file with a "
+                f"{kind.capitalize()}s section as topology"
             )
         atoms, types = np.asarray(getattr(top, f"{kind}s")), np.asarray(getattr(top, f"{kind}_types"))
         on = types > 0
@@ -150,14 +156,16 @@ class BondedTerm(Term):
         missing = sorted(used - self.covered - self.others)
         if missing:
             raise AtcError(
-                f"{frame.source}: {kind} type {missing[0]} is in the topology but has no coefficients in {kind}_style {self.name}: "
+                f"{frame.source}: {kind} type {missing[0]} is in the topology but has no coefficients in {kind}_style "
+                f"{self.name}: "
                 f"add a {kind}_coeff {missing[0]} line"
             )
         if not self.refused.keys().isdisjoint(used):
             raise AtcError(f"{frame.source}: {self._why(min(used & self.refused.keys()))}")
         if len(atoms) and (atoms.min() < 0 or atoms.max() >= len(frame)):
             raise AtcError(
-                f"{frame.source}: the topology has {kind}s of atoms that are not in this frame ({len(frame)} atoms): dump all atoms"
+                f"{frame.source}: the topology has {kind}s of atoms that are not in this frame ({len(frame)} atoms): "
+                "dump all atoms"
             )
         if self.others:
             mine = np.isin(types, list(self.covered))
@@ -166,7 +174,8 @@ class BondedTerm(Term):
 
 
 class RowTerm:
-    """For terms whose coefficient lines have no fixed length: subclasses turn the numbers of a line into a row of the table.
+    """For terms whose coefficient lines have no fixed length: subclasses turn the numbers of a line into a row of the
+    table.
 
     The class in front of a `BondedTerm`; takes the same parameters.
     """
@@ -218,7 +227,8 @@ class RowTerm:
 class CrossTerms:
     """For class2 styles, whose coefficients come in parts: the main ones, and cross terms behind a word of their own.
 
-    The class in front of a `BondedTerm`. In a data file each part is a section; every type needs all of them, as in LAMMPS.
+    The class in front of a `BondedTerm`. In a data file each part is a section; every type needs all of them, as in
+    LAMMPS.
     """
 
     main: tuple[tuple[str, Callable[[Units], float]], ...]
@@ -255,7 +265,8 @@ SECTIONS = {key: name for name, key in COEFFS.items()}
 
 
 def filled(rows: Mapping[int, Sequence[float]], filling=(0.0,)) -> np.ndarray:
-    """(largest type + 1, longest row): each row by its type, filled up with `filling` over and over (from the second number on, if it has several)."""
+    """(largest type + 1, longest row): each row by its type, filled up with `filling` over and over (from the second
+    number on, if it has several)."""
     width = max((len(r) for r in rows.values()), default=1)
     lead = width % len(filling)
     table = np.tile(
@@ -353,7 +364,8 @@ def _build_hybrid(inp):
         name = line.words[0] if line.words else ""
         if name not in args and name not in ("none", "skip"):
             raise inp.error(
-                f"{inp.kind}_coeff of hybrid: expected one of {', '.join([*args, 'none'])} after the type, got {name!r}",
+                f"{inp.kind}_coeff of hybrid: expected one of {', '.join([*args, 'none'])} after the type, got "
+                f"{name!r}",
                 line,
             )
         if name == "skip":
@@ -400,8 +412,8 @@ def register_bonded(register, *classes):
 class Images:
     """Finds the vector from one atom to the closest image of another.
 
-    This is LAMMPS's rule for bonded atoms, also where the cell is so small or so tilted that rounding fractional coordinates finds another
-    one. Two images at the same distance (a bond across exactly half a cell): one of them.
+    This is LAMMPS's rule for bonded atoms, also where the cell is so small or so tilted that rounding fractional
+    coordinates finds another one. Two images at the same distance (a bond across exactly half a cell): one of them.
     """
 
     def __init__(self, cell: Cell):

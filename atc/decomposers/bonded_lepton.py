@@ -1,4 +1,5 @@
-"""Bonds, angles and torsions whose energy is a formula that the user writes (LAMMPS ``lepton``); see `atc.decomposers.lepton` for the language."""
+"""Bonds, angles and torsions whose energy is a formula that the user writes (LAMMPS ``lepton``); see
+`atc.decomposers.lepton` for the language."""
 
 from __future__ import annotations
 
@@ -85,7 +86,8 @@ class _Formulas:
             if len(line.words) != 1 + lead:
                 what = f"the reference {'length' if inp.kind == 'bond' else 'angle'} and " if lead else ""
                 raise inp.error(
-                    f"{inp.kind}_coeff of lepton takes {what}a formula in quotes, got {' '.join(line.words) or 'nothing'}",
+                    f"{inp.kind}_coeff of lepton takes {what}a formula in quotes, got "
+                    f"{' '.join(line.words) or 'nothing'}",
                     line,
                 )
             reference = inp.number(line.words[0], 1.0, "the reference", line) * self.size() if lead else 0.0
@@ -118,7 +120,8 @@ class LeptonBond(_Formulas, BondStyle):
 
 
 class LeptonAngle(_Formulas, AngleStyle):
-    """U(θ − θ0) − U(0) as a formula of theta in radians (LAMMPS ``lepton``). coeffs: {type: (θ0 [degrees], text)}. sin θ is clamped at 0.001."""
+    """U(θ − θ0) − U(0) as a formula of theta in radians (LAMMPS ``lepton``). coeffs: {type: (θ0 [degrees], text)}. sin
+    θ is clamped at 0.001."""
 
     variable = "theta"
 
@@ -131,8 +134,8 @@ class LeptonAngle(_Formulas, AngleStyle):
 class LeptonTorsion(_Formulas, CurveTorsion):
     """U(φ) as a formula of phi in radians, 0 ≤ φ < 2π (LAMMPS ``lepton``). coeffs: {type: text}.
 
-    Formulas that are not the same for φ and 2π − φ tell a chain from its mirror image: refused. In a plane where the formula has a slope the sine
-    is clamped at 1e-5.
+    Formulas that are not the same for φ and 2π − φ tell a chain from its mirror image: refused. In a plane where the
+    formula has a slope the sine is clamped at 1e-5.
     """
 
     variable = "phi"

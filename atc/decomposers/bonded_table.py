@@ -1,4 +1,5 @@
-"""Tabulated bonds and angles: LAMMPS's table files, and its two-step interpolation (file → N even points → linear or spline)."""
+"""Tabulated bonds and angles: LAMMPS's table files, and its two-step interpolation (file → N even points → linear or
+spline)."""
 
 from __future__ import annotations
 
@@ -15,7 +16,8 @@ from .parameter_file import units_tag
 
 @dataclass
 class Section:
-    """One section of a table file in the file's own units: x_k, energy, force = −dE/dx, and the slopes of the force at both ends or None."""
+    """One section of a table file in the file's own units: x_k, energy, force = −dE/dx, and the slopes of the force at
+    both ends or None."""
 
     x: np.ndarray
     energy: np.ndarray
@@ -26,7 +28,8 @@ class Section:
 def read_section(path, keyword: str, kind: str, where: str = "", units_name: str | None = None) -> Section:
     """The section `keyword` of a LAMMPS bond or angle table file.
 
-    Format: a line with the keyword; a line ``N n [FP lo hi] [EQ x0]``; n lines ``index x energy force``. Blank lines and # comments anywhere.
+    Format: a line with the keyword; a line ``N n [FP lo hi] [EQ x0]``; n lines ``index x energy force``. Blank lines
+    and # comments anywhere.
 
     units_name : unit style of the model; a ``UNITS:`` tag in the file's first line must agree with it
 
@@ -51,7 +54,8 @@ def read_section(path, keyword: str, kind: str, where: str = "", units_name: str
                 raise ValueError
     except (ValueError, IndexError):
         raise AtcError(
-            f"{path}:{number}: expected the parameters of a {kind} table, N <n> [FP <lo> <hi>] [EQ <x0>], got {shortened(' '.join(words))!r}"
+            f"{path}:{number}: expected the parameters of a {kind} table, N <n> [FP <lo> <hi>] [EQ <x0>], got "
+            f"{shortened(' '.join(words))!r}"
         ) from None
     if n is None or n < 2:
         raise AtcError(f"{path}:{number}: a {kind} table needs N <number of lines> of at least 2")
@@ -62,7 +66,8 @@ def read_section(path, keyword: str, kind: str, where: str = "", units_name: str
     data = read_rows(path, keyword, lines[1 : n + 1], n, ("x", "energy", "force"))
     if not np.isfinite(data).all() or (np.diff(data[:, 0]) <= 0).any():
         raise AtcError(
-            f"{path}: the first column after the index of section {keyword!r} must increase from line to line, all numbers finite"
+            f"{path}: the first column after the index of section {keyword!r} must increase from line to line, all "
+            "numbers finite"
         )
     return Section(data[:, 0].copy(), data[:, 1].copy(), data[:, 2].copy(), slopes)
 
@@ -70,7 +75,8 @@ def read_section(path, keyword: str, kind: str, where: str = "", units_name: str
 def section_lines(
     path, keyword: str, kind: str, where: str = "", units_name: str | None = None
 ) -> list[tuple[int, list[str]]]:
-    """(number, words) of the lines behind a section's keyword to the end of the file, without comments and blank lines; the first is its parameters.
+    """(number, words) of the lines behind a section's keyword to the end of the file, without comments and blank lines;
+    the first is its parameters.
 
     Raises AtcError as `read_section`.
     """
@@ -79,7 +85,8 @@ def section_lines(
     tag = units_tag(text)
     if None not in (tag, units_name) and tag != units_name:
         raise AtcError(
-            f"{at}{path} is in {tag!r} units (its UNITS: tag) and the model in {units_name!r}: use a table in the model's units"
+            f"{at}{path} is in {tag!r} units (its UNITS: tag) and the model in {units_name!r}: use a table in the "
+            "model's units"
         )
     lines = [(n, w) for n, line in enumerate(text.splitlines(), 1) if (w := line.partition("#")[0].split())]
     start = next((p for p, (_, w) in enumerate(lines) if w[0] == keyword), None)
@@ -104,7 +111,8 @@ def read_rows(path, keyword: str, rows, n: int, columns) -> np.ndarray:
         except (ValueError, IndexError):
             here = f"{path}:{number}" if k < len(rows) else str(path)
             raise AtcError(
-                f"{here}: the section {keyword!r} needs {n} lines of index, {', '.join(columns)}; line {k + 1} of them is missing or malformed"
+                f"{here}: the section {keyword!r} needs {n} lines of index, {', '.join(columns)}; line {k + 1} of "
+                "them is missing or malformed"
             ) from None
     return data
 
@@ -208,7 +216,8 @@ def build_tables(inp, kind: str) -> Tables:
         or int(inp.args[1]) < 2
     ):
         raise inp.error(
-            f"{inp.command} takes linear or spline and a number of points of at least 2, got {' '.join(inp.args) or 'nothing'}"
+            f"{inp.command} takes linear or spline and a number of points of at least 2, got "
+            f"{' '.join(inp.args) or 'nothing'}"
         )
     sections: dict[int, Section] = {}
     for line in inp.coeffs:
@@ -234,7 +243,8 @@ def internal_section(s: Section, kind: str, u, where: str = "") -> Section:
         # LAMMPS's tolerance for the ends.
         if abs(s.x[0]) > 1e-10 or abs(s.x[-1] - 180.0) > 1e-10:
             raise AtcError(
-                f"{where or 'angle table'}: an angle table must run from 0 to 180 degrees, this one from {s.x[0]:g} to {s.x[-1]:g}"
+                f"{where or 'angle table'}: an angle table must run from 0 to 180 degrees, this one from {s.x[0]:g} "
+                f"to {s.x[-1]:g}"
             )
         size = np.pi / 180.0
     else:

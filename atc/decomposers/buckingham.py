@@ -17,7 +17,8 @@ class Buckingham(PairStyle):
 
     Parameters
     ----------
-    A, rho, C, cutoff : float for one value for all pairs of types, or symmetric (n, n) arrays for types 1..n; cutoff 0 = no interaction
+    A, rho, C, cutoff : float for one value for all pairs of types, or symmetric (n, n) arrays for types 1..n; cutoff 0
+        = no interaction
     units : unit style of these numbers
     shift : whether offset = U(cutoff); else 0
     n_types : number of types that single numbers stand for (default 1)
@@ -42,7 +43,8 @@ class Born(PairStyle):
 
     Parameters
     ----------
-    A, rho, sigma, C, D, cutoff : float for one value for all pairs of types, or symmetric (n, n) arrays for types 1..n; cutoff 0 = no interaction
+    A, rho, sigma, C, D, cutoff : float for one value for all pairs of types, or symmetric (n, n) arrays for types 1..n;
+        cutoff 0 = no interaction
     units : unit style of these numbers
     shift : whether offset = U(cutoff); else 0
     n_types : number of types that single numbers stand for (default 1)

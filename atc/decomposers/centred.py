@@ -1,11 +1,13 @@
 """Energies of an atom and all its neighbours, beside pair energies: the stages that such terms share.
 
-U = Σ_pairs U2(d) + Σ_i U_i, U_i a function of the arms of atom i (to its neighbours within the cutoff) and of the distances between their ends. A frame is done in
-four stages: the half neighbour list; which pairs meet at which atom; around each atom, G of the arms into slots of their own (one for each end of a pair) and
-the outer distances as bonds of their own; one bond a pair. A subclass of `Centred` gives the two loops.
+U = Σ_pairs U2(d) + Σ_i U_i, U_i a function of the arms of atom i (to its neighbours within the cutoff) and of the
+distances between their ends. A frame is done in four stages: the half neighbour list; which pairs meet at which atom;
+around each atom, G of the arms into slots of their own (one for each end of a pair) and the outer distances as bonds of
+their own; one bond a pair. A subclass of `Centred` gives the two loops.
 
-With more than three neighbours the distances are not independent: G is that of the function as its formula is written, in arms and cosines, where the cosine at i
-between b and c stands for (ξ_ib + ξ_ic − ξ_bc)/(d_ib d_ic), and r_ib · r_ic for ξ_ib + ξ_ic − ξ_bc.
+With more than three neighbours the distances are not independent: G is that of the function as its formula is written,
+in arms and cosines, where the cosine at i between b and c stands for (ξ_ib + ξ_ic − ξ_bc)/(d_ib d_ic), and r_ib · r_ic
+for ξ_ib + ξ_ic − ξ_bc.
 """
 
 from __future__ import annotations
@@ -37,15 +39,18 @@ class Centred(Term):
     outer_per_pair = 1
 
     def pairs(self, near: Neighborhood, element, p0: int, p1: int, G_p, energies) -> tuple[float, int]:
-        """Fill G_p[p0:p1] with G of the pair energies; return their sum and the first pair that is not finite, or −1."""
+        """Fill G_p[p0:p1] with G of the pair energies; return their sum and the first pair that is not finite, or
+        −1."""
         return 0.0, -1
 
     def centres(
         self, near, element, s0, s1, most, G_end, S_end, out_i, out_j, out_r, out_G, out_D, energies
     ) -> tuple[int, float]:
-        """Around the atoms s0..s1: arms into G_end (pair, end) and S_end (pair, end, 2, 3), outer bonds to the out arrays; return their number and Σ U_i.
+        """Around the atoms s0..s1: arms into G_end (pair, end) and S_end (pair, end, 2, 3), outer bonds to the out
+        arrays; return their number and Σ U_i.
 
-        S_end[p, end] : ∂U^(centre)/∂x_other and ∂U^(other)/∂x_centre. It and out_D have no rows where no sources are wanted, energies none where no shares are.
+        S_end[p, end] : ∂U^(centre)/∂x_other and ∂U^(other)/∂x_centre. It and out_D have no rows where no sources are
+        wanted, energies none where no shares are.
         most : the most neighbours an atom has
         """
         raise NotImplementedError
@@ -117,7 +122,8 @@ class CentredWork(Work):
         if bad >= 0:
             a, b = self.frame.ids[near.atom[near.a[bad]]], self.frame.ids[near.atom[near.b[bad]]]
             raise AtcError(
-                f"{self.frame.source}: the {term.style} force between atoms {a} and {b} at distance {near.d_p[bad]:.3g} is not a finite number"
+                f"{self.frame.source}: the {term.style} force between atoms {a} and {b} at distance "
+                f"{near.d_p[bad]:.3g} is not a finite number"
             )
         acc.energy += energy
         m = sw_merge(

@@ -39,10 +39,10 @@ class LennardJonesCharmm(RadialStyle):
 class LennardJonesCharmmFSW(RadialStyle):
     """Lennard-Jones with CHARMM's force switch, the Lennard-Jones part of LAMMPS ``lj/charmmfsw/coul/charmmfsh``.
 
-    U = A(1/d¹² − 1/(r_i r_c)⁶) − B(1/d⁶ − 1/(r_i r_c)³) for d < r_i, the inner cutoff, and beyond
-    U = A r_c⁶/(r_c⁶ − r_i⁶) (1/d⁶ − 1/r_c⁶)² − B r_c³/(r_c³ − r_i³) (1/d³ − 1/r_c³)² (Steinbach & Brooks, J. Comput. Chem. 15, 667), A = 4εσ¹², B = 4εσ⁶.
-    The force beyond r_i is LAMMPS's: that of Lennard-Jones times S of `LennardJonesCharmm`, which is close to, but not, the slope of this energy.
-    Numbers: epsilon, sigma, inner, cutoff; see `RadialStyle`.
+    U = A(1/d¹² − 1/(r_i r_c)⁶) − B(1/d⁶ − 1/(r_i r_c)³) for d < r_i, the inner cutoff, and beyond U = A r_c⁶/(r_c⁶ −
+    r_i⁶) (1/d⁶ − 1/r_c⁶)² − B r_c³/(r_c³ − r_i³) (1/d³ − 1/r_c³)² (Steinbach & Brooks, J. Comput. Chem. 15, 667), A =
+    4εσ¹², B = 4εσ⁶. The force beyond r_i is LAMMPS's: that of Lennard-Jones times S of `LennardJonesCharmm`, which is
+    close to, but not, the slope of this energy. Numbers: epsilon, sigma, inner, cutoff; see `RadialStyle`.
     """
 
     name = "lj/charmmfsw"
@@ -72,7 +72,8 @@ class CoulombCharmm(ChargedStyle):
 
 
 class CoulombCharmmImplicit(CoulombCharmm):
-    """U = C q_i q_j S(d)/d², a dielectric constant that grows like the distance (the Coulomb part of LAMMPS ``lj/charmm/coul/charmm/implicit``).
+    """U = C q_i q_j S(d)/d², a dielectric constant that grows like the distance (the Coulomb part of LAMMPS
+    ``lj/charmm/coul/charmm/implicit``).
 
     C q_i q_j/d² is an energy where lengths are in the unit style's unit. Numbers: inner, cutoff; see `ChargedStyle`.
     """
@@ -81,7 +82,8 @@ class CoulombCharmmImplicit(CoulombCharmm):
 
 
 class CoulombCharmmFSH(ChargedStyle):
-    """U = C q_i q_j (1/d + d/r_c² − 2/r_c), force C q_i q_j (1/d² − 1/r_c²) (the Coulomb part of LAMMPS ``lj/charmmfsw/coul/charmmfsh``).
+    """U = C q_i q_j (1/d + d/r_c² − 2/r_c), force C q_i q_j (1/d² − 1/r_c²) (the Coulomb part of LAMMPS
+    ``lj/charmmfsw/coul/charmmfsh``).
 
     Numbers: cutoff; see `ChargedStyle`.
     """
@@ -94,11 +96,13 @@ class CoulombCharmmFSH(ChargedStyle):
 
 
 class OneFour:
-    """What the first and the fourth atom of a dihedral of style charmm do to each other: Lennard-Jones of their own and bare charges, no cutoff.
+    """What the first and the fourth atom of a dihedral of style charmm do to each other: Lennard-Jones of their own and
+    bare charges, no cutoff.
 
     a, c : (n_types + 1, n_types + 1) 4ε₁₄σ₁₄¹² and 4ε₁₄σ₁₄⁶, internal units
     constant : Coulomb constant; with `implicit` for C q_i q_j/d²
-    cutoffs : (inner, outer, Coulomb) cutoffs of the force-switched and force-shifted style, on which energies of dihedral style charmmfsw depend
+    cutoffs : (inner, outer, Coulomb) cutoffs of the force-switched and force-shifted style, on which energies of
+        dihedral style charmmfsw depend
     """
 
     def __init__(self, epsilon, sigma, constant: float, implicit: bool = False, cutoffs=None):
@@ -128,7 +132,8 @@ def _coefficients(inp: StyleInput, inner, outer):
     for line in inp.coeffs:
         if len(line.words) not in (2, 4):
             raise inp.error(
-                f"pair_coeff of {inp.name} takes epsilon sigma [epsilon_14 sigma_14], got {' '.join(line.words) or 'nothing'}",
+                f"pair_coeff of {inp.name} takes epsilon sigma [epsilon_14 sigma_14], got "
+                f"{' '.join(line.words) or 'nothing'}",
                 line,
             )
     doubled = tuple(

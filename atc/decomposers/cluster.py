@@ -1,4 +1,5 @@
-"""Terms of K atoms that are listed one by one (torsions, impropers, whatever a user lists): from G of their distances to bonds and sources."""
+"""Terms of K atoms that are listed one by one (torsions, impropers, whatever a user lists): from G of their distances
+to bonds and sources."""
 
 from __future__ import annotations
 
@@ -28,7 +29,8 @@ def weights_of(partition, k: int, names: dict, what: str) -> tuple[np.ndarray, s
             w, words = names[partition]
             return np.array(w, float), words
         raise AtcError(
-            f"{what}: partition {partition!r}: expected one of {', '.join(map(repr, ('equal', *names)))}, or {k} numbers that add up to 1"
+            f"{what}: partition {partition!r}: expected one of {', '.join(map(repr, ('equal', *names)))}, or {k} "
+            "numbers that add up to 1"
         )
     w = np.array(partition, float)
     if w.shape != (k,) or not abs(w.sum() - 1.0) <= 1e-12:
@@ -56,7 +58,8 @@ class ClusterTerm(Term):
         raise NotImplementedError
 
     def evaluate(self, x_tkc, types, U, G, acc: Accumulator) -> int:
-        """Fill U (m,) and G (m, K(K−1)/2), pairs ordered 12, 13, .., 1K, 23, ..; return the first tuple without a finite answer, or −1.
+        """Fill U (m,) and G (m, K(K−1)/2), pairs ordered 12, 13, .., 1K, 23, ..; return the first tuple without a
+        finite answer, or −1.
 
         x_tkc : (m, K, 3) positions of each tuple's atoms relative to its first
         """
@@ -84,7 +87,8 @@ class ClusterWork(Work):
         if bad >= 0:
             names = ", ".join(str(i) for i in self.frame.ids[atoms[bad]])
             raise AtcError(
-                f"{self.frame.source}: {self.term.describe().split(',')[0]} of the atoms {names} has no finite energy and forces: are two of them at the same place?"
+                f"{self.frame.source}: {self.term.describe().split(',')[0]} of the atoms {names} has no finite energy "
+                "and forces: are two of them at the same place?"
             )
         acc.energy += float(U.sum())
         ws = acc.ws
@@ -100,7 +104,8 @@ class ClusterWork(Work):
         return self.term.evaluate(x, types, U, G, acc)
 
     def _positions(self, atoms) -> np.ndarray:
-        """(m, K, 3) relative to each tuple's first atom; every atom at the image closest to the one before it, as LAMMPS does for bonded terms."""
+        """(m, K, 3) relative to each tuple's first atom; every atom at the image closest to the one before it, as
+        LAMMPS does for bonded terms."""
         x = np.zeros((*atoms.shape, 3))
         step = np.empty((len(atoms), 3))
         for k in range(1, atoms.shape[1]):
@@ -113,7 +118,8 @@ class ClusterWork(Work):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _cluster_bonds(atoms, x, U, G, weights, out_i, out_j, out_r, out_G, out_D, energies):
-    """Bonds of K-body terms with fixed shares w_p: D between p and q is ∂U^(p)/∂x_q = w_p ∂U/∂x_q, and the same with p and q exchanged."""
+    """Bonds of K-body terms with fixed shares w_p: D between p and q is ∂U^(p)/∂x_q = w_p ∂U/∂x_q, and the same with p
+    and q exchanged."""
     k = atoms.shape[1]
     sources = len(out_D) > 0
     shared = len(energies) > 0

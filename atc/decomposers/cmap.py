@@ -1,9 +1,11 @@
-"""CHARMM's correction maps (LAMMPS ``fix cmap``): what they are, who uses which, and why they have no forces along bonds.
+"""CHARMM's correction maps (LAMMPS ``fix cmap``): what they are, who uses which, and why they have no forces along
+bonds.
 
-A crossterm's energy is a map over two torsions (φ, ψ) of five atoms in a chain, both with their signs: CHARMM's maps tell L- from D-amino acids. A
-mirror image has (−φ, −ψ); unless the map is the same there, the energy is not a function of the distances between the five atoms, and no
-forces along bonds belong to it (R 4.0.28). So it is with all maps of charmm22.cmap and charmm36.cmap. Glycine, which has no hand, is no exception: its
-maps are symmetric but for a few entries of these files, which differ by up to 5.1 and 2.9 kcal/mol, and LAMMPS takes them as they stand.
+A crossterm's energy is a map over two torsions (φ, ψ) of five atoms in a chain, both with their signs: CHARMM's maps
+tell L- from D-amino acids. A mirror image has (−φ, −ψ); unless the map is the same there, the energy is not a function
+of the distances between the five atoms, and no forces along bonds belong to it (R 4.0.28). So it is with all maps of
+charmm22.cmap and charmm36.cmap. Glycine, which has no hand, is no exception: its maps are symmetric but for a few
+entries of these files, which differ by up to 5.1 and 2.9 kcal/mol, and LAMMPS takes them as they stand.
 """
 
 from __future__ import annotations
@@ -20,7 +22,8 @@ POINTS = 24
 
 
 def read_maps(path, where: str = "") -> np.ndarray:
-    """(maps, 24, 24) energies of a file of correction maps in its own units, φ in the first direction, both from −180° in steps of 15°.
+    """(maps, 24, 24) energies of a file of correction maps in its own units, φ in the first direction, both from −180°
+    in steps of 15°.
 
     Raises AtcError for a missing file, a word that is no number, or an incomplete map.
     """
@@ -44,7 +47,8 @@ def read_maps(path, where: str = "") -> np.ndarray:
 
 
 def read_crossterms(path, section: str = "CMAP") -> tuple[np.ndarray, np.ndarray]:
-    """Types (m,) and atom ids (m, 5) of the section of a LAMMPS data file that ``read_data ... fix ID crossterm CMAP`` names; empty without it.
+    """Types (m,) and atom ids (m, 5) of the section of a LAMMPS data file that ``read_data ... fix ID crossterm CMAP``
+    names; empty without it.
 
     Raises AtcError for a row that is not ``index type`` and five ids.
     """
@@ -65,7 +69,8 @@ def read_crossterms(path, section: str = "CMAP") -> tuple[np.ndarray, np.ndarray
             break
         if len(words) != 7:
             raise AtcError(
-                f"{path}:{number}: a row of section {section} has an index, a type and five atom ids, got {line.strip()!r}"
+                f"{path}:{number}: a row of section {section} has an index, a type and five atom ids, got "
+                f"{line.strip()!r}"
             )
         rows.append([int(w) for w in words[1:]])
     table = np.array(rows, np.int64).reshape(-1, 6)
@@ -79,7 +84,8 @@ def handedness(map_pq: np.ndarray) -> float:
 
 
 def check_fix_cmap(words, folder, where: str, types) -> None:
-    """What a ``fix ID group cmap file`` line means for the model: nothing where no crossterm has energy, otherwise an error that says why.
+    """What a ``fix ID group cmap file`` line means for the model: nothing where no crossterm has energy, otherwise an
+    error that says why.
 
     Parameters
     ----------
@@ -107,11 +113,13 @@ def check_fix_cmap(words, folder, where: str, types) -> None:
         differs = handedness(m)
         if differs > 1e-10 * np.ptp(m):
             why = (
-                f"its energy over (phi, psi) differs from that of the mirror image by up to {differs:.4g}, so it is not a function of distances "
+                f"its energy over (phi, psi) differs from that of the mirror image by up to {differs:.4g}, so it is "
+                "not a function of distances "
                 "and has no forces along bonds"
             )
         else:
             why = "maps that are the same for the mirror image are not done yet"
         raise AtcError(
-            f"{where}: fix cmap: {count} crossterms use map {t}: {why}: its forces cannot be part of the fields, so run without fix cmap"
+            f"{where}: fix cmap: {count} crossterms use map {t}: {why}: its forces cannot be part of the fields, so "
+            "run without fix cmap"
         )

@@ -1,4 +1,5 @@
-"""Colloids: spheres that are continua of Lennard-Jones particles, among each other and in a solvent of such particles."""
+"""Colloids: spheres that are continua of Lennard-Jones particles, among each other and in a solvent of such
+particles."""
 
 from __future__ import annotations
 
@@ -10,10 +11,11 @@ from .radial import RadialStyle, mix_lj_distances, one_cutoff
 
 
 class Colloid(RadialStyle):
-    """Hamaker's attraction and the integrated repulsion of two spheres with diameters d1 and d2 (LAMMPS ``colloid``; Everaers & Ejtehadi, PRE 67, 041710).
+    """Hamaker's attraction and the integrated repulsion of two spheres with diameters d1 and d2 (LAMMPS ``colloid``;
+    Everaers & Ejtehadi, PRE 67, 041710).
 
-    A diameter of 0 is a solvent particle: of the two, one or none may be a sphere. The sizes are coefficients, not the atoms' own.
-    Numbers: A (Hamaker constant), sigma, d1, d2, cutoff; see `RadialStyle`.
+    A diameter of 0 is a solvent particle: of the two, one or none may be a sphere. The sizes are coefficients, not the
+    atoms' own. Numbers: A (Hamaker constant), sigma, d1, d2, cutoff; see `RadialStyle`.
     """
 
     name = "colloid"
@@ -25,7 +27,10 @@ class Colloid(RadialStyle):
 
     def trouble(self, ti, tj, d):
         if d <= self.table[ti, tj, 3:5].sum():
-            return "the colloidal particles overlap (pair_style colloid): their distance is less than the sum of their radii"
+            return (
+                "the colloidal particles overlap (pair_style colloid): their distance is less than the sum of their "
+                "radii"
+            )
         return None
 
 

@@ -23,12 +23,13 @@ _OUTER_PER_TASK = 1 << 16
 
 
 class ConcentrationEAM(Term):
-    """U = Σ_i F_i(ρ_i) + Σ_{AA, BB pairs} φ(d) + Σ_{AB pairs} H_ij φ_AB(d), x_i = Σ_{j of B} ρ_j(d_ij)/ρ_i the concentration around i,
-    H_ij = ½ [h(x_i) + h(x_j)] (one site), or h(½ (x_i + x_j)) (two sites), h a polynomial.
+    """U = Σ_i F_i(ρ_i) + Σ_{AA, BB pairs} φ(d) + Σ_{AB pairs} H_ij φ_AB(d), x_i = Σ_{j of B} ρ_j(d_ij)/ρ_i the
+    concentration around i, H_ij = ½ [h(x_i) + h(x_j)] (one site), or h(½ (x_i + x_j)) (two sites), h a polynomial.
 
-    A pair's G = [φ' H + F_i' ρ_ji' + X_i ρ_ji' (δ_jB − x_i)/ρ_i + the same with i and j exchanged]/d, X_i = Σ_j φ_ij ∂H_ij/∂x_i: one bond a pair. Embedding energy belongs to its
-    own atom, half of a pair's energy to each end; since x_j depends on all neighbours of j, bonds between neighbours of an atom carry energy sources, though
-    no force. Between the points of the tables it is LAMMPS's cubic spline.
+    A pair's G = [φ' H + F_i' ρ_ji' + X_i ρ_ji' (δ_jB − x_i)/ρ_i + the same with i and j exchanged]/d, X_i = Σ_j φ_ij
+    ∂H_ij/∂x_i: one bond a pair. Embedding energy belongs to its own atom, half of a pair's energy to each end; since
+    x_j depends on all neighbours of j, bonds between neighbours of an atom carry energy sources, though no force.
+    Between the points of the tables it is LAMMPS's cubic spline.
 
     Parameters
     ----------
@@ -39,7 +40,8 @@ class ConcentrationEAM(Term):
 
     Notes
     -----
-    Source: Caro, Crowson & Caro, Phys. Rev. Lett. 95, 075702 (2005); Stukowski, Sadigh, Erhart & Caro, Model. Simul. Mater. Sci. Eng. 17, 075005 (2009).
+    Source: Caro, Crowson & Caro, Phys. Rev. Lett. 95, 075702 (2005); Stukowski, Sadigh, Erhart & Caro, Model. Simul.
+    Mater. Sci. Eng. 17, 075005 (2009).
     """
 
     # A bond of i and j has X_j, which may have the concentrations of j's neighbours, which have their neighbours.
@@ -50,7 +52,8 @@ class ConcentrationEAM(Term):
         self.style = "eam/cd/old" if two_sites else "eam/cd"
         if tables.mixing is None or len(tables.elements) != 2:
             raise AtcError(
-                f"{self.style}: needs tables of two elements with a polynomial h(x), got {len(tables.elements)} elements"
+                f"{self.style}: needs tables of two elements with a polynomial h(x), got {len(tables.elements)} "
+                "elements"
             )
         self.map = ElementMap(elements, tables.elements, f"pair_style {self.style}")
         energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
@@ -66,7 +69,8 @@ class ConcentrationEAM(Term):
     def from_file(
         cls, path, elements=None, *, units: str | Units = "metal", two_sites: bool = False, where: str = ""
     ) -> ConcentrationEAM:
-        """From a LAMMPS file, e.g. ``ConcentrationEAM.from_file("FeCr.cdeam", ["Fe", "Cr"])``. where : the line that names it, for messages."""
+        """From a LAMMPS file, e.g. ``ConcentrationEAM.from_file("FeCr.cdeam", ["Fe", "Cr"])``. where : the line that
+        names it, for messages."""
         t = read_setfl(path, system(units).name, False, where, mixing=True)
         odd = next((e for e in elements or () if e not in (None, "NULL", *t.elements)), None)
         if odd is not None:
@@ -111,9 +115,20 @@ class _Work(Work):
         near, t = self.near, self.term
         energies = acc.energies if acc.energies is not None else _NOTHING
         acc.energy += _densities(
-            near.first[task], near.first[task + 1], *self._lists(), t.F, t.rho, t.per_drho, t.per_dr, near.atom, self.rho, self.x, self.slope, self.grad,
+            near.first[task],
+            near.first[task + 1],
+            *self._lists(),
+            t.F,
+            t.rho,
+            t.per_drho,
+            t.per_dr,
+            near.atom,
+            self.rho,
+            self.x,
+            self.slope,
+            self.grad,
             energies,
-        )  # fmt: skip
+        )
 
     def _weights(self, task, acc):
         near, t = self.near, self.term
@@ -129,13 +144,36 @@ class _Work(Work):
         D = np.empty((p1 - p0, 2, 3)) if acc.sources else _NO_D
         energies = acc.energies if acc.energies is not None else _NOTHING
         m, energy, bad = _pairs(
-            p0, p1, near.a, near.b, near.r_pc, near.d_p, self.element, t.rho, t.zr, t.per_dr, t.h, t.two_sites, self.rho, self.x, self.slope, self.X,
-            self.grad, near.atom, ws.i, ws.j, ws.r, ws.G, D, energies,
-        )  # fmt: skip
+            p0,
+            p1,
+            near.a,
+            near.b,
+            near.r_pc,
+            near.d_p,
+            self.element,
+            t.rho,
+            t.zr,
+            t.per_dr,
+            t.h,
+            t.two_sites,
+            self.rho,
+            self.x,
+            self.slope,
+            self.X,
+            self.grad,
+            near.atom,
+            ws.i,
+            ws.j,
+            ws.r,
+            ws.G,
+            D,
+            energies,
+        )
         if bad >= 0:
             a, b = self.frame.ids[near.atom[near.a[bad]]], self.frame.ids[near.atom[near.b[bad]]]
             raise AtcError(
-                f"{self.frame.source}: the EAM force between atoms {a} and {b} at distance {near.d_p[bad]:.3g} is not a finite number"
+                f"{self.frame.source}: the EAM force between atoms {a} and {b} at distance {near.d_p[bad]:.3g} is not "
+                "a finite number"
             )
         acc.energy += energy
         return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
@@ -146,9 +184,24 @@ class _Work(Work):
             ws.grow()
         D = np.empty((self.room, 2, 3))
         m = _outer(
-            self.runs[task], self.runs[task + 1], self.most, *self._lists(), t.rho, t.zr, t.per_dr, t.h, t.two_sites, self.rho, self.x, self.near.atom,
-            ws.i, ws.j, ws.r, ws.G, D,
-        )  # fmt: skip
+            self.runs[task],
+            self.runs[task + 1],
+            self.most,
+            *self._lists(),
+            t.rho,
+            t.zr,
+            t.per_dr,
+            t.h,
+            t.two_sites,
+            self.rho,
+            self.x,
+            self.near.atom,
+            ws.i,
+            ws.j,
+            ws.r,
+            ws.G,
+            D,
+        )
         return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m])
 
 
@@ -238,8 +291,31 @@ def _weights(s0, s1, start, pair, end, a, b, r, d, element, zr, per_dr, h, two_s
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _pairs(
-    p0, p1, a, b, r, d, element, rho_table, zr, per_dr, h, two_sites, rho, x, slope, X, grad, atom, out_i, out_j, out_r, out_G, out_D, energies
-):  # fmt: skip
+    p0,
+    p1,
+    a,
+    b,
+    r,
+    d,
+    element,
+    rho_table,
+    zr,
+    per_dr,
+    h,
+    two_sites,
+    rho,
+    x,
+    slope,
+    X,
+    grad,
+    atom,
+    out_i,
+    out_j,
+    out_r,
+    out_G,
+    out_D,
+    energies,
+):
     sources = len(out_D) > 0
     total = 0.0
     m = 0
@@ -285,9 +361,33 @@ def _pairs(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _outer(
-    s0, s1, most, start, pair, end, a, b, r, d, element, rho_table, zr, per_dr, h, two_sites, rho, x, atom, out_i, out_j, out_r, out_G, out_D
-):  # fmt: skip
-    """Between neighbours e, f of an atom s: ∂U^(e)/∂x_f = ½ φ_es ∂H/∂x_s ∂x_s/∂x_f, and the same with e and f exchanged."""
+    s0,
+    s1,
+    most,
+    start,
+    pair,
+    end,
+    a,
+    b,
+    r,
+    d,
+    element,
+    rho_table,
+    zr,
+    per_dr,
+    h,
+    two_sites,
+    rho,
+    x,
+    atom,
+    out_i,
+    out_j,
+    out_r,
+    out_G,
+    out_D,
+):
+    """Between neighbours e, f of an atom s: ∂U^(e)/∂x_f = ½ φ_es ∂H/∂x_s ∂x_s/∂x_f, and the same with e and f
+    exchanged."""
     who, arm, dist = np.empty(most, np.int32), np.empty((most, 3)), np.empty(most)
     share, slope = np.empty(most), np.empty(most)
     m = 0

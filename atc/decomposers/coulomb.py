@@ -48,7 +48,8 @@ class CoulombCut(PairStyle):
 
 
 class _Damped(PairStyle):
-    """One damping for all pairs of types; atoms have a self energy; excluded pairs lose the full Coulomb energy, not the damped one."""
+    """One damping for all pairs of types; atoms have a self energy; excluded pairs lose the full Coulomb energy, not
+    the damped one."""
 
     weight = "coul"
     needs_charges = True
@@ -81,10 +82,11 @@ class _Damped(PairStyle):
 
 
 class CoulombDSF(_Damped):
-    """Damped shifted force: U = C q_i q_j [erfc(αd)/d − e_s − (d) f_s], force zero at the cutoff (LAMMPS ``coul/dsf``; Fennell & Gezelter 2006).
+    """Damped shifted force: U = C q_i q_j [erfc(αd)/d − e_s − (d) f_s], force zero at the cutoff (LAMMPS ``coul/dsf``;
+    Fennell & Gezelter 2006).
 
-    e_s and f_s are LAMMPS's e_shift and f_shift; each atom has the energy −(e_s/2 + α/√π) C q². erfc is LAMMPS's rational approximation
-    (Abramowitz & Stegun 7.1.26, 1.5e-7), so that energies and forces are LAMMPS's.
+    e_s and f_s are LAMMPS's e_shift and f_shift; each atom has the energy −(e_s/2 + α/√π) C q². erfc is LAMMPS's
+    rational approximation (Abramowitz & Stegun 7.1.26, 1.5e-7), so that energies and forces are LAMMPS's.
 
     Parameters
     ----------
@@ -127,10 +129,11 @@ class CoulombDSFExact(CoulombDSF):
 
 
 class CoulombWolf(_Damped):
-    """Wolf's damped and shifted sum: U = C q_i q_j [erfc(αd)/d − erfc(αr_c)/r_c], force shifted to zero at the cutoff too (LAMMPS ``coul/wolf``).
+    """Wolf's damped and shifted sum: U = C q_i q_j [erfc(αd)/d − erfc(αr_c)/r_c], force shifted to zero at the cutoff
+    too (LAMMPS ``coul/wolf``).
 
-    The force is not the derivative of this energy (it is shifted, the energy only by a constant): LAMMPS's, and Wolf's, choice.
-    Each atom has the energy −[erfc(αr_c)/(2 r_c) + α/√π] C q².
+    The force is not the derivative of this energy (it is shifted, the energy only by a constant): LAMMPS's, and Wolf's,
+    choice. Each atom has the energy −[erfc(αr_c)/(2 r_c) + α/√π] C q².
 
     Parameters
     ----------
@@ -186,7 +189,8 @@ def _positive(inp: StyleInput, cutoff: float) -> float:
 
 
 def _damped(inp: StyleInput, cls, alpha, cutoff):
-    """Where `pair_coeff` names types (no numbers), LAMMPS acts on all pairs as soon as each type is named with itself."""
+    """Where `pair_coeff` names types (no numbers), LAMMPS acts on all pairs as soon as each type is named with
+    itself."""
     given = {}
     for line in inp.coeffs:
         inp.numbers(line.words, [], line)

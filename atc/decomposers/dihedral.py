@@ -1,14 +1,15 @@
 """Torsions of the topology: U(φ) of four atoms in a chain, as forces along their six distances.
 
-Every style here is even in φ, so a polynomial in cos φ, and therefore a function of distances; it is kept as a Chebyshev series
-U = Σ a_n cos nφ, dU/dcos φ = Σ n a_n sin nφ / sin φ, both polynomials: nothing is divided by sin φ, planar chains are an ordinary case.
-A phase that is neither 0 nor 180° makes a term that tells a torsion from its mirror image. Such a term has no forces along distances
-(formulas §2, R 4.0.28): it is refused.
+Every style here is even in φ, so a polynomial in cos φ, and therefore a function of distances; it is kept as a
+Chebyshev series U = Σ a_n cos nφ, dU/dcos φ = Σ n a_n sin nφ / sin φ, both polynomials: nothing is divided by sin φ,
+planar chains are an ordinary case. A phase that is neither 0 nor 180° makes a term that tells a torsion from its mirror
+image. Such a term has no forces along distances (formulas §2, R 4.0.28): it is refused.
 
 With b1 = x2 − x1, b2 = x3 − x2, b3 = x4 − x3: cos φ = (b1×b2)·(b2×b3) / (|b1×b2| |b2×b3|), trans = 180°, as in LAMMPS.
-Where three atoms are collinear φ has no value, and U(φ) no limit. There 1/sin θ of the angle between two successive bonds is continued
-below sin θ = 0.001 by (3 − sin²θ/ε²)/(2ε), ε = 0.001: cos φ goes to 0, energy and forces stay finite and continuous, and the forces are the
-energy's derivatives. Chains with such an angle are counted in the notes. (LAMMPS clamps the sine, in styles of its own choosing.)
+Where three atoms are collinear φ has no value, and U(φ) no limit. There 1/sin θ of the angle between two successive
+bonds is continued below sin θ = 0.001 by (3 − sin²θ/ε²)/(2ε), ε = 0.001: cos φ goes to 0, energy and forces stay finite
+and continuous, and the forces are the energy's derivatives. Chains with such an angle are counted in the notes. (LAMMPS
+clamps the sine, in styles of its own choosing.)
 """
 
 from __future__ import annotations
@@ -30,11 +31,15 @@ from .registry import dihedral_style
 #: sin θ below which the collinear continuation holds
 COLLINEAR = 0.001
 _INNER = {"inner": ((0.0, 0.5, 0.5, 0.0), "energy shared half to each of the two inner atoms")}
-_MIRROR = "a chain whose torsion this phase prefers and its mirror image differ in energy, so the term is not a function of distances and has no forces along bonds"
+_MIRROR = (
+    "a chain whose torsion this phase prefers and its mirror image differ in energy, so the term is not a function of "
+    "distances and has no forces along bonds"
+)
 
 
 class MirrorError(ValueError):
-    """Coefficients that are understood, of a term that is not a function of distances: refused where a frame uses them."""
+    """Coefficients that are understood, of a term that is not a function of distances: refused where a frame uses
+    them."""
 
 
 class FourAtoms(BondedTerm, ClusterTerm):
@@ -44,7 +49,8 @@ class FourAtoms(BondedTerm, ClusterTerm):
     ----------
     coeffs : {type: numbers of LAMMPS's coefficient line}, in `units`; a bare tuple is type 1
     units : unit style of the numbers; the default has eV and Å
-    partition : how a term's energy is shared among its atoms: "equal" (a quarter each, as LAMMPS), "inner" (half to each of atoms 2 and 3), or
+    partition : how a term's energy is shared among its atoms: "equal" (a quarter each, as LAMMPS), "inner" (half to
+        each of atoms 2 and 3), or
         four numbers that add up to 1. Stress and total energy do not depend on it; heat flux and churning do.
     """
 
@@ -73,12 +79,14 @@ class FourAtoms(BondedTerm, ClusterTerm):
 
 
 class Torsion(FourAtoms):
-    """Base of the torsion styles: U = Σ_n a_n cos nφ. Subclasses implement `series`. See `FourAtoms` for the parameters."""
+    """Base of the torsion styles: U = Σ_n a_n cos nφ. Subclasses implement `series`. See `FourAtoms` for the
+    parameters."""
 
     kind = "dihedral"
 
     def series(self, *numbers) -> np.ndarray:
-        """a_0, a_1, .. (internal energy units) from the numbers of a coefficient line. Raises ValueError with what is wrong."""
+        """a_0, a_1, .. (internal energy units) from the numbers of a coefficient line. Raises ValueError with what is
+        wrong."""
         raise NotImplementedError
 
     def _set(self, values: Mapping, where: str = ""):
@@ -131,8 +139,8 @@ class HarmonicTorsion(Torsion):
 class CharmmTorsion(Torsion):
     """U = K [1 + cos(nφ − d)] (LAMMPS ``charmm``). Coefficients K [energy], n, d [degrees, 0 or 180], w.
 
-    w is the weight of a 1-4 pair interaction whose coefficients belong to a charmm pair style. From LAMMPS lines it becomes a term of its own
-    (`one_four`); where there is no such term, w must be 0.
+    w is the weight of a 1-4 pair interaction whose coefficients belong to a charmm pair style. From LAMMPS lines it
+    becomes a term of its own (`one_four`); where there is no such term, w must be 0.
     """
 
     name = "charmm"
@@ -149,7 +157,8 @@ class CharmmTorsion(Torsion):
         if self.end_weights and not self.ends_done:
             t, w = next(iter(self.end_weights.items()))
             raise AtcError(
-                f"dihedral type {t} of style {self.name}: the weight {w:g} asks for a 1-4 pair interaction, which is not supported here: "
+                f"dihedral type {t} of style {self.name}: the weight {w:g} asks for a 1-4 pair interaction, which is "
+                "not supported here: "
                 "give the dihedral types by number in LAMMPS lines with a charmm pair style, or weight 0.0"
             )
         return super().prepare(frame)
@@ -169,7 +178,8 @@ class CharmmFSWTorsion(CharmmTorsion):
 
 
 class OPLSTorsion(Torsion):
-    """U = ½K1 (1 + cos φ) + ½K2 (1 − cos 2φ) + ½K3 (1 + cos 3φ) + ½K4 (1 − cos 4φ) (LAMMPS ``opls``). Coefficients K1 K2 K3 K4 [energy]."""
+    """U = ½K1 (1 + cos φ) + ½K2 (1 − cos 2φ) + ½K3 (1 + cos 3φ) + ½K4 (1 − cos 4φ) (LAMMPS ``opls``). Coefficients K1
+    K2 K3 K4 [energy]."""
 
     name = "opls"
     wants = tuple((f"K{k}", energy) for k in (1, 2, 3, 4))
@@ -189,7 +199,8 @@ class MultiHarmonicTorsion(Torsion):
 
 
 class NHarmonicTorsion(Torsion):
-    """U = Σ_{n=1..N} A_n cosⁿ⁻¹ φ (LAMMPS ``nharmonic``). Coefficients A1 .. AN [energy] (in LAMMPS's lines after their number N)."""
+    """U = Σ_{n=1..N} A_n cosⁿ⁻¹ φ (LAMMPS ``nharmonic``). Coefficients A1 .. AN [energy] (in LAMMPS's lines after their
+    number N)."""
 
     name = "nharmonic"
 
@@ -207,7 +218,8 @@ class NHarmonicTorsion(Torsion):
 
 
 class FourierTorsion(Torsion):
-    """U = Σ_{i=1..m} K_i [1 + cos(n_i φ − d_i)] (LAMMPS ``fourier``). Coefficients m, then K_i [energy], n_i, d_i [degrees, 0 or 180] for each i."""
+    """U = Σ_{i=1..m} K_i [1 + cos(n_i φ − d_i)] (LAMMPS ``fourier``). Coefficients m, then K_i [energy], n_i, d_i
+    [degrees, 0 or 180] for each i."""
 
     name = "fourier"
 
@@ -255,7 +267,8 @@ def _nharmonic(inp):
         n = inp.number(line.words[0], 1.0, "the number of terms", line) if line.words else 0
         if n < 1 or n != len(line.words) - 1:
             raise inp.error(
-                f"dihedral_coeff of nharmonic takes n and then n coefficients A1 .. An, got {' '.join(line.words) or 'nothing'}",
+                "dihedral_coeff of nharmonic takes n and then n coefficients A1 .. An, got "
+                f"{' '.join(line.words) or 'nothing'}",
                 line,
             )
         return tuple(inp.number(w, "energy", f"A{k}", line) for k, w in enumerate(line.words[1:], 1))
@@ -275,7 +288,8 @@ def _fourier(inp):
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _inverse_root(A, y):
-    """1/√A for A = y sin²θ, continued below sin θ = ε (module docstring), and its derivatives with respect to A and y."""
+    """1/√A for A = y sin²θ, continued below sin θ = ε (module docstring), and its derivatives with respect to A and
+    y."""
     e2 = COLLINEAR * COLLINEAR
     if A >= e2 * y:
         w = 1.0 / np.sqrt(A)
@@ -288,7 +302,8 @@ def _inverse_root(A, y):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def cosine_and_slopes(x, slopes):
-    """cos φ, |sin φ| of four atoms x (4, 3), and ∂cos φ/∂ξ of the pairs 12 13 14 23 24 34. Returns (cos, sin, how many collinear angles)."""
+    """cos φ, |sin φ| of four atoms x (4, 3), and ∂cos φ/∂ξ of the pairs 12 13 14 23 24 34. Returns (cos, sin, how many
+    collinear angles)."""
     b1x, b1y, b1z = x[1, 0] - x[0, 0], x[1, 1] - x[0, 1], x[1, 2] - x[0, 2]
     b2x, b2y, b2z = x[2, 0] - x[1, 0], x[2, 1] - x[1, 1], x[2, 2] - x[1, 2]
     b3x, b3y, b3z = x[3, 0] - x[2, 0], x[3, 1] - x[2, 1], x[3, 2] - x[2, 2]
@@ -326,7 +341,8 @@ def cosine_and_slopes(x, slopes):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _torsions(x, types, table, U, G):
-    """Energies and G of Chebyshev series in cos φ; the first chain that is not finite (−1: none), and how many have collinear atoms."""
+    """Energies and G of Chebyshev series in cos φ; the first chain that is not finite (−1: none), and how many have
+    collinear atoms."""
     slopes = np.empty(6)
     collinear = 0
     for t in range(len(U)):

@@ -1,7 +1,9 @@
-"""The internal coordinates of four atoms in a chain, each with its derivatives by the six squared distances: torsions that depend on more than cos φ.
+"""The internal coordinates of four atoms in a chain, each with its derivatives by the six squared distances: torsions
+that depend on more than cos φ.
 
-Any U(d12, d23, d34, cos θ1, cos θ2, cos φ) is a function of distances; G of a pair is Σ_q ∂U/∂q ∂q/∂ξ over these six coordinates (formulas §2).
-θ1 is the angle at atom 2, θ2 the one at atom 3. Where three atoms are in a line cos φ is continued as in `atc.decomposers.dihedral`.
+Any U(d12, d23, d34, cos θ1, cos θ2, cos φ) is a function of distances; G of a pair is Σ_q ∂U/∂q ∂q/∂ξ over these six
+coordinates (formulas §2). θ1 is the angle at atom 2, θ2 the one at atom 3. Where three atoms are in a line cos φ is
+continued as in `atc.decomposers.dihedral`.
 """
 
 from __future__ import annotations
@@ -21,8 +23,9 @@ SMALL = 0.001
 
 @dataclass
 class Chain:
-    """d (3, m): lengths 12, 23, 34. cos1, sin1, cos2, sin2, cos, sin (m,): of θ1, θ2, φ (sin φ ≥ 0). slopes (m, 6, 6): ∂q/∂ξ of the coordinates
-    d12, d23, d34, cos θ1, cos θ2, cos φ by the pairs 12 13 14 23 24 34. near (m,): how many of the two angles are in a line."""
+    """d (3, m): lengths 12, 23, 34. cos1, sin1, cos2, sin2, cos, sin (m,): of θ1, θ2, φ (sin φ ≥ 0). slopes (m, 6, 6):
+    ∂q/∂ξ of the coordinates d12, d23, d34, cos θ1, cos θ2, cos φ by the pairs 12 13 14 23 24 34. near (m,): how many of
+    the two angles are in a line."""
 
     d: np.ndarray
     cos1: np.ndarray
@@ -53,7 +56,8 @@ class Chain:
 
 
 class CoupledTorsion(FourAtoms):
-    """Base of torsions of all coordinates of the chain. Subclasses implement `curve`. See `FourAtoms` for the parameters."""
+    """Base of torsions of all coordinates of the chain. Subclasses implement `curve`. See `FourAtoms` for the
+    parameters."""
 
     kind = "dihedral"
 

@@ -1,4 +1,5 @@
-"""Torsions coupled to the angles and bonds of their chain: COMPASS's class2 with its five cross terms, and ``spherical``."""
+"""Torsions coupled to the angles and bonds of their chain: COMPASS's class2 with its five cross terms, and
+``spherical``."""
 
 from __future__ import annotations
 
@@ -13,12 +14,14 @@ from .registry import dihedral_style
 class Class2Torsion(CrossTerms, CoupledTorsion):
     """Σ_{n≤3} K_n [1 − cos(nφ − φ_n)] and, with c_n = cos nφ, the cross terms (COMPASS; LAMMPS ``class2``)
 
-    ``mbt`` (d23 − r2) Σ A_n c_n, ``ebt`` (d12 − r1) Σ B_n c_n + (d34 − r3) Σ C_n c_n, ``at`` (θ1 − t1) Σ D_n c_n + (θ2 − t2) Σ E_n c_n,
+    ``mbt`` (d23 − r2) Σ A_n c_n, ``ebt`` (d12 − r1) Σ B_n c_n + (d34 − r3) Σ C_n c_n, ``at`` (θ1 − t1) Σ D_n c_n + (θ2
+    − t2) Σ E_n c_n,
     ``aat`` M (θ1 − t1)(θ2 − t2) c_1, ``bb13`` N (d12 − r1)(d34 − r3).
 
-    Coefficients K1 φ1 K2 φ2 K3 φ3 [energy, degrees: 0 or 180], then those of mbt, ebt, at, aat, bb13 as LAMMPS's lines have them (A, B, C
-    [energy/length], D, E [energy/rad], M [energy/rad²], N [energy/length²], r [length], t [degrees]); in Python one after the other.
-    Near sin θ = 0 the coupling to θ divides by no less than 0.001, as LAMMPS does.
+    Coefficients K1 φ1 K2 φ2 K3 φ3 [energy, degrees: 0 or 180], then those of mbt, ebt, at, aat, bb13 as LAMMPS's lines
+    have them (A, B, C [energy/length], D, E [energy/rad], M [energy/rad²], N [energy/length²], r [length], t
+    [degrees]); in Python one after the other. Near sin θ = 0 the coupling to θ divides by no less than 0.001, as LAMMPS
+    does.
     """
 
     name = "class2"
@@ -90,9 +93,10 @@ class Class2Torsion(CrossTerms, CoupledTorsion):
 class SphericalTorsion(RowTerm, CoupledTorsion):
     """U = Σ_i C_i [u_i − cos K_i(φ − a_i)] [v_i − cos L_i(θ1 − b_i)] [w_i − cos M_i(θ2 − c_i)] (LAMMPS ``spherical``).
 
-    Coefficients n, then for each term C [energy], K, a [degrees], u, L, b [degrees], v, M, c [degrees], w. K whole and K a a multiple of 180°: other
-    terms tell the chain from its mirror image. The pressure tensor that LAMMPS (22 Jul 2025) prints for this style is not that of its own forces; this
-    one is. Where θ's factor has a slope at 0 or 180° its sine is clamped at 0.001.
+    Coefficients n, then for each term C [energy], K, a [degrees], u, L, b [degrees], v, M, c [degrees], w. K whole and
+    K a a multiple of 180°: other terms tell the chain from its mirror image. The pressure tensor that LAMMPS (22 Jul
+    2025) prints for this style is not that of its own forces; this one is. Where θ's factor has a slope at 0 or 180°
+    its sine is clamped at 0.001.
     """
 
     name = "spherical"
@@ -139,7 +143,8 @@ class SphericalTorsion(RowTerm, CoupledTorsion):
 def whole_multiple(K):
     if K != int(K):
         raise MirrorError(
-            f"the multiple {K:g} of phi is no whole number: the energy has a step at 180 degrees, where the forces have no value"
+            f"the multiple {K:g} of phi is no whole number: the energy has a step at 180 degrees, where the forces "
+            "have no value"
         )
 
 

@@ -1,4 +1,5 @@
-"""Torsions whose energy is another function of cos φ than a short series (see `atc.decomposers.dihedral` for the geometry)."""
+"""Torsions whose energy is another function of cos φ than a short series (see `atc.decomposers.dihedral` for the
+geometry)."""
 
 from __future__ import annotations
 
@@ -44,7 +45,8 @@ def geometry(x, cos, sin, slopes, near):
 
 
 def refuse_phases(term, values, columns, where):
-    """Replace phases (radians, in these columns) by the sign of the cosine; types with a phase neither 0 nor 180° become refusals."""
+    """Replace phases (radians, in these columns) by the sign of the cosine; types with a phase neither 0 nor 180°
+    become refusals."""
     refused = {}
     for t in values:
         for k in columns:
@@ -56,9 +58,11 @@ def refuse_phases(term, values, columns, where):
 
 
 class QuadraticTorsion(HarmonicImproper):
-    """U = K (φ − φ0)² with φ − φ0 between −180 and 180° (LAMMPS ``quadratic``). Coefficients K [energy/rad²], φ0 [degrees, 0 or 180].
+    """U = K (φ − φ0)² with φ − φ0 between −180 and 180° (LAMMPS ``quadratic``). Coefficients K [energy/rad²], φ0
+    [degrees, 0 or 180].
 
-    Smooth at the plane of φ0. At the other plane the energy has a ridge: sin φ is divided by no less than 1e-6, and such chains are counted.
+    Smooth at the plane of φ0. At the other plane the energy has a ridge: sin φ is divided by no less than 1e-6, and
+    such chains are counted.
     """
 
     kind = "dihedral"
@@ -88,15 +92,18 @@ class HelixTorsion(Torsion):
 
 
 _SMALL_A = (
-    "for |a| below 0.001 LAMMPS's forces are not the derivative of its energy and differ in the mirror image, so they are no forces along bonds: "
+    "for |a| below 0.001 LAMMPS's forces are not the derivative of its energy and differ in the mirror image, so they "
+    "are no forces along bonds: "
     "use a = 0, or 0.001 and more"
 )
 
 
 class CosineShiftExpTorsion(CurveTorsion):
-    """U = −U_min (e^{−a u} − 1)/(e^a − 1), u = −½[1 + cos(φ − φ0)] (LAMMPS ``cosine/shift/exp``). U_min [energy], φ0 [degrees, 0 or 180], a.
+    """U = −U_min (e^{−a u} − 1)/(e^a − 1), u = −½[1 + cos(φ − φ0)] (LAMMPS ``cosine/shift/exp``). U_min [energy], φ0
+    [degrees, 0 or 180], a.
 
-    For 0 < |a| < 0.001 LAMMPS (22 Jul 2025, measured) adds a force ½ a cot φ of the right one, of the other sign in the mirror image: refused.
+    For 0 < |a| < 0.001 LAMMPS (22 Jul 2025, measured) adds a force ½ a cot φ of the right one, of the other sign in the
+    mirror image: refused.
     """
 
     name = "cosine/shift/exp"
@@ -115,9 +122,11 @@ class CosineShiftExpTorsion(CurveTorsion):
 
 
 class RestrictedTorsion(CurveTorsion):
-    """U = K (cos φ − cos φ0)²/sin² φ (MARTINI; LAMMPS ``cosine/squared/restricted``). Coefficients K [energy], φ0 [degrees].
+    """U = K (cos φ − cos φ0)²/sin² φ (MARTINI; LAMMPS ``cosine/squared/restricted``). Coefficients K [energy], φ0
+    [degrees].
 
-    A function of cos φ, the same for both hands, for every φ0. Infinite in the planes (for φ0 = 0 or 180° only in the other one): an error there.
+    A function of cos φ, the same for both hands, for every φ0. Infinite in the planes (for φ0 = 0 or 180° only in the
+    other one): an error there.
     """
 
     name = "cosine/squared/restricted"

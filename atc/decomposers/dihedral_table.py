@@ -1,6 +1,8 @@
-"""Tabulated torsions: LAMMPS's cyclic table files and its two-step interpolation (file → N even points → linear or spline).
+"""Tabulated torsions: LAMMPS's cyclic table files and its two-step interpolation (file → N even points → linear or
+spline).
 
-A torsion is a function of distances only if its table has the same energy at φ and −φ (and opposite forces): others are refused.
+A torsion is a function of distances only if its table has the same energy at φ and −φ (and opposite forces): others are
+refused.
 """
 
 from __future__ import annotations
@@ -25,7 +27,8 @@ _PLANE = 1e-5
 
 @dataclass
 class TorsionSection:
-    """One section of a table file: angles (radians), energies, forces −dE/dφ per radian or None (NOF), in the file's energy unit."""
+    """One section of a table file: angles (radians), energies, forces −dE/dφ per radian or None (NOF), in the file's
+    energy unit."""
 
     phi: np.ndarray
     energy: np.ndarray
@@ -35,12 +38,13 @@ class TorsionSection:
 def read_torsion_section(path, keyword: str, where: str = "", units_name: str | None = None) -> TorsionSection:
     """The section `keyword` of a LAMMPS dihedral table file.
 
-    Format: a line with the keyword; a line ``N n [NOF] [DEGREES|RADIANS] [CHECKU file] [CHECKF file]`` in any order; n lines ``index φ energy [force]``.
-    Angles are in degrees and forces per degree unless RADIANS is said.
+    Format: a line with the keyword; a line ``N n [NOF] [DEGREES|RADIANS] [CHECKU file] [CHECKF file]`` in any order; n
+    lines ``index φ energy [force]``. Angles are in degrees and forces per degree unless RADIANS is said.
 
     Raises
     ------
-    AtcError for a missing file or section, other units, a malformed line, or angles that do not increase within less than a turn.
+    AtcError for a missing file or section, other units, a malformed line, or angles that do not increase within less
+    than a turn.
     """
     lines = section_lines(path, keyword, "dihedral", where, units_name)
     number, words = lines[0]
@@ -60,7 +64,8 @@ def read_torsion_section(path, keyword: str, where: str = "", units_name: str | 
                 raise ValueError
     except (ValueError, IndexError):
         raise AtcError(
-            f"{path}:{number}: expected the parameters of a dihedral table, N <n> [NOF] [DEGREES] [RADIANS] [CHECKU <file>] [CHECKF <file>], got {' '.join(words)!r}"
+            f"{path}:{number}: expected the parameters of a dihedral table, N <n> [NOF] [DEGREES] [RADIANS] [CHECKU "
+            f"<file>] [CHECKF <file>], got {' '.join(words)!r}"
         ) from None
     if n is None or n < 2:
         raise AtcError(f"{path}:{number}: a dihedral table needs N <number of lines> of at least 2")
@@ -68,13 +73,15 @@ def read_torsion_section(path, keyword: str, where: str = "", units_name: str | 
     phi = data[:, 0] * size
     if not np.isfinite(data).all() or (np.diff(phi) <= 0).any() or not phi[-1] - phi[0] < 2.0 * np.pi * (1.0 - 1e-12):
         raise AtcError(
-            f"{path}: the angles of section {keyword!r} must increase from line to line within less than a full turn, all numbers finite"
+            f"{path}: the angles of section {keyword!r} must increase from line to line within less than a full turn, "
+            "all numbers finite"
         )
     return TorsionSection(phi, data[:, 1], data[:, 2] / size if with_force else None)
 
 
 class _Curve:
-    """U(φ) and −U'(φ) on 0 ≤ φ ≤ π as LAMMPS interpolates them, made even in φ exactly. `uneven`: how far the table was from it."""
+    """U(φ) and −U'(φ) on 0 ≤ φ ≤ π as LAMMPS interpolates them, made even in φ exactly. `uneven`: how far the table was
+    from it."""
 
     def __init__(self, s: TorsionSection, points: int, spline: bool, unit: float):
         self.spline, n = spline, points
@@ -229,7 +236,8 @@ def _way(inp):
         or int(inp.args[1]) < 3
     ):
         raise inp.error(
-            f"{inp.command} takes linear or spline and a number of points of at least 3, got {' '.join(inp.args) or 'nothing'}"
+            f"{inp.command} takes linear or spline and a number of points of at least 3, got "
+            f"{' '.join(inp.args) or 'nothing'}"
         )
     return {"points": int(inp.args[1]), "spline": inp.args[0] == "spline", "units": inp.units, "where": inp.where}
 
@@ -240,7 +248,8 @@ def _sections(inp, lead: int, what: str):
     for line in inp.coeffs:
         if len(line.words) != lead + 2:
             raise inp.error(
-                f"dihedral_coeff of {inp.name} takes {what}a file and a section's keyword, got {' '.join(line.words) or 'nothing'}",
+                f"dihedral_coeff of {inp.name} takes {what}a file and a section's keyword, got "
+                f"{' '.join(line.words) or 'nothing'}",
                 line,
             )
         key = line.words[lead:]

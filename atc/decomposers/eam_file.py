@@ -1,4 +1,5 @@
-"""Embedded-atom tables as LAMMPS reads them: DYNAMO funcfl (``eam``), setfl (``eam/alloy``) and Finnis-Sinclair setfl (``eam/fs``)."""
+"""Embedded-atom tables as LAMMPS reads them: DYNAMO funcfl (``eam``), setfl (``eam/alloy``) and Finnis-Sinclair setfl
+(``eam/fs``)."""
 
 from __future__ import annotations
 
@@ -22,10 +23,12 @@ class EAMTables:
     """Tables at evenly spaced arguments, the first at 0, in the units of the model they are for.
 
     elements : names. masses : (m,). cutoff : for every pair.
-    F_en : (m, n_rho) embedding energy at densities k·drho; rho_eer : (m, m, n_r) [source, host] density that a source element makes at a host
-    element at distances k·dr; zr_eer : (m, m, n_r) r·φ(r), symmetric.
-    rho_end : the density from which on the embedding energy is continued linearly. rho_first : the density of the first point of F.
-    u_eer, w_eer : (m, m, n_r) dipole and quadrupole functions of ``adp``, or None. mixing : coefficients of h(x) of ``eam/cd``, the constant first, or None
+    F_en : (m, n_rho) embedding energy at densities k·drho; rho_eer : (m, m, n_r) [source, host] density that a source
+        element makes at a host element at distances k·dr; zr_eer : (m, m, n_r) r·φ(r), symmetric.
+    rho_end : the density from which on the embedding energy is continued linearly. rho_first : the density of the first
+        point of F.
+    u_eer, w_eer : (m, m, n_r) dipole and quadrupole functions of ``adp``, or None. mixing : coefficients of h(x) of
+        ``eam/cd``, the constant first, or None
     """
 
     elements: list[str]
@@ -74,7 +77,8 @@ class _Lines:
         while len(out) < n:
             if self.p >= len(self.lines):
                 raise AtcError(
-                    f"{self.path}: ends after {len(out)} of the {n} numbers of {what} (from line {first}): the file is cut off"
+                    f"{self.path}: ends after {len(out)} of the {n} numbers of {what} (from line {first}): the file "
+                    "is cut off"
                 )
             out += self.lines[self.p][1]
             self.p += 1
@@ -94,7 +98,8 @@ class _Lines:
             raise AtcError(f"{self.path}: {what} (from line {first}) holds numbers that are not finite")
         if not (np.abs(a) < _LARGE).all():
             raise AtcError(
-                f"{self.path}: {what} (from line {first}) holds {a[np.argmax(np.abs(a))]:g}, which is no number of a potential"
+                f"{self.path}: {what} (from line {first}) holds {a[np.argmax(np.abs(a))]:g}, which is no number of a "
+                "potential"
             )
         return a
 
@@ -112,7 +117,8 @@ class _Lines:
         """Refuse tables that a file of this length cannot hold, before memory is taken for them."""
         if count > len(self.text):
             raise AtcError(
-                f"{at}: tables of {count} numbers in a file of {len(self.text)} characters: the file is cut off or its counts are wrong"
+                f"{at}: tables of {count} numbers in a file of {len(self.text)} characters: the file is cut off or "
+                "its counts are wrong"
             )
 
     def end(self, limit: int, complaint: str) -> None:
@@ -165,13 +171,16 @@ def read_setfl(
     angular: bool = False,
     mixing: bool = False,
 ) -> EAMTables:
-    """A setfl file: embedding energies and densities by element (Finnis-Sinclair: densities by pair of elements), r·φ by pair.
+    """A setfl file: embedding energies and densities by element (Finnis-Sinclair: densities by pair of elements), r·φ
+    by pair.
 
-    helium : LAMMPS's ``eam/he``: the fifth line ends with the density of the last point of F, and the first may be negative
+    helium : LAMMPS's ``eam/he``: the fifth line ends with the density of the last point of F, and the first may be
+        negative
     angular : LAMMPS's ``adp``: dipole and quadrupole functions by pair follow
     mixing : LAMMPS's ``eam/cd``: a comment and a polynomial of the concentration follow
 
-    units_name : unit style the result is wanted in; the file's ``UNITS:`` tag is converted between metal and real as LAMMPS means
+    units_name : unit style the result is wanted in; the file's ``UNITS:`` tag is converted between metal and real as
+        LAMMPS means
         to (its setfl readers leave out the last entry of each table)
     where : file and line that named this file, for messages
 
@@ -182,7 +191,8 @@ def read_setfl(
     f = _Lines(path, 3, where)
     if angular and units_tag(f.text) not in (None, units_name):
         raise AtcError(
-            f"{path}: this file is in {units_tag(f.text)!r} units and the model in {units_name!r}: LAMMPS does not convert adp files"
+            f"{path}: this file is in {units_tag(f.text)!r} units and the model in {units_name!r}: LAMMPS does not "
+            "convert adp files"
         )
     factor = energy_conversion(f.text, units_name, path)
     words, at = f.words(2, "the number of elements and their names")
@@ -240,7 +250,8 @@ def _polynomial(f: _Lines) -> np.ndarray:
 
 
 def read_funcfl(paths, units_name: str, where: str = "") -> EAMTables:
-    """Single-element funcfl files brought onto one grid as LAMMPS does (four-point interpolation; φ from the product of effective charges).
+    """Single-element funcfl files brought onto one grid as LAMMPS does (four-point interpolation; φ from the product of
+    effective charges).
 
     The elements are named 0, 1, .. in the order of `paths`. See `read_setfl` for the rest.
     """

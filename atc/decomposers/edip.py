@@ -26,7 +26,8 @@ _SHARES = {"equal": (0.5, 0.5, 1 / 3, 1 / 3), "center": (1.0, 0.0, 1.0, 0.0), "c
 
 @dataclass(frozen=True)
 class EDIPEntry:
-    """One entry ``elem1 elem2 elem3`` of an ``.edip`` file, elem1 at the centre: see `EDIP`. a and c are LAMMPS's cutoffA and cutoffC."""
+    """One entry ``elem1 elem2 elem3`` of an ``.edip`` file, elem1 at the centre: see `EDIP`. a and c are LAMMPS's
+    cutoffA and cutoffC."""
 
     A: float
     B: float
@@ -81,16 +82,19 @@ class EDIPEntry:
 
 class EDIP(Centred):
     """U = Σ_i [Σ_j φ2(d_ij, Z_i) + Σ_{j<k} φ3(d_ij, d_ik, cos θ, Z_i)], Z_i = Σ_m f(d_im),
-    φ2 = A [(B/d)^ρ − exp(−β Z²)] exp(σ/(d − a)), φ3 = exp(γ/(d_ij − a)) exp(γ/(d_ik − a)) λ [1 − exp(−Q x²) + η Q x²], x = cos θ + τ(Z), Q = Q0 exp(−μ Z),
-    τ = u1 + u2 [u3 exp(−u4 Z) − exp(−2 u4 Z)]; f is 1 up to c, exp(α/(1 − y^−3)), y = (d − c)/(a − c), to a, and 0 beyond.
+    φ2 = A [(B/d)^ρ − exp(−β Z²)] exp(σ/(d − a)), φ3 = exp(γ/(d_ij − a)) exp(γ/(d_ik − a)) λ [1 − exp(−Q x²) + η Q x²],
+    x = cos θ + τ(Z), Q = Q0 exp(−μ Z), τ = u1 + u2 [u3 exp(−u4 Z) − exp(−2 u4 Z)]; f is 1 up to c, exp(α/(1 − y^−3)), y
+    = (d − c)/(a − c), to a, and 0 beyond.
 
-    All neighbours of an atom enter each of its energies through Z. Half of φ2 goes to i and j each, a third of φ3 to each of its atoms, as in LAMMPS; "center" as
-    partition gives both to i. Neighbours that only change Z have no share.
+    All neighbours of an atom enter each of its energies through Z. Half of φ2 goes to i and j each, a third of φ3 to
+    each of its atoms, as in LAMMPS; "center" as partition gives both to i. Neighbours that only change Z have no share.
 
     Parameters
     ----------
-    entries : {(elem1, elem2, elem3): EDIPEntry or dict of its fields}; what depends on one distance comes from (i, j, j), λ, η, Q and τ from (i, j, k)
-    elements : the element of each atom type from 1, None or "NULL" for types left out; default: all atoms are the first entry's element
+    entries : {(elem1, elem2, elem3): EDIPEntry or dict of its fields}; what depends on one distance comes from (i, j,
+        j), λ, η, Q and τ from (i, j, k)
+    elements : the element of each atom type from 1, None or "NULL" for types left out; default: all atoms are the first
+        entry's element
     units : the default has eV and Å
     partition : "equal" or "center"
 
@@ -128,13 +132,22 @@ class EDIP(Centred):
             self.three[i, j, k] = e.lam * energy, e.eta, e.Q0, e.mu, e.u1, e.u2, e.u3, e.u4
             if j == k:
                 self.two[i, j] = (
-                    e.a * length, e.A * energy, e.B * length, e.rho, e.beta, e.sigma * length, e.gamma * length, e.c * length, e.alpha,
-                )  # fmt: skip
+                    e.a * length,
+                    e.A * energy,
+                    e.B * length,
+                    e.rho,
+                    e.beta,
+                    e.sigma * length,
+                    e.gamma * length,
+                    e.c * length,
+                    e.alpha,
+                )
         for i, j, k in product(range(m), repeat=3):
             if j < k and not np.allclose(self.three[i, j, k], self.three[i, k, j], rtol=1e-5, atol=0):
                 e, f = entries[names[i], names[j], names[k]], entries[names[i], names[k], names[j]]
                 raise AtcError(
-                    f"{e.where} and {f.where}: different lambda, eta, Q0, mu or u1 to u4 for one triplet, of which LAMMPS takes one by the order of its "
+                    f"{e.where} and {f.where}: different lambda, eta, Q0, mu or u1 to u4 for one triplet, of which "
+                    "LAMMPS takes one by the order of its "
                     "neighbour list: make them equal"
                 )
         self.three = np.ascontiguousarray(0.5 * (self.three + self.three.transpose(0, 2, 1, 3)))
@@ -142,7 +155,8 @@ class EDIP(Centred):
 
     @classmethod
     def from_file(cls, path, elements, *, units: str | Units = "metal", partition="equal", where: str = "") -> EDIP:
-        """From a LAMMPS parameter file, e.g. ``EDIP.from_file("Si.edip", ["Si"])``. where : the line that names it, for messages."""
+        """From a LAMMPS parameter file, e.g. ``EDIP.from_file("Si.edip", ["Si"])``. where : the line that names it, for
+        messages."""
         used = dict.fromkeys(e for e in elements if e not in (None, "NULL"))
         return cls(
             read_entries(path, used, system(units).name, EDIPEntry, where), elements, units=units, partition=partition
@@ -200,9 +214,32 @@ def _coordination(d, row):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _centres(
-    s0, s1, most, start, pair, end, a, b, r, d, element, two, three, weights, atom, G_end, S_end, out_i, out_j, out_r, out_G, out_D, energies,
-):  # fmt: skip
-    """φ2 and φ3 of the atoms s0..s1. W is the share of a neighbour; every energy depends on Z too, so its derivative goes to all neighbours at the end."""
+    s0,
+    s1,
+    most,
+    start,
+    pair,
+    end,
+    a,
+    b,
+    r,
+    d,
+    element,
+    two,
+    three,
+    weights,
+    atom,
+    G_end,
+    S_end,
+    out_i,
+    out_j,
+    out_r,
+    out_G,
+    out_D,
+    energies,
+):
+    """φ2 and φ3 of the atoms s0..s1. W is the share of a neighbour; every energy depends on Z too, so its derivative
+    goes to all neighbours at the end."""
     sources = len(S_end) > 0
     shared = len(energies) > 0
     w_c, w_n, t_c, t_n = weights
@@ -350,7 +387,8 @@ def _edip(inp):
     if len({e for e in elements if e}) > 1:
         raise inp.error("pair_style edip takes one element: write edip/multi for several", line)
     warnings.warn(
-        f"{inp.where}: LAMMPS's edip looks its functions up in tables where edip/multi, and this program, evaluate them: forces differ from the run's by "
+        f"{inp.where}: LAMMPS's edip looks its functions up in tables where edip/multi, and this program, evaluate "
+        "them: forces differ from the run's by "
         "about 5e-7 of the largest, energies by 1e-8",
         AtcWarning,
         stacklevel=2,

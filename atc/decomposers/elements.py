@@ -1,4 +1,5 @@
-"""Which element an atom type is: the ``pair_coeff * * file El1 El2 NULL`` of potentials whose parameters come by element."""
+"""Which element an atom type is: the ``pair_coeff * * file El1 El2 NULL`` of potentials whose parameters come by
+element."""
 
 from __future__ import annotations
 
@@ -31,7 +32,8 @@ def mapped_line(inp: StyleInput, ending: str):
     elements = [None if e == "NULL" else e for e in line.words[1:]]
     if len(elements) < inp.n_types:
         raise inp.error(
-            f"{inp.command} needs one element (or NULL) for each of the {inp.n_types} atom types, found {len(elements)}",
+            f"{inp.command} needs one element (or NULL) for each of the {inp.n_types} atom types, found "
+            f"{len(elements)}",
             line,
         )
     if not any(elements):
@@ -42,7 +44,8 @@ def mapped_line(inp: StyleInput, ending: str):
             for b in range(a, m + 1):
                 if elements[a - 1] and elements[b - 1] and not inp.wanted[a, b]:
                     raise inp.error(
-                        f"{inp.command} is a many-body style: its types {a} and {b} cannot be given to another style alone; "
+                        f"{inp.command} is a many-body style: its types {a} and {b} cannot be given to another style "
+                        "alone; "
                         "use hybrid/overlay, or NULL for one of them",
                         line,
                     )
@@ -52,7 +55,8 @@ def mapped_line(inp: StyleInput, ending: str):
 class ElementMap:
     """From atom types to the elements of a potential.
 
-    names : the potential's elements in use. elements : the name of each atom type from 1, None for types left out; or None: every atom is names[0].
+    names : the potential's elements in use. elements : the name of each atom type from 1, None for types left out; or
+        None: every atom is names[0].
     rest : the name of types beyond those, None: they are an error
     """
 
@@ -82,7 +86,8 @@ class ElementMap:
             of_type = np.concatenate([of_type, np.full(top + 1 - len(of_type), self.names.index(self.rest))])
         if top >= len(of_type):
             raise AtcError(
-                f"{frame.source}: atoms of type {int(frame.types.max())} but {self.what} names the elements of types 1 to {len(self.of_type) - 1}: "
+                f"{frame.source}: atoms of type {int(frame.types.max())} but {self.what} names the elements of types "
+                f"1 to {len(self.of_type) - 1}: "
                 "name the others too, or NULL"
             )
         if n and frame.types.min() < 1:

@@ -1,8 +1,9 @@
-"""Embedded atom: a pair energy, and an energy of the density that an atom's neighbours make at its place (LAMMPS ``eam``, ``eam/alloy``, ``eam/fs``,
+"""Embedded atom: a pair energy, and an energy of the density that an atom's neighbours make at its place (LAMMPS
+``eam``, ``eam/alloy``, ``eam/fs``,
 ``eam/he``).
 
-A frame is done in three stages, none of which holds a neighbour list: densities (each thread sums its own), embedding energies and their
-slopes, then one bond a pair of neighbours.
+A frame is done in three stages, none of which holds a neighbour list: densities (each thread sums its own), embedding
+energies and their slopes, then one bond a pair of neighbours.
 """
 
 from __future__ import annotations
@@ -28,23 +29,27 @@ _NO_D = np.zeros((0, 2, 3))
 class EmbeddedAtom(Term):
     """U = Σ_i F_i(ρ_i) + Σ_pairs φ_ij(d), ρ_i = Σ_j ρ_ji(d_ij).
 
-    A pair's G = [φ' + F_i' ρ_ji' + F_j' ρ_ij'] / d: one bond a pair, whatever the number of neighbours. An atom's share of the energy is its own
-    embedding energy and half of its pair energies, as in LAMMPS; its sources follow: ∂U^(i)/∂x_j = −(F_i' ρ_ji' + ½φ') (x_i − x_j)/d.
+    A pair's G = [φ' + F_i' ρ_ji' + F_j' ρ_ij'] / d: one bond a pair, whatever the number of neighbours. An atom's share
+    of the energy is its own embedding energy and half of its pair energies, as in LAMMPS; its sources follow:
+    ∂U^(i)/∂x_j = −(F_i' ρ_ji' + ½φ') (x_i − x_j)/d.
 
-    Between the points of the tables it is LAMMPS's cubic spline, so that energies and forces agree with LAMMPS to rounding; beyond the last
-    density the embedding energy goes on linearly (such atoms are counted in the notes); distances at and beyond the cutoff do not count.
+    Between the points of the tables it is LAMMPS's cubic spline, so that energies and forces agree with LAMMPS to
+    rounding; beyond the last density the embedding energy goes on linearly (such atoms are counted in the notes);
+    distances at and beyond the cutoff do not count.
 
     Parameters
     ----------
     tables : EAMTables in `units`
-    elements : the tables' element of each atom type, from type 1; None or "NULL" leaves a type out. Default: every atom is the first element.
+    elements : the tables' element of each atom type, from type 1; None or "NULL" leaves a type out. Default: every atom
+        is the first element.
     units : unit style of the tables; the default has eV and Å
     name : LAMMPS's name of the style, for descriptions
     rest : the element of atom types beyond those of `elements`; default: they are an error
 
     Notes
     -----
-    Source: Daw & Baskes, Phys. Rev. B 29, 6443 (1984); Finnis & Sinclair, Phil. Mag. A 50, 45 (1984). Files: `from_setfl`, `from_funcfl`.
+    Source: Daw & Baskes, Phys. Rev. B 29, 6443 (1984); Finnis & Sinclair, Phil. Mag. A 50, 45 (1984). Files:
+    `from_setfl`, `from_funcfl`.
     """
 
     def __init__(
@@ -87,8 +92,8 @@ class EmbeddedAtom(Term):
         helium: bool = False,
         where: str = "",
     ) -> EmbeddedAtom:
-        """From a setfl file (LAMMPS ``eam/alloy``), its Finnis-Sinclair variant (``eam/fs``), or that with negative densities (helium: ``eam/he``):
-        ``EmbeddedAtom.from_setfl("AlCu.eam.alloy", ["Al"])``."""
+        """From a setfl file (LAMMPS ``eam/alloy``), its Finnis-Sinclair variant (``eam/fs``), or that with negative
+        densities (helium: ``eam/he``): ``EmbeddedAtom.from_setfl("AlCu.eam.alloy", ["Al"])``."""
         t = read_setfl(path, system(units).name, finnis_sinclair or helium, where, helium=helium)
         odd = next((e for e in elements or () if e not in (None, "NULL", *t.elements)), None)
         if odd is not None:
@@ -99,8 +104,9 @@ class EmbeddedAtom(Term):
     def from_funcfl(
         cls, paths, files_of_types=None, *, units: str | Units = "metal", rest: int | None = None, where: str = ""
     ) -> EmbeddedAtom:
-        """From funcfl files (LAMMPS ``eam``). files_of_types : for each atom type from 1 the position of its file in `paths`, None: left out;
-        default: every atom is of the first file. rest : the file of types beyond those; default: they are an error."""
+        """From funcfl files (LAMMPS ``eam``). files_of_types : for each atom type from 1 the position of its file in
+        `paths`, None: left out; default: every atom is of the first file. rest : the file of types beyond those;
+        default: they are an error."""
         t = read_funcfl(paths, system(units).name, where)
         elements = None if files_of_types is None else [None if k is None else str(k) for k in files_of_types]
         return cls(t, elements, units=units, name="eam", rest=None if rest is None else str(rest))
@@ -114,10 +120,11 @@ class EmbeddedAtom(Term):
 
 
 def spline(tables, last_slope: float | None = None) -> np.ndarray:
-    """(..., n + 1, 4) coefficients of LAMMPS's cubic spline through (..., n) values (PairEAM::interpolate), rows counted from 1.
+    """(..., n + 1, 4) coefficients of LAMMPS's cubic spline through (..., n) values (PairEAM::interpolate), rows
+    counted from 1.
 
-    Between point m and m + 1, at p = x/step + 1 − m: ((c0 p + c1) p + c2) p + c3. Slopes at the points are five-point differences,
-    at the last point last_slope (per step), or the difference to the one before.
+    Between point m and m + 1, at p = x/step + 1 − m: ((c0 p + c1) p + c2) p + c3. Slopes at the points are five-point
+    differences, at the last point last_slope (per step), or the difference to the one before.
     """
     f = np.asarray(tables, float)
     n = f.shape[-1]
@@ -198,10 +205,12 @@ class _EAMWork(Work):
             a, b = self.frame.ids[self.atom[ws.i[bad]]], self.frame.ids[self.atom[ws.j[bad]]]
             if ws.d2[bad] == 0.0:
                 raise AtcError(
-                    f"{self.frame.source}: atoms {a} and {b} are at the same place, where the EAM force is undefined; remove one of them"
+                    f"{self.frame.source}: atoms {a} and {b} are at the same place, where the EAM force is undefined; "
+                    "remove one of them"
                 )
             raise AtcError(
-                f"{self.frame.source}: the EAM force between atoms {a} and {b} at distance {ws.d2[bad] ** 0.5:.3g} is not a finite number"
+                f"{self.frame.source}: the EAM force between atoms {a} and {b} at distance {ws.d2[bad] ** 0.5:.3g} is "
+                "not a finite number"
             )
         acc.energy += energy
         return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
@@ -259,7 +268,8 @@ def _embed(rho, element, spline, per_drho, rho_first, rho_end, atom, slope, ener
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _bonds(i, j, r, d2, n, element, rho, zr, per_dr, slope, atom, G, D, energies):
-    """Pair energies, G and sources, compacted in place to the frame's indices. Returns their number, the energy, the first bad pair (−1)."""
+    """Pair energies, G and sources, compacted in place to the frame's indices. Returns their number, the energy, the
+    first bad pair (−1)."""
     points = zr.shape[2] - 1
     sources = len(D) > 0
     shared = len(energies) > 0
@@ -336,7 +346,8 @@ def _funcfl(inp):
         mine = [a for a, b in line.covers(inp.n_types) if a == b]
         if not mine:
             raise inp.error(
-                "pair_coeff of eam is given for a type with itself; other pairs follow from it: write 'pair_coeff 1 1 file'",
+                "pair_coeff of eam is given for a type with itself; other pairs follow from it: write 'pair_coeff 1 1 "
+                "file'",
                 line,
             )
         path = inp.path(line.words[0], line)

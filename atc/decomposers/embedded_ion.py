@@ -1,4 +1,5 @@
-"""The embedded-ion method: charges that flow between an atom and its neighbours, and what they cost (LAMMPS ``pair_style eim``)."""
+"""The embedded-ion method: charges that flow between an atom and its neighbours, and what they cost (LAMMPS
+``pair_style eim``)."""
 
 from __future__ import annotations
 
@@ -45,7 +46,8 @@ _PAIR = (
 
 @dataclass
 class EIMParameters:
-    """names; chi_e (electronegativities); pair : {(a, b): {number: value}} for a ≤ b; bounds : of the argument of erfc in the cutoff function."""
+    """names; chi_e (electronegativities); pair : {(a, b): {number: value}} for a ≤ b; bounds : of the argument of erfc
+    in the cutoff function."""
 
     names: list[str]
     chi_e: np.ndarray
@@ -54,7 +56,8 @@ class EIMParameters:
 
 
 def read_eim(path, names, units_name: str = "metal", where: str = "") -> EIMParameters:
-    """The numbers of some elements from an EIM file (``global:``, ``element:`` and ``pair:`` lines, & continues a line).
+    """The numbers of some elements from an EIM file (``global:``, ``element:`` and ``pair:`` lines, & continues a
+    line).
 
     Raises
     ------
@@ -63,7 +66,8 @@ def read_eim(path, names, units_name: str = "metal", where: str = "") -> EIMPara
     text = read_parameter_file(path, "EIM", where)
     if units_tag(text) not in (None, units_name):
         raise AtcError(
-            f"{path}: this file is in {units_tag(text)!r} units and the model in {units_name!r}: LAMMPS does not convert EIM files"
+            f"{path}: this file is in {units_tag(text)!r} units and the model in {units_name!r}: LAMMPS does not "
+            "convert EIM files"
         )
     bounds, chi, pairs = None, {}, {}
     words: list[str] = []
@@ -112,18 +116,22 @@ def _values(words, count, keys, at) -> list[float]:
 class EmbeddedIon(Term):
     """U = Σ_pairs φ(d) + ½ Σ_i q_i σ_i, q_i = Σ_j η_ji(d), σ_i = Σ_j q_j ψ_ij(d).
 
-    φ = E_b/(β − α) [β e^(−α x) − α e^(−β x)] f_c, x = (d − r_e)/r_e (p = 1), or with powers (r_e/d)^α, (r_e/d)^β (p = 2); η_ji = A_η (χ_j − χ_i) f_c; ψ = A_ψ e^(−ζ d) f_c;
-    f_c = [erfc(x) − erfc(x_s)]/[erfc(x_b) − erfc(x_s)], x from x_b at r_s to x_s at r_c (as LAMMPS, it goes on below r_s).
+    φ = E_b/(β − α) [β e^(−α x) − α e^(−β x)] f_c, x = (d − r_e)/r_e (p = 1), or with powers (r_e/d)^α, (r_e/d)^β (p =
+    2); η_ji = A_η (χ_j − χ_i) f_c; ψ = A_ψ e^(−ζ d) f_c; f_c = [erfc(x) − erfc(x_s)]/[erfc(x_b) − erfc(x_s)], x from
+    x_b at r_s to x_s at r_c (as LAMMPS, it goes on below r_s).
 
-    A pair's G = [φ' + q_i q_j ψ' + σ_i η_ji' + σ_j η_ij']/d: one bond a pair. Atom i has ½ q_i σ_i and half of its pair energies, as in LAMMPS; since q_j depends on
-    all neighbours of j, bonds between neighbours of an atom carry energy sources, though no force.
+    A pair's G = [φ' + q_i q_j ψ' + σ_i η_ji' + σ_j η_ij']/d: one bond a pair. Atom i has ½ q_i σ_i and half of its pair
+    energies, as in LAMMPS; since q_j depends on all neighbours of j, bonds between neighbours of an atom carry energy
+    sources, though no force.
 
-    Between the points of LAMMPS's tables it is LAMMPS's cubic spline, so that energies and forces agree with LAMMPS to rounding.
+    Between the points of LAMMPS's tables it is LAMMPS's cubic spline, so that energies and forces agree with LAMMPS to
+    rounding.
 
     Parameters
     ----------
     parameters : EIMParameters in `units`
-    elements : its element of each atom type, from type 1; None or "NULL" leaves a type out. Default: every atom is the first element.
+    elements : its element of each atom type, from type 1; None or "NULL" leaves a type out. Default: every atom is the
+        first element.
     units : the default has eV and Å
 
     Notes
@@ -181,7 +189,8 @@ class EmbeddedIon(Term):
 
     @classmethod
     def from_file(cls, path, names, elements=None, *, units: str | Units = "metal", where: str = "") -> EmbeddedIon:
-        """From a LAMMPS file: ``EmbeddedIon.from_file("ffield.eim", ["Na", "Cl"], ["Na", "Cl"])``. where : the line that names it, for messages."""
+        """From a LAMMPS file: ``EmbeddedIon.from_file("ffield.eim", ["Na", "Cl"], ["Na", "Cl"])``. where : the line
+        that names it, for messages."""
         return cls(read_eim(path, list(names), system(units).name, where), elements, units=units)
 
     def describe(self) -> str:
@@ -247,13 +256,33 @@ class _EIMWork(Work):
         D = np.empty((p1 - p0, 2, 3)) if acc.sources else _NO_D
         energies = acc.energies if acc.energies is not None else _NOTHING
         m, energy, bad = _pairs(
-            p0, p1, near.a, near.b, near.r_pc, near.d_p, self.element, term.phi, term.eta, term.psi, term.per_dr, self.q, self.sigma, self.grad,
-            near.atom, ws.i, ws.j, ws.r, ws.G, D, energies,
-        )  # fmt: skip
+            p0,
+            p1,
+            near.a,
+            near.b,
+            near.r_pc,
+            near.d_p,
+            self.element,
+            term.phi,
+            term.eta,
+            term.psi,
+            term.per_dr,
+            self.q,
+            self.sigma,
+            self.grad,
+            near.atom,
+            ws.i,
+            ws.j,
+            ws.r,
+            ws.G,
+            D,
+            energies,
+        )
         if bad >= 0:
             a, b = self.frame.ids[near.atom[near.a[bad]]], self.frame.ids[near.atom[near.b[bad]]]
             raise AtcError(
-                f"{self.frame.source}: the EIM force between atoms {a} and {b} at distance {near.d_p[bad]:.3g} is not a finite number"
+                f"{self.frame.source}: the EIM force between atoms {a} and {b} at distance {near.d_p[bad]:.3g} is not "
+                "a finite number"
             )
         acc.energy += energy
         return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
@@ -264,15 +293,28 @@ class _EIMWork(Work):
             ws.grow()
         D = np.empty((self.room, 2, 3))
         m = _outer(
-            self.runs[task], self.runs[task + 1], self.most, *self._lists(), self.term.eta, self.term.psi, self.term.per_dr, self.q, self.near.atom,
-            ws.i, ws.j, ws.r, ws.G, D,
-        )  # fmt: skip
+            self.runs[task],
+            self.runs[task + 1],
+            self.most,
+            *self._lists(),
+            self.term.eta,
+            self.term.psi,
+            self.term.per_dr,
+            self.q,
+            self.near.atom,
+            ws.i,
+            ws.j,
+            ws.r,
+            ws.G,
+            D,
+        )
         return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m])
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _at(table, d, per_dr):
-    """Value and slope of a table at a distance; table[0, 0] is the distance from which on LAMMPS leaves the pair out (the spline swings over)."""
+    """Value and slope of a table at a distance; table[0, 0] is the distance from which on LAMMPS leaves the pair out
+    (the spline swings over)."""
     if d >= table[0, 0]:
         return 0.0, 0.0
     m, x = _place(d, per_dr, table.shape[0] - 1)
@@ -409,7 +451,8 @@ def _eim(inp):
     elements = [None if e == "NULL" else e for e in line.words[file + 1 :]]
     if len(elements) < inp.n_types:
         raise inp.error(
-            f"{inp.command} needs one element (or NULL) for each of the {inp.n_types} atom types, found {len(elements)}",
+            f"{inp.command} needs one element (or NULL) for each of the {inp.n_types} atom types, found "
+            f"{len(elements)}",
             line,
         )
     odd = next((e for e in elements if e is not None and e not in names), None)

@@ -41,12 +41,14 @@ class Exclusions:
         n = len(frame)
         if (self.pairs or self.same or self.different) and frame.groups is None and set(self.groups) != {"all"}:
             raise AtcError(
-                f"{self.where}: who is in group {next(g for g in self.groups if g != 'all')} is not known for {frame.source}: "
+                f"{self.where}: who is in group {next(g for g in self.groups if g != 'all')} is not known for "
+                f"{frame.source}: "
                 "give atc the frames of a trajectory, with the data file that the script reads"
             )
         if (self.same or self.different) and frame.molecules is None:
             raise AtcError(
-                f"{self.where}: pairs are left out by molecule, but {frame.source} does not say which atom is in which: dump mol too"
+                f"{self.where}: pairs are left out by molecule, but {frame.source} does not say which atom is in "
+                "which: dump mol too"
             )
         top = max(int(frame.types.max(initial=1)), max((t for p in self.types for t in p), default=1))
         mask = np.zeros((top + 1, top + 1), np.bool_)
@@ -118,7 +120,8 @@ def _leave_out(i, j, r, d2, n, types, mask, bits, molecules, a, b, same, differe
 
 
 def exclusions_of(commands, type_of) -> Exclusions | None:
-    """From the ``neigh_modify`` commands of a script, in order; `type_of(word, where)` gives the number of a type. None if nothing is left out.
+    """From the ``neigh_modify`` commands of a script, in order; `type_of(word, where)` gives the number of a type. None
+    if nothing is left out.
 
     Raises AtcError for what LAMMPS does not know, and for ``include``, which builds lists for a group only.
     """
@@ -157,12 +160,17 @@ def exclusions_of(commands, type_of) -> Exclusions | None:
                 k += 3
             else:
                 raise AtcError(
-                    f"{c.where}: expected neigh_modify exclude type, group, molecule/intra, molecule/inter or none, got {' '.join(rest) or 'nothing'}"
+                    f"{c.where}: expected neigh_modify exclude type, group, molecule/intra, molecule/inter or none, "
+                    f"got {' '.join(rest) or 'nothing'}"
                 )
     groups = tuple(dict.fromkeys(g for n in named for g in n[1:]))
     at = groups.index
     out = Exclusions(
-        tuple(types), groups, tuple((at(n[1]), at(n[2])) for n in named if n[0] == "group"), tuple(at(n[1]) for n in named if n[0] == "molecule/intra"),
-        tuple(at(n[1]) for n in named if n[0] == "molecule/inter"), where,
-    )  # fmt: skip
+        tuple(types),
+        groups,
+        tuple((at(n[1]), at(n[2])) for n in named if n[0] == "group"),
+        tuple(at(n[1]) for n in named if n[0] == "molecule/intra"),
+        tuple(at(n[1]) for n in named if n[0] == "molecule/inter"),
+        where,
+    )
     return out or None

@@ -1,4 +1,5 @@
-"""Potentials that end at their cutoff by themselves: Wang-Frenkel, the squared cosine, the harmonic repulsion, and the conservative force of DPD."""
+"""Potentials that end at their cutoff by themselves: Wang-Frenkel, the squared cosine, the harmonic repulsion, and the
+conservative force of DPD."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ _PLAIN = "dimensionless"
 
 
 class WangFrenkel(RadialStyle):
-    """U = ε α [(σ/d)^{2μ} − 1][(r_c/d)^{2μ} − 1]^{2ν}, with α such that the minimum is −ε (LAMMPS ``wf/cut``; Wang et al., PCCP 22, 10624).
+    """U = ε α [(σ/d)^{2μ} − 1][(r_c/d)^{2μ} − 1]^{2ν}, with α such that the minimum is −ε (LAMMPS ``wf/cut``; Wang et
+    al., PCCP 22, 10624).
 
     Numbers: epsilon, sigma, nu, mu (whole numbers), cutoff; see `RadialStyle`.
     """
@@ -30,8 +32,8 @@ class WangFrenkel(RadialStyle):
 class CosineSquared(RadialStyle):
     """U = −ε for d < σ and −ε cos²[π(d − σ)/(2(r_c − σ))] up to the cutoff r_c (LAMMPS ``cosine/squared``).
 
-    With wca = 1, the Weeks-Chandler-Andersen repulsion ε[(σ/d)¹² − 2(σ/d)⁶ + 1] is added for d < σ, and r_c = σ leaves that alone.
-    Numbers: epsilon, sigma, wca (0 or 1), cutoff; see `RadialStyle`.
+    With wca = 1, the Weeks-Chandler-Andersen repulsion ε[(σ/d)¹² − 2(σ/d)⁶ + 1] is added for d < σ, and r_c = σ leaves
+    that alone. Numbers: epsilon, sigma, wca (0 or 1), cutoff; see `RadialStyle`.
     """
 
     name = "cosine/squared"
@@ -60,7 +62,8 @@ class HarmonicCut(RadialStyle):
 
 
 class DPD(RadialStyle):
-    """U = ½ A r_c (1 − d/r_c)² for d < r_c: the conservative force of dissipative particle dynamics (LAMMPS ``dpd``, ``dpd/ext``).
+    """U = ½ A r_c (1 − d/r_c)² for d < r_c: the conservative force of dissipative particle dynamics (LAMMPS ``dpd``,
+    ``dpd/ext``).
 
     Numbers: A, cutoff; see `RadialStyle`.
     """
@@ -110,7 +113,8 @@ def _harmonic_cut_style(inp: StyleInput):
 
 
 _FRICTION = ("friction", _PLAIN)
-# Style: numbers in front of the cutoff on the pair_style line, and numbers of a pair_coeff line in front of its cutoff; A where there is one.
+# Style: numbers in front of the cutoff on the pair_style line, and numbers of a pair_coeff line in front of its cutoff;
+# A where there is one.
 _DPD = {
     "dpd": (1, ("A", "gamma")),
     "dpd/ext": (1, ("A", "gamma", "gamma_perpendicular", "s", "s_perpendicular")),
@@ -125,7 +129,8 @@ def _dpd_style(inp: StyleInput):
     wants = [("temperature", _PLAIN)] * temperatures + [("cutoff", "length"), ("seed", _PLAIN)]
     rc = inp.numbers(inp.args, wants)[-2]
     inp.note(
-        f"pair_style {inp.name}: friction and noise are a thermostat's, no functions of positions: they are not in forces and stress"
+        f"pair_style {inp.name}: friction and noise are a thermostat's, no functions of positions: they are not in "
+        "forces and stress"
     )
     numbers = [(n, {"energy": 1, "length": -1} if n == "A" else _PLAIN) for n in names] + [("cutoff", "length")]
     arrays = pair_values(inp, numbers, optional=1, defaults=[rc])

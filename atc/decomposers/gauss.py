@@ -23,7 +23,8 @@ class Gauss(RadialStyle):
 
 
 class GaussCut(RadialStyle):
-    """U = H/(σ_h √(2π)) e^{−(d − r_mh)²/(2σ_h²)} − offset (LAMMPS ``gauss/cut``). Numbers: H, r_mh, sigma_h, cutoff; see `RadialStyle`."""
+    """U = H/(σ_h √(2π)) e^{−(d − r_mh)²/(2σ_h²)} − offset (LAMMPS ``gauss/cut``). Numbers: H, r_mh, sigma_h, cutoff;
+    see `RadialStyle`."""
 
     name = "gauss/cut"
     numbers = (("H", {"energy": 1, "length": 1}), ("r_mh", "length"), ("sigma_h", "length"), ("cutoff", "length"))
@@ -33,7 +34,8 @@ class GaussCut(RadialStyle):
 
 
 class BornGauss(RadialStyle):
-    """U = A₀ e^{−αd} − A₁ e^{−β(d − r₀)²} − offset (LAMMPS ``born/gauss``). Numbers: A0, alpha, A1, beta, r0, cutoff; see `RadialStyle`."""
+    """U = A₀ e^{−αd} − A₁ e^{−β(d − r₀)²} − offset (LAMMPS ``born/gauss``). Numbers: A0, alpha, A1, beta, r0, cutoff;
+    see `RadialStyle`."""
 
     name = "born/gauss"
     numbers = (
@@ -90,7 +92,8 @@ def _born_gauss_style(inp: StyleInput):
     if (cutoff[cutoff > 0] != rc).any():
         # LAMMPS (22 Jul 2025) reads them and goes on with the global one; measured, not documented.
         inp.note(
-            "pair_style born/gauss: cutoffs on pair_coeff lines are without effect, as in LAMMPS: the one of the pair_style line holds"
+            "pair_style born/gauss: cutoffs on pair_coeff lines are without effect, as in LAMMPS: the one of the "
+            "pair_style line holds"
         )
     return BornGauss.internal(*numbers, np.where(cutoff > 0, rc, 0.0), shift=inp.modify.shift)
 

@@ -17,8 +17,10 @@ class Generic(PairStyle):
 
     Parameters
     ----------
-    energy, derivative : functions of one float, the distance, giving U and dU/dd. Plain functions are compiled with numba (so they may only
-        use what numba understands: arithmetic, ``math``, numpy scalars functions); already compiled ones are taken as they are.
+    energy, derivative : functions of one float, the distance, giving U and dU/dd. Plain functions are compiled with
+        numba (so they may only
+        use what numba understands: arithmetic, ``math``, numpy scalars functions); already compiled ones are taken as
+        they are.
     cutoff : float
     units : unit style of the functions' argument and values
     types : iterable of pairs (i, j) of types that it acts on; default all pairs of `n_types` types
@@ -27,7 +29,8 @@ class Generic(PairStyle):
 
     Raises
     ------
-    AtcError if the functions cannot be compiled, are not finite just inside the cutoff, or the derivative is not that of the energy there.
+    AtcError if the functions cannot be compiled, are not finite just inside the cutoff, or the derivative is not that
+    of the energy there.
     """
 
     def __init__(
@@ -58,11 +61,13 @@ class Generic(PairStyle):
             given = np.array([g(x) for x in d])
         except Exception as e:
             raise AtcError(f"Generic: the functions cannot be evaluated or compiled: {_reason(e)}") from None
-        # A central difference with h = 1e-5 of the cutoff is good to about 1e-10 of U/cutoff by truncation and rounding; 1e-4 finds wrong formulas.
+        # A central difference with h = 1e-5 of the cutoff is good to about 1e-10 of U/cutoff by truncation and
+        # rounding; 1e-4 finds wrong formulas.
         scale = np.abs(slope).max() + np.abs(given).max() + np.array([abs(f(x)) for x in d]).max() / cutoff
         if not np.isfinite(scale) or (np.abs(slope - given) > 1e-4 * scale).any():
             raise AtcError(
-                f"Generic: the derivative is not that of the energy: at distance {d[0]:.6g} it says {given[0]:.6g}, differences say {slope[0]:.6g}"
+                f"Generic: the derivative is not that of the energy: at distance {d[0]:.6g} it says {given[0]:.6g}, "
+                f"differences say {slope[0]:.6g}"
             )
 
     def add(self, types, i, j, d2, weights, U, G, prepared):

@@ -1,4 +1,5 @@
-"""GROMACS's shift function: a polynomial beyond the inner cutoff that takes energy, force and its slope to zero at the outer one."""
+"""GROMACS's shift function: a polynomial beyond the inner cutoff that takes energy, force and its slope to zero at the
+outer one."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ from .registry import StyleInput, pair_style
 
 
 def _shift(e, e1, e2, inner, outer):
-    """A/3, B/4, C of S(d) = A/3 t³ + B/4 t⁴ + C, t = d − inner, for a term with value, slope and curvature e, e1, e2 at the outer cutoff."""
+    """A/3, B/4, C of S(d) = A/3 t³ + B/4 t⁴ + C, t = d − inner, for a term with value, slope and curvature e, e1, e2 at
+    the outer cutoff."""
     t = outer - inner
     A = (-3 * e1 + t * e2) / t**2
     B = (2 * e1 - t * e2) / t**3
@@ -40,7 +42,8 @@ class LennardJonesGromacs(RadialStyle):
 
 
 class CoulombGromacs(ChargedStyle):
-    """U = C q_i q_j (1/d + S(d)), S as for `LennardJonesGromacs` (the Coulomb part of LAMMPS ``lj/gromacs/coul/gromacs``).
+    """U = C q_i q_j (1/d + S(d)), S as for `LennardJonesGromacs` (the Coulomb part of LAMMPS
+    ``lj/gromacs/coul/gromacs``).
 
     Numbers: inner, cutoff; see `ChargedStyle`.
     """

@@ -64,7 +64,8 @@ class Hybrid:
     where: str
 
     def masks(self, n_types: int) -> list[np.ndarray]:
-        """For each sub-style, (n_types + 1, n_types + 1) bool: the pairs of types it acts on (LAMMPS PairHybrid::coeff and init_one)."""
+        """For each sub-style, (n_types + 1, n_types + 1) bool: the pairs of types it acts on (LAMMPS PairHybrid::coeff
+        and init_one)."""
         of: dict[tuple[int, int], list[int]] = {}
         for sub, line in self.order:
             k = None if sub is None else self.subs.index(sub)
@@ -87,7 +88,8 @@ class Hybrid:
                     a, b = of.get((i, i)), of.get((j, j))
                     if i == j or a is None or b is None or len(a) != 1 or a != b:
                         raise AtcError(
-                            f"{self.where}: no sub-style for types {i} and {j}: add 'pair_coeff {i} {j} <style> ...', or 'pair_coeff {i} {j} none'"
+                            f"{self.where}: no sub-style for types {i} and {j}: add 'pair_coeff {i} {j} <style> ...', "
+                            f"or 'pair_coeff {i} {j} none'"
                         )
                     of[i, j] = a
                 for k in of[i, j]:
@@ -113,7 +115,8 @@ def _parse_subs(style, known) -> list[SubStyle]:
             # The factor in front of the next sub-style.
             if not _NUMBER.match(word):
                 raise AtcError(
-                    f"{style.where}: {style.name}: the factor {word} may change as the run goes: give its value as a number"
+                    f"{style.where}: {style.name}: the factor {word} may change as the run goes: give its value as a "
+                    "number"
                 )
             factor = float(word)
             continue
@@ -170,12 +173,14 @@ def parse_hybrid(style, lines: list[CoeffLine], apply_modify) -> Hybrid:
 
 
 def _find(subs, words, where):
-    """The sub-style that the words of a line name (with its number if the name occurs more than once), and the words behind it."""
+    """The sub-style that the words of a line name (with its number if the name occurs more than once), and the words
+    behind it."""
     name = strip_suffix(words[0]) if words else ""
     same = [s for s in subs if s.name == name]
     if not same:
         raise AtcError(
-            f"{where}: {name or 'nothing'} is not a sub-style of the hybrid: expected {', '.join(s.called for s in subs)} or none"
+            f"{where}: {name or 'nothing'} is not a sub-style of the hybrid: expected "
+            f"{', '.join(s.called for s in subs)} or none"
         )
     if len(same) == 1:
         return same[0], words[1:]
@@ -184,5 +189,6 @@ def _find(subs, words, where):
         if number == str(s.index):
             return s, words[2:]
     raise AtcError(
-        f"{where}: {name} is used {len(same)} times in the hybrid: say which with a number behind it, such as '{name} 1'"
+        f"{where}: {name} is used {len(same)} times in the hybrid: say which with a number behind it, such as '{name} "
+        "1'"
     )

@@ -1,12 +1,15 @@
-"""Impropers of the topology: U = K (χ − χ0)² with χ the torsion angle of the four atoms, as forces along their six distances.
+"""Impropers of the topology: U = K (χ − χ0)² with χ the torsion angle of the four atoms, as forces along their six
+distances.
 
-LAMMPS's ``improper harmonic`` takes χ = arccos(cos χ), between 0 and 180°: a function of cos χ, so the same for a figure and its mirror image,
-for *every* χ0. It is a function of distances. What χ0 decides is whether it is smooth: at a planar figure |χ| has a kink, which only
-χ0 = 0 (at χ = 0) or χ0 = 180° (at χ = 180°) takes away. There χ/sin χ goes to its limit, here exactly. For any other χ0 the energy of a planar
-figure is a ridge whose force has no single value: sin χ is then divided by no less than 0.001, as LAMMPS does, and such figures are counted.
+LAMMPS's ``improper harmonic`` takes χ = arccos(cos χ), between 0 and 180°: a function of cos χ, so the same for a
+figure and its mirror image, for *every* χ0. It is a function of distances. What χ0 decides is whether it is smooth: at
+a planar figure |χ| has a kink, which only χ0 = 0 (at χ = 0) or χ0 = 180° (at χ = 180°) takes away. There χ/sin χ goes
+to its limit, here exactly. For any other χ0 the energy of a planar figure is a ridge whose force has no single value:
+sin χ is then divided by no less than 0.001, as LAMMPS does, and such figures are counted.
 
-Where three successive atoms are in a line χ has no value either; see `atc.decomposers.dihedral` for the continuation below
-sin θ = 0.001. (LAMMPS clamps sin² θ of impropers at 0.001, at 1.8° already, where its forces are no longer the derivatives of its energy.)
+Where three successive atoms are in a line χ has no value either; see `atc.decomposers.dihedral` for the continuation
+below sin θ = 0.001. (LAMMPS clamps sin² θ of impropers at 0.001, at 1.8° already, where its forces are no longer the
+derivatives of its energy.)
 """
 
 from __future__ import annotations
@@ -24,7 +27,8 @@ _SMALL = 0.001
 
 
 class HarmonicImproper(FourAtoms):
-    """U = K (χ − χ0)², 0 ≤ χ ≤ π (LAMMPS's K: no ½). Coefficients K [energy/rad²], χ0 [degrees]. See `FourAtoms` for the parameters."""
+    """U = K (χ − χ0)², 0 ≤ χ ≤ π (LAMMPS's K: no ½). Coefficients K [energy/rad²], χ0 [degrees]. See `FourAtoms` for
+    the parameters."""
 
     kind = "improper"
     name = "harmonic"
@@ -43,7 +47,8 @@ class HarmonicImproper(FourAtoms):
 
 
 class CvffImproper(HarmonicTorsion):
-    """U = K [1 + d cos nφ] of an improper (LAMMPS ``cvff``). Coefficients K [energy], d = 1 or −1, n. See `FourAtoms` for the parameters."""
+    """U = K [1 + d cos nφ] of an improper (LAMMPS ``cvff``). Coefficients K [energy], d = 1 or −1, n. See `FourAtoms`
+    for the parameters."""
 
     kind = "improper"
     name = "cvff"
@@ -63,7 +68,8 @@ def _harmonic_impropers(x, types, table, small, U, G):
             collinear += 1
             sin = np.sqrt(max(0.0, 1.0 - cos * cos))
         k, chi0 = table[types[t], 0], table[types[t], 1]
-        # The angle from the plane, so that nothing cancels near χ = π; dU/dcos = −2K (χ − χ0)/sin χ is split into a regular part and a kink.
+        # The angle from the plane, so that nothing cancels near χ = π; dU/dcos = −2K (χ − χ0)/sin χ is split into a
+        # regular part and a kink.
         sign, plane = (1.0, 0.0) if cos >= 0.0 else (-1.0, np.pi)
         angle = np.arctan2(sin, abs(cos))
         U[t] = k * (sign * angle + (plane - chi0)) ** 2

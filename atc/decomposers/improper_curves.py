@@ -1,6 +1,8 @@
-"""Impropers that are functions of a pyramid's invariants (see `atc.decomposers.improper_pyramid`), and two of other angles.
+"""Impropers that are functions of a pyramid's invariants (see `atc.decomposers.improper_pyramid`), and two of other
+angles.
 
-Which atom is the apex, and every factor, is as LAMMPS (22 Jul 2025) computes; where its manual says otherwise the class says so.
+Which atom is the apex, and every factor, is as LAMMPS (22 Jul 2025) computes; where its manual says otherwise the class
+says so.
 """
 
 from __future__ import annotations
@@ -19,17 +21,22 @@ from .registry import improper_style
 
 # The least sine or cosine that is divided by at a kink.
 _SMALL = 0.001
-_HANDED = "the pyramid and its mirror image differ in energy, so the term is not a function of distances and has no forces along bonds"
+_HANDED = (
+    "the pyramid and its mirror image differ in energy, so the term is not a function of distances and has no forces "
+    "along bonds"
+)
 
 
 def signed_cosine(p: Pyramid, axis: int):
-    """cos ω of an arm and the plane of the others: negative if the arm leans to the same side as the sum of the others' directions."""
+    """cos ω of an arm and the plane of the others: negative if the arm leans to the same side as the sum of the others'
+    directions."""
     beside = {0: (0, 1), 1: (0, 2), 2: (1, 2)}[axis]
     return np.where(p.cos[beside[0]] + p.cos[beside[1]] > 0, -1.0, 1.0) * np.sqrt(1.0 - p.sin2[axis])
 
 
 def by_cosine(p: Pyramid, axis: int, cos, slope, acc: Accumulator):
-    """∂U/∂ξ of a term with dU/dcos ω = slope, cos ω = ±√(1 − sin² ω): where the arm is upright and the term has a slope, cos ω is clamped at 0.001."""
+    """∂U/∂ξ of a term with dU/dcos ω = slope, cos ω = ±√(1 − sin² ω): where the arm is upright and the term has a
+    slope, cos ω is clamped at 0.001."""
     small = (np.abs(cos) < _SMALL) & (np.abs(slope) > 1e-12 * np.abs(slope).max(initial=0.0))
     acc.note("impropers with an arm upright on a plane, where cos omega was clamped at 0.001", int(small.sum()))
     clamped = np.where(np.abs(cos) < _SMALL, np.copysign(_SMALL, cos), cos)
@@ -37,7 +44,8 @@ def by_cosine(p: Pyramid, axis: int, cos, slope, acc: Accumulator):
 
 
 class UmbrellaImproper(PyramidImproper):
-    """U = ½K (cos ω − cos ω0)²/sin² ω0, and K (1 − cos ω) for ω0 = 0 (DREIDING; LAMMPS ``umbrella``). Coefficients K [energy], ω0 [degrees].
+    """U = ½K (cos ω − cos ω0)²/sin² ω0, and K (1 − cos ω) for ω0 = 0 (DREIDING; LAMMPS ``umbrella``). Coefficients K
+    [energy], ω0 [degrees].
 
     ω is the angle between the arm to atom 4 and the plane of atoms 1, 2, 3; atom 1 is the apex.
     """
@@ -59,9 +67,11 @@ class UmbrellaImproper(PyramidImproper):
 
 
 class FourierImproper(RowTerm, PyramidImproper):
-    """U = K [C0 + C1 cos ω + C2 cos 2ω] (LAMMPS ``fourier``). Coefficients K [energy], C0, C1, C2, and optionally all (1, or 0).
+    """U = K [C0 + C1 cos ω + C2 cos 2ω] (LAMMPS ``fourier``). Coefficients K [energy], C0, C1, C2, and optionally all
+    (1, or 0).
 
-    Atom 1 is the apex; with all = 1 (the default) the sum over the three arms against the plane of the other two, otherwise atom 4's arm alone.
+    Atom 1 is the apex; with all = 1 (the default) the sum over the three arms against the plane of the other two,
+    otherwise atom 4's arm alone.
     """
 
     name = "fourier"
@@ -85,9 +95,11 @@ class FourierImproper(RowTerm, PyramidImproper):
 
 
 class InversionHarmonicImproper(PyramidImproper):
-    """U = (K/3) Σ (ω − ω0)² over the three arms, 0 ≤ ω ≤ 90° (Wilson-Decius; LAMMPS ``inversion/harmonic``: its manual lacks the third).
+    """U = (K/3) Σ (ω − ω0)² over the three arms, 0 ≤ ω ≤ 90° (Wilson-Decius; LAMMPS ``inversion/harmonic``: its manual
+    lacks the third).
 
-    Coefficients K [energy/rad²], ω0 [degrees]. Atom 1 is the apex. For ω0 ≠ 0 a planar figure is a ridge: sin ω is then clamped at 0.001.
+    Coefficients K [energy/rad²], ω0 [degrees]. Atom 1 is the apex. For ω0 ≠ 0 a planar figure is a ridge: sin ω is then
+    clamped at 0.001.
     """
 
     name = "inversion/harmonic"
@@ -109,7 +121,8 @@ class InversionHarmonicImproper(PyramidImproper):
 
 
 class DistanceImproper(PyramidImproper):
-    """U = K2 h² + K4 h⁴, h the distance of atom 1 from the plane of the others (LAMMPS ``distance``). K2 [energy/length²], K4 [energy/length⁴]."""
+    """U = K2 h² + K4 h⁴, h the distance of atom 1 from the plane of the others (LAMMPS ``distance``). K2
+    [energy/length²], K4 [energy/length⁴]."""
 
     name = "distance"
     wants = (("K2", per_length2), ("K4", per_length4))
@@ -120,7 +133,8 @@ class DistanceImproper(PyramidImproper):
 
 
 class DistHarmImproper(PyramidImproper):
-    """U = K (h − h0)² (YAFF; LAMMPS ``distharm``), h the *oriented* distance of atom 1 (LAMMPS's manual: atom 4) from the plane of the others.
+    """U = K (h − h0)² (YAFF; LAMMPS ``distharm``), h the *oriented* distance of atom 1 (LAMMPS's manual: atom 4) from
+    the plane of the others.
 
     Coefficients K [energy/length²], h0 [length]: 0, for others the term prefers one hand.
     """
@@ -145,7 +159,8 @@ class DistHarmImproper(PyramidImproper):
 
 
 class SqDistHarmImproper(PyramidImproper):
-    """U = K (h² − h0²)², h the distance of atom 1 (LAMMPS's manual: atom 4) from the plane of the others (YAFF; LAMMPS ``sqdistharm``).
+    """U = K (h² − h0²)², h the distance of atom 1 (LAMMPS's manual: atom 4) from the plane of the others (YAFF; LAMMPS
+    ``sqdistharm``).
 
     Coefficients K [energy/length⁴], h0² [length²].
     """
@@ -160,7 +175,8 @@ class SqDistHarmImproper(PyramidImproper):
 
 
 class RingImproper(PyramidImproper):
-    """U = (K/6) [Σ (cos θ + cos θ0)]⁶ over the three angles at atom 2 (LAMMPS ``ring``: in its manual the second sign is −).
+    """U = (K/6) [Σ (cos θ + cos θ0)]⁶ over the three angles at atom 2 (LAMMPS ``ring``: in its manual the second sign
+    is −).
 
     Coefficients K [energy], θ0 [degrees].
     """
@@ -176,10 +192,12 @@ class RingImproper(PyramidImproper):
 
 
 class Class2Improper(CrossTerms, PyramidImproper):
-    """U = K χ² + M1 x1 x3 + M2 x1 x2 + M3 x2 x3 (COMPASS; LAMMPS ``class2``), χ the mean of the three angles between an arm and the plane of the others.
+    """U = K χ² + M1 x1 x3 + M2 x1 x2 + M3 x2 x3 (COMPASS; LAMMPS ``class2``), χ the mean of the three angles between an
+    arm and the plane of the others.
 
-    Atom 2 is the apex; x_k = θ_k − t_k of the angles 1-2-3, 1-2-4, 3-2-4. Coefficients K [energy/rad²], χ0 [degrees]: 0, for others the term prefers
-    one hand; ``aa`` (section AngleAngle Coeffs) M1, M2, M3 [energy/rad²], t1, t2, t3 [degrees]. Near sin θ = 0 the sine is clamped at 0.001.
+    Atom 2 is the apex; x_k = θ_k − t_k of the angles 1-2-3, 1-2-4, 3-2-4. Coefficients K [energy/rad²], χ0 [degrees]:
+    0, for others the term prefers one hand; ``aa`` (section AngleAngle Coeffs) M1, M2, M3 [energy/rad²], t1, t2, t3
+    [degrees]. Near sin θ = 0 the sine is clamped at 0.001.
     """
 
     name = "class2"
@@ -200,7 +218,8 @@ class Class2Improper(CrossTerms, PyramidImproper):
 
     def curve(self, p, types, acc):
         K, _, M1, M2, M3, *t = self.table[types].T
-        # All three angles have the sign of the volume: their mean squared has none. ω_j/sin ω_k is regular in the plane.
+        # All three angles have the sign of the volume: their mean squared has none. ω_j/sin ω_k is regular in the
+        # plane.
         omega_over_V = (asin_over_sine(p.sin2) * p.scale).sum(axis=0)
         U = K / 9.0 * p.V2 * omega_over_V**2
         cos = np.maximum(np.sqrt(1.0 - p.sin2), _SMALL)
@@ -218,10 +237,11 @@ class Class2Improper(CrossTerms, PyramidImproper):
 
 
 class CosineSquaredImproper(FourAtoms):
-    """U = ½K cos²(χ − χ0), χ between the vectors from atom 1 to 2 and from 3 to 4 (LAMMPS ``cossq``: its manual has other words for χ).
+    """U = ½K cos²(χ − χ0), χ between the vectors from atom 1 to 2 and from 3 to 4 (LAMMPS ``cossq``: its manual has
+    other words for χ).
 
-    Coefficients K [energy], χ0 [degrees]. For χ0 ≠ 0 LAMMPS (22 Jul 2025, measured) computes forces −K cos(χ − χ0) ∂cos χ, which are not the
-    derivative of that energy; they are taken as they are, and a warning says so.
+    Coefficients K [energy], χ0 [degrees]. For χ0 ≠ 0 LAMMPS (22 Jul 2025, measured) computes forces −K cos(χ − χ0) ∂cos
+    χ, which are not the derivative of that energy; they are taken as they are, and a warning says so.
     """
 
     kind = "improper"
@@ -231,7 +251,8 @@ class CosineSquaredImproper(FourAtoms):
     def check(self, t):
         if self.table[t, 0] and self.table[t, 1]:
             warnings.warn(
-                "improper_style cossq with chi0 other than 0: LAMMPS computes forces that are not the derivative of its energy; "
+                "improper_style cossq with chi0 other than 0: LAMMPS computes forces that are not the derivative of "
+                "its energy; "
                 "the run's forces are taken as they are, so energy is not balanced",
                 AtcWarning,
                 stacklevel=2,
@@ -254,6 +275,14 @@ class CosineSquaredImproper(FourAtoms):
 
 
 register_bonded(
-    improper_style, UmbrellaImproper, FourierImproper, InversionHarmonicImproper, DistanceImproper, DistHarmImproper, SqDistHarmImproper, RingImproper,
-    Class2Improper, CosineSquaredImproper,
-)  # fmt: skip
+    improper_style,
+    UmbrellaImproper,
+    FourierImproper,
+    InversionHarmonicImproper,
+    DistanceImproper,
+    DistHarmImproper,
+    SqDistHarmImproper,
+    RingImproper,
+    Class2Improper,
+    CosineSquaredImproper,
+)

@@ -1,8 +1,9 @@
 """A pyramid of an apex and three other atoms, by its invariants: what the out-of-plane impropers are functions of.
 
-With arms a, b, c from the apex, every dot product is linear in ξ = d²/2 of the six pairs: a·a = 2ξ_a, a·b = ξ_a + ξ_b − ξ_ab. The volume
-V = a·(b×c) has a sign, which a mirror turns; V² = det of the dot products has none and is a function of distances. So is every even function of V:
-sin² ω = V²/(|a×b|² c²) of the angle ω between arm c and the plane of a and b, and h² = V²/|(b−a)×(c−a)|² of the apex's height.
+With arms a, b, c from the apex, every dot product is linear in ξ = d²/2 of the six pairs: a·a = 2ξ_a, a·b = ξ_a + ξ_b −
+ξ_ab. The volume V = a·(b×c) has a sign, which a mirror turns; V² = det of the dot products has none and is a function
+of distances. So is every even function of V: sin² ω = V²/(|a×b|² c²) of the angle ω between arm c and the plane of a
+and b, and h² = V²/|(b−a)×(c−a)|² of the apex's height.
 """
 
 from __future__ import annotations
@@ -22,11 +23,12 @@ _OTHERS = ((1, 2), (0, 2), (0, 1))
 
 @dataclass
 class Pyramid:
-    """Arrays of m pyramids; ``*_e`` are derivatives by ξ of the pairs 12 13 14 23 24 34 of the atoms as they are listed.
+    """Arrays of m pyramids; ``*_e`` are derivatives by ξ of the pairs 12 13 14 23 24 34 of the atoms as they are
+    listed.
 
-    V2 (m,), V2_e (m, 6): the volume squared. sin2 (3, m), sin2_e (3, m, 6): of the angles ω between each arm and the plane of the other two.
-    scale (3, m): sin ω/|V|. cos (3, m), cos_e (3, m, 6): of the angles at the apex between arms 01, 02, 12.
-    height2 (m,), height2_e (m, 6): the square of the apex's distance from the plane of the other three.
+    V2 (m,), V2_e (m, 6): the volume squared. sin2 (3, m), sin2_e (3, m, 6): of the angles ω between each arm and the
+    plane of the other two. scale (3, m): sin ω/|V|. cos (3, m), cos_e (3, m, 6): of the angles at the apex between arms
+    01, 02, 12. height2 (m,), height2_e (m, 6): the square of the apex's distance from the plane of the other three.
     """
 
     V2: np.ndarray

@@ -1,4 +1,5 @@
-"""Two inverse powers of the distance: Mie, n-m, Lennard-Jones 9-6, the 9-6 of class2 force fields, and the three forms of SPICA."""
+"""Two inverse powers of the distance: Mie, n-m, Lennard-Jones 9-6, the 9-6 of class2 force fields, and the three forms
+of SPICA."""
 
 from __future__ import annotations
 
@@ -61,7 +62,8 @@ class LennardJones96(_Powers):
 
 
 class Class2(_Powers):
-    """U = ε[2 (σ/d)⁹ − 3 (σ/d)⁶] − offset, the minimum at σ (LAMMPS ``lj/class2``). Numbers: epsilon, sigma, cutoff; see `RadialStyle`."""
+    """U = ε[2 (σ/d)⁹ − 3 (σ/d)⁶] − offset, the minimum at σ (LAMMPS ``lj/class2``). Numbers: epsilon, sigma, cutoff;
+    see `RadialStyle`."""
 
     name = "lj/class2"
     numbers = _LJ
@@ -75,7 +77,8 @@ SPICA_FORMS = {"lj9_6": (9, 6, 27 / 4), "lj12_4": (12, 4, 1.5 * np.sqrt(3.0)), "
 
 
 class Spica(_Powers):
-    """U = C ε[(σ/d)^n − (σ/d)^m] − offset with (n, m) 9-6, 12-4 or 12-6 by pair of types (LAMMPS ``lj/spica``, ``lj/sdk``).
+    """U = C ε[(σ/d)^n − (σ/d)^m] − offset with (n, m) 9-6, 12-4 or 12-6 by pair of types (LAMMPS ``lj/spica``,
+    ``lj/sdk``).
 
     Numbers: n, m, prefactor C, epsilon, sigma, cutoff; see `RadialStyle`.
     """
@@ -106,7 +109,8 @@ def _spica_style(inp: StyleInput):
         form = line.words[0] if line.words else "nothing"
         if form not in SPICA_FORMS:
             raise inp.error(
-                f"pair_coeff of {inp.name} takes one of {', '.join(SPICA_FORMS)} and epsilon sigma [cutoff], got {form}",
+                f"pair_coeff of {inp.name} takes one of {', '.join(SPICA_FORMS)} and epsilon sigma [cutoff], got "
+                f"{form}",
                 line,
             )
         e, s, cut = inp.numbers(line.words[1:], _LJ, line, optional=1)

@@ -1,4 +1,5 @@
-"""Lennard-Jones pair styles: cut, shifted in force, expanded, and with a quadratic term that makes energy and force vanish at the cutoff."""
+"""Lennard-Jones pair styles: cut, shifted in force, expanded, and with a quadratic term that makes energy and force
+vanish at the cutoff."""
 
 from __future__ import annotations
 
@@ -22,7 +23,8 @@ class LennardJones(PairStyle):
 
     Parameters
     ----------
-    epsilon, sigma, cutoff : float for one value for all pairs of types, or symmetric (n, n) arrays for types 1..n; cutoff 0 = no interaction
+    epsilon, sigma, cutoff : float for one value for all pairs of types, or symmetric (n, n) arrays for types 1..n;
+        cutoff 0 = no interaction
     units : unit style of these numbers
     shift : whether offset = U(cutoff), so that the energy has no step (``pair_modify shift yes``); else 0
     n_types : number of types that single numbers stand for (default 1)
@@ -49,7 +51,8 @@ class LennardJones(PairStyle):
 
 
 class LennardJonesSmoothLinear(PairStyle):
-    """Lennard-Jones minus its value and slope at the cutoff: U = u(d) − u(r_c) − (d − r_c) u'(r_c) (LAMMPS ``lj/smooth/linear``).
+    """Lennard-Jones minus its value and slope at the cutoff: U = u(d) − u(r_c) − (d − r_c) u'(r_c) (LAMMPS
+    ``lj/smooth/linear``).
 
     Parameters as for `LennardJones`, without `shift`.
     """
@@ -71,10 +74,11 @@ class LennardJonesSmoothLinear(PairStyle):
 
 
 class LennardJonesQuadratic(PairStyle):
-    """Lennard-Jones plus a quadratic term: U = 4ε[(σ/d)¹² − (σ/d)⁶] + A d² + B for d < cutoff, with A and B such that U and U' vanish there.
+    """Lennard-Jones plus a quadratic term: U = 4ε[(σ/d)¹² − (σ/d)⁶] + A d² + B for d < cutoff, with A and B such that U
+    and U' vanish there.
 
-    What continuum-stress codes use as "Lennard-Jones with quadratic smoothing": A = −u'(r_c)/(2 r_c), B = −u(r_c) − A r_c².
-    Parameters as for `LennardJones`, without `shift`.
+    What continuum-stress codes use as "Lennard-Jones with quadratic smoothing": A = −u'(r_c)/(2 r_c), B = −u(r_c) − A
+    r_c². Parameters as for `LennardJones`, without `shift`.
     """
 
     name = "lj/quadratic"
@@ -97,8 +101,8 @@ class LennardJonesQuadratic(PairStyle):
 class LennardJonesExpand(PairStyle):
     """Lennard-Jones of d − Δ for d < cutoff + Δ (LAMMPS ``lj/expand``).
 
-    Parameters as for `LennardJones`, with `delta`, the shift of the distance, before the cutoff. With `shift`, LAMMPS subtracts the
-    unexpanded Lennard-Jones at cutoff + Δ (not the value at the cutoff); so does this class.
+    Parameters as for `LennardJones`, with `delta`, the shift of the distance, before the cutoff. With `shift`, LAMMPS
+    subtracts the unexpanded Lennard-Jones at cutoff + Δ (not the value at the cutoff); so does this class.
     """
 
     name = "lj/expand"

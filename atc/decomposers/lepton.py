@@ -1,7 +1,7 @@
 """Formulas that users write in LAMMPS's lepton styles, with their derivatives: parsed here, never handed to ``eval``.
 
-Numbers, + - * / ^, brackets, the functions of the Lepton library, ``zbl(zi, zj, r)``, and definitions behind semicolons, as in
-``4*eps*((sig/r)^12 - (sig/r)^6); eps = 0.01; sig = 3.4``.
+Numbers, + - * / ^, brackets, the functions of the Lepton library, ``zbl(zi, zj, r)``, and definitions behind
+semicolons, as in ``4*eps*((sig/r)^12 - (sig/r)^6); eps = 0.01; sig = 3.4``.
 """
 
 from __future__ import annotations
@@ -86,7 +86,8 @@ class LeptonFormula:
                 if early:
                     # LAMMPS takes such a name for 0 without a word.
                     raise ValueError(
-                        f"{name} uses {min(early)}, which is defined in front of it: Lepton wants definitions behind their uses"
+                        f"{name} uses {min(early)}, which is defined in front of it: Lepton wants definitions behind "
+                        "their uses"
                     )
                 self.definitions[name] = tree
         self.tree = self._parse(first)
@@ -179,7 +180,8 @@ _BINARY = {
 class Lepton(PairStyle):
     """U(d) as a formula by pair of types (LAMMPS ``lepton``, ``lepton/coul``).
 
-    formulas : list of `LeptonFormula`; which : (n_types + 1, n_types + 1) index of each pair's, −1 for none; cutoff : same shape, internal units
+    formulas : list of `LeptonFormula`; which : (n_types + 1, n_types + 1) index of each pair's, −1 for none; cutoff :
+        same shape, internal units
     charged : whether they may name the charges qi and qj, of which qi qj/r is an energy in the unit style
     """
 
@@ -231,7 +233,8 @@ def _lepton_style(inp: StyleInput):
     charged = inp.name == "lepton/coul"
     if len(inp.args) > 1:
         raise inp.error(
-            f"{inp.command} {' '.join(inp.args[1:])}: only a cutoff is supported, no keywords for long-range electrostatics"
+            f"{inp.command} {' '.join(inp.args[1:])}: only a cutoff is supported, no keywords for long-range "
+            "electrostatics"
         )
     (rc,) = inp.numbers(inp.args, [("cutoff", "length")])
     if charged and inp.modify.shift:
@@ -240,7 +243,8 @@ def _lepton_style(inp: StyleInput):
     for line in inp.coeffs:
         if not 1 <= len(line.words) <= 2:
             raise inp.error(
-                f"pair_coeff of {inp.name} takes a formula (in quotes, or without blanks) and [cutoff], got {' '.join(line.words)}",
+                f"pair_coeff of {inp.name} takes a formula (in quotes, or without blanks) and [cutoff], got "
+                f"{' '.join(line.words)}",
                 line,
             )
         (cut,) = inp.numbers(line.words[1:], [("cutoff", "length")], line, optional=1)

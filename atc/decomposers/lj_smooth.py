@@ -33,9 +33,11 @@ def _work(c, t):
 
 
 class LennardJonesSmooth(RadialStyle):
-    """4ε[(σ/d)¹² − (σ/d)⁶] for d < inner; beyond, a force cubic in d that joins smoothly and ends at the cutoff with no slope (LAMMPS ``lj/smooth``).
+    """4ε[(σ/d)¹² − (σ/d)⁶] for d < inner; beyond, a force cubic in d that joins smoothly and ends at the cutoff with no
+    slope (LAMMPS ``lj/smooth``).
 
-    The energy is continuous at the inner cutoff; with `shift` it is 0 at the outer one. Numbers: epsilon, sigma, inner, cutoff; see `RadialStyle`.
+    The energy is continuous at the inner cutoff; with `shift` it is 0 at the outer one. Numbers: epsilon, sigma, inner,
+    cutoff; see `RadialStyle`.
     """
 
     name = "lj/smooth"
@@ -48,10 +50,12 @@ class LennardJonesSmooth(RadialStyle):
 
 
 class LennardJonesCubic(RadialStyle):
-    """Lennard-Jones up to its inflection point, and a cubic of the distance from there to zero energy and force (LAMMPS ``lj/cubic``).
+    """Lennard-Jones up to its inflection point, and a cubic of the distance from there to zero energy and force (LAMMPS
+    ``lj/cubic``).
 
-    The inflection point is at (26/7)^{1/6} σ; the cubic u + u' t − A₃ t³/6 with the values u, u' there ends at r_c = 67/48 of it (Holian & Ravelo, Phys.
-    Rev. B 51, 11275). Numbers: epsilon, sigma, on (1, or 0 for pairs of types that do not interact); see `RadialStyle`.
+    The inflection point is at (26/7)^{1/6} σ; the cubic u + u' t − A₃ t³/6 with the values u, u' there ends at r_c =
+    67/48 of it (Holian & Ravelo, Phys. Rev. B 51, 11275). Numbers: epsilon, sigma, on (1, or 0 for pairs of types that
+    do not interact); see `RadialStyle`.
     """
 
     name = "lj/cubic"
@@ -71,11 +75,12 @@ class LennardJonesCubic(RadialStyle):
 
 
 class RelativeResolution(RadialStyle):
-    """A fine Lennard-Jones near, a coarse one far, and forces cubic in d between them and before the cutoff (LAMMPS ``lj/relres``).
+    """A fine Lennard-Jones near, a coarse one far, and forces cubic in d between them and before the cutoff (LAMMPS
+    ``lj/relres``).
 
-    The fine one (ε, σ) acts for d < switch_inner, the coarse one (ε_cg, σ_cg) from switch_outer to inner, and nothing beyond the cutoff. The force is
-    continuous where a zone between two cutoffs has a width (its slope not at switch_outer: LAMMPS has its sign reversed there), the energy everywhere;
-    with `shift` it is 0 at the cutoff.
+    The fine one (ε, σ) acts for d < switch_inner, the coarse one (ε_cg, σ_cg) from switch_outer to inner, and nothing
+    beyond the cutoff. The force is continuous where a zone between two cutoffs has a width (its slope not at
+    switch_outer: LAMMPS has its sign reversed there), the energy everywhere; with `shift` it is 0 at the cutoff.
     Numbers: epsilon, sigma, epsilon_cg, sigma_cg, switch_inner, switch_outer, inner, cutoff; see `RadialStyle`.
     """
 

@@ -1,4 +1,5 @@
-"""Local-density potentials of coarse-grained models: an energy of how many neighbours of some types an atom has (LAMMPS ``pair_style local/density``)."""
+"""Local-density potentials of coarse-grained models: an energy of how many neighbours of some types an atom has (LAMMPS
+``pair_style local/density``)."""
 
 from __future__ import annotations
 
@@ -25,7 +26,8 @@ _MOST_TYPES = 100_000
 
 @dataclass
 class LocalDensityPart:
-    """One of the potentials: inner and outer cutoff, types of the atoms that have the energy and of those that are counted, F as a spline of ρ."""
+    """One of the potentials: inner and outer cutoff, types of the atoms that have the energy and of those that are
+    counted, F as a spline of ρ."""
 
     inner: float
     outer: float
@@ -35,7 +37,8 @@ class LocalDensityPart:
 
 
 def read_local_density(path, where: str = "") -> list[LocalDensityPart]:
-    """A LAMMPS local-density file: two lines of comment, the number of potentials and of tabulated values, and a block for each.
+    """A LAMMPS local-density file: two lines of comment, the number of potentials and of tabulated values, and a block
+    for each.
 
     Raises
     ------
@@ -85,10 +88,11 @@ def read_local_density(path, where: str = "") -> list[LocalDensityPart]:
 
 
 class LocalDensity(Term):
-    """U = Σ_k Σ_i a_k(type i) F_k(ρ_k,i), ρ_k,i = Σ_j b_k(type j) φ_k(d_ij), φ = 1 up to R1, 0 from R2 on, a cubic in d² between with level ends.
+    """U = Σ_k Σ_i a_k(type i) F_k(ρ_k,i), ρ_k,i = Σ_j b_k(type j) φ_k(d_ij), φ = 1 up to R1, 0 from R2 on, a cubic in
+    d² between with level ends.
 
-    A pair's G = Σ_k [F_k'(ρ_i) b_j + F_k'(ρ_j) b_i] φ_k'/d: one bond a pair. The energy belongs to the atom whose neighbours are counted. F is LAMMPS's cubic spline
-    through the table, level at its ends and constant beyond.
+    A pair's G = Σ_k [F_k'(ρ_i) b_j + F_k'(ρ_j) b_i] φ_k'/d: one bond a pair. The energy belongs to the atom whose
+    neighbours are counted. F is LAMMPS's cubic spline through the table, level at its ends and constant beyond.
 
     Parameters
     ----------
@@ -153,9 +157,23 @@ class _LocalDensityWork(Work):
         near, term = self.near, self.term
         energies = acc.energies if acc.energies is not None else _NOTHING
         acc.energy += _densities(
-            near.first[task], near.first[task + 1], near.start, near.pair, near.end, near.a, near.b, near.d_p, self.kind, term.central, term.counted,
-            term.shape, term.F, near.atom, self.slope, energies,
-        )  # fmt: skip
+            near.first[task],
+            near.first[task + 1],
+            near.start,
+            near.pair,
+            near.end,
+            near.a,
+            near.b,
+            near.d_p,
+            self.kind,
+            term.central,
+            term.counted,
+            term.shape,
+            term.F,
+            near.atom,
+            self.slope,
+            energies,
+        )
 
     def _merge(self, task, acc):
         near, ws, term = self.near, acc.ws, self.term

@@ -24,42 +24,64 @@ _TERMS_PER_TASK = 16384
 
 
 class ManyBody(ClusterTerm):
-    """Σ U(d12, d13, .., d1K, d23, ..) over tuples of K atoms, 2 ≤ K ≤ 6, U given by the user as a function of the K(K−1)/2 distances.
+    """Σ U(d12, d13, .., d1K, d23, ..) over tuples of K atoms, 2 ≤ K ≤ 6, U given by the user as a function of the
+    K(K−1)/2 distances.
 
-    G of a distance is (1/d) ∂U/∂d, by automatic differentiation of what the function does (see `atc.decomposers.recording`), or by `gradient`.
-    Whatever can be written this way is invariant under translation, rotation and reflection, and what is invariant can be written this way.
+    G of a distance is (1/d) ∂U/∂d, by automatic differentiation of what the function does (see
+    `atc.decomposers.recording`), or by `gradient`. Whatever can be written this way is invariant under translation,
+    rotation and reflection, and what is invariant can be written this way.
 
-    For K ≤ 4 the distances are independent, and the stress that follows is the only one. For K ≥ 5 they are not: 10 distances describe 9 degrees of
-    freedom. Functions that agree wherever five points can be, and differ elsewhere (say by a multiple of the Cayley-Menger determinant, which vanishes for
-    points in space), are the same potential with the same forces, the same divergence of stress and the same stress summed over the box, but other
-    G and other stress fields. The function given here *is* the choice.
+    For K ≤ 4 the distances are independent, and the stress that follows is the only one. For K ≥ 5 they are not: 10
+    distances describe 9 degrees of freedom. Functions that agree wherever five points can be, and differ elsewhere (say
+    by a multiple of the Cayley-Menger determinant, which vanishes for points in space), are the same potential with the
+    same forces, the same divergence of stress and the same stress summed over the box, but other G and other stress
+    fields. The function given here *is* the choice.
 
     Parameters
     ----------
-    energy : function of the distances in the order 12, 13, .., 1K, 23, .. (plain Python with numpy's or math's functions, or numba-compiled); or a text
+    energy : function of the distances in the order 12, 13, .., 1K, 23, .. (plain Python with numpy's or math's
+        functions, or numba-compiled); or a text
         such as ``"k*(d12 - r0)**2*d23"``; or a sympy expression in symbols of those names
-    atoms : (m, K) indices of atoms, from 0; atoms that follow one another in a tuple are taken at their closest images. Or ids : (m, K) atom ids.
-    cutoff : instead of atoms: all pairs closer than this (K = 2), or all triples of a centre, atom 1, with two neighbours closer to it than this
-        (K = 3; each once, so U must not change when d12 and d13 are exchanged unless `types` tells them apart). U should vanish there: nothing is done about it if not.
+    atoms : (m, K) indices of atoms, from 0; atoms that follow one another in a tuple are taken at their closest images.
+        Or ids : (m, K) atom ids.
+    cutoff : instead of atoms: all pairs closer than this (K = 2), or all triples of a centre, atom 1, with two
+        neighbours closer to it than this
+        (K = 3; each once, so U must not change when d12 and d13 are exchanged unless `types` tells them apart). U
+        should vanish there: nothing is done about it if not.
     types : with cutoff: for each of the K atoms a type, several, or None for any
     bodies : K, where neither the atoms nor the function's arguments say it
     variables : "distance", or "xi": the arguments are ξ = d²/2, called xi12, xi13, .. in texts
     parameters : {name: value} for names in the text or expression, or further keyword arguments of the function
-    gradient : function of the same arguments that returns the K(K−1)/2 derivatives, for functions that cannot be differentiated automatically; both
+    gradient : function of the same arguments that returns the K(K−1)/2 derivatives, for functions that cannot be
+        differentiated automatically; both
         must then be what numba compiles
     units : unit style of the function's arguments and value; the default has eV and Å
-    partition : "equal" (1/K of a tuple's energy to each of its atoms), "first" (all to atom 1), or K numbers that add up to 1
+    partition : "equal" (1/K of a tuple's energy to each of its atoms), "first" (all to atom 1), or K numbers that add
+        up to 1
     name : what to call it in the output
 
     Raises
     ------
-    AtcError for functions that cannot be differentiated, do not fit the atoms or the gradient, or are not symmetric where they must be.
+    AtcError for functions that cannot be differentiated, do not fit the atoms or the gradient, or are not symmetric
+    where they must be.
     """
 
     def __init__(
-        self, energy, *, atoms=None, ids=None, cutoff: float | None = None, types=None, bodies: int | None = None, variables: str = "distance",
-        parameters=None, gradient=None, units: str | Units = "metal", partition="equal", name: str = "many-body",
-    ):  # fmt: skip
+        self,
+        energy,
+        *,
+        atoms=None,
+        ids=None,
+        cutoff: float | None = None,
+        types=None,
+        bodies: int | None = None,
+        variables: str = "distance",
+        parameters=None,
+        gradient=None,
+        units: str | Units = "metal",
+        partition="equal",
+        name: str = "many-body",
+    ):
         self.name = name
         self.units = u = system(units)
         if (atoms is not None) + (ids is not None) + (cutoff is not None) != 1:
@@ -72,7 +94,8 @@ class ManyBody(ClusterTerm):
             self.tuples = np.asarray(atoms if ids is None else ids)
             if self.tuples.ndim != 2 or not np.issubdtype(self.tuples.dtype, np.integer):
                 raise AtcError(
-                    f"{name}: atoms= and ids= take an (m, K) array of whole numbers, got shape {self.tuples.shape} of {self.tuples.dtype}"
+                    f"{name}: atoms= and ids= take an (m, K) array of whole numbers, got shape {self.tuples.shape} of "
+                    f"{self.tuples.dtype}"
                 )
             repeated = [t for t in self.tuples.tolist() if len(set(t)) < len(t)]
             if repeated:
@@ -135,7 +158,8 @@ class ManyBody(ClusterTerm):
         return out
 
     def _check(self, given: bool, exchangeable: bool, cutoff):
-        """Try the compiled functions on some distances: of the gradient that was given, and of the symmetry that a cutoff needs."""
+        """Try the compiled functions on some distances: of the gradient that was given, and of the symmetry that a
+        cutoff needs."""
         rng = np.random.default_rng(1)
         scale = 2.0 if cutoff is None else 0.8 * cutoff
         k, pairs = self.bodies, len(self.names)
@@ -170,14 +194,16 @@ class ManyBody(ClusterTerm):
                 if wrong.sum() > len(Q) // 2:
                     t = int(np.flatnonzero(wrong)[0])
                     raise AtcError(
-                        f"{self.name}: the gradient is not that of the energy: its entry {e + 1} (∂U/∂{self.names[e]}) is {G[t, e]:.6g} where differences say {slope[t]:.6g}"
+                        f"{self.name}: the gradient is not that of the energy: its entry {e + 1} "
+                        f"(∂U/∂{self.names[e]}) is {G[t, e]:.6g} where differences say {slope[t]:.6g}"
                     )
         if exchangeable:
             R, V = np.ascontiguousarray(Q[:, [1, 0, 2]]), np.zeros(len(Q))
             self.kernel(R, V, np.zeros(Q.shape))
             if (np.abs(U - V)[fine] > 1e-9 * np.abs(U)[fine] + 1e-300).any():
                 raise AtcError(
-                    f"{self.name}: the energy changes when the two neighbours of the centre are exchanged ({self.names[0]} and {self.names[1]}), so which is which must be told: "
+                    f"{self.name}: the energy changes when the two neighbours of the centre are exchanged "
+                    f"({self.names[0]} and {self.names[1]}), so which is which must be told: "
                     "make it symmetric, or give types= that tell the atoms 2 and 3 apart"
                 )
 
@@ -228,7 +254,8 @@ class ManyBody(ClusterTerm):
             t = place
         elif t.size and (t.min() < 0 or t.max() >= len(frame)):
             raise AtcError(
-                f"{frame.source}: {self.name} names atom index {int(t.min() if t.min() < 0 else t.max())} but the frame has atoms 0 to {len(frame) - 1}"
+                f"{frame.source}: {self.name} names atom index {int(t.min() if t.min() < 0 else t.max())} but the "
+                f"frame has atoms 0 to {len(frame) - 1}"
             )
         return np.ascontiguousarray(t, dtype=np.int32), np.zeros(len(t), np.int32)
 
@@ -335,7 +362,8 @@ class _NeighborWork(Work):
         if bad >= 0:
             names = ", ".join(str(i) for i in self.frame.ids[atoms[bad]])
             raise AtcError(
-                f"{self.frame.source}: {term.name} of the atoms {names} has no finite energy and forces: are two of them at the same place?"
+                f"{self.frame.source}: {term.name} of the atoms {names} has no finite energy and forces: are two of "
+                "them at the same place?"
             )
         acc.energy += float(U.sum())
         while ws.capacity < G.size:

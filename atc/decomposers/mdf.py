@@ -1,4 +1,5 @@
-"""Potentials tapered by the function of Mei, Davenport and Fernando: value, slope and curvature go to zero at the outer cutoff."""
+"""Potentials tapered by the function of Mei, Davenport and Fernando: value, slope and curvature go to zero at the outer
+cutoff."""
 
 from __future__ import annotations
 
@@ -13,8 +14,8 @@ _CUTOFFS = (("inner", "length"), ("cutoff", "length"))
 class LennardJonesMDF(RadialStyle):
     """U = 4ε[(σ/d)¹² − (σ/d)⁶] f(d) (LAMMPS ``lj/mdf``).
 
-    f = 1 for d < inner, (1 − x)³(1 + 3x + 6x²) with x = (d − inner)/(cutoff − inner) beyond (Mei, Davenport & Fernando, Phys. Rev. B 43, 4653).
-    Numbers: epsilon, sigma, inner, cutoff; see `RadialStyle`.
+    f = 1 for d < inner, (1 − x)³(1 + 3x + 6x²) with x = (d − inner)/(cutoff − inner) beyond (Mei, Davenport & Fernando,
+    Phys. Rev. B 43, 4653). Numbers: epsilon, sigma, inner, cutoff; see `RadialStyle`.
     """
 
     name = "lj/mdf"
@@ -26,7 +27,8 @@ class LennardJonesMDF(RadialStyle):
 
 
 class LennardMDF(RadialStyle):
-    """U = (A/d¹² − B/d⁶) f(d), f as for `LennardJonesMDF` (LAMMPS ``lennard/mdf``). Numbers: A, B, inner, cutoff; see `RadialStyle`."""
+    """U = (A/d¹² − B/d⁶) f(d), f as for `LennardJonesMDF` (LAMMPS ``lennard/mdf``). Numbers: A, B, inner, cutoff; see
+    `RadialStyle`."""
 
     name = "lennard/mdf"
     numbers = (("A", {"energy": 1, "length": 12}), ("B", {"energy": 1, "length": 6}), *_CUTOFFS)
@@ -37,7 +39,8 @@ class LennardMDF(RadialStyle):
 
 
 class BuckinghamMDF(RadialStyle):
-    """U = (A e^{−d/ρ} − C/d⁶) f(d), f as for `LennardJonesMDF` (LAMMPS ``buck/mdf``). Numbers: A, rho, C, inner, cutoff; see `RadialStyle`."""
+    """U = (A e^{−d/ρ} − C/d⁶) f(d), f as for `LennardJonesMDF` (LAMMPS ``buck/mdf``). Numbers: A, rho, C, inner,
+    cutoff; see `RadialStyle`."""
 
     name = "buck/mdf"
     numbers = (("A", "energy"), ("rho", "length"), ("C", {"energy": 1, "length": 6}), *_CUTOFFS)

@@ -26,27 +26,32 @@ _OUTER_PER_TASK = 1 << 16
 
 
 class MEAM(Term):
-    """U = Σ_i F_i(ρ̄_i) + Σ_pairs S_ij f_c φ_ij(d_ij), F = A E_c ρ̄ ln ρ̄, ρ̄ = ρ0 G(Γ)/ρ_bkgd, Γ = Σ_k t̄_k R_k/ρ0², ρ0 = Σ_j p0_j, p_k,j = S_ij f_c ρ_k(d_ij),
-    R_1 = Σ_jk p1 p1 cos θ_jk, R_2 = Σ_jk p2 p2 (cos² θ_jk − 1/3), R_3 = Σ_jk p3 p3 (cos³ θ_jk − 3/5 cos θ_jk), ρ_k = ρ0 exp(−β_k (d/r_e − 1)).
+    """U = Σ_i F_i(ρ̄_i) + Σ_pairs S_ij f_c φ_ij(d_ij), F = A E_c ρ̄ ln ρ̄, ρ̄ = ρ0 G(Γ)/ρ_bkgd, Γ = Σ_k t̄_k R_k/ρ0²,
+    ρ0 = Σ_j p0_j, p_k,j = S_ij f_c ρ_k(d_ij), R_1 = Σ_jk p1 p1 cos θ_jk, R_2 = Σ_jk p2 p2 (cos² θ_jk − 1/3), R_3 = Σ_jk
+    p3 p3 (cos³ θ_jk − 3/5 cos θ_jk), ρ_k = ρ0 exp(−β_k (d/r_e − 1)).
 
-    Screening is a function of distances: S_ij = Π_k f_c((C − C_min)/(C_max − C_min)), C = 1 + 2 (X + Y − 1)/(1 − (X − Y)²), X = d_ik²/d_ij², Y = d_jk²/d_ij²; so is the rest
-    through cos θ_jk = (ξ_ij + ξ_ik − ξ_jk)/(d_ij d_ik). A pair i–j has one bond with the pair force, what both ends' densities give, and ∂S/∂ξ_ij; an atom k
-    that screens it partially adds bonds i–k and j–k; the angular densities add bonds between an atom's neighbours. The many distances around an atom
-    are not independent: G is that of the formulas as written here.
+    Screening is a function of distances: S_ij = Π_k f_c((C − C_min)/(C_max − C_min)), C = 1 + 2 (X + Y − 1)/(1 − (X −
+    Y)²), X = d_ik²/d_ij², Y = d_jk²/d_ij²; so is the rest through cos θ_jk = (ξ_ij + ξ_ik − ξ_jk)/(d_ij d_ik). A pair
+    i–j has one bond with the pair force, what both ends' densities give, and ∂S/∂ξ_ij; an atom k that screens it
+    partially adds bonds i–k and j–k; the angular densities add bonds between an atom's neighbours. The many distances
+    around an atom are not independent: G is that of the formulas as written here.
 
-    F belongs to its own atom, half of a pair's energy to each end, as in LAMMPS. φ is LAMMPS's table of 1000 points with its spline, made from the reference
-    structures (`atc.decomposers.meam_reference`), so that energies and forces agree with LAMMPS to rounding.
+    F belongs to its own atom, half of a pair's energy to each end, as in LAMMPS. φ is LAMMPS's table of 1000 points
+    with its spline, made from the reference structures (`atc.decomposers.meam_reference`), so that energies and forces
+    agree with LAMMPS to rounding.
 
     Parameters
     ----------
     parameters : MEAMParameters in `units`
-    elements : its element of each atom type, from type 1; None or "NULL" leaves a type out. Default: every atom is the first element.
+    elements : its element of each atom type, from type 1; None or "NULL" leaves a type out. Default: every atom is the
+        first element.
     units : the default has eV and Å
 
     Notes
     -----
-    Source: Baskes, Phys. Rev. B 46, 2727 (1992); Lee & Baskes, Phys. Rev. B 62, 8564 (2000); Gullet, Wagner & Slepoy, SAND2003-8782 (2003). Reference structures:
-    fcc, bcc, hcp, dia, sc, dim, and between elements b1, b2, dia, l12, dim. Files: `from_files`.
+    Source: Baskes, Phys. Rev. B 46, 2727 (1992); Lee & Baskes, Phys. Rev. B 62, 8564 (2000); Gullet, Wagner & Slepoy,
+    SAND2003-8782 (2003). Reference structures: fcc, bcc, hcp, dia, sc, dim, and between elements b1, b2, dia, l12, dim.
+    Files: `from_files`.
     """
 
     style = "meam"
@@ -77,14 +82,19 @@ class MEAM(Term):
     def from_files(
         cls, library, names, parameters=None, elements=None, *, units: str | Units = "metal", where: str = ""
     ) -> MEAM:
-        """From LAMMPS's files, as its pair_coeff line names them: ``MEAM.from_files("library.meam", ["Si", "C"], "SiC.meam", ["Si", "C"])``.
+        """From LAMMPS's files, as its pair_coeff line names them: ``MEAM.from_files("library.meam", ["Si", "C"],
+        "SiC.meam", ["Si", "C"])``.
 
-        names : the elements to take from the library, in the order that the indices of the parameter file count. where : the line, for messages
+        names : the elements to take from the library, in the order that the indices of the parameter file count. where
+            : the line, for messages
         """
         return cls(read_meam(library, names, parameters, system(units).name, where), elements, units=units)
 
     def describe(self) -> str:
-        return f"meam{self.map.describe()}, embedding energy to its own atom, pair energy shared half to each; bonds to screening atoms and outer bonds apart"
+        return (
+            f"meam{self.map.describe()}, embedding energy to its own atom, pair energy shared half to each; bonds to "
+            "screening atoms and outer bonds apart"
+        )
 
     def prepare(self, frame: Frame) -> Work:
         return _MEAMWork(self, frame)
@@ -130,10 +140,39 @@ class _MEAMWork(Work):
         D = np.zeros((self.room, 2, 3)) if acc.sources else _NO_D
         energies = acc.energies if acc.energies is not None else _NOTHING
         m, energy = densities(
-            self.edges[task], self.edges[task + 1], self.most, near.start, near.pair, near.end, near.a, near.b, near.r_pc, near.d_p, self.element,
-            term.rc, term.delr, self.S, term.beta, term.t, term.rho0, term.re, term.strength, term.background, term.ibar, *term.choices,
-            near.atom, self.G_end, self.S_end, self.dUdS, ws.i, ws.j, ws.r, ws.G, D, energies,
-        )  # fmt: skip
+            self.edges[task],
+            self.edges[task + 1],
+            self.most,
+            near.start,
+            near.pair,
+            near.end,
+            near.a,
+            near.b,
+            near.r_pc,
+            near.d_p,
+            self.element,
+            term.rc,
+            term.delr,
+            self.S,
+            term.beta,
+            term.t,
+            term.rho0,
+            term.re,
+            term.strength,
+            term.background,
+            term.ibar,
+            *term.choices,
+            near.atom,
+            self.G_end,
+            self.S_end,
+            self.dUdS,
+            ws.i,
+            ws.j,
+            ws.r,
+            ws.G,
+            D,
+            energies,
+        )
         acc.energy += energy
         return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
 
@@ -146,13 +185,33 @@ class _MEAMWork(Work):
         D = np.empty((room, 2, 3)) if acc.sources else _NO_D
         energies = acc.energies if acc.energies is not None else _NOTHING
         m, energy, bad = merge(
-            p0, p1, *self._lists(), term.rc, term.delr, term.Cmin, term.Cmax, term.bound, term.phi, term.per_dr, self.S, self.dUdS, self.G_end,
-            self.S_end, near.atom, ws.i, ws.j, ws.r, ws.G, D, energies,
-        )  # fmt: skip
+            p0,
+            p1,
+            *self._lists(),
+            term.rc,
+            term.delr,
+            term.Cmin,
+            term.Cmax,
+            term.bound,
+            term.phi,
+            term.per_dr,
+            self.S,
+            self.dUdS,
+            self.G_end,
+            self.S_end,
+            near.atom,
+            ws.i,
+            ws.j,
+            ws.r,
+            ws.G,
+            D,
+            energies,
+        )
         if bad >= 0:
             a, b = self.frame.ids[near.atom[near.a[bad]]], self.frame.ids[near.atom[near.b[bad]]]
             raise AtcError(
-                f"{self.frame.source}: the MEAM force between atoms {a} and {b} at distance {near.d_p[bad]:.3g} is not a finite number"
+                f"{self.frame.source}: the MEAM force between atoms {a} and {b} at distance {near.d_p[bad]:.3g} is "
+                "not a finite number"
             )
         acc.energy += energy
         return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
@@ -186,7 +245,8 @@ def _meam(inp):
     elements = [None if e == "NULL" else e for e in elements]
     if len(elements) < inp.n_types:
         raise inp.error(
-            f"{inp.command} needs one element (or NULL) for each of the {inp.n_types} atom types, found {len(elements)}",
+            f"{inp.command} needs one element (or NULL) for each of the {inp.n_types} atom types, found "
+            f"{len(elements)}",
             line,
         )
     odd = next((e for e in elements if e is not None and e not in names), None)

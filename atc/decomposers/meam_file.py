@@ -1,4 +1,5 @@
-"""MEAM's two files as LAMMPS reads them: the library of elements, and the parameter file that sets what elements have between them."""
+"""MEAM's two files as LAMMPS reads them: the library of elements, and the parameter file that sets what elements have
+between them."""
 
 from __future__ import annotations
 
@@ -66,10 +67,13 @@ _NEAREST = {
 
 @dataclass
 class MEAMParameters:
-    """What a MEAM potential is made of, for elements in the order in which the library's were named; in the file's units.
+    """What a MEAM potential is made of, for elements in the order in which the library's were named; in the file's
+    units.
 
-    names, Z (neighbours in the reference structure), number (atomic), ibar : by element. beta_ek (m, 4), t_ek (m, 4; t0 = 1, t1 with its augmentation), rho0_e, A_e.
-    lattice, Ec, alpha, re, attrac, repuls, nn2, zbl : (m, m) by pair, symmetric. Cmin, Cmax : (m, m, m), the pair's two elements first, symmetric in those.
+    names, Z (neighbours in the reference structure), number (atomic), ibar : by element. beta_ek (m, 4), t_ek (m, 4; t0
+    = 1, t1 with its augmentation), rho0_e, A_e.
+    lattice, Ec, alpha, re, attrac, repuls, nn2, zbl : (m, m) by pair, symmetric. Cmin, Cmax : (m, m, m), the pair's two
+        elements first, symmetric in those.
     """
 
     names: list[str]
@@ -112,7 +116,8 @@ def library_elements(text: str, path) -> dict[str, tuple[str, list[str]]]:
         words += new
         if len(words) > _WORDS:
             raise AtcError(
-                f"{path}:{first}: expected {_WORDS} words (elt lat {' '.join(_LIBRARY)}) in a MEAM library entry, found {len(words)}"
+                f"{path}:{first}: expected {_WORDS} words (elt lat {' '.join(_LIBRARY)}) in a MEAM library entry, "
+                f"found {len(words)}"
             )
         if len(words) == _WORDS:
             out.setdefault(words[0], (f"{path}:{first}", words[1:]))
@@ -152,7 +157,8 @@ def read_meam(library, names, parameters=None, units_name: str = "metal", where:
         at = known[name][0]
         if lat[e] not in _NEAREST or lat[e] in ("b1", "b2"):
             raise AtcError(
-                f"{at}: the reference structure {lat[e]} of an element is not supported: expected fcc, bcc, hcp, dia, sc or dim"
+                f"{at}: the reference structure {lat[e]} of an element is not supported: expected fcc, bcc, hcp, dia, "
+                "sc or dim"
             )
         if v["t0"][e] != 1.0:
             raise AtcError(f"{at}: t0 must be 1, got {v['t0'][e]:g}")
@@ -178,7 +184,8 @@ def read_meam(library, names, parameters=None, units_name: str = "metal", where:
     t = np.stack([v["t0"], v["t1"] + (0.6 * v["t3"] if scalars.pop("augt1") else 0.0), v["t2"], v["t3"]], axis=1)
     if scalars.pop("mixture_ref_t"):
         raise AtcError(
-            f"{source}: mixture_ref_t = 1 is not supported: LAMMPS's manual calls its results demonstrably incorrect; leave it out"
+            f"{source}: mixture_ref_t = 1 is not supported: LAMMPS's manual calls its results demonstrably incorrect; "
+            "leave it out"
         )
     rho0 = v["rozero"].copy()
     for (e,), value in own["rho0"].items():
@@ -207,7 +214,8 @@ def read_meam(library, names, parameters=None, units_name: str = "metal", where:
         if not lattice[i][j]:
             lattice[i][j] = lattice[j][i] = "fcc"
             warnings.warn(
-                f"{source}: no lattce({i + 1},{j + 1}): the reference structure of {names[i]} and {names[j]} is taken to be fcc, as LAMMPS does",
+                f"{source}: no lattce({i + 1},{j + 1}): the reference structure of {names[i]} and {names[j]} is taken "
+                "to be fcc, as LAMMPS does",
                 AtcWarning,
                 stacklevel=4,
             )
@@ -230,18 +238,37 @@ def read_meam(library, names, parameters=None, units_name: str = "metal", where:
     C = max(float(Cmax.max()), 2.0)
     if scalars["rc"] * 0.5 * C / (C - 1.0) ** 0.5 > scalars["rc"] + _SKIN:
         raise AtcError(
-            f"{source}: with Cmax {C:g} atoms screen from so far away that LAMMPS's own result depends on the skin of its neighbour list: make it smaller"
+            f"{source}: with Cmax {C:g} atoms screen from so far away that LAMMPS's own result depends on the skin of "
+            "its neighbour list: make it smaller"
         )
     return MEAMParameters(
-        list(names), v["z"], v["ielement"], v["ibar"].astype(int), np.stack([v["b0"], v["b1"], v["b2"], v["b3"]], axis=1), t, rho0, v["asub"], lattice,
-        Ec, alpha, re, pairs("attrac", 0.0), pairs("repuls", 0.0), pairs("nn2", 0).astype(bool), pairs("zbl", 1).astype(bool), Cmin, Cmax, **scalars,
-    )  # fmt: skip
+        list(names),
+        v["z"],
+        v["ielement"],
+        v["ibar"].astype(int),
+        np.stack([v["b0"], v["b1"], v["b2"], v["b3"]], axis=1),
+        t,
+        rho0,
+        v["asub"],
+        lattice,
+        Ec,
+        alpha,
+        re,
+        pairs("attrac", 0.0),
+        pairs("repuls", 0.0),
+        pairs("nn2", 0).astype(bool),
+        pairs("zbl", 1).astype(bool),
+        Cmin,
+        Cmax,
+        **scalars,
+    )
 
 
 def _same_units(text, path, units_name):
     if units_tag(text) not in (None, units_name):
         raise AtcError(
-            f"{path}: this file is in {units_tag(text)!r} units and the model in {units_name!r}: LAMMPS does not convert MEAM files"
+            f"{path}: this file is in {units_tag(text)!r} units and the model in {units_name!r}: LAMMPS does not "
+            "convert MEAM files"
         )
 
 
@@ -291,7 +318,8 @@ def _read_settings(path, m, own, scalars, units_name, where):
             continue
         if key not in _INDICES:
             raise AtcError(
-                f"{at}: unknown or unsupported MEAM keyword {key!r}: expected one of {', '.join((*_NAMES_OF_SCALARS, *_INDICES))}"
+                f"{at}: unknown or unsupported MEAM keyword {key!r}: expected one of "
+                f"{', '.join((*_NAMES_OF_SCALARS, *_INDICES))}"
             )
         words = (index or "").split(",")
         if len(words) != _INDICES[key] or not all(w.strip().isdigit() and 1 <= int(w) <= m for w in words):

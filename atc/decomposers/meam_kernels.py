@@ -1,4 +1,5 @@
-"""Loops of MEAM: how much each pair is screened, the densities and embedding energies of atoms, and one bond a pair; see `atc.decomposers.meam`."""
+"""Loops of MEAM: how much each pair is screened, the densities and embedding energies of atoms, and one bond a pair;
+see `atc.decomposers.meam`."""
 
 from __future__ import annotations
 
@@ -24,7 +25,8 @@ def _smooth(x):
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _factor(u, v, w, low, high):
-    """S_abk and its derivatives by u = d_ab², v = d_ak², w = d_bk², each over S_abk (×2: by ξ); 1, 0, 0, 0 where k does not screen."""
+    """S_abk and its derivatives by u = d_ab², v = d_ak², w = d_bk², each over S_abk (×2: by ξ); 1, 0, 0, 0 where k does
+    not screen."""
     X, Y = v / u, w / u
     a = 1.0 - (X - Y) * (X - Y)
     if a <= 0.0:
@@ -101,10 +103,43 @@ def _g(gamma, ibar, smooth):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def densities(
-    s0, s1, most, start, pair, end, a, b, r, d, element, rc, delr, S, beta, t, rho0, re, strength, background, ibar, ialloy, linear, smooth,
-    atom, G_end, S_end, dUdS, out_i, out_j, out_r, out_G, out_D, energies,
-):  # fmt: skip
-    """Embedding energies of the atoms s0..s1; G of the arms, ∂U/∂S of the pairs at each end, outer bonds. Returns their number and the energy."""
+    s0,
+    s1,
+    most,
+    start,
+    pair,
+    end,
+    a,
+    b,
+    r,
+    d,
+    element,
+    rc,
+    delr,
+    S,
+    beta,
+    t,
+    rho0,
+    re,
+    strength,
+    background,
+    ibar,
+    ialloy,
+    linear,
+    smooth,
+    atom,
+    G_end,
+    S_end,
+    dUdS,
+    out_i,
+    out_j,
+    out_r,
+    out_G,
+    out_D,
+    energies,
+):
+    """Embedding energies of the atoms s0..s1; G of the arms, ∂U/∂S of the pairs at each end, outer bonds. Returns their
+    number and the energy."""
     sources = len(S_end) > 0
     shared = len(energies) > 0
     who, arm, dist = np.empty(most, np.int32), np.empty((most, 3)), np.empty(most)
@@ -244,10 +279,37 @@ def densities(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def merge(
-    p0, p1, a, b, r, d, start, pair, end, element, rc, delr, Cmin, Cmax, bound, phi, per_dr, S, dUdS, G_end, S_end, atom,
-    out_i, out_j, out_r, out_G, out_D, energies,
-):  # fmt: skip
-    """Pair energies and bonds of the pairs p0..p1, and bonds to the atoms that screen them. Returns their number, the energy, the first bad pair (−1)."""
+    p0,
+    p1,
+    a,
+    b,
+    r,
+    d,
+    start,
+    pair,
+    end,
+    element,
+    rc,
+    delr,
+    Cmin,
+    Cmax,
+    bound,
+    phi,
+    per_dr,
+    S,
+    dUdS,
+    G_end,
+    S_end,
+    atom,
+    out_i,
+    out_j,
+    out_r,
+    out_G,
+    out_D,
+    energies,
+):
+    """Pair energies and bonds of the pairs p0..p1, and bonds to the atoms that screen them. Returns their number, the
+    energy, the first bad pair (−1)."""
     sources = len(out_D) > 0
     shared = len(energies) > 0
     points = phi.shape[2] - 1

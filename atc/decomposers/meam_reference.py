@@ -8,11 +8,19 @@ from .meam_file import MEAMParameters
 
 # Points of LAMMPS's tables of pair energies, the last at 1.1 times the cutoff.
 _POINTS = 1000
-#: First neighbours; ratio of the second neighbours' distance; how many; how many atoms screen one of them, the place of those over the square of the distance.
+#: First neighbours; ratio of the second neighbours' distance; how many; how many atoms screen one of them, the place of
+#: those over the square of the distance.
 _STRUCTURES = {
-    "fcc": (12, 2.0**0.5, 6, 4), "hcp": (12, 2.0**0.5, 6, 4), "bcc": (8, 2.0 / 3.0**0.5, 6, 4), "dia": (4, (8.0 / 3.0) ** 0.5, 12, 1),
-    "b1": (6, 2.0**0.5, 12, 2), "b2": (8, 2.0 / 3.0**0.5, 6, 4), "l12": (12, 2.0**0.5, 6, 4), "dim": (1, 1.0, 0, 0), "sc": (6, 2.0**0.5, 12, 2),
-}  # fmt: skip
+    "fcc": (12, 2.0**0.5, 6, 4),
+    "hcp": (12, 2.0**0.5, 6, 4),
+    "bcc": (8, 2.0 / 3.0**0.5, 6, 4),
+    "dia": (4, (8.0 / 3.0) ** 0.5, 12, 1),
+    "b1": (6, 2.0**0.5, 12, 2),
+    "b2": (8, 2.0 / 3.0**0.5, 6, 4),
+    "l12": (12, 2.0**0.5, 6, 4),
+    "dim": (1, 1.0, 0, 0),
+    "sc": (6, 2.0**0.5, 12, 2),
+}
 #: Structures in which second neighbours are pairs of one element.
 _ALLOYS = ("b1", "b2", "dia", "l12")
 #: Σ_jk over first neighbours of cos, cos² − 1/3, cos³ − 3/5 cos.
@@ -44,7 +52,8 @@ def g_of(gamma, ibar, gsmooth=99.0):
 
 
 def screening(p: MEAMParameters, lattice: str, a: int, b: int, majority: bool = False) -> float:
-    """S of a second neighbour (both of element a) that atoms of element b screen; of the majority in l12, half of them are of element a."""
+    """S of a second neighbour (both of element a) that atoms of element b screen; of the majority in l12, half of them
+    are of element a."""
     _, ratio, _, count = _STRUCTURES[lattice]
     if count == 0:
         return 0.0
@@ -96,7 +105,8 @@ def _density(p, e, k, r):
 
 
 def _site(p, lattice, own, other, majority, r, nn2):
-    """ρ̄ at an atom of element `own` in the reference structure of it and `other`; majority : in l12 it is the element with three atoms of four."""
+    """ρ̄ at an atom of element `own` in the reference structure of it and `other`; majority : in l12 it is the element
+    with three atoms of four."""
     Z, ratio, second, _ = _STRUCTURES[lattice]
     near = {other: Z}
     if lattice == "l12" and majority and own != other:

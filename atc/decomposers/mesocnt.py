@@ -15,7 +15,8 @@ def _custom(inp, line, at: int):
     """The words behind ``custom``."""
     if line.words[at : at + 1] == ("C",):
         raise inp.error(
-            f"{inp.kind}_coeff of mesocnt: coefficients that LAMMPS makes from the chirality of a tube are not supported: give them with custom",
+            f"{inp.kind}_coeff of mesocnt: coefficients that LAMMPS makes from the chirality of a tube are not "
+            "supported: give them with custom",
             line,
         )
     if line.words[at : at + 1] != ("custom",):
@@ -30,7 +31,8 @@ class MesoBond(HarmonicBond):
 
 
 class MesoAngle(AngleStyle):
-    """U = K x², x = 180° − θ, and from the buckling angle x_b on K x_b² + K_b (x − x_b) (LAMMPS ``mesocnt``, ``harmonic|buckling custom``).
+    """U = K x², x = 180° − θ, and from the buckling angle x_b on K x_b² + K_b (x − x_b) (LAMMPS ``mesocnt``,
+    ``harmonic|buckling custom``).
 
     Coefficients K [energy/rad²], K_b [energy/rad], x_b [degrees]. For ``harmonic`` x_b is infinite.
     """

@@ -16,7 +16,8 @@ class Morse(PairStyle):
 
     Parameters
     ----------
-    d0, alpha, r0, cutoff : float for one value for all pairs of types, or symmetric (n, n) arrays for types 1..n; cutoff 0 = no interaction
+    d0, alpha, r0, cutoff : float for one value for all pairs of types, or symmetric (n, n) arrays for types 1..n;
+        cutoff 0 = no interaction
     units : unit style of these numbers (alpha: 1/length)
     shift : whether offset = U(cutoff); else 0
     n_types : number of types that single numbers stand for (default 1)
@@ -37,7 +38,8 @@ class Morse(PairStyle):
 
 
 class MorseSmoothLinear(RadialStyle):
-    """Morse minus its value and slope at the cutoff: U = u(d) − u(r_c) − (d − r_c) u'(r_c) (LAMMPS ``morse/smooth/linear``).
+    """Morse minus its value and slope at the cutoff: U = u(d) − u(r_c) − (d − r_c) u'(r_c) (LAMMPS
+    ``morse/smooth/linear``).
 
     Numbers: d0, alpha, r0, cutoff; see `RadialStyle`.
     """
@@ -53,7 +55,8 @@ class MorseSmoothLinear(RadialStyle):
 
 
 class Pedone(RadialStyle):
-    """U = C₀/d¹² + D₀[e^{−2α(d − r₀)} − 2 e^{−α(d − r₀)}] − offset (LAMMPS ``pedone``; Pedone et al., J. Phys. Chem. B 110, 11780).
+    """U = C₀/d¹² + D₀[e^{−2α(d − r₀)} − 2 e^{−α(d − r₀)}] − offset (LAMMPS ``pedone``; Pedone et al., J. Phys. Chem. B
+    110, 11780).
 
     With `shift`, LAMMPS's offset is the Morse part at the cutoff minus (not plus) C₀/r_c¹²; so is this one.
 
@@ -74,7 +77,8 @@ class Pedone(RadialStyle):
 
 
 class MOMB(RadialStyle):
-    """Morse with Grimme's dispersion: U = u(d) − s₆ C₆/d⁶ / (1 + e^{−D(d/R_r − 1)}) − offset, u that of `Morse` (LAMMPS ``momb``).
+    """Morse with Grimme's dispersion: U = u(d) − s₆ C₆/d⁶ / (1 + e^{−D(d/R_r − 1)}) − offset, u that of `Morse` (LAMMPS
+    ``momb``).
 
     Numbers: d0, alpha, r0, c6, rr, s6, damping D, cutoff; see `RadialStyle`.
     """

@@ -1,4 +1,5 @@
-"""Pairs of neighbours held for one frame, and which of them meet at which atom: what terms of three and more atoms are built on."""
+"""Pairs of neighbours held for one frame, and which of them meet at which atom: what terms of three and more atoms are
+built on."""
 
 from __future__ import annotations
 
@@ -13,14 +14,16 @@ from ..neighbors.verlet import cell_list
 class Neighborhood:
     """The half neighbour list of a frame, filled by tasks (`collect`), then joined (`join`).
 
-    Inside, an atom is called by its place in the cell list's order, where neighbours are near each other; `atom` gives the frame's index.
+    Inside, an atom is called by its place in the cell list's order, where neighbours are near each other; `atom` gives
+    the frame's index.
 
     Attributes (after `join`)
     ----------
     a, b : (pairs,) int32, r_pc : (pairs, 3) = x_a − x_b, d_p : (pairs,) distances
     edges : (chunks + 1,) the pairs whose first atom is in each chunk
     first : (chunks + 1,) the atoms of each chunk
-    start : (n + 1,), pair, end : each atom's neighbours are the entries start[s]..start[s+1]: the pair and which end of it the atom is (0: it is a)
+    start : (n + 1,), pair, end : each atom's neighbours are the entries start[s]..start[s+1]: the pair and which end of
+        it the atom is (0: it is a)
     """
 
     def __init__(self, frame: Frame, who, cutoff: float, what: str):
@@ -39,7 +42,8 @@ class Neighborhood:
             bad = int(np.argmin(d))
             a, b = self.frame.ids[self.atom[ws.i[bad]]], self.frame.ids[self.atom[ws.j[bad]]]
             raise AtcError(
-                f"{self.frame.source}: atoms {a} and {b} are at the same place, where the {self.what} force is undefined; remove one of them"
+                f"{self.frame.source}: atoms {a} and {b} are at the same place, where the {self.what} force is "
+                "undefined; remove one of them"
             )
         self.parts[task] = ws.i[:n].copy(), ws.j[:n].copy(), ws.r[:n].copy(), d
 
@@ -56,7 +60,8 @@ class Neighborhood:
         return int(k.max(initial=0)), int((k * (k - 1) // 2).sum())
 
     def runs(self, limit: int) -> tuple[np.ndarray, int, int]:
-        """Edges of runs of atoms with at most `limit` pairs of neighbours (or one atom); the most neighbours of an atom; the most pairs of a run."""
+        """Edges of runs of atoms with at most `limit` pairs of neighbours (or one atom); the most neighbours of an
+        atom; the most pairs of a run."""
         return _runs(self.start, limit)
 
 

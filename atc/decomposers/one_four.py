@@ -1,4 +1,5 @@
-"""The pair interaction of the two ends of a torsion that dihedral styles charmm and charmmfsw bring along, with coefficients of a charmm pair style."""
+"""The pair interaction of the two ends of a torsion that dihedral styles charmm and charmmfsw bring along, with
+coefficients of a charmm pair style."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ _BARE, _IMPLICIT, _SHIFTED = 0, 1, 2
 
 
 class OneFourTerm(ClusterTerm):
-    """w [4ε₁₄((σ₁₄/d)¹² − (σ₁₄/d)⁶) + C q₁q₄/d] of the first and fourth atom of each torsion with a weight w ≠ 0, half of it to each.
+    """w [4ε₁₄((σ₁₄/d)¹² − (σ₁₄/d)⁶) + C q₁q₄/d] of the first and fourth atom of each torsion with a weight w ≠ 0, half
+    of it to each.
 
     There is no cutoff (so in LAMMPS). With an implicit-solvent pair style the charges' part is C q₁q₄/d²
     (its force is LAMMPS's, C q₁q₄/d³); with dihedral style charmmfsw it is
@@ -53,7 +55,8 @@ class OneFourTerm(ClusterTerm):
         top = int(frame.types.max()) if len(frame) else 0
         if top >= len(self.coefficients.a):
             raise AtcError(
-                f"{frame.source}: atoms of type {top} but the pair coefficients cover types 1 to {len(self.coefficients.a) - 1}"
+                f"{frame.source}: atoms of type {top} but the pair coefficients cover types 1 to "
+                f"{len(self.coefficients.a) - 1}"
             )
         return _OneFourWork(self, frame)
 
@@ -81,7 +84,8 @@ class _OneFourWork(ClusterWork):
 
 
 def one_four_terms(terms: list[Term]) -> list[Term]:
-    """For the terms of a potential from LAMMPS lines: one `OneFourTerm` for each charmm torsion with weights that are not 0.
+    """For the terms of a potential from LAMMPS lines: one `OneFourTerm` for each charmm torsion with weights that are
+    not 0.
 
     Raises AtcError if the pair style has no 1-4 coefficients, or not of the kind that the dihedral style needs.
     """
@@ -98,11 +102,15 @@ def one_four_terms(terms: list[Term]) -> list[Term]:
         t, w = next(iter(torsion.end_weights.items()))
         asks = f"dihedral_coeff {t} of {torsion.name}: the weight {w:g} asks for a 1-4 pair interaction"
         if len(found) != 1:
-            have = "is not supported without exactly one pair style that has its coefficients (lj/charmm/coul/charmm, .../implicit or lj/charmmfsw/coul/charmmfsh)"
+            have = (
+                "is not supported without exactly one pair style that has its coefficients (lj/charmm/coul/charmm, "
+                ".../implicit or lj/charmmfsw/coul/charmmfsh)"
+            )
             raise AtcError(f"{asks}, which {have}: give one, or weight 0.0")
         if isinstance(torsion, CharmmFSWTorsion) and not found[0].shifted:
             raise AtcError(
-                f"{asks}, for which it needs pair_style lj/charmmfsw/coul/charmmfsh; use dihedral_style charmm with the other charmm pair styles"
+                f"{asks}, for which it needs pair_style lj/charmmfsw/coul/charmmfsh; use dihedral_style charmm with "
+                "the other charmm pair styles"
             )
         torsion.ends_done = True
         out.append(OneFourTerm(torsion, found[0]))

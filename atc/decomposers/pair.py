@@ -1,6 +1,8 @@
-"""All pair interactions of a model in one sweep over the neighbour list: the styles, their cutoffs by type, special-bond weights.
+"""All pair interactions of a model in one sweep over the neighbour list: the styles, their cutoffs by type,
+special-bond weights.
 
-A pair style is an object that adds its U(d) and G = U'(d)/d to a chunk of pairs. Any number of styles share one list, so that
+A pair style is an object that adds its U(d) and G = U'(d)/d to a chunk of pairs. Any number of styles share one list,
+so that
 ``hybrid/overlay`` and composite styles (lj/cut/coul/cut) cost one search.
 """
 
@@ -26,11 +28,12 @@ ONES = np.zeros(0)
 class PairStyle:
     """One functional form with its coefficients for every pair of types.
 
-    Subclasses fill `table`, (n_types + 1, n_types + 1, m) float64 in internal units, indexed by LAMMPS types from 1, whose column 0 is the
-    squared cutoff (0 where the style does not act), and implement `add`.
+    Subclasses fill `table`, (n_types + 1, n_types + 1, m) float64 in internal units, indexed by LAMMPS types from 1,
+    whose column 0 is the squared cutoff (0 where the style does not act), and implement `add`.
 
-    Those that are a formula of a few numbers for each pair of types also say which (`numbers`: name and dimension, the cutoff last), and turn
-    arrays of them into the table (`fill`); they get a constructor from numbers in the user's units (`_take`) and from internal arrays (`internal`).
+    Those that are a formula of a few numbers for each pair of types also say which (`numbers`: name and dimension, the
+    cutoff last), and turn arrays of them into the table (`fill`); they get a constructor from numbers in the user's
+    units (`_take`) and from internal arrays (`internal`).
     """
 
     name = ""
@@ -110,7 +113,8 @@ class Pairs(Term):
     styles : list of PairStyle
     n_types : int
     special : object with ``prepare(frame)`` giving per-frame special-bond weights, or None (see special_bonds)
-    grow : function n_types → list of PairStyle for a frame with more types than `n_types`, or None if there is no more to know
+    grow : function n_types → list of PairStyle for a frame with more types than `n_types`, or None if there is no more
+        to know
     exclusions : Exclusions or None, pairs that no style acts on
     """
 
@@ -138,7 +142,8 @@ class Pairs(Term):
         if top > self.n_types:
             if self.grow is None or top > MAX_TYPES:
                 raise AtcError(
-                    f"{frame.source}: atoms of type {top} but the pair coefficients cover types 1 to {self.n_types}: add a pair_coeff line for it"
+                    f"{frame.source}: atoms of type {top} but the pair coefficients cover types 1 to {self.n_types}: "
+                    "add a pair_coeff line for it"
                 )
             if top not in self._grown:
                 try:
@@ -203,7 +208,8 @@ class _PairWork(Work):
         a, b = sorted((frame.ids[i], frame.ids[j]))
         if d == 0.0:
             return AtcError(
-                f"{frame.source}: atoms {a} and {b} are at the same place, where the pair force is undefined; remove one of them"
+                f"{frame.source}: atoms {a} and {b} are at the same place, where the pair force is undefined; remove "
+                "one of them"
             )
         for s in self.term.styles:
             why = s.trouble(int(frame.types[i]), int(frame.types[j]), d)
@@ -217,7 +223,8 @@ class _PairWork(Work):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _collect(i, j, U, G, energies):
-    """Sum the energies (half to each atom), count pairs without force, find the first pair that is not finite (−1: none)."""
+    """Sum the energies (half to each atom), count pairs without force, find the first pair that is not finite (−1:
+    none)."""
     total = 0.0
     force = 0.0
     zeros = 0

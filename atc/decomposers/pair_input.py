@@ -1,4 +1,5 @@
-"""From ``pair_coeff`` lines to one number for every pair of types: ranges, later lines over earlier ones, LAMMPS's mixing."""
+"""From ``pair_coeff`` lines to one number for every pair of types: ranges, later lines over earlier ones, LAMMPS's
+mixing."""
 
 from __future__ import annotations
 
@@ -32,9 +33,11 @@ def pair_values(inp: StyleInput, wants, *, optional: int = 0, defaults=(), mix=N
     Parameters
     ----------
     optional : how many of the last numbers a line may leave out; `defaults` are their values
-    mix : function (numbers of i, numbers of j, rule) → numbers, for pairs without a line of their own; None: such pairs are an error
+    mix : function (numbers of i, numbers of j, rule) → numbers, for pairs without a line of their own; None: such pairs
+        are an error
 
-    Pairs that are not wanted hold zeros. The last array is always the cutoff, by this project's convention, so that 0 there means no interaction.
+    Pairs that are not wanted hold zeros. The last array is always the cutoff, by this project's convention, so that 0
+    there means no interaction.
     """
     given: dict[tuple[int, int], tuple] = {}
     for line in inp.coeffs:
@@ -61,7 +64,8 @@ def fill(inp: StyleInput, given: dict, width: int, mix=None) -> list[np.ndarray]
                     values = mix(given[i, i], given[j, j], rule)
                 if not np.isfinite(values).all():
                     raise inp.error(
-                        f"{inp.command}: the coefficients of types {i} and {j} have no {rule} mean (negative or zero); add 'pair_coeff {i} {j} ...'"
+                        f"{inp.command}: the coefficients of types {i} and {j} have no {rule} mean (negative or "
+                        f"zero); add 'pair_coeff {i} {j} ...'"
                     )
             if values is None:
                 how = (
@@ -73,7 +77,8 @@ def fill(inp: StyleInput, given: dict, width: int, mix=None) -> list[np.ndarray]
                 if i == j:
                     how = ""
                 raise inp.error(
-                    f"{inp.command}: no pair_coeff for {missing}{', ' + how if how else ''}; add 'pair_coeff {i} {j} ...'"
+                    f"{inp.command}: no pair_coeff for {missing}{', ' + how if how else ''}; add 'pair_coeff {i} {j} "
+                    "...'"
                 )
             out[:, i, j] = out[:, j, i] = values
     return list(out)

@@ -23,8 +23,8 @@ FORMS = {
 class ListedPairs(ClusterTerm):
     """U of listed pairs of atoms at their closest images, for d < cutoff, half to each atom.
 
-    Forms: lj126 4ε[(σ/d)¹² − (σ/d)⁶]; morse D₀[1 − e^{−α(d − r₀)}]²; harmonic K(d − r₀)²; quartic K(d − r₀)²(d − r₀ − b₁)(d − r₀ − b₂).
-    special_bonds does not weight them.
+    Forms: lj126 4ε[(σ/d)¹² − (σ/d)⁶]; morse D₀[1 − e^{−α(d − r₀)}]²; harmonic K(d − r₀)²; quartic K(d − r₀)²(d − r₀ −
+    b₁)(d − r₀ − b₂). special_bonds does not weight them.
 
     Parameters
     ----------
@@ -107,7 +107,8 @@ def _list_style(inp: StyleInput):
         )
     if inp.modify.shift:
         raise inp.error(
-            f"{inp.command}: pair_modify shift yes is not supported for listed pairs: set it for the other sub-styles only"
+            f"{inp.command}: pair_modify shift yes is not supported for listed pairs: set it for the other sub-styles "
+            "only"
         )
     path = inp.path(inp.args[0])
     rc = inp.number(inp.args[1], "length", "cutoff")
@@ -121,7 +122,8 @@ def _list_style(inp: StyleInput):
         here = inp.replace(where=f"{path}, line {k}")
         if len(words) < 3 or not (words[0].isdigit() and words[1].isdigit()) or words[2] not in FORMS:
             raise here.error(
-                f"expected two atom numbers, one of {', '.join(FORMS)}, its coefficients and [cutoff], got {' '.join(words)[:80]}"
+                f"expected two atom numbers, one of {', '.join(FORMS)}, its coefficients and [cutoff], got "
+                f"{' '.join(words)[:80]}"
             )
         if words[0] == words[1]:
             raise here.error(f"atom {words[0]} is paired with itself")

@@ -1,5 +1,5 @@
-"""What LAMMPS's many-body parameter files share: the units tag, and entries of three element names and a fixed list of numbers, over as many
-lines as it takes."""
+"""What LAMMPS's many-body parameter files share: the units tag, and entries of three element names and a fixed list of
+numbers, over as many lines as it takes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ def _overflows(word: str) -> bool:
 
 
 def element_entries(text: str, path, keys, elements, what: str) -> Iterator[tuple[str, tuple[str, ...], list[float]]]:
-    """Every entry of `text` whose elements are all among `elements`: where it begins, its three elements, and a number for each of `keys`."""
+    """Every entry of `text` whose elements are all among `elements`: where it begins, its three elements, and a number
+    for each of `keys`."""
     length = 3 + len(keys)
     words: list[str] = []
     first = 0
@@ -44,7 +45,8 @@ def element_entries(text: str, path, keys, elements, what: str) -> Iterator[tupl
         here = f"{path}:{first}"
         if len(words) > length:
             raise AtcError(
-                f"{here}: expected 3 elements and {len(keys)} numbers ({' '.join(keys)}) in a {what} entry, found {len(words)} words"
+                f"{here}: expected 3 elements and {len(keys)} numbers ({' '.join(keys)}) in a {what} entry, found "
+                f"{len(words)} words"
             )
         names, words = tuple(words[:3]), words[3:]
         if all(n in elements for n in names):
@@ -59,7 +61,8 @@ def element_entries(text: str, path, keys, elements, what: str) -> Iterator[tupl
         words = []
     if words:
         raise AtcError(
-            f"{path}:{first}: the last {what} entry has {len(words)} of {length} words (3 elements and {' '.join(keys)}): complete it"
+            f"{path}:{first}: the last {what} entry has {len(words)} of {length} words (3 elements and "
+            f"{' '.join(keys)}): complete it"
         )
 
 
@@ -70,7 +73,8 @@ def units_tag(text: str) -> str | None:
 
 
 def energy_conversion(text: str, wanted: str, path) -> float:
-    """What energies of a file are multiplied with to be in `wanted` units: 1 unless its tag says metal or real and the other is wanted."""
+    """What energies of a file are multiplied with to be in `wanted` units: 1 unless its tag says metal or real and the
+    other is wanted."""
     has = units_tag(text)
     if has is None or has == wanted:
         return 1.0
@@ -80,7 +84,8 @@ def energy_conversion(text: str, wanted: str, path) -> float:
         factor = 1.0 / _METAL_TO_REAL
     else:
         raise AtcError(
-            f"{path}: this file is in {has!r} units (its UNITS: tag) and the model in {wanted!r}: only metal and real convert into each other; "
+            f"{path}: this file is in {has!r} units (its UNITS: tag) and the model in {wanted!r}: only metal and real "
+            "convert into each other; "
             f"use a file in {wanted!r} units"
         )
     warnings.warn(f"{path}: energies converted from {has} to {wanted} units, as LAMMPS does", AtcWarning, stacklevel=4)
@@ -90,17 +95,21 @@ def energy_conversion(text: str, wanted: str, path) -> float:
 def read_entries(path, elements, units_name: str, kind, where: str = "") -> dict:
     """{(elem1, elem2, elem3): entry} of a parameter file for some elements, energies and lengths in `units_name`.
 
-    kind : the frozen dataclass of an entry, with ``where`` and the class variables `what` (the potential's name), `keys` (the numbers of an entry of
-        the file, in order), `energies` (those of them that are energies), and a method `check` that says what is impossible, or None
+    kind : the frozen dataclass of an entry, with ``where`` and the class variables `what` (the potential's name),
+        `keys` (the numbers of an entry of
+        the file, in order), `energies` (those of them that are energies), and a method `check` that says what is
+        impossible, or None
 
     Raises
     ------
-    AtcError for a missing file, a malformed, impossible or duplicate entry, a missing combination of `elements`, or units that cannot be converted.
+    AtcError for a missing file, a malformed, impossible or duplicate entry, a missing combination of `elements`, or
+    units that cannot be converted.
     """
     text = read_parameter_file(path, kind.what, where)
     if not getattr(kind, "converts", True) and units_tag(text) not in (None, units_name):
         raise AtcError(
-            f"{path}: this file is in {units_tag(text)!r} units and the model in {units_name!r}: LAMMPS does not convert {kind.what} files"
+            f"{path}: this file is in {units_tag(text)!r} units and the model in {units_name!r}: LAMMPS does not "
+            f"convert {kind.what} files"
         )
     factor = energy_conversion(text, units_name, path)
     entries: dict[tuple, object] = {}
@@ -116,6 +125,7 @@ def read_entries(path, elements, units_name: str, kind, where: str = "") -> dict
     for triple in product(elements, repeat=3):
         if triple not in entries:
             raise AtcError(
-                f"{path}: no entry for {' '.join(triple)}, which {where or 'the list of elements'} needs; a file must have every combination"
+                f"{path}: no entry for {' '.join(triple)}, which {where or 'the list of elements'} needs; a file must "
+                "have every combination"
             )
     return entries

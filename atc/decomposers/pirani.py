@@ -11,7 +11,8 @@ _PLAIN = "dimensionless"
 
 
 class Pirani(RadialStyle):
-    """U = ε[γ/(n − γ) (r_m/d)^n − n/(n − γ) (r_m/d)^γ] − offset with n = β + α(d/r_m)² (LAMMPS ``lj/pirani``; Pirani et al., PCCP 10, 5489).
+    """U = ε[γ/(n − γ) (r_m/d)^n − n/(n − γ) (r_m/d)^γ] − offset with n = β + α(d/r_m)² (LAMMPS ``lj/pirani``; Pirani et
+    al., PCCP 10, 5489).
 
     Numbers: alpha, beta, gamma, rm, epsilon, cutoff; see `RadialStyle`.
     """

@@ -1,4 +1,5 @@
-"""Tabulated three-body potentials of Zhou's polymorphic form: Stillinger-Weber, Tersoff, embedded atom and others (LAMMPS ``pair_style polymorphic``)."""
+"""Tabulated three-body potentials of Zhou's polymorphic form: Stillinger-Weber, Tersoff, embedded atom and others
+(LAMMPS ``pair_style polymorphic``)."""
 
 from __future__ import annotations
 
@@ -23,8 +24,9 @@ from .tersoff import _PAIR
 
 @dataclass
 class PolymorphicTables:
-    """names; eta; cut_ee, xi_ee (m, m); tables with the first argument and the step: U, V, W (m, m, nr) from 0 with step_ee, P (m, m, m, nr) [i, j, k] from −r_max with
-    step_P, G (m, m, m, ntheta) [i, j, k] from −1 with step_G, F (m, m, nx) from 0 with step_F; i at the centre."""
+    """names; eta; cut_ee, xi_ee (m, m); tables with the first argument and the step: U, V, W (m, m, nr) from 0 with
+    step_ee, P (m, m, m, nr) [i, j, k] from −r_max with step_P, G (m, m, m, ntheta) [i, j, k] from −1 with step_G, F (m,
+    m, nx) from 0 with step_F; i at the centre."""
 
     names: list[str]
     eta: int
@@ -49,7 +51,8 @@ def read_polymorphic(path, units_name: str = "metal", where: str = "") -> Polymo
     text = read_parameter_file(path, "polymorphic", where)
     if units_tag(text) not in (None, units_name):
         raise AtcError(
-            f"{path}: this file is in {units_tag(text)!r} units and the model in {units_name!r}: LAMMPS does not convert polymorphic files"
+            f"{path}: this file is in {units_tag(text)!r} units and the model in {units_name!r}: LAMMPS does not "
+            "convert polymorphic files"
         )
     lines = [(k, w) for k, line in enumerate(text.splitlines(), 1) if (w := line.partition("#")[0].split())]
     place = 0
@@ -119,17 +122,19 @@ def read_polymorphic(path, units_name: str = "metal", where: str = "") -> Polymo
 
 
 class Polymorphic(Centred):
-    """U = Σ_pairs U(d) − ½ Σ_{i≠j} F_ij(X_ij) V_ij(d_ij), X_ij = Σ_{k≠j} W_ik(d_ik) G_jik(cos θ) P_jik(d_ij − ξ_ij d_ik); or, with η = 1, of embedded atoms,
-    U = Σ_pairs U(d) − ½ Σ_i F_ii(X_i), X_i = Σ_k W_ik(d_ik).
+    """U = Σ_pairs U(d) − ½ Σ_{i≠j} F_ij(X_ij) V_ij(d_ij), X_ij = Σ_{k≠j} W_ik(d_ik) G_jik(cos θ) P_jik(d_ij − ξ_ij
+    d_ik); or, with η = 1, of embedded atoms, U = Σ_pairs U(d) − ½ Σ_i F_ii(X_i), X_i = Σ_k W_ik(d_ik).
 
-    All functions come from tables, with LAMMPS's interpolation: the cubic of the nearest point (so they jump, by as much as the table is coarse, halfway between points).
-    G follows from arms and cosines as in `Tersoff`. Half of U to each end; F V half to i and j each as in LAMMPS, or as `partition` says ("pair", "center", two numbers);
-    with η = 1 to i.
+    All functions come from tables, with LAMMPS's interpolation: the cubic of the nearest point (so they jump, by as
+    much as the table is coarse, halfway between points). G follows from arms and cosines as in `Tersoff`. Half of U to
+    each end; F V half to i and j each as in LAMMPS, or as `partition` says ("pair", "center", two numbers); with η = 1
+    to i.
 
     Parameters
     ----------
     tables : PolymorphicTables in `units`
-    elements : the tables' element of each atom type, from type 1; None or "NULL" leaves a type out. Default: every atom is the first element.
+    elements : the tables' element of each atom type, from type 1; None or "NULL" leaves a type out. Default: every atom
+        is the first element.
     units : the default has eV and Å
 
     Notes
@@ -177,16 +182,44 @@ class Polymorphic(Centred):
         self.weights, self.shared = weights_of(partition, 2, _PAIR, "polymorphic")
 
     def describe(self) -> str:
-        return f"polymorphic{self.map.describe()}, {self.shared}, pair energy half to each atom; one merged bond a pair, outer j-k bonds apart"
+        return (
+            f"polymorphic{self.map.describe()}, {self.shared}, pair energy half to each atom; one merged bond a pair, "
+            "outer j-k bonds apart"
+        )
 
     def pairs(self, near, element, p0, p1, G_p, energies):
         return _pairs(p0, p1, near.a, near.b, near.d_p, element, self.cut, self.per_r, self.U, near.atom, G_p, energies)
 
     def centres(self, near, element, s0, s1, most, *out):
         return _centres(
-            s0, s1, most, near.start, near.pair, near.end, near.a, near.b, near.r_pc, near.d_p, element, self.eam, self.cut, self.xi, self.per_r,
-            self.per_p, self.cutoff, self.per_g, self.per_x, self.V, self.W, self.P, self.G, self.F, self.weights, near.atom, *out,
-        )  # fmt: skip
+            s0,
+            s1,
+            most,
+            near.start,
+            near.pair,
+            near.end,
+            near.a,
+            near.b,
+            near.r_pc,
+            near.d_p,
+            element,
+            self.eam,
+            self.cut,
+            self.xi,
+            self.per_r,
+            self.per_p,
+            self.cutoff,
+            self.per_g,
+            self.per_x,
+            self.V,
+            self.W,
+            self.P,
+            self.G,
+            self.F,
+            self.weights,
+            near.atom,
+            *out,
+        )
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -219,9 +252,41 @@ def _pairs(p0, p1, a, b, d, element, cut, per_r, U, atom, G, energies):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _centres(
-    s0, s1, most, start, pair, end, a, b, r, d, element, eam, cut, xi, per_r, per_p, r_max, per_g, per_x, V, W, P, G, F, weights, atom,
-    G_end, S_end, out_i, out_j, out_r, out_G, out_D, energies,
-):  # fmt: skip
+    s0,
+    s1,
+    most,
+    start,
+    pair,
+    end,
+    a,
+    b,
+    r,
+    d,
+    element,
+    eam,
+    cut,
+    xi,
+    per_r,
+    per_p,
+    r_max,
+    per_g,
+    per_x,
+    V,
+    W,
+    P,
+    G,
+    F,
+    weights,
+    atom,
+    G_end,
+    S_end,
+    out_i,
+    out_j,
+    out_r,
+    out_G,
+    out_D,
+    energies,
+):
     sources = len(S_end) > 0
     shared = len(energies) > 0
     w_i, w_j = weights[0], weights[1]

@@ -18,12 +18,14 @@ _LENGTH = "length"
 class RadialStyle(PairStyle):
     """A formula U(d) of a few numbers for each pair of types.
 
-    Subclasses say which numbers (`numbers`, the cutoff last), turn arrays of them into the columns of the kernel's table (`columns`), and name the
-    kernel. The kernel's table is [cutoff², *columns, offset]: with `shift` the offset is the energy at the cutoff, else 0.
+    Subclasses say which numbers (`numbers`, the cutoff last), turn arrays of them into the columns of the kernel's
+    table (`columns`), and name the kernel. The kernel's table is [cutoff², *columns, offset]: with `shift` the offset
+    is the energy at the cutoff, else 0.
 
     Parameters
     ----------
-    values : the `numbers` in their order or by name, each a float for all pairs of types or a symmetric (n, n) array for types 1..n; cutoff 0 =
+    values : the `numbers` in their order or by name, each a float for all pairs of types or a symmetric (n, n) array
+        for types 1..n; cutoff 0 =
         no interaction
     units : unit style of these numbers
     shift : whether the energy at the cutoff is taken off (``pair_modify shift yes``), for styles that know it
@@ -39,7 +41,8 @@ class RadialStyle(PairStyle):
         self._take(_in_order(self, values, named), units, n_types, shift)
 
     def columns(self, *numbers) -> tuple:
-        """The kernel's columns from arrays of `numbers`, internal units. Entries of pairs without interaction do not matter."""
+        """The kernel's columns from arrays of `numbers`, internal units. Entries of pairs without interaction do not
+        matter."""
         raise NotImplementedError
 
     def reach(self, *numbers):
@@ -68,13 +71,15 @@ class RadialStyle(PairStyle):
 
 
 class ChargedStyle(PairStyle):
-    """C q_i q_j times a function of the distance, C the Coulomb constant of the unit style over the dielectric constant.
+    """C q_i q_j times a function of the distance, C the Coulomb constant of the unit style over the dielectric
+    constant.
 
     As `RadialStyle`; the kernel's table is [cutoff², *columns], and it also gets C and the charges.
 
     Parameters
     ----------
-    values : the `numbers` in their order or by name, each a float for all pairs of types or a symmetric (n, n) array for types 1..n; cutoff 0 =
+    values : the `numbers` in their order or by name, each a float for all pairs of types or a symmetric (n, n) array
+        for types 1..n; cutoff 0 =
         no interaction
     units : unit style of these numbers and of C
     dielectric : ε
@@ -92,7 +97,8 @@ class ChargedStyle(PairStyle):
 
     @classmethod
     def of(cls, inp: StyleInput, *arrays):
-        """From (n_types + 1, n_types + 1) arrays of `numbers`, internal units, with the constant of the lines' units."""
+        """From (n_types + 1, n_types + 1) arrays of `numbers`, internal units, with the constant of the lines'
+        units."""
         style = cls.internal(*arrays)
         style.constant = inp.units.coulomb / inp.dielectric
         return style
@@ -117,16 +123,19 @@ def _in_order(style, values, named) -> list:
     given = dict(zip(names, values, strict=False)) | named
     if len(values) > len(names) or sorted(given) != sorted(names):
         raise AtcError(
-            f"{type(style).__name__} takes {', '.join(names)}; got {', '.join(map(str, [*values, *named])) or 'nothing'}"
+            f"{type(style).__name__} takes {', '.join(names)}; got "
+            f"{', '.join(map(str, [*values, *named])) or 'nothing'}"
         )
     return [given[name] for name in names]
 
 
-# What LAMMPS's lines look like --------------------------------------------------------------------------------------------------------------
+# What LAMMPS's lines look like
+# --------------------------------------------------------------------------------------------------------------
 
 
 def mix_lj6(a, b, rule):
-    """As `mix_lj` where epsilon and sigma are always mixed by the sixth power (LAMMPS's class2 styles); cutoffs follow the rule."""
+    """As `mix_lj` where epsilon and sigma are always mixed by the sixth power (LAMMPS's class2 styles); cutoffs follow
+    the rule."""
     more = tuple(mix_distance(x, y, rule) for x, y in zip(a[2:], b[2:], strict=True))
     return (mix_energy(a[0], b[0], a[1], b[1], "sixthpower"), mix_distance(a[1], b[1], "sixthpower"), *more)
 

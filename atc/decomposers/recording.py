@@ -1,8 +1,9 @@
 """What users write (a function, a text, a sympy expression) recorded as arithmetic that can be differentiated.
 
-What can be recorded of a function: arithmetic, powers, numpy's and math's elementary functions, ``abs``, ``min``, ``max``, ``numpy.where``, loops and helper
-functions. What cannot: a branch on the value of an argument (``if d < rc``), since only one of its sides would be seen. Texts are read
-without ever being executed; sympy expressions are taken over node by node.
+What can be recorded of a function: arithmetic, powers, numpy's and math's elementary functions, ``abs``, ``min``,
+``max``, ``numpy.where``, loops and helper functions. What cannot: a branch on the value of an argument (``if d < rc``),
+since only one of its sides would be seen. Texts are read without ever being executed; sympy expressions are taken over
+node by node.
 """
 
 from __future__ import annotations
@@ -126,12 +127,14 @@ def record(energy, names, parameters, what: str) -> tuple[Tape, Value]:
         raise
     except Exception as e:
         raise AtcError(
-            f"{what}: calling the energy function with {len(names)} distances failed: {type(e).__name__}: {str(e).splitlines()[0] if str(e) else ''}"
+            f"{what}: calling the energy function with {len(names)} distances failed: {type(e).__name__}: "
+            f"{str(e).splitlines()[0] if str(e) else ''}"
         ) from None
 
 
 def _from_text(text: str, tape: Tape, names: dict):
-    """Evaluate an arithmetic expression: numbers, names, operators, functions, comparisons, ``a if c else b``. Nothing else is accepted."""
+    """Evaluate an arithmetic expression: numbers, names, operators, functions, comparisons, ``a if c else b``. Nothing
+    else is accepted."""
     functions = {n: _function(n, getattr(np, n)) for n in UNARY} | _FUNCTIONS
     functions |= {
         "abs": _function("abs", abs),

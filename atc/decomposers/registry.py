@@ -8,8 +8,9 @@ A style registers a *builder* under its LAMMPS name::
     @bond_style("harmonic")
     def _harmonic(inp: StyleInput): ...   # returns a Term; likewise angle_style, dihedral_style, improper_style
 
-Builders convert to internal units themselves (`StyleInput.number`) and complain with the line's own file and number (`StyleInput.error`).
-They are called again with a larger `n_types` when a frame has more types than the lines name (``*`` covers every type).
+Builders convert to internal units themselves (`StyleInput.number`) and complain with the line's own file and number
+(`StyleInput.error`). They are called again with a larger `n_types` when a frame has more types than the lines name
+(``*`` covers every type).
 """
 
 from __future__ import annotations
@@ -44,8 +45,8 @@ MAPPED_STYLES = {"sw"}
 
 
 def mapped_elements(style: str, words) -> tuple[str, ...]:
-    """The words of such a line that name the element of each atom type: those behind its file; for meam behind library, its elements and parameter file; for
-    eim behind its elements and file."""
+    """The words of such a line that name the element of each atom type: those behind its file; for meam behind library,
+    its elements and parameter file; for eim behind its elements and file."""
     if style not in ("meam", "meam/c", "eim"):
         return tuple(words[1:])
     # Names of elements have neither dots nor slashes.
@@ -58,7 +59,8 @@ def mapped_elements(style: str, words) -> tuple[str, ...]:
 
 
 def factor(units: Units, dimension: str | dict | float) -> float:
-    """Internal size of a user's unit: `dimension` as in `atc.units`, or powers of them, {"energy": 1, "length": 6}, or the factor itself."""
+    """Internal size of a user's unit: `dimension` as in `atc.units`, or powers of them, {"energy": 1, "length": 6}, or
+    the factor itself."""
     if isinstance(dimension, int | float):
         return float(dimension)
     if isinstance(dimension, str):
@@ -101,7 +103,8 @@ class TypeRange:
 
 @dataclass(frozen=True)
 class CoeffLine:
-    """One coefficient line: ``types`` its one (bonded) or two (pair) ranges, ``words`` what follows them (for hybrid, without the sub-style's name)."""
+    """One coefficient line: ``types`` its one (bonded) or two (pair) ranges, ``words`` what follows them (for hybrid,
+    without the sub-style's name)."""
 
     types: tuple[TypeRange, ...]
     words: tuple[str, ...]
@@ -143,7 +146,8 @@ class StyleInput:
     where : file and line of the ``*_style`` line, for messages
     modify : Modify
     dielectric : LAMMPS's ``dielectric`` constant
-    wanted : (n_types + 1, n_types + 1) bool: pairs of types this style acts on. Others stay without interaction; a wanted pair that is neither
+    wanted : (n_types + 1, n_types + 1) bool: pairs of types this style acts on. Others stay without interaction; a
+        wanted pair that is neither
         given nor can be mixed is an error. All True except under hybrid.
     labels : {kind: {label: type}} from ``labelmap``
     masses : {type: mass} in user units as far as the lines say
@@ -196,7 +200,8 @@ class StyleInput:
         return v * factor(self.units, dimension)
 
     def numbers(self, words, wants, line: CoeffLine | None = None, optional: int = 0) -> list[float | None]:
-        """Exactly the numbers `wants` = [(what, dimension), ...], the last `optional` of which may be missing (None)."""
+        """Exactly the numbers `wants` = [(what, dimension), ...], the last `optional` of which may be missing
+        (None)."""
         words = list(words)
         least = len(wants) - optional
         if not least <= len(words) <= len(wants):
@@ -218,13 +223,15 @@ class StyleInput:
             there = other = False
         if not there:
             raise self.error(
-                f"{shortened(name)}: {'no file, but a directory, a pipe or a device' if other else 'no such file'} (looked for {shortened(str(p), 200)})",
+                f"{shortened(name)}: {'no file, but a directory, a pipe or a device' if other else 'no such file'} "
+                f"(looked for {shortened(str(p), 200)})",
                 line,
             )
         return p
 
     def type_values(self, wants, optional: int = 0) -> dict[int, tuple]:
-        """Bonded styles: {type: numbers} of the coefficient lines, each ``<what> ...`` as in `numbers`. Types without a line are not in it."""
+        """Bonded styles: {type: numbers} of the coefficient lines, each ``<what> ...`` as in `numbers`. Types without a
+        line are not in it."""
         out = {}
         for line in self.coeffs:
             values = tuple(self.numbers(line.words, wants, line, optional))

@@ -1,4 +1,5 @@
-"""Coulomb interactions whose charges are screened, smeared, or in a medium whose dielectric constant depends on the distance."""
+"""Coulomb interactions whose charges are screened, smeared, or in a medium whose dielectric constant depends on the
+distance."""
 
 from __future__ import annotations
 
@@ -24,7 +25,8 @@ class CoulombDebye(ChargedStyle):
 
 
 class CoulombSlater(ChargedStyle):
-    """U = C q_i q_j/d [1 − (1 + d/λ) e^{−2d/λ}]: smeared charges (LAMMPS ``coul/slater/cut``). Numbers: decay λ, cutoff; see `ChargedStyle`."""
+    """U = C q_i q_j/d [1 − (1 + d/λ) e^{−2d/λ}]: smeared charges (LAMMPS ``coul/slater/cut``). Numbers: decay λ,
+    cutoff; see `ChargedStyle`."""
 
     name = "coul/slater/cut"
     numbers = (("decay", "length"), _CUTOFF)
@@ -36,8 +38,8 @@ class CoulombSlater(ChargedStyle):
 class CoulombDiel(ChargedStyle):
     """U = C q_i q_j/d [ε/ε_D(d) − 1], ε_D = (5.2 + ε)/2 + (ε − 5.2)/2 tanh[(d − r_me)/σ_e] (LAMMPS ``coul/diel``).
 
-    A correction to a Coulomb interaction in a medium ε for charges close to each other (Lenart, Jusufi & Panagiotopoulos, J. Chem. Phys. 126, 044509).
-    Numbers: epsilon, r_me, sigma_e, cutoff; see `ChargedStyle`.
+    A correction to a Coulomb interaction in a medium ε for charges close to each other (Lenart, Jusufi &
+    Panagiotopoulos, J. Chem. Phys. 126, 044509). Numbers: epsilon, r_me, sigma_e, cutoff; see `ChargedStyle`.
     """
 
     name = "coul/diel"
@@ -48,9 +50,11 @@ class CoulombDiel(ChargedStyle):
 
 
 class CoulombExclude(ChargedStyle):
-    """U = (γ − 1) C q_i q_j/d for the pairs with special_bonds weight γ < 1 only: takes what they lose off a full sum (LAMMPS ``coul/exclude``).
+    """U = (γ − 1) C q_i q_j/d for the pairs with special_bonds weight γ < 1 only: takes what they lose off a full sum
+    (LAMMPS ``coul/exclude``).
 
-    LAMMPS counts such pairs up to the reach of its neighbour list, a little beyond the cutoff. Numbers: cutoff; see `ChargedStyle`.
+    LAMMPS counts such pairs up to the reach of its neighbour list, a little beyond the cutoff. Numbers: cutoff; see
+    `ChargedStyle`.
     """
 
     name = "coul/exclude"
@@ -82,11 +86,13 @@ def _diel_style(inp: StyleInput):
     (rc,) = inp.numbers(inp.args, [_CUTOFF])
     epsilon, *more = pair_values(inp, CoulombDiel.numbers, optional=1, defaults=[rc])
     if inp.coeffs:
-        # LAMMPS (22 Jul 2025) keeps one epsilon for all pairs of types, that of the last line; measured, not documented.
+        # LAMMPS (22 Jul 2025) keeps one epsilon for all pairs of types, that of the last line; measured, not
+        # documented.
         last = float(inp.coeffs[-1].words[0])
         if (epsilon[more[-1] > 0] != last).any():
             inp.note(
-                f"pair_style coul/diel: all pairs of types have the epsilon of the last pair_coeff line, {last:g}, as in LAMMPS"
+                f"pair_style coul/diel: all pairs of types have the epsilon of the last pair_coeff line, {last:g}, as "
+                "in LAMMPS"
             )
         epsilon = np.full_like(epsilon, last)
     return CoulombDiel.of(inp, epsilon, *more)

@@ -15,7 +15,8 @@ class Soft(PairStyle):
 
     Parameters
     ----------
-    A, cutoff : float for one value for all pairs of types, or symmetric (n, n) arrays for types 1..n; cutoff 0 = no interaction
+    A, cutoff : float for one value for all pairs of types, or symmetric (n, n) arrays for types 1..n; cutoff 0 = no
+        interaction
     units : unit style of these numbers
     n_types : number of types that single numbers stand for (default 1)
     """

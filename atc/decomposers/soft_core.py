@@ -22,7 +22,8 @@ _LJ = (
 
 
 class LennardJonesSoft(RadialStyle):
-    """U = λⁿ 4ε(1/D² − 1/D) − offset, D = α(1 − λ)² + (d/σ)⁶ (LAMMPS ``lj/cut/soft``; Beutler et al., Chem. Phys. Lett. 222, 529).
+    """U = λⁿ 4ε(1/D² − 1/D) − offset, D = α(1 − λ)² + (d/σ)⁶ (LAMMPS ``lj/cut/soft``; Beutler et al., Chem. Phys. Lett.
+    222, 529).
 
     Numbers: epsilon, sigma, activation λ, n, alpha, cutoff; see `RadialStyle`.
     """
@@ -39,7 +40,8 @@ class LennardJonesSoft(RadialStyle):
 
 
 class Class2Soft(LennardJonesSoft):
-    """U = λⁿ ε(2/D^{3/2} − 3/D) − offset, D = α(1 − λ)² + (d/σ)⁶ (LAMMPS ``lj/class2/soft``). Numbers as for `LennardJonesSoft`."""
+    """U = λⁿ ε(2/D^{3/2} − 3/D) − offset, D = α(1 − λ)² + (d/σ)⁶ (LAMMPS ``lj/class2/soft``). Numbers as for
+    `LennardJonesSoft`."""
 
     name = "lj/class2/soft"
     power = 1.5
@@ -60,7 +62,8 @@ class CoulombSoft(ChargedStyle):
 
 
 class MorseSoft(RadialStyle):
-    """Morse with a soft core: U = f {u(d) + s B e^{−3α(d − r₀)}}, u that of `Morse`, B = −⅔ D₀ e^{−2αr₀}(e^{αr₀} − 1) (LAMMPS ``morse/soft``).
+    """Morse with a soft core: U = f {u(d) + s B e^{−3α(d − r₀)}}, u that of `Morse`, B = −⅔ D₀ e^{−2αr₀}(e^{αr₀} − 1)
+    (LAMMPS ``morse/soft``).
 
     s = (1 − λ)/(1 − λ_f) and f = 1 for λ ≥ λ_f; s = 1 and f = (λ/λ_f)ⁿ below. LAMMPS does not shift it.
     Numbers: d0, alpha, r0, activation λ, n, threshold λ_f, cutoff; see `RadialStyle`.

@@ -1,4 +1,5 @@
-"""special_bonds: pairs of atoms one, two or three bonds apart, whose pair interactions are weighted or left out (LAMMPS ``special_bonds``)."""
+"""special_bonds: pairs of atoms one, two or three bonds apart, whose pair interactions are weighted or left out (LAMMPS
+``special_bonds``)."""
 
 from __future__ import annotations
 
@@ -16,9 +17,11 @@ _PRESETS = {
 
 
 class SpecialBonds:
-    """Weights of the pair interactions between 1-2, 1-3 and 1-4 neighbours (one, two, three bonds apart; the fewest count).
+    """Weights of the pair interactions between 1-2, 1-3 and 1-4 neighbours (one, two, three bonds apart; the fewest
+    count).
 
-    As in LAMMPS, a pair that is not the minimum image of its atoms is no special pair: a bonded atom's other images interact fully.
+    As in LAMMPS, a pair that is not the minimum image of its atoms is no special pair: a bonded atom's other images
+    interact fully.
 
     Parameters
     ----------
@@ -41,7 +44,8 @@ class SpecialBonds:
 
     @classmethod
     def from_lines(cls, lines) -> SpecialBonds:
-        """From (words, where) of ``special_bonds`` lines: each line starts from LAMMPS's defaults (all 0), so the last one holds."""
+        """From (words, where) of ``special_bonds`` lines: each line starts from LAMMPS's defaults (all 0), so the last
+        one holds."""
         special = cls()
         for words, where in lines:
             special = cls._from_words(list(words), where)
@@ -76,14 +80,16 @@ class SpecialBonds:
                 k += 2
             else:
                 raise AtcError(
-                    f"{where}: special_bonds {key} is not supported: expected lj, coul, lj/coul with three weights, angle, dihedral, {', '.join(_PRESETS)}"
+                    f"{where}: special_bonds {key} is not supported: expected lj, coul, lj/coul with three weights, "
+                    f"angle, dihedral, {', '.join(_PRESETS)}"
                 )
         return cls(lj, coul, **flags)
 
     def with_own(self, lines, where) -> SpecialBonds:
         """These weights with those that ``pair_modify special`` gives one style: ((which, three weights), ...).
 
-        LAMMPS leaves pairs of weight 0 out of its lists, and does not know those of weight 1, before a style sees them: only weights between can be others.
+        LAMMPS leaves pairs of weight 0 out of its lists, and does not know those of weight 1, before a style sees them:
+        only weights between can be others.
         """
         lj, coul = self.lj, self.coul
         for which, *words in lines:
@@ -94,7 +100,8 @@ class SpecialBonds:
             both, new = {self.lj[k], self.coul[k]}, {lj[k], coul[k]}
             if len(both) == 1 and both <= {0.0, 1.0} and new != both:
                 raise AtcError(
-                    f"{where}: pair_modify special cannot change the weight {both.pop():g} of 1-{k + 2} neighbours, which LAMMPS fixes in its lists: "
+                    f"{where}: pair_modify special cannot change the weight {both.pop():g} of 1-{k + 2} neighbours, "
+                    "which LAMMPS fixes in its lists: "
                     "a special_bonds weight such as 1e-10 can be changed"
                 )
         return type(self)(lj, coul, self.angle, self.dihedral)
@@ -105,7 +112,8 @@ class SpecialBonds:
         return set(self.lj) | set(self.coul) == {1.0}
 
     def prepare(self, frame, keep_excluded: bool = False) -> _Weights | None:
-        """The weights for a frame; None if it has no bonds or nothing is weighted. `keep_excluded`: pairs of weight 0 stay in the list."""
+        """The weights for a frame; None if it has no bonds or nothing is weighted. `keep_excluded`: pairs of weight 0
+        stay in the list."""
         top = frame.topology
         ready = getattr(top, "special", None)  # those of a tile, see estimators.cutting
         if ready is not None:
@@ -122,7 +130,8 @@ class SpecialBonds:
         return _Weights(self, frame.cell, *last[2:], keep_excluded)
 
     def lists(self, top, n):
-        """For every atom its special neighbours (CSR: start, neighbour), how many bonds apart they are (1, 2, 3), and `special_hints`."""
+        """For every atom its special neighbours (CSR: start, neighbour), how many bonds apart they are (1, 2, 3), and
+        `special_hints`."""
         bonds = np.unique(np.sort(np.asarray(top.bonds, np.int64), axis=1), axis=0)
         start, other = _neighbours(bonds, n)
         a, d = np.asarray(top.angles, np.int64), np.asarray(top.dihedrals, np.int64)
@@ -154,14 +163,30 @@ class _Weights:
         self.half = np.where(cell.periodic, edge / 2.0, np.inf)
 
     def weigh(self, ws, n: int):
-        """Weights (lj, coul) of the first n pairs of a workspace, empty if all are 1; pairs of weight 0 are dropped from it (unless kept).
+        """Weights (lj, coul) of the first n pairs of a workspace, empty if all are 1; pairs of weight 0 are dropped
+        from it (unless kept).
 
         Returns the new n first.
         """
         lj, coul = (np.zeros(0), np.zeros(0)) if self.plain else (np.empty(n), np.empty(n))
         n = _weigh(
-            ws.i, ws.j, ws.r, ws.d2, n, self.start, self.other, self.apart, self.hints, self.lj, self.coul, self.turn, self.half, self.keep, lj, coul
-        )  # fmt: skip
+            ws.i,
+            ws.j,
+            ws.r,
+            ws.d2,
+            n,
+            self.start,
+            self.other,
+            self.apart,
+            self.hints,
+            self.lj,
+            self.coul,
+            self.turn,
+            self.half,
+            self.keep,
+            lj,
+            coul,
+        )
         return n, lj[:n], coul[:n]
 
 
@@ -251,7 +276,8 @@ def _room(out, apart, m):
 
 @njit(cache=True, error_model="numpy")
 def special_hints(start, other):
-    """For every atom a word with the bits (neighbour mod 64) of its special neighbours set: most pairs are seen not to be special from it."""
+    """For every atom a word with the bits (neighbour mod 64) of its special neighbours set: most pairs are seen not to
+    be special from it."""
     bits = np.zeros(len(start) - 1, np.uint64)
     for i in range(len(bits)):
         for k in range(start[i], start[i + 1]):

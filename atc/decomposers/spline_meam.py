@@ -1,4 +1,5 @@
-"""Embedded atom with angular densities given by splines (LAMMPS ``meam/spline``), and with an angular energy beside them (``meam/sw/spline``)."""
+"""Embedded atom with angular densities given by splines (LAMMPS ``meam/spline``), and with an angular energy beside
+them (``meam/sw/spline``)."""
 
 from __future__ import annotations
 
@@ -33,7 +34,8 @@ class Spline:
             return not np.isfinite(np.diff(self.y) / np.diff(self.x) ** 3).all()
 
     def rows(self, length: float = 1.0, value: float = 1.0) -> np.ndarray:
-        """(knots, 5): where each piece begins and its polynomial in what is beyond that, highest power first; the argument and the value in other units.
+        """(knots, 5): where each piece begins and its polynomial in what is beyond that, highest power first; the
+        argument and the value in other units.
 
         The first row is the line below the first knot, the last the line above the last.
         """
@@ -51,7 +53,8 @@ class Spline:
 
 @dataclass
 class SplineMEAMFunctions:
-    """names (None: any one); phi, g : one for each pair of elements in the order 11, 12, .., 22, ..; rho, U, f : one for each element; F, G : of ``meam/sw/spline``."""
+    """names (None: any one); phi, g : one for each pair of elements in the order 11, 12, .., 22, ..; rho, U, f : one
+    for each element; F, G : of ``meam/sw/spline``."""
 
     names: list[str] | None
     phi: list[Spline]
@@ -75,7 +78,8 @@ def read_spline_meam(
     text = read_parameter_file(path, "spline MEAM", where)
     if units_tag(text) not in (None, units_name):
         raise AtcError(
-            f"{path}: this file is in {units_tag(text)!r} units and the model in {units_name!r}: LAMMPS does not convert spline MEAM files"
+            f"{path}: this file is in {units_tag(text)!r} units and the model in {units_name!r}: LAMMPS does not "
+            "convert spline MEAM files"
         )
     # The first line is a comment.
     lines = [(k, w) for k, line in enumerate(text.splitlines()[1:], 2) if (w := line.split())]
@@ -119,7 +123,8 @@ def read_spline_meam(
         place = 1
         if len(words) < 3 or not words[1].isdigit() or len(words) != 2 + int(words[1]):
             raise AtcError(
-                f"{path}:{number}: expected meam/spline, the number of elements and their names, got {' '.join(words)!r}"
+                f"{path}:{number}: expected meam/spline, the number of elements and their names, got "
+                f"{' '.join(words)!r}"
             )
         names = words[2:]
     m = 1 if names is None else len(names)
@@ -135,21 +140,23 @@ def read_spline_meam(
 
 
 class SplineMEAM(Centred):
-    """U = Σ_pairs φ(d) + Σ_i [U_i(n_i) − U_i(0)], n_i = Σ_j ρ_j(d_ij) + Σ_{j<k} f_j(d_ij) f_k(d_ik) g_jk(cos θ_jik), all cubic splines; with F and G also
-    Σ_i Σ_{j<k} F(d_ij) F(d_ik) G(cos θ_jik).
+    """U = Σ_pairs φ(d) + Σ_i [U_i(n_i) − U_i(0)], n_i = Σ_j ρ_j(d_ij) + Σ_{j<k} f_j(d_ij) f_k(d_ik) g_jk(cos θ_jik),
+    all cubic splines; with F and G also Σ_i Σ_{j<k} F(d_ij) F(d_ik) G(cos θ_jik).
 
-    G follows from arms and cosines, cos θ = (ξ_ij + ξ_ik − ξ_jk)/(d_ij d_ik). The energies of an atom's density and angles belong to it, half of φ to each end, as
-    in LAMMPS.
+    G follows from arms and cosines, cos θ = (ξ_ij + ξ_ik − ξ_jk)/(d_ij d_ik). The energies of an atom's density and
+    angles belong to it, half of φ to each end, as in LAMMPS.
 
     Parameters
     ----------
     functions : SplineMEAMFunctions in `units`
-    elements : the element of each atom type, from type 1; None or "NULL" leaves a type out. Default: every atom is the first element.
+    elements : the element of each atom type, from type 1; None or "NULL" leaves a type out. Default: every atom is the
+        first element.
     units : the default has eV and Å
 
     Notes
     -----
-    Source: Lenosky et al., Modell. Simul. Mater. Sci. Eng. 8, 825 (2000); Zhang & Trinkle, Comput. Mater. Sci. 124, 204 (2016); Nicklas, Fellinger & Park.
+    Source: Lenosky et al., Modell. Simul. Mater. Sci. Eng. 8, 825 (2000); Zhang & Trinkle, Comput. Mater. Sci. 124, 204
+    (2016); Nicklas, Fellinger & Park.
     """
 
     def __init__(self, functions: SplineMEAMFunctions, elements=None, *, units: str | Units = "metal"):
@@ -180,20 +187,42 @@ class SplineMEAM(Centred):
     def from_file(
         cls, path, elements=None, *, units: str | Units = "metal", stillinger_weber: bool = False, where: str = ""
     ) -> SplineMEAM:
-        """From a LAMMPS file: ``SplineMEAM.from_file("Ti.meam.spline", ["Ti"])``. where : the line that names it, for messages."""
+        """From a LAMMPS file: ``SplineMEAM.from_file("Ti.meam.spline", ["Ti"])``. where : the line that names it, for
+        messages."""
         return cls(read_spline_meam(path, system(units).name, stillinger_weber, where), elements, units=units)
 
     def describe(self) -> str:
-        return f"{self.style}{self.map.describe()}, energies of density and angles to their own atom, pair energy shared half to each; outer bonds apart"
+        return (
+            f"{self.style}{self.map.describe()}, energies of density and angles to their own atom, pair energy shared "
+            "half to each; outer bonds apart"
+        )
 
     def pairs(self, near, element, p0, p1, G_p, energies):
         return _pairs(p0, p1, near.a, near.b, near.d_p, element, self.phi, self.index, near.atom, G_p, energies)
 
     def centres(self, near, element, s0, s1, most, *out):
         return _centres(
-            s0, s1, most, near.start, near.pair, near.end, near.a, near.b, near.r_pc, near.d_p, element, self.index, self.rho, self.U, self.f, self.g,
-            self.F, self.G, near.atom, *out,
-        )  # fmt: skip
+            s0,
+            s1,
+            most,
+            near.start,
+            near.pair,
+            near.end,
+            near.a,
+            near.b,
+            near.r_pc,
+            near.d_p,
+            element,
+            self.index,
+            self.rho,
+            self.U,
+            self.f,
+            self.g,
+            self.F,
+            self.G,
+            near.atom,
+            *out,
+        )
 
 
 def _stack(rows: list[np.ndarray]) -> np.ndarray:
@@ -244,8 +273,34 @@ def _pairs(p0, p1, a, b, d, element, phi, index, atom, G, energies):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _centres(
-    s0, s1, most, start, pair, end, a, b, r, d, element, index, rho, U, f, g, F, G, atom, G_end, S_end, out_i, out_j, out_r, out_G, out_D, energies
-):  # fmt: skip
+    s0,
+    s1,
+    most,
+    start,
+    pair,
+    end,
+    a,
+    b,
+    r,
+    d,
+    element,
+    index,
+    rho,
+    U,
+    f,
+    g,
+    F,
+    G,
+    atom,
+    G_end,
+    S_end,
+    out_i,
+    out_j,
+    out_r,
+    out_G,
+    out_D,
+    energies,
+):
     sources = len(S_end) > 0
     angles = len(F) > 0
     who, arm, dist = np.empty(most, np.int32), np.empty((most, 3)), np.empty(most)
@@ -324,7 +379,8 @@ def _build(inp, ending, stillinger_weber):
                 f"{inp.command}: LAMMPS wants one atom type for each element of the file: write {names}", line
             )
         warnings.warn(
-            f"{line.where}: LAMMPS's meam/spline gives the atom types the elements of the file in its order ({names}), whatever the line says, and so does this",
+            f"{line.where}: LAMMPS's meam/spline gives the atom types the elements of the file in its order "
+            f"({names}), whatever the line says, and so does this",
             AtcWarning,
             stacklevel=2,
         )

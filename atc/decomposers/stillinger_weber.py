@@ -1,11 +1,13 @@
 """Stillinger-Weber: a two-body term and a three-body term that prefers one bond angle (LAMMPS ``pair_style sw``).
 
-A frame is done in four stages, so that each pair of neighbours becomes *one* bond that carries the two-body force and everything that the
-triplets at both of its ends add to it:
+A frame is done in four stages, so that each pair of neighbours becomes *one* bond that carries the two-body force and
+everything that the triplets at both of its ends add to it:
 
-0. pairs: the half neighbour list, with what depends on one distance only (one square root and at most three exponentials a pair);
+0. pairs: the half neighbour list, with what depends on one distance only (one square root and at most three
+  exponentials a pair);
 1. join: which pairs meet at which atom;
-2. triplets: around each atom, G of the two arms into slots of their own (one for each end of a pair: no two threads meet), and the outer
+2. triplets: around each atom, G of the two arms into slots of their own (one for each end of a pair: no two threads
+  meet), and the outer
    distances b–c as bonds of their own;
 3. merge: two-body + both slots, one bond a pair.
 """
@@ -32,24 +34,30 @@ from .twin_entries import agree
 
 
 class StillingerWeber(Term):
-    """U = Σ_pairs A ε [B (σ/d)^p − (σ/d)^q] exp(σ/(d − aσ)) + Σ_triplets λ ε (cos θ − cos θ0)² exp(γσ/(d_ab − aσ)) exp(γσ/(d_ac − aσ)).
+    """U = Σ_pairs A ε [B (σ/d)^p − (σ/d)^q] exp(σ/(d − aσ)) + Σ_triplets λ ε (cos θ − cos θ0)² exp(γσ/(d_ab − aσ))
+    exp(γσ/(d_ac − aσ)).
 
-    Both sums are over distances below aσ (below LAMMPS's shortened cutoff for ``tol`` > 0), where every derivative vanishes; at and beyond it the
-    terms are exactly 0. Half of a pair's energy goes to each end, a third of a triplet's to each of its atoms (`partition`).
+    Both sums are over distances below aσ (below LAMMPS's shortened cutoff for ``tol`` > 0), where every derivative
+    vanishes; at and beyond it the terms are exactly 0. Half of a pair's energy goes to each end, a third of a triplet's
+    to each of its atoms (`partition`).
 
-    G of a triplet around a, with h the two exponentials and δ = cos θ − cos θ0 (never divided by: δ = 0 is the perfect crystal):
-    G_bc = −2 λε h_b h_c δ / (d_ab d_ac), G_ab = 2 λε h_b h_c δ (1/(d_ab d_ac) − cos θ/d_ab²) − λε h_b h_c δ² γσ/(d_ab (d_ab − aσ)²).
+    G of a triplet around a, with h the two exponentials and δ = cos θ − cos θ0 (never divided by: δ = 0 is the perfect
+    crystal): G_bc = −2 λε h_b h_c δ / (d_ab d_ac), G_ab = 2 λε h_b h_c δ (1/(d_ab d_ac) − cos θ/d_ab²) − λε h_b h_c δ²
+    γσ/(d_ab (d_ab − aσ)²).
 
     Parameters
     ----------
-    epsilon, sigma, a, lam (λ), gamma, costheta0, A, B, p, q, tol : floats, the numbers of a line of LAMMPS's file, for one element;
+    epsilon, sigma, a, lam (λ), gamma, costheta0, A, B, p, q, tol : floats, the numbers of a line of LAMMPS's file, for
+    one element;
         epsilon (energy) and sigma (length) in `units`
     units : unit style of epsilon and sigma; the default has eV and Å
-    elements : which atom types take part, from type 1: e.g. ``["Si", None]`` leaves out type 2. Default: atoms of every type are this element.
+    elements : which atom types take part, from type 1: e.g. ``["Si", None]`` leaves out type 2. Default: atoms of every
+        type are this element.
     threebody : False leaves out the triplets (LAMMPS's ``threebody off``)
-    partition : how a triplet's energy is shared among its atoms: "equal" (a third each, as LAMMPS), "center" (all to the atom at the centre), or
-        the centre's share and that of each of the other two, which with it add up to 1: (0.5, 0.25, 0.25). Stress and total energy do not depend
-        on it; heat flux and churning do.
+    partition : how a triplet's energy is shared among its atoms: "equal" (a third each, as LAMMPS), "center" (all to
+        the atom at the centre), or
+        the centre's share and that of each of the other two, which with it add up to 1: (0.5, 0.25, 0.25). Stress and
+        total energy do not depend on it; heat flux and churning do.
 
     Raises
     ------
@@ -57,7 +65,8 @@ class StillingerWeber(Term):
 
     Notes
     -----
-    Several elements: `from_file`, `from_entries`. Source: Stillinger & Weber, Phys. Rev. B 31, 5262 (1985); R 4.0.150-4.0.155 corrected.
+    Several elements: `from_file`, `from_entries`. Source: Stillinger & Weber, Phys. Rev. B 31, 5262 (1985); R
+    4.0.150-4.0.155 corrected.
     """
 
     part_name = "sw"
@@ -68,14 +77,30 @@ class StillingerWeber(Term):
     partitions = MappingProxyType({"equal": "equal", "center": "center"})
 
     def __init__(
-        self, epsilon, sigma, a, lam, gamma, costheta0, A, B, p, q, tol=0.0, *, units: str | Units = "metal", elements=None, threebody=True,
+        self,
+        epsilon,
+        sigma,
+        a,
+        lam,
+        gamma,
+        costheta0,
+        A,
+        B,
+        p,
+        q,
+        tol=0.0,
+        *,
+        units: str | Units = "metal",
+        elements=None,
+        threebody=True,
         partition="equal",
-    ):  # fmt: skip
+    ):
         entry = SWEntry(*(float(v) for v in (epsilon, sigma, a, lam, gamma, costheta0, A, B, p, q, tol)))
         name = next((e for e in elements or () if e is not None), "X")
         if elements is not None and len({e for e in elements if e is not None}) > 1:
             raise AtcError(
-                f"{entry.where}: one set of numbers is one element, got {elements}: use StillingerWeber.from_entries for several"
+                f"{entry.where}: one set of numbers is one element, got {elements}: use StillingerWeber.from_entries "
+                "for several"
             )
         self._build({(name, name, name): entry}, elements, units, threebody, partition)
 
@@ -83,8 +108,8 @@ class StillingerWeber(Term):
     def from_entries(
         cls, entries: dict, elements, *, units: str | Units = "metal", threebody: bool = True, partition="equal"
     ) -> StillingerWeber:
-        """Several elements. `entries` maps (elem1, elem2, elem3), elem1 at the centre, to `SWEntry` or dicts of its fields; `elements` names the
-        element of each atom type from 1, None for types left out."""
+        """Several elements. `entries` maps (elem1, elem2, elem3), elem1 at the centre, to `SWEntry` or dicts of its
+        fields; `elements` names the element of each atom type from 1, None for types left out."""
         self = cls.__new__(cls)
         self._build(
             {tuple(k): v if isinstance(v, SWEntry) else SWEntry(**v) for k, v in entries.items()},
@@ -107,15 +132,18 @@ class StillingerWeber(Term):
         least_types: int = 0,
         where: str = "",
     ) -> StillingerWeber:
-        """From a LAMMPS parameter file, e.g. ``StillingerWeber.from_file("Si.sw", ["Si"])``. See `read_sw_file` for its units.
+        """From a LAMMPS parameter file, e.g. ``StillingerWeber.from_file("Si.sw", ["Si"])``. See `read_sw_file` for its
+        units.
 
         elements : the element of each atom type from 1; ``"NULL"`` or None leaves a type out.
-        least_types, where : for checks and messages: how many types are known to exist, and the line that names the elements
+        least_types, where : for checks and messages: how many types are known to exist, and the line that names the
+            elements
         """
         elements = [None if e in (None, "NULL") else e for e in elements]
         if len(elements) < least_types:
             raise AtcError(
-                f"{where or path}: pair_style {cls.style} needs one element (or NULL) for each of the {least_types} atom types, found {len(elements)}"
+                f"{where or path}: pair_style {cls.style} needs one element (or NULL) for each of the {least_types} "
+                f"atom types, found {len(elements)}"
             )
         used = dict.fromkeys(e for e in elements if e is not None)
         if not used:
@@ -124,7 +152,8 @@ class StillingerWeber(Term):
         for triple in product(used, repeat=3):
             if triple not in entries:
                 raise AtcError(
-                    f"{path}: no entry for {' '.join(triple)}, which {where or 'the list of elements'} needs; a file must have every combination"
+                    f"{path}: no entry for {' '.join(triple)}, which {where or 'the list of elements'} needs; a file "
+                    "must have every combination"
                 )
         return cls.from_entries(entries, elements, units=units, threebody=threebody, partition=partition)
 
@@ -145,7 +174,8 @@ class StillingerWeber(Term):
                 v = getattr(e, key.name)
                 if not np.isfinite(v) or (v < 0 and key.name != "costheta0"):
                     raise AtcError(
-                        f"{e.where}: {key.name} of {' '.join(triple)} must be a finite number that is not negative, got {v}"
+                        f"{e.where}: {key.name} of {' '.join(triple)} must be a finite number that is not negative, "
+                        f"got {v}"
                     )
         names = (
             list(dict.fromkeys(k[0] for k in entries))
@@ -155,7 +185,8 @@ class StillingerWeber(Term):
         self.elements = elements
         self.names = names
         self.threebody = bool(threebody)
-        #: outer bonds with |G| at or below this are left out (unless energy sources are wanted). 0 drops what is exactly zero and nothing else.
+        #: outer bonds with |G| at or below this are left out (unless energy sources are wanted). 0 drops what is
+        #: exactly zero and nothing else.
         self.prune = 0.0
         # Element of each type, from 1; −1 takes no part. An entry 0 for "every type".
         self.element_of_type = (
@@ -173,15 +204,24 @@ class StillingerWeber(Term):
             with np.errstate(over="ignore", invalid="ignore"):
                 powers = np.power(sigma, [e.p, e.q])
                 self.pair[ia, ib] = (
-                    _list_cutoff(e, sigma), cut, sigma, e.A * energy * e.B * powers[0], e.A * energy * powers[1], e.p, e.q, e.gamma * sigma,
-                )  # fmt: skip
+                    _list_cutoff(e, sigma),
+                    cut,
+                    sigma,
+                    e.A * energy * e.B * powers[0],
+                    e.A * energy * powers[1],
+                    e.p,
+                    e.q,
+                    e.gamma * sigma,
+                )
             if not np.isfinite(self.pair[ia, ib, 3:]).all():
                 raise AtcError(
-                    f"{e.where}: the entry {a} {b} {b} gives no finite energy: A, B, epsilon or the powers p and q of sigma are too large"
+                    f"{e.where}: the entry {a} {b} {b} gives no finite energy: A, B, epsilon or the powers p and q of "
+                    "sigma are too large"
                 )
             if not 0 < self.pair[ia, ib, 0] < np.inf:
                 raise AtcError(
-                    f"{e.where}: a·sigma must be a positive length in the entry {a} {b} {b} (its cutoff), got {e.a} · {e.sigma}"
+                    f"{e.where}: a·sigma must be a positive length in the entry {a} {b} {b} (its cutoff), got {e.a} · "
+                    f"{e.sigma}"
                 )
             for ic, c in enumerate(names):
                 t = self._entry(entries, a, b, c)
@@ -210,17 +250,23 @@ class StillingerWeber(Term):
                 self.pair[i, j, :7], self.pair[j, i, :7], what, self._two_body, self.units.label("energy")
             ):
                 raise AtcError(
-                    f"{e.where} and {f.where}: the entries {names[i]} {names[j]} {names[j]} and {names[j]} {names[i]} {names[i]} give different two-body terms or cutoffs "
+                    f"{e.where} and {f.where}: the entries {names[i]} {names[j]} {names[j]} and {names[j]} {names[i]} "
+                    f"{names[i]} give different two-body terms or cutoffs "
                     "for the same pair, of which LAMMPS takes one by the atoms' numbers: make them equal"
                 )
             for k in range(j + 1, len(names)):
                 x, y = self.triplet[i, j, k], self.triplet[i, k, j]
                 e, f = entries[names[i], names[j], names[k]], entries[names[i], names[k], names[j]]
-                what = f"{e.where} and {f.where}: lambda*epsilon or costheta0 of {names[j]}-{names[i]}-{names[k]} in both entries"
+                what = (
+                    f"{e.where} and {f.where}: lambda*epsilon or costheta0 of {names[j]}-{names[i]}-{names[k]} in "
+                    "both entries"
+                )
                 if not agree(x, y, what):
                     raise AtcError(
-                        f"{e.where} and {f.where}: the entries {names[i]} {names[j]} {names[k]} and {names[i]} {names[k]} {names[j]} give different lambda*epsilon or "
-                        "costheta0 for the same triplet, of which LAMMPS takes one by the order of its neighbour list: make them equal"
+                        f"{e.where} and {f.where}: the entries {names[i]} {names[j]} {names[k]} and {names[i]} "
+                        f"{names[k]} {names[j]} give different lambda*epsilon or "
+                        "costheta0 for the same triplet, of which LAMMPS takes one by the order of its neighbour "
+                        "list: make them equal"
                     )
                 self.triplet[i, j, k] = self.triplet[i, k, j] = 0.5 * (x + y)
         mean = 0.5 * (self.pair + self.pair.transpose(1, 0, 2))
@@ -234,7 +280,10 @@ class StillingerWeber(Term):
 
     def describe(self) -> str:
         what = f"{self.style} {'-'.join(str(n) for n in self.names)}" if self.elements is not None else self.style
-        share = f"pair energy shared half to each atom, triplet energy {self.shared}; one merged bond a pair, outer b-c bonds apart"
+        share = (
+            f"pair energy shared half to each atom, triplet energy {self.shared}; one merged bond a pair, outer b-c "
+            "bonds apart"
+        )
         return (
             f"{what}, {share}"
             if self.threebody
@@ -250,7 +299,8 @@ def _units_name(u) -> str:
 
 
 def _list_cutoff(e: SWEntry, sigma: float) -> float:
-    """The distance from which on LAMMPS leaves a pair out: aσ, or less by what makes exp(σ/(d − aσ)) smaller than tol."""
+    """The distance from which on LAMMPS leaves a pair out: aσ, or less by what makes exp(σ/(d − aσ)) smaller than
+    tol."""
     cut = e.a * sigma
     if e.tol > 0:
         cut += (e.gamma if e.gamma < 1.0 else 1.0) * sigma / np.log(min(e.tol, 0.01))
@@ -267,7 +317,8 @@ class _SWWork(Work):
         else:
             if n and frame.types.max() >= len(term.element_of_type):
                 raise AtcError(
-                    f"{frame.source}: atoms of type {int(frame.types.max())} but pair_style {term.style} names the elements of types 1 to {len(term.element_of_type) - 1}: name the others too, "
+                    f"{frame.source}: atoms of type {int(frame.types.max())} but pair_style {term.style} names the "
+                    f"elements of types 1 to {len(term.element_of_type) - 1}: name the others too, "
                     "or NULL"
                 )
             if n and frame.types.min() < 1:
@@ -276,7 +327,8 @@ class _SWWork(Work):
             self.who = None if (element_n >= 0).all() else np.flatnonzero(element_n >= 0).astype(np.int32)
         x = frame.positions if self.who is None else frame.positions[self.who]
         self.list = cells = cell_list(x, frame.cell, term.cutoff, self.who)
-        # Inside this term an atom's name is its place in the sorted list, which is near its neighbours' places; `atom` gives the frame's.
+        # Inside this term an atom's name is its place in the sorted list, which is near its neighbours' places; `atom`
+        # gives the frame's.
         atom = cells.order
         self.element = element_n[atom] if self.who is None else element_n[self.who[atom]]
         self.atom = atom if self.who is None else self.who[atom]
@@ -301,10 +353,12 @@ class _SWWork(Work):
             d = ws.d2[bad] ** 0.5
             if d == 0.0:
                 raise AtcError(
-                    f"{self.frame.source}: atoms {a} and {b} are at the same place, where the Stillinger-Weber force is undefined; remove one of them"
+                    f"{self.frame.source}: atoms {a} and {b} are at the same place, where the Stillinger-Weber force "
+                    "is undefined; remove one of them"
                 )
             raise AtcError(
-                f"{self.frame.source}: the Stillinger-Weber force between atoms {a} and {b} at distance {d:.3g} is not a finite number"
+                f"{self.frame.source}: the Stillinger-Weber force between atoms {a} and {b} at distance {d:.3g} is "
+                "not a finite number"
             )
         acc.energy += energy
         if term.threebody:
@@ -336,9 +390,30 @@ class _SWWork(Work):
         energies = acc.energies if acc.energies is not None else _NOTHING
         D = np.empty((self.room, 2, 3)) if acc.sources else None
         m, energy, odd = sw_triplets(
-            term.angular, s0, s1, self.out_start, self.in_start, self.in_pair, self.a, self.b, self.rec, self.element, term.triplet, self.atom, self.most, term.prune,
-            *term.weights, self.G_end, self.S_end, ws.i, ws.j, ws.r, ws.G, D, energies,
-        )  # fmt: skip
+            term.angular,
+            s0,
+            s1,
+            self.out_start,
+            self.in_start,
+            self.in_pair,
+            self.a,
+            self.b,
+            self.rec,
+            self.element,
+            term.triplet,
+            self.atom,
+            self.most,
+            term.prune,
+            *term.weights,
+            self.G_end,
+            self.S_end,
+            ws.i,
+            ws.j,
+            ws.r,
+            ws.G,
+            D,
+            energies,
+        )
         acc.energy += energy
         acc.note(ODD.get(term.angular, ""), odd)
         return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], None if D is None else D[:m])
@@ -363,12 +438,12 @@ _TRIPLETS_PER_TASK = 1 << 16
 
 
 class StillingerWeberMod(StillingerWeber):
-    """`StillingerWeber` with [g_C(δ) δ]² for δ² = (cos θ − cos θ0)², g_C = 1 up to |δ| = δ1, 0 from δ2 on, ½ + ½ cos(π (|δ| − δ1)/(δ2 − δ1)) between, so that
-    sheets of atoms with two kinds of angles hold together (LAMMPS ``sw/mod``).
+    """`StillingerWeber` with [g_C(δ) δ]² for δ² = (cos θ − cos θ0)², g_C = 1 up to |δ| = δ1, 0 from δ2 on, ½ + ½ cos(π
+    (|δ| − δ1)/(δ2 − δ1)) between, so that sheets of atoms with two kinds of angles hold together (LAMMPS ``sw/mod``).
 
-    Between δ1 and δ2 LAMMPS's forces have 2 g_C δ where the derivative of the energy is 2 g_C δ (g_C + δ g_C'): its runs do not conserve energy while a triplet
-    passes there. Forces and stress are those of the run, energies too; the balance of energy is broken by as much as the run broke it, and a note counts
-    such triplets.
+    Between δ1 and δ2 LAMMPS's forces have 2 g_C δ where the derivative of the energy is 2 g_C δ (g_C + δ g_C'): its
+    runs do not conserve energy while a triplet passes there. Forces and stress are those of the run, energies too; the
+    balance of energy is broken by as much as the run broke it, and a note counts such triplets.
 
     Parameters
     ----------
@@ -432,7 +507,8 @@ def _from_line(inp, kind, **more):
         )
     if len(line.words) < 2:
         raise inp.error(
-            f"pair_coeff * * of {inp.name} takes a file and the element of each atom type, got {' '.join(line.words) or 'nothing'}",
+            f"pair_coeff * * of {inp.name} takes a file and the element of each atom type, got "
+            f"{' '.join(line.words) or 'nothing'}",
             line,
         )
     return kind.from_file(

@@ -1,4 +1,5 @@
-"""Loops of Stillinger-Weber over pairs, triplets and merged bonds; see `atc.decomposers.stillinger_weber` for the formulas and the stages."""
+"""Loops of Stillinger-Weber over pairs, triplets and merged bonds; see `atc.decomposers.stillinger_weber` for the
+formulas and the stages."""
 
 from __future__ import annotations
 
@@ -27,9 +28,11 @@ def _power(s, p):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def sw_pairs(a, b, r, d2, n, element, table, same_ends, atom, rec, G, energies):
-    """Two-body energies and G, and the record (x, y, z, 1/d, h, −dlnh/dξ for triplets around a; the same two around b) of every pair within reach.
+    """Two-body energies and G, and the record (x, y, z, 1/d, h, −dlnh/dξ for triplets around a; the same two around b)
+    of every pair within reach.
 
-    Compacts a, b, rec, G to the pairs in reach. Returns their number, the energy, and the first pair that is not finite (−1: none).
+    Compacts a, b, rec, G to the pairs in reach. Returns their number, the energy, and the first pair that is not finite
+    (−1: none).
     """
     m = 0
     total = 0.0
@@ -75,7 +78,8 @@ def sw_pairs(a, b, r, d2, n, element, table, same_ends, atom, rec, G, energies):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def sw_index(a, b, n):
-    """Pairs that start at an atom (they are sorted by a) and those that end there: out_start (n+1,), in_start (n+1,), in_pair (pairs,)."""
+    """Pairs that start at an atom (they are sorted by a) and those that end there: out_start (n+1,), in_start (n+1,),
+    in_pair (pairs,)."""
     out_start = np.zeros(n + 1, np.int64)
     in_start = np.zeros(n + 2, np.int64)
     for p in range(len(a)):
@@ -93,7 +97,8 @@ def sw_index(a, b, n):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def sw_runs(out_start, in_start, limit):
-    """Runs of atoms with at most `limit` triplets (or one atom): their edges; the most neighbours of an atom; the most triplets of a run."""
+    """Runs of atoms with at most `limit` triplets (or one atom): their edges; the most neighbours of an atom; the most
+    triplets of a run."""
     n = len(out_start) - 1
     edges = [0]
     most = 0
@@ -139,21 +144,47 @@ def _angular(kind, cos, row):
         if size >= row[3]:
             return 0.0, 0.0
         if size > row[2]:
-            # LAMMPS's force has the derivative 2 g_C δ here, as if g_C were constant and once only; its runs went by that.
+            # LAMMPS's force has the derivative 2 g_C δ here, as if g_C were constant and once only; its runs went by
+            # that.
             delta *= 0.5 + 0.5 * np.cos(np.pi * (size - row[2]) / (row[3] - row[2]))
     return delta * delta, 2.0 * delta
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def sw_triplets(
-    angular, s0, s1, out_start, in_start, in_pair, a, b, rec, element, table, atom, most, prune, w_centre, w_end, G_end, S_end, out_i, out_j, out_r, out_G, out_D, energies
-):  # fmt: skip
-    """All triplets around the atoms s0..s1: G of the arms into G_end (pair, which end is the centre), outer distances to the out arrays.
+    angular,
+    s0,
+    s1,
+    out_start,
+    in_start,
+    in_pair,
+    a,
+    b,
+    rec,
+    element,
+    table,
+    atom,
+    most,
+    prune,
+    w_centre,
+    w_end,
+    G_end,
+    S_end,
+    out_i,
+    out_j,
+    out_r,
+    out_G,
+    out_D,
+    energies,
+):
+    """All triplets around the atoms s0..s1: G of the arms into G_end (pair, which end is the centre), outer distances
+    to the out arrays.
 
-    angular : which angular function A(cos θ), whose numbers are in table[centre, b, c, 1:], beside the strength in front; U = strength h_b h_c A.
-    Returns the number of outer bonds, the energy, and how many triplets were odd (`_odd`).
-    S_end and out_D are None where no sources are wanted: numba then leaves those branches out of the machine code. With U the energy of a triplet
-    and w its atoms' shares, the source of the ordered pair p, q is ∂U^(p)/∂x_q = w_p ∂U/∂x_q.
+    angular : which angular function A(cos θ), whose numbers are in table[centre, b, c, 1:], beside the strength in
+        front; U = strength h_b h_c A. Returns the number of outer bonds, the energy, and how many triplets were odd
+        (`_odd`).
+    S_end and out_D are None where no sources are wanted: numba then leaves those branches out of the machine code. With
+    U the energy of a triplet and w its atoms' shares, the source of the ordered pair p, q is ∂U^(p)/∂x_q = w_p ∂U/∂x_q.
     """
     who = np.empty(most, np.int32)
     pair = np.empty(most, np.int64)

@@ -13,7 +13,8 @@ _WHAT = "Stillinger-Weber"
 
 @dataclass(frozen=True)
 class SWEntry:
-    """One line of a parameter file, ``elem1 elem2 elem3`` with elem1 at the centre: see `StillingerWeber` for the meaning of the numbers."""
+    """One line of a parameter file, ``elem1 elem2 elem3`` with elem1 at the centre: see `StillingerWeber` for the
+    meaning of the numbers."""
 
     epsilon: float
     sigma: float
@@ -36,8 +37,10 @@ def read_sw_file(path, elements, units_name: str, where: str = "") -> dict:
     ----------
     path : str or Path
     elements : collection of str, the elements in use; entries with any other element are skipped, as LAMMPS does
-    units_name : unit style the result is wanted in. A ``UNITS:`` tag in the file's first line that differs is converted between metal and
-        real (energies times LAMMPS's own 23.060549), and refused otherwise. A file without tag is taken to be in `units_name`.
+    units_name : unit style the result is wanted in. A ``UNITS:`` tag in the file's first line that differs is converted
+        between metal and
+        real (energies times LAMMPS's own 23.060549), and refused otherwise. A file without tag is taken to be in
+        `units_name`.
     where : file and line that named this file, for messages
 
     Returns

@@ -105,7 +105,8 @@ def _parameters(words, where) -> tuple[TableSection, int]:
                 s.fprime, k = (float(words[k + 1]), float(words[k + 2])), k + 3
             else:
                 raise AtcError(
-                    f"{where}: {shortened(words[k])} in a table's parameters is not supported: expected N, R, RSQ, FPRIME"
+                    f"{where}: {shortened(words[k])} in a table's parameters is not supported: expected N, R, RSQ, "
+                    "FPRIME"
                 )
     except (IndexError, ValueError):
         raise AtcError(
@@ -124,8 +125,8 @@ def _parameters(words, where) -> tuple[TableSection, int]:
 class Table(PairStyle):
     """U and the force from tables, interpolated in d² (LAMMPS ``table linear N`` or ``table spline N``).
 
-    LAMMPS splines the given values over r, samples the spline at N points even in r², and interpolates those linearly or with cubic
-    splines in r²; energy and force are interpolated separately. So does this class.
+    LAMMPS splines the given values over r, samples the spline at N points even in r², and interpolates those linearly
+    or with cubic splines in r²; energy and force are interpolated separately. So does this class.
 
     Parameters
     ----------
@@ -255,7 +256,8 @@ class _Grid:
 def _table_style(inp: StyleInput):
     if len(inp.args) != 2 or inp.args[0] not in ("linear", "spline"):
         raise inp.error(
-            f"pair_style table {' '.join(inp.args)} is not supported: expected 'pair_style table linear N' or 'table spline N'"
+            f"pair_style table {' '.join(inp.args)} is not supported: expected 'pair_style table linear N' or 'table "
+            "spline N'"
         )
     n = inp.args[1]
     if not (n.isascii() and n.isdigit() and len(n) < 20) or int(n) < 2:

@@ -1,7 +1,8 @@
 """Tersoff's bond-order potential (LAMMPS ``pair_style tersoff``).
 
-A frame is done in four stages: the half neighbour list; which pairs meet at which atom; around each atom, the energies V_ij of its bonds with
-G of the arms into slots of their own (one for each end of a pair) and the outer distances as bonds of their own; one bond a pair.
+A frame is done in four stages: the half neighbour list; which pairs meet at which atom; around each atom, the energies
+V_ij of its bonds with G of the arms into slots of their own (one for each end of a pair) and the outer distances as
+bonds of their own; one bond a pair.
 """
 
 from __future__ import annotations
@@ -45,21 +46,26 @@ def _row(width, *values) -> np.ndarray:
 
 
 class Tersoff(Term):
-    """U = Σ_pairs f_C A exp(−λ1 d) − ½ Σ_{i≠j} f_C b_ij B exp(−λ2 d), b = (1 + βⁿ ζⁿ)^(−1/2n), ζ_ij = Σ_k f_C(d_ik) g(cos θ) exp[λ3^m (d_ij − d_ik)^m],
-    g = γ [1 + c²/d² − c²/(d² + (cos θ0 − cos θ)²)], f_C = 1 below R − D, 0 above R + D, ½ − ½ sin(π (r − R)/2D) between.
+    """U = Σ_pairs f_C A exp(−λ1 d) − ½ Σ_{i≠j} f_C b_ij B exp(−λ2 d), b = (1 + βⁿ ζⁿ)^(−1/2n), ζ_ij = Σ_k f_C(d_ik)
+    g(cos θ) exp[λ3^m (d_ij − d_ik)^m], g = γ [1 + c²/d² − c²/(d² + (cos θ0 − cos θ)²)], f_C = 1 below R − D, 0 above R
+    + D, ½ − ½ sin(π (r − R)/2D) between.
 
-    G of i–j, i–k and j–k follows from ∂ζ/∂ξ through cos θ and the two distances (formulas §2); every function and its slope vanish at R + D.
-    Limits of b for small and large ζ are LAMMPS's.
+    G of i–j, i–k and j–k follows from ∂ζ/∂ξ through cos θ and the two distances (formulas §2); every function and its
+    slope vanish at R + D. Limits of b for small and large ζ are LAMMPS's.
 
     Parameters
     ----------
-    entries : {(elem1, elem2, elem3): TersoffEntry or dict of its fields}, elem1 at the centre; lengths and energies in `units`
-    elements : the element of each atom type from 1, None or "NULL" for types left out; default: all atoms are the first entry's element
+    entries : {(elem1, elem2, elem3): TersoffEntry or dict of its fields}, elem1 at the centre; lengths and energies in
+        `units`
+    elements : the element of each atom type from 1, None or "NULL" for types left out; default: all atoms are the first
+        entry's element
     units : the default has eV and Å
-    partition : how V_ij = ½ f_C b_ij f_A, which depends on the neighbours of i, is shared: "pair" (half to i, half to j, as LAMMPS), "center" (all to
-        i), or two numbers that add up to 1. Atoms k that only weaken the bond have no share. Repulsion: half to each. Stress and total energy do not
-        depend on it; heat flux and churning do.
-    shift : δ: every distance d in the formulas (not in the angles) is replaced by d + δ (LAMMPS's ``shift``), in `units`
+    partition : how V_ij = ½ f_C b_ij f_A, which depends on the neighbours of i, is shared: "pair" (half to i, half to
+        j, as LAMMPS), "center" (all to
+        i), or two numbers that add up to 1. Atoms k that only weaken the bond have no share. Repulsion: half to each.
+        Stress and total energy do not depend on it; heat flux and churning do.
+    shift : δ: every distance d in the formulas (not in the angles) is replaced by d + δ (LAMMPS's ``shift``), in
+        `units`
 
     Notes
     -----
@@ -68,7 +74,8 @@ class Tersoff(Term):
 
     part_name = "tersoff"
     partitions = MappingProxyType({"equal": "pair", "center": "center"})
-    #: What a variant of the family changes: its name, the entries of its files, and the kernels' choice of cutoff, angular function and b(ζ).
+    #: What a variant of the family changes: its name, the entries of its files, and the kernels' choice of cutoff,
+    #: angular function and b(ζ).
     style = "tersoff"
     bodies = 3
     entry = TersoffEntry
@@ -120,7 +127,8 @@ class Tersoff(Term):
         )
 
     def between(self, e) -> np.ndarray:
-        """The row of `two` of an entry: R, D, A, λ1, B, λ2, and what b(ζ) needs; behind them c0, and strength, length, r_C, A_F of a ZBL core."""
+        """The row of `two` of an entry: R, D, A, λ1, B, λ2, and what b(ζ) needs; behind them c0, and strength, length,
+        r_C, A_F of a ZBL core."""
         u, energy, length = self.units, self.units.to_internal("energy", 1.0), self.units.to_internal("length", 1.0)
         c1, c2 = (
             ((2.0 * e.n * 1e-16) ** (-1.0 / e.n), (2.0 * e.n * 1e-8) ** (-1.0 / e.n)) if e.n > 0 else (np.inf, np.inf)
@@ -143,7 +151,8 @@ class Tersoff(Term):
         )
 
     def _symmetric(self, entries, names):
-        """The repulsion of a pair, which LAMMPS takes from one of two entries by the numbering of the atoms, must be the same in both."""
+        """The repulsion of a pair, which LAMMPS takes from one of two entries by the numbering of the atoms, must be
+        the same in both."""
         for i, j in product(range(len(names)), repeat=2):
             if j <= i:
                 continue
@@ -151,18 +160,21 @@ class Tersoff(Term):
             what = f"{e.where} and {f.where}: the repulsion of {names[i]} and {names[j]} in both entries"
             if not agree(self.two[i, j, :4], self.two[j, i, :4], what, self._repulsive, self.units.label("energy")):
                 raise AtcError(
-                    f"{e.where} and {f.where}: the entries {names[i]} {names[j]} {names[j]} and {names[j]} {names[i]} {names[i]} give different R, D, A or lambda1 for the "
+                    f"{e.where} and {f.where}: the entries {names[i]} {names[j]} {names[j]} and {names[j]} {names[i]} "
+                    f"{names[i]} give different R, D, A or lambda1 for the "
                     "repulsion of one pair, of which LAMMPS takes one by the atoms' numbers: make them equal"
                 )
             if j > i and not np.allclose(self.two[i, j, _CORE], self.two[j, i, _CORE], rtol=1e-5, atol=0):
                 e, f = entries[names[i], names[j], names[j]], entries[names[j], names[i], names[i]]
                 raise AtcError(
-                    f"{e.where} and {f.where}: different c0 or ZBL numbers for the repulsion of one pair: make them equal"
+                    f"{e.where} and {f.where}: different c0 or ZBL numbers for the repulsion of one pair: make them "
+                    "equal"
                 )
         self.repulsion = np.ascontiguousarray(0.5 * (self.two + self.two.transpose(1, 0, 2))[..., [0, 1, 2, 3, *_CORE]])
 
     def _repulsive(self, row):
-        """f_C A exp(−λ1 d) in the user's energy unit at distances from three quarters of the cutoff on, where bonds are."""
+        """f_C A exp(−λ1 d) in the user's energy unit at distances from three quarters of the cutoff on, where bonds
+        are."""
         R, D, A, lam1 = row[:4]
         d = np.linspace(0.75 * (R - D), R + D, 200)
         switch = np.where(
@@ -174,25 +186,31 @@ class Tersoff(Term):
     def from_file(
         cls, path, elements, *, units: str | Units = "metal", partition="pair", shift: float = 0.0, where: str = ""
     ) -> Tersoff:
-        """From a LAMMPS parameter file, e.g. ``Tersoff.from_file("Si.tersoff", ["Si"])``. where : the line that names it, for messages."""
+        """From a LAMMPS parameter file, e.g. ``Tersoff.from_file("Si.tersoff", ["Si"])``. where : the line that names
+        it, for messages."""
         used = dict.fromkeys(e for e in elements if e not in (None, "NULL"))
         entries = read_tersoff_file(path, used, system(units).name, where, cls.entry)
         for triple in product(used, repeat=3):
             if triple not in entries:
                 raise AtcError(
-                    f"{path}: no entry for {' '.join(triple)}, which {where or 'the list of elements'} needs; a file must have every combination"
+                    f"{path}: no entry for {' '.join(triple)}, which {where or 'the list of elements'} needs; a file "
+                    "must have every combination"
                 )
         return cls(entries, elements, units=units, partition=partition, shift=shift)
 
     def share(self, partition):
         if isinstance(partition, str) and partition == "equal":
             raise AtcError(
-                f"{self.style}: partition 'equal': a bond-order term has as many atoms as its bond has neighbours; use 'pair', 'center' or two numbers"
+                f"{self.style}: partition 'equal': a bond-order term has as many atoms as its bond has neighbours; "
+                "use 'pair', 'center' or two numbers"
             )
         self.weights, self.shared = weights_of(partition, 2, _PAIR, self.style)
 
     def describe(self) -> str:
-        return f"{self.style}{self.map.describe()}, {self.shared}, repulsion half to each atom; one merged bond a pair, outer j-k bonds apart"
+        return (
+            f"{self.style}{self.map.describe()}, {self.shared}, repulsion half to each atom; one merged bond a pair, "
+            "outer j-k bonds apart"
+        )
 
     def prepare(self, frame: Frame) -> Work:
         return _TersoffWork(self, frame)
@@ -227,9 +245,32 @@ class _TersoffWork(Work):
         D = np.empty((room, 2, 3)) if acc.sources else _NO_D
         energies = acc.energies if acc.energies is not None else _NOTHING
         m, energy = bond_orders(
-            term.form, term.shift, near.first[task], near.first[task + 1], most, near.start, near.pair, near.end, near.a, near.b, near.r_pc, near.d_p, self.element,
-            term.two, term.three, term.weights, near.atom, self.G_end, self.S_end, ws.i, ws.j, ws.r, ws.G, D, energies,
-        )  # fmt: skip
+            term.form,
+            term.shift,
+            near.first[task],
+            near.first[task + 1],
+            most,
+            near.start,
+            near.pair,
+            near.end,
+            near.a,
+            near.b,
+            near.r_pc,
+            near.d_p,
+            self.element,
+            term.two,
+            term.three,
+            term.weights,
+            near.atom,
+            self.G_end,
+            self.S_end,
+            ws.i,
+            ws.j,
+            ws.r,
+            ws.G,
+            D,
+            energies,
+        )
         acc.energy += energy
         return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
 
@@ -241,13 +282,31 @@ class _TersoffWork(Work):
         D = np.empty((p1 - p0, 2, 3)) if acc.sources else _NO_D
         energies = acc.energies if acc.energies is not None else _NOTHING
         m, energy, bad = merge(
-            self.term.form, self.term.shift, p0, p1, near.a, near.b, near.r_pc, near.d_p, self.element, self.term.repulsion, self.G_end, self.S_end, near.atom,
-            ws.i, ws.j, ws.r, ws.G, D, energies,
-        )  # fmt: skip
+            self.term.form,
+            self.term.shift,
+            p0,
+            p1,
+            near.a,
+            near.b,
+            near.r_pc,
+            near.d_p,
+            self.element,
+            self.term.repulsion,
+            self.G_end,
+            self.S_end,
+            near.atom,
+            ws.i,
+            ws.j,
+            ws.r,
+            ws.G,
+            D,
+            energies,
+        )
         if bad >= 0:
             a, b = self.frame.ids[near.atom[near.a[bad]]], self.frame.ids[near.atom[near.b[bad]]]
             raise AtcError(
-                f"{self.frame.source}: the Tersoff force between atoms {a} and {b} at distance {near.d_p[bad]:.3g} is not a finite number"
+                f"{self.frame.source}: the Tersoff force between atoms {a} and {b} at distance {near.d_p[bad]:.3g} is "
+                "not a finite number"
             )
         acc.energy += energy
         return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)

@@ -13,7 +13,8 @@ NUMBERS = ("m", "gamma", "lam3", "c", "d", "costheta0", "n", "beta", "lam2", "B"
 
 @dataclass(frozen=True)
 class TersoffEntry:
-    """One entry ``elem1 elem2 elem3``, elem1 at the centre, elem2 the bonded atom, elem3 the one that weakens the bond: see `Tersoff`."""
+    """One entry ``elem1 elem2 elem3``, elem1 at the centre, elem2 the bonded atom, elem3 the one that weakens the bond:
+    see `Tersoff`."""
 
     m: float
     gamma: float
@@ -51,10 +52,12 @@ class TersoffEntry:
 
 
 def read_tersoff_file(path, elements, units_name: str, where: str = "", kind=TersoffEntry) -> dict:
-    """{(elem1, elem2, elem3): TersoffEntry} of a LAMMPS ``.tersoff`` file for some elements, energies and lengths in `units_name`.
+    """{(elem1, elem2, elem3): TersoffEntry} of a LAMMPS ``.tersoff`` file for some elements, energies and lengths in
+    `units_name`.
 
     elements : the elements in use; entries with any other are skipped, as LAMMPS does
-    units_name : a ``UNITS:`` tag in the first line that differs is converted between metal and real (A and B), and refused otherwise
+    units_name : a ``UNITS:`` tag in the first line that differs is converted between metal and real (A and B), and
+        refused otherwise
     where : file and line that named this file, for messages
     kind : the class of the entries: what its file lists, in order, and which of it are energies
 

@@ -1,7 +1,9 @@
-"""Loops of bond-order potentials over the neighbours of an atom and over merged bonds; see `atc.decomposers.tersoff` for formulas and stages.
+"""Loops of bond-order potentials over the neighbours of an atom and over merged bonds; see `atc.decomposers.tersoff`
+for formulas and stages.
 
-Members of the family (Tersoff, its modification by Kumagai et al., Gao-Weber, those with a ZBL core) differ in the cutoff, the angular function, the
-function b(ζ) and the repulsion, which `form` = (cutoff, angular, order) and the columns of the tables choose; the sums are the same.
+Members of the family (Tersoff, its modification by Kumagai et al., Gao-Weber, those with a ZBL core) differ in the
+cutoff, the angular function, the function b(ζ) and the repulsion, which `form` = (cutoff, angular, order) and the
+columns of the tables choose; the sums are the same.
 """
 
 from __future__ import annotations
@@ -86,7 +88,8 @@ def _fermi(d, center, steep):
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _universal(d, strength, a):
-    """Coulomb energy of two nuclei screened by the universal function of Ziegler, Biersack and Littmark, and its slope."""
+    """Coulomb energy of two nuclei screened by the universal function of Ziegler, Biersack and Littmark, and its
+    slope."""
     x = d / a
     e1, e2, e3, e4 = (
         0.1818 * np.exp(-3.2 * x),
@@ -127,7 +130,8 @@ def bond_orders(
     out_D,
     energies,
 ):
-    """V_ij of the bonds of the atoms s0..s1 and its derivatives: arms into the slots, outer distances to the out arrays."""
+    """V_ij of the bonds of the atoms s0..s1 and its derivatives: arms into the slots, outer distances to the out
+    arrays."""
     sources = len(out_D) > 0
     shared = len(energies) > 0
     cut_kind, angular, order_kind = form
@@ -257,7 +261,8 @@ def bond_orders(
 def merge(
     form, shift, p0, p1, a, b, r, d, element, repulsion, G_end, S_end, atom, out_i, out_j, out_r, out_G, out_D, energies
 ):
-    """One bond a pair: repulsion and what both ends' bond orders give. Returns their number, the repulsive energy, the first bad pair (−1)."""
+    """One bond a pair: repulsion and what both ends' bond orders give. Returns their number, the repulsive energy, the
+    first bad pair (−1)."""
     sources = len(out_D) > 0
     shared = len(energies) > 0
     total = 0.0

@@ -1,4 +1,5 @@
-"""Relatives of Tersoff's potential: Kumagai's modification, ZBL cores, Gao-Weber (LAMMPS ``tersoff/mod``, ``tersoff/mod/c``, ``tersoff/zbl``, ``gw``, ``gw/zbl``)."""
+"""Relatives of Tersoff's potential: Kumagai's modification, ZBL cores, Gao-Weber (LAMMPS ``tersoff/mod``,
+``tersoff/mod/c``, ``tersoff/zbl``, ``gw``, ``gw/zbl``)."""
 
 from __future__ import annotations
 
@@ -84,8 +85,9 @@ class TersoffModCEntry(TersoffModEntry):
 
 
 class TersoffMod(Tersoff):
-    """U = ½ Σ_{i≠j} f_C [A exp(−λ1 d) + c0 − b_ij B exp(−λ2 d)], b = (1 + ζ^η)^(−1/2n), ζ_ij = Σ_k f_C(d_ik) g(cos θ) exp[α (d_ij − d_ik)^β],
-    g = c1 + c2 x/(c3 + x) · (1 + c4 exp(−c5 x)), x = (h − cos θ)²; f_C = ½ − 9/16 sin(π (r − R)/2D) − 1/16 sin(3π (r − R)/2D) between R − D and R + D.
+    """U = ½ Σ_{i≠j} f_C [A exp(−λ1 d) + c0 − b_ij B exp(−λ2 d)], b = (1 + ζ^η)^(−1/2n), ζ_ij = Σ_k f_C(d_ik) g(cos θ)
+    exp[α (d_ij − d_ik)^β], g = c1 + c2 x/(c3 + x) · (1 + c4 exp(−c5 x)), x = (h − cos θ)²; f_C = ½ − 9/16 sin(π (r −
+    R)/2D) − 1/16 sin(3π (r − R)/2D) between R − D and R + D.
 
     Everything else as `Tersoff`. Entries: `TersoffModEntry`; c0 is 0 in ``tersoff/mod``.
 
@@ -141,12 +143,14 @@ class TersoffZBLEntry(TersoffEntry):
 
 
 class TersoffZBL(Tersoff):
-    """V_ij = (1 − f_F) V_ZBL + f_F V_Tersoff, f_F = 1/(1 + exp(−A_F (d − r_C))), V_ZBL = Z_i Z_j e²/(4πε0 d) φ(d/a), a = 0.8854 · 0.529 Å/(Z_i^0.23 + Z_j^0.23),
-    φ = 0.1818 e^−3.2x + 0.5099 e^−0.9423x + 0.2802 e^−0.4029x + 0.02817 e^−0.2016x; everything else as `Tersoff`. Entries: `TersoffZBLEntry`.
+    """V_ij = (1 − f_F) V_ZBL + f_F V_Tersoff, f_F = 1/(1 + exp(−A_F (d − r_C))), V_ZBL = Z_i Z_j e²/(4πε0 d) φ(d/a), a
+    = 0.8854 · 0.529 Å/(Z_i^0.23 + Z_j^0.23), φ = 0.1818 e^−3.2x + 0.5099 e^−0.9423x + 0.2802 e^−0.4029x + 0.02817
+    e^−0.2016x; everything else as `Tersoff`. Entries: `TersoffZBLEntry`.
 
     Notes
     -----
-    Source: Devanathan, Diaz de la Rubia & Weber, J. Nucl. Mater. 253, 47 (1998); Ziegler, Biersack & Littmark (1985). LAMMPS's constants.
+    Source: Devanathan, Diaz de la Rubia & Weber, J. Nucl. Mater. 253, 47 (1998); Ziegler, Biersack & Littmark (1985).
+    LAMMPS's constants.
     """
 
     style = "tersoff/zbl"
@@ -156,7 +160,8 @@ class TersoffZBL(Tersoff):
         u = self.units
         if u.name not in _VACUUM:
             raise AtcError(
-                f"pair_style {self.style}: LAMMPS knows the ZBL core in metal and real units only, got {u.name}: convert the model"
+                f"pair_style {self.style}: LAMMPS knows the ZBL core in metal and real units only, got {u.name}: "
+                "convert the model"
             )
         out = super().between(e)
         a = 0.8854 * u.to_internal("length", 0.529) / (e.Zi**0.23 + e.Zj**0.23)

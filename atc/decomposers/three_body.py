@@ -1,4 +1,5 @@
-"""Pair energies and energies of bond angles whose arms factorise: Vashishta's and the non-bonded harmonic angle (LAMMPS ``vashishta``, ``nb3b/harmonic``,
+"""Pair energies and energies of bond angles whose arms factorise: Vashishta's and the non-bonded harmonic angle (LAMMPS
+``vashishta``, ``nb3b/harmonic``,
 ``nb3b/screened``). The loops over triplets are those of Stillinger-Weber.
 """
 
@@ -34,11 +35,13 @@ _EXPONENTIAL, _PLAIN, _SCREENED = 0, 1, 2
 class ThreeBody(Term):
     """U = Σ_pairs U2(d) + Σ_triplets S h(d_ab) h(d_ac) A(cos θ), a at the centre, h = 0 from r0 on.
 
-    Half of a pair's energy goes to each end, a third of a triplet's to each of its atoms (`partition`, as in `StillingerWeber`). One bond a pair carries the pair
-    energy and what the triplets at both its ends add; outer distances b–c are bonds of their own.
+    Half of a pair's energy goes to each end, a third of a triplet's to each of its atoms (`partition`, as in
+    `StillingerWeber`). One bond a pair carries the pair energy and what the triplets at both its ends add; outer
+    distances b–c are bonds of their own.
 
-    Subclasses set `style`, `entry`, `angular` and `arm`, and give the rows of the tables (internal units): `pair_row` (cutoff of U2, its value and slope there, its
-    numbers), `arm_row` (r0, a number of h), `triplet_row` (S, cos θ0 or θ0, a number of A).
+    Subclasses set `style`, `entry`, `angular` and `arm`, and give the rows of the tables (internal units): `pair_row`
+    (cutoff of U2, its value and slope there, its numbers), `arm_row` (r0, a number of h), `triplet_row` (S, cos θ0 or
+    θ0, a number of A).
     """
 
     bodies = 3
@@ -81,20 +84,23 @@ class ThreeBody(Term):
             raise AtcError(f"pair_style {self.style}: every cutoff is 0")
 
     def _symmetric(self, entries, names):
-        """Where LAMMPS would take one of two entries by the numbering of the atoms, they must say the same (published files round to seven digits)."""
+        """Where LAMMPS would take one of two entries by the numbering of the atoms, they must say the same (published
+        files round to seven digits)."""
         for i, j, k in product(range(len(names)), repeat=3):
             a, b, c = names[i], names[j], names[k]
             if j == k and i < j and not np.allclose(self.pair[i, j], self.pair[j, i], rtol=1e-5, atol=0):
                 e, f = entries[a, b, b], entries[b, a, a]
                 raise AtcError(
-                    f"{e.where} and {f.where}: the entries {a} {b} {b} and {b} {a} {a} give different two-body terms for one pair: make them equal"
+                    f"{e.where} and {f.where}: the entries {a} {b} {b} and {b} {a} {a} give different two-body terms "
+                    "for one pair: make them equal"
                 )
             if j < k and not np.allclose(self.triplet[i, j, k], self.triplet[i, k, j], rtol=1e-5, atol=0):
                 if min(self.arms[i, j, 0], self.arms[i, k, 0]) <= 0.0:
                     continue
                 e, f = entries[a, b, c], entries[a, c, b]
                 raise AtcError(
-                    f"{e.where} and {f.where}: the entries {a} {b} {c} and {a} {c} {b} give different angles for one triplet: make them equal"
+                    f"{e.where} and {f.where}: the entries {a} {b} {c} and {a} {c} {b} give different angles for one "
+                    "triplet: make them equal"
                 )
         self.pair = np.ascontiguousarray(0.5 * (self.pair + self.pair.transpose(1, 0, 2)))
         self.triplet = np.ascontiguousarray(0.5 * (self.triplet + self.triplet.transpose(0, 2, 1, 3)))
@@ -105,7 +111,8 @@ class ThreeBody(Term):
 
     @classmethod
     def from_file(cls, path, elements, *, units: str | Units = "metal", partition="equal", where: str = ""):
-        """From a LAMMPS parameter file. elements : the element of each atom type from 1, ``"NULL"`` or None leaves a type out; where : the line that names it."""
+        """From a LAMMPS parameter file. elements : the element of each atom type from 1, ``"NULL"`` or None leaves a
+        type out; where : the line that names it."""
         used = dict.fromkeys(e for e in elements if e not in (None, "NULL"))
         return cls(
             read_entries(path, used, system(units).name, cls.entry, where), elements, units=units, partition=partition
@@ -122,7 +129,10 @@ class ThreeBody(Term):
 
     def describe(self) -> str:
         pair = "pair energy shared half to each atom, " if (self.pair[..., 0] > 0).any() else ""
-        return f"{self.style}{self.map.describe()}, {pair}triplet energy {self.shared}; one merged bond a pair, outer b-c bonds apart"
+        return (
+            f"{self.style}{self.map.describe()}, {pair}triplet energy {self.shared}; one merged bond a pair, outer "
+            "b-c bonds apart"
+        )
 
     def prepare(self, frame: Frame) -> Work:
         return _ThreeBodyWork(self, frame)
@@ -138,7 +148,8 @@ class ThreeBody(Term):
 
 
 class _ThreeBodyWork(Work):
-    """Pairs within U2's reach only become bonds at once; those within an arm's are kept for the triplets and become bonds in the end."""
+    """Pairs within U2's reach only become bonds at once; those within an arm's are kept for the triplets and become
+    bonds in the end."""
 
     def __init__(self, term: ThreeBody, frame: Frame):
         self.term, self.frame = term, frame
@@ -187,10 +198,12 @@ class _ThreeBodyWork(Work):
             a, b = self.frame.ids[self.atom[ws.i[bad]]], self.frame.ids[self.atom[ws.j[bad]]]
             if ws.d2[bad] == 0.0:
                 raise AtcError(
-                    f"{self.frame.source}: atoms {a} and {b} are at the same place, where the {term.style} force is undefined; remove one of them"
+                    f"{self.frame.source}: atoms {a} and {b} are at the same place, where the {term.style} force is "
+                    "undefined; remove one of them"
                 )
             raise AtcError(
-                f"{self.frame.source}: the {term.style} force between atoms {a} and {b} at distance {ws.d2[bad] ** 0.5:.3g} is not a finite number"
+                f"{self.frame.source}: the {term.style} force between atoms {a} and {b} at distance "
+                f"{ws.d2[bad] ** 0.5:.3g} is not a finite number"
             )
         acc.energy += energy
         self.parts[task] = keep_i[:k].copy(), keep_j[:k].copy(), rec[:k].copy(), G[:k].copy()
@@ -215,9 +228,30 @@ class _ThreeBodyWork(Work):
         energies = acc.energies if acc.energies is not None else _NOTHING
         D = np.empty((self.room, 2, 3)) if acc.sources else None
         m, energy, odd = sw_triplets(
-            term.angular, self.runs[task], self.runs[task + 1], self.out_start, self.in_start, self.in_pair, self.a, self.b, self.rec, self.element,
-            term.triplet, self.atom, self.most, 0.0, *term.weights, self.G_end, self.S_end, ws.i, ws.j, ws.r, ws.G, D, energies,
-        )  # fmt: skip
+            term.angular,
+            self.runs[task],
+            self.runs[task + 1],
+            self.out_start,
+            self.in_start,
+            self.in_pair,
+            self.a,
+            self.b,
+            self.rec,
+            self.element,
+            term.triplet,
+            self.atom,
+            self.most,
+            0.0,
+            *term.weights,
+            self.G_end,
+            self.S_end,
+            ws.i,
+            ws.j,
+            ws.r,
+            ws.G,
+            D,
+            energies,
+        )
         acc.energy += energy
         acc.note(ODD.get(term.angular, ""), odd)
         return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], None if D is None else D[:m])
@@ -263,8 +297,9 @@ def _arm(kind, d, row):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _pairs(i, j, r, d2, n, element, table, grid, pair, arms, arm, atom, keep_i, keep_j, rec, keep_G, G, D, energies):
-    """Pair energies. Pairs that no triplet may have are compacted in place to bonds with the frame's indices, the others go to keep_i, keep_j, rec (as in
-    `sw_pairs`), keep_G. Returns how many of each, the energy, the first pair that is not finite (−1: none)."""
+    """Pair energies. Pairs that no triplet may have are compacted in place to bonds with the frame's indices, the
+    others go to keep_i, keep_j, rec (as in `sw_pairs`), keep_G. Returns how many of each, the energy, the first pair
+    that is not finite (−1: none)."""
     m = 0
     k = 0
     total = 0.0
@@ -361,19 +396,24 @@ class VashishtaEntry:
 
 
 class Vashishta(ThreeBody):
-    """U2 = H/d^η + Z_i Z_j e²/d exp(−d/λ1) − D/d⁴ exp(−d/λ4) − W/d⁶ below r_c, less its value and slope there times (d − r_c);
-    U3 = B δ²/(1 + C δ²) exp(γ_ab/(d_ab − r0_ab)) exp(γ_ac/(d_ac − r0_ac)), δ = cos θ − cos θ0, a at the centre, below r0.
+    """U2 = H/d^η + Z_i Z_j e²/d exp(−d/λ1) − D/d⁴ exp(−d/λ4) − W/d⁶ below r_c, less its value and slope there times (d
+    − r_c); U3 = B δ²/(1 + C δ²) exp(γ_ab/(d_ab − r0_ab)) exp(γ_ac/(d_ac − r0_ac)), δ = cos θ − cos θ0, a at the centre,
+    below r0.
 
     Parameters
     ----------
-    entries : {(elem1, elem2, elem3): VashishtaEntry or dict of its fields}; H … λ, r_c, γ, r0 of a pair come from the entry (i, j, j), B, C, cos θ0 from (i, j, k)
-    elements : the element of each atom type from 1, None or "NULL" for types left out; default: all atoms are the first entry's element
+    entries : {(elem1, elem2, elem3): VashishtaEntry or dict of its fields}; H … λ, r_c, γ, r0 of a pair come from the
+        entry (i, j, j), B, C, cos θ0 from (i, j, k)
+    elements : the element of each atom type from 1, None or "NULL" for types left out; default: all atoms are the first
+        entry's element
     units : unit style of the numbers (charges in electrons); the default has eV and Å
-    partition : of the triplets' energy: "equal", "center", or the centre's share and that of each of the others, as in `StillingerWeber`
+    partition : of the triplets' energy: "equal", "center", or the centre's share and that of each of the others, as in
+        `StillingerWeber`
 
     Notes
     -----
-    Source: Vashishta, Kalia, Rino & Ebbsjö, Phys. Rev. B 41, 12197 (1990); Branicio, Rino, Gan & Tsuzuki, J. Phys. Condens. Matter 21, 095002 (2009).
+    Source: Vashishta, Kalia, Rino & Ebbsjö, Phys. Rev. B 41, 12197 (1990); Branicio, Rino, Gan & Tsuzuki, J. Phys.
+    Condens. Matter 21, 095002 (2009).
     """
 
     style = "vashishta"
@@ -412,15 +452,18 @@ class Vashishta(ThreeBody):
         return self.units.to_internal("energy", e.B), e.costheta0, e.C
 
     def tabulate(self, points: int, inner: float) -> None:
-        """From now on take pair energies and forces from tables, as LAMMPS's ``vashishta/table``: so many points, evenly spaced in d² from `inner` (in the
-        potential's units) to the largest cutoff, linear between them; below `inner` the function itself.
+        """From now on take pair energies and forces from tables, as LAMMPS's ``vashishta/table``: so many points,
+        evenly spaced in d² from `inner` (in the potential's units) to the largest cutoff, linear between them; below
+        `inner` the function itself.
 
-        Energy and force are interpolated each for itself, so that the force is the derivative of the energy only as far as the table is fine.
+        Energy and force are interpolated each for itself, so that the force is the derivative of the energy only as far
+        as the table is fine.
         """
         first = self.units.to_internal("length", inner) ** 2
         if points < 2 or not 0 < first < self.cutoff**2:
             raise AtcError(
-                f"vashishta/table: expected two points or more and an inner cutoff between 0 and the largest, got {points} and {inner:g}"
+                "vashishta/table: expected two points or more and an inner cutoff between 0 and the largest, got "
+                f"{points} and {inner:g}"
             )
         step = (self.cutoff**2 - first) / (points - 1)
         d = np.sqrt(first + step * np.arange(points))
@@ -472,10 +515,11 @@ class ScreenedTripletEntry:
 
 
 class HarmonicTriplets(ThreeBody):
-    """U = Σ K (θ − θ0)² over all triplets b–a–c with both arms shorter than their cutoffs (LAMMPS ``nb3b/harmonic``). θ0 in degrees, K energy/rad².
+    """U = Σ K (θ − θ0)² over all triplets b–a–c with both arms shorter than their cutoffs (LAMMPS ``nb3b/harmonic``).
+    θ0 in degrees, K energy/rad².
 
-    Cutoffs of a–b come from the entry (a, b, b). The energy is cut off without smoothing, as in LAMMPS: it jumps where a triplet enters. sin θ is kept from
-    0 as LAMMPS does. Other parameters as `Vashishta`.
+    Cutoffs of a–b come from the entry (a, b, b). The energy is cut off without smoothing, as in LAMMPS: it jumps where
+    a triplet enters. sin θ is kept from 0 as LAMMPS does. Other parameters as `Vashishta`.
     """
 
     style = "nb3b/harmonic"
@@ -491,7 +535,8 @@ class HarmonicTriplets(ThreeBody):
 
 
 class ScreenedTriplets(HarmonicTriplets):
-    """U = Σ K (θ − θ0)² exp(−d_ab/ρ_ab) exp(−d_ac/ρ_ac) (LAMMPS ``nb3b/screened``), ρ and cutoffs of a–b from the entry (a, b, b)."""
+    """U = Σ K (θ − θ0)² exp(−d_ab/ρ_ab) exp(−d_ac/ρ_ac) (LAMMPS ``nb3b/screened``), ρ and cutoffs of a–b from the entry
+    (a, b, b)."""
 
     style = "nb3b/screened"
     entry = ScreenedTripletEntry

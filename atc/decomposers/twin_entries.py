@@ -1,7 +1,8 @@
 """Two entries of a parameter file that describe one pair of atoms, where the file rounds them differently.
 
-LAMMPS takes one of the two by the numbering of the atoms. Where they differ by no more than published rounding, the mean of both is as good as either, and the
-energy says how much it matters; where they differ by more, no number is right for every numbering.
+LAMMPS takes one of the two by the numbering of the atoms. Where they differ by no more than published rounding, the
+mean of both is as good as either, and the energy says how much it matters; where they differ by more, no number is
+right for every numbering.
 """
 
 from __future__ import annotations
@@ -19,9 +20,11 @@ _ROUNDED = 2e-4
 
 
 def agree(one, other, where: str, energy=None, unit: str = "") -> bool:
-    """Whether two rows of numbers are the same but for rounding; a warning says so where it is more than the last digit.
+    """Whether two rows of numbers are the same but for rounding; a warning says so where it is more than the last
+    digit.
 
-    energy : function of a row, the energies of a pair (in `unit`) at distances that matter; None: the numbers are proportional to the energy
+    energy : function of a row, the energies of a pair (in `unit`) at distances that matter; None: the numbers are
+        proportional to the energy
     where : the two entries, for the message
     """
     a, b = np.asarray(one, float), np.asarray(other, float)
@@ -36,6 +39,9 @@ def agree(one, other, where: str, energy=None, unit: str = "") -> bool:
     else:
         u, v = energy(a), energy(b)
         most = float(np.abs(u - v).max())
-        matters = f"in LAMMPS the energy of such a pair depends on its numbering by up to {most:.1e} {unit}, {most / np.abs(u).max():.1e} of the largest at such distances"
+        matters = (
+            f"in LAMMPS the energy of such a pair depends on its numbering by up to {most:.1e} {unit}, "
+            f"{most / np.abs(u).max():.1e} of the largest at such distances"
+        )
     warnings.warn(f"{where} differ by {apart:.1e}: the mean of both is taken; {matters}", AtcWarning, stacklevel=5)
     return True

@@ -1,15 +1,22 @@
-"""LAMMPS pair styles that are known and not supported, with the reason: what a user is told instead of a list of names."""
+"""LAMMPS pair styles that are known and not supported, with the reason: what a user is told instead of a list of
+names."""
 
 from __future__ import annotations
 
 from .unsupported_bonded import REASONS as BONDED
 
-_KSPACE = "it needs long-range electrostatics (kspace_style), which are not supported yet: rerun with a cutoff style such as coul/dsf or coul/wolf"
+_KSPACE = (
+    "it needs long-range electrostatics (kspace_style), which are not supported yet: rerun with a cutoff style such "
+    "as coul/dsf or coul/wolf"
+)
 _SITE = "its charges sit on a virtual site whose force is spread over the molecule, not on atoms"
 _ANGLES = "it depends on the orientation of the particles, which is no function of the distances between atoms"
 _MANY_BODY = "it is a many-body potential that is not done yet"
 _DENSITY = "its forces depend on local densities of many atoms, which is not done yet"
-_MACHINE = "it is a machine-learned potential that atc has no LAMMPS reader for; see atc.nep, atc.mace, atc.nequip, atc.metatomic and atc.edge_model"
+_MACHINE = (
+    "it is a machine-learned potential that atc has no LAMMPS reader for; see atc.nep, atc.mace, atc.nequip, "
+    "atc.metatomic and atc.edge_model"
+)
 _CHARGES = "it finds its charges as the run goes (charge equilibration), which positions alone do not give"
 _SIZES = "it needs the diameters of the atoms, which frames do not carry"
 _CONTACT = "its forces depend on diameters, spins and the history of contacts, not on positions alone"
@@ -31,22 +38,32 @@ _LATER = "it is not done yet, though it is a function of one distance"
 
 _PAIR = {
     _KSPACE: (
-        "born/coul/long born/coul/long/cs born/coul/msm buck/coul/long buck/coul/long/cs buck/coul/msm buck/long/coul/long buck6d/coul/gauss/long coul/long "
-        "coul/long/cs coul/long/soft coul/msm coul/slater/long dpd/coul/slater/long lj/charmm/coul/long lj/charmm/coul/long/soft lj/charmm/coul/msm "
-        "lj/charmmfsw/coul/long lj/class2/coul/long lj/class2/coul/long/cs lj/class2/coul/long/soft lj/cut/coul/long lj/cut/coul/long/cs lj/cut/coul/long/soft "
-        "lj/cut/coul/msm lj/expand/coul/long lj/long/coul/long lj/sdk/coul/long lj/sdk/coul/msm lj/spica/coul/long lj/spica/coul/msm "
+        "born/coul/long born/coul/long/cs born/coul/msm buck/coul/long buck/coul/long/cs buck/coul/msm "
+        "buck/long/coul/long buck6d/coul/gauss/long coul/long "
+        "coul/long/cs coul/long/soft coul/msm coul/slater/long dpd/coul/slater/long lj/charmm/coul/long "
+        "lj/charmm/coul/long/soft lj/charmm/coul/msm "
+        "lj/charmmfsw/coul/long lj/class2/coul/long lj/class2/coul/long/cs lj/class2/coul/long/soft lj/cut/coul/long "
+        "lj/cut/coul/long/cs lj/cut/coul/long/soft "
+        "lj/cut/coul/msm lj/expand/coul/long lj/long/coul/long lj/sdk/coul/long lj/sdk/coul/msm lj/spica/coul/long "
+        "lj/spica/coul/msm "
         "lj/switch3/coulgauss/long mm3/switch3/coulgauss/long nm/cut/coul/long"
     ),
-    _SITE: "lj/cut/tip4p/cut lj/cut/tip4p/long lj/cut/tip4p/long/soft lj/long/tip4p/long tip4p/cut tip4p/long tip4p/long/soft",
+    _SITE: "lj/cut/tip4p/cut lj/cut/tip4p/long lj/cut/tip4p/long/soft lj/long/tip4p/long tip4p/cut tip4p/long "
+    "tip4p/long/soft",
     _ANGLES: (
-        "body/nparticle body/rounded/polygon body/rounded/polyhedron gayberne line/lj lj/cut/dipole/cut lj/cut/dipole/long lj/long/dipole/long "
-        "lj/sf/dipole/sf oxdna/coaxstk oxdna/excv oxdna/hbond oxdna/stk oxdna/xstk oxdna2/coaxstk oxdna2/dh oxdna2/excv oxdna2/hbond oxdna2/stk "
+        "body/nparticle body/rounded/polygon body/rounded/polyhedron gayberne line/lj lj/cut/dipole/cut "
+        "lj/cut/dipole/long lj/long/dipole/long "
+        "lj/sf/dipole/sf oxdna/coaxstk oxdna/excv oxdna/hbond oxdna/stk oxdna/xstk oxdna2/coaxstk oxdna2/dh "
+        "oxdna2/excv oxdna2/hbond oxdna2/stk "
         "oxdna2/xstk oxrna2/coaxstk oxrna2/dh oxrna2/excv oxrna2/hbond oxrna2/stk oxrna2/xstk resquared tri/lj ylz"
     ),
     _MANY_BODY: (
-        "adp agni airebo airebo/morse bop dispersion/d3 e3b eam/cd eam/cd/old eam/he edip edip/multi eim extep gw gw/zbl hbond/dreiding/lj "
-        "hbond/dreiding/lj/angleoffset hbond/dreiding/morse hbond/dreiding/morse/angleoffset lcbop meam meam/c meam/ms meam/spline meam/sw/spline mgpt "
-        "nb3b/harmonic nb3b/screened polymorphic rebo rebomos sw/angle/table sw/mod tersoff/mod tersoff/mod/c tersoff/table tersoff/zbl threebody/table "
+        "adp agni airebo airebo/morse bop dispersion/d3 e3b eam/cd eam/cd/old eam/he edip edip/multi eim extep gw "
+        "gw/zbl hbond/dreiding/lj "
+        "hbond/dreiding/lj/angleoffset hbond/dreiding/morse hbond/dreiding/morse/angleoffset lcbop meam meam/c "
+        "meam/ms meam/spline meam/sw/spline mgpt "
+        "nb3b/harmonic nb3b/screened polymorphic rebo rebomos sw/angle/table sw/mod tersoff/mod tersoff/mod/c "
+        "tersoff/table tersoff/zbl threebody/table "
         "vashishta vashishta/table"
     ),
     _DENSITY: "local/density mdpd mdpd/rhosum multi/lucy",
@@ -56,17 +73,20 @@ _PAIR = {
     _CONTACT: "gran/hertz/history gran/hooke gran/hooke/history granular",
     _HISTORY: "bpm/spring peri/eps peri/lps peri/pmb peri/ves",
     _PARTICLES: (
-        "rheo rheo/solid sdpd/taitwater/isothermal smd/hertz smd/tlsph smd/tri_surface smd/ulsph sph/heatconduction sph/idealgas sph/lj sph/rhosum "
+        "rheo rheo/solid sdpd/taitwater/isothermal smd/hertz smd/tlsph smd/tri_surface smd/ulsph sph/heatconduction "
+        "sph/idealgas sph/lj sph/rhosum "
         "sph/taitwater sph/taitwater/morris"
     ),
     _VELOCITY: "brownian brownian/poly dsmc lubricate lubricate/poly lubricateU lubricateU/poly",
     _REACTING: "dpd/fdt dpd/fdt/energy edpd exp6/rx multi/lucy/rx table/rx tdpd",
-    _LAYERS: "aip/water/2dm drip ilp/graphene/hbn ilp/tmd kolmogorov/crespi/full kolmogorov/crespi/z lebedeva/z saip/metal",
+    _LAYERS: "aip/water/2dm drip ilp/graphene/hbn ilp/tmd kolmogorov/crespi/full kolmogorov/crespi/z lebedeva/z "
+    "saip/metal",
     _MOLECULES: "coul/shield hybrid/molecular",
     _MULTIPOLES: "amoeba hippo",
     _DRUDE: "coul/tt lj/cut/thole/long thole",
     _DIELECTRIC: (
-        "coul/cut/dielectric coul/long/dielectric lj/cut/coul/cut/dielectric lj/cut/coul/debye/dielectric lj/cut/coul/long/dielectric "
+        "coul/cut/dielectric coul/long/dielectric lj/cut/coul/cut/dielectric lj/cut/coul/debye/dielectric "
+        "lj/cut/coul/long/dielectric "
         "lj/cut/coul/msm/dielectric lj/long/coul/long/dielectric"
     ),
     _ELECTRONS: "awpmd/cut eff/cut",

@@ -18,9 +18,11 @@ _PLAIN = "dimensionless"
 
 
 def two_cutoffs(inp: StyleInput, front, numbers, mix=None, check=None):
-    """The numbers of ``pair_style NAME <front> cutoff [cutoff_coul]`` and ``pair_coeff i j <numbers> [cutoff [cutoff_coul]]``.
+    """The numbers of ``pair_style NAME <front> cutoff [cutoff_coul]`` and ``pair_coeff i j <numbers> [cutoff
+    [cutoff_coul]]``.
 
-    One cutoff on a line is for both parts. Cutoffs of unlike types are mixed if `mix` (of the other numbers and the first cutoff) is there.
+    One cutoff on a line is for both parts. Cutoffs of unlike types are mixed if `mix` (of the other numbers and the
+    first cutoff) is there.
 
     Returns
     -------

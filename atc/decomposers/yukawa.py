@@ -15,7 +15,8 @@ class Yukawa(PairStyle):
 
     Parameters
     ----------
-    A, kappa, cutoff : float for one value for all pairs of types, or symmetric (n, n) arrays for types 1..n; cutoff 0 = no interaction
+    A, kappa, cutoff : float for one value for all pairs of types, or symmetric (n, n) arrays for types 1..n; cutoff 0 =
+        no interaction
     units : unit style of these numbers (A: energy·length, kappa: 1/length)
     shift : whether offset = U(cutoff); else 0
     n_types : number of types that single numbers stand for (default 1)

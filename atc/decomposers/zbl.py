@@ -26,7 +26,8 @@ _ANGSTROM = {"si": 1e-10, "cgs": 1e-8, "micro": 1e-4, "nano": 0.1, "electron": 1
 class ZBL(PairStyle):
     """U = (z_i z_j e²/d) Σ c_k e^{−d_k d/a} + S(d) for d < outer, a = 0.4685 Å/(z_i^0.23 + z_j^0.23) (LAMMPS ``zbl``).
 
-    S is a constant for d ≤ inner and a quartic polynomial of d − inner beyond, such that U, U' and U'' vanish at the outer cutoff.
+    S is a constant for d ≤ inner and a quartic polynomial of d − inner beyond, such that U, U' and U'' vanish at the
+    outer cutoff.
 
     Parameters
     ----------

@@ -16,7 +16,8 @@ def _zero_style(inp: StyleInput):
 
 
 class Nothing(Term):
-    """No interaction at all: a run whose only styles are ``zero`` has density, temperature and the like, and no potential stress."""
+    """No interaction at all: a run whose only styles are ``zero`` has density, temperature and the like, and no
+    potential stress."""
 
     pairwise = True
 

@@ -1,4 +1,5 @@
-"""The two sums every field is made of: Σ_j a_j φ(x − x_j) over atoms and Σ b β(x) over bonds (formulas: R 4.0.91-4.0.116).
+"""The two sums every field is made of: Σ_j a_j φ(x − x_j) over atoms and Σ b β(x) over bonds (formulas: R
+4.0.91-4.0.116).
 
     dep = make("direct", bound_grid, kernel, cell, n_site, n_bond, threads=2)
     dep.add_sites(x_nc, a_nk, thread=0)
@@ -20,22 +21,27 @@ def make(method, bound_grid, kernel, cell, n_site, n_bond, threads=1, tolerance=
 
     Parameters
     ----------
-    method : "direct" (exact; on a slab grid the closed slab average), "spectral" (smooth kernels, at a cost that does not depend on their
+    method : "direct" (exact; on a slab grid the closed slab average), "spectral" (smooth kernels, at a cost that does
+        not depend on their
         radius) or "slab"
     bound_grid : BoundGrid
     kernel : Kernel, internal units
     cell : Cell of the frame. Its periodic axes repeat; atoms may lie anywhere.
     n_site, n_bond : numbers of components of a and of b
-    threads : number of independent buffers. ``add_*`` with different ``thread`` may run at the same time; the sums are taken in
+    threads : number of independent buffers. ``add_*`` with different ``thread`` may run at the same time; the sums are
+        taken in
         the order of the buffers, so that the result depends only on which piece went to which buffer.
     tolerance : of the spectral method, relative to the largest value of the field
-    gradients : whether gradients will be asked for too (``site_gradients``, ``bond_gradients``), to the same tolerance: the spectral method only; the others'
+    gradients : whether gradients will be asked for too (``site_gradients``, ``bond_gradients``), to the same tolerance:
+        the spectral method only; the others'
         are in `atc.deposit.gradient`
 
-    order : of the moments in which the spectral method gathers the bonds of `add_bond_stress` at their atoms, where their other ends are given; None: each
+    order : of the moments in which the spectral method gathers the bonds of `add_bond_stress` at their atoms, where
+        their other ends are given; None: each
         bond becomes points. How many bonds are gathered follows from the tolerance; only the speed depends on the order
 
-    Sums are linear in what has been added: all frames of an averaging window that share a cell may be added before the sums are taken, once.
+    Sums are linear in what has been added: all frames of an averaging window that share a cell may be added before the
+    sums are taken, once.
     """
     if method not in METHODS:
         raise AtcError(f"unknown deposit method {method!r}: expected one of {', '.join(METHODS)}")

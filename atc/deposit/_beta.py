@@ -1,8 +1,9 @@
 """β at four points at once: for each kernel family the constants of one bond, and the function of position.
 
-A position is given relative to the bond, in units of its length: D along the bond from x_i, and (Y, M) across it, p² = Y² + M².
-The constants are computed once a bond (and piece of the kernel) into the array `k`, which β gets by its address: `length` is |r|, `R` the piece's cut-off, row `piece` of `c_mk`
-its coefficients with the normalisation included. The formulas are derived at the head of `atc.kernels`.
+A position is given relative to the bond, in units of its length: D along the bond from x_i, and (Y, M) across it, p² =
+Y² + M². The constants are computed once a bond (and piece of the kernel) into the array `k`, which β gets by its
+address: `length` is |r|, `R` the piece's cut-off, row `piece` of `c_mk` its coefficients with the normalisation
+included. The formulas are derived at the head of `atc.kernels`.
 """
 
 from __future__ import annotations
@@ -67,7 +68,8 @@ def even_mean(D, w, c0, c1, c2):
 def _inverse_and_atanh(S, delta):
     """1/S and atanh(δ/S)/δ for 0 ≤ δ ≤ S, S > 0.
 
-    atanh is ½ e ln 2 + atanh f, with 2^e the power of two near (S + δ)/(S − δ) and f what is left, |f| < 0.21. One division serves all three.
+    atanh is ½ e ln 2 + atanh f, with 2^e the power of two near (S + δ)/(S − δ) and f what is left, |f| < 0.21. One
+    division serves all three.
     """
     top = S + delta
     # (S − δ) ≥ 1e-17 S: closer than that p² has made the logarithm irrelevant.
@@ -187,8 +189,9 @@ _TERMS = 48
 
 @njit(**JIT_FMA)
 def gaussian_constants(length, R, c_mk, piece, r_bc, frame_bcc, b, k):
-    """c0 exp(−ρ²/2w²), w = c1, to a relative accuracy of c2 (1e-17 is exact). With y = s²(D − ½), s = |r|/√2 w, the mean over the bond is
-    exp(−s²(D − ½)²) ∫ exp(−s²t²) cosh(2yt) dt over |t| < ½ = exp(..) Σ_j y^2j 4^j/(2j)! ∫ t^2j exp(−s²t²) dt: all terms are positive.
+    """c0 exp(−ρ²/2w²), w = c1, to a relative accuracy of c2 (1e-17 is exact). With y = s²(D − ½), s = |r|/√2 w, the
+    mean over the bond is exp(−s²(D − ½)²) ∫ exp(−s²t²) cosh(2yt) dt over |t| < ½ = exp(..) Σ_j y^2j 4^j/(2j)! ∫ t^2j
+    exp(−s²t²) dt: all terms are positive.
     """
     s = length / (sqrt(2.0) * c_mk[piece, 1])
     k[0] = s * s
@@ -208,7 +211,8 @@ def gaussian_constants(length, R, c_mk, piece, r_bc, frame_bcc, b, k):
         term *= z * z / (2.0 * last * (2.0 * last - 1.0))
         total += term
     k[2] = float(last)
-    # ∫ t^2j exp(−s²t²) over |t| < ½: the highest by its own series, the others downwards, I_j = [s² I_j+1 + e^(−s²/4) 2^−(2j+1)] 2/(2j+1).
+    # ∫ t^2j exp(−s²t²) over |t| < ½: the highest by its own series, the others downwards, I_j = [s² I_j+1 + e^(−s²/4)
+    # 2^−(2j+1)] 2/(2j+1).
     e = exp(-0.25 * s * s)
     half = 0.5 ** (2 * last + 1)
     integral = 0.0
@@ -288,7 +292,8 @@ bspline_constants = cartesian_constants
 
 @njit(**JIT_FMA)
 def bspline(D, Y, M, k):
-    """c0 Π M4(d_a/h), h = c1: between crossings of knot planes a polynomial of degree 9 along the bond, five Gauss points are exact."""
+    """c0 Π M4(d_a/h), h = c1: between crossings of knot planes a polynomial of degree 9 along the bond, five Gauss
+    points are exact."""
     times = k + 8 * (SCRATCH + 16)
     _cartesian(D, Y, M, k)
     for l in range(4):

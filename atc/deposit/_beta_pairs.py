@@ -1,8 +1,10 @@
-"""β for four (bond, point) pairs at once, each of a bond of its own: nothing is computed once a bond (see `_beta` for the other way).
+"""β for four (bond, point) pairs at once, each of a bond of its own: nothing is computed once a bond (see `_beta` for
+the other way).
 
-A pair is given by D, the position along the bond from x_i, and p², the squared distance from its line, both in units of its length, and by its squared length
-(lengths of the kernel); for kernels that are not spheres by d = x_i − x instead. `R2` is the piece's squared cut-off, at `c_at` are its coefficients, at
-`bond_at` the numbers of the four bonds, at `r_at` all bond vectors.
+A pair is given by D, the position along the bond from x_i, and p², the squared distance from its line, both in units of
+its length, and by its squared length (lengths of the kernel); for kernels that are not spheres by d = x_i − x instead.
+`R2` is the piece's squared cut-off, at `c_at` are its coefficients, at `bond_at` the numbers of the four bonds, at
+`r_at` all bond vectors.
 """
 
 from __future__ import annotations
@@ -15,8 +17,8 @@ from ..compiled import njit
 from ._beta import LONG, box_mean, bspline_mean, cone_mean, even_mean, exp_minus, radial_mean
 from ._simd import INLINE, JIT_FMA, largest4, load4, minimum4, peek, peek_int, poke, splat4, sqrt4, store4
 
-# In `k`: the first four are β's (`_points.sum_pairs`); then what is done one pair at a time; then, for the Gaussian, s² of the last four pairs if they have
-# one, s² that the J_j kept belong to, the last of these, and they. All −1 at first.
+# In `k`: the first four are β's (`_points.sum_pairs`); then what is done one pair at a time; then, for the Gaussian, s²
+# of the last four pairs if they have one, s² that the J_j kept belong to, the last of these, and they. All −1 at first.
 _LANES, _SEEN, _KEPT, _LAST, _J = 4, 56, 57, 58, 59
 
 
@@ -58,8 +60,9 @@ N_CONSTANTS = _J + _TERMS + 4
 def series_of(name, radii_m, coef_mk) -> np.ndarray:
     """What the β of a family needs besides its coefficients.
 
-    For the Gaussian: 1/2w²; 1/(2j + 1)!; how many steps its two tables have; and the last term that matters, by y = s²|D − ½| and by s². With J_j as in `gaussian_pairs`, the terms
-    beyond the last are to those before as those of cosh(2y t) at t = ½ at most; what is left out of J_0 is the product of what each step multiplies it with.
+    For the Gaussian: 1/2w²; 1/(2j + 1)!; how many steps its two tables have; and the last term that matters, by y =
+    s²|D − ½| and by s². With J_j as in `gaussian_pairs`, the terms beyond the last are to those before as those of
+    cosh(2y t) at t = ½ at most; what is left out of J_0 is the product of what each step multiplies it with.
     """
     if name != "gaussian":
         return np.zeros(1)
@@ -106,9 +109,9 @@ def _last(y, s2, series_at):
 
 @njit(**INLINE)
 def gaussian_pairs(D, p2, length2, R2, c_at, series_at, bond_at, r_at, k):
-    """c0 exp(−ρ²/2w²). With s² = |r|²/2w² and y = s²(D − ½) the mean over the bond is exp(−s²(p² + (D − ½)² + ¼)) Σ_j J_j y^2j, where
-    J_j = 4^j/(2j)! ∫ t^2j exp(s²(¼ − t²)) dt over |t| < ½ = (j + 1) s² J_j+1 + 1/(2j + 1)!: downwards, in step with Horner's rule; all terms are positive.
-    Long bonds go by erf.
+    """c0 exp(−ρ²/2w²). With s² = |r|²/2w² and y = s²(D − ½) the mean over the bond is exp(−s²(p² + (D − ½)² + ¼)) Σ_j
+    J_j y^2j, where J_j = 4^j/(2j)! ∫ t^2j exp(s²(¼ − t²)) dt over |t| < ½ = (j + 1) s² J_j+1 + 1/(2j + 1)!: downwards,
+    in step with Horner's rule; all terms are positive. Long bonds go by erf.
     """
     s2 = length2 * peek(series_at, 0)
     c = D - 0.5
@@ -123,7 +126,8 @@ def gaussian_pairs(D, p2, length2, R2, c_at, series_at, bond_at, r_at, k):
         y2 = y * y
         shared = shortest == longest
         if shared and peek(k, _KEPT) == longest:
-            # Many pairs of one bond: its J_j are known. Even and odd powers of y² apart, so that the processor can overlap them.
+            # Many pairs of one bond: its J_j are known. Even and odd powers of y² apart, so that the processor can
+            # overlap them.
             last, y4 = int(peek(k, _LAST)), y2 * y2
             even, odd = splat4(peek(k, _J + last - 1)), splat4(peek(k, _J + last))
             for j in range(last - 3, -1, -2):

@@ -1,11 +1,12 @@
 """The two sums on a lattice of points: rows of equally spaced points, each cut to its chord through the bond's capsule.
 
-A point sees a bond when it lies within the support R of it, in a capsule. For every row of the lattice that the capsule meets, the first
-and last point inside follow from the union of two spheres and a cylinder; β is evaluated for four points in a row at a time and added.
+A point sees a bond when it lies within the support R of it, in a capsule. For every row of the lattice that the capsule
+meets, the first and last point inside follow from the union of two spheres and a cylinder; β is evaluated for four
+points in a row at a time and added.
 
-The accumulator is [row][position in row][component], rows over the two slower axes. Positions run on past the row's end (`ext` ≥ n + 3 of
-them), so that a run never has to be split at the periodic boundary; what lies beyond is folded back, or on an open axis dropped, at the end.
-A site is a bond of length 0.
+The accumulator is [row][position in row][component], rows over the two slower axes. Positions run on past the row's end
+(`ext` ≥ n + 3 of them), so that a run never has to be split at the periodic boundary; what lies beyond is folded back,
+or on an open axis dropped, at the end. A site is a bond of length 0.
 """
 
 from __future__ import annotations
@@ -56,9 +57,10 @@ def folded(i, n):
 def chords(n, D_at, Y_at, M_at, E2, D2, Y2, k_lo, k_hi, base2, n2, wrap2, first_at, count_at, at_at, short_at, long_at):
     """First point and number of points of each row inside the capsule, and where in the row of the accumulator that is.
 
-    A row is (D + k D2, Y + k Y2, M) in units of the bond's length, the bond from (0, 0, 0) to (1, 0, 0), E2 the radius squared.
-    The capsule is the union of a cylinder and two spheres and convex: the chord runs from the least to the greatest of their ends.
-    `short_at` gets the rows with one to four points, `long_at` those with more. Returns the numbers of both, and of points.
+    A row is (D + k D2, Y + k Y2, M) in units of the bond's length, the bond from (0, 0, 0) to (1, 0, 0), E2 the radius
+    squared. The capsule is the union of a cylinder and two spheres and convex: the chord runs from the least to the
+    greatest of their ends. `short_at` gets the rows with one to four points, `long_at` those with more. Returns the
+    numbers of both, and of points.
     """
     row = sqrt(D2 * D2 + Y2 * Y2)
     inverse_row = 1.0 / row
@@ -125,7 +127,8 @@ def chords(n, D_at, Y_at, M_at, E2, D2, Y2, k_lo, k_hi, base2, n2, wrap2, first_
 
 @njit(**INLINE)
 def rows_of_planes(i, i_hi, j_lo, width, most, base0, n0, n1, wrap0, map_at, column_at, D_at, Y_at, M_at, row_at):
-    """Bond coordinates of the rows of planes i, i+1, .. (as many as the buffers hold; nearly always all), and the rows' numbers.
+    """Bond coordinates of the rows of planes i, i+1, .. (as many as the buffers hold; nearly always all), and the rows'
+    numbers.
 
     Returns the number of rows and the first plane left out.
     """
@@ -152,7 +155,8 @@ def rows_of_planes(i, i_hi, j_lo, width, most, base0, n0, n1, wrap0, map_at, col
 
 @njit(**JIT_FMA)
 def add(acc_at, to_at, beta_at, runs, quads, b_at):
-    """b β for runs of four points; up to eight components from registers. The components of a point are neighbours in memory."""
+    """b β for runs of four points; up to eight components from registers. The components of a point are neighbours in
+    memory."""
     if quads == 2:
         b0, b1 = load4(b_at, 0), load4(b_at, 4)
         for q in range(runs):
@@ -196,8 +200,8 @@ def prepare(
     length_b,
     frame_bcc,
 ):
-    """The geometry of bonds from x_nc[i_b] to x − r on the lattice (see the arguments of `lattice_bonds`). Returns the greatest length,
-    −1 if something is not finite.
+    """The geometry of bonds from x_nc[i_b] to x − r on the lattice (see the arguments of `lattice_bonds`). Returns the
+    greatest length, −1 if something is not finite.
     """
     longest = 0.0
     sx, sy, sz = step_ac[2, 0], step_ac[2, 1], step_ac[2, 2]
@@ -227,7 +231,8 @@ def prepare(
         end_bk[b, 1] = f1 - q1
         end_bk[b, 2] = r0 * inverse_ca[0, 0] + r1 * inverse_ca[1, 0] + r2 * inverse_ca[2, 0]
         end_bk[b, 3] = r0 * inverse_ca[0, 1] + r1 * inverse_ca[1, 1] + r2 * inverse_ca[2, 1]
-        # Orthonormal frame (n, u, v): n along the bond, v normal to the rows too, so that v·d is the same all along a row.
+        # Orthonormal frame (n, u, v): n along the bond, v normal to the rows too, so that v·d is the same all along a
+        # row.
         if length < tiny:
             length = tiny
             nx, ny, nz = 1.0, 0.0, 0.0
@@ -270,7 +275,9 @@ def prepare(
 
 
 def lattice_bonds(
-    map_bk,  # 12 numbers a bond: the change of (D, Y, M) from one point to the next along each axis of the lattice, and (D, Y, M) of the point nearest to x_i
+    # 12 numbers a bond: the change of (D, Y, M) from one point to the next along each axis of the lattice, and (D, Y,
+    # M) of the point nearest to x_i
+    map_bk,
     end_bk,  # lattice coordinates of x_i − nearest point, and of r: two numbers each
     base_ba,  # index of the nearest point
     length_b,
@@ -284,7 +291,9 @@ def lattice_bonds(
     wrap_a,  # whether an axis of the lattice closes on itself through the periodic cell
     acc,  # flat: rows × ext × components
     ext,
-    row_15j,  # buffers: of rows D, Y, M, first point, number of points, place and row in the accumulator, lists of short and long ones, ..
+    # buffers: of rows D, Y, M, first point, number of points, place and row in the accumulator, lists of short and long
+    # ones, ..
+    row_15j,
     k_,  # buffer for the constants of β
 ):
     """Σ_b b β at every point, added to `acc`. Returns the number of (bond, point) pairs visited."""
@@ -377,7 +386,8 @@ def lattice_bonds(
                     left = int(peek(count_at, j))
                     at = int(peek(at_at, j))
                     while left > 0:
-                        # Once, unless the chord is longer than what the row of the accumulator or the buffer has to spare.
+                        # Once, unless the chord is longer than what the row of the accumulator or the buffer has to
+                        # spare.
                         runs = min(min((left + 3) >> 2, (ext - at) >> 2), most - n_runs)
                         to = int(peek(row_at, j)) * stride + at * n_comp
                         for _ in range(runs):

@@ -1,8 +1,10 @@
-"""The two sums at scattered points, in two steps: which points are near which bonds, and the sum of b β over those pairs.
+"""The two sums at scattered points, in two steps: which points are near which bonds, and the sum of b β over those
+pairs.
 
-Points are sorted into bins of the cell once; each starting atom collects those in reach, images included, and its bonds look only at these. Where a bond
-has a point or two near it, as in the check of errors, anything done once a bond is paid in full by every pair: so nothing is. A pair has all that β needs
-(`_beta_pairs`), and β is evaluated for four pairs at once, of whatever bonds.
+Points are sorted into bins of the cell once; each starting atom collects those in reach, images included, and its bonds
+look only at these. Where a bond has a point or two near it, as in the check of errors, anything done once a bond is
+paid in full by every pair: so nothing is. A pair has all that β needs (`_beta_pairs`), and β is evaluated for four
+pairs at once, of whatever bonds.
 """
 
 from __future__ import annotations
@@ -45,10 +47,12 @@ _AHEAD = 100
 
 @njit(**JIT_FMA)
 def near(r0, r1, r2, m, support, cartesian, bond, x_at, apart, n, pair_at, bond_at, point_at, most):
-    """Append the pairs of one bond with those of `m` points that lie inside its capsule; returns how many there are then.
+    """Append the pairs of one bond with those of `m` points that lie inside its capsule; returns how many there are
+    then.
 
-    Points are given by d = x_i − x (three rows of `apart` numbers at `x_at`), and by their numbers in the fourth; the four rows after that are for what is
-    computed here. A pair has three numbers, `most` apart: D, p² and |r|², see `_beta_pairs`, or d if `cartesian`.
+    Points are given by d = x_i − x (three rows of `apart` numbers at `x_at`), and by their numbers in the fourth; the
+    four rows after that are for what is computed here. A pair has three numbers, `most` apart: D, p² and |r|², see
+    `_beta_pairs`, or d if `cartesian`.
     """
     length2 = r0 * r0 + r1 * r1 + r2 * r2
     least = SHORTEST * support
@@ -155,8 +159,8 @@ def find_pairs(
     bond_l,
     point_l,
 ):
-    """(bond, point) pairs within reach of each other. Returns how many were found before the room was full (`state[0]` is the number of bonds when all are done),
-    −1 if something is not finite."""
+    """(bond, point) pairs within reach of each other. Returns how many were found before the room was full (`state[0]`
+    is the number of bonds when all are done), −1 if something is not finite."""
     apart, most = buffer_8l.shape[1], pair_3l.shape[1]
     # The last run of four may read and write three more than there are.
     room, full = apart - 4, most - 4
@@ -301,7 +305,8 @@ def find_pairs(
 
 @njit(**ENTRY)
 def renumber(n, bond_l, which_b):
-    """Number the bonds of pairs anew, by their order among those that occur; `which_b` gets what they were called. Returns how many there are."""
+    """Number the bonds of pairs anew, by their order among those that occur; `which_b` gets what they were called.
+    Returns how many there are."""
     count, before = 0, -1
     for l in range(n):
         if bond_l[l] != before:

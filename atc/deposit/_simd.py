@@ -1,7 +1,8 @@
 """Four numbers at a time, and one compiled copy of a core per kernel family.
 
-The hot loops touch short runs of grid points. LLVM's vectoriser leaves runs that short scalar (its run-time checks cost more than they
-save), so `vec4` is a numba type of its own: <4 x double> with + − · /, which LLVM splits where the machine has narrower vectors.
+The hot loops touch short runs of grid points. LLVM's vectoriser leaves runs that short scalar (its run-time checks cost
+more than they save), so `vec4` is a numba type of its own: <4 x double> with + − · /, which LLVM splits where the
+machine has narrower vectors.
 """
 
 from __future__ import annotations
@@ -20,10 +21,10 @@ from numba.extending import intrinsic, lower_builtin, models, register_model
 from ..compiled import njit
 
 JIT = dict(cache=True, nogil=True, error_model="numpy")
-# What is only called from compiled code needs no entry from Python, which takes longer to compile than most of these functions.
-# Contracting a·b + c into one rounding is safe everywhere in the deposit: no sum there is compensated.
-# Always inlined: a function that is called has one copy for itself and one in each caller, which may round differently, and which of them runs depends on
-# whether it was compiled in this process or came from the disk.
+# What is only called from compiled code needs no entry from Python, which takes longer to compile than most of these
+# functions. Contracting a·b + c into one rounding is safe everywhere in the deposit: no sum there is compensated.
+# Always inlined: a function that is called has one copy for itself and one in each caller, which may round differently,
+# and which of them runs depends on whether it was compiled in this process or came from the disk.
 JIT_FMA = dict(JIT, fastmath={"contract"}, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 # Called from Python.
 ENTRY = dict(JIT_FMA, forceinline=False, no_cpython_wrapper=False)
@@ -201,7 +202,8 @@ def ramp4(typingctx, base, step):
 
 @intrinsic
 def log2_ratio4(typingctx, top, low):
-    """A whole number e ≥ 0 near log2(top/low), for top ≥ low > 0: read off the bits, the mantissas as linear approximations to their log2.
+    """A whole number e ≥ 0 near log2(top/low), for top ≥ low > 0: read off the bits, the mantissas as linear
+    approximations to their log2.
 
     top/(low 2^e) is between 2^-0.59 and 2^0.59.
     """
@@ -238,8 +240,8 @@ def where_zero4(typingctx, e, a, b):
     return vec4(vec4, vec4, vec4), codegen
 
 
-# Arrays passed to a function are reference-counted, with atomic instructions: in the inner loops memory goes by its address instead. Whoever
-# takes the address must keep the array alive, and owns the bounds.
+# Arrays passed to a function are reference-counted, with atomic instructions: in the inner loops memory goes by its
+# address instead. Whoever takes the address must keep the array alive, and owns the bounds.
 
 
 @intrinsic
@@ -400,8 +402,9 @@ _SOURCES = _fingerprint()
 def specialise(py_func, tag: str, **names):
     """Compile a copy of `py_func` in which the global `names` have other values, e.g. another β.
 
-    A copy under its own name is what numba can cache on disk; a closure over a compiled function would be recompiled every time.
-    numba looks only at the copy's own file for changes, so the name carries a fingerprint of the sources beside it too.
+    A copy under its own name is what numba can cache on disk; a closure over a compiled function would be recompiled
+    every time. numba looks only at the copy's own file for changes, so the name carries a fingerprint of the sources
+    beside it too.
     """
     f = _types.FunctionType(py_func.__code__, {**py_func.__globals__, **names}, py_func.__name__, py_func.__defaults__)
     f.__qualname__ = f"{py_func.__qualname__}_{tag}_{_SOURCES}"

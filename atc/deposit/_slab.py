@@ -1,4 +1,5 @@
-"""The two sums averaged over planes: in one dimension, with the kernel integrated over the plane (`kernels.Marginal`)."""
+"""The two sums averaged over planes: in one dimension, with the kernel integrated over the plane
+(`kernels.Marginal`)."""
 
 from __future__ import annotations
 
@@ -14,13 +15,15 @@ from ._simd import INLINE, JIT_FMA, abs4, address, axpy4, load4, maximum4, minim
 
 _gaussian, _gaussian_constants = _beta.gaussian, _beta.gaussian_constants
 
-# Below this bond length, in units of R, a difference of antiderivatives loses more than three digits: means of powers instead.
+# Below this bond length, in units of R, a difference of antiderivatives loses more than three digits: means of powers
+# instead.
 _SHORT = 1e-3
 
 
 @njit(**JIT_FMA)
 def _mean_of_powers(d, r, R, coef_mk, m):
-    """Mean of Σ c_k (|z|/R)^k over z = d − t r, |z| < R. v^k averages to (va^k + va^{k−1} vb + … + vb^k)/(k + 1): nothing cancels if va = vb."""
+    """Mean of Σ c_k (|z|/R)^k over z = d − t r, |z| < R. v^k averages to (va^k + va^{k−1} vb + … + vb^k)/(k + 1):
+    nothing cancels if va = vb."""
     s = r if abs(r) > 1e-30 * R else 1e-30 * R
     total = 0.0
     for side in range(2):
@@ -196,7 +199,8 @@ CONSTANTS = polynomial_constants
 
 
 def slab_bonds(x_nc, i_b, r_bc, b_bk, origin_c, normal_c, radii_m, coef_mk, step, n, periodic, acc, ext):
-    """Σ_b b β₁ in n bins whose centres are at (k + ½) step from the cell's lower face. Returns the number of visits, −1 if something is not finite.
+    """Σ_b b β₁ in n bins whose centres are at (k + ½) step from the cell's lower face. Returns the number of visits, −1
+    if something is not finite.
 
     `acc` is flat, components × ext; positions beyond n are folded back, or dropped, at the end (as in `_lattice`).
     """

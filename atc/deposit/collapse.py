@@ -1,4 +1,5 @@
-"""The spectral deposit where atoms carry the moments of their bonds (`moments`): bonds too long or too strong for that become points."""
+"""The spectral deposit where atoms carry the moments of their bonds (`moments`): bonds too long or too strong for that
+become points."""
 
 from __future__ import annotations
 
@@ -27,10 +28,12 @@ def spectral_deposit(
 
 
 class CollapsingDeposit(SpectralDeposit):
-    """Bonds of `add_bond_stress` whose other ends are given are gathered at their atoms, as far as the tolerance allows.
+    """Bonds of `add_bond_stress` whose other ends are given are gathered at their atoms, as far as the tolerance
+    allows.
 
-    The rows of moments are each thread's own; they are brought onto meshes when an atom turns up somewhere else (another frame), and in the end.
-    Whether a bond is collapsed depends on its length and its strength, as the number of its points would: the order decides only how many are.
+    The rows of moments are each thread's own; they are brought onto meshes when an atom turns up somewhere else
+    (another frame), and in the end. Whether a bond is collapsed depends on its length and its strength, as the number
+    of its points would: the order decides only how many are.
     """
 
     dense = DENSE_ATOMS
@@ -43,7 +46,8 @@ class CollapsingDeposit(SpectralDeposit):
         self._longest = None
 
     def collapses(self, length: float, strength: float = 1.0) -> bool:
-        """Whether atoms carry a bond of this length, and so many times as strong as the mean: an estimate like `points_of`."""
+        """Whether atoms carry a bond of this length, and so many times as strong as the mean: an estimate like
+        `points_of`."""
         return bool(self._errors.longest([2.0 * self._bond_share / strength])[0] >= length)
 
     @property
@@ -89,8 +93,21 @@ class CollapsingDeposit(SpectralDeposit):
         while first < n:
             rows = self._rows_for(thread, len(x_nc), most)
             first, k = add(
-                x_nc, i_b, j_b, r_bc, G_b, first, weight, slack, self._longest, 1.0 / self.kernel.radius, 1.0 / rows.scale, rows.rows, rows.places, rest,
-            )  # fmt: skip
+                x_nc,
+                i_b,
+                j_b,
+                r_bc,
+                G_b,
+                first,
+                weight,
+                slack,
+                self._longest,
+                1.0 / self.kernel.radius,
+                1.0 / rows.scale,
+                rows.rows,
+                rows.places,
+                rest,
+            )
             if first < 0:
                 raise AtcError(_NOT_FINITE)
             points.append(rest[:k].copy())
@@ -159,9 +176,21 @@ class CollapsingDeposit(SpectralDeposit):
                     if m.points + min(short, len(which) - s) > short:
                         m.flush(width)
                 n = spread_rows(
-                    x_nc[s : s + short], which[s : s + short], rows.rows, columns[some], rows.scale / first.scale, self._origin, self._to_mesh,
-                    self._period, first.low, np.array(first.shape), first.row, coef_flat, where, first.rows,
-                )  # fmt: skip
+                    x_nc[s : s + short],
+                    which[s : s + short],
+                    rows.rows,
+                    columns[some],
+                    rows.scale / first.scale,
+                    self._origin,
+                    self._to_mesh,
+                    self._period,
+                    first.low,
+                    np.array(first.shape),
+                    first.row,
+                    coef_flat,
+                    where,
+                    first.rows,
+                )
                 for m in mine:
                     m.points += n
                     if m is not first:

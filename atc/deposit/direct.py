@@ -1,4 +1,5 @@
-"""The exact deposits: on a lattice, at scattered points, averaged over slabs. Buffers, bins and bounds; the loops are in `_lattice`, `_points`, `_slab`."""
+"""The exact deposits: on a lattice, at scattered points, averaged over slabs. Buffers, bins and bounds; the loops are
+in `_lattice`, `_points`, `_slab`."""
 
 from __future__ import annotations
 
@@ -18,16 +19,21 @@ from ._simd import ENTRY, specialise
 
 # Bonds whose geometry is prepared at once.
 PIECE = 8192
-# Room for the points in reach of one atom, and for (bond, point) pairs (more are taken in turns); not multiples of 4096 bytes, as in `LatticeDeposit`.
+# Room for the points in reach of one atom, and for (bond, point) pairs (more are taken in turns); not multiples of 4096
+# bytes, as in `LatticeDeposit`.
 POINTS, PAIRS = 1032, 8200
 # Up to so many points bins are marked that have one in reach; so many bins on that way.
 _FEW, _BINS_EACH = 300, 8
 
-_NOT_FINITE = "an atom's position or a bond's vector is not a finite number: check the trajectory and the potential for coincident atoms"
+_NOT_FINITE = (
+    "an atom's position or a bond's vector is not a finite number: check the trajectory and the potential for "
+    "coincident atoms"
+)
 
 
 def family(kernel):
-    """(name of the β function in `_beta`, radii (m,) largest first, coefficients (m, 5) with the normalisation included)."""
+    """(name of the β function in `_beta`, radii (m,) largest first, coefficients (m, 5) with the normalisation
+    included)."""
     coef = np.zeros((1, 5))
     if isinstance(kernel, Gaussian):
         coef[0, :3] = kernel.normalisation, kernel.width, kernel.accuracy
@@ -112,18 +118,21 @@ class Deposit:
             self._add("site", x_nc, np.arange(n, dtype=np.int32), np.zeros((n, 3)), a_nk, thread)
 
     def add_bonds(self, x_bc, r_bc, b_bk, thread=0):
-        """Add Σ_b b β(x), all periodic images; bond b runs from x_b to x_b − r_b: x_bc, r_bc (b, 3), b_bk (b, n_bond)."""
+        """Add Σ_b b β(x), all periodic images; bond b runs from x_b to x_b − r_b: x_bc, r_bc (b, 3), b_bk (b,
+        n_bond)."""
         x_bc, r_bc, b_bk = _array(x_bc), _array(r_bc), _array(b_bk)
         n = len(x_bc)
         if r_bc.shape != (n, 3) or b_bk.shape != (n, self.n_bond):
             raise ValueError(
-                f"bond vectors and values must have shapes {(n, 3)} and {(n, self.n_bond)}, got {r_bc.shape} and {b_bk.shape}"
+                f"bond vectors and values must have shapes {(n, 3)} and {(n, self.n_bond)}, got {r_bc.shape} and "
+                f"{b_bk.shape}"
             )
         if n and self.n_bond:
             self._add("bond", x_bc, np.arange(n, dtype=np.int32), r_bc, b_bk, thread)
 
     def add_bond_stress(self, x_nc, i_b, r_bc, G_b, thread=0, j_b=None):
-        """Add Σ_b G r⊗r β(x), components xx, yy, zz, yz, xz, xy; bond b starts at x_nc[i_b], and ends at x_nc[j_b] or a periodic image of it, if given."""
+        """Add Σ_b G r⊗r β(x), components xx, yy, zz, yz, xz, xy; bond b starts at x_nc[i_b], and ends at x_nc[j_b] or a
+        periodic image of it, if given."""
         x_nc, i_b, r_bc, G_b = _array(x_nc), _array(i_b, np.int32), _array(r_bc), _array(G_b)
         if self.n_bond != 6:
             raise ValueError(f"bond stress has 6 components, this deposit was made for {self.n_bond}")
@@ -205,7 +214,8 @@ class LatticeDeposit(Deposit):
         )
         self.inverse = np.linalg.inv(self.steps)
         self.reach, self.offset = np.linalg.norm(self.inverse, axis=0), _array(grid.origin)
-        # Where the lattice does not close on itself, periodic images of a bond are bonds of their own: shifts along these axes.
+        # Where the lattice does not close on itself, periodic images of a bond are bonds of their own: shifts along
+        # these axes.
         self.image = np.flatnonzero(self.cell.periodic) if not grid.wraps else np.zeros(0, np.int64)
         corners = (
             np.stack(np.meshgrid(*[(0, n - 1) for n in self.counts], indexing="ij"), -1).reshape(-1, 3) @ self.steps
@@ -257,9 +267,22 @@ class LatticeDeposit(Deposit):
         map_bk, end_bk, base_ba = np.empty((n, 12)), np.empty((n, 4)), np.empty((n, 3), np.int64)
         length_b, frame_bcc = np.empty(n), np.empty((n, 3, 3))
         longest = _lattice.prepare(
-            x_nc, i_b, r_bc, origin, self.offset, self.steps, self.inverse, self.counts, self.wrap, TINY * self.radii[0],
-            map_bk, end_bk, base_ba, length_b, frame_bcc,
-        )  # fmt: skip
+            x_nc,
+            i_b,
+            r_bc,
+            origin,
+            self.offset,
+            self.steps,
+            self.inverse,
+            self.counts,
+            self.wrap,
+            TINY * self.radii[0],
+            map_bk,
+            end_bk,
+            base_ba,
+            length_b,
+            frame_bcc,
+        )
         if longest < 0:
             raise AtcError(_NOT_FINITE)
         b_bk = _padded(b_bk)
@@ -350,7 +373,8 @@ class PointsDeposit(Deposit):
         )
 
     def expect(self, length: float) -> None:
-        """Most bonds will not be longer than this: those that start where no point is in reach are passed over quickly, longer ones are looked at.
+        """Most bonds will not be longer than this: those that start where no point is in reach are passed over quickly,
+        longer ones are looked at.
 
         A few points only: there is nothing to be gained with many.
         """
@@ -376,7 +400,8 @@ class PointsDeposit(Deposit):
         )
 
     def find(self, x_nc, i_b, r_bc, thread=0):
-        """Which bonds have points within reach: pieces, each to be given to `add_found` before the next is asked for. Bond b starts at x_nc[i_b].
+        """Which bonds have points within reach: pieces, each to be given to `add_found` before the next is asked for.
+        Bond b starts at x_nc[i_b].
 
         Yields
         ------
@@ -401,8 +426,12 @@ class PointsDeposit(Deposit):
             apart = max(POINTS, self._fullest + 8) | 8
             most = max(PAIRS, 2 * apart) | 8
             self._room[thread] = (
-                np.empty((8, apart)), np.empty((3, most)), np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most, np.int64)
-            )  # fmt: skip
+                np.empty((8, apart)),
+                np.empty((3, most)),
+                np.empty(most, np.int64),
+                np.empty(most, np.int64),
+                np.empty(most, np.int64),
+            )
         return self._room[thread]
 
     def _pairs(self, x_nc, i_b, r_bc, thread):
@@ -411,9 +440,28 @@ class PointsDeposit(Deposit):
         state = np.zeros(3, np.int64)
         while state[0] < len(r_bc):
             n = _points.find_pairs(
-                state, x_nc, i_b, r_bc, self.radii[0], self._cartesian, self._origin, self.points, self.start, self.bins, self.low, self.scale,
-                self._periodic, self._vectors, self._inverse, self._marked, self._mark_low, self._mark_scale, self._length, room, *pairs,
-            )  # fmt: skip
+                state,
+                x_nc,
+                i_b,
+                r_bc,
+                self.radii[0],
+                self._cartesian,
+                self._origin,
+                self.points,
+                self.start,
+                self.bins,
+                self.low,
+                self.scale,
+                self._periodic,
+                self._vectors,
+                self._inverse,
+                self._marked,
+                self._mark_low,
+                self._mark_scale,
+                self._length,
+                room,
+                *pairs,
+            )
             self._count(thread, n)
             yield n, pairs
 

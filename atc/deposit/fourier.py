@@ -1,10 +1,12 @@
 """The kernels' Fourier transforms, and how fine a mesh has to be for a tolerance (the ground of the spectral deposit).
 
-φ̂(k) = ∫ φ(x) exp(−i k·x) dx, φ̂(0) = 1. Errors are counted in two ways, both relative and both to be below the tolerance:
+φ̂(k) = ∫ φ(x) exp(−i k·x) dx, φ̂(0) = 1. Errors are counted in two ways, both relative and both to be below the
+tolerance:
 
-- against the field of independent sources: the squared error is the integral of φ̂² (times the square of what is wrong with the mode) over the modes,
-  divided by the integral of φ̂². As every cause of error depends on one component of k at a time, all these integrals are one-dimensional, over
-  p(κ) = ∫ φ̂²(κ e + q) d²q (q normal to the unit vector e);
+- against the field of independent sources: the squared error is the integral of φ̂² (times the square of what is wrong
+  with the mode) over the modes,
+  divided by the integral of φ̂². As every cause of error depends on one component of k at a time, all these integrals
+  are one-dimensional, over p(κ) = ∫ φ̂²(κ e + q) d²q (q normal to the unit vector e);
 - against the field of sources in step with one mode, a crystal's for example: the largest |φ̂| times what is wrong.
 
 In two dimensions k lies in the plane: φ̂ is Hankel's transform, and p(κ) an integral over the line normal to e.
@@ -21,7 +23,8 @@ import numpy as np
 from ..errors import AtcError
 from ..kernels import BSpline, Gaussian, Radial
 
-# Below this kR the integrals of a polynomial against sin(kρ) are summed as power series, above by recursion: both lose less than two digits there.
+# Below this kR the integrals of a polynomial against sin(kρ) are summed as power series, above by recursion: both lose
+# less than two digits there.
 _SERIES = 6.0
 
 
@@ -50,7 +53,8 @@ def _moments(z):
 
 
 def _moments_plane(z):
-    """(5, ...) ∫₀¹ s^(n+1) J₀(z s) ds for n = 0..4: from ∫₀¹ s^m J₀ = J₁/z + (m−1) J₀/z² − (m−1)² ∫₀¹ s^(m−2) J₀/z², and Struve's functions for ∫ J₀."""
+    """(5, ...) ∫₀¹ s^(n+1) J₀(z s) ds for n = 0..4: from ∫₀¹ s^m J₀ = J₁/z + (m−1) J₀/z² − (m−1)² ∫₀¹ s^(m−2) J₀/z²,
+    and Struve's functions for ∫ J₀."""
     from scipy.special import j0, j1, struve
 
     z = np.asarray(z, float)
@@ -123,7 +127,8 @@ class Spectrum:
 
 @lru_cache(maxsize=64)
 def spectrum(kernel, gradient=False) -> Spectrum:
-    """The spectrum that meshes and bond points are chosen by, of the field or of its gradient; AtcError for kernels that jump."""
+    """The spectrum that meshes and bond points are chosen by, of the field or of its gradient; AtcError for kernels
+    that jump."""
     if isinstance(kernel, BSpline):
         scale = kernel.radius
         k = (np.arange(24000) + 0.5) * 0.05
@@ -157,7 +162,8 @@ def spectrum(kernel, gradient=False) -> Spectrum:
 
 
 def _along_lines(k, power):
-    """∫ power(√(κ² + q²)) dq over the line at distance κ, for κ at k, the middles of equal steps: by the length of the line in each ring, at some κ, and in between by its logarithm."""
+    """∫ power(√(κ² + q²)) dq over the line at distance κ, for κ at k, the middles of equal steps: by the length of the
+    line in each ring, at some κ, and in between by its logarithm."""
     step = k[1] - k[0]
     some = np.unique(np.r_[np.arange(0, min(40, len(k))), np.geomspace(1, len(k) - 1, 300).astype(int)])
     rim = np.r_[k - 0.5 * step, k[-1] + 0.5 * step]
@@ -187,7 +193,8 @@ def window_hat(f, width, shape):
 
 
 def window_polynomials(width, shape, accuracy):
-    """(degree + 1, 4⌈width/4⌉) coefficients of window(x + j − width/2) in powers of x, 0 ≤ x ≤ 1, for j = 0..width−1."""
+    """(degree + 1, 4⌈width/4⌉) coefficients of window(x + j − width/2) in powers of x, 0 ≤ x ≤ 1, for j =
+    0..width−1."""
     nodes = 0.5 - 0.5 * np.cos(pi * (np.arange(40) + 0.5) / 40)
     j = np.arange(width)
     want = window(nodes[:, None] + j - 0.5 * width, width, shape)
@@ -207,12 +214,14 @@ def window_polynomials(width, shape, accuracy):
 
 
 def images(f, width, shape):
-    """The window's squared transform at the frequencies that the mesh takes for f, summed; and its transform at f itself."""
+    """The window's squared transform at the frequencies that the mesh takes for f, summed; and its transform at f
+    itself."""
     return sum(window_hat(f + m, width, shape) ** 2 for m in (-3, -2, -1, 1, 2, 3)), window_hat(f, width, shape)
 
 
 def aliasing(spec, width, shapes, spacing, upto):
-    """Error by the modes that the mesh confuses, for every shape parameter: (shapes,). spacing in units of spec.scale, modes k[:upto] are kept."""
+    """Error by the modes that the mesh confuses, for every shape parameter: (shapes,). spacing in units of spec.scale,
+    modes k[:upto] are kept."""
     thin = max(1, upto // 100)
     f = spec.k[:upto:thin] * spacing / (2 * pi)
     others, own = images(f, width, shapes[:, None])
@@ -270,7 +279,8 @@ def choose(kernel, left_out, confused, points_density, costs=COSTS[8], gradient=
     # Near the table's end the tail is cut short.
     if not len(enough) or spec.k[enough[0]] > 0.5 * spec.k[-1]:
         raise AtcError(
-            f"kernel {kernel.name!r}: its modes decay too slowly for this tolerance by method 'spectral': use method 'direct'"
+            f"kernel {kernel.name!r}: its modes decay too slowly for this tolerance by method 'spectral': use method "
+            "'direct'"
         )
     upto = max(int(enough[0]), 2)
     k_max = spec.k[upto]
@@ -306,7 +316,8 @@ _LENGTHS = np.concatenate([10.0 ** np.arange(-8.0, -3.0, 0.25), 10.0 ** np.arang
 
 @lru_cache(maxsize=64)
 def _rule_errors(kernel, most, gradient):
-    """(most, lengths) error by Gauss-Legendre rules of 1, 2, .. points for a bond of each length and all shorter ones."""
+    """(most, lengths) error by Gauss-Legendre rules of 1, 2, .. points for a bond of each length and all shorter
+    ones."""
     spec = spectrum(kernel, gradient)
     thin = max(1, len(spec.k) // 1500)
     k = spec.k[::thin]
@@ -326,14 +337,16 @@ def _rule_errors(kernel, most, gradient):
 
 
 def longest_bonds(kernel, tolerances, most=10, gradient=False):
-    """(tolerances, most) the longest bond that 1, 2, .. Gauss-Legendre points do for: longer ones than the last are cut into pieces."""
+    """(tolerances, most) the longest bond that 1, 2, .. Gauss-Legendre points do for: longer ones than the last are cut
+    into pieces."""
     errors = _rule_errors(kernel, most, gradient)
     at = np.array([np.searchsorted(e, tolerances, side="right") for e in errors]).T
     return np.where(at > 0, _LENGTHS[np.maximum(at - 1, 0)], 1e-9) * spectrum(kernel).scale
 
 
 def rule_error(kernel, m, length, gradient=False, most=10):
-    """(b,) error by m + 1 points for bonds of these lengths and all shorter ones; up to the next length of the table."""
+    """(b,) error by m + 1 points for bonds of these lengths and all shorter ones; up to the next length of the
+    table."""
     errors = _rule_errors(kernel, most, gradient)
     return errors[
         m, np.minimum(np.searchsorted(_LENGTHS, np.asarray(length) / spectrum(kernel).scale), len(_LENGTHS) - 1)

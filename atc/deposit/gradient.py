@@ -1,6 +1,8 @@
-"""Site sums with the kernel's gradient: Σ_j a_j φ(x_j − x) and Σ_j a_j ∂φ(x_j − x)/∂x, in closed form (formulas: what ∇v and ∇u are made of).
+"""Site sums with the kernel's gradient: Σ_j a_j φ(x_j − x) and Σ_j a_j ∂φ(x_j − x)/∂x, in closed form (formulas: what
+∇v and ∇u are made of).
 
-Every point collects the atoms within reach from bins of the cell, images included: exact, and the same for any number of threads.
+Every point collects the atoms within reach from bins of the cell, images included: exact, and the same for any number
+of threads.
 """
 
 from __future__ import annotations
@@ -25,7 +27,8 @@ def require_differentiable(kernel, users: str) -> None:
         jumps = bool((np.abs(kernel.coef_mk.sum(1)) > 1e-12 * np.abs(kernel.coef_mk).max()).any())
     if jumps:
         raise AtcError(
-            f"{users}: kernel {kernel.name!r} jumps, so it has no gradient: use a continuous one, e.g. quartic, lucy or gaussian"
+            f"{users}: kernel {kernel.name!r} jumps, so it has no gradient: use a continuous one, e.g. quartic, lucy "
+            "or gaussian"
         )
 
 
@@ -40,7 +43,8 @@ def gather(bound, kernel, cell, x_nc, a_nk, w_n=None, gradient=True, threads=1):
     x_nc : (n, 3) positions, anywhere
     a_nk : (n, k) factors
     w_n : (n,) or None
-        Three more factors w_j (x_j − x), through the image that is summed (held constant in the gradient). Not on slabs.
+        Three more factors w_j (x_j − x), through the image that is summed (held constant in the gradient). Not on
+        slabs.
     gradient : whether the second sum is wanted
     threads : int
 
@@ -108,7 +112,8 @@ def _coefficients(kernel):
 
 
 def _bins(cell, x, support):
-    """Positions wrapped and sorted by bin (about half a support wide); their order, the first of each bin, and the geometry of the bins."""
+    """Positions wrapped and sorted by bin (about half a support wide); their order, the first of each bin, and the
+    geometry of the bins."""
     x = np.ascontiguousarray(x, dtype=np.float64)
     s = x @ cell.inverse
     low = np.where(cell.periodic, 0.0, s.min(0))

@@ -1,8 +1,9 @@
 """From the modes of a field to its values: the finishing half of the spectral deposit.
 
-Along an axis of the box the points of a grid are reached in one of three ways: where the grid closes on itself by folding modes that agree there
-and a fast transform, exact however coarse the grid; where its points merely lie on lines along the box's edges by a sum over the modes of that
-axis; and for points anywhere by a mesh that is read off with the spreading window. In two dimensions the mesh has one layer and the only mode along z is the mean.
+Along an axis of the box the points of a grid are reached in one of three ways: where the grid closes on itself by
+folding modes that agree there and a fast transform, exact however coarse the grid; where its points merely lie on lines
+along the box's edges by a sum over the modes of that axis; and for points anywhere by a mesh that is read off with the
+spreading window. In two dimensions the mesh has one layer and the only mode along z is the mean.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ class Axis:
 
 
 def separable(grid, to_mesh):
-    """The axes of a lattice along the cell's edges, and which axis of the grid belongs to each edge (−1: none); None if it is tilted against them."""
+    """The axes of a lattice along the cell's edges, and which axis of the grid belongs to each edge (−1: none); None if
+    it is tilted against them."""
     if not grid.is_lattice:
         return None
     start = grid.origin @ to_mesh
@@ -51,7 +53,8 @@ def separable(grid, to_mesh):
 
 @njit(**ENTRY)
 def _fill(table, step, b, n0, n1, n2, w0, w1, w2, out):
-    """out = w0 w1 w2 table(|k|), by the cubic through the four nearest of table[1 + i] at i step: 0.01⁴ is enough for kernels with a kink."""
+    """out = w0 w1 w2 table(|k|), by the cubic through the four nearest of table[1 + i] at i step: 0.01⁴ is enough for
+    kernels with a kink."""
     for i in range(len(n0)):
         for j in range(len(n1)):
             x, y, z = (

@@ -1,13 +1,16 @@
-"""All bonds of an atom at once: for kernels wide against the bonds, their bond functions are expanded about both ends, and atoms carry the sums.
+"""All bonds of an atom at once: for kernels wide against the bonds, their bond functions are expanded about both ends,
+and atoms carry the sums.
 
-The Fourier transform of a bond from x_i to x_j = x_i − r is φ̂(k) ∫₀¹ exp(−ik·(x_i − t r)) dt. Hermite's two-point rule replaces the integral by values and
-derivatives at both ends, up to order P (derivative corrections of the trapezoidal rule: Lanczos, Applied Analysis, 1956, ch. VI):
+The Fourier transform of a bond from x_i to x_j = x_i − r is φ̂(k) ∫₀¹ exp(−ik·(x_i − t r)) dt. Hermite's two-point rule
+replaces the integral by values and derivatives at both ends, up to order P (derivative corrections of the trapezoidal
+rule: Lanczos, Applied Analysis, 1956, ch. VI):
 
     ∫₀¹ g dt ≈ Σ_{p ≤ P} c_p [g⁽ᵖ⁾(0) + (−1)ᵖ g⁽ᵖ⁾(1)],     c_p = (P+1)!/((P−p)! (p+1)!) (2P+1−p)!/(2P+2)!,
 
-exact for polynomials of degree 2P + 1. For a bond with the stress factor G r⊗r the p-th derivative is G r⊗r (ik·r)ᵖ exp(…): what an atom has to carry is the
-totally symmetric Σ G r^{⊗n}, n = 2..P+2, over its bonds, r pointing to it from each bond's other end. 16, 31, 52 or 80 numbers for P = 1..4 are
-spread once for each atom, where otherwise every bond is several points; the powers of k wait until everything is transformed.
+exact for polynomials of degree 2P + 1. For a bond with the stress factor G r⊗r the p-th derivative is G r⊗r (ik·r)ᵖ
+exp(…): what an atom has to carry is the totally symmetric Σ G r^{⊗n}, n = 2..P+2, over its bonds, r pointing to it from
+each bond's other end. 16, 31, 52 or 80 numbers for P = 1..4 are spread once for each atom, where otherwise every bond
+is several points; the powers of k wait until everything is transformed.
 """
 
 from __future__ import annotations
@@ -55,9 +58,11 @@ def _padded(n):
 
 
 class Layout:
-    """Where what is in a row: degree by degree, each filled up to a multiple of four numbers; then the atom's position, in double precision.
+    """Where what is in a row: degree by degree, each filled up to a multiple of four numbers; then the atom's position,
+    in double precision.
 
-    columns : (k,) of the monomials (in the plane of those without z, the others are 0); powers : (k, 3) theirs; place : of the position, in doubles; row : length, in numbers
+    columns : (k,) of the monomials (in the plane of those without z, the others are 0); powers : (k, 3) theirs; place :
+        of the position, in doubles; row : length, in numbers
     """
 
     def __init__(self, order, real, dimension=3):
@@ -78,7 +83,8 @@ class Layout:
         self.row = 16 * ((end * size + 24 + 15) // 16) // size
 
     def parts(self, columns, component: int):
-        """What some monomials are of a component of the stress: which of them are, powers α of k, and the factors p!/α! c_p of (ik)^α, p = |α|."""
+        """What some monomials are of a component of the stress: which of them are, powers α of k, and the factors p!/α!
+        c_p of (ik)^α, p = |α|."""
         alphas = self.powers[columns] - STRESS[component]
         which = np.flatnonzero((alphas >= 0).all(1))
         factors = []
@@ -92,8 +98,8 @@ class Layout:
 class Errors:
     """What it costs to collapse bonds of any length, as `fourier` counts errors.
 
-    Where |k·r| is large the two ends are large numbers of opposite sign: exactly they cancel, but what the mesh confuses at either end does not. That is
-    part of the error.
+    Where |k·r| is large the two ends are large numbers of opposite sign: exactly they cancel, but what the mesh
+    confuses at either end does not. That is part of the error.
 
     Parameters
     ----------
@@ -141,7 +147,8 @@ errors = lru_cache(maxsize=64)(Errors)
 
 # --- summing
 def _adder(order, real):
-    """An intrinsic: (address of the row of i, of j, x, y, z, G): adds a bond's monomials to both rows, those of odd degree with the other sign to the second."""
+    """An intrinsic: (address of the row of i, of j, x, y, z, G): adds a bond's monomials to both rows, those of odd
+    degree with the other sign to the second."""
     number = ir.FloatType() if real == np.float32 else ir.DoubleType()
     size = np.dtype(real).itemsize
 
@@ -201,14 +208,17 @@ def core(order, real):
 def add_bonds(
     x_nc, i_b, j_b, r_bc, G_b, first, weight_k, slack, longest, inverse_length, inverse_scale, rows, places, rest
 ):
-    """Add bonds `first`.. to the rows of their two atoms. Returns the bond before which an atom has moved (else their number; −1: it is nowhere), and how many are in `rest`.
+    """Add bonds `first`.. to the rows of their two atoms. Returns the bond before which an atom has moved (else their
+    number; −1: it is nowhere), and how many are in `rest`.
 
     Parameters
     ----------
     weight_k : (6,) one over the mean |b| of a component
-    slack, longest : by how many powers of two the error of a bond may be larger; and the longest bond (2 LEVELS + 1,) that may be collapsed when its
-        error may be 2^(level − LEVELS) times the tolerance. Bonds more than 2^STRONG times as strong as the mean never are: they become the points by
-        which they can be taken out again (`SpectralDeposit.add_strong`); what the mesh makes of two ends is not what it makes of points
+    slack, longest : by how many powers of two the error of a bond may be larger; and the longest bond (2 LEVELS + 1,)
+        that may be collapsed when its
+        error may be 2^(level − LEVELS) times the tolerance. Bonds more than 2^STRONG times as strong as the mean never
+        are: they become the points by which they can be taken out again (`SpectralDeposit.add_strong`); what the mesh
+        makes of two ends is not what it makes of points
     inverse_length, inverse_scale : r and G r⊗r are multiplied with these
     rows, places : (n, row), and the same memory as doubles
     rest : (b,) bonds that are not collapsed

@@ -2,13 +2,16 @@
 
     f(x) = Σ_p c_p φ(x − y_p) = (1/V) Σ_k φ̂(k) S(k) e^{ik·x},   S(k) = Σ_p c_p e^{−ik·y_p}
 
-Bonds become Gauss-Legendre points y_p along them. S(k) is what a mesh of points spread with a window gives, divided by the window's own
-transform (Dutt & Rokhlin, SIAM J. Sci. Comput. 14 (1993) 1368; Kaiser-Bessel window). Derivatives are the modes times ik. How the modes
-become values on a grid is in `modes`; how fine the mesh is, how wide the window and how many points a bond gets follows from the tolerance (`fourier`).
+Bonds become Gauss-Legendre points y_p along them. S(k) is what a mesh of points spread with a window gives, divided by
+the window's own transform (Dutt & Rokhlin, SIAM J. Sci. Comput. 14 (1993) 1368; Kaiser-Bessel window). Derivatives are
+the modes times ik. How the modes become values on a grid is in `modes`; how fine the mesh is, how wide the window and
+how many points a bond gets follows from the tolerance (`fourier`).
 
-In two dimensions (a planar kernel) the mesh is a single layer that repeats along z: the mean over z of a cell of unit thickness is the field.
+In two dimensions (a planar kernel) the mesh is a single layer that repeats along z: the mean over z of a cell of unit
+thickness is the field.
 
-Along open axes the box of the modes is as long as the atoms and the part of the grid that they reach, and a kernel's reach more, so that no image is seen.
+Along open axes the box of the modes is as long as the atoms and the part of the grid that they reach, and a kernel's
+reach more, so that no image is seen.
 """
 
 from __future__ import annotations
@@ -28,29 +31,35 @@ from .modes import Modes, largest_modes, separable
 MOST = 10
 # Bytes of one mesh, of one group of components.
 LARGEST = 8.0e9
-# Points to spread in a ball of radius R/4, as in dense argon at R = 10 Å: what the choice between a fine mesh and a wide window goes by.
+# Points to spread in a ball of radius R/4, as in dense argon at R = 10 Å: what the choice between a fine mesh and a
+# wide window goes by.
 DENSE = 200.0
-# What of the tolerance goes to the modes left out, to those that the mesh confuses, and to the bonds' points. The squares of the errors add up; the largest error
-# among many points over the largest value is up to twice what the same ratio of mean squares is: where modes decay slowly, what is left out gathers
-# at the kernel's centre and edge. Leaving out little is dear for those kernels, and cheap for the Gaussian.
+# What of the tolerance goes to the modes left out, to those that the mesh confuses, and to the bonds' points. The
+# squares of the errors add up; the largest error among many points over the largest value is up to twice what the same
+# ratio of mean squares is: where modes decay slowly, what is left out gathers at the kernel's centre and edge. Leaving
+# out little is dear for those kernels, and cheap for the Gaussian.
 SHARES = {"gaussian": (0.35, 0.25, 0.9)}
 SHARE = (0.4, 0.25, 0.4)
-# What of its share the modes left out get in the plane, where gradients are wanted: measured, the largest errors of 1.5 times the tolerance become 0.8.
+# What of its share the modes left out get in the plane, where gradients are wanted: measured, the largest errors of 1.5
+# times the tolerance become 0.8.
 PLANE_RIM = 0.35
 # Bonds among which the loosest sufficient choice of points is looked for, and how far it may go (in powers of two).
 SAMPLE, LOOSEST = 600, 8
-# From this tolerance on meshes are in single precision, and from the second on transforms too. Rounding errors are relative to all modes, kept or not:
-# the wider the kernel, the smaller a part of them is the field. Measured on argon with R = 10 and 20 Å: 1e-6 and 2e-6 of its largest value.
+# From this tolerance on meshes are in single precision, and from the second on transforms too. Rounding errors are
+# relative to all modes, kept or not: the wider the kernel, the smaller a part of them is the field. Measured on argon
+# with R = 10 and 20 Å: 1e-6 and 2e-6 of its largest value.
 SINGLE, SINGLE_TRANSFORM = 1e-5, 1e-4
 # Points that a mesh in single precision gets before it is moved into one of double precision: sums have to stay short.
 # From SINGLE_TRANSFORM on that many a node, if those are more.
 SHORT = 8000, 16.0
-# Atoms are never many near one node, other than the points of the bonds of one: as many as make so many sums a node on average.
+# Atoms are never many near one node, other than the points of the bonds of one: as many as make so many sums a node on
+# average.
 SPARSE = 100.0
 
 
 class _Mesh:
-    """What one thread has spread: nodes [low, low + shape) × components, `scale` times the sources; `total` what has been moved on.
+    """What one thread has spread: nodes [low, low + shape) × components, `scale` times the sources; `total` what has
+    been moved on.
 
     Rows along z are stored with some nodes to spare, see `spread.row_length`."""
 
@@ -95,11 +104,13 @@ class _Mesh:
 class SpectralDeposit(Deposit):
     """Site and bond sums through Fourier modes, for any cell and any grid but slabs. See `atc.deposit.make`.
 
-    Sums are linear in what has been added: frames of one averaging window, all with the same cell, may be added one after the other and finished once.
+    Sums are linear in what has been added: frames of one averaging window, all with the same cell, may be added one
+    after the other and finished once.
 
     Parameters
     ----------
-    tolerance : relative to the largest value, anywhere in the cell, of a field of independent sources (a field that is their sum is larger, one that
+    tolerance : relative to the largest value, anywhere in the cell, of a field of independent sources (a field that is
+        their sum is larger, one that
         is their difference smaller)
     points : how many points will be spread, if known: only the speed depends on it
     gradients : whether the tolerance is meant for gradients as well
@@ -107,7 +118,8 @@ class SpectralDeposit(Deposit):
     Attributes
     ----------
     parameters : fourier.Parameters
-    mesh, modes : (3,) nodes of the mesh along the cell's edges, and largest mode number kept; on open axes of the part of the grid that anything has
+    mesh, modes : (3,) nodes of the mesh along the cell's edges, and largest mode number kept; on open axes of the part
+        of the grid that anything has
         been added to, before that of all of it
 
     Raises
@@ -117,7 +129,8 @@ class SpectralDeposit(Deposit):
     """
 
     dense = DENSE
-    # Components of the meshes that there are at the same time; the order of the moments of bonds that atoms carry (`collapse`).
+    # Components of the meshes that there are at the same time; the order of the moments of bonds that atoms carry
+    # (`collapse`).
     most_components, order = 8, None
 
     def __init__(self, grid, kernel, cell, n_site, n_bond, threads=1, tolerance=1e-5, points=None, gradients=False):
@@ -197,7 +210,8 @@ class SpectralDeposit(Deposit):
     def _check(self, nodes):
         if self.most_components * self.real().itemsize * np.prod(nodes, dtype=float) > LARGEST:
             raise AtcError(
-                f"method 'spectral' would need a mesh of {' x '.join(str(int(n)) for n in nodes)} for kernel {self.kernel.name!r} "
+                f"method 'spectral' would need a mesh of {' x '.join(str(int(n)) for n in nodes)} for kernel "
+                f"{self.kernel.name!r} "
                 f"at tolerance {self.tolerance:g}: use method 'direct', a smoother kernel or a looser tolerance"
             )
 
@@ -220,7 +234,8 @@ class SpectralDeposit(Deposit):
         return np.maximum(self._bond_share * 2.0 ** np.arange(-spread.LEVELS, spread.LEVELS + 1), 1e-13)
 
     def add_strong(self, x_bc, r_bc, b_bk):
-        """Like `add_bonds`, for bonds more than 2^`spread.STRONG` times as strong as others of the frame: the same points as when they come among those."""
+        """Like `add_bonds`, for bonds more than 2^`spread.STRONG` times as strong as others of the frame: the same
+        points as when they come among those."""
         x_bc, r_bc, b_bk = (np.ascontiguousarray(a, np.float64) for a in (x_bc, r_bc, b_bk))
         if len(b_bk):
             self._add(
@@ -235,7 +250,8 @@ class SpectralDeposit(Deposit):
             )
 
     def add_among(self, x_bc, r_bc, b_bk, typical):
-        """Like `add_bonds`, for a few bonds of a frame whose mean size is `typical` (k,): as closely integrated as among all."""
+        """Like `add_bonds`, for a few bonds of a frame whose mean size is `typical` (k,): as closely integrated as
+        among all."""
         x_bc, r_bc, b_bk = (np.ascontiguousarray(a, np.float64) for a in (x_bc, r_bc, b_bk))
         if len(b_bk):
             self._add("bond", x_bc, np.arange(len(b_bk), dtype=np.int32), r_bc, b_bk, 0, typical=typical)
@@ -248,10 +264,11 @@ class SpectralDeposit(Deposit):
 
     # --- adding
     def _slack(self, i_b, r_bc, b_bk, weight_k, collapse=None):
-        """By how much the error of a bond may exceed its share of the tolerance, as a power of two, when that of all together does not.
+        """By how much the error of a bond may exceed its share of the tolerance, as a power of two, when that of all
+        together does not.
 
-        With one number of points or another most bonds do far better than they must. collapse : the longest bonds that do not become points, by level,
-        and their error as a function of the length.
+        With one number of points or another most bonds do far better than they must. collapse : the longest bonds that
+        do not become points, by level, and their error as a function of the length.
         """
         some = slice(None, None, max(1, len(i_b) // SAMPLE))
         strength = (np.abs(b_bk[some]) * weight_k).max(1)
@@ -302,9 +319,22 @@ class SpectralDeposit(Deposit):
             mesh = self._mesh_for((what, first, thread), lo, hi, lanes, most)
             spread_bonds = spread.core(width, lanes, len(coef) - 1, self.real, self.depth)
             rest = (
-                self._origin, self._to_mesh, self._period, mesh.low, np.array(mesh.shape), mesh.row, weight[first:last] * 0.5**slack,
-                slack + 4 * spread.LEVELS * strong, longest, nodes, weights, coef.ravel().astype(self.real), 1.0 / mesh.scale, mesh.flat, mesh.rows,
-            )  # fmt: skip
+                self._origin,
+                self._to_mesh,
+                self._period,
+                mesh.low,
+                np.array(mesh.shape),
+                mesh.row,
+                weight[first:last] * 0.5**slack,
+                slack + 4 * spread.LEVELS * strong,
+                longest,
+                nodes,
+                weights,
+                coef.ravel().astype(self.real),
+                1.0 / mesh.scale,
+                mesh.flat,
+                mesh.rows,
+            )
             short = self._short(mesh, SPARSE / (width**2 * self.depth) if what == "site" else 0.0)
             # About four points a bond.
             piece = len(i_b) if self.real is np.float64 else max(1, short // 4)
@@ -318,7 +348,8 @@ class SpectralDeposit(Deposit):
                     self._visits[thread] += n * width**2 * self.depth
 
     def _seen(self, low, high):
-        """First and last node in reach of points between two corners (mesh spacings), as far as the grid can see them on open axes."""
+        """First and last node in reach of points between two corners (mesh spacings), as far as the grid can see them
+        on open axes."""
         half = 0.5 * self.parameters.width
         return np.maximum(np.floor(low - half) - 1, self._view[0]), np.minimum(np.ceil(high + half) + 1, self._view[1])
 
@@ -404,7 +435,8 @@ class SpectralDeposit(Deposit):
     def _transformed(self, what, group, extent=None):
         """Modes, and what was added in them: (component, k0, k1, k2), times the kernel's own; None if nothing was.
 
-        extent : of the box, if it is to be larger than these components need; then they are not multiplied with the kernel
+        extent : of the box, if it is to be larger than these components need; then they are not multiplied with the
+            kernel
         """
         first, last, _ = group
         meshes = self._of(what, first)
@@ -496,7 +528,8 @@ class SpectralDeposit(Deposit):
         self._each(part, range(self.threads))
 
     def site_gradients(self) -> np.ndarray:
-        """(g, n_site, 3) the gradients of `site_sums`, direction last; keep the tolerance if the deposit was made with ``gradients=True``."""
+        """(g, n_site, 3) the gradients of `site_sums`, direction last; keep the tolerance if the deposit was made with
+        ``gradients=True``."""
         return self._sums("site", self.n_site, (0, 1, 2))
 
     def site_sums_and_gradients(self) -> tuple[np.ndarray, np.ndarray]:

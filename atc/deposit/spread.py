@@ -1,12 +1,14 @@
 """Spreading points of bonds onto a mesh: the loops of the spectral deposit.
 
-The mesh is [x][y][z][components], components padded to four or eight. On periodic axes it is one window's halo wider than the cell, so that no
-index wraps. What is done at one point is written as LLVM instructions for each width of the window: the products of weights and components stay
-in registers, and no loop is short. Memory goes by address there; `spread_bonds` owns the arrays and the bounds.
+The mesh is [x][y][z][components], components padded to four or eight. On periodic axes it is one window's halo wider
+than the cell, so that no index wraps. What is done at one point is written as LLVM instructions for each width of the
+window: the products of weights and components stay in registers, and no loop is short. Memory goes by address there;
+`spread_bonds` owns the arrays and the bounds.
 
 In two dimensions the mesh is one layer, of which every point takes all along z (DEPTH 1).
 
-In single precision a mesh takes half the time and half the memory; its sums have to stay short (`SpectralDeposit` moves them on).
+In single precision a mesh takes half the time and half the memory; its sums have to stay short (`SpectralDeposit` moves
+them on).
 """
 
 from __future__ import annotations
@@ -22,12 +24,14 @@ from numba.extending import intrinsic
 from ..compiled import njit
 from ._simd import ENTRY, INLINE, specialise
 
-# Set by `core` and `row_core`: nodes of the window along x and y, and along z (as many, or 1), components, type of the mesh, and what is done at a point.
+# Set by `core` and `row_core`: nodes of the window along x and y, and along z (as many, or 1), components, type of the
+# mesh, and what is done at a point.
 WIDTH, DEPTH, LANES, REAL, SPREAD = 4, 4, 8, np.float64, None
 
 _DOUBLE, _FLOAT, _INT64, _INT32 = ir.DoubleType(), ir.FloatType(), ir.IntType(64), ir.IntType(32)
 
-# A bond's share of the field decides how well it is integrated, in steps of two: the loosest and strictest are 2^±LEVELS times the tolerance.
+# A bond's share of the field decides how well it is integrated, in steps of two: the loosest and strictest are
+# 2^±LEVELS times the tolerance.
 LEVELS = 24
 # Bonds stronger than 2^STRONG times the mean are strong ones.
 STRONG = 4
@@ -44,9 +48,11 @@ def begin(typingctx, array):
 
 
 def _spreader(width, lanes, degree, real, depth):
-    """An intrinsic: (mesh, first node's offset, strides of x and y, distances along x, y, z, coefficients, components, scratch) -> nothing.
+    """An intrinsic: (mesh, first node's offset, strides of x and y, distances along x, y, z, coefficients, components,
+    scratch) -> nothing.
 
-    Coefficients: (degree + 1, 4⌈width/4⌉) of the window in powers of the distance; scratch: room for 8⌈width/4⌉ numbers.
+    Coefficients: (degree + 1, 4⌈width/4⌉) of the window in powers of the distance; scratch: room for 8⌈width/4⌉
+    numbers.
     """
     assert depth in (1, width)
     pad = 4 * ((width + 3) // 4)
@@ -118,10 +124,11 @@ def aligned(size, dtype):
 
 
 def row_length(count, bytes_each):
-    """Nodes from one row along z to the next, at least `count`, so that neighbouring rows do not lie nearly a multiple of 4096 bytes apart.
+    """Nodes from one row along z to the next, at least `count`, so that neighbouring rows do not lie nearly a multiple
+    of 4096 bytes apart.
 
-    Processors tell a load from the stores before it by the last 12 bits of their addresses: where rows look alike, each node waits for one of the row
-    before, and spreading takes up to four times as long.
+    Processors tell a load from the stores before it by the last 12 bits of their addresses: where rows look alike, each
+    node waits for one of the row before, and spreading takes up to four times as long.
     """
     row = int(count)
     while min(row * bytes_each % 4096, -row * bytes_each % 4096) < 256:
@@ -139,7 +146,8 @@ def core(width, lanes, degree, real, depth):
 
 @njit(**INLINE)
 def first_node(u, n, inverse, half, low):
-    """Array index of the first node in reach of u (mesh spacings; of any image, where n > 0) and its distance above the window's lower end."""
+    """Array index of the first node in reach of u (mesh spacings; of any image, where n > 0) and its distance above the
+    window's lower end."""
     v = u - n * floor(u * inverse) - half - low
     i = int(v) + 1
     return i, i - v
@@ -147,8 +155,8 @@ def first_node(u, n, inverse, half, low):
 
 @njit(**ENTRY)
 def survey(x_nc, i_b, r_bc, b_bk, origin, to_mesh, bounded):
-    """What is to come: least and greatest mesh coordinate along each axis (2, 3) if `bounded`, mean |b| of each column, greatest |b|, and
-    whether all numbers are finite.
+    """What is to come: least and greatest mesh coordinate along each axis (2, 3) if `bounded`, mean |b| of each column,
+    greatest |b|, and whether all numbers are finite.
     """
     n_comp = b_bk.shape[1]
     bounds, mean = np.empty((2, 3)), np.zeros(n_comp)
@@ -196,7 +204,8 @@ def spread_bonds(
     mesh,
     rows,
 ):
-    """mesh += Σ over bonds, their Gauss points and the nodes in reach of b × weight × window. Returns the number of points. All numbers are finite.
+    """mesh += Σ over bonds, their Gauss points and the nodes in reach of b × weight × window. Returns the number of
+    points. All numbers are finite.
 
     Parameters
     ----------
@@ -205,9 +214,12 @@ def spread_bonds(
     low, counts : (3,) the node that comes first in the mesh, and how many there are (with the halo)
     row : nodes from one row along z to the next
     weight_k : (k,) one over the mean |b| of a column: strong bonds are integrated better than weak ones
-    slack : what weight_k has been made smaller by, as a power of two. Bonds stronger than 2^STRONG times the mean all get the strictest rule: then their
-        points do not depend on the bonds they come with, and they can be taken out again without a trace (`SpectralDeposit.add_strong`)
-    longest, nodes, node_weights : (2 LEVELS + 1, m), (m, m), (m, m): Gauss-Legendre rules on [0, 1], and the longest bond that each does for
+    slack : what weight_k has been made smaller by, as a power of two. Bonds stronger than 2^STRONG times the mean all
+        get the strictest rule: then their
+        points do not depend on the bonds they come with, and they can be taken out again without a trace
+        (`SpectralDeposit.add_strong`)
+    longest, nodes, node_weights : (2 LEVELS + 1, m), (m, m), (m, m): Gauss-Legendre rules on [0, 1], and the longest
+        bond that each does for
         when the error may be 2^(level − LEVELS) times the tolerance
     inverse_scale : the mesh holds b times this
     rows : (x, y) gets 1 where the first row that a point reaches is
@@ -272,8 +284,17 @@ def spread_bonds(
                     values[k] = b_bk[b, k] * w
                 rows[i0, i1] = 1
                 SPREAD(
-                    mesh_at, i0 * stride0 + i1 * stride1 + (i2 if DEPTH > 1 else 0) * LANES, stride0, stride1, f0, f1, f2, coef_at, values_at, scratch_at
-                )  # fmt: skip
+                    mesh_at,
+                    i0 * stride0 + i1 * stride1 + (i2 if DEPTH > 1 else 0) * LANES,
+                    stride0,
+                    stride1,
+                    f0,
+                    f1,
+                    f2,
+                    coef_at,
+                    values_at,
+                    scratch_at,
+                )
         total += pieces * (m + 1)
     return total
 
@@ -290,7 +311,8 @@ def row_core(width, degree, real, depth):
 def spread_rows(
     x_nc, which, values_nk, columns, factor, origin, to_mesh, period, low, counts, row, coef, meshes, rows
 ):  # fmt: skip
-    """Like `spread_bonds` for atoms with many components, in groups of eight with a mesh each. Returns the number of points on the meshes.
+    """Like `spread_bonds` for atoms with many components, in groups of eight with a mesh each. Returns the number of
+    points on the meshes.
 
     Parameters
     ----------
@@ -338,7 +360,8 @@ def spread_rows(
 
 @njit(**ENTRY)
 def flush(mesh, rows, width, total, scale):
-    """total += scale mesh, mesh = 0, rows = 0: where points have been spread since the last time. Arrays [x][y][z and component]."""
+    """total += scale mesh, mesh = 0, rows = 0: where points have been spread since the last time. Arrays [x][y][z and
+    component]."""
     reached = np.zeros(rows.shape, np.uint8)
     for x in range(rows.shape[0]):
         for y in range(rows.shape[1]):
@@ -357,7 +380,8 @@ def flush(mesh, rows, width, total, scale):
 
 @njit(**ENTRY)
 def collect(mesh, scale, first, period, out):
-    """One plane [y][z][component] of the mesh, added to out[component][y][z]: nodes counted from `first`, the halo of periodic axes to its place."""
+    """One plane [y][z][component] of the mesh, added to out[component][y][z]: nodes counted from `first`, the halo of
+    periodic axes to its place."""
     n_comp, n1, n2 = out.shape
     for y in range(mesh.shape[0]):
         to1 = y + first[0]

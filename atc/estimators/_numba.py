@@ -72,7 +72,8 @@ def put_moment(r_bc, F_bc, at, out_bk):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def scatter_residual(i, j, r_bc, G_b, D_bdc, out_n4):
-    """What the bonds' z = G r + ∂U^(i)/∂x_j − ∂U^(j)/∂x_i adds up to at every atom: ∇·(r β) = φ_j − φ_i, so −z goes to i and +z to j.
+    """What the bonds' z = G r + ∂U^(i)/∂x_j − ∂U^(j)/∂x_i adds up to at every atom: ∇·(r β) = φ_j − φ_i, so −z goes to
+    i and +z to j.
 
     The fourth column is Σ |G r|, the size of what cancels.
     """
@@ -114,7 +115,8 @@ def _power(b, p, q, D_bdc, v_nc):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def put_power(i, j, r_bc, D_bdc, v_nc, at, out_bk):
-    """(v_j·∂U^(i)/∂x_j − v_i·∂U^(j)/∂x_i) r in columns at .. at+2: both ordered pairs of the bond (A of formulas.md §4)."""
+    """(v_j·∂U^(i)/∂x_j − v_i·∂U^(j)/∂x_i) r in columns at .. at+2: both ordered pairs of the bond (A of formulas.md
+    §4)."""
     for b in range(len(r_bc)):
         power = _power(b, i[b], j[b], D_bdc, v_nc)
         for c in range(3):
@@ -123,7 +125,8 @@ def put_power(i, j, r_bc, D_bdc, v_nc, at, out_bk):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def put_sources(r_bc, D_bdc, at, out_bk):
-    """r⊗(∂U^(i)/∂x_j − ∂U^(j)/∂x_i) in columns at .. at+8, row-major: both ordered pairs of the bond (M of formulas.md §4)."""
+    """r⊗(∂U^(i)/∂x_j − ∂U^(j)/∂x_i) in columns at .. at+8, row-major: both ordered pairs of the bond (M of formulas.md
+    §4)."""
     for b in range(len(r_bc)):
         for k in range(3):
             d = D_bdc[b, 0, k] - D_bdc[b, 1, k]

@@ -15,7 +15,8 @@ ROOM = 1024
 
 @njit(**_OPTIONS)
 def _collect(first, last, p_cg, t0, t1, t2, x0, x1, x2, y0, y1, y2, far2, n, which, d_6k):
-    """Append the points first .. last−1, moved by t, that are within reach of both x and y: their numbers, and x and y seen from them. Returns how many there are."""
+    """Append the points first .. last−1, moved by t, that are within reach of both x and y: their numbers, and x and y
+    seen from them. Returns how many there are."""
     x0 -= t0
     x1 -= t1
     x2 -= t2
@@ -78,7 +79,8 @@ def _add(n, which, w_6k, f0, f1, f2, scale_m, acc_gk):
 
 @njit(**_OPTIONS)
 def _range(a, x, y, reach, middle, inverse_ca, low_a, scale_a, bins_a, periodic):
-    """The bins along axis a that can hold points within `reach` of both x and y (given along the axis), hence within `middle` of their middle."""
+    """The bins along axis a that can hold points within `reach` of both x and y (given along the axis), hence within
+    `middle` of their middle."""
     height = sqrt(inverse_ca[0, a] ** 2 + inverse_ca[1, a] ** 2 + inverse_ca[2, a] ** 2)
     r = reach * height
     h = middle * height
@@ -97,9 +99,25 @@ def _range(a, x, y, reach, middle, inverse_ca, low_a, scale_a, bins_a, periodic)
 
 @njit(**_OPTIONS)
 def add(
-    x_bc, r_bc, F_bc, d_b, scale_bm, far, near, p_cg, start_w, bins_a, low_a, scale_a, periodic_a, cell_ac, inverse_ca, acc_gk,
-):  # fmt: skip
-    """Σ_b −½ |r| (ê_i − ê_j)⊗F · scale at every point within `far` of both ends, images included, into acc (point, column of scale, 9 row-major). `p_cg`: the points sorted by bin."""
+    x_bc,
+    r_bc,
+    F_bc,
+    d_b,
+    scale_bm,
+    far,
+    near,
+    p_cg,
+    start_w,
+    bins_a,
+    low_a,
+    scale_a,
+    periodic_a,
+    cell_ac,
+    inverse_ca,
+    acc_gk,
+):
+    """Σ_b −½ |r| (ê_i − ê_j)⊗F · scale at every point within `far` of both ends, images included, into acc (point,
+    column of scale, 9 row-major). `p_cg`: the points sorted by bin."""
     far2 = far * far
     near2 = near * near
     which = np.empty(ROOM, np.int64)

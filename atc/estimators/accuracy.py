@@ -1,7 +1,8 @@
-"""The error of a result, measured on the spot: the same sums at random grid points by the exact method, over a path of their own.
+"""The error of a result, measured on the spot: the same sums at random grid points by the exact method, over a path of
+their own.
 
-The points are taken out of their grid and handed to the direct sum as scattered points: other rows, other order of summation, no mesh.
-For the exact method itself what is left is rounding; for an approximate one it is its error.
+The points are taken out of their grid and handed to the direct sum as scattered points: other rows, other order of
+summation, no mesh. For the exact method itself what is left is rounding; for an approximate one it is its error.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ def kernel_internal(kern, units):
 
 
 class CutGaussian(Gaussian):
-    """A Gaussian cut where what lies beyond is a given fraction of its mass: enough to measure an error far larger than that."""
+    """A Gaussian cut where what lies beyond is a given fraction of its mass: enough to measure an error far larger than
+    that."""
 
     def __init__(self, width, beyond, dimension=3):
         super().__init__(width, dimension)
@@ -46,7 +48,8 @@ class CutGaussian(Gaussian):
 
 
 def checking_kernel(kern, methods, tolerance):
-    """The kernel that errors are measured with: the kernel itself, but for Gaussians whose far tails are far below the tolerance (of the result) if any sum is approximate."""
+    """The kernel that errors are measured with: the kernel itself, but for Gaussians whose far tails are far below the
+    tolerance (of the result) if any sum is approximate."""
     if isinstance(kern, Gaussian) and not all(m.exact for m in methods.values()):
         return CutGaussian(kern.width, max(BEYOND * tolerance, 1e-14), kern.dimension)
     return kern
@@ -68,8 +71,9 @@ class Check:
 
     Notes
     -----
-    Scattered points go through the direct sum with everything relative to the cell's origin, so that a box far from 0 costs no digits.
-    Bins of a slab profile are summed in plain numpy (a few only: there every bond is looked at for every bin).
+    Scattered points go through the direct sum with everything relative to the cell's origin, so that a box far from 0
+    costs no digits. Bins of a slab profile are summed in plain numpy (a few only: there every bond is looked at for
+    every bin).
     """
 
     def __init__(self, bound, kern, cell, threads, index, count, which=None):
@@ -100,14 +104,16 @@ class Check:
         Parameters
         ----------
         extent : `extent_of(field_g)`, if it is known
-        scale : the size of what the field is the difference of. A field that is nothing but rounding of it is measured against it.
+        scale : the size of what the field is the difference of. A field that is nothing but rounding of it is measured
+            against it.
 
         Returns
         -------
         error_max : largest difference of any component over the largest value of the field
         error_l2 : rms difference over the rms of the field
         error_of_fluctuation : largest difference over the largest deviation of the field from its mean
-        error_of_terms : 1 if the field is 0 within rounding, so that its errors are relative to `scale` (else not there)
+        error_of_terms : 1 if the field is 0 within rounding, so that its errors are relative to `scale` (else not
+            there)
         """
         difference = np.abs(field_g[self.which] - at_points)
         worst = float(difference.max(initial=0.0))
@@ -127,7 +133,8 @@ class Check:
         }
 
     def expected(self, field_g, at_points, scale: float = 0.0, extent=None) -> float:
-        """The largest error of all points over the largest value, if errors are normally distributed, by those found: √(2 ln N) standard deviations."""
+        """The largest error of all points over the largest value, if errors are normally distributed, by those found:
+        √(2 ln N) standard deviations."""
         largest = (extent or extent_of(field_g)).largest
         largest = scale if largest <= ZERO * scale else largest
         if len(self.which) < 20 or largest == 0.0:
@@ -137,7 +144,8 @@ class Check:
 
 
 class Extent(NamedTuple):
-    """How large a field is: its largest value, its largest deviation from its mean, of any component; the rms of all."""
+    """How large a field is: its largest value, its largest deviation from its mean, of any component; the rms of
+    all."""
 
     largest: float
     spread: float
@@ -180,7 +188,8 @@ def without_nan(values):
 
 
 class SlabTarget:
-    """A few bins of a slab profile, from the kernel's own marginal: Σ a φ₁(z_j − z)/A and Σ b β₁(z)/A over images along the axis."""
+    """A few bins of a slab profile, from the kernel's own marginal: Σ a φ₁(z_j − z)/A and Σ b β₁(z)/A over images along
+    the axis."""
 
     def __init__(self, bound, which, kern):
         cell = bound.cell

@@ -1,16 +1,20 @@
-"""Residuals of the balance laws of mass, momentum and energy, and of ∇·z = 0, at points (formulas.md §4; R 4.0.78-4.0.116).
+"""Residuals of the balance laws of mass, momentum and energy, and of ∇·z = 0, at points (formulas.md §4; R
+4.0.78-4.0.116).
 
     ∂ρ/∂t + ∇·(ρ v) = 0,   ∂(ρ v)/∂t + ∇·(ρ v⊗v) = ∇·σ,   ∂ε/∂t + ∇·(ε v) = ∇·(σ·v − q),   ∇·z = 0,
 
 q = q_K + q_U + q_C with the churning heat flux q_C = z·v. Three ways, each blind to what another one sees:
 
 ``chain_rule``   everything in closed form: ∂φ_j/∂t = −v_j·∇φ_j, dv_j/dt = F_j/m_j, dU^(j)/dt = Σ_k v_k·∂U^(j)/∂x_k, and
-                 ∇·(r β) = φ_j − φ_i for every bond. Rounding only; tests that forces, stress and energy sources belong to each other.
-``divergences``  the fluxes as they are deposited, differentiated on small stencils; tests β, φ and the algebra of the fields.
-``frames``       rates as differences between frames; tests that the potential, the units and the time are those of the run.
+                 ∇·(r β) = φ_j − φ_i for every bond. Rounding only; tests that forces, stress and energy sources belong
+                 to each other.
+``divergences``  the fluxes as they are deposited, differentiated on small stencils; tests β, φ and the algebra of the
+fields.
+``frames``       rates as differences between frames; tests that the potential, the units and the time are those of the
+run.
 
-All of it is done in the frame of reference that moves with the drift of the atoms: the laws are the same there (Galilei), and a drift far
-above the thermal speed costs no digits.
+All of it is done in the frame of reference that moves with the drift of the atoms: the laws are the same there
+(Galilei), and a drift far above the thermal speed costs no digits.
 """
 
 from __future__ import annotations
@@ -68,9 +72,11 @@ def size(a) -> np.ndarray:
 
 
 def step_length(kern) -> float:
-    """Step of the difference stencils: small against the kernel, so that stencils seldom meet a kink of it; internal length.
+    """Step of the difference stencils: small against the kernel, so that stencils seldom meet a kink of it; internal
+    length.
 
-    Rounding of a field, some 1e-15 of it, grows by radius/step in its derivative. A Gaussian has no kinks: a wider step there.
+    Rounding of a field, some 1e-15 of it, grows by radius/step in its derivative. A Gaussian has no kinks: a wider step
+    there.
     """
     return 0.0025 * kern.width if isinstance(kern, Gaussian) else 1e-4 * kern.radius
 
@@ -196,7 +202,8 @@ def choose_points(frame, kern, count: int, rng, bound=None) -> tuple[np.ndarray,
     x_gc = np.concatenate(found) if found else np.zeros((0, 3))
     if not len(x_gc):
         raise AtcError(
-            f"{frame.source}: found no point in the matter that keeps clear of the kernel's kinks: take another kernel or radius"
+            f"{frame.source}: found no point in the matter that keeps clear of the kernel's kinks: take another "
+            "kernel or radius"
         )
     return x_gc, n
 
@@ -271,7 +278,8 @@ def _bond_factors(i, j, r, G, D, v, out):
 
 
 def motion(frame, pot, threads: int = 1, deposit=None) -> Motion:
-    """One pass over the bonds of a frame: the atoms' rates, and into `deposit` (of 18 bond components) the bonds' factors."""
+    """One pass over the bonds of a frame: the atoms' rates, and into `deposit` (of 18 bond components) the bonds'
+    factors."""
     n = len(frame)
     drift = drift_velocity(frame)
     v_nc = np.ascontiguousarray(frame.velocities - drift)
@@ -324,7 +332,8 @@ class Exact:
         self.z = self.S + self.bond_g18[:, 9:].reshape(-1, 3, 3)
 
     def laws(self) -> dict[str, Law]:
-        """Every law with its terms. A term is the whole expression under one ∇· or ∂/∂t, as the laws are written above."""
+        """Every law with its terms. A term is the whole expression under one ∇· or ∂/∂t, as the laws are written
+        above."""
         s, st, v = self.sites, self.state, self.v
         force = s.sum(st.forces_nc)  # ∇·σ_U
         div_z = force + s.sum(st.torque_nc)
@@ -364,14 +373,16 @@ _STEPS = (1.0, 2.0, 4.0)
 
 
 def stencil(x_gc, h: float, dimension: int = 3) -> np.ndarray:
-    """(g·19, 3): every point, then x ± h, ± 2h, ± 4h along each axis; in the plane, out of which nothing changes, the point itself for those along z."""
+    """(g·19, 3): every point, then x ± h, ± 2h, ± 4h along each axis; in the plane, out of which nothing changes, the
+    point itself for those along z."""
     steps = np.concatenate([np.zeros((1, 3)), *[[k * s * h * e for s in _STEPS for k in (1, -1)] for e in np.eye(3)]])
     steps[:, dimension:] = 0.0
     return (x_gc[:, None] + steps).reshape(-1, 3)
 
 
 def divergence(values_g, h: float) -> tuple[np.ndarray, np.ndarray]:
-    """∂_µ f[µ, ...] of sixth order from a field on stencils, and (g,) how far two results of fourth order differ: rounding and kinks."""
+    """∂_µ f[µ, ...] of sixth order from a field on stencils, and (g,) how far two results of fourth order differ:
+    rounding and kinks."""
     v = np.asarray(values_g).reshape(-1, 19, *np.shape(values_g)[1:])
     pairs = v[:, 1:].reshape(len(v), 3, 3, 2, *v.shape[2:])
     slopes = []
@@ -390,7 +401,8 @@ def deposit_at(x_gc, kern, cell, threads: int):
 
 
 def deposited(state: Motion, deposit) -> dict[str, np.ndarray]:
-    """density, momentum, velocity, energy, stress, heat_flux, heat_flux_churning, churning at the deposit's points, relative to the drift."""
+    """density, momentum, velocity, energy, stress, heat_flux, heat_flux_churning, churning at the deposit's points,
+    relative to the drift."""
     frame, v = state.frame, state.v_nc
     m, e = frame.masses[:, None], state.total_n[:, None]
     deposit.add_sites(frame.positions, np.concatenate([m, m * v, m * outer6(v), e, e * v], axis=1))
@@ -409,7 +421,8 @@ def deposited(state: Motion, deposit) -> dict[str, np.ndarray]:
 
 
 def from_fields(frame, pot, kern_user, x_gc, threads: int) -> dict[str, np.ndarray]:
-    """The same fields as `atc.fields` writes them, as far as it knows them; internal units. `frame` has its drift taken off."""
+    """The same fields as `atc.fields` writes them, as far as it knows them; internal units. `frame` has its drift taken
+    off."""
     from ..grids import Grid
     from .compute import Settings, frame_fields
     from .registry import QUANTITIES
@@ -454,8 +467,9 @@ def energy_rates(frame, pot, state: Motion, threads: int = 1) -> tuple[float, fl
 
     Returns
     -------
-    largest difference over the largest rate; the largest difference between two step sizes of the differences (their own error), likewise; and
-    the number of atoms left out because a pair crossed a jump of the potential meanwhile (two step sizes disagree by more than 1e-4).
+    largest difference over the largest rate; the largest difference between two step sizes of the differences (their
+    own error), likewise; and the number of atoms left out because a pair crossed a jump of the potential meanwhile (two
+    step sizes disagree by more than 1e-4).
     """
     speed = float(np.sqrt((state.v_nc**2).sum(1)).max(initial=0.0))
     scale = float(np.abs(state.share_rate_n).max(initial=0.0))

@@ -24,7 +24,8 @@ from .target import Target
 
 @dataclass
 class Settings:
-    """What a worker needs to know to turn a frame into fields; picklable. Deposits that `methods` does not name are summed exactly."""
+    """What a worker needs to know to turn a frame into fields; picklable. Deposits that `methods` does not name are
+    summed exactly."""
 
     names: tuple[str, ...]
     pot: object = None
@@ -57,7 +58,8 @@ class Settings:
 class FrameResult:
     """The fields of one frame, in the user's units; masked quantities hold 0 where `mask` is False.
 
-    expected : of each field, its largest error anywhere as far as the points of the check tell: at least what was found there"""
+    expected : of each field, its largest error anywhere as far as the points of the check tell: at least what was found
+        there"""
 
     arrays: dict[str, np.ndarray]
     mask: np.ndarray | None = None
@@ -75,7 +77,8 @@ class FrameResult:
 
 
 class Stage:
-    """One configuration of the atoms (current or reference) with the grid in it: the main sums and those of the error check."""
+    """One configuration of the atoms (current or reference) with the grid in it: the main sums and those of the error
+    check."""
 
     def __init__(self, frame, kern, settings, index):
         self.bound = settings.grid.bind(frame.units, frame.cell, frame.positions)
@@ -83,13 +86,15 @@ class Stage:
         self.main = Target(settings.methods, self.bound, kern, frame.cell, settings.threads)
         self.check.target.place(frame.positions)  # before threads ask for it
         self._kern, self._tolerance = kern, settings.tolerance
-        # See `hot`: set where the strongest bonds are to be summed exactly; what they make; and whether they are still to be found.
+        # See `hot`: set where the strongest bonds are to be summed exactly; what they make; and whether they are still
+        # to be found.
         self.strongest = self.strong_g = None
         self.seeking = False
         self.use(settings.methods)
 
     def use(self, methods, again=False) -> None:
-        """From now on sum by these methods. `again`: they follow others that left too large an error, part of which may have been the check's own."""
+        """From now on sum by these methods. `again`: they follow others that left too large an error, part of which may
+        have been the check's own."""
         self.main.methods = methods
         self.reach = self._kern
         if again:
@@ -107,7 +112,8 @@ class Stage:
 
 
 def frame_fields(frame, settings: Settings, index: int = 0, run_tiles=None) -> FrameResult:
-    """All quantities of `settings` on one frame, computed again by tighter methods as long as an error found is larger than allowed.
+    """All quantities of `settings` on one frame, computed again by tighter methods as long as an error found is larger
+    than allowed.
 
     Parameters
     ----------
@@ -120,12 +126,14 @@ def frame_fields(frame, settings: Settings, index: int = 0, run_tiles=None) -> F
 
     Returns
     -------
-    FrameResult, in the frame's own units; `methods` are those used in the end, `refined` says what was computed again and why.
+    FrameResult, in the frame's own units; `methods` are those used in the end, `refined` says what was computed again
+    and why.
 
     Raises
     ------
     AtcError
-        if the frame lacks what a quantity needs (masses, velocities), or there is no potential, kernel, grid or reference for it.
+        if the frame lacks what a quantity needs (masses, velocities), or there is no potential, kernel, grid or
+        reference for it.
     """
     work = Work.of(settings.names, settings.central)
     require(frame, settings, work)
@@ -149,8 +157,9 @@ def frame_fields(frame, settings: Settings, index: int = 0, run_tiles=None) -> F
     return result
 
 
-#: What of the tolerance may be found, at random points and around the strongest bonds. All of it may be what normally distributed errors reach at as many
-#: points as there are: an estimate on the large side, since errors of neighbouring points are alike.
+#: What of the tolerance may be found, at random points and around the strongest bonds. All of it may be what normally
+#: distributed errors reach at as many points as there are: an estimate on the large side, since errors of neighbouring
+#: points are alike.
 SAFE = 0.65
 # Where the density is below this fraction of its largest value, quotients by it need the exact sums.
 _THIN = 0.02
@@ -186,7 +195,8 @@ class _FrameJob:
         for stage in (self.stage, self.reference):
             if stage is not None:
                 stage.use(methods, again=bool(self.sums))
-        # The sums on the grid, and those at the points of the check. Made anew, since they remember what was formed from them.
+        # The sums on the grid, and those at the points of the check. Made anew, since they remember what was formed
+        # from them.
         fresh = [
             Sums(drift=self.drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann, dimension=frame.dimension)
             for _ in range(2)
@@ -229,7 +239,8 @@ class _FrameJob:
                     self.run_tiles,
                 )
             if getattr(self.settings.pot, "pairwise", False):
-                # Pairs churn nothing: z = S + M is 0 for them identically, not only as far as two approximate sums cancel.
+                # Pairs churn nothing: z = S + M is 0 for them identically, not only as far as two approximate sums
+                # cancel.
                 for s in fresh:
                     if {"stress", "sources"} <= s.bond.keys():
                         s.bond["sources"] = -full(s.bond["stress"]).reshape(-1, 9)
@@ -329,7 +340,8 @@ class _FrameJob:
 
 
 def watched(work, settings, methods) -> bool:
-    """Whether there are approximate sums over bonds, and fields of them, that are to be looked at around the strongest bonds."""
+    """Whether there are approximate sums over bonds, and fields of them, that are to be looked at around the strongest
+    bonds."""
     return bool(not methods.get("bond", EXACT).exact and work.bond and settings.check_points and checkable(work))
 
 
@@ -350,7 +362,8 @@ def thin_sums(main, work) -> set[str]:
 
 
 def tightened(work, methods, thin, expected, goal) -> dict:
-    """{deposit: (its next method, a Refinement)} for every approximate deposit that a field with too large an error is made of.
+    """{deposit: (its next method, a Refinement)} for every approximate deposit that a field with too large an error is
+    made of.
 
     thin : see `thin_sums`; expected : the error of each field
     """
@@ -379,7 +392,8 @@ def tightened(work, methods, thin, expected, goal) -> dict:
 def _bond_pass(frame, settings, work, stage, reference, factors, sums, kept=None):
     """One pass over the bonds for every sum over them; returns the potential's word on the frame and the per-atom sums.
 
-    kept : a deposit of several frames that the bonds are added to; its sums are not taken here, nor are the strongest bonds taken out of it
+    kept : a deposit of several frames that the bonds are added to; its sums are not taken here, nor are the strongest
+        bonds taken out of it
     """
     x_nc, threads = frame.positions, settings.threads
     deposit = None if not work.bond else stage.main.open(work.n_bond) if kept is None else kept
@@ -392,9 +406,14 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums, kept=None
     carried = bool(work.reference_bond or work.reference_point or "reference_atom_moment" in work.whole)
     to_reference = ReferenceBonds(frame, settings.reference) if carried else None
     atoms = AtomSums(
-        frame, threads, virial=work.atom_virial, residual="source_residual" in work.site, power="box_power" in work.whole,
-        moment=bool({"atom_moment", "reference_atom_moment"} & {*work.whole}), reference_moment="reference_atom_moment" in work.whole,
-    )  # fmt: skip
+        frame,
+        threads,
+        virial=work.atom_virial,
+        residual="source_residual" in work.site,
+        power="box_power" in work.whole,
+        moment=bool({"atom_moment", "reference_atom_moment"} & {*work.whole}),
+        reference_moment="reference_atom_moment" in work.whole,
+    )
     weighted = weighted_virials(frame, settings, work, stage, reference) if work.horizon_users else None
     widths = [BOND[name].width for name in work.bond]
     peculiar_nc = factors.peculiar_nc if "power" in work.bond else None  # before threads ask for it
@@ -466,7 +485,8 @@ def _columns(names, sources, total_gk) -> dict[str, np.ndarray]:
 
 
 def checkable(work) -> list:
-    """The fields that points around the strongest bonds can be computed for: those of sums over bonds and atoms alone."""
+    """The fields that points around the strongest bonds can be computed for: those of sums over bonds and atoms
+    alone."""
     return [
         q
         for q in work.quantities
@@ -526,12 +546,14 @@ def require(frame, settings, work):
     if work.bond_users:
         if settings.pot is None:
             raise AtcError(
-                f"no potential was given but {_need(work.bond_users)} one: give the pair_style/pair_coeff lines of the run"
+                f"no potential was given but {_need(work.bond_users)} one: give the pair_style/pair_coeff lines of "
+                "the run"
             )
         require_compatible(settings.pot.units, frame.units, "the potential", frame.source)
         if not settings.central and work.symmetric_users:
             raise AtcError(
-                f"{', '.join(work.symmetric_users)}: the forces of {settings.pot.describe()} do not act along bonds: ask for peridynamic_stress_nodal_virial"
+                f"{', '.join(work.symmetric_users)}: the forces of {settings.pot.describe()} do not act along bonds: "
+                "ask for peridynamic_stress_nodal_virial"
             )
     for users, name, word in ((work.kernel_users, "kern", "kernel"), (work.grid_users, "grid", "grid")):
         if users and getattr(settings, name) is None:

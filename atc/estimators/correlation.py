@@ -1,4 +1,5 @@
-"""Time correlation functions, their integrals, and where an integral has converged (Green-Kubo), with errors from independent segments."""
+"""Time correlation functions, their integrals, and where an integral has converged (Green-Kubo), with errors from
+independent segments."""
 
 from __future__ import annotations
 
@@ -15,7 +16,8 @@ def autocorrelation(x_tk, lags: int) -> np.ndarray:
 
     Parameters
     ----------
-    x_tk : (t, k) equally spaced samples. Their mean is not taken off: the mean of a current in equilibrium is known to be 0, and taking off
+    x_tk : (t, k) equally spaced samples. Their mean is not taken off: the mean of a current in equilibrium is known to
+        be 0, and taking off
         the mean of a sample would lower every value of the correlation function by the variance of that mean.
     lags : int, lags 0 .. lags−1 are wanted, at most t
 
@@ -92,15 +94,17 @@ def segment_integrals(x_tk, dt: float, segments: int, lags: int | None = None) -
     return Integrals(dt, acf, integral)
 
 
-# The integral has converged if from one window to the next it changes by at most one standard error, and does not change by more than 1.5 of
-# them for windows up to half as late again. Measured on 150 series each of 80 to 400 correlation times, with one and with two decay times and with
-# oscillations: the value is within its error (see `Plateau`) in 62 to 73 % of them and within twice its error in 93 to 97 %; biased by +1 to +4 %.
+# The integral has converged if from one window to the next it changes by at most one standard error, and does not
+# change by more than 1.5 of them for windows up to half as late again. Measured on 150 series each of 80 to 400
+# correlation times, with one and with two decay times and with oscillations: the value is within its error (see
+# `Plateau`) in 62 to 73 % of them and within twice its error in 93 to 97 %; biased by +1 to +4 %.
 _CONVERGED, _STAYS, _UNTIL = 1.0, 1.5, 1.5
 
 
 @dataclass(frozen=True)
 class Plateau:
-    """Lags begin .. end (both in it) over which an integral is averaged; `step`: its change from the window before; found: whether it had converged."""
+    """Lags begin .. end (both in it) over which an integral is averaged; `step`: its change from the window before;
+    found: whether it had converged."""
 
     begin: int
     end: int
@@ -108,21 +112,24 @@ class Plateau:
     found: bool
 
     def value(self, integral_ml) -> tuple[float, float]:
-        """The integral averaged over the window, and its error: the standard error from the segments and the last `step`, added as squares.
+        """The integral averaged over the window, and its error: the standard error from the segments and the last
+        `step`, added as squares.
 
-        The step stands for what is not seen of the convergence; without it the search for a window in which noise and change balance
-        would make the error too small.
+        The step stands for what is not seen of the convergence; without it the search for a window in which noise and
+        change balance would make the error too small.
         """
         mean, error = mean_and_error(integral_ml[:, self.begin : self.end + 1].mean(axis=1))
         return float(mean), float(np.hypot(error, self.step))
 
 
 def plateau(integral_ml) -> Plateau:
-    """Where a running integral has converged: the first window [2l, 4l] over which it is, within its noise, what it was over [l, 2l].
+    """Where a running integral has converged: the first window [2l, 4l] over which it is, within its noise, what it was
+    over [l, 2l].
 
-    A correlation function that still goes on makes the integral climb by more than its noise from one window to the next. Because the windows
-    grow with the lag, a slow tail is not overlooked; because they are means that must agree for some time, neither does an oscillation that
-    passes by end the search. The noise grows with the lag: a later plateau would only be less certain.
+    A correlation function that still goes on makes the integral climb by more than its noise from one window to the
+    next. Because the windows grow with the lag, a slow tail is not overlooked; because they are means that must agree
+    for some time, neither does an oscillation that passes by end the search. The noise grows with the lag: a later
+    plateau would only be less certain.
 
     Parameters
     ----------

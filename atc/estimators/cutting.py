@@ -1,9 +1,12 @@
-"""How a frame is cut into tiles: the atoms of each, the copies around them, and the listed terms and special pairs among these.
+"""How a frame is cut into tiles: the atoms of each, the copies around them, and the listed terms and special pairs
+among these.
 
-A tile holds its own atoms and, around them, copies of all others (periodic images too) that their bonds can depend on: r_c deep for pair potentials, 2 r_c for
-many-body ones, whose force between two atoms depends on the neighbours of both. Terms that are listed (bonds, angles, ... of the topology; tuples of a user) are
-in every tile that owns one of their atoms, once for each image of the term that has such an atom at home, with copies of all their other atoms wherever these are. Images
-are told apart on the whole frame: the tile is an open cluster, in which every listed atom is the one that is meant.
+A tile holds its own atoms and, around them, copies of all others (periodic images too) that their bonds can depend on:
+r_c deep for pair potentials, 2 r_c for many-body ones, whose force between two atoms depends on the neighbours of both.
+Terms that are listed (bonds, angles, ... of the topology; tuples of a user) are in every tile that owns one of their
+atoms, once for each image of the term that has such an atom at home, with copies of all their other atoms wherever
+these are. Images are told apart on the whole frame: the tile is an open cluster, in which every listed atom is the one
+that is meant.
 """
 
 from __future__ import annotations
@@ -90,7 +93,8 @@ class Cut:
         self.special = self._special()
 
     def _images(self, atoms, types):
-        """(m, K) atoms, (m, K, 3) the image of each atom's home that belongs to the tuple (with its first atom in no particular one), types."""
+        """(m, K) atoms, (m, K, 3) the image of each atom's home that belongs to the tuple (with its first atom in no
+        particular one), types."""
         frame, images = self.frame, Images(self.frame.cell)
         at = np.zeros((*atoms.shape, 3))
         for k in range(1, atoms.shape[1]):
@@ -168,7 +172,8 @@ def cluster(frame, home_pc, index, image):
 
 
 def depth(pot, listed: bool = False) -> float:
-    """How far around its own atoms a tile must know the others. Terms that find their atoms in a list do not count if `listed`; else they are refused."""
+    """How far around its own atoms a tile must know the others. Terms that find their atoms in a list do not count if
+    `listed`; else they are refused."""
     for term in pot.terms:
         if is_listed(term) and not listed:
             raise AtcError(f"{term.describe().split(',')[0]} finds its atoms in a list, not around each other")
@@ -211,7 +216,8 @@ def _with_members(index, image, copies):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _special_of(start, other, apart, index, n):
-    """The special neighbours of particles among each other, from those of their atoms: every image of a neighbour is one, as far as `SpecialBonds` is concerned."""
+    """The special neighbours of particles among each other, from those of their atoms: every image of a neighbour is
+    one, as far as `SpecialBonds` is concerned."""
     first = np.zeros(n + 1, np.int64)
     for p in range(len(index)):
         first[index[p] + 1] += 1

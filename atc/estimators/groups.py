@@ -1,9 +1,12 @@
-"""The mean of a few consecutive frames of a time average: sums over atoms and bonds are linear, so that the frames are added up before the sums are finished.
+"""The mean of a few consecutive frames of a time average: sums over atoms and bonds are linear, so that the frames are
+added up before the sums are finished.
 
-One transform, one evaluation on the grid and one comparison then do for all frames of a group, and a time average gets its blocks ready made. What is not linear
-in the sums (the kinetic stress, the temperature: relative to the velocity field of each frame) is formed frame by frame, and its mean taken; sums over bonds that
-it does not need are added up all the same. The error check goes its own way: the exact fields of each frame at random points, the same for all frames of the group,
-and their mean. Of all strongest bonds of the group as many are summed exactly as of one frame, and the rest watched.
+One transform, one evaluation on the grid and one comparison then do for all frames of a group, and a time average gets
+its blocks ready made. What is not linear in the sums (the kinetic stress, the temperature: relative to the velocity
+field of each frame) is formed frame by frame, and its mean taken; sums over bonds that it does not need are added up
+all the same. The error check goes its own way: the exact fields of each frame at random points, the same for all frames
+of the group, and their mean. Of all strongest bonds of the group as many are summed exactly as of one frame, and the
+rest watched.
 
 What a group gives depends on its frames, the settings and the number of its first frame alone.
 """
@@ -44,7 +47,8 @@ from .sources import AtomFactors, bond_factors, drift_velocity
 from .statistics import longest_block
 from .sums import Sums, full
 
-#: Atoms of all frames of a group, at most. The frames are held until the group is done: it may have to be computed again.
+#: Atoms of all frames of a group, at most. The frames are held until the group is done: it may have to be computed
+#: again.
 ATOMS = 2**19
 #: Random points of the error check: of all groups of a window together many more than of one frame.
 POINTS = 24
@@ -53,13 +57,15 @@ LEFT = 8.0
 
 
 def size_of(window: int, atoms: int) -> int:
-    """How many frames of a window are added up: a power of two, so that blocks of blocks have whole numbers of groups."""
+    """How many frames of a window are added up: a power of two, so that blocks of blocks have whole numbers of
+    groups."""
     most = max(1, min(longest_block(window), ATOMS // max(atoms, 1)))
     return 1 << (most.bit_length() - 1)
 
 
 def added_up(work: Work) -> frozenset[str]:
-    """The deposits whose sums can be added up over frames ("site", "bond"); none if there is no gain in groups, or something asked is not made for them."""
+    """The deposits whose sums can be added up over frames ("site", "bond"); none if there is no gain in groups, or
+    something asked is not made for them."""
     if any(
         (work.gather, work.reference_gather, work.reference_bond, work.point, work.reference_point, work.on_reference)
     ):
@@ -360,7 +366,8 @@ class _Run:
         )
 
     def _hot(self, values, scales, extents) -> dict:
-        """The errors that the strongest bonds make: alone, if those at random points leave room for them, or else all errors at the points around these bonds."""
+        """The errors that the strongest bonds make: alone, if those at random points leave room for them, or else all
+        errors at the points around these bonds."""
         if self.strongest is None:
             return {}
         work, stage, n, quantities = self.work, self.stage, len(self.frames), checkable(self.work)

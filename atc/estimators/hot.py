@@ -1,8 +1,9 @@
 """Where the error of an approximate sum over bonds is likely to be largest: around the strongest bonds of a frame.
 
-A few strong bonds can make most of an error, all of it within the kernel's reach of them, and a hundred random points of a large grid need not have one that
-is near. So the strongest bonds are remembered as they stream by. Most of them are summed exactly, a thousandth of a percent of all: sums are linear, so that
-they can be taken out of an approximate one. The strongest of those left are watched: the error that they make alone is known at every grid point, and where it
+A few strong bonds can make most of an error, all of it within the kernel's reach of them, and a hundred random points
+of a large grid need not have one that is near. So the strongest bonds are remembered as they stream by. Most of them
+are summed exactly, a thousandth of a percent of all: sums are linear, so that they can be taken out of an approximate
+one. The strongest of those left are watched: the error that they make alone is known at every grid point, and where it
 is largest the fields are computed exactly. That needs few atoms: those around the points, as an open cluster.
 
 Which bonds and points these are depends on the frame alone, not on threads or on who computes it.
@@ -26,12 +27,14 @@ from .tensors import outer6
 
 #: Of the strongest bonds as many are summed exactly, one for so many atoms.
 EXACTLY, ATOMS_EACH = 1024, 32
-#: How much stronger than the mean those are: more than what the spectral deposit takes for strong (`deposit.spread.STRONG`).
+#: How much stronger than the mean those are: more than what the spectral deposit takes for strong
+#: (`deposit.spread.STRONG`).
 STRONG = 24.0
 #: The strongest of those left, whose error is looked at; points (some of them come
 #: before all others) and places, with several points around them, where all fields are computed exactly.
 WATCHED, POINTS, FIRST, PLACES = 64, 32, 12, 6
-#: Points where the bonds that are summed exactly are felt, and how much of their largest sum counts as that: nothing may be left of their approximation.
+#: Points where the bonds that are summed exactly are felt, and how much of their largest sum counts as that: nothing
+#: may be left of their approximation.
 FELT, FEEL = 12, 3e-3
 
 
@@ -114,7 +117,8 @@ class Strongest:
         return cell.wrap(self.x_nc[known.i])[0] - 0.5 * known.r_bc - cell.origin
 
     def watched(self, cell):
-        """Those left, strongest first: where they begin (s, 3), in the cell; their vectors (s, 3); one component of their stress factors (s, 1), the largest of the first."""
+        """Those left, strongest first: where they begin (s, 3), in the cell; their vectors (s, 3); one component of
+        their stress factors (s, 1), the largest of the first."""
         few = self.ranked().taken(slice(self.exactly, None))
         if few.F_bc is None:
             b = outer6(few.r_bc) * few.G_b[:, None]
@@ -125,7 +129,8 @@ class Strongest:
 
 
 def put_right(deposit, stage, x_nc, bonds, b_bk) -> np.ndarray:
-    """Take bonds out of an approximate deposit that has them; returns their exact sums (g, k), as exact as those that errors are measured with."""
+    """Take bonds out of an approximate deposit that has them; returns their exact sums (g, k), as exact as those that
+    errors are measured with."""
     target = stage.main
     deposit.add_strong(x_nc[bonds.i], bonds.r_bc, -b_bk)
     exact = make("direct", target.bound, stage.reach, target.cell, 0, b_bk.shape[1])
@@ -139,7 +144,8 @@ def nearest_image(d, cell):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _above(x_nc, i, r_bc, size_b, squared, floor):
-    """Indices and keys of the bonds whose key is above `floor`; the sum of all sizes. Equal bonds, as in a crystal, get keys that differ a little, by where they are."""
+    """Indices and keys of the bonds whose key is above `floor`; the sum of all sizes. Equal bonds, as in a crystal, get
+    keys that differ a little, by where they are."""
     n, total = 0, 0.0
     which, keys = np.empty(len(i), np.int64), np.empty(len(i))
     for b in range(len(i)):
@@ -177,7 +183,8 @@ def error_map(approximate, exact, bonds, typical) -> np.ndarray:
 
 
 def felt_points(strong_g, index) -> np.ndarray:
-    """A few points, at random but always the same ones, where the strongest bonds' sum is not small against its largest value."""
+    """A few points, at random but always the same ones, where the strongest bonds' sum is not small against its largest
+    value."""
     where = np.flatnonzero(strong_g > FEEL * strong_g.max(initial=0.0))
     return np.random.default_rng([20261124, index]).permutation(where)[:FELT]
 
@@ -223,7 +230,8 @@ def placed(bound, candidates, most, centres, apart):
 
 
 def cluster_around(frame, centres, radius):
-    """Atoms and their images within a radius of any of some points: an open frame, which atoms, None if they are too many.
+    """Atoms and their images within a radius of any of some points: an open frame, which atoms, None if they are too
+    many.
 
     Parameters
     ----------
@@ -236,9 +244,16 @@ def cluster_around(frame, centres, radius):
     most = len(frame) // 2
     radius_p = np.broadcast_to(np.asarray(radius, dtype=float), len(centres)).copy()
     n, index, image = _around(
-        frame.positions, cell.origin, cell.inverse, centres @ cell.inverse, radius_p, radius_p[:, None] / cell.heights, cell.vectors,
-        np.array(cell.periodic), most,
-    )  # fmt: skip
+        frame.positions,
+        cell.origin,
+        cell.inverse,
+        centres @ cell.inverse,
+        radius_p,
+        radius_p[:, None] / cell.heights,
+        cell.vectors,
+        np.array(cell.periodic),
+        most,
+    )
     if n > most:
         return None
     return cluster(frame, frame.positions[index[:n]], index[:n], image[:n]), index[:n]
@@ -346,7 +361,14 @@ class HotPoints:
 
             frame, points, context = few, self.xyz, nullcontext()
             home = Cell(frame.cell.vectors, (0.0, 0.0, 0.0), (False, False, False))
-            target = Target({}, BoundGrid("points", home, ("point",), xyz=np.ascontiguousarray(points)), self.check.target.kern, home, threads, origin=frame.cell.origin)  # fmt: skip
+            target = Target(
+                {},
+                BoundGrid("points", home, ("point",), xyz=np.ascontiguousarray(points)),
+                self.check.target.kern,
+                home,
+                threads,
+                origin=frame.cell.origin,
+            )
             target.summed_kern = self.stage.reach
         target.place(frame.positions)
         deposit = target.open(sum(widths), length=max(pot.cutoff, 0.0))

@@ -1,9 +1,11 @@
-"""Displacements relative to a reference frame, summed over atoms and their periodic images in a cell that may have deformed.
+"""Displacements relative to a reference frame, summed over atoms and their periodic images in a cell that may have
+deformed.
 
-Where the cell deforms, the displacement of an atom's image differs from that of the atom: u is then not periodic, and a sum over images
-needs it for each of them. With x = F(X − O) + O + u' (F the deformation of the periodic edges, O the reference cell's origin; u' is the
-same for all images), u of the image at x is (x − O)(I − F⁻¹) + u' F⁻¹ and u of the image whose reference position is X is (X − O)(F − I) + u'
-(row vectors). The part that grows with position is carried by the first moment Σ m (x_j − x) φ_j: nothing is approximated.
+Where the cell deforms, the displacement of an atom's image differs from that of the atom: u is then not periodic, and a
+sum over images needs it for each of them. With x = F(X − O) + O + u' (F the deformation of the periodic edges, O the
+reference cell's origin; u' is the same for all images), u of the image at x is (x − O)(I − F⁻¹) + u' F⁻¹ and u of the
+image whose reference position is X is (X − O)(F − I) + u' (row vectors). The part that grows with position is carried
+by the first moment Σ m (x_j − x) φ_j: nothing is approximated.
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ from .sources import cells_moved, same_atoms
 
 
 class Displacement:
-    """u_j = x_j − X_j of a frame relative to a reference, ready for mass-weighted sums over one of the two configurations.
+    """u_j = x_j − X_j of a frame relative to a reference, ready for mass-weighted sums over one of the two
+    configurations.
 
     Parameters
     ----------
@@ -63,7 +66,8 @@ class Displacement:
         """
         if self.affine and target.bound.kind == "slab":
             raise AtcError(
-                "displacement: the cell has deformed since the reference, so that it has no average over a slab: use a line or a regular grid"
+                "displacement: the cell has deformed since the reference, so that it has no average over a slab: use "
+                "a line or a regular grid"
             )
         a_nk = np.concatenate([m_n[:, None], m_n[:, None] * (self.periodic_nc - self.mean), extra_nk], axis=1)
         values, gradients = target.gather(x_nc, a_nk, m_n if self.affine else None, gradient, key)
@@ -91,7 +95,8 @@ def quotient_gradient(weight_g, mean_gk, gradient_g1c, gradient_gkc) -> np.ndarr
 
 
 def eshelby(energy_g, piola_gcc, displacement_gradient_gcc) -> np.ndarray:
-    """W I − P (Grad u)ᵀ with piola[i, k] and gradient[j, k] = ∂u_k/∂X_j: component [i, j], i the direction of the divergence."""
+    """W I − P (Grad u)ᵀ with piola[i, k] and gradient[j, k] = ∂u_k/∂X_j: component [i, j], i the direction of the
+    divergence."""
     out = -np.einsum("gik,gjk->gij", piola_gcc, displacement_gradient_gcc)
     out[:, range(3), range(3)] += energy_g[:, None]
     return out

@@ -1,4 +1,5 @@
-"""What limits a balance law from differences between frames: jumps of the potential at its cutoff, and the digits of the file."""
+"""What limits a balance law from differences between frames: jumps of the potential at its cutoff, and the digits of
+the file."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ from .balance import Exact
 
 @dataclass
 class CutoffJump:
-    """What a pair style leaves at its cutoff: energy `U`, force `F` (per pair, internal), and how many pairs cross it per time, both ways."""
+    """What a pair style leaves at its cutoff: energy `U`, force `F` (per pair, internal), and how many pairs cross it
+    per time, both ways."""
 
     name: str
     cutoff: float
@@ -22,7 +24,8 @@ class CutoffJump:
 
 
 def cutoff_jumps(frame, pot, threads: int = 1) -> list[CutoffJump]:
-    """Pair styles that are not 0 at their cutoff, the largest jump of each, with the rate of crossings counted in this frame."""
+    """Pair styles that are not 0 at their cutoff, the largest jump of each, with the rate of crossings counted in this
+    frame."""
     found = []
     for term in pot.terms:
         while hasattr(term, "term"):
@@ -78,7 +81,8 @@ def _jumps_of(style, frame) -> list[CutoffJump]:
 
 
 def resolution_noise(exact: Exact, dx: float, dv: float) -> dict[str, np.ndarray]:
-    """(g,) standard deviation of ρ, ρ v and ε at points when coordinates are rounded to `dx` and velocities to `dv`: independent, uniform errors."""
+    """(g,) standard deviation of ρ, ρ v and ε at points when coordinates are rounded to `dx` and velocities to `dv`:
+    independent, uniform errors."""
     s, st = exact.sites, exact.state
     m, v, e = st.frame.masses, st.v_nc, st.total_n
     phi2 = s.phi.multiply(s.phi)
@@ -94,12 +98,14 @@ def resolution_noise(exact: Exact, dx: float, dv: float) -> dict[str, np.ndarray
 def cutoff_noise(exact: Exact, found: list[CutoffJump], dt: float) -> dict[str, float]:
     """Standard deviation of rates from differences over ±dt when pairs cross a cutoff at random times meanwhile.
 
-    A crossing changes ε by ½ U_c (φ_i + φ_j) at once, and the rate of ρ v by F_c (φ_i − φ_j), that of ε by the power of F_c, from then on.
+    A crossing changes ε by ½ U_c (φ_i + φ_j) at once, and the rate of ρ v by F_c (φ_i − φ_j), that of ε by the power of
+    F_c, from then on.
     """
     n = exact.sites.phi.shape[1]
     square = float(np.max(exact.sites.phi.multiply(exact.sites.phi).sum(1))) / n
     v2 = float((exact.state.v_nc**2).sum()) / n
-    # ⟨¼ (φ_i + φ_j)²⟩ = ½ ⟨φ²⟩, ⟨(φ_i − φ_j)²⟩ = 2 ⟨φ²⟩ for ends that know nothing of each other; a third from where in the interval it happens
+    # ⟨¼ (φ_i + φ_j)²⟩ = ½ ⟨φ²⟩, ⟨(φ_i − φ_j)²⟩ = 2 ⟨φ²⟩ for ends that know nothing of each other; a third from where in
+    # the interval it happens
     jolts = sum(j.energy**2 * j.crossings * 2 * dt for j in found) * 0.5 * square / (2 * dt) ** 2
     forces = sum(j.force**2 * j.crossings * 2 * dt for j in found) * 2.0 * square / 3.0
     return {"mass": 0.0, "momentum": sqrt(forces), "energy": sqrt(jolts + forces * v2)}

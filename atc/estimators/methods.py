@@ -1,11 +1,12 @@
-"""How the sums of a frame are taken, deposit by deposit, and what to do when the error found is larger than the one allowed."""
+"""How the sums of a frame are taken, deposit by deposit, and what to do when the error found is larger than the one
+allowed."""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
 
-#: The deposits a frame may need: Σ a φ over atoms, Σ b β over bonds, Σ b β between reference positions, and Σ a φ with Σ a ∂φ/∂x over atoms, where they
-#: are now and where they were in the reference frame.
+#: The deposits a frame may need: Σ a φ over atoms, Σ b β over bonds, Σ b β between reference positions, and Σ a φ with
+#: Σ a ∂φ/∂x over atoms, where they are now and where they were in the reference frame.
 DEPOSITS = ("site", "bond", "reference_bond", "gather", "reference_gather")
 NAMES = {
     "site": "sums over atoms",
@@ -24,7 +25,8 @@ class Method:
     tolerance : of the spectral method (0: exact)
     reason : why it was chosen
     rungs : tolerances to go on with when the error turns out too large; after the last one, the exact sum
-    order, orders : of the moments that atoms carry in place of their bonds (see `atc.deposit.moments`), now and at each rung; None: bonds become points
+    order, orders : of the moments that atoms carry in place of their bonds (see `atc.deposit.moments`), now and at each
+        rung; None: bonds become points
     forced : asked for by name, so that no other method may take its place
     """
 
@@ -41,7 +43,8 @@ class Method:
         return self.name != "spectral"
 
     def tightened(self, error: float, goal: float) -> Method:
-        """The cheapest next rung that can be expected to bring `error` well below `goal`; itself if there is nothing left to try."""
+        """The cheapest next rung that can be expected to bring `error` well below `goal`; itself if there is nothing
+        left to try."""
         if self.exact:
             return self
         for k, rung in enumerate(self.rungs):
@@ -81,7 +84,8 @@ EXACT = Method()
 
 @dataclass(frozen=True)
 class Refinement:
-    """That something was computed again, and why. error : the one that was found, None where none had to be; what : the rest of the sentence"""
+    """That something was computed again, and why. error : the one that was found, None where none had to be; what : the
+    rest of the sentence"""
 
     what: str
     error: float | None = None
@@ -99,7 +103,8 @@ class Refinement:
 
     @staticmethod
     def summary(of: list[tuple[int, dict]]) -> str:
-        """What was computed again in which frames, like by like, with the largest error that was the cause; of : (frame, `plain`)."""
+        """What was computed again in which frames, like by like, with the largest error that was the cause; of :
+        (frame, `plain`)."""
         like: dict = {}
         for k, plain in of:
             frames, errors = like.setdefault((plain["what"], plain["error"] is None), ([], []))

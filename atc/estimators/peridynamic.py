@@ -1,11 +1,13 @@
 """The weighted virials of peridynamics: sums over the bonds around a point that are no bond functions (W eq. 7).
 
-The stress of Lehoucq and Silling needs nothing of this: smoothed with φ it is the bond sum Σ −r⊗F β, Hardy's potential stress. W proposes instead
-−½ Σ_IJ F_IJ⊗ê_I |x_IJ| over all I, J within the horizon of X, ê_I the unit vector from X to I. By unordered bonds the weight is ½|x|(ê_I − ê_J): the bond
-itself where X lies on it, 0 where X is in line with it but outside. As printed its unit is force × length; here it is divided by the volume of the horizon.
+The stress of Lehoucq and Silling needs nothing of this: smoothed with φ it is the bond sum Σ −r⊗F β, Hardy's potential
+stress. W proposes instead −½ Σ_IJ F_IJ⊗ê_I |x_IJ| over all I, J within the horizon of X, ê_I the unit vector from X to
+I. By unordered bonds the weight is ½|x|(ê_I − ê_J): the bond itself where X lies on it, 0 where X is in line with it
+but outside. As printed its unit is force × length; here it is divided by the volume of the horizon.
 
-Because both ends must lie within the horizon, a bond of length d contributes on average only λ(d/δ) of −x⊗F to the field (`mean_weight`), about a fifth for the
-bonds of a solid: `weighted_virial_normalised` divides each bond by its λ, so that homogeneous stress is recovered in the mean over points.
+Because both ends must lie within the horizon, a bond of length d contributes on average only λ(d/δ) of −x⊗F to the
+field (`mean_weight`), about a fifth for the bonds of a solid: `weighted_virial_normalised` divides each bond by its λ,
+so that homogeneous stress is recovered in the mean over points.
 """
 
 from __future__ import annotations
@@ -16,14 +18,16 @@ import numpy as np
 
 from ..errors import AtcError
 
-# A point this close to an end, in horizons, is the end: its unit vector is taken as 0. Nodes at exactly the horizon are within it: 1 + this.
+# A point this close to an end, in horizons, is the end: its unit vector is taken as 0. Nodes at exactly the horizon are
+# within it: 1 + this.
 NEAR = 1e-10
 
 _WORDS = {1: "length", 2: "area", 3: "volume"}
 
 
 def mean_weight(s, dimension: int = 3) -> np.ndarray:
-    """λ(s): the mean over X in the ball of radius 1 around one end of a bond of length s of the weight ½(ê_I − ê_J)·x̂, 0 where an end is out of reach.
+    """λ(s): the mean over X in the ball of radius 1 around one end of a bond of length s of the weight ½(ê_I − ê_J)·x̂,
+    0 where an end is out of reach.
 
     Parameters
     ----------
@@ -32,10 +36,11 @@ def mean_weight(s, dimension: int = 3) -> np.ndarray:
 
     Notes
     -----
-    With r the distance of X from I and u the cosine of the angle from the bond, ê_I·x̂ = u and X is within reach of J where u > (r² + s² − 1)/(2 r s); both ends
-    contribute the same. In three dimensions λ = ¾ ∫ [r² − (r² + s² − 1)²/(4 s²)] dr from |1 − s| to 1, a polynomial up to s = 1; λ → s/2 for short bonds. In two
-    dimensions λ = (2/π) ∫ √(((1+s)² − r²)(r² − (1−s)²))/(2 s) dr, an elliptic integral, by Gauss-Legendre quadrature after r² = a² cosh² y, a = |1 − s|,
-    and tabulated; 1-D: s/2, and 1 − s/2 beyond 1.
+    With r the distance of X from I and u the cosine of the angle from the bond, ê_I·x̂ = u and X is within reach of J
+    where u > (r² + s² − 1)/(2 r s); both ends contribute the same. In three dimensions λ = ¾ ∫ [r² − (r² + s² − 1)²/(4
+    s²)] dr from |1 − s| to 1, a polynomial up to s = 1; λ → s/2 for short bonds. In two dimensions λ = (2/π) ∫
+    √(((1+s)² − r²)(r² − (1−s)²))/(2 s) dr, an elliptic integral, by Gauss-Legendre quadrature after r² = a² cosh² y, a
+    = |1 − s|, and tabulated; 1-D: s/2, and 1 − s/2 beyond 1.
     """
     s = np.asarray(s, dtype=np.float64)
     if dimension == 1:
@@ -68,7 +73,8 @@ def exact_2d(s: np.ndarray, order: int = 96) -> np.ndarray:
 
 @cache
 def _table_2d():
-    """Cubic splines of λ/s below and λ/(2 − s)^1.5 beyond s = 1, where its second derivative has a logarithm: nodes crowd there."""
+    """Cubic splines of λ/s below and λ/(2 − s)^1.5 beyond s = 1, where its second derivative has a logarithm: nodes
+    crowd there."""
     from scipy.interpolate import CubicSpline
 
     t = np.linspace(0.0, 1.0, 1025)
@@ -86,7 +92,8 @@ def _table_2d():
 
 
 def ball_volume(horizon: float, pot, cell) -> float:
-    """The volume of the horizon: of a ball; in a body of fewer dimensions of a disc through its thickness, or a stretch of its cross-section.
+    """The volume of the horizon: of a ball; in a body of fewer dimensions of a disc through its thickness, or a stretch
+    of its cross-section.
 
     Such a body fills the cell along the axes it does not extend in (z; y and z).
     """
@@ -102,7 +109,8 @@ def horizon_of(settings, units, users) -> float:
     """The horizon, internal units: the user's, else the potential's own, else its reach."""
     if getattr(settings.grid, "kind", None) == "slab":
         raise AtcError(
-            f"{users[0]} belongs to points, not to bins of a slab: take a regular, plane, line or points grid, or peridynamic_stress"
+            f"{users[0]} belongs to points, not to bins of a slab: take a regular, plane, line or points grid, or "
+            "peridynamic_stress"
         )
     given = settings.horizon
     if given is not None:
@@ -122,7 +130,8 @@ def node_volumes(frame) -> np.ndarray:
     volumes = frame.extra.get("volume")
     if volumes is None:
         raise AtcError(
-            f"{frame.source}: the nodal virial is divided by the volume of each node, but there is no column 'volume': add it, or ask for "
+            f"{frame.source}: the nodal virial is divided by the volume of each node, but there is no column "
+            "'volume': add it, or ask for "
             "virial_stress_per_atom_potential (stress times volume)"
         )
     volumes = np.asarray(volumes, dtype=np.float64)
@@ -178,13 +187,15 @@ class WeightedVirial:
     cell : Cell; its periodic images count
     kinds : "weighted" and/or "weighted_normalised", the sums wanted
     horizon : float
-    pot : where the bonds come from; only its `dimension` counts (3 if it has none): in two dimensions z is disregarded, in one y and z
+    pot : where the bonds come from; only its `dimension` counts (3 if it has none): in two dimensions z is disregarded,
+        in one y and z
     threads : int
 
     Notes
     -----
-    Cost: about 30 ns for each bond and each point with both ends within its horizon (40 % of the points within the horizon of one end, for the bonds of
-    a solid), the points that are only near included; a second kind costs a tenth more. The points lie in bins of a third of the horizon.
+    Cost: about 30 ns for each bond and each point with both ends within its horizon (40 % of the points within the
+    horizon of one end, for the bonds of a solid), the points that are only near included; a second kind costs a tenth
+    more. The points lie in bins of a third of the horizon.
     """
 
     def __init__(self, points_gc, cell, kinds, horizon, pot, threads=1):
@@ -228,14 +239,29 @@ class WeightedVirial:
                 s = d_b / self.horizon
                 if (s >= 2.0).any():
                     raise AtcError(
-                        f"a bond is {s.max():.3g} horizons long, so that no point sees it and its weight cannot be normalised: give a larger horizon"
+                        f"a bond is {s.max():.3g} horizons long, so that no point sees it and its weight cannot be "
+                        "normalised: give a larger horizon"
                     )
                 mean = mean_weight(s, self.dimension)
                 scale_bm[:, m] = np.divide(self.scale, mean, out=np.zeros_like(mean), where=mean > 0)
         _weighted.add(
-            x_bc, r_bc, np.ascontiguousarray(F_bc), d_b, scale_bm, self.horizon * (1.0 + NEAR), NEAR * self.horizon, self._points, self._start,
-            self._bins, self._low, self._per_unit, self.periodic, np.array(self.cell.vectors), np.ascontiguousarray(self.cell.inverse), self._sums[thread],
-        )  # fmt: skip
+            x_bc,
+            r_bc,
+            np.ascontiguousarray(F_bc),
+            d_b,
+            scale_bm,
+            self.horizon * (1.0 + NEAR),
+            NEAR * self.horizon,
+            self._points,
+            self._start,
+            self._bins,
+            self._low,
+            self._per_unit,
+            self.periodic,
+            np.array(self.cell.vectors),
+            np.ascontiguousarray(self.cell.inverse),
+            self._sums[thread],
+        )
 
     def sums(self) -> list[np.ndarray]:
         """(g, 9) for each of `kinds`, points in the order given."""

@@ -1,9 +1,9 @@
 """The quantities atc knows: what each needs, and how it is formed from site and bond sums.
 
-One entry a quantity. `form` gets a `sums.Sums` and returns the field in internal units: (g, ...) for kind ``grid``, (...) for ``box``,
-(n, ...) for ``atom``. Where there is no mass it returns 0 (the limit of the sums); the mask is applied afterwards (`masked`), so that
-time averages count empty space as empty. `weight` names the site sum that turns an intensive quotient back into a sum: a time
-average of a quotient is <weight·X>/<weight>.
+One entry a quantity. `form` gets a `sums.Sums` and returns the field in internal units: (g, ...) for kind ``grid``,
+(...) for ``box``, (n, ...) for ``atom``. Where there is no mass it returns 0 (the limit of the sums); the mask is
+applied afterwards (`masked`), so that time averages count empty space as empty. `weight` names the site sum that turns
+an intensive quotient back into a sum: a time average of a quotient is <weight·X>/<weight>.
 """
 
 from __future__ import annotations
@@ -16,7 +16,10 @@ import numpy as np
 from ..errors import AtcError
 from .sums import Sums, curl, full
 
-STRESS_SIGN = "Cauchy stress, tension positive (the opposite of a pressure); component [i, j]: i the face normal (divergence direction), j the force component"
+STRESS_SIGN = (
+    "Cauchy stress, tension positive (the opposite of a pressure); component [i, j]: i the face normal (divergence "
+    "direction), j the force component"
+)
 
 
 @dataclass(frozen=True)
@@ -32,8 +35,9 @@ class Source:
     on_reference: bool = False  # is summed over reference positions, on the grid of the reference frame
 
 
-# Factors a_j of Σ a_j φ(x − x_j). v is relative to the mass-mean velocity of the frame (see sums.Sums), but for kinetic_energy and
-# energy_current. J of formulas.md §4 is energy_current; for the heat flux it is taken apart into kinetic_flux and potential_flux.
+# Factors a_j of Σ a_j φ(x − x_j). v is relative to the mass-mean velocity of the frame (see sums.Sums), but for
+# kinetic_energy and energy_current. J of formulas.md §4 is energy_current; for the heat flux it is taken apart into
+# kinetic_flux and potential_flux.
 SITE = {
     "one": Source(1),
     "mass": Source(1, ("masses",)),
@@ -112,12 +116,14 @@ class Quantity:
     parts: tuple[str, ...] = ()
     masked: bool = False
     weight: str | None = None
-    # Whether the field, times its weight, is linear in its sums, with velocities taken from the same drift in all frames: then it is formed once from the mean
-    # sums of several frames. What is relative to the velocity field, or the drift, of each frame is not. Wholes are the sums of their parts.
+    # Whether the field, times its weight, is linear in its sums, with velocities taken from the same drift in all
+    # frames: then it is formed once from the mean sums of several frames. What is relative to the velocity field, or
+    # the drift, of each frame is not. Wholes are the sums of their parts.
     linear: bool = False
     sign: str = "plain sum, no sign convention"
     comment: str = ""
-    # The size of what the field is the difference of: a field that is 0 but for rounding has its error measured against this.
+    # The size of what the field is the difference of: a field that is 0 but for rounding has its error measured against
+    # this.
     scale: Callable[[Sums], float] = lambda s: 0.0
 
     def sources(self):
@@ -145,9 +151,15 @@ def _stress(parts_form):
 
 
 # The energy that a flux carries depends on how it is shared among the atoms.
-_SHARED = "depends on how the energy of a term is shared among its atoms (see decomposition); the divergence of the total does not"
+_SHARED = (
+    "depends on how the energy of a term is shared among its atoms (see decomposition); the divergence of the total "
+    "does not"
+)
 _FLUX_SIGN = "positive in the direction energy flows"
-_CHURNING_SIGN = "that of stress_potential; component [i, j]: i the divergence direction, j is contracted with the velocity in heat_flux_churning; not symmetric"
+_CHURNING_SIGN = (
+    "that of stress_potential; component [i, j]: i the divergence direction, j is contracted with the velocity in "
+    "heat_flux_churning; not symmetric"
+)
 _THERMAL = (*_MEAN, "kinetic", "kinetic_flux", "potential_energy", "potential_flux")
 _GRADIENT_SIGN = "component [i, j]: i the direction of the derivative, j the component of the vector"
 
@@ -161,8 +173,18 @@ def _flux(long_name, form, **more):
 
 
 def _kinematic(dimension, long_name, form, rank, sign=_GRADIENT_SIGN, gradient=True, comment="", scale=lambda s: 0.0):
-    return {"dimension": dimension, "rank": rank, "masked": True, "weight": "mass", "gradient": gradient, "long_name": long_name, "form": form,
-            "sign": sign, "comment": comment, "scale": scale}  # fmt: skip
+    return {
+        "dimension": dimension,
+        "rank": rank,
+        "masked": True,
+        "weight": "mass",
+        "gradient": gradient,
+        "long_name": long_name,
+        "form": form,
+        "sign": sign,
+        "comment": comment,
+        "scale": scale,
+    }
 
 
 def _slope(s, mean_gc) -> float:
@@ -179,14 +201,18 @@ def _velocity_slopes(s) -> float:
     return max(_velocity_slope(s), _largest(s.velocity_gradient))
 
 
-_NODAL = "half of each bond to each end, by the volume of the node; volumes from the column volume of the frame, those of the undeformed body for a peridynamic one"
+_NODAL = (
+    "half of each bond to each end, by the volume of the node; volumes from the column volume of the frame, those of "
+    "the undeformed body for a peridynamic one"
+)
 
 
 def _peridynamic() -> list[Quantity]:
     """The peridynamic stresses (formulas: Lehoucq & Silling 2008; W eq. 7), Cauchy's and the first Piola-Kirchhoff."""
     out = []
     piola = (
-        "tension positive; component [i, j]: i the reference direction (face normal and divergence with respect to reference positions), "
+        "tension positive; component [i, j]: i the reference direction (face normal and divergence with respect to "
+        "reference positions), "
         "j the component of the current force; not symmetric"
     )
     for name, prefix, sign, what in (
@@ -197,24 +223,50 @@ def _peridynamic() -> list[Quantity]:
         where = "grid points are points of the reference frame; " if prefix else ""
         bond = "piola" if prefix else "stress"
         form = (lambda s: s.bond["piola"].reshape(-1, 3, 3)) if prefix else (lambda s: s.potential_stress)
-        out.append(Quantity(
-            name, long_name=what, bond=(bond,), form=form, linear=not prefix,
-            comment=where + "of Lehoucq and Silling, smoothed with the kernel: the potential part of Hardy's stress over all bonds; its divergence is the "
-            "force density", **common,
-        ))  # fmt: skip
+        out.append(
+            Quantity(
+                name,
+                long_name=what,
+                bond=(bond,),
+                form=form,
+                linear=not prefix,
+                comment=where
+                + "of Lehoucq and Silling, smoothed with the kernel: the potential part of Hardy's stress "
+                "over all bonds; its divergence is the "
+                "force density",
+                **common,
+            )
+        )
         for variant, word in (("weighted", "weighted virial"), ("weighted_normalised", "normalised weighted virial")):
             source = prefix + variant
-            out.append(Quantity(
-                name + "_" + variant.replace("weighted", "weighted_virial"), long_name=f"{what}, {word}", point=(source,),
-                form=lambda s, source=source: s.point[source].reshape(-1, 3, 3),
-                comment=where + ("bonds with both ends within the horizon of the point, each weighted with ½ |r| (e_i - e_j), e from the point to the end"
-                                 + (", over its mean weight" if "normalised" in variant else "") + ", by the volume of the horizon; no kernel"), **common,
-            ))  # fmt: skip
+            out.append(
+                Quantity(
+                    name + "_" + variant.replace("weighted", "weighted_virial"),
+                    long_name=f"{what}, {word}",
+                    point=(source,),
+                    form=lambda s, source=source: s.point[source].reshape(-1, 3, 3),
+                    comment=where
+                    + (
+                        "bonds with both ends within the horizon of the point, each weighted with ½ |r| (e_i "
+                        "- e_j), e from the point to the end"
+                        + (", over its mean weight" if "normalised" in variant else "")
+                        + ", by the volume of the horizon; no kernel"
+                    ),
+                    **common,
+                )
+            )
         moment = prefix + "atom_moment"
-        out.append(Quantity(
-            name + "_nodal_virial", long_name=f"{what}, nodal virial", kind="atom", whole=(moment, "atom_volume"),
-            form=lambda s, moment=moment: s.whole[moment].reshape(-1, 3, 3) / s.whole["atom_volume"][:, None, None], comment=_NODAL, **common,
-        ))  # fmt: skip
+        out.append(
+            Quantity(
+                name + "_nodal_virial",
+                long_name=f"{what}, nodal virial",
+                kind="atom",
+                whole=(moment, "atom_volume"),
+                form=lambda s, moment=moment: s.whole[moment].reshape(-1, 3, 3) / s.whole["atom_volume"][:, None, None],
+                comment=_NODAL,
+                **common,
+            )
+        )
     return out
 
 
@@ -223,181 +275,433 @@ _DISPLACEMENT = {"site": ("mass",), "gather": ("mass", "displacement")}
 _BY_KERNEL = "from the gradient of the kernel, no finite differences"
 
 _ALL = [
-    Quantity("number_density", "number_density", "number density", lambda s: s.site["one"][:, 0], site=("one",), sign="positive", linear=True),
+    Quantity(
+        "number_density",
+        "number_density",
+        "number density",
+        lambda s: s.site["one"][:, 0],
+        site=("one",),
+        sign="positive",
+        linear=True,
+    ),
     Quantity("density", "density", "mass density", lambda s: s.rho, site=("mass",), sign="positive", linear=True),
     Quantity(
-        "momentum", "momentum", "momentum density", lambda s: s.momentum, rank=1, site=_MEAN, sign="positive along +x, +y, +z",
+        "momentum",
+        "momentum",
+        "momentum density",
+        lambda s: s.momentum,
+        rank=1,
+        site=_MEAN,
+        sign="positive along +x, +y, +z",
         linear=True,
     ),
     Quantity(
-        "velocity", "velocity", "mass-averaged velocity", lambda s: s.velocity, rank=1, site=_MEAN, masked=True, weight="mass",
-        sign="positive along +x, +y, +z", scale=lambda s: _largest(s.drift), linear=True,
+        "velocity",
+        "velocity",
+        "mass-averaged velocity",
+        lambda s: s.velocity,
+        rank=1,
+        site=_MEAN,
+        masked=True,
+        weight="mass",
+        sign="positive along +x, +y, +z",
+        scale=lambda s: _largest(s.drift),
+        linear=True,
     ),
     Quantity(
-        "temperature", "temperature", "kinetic temperature relative to the local velocity", lambda s: s.temperature,
-        site=("one", *_MEAN, "kinetic"), masked=True, weight="one", sign="positive",
-        comment="-trace(stress_kinetic)/(3 n k_B): three degrees of freedom per atom, none removed for the local mean velocity or for constraints",
+        "temperature",
+        "temperature",
+        "kinetic temperature relative to the local velocity",
+        lambda s: s.temperature,
+        site=("one", *_MEAN, "kinetic"),
+        masked=True,
+        weight="one",
+        sign="positive",
+        comment="-trace(stress_kinetic)/(3 n k_B): three degrees of freedom per atom, none removed for the local mean "
+        "velocity or for constraints",
     ),
     Quantity(
-        "stress_kinetic", site=(*_MEAN, "kinetic"), masked=True, long_name="kinetic part of Hardy's stress",
-        comment="relative to the local mass-averaged velocity", **_stress(lambda s: -full(s.thermal)),
+        "stress_kinetic",
+        site=(*_MEAN, "kinetic"),
+        masked=True,
+        long_name="kinetic part of Hardy's stress",
+        comment="relative to the local mass-averaged velocity",
+        **_stress(lambda s: -full(s.thermal)),
     ),
     Quantity(
-        "stress_potential", bond=("stress",), linear=True, long_name="potential part of Hardy's stress", scale=lambda s: s.size, **_stress(lambda s: s.potential_stress),
+        "stress_potential",
+        bond=("stress",),
+        linear=True,
+        long_name="potential part of Hardy's stress",
+        scale=lambda s: s.size,
+        **_stress(lambda s: s.potential_stress),
     ),
     Quantity(
-        "stress", site=(*_MEAN, "kinetic"), bond=("stress",), parts=("stress_kinetic", "stress_potential"), masked=True,
-        scale=lambda s: s.size, long_name="Hardy's stress", **_stress(lambda s: s.potential_stress - full(s.thermal)),
+        "stress",
+        site=(*_MEAN, "kinetic"),
+        bond=("stress",),
+        parts=("stress_kinetic", "stress_potential"),
+        masked=True,
+        scale=lambda s: s.size,
+        long_name="Hardy's stress",
+        **_stress(lambda s: s.potential_stress - full(s.thermal)),
     ),
     Quantity(
-        "virial_stress_kinetic", "pressure", "kinetic part of the virial stress of the box", lambda s: -full(s.whole["box_kinetic"]) / s.volume,
-        rank=2, kind="box", whole=("box_kinetic",), sign=_VIRIAL_SIGN, comment="velocities relative to the mean of the frame",
+        "virial_stress_kinetic",
+        "pressure",
+        "kinetic part of the virial stress of the box",
+        lambda s: -full(s.whole["box_kinetic"]) / s.volume,
+        rank=2,
+        kind="box",
+        whole=("box_kinetic",),
+        sign=_VIRIAL_SIGN,
+        comment="velocities relative to the mean of the frame",
     ),
     Quantity(
-        "virial_stress_potential", "pressure", "potential part of the virial stress of the box",
-        lambda s: s.whole["box_virial"].reshape(3, 3) / s.volume, rank=2, kind="box", whole=("box_virial",), sign=_VIRIAL_SIGN,
+        "virial_stress_potential",
+        "pressure",
+        "potential part of the virial stress of the box",
+        lambda s: s.whole["box_virial"].reshape(3, 3) / s.volume,
+        rank=2,
+        kind="box",
+        whole=("box_virial",),
+        sign=_VIRIAL_SIGN,
     ),
     Quantity(
-        "virial_stress", "pressure", "virial stress of the box",
+        "virial_stress",
+        "pressure",
+        "virial stress of the box",
         lambda s: (s.whole["box_virial"].reshape(3, 3) - full(s.whole["box_kinetic"])) / s.volume,
-        rank=2, kind="box", whole=("box_kinetic", "box_virial"), parts=("virial_stress_kinetic", "virial_stress_potential"),
-        sign=_VIRIAL_SIGN, comment="velocities relative to the mean of the frame",
+        rank=2,
+        kind="box",
+        whole=("box_kinetic", "box_virial"),
+        parts=("virial_stress_kinetic", "virial_stress_potential"),
+        sign=_VIRIAL_SIGN,
+        comment="velocities relative to the mean of the frame",
     ),
     Quantity(
-        "virial_stress_per_atom_kinetic", "pressure_volume", "kinetic part of the per-atom virial",
-        lambda s: -full(s.whole["atom_kinetic"]), rank=2, kind="atom", whole=("atom_kinetic",), sign=_VIRIAL_SIGN,
+        "virial_stress_per_atom_kinetic",
+        "pressure_volume",
+        "kinetic part of the per-atom virial",
+        lambda s: -full(s.whole["atom_kinetic"]),
+        rank=2,
+        kind="atom",
+        whole=("atom_kinetic",),
+        sign=_VIRIAL_SIGN,
         comment="stress times volume; velocities relative to the mean of the frame",
     ),
     Quantity(
-        "virial_stress_per_atom_potential", "pressure_volume", "potential part of the per-atom virial",
-        lambda s: full(s.whole["atom_virial"]), rank=2, kind="atom", whole=("atom_virial",), sign=_VIRIAL_SIGN,
+        "virial_stress_per_atom_potential",
+        "pressure_volume",
+        "potential part of the per-atom virial",
+        lambda s: full(s.whole["atom_virial"]),
+        rank=2,
+        kind="atom",
+        whole=("atom_virial",),
+        sign=_VIRIAL_SIGN,
         comment="stress times volume; half of each bond to each end",
     ),
     Quantity(
-        "virial_stress_per_atom", "pressure_volume", "per-atom virial",
-        lambda s: full(s.whole["atom_virial"] - s.whole["atom_kinetic"]), rank=2, kind="atom", whole=("atom_kinetic", "atom_virial"),
-        parts=("virial_stress_per_atom_kinetic", "virial_stress_per_atom_potential"), sign=_VIRIAL_SIGN,
+        "virial_stress_per_atom",
+        "pressure_volume",
+        "per-atom virial",
+        lambda s: full(s.whole["atom_virial"] - s.whole["atom_kinetic"]),
+        rank=2,
+        kind="atom",
+        whole=("atom_kinetic", "atom_virial"),
+        parts=("virial_stress_per_atom_kinetic", "virial_stress_per_atom_potential"),
+        sign=_VIRIAL_SIGN,
         comment="stress times volume; half of each bond to each end; velocities relative to the mean of the frame",
     ),
     Quantity(
-        "smoothed_virial_stress_kinetic", "pressure", "kinetic part of the per-atom virial smoothed with the kernel",
-        lambda s: -full(s.site["kinetic"]), rank=2, site=("kinetic",), sign=STRESS_SIGN,
+        "smoothed_virial_stress_kinetic",
+        "pressure",
+        "kinetic part of the per-atom virial smoothed with the kernel",
+        lambda s: -full(s.site["kinetic"]),
+        rank=2,
+        site=("kinetic",),
+        sign=STRESS_SIGN,
         comment="velocities relative to the mean of the frame, not to the local one",
     ),
     Quantity(
-        "smoothed_virial_stress_potential", "pressure", "potential part of the per-atom virial smoothed with the kernel",
-        lambda s: full(s.site["atom_virial"]), rank=2, site=("atom_virial",), sign=STRESS_SIGN, linear=True,
+        "smoothed_virial_stress_potential",
+        "pressure",
+        "potential part of the per-atom virial smoothed with the kernel",
+        lambda s: full(s.site["atom_virial"]),
+        rank=2,
+        site=("atom_virial",),
+        sign=STRESS_SIGN,
+        linear=True,
     ),
     Quantity(
-        "smoothed_virial_stress", "pressure", "per-atom virial smoothed with the kernel",
-        lambda s: full(s.site["atom_virial"] - s.site["kinetic"]), rank=2, site=("kinetic", "atom_virial"),
-        parts=("smoothed_virial_stress_kinetic", "smoothed_virial_stress_potential"), sign=STRESS_SIGN,
-        comment="per-atom virials, half of each bond to each end, smoothed with the kernel; not Hardy's stress. For pair potentials what a smoothing "
+        "smoothed_virial_stress",
+        "pressure",
+        "per-atom virial smoothed with the kernel",
+        lambda s: full(s.site["atom_virial"] - s.site["kinetic"]),
+        rank=2,
+        site=("kinetic", "atom_virial"),
+        parts=("smoothed_virial_stress_kinetic", "smoothed_virial_stress_potential"),
+        sign=STRESS_SIGN,
+        comment="per-atom virials, half of each bond to each end, smoothed with the kernel; not Hardy's stress. For "
+        "pair potentials what a smoothing "
         "of LAMMPS's stress/atom gives; LAMMPS shares many-body terms in another way (equal sums over the box)",
     ),
-    Quantity("energy_kinetic", "energy_density", "kinetic energy density", lambda s: s.site["kinetic_energy"][:, 0], site=("kinetic_energy",), sign="positive", linear=True,
-             comment="in the frame of the simulation, streaming motion included"),
-    Quantity("energy_potential", "energy_density", "potential energy density", lambda s: s.site["potential_energy"][:, 0], site=("potential_energy",), linear=True,
-             sign="the potential's own zero", comment="each K-body term shared equally by its K atoms, unless the potential documents another share"),
-    Quantity("energy", "energy_density", "energy density", lambda s: s.site["kinetic_energy"][:, 0] + s.site["potential_energy"][:, 0],
-             site=("kinetic_energy", "potential_energy"), parts=("energy_kinetic", "energy_potential"), sign="the potential's own zero"),
     Quantity(
-        "piola_stress", "pressure", "potential part of the first Piola-Kirchhoff stress", lambda s: s.bond["piola"].reshape(-1, 3, 3), rank=2,
+        "energy_kinetic",
+        "energy_density",
+        "kinetic energy density",
+        lambda s: s.site["kinetic_energy"][:, 0],
+        site=("kinetic_energy",),
+        sign="positive",
+        linear=True,
+        comment="in the frame of the simulation, streaming motion included",
+    ),
+    Quantity(
+        "energy_potential",
+        "energy_density",
+        "potential energy density",
+        lambda s: s.site["potential_energy"][:, 0],
+        site=("potential_energy",),
+        linear=True,
+        sign="the potential's own zero",
+        comment="each K-body term shared equally by its K atoms, unless the potential documents another share",
+    ),
+    Quantity(
+        "energy",
+        "energy_density",
+        "energy density",
+        lambda s: s.site["kinetic_energy"][:, 0] + s.site["potential_energy"][:, 0],
+        site=("kinetic_energy", "potential_energy"),
+        parts=("energy_kinetic", "energy_potential"),
+        sign="the potential's own zero",
+    ),
+    Quantity(
+        "piola_stress",
+        "pressure",
+        "potential part of the first Piola-Kirchhoff stress",
+        lambda s: s.bond["piola"].reshape(-1, 3, 3),
+        rank=2,
         bond=("piola",),
-        sign="tension positive; component [i, j]: i the reference direction (face normal and divergence with respect to reference positions), "
+        sign="tension positive; component [i, j]: i the reference direction (face normal and divergence with respect "
+        "to reference positions), "
         "j the component of the current force; not symmetric",
-        comment="grid points are points of the reference frame; the bond function runs between reference positions; no kinetic part",
+        comment="grid points are points of the reference frame; the bond function runs between reference positions; "
+        "no kinetic part",
     ),
     Quantity(
-        "heat_flux_kinetic", site=_THERMAL, masked=True,
-        **_flux("kinetic part of the heat flux", lambda s: s.heat_flux_kinetic,
-                comment="energy carried by atoms relative to the local velocity: J - e v + stress_kinetic v; " + _SHARED),
+        "heat_flux_kinetic",
+        site=_THERMAL,
+        masked=True,
+        **_flux(
+            "kinetic part of the heat flux",
+            lambda s: s.heat_flux_kinetic,
+            comment="energy carried by atoms relative to the local velocity: J - e v + stress_kinetic v; " + _SHARED,
+        ),
     ),
     Quantity(
-        "heat_flux_potential", site=_MEAN, bond=("power", "sources"), masked=True,
-        **_flux("potential part of the heat flux", lambda s: s.heat_flux_potential, comment="A - M v: work of the bonds relative to the local velocity; " + _SHARED),
+        "heat_flux_potential",
+        site=_MEAN,
+        bond=("power", "sources"),
+        masked=True,
+        **_flux(
+            "potential part of the heat flux",
+            lambda s: s.heat_flux_potential,
+            comment="A - M v: work of the bonds relative to the local velocity; " + _SHARED,
+        ),
     ),
     Quantity(
-        "heat_flux_churning", site=_MEAN, bond=("stress", "sources"), masked=True,
+        "heat_flux_churning",
+        site=_MEAN,
+        bond=("stress", "sources"),
+        masked=True,
         scale=lambda s: _largest(s.bond["stress"]) * _largest(s.velocity),
-        **_flux("churning part of the heat flux", lambda s: s.heat_flux_churning,
-                comment="churning tensor times velocity, in the frame of the simulation: a uniform drift c adds z c, which has no divergence and no mean over "
-                "a periodic box; 0 for pair potentials and embedded atoms; " + _SHARED),
+        **_flux(
+            "churning part of the heat flux",
+            lambda s: s.heat_flux_churning,
+            comment="churning tensor times velocity, in the frame of the simulation: a uniform drift c adds z c, "
+            "which has no divergence and no mean over "
+            "a periodic box; 0 for pair potentials and embedded atoms; " + _SHARED,
+        ),
     ),
     Quantity(
-        "heat_flux", site=_THERMAL, bond=("power", "sources", "stress"), masked=True, parts=("heat_flux_kinetic", "heat_flux_potential", "heat_flux_churning"),
-        **_flux("heat flux", lambda s: s.heat_flux_kinetic + s.heat_flux_potential + s.heat_flux_churning,
-                comment="q in d(energy)/dt + div(energy v) = div(stress v - q); " + _SHARED),
+        "heat_flux",
+        site=_THERMAL,
+        bond=("power", "sources", "stress"),
+        masked=True,
+        parts=("heat_flux_kinetic", "heat_flux_potential", "heat_flux_churning"),
+        **_flux(
+            "heat flux",
+            lambda s: s.heat_flux_kinetic + s.heat_flux_potential + s.heat_flux_churning,
+            comment="q in d(energy)/dt + div(energy v) = div(stress v - q); " + _SHARED,
+        ),
     ),
     Quantity(
-        "energy_flux", site=("energy_current",), bond=("power_lab",), linear=True,
-        **_flux("flux of energy through points at rest", lambda s: s.site["energy_current"] + s.bond["power_lab"],
-                comment="J + A = energy v - stress v + heat_flux, in the frame of the simulation: d(energy)/dt = -div(energy_flux); its integral over the box is "
-                "heat_current; " + _SHARED),
+        "energy_flux",
+        site=("energy_current",),
+        bond=("power_lab",),
+        linear=True,
+        **_flux(
+            "flux of energy through points at rest",
+            lambda s: s.site["energy_current"] + s.bond["power_lab"],
+            comment="J + A = energy v - stress v + heat_flux, in the frame of the simulation: d(energy)/dt = "
+            "-div(energy_flux); its integral over the box is "
+            "heat_current; " + _SHARED,
+        ),
     ),
     Quantity(
-        "churning", "energy_density", "churning tensor", lambda s: s.churning, rank=2, bond=("stress", "sources"), sign=_CHURNING_SIGN, linear=True,
+        "churning",
+        "energy_density",
+        "churning tensor",
+        lambda s: s.churning,
+        rank=2,
+        bond=("stress", "sources"),
+        sign=_CHURNING_SIGN,
+        linear=True,
         scale=lambda s: _largest(s.bond["stress"]),
-        comment="z = S + M: what the potential stress and the energy sources of the bonds leave of each other; has no divergence and no mean over a periodic "
+        comment="z = S + M: what the potential stress and the energy sources of the bonds leave of each other; has no "
+        "divergence and no mean over a periodic "
         "box; 0 for pair potentials and embedded atoms; " + _SHARED,
     ),
     Quantity(
-        "churning_divergence", "force_density", "divergence of the churning tensor", lambda s: s.site["source_residual"][:, :3], rank=1, site=("source_residual",),
+        "churning_divergence",
+        "force_density",
+        "divergence of the churning tensor",
+        lambda s: s.site["source_residual"][:, :3],
+        rank=1,
+        site=("source_residual",),
         linear=True,
         scale=lambda s: _largest(s.site["source_residual"][:, 3]),
         sign="component j: sum over i of d churning[i, j]/dx_i",
-        comment="0 up to rounding: in closed form the force on each atom minus the force that follows from the energy sources, so this checks the decomposition",
+        comment="0 up to rounding: in closed form the force on each atom minus the force that follows from the energy "
+        "sources, so this checks the decomposition",
     ),
     Quantity(
-        "churning_heat_source", "power_density", "churning heat source", lambda s: np.einsum("gij,gij->g", s.churning, s.velocity_gradient), masked=True,
-        bond=("stress", "sources"), gradient=True, **_VELOCITY, scale=lambda s: _largest(s.bond["stress"]) * _largest(s.velocity_gradient), sign="positive where the churning part of the heat flux diverges: it takes energy away there",
+        "churning_heat_source",
+        "power_density",
+        "churning heat source",
+        lambda s: np.einsum("gij,gij->g", s.churning, s.velocity_gradient),
+        masked=True,
+        bond=("stress", "sources"),
+        gradient=True,
+        **_VELOCITY,
+        scale=lambda s: _largest(s.bond["stress"]) * _largest(s.velocity_gradient),
+        sign="positive where the churning part of the heat flux diverges: it takes energy away there",
         comment="z : grad v = div(heat_flux_churning), since z has no divergence; " + _SHARED,
     ),
     Quantity(
-        "heat_current_convective", "energy_current", "convective part of the heat current of the box", lambda s: s.whole["box_convection"], rank=1, kind="box",
-        whole=("box_convection",), sign=_FLUX_SIGN, comment="sum of e_j v_j; velocities in the frame of the simulation; " + _SHARED,
+        "heat_current_convective",
+        "energy_current",
+        "convective part of the heat current of the box",
+        lambda s: s.whole["box_convection"],
+        rank=1,
+        kind="box",
+        whole=("box_convection",),
+        sign=_FLUX_SIGN,
+        comment="sum of e_j v_j; velocities in the frame of the simulation; " + _SHARED,
     ),
     Quantity(
-        "heat_current_potential", "energy_current", "potential part of the heat current of the box", lambda s: s.whole["box_power"], rank=1, kind="box",
-        whole=("box_power",), sign=_FLUX_SIGN, comment="sum over ordered pairs of (v_k . dU_j/dx_k) x_jk; velocities in the frame of the simulation; " + _SHARED,
+        "heat_current_potential",
+        "energy_current",
+        "potential part of the heat current of the box",
+        lambda s: s.whole["box_power"],
+        rank=1,
+        kind="box",
+        whole=("box_power",),
+        sign=_FLUX_SIGN,
+        comment="sum over ordered pairs of (v_k . dU_j/dx_k) x_jk; velocities "
+        "in the frame of the simulation; " + _SHARED,
     ),
     Quantity(
-        "heat_current", "energy_current", "heat current of the box", lambda s: s.whole["box_convection"] + s.whole["box_power"], rank=1, kind="box",
-        whole=("box_convection", "box_power"), parts=("heat_current_convective", "heat_current_potential"), sign=_FLUX_SIGN,
-        comment="rate of change of the sum of e_j x_j, heat flux times volume; velocities in the frame of the simulation, so that a box with momentum "
+        "heat_current",
+        "energy_current",
+        "heat current of the box",
+        lambda s: s.whole["box_convection"] + s.whole["box_power"],
+        rank=1,
+        kind="box",
+        whole=("box_convection", "box_power"),
+        parts=("heat_current_convective", "heat_current_potential"),
+        sign=_FLUX_SIGN,
+        comment="rate of change of the sum of e_j x_j, heat flux times volume; velocities in the frame of the "
+        "simulation, so that a box with momentum "
         "carries its energy along: remove the momentum before a Green-Kubo integral; " + _SHARED,
     ),
-    Quantity("velocity_gradient", **_VELOCITY, **_kinematic("rate", "velocity gradient", lambda s: s.velocity_gradient, 2, comment=_BY_KERNEL, scale=_velocity_slope)),
     Quantity(
-        "strain_rate", **_VELOCITY,
-        **_kinematic("rate", "rate of strain", lambda s: 0.5 * (s.velocity_gradient + s.velocity_gradient.swapaxes(1, 2)), 2,
-                     sign="positive where material lengthens; symmetric part of the velocity gradient", comment=_BY_KERNEL, scale=_velocity_slopes),
+        "velocity_gradient",
+        **_VELOCITY,
+        **_kinematic(
+            "rate", "velocity gradient", lambda s: s.velocity_gradient, 2, comment=_BY_KERNEL, scale=_velocity_slope
+        ),
     ),
     Quantity(
-        "vorticity", **_VELOCITY,
-        **_kinematic("rate", "vorticity", lambda s: curl(s.velocity_gradient), 1, sign="curl of the velocity, right-handed: twice the rotation rate",
-                     comment=_BY_KERNEL, scale=_velocity_slopes),
+        "strain_rate",
+        **_VELOCITY,
+        **_kinematic(
+            "rate",
+            "rate of strain",
+            lambda s: 0.5 * (s.velocity_gradient + s.velocity_gradient.swapaxes(1, 2)),
+            2,
+            sign="positive where material lengthens; symmetric part of the velocity gradient",
+            comment=_BY_KERNEL,
+            scale=_velocity_slopes,
+        ),
     ),
     Quantity(
-        "displacement", **_DISPLACEMENT,
-        **_kinematic("length", "displacement since the reference frame", lambda s: s.displacement, 1, sign="positive along +x, +y, +z", gradient=False,
-                     comment="mass-weighted mean of x_j - X_j over the atoms that are near the point now (current positions)"),
+        "vorticity",
+        **_VELOCITY,
+        **_kinematic(
+            "rate",
+            "vorticity",
+            lambda s: curl(s.velocity_gradient),
+            1,
+            sign="curl of the velocity, right-handed: twice the rotation rate",
+            comment=_BY_KERNEL,
+            scale=_velocity_slopes,
+        ),
     ),
     Quantity(
-        "displacement_gradient", **_DISPLACEMENT,
-        **_kinematic("dimensionless", "gradient of the displacement", lambda s: s.displacement_gradient, 2,
-                     comment="with respect to current positions; the inverse of the deformation gradient is I minus it; " + _BY_KERNEL,
-                     scale=lambda s: _slope(s, s.displacement)),
+        "displacement",
+        **_DISPLACEMENT,
+        **_kinematic(
+            "length",
+            "displacement since the reference frame",
+            lambda s: s.displacement,
+            1,
+            sign="positive along +x, +y, +z",
+            gradient=False,
+            comment="mass-weighted mean of x_j - X_j over the atoms that are near the point now (current positions)",
+        ),
     ),
     Quantity(
-        "eshelby_stress", "pressure", "Eshelby's energy-momentum stress", lambda s: s.eshelby, rank=2, bond=("piola",), gradient=True,
+        "displacement_gradient",
+        **_DISPLACEMENT,
+        **_kinematic(
+            "dimensionless",
+            "gradient of the displacement",
+            lambda s: s.displacement_gradient,
+            2,
+            comment="with respect to current positions; the inverse of the deformation gradient is I minus "
+            "it; " + _BY_KERNEL,
+            scale=lambda s: _slope(s, s.displacement),
+        ),
+    ),
+    Quantity(
+        "eshelby_stress",
+        "pressure",
+        "Eshelby's energy-momentum stress",
+        lambda s: s.eshelby,
+        rank=2,
+        bond=("piola",),
+        gradient=True,
         gather=("reference_mass", "reference_displacement", "reference_energy"),
-        sign="W I - P (Grad u)^T; component [i, j]: i the reference direction of the divergence (face normal), j the component of the configurational force",
-        comment="grid points are points of the reference frame, and all sums run over reference positions: W the potential energy density relative to the "
-        "reference frame, P piola_stress, u the mass-weighted displacement; no kinetic or entropic part; NaN where there is no mass",
+        sign="W I - P (Grad u)^T; component [i, j]: i the reference direction of the divergence (face normal), j the "
+        "component of the configurational force",
+        comment="grid points are points of the reference frame, and all sums run over reference positions: W the "
+        "potential energy density relative to the "
+        "reference frame, P piola_stress, u the mass-weighted displacement; no kinetic or entropic part; NaN where "
+        "there is no mass",
     ),
     *_peridynamic(),
-]  # fmt: skip
+]
 
 QUANTITIES: dict[str, Quantity] = {q.name: q for q in _ALL}
 
@@ -423,7 +727,8 @@ def expand(names) -> list[Quantity]:
 
 @dataclass
 class Work:
-    """The least work that gives a set of quantities: which sums, over what, and which passes. Nothing else is computed."""
+    """The least work that gives a set of quantities: which sums, over what, and which passes. Nothing else is
+    computed."""
 
     quantities: list[Quantity]
     site: list[str] = field(default_factory=list)
@@ -438,7 +743,8 @@ class Work:
 
     @classmethod
     def of(cls, names, central: bool = True) -> Work:
-        """The work behind the quantities called `names` (wholes are expanded). `central`: whether forces act along bonds."""
+        """The work behind the quantities called `names` (wholes are expanded). `central`: whether forces act along
+        bonds."""
         work = cls(expand(names))
         for q in work.quantities:
             for have, asked in ((work.site, q.site), (work.whole, q.whole)):

@@ -14,11 +14,13 @@ _MAX_SHIFTS = 16
 
 
 def local_shifts(sums: Sums, target: Target, x_nc, factors, flux: bool = False) -> None:
-    """T − ρ v⊗v (and Σ ½ m w² w φ, if `flux`) where different regions move at very different speeds, without cancellation.
+    """T − ρ v⊗v (and Σ ½ m w² w φ, if `flux`) where different regions move at very different speeds, without
+    cancellation.
 
-    The expressions do not change when one velocity is subtracted from all atoms; their rounding errors are about ε ρ |v(x) − c|² and
-    ε ρ |v(x) − c|³ for the subtracted c. The frame's mean is enough for a uniform drift. Where it is not, more passes over the atoms take
-    further c, each the velocity of the point that is worst off, and every point keeps the one nearest to its own velocity.
+    The expressions do not change when one velocity is subtracted from all atoms; their rounding errors are about ε ρ
+    |v(x) − c|² and ε ρ |v(x) − c|³ for the subtracted c. The frame's mean is enough for a uniform drift. Where it is
+    not, more passes over the atoms take further c, each the velocity of the point that is worst off, and every point
+    keeps the one nearest to its own velocity.
 
     Sets `thermal_shifted` and `kinetic_flux_shifted`, unless the frame's mean was enough everywhere.
     """
@@ -35,7 +37,8 @@ def local_shifts(sums: Sums, target: Target, x_nc, factors, flux: bool = False) 
     done = False
     for _ in range(_MAX_SHIFTS):
         heat = quotient(best[:, :3].sum(1), rho)
-        # A point with one atom has no thermal part at all: measure it against what is typical of the points that certainly have one.
+        # A point with one atom has no thermal part at all: measure it against what is typical of the points that
+        # certainly have one.
         certain = heat[heat > eps * have**2]
         scale = np.sqrt(np.maximum(heat, np.median(certain) if len(certain) else 0.0))
         error = np.where(sums.defined, have - limit * scale, 0.0)

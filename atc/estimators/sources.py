@@ -11,7 +11,8 @@ from .tensors import outer6
 def drift_velocity(frame) -> np.ndarray:
     """(3,) mass-mean velocity of the frame.
 
-    Taken relative to one atom's velocity first, so that a drift large against the thermal velocity costs no digits of the mean.
+    Taken relative to one atom's velocity first, so that a drift large against the thermal velocity costs no digits of
+    the mean.
     """
     if not len(frame):
         return np.zeros(3)
@@ -93,7 +94,8 @@ class AtomSums:
     """Per-atom sums gathered while bonds stream by, one buffer a thread.
 
     virial : (n, 6) ½ Σ G r⊗r, half of each bond to each end; energy, tension positive
-    residual : (n, 4) the force on each atom minus the force that follows from the energy sources, what ∇·z is made of; and the size of the forces
+    residual : (n, 4) the force on each atom minus the force that follows from the energy sources, what ∇·z is made of;
+        and the size of the forces
     moment, reference_moment : (n, 9) −½ Σ r⊗F, half of each bond to each end, r between current or reference positions
     power : (3,) Σ (v_j·∂U^(i)/∂x_j − v_i·∂U^(j)/∂x_i) r over all bonds, v in the frame of the simulation
     """
@@ -166,7 +168,8 @@ def same_atoms(frame, reference) -> None:
     """Raise unless both frames hold the same atoms and repeat along the same axes."""
     if not np.array_equal(frame.ids, reference.ids):
         raise AtcError(
-            f"{frame.source}: its atom ids are not those of the reference frame ({reference.source}): what refers to a reference needs the same atoms in both"
+            f"{frame.source}: its atom ids are not those of the reference frame ({reference.source}): what refers to "
+            "a reference needs the same atoms in both"
         )
     if not np.array_equal(frame.cell.periodic, reference.cell.periodic):
         raise AtcError(f"{frame.source}: its periodic axes are not those of the reference frame ({reference.source})")
@@ -175,8 +178,8 @@ def same_atoms(frame, reference) -> None:
 def cells_moved(frame, reference) -> np.ndarray:
     """(n, 3) whole cells by which each atom must be moved back to continue its reference position: x − moved @ vectors.
 
-    By image flags where both frames have them, else by the rounded difference of fractional coordinates, which is right while no atom
-    has moved more than half a cell relative to the deforming cell.
+    By image flags where both frames have them, else by the rounded difference of fractional coordinates, which is right
+    while no atom has moved more than half a cell relative to the deforming cell.
     """
     if frame.images is not None and reference.images is not None:
         moved = reference.images - frame.images
@@ -188,11 +191,13 @@ def cells_moved(frame, reference) -> np.ndarray:
 class ReferenceBonds:
     """Current bonds carried to the reference configuration, through the same periodic image.
 
-    The image of a bond is n = round((x_i − x_j − r) H⁻¹) in the current cell H. Atoms that were re-wrapped since the reference
-    differ from it by whole cells: by their image flags where both frames have them, else by the rounded difference of fractional
-    coordinates (right while no atom has moved more than half a cell relative to the deforming cell).
+    The image of a bond is n = round((x_i − x_j − r) H⁻¹) in the current cell H. Atoms that were re-wrapped since the
+    reference differ from it by whole cells: by their image flags where both frames have them, else by the rounded
+    difference of fractional coordinates (right while no atom has moved more than half a cell relative to the deforming
+    cell).
 
-    Source: first Piola-Kirchhoff as in formulas.md §4-5: the same bond sum with reference positions in β and in the first index.
+    Source: first Piola-Kirchhoff as in formulas.md §4-5: the same bond sum with reference positions in β and in the
+    first index.
     """
 
     def __init__(self, frame, reference):
@@ -212,7 +217,8 @@ class ReferenceBonds:
         return new
 
     def bonds(self, bonds):
-        """(b, 3) reference positions of the ends i and (b, 3) reference bond vectors X_i − X_j through the bond's image."""
+        """(b, 3) reference positions of the ends i and (b, 3) reference bond vectors X_i − X_j through the bond's
+        image."""
         i, j = bonds.i, bonds.j
         shift = np.rint((self.x_nc[i] - self.x_nc[j] - bonds.r_bc) @ self.inverse)
         shift -= self.moved_nc[i] - self.moved_nc[j]

@@ -1,8 +1,9 @@
 """Time averages with a standard error that knows about correlation in time (block averaging, streaming).
 
-Successive frames are correlated, so σ/√n is too small. Flyvbjerg & Petersen (J. Chem. Phys. 91, 461 (1989)) average pairs of
-neighbours again and again: the apparent standard error of the mean rises with the block length until the blocks are independent,
-and then stays on a plateau. Only one sum of squares per block length is kept: about log2(frames) arrays.
+Successive frames are correlated, so σ/√n is too small. Flyvbjerg & Petersen (J. Chem. Phys. 91, 461 (1989)) average
+pairs of neighbours again and again: the apparent standard error of the mean rises with the block length until the
+blocks are independent, and then stays on a plateau. Only one sum of squares per block length is kept: about
+log2(frames) arrays.
 """
 
 from __future__ import annotations
@@ -14,18 +15,20 @@ import numpy as np
 
 from ..compiled import njit
 
-# A block length counts as evidence only if at least this many blocks of it were seen: the standard error from n blocks is itself
-# uncertain by 1/√(2(n−1)), 41 % at 4.
+# A block length counts as evidence only if at least this many blocks of it were seen: the standard error from n blocks
+# is itself uncertain by 1/√(2(n−1)), 41 % at 4.
 MIN_BLOCKS = 4
-#: The shortest series whose numbers may come as means of a few of them, how many such blocks there are at least, and of how many numbers at most. `BlockAverage` takes
-#: no blocks shorter than (2n)^⅓ numbers for the standard error, however little they correlate: 8 of 64, 16 of 256. These are not longer.
+#: The shortest series whose numbers may come as means of a few of them, how many such blocks there are at least, and of
+#: how many numbers at most. `BlockAverage` takes no blocks shorter than (2n)^⅓ numbers for the standard error, however
+#: little they correlate: 8 of 64, 16 of 256. These are not longer.
 LONG, BLOCKS, TOGETHER = 64, 16, 16
 # Numbers that a thread is worth.
 _PIECE = 200_000
 
 
 def longest_block(n: int) -> int:
-    """How many consecutive numbers of a series of n may be averaged before they come here: a power of two, so that blocks of blocks are whole."""
+    """How many consecutive numbers of a series of n may be averaged before they come here: a power of two, so that
+    blocks of blocks are whole."""
     most = min(TOGETHER, n // BLOCKS) if n >= LONG else 1
     return 1 << (most.bit_length() - 1)
 
@@ -56,9 +59,11 @@ def _weighted_pair(a, b, wa, wb, x0, w0, s_xx, s_xw, s_ww, out, out_w, lo, hi):
 
 @dataclass
 class _Level:
-    """Blocks of one length: sums of products of their deviations from a fixed value, of those that have found a partner; and the one that waits for it.
+    """Blocks of one length: sums of products of their deviations from a fixed value, of those that have found a
+    partner; and the one that waits for it.
 
-    That value is the first block of all, so that a large mean costs no digits: the data are never all far from one of them.
+    That value is the first block of all, so that a large mean costs no digits: the data are never all far from one of
+    them.
     """
 
     n: int = 0
@@ -77,9 +82,9 @@ def _spread(w, x):
 class BlockAverage:
     """Streaming mean and standard error of an array-valued series, element by element.
 
-    With weights the mean is the ratio of means <w x>/<w>, as befits a quotient like velocity (w = mass density) or temperature
-    (w = number density): `add` takes x and w, and where w is 0 the value of x does not count. Its standard error is the linearised
-    one, that of the series w (x − mean)/<w>.
+    With weights the mean is the ratio of means <w x>/<w>, as befits a quotient like velocity (w = mass density) or
+    temperature (w = number density): `add` takes x and w, and where w is 0 the value of x does not count. Its standard
+    error is the linearised one, that of the series w (x − mean)/<w>.
 
     Parameters
     ----------
@@ -107,7 +112,8 @@ class BlockAverage:
         x : any shape, always the same; of several frames their mean, <w x>/<w> with weights
         w : weights whose shape is the beginning of x's; of several frames their mean
         frames : how many. They fill a block exactly sooner or later, or the series ends before.
-        within : mean square deviation of these frames from their mean, w (x − mean)/<w> with weights, at some elements that stand for all
+        within : mean square deviation of these frames from their mean, w (x − mean)/<w> with weights, at some elements
+            that stand for all
         """
         if self.weighted is None:
             self.weighted = w is not None
@@ -182,8 +188,8 @@ class BlockAverage:
         return np.divide(x, w, out=np.zeros_like(x), where=w > 0)
 
     def _tree(self, which):
-        """The mean from the blocks that wait for a partner, one for each binary digit of the number of frames: summed by pairs, so that rounding grows with
-        the logarithm of that number only."""
+        """The mean from the blocks that wait for a partner, one for each binary digit of the number of frames: summed
+        by pairs, so that rounding grows with the logarithm of that number only."""
         total = self._blocks_total(which, 0) if self.levels else None
         if self.rest is None:
             return total / self.levels[0].n
@@ -191,7 +197,8 @@ class BlockAverage:
         return (rest if total is None else self.block * total + rest) / self.n
 
     def _moments(self, k):
-        """Sums of squares and products of the deviations of level k's blocks from their own mean: (xx, xw, ww), the last two None without weights."""
+        """Sums of squares and products of the deviations of level k's blocks from their own mean: (xx, xw, ww), the
+        last two None without weights."""
         level, (x0, w0) = self.levels[k], self.first
         x, w = self._blocks_mean(0, k) - x0, self._blocks_mean(1, k) - w0 if self.weighted else None
         p, q = (None, None) if level.pending is None else level.pending
@@ -220,7 +227,8 @@ class BlockAverage:
         return total
 
     def errors_by_level(self) -> tuple[np.ndarray, np.ndarray]:
-        """(levels, ...) apparent standard error of the mean for block lengths of 1, 2, 4, ... times `block`, and (levels,) the number of blocks."""
+        """(levels, ...) apparent standard error of the mean for block lengths of 1, 2, 4, ... times `block`, and
+        (levels,) the number of blocks."""
         mean = self.mean()
         out, blocks = [], []
         for k, level in enumerate(self.levels):
@@ -241,16 +249,18 @@ class BlockAverage:
         Returns
         -------
         mean : array
-        stderr : array. NaN when there are fewer than two frames. The largest up to the block length of the plateau; where none was seen, the largest of
+        stderr : array. NaN when there are fewer than two frames. The largest up to the block length of the plateau;
+            where none was seen, the largest of
             the usable block lengths: a lower bound.
         correlated : bool array. True where no plateau was seen, always when there are too few frames to tell.
 
         Notes
         -----
-        The plateau is taken at the shortest block length B with B³ > 2 n (s_B/s_1)⁴, where the bias left by correlation and the
-        scatter of few blocks are in balance (Lee, Conduit, Nemec, López Ríos, Drummond, Phys. Rev. E 83, 066706 (2011)). Where the
-        shortest block has several frames s_B/s_1 is the product of s_B/s_block, element by element, and of s_block/s_1 for all elements together,
-        which follows from the spread of the frames within the blocks (`within` of `add`; as large as it can be, if that is unknown).
+        The plateau is taken at the shortest block length B with B³ > 2 n (s_B/s_1)⁴, where the bias left by correlation
+        and the scatter of few blocks are in balance (Lee, Conduit, Nemec, López Ríos, Drummond, Phys. Rev. E 83, 066706
+        (2011)). Where the shortest block has several frames s_B/s_1 is the product of s_B/s_block, element by element,
+        and of s_block/s_1 for all elements together, which follows from the spread of the frames within the blocks
+        (`within` of `add`; as large as it can be, if that is unknown).
         """
         mean = self.mean()
         errors, blocks = self.errors_by_level()
@@ -264,8 +274,8 @@ class BlockAverage:
         largest = np.maximum.accumulate(errors, axis=0)
         growth = np.divide(largest, errors[0], out=np.ones_like(errors), where=errors[0] > 0)
         short = self._short_growth(errors[0], blocks[0]) ** 2
-        # A standard error that falls again with longer blocks is chance, so that the largest up to the plateau counts; of the lengths that
-        # any grouping of the frames leaves, for the same numbers with and without.
+        # A standard error that falls again with longer blocks is chance, so that the largest up to the plateau counts;
+        # of the lengths that any grouping of the frames leaves, for the same numbers with and without.
         begin = next(
             k for k in range(usable) if self.block * 2**k >= min(longest_block(self.n), self.block * 2 ** (usable - 1))
         )

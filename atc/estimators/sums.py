@@ -1,4 +1,5 @@
-"""The finished sums of one frame at the grid points, and the algebra that turns them into fields (formulas: R 4.0.78-4.0.104).
+"""The finished sums of one frame at the grid points, and the algebra that turns them into fields (formulas: R
+4.0.78-4.0.104).
 
 Symmetric tensors travel as 6 components in the order xx, yy, zz, yz, xz, xy.
 """
@@ -19,10 +20,10 @@ from .tensors import full
 class Sums:
     """Site sums Σ a φ and bond sums Σ b β at the grid points, plus sums over the whole frame; internal units.
 
-    The velocity-dependent site sums are taken with v' = v − drift, drift the mass-mean velocity of the frame: T − ρ v⊗v, a small
-    difference of large numbers in a drifting frame, does not change under that shift, nor does the kinetic part of the heat flux.
-    `thermal_shifted` and `kinetic_flux_shifted`, when set, were computed with further local shifts where one drift was not enough (see
-    shifts.local_shifts).
+    The velocity-dependent site sums are taken with v' = v − drift, drift the mass-mean velocity of the frame: T − ρ
+    v⊗v, a small difference of large numbers in a drifting frame, does not change under that shift, nor does the kinetic
+    part of the heat flux. `thermal_shifted` and `kinetic_flux_shifted`, when set, were computed with further local
+    shifts where one drift was not enough (see shifts.local_shifts).
     """
 
     site: dict[str, np.ndarray] = field(default_factory=dict)
@@ -38,7 +39,8 @@ class Sums:
     kinetic_flux_shifted: np.ndarray | None = None
     # The largest Σ |G| r² β at the points of the check: what the stress is made of, however much of it cancels.
     size: float = 0.0
-    # Sums with the kernel's gradient next to the plain ones: (g, k) and (g, k, 3), the direction of the derivative last.
+    # Sums with the kernel's gradient next to the plain ones: (g, k) and (g, k, 3), the direction of the derivative
+    # last.
     gathered: dict[str, np.ndarray] = field(default_factory=dict)
     gradient: dict[str, np.ndarray] = field(default_factory=dict)
 
@@ -144,7 +146,8 @@ class Sums:
 
     @cached_property
     def eshelby(self) -> np.ndarray:
-        """(g, 3, 3) W I − P (Grad u)ᵀ over reference positions; NaN where no mass is in reach (always the same points)."""
+        """(g, 3, 3) W I − P (Grad u)ᵀ over reference positions; NaN where no mass is in reach (always the same
+        points)."""
         rho = self.gathered["reference_mass"][:, 0]
         u = quotient(self.gathered["reference_displacement"], rho)
         H = quotient_gradient(rho, u, self.gradient["reference_mass"], self.gradient["reference_displacement"])
@@ -160,7 +163,8 @@ def curl(gradient_gcc) -> np.ndarray:
 
 
 def kinetic_flux(rho, u_gc, thermal_g6, flux_gc) -> np.ndarray:
-    """Σ ½ m |c − u|² (c − u) φ from ρ, u = Σ m c φ/ρ, Σ m (c − u)⊗(c − u) φ and Σ ½ m c² c φ; 0 where there is no mass."""
+    """Σ ½ m |c − u|² (c − u) φ from ρ, u = Σ m c φ/ρ, Σ m (c − u)⊗(c − u) φ and Σ ½ m c² c φ; 0 where there is no
+    mass."""
     half_trace = 0.5 * thermal_g6[:, :3].sum(1, keepdims=True)
     streaming = 0.5 * rho[:, None] * np.einsum("gc,gc->g", u_gc, u_gc)[:, None]
     out = flux_gc - (half_trace + streaming) * u_gc - np.einsum("gij,gj->gi", full(thermal_g6), u_gc)

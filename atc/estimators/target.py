@@ -10,7 +10,8 @@ from .methods import EXACT
 
 
 class Target:
-    """Points at which sums are wanted, with a method for each deposit; `origin` is subtracted from all positions first."""
+    """Points at which sums are wanted, with a method for each deposit; `origin` is subtracted from all positions
+    first."""
 
     def __init__(self, methods, bound, kern, cell, threads, origin=None):
         self.methods, self.bound, self.kern, self.cell, self.threads = methods, bound, kern, cell, threads
@@ -44,7 +45,8 @@ class Target:
         )
 
     def open(self, n_bond, key="bond", length=None):
-        """An empty deposit of bonds with this many components; at a few points, with the `length` that most bonds do not have."""
+        """An empty deposit of bonds with this many components; at a few points, with the `length` that most bonds do
+        not have."""
         deposit = self.make(key, 0, n_bond)
         if length is not None:
             deposit.expect(length)
@@ -77,7 +79,8 @@ class Target:
         return self.bound.points_gc if self.origin is None else self.bound.points_gc + self.origin
 
     def gather(self, x_nc, a_nk, w_n, gradient, key="gather"):
-        """Σ a φ and Σ a ∂φ/∂x, see `atc.deposit.gradient`; by the modes where the method of `key` says so and there are no first moments."""
+        """Σ a φ and Σ a ∂φ/∂x, see `atc.deposit.gradient`; by the modes where the method of `key` says so and there are
+        no first moments."""
         from ..deposit.gradient import gather
 
         if w_n is None and not self.methods.get(key, EXACT).exact:

@@ -1,8 +1,10 @@
-"""A frame computed tile by tile, each small enough for one worker: every bond belongs to exactly one of them, so that their sums add up.
+"""A frame computed tile by tile, each small enough for one worker: every bond belongs to exactly one of them, so that
+their sums add up.
 
-How a frame is cut is in `cutting`. The potential sees a tile as an open cluster. A bond is the tile's if its end with the lower index is one of the tile's own
-atoms; a bond of an atom with its own image, if that image lies in the positive direction. Where a bond's field falls does not matter: each tile adds to the
-whole grid of the whole cell. Sums per atom are complete in the tile that owns the atom.
+How a frame is cut is in `cutting`. The potential sees a tile as an open cluster. A bond is the tile's if its end with
+the lower index is one of the tile's own atoms; a bond of an atom with its own image, if that image lies in the positive
+direction. Where a bond's field falls does not matter: each tile adds to the whole grid of the whole cell. Sums per atom
+are complete in the tile that owns the atom.
 """
 
 from __future__ import annotations
@@ -76,7 +78,8 @@ def refuse(frame, work, pot) -> None:
 
 
 def tile_sums(tile: Tile, task: Task) -> dict:
-    """The tile's share of every sum over bonds: on the grid, at the points of the check, of its own atoms, and the virial."""
+    """The tile's share of every sum over bonds: on the grid, at the points of the check, of its own atoms, and the
+    virial."""
     frame, threads, work = tile.frame, task.threads, Work.of(task.quantities)
     names, whole = work.bond, {*work.whole}
     size = "stress" in names
@@ -193,9 +196,10 @@ def bond_pass(frame, settings, work, stage, reference, factors, sums, index: int
     places = [
         Place(s.bound, s.main.kern, at.cell) if s is not None and needed else None
         for s, at, needed in (
-            (stage, frame, work.bond or work.point), (reference, settings.reference, work.reference_bond or work.reference_point)
+            (stage, frame, work.bond or work.point),
+            (reference, settings.reference, work.reference_bond or work.reference_point),
         )
-    ]  # fmt: skip
+    ]
     horizon = horizon_of(settings, frame.units, work.horizon_users) if work.horizon_users else None
     methods = (stage or reference).main.methods if stage or reference else {}
     task = Task(

@@ -1,4 +1,5 @@
-"""Outputs in the formats of other programs: VTK for ParaView (.pvd with .vtu, .vti or .vts files, one a frame) and extended XYZ (ASE, OVITO)."""
+"""Outputs in the formats of other programs: VTK for ParaView (.pvd with .vtu, .vti or .vts files, one a frame) and
+extended XYZ (ASE, OVITO)."""
 
 from __future__ import annotations
 
@@ -19,9 +20,10 @@ def export(out, target=None, *, quantities=None, frames=None) -> Path:
     Parameters
     ----------
     out : the output, a path (.zarr, .nc) or a Dataset
-    target : the file to write. ``.pvd`` (default): a folder beside it holds a file for each frame: .vti for regular grids along x, y and z, .vts for other
-        lattices, .vtu for points, atoms and nodes. ``.extxyz``: frames of points, atoms or nodes with their fields as columns.
-        ``.vtu``, ``.vti``, ``.vts``: one frame (the last) in one file.
+    target : the file to write. ``.pvd`` (default): a folder beside it holds a file for each frame: .vti for regular
+        grids along x, y and z, .vts for other
+        lattices, .vtu for points, atoms and nodes. ``.extxyz``: frames of points, atoms or nodes with their fields as
+        columns. ``.vtu``, ``.vti``, ``.vts``: one frame (the last) in one file.
     quantities : names; default all fields
     frames : slice of frames; default all
 
@@ -193,7 +195,8 @@ class _Fields(_Source):
 
 
 def _write_xyz(source, target, which) -> Path:
-    """Extended XYZ, one frame after another; undefined values are nan. The species is X, an element of none, which every reader knows."""
+    """Extended XYZ, one frame after another; undefined values are nan. The species is X, an element of none, which
+    every reader knows."""
     if source.lattice is not None:
         raise AtcError(
             f"{target}: extended XYZ holds points, atoms and nodes; this output is on a {source.place.kind}: take .pvd"

@@ -1,7 +1,8 @@
-"""VTK's XML files for ParaView: nodes as .vtu, regular grids as .vti, other lattices as .vts, and the .pvd that makes a time series of them.
+"""VTK's XML files for ParaView: nodes as .vtu, regular grids as .vti, other lattices as .vts, and the .pvd that makes a
+time series of them.
 
-Data are appended in raw binary: a file is as large as its numbers. Every file is written beside its name and renamed, so that a viewer that looks while
-a run goes on never sees half a file.
+Data are appended in raw binary: a file is as large as its numbers. Every file is written beside its name and renamed,
+so that a viewer that looks while a run goes on never sees half a file.
 """
 
 from __future__ import annotations
@@ -29,7 +30,10 @@ class _Appended:
         shape = a.shape
         components = 1 if a.ndim == 1 else int(np.prod(shape[1:]))
         extra = f' NumberOfComponents="{components}"' if components > 1 else ""
-        tag = f'<DataArray type="{_TYPES[a.dtype.str[1:]]}" Name={quoteattr(name)}{extra} format="appended" offset="{self.offset}"'
+        tag = (
+            f'<DataArray type="{_TYPES[a.dtype.str[1:]]}" Name={quoteattr(name)}{extra} format="appended" '
+            f'offset="{self.offset}"'
+        )
         # What VTK itself writes for vtkDataArray::UNITS_LABEL.
         tag += (
             f'><InformationKey name="UNITS_LABEL" location="vtkDataArray">{escape(unit)}</InformationKey></DataArray>'
@@ -58,7 +62,10 @@ class _Appended:
         return "<FieldData>" + "".join(out) + "</FieldData>"
 
     def write(self, path: Path, kind: str, body: str) -> None:
-        head = f'<?xml version="1.0"?>\n<VTKFile type="{kind}" version="1.0" byte_order="LittleEndian" header_type="UInt64">\n{body}\n<AppendedData encoding="raw">\n_'
+        head = (
+            f'<?xml version="1.0"?>\n<VTKFile type="{kind}" version="1.0" byte_order="LittleEndian" '
+            f'header_type="UInt64">\n{body}\n<AppendedData encoding="raw">\n_'
+        )
         temporary = path.with_name(path.name + ".tmp")
         with open(temporary, "wb") as f:
             f.write(head.encode())
@@ -97,15 +104,18 @@ def write_image(
 ) -> None:
     """A .vti: a regular grid along x, y and z.
 
-    origin, spacing : (3,) of the first point and between points. shape : (3,) numbers of points. arrays : {name: (*shape, ...)}, x slowest as in `atc.Grid`.
+    origin, spacing : (3,) of the first point and between points. shape : (3,) numbers of points. arrays : {name:
+        (*shape, ...)}, x slowest as in `atc.Grid`.
     """
     out = _Appended()
     extent = " ".join(f"0 {n - 1}" for n in shape)
     numbers = lambda a: " ".join(repr(float(v)) for v in a)  # noqa: E731
     body = (
-        f'<ImageData WholeExtent="{extent}" Origin="{numbers(origin)}" Spacing="{numbers(spacing)}">{out.field_data(about or {})}<Piece Extent="{extent}">'
-        + out.point_data({k: _x_fastest(a) for k, a in arrays.items()}, units) + "</Piece></ImageData>"
-    )  # fmt: skip
+        f'<ImageData WholeExtent="{extent}" Origin="{numbers(origin)}" '
+        f'Spacing="{numbers(spacing)}">{out.field_data(about or {})}<Piece Extent="{extent}">'
+        + out.point_data({k: _x_fastest(a) for k, a in arrays.items()}, units)
+        + "</Piece></ImageData>"
+    )
     out.write(Path(path), "ImageData", body)
 
 
@@ -130,7 +140,8 @@ def write_series(path, files, times) -> None:
     )
     temporary = path.with_name(path.name + ".tmp")
     temporary.write_text(
-        f'<?xml version="1.0"?>\n<VTKFile type="Collection" version="1.0">\n<Collection>\n{rows}\n</Collection>\n</VTKFile>\n'
+        '<?xml version="1.0"?>\n<VTKFile type="Collection" '
+        f'version="1.0">\n<Collection>\n{rows}\n</Collection>\n</VTKFile>\n'
     )
     os.replace(temporary, path)
 

@@ -1,8 +1,9 @@
 """The periodic cell list: all pairs of atoms closer than a cutoff, through every image, for any cell.
 
-Atoms are sorted into bins in fractional coordinates. Around each bin the search runs over columns of bins along the third
-axis (contiguous in memory after sorting); wrapping a bin index gives the image shift, so that cutoffs larger than the box, one-atom
-cells and rotated or left-handed cells are the ordinary case. Bond vectors are taken through the image found, never re-wrapped.
+Atoms are sorted into bins in fractional coordinates. Around each bin the search runs over columns of bins along the
+third axis (contiguous in memory after sorting); wrapping a bin index gives the image shift, so that cutoffs larger than
+the box, one-atom cells and rotated or left-handed cells are the ordinary case. Bond vectors are taken through the image
+found, never re-wrapped.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from ..frame import Cell
 
 # Columns of bins around one that are still searched: a cutoff of a thousand times the cell's thickness along two axes.
 _MOST_COLUMNS = 4e6
-# Bins a cutoff along each axis. Fine bins along the third axis are free, since columns are contiguous; measured on argon (36 half bonds/atom).
+# Bins a cutoff along each axis. Fine bins along the third axis are free, since columns are contiguous; measured on
+# argon (36 half bonds/atom).
 _BINS_PER_CUTOFF = (1, 1, 4)
 _ATOMS_PER_CHUNK = 2048
 _EVERY = np.zeros(0, np.bool_)
@@ -89,7 +91,8 @@ class CellList:
         self._chunks()
 
     def _stencil(self, width, step):
-        """Column offsets (ox, oy, mz) within reach. Those of the half stencil come last, the home column first among them."""
+        """Column offsets (ox, oy, mz) within reach. Those of the half stencil come last, the home column first among
+        them."""
         rc = self.cutoff
         # A relative hair wider: rounding in the bin index must not lose a pair at the cutoff.
         reach = np.ceil(rc * (1 + 1e-9) / width).astype(int)
@@ -97,7 +100,8 @@ class CellList:
         if np.prod(2.0 * reach[:2] + 1.0) > _MOST_COLUMNS or reach[2] > _MOST_COLUMNS:
             heights = ", ".join(f"{h:.3g}" for h in self.cell.heights)
             raise AtcError(
-                f"the cell is nearly flat: its faces are {heights} apart (internal lengths) and the cutoff is {rc:.3g}, so that each atom would see "
+                f"the cell is nearly flat: its faces are {heights} apart (internal lengths) and the cutoff is "
+                f"{rc:.3g}, so that each atom would see "
                 "millions of images of the cell: check the cell vectors, or declare the thin axis open"
             )
         v = self.cell.vectors * step[:, None]
@@ -131,12 +135,26 @@ class CellList:
         return len(self.chunk_edges) - 1
 
     def half(self, chunk: int, ws: Workspace) -> int:
-        """Fill `ws` with every unordered pair whose first atom is in `chunk`; return their number. All chunks together give each pair once."""
+        """Fill `ws` with every unordered pair whose first atom is in `chunk`; return their number. All chunks together
+        give each pair once."""
         while True:
             n = _half(
-                self.x_sorted, self.order, self.start, self.n_bins, self.columns, self.half_from, self.cell.vectors, self.cell.periodic,
-                self.cutoff**2, self.chunk_edges[chunk], self.chunk_edges[chunk + 1], ws.i, ws.j, ws.r, ws.d2,
-            )  # fmt: skip
+                self.x_sorted,
+                self.order,
+                self.start,
+                self.n_bins,
+                self.columns,
+                self.half_from,
+                self.cell.vectors,
+                self.cell.periodic,
+                self.cutoff**2,
+                self.chunk_edges[chunk],
+                self.chunk_edges[chunk + 1],
+                ws.i,
+                ws.j,
+                ws.r,
+                ws.d2,
+            )
             if n >= 0:
                 return n
             ws.grow()
@@ -192,7 +210,8 @@ def neighbor_list(positions, cell: Cell, cutoff: float, *, half: bool = True, th
 
 
 def image_shifts(positions, cell: Cell, i, j, r_bc):
-    """The integers S with r = x_i − x_j − S @ cell.vectors, from the bonds' own vectors (so that any re-wrapping of atoms is followed)."""
+    """The integers S with r = x_i − x_j − S @ cell.vectors, from the bonds' own vectors (so that any re-wrapping of
+    atoms is followed)."""
     x = np.asarray(positions)
     return np.rint((x[i] - x[j] - r_bc) @ cell.inverse).astype(np.int64)
 
@@ -211,7 +230,8 @@ def _distance_to_parallelogram(a, b, ox, oy):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fold(positions, origin, inverse, vectors, periodic, x, s):
-    """Positions relative to the origin (a box 1e6 lengths away must not cost digits) and their fractions, folded into the cell along periodic axes."""
+    """Positions relative to the origin (a box 1e6 lengths away must not cost digits) and their fractions, folded into
+    the cell along periodic axes."""
     d = np.empty(3)
     for a in range(len(positions)):
         for c in range(3):
@@ -255,7 +275,8 @@ def _sort_into_bins(x, s, lo, scale, nb, order, start, x_sorted):
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="never")
 def _segments(b, c0, home, columns, nb, vectors, periodic, start, lo, hi, shift):
-    """Runs of sorted atoms that the columns from c0 on around bin b reach, with the Cartesian shift of their image: how many runs and atoms.
+    """Runs of sorted atoms that the columns from c0 on around bin b reach, with the Cartesian shift of their image: how
+    many runs and atoms.
 
     home < 0: full stencil.
     """
@@ -299,7 +320,8 @@ def _segments(b, c0, home, columns, nb, vectors, periodic, start, lo, hi, shift)
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _scan(x, order, xi, yi, zi, a, b, cut2, jout, rout, d2out, n):
-    """Append the atoms a..b of the sorted list that lie within the cutoff of (xi, yi, zi). Without a branch: every candidate is written, only hits advance."""
+    """Append the atoms a..b of the sorted list that lie within the cutoff of (xi, yi, zi). Without a branch: every
+    candidate is written, only hits advance."""
     for s in range(a, b):
         dx = xi - x[s, 0]
         dy = yi - x[s, 1]

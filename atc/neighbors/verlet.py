@@ -1,8 +1,10 @@
-"""One neighbour list for many frames: pairs within the cutoff plus a skin, found once, stand for every frame in which no atom has moved half the skin.
+"""One neighbour list for many frames: pairs within the cutoff plus a skin, found once, stand for every frame in which
+no atom has moved half the skin.
 
-The list is that of the first frame, never of the one before: which bonds a frame gets, and in which order, depends on the frame and the first one alone, so that
-runs in parallel, and runs that go on after an interruption, add up the same numbers in the same order. It serves solids and whatever else stays near where it
-was; a frame that does not is searched anew.
+The list is that of the first frame, never of the one before: which bonds a frame gets, and in which order, depends on
+the frame and the first one alone, so that runs in parallel, and runs that go on after an interruption, add up the same
+numbers in the same order. It serves solids and whatever else stays near where it was; a frame that does not is searched
+anew.
 """
 
 from __future__ import annotations
@@ -26,7 +28,8 @@ _current: ContextVar = ContextVar("atc_verlet", default=None)
 
 
 def cell_list(positions, cell, cutoff, who=None):
-    """The pairs of these atoms (all of a frame, or those of the indices `who`): a kept list if the frame in work is near enough to it, else a new one."""
+    """The pairs of these atoms (all of a frame, or those of the indices `who`): a kept list if the frame in work is
+    near enough to it, else a new one."""
     at = _current.get()
     if at is not None:
         anchor, moved_nc = at
@@ -58,7 +61,8 @@ class Anchor:
         self._kept, self._lock = {}, Lock()
 
     def moved(self, frame) -> np.ndarray | None:
-        """(n, 3) how far each atom is from where it was, through whichever image is nearer; None unless the kept pairs hold for this frame."""
+        """(n, 3) how far each atom is from where it was, through whichever image is nearer; None unless the kept pairs
+        hold for this frame."""
         if frame.cell != self.cell or not np.array_equal(frame.ids, self.ids):
             return None
         d = frame.positions - self.positions
@@ -154,7 +158,8 @@ def _near(i, j, code, shifts, x, order, cut2, iout, jout, rout, d2out):
 
 
 def anchor_of(request) -> Anchor | None:
-    """An anchor at the first frame of a request, with a skin from how far its second frame has moved; None where a list is not worth keeping."""
+    """An anchor at the first frame of a request, with a skin from how far its second frame has moved; None where a list
+    is not worth keeping."""
     pot = request.pot
     if (
         not request.work.bond_users
@@ -173,7 +178,8 @@ def anchor_of(request) -> Anchor | None:
 
 
 def skin_for(first, second, cutoff: float) -> float:
-    """A skin by how far atoms move from one frame to the next; ∞ where a list of one does not do for the other at all."""
+    """A skin by how far atoms move from one frame to the next; ∞ where a list of one does not do for the other at
+    all."""
     moved = Anchor(first, np.inf).moved(second)
     if moved is None:
         return np.inf
@@ -183,7 +189,8 @@ def skin_for(first, second, cutoff: float) -> float:
 
 
 class Following:
-    """An anchor for frames that are computed one after the other, each once: a new list begins where they have moved too far, if the last one was worth it.
+    """An anchor for frames that are computed one after the other, each once: a new list begins where they have moved
+    too far, if the last one was worth it.
 
     Making a list with a skin costs about four without one; going through it half of one.
     """

@@ -1,6 +1,7 @@
 """How bond sums are shared out: blocks of rows, each with a buffer of its own for the nodes it touches.
 
-The blocks depend on the body alone and their buffers are added in a fixed order, so results do not depend on the number of threads.
+The blocks depend on the body alone and their buffers are added in a fixed order, so results do not depend on the number
+of threads.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ _NODES_PER_CHUNK = 1 << 14
 
 
 def node_rows(n: int) -> np.ndarray:
-    """(n, 8) zeros, one cache line a node: displacement, reference position, and two columns for what a material passes between its sums."""
+    """(n, 8) zeros, one cache line a node: displacement, reference position, and two columns for what a material passes
+    between its sums."""
     return _on_lines(n, 8)
 
 
@@ -43,7 +45,8 @@ class Blocks:
             self.edges = edges.astype(np.int64)
             self.lo, self.hi = _windows(start, bonds.j_b, self.edges)
             sizes = self.hi - self.lo
-            # Nodes in no spatial order: every window is nearly the whole body. Fewer blocks then, so that buffers stay small.
+            # Nodes in no spatial order: every window is nearly the whole body. Fewer blocks then, so that buffers stay
+            # small.
             if count <= 2 or sizes.sum() <= max(4 * n, 1 << 16):
                 break
             count = max(2, count // 2)
@@ -64,7 +67,8 @@ class Crew:
         self._pool = None
 
     def run(self, kernel, total: int, *args, grain: int = 1):
-        """Call kernel(a, b, *args) on ranges that together are [0, total); return the results in the order of the ranges."""
+        """Call kernel(a, b, *args) on ranges that together are [0, total); return the results in the order of the
+        ranges."""
         groups = min(4 * self.threads, total // grain) if self.threads > 1 else 1
         if groups <= 1:
             return [kernel(0, total, *args)]
@@ -95,7 +99,8 @@ def _windows(start, j, edges):
 
 @njit(**JIT)
 def collect(a, b, lo, hi, offset, buf, F, smin, with_smin):
-    """F[n] = Σ over blocks of their buffers, in the order of the blocks; smin[n] = the smallest of the column behind F's.
+    """F[n] = Σ over blocks of their buffers, in the order of the blocks; smin[n] = the smallest of the column behind
+    F's.
 
     Returns the largest finite smin.
     """

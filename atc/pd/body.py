@@ -36,15 +36,29 @@ class Body:
     """
 
     def __init__(
-        self, positions, volumes, density, horizon, *, cell=None, dimension=3, plane="stress", thickness=1.0, spacing=None, materials=1,
-        notches=(), unbonded=(), warn=True,
-    ):  # fmt: skip
+        self,
+        positions,
+        volumes,
+        density,
+        horizon,
+        *,
+        cell=None,
+        dimension=3,
+        plane="stress",
+        thickness=1.0,
+        spacing=None,
+        materials=1,
+        notches=(),
+        unbonded=(),
+        warn=True,
+    ):
         X = np.ascontiguousarray(positions, dtype=np.float64)
         if X.ndim != 2 or X.shape[1] != 3 or not len(X):
             raise AtcError(f"a body needs positions of shape (n, 3) with at least one node, got {X.shape}")
         if not np.isfinite(X).all():
             raise AtcError(
-                f"node {int(np.flatnonzero(~np.isfinite(X).all(axis=1))[0])} of the body has a position that is not a finite number"
+                f"node {int(np.flatnonzero(~np.isfinite(X).all(axis=1))[0])} of the body has a position that is not a "
+                "finite number"
             )
         if dimension not in (1, 2, 3):
             raise AtcError(f"the dimension of a body must be 1, 2 or 3, got {dimension!r}")
@@ -53,7 +67,8 @@ class Body:
         for axis in range(dimension, 3):
             if np.ptp(X[:, axis]) != 0:
                 raise AtcError(
-                    f"a body of dimension {dimension} must have constant {'xyz'[axis]}, but its nodes spread over {np.ptp(X[:, axis]):g}"
+                    f"a body of dimension {dimension} must have constant {'xyz'[axis]}, but its nodes spread over "
+                    f"{np.ptp(X[:, axis]):g}"
                 )
         if not (np.isfinite(horizon) and horizon > 0):
             raise AtcError(f"the horizon must be a positive length, got {horizon!r}")
@@ -64,7 +79,8 @@ class Body:
         for name, a in (("volumes", self.V_n), ("density", self.rho_n)):
             if not (np.isfinite(a) & (a > 0)).all():
                 raise AtcError(
-                    f"{name} must be positive everywhere; node {int(np.flatnonzero(~(a > 0))[0])} has {a[~(a > 0)][0]!r}"
+                    f"{name} must be positive everywhere; node {int(np.flatnonzero(~(a > 0))[0])} has "
+                    f"{a[~(a > 0)][0]!r}"
                 )
         self.horizon, self.dimension, self.plane, self.thickness = (
             float(horizon),
@@ -92,11 +108,13 @@ class Body:
 
     @cached_property
     def bonds(self) -> Families:
-        """The families, as a half bond table (made when first used, and with it ``cuts``: how many bonds each notch crosses)."""
+        """The families, as a half bond table (made when first used, and with it ``cuts``: how many bonds each notch
+        crosses)."""
         table = families(self.X_nc, self.cell, self.horizon)
         if table.on_horizon and self._warn:
             warnings.warn(
-                f"the horizon {self.horizon:g} is an exact bond length: those bonds are counted in, but other programs may miss them by rounding;"
+                f"the horizon {self.horizon:g} is an exact bond length: those bonds are counted in, but other "
+                "programs may miss them by rounding;"
                 " take it a little larger",
                 AtcWarning,
                 stacklevel=3,
@@ -136,7 +154,8 @@ class Body:
         return crossed
 
     def nu_b(self) -> np.ndarray:
-        """(b,) share of a node's volume that its partner sees: 1 inside, falling to ½ at the horizon over half a spacing (R, nodal volume scaling)."""
+        """(b,) share of a node's volume that its partner sees: 1 inside, falling to ½ at the horizon over half a
+        spacing (R, nodal volume scaling)."""
         r = 0.5 * self.spacing
         r0 = self.bonds.r0_b
         nu = np.where(np.abs(r0 - self.horizon) <= r, -r0 / (2 * r) + (1.0 + (self.horizon - r) / (2 * r)), 1.0)
@@ -159,8 +178,22 @@ class Body:
         return f"Body({len(self)} nodes, {self.dimension}-D, horizon {self.horizon:g}, spacing {self.spacing:g})"
 
     @classmethod
-    def lattice(cls, region: Region, spacing: float, horizon: float, density, *, dimension=3, thickness=None, offset=(0.0, 0.0, 0.0), jitter=0.0, seed=0, **options):  # fmt: skip
-        """A simple cubic (square, chain) lattice inside a region: nodes at offset + integers × spacing, points on the region's surface included.
+    def lattice(
+        cls,
+        region: Region,
+        spacing: float,
+        horizon: float,
+        density,
+        *,
+        dimension=3,
+        thickness=None,
+        offset=(0.0, 0.0, 0.0),
+        jitter=0.0,
+        seed=0,
+        **options,
+    ):
+        """A simple cubic (square, chain) lattice inside a region: nodes at offset + integers × spacing, points on the
+        region's surface included.
 
         Parameters
         ----------

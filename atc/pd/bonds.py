@@ -1,7 +1,7 @@
 """Families of nodes as a bond table: every pair of nodes within the horizon once, row by row.
 
-A bond belongs to the row of its smaller node number. Its reference vector ξ = X_j − X_i + image and length |ξ| never change; whether it still
-holds is the state's business (`State.intact_b`).
+A bond belongs to the row of its smaller node number. Its reference vector ξ = X_j − X_i + image and length |ξ| never
+change; whether it still holds is the state's business (`State.intact_b`).
 """
 
 from __future__ import annotations
@@ -78,7 +78,8 @@ def families(X_nc, cell: Cell, horizon: float, *, coincident: bool = False) -> F
 
     Parameters
     ----------
-    X_nc : (n, 3) reference positions. cell : Cell (open axes have no images). horizon : float, one length unit throughout.
+    X_nc : (n, 3) reference positions. cell : Cell (open axes have no images). horizon : float, one length unit
+        throughout.
     coincident : whether nodes may be at the same place (an error otherwise)
     """
     from ..neighbors.cell_list import CellList, Workspace
@@ -116,7 +117,8 @@ def families(X_nc, cell: Cell, horizon: float, *, coincident: bool = False) -> F
         span = (S.max(axis=0) if len(S) else lo) - lo + 1
         if int(np.prod(span.astype(int))) > 255:
             raise AtcError(
-                f"the horizon {horizon:g} spans more than 6 periodic cells: make the cell larger, or the horizon smaller"
+                f"the horizon {horizon:g} spans more than 6 periodic cells: make the cell larger, or the horizon "
+                "smaller"
             )
         code = ((S[:, 0] - lo[0]) * span[1] + (S[:, 1] - lo[1])) * span[2] + (S[:, 2] - lo[2])
         images = np.stack(
@@ -195,8 +197,8 @@ def _lengths(X, start, j, image, images, r0):
 class Notch:
     """A cut: a flat parallelogram with a corner at `origin` and edges `a` and `b`. Bonds that cross it do not exist.
 
-    `as_damage` : the bonds stay in the families and count as broken from the start (the cut shows as damage; LPS's weighted volume
-    is that of the uncut body).
+    `as_damage` : the bonds stay in the families and count as broken from the start (the cut shows as damage; LPS's
+    weighted volume is that of the uncut body).
     """
 
     def __init__(self, origin, a, b, *, as_damage: bool = False):

@@ -1,4 +1,5 @@
-"""What is done to a body from outside on regions: prescribed velocities and displacements, body forces; each a function of time."""
+"""What is done to a body from outside on regions: prescribed velocities and displacements, body forces; each a function
+of time."""
 
 from __future__ import annotations
 
@@ -8,7 +9,8 @@ from ..errors import AtcError
 
 
 def as_function(value, name):
-    """A function t → (3,) or (m, 3) array from a number triple (None entries: left free), an array, a table (times, values) or a function."""
+    """A function t → (3,) or (m, 3) array from a number triple (None entries: left free), an array, a table (times,
+    values) or a function."""
     if callable(value):
         return value
     if isinstance(value, tuple) and len(value) == 2 and np.ndim(value[0]) == 1 and np.ndim(value[1]) == 2:
@@ -24,7 +26,8 @@ def as_function(value, name):
         )
     except (TypeError, ValueError):
         raise AtcError(
-            f"{name} must be three numbers (None for a free component), an array, a table (times, values) or a function of time"
+            f"{name} must be three numbers (None for a free component), an array, a table (times, values) or a "
+            "function of time"
         ) from None
     if a.shape[-1:] != (3,):
         raise AtcError(f"{name} must have three components, got shape {a.shape}")
@@ -32,7 +35,8 @@ def as_function(value, name):
 
 
 class Condition:
-    """Base of the conditions. `region` is a Region, a mask, node numbers, a function of positions, or None for all nodes."""
+    """Base of the conditions. `region` is a Region, a mask, node numbers, a function of positions, or None for all
+    nodes."""
 
     def __init__(self, region=None):
         self.region = region
@@ -47,7 +51,8 @@ class Condition:
 class Prescribed(Condition):
     """Velocity or displacement of the nodes of a region as a function of time.
 
-    velocity, displacement : (3,) with None (or NaN) for free components; (m, 3) for the m nodes; a table (times (k,), values (k, 3)); or a
+    velocity, displacement : (3,) with None (or NaN) for free components; (m, 3) for the m nodes; a table (times (k,),
+        values (k, 3)); or a
         function t → (3,) or (m, 3). Exactly one of the two.
     until : time after which the nodes are free again
     """
@@ -68,8 +73,8 @@ class Prescribed(Condition):
 
 
 class BodyForce(Condition):
-    """A force density (force per volume) on the nodes of a region: (3,), (m, 3), a table or a function of time; or, with `total`, one force
-    shared out by volume."""
+    """A force density (force per volume) on the nodes of a region: (3,), (m, 3), a table or a function of time; or,
+    with `total`, one force shared out by volume."""
 
     def __init__(self, region=None, density=None, *, total=None):
         super().__init__(region)

@@ -1,11 +1,12 @@
-"""Short-range contact (R 3.0.13-3.0.15): any two nodes, bonded or not, that come closer than d = min(0.9 |ξ|, 1.35 (r_i + r_j)) repel.
+"""Short-range contact (R 3.0.13-3.0.15): any two nodes, bonded or not, that come closer than d = min(0.9 |ξ|, 1.35 (r_i
++ r_j)) repel.
 
-Force density on i: 15 c V_j (d − r)/δ, so that the pair's force is 15 c V_i V_j (d − r)/δ on both. Pairs in contact are added in the order of their
-node numbers, so that nothing depends on when a list was last made.
+Force density on i: 15 c V_j (d − r)/δ, so that the pair's force is 15 c V_i V_j (d − r)/δ on both. Pairs in contact are
+added in the order of their node numbers, so that nothing depends on when a list was last made.
 
-Most of a body hardly moves while its debris flies. So there are two lists. The near list holds the pairs of slow nodes that are about to touch: nodes
-are slow while they are within `reach` of where they were at the last survey of the whole body. All others are movers, and each of these has its whole
-surroundings listed anew when movers have gone far enough.
+Most of a body hardly moves while its debris flies. So there are two lists. The near list holds the pairs of slow nodes
+that are about to touch: nodes are slow while they are within `reach` of where they were at the last survey of the whole
+body. All others are movers, and each of these has its whole surroundings listed anew when movers have gone far enough.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ from .bonds import JIT
 class Contact:
     """Settings of the contact force.
 
-    strength : the multiple of the micromodulus c (15). own : share of the reference distance (0.9). reach : of the radii's sum (1.35).
+    strength : the multiple of the micromodulus c (15). own : share of the reference distance (0.9). reach : of the
+        radii's sum (1.35).
     skin : how much further than `reach` the list of fast nodes looks, in spacings. It makes nothing but speed.
     """
 
@@ -47,7 +49,8 @@ class ContactSearch:
         self.c_k, (self.index_n, self.m) = constant_k * contact.strength / body.horizon, kind_of
         self.cut = contact.reach * 2 * float(body.radius_n.max())
         self.skin = contact.skin * body.spacing
-        # Slow nodes: with the share of the gap that bonded neighbours at rest leave, so that an undamaged lattice has no pairs in the near list.
+        # Slow nodes: with the share of the gap that bonded neighbours at rest leave, so that an undamaged lattice has
+        # no pairs in the near list.
         self.shortest = max(0.45 * (1 - contact.own), 0.02) * body.spacing
         self.reach = min(self.shortest, 0.5 * self.skin)
         self.periodic = bool(body.cell.periodic.any())
@@ -113,8 +116,9 @@ class ContactSearch:
         self._take(self.near)
 
     def _pairs(self, y, cutoff, movers):
-        """i ≤ j, shift (p, 6 or 0) and contact distance of all pairs within `cutoff` that have a mover in them; with `movers` None of those that
-        are within twice the slow nodes' reach of touching. Shifts are the translations of j's image, now and in the reference configuration."""
+        """i ≤ j, shift (p, 6 or 0) and contact distance of all pairs within `cutoff` that have a mover in them; with
+        `movers` None of those that are within twice the slow nodes' reach of touching. Shifts are the translations of
+        j's image, now and in the reference configuration."""
         from ..neighbors.cell_list import CellList, Workspace
 
         self.rebuilt += 1
@@ -138,7 +142,8 @@ class ContactSearch:
         return [np.concatenate(a) for a in zip(*found, strict=True)]
 
     def _take(self, pairs):
-        """Pairs by number of their first node, then of the second, then by image: the order in which forces are added."""
+        """Pairs by number of their first node, then of the second, then by image: the order in which forces are
+        added."""
         i, j, shift, _ = pairs
         if self.periodic:
             order = np.lexsort((shift[:, 5], shift[:, 4], shift[:, 3], j, i))
@@ -186,7 +191,8 @@ def _away(a, b, z, home, out):
 def _select(i, j, r2, S, now, before, X, radius, own, reach, mover, within):
     """Of a cell list's pairs (r = y_i − y_j − S·cell) those to keep, with i ≤ j, their shifts and contact distances.
 
-    With movers, pairs come from each of their ends that is one, and are kept once. Without, pairs with a gap below `within` are kept.
+    With movers, pairs come from each of their ends that is one, and are kept once. Without, pairs with a gap below
+    `within` are kept.
     """
     kept = 0
     out_i = np.empty(len(i), np.int32)

@@ -1,4 +1,5 @@
-"""When bonds break: the critical stretch, with its dependence on a node's most compressed bond (Silling & Askari 2005; R 3.0.8-3.0.10)."""
+"""When bonds break: the critical stretch, with its dependence on a node's most compressed bond (Silling & Askari 2005;
+R 3.0.8-3.0.10)."""
 
 from __future__ import annotations
 
@@ -11,10 +12,11 @@ from ..errors import AtcError
 
 @dataclass(frozen=True)
 class CriticalStretch:
-    """A bond breaks for good when its stretch exceeds min(s0_i, s0_j), s0 = s00 − α·(smallest stretch of the node's bonds), both of the step before.
+    """A bond breaks for good when its stretch exceeds min(s0_i, s0_j), s0 = s00 − α·(smallest stretch of the node's
+    bonds), both of the step before.
 
-    s00 : critical stretch. alpha : α ≥ 0, how much compression strengthens. The comparison is strict, a breaking bond pulls once more,
-    and nothing breaks in the first step (s0 is infinite until it has been computed once).
+    s00 : critical stretch. alpha : α ≥ 0, how much compression strengthens. The comparison is strict, a breaking bond
+        pulls once more, and nothing breaks in the first step (s0 is infinite until it has been computed once).
     """
 
     s00: float
@@ -30,10 +32,12 @@ class CriticalStretch:
     def from_energy(
         cls, Gc: float, material, body, alpha: float = 0.0, *, other=None, interface=1.0
     ) -> CriticalStretch:
-        """The s00 at which separating a plane costs the fracture energy `Gc` (energy per area) in this material and horizon.
+        """The s00 at which separating a plane costs the fracture energy `Gc` (energy per area) in this material and
+        horizon.
 
         All bonds across the plane at their critical stretch: in 3-D G_c = (9/5) K δ s0² for PMB, in 2-D c h δ⁴ s0²/4.
-        With `other`, a second material, the plane is the interface between the two, and `interface` what `Simulation` takes for it.
+        With `other`, a second material, the plane is the interface between the two, and `interface` what `Simulation`
+        takes for it.
         """
         if not Gc > 0:
             raise AtcError(f"the fracture energy Gc must be positive, got {Gc!r}")
@@ -44,7 +48,8 @@ class CriticalStretch:
 
 
 def damage_n(body, intact_b) -> np.ndarray:
-    """(n,) φ_i = 1 − ΣV_j over intact bonds / ΣV_j over the reference family (R 3.0.10); 0 for a node without a family."""
+    """(n,) φ_i = 1 − ΣV_j over intact bonds / ΣV_j over the reference family (R 3.0.10); 0 for a node without a
+    family."""
     b = body.bonds
     whole = np.asarray(intact_b) != 0
     n = len(body)
@@ -60,7 +65,8 @@ def damage_n(body, intact_b) -> np.ndarray:
 
 
 class DamageRule:
-    """Critical stretches of every kind of bond, as the kernels want them. `rules` is None, one CriticalStretch, or {material or (a, b): it}."""
+    """Critical stretches of every kind of bond, as the kernels want them. `rules` is None, one CriticalStretch, or
+    {material or (a, b): it}."""
 
     def __init__(self, rules, ids, kinds, n_kinds):
         self.s00 = np.full(n_kinds, np.inf)
@@ -78,7 +84,8 @@ class DamageRule:
         for (a, b), k in kinds.items():
             rule = rules.get((a, b), rules.get((b, a)))
             if rule is None:
-                # Without a rule of its own an interface is as weak as the weaker side; a side without a rule never breaks.
+                # Without a rule of its own an interface is as weak as the weaker side; a side without a rule never
+                # breaks.
                 rule = min((rules[m] for m in (a, b) if m in rules), key=lambda r: r.s00, default=None)
             if rule is not None:
                 self.s00[k], self.alpha[k] = rule.s00, rule.alpha

@@ -1,4 +1,5 @@
-"""A state of a peridynamic body as a frame with bonds, for the estimators that make fields of atoms: density, velocity, stress, ... of both by the same code."""
+"""A state of a peridynamic body as a frame with bonds, for the estimators that make fields of atoms: density, velocity,
+stress, ... of both by the same code."""
 
 from __future__ import annotations
 
@@ -19,7 +20,8 @@ def snapshot(sim, units="si", layer=None):
     ----------
     sim : Simulation
     units : "si", or "lj" for any other consistent system of units: results carry its labels
-    layer : in one and two dimensions the body is repeated every `layer` along the missing axes, with its share of mass and force, so that fields are those of
+    layer : in one and two dimensions the body is repeated every `layer` along the missing axes, with its share of mass
+        and force, so that fields are those of
         a body that goes on for ever there; small against the kernel's radius (default a quarter of the spacing)
 
     Returns
@@ -54,9 +56,14 @@ def reference_frame(sim, units="si", layer=None) -> Frame:
 def _frame(sim, u, cell, share, x_nc, source) -> Frame:
     body = sim.body
     return Frame(
-        u.to_internal("length", np.array(x_nc)), cell.scaled(u.factor("length")), u, types=body.material_n, masses=u.to_internal("mass", sim.mass_n * share),
-        source=source, extra={"volume": body.V_n * share},
-    )  # fmt: skip
+        u.to_internal("length", np.array(x_nc)),
+        cell.scaled(u.factor("length")),
+        u,
+        types=body.material_n,
+        masses=u.to_internal("mass", sim.mass_n * share),
+        source=source,
+        extra={"volume": body.V_n * share},
+    )
 
 
 def _place(body, layer):
@@ -80,7 +87,8 @@ class SnapshotBonds:
 
     Attributes
     ----------
-    horizon, cutoff : the body's horizon and its longest bond (internal units). dimension : 1, 2 or 3. central : whether forces act along bonds
+    horizon, cutoff : the body's horizon and its longest bond (internal units). dimension : 1, 2 or 3. central : whether
+        forces act along bonds
     """
 
     def __init__(self, sim, u, share, frame):
@@ -106,7 +114,10 @@ class SnapshotBonds:
         return self
 
     def describe(self) -> str:
-        return f"peridynamics, {self.name}, horizon {self.units.to_user('length', self.horizon):g}; strain energy half of each bond to each end, or the node's own"
+        return (
+            f"peridynamics, {self.name}, horizon {self.units.to_user('length', self.horizon):g}; strain energy half "
+            "of each bond to each end, or the node's own"
+        )
 
     def __len__(self):
         return len(self.i)
@@ -117,13 +128,15 @@ class SnapshotBonds:
 
         if len(frame) != self._n or frame.step != self._step:
             raise AtcError(
-                f"{frame.source}: these bonds belong to step {self._step} of the simulation they were taken from, and to no other frame"
+                f"{frame.source}: these bonds belong to step {self._step} of the simulation they were taken from, and "
+                "to no other frame"
             )
         if sources:
             raise AtcError("heat flux and churning are not defined for peridynamic bonds: they have no temperature")
         if energies and self._kept is None and self.state.step != self._step:
             raise AtcError(
-                f"the simulation has gone on to step {self.state.step}: take a new snapshot, or keep_energies() before it goes on"
+                f"the simulation has gone on to step {self.state.step}: take a new snapshot, or keep_energies() "
+                "before it goes on"
             )
         n = len(self.i)
         chunks = [slice(a, min(a + _CHUNK, n)) for a in range(0, n, _CHUNK)]
@@ -162,5 +175,9 @@ class SnapshotBonds:
                         self.j[part], F[:, c], self._n
                     )
         return Decomposition(
-            energy=float(energies_n.sum()) if energies else np.nan, virial_cc=sum(virials), energies_n=energies_n, forces_nc=forces_nc, n_bonds=n,
-        )  # fmt: skip
+            energy=float(energies_n.sum()) if energies else np.nan,
+            virial_cc=sum(virials),
+            energies_n=energies_n,
+            forces_nc=forces_nc,
+            n_bonds=n,
+        )

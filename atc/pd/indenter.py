@@ -1,4 +1,5 @@
-"""Rigid indenters and walls: nodes inside are pushed out with a force density k·(depth)² (R "The Projectile"; LAMMPS fix indent)."""
+"""Rigid indenters and walls: nodes inside are pushed out with a force density k·(depth)² (R "The Projectile"; LAMMPS
+fix indent)."""
 
 from __future__ import annotations
 
@@ -22,12 +23,14 @@ class _Rigid:
 
 
 class Indenter(_Rigid):
-    """A rigid sphere, or a cylinder along an axis, that pushes nodes outward with the force density k (R − r)² inside its radius R.
+    """A rigid sphere, or a cylinder along an axis, that pushes nodes outward with the force density k (R − r)² inside
+    its radius R.
 
     Parameters
     ----------
     radius : R. stiffness : k (force per volume and length²).
-    center : (3,) at time 0, or a function of time; the centre at the time of the force counts. velocity : (3,) constant, added to a constant centre.
+    center : (3,) at time 0, or a function of time; the centre at the time of the force counts. velocity : (3,)
+        constant, added to a constant centre.
     axis : None for a sphere, "x", "y", "z" for a cylinder
     """
 
@@ -51,7 +54,8 @@ class Indenter(_Rigid):
 
 
 class Wall(_Rigid):
-    """A rigid half space: nodes behind the plane through `point` with the outward `normal` are pushed back with the force density k·depth².
+    """A rigid half space: nodes behind the plane through `point` with the outward `normal` are pushed back with the
+    force density k·depth².
 
     point : (3,) or a function of time. velocity : (3,), added to a constant point.
     """

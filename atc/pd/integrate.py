@@ -1,4 +1,5 @@
-"""Velocity Verlet in kernels: half kick, drift, and the sums of the energy ledger, in chunks of nodes that do not depend on threads."""
+"""Velocity Verlet in kernels: half kick, drift, and the sums of the energy ledger, in chunks of nodes that do not
+depend on threads."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ CHUNK = 4096
 
 @njit(**JIT)
 def kick(a, b, half_dt, damping, F, mass, v):
-    """v += ½Δt F/m with linear damping treated implicitly: the half kick before the drift takes the friction of the old velocity."""
+    """v += ½Δt F/m with linear damping treated implicitly: the half kick before the drift takes the friction of the old
+    velocity."""
     factor = 1.0 - half_dt * damping
     for chunk in range(a, b):
         for n in range(chunk * CHUNK, min(len(v), chunk * CHUNK + CHUNK)):

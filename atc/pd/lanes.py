@@ -1,7 +1,9 @@
-"""Rows of nodes into columns of bonds and back, eight bonds at a time: vector loads and shuffles in place of one number after the other.
+"""Rows of nodes into columns of bonds and back, eight bonds at a time: vector loads and shuffles in place of one number
+after the other.
 
-Compilers gather and scatter element by element; a node's numbers lie side by side, so that one load takes four of them and a transposition of
-registers makes columns. Written in LLVM's vectors: right on every machine, fast where there are wide registers.
+Compilers gather and scatter element by element; a node's numbers lie side by side, so that one load takes four of them
+and a transposition of registers makes columns. Written in LLVM's vectors: right on every machine, fast where there are
+wide registers.
 """
 
 from __future__ import annotations
@@ -17,7 +19,8 @@ from .bonds import JIT
 
 # Row buffers: columns of a fixed length, so that the compiler can tell them apart and vectorise.
 C = 128
-# Helpers of the rows' loops: inside them, so that no array is counted in and out a row (threads would fight for the counters).
+# Helpers of the rows' loops: inside them, so that no array is counted in and out a row (threads would fight for the
+# counters).
 INLINE = dict(JIT, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 _F8, _I32, _I64 = ir.DoubleType(), ir.IntType(32), ir.IntType(64)
 _V4, _V8 = ir.VectorType(_F8, 4), ir.VectorType(_F8, 8)
@@ -37,7 +40,8 @@ def _vector(builder, data, at, vector):
 
 
 def _eight(first, columns, own):
-    """An intrinsic (rows, node_k, i, k, w): numbers first.. first+3 of eight nodes less row i's numbers own.. own+3; the first `columns` into w."""
+    """An intrinsic (rows, node_k, i, k, w): numbers first.. first+3 of eight nodes less row i's numbers own.. own+3;
+    the first `columns` into w."""
 
     @intrinsic
     def eight(typingctx, rows, node_k, i, k, w):
@@ -69,8 +73,9 @@ def _eight(first, columns, own):
 
 @intrinsic
 def _deal(typingctx, f, base, node_k, k, w, own):
-    """Row n − base of f (force, smallest stretch) for eight nodes n, one after the other: forces in columns 0-2 of w are taken off, the stretch
-    in column 6 lowers the smallest. `own`, four numbers as well, gets the forces added, in the same order."""
+    """Row n − base of f (force, smallest stretch) for eight nodes n, one after the other: forces in columns 0-2 of w
+    are taken off, the stretch in column 6 lowers the smallest. `own`, four numbers as well, gets the forces added, in
+    the same order."""
 
     def codegen(context, builder, signature, args):
         rows = _data(context, builder, signature.args[0], args[0])
@@ -133,7 +138,8 @@ def gather(b0, m, i, j, image, images, z, node, w):
 
 @njit(**INLINE)
 def gather_positions(b0, m, i, j, image, images, y, node, w):
-    """y_j − y_i of m bonds of row i into columns 0-2 of w, A_j + A_i into column 3; zeros (2 A_i) up to the next multiple of eight.
+    """y_j − y_i of m bonds of row i into columns 0-2 of w, A_j + A_i into column 3; zeros (2 A_i) up to the next
+    multiple of eight.
 
     y : rows of position and A, then position and −A once more.
     """
@@ -159,9 +165,11 @@ def _ends(b0, m, i, j, node):
 
 @njit(**INLINE)
 def deal(m, base, node, w, f, own):
-    """Take the forces of m bonds (columns 0-2 of w) off their nodes' rows of f, add them to `own`; column 3 of both keeps the smallest stretch.
+    """Take the forces of m bonds (columns 0-2 of w) off their nodes' rows of f, add them to `own`; column 3 of both
+    keeps the smallest stretch.
 
-    Sums go bond by bond, so that bonds without force change nothing wherever they stand. f : (window, 4), node n in row n − base.
+    Sums go bond by bond, so that bonds without force change nothing wherever they stand. f : (window, 4), node n in row
+    n − base.
     """
     for k in range(m, (m + 7) & ~7):
         w[k] = 0.0

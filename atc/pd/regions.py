@@ -1,4 +1,5 @@
-"""Regions of space: where nodes are put, what is clamped, loaded, or kept from breaking. Points on the surface are inside."""
+"""Regions of space: where nodes are put, what is clamped, loaded, or kept from breaking. Points on the surface are
+inside."""
 
 from __future__ import annotations
 
@@ -54,7 +55,8 @@ class Box(Region):
         hi = np.array([np.inf if a is None else a for a in hi], float)
         if lo.shape != (3,) or hi.shape != (3,) or (lo > hi).any():
             raise AtcError(
-                f"a box region needs three lower and three upper bounds with lower <= upper, got {lo.tolist()} and {hi.tolist()}"
+                f"a box region needs three lower and three upper bounds with lower <= upper, got {lo.tolist()} and "
+                f"{hi.tolist()}"
             )
         self.bounds = (lo, hi)
 
@@ -63,7 +65,8 @@ class Box(Region):
 
 
 class Cylinder(Region):
-    """Within `radius` of a line along `axis` ("x", "y" or "z") through `center` (the two other coordinates), between lo and hi on the axis."""
+    """Within `radius` of a line along `axis` ("x", "y" or "z") through `center` (the two other coordinates), between lo
+    and hi on the axis."""
 
     def __init__(self, axis: str, center, radius: float, lo: float = -np.inf, hi: float = np.inf):
         if axis not in ("x", "y", "z"):
@@ -81,7 +84,8 @@ class Cylinder(Region):
     def contains(self, x_nc):
         d = x_nc[:, self.across] - self.center
         along = x_nc[:, self.axis]
-        # sqrt, not the squares: which nodes of a lattice lie on the mantle depends on it (LAMMPS's region does the same).
+        # sqrt, not the squares: which nodes of a lattice lie on the mantle depends on it (LAMMPS's region does the
+        # same).
         return (np.sqrt(d[:, 0] * d[:, 0] + d[:, 1] * d[:, 1]) <= self.radius) & (along >= self.lo) & (along <= self.hi)
 
 

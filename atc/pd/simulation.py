@@ -19,9 +19,11 @@ from .state import State, no_bonds
 
 @dataclass
 class Energies:
-    """The energy ledger of one instant. ``total`` is what must be conserved: kinetic + strain + contact − work + what was dissipated, since the start.
+    """The energy ledger of one instant. ``total`` is what must be conserved: kinetic + strain + contact − work + what
+    was dissipated, since the start.
 
-    kinetic, strain, contact : of the state. indenter : stored in the penetration of indenters and walls (their moving does work).
+    kinetic, strain, contact : of the state. indenter : stored in the penetration of indenters and walls (their moving
+        does work).
     work_external : done by indenters, walls and body forces; work_constraint : done by prescribed motions
     dissipated_fracture, dissipated_damping : gone with broken bonds, and by damping
     """
@@ -37,7 +39,8 @@ class Energies:
 
     @property
     def total(self) -> float:
-        """Constant from the start of a run up to the integrator's error, O(Δt²); O(Δt) while bonds of state-based bodies break."""
+        """Constant from the start of a run up to the integrator's error, O(Δt²); O(Δt) while bonds of state-based
+        bodies break."""
         return (
             self.kinetic + self.strain + self.contact - self.work_external - self.work_constraint
             + self.dissipated_fracture + self.dissipated_damping
@@ -57,23 +60,42 @@ class Simulation:
     indenter, walls : one or several `Indenter`, `Wall`
     conditions : `Prescribed` and `BodyForce` objects
     damping : rate γ of a force density −γ ρ v (1/time)
-    interfaces : {(a, b): factor}, how stiff the bonds between two materials are relative to the default, which is springs in series (PMB) or
+    interfaces : {(a, b): factor}, how stiff the bonds between two materials are relative to the default, which is
+        springs in series (PMB) or
         half of each side (LPS); for PMB also {(a, b): PMB}. For interfaces without bonds see `Body(unbonded=)`.
     dt : time step; None takes `safety` times the stable step
     state : a `State` to go on from (bitwise); or `velocities`, `displacements` : (n, 3) or (3,) to start with
     strain : (3, 3) displacement gradient H of a periodic body: nodes start at u = H X and images are moved by H too
     threads : 0 is all cores. Results do not depend on it.
-    lammps_compat : reproduce LAMMPS's faults (extensions below 2.2e-16 are none, the weighted volume of periodic LPS bodies without images, its
+    lammps_compat : reproduce LAMMPS's faults (extensions below 2.2e-16 are none, the weighted volume of periodic LPS
+        bodies without images, its
         LPS energy)
 
     Attributes: ``state``, ``dt``, ``body``, ``n_broken``.
     """
 
     def __init__(
-        self, body, materials, *, damage=None, no_fail=None, contact=None, indenter=None, walls=None, conditions=(), damping=0.0,
-        interfaces=None, dt=None, safety=0.7, state=None, velocities=None, displacements=None, strain=None, threads=0,
+        self,
+        body,
+        materials,
+        *,
+        damage=None,
+        no_fail=None,
+        contact=None,
+        indenter=None,
+        walls=None,
+        conditions=(),
+        damping=0.0,
+        interfaces=None,
+        dt=None,
+        safety=0.7,
+        state=None,
+        velocities=None,
+        displacements=None,
+        strain=None,
+        threads=0,
         lammps_compat=False,
-    ):  # fmt: skip
+    ):
         if isinstance(materials, Material):
             materials = {m: materials for m in np.unique(body.material_n).tolist()}
         classes = {m.model for m in materials.values()}
@@ -102,16 +124,19 @@ class Simulation:
             )  # fmt: skip
         if not len(body.bonds):
             warnings.warn(
-                "no node of the body has another one within its horizon: nothing holds it together; take a larger horizon",
+                "no node of the body has another one within its horizon: nothing holds it together; take a larger "
+                "horizon",
                 AtcWarning,
                 stacklevel=2,
             )
         elif self.dt > self.time_step_stable * (1 + 1e-9):
             warnings.warn(
-                f"the time step {self.dt:g} is {self.dt / self.time_step_stable:.3g} times the step that is surely stable ({self.time_step_stable:g}): "
+                f"the time step {self.dt:g} is {self.dt / self.time_step_stable:.3g} times the step that is surely "
+                f"stable ({self.time_step_stable:g}): "
                 "the run may blow up; take a smaller dt, or leave it out",
-                AtcWarning, stacklevel=2,
-            )  # fmt: skip
+                AtcWarning,
+                stacklevel=2,
+            )
         if contact is True:
             contact = Contact()
         self.contact = None
@@ -169,7 +194,8 @@ class Simulation:
         n, b = len(self.body), len(self.body.bonds)
         if state.u_nc.shape != (n, 3) or state.intact_b.shape != (b,):
             raise AtcError(
-                f"the state has {len(state.u_nc)} nodes and {len(state.intact_b)} bonds, the body {n} and {b}: it belongs to another body"
+                f"the state has {len(state.u_nc)} nodes and {len(state.intact_b)} bonds, the body {n} and {b}: it "
+                "belongs to another body"
             )
         self._z[:, :3] = state.u_nc
         # From here on the displacement lives in z alone, and the state's is a view of it.
@@ -191,7 +217,8 @@ class Simulation:
         return self.model.bond_forces(self._z, self.state.intact_b)
 
     def bond_force_parts(self):
-        """`bond_forces` in parts of at most a million bonds, for sums over bodies whose bonds would not fit into memory at once."""
+        """`bond_forces` in parts of at most a million bonds, for sums over bodies whose bonds would not fit into memory
+        at once."""
         return self.model.bond_force_parts(self._z, self.state.intact_b)
 
     def forces(self) -> np.ndarray:
@@ -312,7 +339,8 @@ class Simulation:
             s.ledger["work_constraint"] += float((kinetic_change - by_forces)[fixed].sum())
 
     def _hold(self, p, t_half, t_end):
-        """Set the velocities of the drift on prescribed nodes; returns which components are held (m, 3), or None when none is any more."""
+        """Set the velocities of the drift on prescribed nodes; returns which components are held (m, 3), or None when
+        none is any more."""
         s = self.state
         if t_end > p.until:
             return None
@@ -336,7 +364,8 @@ class Simulation:
     # ---- stability
 
     def stable_step(self) -> float:
-        """Δt = √(2 ρV/Σ|K_ij|), smallest over the nodes (Silling & Askari 2005): below Verlet's own limit 2/ω_max, which Gershgorin bounds."""
+        """Δt = √(2 ρV/Σ|K_ij|), smallest over the nodes (Silling & Askari 2005): below Verlet's own limit 2/ω_max,
+        which Gershgorin bounds."""
         k = self.model.stiffness_n()
         with np.errstate(divide="ignore"):
             return float(np.sqrt(2.0 * self.mass_n / k).min())

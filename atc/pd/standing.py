@@ -1,7 +1,8 @@
 """The bonds that still hold, as force kernels walk them.
 
-In a shattered body most of the time would go to bonds that are no more. So the rows are drawn together now and then. Force kernels add bond by bond in
-the order of the table, and a broken bond adds zero: results are bitwise the same whenever that is done, or never.
+In a shattered body most of the time would go to bonds that are no more. So the rows are drawn together now and then.
+Force kernels add bond by bond in the order of the table, and a broken bond adds zero: results are bitwise the same
+whenever that is done, or never.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ class Standing:
 
     columns : (b,) arrays that go with the bonds. kind_b : their kinds, or empty.
 
-    Attributes of what is walked now: start_n, j_b, image_b, kind_b, intact_b, columns; bond_b, their numbers in the table, or None for all.
+    Attributes of what is walked now: start_n, j_b, image_b, kind_b, intact_b, columns; bond_b, their numbers in the
+    table, or None for all.
     """
 
     def __init__(self, table, crew, kind_b, *columns):
@@ -41,7 +43,8 @@ class Standing:
             self._draw_together()
 
     def broke(self, walked):
-        """The table's numbers of bonds that a kernel has just broken (`walked`: their numbers among what is walked); tells the state."""
+        """The table's numbers of bonds that a kernel has just broken (`walked`: their numbers among what is walked);
+        tells the state."""
         self._broken += len(walked)
         if self.bond_b is None:
             return walked

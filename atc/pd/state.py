@@ -24,11 +24,13 @@ class State:
     u_nc, v_nc : (n, 3) displacement and velocity
     F_nc : (n, 3) total force (force density × volume) at this instant, external forces included
     external_nc : (n, 3) the part of F that indenters, walls and body forces exert
-    smin_n : (n,) smallest stretch of each node's intact bonds at this instant: −inf before the first step, +inf without bonds. s0 follows from it.
+    smin_n : (n,) smallest stretch of each node's intact bonds at this instant: −inf before the first step, +inf without
+        bonds. s0 follows from it.
     intact_b : (b,) uint8 over `body.bonds`: 0 broken, 1 whole, 2 whole and never breaks
     step : int. time : float.
     ledger : sums since the start: work_external, work_constraint, dissipated_fracture, dissipated_damping (energy each)
-    pending : i, j, F_bc of bonds that broke in this very step: they pull until the next half kick, and the ledger counts that too
+    pending : i, j, F_bc of bonds that broke in this very step: they pull until the next half kick, and the ledger
+        counts that too
     """
 
     u_nc: np.ndarray

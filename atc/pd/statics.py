@@ -1,7 +1,8 @@
 """Static states: adaptive dynamic relaxation (Kilic & Madenci 2010) and a matrix-free Newton-Krylov solver.
 
-Both look for displacements at which the force on every free degree of freedom vanishes, with the prescribed ones held and the loads as they are at one
-time. An equilibrium is one step of the run: it counts in `State.step`, moves the clock if asked to, and its work is in the energy ledger. Bonds do not break.
+Both look for displacements at which the force on every free degree of freedom vanishes, with the prescribed ones held
+and the loads as they are at one time. An equilibrium is one step of the run: it counts in `State.step`, moves the clock
+if asked to, and its work is in the energy ledger. Bonds do not break.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ from ..errors import AtcError
 
 @dataclass
 class Converged:
-    """How a static solve went. residual : largest |force| on a free degree of freedom, relative to the largest force anywhere in the body."""
+    """How a static solve went. residual : largest |force| on a free degree of freedom, relative to the largest force
+    anywhere in the body."""
 
     iterations: int
     residual: float
@@ -23,8 +25,8 @@ class Converged:
 
 
 class _Statics:
-    """The static problem of a simulation: forces as a function of the free displacements. As a context, it leaves everything as it was if no
-    equilibrium is found, and does the accounts if one is."""
+    """The static problem of a simulation: forces as a function of the free displacements. As a context, it leaves
+    everything as it was if no equilibrium is found, and does the accounts if one is."""
 
     def __init__(self, sim, time):
         self.sim, s = sim, sim.state
@@ -49,7 +51,8 @@ class _Statics:
                 value = p.at(t)
                 if np.any(np.nan_to_num(value) != 0):
                     raise AtcError(
-                        "a static state cannot have prescribed velocities other than zero: prescribe displacements instead"
+                        "a static state cannot have prescribed velocities other than zero: prescribe displacements "
+                        "instead"
                     )
                 self.held[p.nodes] |= ~np.isnan(value)
             else:
@@ -69,8 +72,8 @@ class _Statics:
             return
         s.v_nc[:] = 0.0
         s.step += 1
-        # Loads and reactions went from their old values to the new ones while the body moved: exact for a linear body, third order in the increment otherwise.
-        # What an unbalanced start had to spare, and its motion, are gone.
+        # Loads and reactions went from their old values to the new ones while the body moved: exact for a linear body,
+        # third order in the increment otherwise. What an unbalanced start had to spare, and its motion, are gone.
         half_du, ledger = 0.5 * (s.u_nc - u), s.ledger
         ledger["work_external"] += float(((external + s.external_nc) * half_du).sum())
         total = (F + s.F_nc) * half_du
@@ -95,18 +98,22 @@ class _Statics:
 
 
 def relax(sim, *, time=None, tolerance=1e-6, max_steps=20000, callback=None) -> Converged:
-    """Adaptive dynamic relaxation: fictitious masses and a damping that follows the lowest mode being excited, to static equilibrium.
+    """Adaptive dynamic relaxation: fictitious masses and a damping that follows the lowest mode being excited, to
+    static equilibrium.
 
     Parameters
     ----------
     sim : Simulation. Its displacements are the start and take the result; velocities end at zero.
-    time : the time whose loads and prescribed displacements hold, which becomes the state's: increasing times are a quasi-static history. None is
-        the state's own time: equilibrium under the loads of now. The steps that the relaxation takes are no time; `State.step` counts the equilibrium as one.
+    time : the time whose loads and prescribed displacements hold, which becomes the state's: increasing times are a
+        quasi-static history. None is
+        the state's own time: equilibrium under the loads of now. The steps that the relaxation takes are no time;
+        `State.step` counts the equilibrium as one.
     tolerance : largest free force relative to the largest reaction or external force
     callback : called with (iteration, residual) every 50 iterations
 
-    The ledger gets the work of loads and reactions (their mean of before and after, times the displacement between), and as dissipated what an unbalanced
-    start released. Raises AtcError when `max_steps` do not suffice; the simulation is then as it was before.
+    The ledger gets the work of loads and reactions (their mean of before and after, times the displacement between),
+    and as dissipated what an unbalanced start released. Raises AtcError when `max_steps` do not suffice; the simulation
+    is then as it was before.
     """
     with _Statics(sim, time) as s:
         return _relax(sim, s, tolerance, max_steps, callback)
@@ -133,7 +140,8 @@ def _relax(sim, s, tolerance, max_steps, callback):
         u = z[:, :3]
         damping = 0.0
         if k:
-            # Local stiffness along the motion, −ΔF/Δu; Rayleigh's quotient of it is the square of the frequency to damp critically.
+            # Local stiffness along the motion, −ΔF/Δu; Rayleigh's quotient of it is the square of the frequency to damp
+            # critically.
             with np.errstate(divide="ignore", invalid="ignore"):
                 stiff = np.where(free & (v != 0), -(F - previous) / (mass * v), 0.0)
             weight = np.where(free, u - start, 0.0)
@@ -150,14 +158,16 @@ def _relax(sim, s, tolerance, max_steps, callback):
         F = s.forces().copy()
     else:
         raise AtcError(
-            f"the relaxation stands at a relative residual of {worst:.2g} after {max_steps} steps (asked: {tolerance:g}): hold rigid motions, "
+            f"the relaxation stands at a relative residual of {worst:.2g} after {max_steps} steps (asked: "
+            f"{tolerance:g}): hold rigid motions, "
             "load in smaller increments, or allow more steps"
         )
     return Converged(k, worst, s.evaluations)
 
 
 def solve_static(sim, *, time=None, tolerance=1e-8, max_iterations=50, inner=200) -> Converged:
-    """Newton's method with matrix-free Krylov solves (scipy's newton_krylov, LGMRES, scaled by the nodes' stiffness) to static equilibrium.
+    """Newton's method with matrix-free Krylov solves (scipy's newton_krylov, LGMRES, scaled by the nodes' stiffness) to
+    static equilibrium.
 
     Parameters and result as for `relax`. Wants a problem without rigid motions left free and a start not too far away.
     """
@@ -172,7 +182,8 @@ def _solve(sim, s, tolerance, max_iterations, inner):
     stiff = np.broadcast_to(sim.model.stiffness_n()[:, None], free.shape)[free]
     stiff = np.maximum(stiff, 1e-12 * stiff.max())
     length = 1e-3 * sim.body.spacing
-    # Unknowns in lengths of a thousandth of the spacing, residuals as the displacement a node's own springs would need: both of order one.
+    # Unknowns in lengths of a thousandth of the spacing, residuals as the displacement a node's own springs would need:
+    # both of order one.
     base = sim._z[:, :3][free].copy()
 
     def residual(x):
@@ -205,7 +216,8 @@ def _solve(sim, s, tolerance, max_iterations, inner):
         residual(x)
     except NoConvergence:
         raise AtcError(
-            f"the static solver did not converge in {max_iterations} Newton steps (relative residual {s.residual() / s.scale():.2g}): load in smaller"
+            f"the static solver did not converge in {max_iterations} Newton steps (relative residual "
+            f"{s.residual() / s.scale():.2g}): load in smaller"
             " increments, hold rigid motions, or use relax"
         ) from None
     return Converged(iterations, s.residual() / s.scale(), s.evaluations)

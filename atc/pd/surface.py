@@ -1,7 +1,8 @@
 """Energy-based surface correction of bond-based bodies (Le & Bobaru 2018, "energy method"; Oterkus & Madenci).
 
-Near a surface a family is cut off, so that a node is too soft. Each node is stretched along every axis in turn, its strain energy is compared with
-that of the classical solid, and bonds get the mean factor of their ends, along their own direction (an ellipsoid through the axes' factors).
+Near a surface a family is cut off, so that a node is too soft. Each node is stretched along every axis in turn, its
+strain energy is compared with that of the classical solid, and bonds get the mean factor of their ends, along their own
+direction (an ellipsoid through the axes' factors).
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""Pictures of `atc compare`: Hardy's stress beside the virial's, and the trend of their difference over several results."""
+"""Pictures of `atc compare`: Hardy's stress beside the virial's, and the trend of their difference over several
+results."""
 
 from __future__ import annotations
 
@@ -11,7 +12,8 @@ from .geometry import cut, unit_text
 
 
 def compare_figure(result):
-    """The picture of a `Comparison`: profiles of both stresses and their difference, or the trend over several results."""
+    """The picture of a `Comparison`: profiles of both stresses and their difference, or the trend over several
+    results."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
@@ -59,7 +61,8 @@ def _trend(Figure, result):
 
 
 def _against(Figure, result):
-    """Box averages, for each axis the profiles of Hardy (full lines) and smoothed virial (dashed), and maps of the difference."""
+    """Box averages, for each axis the profiles of Hardy (full lines) and smoothed virial (dashed), and maps of the
+    difference."""
     data, place = result.data, result.place
     axes = [n.removeprefix("profile_").removesuffix("_hardy") for n in data.data_vars if n.endswith("_hardy")]
     boxes = [r for r in result.rows if r["section"] == "box average"] or [

@@ -14,7 +14,8 @@ VECTOR = ["x", "y", "z", "magnitude"]
 
 
 def names(rank: int, dimension: int = 3) -> list[str]:
-    """The components of a vector (rank 1) or symmetric tensor (rank 2) that say anything: in two dimensions those without z."""
+    """The components of a vector (rank 1) or symmetric tensor (rank 2) that say anything: in two dimensions those
+    without z."""
     every = VECTOR if rank == 1 else TENSOR[:6]
     return [c for c in every if dimension == 3 or c == "magnitude" or "z" not in c]
 
@@ -22,8 +23,9 @@ def names(rank: int, dimension: int = 3) -> list[str]:
 def component(values, name: str, dimension: int = 3):
     """One scalar of a tensor (..., 3, 3) or vector (..., 3) field, as an array (...).
 
-    Tensors: ``xx`` … ``zz``; ``hydrostatic`` = tr σ/d (tension positive; d the `dimension`), ``pressure`` its negative, ``vonmises`` = √(3/2 s:s) of the symmetric
-    part's deviator s, ``max_shear`` = (σ₁ − σ₃)/2, ``principal1`` ≥ ``principal2`` ≥ ``principal3``. Vectors: ``x``, ``y``, ``z``, ``magnitude``.
+    Tensors: ``xx`` … ``zz``; ``hydrostatic`` = tr σ/d (tension positive; d the `dimension`), ``pressure`` its negative,
+    ``vonmises`` = √(3/2 s:s) of the symmetric part's deviator s, ``max_shear`` = (σ₁ − σ₃)/2, ``principal1`` ≥
+    ``principal2`` ≥ ``principal3``. Vectors: ``x``, ``y``, ``z``, ``magnitude``.
     """
     values = np.asarray(values)
     tensor = values.ndim >= 2 and values.shape[-2:] == (3, 3)
@@ -67,6 +69,12 @@ def component(values, name: str, dimension: int = 3):
 
 #: What a scalar is called in a label.
 SYMBOL = {
-    "hydrostatic": "hydrostatic part", "pressure": "pressure", "vonmises": "von Mises", "max_shear": "maximum shear",
-    "principal1": "first principal value", "principal2": "second principal value", "principal3": "third principal value", "magnitude": "magnitude",
-}  # fmt: skip
+    "hydrostatic": "hydrostatic part",
+    "pressure": "pressure",
+    "vonmises": "von Mises",
+    "max_shear": "maximum shear",
+    "principal1": "first principal value",
+    "principal2": "second principal value",
+    "principal3": "third principal value",
+    "magnitude": "magnitude",
+}

@@ -82,7 +82,8 @@ def kernel_title(ds, unit=unit_text) -> str:
 
 
 def colours(name, comp, values, limits, robust, floor=0.0):
-    """Colour map and limits for one panel; a signed map never reaches less far than `floor`, so that rounding does not look like a field."""
+    """Colour map and limits for one panel; a signed map never reaches less far than `floor`, so that rounding does not
+    look like a field."""
     import matplotlib as mpl
 
     finite = values[np.isfinite(values)]

@@ -1,4 +1,5 @@
-"""Where the points of a field are, in two and three dimensions: what pictures and comparisons need to know of an output's geometry."""
+"""Where the points of a field are, in two and three dimensions: what pictures and comparisons need to know of an
+output's geometry."""
 
 from __future__ import annotations
 
@@ -9,9 +10,16 @@ import numpy as np
 from ..errors import AtcError
 
 _TEX = {
-    "angstrom": "Å", "sigma": "$\\sigma$", "K": "K", "epsilon/kB": "$\\epsilon/k_B$", "epsilon/sigma^3": "$\\epsilon/\\sigma^3$", "m/sigma^3": "$m/\\sigma^3$",
-    "1": "", "sigma/tau": "$\\sigma/\\tau$", "1/sigma^3": "$1/\\sigma^3$",
-}  # fmt: skip
+    "angstrom": "Å",
+    "sigma": "$\\sigma$",
+    "K": "K",
+    "epsilon/kB": "$\\epsilon/k_B$",
+    "epsilon/sigma^3": "$\\epsilon/\\sigma^3$",
+    "m/sigma^3": "$m/\\sigma^3$",
+    "1": "",
+    "sigma/tau": "$\\sigma/\\tau$",
+    "1/sigma^3": "$1/\\sigma^3$",
+}
 
 #: How the name of a field's standard error ends.
 STDERR = "_stderr"
@@ -92,7 +100,8 @@ class Layout:
         return out
 
     def flat(self):
-        """The points in two dimensions: for a plane the (n+1, m+1, 2) corners of its tiles, else (n, 2) points; labels, basis (3, 3) and origin."""
+        """The points in two dimensions: for a plane the (n+1, m+1, 2) corners of its tiles, else (n, 2) points; labels,
+        basis (3, 3) and origin."""
         x = self.x_gc.reshape(-1, 3)
         unit = f" ({unit_text(self.unit)})" if unit_text(self.unit) else ""
         if self.kind != "plane":
@@ -142,8 +151,8 @@ class Layout:
 def cut(place, text=None, axis=None, index=None):
     """A plane of a volume: its layout, the selection that gives it, and what to call it.
 
-    `text` is ``"z=0.5"`` (fraction of the axis) or ``"z=12.5A"`` (distance along it); or `axis` and `index`. Default: the middle of the axis
-    with the fewest points.
+    `text` is ``"z=0.5"`` (fraction of the axis) or ``"z=12.5A"`` (distance along it); or `axis` and `index`. Default:
+    the middle of the axis with the fewest points.
     """
     if text is not None:
         if axis is not None or index is not None:
@@ -177,7 +186,8 @@ def cut(place, text=None, axis=None, index=None):
             i = _index_at(where.strip(), s, n)
         except ValueError:
             raise AtcError(
-                f"slice {text!r}: expected a fraction between 0 and 1 (z=0.5), or a length with an A behind it (z=12.5A)"
+                f"slice {text!r}: expected a fraction between 0 and 1 (z=0.5), or a length with an A behind it "
+                "(z=12.5A)"
             ) from None
     plane = place.cut(k, i)
     x = plane.x_gc.reshape(-1, 3)
@@ -205,8 +215,8 @@ def placed(ds, da) -> bool:
 
 
 def _positions(ds, da):
-    """(*shape, 3) positions of the points of a field's grid, or None if the output does not hold them. Points that move are where they are in the
-    frame of `da`; where it has none (a mean) they are where the first frame has them."""
+    """(*shape, 3) positions of the points of a field's grid, or None if the output does not hold them. Points that move
+    are where they are in the frame of `da`; where it has none (a mean) they are where the first frame has them."""
     dims = grid_dims(da)
     shape = tuple(ds.sizes[d] for d in dims)
     names = [f"position_{c}" for c in "xyz"]

@@ -1,4 +1,5 @@
-"""Pictures of peridynamic bodies: every node a square of its size, where it is now, seen along the axis in which the body is thinnest."""
+"""Pictures of peridynamic bodies: every node a square of its size, where it is now, seen along the axis in which the
+body is thinnest."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ def plot_nodes(ds, quantity=None, *, component=None, slice=None, axis=None, fram
     ds : output of ``atc pd``
     quantity : damage (default), displacement, velocity, energy, force, stress; several separated by commas
     component : as for fields; default the magnitude of vectors and the von Mises stress
-    slice : ``"z=0.5"`` (fraction of the body's extent) or ``"z=0.001m"``: only the layer of nodes there, seen along that axis
+    slice : ``"z=0.5"`` (fraction of the body's extent) or ``"z=0.001m"``: only the layer of nodes there, seen along
+        that axis
     axis : the axis along which one looks, from its positive end; default the thinnest
     frame : number of the output, -1 the last
 

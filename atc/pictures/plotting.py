@@ -1,7 +1,8 @@
 """Pictures of fields: slices and planes as maps, slabs and lines as profiles, points and atoms as scatter plots.
 
-Everything is drawn in the units of the dataset and at its true positions (triclinic grids too). Signed components get a diverging map
-that is symmetric about zero, quantities that cannot be negative a sequential one; where a field is undefined (vacuum) the map is grey.
+Everything is drawn in the units of the dataset and at its true positions (triclinic grids too). Signed components get a
+diverging map that is symmetric about zero, quantities that cannot be negative a sequential one; where a field is
+undefined (vacuum) the map is grey.
 """
 
 from __future__ import annotations
@@ -38,9 +39,11 @@ def plot(
     ----------
     ds : xarray.Dataset or path, an output of `atc.fields`
     quantity : name of a field, or several separated by commas; default the stress, else the first field
-    component : ``xx`` … ``zz``, ``hydrostatic``, ``pressure``, ``vonmises``, ``max_shear``, ``principal1``…``3``; ``x``, ``y``, ``z``,
+    component : ``xx`` … ``zz``, ``hydrostatic``, ``pressure``, ``vonmises``, ``max_shear``, ``principal1``…``3``;
+        ``x``, ``y``, ``z``,
         ``magnitude``; several separated by commas; default every component
-    slice : for a 3-D grid, ``"z=0.5"`` (fraction of the axis) or ``"z=12.5A"`` (distance along the axis, in the dataset's length unit)
+    slice : for a 3-D grid, ``"z=0.5"`` (fraction of the axis) or ``"z=12.5A"`` (distance along the axis, in the
+        dataset's length unit)
     axis, index : the same by index
     frame : index, or ``"mean"``
     limits : (lo, hi) of the colours; robust : limits at the 2nd and 98th percentile
@@ -105,7 +108,8 @@ def pick(ds, quantity):
             if name in names:
                 return name
         raise AtcError(
-            "this output holds no field on a grid (only box totals): there is nothing to draw; its numbers are in atc compare"
+            "this output holds no field on a grid (only box totals): there is nothing to draw; its numbers are in atc "
+            "compare"
         )
     if quantity.endswith(STDERR) and quantity.removesuffix(STDERR) in names and quantity in ds:
         return quantity
@@ -117,7 +121,8 @@ def pick(ds, quantity):
             else "is not in this output"
         )
         raise AtcError(
-            f"{quantity} {why}: {f'did you mean {near[0]!r}? ' if near else ''}it holds {', '.join(names) or 'no fields'}"
+            f"{quantity} {why}: {f'did you mean {near[0]!r}? ' if near else ''}it holds "
+            f"{', '.join(names) or 'no fields'}"
         )
     return quantity
 
@@ -217,7 +222,8 @@ def _profiles(Figure, ds, panels, place, title, limits, frame, dimension=3):
 
 
 def _stderr(ds, name, frame):
-    """The standard error that belongs to the entry drawn; None for a mean over several entries, whose error is not theirs."""
+    """The standard error that belongs to the entry drawn; None for a mean over several entries, whose error is not
+    theirs."""
     if name + STDERR not in ds:
         return None
     error = ds[name + STDERR]
@@ -254,7 +260,8 @@ def _atoms(scene, ds, frame):
     k = int(ds["frame"].values[0 if frame == "mean" else int(frame)])
     if k >= len(trajectory):
         raise AtcError(
-            f"--overlay {scene}: the picture shows frame {k} of the run, the scene selects only {len(trajectory)} frames"
+            f"--overlay {scene}: the picture shows frame {k} of the run, the scene selects only {len(trajectory)} "
+            "frames"
         )
     one = trajectory[k]
     return one.units.to_user("length", one.cell.wrap(one.positions)[0])

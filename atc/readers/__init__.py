@@ -9,7 +9,8 @@ from ..errors import AtcError
 
 # Suffixes of formats that MDAnalysis reads with its units; everything else that is not LAMMPS's goes to ASE.
 _MDANALYSIS = frozenset(
-    ".trr .xtc .dcd .nc .ncdf .netcdf .h5md .tng .gro .pdb .pdbqt .pqr .crd .inpcrd .rst7 .restrt .mdcrd .trj .trz .gsd .dms .txyz .arc .mol2 .coor .namdbin".split()
+    ".trr .xtc .dcd .nc .ncdf .netcdf .h5md .tng .gro .pdb .pdbqt .pqr .crd .inpcrd .rst7 .restrt .mdcrd .trj .trz "
+    ".gsd .dms .txyz .arc .mol2 .coor .namdbin".split()
 )
 _TOPOLOGIES = (".psf", ".top", ".itp", ".prmtop", ".parm7", ".tpr")
 _LAMMPS_NAMES = (".lammpstrj", ".dump", ".lammpsdump")
@@ -21,25 +22,29 @@ def read(source, topology=None, units=None, masses=None, dimension=None, atom_st
     Parameters
     ----------
     source
-        The path of a file of LAMMPS: dump (text, binary, yaml, netcdf, cfg, dcd, extxyz; plain, .gz, .bz2, .xz, .zst) or data file; of anything
-        ``ase.io.iread`` or MDAnalysis reads; a pattern (``dump.*``, in the order of the numbers in the names) or a list of paths, which are joined;
-        or ase.Atoms, a list of them, an MDAnalysis Universe or AtomGroup, a Frame, a list of Frames, a trajectory.
-        What a file is, is told from its content where it is LAMMPS's, from its name otherwise; what is no trajectory is told too.
+        The path of a file of LAMMPS: dump (text, binary, yaml, netcdf, cfg, dcd, extxyz; plain, .gz, .bz2, .xz, .zst)
+        or data file; of anything
+        ``ase.io.iread`` or MDAnalysis reads; a pattern (``dump.*``, in the order of the numbers in the names) or a list
+        of paths, which are joined; or ase.Atoms, a list of them, an MDAnalysis Universe or AtomGroup, a Frame, a list
+        of Frames, a trajectory. What a file is, is told from its content where it is LAMMPS's, from its name otherwise;
+        what is no trajectory is told too.
     topology
-        For LAMMPS: the path of a data file, which gives bonded terms, and masses, charges and types where the dump has none.
-        For MDAnalysis: the path of a topology, or a Universe.
+        For LAMMPS: the path of a data file, which gives bonded terms, and masses, charges and types where the dump has
+        none. For MDAnalysis: the path of a topology, or a Universe.
     units : str
-        A LAMMPS unit style (lj, real, metal, si, cgs, electron, micro, nano). Needed for LAMMPS files that do not say it; sources of ASE and
-        MDAnalysis have their own ("ase", "mdanalysis"). Extended XYZ is in ASE's units unless a style is given here, which all its numbers are then in.
-        A contradiction between the argument and the file is an error.
+        A LAMMPS unit style (lj, real, metal, si, cgs, electron, micro, nano). Needed for LAMMPS files that do not say
+        it; sources of ASE and MDAnalysis have their own ("ase", "mdanalysis"). Extended XYZ is in ASE's units unless a
+        style is given here, which all its numbers are then in. A contradiction between the argument and the file is an
+        error.
     masses
         ``{type or name: mass}`` or a list for types 1, 2, ..., in the trajectory's units; goes before all other masses.
     dimension : 2 or 3
-        2: a run in the plane z = const (LAMMPS's ``dimension 2``); fields are per area then, pressures forces per length. Not given: what the
-        potential says, else 3.
+        2: a run in the plane z = const (LAMMPS's ``dimension 2``); fields are per area then, pressures forces per
+        length. Not given: what the potential says, else 3.
     atom_style : str
-        The ``atom_style`` line of the LAMMPS run, e.g. "full" or "hybrid sphere molecular": what the columns of its data file (the source, or the
-        topology) are. Needed where the file does not say it behind ``Atoms`` and the number of columns leaves several possibilities.
+        The ``atom_style`` line of the LAMMPS run, e.g. "full" or "hybrid sphere molecular": what the columns of its
+        data file (the source, or the topology) are. Needed where the file does not say it behind ``Atoms`` and the
+        number of columns leaves several possibilities.
 
     Returns
     -------
@@ -109,7 +114,8 @@ def _read(source, topology, units, masses, atom_style):
             raise AtcError("ase.Atoms have no bonded terms: the topology argument is for LAMMPS and MDAnalysis sources")
         return AtomsList(items, units, masses)
     raise AtcError(
-        f"cannot read a trajectory from {type(source).__name__}{' (empty)' if items == [] else ''}: expected a path, ase.Atoms, an MDAnalysis Universe, a Frame, or a list of Atoms or Frames"
+        f"cannot read a trajectory from {type(source).__name__}{' (empty)' if items == [] else ''}: expected a path, "
+        "ase.Atoms, an MDAnalysis Universe, a Frame, or a list of Atoms or Frames"
     )
 
 
@@ -125,7 +131,8 @@ def _path(path: Path, topology, units, masses, atom_style=None):
 
     if path.suffix == ".zarr" and path.is_dir():
         raise AtcError(
-            f"{path} is an output of atc or another Zarr store, not a trajectory: atc info, atc plot and atc compare read outputs"
+            f"{path} is an output of atc or another Zarr store, not a trajectory: atc info, atc plot and atc compare "
+            "read outputs"
         )
     require_file(path)
     reader = open_bytes(path)
@@ -174,7 +181,8 @@ def _path(path: Path, topology, units, masses, atom_style=None):
     last = next((s for s in reversed(suffixes) if s not in (".gz", ".bz2", ".xz", ".zst")), "")
     if any(s in _LAMMPS_NAMES for s in suffixes) or ".bin" in suffixes[-2:]:
         raise AtcError(
-            f"{path}: not a LAMMPS dump: a text dump starts with 'ITEM:', a binary one with its magic string, this with {shown(head)}"
+            f"{path}: not a LAMMPS dump: a text dump starts with 'ITEM:', a binary one with its magic string, this "
+            f"with {shown(head)}"
         )
     if last in _TOPOLOGIES:
         raise AtcError(f"{path} holds a topology but no positions: give the trajectory's path, and this as topology=")
@@ -191,7 +199,8 @@ def _path(path: Path, topology, units, masses, atom_style=None):
         raise AtcError(f"{path} is {what}")
     if topology is not None:
         raise AtcError(
-            f"{path}: a topology goes with LAMMPS dumps and the formats of MDAnalysis ({' '.join(sorted(_MDANALYSIS))}); this is read by ASE"
+            f"{path}: a topology goes with LAMMPS dumps and the formats of MDAnalysis "
+            f"({' '.join(sorted(_MDANALYSIS))}); this is read by ASE"
         )
     from .ase import open_ase
 

@@ -17,12 +17,14 @@ from ..errors import AtcError
 _CHUNK = 1 << 18
 _APART = 1 << 24  # decompressed bytes between two points from which a .gz can be resumed (about 40 kB of state each)
 _PIECE = 1 << 22  # at most so many bytes come out of the decompressor at once, whatever went in
-# Numbers of a dump shrink to a third; coordinates that repeat, to a thirtieth. A file that swells 300-fold beyond this many bytes is none.
+# Numbers of a dump shrink to a third; coordinates that repeat, to a thirtieth. A file that swells 300-fold beyond this
+# many bytes is none.
 _BOMB, _SWELL = 1 << 28, 300
 
 
 class PlainBytes:
-    """`read(start, stop)` of an uncompressed file, as a uint8 array. Copies: a file that shrinks under a memory map kills the process."""
+    """`read(start, stop)` of an uncompressed file, as a uint8 array. Copies: a file that shrinks under a memory map
+    kills the process."""
 
     def __init__(self, path):
         self.path = Path(path)
@@ -66,9 +68,11 @@ class PlainBytes:
 
 
 class StreamBytes:
-    """The same for a compressed file: decompressed as far as needed, with a window that never drops what lies behind `hold`.
+    """The same for a compressed file: decompressed as far as needed, with a window that never drops what lies behind
+    `hold`.
 
-    A .gz can be resumed at points it passed every 16 MB, so going back costs one such stretch; a .bz2 or .xz starts again.
+    A .gz can be resumed at points it passed every 16 MB, so going back costs one such stretch; a .bz2 or .xz starts
+    again.
     """
 
     def __init__(self, path, kind: str):
@@ -125,14 +129,17 @@ class StreamBytes:
                 self._d = self._decoder()
         except Exception:  # zlib.error, OSError, EOFError, lzma.LZMAError: each library has its own
             raise AtcError(
-                f"{self.path}: the compressed data are damaged behind byte {at} of the text; decompress the file to see what is left"
+                f"{self.path}: the compressed data are damaged behind byte {at} of the text; decompress the file to "
+                "see what is left"
             ) from None
         end = self._begin + len(self._window)
         if end > _BOMB and end > _SWELL * self._raw:
             raise AtcError(
-                f"{self.path}: {self._raw} compressed bytes swell to more than {end}: no trajectory shrinks like that; decompress the file and look at it"
+                f"{self.path}: {self._raw} compressed bytes swell to more than {end}: no trajectory shrinks like "
+                "that; decompress the file and look at it"
             )
-        # A mark is a point of the file from which a copy of the decompressor goes on: only where nothing waits to be decompressed.
+        # A mark is a point of the file from which a copy of the decompressor goes on: only where nothing waits to be
+        # decompressed.
         if self.kind == "gz" and not self._rest and end - (self._marks[-1][0] if self._marks else 0) >= _APART:
             self._marks.append((end, self._raw, self._d.copy()))
 
@@ -169,7 +176,8 @@ _MAGIC = ((b"\x1f\x8b", "gz"), (b"BZh", "bz2"), (b"\xfd7zXZ\x00", "xz"), (b"\x28
 
 
 def require_file(path) -> Path:
-    """`path`, if it can be opened and read again and again: a regular file. Anything else is an AtcError; nothing is waited for."""
+    """`path`, if it can be opened and read again and again: a regular file. Anything else is an AtcError; nothing is
+    waited for."""
     path = Path(path)
     try:
         mode = path.stat().st_mode
@@ -189,7 +197,8 @@ def require_file(path) -> Path:
 
 
 def open_bytes(path) -> PlainBytes | StreamBytes:
-    """The bytes of `path`, decompressed if its first bytes (not its name) say so: gzip, bzip2, xz, or zstd where Python can."""
+    """The bytes of `path`, decompressed if its first bytes (not its name) say so: gzip, bzip2, xz, or zstd where Python
+    can."""
     path = require_file(path)
     try:
         with open(path, "rb") as f:
@@ -210,5 +219,6 @@ def _zstd(path):
         with contextlib.suppress(ImportError):
             return importlib.import_module(name)
     raise AtcError(
-        f"{path}: reading zstd-compressed files needs Python 3.14 or the package backports.zstd; install it, or decompress first (zstd -d)"
+        f"{path}: reading zstd-compressed files needs Python 3.14 or the package backports.zstd; install it, or "
+        "decompress first (zstd -d)"
     )

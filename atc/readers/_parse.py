@@ -1,9 +1,10 @@
 """Numba kernels that turn bytes of text into columns of numbers, and put atoms in order.
 
-Numbers are correctly rounded: what comes out is what Python's ``float()`` gives. Short ones (mantissa below 2^53 and a power of ten
-up to 10^22, both exact doubles) need one multiplication or division (Clinger 1990). Longer ones, up to 19 digits, go through the 128-bit
-product of Eisel and Lemire (D. Lemire, Number parsing at a gigabyte per second, 2021), which knows when it cannot decide; those, and
-anything unusual ("nan", 20 digits, 1e400), are handed back as positions in the text for Python's ``float()``.
+Numbers are correctly rounded: what comes out is what Python's ``float()`` gives. Short ones (mantissa below 2^53 and a
+power of ten up to 10^22, both exact doubles) need one multiplication or division (Clinger 1990). Longer ones, up to 19
+digits, go through the 128-bit product of Eisel and Lemire (D. Lemire, Number parsing at a gigabyte per second, 2021),
+which knows when it cannot decide; those, and anything unusual ("nan", 20 digits, 1e400), are handed back as positions
+in the text for Python's ``float()``.
 """
 
 from __future__ import annotations
@@ -157,12 +158,13 @@ def _number(buf, p):
 def parse_table(buf, pos, kind_k, slot_k, row, n_row, floats, ints, texts, hard):
     """Parse lines `row`..`n_row` of a table of white-space separated columns that starts at byte `pos`.
 
-    `buf` must hold `n_row` complete lines (each with its line end). Column k is a `kind_k[k]` (FLOAT, INT, TEXT) and goes to
-    ``floats[row, slot]`` or ``ints[row, slot]``, or its byte range to ``texts[row, slot]``. Tokens that Python has to convert are listed in
-    `hard` as (row, column, begin, end). Blank lines are not skipped.
+    `buf` must hold `n_row` complete lines (each with its line end). Column k is a `kind_k[k]` (FLOAT, INT, TEXT) and
+    goes to
+    ``floats[row, slot]`` or ``ints[row, slot]``, or its byte range to ``texts[row, slot]``. Tokens that Python has to
+    convert are listed in `hard` as (row, column, begin, end). Blank lines are not skipped.
 
-    Returns (status, row, pos, number of hard ones): DONE; FULL, resume at `row`, `pos` after emptying `hard`; SHORT or LONG, line `row` has
-    the wrong number of columns.
+    Returns (status, row, pos, number of hard ones): DONE; FULL, resume at `row`, `pos` after emptying `hard`; SHORT or
+    LONG, line `row` has the wrong number of columns.
     """
     n_col = len(kind_k)
     n_hard = 0
@@ -247,7 +249,8 @@ def skip_lines(buf, n):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def sorting(ids, order):
-    """Fill `order` so that ids[order] ascends. Returns (state, row): 0 sorted already, 1 order filled, 2 `row` repeats an id, 3 too spread."""
+    """Fill `order` so that ids[order] ascends. Returns (state, row): 0 sorted already, 1 order filled, 2 `row` repeats
+    an id, 3 too spread."""
     n = len(ids)
     lo = hi = ids[0]
     ascending = True

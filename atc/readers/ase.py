@@ -15,7 +15,8 @@ from .xyz import ExtendedXyz
 
 
 class _AseTrajectory(Trajectory):
-    """What all ASE sources share: from Atoms to a Frame. Types count the species from 1 in order of first appearance."""
+    """What all ASE sources share: from Atoms to a Frame. Types count the species from 1 in order of first
+    appearance."""
 
     def __init__(self, source, units, masses):
         super().__init__()
@@ -23,7 +24,8 @@ class _AseTrajectory(Trajectory):
         self.units = unit_system("ase")
         if units is not None and unit_system(units).name != "ase":
             raise AtcError(
-                f"{source}: ASE's units are eV, Å, amu ('ase'), but the units argument says {unit_system(units).name!r}: leave it out"
+                f"{source}: ASE's units are eV, Å, amu ('ase'), but the units argument says "
+                f"{unit_system(units).name!r}: leave it out"
             )
         self._masses = None if masses is None else Masses(masses, self.units)
 
@@ -47,8 +49,8 @@ class _AseTrajectory(Trajectory):
         masses = self._masses(types, names, where) if self._masses is not None else atoms.get_masses()
         velocities = forces = None
         if atoms.has("momenta"):
-            # With the Atoms' own masses: momenta are p = m v of the run that wrote them. ("velocities" in atoms.arrays is not ASE's
-            # own name and its units are unknown: it stays in extra.)
+            # With the Atoms' own masses: momenta are p = m v of the run that wrote them. ("velocities" in atoms.arrays
+            # is not ASE's own name and its units are unknown: it stays in extra.)
             velocities = atoms.get_momenta() / atoms.get_masses()[:, None]
         if atoms.calc is not None and "forces" in getattr(atoms.calc, "results", {}):
             # Only what is stored and belongs to these positions: nothing is calculated.
@@ -57,9 +59,18 @@ class _AseTrajectory(Trajectory):
         own = {"numbers", "positions", "momenta", "masses", "initial_charges"}
         extra = {name: np.asarray(a) for name, a in atoms.arrays.items() if name not in own}
         return Frame(
-            positions=atoms.get_positions(), cell=cell, units=self.units, types=types, masses=masses, velocities=velocities, forces=forces,
-            charges=charges, source=where, type_names=names, extra=extra,
-        )  # fmt: skip
+            positions=atoms.get_positions(),
+            cell=cell,
+            units=self.units,
+            types=types,
+            masses=masses,
+            velocities=velocities,
+            forces=forces,
+            charges=charges,
+            source=where,
+            type_names=names,
+            extra=extra,
+        )
 
 
 class AtomsList(_AseTrajectory):
@@ -94,7 +105,8 @@ class _FromFile(_AseTrajectory):
 
     def _fail(self, k):
         return AtcError(
-            f"{self.source} frame {k}: cannot be read as a file of {self._form}, which ASE takes it for: damaged, cut off, or something else"
+            f"{self.source} frame {k}: cannot be read as a file of {self._form}, which ASE takes it for: damaged, cut "
+            "off, or something else"
         )
 
     _form = "ASE's own format (.traj)"
@@ -210,7 +222,8 @@ class AseFile(_FromFile):
 
 
 def open_ase(path, units=None, masses=None):
-    """The reader for a file of one of ASE's formats. A LAMMPS dump is never given to ASE, which would guess its units."""
+    """The reader for a file of one of ASE's formats. A LAMMPS dump is never given to ASE, which would guess its
+    units."""
     need_ase(path)
     from ase.io.formats import UnknownFileTypeError, filetype, ioformats
 
@@ -224,11 +237,13 @@ def open_ase(path, units=None, masses=None):
         form = None
     if form not in ioformats:
         raise AtcError(
-            f"{path}: neither LAMMPS, nor a format that MDAnalysis or ASE knows; give a dump, a data file, .extxyz, .traj, .trr, ..."
+            f"{path}: neither LAMMPS, nor a format that MDAnalysis or ASE knows; give a dump, a data file, .extxyz, "
+            ".traj, .trr, ..."
         )
     if form.startswith("lammps"):
         raise AtcError(
-            f"{path}: looks like a LAMMPS file ({form}) but is not one that atc reads: a text dump starts with 'ITEM:', a data file names '<n> atoms' and its box"
+            f"{path}: looks like a LAMMPS file ({form}) but is not one that atc reads: a text dump starts with "
+            "'ITEM:', a data file names '<n> atoms' and its box"
         )
     if form == "traj":
         return AseTrajFile(path, units, masses)

@@ -13,12 +13,14 @@ from ..errors import AtcError
 from ..frame import Frame
 from .trajectory import Trajectory, warn
 
-# Files kept open: a run in a few parts is never opened twice, and a thousand snapshots do not use up the system's file handles.
+# Files kept open: a run in a few parts is never opened twice, and a thousand snapshots do not use up the system's file
+# handles.
 _OPEN = 16
 
 
 def matching(pattern) -> list[Path] | None:
-    """The files of a pattern (``dump.*``), numbers in their names in numerical order; None if it is no pattern, or itself the name of a file."""
+    """The files of a pattern (``dump.*``), numbers in their names in numerical order; None if it is no pattern, or
+    itself the name of a file."""
     text = str(pattern)
     try:
         if not has_magic(text) or Path(text).exists():
@@ -45,8 +47,8 @@ class Chain(Trajectory):
 
     Notes
     -----
-    Files are opened when they are needed. Where a file begins at a step that the one before it has reached already (a run that was continued writes
-    the step it starts from again), a warning says so: those frames are there twice.
+    Files are opened when they are needed. Where a file begins at a step that the one before it has reached already (a
+    run that was continued writes the step it starts from again), a warning says so: those frames are there twice.
     """
 
     def __init__(self, paths, topology=None, units=None, masses=None, atom_style=None):
@@ -84,10 +86,11 @@ class Chain(Trajectory):
             )
             if p and part.units.name != self.units.name:
                 raise AtcError(
-                    f"{part.source} is in {part.units.name!r} units, {self.paths[0]} in {self.units.name!r}: read them one by one"
+                    f"{part.source} is in {part.units.name!r} units, {self.paths[0]} in {self.units.name!r}: read "
+                    "them one by one"
                 )
-            # Where types come from names, all files share them, numbered in order of first appearance in the whole trajectory, whichever frames are
-            # asked for first. One lock, since files ask each other.
+            # Where types come from names, all files share them, numbered in order of first appearance in the whole
+            # trajectory, whichever frames are asked for first. One lock, since files ask each other.
             self._agree(part)
             part._names, part._guard, part._names_seen = self._names, self._guard, self._seen.get(p, 0)
             part._earlier = partial(self._learn_before, p)
@@ -114,7 +117,8 @@ class Chain(Trajectory):
             for there, known in self._declared.items():
                 if (t == there) != (name == known):
                     raise AtcError(
-                        f"{part.source}: type {t} is {name!r}, but in files before it type {there} is {known!r}: give the files to atc.read one by one"
+                        f"{part.source}: type {t} is {name!r}, but in files before it type {there} is {known!r}: give "
+                        "the files to atc.read one by one"
                     )
         self._declared.update(part.type_names)
 
@@ -134,7 +138,8 @@ class Chain(Trajectory):
         end, begin = self._part(p - 1)[-1].step, self._part(p)[0].step
         if end is not None and begin is not None and begin <= end and self._starts[p] - self._starts[p - 1] > 1:
             warn(
-                f"{self.paths[p]} begins at step {begin}, {self.paths[p - 1]} ends at step {end}: frames that are in both are there twice, "
+                f"{self.paths[p]} begins at step {begin}, {self.paths[p - 1]} ends at step {end}: frames that are in "
+                "both are there twice, "
                 "and count twice in an average"
             )
 

@@ -1,4 +1,5 @@
-"""LAMMPS's atom styles: the columns of the Atoms and Velocities sections of data files, by name or as far as they can be told from the file."""
+"""LAMMPS's atom styles: the columns of the Atoms and Velocities sections of data files, by name or as far as they can
+be told from the file."""
 
 from __future__ import annotations
 
@@ -7,8 +8,8 @@ import re
 
 from ..errors import AtcError
 
-# Columns of the Atoms section (LAMMPS manual, read_data; template, dielectric, rheo and amoeba as LAMMPS 22 Jul 2025 writes and reads them).
-# Three image flags may follow. tdpd has as many concentrations behind z as its argument says.
+# Columns of the Atoms section (LAMMPS manual, read_data; template, dielectric, rheo and amoeba as LAMMPS 22 Jul 2025
+# writes and reads them). Three image flags may follow. tdpd has as many concentrations behind z as its argument says.
 ATOM_STYLES = {
     "amoeba": "id mol type q x y z",
     "angle": "id mol type x y z",
@@ -45,14 +46,27 @@ ATOM_STYLES = {
 _RENAMED = {"granular": "sphere", "meso": "sph"}
 # Behind id vx vy vz in section Velocities, in LAMMPS's units of each.
 _VELOCITIES = {
-    "body": "lx ly lz", "bpm/sphere": "wx wy wz", "electron": "ervel", "ellipsoid": "lx ly lz", "line": "wx wy wz", "sphere": "wx wy wz",
-    "tri": "wx wy wz lx ly lz", "wavepacket": "ervel",
-}  # fmt: skip
+    "body": "lx ly lz",
+    "bpm/sphere": "wx wy wz",
+    "electron": "ervel",
+    "ellipsoid": "lx ly lz",
+    "line": "wx wy wz",
+    "sphere": "wx wy wz",
+    "tri": "wx wy wz lx ly lz",
+    "wavepacket": "ervel",
+}
 # Columns that are one property of LAMMPS's: in a hybrid style only the first sub-style that has it prints it.
 _PROPERTY = {
-    "density": "rmass", "mass": "rmass", "diameter": "radius", "cradius": "radius", "normx": "mux", "normy": "muy", "normz": "muz",
-    "wx": "omegax", "lx": "angmomx",
-}  # fmt: skip
+    "density": "rmass",
+    "mass": "rmass",
+    "diameter": "radius",
+    "cradius": "radius",
+    "normx": "mux",
+    "normy": "muy",
+    "normz": "muz",
+    "wx": "omegax",
+    "lx": "angmomx",
+}
 #: Styles that give an atom its mass by a volume of its own. Each multiplies the density by its volume.
 SHAPED = frozenset(("bpm/sphere", "ellipsoid", "line", "sphere", "tri"))
 
@@ -60,7 +74,8 @@ _USUAL = ("atomic", "charge", "molecular", "full")  # what a style is called of 
 _BEHIND = "id type x y z".split()
 _USED = frozenset("id mol type q mass x y z ix iy iz diameter density template_index template_atom".split())
 _NOT_NEGATIVE = frozenset(
-    "theta rho diameter density mass volume eradius edpd_temp edpd_cv esph cv area epsilon kradius cradius template_index template_atom".split()
+    "theta rho diameter density mass volume eradius edpd_temp edpd_cv esph cv area epsilon kradius cradius "
+    "template_index template_atom".split()
 )
 WHOLE = frozenset(
     "id mol ix iy iz bodyflag ellipsoidflag lineflag triangleflag template_index template_atom status espin etag".split()
@@ -78,7 +93,8 @@ class AtomStyle:
 
     Attributes
     ----------
-    name : the words, cleaned. parts : names of the sub-styles, of the style itself if it is not hybrid; () for a hybrid that does not name them
+    name : the words, cleaned. parts : names of the sub-styles, of the style itself if it is not hybrid; () for a hybrid
+        that does not name them
     species : concentrations of tdpd, None if not said
 
     Raises
@@ -123,7 +139,8 @@ class AtomStyle:
         return n
 
     def columns(self, width: int | None = None) -> list[str]:
-        """Names of the columns of section Atoms, without image flags. `width`: of the file's lines, for a tdpd that does not say its species."""
+        """Names of the columns of section Atoms, without image flags. `width`: of the file's lines, for a tdpd that
+        does not say its species."""
         if not self.hybrid:
             columns = ATOM_STYLES[self.parts[0]].split()
             return (
@@ -189,7 +206,8 @@ def style_of_comment(comment: str) -> AtomStyle | None:
 
 
 def inferred_style(rows, bonded: bool, where: str) -> AtomStyle:
-    """The style of a section whose name has no comment, from its first lines (lists of words), if that leaves one possibility.
+    """The style of a section whose name has no comment, from its first lines (lists of words), if that leaves one
+    possibility.
 
     `bonded`: the file has bonded terms, so that its atoms have molecules.
 
@@ -224,7 +242,8 @@ def inferred_style(rows, bonded: bool, where: str) -> AtomStyle:
 
 
 def _fits(column: str, word: str) -> bool:
-    """Whether a word can stand in a column: integers where integers belong, nothing negative where that has no meaning."""
+    """Whether a word can stand in a column: integers where integers belong, nothing negative where that has no
+    meaning."""
     if column == "type":
         return not re.fullmatch(r"[-+]?(\d+\.\d*|\.\d+|0|-\d+|\d*\.?\d+[eE].*)", word)
     if column in WHOLE:

@@ -1,9 +1,11 @@
-"""LAMMPS binary dumps (a file name ending in ``.bin``): doubles, no rounding in the text, an order of magnitude faster to read.
+"""LAMMPS binary dumps (a file name ending in ``.bin``): doubles, no rounding in the text, an order of magnitude faster
+to read.
 
-Layout (``DumpCustom::header_binary`` of LAMMPS; native byte order, told by a marker). Since 2020 a frame begins with −len(magic), the magic
-string (``DUMPATOM`` or ``DUMPCUSTOM``), the byte-order marker 1 and a revision; revision 2 stores units, time and column names. Then, as ever:
-step, number of atoms (int64), triclinic flag, 6 boundary codes (int32; 0 periodic), bounds (doubles), columns an atom, chunks; each
-chunk is a number of doubles (int32) and the doubles.
+Layout (``DumpCustom::header_binary`` of LAMMPS; native byte order, told by a marker). Since 2020 a frame begins with
+−len(magic), the magic string (``DUMPATOM`` or ``DUMPCUSTOM``), the byte-order marker 1 and a revision; revision 2
+stores units, time and column names. Then, as ever: step, number of atoms (int64), triclinic flag, 6 boundary codes
+(int32; 0 periodic), bounds (doubles), columns an atom, chunks; each chunk is a number of doubles (int32) and the
+doubles.
 """
 
 from __future__ import annotations
@@ -23,7 +25,8 @@ _MAGICS = (b"DUMPATOM", b"DUMPCUSTOM")
 
 
 def looks_binary(head: bytes, named_bin: bool) -> bool:
-    """Whether a file begins like a binary dump: by its magic string, or, for the old format that has none, by a sane header in a file called .bin."""
+    """Whether a file begins like a binary dump: by its magic string, or, for the old format that has none, by a sane
+    header in a file called .bin."""
     if head[8:16] == _MAGICS[0] or head[8:18] == _MAGICS[1]:
         return True
     if not named_bin or len(head) < 100:
@@ -80,8 +83,9 @@ class _Cursor:
 class LammpsBinaryDump(LammpsTrajectory):
     """Frames of a LAMMPS binary dump, ``dump atom`` or ``dump custom``, plain or compressed.
 
-    Parameters and choices as for `atc.readers.lammps_dump.LammpsDump`. Files written before the column names were stored are read where the
-    numbers leave no doubt that the columns are ``id type xs ys zs [ix iy iz]`` or ``id type x y z [ix iy iz]``; others are an error.
+    Parameters and choices as for `atc.readers.lammps_dump.LammpsDump`. Files written before the column names were
+    stored are read where the numbers leave no doubt that the columns are ``id type xs ys zs [ix iy iz]`` or ``id type x
+    y z [ix iy iz]``; others are an error.
     """
 
     def __init__(self, path, topology=None, units=None, masses=None):
@@ -114,7 +118,8 @@ class LammpsBinaryDump(LammpsTrajectory):
             magic = c.take(-marker)
             if magic not in _MAGICS:
                 raise AtcError(
-                    f"{where}: expected the magic string DUMPATOM or DUMPCUSTOM, got {magic[:20]!r}; the file is damaged, or a dump of something else than atoms"
+                    f"{where}: expected the magic string DUMPATOM or DUMPCUSTOM, got {magic[:20]!r}; the file is "
+                    "damaged, or a dump of something else than atoms"
                 )
             (order,) = c.unpack(endian, "i")
             if order != 1:
@@ -126,7 +131,8 @@ class LammpsBinaryDump(LammpsTrajectory):
         n, triclinic, *boundary = c.unpack(endian, "qi6i")
         if n < 0 or triclinic not in (0, 1, 2) or not all(0 <= b <= 3 for b in boundary):
             raise AtcError(
-                f"{where}: {n} atoms, triclinic flag {triclinic}, boundaries {boundary}: not the header of a frame; the file is damaged"
+                f"{where}: {n} atoms, triclinic flag {triclinic}, boundaries {boundary}: not the header of a frame; "
+                "the file is damaged"
             )
         box = c.unpack(endian, f"{(6, 9, 12)[triclinic]}d")
         (width,) = c.unpack(endian, "i")
@@ -168,13 +174,15 @@ class LammpsBinaryDump(LammpsTrajectory):
                 (m,) = struct.unpack(h.endian + "i", raw)
                 if m < 0 or m % h.width:
                     raise AtcError(
-                        f"{self.source}, frame {k}, byte {at}: a chunk of {m} numbers in {h.width} columns; the file is damaged"
+                        f"{self.source}, frame {k}, byte {at}: a chunk of {m} numbers in {h.width} columns; the file "
+                        "is damaged"
                     )
                 at += 4 + 8 * m
                 total += m
             if total != h.n * h.width:
                 raise AtcError(
-                    f"{self.source}, frame {k}, byte {start}: {total // h.width} atoms are there but {h.n} are announced; the file is damaged"
+                    f"{self.source}, frame {k}, byte {start}: {total // h.width} atoms are there but {h.n} are "
+                    "announced; the file is damaged"
                 )
             if at > start and not len(self._bytes.read(at - 1, at)):
                 raise _Truncated
@@ -242,7 +250,8 @@ class LammpsBinaryDump(LammpsTrajectory):
                 bad = np.flatnonzero(~(whole == column))
                 if len(bad):
                     raise AtcError(
-                        f"{where}, atom {bad[0]} of the file: column {name!r} holds {column[bad[0]]}, expected an integer; the file is damaged"
+                        f"{where}, atom {bad[0]} of the file: column {name!r} holds {column[bad[0]]}, expected an "
+                        "integer; the file is damaged"
                     )
                 column = whole.astype(np.int64)
             columns[name] = column
@@ -254,7 +263,10 @@ class LammpsBinaryDump(LammpsTrajectory):
         """Names of the columns of a format that does not store them: only where one reading alone is possible."""
         if self._old_columns is None:
             tail = ("ix", "iy", "iz") if h.width == 8 else ()
-            problem = f"{self.source}: an old binary dump that does not name its columns, and it is not plainly one of 'dump atom'; convert it with LAMMPS's binary2txt and write the names behind 'ITEM: ATOMS'"
+            problem = (
+                f"{self.source}: an old binary dump that does not name its columns, and it is not plainly one of "
+                "'dump atom'; convert it with LAMMPS's binary2txt and write the names behind 'ITEM: ATOMS'"
+            )
             whole = table[:, [0, 1, *range(5, h.width)]]
             if (
                 h.width not in (5, 8)

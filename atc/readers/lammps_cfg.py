@@ -18,7 +18,8 @@ from .trajectory import text_resolution
 _EXPANDED = 10.0
 # LAMMPS's mass and element lines end with a blank; masses have six decimals. Other writers' do not.
 _LAMMPS = re.compile(
-    rb"\ANumber of particles = \d+\r?\nA = \S+ Angstrom \(basic length-scale\)\r?\nH0\(1,1\) = [^\n]* A\r?\n.*?^\.NO_VELOCITY\.\r?\nentry_count = \d+\r?\n"
+    rb"\ANumber of particles = \d+\r?\nA = \S+ Angstrom \(basic length-scale\)\r?\nH0\(1,1\) = [^\n]* "
+    rb"A\r?\n.*?^\.NO_VELOCITY\.\r?\nentry_count = \d+\r?\n"
     rb"(?:auxiliary\[\d+\] = [^\n]*\n)*(?:[-\d.]+\.\d{6} \r?\n\S+ \r?\n|\Z)",
     re.S | re.M,
 )
@@ -32,13 +33,15 @@ def looks_like_lammps_cfg(head: bytes) -> bool:
 class LammpsCfg(LammpsTrajectory):
     """The one frame of a CFG file of LAMMPS.
 
-    Parameters are those of `atc.readers.lammps_dump.LammpsDump`; `units` is needed: the file says "Angstrom" whatever the run's units are.
+    Parameters are those of `atc.readers.lammps_dump.LammpsDump`; `units` is needed: the file says "Angstrom" whatever
+    the run's units are.
 
     Notes
     -----
-    Reduced coordinates times the edge vectors H0. A file with unwrapped coordinates (``xsu ysu zsu``: "A = 10") has a box drawn ten times
-    as large about the centre; its true coordinates are (s − ½)·10 + ½. Auxiliary columns have the meaning of their names in a dump. The file knows neither step nor
-    time, nor the corner of the box or its boundaries: the corner is put at 0, 0, 0, all axes are taken as periodic (`assumed` says so).
+    Reduced coordinates times the edge vectors H0. A file with unwrapped coordinates (``xsu ysu zsu``: "A = 10") has a
+    box drawn ten times as large about the centre; its true coordinates are (s − ½)·10 + ½. Auxiliary columns have the
+    meaning of their names in a dump. The file knows neither step nor time, nor the corner of the box or its boundaries:
+    the corner is put at 0, 0, 0, all axes are taken as periodic (`assumed` says so).
     """
 
     assumed = ("a CFG file does not say which faces of its box are periodic: all are taken to be",)
@@ -99,12 +102,14 @@ class LammpsCfg(LammpsTrajectory):
             raise self._fail(
                 line, f"entry_count is {entries}, expected 3 coordinates and {len(names)} auxiliary columns"
             )
-        # The table: mass, element and numbers are three lines an atom. A file that ends within them is still being written.
+        # The table: mass, element and numbers are three lines an atom. A file that ends within them is still being
+        # written.
         body = text[at:]
         there = body.count(b"\n") // 3
         if self._n < 0 or there < self._n:
             raise AtcError(
-                f"{self.source} holds no complete frame: {there} of {self._n} atoms are there, each line with its line end"
+                f"{self.source} holds no complete frame: {there} of {self._n} atoms are there, each line with its "
+                "line end"
             )
         if not self._n:
             raise AtcError(f"{self.source} holds no atoms")
@@ -152,7 +157,8 @@ class LammpsCfg(LammpsTrajectory):
         if not (mass > 0).all():
             self._once(
                 "mass",
-                f"{self.source}: its six decimals leave nothing of the masses in these units; they are not used, give masses",
+                f"{self.source}: its six decimals leave nothing of the masses in these units; they are not used, give "
+                "masses",
             )
             del columns["mass"]
         if "type" not in columns and self._data is None:
@@ -169,7 +175,8 @@ class LammpsCfg(LammpsTrajectory):
             different = np.unique(mass[names == name])
             if len(different) > 1:
                 raise AtcError(
-                    f"{self.source}: atoms called {name!r} have masses {different[0]:g} and {different[1]:g}, so this name stands for several types; "
+                    f"{self.source}: atoms called {name!r} have masses {different[0]:g} and {different[1]:g}, so this "
+                    "name stands for several types; "
                     "dump type among the auxiliary columns, or name the types with dump_modify element"
                 )
 

@@ -94,7 +94,8 @@ def sort_order(ids, where: str, line_of):
             state, row = 2, int(order[same[0] + 1])
     if state == 2:
         raise AtcError(
-            f"{where}, {line_of(row)}: atom {ids[row]} is there twice; ids must be unique (was the file appended to, or joined?)"
+            f"{where}, {line_of(row)}: atom {ids[row]} is there twice; ids must be unique (was the file appended to, "
+            "or joined?)"
         )
     return order
 
@@ -132,19 +133,22 @@ class LammpsTrajectory(Trajectory):
             warn(message)
 
     def _require_atoms(self, count) -> None:
-        """A file that never holds an atom is none of atoms; a step without any among others is what the run wrote, and is said once."""
+        """A file that never holds an atom is none of atoms; a step without any among others is what the run wrote, and
+        is said once."""
         k = 0
         while self._has(k):
             if count(k):
                 if k:
                     self._once(
                         "none",
-                        f"{self.source}: its first {k} frames hold no atoms: the dump's group or threshold selected none",
+                        f"{self.source}: its first {k} frames hold no atoms: the dump's group or threshold selected "
+                        "none",
                     )
                 return
             k += 1
         raise AtcError(
-            f"{self.source}: none of its {k} frame{'s' * (k != 1)} holds an atom: the dump's group or threshold selected none"
+            f"{self.source}: none of its {k} frame{'s' * (k != 1)} holds an atom: the dump's group or threshold "
+            "selected none"
         )
 
     @property
@@ -168,7 +172,8 @@ class LammpsTrajectory(Trajectory):
         found = next((p for p in _POSITIONS if c.has(p[0])), None)
         if found is None:
             raise AtcError(
-                f"{where}: no positions among the columns ({' '.join(columns)}): expected x y z, xu yu zu, xs ys zs or xsu ysu zsu"
+                f"{where}: no positions among the columns ({' '.join(columns)}): expected x y z, xu yu zu, xs ys zs "
+                "or xsu ysu zsu"
             )
         names, by_cell, wrapped = found
         used.update(names)
@@ -213,10 +218,25 @@ class LammpsTrajectory(Trajectory):
             given["topology"] = self._data.source
         extra = {name: np.ascontiguousarray(c[name]) for name in columns if name not in used}
         return Frame(
-            positions=x, cell=cell, units=u, types=types, ids=ids, masses=masses, velocities=v, forces=f, charges=charges, images=images,
-            step=step, time=None if time is None else time * u.time, topology=topology, source=where, type_names=names, extra=extra, molecules=molecules,
+            positions=x,
+            cell=cell,
+            units=u,
+            types=types,
+            ids=ids,
+            masses=masses,
+            velocities=v,
+            forces=f,
+            charges=charges,
+            images=images,
+            step=step,
+            time=None if time is None else time * u.time,
+            topology=topology,
+            source=where,
+            type_names=names,
+            extra=extra,
+            molecules=molecules,
             given=given,
-        )  # fmt: skip
+        )
 
     def _atom_types(self, c, k, n, rows, ids, where):
         label = next((name for name in ("typelabel", "element") if name in c), None)
@@ -235,7 +255,8 @@ class LammpsTrajectory(Trajectory):
             return self._types_from_names(c[label], k), self.type_names
         if self._masses is not None and len(self._masses) > 1:
             raise AtcError(
-                f"{where}: {len(self._masses)} masses are given but there is no 'type' or 'element' column to tell the atoms apart; dump type too"
+                f"{where}: {len(self._masses)} masses are given but there is no 'type' or 'element' column to tell "
+                "the atoms apart; dump type too"
             )
         if self._masses is None and "mass" not in c:
             self._once("type", f"{self.source} {self._without_types}")

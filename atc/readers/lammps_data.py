@@ -18,14 +18,25 @@ from .trajectory import Masses, Trajectory, warn
 
 _BONDED = {"Bonds": 2, "Angles": 3, "Dihedrals": 4, "Impropers": 4}
 _KINDS = ("Atom", "Bond", "Angle", "Dihedral", "Improper")
-#: Sections of coefficients: whose types their lines begin with, and the words of class 2 that stand for the cross term in a coeff command.
+#: Sections of coefficients: whose types their lines begin with, and the words of class 2 that stand for the cross term
+#: in a coeff command.
 COEFFS = {
-    "Pair Coeffs": ("pair", ""), "PairIJ Coeffs": ("pairij", ""), "Bond Coeffs": ("bond", ""), "Angle Coeffs": ("angle", ""),
-    "Dihedral Coeffs": ("dihedral", ""), "Improper Coeffs": ("improper", ""), "BondBond Coeffs": ("angle", "bb"), "BondAngle Coeffs": ("angle", "ba"),
-    "UreyBradley Coeffs": ("angle", "ub"), "MiddleBondTorsion Coeffs": ("dihedral", "mbt"), "EndBondTorsion Coeffs": ("dihedral", "ebt"),
-    "AngleTorsion Coeffs": ("dihedral", "at"), "AngleAngleTorsion Coeffs": ("dihedral", "aat"), "BondBond13 Coeffs": ("dihedral", "bb13"),
+    "Pair Coeffs": ("pair", ""),
+    "PairIJ Coeffs": ("pairij", ""),
+    "Bond Coeffs": ("bond", ""),
+    "Angle Coeffs": ("angle", ""),
+    "Dihedral Coeffs": ("dihedral", ""),
+    "Improper Coeffs": ("improper", ""),
+    "BondBond Coeffs": ("angle", "bb"),
+    "BondAngle Coeffs": ("angle", "ba"),
+    "UreyBradley Coeffs": ("angle", "ub"),
+    "MiddleBondTorsion Coeffs": ("dihedral", "mbt"),
+    "EndBondTorsion Coeffs": ("dihedral", "ebt"),
+    "AngleTorsion Coeffs": ("dihedral", "at"),
+    "AngleAngleTorsion Coeffs": ("dihedral", "aat"),
+    "BondBond13 Coeffs": ("dihedral", "bb13"),
     "AngleAngle Coeffs": ("improper", "aa"),
-}  # fmt: skip
+}
 SECTIONS = frozenset(
     (
         "Atoms",
@@ -52,7 +63,8 @@ _SMALL, _LARGE = 1e-80, 1e80  # lengths whose third powers can still be computed
 
 
 def looks_like_data(head: bytes) -> bool:
-    """Whether the first bytes of a file are those of a data file: a count of atoms, or atom types, or box bounds in its header."""
+    """Whether the first bytes of a file are those of a data file: a count of atoms, or atom types, or box bounds in its
+    header."""
     lines = head.split(b"\n")[1:60]
     found = [re.match(rb"^\s*[-+\d.eE]+\s.*?(atoms|atom types|xlo xhi|avec)\s*(#.*)?\r?$", line) for line in lines]
     return sum(m is not None for m in found) >= 2
@@ -66,14 +78,17 @@ def header_line(line: str) -> bool:
 class LammpsData:
     """What a LAMMPS data file says, in the file's own order and units until `use_units`.
 
-    Attributes after `use_units` (internal units, atoms sorted by id): ``ids``, ``types``, ``positions``, ``images``, ``charges``, ``velocities``,
-    ``per_atom_mass`` (styles whose atoms have a mass of their own), ``masses`` {type: mass}, ``type_names`` {type: label}, ``cell``,
+    Attributes after `use_units` (internal units, atoms sorted by id): ``ids``, ``types``, ``positions``, ``images``,
+    ``charges``, ``velocities``,
+    ``per_atom_mass`` (styles whose atoms have a mass of their own), ``masses`` {type: mass}, ``type_names`` {type:
+    label}, ``cell``,
     ``bonded`` {section: (types (m,), ids (m, 2..4))}, ``extra``.
 
     Parameters
     ----------
     path : str or Path, plain or compressed
-    atom_style : the run's ``atom_style`` line, e.g. "hybrid sphere molecular". It goes before the comment behind ``Atoms``; without both, the style is
+    atom_style : the run's ``atom_style`` line, e.g. "hybrid sphere molecular". It goes before the comment behind
+        ``Atoms``; without both, the style is
         taken from the number of columns if that leaves one possibility.
     molecules : `LammpsMolecule`s of the run's molecule template, for the bonded terms of atom_style template
 
@@ -93,7 +108,8 @@ class LammpsData:
         if molecules is not None:
             self.use_molecules(molecules)
 
-    # Reading ------------------------------------------------------------------------------------------------------------------------
+    # Reading
+    # ------------------------------------------------------------------------------------------------------------------
 
     def _read_header(self):
         f = self._file
@@ -146,12 +162,14 @@ class LammpsData:
             self._restricted_box(bounds)
 
     def _settle_fix_headers(self, lines):
-        """Header lines that LAMMPS does not know: a fix reads them, with a section of as many lines; otherwise they are mistakes."""
+        """Header lines that LAMMPS does not know: a fix reads them, with a section of as many lines; otherwise they are
+        mistakes."""
         sizes = {len(self._file.section(name)) for name in self._file.others} if lines else set()
         for at, count, what in lines:
             if whole_of(count) not in sizes:
                 raise AtcError(
-                    f"{at}: {shortened(f'{count} {what}')!r} is no header line of LAMMPS, nor of a section of a fix that has so many lines"
+                    f"{at}: {shortened(f'{count} {what}')!r} is no header line of LAMMPS, nor of a section of a fix "
+                    "that has so many lines"
                 )
 
     def _restricted_box(self, bounds):
@@ -169,7 +187,8 @@ class LammpsData:
             raise AtcError(f"{self.source}: {what} enclose no volume")
 
     def _default_bounds(self, x_nc):
-        """The faces that the header leaves out are at -0.5 and 0.5, as for the z of a two-dimensional run, if the atoms agree."""
+        """The faces that the header leaves out are at -0.5 and 0.5, as for the z of a two-dimensional run, if the atoms
+        agree."""
         if self.box is not None:
             return
         missing = [a for a in "xyz" if a not in self._bounds]
@@ -205,7 +224,8 @@ class LammpsData:
         for name in f.others:
             if name != "CMAP":
                 warn(
-                    f"{self.source}: section {shortened(name)!r} is none of LAMMPS's own (a fix of the run reads it): what it says is not used here"
+                    f"{self.source}: section {shortened(name)!r} is none of LAMMPS's own (a fix of the run reads it): "
+                    "what it says is not used here"
                 )
         #: {name: lines as words} of sections that fixes read, such as CMAP
         self.of_fixes = {name: f.section(name) for name in f.others}
@@ -243,7 +263,8 @@ class LammpsData:
             mass = number_of(words[1])
             if mass is None or not _SMALL < mass < _LARGE:
                 raise AtcError(
-                    f"{s.where(k)}: the mass of {shortened(words[0])} is {shortened(words[1])!r}, expected a positive number"
+                    f"{s.where(k)}: the mass of {shortened(words[0])} is {shortened(words[1])!r}, expected a positive "
+                    "number"
                 )
             if t in self._mass_of_key:
                 raise AtcError(f"{s.where(k)}: type {t} is there twice in section Masses")
@@ -263,7 +284,8 @@ class LammpsData:
         if name not in f.places:
             if self.counts.get(name.lower()):
                 raise AtcError(
-                    f"{self.source}: the header announces {self.counts[name.lower()]} {name.lower()} but there is no section '{name}'"
+                    f"{self.source}: the header announces {self.counts[name.lower()]} {name.lower()} but there is no "
+                    f"section '{name}'"
                 )
             return
         columns = ["id", "type", *(f"atom{k}" for k in range(width))]
@@ -276,7 +298,8 @@ class LammpsData:
         if wrong.any():
             k = int(wrong.argmax())
             raise AtcError(
-                f"{s.where(k)}: {one} type {types[k]} in section {name}: types go from 1 to {'the header has none' if top is None else top}"
+                f"{s.where(k)}: {one} type {types[k]} in section {name}: types go from 1 to "
+                f"{'the header has none' if top is None else top}"
             )
         twice = (np.diff(np.sort(members, axis=1), axis=1) == 0).any(axis=1)
         if twice.any():
@@ -296,7 +319,8 @@ class LammpsData:
         columns = self._fitting(style, row, given, at)
         if given is not None and hint is not None and hint.parts and _same_columns(hint, given, row) is False:
             warn(
-                f"{at}: the comment behind Atoms says {hint.name!r}, but the run's atom style is {given.name!r}: read as the latter, as LAMMPS does"
+                f"{at}: the comment behind Atoms says {hint.name!r}, but the run's atom style is {given.name!r}: read "
+                "as the latter, as LAMMPS does"
             )
         self.style, self.atom_style = style, style.name
         a = s.table(columns, WHOLE, self.labels.get("Atom"))
@@ -323,7 +347,8 @@ class LammpsData:
         )
 
     def _without_shapes(self):
-        """Whether the lines of section Velocities show that no part of a hybrid has a mass of its own (those have angular velocities too)."""
+        """Whether the lines of section Velocities show that no part of a hybrid has a mass of its own (those have
+        angular velocities too)."""
         if "Velocities" not in self._file.places:
             return False
         rows = self._file.section("Velocities").rows(1)
@@ -347,25 +372,30 @@ class LammpsData:
         if width != len(columns):
             by = " (the atom_style given)" if given is not None else ""
             raise AtcError(
-                f"{at}: atom style {style.name!r}{by} has the columns {shortened(' '.join(columns), 200)} (and ix iy iz), the line has {width}; "
-                + ("correct the atom_style" if given is not None else ASK)
+                f"{at}: atom style {style.name!r}{by} has the columns {shortened(' '.join(columns), 200)} (and ix iy "
+                f"iz), the line has {width}; " + ("correct the atom_style" if given is not None else ASK)
             )
         return columns
 
     def _unnamed_hybrid(self, row):
-        """id type x y z, then what each sub-style adds that those before it have not. LAMMPS itself writes 'Atoms # hybrid' alone."""
+        """id type x y z, then what each sub-style adds that those before it have not. LAMMPS itself writes 'Atoms #
+        hybrid' alone."""
         n = 5 if row is None else len(row)
         if n > 5:
             warn(
-                f"{self.source}: 'Atoms # hybrid' does not name its sub-styles, so charges, masses and image flags in it are not used: write them "
-                "behind it as in the run's atom_style line, e.g. 'Atoms # hybrid sphere charge', or give it as atom_style"
+                f"{self.source}: 'Atoms # hybrid' does not name its sub-styles, so charges, masses and image flags in "
+                "it are not used: write them "
+                "behind it as in the run's atom_style line, e.g. 'Atoms # hybrid sphere charge', or give it as "
+                "atom_style"
             )
         return ["id", "type", "x", "y", "z", *(f"hybrid_{k}" for k in range(n - 5))]
 
-    # Molecules of templates -----------------------------------------------------------------------------------------------------------
+    # Molecules of templates
+    # -----------------------------------------------------------------------------------------------------------
 
     def use_molecules(self, molecules) -> None:
-        """Take the bonded terms of atoms of style template from the molecules that the run's ``molecule`` command named, in its order."""
+        """Take the bonded terms of atoms of style template from the molecules that the run's ``molecule`` command
+        named, in its order."""
         if "template_index" in self._raw["atoms"] and molecules:
             self.bonded = bonded_of_templates(self._raw["atoms"], molecules, self.source)
 
@@ -375,12 +405,14 @@ class LammpsData:
         a = self._raw["atoms"]
         if "template_index" in a and not self.bonded and (a["template_index"] > 0).any():
             return (
-                f"{self.source}: the bonds of atom_style template are in the molecule files of the run: which atoms are bonded is not known; "
+                f"{self.source}: the bonds of atom_style template are in the molecule files of the run: which atoms "
+                "are bonded is not known; "
                 "give a data file of another atom style, with sections Bonds, Angles, ..."
             )
         return ""
 
-    # Units ------------------------------------------------------------------------------------------------------------------------
+    # Units
+    # ------------------------------------------------------------------------------------------------------------------
 
     def _atom_line(self, row: int) -> str:
         return f", line {self._lines[row]}" if row < len(self._lines) else ""
@@ -399,7 +431,8 @@ class LammpsData:
         if len(self.types) and self.types.min() < 1:
             k = int(self.types.argmin())
             raise AtcError(
-                f"{where}{self._atom_line(int(order[k]))}: atom {self.ids[k]} has type {self.types[k]}; types count from 1"
+                f"{where}{self._atom_line(int(order[k]))}: atom {self.ids[k]} has type {self.types[k]}; types count "
+                "from 1"
             )
         self.positions = np.stack([a[c] for c in "xyz"], axis=1)[order] * u.length
         self.images = np.stack([a[c] for c in ("ix", "iy", "iz")], axis=1)[order] if "ix" in a else None
@@ -419,7 +452,8 @@ class LammpsData:
         self.type_names = {t: name for name, t in self.labels.get("Atom", {}).items()}
         self.cell = None if self.box is None else Cell(self.box[0] * u.length, self.box[1] * u.length)
 
-    # As topology ------------------------------------------------------------------------------------------------------------------
+    # As topology
+    # ------------------------------------------------------------------------------------------------------------------
 
     @property
     def has_masses(self):
@@ -437,7 +471,8 @@ class LammpsData:
     def all_rows(self, rows, ids, where, what):
         if (rows < 0).any():
             raise AtcError(
-                f"{where}: atom {ids[np.flatnonzero(rows < 0)[0]]} is not in {self.source}, which should give its {what}; they belong to different systems"
+                f"{where}: atom {ids[np.flatnonzero(rows < 0)[0]]} is not in {self.source}, which should give its "
+                f"{what}; they belong to different systems"
             )
         return rows
 
@@ -460,10 +495,12 @@ class LammpsData:
                 row, col = np.argwhere(missing)[0]
                 if members[row, col] not in self.ids:
                     raise AtcError(
-                        f"{self.source}: {name[:-1].lower()} {row + 1} in section {name} has atom {members[row, col]}, which is not in section Atoms"
+                        f"{self.source}: {name[:-1].lower()} {row + 1} in section {name} has atom "
+                        f"{members[row, col]}, which is not in section Atoms"
                     )
                 raise AtcError(
-                    f"{where}: atom {members[row, col]} of {name[:-1].lower()} {row + 1} in {self.source} is not in the frame; dump all bonded atoms"
+                    f"{where}: atom {members[row, col]} of {name[:-1].lower()} {row + 1} in {self.source} is not in "
+                    "the frame; dump all bonded atoms"
                 )
             out[name.lower()] = at
             out[f"{name[:-1].lower()}_types"] = types
@@ -480,20 +517,23 @@ def _same_columns(one: AtomStyle, other: AtomStyle, row):
 
 
 def _check_spins(a, s):
-    """Versions of LAMMPS before 2018 had the size of the spin in front of the position; read as today's, directions are no unit vectors then."""
+    """Versions of LAMMPS before 2018 had the size of the spin in front of the position; read as today's, directions are
+    no unit vectors then."""
     norm = np.sqrt(a["spx"] ** 2 + a["spy"] ** 2 + a["spz"] ** 2)
     older = np.sqrt(a["spy"] ** 2 + a["spz"] ** 2 + a["sp"] ** 2)
     odd = np.abs(norm - 1) > 0.02
     if len(norm) and odd.any() and not (norm[odd] == 0).all() and (np.abs(older - 1) < 0.02).all():
         k = int(odd.argmax())
         raise AtcError(
-            f"{s.where(k)}: the spin's direction is no unit vector, as if the columns were id type sp x y z spx spy spz of an old LAMMPS: "
+            f"{s.where(k)}: the spin's direction is no unit vector, as if the columns were id type sp x y z spx spy "
+            "spz of an old LAMMPS: "
             "today's are id type x y z spx spy spz sp; convert the file"
         )
 
 
 class LammpsDataTrajectory(Trajectory):
-    """A data file as a trajectory of one frame. The file does not know its boundaries: periodic, as LAMMPS's default."""
+    """A data file as a trajectory of one frame. The file does not know its boundaries: periodic, as LAMMPS's
+    default."""
 
     def __init__(self, path, topology=None, units=None, masses=None, atom_style=None):
         super().__init__()
@@ -527,7 +567,19 @@ class LammpsDataTrajectory(Trajectory):
         # What a LAMMPS script says of these atoms goes before what the file says.
         given = dict.fromkeys(("types", "charges", "topology") + ("masses",) * (self._masses is None), self.source)
         return Frame(
-            positions=d.positions.copy(), cell=d.cell, units=self.units, types=d.types, ids=d.ids, masses=masses, velocities=d.velocities,
-            charges=d.charges, images=d.images, topology=d.topology_for(d.ids, self.source), source=self.source, type_names=d.type_names,
-            extra=dict(d.extra), molecules=d.extra.get("mol"), given={**given, "boundary": "assumed"},
-        )  # fmt: skip
+            positions=d.positions.copy(),
+            cell=d.cell,
+            units=self.units,
+            types=d.types,
+            ids=d.ids,
+            masses=masses,
+            velocities=d.velocities,
+            charges=d.charges,
+            images=d.images,
+            topology=d.topology_for(d.ids, self.source),
+            source=self.source,
+            type_names=d.type_names,
+            extra=dict(d.extra),
+            molecules=d.extra.get("mol"),
+            given={**given, "boundary": "assumed"},
+        )

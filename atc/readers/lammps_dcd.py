@@ -1,8 +1,10 @@
-"""DCD trajectories that LAMMPS wrote (``dump dcd``): in the units of its run, which other readers take for Å and CHARMM's time.
+"""DCD trajectories that LAMMPS wrote (``dump dcd``): in the units of its run, which other readers take for Å and
+CHARMM's time.
 
-Layout (Fortran records, each between two int32 of its length): a header of 84 bytes (``CORD``, number of frames, first step, steps between
-frames, last step, 5 zeros, ..., the time step as a float32, whether cells follow), titles of 80 letters, the number of atoms; then by frame the cell
-(6 doubles: A, cos γ, B, cos β, cos α, C) and the x, y and z of all atoms (float32). LAMMPS names itself in the first title.
+Layout (Fortran records, each between two int32 of its length): a header of 84 bytes (``CORD``, number of frames, first
+step, steps between frames, last step, 5 zeros, ..., the time step as a float32, whether cells follow), titles of 80
+letters, the number of atoms; then by frame the cell (6 doubles: A, cos γ, B, cos β, cos α, C) and the x, y and z of all
+atoms (float32). LAMMPS names itself in the first title.
 """
 
 from __future__ import annotations
@@ -31,7 +33,8 @@ def written_by_lammps(head: bytes) -> bool:
 
 
 def rest_behind_frames(path) -> bool:
-    """Whether a DCD of any program ends within a frame. Files with fixed atoms, whose frames differ in size, are not looked into."""
+    """Whether a DCD of any program ends within a frame. Files with fixed atoms, whose frames differ in size, are not
+    looked into."""
     try:
         with open(path, "rb") as f:
             head = f.read(1 << 16)
@@ -53,15 +56,16 @@ class LammpsDcd(LammpsTrajectory):
     Parameters
     ----------
     path : file, plain or compressed
-    topology : LAMMPS data file with the same atoms. Gives types, masses, charges, bonded terms, and the atoms' ids: a DCD is in their order.
+    topology : LAMMPS data file with the same atoms. Gives types, masses, charges, bonded terms, and the atoms' ids: a
+        DCD is in their order.
     units : LAMMPS unit style of the run; needed, the file does not say it.
     masses : as for `atc.read`
 
     Notes
     -----
-    The file knows neither where the box has its corner nor which of its faces are periodic: the corner is put at 0, 0, 0, all axes are taken as
-    periodic (`assumed` says so). Steps and times follow from the header where its first step, last step, interval and number of frames agree; otherwise
-    they are left out, with a warning.
+    The file knows neither where the box has its corner nor which of its faces are periodic: the corner is put at 0, 0,
+    0, all axes are taken as periodic (`assumed` says so). Steps and times follow from the header where its first step,
+    last step, interval and number of frames agree; otherwise they are left out, with a warning.
     """
 
     assumed = ("a DCD file does not say which faces of its box are periodic: all are taken to be",)
@@ -78,7 +82,8 @@ class LammpsDcd(LammpsTrajectory):
             isinstance(topology, str) or hasattr(topology, "__fspath__") or hasattr(topology, "masses_of")
         ):
             raise AtcError(
-                f"{path} was written by LAMMPS: its topology must be the path of a LAMMPS data file, not a {type(topology).__name__}"
+                f"{path} was written by LAMMPS: its topology must be the path of a LAMMPS data file, not a "
+                f"{type(topology).__name__}"
             )
         super().__init__(path, topology, units, masses, None)
         self._count, self._counted = 0, False
@@ -89,7 +94,8 @@ class LammpsDcd(LammpsTrajectory):
             ids = np.sort(np.asarray(self._data.ids))
             if len(ids) != self._n:
                 raise AtcError(
-                    f"{path} holds {self._n} atoms and {self._data.source} {len(ids)}: a DCD does not number its atoms, so both must hold the same ones"
+                    f"{path} holds {self._n} atoms and {self._data.source} {len(ids)}: a DCD does not number its "
+                    "atoms, so both must hold the same ones"
                 )
             self._ids = ids
 
@@ -138,7 +144,8 @@ class LammpsDcd(LammpsTrajectory):
         # The shortest decimal number that is this float32: 0.001, not 0.0010000000474974513.
         self._dt = float(str(np.float32(dt))) if np.isfinite(dt) and dt > 0 else None
 
-    # Frames ---------------------------------------------------------------------------------------------------------------------------
+    # Frames
+    # ------------------------------------------------------------------------------------------------------------------
 
     def _has(self, k):
         if not self._counted and k >= self._count:
@@ -152,11 +159,13 @@ class LammpsDcd(LammpsTrajectory):
                     self._counted = True
                     if len(self._bytes.read(end - self._size, end - self._size + 1)):
                         warn(
-                            f"{self.source}: its last frame (number {self._count}, from byte {end - self._size}) is not complete and is left out"
+                            f"{self.source}: its last frame (number {self._count}, from byte {end - self._size}) is "
+                            "not complete and is left out"
                         )
                     if not self._steps_known and self._count > 1:
                         warn(
-                            f"{self.source}: the steps of its frames are not evenly spaced, or its header was not finished: its frames have neither step nor time"
+                            f"{self.source}: the steps of its frames are not evenly spaced, or its header was not "
+                            "finished: its frames have neither step nor time"
                         )
         return k < self._count
 
@@ -199,7 +208,8 @@ class LammpsDcd(LammpsTrajectory):
         )
         if ends != (size, size):
             raise AtcError(
-                f"{self.source}, frame {k}, byte {start + at}: a record of {ends[0]} bytes, expected {size}; the file is damaged"
+                f"{self.source}, frame {k}, byte {start + at}: a record of {ends[0]} bytes, expected {size}; the file "
+                "is damaged"
             )
 
     def _cell(self, six, where) -> Cell:

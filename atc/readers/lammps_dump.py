@@ -65,12 +65,14 @@ class LammpsDump(LammpsTrajectory):
 
     Notes
     -----
-    Positions are taken from the first of x y z, xu yu zu, xs ys zs, xsu ysu zsu that is complete; ``images`` is set for wrapped ones with
-    ix iy iz. Without ``type``, types come from the topology, or from ``element`` in order of first appearance; with neither, all atoms are
-    type 1 (with a warning unless one single mass, or a mass column, was given). Other columns are in ``extra``, as read.
+    Positions are taken from the first of x y z, xu yu zu, xs ys zs, xsu ysu zsu that is complete; ``images`` is set for
+    wrapped ones with ix iy iz. Without ``type``, types come from the topology, or from ``element`` in order of first
+    appearance; with neither, all atoms are type 1 (with a warning unless one single mass, or a mass column, was given).
+    Other columns are in ``extra``, as read.
 
-    The positions of frames in the file are found once, by counting line ends, as far as they are needed. A last frame that is not complete is left out
-    with a warning. Anything else that is not as it should be is an AtcError that names the frame and the line.
+    The positions of frames in the file are found once, by counting line ends, as far as they are needed. A last frame
+    that is not complete is left out with a warning. Anything else that is not as it should be is an AtcError that names
+    the frame and the line.
     """
 
     _may_lack_line_end = True  # whether the atoms of a frame can be the end of the file
@@ -94,10 +96,12 @@ class LammpsDump(LammpsTrajectory):
             raise AtcError(
                 f"{path} holds no complete frame: it ends within its first one, or that one's last line has no line end"
             )
-        # A group or threshold may select nothing at a step, and then zero is what its density is; but somewhere there must be atoms.
+        # A group or threshold may select nothing at a step, and then zero is what its density is; but somewhere there
+        # must be atoms.
         self._require_atoms(lambda k: self._n[k])
 
-    # Finding frames -------------------------------------------------------------------------------------------------------------------
+    # Finding frames
+    # ------------------------------------------------------------------------------------------------------------------
 
     def _header(self, start: int, line: int, k: int) -> Header:
         size = 2048
@@ -122,7 +126,8 @@ class LammpsDump(LammpsTrajectory):
         h = self._header_lines(lines, line, k)
         if not h.columns:
             raise AtcError(
-                f"{self.source}, frame {k}, line {line + len(lines) - 1}: 'ITEM: ATOMS' stands where the lines of another item are expected; the file is damaged"
+                f"{self.source}, frame {k}, line {line + len(lines) - 1}: 'ITEM: ATOMS' stands where the lines of "
+                "another item are expected; the file is damaged"
             )
         h.lines, h.size = len(lines), end
         return h
@@ -134,7 +139,8 @@ class LammpsDump(LammpsTrajectory):
         def bad(at, expected):
             got = lines[at].strip()[:60] if at < len(lines) else "the end"
             return AtcError(
-                f"{self.source}, frame {k}, line {line + at}: expected {expected}, got {got!r}; the file is damaged or not a LAMMPS dump"
+                f"{self.source}, frame {k}, line {line + at}: expected {expected}, got {got!r}; the file is damaged "
+                "or not a LAMMPS dump"
             )
 
         while m < len(lines):
@@ -148,7 +154,8 @@ class LammpsDump(LammpsTrajectory):
                         raise bad(m, f"'ITEM: {what}' before it")
                 if not h.columns:
                     raise AtcError(
-                        f"{self.source}, frame {k}, line {line + m}: 'ITEM: ATOMS' does not name its columns; write them behind it, e.g. 'ITEM: ATOMS id type xs ys zs'"
+                        f"{self.source}, frame {k}, line {line + m}: 'ITEM: ATOMS' does not name its columns; write "
+                        "them behind it, e.g. 'ITEM: ATOMS id type xs ys zs'"
                     )
                 if len(set(h.columns)) < len(h.columns):
                     twice = next(name for name in h.columns if h.columns.count(name) > 1)
@@ -182,7 +189,8 @@ class LammpsDump(LammpsTrajectory):
                     h.units = value
                 elif item.startswith("ITEM: NUMBER OF"):
                     raise AtcError(
-                        f"{self.source}, line {line + m}: {item[6:]!r}: this is a dump of something else than atoms; atc reads atoms (dump custom: id type x y z vx vy vz)"
+                        f"{self.source}, line {line + m}: {item[6:]!r}: this is a dump of something else than atoms; "
+                        "atc reads atoms (dump custom: id type x y z vx vy vz)"
                     )
             except ValueError:
                 raise bad(m + 1, f"numbers for {item!r}") from None
@@ -212,7 +220,8 @@ class LammpsDump(LammpsTrajectory):
             self._announces_too_many(start, k, line)
             self._complete = True
             warn(
-                f"{self.source}: its last frame (number {k}, from line {line}) is not complete and is left out: the file ends within it, or within its last line, which has no line end"
+                f"{self.source}: its last frame (number {k}, from line {line}) is not complete and is left out: the "
+                "file ends within it, or within its last line, which has no line end"
             )
             return False
         follows = self._bytes.read(end, end + 5).tobytes()
@@ -243,22 +252,26 @@ class LammpsDump(LammpsTrajectory):
             pos += used
             if n and len(buf) < size:
                 if n == 1 and not self._start and self._may_lack_line_end:
-                    # LAMMPS ends every line; but a file of one frame may have passed through an editor, and nothing else is left to read in it.
+                    # LAMMPS ends every line; but a file of one frame may have passed through an editor, and nothing
+                    # else is left to read in it.
                     text = self._bytes.read(first, pos).tobytes()
                     if len(text[text.rfind(b"\n") + 1 :].split()) == len(h.columns):
                         warn(
-                            f"{self.source}: its only frame has no line end behind the last atom; it is read, but its last number may have been cut off"
+                            f"{self.source}: its only frame has no line end behind the last atom; it is read, but its "
+                            "last number may have been cut off"
                         )
                         return pos
                 raise Truncated
             if not seen and len(buf) >= _LONGEST_LINE:
                 raise AtcError(
-                    f"{self.source}, byte {pos - used}: a line of more than {_LONGEST_LINE} letters; the file is damaged"
+                    f"{self.source}, byte {pos - used}: a line of more than {_LONGEST_LINE} letters; the file is "
+                    "damaged"
                 )
         return pos
 
     def _announces_too_many(self, start, k, line):
-        """A frame that seems to reach beyond the end of the file, but within which another begins, is damaged, not cut."""
+        """A frame that seems to reach beyond the end of the file, but within which another begins, is damaged, not
+        cut."""
         at, lines = start, 0
         while True:
             # Blocks overlap by a little, so that a mark on the seam is found.
@@ -268,7 +281,8 @@ class LammpsDump(LammpsTrajectory):
             if seen >= 0:
                 have = lines + block.count(b"\n", 0, seen + 1)
                 raise AtcError(
-                    f"{self.source}, frame {k}, line {line + have}: another frame begins here, before the atoms that the header in line {line} announces are there; the file is damaged"
+                    f"{self.source}, frame {k}, line {line + have}: another frame begins here, before the atoms that "
+                    f"the header in line {line} announces are there; the file is damaged"
                 )
             if len(block) < 1 << 22:
                 return
@@ -295,10 +309,12 @@ class LammpsDump(LammpsTrajectory):
         if at >= 0:
             have = text.count(b"\n", 0, at)
             raise AtcError(
-                f"{self.source}, frame {k}, line {first + have}: the frame ends after {have} atoms but announces {h.n}; lines are missing"
+                f"{self.source}, frame {k}, line {first + have}: the frame ends after {have} atoms but announces "
+                f"{h.n}; lines are missing"
             )
         raise AtcError(
-            f"{self.source}, frame {k}, line {first + h.n}: expected {self._next_begins!r} after {h.n} atoms; there are more lines than announced"
+            f"{self.source}, frame {k}, line {first + h.n}: expected {self._next_begins!r} after {h.n} atoms; there "
+            "are more lines than announced"
         )
 
     def _has(self, k):
@@ -315,7 +331,8 @@ class LammpsDump(LammpsTrajectory):
                     pass
         return len(self._start)
 
-    # Reading one ----------------------------------------------------------------------------------------------------------------------
+    # Reading one
+    # ------------------------------------------------------------------------------------------------------------------
 
     def _frame(self, k):
         if not self._has(k):
@@ -347,7 +364,8 @@ class LammpsDump(LammpsTrajectory):
             words, width = words[3:], 3
         if not words:
             raise AtcError(
-                f"{where}: 'ITEM: BOX BOUNDS' has no boundary flags (an old LAMMPS); write them behind it, e.g. 'ITEM: BOX BOUNDS pp pp pp'"
+                f"{where}: 'ITEM: BOX BOUNDS' has no boundary flags (an old LAMMPS); write them behind it, e.g. "
+                "'ITEM: BOX BOUNDS pp pp pp'"
             )
         periodic = periodic_flags(words, where)
         if any(len(r) != width for r in rows):

@@ -1,8 +1,9 @@
 """LAMMPS log files: the thermodynamic output of every run in them, by step.
 
-Understood: one line a step (``thermo_style one``, ``custom``), several lines (``multi``), YAML (``thermo_modify line yaml``); several runs in one file or in
-several files, warnings and other text in between, a file that breaks off. The commands that the log echoes say its units, whether energies are per atom
-(``thermo_modify norm``), what renamed columns are, and which fixes add to energy and virial.
+Understood: one line a step (``thermo_style one``, ``custom``), several lines (``multi``), YAML (``thermo_modify line
+yaml``); several runs in one file or in several files, warnings and other text in between, a file that breaks off. The
+commands that the log echoes say its units, whether energies are per atom (``thermo_modify norm``), what renamed columns
+are, and which fixes add to energy and virial.
 """
 
 from __future__ import annotations
@@ -19,13 +20,33 @@ from ..units import LAMMPS_STYLES, Units, units
 
 #: Column headings (in LAMMPS of different years) and thermo_style keywords by what they are.
 NAMES = {
-    "step": ("Step", "step"), "temperature": ("Temp", "temp"), "pressure": ("Press", "press"), "potential": ("PotEng", "pe"),
-    "kinetic": ("KinEng", "ke"), "total": ("TotEng", "etotal"), "pair": ("E_pair", "epair"), "molecular": ("E_mol", "emol"),
-    "vdwl": ("E_vdwl", "evdwl"), "coul": ("E_coul", "ecoul"), "long": ("E_long", "elong"), "tail": ("E_tail", "etail"),
-    "bond": ("E_bond", "ebond"), "angle": ("E_angle", "eangle"), "dihedral": ("E_dihed", "edihed"), "improper": ("E_impro", "eimp"),
-    "volume": ("Volume", "vol"), "atoms": ("Atoms", "atoms"), "time": ("Time", "time"), "dt": ("Dt", "dt"),
-    "pxx": ("Pxx", "pxx"), "pyy": ("Pyy", "pyy"), "pzz": ("Pzz", "pzz"), "pxy": ("Pxy", "pxy"), "pxz": ("Pxz", "pxz"), "pyz": ("Pyz", "pyz"),
-}  # fmt: skip
+    "step": ("Step", "step"),
+    "temperature": ("Temp", "temp"),
+    "pressure": ("Press", "press"),
+    "potential": ("PotEng", "pe"),
+    "kinetic": ("KinEng", "ke"),
+    "total": ("TotEng", "etotal"),
+    "pair": ("E_pair", "epair"),
+    "molecular": ("E_mol", "emol"),
+    "vdwl": ("E_vdwl", "evdwl"),
+    "coul": ("E_coul", "ecoul"),
+    "long": ("E_long", "elong"),
+    "tail": ("E_tail", "etail"),
+    "bond": ("E_bond", "ebond"),
+    "angle": ("E_angle", "eangle"),
+    "dihedral": ("E_dihed", "edihed"),
+    "improper": ("E_impro", "eimp"),
+    "volume": ("Volume", "vol"),
+    "atoms": ("Atoms", "atoms"),
+    "time": ("Time", "time"),
+    "dt": ("Dt", "dt"),
+    "pxx": ("Pxx", "pxx"),
+    "pyy": ("Pyy", "pyy"),
+    "pzz": ("Pzz", "pzz"),
+    "pxy": ("Pxy", "pxy"),
+    "pxz": ("Pxz", "pxz"),
+    "pyz": ("Pyz", "pyz"),
+}
 _BY_WORD = {word: name for name, words in NAMES.items() for word in words}
 #: Energies, which ``thermo_modify norm yes`` divides by the number of atoms.
 EXTENSIVE = frozenset("potential kinetic total pair molecular vdwl coul long tail bond angle dihedral improper".split())
@@ -41,8 +62,9 @@ class LogRow:
     """What the log says of one step, in its own units, energies as printed.
 
     values : {what: number}, named as in `NAMES`. steps_of_digit : {what: size of one step of the last printed digit}.
-    normalised : whether energies are per atom; None where the log does not tell. run : number of the run in the log. causes : what, as far as the commands
-    say, is in the numbers beside the forces between atoms. line : where it stands.
+    normalised : whether energies are per atom; None where the log does not tell. run : number of the run in the log.
+        causes : what, as far as the commands say, is in the numbers beside the forces between atoms. line : where it
+        stands.
     """
 
     step: int
@@ -80,7 +102,8 @@ class LammpsLog:
 
     Attributes
     ----------
-    rows : list of LogRow, in file order. units : Units. name : of the files, without folders. notes : what could not be read
+    rows : list of LogRow, in file order. units : Units. name : of the files, without folders. notes : what could not be
+        read
 
     Raises
     ------
@@ -113,7 +136,8 @@ class LammpsLog:
         if not self.rows:
             why = self.notes[0] if self.notes else "no thermodynamic output was found in it"
             raise AtcError(
-                f"{self.source}: not a LAMMPS log that can be used: {why}; expected lines such as 'Step Temp E_pair ...' with numbers below"
+                f"{self.source}: not a LAMMPS log that can be used: {why}; expected lines such as 'Step Temp E_pair "
+                "...' with numbers below"
             )
 
     def at(self, step) -> list[LogRow]:
@@ -124,7 +148,8 @@ class LammpsLog:
     def steps(self) -> list[int]:
         return sorted(self._by_step)
 
-    # Reading ------------------------------------------------------------------------------------------------------------------------
+    # Reading
+    # ------------------------------------------------------------------------------------------------------------------
 
     def _read(self, path: Path) -> None:
         if not path.is_file():
@@ -167,7 +192,8 @@ class LammpsLog:
         if name == "units" and len(args) == 1 and args[0] in LAMMPS_STYLES:
             if self._said not in (None, args[0]):
                 raise AtcError(
-                    f"{path}, line {number}: the log changes its units from {self._said!r} to {args[0]!r}: give the logs of one run"
+                    f"{path}, line {number}: the log changes its units from {self._said!r} to {args[0]!r}: give the "
+                    "logs of one run"
                 )
             self._said = state.units = args[0]
             state.echoed = True
@@ -345,9 +371,11 @@ def _numeric(word: str) -> bool:
 
 
 def _last_digits(columns) -> list[np.ndarray]:
-    """For each column of texts the size of a step of the last digit of each number: of a fixed number of decimals, or of significant digits.
+    """For each column of texts the size of a step of the last digit of each number: of a fixed number of decimals, or
+    of significant digits.
 
-    Columns without a decimal point (a box of 9261, say) have as many significant digits as the others: the format drops zeros.
+    Columns without a decimal point (a box of 9261, say) have as many significant digits as the others: the format drops
+    zeros.
     """
     looks = [_look_of(texts) for texts in columns]
     most = max((digits for digits, _, whole in looks if not whole), default=17)
@@ -367,7 +395,8 @@ def _last_digits(columns) -> list[np.ndarray]:
 
 
 def _look_of(texts):
-    """Most significant digits of numbers as printed, their common number of decimals (0: not common), whether none has a decimal point."""
+    """Most significant digits of numbers as printed, their common number of decimals (0: not common), whether none has
+    a decimal point."""
     decimals, digits, whole = set(), 1, True
     for t in texts:
         mantissa, _, exponent = t.lstrip("+-").lower().partition("e")

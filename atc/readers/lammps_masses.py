@@ -1,8 +1,9 @@
 """Masses of atoms that have a density and a shape of their own, as LAMMPS's read_data makes them.
 
-The density is multiplied with the volume as it stands, in every unit style: LAMMPS does not convert it (with ``units real`` or ``metal`` a density of 1 makes
-1 g/mol/Å³). A particle without extent has the density column as its mass. A hybrid of several shapes multiplies with the volume of each.
-Checked against the masses that LAMMPS 22 Jul 2025 has behind read_data.
+The density is multiplied with the volume as it stands, in every unit style: LAMMPS does not convert it (with ``units
+real`` or ``metal`` a density of 1 makes 1 g/mol/Å³). A particle without extent has the density column as its mass. A
+hybrid of several shapes multiplies with the volume of each. Checked against the masses that LAMMPS 22 Jul 2025 has
+behind read_data.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ import numpy as np
 from ..errors import AtcError
 from .lammps_atom_styles import SHAPED
 
-# What belongs to each shape: the section, the column of the Atoms section that says whether an atom has it, the columns of the section.
+# What belongs to each shape: the section, the column of the Atoms section that says whether an atom has it, the columns
+# of the section.
 SHAPES = {
     "ellipsoid": ("Ellipsoids", "ellipsoidflag", "id shapex shapey shapez quatw quati quatj quatk"),
     "line": ("Lines", "lineflag", "id x1 y1 x2 y2"),
@@ -57,7 +59,8 @@ def masses_by_shape(parts, atoms: dict, sections: dict, source: str) -> np.ndarr
 
 
 def centres(part, atoms: dict, sections: dict) -> None:
-    """Lines and triangles lie where the middle of their corners is, as LAMMPS puts them: their positions in section Atoms are checked only roughly."""
+    """Lines and triangles lie where the middle of their corners is, as LAMMPS puts them: their positions in section
+    Atoms are checked only roughly."""
     s = sections.get(SHAPES[part][0])
     if s is None or not len(s["id"]):
         return
@@ -71,7 +74,8 @@ def centres(part, atoms: dict, sections: dict) -> None:
 
 
 def _extents(part, atoms, sections, source):
-    """Volumes, areas or lengths of the atoms that have a shape, in the order of the file, and (n,) bool which they are."""
+    """Volumes, areas or lengths of the atoms that have a shape, in the order of the file, and (n,) bool which they
+    are."""
     name, flag, _ = SHAPES[part]
     has = atoms[flag] != 0
     s = sections.get(name)
@@ -79,7 +83,8 @@ def _extents(part, atoms, sections, source):
     order = np.argsort(ids)
     if not np.array_equal(ids[order], np.sort(atoms["id"][has])):
         raise AtcError(
-            f"{source}: section {name} has {len(ids)} lines, but {int(has.sum())} atoms with {flag} 1, or not of the same atoms"
+            f"{source}: section {name} has {len(ids)} lines, but {int(has.sum())} atoms with {flag} 1, or not of the "
+            "same atoms"
         )
     if not len(ids):
         return np.zeros(0), has

@@ -1,4 +1,5 @@
-"""LAMMPS molecule files (the ``molecule`` command, native text format), and the bonded terms of atoms of atom_style template."""
+"""LAMMPS molecule files (the ``molecule`` command, native text format), and the bonded terms of atoms of atom_style
+template."""
 
 from __future__ import annotations
 
@@ -13,8 +14,15 @@ from .lammps_sections import SectionedFile, shortened, whole_of
 BONDED = {"Bonds": 2, "Angles": 3, "Dihedrals": 4, "Impropers": 4}
 _PER_ATOM = {"Coords": 3, "Types": 1, "Molecules": 1, "Charges": 1, "Diameters": 1, "Dipoles": 3, "Masses": 1}
 _OTHER = (
-    "Fragments", "Special Bond Counts", "Special Bonds", "Shake Flags", "Shake Atoms", "Shake Bond Types", "Body Integers", "Body Doubles",
-)  # fmt: skip
+    "Fragments",
+    "Special Bond Counts",
+    "Special Bonds",
+    "Shake Flags",
+    "Shake Atoms",
+    "Shake Bond Types",
+    "Body Integers",
+    "Body Doubles",
+)
 _COUNT = re.compile(r"^\s*(\d+)\s+(atoms|bonds|angles|dihedrals|impropers|fragments)(?:\s|$)", re.ASCII)
 _NUMBERS = re.compile(r"^\s*\S.*\s(mass|com|inertia|body)(?:\s|$)")
 
@@ -25,7 +33,8 @@ class LammpsMolecule:
 
     Attributes
     ----------
-    types : (n,) atom types or None. coords : (n, 3) or None. charges, masses, diameters : (n,) or None. molecules : (n,) or None
+    types : (n,) atom types or None. coords : (n, 3) or None. charges, masses, diameters : (n,) or None. molecules :
+        (n,) or None
     bonded : {"Bonds": (types (m,), members (m, 2) from 1), "Angles": ..., "Dihedrals": ..., "Impropers": ...}
     labels : words that stand for types, by kind, as they were given for reading
     """
@@ -41,7 +50,8 @@ class LammpsMolecule:
     bonded: dict = field(default_factory=dict)
 
     def shifted(self, atom=0, bond=0, angle=0, dihedral=0, improper=0) -> LammpsMolecule:
-        """The molecule with offsets added to its types, as the keywords ``offset``, ``toff``, ``boff``, ... of the ``molecule`` command do."""
+        """The molecule with offsets added to its types, as the keywords ``offset``, ``toff``, ``boff``, ... of the
+        ``molecule`` command do."""
         more = dict(zip(BONDED, (bond, angle, dihedral, improper), strict=True))
         bonded = {name: (types + more[name], members) for name, (types, members) in self.bonded.items()}
         types = None if self.types is None else self.types + atom
@@ -60,7 +70,8 @@ def read_molecule(path, labels=None) -> LammpsMolecule:
 
     Raises
     ------
-    AtcError, with file and line, for anything that LAMMPS would not read, and for lists of special neighbours that are not those of the bonds.
+    AtcError, with file and line, for anything that LAMMPS would not read, and for lists of special neighbours that are
+    not those of the bonds.
     """
     labels = labels or {}
     f = SectionedFile(
@@ -146,7 +157,8 @@ def _bonded(out, f, name, width, expected, labels):
 
 
 def _check_special(out, f):
-    """Lists of neighbours that a molecule file gives itself must be those that its bonds make: weights of others are not known to the potential."""
+    """Lists of neighbours that a molecule file gives itself must be those that its bonds make: weights of others are
+    not known to the potential."""
     if not {"Special Bonds", "Special Bond Counts"} <= f.places.keys():
         raise AtcError(f"{out.source}: sections Special Bond Counts and Special Bonds go together: one is missing")
     rows, counts = f.section("Special Bonds"), f.section("Special Bond Counts")
@@ -166,7 +178,8 @@ def _check_special(out, f):
     for a, parts in said.items():
         if len(parts) < 2 or len(parts["Special Bond Counts"][0]) != 3:
             raise AtcError(
-                f"{out.source}: sections Special Bond Counts (id n12 n13 n14) and Special Bonds do not go together for atom {a}"
+                f"{out.source}: sections Special Bond Counts (id n12 n13 n14) and Special Bonds do not go together "
+                f"for atom {a}"
             )
         members, where = parts["Special Bonds"]
         n12, n13, n14 = parts["Special Bond Counts"][0]
@@ -181,12 +194,14 @@ def _check_special(out, f):
             or any(set(members[cut[k] : cut[k + 1]]) != shells[k + 1] for k in range(3))
         ):
             raise AtcError(
-                f"{where}: the special bonds of atom {a} are not those that the section Bonds makes: such lists are not supported"
+                f"{where}: the special bonds of atom {a} are not those that the section Bonds makes: such lists are "
+                "not supported"
             )
 
 
 def bonded_of_templates(atoms: dict, molecules, source: str) -> dict:
-    """{section: (types, ids)} of atoms of atom_style template: numbers within a molecule follow each other as in the molecule.
+    """{section: (types, ids)} of atoms of atom_style template: numbers within a molecule follow each other as in the
+    molecule.
 
     atoms : columns of section Atoms, with template_index and template_atom (from 1; 0 for atoms of no template)
 

@@ -53,15 +53,20 @@ def netcdf_by_lammps(path, head: bytes) -> bool:
 class LammpsNetcdf(LammpsTrajectory):
     """Frames of a NetCDF file of LAMMPS.
 
-    Parameters and choices as for `atc.readers.lammps_dump.LammpsDump`: variables are columns of a dump. The unit style follows from the units that the file gives its
-    lengths and its time; a `units` argument must agree. A ``scale_factor`` multiplies what is stored, whatever the variable; LAMMPS's velocities are in the
-    units of its run, not in AMBER's (20.455 Å/ps), unless their own attribute says otherwise, which is refused. An axis of length 0 is open.
+    Parameters and choices as for `atc.readers.lammps_dump.LammpsDump`: variables are columns of a dump. The unit style
+    follows from the units that the file gives its lengths and its time; a `units` argument must agree. A
+    ``scale_factor`` multiplies what is stored, whatever the variable; LAMMPS's velocities are in the units of its run,
+    not in AMBER's (20.455 Å/ps), unless their own attribute says otherwise, which is refused. An axis of length 0 is
+    open.
     """
 
     assumed = (
         "a NetCDF file of LAMMPS does not say which faces of its box are periodic: all with a length are taken to be",
     )
-    _without_ids = "has no 'id': atoms are numbered in file order, which is only theirs if LAMMPS sorted them (dump netcdf/mpiio does not)"
+    _without_ids = (
+        "has no 'id': atoms are numbered in file order, which is only theirs if LAMMPS sorted them (dump netcdf/mpiio "
+        "does not)"
+    )
 
     def __init__(self, path, topology=None, units=None, masses=None):
         self._bytes = open_bytes(path)
@@ -88,14 +93,16 @@ class LammpsNetcdf(LammpsTrajectory):
         n = f.dims.get("atom")
         if n is None or n >= 1 << 40:
             raise AtcError(
-                f"{self.source}: expected a dimension 'atom', got {', '.join(f.dims) or 'none'}; not a trajectory of LAMMPS"
+                f"{self.source}: expected a dimension 'atom', got {', '.join(f.dims) or 'none'}; not a trajectory of "
+                "LAMMPS"
             )
         self._n = n
         for name in ("cell_lengths", "cell_angles"):
             v = f.variables.get(name)
             if v is None or v.shape != (None, 3):
                 raise AtcError(
-                    f"{self.source}: expected a variable {name!r} with three numbers a frame; the file is damaged or no trajectory of LAMMPS"
+                    f"{self.source}: expected a variable {name!r} with three numbers a frame; the file is damaged or "
+                    "no trajectory of LAMMPS"
                 )
         unit = self._unit("cell_angles")
         if unit not in (None, "degree"):
@@ -136,7 +143,8 @@ class LammpsNetcdf(LammpsTrajectory):
                     announced = self._file.announced
                     if announced is not None and announced > self._count:
                         warn(
-                            f"{self.source}: its header announces {announced} frames, the file ends within number {self._count}: it is left out"
+                            f"{self.source}: its header announces {announced} frames, the file ends within number "
+                            f"{self._count}: it is left out"
                         )
         return k < self._count
 
@@ -169,7 +177,8 @@ class LammpsNetcdf(LammpsTrajectory):
                 whole = np.rint(a.astype(np.float64)) if a.dtype.kind == "f" else a
                 if not (whole == a).all():
                     raise AtcError(
-                        f"{self.source}, frame {k}: variable {name!r} holds numbers that are not whole; the file is damaged"
+                        f"{self.source}, frame {k}: variable {name!r} holds numbers that are not whole; the file is "
+                        "damaged"
                     )
                 out[name] = whole.astype(np.int64)
             elif a.dtype.kind in "fiu":

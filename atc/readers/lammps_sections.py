@@ -1,7 +1,9 @@
-"""Files of LAMMPS's that have a header and named sections (data files, molecule files): where everything is, as LAMMPS looks for it.
+"""Files of LAMMPS's that have a header and named sections (data files, molecule files): where everything is, as LAMMPS
+looks for it.
 
-The first line is a title. Lines of the header end in a keyword that is known; the first that is none, is the name of a section. Names stand alone in a line,
-blanks around them and a comment behind them do not count, and inside they have one blank. Lines of a section are counted without blank and comment lines.
+The first line is a title. Lines of the header end in a keyword that is known; the first that is none, is the name of a
+section. Names stand alone in a line, blanks around them and a comment behind them do not count, and inside they have
+one blank. Lines of a section are counted without blank and comment lines.
 """
 
 from __future__ import annotations
@@ -23,7 +25,8 @@ _HUGE = 1e80
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _worded(buf, at):
-    """Beginnings of the lines from position `at` on that start with a letter (behind blanks), and of the lines before and behind that are not blank."""
+    """Beginnings of the lines from position `at` on that start with a letter (behind blanks), and of the lines before
+    and behind that are not blank."""
     out, n = np.empty(_MANY + 1, np.int64), 0
     size = len(buf)
     while at < size:
@@ -52,7 +55,8 @@ def _lines_between(buf, begin, end):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _filled(buf, begin, end, out, number, out_number):
-    """Copy the lines of buf[begin:end] that hold more than blanks and comments, without the latter. Returns (lines, bytes)."""
+    """Copy the lines of buf[begin:end] that hold more than blanks and comments, without the latter. Returns (lines,
+    bytes)."""
     rows = 0
     p = begin
     m = 0
@@ -121,14 +125,16 @@ class Section:
         if expected is not None and len(self) == expected + 1 and self._last and expected:
             # LAMMPS does not notice a single line behind the last section.
             warn(
-                f"{self.where(expected)}: section {self.name} has one line more than the {expected} that the header announces: left out, as by LAMMPS"
+                f"{self.where(expected)}: section {self.name} has one line more than the {expected} that the header "
+                "announces: left out, as by LAMMPS"
             )
             self.buf = self.buf[: _parse.skip_lines(self.buf, expected)[0]]
             self.number = self.number[:expected]
         if expected is not None and len(self) != expected:
             at = self.number[min(expected, len(self) - 1)] if len(self) else self.line
             raise AtcError(
-                f"{self.source}, line {at}: section {self.name} has {len(self)} lines, {what} {expected}; the file is cut off or damaged"
+                f"{self.source}, line {at}: section {self.name} has {len(self)} lines, {what} {expected}; the file is "
+                "cut off or damaged"
             )
 
     def rows(self, most: int | None = None) -> list[list[str]]:
@@ -143,7 +149,8 @@ class Section:
         return f"{self.source}, line {self.number[row]}"
 
     def table(self, columns, whole, label=None) -> dict:
-        """The columns by name: int64 where they are in `whole`, float64 otherwise. label : {name: number} that words of the column "type" may be."""
+        """The columns by name: int64 where they are in `whole`, float64 otherwise. label : {name: number} that words of
+        the column "type" may be."""
         n, buf, name = len(self), self.buf, self.name
         if len(buf) < 2 * n * len(columns):
             row, at = _first_short(buf, len(columns))
@@ -187,7 +194,8 @@ class Section:
         end = at + int(np.argmax(self.buf[at:] == 10))
         line = self.buf[at:end].tobytes().decode("utf-8", "replace").strip()
         raise AtcError(
-            f"{self.where(row)}: expected {len(columns)} columns ({' '.join(columns)}) in section {self.name}, got {len(line.split())}: "
+            f"{self.where(row)}: expected {len(columns)} columns ({' '.join(columns)}) in section {self.name}, got "
+            f"{len(line.split())}: "
             f"'{shortened(line)}'"
         )
 
@@ -195,7 +203,8 @@ class Section:
         value = number_of(word)
         if value is None:
             raise AtcError(
-                f"{self.where(row)}: expected a finite number for {column!r} in section {self.name}, got {shortened(word)!r}"
+                f"{self.where(row)}: expected a finite number for {column!r} in section {self.name}, got "
+                f"{shortened(word)!r}"
             )
         return value
 
@@ -262,7 +271,8 @@ class SectionedFile:
     Attributes
     ----------
     title : the first line. header : [(number, line without comment)]
-    places : {name: (begin, end, comment, line)} in the order of the file, `others` of them with names that LAMMPS does not know
+    places : {name: (begin, end, comment, line)} in the order of the file, `others` of them with names that LAMMPS does
+        not know
     """
 
     def __init__(self, path, names, is_header, what: str):
@@ -317,7 +327,8 @@ class SectionedFile:
         if self._body < len(self._buf) and (not found or found[0][0] != self._body):
             line = shortened(self._text(self._body, self._end_of_line(self._body)).strip())
             raise AtcError(
-                f"{self.source}, line {self._body_line}: {line!r} is neither a header line nor the name of a section of a LAMMPS {self.what}"
+                f"{self.source}, line {self._body_line}: {line!r} is neither a header line nor the name of a section "
+                f"of a LAMMPS {self.what}"
             )
         for k, (at, end, name, comment) in enumerate(found):
             stop = found[k + 1][0] if k + 1 < len(found) else len(self._buf)
@@ -328,13 +339,15 @@ class SectionedFile:
                 self.others.append(name)
 
     def _names_something(self, name: str, at: int) -> bool:
-        """Whether a line of words is the name of a section that LAMMPS does not know itself (of a fix); an error if it is meant to be one that it knows."""
+        """Whether a line of words is the name of a section that LAMMPS does not know itself (of a fix); an error if it
+        is meant to be one that it knows."""
         if not re.fullmatch(r"[A-Za-z][A-Za-z_/-]*([ \t]+[A-Za-z_/-]+)*|[A-Za-z]\S*", name):
             return False
         alike = self._alike.get(re.sub(r"\s", "", name).lower())
         if alike is not None:
             raise AtcError(
-                f"{self.source}, line {self._line_of(at)}: section {shortened(name)!r}: LAMMPS wants it written {alike!r}"
+                f"{self.source}, line {self._line_of(at)}: section {shortened(name)!r}: LAMMPS wants it written "
+                f"{alike!r}"
             )
         return True
 

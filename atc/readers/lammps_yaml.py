@@ -1,4 +1,5 @@
-"""LAMMPS dumps in YAML (``dump yaml``), plain or compressed: one document a frame, read without a YAML parser, which would take minutes."""
+"""LAMMPS dumps in YAML (``dump yaml``), plain or compressed: one document a frame, read without a YAML parser, which
+would take minutes."""
 
 from __future__ import annotations
 
@@ -23,8 +24,8 @@ def looks_like_yaml_dump(head: bytes) -> bool:
 class LammpsYamlDump(LammpsDump):
     """Frames of a LAMMPS YAML dump.
 
-    Parameters and choices as for `atc.readers.lammps_dump.LammpsDump`; units and time are in the file where ``dump_modify units yes time yes`` put
-    them there. Its thermo data, if any, are not read.
+    Parameters and choices as for `atc.readers.lammps_dump.LammpsDump`; units and time are in the file where
+    ``dump_modify units yes time yes`` put them there. Its thermo data, if any, are not read.
     """
 
     _may_lack_line_end = False
@@ -67,7 +68,8 @@ class LammpsYamlDump(LammpsDump):
         def bad(at, expected):
             got = lines[at].strip()[:60] if at < len(lines) else "the end"
             return AtcError(
-                f"{self.source}, frame {k}, line {line + at}: expected {expected}, got {got!r}; the file is damaged or not a YAML dump"
+                f"{self.source}, frame {k}, line {line + at}: expected {expected}, got {got!r}; the file is damaged "
+                "or not a YAML dump"
             )
 
         while m < len(lines):
@@ -114,7 +116,8 @@ class LammpsYamlDump(LammpsDump):
         if h.box is not None:
             if len(flags) != 6:
                 raise AtcError(
-                    f"{self.source}, frame {k}, line {boundary_line}: expected six boundary flags, such as [ p, p, p, p, f, f, ], above the box"
+                    f"{self.source}, frame {k}, line {boundary_line}: expected six boundary flags, such as [ p, p, p, "
+                    "p, f, f, ], above the box"
                 )
             # As a text dump has them: pairs of flags, and the tilts behind the bounds.
             rows = h.box[1]
@@ -130,7 +133,8 @@ class LammpsYamlDump(LammpsDump):
 
     def _skip(self, pos: int, h: Header) -> int:
         end = super()._skip(pos, h)
-        # The document's last line, "...", tells that the line before it is whole; a frame without it is still being written.
+        # The document's last line, "...", tells that the line before it is whole; a frame without it is still being
+        # written.
         closing = self._bytes.read(end, end + 5).tobytes()
         if closing == b"...":
             return end + 3

@@ -29,9 +29,10 @@ class MDAnalysisTrajectory(Trajectory):
 
     Notes
     -----
-    Coordinates, boxes and velocities of MDAnalysis are float32. A box makes all axes periodic; no box is an open cell. Formats without
-    velocities or forces leave them None. LAMMPS's own files are refused: MDAnalysis does not know their units, atc's readers do.
-    Types are the Universe's: numbers if they are numbers, otherwise counted from 1 in order of first appearance; `type_names` has the names.
+    Coordinates, boxes and velocities of MDAnalysis are float32. A box makes all axes periodic; no box is an open cell.
+    Formats without velocities or forces leave them None. LAMMPS's own files are refused: MDAnalysis does not know their
+    units, atc's readers do. Types are the Universe's: numbers if they are numbers, otherwise counted from 1 in order of
+    first appearance; `type_names` has the names.
     """
 
     def __init__(self, source, topology=None, units=None, masses=None):
@@ -41,11 +42,13 @@ class MDAnalysisTrajectory(Trajectory):
         self.source = os.fspath(source) if path else "MDAnalysis Universe"
         if units is not None and unit_system(units).reduced:
             raise AtcError(
-                f"{self.source}: this format is in nm or Å, and a run in lj units has none: dump it as custom or dcd, whose units are those of the run"
+                f"{self.source}: this format is in nm or Å, and a run in lj units has none: dump it as custom or dcd, "
+                "whose units are those of the run"
             )
         if units is not None and unit_system(units).name != "mdanalysis":
             raise AtcError(
-                f"{self.source}: MDAnalysis's units are Å, ps, kJ/mol ('mdanalysis'), but the units argument says {unit_system(units).name!r}: leave it out"
+                f"{self.source}: MDAnalysis's units are Å, ps, kJ/mol ('mdanalysis'), but the units argument says "
+                f"{unit_system(units).name!r}: leave it out"
             )
         if path:
             source = _universe(self.source, topology)
@@ -63,13 +66,15 @@ class MDAnalysisTrajectory(Trajectory):
             names |= {str(r.format).upper() for r in reader.readers if isinstance(r.format, str)}
         for name in names & set(_UNITLESS):
             raise AtcError(
-                f"{self.source}: it reads {_UNITLESS[name]}, whose units MDAnalysis does not know; give atc.read the path of a LAMMPS dump and units= instead"
+                f"{self.source}: it reads {_UNITLESS[name]}, whose units MDAnalysis does not know; give atc.read the "
+                "path of a LAMMPS dump and units= instead"
             )
         for file in [reader.filename] if not hasattr(reader, "readers") else [r.filename for r in reader.readers]:
             _not_of_lammps(file, path)
         if getattr(reader, "convert_units", True) is False and any(getattr(reader, "units", {}).values()):
             raise AtcError(
-                f"{self.source}: the Universe was made with convert_units=False; atc needs MDAnalysis's own units: make it without"
+                f"{self.source}: the Universe was made with convert_units=False; atc needs MDAnalysis's own units: "
+                "make it without"
             )
         if not path and getattr(reader, "filename", None):
             self.source = str(reader.filename)
@@ -79,7 +84,8 @@ class MDAnalysisTrajectory(Trajectory):
         self._types, self._type_names = self._universe_types()
         self._topology = self._universe_topology()
 
-    # What does not change from frame to frame --------------------------------------------------------------------------------------------
+    # What does not change from frame to frame
+    # --------------------------------------------------------------------------------------------
 
     def _universe_masses(self):
         if self._masses is not None or not hasattr(self._atoms, "masses"):
@@ -95,7 +101,8 @@ class MDAnalysisTrajectory(Trajectory):
         if (m > 0).any():
             bad = int(np.flatnonzero(~(m > 0))[0])
             warn(
-                f"{self.source}: atom {bad + 1} and {int((~(m > 0)).sum()) - 1} others have no mass in MDAnalysis; no masses are used, give masses={{type: mass}}"
+                f"{self.source}: atom {bad + 1} and {int((~(m > 0)).sum()) - 1} others have no mass in MDAnalysis; no "
+                f"masses are used, give masses={{type: mass}}"
             )
         return None
 
@@ -135,7 +142,8 @@ class MDAnalysisTrajectory(Trajectory):
     def type_names(self):
         return dict(self._type_names)
 
-    # Frames ---------------------------------------------------------------------------------------------------------------------------
+    # Frames
+    # ------------------------------------------------------------------------------------------------------------------
 
     def __len__(self):
         if self._length is None:
@@ -174,7 +182,8 @@ class MDAnalysisTrajectory(Trajectory):
                     ts = atoms.universe.trajectory[k]
             except Exception:
                 raise AtcError(
-                    f"{where}: MDAnalysis cannot read it: the file is damaged or cut off there, or has changed since it was opened"
+                    f"{where}: MDAnalysis cannot read it: the file is damaged or cut off there, or has changed since "
+                    "it was opened"
                 ) from None
             x = np.array(atoms.positions, dtype=np.float64)
             v = np.array(atoms.velocities, dtype=np.float64) * u.velocity if ts.has_velocities else None
@@ -188,10 +197,21 @@ class MDAnalysisTrajectory(Trajectory):
         if hasattr(atoms, "charges"):
             charges = np.asarray(atoms.charges, float) * u.charge
         return Frame(
-            positions=x * u.length, cell=cell, units=u, types=self._types, masses=masses, velocities=v, forces=f, charges=charges,
-            step=None if step is None else int(step), time=None if time is None else time * u.time, topology=self._topology, source=where,
-            type_names=self.type_names, given={"boundary": "assumed"},
-        )  # fmt: skip
+            positions=x * u.length,
+            cell=cell,
+            units=u,
+            types=self._types,
+            masses=masses,
+            velocities=v,
+            forces=f,
+            charges=charges,
+            step=None if step is None else int(step),
+            time=None if time is None else time * u.time,
+            topology=self._topology,
+            source=where,
+            type_names=self.type_names,
+            given={"boundary": "assumed"},
+        )
 
     def _cell(self, box, x, where) -> Cell:
         if box is None or not box[:3].any():
@@ -217,7 +237,8 @@ class MDAnalysisTrajectory(Trajectory):
 
 
 def _not_of_lammps(file, by_path: bool) -> None:
-    """A DCD of LAMMPS in a Universe has its lengths and times in the units of the run, which MDAnalysis takes for Å and CHARMM's."""
+    """A DCD of LAMMPS in a Universe has its lengths and times in the units of the run, which MDAnalysis takes for Å and
+    CHARMM's."""
     from .lammps_dcd import written_by_lammps
 
     if not isinstance(file, (str, os.PathLike)) or by_path:
@@ -229,7 +250,8 @@ def _not_of_lammps(file, by_path: bool) -> None:
         return
     if written_by_lammps(head):
         raise AtcError(
-            f"{os.fspath(file)}: a DCD that LAMMPS wrote, whose units MDAnalysis does not know; give atc.read its path, units= and, as topology=, the run's data file"
+            f"{os.fspath(file)}: a DCD that LAMMPS wrote, whose units MDAnalysis does not know; give atc.read its "
+            "path, units= and, as topology=, the run's data file"
         )
 
 
@@ -257,7 +279,8 @@ def _universe(path, topology):
 
 
 def _why(MDAnalysis, path, topology) -> str:
-    """What can be said of a file or a pair of files that make no Universe: the exceptions of its hundred readers are for their developers."""
+    """What can be said of a file or a pair of files that make no Universe: the exceptions of its hundred readers are
+    for their developers."""
 
     def count(of):
         try:

@@ -27,7 +27,8 @@ class FrameList(Trajectory):
                 )
             if f.dimension != self.units.dimension:
                 raise AtcError(
-                    f"frame {k} of the list is of a {f.dimension}-D run, the first of a {self.units.dimension}-D one: they must agree"
+                    f"frame {k} of the list is of a {f.dimension}-D run, the first of a {self.units.dimension}-D one: "
+                    "they must agree"
                 )
         if units is not None and unit_system(units).name != self.units.name:
             raise AtcError(
@@ -51,7 +52,8 @@ class FrameList(Trajectory):
 
 
 class Completed(Trajectory):
-    """Another trajectory, its frames with what the LAMMPS script of a potential says of their atoms (see `Potential.complete`)."""
+    """Another trajectory, its frames with what the LAMMPS script of a potential says of their atoms (see
+    `Potential.complete`)."""
 
     def __init__(self, base: Trajectory, pot):
         super().__init__()
@@ -108,7 +110,8 @@ class Adapted(Trajectory):
         self.assumed, self.dimension = base.assumed, base.dimension
         if units is not None and unit_system(units).name != base.units.name:
             raise AtcError(
-                f"{base.source} was opened in {base.units.name!r} units but the units argument says {unit_system(units).name!r}"
+                f"{base.source} was opened in {base.units.name!r} units but the units argument says "
+                f"{unit_system(units).name!r}"
             )
         self._masses = None if masses is None else Masses(masses, self.units)
 

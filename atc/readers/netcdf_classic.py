@@ -1,7 +1,8 @@
-"""Classic NetCDF files (versions 1, 2 and 5) read by position: SciPy's reader knows no version 5, which LAMMPS writes, and trusts every length.
+"""Classic NetCDF files (versions 1, 2 and 5) read by position: SciPy's reader knows no version 5, which LAMMPS writes,
+and trusts every length.
 
-Format: NetCDF Users Guide, appendix "File Format Specifications". Everything is big-endian; names and values are padded to 4 bytes; a variable along the
-unlimited dimension is spread over records.
+Format: NetCDF Users Guide, appendix "File Format Specifications". Everything is big-endian; names and values are padded
+to 4 bytes; a variable along the unlimited dimension is spread over records.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ _STREAMING = {1: 2**32 - 1, 2: 2**32 - 1, 5: 2**64 - 1}
 
 @dataclass
 class Variable:
-    """Of one variable: its dimensions by name, shape (None for the unlimited one), type, attributes, and where its values begin."""
+    """Of one variable: its dimensions by name, shape (None for the unlimited one), type, attributes, and where its
+    values begin."""
 
     name: str
     dims: tuple
@@ -50,7 +52,8 @@ class ClassicFile:
                 f"{source}: its NetCDF header is damaged or cut off near byte {min(self._at, len(self._data))}"
             ) from None
 
-    # Header -----------------------------------------------------------------------------------------------------------------------------
+    # Header
+    # ------------------------------------------------------------------------------------------------------------------
 
     def _take(self, form: str):
         values = struct.unpack_from(">" + form, self._data, self._at)
@@ -135,7 +138,8 @@ class ClassicFile:
             raise IndexError
         return n
 
-    # Values ---------------------------------------------------------------------------------------------------------------------------
+    # Values
+    # ------------------------------------------------------------------------------------------------------------------
 
     def has_record(self, k: int) -> bool:
         """Whether all of record k is in the file: what the header announces may still be on its way."""
@@ -145,7 +149,8 @@ class ClassicFile:
         return len(self._bytes.read(end - 1, end)) == 1
 
     def read(self, name: str, k: int = 0) -> np.ndarray:
-        """The values of a variable (of record k, if it has records) in this machine's byte order, as stored: `scale_factor` is not applied."""
+        """The values of a variable (of record k, if it has records) in this machine's byte order, as stored:
+        `scale_factor` is not applied."""
         v = self.variables[name]
         shape = v.shape[v.along_records :]
         start = v.begin + (k * self.record_size if v.along_records else 0)

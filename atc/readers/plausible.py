@@ -11,14 +11,16 @@ _GCC = 1.66053906660
 
 
 def doubts(frame, temperature: bool = True) -> list[str]:
-    """What is hard to believe about a frame's temperature and density, a sentence each. Reduced units have no such limits.
+    """What is hard to believe about a frame's temperature and density, a sentence each. Reduced units have no such
+    limits.
 
     temperature : whether velocities matter
     """
     u, out = frame.units, []
     if thin(frame):
         out.append(
-            "all atoms have the same z, in a box hardly thicker than an atom: if this is a two-dimensional run, say so (dimension 2 in the LAMMPS lines, "
+            "all atoms have the same z, in a box hardly thicker than an atom: if this is a two-dimensional run, say "
+            "so (dimension 2 in the LAMMPS lines, "
             "[trajectory] dimension = 2, or atc.read(..., dimension=2)); it is taken as a three-dimensional one"
         )
     # Nodes with a volume of their own are pieces of a continuum: they have no temperature.
@@ -35,6 +37,7 @@ def doubts(frame, temperature: bool = True) -> list[str]:
         density = frame.masses.sum() / frame.cell.volume * _GCC
         if density > 30:
             out.append(
-                f"the box has a mean density of {density:.3g} g/cm^3: lengths or masses are probably not in {u.name!r} units"
+                f"the box has a mean density of {density:.3g} g/cm^3: lengths or masses are probably not in "
+                f"{u.name!r} units"
             )
     return out

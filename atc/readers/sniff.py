@@ -1,4 +1,5 @@
-"""What a file is that is no trajectory, told from its first bytes: one line that says it, and what to give or write instead."""
+"""What a file is that is no trajectory, told from its first bytes: one line that says it, and what to give or write
+instead."""
 
 from __future__ import annotations
 
@@ -6,12 +7,18 @@ import re
 
 # Commands that begin the lines of LAMMPS input scripts and of hardly anything else.
 _COMMANDS = frozenset(
-    b"units dimension boundary atom_style atom_modify newton pair_style pair_coeff pair_modify bond_style bond_coeff angle_style angle_coeff "
-    b"dihedral_style dihedral_coeff improper_style improper_coeff special_bonds kspace_style kspace_modify read_data read_restart read_dump "
-    b"create_box create_atoms lattice region group mass set velocity fix unfix compute uncompute fix_modify compute_modify neighbor neigh_modify "
-    b"timestep reset_timestep run minimize min_style min_modify thermo thermo_style thermo_modify dump undump dump_modify restart write_data "
-    b"write_restart variable include jump label next if print shell log echo clear package suffix processors comm_modify comm_style "
-    b"displace_atoms delete_atoms delete_bonds change_box replicate rerun run_style partition quit molecule labelmap balance info".split()
+    b"units dimension boundary atom_style atom_modify newton pair_style pair_coeff pair_modify bond_style bond_coeff "
+    b"angle_style angle_coeff "
+    b"dihedral_style dihedral_coeff improper_style improper_coeff special_bonds kspace_style kspace_modify read_data "
+    b"read_restart read_dump "
+    b"create_box create_atoms lattice region group mass set velocity fix unfix compute uncompute fix_modify "
+    b"compute_modify neighbor neigh_modify "
+    b"timestep reset_timestep run minimize min_style min_modify thermo thermo_style thermo_modify dump undump "
+    b"dump_modify restart write_data "
+    b"write_restart variable include jump label next if print shell log echo clear package suffix processors "
+    b"comm_modify comm_style "
+    b"displace_atoms delete_atoms delete_bonds change_box replicate rerun run_style partition quit molecule labelmap "
+    b"balance info".split()
 )
 _WORDS_OF_ENGLISH = frozenset(
     b"if next set run mass group print include region info label log fix dump compute restart timestep units".split()
@@ -23,7 +30,8 @@ _ARCHIVE = "an archive: unpack it and give the trajectory in it"
 _MAGICS = (
     (
         b"LammpS RestartT",
-        "a LAMMPS restart file, which only LAMMPS reads: make a data file of it (lmp -restart2data FILE run.data), or dump the run",
+        "a LAMMPS restart file, which only LAMMPS reads: make a data file of it (lmp -restart2data FILE run.data), or "
+        "dump the run",
     ),
     (b"\x89PNG\r\n", _PICTURE),
     (b"\xff\xd8\xff", _PICTURE),
@@ -39,7 +47,8 @@ _MAGICS = (
     (b"Rar!\x1a\x07", _ARCHIVE),
     (
         b"\x93NUMPY",
-        "a NumPy array, which says neither what its numbers are nor their cell: give the trajectory, or atc.read frames made in Python",
+        "a NumPy array, which says neither what its numbers are nor their cell: give the trajectory, or atc.read "
+        "frames made in Python",
     ),
     (b"\x7fELF", "a program: give the trajectory"),
     (b"MZ\x90", "a program: give the trajectory"),
@@ -72,11 +81,13 @@ _TEXTS = (
     ),
     (
         rb"\ALAMMPS \(\d|^(Per MPI rank memory allocation|Loop time of \S+ on \d+ procs)",
-        "the log of a LAMMPS run, which holds thermo output but no atoms: give the dump as the trajectory (a log goes beside it: [trajectory] log)",
+        "the log of a LAMMPS run, which holds thermo output but no atoms: give the dump as the trajectory (a log goes "
+        "beside it: [trajectory] log)",
     ),
     (
         rb"\A---\s*\nkeywords:",
-        "thermo output of LAMMPS in YAML, which holds no atoms: give the dump as the trajectory (this goes beside it: [trajectory] log)",
+        "thermo output of LAMMPS in YAML, which holds no atoms: give the dump as the trajectory (this goes beside it: "
+        "[trajectory] log)",
     ),
     (
         rb"\A(ITEM:[^\n]*\n[^I\n][^\n]*\n|ITEM: BOX BOUNDS[^\n]*\n([^I\n][^\n]*\n){3})*ITEM: (GRID|DIMENSION)",
@@ -87,7 +98,8 @@ _TEXTS = (
         f"a dump of something else than atoms (dump local: bonds, pairs, neighbours): {_DUMP_INSTEAD}",
     ),
     (
-        rb"\A# ?(Time|Chunk|Spatial|Histogrammed|Grid|Space-time|Time-correlated)-?[a-z]* ?data for fix|\A# Timestep \d+\s*\n#\s*\n# Number of particles",
+        rb"\A# ?(Time|Chunk|Spatial|Histogrammed|Grid|Space-time|Time-correlated)-?[a-z]* ?data for fix|\A# Timestep "
+        rb"\d+\s*\n#\s*\n# Number of particles",
         f"the output of a fix of LAMMPS (averages, correlations, bond lists), not a trajectory: {_DUMP_INSTEAD}",
     ),
     (
@@ -105,13 +117,15 @@ _TEXTS = (
 )
 # Ends of names of LAMMPS's potential files; asked only where nothing else knew the file.
 _POTENTIALS = frozenset(
-    ".eam .alloy .fs .adp .meam .tersoff .modc .zbl .sw .vashishta .edip .airebo .rebo .bop .reax .comb .comb3 .snapcoeff .snapparam .mliap .table "
+    ".eam .alloy .fs .adp .meam .tersoff .modc .zbl .sw .vashishta .edip .airebo .rebo .bop .reax .comb .comb3 "
+    ".snapcoeff .snapparam .mliap .table "
     ".poly .spline .agni .eim .gw .nb3b .pod .ace .yace .extep .lcbop .he".split()
 )
 
 
 def not_a_trajectory(head: bytes) -> str | None:
-    """What a file is (with what to do instead) if its first bytes show that it holds no trajectory; None if they do not.
+    """What a file is (with what to do instead) if its first bytes show that it holds no trajectory; None if they do
+    not.
 
     `head`: the first kilobytes, decompressed.
     """
@@ -120,7 +134,10 @@ def not_a_trajectory(head: bytes) -> str | None:
             return what
     if head.startswith(b"PK\x03\x04"):
         if b".npy" in head[:200]:
-            return "a NumPy archive (.npz), which does not say what its numbers are: give the trajectory, or atc.read frames made in Python"
+            return (
+                "a NumPy archive (.npz), which does not say what its numbers are: give the trajectory, or atc.read "
+                "frames made in Python"
+            )
         return _ARCHIVE
     if head[257:262] == b"ustar":
         return _ARCHIVE
@@ -135,7 +152,10 @@ def not_a_trajectory(head: bytes) -> str | None:
         if re.search(pattern, text):
             return what
     if _is_script(text):
-        return "a LAMMPS input script, not a trajectory: give the dump it writes; the script itself goes under [potential] as input"
+        return (
+            "a LAMMPS input script, not a trajectory: give the dump it writes; the script itself goes under "
+            "[potential] as input"
+        )
     if _is_molecule(text):
         return "a molecule template of LAMMPS, which has no box: give a dump or a data file"
     return None
@@ -149,7 +169,8 @@ def by_its_name(name: str) -> str | None:
 
 
 def _is_script(text: bytes) -> bool:
-    """Whether most lines begin with commands of LAMMPS, at least two of them with words that nothing else begins with."""
+    """Whether most lines begin with commands of LAMMPS, at least two of them with words that nothing else begins
+    with."""
     lines = [line.split() for line in re.sub(rb"&[ \t]*\n", b" ", text).split(b"\n")[:400]]
     lines = [words for words in lines if words and not words[0].startswith((b"#", b'"""'))]
     if len(lines) > 3 and len(text) >= 1 << 14:

@@ -1,4 +1,5 @@
-"""Tables of white-space separated columns, as dumps, YAML dumps and XYZ files hold them: from bytes to arrays, every fault with its line."""
+"""Tables of white-space separated columns, as dumps, YAML dumps and XYZ files hold them: from bytes to arrays, every
+fault with its line."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """The steps and times of successive frames: what a time series may rest on.
 
-A correlation function, a spectrum and a difference in time need frames at equal distances. Files of a run that was continued, joined or appended, frames
-that were lost, and a time step that was changed on the way break that without any other sign. Times decide where frames have them (a step may be reset
-while time goes on), steps otherwise.
+A correlation function, a spectrum and a difference in time need frames at equal distances. Files of a run that was
+continued, joined or appended, frames that were lost, and a time step that was changed on the way break that without any
+other sign. Times decide where frames have them (a step may be reset while time goes on), steps otherwise.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ class Clock:
     Parameters
     ----------
     what : what needs equal distances, for messages ("a correlation function")
-    gaps : whether a gap is an AtcError at once; otherwise `gap` says what is wrong, and only steps that repeat or go back are errors
+    gaps : whether a gap is an AtcError at once; otherwise `gap` says what is wrong, and only steps that repeat or go
+        back are errors
 
     Attributes
     ----------
@@ -55,7 +56,8 @@ class Clock:
     _kind: str = ""
 
     def follows(self, frame) -> bool:
-        """Take note of the next frame. False where it is the one before once more, as a continued run writes it: it should be left out.
+        """Take note of the next frame. False where it is the one before once more, as a continued run writes it: it
+        should be left out.
 
         Raises AtcError for steps (without times) or times that repeat or go back, and for gaps where these matter.
         """
@@ -68,7 +70,8 @@ class Clock:
         if same_moment(last.frame, frame):
             self.again += 1
             self.notes.append(
-                f"{_called(seen)} is {_called(last)} once more (a run that was continued writes the step it starts from again): it is left out"
+                f"{_called(seen)} is {_called(last)} once more (a run that was continued writes the step it starts "
+                "from again): it is left out"
             )
             return False
         self._timed &= seen.time is not None
@@ -92,8 +95,10 @@ class Clock:
             back = "repeats" if distance == 0 else "goes back"
             which = "step" if kind == "steps" else "time"
             raise AtcError(
-                f"{seen.frame.source}: the {which} {back}: {_called(seen)} comes after {_called(last)}, but {self.what} needs frames in the order of time: "
-                "files of a continued run are joined or appended; take one part (frames in [trajectory], -b, -e), or leave out what is there twice"
+                f"{seen.frame.source}: the {which} {back}: {_called(seen)} comes after {_called(last)}, but "
+                f"{self.what} needs frames in the order of time: "
+                "files of a continued run are joined or appended; take one part (frames in [trajectory], -b, -e), or "
+                "leave out what is there twice"
             )
         if self._distance is None or kind != self._kind:
             self._distance, self._kind = distance, kind
@@ -118,11 +123,13 @@ class Clock:
         self.gap = text
         if self.gaps:
             raise AtcError(
-                f"{seen.frame.source}: {text}: {self.what} needs equal distances: take a part without gaps (frames in [trajectory], -b, -e, --step)"
+                f"{seen.frame.source}: {text}: {self.what} needs equal distances: take a part without gaps (frames in "
+                "[trajectory], -b, -e, --step)"
             )
 
     def spacing(self, timestep: float | None = None) -> float | None:
-        """Time between frames (internal): from their times, or their steps and `timestep` (internal); None where neither is known."""
+        """Time between frames (internal): from their times, or their steps and `timestep` (internal); None where
+        neither is known."""
         if self.count < 2:
             return None
         if self._timed:
@@ -147,7 +154,8 @@ def _called(seen: _Seen) -> str:
 
 
 def same_moment(a, b) -> bool:
-    """Whether two frames are one moment written twice: the same step and time, atoms at the same places (through periodic faces) with the same velocities."""
+    """Whether two frames are one moment written twice: the same step and time, atoms at the same places (through
+    periodic faces) with the same velocities."""
     if (
         a is None
         or (a.step is None and a.time is None)
@@ -170,7 +178,8 @@ def same_moment(a, b) -> bool:
 
 
 class Sequence:
-    """Steps of the frames of a run as they pass, for what does not need equal distances: which repeat or go back, and whether distances change."""
+    """Steps of the frames of a run as they pass, for what does not need equal distances: which repeat or go back, and
+    whether distances change."""
 
     def __init__(self):
         self.last = None
@@ -197,7 +206,10 @@ class Sequence:
                     if self._distance is None:
                         self._distance = d
                     elif not self.uneven and abs(d - self._distance) > 1e-3 * abs(self._distance):
-                        self.uneven = f"frame {k} comes {d / self._distance:.3g} times as long after frame {j} as the first two are apart"
+                        self.uneven = (
+                            f"frame {k} comes {d / self._distance:.3g} times as long after frame {j} as the first two "
+                            "are apart"
+                        )
         self.last = here
 
     def warnings(self, averaging: bool) -> list[str]:
@@ -210,6 +222,7 @@ class Sequence:
             )
         if averaging and self.uneven:
             out.append(
-                f"frames are not equally spaced ({self.uneven}): the average gives each the same weight, and its standard error takes them for a series"
+                f"frames are not equally spaced ({self.uneven}): the average gives each the same weight, and its "
+                "standard error takes them for a series"
             )
         return out

@@ -17,9 +17,9 @@ from ..units import Units
 class Trajectory(Sequence):
     """Frames that are read when they are asked for.
 
-    ``len(traj)``, ``traj[3]``, ``traj[-1]``, ``for frame in traj`` and slices (``traj[::10]``, ``traj[2:5]``, ``traj[::-1]``), which are
-    trajectories themselves and read nothing. Frames are not kept: each access reads again. Trajectories can be pickled; a copy in another
-    process opens the file again. Threads may share one.
+    ``len(traj)``, ``traj[3]``, ``traj[-1]``, ``for frame in traj`` and slices (``traj[::10]``, ``traj[2:5]``,
+    ``traj[::-1]``), which are trajectories themselves and read nothing. Frames are not kept: each access reads again.
+    Trajectories can be pickled; a copy in another process opens the file again. Threads may share one.
 
     Attributes
     ----------
@@ -30,7 +30,8 @@ class Trajectory(Sequence):
     type_names : dict
         {type: name} where the source knows names (elements, type labels).
     dimension : int or None
-        2 or 3 where whoever opened it said so (2: its frames are those of a two-dimensional run, see `atc.planar`); None: nobody did.
+        2 or 3 where whoever opened it said so (2: its frames are those of a two-dimensional run, see `atc.planar`);
+        None: nobody did.
 
     For a new source, subclass it and write ``__len__`` and ``_frame(k)`` for 0 ≤ k < len.
     """
@@ -47,7 +48,8 @@ class Trajectory(Sequence):
         self._names_seen = 0
         self._earlier = None  # gives types to names in files before this one, where there are any
 
-    # What a reader provides -------------------------------------------------------------------------------------------------------
+    # What a reader provides
+    # -------------------------------------------------------------------------------------------------------
 
     def __len__(self):
         raise NotImplementedError
@@ -67,7 +69,8 @@ class Trajectory(Sequence):
         """Absolute resolution of the positions (internal units) and what it was taken from."""
         return decimal_resolution(frame.positions)
 
-    # Sequence ---------------------------------------------------------------------------------------------------------------------
+    # Sequence
+    # ------------------------------------------------------------------------------------------------------------------
 
     def __getitem__(self, key):
         if isinstance(key, slice):
@@ -110,14 +113,16 @@ class Trajectory(Sequence):
     def __exit__(self, *_):
         self.close()
 
-    # Species --------------------------------------------------------------------------------------------------------------------
+    # Species
+    # ------------------------------------------------------------------------------------------------------------------
 
     @property
     def type_names(self) -> dict:
         return {t: name for name, t in self._names.items()}
 
     def _types_from_names(self, names, k: int) -> np.ndarray:
-        """Types from 1, in the order in which names first appear in the trajectory: the same however frames are visited."""
+        """Types from 1, in the order in which names first appear in the trajectory: the same however frames are
+        visited."""
         names = np.asarray(names)
         unique, inverse = np.unique(names, return_inverse=True)
         unique = [str(u) for u in unique]
@@ -130,7 +135,8 @@ class Trajectory(Sequence):
         return np.array([self._names[u] for u in unique], np.int64)[inverse]
 
     def _learn_names(self, wanted, stop: int) -> None:
-        """Give types to the names of the frames before `stop` that have not been looked at, in their order, until all wanted ones have one."""
+        """Give types to the names of the frames before `stop` that have not been looked at, in their order, until all
+        wanted ones have one."""
         if self._earlier is not None:
             self._earlier(wanted)
         self._learn_own_names(wanted, stop)
@@ -146,15 +152,17 @@ class Trajectory(Sequence):
         for name in dict.fromkeys(names.tolist()):
             self._names.setdefault(str(name), len(self._names) + 1)
 
-    # Description ----------------------------------------------------------------------------------------------------------------
+    # Description
+    # ----------------------------------------------------------------------------------------------------------------
 
     def info(self) -> dict:
         """What is in the trajectory, from its first and last frame, as plain Python values for printing or JSON.
 
-        Lengths are in the user's units. Keys: source, reader, units, frames, atoms (first, last), ids (whether the source numbers its atoms),
-        cell (vectors, origin, periodic, volume, lengths), quantities (what frames carry), extra (columns atc does not interpret), types
-        ({type: {count, name, mass}} of the first frame), topology (counts of bonded terms) or None, step and time (first, last) or None,
-        coordinate_resolution (smallest step between neighbouring coordinate values, estimated) and coordinate_resolution_from.
+        Lengths are in the user's units. Keys: source, reader, units, frames, atoms (first, last), ids (whether the
+        source numbers its atoms), cell (vectors, origin, periodic, volume, lengths), quantities (what frames carry),
+        extra (columns atc does not interpret), types ({type: {count, name, mass}} of the first frame), topology (counts
+        of bonded terms) or None, step and time (first, last) or None, coordinate_resolution (smallest step between
+        neighbouring coordinate values, estimated) and coordinate_resolution_from.
         """
         n = len(self)
         out = {"source": self.source, "reader": type(self).__name__, "units": self.units.name, "frames": n}
@@ -265,11 +273,13 @@ class _View(Trajectory):
         self.base.close()
 
 
-# Masses ---------------------------------------------------------------------------------------------------------------------------
+# Masses
+# ----------------------------------------------------------------------------------------------------------------------
 
 
 class Masses:
-    """Masses by type: ``{type or name: mass}`` or a list for types 1, 2, ..., in the user's units. Calling it gives one per atom.
+    """Masses by type: ``{type or name: mass}`` or a list for types 1, 2, ..., in the user's units. Calling it gives one
+    per atom.
 
     Strings of digits are type numbers (TOML keys are always strings).
     """
@@ -317,15 +327,18 @@ class Masses:
         return out[inverse]
 
 
-# Precision --------------------------------------------------------------------------------------------------------------------------
+# Precision
+# ----------------------------------------------------------------------------------------------------------------------
 
 
 def decimal_resolution(x, sample: int = 3000) -> tuple[float, str]:
-    """Estimate the absolute resolution of binary coordinates from a sample: the distance of neighbouring numbers that could occur.
+    """Estimate the absolute resolution of binary coordinates from a sample: the distance of neighbouring numbers that
+    could occur.
 
-    The coarsest power of ten of which all sampled values are multiples (to rounding in the number type they came from), if there is one
-    coarser than the spacing of that type; else the spacing itself at the largest value. The number type is float32 if every sampled value
-    survives float32. Fewer than 30 values that are not 0 say nothing: the spacing is reported.
+    The coarsest power of ten of which all sampled values are multiples (to rounding in the number type they came from),
+    if there is one coarser than the spacing of that type; else the spacing itself at the largest value. The number type
+    is float32 if every sampled value survives float32. Fewer than 30 values that are not 0 say nothing: the spacing is
+    reported.
     """
     x = np.asarray(x, dtype=np.float64).ravel()
     x = x[:: max(1, len(x) // sample)]
@@ -352,10 +365,12 @@ def decimal_resolution(x, sample: int = 3000) -> tuple[float, str]:
 
 
 def text_resolution(tokens) -> tuple[float, str]:
-    """Estimate the absolute resolution of printed coordinates from a sample of their text, in the units they are printed in.
+    """Estimate the absolute resolution of printed coordinates from a sample of their text, in the units they are
+    printed in.
 
-    All with the same number of decimals: a fixed format, resolution 10^-decimals. Otherwise the largest number of significant digits in
-    the sample is taken for the format's (``%g`` prints 6 and drops trailing zeros), and the resolution is that of the largest value.
+    All with the same number of decimals: a fixed format, resolution 10^-decimals. Otherwise the largest number of
+    significant digits in the sample is taken for the format's (``%g`` prints 6 and drops trailing zeros), and the
+    resolution is that of the largest value.
     """
     digits, decimals, big, exponential = 0, set(), 0.0, False
     for token in tokens:
@@ -377,7 +392,8 @@ def text_resolution(tokens) -> tuple[float, str]:
 
 
 def resolution_of(frames, frame: Frame) -> float:
-    """Step of the last digit of a frame's positions (internal), as far as the trajectory it comes from knows it; 0 if unknown."""
+    """Step of the last digit of a frame's positions (internal), as far as the trajectory it comes from knows it; 0 if
+    unknown."""
     look = getattr(frames, "_precision", None)
     return float(look(frame)[0] if look is not None else decimal_resolution(frame.positions)[0])
 

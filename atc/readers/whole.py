@@ -1,4 +1,5 @@
-"""Whole files in memory, with bounds: what comes in is not more than the file holds, and no pipe or device is waited for."""
+"""Whole files in memory, with bounds: what comes in is not more than the file holds, and no pipe or device is waited
+for."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ from ..errors import AtcError
 from ._bytes import StreamBytes, open_bytes
 
 _PIECE = 1 << 24
-# Columns of numbers shrink to a third, of repeated ones to a thirtieth; more than this from a compressed file is not read.
+# Columns of numbers shrink to a third, of repeated ones to a thirtieth; more than this from a compressed file is not
+# read.
 _SMALL, _SWELL = 1 << 28, 100
 LARGEST = 1 << 40
 #: Bytes of the largest potential file, table or molecule: those of LAMMPS have 20 MB at most.

@@ -1,4 +1,5 @@
-"""XYZ files, plain, extended or i-PI's, plain or compressed: of ASE and its kin in ASE's units, of LAMMPS in the units of its run."""
+"""XYZ files, plain, extended or i-PI's, plain or compressed: of ASE and its kin in ASE's units, of LAMMPS in the units
+of its run."""
 
 from __future__ import annotations
 
@@ -42,7 +43,8 @@ _DUMP = "dump it as custom (id type x y z vx vy vz) or extxyz instead"
 
 
 def looks_like_xyz(head: bytes, suffix: str) -> bool:
-    """Whether a file begins like XYZ: a number alone on the first line, a comment, and lines of a word and three numbers, or a comment that says so."""
+    """Whether a file begins like XYZ: a number alone on the first line, a comment, and lines of a word and three
+    numbers, or a comment that says so."""
     lines = head.split(b"\n")
     if not lines[0].strip().isdigit() or len(lines) < 2:
         return suffix in (".xyz", ".extxyz", ".exyz")
@@ -58,16 +60,20 @@ class ExtendedXyz(LammpsTrajectory):
     Parameters
     ----------
     path : file, plain or compressed
-    topology : LAMMPS data file, for files in a unit style of LAMMPS. It gives types, masses, charges, bonded terms; to a plain XYZ file of LAMMPS also the box.
-    units : "ase", or the LAMMPS unit style all numbers of the file are in. Default: ASE's, unless LAMMPS wrote the file, which needs it.
+    topology : LAMMPS data file, for files in a unit style of LAMMPS. It gives types, masses, charges, bonded terms; to
+        a plain XYZ file of LAMMPS also the box.
+    units : "ase", or the LAMMPS unit style all numbers of the file are in. Default: ASE's, unless LAMMPS wrote the
+        file, which needs it.
     masses : as for `atc.read`
 
     Notes
     -----
-    In ASE's units, masses are those of the elements unless there is a column, and velocities come from ``momenta``. Columns ``vel``, ``velo``, ``velocities`` are of
-    programs that each have units of their own: they are read when `units` says which, otherwise they are left among the extra columns, with a warning; so is ``Time``
-    (without one). ``forces``, ``force`` and ``frc`` are forces; ``Timestep`` is the step. LAMMPS writes no corner of its box: where an open axis has atoms outside of
-    0 .. length, the box is not known, and the frame is refused. i-PI's cell and its units in braces are read from the comment.
+    In ASE's units, masses are those of the elements unless there is a column, and velocities come from ``momenta``.
+    Columns ``vel``, ``velo``, ``velocities`` are of programs that each have units of their own: they are read when
+    `units` says which, otherwise they are left among the extra columns, with a warning; so is ``Time`` (without one).
+    ``forces``, ``force`` and ``frc`` are forces; ``Timestep`` is the step. LAMMPS writes no corner of its box: where an
+    open axis has atoms outside of 0 .. length, the box is not known, and the frame is refused. i-PI's cell and its
+    units in braces are read from the comment.
     """
 
     _without_ids = None
@@ -89,7 +95,8 @@ class ExtendedXyz(LammpsTrajectory):
             )
         if comment.kind == "lammps plain" and topology is None:
             raise AtcError(
-                f"{path} is a plain XYZ file of LAMMPS (dump xyz), which holds neither the box nor velocities: {_DUMP}, or give the data file of the run as topology, with units, if its box does not change"
+                f"{path} is a plain XYZ file of LAMMPS (dump xyz), which holds neither the box nor velocities: "
+                f"{_DUMP}, or give the data file of the run as topology, with units, if its box does not change"
             )
         if comment.kind == "ipi" and given not in (None, "ase"):
             raise AtcError(
@@ -97,13 +104,15 @@ class ExtendedXyz(LammpsTrajectory):
             )
         if self._by_lammps and given is None and topology is None:
             raise AtcError(
-                f"{path} was written by LAMMPS in the units of its run, which it does not say: give them, e.g. units='metal'"
+                f"{path} was written by LAMMPS in the units of its run, which it does not say: give them, e.g. "
+                "units='metal'"
             )
         self._ase = not self._by_lammps and given in (None, "ase")
         self._told = given is not None
         if self._ase and topology is not None:
             raise AtcError(
-                f"{path}: a topology goes with the unit style of a LAMMPS run: give it too, e.g. units='metal' (XYZ is read in ASE's units otherwise)"
+                f"{path}: a topology goes with the unit style of a LAMMPS run: give it too, e.g. units='metal' (XYZ "
+                "is read in ASE's units otherwise)"
             )
         if self._ase:
             super().__init__(path, None, "ase", masses, None)
@@ -111,12 +120,14 @@ class ExtendedXyz(LammpsTrajectory):
             super().__init__(path, topology, units, masses, None)
             if self.units.name not in LAMMPS_STYLES:
                 raise AtcError(
-                    f"{path}: units={self.units.name!r}: expected 'ase' or a unit style of LAMMPS ({', '.join(LAMMPS_STYLES)})"
+                    f"{path}: units={self.units.name!r}: expected 'ase' or a unit style of LAMMPS "
+                    f"({', '.join(LAMMPS_STYLES)})"
                 )
         if self._data is not None:
             self._ids_of_data(self._spans[0][3], f"{path}, frame 0")
 
-    # Finding frames -------------------------------------------------------------------------------------------------------------------
+    # Finding frames
+    # ------------------------------------------------------------------------------------------------------------------
 
     def _scan(self):
         if self._complete:
@@ -150,16 +161,19 @@ class ExtendedXyz(LammpsTrajectory):
                 self._complete = True
                 if left == 1 and not k and self._whole_without_line_end(start, pos):
                     warn(
-                        f"{self.source}: its only frame has no line end behind the last atom; it is read, but its last number may have been cut off"
+                        f"{self.source}: its only frame has no line end behind the last atom; it is read, but its "
+                        "last number may have been cut off"
                     )
                     break
                 warn(
-                    f"{self.source}: its last frame (number {k}, from line {self._line}) is not complete and is left out: the file ends within it, or within its last line, which has no line end"
+                    f"{self.source}: its last frame (number {k}, from line {self._line}) is not complete and is left "
+                    "out: the file ends within it, or within its last line, which has no line end"
                 )
                 return False
             if not seen and len(buf):
                 raise AtcError(
-                    f"{self.source}, frame {k}, byte {pos - used}: a line of more than {len(buf)} letters; the file is damaged"
+                    f"{self.source}, frame {k}, byte {pos - used}: a line of more than {len(buf)} letters; the file "
+                    "is damaged"
                 )
         self._spans.append((start, pos, self._line, n))
         self._next, self._line = pos, self._line + n + 2
@@ -183,7 +197,8 @@ class ExtendedXyz(LammpsTrajectory):
             pass
         return len(self._spans)
 
-    # Reading one ----------------------------------------------------------------------------------------------------------------------
+    # Reading one
+    # ------------------------------------------------------------------------------------------------------------------
 
     def _text(self, k):
         start, end, line, n = self._spans[k]
@@ -271,7 +286,8 @@ class ExtendedXyz(LammpsTrajectory):
         if unknown:
             self._once(
                 "velocities",
-                f"{self.source}: its column {unknown!r} holds velocities in units that the file does not say; they are left out: give units='ase', or the LAMMPS unit style that all its numbers are in",
+                f"{self.source}: its column {unknown!r} holds velocities in units that the file does not say; they "
+                "are left out: give units='ase', or the LAMMPS unit style that all its numbers are in",
             )
         return out
 
@@ -283,7 +299,9 @@ class ExtendedXyz(LammpsTrajectory):
             if self._by_lammps:  # the numbers of the types, where they have no names
                 return {"type": names.astype(np.int64)}
             raise AtcError(
-                f"{where}: the first column holds numbers ({', '.join(unique[:3])}), and nothing says whether they are types of LAMMPS or atomic numbers: write the names of the elements (dump_modify element), or {_DUMP}"
+                f"{where}: the first column holds numbers ({', '.join(unique[:3])}), and nothing says whether they "
+                "are types of LAMMPS or atomic numbers: write the names of the elements (dump_modify element), or "
+                f"{_DUMP}"
             )
         return {"element": names}
 
@@ -292,7 +310,8 @@ class ExtendedXyz(LammpsTrajectory):
         ids = np.sort(np.asarray(self._data.ids))
         if len(ids) != n:
             raise AtcError(
-                f"{where}: {n} atoms, but {self._data.source} holds {len(ids)}: XYZ files do not number their atoms, so both must hold the same ones"
+                f"{where}: {n} atoms, but {self._data.source} holds {len(ids)}: XYZ files do not number their atoms, "
+                "so both must hold the same ones"
             )
         return ids
 
@@ -306,7 +325,8 @@ class ExtendedXyz(LammpsTrajectory):
             columns[_OWN_MASS] = columns["mass"]
         if (comment.kind in ("lammps", "lammps plain")) != self._by_lammps:
             raise AtcError(
-                f"{self.source}, frame {k}, line {line + 1}: a frame of another program than the first: give the parts as files of their own"
+                f"{self.source}, frame {k}, line {line + 1}: a frame of another program than the first: give the "
+                "parts as files of their own"
             )
         if comment.kind == "ipi":
             for name in "xyz":
@@ -317,12 +337,14 @@ class ExtendedXyz(LammpsTrajectory):
         if CELL_UNIT_TAKEN in comment.keys:
             self._once(
                 "cell unit",
-                f"{self.source}: i-PI did not name the unit of its cell: atomic_unit, i-PI's own, is taken; write cell{{...}} into the comment if it is another",
+                f"{self.source}: i-PI did not name the unit of its cell: atomic_unit, i-PI's own, is taken; write "
+                f"cell{{...}} into the comment if it is another",
             )
         if TIME_ROUNDED in comment.keys:
             self._once(
                 "time",
-                f"{self.source}: six decimals leave too little of its times in these units; steps without times are read",
+                f"{self.source}: six decimals leave too little of its times in these units; steps without times are "
+                "read",
             )
         time = None if self._ase else comment.time
         frame = self._build(columns, cell, k, where, comment.step, time, line_of)
@@ -333,7 +355,8 @@ class ExtendedXyz(LammpsTrajectory):
         if comment.kind == "lammps plain":
             self._once(
                 "box",
-                f"{self.source}: its box is not in the file and is taken from {self._data.source}: right only if it never changes",
+                f"{self.source}: its box is not in the file and is taken from {self._data.source}: right only if it "
+                "never changes",
             )
             return self._data.cell
         if comment.vectors is None:
@@ -353,7 +376,8 @@ class ExtendedXyz(LammpsTrajectory):
             if outside.any():
                 axis = "xyz"[int(np.flatnonzero(outside)[0])]
                 raise AtcError(
-                    f"{where}: atoms lie outside the box along the open axis {axis}: LAMMPS does not write where the corner of the box is into extended XYZ; dump custom has it"
+                    f"{where}: atoms lie outside the box along the open axis {axis}: LAMMPS does not write where the "
+                    "corner of the box is into extended XYZ; dump custom has it"
                 )
         return cell
 
@@ -364,7 +388,8 @@ class ExtendedXyz(LammpsTrajectory):
             raise AtcError(f"{where}: its types are not those of {self._data.source}: other atoms, or another order")
 
     def _as_ase(self, frame, where):
-        """ASE's meanings: masses of the elements where there are none, velocities from momenta (with the file's own masses, not given ones)."""
+        """ASE's meanings: masses of the elements where there are none, velocities from momenta (with the file's own
+        masses, not given ones)."""
         extra = dict(frame.extra)
         extra.pop("element", None)
         own = extra.pop(_OWN_MASS, None)

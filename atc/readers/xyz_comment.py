@@ -1,4 +1,5 @@
-"""What the comment line of an XYZ frame says: extended XYZ (key=value), i-PI's cell, or LAMMPS's ``Atoms. Timestep: 0``."""
+"""What the comment line of an XYZ frame says: extended XYZ (key=value), i-PI's cell, or LAMMPS's ``Atoms. Timestep:
+0``."""
 
 from __future__ import annotations
 
@@ -31,7 +32,8 @@ _LENGTHS = {
 
 @dataclass
 class Comment:
-    """One comment line. ``kind``: "plain", "extended", "lammps" (extended, in the units of a run of LAMMPS), "lammps plain" or "ipi"."""
+    """One comment line. ``kind``: "plain", "extended", "lammps" (extended, in the units of a run of LAMMPS), "lammps
+    plain" or "ipi"."""
 
     kind: str
     keys: dict = field(default_factory=dict)  # lower-case key -> text, extended ones
@@ -48,7 +50,8 @@ class Comment:
 
 
 def read_comment(line: str, where: str) -> Comment:
-    """What a comment line says; an AtcError that begins with `where` if it contradicts itself or cannot be understood."""
+    """What a comment line says; an AtcError that begins with `where` if it contradicts itself or cannot be
+    understood."""
     if len(line) > _LONGEST:
         raise AtcError(f"{where}: a comment of {len(line)} letters; the file is damaged")
     m = _PLAIN_LAMMPS.match(line)
@@ -111,7 +114,8 @@ def _extended(line: str, where: str) -> Comment:
             n and t in ("S", "R", "I", "L") and w.isdigit() and 0 < int(w) < 1000 for n, t, w in zip(*[iter(parts)] * 3)
         ):
             raise AtcError(
-                f"{where}: Properties={keys['properties'][:80]!r}: expected name:type:columns triples such as species:S:1:pos:R:3"
+                f"{where}: Properties={keys['properties'][:80]!r}: expected name:type:columns triples such as "
+                "species:S:1:pos:R:3"
             )
         c.columns = [(n, t, int(w)) for n, t, w in zip(*[iter(parts)] * 3)]
         names = [n for n, _, _ in c.columns]
@@ -157,7 +161,8 @@ def _ipi(m, line: str, where: str) -> Comment:
             raise AtcError(f"{where}: i-PI wrote {other} here, not positions; give the file of positions")
     if "positions" not in braces:
         raise AtcError(
-            f"{where}: the comment has i-PI's CELL({what}) but not the unit of positions: expected positions{{angstrom}} or positions{{atomic_unit}}"
+            f"{where}: the comment has i-PI's CELL({what}) but not the unit of positions: expected "
+            f"positions{{angstrom}} or positions{{atomic_unit}}"
         )
     # Older versions of i-PI name the unit of positions alone: their cells are in its own units.
     keys = {} if "cell" in braces else {CELL_UNIT_TAKEN: "atomic_unit"}
@@ -189,7 +194,8 @@ def _ipi(m, line: str, where: str) -> Comment:
         h = values.reshape(3, 3)
         if h[1, 0] or h[2, 0] or h[2, 1]:
             raise AtcError(
-                f"{where}: CELL({what}) is not upper triangular: i-PI turns such cells, and the atoms stay; write CELL(abcABC)"
+                f"{where}: CELL({what}) is not upper triangular: i-PI turns such cells, and the atoms stay; write "
+                "CELL(abcABC)"
             )
         c.vectors = h.T  # i-PI's h has the edge vectors as columns
     step = re.search(r"\bStep:\s*(-?\d+)", line)

@@ -16,7 +16,8 @@ _MOST_POINTS = 1000
 
 
 def scene_of(request) -> str:
-    """The scene as TOML, comments where TOML has no words for what was given (potentials made of objects, frames in memory).
+    """The scene as TOML, comments where TOML has no words for what was given (potentials made of objects, frames in
+    memory).
 
     Of files only the names are kept: directories hold user and host names.
     """

@@ -17,7 +17,8 @@ def follows_cell(request: Request) -> bool:
 
 
 def grid_moves(request: Request) -> bool:
-    """Whether the output needs the positions of the points for every entry: grids of atoms, and of a cell that changes from the first frame to the second."""
+    """Whether the output needs the positions of the points for every entry: grids of atoms, and of a cell that changes
+    from the first frame to the second."""
     if request.entries < 2:
         return False
     if follows_cell(request):
@@ -94,13 +95,37 @@ def output_layout(request: Request, frame, result: FrameResult, moves: bool = Fa
             )
         moving(q.name, head + tail[q.rank], shape, f8, **attrs, **({"comment": "; ".join(comment)} if comment else {}))
         if request.average is not False:
-            moving(f"{q.name}_stderr", head + tail[q.rank], shape, f8, units=attrs["units"], long_name=f"standard error of {q.long_name}",
-                   sign_convention="positive", comment="by block averaging; a lower bound where the blocks still correlate")  # fmt: skip
-            moving(f"{q.name}_correlated", head + tail[q.rank], shape, np.dtype(bool), units="1", sign_convention="none",
-                   long_name=f"whether the blocks still correlate (or are too few to tell), so that {q.name}_stderr is a lower bound")  # fmt: skip
+            moving(
+                f"{q.name}_stderr",
+                head + tail[q.rank],
+                shape,
+                f8,
+                units=attrs["units"],
+                long_name=f"standard error of {q.long_name}",
+                sign_convention="positive",
+                comment="by block averaging; a lower bound where the blocks still correlate",
+            )
+            moving(
+                f"{q.name}_correlated",
+                head + tail[q.rank],
+                shape,
+                np.dtype(bool),
+                units="1",
+                sign_convention="none",
+                long_name=f"whether the blocks still correlate (or are too few to tell), so that {q.name}_stderr "
+                "is a lower bound",
+            )
     if work.masked:
-        moving("mask", grid_dims, result.mask.shape, np.dtype(bool), units="1", sign_convention="none",
-               long_name="whether there is mass within the kernel: velocity and whatever is relative to it are NaN where not")  # fmt: skip
+        moving(
+            "mask",
+            grid_dims,
+            result.mask.shape,
+            np.dtype(bool),
+            units="1",
+            sign_convention="none",
+            long_name="whether there is mass within the kernel: velocity and whatever is relative to it are NaN "
+            "where not",
+        )
     if request.average is not False:
         moving(
             "frames_averaged",
@@ -126,8 +151,13 @@ def output_layout(request: Request, frame, result: FrameResult, moves: bool = Fa
     if bound is not None and not work.kernel_users:
         attrs.update(method=request.method_used, grid=_grid_name(request.grid))
     elif bound is not None:
-        attrs.update(kernel=request.kern.describe(), radius=radius_of(request.kern), radius_units=u.label("length"), method=request.method_used,
-                     grid=_grid_name(request.grid))  # fmt: skip
+        attrs.update(
+            kernel=request.kern.describe(),
+            radius=radius_of(request.kern),
+            radius_units=u.label("length"),
+            method=request.method_used,
+            grid=_grid_name(request.grid),
+        )
     if work.bond_users:
         attrs["decomposition"] = request.pot.describe()
     attrs["dimension"] = u.dimension

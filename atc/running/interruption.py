@@ -1,4 +1,5 @@
-"""Being asked to stop: Ctrl-C, SIGTERM and a lost terminal end a command in the same orderly way, and never in the middle of what must be done whole."""
+"""Being asked to stop: Ctrl-C, SIGTERM and a lost terminal end a command in the same orderly way, and never in the
+middle of what must be done whole."""
 
 from __future__ import annotations
 
@@ -25,7 +26,8 @@ class Stopped(KeyboardInterrupt):
 
 
 class _Watch:
-    """The signals of this process while a command runs. The first one stops it as soon as nothing must be finished first; the second one at once."""
+    """The signals of this process while a command runs. The first one stops it as soon as nothing must be finished
+    first; the second one at once."""
 
     def __init__(self):
         self.held = 0
@@ -53,13 +55,15 @@ _last: Stopped | None = None
 
 
 def last() -> Stopped | None:
-    """The signal that stopped this process last: command-line libraries turn every KeyboardInterrupt into one of their own."""
+    """The signal that stopped this process last: command-line libraries turn every KeyboardInterrupt into one of their
+    own."""
     return _last
 
 
 @contextlib.contextmanager
 def watched(names=tuple(_WORDS)):
-    """Around a command: signals that ask to stop raise `Stopped`. Only in the main thread, and only where nobody else handles them."""
+    """Around a command: signals that ask to stop raise `Stopped`. Only in the main thread, and only where nobody else
+    handles them."""
     global _watch
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -114,7 +118,8 @@ def _at_once(number: int) -> None:
 
 
 def in_worker() -> None:
-    """In a worker process: signals to stop are the parent's business, and it ends when the parent has gone, however that went."""
+    """In a worker process: signals to stop are the parent's business, and it ends when the parent has gone, however
+    that went."""
     for name in _WORDS:
         number = getattr(signal, name, None)
         if number is not None:

@@ -1,8 +1,8 @@
 """Results on disk, frame by frame: nothing under the final name until everything is there; a killed run can go on.
 
-While a run lasts, everything is in ``OUT.partial/``: ``request.json`` (what is being computed), ``data.zarr``, ``journal.jsonl`` (one line
-for each entry that is complete) and, for time averages, ``state.npz``. At the end ``data.zarr`` is renamed to OUT, or copied entry by
-entry to a NetCDF file which is renamed.
+While a run lasts, everything is in ``OUT.partial/``: ``request.json`` (what is being computed), ``data.zarr``,
+``journal.jsonl`` (one line for each entry that is complete) and, for time averages, ``state.npz``. At the end
+``data.zarr`` is renamed to OUT, or copied entry by entry to a NetCDF file which is renamed.
 """
 
 from __future__ import annotations
@@ -56,7 +56,8 @@ def explained(path):
     except OSError as e:
         if e.errno in (errno.ENOSPC, errno.EDQUOT):
             raise AtcError(
-                f"{path}: the disk is full: make room and run the same command again (frames that are complete, if any, are kept in {path}.partial)"
+                f"{path}: the disk is full: make room and run the same command again (frames that are complete, if "
+                f"any, are kept in {path}.partial)"
             ) from e
         why = " ".join(str(e.strerror or e).split())[:200]
         raise AtcError(
@@ -211,15 +212,21 @@ class Store:
                     chunks = (1, *(max(1, min(n, first) if k == 0 else n) for k, n in enumerate(v.shape)))
                 with _every_chunk():
                     array = self._group.create_array(
-                    v.name, shape=shape, chunks=chunks, dtype=dtype, fill_value=_fill(dtype), filters=[numcodecs.CRC32()],
-                    attributes={"_ARRAY_DIMENSIONS": list(v.all_dims), **_clean(v.attrs)},
-                )  # fmt: skip
+                        v.name,
+                        shape=shape,
+                        chunks=chunks,
+                        dtype=dtype,
+                        fill_value=_fill(dtype),
+                        filters=[numcodecs.CRC32()],
+                        attributes={"_ARRAY_DIMENSIONS": list(v.all_dims), **_clean(v.attrs)},
+                    )
                 self._arrays[v.name] = array
                 if v.static is not None and v.static.size:
                     array[...] = v.static
 
     def write(self, values: dict, note: dict) -> None:
-        """The next entry: one array a variable, and `note` (plain values) for the journal. Complete when this returns."""
+        """The next entry: one array a variable, and `note` (plain values) for the journal. Complete when this
+        returns."""
         k = self.done
         with explained(self.out):
             for v in self.layout.variables:
@@ -281,7 +288,8 @@ class Store:
             shutil.rmtree(self.partial)
 
     def _swap(self, path) -> None:
-        """Rename a directory over another: the old one steps aside first and comes back if the second step never happens."""
+        """Rename a directory over another: the old one steps aside first and comes back if the second step never
+        happens."""
         old = self.partial / "old"
         if self.out.exists():
             os.rename(self.out, old)
@@ -330,7 +338,8 @@ class Store:
                 f.attrs[key] = value
 
     def _reserve(self, path) -> None:
-        """See that there is room for the file: HDF5 takes a full disk badly, and says so at length on standard error."""
+        """See that there is room for the file: HDF5 takes a full disk badly, and says so at length on standard
+        error."""
         need = 2**18
         for v in self.layout.variables:
             count = (
@@ -397,14 +406,16 @@ class Store:
 
 
 def _every_chunk():
-    """Arrays opened within write chunks that hold nothing but the fill value, too: one that is missing later is a loss, not a field of nothing."""
+    """Arrays opened within write chunks that hold nothing but the fill value, too: one that is missing later is a loss,
+    not a field of nothing."""
     import zarr
 
     return zarr.config.set({"array.write_empty_chunks": True})
 
 
 def _other(known: dict, request: dict) -> str:
-    """What makes `request` another one than that of an unfinished output; "" for the same. More frames than then are no difference."""
+    """What makes `request` another one than that of an unfinished output; "" for the same. More frames than then are no
+    difference."""
     from ..identity import differences
 
     out = differences(known, request)
@@ -437,7 +448,10 @@ def _require_all_chunks(path) -> None:
 def _missing(path, name, a) -> str | None:
     if not any(type(f).__name__ == "CRC32" for f in a.filters) or a.nchunks_initialized >= a.nchunks:
         return None  # outputs of 0.4 and before leave chunks without numbers out
-    return f"{path}: {name}: {a.nchunks - a.nchunks_initialized} of {a.nchunks} chunks are missing: the file is damaged, compute it again"
+    return (
+        f"{path}: {name}: {a.nchunks - a.nchunks_initialized} of {a.nchunks} chunks are missing: the file is damaged, "
+        "compute it again"
+    )
 
 
 def damage(path) -> str | None:
@@ -467,7 +481,10 @@ def damage(path) -> str | None:
                 a[k]
             except Exception:  # each library has its own words for it
                 at = f" of frame {k}" if a.ndim > 1 else ""
-                return f"{path}: {name}{at} is not what was written (its checksum differs): the file is damaged, compute it again"
+                return (
+                    f"{path}: {name}{at} is not what was written (its checksum differs): the file is damaged, compute "
+                    "it again"
+                )
     return None
 
 

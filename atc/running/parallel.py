@@ -1,7 +1,8 @@
-"""Where frames are computed: here, in other processes of this machine, or by the workers of a Dask cluster. Results come in the order of the frames.
+"""Where frames are computed: here, in other processes of this machine, or by the workers of a Dask cluster. Results
+come in the order of the frames.
 
-A frame's result depends on the frame, the settings and its number alone, so it does not matter who computes it, or how often it was begun; the same holds for the
-mean of a group of frames of a time average (`estimators.groups`).
+A frame's result depends on the frame, the settings and its number alone, so it does not matter who computes it, or how
+often it was begun; the same holds for the mean of a group of frames of a time average (`estimators.groups`).
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ PATIENCE = "10s"
 
 
 def frame_results(request, start: int, first: FrameResult | None = None):
-    """(frames, FrameResult) in order from frame `start`: one frame after the other, or groups of them; the result of the first frame may be there already.
+    """(frames, FrameResult) in order from frame `start`: one frame after the other, or groups of them; the result of
+    the first frame may be there already.
 
     Parameters
     ----------
@@ -57,7 +59,8 @@ def _grouped(request, start):
 
 @contextlib.contextmanager
 def here(request):
-    """How the tiles of a frame that is put together here are computed: None (here too), or a function that has the cluster do it."""
+    """How the tiles of a frame that is put together here are computed: None (here too), or a function that has the
+    cluster do it."""
     if request.tiles is None or request.cluster is None:
         yield None
         return
@@ -88,7 +91,8 @@ def _in_processes(request, settings, frames):
         )
     except (OSError, ImportError) as e:  # no semaphores: a container without /dev/shm
         warnings.warn(
-            f"no worker processes can be had here ({getattr(e, 'strerror', None) or e}): frames are computed one after another, by as many threads",
+            f"no worker processes can be had here ({getattr(e, 'strerror', None) or e}): frames are computed one "
+            "after another, by as many threads",
             AtcWarning,
             stacklevel=2,
         )
@@ -108,7 +112,8 @@ def _in_processes(request, settings, frames):
             yield group, job.result()
     except BrokenProcessPool:
         raise AtcError(
-            'a worker process died: out of memory, or the script that calls atc.fields with workers > 1 lacks `if __name__ == "__main__":` around the call'
+            "a worker process died: out of memory, or the script that calls atc.fields with workers > 1 lacks `if "
+            '__name__ == "__main__":` around the call'
         ) from None
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
@@ -135,7 +140,8 @@ def _work(frames, k) -> FrameResult:
 
 @contextlib.contextmanager
 def connected(cluster):
-    """A client of the cluster: one that is given, or one for an address, closed at the end. Its failures in one line."""
+    """A client of the cluster: one that is given, or one for an address, closed at the end. Its failures in one
+    line."""
     try:
         import distributed
     except ImportError:
@@ -148,7 +154,8 @@ def connected(cluster):
             client = distributed.Client(cluster, timeout=PATIENCE, set_as_default=False)
         except (OSError, TimeoutError, ValueError, TypeError) as e:
             raise AtcError(
-                f"cluster {cluster}: no Dask scheduler answers there ({' '.join(str(e).split())[:120]}): give its address, e.g. tcp://127.0.0.1:8786"
+                f"cluster {cluster}: no Dask scheduler answers there ({' '.join(str(e).split())[:120]}): give its "
+                "address, e.g. tcp://127.0.0.1:8786"
             ) from None
     else:
         client = cluster

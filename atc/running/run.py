@@ -31,9 +31,28 @@ _SAVE_EVERY = 5.0
 
 
 def fields(
-    traj, pot=None, kern=None, grid=None, quantities=("stress",), tolerance=1e-5, *, method="auto", reference=None, average=False,
-    threads=None, workers=1, cluster=None, tiles=None, out=None, progress=None, resume=True, scene=None, horizon=None, forces="warn", log=None,
-):  # fmt: skip
+    traj,
+    pot=None,
+    kern=None,
+    grid=None,
+    quantities=("stress",),
+    tolerance=1e-5,
+    *,
+    method="auto",
+    reference=None,
+    average=False,
+    threads=None,
+    workers=1,
+    cluster=None,
+    tiles=None,
+    out=None,
+    progress=None,
+    resume=True,
+    scene=None,
+    horizon=None,
+    forces="warn",
+    log=None,
+):
     """Continuum fields of a trajectory.
 
     Parameters
@@ -43,55 +62,65 @@ def fields(
     kern : kernel from `atc.kernel`, its radius in the trajectory's unit of length
     grid : `atc.Grid`: where the fields are wanted
     quantities : names; a whole gives its parts too
-        number_density, density, momentum, velocity, temperature, energy, stress (= stress_kinetic + stress_potential), virial_stress (of the box),
-        virial_stress_per_atom (stress times volume), smoothed_virial_stress, piola_stress; heat_flux (= heat_flux_kinetic + heat_flux_potential +
-        heat_flux_churning), energy_flux, churning, churning_divergence, churning_heat_source, heat_current (of the box); velocity_gradient,
-        strain_rate, vorticity; displacement, displacement_gradient, eshelby_stress; peridynamic_stress and its variants
-        peridynamic_stress_weighted_virial, _weighted_virial_normalised, _nodal_virial, each also as peridynamic_piola_stress.
-        See `atc.estimators.registry`.
+        number_density, density, momentum, velocity, temperature, energy, stress (= stress_kinetic + stress_potential),
+        virial_stress (of the box), virial_stress_per_atom (stress times volume), smoothed_virial_stress, piola_stress;
+        heat_flux (= heat_flux_kinetic + heat_flux_potential + heat_flux_churning), energy_flux, churning,
+        churning_divergence, churning_heat_source, heat_current (of the box); velocity_gradient, strain_rate, vorticity;
+        displacement, displacement_gradient, eshelby_stress; peridynamic_stress and its variants
+        peridynamic_stress_weighted_virial, _weighted_virial_normalised, _nodal_virial, each also as
+        peridynamic_piola_stress. See `atc.estimators.registry`.
     tolerance : float
         Error allowed, relative to the largest value of a field.
     method : "auto", or a method of `atc.deposit`
     reference : Frame, or number of a frame of `traj`, or what `atc.read` takes
-        Reference configuration of displacements, piola_stress and eshelby_stress; the grid of these two stresses is that of the reference frame.
+        Reference configuration of displacements, piola_stress and eshelby_stress; the grid of these two stresses is
+        that of the reference frame.
     average : False, True or int
-        Time average over all frames, or over windows of so many: every X comes with X_stderr (standard error by block averaging) and
-        X_correlated (True where the blocks still correlate, so that X_stderr is a lower bound). velocity is <ρ v>/<ρ> and temperature
-        <n T>/<n>, T relative to the velocity field of each frame; everything else is the plain mean of the fields of the frames, in
-        which a frame without mass at a point counts as zero stress there. In windows of 64 frames and more the sums over atoms and bonds of up to 16
-        frames at a time are added up before they are finished (see `atc.estimators.groups`); errors are then those of the means of so many frames.
+        Time average over all frames, or over windows of so many: every X comes with X_stderr (standard error by block
+        averaging) and X_correlated (True where the blocks still correlate, so that X_stderr is a lower bound). velocity
+        is <ρ v>/<ρ> and temperature <n T>/<n>, T relative to the velocity field of each frame; everything else is the
+        plain mean of the fields of the frames, in which a frame without mass at a point counts as zero stress there. In
+        windows of 64 frames and more the sums over atoms and bonds of up to 16 frames at a time are added up before
+        they are finished (see `atc.estimators.groups`); errors are then those of the means of so many frames.
     threads : int
-        Threads within a frame (default: all processors, shared among the workers). Results are identical for equal `threads`.
+        Threads within a frame (default: all processors, shared among the workers). Results are identical for equal
+        `threads`.
     workers : int
         Processes over frames, when there are as many frames; otherwise threads.
     cluster : str
-        Address of a Dask scheduler, ``tcp://host:port``, or a `distributed.Client`: frames (or tiles) are computed by its workers, each with `threads`
-        threads. Workers may come, go and die: what they had not finished is computed by others, with the same result.
+        Address of a Dask scheduler, ``tcp://host:port``, or a `distributed.Client`: frames (or tiles) are computed by
+        its workers, each with `threads` threads. Workers may come, go and die: what they had not finished is computed
+        by others, with the same result.
     tiles : three ints
-        Cut each frame along the cell's edges into so many tiles, for frames too large for one worker. Results differ from those without by rounding.
+        Cut each frame along the cell's edges into so many tiles, for frames too large for one worker. Results differ
+        from those without by rounding.
     out : path ending in .zarr or .nc
-        Written frame by frame to ``out.partial`` and renamed at the end. After a kill or Ctrl-C the same call goes on where it was,
-        with the same result as an uninterrupted run. `resume=False` begins again.
+        Written frame by frame to ``out.partial`` and renamed at the end. After a kill or Ctrl-C the same call goes on
+        where it was, with the same result as an uninterrupted run. `resume=False` begins again.
     progress : callable(done, total, rate), frames and frames per second
     scene : str
         The scene as TOML, to be kept with the result.
     horizon : float
-        Radius, in the trajectory's unit of length, within which a weighted virial sees bonds; by default the longest reach of the potential.
+        Radius, in the trajectory's unit of length, within which a weighted virial sees bonds; by default the longest
+        reach of the potential.
     forces : "warn", "must agree" or "ignore"
-        Where the trajectory has forces, those of its first frame (and of one from the middle of long runs) are compared with the potential's. What the
-        digits of the file do not explain is a warning that says what it looks like, or with "must agree" an error before anything is computed.
+        Where the trajectory has forces, those of its first frame (and of one from the middle of long runs) are compared
+        with the potential's. What the digits of the file do not explain is a warning that says what it looks like, or
+        with "must agree" an error before anything is computed.
     log : path, or list of paths
         LAMMPS log files of the run: energy and pressure tensor of the steps that both have are compared, too.
 
     Returns
     -------
     xarray.Dataset
-        Dims: frame, then the grid's, then i, j labelled "x", "y", "z"; float64, in the trajectory's units. Stress is tension positive, i
-        the face normal (divergence direction) and j the force component. Attributes of each variable: units, long_name,
-        sign_convention, error_max (largest error found at random points by the exact method, relative to the largest value of the
-        field), error_l2 (rms, relative to the rms of the field), error_of_fluctuation (largest, relative to the largest deviation from the mean),
-        measured_error (the same as error_max); input_error where the coordinates have so few digits that it matters: how far the field of the first frame
-        moves when atoms move by what rounding hid. `agrees_with_run` of the dataset says how forces and log compare. With `out` the data are read from the file when they are used.
+        Dims: frame, then the grid's, then i, j labelled "x", "y", "z"; float64, in the trajectory's units. Stress is
+        tension positive, i the face normal (divergence direction) and j the force component. Attributes of each
+        variable: units, long_name, sign_convention, error_max (largest error found at random points by the exact
+        method, relative to the largest value of the field), error_l2 (rms, relative to the rms of the field),
+        error_of_fluctuation (largest, relative to the largest deviation from the mean), measured_error (the same as
+        error_max); input_error where the coordinates have so few digits that it matters: how far the field of the first
+        frame moves when atoms move by what rounding hid. `agrees_with_run` of the dataset says how forces and log
+        compare. With `out` the data are read from the file when they are used.
 
     Raises
     ------
@@ -100,7 +129,8 @@ def fields(
 
     Notes
     -----
-    Formulas: R 4.0.34-4.0.116 as corrected in the documentation: σ = σ_U + σ_K, σ_U = Σ_bonds G r⊗r β, σ_K = −Σ m (v_j − v)⊗(v_j − v) φ_j.
+    Formulas: R 4.0.34-4.0.116 as corrected in the documentation: σ = σ_U + σ_K, σ_U = Σ_bonds G r⊗r β, σ_K = −Σ m (v_j
+    − v)⊗(v_j − v) φ_j.
     """
     request = Request(
         traj,
@@ -131,7 +161,8 @@ def fields(
 
 
 def write(request: Request, out, progress=None, resume=True) -> dict:
-    """What `fields` does with an output, without opening it again (and without the second that the libraries for that take to import).
+    """What `fields` does with an output, without opening it again (and without the second that the libraries for that
+    take to import).
 
     Returns the attributes of the dataset.
     """
@@ -211,10 +242,12 @@ def _input_errors(request: Request, store) -> tuple[float, dict[str, float]]:
 
 
 def _settle(request: Request, store, start: int) -> FrameResult | None:
-    """Fix the methods for all frames, by the errors they leave on the first and on the middle one: the first one's result, if it had to be computed and is still wanted.
+    """Fix the methods for all frames, by the errors they leave on the first and on the middle one: the first one's
+    result, if it had to be computed and is still wanted.
 
-    They may become looser as well as tighter. On every frame they are tightened as far as that frame needs, beginning from these: what is done to a frame does not depend on which frames
-    were computed before it, where, or whether the run was interrupted.
+    They may become looser as well as tighter. On every frame they are tightened as far as that frame needs, beginning
+    from these: what is done to a frame does not depend on which frames were computed before it, where, or whether the
+    run was interrupted.
     """
     if store is not None and start > 0:
         known = store.recall("methods")
@@ -246,7 +279,8 @@ def _settle(request: Request, store, start: int) -> FrameResult | None:
 
 
 def _settle_on(request: Request, k: int, run_tiles) -> None:
-    """Where runs begin is often not where they spend their time: a perfect crystal, atoms at rest. A frame of the middle has the last word on where the others begin."""
+    """Where runs begin is often not where they spend their time: a perfect crystal, atoms at rest. A frame of the
+    middle has the last word on where the others begin."""
     try:
         frame = request.frames[k]
         # Whatever list of neighbours was kept for the first frames stays theirs.
@@ -280,7 +314,8 @@ class _Sink:
             self._restore(store.load_state())
 
     def _whole_entries(self, journal) -> int:
-        """How many entries hold as many frames as they shall: the last window of a trajectory that has grown since may have been a short one."""
+        """How many entries hold as many frames as they shall: the last window of a trajectory that has grown since may
+        have been a short one."""
         n, window = self.request.n_frames, self.request.window
         for k, note in enumerate(journal):
             if note.get("frames") != min(window, n - k * window):
@@ -301,7 +336,8 @@ class _Sink:
             now = frame_digest(frame)
             if now != then:
                 raise AtcError(
-                    f"{frame.source}: is not what it was when its fields were computed (different: {changed_parts(then, now)}), and {out} holds an unfinished run with it: "
+                    f"{frame.source}: is not what it was when its fields were computed (different: "
+                    f"{changed_parts(then, now)}), and {out} holds an unfinished run with it: "
                     "compute that trajectory under another name, delete the directory, or start again without resuming"
                 )
 
@@ -408,7 +444,8 @@ class _Sink:
         return out
 
     def prepare(self, result: FrameResult) -> None:
-        """Lay the output out: the shapes from any frame's result, the rest from the trajectory's first frame, also when a run goes on from a later one."""
+        """Lay the output out: the shapes from any frame's result, the rest from the trajectory's first frame, also when
+        a run goes on from a later one."""
         request, first = self.request, self.request.first
         self.moves = grid_moves(request)
         self._cell = first.cell
@@ -422,7 +459,8 @@ class _Sink:
     def _fits(self, frame, result):
         if not self.moves and self.request.entries > 1 and follows_cell(self.request) and frame.cell != self._cell:
             warnings.warn(
-                f"{frame.source}: the cell changes, and the grid with it, but its coordinates in the output are those of the first frame: see cell and cell_origin",
+                f"{frame.source}: the cell changes, and the grid with it, but its coordinates in the output are those "
+                "of the first frame: see cell and cell_origin",
                 AtcWarning,
                 stacklevel=2,
             )
@@ -431,12 +469,14 @@ class _Sink:
             x = result.arrays.get(v.name)
             if x is not None and x.shape != v.shape:
                 raise AtcError(
-                    f"{frame.source}: {v.name} has shape {x.shape} here but {v.shape} in the first frame: compute frames with different numbers of atoms "
+                    f"{frame.source}: {v.name} has shape {x.shape} here but {v.shape} in the first frame: compute "
+                    "frames with different numbers of atoms "
                     "one by one"
                 )
         if any(q.kind == "atom" for q in self.request.work.quantities) and not np.array_equal(self._atoms, frame.ids):
             raise AtcError(
-                f"{frame.source}: its atom ids are not those of the first frame: compute per-atom quantities of such frames one by one"
+                f"{frame.source}: its atom ids are not those of the first frame: compute per-atom quantities of such "
+                "frames one by one"
             )
 
     def final_attributes(self) -> dict:
@@ -531,7 +571,8 @@ def _plain_coordinates(coordinates):
 
 
 def _sanity(request: Request) -> None:
-    """Complain of what is missing in the first frame; warn of what can be computed but is probably not what was meant."""
+    """Complain of what is missing in the first frame; warn of what can be computed but is probably not what was
+    meant."""
     frame, work, u = request.first, request.work, request.first.units
     require(frame, request.settings(), work)
     for doubt in doubts(frame, temperature="velocities" in work.attributes):
@@ -541,10 +582,13 @@ def _sanity(request: Request) -> None:
         support = u.to_internal("length", request.kern.support)
         if spacing > support:
             warnings.warn(
-                f"the kernel's radius ({radius_of(request.kern):g} {u.label('length')}) is smaller than the distance between grid points "
-                f"({u.to_user('length', spacing):.3g}): much of the material is seen by no point; use a finer grid or a wider kernel",
-                AtcWarning, stacklevel=3,
-            )  # fmt: skip
+                f"the kernel's radius ({radius_of(request.kern):g} {u.label('length')}) is smaller than the distance "
+                "between grid points "
+                f"({u.to_user('length', spacing):.3g}): much of the material is seen by no point; use a finer grid or "
+                "a wider kernel",
+                AtcWarning,
+                stacklevel=3,
+            )
 
 
 def grid_spacing(bound) -> float:

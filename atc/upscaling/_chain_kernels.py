@@ -1,6 +1,7 @@
 """Numba kernels of the chains: forces, energies, velocity Verlet. Arrays and numbers only.
 
-Displacements sit in an array padded by M nodes on either side, so that the loops over nodes have no ends: the pads hold the images (periodic) or zero.
+Displacements sit in an array padded by M nodes on either side, so that the loops over nodes have no ends: the pads hold
+the images (periodic) or zero.
 """
 
 from __future__ import annotations
@@ -118,7 +119,8 @@ def lj_energy(u, dx, M, A, B, periodic):
 
 @njit(cache=True, error_model="numpy")
 def springs_verlet(u, v, a, w, dt, steps, periodic):
-    """`steps` steps of velocity Verlet; u padded, all arrays updated in place; a is the acceleration of u at entry and at exit."""
+    """`steps` steps of velocity Verlet; u padded, all arrays updated in place; a is the acceleration of u at entry and
+    at exit."""
     M, n = w.shape[0], v.shape[0]
     for _ in range(steps):
         for i in range(n):
@@ -132,7 +134,8 @@ def springs_verlet(u, v, a, w, dt, steps, periodic):
 
 @njit(cache=True, error_model="numpy")
 def stretch_range(u, M, dx):
-    """Smallest and largest stretch of the bonds between neighbours, and which bonds: u padded; a NaN counts as the smallest."""
+    """Smallest and largest stretch of the bonds between neighbours, and which bonds: u padded; a NaN counts as the
+    smallest."""
     lo, hi, ilo, ihi = np.inf, -np.inf, 0, 0
     for i in range(M - 1, u.shape[0] - M):
         F = 1.0 + (u[i + 1] - u[i]) / dx
@@ -145,7 +148,8 @@ def stretch_range(u, M, dx):
 
 @njit(cache=True, error_model="numpy")
 def lj_verlet(u, v, a, work, dx, M, A, B, inverse_density, dt, steps, periodic, lowest, highest):
-    """As `springs_verlet`; stops after the first step with a bond between neighbours outside (lowest, highest). Returns the steps done."""
+    """As `springs_verlet`; stops after the first step with a bond between neighbours outside (lowest, highest). Returns
+    the steps done."""
     n = v.shape[0]
     for step in range(steps):
         for i in range(n):

@@ -1,8 +1,10 @@
-"""Chains in one dimension: nonlocal linear springs, Lennard-Jones, peridynamics at any resolution, the classical wave equation.
+"""Chains in one dimension: nonlocal linear springs, Lennard-Jones, peridynamics at any resolution, the classical wave
+equation.
 
-All of them are nodes x_i = i Δx that interact with their M nearest neighbours on either side, written as force densities (Seleson, Parks,
-Gunzburger, Lehoucq 2009, eqs. A.2 and 5.3), so one model holds at every resolution: at Δx = a it *is* molecular dynamics, at MΔx = δ a quadrature of
-peridynamics, and with M fixed and Δx → 0 the wave equation. `atc.upscaling.evolve.verlet` moves them in time.
+All of them are nodes x_i = i Δx that interact with their M nearest neighbours on either side, written as force
+densities (Seleson, Parks, Gunzburger, Lehoucq 2009, eqs. A.2 and 5.3), so one model holds at every resolution: at Δx =
+a it *is* molecular dynamics, at MΔx = δ a quadrature of peridynamics, and with M fixed and Δx → 0 the wave equation.
+`atc.upscaling.evolve.verlet` moves them in time.
 
 Ends: ``periodic``, or ``clamped``, which holds everything outside the chain at its reference place.
 """
@@ -51,15 +53,17 @@ class Springs:
     spacing : float
         Δx.
     weights : (M,) array
-        w_q: stiffness of the spring to the q-th neighbour, per length of the chain and per length of the spacing (force density / displacement).
+        w_q: stiffness of the spring to the q-th neighbour, per length of the chain and per length of the spacing (force
+        density / displacement).
     density : float
         ρ, mass per length.
     name : str
 
     Notes
     -----
-    `paper` makes the weights of the paper, 2K₁/(M(M+1)) / (q Δx²) (eq. A.2): the springs constants fall as 1/distance and the long-wave modulus
-    Σ w_q (qΔx)² is K₁ for every M and Δx. Any other weights are as good a chain (`atc.upscaling.coarse`).
+    `paper` makes the weights of the paper, 2K₁/(M(M+1)) / (q Δx²) (eq. A.2): the springs constants fall as 1/distance
+    and the long-wave modulus Σ w_q (qΔx)² is K₁ for every M and Δx. Any other weights are as good a chain
+    (`atc.upscaling.coarse`).
     """
 
     spacing: float
@@ -87,7 +91,8 @@ class Springs:
 
     @classmethod
     def peridynamics(cls, horizon: float, spacing: float, modulus: float = 1.0, density: float = 1.0) -> Springs:
-        """Peridynamics with the micromodulus c/|ε| inside `horizon`, by the paper's quadrature: `horizon` must be a multiple of `spacing`."""
+        """Peridynamics with the micromodulus c/|ε| inside `horizon`, by the paper's quadrature: `horizon` must be a
+        multiple of `spacing`."""
         horizon, spacing = positive("horizon", horizon), positive("spacing", spacing)
         M = round(horizon / spacing)
         if M < 1 or abs(M * spacing - horizon) > 1e-9 * horizon:
@@ -118,7 +123,8 @@ class Springs:
         return math.sqrt(max(self.modulus, 0.0) / self.density)
 
     def frequency_squared(self, k) -> np.ndarray:
-        """ω²(k) = (4/ρ) Σ_q w_q sin²(k q Δx/2), any shape of `k`; negative where a chain with negative weights is unstable."""
+        """ω²(k) = (4/ρ) Σ_q w_q sin²(k q Δx/2), any shape of `k`; negative where a chain with negative weights is
+        unstable."""
         k = np.asarray(k, dtype=float)
         out = np.zeros(k.shape)
         for q, w in enumerate(self.weights, 1):
@@ -131,7 +137,8 @@ class Springs:
         bad = squared < -1e-12 * max(float(np.max(squared, initial=0.0)), self.modulus / self.spacing**2 / self.density)
         if bad.any():
             raise AtcError(
-                f"{self.name}: ω² = {squared.min():g} < 0: this chain is unstable (its weights are negative where they must not be)"
+                f"{self.name}: ω² = {squared.min():g} < 0: this chain is unstable (its weights are negative where "
+                "they must not be)"
             )
         return np.sqrt(np.maximum(squared, 0.0))
 
@@ -158,7 +165,8 @@ class Springs:
 
     @property
     def sufficient_time_step(self) -> float:
-        """The paper's sufficient limit √(ρ / Σ_q w_q) (eq. 4.12: 1 − cos replaced by 2 in every term), 20 to 30 % below the true one for many neighbours."""
+        """The paper's sufficient limit √(ρ / Σ_q w_q) (eq. 4.12: 1 − cos replaced by 2 in every term), 20 to 30 % below
+        the true one for many neighbours."""
         return math.sqrt(self.density / float(np.abs(self.weights).sum()))
 
     def time_step(self, safety: float = 0.85) -> float:
@@ -188,27 +196,32 @@ class Springs:
         return out
 
 
-# Where the tangent modulus of the chain vanishes under homogeneous stretch F: (F⁻⁷ − F⁻¹³)' = 0 (a minimum at F = 1, so σ̄⁶ = ½; it does not depend on M).
+# Where the tangent modulus of the chain vanishes under homogeneous stretch F: (F⁻⁷ − F⁻¹³)' = 0 (a minimum at F = 1, so
+# σ̄⁶ = ½; it does not depend on M).
 LJ_SPINODAL = (13 / 7) ** (1 / 6)
 
 
 @dataclass(frozen=True)
 class LennardJones:
-    """A chain of Lennard-Jones bonds at any resolution: ρ ü_i = −24 ε̄ Σ_j [2 (Δx σ̄)¹²/(Z₁₂ r_j¹³) − (Δx σ̄)⁶/(Z₆ r_j⁷)], r_j = y_{i+j} − y_i (eq. 5.3).
+    """A chain of Lennard-Jones bonds at any resolution: ρ ü_i = −24 ε̄ Σ_j [2 (Δx σ̄)¹²/(Z₁₂ r_j¹³) − (Δx σ̄)⁶/(Z₆
+    r_j⁷)], r_j = y_{i+j} − y_i (eq. 5.3).
 
-    Z_s = Σ_{j≤M} j⁻ˢ. The stress of a homogeneous stretch F, 24 ε̄ (σ̄⁶ F⁻⁷ − 2 σ̄¹² F⁻¹³), depends on neither M nor Δx.
+    Z_s = Σ_{j≤M} j⁻ˢ. The stress of a homogeneous stretch F, 24 ε̄ (σ̄⁶ F⁻⁷ − 2 σ̄¹² F⁻¹³), depends on neither M nor
+    Δx.
 
     Parameters
     ----------
     spacing, neighbors : Δx, M
     epsilon, sigma : float
-        ε̄ and σ̄ of the paper. It gives no numbers; the defaults make the spacing the equilibrium one, σ̄ = 2^(−1/6), and the sound speed one, ε̄ = 1/72.
+        ε̄ and σ̄ of the paper. It gives no numbers; the defaults make the spacing the equilibrium one, σ̄ = 2^(−1/6),
+        and the sound speed one, ε̄ = 1/72.
     density : float
 
     Notes
     -----
-    A chain with σ̄ ≠ 2^(−1/6) is under stress at rest, and is refused: its ends would have to hold it. Under a stretch beyond the spinodal (13/7)^(1/6) = 1.1087 the tangent modulus is negative:
-    bonds lose stiffness as they open, the chain breaks, no continuum has a unique solution there, and results depend on the resolution.
+    A chain with σ̄ ≠ 2^(−1/6) is under stress at rest, and is refused: its ends would have to hold it. Under a stretch
+    beyond the spinodal (13/7)^(1/6) = 1.1087 the tangent modulus is negative: bonds lose stiffness as they open, the
+    chain breaks, no continuum has a unique solution there, and results depend on the resolution.
     """
 
     spacing: float
@@ -224,7 +237,8 @@ class LennardJones:
         whole("neighbors", self.neighbors)
         if abs(2 * self.sigma**6 - 1) > 1e-9:
             raise AtcError(
-                f"sigma = {self.sigma:g}: the spacing is the equilibrium one only for sigma = 2^(-1/6) = {2 ** (-1 / 6):.9g}, in units of the spacing; "
+                f"sigma = {self.sigma:g}: the spacing is the equilibrium one only for sigma = 2^(-1/6) = "
+                f"{2 ** (-1 / 6):.9g}, in units of the spacing; "
                 "with another the chain would be under stress at rest"
             )
 
@@ -260,7 +274,8 @@ class LennardJones:
         return 24 * self.epsilon * (self.sigma**6 * F**-7 - 2 * self.sigma**12 * F**-13)
 
     def linearised(self) -> Springs:
-        """The springs of small displacements: w_q = the bond's second derivative at its reference length (negative for distant neighbours)."""
+        """The springs of small displacements: w_q = the bond's second derivative at its reference length (negative for
+        distant neighbours)."""
         A, B = self.coefficients
         r = np.arange(1, self.neighbors + 1) * self.spacing
         return Springs(self.spacing, 156 * A / r**14 - 42 * B / r**8, self.density, f"{self.name}, linearised")
@@ -303,7 +318,8 @@ def need_nodes(n: int, M: int, boundary: str) -> None:
 
 
 def smoothstep(s, order: int = 10) -> np.ndarray:
-    """The polynomial of degree 2·order + 1 that rises from 0 to 1 on [0, 1] with `order` vanishing derivatives at both ends; 0 and 1 outside."""
+    """The polynomial of degree 2·order + 1 that rises from 0 to 1 on [0, 1] with `order` vanishing derivatives at both
+    ends; 0 and 1 outside."""
     from scipy.special import betainc
 
     # S_n(s) is the regularised incomplete beta function I_s(n+1, n+1): no cancelling binomial sum
@@ -311,11 +327,13 @@ def smoothstep(s, order: int = 10) -> np.ndarray:
 
 
 def bump(x, center: float = 500.0, half_width: float = 10.0, amplitude: float = 1.0, order: int = 10) -> np.ndarray:
-    """The paper's smooth bump: the smoothstep of degree 2·order + 1 on [center − half_width, center], mirrored behind it."""
+    """The paper's smooth bump: the smoothstep of degree 2·order + 1 on [center − half_width, center], mirrored behind
+    it."""
     half_width = positive("half_width", half_width)
     return amplitude * smoothstep(1 - np.abs(np.asarray(x, dtype=float) - center) / half_width, order)
 
 
 def square_pulse(x, center: float = 500.0, half_width: float = 10.0, amplitude: float = 1.0) -> np.ndarray:
-    """`amplitude` within `half_width` of `center`, both ends included (to a rounding error in x), 0 elsewhere (eq. 4.14)."""
+    """`amplitude` within `half_width` of `center`, both ends included (to a rounding error in x), 0 elsewhere (eq.
+    4.14)."""
     return np.where(np.abs(np.asarray(x, dtype=float) - center) <= half_width * (1 + 1e-12), float(amplitude), 0.0)

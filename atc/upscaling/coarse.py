@@ -1,7 +1,8 @@
 """Coarse models of a chain at equal cost: the same nodes and neighbours, better weights.
 
-A coarse chain (spacing Δx, M neighbours) is as good as its ω(k) is close to the fine one's for the waves that are there. The paper keeps the form of the weights, which leaves the horizon as the only
-length; the weights themselves are M free numbers. All models here have exactly the fine chain's modulus (sound speed).
+A coarse chain (spacing Δx, M neighbours) is as good as its ω(k) is close to the fine one's for the waves that are
+there. The paper keeps the form of the weights, which leaves the horizon as the only length; the weights themselves are
+M free numbers. All models here have exactly the fine chain's modulus (sound speed).
 """
 
 from __future__ import annotations
@@ -28,11 +29,14 @@ def coarsen(
     fine : Springs
     spacing, neighbors : Δx and M of the coarse chain
     method : str
-        ``paper``: weights 2K₁/(M(M+1)) / (q Δx²) (eq. A.2). ``trapezoid``: the trapezoidal rule for ∫ (c/|ε|)(u(x+ε) − u(x)) dε over the horizon, whose last weight is halved.
-        ``moments-P``: the smallest relative change of the paper's weights that matches the moments Σ w (qΔx)^{2p}, p = 1 … P, of the fine chain (its gradient series through ∂^{2P}).
+        ``paper``: weights 2K₁/(M(M+1)) / (q Δx²) (eq. A.2). ``trapezoid``: the trapezoidal rule for ∫ (c/|ε|)(u(x+ε) −
+        u(x)) dε over the horizon, whose last weight is halved.
+        ``moments-P``: the smallest relative change of the paper's weights that matches the moments Σ w (qΔx)^{2p}, p =
+        1 … P, of the fine chain (its gradient series through ∂^{2P}).
         ``band``: w ≥ 0 that minimise Σ (ω²/ω²_fine − 1)² over wavenumbers k ≤ band·π/Δx (non-negative least squares).
-        ``band-in-time``: the same for the chain *as velocity Verlet moves it* with the step `dt`: Verlet turns a mode of frequency ω by 2 arcsin(ω dt/2) a step, so the
-        target is ω² = (2/dt)² sin²(ω_fine dt/2), and the errors of space and time go together.
+        ``band-in-time``: the same for the chain *as velocity Verlet moves it* with the step `dt`: Verlet turns a mode
+        of frequency ω by 2 arcsin(ω dt/2) a step, so the target is ω² = (2/dt)² sin²(ω_fine dt/2), and the errors of
+        space and time go together.
     band : float
         For ``band`` and ``band-in-time``: the part of the coarse chain's zone that is fitted.
     dt : float
@@ -65,7 +69,8 @@ def coarsen(
         )
     else:
         raise AtcError(
-            f"coarse model {method!r}: expected paper, trapezoid, moments-2, moments-4 (or another number), band or band-in-time"
+            f"coarse model {method!r}: expected paper, trapezoid, moments-2, moments-4 (or another number), band or "
+            "band-in-time"
         )
     return Springs(spacing, weights, rho, method)
 
@@ -98,13 +103,15 @@ def _fitted_band(fine, start, band, dt=None):
         half = 0.5 * dt * np.sqrt(target)
         if half.max() >= 0.5 * math.pi:
             raise AtcError(
-                f"band-in-time: dt = {dt:g} is beyond half a period of the fastest wave of the band: take a smaller step or a smaller band"
+                f"band-in-time: dt = {dt:g} is beyond half a period of the fastest wave of the band: take a smaller "
+                "step or a smaller band"
             )
         target = (2 / dt * np.sin(half)) ** 2
     # Unknowns p_q = w_q (qΔx)²/K ≥ 0 with Σ p = 1, the modulus. Each spring's share of ω²/target:
     G = fine.modulus / fine.density * (k[:, None] * np.sinc(k[:, None] * q * dx / (2 * math.pi))) ** 2 / target[:, None]
-    # Σ p = 1 turns ‖G p − 1‖ into the homogeneous ‖(G − 1) p‖; the heavy row only sets its scale, and the division makes the modulus exact.
-    # (Its weight decides nothing: the minimiser of ‖A p‖² + (Σ p − 1)² is the constrained one times a number.)
+    # Σ p = 1 turns ‖G p − 1‖ into the homogeneous ‖(G − 1) p‖; the heavy row only sets its scale, and the division
+    # makes the modulus exact. (Its weight decides nothing: the minimiser of ‖A p‖² + (Σ p − 1)² is the constrained one
+    # times a number.)
     A = np.vstack([G - 1, np.ones(M)])
     p, _ = nnls(A, np.append(np.zeros(len(k)), 1.0), maxiter=100 * M)
     p /= p.sum()
@@ -113,7 +120,8 @@ def _fitted_band(fine, start, band, dt=None):
 
 @dataclass(frozen=True)
 class Accuracy:
-    """One row of `accuracy_table`. `error` and the rest are relative; `cost` in units of the fine chain's nodes × neighbours × steps."""
+    """One row of `accuracy_table`. `error` and the rest are relative; `cost` in units of the fine chain's nodes ×
+    neighbours × steps."""
 
     method: str
     spacing: float
@@ -154,7 +162,8 @@ def accuracy_table(
         Length of the simulation whose steps are counted (⌊duration/Δt⌋).
     models : list of (method, spacing, neighbors)
     safety : float
-        Δt of each model = safety × its sufficient limit (eq. 4.13; for band-in-time that of the paper's weights). `error` is exact in time, `error_verlet` has Verlet's error at that Δt.
+        Δt of each model = safety × its sufficient limit (eq. 4.13; for band-in-time that of the paper's weights).
+        `error` is exact in time, `error_verlet` has Verlet's error at that Δt.
     fine_safety : float
         The same for the fine chain, whose nodes × neighbours × steps are the unit of cost.
     """
@@ -169,7 +178,8 @@ def accuracy_table(
         step = round(spacing / fine.spacing)
         if abs(step * fine.spacing - spacing) > 1e-9 * spacing:
             raise AtcError(
-                f"spacing = {spacing:g}: not a multiple of the fine chain's {fine.spacing:g}, so profiles have no nodes in common"
+                f"spacing = {spacing:g}: not a multiple of the fine chain's {fine.spacing:g}, so profiles have no "
+                "nodes in common"
             )
         u0 = initial(np.arange(n) * spacing)
         dt = planned if method == "band-in-time" else model.time_step(safety)

@@ -1,4 +1,5 @@
-"""The continuum limits of the chains: peridynamics with micromodulus c/|ε|, and the classical wave equation. Dispersion in closed form."""
+"""The continuum limits of the chains: peridynamics with micromodulus c/|ε|, and the classical wave equation. Dispersion
+in closed form."""
 
 from __future__ import annotations
 
@@ -43,7 +44,8 @@ def cin_ratio(z) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Peridynamics:
-    """ρ ü = ∫_{−δ}^{δ} (c/|ε|)(u(x+ε) − u(x)) dε with c = 2K₁/δ² (eqs. 4.3, A.3): ω² = (4K₁/(ρδ²)) Cin(kδ). `horizon` = 0 is the wave equation."""
+    """ρ ü = ∫_{−δ}^{δ} (c/|ε|)(u(x+ε) − u(x)) dε with c = 2K₁/δ² (eqs. 4.3, A.3): ω² = (4K₁/(ρδ²)) Cin(kδ). `horizon` =
+    0 is the wave equation."""
 
     horizon: float
     modulus: float = 1.0

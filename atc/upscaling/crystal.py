@@ -1,6 +1,8 @@
-"""Perfect crystals: unit cells, their strained and repeated copies, and zero-pressure lattice constants by Newton's method.
+"""Perfect crystals: unit cells, their strained and repeated copies, and zero-pressure lattice constants by Newton's
+method.
 
-Everything is in internal units (`atc.units`). A *model* of the interactions is a potential of `atc.potential` or any ASE calculator.
+Everything is in internal units (`atc.units`). A *model* of the interactions is a potential of `atc.potential` or any
+ASE calculator.
 """
 
 from __future__ import annotations
@@ -71,7 +73,8 @@ class Crystal:
 
         Parameters
         ----------
-        lattice_constant, masses : in the units `units`; one mass, or one for each atom of the basis (diamond has two: zincblende)
+        lattice_constant, masses : in the units `units`; one mass, or one for each atom of the basis (diamond has two:
+            zincblende)
         types : one for each atom of the basis; default: 1, or 1, 2 where the masses differ
         symbols : chemical symbols of the basis; only ASE calculators need them
         """
@@ -105,9 +108,15 @@ class Crystal:
             raise AtcError(f"{frame.source}: a crystal is periodic along all axes")
         frame.require("masses", why="the dynamics of a crystal")
         return cls(
-            frame.cell.vectors, frame.positions - frame.cell.origin, frame.masses, frame.units, frame.types, conventional, name or frame.source,
+            frame.cell.vectors,
+            frame.positions - frame.cell.origin,
+            frame.masses,
+            frame.units,
+            frame.types,
+            conventional,
+            name or frame.source,
             dict(frame.type_names),
-        )  # fmt: skip
+        )
 
     @classmethod
     def from_ase(cls, atoms, conventional=None) -> Crystal:
@@ -115,9 +124,15 @@ class Crystal:
         symbols = atoms.get_chemical_symbols()
         kinds = list(dict.fromkeys(symbols))
         return cls(
-            np.array(atoms.cell), atoms.get_positions(), atoms.get_masses(), units("ase"), [kinds.index(s) + 1 for s in symbols], conventional,
-            atoms.get_chemical_formula(), {k + 1: s for k, s in enumerate(kinds)},
-        )  # fmt: skip
+            np.array(atoms.cell),
+            atoms.get_positions(),
+            atoms.get_masses(),
+            units("ase"),
+            [kinds.index(s) + 1 for s in symbols],
+            conventional,
+            atoms.get_chemical_formula(),
+            {k + 1: s for k, s in enumerate(kinds)},
+        )
 
     def __len__(self):
         return len(self.positions)
@@ -144,16 +159,27 @@ class Crystal:
     def frame(self) -> Frame:
         """The unit cell as a periodic frame."""
         return Frame(
-            self.positions, Cell(self.vectors), self.units, types=self.types, masses=self.masses, source=self.name, type_names=dict(self.type_names)
-        )  # fmt: skip
+            self.positions,
+            Cell(self.vectors),
+            self.units,
+            types=self.types,
+            masses=self.masses,
+            source=self.name,
+            type_names=dict(self.type_names),
+        )
 
     def strained(self, strain=None, displacements=None) -> Crystal:
-        """Under a homogeneous deformation x → (1 + strain) x, and basis atoms displaced by `displacements` (n, 3) on top."""
+        """Under a homogeneous deformation x → (1 + strain) x, and basis atoms displaced by `displacements` (n, 3) on
+        top."""
         F = np.eye(3) if strain is None else np.eye(3) + np.asarray(strain)
         moved = 0.0 if displacements is None else np.asarray(displacements)
         return replace(
-            self, vectors=self.vectors @ F.T, positions=self.positions @ F.T + moved, conventional=self.conventional @ F.T, masses=self.masses.copy()
-        )  # fmt: skip
+            self,
+            vectors=self.vectors @ F.T,
+            positions=self.positions @ F.T + moved,
+            conventional=self.conventional @ F.T,
+            masses=self.masses.copy(),
+        )
 
     def with_lattice_constant(self, a: float) -> Crystal:
         """Scaled so that `lattice_constant` is a (the user's units)."""
@@ -164,14 +190,20 @@ class Crystal:
         return np.array(list(product(*(range(r) for r in repeat))))
 
     def supercell(self, repeat) -> tuple[Frame, np.ndarray]:
-        """`repeat` cells along each primitive vector, and which basis atom each atom is; atoms of one cell stay together, the first cell comes first."""
+        """`repeat` cells along each primitive vector, and which basis atom each atom is; atoms of one cell stay
+        together, the first cell comes first."""
         cells = self.lattice_points(repeat)
         n = len(self)
         x = (cells @ self.vectors)[:, None, :] + self.positions[None]
         frame = Frame(
-            x.reshape(-1, 3), Cell(self.vectors * np.array(repeat)[:, None]), self.units, types=np.tile(self.types, len(cells)),
-            masses=np.tile(self.masses, len(cells)), source=self.name, type_names=dict(self.type_names),
-        )  # fmt: skip
+            x.reshape(-1, 3),
+            Cell(self.vectors * np.array(repeat)[:, None]),
+            self.units,
+            types=np.tile(self.types, len(cells)),
+            masses=np.tile(self.masses, len(cells)),
+            source=self.name,
+            type_names=dict(self.type_names),
+        )
         return frame, np.tile(np.arange(n), len(cells))
 
     def direction(self, direction) -> np.ndarray:
@@ -190,7 +222,8 @@ class Crystal:
 
 
 def evaluate(model, frame: Frame) -> tuple[float, np.ndarray, np.ndarray]:
-    """Energy, forces (n, 3) and virial Σ G r⊗r (3, 3; tension positive) of a frame, by a potential of atc or an ASE calculator; internal units."""
+    """Energy, forces (n, 3) and virial Σ G r⊗r (3, 3; tension positive) of a frame, by a potential of atc or an ASE
+    calculator; internal units."""
     if hasattr(model, "stream"):
         d = model.stream(frame, forces=True)
         return d.energy, d.forces_nc, d.virial_cc
@@ -228,7 +261,8 @@ def _ase_atoms(frame: Frame):
     return Atoms(symbols, frame.positions, cell=frame.cell.vectors, pbc=True, masses=frame.masses)
 
 
-#: The six symmetric unit strains, Voigt order xx yy zz yz xz xy; shear strains have 1/2 at both places (engineering strain 1).
+#: The six symmetric unit strains, Voigt order xx yy zz yz xz xy; shear strains have 1/2 at both places (engineering
+#: strain 1).
 VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 
 
@@ -249,7 +283,8 @@ class Response:
     """First derivatives of a crystal's stress and forces.
 
     stress_v : (6,) Cauchy stress, tension positive. forces_nc : (n, 3).
-    born_vv : (6, 6) ∂σ/∂ε with the basis moving along. lambda_xv : (3n, 6) ∂F/∂ε. phi_xx : (3n, 3n) −∂F/∂u, the sublattices displaced as wholes.
+    born_vv : (6, 6) ∂σ/∂ε with the basis moving along. lambda_xv : (3n, 6) ∂F/∂ε. phi_xx : (3n, 3n) −∂F/∂u, the
+        sublattices displaced as wholes.
     stress_xv : (3n, 6) ∂σ/∂u.
     """
 
@@ -262,7 +297,8 @@ class Response:
 
 
 def response(crystal: Crystal, model, step: float = 1e-4) -> Response:
-    """Central differences of sixth order; `step` is a strain, and a displacement in units of the cell's shortest vector."""
+    """Central differences of sixth order; `step` is a strain, and a displacement in units of the cell's shortest
+    vector."""
     n = len(crystal)
     h = step * np.linalg.norm(crystal.vectors, axis=1).min()
 
@@ -300,12 +336,13 @@ def relax(crystal: Crystal, model, pressure: float = 0.0, *, tolerance: float = 
 
     Raises
     ------
-    AtcError if Newton's method does not converge: the crystal is unstable under this model, or the start is too far away.
+    AtcError if Newton's method does not converge: the crystal is unstable under this model, or the start is too far
+    away.
 
     Notes
     -----
-    The stress is that of the forces. For a potential cut without a shift it is not the derivative of the energy at the (measure zero) strains
-    at which a shell crosses the cutoff; LAMMPS's pressure is the same.
+    The stress is that of the forces. For a potential cut without a shift it is not the derivative of the energy at the
+    (measure zero) strains at which a shell crosses the cutoff; LAMMPS's pressure is the same.
     """
     target = -crystal.units.to_internal("pressure", pressure) * np.array([1.0, 1, 1, 0, 0, 0])
     n = len(crystal)
@@ -332,7 +369,8 @@ def relax(crystal: Crystal, model, pressure: float = 0.0, *, tolerance: float = 
         if largest < tolerance:
             return crystal
     raise AtcError(
-        f"{crystal.name}: no cell with zero residual stress was found near the start: give a lattice constant nearer to equilibrium, "
+        f"{crystal.name}: no cell with zero residual stress was found near the start: give a lattice constant nearer "
+        "to equilibrium, "
         "or check the potential (last lattice constant "
         f"{crystal.lattice_constant:.6g} {crystal.units.label('length')})"
     )

@@ -14,10 +14,25 @@ from .report import STYLE, draw_density
 
 
 def run_chain(
-    output, *, model="springs", spacing=0.25, neighbors=20, horizon=None, coarse=None, length=1000.0, initial="bump", half_width=10.0, amplitude=1.0,
-    duration=300.0, dt=None, boundary="clamped", rows=300, beyond_spinodal="refuse",
-) -> tuple[History, Path]:  # fmt: skip
-    """Run one chain, write the dataset to `output` (.nc or .zarr) and its space-time picture beside it. Returns the run and the picture's path."""
+    output,
+    *,
+    model="springs",
+    spacing=0.25,
+    neighbors=20,
+    horizon=None,
+    coarse=None,
+    length=1000.0,
+    initial="bump",
+    half_width=10.0,
+    amplitude=1.0,
+    duration=300.0,
+    dt=None,
+    boundary="clamped",
+    rows=300,
+    beyond_spinodal="refuse",
+) -> tuple[History, Path]:
+    """Run one chain, write the dataset to `output` (.nc or .zarr) and its space-time picture beside it. Returns the run
+    and the picture's path."""
     output = writable(output)
     if model not in ("springs", "lj", "pd"):
         raise AtcError(f"--model {model}: expected springs, lj or pd")
@@ -49,7 +64,8 @@ def run_chain(
     u0 = shapes[initial](x, length / 2, positive("half_width", half_width), amplitude)
     if not np.any(u0):
         raise AtcError(
-            "the initial displacement is zero everywhere: give an amplitude other than 0, and a half-width of a few spacings"
+            "the initial displacement is zero everywhere: give an amplitude other than 0, and a half-width of a few "
+            "spacings"
         )
     if dt is None:
         dt = 0.1 * chain.stable_time_step if model == "lj" else chain.time_step()
@@ -77,7 +93,8 @@ def _coarsened(chain, text, dt):
             raise ValueError
     except ValueError:
         raise AtcError(
-            f"--coarse {text}: expected METHOD,FACTOR with a FACTOR that divides the {chain.neighbors} neighbours, e.g. band,2"
+            f"--coarse {text}: expected METHOD,FACTOR with a FACTOR that divides the {chain.neighbors} neighbours, "
+            "e.g. band,2"
         ) from None
     spacing, M = chain.spacing * factor, chain.neighbors // factor
     if method == "band-in-time" and dt is None:

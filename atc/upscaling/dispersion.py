@@ -1,4 +1,5 @@
-"""Dispersion of a crystal in one place: the lattice, phonopy, peridynamic models and a trajectory, with elastic constants and residuals."""
+"""Dispersion of a crystal in one place: the lattice, phonopy, peridynamic models and a trajectory, with elastic
+constants and residuals."""
 
 from __future__ import annotations
 
@@ -42,7 +43,8 @@ class Ray:
 class Dispersion:
     """What `dispersion` found. Internal units; `table`, `json`, `dataset` and `picture` are in the user's.
 
-    crystal : at the lattice constant everything refers to. stress : pressure there (compression positive, user's unit), None without a potential.
+    crystal : at the lattice constant everything refers to. stress : pressure there (compression positive, user's unit),
+        None without a potential.
     """
 
     crystal: Crystal
@@ -123,13 +125,15 @@ class Dispersion:
                     f"  {m.label:<26}{cells}{100 * m.rms:9.3f}{100 * m.band:9.3f}{low}{step:11.4g} {u.label('time')}"
                 )
             lines.append(
-                "  (zone: rms over the whole zone; min ω²: smallest beyond the first zone up to 4·2π/a, of the crystal's largest; ! marks an unstable model; steps are 2/ω_max)"
+                "  (zone: rms over the whole zone; min ω²: smallest beyond the first zone up to 4·2π/a, of the "
+                "crystal's largest; ! marks an unstable model; steps are 2/ω_max)"
             )
         r = self.measured
         if r is not None:
             temperature = f"{r.temperature:.4g} {u.label('temperature')}"
             lines.append(
-                f"measured in {r.source.rsplit(' frame ', 1)[0]}: {r.frames} frames, {temperature}, errors from {r.blocks} blocks; {unit}:"
+                f"measured in {r.source.rsplit(' frame ', 1)[0]}: {r.frames} frames, {temperature}, errors from "
+                f"{r.blocks} blocks; {unit}:"
             )
             lines.append(f"  {'k':<14}{'harmonic':>10}{'ratio':>20}{'spectrum':>20}")
             harmonic = self.fc.frequencies(r.k_kc) if self.fc is not None else np.full(r.ratio_km.shape, np.nan)
@@ -151,7 +155,8 @@ class Dispersion:
             console.print(f"note: {note}", soft_wrap=True)
 
     def json(self) -> str:
-        """Everything as JSON: frequencies in THz (1/tau in reduced units), lengths in the user's unit, elastic constants in the user's pressure unit."""
+        """Everything as JSON: frequencies in THz (1/tau in reduced units), lengths in the user's unit, elastic
+        constants in the user's pressure unit."""
         u, (unit, factor) = self.crystal.units, frequency_unit(self.crystal.units)
 
         def clean(x):
@@ -162,12 +167,19 @@ class Dispersion:
             )
 
         out = {
-            "crystal": self.crystal.name, "lattice_constant": self.crystal.lattice_constant, "length_unit": u.label("length"), "frequency_unit": unit,
-            "pressure": self.pressure, "pressure_unit": u.label("pressure"),
+            "crystal": self.crystal.name,
+            "lattice_constant": self.crystal.lattice_constant,
+            "length_unit": u.label("length"),
+            "frequency_unit": unit,
+            "pressure": self.pressure,
+            "pressure_unit": u.label("pressure"),
             "relaxed_lattice_constant": self.relaxed.lattice_constant if self.relaxed is not None else None,
             "elastic_constants": clean(self.elastic.to_user()) if self.elastic is not None else None,
-            "phonopy_difference": clean(factor * self.phonopy_difference) if self.phonopy_difference is not None else None,
-            "potential": self.potential, "notes": self.notes,
+            "phonopy_difference": clean(factor * self.phonopy_difference)
+            if self.phonopy_difference is not None
+            else None,
+            "potential": self.potential,
+            "notes": self.notes,
             "rays": [
                 {"direction": list(ray.direction), "fractions": clean(ray.fractions)}
                 | ({"lattice": clean(factor * ray.lattice_km)} if ray.lattice_km is not None else {})
@@ -176,26 +188,41 @@ class Dispersion:
             ],
             "models": [
                 {
-                    "label": m.label, "branches": m.branches, "fractions": clean(m.fractions), "relative_error": clean(m.error_bf), "rms": m.rms, "rms_zone": m.band,
-                    "velocity_error": clean(m.velocity_error_bf), "min_omega2": m.min_omega2, "stable": m.stable,
-                    "stable_step": float(u.to_user("time", m.stable_step)), "time_unit": u.label("time"),
+                    "label": m.label,
+                    "branches": m.branches,
+                    "fractions": clean(m.fractions),
+                    "relative_error": clean(m.error_bf),
+                    "rms": m.rms,
+                    "rms_zone": m.band,
+                    "velocity_error": clean(m.velocity_error_bf),
+                    "min_omega2": m.min_omega2,
+                    "stable": m.stable,
+                    "stable_step": float(u.to_user("time", m.stable_step)),
+                    "time_unit": u.label("time"),
                 }
                 for m in self.matches
             ],
-        }  # fmt: skip
+        }
         r = self.measured
         if r is not None:
             out["measured"] = {
-                "direction": [list(self.rays[p].direction) for p in r.ray_k], "fraction": clean(r.fraction_k), "ratio": clean(factor * r.ratio_km),
-                "ratio_error": clean(factor * r.ratio_error_km), "spectrum": clean(factor * r.spectrum_km),
-                "spectrum_error": clean(factor * r.spectrum_error_km), "temperature": r.temperature, "frames": r.frames, "blocks": r.blocks,
-            }  # fmt: skip
+                "direction": [list(self.rays[p].direction) for p in r.ray_k],
+                "fraction": clean(r.fraction_k),
+                "ratio": clean(factor * r.ratio_km),
+                "ratio_error": clean(factor * r.ratio_error_km),
+                "spectrum": clean(factor * r.spectrum_km),
+                "spectrum_error": clean(factor * r.spectrum_error_km),
+                "temperature": r.temperature,
+                "frames": r.frames,
+                "blocks": r.blocks,
+            }
         return json.dumps(out, indent=2)
 
     # ---- data
 
     def dataset(self):
-        """An `xarray.Dataset`: curves over (ray, point, branch), measured points over (k, branch), residuals over (model, residual_branch, fraction)."""
+        """An `xarray.Dataset`: curves over (ray, point, branch), measured points over (k, branch), residuals over
+        (model, residual_branch, fraction)."""
         import xarray as xr
 
         from .. import __version__
@@ -295,12 +322,19 @@ class Dispersion:
                 coords["spectrum_frequency"] = ("frequency_bin", factor * r.frequency_f, {"units": unit})
                 coords["polarisation"] = ["longitudinal", "transverse"]
                 data["current_spectrum"] = (
-                    ("k", "polarisation", "frequency_bin"), r.current_kcf, {"units": "arbitrary", "long_name": "power of the mass current"},
-                )  # fmt: skip
+                    ("k", "polarisation", "frequency_bin"),
+                    r.current_kcf,
+                    {"units": "arbitrary", "long_name": "power of the mass current"},
+                )
         attrs = {
-            "atc_version": __version__, "crystal": self.crystal.name, "lattice_constant": self.crystal.lattice_constant,
-            "length_unit": u.label("length"), "potential": self.potential, "notes": "; ".join(self.notes), "scene": self.scene,
-        }  # fmt: skip
+            "atc_version": __version__,
+            "crystal": self.crystal.name,
+            "lattice_constant": self.crystal.lattice_constant,
+            "length_unit": u.label("length"),
+            "potential": self.potential,
+            "notes": "; ".join(self.notes),
+            "scene": self.scene,
+        }
         if self.pressure is not None:
             attrs["pressure"] = self.pressure
         if self.phonopy_difference is not None:
@@ -352,9 +386,18 @@ class Dispersion:
                     x = np.repeat(r.fraction_k[here], y.shape[1])
                     label = {"ratio": "trajectory: velocities/displacements", "spectrum": "trajectory: spectra"}[kind]
                     axes.errorbar(
-                        x, y.ravel(), yerr=e.ravel(), fmt=marker, color=color, markersize=5, markerfacecolor="none", capsize=2, linewidth=0.9,
-                        label=label, zorder=3,
-                    )  # fmt: skip
+                        x,
+                        y.ravel(),
+                        yerr=e.ravel(),
+                        fmt=marker,
+                        color=color,
+                        markersize=5,
+                        markerfacecolor="none",
+                        capsize=2,
+                        linewidth=0.9,
+                        label=label,
+                        zorder=3,
+                    )
                     top = max(top, np.nanmax(y, initial=0.0))
             axes.set_xlabel(f"k along {ray.label} / zone boundary")
             axes.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
@@ -393,10 +436,24 @@ def _pm(x, e) -> str:
 
 
 def dispersion(
-    crystal: Crystal, model=None, traj=None, *, directions: Sequence = DIRECTIONS, models: Sequence[str] = (), lattice_constant="auto", horizon=None,
-    knots: int = 12, width=None, order: int = 4, reach=None, phonopy: bool = True, blocks: int = 5, timestep=None,
-) -> Dispersion:  # fmt: skip
-    """Phonon dispersion of a crystal: of its force constants, by phonopy, of peridynamic models, and measured in a trajectory.
+    crystal: Crystal,
+    model=None,
+    traj=None,
+    *,
+    directions: Sequence = DIRECTIONS,
+    models: Sequence[str] = (),
+    lattice_constant="auto",
+    horizon=None,
+    knots: int = 12,
+    width=None,
+    order: int = 4,
+    reach=None,
+    phonopy: bool = True,
+    blocks: int = 5,
+    timestep=None,
+) -> Dispersion:
+    """Phonon dispersion of a crystal: of its force constants, by phonopy, of peridynamic models, and measured in a
+    trajectory.
 
     Parameters
     ----------
@@ -405,8 +462,10 @@ def dispersion(
     traj : trajectory of the vibrating crystal, or None
     directions : rays in the conventional cell
     models : of `atc.upscaling.matching.MODELS` (cubic crystals)
-    lattice_constant : "auto" (the trajectory's if there is one, else "relaxed"), "relaxed" (zero pressure), or a length in the user's unit
-    horizon, width, reach : lengths in the user's unit; see `matching.fit_kernel`, `peridynamic_kernels.MollifiedLattice`, `force_constants`
+    lattice_constant : "auto" (the trajectory's if there is one, else "relaxed"), "relaxed" (zero pressure), or a length
+        in the user's unit
+    horizon, width, reach : lengths in the user's unit; see `matching.fit_kernel`,
+        `peridynamic_kernels.MollifiedLattice`, `force_constants`
     knots, order : see the same
     phonopy : whether to run phonopy too
     blocks, timestep : see `vibrations.measure`
@@ -417,7 +476,8 @@ def dispersion(
 
     Raises
     ------
-    AtcError for whatever does not fit together; an unstable crystal is reported in the notes, its imaginary frequencies as negative ones.
+    AtcError for whatever does not fit together; an unstable crystal is reported in the notes, its imaginary frequencies
+    as negative ones.
     """
     from ..units import require_compatible
 
@@ -479,7 +539,8 @@ def dispersion(
     if models:
         if out.elastic is None or not is_cubic(out.elastic, 1e-4):
             raise AtcError(
-                f"{crystal.name}: the peridynamic models are for stable cubic crystals with the cube's edges along x, y, z"
+                f"{crystal.name}: the peridynamic models are for stable cubic crystals with the cube's edges along x, "
+                "y, z"
             )
         made = [
             make_model(m, out.fc, out.elastic, horizon=inner(horizon), knots=knots, width=inner(width), order=order)
@@ -509,7 +570,8 @@ def dispersion(
     if worst < -1e-6 * max(r.lattice_km.max() for r in out.rays):
         unit, factor = frequency_unit(u)
         notes.append(
-            f"the lattice is unstable: imaginary frequencies down to {-factor * worst:.4g}i {unit} (negative in tables and pictures)"
+            f"the lattice is unstable: imaginary frequencies down to {-factor * worst:.4g}i {unit} (negative in "
+            "tables and pictures)"
         )
     return out
 
@@ -533,7 +595,8 @@ def dispersion_of_scene(scene, *, progress=None) -> Dispersion:
     get = lambda key, default=None: scene.get("dispersion", key, default)  # noqa: E731
     if "dispersion" not in scene.data:
         raise AtcError(
-            f'{scene.name}: no [dispersion] section: say which crystal it is, e.g. structure = "fcc" and lattice_constant = 5.3'
+            f'{scene.name}: no [dispersion] section: say which crystal it is, e.g. structure = "fcc" and '
+            "lattice_constant = 5.3"
         )
     traj = scene.trajectory() if scene.get("trajectory", "file") is not None else None
     pot = scene.potential()
@@ -542,7 +605,8 @@ def dispersion_of_scene(scene, *, progress=None) -> Dispersion:
     for what, dimension in (("[trajectory]", traj and traj.units.dimension), ("[potential]", pot and pot.dimension)):
         if dimension == 2:
             raise AtcError(
-                f"{scene.where('dispersion')}: [dispersion] is about crystals in three dimensions, but {what} is of a two-dimensional run"
+                f"{scene.where('dispersion')}: [dispersion] is about crystals in three dimensions, but {what} is of a "
+                "two-dimensional run"
             )
     units = traj.units if traj is not None else pot.units
     crystal = _crystal_of(scene, get, traj, units)
@@ -550,10 +614,21 @@ def dispersion_of_scene(scene, *, progress=None) -> Dispersion:
     fixed = a if get("keep_lattice_constant", False) else "auto"
     directions = [tuple(d) for d in get("directions", [list(d) for d in DIRECTIONS])]
     out = dispersion(
-        crystal, pot, traj, directions=directions, models=get("models", []), lattice_constant=fixed, horizon=get("horizon"), knots=get("knots", 12),
-        width=get("width"), order=get("order", 4), reach=get("reach"), phonopy=get("phonopy", True), blocks=get("blocks", 5),
+        crystal,
+        pot,
+        traj,
+        directions=directions,
+        models=get("models", []),
+        lattice_constant=fixed,
+        horizon=get("horizon"),
+        knots=get("knots", 12),
+        width=get("width"),
+        order=get("order", 4),
+        reach=get("reach"),
+        phonopy=get("phonopy", True),
+        blocks=get("blocks", 5),
         timestep=get("timestep"),
-    )  # fmt: skip
+    )
     out.scene = scene.to_toml()
     return out
 
@@ -573,13 +648,15 @@ def _crystal_of(scene, get, traj, units) -> Crystal:
     if structure is None or a is None:
         what = "structure" if structure is None else "lattice_constant"
         raise AtcError(
-            f'{scene.where("dispersion")}: [dispersion] needs {what}, e.g. structure = "fcc" and lattice_constant = 5.3, or unit_cell = "cell.data"'
+            f'{scene.where("dispersion")}: [dispersion] needs {what}, e.g. structure = "fcc" and lattice_constant = '
+            '5.3, or unit_cell = "cell.data"'
         )
     masses = get("masses")
     if masses is None:
         if traj is None:
             raise AtcError(
-                f"{scene.where('dispersion')}: [dispersion] needs masses, one for each atom of the basis, e.g. masses = [39.948]"
+                f"{scene.where('dispersion')}: [dispersion] needs masses, one for each atom of the basis, e.g. masses "
+                "= [39.948]"
             )
         frame = traj[0]
         frame.require("masses", why="the dispersion")

@@ -1,4 +1,5 @@
-"""Elastic constants of a crystal from its bonds: Born's term with the basis moving along, less what the basis relaxes."""
+"""Elastic constants of a crystal from its bonds: Born's term with the basis moving along, less what the basis
+relaxes."""
 
 from __future__ import annotations
 
@@ -18,7 +19,8 @@ class ElasticConstants:
     ----------
     C_vv : (6, 6) in Voigt's notation (xx yy zz yz xz xy), the basis relaxed
     born_vv : (6, 6) the same with the basis moving along with the strain (clamped ions)
-    stress_v : (6,) the stress of the unstrained crystal (tension positive). Unless it is 0 the constants are stress–strain coefficients of the Cauchy
+    stress_v : (6,) the stress of the unstrained crystal (tension positive). Unless it is 0 the constants are
+        stress–strain coefficients of the Cauchy
         stress at that state, which lack the full symmetry of the Born–Huang ones.
     """
 
@@ -74,8 +76,9 @@ GPA = 160.2176634
 def elastic_constants(crystal: Crystal, model, *, step: float = 1e-4) -> ElasticConstants:
     """Elastic constants at the crystal's present volume.
 
-    C = ∂σ/∂ε − (1/V) Λᵀ Φ⁺ Λ, with Λ = ∂F/∂ε the forces that a strain brings about and Φ the force constants of the sublattices. All three are
-    derivatives of the bonds' forces and virial, by central differences of sixth order at strains `step`.
+    C = ∂σ/∂ε − (1/V) Λᵀ Φ⁺ Λ, with Λ = ∂F/∂ε the forces that a strain brings about and Φ the force constants of the
+    sublattices. All three are derivatives of the bonds' forces and virial, by central differences of sixth order at
+    strains `step`.
 
     Parameters
     ----------
@@ -96,7 +99,8 @@ def elastic_constants(crystal: Crystal, model, *, step: float = 1e-4) -> Elastic
     scale = np.abs(born).max() * crystal.volume ** (2 / 3)
     if largest > 1e-6 * scale:
         raise AtcError(
-            f"{crystal.name}: its atoms are not in equilibrium (forces of {largest:.2g} internal units): relax the crystal first"
+            f"{crystal.name}: its atoms are not in equilibrium (forces of {largest:.2g} internal units): relax the "
+            "crystal first"
         )
     C = born
     if len(crystal) > 1:
@@ -104,7 +108,8 @@ def elastic_constants(crystal: Crystal, model, *, step: float = 1e-4) -> Elastic
         top = np.abs(values).max()
         if values[0] < -1e-7 * top:
             raise AtcError(
-                f"{crystal.name}: its basis is unstable against moving sublattices (an optical mode at k = 0 is imaginary)"
+                f"{crystal.name}: its basis is unstable against moving sublattices (an optical mode at k = 0 is "
+                "imaginary)"
             )
         inner = values > 1e-7 * top
         L = modes[:, inner].T @ r.lambda_xv

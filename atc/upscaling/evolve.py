@@ -10,7 +10,8 @@ import numpy as np
 from ..errors import AtcError
 from .chain import LJ_SPINODAL, LennardJones, Springs, check_boundary, need_nodes, positive, whole
 
-# Neighbours from which a convolution by FFT beats the sum over them, on chains of 10⁴ to 10⁵ nodes (measured; the result is the same to rounding).
+# Neighbours from which a convolution by FFT beats the sum over them, on chains of 10⁴ to 10⁵ nodes (measured; the
+# result is the same to rounding).
 _FFT_FROM = 100
 
 
@@ -41,11 +42,13 @@ class History:
 
     @property
     def density_tn(self) -> np.ndarray:
-        """The paper's colour, (x_{j+1} − x_{j−1})/(y_{j+1} − y_{j−1}); at the ends the chain goes on as its boundary says."""
+        """The paper's colour, (x_{j+1} − x_{j−1})/(y_{j+1} − y_{j−1}); at the ends the chain goes on as its boundary
+        says."""
         return relative_density(self.u_tn, self.model.spacing, self.boundary)
 
     def at(self, t: float) -> np.ndarray:
-        """Displacements at any time of the run: a recorded step, else Hermite's cubic between the two around it (fourth order in their distance)."""
+        """Displacements at any time of the run: a recorded step, else Hermite's cubic between the two around it (fourth
+        order in their distance)."""
         times = self.t_t
         if not times[0] - 1e-9 <= t <= times[-1] + 1e-9:
             raise AtcError(f"t = {t:g}: the run has times {times[0]:g} to {times[-1]:g}")
@@ -66,10 +69,17 @@ class History:
 
         model = self.model
         attrs = {
-            "model": model.name, "spacing": model.spacing, "neighbors": model.neighbors, "density": model.density, "modulus": model.modulus,
-            "boundary": self.boundary, "time_step": self.dt, "integrator": "velocity Verlet", "atc_version": __version__,
+            "model": model.name,
+            "spacing": model.spacing,
+            "neighbors": model.neighbors,
+            "density": model.density,
+            "modulus": model.modulus,
+            "boundary": self.boundary,
+            "time_step": self.dt,
+            "integrator": "velocity Verlet",
+            "atc_version": __version__,
             "units": "reduced: length, time and mass in those of the model's spacing, modulus and density",
-        }  # fmt: skip
+        }
         return xr.Dataset(
             {
                 "displacement": (("time", "x"), self.u_tn, {"units": "length", "long_name": "displacement"}),
@@ -136,16 +146,19 @@ def verlet(
         Record every that many steps, or those steps (0 and the last are always recorded).
     boundary : "periodic" or "clamped"
     beyond_spinodal : "refuse" or "allow"
-        What to do about Lennard-Jones bonds stretched beyond the spinodal, where the chain breaks. Bonds that turn over are always refused.
+        What to do about Lennard-Jones bonds stretched beyond the spinodal, where the chain breaks. Bonds that turn over
+        are always refused.
 
     Raises
     ------
     AtcError
-        for an unstable time step of a linear chain; for Lennard-Jones bonds beyond the spinodal or turned over: which, when, and what to do.
+        for an unstable time step of a linear chain; for Lennard-Jones bonds beyond the spinodal or turned over: which,
+        when, and what to do.
     """
     if not isinstance(model, Springs | LennardJones):
         raise AtcError(
-            f"{type(model).__name__} is not a chain: velocity Verlet moves Springs and LennardJones; continuous models have atc.upscaling.evolve.modal"
+            f"{type(model).__name__} is not a chain: velocity Verlet moves Springs and LennardJones; continuous "
+            "models have atc.upscaling.evolve.modal"
         )
     u0 = _displacements("initial displacements", u0_n)
     n = len(u0)
@@ -163,7 +176,8 @@ def verlet(
         limit = model.stable_time_step
         if not dt < limit:
             raise AtcError(
-                f"dt = {dt:g}: velocity Verlet is unstable at and above 2/ω_max = {limit:.6g} for this chain; take a smaller step"
+                f"dt = {dt:g}: velocity Verlet is unstable at and above 2/ω_max = {limit:.6g} for this chain; take a "
+                "smaller step"
             )
         advance = _springs_stepper(model, n, dt, periodic)
     else:
@@ -220,7 +234,8 @@ def _springs_stepper(model, n, dt, periodic):
 
     from scipy.fft import irfft, next_fast_len, rfft
 
-    # The padded row, so that neither the ends of the chain nor the length of the transform show: n itself may be a large prime.
+    # The padded row, so that neither the ends of the chain nor the length of the transform show: n itself may be a
+    # large prime.
     size = next_fast_len(n + 2 * M, real=True)
     stencil = np.zeros(size)
     stencil[0] = -2 * w.sum()
@@ -266,8 +281,10 @@ def _lj_stepper(model, n, dt, periodic, highest):
                 )
             )
         raise AtcError(
-            f"{where}, beyond the spinodal {LJ_SPINODAL:.4f} where bonds lose stiffness: the chain breaks there; take a smaller or wider "
-            "initial displacement, or allow it (beyond_spinodal='allow', --beyond-spinodal allow) and read the result as a fracture"
+            f"{where}, beyond the spinodal {LJ_SPINODAL:.4f} where bonds lose stiffness: the chain breaks there; take "
+            "a smaller or wider "
+            "initial displacement, or allow it (beyond_spinodal='allow', --beyond-spinodal allow) and read the result "
+            "as a fracture"
         )
 
     def advance(u, v, a, steps, done):
@@ -293,7 +310,8 @@ def modal(
 
     Parameters
     ----------
-    model : Springs, or a continuous one with `frequency(k)` (`atc.upscaling.continuum`), whose spatial operator then acts on the trigonometric interpolant
+    model : Springs, or a continuous one with `frequency(k)` (`atc.upscaling.continuum`), whose spatial operator then
+        acts on the trigonometric interpolant
     u0_n, v0_n : (n,) arrays; at rest if `v0_n` is not given
     times : number or (t,) array
     spacing : float
@@ -333,7 +351,8 @@ def modal(
         dt = positive("dt", dt)
         if not omega.max() * dt < 2:
             raise AtcError(
-                f"dt = {dt:g}: velocity Verlet is unstable at and above 2/ω_max = {2 / omega.max():.6g} for this model; take a smaller step"
+                f"dt = {dt:g}: velocity Verlet is unstable at and above 2/ω_max = {2 / omega.max():.6g} for this "
+                "model; take a smaller step"
             )
         phase = 2 * np.arcsin(0.5 * dt * omega) / dt
         rate = np.sin(phase * dt) / dt  # amplitude of the velocity; Verlet's orbit is an ellipse
@@ -350,7 +369,8 @@ def _clamped_modes(model, n):
 
     if n > 2048:
         raise AtcError(
-            f"a chain of {n} nodes with clamped ends: all its modes are found for up to 2048 nodes only; use periodic ends, or verlet"
+            f"a chain of {n} nodes with clamped ends: all its modes are found for up to 2048 nodes only; use periodic "
+            "ends, or verlet"
         )
     row = np.zeros(n)
     row[0] = 2 * model.weights.sum()
@@ -358,7 +378,8 @@ def _clamped_modes(model, n):
     squared, modes = eigh(toeplitz(row) / model.density)
     if squared[0] < -1e-12 * squared[-1]:
         raise AtcError(
-            f"{model.name}: ω² = {squared[0]:g} < 0: this chain is unstable (its weights are negative where they must not be)"
+            f"{model.name}: ω² = {squared[0]:g} < 0: this chain is unstable (its weights are negative where they must "
+            "not be)"
         )
     return np.sqrt(np.maximum(squared, 0)), modes
 

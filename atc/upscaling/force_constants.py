@@ -1,7 +1,7 @@
 """Force constants of a crystal, and the dynamical matrix D(k), its frequencies and group velocities, from them.
 
-Pair potentials: Φ = −(G 1 + G' r⊗r) for the two ends of a bond, G' = dG/dξ. Anything else: displaced atoms in a supercell so large that no
-image is ambiguous, central differences of sixth order. Internal units throughout.
+Pair potentials: Φ = −(G 1 + G' r⊗r) for the two ends of a bond, G' = dG/dξ. Anything else: displaced atoms in a
+supercell so large that no image is ambiguous, central differences of sixth order. Internal units throughout.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from ..errors import AtcError
 from ..neighbors.cell_list import neighbor_list
 from .crystal import STENCIL, Crystal, forces
 
-#: Frequencies in THz per internal angular frequency: 1/(2π) of the time in which amu Å²/t² is 1 eV, in ps (CODATA 2018).
+#: Frequencies in THz per internal angular frequency: 1/(2π) of the time in which amu Å²/t² is 1 eV, in ps (CODATA
+#: 2018).
 THZ = 1.0 / (2 * np.pi * 0.01018050571075936)
 
 # Central difference of eighth order.
@@ -22,7 +23,8 @@ _STENCIL8 = ((1, 0.8), (2, -0.2), (3, 4.0 / 105.0), (4, -1.0 / 280.0))
 
 
 def frequency_unit(units) -> tuple[str, float]:
-    """What frequencies ω/2π are reported in, and its size: user's = factor · internal ω. THz, or 1/tau for reduced units."""
+    """What frequencies ω/2π are reported in, and its size: user's = factor · internal ω. THz, or 1/tau for reduced
+    units."""
     return ("1/tau", 1 / (2 * np.pi)) if units.reduced else ("THz", THZ)
 
 
@@ -38,7 +40,8 @@ class ForceConstants:
     phi_bcc : (b, 3, 3) ∂²U/∂u_i∂u_j (minus the spring constant: negative for a stable bond along it)
     reach : the largest |r| that was looked at
     method : "analytic" or "displacements"
-    defect : how far the force constants were from translational invariance and symmetry before these were imposed, relative to the largest
+    defect : how far the force constants were from translational invariance and symmetry before these were imposed,
+        relative to the largest
     """
 
     crystal: Crystal
@@ -58,11 +61,13 @@ class ForceConstants:
         return out
 
     def dynamical_matrix(self, k_kc) -> np.ndarray:
-        """(k, 3n, 3n) Hermitian: Σ Φ exp(i k·r)/√(m m'), r between the atoms themselves (not their cells). Eigenvalues ω²."""
+        """(k, 3n, 3n) Hermitian: Σ Φ exp(i k·r)/√(m m'), r between the atoms themselves (not their cells). Eigenvalues
+        ω²."""
         return _D(self, np.atleast_2d(np.asarray(k_kc, float)))
 
     def onsite_matrix(self) -> np.ndarray:
-        """(3n, 3n) D of bonds that average to nothing: what D(k) tends to when the bonds are smeared out (see `lattice_kernel`)."""
+        """(3n, 3n) D of bonds that average to nothing: what D(k) tends to when the bonds are smeared out (see
+        `lattice_kernel`)."""
         n = len(self.crystal)
         out = np.zeros((3 * n, 3 * n))
         for a, phi in enumerate(self.onsite_ncc):
@@ -74,18 +79,21 @@ class ForceConstants:
         return _D(self, np.atleast_2d(np.asarray(k_kc, float)), np.asarray(e_c, float))
 
     def frequencies(self, k_kc, vectors: bool = False):
-        """(k, 3n) angular frequencies in ascending order, imaginary ones (ω² < 0) as negative numbers; with `vectors` the eigenvectors too."""
+        """(k, 3n) angular frequencies in ascending order, imaginary ones (ω² < 0) as negative numbers; with `vectors`
+        the eigenvectors too."""
         values, modes = np.linalg.eigh(self.dynamical_matrix(k_kc))
         omega = signed_root(values)
         return (omega, modes) if vectors else omega
 
     def group_velocities(self, k_kc, e_c) -> np.ndarray:
-        """(k, 3n) dω/d|k| along e, branches as in `frequencies`; NaN where ω is 0 or imaginary. Degenerate branches are resolved within themselves."""
+        """(k, 3n) dω/d|k| along e, branches as in `frequencies`; NaN where ω is 0 or imaginary. Degenerate branches are
+        resolved within themselves."""
         k = np.atleast_2d(k_kc)
         return group_velocities(self.dynamical_matrix(k), self.gradient(k, e_c))
 
     def folded(self, repeat) -> np.ndarray:
-        """(n, atoms, 3, 3) force constants of a `repeat` supercell (`Crystal.supercell` order): what phonopy calls compact force constants."""
+        """(n, atoms, 3, 3) force constants of a `repeat` supercell (`Crystal.supercell` order): what phonopy calls
+        compact force constants."""
         crystal, n = self.crystal, len(self.crystal)
         repeat = np.array(repeat)
         shift = np.rint(
@@ -104,7 +112,8 @@ def signed_root(values):
 
 
 def group_velocities(D, dD) -> np.ndarray:
-    """(k, m) dω/dk of D's branches by Hellmann and Feynman; degenerate branches are separated by dD within their own space."""
+    """(k, m) dω/dk of D's branches by Hellmann and Feynman; degenerate branches are separated by dD within their own
+    space."""
     values, modes = np.linalg.eigh(D)
     out = np.full(values.shape, np.nan)
     for p in range(len(values)):
@@ -151,8 +160,8 @@ def force_constants(
         Atoms at rest; otherwise the harmonic expansion has a linear term, and the result is that of the point given.
     model : Potential or ASE calculator
     reach : float, optional
-        How far two atoms feel each other, in the user's unit of length. Default: the cutoff for pair potentials, twice that otherwise (two
-        neighbours of a third atom). An ASE calculator needs it said.
+        How far two atoms feel each other, in the user's unit of length. Default: the cutoff for pair potentials, twice
+        that otherwise (two neighbours of a third atom). An ASE calculator needs it said.
     method : "auto", "analytic" (pair potentials only) or "displacements"
     step : displacement of the differences, in internal length; sixth order, so that 1e-3 Å leaves rounding only
 
@@ -226,7 +235,8 @@ def _displacements(crystal: Crystal, model, reach: float, step: float) -> ForceC
     x0, n = frame.positions, len(crystal)
     if len(frame) > 40000:
         raise AtcError(
-            f"{crystal.name}: a reach of {reach:.3g} takes a supercell of {len(frame)} atoms: say a smaller one with reach="
+            f"{crystal.name}: a reach of {reach:.3g} takes a supercell of {len(frame)} atoms: say a smaller one with "
+            "reach="
         )
     parts, outside, largest = [], 0.0, 0.0
     for a in range(n):
@@ -246,7 +256,8 @@ def _displacements(crystal: Crystal, model, reach: float, step: float) -> ForceC
         parts.append((np.full(keep.sum(), a), np.flatnonzero(keep), r[keep], phi[keep].transpose(0, 2, 1)))
     if outside > 1e-7 * largest:
         raise AtcError(
-            f"{crystal.name}: the forces reach further than {crystal.units.to_user('length', reach):.4g} {crystal.units.label('length')} "
+            f"{crystal.name}: the forces reach further than {crystal.units.to_user('length', reach):.4g} "
+            f"{crystal.units.label('length')} "
             f"(force constants of {outside / largest:.1e} of the largest beyond it): say a larger reach"
         )
     i, atom, r, phi = (np.concatenate(p) for p in zip(*parts))

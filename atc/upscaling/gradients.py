@@ -1,11 +1,12 @@
 """Higher-order gradient (HOG) series of molecular dynamics and peridynamics, to any order, in exact rationals.
 
-Linear chains: ρ y_tt = Σ_m c_m ∂^{2m} y. `spring_series` has c_m of the paper's springs for a given N, as polynomials in N, to leading order in N,
-and for continuous peridynamics; `inner_series` those of the inner expansion (Arndt & Griebel 2005). `dispersion_series` turns them into ω(k);
-`well_posedness` says what a truncation is good for. Nonlinear pair potentials: `atc.upscaling.gradients_nonlinear`.
+Linear chains: ρ y_tt = Σ_m c_m ∂^{2m} y. `spring_series` has c_m of the paper's springs for a given N, as polynomials
+in N, to leading order in N, and for continuous peridynamics; `inner_series` those of the inner expansion (Arndt &
+Griebel 2005). `dispersion_series` turns them into ω(k); `well_posedness` says what a truncation is good for. Nonlinear
+pair potentials: `atc.upscaling.gradients_nonlinear`.
 
-Coefficients are in units of K₁ and of a length L to the power 2m − 2: L = a for chains, L = Na or δ where the name says so.
-Only the standard library's fractions are used; `as_sympy` is for those who have sympy.
+Coefficients are in units of K₁ and of a length L to the power 2m − 2: L = a for chains, L = Na or δ where the name says
+so. Only the standard library's fractions are used; `as_sympy` is for those who have sympy.
 """
 
 from __future__ import annotations
@@ -145,8 +146,8 @@ def spring_series(order: int, neighbors: int | str = "exact") -> list:
     order : int
         How many terms; the last one has the derivative 2·order.
     neighbors : int or str
-        A number N: Fractions, L = a. ``"exact"``: `Polynomial` in N, L = a. ``"leading"``: the terms that dominate for large N, L = Na (eq. 4.2),
-        which are those of continuous peridynamics with L = δ.
+        A number N: Fractions, L = a. ``"exact"``: `Polynomial` in N, L = a. ``"leading"``: the terms that dominate for
+        large N, L = Na (eq. 4.2), which are those of continuous peridynamics with L = δ.
     """
     order = whole("order", order)
     if neighbors == "leading":
@@ -174,17 +175,20 @@ def chain_series(weights: Sequence, order: int) -> list:
 
 
 def inner_series(degree: int, neighbors: int | str = 1, consistent: bool = False) -> list[Fraction]:
-    """c_m of the inner expansion: y expanded to the derivative `degree` (odd) about the middle of each bond, in the *energy*.
+    """c_m of the inner expansion: y expanded to the derivative `degree` (odd) about the middle of each bond, in the
+    *energy*.
 
-    The energy is then Σ_bonds ½ (K/r)(r y' + r³y'''/24 + …)², a square: ω² ≥ 0 at every wavenumber, and the truncation is well posed.
-    It has terms up to ∂^{2·degree}, of which those up to a^{degree−1} agree with `spring_series`. `degree` = 3, N = 1: 1, 1/12, 1/576.
+    The energy is then Σ_bonds ½ (K/r)(r y' + r³y'''/24 + …)², a square: ω² ≥ 0 at every wavenumber, and the truncation
+    is well posed. It has terms up to ∂^{2·degree}, of which those up to a^{degree−1} agree with `spring_series`.
+    `degree` = 3, N = 1: 1, 1/12, 1/576.
 
     Parameters
     ----------
     degree : int, odd
     neighbors : int, or "leading" (large N, L = Na; else L = a)
     consistent : bool
-        Only the terms of the orders in a that are right, up to a^{degree−1} (order-consistent). That is `spring_series` again, and no longer a square.
+        Only the terms of the orders in a that are right, up to a^{degree−1} (order-consistent). That is `spring_series`
+        again, and no longer a square.
     """
     degree = whole("degree", degree)
     if degree % 2 == 0:
@@ -207,7 +211,8 @@ def inner_series(degree: int, neighbors: int | str = 1, consistent: bool = False
 
 
 def dispersion_series(series: Sequence) -> list:
-    """d_0 … of ω = √(K₁/ρ) k Σ_m d_m (kL)^{2m}, from c_1 … of the gradient series with c_1 = 1 (eqs. 4.8, 4.9): d = 1, −1/48, 17/69120, … for peridynamics."""
+    """d_0 … of ω = √(K₁/ρ) k Σ_m d_m (kL)^{2m}, from c_1 … of the gradient series with c_1 = 1 (eqs. 4.8, 4.9): d = 1,
+    −1/48, 17/69120, … for peridynamics."""
     if not series or _polynomial(series[0]) != Polynomial((1,)):
         raise AtcError("a dispersion series needs a gradient series that begins with 1 (a modulus of K₁)")
     squared = [c if m % 2 == 0 else -c for m, c in enumerate(series)]
@@ -247,12 +252,16 @@ class WellPosedness:
         if not self.well_posed:
             return f"ill-posed: short waves, kL > {self.band[0]:.4g}, grow without bound (the bad sign)"
         if not self.stable:
-            return f"well-posed but unstable: waves {self.band[0]:.4g} < kL < {self.band[1]:.4g} grow, at most as exp({self.growth:.3g} c t/L)"
+            return (
+                f"well-posed but unstable: waves {self.band[0]:.4g} < kL < {self.band[1]:.4g} grow, at most as "
+                f"exp({self.growth:.3g} c t/L)"
+            )
         return "well-posed and stable: ω² ≥ 0 at every wavenumber"
 
 
 def well_posedness(series: Sequence) -> WellPosedness:
-    """Whether ρ y_tt = K₁ Σ_m c_m L^{2m−2} ∂^{2m} y, cut after the terms given, is well posed and stable. Signs are decided in exact arithmetic (Sturm)."""
+    """Whether ρ y_tt = K₁ Σ_m c_m L^{2m−2} ∂^{2m} y, cut after the terms given, is well posed and stable. Signs are
+    decided in exact arithmetic (Sturm)."""
     import numpy as np
 
     c = [Fraction(v) for v in series]
@@ -305,7 +314,8 @@ def _gcd(a, b):
 
 
 def _odd_part(p):
-    """The product of the factors of p of odd multiplicity (its sign changes where p does), by Yun's square-free factorisation."""
+    """The product of the factors of p of odd multiplicity (its sign changes where p does), by Yun's square-free
+    factorisation."""
     odd, multiplicity = Polynomial((1,)), 1
     d = _derivative(p)
     if not d:

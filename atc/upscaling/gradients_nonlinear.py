@@ -1,10 +1,12 @@
 """Higher-order gradient equations of nonlinear pair chains, to any order, in exact rationals.
 
-A chain of bonds with potential V to its j-th neighbour has the force Σ_j [V_j'(y(x+r) − y(x)) − V_j'(y(x) − y(x−r))], r = ja. Expanded in r it is a sum of
-terms  c · r^p · V^{(n)}(r y') · y^{(k₁)} y^{(k₂)} …  whose rationals c know nothing of the potential. For V = A/d^s (Lennard-Jones is two of them) the sums over
-j become Z_N(s − 2i) = Σ_{j≤N} j^{−(s−2i)} and the equation is the paper's (5.2).
+A chain of bonds with potential V to its j-th neighbour has the force Σ_j [V_j'(y(x+r) − y(x)) − V_j'(y(x) − y(x−r))], r
+= ja. Expanded in r it is a sum of terms  c · r^p · V^{(n)}(r y') · y^{(k₁)} y^{(k₂)} …  whose rationals c know nothing
+of the potential. For V = A/d^s (Lennard-Jones is two of them) the sums over j become Z_N(s − 2i) = Σ_{j≤N} j^{−(s−2i)}
+and the equation is the paper's (5.2).
 
-Terms are dicts {(n, p, derivatives): c}; `derivatives` is a sorted tuple of orders, (2, 2, 3) for (y'')² y'''. In `power_law` the y' are explicit too.
+Terms are dicts {(n, p, derivatives): c}; `derivatives` is a sorted tuple of orders, (2, 2, 3) for (y'')² y'''. In
+`power_law` the y' are explicit too.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ def _partitions(total: int, largest: int | None = None):
 
 
 def pair_series(order: int) -> dict:
-    """The force on an atom from its two j-th neighbours, expanded directly, through `order` terms (even powers of a up to a^{2·order−2}).
+    """The force on an atom from its two j-th neighbours, expanded directly, through `order` terms (even powers of a up
+    to a^{2·order−2}).
 
     V'(r y' + r²y''/2 + …) − V'(r y' − r²y''/2 + …): a term for each multiset of derivatives k ≥ 2 with Σ(k − 1) odd:
     c = 2 / (Π k! · Π multiplicities!), n = 1 + number of factors, p = Σ k.
@@ -66,10 +69,12 @@ def _differentiate(terms: dict) -> dict:
 
 
 def inner_pair_series(degree: int) -> dict:
-    """The same from the inner expansion: energy V(D), D = Σ_{k odd ≤ degree} 2 (r/2)^k y^{(k)}/k!, Euler–Lagrange, then V expanded about r y'.
+    """The same from the inner expansion: energy V(D), D = Σ_{k odd ≤ degree} 2 (r/2)^k y^{(k)}/k!, Euler–Lagrange, then
+    V expanded about r y'.
 
-    Order-consistent: cut after a^{degree−1}, the last power that `degree` derivatives give right; there it equals `pair_series((degree + 1) // 2)` identically, which is how
-    the two ways to the paper's (5.2) are checked against each other.
+    Order-consistent: cut after a^{degree−1}, the last power that `degree` derivatives give right; there it equals
+    `pair_series((degree + 1) // 2)` identically, which is how the two ways to the paper's (5.2) are checked against
+    each other.
     """
     degree = whole("degree", degree)
     if degree % 2 == 0:
@@ -103,7 +108,8 @@ def zeta(neighbors: int, s: int) -> Fraction:
 def power_law(exponent: int, order: int, terms: dict | None = None) -> dict:
     """ρ y_tt of a chain whose bonds have V_j = A/d^s, in units of A s a^{−s}/a² …: {(level, derivatives): coefficient}.
 
-    Each entry stands for  coefficient · a^{level−1} Z_N(s + 1 − level) · Π y^{(k)} / (y')^{s + 1 + number of factors};  level = 1, 3, 5 …
+    Each entry stands for  coefficient · a^{level−1} Z_N(s + 1 − level) · Π y^{(k)} / (y')^{s + 1 + number of factors};
+    level = 1, 3, 5 …
 
     Parameters
     ----------
@@ -126,8 +132,8 @@ def power_law(exponent: int, order: int, terms: dict | None = None) -> dict:
 def lennard_jones_equation(order: int = 3) -> dict:
     """The right-hand side of (5.2), ρ y_tt / ε̄, term by term: {(s, level, derivatives): coefficient} with s = 12, 6.
 
-    The entry stands for  coefficient · σ̄^s a^{level−1} · Z_N(s + 1 − level)/Z_N(s) · Π y^{(k)} / (y')^{s + 1 + number of factors}.
-    It holds for peridynamics (5.3) just the same, with a → Δx and N → M.
+    The entry stands for  coefficient · σ̄^s a^{level−1} · Z_N(s + 1 − level)/Z_N(s) · Π y^{(k)} / (y')^{s + 1 + number
+    of factors}. It holds for peridynamics (5.3) just the same, with a → Δx and N → M.
     """
     out = {}
     for s, sign in ((12, 1), (6, -1)):
@@ -143,7 +149,8 @@ def paper_equation_5_2() -> dict:
     F = Fraction
     out = {}
     for s, factor in ((12, F(8 * 12)), (6, F(-8 * 6))):
-        # binomials (13 1) (14 2) (15 3) (16 4) (17 5), and (7 1) (8 2) … for s = 6; alternating signs; 1/(y')^i in front
+        # binomials (13 1) (14 2) (15 3) (16 4) (17 5), and (7 1) (8 2) … for s = 6; alternating signs; 1/(y')^i in
+        # front
         b = [comb(s + 1 + i, 1 + i) * (-1) ** i for i in range(5)]
         out |= {
             (s, 1, (2,)): factor * b[0] * F(1, 2),
@@ -169,7 +176,8 @@ def evaluate(
     epsilon: float = 1.0,
     sigma: float = 1.0,
 ) -> float:
-    """ρ y_tt of `lennard_jones_equation` for given values of y', y'', … ({1: y', 2: y'', …}): to check it against the sum over the chain."""
+    """ρ y_tt of `lennard_jones_equation` for given values of y', y'', … ({1: y', 2: y'', …}): to check it against the
+    sum over the chain."""
     total = 0.0
     for (s, level, orders), c in equation.items():
         ratio = float(zeta(neighbors, s + 1 - level) / zeta(neighbors, s))

@@ -1,6 +1,8 @@
-"""A linear bond-based peridynamic body on a lattice of nodes: a kernel sampled bond by bond, stepped by velocity Verlet, and wave packets in it.
+"""A linear bond-based peridynamic body on a lattice of nodes: a kernel sampled bond by bond, stepped by velocity
+Verlet, and wave packets in it.
 
-m ü_i = Σ_j S(ξ_ij) (u_j − u_i), S(ξ) = C(ξ) V² for a continuous kernel, the spring constants themselves for lattices. Internal units.
+m ü_i = Σ_j S(ξ_ij) (u_j − u_i), S(ξ) = C(ξ) V² for a continuous kernel, the spring constants themselves for lattices.
+Internal units.
 """
 
 from __future__ import annotations
@@ -20,7 +22,8 @@ class Stencil:
 
     Attributes
     ----------
-    vectors : (3, 3) rows: the lattice of nodes. offsets : (b, 3) ints, where the bonds go. springs : (b, 3, 3) energy/length². mass : of a node.
+    vectors : (3, 3) rows: the lattice of nodes. offsets : (b, 3) ints, where the bonds go. springs : (b, 3, 3)
+        energy/length². mass : of a node.
     """
 
     vectors: np.ndarray
@@ -107,7 +110,8 @@ class LinearBody:
         offsets, springs = offsets[~itself], springs[~itself]
         if n * len(offsets) > 5e7:
             raise AtcError(
-                f"a body of {n} nodes with {len(offsets)} bonds each takes too much memory: take fewer nodes or a wider spacing"
+                f"a body of {n} nodes with {len(offsets)} bonds each takes too much memory: take fewer nodes or a "
+                "wider spacing"
             )
         there = (index[:, None, :] + offsets[None]).reshape(-1, 3)
         inside = (((there >= 0) & (there < size)) | periodic).all(axis=1)
@@ -183,12 +187,14 @@ class LinearBody:
 
 
 class PeridynamicBody:
-    """The same nodes as a body of the peridynamics engine (`atc.pd`, material `Linear`), periodic, with `LinearBody`'s attributes.
+    """The same nodes as a body of the peridynamics engine (`atc.pd`, material `Linear`), periodic, with `LinearBody`'s
+    attributes.
 
     Parameters
     ----------
     model : the continuous kernel; its horizon is the body's, its kernel the micromodulus
-    stencil : `Stencil.of_kernel` of it; repeat : nodes along each axis. dt : default 0.4 of the engine's own stable step
+    stencil : `Stencil.of_kernel` of it; repeat : nodes along each axis. dt : default 0.4 of the engine's own stable
+        step
     """
 
     def __init__(self, model, stencil: Stencil, repeat, dt: float | None = None):
@@ -227,7 +233,9 @@ class PeridynamicBody:
 class Packet:
     """A wave packet's journey: internal units.
 
-    k : |k|. omega, group : predicted by the stencil, the group velocity with Verlet's own (known) dispersion at this time step; model_group : by the kernel it samples (None for lattices). measured : from the centroid of the energy.
+    k : |k|. omega, group : predicted by the stencil, the group velocity with Verlet's own (known) dispersion at this
+        time step; model_group : by the kernel it samples (None for lattices). measured : from the centroid of the
+        energy.
     travelled : how far. energy_drift : largest relative change of the energy.
     """
 
@@ -241,22 +249,33 @@ class Packet:
 
 
 def wave_packet(
-    stencil: Stencil, k: float, polarisation=(1, 0, 0), *, model=None, periods: float = 40.0, waves: float = 16.0, cross=(1, 1), dt=None,
+    stencil: Stencil,
+    k: float,
+    polarisation=(1, 0, 0),
+    *,
+    model=None,
+    periods: float = 40.0,
+    waves: float = 16.0,
+    cross=(1, 1),
+    dt=None,
     make_body=None,
-) -> Packet:  # fmt: skip
+) -> Packet:
     """Send a packet of waves along the lattice's first vector and time it.
 
-    The start only knows k and ω: u = p A(x) cos kx, v = p A(x) ω sin kx with a Gaussian A; how fast its energy moves is what the body makes of it.
+    The start only knows k and ω: u = p A(x) cos kx, v = p A(x) ω sin kx with a Gaussian A; how fast its energy moves is
+    what the body makes of it.
 
     Parameters
     ----------
     stencil : Stencil; its first vector is the direction, normal to the other two
     k : |k|. polarisation : (3,), an eigenvector of D(k)
     model : the continuous kernel that the stencil samples, for its prediction
-    periods : length of the run in periods of the wave. waves : wave lengths in the packet (± 3 standard deviations are 6 · waves / 6)
+    periods : length of the run in periods of the wave. waves : wave lengths in the packet (± 3 standard deviations are
+        6 · waves / 6)
     cross : nodes across the periodic bar
     dt : time step; default the body's
-    make_body : called as ``make_body(stencil, repeat, dt=dt)``: what the packet travels in, with `LinearBody`'s attributes; default `LinearBody`.
+    make_body : called as ``make_body(stencil, repeat, dt=dt)``: what the packet travels in, with `LinearBody`'s
+        attributes; default `LinearBody`.
         `PeridynamicBody` takes the peridynamics engine.
 
     Raises

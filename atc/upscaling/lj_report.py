@@ -27,8 +27,9 @@ def lj_report(
 ) -> Report:
     """Every figure of section 5 into `folder`: report.html, pictures, numbers.json, md.nc. A few seconds.
 
-    The paper gives no parameters. Assumed: ε̄ = 1/72, σ̄ = 2^(−1/6) (unit sound speed, unit spacing at rest), ρ = 1, duration 300, clamped ends, and a bump of half-width 100
-    (the paper's ±10 with its amplitude 2 stretches bonds far beyond the spinodal).
+    The paper gives no parameters. Assumed: ε̄ = 1/72, σ̄ = 2^(−1/6) (unit sound speed, unit spacing at rest), ρ = 1,
+    duration 300, clamped ends, and a bump of half-width 100 (the paper's ±10 with its amplitude 2 stretches bonds far
+    beyond the spinodal).
     """
     report = Report("The Lennard-Jones chain: molecular dynamics and peridynamics", folder)
     progress("series (5.2)")
@@ -53,7 +54,8 @@ def _series(report: Report) -> None:
     ours, theirs = lennard_jones_equation(3), paper_equation_5_2()
     report.heading("Gradient equation (5.2), (5.4)")
     report.text(
-        "ρ y_tt/ε̄ as a sum of terms: factor × product of derivatives / power of y' × coefficient, in exact rationals; the three levels the paper prints."
+        "ρ y_tt/ε̄ as a sum of terms: factor × product of derivatives / power of y' × coefficient, in exact "
+        "rationals; the three levels the paper prints."
     )
     report.table(
         ["factor", "derivatives", "divided by", "coefficient"],
@@ -61,14 +63,23 @@ def _series(report: Report) -> None:
     )
     same_ways = all(pair_series((d + 1) // 2) == inner_pair_series(d) for d in (1, 3, 5, 7))
     report.claim(
-        "(5.2), (5.4)", "The gradient equation of the Lennard-Jones chain through a⁴; peridynamics with Δx = a, M = N has the same.",
-        f"all {len(theirs)} terms agree with our expansion in exact arithmetic; direct and inner expansion agree through a⁶: {'yes' if same_ways else 'no'}", YES if ours == theirs and same_ways else NO,
-    )  # fmt: skip
+        "(5.2), (5.4)",
+        "The gradient equation of the Lennard-Jones chain through a⁴; peridynamics with Δx = a, M = N has the same.",
+        f"all {len(theirs)} terms agree with our expansion in exact arithmetic; direct and inner expansion agree "
+        f"through a⁶: {'yes' if same_ways else 'no'}",
+        YES if ours == theirs and same_ways else NO,
+    )
     ratios = {n: (float(zeta(n, 10) / zeta(n, 12)), float(zeta(n, 4) / zeta(n, 6))) for n in (1, 2, 4, 8, 64)}
     report.table(["N", "Z(10)/Z(12)", "Z(4)/Z(6)"], [[n, *v] for n, v in ratios.items()])
     report.claim(
-        "§5.1", "The length scale is the spacing, not the horizon.", f"the a² terms carry Z(10)/Z(12) = {ratios[1][0]:g} … {ratios[64][0]:.5f} and Z(4)/Z(6) = {ratios[1][1]:g} … {ratios[64][1]:.5f} for N = 1 … 64", YES
-    )  # fmt: skip
+        "§5.1",
+        "The length scale is the spacing, not the horizon.",
+        "the a² terms carry Z(10)/Z(12) = "
+        f"{ratios[1][0]:g} … {ratios[64][0]:.5f} and "
+        f"Z(4)/Z(6) = {ratios[1][1]:g} … "
+        f"{ratios[64][1]:.5f} for N = 1 … 64",
+        YES,
+    )
     report.numbers["equation_5_2"] = {" ".join(map(str, k)): str(v) for k, v in ours.items()}
 
 
@@ -117,7 +128,8 @@ def _runs(report: Report, half_width, amplitude, dt, duration, beyond_spinodal) 
 
     report.figure(
         "fig_5_1_density",
-        "Fig. 5.1: density over space and time. (c) is the same computation as (b): at Δx = a, M = N peridynamics is molecular dynamics.",
+        "Fig. 5.1: density over space and time. (c) is the same computation as (b): at Δx = a, M = N peridynamics is "
+        "molecular dynamics.",
         draw,
         (11, 7),
     )
@@ -160,14 +172,23 @@ def _runs(report: Report, half_width, amplitude, dt, duration, beyond_spinodal) 
         rows,
     )
     report.claim(
-        "Fig. 5.2", "Molecular dynamics and coarse peridynamics conserve energy.",
-        f"largest relative change of the total energy {', '.join(f'{v:.1e}' for v in drift.values())} at Δt = {dt:g}; {drift_half:.1e} at half of it (MD)",
-        ASSUMING, "ε̄ = 1/72, σ̄ = 2^(−1/6), ρ = 1, duration 300, clamped ends, bump of half-width 100: the paper gives none of them; what is left is Verlet's own error, second order in Δt",
-    )  # fmt: skip
+        "Fig. 5.2",
+        "Molecular dynamics and coarse peridynamics conserve energy.",
+        f"largest relative change of the total energy {', '.join(f'{v:.1e}' for v in drift.values())} at Δt = {dt:g}; "
+        f"{drift_half:.1e} at half of it (MD)",
+        ASSUMING,
+        "ε̄ = 1/72, σ̄ = 2^(−1/6), ρ = 1, duration 300, clamped ends, bump of half-width 100: the paper "
+        "gives none of them; what is left is Verlet's own error, second order in Δt",
+    )
     energies = [r.total_t[0] for r in runs.values()]
     report.claim(
-        "Fig. 5.2", "Their energies agree.", f"total energies differ by {percent(max(energies) / min(energies) - 1)}; kinetic ones at the end by {percent(max(r[3] for r in rows) / min(r[3] for r in rows) - 1)}", YES
-    )  # fmt: skip
+        "Fig. 5.2",
+        "Their energies agree.",
+        f"total energies differ by {percent(max(energies) / min(energies) - 1)}; "
+        "kinetic ones at the end by "
+        f"{percent(max(r[3] for r in rows) / min(r[3] for r in rows) - 1)}",
+        YES,
+    )
     # the very same model, built as peridynamics
     twin = verlet(
         LennardJones(1.0, 4, name="peridynamics"),
@@ -179,22 +200,41 @@ def _runs(report: Report, half_width, amplitude, dt, duration, beyond_spinodal) 
         beyond_spinodal=beyond_spinodal,
     )
     report.claim(
-        "Fig. 5.1(b, c)", "At the atoms' resolution peridynamics reproduces molecular dynamics.", f"largest difference of positions {float(np.abs(twin.u_tn - md.u_tn).max()):g}",
-        YES, "(5.3) with Δx = a and M = N is (5.1): the same sum",
-    )  # fmt: skip
+        "Fig. 5.1(b, c)",
+        "At the atoms' resolution peridynamics reproduces molecular dynamics.",
+        f"largest difference of positions {float(np.abs(twin.u_tn - md.u_tn).max()):g}",
+        YES,
+        "(5.3) with Δx = a and M = N is (5.1): the same sum",
+    )
     smooth = {
         name: relative_error(r.u_tn[-1], md.u_tn[-1][:: round(r.model.spacing)]) for name, r in list(runs.items())[1:]
     }
     report.claim(
-        "Fig. 5.1(d, e)", "The solution at the shock front changes with the discretisation.",
-        f"largest density {', '.join(f'{r.density_tn.max():.4f}' for r in runs.values())} for Δx = a, 2a, 4a; displacements at the end differ from MD by {', '.join(percent(v) for v in smooth.values())} (relative L2)",
+        "Fig. 5.1(d, e)",
+        "The solution at the shock front changes with the discretisation.",
+        f"largest density {', '.join(f'{r.density_tn.max():.4f}' for r in runs.values())} for Δx = a, 2a, 4a; "
+        f"displacements at the end differ from MD by {', '.join(percent(v) for v in smooth.values())} (relative L2)",
         YES,
-    )  # fmt: skip
+    )
     report.numbers |= {
-        "parameters": {"epsilon": 1 / 72, "sigma": 2 ** (-1 / 6), "density": 1, "duration": duration, "time_step": dt, "half_width": half_width, "amplitude": amplitude, "boundary": "clamped"},
-        "energy": {n: {"start": r[1], "largest_relative_change": r[2], "kinetic_end": r[3], "potential_end": r[4]} for n, r in zip(runs, rows)},
-        "energy_drift_half_step": drift_half, "largest_density": {n: r[5] for n, r in zip(runs, rows)}, "displacement_differences": smooth,
-    }  # fmt: skip
+        "parameters": {
+            "epsilon": 1 / 72,
+            "sigma": 2 ** (-1 / 6),
+            "density": 1,
+            "duration": duration,
+            "time_step": dt,
+            "half_width": half_width,
+            "amplitude": amplitude,
+            "boundary": "clamped",
+        },
+        "energy": {
+            n: {"start": r[1], "largest_relative_change": r[2], "kinetic_end": r[3], "potential_end": r[4]}
+            for n, r in zip(runs, rows)
+        },
+        "energy_drift_half_step": drift_half,
+        "largest_density": {n: r[5] for n, r in zip(runs, rows)},
+        "displacement_differences": smooth,
+    }
     report.dataset("md", md.dataset())
 
 
@@ -238,7 +278,11 @@ def _hard(report: Report, dt) -> None:
         (5, 3.2),
     )
     report.claim(
-        "§5.3", "The initial profile is that of section 4 with twice the amplitude.", f"as printed (±10): {messages['as printed: amplitude 2 on ±10']}",
-        NO, "a bump of half-width 100, whose steepest slope 0.074 stays below the spinodal strain 0.109, forms the shocks of Fig. 5.1",
-    )  # fmt: skip
+        "§5.3",
+        "The initial profile is that of section 4 with twice the amplitude.",
+        f"as printed (±10): {messages['as printed: amplitude 2 on ±10']}",
+        NO,
+        "a bump of half-width 100, whose steepest slope 0.074 stays below the spinodal strain 0.109, forms the "
+        "shocks of Fig. 5.1",
+    )
     report.numbers["hard_cases"] = messages

@@ -1,8 +1,8 @@
 """Peridynamic kernels fitted to a crystal's dispersion, stable at every wave length, and how well each model does.
 
-The residual of a model is the relative error of ω at k = 0.1, 0.25, 0.5, 0.75 and 1 of the zone boundary on the branches along [100], [110] and
-[111] (seven for a cubic crystal). D(k) is linear in a kernel's coefficients, so a fit is least squares on ω² with linear constraints; ω² ≥ 0
-outside the fitted band is imposed by cutting planes.
+The residual of a model is the relative error of ω at k = 0.1, 0.25, 0.5, 0.75 and 1 of the zone boundary on the
+branches along [100], [110] and [111] (seven for a cubic crystal). D(k) is linear in a kernel's coefficients, so a fit
+is least squares on ω² with linear constraints; ω² ≥ 0 outside the fitted band is imposed by cutting planes.
 """
 
 from __future__ import annotations
@@ -81,8 +81,8 @@ def cubic_branches(crystal: Crystal, factor: float = 1.0) -> list[Branch]:
 def branch_values(model, branch: Branch, fractions, velocities: bool = False):
     """ω² of the branch at `fractions` of its ray (negative: unstable); with `velocities` dω/dk too.
 
-    Models of one displacement field: p·D·p, exact where symmetry keeps p pure. With more atoms a cell the branch is followed from long waves on, step by
-    step by the overlap of eigenvectors, through whatever crosses it.
+    Models of one displacement field: p·D·p, exact where symmetry keeps p pure. With more atoms a cell the branch is
+    followed from long waves on, step by step by the overlap of eigenvectors, through whatever crosses it.
     """
     fractions = np.asarray(fractions, float)
     k = branch.k(fractions)
@@ -138,7 +138,8 @@ class Target:
 
 
 def target_of(fc: ForceConstants, factor: float = 1.0, between: float = 1.0) -> Target:
-    """ω² at `FRACTIONS` with weight 1, and every twentieth of the zone boundary in between with the weight `between`."""
+    """ω² at `FRACTIONS` with weight 1, and every twentieth of the zone boundary in between with the weight
+    `between`."""
     fractions = np.unique(np.round(np.concatenate([np.linspace(0.05, 1.0, 20), FRACTIONS]), 12))
     weights = np.where(np.isclose(fractions[:, None], FRACTIONS).any(axis=1), 1.0, between)
     branches = cubic_branches(fc.crystal, factor)
@@ -147,14 +148,16 @@ def target_of(fc: ForceConstants, factor: float = 1.0, between: float = 1.0) -> 
     if (values <= 0).any():
         worst = branches[int(np.argmin(values.min(axis=1)))]
         raise AtcError(
-            f"{fc.crystal.name}: the lattice itself is unstable along {worst.label} (imaginary frequencies): no kernel can be fitted; "
+            f"{fc.crystal.name}: the lattice itself is unstable along {worst.label} (imaginary frequencies): no "
+            "kernel can be fitted; "
             "check the lattice constant and the potential"
         )
     return Target(branches, fractions, values, weights)
 
 
 def wave_vectors(cutoff: float, spacing: float, lines: int = 10) -> np.ndarray:
-    """(k, 3) points of the wedge kx ≥ ky ≥ kz ≥ 0 with 0 < |k| ≤ cutoff, `lines` times denser along [100], [110] and [111]."""
+    """(k, 3) points of the wedge kx ≥ ky ≥ kz ≥ 0 with 0 < |k| ≤ cutoff, `lines` times denser along [100], [110] and
+    [111]."""
     m = int(np.ceil(cutoff / spacing))
     n = np.stack(np.meshgrid(*(np.arange(m + 1),) * 3, indexing="ij"), -1).reshape(-1, 3)
     n = n[(n[:, 0] >= n[:, 1]) & (n[:, 1] >= n[:, 2]) & (n[:, 0] > 0)]
@@ -172,7 +175,8 @@ def zone_wave_vectors(crystal: Crystal, factor: float, n: int = 12) -> np.ndarra
 
 
 class LeastSquares:
-    """min |Ax − b| subject to Gx ≥ h, A of full column rank (Lawson and Hanson, chapter 23: by way of a non-negative problem)."""
+    """min |Ax − b| subject to Gx ≥ h, A of full column rank (Lawson and Hanson, chapter 23: by way of a non-negative
+    problem)."""
 
     def __init__(self, A, b):
         q, self.r = np.linalg.qr(A)
@@ -201,18 +205,28 @@ class LeastSquares:
 
 
 def fit_linear(
-    basis, target: Target, *, nonnegative: bool = False, stable_k=None, floor: float = 0.02, ceiling: float = 1.3, smooth: float = 3e-4
-) -> np.ndarray:  # fmt: skip
-    """Coefficients of a kernel linear in them: least squares on the relative error of ω², stable at every k of `stable_k`.
+    basis,
+    target: Target,
+    *,
+    nonnegative: bool = False,
+    stable_k=None,
+    floor: float = 0.02,
+    ceiling: float = 1.3,
+    smooth: float = 3e-4,
+) -> np.ndarray:
+    """Coefficients of a kernel linear in them: least squares on the relative error of ω², stable at every k of
+    `stable_k`.
 
     Parameters
     ----------
     basis : with ``matrices(k)``, ``onsite()``, ``size``
     nonnegative : every coefficient ≥ 0 (then no instability is possible)
-    stable_k : (k, 3) wave vectors at which ω² must lie between `floor` times min(1, (k/k_boundary)²) times the smallest ω² at the zone boundary, and
-        `ceiling` times the largest ω² of the target. Planes are cut until it is so everywhere. The ceiling keeps the stable time step near the
-        lattice's, and D(k) smooth between the points of `stable_k`.
-    smooth : weight of the kernel's size, √(∫|C|²) in units of the largest ω², against the residual: keeps it from being rough where the data leave it open
+    stable_k : (k, 3) wave vectors at which ω² must lie between `floor` times min(1, (k/k_boundary)²) times the smallest
+        ω² at the zone boundary, and
+        `ceiling` times the largest ω² of the target. Planes are cut until it is so everywhere. The ceiling keeps the
+        stable time step near the lattice's, and D(k) smooth between the points of `stable_k`.
+    smooth : weight of the kernel's size, √(∫|C|²) in units of the largest ω², against the residual: keeps it from being
+        rough where the data leave it open
     """
     rows, rhs = [], []
     for b, values in zip(target.branches, target.values):
@@ -268,7 +282,8 @@ def fit_linear(
         keep = np.argsort(limits.cuts(x, new, extra)[2])[:400]
         k, M = np.vstack([k, new[keep]]), np.concatenate([M, extra[keep]])
     raise AtcError(
-        "the fitted kernel did not become stable within 200 rounds of cutting planes: give it a longer horizon or more knots"
+        "the fitted kernel did not become stable within 200 rounds of cutting planes: give it a longer horizon or "
+        "more knots"
     )
 
 
@@ -282,7 +297,8 @@ class _Limits:
         self.boundary = min(b.boundary for b in target.branches)
 
     def cuts(self, x, k, M):
-        """Planes (rows, right-hand sides) that the coefficients x violate, the worst first and a few dozen at most; and each k's slack."""
+        """Planes (rows, right-hand sides) that the coefficients x violate, the worst first and a few dozen at most; and
+        each k's slack."""
         need = self.floor * np.minimum(1.0, (np.linalg.norm(k, axis=1) / self.boundary) ** 2)
         values, modes = np.linalg.eigh(np.einsum("m,kmij->kij", x, M))
         below, above = (values[:, 0] - need) / self.reference, (self.top - values[:, 2]) / self.reference
@@ -304,7 +320,8 @@ def fit_kernel(
     Parameters
     ----------
     fc : ForceConstants of a cubic crystal, cube axes along x, y, z
-    kind : "isotropic" (a non-negative influence function, central forces), "cubic" (cubic harmonics of degree 0, 4, 6, central), "noncentral" (the
+    kind : "isotropic" (a non-negative influence function, central forces), "cubic" (cubic harmonics of degree 0, 4, 6,
+        central), "noncentral" (the
         same with transverse forces)
     horizon : internal length; default: 1.2 times the reach of the force constants
     knots : hats of each influence function
@@ -334,7 +351,8 @@ def fit_kernel(
 def fit_coarse(fc: ForceConstants, factor: int, *, horizon: float | None = None, floor: float = 0.02) -> CoarseLattice:
     """Force constants on a lattice `factor` times coarser that follow the crystal up to the coarse zone boundary.
 
-    horizon : internal length; default: 2 · factor times the reach of the force constants (half of that costs accuracy: 6 % instead of 1 % for argon).
+    horizon : internal length; default: 2 · factor times the reach of the force constants (half of that costs accuracy:
+        6 % instead of 1 % for argon).
     """
     basis = ShellBasis(fc.crystal, factor, float(horizon or 2 * factor * fc.reach))
     x = fit_linear(basis, target_of(fc, factor), stable_k=zone_wave_vectors(fc.crystal, factor), floor=floor)
@@ -357,7 +375,8 @@ class Match:
     error_bf : (branches, fractions) relative error of ω; 1 where ω is imaginary
     velocity_error_bf : error of the group velocity relative to the branch's speed of sound
     rms : over all of error_bf. band : over the whole zone, fifty fractions equally spaced
-    min_omega2 : smallest ω² found outside the first zone's inscribed sphere up to |k| = 4 · 2π/a (lattices: in their zone), relative to the crystal's
+    min_omega2 : smallest ω² found outside the first zone's inscribed sphere up to |k| = 4 · 2π/a (lattices: in their
+        zone), relative to the crystal's
         largest ω²; and where. stable : no ω² < 0 anywhere, long waves included
     omega_max : largest ω; stable time step 2/omega_max (internal units)
     """
@@ -418,9 +437,19 @@ def match(model, fc: ForceConstants, fractions=FRACTIONS) -> Match:
             low, at = ends[0], np.full(3, np.inf)
     top = np.linalg.eigvalsh(fc.dynamical_matrix(zone_wave_vectors(crystal, 1.0, 16))).max()
     return Match(
-        model.label, [b.label for b in branches], np.array(fractions), error, verror, float(np.sqrt(np.mean(error**2))), band, float(low / top), at,
-        float(np.sqrt(high)), bool(values[:, 0].min() > -1e-9 * top and low > -1e-9 * top), model,
-    )  # fmt: skip
+        model.label,
+        [b.label for b in branches],
+        np.array(fractions),
+        error,
+        verror,
+        float(np.sqrt(np.mean(error**2))),
+        band,
+        float(low / top),
+        at,
+        float(np.sqrt(high)),
+        bool(values[:, 0].min() > -1e-9 * top and low > -1e-9 * top),
+        model,
+    )
 
 
 MODELS = ("classical", "isotropic", "cubic", "noncentral", "mollified", "coarse2", "coarse3", "lattice")
@@ -446,7 +475,8 @@ def make_model(
     if name in ("coarse2", "coarse3"):
         if len(fc.crystal) > 1:
             raise AtcError(
-                f"{name}: coarse lattices are for crystals with one atom in the primitive cell; {fc.crystal.name} has {len(fc.crystal)}"
+                f"{name}: coarse lattices are for crystals with one atom in the primitive cell; {fc.crystal.name} has "
+                f"{len(fc.crystal)}"
             )
         return fit_coarse(fc, int(name[-1]))
     return fit_kernel(fc, name, horizon=horizon, knots=knots)

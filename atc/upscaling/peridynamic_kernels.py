@@ -1,8 +1,8 @@
 """Linear bond-based peridynamic models of a crystal, ρ ü(x) = ∫ C(ξ) (u(x+ξ) − u(x)) dξ, and their dynamical matrices.
 
-Every model has ``dynamical_matrix(k_kc)`` (k, m, m), ``radial_gradient(k_kc)`` = dD/d|k| along the ray, and ``onsite_matrix()``, what D tends to
-as |k| → ∞ (None for lattices, where it is periodic). A crystal's `ForceConstants` wrapped in `Lattice` is one of them: peridynamics with one node
-an atom. Internal units.
+Every model has ``dynamical_matrix(k_kc)`` (k, m, m), ``radial_gradient(k_kc)`` = dD/d|k| along the ray, and
+``onsite_matrix()``, what D tends to as |k| → ∞ (None for lattices, where it is periodic). A crystal's `ForceConstants`
+wrapped in `Lattice` is one of them: peridynamics with one node an atom. Internal units.
 """
 
 from __future__ import annotations
@@ -59,9 +59,9 @@ class Classical:
 class MollifiedLattice:
     """Every bond of the lattice smeared out: C(ξ) = −(1/V) Σ_R Φ(R) g(ξ − R), ĝ(k) = e^{−x} Σ_{j≤p} x^j/j!, x = k²w²/2.
 
-    Then D(k) = ĝ D_lattice + (1 − ĝ) D₀ with D₀ the on-site part, a mean of two positive semidefinite matrices: stable whenever the lattice is, at every
-    wave length. ĝ = 1 − O(k^{2p+2}), so the elastic constants are exact for p ≥ 1. In space g is a Gaussian of width w times a Laguerre polynomial.
-    A crystal of n atoms a cell has n displacement fields.
+    Then D(k) = ĝ D_lattice + (1 − ĝ) D₀ with D₀ the on-site part, a mean of two positive semidefinite matrices: stable
+    whenever the lattice is, at every wave length. ĝ = 1 − O(k^{2p+2}), so the elastic constants are exact for p ≥ 1. In
+    space g is a Gaussian of width w times a Laguerre polynomial. A crystal of n atoms a cell has n displacement fields.
 
     Parameters
     ----------
@@ -157,7 +157,8 @@ def bond_tensors(n_qc, kinds) -> np.ndarray:
 
 @dataclass
 class KernelBasis:
-    """C(ξ) = Σ coefficient · hat_m(|ξ|) K_l(ξ̂) T(ξ̂): piecewise linear influence functions times cubic harmonics times bond tensors.
+    """C(ξ) = Σ coefficient · hat_m(|ξ|) K_l(ξ̂) T(ξ̂): piecewise linear influence functions times cubic harmonics times
+    bond tensors.
 
     Attributes
     ----------
@@ -210,8 +211,8 @@ class KernelBasis:
     def matrices(self, k_kc, gradient: bool = False) -> np.ndarray:
         """(k, size, 3, 3) D(k) of each basis function, ∫ C (1 − cos k·ξ) dξ / ρ, or its derivative along the ray.
 
-        By the plane wave's expansion: ∫ f(ξ̂) cos(k·ξ) dΩ = 4π Σ_L (−1)^{L/2} j_L(kr) f_L(k̂) with f_L the part of degree L, which Funk and Hecke's
-        formula projects out.
+        By the plane wave's expansion: ∫ f(ξ̂) cos(k·ξ) dΩ = 4π Σ_L (−1)^{L/2} j_L(kr) f_L(k̂) with f_L the part of
+        degree L, which Funk and Hecke's formula projects out.
         """
         from scipy.special import eval_legendre, spherical_jn
 
@@ -232,7 +233,8 @@ class KernelBasis:
         return out.reshape(len(k), self.size, 3, 3) / self.crystal.density
 
     def norms(self) -> np.ndarray:
-        """(size,) root of ∫|C|² dξ · volume of the horizon, over ρ: no ω² of the basis function is larger than twice that."""
+        """(size,) root of ∫|C|² dξ · volume of the horizon, over ρ: no ω² of the basis function is larger than twice
+        that."""
         radial = (self._hat_rm.T @ self.hats(self._r)).diagonal()
         # self._f_qac carries the quadrature's weights once: divide one of the two out.
         angular = np.einsum("qac,qac,q->a", self._f_qac, self._f_qac, 1.0 / self._weights)
@@ -292,9 +294,11 @@ class FittedKernel(_Fitted):
 
 @dataclass
 class ShellBasis:
-    """Force constants on a coarser copy of a Bravais crystal's lattice: for each orbit of cubic symmetry its bond tensors.
+    """Force constants on a coarser copy of a Bravais crystal's lattice: for each orbit of cubic symmetry its bond
+    tensors.
 
-    `factor` 2 or 3 scales the lattice; a node has the mass of factor³ cells. `horizon` is a distance in internal length.
+    `factor` 2 or 3 scales the lattice; a node has the mass of factor³ cells. `horizon` is a distance in internal
+    length.
     """
 
     crystal: Crystal

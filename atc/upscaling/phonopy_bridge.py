@@ -16,9 +16,11 @@ def phonopy_of(crystal: Crystal, model, repeat, *, distance: float = 1e-4):
     ----------
     crystal : Crystal (at rest)
     model : potential of `atc.potential`, or an ASE calculator
-    repeat : three ints, the supercell in primitive vectors. At k that are commensurate with it the result is exact; at others only if no lattice
+    repeat : three ints, the supercell in primitive vectors. At k that are commensurate with it the result is exact; at
+        others only if no lattice
         vector of the supercell is shorter than twice the reach of the forces.
-    distance : displacement in internal length; plus and minus are both taken, so that the error is of second order (1e-9 at 1e-4 Å)
+    distance : displacement in internal length; plus and minus are both taken, so that the error is of second order
+        (1e-9 at 1e-4 Å)
 
     Returns
     -------

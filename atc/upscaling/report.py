@@ -1,4 +1,5 @@
-"""A report that goes through a paper's claims: what was measured, and whether it reproduces. HTML with pictures beside it, and the numbers as JSON."""
+"""A report that goes through a paper's claims: what was measured, and whether it reproduces. HTML with pictures beside
+it, and the numbers as JSON."""
 
 from __future__ import annotations
 
@@ -12,9 +13,17 @@ from ..errors import AtcError
 YES, ASSUMING, NO = "reproduces", "reproduces with an assumption", "does not reproduce"
 
 STYLE = {
-    "font.size": 9, "axes.titlesize": 9, "axes.labelsize": 9, "axes.linewidth": 0.8, "legend.fontsize": 8, "legend.frameon": False,
-    "savefig.dpi": 130, "lines.linewidth": 1.2, "mathtext.default": "regular", "image.interpolation": "nearest",
-}  # fmt: skip
+    "font.size": 9,
+    "axes.titlesize": 9,
+    "axes.labelsize": 9,
+    "axes.linewidth": 0.8,
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "savefig.dpi": 130,
+    "lines.linewidth": 1.2,
+    "mathtext.default": "regular",
+    "image.interpolation": "nearest",
+}
 
 _CSS = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 62rem; margin: 2rem auto; padding: 0 1rem }
@@ -29,7 +38,8 @@ _CLASS = {YES: "yes", ASSUMING: "assuming", NO: "no"}
 
 @dataclass(frozen=True)
 class Claim:
-    """One claim of a paper. `where`: equation, table or figure; `claim` and `measured`: one sentence each; `assumption`: what had to be assumed, or why not."""
+    """One claim of a paper. `where`: equation, table or figure; `claim` and `measured`: one sentence each;
+    `assumption`: what had to be assumed, or why not."""
 
     where: str
     claim: str
@@ -85,7 +95,8 @@ class Report:
             draw(fig)
             fig.savefig(self.folder / f"{name}.png", metadata={"Software": None})
         self._body.append(
-            f'<figure><img src="{name}.png" alt="{html.escape(caption)}"><figcaption>{html.escape(caption)}</figcaption></figure>'
+            f'<figure><img src="{name}.png" '
+            f'alt="{html.escape(caption)}"><figcaption>{html.escape(caption)}</figcaption></figure>'
         )
 
     def dataset(self, name: str, ds) -> None:
@@ -103,8 +114,10 @@ class Report:
             for c in self.claims
         )
         page = (
-            f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{html.escape(self.title)}</title><style>{_CSS}</style></head>\n'
-            f"<body><h1>{html.escape(self.title)}</h1>\n<h2>Claim by claim</h2><table><tr><th>where</th><th>claim</th><th>measured</th><th>verdict</th></tr>"
+            '<!DOCTYPE html>\n<html lang="en"><head><meta '
+            f'charset="utf-8"><title>{html.escape(self.title)}</title><style>{_CSS}</style></head>\n'
+            f"<body><h1>{html.escape(self.title)}</h1>\n<h2>Claim by "
+            "claim</h2><table><tr><th>where</th><th>claim</th><th>measured</th><th>verdict</th></tr>"
             f"{rows}</table>\n" + "\n".join(self._body) + "\n</body></html>\n"
         )
         from ..running.output import explained

@@ -16,7 +16,8 @@ from .force_constants import nearest_images
 class Sites:
     """Which atom of a supercell sits at which site of a crystal.
 
-    crystal : scaled so that the supercell is a whole number of its cells. counts : (3, 3) ints, supercell = counts @ crystal.vectors.
+    crystal : scaled so that the supercell is a whole number of its cells. counts : (3, 3) ints, supercell = counts @
+        crystal.vectors.
     basis : (n,) which basis atom. sites : (n, 3) ideal positions. cell : (3, 3) the supercell.
     """
 
@@ -42,7 +43,8 @@ def find_sites(frame, crystal: Crystal, cell=None) -> Sites:
 
     Raises
     ------
-    AtcError that says what does not fit: the box, the number of atoms, or atoms without a site (a defect, a liquid, another structure).
+    AtcError that says what does not fit: the box, the number of atoms, or atoms without a site (a defect, a liquid,
+    another structure).
     """
     if not frame.cell.periodic.all():
         raise AtcError(f"{frame.source}: waves in a crystal need a box that is periodic along all axes")
@@ -52,8 +54,10 @@ def find_sites(frame, crystal: Crystal, cell=None) -> Sites:
     if abs(np.linalg.det(counts)) < 0.5 or np.abs(exact - counts).max() > 0.25:
         along = np.linalg.norm(H, axis=1) / np.linalg.norm(crystal.conventional, axis=1)
         raise AtcError(
-            f"{frame.source}: the box is not a whole number of cells of {crystal.name} (it is {', '.join(f'{a:.3g}' for a in along)} conventional cells "
-            f"of {crystal.lattice_constant:.6g} long): give the structure and lattice_constant of the crystal in the file"
+            f"{frame.source}: the box is not a whole number of cells of {crystal.name} (it is "
+            f"{', '.join(f'{a:.3g}' for a in along)} conventional cells "
+            f"of {crystal.lattice_constant:.6g} long): give the structure and lattice_constant of the crystal in the "
+            "file"
         )
     fitted = np.linalg.solve(counts, H)
     F = (np.linalg.inv(crystal.vectors) @ fitted).T
@@ -61,7 +65,8 @@ def find_sites(frame, crystal: Crystal, cell=None) -> Sites:
     cells, n = round(abs(np.linalg.det(counts))), len(crystal)
     if len(frame) != cells * n:
         raise AtcError(
-            f"{frame.source}: {len(frame)} atoms, but a perfect {crystal.name} of this box has {cells * n}: it has defects, or another structure"
+            f"{frame.source}: {len(frame)} atoms, but a perfect {crystal.name} of this box has {cells * n}: it has "
+            "defects, or another structure"
         )
     x = frame.positions - frame.cell.origin
     inv = np.linalg.inv(crystal.vectors)
@@ -83,7 +88,8 @@ def find_sites(frame, crystal: Crystal, cell=None) -> Sites:
             best = error, which, shift
     if best is None:
         raise AtcError(
-            f"{frame.source}: its atoms do not sit at the sites of {crystal.name}: it has defects, has melted, or has another structure"
+            f"{frame.source}: its atoms do not sit at the sites of {crystal.name}: it has defects, has melted, or has "
+            "another structure"
         )
     _, which, shift = best
     m = np.rint((x - shift - crystal.positions[which]) @ inv)
@@ -91,7 +97,8 @@ def find_sites(frame, crystal: Crystal, cell=None) -> Sites:
     key = np.rint(np.mod((m @ np.linalg.inv(counts)) + 1e-9, 1.0) * 1e6).astype(np.int64)
     if len(np.unique(np.column_stack([key, which]), axis=0)) != len(frame):
         raise AtcError(
-            f"{frame.source}: two atoms sit at one site of {crystal.name}: it has defects, has melted, or has another structure"
+            f"{frame.source}: two atoms sit at one site of {crystal.name}: it has defects, has melted, or has another "
+            "structure"
         )
     return Sites(crystal, counts.astype(int), which, sites, H)
 
@@ -110,7 +117,8 @@ def star(k, cubic: bool) -> np.ndarray:
 
 
 def commensurate(sites: Sites, direction, limit: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-    """Wave vectors along `direction` that fit into the supercell, up to `limit` times the zone boundary: fractions of it and (k, 3) vectors."""
+    """Wave vectors along `direction` that fit into the supercell, up to `limit` times the zone boundary: fractions of
+    it and (k, 3) vectors."""
     crystal = sites.crystal
     e, boundary = crystal.direction(direction), crystal.zone_boundary(direction)
     # The shortest commensurate vector along e: k·H/2π must be integers.

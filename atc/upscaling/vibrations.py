@@ -1,8 +1,10 @@
-"""Phonon frequencies of a crystal from a trajectory: by the ratio of velocities to displacements, and by spectra of currents.
+"""Phonon frequencies of a crystal from a trajectory: by the ratio of velocities to displacements, and by spectra of
+currents.
 
-A mode of wave vector k has u_k = Σ √m u exp(−ik·R) over the ideal sites R. Harmonic motion obeys ⟨|v_k|²⟩ = ω² ⟨|u_k|²⟩ whatever its amplitude, so no
-spectrum and no equipartition is needed; where eigenvectors are not known, ω² are the eigenvalues of ⟨v v†⟩ against ⟨u u†⟩. Time averages are tapered
-by a Hann window in each block, which removes the error of cutting a period; blocks give the error bars (jackknife).
+A mode of wave vector k has u_k = Σ √m u exp(−ik·R) over the ideal sites R. Harmonic motion obeys ⟨|v_k|²⟩ = ω² ⟨|u_k|²⟩
+whatever its amplitude, so no spectrum and no equipartition is needed; where eigenvectors are not known, ω² are the
+eigenvalues of ⟨v v†⟩ against ⟨u u†⟩. Time averages are tapered by a Hann window in each block, which removes the error
+of cutting a period; blocks give the error bars (jackknife).
 """
 
 from __future__ import annotations
@@ -26,7 +28,8 @@ MIN_FRAMES, MIN_CYCLES = 16, 3.0
 class Amplitudes:
     """Mass-weighted amplitudes of the waves of a run.
 
-    k_kc : (k, 3) wave vectors. u_tkx, v_tkx : (frames, k, 3n) complex; displacements from the ideal sites and velocities. dt : internal, or None.
+    k_kc : (k, 3) wave vectors. u_tkx, v_tkx : (frames, k, 3n) complex; displacements from the ideal sites and
+        velocities. dt : internal, or None.
     """
 
     sites: Sites
@@ -51,7 +54,8 @@ def amplitudes(traj, crystal: Crystal, choose, *, timestep: float | None = None)
 
     Raises
     ------
-    AtcError for missing velocities or masses, atoms that leave their sites, a box that does not fit, steps or times that repeat or go back.
+    AtcError for missing velocities or masses, atoms that leave their sites, a box that does not fit, steps or times
+    that repeat or go back.
     """
     it = iter(traj)
     first = next(it, None)
@@ -99,7 +103,8 @@ def amplitudes(traj, crystal: Crystal, choose, *, timestep: float | None = None)
         if far.max() > 0.5 * nearest:
             bad = int(np.argmax(far))
             raise AtcError(
-                f"{frame.source}: atom {frame.ids[bad]} is {frame.units.to_user('length', far[bad]):.3g} {frame.units.label('length')} from its site: the "
+                f"{frame.source}: atom {frame.ids[bad]} is {frame.units.to_user('length', far[bad]):.3g} "
+                f"{frame.units.label('length')} from its site: the "
                 "crystal has melted or atoms have changed places; take earlier frames"
             )
         v = frame.velocities - np.average(frame.velocities, axis=0, weights=frame.masses)
@@ -138,7 +143,8 @@ def _interval(clock: Clock, timestep, units):
 
 @dataclass
 class Estimate:
-    """Frequencies (internal ω) with standard errors, ascending, at one wave vector; NaN where none could be had. `why` says why not."""
+    """Frequencies (internal ω) with standard errors, ascending, at one wave vector; NaN where none could be had. `why`
+    says why not."""
 
     omega: np.ndarray
     error: np.ndarray
@@ -159,10 +165,12 @@ def by_ratio(u_stx, v_stx, vectors_sxm=None, blocks: int = 5, groups=None) -> Es
     Parameters
     ----------
     u_stx, v_stx : (s, t, 3n) complex amplitudes
-    vectors_sxm : (s, 3n, 3n) eigenvectors (columns) to project on, e.g. of the harmonic crystal; None: the generalised eigenproblem
+    vectors_sxm : (s, 3n, 3n) eigenvectors (columns) to project on, e.g. of the harmonic crystal; None: the generalised
+        eigenproblem
         ⟨v v†⟩ e = ω² ⟨u u†⟩ e
     blocks : pieces of the run; their jackknife gives the error
-    groups : (3n,) ints: modes of one number are degenerate and looked at together, each with the weight of its energy; with `vectors_sxm` only
+    groups : (3n,) ints: modes of one number are degenerate and looked at together, each with the weight of its energy;
+        with `vectors_sxm` only
     """
     modes, frames = u_stx.shape[2], u_stx.shape[1]
     parts, w = _windows(frames, blocks)
@@ -233,8 +241,8 @@ def spectra(v_stm, dt: float, blocks: int = 5, pad: int = 4):
 
 
 def by_spectrum(v_stm, dt: float, blocks: int = 5, groups=None) -> Estimate:
-    """ω of the highest peak of each mode's spectrum, by a parabola through the logarithm of the peak's three highest points (for a Hann window good to
-    a hundredth of the block's resolution)."""
+    """ω of the highest peak of each mode's spectrum, by a parabola through the logarithm of the peak's three highest
+    points (for a Hann window good to a hundredth of the block's resolution)."""
     modes, frames = v_stm.shape[2], v_stm.shape[1]
     empty = np.full(modes, np.nan)
     length = frames // blocks
@@ -270,8 +278,10 @@ class Measured:
     Attributes (ω in internal units, branches ascending)
     ----------
     directions : the rays. ray_k : (k,) which ray each point is on. fraction_k, k_kc : its place.
-    ratio_km, ratio_error_km, spectrum_km, spectrum_error_km : (k, 3n) ω and standard errors; NaN where it could not be had
-    frequency_f : ω of the current spectra (internal), current_kcf : (k, 2, f) longitudinal and transverse current spectra; None without times
+    ratio_km, ratio_error_km, spectrum_km, spectrum_error_km : (k, 3n) ω and standard errors; NaN where it could not be
+        had
+    frequency_f : ω of the current spectra (internal), current_kcf : (k, 2, f) longitudinal and transverse current
+        spectra; None without times
     temperature : mean, internal (the user's temperature unit). notes : what to know
     """
 
@@ -311,10 +321,12 @@ def measure(
     traj : trajectory of `atc.read`, of a crystal that vibrates
     crystal : Crystal
     directions : list of (3,) rays, e.g. [1, 0, 0]
-    fc : function Crystal → ForceConstants for the crystal at the run's own lattice constant, whose eigenvectors single out the modes; None: the run alone
+    fc : function Crystal → ForceConstants for the crystal at the run's own lattice constant, whose eigenvectors single
+        out the modes; None: the run alone
     blocks : pieces that give the errors
     timestep : time of one step in the user's unit, if the frames have no times
-    cubic : average over wave vectors that the cube's symmetry makes equivalent; default: if the crystal's conventional cell is a cube along the axes
+    cubic : average over wave vectors that the cube's symmetry makes equivalent; default: if the crystal's conventional
+        cell is a cube along the axes
 
     Returns
     -------
@@ -342,7 +354,8 @@ def measure(
                 plan.append((r, f, k, np.array(members)))
         if not plan:
             raise AtcError(
-                f"no wave vector along {', '.join(map(str, directions))} fits into the box of {sites.crystal.name}: take other directions or a longer box"
+                f"no wave vector along {', '.join(map(str, directions))} fits into the box of {sites.crystal.name}: "
+                "take other directions or a longer box"
             )
         return np.concatenate([p[3] for p in plan])
 
@@ -385,13 +398,26 @@ def measure(
         if top > np.pi / a.dt:
             unit, factor = frequency_unit(crystal.units)
             notes.append(
-                f"the frames are too far apart for spectra: frequencies above {factor * np.pi / a.dt:.3g} {unit} are folded down, the crystal goes up to "
+                f"the frames are too far apart for spectra: frequencies above {factor * np.pi / a.dt:.3g} {unit} are "
+                "folded down, the crystal goes up to "
                 f"{factor * top:.3g}; the ratio of velocities and displacements does not mind"
             )
     return Measured(
-        crystal, list(directions), np.array([p[0] for p in plan]), np.array([p[1] for p in plan]), np.array([p[2] for p in plan]), *data, frequency,
-        np.array(currents).transpose(0, 2, 1) if currents else None, a.temperature, len(a.u_tkx), blocks, a.dt, a.source, notes,
-    )  # fmt: skip
+        crystal,
+        list(directions),
+        np.array([p[0] for p in plan]),
+        np.array([p[1] for p in plan]),
+        np.array([p[2] for p in plan]),
+        *data,
+        frequency,
+        np.array(currents).transpose(0, 2, 1) if currents else None,
+        a.temperature,
+        len(a.u_tkx),
+        blocks,
+        a.dt,
+        a.source,
+        notes,
+    )
 
 
 def _ascending(e: Estimate):
@@ -400,8 +426,8 @@ def _ascending(e: Estimate):
 
 
 def _vectors_by_symmetry(members, crystal):
-    """Polarisations along [100], [110] and [111] of a cubic crystal with one atom a cell: those of any model of that symmetry, and
-    which are degenerate. None elsewhere."""
+    """Polarisations along [100], [110] and [111] of a cubic crystal with one atom a cell: those of any model of that
+    symmetry, and which are degenerate. None elsewhere."""
     k = np.sort(np.abs(members[0])) / np.abs(members[0]).max()
     if len(crystal) > 1 or not any(np.allclose(k, ray, atol=1e-6) for ray in ((0, 0, 1), (0, 1, 1), (1, 1, 1))):
         return None, None
@@ -413,7 +439,8 @@ def _vectors_by_symmetry(members, crystal):
 
 
 def _own_vectors(u, v):
-    """(s, 3n, 3n) modes from the run itself: v†-normalised solutions of the generalised eigenproblem, None if there are too few frames."""
+    """(s, 3n, 3n) modes from the run itself: v†-normalised solutions of the generalised eigenproblem, None if there are
+    too few frames."""
     from scipy.linalg import LinAlgError, eigh
 
     u = u - u.mean(axis=1, keepdims=True)

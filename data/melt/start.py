@@ -1,4 +1,5 @@
-"""Write start.data: 50 chains of 30 beads as random walks in a triclinic box, overlapping as yet (in.prepare pushes them apart)."""
+"""Write start.data: 50 chains of 30 beads as random walks in a triclinic box, overlapping as yet (in.prepare pushes
+them apart)."""
 
 from pathlib import Path
 

@@ -1,4 +1,5 @@
-"""Nonlocal advection: sums against naive loops, ledgers, Cole–Hopf and Hopf–Lax, order in the horizon, shocks, ``atc advect``."""
+"""Nonlocal advection: sums against naive loops, ledgers, Cole–Hopf and Hopf–Lax, order in the horizon, shocks, ``atc
+advect``."""
 
 import numpy as np
 import pytest
@@ -17,7 +18,8 @@ WAVE = lambda x: np.sin(2 * np.pi * x)  # noqa: E731
 
 
 def naive(u, kernel, psi, two_point):
-    """Σ_m F(u_i, u_{i+m}) φ_a Δx and Σ_m (u_{i+m} − u_i) φ_s Δx, pair by pair; the conserving flux by Simpson (exact for cubics)."""
+    """Σ_m F(u_i, u_{i+m}) φ_a Δx and Σ_m (u_{i+m} − u_i) φ_s Δx, pair by pair; the conserving flux by Simpson (exact
+    for cubics)."""
     n, M = len(u), kernel.neighbors
     transport, smooth = np.zeros(n), np.zeros(n)
     for i in range(n):
@@ -54,7 +56,8 @@ def test_sums(shape, two_point):
 )
 @settings(max_examples=40, deadline=None)
 def test_moments_mass_and_energy_of_the_sums(shape, horizon, two_point, seed):
-    """∫ z φ_a = ∫ z² φ_s = 2; the transport has no sum, and with the conserving flux no power; the regularisation only takes energy."""
+    """∫ z φ_a = ∫ z² φ_s = 2; the transport has no sum, and with the conserving flux no power; the regularisation only
+    takes energy."""
     dx = 0.01
     kernel = Kernel(shape, horizon * dx, dx)
     m = np.arange(1, kernel.neighbors + 1) * dx
@@ -74,7 +77,8 @@ def test_moments_mass_and_energy_of_the_sums(shape, horizon, two_point, seed):
 
 
 def test_constants_stay():
-    """A uniform u is a solution, and a uniform u₀ added travels with it (midpoint flux: F(a + c, b + c) is Galilean only for Burgers)."""
+    """A uniform u is a solution, and a uniform u₀ added travels with it (midpoint flux: F(a + c, b + c) is Galilean
+    only for Burgers)."""
     kernel = Kernel("triangle", 0.05, 1 / 128)
     run = advect(np.full(128, 1.3), kernel, duration=1.0, viscosity=0.01, times=3)
     np.testing.assert_allclose(run.u_tn, 1.3, rtol=1e-13)
@@ -102,7 +106,8 @@ def test_mass_and_ledger(method, two_point):
 
 
 def test_conserving_flux_keeps_energy_and_the_midpoint_flux_does_not():
-    """ε = 0: energy to 1e-11 over twelve shock times, without relaxation as the step falls; the midpoint flux multiplies it."""
+    """ε = 0: energy to 1e-11 over twelve shock times, without relaxation as the step falls; the midpoint flux
+    multiplies it."""
     x = np.arange(512) / 512
     kernel = Kernel("box", 0.05, 1 / 512)
     kept = advect(WAVE(x), kernel, duration=2.0, two_point="conserving")
@@ -115,7 +120,8 @@ def test_conserving_flux_keeps_energy_and_the_midpoint_flux_does_not():
     assert np.log2(error[0] / error[1]) == pytest.approx(3, abs=0.3)
     grown = advect(WAVE(x), kernel, duration=2.0, two_point="midpoint")
     assert grown.energy_t[-1] > 2 * grown.energy_t[0] and grown.production_t[-1] > 0
-    # What it does to energy is the flux's doing, not the time step's: as the shock forms it first takes, in the same measure for any step.
+    # What it does to energy is the flux's doing, not the time step's: as the shock forms it first takes, in the same
+    # measure for any step.
     again, same = (
         advect(WAVE(x), kernel, duration=0.6, two_point="midpoint", safety=c, times=2).energy_t for c in (0.1, 0.3)
     )
@@ -163,7 +169,8 @@ def test_third_order_in_time():
 
 
 def test_stable_step():
-    """The diffusive step: twice the limit blows up, the step taken does not; it is set by the kernel, not by the spacing."""
+    """The diffusive step: twice the limit blows up, the step taken does not; it is set by the kernel, not by the
+    spacing."""
     steps = {}
     for n in (128, 512):
         kernel = Kernel("triangle", 0.1, 1 / n)
@@ -181,7 +188,8 @@ def test_stable_step():
 
 
 def test_cole_hopf_travelling_wave():
-    """The viscous shock u = c − (J/2) tanh(J (x − ct)/4ε), as one period of a sawtooth wide enough that its ends do not matter."""
+    """The viscous shock u = c − (J/2) tanh(J (x − ct)/4ε), as one period of a sawtooth wide enough that its ends do not
+    matter."""
     eps, c, J = 0.01, 0.3, 1.0
     shock = lambda x: c - 0.5 * J * np.tanh(J * (x - 2.0) / (4 * eps))  # noqa: E731
     x = np.linspace(1.8, 2.6, 81)
@@ -206,7 +214,8 @@ def test_cole_hopf_is_a_solution(eps):
 
 
 def test_vanishing_viscosity():
-    """ε → 0: Cole–Hopf goes to Hopf–Lax at first order away from the shock, and is finite down to 1e-6, where a Fourier series is not."""
+    """ε → 0: Cole–Hopf goes to Hopf–Lax at first order away from the shock, and is finite down to 1e-6, where a Fourier
+    series is not."""
     x = np.concatenate([np.linspace(0.02, 0.45, 20), np.linspace(0.55, 0.98, 20)])
     limit = hopf_lax(WAVE, x, 0.5)
     errors = [np.abs(cole_hopf(WAVE, x, 0.5, eps)[0] - limit).max() for eps in (1e-3, 5e-4, 1e-6)]
@@ -225,7 +234,8 @@ def test_vanishing_viscosity():
 
 
 def test_shocks():
-    """Position, states, width 4ε·2/J of the tanh profile and Rankine–Hugoniot speed of a viscous shock; a regularised nonlocal one moves with that speed."""
+    """Position, states, width 4ε·2/J of the tanh profile and Rankine–Hugoniot speed of a viscous shock; a regularised
+    nonlocal one moves with that speed."""
     x = np.arange(2000) / 2000 * 4
     J, eps = 1.4, 0.01
     profile = 0.3 - 0.5 * J * np.tanh(J * (x - 1.7) / (4 * eps)) + 0.35 * (x - 2)

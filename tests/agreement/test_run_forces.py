@@ -1,4 +1,5 @@
-"""The run's forces beside the potential's: what LAMMPS wrote after everything that a script can do, and whether the difference is seen and named."""
+"""The run's forces beside the potential's: what LAMMPS wrote after everything that a script can do, and whether the
+difference is seen and named."""
 
 import warnings
 
@@ -65,7 +66,8 @@ FROM_OUTSIDE = {
     "fix 2 all langevin 120 120 100.0 4711": "a thermostat with noise (fix langevin)",
     "group g type 1\nfix 2 g langevin 120 120 1000.0 4711": "(the atoms of type 1): a thermostat with noise",
     "group g id 1:40\nfix 2 g spring tether 10 3 3 3 0": "force on their centre of mass (fix spring",
-    "group g id 1:40\nfix 2 g spring/self 10.0": "atoms 1 to 40, and the differences do not add up to zero: forces from outside",
+    "group g id 1:40\nfix 2 g spring/self 10.0": "atoms 1 to 40, and the differences do not add up to zero: forces "
+    "from outside",
     "neigh_modify exclude type 1 2": "everything: forces between atoms",
     "group g id 1:40\nneigh_modify exclude group g g": "atoms 1 to 40: forces between atoms",
 }
@@ -148,7 +150,8 @@ def test_distant_charges(tmp_path, mine):
 
 
 def test_units_are_named(tmp_path):
-    """Coefficients in kcal/mol read as eV, and a trajectory of metal units read as real: one factor, and which units it fits."""
+    """Coefficients in kcal/mol read as eV, and a trajectory of metal units read as real: one factor, and which units it
+    fits."""
     found = compared(tmp_path, argon(), ARGON, NVE, units="metal")
     assert (
         not found.agrees
@@ -171,7 +174,8 @@ def test_a_trajectory_in_other_units(tmp_path):
 
 
 def test_a_pair_at_its_cutoff(tmp_path):
-    """Whether a pair beyond or within its cutoff by less than the last digit acts is no difference; the same pair a little nearer is."""
+    """Whether a pair beyond or within its cutoff by less than the last digit acts is no difference; the same pair a
+    little nearer is."""
     config = argon()
     dump, _ = run(tmp_path, config, ARGON.replace("8.0", "6.0"), "fix 1 all nve\nrun 0", log=False)
     frame = atc.read(dump, topology=tmp_path / "run.data")[0]

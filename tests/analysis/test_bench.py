@@ -148,9 +148,8 @@ def test_the_command(tmp_path, result):
     L = frame.cell.vectors[0, 0]
     lines = [f"{k + 1} 1 {x:.10f} {y:.10f} {z:.10f}" for k, (x, y, z) in enumerate(frame.positions)]
     (tmp_path / "a.data").write_text(
-        f"argon\n\n{len(frame)} atoms\n1 atom types\n\n0 {L} xlo xhi\n0 {L} ylo yhi\n0 {L} zlo zhi\n\nMasses\n\n1 39.948\n\nAtoms # atomic\n\n"
-        + "\n".join(lines)
-        + "\n"
+        f"argon\n\n{len(frame)} atoms\n1 atom types\n\n0 {L} xlo xhi\n0 {L} ylo yhi\n0 {L} zlo zhi\n\nMasses\n\n1 "
+        "39.948\n\nAtoms # atomic\n\n" + "\n".join(lines) + "\n"
     )
     scene = tmp_path / "scene.toml"
     scene.write_text(SCENE)
@@ -193,9 +192,14 @@ def test_any_field_of_a_scene():
         positions=frame.positions + np.random.default_rng(0).normal(scale=0.05, size=frame.positions.shape)
     )
     request = Request(
-        moved, pot, atc.kernel("gaussian", radius=8.0), atc.Grid.regular(shape=8), ["heat_flux", "velocity_gradient", "piola_stress"],
-        reference=frame, threads=1,
-    )  # fmt: skip
+        moved,
+        pot,
+        atc.kernel("gaussian", radius=8.0),
+        atc.Grid.regular(shape=8),
+        ["heat_flux", "velocity_gradient", "piola_stress"],
+        reference=frame,
+        threads=1,
+    )
     for name in ("velocity_gradient", "piola_stress", "heat_flux_potential"):
         found = bench(request, (1e-2, 1e-4), field=name)
         by = rungs_of(found)

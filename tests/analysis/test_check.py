@@ -80,9 +80,11 @@ def case(name, sw_lines):
 
 @pytest.mark.parametrize("name, churns", [("lj", None), ("sw", 1e-3), ("eam", None), ("melt", 1e-4)])
 def test_laws_hold(name, churns, sw_lines):
-    """Rounding in closed form; 1e-10 from the fields (rounding of a field over a step of width/400); heat flux without churning is wrong.
+    """Rounding in closed form; 1e-10 from the fields (rounding of a field over a step of width/400); heat flux without
+    churning is wrong.
 
-    Embedded atoms have none: with each embedding energy at its own atom, ∂U^(i)/∂x_j runs along the bond and z = S + M cancels bond by bond.
+    Embedded atoms have none: with each embedding energy at its own atom, ∂U^(i)/∂x_j runs along the bond and z = S + M
+    cancels bond by bond.
     """
     frame, pot, width = case(name, sw_lines)
     report = check(frame, pot, kernel("gaussian", width=width), atc.Grid.regular(shape=(4, 4, 4)), points=10)
@@ -158,7 +160,8 @@ def test_drift_costs_no_digits(sw_lines):
 
 
 def test_exact_rates(sw_lines):
-    """Rates of ρ, ρ v and ε against differences of naive sums with all atoms moved, forces from differences of nothing but energies."""
+    """Rates of ρ, ρ v and ε against differences of naive sums with all atoms moved, forces from differences of nothing
+    but energies."""
     frame, pot, width = case("sw", sw_lines)
     kern = kernel("gaussian", width=width)
     x_gc = frame.cell.cartesian(np.random.default_rng(1).random((3, 3)))
@@ -312,11 +315,22 @@ def run(
     config.write_data(data)
     with lammps_session() as lmp:
         for line in [
-            f"units {config.units}", "atom_modify map array", "box tilt large", f"read_data {data}", *lines.splitlines(),
-            f"velocity all create {temperature} 48 mom yes", f"timestep {4 * timestep}", "fix move all nve", f"run {warm}", *then,
-            f"timestep {timestep}", "reset_timestep 0 time 0.0", f"dump out all custom {every} {dump} id type x y z vx vy vz",
-            f"dump_modify out sort id time {'yes' if time else 'no'} units yes format float {form}", f"run {every * (frames - 1)}",
-        ]:  # fmt: skip
+            f"units {config.units}",
+            "atom_modify map array",
+            "box tilt large",
+            f"read_data {data}",
+            *lines.splitlines(),
+            f"velocity all create {temperature} 48 mom yes",
+            f"timestep {4 * timestep}",
+            "fix move all nve",
+            f"run {warm}",
+            *then,
+            f"timestep {timestep}",
+            "reset_timestep 0 time 0.0",
+            f"dump out all custom {every} {dump} id type x y z vx vy vz",
+            f"dump_modify out sort id time {'yes' if time else 'no'} units yes format float {form}",
+            f"run {every * (frames - 1)}",
+        ]:
             lmp.command(line)
     return dump
 
@@ -402,7 +416,8 @@ def test_drifting_run(argon_run):
     a, b = (check(t, pot, kern, points=5).data["laws"] for t in (argon_run, moving))
     assert b["energy"]["frames"]["holds"]
     for law in ("mass", "momentum", "energy"):
-        # positions 40 Å further on and velocities 1e4 times as large: digits lost are 1e-16 · 1e4 · 1 Å over differences of 1e-6 Å
+        # positions 40 Å further on and velocities 1e4 times as large: digits lost are 1e-16 · 1e4 · 1 Å over
+        # differences of 1e-6 Å
         np.testing.assert_allclose(b[law]["frames"]["residuals"], a[law]["frames"]["residuals"], rtol=1e-4)
 
 

@@ -13,7 +13,8 @@ CELL = np.array([[8.0, 0, 0], [2.0, 10.0, 0], [0, 1.0, 12.0]])
 
 
 def output(shape=(4, 5, 6), frames=1, hardy=None, smoothed=None, virial=None, cell=CELL, **attrs):
-    """An output of atc.fields on a grid of cell centres, made by hand. Fields are functions of fractional coordinates (…, 3) and the frame."""
+    """An output of atc.fields on a grid of cell centres, made by hand. Fields are functions of fractional coordinates
+    (…, 3) and the frame."""
     s = np.stack(np.meshgrid(*[(np.arange(n) + 0.5) / n for n in shape], indexing="ij"), -1)
     x = s @ cell
     dims = ("x", "y", "z")
@@ -117,7 +118,8 @@ def test_frames_average_and_give_a_standard_error():
     )
     r = compare(ds)
     assert r.value("box average", "xx") == pytest.approx(noise.mean(), abs=1e-12)
-    # white noise: block averaging of 64 numbers scatters by some 20 % about σ/√n (Flyvbjerg & Petersen); 2 is beyond five times that
+    # white noise: block averaging of 64 numbers scatters by some 20 % about σ/√n (Flyvbjerg & Petersen); 2 is beyond
+    # five times that
     naive = noise.std(ddof=1) / 8
     assert naive / 2 < r.value("box average", "xx", "stderr_difference") < 2 * naive
     assert r.value("box average", "xx", "sigmas") == pytest.approx(
@@ -205,7 +207,8 @@ def test_side_by_side(tmp_path):
 
 @pytest.mark.parametrize("shape, said", [(4, True), (12, False)])
 def test_what_a_coarse_grid_does_to_the_box_average_is_said(shape, said):
-    """The integral is the virial; the mean over points is only as good as the grid (the Gaussian on 12 points an edge leaves 1e-10)."""
+    """The integral is the virial; the mean over points is only as good as the grid (the Gaussian on 12 points an edge
+    leaves 1e-10)."""
     from frames import argon
 
     import atc

@@ -1,4 +1,5 @@
-"""Thermal conductivity by Green and Kubo: the mathematics on synthetic currents of known integral, the currents against LAMMPS, and (slow) argon."""
+"""Thermal conductivity by Green and Kubo: the mathematics on synthetic currents of known integral, the currents against
+LAMMPS, and (slow) argon."""
 
 import json
 
@@ -67,7 +68,8 @@ def test_segments_do_not_see_each_other():
 
 
 def test_plateau_begins_where_the_tail_is_lost_in_the_noise():
-    """Exact integrals 1 − exp(−t) of four segments, each off by a small noise of its own that grows with time: nothing random."""
+    """Exact integrals 1 − exp(−t) of four segments, each off by a small noise of its own that grows with time: nothing
+    random."""
     t = 0.1 * np.arange(400)
     noise = (
         np.array([1.0, -1.0, 1.0, -1.0])[:, None] * 0.01 * np.sqrt(t)
@@ -107,13 +109,15 @@ CASES = {
 @pytest.mark.filterwarnings("ignore:.*had not converged")  # one in ten, and said so
 @pytest.mark.parametrize("name", CASES)
 def test_known_integral_within_its_error_bar(name):
-    """60 runs of 400 to 800 correlation times each. An honest error holds the truth in 68 % of them (once) and 95 % (twice)."""
+    """60 runs of 400 to 800 correlation times each. An honest error holds the truth in 68 % of them (once) and 95 %
+    (twice)."""
     parts, dt, n, runs = CASES[name], 0.04, 20000, 60
     exact = integral_of(dt, parts)
     results = [of_array(ornstein_uhlenbeck(np.random.default_rng(seed), n, dt, parts), dt) for seed in range(runs)]
     value = np.array([r.value for r in results])
     z = (value - exact) / np.array([r.stderr for r in results])
-    # Binomial scatter of 60 runs around 0.68 and 0.95: 0.06 and 0.03; three times that, and the bars may be wider than they must.
+    # Binomial scatter of 60 runs around 0.68 and 0.95: 0.06 and 0.03; three times that, and the bars may be wider than
+    # they must.
     assert np.mean(abs(z) < 1) > 0.5
     assert np.mean(abs(z) < 2) > 0.86
     # The mean of 60 is known to its own standard error; the choice of the plateau may leave 5 % of bias.
@@ -141,7 +145,8 @@ def test_directions_and_a_plateau_of_ones_own():
 
 
 def test_units_of_an_array():
-    """The same currents in two unit systems: one conductivity in W/(m K); volume, temperature and kB enter as they should."""
+    """The same currents in two unit systems: one conductivity in W/(m K); volume, temperature and kB enter as they
+    should."""
     J = ornstein_uhlenbeck(np.random.default_rng(6), 4000, 0.05, [(1.0, 0.5, 0.0)])
     real, metal, si = units("real"), units("metal"), units("si")
     a = atc.conductivity(J, dt=50.0, volume=2e4, temperature=70.0, units="real", plateau=(2e3, 4e3))
@@ -231,9 +236,14 @@ def test_complaints(call, message):
 def gas(time, n=6):
     rng = np.random.default_rng(11)
     return Frame(
-        positions=rng.uniform(0, 8, (n, 3)), cell=Cell([8.0, 8.0, 8.0]), units=units("lj"), types=np.ones(n, int), masses=np.ones(n),
-        velocities=rng.normal(size=(n, 3)), time=time,
-    )  # fmt: skip
+        positions=rng.uniform(0, 8, (n, 3)),
+        cell=Cell([8.0, 8.0, 8.0]),
+        units=units("lj"),
+        types=np.ones(n, int),
+        masses=np.ones(n),
+        velocities=rng.normal(size=(n, 3)),
+        time=time,
+    )
 
 
 POT = None
@@ -295,9 +305,13 @@ def live_frames(lmp, n, every, u):
         yield Frame(
             positions=u.to_internal("length", np.array(lmp.numpy.extract_atom("x"))[: len(masses)][order]),
             velocities=u.to_internal("velocity", np.array(lmp.numpy.extract_atom("v"))[: len(masses)][order]),
-            cell=Cell(np.subtract(hi, lo) * u.length, np.array(lo) * u.length), units=u, types=np.ones(len(masses), int), masses=masses,
-            time=u.to_internal("time", 4.0 * every * k), source="LAMMPS",
-        )  # fmt: skip
+            cell=Cell(np.subtract(hi, lo) * u.length, np.array(lo) * u.length),
+            units=u,
+            types=np.ones(len(masses), int),
+            masses=masses,
+            time=u.to_internal("time", 4.0 * every * k),
+            source="LAMMPS",
+        )
 
 
 def heat_flux_of_lammps(lmp):
@@ -306,12 +320,16 @@ def heat_flux_of_lammps(lmp):
     return np.array(lmp.numpy.extract_compute("J", 0, 1))[:3]
 
 
-HEAT_FLUX = "compute ke all ke/atom\ncompute pe all pe/atom\ncompute st all stress/atom NULL virial\ncompute J all heat/flux ke pe st\n" \
-            "thermo_style custom step temp c_J[1] c_J[2] c_J[3]"  # fmt: skip
+HEAT_FLUX = (
+    "compute ke all ke/atom\ncompute pe all pe/atom\ncompute st all stress/atom NULL virial\ncompute J all heat/flux "
+    "ke pe st\n"
+    "thermo_style custom step temp c_J[1] c_J[2] c_J[3]"
+)
 
 
 def test_currents_are_lammps_s():
-    """Pair potentials: J of every frame equals compute heat/flux; the frames keep their time; a drift of the whole box changes nothing."""
+    """Pair potentials: J of every frame equals compute heat/flux; the frames keep their time; a drift of the whole box
+    changes nothing."""
     u = units("real")
     pot = atc.potential("pair_style lj/cut 8.5\npair_coeff 1 1 0.2381 3.405", units="real")
     with lammps_session() as lmp:
@@ -337,7 +355,8 @@ def test_currents_are_lammps_s():
 
 
 def test_command(tmp_path, capsys):
-    """`atc conductivity` on a trajectory that LAMMPS wrote: the numbers of `atc.conductivity`, table, JSON and picture; complaints in one line."""
+    """`atc conductivity` on a trajectory that LAMMPS wrote: the numbers of `atc.conductivity`, table, JSON and picture;
+    complaints in one line."""
     from typer.testing import CliRunner
 
     from atc.cli import app
@@ -345,7 +364,8 @@ def test_command(tmp_path, capsys):
     with lammps_session() as lmp:
         argon(lmp, 2, temperature=100.0, cutoff=5.0)
         lmp.commands_string(
-            f"fix nve all nve\ndump d all custom 10 {tmp_path}/run.dump id type x y z vx vy vz\ndump_modify d time yes units yes sort id\nrun 2490"
+            f"fix nve all nve\ndump d all custom 10 {tmp_path}/run.dump id type x y z vx vy vz\ndump_modify d time "
+            "yes units yes sort id\nrun 2490"
         )
     model = "pair_style lj/cut 5.0\npair_coeff 1 1 0.2381 3.405"
     text = f'[trajectory]\nfile = "run.dump"\nmasses = {{ 1 = 39.948 }}\n[potential]\nlammps = """\n{model}\n"""\n'
@@ -384,9 +404,11 @@ def test_command(tmp_path, capsys):
 
 @pytest.mark.slow
 def test_argon_at_70_K():
-    """Solid argon, 500 atoms, 70 K: 0.29 W/(m K), as LAMMPS's own example for `compute heat/flux` finds with the same model.
+    """Solid argon, 500 atoms, 70 K: 0.29 W/(m K), as LAMMPS's own example for `compute heat/flux` finds with the same
+    model.
 
-    Every frame goes through the program; LAMMPS only moves the atoms, and its own heat current is the check at a few steps.
+    Every frame goes through the program; LAMMPS only moves the atoms, and its own heat current is the check at a few
+    steps.
     """
     u = units("real")
     frames_wanted, every = 9000, 10
@@ -395,7 +417,8 @@ def test_argon_at_70_K():
     with lammps_session() as lmp:
         argon(lmp, 5)
         lmp.commands_string(
-            "fix nvt all nvt temp 70 70 400\nrun 8000 post no\nunfix nvt\nvelocity all zero linear\nfix nve all nve\nrun 0 post no"
+            "fix nvt all nvt temp 70 70 400\nrun 8000 post no\nunfix nvt\nvelocity all zero linear\nfix nve all "
+            "nve\nrun 0 post no"
         )
 
         def frames():

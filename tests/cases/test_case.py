@@ -1,4 +1,5 @@
-"""Cases of `atc pd`: what is wrong is named by its line, a run that was killed ends as if it had not been, bodies come from files, results go to other programs."""
+"""Cases of `atc pd`: what is wrong is named by its line, a run that was killed ends as if it had not been, bodies come
+from files, results go to other programs."""
 
 import os
 import shutil
@@ -95,8 +96,14 @@ def test_case_is_the_simulation_written_by_hand(tmp_path):
     case = Case.load(write(tmp_path))
     sim = case.simulation(1)
     body = pd.Body.lattice(
-        pd.Box([0, 0, 0], [0.03, 0.012, 0]), 0.001, 0.003015, 2440, dimension=2, jitter=0.05, notches=pd.Notch.line([-0.001, 0.0061], [0.012, 0.0061])
-    )  # fmt: skip
+        pd.Box([0, 0, 0], [0.03, 0.012, 0]),
+        0.001,
+        0.003015,
+        2440,
+        dimension=2,
+        jitter=0.05,
+        notches=pd.Notch.line([-0.001, 0.0061], [0.012, 0.0061]),
+    )
     inf = np.inf
     top, low = pd.Box([-inf, 0.0095, -inf], [inf] * 3), pd.Box([-inf] * 3, [inf, 0.0025, inf])
     bottom = ~(top | pd.Box([-inf, 0.0025, -inf], [inf] * 3))
@@ -104,10 +111,21 @@ def test_case_is_the_simulation_written_by_hand(tmp_path):
     v[body.nodes(top), 1] = 8
     times, values = np.array([0, 1e-5, 1]), np.array([[0, 0, 0], [0, -5e-5, 0], [0, -5e-5, 0.0]])
     other = pd.Simulation(
-        body, pd.PMB(youngs=72e9), damage=pd.CriticalStretch(0.002, 0.25), no_fail=[top, low], contact=pd.Contact(),
-        walls=pd.Wall([0.0295, 0, 0], [-1, 0, 0], 1e19), damping=10.0, dt=1.5e-7, velocities=v, threads=1,
-        conditions=[pd.Prescribed(top, velocity=[None, 8.0, None], until=1.5e-5), pd.Prescribed(bottom, displacement=(times, values))],
-    )  # fmt: skip
+        body,
+        pd.PMB(youngs=72e9),
+        damage=pd.CriticalStretch(0.002, 0.25),
+        no_fail=[top, low],
+        contact=pd.Contact(),
+        walls=pd.Wall([0.0295, 0, 0], [-1, 0, 0], 1e19),
+        damping=10.0,
+        dt=1.5e-7,
+        velocities=v,
+        threads=1,
+        conditions=[
+            pd.Prescribed(top, velocity=[None, 8.0, None], until=1.5e-5),
+            pd.Prescribed(bottom, displacement=(times, values)),
+        ],
+    )
     sim.step(120)
     other.step(120)
     a, b = sim.state.to_arrays(), other.state.to_arrays()
@@ -155,11 +173,18 @@ def test_materials_by_region_and_overrides(tmp_path):
 def test_periodic_lattice_holds_every_node_once():
     case = Case.load(
         {
-            "body": {"region": {"shape": "box", "lo": [0, 0, 0], "hi": [8.0, 8.0, 8.0]}, "spacing": 1.0, "horizon": 2.01, "density": 1.0,
-                     "cell": [8.0, 8.0, 8.0], "periodic": [True, True, True]},
-            "material": {"model": "pmb", "bulk": 1.0}, "run": {"steps": 1},
+            "body": {
+                "region": {"shape": "box", "lo": [0, 0, 0], "hi": [8.0, 8.0, 8.0]},
+                "spacing": 1.0,
+                "horizon": 2.01,
+                "density": 1.0,
+                "cell": [8.0, 8.0, 8.0],
+                "periodic": [True, True, True],
+            },
+            "material": {"model": "pmb", "bulk": 1.0},
+            "run": {"steps": 1},
         }
-    )  # fmt: skip
+    )
     body = case.simulation(1).body
     assert len(body) == 512 and set(body.bonds.sums(np.ones(len(body.bonds)))) == {32.0}
 
@@ -169,17 +194,32 @@ def test_equilibrium_at_every_step(tmp_path, solver):
     """A bar pulled in three steps: Hooke's law at each, whatever the solver; kept entry by entry."""
     case = Case.load(
         {
-            "body": {"region": {"shape": "box", "lo": [0, 0, 0], "hi": [40.0, 6.0, 0]}, "spacing": 1.0, "horizon": 3.015, "density": 1.0, "dimension": 2},
+            "body": {
+                "region": {"shape": "box", "lo": [0, 0, 0], "hi": [40.0, 6.0, 0]},
+                "spacing": 1.0,
+                "horizon": 3.015,
+                "density": 1.0,
+                "dimension": 2,
+            },
             "material": {"model": "correspondence", "youngs": 2.0, "poisson": 0.3},
             "prescribed": [
-                {"region": {"shape": "box", "lo": [-1.0, -1, -1], "hi": [2.5, 9, 1]}, "displacement": [0.0, "free", "free"]},
-                {"region": {"shape": "box", "lo": [-1.0, 2.5, -1], "hi": [0.5, 3.5, 1]}, "displacement": ["free", 0.0, "free"]},
-                {"region": {"shape": "box", "lo": [37.5, -1, -1], "hi": [41, 9, 1]},
-                 "displacement": {"times": [0, 3], "values": [[0, "free", "free"], [0.003, "free", "free"]]}},
+                {
+                    "region": {"shape": "box", "lo": [-1.0, -1, -1], "hi": [2.5, 9, 1]},
+                    "displacement": [0.0, "free", "free"],
+                },
+                {
+                    "region": {"shape": "box", "lo": [-1.0, 2.5, -1], "hi": [0.5, 3.5, 1]},
+                    "displacement": ["free", 0.0, "free"],
+                },
+                {
+                    "region": {"shape": "box", "lo": [37.5, -1, -1], "hi": [41, 9, 1]},
+                    "displacement": {"times": [0, 3], "values": [[0, "free", "free"], [0.003, "free", "free"]]},
+                },
             ],
-            "run": {"steps": 3, "solver": solver, "tolerance": 1e-7}, "output": {"every": 1, "quantities": ["displacement", "stress", "force"]},
+            "run": {"steps": 3, "solver": solver, "tolerance": 1e-7},
+            "output": {"every": 1, "quantities": ["displacement", "stress", "force"]},
         }
-    )  # fmt: skip
+    )
     ds = case.run(tmp_path / "out.zarr", threads=1)
     assert ds.time.values.tolist() == [0, 1, 2, 3]
     x = ds.position_x.values
@@ -436,8 +476,12 @@ def test_csv(tmp_path):
     )
     with pytest.raises(AtcError, match="does not say the density"):
         nodes_case(tmp_path, tmp_path / "n.csv")
-    for text, words in (("x,y\n0,0\n", "missing: z"), ("x,y,z,w\n0,0,0,0\n", "unknown column 'w'"), ("x,y,z\n0,0,a\n", "'z' has no number in row 1"),
-                        ("x,y,z\n", "no nodes")):  # fmt: skip
+    for text, words in (
+        ("x,y\n0,0\n", "missing: z"),
+        ("x,y,z,w\n0,0,0,0\n", "unknown column 'w'"),
+        ("x,y,z\n0,0,a\n", "'z' has no number in row 1"),
+        ("x,y,z\n", "no nodes"),
+    ):
         (tmp_path / "n.csv").write_text(text)
         with pytest.raises(AtcError, match=words):
             nodes_case(tmp_path, tmp_path / "n.csv", density=3.0, volume=1.0)
@@ -445,7 +489,8 @@ def test_csv(tmp_path):
 
 def test_extxyz(tmp_path):
     (tmp_path / "n.xyz").write_text(
-        '2\nLattice="4 0 0 0 4 0 0 0 4" Properties=species:S:1:pos:R:3:volume:R:1:density:R:1 pbc="T T T"\nX 0 0 0 1 7\nX 1 0 0 2 8\n'
+        '2\nLattice="4 0 0 0 4 0 0 0 4" Properties=species:S:1:pos:R:3:volume:R:1:density:R:1 pbc="T T T"\nX 0 0 0 1 '
+        "7\nX 1 0 0 2 8\n"
     )
     body = nodes_case(tmp_path, tmp_path / "n.xyz")
     assert body.V_n.tolist() == [1, 2] and body.rho_n.tolist() == [7, 8] and body.cell.periodic.all()
@@ -453,7 +498,8 @@ def test_extxyz(tmp_path):
 
 def test_lammps_data(tmp_path):
     (tmp_path / "n.data").write_text(
-        "peri\n\n2 atoms\n1 atom types\n\n0 4 xlo xhi\n0 4 ylo yhi\n0 4 zlo zhi\n\nAtoms # peri\n\n2 1 0.5 2200 1.1 0 0\n1 1 0.25 2200 0.1 0 0\n"
+        "peri\n\n2 atoms\n1 atom types\n\n0 4 xlo xhi\n0 4 ylo yhi\n0 4 zlo zhi\n\nAtoms # peri\n\n2 1 0.5 2200 1.1 0 "
+        "0\n1 1 0.25 2200 0.1 0 0\n"
     )
     body = nodes_case(tmp_path, tmp_path / "n.data")
     assert (

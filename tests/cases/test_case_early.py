@@ -48,9 +48,15 @@ def test_what_would_be_found_late_is_found_early(tmp_path, before, after, words)
 
 def test_a_body_that_nothing_holds_together():
     case = {
-        "body": {"region": {"shape": "box", "lo": [0, 0, 0], "hi": [4.0, 4.0, 4.0]}, "spacing": 1.0, "horizon": 0.5, "density": 1.0},
-        "material": {"model": "lps", "youngs": 1.0, "poisson": 0.25}, "run": {"steps": 3, "dt": 0.1},
-    }  # fmt: skip
+        "body": {
+            "region": {"shape": "box", "lo": [0, 0, 0], "hi": [4.0, 4.0, 4.0]},
+            "spacing": 1.0,
+            "horizon": 0.5,
+            "density": 1.0,
+        },
+        "material": {"model": "lps", "youngs": 1.0, "poisson": 0.25},
+        "run": {"steps": 3, "dt": 0.1},
+    }
     with pytest.raises(
         AtcError, match=r"\[body\] horizon: no node has another one within 0.5.*three spacings \(of 1\)"
     ):

@@ -1,4 +1,5 @@
-"""What acts on a body of a case as a function of time and place: against closed forms, the engine's own functions, and the energy ledger."""
+"""What acts on a body of a case as a function of time and place: against closed forms, the engine's own functions, and
+the energy ledger."""
 
 import copy
 
@@ -15,10 +16,16 @@ LEFT = {"shape": "box", "lo": [-INF] * 3, "hi": [2.5, INF, INF]}
 
 def plate(**sections):
     case = {
-        "body": {"region": {"shape": "box", "lo": [0, 0, 0], "hi": [19.0, 9.0, 0]}, "spacing": 1.0, "horizon": 3.015, "density": 2.0, "dimension": 2},
+        "body": {
+            "region": {"shape": "box", "lo": [0, 0, 0], "hi": [19.0, 9.0, 0]},
+            "spacing": 1.0,
+            "horizon": 3.015,
+            "density": 2.0,
+            "dimension": 2,
+        },
         "material": {"model": "pmb", "youngs": 1.0},
         "run": {"steps": 200, "safety": 0.3},
-    }  # fmt: skip
+    }
     return copy.deepcopy({**case, **sections})
 
 
@@ -51,12 +58,16 @@ def test_a_formula_is_the_function_it_writes():
     y, x = body.X_nc[nodes, 1], body.X_nc[:, 0]
     free, zero = np.full(len(nodes), np.nan), np.zeros(len(body))
     other = pd.Simulation(
-        body, pd.PMB(youngs=1.0), safety=0.3, threads=1, velocities=np.stack([zero, 1e-3 * np.sin(np.pi * x / 19), zero], axis=1),
+        body,
+        pd.PMB(youngs=1.0),
+        safety=0.3,
+        threads=1,
+        velocities=np.stack([zero, 1e-3 * np.sin(np.pi * x / 19), zero], axis=1),
         conditions=[
             pd.Prescribed(nodes, velocity=lambda t: np.stack([1e-3 * np.sin(t) * (1 + y / 9), free, 0 * y], axis=1)),
             pd.BodyForce(None, lambda t: np.stack([1e-4 * (x > 10) * np.exp(-t / 5), zero, zero], axis=1)),
         ],
-    )  # fmt: skip
+    )
     sim = same(case, other)
     assert np.abs(sim.state.u_nc).max() > 1e-3
 

@@ -1,4 +1,5 @@
-"""Several materials in one case, and what holds them together: against springs in series, the impedance formula and fracture energies."""
+"""Several materials in one case, and what holds them together: against springs in series, the impedance formula and
+fracture energies."""
 
 import copy
 from pathlib import Path
@@ -18,12 +19,20 @@ def bar(dimension=1, model="pmb", horizon=3.015, length=39.0, width=0.0, **secti
     """Two materials that meet in the middle of a bar: steel is three times as stiff as glass."""
     stiff = {"poisson": 0.25} if model != "pmb" else {}
     case = {
-        "body": {"region": {"shape": "box", "lo": [0.0, 0, 0], "hi": [length, width, 0]}, "spacing": 1.0, "horizon": horizon, "density": 1.0,
-                 "dimension": dimension, "thickness": 1.0},
-        "material": [{"name": "glass", "model": model, "youngs": 1.0, **stiff},
-                     {"name": "steel", "model": model, "youngs": 3.0, "region": RIGHT, **stiff}],
+        "body": {
+            "region": {"shape": "box", "lo": [0.0, 0, 0], "hi": [length, width, 0]},
+            "spacing": 1.0,
+            "horizon": horizon,
+            "density": 1.0,
+            "dimension": dimension,
+            "thickness": 1.0,
+        },
+        "material": [
+            {"name": "glass", "model": model, "youngs": 1.0, **stiff},
+            {"name": "steel", "model": model, "youngs": 3.0, "region": RIGHT, **stiff},
+        ],
         "run": {"steps": 1},
-    }  # fmt: skip
+    }
     return copy.deepcopy({**case, **sections})
 
 
@@ -71,7 +80,8 @@ def test_nearest_neighbours_are_springs_in_series(tmp_path, model, factor):
 
 
 def test_long_bar_has_the_series_modulus(tmp_path):
-    """Effective modulus 2 E1 E2/(E1 + E2): 1.5, from the pull of the ends and the strains of the halves, with a horizon of three spacings."""
+    """Effective modulus 2 E1 E2/(E1 + E2): 1.5, from the pull of the ends and the strains of the halves, with a horizon
+    of three spacings."""
     ends = [
         {"region": {"shape": "box", "lo": [-1, -1, -1], "hi": [2.5, 1, 1]}, "displacement": [0.0, "free", "free"]},
         {"region": {"shape": "box", "lo": [196.5, -1, -1], "hi": [200, 1, 1]}, "displacement": [1e-3, "free", "free"]},
@@ -90,7 +100,8 @@ def test_long_bar_has_the_series_modulus(tmp_path):
 
 @pytest.mark.parametrize("density", [1.0, 12.0])
 def test_a_wave_is_reflected_by_the_change_of_impedance(density):
-    """A pulse of stress that meets the interface: (Z2 − Z1)/(Z2 + Z1) of its stress comes back, 2 Z2/(Z2 + Z1) goes on, Z = √(E ρ)."""
+    """A pulse of stress that meets the interface: (Z2 − Z1)/(Z2 + Z1) of its stress comes back, 2 Z2/(Z2 + Z1) goes on,
+    Z = √(E ρ)."""
     case = bar(length=1199.0, run={"steps": 1, "safety": 0.5}, output={"every": 1})
     case["material"][1].update(density=density, region={**RIGHT, "lo": [600.0, -INF, -INF]})
     width, start = 40.0, 350.0
@@ -120,19 +131,35 @@ def test_a_wave_is_reflected_by_the_change_of_impedance(density):
 
 @pytest.mark.parametrize("stiffness", [0.25, 3.0])
 def test_two_materials_and_their_interface(stiffness):
-    """LAMMPS is told the micromodulus of the bonds across; here it follows from an [[interface]]. Fracture with one critical stretch: LAMMPS keeps s0 by node,
-    the largest of its bonds' kinds, so that a weak interface beside strong bonds would not be weak there."""
+    """LAMMPS is told the micromodulus of the bonds across; here it follows from an [[interface]]. Fracture with one
+    critical stretch: LAMMPS keeps s0 by node, the largest of its bonds' kinds, so that a weak interface beside strong
+    bonds would not be weak there."""
     from pd_lammps import run_peri
 
     DX, C, RHO, DT = 0.0005, 1.6863e22, 2200.0, 1e-7
     stiff = 3 * C
     case = {
-        "body": {"region": {"shape": "box", "lo": [0, 0, 0], "hi": [0.00755, 0.00305, 0.00305]}, "spacing": DX, "horizon": 0.0015001, "density": RHO},
-        "material": [{"name": "soft", "model": "pmb", "c": C},
-                     {"name": "stiff", "model": "pmb", "c": stiff, "region": {"shape": "box", "lo": [0.004, -1, -1], "hi": [1, 1, 1]}}],
-        "interface": {"between": ["soft", "stiff"], "stiffness": stiffness}, "damage": {"s00": 0.0005, "alpha": 0.25}, "contact": {"strength": 15},
-        "initial": {"velocity": ["30*sin(x/0.004)", "30*sin(y/0.004)", 0]}, "run": {"steps": 200, "dt": 0.5 * DT},
-    }  # fmt: skip
+        "body": {
+            "region": {"shape": "box", "lo": [0, 0, 0], "hi": [0.00755, 0.00305, 0.00305]},
+            "spacing": DX,
+            "horizon": 0.0015001,
+            "density": RHO,
+        },
+        "material": [
+            {"name": "soft", "model": "pmb", "c": C},
+            {
+                "name": "stiff",
+                "model": "pmb",
+                "c": stiff,
+                "region": {"shape": "box", "lo": [0.004, -1, -1], "hi": [1, 1, 1]},
+            },
+        ],
+        "interface": {"between": ["soft", "stiff"], "stiffness": stiffness},
+        "damage": {"s00": 0.0005, "alpha": 0.25},
+        "contact": {"strength": 15},
+        "initial": {"velocity": ["30*sin(x/0.004)", "30*sin(y/0.004)", 0]},
+        "run": {"steps": 200, "dt": 0.5 * DT},
+    }
     sim = Case.load(case).simulation(1)
     # contact is that of the materials in series, whatever the interface: LAMMPS takes 15 times the bonds' own
     sim.contact.c_k = sim.contact.c_k * np.array([1.0, stiffness, 1.0, 1.0])
@@ -196,7 +223,8 @@ def test_an_interface_without_bonds_parts_and_still_pushes():
 
 
 def test_fracture_energy_of_an_interface():
-    """Gc across is the energy of all bonds across at their critical stretch, per area: half of what each side would take, times the stiffness."""
+    """Gc across is the energy of all bonds across at their critical stretch, per area: half of what each side would
+    take, times the stiffness."""
     for model in ("pmb", "lps"):
         case = bar(dimension=2, width=60.0, model=model, horizon=6.015, length=39.0, damage={"Gc": 2.0},
                    interface={"between": [1, 2], "Gc": 0.5, "stiffness": 0.25})  # fmt: skip

@@ -12,12 +12,29 @@ from atc.units import units
 
 # What a physicist expects.
 UNITS = {
-    "displacement": "m", "velocity": "m/s", "damage": "1", "energy": "J", "force": "N", "stress": "Pa", "volume": "m^3", "density": "kg/m^3", "time": "s",
-    "material": "1", "n_broken": "1", "position_x": "m", "position_y": "m", "position_z": "m", **{f"energy_{k}": "J" for k in LEDGER},
-}  # fmt: skip
+    "displacement": "m",
+    "velocity": "m/s",
+    "damage": "1",
+    "energy": "J",
+    "force": "N",
+    "stress": "Pa",
+    "volume": "m^3",
+    "density": "kg/m^3",
+    "time": "s",
+    "material": "1",
+    "n_broken": "1",
+    "position_x": "m",
+    "position_y": "m",
+    "position_z": "m",
+    **{f"energy_{k}": "J" for k in LEDGER},
+}
 FIELDS = {
-    "density": "kg/m^3", "velocity": "m/s", "displacement": "m", "peridynamic_stress": "Pa", "peridynamic_piola_stress": "Pa",
-}  # fmt: skip
+    "density": "kg/m^3",
+    "velocity": "m/s",
+    "displacement": "m",
+    "peridynamic_stress": "Pa",
+    "peridynamic_piola_stress": "Pa",
+}
 
 
 @pytest.fixture(scope="module")
@@ -28,14 +45,27 @@ def run(tmp_path_factory):
     for suffix in ("nc", "zarr"):
         case = Case.load(
             {
-                "body": {"region": {"shape": "box", "lo": [0, 0, 0], "hi": [0.009, 0.004, 0]}, "spacing": 1e-3, "horizon": 3.015e-3, "density": 2440.0,
-                         "dimension": 2},
-                "material": {"model": "pmb", "youngs": 72e9}, "damage": {"s00": 1.0}, "initial": {"velocity": ["100*x", 0, 0]}, "run": {"steps": 2},
-                "output": {"quantities": list(QUANTITIES), "vtk": str(folder / f"vtk-{suffix}"), "extxyz": str(folder / f"{suffix}.xyz")},
-                "kernel": {"name": "quartic", "radius": 0.003}, "grid": {"kind": "line", "start": [0.002, 0.002, 0], "end": [0.007, 0.002, 0], "n": 3},
+                "body": {
+                    "region": {"shape": "box", "lo": [0, 0, 0], "hi": [0.009, 0.004, 0]},
+                    "spacing": 1e-3,
+                    "horizon": 3.015e-3,
+                    "density": 2440.0,
+                    "dimension": 2,
+                },
+                "material": {"model": "pmb", "youngs": 72e9},
+                "damage": {"s00": 1.0},
+                "initial": {"velocity": ["100*x", 0, 0]},
+                "run": {"steps": 2},
+                "output": {
+                    "quantities": list(QUANTITIES),
+                    "vtk": str(folder / f"vtk-{suffix}"),
+                    "extxyz": str(folder / f"{suffix}.xyz"),
+                },
+                "kernel": {"name": "quartic", "radius": 0.003},
+                "grid": {"kind": "line", "start": [0.002, 0.002, 0], "end": [0.007, 0.002, 0], "n": 3},
                 "fields": {"quantities": list(FIELDS)},
             }
-        )  # fmt: skip
+        )
         out[suffix] = case.run(folder / f"out.{suffix}", threads=1)
     return folder, out
 
@@ -64,7 +94,8 @@ def labels_of(path):
     """{array: unit} of a VTK file, by its XML."""
     head = path.read_bytes().split(b"<AppendedData")[0].decode()
     found = re.findall(
-        r'<DataArray [^>]*Name="(\w+)"[^>]*?(?:/>|>\s*<InformationKey name="UNITS_LABEL" location="vtkDataArray">([^<]*)</InformationKey></DataArray>)',
+        r'<DataArray [^>]*Name="(\w+)"[^>]*?(?:/>|>\s*<InformationKey name="UNITS_LABEL" '
+        r'location="vtkDataArray">([^<]*)</InformationKey></DataArray>)',
         head,
     )
     return dict(found)

@@ -1,4 +1,5 @@
-"""The command line, from end to end: every command, every kind of bad input (status 2 and one line), kill and continue."""
+"""The command line, from end to end: every command, every kind of bad input (status 2 and one line), kill and
+continue."""
 
 import json
 import os
@@ -100,7 +101,10 @@ HEAVY = ("numba", "xarray", "scipy", "matplotlib", "pandas", "MDAnalysis", "ase"
 @pytest.mark.parametrize("args", [["--help"], ["--version"], ["fields", "--help"], ["plot", "--help"]])
 def test_help_imports_nothing_heavy(args):
     """Modules are counted, not seconds: `atc --help` must be instant on any machine."""
-    code = "import sys\nfrom atc.cli import main\ntry:\n    main()\nexcept SystemExit as e:\n    print(repr(e.code), *sorted({m.partition('.')[0] for m in sys.modules}))"
+    code = (
+        "import sys\nfrom atc.cli import main\ntry:\n    main()\nexcept SystemExit as e:\n    print(repr(e.code), "
+        "*sorted({m.partition('.')[0] for m in sys.modules}))"
+    )
     out = subprocess.run([sys.executable, "-c", code, *args], capture_output=True, text=True, check=True).stdout
     status, *modules = out.splitlines()[-1].split()
     assert status in ("0", "None")
@@ -173,7 +177,8 @@ def test_flags_override_the_scene(case):
     with xr.open_dataset("a.nc", engine="h5netcdf") as ds:
         assert ds.density.shape == (2, 2, 2, 2)
         assert "stress" not in ds
-        # 108 atoms of 39.948 in (16.2 Å)³; the 2 × 2 × 2 points see a quartic kernel that they do not resolve, hence 10 %
+        # 108 atoms of 39.948 in (16.2 Å)³; the 2 × 2 × 2 points see a quartic kernel that they do not resolve, hence 10
+        # %
         assert float(ds.density.mean()) == pytest.approx(108 * 39.948 / 16.2**3 / 0.602214, rel=0.1)
 
 

@@ -1,4 +1,5 @@
-"""atc dispersion from end to end: the shipped scenes, one of potential and trajectory only, dataset, picture, JSON, and bad input."""
+"""atc dispersion from end to end: the shipped scenes, one of potential and trajectory only, dataset, picture, JSON, and
+bad input."""
 
 import json
 import shutil
@@ -107,7 +108,8 @@ def test_without_a_trajectory(folder):
     with open("scene.toml", "w") as f:
         f.write(
             POTENTIAL
-            + '[dispersion]\nstructure = "fcc"\nlattice_constant = 5.3\nmasses = [39.948]\ndirections = [[1, 0, 0], [2, 1, 0]]\nphonopy = false\n'
+            + '[dispersion]\nstructure = "fcc"\nlattice_constant = 5.3\nmasses = [39.948]\ndirections = [[1, 0, 0], '
+            "[2, 1, 0]]\nphonopy = false\n"
         )
     done = run("scene.toml")
     assert done.exit_code == 0, done.output
@@ -184,6 +186,9 @@ def test_bad_scenes(folder):
 
 def test_help_stays_instant():
     """No heavy import: numba, xarray, phonopy and scipy come with the work."""
-    code = "import sys, atc.cli, atc.cli_dispersion; print(sorted(m for m in sys.modules if m.split('.')[0] in ('numpy', 'numba', 'scipy', 'xarray', 'phonopy')))"
+    code = (
+        "import sys, atc.cli, atc.cli_dispersion; print(sorted(m for m in sys.modules if m.split('.')[0] in ('numpy', "
+        "'numba', 'scipy', 'xarray', 'phonopy')))"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stdout.strip() == "[]", done

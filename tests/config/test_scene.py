@@ -258,21 +258,36 @@ def scenes(draw):
     def some(**keys):
         return {k: draw(v) for k, v in keys.items() if draw(st.booleans())}
 
-    data = {"trajectory": {"file": draw(names)} | some(
-        topology=names, units=st.sampled_from(["lj", "metal", "real"]), masses=st.dictionaries(words, lengths, min_size=1) | st.lists(lengths, min_size=1),
-        frames=st.sampled_from(["1:2:3", -1, {"begin": 1, "step": 2}]), reference=st.integers() | names,
-    )}  # fmt: skip
+    data = {
+        "trajectory": {"file": draw(names)}
+        | some(
+            topology=names,
+            units=st.sampled_from(["lj", "metal", "real"]),
+            masses=st.dictionaries(words, lengths, min_size=1) | st.lists(lengths, min_size=1),
+            frames=st.sampled_from(["1:2:3", -1, {"begin": 1, "step": 2}]),
+            reference=st.integers() | names,
+        )
+    }
     data |= some(
-        potential=st.one_of(st.fixed_dictionaries({"lammps": words}, optional={"units": st.just("real")}), st.fixed_dictionaries({"input": names})),
+        potential=st.one_of(
+            st.fixed_dictionaries({"lammps": words}, optional={"units": st.just("real")}),
+            st.fixed_dictionaries({"input": names}),
+        ),
         kernel=st.fixed_dictionaries({"name": st.just("quartic"), "radius": lengths | counts}),
         grid=st.one_of(
-            st.fixed_dictionaries({"kind": st.just("regular"), "shape": st.lists(counts, min_size=3, max_size=3)}, optional={"origin": vector}),
+            st.fixed_dictionaries(
+                {"kind": st.just("regular"), "shape": st.lists(counts, min_size=3, max_size=3)},
+                optional={"origin": vector},
+            ),
             st.fixed_dictionaries({"kind": st.just("points"), "points": st.lists(vector, min_size=1)}),
             st.just({"kind": "atoms"}),
         ),
-        fields=st.fixed_dictionaries({}, optional={"quantities": st.just(["density"]), "tolerance": st.floats(1e-15, 0.5), "average": st.booleans()}),
+        fields=st.fixed_dictionaries(
+            {},
+            optional={"quantities": st.just(["density"]), "tolerance": st.floats(1e-15, 0.5), "average": st.booleans()},
+        ),
         output=st.fixed_dictionaries({"file": names}),
-    )  # fmt: skip
+    )
     return data
 
 

@@ -1,4 +1,5 @@
-"""Every bond, angle, dihedral and improper style that LAMMPS has is supported or has a reason; coefficients from data files; what objects say."""
+"""Every bond, angle, dihedral and improper style that LAMMPS has is supported or has a reason; coefficients from data
+files; what objects say."""
 
 import numpy as np
 import pytest
@@ -57,9 +58,18 @@ def agrees_from_data_file(tmp_path, config, head, sections):
     lines = [f"units {config.units}", f"atom_style {config.atom_style}", *head]
     with lammps_session() as lmp:
         for line in (
-            *lines[:2], "atom_modify map array sort 0 0", "box tilt large", f"pair_style zero {reach} nocoeff", *head, f"read_data {path}", "pair_coeff * *",
-            "compute p all pressure NULL virial", "thermo_style custom pe c_p[*]", "thermo_modify norm no", "run 0 post no",
-        ):  # fmt: skip
+            *lines[:2],
+            "atom_modify map array sort 0 0",
+            "box tilt large",
+            f"pair_style zero {reach} nocoeff",
+            *head,
+            f"read_data {path}",
+            "pair_coeff * *",
+            "compute p all pressure NULL virial",
+            "thermo_style custom pe c_p[*]",
+            "thermo_modify norm no",
+            "run 0 post no",
+        ):
             lmp.command(line)
         n = lmp.extract_global("nlocal")
         order = np.argsort(np.array(lmp.numpy.extract_atom("id")[:n]))
@@ -75,7 +85,8 @@ def agrees_from_data_file(tmp_path, config, head, sections):
 
 
 def rows_of(kind, style, coeffs, hybrid=None):
-    """{section: rows} of the lines of a style; for hybrid with the style's name, and `hybrid` = {type: other style's row}."""
+    """{section: rows} of the lines of a style; for hybrid with the style's name, and `hybrid` = {type: other style's
+    row}."""
     words = sorted({w for k, w in SECTIONS if k == kind and w}, key=len, reverse=True)
     out = {}
     for line in coeffs:
@@ -108,9 +119,19 @@ CLASS2 = {
 def test_class2_sections_of_a_data_file(tmp_path, hybrid):
     angle = melt()
     agrees_from_data_file(
-        tmp_path, angle, ["bond_style zero", f"angle_style {'hybrid class2 cosine' if hybrid else 'class2'}"],
-        {"Bond Coeffs": ["1", "2"], **rows_of("angle", "class2", [c for c in CLASS2["angle"] if not hybrid or c[0] == "1"], {2: "cosine 2.5"} if hybrid else None)},
-    )  # fmt: skip
+        tmp_path,
+        angle,
+        ["bond_style zero", f"angle_style {'hybrid class2 cosine' if hybrid else 'class2'}"],
+        {
+            "Bond Coeffs": ["1", "2"],
+            **rows_of(
+                "angle",
+                "class2",
+                [c for c in CLASS2["angle"] if not hybrid or c[0] == "1"],
+                {2: "cosine 2.5"} if hybrid else None,
+            ),
+        },
+    )
     for kind, config, other in (
         ("dihedral", chains(n=12, types=3), "opls 1.3 -0.4 0.8 0.25"),
         ("improper", pyramids(), "cvff 1.3 1 3"),
@@ -128,7 +149,8 @@ def test_a_class2_type_needs_all_its_parts(tmp_path):
     lines = "angle_style class2\nangle_coeff 1 100 3 -2 1\nangle_coeff 1 bb 2 1 1\n"
     with pytest.raises(
         AtcError,
-        match=r"line 1: angle type 1 of style class2 lacks coefficients: add angle_coeff 1 ba \(data file: BondAngle Coeffs\)",
+        match=r"line 1: angle type 1 of style class2 lacks coefficients: add angle_coeff 1 ba \(data file: BondAngle "
+        r"Coeffs\)",
     ):
         atc.potential(lines, "lj")
     with pytest.raises(AtcError, match="line 3: .*M r1 r2, got 2 1"):

@@ -1,4 +1,5 @@
-"""Bonds, angles and torsions whose energy is a formula, style by style against LAMMPS; where they have no energy; objects and lines."""
+"""Bonds, angles and torsions whose energy is a formula, style by style against LAMMPS; where they have no energy;
+objects and lines."""
 
 import pickle
 
@@ -75,7 +76,8 @@ def test_quartic_bonds_take_the_pair_interaction_away_until_they_break(cell):
 
 
 def test_special_bonds_of_their_own_weigh_the_pair_interaction():
-    """Pairs two bonds apart are listed as bonds of type 2: 0.7 of their Lennard-Jones, 0.3 of their Coulomb interaction (LAMMPS's order)."""
+    """Pairs two bonds apart are listed as bonds of type 2: 0.7 of their Lennard-Jones, 0.3 of their Coulomb interaction
+    (LAMMPS's order)."""
     config = melt()
     far = config.angles[:, [0, 2]]
     config.bonds = np.concatenate([config.bonds, far])
@@ -157,7 +159,8 @@ def bent(angles, arms=(1.0, 1.2), style="lj"):
 @FAULTY
 @pytest.mark.parametrize("style", [s for s in ANGLES if s != "cosine/shift/exp"])
 def test_angles_near_0_and_180_degrees(style):
-    """Down to where sines are clamped (below 0.001), as LAMMPS clamps them, angle by angle; at 1e-8 and exactly in line: finite."""
+    """Down to where sines are clamped (below 0.001), as LAMMPS clamps them, angle by angle; at 1e-8 and exactly in
+    line: finite."""
     lines = "\n".join(
         [
             f"angle_style {style}",
@@ -178,7 +181,8 @@ def test_angles_near_0_and_180_degrees(style):
     if style == "cosine/squared/restricted":
         with pytest.raises(
             AtcError,
-            match=r"the angle 4, 5, 6 \(type 1, style cosine/squared/restricted\) is 180 degrees, where its energy is not a finite",
+            match=r"the angle 4, 5, 6 \(type 1, style cosine/squared/restricted\) is 180 degrees, where its energy is "
+            r"not a finite",
         ):
             pot.decompose(line)
     else:
@@ -241,7 +245,8 @@ def test_bonds_without_an_energy(lines, says):
         ("bond_style nonlinear\nbond_coeff 1 30 1.1 0", "lambda must be positive"),
         ("bond_style harmonic/shift\nbond_coeff 1 30 1.1 1.1", "r0 and r_c must differ"),
         ("bond_style fene/nm\nbond_coeff 1 30 1.5 1 1 6 6", "n and m must differ"),
-        ("bond_style gaussian\nbond_coeff 1 300 2 1 1 1", "line 2: bond_coeff of gaussian: expected T n and then A w r for each of the n terms, got 5 numbers"),
+        ("bond_style gaussian\nbond_coeff 1 300 2 1 1 1", "line 2: bond_coeff of gaussian: expected T n and then A w "
+                                                          "r for each of the n terms, got 5 numbers"),
         ("bond_style gaussian\nbond_coeff 1 300 1.5 1 1 1", "line 2: .*the number of terms must be a whole number"),
         ("bond_style gaussian\nbond_coeff 1 300 1 1 -1 1", "every width w positive"),
         ("bond_style special\nbond_coeff 1 2 0", "between 0 and 1"),
@@ -300,7 +305,8 @@ def test_objects_are_what_the_lines_say():
         ),
         (
             Class2Angle((100, 3, -2, 1, 2, 1.1, 0.9, 0.7, 0.4, 1.1, 0.9), units="real"),
-            "angle_style class2\nangle_coeff 1 100 3 -2 1\nangle_coeff 1 bb 2 1.1 0.9\nangle_coeff 1 ba 0.7 0.4 1.1 0.9",
+            "angle_style class2\nangle_coeff 1 100 3 -2 1\nangle_coeff 1 bb 2 1.1 0.9\nangle_coeff 1 ba 0.7 0.4 1.1 "
+            "0.9",
         ),
     ):
         a, b = atc.potential(term).decompose(frame), atc.potential(lines, "real").decompose(frame)

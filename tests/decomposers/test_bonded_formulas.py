@@ -1,4 +1,5 @@
-"""Bonded styles of the user's own formulas, and the angle that takes its repulsion from a pair style, against LAMMPS."""
+"""Bonded styles of the user's own formulas, and the angle that takes its repulsion from a pair style, against
+LAMMPS."""
 
 import numpy as np
 import pytest
@@ -78,7 +79,10 @@ def test_spica_angles_repel_at_their_ends(name):
     config = melt(unit_style="real", scale=2.0)
     config.types = np.arange(len(config.positions)) % 2 + 1
     config.masses, config.ntypes = {1: 1.0, 2: 1.0}, 2
-    pair = f"special_bonds lj/coul 0 0 1\npair_style lj/{name} 6.0\npair_coeff 1 1 lj9_6 0.4 3.9\npair_coeff 1 2 lj12_4 0.3 4.1\npair_coeff 2 2 lj12_6 0.2 3.6\n"
+    pair = (
+        f"special_bonds lj/coul 0 0 1\npair_style lj/{name} 6.0\npair_coeff 1 1 lj9_6 0.4 3.9\npair_coeff 1 2 lj12_4 "
+        "0.3 4.1\npair_coeff 2 2 lj12_6 0.2 3.6\n"
+    )
     agrees(
         config,
         f"bond_style zero\nbond_coeff *\nangle_style {name}\nangle_coeff 1 30 110\nangle_coeff 2 20 180\n",

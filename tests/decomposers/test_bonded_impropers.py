@@ -32,7 +32,8 @@ faulty = pytest.mark.filterwarnings("ignore:improper_style cossq:atc.errors.AtcW
 
 
 def pyramids(cell="tilted", n=12, types=3, seed=0, style="real"):
-    """An apex (the first atom or the second) with three arms of about 1.2 Å, from flat to steep, across the faces of a small cell."""
+    """An apex (the first atom or the second) with three arms of about 1.2 Å, from flat to steep, across the faces of a
+    small cell."""
     rng = np.random.default_rng(seed)
     x = []
     for _ in range(n):
@@ -86,7 +87,8 @@ FLAT = {
 
 @pytest.mark.parametrize("style", FLAT)
 def test_walk_through_the_plane(style):
-    """From above to below the plane: finite, the mirror image's forces mirrored, smooth; the energy even in the height."""
+    """From above to below the plane: finite, the mirror image's forces mirrored, smooth; the energy even in the
+    height."""
     pot = atc.potential("\n".join(lines_of("improper", style, FLAT[style])), "metal")
     apex_first = style not in ("ring", "class2")
 

@@ -1,4 +1,5 @@
-"""Torsions beyond a series in cos φ: style by style against LAMMPS, planes and lines, and what is not a function of distances."""
+"""Torsions beyond a series in cos φ: style by style against LAMMPS, planes and lines, and what is not a function of
+distances."""
 
 import numpy as np
 import pytest
@@ -85,7 +86,8 @@ def test_sources_are_the_derivatives_of_the_shares(style):
 
 
 def torsion_tables(folder, odd=0.0):
-    """Two sections, even in φ but for `odd`: one with forces that are not quite the derivative, unevenly spaced, and one without forces."""
+    """Two sections, even in φ but for `odd`: one with forces that are not quite the derivative, unevenly spaced, and
+    one without forces."""
     out = ["# torsions UNITS: real", ""]
     turn = 2 * np.pi / 24
     for name, words, bend in (("WITH", "N 24 DEGREES", 0.3), ("PLAIN", "NOF RADIANS N 24", 0.0)):
@@ -192,7 +194,8 @@ def test_poles_and_ridges():
         and list(d.notes.values()) == [1]
         and "plane they do not prefer" in next(iter(d.notes))
     )
-    # Beside the ridge the torque is that of the formula, 2 K φ, also as near as 1e-4: the force out of the plane on atom 4.
+    # Beside the ridge the torque is that of the formula, 2 K φ, also as near as 1e-4: the force out of the plane on
+    # atom 4.
     f = atc.potential(SMOOTH["quadratic"], "metal").decompose(one(chain(np.pi - 1e-4))).forces_nc[3]
     assert np.linalg.norm(f) == pytest.approx(2 * 2 * np.pi / (0.9 * np.sin(1.8)), rel=1e-3)
     with pytest.raises(AtcError, match="cosine/squared/restricted of the atoms 1, 2, 3, 4 has no finite energy"):

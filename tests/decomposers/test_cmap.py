@@ -13,17 +13,25 @@ def peptide(path, x):
     """Five atoms in a chain with one crossterm of map 1 (alanine's)."""
     rows = [f"{k + 1} 1 1 0 {a[0]:.17g} {a[1]:.17g} {a[2]:.17g}" for k, a in enumerate(x)]
     path.write_text(
-        "five atoms\n\n5 atoms\n1 atom types\n1 crossterms\n\n-20 20 xlo xhi\n-20 20 ylo yhi\n-20 20 zlo zhi\n\nMasses\n\n1 12\n\n"
+        "five atoms\n\n5 atoms\n1 atom types\n1 crossterms\n\n-20 20 xlo xhi\n-20 20 ylo yhi\n-20 20 zlo "
+        "zhi\n\nMasses\n\n1 12\n\n"
         "Atoms # full\n\n" + "\n".join(rows) + "\n\nCMAP\n\n1 1 1 2 3 4 5\n"
-    )  # fmt: skip
+    )
 
 
 def energy_of_lammps(data, maps):
     with lammps_session() as lmp:
         for line in (
-            "units real", "atom_style full", "atom_modify map array", f"fix c all cmap {maps}", f"read_data {data} fix c crossterm CMAP",
-            "pair_style zero 8", "pair_coeff * *", "thermo_style custom pe f_c", "run 0 post no",
-        ):  # fmt: skip
+            "units real",
+            "atom_style full",
+            "atom_modify map array",
+            f"fix c all cmap {maps}",
+            f"read_data {data} fix c crossterm CMAP",
+            "pair_style zero 8",
+            "pair_coeff * *",
+            "thermo_style custom pe f_c",
+            "run 0 post no",
+        ):
             lmp.command(line)
         return lmp.get_thermo("pe")
 

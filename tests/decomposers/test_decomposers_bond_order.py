@@ -1,4 +1,5 @@
-"""Tersoff's relatives (tersoff/mod, tersoff/mod/c, tersoff/zbl, gw, gw/zbl) and the shift keyword: LAMMPS, energy sources, cutoffs, refused input."""
+"""Tersoff's relatives (tersoff/mod, tersoff/mod/c, tersoff/zbl, gw, gw/zbl) and the shift keyword: LAMMPS, energy
+sources, cutoffs, refused input."""
 
 import re
 
@@ -11,7 +12,8 @@ import atc
 from atc.frame import Cell, Frame
 from atc.units import units
 
-# Style, file, elements, lattice constants: the crystal, and one so dense that bond orders are in their limits and the ZBL core is met.
+# Style, file, elements, lattice constants: the crystal, and one so dense that bond orders are in their limits and the
+# ZBL core is met.
 CASES = [
     ("tersoff shift 0.1", "Si.tersoff", "Si", (5.43,)),
     ("tersoff shift -0.1", "SiC.tersoff", "Si C", (4.6,)),
@@ -59,7 +61,8 @@ def edited(tmp_path, file, pattern, by):
 
 
 EDITS = [
-    # β of gw, its λ3 with m = 3, η other than 1, β of tersoff/mod = 1 with a large α, a wide soft core that the whole bond feels.
+    # β of gw, its λ3 with m = 3, η other than 1, β of tersoff/mod = 1 with a large α, a wide soft core that the whole
+    # bond feels.
     ("gw", "SiC.gw", r" -1 (0\.[0-9]*) +1 ", r" -0.6 \1 0.5 ", "Si C"),
     ("gw", "SiC.gw", r" 1 (0\.01[0-9]*) 0 ", r" 3 \1 1.1 ", "Si C"),
     ("tersoff/mod", "Si.tersoff.mod", r"2\.3890327  -\.365  1\.0", "6.1 -.3 1.7", "Si"),
@@ -98,7 +101,8 @@ def test_sources(style, file, elements, a, partition):
 
 
 def test_cutoff_of_murty_is_smooth():
-    """f_C of tersoff/mod has two continuous derivatives at R − D and R + D: the force of a dimer has a continuous slope."""
+    """f_C of tersoff/mod has two continuous derivatives at R − D and R + D: the force of a dimer has a continuous
+    slope."""
     pot = atc.potential(lines_of("tersoff/mod", "Si.tersoff.mod", "Si"), units="metal")
 
     def force(d):

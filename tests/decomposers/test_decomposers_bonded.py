@@ -75,7 +75,8 @@ def test_other_units(unit_style, lines):
 
 
 def table_files(folder):
-    """A bond and an angle table whose forces are not quite the derivative of their energies, unevenly spaced, with and without FP."""
+    """A bond and an angle table whose forces are not quite the derivative of their energies, unevenly spaced, with and
+    without FP."""
     out = ["# tables UNITS: lj", ""]
     for name, fp in (("ONE", "N 41 FP -700.0 90.0 EQ 1.02"), ("TWO", "N 23")):
         n = int(fp.split()[1])
@@ -123,7 +124,10 @@ def test_table_in_real_units(tmp_path):
     text = (tmp_path / "bond.table").read_text()
     (tmp_path / "bond.table").write_text(text.replace("UNITS: lj", "UNITS: real"))
     config = melt(unit_style="real", spread=0.1)
-    lines = "bond_style table spline 200\nbond_coeff * @bond.table ONE\nangle_style table linear 200\nangle_coeff * @angle.table A2\n"
+    lines = (
+        "bond_style table spline 200\nbond_coeff * @bond.table ONE\nangle_style table linear 200\nangle_coeff * "
+        "@angle.table A2\n"
+    )
     agrees(config, lines, folder=tmp_path)
     # LAMMPS refuses a file that names other units, and so do we.
     (tmp_path / "bond.table").write_text(text.replace("UNITS: lj", "UNITS: metal"))
@@ -132,7 +136,8 @@ def test_table_in_real_units(tmp_path):
 
 
 def test_bead_spring_melt(tmp_path):
-    """Kremer-Grest: FENE + shifted, cut-off Lennard-Jones + bending, all pairs counted but bonded ones as special_bonds says."""
+    """Kremer-Grest: FENE + shifted, cut-off Lennard-Jones + bending, all pairs counted but bonded ones as special_bonds
+    says."""
     rng = np.random.default_rng(7)
     cell = np.diag([8.4, 8.9, 9.3])
     # Self-avoiding: a snake through a jittered lattice, cut into chains.
@@ -144,9 +149,13 @@ def test_bead_spring_melt(tmp_path):
     x = (np.array(path) + 0.5) / n @ cell + rng.uniform(-0.08, 0.08, (512, 3))
     m = np.arange(512).reshape(32, 16)
     config = Config(
-        cell, x, units="lj", bonds=np.stack([m[:, :-1], m[:, 1:]], -1).reshape(-1, 2), angles=np.stack([m[:, :-2], m[:, 1:-1], m[:, 2:]], -1).reshape(-1, 3),
+        cell,
+        x,
+        units="lj",
+        bonds=np.stack([m[:, :-1], m[:, 1:]], -1).reshape(-1, 2),
+        angles=np.stack([m[:, :-2], m[:, 1:-1], m[:, 2:]], -1).reshape(-1, 3),
         molecules=np.repeat(np.arange(32), 16) + 1,
-    )  # fmt: skip
+    )
     pair = "special_bonds fene\npair_style lj/cut 1.122462048309373\npair_modify shift yes\npair_coeff * * 1.0 1.0\n"
     d = agrees(
         config, "bond_style fene\nbond_coeff * 30.0 1.5 1.0 1.0\nangle_style cosine\nangle_coeff * 1.5\n", pair=pair
@@ -176,7 +185,10 @@ def test_shares_and_bonds_of_one_bond_and_one_angle():
 def test_objects_equal_lines():
     config = melt(unit_style="real", scale=1.5, spread=0.05)
     frame = config.frame()
-    lines = "bond_style hybrid harmonic fene\nbond_coeff 1 harmonic 300 1.5\nbond_coeff 2 fene 30 2.3 1 1.4\nangle_style charmm\nangle_coeff * 60 109.5 11 2.5\n"
+    lines = (
+        "bond_style hybrid harmonic fene\nbond_coeff 1 harmonic 300 1.5\nbond_coeff 2 fene 30 2.3 1 1.4\nangle_style "
+        "charmm\nangle_coeff * 60 109.5 11 2.5\n"
+    )
     objects = [
         HybridTerm([HarmonicBond({1: (300, 1.5)}, units="real"), FeneBond({2: (30, 2.3, 1, 1.4)}, units="real")]),
         CharmmAngle({1: (60, 109.5, 11, 2.5), 2: (60, 109.5, 11, 2.5)}, units="real"),
@@ -201,7 +213,8 @@ def test_table_objects(tmp_path):
 
 @pytest.mark.parametrize("cell", CELLS)
 def test_any_image_of_the_atoms_will_do(cell):
-    """Wrapped, unwrapped or scattered over images: bonds go to the closest one. LAMMPS is given wrapped atoms by read_data already."""
+    """Wrapped, unwrapped or scattered over images: bonds go to the closest one. LAMMPS is given wrapped atoms by
+    read_data already."""
     config = melt(cell)
     lines = BONDS["harmonic"] + ANGLES["cosine/squared"]
     frame = config.frame()
@@ -214,7 +227,8 @@ def test_any_image_of_the_atoms_will_do(cell):
 
 
 def test_closest_image_in_a_strongly_tilted_cell():
-    """Tilts beyond what LAMMPS allows, and a left-handed, rotated cell: rounding fractions is not enough. Oracle: try every image."""
+    """Tilts beyond what LAMMPS allows, and a left-handed, rotated cell: rounding fractions is not enough. Oracle: try
+    every image."""
     rng = np.random.default_rng(9)
     q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     for vectors in (

@@ -117,7 +117,8 @@ def test_partitions_change_shares_and_nothing_else(partition):
 
 
 def test_g_is_the_derivative_by_each_squared_distance():
-    """G of the six distances against the derivative of cos φ as a function of the distances alone, mpmath, 50 digits."""
+    """G of the six distances against the derivative of cos φ as a function of the distances alone, mpmath, 50
+    digits."""
     mp = pytest.importorskip("mpmath")
     mp.mp.dps = 50
     rng = np.random.default_rng(2)
@@ -180,7 +181,8 @@ def chain(phi, theta1=2.0, theta2=1.8, b=(1.1, 1.4, 0.9)):
     [(n, p) for n in TERMS for p in (0.0, np.pi) if (n, p) not in (("improper at 0", np.pi), ("improper at 180", 0.0))],
 )
 def test_walk_through_planar_chains(name, plane):
-    """Energy and forces through φ = 0 and π: finite, the energy the closed form, the forces its derivative, and smooth where the term is."""
+    """Energy and forces through φ = 0 and π: finite, the energy the closed form, the forces its derivative, and smooth
+    where the term is."""
     term, kind = TERMS[name]
     pot = atc.potential(term)
     offsets = np.concatenate([[0.0], *(s * 10.0 ** -np.arange(1, 16, 1.0) for s in (1, -1))])
@@ -199,7 +201,8 @@ def test_walk_through_planar_chains(name, plane):
 
 @pytest.mark.parametrize("name", TERMS)
 def test_walk_through_collinear_chains(name):
-    """Atoms 1, 2, 3 through a line: finite and continuous, forces the derivative of the energy everywhere, and counted."""
+    """Atoms 1, 2, 3 through a line: finite and continuous, forces the derivative of the energy everywhere, and
+    counted."""
     term, kind = TERMS[name]
     pot = atc.potential(term)
     for phi in (0.4, 2.0):
@@ -210,7 +213,8 @@ def test_walk_through_collinear_chains(name):
             # Largest possible: U' ~ 40 times 1.5/ε of the continued cosine, over the shortest bond.
             assert np.abs(d.forces_nc).max() < 40 * 2 / COLLINEAR / 0.9
         assert not pot.decompose(one(chain(phi, np.pi - np.arcsin(1.001 * COLLINEAR)), kind)).notes
-        # Across the edge of the continuation, where 1/sin θ hands over, force and energy are continuous: a step of 1e-7 of the sine.
+        # Across the edge of the continuation, where 1/sin θ hands over, force and energy are continuous: a step of 1e-7
+        # of the sine.
         near = [pot.decompose(one(chain(phi, np.pi - COLLINEAR * (1 + s * 1e-7)), kind)) for s in (1, -1)]
         big = np.abs(near[0].forces_nc).max()
         assert abs(near[0].energy - near[1].energy) < 1e-5

@@ -1,4 +1,5 @@
-"""Embedded atom: LAMMPS's own potential files and tables made here, energy sources, the table's end and the cutoff, damaged files."""
+"""Embedded atom: LAMMPS's own potential files and tables made here, energy sources, the table's end and the cutoff,
+damaged files."""
 
 import numpy as np
 import pytest
@@ -74,13 +75,17 @@ def test_agrees_with_lammps(name, cell):
 
 def test_funcfl_files_of_two_elements():
     """Different grids in the files: brought onto one as LAMMPS does."""
-    lines = f"pair_style eam\npair_coeff 1 1 {POTENTIALS}/Cu_u3.eam\npair_coeff 2 2 {POTENTIALS}/Ni_smf7.eam\npair_coeff 3 3 {POTENTIALS}/Au_u3.eam"
+    lines = (
+        f"pair_style eam\npair_coeff 1 1 {POTENTIALS}/Cu_u3.eam\npair_coeff 2 2 {POTENTIALS}/Ni_smf7.eam\npair_coeff "
+        f"3 3 {POTENTIALS}/Au_u3.eam"
+    )
     config = metal(kinds=3, seed=4)
     agrees_with_lammps(potential(lines, config), lines, config)
 
 
 def test_energy_units_of_the_file_are_converted(tmp_path):
-    """A metal file in a real model. LAMMPS itself forgets to convert the last entry of each eam/alloy table: for it the file is converted by hand."""
+    """A metal file in a real model. LAMMPS itself forgets to convert the last entry of each eam/alloy table: for it the
+    file is converted by hand."""
     config = metal(style="real")
     lines = "pair_style eam/alloy\npair_coeff * * {} Aa Bb"
     for folder, tag, factor in (("a", "metal", 1.0), ("b", "real", 23.060549)):
@@ -114,7 +119,8 @@ def test_sources_are_the_derivatives_of_the_shares(style, coeff, kinds):
     config = metal(counts=(2, 2, 3), kinds=kinds, scale=0.7)
     pot = potential(f"pair_style {style}\npair_coeff {coeff.format(POTENTIALS)}", config)
     assert "embedding energy to its own atom" in pot.describe()
-    # The splines' second derivatives jump at each point of the table: central differences across one are good to h U''' ~ 1e-6.
+    # The splines' second derivatives jump at each point of the table: central differences across one are good to h U'''
+    # ~ 1e-6.
     d = sources_are_derivatives(pot, config.frame(), atoms=range(0, 12, 3), tolerance=2e-6)
     # One bond a pair: no more than half the neighbours.
     assert d.n_bonds == len(
@@ -127,16 +133,19 @@ def test_sources_are_the_derivatives_of_the_shares(style, coeff, kinds):
 
 @pytest.mark.parametrize("style", ["eam/cd", "eam/cd/old"])
 def test_concentration_sources_and_damaged_files(tmp_path, style):
-    """x of a neighbour depends on its own neighbours: sources beyond the cutoff; the polynomial at the end of the file."""
+    """x of a neighbour depends on its own neighbours: sources beyond the cutoff; the polynomial at the end of the
+    file."""
     lines = f"pair_style {style}\npair_coeff * * {POTENTIALS}/FeCr.cdeam Fe Cr"
     config = metal(counts=(2, 2, 3), kinds=2, scale=0.7)
     d = sources_are_derivatives(potential(lines, config), config.frame(), atoms=range(0, 12, 3), tolerance=2e-6)
     assert np.linalg.norm(d.bonds.r_bc, axis=1).max() > 5.6
     path, text = tmp_path / "FeCr.cdeam", (POTENTIALS / "FeCr.cdeam").read_text().rstrip("\n").splitlines()
     for last, message in (
-        (["# none"], "degree and the coefficients"), (["# h", "4 1.0 2.0"], "degree and the coefficients"), (["h", "1 x 2.0"], "degree and the coefficients"),
+        (["# none"], "degree and the coefficients"),
+        (["# h", "4 1.0 2.0"], "degree and the coefficients"),
+        (["h", "1 x 2.0"], "degree and the coefficients"),
         (["a", "b", "1 1.0 2.0"], "degree and the coefficients|more lines"),
-    ):  # fmt: skip
+    ):
         path.write_text("\n".join(text[:-2] + last) + "\n")
         with pytest.raises(atc.AtcError, match=message) as e:
             atc.potential(f"pair_style {style}\npair_coeff * * {path} Fe Cr", units="metal")
@@ -165,7 +174,8 @@ def test_adp_sources_and_units(tmp_path):
 
 @pytest.mark.parametrize("last", [300.0, 277.0947])
 def test_helium_below_the_first_density(tmp_path, last):
-    """Densities below the first point of F: LAMMPS goes on with the line of the second row. 277.0947 puts the dimer's density between the first two points."""
+    """Densities below the first point of F: LAMMPS goes on with the line of the second row. 277.0947 puts the dimer's
+    density between the first two points."""
     path = tmp_path / "PdHHe.eam.he"
     path.write_text((POTENTIALS / "PdHHe.eam.he").read_text().replace("1.378101e+02", repr(last), 1))
     lines = f"pair_style eam/he\npair_coeff * * {path} Pd He"
@@ -202,7 +212,8 @@ def tables(tmp_path, nrho=400, nr=600, cut=5.0, kind="alloy", factor=1.0, header
 
 @pytest.mark.parametrize("kind", ["alloy", "fs"])
 def test_analytic_tables(tmp_path, kind):
-    """The spline of analytic functions gives their energy (to the spline's own error), and LAMMPS agrees to rounding."""
+    """The spline of analytic functions gives their energy (to the spline's own error), and LAMMPS agrees to
+    rounding."""
     path = tables(tmp_path, kind=kind)
     lines = f"pair_style eam/{kind}\npair_coeff * * {path} Bb Aa"
     config = metal("slab", kinds=2, seed=1)

@@ -65,9 +65,12 @@ def test_indicator_and_an_atom_alone(table):
 
 
 DAMAGE = [
-    ("3 30", "4 30", "cut off"), ("3 30", "x", "number of potentials"), ("2.5 5.0", "5.5 5.0", "0 <= R1 < R2"), ("0.5 14 0.1", "14 0.5 0.1", "rho_max must be larger"),
+    ("3 30", "4 30", "cut off"),
+    ("3 30", "x", "number of potentials"),
+    ("2.5 5.0", "5.5 5.0", "0 <= R1 < R2"),
+    ("0.5 14 0.1", "14 0.5 0.1", "rho_max must be larger"),
     ("2 1\n", "a 1\n", "central types of potential 2"),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize("old,new,message", DAMAGE)

@@ -1,4 +1,5 @@
-"""Energies that the user gives: exact derivatives, LAMMPS and closed forms, sources, five- and six-body terms, what is refused."""
+"""Energies that the user gives: exact derivatives, LAMMPS and closed forms, sources, five- and six-body terms, what is
+refused."""
 
 import math
 import pickle
@@ -36,7 +37,8 @@ def slopes_of(f, points):
     return U, G
 
 
-# Derivatives ----------------------------------------------------------------------------------------------------------------------------
+# Derivatives
+# ----------------------------------------------------------------------------------------------------------------------
 
 
 def helper(z):
@@ -113,11 +115,13 @@ def test_texts_and_sympy_are_the_same_as_functions():
     np.testing.assert_allclose(G[0], other, rtol=1e-13)
 
 
-# Terms ----------------------------------------------------------------------------------------------------------------------------------
+# Terms
+# ----------------------------------------------------------------------------------------------------------------------
 
 
 def test_four_body_function_is_the_torsion():
-    """cos φ written in distances, as a user would, against the built-in OPLS torsion: G of every distance (they are independent for four atoms)."""
+    """cos φ written in distances, as a user would, against the built-in OPLS torsion: G of every distance (they are
+    independent for four atoms)."""
 
     def opls(d12, d13, d14, d23, d24, d34):
         p = (d13**2 - d12**2 - d23**2) / 2
@@ -151,7 +155,8 @@ def sw_three_body(d12, d13, d23, lam=21.0, eps=2.1683, sigma=2.0951, a=1.8, gamm
 
 @pytest.mark.parametrize("style", ["metal", "real"])
 def test_neighbour_rule_is_stillinger_weber_of_lammps(tmp_path, style):
-    """All triples of a centre and two neighbours: the three-body half of LAMMPS's sw, its two-body half switched off (A = 0)."""
+    """All triples of a centre and two neighbours: the three-body half of LAMMPS's sw, its two-body half switched off (A
+    = 0)."""
     eps = 2.1683 if style == "metal" else 50.0
     (tmp_path / "three.sw").write_text(
         f"Si Si Si {eps} 2.0951 1.80 21.0 1.20 -0.333333333333333333 0 0.6022245584 4.0 0.0 0.0\n"
@@ -183,7 +188,8 @@ def test_three_body_sources(partition, periodic):
 
 
 def test_types_tell_atoms_apart():
-    """Centre type 1, one neighbour of type 1 and one of type 2, an energy that is not symmetric: against a loop over all triples."""
+    """Centre type 1, one neighbour of type 1 and one of type 2, an energy that is not symmetric: against a loop over
+    all triples."""
     frame = cluster(9, seed=3)
 
     def f(a, b, c):
@@ -218,7 +224,8 @@ def test_pair_rule_is_a_pair_potential():
 
 @pytest.mark.parametrize("k,variables", [(2, "distance"), (3, "xi"), (4, "distance"), (5, "xi"), (6, "distance")])
 def test_random_terms_of_k_bodies(k, variables):
-    """A random smooth function of all distances, across the faces of a small cell: forces and sources are derivatives of energy and shares."""
+    """A random smooth function of all distances, across the faces of a small cell: forces and sources are derivatives
+    of energy and shares."""
     rng = np.random.default_rng(k)
     n = k * (k - 1) // 2
     A, c = rng.normal(size=(n, n)) / n, rng.uniform(0.5, 1.5, n)
@@ -243,7 +250,8 @@ def test_random_terms_of_k_bodies(k, variables):
 
 
 def cayley_menger(*xi):
-    """The determinant that vanishes for five points of three-dimensional space, by elimination in its 10 squared distances."""
+    """The determinant that vanishes for five points of three-dimensional space, by elimination in its 10 squared
+    distances."""
     n = 5
     d = [[0.0] * n for _ in range(n)]
     e = 0
@@ -266,7 +274,8 @@ def cayley_menger(*xi):
 
 
 def test_five_bodies_have_more_than_one_extension():
-    """Adding what vanishes on all real configurations changes G and nothing that is physical: energy, forces, box virial."""
+    """Adding what vanishes on all real configurations changes G and nothing that is physical: energy, forces, box
+    virial."""
     frame = cluster(5, seed=8, spread=1.0)
     one = ManyBody(lambda *q: sum(np.cos(v) for v in q), atoms=[range(5)], variables="xi")
     two = ManyBody(lambda *q: sum(np.cos(v) for v in q) + 0.7 * cayley_menger(*q), atoms=[range(5)], variables="xi")
@@ -280,7 +289,8 @@ def test_five_bodies_have_more_than_one_extension():
 
 
 def test_two_extensions_give_two_stress_fields_of_one_divergence():
-    """The central-force decomposition of five bodies and more is not unique: σ depends on the extension, ∇·σ and the box average do not."""
+    """The central-force decomposition of five bodies and more is not unique: σ depends on the extension, ∇·σ and the
+    box average do not."""
     frame = cluster(5, seed=8, spread=1.0)
     one = ManyBody(lambda *q: sum(np.cos(v) for v in q), atoms=[range(5)], variables="xi")
     two = ManyBody(lambda *q: sum(np.cos(v) for v in q) + 0.7 * cayley_menger(*q), atoms=[range(5)], variables="xi")

@@ -1,4 +1,5 @@
-"""What every many-body style must stand: no atoms, one atom, types left out, atoms at one place, small boxes, threads, other processes."""
+"""What every many-body style must stand: no atoms, one atom, types left out, atoms at one place, small boxes, threads,
+other processes."""
 
 import pickle
 
@@ -77,7 +78,8 @@ def test_nearly_nothing(name):
 
 @pytest.mark.parametrize("name", STYLES)
 def test_small_box_threads_and_other_processes(name):
-    """A box smaller than the cutoff, so that atoms meet their own images: LAMMPS; one and three threads; the same after a pickle."""
+    """A box smaller than the cutoff, so that atoms meet their own images: LAMMPS; one and three threads; the same after
+    a pickle."""
     _, a, basis = STYLES[name]
     config = crystal(a, n=(1, 1, 1), kinds=2, basis=basis, jitter=0.15, seed=1)
     lines = two(name).replace(" maxdelta 0.2 0.3", "")
@@ -113,9 +115,17 @@ def test_moved_turned_and_mirrored(name):
 
 
 FILES = {
-    "tersoff/mod": "Si.tersoff.mod", "tersoff/zbl": "SiC.tersoff.zbl", "gw": "SiC.gw", "sw/mod": "tmd.sw.mod", "vashishta": "SiC.vashishta",
-    "nb3b/screened": "PSiO.nb3b.screened", "edip/multi": "SiC.edip", "meam": "SiC.meam", "eim": "ffield.eim", "meam/sw/spline": "Si.b.meam.sw.spline",
-}  # fmt: skip
+    "tersoff/mod": "Si.tersoff.mod",
+    "tersoff/zbl": "SiC.tersoff.zbl",
+    "gw": "SiC.gw",
+    "sw/mod": "tmd.sw.mod",
+    "vashishta": "SiC.vashishta",
+    "nb3b/screened": "PSiO.nb3b.screened",
+    "edip/multi": "SiC.edip",
+    "meam": "SiC.meam",
+    "eim": "ffield.eim",
+    "meam/sw/spline": "Si.b.meam.sw.spline",
+}
 JUNK = (
     "x",
     "-1",
@@ -138,7 +148,8 @@ JUNK = (
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("name", FILES)
 def test_damage_anywhere(tmp_path, name):
-    """Words replaced, lines lost or doubled, files cut off: one line of this package's own error, or a potential with a finite cutoff; nothing else."""
+    """Words replaced, lines lost or doubled, files cut off: one line of this package's own error, or a potential with a
+    finite cutoff; nothing else."""
     rng = np.random.default_rng(len(name))
     text = (POTENTIALS / FILES[name]).read_text()
     path = tmp_path / FILES[name]

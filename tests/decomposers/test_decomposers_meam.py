@@ -77,11 +77,30 @@ def test_pair_energies_of_every_element_and_pair():
 
 
 SETTINGS = [
-    "ialloy = 0", "ialloy = 1", "ialloy = 2", "emb_lin_neg = 0", "bkgd_dyn = 0", "augt1 = 1", "gsmooth_factor = 2.0", "delr = 0.9", "rho0(1) = 1.7", "rc = 3.6",
-    "erose_form = 0\nattrac(1,2) = 0.2\nrepuls(1,2) = 0.1", "erose_form = 1\nattrac(1,2) = 0.2\nrepuls(1,2) = 0.1", "zbl(2,1) = 1", "nn2(2,1) = 0",
-    "erose_form = 2\nattrac(2,2) = 0.2\nrepuls(2,2) = 0.1", "Ec(1,2) = 5.1", "delta(1,2) = 0.3\nEc(1,2) = 0", "alpha(1,2) = 0", "re(1,2) = 2.4\nCmax(1,1,2) = 4.0",
-    "lattce(1,2) = 'dim'", "lattce(1,2) = 'bcc'", "lattce(1,2) = 'hcp'\nCmin(1,1,2) = 0.3", "lattce(1,2) = 'l12'",
-]  # fmt: skip
+    "ialloy = 0",
+    "ialloy = 1",
+    "ialloy = 2",
+    "emb_lin_neg = 0",
+    "bkgd_dyn = 0",
+    "augt1 = 1",
+    "gsmooth_factor = 2.0",
+    "delr = 0.9",
+    "rho0(1) = 1.7",
+    "rc = 3.6",
+    "erose_form = 0\nattrac(1,2) = 0.2\nrepuls(1,2) = 0.1",
+    "erose_form = 1\nattrac(1,2) = 0.2\nrepuls(1,2) = 0.1",
+    "zbl(2,1) = 1",
+    "nn2(2,1) = 0",
+    "erose_form = 2\nattrac(2,2) = 0.2\nrepuls(2,2) = 0.1",
+    "Ec(1,2) = 5.1",
+    "delta(1,2) = 0.3\nEc(1,2) = 0",
+    "alpha(1,2) = 0",
+    "re(1,2) = 2.4\nCmax(1,1,2) = 4.0",
+    "lattce(1,2) = 'dim'",
+    "lattce(1,2) = 'bcc'",
+    "lattce(1,2) = 'hcp'\nCmin(1,1,2) = 0.3",
+    "lattce(1,2) = 'l12'",
+]
 
 
 @pytest.mark.filterwarnings("ignore:.*LAMMPS does not use")
@@ -117,12 +136,14 @@ def test_sources(name):
     config = crystal(a, n=(1, 1, 1), kinds=len(names.split()), basis=basis, jitter=0.15)
     pot = potential(lines_of(names, POTENTIALS / file, library), config)
     assert "embedding energy to its own atom" in pot.describe()
-    # The spline's second derivative jumps at the points of the table, f_c's third at its ends: central differences to 1e-6.
+    # The spline's second derivative jumps at the points of the table, f_c's third at its ends: central differences to
+    # 1e-6.
     sources_are_derivatives(pot, config.frame(), atoms=range(0, len(config.positions), 2), tolerance=2e-6)
 
 
 def test_screening_of_three_atoms():
-    """S_12 of a third atom that moves across the ellipses of C_min and C_max: energy and forces are continuous, and far away it does nothing."""
+    """S_12 of a third atom that moves across the ellipses of C_min and C_max: energy and forces are continuous, and far
+    away it does nothing."""
     pot = atc.potential(MEAM.from_files(LIBRARY, ["Cu"]))
     cell = Cell(np.eye(3) * 40, periodic=(False,) * 3)
 
@@ -223,9 +244,13 @@ def test_refused(names, file, elements, message):
 
 def test_damaged_library(tmp_path):
     path = tmp_path / "library.meam"
-    for text, message in (("'Si' 'dia' 4. 14", "has 4 of 19 words"), ("'Si' 'dia' 4. 14 28 x 1 1 1 1 5.4 4 1 1 1 1 1 1 0", "alpha must be a number"),
-                          ("'Si' 'dia' 4. 14 28 4 1 1 1 1 5.4 4 1 1 1 1 1 1 2", "ibar must be one of"), ("'Si' 'fcc' 4. 14 28 4 1 1 1 1 5.4 4 1 1 1 1 1 1 0", "another number of"),
-                          ("# UNITS: real\n'Si' 'dia' 4. 14 28 4 1 1 1 1 5.4 4 1 1 1 1 1 1 0", "LAMMPS does not convert MEAM")):  # fmt: skip
+    for text, message in (
+        ("'Si' 'dia' 4. 14", "has 4 of 19 words"),
+        ("'Si' 'dia' 4. 14 28 x 1 1 1 1 5.4 4 1 1 1 1 1 1 0", "alpha must be a number"),
+        ("'Si' 'dia' 4. 14 28 4 1 1 1 1 5.4 4 1 1 1 1 1 1 2", "ibar must be one of"),
+        ("'Si' 'fcc' 4. 14 28 4 1 1 1 1 5.4 4 1 1 1 1 1 1 0", "another number of"),
+        ("# UNITS: real\n'Si' 'dia' 4. 14 28 4 1 1 1 1 5.4 4 1 1 1 1 1 1 0", "LAMMPS does not convert MEAM"),
+    ):
         path.write_text(text + "\n")
         with pytest.raises(atc.AtcError, match=message):
             atc.potential(lines_of("Si", "NULL", path), units="metal")

@@ -20,8 +20,8 @@ MODELS = {
     + "".join(
         " ".join([*line.split()[:3], "lj/charmm/coul/charmm", *line.split()[3:]]) + "\n" for line in COEFFS.splitlines()
     )
-    + "pair_coeff 1 2 lj/charmm/coul/charmm 0.12 2.9\npair_coeff 1 3 lj/charmm/coul/charmm 0.12 2.9 0.1 2.0\npair_coeff 2 3 lj/charmm/coul/charmm 0.12 2.9\n"
-    + "pair_coeff 1 2 morse 0.1 1.5 3.0\ndihedral_style charmm",
+    + "pair_coeff 1 2 lj/charmm/coul/charmm 0.12 2.9\npair_coeff 1 3 lj/charmm/coul/charmm 0.12 2.9 0.1 "
+    "2.0\npair_coeff 2 3 lj/charmm/coul/charmm 0.12 2.9\n" + "pair_coeff 1 2 morse 0.1 1.5 3.0\ndihedral_style charmm",
 }
 WEIGHTS = "\ndihedral_coeff 1 0.3 3 0 0.5\ndihedral_coeff 2 0.2 2 180 1.0\ndihedral_coeff 3 0.1 1 0 0.0"
 

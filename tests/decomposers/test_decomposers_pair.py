@@ -1,4 +1,5 @@
-"""Every pair style against LAMMPS itself: energy, per-atom energies, forces, the full virial; three kinds of boxes, several types and units."""
+"""Every pair style against LAMMPS itself: energy, per-atom energies, forces, the full virial; three kinds of boxes,
+several types and units."""
 
 import pickle
 
@@ -11,10 +12,12 @@ import atc.decomposers as D
 from atc.errors import AtcError
 from atc.units import units
 
-# The same arithmetic in another order: sums over ~1e4 terms of both signs. The task asks for 1e-10; what is seen is 1e-13.
+# The same arithmetic in another order: sums over ~1e4 terms of both signs. The task asks for 1e-10; what is seen is
+# 1e-13.
 RTOL = 1e-10
 
-# Edge lengths in lattice spacings: ordinary, tilted, and so small that a cutoff of 2.4 spacings passes half (and once all) of an edge.
+# Edge lengths in lattice spacings: ordinary, tilted, and so small that a cutoff of 2.4 spacings passes half (and once
+# all) of an edge.
 BOXES = {
     "orthogonal": (np.diag([6.0, 5, 5]), (6, 5, 5)),
     "triclinic": (np.array([[6.0, 0, 0], [2.1, 5, 0], [-1.7, 1.3, 5]]), (6, 5, 5)),
@@ -78,26 +81,31 @@ STYLES = {
     ),
     "lj/cut mixed": (
         "real",
-        "pair_style lj/cut 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 6.5\npair_coeff 3 3 0.15 3.3 7.0\npair_modify shift yes",
+        "pair_style lj/cut 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 6.5\npair_coeff 3 3 0.15 3.3 "
+        "7.0\npair_modify shift yes",
     ),
     "lj/cut arithmetic": (
         "metal",
-        "pair_style lj/cut 7.9\npair_modify mix arithmetic\npair_coeff 1 1 0.02 3.0\npair_coeff 2 2 0.01 2.8 6.5\npair_coeff 3 3 0.015 3.3 7.0",
+        "pair_style lj/cut 7.9\npair_modify mix arithmetic\npair_coeff 1 1 0.02 3.0\npair_coeff 2 2 0.01 2.8 "
+        "6.5\npair_coeff 3 3 0.015 3.3 7.0",
     ),
     "lj/cut sixthpower": (
         "electron",
-        "pair_style lj/cut 15\npair_modify mix sixthpower shift yes\npair_coeff 1 1 0.0002 5.6\npair_coeff 2 2 0.0001 5.2 12.5\npair_coeff 3 3 0.00015 5.9 14",
+        "pair_style lj/cut 15\npair_modify mix sixthpower shift yes\npair_coeff 1 1 0.0002 5.6\npair_coeff 2 2 0.0001 "
+        "5.2 12.5\npair_coeff 3 3 0.00015 5.9 14",
     ),
     "lj/cut reduced": ("lj", "pair_style lj/cut 2.5\npair_coeff * * 1.0 1.0\npair_coeff 2 3* 0.7 1.05"),
     "lj/cut si": ("si", "pair_style lj/cut 7.9e-10\npair_coeff * * 1.6e-21 3.0e-10"),
     "lj/cut nano": ("nano", "pair_style lj/cut 0.79\npair_coeff * * 1.6 0.3"),
     "lj/smooth/linear": (
         "metal",
-        "pair_style lj/smooth/linear 7.9\npair_coeff 1 1 0.02 3.0\npair_coeff 2 2 0.01 2.8 6.5\npair_coeff 3 3 0.015 3.3 7.0",
+        "pair_style lj/smooth/linear 7.9\npair_coeff 1 1 0.02 3.0\npair_coeff 2 2 0.01 2.8 6.5\npair_coeff 3 3 0.015 "
+        "3.3 7.0",
     ),
     "lj/expand": (
         "metal",
-        "pair_style lj/expand 7.0\npair_coeff 1 1 0.02 2.6 0.3\npair_coeff 2 2 0.01 2.8 0.1 6.4\npair_coeff 3 3 0.015 3.3 -0.2\npair_modify shift yes mix arithmetic",
+        "pair_style lj/expand 7.0\npair_coeff 1 1 0.02 2.6 0.3\npair_coeff 2 2 0.01 2.8 0.1 6.4\npair_coeff 3 3 0.015 "
+        "3.3 -0.2\npair_modify shift yes mix arithmetic",
     ),
     "morse": (
         "metal",
@@ -105,20 +113,24 @@ STYLES = {
     ),
     "buck": (
         "metal",
-        "pair_style buck 7.9\npair_coeff * * 800.0 0.35 30.0\npair_coeff 1 3 900.0 0.34 25.0 6.4\npair_modify shift yes",
+        "pair_style buck 7.9\npair_coeff * * 800.0 0.35 30.0\npair_coeff 1 3 900.0 0.34 25.0 6.4\npair_modify shift "
+        "yes",
     ),
     "born": (
         "metal",
-        "pair_style born 7.9\npair_coeff * * 0.2 0.32 2.3 20.0 30.0\npair_coeff 2 2 0.3 0.35 2.2 20.0 25.0 6.4\npair_modify shift yes",
+        "pair_style born 7.9\npair_coeff * * 0.2 0.32 2.3 20.0 30.0\npair_coeff 2 2 0.3 0.35 2.2 20.0 25.0 "
+        "6.4\npair_modify shift yes",
     ),
     "yukawa": (
         "lj",
-        "pair_style yukawa 1.7 2.6\npair_coeff 1 1 10.0\npair_coeff 2 2 8.0 2.2\npair_coeff 3 3 7.0\npair_modify shift yes",
+        "pair_style yukawa 1.7 2.6\npair_coeff 1 1 10.0\npair_coeff 2 2 8.0 2.2\npair_coeff 3 3 7.0\npair_modify "
+        "shift yes",
     ),
     "soft": ("lj", "pair_style soft 1.6\npair_coeff 1 1 10.0\npair_coeff 2 2 8.0 2.2\npair_coeff 3 3 7.0"),
     "soft sixthpower": (
         "lj",
-        "pair_style soft 1.6\npair_coeff 1 1 10.0\npair_coeff 2 2 8.0 2.2\npair_coeff 3 3 7.0\npair_modify mix sixthpower",
+        "pair_style soft 1.6\npair_coeff 1 1 10.0\npair_coeff 2 2 8.0 2.2\npair_coeff 3 3 7.0\npair_modify mix "
+        "sixthpower",
     ),
     "coul/cut": (
         "real",
@@ -131,7 +143,8 @@ STYLES = {
     "coul/dsf electron": ("electron", "pair_style coul/dsf 0.1 15\npair_coeff * *"),
     "lj/cut/coul/cut": (
         "real",
-        "pair_style lj/cut/coul/cut 6.5 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 6.0\npair_coeff 3 3 0.15 3.3 7.0 7.5\npair_modify shift yes",
+        "pair_style lj/cut/coul/cut 6.5 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 6.0\npair_coeff 3 3 0.15 "
+        "3.3 7.0 7.5\npair_modify shift yes",
     ),
     "lj/cut/coul/cut one": ("metal", "pair_style lj/cut/coul/cut 7.9\npair_coeff * * 0.01 3.0"),
     "lj/cut/coul/dsf": (
@@ -151,17 +164,21 @@ STYLES = {
     "coul/wolf nano": ("nano", "pair_style coul/wolf 2.1 0.79\npair_coeff * *"),
     "hybrid": (
         "metal",
-        "pair_style hybrid lj/cut 7.9 morse 7.0 lj/cut 6.0\npair_coeff 1 1 lj/cut 1 0.02 3.0\npair_coeff 2 2 lj/cut 1 0.01 2.8\n"
-        "pair_coeff 1 3 morse 0.2 1.5 3.0\npair_coeff 2 3 none\npair_coeff 3 3 lj/cut 2 0.02 3.1\npair_modify pair lj/cut 2 shift yes",
+        "pair_style hybrid lj/cut 7.9 morse 7.0 lj/cut 6.0\npair_coeff 1 1 lj/cut 1 0.02 3.0\npair_coeff 2 2 lj/cut 1 "
+        "0.01 2.8\n"
+        "pair_coeff 1 3 morse 0.2 1.5 3.0\npair_coeff 2 3 none\npair_coeff 3 3 lj/cut 2 0.02 3.1\npair_modify pair "
+        "lj/cut 2 shift yes",
     ),
     "hybrid/overlay": (
         "metal",
-        "pair_style hybrid/overlay lj/cut 7.9 coul/dsf 0.2 7.0 zbl 3.0 4.0\npair_coeff * * lj/cut 0.02 3.0\npair_coeff * * coul/dsf\n"
+        "pair_style hybrid/overlay lj/cut 7.9 coul/dsf 0.2 7.0 zbl 3.0 4.0\npair_coeff * * lj/cut 0.02 "
+        "3.0\npair_coeff * * coul/dsf\n"
         "pair_coeff 1 2* zbl 14 6\npair_coeff 1 1 zbl 14 14\npair_modify shift yes",
     ),
     "hybrid/overlay self energies of some": (
         "metal",
-        "pair_style hybrid/overlay lj/cut 7.9 coul/wolf 0.2 7.0\npair_coeff * * lj/cut 0.02 3.0\npair_coeff 1 1*2 coul/wolf\npair_coeff 2 2 coul/wolf",
+        "pair_style hybrid/overlay lj/cut 7.9 coul/wolf 0.2 7.0\npair_coeff * * lj/cut 0.02 3.0\npair_coeff 1 1*2 "
+        "coul/wolf\npair_coeff 2 2 coul/wolf",
     ),
     "lj/cut/omp": ("metal", "pair_style lj/cut 7.9\npair_coeff * * 0.01 3.0"),
 }
@@ -174,7 +191,8 @@ def test_style(style, box):
     agree(lines, config(box, unit, seed=len(style)), threads=2 if box == "triclinic" else 1)
 
 
-# Tables ---------------------------------------------------------------------------------------------------------------------------------
+# Tables
+# ----------------------------------------------------------------------------------------------------------------------
 
 
 def table_file(path, *, r=None, spacing="", fprime="", keyword="PAIR", n=200, lo=2.0, hi=8.0, tag="", scale=1.0):
@@ -192,7 +210,8 @@ def table_file(path, *, r=None, spacing="", fprime="", keyword="PAIR", n=200, lo
     rows = "\n".join(f"{k + 1} {a:.15g} {b:.15g} {c:.15g}" for k, (a, b, c) in enumerate(zip(grid, e, f)))
     other = "\n".join(f"{k + 1} {0.5 * k + 1} {1.0 * k} {-2.0}" for k in range(3))
     path.write_text(
-        f"# a table {tag}\n\nFIRST\nN 3\n\n{other}\n\n{keyword}   # the one\n{param}{fprime}\n\n{rows}\n\n# more\nLAST\nN 3 R 1.0 2.0\n\n{other}\n"
+        f"# a table {tag}\n\nFIRST\nN 3\n\n{other}\n\n{keyword}   # the one\n{param}{fprime}\n\n{rows}\n\n# "
+        f"more\nLAST\nN 3 R 1.0 2.0\n\n{other}\n"
     )
 
 
@@ -212,7 +231,10 @@ def test_table(tmp_path, monkeypatch, kind, style):
     table_file(tmp_path / "two.table", keyword="B", n=50, scale=2.0)
     monkeypatch.chdir(tmp_path)
     # "linear 200" on RSQ with 200 points: LAMMPS then takes the file's values as they are.
-    lines = f"pair_style table {style}\npair_coeff * * one.table PAIR\npair_coeff 1 2 two.table B 6.9\npair_coeff 3 3 one.table PAIR 7.1"
+    lines = (
+        f"pair_style table {style}\npair_coeff * * one.table PAIR\npair_coeff 1 2 two.table B 6.9\npair_coeff 3 3 "
+        "one.table PAIR 7.1"
+    )
     agree(lines, config("orthogonal" if kind == "R" else "small", "metal", jitter=0.1, charges=False))
 
 
@@ -258,7 +280,8 @@ def test_bad_tables(tmp_path, monkeypatch, text, says):
 
 
 def test_table_units_tag(tmp_path, monkeypatch):
-    """A table that says UNITS: real in a metal model is converted (atc and LAMMPS differ in the digits of kcal/mol: 1e-6)."""
+    """A table that says UNITS: real in a metal model is converted (atc and LAMMPS differ in the digits of kcal/mol:
+    1e-6)."""
     table_file(tmp_path / "one.table", tag="UNITS: real", scale=23.060549)
     monkeypatch.chdir(tmp_path)
     agree(
@@ -268,7 +291,8 @@ def test_table_units_tag(tmp_path, monkeypatch):
     )
 
 
-# Objects --------------------------------------------------------------------------------------------------------------------------------
+# Objects
+# ----------------------------------------------------------------------------------------------------------------------
 
 
 def test_objects_are_the_lines():
@@ -395,7 +419,8 @@ def test_threads_and_chunks_do_not_matter():
     assert (a.bonds.G_b != 0).all()
 
 
-# Stillinger-Weber inside hybrid -----------------------------------------------------------------------------------------------------------
+# Stillinger-Weber inside hybrid
+# -----------------------------------------------------------------------------------------------------------
 
 SI_SW = "Si Si Si 2.1683 2.0951 1.80 21.0 1.20 -0.333333333333 7.049556277 0.6022245584 4.0 0.0 0.0\n"
 
@@ -406,7 +431,8 @@ def test_sw_in_hybrid(tmp_path, monkeypatch, box, overlay):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "Si.sw").write_text(SI_SW)
     lines = (
-        f"pair_style hybrid{overlay} sw lj/cut 6.0 morse 5.0\npair_coeff * * sw Si.sw Si NULL Si\npair_coeff 2 2 lj/cut 0.01 3.0\n"
+        f"pair_style hybrid{overlay} sw lj/cut 6.0 morse 5.0\npair_coeff * * sw Si.sw Si NULL Si\npair_coeff 2 2 "
+        "lj/cut 0.01 3.0\n"
         "pair_coeff 1 2 morse 0.2 1.5 3.0\npair_coeff 2 3 lj/cut 0.02 2.9"
     )
     c = config(box, "metal", jitter=0.1)

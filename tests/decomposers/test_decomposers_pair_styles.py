@@ -1,4 +1,5 @@
-"""Pair styles that are a formula of one distance, each against LAMMPS itself: energy, per-atom energies, forces, the full virial."""
+"""Pair styles that are a formula of one distance, each against LAMMPS itself: energy, per-atom energies, forces, the
+full virial."""
 
 import pickle
 
@@ -11,20 +12,24 @@ import atc
 import atc.decomposers as D
 from atc.errors import AtcError
 
-# One entry is a form of lines: coefficients by type, mixed, with cutoffs of their own, shifted. Spacing of atoms: 1.12 in lj, 3.3 Å in metal and real.
+# One entry is a form of lines: coefficients by type, mixed, with cutoffs of their own, shifted. Spacing of atoms: 1.12
+# in lj, 3.3 Å in metal and real.
 STYLES = {
     "lj/smooth": (
         "lj",
-        "pair_style lj/smooth 2.0 2.6\npair_coeff * * 1.0 1.0\npair_coeff 1 2 1.1 0.9 1.8 2.3\npair_coeff 3 3 0.7 1.1 2.1 2.5",
+        "pair_style lj/smooth 2.0 2.6\npair_coeff * * 1.0 1.0\npair_coeff 1 2 1.1 0.9 1.8 2.3\npair_coeff 3 3 0.7 1.1 "
+        "2.1 2.5",
     ),
     "lj/smooth mixed": (
         "real",
-        "pair_style lj/smooth 6.0 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 5.5 6.5\npair_coeff 3 3 0.15 3.3 5.0 7.0\n"
+        "pair_style lj/smooth 6.0 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 5.5 6.5\npair_coeff 3 3 0.15 "
+        "3.3 5.0 7.0\n"
         "pair_modify shift yes mix arithmetic",
     ),
     "lj/cubic": (
         "lj",
-        "pair_style lj/cubic\npair_coeff 1 1 1.0 0.9\npair_coeff 2 2 1.2 0.85\npair_coeff 3 3 0.8 0.95\npair_coeff 1 2 0.5 1.1",
+        "pair_style lj/cubic\npair_coeff 1 1 1.0 0.9\npair_coeff 2 2 1.2 0.85\npair_coeff 3 3 0.8 0.95\npair_coeff 1 "
+        "2 0.5 1.1",
     ),
     "lj/sf": (
         "lj",
@@ -32,21 +37,25 @@ STYLES = {
     ),
     "lj/relres": (
         "lj",
-        "pair_style lj/relres 1.5 1.7 2.2 2.6\npair_coeff 1 1 1.0 1.0 1.5 1.1\npair_coeff 2 2 0.7 1.05 0 0 1.4 1.5 2.0 2.3\npair_coeff 3 3 0.9 0.95 1 1\n"
+        "pair_style lj/relres 1.5 1.7 2.2 2.6\npair_coeff 1 1 1.0 1.0 1.5 1.1\npair_coeff 2 2 0.7 1.05 0 0 1.4 1.5 "
+        "2.0 2.3\npair_coeff 3 3 0.9 0.95 1 1\n"
         "pair_coeff 1 3 0.5 1.0 0.7 1.0 1.6 1.6 2.5 2.5",
     ),
     "lj/relres shifted": (
         "metal",
-        "pair_style lj/relres 4.5 5.2 6.5 7.9\npair_coeff 1 1 0.01 3.0 0.02 3.2\npair_coeff 2 2 0.02 2.8 0 0\npair_coeff 3 3 0.01 3.1 0.01 3.1 4.0 4.5 5.5 6.5\n"
+        "pair_style lj/relres 4.5 5.2 6.5 7.9\npair_coeff 1 1 0.01 3.0 0.02 3.2\npair_coeff 2 2 0.02 2.8 0 "
+        "0\npair_coeff 3 3 0.01 3.1 0.01 3.1 4.0 4.5 5.5 6.5\n"
         "pair_coeff 1 3 0.01 3.0 0.02 3.0 4.0 4.0 6.5 6.5\npair_modify shift yes",
     ),
     "lj/gromacs": (
         "real",
-        "pair_style lj/gromacs 6.0 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 5.5 6.5\npair_coeff 3 3 0.15 3.3\npair_modify mix sixthpower",
+        "pair_style lj/gromacs 6.0 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 5.5 6.5\npair_coeff 3 3 0.15 "
+        "3.3\npair_modify mix sixthpower",
     ),
     "lj/gromacs/coul/gromacs": (
         "real",
-        "dielectric 2.5\npair_style lj/gromacs/coul/gromacs 6.0 7.9 0.0 7.0\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8\npair_coeff 3 3 0.15 3.3",
+        "dielectric 2.5\npair_style lj/gromacs/coul/gromacs 6.0 7.9 0.0 7.0\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 "
+        "0.1 2.8\npair_coeff 3 3 0.15 3.3",
     ),
     "lj/gromacs/coul/gromacs one": (
         "metal",
@@ -54,15 +63,18 @@ STYLES = {
     ),
     "lj/charmm/coul/charmm": (
         "real",
-        "dielectric 1.5\npair_style lj/charmm/coul/charmm 6.0 7.9 5.0 7.0\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 0.2 2.5\npair_coeff 3 3 0.15 3.3",
+        "dielectric 1.5\npair_style lj/charmm/coul/charmm 6.0 7.9 5.0 7.0\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 "
+        "2.8 0.2 2.5\npair_coeff 3 3 0.15 3.3",
     ),
     "lj/charmm/coul/charmm geometric": (
         "metal",
-        "pair_style lj/charmm/coul/charmm 5.0 7.5\npair_modify mix geometric\npair_coeff 1 1 0.02 3.0\npair_coeff 2 2 0.01 2.8\npair_coeff 3 3 0.015 3.3",
+        "pair_style lj/charmm/coul/charmm 5.0 7.5\npair_modify mix geometric\npair_coeff 1 1 0.02 3.0\npair_coeff 2 2 "
+        "0.01 2.8\npair_coeff 3 3 0.015 3.3",
     ),
     "lj/charmm/coul/charmm/implicit": (
         "real",
-        "pair_style lj/charmm/coul/charmm/implicit 6.0 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 0.2 2.5\npair_coeff 3 3 0.15 3.3",
+        "pair_style lj/charmm/coul/charmm/implicit 6.0 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 0.2 "
+        "2.5\npair_coeff 3 3 0.15 3.3",
     ),
     "lj/charmm/coul/charmm/implicit nano": (
         "nano",
@@ -70,7 +82,8 @@ STYLES = {
     ),
     "lj/charmmfsw/coul/charmmfsh": (
         "real",
-        "dielectric 1.5\npair_style lj/charmmfsw/coul/charmmfsh 6.0 7.9 7.0\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 0.2 2.5\npair_coeff 3 3 0.15 3.3",
+        "dielectric 1.5\npair_style lj/charmmfsw/coul/charmmfsh 6.0 7.9 7.0\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 "
+        "0.1 2.8 0.2 2.5\npair_coeff 3 3 0.15 3.3",
     ),
     "lj/charmmfsw/coul/charmmfsh one": (
         "metal",
@@ -78,24 +91,29 @@ STYLES = {
     ),
     "lj/class2": (
         "real",
-        "pair_style lj/class2 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 6.5\npair_coeff 3 3 0.15 3.3 7.0\npair_modify shift yes mix arithmetic",
+        "pair_style lj/class2 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 6.5\npair_coeff 3 3 0.15 3.3 "
+        "7.0\npair_modify shift yes mix arithmetic",
     ),
     "lj/class2/coul/cut": (
         "real",
-        "pair_style lj/class2/coul/cut 7.0 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 6.5\npair_coeff 3 3 0.15 3.3 7.0 6.0\npair_modify shift yes",
+        "pair_style lj/class2/coul/cut 7.0 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 6.5\npair_coeff 3 3 "
+        "0.15 3.3 7.0 6.0\npair_modify shift yes",
     ),
     "lj96/cut": (
         "lj",
-        "pair_style lj96/cut 2.5\npair_coeff 1 1 1 1\npair_coeff 2 2 0.7 1.05 2.2\npair_coeff 3 3 0.7 0.9\npair_modify mix sixthpower shift yes",
+        "pair_style lj96/cut 2.5\npair_coeff 1 1 1 1\npair_coeff 2 2 0.7 1.05 2.2\npair_coeff 3 3 0.7 "
+        "0.9\npair_modify mix sixthpower shift yes",
     ),
     "mie/cut": (
         "real",
-        "pair_style mie/cut 7.9\npair_coeff 1 1 0.2 3.0 14.2 6.6\npair_coeff 2 2 0.1 2.8 12 6 6.5\npair_coeff 3 3 0.15 3.3 10 5.5\n"
+        "pair_style mie/cut 7.9\npair_coeff 1 1 0.2 3.0 14.2 6.6\npair_coeff 2 2 0.1 2.8 12 6 6.5\npair_coeff 3 3 "
+        "0.15 3.3 10 5.5\n"
         "pair_modify shift yes mix arithmetic",
     ),
     "mie/cut whole": (
         "lj",
-        "pair_style mie/cut 2.5\npair_coeff * * 1.0 1.0 14 7\npair_coeff 2 2 0.9 1.0 8 6\npair_coeff 1 3 0.9 1.0 12 6 2.1",
+        "pair_style mie/cut 2.5\npair_coeff * * 1.0 1.0 14 7\npair_coeff 2 2 0.9 1.0 8 6\npair_coeff 1 3 0.9 1.0 12 6 "
+        "2.1",
     ),
     "nm/cut": (
         "real",
@@ -103,16 +121,19 @@ STYLES = {
     ),
     "nm/cut/coul/cut": (
         "real",
-        "pair_style nm/cut/coul/cut 7.0 7.9\npair_coeff * * 0.2 3.4 9.0 6.0\npair_coeff 1 2 0.1 3.0 8 7 6.5\npair_coeff 3 3 0.2 3 9 7 6 5\npair_modify shift yes",
+        "pair_style nm/cut/coul/cut 7.0 7.9\npair_coeff * * 0.2 3.4 9.0 6.0\npair_coeff 1 2 0.1 3.0 8 7 "
+        "6.5\npair_coeff 3 3 0.2 3 9 7 6 5\npair_modify shift yes",
     ),
     "lj/spica": (
         "real",
-        "pair_style lj/spica 7.9\npair_coeff * * lj12_4 0.2 3.0\npair_coeff 1 2 lj9_6 0.1 2.8 6.5\npair_coeff 3 3 lj12_6 0.15 3.3 7.0\npair_modify shift yes",
+        "pair_style lj/spica 7.9\npair_coeff * * lj12_4 0.2 3.0\npair_coeff 1 2 lj9_6 0.1 2.8 6.5\npair_coeff 3 3 "
+        "lj12_6 0.15 3.3 7.0\npair_modify shift yes",
     ),
     "lj/sdk": ("real", "pair_style lj/sdk 7.9\npair_coeff * * lj9_6 0.2 3.0"),
     "lj/mdf": (
         "real",
-        "pair_style lj/mdf 6.0 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 5.5 6.5\npair_coeff 3 3 0.15 3.3\npair_modify mix arithmetic",
+        "pair_style lj/mdf 6.0 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 5.5 6.5\npair_coeff 3 3 0.15 "
+        "3.3\npair_modify mix arithmetic",
     ),
     "lennard/mdf": ("lj", "pair_style lennard/mdf 2.0 2.6\npair_coeff * * 4.0 4.0\npair_coeff 1 2 5.0 4.1 1.8 2.3"),
     "buck/mdf": (
@@ -121,7 +142,8 @@ STYLES = {
     ),
     "lj/cut/coul/debye": (
         "real",
-        "dielectric 1.7\npair_style lj/cut/coul/debye 0.3 6.5 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 6.0\npair_coeff 3 3 0.15 3.3 7.0 7.5\n"
+        "dielectric 1.7\npair_style lj/cut/coul/debye 0.3 6.5 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 "
+        "6.0\npair_coeff 3 3 0.15 3.3 7.0 7.5\n"
         "pair_modify shift yes",
     ),
     "coul/debye": (
@@ -130,20 +152,24 @@ STYLES = {
     ),
     "lj/cut/coul/wolf": (
         "real",
-        "pair_style lj/cut/coul/wolf 0.2 6.5 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 6.0\npair_coeff 3 3 0.15 3.3\npair_modify shift yes",
+        "pair_style lj/cut/coul/wolf 0.2 6.5 7.9\npair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.1 2.8 6.0\npair_coeff 3 3 "
+        "0.15 3.3\npair_modify shift yes",
     ),
     "buck/coul/cut": (
         "metal",
-        "dielectric 1.7\npair_style buck/coul/cut 6.9 7.9\npair_coeff * * 800.0 0.35 30.0\npair_coeff 1 3 900.0 0.34 25.0 6.4\n"
+        "dielectric 1.7\npair_style buck/coul/cut 6.9 7.9\npair_coeff * * 800.0 0.35 30.0\npair_coeff 1 3 900.0 0.34 "
+        "25.0 6.4\n"
         "pair_coeff 1 1 900.0 0.34 25.0 6.4 5.5\npair_modify shift yes",
     ),
     "born/coul/dsf": (
         "metal",
-        "pair_style born/coul/dsf 0.2 6.9 7.9\npair_coeff * * 0.2 0.32 2.3 20.0 30.0\npair_coeff 2 2 0.3 0.35 2.2 20.0 25.0 6.4\npair_modify shift yes",
+        "pair_style born/coul/dsf 0.2 6.9 7.9\npair_coeff * * 0.2 0.32 2.3 20.0 30.0\npair_coeff 2 2 0.3 0.35 2.2 "
+        "20.0 25.0 6.4\npair_modify shift yes",
     ),
     "born/coul/wolf": (
         "metal",
-        "pair_style born/coul/wolf 0.2 6.9 7.9\npair_coeff * * 0.2 0.32 2.3 20.0 30.0\npair_coeff 2 2 0.3 0.35 2.2 20.0 25.0 6.4\npair_modify shift yes",
+        "pair_style born/coul/wolf 0.2 6.9 7.9\npair_coeff * * 0.2 0.32 2.3 20.0 30.0\npair_coeff 2 2 0.3 0.35 2.2 "
+        "20.0 25.0 6.4\npair_modify shift yes",
     ),
     "born/coul/dsf/cs": ("metal", "pair_style born/coul/dsf/cs 0.2 6.9 7.9\npair_coeff * * 0.2 0.32 2.3 20.0 30.0"),
     "born/coul/wolf/cs": ("metal", "pair_style born/coul/wolf/cs 0.2 6.9\npair_coeff * * 0.2 0.32 2.3 20.0 30.0"),
@@ -156,7 +182,8 @@ STYLES = {
     "coul/diel": ("real", "pair_style coul/diel 7.9\npair_coeff * * 78 3.4 0.9\npair_coeff 1 2 70 3.0 0.8"),
     "born/gauss": (
         "metal",
-        "pair_style born/gauss 7.9\npair_coeff * * 80.0 2.1 0.3 0.7 3.1\npair_coeff 1 2 90.0 2.0 0.2 0.8 3.0 6.5\npair_modify shift yes",
+        "pair_style born/gauss 7.9\npair_coeff * * 80.0 2.1 0.3 0.7 3.1\npair_coeff 1 2 90.0 2.0 0.2 0.8 3.0 "
+        "6.5\npair_modify shift yes",
     ),
     "gauss": (
         "lj",
@@ -164,19 +191,23 @@ STYLES = {
     ),
     "gauss arithmetic": (
         "lj",
-        "pair_style gauss 2.6\npair_coeff 1 1 1.0 0.9\npair_coeff 2 2 0.8 1.1 2.2\npair_coeff 3 3 0.7 0.8\npair_modify mix arithmetic",
+        "pair_style gauss 2.6\npair_coeff 1 1 1.0 0.9\npair_coeff 2 2 0.8 1.1 2.2\npair_coeff 3 3 0.7 "
+        "0.8\npair_modify mix arithmetic",
     ),
     "gauss/cut": (
         "lj",
-        "pair_style gauss/cut 2.6\npair_coeff 1 1 0.3 1.4 0.2\npair_coeff 2 2 0.4 1.3 0.3 2.2\npair_coeff 3 3 0.3 1.5 0.25\npair_modify shift yes",
+        "pair_style gauss/cut 2.6\npair_coeff 1 1 0.3 1.4 0.2\npair_coeff 2 2 0.4 1.3 0.3 2.2\npair_coeff 3 3 0.3 1.5 "
+        "0.25\npair_modify shift yes",
     ),
     "gauss/cut arithmetic": (
         "lj",
-        "pair_style gauss/cut 2.6\npair_coeff 1 1 -0.3 1.4 0.2\npair_coeff 2 2 0.4 1.3 0.3 2.2\npair_coeff 3 3 0.3 1.5 0.25\npair_modify mix arithmetic",
+        "pair_style gauss/cut 2.6\npair_coeff 1 1 -0.3 1.4 0.2\npair_coeff 2 2 0.4 1.3 0.3 2.2\npair_coeff 3 3 0.3 "
+        "1.5 0.25\npair_modify mix arithmetic",
     ),
     "ufm": (
         "lj",
-        "pair_style ufm 2.6\npair_coeff 1 1 1.0 0.9\npair_coeff 2 2 0.8 1.1 2.2\npair_coeff 3 3 0.7 0.8\npair_modify shift yes mix arithmetic",
+        "pair_style ufm 2.6\npair_coeff 1 1 1.0 0.9\npair_coeff 2 2 0.8 1.1 2.2\npair_coeff 3 3 0.7 0.8\npair_modify "
+        "shift yes mix arithmetic",
     ),
     "morse/smooth/linear": (
         "metal",
@@ -184,11 +215,13 @@ STYLES = {
     ),
     "morse/soft": (
         "lj",
-        "pair_style morse/soft 4 0.9 2.6\npair_coeff * * 1.0 2.1 1.1 0.95\npair_coeff 1 2 1.2 2.0 1.1 0.4\npair_coeff 3 3 1.2 2.0 1.1 0.9 2.1\npair_modify shift yes",
+        "pair_style morse/soft 4 0.9 2.6\npair_coeff * * 1.0 2.1 1.1 0.95\npair_coeff 1 2 1.2 2.0 1.1 0.4\npair_coeff "
+        "3 3 1.2 2.0 1.1 0.9 2.1\npair_modify shift yes",
     ),
     "pedone": (
         "metal",
-        "pair_style pedone 7.9\npair_coeff * * 0.03 1.9 2.7 22.0\npair_coeff 1 2 0.04 2.0 2.5 1.0 6.1\npair_modify shift yes",
+        "pair_style pedone 7.9\npair_coeff * * 0.03 1.9 2.7 22.0\npair_coeff 1 2 0.04 2.0 2.5 1.0 6.1\npair_modify "
+        "shift yes",
     ),
     "momb": (
         "metal",
@@ -196,56 +229,69 @@ STYLES = {
     ),
     "beck": (
         "metal",
-        "pair_style beck 7.9\npair_coeff * * 399.67 0.9 0.675 2.39 0.0003746\npair_coeff 1 2 399.67 0.8 0.675 2.2 0.0003746 6.5",
+        "pair_style beck 7.9\npair_coeff * * 399.67 0.9 0.675 2.39 0.0003746\npair_coeff 1 2 399.67 0.8 0.675 2.2 "
+        "0.0003746 6.5",
     ),
     "beck nano": ("nano", "pair_style beck 0.79\npair_coeff * * 39967 0.00009 0.0675 23.9 37.46"),
     "lj/pirani": (
         "metal",
-        "pair_style lj/pirani 7.9\npair_coeff * * 4.0 9.0 6.0 3.4 0.01\npair_coeff 1 2 4.0 7.0 4.0 3.1 0.02 6.5\npair_modify shift yes",
+        "pair_style lj/pirani 7.9\npair_coeff * * 4.0 9.0 6.0 3.4 0.01\npair_coeff 1 2 4.0 7.0 4.0 3.1 0.02 "
+        "6.5\npair_modify shift yes",
     ),
     "wf/cut": (
         "lj",
-        "pair_style wf/cut 2.5\npair_coeff * * 1.0 1.0 1 1\npair_coeff 1 2 1.1 0.9 2 1 2.0\npair_coeff 3 3 1.0 1.05 1 3 1.8",
+        "pair_style wf/cut 2.5\npair_coeff * * 1.0 1.0 1 1\npair_coeff 1 2 1.1 0.9 2 1 2.0\npair_coeff 3 3 1.0 1.05 1 "
+        "3 1.8",
     ),
     "cosine/squared": (
         "lj",
-        "pair_style cosine/squared 2.5\npair_coeff * * 1.0 1.1\npair_coeff 1 2 1.1 1.2 2.0\npair_coeff 3 3 1.0 1.05 wca\npair_coeff 2 2 1.0 1.2 1.2 wca\n"
+        "pair_style cosine/squared 2.5\npair_coeff * * 1.0 1.1\npair_coeff 1 2 1.1 1.2 2.0\npair_coeff 3 3 1.0 1.05 "
+        "wca\npair_coeff 2 2 1.0 1.2 1.2 wca\n"
         "pair_coeff 2 3 0.8 1.3 1.9 wca",
     ),
     "colloid": (
         "lj",
-        "pair_style colloid 4.0\npair_coeff 1 1 39.5 0.3 0.5 0.5\npair_coeff 1 2 75.0 0.3 0.0 0.4 3.0\npair_coeff 2 2 144.0 1.0 0.0 0.0 2.5\n"
-        "pair_coeff 3 3 30.0 0.3 0.4 0.4\npair_coeff 1 3 35 0.3 0.5 0.4\npair_coeff 2 3 75.0 0.3 0.5 0.0 3.0\npair_modify shift yes",
+        "pair_style colloid 4.0\npair_coeff 1 1 39.5 0.3 0.5 0.5\npair_coeff 1 2 75.0 0.3 0.0 0.4 3.0\npair_coeff 2 2 "
+        "144.0 1.0 0.0 0.0 2.5\n"
+        "pair_coeff 3 3 30.0 0.3 0.4 0.4\npair_coeff 1 3 35 0.3 0.5 0.4\npair_coeff 2 3 75.0 0.3 0.5 0.0 "
+        "3.0\npair_modify shift yes",
     ),
     "colloid arithmetic": (
         "lj",
-        "pair_style colloid 3.0\npair_coeff 1 1 39.5 0.3 0.5 0.5\npair_coeff 2 2 144.0 0.4 0.6 0.6 2.5\npair_coeff 3 3 30.0 0.3 0.4 0.4\npair_modify mix arithmetic",
+        "pair_style colloid 3.0\npair_coeff 1 1 39.5 0.3 0.5 0.5\npair_coeff 2 2 144.0 0.4 0.6 0.6 2.5\npair_coeff 3 "
+        "3 30.0 0.3 0.4 0.4\npair_modify mix arithmetic",
     ),
     "harmonic/cut": ("lj", "pair_style harmonic/cut\npair_coeff * * 1.0 1.5\npair_coeff 1 2 2.0 2.2"),
     "lj/cut/soft": (
         "real",
-        "pair_style lj/cut/soft 2.0 0.5 7.9\npair_coeff * * 0.2 3.0 0.7\npair_coeff 1 2 0.1 2.8 1.0 6.5\npair_modify shift yes",
+        "pair_style lj/cut/soft 2.0 0.5 7.9\npair_coeff * * 0.2 3.0 0.7\npair_coeff 1 2 0.1 2.8 1.0 6.5\npair_modify "
+        "shift yes",
     ),
     "lj/cut/soft mixed": (
         "lj",
-        "pair_style lj/cut/soft 1 0.5 2.5\npair_coeff 1 1 1 1 0.5\npair_coeff 2 2 0.7 1.05 0.5 2.2\npair_coeff 3 3 0.7 0.9 0.5",
+        "pair_style lj/cut/soft 1 0.5 2.5\npair_coeff 1 1 1 1 0.5\npair_coeff 2 2 0.7 1.05 0.5 2.2\npair_coeff 3 3 "
+        "0.7 0.9 0.5",
     ),
     "lj/class2/soft": (
         "real",
-        "pair_style lj/class2/soft 2.0 0.5 7.9\npair_coeff 1 1 0.2 3.0 0.7\npair_coeff 2 2 0.1 2.8 0.7 6.5\npair_coeff 3 3 0.1 3.1 0.7\npair_modify shift yes",
+        "pair_style lj/class2/soft 2.0 0.5 7.9\npair_coeff 1 1 0.2 3.0 0.7\npair_coeff 2 2 0.1 2.8 0.7 "
+        "6.5\npair_coeff 3 3 0.1 3.1 0.7\npair_modify shift yes",
     ),
     "coul/cut/soft": (
         "real",
-        "dielectric 1.7\npair_style coul/cut/soft 2.0 10.0 7.9\npair_coeff 1 1 0.7\npair_coeff 2 2 0.7 6.5\npair_coeff 3 3 0.7\npair_coeff 1 3 0.2",
+        "dielectric 1.7\npair_style coul/cut/soft 2.0 10.0 7.9\npair_coeff 1 1 0.7\npair_coeff 2 2 0.7 "
+        "6.5\npair_coeff 3 3 0.7\npair_coeff 1 3 0.2",
     ),
     "lj/cut/coul/cut/soft": (
         "real",
-        "pair_style lj/cut/coul/cut/soft 2.0 0.5 10.0 7.0 7.9\npair_coeff 1 1 0.2 3.0 0.7\npair_coeff 2 2 0.1 2.8 0.7 6.5\npair_coeff 3 3 0.1 3.1 0.7 6.5 6.0\n"
+        "pair_style lj/cut/coul/cut/soft 2.0 0.5 10.0 7.0 7.9\npair_coeff 1 1 0.2 3.0 0.7\npair_coeff 2 2 0.1 2.8 0.7 "
+        "6.5\npair_coeff 3 3 0.1 3.1 0.7 6.5 6.0\n"
         "pair_modify shift yes",
     ),
     "lj/class2/coul/cut/soft": (
         "real",
-        "pair_style lj/class2/coul/cut/soft 2.0 0.5 10.0 7.0 7.9\npair_coeff 1 1 0.2 3.0 0.7\npair_coeff 2 2 0.1 2.8 0.7 6.5\npair_coeff 3 3 0.1 3.1 0.7",
+        "pair_style lj/class2/coul/cut/soft 2.0 0.5 10.0 7.0 7.9\npair_coeff 1 1 0.2 3.0 0.7\npair_coeff 2 2 0.1 2.8 "
+        "0.7 6.5\npair_coeff 3 3 0.1 3.1 0.7",
     ),
 }
 
@@ -281,16 +327,23 @@ def test_weights_of_bonded_neighbours(style):
 
 @pytest.mark.parametrize("weights", ["coul 0.2 0.4 1.0", "coul 0.0 0.5 1.0 lj 0.1 0.1 0.1"])
 def test_excluded_pairs_of_a_full_sum(weights):
-    # LAMMPS does not look at this style's cutoff, only at its neighbour list: the outer ones of the chain, which lie between, are not weighted here.
-    lines = "dielectric 2.0\npair_style hybrid/overlay lj/cut 6.5 coul/exclude 7.9\npair_coeff * * lj/cut 0.2 3.0\npair_coeff * * coul/exclude"
+    # LAMMPS does not look at this style's cutoff, only at its neighbour list: the outer ones of the chain, which lie
+    # between, are not weighted here.
+    lines = (
+        "dielectric 2.0\npair_style hybrid/overlay lj/cut 6.5 coul/exclude 7.9\npair_coeff * * lj/cut 0.2 "
+        "3.0\npair_coeff * * coul/exclude"
+    )
     pot = atc.potential(f"special_bonds {weights}\n{lines}", units="real")
     agree(lines + BONDS, molecule("real"), pot, before=[f"special_bonds {weights}"])
 
 
 OVERLAY = (
-    "pair_style hybrid/overlay lj/charmm/coul/charmm 5.0 7.0 gauss/cut 6.0 lj/class2/coul/cut 5.0 6.0 born/coul/dsf 0.2 6.0\n"
-    "pair_coeff 1 1 lj/charmm/coul/charmm 0.2 3.0\npair_coeff 2 2 lj/charmm/coul/charmm 0.1 2.8\npair_coeff 1 2 gauss/cut 0.3 3.4 0.4\n"
-    "pair_coeff 1 2 lj/charmm/coul/charmm 0.1 3.0\npair_coeff 3 3 lj/class2/coul/cut 0.1 3.0\npair_coeff 1 3 lj/class2/coul/cut 0.1 3.0\n"
+    "pair_style hybrid/overlay lj/charmm/coul/charmm 5.0 7.0 gauss/cut 6.0 lj/class2/coul/cut 5.0 6.0 born/coul/dsf "
+    "0.2 6.0\n"
+    "pair_coeff 1 1 lj/charmm/coul/charmm 0.2 3.0\npair_coeff 2 2 lj/charmm/coul/charmm 0.1 2.8\npair_coeff 1 2 "
+    "gauss/cut 0.3 3.4 0.4\n"
+    "pair_coeff 1 2 lj/charmm/coul/charmm 0.1 3.0\npair_coeff 3 3 lj/class2/coul/cut 0.1 3.0\npair_coeff 1 3 "
+    "lj/class2/coul/cut 0.1 3.0\n"
     "pair_coeff 2 3 born/coul/dsf 0.2 0.32 2.3 20.0 30.0\npair_modify pair gauss/cut shift yes"
 )
 
@@ -331,12 +384,14 @@ DPD = {
         "",
     ),
     "dpd/tstat": (
-        "pair_style hybrid/overlay lj/cut 2.5 dpd/tstat 0.0 0.0 1.9 348\npair_coeff * * lj/cut 1.0 1.0\npair_coeff * * dpd/tstat 4.5\n"
+        "pair_style hybrid/overlay lj/cut 2.5 dpd/tstat 0.0 0.0 1.9 348\npair_coeff * * lj/cut 1.0 1.0\npair_coeff * "
+        "* dpd/tstat 4.5\n"
         "pair_coeff 1 2 dpd/tstat 4.5 1.5",
         "hybrid",
     ),
     "dpd/ext/tstat": (
-        "pair_style hybrid/overlay lj/cut 2.5 dpd/ext/tstat 0.0 0.0 1.9 348\npair_coeff * * lj/cut 1.0 1.0\npair_coeff * * dpd/ext/tstat 4.5 4.5 0.5 0.5",
+        "pair_style hybrid/overlay lj/cut 2.5 dpd/ext/tstat 0.0 0.0 1.9 348\npair_coeff * * lj/cut 1.0 "
+        "1.0\npair_coeff * * dpd/ext/tstat 4.5 4.5 0.5 0.5",
         "hybrid",
     ),
 }
@@ -407,7 +462,8 @@ def test_why_not(style, why):
 
 
 SCALED = (
-    "pair_style hybrid/scaled 0.7 lj/cut/coul/cut 7.0 -0.4 morse 6.5 1.0 coul/wolf 0.2 6.0 0.5 coul/wolf 0.3 6.0\npair_coeff * * lj/cut/coul/cut 0.2 3.0\n"
+    "pair_style hybrid/scaled 0.7 lj/cut/coul/cut 7.0 -0.4 morse 6.5 1.0 coul/wolf 0.2 6.0 0.5 coul/wolf 0.3 "
+    "6.0\npair_coeff * * lj/cut/coul/cut 0.2 3.0\n"
     "pair_coeff 1 2* morse 2.0 1.4 3.1\npair_coeff * * coul/wolf 1\npair_coeff * * coul/wolf 2"
 )
 
@@ -425,10 +481,13 @@ def test_scaled():
 
 
 LEPTON = {
-    "lepton": 'pair_style lepton 7.9\npair_coeff * * "4.0*eps*((sig/r)^12 - (sig/r)^6);eps=0.2; sig=3.0"\npair_coeff 1 2 "k*(r-r0)^2*step(r0-r); k=20; r0=2*a; a=1.7" 6.5\n'
+    "lepton": 'pair_style lepton 7.9\npair_coeff * * "4.0*eps*((sig/r)^12 - (sig/r)^6);eps=0.2; sig=3.0"\npair_coeff '
+    '1 2 "k*(r-r0)^2*step(r0-r); k=20; r0=2*a; a=1.7" 6.5\n'
     'pair_coeff 3 3 "(1.0-switch)*zbl(6,7,r)-switch*4.0*eps*((sig/r)^6);switch=0.5*(tanh(1.5*(r-sig))+1.0);eps=0.05;sig=3.207" 7.0\npair_modify shift yes',
-    "lepton/coul": 'dielectric 1.7\npair_style lepton/coul 7.9\npair_coeff * * "qi*qj/r*erfc(alpha*r); alpha=0.3"\npair_coeff 1 2 "lj+coul; lj=0.8*((3/r)^12-(3/r)^6); coul=0.9*qi*qj/r" 6.5',
-    "functions": "pair_style lepton 7.9\npair_coeff * * sqrt(r)+exp(-r)*log(r)+sin(r)*cos(r/3)+0.1*tan(r/9)+atan(r)+sinh(r/5)-cosh(r/6)+erf(r/3)+square(r/4)-cube(r/9)+recip(r)"
+    "lepton/coul": 'dielectric 1.7\npair_style lepton/coul 7.9\npair_coeff * * "qi*qj/r*erfc(alpha*r); '
+    'alpha=0.3"\npair_coeff 1 2 "lj+coul; lj=0.8*((3/r)^12-(3/r)^6); coul=0.9*qi*qj/r" 6.5',
+    "functions": "pair_style lepton 7.9\npair_coeff * * "
+    "sqrt(r)+exp(-r)*log(r)+sin(r)*cos(r/3)+0.1*tan(r/9)+atan(r)+sinh(r/5)-cosh(r/6)+erf(r/3)+square(r/4)-cube(r/9)+recip(r)"
     "\npair_coeff 1 2 asin(r/9)-acos(r/10)+sec(r/7)+0.1*csc(r/3)-0.2*cot(r/4)+atan2(r,3)+min(r,4)*max(r,5)+abs(4-r)+floor(r)*r+ceil(r)+select(step(r-5),r^2,2^-r)"
     "\npair_coeff 2 2 -r^2^0.5+r/2/3-(1-r)^3+delta(r)",
 }
@@ -465,13 +524,19 @@ def test_formulas_that_are_none(line, says):
         atc.potential(f'pair_style lepton 5\npair_coeff * * "{line}"', units="real")
 
 
-PAIRS = "# numbers\n1 9 lj126 0.2 3.0\n3 30 morse 1.0 1.2 3.0 # stiff\n\n4 5 harmonic 5.0 1.2 6.0\n5 4 harmonic 4.0 3.0\n7 60 quartic 0.1 3.0 0.3 0.4 30.0\n2 3 lj126 1 3 0.5\n"
+PAIRS = (
+    "# numbers\n1 9 lj126 0.2 3.0\n3 30 morse 1.0 1.2 3.0 # stiff\n\n4 5 harmonic 5.0 1.2 6.0\n5 4 harmonic 4.0 "
+    "3.0\n7 60 quartic 0.1 3.0 0.3 0.4 30.0\n2 3 lj126 1 3 0.5\n"
+)
 
 
 def test_listed_pairs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "pairs.txt").write_text(PAIRS)
-    lines = "pair_style hybrid/overlay lj/cut 7.0 list pairs.txt 9.0 nocheck\npair_coeff * * lj/cut 0.2 3.0\npair_coeff * * list"
+    lines = (
+        "pair_style hybrid/overlay lj/cut 7.0 list pairs.txt 9.0 nocheck\npair_coeff * * lj/cut 0.2 3.0\npair_coeff * "
+        "* list"
+    )
     c = config("orthogonal", "real")
     c.cell = np.diag([40.0, 40, 40])  # LAMMPS finds listed atoms among its ghosts only
     agree(lines, c)

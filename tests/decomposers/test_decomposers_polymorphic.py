@@ -8,9 +8,13 @@ from many_body_systems import DIAMOND, FCC, POTENTIALS, TILTS, crystal, lines_of
 import atc
 
 CASES = [
-    ("GaN_sw.poly", "Ga N", 4.5, DIAMOND), ("GaN_tersoff.poly", "N Ga", 4.4, DIAMOND), ("CuTa_eam.poly", "Cu Ta", 3.8, FCC), ("FeCH_BOP_I.poly", "Fe C H", 3.6, DIAMOND),
-    ("FeCH_BOP_II.poly", "H C Fe", 4.2, DIAMOND), ("TlBr_msw.poly", "Tl Br", 5.5, DIAMOND),
-]  # fmt: skip
+    ("GaN_sw.poly", "Ga N", 4.5, DIAMOND),
+    ("GaN_tersoff.poly", "N Ga", 4.4, DIAMOND),
+    ("CuTa_eam.poly", "Cu Ta", 3.8, FCC),
+    ("FeCH_BOP_I.poly", "Fe C H", 3.6, DIAMOND),
+    ("FeCH_BOP_II.poly", "H C Fe", 4.2, DIAMOND),
+    ("TlBr_msw.poly", "Tl Br", 5.5, DIAMOND),
+]
 
 
 @pytest.mark.parametrize("tilt", TILTS)
@@ -55,7 +59,8 @@ def test_coarse_tables_of_every_kind(tmp_path, eta, xmax):
 def test_sources(file, elements, a, basis, partition):
     config = crystal(a, n=(1, 1, 1), kinds=2, basis=basis, jitter=0.15)
     pot = potential(lines_of("polymorphic", file, elements), config, partition=partition)
-    # The interpolation jumps halfway between points, by third differences of tables of 2000: central differences over 2e-5 Å see what falls into it.
+    # The interpolation jumps halfway between points, by third differences of tables of 2000: central differences over
+    # 2e-5 Å see what falls into it.
     sources_are_derivatives(pot, config.frame(), atoms=range(0, len(config.positions), 3), tolerance=1e-4)
 
 
@@ -74,10 +79,14 @@ def test_damaged_and_refused(tmp_path):
     made_up(path, 0, 5.0)
     text = path.read_text()
     for old, new, message in (
-        ("2 0\n", "x 0\n", "number of elements and eta"), ("60 40 50 5.0", "60 4 50 5.0", "at least 5"), ("3.4 1.0", "-3.4 1.0", "cutoff must be positive"),
-        ("60 40 50 5.0", "60 40 900 5.0", "cut off"), ("1 10.0 Aa", "1 10.0", "an atomic number, a mass and a name"), ("# made up", "# UNITS: real", "does not convert"),
+        ("2 0\n", "x 0\n", "number of elements and eta"),
+        ("60 40 50 5.0", "60 4 50 5.0", "at least 5"),
+        ("3.4 1.0", "-3.4 1.0", "cutoff must be positive"),
+        ("60 40 50 5.0", "60 40 900 5.0", "cut off"),
+        ("1 10.0 Aa", "1 10.0", "an atomic number, a mass and a name"),
+        ("# made up", "# UNITS: real", "does not convert"),
         (text.split()[-1], "nan", "not a finite number"),
-    ):  # fmt: skip
+    ):
         assert old in text
         path.write_text(text.replace(old, new, 1))
         with pytest.raises(atc.AtcError, match=message) as e:

@@ -91,8 +91,14 @@ def test_refused_splines(style, file, elements, message):
     assert "\n" not in str(e.value)
 
 
-DAMAGE = [("-20 0", "-20 x", "slopes at the ends of phi"), ("2.05580176725", "1.0", "knots of phi must go up"), ("meam/spline 2 Ti O", "meam/spline 3 Ti O", "number of elements"),
-          ("\n13\n", "\n1\n", "two knots or more"), ("spline3eq\n8\n0 0", "spline3eq\n9\n0 0", "cut off"), ("UNITS: metal", "UNITS: real", "LAMMPS does not convert")]  # fmt: skip
+DAMAGE = [
+    ("-20 0", "-20 x", "slopes at the ends of phi"),
+    ("2.05580176725", "1.0", "knots of phi must go up"),
+    ("meam/spline 2 Ti O", "meam/spline 3 Ti O", "number of elements"),
+    ("\n13\n", "\n1\n", "two knots or more"),
+    ("spline3eq\n8\n0 0", "spline3eq\n9\n0 0", "cut off"),
+    ("UNITS: metal", "UNITS: real", "LAMMPS does not convert"),
+]
 
 
 @pytest.mark.parametrize("old,new,message", DAMAGE)
@@ -106,7 +112,8 @@ def test_damaged_splines(tmp_path, old, new, message):
     assert str(path) in str(e.value) and "\n" not in str(e.value)
 
 
-# Embedded ions ----------------------------------------------------------------------------------------------------------------------------
+# Embedded ions
+# ----------------------------------------------------------------------------------------------------------------------
 
 ROCK_SALT = np.concatenate([FCC, FCC + np.array([0.5, 0, 0])])
 FIELD = POTENTIALS / "ffield.eim"
@@ -166,8 +173,12 @@ def test_refused_eim(lines, message):
 
 def test_damaged_eim(tmp_path):
     text = FIELD.read_text()
-    for old, new, message in (("global:", "golbal:", "expected global:, element: or pair:"), ("9.3000e-01", "x", "expected 7 numbers"),
-                              ("pair:  Na  Cl", "pair:  Na  Xx", "no pair: line for Na and Cl"), ("UNITS: metal", "UNITS: real", "LAMMPS does not convert EIM")):  # fmt: skip
+    for old, new, message in (
+        ("global:", "golbal:", "expected global:, element: or pair:"),
+        ("9.3000e-01", "x", "expected 7 numbers"),
+        ("pair:  Na  Cl", "pair:  Na  Xx", "no pair: line for Na and Cl"),
+        ("UNITS: metal", "UNITS: real", "LAMMPS does not convert EIM"),
+    ):
         path = tmp_path / "ffield.eim"
         assert old in text
         path.write_text(text.replace(old, new, 1))

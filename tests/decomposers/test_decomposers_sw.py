@@ -40,7 +40,8 @@ SI_NUMBERS = {
 
 
 def alloy(tol=0.0, gamma_odd=0.8, q=0.5):
-    """A made-up file of two elements in which every entry differs as much as LAMMPS allows: γ of an arm depends on which end is the centre."""
+    """A made-up file of two elements in which every entry differs as much as LAMMPS allows: γ of an arm depends on
+    which end is the centre."""
     two = {
         "XX": (2.17, 2.0951, 1.80, 7.05, 0.602, 4.0, 0.0),
         "YY": (1.93, 2.181, 1.75, 7.2, 0.61, 4.0, 0.0),
@@ -85,7 +86,8 @@ def strained(x, cell, xy=0.11, xz=-0.07, yz=0.13, shrink=0.98):
 
 
 def agrees(config, lines, *, folder=None, threads=1, rtol=1e-10):
-    """Energy, per-atom energies, forces and virial of atc equal LAMMPS's. 1e-10 is the project's promise; rounding is ~1e-14."""
+    """Energy, per-atom energies, forces and virial of atc equal LAMMPS's. 1e-10 is the project's promise; rounding is
+    ~1e-14."""
     res = run_lammps(lines.replace("@", f"{folder}/") if folder else lines, config)
     frame = config.frame()
     d = atc.potential(lines.replace("@", ""), config.units, folder=folder).decompose(frame, threads=threads)
@@ -158,7 +160,8 @@ def test_water_in_other_units(write, unit_style, scale):
 @pytest.mark.parametrize("counts, tilted", [((2, 2, 2), False), ((2, 2, 3), True), ((1, 1, 1), False)])
 @pytest.mark.parametrize("tol", [0.0, 1e-3, 0.5])
 def test_two_elements_equal_lammps(write, counts, tilted, tol):
-    """Different σ, λ, cos θ0 and exponents for every pair and triplet; `tol` shortens the reach (0.5 is taken as 0.01)."""
+    """Different σ, λ, cos θ0 and exponents for every pair and triplet; `tol` shortens the reach (0.5 is taken as
+    0.01)."""
     x, cell = diamond(counts, 0.25, seed=4)
     if tilted:
         x, cell = strained(x, cell)
@@ -184,7 +187,8 @@ def test_lammps_own_files():
         agrees(
             Config(cell, x, types, ntypes=2), f"pair_style sw\npair_coeff * * @{name} {elements}\n", folder=potentials
         )
-    # Entries of this one are products rounded to seven digits, that differ by 1e-7 between i j k and i k j: LAMMPS takes one or the other.
+    # Entries of this one are products rounded to seven digits, that differ by 1e-7 between i j k and i k j: LAMMPS
+    # takes one or the other.
     name = "CdTeZnSeHgS0.sw"
     if (potentials / name).is_file():
         x, cell = diamond((2, 2, 2), 0.2, a=6.4)
@@ -221,7 +225,8 @@ def test_two_threads_and_streaming_give_the_same(write):
 
 
 def naive(x, cell, e: SWEntry):
-    """The formula of the docstring, triplet by triplet: energy, per-atom energies, and every contribution G of every distance."""
+    """The formula of the docstring, triplet by triplet: energy, per-atom energies, and every contribution G of every
+    distance."""
     i, j, r, _ = neighbor_list(x, cell, e.a * e.sigma, half=False)
     d = np.linalg.norm(r, axis=1)
     cut = e.a * e.sigma
@@ -268,14 +273,16 @@ def naive(x, cell, e: SWEntry):
 
 
 def field(bonds: Bonds, x):
-    """A number that knows where every bond lies, not only its sums: Σ G |r|² of bonds, by a smooth function of their midpoint and direction."""
+    """A number that knows where every bond lies, not only its sums: Σ G |r|² of bonds, by a smooth function of their
+    midpoint and direction."""
     mid = x[bonds.i] - 0.5 * bonds.r_bc
     odd = np.sin(mid @ np.array([1.1, 0.7, -0.4])) * np.cos(mid @ np.array([-0.3, 0.9, 0.5]))
     return np.einsum("b,bi,bj,b->ij", bonds.G_b, bonds.r_bc, bonds.r_bc, odd)
 
 
 def test_bonds_equal_the_sum_over_triplets():
-    """Not only forces and virial: each distance carries the right G, from both ends and from every triplet (central-force decomposition)."""
+    """Not only forces and virial: each distance carries the right G, from both ends and from every triplet
+    (central-force decomposition)."""
     rng = np.random.default_rng(2)
     # Open: positions of bonds are then unique, whichever way an outer bond runs.
     x, cell = diamond((2, 1, 1), 0.25)
@@ -339,7 +346,10 @@ def test_hybrid_with_pairs(write, style):
         "pair_coeff 3 3 lj/cut 0.01 2.2\npair_coeff 1 3 lj/cut 0.02 2.1 4.5\npair_coeff 2 3 lj/cut 0.02 2.0\n"
     )
     agrees(Config(cell, x, types, ntypes=3), lines, folder=path.parent)
-    two = f"pair_style {style} sw sw\npair_coeff * * sw 1 @file.sw X NULL\npair_coeff * * sw 2 @file.sw NULL Y\npair_coeff 1 2 none\n"
+    two = (
+        f"pair_style {style} sw sw\npair_coeff * * sw 1 @file.sw X NULL\npair_coeff * * sw 2 @file.sw NULL "
+        "Y\npair_coeff 1 2 none\n"
+    )
     agrees(Config(cell, x, np.minimum(types, 2), ntypes=2), two, folder=path.parent)
 
 

@@ -58,7 +58,8 @@ def test_tersoff_agrees_with_lammps(name, tilt):
 
 
 def test_tersoff_perfect_crystal_published_numbers():
-    """Si(B) as in Si.tersoff: cohesive energy of diamond 4.63 eV at a = 5.432 Å (Tersoff, Phys. Rev. B 38, 9902), no forces."""
+    """Si(B) as in Si.tersoff: cohesive energy of diamond 4.63 eV at a = 5.432 Å (Tersoff, Phys. Rev. B 38, 9902), no
+    forces."""
     config = diamond(5.432, n=(2, 2, 2), jitter=0.0)
     d = atc.potential(Tersoff.from_file(POTENTIALS / "Si.tersoff", ["Si"])).decompose(config.frame(), sources=True)
     assert d.energy / 64 == pytest.approx(-4.63, abs=0.01)
@@ -128,7 +129,8 @@ def test_tersoff_limits_of_the_bond_order():
             b, slope = bond_order(TERSOFF, t / beta, two)
             f = lambda z: (1 + (mp.mpf(float(beta)) * z) ** mp.mpf(float(n))) ** (-1 / (2 * mp.mpf(float(n))))  # noqa: B023, E731
             assert b == pytest.approx(float(f(mp.mpf(t / beta))), rel=1e-13)
-            # LAMMPS's limits leave out terms of 1e-8 of the slope, and below 2n·1e-16 the slope itself, which is then t^n/t of nothing.
+            # LAMMPS's limits leave out terms of 1e-8 of the slope, and below 2n·1e-16 the slope itself, which is then
+            # t^n/t of nothing.
             want = float(mp.diff(f, mp.mpf(t / beta)))
             assert slope == pytest.approx(want, rel=3e-8) or (slope == 0 and abs(want) * t / beta < 1e-15)
 
@@ -208,12 +210,14 @@ def test_tersoff_damaged_files(tmp_path, edit, message):
 
 
 def test_entries_that_differ_by_rounding():
-    """SiC_1994 has D of a pair to five digits in one entry and to six in the other: LAMMPS's energy depends on the numbering of the atoms."""
+    """SiC_1994 has D of a pair to five digits in one entry and to six in the other: LAMMPS's energy depends on the
+    numbering of the atoms."""
     path = potentials_of_lammps() / "SiC_1994.tersoff"
     lines = f"pair_style tersoff\npair_coeff * * {path} Si C"
     with pytest.warns(
         atc.errors.AtcWarning,
-        match=r"SiC_1994.tersoff:28 and .*:24: the repulsion of .* differ by 5.9e-05: the mean of both .* up to \S+e-0\d eV",
+        match=r"SiC_1994.tersoff:28 and .*:24: the repulsion of .* differ by 5.9e-05: the mean of both .* up to "
+        r"\S+e-0\d eV",
     ) as said:
         pot = atc.potential(lines, units="metal")
     most = float(re.search(r"up to (\S+) eV", str(said[0].message)).group(1))
@@ -256,7 +260,8 @@ def test_refused(lines, message):
     assert "\n" not in str(e.value)
 
 
-# Axilrod-Teller-Muto --------------------------------------------------------------------------------------------------------------------
+# Axilrod-Teller-Muto
+# --------------------------------------------------------------------------------------------------------------------
 
 ATM_CELLS = {
     "open": (np.diag([16.0, 16.0, 16.0]), (False,) * 3),
@@ -306,7 +311,8 @@ def test_atm_sources(cell):
 
 
 def test_atm_crystal_whose_distances_are_the_cutoff():
-    """A cubic lattice with neighbours exactly at the cutoff: all count, and every atom has the same energy and no force."""
+    """A cubic lattice with neighbours exactly at the cutoff: all count, and every atom has the same energy and no
+    force."""
     x = np.stack(np.meshgrid(*[np.arange(3.0)] * 3, indexing="ij"), -1).reshape(-1, 3) * 3.7 + 0.1
     frame = Frame(x, Cell(np.eye(3) * 3 * 3.7), units("metal"))
     d = atc.potential(AxilrodTeller(700.0, 2 * 3.7, 8.0)).decompose(frame)

@@ -45,7 +45,8 @@ def test_real_units(style, file, elements, a):
 
 
 def test_triplets_with_different_arms(tmp_path):
-    """Cutoffs, screening lengths and strengths that differ by which end is the centre; angles of one neighbour's element too."""
+    """Cutoffs, screening lengths and strengths that differ by which end is the centre; angles of one neighbour's
+    element too."""
     path = tmp_path / "AB.nb3b.screened"
     rows = ["A A A 3.0 100 1.5 3.1", "A B B 4.0 90 1.2 3.4", "A A B 2.0 120 9 9", "A B A 2.0 120 9 9"]
     rows += ["B B B 1.0 170 0.9 2.9", "B A A 5.0 80 2.0 2.6", "B A B 6.0 10 9 9", "B B A 6.0 10 9 9"]
@@ -79,7 +80,8 @@ def test_sources(style, file, elements, a, partition):
 
 
 def test_forces_of_sw_mod_in_its_switch():
-    """LAMMPS's forces there are not the derivative of its energy: said in the notes, and the sources still add up to the forces."""
+    """LAMMPS's forces there are not the derivative of its energy: said in the notes, and the sources still add up to
+    the forces."""
     config = crystal(5.0, kinds=2)
     d = potential(lines_of("sw/mod", "tmd.sw.mod", "Mo S"), config).decompose(config.frame(), sources=True)
     assert any("not the derivative of its energy" in note and count > 0 for note, count in d.notes.items())

@@ -1,4 +1,5 @@
-"""LAMMPS input scripts: what atc reads from a script is what LAMMPS runs from it; what it cannot know is a one-line error with file and line."""
+"""LAMMPS input scripts: what atc reads from a script is what LAMMPS runs from it; what it cannot know is a one-line
+error with file and line."""
 
 import numpy as np
 import pytest
@@ -183,12 +184,16 @@ def test_coefficients_from_the_data_file(tmp_path, monkeypatch):
     c = Config([5.5] * 3, x, t, units="lj", bonds=bonds, bond_types=1 + np.arange(len(bonds)) % 2, ntypes=3)
     c.write_data(tmp_path / "conf.data")
     text = (tmp_path / "conf.data").read_text()
-    sections = "\nAtom Type Labels\n\n1 A\n2 B\n3 C\n\nPair Coeffs # lj/cut\n\n1 1.0 1.0\n2 0.7 1.1\n3 0.9 0.9 2.2\n\nBond Coeffs\n\n1 30.0 1.1 # comment\n2 20.0 1.2\n"
+    sections = (
+        "\nAtom Type Labels\n\n1 A\n2 B\n3 C\n\nPair Coeffs # lj/cut\n\n1 1.0 1.0\n2 0.7 1.1\n3 0.9 0.9 2.2\n\nBond "
+        "Coeffs\n\n1 30.0 1.1 # comment\n2 20.0 1.2\n"
+    )
     head, body = text.split("Masses")
     (tmp_path / "conf.data").write_text(head + sections.lstrip("\n") + "\nMasses" + body)
     monkeypatch.chdir(tmp_path)
     script = (
-        "units lj\natom_style bond\npair_style lj/cut 2.5\nbond_style harmonic\nspecial_bonds fene\nread_data conf.data\n"
+        "units lj\natom_style bond\npair_style lj/cut 2.5\nbond_style harmonic\nspecial_bonds fene\nread_data "
+        "conf.data\n"
         "pair_coeff A C 0.5 1.0\nbond_coeff 2 25.0 1.2\n"
     )
     (tmp_path / "in.script").write_text(script)
@@ -219,7 +224,10 @@ def test_labels():
         [9.0] * 3,
         *thermal_lattice(np.diag([9.0] * 3), (3, 3, 3), kinds=2),
     )
-    lines = "labelmap atom 1 Ar 2 Kr\npair_style lj/cut 4.0\npair_coeff Ar Ar 0.01 3.0\npair_coeff Kr Kr 0.02 3.1\npair_coeff Kr Ar 0.03 3.0"
+    lines = (
+        "labelmap atom 1 Ar 2 Kr\npair_style lj/cut 4.0\npair_coeff Ar Ar 0.01 3.0\npair_coeff Kr Kr 0.02 "
+        "3.1\npair_coeff Kr Ar 0.03 3.0"
+    )
     r = run_lammps(lines, c)
     assert atc.potential(lines, units="metal").decompose(c.frame()).energy == pytest.approx(r.energy, rel=1e-12)
 
@@ -227,7 +235,10 @@ def test_labels():
 def test_reversed_types_and_same_line_twice():
     """LAMMPS turns `pair_coeff 2 1` around; later lines override."""
     c = Config([9.0] * 3, *thermal_lattice(np.diag([9.0] * 3), (3, 3, 3), kinds=2))
-    lines = "pair_style lj/cut 4.0\npair_coeff * * 0.01 3.0\npair_coeff 2 1 0.03 3.0\npair_coeff *2 2* 0.02 2.9\npair_coeff 1 1 0.02 2.9 3.8"
+    lines = (
+        "pair_style lj/cut 4.0\npair_coeff * * 0.01 3.0\npair_coeff 2 1 0.03 3.0\npair_coeff *2 2* 0.02 "
+        "2.9\npair_coeff 1 1 0.02 2.9 3.8"
+    )
     r = run_lammps(lines, c)
     assert atc.potential(lines, units="metal").decompose(c.frame()).energy == pytest.approx(r.energy, rel=1e-12)
 
@@ -237,7 +248,8 @@ def test_pair_modify_holds_for_the_same_style_said_again():
     for lines in (
         "pair_style lj/cut 3.0\npair_modify shift yes\npair_style lj/cut 4.0\npair_coeff * * 0.02 2.9",
         "pair_style lj/cut 3.0\npair_modify shift yes\npair_style morse 4.0\npair_coeff * * 0.02 1.0 2.9",
-        "pair_style lj/cut 3.0\npair_modify shift yes\npair_style morse 4.0\npair_style lj/cut 4.0\npair_coeff * * 0.02 2.9",
+        "pair_style lj/cut 3.0\npair_modify shift yes\npair_style morse 4.0\npair_style lj/cut 4.0\npair_coeff * * "
+        "0.02 2.9",
     ):
         r = run_lammps(lines, c)
         assert atc.potential(lines, units="metal").decompose(c.frame()).energy == pytest.approx(r.energy, rel=1e-12), (
@@ -335,7 +347,8 @@ BAD = {
         "line 4.*pair_coeff.*condition.*'temp'",
     ),
     "unknown jump": (
-        'units lj\nvariable t equal temp\nif "${t} > 2" then "jump SELF a"\npair_style lj/cut 2\npair_coeff 1 1 1 1\nlabel a',
+        'units lj\nvariable t equal temp\nif "${t} > 2" then "jump SELF a"\npair_style lj/cut 2\npair_coeff 1 1 1 '
+        "1\nlabel a",
         "line 3.*skips 'pair_style' .*line 4",
     ),
     "no label": (f"units lj\n{LJ}jump SELF a", "line 4.*label a"),

@@ -18,9 +18,22 @@ from atc.decomposers.lammps.variables import Unknown
 from atc.errors import AtcError, AtcWarning
 
 CONDITIONS = [
-    "1 < 2", "2 <= 1", "1.5e1 == 15", "-3 < -2", "!0", "!(1 > 2)", "1 && 0 || 1", "0 |^ 1", "abc == abc", "abc != abd", "lj/cut == lj/cut",
-    "(1 > 2) || (3 == 3)", "1 == 1 && 2 > 3", ".5 > 0", "1 > 2 == 0",
-]  # fmt: skip
+    "1 < 2",
+    "2 <= 1",
+    "1.5e1 == 15",
+    "-3 < -2",
+    "!0",
+    "!(1 > 2)",
+    "1 && 0 || 1",
+    "0 |^ 1",
+    "abc == abc",
+    "abc != abd",
+    "lj/cut == lj/cut",
+    "(1 > 2) || (3 == 3)",
+    "1 == 1 && 2 > 3",
+    ".5 > 0",
+    "1 > 2 == 0",
+]
 
 
 def test_conditions_are_lammpss():
@@ -40,32 +53,39 @@ def test_conditions_that_lammps_does_not_know(c):
 
 #: What is printed is what LAMMPS prints.
 SCRIPTS = {
-    "loop": "variable i loop 2 4\nlabel a\nvariable out string ${out}_$i\nnext i\njump SELF a\nvariable out string ${out}!",
+    "loop": "variable i loop 2 4\nlabel a\nvariable out string ${out}_$i\nnext i\njump SELF a\nvariable out string "
+    "${out}!",
     "padded": "variable i loop 8 11 pad\nlabel a\nvariable out string ${out}_$i\nnext i\njump SELF a",
     "own name": "variable i index x y z\nlabel a\nvariable out string ${out}_$i\nnext i\njump in.run a",
     "double loop": (
-        "label a\nvariable i loop 3\nlabel b\nvariable j loop 3\nvariable out string ${out}_$i$j\nif '$j >= $i' then 'jump SELF c'\nnext j\njump SELF b\nlabel c\n"
+        "label a\nvariable i loop 3\nlabel b\nvariable j loop 3\nvariable out string ${out}_$i$j\nif '$j >= $i' then "
+        "'jump SELF c'\nnext j\njump SELF b\nlabel c\n"
         "variable j delete\nnext i\njump in.run a\nvariable out string ${out}_end"
     ),
-    "else": "variable k equal 3\nif '${k} < 2' then 'variable out string a' elif '${k} == 3' 'variable out string b' 'variable out string ${out}c' else 'variable out string d'",
-    "continued": "variable k equal 1+ &\n  2 # a comment\nif \"${k} == 3\" then &\n   'variable out string ${k}' &\nelse &\n   'variable out string no'",
-    "include": "include more.in\nvariable out string ${out}_${there}\ninclude more.in\nvariable out string ${out}_${there}",
+    "else": "variable k equal 3\nif '${k} < 2' then 'variable out string a' elif '${k} == 3' 'variable out string b' "
+    "'variable out string ${out}c' else 'variable out string d'",
+    "continued": "variable k equal 1+ &\n  2 # a comment\nif \"${k} == 3\" then &\n   'variable out string ${k}' "
+    "&\nelse &\n   'variable out string no'",
+    "include": "include more.in\nvariable out string ${out}_${there}\ninclude more.in\nvariable out string "
+    "${out}_${there}",
     "jump to another file": "jump more.in there\nvariable out string no",
     "formats": "variable x equal 1/3\nvariable y format x %8.3f\nvariable out string ${y}|$(v_x*3:%.2f)|$(1e10)",
-    "quotes": "variable out string \"a # b\"",
+    "quotes": 'variable out string "a # b"',
     "triple": 'variable out string """a "b" c"""',
     "file": "variable v file values.txt\nlabel a\nvariable out string '${out}_$v'\nnext v\njump SELF a",
-    "first definition": "variable v index 1\nvariable v index 2\nvariable w string 1\nvariable w string 2\nvariable out string $v$w",
+    "first definition": "variable v index 1\nvariable v index 2\nvariable w string 1\nvariable w string 2\nvariable "
+    "out string $v$w",
     "commented out": "# variable out string x &\nvariable out string y\n",
     "names": "variable n index 2\nvariable out string $n${n}$(v_n)",
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", SCRIPTS)
 def test_control_is_lammpss(case, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "more.in").write_text(
-        "variable there index 1 2 3\nnext there\nvariable out string ${out}+\nlabel there\nvariable out string ${out}jumped\n"
+        "variable there index 1 2 3\nnext there\nvariable out string ${out}+\nlabel there\nvariable out string "
+        "${out}jumped\n"
     )
     (tmp_path / "values.txt").write_text("# values\n1.5 x\n\n2.5 # y\nlast\n")
     text = "variable out string ''\n" + SCRIPTS[case] + "\n"
@@ -79,13 +99,17 @@ def test_control_is_lammpss(case, tmp_path, monkeypatch):
     assert mine.variables.text("out") == expected
 
 
-LJ = "units lj\natom_style atomic\nlattice fcc 0.8442\nregion b block 0 3 0 3 0 3\ncreate_box 2 b\ncreate_atoms 1 box\nmass * 1\ndisplace_atoms all random 0.1 0.1 0.1 4\n"
+LJ = (
+    "units lj\natom_style atomic\nlattice fcc 0.8442\nregion b block 0 3 0 3 0 3\ncreate_box 2 b\ncreate_atoms 1 "
+    "box\nmass * 1\ndisplace_atoms all random 0.1 0.1 0.1 4\n"
+)
 
 
 def test_a_model_in_loops_and_conditions(tmp_path):
     text = LJ + (
         "variable style index lj/cut\npair_style ${style} 2.5\nlabel a\nvariable i loop 2\nlabel b\nvariable j loop 2\n"
-        "if '$i <= $j' then 'pair_coeff $i $j $(v_i+v_j*0.5) 1.0'\nnext j\njump SELF b\nnext i\njump SELF a\nset atom 1*30 type 2\n"
+        "if '$i <= $j' then 'pair_coeff $i $j $(v_i+v_j*0.5) 1.0'\nnext j\njump SELF b\nnext i\njump SELF a\nset atom "
+        "1*30 type 2\n"
     )
     ran = run_script(tmp_path, text)
     pot = atc.potential(tmp_path / "in.run")
@@ -95,8 +119,10 @@ def test_a_model_in_loops_and_conditions(tmp_path):
 
 
 RUNS = LJ + (
-    "pair_style soft 1.0\npair_coeff * * 5.0\ndump 1 all custom 10 soft.dump id type x y z\nminimize 1e-4 1e-4 5 5\nundump 1\n"
-    "pair_style lj/cut 2.5\npair_coeff * * 1 1\ndump 2 all custom 10 lj.*.dump id type x y z\nrun 0\nfix 1 all wall/reflect zhi EDGE\nrun 0\n"
+    "pair_style soft 1.0\npair_coeff * * 5.0\ndump 1 all custom 10 soft.dump id type x y z\nminimize 1e-4 1e-4 5 "
+    "5\nundump 1\n"
+    "pair_style lj/cut 2.5\npair_coeff * * 1 1\ndump 2 all custom 10 lj.*.dump id type x y z\nrun 0\nfix 1 all "
+    "wall/reflect zhi EDGE\nrun 0\n"
 )
 
 
@@ -179,7 +205,11 @@ HOSTILE = {
     "folder": "include .",
     "binary": "include binary.in",
     "chain of variables": f"variable v0 equal 1\n{BOMB}\npair_style lj/cut ${{v40}}\npair_coeff 1 1 1 1",
-    "growing string": "variable s string " + "x" * 50 + "\n" + "variable s string ${s}${s}\n" * 40 + "pair_style lj/cut ${s}",
+    "growing string": "variable s string "
+    + "x" * 50
+    + "\n"
+    + "variable s string ${s}${s}\n" * 40
+    + "pair_style lj/cut ${s}",
     "brackets": "pair_style lj/cut $(" + "(" * 5000 + "1" + ")" * 5000 + ")",
     "minus signs": "pair_style lj/cut $(" + "-" * 50000 + "1)",
     "condition": "if '" + "(" * 5000 + "1' then 'pair_style lj/cut 2'",
@@ -187,10 +217,11 @@ HOSTILE = {
     "nested if": "if '1 == 1' then \"if '1 == 1' then 'include in.run'\"",
     "format": "pair_style lj/cut $(1:%s%n)",
     "wide format": "pair_style lj/cut $(1:%999999999.3f)",
-    "loop of loops": "label a\nvariable i loop 99999999\nlabel b\nvariable j loop 99999999\nnext j\njump SELF b\nnext i\njump SELF a\npair_style lj/cut 2\npair_coeff 1 1 $(1/0) 1",
+    "loop of loops": "label a\nvariable i loop 99999999\nlabel b\nvariable j loop 99999999\nnext j\njump SELF b\nnext "
+    "i\njump SELF a\npair_style lj/cut 2\npair_coeff 1 1 $(1/0) 1",
     "long name": "include " + "x" * 5000,
     "nul": "include a\0b",
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", HOSTILE)
@@ -219,7 +250,8 @@ def test_time_grows_with_the_size(tmp_path):
     for n in (4000, 16000):
         lines = ["units lj", "pair_style lj/cut 2.5", "pair_coeff * * 1 1"]
         lines += [
-            f"if '{k} > {n}' then 'jump SELF l{k}'\nlabel l{k}\nvariable x{k} equal {k} &\n + 1\nregion r{k} block 0 {k} 0 1 0 1"
+            f"if '{k} > {n}' then 'jump SELF l{k}'\nlabel l{k}\nvariable x{k} equal {k} &\n + 1\nregion r{k} block 0 "
+            f"{k} 0 1 0 1"
             for k in range(n // 4)
         ]
         (tmp_path / "in.run").write_text("\n".join(lines) + "\nrun 1\n")
@@ -230,8 +262,10 @@ def test_time_grows_with_the_size(tmp_path):
 
 
 WORDS = st.sampled_from(
-    "units lj metal pair_style lj/cut 2.5 pair_coeff * 1 1*2 variable x index loop equal string v_x ${x} $x $(v_x*2) if then else elif jump SELF label a next "
-    "include set type charge group region block sphere delete_bonds all multi fix 1 nve shake run 100 every read_data boundary p f change_box neigh_modify exclude "
+    "units lj metal pair_style lj/cut 2.5 pair_coeff * 1 1*2 variable x index loop equal string v_x ${x} $x $(v_x*2) "
+    "if then else elif jump SELF label a next "
+    "include set type charge group region block sphere delete_bonds all multi fix 1 nve shake run 100 every read_data "
+    "boundary p f change_box neigh_modify exclude "
     'type special_bonds hybrid & # \' " """ ( ) < == -1 1e400 nan 0 clear replicate create_atoms lattice fcc mass'.split()
 )
 

@@ -1,4 +1,5 @@
-"""What a LAMMPS script makes of its atoms before the run (set, group, delete_bonds, boundary, exclusions ...): script, data file and dump against LAMMPS."""
+"""What a LAMMPS script makes of its atoms before the run (set, group, delete_bonds, boundary, exclusions ...): script,
+data file and dump against LAMMPS."""
 
 import numpy as np
 import pytest
@@ -28,37 +29,60 @@ def polymers(folder, seed=2):
     bonds = np.concatenate([chain[:, k : k + 2] for k in range(3)])
     angles = np.concatenate([chain[:, k : k + 3] for k in range(2)])
     Config(
-        [5.5, 5.5, 11.0], x, t, units="lj", charges=rng.uniform(-1, 1, n), bonds=bonds, bond_types=rng.integers(1, 3, len(bonds)), angles=angles,
-        angle_types=rng.integers(1, 3, len(angles)), dihedrals=chain, dihedral_types=rng.integers(1, 3, len(chain)), molecules=1 + np.arange(n) // 4, ntypes=2,
-    ).write_data(folder / "p.data")  # fmt: skip
+        [5.5, 5.5, 11.0],
+        x,
+        t,
+        units="lj",
+        charges=rng.uniform(-1, 1, n),
+        bonds=bonds,
+        bond_types=rng.integers(1, 3, len(bonds)),
+        angles=angles,
+        angle_types=rng.integers(1, 3, len(angles)),
+        dihedrals=chain,
+        dihedral_types=rng.integers(1, 3, len(chain)),
+        molecules=1 + np.arange(n) // 4,
+        ntypes=2,
+    ).write_data(folder / "p.data")
 
 
-IONS = "units real\natom_style charge\nread_data q.data\npair_style lj/cut/coul/cut 5.0\npair_coeff 1 1 0.1 3.1\npair_coeff 2 2 0.05 2.0\n"
+IONS = (
+    "units real\natom_style charge\nread_data q.data\npair_style lj/cut/coul/cut 5.0\npair_coeff 1 1 0.1 "
+    "3.1\npair_coeff 2 2 0.05 2.0\n"
+)
 CHAINS = (
-    "units lj\natom_style full\npair_style lj/cut/coul/cut 1.6 2.0\nbond_style harmonic\nangle_style harmonic\ndihedral_style harmonic\nread_data p.data\n"
-    "pair_coeff * * 1.0 1.0\nbond_coeff 1 30 1.3\nbond_coeff 2 40 1.2\nangle_coeff 1 5 110\nangle_coeff 2 6 100\ndihedral_coeff 1 1.0 1 2\n"
+    "units lj\natom_style full\npair_style lj/cut/coul/cut 1.6 2.0\nbond_style harmonic\nangle_style "
+    "harmonic\ndihedral_style harmonic\nread_data p.data\n"
+    "pair_coeff * * 1.0 1.0\nbond_coeff 1 30 1.3\nbond_coeff 2 40 1.2\nangle_coeff 1 5 110\nangle_coeff 2 6 "
+    "100\ndihedral_coeff 1 1.0 1 2\n"
     "dihedral_coeff 2 0.5 -1 1\nspecial_bonds lj 0.0 0.3 0.6 coul 0.1 0.5 0.7\n"
 )
 SETS = {
     "type": "set type 1 charge -1.0\nset type 2 charge 1.0",
     "atom": "set atom * charge 0.5\nset atom 1*20 charge -1.0\nset atom 64 charge 2",
     "group by type": "group a type 1\nset group a charge -0.7\ngroup b subtract all a\nset group b charge 0.3",
-    "group by id": "group a id 1:10 20 30:60:3\ngroup b id <= 5\ngroup c intersect a b\ngroup d union c b\nset group a charge 0.4\nset group d charge -0.8",
-    "logical": "group a id <> 7 19\ngroup b id != 3\ngroup c type > 1\nset group b charge 0.2\nset group c charge 0.1\nset group a charge -1",
+    "group by id": "group a id 1:10 20 30:60:3\ngroup b id <= 5\ngroup c intersect a b\ngroup d union c b\nset group "
+    "a charge 0.4\nset group d charge -0.8",
+    "logical": "group a id <> 7 19\ngroup b id != 3\ngroup c type > 1\nset group b charge 0.2\nset group c charge "
+    "0.1\nset group a charge -1",
     "block": "region r block 2 7 INF 6 EDGE 9 units box\nset region r charge 1.0",
     "lattice units": "lattice fcc 2.5\nregion r block 0 2 1 3 0 INF\nset region r charge 1.0",
-    "sphere": "region r sphere 6 6 6 4.0 side out units box\nset region r charge -0.9\nregion q sphere 6 6 6 3 units box\nset region q charge 1.3",
+    "sphere": "region r sphere 6 6 6 4.0 side out units box\nset region r charge -0.9\nregion q sphere 6 6 6 3 units "
+    "box\nset region q charge 1.3",
     "cylinder": "region r cylinder y 5 6 3.5 1 9 units box\ngroup g region r\nset group g charge 0.6",
     "cone": "region r cone z 5 6 1 5 0 12 units box\nset region r charge 0.6",
     "prism": "region r prism 0 6 0 7 0 8 1 2 -1 units box\nset region r charge 0.6",
     "plane": "region r plane 6 6 6 1 2 -1 units box\nset region r charge 0.6",
-    "union": "region a block 0 4 0 12 0 12 units box\nregion b sphere 8 8 8 3 units box\nregion u union 2 a b side out\nregion i intersect 2 a b\nset region u charge 1",
-    "moved": "region a block 0 4 0 12 0 12 units box\ndisplace_atoms all move 5 0 0 units box\nset region a charge 1\ndisplace_atoms all move -5 0 0 units box",
+    "union": "region a block 0 4 0 12 0 12 units box\nregion b sphere 8 8 8 3 units box\nregion u union 2 a b side "
+    "out\nregion i intersect 2 a b\nset region u charge 1",
+    "moved": "region a block 0 4 0 12 0 12 units box\ndisplace_atoms all move 5 0 0 units box\nset region a charge "
+    "1\ndisplace_atoms all move -5 0 0 units box",
     "later types": "set atom 1*30 type 2\nset type 2 charge 1\nset type 1 charge -1\nset atom 5 type 1",
     "variables": "variable q equal 0.25*2\nset type 1 charge ${q}\nset type 2 charge -$(v_q*2)",
     "in a loop": "label l\nvariable t loop 2\nset type $t charge $(v_t-1.5)\nnext t\njump SELF l",
-    "conditional": "variable w index on\nif '${w} == on' then 'set type 1 charge 1' 'set type 2 charge -1' else 'set type 1 charge 9'",
-    "removed": "set atom * charge 0.3\ndelete_atoms group all compress no\nread_data q.data add merge\nset atom * charge 0.6",
+    "conditional": "variable w index on\nif '${w} == on' then 'set type 1 charge 1' 'set type 2 charge -1' else 'set "
+    "type 1 charge 9'",
+    "removed": "set atom * charge 0.3\ndelete_atoms group all compress no\nread_data q.data add merge\nset atom * "
+    "charge 0.6",
 }
 
 
@@ -132,7 +156,8 @@ def test_excluded_pairs(case, tmp_path):
         )
 
 
-# What a user gives besides the script, and what it must not contradict -------------------------------------------------------------------
+# What a user gives besides the script, and what it must not contradict
+# -------------------------------------------------------------------
 
 
 def test_the_scripts_own_data_file_as_trajectory_has_its_charges(tmp_path):
@@ -229,7 +254,8 @@ def test_a_dump_of_some_atoms_only(tmp_path):
     run_script(
         tmp_path,
         IONS
-        + "set type 1 charge -1.0\nset type 2 charge 1.0\ngroup g id 1:60\ndump 1 g custom 1 some.dump id type x y z\nrun 0\n",
+        + "set type 1 charge -1.0\nset type 2 charge 1.0\ngroup g id 1:60\ndump 1 g custom 1 some.dump id type x y "
+        "z\nrun 0\n",
     )
     pot = atc.potential(tmp_path / "in.run")
     with pytest.raises(AtcError, match="60 of the 64 atoms .* atom 61 is missing"):
@@ -249,8 +275,10 @@ def test_a_frame_without_numbers(tmp_path):
 
 CREATED = (
     "units metal\natom_style charge\nlattice rocksalt\n".replace("lattice rocksalt", "lattice fcc 5.6")
-    + "region box block 0 3 0 3 0 3\ncreate_box 2 box\ncreate_atoms 1 box\nlattice fcc 5.6 origin 0.5 0.0 0.0\ncreate_atoms 2 box\n"
-    "mass 1 23\nmass 2 35.5\npair_style lj/cut/coul/cut 4.0 6.0\npair_coeff * * 0.01 2.5\ndisplace_atoms all random 0.1 0.1 0.1 493\n"
+    + "region box block 0 3 0 3 0 3\ncreate_box 2 box\ncreate_atoms 1 box\nlattice fcc 5.6 origin 0.5 0.0 "
+    "0.0\ncreate_atoms 2 box\n"
+    "mass 1 23\nmass 2 35.5\npair_style lj/cut/coul/cut 4.0 6.0\npair_coeff * * 0.01 2.5\ndisplace_atoms all random "
+    "0.1 0.1 0.1 493\n"
 )
 
 
@@ -260,21 +288,28 @@ def test_created_atoms_have_charges_by_type(tmp_path):
     agree(
         tmp_path,
         CREATED
-        + "group a type 1\nset group a charge 0.5\ngroup b id 5:20\nset group b charge -0.25\nneigh_modify exclude group a b\n",
+        + "group a type 1\nset group a charge 0.5\ngroup b id 5:20\nset group b charge -0.25\nneigh_modify exclude "
+        "group a b\n",
     )
     agree(tmp_path, CREATED + "set atom 10*30 type 2\nset type 1 charge 0.4\nset atom 7 charge 2\n")
 
 
 UNKNOWN = {
-    "region": ("region r block 0 1 0 1 0 1\nset region r charge 1\n", "charges of atoms are needed and not known: .*create_atoms makes atoms whose places"),
+    "region": (
+        "region r block 0 1 0 1 0 1\nset region r charge 1\n",
+        "charges of atoms are needed and not known: .*create_atoms makes atoms whose places",
+    ),
     "random": ("set type 1 charge 1\nset type 1 type/fraction 2 0.5 48\nset type 2 charge -1\nset atom 3 type 1", None),
     "types before": ("set type 1 charge 1\nset atom 3 type 2", "charges.*do not show the types they had"),
     "loop over values": ("variable q atom x*0.1\nset type 1 charge v_q", "value of every atom is not known"),
     "between": ("set type 1 charge 1\ncreate_atoms 1 single 0.3 0.3 0.3", "not told apart|made later"),
     "after a run": ("run 0\nset type 1 charge 1\nrun 0", "comes after a run.*run = N"),
-    "excluded": ("set type 1 charge 1\nregion r block 0 1 0 1 0 1\ngroup g region r\nneigh_modify exclude group g g", "who is in group g.*create_atoms"),
+    "excluded": (
+        "set type 1 charge 1\nregion r block 0 1 0 1 0 1\ngroup g region r\nneigh_modify exclude group g g",
+        "who is in group g.*create_atoms",
+    ),
     "qeq": ("set type 1 charge 1\nfix 1 all qeq/point 1 10 1e-6 100 coul/slater", "fix qeq/point sets charges"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", [c for c in UNKNOWN if UNKNOWN[c][1]])
@@ -310,7 +345,10 @@ def test_new_numbers_keep_what_belongs_to_the_type(tmp_path):
 def test_replicated_atoms(tmp_path):
     polymers(tmp_path)
     text = CHAINS.replace("read_data p.data\n", "boundary p p p\nread_data p.data\ngroup g id 1:20\nreplicate 2 1 2\n")
-    text += "region r block 3 9 2 5 6 INF units box\nset region r charge 0.7\nset group g charge -0.2\ndelete_bonds all bond 2 remove special\n"
+    text += (
+        "region r block 3 9 2 5 6 INF units box\nset region r charge 0.7\nset group g charge -0.2\ndelete_bonds all "
+        "bond 2 remove special\n"
+    )
     frame, _ = agree(tmp_path, text)
     assert len(frame) == 512
     agree(
@@ -337,7 +375,10 @@ def test_coefficients_of_several_data_files(tmp_path):
 
     polymers(tmp_path)
     head, body = (tmp_path / "p.data").read_text().split("Masses")
-    coeffs = "Pair Coeffs\n\n1 1.0 1.0\n2 0.5 1.1\n\nBond Coeffs\n\n1 30 1.3\n2 40 1.2\n\nAngle Coeffs\n\n1 5 110\n2 6 100\n\nDihedral Coeffs\n\n1 1.0 1 2\n2 0.5 -1 1\n\n"
+    coeffs = (
+        "Pair Coeffs\n\n1 1.0 1.0\n2 0.5 1.1\n\nBond Coeffs\n\n1 30 1.3\n2 40 1.2\n\nAngle Coeffs\n\n1 5 110\n2 6 "
+        "100\n\nDihedral Coeffs\n\n1 1.0 1 2\n2 0.5 -1 1\n\n"
+    )
     (tmp_path / "p.data").write_text(head + coeffs + "Masses" + body)
     with gzip.open(tmp_path / "c.data.gz", "wt") as f:
         f.write(head + coeffs.replace("1 30 1.3", "1 35 1.25") + "Masses" + body)
@@ -367,8 +408,8 @@ def test_types_that_the_frames_do_not_show(tmp_path):
     # Elements in the order of their names or places are no types.
     run_script(
         tmp_path,
-        text
-        + "dump e all custom 1 e.dump id element x y z fx fy fz\ndump_modify e element B A sort id format float %.17g\nrun 0\n",
+        text + "dump e all custom 1 e.dump id element x y z fx fy fz\ndump_modify e element B A sort id format float "
+        "%.17g\nrun 0\n",
     )
     frame = atc.potential(tmp_path / "in.run").complete(atc.read(tmp_path / "e.dump", units="real")[0])
     assert (frame.types == atc.read(tmp_path / "q.data", units="real")[0].types).all()
@@ -387,7 +428,8 @@ HYBRID = CHAINS.replace(
 )
 MODIFIES = {
     "special": "pair_modify pair lj/cut special lj 0.5 0.25 0.125",
-    "both": "pair_modify pair lj/cut special lj/coul 0.5 0.25 0.125\npair_modify pair coul/cut special coul 0.0 1.0 0.3 special lj 0.2 0.2 0.2",
+    "both": "pair_modify pair lj/cut special lj/coul 0.5 0.25 0.125\npair_modify pair coul/cut special coul 0.0 1.0 "
+    "0.3 special lj 0.2 0.2 0.2",
     "compute": "pair_modify pair morse compute no",
     "compute yes": "pair_modify pair morse compute no\npair_modify pair morse compute yes shift yes",
 }
@@ -486,7 +528,8 @@ def test_atoms_that_a_fix_brings(tmp_path):
     charged(tmp_path)
     text = (
         IONS
-        + "set type 1 charge -1.0\nset type 2 charge 1.0\nregion r block EDGE EDGE EDGE EDGE EDGE EDGE units box\nfix d all deposit 3 2 1 493 region r near 1.0\n"
+        + "set type 1 charge -1.0\nset type 2 charge 1.0\nregion r block EDGE EDGE EDGE EDGE EDGE EDGE units box\nfix "
+        "d all deposit 3 2 1 493 region r near 1.0\n"
     )
     text += "fix n all nve\ntimestep 0.01\nrun 5\n"
     run_script(tmp_path, text)
@@ -496,11 +539,15 @@ def test_atoms_that_a_fix_brings(tmp_path):
 
 
 def test_bonds_of_template_molecules(tmp_path):
-    """atom_style template: the bonds are in the molecule file that the script names; without it they are not known, and that is said."""
+    """atom_style template: the bonds are in the molecule file that the script names; without it they are not known, and
+    that is said."""
     from test_readers_data_lammps import MOLECULE, TEMPLATE
 
     (tmp_path / "t.data").write_text(TEMPLATE)
-    script = "units lj\nmolecule m m.txt\natom_style template m\npair_style lj/cut 2.5\npair_modify mix arithmetic\nbond_style harmonic\nangle_style harmonic\nread_data t.data\n"
+    script = (
+        "units lj\nmolecule m m.txt\natom_style template m\npair_style lj/cut 2.5\npair_modify mix "
+        "arithmetic\nbond_style harmonic\nangle_style harmonic\nread_data t.data\n"
+    )
     script += "pair_coeff * * 1 1\nbond_coeff * 100 1\nangle_coeff * 10 100\nrun 0\n"
     (tmp_path / "in.run").write_text(script)
     pot = atc.potential(tmp_path / "in.run")

@@ -1,4 +1,5 @@
-"""special_bonds against LAMMPS: which pairs are left out or weighted, for chains, rings, branches, and bonds through small boxes."""
+"""special_bonds against LAMMPS: which pairs are left out or weighted, for chains, rings, branches, and bonds through
+small boxes."""
 
 import numpy as np
 import pytest
@@ -45,8 +46,8 @@ def molecules(box, angles=True):
         for l in neighbours[k] - {j}
         if i != l and rng.random() < 0.3
     ]
-    # With "angle yes", LAMMPS (22 Jul 2025) enters atoms 2 and 4 of a dihedral in 4's list only, so that the weight hangs on the order of atoms,
-    # unless an angle joins them too. Here one does, as in every complete topology.
+    # With "angle yes", LAMMPS (22 Jul 2025) enters atoms 2 and 4 of a dihedral in 4's list only, so that the weight
+    # hangs on the order of atoms, unless an angle joins them too. Here one does, as in every complete topology.
     a += [d[1:] for d in dih]
     more = {"angles": np.array(a), "dihedrals": np.array(dih)} if angles else {}
     return Config(cell, x, t, units="lj", charges=rng.uniform(-1, 1, n), bonds=bonds, ntypes=2, **more)

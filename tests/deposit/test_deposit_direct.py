@@ -56,7 +56,8 @@ GRIDS = {
 
 
 def sample(cell, seed=0, n=9, n_bond=18, length=2.5):
-    """Atoms in and out of the cell, bonds of all sorts: short, of length 0, parallel to an axis, longer than the box."""
+    """Atoms in and out of the cell, bonds of all sorts: short, of length 0, parallel to an axis, longer than the
+    box."""
     rng = np.random.default_rng(seed)
     x = cell.cartesian(rng.random((n, 3)) + np.where(cell.periodic, rng.integers(-2, 3, (n, 3)), 0))
     i = rng.integers(0, n, n_bond).astype(np.int32)
@@ -86,7 +87,8 @@ def close(got, want, tolerance=1e-12):
 
 
 def compare(grid, kern, twin, cell, seed=0, vectorised=False):
-    """Against adaptive quadrature; `vectorised`: against Kernel.beta (itself checked in test_kernels), where quadrature would take too long."""
+    """Against adaptive quadrature; `vectorised`: against Kernel.beta (itself checked in test_kernels), where quadrature
+    would take too long."""
     x, i, r, a, b = sample(cell, seed)
     bound = grid.bind(METAL, cell, x)
     dep = deposit(bound, kern, cell, x, i, r, a, b)
@@ -127,7 +129,8 @@ def test_kernel_wider_than_the_box(kind, where):
 
 
 def test_many_points_on_a_row_fill_the_buffers():
-    """A fine row: thousands of points a chord, more than the buffers hold, around the periodic boundary more than once."""
+    """A fine row: thousands of points a chord, more than the buffers hold, around the periodic boundary more than
+    once."""
     cell = Cell([5.0, 5.0, 5.0])
     kern = atc.kernel("quartic", 6.0)
     x, i, r, a, b = sample(cell, 6, n=3, n_bond=12)
@@ -141,7 +144,8 @@ def test_many_points_on_a_row_fill_the_buffers():
 
 @pytest.mark.parametrize("k", range(len(CASES)), ids=IDS)
 def test_awkward_bonds(k):
-    """Each bond of test_kernels alone, seen from one point: the compiled β, on a lattice and at points, against adaptive quadrature."""
+    """Each bond of test_kernels alone, seen from one point: the compiled β, on a lattice and at points, against
+    adaptive quadrature."""
     kern, twin = CASES[k]
     open_ = Cell(np.eye(3), periodic=(False, False, False))
     point = np.array([0.25, 0.5, 0.5])
@@ -207,7 +211,8 @@ def test_integrals_over_the_periodic_box(kind):
     x, i, r, a, b = sample(cell, 9)
     bound = atc.Grid.regular(shape=(36, 40, 44)).bind(METAL, cell)
     dep = deposit(bound, kern, cell, x, i, r, a, b)
-    # How well sums over a grid of spacing 0.2 integrate each kernel: by its smoothness (jump, kink, ...; the Gaussian converges at once).
+    # How well sums over a grid of spacing 0.2 integrate each kernel: by its smoothness (jump, kink, ...; the Gaussian
+    # converges at once).
     tolerance = {
         "step": 3e-2,
         "linear": 1e-3,

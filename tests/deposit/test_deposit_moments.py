@@ -32,7 +32,8 @@ CELLS = {
 
 
 def sample(cell, seed=0, n=150, cutoff=3.5):
-    """Atoms in the cell and, along periodic axes, outside; all pairs within the cutoff, and a few bonds of other kinds."""
+    """Atoms in the cell and, along periodic axes, outside; all pairs within the cutoff, and a few bonds of other
+    kinds."""
     rng = np.random.default_rng(seed)
     x = cell.cartesian(rng.random((n, 3)))
     i, j, r, _ = neighbor_list(x, cell, cutoff)

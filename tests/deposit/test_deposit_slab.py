@@ -44,7 +44,8 @@ def test_sum_over_images_of_the_marginal(kind, axis, box):
 @pytest.mark.parametrize("axis", "xyz")
 @pytest.mark.parametrize("box", ["orthogonal", "triclinic", "left-handed, rotated"])
 def test_is_the_lateral_average_of_the_field(box, axis):
-    """A Gaussian of w = 1 is resolved to rounding by a grid of spacing 0.6: the mean over planes of that grid is the average."""
+    """A Gaussian of w = 1 is resolved to rounding by a grid of spacing 0.6: the mean over planes of that grid is the
+    average."""
     cell = CELLS[box]
     kern = atc.kernel("gaussian", width=1.0)
     x, i, r, a, b = sample(cell, 4)
@@ -67,7 +68,8 @@ def test_integral_over_the_box(kind):
     x, i, r, a, b = sample(cell, 5)
     dep = profile(400, "z", kern, cell, x, i, r, a, b)
     volume = cell.volume / 400
-    # 1e-4: φ₁ of every kernel is at least continuous, so the midpoint rule of h = 0.02 errs by (h/R)²; only the box jumps (h/R per atom).
+    # 1e-4: φ₁ of every kernel is at least continuous, so the midpoint rule of h = 0.02 errs by (h/R)²; only the box
+    # jumps (h/R per atom).
     tolerance = 2e-2 if kind == "box" else 1e-4
     np.testing.assert_allclose(dep.site_sums().sum(0) * volume, a.sum(0), atol=tolerance * np.abs(a).sum())
     np.testing.assert_allclose(dep.bond_sums().sum(0) * volume, b.sum(0), atol=tolerance * np.abs(b).sum())

@@ -315,7 +315,8 @@ def test_open_cell_wider_and_narrower_than_the_kernel(name, tolerance):
 
 
 def test_empty_space_costs_nothing():
-    """A wire along z in a cell a hundred times as wide: the mesh is as large as without the empty space, and the sums are right."""
+    """A wire along z in a cell a hundred times as wide: the mesh is as large as without the empty space, and the sums
+    are right."""
     rng = np.random.default_rng(3)
     x = np.c_[rng.random((200, 2)) * 6 + 400, rng.random(200) * 20]
     i, r, G = rng.integers(0, 200, 500), rng.normal(size=(500, 3)), rng.normal(size=500)
@@ -440,7 +441,8 @@ def test_many_frames_on_one_mesh():
 
 @pytest.mark.parametrize("spread_of_strengths", [1e3, 1e30, 1e-30])
 def test_strengths_of_any_size(spread_of_strengths):
-    """Two atoms nearly on each other give a bond 1e30 times as strong; all of them weak. Single precision holds neither without a scale."""
+    """Two atoms nearly on each other give a bond 1e30 times as strong; all of them weak. Single precision holds neither
+    without a scale."""
     cell, kern = CELLS["triclinic"], KERNELS["gaussian"]
     x, i, r, a, G = sample(cell, 15)
     G[5:] *= 1e-3

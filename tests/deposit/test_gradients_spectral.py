@@ -1,4 +1,5 @@
-"""Fields made of gradients by the modes of one mesh: against the exact sum at every point, where they are used, and what is done where they would not do."""
+"""Fields made of gradients by the modes of one mesh: against the exact sum at every point, where they are used, and
+what is done where they would not do."""
 
 import numpy as np
 import pytest
@@ -91,8 +92,14 @@ def test_empty_space_is_left_to_the_exact_sum(liquid):  # noqa: F811
     frame = liquid[0]
     L = frame.cell.vectors[0, 0]
     low = frame.positions[:, 2] < 0.5 * L
-    half = frame.replace(positions=frame.positions[low], velocities=frame.velocities[low], masses=frame.masses[low], types=None, ids=None,
-                         cell=Cell([L, L, 3 * L]))  # fmt: skip
+    half = frame.replace(
+        positions=frame.positions[low],
+        velocities=frame.velocities[low],
+        masses=frame.masses[low],
+        types=None,
+        ids=None,
+        cell=Cell([L, L, 3 * L]),
+    )
     grid, kern = atc.Grid.regular(shape=(8, 8, 24)), atc.kernel("gaussian", radius=8.0)
     ds, exact = quiet(half, None, kern, grid, RATES, 1e-4), quiet(half, None, kern, grid, RATES, 1e-12)
     np.testing.assert_array_equal(ds.mask, exact.mask)

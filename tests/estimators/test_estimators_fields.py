@@ -234,7 +234,8 @@ def test_missing_arguments_and_unknown_names():
 
 
 def test_units_only_relabel():
-    """The same physical system in two unit styles: internal numbers agree to the constants' rounding, results to the factors."""
+    """The same physical system in two unit styles: internal numbers agree to the constants' rounding, results to the
+    factors."""
     frame = argon()
     other = frame.replace(units=atc.units.units("nano"))
     kern = atc.kernel("quartic", radius=5.5)
@@ -301,7 +302,8 @@ def test_uniform_drift_of_a_million_thermal_speeds():
 
 
 def test_two_streams_at_a_million_thermal_speeds(monkeypatch):
-    """One velocity shift is not enough: the two halves fly apart at 1e6 thermal speeds each, 1e12 in the kinetic energy."""
+    """One velocity shift is not enough: the two halves fly apart at 1e6 thermal speeds each, 1e12 in the kinetic
+    energy."""
     frame = argon(atc.Cell([9.0, 10.0, 44.0]), n=(2, 3, 8), seed=9)
     z = frame.positions[:, 2]
     upper = z > 22

@@ -1,4 +1,5 @@
-"""Heat flux, churning and heat current: against brute force, against LAMMPS, against d/dt Σ e r, and through changes of frame."""
+"""Heat flux, churning and heat current: against brute force, against LAMMPS, against d/dt Σ e r, and through changes of
+frame."""
 
 import numpy as np
 import pytest
@@ -76,10 +77,14 @@ def naive(frame, kern, points, pot):
     out["heat_current"] = out["heat_current_convective"] + out["heat_current_potential"]
     # What the differences above are made of sets their rounding error.
     size = {
-        "churning": np.abs(S).max(), "churning_divergence": np.abs(site(np.abs(d.forces_nc))).max() + np.abs(S).max(),
-        "heat_flux_churning": np.abs(S).max() * np.abs(v_g).max(), "churning_heat_source": np.abs(S).max() * np.abs(L).max(),
-        "heat_flux_kinetic": np.abs(J).max(), "heat_flux_potential": np.abs(A).max(), "heat_flux": np.abs(J).max() + np.abs(A).max(),
-    }  # fmt: skip
+        "churning": np.abs(S).max(),
+        "churning_divergence": np.abs(site(np.abs(d.forces_nc))).max() + np.abs(S).max(),
+        "heat_flux_churning": np.abs(S).max() * np.abs(v_g).max(),
+        "churning_heat_source": np.abs(S).max() * np.abs(L).max(),
+        "heat_flux_kinetic": np.abs(J).max(),
+        "heat_flux_potential": np.abs(A).max(),
+        "heat_flux": np.abs(J).max() + np.abs(A).max(),
+    }
     return out, size
 
 
@@ -119,7 +124,8 @@ def test_every_quantity_is_its_definition(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_energy_flux_is_what_its_parts_say(name):
-    """J + A = ε v − σ v + q, and the churning tensor has no divergence: the force follows from the energy sources at every atom."""
+    """J + A = ε v − σ v + q, and the churning tensor has no divergence: the force follows from the energy sources at
+    every atom."""
     frame, pot = system(name, seed=1)
     grid = atc.Grid.points(points_near(frame, 12))
     ds = atc.fields(
@@ -143,7 +149,8 @@ def _finest(cell, h):
 
 @pytest.mark.parametrize("partition", ["equal", "center"])
 def test_integrals_over_the_box(partition):
-    """∫ energy_flux = heat_current; ∫ z = 0; and with a kernel far wider than the box ∫ q = heat_current of a box at rest."""
+    """∫ energy_flux = heat_current; ∫ z = 0; and with a kernel far wider than the box ∫ q = heat_current of a box at
+    rest."""
     frame, pot = system("sw", partition, seed=2)
     frame = frame.replace(velocities=frame.velocities - frame.masses @ frame.velocities / frame.masses.sum())
     # A Gaussian of width 1.2 on a grid of 0.6: the trapezoidal rule's error is exp(-2 π² (w/h)²) = 1e-34.
@@ -225,7 +232,8 @@ def test_a_drift_changes_nothing_but_zc(name):
 
 
 def test_two_streams():
-    """Two halves that fly apart: the third moment cancels like the cube of the speed, so shifts are needed much earlier than for the stress."""
+    """Two halves that fly apart: the third moment cancels like the cube of the speed, so shifts are needed much earlier
+    than for the stress."""
     frame = argon(Cell([9.0, 10.0, 44.0]), n=(2, 3, 8), seed=9)
     upper = frame.positions[:, 2] > 22
     thermal = np.sqrt(frame.units.boltzmann * 80.0 / 39.948)
@@ -282,10 +290,15 @@ def lammps_heat_flux(lines, config, stress="stress/atom"):
         return np.array(lmp.numpy.extract_compute("flux", 0, 1))
 
     after = [
-        "compute ke all ke/atom", "compute pe all pe/atom", f"compute s all {stress} NULL virial", "compute flux all heat/flux ke pe s",
-        "thermo_style custom step c_flux[*] temp pe ke vol pxx pyy pzz pxy pxz pyz c__pv[*] evdwl ecoul ebond eangle edihed eimp c__rpe[*]",
-        "thermo_modify lost error norm no flush no", "run 0 post no",
-    ]  # fmt: skip
+        "compute ke all ke/atom",
+        "compute pe all pe/atom",
+        f"compute s all {stress} NULL virial",
+        "compute flux all heat/flux ke pe s",
+        "thermo_style custom step c_flux[*] temp pe ke vol pxx pyy pzz pxy pxz pyz c__pv[*] evdwl ecoul ebond eangle "
+        "edihed eimp c__rpe[*]",
+        "thermo_modify lost error norm no flush no",
+        "run 0 post no",
+    ]
     flux = run_lammps(lines, config, after=after, extract=extract).extra["extract"]
     return flux[:3], flux[3:]
 
@@ -329,7 +342,8 @@ def current(frame, pot):
     "name", [n for n in SMOOTH if n.split()[0] in ("lj", "morse", "atm", "3-body", "4-body", "5-body")]
 )
 def test_current_is_the_rate_of_the_energy_moment(name):
-    """d/dt Σ e_j r_j of an isolated cluster by central differences along the exact motion; the error falls with the square of the step."""
+    """d/dt Σ e_j r_j of an isolated cluster by central differences along the exact motion; the error falls with the
+    square of the step."""
     frame, pot = system(name, seed=6)
     rate_is_the_current(frame, pot)
 
@@ -339,7 +353,8 @@ def rate_is_the_current(frame, pot, steps=(2e-2, 1e-2), slope=True):
     want = u.to_internal("energy_current", current(frame, pot))
 
     def moment(t):
-        # x and v along the trajectory to third order in t: the error of the central difference is then its own, of second order
+        # x and v along the trajectory to third order in t: the error of the central difference is then its own, of
+        # second order
         d = pot.decompose(frame)
         a = d.forces_nc / frame.masses[:, None]
         f = lambda h: pot.decompose(frame.replace(positions=frame.positions + h * frame.velocities)).forces_nc  # noqa: E731
@@ -373,13 +388,15 @@ def silicon_cluster(seed=0):
 
 @pytest.mark.parametrize("partition", ["equal", "center"])
 def test_silicon_cluster(partition):
-    """Stillinger-Weber, for which LAMMPS has no heat flux: with either partition the current is the rate of its own energy moment."""
+    """Stillinger-Weber, for which LAMMPS has no heat flux: with either partition the current is the rate of its own
+    energy moment."""
     rate_is_the_current(silicon_cluster(), potential("sw", partition))
 
 
 def test_embedded_atoms():
-    """Embedding energies belong to their own atoms. LAMMPS gives each atom half of every pair's virial instead (its centroid/stress/atom too), which is the rate of
-    the energy moment only where the slopes of the embedding functions are equal: its number is reproduced from our bonds, the rate is ours."""
+    """Embedding energies belong to their own atoms. LAMMPS gives each atom half of every pair's virial instead (its
+    centroid/stress/atom too), which is the rate of the energy moment only where the slopes of the embedding functions
+    are equal: its number is reproduced from our bonds, the rate is ours."""
     lines = f"pair_style eam/alloy\npair_coeff * * {lammps_potentials()}/Cu_mishin1.eam.alloy Cu Cu"
     pot = atc.potential(lines, units="metal")
     config = hot_config(np.diag([9.0, 9.5, 10.0]), (3, 4, 4), seed=3, jitter=0.1)
@@ -397,8 +414,14 @@ def test_embedded_atoms():
     )
     difference = np.abs(ds.heat_current.values - total).max() / np.abs(total).max()
     assert 1e-4 < difference < 0.5, difference
-    cluster = Frame(frame.positions[:14], Cell([60.0] * 3, periodic=(False,) * 3), frame.units, types=frame.types[:14], masses=frame.masses[:14],
-                    velocities=frame.velocities[:14])  # fmt: skip
+    cluster = Frame(
+        frame.positions[:14],
+        Cell([60.0] * 3, periodic=(False,) * 3),
+        frame.units,
+        types=frame.types[:14],
+        masses=frame.masses[:14],
+        velocities=frame.velocities[:14],
+    )
     # Splines have jumps in the third derivative, so the order of the error is not tested.
     rate_is_the_current(cluster, pot, steps=(4e-3, 2e-3), slope=False)
 

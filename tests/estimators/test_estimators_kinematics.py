@@ -1,4 +1,5 @@
-"""Sums with the kernel's gradient, velocity gradients, displacements and Eshelby's stress: brute force, differences of fields, known deformations."""
+"""Sums with the kernel's gradient, velocity gradients, displacements and Eshelby's stress: brute force, differences of
+fields, known deformations."""
 
 import itertools
 
@@ -16,8 +17,14 @@ from atc.frame import Cell, Frame
 from atc.units import units
 
 SMOOTH_KERNELS = [
-    ("linear", 4.5), ("cubic", 4.5), ("quartic", 4.5), ("lucy", 5.0), ("hardy", 5.0), ("gaussian", 2.4), ("bspline", 4.0),
-]  # fmt: skip
+    ("linear", 4.5),
+    ("cubic", 4.5),
+    ("quartic", 4.5),
+    ("lucy", 5.0),
+    ("hardy", 5.0),
+    ("gaussian", 2.4),
+    ("bspline", 4.0),
+]
 RATES = ["velocity_gradient", "strain_rate", "vorticity"]
 
 
@@ -221,7 +228,8 @@ def pair(cell="tilted", seed=7, deform=DEFORM, shake=0.3):
 
 
 def displaced_by_brute_force(frame, reference, kern, points, over="positions"):
-    """Σ m (x_j − X_j) φ / Σ m φ over all images, each with its own displacement; the frames' atoms are in the same images."""
+    """Σ m (x_j − X_j) φ / Σ m φ over all images, each with its own displacement; the frames' atoms are in the same
+    images."""
     x, X, m = frame.positions, reference.positions, frame.masses
     top, bottom = 0.0, 0.0
     reach = range(-4, 5)
@@ -264,7 +272,8 @@ def test_rewrapped_atoms_change_nothing(flags):
 
 
 def test_homogeneous_deformation():
-    """x = F X in a periodic crystal: u = (1 − F⁻¹) x, which is not periodic, and its gradient is the same everywhere."""
+    """x = F X in a periodic crystal: u = (1 − F⁻¹) x, which is not periodic, and its gradient is the same
+    everywhere."""
     a, n = 2.0, 4
     x = np.stack(np.meshgrid(*[(np.arange(n) + 0.25) * a] * 3, indexing="ij"), -1).reshape(-1, 3)
     reference = Frame(x, Cell([n * a] * 3), units("metal"), masses=np.full(len(x), 30.0))
@@ -340,7 +349,8 @@ def test_time_average_is_weighted_by_mass():
 
 @pytest.mark.parametrize("name", ["lj", "sw"])
 def test_eshelby_by_brute_force(name):
-    """W I − P (Grad u)ᵀ from its own definition: W and u summed over reference positions, Grad u by central differences."""
+    """W I − P (Grad u)ᵀ from its own definition: W and u summed over reference positions, Grad u by central
+    differences."""
     reference, pot = system(name, seed=9)
     H = reference.cell.vectors @ DEFORM
     F = np.linalg.inv(reference.cell.vectors) @ H

@@ -1,4 +1,5 @@
-"""Peridynamic stresses: against W's sum term by term, against Hardy's stress, and in homogeneous deformation where the answer is known."""
+"""Peridynamic stresses: against W's sum term by term, against Hardy's stress, and in homogeneous deformation where the
+answer is known."""
 
 import itertools
 
@@ -50,7 +51,8 @@ class Skew(BruteLJ):
 
 
 class Springs:
-    """Bonds of given ends with the force c (|r|/|ξ| − 1) along r on a lattice deformed by F from rest: PMB without volume correction."""
+    """Bonds of given ends with the force c (|r|/|ξ| − 1) along r on a lattice deformed by F from rest: PMB without
+    volume correction."""
 
     def __init__(self, offsets, scale, F, horizon, dimension=3):
         self.offsets, self.scale, self.F = offsets, scale, F
@@ -178,7 +180,8 @@ def test_lehoucq_silling_is_hardys(cell):
 
 
 def test_divergence_of_noncentral_forces_is_their_density():
-    """∂ς[µν]/∂x_µ = Σ_j F_j φ(x − x_j), by a 10th-order difference of the field: the first index is the divergence's, also when ς is not symmetric."""
+    """∂ς[µν]/∂x_µ = Σ_j F_j φ(x − x_j), by a 10th-order difference of the field: the first index is the divergence's,
+    also when ς is not symmetric."""
     frame, pot, kern = argon("tilted", seed=9), Skew(), atc.kernel("gaussian", width=1.5)
     _, forces, _ = pot.evaluate(frame)
     h = 0.15
@@ -324,7 +327,8 @@ def test_rotation_and_translation():
 
 
 def lattice(m, F, dimension=3):
-    """A cubic lattice of spacing 1 with all bonds up to m spacings, deformed by F, one node a cell. The cell holds one node, so every node is the same."""
+    """A cubic lattice of spacing 1 with all bonds up to m spacings, deformed by F, one node a cell. The cell holds one
+    node, so every node is the same."""
     reach = np.arange(-m, m + 1)
     axes = [reach if k < dimension else [0] for k in range(3)]
     xi = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3).astype(float)
@@ -338,7 +342,8 @@ def lattice(m, F, dimension=3):
 
 @pytest.mark.parametrize("m, low, high", [(2, 0.18, 0.28), (3, 0.18, 0.24), (4, 0.18, 0.22)])
 def test_homogeneous_deformation(m, low, high):
-    """W's claim that its sum is the exact stress does not hold: it gives about a fifth. Divided by the mean weight of each bond it is right in the mean."""
+    """W's claim that its sum is the exact stress does not hold: it gives about a fifth. Divided by the mean weight of
+    each bond it is right in the mean."""
     F = np.eye(3) + 1e-3 * np.diag([1.0, -0.25, 0.5])
     frame, pot = lattice(m, F)
     classical = pot.stream(frame).virial_cc / frame.cell.volume
@@ -347,7 +352,8 @@ def test_homogeneous_deformation(m, low, high):
     verbatim, normalised = (ds[v].values[0].reshape(-1, 3, 3) for v in VARIANTS)
     ratio = verbatim.mean(0).diagonal() / classical.diagonal()
     assert (low < ratio).all() and (ratio < high).all()
-    # The mean over n³ points of a field with jumps where an end enters the horizon: as good as the lattice of points samples balls (n^-3/2).
+    # The mean over n³ points of a field with jumps where an end enters the horizon: as good as the lattice of points
+    # samples balls (n^-3/2).
     np.testing.assert_allclose(normalised.mean(0), classical, rtol=0, atol=4e-3 * np.abs(classical).max())
     # Without weights, what is left of the plain virial of the bonds inside: about 0.42.
     lens = [1 - 0.75 * s + s**3 / 16 for s in np.linalg.norm(pot.offsets @ F.T, axis=1) / (m * 1.002)]

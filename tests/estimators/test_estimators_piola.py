@@ -1,4 +1,5 @@
-"""First Piola-Kirchhoff stress: against brute force, against Cauchy's where they must agree, and through re-wrapping."""
+"""First Piola-Kirchhoff stress: against brute force, against Cauchy's where they must agree, and through
+re-wrapping."""
 
 import numpy as np
 import pytest
@@ -86,7 +87,8 @@ def test_rewrapped_atoms_change_nothing(flags):
 
 
 def test_image_flags_follow_atoms_that_travelled_far():
-    """Three atoms have moved more than half a cell: only image flags can know, and with them the bond through the right image is found."""
+    """Three atoms have moved more than half a cell: only image flags can know, and with them the bond through the right
+    image is found."""
     reference = argon("orthogonal", seed=7).replace(images=np.zeros((18, 3), int))
     frame = deformed(reference, np.eye(3))
     far = frame.positions.copy()
@@ -105,7 +107,8 @@ def test_image_flags_follow_atoms_that_travelled_far():
 
 
 def test_box_integral_is_the_pulled_back_virial():
-    """∫P dV₀ = Σ G R⊗r, and for x = F X exactly that is F⁻¹ Σ G r⊗r: P = J F⁻¹ σ in the mean, here over a Gaussian-resolved grid."""
+    """∫P dV₀ = Σ G R⊗r, and for x = F X exactly that is F⁻¹ Σ G r⊗r: P = J F⁻¹ σ in the mean, here over a
+    Gaussian-resolved grid."""
     reference = argon("tilted", seed=8)
     frame = deformed(reference, F, shake=0.0)
     pot = BruteLJ()

@@ -1,4 +1,5 @@
-"""Frames of a time average that are added up before their sums are finished: the same averages, errors that hold, and the same result whoever computes it."""
+"""Frames of a time average that are added up before their sums are finished: the same averages, errors that hold, and
+the same result whoever computes it."""
 
 import dataclasses
 import warnings
@@ -84,7 +85,8 @@ def test_exact_sums_are_those_of_single_frames(cell, what, monkeypatch):
 
 
 def test_every_field_that_is_called_linear_is(monkeypatch):
-    """Many-body bonds, with sources that churn; every quantity on the grid that does not need a reference, one by one."""
+    """Many-body bonds, with sources that churn; every quantity on the grid that does not need a reference, one by
+    one."""
     frame, pot = calibrate.silicon(2)
     frames = moving(frame.replace(velocities=np.zeros_like(frame.positions)), 4)
     pot = pot.partitioned("center")
@@ -224,7 +226,8 @@ def test_the_promise_at_every_point(system, kernel, tolerances, spectral_wins, m
 
 
 def test_the_strongest_bonds_of_all_frames_are_exact_and_the_rest_is_watched(spectral_wins, monkeypatch):
-    """A bond a thousand times as strong as others in one of the frames leaves nothing; where the others make much, the points around them are looked at."""
+    """A bond a thousand times as strong as others in one of the frames leaves nothing; where the others make much, the
+    points around them are looked at."""
     frame, pot = calibrate.argon(5)
     frames = moving(frame, 4)
     frames[2].positions[5] = frames[2].positions[4] + [2.0, 0.1, 0]

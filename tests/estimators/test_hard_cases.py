@@ -1,6 +1,8 @@
-"""Hard cases, through the whole of `atc.fields`, against sums by hand (`naive_fields`): the table in docs/hard_cases.md is made of these.
+"""Hard cases, through the whole of `atc.fields`, against sums by hand (`naive_fields`): the table in docs/hard_cases.md
+is made of these.
 
-Each case returns the largest error relative to the largest value; `python tests/estimators/test_hard_cases.py` prints the table's figures.
+Each case returns the largest error relative to the largest value; `python tests/estimators/test_hard_cases.py` prints
+the table's figures.
 """
 
 import warnings
@@ -19,7 +21,10 @@ from atc.units import units
 
 METAL = units("metal")
 EPS, SIGMA, CUTOFF = 0.0104, 3.4, 5.0
-LJ = f"units metal\npair_style lj/cut {{}}\npair_coeff 1 1 {EPS} {SIGMA}\npair_coeff 2 2 {EPS} {SIGMA}\npair_coeff 1 2 {EPS} {SIGMA}"
+LJ = (
+    f"units metal\npair_style lj/cut {{}}\npair_coeff 1 1 {EPS} {SIGMA}\npair_coeff 2 2 {EPS} {SIGMA}\npair_coeff 1 2 "
+    f"{EPS} {SIGMA}"
+)
 KERN = atc.kernel("quartic", radius=5.5)
 
 
@@ -76,7 +81,8 @@ def origin_far_away():
 
 
 def drift_of_a_million_thermal_speeds():
-    """Temperature and kinetic stress of a frame that flies, against the same frame at rest (whose velocities are those left after the drift's rounding)."""
+    """Temperature and kinetic stress of a frame that flies, against the same frame at rest (whose velocities are those
+    left after the drift's rounding)."""
     frame = argon(temperature=80.0)
     thermal = float(np.sqrt(METAL.boltzmann * 80.0 / 39.948))
     drift = 1e6 * thermal * np.array([0.6, -0.64, 0.48])
@@ -219,7 +225,8 @@ def test_hard_case(name):
 
 @pytest.mark.parametrize("case", [rounded_to_a_thousandth, stored_as_float32])
 def test_the_error_of_the_input_is_told(case):
-    """Largest of 100 points with one draw of the rounding against the largest of all: the same within a factor of four."""
+    """Largest of 100 points with one draw of the rounding against the largest of all: the same within a factor of
+    four."""
     assert 0.25 < case() < 4
 
 

@@ -1,4 +1,5 @@
-"""The shipped steady heat flow: the heat flux between the thermostats is the power they give and take, within its statistical error."""
+"""The shipped steady heat flow: the heat flux between the thermostats is the power they give and take, within its
+statistical error."""
 
 from pathlib import Path
 
@@ -31,7 +32,8 @@ def profiles():
 
 
 def free(z):
-    """Bins above the hot slab, where heat flows up, and bins where it flows down, at least a kernel radius away from the thermostats."""
+    """Bins above the hot slab, where heat flows up, and bins where it flows down, at least a kernel radius away from
+    the thermostats."""
     up = (z > HOT[1] + RADIUS) & (z < COLD[0] - RADIUS)
     down = (z > COLD[1] + RADIUS) | (z < HOT[0] - RADIUS)
     return up, down
@@ -40,7 +42,8 @@ def free(z):
 def mean_and_error(series):
     """Mean and standard error by blocks, but not below that of independent frames.
 
-    Sound waves, met in opposite phases by frame after frame, would make it smaller (rightly), but then by five blocks only, which is no measure.
+    Sound waves, met in opposite phases by frame after frame, would make it smaller (rightly), but then by five blocks
+    only, which is no measure.
     """
     average = BlockAverage()
     for x in series:
@@ -66,26 +69,30 @@ def test_the_thermostats_give_what_they_take():
 
 @pytest.mark.parametrize("quantity, precise", [("heat_flux", 0.05), ("energy_flux", 0.08)])
 def test_flux_is_power_by_area(profiles, quantity, precise):
-    """Both fluxes: energy_flux is bound to the power by the balance of energy alone, heat_flux as far as nothing flows on the whole."""
+    """Both fluxes: energy_flux is bound to the power by the balance of energy alone, heat_flux as far as nothing flows
+    on the whole."""
     q_fz = profiles[quantity].sel(i="z").values
     up, down = free(profiles["z"].values)
     series = 0.5 * (q_fz[:, up].mean(axis=1) - q_fz[:, down].mean(axis=1))
     mean, error = mean_and_error(series)
     assert error < precise * EXPECTED
-    # One sample of a distribution of width `error`: two of them hold it 95 times of 100, and this trajectory is what it is.
+    # One sample of a distribution of width `error`: two of them hold it 95 times of 100, and this trajectory is what it
+    # is.
     assert abs(mean - EXPECTED) < 2.0 * error
     # Both halves on their own, more loosely.
     for half in (q_fz[:, up].mean(axis=1), -q_fz[:, down].mean(axis=1)):
         mean, error = mean_and_error(half)
         assert abs(mean - EXPECTED) < 2.5 * error
-    # No flux on the whole: along x and y, and around the box. sigma is the error of the mean; 3.5 of them for three numbers.
+    # No flux on the whole: along x and y, and around the box. sigma is the error of the mean; 3.5 of them for three
+    # numbers.
     for c in "xyz":
         mean, error = mean_and_error(profiles[quantity].sel(i=c).values.mean(axis=1))
         assert abs(mean) < 3.5 * error
 
 
 def test_profile_bin_by_bin(profiles):
-    """The profile between the thermostats lies within its error bars of a constant, and jumps by the power across each slab."""
+    """The profile between the thermostats lies within its error bars of a constant, and jumps by the power across each
+    slab."""
     z = profiles["z"].values
     up, down = free(z)
     mean, error = mean_and_error(profiles["heat_flux"].sel(i="z").values)
@@ -107,7 +114,8 @@ def test_heat_flows_down_the_temperature(profiles):
     up, down = free(z)
     T = profiles["temperature"].mean("frame").values
     table = pd.read_csv(FOLDER / "thermostats.csv")
-    # fix ehex scales the slabs relative to their own mean velocity: LAMMPS's temperatures of the slabs, the kernel taking in some of the slope beside them.
+    # fix ehex scales the slabs relative to their own mean velocity: LAMMPS's temperatures of the slabs, the kernel
+    # taking in some of the slope beside them.
     for name, (lo, hi) in (("temp_hot", HOT), ("temp_cold", COLD)):
         here = T[np.abs(z - 0.5 * (lo + hi)) < 0.5].mean()
         assert here == pytest.approx(table[name].mean(), rel=0.05)

@@ -1,4 +1,5 @@
-"""The tolerance is a promise: which method keeps it, what happens when it does not, and that the answer depends on nothing else."""
+"""The tolerance is a promise: which method keeps it, what happens when it does not, and that the answer depends on
+nothing else."""
 
 import dataclasses
 import warnings
@@ -102,7 +103,8 @@ def test_an_error_too_large_is_computed_again(liquid, stressless):
 
 
 def test_what_is_computed_again_is_not_measured_with_cut_tails(liquid, stressless):
-    """Far tails of a Gaussian are left out of the check; in a field that is the small difference of large terms they were larger than the tolerance."""
+    """Far tails of a Gaussian are left out of the check; in a field that is the small difference of large terms they
+    were larger than the tolerance."""
     frame, pot = stressless[0], liquid[1]
     kern, what = atc.kernel("gaussian", radius=14.0), ["stress_potential"]
     request = Request(frame, pot, kern, GRID, what, 1e-2, threads=1)
@@ -155,7 +157,8 @@ def test_refined_frames_are_the_same_however_they_are_computed(liquid, stressles
 
 @pytest.mark.parametrize("start", [3e-3, None, 2e-7], ids=["too loose", "close to it", "too tight"])
 def test_the_methods_settle_on_the_first_frame(liquid, start):
-    """Further frames begin where the first one's error says: looser where it was far below the tolerance, tighter where it was near it, and nobody is warned."""
+    """Further frames begin where the first one's error says: looser where it was far below the tolerance, tighter where
+    it was near it, and nobody is warned."""
     frame, pot = liquid
     tolerance = 1e-5
     exact = quiet(frame, pot, KERN, GRID, ["stress_potential"], 1e-12)
@@ -193,7 +196,8 @@ def test_a_forced_method_stays(liquid, stressless):
 
 
 def test_empty_space_has_the_mask_of_the_exact_sum(liquid):
-    """Half of the box is empty: velocity and temperature there are quotients of nothing, not of what a Fourier sum leaves."""
+    """Half of the box is empty: velocity and temperature there are quotients of nothing, not of what a Fourier sum
+    leaves."""
     frame, pot = liquid
     L = frame.cell.vectors[0, 0]
     low = frame.positions[:, 2] < 0.4 * L
@@ -337,7 +341,8 @@ def test_refinements_are_told_like_by_like():
         ]
     )
     assert told == (
-        "frames 1-3, 9: error up to 4.0e-05 of stress above 1e-05: sums over bonds direct; frame 2: nearly empty space: sums over atoms direct"
+        "frames 1-3, 9: error up to 4.0e-05 of stress above 1e-05: sums over bonds direct; frame 2: nearly empty "
+        "space: sums over atoms direct"
     )
     assert Refinement.summary([]) == ""
 
@@ -355,7 +360,8 @@ def test_coordinates_in_sigma_are_rounded_more_coarsely(liquid, style, expected)
 
 
 def test_a_frame_of_the_middle_says_where_all_begin(liquid, stressless, monkeypatch):
-    """Runs that begin with a nearly stressless crystal: what its small differences need is not asked of the liquid that follows; a middle that cannot be read is no matter yet."""
+    """Runs that begin with a nearly stressless crystal: what its small differences need is not asked of the liquid that
+    follows; a middle that cannot be read is no matter yet."""
     hot, pot = frames_of(liquid, stressless)[0], liquid[1]
     frames = [stressless[0]] + [hot.replace(positions=hot.positions + 0.01 * k) for k in range(7)]
 

@@ -149,7 +149,8 @@ def test_groups_of_frames_have_the_mean_of_all_and_the_errors_of_their_blocks():
 
 
 def test_errors_of_groups_are_those_of_frames():
-    """White noise, noise that correlates within a group and over groups: the same errors, and the same word on whether blocks still correlate."""
+    """White noise, noise that correlates within a group and over groups: the same errors, and the same word on whether
+    blocks still correlate."""
     for phi, n, m in ((0.0, 512, 16), (0.8, 4096, 32), (0.98, 8192, 64)):
         x = ar1(np.random.default_rng(9), n, phi, 300)
         _, want, _ = average(x).result()
@@ -163,7 +164,8 @@ def test_errors_of_groups_are_those_of_frames():
 
 
 def test_groups_as_long_as_they_are_made_cost_nothing_of_the_error():
-    """Of most elements the same blocks count as without groups, so that the errors are the same numbers; those of all are as large and as certain, and as many flagged."""
+    """Of most elements the same blocks count as without groups, so that the errors are the same numbers; those of all
+    are as large and as certain, and as many flagged."""
     for n in (64, 128, 256, 512, 2048):
         m = size_of(n, 1000)
         assert m >= 4

@@ -123,7 +123,8 @@ def true_error(ds, exact, name):
     ],
 )
 def test_the_promise_at_every_point(system, kernel):
-    """Hot argon, whose stress a few bonds make; one strong pair in a crystal; a wire in a box; silicon, whose errors are the largest for what is asked."""
+    """Hot argon, whose stress a few bonds make; one strong pair in a crystal; a wire in a box; silicon, whose errors
+    are the largest for what is asked."""
     if system == "hot":
         frame, pot = argon(9)
     elif system == "one pair":

@@ -16,10 +16,28 @@ from atc.plan import Request
 
 KERN = atc.kernel("quartic", radius=3.0)
 GRID = atc.Grid.regular(shape=(4, 5, 3))
-WHAT = ["stress", "heat_flux", "energy_flux", "energy", "churning", "churning_divergence", "smoothed_virial_stress", "virial_stress", "virial_stress_per_atom",
-        "heat_current"]  # fmt: skip
-REFERRING = ["piola_stress", "eshelby_stress", "displacement_gradient", "peridynamic_stress", "peridynamic_stress_weighted_virial",
-             "peridynamic_piola_stress_weighted_virial_normalised", "peridynamic_stress_nodal_virial", "peridynamic_piola_stress_nodal_virial"]  # fmt: skip
+WHAT = [
+    "stress",
+    "heat_flux",
+    "energy_flux",
+    "energy",
+    "churning",
+    "churning_divergence",
+    "smoothed_virial_stress",
+    "virial_stress",
+    "virial_stress_per_atom",
+    "heat_current",
+]
+REFERRING = [
+    "piola_stress",
+    "eshelby_stress",
+    "displacement_gradient",
+    "peridynamic_stress",
+    "peridynamic_stress_weighted_virial",
+    "peridynamic_piola_stress_weighted_virial_normalised",
+    "peridynamic_stress_nodal_virial",
+    "peridynamic_piola_stress_nodal_virial",
+]
 
 
 def both(tiles, frame, *arguments, **more):
@@ -47,7 +65,8 @@ def same(whole, parts, among=()):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_potential_adds_up(name):
-    """Boxes hardly larger than a cutoff, tilted, some of their atoms within reach of their own images; bonds, angles and torsions across the tiles and the faces."""
+    """Boxes hardly larger than a cutoff, tilted, some of their atoms within reach of their own images; bonds, angles
+    and torsions across the tiles and the faces."""
     frame, pot = system(name)
     for tiles, partition in (((2, 1, 3), None), ((2, 2, 2), "center")):
         p = pot if partition is None or name in ("lj", "eam") else pot.partitioned("center")
@@ -96,13 +115,28 @@ def test_tiles_of_an_approximate_sum(name):
 @pytest.mark.parametrize("special", ["default", "fene", "amber", "dreiding"])
 @pytest.mark.parametrize("box", ["orthogonal", "triclinic", "small"])
 def test_special_pairs_are_the_same(box, special):
-    """Chains, rings and branches: weights of pairs one, two and three bonds apart, none for the other images of bonded atoms."""
+    """Chains, rings and branches: weights of pairs one, two and three bonds apart, none for the other images of bonded
+    atoms."""
     config = molecules(box)
-    top = Topology(bonds=config.bonds, bond_types=np.ones(len(config.bonds), int), angles=config.angles, angle_types=np.ones(len(config.angles), int),
-                   dihedrals=config.dihedrals, dihedral_types=np.ones(len(config.dihedrals), int))  # fmt: skip
+    top = Topology(
+        bonds=config.bonds,
+        bond_types=np.ones(len(config.bonds), int),
+        angles=config.angles,
+        angle_types=np.ones(len(config.angles), int),
+        dihedrals=config.dihedrals,
+        dihedral_types=np.ones(len(config.dihedrals), int),
+    )
     x = config.positions
-    frame = Frame(x, Cell(config.cell), atc.units.units("lj"), types=config.types, charges=config.charges, masses=np.ones(len(x)), topology=top,
-                  velocities=np.random.default_rng(0).normal(size=x.shape))  # fmt: skip
+    frame = Frame(
+        x,
+        Cell(config.cell),
+        atc.units.units("lj"),
+        types=config.types,
+        charges=config.charges,
+        masses=np.ones(len(x)),
+        topology=top,
+        velocities=np.random.default_rng(0).normal(size=x.shape),
+    )
     for style in (LJ, DSF):
         more = "\nangle_style none\ndihedral_style none\n"
         pot = atc.potential(f"{style}{more}{SPECIAL[special]}", units="lj")

@@ -123,7 +123,8 @@ def test_command_line(tmp_path):
     assert result.exit_code == 0 and result.output.strip() == str(tmp_path / "out.pvd")
     assert len(list((tmp_path / "out").iterdir())) == 2
     (tmp_path / "case.toml").write_text(
-        '[body]\nregion = { shape = "box", lo = [0, 0, 0], hi = [4, 4, 4] }\nspacing = 1.0\nhorizon = 2.01\ndensity = 1.0\n'
+        '[body]\nregion = { shape = "box", lo = [0, 0, 0], hi = [4, 4, 4] }\nspacing = 1.0\nhorizon = 2.01\ndensity = '
+        "1.0\n"
         '[material]\nmodel = "pmb"\nbulk = 1.0\n[run]\nsteps = 4\n[output]\nevery = 2\n'
     )
     result = CliRunner().invoke(app, ["pd", str(tmp_path / "case.toml"), "--check"])

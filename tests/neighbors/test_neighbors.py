@@ -139,8 +139,9 @@ def test_bad_cutoff(cutoff):
 def test_any_cell(seed, cutoff, periodic, n):
     rng = np.random.default_rng(seed)
     v = rng.normal(0, 4, (3, 3))
-    # A nearly flat cell is a good case, but its pairs and, for the oracle, its images within 3 Å can be 1e8, which once filled the memory: a cell
-    # that is too thin is made larger in its own shape, and the cutoff is bounded by the number of pairs and of images.
+    # A nearly flat cell is a good case, but its pairs and, for the oracle, its images within 3 Å can be 1e8, which once
+    # filled the memory: a cell that is too thin is made larger in its own shape, and the cutoff is bounded by the
+    # number of pairs and of images.
     heights = abs(np.linalg.det(v)) / np.linalg.norm(np.cross(v[[1, 2, 0]], v[[2, 0, 1]]), axis=1)
     grown = max(1.0, 0.3 / float(heights.min()))
     v, thickness = v * grown, float(heights.min()) * grown

@@ -1,4 +1,5 @@
-"""The peridynamics engine against closed forms, balance laws and invariances; every invariance loops over the table of materials."""
+"""The peridynamics engine against closed forms, balance laws and invariances; every invariance loops over the table of
+materials."""
 
 import itertools
 
@@ -273,7 +274,8 @@ def test_forces_of_a_periodic_body_move_with_it_through_the_faces(name):
 
 @pytest.mark.parametrize("name", ["pmb", "lps"])
 def test_plane_waves_follow_the_lattice_sum(name):
-    """ω² of a plane wave on the lattice, PMB: Σ c ν V (1 − cos k·ξ)(n·ξ)²/|ξ|³, times ρ; LPS adds the dilatation's. To 1e-10."""
+    """ω² of a plane wave on the lattice, PMB: Σ c ν V (1 − cos k·ξ)(n·ξ)²/|ξ|³, times ρ; LPS adds the dilatation's. To
+    1e-10."""
     body, material = periodic_block(12), pd.MATERIALS[name](K, G)
     X = body.X_nc
     t = body.bonds
@@ -295,7 +297,8 @@ def test_plane_waves_follow_the_lattice_sum(name):
             # θ of a wave n cos(k·x): −(3/m) Σ ν ξ·n/|ξ| sin(k·ξ) sin(k·x): its own force is the same sum once more.
             S = (nu / r * (xi @ n) * np.sin(phase)).sum()
             D += 3 * (3 * K - 5 * G) / m**2 * S**2
-        # Amplitudes so small that the forces are linear to rounding: extensions come from displacements without cancellation.
+        # Amplitudes so small that the forces are linear to rounding: extensions come from displacements without
+        # cancellation.
         u = 1e-11 * np.cos(X @ k)[:, None] * n
         F = forces_of(body, material, u)
         np.testing.assert_allclose(F, -D * u, atol=1e-10 * D * 1e-11)
@@ -323,16 +326,25 @@ def test_energy_and_momentum_are_conserved(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_ledger_closes_through_fracture_contact_indenter_and_prescribed_motion(name):
-    """The two halves of a bar are torn apart while an indenter presses: what is put in is found again, up to O(Δt²) of the integrator."""
+    """The two halves of a bar are torn apart while an indenter presses: what is put in is found again, up to O(Δt²) of
+    the integrator."""
     body, material = block((12, 4, 4), horizon=2.01, warn=False), pd.MATERIALS[name](K, G)
     left, right = body.nodes(lambda X: X[:, 0] < 1.5), body.nodes(lambda X: X[:, 0] > 9.5)
     errors = []
     for refine in (1, 4):
         sim = pd.Simulation(
-            body, material, damage=pd.CriticalStretch(0.06, 0.25), contact=True, no_fail=[left, right],
+            body,
+            material,
+            damage=pd.CriticalStretch(0.06, 0.25),
+            contact=True,
+            no_fail=[left, right],
             indenter=pd.Indenter(3.0, 0.02, (5.5, 5.4, 1.5), (0, -0.005, 0)),
-            conditions=[pd.Prescribed(left, velocity=(0, 0, 0)), pd.Prescribed(right, velocity=(0.04, None, 0)), pd.BodyForce(None, (0, 0, 1e-4))],
-        )  # fmt: skip
+            conditions=[
+                pd.Prescribed(left, velocity=(0, 0, 0)),
+                pd.Prescribed(right, velocity=(0.04, None, 0)),
+                pd.BodyForce(None, (0, 0, 1e-4)),
+            ],
+        )
         sim.dt = 0.1 * sim.time_step_stable / refine
         start = sim.energies().total
         while sim.state.time < 120 * 0.1 * sim.time_step_stable * 3:
@@ -352,10 +364,17 @@ def test_ledger_closes_through_fracture_contact_indenter_and_prescribed_motion(n
 
 def loaded(body, threads=1, **options):
     return pd.Simulation(
-        body, pd.LPS(K, G), damage=pd.CriticalStretch(0.02, 0.25), contact=True, indenter=pd.Indenter(3.0, 0.5, (4, 9.5, 2), (0, -0.1, 0)),
-        walls=pd.Wall((0, -0.5, 0), (0, 1, 0), 1.0), conditions=[pd.Prescribed(pd.Box((None,) * 3, (0.5, None, None)), velocity=lambda t: (0.01 * t, 0, 0))],
-        damping=1e-3, threads=threads, **options,
-    )  # fmt: skip
+        body,
+        pd.LPS(K, G),
+        damage=pd.CriticalStretch(0.02, 0.25),
+        contact=True,
+        indenter=pd.Indenter(3.0, 0.5, (4, 9.5, 2), (0, -0.1, 0)),
+        walls=pd.Wall((0, -0.5, 0), (0, 1, 0), 1.0),
+        conditions=[pd.Prescribed(pd.Box((None,) * 3, (0.5, None, None)), velocity=lambda t: (0.01 * t, 0, 0))],
+        damping=1e-3,
+        threads=threads,
+        **options,
+    )
 
 
 def test_a_restart_is_bitwise_the_uninterrupted_run():
@@ -386,7 +405,8 @@ def test_results_do_not_depend_on_threads():
 
 
 def test_damage_is_the_lost_share_of_the_family_and_strictly_beyond_the_threshold():
-    """A chain pulled uniformly: bonds at exactly s0 hold, those beyond break after the second step only, and both ends lose them."""
+    """A chain pulled uniformly: bonds at exactly s0 hold, those beyond break after the second step only, and both ends
+    lose them."""
     body = pd.Body.lattice(pd.Box((0, 0, 0), (5.1, 0, 0)), 1.0, 1.5, 1.0, dimension=1)
     u = np.zeros((6, 3))
     u[3:, 0] = 0.25
@@ -427,8 +447,8 @@ def test_constants_of_every_dimension(dimension, plane):
             sim = pd.Simulation(body, material, displacements=body.X_nc @ eps.T * 1e-7)
             W = sim.strain_energy_n()[middle] / body.V_n[middle] / 1e-14
             want = 0.5 * lam * np.trace(eps) ** 2 + mu * (eps * eps).sum()
-            # The lattice as a quadrature of the horizon: ν takes off about 1/8 Δx of δ, to the power d + 1 in PMB, normalised away by m in LPS;
-            # a correspondence material has no such error.
+            # The lattice as a quadrature of the horizon: ν takes off about 1/8 Δx of δ, to the power d + 1 in PMB,
+            # normalised away by m in LPS; a correspondence material has no such error.
             within = {"pmb": 0.125, "lps": 0.06, "correspondence": 1e-5}[material.name]
             assert W == pytest.approx(want, rel=within), (material.name, eps)
     c = pd.PMB(youngs=E).micromodulus(body)

@@ -1,4 +1,5 @@
-"""The engine's waves in a periodic plate against exact solutions of the continuum models and of classical elasticity, by the benchmark that tabulates them."""
+"""The engine's waves in a periodic plate against exact solutions of the continuum models and of classical elasticity,
+by the benchmark that tabulates them."""
 
 import importlib.util
 from pathlib import Path

@@ -1,4 +1,5 @@
-"""A peridynamic state through the estimators of atoms: what is uniform comes out uniform, forces are divergences, whatever the material and dimension."""
+"""A peridynamic state through the estimators of atoms: what is uniform comes out uniform, forces are divergences,
+whatever the material and dimension."""
 
 import numpy as np
 import pytest
@@ -28,7 +29,8 @@ def block(dimension):
 @pytest.mark.parametrize("dimension", [1, 2, 3])
 @pytest.mark.parametrize("name", MATERIALS)
 def test_uniform_strain(name, dimension):
-    """In the middle of a uniformly strained block every stress is that of its bonds, density and energy density those of the body."""
+    """In the middle of a uniformly strained block every stress is that of its bonds, density and energy density those
+    of the body."""
     try:
         material = MATERIALS[name](1.0, 0.6)
         body = block(dimension)
@@ -47,7 +49,8 @@ def test_uniform_strain(name, dimension):
     f = sim.bond_forces()
     mine = (f.i == middle).astype(float) + (f.j == middle)
     virial = -0.5 * np.einsum("b,bi,bk->ik", mine, f.r_bc, f.F_bc) / body.V_n[middle]
-    # The kernel reaches beyond the nodes whose families are whole only in its tail; positions differ from the lattice by the strain.
+    # The kernel reaches beyond the nodes whose families are whole only in its tail; positions differ from the lattice
+    # by the strain.
     np.testing.assert_allclose(ds[LS][0], np.broadcast_to(virial, (5, 3, 3)), rtol=0, atol=1e-4 * np.abs(virial).max())
     np.testing.assert_allclose(ds.density[0], 2.0, rtol=1e-4)
     np.testing.assert_allclose(ds.velocity[0], np.broadcast_to([0.1, 0, 0], (5, 3)), atol=1e-12)
@@ -90,7 +93,8 @@ def test_divergence_is_the_force_density(name):
 
 
 def test_weighted_virial_in_the_plane_ignores_the_layers():
-    """In two dimensions the body is repeated along z for the smoothed fields; the weighted virial sees it once, whatever the layer."""
+    """In two dimensions the body is repeated along z for the smoothed fields; the weighted virial sees it once,
+    whatever the layer."""
     body = block(2)
     sim = pd.Simulation(body, pd.PMB(bulk=1.0), displacements=body.X_nc @ np.diag([1e-5, 0, 0]))
     points = np.random.default_rng(1).uniform(-2, 2, (6, 3)) * [1, 1, 0]
@@ -108,8 +112,14 @@ def test_snapshot_in_si_has_si_units():
     body = pd.Body.lattice(pd.Box([0, 0, 0], [0.01, 0.01, 0.01]), 1e-3, 3.01e-3, 2440.0)
     sim = pd.Simulation(body, pd.PMB(bulk=5e10), displacements=1e-4 * body.X_nc, velocities=np.array([0.0, 3.0, 0.0]))
     frame, bonds = pd.snapshot(sim)
-    ds = atc.fields(frame, bonds, atc.kernel("quartic", 0.003), atc.Grid.points([[0.005] * 3]), ["density", "velocity", LS, "displacement"],
-                    reference=pd.reference_frame(sim))  # fmt: skip
+    ds = atc.fields(
+        frame,
+        bonds,
+        atc.kernel("quartic", 0.003),
+        atc.Grid.points([[0.005] * 3]),
+        ["density", "velocity", LS, "displacement"],
+        reference=pd.reference_frame(sim),
+    )
     assert ds[LS].attrs["units"] == "Pa" and ds.density.attrs["units"] == "kg/m^3"
     # K e 3 of a lattice with 3 spacings: 0.87 of it
     assert 0.8 < float(ds[LS][0, 0, 0, 0]) / (3 * 5e10 * 1e-4) < 0.95

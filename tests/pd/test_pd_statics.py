@@ -1,4 +1,5 @@
-"""Equilibria are steps of a run: they count, they move the clock when asked to, their work is accounted for, and a restart goes on bitwise."""
+"""Equilibria are steps of a run: they count, they move the clock when asked to, their work is accounted for, and a
+restart goes on bitwise."""
 
 import numpy as np
 import pytest
@@ -73,7 +74,8 @@ def test_the_ledger_of_a_quasi_static_history_closes(material):
 
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_what_a_sudden_load_releases_is_dissipated(solver):
-    """A load that is there from the start does twice the work that the (linear) body keeps; a moving body's motion goes too."""
+    """A load that is there from the start does twice the work that the (linear) body keeps; a moving body's motion goes
+    too."""
     sim = bar(load=lambda t: (1e-5, 0, 0), velocities=np.where(np.arange(90)[:, None] % 15 == 7, [0, 1e-5, 0], 0.0))
     moving = sim.energies().kinetic
     getattr(pd, solver)(sim, tolerance=1e-8)
@@ -123,9 +125,16 @@ def test_without_an_equilibrium_everything_is_as_it_was(solver, few):
 
 @pytest.mark.parametrize("solver", ["relax", "static"])
 def test_cases_of_equilibria(tmp_path, solver):
-    """`atc pd`: one state of equilibrium a step, `dt` apart; its ledger closes; the second half of a run from the first one's restart is bitwise the whole."""
+    """`atc pd`: one state of equilibrium a step, `dt` apart; its ledger closes; the second half of a run from the first
+    one's restart is bitwise the whole."""
     case = {
-        "body": {"region": {"shape": "box", "lo": [0, 0, 0], "hi": [14.0, 5.0, 0]}, "spacing": 1.0, "horizon": 3.015, "density": 1.0, "dimension": 2},
+        "body": {
+            "region": {"shape": "box", "lo": [0, 0, 0], "hi": [14.0, 5.0, 0]},
+            "spacing": 1.0,
+            "horizon": 3.015,
+            "density": 1.0,
+            "dimension": 2,
+        },
         "material": {"model": "pmb", "youngs": 1.0},
         "prescribed": [
             {"region": {"shape": "box", "lo": [-1, -1, -1], "hi": [1.5, 9, 1]}, "displacement": [0, 0, 0]},
@@ -134,7 +143,7 @@ def test_cases_of_equilibria(tmp_path, solver):
         "indenter": {"radius": 3.0, "stiffness": 1e-2, "center": [7, "8.0 - 0.1*t", 0]},
         "run": {"steps": 6, "solver": solver, "dt": 0.5},
         "output": {"every": 1, "restart": str(tmp_path / "end.npz")},
-    }  # fmt: skip
+    }
     whole = Case.load(case).run(tmp_path / "whole.nc", threads=1)
     assert whole.step.values.tolist() == list(range(7)) and whole.time.values.tolist() == [0.5 * k for k in range(7)]
     strain, work = whole.energy_strain.values, (whole.energy_work_external + whole.energy_work_constraint).values

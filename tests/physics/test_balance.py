@@ -40,7 +40,8 @@ def user_to_internal(ds, name, dimension, units):
 
 @pytest.mark.parametrize("name", ["lj", "sw"])
 def test_mass_and_momentum_balance(name):
-    """∂ρ/∂t + ∇·π = 0 and ∂π/∂t + ∇·(ρ v⊗v) = ∇·σ; time derivatives by the chain rule: ∂φ_j/∂t = −v_j·∇φ_j, m dv_j/dt = F_j."""
+    """∂ρ/∂t + ∇·π = 0 and ∂π/∂t + ∇·(ρ v⊗v) = ∇·σ; time derivatives by the chain rule: ∂φ_j/∂t = −v_j·∇φ_j, m dv_j/dt =
+    F_j."""
     frame, pot = system(name)
     kern = atc.kernel("gaussian", width=1.6)
     u, cell, x, m, v = frame.units, frame.cell, frame.positions, frame.masses, frame.velocities
@@ -87,7 +88,8 @@ def test_divergence_of_the_potential_stress_is_the_force_density(name):
     "kern", [("quartic", 4.0), ("hardy", 3.0), ("step", 5.0), ("gaussian", 1.0)], ids=lambda k: k[0]
 )
 def test_flux_through_a_closed_surface_is_the_force_inside(kern):
-    """The same law for kernels without derivatives: between two slabs' planes ∫(∂σ_zz/∂z) = force. Slab averages of σ_zν jump by the force."""
+    """The same law for kernels without derivatives: between two slabs' planes ∫(∂σ_zz/∂z) = force. Slab averages of
+    σ_zν jump by the force."""
     frame, pot = system("lj", seed=4)
     kern = atc.kernel(kern[0], width=kern[1]) if kern[0] == "gaussian" else atc.kernel(*kern)
     bins = 7
@@ -162,8 +164,9 @@ def open_weights(n):
 def test_integral_of_the_stress_over_the_box_is_the_virial(what, step, name):
     """∫σ_U dV = Σ G r⊗r for every kernel, as an exact integral of β.
 
-    The heights of all atoms are multiples of `step` and so are the kernel's radii: between two multiples the average over a
-    cross-section is then a polynomial of degree ≤ 9 in z, which ten equally spaced slabs integrate exactly. x and y are arbitrary.
+    The heights of all atoms are multiples of `step` and so are the kernel's radii: between two multiples the average
+    over a cross-section is then a polynomial of degree ≤ 9 in z, which ten equally spaced slabs integrate exactly. x
+    and y are arbitrary.
     """
     frame, pot = system(what, seed=6)
     if what == "sw":  # lattice planes 1.4 apart

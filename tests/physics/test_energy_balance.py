@@ -1,7 +1,9 @@
-"""The energy equation, ∂ε/∂t + ∇·(ε v) = ∇·(σ·v − q), and the churning tensor, from bonds and sources alone (formulas.md §4).
+"""The energy equation, ∂ε/∂t + ∇·(ε v) = ∇·(σ·v − q), and the churning tensor, from bonds and sources alone
+(formulas.md §4).
 
-Nothing here uses the estimators: fields and their exact derivatives are sums written out over atoms, bonds and images, with φ, ∇φ and β of the kernel.
-No derivative is differenced: ∂φ_j/∂t = −v_j·∇φ_j, and a bond sum is differentiated by ∂_µ(x_jk^µ β_jk) = φ_k − φ_j.
+Nothing here uses the estimators: fields and their exact derivatives are sums written out over atoms, bonds and images,
+with φ, ∇φ and β of the kernel. No derivative is differenced: ∂φ_j/∂t = −v_j·∇φ_j, and a bond sum is differentiated by
+∂_µ(x_jk^µ β_jk) = φ_k − φ_j.
 """
 
 from types import SimpleNamespace
@@ -16,12 +18,39 @@ from atc.frame import Cell
 
 #: one of each kind of potential, and every partition that goes with it
 SYSTEMS = [
-    ("lj", None), ("morse cluster", None), ("bond morse", None), ("sw", "equal"), ("sw", "center"), ("sw two elements", {"sw": (0.6, 0.2, 0.2)}),
-    ("sw primitive", "equal"), ("angle harmonic", "equal"), ("angle charmm", "center"), ("hybrid", "equal"), ("dihedral opls", "equal"),
-    ("dihedral opls", "center"), ("improper harmonic", "equal"), ("eam", "equal"), ("tersoff", "equal"), ("tersoff", "center"), ("atm", "equal"),
-    ("tersoff/mod", "center"), ("tersoff/zbl", "equal"), ("vashishta", "equal"), ("edip", "equal"), ("edip", "center"), ("adp", "equal"), ("meam", "equal"), ("meam/spline", "equal"), ("eim", "equal"), ("eam/cd", "equal"),
-    ("3-body", "equal"), ("4-body", "equal"), ("4-body", "center"), ("5-body", "equal"), ("5-body", "center"),
-]  # fmt: skip
+    ("lj", None),
+    ("morse cluster", None),
+    ("bond morse", None),
+    ("sw", "equal"),
+    ("sw", "center"),
+    ("sw two elements", {"sw": (0.6, 0.2, 0.2)}),
+    ("sw primitive", "equal"),
+    ("angle harmonic", "equal"),
+    ("angle charmm", "center"),
+    ("hybrid", "equal"),
+    ("dihedral opls", "equal"),
+    ("dihedral opls", "center"),
+    ("improper harmonic", "equal"),
+    ("eam", "equal"),
+    ("tersoff", "equal"),
+    ("tersoff", "center"),
+    ("atm", "equal"),
+    ("tersoff/mod", "center"),
+    ("tersoff/zbl", "equal"),
+    ("vashishta", "equal"),
+    ("edip", "equal"),
+    ("edip", "center"),
+    ("adp", "equal"),
+    ("meam", "equal"),
+    ("meam/spline", "equal"),
+    ("eim", "equal"),
+    ("eam/cd", "equal"),
+    ("3-body", "equal"),
+    ("4-body", "equal"),
+    ("4-body", "center"),
+    ("5-body", "equal"),
+    ("5-body", "center"),
+]
 NAMES = [f"{n} {p or ''}".strip() for n, p in SYSTEMS]
 
 
@@ -76,7 +105,8 @@ class _Sums:
 
 
 def energy_equation(frame, pot, kern, points):
-    """Every term of the energy equation, (g,), by name; and z, its divergence, σ_U, the rate of the energy density, ∇·q."""
+    """Every term of the energy equation, (g,), by name; and z, its divergence, σ_U, the rate of the energy density,
+    ∇·q."""
     d = pot.decompose(frame, sources=True)
     b, n = d.bonds, len(frame)
     s = _Sums(frame, b, kern, points)
@@ -120,10 +150,23 @@ def energy_equation(frame, pot, kern, points):
     q_churning = flow(z, div_z)
     rate = s.site(e_t[:, None])[:, 0] + s.site_rate(e[:, None])[:, 0]
     return SimpleNamespace(
-        rate=rate, transport=transport, work=flow(sK, div_sK) + flow(S, div_S), q_kinetic=q_kinetic, q_potential=q_potential, q_churning=q_churning,
-        z=z, div_z=div_z, parts_of_div_z=np.abs(div_S).max() + np.abs(div_M).max(), S=S, virial=d.virial_cc, div_q=q_kinetic + q_potential + q_churning,
-        largest=max(np.abs(t).max() for t in (rate, transport, flow(sK, div_sK), flow(S, div_S), q_kinetic, q_potential, q_churning)),
-    )  # fmt: skip
+        rate=rate,
+        transport=transport,
+        work=flow(sK, div_sK) + flow(S, div_S),
+        q_kinetic=q_kinetic,
+        q_potential=q_potential,
+        q_churning=q_churning,
+        z=z,
+        div_z=div_z,
+        parts_of_div_z=np.abs(div_S).max() + np.abs(div_M).max(),
+        S=S,
+        virial=d.virial_cc,
+        div_q=q_kinetic + q_potential + q_churning,
+        largest=max(
+            np.abs(t).max()
+            for t in (rate, transport, flow(sK, div_sK), flow(S, div_S), q_kinetic, q_potential, q_churning)
+        ),
+    )
 
 
 def residual(t):
@@ -161,8 +204,8 @@ def test_without_churning_silicon_does_not_balance(kernel, partition):
 
 @pytest.mark.parametrize("name", ["lj", "bond morse", "eam"])
 def test_pairs_do_not_churn(name):
-    """R 4.0.118: z is 0 at every point when half of a two-body energy belongs to each end. The same holds for embedding energies that belong to their own
-    atom: their sources lie along the bonds and add up to −G x in each of them."""
+    """R 4.0.118: z is 0 at every point when half of a two-body energy belongs to each end. The same holds for embedding
+    energies that belong to their own atom: their sources lie along the bonds and add up to −G x in each of them."""
     frame, pot = system(name)
     t = energy_equation(frame, pot, KERNELS["quartic"], points_near(frame))
     np.testing.assert_allclose(t.z, 0.0, rtol=0, atol=1e-14 * np.abs(t.S).max())
@@ -170,8 +213,9 @@ def test_pairs_do_not_churn(name):
 
 @pytest.mark.parametrize("name", ["sw", "angle harmonic", "dihedral opls", "tersoff", "5-body"])
 def test_what_a_partition_changes(name):
-    """Energy density, heat flux and churning depend on the partition; stress does not, and neither does what the energy equation says of all of them:
-    ∂ε/∂t + ∇·(ε v + q), which is the stress power. ∇·q alone changes by the rate of the energy density that was moved."""
+    """Energy density, heat flux and churning depend on the partition; stress does not, and neither does what the energy
+    equation says of all of them: ∂ε/∂t + ∇·(ε v + q), which is the stress power. ∇·q alone changes by the rate of the
+    energy density that was moved."""
     frame, pot = system(name)
     points, kern = points_near(frame), KERNELS["quartic"]
     a, b = energy_equation(frame, pot, kern, points), energy_equation(frame, pot.partitioned("center"), kern, points)
@@ -186,7 +230,8 @@ def test_what_a_partition_changes(name):
     np.testing.assert_allclose(b.div_q - a.div_q, -moved, rtol=0, atol=1e-11 * scale)
 
 
-# The churning tensor ---------------------------------------------------------------------------------------------------------------------
+# The churning tensor
+# ---------------------------------------------------------------------------------------------------------------------
 
 
 def churning(bonds, x, kern, point):
@@ -229,8 +274,9 @@ def test_z_of_three_atoms_is_the_published_one(seed):
 @pytest.mark.parametrize("partition", ["equal", "center"])
 @pytest.mark.parametrize("bodies", [3, 4, 5, 6])
 def test_churning_vanishes_in_the_virial_limit(bodies, partition):
-    """|z|/|σ_U| of one term under a kernel of width w. Its mean is 0 (whatever K and the shares), its first moment is not: seen from near the term, where
-    ∇φ ~ d/w², the ratio falls as w⁻²; seen from a fixed fraction of w away, as w⁻¹."""
+    """|z|/|σ_U| of one term under a kernel of width w. Its mean is 0 (whatever K and the shares), its first moment is
+    not: seen from near the term, where ∇φ ~ d/w², the ratio falls as w⁻²; seen from a fixed fraction of w away, as
+    w⁻¹."""
     if bodies == 6:
         frame = cluster()
         p = atc.potential(
@@ -266,7 +312,8 @@ def test_churning_is_not_symmetric():
     [("sw", "equal"), ("sw", "center"), ("angle charmm", "equal"), ("tersoff", "equal"), ("4-body", "equal")],
 )
 def test_energy_of_a_cluster_flows_as_its_atoms_move(name, partition):
-    """∫ (ε v + q − σ·v) dV of an isolated cluster is d/dt Σ x_j e_j: by central differences along the motion, with slope 2 in the time step."""
+    """∫ (ε v + q − σ·v) dV of an isolated cluster is d/dt Σ x_j e_j: by central differences along the motion, with
+    slope 2 in the time step."""
     frame, pot = get(name, partition)
     frame = frame.replace(cell=Cell(frame.cell.vectors, frame.cell.origin, periodic=(False,) * 3))
     d = pot.decompose(frame, sources=True)

@@ -1,4 +1,5 @@
-"""Fields transform as they must: rotation, reflection, translation, permutation, re-imaging; and a sheared cell of the same crystal."""
+"""Fields transform as they must: rotation, reflection, translation, permutation, re-imaging; and a sheared cell of the
+same crystal."""
 
 import numpy as np
 import pytest
@@ -7,9 +8,19 @@ from systems import system
 import atc
 from atc.estimators.registry import QUANTITIES
 
-# Quantities relative to a reference frame have their own tests; so have those that are zero but for rounding, as churning is for pairs.
-_OWN_TESTS = ("piola_stress", "displacement", "displacement_gradient", "eshelby_stress", "churning", "churning_divergence", "churning_heat_source",
-              "heat_flux_churning", "vorticity")  # fmt: skip
+# Quantities relative to a reference frame have their own tests; so have those that are zero but for rounding, as
+# churning is for pairs.
+_OWN_TESTS = (
+    "piola_stress",
+    "displacement",
+    "displacement_gradient",
+    "eshelby_stress",
+    "churning",
+    "churning_divergence",
+    "churning_heat_source",
+    "heat_flux_churning",
+    "vorticity",
+)
 # Piola stresses need a reference, nodal virials a volume of each node.
 NAMES = [
     q
@@ -17,7 +28,8 @@ NAMES = [
     if q not in _OWN_TESTS and not q.startswith("peridynamic_piola") and not q.endswith("nodal_virial")
 ]
 KERN = ("quartic", 4.5)
-# Rounding of positions of size 30 Å is 4e-15 Å; the steep repulsion of hot pairs turns it into 1e-14..1e-13 of the largest stress.
+# Rounding of positions of size 30 Å is 4e-15 Å; the steep repulsion of hot pairs turns it into 1e-14..1e-13 of the
+# largest stress.
 TIGHT = 1e-12
 
 
@@ -169,7 +181,8 @@ def test_every_grid_gives_the_same_field(grid):
     bound = make.bind(frame.units, c, frame.positions)
     assert ds.attrs["measured_error"] < 1e-12
     if grid == "slab":
-        # average over the cross-section by a resolved mean over points; temperature and kinetic stress are not averages of their point values
+        # average over the cross-section by a resolved mean over points; temperature and kinetic stress are not averages
+        # of their point values
         n = 16
         s = np.stack(np.meshgrid(np.arange(n) / n, np.arange(n) / n, indexing="ij"), -1).reshape(-1, 2)
         for g, h in enumerate((np.arange(3) + 0.5) / 3):

@@ -1,4 +1,5 @@
-"""Published fracture experiments: how fast a mode-I crack runs and when it branches, and where Kalthoff and Winkler's cracks go.
+"""Published fracture experiments: how fast a mode-I crack runs and when it branches, and where Kalthoff and Winkler's
+cracks go.
 
 Opt-in (a few minutes): ``pytest -m slow tests/physics/test_pd_fracture.py -s`` prints what was measured.
 """
@@ -25,12 +26,19 @@ def rayleigh_speed(E, nu, rho):
 
 
 def notched_plate(stress, dx=0.5e-3, end=200e-6):
-    """A 100 × 40 mm plate with a notch from the left edge to its middle, pulled at top and bottom. Times, tip positions, and the simulation."""
+    """A 100 × 40 mm plate with a notch from the left edge to its middle, pulled at top and bottom. Times, tip
+    positions, and the simulation."""
     L, H = 0.1, 0.04
     body = pd.Body.lattice(
-        pd.Box((0, -H / 2, 0), (L, H / 2, 0)), dx, 3.015 * dx, GLASS["rho"], dimension=2, offset=(dx / 2, dx / 2, 0), thickness=dx,
+        pd.Box((0, -H / 2, 0), (L, H / 2, 0)),
+        dx,
+        3.015 * dx,
+        GLASS["rho"],
+        dimension=2,
+        offset=(dx / 2, dx / 2, 0),
+        thickness=dx,
         notches=[pd.Notch.line((-dx, 0), (L / 2, 0))],
-    )  # fmt: skip
+    )
     material = pd.PMB(youngs=GLASS["E"])
     edge = H / 2 - 0.75 * dx
     force = stress * L * body.thickness
@@ -72,9 +80,11 @@ def test_mode_one_crack_speed_and_branching():
         n = [branches(sim, at, 1.1 * sim.body.spacing) for at in (0.075, 0.08, 0.085, 0.09)]
         seen[stress] = (c / speed, n)
         print(
-            f"stress {stress / 1e6:g} MPa: crack speed {c:.0f} m/s = {c / speed:.2f} of Rayleigh's {speed:.0f}, cracks side by side {n}"
+            f"stress {stress / 1e6:g} MPa: crack speed {c:.0f} m/s = {c / speed:.2f} of Rayleigh's {speed:.0f}, "
+            f"cracks side by side {n}"
         )
-    # Mean speeds over the second half of the plate. A weakly driven crack is slow and straight; a strongly driven one is fast and branches.
+    # Mean speeds over the second half of the plate. A weakly driven crack is slow and straight; a strongly driven one
+    # is fast and branches.
     assert 0.4 < seen[14e6][0] < seen[20e6][0] < 1.0
     assert seen[4e6][0] < seen[14e6][0]
     assert seen[4e6][1] == [1, 1, 1, 1] and min(seen[20e6][1]) >= 2
@@ -83,19 +93,28 @@ def test_mode_one_crack_speed_and_branching():
 def kalthoff_winkler(dx=0.625e-3, end=90e-6, speed=16.5):
     """A 100 × 200 mm plate with two notches of 50 mm at y = ±25 mm, hit between them from the left.
 
-    Without contact: the experiment's notches are slits 1.5 mm wide whose faces do not touch, while the rows of nodes beside a cut of no width would
-    lock into each other as they slide (the cracks then leave at 47 to 55 degrees).
+    Without contact: the experiment's notches are slits 1.5 mm wide whose faces do not touch, while the rows of nodes
+    beside a cut of no width would lock into each other as they slide (the cracks then leave at 47 to 55 degrees).
     """
     body = pd.Body.lattice(
-        pd.Box((0, -0.1, 0), (0.1, 0.1, 0)), dx, 3.015 * dx, STEEL["rho"], dimension=2, offset=(dx / 2, dx / 2, 0), thickness=9e-3,
+        pd.Box((0, -0.1, 0), (0.1, 0.1, 0)),
+        dx,
+        3.015 * dx,
+        STEEL["rho"],
+        dimension=2,
+        offset=(dx / 2, dx / 2, 0),
+        thickness=9e-3,
         notches=[pd.Notch.line((-dx, s * 0.025), (0.05, s * 0.025)) for s in (1, -1)],
-    )  # fmt: skip
+    )
     material = pd.PMB(youngs=STEEL["E"])
     struck = lambda X: (X[:, 0] < dx) & (np.abs(X[:, 1]) < 0.025)  # noqa: E731
     sim = pd.Simulation(
-        body, material, damage=pd.CriticalStretch.from_energy(STEEL["Gc"], material, body), no_fail=pd.Box((None,) * 3, (5 * dx, None, None)),
+        body,
+        material,
+        damage=pd.CriticalStretch.from_energy(STEEL["Gc"], material, body),
+        no_fail=pd.Box((None,) * 3, (5 * dx, None, None)),
         conditions=[pd.Prescribed(struck, velocity=(speed, None, None))],
-    )  # fmt: skip
+    )
     while sim.state.time < end:
         sim.step(20)
     return sim

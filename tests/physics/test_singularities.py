@@ -1,4 +1,5 @@
-"""Where formulas divide zero by zero: straight angles, the perfect crystal, pairs at the cutoff. Everything stays finite, continuous and exact."""
+"""Where formulas divide zero by zero: straight angles, the perfect crystal, pairs at the cutoff. Everything stays
+finite, continuous and exact."""
 
 import numpy as np
 import pytest
@@ -68,7 +69,8 @@ def evaluate(term, x):
 @pytest.mark.parametrize("style", [*REGULAR, *CLAMPED, "harmonic 180", "harmonic 0"])
 @pytest.mark.parametrize("fold", [False, True], ids=["180", "0"])
 def test_straight_angles_exert_no_force(style, fold):
-    """At exactly 0 and 180° the force on every atom is zero by symmetry, whatever the style says about U'; nothing is infinite."""
+    """At exactly 0 and 180° the force on every atom is zero by symmetry, whatever the style says about U'; nothing is
+    infinite."""
     term = {**REGULAR, **CLAMPED, "harmonic 180": HarmonicAngle((2.0, 180.0)), "harmonic 0": HarmonicAngle((2.0, 0.0))}[
         style
     ]
@@ -109,7 +111,8 @@ def test_cosine_styles_are_exact_near_180(style, alpha):
 @pytest.mark.parametrize("alpha", [0.0, 1e-9, 1e-5, 0.9999e-3, 1.0001e-3, 0.05])
 @pytest.mark.parametrize("make", [HarmonicAngle, lambda c: CharmmAngle((*c, 0.0, 0.0))], ids=["harmonic", "charmm"])
 def test_harmonic_with_180_takes_the_limit(make, alpha):
-    """K (θ − π)²: U'/sin θ → −2K, so that G is continuous through θ = 180° and the force is 2Kα/d. LAMMPS clamps and loses it below 0.001."""
+    """K (θ − π)²: U'/sin θ → −2K, so that G is continuous through θ = 180° and the force is 2Kα/d. LAMMPS clamps and
+    loses it below 0.001."""
     d = evaluate(make((2.0, 180.0)), bent(alpha))
     assert not d.notes
     np.testing.assert_allclose(np.linalg.norm(d.forces_nc[0]), 4.0 * alpha / 1.1, rtol=1e-9, atol=4e-15)
@@ -148,7 +151,8 @@ def test_bond_of_no_length():
 
 
 def test_perfect_diamond_crystal():
-    """cos θ = cos θ0 in every triplet: the published formula divides 0 by 0 there. Here: no triplet energy, no force, finite G, zero pressure."""
+    """cos θ = cos θ0 in every triplet: the published formula divides 0 by 0 there. Here: no triplet energy, no force,
+    finite G, zero pressure."""
     # −4.336573 eV an atom at a = 5.43095 Å is the published cohesive energy; two-body only, so that U = 2 · u(2.3517).
     a = 5.43095
     corners = np.stack(np.meshgrid(*([np.arange(2)] * 3), indexing="ij"), -1).reshape(-1, 1, 3)
@@ -167,7 +171,8 @@ def test_perfect_diamond_crystal():
 
 
 def test_crystal_is_a_regular_point():
-    """Through the perfect crystal the force is the energy's derivative, by central differences along a random direction."""
+    """Through the perfect crystal the force is the energy's derivative, by central differences along a random
+    direction."""
     a = 5.43095
     x = (DIAMOND * a).reshape(-1, 3)
     way = np.random.default_rng(3).normal(size=x.shape)
@@ -187,7 +192,8 @@ def test_crystal_is_a_regular_point():
 
 @pytest.mark.parametrize("gap", [0.0, 1e-14, 1e-8, 1e-3, 2e-3, 1e-2])
 def test_stillinger_weber_at_its_cutoff(gap):
-    """exp(σ/(d − aσ)) goes to 0 with all derivatives: nothing infinite just below aσ, exactly nothing at and beyond it."""
+    """exp(σ/(d − aσ)) goes to 0 with all derivatives: nothing infinite just below aσ, exactly nothing at and beyond
+    it."""
     pot = atc.potential(StillingerWeber(**SI), "metal")
     cell = Cell([40.0, 40, 40], (-20, -20, -20), OPEN)
     below = np.array([[CUT - gap, 0, 0], [0, 0, 0], [0, 0, 2.4]])

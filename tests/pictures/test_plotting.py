@@ -86,7 +86,8 @@ TILTED = [[6.0, 0, 0], [2.0, 8.0, 0], [1.0, 3.0, 10.0]]
 
 
 def output(grid, cell=ORTHOGONAL, origin=(1.0, -2.0, 3.0), frames=2, **fields):
-    """An output on a grid of atc: coordinates as `atc.fields` writes them, values given as functions of position and frame."""
+    """An output on a grid of atc: coordinates as `atc.fields` writes them, values given as functions of position and
+    frame."""
     from atc.frame import Cell
     from atc.units import units
 

@@ -53,7 +53,8 @@ def test_virial_needs_no_grid():
 
 
 def test_numbers_of_bonds_and_visits_are_right():
-    """A perfect lattice: bonds counted by hand; visits from the capsule volume, against a count of the points in all capsules."""
+    """A perfect lattice: bonds counted by hand; visits from the capsule volume, against a count of the points in all
+    capsules."""
     L, n = 24.0, 6
     s = np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing="ij"), -1).reshape(-1, 3) * (L / n)
     frame = argon(n=(1, 1, 1)).replace(
@@ -98,7 +99,8 @@ def test_the_arguments_are_those_of_fields_or_a_request():
 
 
 def test_the_prediction_is_of_the_right_size():
-    """Within a factor of 10 of a real run, once compiled (the model claims 2 on an idle machine; tests run on busy ones)."""
+    """Within a factor of 10 of a real run, once compiled (the model claims 2 on an idle machine; tests run on busy
+    ones)."""
     import time
 
     rng = np.random.default_rng(0)

@@ -1,4 +1,5 @@
-"""Damaged and hostile files: data files, molecule files, potential files, tables. One line of the package's own, soon, and without memory beyond the file's size.
+"""Damaged and hostile files: data files, molecule files, potential files, tables. One line of the package's own, soon,
+and without memory beyond the file's size.
 
 The random part runs for seconds; ``pytest -m slow tests/readers/test_fuzz_data.py`` runs it for minutes.
 """
@@ -113,8 +114,14 @@ Velocities
 1 0 0 0 0 0 0
 2 0 0 0 1 1 1
 """
-TERSOFF = "# DATE: 2007-10-25 UNITS: metal\nSi Si Si 3.0 1.0 1.7322 100390.0 16.217 -0.59825 0.78734 1.1e-6 1.7322 471.18 2.85 0.15\n  2.4799 1830.8\n"
-SW = "# UNITS: metal\nSi Si Si 2.1683 2.0951 1.80 21.0 1.20 -0.333333333333\n         7.049556277 0.6022245584 4.0 0.0 0.0\n"
+TERSOFF = (
+    "# DATE: 2007-10-25 UNITS: metal\nSi Si Si 3.0 1.0 1.7322 100390.0 16.217 -0.59825 0.78734 1.1e-6 1.7322 471.18 "
+    "2.85 0.15\n  2.4799 1830.8\n"
+)
+SW = (
+    "# UNITS: metal\nSi Si Si 2.1683 2.0951 1.80 21.0 1.20 -0.333333333333\n         7.049556277 0.6022245584 4.0 0.0 "
+    "0.0\n"
+)
 TABLE = (
     "# UNITS: metal\n\nLJ\nN 6 FPRIME -3.0 0.1\n\n"
     + "\n".join(f"{k} {1 + 0.4 * k:.1f} {4 / k - 1:.4f} {4 / k**2:.4f}" for k in range(1, 7))
@@ -209,9 +216,42 @@ def survives(path, load):
 
 
 WORDS = (
-    "--1", "nan", "-nan", "inf", "1e400", "-1e308", "1e-320", "1e200", "0", "-0", "-1", "99999999999999999999", "9223372036854775808", "1" * 400, "2147483648",
-    "1000000000000", "1_0", "0x10", "1.5.2", "1d3", "Atoms", "Masses", "Bonds # x", "#", "\t", "N", "R", "C", "\u00b2", "\u0664", "\x00", "\x0b", "\u2028", "atoms", "xlo xhi",
-)  # fmt: skip
+    "--1",
+    "nan",
+    "-nan",
+    "inf",
+    "1e400",
+    "-1e308",
+    "1e-320",
+    "1e200",
+    "0",
+    "-0",
+    "-1",
+    "99999999999999999999",
+    "9223372036854775808",
+    "1" * 400,
+    "2147483648",
+    "1000000000000",
+    "1_0",
+    "0x10",
+    "1.5.2",
+    "1d3",
+    "Atoms",
+    "Masses",
+    "Bonds # x",
+    "#",
+    "\t",
+    "N",
+    "R",
+    "C",
+    "\u00b2",
+    "\u0664",
+    "\x00",
+    "\x0b",
+    "\u2028",
+    "atoms",
+    "xlo xhi",
+)
 
 
 @st.composite
@@ -295,7 +335,8 @@ def test_any_bytes(tmp_path, content, kind):
     survives(path, load)
 
 
-# What cannot be read at all, and what is too much --------------------------------------------------------------------------------------------
+# What cannot be read at all, and what is too much
+# --------------------------------------------------------------------------------------------
 
 WAYS_IN = {
     k: load for k, (_, load) in KINDS.items() if k in ("data", "molecule", "tersoff", "setfl", "table", "bond table")

@@ -1,4 +1,5 @@
-"""Damaged files of every format: whatever happens to their bytes, readers raise an AtcError of one line or give frames that are whole, in little time and memory.
+"""Damaged files of every format: whatever happens to their bytes, readers raise an AtcError of one line or give frames
+that are whole, in little time and memory.
 
 Seconds as part of the suite; ``pytest -m slow`` looks fifty times as long.
 """
@@ -44,15 +45,24 @@ def dump():
 
 
 def general():
-    head = "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS abc origin pp pp pp\n9 1 0 0\n0 9 1 0\n1 0 9 0\nITEM: ATOMS id element xs ys zs ix iy iz q\n"
+    head = (
+        "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS abc origin pp pp pp\n9 1 0 0\n0 9 1 0\n1 0 9 "
+        "0\nITEM: ATOMS id element xs ys zs ix iy iz q\n"
+    )
     return (head + "5 Si 0.5 0.25 0.125 0 1 -1 0.5\n4 C 0.75 0.5 0.25 0 0 0 -0.5\n").encode()
 
 
 def yaml():
     out = ""
     for k in range(2):
-        out += f"---\ncreator: LAMMPS\ntimestep: {k}\nunits: lj\ntime: {k / 4}\nnatoms: 3\nboundary: [ p, p, f, f, s, s, ]\nthermo:\n  - keywords: [ Step, Temp, ]\n"
-        out += f"  - data: [ {k}, 0.5, ]\nbox:\n  - [ 0, 9 ]\n  - [ 0, 9 ]\n  - [ 0, 9 ]\n  - [ 1, 0, 0.5 ]\nkeywords: [ id, type, x, y, z, vx, vy, vz,  ]\ndata:\n"
+        out += (
+            f"---\ncreator: LAMMPS\ntimestep: {k}\nunits: lj\ntime: {k / 4}\nnatoms: 3\nboundary: [ p, p, f, f, s, s, "
+            "]\nthermo:\n  - keywords: [ Step, Temp, ]\n"
+        )
+        out += (
+            f"  - data: [ {k}, 0.5, ]\nbox:\n  - [ 0, 9 ]\n  - [ 0, 9 ]\n  - [ 0, 9 ]\n  - [ 1, 0, 0.5 ]\nkeywords: [ "
+            "id, type, x, y, z, vx, vy, vz,  ]\ndata:\n"
+        )
         out += "".join("  - [ " + " , ".join(row.split()) + ", ]\n" for row in ROWS.splitlines()) + "...\n"
     return out.encode()
 
@@ -95,14 +105,23 @@ def extxyz(comment, rows="Si 1 2 3 0.5 1 2\nC 2 3 4 1 -1 0\n"):
     return "".join(f"{rows.count(chr(10))}\n{comment.replace('<k>', str(k))}\n{rows}" for k in range(2)).encode()
 
 
-LAMMPS_XYZ = 'Timestep=<k> Time=<k>.500000 pbc="T T F" Lattice="9 0 0 1 9 0 0 2 9" Potential_energy=-1 Temperature=3 Properties=species:S:1:pos:R:3:vel:R:3'
-ASE_XYZ = 'Lattice="9 0 0 1 9 0 0 2 9" Properties=species:S:1:pos:R:3:momenta:R:3 energy=-1.5 info={a b} list=[1,2,[3,4]] pbc="T F T"'
+LAMMPS_XYZ = (
+    'Timestep=<k> Time=<k>.500000 pbc="T T F" Lattice="9 0 0 1 9 0 0 2 9" Potential_energy=-1 Temperature=3 '
+    "Properties=species:S:1:pos:R:3:vel:R:3"
+)
+ASE_XYZ = (
+    'Lattice="9 0 0 1 9 0 0 2 9" Properties=species:S:1:pos:R:3:momenta:R:3 energy=-1.5 info={a b} list=[1,2,[3,4]] '
+    'pbc="T F T"'
+)
 IPI_XYZ = "# CELL(abcABC): 10 11 12 90 80 70 Step: <k> Bead: 0 positions{angstrom} cell{atomic_unit}"
 
 
 def cfg():
     h = "".join(f"H0({i},{j}) = {9.5 * (i == j) + 0.5 * (i > j)} A\n" for i in (1, 2, 3) for j in (1, 2, 3))
-    head = f"Number of particles = 2\nA = 1 Angstrom (basic length-scale)\n{h}.NO_VELOCITY.\nentry_count = 5\nauxiliary[0] = id\nauxiliary[1] = vx\n"
+    head = (
+        f"Number of particles = 2\nA = 1 Angstrom (basic length-scale)\n{h}.NO_VELOCITY.\nentry_count = "
+        "5\nauxiliary[0] = id\nauxiliary[1] = vx\n"
+    )
     return (head + "28.000000 \nSi \n0.5 0.25 0.125 1 0.5\n12.000000 \nC \n0.25 0.75 0.5 2 -0.5\n").encode()
 
 
@@ -114,9 +133,11 @@ def netcdf(version, program="LAMMPS"):
     for name, size in (("frame", None), ("spatial", 3), ("atom", 2), ("cell_spatial", 3), ("cell_angular", 3)):
         f.createDimension(name, size)
     for name, dims, unit in (
-        ("time", ("frame",), "picosecond"), ("cell_lengths", ("frame", "cell_spatial"), "angstrom"), ("cell_angles", ("frame", "cell_angular"), "degree"),
+        ("time", ("frame",), "picosecond"),
+        ("cell_lengths", ("frame", "cell_spatial"), "angstrom"),
+        ("cell_angles", ("frame", "cell_angular"), "degree"),
         ("coordinates", ("frame", "atom", "spatial"), "angstrom"),
-    ):  # fmt: skip
+    ):
         v = f.createVariable(name, "f4", dims)
         v.units = unit
         for k in range(2):
@@ -132,8 +153,10 @@ def netcdf(version, program="LAMMPS"):
 
 def data():
     return (
-        b"made by hand\n\n3 atoms\n2 atom types\n1 bonds\n1 bond types\n0 9 xlo xhi\n0 9 ylo yhi\n0 9 zlo zhi\n1 0 0.5 xy xz yz\n\nMasses\n\n1 28 # Si\n2 12\n\n"
-        b"Atoms # full\n\n1 1 1 0.5 1 2 3 0 0 1\n2 1 2 -0.5 2 3 4 0 0 0\n3 1 1 0 3 4 5 0 0 0\n\nVelocities\n\n1 1 0 0\n2 0 1 0\n3 0 0 1\n\nBonds\n\n1 1 1 2\n"
+        b"made by hand\n\n3 atoms\n2 atom types\n1 bonds\n1 bond types\n0 9 xlo xhi\n0 9 ylo yhi\n0 9 zlo zhi\n1 0 "
+        b"0.5 xy xz yz\n\nMasses\n\n1 28 # Si\n2 12\n\n"
+        b"Atoms # full\n\n1 1 1 0.5 1 2 3 0 0 1\n2 1 2 -0.5 2 3 4 0 0 0\n3 1 1 0 3 4 5 0 0 0\n\nVelocities\n\n1 1 0 "
+        b"0\n2 0 1 0\n3 0 0 1\n\nBonds\n\n1 1 1 2\n"
     )
 
 
@@ -160,26 +183,83 @@ def pdb():
 
 
 FORMATS = {
-    "t.dump": dump, "general.dump": general, "t.yaml": yaml, "t.bin": binary, "old.bin": lambda: binary(old=True), "t.dcd": dcd,
-    "t.dump.gz": lambda: gzip.compress(dump()), "t.dump.bz2": lambda: bz2.compress(dump()), "t.dump.xz": lambda: lzma.compress(dump()),
-    "lammps.extxyz": lambda: extxyz(LAMMPS_XYZ), "ase.extxyz": lambda: extxyz(ASE_XYZ), "ipi.xyz": lambda: extxyz(IPI_XYZ, "O 1 2 3\nH 2 3 4\n"),
-    "plain.xyz": lambda: extxyz("nothing", "O 1 2 3\nH 2 3 4\n"), "t.cfg": cfg, "one.nc": lambda: netcdf(1), "two.nc": lambda: netcdf(2),
-    "five.nc": lambda: zlib.decompress(base64.b85decode(VERSION_5)), "amber.nc": lambda: netcdf(2, "pmemd"), "t.data": data, "t.traj": lambda: by_ase("traj"), "t.cif": lambda: by_ase("cif"),
-    "POSCAR": lambda: by_ase("vasp"), "t.json": lambda: by_ase("json"), "t.gro": gro, "t.pdb": pdb,
-}  # fmt: skip
+    "t.dump": dump,
+    "general.dump": general,
+    "t.yaml": yaml,
+    "t.bin": binary,
+    "old.bin": lambda: binary(old=True),
+    "t.dcd": dcd,
+    "t.dump.gz": lambda: gzip.compress(dump()),
+    "t.dump.bz2": lambda: bz2.compress(dump()),
+    "t.dump.xz": lambda: lzma.compress(dump()),
+    "lammps.extxyz": lambda: extxyz(LAMMPS_XYZ),
+    "ase.extxyz": lambda: extxyz(ASE_XYZ),
+    "ipi.xyz": lambda: extxyz(IPI_XYZ, "O 1 2 3\nH 2 3 4\n"),
+    "plain.xyz": lambda: extxyz("nothing", "O 1 2 3\nH 2 3 4\n"),
+    "t.cfg": cfg,
+    "one.nc": lambda: netcdf(1),
+    "two.nc": lambda: netcdf(2),
+    "five.nc": lambda: zlib.decompress(base64.b85decode(VERSION_5)),
+    "amber.nc": lambda: netcdf(2, "pmemd"),
+    "t.data": data,
+    "t.traj": lambda: by_ase("traj"),
+    "t.cif": lambda: by_ase("cif"),
+    "POSCAR": lambda: by_ase("vasp"),
+    "t.json": lambda: by_ase("json"),
+    "t.gro": gro,
+    "t.pdb": pdb,
+}
 # What is in ASE's or MDAnalysis's units; everything else is read in a run's.
 OWN_UNITS = {"ase.extxyz", "ipi.xyz", "plain.xyz", "amber.nc", "t.traj", "t.cif", "POSCAR", "t.json", "t.gro", "t.pdb"}
 FILE_SAYS = {"t.dump", "t.yaml", "t.bin", "one.nc", "two.nc", "five.nc", "t.dump.gz", "t.dump.bz2", "t.dump.xz"}
 NASTY = [
-    b"nan", b"inf", b"-inf", b"1e999", b"-1", b"--1", b"0", b"1_0", b"1e-400", b"99999999999999999999", b"9223372036854775808", b"1000000000000", b"0x10", b"1,5", b"1.5.2",
-    b"\xff\xfe", b"\0", b"\0\0\0\0", b"\xff\xff\xff\xff", b"\x7f\xff\xff\xff", b"\xff\xff\xff\x7f", b"\n", b"\r", b" ", b"\t", b"\x1b[2J", b'"', b"[", b"]", b"{", b"}", b"=", b":", b"#", b"\xd9\xa3",
-    b"ITEM: ATOMS", b"ITEM: TIMESTEP\n", b"---\n", b"...\n", b"x" * 300,
-]  # fmt: skip
+    b"nan",
+    b"inf",
+    b"-inf",
+    b"1e999",
+    b"-1",
+    b"--1",
+    b"0",
+    b"1_0",
+    b"1e-400",
+    b"99999999999999999999",
+    b"9223372036854775808",
+    b"1000000000000",
+    b"0x10",
+    b"1,5",
+    b"1.5.2",
+    b"\xff\xfe",
+    b"\0",
+    b"\0\0\0\0",
+    b"\xff\xff\xff\xff",
+    b"\x7f\xff\xff\xff",
+    b"\xff\xff\xff\x7f",
+    b"\n",
+    b"\r",
+    b" ",
+    b"\t",
+    b"\x1b[2J",
+    b'"',
+    b"[",
+    b"]",
+    b"{",
+    b"}",
+    b"=",
+    b":",
+    b"#",
+    b"\xd9\xa3",
+    b"ITEM: ATOMS",
+    b"ITEM: TIMESTEP\n",
+    b"---\n",
+    b"...\n",
+    b"x" * 300,
+]
 
 
 @st.composite
 def damage(draw, seed: bytes):
-    """`seed` after a few accidents: bytes changed, pieces cut out, doubled, swapped or put in, the end cut off, words replaced."""
+    """`seed` after a few accidents: bytes changed, pieces cut out, doubled, swapped or put in, the end cut off, words
+    replaced."""
     out = bytearray(seed)
     for _ in range(draw(st.integers(1, 4))):
         if not out:
@@ -213,7 +293,8 @@ def damage(draw, seed: bytes):
 
 
 def read_all(path, units):
-    """Read everything that a file gives; the only exception that may come out is an AtcError of one line that names the file."""
+    """Read everything that a file gives; the only exception that may come out is an AtcError of one line that names the
+    file."""
     started = time.perf_counter()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -54,7 +54,8 @@ def numbers(found, frame=0):
 
 @pytest.mark.parametrize("style", STYLES)
 def test_every_form_of_the_log(tmp_path, style):
-    """Energies and pressures of model and run agree to the digits that the log has, in every form that LAMMPS prints."""
+    """Energies and pressures of model and run agree to the digits that the log has, in every form that LAMMPS
+    prints."""
     run(tmp_path, argon(), ARGON, STYLES[style] + RUN, columns="id type x y z vx vy vz")
     found = verify(scene(tmp_path, argon(), ARGON), "--json", "--frames", "all")
     assert [f["step"] for f in found["frames"]] == [0, 5, 10] and found["agrees"]
@@ -109,7 +110,8 @@ def test_lj_units_are_per_atom_unless_said_otherwise(tmp_path, norm):
 
 
 def test_several_runs_warnings_and_a_broken_end(tmp_path):
-    """Rows of two runs of one step are both known; warnings, printed text that looks like a heading, and a line that was cut off are no rows."""
+    """Rows of two runs of one step are both known; warnings, printed text that looks like a heading, and a line that
+    was cut off are no rows."""
     script = (
         RUN.replace("run 10", "run 5")
         + "\nprint 'Step Temp PotEng'\nprint '1 2 3'\nfix p all print 1 'Step of print 5'\nrun 5"
@@ -231,7 +233,8 @@ def test_tail_corrections_are_named(tmp_path):
 
 
 def test_rigid_molecules(tmp_path):
-    """Forces of rigid bodies agree, their virial does not; shake leaves fewer degrees of freedom, and says so in the temperature."""
+    """Forces of rigid bodies agree, their virial does not; shake leaves fewer degrees of freedom, and says so in the
+    temperature."""
     w = water()
     run(tmp_path, w, RIGID, CUSTOM + "thermo 5\nfix 1 all rigid/nve/small molecule\ntimestep 0.5\nrun 5")
     found = verify(scene(tmp_path, w, RIGID), "--json", "--frames", "1", status=1)
@@ -240,8 +243,8 @@ def test_rigid_molecules(tmp_path):
     run(tmp_path, w, RIGID, CUSTOM + "thermo 5\nfix 2 all shake 1e-8 100 0 b 1 a 1\n" + NVE)
     shaken = verify(scene(tmp_path, w, RIGID), "--frames", "1", status=1)
     assert (
-        f"the run counts {3 * 192 - 3 - 3 * 64} degrees of freedom, {3 * 64} fewer than {3 * 192 - 3}: constraints (shake"
-        in shaken
+        f"the run counts {3 * 192 - 3 - 3 * 64} degrees of freedom, {3 * 64} fewer than {3 * 192 - 3}: constraints "
+        "(shake" in shaken
     )
     assert "constraint forces along bonds of fixed length" in shaken and "do NOT agree" in shaken
 

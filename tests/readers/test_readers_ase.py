@@ -185,7 +185,10 @@ def test_what_ase_is_not_asked_for(tmp_path):
     with pytest.raises(AtcError, match=r"x.foo: neither LAMMPS, nor a format that MDAnalysis or ASE knows"):
         atc.read(tmp_path / "x.foo")
     # A dump without a telling name is LAMMPS's all the same, and its units are asked for.
-    dump = "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n1\nITEM: BOX BOUNDS pp pp pp\n0 9\n0 9\n0 9\nITEM: ATOMS id type x y z\n1 1 1 1 1\n"
+    dump = (
+        "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n1\nITEM: BOX BOUNDS pp pp pp\n0 9\n0 9\n0 9\nITEM: ATOMS id type x "
+        "y z\n1 1 1 1 1\n"
+    )
     for name in ("x.xyz", "x.traj", "x.trr", "noname"):
         (tmp_path / name).write_text(dump)
         with pytest.raises(AtcError, match="its units are not in the file"):

@@ -112,8 +112,10 @@ def test_in_a_scene(parts, tmp_path):
     from atc.config.scene import Scene
 
     table = {
-        "kernel": {"name": "quartic", "radius": 3.0}, "grid": {"kind": "regular", "shape": 4}, "fields": {"quantities": ["number_density"]},
-    }  # fmt: skip
+        "kernel": {"name": "quartic", "radius": 3.0},
+        "grid": {"kind": "regular", "shape": 4},
+        "fields": {"quantities": ["number_density"]},
+    }
     paths, _ = parts
     for given in ("run.*.dump*", [p.name for p in paths]):
         scene = Scene.load({"trajectory": {"file": given}, **table})
@@ -128,7 +130,8 @@ def test_in_a_scene(parts, tmp_path):
 
 
 def test_types_do_not_depend_on_what_is_read_first(tmp_path):
-    """Species are numbered in order of first appearance in the whole trajectory, as in one file, whichever frame is asked for first."""
+    """Species are numbered in order of first appearance in the whole trajectory, as in one file, whichever frame is
+    asked for first."""
     from itertools import permutations
 
     from ase import Atoms

@@ -30,10 +30,24 @@ def save(tmp_path):
 
 
 VALUES = {
-    "id": [7, 3], "mol": [4, 5], "type": [2, 1], "q": [0.5, -1.25], "x": [1.5, 2.5], "y": [-1.0, 0.25], "z": [3.0, 1e-3], "ix": [0, -1], "iy": [2, 0],
-    "iz": [0, 1], "mass": [3.5, 4.5], "diameter": [2.0, 0.0], "density": [1.5, 2.5],
-    "bodyflag": [0, 0], "ellipsoidflag": [0, 0], "lineflag": [0, 0], "triangleflag": [0, 0],
-}  # fmt: skip
+    "id": [7, 3],
+    "mol": [4, 5],
+    "type": [2, 1],
+    "q": [0.5, -1.25],
+    "x": [1.5, 2.5],
+    "y": [-1.0, 0.25],
+    "z": [3.0, 1e-3],
+    "ix": [0, -1],
+    "iy": [2, 0],
+    "iz": [0, 1],
+    "mass": [3.5, 4.5],
+    "diameter": [2.0, 0.0],
+    "density": [1.5, 2.5],
+    "bodyflag": [0, 0],
+    "ellipsoidflag": [0, 0],
+    "lineflag": [0, 0],
+    "triangleflag": [0, 0],
+}
 
 
 @pytest.mark.parametrize("images", [False, True])
@@ -89,7 +103,8 @@ def test_a_style_that_is_not_certain_is_asked_for(save):
     path = save(text(["1 1 1 0.5 1.0 2.0"]))
     with pytest.raises(
         AtcError,
-        match=r"t.data, line 17: which atom style has these 6 columns is not certain .*charge.*write the style .* 'Atoms # full'",
+        match=r"t.data, line 17: which atom style has these 6 columns is not certain .*charge.*write the style .* "
+        r"'Atoms # full'",
     ):
         atc.read(path, units="metal")
     with pytest.raises(AtcError, match=r"line 17: which atom style .* \(possible: none\)"):
@@ -218,7 +233,8 @@ def test_units_and_topology_arguments(save):
     with pytest.raises(AtcError, match="no 'Atoms' section"):
         LammpsData(save("hello\n\n3 atoms\n", "n.data"))
     dump = save(
-        "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n1\nITEM: BOX BOUNDS pp pp pp\n0 9\n0 9\n0 9\nITEM: ATOMS id type x y z\n1 3 1 1 1\n",
+        "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n1\nITEM: BOX BOUNDS pp pp pp\n0 9\n0 9\n0 9\nITEM: ATOMS id type x "
+        "y z\n1 3 1 1 1\n",
         "d.dump",
     )
     with pytest.raises(

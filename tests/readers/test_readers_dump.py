@@ -1,4 +1,5 @@
-"""LAMMPS text dumps: what a small independent writer wrote comes back; every kind of damage is named with frame and line."""
+"""LAMMPS text dumps: what a small independent writer wrote comes back; every kind of damage is named with frame and
+line."""
 
 import bz2
 import gzip
@@ -20,7 +21,8 @@ PACK = {"": lambda b: b, ".gz": gzip.compress, ".bz2": bz2.compress, ".xz": lamb
 
 
 def write_dump(frames, header_units=None):
-    """Text of a dump. Each frame: step, lo, hi, tilt or None, flags, columns {name: values}, optional time. Numbers with 17 digits."""
+    """Text of a dump. Each frame: step, lo, hi, tilt or None, flags, columns {name: values}, optional time. Numbers
+    with 17 digits."""
     out = []
     for k, f in enumerate(frames):
         if header_units and k == 0:
@@ -66,7 +68,8 @@ def save(tmp_path):
     return save
 
 
-# Round trips --------------------------------------------------------------------------------------------------------------------------
+# Round trips
+# ----------------------------------------------------------------------------------------------------------------------
 
 number = st.floats(-1e3, 1e3, allow_subnormal=False)
 
@@ -144,7 +147,8 @@ def test_what_was_written_comes_back(tmp_path, frames, style, in_header, pack):
         order = np.argsort(c["id"])
         np.testing.assert_array_equal(got.ids, np.sort(c["id"]))
         np.testing.assert_array_equal(got.types, c["type"][order])
-        # The bounding box is rounded when written and again when taken apart: a few ulp of its size, in the cell and in scaled positions.
+        # The bounding box is rounded when written and again when taken apart: a few ulp of its size, in the cell and in
+        # scaled positions.
         size = np.abs([want["lo"], want["hi"]]).max() + np.abs(want["vectors"]).sum()
         near = 1e-14 * size * u.length
         np.testing.assert_allclose(got.cell.vectors, want["vectors"] * u.length, rtol=0, atol=near)
@@ -212,7 +216,8 @@ def test_windows_line_ends_tabs_and_trailing_blanks(save):
     assert len(a) == len(b) == len(c) == 2
 
 
-# Laziness -----------------------------------------------------------------------------------------------------------------------------
+# Laziness
+# ----------------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("pack", list(PACK))
@@ -280,7 +285,8 @@ def test_threads_share_a_trajectory(save):
             np.testing.assert_array_equal(f.positions[:, 0], simple(50, k)["columns"]["x"])
 
 
-# Types, masses, units ---------------------------------------------------------------------------------------------------------------------
+# Types, masses, units
+# ---------------------------------------------------------------------------------------------------------------------
 
 
 def test_types_from_elements_do_not_depend_on_the_order_of_reading(save):
@@ -375,7 +381,8 @@ def test_units_are_never_guessed(save):
         len(atc.read(save(two, "two.dump")))
 
 
-# Damage -------------------------------------------------------------------------------------------------------------------------------
+# Damage
+# ----------------------------------------------------------------------------------------------------------------------
 
 THREE = write_dump([simple(4, k) for k in range(3)])
 LINES = THREE.split("\n")
@@ -401,7 +408,10 @@ def test_a_last_frame_that_is_cut_anywhere_is_left_out(save):
 
 def test_a_cut_number_is_never_taken_for_a_whole_one(save):
     rows = ["1 1 1.25 1.5 1.75", "2 1 2.25 2.5 2.75", "3 1 3.25 3.5 3.75"]
-    head = "ITEM: TIMESTEP\n{}\nITEM: NUMBER OF ATOMS\n3\nITEM: BOX BOUNDS pp pp pp\n0 9\n0 9\n0 9\nITEM: ATOMS id type x y z\n"
+    head = (
+        "ITEM: TIMESTEP\n{}\nITEM: NUMBER OF ATOMS\n3\nITEM: BOX BOUNDS pp pp pp\n0 9\n0 9\n0 9\nITEM: ATOMS id type "
+        "x y z\n"
+    )
     first = head.format(0) + "\n".join(rows) + "\n"
     second = head.format(1) + "\n".join(rows)
     traj = atc.read(save(first + second + "\n"), units="lj")
@@ -421,7 +431,10 @@ def test_a_cut_number_is_never_taken_for_a_whole_one(save):
 
 def test_an_exponent_that_was_cut_off(save):
     """The last word 1.23456e-05, cut to 1.23456, has as many digits as any other of its column."""
-    frame = "ITEM: TIMESTEP\n{}\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS pp pp pp\n0 20\n0 20\n0 20\nITEM: ATOMS id type x y z\n1 1 1 1 1.34567\n2 1 3 3 1.23456e-05\n"
+    frame = (
+        "ITEM: TIMESTEP\n{}\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS pp pp pp\n0 20\n0 20\n0 20\nITEM: ATOMS id "
+        "type x y z\n1 1 1 1 1.34567\n2 1 3 3 1.23456e-05\n"
+    )
     text = frame.format(0) + frame.format(10)
     assert len(atc.read(save(text), units="metal")) == 2
     with pytest.warns(AtcWarning, match="is not complete and is left out"):

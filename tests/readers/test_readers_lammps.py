@@ -115,7 +115,8 @@ def test_text_dump(written):
     same_box(f, u, memory)
     np.testing.assert_array_equal(f.ids, memory["id"])
     np.testing.assert_array_equal(f.types, memory["type"])
-    # 17 digits are exact, but LAMMPS takes tilted boxes apart and together again after the dump: a few ulp of numbers up to 20.
+    # 17 digits are exact, but LAMMPS takes tilted boxes apart and together again after the dump: a few ulp of numbers
+    # up to 20.
     np.testing.assert_allclose(f.positions, memory["x"] * u.length, rtol=0, atol=1e-14 * u.length)
     np.testing.assert_array_equal(f.velocities, memory["v"] * u.velocity)
     np.testing.assert_array_equal(f.forces, memory["f"] * u.factor("force"))
@@ -136,7 +137,8 @@ def test_scaled_unwrapped_and_zipped(written):
     np.testing.assert_array_equal(f.images, memory["image"])
     unwrapped = (memory["x"] + memory["image"] @ memory["vectors"]) * u.length
     f = atc.read(folder / "xsu.dump")[-1]
-    # LAMMPS adds 512 + image to the fraction and takes 512 away: half an ulp of 512, times box lengths and tilts up to 13 + 4 + 3.
+    # LAMMPS adds 512 + image to the fraction and takes 512 away: half an ulp of 512, times box lengths and tilts up to
+    # 13 + 4 + 3.
     np.testing.assert_allclose(f.positions, unwrapped, rtol=0, atol=5.7e-14 * 20 * u.length)
     assert f.images is None
     traj = atc.read(folder / "xu.dump")
@@ -183,7 +185,8 @@ def test_data_file_alone_and_as_topology(written):
     f = traj[-1]
     np.testing.assert_array_equal(f.ids, memory["id"])
     np.testing.assert_array_equal(f.types, memory["type"])
-    # write_data wraps the atoms first, and prints 16 or 17 digits, depending on the version: a few ulp of numbers up to 40.
+    # write_data wraps the atoms first, and prints 16 or 17 digits, depending on the version: a few ulp of numbers up to
+    # 40.
     unwrapped = memory["x"] + memory["image"] @ memory["vectors"]
     np.testing.assert_allclose(
         f.positions + f.images @ f.cell.vectors, unwrapped * u.length, rtol=0, atol=3e-14 * u.length
@@ -202,7 +205,8 @@ def test_data_file_alone_and_as_topology(written):
 
 
 def test_general_triclinic(tmp_path):
-    """One run written in LAMMPS's rotated frame and in the user's: the same fractional positions, and vectors turned alike."""
+    """One run written in LAMMPS's rotated frame and in the user's: the same fractional positions, and vectors turned
+    alike."""
     with lammps_session() as lmp:
         lmp.commands_string(f"""
             units metal
@@ -237,10 +241,14 @@ def test_general_triclinic(tmp_path):
 
 def test_molecule_with_every_kind_of_bonded_term_and_type_labels(tmp_path):
     (tmp_path / "in.data").write_text(
-        "a chain of four\n\n4 atoms\n2 atom types\n3 bonds\n2 bond types\n2 angles\n1 angle types\n1 dihedrals\n1 dihedral types\n1 impropers\n1 improper types\n"
-        "0 20 xlo xhi\n0 20 ylo yhi\n0 20 zlo zhi\n\nAtom Type Labels\n\n1 C2\n2 Hx\n\nBond Type Labels\n\n1 C2-C2\n2 C2-Hx\n\n"
-        "Masses\n\nC2 12.0\nHx 1.0\n\nAtoms # full\n\n30 7 C2 -0.5 1 1 1 0 0 0\n10 7 C2 0.25 2.5 1 1\t0 1 0 # a comment\n20 7 Hx 0.25 2.5 2.5 1 0 0 -1\n40 7 Hx 0 4 2.5 2 0 0 0\n\n"
-        "Bonds\n\n1 C2-C2 30 10\n2 C2-Hx 10 20\n3 2 20 40\n\nAngles\n\n1 1 30 10 20\n2 1 10 20 40\n\nDihedrals\n\n1 1 30 10 20 40\n\nImpropers\n\n1 1 10 30 20 40\n"
+        "a chain of four\n\n4 atoms\n2 atom types\n3 bonds\n2 bond types\n2 angles\n1 angle types\n1 dihedrals\n1 "
+        "dihedral types\n1 impropers\n1 improper types\n"
+        "0 20 xlo xhi\n0 20 ylo yhi\n0 20 zlo zhi\n\nAtom Type Labels\n\n1 C2\n2 Hx\n\nBond Type Labels\n\n1 C2-C2\n2 "
+        "C2-Hx\n\n"
+        "Masses\n\nC2 12.0\nHx 1.0\n\nAtoms # full\n\n30 7 C2 -0.5 1 1 1 0 0 0\n10 7 C2 0.25 2.5 1 1\t0 1 0 # a "
+        "comment\n20 7 Hx 0.25 2.5 2.5 1 0 0 -1\n40 7 Hx 0 4 2.5 2 0 0 0\n\n"
+        "Bonds\n\n1 C2-C2 30 10\n2 C2-Hx 10 20\n3 2 20 40\n\nAngles\n\n1 1 30 10 20\n2 1 10 20 40\n\nDihedrals\n\n1 1 "
+        "30 10 20 40\n\nImpropers\n\n1 1 10 30 20 40\n"
     )
     data = (tmp_path / "in.data").read_text().replace("0 1 0 # a comment", "0 1 0")
     (tmp_path / "plain.data").write_text(data)
@@ -295,7 +303,8 @@ def test_molecule_with_every_kind_of_bonded_term_and_type_labels(tmp_path):
 
 def test_bonded_atoms_that_are_not_in_the_frame(tmp_path):
     (tmp_path / "m.data").write_text(
-        "x\n\n3 atoms\n1 atom types\n1 bonds\n1 bond types\n0 9 xlo xhi\n0 9 ylo yhi\n0 9 zlo zhi\n\nMasses\n\n1 1\n\nAtoms # bond\n\n"
+        "x\n\n3 atoms\n1 atom types\n1 bonds\n1 bond types\n0 9 xlo xhi\n0 9 ylo yhi\n0 9 zlo zhi\n\nMasses\n\n1 "
+        "1\n\nAtoms # bond\n\n"
         "1 1 1 1 1 1\n2 1 1 2 1 1\n3 1 1 3 1 1\n\nBonds\n\n1 1 1 3\n"
     )
     head = "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS pp pp pp\n0 9\n0 9\n0 9\nITEM: ATOMS "
@@ -315,7 +324,8 @@ def test_bonded_atoms_that_are_not_in_the_frame(tmp_path):
         atc.read(tmp_path / "noid.dump", topology=tmp_path / "m.data", units="lj")[0]
 
 
-# Binary files: damage and the old format --------------------------------------------------------------------------------------------------
+# Binary files: damage and the old format
+# --------------------------------------------------------------------------------------------------
 
 
 def test_damaged_binary_dumps(tmp_path):
@@ -432,7 +442,8 @@ write_data {path}
 
 @pytest.mark.parametrize("styles", ["sphere charge bond", "charge sphere molecular", "full sphere", "bond sphere full"])
 def test_hybrid_atom_styles(tmp_path, styles):
-    """LAMMPS writes 'Atoms # hybrid' and nothing of the sub-styles: with their names behind it everything is read, without them it is said."""
+    """LAMMPS writes 'Atoms # hybrid' and nothing of the sub-styles: with their names behind it everything is read,
+    without them it is said."""
     path = tmp_path / "h.data"
     with lammps_session() as lmp:
         lmp.commands_string(HYBRID.format(styles=styles, path=path))

@@ -1,4 +1,5 @@
-"""Every other file of atoms that LAMMPS writes (dcd, extxyz, yaml, cfg, plain xyz) against the arrays in its memory, frame by frame."""
+"""Every other file of atoms that LAMMPS writes (dcd, extxyz, yaml, cfg, plain xyz) against the arrays in its memory,
+frame by frame."""
 
 import bz2
 import gzip
@@ -25,7 +26,8 @@ STEPS = (10, 12, 14, 16)
 
 
 def run(lmp, folder, style, box):
-    """A soft, warm crystal that drifts across faces; all formats every second step. Returns LAMMPS's memory at each of those steps."""
+    """A soft, warm crystal that drifts across faces; all formats every second step. Returns LAMMPS's memory at each of
+    those steps."""
     boundary, region = BOXES[box]
     lmp.commands_string(f"""
         units {style}
@@ -213,7 +215,10 @@ def test_dcd_that_is_cut_damaged_or_of_other_atoms(written, tmp_path):
         with warnings.catch_warnings(), pytest.raises(AtcError, match=what):
             warnings.simplefilter("ignore")
             atc.read(path, units=u.name)[0]
-    other = "x\n\n1 atoms\n1 atom types\n0 9 xlo xhi\n0 9 ylo yhi\n0 9 zlo zhi\n\nMasses\n\n1 1\n\nAtoms # charge\n\n1 1 0 1 1 1\n"
+    other = (
+        "x\n\n1 atoms\n1 atom types\n0 9 xlo xhi\n0 9 ylo yhi\n0 9 zlo zhi\n\nMasses\n\n1 1\n\nAtoms # charge\n\n1 1 "
+        "0 1 1 1\n"
+    )
     (tmp_path / "other.data").write_text(other)
     with pytest.raises(AtcError, match=rf"w.dcd holds {n} atoms and .*other.data 1"):
         atc.read(folder / "w.dcd", units=u.name, topology=tmp_path / "other.data")
@@ -310,7 +315,8 @@ def test_plain_xyz(written, tmp_path, name):
     for given in (None, u.name):
         with pytest.raises(
             AtcError,
-            match=r"is a plain XYZ file of LAMMPS \(dump xyz\), which holds neither the box nor velocities: dump it as custom",
+            match=r"is a plain XYZ file of LAMMPS \(dump xyz\), which holds neither the box nor velocities: dump it "
+            r"as custom",
         ):
             atc.read(folder / name, units=given)
     with pytest.warns(AtcWarning, match="its box is not in the file and is taken from"):

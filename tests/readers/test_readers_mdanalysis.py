@@ -1,4 +1,5 @@
-"""MDAnalysis sources, on the files of MDAnalysisTests, against MDAnalysis's own arrays and, where there is one, another reader."""
+"""MDAnalysis sources, on the files of MDAnalysisTests, against MDAnalysis's own arrays and, where there is one, another
+reader."""
 
 import pickle
 import warnings
@@ -140,7 +141,8 @@ def test_in_memory_universe_without_a_box():
 
 
 def relative(x):
-    """Positions from the first atom: MDAnalysis moves the origin of the box, and by other amounts where coordinates are scaled."""
+    """Positions from the first atom: MDAnalysis moves the origin of the box, and by other amounts where coordinates are
+    scaled."""
     return np.asarray(x, float) - np.asarray(x[0], float)
 
 

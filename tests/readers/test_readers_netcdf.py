@@ -1,4 +1,5 @@
-"""NetCDF trajectories, as LAMMPS's manual and AMBER's convention describe them, written by SciPy and netCDF4: units, scale factors, cell, versions, damage."""
+"""NetCDF trajectories, as LAMMPS's manual and AMBER's convention describe them, written by SciPy and netCDF4: units,
+scale factors, cell, versions, damage."""
 
 import base64
 import zlib
@@ -12,7 +13,8 @@ from atc.errors import AtcError, AtcWarning
 from atc.readers.lammps_netcdf import LammpsNetcdf
 from atc.units import units
 
-# Version 5 ("64-bit data"), which LAMMPS writes and SciPy does not know: written by netCDF4 1.7 (metal; ids 3 1 2; time step 0.5).
+# Version 5 ("64-bit data"), which LAMMPS writes and SciPy does not know: written by netCDF4 1.7 (metal; ids 3 1 2; time
+# step 0.5).
 VERSION_5 = (
     r"c-p;E%}OgV6rS2nm0CpM3JMBE?pm~P*PXfkAYw%n+-jW0xq+CJBo*ED5nQ_T5qtx)bm=4b04`kk0H!l1Gn27GH{O9WUw*&uJ11vrd)N2UZ^}di#&tmdQlKmB"
     r"eferg@hcct0jFgjDT1h1TK6fsz%;*WHJTBo^vu0fb@mX82Na3IUeoFW&TesbjhP~xNt;8W8Fv5f9Os$~`MFapq=7u=gnM&+!=9b)3m%)ai~IG1u-iR4$@u2r"
@@ -34,7 +36,8 @@ NAMES = {
 def write(
     path, style="metal", version=2, frames=3, program="LAMMPS", change=None, origin=True, ids=True, dt=0.25, kind="f8"
 ):
-    """A file of `frames` steps 0, 10, ...; `change(file)` may alter it before it is closed. Returns what was put in, in the file's units."""
+    """A file of `frames` steps 0, 10, ...; `change(file)` may alter it before it is closed. Returns what was put in, in
+    the file's units."""
     rng = np.random.default_rng(0)
     length, time = NAMES[style]
     f = netcdf_file(path, "w", version=version)

@@ -1,4 +1,5 @@
-"""The kernels under the readers: numbers from text, lines, sorting, resolution. Python's own float(), int() and sorted() are the oracles."""
+"""The kernels under the readers: numbers from text, lines, sorting, resolution. Python's own float(), int() and
+sorted() are the oracles."""
 
 import numpy as np
 import pytest
@@ -52,7 +53,8 @@ def test_printed_coordinates(form):
 
 
 def test_half_way_between_two_doubles():
-    """The hardest cases: decimal numbers exactly between neighbouring doubles, and one unit of the last digit beside."""
+    """The hardest cases: decimal numbers exactly between neighbouring doubles, and one unit of the last digit
+    beside."""
     m = np.random.default_rng(3).integers(2**52, 2**53, 20000).tolist()
     assert_same_bits([f"{k}.5" for k in m])
     assert_same_bits([str(2 * k + 1) for k in m])

@@ -1,4 +1,5 @@
-"""Files that are no trajectories, where one belongs: one line that says what each is, and what to give instead. Nothing of another library is heard."""
+"""Files that are no trajectories, where one belongs: one line that says what each is, and what to give instead. Nothing
+of another library is heard."""
 
 import io
 import os
@@ -52,7 +53,10 @@ MOLECULE = "# water\n\n3 atoms\n2 bonds\n\nCoords\n\n1 0 0 0\n2 1 0 0\n3 0 1 0\n
 HEADER = "ITEM: TIMESTEP\n0\n"
 BOX = "ITEM: BOX BOUNDS pp pp pp\n0 9\n0 9\n0 9\n"
 SCENE = '[trajectory]\nfile = "run.dump"\n\n[kernel]\nname = "quartic"\nradius = 5.0\n'
-SW = "# DATE: 2007-06-11 UNITS: metal CONTRIBUTOR: A. B., a@b.c CITATION: none\nSi Si Si 2.1 2.0 1.8 21.0 1.2 -0.3 7.0 0.6 4.0 0.0 0.0\n"
+SW = (
+    "# DATE: 2007-06-11 UNITS: metal CONTRIBUTOR: A. B., a@b.c CITATION: none\nSi Si Si 2.1 2.0 1.8 21.0 1.2 -0.3 7.0 "
+    "0.6 4.0 0.0 0.0\n"
+)
 
 CASES = {
     "script": (SCRIPT, "is a LAMMPS input script, not a trajectory: give the dump it writes"),
@@ -199,7 +203,8 @@ def test_what_is_no_regular_file(tmp_path):
 
 @pytest.mark.parametrize("kind", ["gz", "bz2", "xz"])
 def test_bombs(tmp_path, kind, monkeypatch):
-    """Text that swells several hundredfold is stopped at the limit (which is lowered here), however little of the file has been read."""
+    """Text that swells several hundredfold is stopped at the limit (which is lowered here), however little of the file
+    has been read."""
     import bz2
     import gzip
     import lzma
@@ -209,7 +214,10 @@ def test_bombs(tmp_path, kind, monkeypatch):
     monkeypatch.setattr(module, "_BOMB", 1 << 21)
     opener = {"gz": gzip.open, "bz2": bz2.open, "xz": lzma.open}[kind]
     path = tmp_path / f"t.dump.{kind}"
-    header = b"ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n900000000000\nITEM: BOX BOUNDS pp pp pp\n0 9\n0 9\n0 9\nITEM: ATOMS id type x y z\n"
+    header = (
+        b"ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n900000000000\nITEM: BOX BOUNDS pp pp pp\n0 9\n0 9\n0 9\nITEM: "
+        b"ATOMS id type x y z\n"
+    )
     block = b"1 1 1 1 1\n" * (1 << 16)
     with opener(path, "wb") as f:
         f.write(header)
@@ -252,8 +260,12 @@ def test_atc_info_says_it_too(tmp_path):
 
 
 def test_zstd_is_read_where_python_can(tmp_path):
-    text = b"ITEM: UNITS\nlj\nITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n1\nITEM: BOX BOUNDS pp pp pp\n0 9\n0 9\n0 9\nITEM: ATOMS id type x y z\n1 1 1 2 3\n"
-    # One frame of one raw block: magic, a header that gives the size in two bytes, the block's length and that it is the last.
+    text = (
+        b"ITEM: UNITS\nlj\nITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n1\nITEM: BOX BOUNDS pp pp pp\n0 9\n0 9\n0 "
+        b"9\nITEM: ATOMS id type x y z\n1 1 1 2 3\n"
+    )
+    # One frame of one raw block: magic, a header that gives the size in two bytes, the block's length and that it is
+    # the last.
     size = len(text)
     raw = (
         b"\x28\xb5\x2f\xfd" + b"\x60" + (size - 256).to_bytes(2, "little")

@@ -50,7 +50,8 @@ def test_velocities_are_read_in_the_units_that_are_given(save, name):
         assert f.masses.tolist() == [40 * u.mass, 80 * u.mass]
     with pytest.warns(
         AtcWarning,
-        match=rf"its column '{name}' holds velocities in units that the file does not say; they are left out: give units=",
+        match=rf"its column '{name}' holds velocities in units that the file does not say; they are left out: give "
+        r"units=",
     ):
         f = atc.read(path)[0]
     assert f.velocities is None and f.units.name == "ase" and f.step == 7 and f.time is None
@@ -73,7 +74,8 @@ def test_columns_of_ovito(save):
     """Its exporter writes identifiers, types, an origin; numbers are those of the run it was given."""
     rows = ["7 2 H 1 2 3 0.5 0.25 1.5", "3 1 O 2 3 4 -1 0.75 16"]
     path = save(
-        f'{LATTICE} Origin="1 1 1" Properties=id:I:1:type:I:1:species:S:1:pos:R:3:charge:R:1:c_pe:R:1:mass:R:1 pbc="T F T" Timestep=100',
+        f'{LATTICE} Origin="1 1 1" Properties=id:I:1:type:I:1:species:S:1:pos:R:3:charge:R:1:c_pe:R:1:mass:R:1 pbc="T '
+        'F T" Timestep=100',
         rows,
     )
     f = atc.read(path, units="metal")[0]
@@ -137,7 +139,8 @@ def test_atomic_numbers_names_that_are_no_elements_and_plain_files(save):
     assert not f.cell.periodic.any() and f.units.name == "ase"
     with pytest.raises(
         AtcError,
-        match=r"t.xyz, frame 0, line 2: the first column holds numbers \(1, 2\), and nothing says whether they are types",
+        match=r"t.xyz, frame 0, line 2: the first column holds numbers \(1, 2\), and nothing says whether they are "
+        r"types",
     ):
         atc.read(save("any words", ["1 0 0 0", "2 0 0 1"], "t.xyz"))[0]
     with pytest.raises(AtcError, match="a topology goes with the unit style of a LAMMPS run"):
@@ -145,7 +148,10 @@ def test_atomic_numbers_names_that_are_no_elements_and_plain_files(save):
 
 
 def ipi(a, b, c, alpha, beta, gamma, unit, cell_unit, step):
-    return f"# CELL(abcABC): {a:10.5f} {b:10.5f} {c:10.5f} {alpha:10.5f} {beta:10.5f} {gamma:10.5f}  Traj: positions{{{unit}}} Step: {step:10d}  Bead: 0 cell{{{cell_unit}}}"
+    return (
+        f"# CELL(abcABC): {a:10.5f} {b:10.5f} {c:10.5f} {alpha:10.5f} {beta:10.5f} {gamma:10.5f}  Traj: "
+        f"positions{{{unit}}} Step: {step:10d}  Bead: 0 cell{{{cell_unit}}}"
+    )
 
 
 @pytest.mark.parametrize("unit,factor", [("angstrom", 1.0), ("atomic_unit", BOHR)])

@@ -1,4 +1,5 @@
-"""Per-atom energies and their derivatives ∂U^(j)/∂x_k: right, complete, and the only things that a partition of the energy changes."""
+"""Per-atom energies and their derivatives ∂U^(j)/∂x_k: right, complete, and the only things that a partition of the
+energy changes."""
 
 import numpy as np
 import pytest
@@ -45,7 +46,8 @@ def ids(values):
 
 
 def rates(bonds, v, n):
-    """dU^(j)/dt = Σ_k v_k·∂U^(j)/∂x_k; that of the atom itself is −Σ of the others', since nothing changes when all move together."""
+    """dU^(j)/dt = Σ_k v_k·∂U^(j)/∂x_k; that of the atom itself is −Σ of the others', since nothing changes when all
+    move together."""
     out = np.zeros(n)
     np.add.at(out, bonds.i, np.einsum("bc,bc->b", bonds.D_bdc[:, 0], v[bonds.j] - v[bonds.i]))
     np.add.at(out, bonds.j, np.einsum("bc,bc->b", bonds.D_bdc[:, 1], v[bonds.i] - v[bonds.j]))
@@ -54,7 +56,8 @@ def rates(bonds, v, n):
 
 @pytest.mark.parametrize("name,partition", EVERY, ids=ids(EVERY))
 def test_shares_change_as_the_sources_say(name, partition):
-    """Along random velocities, against central differences of the shares: they come closer with the square of the step."""
+    """Along random velocities, against central differences of the shares: they come closer with the square of the
+    step."""
     frame, pot = system(name, partition)
     v = np.random.default_rng(3).normal(size=(len(frame), 3))
     d = pot.decompose(frame, sources=True)
@@ -70,20 +73,23 @@ def test_shares_change_as_the_sources_say(name, partition):
         return (up - down) / (2 * h)
 
     if name in SMOOTH:
-        # C² functions whose third derivatives are 1/Å³ and more: the difference is h² U'''/6, until rounding, 1e-16 U/h, is met
+        # C² functions whose third derivatives are 1/Å³ and more: the difference is h² U'''/6, until rounding, 1e-16
+        # U/h, is met
         h = np.array([4e-3, 2e-3, 1e-3])
         error = [np.abs(slope(s) - want).max() for s in h]
         assert error[-1] < 1e-4 * scale
         falls = np.log2(np.array(error[:-1]) / error[1:])
         assert np.all(np.abs(falls - 2.0) < 0.1) or max(error) < 1e-9 * scale, falls
-    # Romberg's step takes h² away; left are h⁴ terms, (1e-4)⁴, jumps of U'' in splines and at cutoffs, h U'', and rounding, 1e-16 U/h = 1e-12 U
+    # Romberg's step takes h² away; left are h⁴ terms, (1e-4)⁴, jumps of U'' in splines and at cutoffs, h U'', and
+    # rounding, 1e-16 U/h = 1e-12 U
     best = (4 * slope(1e-4) - slope(2e-4)) / 3
     np.testing.assert_allclose(best, want, rtol=0, atol=(1e-8 if name in SMOOTH else 1e-5) * scale)
 
 
 @pytest.mark.parametrize("name,partition", EVERY, ids=ids(EVERY))
 def test_sources_add_up_to_the_forces_and_cost_nothing_else(name, partition):
-    """Σ_j ∂U^(j)/∂x_k = −F_k, since Σ U^(j) = U; asking for sources leaves energy, forces and virial alone; nothing is made unasked."""
+    """Σ_j ∂U^(j)/∂x_k = −F_k, since Σ U^(j) = U; asking for sources leaves energy, forces and virial alone; nothing is
+    made unasked."""
     frame, pot = system(name, partition)
     plain, d = pot.decompose(frame), pot.decompose(frame, sources=True, threads=2)
     assert plain.bonds.D_bdc is None
@@ -100,7 +106,8 @@ def test_sources_add_up_to_the_forces_and_cost_nothing_else(name, partition):
 
 @pytest.mark.parametrize("name,partition", EVERY, ids=ids(EVERY))
 def test_churning_has_no_mean(name, partition):
-    """∫ z dV = Σ G x⊗x + Σ x_jk ⊗ ∂U^(j)/∂x_k = 0 for every term and every partition: z is divergence-free, so ∫ z^{µν} = ∫ ∂_α(x^µ z^{αν}) = 0.
+    """∫ z dV = Σ G x⊗x + Σ x_jk ⊗ ∂U^(j)/∂x_k = 0 for every term and every partition: z is divergence-free, so ∫ z^{µν}
+    = ∫ ∂_α(x^µ z^{αν}) = 0.
 
     This is the conjecture of R (behind 4.0.133): z vanishes in the virial limit, for any number of bodies."""
     frame, pot = system(name, partition)
@@ -159,8 +166,8 @@ def test_shares_of_one_triplet_and_one_angle():
 
 
 def moments(frame, bonds, times):
-    """Σ over ordered pairs of x_jk ⊗ ∂U^(j)/∂x_k, and Σ G x⊗x, weighted with functions of the bond's middle that have `frame`'s periods (`times`: how
-    often they are counted)."""
+    """Σ over ordered pairs of x_jk ⊗ ∂U^(j)/∂x_k, and Σ G x⊗x, weighted with functions of the bond's middle that have
+    `frame`'s periods (`times`: how often they are counted)."""
     mid = (frame.positions[bonds.i] - 0.5 * bonds.r_bc) @ frame.cell.inverse * times
     flow = np.einsum("bm,bn->bmn", bonds.r_bc, bonds.D_bdc[:, 0] - bonds.D_bdc[:, 1])
     wave = np.exp(2j * np.pi * mid @ np.array([[1, 0, 1], [0, 1, 2], [-1, 1, 0]]).T)
@@ -170,7 +177,8 @@ def moments(frame, bonds, times):
 @pytest.mark.parametrize("partition", ["equal", "center"])
 @pytest.mark.parametrize("name", ["sw primitive", "sw", "sw two elements"])
 def test_images_of_an_atom_are_told_apart(name, partition):
-    """In a cell smaller than the cutoff an atom meets its own images: bonds and sources run through the same images as in a cell 3³ times as large."""
+    """In a cell smaller than the cutoff an atom meets its own images: bonds and sources run through the same images as
+    in a cell 3³ times as large."""
     frame, pot = system(name, partition)
     small = pot.decompose(frame, sources=True).bonds
     if name == "sw primitive":
@@ -268,7 +276,8 @@ def test_a_term_without_sources_says_so():
         pot.decompose(frame, sources=True)
 
 
-# How a partition is chosen ---------------------------------------------------------------------------------------------------------------
+# How a partition is chosen
+# ---------------------------------------------------------------------------------------------------------------
 
 
 def test_partition_by_word_and_by_term():

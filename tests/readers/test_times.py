@@ -47,13 +47,15 @@ EVEN = [0, 100, 200, 300, 400, 500]
         ([0, 100, 200, 100, 200, 300], r"goes back: frame 3 \(step 100\) comes after frame 2 \(step 200\)"),
         (
             [0, 100, 200, 400, 500, 600],
-            r"frame 3 \(step 400\) comes (1 tau|200 steps) after frame 2 \(step 200\), those before are (0.5 tau|100) apart",
+            r"frame 3 \(step 400\) comes (1 tau|200 steps) after frame 2 \(step 200\), those before are (0.5 tau|100) "
+            r"apart",
         ),
         ([0, 100, 200, 250, 300, 350], r"frame 3 \(step 250\) comes"),
     ],
 )
 def test_conductivity_refuses(steps, message, times, dt):
-    """With and without dt: a series that is none is refused at the frame where it breaks, before the rest is computed."""
+    """With and without dt: a series that is none is refused at the frame where it breaks, before the rest is
+    computed."""
     if not times and dt is None:
         message = message + "|do not know their time"
     with pytest.raises(AtcError, match=message) as e:
@@ -84,7 +86,8 @@ def test_the_frame_that_a_continued_run_writes_again_is_left_out():
 
 
 def test_times_account_for_steps():
-    """Steps that were reset, or dumped at equal times with an adaptive time step, are no fault where the times go on evenly."""
+    """Steps that were reset, or dumped at equal times with an adaptive time step, are no fault where the times go on
+    evenly."""
     run = [f.replace(step=s) for f, s in zip(frames(steps=EVEN), [0, 100, 200, 0, 50, 100], strict=True)]
     assert atc.heat_currents(run, POT).dt == pytest.approx(0.5)
 
@@ -123,7 +126,8 @@ def mixture(drift, **more):
 
 
 def test_a_mixture_that_diffuses_gets_a_note():
-    """Of the partial enthalpies: where a species gets far, but not where it only vibrates, or where molecules of one kind move as wholes."""
+    """Of the partial enthalpies: where a species gets far, but not where it only vibrates, or where molecules of one
+    kind move as wholes."""
     notes = atc.heat_currents(mixture(0.15), POT).notes
     assert (
         len(notes) == 1
@@ -163,7 +167,8 @@ def test_fields_names_frames_that_are_there_twice():
     run = frames(steps=[0, 100, 200, 200, 300, 100, 200])
     with pytest.warns(
         AtcWarning,
-        match=r"frame 3 \(step 200\) after 2 \(step 200\), 5 \(step 100\) after 4 \(step 300\): duplicates of a restart",
+        match=r"frame 3 \(step 200\) after 2 \(step 200\), 5 \(step 100\) after 4 \(step 300\): duplicates of a "
+        r"restart",
     ):
         fields(run)
     with pytest.warns(AtcWarning, match="they count twice in the average"):
@@ -177,7 +182,8 @@ def test_fields_names_frames_that_are_there_twice():
 def test_averages_over_unequal_distances_say_so():
     with pytest.warns(
         AtcWarning,
-        match=r"frame 3 comes 8 times as long after frame 2 as the first two are apart\): the average gives each the same weight",
+        match=r"frame 3 comes 8 times as long after frame 2 as the first two are apart\): the average gives each the "
+        r"same weight",
     ):
         fields(frames(steps=[0, 100, 200, 1000]), average=True)
 
@@ -186,7 +192,8 @@ def test_averages_over_unequal_distances_say_so():
 
 
 def test_dispersion():
-    """Spectra need equal distances and say which frame is out of step; steps that go back are refused, a frame written twice is left out."""
+    """Spectra need equal distances and say which frame is out of step; steps that go back are refused, a frame written
+    twice is left out."""
     from atc.upscaling.vibrations import amplitudes
 
     crystal = atc.Crystal.cubic("fcc", 1.6, [1.0], "lj")
@@ -216,7 +223,8 @@ def test_dispersion():
         ([0, 100, 200, 200, 300], r"time does not increase from frame 2 \(step 200\) to frame 3 \(step 200\)"),
         (
             [0, 100, 200, 400, 500],
-            r"from frame 2 \(step 200\) to frame 3 \(step 400\) 1 tau a frame, from frame \d \(step \d+\) to frame \d \(step \d+\) 0.5",
+            r"from frame 2 \(step 200\) to frame 3 \(step 400\) 1 tau a frame, from frame \d \(step \d+\) to frame \d "
+            r"\(step \d+\) 0.5",
         ),
     ],
 )

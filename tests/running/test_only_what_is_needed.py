@@ -80,7 +80,8 @@ def nanowire(edge):
 
 
 def test_empty_space_costs_nothing(monkeypatch):
-    """A wire in boxes of 60 and 600 Å: the same visits; no more bins than a small multiple of the atoms; the same predicted work."""
+    """A wire in boxes of 60 and 600 Å: the same visits; no more bins than a small multiple of the atoms; the same
+    predicted work."""
     deposits = []
     real = atc.deposit.make
 
@@ -114,7 +115,8 @@ def test_empty_space_costs_nothing(monkeypatch):
 @pytest.mark.parametrize("system", ["lj", "sw", "sw with others"])
 @pytest.mark.parametrize("cell", ["cubic", "tilted", "mixed"])
 def test_a_kept_list_has_the_pairs_of_a_new_one(system, cell):
-    """Whatever moves by less than half a skin, re-wrapped anywhere: the same pairs, the same vectors, through the same images."""
+    """Whatever moves by less than half a skin, re-wrapped anywhere: the same pairs, the same vectors, through the same
+    images."""
     frame, pot = (argon(3) if system == "lj" else silicon(3))[:2]
     rng = np.random.default_rng(4)
     if cell != "cubic":
@@ -183,7 +185,8 @@ def vibrating(n=6):
 
 
 def test_lists_are_built_once_for_frames_that_stay_near(monkeypatch, tmp_path):
-    """Six frames, one of which has an atom out of place: the kept list and one new one, and the same fields to rounding; bit for bit however computed."""
+    """Six frames, one of which has an atom out of place: the kept list and one new one, and the same fields to
+    rounding; bit for bit however computed."""
     frames, pot = vibrating()
     arguments = (frames, pot, KERN, GRID, ["stress", "virial_stress"])
     with monkeypatch.context() as patch:
@@ -214,7 +217,8 @@ def test_liquids_and_changing_cells_keep_no_list():
 
 @pytest.mark.parametrize("walk, lists", [(0.0, (2, 2)), (0.04, (3, 10)), (0.5, (40, 40))])
 def test_green_kubo_keeps_its_neighbours(monkeypatch, walk, lists):
-    """A solid is searched twice in 40 frames, once with a skin; a liquid now and then; atoms that are elsewhere in each frame without a skin, every time."""
+    """A solid is searched twice in 40 frames, once with a skin; a liquid now and then; atoms that are elsewhere in each
+    frame without a skin, every time."""
     frame, pot = argon(4)
     rng = np.random.default_rng(0)
     x, trajectory = frame.positions, []

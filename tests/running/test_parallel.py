@@ -1,4 +1,5 @@
-"""Frames and tiles over the workers of a real Dask cluster of separate processes: the same numbers, though workers die."""
+"""Frames and tiles over the workers of a real Dask cluster of separate processes: the same numbers, though workers
+die."""
 
 import importlib
 import os
@@ -216,8 +217,9 @@ def compiled_functions():
 
 
 def test_no_function_has_two_copies_that_may_round_differently():
-    """A function that is called, not inlined, is compiled once for itself and once within each caller; which copy runs depends on whether it was compiled in this
-    process or came from the disk. They agree to the last bit unless products and sums may be contracted: what may is always inlined."""
+    """A function that is called, not inlined, is compiled once for itself and once within each caller; which copy runs
+    depends on whether it was compiled in this process or came from the disk. They agree to the last bit unless products
+    and sums may be contracted: what may is always inlined."""
     functions = list(compiled_functions())
     assert len(functions) > 100
     vectors = {id(x) for x in vars(_simd).values() if isinstance(x, Intrinsic)}

@@ -101,7 +101,8 @@ def test_interrupted_run_continues_bit_for_bit(tmp_path, suffix, average, stop, 
     assert not out.exists() and (tmp_path / f"o{suffix}.partial").exists() == (stop > 0)
     pot, seen = BruteLJ(), []
     again = fields(trajectory(), out, pot=pot, average=average, progress=lambda done, total, rate: seen.append(done))
-    # done frames are not computed again (but for one to learn the layout when none is left); one more pass to know the potential
+    # done frames are not computed again (but for one to learn the layout when none is left); one more pass to know the
+    # potential
     assert seen[0] == stop and len(pot.calls) == 1 + max(5 - stop, 1)
     same(uninterrupted(suffix, average), again)
     assert not (tmp_path / f"o{suffix}.partial").exists()
@@ -225,7 +226,8 @@ def test_unwritable_place():
 
 
 def test_full_disk(tmp_path):
-    """A limit on file sizes stands in for a full disk (EFBIG for ENOSPC): while frames are written, and when the NetCDF file is."""
+    """A limit on file sizes stands in for a full disk (EFBIG for ENOSPC): while frames are written, and when the NetCDF
+    file is."""
     script = textwrap.dedent(f"""
         import sys, resource, signal
         sys.path[:0] = {sys.path!r}
@@ -352,7 +354,8 @@ def test_windows():
 
 
 def test_average_where_matter_comes_and_goes():
-    """A point with mass in some frames only: its velocity is that of the mass seen; where there never was any it is NaN."""
+    """A point with mass in some frames only: its velocity is that of the mass seen; where there never was any it is
+    NaN."""
     base = argon("slab", n=(2, 2, 1), jitter=0.1)
     frames = [base.replace(positions=base.positions + np.array([0, 0, s])) for s in (0.0, 8.0)]
     z = base.positions[:, 2].mean()

@@ -1,4 +1,5 @@
-"""A run that goes on is the same run: whatever changes a number is noticed and named; a trajectory that has grown goes on."""
+"""A run that goes on is the same run: whatever changes a number is noticed and named; a trajectory that has grown goes
+on."""
 
 import subprocess
 import sys
@@ -177,6 +178,9 @@ def test_the_command_says_how_to_begin_again(case):
 
 def test_python_still_quits_by_itself(tmp_path):
     """Ctrl-C in somebody's own program is a KeyboardInterrupt there too."""
-    code = "import os, signal\nfrom atc.interruption import whole\ntry:\n  with whole():\n    os.kill(os.getpid(), signal.SIGINT); print('done')\nexcept KeyboardInterrupt: print('heard')"
+    code = (
+        "import os, signal\nfrom atc.interruption import whole\ntry:\n  with whole():\n    os.kill(os.getpid(), "
+        "signal.SIGINT); print('done')\nexcept KeyboardInterrupt: print('heard')"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert done.stdout.split() == ["done", "heard"]

@@ -1,4 +1,5 @@
-"""Runs that are told to stop, killed, left without a parent or without room: what is finished is kept, and the result is the same bit for bit.
+"""Runs that are told to stop, killed, left without a parent or without room: what is finished is kept, and the result
+is the same bit for bit.
 
 Random kills: a few here, as many as ATC_KILLS says with ``pytest -m slow tests/running/test_stopped.py``.
 """
@@ -134,7 +135,8 @@ def test_told_to_stop(tmp_path, wholes, kind, number, status, word):
     assert (
         got == status
         and err
-        == f"error: {word}; {'what is done is' if kind == 'pd' else 'the finished frames are'} kept: the same command continues\n"
+        == f"error: {word}; {'what is done is' if kind == 'pd' else 'the finished frames are'} kept: the same command "
+        "continues\n"
     )
     assert not out.exists()
     assert command(tmp_path, kind).wait(timeout=200) == 0
@@ -214,8 +216,12 @@ def test_a_signal_to_the_whole_group(tmp_path, wholes):
     """As schedulers and terminals send it: workers get it too, and leave it to the parent."""
     out, _ = prepare(tmp_path, "workers")
     process = subprocess.Popen(
-        [sys.executable, "-m", "atc", "fields", "scene.toml", "-o", "out.zarr", "-q", "-j", "2"], cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True,
-    )  # fmt: skip
+        [sys.executable, "-m", "atc", "fields", "scene.toml", "-o", "out.zarr", "-q", "-j", "2"],
+        cwd=tmp_path,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
     deadline = time.monotonic() + 100
     while finished_frames(out) < 2:
         assert process.poll() is None and time.monotonic() < deadline

@@ -1,4 +1,5 @@
-"""Chains: forces against naive sums, energies against forces, Verlet against its closed form and the exact solution, the numbers of the paper."""
+"""Chains: forces against naive sums, energies against forces, Verlet against its closed form and the exact solution,
+the numbers of the paper."""
 
 import math
 
@@ -64,7 +65,8 @@ def test_paper_springs_are_equation_4_1():
 @pytest.mark.parametrize("M", [3, 104])  # the sum over neighbours and the convolution
 @pytest.mark.parametrize("boundary", ["periodic", "clamped"])
 def test_verlet_is_its_closed_form(boundary, M):
-    """Every step of velocity Verlet equals the closed form of its powers, displacement and velocity, to rounding (1e-16 a step, 200 steps)."""
+    """Every step of velocity Verlet equals the closed form of its powers, displacement and velocity, to rounding (1e-16
+    a step, 200 steps)."""
     model = Springs.paper(1.0, M)
     rng = np.random.default_rng(1)
     u0, v0 = rng.normal(size=211), rng.normal(size=211)
@@ -212,7 +214,8 @@ def test_relative_density():
 
 @pytest.mark.parametrize("M", [1, 2, 5])
 def test_lennard_jones_chain(M):
-    """At rest at its spacing; unit sound speed from the springs of its bonds; the stress of a stretch does not depend on M; small waves follow the linear chain."""
+    """At rest at its spacing; unit sound speed from the springs of its bonds; the stress of a stretch does not depend
+    on M; small waves follow the linear chain."""
     chain = LennardJones(2.0, M)
     assert np.abs(chain.acceleration(np.zeros(31), "clamped")).max() < 1e-15
     assert chain.sound_speed == pytest.approx(1, rel=1e-14) and chain.linearised().sound_speed == pytest.approx(
@@ -275,7 +278,8 @@ def test_beyond_the_spinodal():
 
 
 def test_square_pulse_does_not_converge_pointwise():
-    """L2 differences are small, the value at nodes near the jump goes on changing by a tenth and more as Δx is halved from 0.5 to 1/64."""
+    """L2 differences are small, the value at nodes near the jump goes on changing by a tenth and more as Δx is halved
+    from 0.5 to 1/64."""
     changes, before = [], None
     for M in (10, 20, 40, 80, 160, 320):
         x = np.arange(200 * M) * 5.0 / M
@@ -317,7 +321,8 @@ def test_refused(call, message):
 
 
 def lammps_chain(model, u0, dt, steps, pair, bonds=()):
-    """Positions, velocities and total energy of a periodic chain along x after `steps` steps of LAMMPS's own velocity Verlet."""
+    """Positions, velocities and total energy of a periodic chain along x after `steps` steps of LAMMPS's own velocity
+    Verlet."""
     from lammps_oracle import lammps_session
 
     n, dx = len(u0), model.spacing
@@ -354,7 +359,8 @@ def lammps_chain(model, u0, dt, steps, pair, bonds=()):
 
 @pytest.mark.parametrize("spacing, M", [(1.0, 4), (2.0, 2)])
 def test_lennard_jones_chain_is_lammps(spacing, M):
-    """The same chain as `pair_style lj/cut` with a cutoff between the M-th and the next neighbour: positions after 2000 steps, through the shock."""
+    """The same chain as `pair_style lj/cut` with a cutoff between the M-th and the next neighbour: positions after 2000
+    steps, through the shock."""
     x = np.arange(300) * spacing
     u0 = bump(x, 150 * spacing, 60.0 * spacing, 1.2 * spacing)
     chain = LennardJones(spacing, M, density=1.3)

@@ -45,7 +45,8 @@ def test_accuracy_at_equal_cost():
 
 @pytest.mark.parametrize("M, safety, band, least, cost", [(8, 0.6, 0.5, 0.015, 0.08), (12, 0.3, 0.7, 1e-4, 0.17)])
 def test_band_in_time_is_what_verlet_does(M, safety, band, least, cost):
-    """The error in the table is the error of a real run: at Δx = 4a 1.3 % for 7.5 % of the chain's cost, 5e-5 for 16 %, time step included (the paper's weights: 44 % for 22 %)."""
+    """The error in the table is the error of a real run: at Δx = 4a 1.3 % for 7.5 % of the chain's cost, 5e-5 for 16 %,
+    time step included (the paper's weights: 44 % for 22 %)."""
     (row,) = table(("band-in-time", 1.0, M), safety=safety, band=band)
     assert row.cost < cost
     model = coarsen(FINE, 1.0, M, "band-in-time", band, row.time_step)

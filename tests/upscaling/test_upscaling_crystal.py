@@ -1,4 +1,5 @@
-"""Crystals: published lattice and elastic constants, force constants against closed forms, phonopy and ASE, what is refused."""
+"""Crystals: published lattice and elastic constants, force constants against closed forms, phonopy and ASE, what is
+refused."""
 
 from itertools import product
 
@@ -156,7 +157,8 @@ def test_displacements_give_the_same():
 
 @pytest.mark.parametrize("name, repeat", [("argon", (5, 5, 5)), ("silicon", (4, 4, 4))])
 def test_phonopy(name, repeat):
-    """phonopy's own displacements, symmetry and dynamical matrix; at random k, compared in ascending order since branches cross."""
+    """phonopy's own displacements, symmetry and dynamical matrix; at random k, compared in ascending order since
+    branches cross."""
     rng = np.random.default_rng(2)
     k = rng.uniform(-1, 1, (40, 3)) * 2 * np.pi / crystal(name).lattice_constant
     mine = constants(name).frequencies(k) * THZ
@@ -168,7 +170,8 @@ def test_phonopy(name, repeat):
 
 
 def test_two_masses_and_imaginary_frequencies():
-    """Caesium-chloride structure under Lennard-Jones: two masses, two cutoffs, and unstable; phonopy agrees, imaginary ones included."""
+    """Caesium-chloride structure under Lennard-Jones: two masses, two cutoffs, and unstable; phonopy agrees, imaginary
+    ones included."""
     pot = atc.potential(
         "pair_style lj/cut 6\npair_coeff 1 1 0.010 3.2 6\npair_coeff 2 2 0.012 3.0 5\npair_coeff 1 2 0.02 3.3 5.5",
         units="metal",

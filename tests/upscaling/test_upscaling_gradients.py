@@ -1,4 +1,5 @@
-"""Gradient series in exact rationals: the paper's equations symbolically, Faulhaber's sums, well-posedness, nonlinear chains against direct sums."""
+"""Gradient series in exact rationals: the paper's equations symbolically, Faulhaber's sums, well-posedness, nonlinear
+chains against direct sums."""
 
 from fractions import Fraction as F
 
@@ -73,7 +74,8 @@ def test_equations_4_2_and_exact_coefficients():
 
 
 def test_equation_4_4_and_md_equals_pd():
-    """∫ c/|ε| ε^{2m}/(2m)! dε with c = 2K₁/δ² by sympy; equal to the leading order of the chain for δ = Na, at every order."""
+    """∫ c/|ε| ε^{2m}/(2m)! dε with c = 2K₁/δ² by sympy; equal to the leading order of the chain for δ = Na, at every
+    order."""
     e = sympy.Symbol("e", positive=True)
     ours = as_sympy(peridynamic_series(7))
     for m, c in enumerate(ours, 1):

@@ -1,4 +1,5 @@
-"""Peridynamic models of crystals: their dispersion against brute-force sums, residuals, stability at every wave length, wave packets."""
+"""Peridynamic models of crystals: their dispersion against brute-force sums, residuals, stability at every wave length,
+wave packets."""
 
 from functools import cache, partial
 
@@ -127,7 +128,8 @@ def test_kernel_basis_against_brute_force():
 
 
 def test_mollified_kernel_in_space():
-    """The kernel summed over a fine grid of nodes has the dynamical matrix that the formula says, elastic constants included."""
+    """The kernel summed over a fine grid of nodes has the dynamical matrix that the formula says, elastic constants
+    included."""
     model, _ = fitted("mollified")
     s = Stencil.of_kernel(model, crystal("argon").lattice_constant / 8)
     k = np.array([[0.5, 0.2, 0.1], [1.0, 0.0, 0.3], [0.02, 0.01, 0.0]])
@@ -180,7 +182,8 @@ def test_long_waves():
 
 
 def test_branches_are_followed_through_crossings():
-    """Argon described by its cube of four atoms has twelve branches, folded and crossing everywhere; followed, they are those of one atom a cell."""
+    """Argon described by its cube of four atoms has twelve branches, folded and crossing everywhere; followed, they are
+    those of one atom a cell."""
     a = crystal("argon").lattice_constant
     basis = 0.5 * a * np.array([[0, 0, 0], [0, 1, 1], [1, 0, 1], [1, 1, 0]])
     cube = force_constants(Crystal(np.eye(3) * a, basis, MASS, "metal", name="cube"), argon("argon"))
@@ -211,9 +214,12 @@ def test_least_squares_with_constraints():
         G, h = rng.normal(size=(6, 4)), rng.normal(size=6) * 0.3
         found = LeastSquares(A, b).solve(G, h)
         other = minimize(
-            lambda x, A=A, b=b: ((A @ x - b) ** 2).sum(), found, constraints={"type": "ineq", "fun": lambda x, G=G, h=h: G @ x - h},
-            method="SLSQP", options={"ftol": 1e-14, "maxiter": 500},
-        )  # fmt: skip
+            lambda x, A=A, b=b: ((A @ x - b) ** 2).sum(),
+            found,
+            constraints={"type": "ineq", "fun": lambda x, G=G, h=h: G @ x - h},
+            method="SLSQP",
+            options={"ftol": 1e-14, "maxiter": 500},
+        )
         assert (G @ found >= h - 1e-9).all()
         assert ((A @ found - b) ** 2).sum() <= other.fun * (1 + 1e-8)
     with pytest.raises(AtcError, match="no kernel"):
@@ -246,7 +252,8 @@ def nodes(name, divide=8):
 
 
 def test_body_is_its_stencil():
-    """A plane wave oscillates with the stencil's ω; energy and momentum are kept; translations and open ends pull nothing."""
+    """A plane wave oscillates with the stencil's ω; energy and momentum are kept; translations and open ends pull
+    nothing."""
     s = Stencil.of_lattice(fitted("coarse2")[0])
     body = LinearBody(s, (6, 6, 6))
     b = np.linalg.inv(s.vectors * np.array(body.repeat)[:, None]).T * 2 * np.pi
@@ -300,7 +307,8 @@ def test_wave_packets_travel_with_the_group_velocity(name, polarisation, fractio
 
 
 def test_the_peridynamics_engine_takes_the_kernel():
-    """The fitted kernel as a material of atc.pd: the forces of the stencil to rounding, and a packet at the kernel's group velocity."""
+    """The fitted kernel as a material of atc.pd: the forces of the stencil to rounding, and a packet at the kernel's
+    group velocity."""
     model, s = fitted("cubic")[0], nodes("cubic", 4)
     lattice, body = LinearBody(s, (12, 2, 2)), PeridynamicBody(model, s, (12, 2, 2))
     lattice.u[:] = body.u[:] = np.random.default_rng(0).normal(size=lattice.u.shape)

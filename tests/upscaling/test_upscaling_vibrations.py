@@ -1,4 +1,5 @@
-"""Frequencies from trajectories: waves whose frequencies are known exactly, LAMMPS runs against the harmonic crystal, what is refused or said."""
+"""Frequencies from trajectories: waves whose frequencies are known exactly, LAMMPS runs against the harmonic crystal,
+what is refused or said."""
 
 import gzip
 import re
@@ -19,7 +20,8 @@ RAYS = [(1, 0, 0), (1, 1, 0), (1, 1, 1)]
 
 
 def vibrating(c, repeat, frames=120, dt=0.03, scale=0.01, seed=0, shift=(0.0, 0.0, 0.0), wrapped=False, order=None):
-    """Frames of a crystal whose every mode swings harmonically, made from the eigenvectors: exact positions and velocities. dt in ps."""
+    """Frames of a crystal whose every mode swings harmonically, made from the eigenvectors: exact positions and
+    velocities. dt in ps."""
     fc = constants("argon" if len(c) == 1 else "silicon")
     rng = np.random.default_rng(seed)
     frame, basis = c.supercell(repeat)
@@ -149,7 +151,8 @@ def test_commensurate_wave_vectors():
 @pytest.mark.parametrize("known", [True, False], ids=["eigenvectors", "alone"])
 @pytest.mark.parametrize("name, rays", [("argon", RAYS), ("silicon", RAYS)])
 def test_exact_waves(name, rays, known):
-    """Trajectories made of the crystal's own modes, wrapped into the box, shifted and drifting: the frequencies come back."""
+    """Trajectories made of the crystal's own modes, wrapped into the box, shifted and drifting: the frequencies come
+    back."""
     c = crystal(name)
     dt = 0.15 if name == "argon" else 0.02
     frames = vibrating(c, (4, 4, 4), frames=160, dt=dt, scale=0.004, wrapped=True, shift=(0.3, 0.1, 0.9))
@@ -172,7 +175,8 @@ def test_exact_waves(name, rays, known):
 
 
 def test_shipped_argon_at_1_kelvin():
-    """The goal: within 0.5 % of the harmonic crystal, which phonopy agrees with to 1e-7 THz; the shift at 1 K is 0.08 %."""
+    """The goal: within 0.5 % of the harmonic crystal, which phonopy agrees with to 1e-7 THz; the shift at 1 K is 0.08
+    %."""
     traj = atc.read(DATA / "argon_crystal" / "argon_crystal.dump.gz", masses=[MASS])
     r = measure(traj, start("argon"), RAYS, fc=lambda c: force_constants(c, model("argon")))
     assert r.crystal.lattice_constant == pytest.approx(crystal("argon").lattice_constant, rel=1e-9)
@@ -186,7 +190,8 @@ def test_shipped_argon_at_1_kelvin():
     score = np.abs(r.ratio_km - exact * 1.0008) / r.ratio_error_km
     assert np.median(score) < 2.5 and (r.ratio_error_km > 0).all()
     assert r.current_kcf.shape[:2] == (9, 2)
-    # At each wave vector the longitudinal current is loudest at the longitudinal frequency, the highest one along [100].
+    # At each wave vector the longitudinal current is loudest at the longitudinal frequency, the highest one along
+    # [100].
     for p in np.flatnonzero(r.ray_k == 0):
         peak = r.frequency_f[np.argmax(r.current_kcf[p, 0])]
         assert peak == pytest.approx(exact[p, 2], abs=0.5 * 2 * np.pi / (48 * r.dt))
@@ -204,9 +209,12 @@ def lammps_dump(path, temperature, every, frames, equilibrate=4000):
     a = crystal("argon").lattice_constant
     with lammps_session() as lmp:
         for line in (
-            f"units metal\natom_style atomic\nlattice fcc {a:.15g}\nregion b block 0 4 0 4 0 4\ncreate_box 1 b\ncreate_atoms 1 box\nmass 1 {MASS}\n"
-            f"{ARGON}\nvelocity all create {2 * temperature} 4711 mom yes dist gaussian\ntimestep 0.004\nfix 1 all nve\nrun {equilibrate}\n"
-            f"reset_timestep 0\ndump d all custom {every} {path} id xu yu zu vx vy vz\ndump_modify d sort id time yes units yes "
+            f"units metal\natom_style atomic\nlattice fcc {a:.15g}\nregion b block 0 4 0 4 0 4\ncreate_box 1 "
+            f"b\ncreate_atoms 1 box\nmass 1 {MASS}\n"
+            f"{ARGON}\nvelocity all create {2 * temperature} 4711 mom yes dist gaussian\ntimestep 0.004\nfix 1 all "
+            f"nve\nrun {equilibrate}\n"
+            f"reset_timestep 0\ndump d all custom {every} {path} id xu yu zu vx vy vz\ndump_modify d sort id time yes "
+            "units yes "
             f'format line "%d %.8f %.8f %.8f %.7f %.7f %.7f"\nrun {every * (frames - 1)}'
         ).splitlines():
             lmp.command(line)

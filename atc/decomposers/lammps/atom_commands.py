@@ -12,18 +12,62 @@ from .script import Command
 #: Properties of atoms that are kept, and what a created atom has.
 PROPERTIES = {"types": 0, "charges": 0.0, "molecules": 0, "masses": np.nan, "positions": np.nan}
 SECTIONS = {"Bonds": 2, "Angles": 3, "Dihedrals": 4, "Impropers": 4}
-#: Keywords of ``set``: how many values each has, and which property it changes ("" for what no supported force depends on).
+#: Keywords of ``set``: how many values each has, and which property it changes ("" for what no supported force depends
+#: on).
 SET = {
-    "type": (1, "types"), "type/fraction": (3, "types"), "type/ratio": (3, "types"), "type/subset": (3, "types"), "mol": (1, "molecules"),
-    "x": (1, "positions"), "y": (1, "positions"), "z": (1, "positions"), "charge": (1, "charges"), "mass": (1, "masses"), "density": (1, "masses"),
-    "density/disc": (1, "masses"), "smd/mass/density": (1, "masses"), "bond": (1, "Bonds"), "angle": (1, "Angles"), "dihedral": (1, "Dihedrals"),
-    "improper": (1, "Impropers"), "image": (3, ""), "vx": (1, ""), "vy": (1, ""), "vz": (1, ""), "dipole": (3, ""), "dipole/random": (2, ""), "spin": (4, ""),
-    "spin/atom": (4, ""), "spin/random": (2, ""), "spin/atom/random": (2, ""), "spin/electron": (1, ""), "radius/electron": (1, ""), "quat": (4, ""),
-    "quat/random": (1, ""), "diameter": (1, ""), "shape": (3, ""), "length": (1, ""), "tri": (1, ""), "theta": (1, ""), "theta/random": (1, ""),
-    "angmom": (3, ""), "omega": (3, ""), "temperature": (1, ""), "volume": (1, ""), "sph/e": (1, ""), "sph/cv": (1, ""), "sph/rho": (1, ""),
-    "rheo/rho": (1, ""), "rheo/status": (1, ""), "smd/contact/radius": (1, ""), "dpd/theta": (1, ""), "edpd/temp": (1, ""), "edpd/cv": (1, ""), "cc": (2, ""),
+    "type": (1, "types"),
+    "type/fraction": (3, "types"),
+    "type/ratio": (3, "types"),
+    "type/subset": (3, "types"),
+    "mol": (1, "molecules"),
+    "x": (1, "positions"),
+    "y": (1, "positions"),
+    "z": (1, "positions"),
+    "charge": (1, "charges"),
+    "mass": (1, "masses"),
+    "density": (1, "masses"),
+    "density/disc": (1, "masses"),
+    "smd/mass/density": (1, "masses"),
+    "bond": (1, "Bonds"),
+    "angle": (1, "Angles"),
+    "dihedral": (1, "Dihedrals"),
+    "improper": (1, "Impropers"),
+    "image": (3, ""),
+    "vx": (1, ""),
+    "vy": (1, ""),
+    "vz": (1, ""),
+    "dipole": (3, ""),
+    "dipole/random": (2, ""),
+    "spin": (4, ""),
+    "spin/atom": (4, ""),
+    "spin/random": (2, ""),
+    "spin/atom/random": (2, ""),
+    "spin/electron": (1, ""),
+    "radius/electron": (1, ""),
+    "quat": (4, ""),
+    "quat/random": (1, ""),
+    "diameter": (1, ""),
+    "shape": (3, ""),
+    "length": (1, ""),
+    "tri": (1, ""),
+    "theta": (1, ""),
+    "theta/random": (1, ""),
+    "angmom": (3, ""),
+    "omega": (3, ""),
+    "temperature": (1, ""),
+    "volume": (1, ""),
+    "sph/e": (1, ""),
+    "sph/cv": (1, ""),
+    "sph/rho": (1, ""),
+    "rheo/rho": (1, ""),
+    "rheo/status": (1, ""),
+    "smd/contact/radius": (1, ""),
+    "dpd/theta": (1, ""),
+    "edpd/temp": (1, ""),
+    "edpd/cv": (1, ""),
+    "cc": (2, ""),
     "epsilon": (1, ""),
-}  # fmt: skip
+}
 RANDOM = ("type/fraction", "type/ratio", "type/subset")
 MOLECULAR = {"angle", "bond", "full", "molecular", "template", "amoeba", "oxdna"}
 
@@ -33,7 +77,8 @@ def set_keywords(c: Command) -> list[tuple[str, tuple[str, ...]]]:
     out, k = [], 2
     if len(c.words) < 4:
         raise AtcError(
-            f"{c.where}: expected 'set atom|type|mol|group|region <which> <keyword> <value>', got 'set {' '.join(c.words)}'"
+            f"{c.where}: expected 'set atom|type|mol|group|region <which> <keyword> <value>', got 'set "
+            f"{' '.join(c.words)}'"
         )
     while k < len(c.words):
         key = c.words[k]

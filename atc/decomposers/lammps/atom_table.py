@@ -40,14 +40,17 @@ class AtomTable:
     Parameters
     ----------
     origin : Origin
-    shown_ids, shown_types : ids and types of the atoms of a frame: the atoms that no data file lists are among them; types None if the frame has none
+    shown_ids, shown_types : ids and types of the atoms of a frame: the atoms that no data file lists are among them;
+        types None if the frame has none
 
     Attributes
     ----------
-    ids, types, charges, molecules, masses, positions : (n,) and (n, 3), in the script's own units; masses are NaN where the type's holds
+    ids, types, charges, molecules, masses, positions : (n,) and (n, 3), in the script's own units; masses are NaN where
+        the type's holds
     unknown : {property: (n,) bool}. why : {property, section or "ids": reason}
     alive : (n,) bool, atoms that are still there
-    bonded : {section: (types (m,), members (m, k))}, members by id. weighted : the same for special bonds where they differ, or None
+    bonded : {section: (types (m,), members (m, k))}, members by id. weighted : the same for special bonds where they
+        differ, or None
     type_masses : {type: mass}
     boundary : three of LAMMPS's words, or None
     """
@@ -157,7 +160,10 @@ class AtomTable:
 
     def change_later(self, c: Command) -> None:
         """A command behind the run, which holds for later frames: what it touches is unknown."""
-        later = f"{c.where}: {c.name} comes after a run, and holds for the frames behind it only: say run = N in [potential]"
+        later = (
+            f"{c.where}: {c.name} comes after a run, and holds for the frames behind it only: say run = N in "
+            "[potential]"
+        )
         if c.name == "group":
             nobody = np.zeros(len(self.ids), bool)
             for name in c.words[:1]:
@@ -174,11 +180,13 @@ class AtomTable:
                 self.taint_everyone(what, later)
 
     def _keeps_ids(self, c: Command) -> bool:
-        """Whether a ``delete_atoms`` command leaves the atoms their numbers: those of molecules do, and ``compress no``."""
+        """Whether a ``delete_atoms`` command leaves the atoms their numbers: those of molecules do, and ``compress
+        no``."""
         options = dict(zip(c.words, c.words[1:], strict=False))
         return options.get("compress", "yes") == "no" or bool(MOLECULAR & set(self.origin.atom_style))
 
-    # What it says of frames --------------------------------------------------------------------------------------------------------------
+    # What it says of frames
+    # --------------------------------------------------------------------------------------------------------------
 
     def has_charges(self) -> bool:
         return (
@@ -216,7 +224,8 @@ class AtomTable:
                 if not there.all():
                     row, col = np.argwhere(~there)[0]
                     raise AtcError(
-                        f"{frame.source}: atom {members[keep][row, col]} of a {section[:-1].lower()} is not in the frame; dump all bonded atoms"
+                        f"{frame.source}: atom {members[keep][row, col]} of a {section[:-1].lower()} is not in the "
+                        "frame; dump all bonded atoms"
                     )
                 name = section.lower()
                 out[name], out[f"{name[:-1]}_types"] = at.reshape(members[keep].shape), np.abs(types[keep])
@@ -229,7 +238,8 @@ class AtomTable:
             top.weighted = made(self.bonded, False)
         return top
 
-    # Choosing ----------------------------------------------------------------------------------------------------------------------------
+    # Choosing
+    # ------------------------------------------------------------------------------------------------------------------
 
     def _label(self, kind: str, word: str) -> str:
         return str(self.origin.labels.get(kind, {}).get(word, word))
@@ -247,7 +257,8 @@ class AtomTable:
         values = getattr(self, prop)
         unsure = self.alive & self.unknown[prop]
         if prop == "types" and self.later:
-            # Of atoms that create_atoms makes later there may be some of these types among those that are in the table already.
+            # Of atoms that create_atoms makes later there may be some of these types among those that are in the table
+            # already.
             for types in self.later:
                 unsure = unsure | (
                     self.alive & self.fresh & (True if types is None else np.isin(self.types, list(types)))

@@ -1,7 +1,8 @@
 """The atoms of a LAMMPS script: what its commands make of those of the data file before the run starts.
 
-Commands are carried out on a table of atoms. What cannot be known (random choices, positions of atoms that ``create_atoms`` made, what a run moved) is marked
-as unknown, atom by atom and property by property, with the reason: it matters only where it is needed and the frames do not show it.
+Commands are carried out on a table of atoms. What cannot be known (random choices, positions of atoms that
+``create_atoms`` made, what a run moved) is marked as unknown, atom by atom and property by property, with the reason:
+it matters only where it is needed and the frames do not show it.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ from .regions import Trouble, lattice_spacing, parse_region
 class Atoms(Groups, Bonds, Places):
     """The table (see `AtomTable`) with every command that LAMMPS has for atoms."""
 
-    # Carrying out ------------------------------------------------------------------------------------------------------------------------
+    # Carrying out
+    # ------------------------------------------------------------------------------------------------------------------
 
     def carry_out(self, commands) -> Atoms:
         """Carry out the commands, in order."""
@@ -53,7 +55,8 @@ class Atoms(Groups, Bonds, Places):
             self.types = np.where(take, self.shown_types[rows], self.types)
             self.unknown["types"] = self.unknown["types"] & ~take
 
-    # Commands ----------------------------------------------------------------------------------------------------------------------------
+    # Commands
+    # ------------------------------------------------------------------------------------------------------------------
 
     def _run(self, c):
         self._taint("positions", self.alive.copy(), f"atoms have moved in the run of {c.where}")

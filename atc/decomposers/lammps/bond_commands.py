@@ -1,6 +1,7 @@
 """LAMMPS's ``delete_bonds`` and ``create_bonds`` on the table of atoms.
 
-Bonds of negative type are switched off, which leaves the weights of pairs (1-2, 1-3, 1-4) as they were; so does ``remove`` unless ``special`` is said.
+Bonds of negative type are switched off, which leaves the weights of pairs (1-2, 1-3, 1-4) as they were; so does
+``remove`` unless ``special`` is said.
 """
 
 from __future__ import annotations

@@ -13,7 +13,8 @@ from .script import Command
 def data_file_commands(path: Path, style_names: dict[str, str]) -> list[Command]:
     """``mass``, ``labelmap`` and ``*_coeff`` commands equivalent to the sections of a data file.
 
-    `style_names` are the styles in force ({"pair": "lj/cut", ...}): sections of kinds without a style are passed over. The cross terms of class2 come as
+    `style_names` are the styles in force ({"pair": "lj/cut", ...}): sections of kinds without a style are passed over.
+    The cross terms of class2 come as
     ``angle_coeff N bb ...`` (``angle_coeff N class2 bb ...`` where the style is hybrid).
     """
     from ...readers.lammps_data import COEFFS, SECTIONS, header_line
@@ -51,7 +52,8 @@ def _coefficients(kind, cross, words, style_names, where) -> Command | None:
 
 
 def take_data_file(c: Command, folder: Path, style_names) -> tuple[Path, list[Command]]:
-    """The path, and the commands of the data file; none if it is not there (only needed if coefficients turn out missing)."""
+    """The path, and the commands of the data file; none if it is not there (only needed if coefficients turn out
+    missing)."""
     options = data_options(c, folder)
     path = options.file
     if not path.is_file():

@@ -1,9 +1,10 @@
-"""Every fix of LAMMPS (22 Jul 2025, and what older manuals list besides) and what it means to the forces between atoms at a frame.
+"""Every fix of LAMMPS (22 Jul 2025, and what older manuals list besides) and what it means to the forces between atoms
+at a frame.
 
-harmless    moves atoms, changes velocities or the box, or measures: what a frame shows is all there is to know
-outside     a force on atoms from outside (walls, fields, friction and noise, tethers): forces between atoms, hence stress, are what they are
-constraint  holds distances or bodies rigid by forces between atoms, which are part of the stress
-model       adds forces between atoms, or changes which forces act while LAMMPS runs
+harmless    moves atoms, changes velocities or the box, or measures: what a frame shows is all there is to know outside
+a force on atoms from outside (walls, fields, friction and noise, tethers): forces between atoms, hence stress, are what
+they are constraint  holds distances or bodies rigid by forces between atoms, which are part of the stress model
+adds forces between atoms, or changes which forces act while LAMMPS runs
 charges, types, atoms, bonds
             changes these while LAMMPS runs: right where the frames themselves show them, see `REACH`
 """
@@ -15,17 +16,24 @@ _CLASSES = {
     "harmless": (
         (
             "moves atoms, and the box: the frames show where they are",
-            "nve nve/asphere nve/asphere/noforce nve/awpmd nve/body nve/bpm/sphere nve/dot nve/eff nve/limit nve/line nve/noforce nve/sphere nve/spin nve/tri nvk "
-            "nvt nvt/asphere nvt/body nvt/eff nvt/sllod nvt/sllod/eff nvt/sphere nvt/uef npt npt/asphere npt/body npt/cauchy npt/eff npt/sphere npt/uef "
-            "nph nph/asphere nph/body nph/eff nph/sphere nphug bocs msst qbmsst tgnpt/drude tgnvt/drude drude/transform/direct drude/transform/inverse "
-            "press/berendsen press/langevin box/relax deform deform/pressure move meso/move python/move recenter enforce2d ipi "
-            "pimd pimd/langevin pimd/langevin/bosonic pimd/nvt pimd/nvt/bosonic hmc tfmc brownian brownian/asphere brownian/sphere mvv/dpd mvv/edpd mvv/tdpd "
-            "dpd/energy eos/cv eos/table eos/table/rx sph sph/stationary meso meso/stationary smd/integrate_tlsph smd/integrate_ulsph smd/move_tri_surf smd/adjust_dt "
+            "nve nve/asphere nve/asphere/noforce nve/awpmd nve/body nve/bpm/sphere nve/dot nve/eff nve/limit nve/line "
+            "nve/noforce nve/sphere nve/spin nve/tri nvk "
+            "nvt nvt/asphere nvt/body nvt/eff nvt/sllod nvt/sllod/eff nvt/sphere nvt/uef npt npt/asphere npt/body "
+            "npt/cauchy npt/eff npt/sphere npt/uef "
+            "nph nph/asphere nph/body nph/eff nph/sphere nphug bocs msst qbmsst tgnpt/drude tgnvt/drude "
+            "drude/transform/direct drude/transform/inverse "
+            "press/berendsen press/langevin box/relax deform deform/pressure move meso/move python/move recenter "
+            "enforce2d ipi "
+            "pimd pimd/langevin pimd/langevin/bosonic pimd/nvt pimd/nvt/bosonic hmc tfmc brownian brownian/asphere "
+            "brownian/sphere mvv/dpd mvv/edpd mvv/tdpd "
+            "dpd/energy eos/cv eos/table eos/table/rx sph sph/stationary meso meso/stationary smd/integrate_tlsph "
+            "smd/integrate_ulsph smd/move_tri_surf smd/adjust_dt "
             "wall/reflect wall/reflect/stochastic wall/piston wall/flow",
         ),
         (
             "changes velocities, not forces",
-            "temp/berendsen temp/csld temp/csvr temp/rescale temp/rescale/eff ehex heat thermal/conductivity viscosity momentum momentum/chunk lb/momentum oneway "
+            "temp/berendsen temp/csld temp/csvr temp/rescale temp/rescale/eff ehex heat thermal/conductivity "
+            "viscosity momentum momentum/chunk lb/momentum oneway "
             "smd/setvel ffl gld gle gjf",
         ),
         (
@@ -34,8 +42,10 @@ _CLASSES = {
         ),
         (
             "measures or writes",
-            "ave/atom ave/chunk ave/correlate ave/correlate/long ave/grid ave/histo ave/histo/weight ave/moments ave/spatial ave/spatial/sphere ave/time vector print "
-            "store/force store/state phonon pair pair/tracker saed/vtk numdiff numdiff/virial nonaffine/displacement mscg "
+            "ave/atom ave/chunk ave/correlate ave/correlate/long ave/grid ave/histo ave/histo/weight ave/moments "
+            "ave/spatial ave/spatial/sphere ave/time vector print "
+            "store/force store/state phonon pair pair/tracker saed/vtk numdiff numdiff/virial nonaffine/displacement "
+            "mscg "
             "reax/c/bonds reax/c/species reaxff/bonds reaxff/species widom",
         ),
         ("steers the run, not the forces", "halt dt/reset balance controller tune/kspace gpu omp intel"),
@@ -44,17 +54,23 @@ _CLASSES = {
     "outside": (
         (
             "a wall",
-            "wall/body/polygon wall/body/polyhedron wall/colloid wall/ees wall/gran wall/gran/region wall/harmonic wall/lepton wall/lj1043 wall/lj126 wall/lj93 "
+            "wall/body/polygon wall/body/polyhedron wall/colloid wall/ees wall/gran wall/gran/region wall/harmonic "
+            "wall/lepton wall/lj1043 wall/lj126 wall/lj93 "
             "wall/morse wall/region wall/region/ees wall/srd wall/table smd/wall_surface indent",
         ),
         (
             "a force from outside",
-            "addforce addtorque gravity efield efield/lepton efield/tip4p accelerate/cos flow/gauss propel/self drag imd lb/fluid lb/pc lb/viscous srd",
+            "addforce addtorque gravity efield efield/lepton efield/tip4p accelerate/cos flow/gauss propel/self drag "
+            "imd lb/fluid lb/pc lb/viscous srd",
         ),
-        ("replaces the forces that move the atoms, after they are computed", "setforce aveforce lineforce planeforce freeze manifoldforce grem pafi neb neb/spin tmd"),
+        (
+            "replaces the forces that move the atoms, after they are computed",
+            "setforce aveforce lineforce planeforce freeze manifoldforce grem pafi neb neb/spin tmd",
+        ),
         (
             "friction or noise",
-            "langevin langevin/drude langevin/eff nve/dotc/langevin viscous viscous/sphere damping/cundall electron/stopping electron/stopping/fit ttm ttm/grid ttm/mod "
+            "langevin langevin/drude langevin/eff nve/dotc/langevin viscous viscous/sphere damping/cundall "
+            "electron/stopping electron/stopping/fit ttm ttm/grid ttm/mod "
             "qtb shardlow",
         ),
         ("tethers atoms to places", "spring/self spring smd"),
@@ -63,30 +79,48 @@ _CLASSES = {
         ("holds bonds and angles rigid", "shake rattle filter/corotate"),
         (
             "moves atoms as rigid bodies",
-            "rigid rigid/meso rigid/nph rigid/nph/small rigid/npt rigid/npt/small rigid/nve rigid/nve/small rigid/nvt rigid/nvt/small rigid/small poems lb/rigid/pc/sphere",
+            "rigid rigid/meso rigid/nph rigid/nph/small rigid/npt rigid/npt/small rigid/nve rigid/nve/small rigid/nvt "
+            "rigid/nvt/small rigid/small poems lb/rigid/pc/sphere",
         ),
         ("holds atoms on a surface", "nve/manifold/rattle nvt/manifold/rattle"),
     ),
     "model": (
         ("changes coefficients while LAMMPS runs", "adapt adapt/fep alchemy ti/spring"),
-        ("adds forces between atoms that follow from collective variables", "colvars plumed spring/chunk spring/rg rhok restrain hyper/global hyper/local orient/bcc orient/eco orient/fcc"),
+        (
+            "adds forces between atoms that follow from collective variables",
+            "colvars plumed spring/chunk spring/rg "
+            "rhok restrain hyper/global hyper/local "
+            "orient/bcc orient/eco orient/fcc",
+        ),
         ("adds torsions that are coupled", "cmap amoeba/bitorsion amoeba/pitorsion"),
-        ("takes forces from another program", "external client/md mdi/engine mdi/qm mdi/qmmm qmmm latte python/invoke atc"),
+        (
+            "takes forces from another program",
+            "external client/md mdi/engine mdi/qm mdi/qmmm qmmm latte python/invoke atc",
+        ),
         ("makes Drude particles, whose special bonds are those of their cores", "drude"),
-        ("solves for a fluid of particles with numbers of its own", "rheo rheo/oxidation rheo/pressure rheo/thermal rheo/viscosity smd/mpm rx"),
+        (
+            "solves for a fluid of particles with numbers of its own",
+            "rheo rheo/oxidation rheo/pressure rheo/thermal rheo/viscosity smd/mpm rx",
+        ),
     ),
     "charges": (
         (
             "sets charges while LAMMPS runs",
-            "acks2/reax acks2/reaxff qeq/comb qeq/ctip qeq/dynamic qeq/fire qeq/point qeq/reax qeq/reaxff qeq/rel/reaxff qeq/shielded qeq/slater qtpie/reaxff "
+            "acks2/reax acks2/reaxff qeq/comb qeq/ctip qeq/dynamic qeq/fire qeq/point qeq/reax qeq/reaxff "
+            "qeq/rel/reaxff qeq/shielded qeq/slater qtpie/reaxff "
             "electrode/conp electrode/conq electrode/thermo polarize/bem/gmres polarize/bem/icc polarize/functional",
         ),
     ),
     "types": (("changes types (and charges) of atoms while LAMMPS runs", "atom/swap mol/swap neighbor/swap sgcmc"),),
-    "atoms": (("adds or removes atoms while LAMMPS runs", "append/atoms deposit evaporate gcmc pour"), ("adds, removes and charges atoms while LAMMPS runs", "charge/regulation")),
-    "bonds": (("makes or breaks bonds while LAMMPS runs", "bond/break bond/create bond/create/angle bond/react bond/swap"),),
+    "atoms": (
+        ("adds or removes atoms while LAMMPS runs", "append/atoms deposit evaporate gcmc pour"),
+        ("adds, removes and charges atoms while LAMMPS runs", "charge/regulation"),
+    ),
+    "bonds": (
+        ("makes or breaks bonds while LAMMPS runs", "bond/break bond/create bond/create/angle bond/react bond/swap"),
+    ),
     "set": (("sets properties of atoms while LAMMPS runs", "set"),),
-}  # fmt: skip
+}
 
 #: class → which properties of atoms are, from then on, only what the frames show
 REACH = {
@@ -104,7 +138,8 @@ FIXES = {
 
 
 def classify(style: str, args) -> tuple[str, str] | None:
-    """Class and reason of a fix, None if no LAMMPS has it. `args`: the words behind the style, on which a few depend."""
+    """Class and reason of a fix, None if no LAMMPS has it. `args`: the words behind the style, on which a few
+    depend."""
     found = FIXES.get(style)
     if found is None:
         return None

@@ -76,7 +76,8 @@ def potential_from_lammps(
 ) -> Potential:
     """The `Potential` of LAMMPS lines, or of the LAMMPS input script at a path. See `atc.potential`.
 
-    trajectory : paths of the frames that are to be computed: where the model changes from run to run, the script's ``dump`` lines may say which run it is
+    trajectory : paths of the frames that are to be computed: where the model changes from run to run, the script's
+        ``dump`` lines may say which run it is
     """
     with one_line():
         return _potential(source, units_, folder, name, run, trajectory)
@@ -87,7 +88,8 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
     if script:
         if not str(source).strip():
             raise AtcError(
-                "the potential is empty: expected LAMMPS lines such as pair_style and pair_coeff, or the name of an input script"
+                "the potential is empty: expected LAMMPS lines such as pair_style and pair_coeff, or the name of an "
+                "input script"
             )
         path = Path(source).expanduser()
         if not path.exists():
@@ -115,9 +117,19 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
     concerned = [c for c in choice.state.atoms if c.name not in ("mass", "labelmap", "run")]
     if script or concerned or changing:
         pot.setup = Setup(
-            name, folder, model.units.name, pot.dimension, _atom_style(model), choice.state.atoms, choice.late, changing,
-            tuple(script_run.written_data), _needs(pot, model), model.exclusions.groups if model.exclusions else (), script_run.may_lose,
-        )  # fmt: skip
+            name,
+            folder,
+            model.units.name,
+            pot.dimension,
+            _atom_style(model),
+            choice.state.atoms,
+            choice.late,
+            changing,
+            tuple(script_run.written_data),
+            _needs(pot, model),
+            model.exclusions.groups if model.exclusions else (),
+            script_run.may_lose,
+        )
         pot.remarks = (*pot.remarks, *pot.setup.remarks())
     if script:
         pot.file = path.name
@@ -126,7 +138,8 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
     return pot
 
 
-# Gathering ------------------------------------------------------------------------------------------------------------------------------
+# Gathering
+# ----------------------------------------------------------------------------------------------------------------------
 
 
 def _atom_style(model: _Model) -> tuple[str, ...]:
@@ -174,7 +187,8 @@ def _gather(state: State, name: str, folder: Path, units_, script: bool) -> _Mod
                 raise AtcError(f"{c.where}: the dielectric constant must be positive, got {c.words[0]}")
         elif c.name == "kspace_style" and c.words[:1] not in (("none",), ("zero",)):
             raise AtcError(
-                f"{c.where}: kspace_style {' '.join(c.words)}: long-range forces cannot be split into bonds from positions alone, so they are not supported; "
+                f"{c.where}: kspace_style {' '.join(c.words)}: long-range forces cannot be split into bonds from "
+                "positions alone, so they are not supported; "
                 "use coul/dsf or coul/wolf (or kspace_style none)"
             )
         elif c.name == "dimension":
@@ -214,14 +228,16 @@ def _units(commands, name, given, script: bool = False) -> Units:
         found = units(said[0].words[0])
         if given is not None and units(given).name != found.name:
             raise AtcError(
-                f"{said[0].where}: the lines say units {found.name} but units={units(given).name!r} was given: drop one of them"
+                f"{said[0].where}: the lines say units {found.name} but units={units(given).name!r} was given: drop "
+                "one of them"
             )
         return found
     if given is None and script:
         return units("lj")  # as LAMMPS does; `_assemble` says so
     if given is None:
         raise AtcError(
-            f"{name}: the units of the coefficients are not known: add a 'units' line, or say units='metal' (one of {', '.join(LAMMPS_STYLES)})"
+            f"{name}: the units of the coefficients are not known: add a 'units' line, or say units='metal' (one of "
+            f"{', '.join(LAMMPS_STYLES)})"
         )
     return units(given)
 
@@ -238,7 +254,8 @@ def _take_style(model: _Model, kind: str, c: Command) -> None:
     if old is not None and old.name == name and old.lines and not name.startswith("hybrid"):
         # LAMMPS keeps the coefficients and resets their cutoffs here; which lines still hold is not for us to guess.
         raise AtcError(
-            f"{c.where}: {c.name} {name} is given a second time ({old.where} was the first): keep the one that holds, with its coefficients"
+            f"{c.where}: {c.name} {name} is given a second time ({old.where} was the first): keep the one that holds, "
+            "with its coefficients"
         )
     # The same style again: LAMMPS goes on with it, and with what pair_modify said of it.
     modify = list(old.modify) if old is not None and old.name == name and not name.startswith("hybrid") else []
@@ -248,7 +265,8 @@ def _take_style(model: _Model, kind: str, c: Command) -> None:
 def _labelmap(model: _Model, c: Command) -> None:
     if not c.words or c.words[0] not in ("atom", *_BONDED) or len(c.words) % 2 == 0:
         raise AtcError(
-            f"{c.where}: expected 'labelmap atom|bond|angle|dihedral|improper number label ...', got {' '.join(c.words)!r}"
+            f"{c.where}: expected 'labelmap atom|bond|angle|dihedral|improper number label ...', got "
+            f"{' '.join(c.words)!r}"
         )
     for number, label in zip(c.words[1::2], c.words[2::2], strict=True):
         model.labels.setdefault(c.words[0], {})[label] = int(_number(number, c.where))
@@ -288,7 +306,8 @@ def _types(model: _Model, kind: str, word: str, where: str) -> TypeRange:
 def _coeff_lines(model: _Model, style: _Style) -> list[CoeffLine]:
     if not style.lines and model.data_file is not None and not model.data_file.is_file():
         raise AtcError(
-            f"{style.where}: no {style.kind}_coeff lines for {style.kind}_style {style.name}, and the data file {model.data_file} that may hold them is not there"
+            f"{style.where}: no {style.kind}_coeff lines for {style.kind}_style {style.name}, and the data file "
+            f"{model.data_file} that may hold them is not there"
         )
     out = []
     width = 2 if style.kind == "pair" else 1
@@ -307,7 +326,8 @@ def _n_types(lines: list[CoeffLine]) -> int:
     return max((t.hi if t.hi is not None else t.lo for line in lines for t in line.types), default=1)
 
 
-# Assembling -----------------------------------------------------------------------------------------------------------------------------
+# Assembling
+# ----------------------------------------------------------------------------------------------------------------------
 
 
 def _builder(kind: str, name: str, where: str):
@@ -341,7 +361,8 @@ def apply_modify(modify: Modify, lines) -> Modify:
                 which, weights = value, words[k + 2 : k + 5]
                 if which not in ("lj", "coul", "lj/coul") or len(weights) != 3:
                     raise AtcError(
-                        f"{where}: pair_modify special: expected lj, coul or lj/coul and three weights, got {' '.join(words[k + 1 : k + 5])}"
+                        f"{where}: pair_modify special: expected lj, coul or lj/coul and three weights, got "
+                        f"{' '.join(words[k + 1 : k + 5])}"
                     )
                 modify = replace(modify, special=(*modify.special, (which, *weights)))
                 k += 3
@@ -438,7 +459,8 @@ def _check_restart(model: _Model) -> None:
         what = "a special_bonds line"
     if what:
         raise AtcError(
-            f"{c.where}: read_restart {' '.join(c.words[:1])}: the model is in a binary file, which is not read: add {what} behind it (LAMMPS's write_coeff "
+            f"{c.where}: read_restart {' '.join(c.words[:1])}: the model is in a binary file, which is not read: add "
+            f"{what} behind it (LAMMPS's write_coeff "
             "and write_data write what holds)"
         )
 
@@ -467,7 +489,8 @@ class _PairBuild:
             self.tail, self.modify_compute = self.modify.tail, self.modify.compute
             if self.modify.special:
                 raise AtcError(
-                    f"{style.modify[-1].where}: pair_modify special goes with sub-styles of hybrid: 'pair_modify pair <style> special ...'"
+                    f"{style.modify[-1].where}: pair_modify special goes with sub-styles of hybrid: 'pair_modify pair "
+                    "<style> special ...'"
                 )
             mapped = (
                 [len(mapped_elements(style.name, line.words)) for line in self.lines]
@@ -496,21 +519,24 @@ class _PairBuild:
                 mapped = np.array([t < len(names) and names[t] != "NULL" for t in range(n_types + 1)])
                 if not (wanted == (mapped[:, None] & mapped[None, :])).all():
                     raise AtcError(
-                        f"{style.where}: {sub.called} must act on all pairs of the types that it maps: give the other sub-style's pairs to types mapped to NULL"
+                        f"{style.where}: {sub.called} must act on all pairs of the types that it maps: give the other "
+                        "sub-style's pairs to types mapped to NULL"
                     )
             if sub.factor != 1.0:
                 from ..scaled import Scaled
 
                 if any(isinstance(b, Term) for b in built):
                     raise AtcError(
-                        f"{style.where}: {style.name} with a factor other than 1 for {sub.called} is not supported: only for pair potentials"
+                        f"{style.where}: {style.name} with a factor other than 1 for {sub.called} is not supported: "
+                        "only for pair potentials"
                     )
                 built = [Scaled(b, sub.factor) for b in built]
             built = [b for b in built if isinstance(b, Term) or b.cutoff > 0]
             for b in built if sub.modify.special else ():
                 if isinstance(b, Term):
                     raise AtcError(
-                        f"{style.where}: pair_modify special with {sub.called} is not supported: its neighbours would not be those of the run"
+                        f"{style.where}: pair_modify special with {sub.called} is not supported: its neighbours would "
+                        "not be those of the run"
                     )
                 b.own_special = sub.modify.special
             out += built if sub.modify.compute else []
@@ -544,7 +570,8 @@ def _pair_terms(build: _PairBuild, special: SpecialBonds) -> list[Term]:
     excluded = build.model.exclusions
     if terms and excluded:
         raise AtcError(
-            f"{excluded.where}: neigh_modify exclude is not supported with pair_style {build.style.name}: its neighbours would not be those of the run"
+            f"{excluded.where}: neigh_modify exclude is not supported with pair_style {build.style.name}: its "
+            "neighbours would not be those of the run"
         )
     # Styles with weights of their own (pair_modify special) sweep the list apart from the others.
     for own in sorted({getattr(s, "own_special", ()) for s in styles}, reverse=True):
@@ -574,7 +601,8 @@ class _Unweighted(Wrapper):
             top = top.weighted
         if top is not None and len(top.bonds) and not self.special.trivial:
             raise AtcError(
-                f"{frame.source} has bonds, but special_bonds weights are not supported with a many-body pair style: add 'special_bonds lj/coul 1 1 1' if that is what holds"
+                f"{frame.source} has bonds, but special_bonds weights are not supported with a many-body pair style: "
+                "add 'special_bonds lj/coul 1 1 1' if that is what holds"
             )
 
 

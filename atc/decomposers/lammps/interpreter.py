@@ -1,7 +1,8 @@
-"""A LAMMPS input script executed without running it: which commands LAMMPS gets to, with which words, before each of its runs.
+"""A LAMMPS input script executed without running it: which commands LAMMPS gets to, with which words, before each of
+its runs.
 
-Variables, conditions, loops and included files are followed as LAMMPS follows them. What only the run knows (thermodynamic output, the environment) is
-kept as unknown, and refused only where a line needs it that matters.
+Variables, conditions, loops and included files are followed as LAMMPS follows them. What only the run knows
+(thermodynamic output, the environment) is kept as unknown, and refused only where a line needs it that matters.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ _IDLE = {"variable", "print", "label", "jump", "next", "quit", "log", "shell"}
 
 
 class State:
-    """What holds at a run (or at the end of a script without one): a point in the lists of executed commands, which only grow.
+    """What holds at a run (or at the end of a script without one): a point in the lists of executed commands, which
+    only grow.
 
     fixes : those that are there. where : file and line of the run, for messages
     """
@@ -52,7 +54,8 @@ class State:
         return id(self._model), self._n_model
 
     def said(self) -> list:
-        """The model without where its lines stand: of lines given twice the last, kind by kind; of data files also which styles they gave coefficients to."""
+        """The model without where its lines stand: of lines given twice the last, kind by kind; of data files also
+        which styles they gave coefficients to."""
         out, styles = [], ()
         for c in self.model:
             styles = (*styles, c.name) if c.name.endswith("_style") and c.name not in styles else styles
@@ -122,7 +125,8 @@ class Interpreter:
         self._restarts: dict[str, tuple[list, list]] = {}
         self._restored: set[str] = set()
 
-    # Files -------------------------------------------------------------------------------------------------------------------------------
+    # Files
+    # ------------------------------------------------------------------------------------------------------------------
 
     def execute(self, text: str, name: str) -> None:
         """Execute a whole script."""
@@ -164,7 +168,8 @@ class Interpreter:
                 p += 1
         self._depth -= 1
 
-    # Lines -------------------------------------------------------------------------------------------------------------------------------
+    # Lines
+    # ------------------------------------------------------------------------------------------------------------------
 
     def _line(self, line: Line, file: _File, p: int):
         """Execute one line; the file and line to go on with if it jumps."""
@@ -224,7 +229,8 @@ class Interpreter:
             return
         kind, _, what = c.name.partition("_")
         if what == "style" and kind in self._restored:
-            # Said again behind a restart file: its coefficients must be too; what pair_modify said of the same style stays.
+            # Said again behind a restart file: its coefficients must be too; what pair_modify said of the same style
+            # stays.
             old = [m for m in self.model if m.name.startswith(f"{kind}_")]
             same = any(m.name == c.name and m.words[:1] == c.words[:1] for m in old)
             self.model = [
@@ -291,7 +297,8 @@ class Interpreter:
             raise AtcError(f"{line.where}: {why}")
         if classify(style, words[4:]) is None:
             raise AtcError(
-                f"{line.where}: fix {words[3]} is no fix of LAMMPS that atc knows, so whether it changes forces is not known: leave it out if it does not"
+                f"{line.where}: fix {words[3]} is no fix of LAMMPS that atc knows, so whether it changes forces is "
+                "not known: leave it out if it does not"
             )
         self._set_fixes(
             {**self.fixes, words[1]: Command("fix", (words[1], words[2], style, *words[4:]), line.where, why)}
@@ -334,7 +341,8 @@ class Interpreter:
             file, first = self.dumps.pop(words[1])
             self.written.append((file, first, len(self.runs)))
 
-    # Control -----------------------------------------------------------------------------------------------------------------------------
+    # Control
+    # ------------------------------------------------------------------------------------------------------------------
 
     def _variable(self, line, file, p):
         head = line.text.split()
@@ -370,7 +378,8 @@ class Interpreter:
         words, _ = self._known_words(line)
         if "SELF" in words[2:]:
             raise AtcError(
-                f"{line.where}: python {words[1]} gets LAMMPS itself (SELF), so it may change anything: write the lines of the model that holds"
+                f"{line.where}: python {words[1]} gets LAMMPS itself (SELF), so it may change anything: write the "
+                "lines of the model that holds"
             )
 
     def _partition(self, line, file, p):
@@ -465,7 +474,8 @@ class Interpreter:
             raise AtcError(f"{line.where}: expected 'if <condition> then <command> ...'")
         return words, branches
 
-    # What may or may not be executed -----------------------------------------------------------------------------------------------------
+    # What may or may not be executed
+    # -----------------------------------------------------------------------------------------------------
 
     def _uncertain(self, line, file, p, branches, why):
         """A condition that is not known: nothing it decides on may matter."""
@@ -489,7 +499,8 @@ class Interpreter:
             if found is not None:
                 word = "repeats" if at <= p else "skips"
                 raise AtcError(
-                    f"{line.where}: whether this jump {word} {found.head!r} ({found.where}) is not known: {why}: write the model without it"
+                    f"{line.where}: whether this jump {word} {found.head!r} ({found.where}) is not known: {why}: "
+                    "write the model without it"
                 )
             self._forget(span, f"depends on a condition ({line.where})")
             return
@@ -502,7 +513,8 @@ class Interpreter:
             )
         elif found is not None:
             raise AtcError(
-                f"{line.where}: {name!r} depends on a condition that is not known: {why}: write the line that holds without 'if'"
+                f"{line.where}: {name!r} depends on a condition that is not known: {why}: write the line that holds "
+                "without 'if'"
             )
         self._forget([line], f"depends on a condition ({line.where})")
 

@@ -61,7 +61,8 @@ class Places(AtomTable):
             self._renumber(f"{c.where}: delete_atoms gives atoms new numbers (compress no keeps them)")
 
     def _renumber(self, why: str):
-        """Atoms lose their numbers: what is the same for all atoms of a type is still known, by the types that the frames show."""
+        """Atoms lose their numbers: what is the same for all atoms of a type is still known, by the types that the
+        frames show."""
         kept = {}
         for p in ("charges", "molecules", "masses"):
             values = getattr(self, p)
@@ -76,10 +77,13 @@ class Places(AtomTable):
                 ):
                     kept[p][int(t)] = values[mine][0]
         groups = {
-            name: {int(t): bool(g.inside[self.alive & (self.types == t)].all()) for t in np.unique(self.types[self.alive])
-                   if len(np.unique(g.inside[self.alive & (self.types == t)])) == 1 and not g.unsure[self.alive].any()}
+            name: {
+                int(t): bool(g.inside[self.alive & (self.types == t)].all())
+                for t in np.unique(self.types[self.alive])
+                if len(np.unique(g.inside[self.alive & (self.types == t)])) == 1 and not g.unsure[self.alive].any()
+            }
             for name, g in self.groups.items()
-        }  # fmt: skip
+        }
         self.ids = self.ids[:0]
         for p in PROPERTIES:
             setattr(self, p, getattr(self, p)[:0])
@@ -157,7 +161,8 @@ class Places(AtomTable):
         return np.array([[lx, 0, 0], [xy, ly, 0], [xz, yz, lz]])
 
     def _replicate(self, c):
-        """Copies of the box along x, then y, then z; those of an atom have its number and molecule plus a multiple of the largest there is."""
+        """Copies of the box along x, then y, then z; those of an atom have its number and molecule plus a multiple of
+        the largest there is."""
         if not self.complete or self.box is None or self.unknown["types"].any():
             raise Trouble("copies are made of atoms that are not known")
         try:
@@ -178,9 +183,14 @@ class Places(AtomTable):
         old = {p: np.tile(self.unknown[p][here], copies - 1) for p in PROPERTIES}
         groups = {n: [np.tile(a[here], copies - 1) for a in (g.inside, g.unsure)] for n, g in self.groups.items()}
         new = self._add(
-            np.tile(self.ids[here], copies - 1) + m * top, kept["types"], False, charges=kept["charges"], masses=kept["masses"],
-            molecules=kept["molecules"] + m * molecule, positions=kept["positions"] + shift,
-        )  # fmt: skip
+            np.tile(self.ids[here], copies - 1) + m * top,
+            kept["types"],
+            False,
+            charges=kept["charges"],
+            masses=kept["masses"],
+            molecules=kept["molecules"] + m * molecule,
+            positions=kept["positions"] + shift,
+        )
         for p in PROPERTIES:
             self.unknown[p][new] = old[p]
         for name, (inside, unsure) in groups.items():

@@ -18,7 +18,8 @@ _KINDS = ("atom", "bond", "angle", "dihedral", "improper")
 
 @dataclass
 class DataOptions:
-    """The words behind the file's name. offsets : {kind: what is added to its types}; add : None, "append", "merge" or (atom, molecule) offsets."""
+    """The words behind the file's name. offsets : {kind: what is added to its types}; add : None, "append", "merge" or
+    (atom, molecule) offsets."""
 
     file: Path
     add: object = None
@@ -45,7 +46,8 @@ def data_options(c: Command, folder: Path) -> DataOptions:
             values = ()
         if len(values) != n:
             raise AtcError(
-                f"{c.where}: read_data {words[at - 1]}: expected {n} number{'s' * (n > 1)}, got {' '.join(words[at : at + n]) or 'nothing'}"
+                f"{c.where}: read_data {words[at - 1]}: expected {n} number{'s' * (n > 1)}, got "
+                f"{' '.join(words[at : at + n]) or 'nothing'}"
             )
         return values
 
@@ -115,12 +117,18 @@ def read_data(atoms, c: Command) -> None:
     ids = data.ids + shift_id
     if np.isin(ids, atoms.ids[atoms.alive]).any():
         raise AtcError(
-            f"{c.where}: read_data: atom {ids[np.isin(ids, atoms.ids[atoms.alive])][0]} of {options.file} is there already"
+            f"{c.where}: read_data: atom {ids[np.isin(ids, atoms.ids[atoms.alive])][0]} of {options.file} is there "
+            "already"
         )
     new = atoms._add(
-        ids, data.types + options.offsets["atom"], False, charges=raw["q"][order] if "q" in raw else None,
-        molecules=raw["mol"][order] + shift_mol if "mol" in raw else None, masses=masses, positions=_unwrapped(raw, order, x, data),
-    )  # fmt: skip
+        ids,
+        data.types + options.offsets["atom"],
+        False,
+        charges=raw["q"][order] if "q" in raw else None,
+        molecules=raw["mol"][order] + shift_mol if "mol" in raw else None,
+        masses=masses,
+        positions=_unwrapped(raw, order, x, data),
+    )
     if data.untold:
         atoms.why |= dict.fromkeys(SECTIONS, data.untold)
     for section, width in SECTIONS.items():

@@ -152,7 +152,8 @@ class Region:
         return np.all([r.holds(x) for r in self.parts], axis=0)
 
 
-#: style → which of its numbers are lengths along which axis ("c1": the first axis across; "d": along the axis), in order
+#: style → which of its numbers are lengths along which axis ("c1": the first axis across; "d": along the axis), in
+#: order
 _SCALES = {
     "block": "xxyyzz",
     "sphere": "xyzx",
@@ -168,7 +169,8 @@ _KEYWORDS = {"side": 1, "units": 1, "move": 3, "rotate": 7, "open": 1}
 def parse_region(words, spacing, box, known: dict) -> Region:
     """From ``region ID <words>``.
 
-    spacing : (3,) lattice spacings, or None if they are not known. box : (lo, hi) (3,) each or None. known : {ID: Region or a text why not}.
+    spacing : (3,) lattice spacings, or None if they are not known. box : (lo, hi) (3,) each or None. known : {ID:
+        Region or a text why not}.
     """
     style, args = words[0], list(words[1:])
     if style in ("union", "intersect"):

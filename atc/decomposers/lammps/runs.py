@@ -18,7 +18,8 @@ _MOST = 200
 
 @dataclass(frozen=True)
 class Choice:
-    """state : what holds. late : commands of later runs that may change atoms. fixes : those of every run meant; before : of the runs up to it."""
+    """state : what holds. late : commands of later runs that may change atoms. fixes : those of every run meant; before
+    : of the runs up to it."""
 
     state: State
     late: tuple[Command, ...]
@@ -56,7 +57,8 @@ def _distinct_models(states, name) -> list[int]:
         lines.setdefault(s.key, k)
     if len(lines) > _MOST:
         raise AtcError(
-            f"{name}: more than {_MOST} runs with models of their own: say which run the frames belong to, e.g. run = 1 in [potential]"
+            f"{name}: more than {_MOST} runs with models of their own: say which run the frames belong to, e.g. run = "
+            "1 in [potential]"
         )
     out, said = [], []
     for k in lines.values():
@@ -72,7 +74,8 @@ def _distinct_models(states, name) -> list[int]:
 def _differ(states, i: int, k: int) -> AtcError:
     c = _difference(states[i], states[k])
     return AtcError(
-        f"{c.where}: {c.name} {' '.join(c.words[:3])} holds in run {k + 1} ({states[k].where}), not in run {i + 1} ({states[i].where}): "
+        f"{c.where}: {c.name} {' '.join(c.words[:3])} holds in run {k + 1} ({states[k].where}), not in run {i + 1} "
+        f"({states[i].where}): "
         f"say which run the frames belong to, e.g. run = {k + 1} in [potential]"
     )
 
@@ -113,7 +116,8 @@ def _distinct(tuples):
 
 
 def _dumped(script, trajectory, n) -> list[int]:
-    """The runs in which the files of a trajectory are written; none if the script's dump lines do not say it of all of them."""
+    """The runs in which the files of a trajectory are written; none if the script's dump lines do not say it of all of
+    them."""
     out: set[int] = set()
     for file in trajectory:
         found = [
@@ -138,7 +142,8 @@ def sort_fixes(choice: Choice) -> tuple[tuple[str, ...], dict]:
         what = f"{c.where}: fix {c.words[2]}"
         if kind == "constraint":
             raise AtcError(
-                f"{what} {reason}: the forces that do it are part of the stress and are not supported yet: take another run, or leave the fix out"
+                f"{what} {reason}: the forces that do it are part of the stress and are not supported yet: take "
+                "another run, or leave the fix out"
             )
         if kind == "model":
             raise AtcError(

@@ -21,7 +21,8 @@ _QUOTES = ('"""', '"', "'")
 class Command:
     """One executed command: its name, the words behind it with variables put in, and the file and line it came from.
 
-    unknown : why the words are not known, if variables that only the run knows are among them; the words then have these as they stand
+    unknown : why the words are not known, if variables that only the run knows are among them; the words then have
+        these as they stand
     """
 
     name: str
@@ -50,7 +51,8 @@ def short(where: str) -> str:
 
 @contextmanager
 def one_line():
-    """Words of a script may hold line ends (in triple quotes); messages about them do not, and are no longer than need be."""
+    """Words of a script may hold line ends (in triple quotes); messages about them do not, and are no longer than need
+    be."""
     try:
         yield
     except AtcError as e:

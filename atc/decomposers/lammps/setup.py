@@ -1,7 +1,9 @@
-"""What a script says of the atoms of a frame beyond what the frame shows: charges, types, masses, bonds, molecules, boundaries.
+"""What a script says of the atoms of a frame beyond what the frame shows: charges, types, masses, bonds, molecules,
+boundaries.
 
-A `Setup` is plain data: the commands of the script that concern atoms, and where it found its files. `Setup.complete` carries them out for the atoms of a
-frame. What the frame itself shows goes before; what a data file that the user named says must not contradict the script.
+A `Setup` is plain data: the commands of the script that concern atoms, and where it found its files. `Setup.complete`
+carries them out for the atoms of a frame. What the frame itself shows goes before; what a data file that the user named
+says must not contradict the script.
 """
 
 from __future__ import annotations
@@ -98,10 +100,12 @@ class Setup:
         changed = f", changed by {', '.join(edits)}" if edits else ""
         return [f"what the frames do not show of atoms (charges, masses, bonds) is from {files}{changed}"]
 
-    # Files -------------------------------------------------------------------------------------------------------------------------------
+    # Files
+    # ------------------------------------------------------------------------------------------------------------------
 
     def _templates(self) -> list:
-        """The molecules that ``atom_style template`` names, in their order; none if the script does not say them plainly."""
+        """The molecules that ``atom_style template`` names, in their order; none if the script does not say them
+        plainly."""
         from ...readers.lammps_molecule import read_molecule
 
         at = self.atom_style.index("template") + 1 if "template" in self.atom_style else len(self.atom_style)
@@ -146,7 +150,8 @@ class Setup:
         """A data file that the script reads and that is not there."""
         return next((p for p in self.data_files if not p.is_file()), None)
 
-    # Carrying out ------------------------------------------------------------------------------------------------------------------------
+    # Carrying out
+    # ------------------------------------------------------------------------------------------------------------------
 
     def atoms(self, ids, types) -> Atoms:
         """The table of atoms at the run, for a frame that shows these ids and types (None: no types)."""
@@ -159,9 +164,14 @@ class Setup:
             return last[2]
         columns = {"charges": {"charge", "full", "dipole", "electron"}, "molecules": MOLECULAR | {"line", "tri", "smd"}}
         origin = Origin(
-            self.folder, self.units, self.dimension, self.atom_style, self._open, columns={w for w, styles in columns.items() if styles & set(self.atom_style)},
+            self.folder,
+            self.units,
+            self.dimension,
+            self.atom_style,
+            self._open,
+            columns={w for w, styles in columns.items() if styles & set(self.atom_style)},
             mass_unit=units(self.units).mass,
-        )  # fmt: skip
+        )
         table = Atoms(origin, ids, types).carry_out(self.commands)
         for c in self.late:
             table.change_later(c)
@@ -214,7 +224,8 @@ class Setup:
         return frame.replace(**changes, given=left)
 
     def _unnumbered(self, frame):
-        """A frame whose atoms have no numbers of their own: nothing that the script says of single atoms can be put to them."""
+        """A frame whose atoms have no numbers of their own: nothing that the script says of single atoms can be put to
+        them."""
         for p in ("types", "charges", "topology"):
             if p != "topology" and self._own(frame, p) and p not in self.changing:
                 continue
@@ -226,11 +237,13 @@ class Setup:
                 and not (p == "topology" and not self._has_bonds())
             ):
                 raise AtcError(
-                    f"{frame.source} does not number its atoms, so that {c.name} ({c.where}) cannot be put to them: dump id too"
+                    f"{frame.source} does not number its atoms, so that {c.name} ({c.where}) cannot be put to them: "
+                    "dump id too"
                 )
         if self.groups and set(self.groups) != {"all"}:
             raise AtcError(
-                f"{frame.source} does not number its atoms, so that who is in group {self.groups[0]} is not known: dump id too"
+                f"{frame.source} does not number its atoms, so that who is in group {self.groups[0]} is not known: "
+                "dump id too"
             )
         periodic = self._periodic() if frame.given.get("boundary") else None
         return frame if periodic is None else frame.replace(cell=Cell(frame.cell.vectors, frame.cell.origin, periodic))
@@ -267,8 +280,10 @@ class Setup:
         """The atoms of the frame are those of the script."""
         if not found.all() and table.complete and self.data_files and self.missing_or_none(table) is None:
             raise AtcError(
-                f"{frame.source}: atom {frame.ids[~found][0]} is not among the atoms of {self.name} ({', '.join(p.name for p in self.data_files)}): "
-                "they belong to different systems; where only the model of the script is meant, write its lines into lammps of [potential]"
+                f"{frame.source}: atom {frame.ids[~found][0]} is not among the atoms of {self.name} "
+                f"({', '.join(p.name for p in self.data_files)}): "
+                "they belong to different systems; where only the model of the script is meant, write its lines into "
+                "lammps of [potential]"
             )
         if table.may_miss or self.may_lose or not self.data_files or self.missing_or_none(table) is not None:
             return
@@ -276,7 +291,8 @@ class Setup:
         gone = table.alive & ~there
         if gone.any():
             raise AtcError(
-                f"{frame.source} has {len(frame)} of the {int(table.alive.sum())} atoms of {self.name}: atom {table.ids[gone][0]} is missing, and the forces of "
+                f"{frame.source} has {len(frame)} of the {int(table.alive.sum())} atoms of {self.name}: atom "
+                f"{table.ids[gone][0]} is missing, and the forces of "
                 "atoms that are not there cannot be computed: dump all atoms"
             )
 
@@ -291,7 +307,8 @@ class Setup:
             )
         if Path(file).name not in self.written and (self.data_files or what in self.changing):
             raise AtcError(
-                f"{frame.source}: the {what} of atoms are taken from {file}, but {self.name} changes them: {why}: {_DUMP.get(what, _DUMP['topology'])}"
+                f"{frame.source}: the {what} of atoms are taken from {file}, but {self.name} changes them: {why}: "
+                f"{_DUMP.get(what, _DUMP['topology'])}"
             )
 
     def _property(self, frame, table, p, rows, found, u):
@@ -336,7 +353,8 @@ class Setup:
                 by = f" ({c.name}, {c.where})" if c is not None else ""
                 back = 1.0 if p in ("types", "molecules") else getattr(u, {"charges": "charge", "masses": "mass"}[p])
                 raise AtcError(
-                    f"{frame.source}: {file} gives atom {frame.ids[a]} the {_SAYS[p]} {old[a] / back:g}, {self.name} the {_SAYS[p]} {values[a] / back:g}{by}: "
+                    f"{frame.source}: {file} gives atom {frame.ids[a]} the {_SAYS[p]} {old[a] / back:g}, {self.name} "
+                    f"the {_SAYS[p]} {values[a] / back:g}{by}: "
                     "name the data file of this run, or none"
                 )
         return values
@@ -388,7 +406,8 @@ class Setup:
                 c = self.edits.get(section)
                 by = f" (with {c.name}, {c.where})" if c is not None else ""
                 raise AtcError(
-                    f"{frame.source}: {file} and {self.name}{by} have different {name} ({len(theirs)} and {len(mine)}): name the data file of this run, or none"
+                    f"{frame.source}: {file} and {self.name}{by} have different {name} ({len(theirs)} and "
+                    f"{len(mine)}): name the data file of this run, or none"
                 )
 
     def _group_bits(self, frame, table, rows, found):
@@ -402,11 +421,13 @@ class Setup:
                 raise AtcError(f"{self.name}: neigh_modify exclude: {e}") from None
             if not found.all() and name != "all":
                 raise AtcError(
-                    f"{frame.source}: whether atom {frame.ids[~found][0]} is in group {name} is not known, on which excluded pairs depend"
+                    f"{frame.source}: whether atom {frame.ids[~found][0]} is in group {name} is not known, on which "
+                    "excluded pairs depend"
                 )
             if found.any() and g.unsure[rows].any():
                 raise AtcError(
-                    f"{frame.source}: who is in group {name}, on which excluded pairs depend, is not known: {table.group_why.get(name, 'it changes')}"
+                    f"{frame.source}: who is in group {name}, on which excluded pairs depend, is not known: "
+                    f"{table.group_why.get(name, 'it changes')}"
                 )
             bits |= np.where(g.inside[rows] if found.any() and name != "all" else name == "all", 1 << k, 0)
         return bits

@@ -1,4 +1,5 @@
-"""The tables of commands and fixes as docs/lammps.md prints them: ``python -m atc.decomposers.lammps.tables`` writes them anew."""
+"""The tables of commands and fixes as docs/lammps.md prints them: ``python -m atc.decomposers.lammps.tables`` writes
+them anew."""
 
 from __future__ import annotations
 

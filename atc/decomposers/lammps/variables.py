@@ -1,7 +1,9 @@
-"""LAMMPS variables: ``${name}``, ``$x``, ``$(formula)`` and the arithmetic of equal-style formulas, evaluated without running anything.
+"""LAMMPS variables: ``${name}``, ``$x``, ``$(formula)`` and the arithmetic of equal-style formulas, evaluated without
+running anything.
 
-Only what is known from the text counts: numbers, constants, other variables. A formula that needs the simulation (thermo keywords, computes, fixes,
-random numbers, files, the environment) is an error, raised only where a line of the model needs its value.
+Only what is known from the text counts: numbers, constants, other variables. A formula that needs the simulation
+(thermo keywords, computes, fixes, random numbers, files, the environment) is an error, raised only where a line of the
+model needs its value.
 """
 
 from __future__ import annotations
@@ -164,7 +166,8 @@ class Variables:
         self._values[name] = ("unknown", why)
 
     def kind(self, name: str) -> tuple[str, object] | None:
-        """Style and value of a variable ("text", "equal", "atom", "atomfile", "strings", "unknown" ...), None if it is not defined."""
+        """Style and value of a variable ("text", "equal", "atom", "atomfile", "strings", "unknown" ...), None if it is
+        not defined."""
         return self._values.get(name)
 
     def text(self, name: str, depth: int = 0) -> str:

@@ -8,7 +8,8 @@ from .pmb import PMB
 
 __all__ = ["INFLUENCE", "LPS", "MATERIALS", "PMB", "BondForces", "Correspondence", "Elastic", "Linear", "Material"]
 
-# name: a function (bulk, shear) → material; bond-based ones ignore the shear modulus. `Linear` is not among them: it is no isotropic law.
+# name: a function (bulk, shear) → material; bond-based ones ignore the shear modulus. `Linear` is not among them: it is
+# no isotropic law.
 MATERIALS = {
     "pmb": lambda bulk, shear: PMB(bulk),
     "lps": lambda bulk, shear: LPS(bulk, shear),

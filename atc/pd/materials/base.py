@@ -1,4 +1,5 @@
-"""What all materials share: elastic constants in 1, 2 and 3 dimensions, influence functions, the kinds of bonds, and the force model's interface."""
+"""What all materials share: elastic constants in 1, 2 and 3 dimensions, influence functions, the kinds of bonds, and
+the force model's interface."""
 
 from __future__ import annotations
 
@@ -28,7 +29,8 @@ def influence_function(which):
         return which
     if which not in INFLUENCE:
         raise AtcError(
-            f"influence function {which!r} is not known: use one of {', '.join(INFLUENCE)}, or a function of (|xi|, horizon)"
+            f"influence function {which!r} is not known: use one of {', '.join(INFLUENCE)}, or a function of (|xi|, "
+            "horizon)"
         )
     return INFLUENCE[which]
 
@@ -39,7 +41,8 @@ def sphere_measure(dimension: int, thickness: float):
 
 
 class Material:
-    """Base of the materials. `volume_correction`: the share ν of volumes near the horizon. `surface_correction`: None or "energy"."""
+    """Base of the materials. `volume_correction`: the share ν of volumes near the horizon. `surface_correction`: None
+    or "energy"."""
 
     name = "material"
     by_numbers = True  # whether constants alone define it
@@ -52,14 +55,16 @@ class Material:
         raise NotImplementedError
 
     def interface_energy(self, other, body, interface=1.0):
-        """Energy per area to stretch all bonds across the plane between this material and another to 1: each end of a bond has its half.
+        """Energy per area to stretch all bonds across the plane between this material and another to 1: each end of a
+        bond has its half.
 
         `interface` : the stiffness of the bonds relative to the default.
         """
         return interface * 0.5 * (self.fracture_energy(body, 1.0) + other.fracture_energy(body, 1.0))
 
     def uniaxial(self, body):
-        """The modulus of a thin bar (in plane strain: of a strip) of this body, pulled along one axis and free along the others."""
+        """The modulus of a thin bar (in plane strain: of a strip) of this body, pulled along one axis and free along
+        the others."""
         lam, mu = self.lame(body)
         if body.dimension == 1:
             return lam + 2 * mu
@@ -74,7 +79,8 @@ class Material:
 
 
 class Isotropic(Material):
-    """Two elastic constants: any two of bulk and shear modulus, Young's modulus and Poisson's ratio, always the three-dimensional ones.
+    """Two elastic constants: any two of bulk and shear modulus, Young's modulus and Poisson's ratio, always the
+    three-dimensional ones.
 
     In a plate λ is that of plane stress or plane strain.
     """
@@ -112,7 +118,8 @@ class Isotropic(Material):
 
 @dataclass
 class BondForces:
-    """The force in every intact bond of a state: what the stress estimators read. Same conventions as `atc.bonds.Bonds`, plus vectors.
+    """The force in every intact bond of a state: what the stress estimators read. Same conventions as
+    `atc.bonds.Bonds`, plus vectors.
 
     Attributes
     ----------
@@ -149,13 +156,14 @@ class BondForces:
 class ForceModel:
     """The bond forces of a body made of one or several materials of one class.
 
-    Subclasses set up per-bond arrays and fill ``F`` in `forces`. `z` is (n, 8) from `node_rows`: displacement and reference
-    position of every node, side by side, and two columns for the model's own use.
+    Subclasses set up per-bond arrays and fill ``F`` in `forces`. `z` is (n, 8) from `node_rows`: displacement and
+    reference position of every node, side by side, and two columns for the model's own use.
     """
 
     def __init__(self, body, materials: dict, crew: Crew, rules=None, lammps_compat=False):
         self.body, self.crew, self.materials, self.lammps_compat = body, crew, materials, lammps_compat
-        # LAMMPS takes extensions below 2.2e-16 for none, in whatever unit of length: a strain of 2e-13 in bonds of a millimetre.
+        # LAMMPS takes extensions below 2.2e-16 for none, in whatever unit of length: a strain of 2e-13 in bonds of a
+        # millimetre.
         self.guard = 2.2204e-16 if lammps_compat else 0.0
         self.table = body.bonds
         self.n = len(body)
@@ -165,7 +173,8 @@ class ForceModel:
         missing = set(np.unique(body.material_n).tolist()) - set(ids)
         if missing:
             raise AtcError(
-                f"the body's nodes are made of material {sorted(missing)[0]}, which has no definition: materials given are {ids}"
+                f"the body's nodes are made of material {sorted(missing)[0]}, which has no definition: materials "
+                f"given are {ids}"
             )
         self.ids = ids
         self.first = materials[ids[0]]
@@ -195,7 +204,8 @@ class ForceModel:
         same = {(m.influence, m.volume_correction, m.surface_correction) for m in self.materials.values()}
         if len(same) > 1:
             raise AtcError(
-                f"{first.name}: the materials of one body must share influence function, volume correction and surface correction"
+                f"{first.name}: the materials of one body must share influence function, volume correction and "
+                "surface correction"
             )
         W = body.V_n[t.i_b]
         W *= body.V_n[t.j_b]
@@ -206,7 +216,8 @@ class ForceModel:
         return W
 
     def interface_factor(self, interfaces):
-        """(b,) how stiff bonds are relative to the default, or None where nothing says so. `interfaces` : {(a, b): factor}, or None."""
+        """(b,) how stiff bonds are relative to the default, or None where nothing says so. `interfaces` : {(a, b):
+        factor}, or None."""
         if not interfaces:
             return None
         for pair in interfaces:
@@ -216,7 +227,8 @@ class ForceModel:
         for pair, factor in interfaces.items():
             if not (np.isscalar(factor) and np.isfinite(factor) and factor > 0):
                 raise AtcError(
-                    f"the interface of materials {pair[0]} and {pair[1]} needs a stiffness factor greater than 0, got {factor!r}"
+                    f"the interface of materials {pair[0]} and {pair[1]} needs a stiffness factor greater than 0, got "
+                    f"{factor!r}"
                 )
         return self.per_bond(self.pair_values(lambda a, b: interfaces.get((a, b), interfaces.get((b, a), 1.0))))
 
@@ -264,8 +276,8 @@ class ForceModel:
 
     # To be given by subclasses.
     def forces(self, z, intact_b, F_nc, smin_n, damage: bool):
-        """F_nc := bond forces. With `damage`, smin_n is renewed and bonds break. Returns (number broken, energy lost with them,
-        and None or their last pull (i, j, F_bc))."""
+        """F_nc := bond forces. With `damage`, smin_n is renewed and bonds break. Returns (number broken, energy lost
+        with them, and None or their last pull (i, j, F_bc))."""
         raise NotImplementedError
 
     def energy_n(self, z, intact_b):
@@ -283,7 +295,8 @@ class ForceModel:
             yield self.forces_of_bonds(z, None, b[intact_b[b] != 0])
 
     def refresh(self, z, intact_b):
-        """Bring what nodes know of their families to this state, for `forces_of_bonds` with intact_b None. Bonds that are on their own need nothing."""
+        """Bring what nodes know of their families to this state, for `forces_of_bonds` with intact_b None. Bonds that
+        are on their own need nothing."""
 
     def lost(self, z, which) -> float:
         """The energy that left with the bonds `which`, just broken."""
@@ -301,7 +314,8 @@ class ForceModel:
         return self._standing
 
     def listed(self, gone_k, start_n):
-        """The numbers of the bonds that a kernel listed in `gone_b`, gone_k of each block, in rows that begin at start_n."""
+        """The numbers of the bonds that a kernel listed in `gone_b`, gone_k of each block, in rows that begin at
+        start_n."""
         first = start_n[self.blocks.edges[:-1]]
         parts = [
             first[k] + self.gone_b[first[k] : first[k] + gone_k[k]].astype(np.int64) for k in np.flatnonzero(gone_k)
@@ -309,14 +323,16 @@ class ForceModel:
         return np.concatenate(parts) if parts else np.zeros(0, np.int64)
 
     def account(self, z, which):
-        """What `forces` returns for the bonds that broke: their number, the energy lost, and their last pull (i, j, F_bc)."""
+        """What `forces` returns for the bonds that broke: their number, the energy lost, and their last pull (i, j,
+        F_bc)."""
         if not len(which):
             return 0, 0.0, None
         f = self.forces_of_bonds(z, None, which)
         return len(which), self.lost(z, which), (f.i, f.j, f.F_bc)
 
     def stiffness_n(self):
-        """(n,) a bound on the row sums of the stiffness matrix: ω_max² ≤ max 2 stiffness/(ρV)... see `Simulation.stable_step`."""
+        """(n,) a bound on the row sums of the stiffness matrix: ω_max² ≤ max 2 stiffness/(ρV)... see
+        `Simulation.stable_step`."""
         raise NotImplementedError
 
     def contact_constant(self):

@@ -1,8 +1,10 @@
-"""Non-ordinary correspondence material (Silling et al. 2007), Saint Venant-Kirchhoff, with its zero-energy modes stabilised (Silling 2017).
+"""Non-ordinary correspondence material (Silling et al. 2007), Saint Venant-Kirchhoff, with its zero-energy modes
+stabilised (Silling 2017).
 
-From the bonds a node sees a deformation gradient F = (Σ ω y⊗ξ νV) K⁻¹, K = Σ ω ξ⊗ξ νV, and hence a classical stress: P = F S, S = λ tr(E) + 2μE,
-E = (FᵀF − 1)/2. Modes that F does not see cost the energy ½ g Σ ω |y − Fξ|² νV with g = stabilisation · d(d+2)μ/m, the stiffness of an LPS bond; it
-vanishes in every uniform deformation, and so does its force. Everything is computed from H = F − 1, so that rest is exactly at rest.
+From the bonds a node sees a deformation gradient F = (Σ ω y⊗ξ νV) K⁻¹, K = Σ ω ξ⊗ξ νV, and hence a classical stress: P
+= F S, S = λ tr(E) + 2μE, E = (FᵀF − 1)/2. Modes that F does not see cost the energy ½ g Σ ω |y − Fξ|² νV with g =
+stabilisation · d(d+2)μ/m, the stiffness of an LPS bond; it vanishes in every uniform deformation, and so does its
+force. Everything is computed from H = F − 1, so that rest is exactly at rest.
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ from ..lanes import INLINE, C, gather
 from .base import BondForces, ForceModel, Isotropic, deformed
 from .rows import close_row, open_block, settle
 
-# The share that must be left of a family's smallest moment (the smallest eigenvalue of K), or its node exerts no force any more.
+# The share that must be left of a family's smallest moment (the smallest eigenvalue of K), or its node exerts no force
+# any more.
 LEAST = 0.05
 
 
@@ -58,7 +61,8 @@ class Correspondence(Isotropic):
 
 
 class CorrespondenceModel(ForceModel):
-    """Forces of correspondence materials. A node whose intact bonds no longer span the dimension, or hardly (`LEAST`), exerts no force."""
+    """Forces of correspondence materials. A node whose intact bonds no longer span the dimension, or hardly (`LEAST`),
+    exerts no force."""
 
     def __init__(self, body, materials, crew, rules=None, lammps_compat=False, interfaces=None):
         super().__init__(body, materials, crew, rules, lammps_compat)
@@ -66,7 +70,8 @@ class CorrespondenceModel(ForceModel):
             from ...errors import AtcError
 
             raise AtcError(
-                "correspondence: bonds of this material have no stiffness of their own that an interface could change; take pmb or lps, "
+                "correspondence: bonds of this material have no stiffness of their own that an interface could "
+                "change; take pmb or lps, "
                 "let the interface break, or leave it unbonded"
             )
         lame = {id(m): m.lame(body) for m in materials.values()}
@@ -102,7 +107,8 @@ class CorrespondenceModel(ForceModel):
         condition[some] = w[:, 0] / w[:, -1]
         least = np.zeros(self.n)
         least[some] = w[:, 0]
-        # A family that has nearly lost a direction would make an enormous F of small displacements, far stiffer than the time step allows.
+        # A family that has nearly lost a direction would make an enormous F of small displacements, far stiffer than
+        # the time step allows.
         whole = (condition > 1e-6) & (least > LEAST * self.least_n)
         inverse[np.ix_(whole, range(d), range(d))] = np.linalg.inv(K[whole])
         self.inverse_ncc[:] = inverse.reshape(-1, 9)
@@ -111,9 +117,22 @@ class CorrespondenceModel(ForceModel):
     def _tensors(self, z, intact_b, reference, out):
         t, bl = self.table, self.blocks
         self.crew.run(
-            _tensors, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, self.W_b, intact_b, reference,
+            _tensors,
+            bl.count,
+            bl.edges,
+            bl.lo,
+            bl.hi,
+            bl.offset,
+            t.start_n,
+            t.j_b,
+            t.image_b,
+            self.images,
+            z,
+            self.W_b,
+            intact_b,
+            reference,
             self.tensor_buf,
-        )  # fmt: skip
+        )
         from ..blocks import collect
 
         self.crew.nodes(collect, self.n, bl.lo, bl.hi, bl.offset, self.tensor_buf, out, np.zeros(0), False)
@@ -138,9 +157,31 @@ class CorrespondenceModel(ForceModel):
         self._states(z, intact_b)
         gone = np.zeros(bl.count, np.int64)
         self.crew.run(
-            _forces, bl.count, bl.edges, bl.lo, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, t.r0_b, self.W_b, self.Q_ncc,
-            self.g_active_n, intact_b, self.kind_b, self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.gone_b, gone,
-        )  # fmt: skip
+            _forces,
+            bl.count,
+            bl.edges,
+            bl.lo,
+            bl.offset,
+            t.start_n,
+            t.j_b,
+            t.image_b,
+            self.images,
+            z,
+            t.r0_b,
+            self.W_b,
+            self.Q_ncc,
+            self.g_active_n,
+            intact_b,
+            self.kind_b,
+            self.rule.s00,
+            self.rule.alpha,
+            smin_n,
+            self.s_low,
+            damage,
+            self.buf,
+            self.gone_b,
+            gone,
+        )
         self.collect(F_nc, smin_n, damage)
         self._intact = intact_b
         return self.account(z, self.listed(gone, t.start_n))
@@ -181,7 +222,8 @@ class CorrespondenceModel(ForceModel):
         return BondForces(i, j, -(xi + eta), -xi, F, None, whole)
 
     def stiffness_n(self):
-        """Row sums of the linearised stiffness: node k's stress couples its whole family, |Q| ≤ (λ + 2μ) V K⁻¹ Σ W|ξ| |K⁻¹|."""
+        """Row sums of the linearised stiffness: node k's stress couples its whole family, |Q| ≤ (λ + 2μ) V K⁻¹ Σ W|ξ|
+        |K⁻¹|."""
         rest = np.zeros((self.n, 8))
         rest[:, 3:6] = self.body.X_nc
         t = self.table
@@ -267,7 +309,8 @@ def _products(m, w, W, intact, v):
 
 @njit(**JIT)
 def _stress(a, b, H, inverse, lam, mu, g, V, Q):
-    """H := (Σ W η⊗ξ) K⁻¹ and Q = V P K⁻¹ − g H of each node: the force on i from j is W [(Q_i + Q_j) ξ + (g_i + g_j) η]."""
+    """H := (Σ W η⊗ξ) K⁻¹ and Q = V P K⁻¹ − g H of each node: the force on i from j is W [(Q_i + Q_j) ξ + (g_i + g_j)
+    η]."""
     N = np.empty((3, 3))
     E = np.empty((3, 3))
     P = np.empty((3, 3))
@@ -297,7 +340,32 @@ def _stress(a, b, H, inverse, lam, mu, g, V, Q):
 
 
 @njit(**JIT)
-def _forces(first, last, edges, lo, offset, start, j, image, images, z, r0, W, Q, g, intact, kind, s00, alpha, smin, s_low, damage, buf, gone_b, gone_k):  # fmt: skip
+def _forces(
+    first,
+    last,
+    edges,
+    lo,
+    offset,
+    start,
+    j,
+    image,
+    images,
+    z,
+    r0,
+    W,
+    Q,
+    g,
+    intact,
+    kind,
+    s00,
+    alpha,
+    smin,
+    s_low,
+    damage,
+    buf,
+    gone_b,
+    gone_k,
+):
     """As PMB's."""
     w = np.empty(8 * C)
     node = np.empty(C + 8, np.int32)

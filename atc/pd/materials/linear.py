@@ -1,4 +1,5 @@
-"""Linear bond-based material: every bond is a spring with a micromodulus tensor, f = C(ξ) η (Silling 2000, the linearised theory)."""
+"""Linear bond-based material: every bond is a spring with a micromodulus tensor, f = C(ξ) η (Silling 2000, the
+linearised theory)."""
 
 from __future__ import annotations
 
@@ -16,8 +17,8 @@ _AT_ONCE = 200_000
 class Linear(Material):
     """Force density f = C(ξ) (u' − u) between two nodes of the reference configuration, ξ from one to the other.
 
-    What a kernel fitted to a crystal's dispersion is (`atc.upscaling`): it carries waves of small amplitude with the crystal's ω(k). The law is linear:
-    not objective under finite rotations, without damage and contact.
+    What a kernel fitted to a crystal's dispersion is (`atc.upscaling`): it carries waves of small amplitude with the
+    crystal's ω(k). The law is linear: not objective under finite rotations, without damage and contact.
 
     Parameters
     ----------
@@ -66,7 +67,8 @@ class LinearModel(ForceModel):
             C = np.asarray(first.micromodulus(xi_bc[part]), float)
             if C.shape != (len(xi_bc[part]), 3, 3):
                 raise AtcError(
-                    f"linear: micromodulus gave shape {C.shape} for {len(xi_bc[part])} bonds, expected ({len(xi_bc[part])}, 3, 3)"
+                    f"linear: micromodulus gave shape {C.shape} for {len(xi_bc[part])} bonds, expected "
+                    f"({len(xi_bc[part])}, 3, 3)"
                 )
             self.S_bcc[part] = C * W[part, None, None]
         if first.cutoff is not None:

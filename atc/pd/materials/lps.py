@@ -1,8 +1,9 @@
 """Linear peridynamic solid (Silling et al. 2007; R 3.0.3-3.0.4): ordinary and state-based, any Poisson's ratio.
 
-In d dimensions the strain energy density is ½ a (S/m)² + ½ (b/m) Σ ω e² νV with S = Σ ω|ξ| e νV, m = Σ ω|ξ|² νV, a = d²(λ − μ), b = d(d+2) μ,
-which is ½λ tr²ε + μ ε:ε in a uniform strain. In 3-D θ = 3S/m, a = 3(3K − 5G) and b = 15G. m belongs to the reference family, S to the intact bonds.
-Sums carry V_i too: W = ω ν V_i V_j, so that a bond's two ends get exactly opposite forces.
+In d dimensions the strain energy density is ½ a (S/m)² + ½ (b/m) Σ ω e² νV with S = Σ ω|ξ| e νV, m = Σ ω|ξ|² νV, a =
+d²(λ − μ), b = d(d+2) μ, which is ½λ tr²ε + μ ε:ε in a uniform strain. In 3-D θ = 3S/m, a = 3(3K − 5G) and b = 15G. m
+belongs to the reference family, S to the intact bonds. Sums carry V_i too: W = ω ν V_i V_j, so that a bond's two ends
+get exactly opposite forces.
 """
 
 from __future__ import annotations
@@ -36,7 +37,8 @@ class LPS(Isotropic):
         self.influence, self.volume_correction = influence, bool(volume_correction)
 
     def fracture_energy(self, body, s0):
-        """Energy per area to stretch all bonds across a plane to s0, their shares in b alone: (9/5) K δ s0² for ω = 1/|ξ| and K = 5G/3."""
+        """Energy per area to stretch all bonds across a plane to s0, their shares in b alone: (9/5) K δ s0² for ω =
+        1/|ξ| and K = 5G/3."""
         from scipy.integrate import quad
 
         from .base import influence_function, sphere_measure
@@ -48,7 +50,8 @@ class LPS(Isotropic):
         surface = sphere_measure(d, body.thickness)
         m = surface * moment(2)
         mean_cos = {1: 1.0, 2: 2 / np.pi, 3: 0.5}[d]
-        # Both ends' energies ½ (b/m) ω e² of each bond, with half the crossing volume |cos| r (every direction counts a bond twice).
+        # Both ends' energies ½ (b/m) ω e² of each bond, with half the crossing volume |cos| r (every direction counts a
+        # bond twice).
         return 0.5 * (d * (d + 2) * mu / m) * s0**2 * surface * moment(3) * mean_cos
 
     @staticmethod
@@ -57,7 +60,8 @@ class LPS(Isotropic):
 
 
 class Elastic(LPS):
-    """Isotropic elasticity by Young's modulus and Poisson's ratio, in the ordinary state-based model; meant for bodies that do not break."""
+    """Isotropic elasticity by Young's modulus and Poisson's ratio, in the ordinary state-based model; meant for bodies
+    that do not break."""
 
     name = "elastic"
 
@@ -66,7 +70,8 @@ class Elastic(LPS):
 
 
 class StateModel(ForceModel):
-    """LPS forces. Nodes of different materials each use their own constants: the force state of an interface node is that of its material."""
+    """LPS forces. Nodes of different materials each use their own constants: the force state of an interface node is
+    that of its material."""
 
     def __init__(self, body, materials, crew, rules=None, lammps_compat=False, interfaces=None):
         super().__init__(body, materials, crew, rules, lammps_compat)
@@ -105,20 +110,58 @@ class StateModel(ForceModel):
         r0, W, WB = t.columns
         # Extensions into e_b, S into S_n; current positions and A into y_nk.
         self.crew.run(
-            _extensions, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, r0, W, self.guard,
-            t.intact_b, self.e_b, self.scalar_buf,
-        )  # fmt: skip
+            _extensions,
+            bl.count,
+            bl.edges,
+            bl.lo,
+            bl.hi,
+            bl.offset,
+            t.start_n,
+            t.j_b,
+            t.image_b,
+            self.images,
+            z,
+            r0,
+            W,
+            self.guard,
+            t.intact_b,
+            self.e_b,
+            self.scalar_buf,
+        )
         self.crew.nodes(_gather_up, self.n, bl.lo, bl.hi, bl.offset, self.scalar_buf, z, self.h_n, self.S_n, self.y_nk)
         gone = np.zeros(bl.count, np.int64)
         self.crew.run(
-            _forces, bl.count, bl.edges, bl.lo, bl.offset, t.start_n, t.j_b, t.image_b, self.images, self.y_nk, r0, W, WB, self.e_b, t.intact_b,
-            t.kind_b, self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.gone_b, gone,
-        )  # fmt: skip
+            _forces,
+            bl.count,
+            bl.edges,
+            bl.lo,
+            bl.offset,
+            t.start_n,
+            t.j_b,
+            t.image_b,
+            self.images,
+            self.y_nk,
+            r0,
+            W,
+            WB,
+            self.e_b,
+            t.intact_b,
+            t.kind_b,
+            self.rule.s00,
+            self.rule.alpha,
+            smin_n,
+            self.s_low,
+            damage,
+            self.buf,
+            self.gone_b,
+            gone,
+        )
         self.collect(F_nc, smin_n, damage)
         return self.account(z, t.broke(self.listed(gone, t.start_n)))
 
     def lost(self, z, which):
-        """The energy that left with bonds `which`: their own shares, and what their nodes' dilatations were worth (S_n is still that before)."""
+        """The energy that left with bonds `which`: their own shares, and what their nodes' dilatations were worth (S_n
+        is still that before)."""
         i, j, _, _, e, _ = deformed(self, z, which)
         W, r0 = self.W_b[which], self.table.r0_b[which]
         own = float((0.5 * self.WB_b[which] * e**2).sum())
@@ -233,8 +276,8 @@ def _extensions(first, last, edges, lo, hi, offset, start, j, image, images, z, 
 
 @njit(**JIT)
 def _gather_up(a, b, lo, hi, offset, buf, z, h, S, y):
-    """S[n] = Σ over blocks, in their order; and what the force sum reads of a node, side by side: current position, A = a S/m²; then
-    once more with −A, for what is subtracted from the other end's."""
+    """S[n] = Σ over blocks, in their order; and what the force sum reads of a node, side by side: current position, A =
+    a S/m²; then once more with −A, for what is subtracted from the other end's."""
     S[a:b] = 0.0
     for k in range(len(lo)):
         shift = offset[k] - lo[k]
@@ -271,7 +314,32 @@ def _row(m, b0, w, r0, W, WB, e, intact):
 
 
 @njit(**JIT)
-def _forces(first, last, edges, lo, offset, start, j, image, images, y, r0, W, WB, e, intact, kind, s00, alpha, smin, s_low, damage, buf, gone_b, gone_k):  # fmt: skip
+def _forces(
+    first,
+    last,
+    edges,
+    lo,
+    offset,
+    start,
+    j,
+    image,
+    images,
+    y,
+    r0,
+    W,
+    WB,
+    e,
+    intact,
+    kind,
+    s00,
+    alpha,
+    smin,
+    s_low,
+    damage,
+    buf,
+    gone_b,
+    gone_k,
+):
     """As PMB's."""
     w = np.empty(8 * C)
     node = np.empty(C + 8, np.int32)

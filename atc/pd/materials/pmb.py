@@ -1,7 +1,7 @@
 """Prototype microelastic brittle material (Silling 2000; R 3.0.5-3.0.7): every bond a spring of its own.
 
-Pairwise force F_ij = c s ν V_i V_j along the deformed bond, s = (|ξ+η| − |ξ|)/|ξ|. The extension is computed from displacements,
-e = η·(2ξ+η)/(|ξ+η|+|ξ|), so that a body at rest is exactly at rest wherever it is.
+Pairwise force F_ij = c s ν V_i V_j along the deformed bond, s = (|ξ+η| − |ξ|)/|ξ|. The extension is computed from
+displacements, e = η·(2ξ+η)/(|ξ+η|+|ξ|), so that a body at rest is exactly at rest wherever it is.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ class PMB(Material):
 
     Parameters
     ----------
-    bulk : bulk modulus K; or youngs : Young's modulus E; or c : the micromodulus itself (force per volume² at unit stretch; LAMMPS's `c`).
+    bulk : bulk modulus K; or youngs : Young's modulus E; or c : the micromodulus itself (force per volume² at unit
+        stretch; LAMMPS's `c`).
         In 3-D c = 18K/(πδ⁴); in general c ∫ω|ξ| dV = 2d(d+2) μ with the shear modulus μ of the dimension.
     influence : ω(|ξ|, δ), "one" by default, a name of `INFLUENCE` or a function; f = c ω s
     volume_correction, surface_correction : see `Material`
@@ -86,7 +87,8 @@ class PMB(Material):
 
         d, delta, c = body.dimension, body.horizon, self.micromodulus(body)
         omega = influence_function(self.influence)
-        # Bonds of length r across a plane, per area: (solid angle mean of |cos|)/2 · r each way; each costs ½ c ω s0² r.
+        # Bonds of length r across a plane, per area: (solid angle mean of |cos|)/2 · r each way; each costs ½ c ω s0²
+        # r.
         mean_cos = {1: 1.0, 2: 2 / np.pi, 3: 0.5}[d]
         moment = quad(lambda r: float(omega(np.array([r]), delta)[0]) * r ** (d + 1), 0, delta)[0] * sphere_measure(
             d, body.thickness
@@ -99,7 +101,8 @@ class PMB(Material):
 
 
 class BondModel(ForceModel):
-    """Springs between nodes: PMB, for one or several materials (between two, the springs in series: 2 c_a c_b/(c_a + c_b), or an interface's own)."""
+    """Springs between nodes: PMB, for one or several materials (between two, the springs in series: 2 c_a c_b/(c_a +
+    c_b), or an interface's own)."""
 
     def __init__(self, body, materials, crew, rules=None, lammps_compat=False, interfaces=None):
         super().__init__(body, materials, crew, rules, lammps_compat)
@@ -124,9 +127,29 @@ class BondModel(ForceModel):
         t, bl = self.standing(intact_b, self.table.r0_b, self.W_b), self.blocks
         gone = np.zeros(bl.count, np.int64)
         self.crew.run(
-            _forces, bl.count, bl.edges, bl.lo, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, *t.columns, self.guard, t.intact_b, t.kind_b,
-            self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage, self.buf, self.gone_b, gone,
-        )  # fmt: skip
+            _forces,
+            bl.count,
+            bl.edges,
+            bl.lo,
+            bl.offset,
+            t.start_n,
+            t.j_b,
+            t.image_b,
+            self.images,
+            z,
+            *t.columns,
+            self.guard,
+            t.intact_b,
+            t.kind_b,
+            self.rule.s00,
+            self.rule.alpha,
+            smin_n,
+            self.s_low,
+            damage,
+            self.buf,
+            self.gone_b,
+            gone,
+        )
         self.collect(F_nc, smin_n, damage)
         return self.account(z, t.broke(self.listed(gone, t.start_n)))
 
@@ -187,9 +210,33 @@ def _row(m, b0, w, r0, W, intact, guard):
 
 
 @njit(**JIT)
-def _forces(first, last, edges, lo, offset, start, j, image, images, z, r0, W, guard, intact, kind, s00, alpha, smin, s_low, damage, buf, gone_b, gone_k):  # fmt: skip
-    """Blocks first..last: forces and smallest stretches into their buffers. Broken bonds are listed in gone_b, block by block from the block's first
-    bond on, gone_k of them."""
+def _forces(
+    first,
+    last,
+    edges,
+    lo,
+    offset,
+    start,
+    j,
+    image,
+    images,
+    z,
+    r0,
+    W,
+    guard,
+    intact,
+    kind,
+    s00,
+    alpha,
+    smin,
+    s_low,
+    damage,
+    buf,
+    gone_b,
+    gone_k,
+):
+    """Blocks first..last: forces and smallest stretches into their buffers. Broken bonds are listed in gone_b, block by
+    block from the block's first bond on, gone_k of them."""
     w = np.empty(8 * C)
     node = np.empty(C + 8, np.int32)
     own = np.array([0.0, 0.0, 0.0, np.inf])

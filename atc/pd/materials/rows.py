@@ -1,6 +1,8 @@
-"""What the force kernels of all materials do with a row of bonds once its forces are known: deal them out, and see what breaks.
+"""What the force kernels of all materials do with a row of bonds once its forces are known: deal them out, and see what
+breaks.
 
-No kernel may reorder or fuse its arithmetic (that gains nothing here): where a bond stands in a vector, and how wide vectors are, changes no bit.
+No kernel may reorder or fuse its arithmetic (that gains nothing here): where a bond stands in a vector, and how wide
+vectors are, changes no bit.
 """
 
 from __future__ import annotations
@@ -30,8 +32,9 @@ def open_block(f):
 
 @njit(**INLINE)
 def settle(m, b0, i, base, j, node, w, f, own, intact, kind, s00, alpha, smin, s_low, damage, first, gone_b, gone):
-    """Forces (columns 0-2 of w) of m bonds of row i into f and `own`. With `damage`, bonds beyond their critical stretch break after they have
-    pulled: they are listed in gone_b from the block's first bond on, `gone` so far. Column 6: stretches, +∞ if broken; 7: −∞ if broken."""
+    """Forces (columns 0-2 of w) of m bonds of row i into f and `own`. With `damage`, bonds beyond their critical
+    stretch break after they have pulled: they are listed in gone_b from the block's first bond on, `gone` so far.
+    Column 6: stretches, +∞ if broken; 7: −∞ if broken."""
     deal(m, base, node, w, f, own)
     if damage and _largest(m, w) > s_low:
         for k in range(m):

@@ -18,7 +18,8 @@ PROFILE_TIME = 150.05
 
 
 def springs_report(folder, progress=lambda text: None) -> Report:
-    """Every figure and table of section 4 into `folder`: report.html, pictures, numbers.json, springs.nc. About half a minute."""
+    """Every figure and table of section 4 into `folder`: report.html, pictures, numbers.json, springs.nc. About half a
+    minute."""
     report = Report("Nonlocal linear springs: molecular dynamics, peridynamics, the wave equation", folder)
     report.numbers["reduced units"] = "modulus K1 = 1, density 1, so sound speed 1"
     progress("series")
@@ -42,7 +43,8 @@ def _grid(spacing: float) -> np.ndarray:
 
 
 def _run(model: Springs, rows: int | None = None, moments=(), boundary: str = "clamped", initial=bump):
-    """Velocity Verlet on the paper's path: at most `rows` recorded steps, and the two steps around each of `moments`."""
+    """Velocity Verlet on the paper's path: at most `rows` recorded steps, and the two steps around each of
+    `moments`."""
     dt = model.time_step()
     steps = count_steps(DURATION, dt)
     every = 1 if rows is None else max(1, math.ceil(steps / rows))
@@ -67,7 +69,8 @@ def _series(report: Report) -> None:
     w_exact, w_peridynamic = dispersion_series(exact), dispersion_series(peridynamic)
     report.heading("Gradient series and dispersion (eqs. 4.2, 4.4, 4.6, 4.8, 4.9)")
     report.text(
-        "Coefficients of ∂²y, ∂⁴y, … in ρ y_tt = K₁ Σ c_m L^(2m−2) ∂^(2m) y, in exact rationals. N is the number of neighbours on either side; L = a for the "
+        "Coefficients of ∂²y, ∂⁴y, … in ρ y_tt = K₁ Σ c_m L^(2m−2) ∂^(2m) y, in exact rationals. N is the number of "
+        "neighbours on either side; L = a for the "
         "exact ones and nearest neighbours, L = Na = δ for the leading order and for peridynamics."
     )
     report.table(
@@ -98,18 +101,25 @@ def _series(report: Report) -> None:
         rows.append([name, ", ".join(map(str, series)), str(well_posedness(series))])
     report.table(["truncation", "coefficients", "well-posedness"], rows)
     report.numbers["series"] = {
-        "chain_exact": list(map(str, exact)), "peridynamics": list(map(str, peridynamic)), "nearest": list(map(str, local)),
-        "dispersion_chain_exact": list(map(str, w_exact)), "dispersion_peridynamics": list(map(str, w_peridynamic)),
+        "chain_exact": list(map(str, exact)),
+        "peridynamics": list(map(str, peridynamic)),
+        "nearest": list(map(str, local)),
+        "dispersion_chain_exact": list(map(str, w_exact)),
+        "dispersion_peridynamics": list(map(str, w_peridynamic)),
         "well_posedness": {r[0]: r[2] for r in rows},
-    }  # fmt: skip
+    }
     # leading order in N of the exact polynomials, against peridynamics
     agree = all(c.degree == 2 * m and c.leading == p for m, (c, p) in enumerate(zip(exact, peridynamic)))
     agree_w = all(c.leading == p for c, p in zip(w_exact[1:], w_peridynamic[1:]))
     report.claim(
-        "(4.2) = (4.4)", "The gradient series of the chain and of peridynamics agree at every order for δ = Na.",
-        f"leading coefficients in N equal those of peridynamics through ∂^{2 * order}: {'yes' if agree else 'no'}; exact ones have N(N+1) for N² and more",
-        ASSUMING if agree else NO, "only the leading order in N; at N = 20 the second coefficient is 5 % larger than (Na)²/24, which δ = a√(N(N+1)) repairs",
-    )  # fmt: skip
+        "(4.2) = (4.4)",
+        "The gradient series of the chain and of peridynamics agree at every order for δ = Na.",
+        f"leading coefficients in N equal those of peridynamics through ∂^{2 * order}: {'yes' if agree else 'no'}; "
+        "exact ones have N(N+1) for N² and more",
+        ASSUMING if agree else NO,
+        "only the leading order in N; at N = 20 the second coefficient is 5 % larger than "
+        "(Na)²/24, which δ = a√(N(N+1)) repairs",
+    )
     report.claim(
         "(4.6)",
         "Nearest neighbours: 1, a²/12, a⁴/360.",
@@ -117,13 +127,20 @@ def _series(report: Report) -> None:
         YES if list(map(str, local[:3])) == ["1", "1/12", "1/360"] else NO,
     )
     report.claim(
-        "(4.8) = (4.9)", "ω/(ck) = 1 − (kNa)²/48 + 17 (kNa)⁴/69120 for both.", f"peridynamics: {', '.join(map(str, w_peridynamic[:3]))}; chain: {w_exact[1]}, {w_exact[2]}",
-        ASSUMING if agree_w and list(map(str, w_peridynamic[:3])) == ["1", "-1/48", "17/69120"] else NO, "the chain's only to leading order in N",
-    )  # fmt: skip
+        "(4.8) = (4.9)",
+        "ω/(ck) = 1 − (kNa)²/48 + 17 (kNa)⁴/69120 for both.",
+        f"peridynamics: {', '.join(map(str, w_peridynamic[:3]))}; chain: {w_exact[1]}, {w_exact[2]}",
+        ASSUMING if agree_w and list(map(str, w_peridynamic[:3])) == ["1", "-1/48", "17/69120"] else NO,
+        "the chain's only to leading order in N",
+    )
     report.claim(
-        "§3.2", "The inner expansion avoids ill-posed equations.", "degree 3 and 5: ω² is a square; but (4.2) itself, cut after ∂⁴, is the bad-sign equation",
-        ASSUMING, "true of the full inner expansion, whose coefficients (1, 1/12, 1/576) are not those the paper prints; its order-consistent cut is ill-posed",
-    )  # fmt: skip
+        "§3.2",
+        "The inner expansion avoids ill-posed equations.",
+        "degree 3 and 5: ω² is a square; but (4.2) itself, cut after ∂⁴, is the bad-sign equation",
+        ASSUMING,
+        "true of the full inner expansion, whose coefficients (1, 1/12, 1/576) are not those the paper "
+        "prints; its order-consistent cut is ill-posed",
+    )
 
 
 def _stability(report: Report) -> None:
@@ -173,11 +190,14 @@ def _stability(report: Report) -> None:
         "observed": [None if math.isnan(v) else v for v in rows[:, 4]],
     }
     report.claim(
-        "Fig. 4.2", "For small Δx the time step may exceed (4.12) by about 20–30 %.",
-        f"2/ω_max exceeds it by {percent(slack[inside].min())} to {percent(slack[inside].max())} for M = 4 … 25 (runs of the square pulse: "
-        f"{percent(np.nanmin(observed[inside]))} to {percent(np.nanmax(observed[inside]))}), {percent(slack[-1])} at M = 100; none at M = 1",
+        "Fig. 4.2",
+        "For small Δx the time step may exceed (4.12) by about 20–30 %.",
+        f"2/ω_max exceeds it by {percent(slack[inside].min())} to {percent(slack[inside].max())} for M = 4 … 25 (runs "
+        "of the square pulse: "
+        f"{percent(np.nanmin(observed[inside]))} to {percent(np.nanmax(observed[inside]))}), {percent(slack[-1])} at "
+        "M = 100; none at M = 1",
         YES,
-    )  # fmt: skip
+    )
     report.claim(
         "§4.3",
         "The stable step falls more slowly than Δx.",
@@ -187,7 +207,8 @@ def _stability(report: Report) -> None:
 
 
 def _observed_limit(model: Springs) -> float:
-    """The largest step with which velocity Verlet keeps the square pulse bounded over 2000 steps, by runs, bisected to 0.5 %."""
+    """The largest step with which velocity Verlet keeps the square pulse bounded over 2000 steps, by runs, bisected to
+    0.5 %."""
     from .._chain_kernels import pad, springs_force, springs_verlet
 
     M, w = model.neighbors, model.weights / model.density
@@ -273,15 +294,21 @@ def _dispersion(report: Report) -> None:
         "Table 4.1 and its two companions. Cost: nodes × neighbours × steps.",
     )
     report.claim(
-        "Table 4.1", "184 and 162 time steps, relative cost 0.22.", f"{steps['MD']} and {steps['PD coarse']} steps, {ratio:.5f}",
-        ASSUMING if (steps["MD"], steps["PD coarse"]) == (184, 162) and abs(ratio - 0.22016) < 1e-5 else NO, "K₁ = ρ = 1, duration 300 and ⌊300/Δt⌋ steps, which the paper does not say",
-    )  # fmt: skip
+        "Table 4.1",
+        "184 and 162 time steps, relative cost 0.22.",
+        f"{steps['MD']} and {steps['PD coarse']} steps, {ratio:.5f}",
+        ASSUMING if (steps["MD"], steps["PD coarse"]) == (184, 162) and abs(ratio - 0.22016) < 1e-5 else NO,
+        "K₁ = ρ = 1, duration 300 and ⌊300/Δt⌋ steps, which the paper does not say",
+    )
     fine_frame = round(PROFILE_TIME / models["PD fine"].time_step())
     report.claim(
-        "Fig. 4.4", "Profiles at t = 150.05.",
-        f"step {fine_frame} of the fine run is at t = {fine_frame * models['PD fine'].time_step():.3f}; the nearest of MD is at {92 * models['MD'].time_step():.2f}, of coarse PD at {81 * models['PD coarse'].time_step():.2f}",
-        ASSUMING, "only the fine peridynamic run has a step there; the others are interpolated (cubic in time) here",
-    )  # fmt: skip
+        "Fig. 4.4",
+        "Profiles at t = 150.05.",
+        f"step {fine_frame} of the fine run is at t = {fine_frame * models['PD fine'].time_step():.3f}; the nearest "
+        f"of MD is at {92 * models['MD'].time_step():.2f}, of coarse PD at {81 * models['PD coarse'].time_step():.2f}",
+        ASSUMING,
+        "only the fine peridynamic run has a step there; the others are interpolated (cubic in time) here",
+    )
 
     # Which part of a difference is space and which is Verlet: exact solutions in time.
     x_fine = np.arange(100000) * 0.01
@@ -324,23 +351,33 @@ def _dispersion(report: Report) -> None:
         [[k, percent(v)] for k, v in cancelled.items()],
     )
     report.claim(
-        "Figs. 4.3, 4.4", "Fine peridynamics with δ = 5 disperses as the chain does, the wave equation does not.",
-        f"exact in time, fine PD differs from MD by {percent(errors['peridynamics, δ = Na'])} (relative L2; the wave equation by {percent(errors['wave equation'])}); with δ = a√(N(N+1)) = {wide:.4f} by "
+        "Figs. 4.3, 4.4",
+        "Fine peridynamics with δ = 5 disperses as the chain does, the wave equation does not.",
+        f"exact in time, fine PD differs from MD by {percent(errors['peridynamics, δ = Na'])} (relative L2; the wave "
+        f"equation by {percent(errors['wave equation'])}); with δ = a√(N(N+1)) = {wide:.4f} by "
         f"{percent(errors['peridynamics, δ = a√(N(N+1))'])}",
-        ASSUMING, "alike by eye; a good model of the chain only with the horizon that is exact in N",
-    )  # fmt: skip
+        ASSUMING,
+        "alike by eye; a good model of the chain only with the horizon that is exact in N",
+    )
     report.claim(
-        "Fig. 4.4", "Coarse peridynamics (Δx = 2a, M = 10) follows the chain at a fifth of the cost.",
-        f"exact in time it is off by {percent(errors['coarse peridynamics, Δx = 2a, M = 10'])}; run by Verlet with its own step, by {percent(between['coarse PD against MD'])} from MD so run, and by "
+        "Fig. 4.4",
+        "Coarse peridynamics (Δx = 2a, M = 10) follows the chain at a fifth of the cost.",
+        f"exact in time it is off by {percent(errors['coarse peridynamics, Δx = 2a, M = 10'])}; run by Verlet with "
+        f"its own step, by {percent(between['coarse PD against MD'])} from MD so run, and by "
         f"{percent(errors['coarse peridynamics by Verlet, its own Δt'])} from the true solution",
-        ASSUMING, "alike by eye; other weights on the same nodes are off by 1e-5 (see below)",
-    )  # fmt: skip
+        ASSUMING,
+        "alike by eye; other weights on the same nodes are off by 1e-5 (see below)",
+    )
     report.claim(
-        "§4.4.1", "What the runs show is the dispersion of the models.",
-        f"at the paper's steps Verlet's own error cancels {percent(min(cancelled.values()))} to {percent(max(cancelled.values()))} of the leading dispersion, a different share for each model; MD so run is "
+        "§4.4.1",
+        "What the runs show is the dispersion of the models.",
+        f"at the paper's steps Verlet's own error cancels {percent(min(cancelled.values()))} to "
+        f"{percent(max(cancelled.values()))} of the leading dispersion, a different share for each model; MD so run "
+        "is "
         f"{percent(errors['MD by velocity Verlet, its own Δt'])} off its own exact solution",
-        NO, "compare at one Δt, or exactly in time as here",
-    )  # fmt: skip
+        NO,
+        "compare at one Δt, or exactly in time as here",
+    )
     dalembert = 0.5 * (bump(x_fine, 500 - PROFILE_TIME) + bump(x_fine, 500 + PROFILE_TIME))
     ccm = relative_error(profiles["CCM"][:-1], dalembert)
     report.claim(
@@ -371,10 +408,23 @@ def _dispersion(report: Report) -> None:
         YES if abs(order - 2) < 0.1 else NO,
     )
     report.numbers |= {
-        "table_4_1": {n: {"nodes": len(runs[n].x_n), "neighbors": models[n].neighbors, "time_step": models[n].time_step(), "steps": steps[n], "relative_cost": cost[n] / cost["MD"]} for n in models},
-        "profile_errors": errors, "profile_differences_verlet": between, "dispersion_cancelled_by_verlet": cancelled, "ccm_against_dalembert": ccm,
-        "clamped_against_periodic": apart, "horizon_to_zero": {str(k): v for k, v in limit.items()},
-    }  # fmt: skip
+        "table_4_1": {
+            n: {
+                "nodes": len(runs[n].x_n),
+                "neighbors": models[n].neighbors,
+                "time_step": models[n].time_step(),
+                "steps": steps[n],
+                "relative_cost": cost[n] / cost["MD"],
+            }
+            for n in models
+        },
+        "profile_errors": errors,
+        "profile_differences_verlet": between,
+        "dispersion_cancelled_by_verlet": cancelled,
+        "ccm_against_dalembert": ccm,
+        "clamped_against_periodic": apart,
+        "horizon_to_zero": {str(k): v for k, v in limit.items()},
+    }
     report.dataset("md", runs["MD"].dataset())
     report.dataset("pd_coarse", runs["PD coarse"].dataset())
 
@@ -411,9 +461,12 @@ def _local_nonlocal(report: Report) -> None:
         "Δt = 0.85 for N = 1; the run with N = 5 has no step there",
     )
     report.claim(
-        "Fig. 4.5", "More neighbours at the same modulus: more dispersion.",
-        f"distance from the undispersed wave at that time, exact in time: N = 1 {percent(away[1])}, N = 5 {percent(away[5])}", YES if away[5] > away[1] else NO,
-    )  # fmt: skip
+        "Fig. 4.5",
+        "More neighbours at the same modulus: more dispersion.",
+        f"distance from the undispersed wave at that time, exact in time: N = 1 {percent(away[1])}, N = 5 "
+        f"{percent(away[5])}",
+        YES if away[5] > away[1] else NO,
+    )
     report.numbers["local_nonlocal"] = {str(k): v for k, v in away.items()}
 
 
@@ -453,9 +506,17 @@ def _square(report: Report) -> None:
     report.table(["model", "t", "total variation of u", "overshoot beyond [0, 1]"], rows)
     table = _refined_pulse([frames[1] * dt, 10 * frames[1] * dt])
     report.table(
-        ["t", "Δx", "jump between the nodes at the discontinuity", "largest change at a node when Δx is halved", "L2 change"], table,
-        "The pulse with horizon 5, exact in time. Waves of wavenumber k have ω = (2/δ)√(K₁/ρ)√(ln kδ + γ) and hardly travel, so what is seen across a distance ε of the jump goes on turning as ε → 0.",
-    )  # fmt: skip
+        [
+            "t",
+            "Δx",
+            "jump between the nodes at the discontinuity",
+            "largest change at a node when Δx is halved",
+            "L2 change",
+        ],
+        table,
+        "The pulse with horizon 5, exact in time. Waves of wavenumber k have ω = (2/δ)√(K₁/ρ)√(ln kδ + γ) and hardly "
+        "travel, so what is seen across a distance ε of the jump goes on turning as ε → 0.",
+    )
     late = [row for row in table if row[0] == table[-1][0]]
     report.claim(
         "Fig. 4.6",
@@ -464,17 +525,27 @@ def _square(report: Report) -> None:
         YES if abs(dt - 0.064940) < 5e-7 else NO,
     )
     report.claim(
-        "Fig. 4.6", "The classical simulation oscillates; molecular dynamics and peridynamics oscillate less.",
-        f"total variation at t = {frames[1] * dt:.2f}: CCM {numbers[f'CCM {frames[1] * dt:.2f}']['total_variation']:.3g}, MD {numbers[f'MD {frames[1] * dt:.2f}']['total_variation']:.3g}, "
-        f"fine PD {numbers[f'PD fine {frames[1] * dt:.2f}']['total_variation']:.3g}, coarse PD {numbers[f'PD coarse {frames[1] * dt:.2f}']['total_variation']:.3g} (2 at the start)",
-        ASSUMING, "CCM's oscillations are those of its own chain of 20 neighbours; the wave equation itself moves the pulse undisturbed",
-    )  # fmt: skip
+        "Fig. 4.6",
+        "The classical simulation oscillates; molecular dynamics and peridynamics oscillate less.",
+        f"total variation at t = {frames[1] * dt:.2f}: CCM "
+        f"{numbers[f'CCM {frames[1] * dt:.2f}']['total_variation']:.3g}, MD "
+        f"{numbers[f'MD {frames[1] * dt:.2f}']['total_variation']:.3g}, "
+        f"fine PD {numbers[f'PD fine {frames[1] * dt:.2f}']['total_variation']:.3g}, coarse PD "
+        f"{numbers[f'PD coarse {frames[1] * dt:.2f}']['total_variation']:.3g} (2 at the start)",
+        ASSUMING,
+        "CCM's oscillations are those of its own chain of 20 neighbours; the wave equation itself moves the "
+        "pulse undisturbed",
+    )
     report.claim(
-        "§4.4.3", "Nonlocality smooths a discontinuity.",
-        f"the jump stays at its place and turns with a frequency that grows as √ln(1/Δx) without limit: at t = {late[0][0]:.3g} every halving of Δx, from {late[0][1]:g} down to {late[-1][1] / 2:g}, changes "
+        "§4.4.3",
+        "Nonlocality smooths a discontinuity.",
+        "the jump stays at its place and turns with a frequency that grows as √ln(1/Δx) without limit: at t = "
+        f"{late[0][0]:.3g} every halving of Δx, from {late[0][1]:g} down to {late[-1][1] / 2:g}, changes "
         f"the value at some node by {min(r[3] for r in late):.2g} to {max(r[3] for r in late):.2g}",
-        NO, "short waves of peridynamics hardly travel: the oscillations are fewer than those of a fine local chain, the jump is not smoothed, and no refinement converges pointwise",
-    )  # fmt: skip
+        NO,
+        "short waves of peridynamics hardly travel: the oscillations are fewer than those of a fine local chain, "
+        "the jump is not smoothed, and no refinement converges pointwise",
+    )
     report.numbers["square_pulse"] = {"time_step": dt, "runs": numbers, "refinement": table}
 
 
@@ -520,8 +591,10 @@ def _coarse(report: Report) -> None:
         rows += accuracy_table(fine, bump, models=[("band-in-time", dx, M)], safety=safety, band=band, **problem)
     report.heading("Better coarse models at the same cost (beyond the paper)")
     report.text(
-        "The same nodes and neighbours, other weights, all with exactly the chain's sound speed: relative L2 error of the profile at t = 150.05 against the exact solution of the chain. "
-        "'Exact in time' is the model's own error. 'Verlet' adds that of the time step, which is larger than most of them; band-in-time is fitted to the chain together with Verlet's error, as far as non-negative "
+        "The same nodes and neighbours, other weights, all with exactly the chain's sound speed: relative L2 error of "
+        "the profile at t = 150.05 against the exact solution of the chain. "
+        "'Exact in time' is the model's own error. 'Verlet' adds that of the time step, which is larger than most of "
+        "them; band-in-time is fitted to the chain together with Verlet's error, as far as non-negative "
         "weights within reach allow, and is to be run with its step only."
     )
     report.table(
@@ -583,8 +656,10 @@ def _coarse(report: Report) -> None:
     at = {(r.method, r.spacing): r for r in rows[:10]}
     best = min((r for r in rows if r.method == "band-in-time"), key=lambda r: r.error_verlet)
     report.text(
-        f"At the paper's cost the weights fitted to ω(k) are off by {at['band', 0.5].error:.1e} where the paper's are off by {percent(at['paper', 0.5].error)}; at Δx = 4a, M = 5 and {at['band', 1.0].cost:.2g} of the "
-        f"chain's cost they are off by {percent(at['band', 1.0].error)}. As run, Verlet's error included: {percent(best.error_verlet)} at {best.cost:.2g} of the cost (band-in-time, Δx = {best.spacing:g}, "
+        f"At the paper's cost the weights fitted to ω(k) are off by {at['band', 0.5].error:.1e} where the paper's are "
+        f"off by {percent(at['paper', 0.5].error)}; at Δx = 4a, M = 5 and {at['band', 1.0].cost:.2g} of the "
+        f"chain's cost they are off by {percent(at['band', 1.0].error)}. As run, Verlet's error included: "
+        f"{percent(best.error_verlet)} at {best.cost:.2g} of the cost (band-in-time, Δx = {best.spacing:g}, "
         f"M = {best.neighbors}), against {percent(at['paper', 0.5].error_verlet)} at {at['paper', 0.5].cost:.2g}."
     )
     report.numbers["coarse_models"] = [asdict(r) for r in rows]
