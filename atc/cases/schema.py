@@ -1,5 +1,5 @@
 """What a peridynamics case may hold: its sections and keys and what values they take. The checks are those of scenes
-(`atc.scene_schema`)."""
+(`atc.config.schema`)."""
 
 from __future__ import annotations
 

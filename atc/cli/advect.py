@@ -1,5 +1,5 @@
 """``atc advect``: nonlocal advection. Only the options live here; the work is in `atc.advection` and
-`atc.advection_study`."""
+`atc.advection.study`."""
 
 from __future__ import annotations
 

@@ -144,7 +144,7 @@ def _fail_damaged() -> None:
 
 def _outputs_opened() -> list:
     """The outputs that this command has opened, without importing what opens them."""
-    output = sys.modules.get(f"{__package__}.output")
+    output = sys.modules.get("atc.running.output")
     return output.opened if output else []
 
 

@@ -38,7 +38,7 @@ class Settings:
     check_points: int = 100
     horizon: float | None = None  # the user's unit of length; None: the potential's
     tiles: tuple[int, int, int] | None = None
-    anchor: object = None  # see `atc.verlet`
+    anchor: object = None  # see `atc.neighbors.verlet`
 
     @property
     def central(self) -> bool:

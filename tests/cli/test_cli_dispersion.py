@@ -187,7 +187,7 @@ def test_bad_scenes(folder):
 def test_help_stays_instant():
     """No heavy import: numba, xarray, phonopy and scipy come with the work."""
     code = (
-        "import sys, atc.cli, atc.cli_dispersion; print(sorted(m for m in sys.modules if m.split('.')[0] in ('numpy', "
+        "import sys, atc.cli, atc.cli.dispersion; print(sorted(m for m in sys.modules if m.split('.')[0] in ('numpy', "
         "'numba', 'scipy', 'xarray', 'phonopy')))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

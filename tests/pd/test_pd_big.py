@@ -11,7 +11,7 @@ from atc.cases.run import nodal_stress
 
 SCRIPT = """
 import resource, sys
-from atc.case import Case
+from atc.cases.case import Case
 n = 100
 case = Case.load({
     "body": {"region": {"shape": "box", "lo": [0, 0, 0], "hi": [n - 0.9] * 3}, "spacing": 1.0, "horizon": 3.01, "density": 1.0},

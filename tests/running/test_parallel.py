@@ -144,7 +144,7 @@ def test_tiles_on_a_cluster_are_those_computed_here(cluster):
 
 
 def test_who_does_not_answer(monkeypatch):
-    monkeypatch.setattr(atc.parallel, "PATIENCE", "1s")
+    monkeypatch.setattr(atc.running.parallel, "PATIENCE", "1s")
     with pytest.raises(atc.AtcError, match="no Dask scheduler answers"):
         atc.fields(*frames(1), KERN, GRID, ["density"], cluster="tcp://127.0.0.1:9")
     with pytest.raises(atc.AtcError, match="three whole numbers"):
