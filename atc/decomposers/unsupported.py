@@ -32,7 +32,9 @@ _MULTIPOLES = "its atoms carry multipoles and induced dipoles, which positions a
 _DRUDE = "it acts on parts of the charges of Drude pairs that 'fix drude' names, which the potential's lines do not say"
 _DIELECTRIC = "each atom has a dielectric constant and an area of its own, which frames do not carry"
 _ELECTRONS = "its particles are electrons with radii of their own"
-_SPINS = "its forces depend on the atoms' magnetic spins, which are no function of positions"
+_SPINS = (
+    "its forces depend on the angles between the spins and the line from atom to atom, so that they are not along it"
+)
 _SEGMENTS = "it acts between segments of tubes or bonds instead of between atoms"
 _LATER = "it is not done yet, though it is a function of one distance"
 
@@ -90,7 +92,7 @@ _PAIR = {
         "lj/cut/coul/msm/dielectric lj/long/coul/long/dielectric"
     ),
     _ELECTRONS: "awpmd/cut eff/cut",
-    _SPINS: "spin/dipole/cut spin/dipole/long spin/dmi spin/exchange spin/exchange/biquadratic spin/magelec spin/neel",
+    _SPINS: "spin/dipole/cut spin/dipole/long spin/dmi spin/magelec spin/neel",
     _SEGMENTS: "mesocnt mesocnt/viscous mesont/tpm srp srp/react",
     _LATER: "buck6d/coul/gauss/dsf nm/cut/split",
     "it is a model that another program or library computes": "kim python",

@@ -30,7 +30,7 @@ from ..special_bonds import SpecialBonds
 from ..zero import Nothing
 from .data_coeffs import take_data_file
 from .interpreter import Interpreter, State
-from .runs import choose_run, sort_fixes
+from .runs import check_spins_push, choose_run, sort_fixes
 from .script import Command, is_text, one_line, read_text
 from .setup import Setup
 
@@ -108,6 +108,8 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
         sort_fixes(choice)  # a fix may be why there is no pair style
     pot = _assemble(model, name)
     pot.outside, changing = sort_fixes(choice)
+    if script and any(getattr(s, "magnetic", False) for t in pot.terms for s in getattr(t, "styles", ())):
+        check_spins_push(choice, name)
     # LAMMPS's default is 3, so a whole script says it in any case.
     pot.dimension, pot.dimension_said = model.dimension or 3, model.dimension is not None or script
     pot.atom_style = " ".join(model.atom_style)
@@ -129,6 +131,7 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
             _needs(pot, model),
             model.exclusions.groups if model.exclusions else (),
             script_run.may_lose,
+            script_run.columns,
         )
         pot.remarks = (*pot.remarks, *pot.setup.remarks())
     if script:
