@@ -68,8 +68,9 @@ def lammps_side(folder: Path, script: str, out: Path) -> None:
     if head is None:
         raise SystemExit("no run or minimize line")
     # Same folder and name: the script may jump to itself by its name.
+    quiet = without_noise(head)
     Path(script).unlink()
-    Path(script).write_text(head)
+    Path(script).write_text(quiet)
     lmp = lammps(cmdargs=["-log", "none", "-screen", "none", "-nocite"])
     lmp.file(script)
     if lmp.get_natoms() == 0:
@@ -78,9 +79,11 @@ def lammps_side(folder: Path, script: str, out: Path) -> None:
         raise SystemExit("more than 200,000 atoms")
     lmp.command(f"thermo_style custom step {' '.join(PARTS)} etail pe")
     lmp.command("thermo_modify norm no lost warn")
+    if quiet != head:
+        lmp.command("velocity all set 0.0 0.0 0.0")
+    columns, names = own_columns(lmp)
     lmp.command("run 0 post no")
     try:
-        columns, names = own_columns(lmp)
         lmp.command(
             f"write_dump all custom {out / 'frame.dump'} id type x y z ix iy iz vx vy vz {columns} modify sort id "
             f"units yes format float %.17g format int %d {names}"
@@ -138,6 +141,17 @@ def lammps_side(folder: Path, script: str, out: Path) -> None:
             continue
         np.save(out / f"without_{style.replace('/', '+')}.npy", gathered(lmp))
     lmp.close()
+
+
+def without_noise(head: str) -> str:
+    """The script with the temperatures, or noises, of its DPD styles set to zero: with no velocities, what is left of
+    their forces is the conservative part. Their energies and virials never have the others."""
+    out = re.sub(r"(\bdpd(?:/ext)?/tstat\s+)\S+\s+\S+", r"\g<1>0.0 0.0", head)
+    out = re.sub(r"(\bdpd(?:/ext)?\s+)(?=[^\s/]+\s+\S+\s+\d+)[^\s/]+", r"\g<1>0.0", out)
+    if "dpd/fdt" in out:
+        # pair_coeff i j [style] A sigma ...
+        out = re.sub(r"(?m)^(\s*pair_coeff\s+\S+\s+\S+\s+(?:dpd/\S+\s+)?\S+\s+)\S+", r"\g<1>0.0", out)
+    return out
 
 
 def own_columns(lmp) -> tuple[str, str]:

@@ -120,6 +120,8 @@ _DPD = {
     "dpd/ext": (1, ("A", "gamma", "gamma_perpendicular", "s", "s_perpendicular")),
     "dpd/tstat": (2, ("gamma",)),
     "dpd/ext/tstat": (2, ("gamma", "gamma_perpendicular", "s", "s_perpendicular")),
+    "dpd/fdt": (1, ("A", "sigma")),
+    "dpd/fdt/energy": (0, ("A", "sigma", "kappa")),
 }
 
 

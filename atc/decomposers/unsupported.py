@@ -71,7 +71,7 @@ _PAIR = {
     _DENSITY: "local/density mdpd mdpd/rhosum multi/lucy",
     _MACHINE: "mliap pod snap uf3 pace pace/extrapolation quip hdnnp rann nequip allegro mace deepmd nep metatomic",
     _CHARGES: "comb comb3 coul/ctip coul/streitz reax reax/c reaxff smtbq",
-    _SIZES: "lepton/sphere lj/cut/sphere lj/expand/sphere tracker yukawa/colloid",
+    _SIZES: "lepton/sphere lj/cut/sphere lj/expand/sphere yukawa/colloid",
     _CONTACT: "gran/hertz/history gran/hooke gran/hooke/history granular",
     _HISTORY: "bpm/spring peri/eps peri/lps peri/pmb peri/ves",
     _PARTICLES: (
@@ -80,7 +80,7 @@ _PAIR = {
         "sph/taitwater sph/taitwater/morris"
     ),
     _VELOCITY: "brownian brownian/poly dsmc lubricate lubricate/poly lubricateU lubricateU/poly",
-    _REACTING: "dpd/fdt dpd/fdt/energy edpd exp6/rx multi/lucy/rx table/rx tdpd",
+    _REACTING: "edpd exp6/rx multi/lucy/rx table/rx tdpd",
     _LAYERS: "aip/water/2dm drip ilp/graphene/hbn ilp/tmd kolmogorov/crespi/full kolmogorov/crespi/z lebedeva/z "
     "saip/metal",
     _MOLECULES: "coul/shield hybrid/molecular",
