@@ -168,6 +168,7 @@ _WHERE = {
     "Polymorphic": "polymorphic",
     "AxilrodTeller": "axilrod_teller",
     "SpinExchange": "spin_exchange",
+    "ElectronForceField": "electron_force_field",
     "ManyBody": "many_body",
 }
 
@@ -242,6 +243,7 @@ _STYLE_MODULES = (
     "polymorphic",
     "axilrod_teller",
     "spin_exchange",
+    "electron_force_field",
 )
 
 

@@ -77,12 +77,13 @@ def _biquadratic(inp: StyleInput):
 
 def _read(inp: StyleInput, word: str, wants):
     inp.numbers(inp.args, [("cutoff", "length")])
-    given = {}
+    given, offset = {}, 0.0
     for line in inp.coeffs:
-        words, offset = list(line.words), 0.0
+        words = list(line.words)
         if len(words) > 2 and words[-2] == "offset":
             if words[-1] not in ("yes", "on", "true", "no", "off", "false"):
                 raise inp.error(f"{inp.command}: offset: expected yes or no, got {words[-1]}", line)
+            # LAMMPS keeps one for all types: the one that is said last.
             offset = float(words[-1] in ("yes", "on", "true"))
             words = words[:-2]
         if words[:1] != [word]:
@@ -94,7 +95,8 @@ def _read(inp: StyleInput, word: str, wants):
             raise inp.error(f"{inp.command}: d must be positive, got {' '.join(words[1:])}", line)
         values = values if len(values) == 6 else [*values, 0.0, 0.0, 1.0]
         for pair in line.covers(inp.n_types):
-            given[pair] = (*values, offset, cutoff)
+            given[pair] = (*values, cutoff)
+    given = {pair: (*values[:-1], offset, values[-1]) for pair, values in given.items()}
     style = SpinExchange.internal(*fill(inp, given, len(SpinExchange.numbers)))
     style.name = inp.name
     inp.note("forces of spins are those at the spins that the frames show")

@@ -91,7 +91,7 @@ _PAIR = {
         "lj/cut/coul/long/dielectric "
         "lj/cut/coul/msm/dielectric lj/long/coul/long/dielectric"
     ),
-    _ELECTRONS: "awpmd/cut eff/cut",
+    _ELECTRONS: "awpmd/cut",
     _SPINS: "spin/dipole/cut spin/dipole/long spin/dmi spin/magelec spin/neel",
     _SEGMENTS: "mesocnt mesocnt/viscous mesont/tpm srp srp/react",
     _LATER: "buck6d/coul/gauss/dsf nm/cut/split",
