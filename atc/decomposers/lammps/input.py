@@ -420,9 +420,10 @@ def _check_free(model: _Model, script_run: Interpreter, state: State, name: str)
         model.styles["pair"] = _Style("pair", "zero", ("0.0",), name)
         model.notes.append("there is no pair_style and no bonded style: no forces between atoms, as in LAMMPS")
     elif script_run.runs or state.atoms:
+        what = "no run" if atoms else "no atoms (no create_atoms, read_data)"
         raise AtcError(
-            f"{name}: the script has {'no run' if atoms else 'no atoms (no create_atoms, read_data)'} and no "
-            "pair_style or bond_style: there is nothing to compute"
+            f"{name}: no interactions found: expected pair_style or bond_style lines with their coefficients; the "
+            f"script has {what} either"
         )
 
 
