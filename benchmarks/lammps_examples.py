@@ -132,7 +132,10 @@ def lammps_side(folder: Path, script: str, out: Path) -> None:
             }
         )
     )
-    lmp.command("thermo_modify press thermo_press temp thermo_temp")
+    # Barostats may hold on to computes of the fixes that go; they add no forces.
+    for name, style in styles.items():
+        if style.startswith(("npt", "nph")):
+            lmp.command(f"unfix {name}")
     for style, names in free.items():
         for name in names:
             lmp.command(f"unfix {name}")

@@ -32,6 +32,9 @@ class ElectronForceField(PairStyle):
     electrons, all times a taper 1 − 35x⁴ + 84x⁵ − 70x⁶ + 20x⁷, x = r/cutoff; each electron has the kinetic energy
     3ħ²/(2 m s²) (Su & Goddard 2007, Jaramillo-Botero et al. 2011).
 
+    Forces are the derivatives of this energy. LAMMPS's are too, except between particles closer than 1e-6 length units,
+    whose force (below 1e-6 energy units per length) has the opposite sign there.
+
     The column spin says what a particle is: 0 a nucleus of charge q, ±1 an electron, 2 a nucleus with two core
     electrons of a fixed size.
 
