@@ -167,6 +167,8 @@ _WHERE = {
     "ConcentrationEAM": "concentration_eam",
     "Polymorphic": "polymorphic",
     "AxilrodTeller": "axilrod_teller",
+    "SpinExchange": "spin_exchange",
+    "ElectronForceField": "electron_force_field",
     "ManyBody": "many_body",
 }
 
@@ -240,6 +242,8 @@ _STYLE_MODULES = (
     "concentration_eam",
     "polymorphic",
     "axilrod_teller",
+    "spin_exchange",
+    "electron_force_field",
 )
 
 

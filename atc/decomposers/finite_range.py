@@ -11,6 +11,8 @@ from .radial import RadialStyle, one_cutoff
 from .registry import StyleInput, pair_style
 
 _PLAIN = "dimensionless"
+#: Closer than this LAMMPS counts no energy of a DPD pair.
+_COINCIDENT = 1e-10
 
 
 class WangFrenkel(RadialStyle):
@@ -73,7 +75,7 @@ class DPD(RadialStyle):
     shifts = False
 
     def columns(self, A, cutoff):
-        return 0.5 * A / cutoff, cutoff
+        return 0.5 * A / cutoff, cutoff, np.full_like(A, _COINCIDENT)
 
 
 def _whole(*numbers):
@@ -120,6 +122,8 @@ _DPD = {
     "dpd/ext": (1, ("A", "gamma", "gamma_perpendicular", "s", "s_perpendicular")),
     "dpd/tstat": (2, ("gamma",)),
     "dpd/ext/tstat": (2, ("gamma", "gamma_perpendicular", "s", "s_perpendicular")),
+    "dpd/fdt": (1, ("A", "sigma")),
+    "dpd/fdt/energy": (0, ("A", "sigma", "kappa")),
 }
 
 
@@ -182,7 +186,7 @@ def _parabola(types, i, j, d2, weights, table, U, G):
             w = weights[b] if weighted else 1.0
             d = np.sqrt(d2[b])
             t = p[2] - d
-            U[b] += w * p[1] * t * t
+            U[b] += w * p[1] * t * t if d >= p[3] else 0.0
             # Coincident atoms feel no force: the direction is undefined.
             G[b] -= w * 2.0 * p[1] * t / d if d > 0.0 else 0.0
 

@@ -15,6 +15,7 @@ Builders convert to internal units themselves (`StyleInput.number`) and complain
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -214,13 +215,20 @@ class StyleInput:
         return out + [None] * (len(wants) - len(out))
 
     def path(self, name: str, line: CoeffLine | None = None) -> Path:
-        """A file named on a line: relative to the script's folder."""
+        """A file named on a line: relative to the script's folder, or by its last name in the folders of the
+        environment variable LAMMPS_POTENTIALS."""
         p = Path(name).expanduser()
         p = p if p.is_absolute() else self.folder / p
         try:
             there, other = p.is_file(), p.exists()
         except (OSError, ValueError):  # no possible name of a file
             there = other = False
+        if not there and not other:
+            for folder in filter(None, os.environ.get("LAMMPS_POTENTIALS", "").split(os.pathsep)):
+                shared = Path(folder) / p.name
+                if p.name and len(p.name) < 256 and shared.is_file():
+                    self.note(f"{p.name} is read from {folder} (LAMMPS_POTENTIALS)")
+                    return shared
         if not there:
             raise self.error(
                 f"{shortened(name)}: {'no file, but a directory, a pipe or a device' if other else 'no such file'} "

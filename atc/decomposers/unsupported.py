@@ -32,7 +32,9 @@ _MULTIPOLES = "its atoms carry multipoles and induced dipoles, which positions a
 _DRUDE = "it acts on parts of the charges of Drude pairs that 'fix drude' names, which the potential's lines do not say"
 _DIELECTRIC = "each atom has a dielectric constant and an area of its own, which frames do not carry"
 _ELECTRONS = "its particles are electrons with radii of their own"
-_SPINS = "its forces depend on the atoms' magnetic spins, which are no function of positions"
+_SPINS = (
+    "its forces depend on the angles between the spins and the line from atom to atom, so that they are not along it"
+)
 _SEGMENTS = "it acts between segments of tubes or bonds instead of between atoms"
 _LATER = "it is not done yet, though it is a function of one distance"
 
@@ -69,7 +71,7 @@ _PAIR = {
     _DENSITY: "local/density mdpd mdpd/rhosum multi/lucy",
     _MACHINE: "mliap pod snap uf3 pace pace/extrapolation quip hdnnp rann nequip allegro mace deepmd nep metatomic",
     _CHARGES: "comb comb3 coul/ctip coul/streitz reax reax/c reaxff smtbq",
-    _SIZES: "lepton/sphere lj/cut/sphere lj/expand/sphere tracker yukawa/colloid",
+    _SIZES: "lepton/sphere lj/cut/sphere lj/expand/sphere yukawa/colloid",
     _CONTACT: "gran/hertz/history gran/hooke gran/hooke/history granular",
     _HISTORY: "bpm/spring peri/eps peri/lps peri/pmb peri/ves",
     _PARTICLES: (
@@ -78,7 +80,7 @@ _PAIR = {
         "sph/taitwater sph/taitwater/morris"
     ),
     _VELOCITY: "brownian brownian/poly dsmc lubricate lubricate/poly lubricateU lubricateU/poly",
-    _REACTING: "dpd/fdt dpd/fdt/energy edpd exp6/rx multi/lucy/rx table/rx tdpd",
+    _REACTING: "edpd exp6/rx multi/lucy/rx table/rx tdpd",
     _LAYERS: "aip/water/2dm drip ilp/graphene/hbn ilp/tmd kolmogorov/crespi/full kolmogorov/crespi/z lebedeva/z "
     "saip/metal",
     _MOLECULES: "coul/shield hybrid/molecular",
@@ -89,8 +91,8 @@ _PAIR = {
         "lj/cut/coul/long/dielectric "
         "lj/cut/coul/msm/dielectric lj/long/coul/long/dielectric"
     ),
-    _ELECTRONS: "awpmd/cut eff/cut",
-    _SPINS: "spin/dipole/cut spin/dipole/long spin/dmi spin/exchange spin/exchange/biquadratic spin/magelec spin/neel",
+    _ELECTRONS: "awpmd/cut",
+    _SPINS: "spin/dipole/cut spin/dipole/long spin/dmi spin/magelec spin/neel",
     _SEGMENTS: "mesocnt mesocnt/viscous mesont/tpm srp srp/react",
     _LATER: "buck6d/coul/gauss/dsf nm/cut/split",
     "it is a model that another program or library computes": "kim python",

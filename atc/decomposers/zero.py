@@ -15,6 +15,12 @@ def _zero_style(inp: StyleInput):
     return []
 
 
+@pair_style("tracker")
+def _tracker_style(inp: StyleInput):
+    """It counts how long pairs stay close, and has no forces."""
+    return []
+
+
 class Nothing(Term):
     """No interaction at all: a run whose only styles are ``zero`` has density, temperature and the like, and no
     potential stress."""

@@ -19,6 +19,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from ..compiled import njit
+from ..decomposers.atom_columns import NAMES
 from ..decomposers.bonded import Images
 from ..decomposers.special_bonds import SpecialBonds, special_hints
 from ..errors import AtcError
@@ -165,6 +166,7 @@ def cluster(frame, home_pc, index, image):
     """The chosen atoms and images as an open frame without topology; home : where image 0 of each of them is."""
     names = ("types", "masses", "velocities", "charges", "ids", "molecules", "groups")
     take = {name: None if getattr(frame, name) is None else getattr(frame, name)[index] for name in names}
+    take["extra"] = {name: frame.extra[name][index] for name in NAMES if name in frame.extra}
     open_cell = Cell(frame.cell.vectors, frame.cell.origin, (False, False, False))
     return Frame(
         home_pc + image @ frame.cell.vectors, open_cell, frame.units, step=frame.step, source=frame.source, **take

@@ -43,7 +43,10 @@ _CLASSES = {
         ),
     ),
     "run": (
-        ("moves atoms", "run minimize minimize/kk rerun hyper neb neb/spin prd tad temper temper/grem temper/npt"),
+        (
+            "moves atoms",
+            "run minimize minimize/kk rerun hyper neb neb/spin prd tad temper temper/grem temper/npt server",
+        ),
     ),
     "fix": (("see the table of fixes", "fix unfix"),),
     "harmless": (
@@ -61,10 +64,11 @@ _CLASSES = {
         ),
         ("steers how atoms move", "min_modify min_style reset_timestep run_style timestep velocity"),
         ("says what LAMMPS adds to its own sums", "fix_modify"),
+        ("opens a line to another program, whose forces come by fix client/md", "message"),
     ),
     "refused": (
         ("the model is in a binary file", "read_restart"),
-        ("another program drives LAMMPS", "mdi message server"),
+        ("another program drives LAMMPS", "mdi"),
         ("the model comes from the archive of KIM", "kim kim_init kim_interactions kim_param kim_property kim_query"),
     ),
 }

@@ -37,8 +37,12 @@ _CLASSES = {
             "smd/setvel ffl gld gle gjf",
         ),
         (
-            "follows temperatures, concentrations or spins of atoms, on which no supported force depends",
-            "add/heat heat/flow edpd/source tdpd/source precession/spin setforce/spin langevin/spin",
+            "follows temperatures or concentrations of atoms, on which no supported force depends",
+            "add/heat heat/flow edpd/source tdpd/source",
+        ),
+        (
+            "turns spins, which the frames must show where forces depend on them",
+            "precession/spin setforce/spin langevin/spin",
         ),
         (
             "measures or writes",
@@ -93,9 +97,10 @@ _CLASSES = {
             "orient/bcc orient/eco orient/fcc",
         ),
         ("adds torsions that are coupled", "cmap amoeba/bitorsion amoeba/pitorsion"),
+        ("takes forces from another program", "external client/md mdi/engine mdi/qm mdi/qmmm qmmm latte python/invoke"),
         (
-            "takes forces from another program",
-            "external client/md mdi/engine mdi/qm mdi/qmmm qmmm latte python/invoke atc",
+            "carries electric forces between atoms over a mesh, unless it only measures or couples heat or momentum",
+            "atc",
         ),
         ("makes Drude particles, whose special bonds are those of their cores", "drude"),
         (
@@ -137,6 +142,15 @@ FIXES = {
 }
 
 
+_MESH = "outside", "couples atoms to a mesh of finite elements: thermostats, and forces on atoms at its edge"
+#: Physics of ``fix atc`` (words behind the style) that leave the forces between atoms what they are. The others, with
+#: electric fields or concentrations on the mesh, carry forces from charge to charge, or exchange atoms.
+_ATC = {
+    **dict.fromkeys(("hardy", "field"), ("harmless", "measures or writes")),
+    **dict.fromkeys(("thermal", "two_temperature", "elastic", "thermo_elastic", "shear"), _MESH),
+}
+
+
 def classify(style: str, args) -> tuple[str, str] | None:
     """Class and reason of a fix, None if no LAMMPS has it. `args`: the words behind the style, on which a few
     depend."""
@@ -145,6 +159,6 @@ def classify(style: str, args) -> tuple[str, str] | None:
         return None
     if style in ("spring", "smd") and "couple" in args:
         return "model", "couples two groups of atoms by a spring"
-    if style == "atc" and args and args[0] in ("hardy", "field"):
-        return "harmless", "measures or writes"
+    if style == "atc" and args:
+        return _ATC.get(args[0], found)
     return found

@@ -30,7 +30,7 @@ from ..special_bonds import SpecialBonds
 from ..zero import Nothing
 from .data_coeffs import take_data_file
 from .interpreter import Interpreter, State
-from .runs import choose_run, sort_fixes
+from .runs import check_spins_push, choose_run, sort_fixes
 from .script import Command, is_text, one_line, read_text
 from .setup import Setup
 
@@ -106,8 +106,12 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
     model = _gather(choice.state, name, folder, units_, script)
     if "pair" not in model.styles:
         sort_fixes(choice)  # a fix may be why there is no pair style
+    if script and "pair" not in model.styles and model.restart is None and not any(k in model.styles for k in _BONDED):
+        _check_free(model, script_run, choice.state, name)
     pot = _assemble(model, name)
     pot.outside, changing = sort_fixes(choice)
+    if script and any(getattr(s, "magnetic", False) for t in pot.terms for s in getattr(t, "styles", ())):
+        check_spins_push(choice, name)
     # LAMMPS's default is 3, so a whole script says it in any case.
     pot.dimension, pot.dimension_said = model.dimension or 3, model.dimension is not None or script
     pot.atom_style = " ".join(model.atom_style)
@@ -129,6 +133,7 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
             _needs(pot, model),
             model.exclusions.groups if model.exclusions else (),
             script_run.may_lose,
+            script_run.columns,
         )
         pot.remarks = (*pot.remarks, *pot.setup.remarks())
     if script:
@@ -407,6 +412,21 @@ def _input(model: _Model, style: _Style, lines, n_types: int, **more) -> StyleIn
     )
 
 
+def _check_free(model: _Model, script_run: Interpreter, state: State, name: str) -> None:
+    """Particles without forces between them, as LAMMPS runs them; AtcError for a script that makes no atoms, or runs
+    nothing."""
+    atoms = any(c.name in ("create_atoms", "read_data", "read_dump") for c in state.atoms)
+    if atoms and script_run.runs:
+        model.styles["pair"] = _Style("pair", "zero", ("0.0",), name)
+        model.notes.append("there is no pair_style and no bonded style: no forces between atoms, as in LAMMPS")
+    elif script_run.runs or state.atoms:
+        what = "no run" if atoms else "no atoms (no create_atoms, read_data)"
+        raise AtcError(
+            f"{name}: no interactions found: expected pair_style or bond_style lines with their coefficients; the "
+            f"script has {what} either"
+        )
+
+
 def _assemble(model: _Model, name: str) -> Potential:
     special = SpecialBonds.from_lines([(c.words, c.where) for c in model.special])
     terms: list[Term] = []
@@ -445,7 +465,16 @@ def _assemble(model: _Model, name: str) -> Potential:
 
 
 #: Pair styles that neither shift nor mix, so that a restart file can keep nothing of them that their lines do not say.
-_WHOLE = re.compile(r"(eam|meam|sw|tersoff|adp|edip|vashishta|airebo|comb|bop|reaxff|snap)\b")
+_WHOLE = re.compile(r"(eam|meam|sw|tersoff|adp|edip|vashishta|airebo|comb|bop|reaxff|snap|spin)\b")
+
+
+def _whole(style: _Style) -> bool:
+    names = (
+        [style.name]
+        if not style.name.startswith("hybrid")
+        else [w for w in map(strip_suffix, style.args) if w in STYLES["pair"]]
+    )
+    return all(map(_WHOLE.match, names))
 
 
 def _check_restart(model: _Model) -> None:
@@ -453,7 +482,7 @@ def _check_restart(model: _Model) -> None:
     what = None
     if pair is None:
         what = "pair_style and pair_coeff lines"
-    elif not pair.modify and not _WHOLE.match(pair.name):
+    elif not pair.modify and not _whole(pair):
         what = "a pair_modify line (shift, mix)"
     elif any(k in model.styles for k in _BONDED) and not model.special:
         what = "a special_bonds line"

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ...errors import AtcError
+from ..atom_columns import named_columns
 from ..hybrid import strip_suffix
 from .commands import CLASSES, check_known
 from .conditions import holds
@@ -105,6 +106,7 @@ class Interpreter:
     written : [(file name of a dump, number of the first run it is written in, of the first one it is not, or None)]
     written_data : names of the data files that are written
     may_lose : the line that lets LAMMPS go on where atoms are lost, or ""
+    columns : {column of a dump: property of atoms}, as its computes name them
     """
 
     def __init__(self, folder: Path, script: bool = False, path: Path | None = None):
@@ -117,6 +119,7 @@ class Interpreter:
         self.dumps: dict[str, tuple[str, int]] = {}
         self.written: list[tuple[str, int, int | None]] = []
         self.written_data: list[str] = []
+        self.columns: dict[str, str] = {}
         self._files: dict[Path, _File] = {}
         self._skip_jump = False
         self._executed = self._depth = 0
@@ -204,6 +207,8 @@ class Interpreter:
             words, _ = self._known_words(line)
             if "lost" in words and words[words.index("lost") + 1 :][:1] in (["ignore"], ["warn"]):
                 self.may_lose = line.where
+        elif name == "compute":
+            self._compute(line)
         elif name in ("dump", "undump", "write_data", "write_restart"):
             self._dump(name, line)
         return None
@@ -340,6 +345,12 @@ class Interpreter:
         elif words[1] in self.dumps:
             file, first = self.dumps.pop(words[1])
             self.written.append((file, first, len(self.runs)))
+
+    def _compute(self, line: Line) -> None:
+        words, why = self._known_words(line)
+        for column, name in named_columns(words[1:]).items() if not why else ():
+            # A name with two meanings has none.
+            self.columns[column] = name if self.columns.get(column, name) == name else ""
 
     # Control
     # ------------------------------------------------------------------------------------------------------------------

@@ -159,5 +159,28 @@ def sort_fixes(choice: Choice) -> tuple[tuple[str, ...], dict]:
     return tuple(outside), changing
 
 
+def check_spins_push(choice: Choice, name: str) -> None:
+    """Complain of runs in which LAMMPS leaves the forces between spins out of those on atoms: all but those with ``fix
+    nve/spin ... lattice moving``."""
+    moving = False
+    for c in choice.fixes:
+        if c.words[2] == "nve/spin":
+            words = c.words[3:]
+            said = words[words.index("lattice") + 1 : words.index("lattice") + 2] if "lattice" in words else ("moving",)
+            if said[:1] not in (("moving",), ("yes",)):
+                raise AtcError(
+                    f"{c.where}: fix nve/spin lattice {' '.join(said)}: LAMMPS then computes no forces of spins on "
+                    "atoms, so that there is no stress of theirs: "
+                    "it does with lattice moving"
+                )
+            moving = True
+    if not moving:
+        raise AtcError(
+            f"{name}: LAMMPS computes forces of spins on atoms only with fix nve/spin ... lattice moving, which this "
+            "run has not: "
+            "add it before the run to see the stress that belongs to them"
+        )
+
+
 def _class(c: Command):
     return classify(c.words[2], c.words[3:])

@@ -16,6 +16,7 @@ import numpy as np
 from ...errors import AtcError
 from ...frame import Cell, Topology
 from ...units import units
+from ..atom_columns import NAMES
 from .atom_commands import MOLECULAR, SECTIONS, boundary_words, set_keywords, touches
 from .atom_table import Origin, rows_of
 from .atoms import Atoms
@@ -50,6 +51,7 @@ class Setup:
     needs : which of "charges", "topology", "molecules" the potential depends on
     groups : names of the groups that pair exclusions need, bit k of `Frame.groups` the k-th
     may_lose : the line that lets atoms be lost, or ""
+    columns : {column of a dump: property of atoms}, as the script's computes name them
     """
 
     name: str
@@ -64,6 +66,7 @@ class Setup:
     needs: frozenset = frozenset()
     groups: tuple[str, ...] = ()
     may_lose: str = ""
+    columns: dict = field(default_factory=dict)
 
     def __post_init__(self):
         self._cache = None
@@ -190,10 +193,21 @@ class Setup:
         ------
         AtcError for what is needed and not known, and for contradictions.
         """
+        frame = self._with_names(frame)
         if not self._concerns(frame):
             return frame
         with one_line():
             return self._completed(frame)
+
+    def _with_names(self, frame):
+        """The frame whose columns have the names of what they hold, where potentials may depend on it: spx for c_3[1]
+        of 'compute 3 all property/atom spx ...'."""
+        more = {
+            self.columns[c]: a
+            for c, a in frame.extra.items()
+            if self.columns.get(c) in NAMES and self.columns[c] not in frame.extra
+        }
+        return frame.replace(extra={**frame.extra, **more}) if more else frame
 
     def _completed(self, frame):
         given = frame.given
