@@ -10,11 +10,27 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numba.np.unsafe.ndarray import to_fixed_tuple
+from llvmlite import ir
+from numba.core import types as kinds
+from numba.extending import intrinsic
+from numba.np.arrayobj import make_array
 
 from ..compiled import njit, specialise, tag_of
 
 JIT = dict(cache=True, nogil=True, error_model="numpy")
+
+
+@intrinsic(prefer_literal=True)
+def _coefficients(typingctx, table, first, count):
+    """`count` numbers of a table from number `first` on, as a tuple. A view of the row would be counted in and out for
+    every pair."""
+
+    def codegen(context, builder, signature, args):
+        data = make_array(signature.args[0])(context, builder, args[0]).data
+        at = [builder.add(args[1], ir.Constant(ir.IntType(64), k)) for k in range(count.literal_value)]
+        return context.make_tuple(builder, signature.return_type, [builder.load(builder.gep(data, [k])) for k in at])
+
+    return kinds.UniTuple(kinds.float64, count.literal_value)(table, kinds.int64, count), codegen
 
 
 def pair_law(function):
@@ -51,12 +67,12 @@ LAW, WIDTH, WHOLE = None, 0, False
 
 
 def _pairs(types, i, j, d2, weights, table, U, G):
-    weighted = len(weights) > 0
+    n, weighted = len(table), len(weights) > 0
     for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
+        at = (types[i[b]] * n + types[j[b]]) * WIDTH
+        if d2[b] < _coefficients(table, at, 1)[0]:
             w = weights[b] if weighted else 1.0
-            row = to_fixed_tuple(p, WIDTH)
+            row = _coefficients(table, at, WIDTH)
             u, g = LAW(d2[b], *row[1:-1])
             U[b] += w * (u - row[-1])
             G[b] += w * g
@@ -64,7 +80,7 @@ def _pairs(types, i, j, d2, weights, table, U, G):
 
 def _one_type(d2, p, U, G):
     # No gathers and no branches, so that simple laws run in SIMD.
-    row = to_fixed_tuple(p, WIDTH)
+    row = _coefficients(p, 0, WIDTH)
     for b in range(len(d2)):
         u, g = LAW(d2[b], *row[1:-1])
         on = d2[b] < row[0]
@@ -73,19 +89,20 @@ def _one_type(d2, p, U, G):
 
 
 def _charges(types, i, j, d2, weights, table, constant, q, U, G):
-    weighted = len(weights) > 0
+    n, weighted = len(table), len(weights) > 0
     for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
+        at = (types[i[b]] * n + types[j[b]]) * WIDTH
+        if d2[b] < _coefficients(table, at, 1)[0]:
             w = weights[b] if weighted else 1.0
+            row = _coefficients(table, at, WIDTH)
             c = constant * q[i[b]] * q[j[b]]
             if WHOLE:
-                u, g = LAW(d2[b], c, *to_fixed_tuple(p, WIDTH)[1:])
+                u, g = LAW(d2[b], c, *row[1:])
                 if w < 1.0:
                     lost = (1.0 - w) * c / np.sqrt(d2[b])
                     u -= lost
                     g += lost / d2[b]
             else:
-                u, g = LAW(d2[b], c * w, *to_fixed_tuple(p, WIDTH)[1:])
+                u, g = LAW(d2[b], c * w, *row[1:])
             U[b] += u
             G[b] += g
