@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..compiled import njit
+from .pair_loop import pair_law
 from .radial import RadialStyle, one_cutoff
 from .registry import StyleInput
 
@@ -35,6 +35,15 @@ class Beck(RadialStyle):
     def columns(self, A, B, a, alpha, beta, square, cutoff):
         return A, alpha, beta, B, a**2, square + 3 * a**2
 
+    @pair_law
+    def law(d2, A, alpha, beta, B, a2, square):
+        d = np.sqrt(d2)
+        d4 = d2 * d2
+        x = A * np.exp(-alpha * d - beta * d4 * d2)
+        s = 1.0 / (d2 + a2)
+        c = B * s * s * s
+        return x - c * (1.0 + square * s), -(x * (alpha / d + 6.0 * beta * d4) - c * s * (6.0 + 8.0 * square * s))
+
 
 def _beck_lines(inp: StyleInput) -> StyleInput:
     """The lines with the constant put in its place."""
@@ -47,22 +56,3 @@ def _beck_lines(inp: StyleInput) -> StyleInput:
 
 
 one_cutoff(Beck, lines=_beck_lines)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _beck(types, i, j, d2, weights, table, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            w = weights[b] if weighted else 1.0
-            d = np.sqrt(d2[b])
-            d4 = d2[b] * d2[b]
-            x = p[1] * np.exp(-p[2] * d - p[3] * d4 * d2[b])
-            s = 1.0 / (d2[b] + p[5])
-            c = p[4] * s * s * s
-            U[b] += w * (x - c * (1.0 + p[6] * s))
-            G[b] -= w * (x * (p[2] / d + 6.0 * p[3] * d4) - c * s * (6.0 + 8.0 * p[6] * s))
-
-
-Beck.kernel = staticmethod(_beck)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..compiled import njit
+from .pair_loop import pair_law
 from .radial import ChargedStyle, RadialStyle, inner_below_outer, mix_lj_distances, several_cutoffs
 from .registry import StyleInput, pair_style
 
@@ -33,7 +34,16 @@ class LennardJonesCharmm(RadialStyle):
     one_four = None
 
     def columns(self, epsilon, sigma, inner, cutoff):
-        return 4 * epsilon * sigma**12, 4 * epsilon * sigma**6, inner**2, (cutoff**2 - inner**2) ** -3.0
+        return 4 * epsilon * sigma**12, 4 * epsilon * sigma**6, inner**2, (cutoff**2 - inner**2) ** -3.0, cutoff**2
+
+    @pair_law
+    def law(d2, a12, c6, inner2, inverse, outer2):
+        s2 = 1.0 / d2
+        s6 = s2 * s2 * s2
+        a = a12 * s6 * s6
+        c = c6 * s6
+        S, dS = _switch(d2, outer2, inner2, inverse)
+        return (a - c) * S, -((12.0 * a - 6.0 * c) * s2 * S - 2.0 * (a - c) * dS)
 
 
 class LennardJonesCharmmFSW(RadialStyle):
@@ -54,7 +64,30 @@ class LennardJonesCharmmFSW(RadialStyle):
         a, c = 4 * epsilon * sigma**12, 4 * epsilon * sigma**6
         i3, c3 = inner**3, cutoff**3
         k12, k6 = a * c3**2 / (c3**2 - i3**2), c * c3 / (c3 - i3)
-        return a, c, inner**2, (cutoff**2 - inner**2) ** -3.0, -a / (i3 * c3) ** 2 + c / (i3 * c3), k12, k6, 1 / c3
+        return (
+            a,
+            c,
+            inner**2,
+            (cutoff**2 - inner**2) ** -3.0,
+            -a / (i3 * c3) ** 2 + c / (i3 * c3),
+            k12,
+            k6,
+            1 / c3,
+            cutoff**2,
+        )
+
+    @pair_law
+    def law(d2, a12, c6, inner2, inverse, offset, k12, k6, per_volume, outer2):
+        s2 = 1.0 / d2
+        s6 = s2 * s2 * s2
+        a = a12 * s6 * s6
+        c = c6 * s6
+        g = (12.0 * a - 6.0 * c) * s2
+        if d2 <= inner2:
+            return a - c + offset, -g
+        x = s6 - per_volume * per_volume
+        y = np.sqrt(s6) - per_volume
+        return k12 * x * x - k6 * y * y, -(g * _switch(d2, outer2, inner2, inverse)[0])
 
 
 class CoulombCharmm(ChargedStyle):
@@ -68,7 +101,13 @@ class CoulombCharmm(ChargedStyle):
     numbers = (("inner", "length"), ("cutoff", "length"))
 
     def columns(self, inner, cutoff):
-        return inner**2, (cutoff**2 - inner**2) ** -3.0
+        return inner**2, (cutoff**2 - inner**2) ** -3.0, cutoff**2
+
+    @pair_law
+    def law(d2, c, inner2, inverse, outer2):
+        S, _ = _switch(d2, outer2, inner2, inverse)
+        u = c / np.sqrt(d2) * S
+        return u, -u / d2
 
 
 class CoulombCharmmImplicit(CoulombCharmm):
@@ -79,6 +118,12 @@ class CoulombCharmmImplicit(CoulombCharmm):
     """
 
     name = "coul/charmm/implicit"
+
+    @pair_law
+    def law(d2, c, inner2, inverse, outer2):
+        S, dS = _switch(d2, outer2, inner2, inverse)
+        u = c / d2
+        return u * S, -2.0 * u * (S / d2 - dS)
 
 
 class CoulombCharmmFSH(ChargedStyle):
@@ -93,6 +138,11 @@ class CoulombCharmmFSH(ChargedStyle):
 
     def columns(self, cutoff):
         return (1 / cutoff,)
+
+    @pair_law
+    def law(d2, c, per_cutoff):
+        d = np.sqrt(d2)
+        return c * (1.0 / d + per_cutoff * (d * per_cutoff - 2.0)), -c * (1.0 / d2 - per_cutoff * per_cutoff) / d
 
 
 class OneFour:
@@ -201,87 +251,3 @@ def _switch(x, outer2, inner2, inverse):
         return 1.0, 0.0
     t = outer2 - x
     return t * t * (outer2 + 2.0 * x - 3.0 * inner2) * inverse, 6.0 * t * (inner2 - x) * inverse
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _lj_charmm(types, i, j, d2, weights, table, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            w = weights[b] if weighted else 1.0
-            s2 = 1.0 / d2[b]
-            s6 = s2 * s2 * s2
-            a = p[1] * s6 * s6
-            c = p[2] * s6
-            S, dS = _switch(d2[b], p[0], p[3], p[4])
-            U[b] += w * (a - c) * S
-            G[b] -= w * ((12.0 * a - 6.0 * c) * s2 * S - 2.0 * (a - c) * dS)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _lj_charmmfsw(types, i, j, d2, weights, table, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            w = weights[b] if weighted else 1.0
-            s2 = 1.0 / d2[b]
-            s6 = s2 * s2 * s2
-            a = p[1] * s6 * s6
-            c = p[2] * s6
-            g = (12.0 * a - 6.0 * c) * s2
-            if d2[b] <= p[3]:
-                u = a - c + p[5]
-            else:
-                x = s6 - p[8] * p[8]
-                y = np.sqrt(s6) - p[8]
-                u = p[6] * x * x - p[7] * y * y
-                g *= _switch(d2[b], p[0], p[3], p[4])[0]
-            U[b] += w * u
-            G[b] -= w * g
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _coul_charmm(types, i, j, d2, weights, table, constant, q, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            w = weights[b] if weighted else 1.0
-            S, _ = _switch(d2[b], p[0], p[1], p[2])
-            u = w * constant * q[i[b]] * q[j[b]] / np.sqrt(d2[b]) * S
-            U[b] += u
-            G[b] -= u / d2[b]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _coul_charmm_implicit(types, i, j, d2, weights, table, constant, q, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            w = weights[b] if weighted else 1.0
-            S, dS = _switch(d2[b], p[0], p[1], p[2])
-            u = w * constant * q[i[b]] * q[j[b]] / d2[b]
-            U[b] += u * S
-            G[b] -= 2.0 * u * (S / d2[b] - dS)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _coul_charmmfsh(types, i, j, d2, weights, table, constant, q, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            c = constant * q[i[b]] * q[j[b]] * (weights[b] if weighted else 1.0)
-            d = np.sqrt(d2[b])
-            U[b] += c * (1.0 / d + p[1] * (d * p[1] - 2.0))
-            G[b] -= c * (1.0 / d2[b] - p[1] * p[1]) / d
-
-
-LennardJonesCharmm.kernel = staticmethod(_lj_charmm)
-LennardJonesCharmmFSW.kernel = staticmethod(_lj_charmmfsw)
-CoulombCharmm.kernel = staticmethod(_coul_charmm)
-CoulombCharmmImplicit.kernel = staticmethod(_coul_charmm_implicit)
-CoulombCharmmFSH.kernel = staticmethod(_coul_charmmfsh)

@@ -7,6 +7,7 @@ import numpy as np
 
 from ..compiled import njit
 from .pair_input import mix_distance
+from .pair_loop import pair_law
 from .radial import RadialStyle, mix_lj_distances, one_cutoff
 
 
@@ -22,7 +23,7 @@ class Colloid(RadialStyle):
     numbers = (("A", "energy"), ("sigma", "length"), ("d1", "length"), ("d2", "length"), ("cutoff", "length"))
 
     def columns(self, A, sigma, d1, d2, cutoff):
-        # The order of the two does not matter; kernels find the larger one first.
+        # The order of the two does not matter; the law finds the larger one first.
         return A, sigma, 0.5 * np.maximum(d1, d2), 0.5 * np.minimum(d1, d2)
 
     def trouble(self, ti, tj, d):
@@ -32,6 +33,16 @@ class Colloid(RadialStyle):
                 "radii"
             )
         return None
+
+    @pair_law
+    def law(d2, A, sigma, a1, a2):
+        if a1 == 0.0:
+            return _solvent(d2, A, sigma)
+        if d2 <= (a1 + a2) * (a1 + a2):
+            return np.nan, np.nan
+        if a2 == 0.0:
+            return _sphere_solvent(d2, A, sigma, a1)
+        return _two_spheres(np.sqrt(d2), A, sigma, a1, a2)
 
 
 one_cutoff(
@@ -99,25 +110,3 @@ def _two_spheres(d, A, sigma, a1, a2):
     k = A / 37800.0 * sigma**6 / d
     p, q = p1 + p2 - p3 - p4, q1 + q2 - q3 - q4
     return u + k * p, g + k * (q - p / d) / d
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _colloid(types, i, j, d2, weights, table, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            w = weights[b] if weighted else 1.0
-            if p[3] == 0.0:
-                u, g = _solvent(d2[b], p[1], p[2])
-            elif d2[b] <= (p[3] + p[4]) * (p[3] + p[4]):
-                u, g = np.nan, np.nan
-            elif p[4] == 0.0:
-                u, g = _sphere_solvent(d2[b], p[1], p[2], p[3])
-            else:
-                u, g = _two_spheres(np.sqrt(d2[b]), p[1], p[2], p[3], p[4])
-            U[b] += w * (u - p[5])
-            G[b] += w * g
-
-
-Colloid.kernel = staticmethod(_colloid)

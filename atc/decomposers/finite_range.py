@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..compiled import njit
 from .pair_input import pair_values
+from .pair_loop import pair_law
 from .radial import RadialStyle, one_cutoff
 from .registry import StyleInput, pair_style
 
@@ -30,6 +30,15 @@ class WangFrenkel(RadialStyle):
         alpha = 2 * nu * x * ((1 + 2 * nu) / (2 * nu * (x - 1))) ** (2 * nu + 1)
         return epsilon * alpha, sigma**2, cutoff**2, mu, 2 * nu
 
+    @pair_law
+    def law(d2, k, sigma2, cut2, mu, nu2):
+        mu, nu2 = int(mu), int(nu2)
+        s = 1.0 / d2
+        x = (sigma2 * s) ** mu
+        y = (cut2 * s) ** mu
+        z = (y - 1.0) ** (nu2 - 1)
+        return k * (x - 1.0) * z * (y - 1.0), -2.0 * mu * k * z * (x * (y - 1.0) + nu2 * y * (x - 1.0)) * s
+
 
 class CosineSquared(RadialStyle):
     """U = −ε for d < σ and −ε cos²[π(d − σ)/(2(r_c − σ))] up to the cutoff r_c (LAMMPS ``cosine/squared``).
@@ -51,6 +60,18 @@ class CosineSquared(RadialStyle):
             wca * epsilon,
         )
 
+    @pair_law
+    def law(d2, epsilon, sigma, k, wca):
+        if d2 < sigma * sigma:
+            if wca == 0.0:
+                return -epsilon, 0.0
+            s2 = sigma * sigma / d2
+            s6 = s2 * s2 * s2
+            return wca * (s6 * s6 - 2.0 * s6 + 1.0) - epsilon, -12.0 * wca * (s6 * s6 - s6) / d2
+        d = np.sqrt(d2)
+        c = np.cos(k * (d - sigma))
+        return -epsilon * c * c, epsilon * k * np.sin(2.0 * k * (d - sigma)) / d
+
 
 class HarmonicCut(RadialStyle):
     """U = k (r_c − d)² for d < r_c (LAMMPS ``harmonic/cut``). Numbers: k, cutoff; see `RadialStyle`."""
@@ -62,8 +83,15 @@ class HarmonicCut(RadialStyle):
     def columns(self, k, cutoff):
         return k, cutoff
 
+    @pair_law
+    def law(d2, k, cutoff):
+        d = np.sqrt(d2)
+        t = cutoff - d
+        # Coincident atoms feel no force: the direction is undefined.
+        return k * t * t, -2.0 * k * t / d if d > 0.0 else 0.0
 
-class DPD(RadialStyle):
+
+class DPD(HarmonicCut):
     """U = ½ A r_c (1 − d/r_c)² for d < r_c: the conservative force of dissipative particle dynamics (LAMMPS ``dpd``,
     ``dpd/ext``).
 
@@ -75,7 +103,14 @@ class DPD(RadialStyle):
     shifts = False
 
     def columns(self, A, cutoff):
-        return 0.5 * A / cutoff, cutoff, np.full_like(A, _COINCIDENT)
+        return 0.5 * A / cutoff, cutoff
+
+    @pair_law
+    def law(d2, k, cutoff):
+        d = np.sqrt(d2)
+        t = cutoff - d
+        # Coincident atoms feel no force, and LAMMPS counts no energy of theirs.
+        return k * t * t if d >= _COINCIDENT else 0.0, -2.0 * k * t / d if d > 0.0 else 0.0
 
 
 def _whole(*numbers):
@@ -139,58 +174,3 @@ def _dpd_style(inp: StyleInput):
     numbers = [(n, {"energy": 1, "length": -1} if n == "A" else _PLAIN) for n in names] + [("cutoff", "length")]
     arrays = pair_values(inp, numbers, optional=1, defaults=[rc])
     return DPD.internal(arrays[0], arrays[-1]) if "A" in names else []
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _wang_frenkel(types, i, j, d2, weights, table, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            w = weights[b] if weighted else 1.0
-            mu, nu2 = int(p[4]), int(p[5])
-            s = 1.0 / d2[b]
-            x = (p[2] * s) ** mu
-            y = (p[3] * s) ** mu
-            z = (y - 1.0) ** (nu2 - 1)
-            U[b] += w * (p[1] * (x - 1.0) * z * (y - 1.0) - p[6])
-            G[b] -= w * 2.0 * mu * p[1] * z * (x * (y - 1.0) + nu2 * y * (x - 1.0)) * s
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _cosine_squared(types, i, j, d2, weights, table, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            w = weights[b] if weighted else 1.0
-            sigma = p[2]
-            if d2[b] < sigma * sigma:
-                s2 = sigma * sigma / d2[b]
-                s6 = s2 * s2 * s2
-                U[b] += w * (p[4] * (s6 * s6 - 2.0 * s6 + 1.0) - p[1]) if p[4] != 0.0 else -w * p[1]
-                G[b] -= w * 12.0 * p[4] * (s6 * s6 - s6) / d2[b] if p[4] != 0.0 else 0.0
-            else:
-                d = np.sqrt(d2[b])
-                c = np.cos(p[3] * (d - sigma))
-                U[b] -= w * p[1] * c * c
-                G[b] += w * p[1] * p[3] * np.sin(2.0 * p[3] * (d - sigma)) / d
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _parabola(types, i, j, d2, weights, table, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            w = weights[b] if weighted else 1.0
-            d = np.sqrt(d2[b])
-            t = p[2] - d
-            U[b] += w * p[1] * t * t if d >= p[3] else 0.0
-            # Coincident atoms feel no force: the direction is undefined.
-            G[b] -= w * 2.0 * p[1] * t / d if d > 0.0 else 0.0
-
-
-WangFrenkel.kernel = staticmethod(_wang_frenkel)
-CosineSquared.kernel = staticmethod(_cosine_squared)
-HarmonicCut.kernel = DPD.kernel = staticmethod(_parabola)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..compiled import njit
 from .pair_input import mix_distance, mix_energy, pair_values
+from .pair_loop import pair_law
 from .radial import RadialStyle, mix_lj_distances, one_cutoff
 from .registry import StyleInput, pair_style
 
@@ -18,19 +18,10 @@ class Gauss(RadialStyle):
     name = "gauss"
     numbers = (("A", "energy"), ("B", _PER_AREA), ("cutoff", "length"))
 
-    def columns(self, A, B, cutoff):
-        return A, B
-
-
-class GaussCut(RadialStyle):
-    """U = H/(σ_h √(2π)) e^{−(d − r_mh)²/(2σ_h²)} − offset (LAMMPS ``gauss/cut``). Numbers: H, r_mh, sigma_h, cutoff;
-    see `RadialStyle`."""
-
-    name = "gauss/cut"
-    numbers = (("H", {"energy": 1, "length": 1}), ("r_mh", "length"), ("sigma_h", "length"), ("cutoff", "length"))
-
-    def columns(self, H, r_mh, sigma_h, cutoff):
-        return np.zeros_like(H), np.zeros_like(H), -H / (np.sqrt(2 * np.pi) * sigma_h), 0.5 / sigma_h**2, r_mh
+    @pair_law
+    def law(d2, A, B):
+        u = -A * np.exp(-B * d2)
+        return u, -2.0 * B * u
 
 
 class BornGauss(RadialStyle):
@@ -47,8 +38,24 @@ class BornGauss(RadialStyle):
         ("cutoff", "length"),
     )
 
-    def columns(self, A0, alpha, A1, beta, r0, cutoff):
-        return A0, alpha, A1, beta, r0
+    @pair_law
+    def law(d2, A0, alpha, A1, beta, r0):
+        d = np.sqrt(d2)
+        t = d - r0
+        e = A0 * np.exp(-alpha * d) if A0 != 0.0 else 0.0
+        g = A1 * np.exp(-beta * t * t)
+        return e - g, -(e * alpha - 2.0 * beta * t * g) / d
+
+
+class GaussCut(BornGauss):
+    """U = H/(σ_h √(2π)) e^{−(d − r_mh)²/(2σ_h²)} − offset (LAMMPS ``gauss/cut``). Numbers: H, r_mh, sigma_h, cutoff;
+    see `RadialStyle`."""
+
+    name = "gauss/cut"
+    numbers = (("H", {"energy": 1, "length": 1}), ("r_mh", "length"), ("sigma_h", "length"), ("cutoff", "length"))
+
+    def columns(self, H, r_mh, sigma_h, cutoff):
+        return np.zeros_like(H), np.zeros_like(H), -H / (np.sqrt(2 * np.pi) * sigma_h), 0.5 / sigma_h**2, r_mh
 
 
 class UhlenbeckFord(RadialStyle):
@@ -59,6 +66,11 @@ class UhlenbeckFord(RadialStyle):
 
     def columns(self, epsilon, sigma, cutoff):
         return epsilon, sigma**-2.0
+
+    @pair_law
+    def law(d2, epsilon, per_area):
+        x = np.exp(-d2 * per_area)
+        return -(epsilon * np.log(1.0 - x)), -2.0 * epsilon * per_area * x / (1.0 - x)
 
 
 def _mix_gauss(a, b, rule):
@@ -99,47 +111,3 @@ def _born_gauss_style(inp: StyleInput):
 
 
 one_cutoff(UhlenbeckFord, mix=mix_lj_distances, check=lambda *v: None if v[1] > 0 else "sigma must be positive")
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _gauss(types, i, j, d2, weights, table, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            w = weights[b] if weighted else 1.0
-            u = -p[1] * np.exp(-p[2] * d2[b])
-            U[b] += w * (u - p[3])
-            G[b] -= w * 2.0 * p[2] * u
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _born_gauss(types, i, j, d2, weights, table, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            w = weights[b] if weighted else 1.0
-            d = np.sqrt(d2[b])
-            t = d - p[5]
-            e = p[1] * np.exp(-p[2] * d) if p[1] != 0.0 else 0.0
-            g = p[3] * np.exp(-p[4] * t * t)
-            U[b] += w * (e - g - p[6])
-            G[b] -= w * (e * p[2] - 2.0 * p[4] * t * g) / d
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _ufm(types, i, j, d2, weights, table, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            w = weights[b] if weighted else 1.0
-            x = np.exp(-d2[b] * p[2])
-            U[b] -= w * (p[1] * np.log(1.0 - x) + p[3])
-            G[b] -= w * 2.0 * p[1] * p[2] * x / (1.0 - x)
-
-
-Gauss.kernel = staticmethod(_gauss)
-GaussCut.kernel = BornGauss.kernel = staticmethod(_born_gauss)
-UhlenbeckFord.kernel = staticmethod(_ufm)

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..compiled import njit
 from .lennard_jones import mix_lj
 from .pair_input import fill
+from .pair_loop import pair_law
 from .radial import ChargedStyle, RadialStyle, inner_below_outer, inner_outer, mix_lj_distances
 from .registry import StyleInput, pair_style
 
@@ -40,6 +40,21 @@ class LennardJonesGromacs(RadialStyle):
         e2 = 156 * a / r**14 - 42 * c / r**8
         return a, c, inner, *_shift(e, e1, e2, inner, r)
 
+    @pair_law
+    def law(d2, a12, c6, inner, A, B, C):
+        s2 = 1.0 / d2
+        s6 = s2 * s2 * s2
+        a = a12 * s6 * s6
+        c = c6 * s6
+        u = a - c + C
+        g = -(12.0 * a - 6.0 * c) * s2
+        d = np.sqrt(d2)
+        t = d - inner
+        if t > 0.0:
+            u += t * t * t * (A + B * t)
+            g += t * t * (3.0 * A + 4.0 * B * t) / d
+        return u, g
+
 
 class CoulombGromacs(ChargedStyle):
     """U = C q_i q_j (1/d + S(d)), S as for `LennardJonesGromacs` (the Coulomb part of LAMMPS
@@ -53,6 +68,18 @@ class CoulombGromacs(ChargedStyle):
 
     def columns(self, inner, cutoff):
         return inner, *_shift(1 / cutoff, -1 / cutoff**2, 2 / cutoff**3, inner, cutoff)
+
+    @pair_law
+    def law(d2, c, inner, A, B, C):
+        d = np.sqrt(d2)
+        s = 1.0 / d
+        u = s + C
+        du = -s * s
+        t = d - inner
+        if t > 0.0:
+            u += t * t * t * (A + B * t)
+            du += t * t * (3.0 * A + 4.0 * B * t)
+        return c * u, c * du * s
 
 
 inner_outer(LennardJonesGromacs, mix=mix_lj_distances)
@@ -83,48 +110,3 @@ def _both(inp: StyleInput):
         LennardJonesGromacs.internal(epsilon, sigma, on * inner, on * outer),
         CoulombGromacs.of(inp, on * inner_c, on * outer_c),
     ]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _lj_gromacs(types, i, j, d2, weights, table, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            w = weights[b] if weighted else 1.0
-            s2 = 1.0 / d2[b]
-            s6 = s2 * s2 * s2
-            a = p[1] * s6 * s6
-            c = p[2] * s6
-            u = a - c + p[6]
-            g = -(12.0 * a - 6.0 * c) * s2
-            d = np.sqrt(d2[b])
-            t = d - p[3]
-            if t > 0.0:
-                u += t * t * t * (p[4] + p[5] * t)
-                g += t * t * (3.0 * p[4] + 4.0 * p[5] * t) / d
-            U[b] += w * u
-            G[b] += w * g
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _coul_gromacs(types, i, j, d2, weights, table, constant, q, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            c = constant * q[i[b]] * q[j[b]] * (weights[b] if weighted else 1.0)
-            d = np.sqrt(d2[b])
-            s = 1.0 / d
-            u = s + p[4]
-            du = -s * s
-            t = d - p[1]
-            if t > 0.0:
-                u += t * t * t * (p[2] + p[3] * t)
-                du += t * t * (3.0 * p[2] + 4.0 * p[3] * t)
-            U[b] += c * u
-            G[b] += c * du * s
-
-
-LennardJonesGromacs.kernel = staticmethod(_lj_gromacs)
-CoulombGromacs.kernel = staticmethod(_coul_gromacs)

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..compiled import njit
 from .pair_input import fill
+from .pair_loop import pair_law
 from .radial import RadialStyle, mix_lj6, mix_lj_distances, one_cutoff
 from .registry import StyleInput, pair_style
 
@@ -17,11 +17,25 @@ _LJ = (("epsilon", "energy"), ("sigma", "length"), ("cutoff", "length"))
 class _Powers(RadialStyle):
     """U = a x^n − c x^m − offset, x = σ/d. Columns: σ, a, n, c, m."""
 
-    @staticmethod
-    def kernel(types, i, j, d2, weights, table, U, G):
+    @pair_law
+    def law(d2, sigma, a, n, c, m):
+        x = np.log(sigma / np.sqrt(d2))
+        r = a * np.exp(n * x)
+        s = c * np.exp(m * x)
+        return r - s, -(n * r - m * s) / d2
+
+    @pair_law
+    def whole_law(d2, sigma, a, n, c, m):
+        x = sigma / np.sqrt(d2)
+        n, m = int(n), int(m)
+        r = a * x**n
+        s = c * x**m
+        return r - s, -(n * r - m * s) / d2
+
+    def chosen_law(self):
         # No powers of real numbers where whole ones do.
-        whole = bool((table[..., 3] % 1 == 0).all() and (table[..., 5] % 1 == 0).all())
-        (_whole_powers if whole else _real_powers)(types, i, j, d2, weights, table, U, G)
+        whole = (self.table[..., 3] % 1 == 0).all() and (self.table[..., 5] % 1 == 0).all()
+        return self.whole_law if whole else self.law
 
 
 class Mie(_Powers):
@@ -117,32 +131,3 @@ def _spica_style(inp: StyleInput):
         for pair in line.covers(inp.n_types):
             given[pair] = (*SPICA_FORMS[form], e, s, rc if cut is None else cut)
     return Spica.internal(*fill(inp, given, 6), shift=inp.modify.shift)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _whole_powers(types, i, j, d2, weights, table, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            w = weights[b] if weighted else 1.0
-            x = p[1] / np.sqrt(d2[b])
-            n, m = int(p[3]), int(p[5])
-            r = p[2] * x**n
-            a = p[4] * x**m
-            U[b] += w * (r - a - p[6])
-            G[b] -= w * (n * r - m * a) / d2[b]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _real_powers(types, i, j, d2, weights, table, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            w = weights[b] if weighted else 1.0
-            x = np.log(p[1] / np.sqrt(d2[b]))
-            r = p[2] * np.exp(p[3] * x)
-            a = p[4] * np.exp(p[5] * x)
-            U[b] += w * (r - a - p[6])
-            G[b] -= w * (p[3] * r - p[5] * a) / d2[b]

@@ -5,20 +5,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..compiled import njit
-from .pair import PairStyle
-from .pair_input import mix_distance, mix_energy, pair_values
-from .registry import StyleInput, pair_style
+from .pair_loop import pair_law
+from .radial import RadialStyle, mix_lj, one_cutoff
 
 _NUMBERS = (("epsilon", "energy"), ("sigma", "length"), ("cutoff", "length"))
 
 
-def _with_cutoff(value, cutoff):
-    """`value` where there is an interaction, else 0: keeps divisions by an absent cutoff out."""
-    return np.where(cutoff > 0, value, 0.0)
-
-
-class LennardJones(PairStyle):
+class LennardJones(RadialStyle):
     """U = 4ε[(σ/d)¹² − (σ/d)⁶] − offset for d < cutoff (LAMMPS ``lj/cut``).
 
     Parameters
@@ -33,24 +26,24 @@ class LennardJones(PairStyle):
     name = "lj/cut"
     numbers = _NUMBERS
 
-    def __init__(self, epsilon, sigma, cutoff, *, units, shift: bool = False, n_types: int | None = None):
-        self._take((epsilon, sigma, cutoff), units, n_types, shift)
+    simd = True
 
-    def fill(self, epsilon, sigma, cutoff, shift):
-        offset = np.zeros_like(epsilon)
-        if shift:
-            s6 = (sigma / np.where(cutoff > 0, cutoff, np.inf)) ** 6
-            offset = 4 * epsilon * (s6 * s6 - s6)
-        self._set(cutoff, 4 * epsilon * sigma**12, 4 * epsilon * sigma**6, offset)
+    def columns(self, epsilon, sigma, cutoff):
+        return 4 * epsilon * sigma**12, 4 * epsilon * sigma**6
 
-    def add(self, types, i, j, d2, weights, U, G, prepared):
-        if self.n_types == 1 and len(weights) == 0:
-            _lj_cut_one(d2, *self.table[1, 1], U, G)
-        else:
-            _lj_cut(types, i, j, d2, weights, self.table, U, G)
+    @pair_law
+    def law(d2, a12, c6):
+        s2 = 1.0 / d2
+        s6 = s2 * s2 * s2
+        a = a12 * s6 * s6
+        c = c6 * s6
+        return a - c, -(12.0 * a - 6.0 * c) * s2
 
 
-class LennardJonesSmoothLinear(PairStyle):
+_lj = LennardJones.law
+
+
+class LennardJonesSmoothLinear(RadialStyle):
     """Lennard-Jones minus its value and slope at the cutoff: U = u(d) − u(r_c) − (d − r_c) u'(r_c) (LAMMPS
     ``lj/smooth/linear``).
 
@@ -60,20 +53,20 @@ class LennardJonesSmoothLinear(PairStyle):
     name = "lj/smooth/linear"
     numbers = _NUMBERS
 
-    def __init__(self, epsilon, sigma, cutoff, *, units, n_types: int | None = None):
-        self._take((epsilon, sigma, cutoff), units, n_types, False)
+    shifts = False
 
-    def fill(self, epsilon, sigma, cutoff, shift):
-        a, c = 4 * epsilon * sigma**12, 4 * epsilon * sigma**6
-        s6 = 1.0 / np.where(cutoff > 0, cutoff, np.inf) ** 6
-        slope = -(12 * a * s6 * s6 - 6 * c * s6) / np.where(cutoff > 0, cutoff, np.inf)
-        self._set(cutoff, a, c, a * s6 * s6 - c * s6, slope, cutoff)
+    def columns(self, epsilon, sigma, cutoff):
+        a, c, s6 = 4 * epsilon * sigma**12, 4 * epsilon * sigma**6, 1.0 / cutoff**6
+        return a, c, a * s6 * s6 - c * s6, -(12 * a * s6 * s6 - 6 * c * s6) / cutoff, cutoff
 
-    def add(self, types, i, j, d2, weights, U, G, prepared):
-        _lj_smooth_linear(types, i, j, d2, weights, self.table, U, G)
+    @pair_law
+    def law(d2, a12, c6, at_cutoff, slope, cutoff):
+        u, g = _lj(d2, a12, c6)
+        d = np.sqrt(d2)
+        return u - at_cutoff - slope * (d - cutoff), g - slope / d
 
 
-class LennardJonesQuadratic(PairStyle):
+class LennardJonesQuadratic(RadialStyle):
     """Lennard-Jones plus a quadratic term: U = 4ε[(σ/d)¹² − (σ/d)⁶] + A d² + B for d < cutoff, with A and B such that U
     and U' vanish there.
 
@@ -84,21 +77,21 @@ class LennardJonesQuadratic(PairStyle):
     name = "lj/quadratic"
     numbers = _NUMBERS
 
-    def __init__(self, epsilon, sigma, cutoff, *, units, n_types: int | None = None):
-        self._take((epsilon, sigma, cutoff), units, n_types, False)
+    shifts = False
 
-    def fill(self, epsilon, sigma, cutoff, shift):
-        a, c = 4 * epsilon * sigma**12, 4 * epsilon * sigma**6
-        s2 = 1.0 / np.where(cutoff > 0, cutoff, np.inf) ** 2
+    def columns(self, epsilon, sigma, cutoff):
+        a, c, s2 = 4 * epsilon * sigma**12, 4 * epsilon * sigma**6, 1.0 / cutoff**2
         s6 = s2**3
         A = 0.5 * (12 * a * s6 * s6 - 6 * c * s6) * s2
-        self._set(cutoff, a, c, A, -(a * s6 * s6 - c * s6) - A * cutoff**2)
+        return a, c, A, -(a * s6 * s6 - c * s6) - A * cutoff**2
 
-    def add(self, types, i, j, d2, weights, U, G, prepared):
-        _lj_quadratic(types, i, j, d2, weights, self.table, U, G)
+    @pair_law
+    def law(d2, a12, c6, A, B):
+        u, g = _lj(d2, a12, c6)
+        return u + A * d2 + B, g + 2.0 * A
 
 
-class LennardJonesExpand(PairStyle):
+class LennardJonesExpand(RadialStyle):
     """Lennard-Jones of d − Δ for d < cutoff + Δ (LAMMPS ``lj/expand``).
 
     Parameters as for `LennardJones`, with `delta`, the shift of the distance, before the cutoff. With `shift`, LAMMPS
@@ -108,122 +101,32 @@ class LennardJonesExpand(PairStyle):
     name = "lj/expand"
     numbers = (*_NUMBERS[:2], ("delta", "length"), _NUMBERS[2])
 
-    def __init__(self, epsilon, sigma, delta, cutoff, *, units, shift: bool = False, n_types: int | None = None):
-        self._take((epsilon, sigma, delta, cutoff), units, n_types, shift)
+    def reach(self, epsilon, sigma, delta, cutoff):
+        return np.where(cutoff > 0, cutoff + delta, 0.0)
 
-    def fill(self, epsilon, sigma, delta, cutoff, shift):
-        offset = np.zeros_like(epsilon)
-        if shift:
-            s6 = (sigma / np.where(cutoff > 0, cutoff + delta, np.inf)) ** 6
-            offset = 4 * epsilon * (s6 * s6 - s6)
-        self._set(
-            np.where(cutoff > 0, cutoff + delta, 0.0), 4 * epsilon * sigma**12, 4 * epsilon * sigma**6, offset, delta
-        )
+    def columns(self, epsilon, sigma, delta, cutoff):
+        return 4 * epsilon * sigma**12, 4 * epsilon * sigma**6, delta
 
-    def add(self, types, i, j, d2, weights, U, G, prepared):
-        _lj_expand(types, i, j, d2, weights, self.table, U, G)
+    def at_cutoff(self):
+        cut2, a, c = np.moveaxis(self.table[..., :3], -1, 0)
+        s6 = 1.0 / np.where(cut2 > 0, cut2, np.inf) ** 3
+        return a * s6 * s6 - c * s6
 
-
-def mix_lj(a, b, rule):
-    """LAMMPS's mixing of (epsilon, sigma, ..., cutoff): what lies between sigma and the cutoff is averaged."""
-    between = tuple(0.5 * (x + y) for x, y in zip(a[2:-1], b[2:-1], strict=True))
-    return (
-        mix_energy(a[0], b[0], a[1], b[1], rule),
-        mix_distance(a[1], b[1], rule),
-        *between,
-        mix_distance(a[-1], b[-1], rule),
-    )
-
-
-def _builder(cls):
-    def build(inp: StyleInput):
-        (rc,) = inp.numbers(inp.args, [("cutoff", "length")])
-        return cls.internal(
-            *pair_values(inp, cls.numbers, optional=1, defaults=[rc], mix=mix_lj), shift=inp.modify.shift
-        )
-
-    return build
-
-
-for _cls in (LennardJones, LennardJonesSmoothLinear, LennardJonesExpand):
-    pair_style(_cls.name)(_builder(_cls))
-# Its old name in LAMMPS.
-pair_style("lj/sf")(_builder(LennardJonesSmoothLinear))
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _lj_cut_one(d2, cut2, a12, a6, offset, U, G):
-    """One type, no weights, every pair of the list within the cutoff or masked: no gathers, so that it runs in SIMD."""
-    for b in range(len(d2)):
-        on = 1.0 if d2[b] < cut2 else 0.0
-        s2 = 1.0 / d2[b]
+    @pair_law
+    def law(d2, a12, c6, delta):
+        d = np.sqrt(d2)
+        s = 1.0 / (d - delta)
+        s2 = s * s
         s6 = s2 * s2 * s2
         a = a12 * s6 * s6
-        c = a6 * s6
-        U[b] += on * (a - c - offset)
-        G[b] -= on * ((12.0 * a - 6.0 * c) * s2)
+        c = c6 * s6
+        return a - c, -(12.0 * a - 6.0 * c) * s / d
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _lj_cut(types, i, j, d2, weights, table, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        ti, tj = types[i[b]], types[j[b]]
-        if d2[b] < table[ti, tj, 0]:
-            w = weights[b] if weighted else 1.0
-            s2 = 1.0 / d2[b]
-            s6 = s2 * s2 * s2
-            a = table[ti, tj, 1] * s6 * s6
-            c = table[ti, tj, 2] * s6
-            U[b] += w * (a - c - table[ti, tj, 3])
-            G[b] -= w * (12.0 * a - 6.0 * c) * s2
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _lj_smooth_linear(types, i, j, d2, weights, table, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        ti, tj = types[i[b]], types[j[b]]
-        if d2[b] < table[ti, tj, 0]:
-            w = weights[b] if weighted else 1.0
-            s2 = 1.0 / d2[b]
-            d = np.sqrt(d2[b])
-            s6 = s2 * s2 * s2
-            a = table[ti, tj, 1] * s6 * s6
-            c = table[ti, tj, 2] * s6
-            slope = table[ti, tj, 4]
-            U[b] += w * (a - c - table[ti, tj, 3] - slope * (d - table[ti, tj, 5]))
-            G[b] -= w * ((12.0 * a - 6.0 * c) * s2 + slope / d)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _lj_quadratic(types, i, j, d2, weights, table, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        ti, tj = types[i[b]], types[j[b]]
-        if d2[b] < table[ti, tj, 0]:
-            w = weights[b] if weighted else 1.0
-            s2 = 1.0 / d2[b]
-            s6 = s2 * s2 * s2
-            a = table[ti, tj, 1] * s6 * s6
-            c = table[ti, tj, 2] * s6
-            A = table[ti, tj, 3]
-            U[b] += w * (a - c + A * d2[b] + table[ti, tj, 4])
-            G[b] -= w * ((12.0 * a - 6.0 * c) * s2 - 2.0 * A)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _lj_expand(types, i, j, d2, weights, table, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        ti, tj = types[i[b]], types[j[b]]
-        if d2[b] < table[ti, tj, 0]:
-            w = weights[b] if weighted else 1.0
-            d = np.sqrt(d2[b])
-            s = 1.0 / (d - table[ti, tj, 4])
-            s2 = s * s
-            s6 = s2 * s2 * s2
-            a = table[ti, tj, 1] * s6 * s6
-            c = table[ti, tj, 2] * s6
-            U[b] += w * (a - c - table[ti, tj, 3])
-            G[b] -= w * (12.0 * a - 6.0 * c) * s / d
+for _cls, _names in (
+    (LennardJones, ()),
+    (LennardJonesSmoothLinear, ("lj/smooth/linear", "lj/sf")),
+    (LennardJonesExpand, ()),
+):
+    # lj/sf: its old name in LAMMPS
+    one_cutoff(_cls, mix=mix_lj, names=_names)

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..compiled import njit
 from .pair_input import fill, mix_distance
+from .pair_loop import pair_law
 from .radial import RadialStyle, inner_outer, mix_lj_distances, several_cutoffs
 from .registry import StyleInput, pair_style
 
@@ -32,6 +33,23 @@ def _work(c, t):
     return t * (c[0] + t * (c[1] / 2 + t * (c[2] / 3 + t * c[3] / 4)))
 
 
+@njit(nogil=True, error_model="numpy", inline="always")
+def _lj_of(d2, a12, c6, constant):
+    """U and U'/d of Lennard-Jones and a constant."""
+    s2 = 1.0 / d2
+    s6 = s2 * s2 * s2
+    a = a12 * s6 * s6
+    c = c6 * s6
+    return a - c + constant, -(12.0 * a - 6.0 * c) * s2
+
+
+@njit(nogil=True, error_model="numpy", inline="always")
+def _cubic_of(d, start, u, f0, f1, f2, f3):
+    """U and U'/d of a force that is a cubic of d − start, u the energy there."""
+    t = d - start
+    return u - t * (f0 + t * (f1 / 2.0 + t * (f2 / 3.0 + t * f3 / 4.0))), -(f0 + t * (f1 + t * (f2 + t * f3))) / d
+
+
 class LennardJonesSmooth(RadialStyle):
     """4ε[(σ/d)¹² − (σ/d)⁶] for d < inner; beyond, a force cubic in d that joins smoothly and ends at the cutoff with no
     slope (LAMMPS ``lj/smooth``).
@@ -48,8 +66,13 @@ class LennardJonesSmooth(RadialStyle):
         zero = np.zeros_like(inner)
         return a, c, inner, u, *_cubic(F, dF, zero, zero, cutoff - inner)
 
+    @pair_law
+    def law(d2, a, c, inner, u, f0, f1, f2, f3):
+        d = np.sqrt(d2)
+        return _cubic_of(d, inner, u, f0, f1, f2, f3) if d > inner else _lj_of(d2, a, c, 0.0)
 
-class LennardJonesCubic(RadialStyle):
+
+class LennardJonesCubic(LennardJonesSmooth):
     """Lennard-Jones up to its inflection point, and a cubic of the distance from there to zero energy and force (LAMMPS
     ``lj/cubic``).
 
@@ -103,6 +126,18 @@ class RelativeResolution(RadialStyle):
         at_si = u_so + np.where(so > si, _work(switch, so - si), 0.0)
         return a, c, at_si - u_si, si, at_si, *switch, so, a_cg, c_cg, ci, u_ci, *end
 
+    @pair_law
+    def law(d2, a, c, more, si, u_si, s0, s1, s2, s3, so, a_cg, c_cg, ci, u_ci, e0, e1, e2, e3):
+        d = np.sqrt(d2)
+        # Lennard-Jones: fine with its constant, or coarse; or a cubic force.
+        if d < si:
+            return _lj_of(d2, a, c, more)
+        if d < so:
+            return _cubic_of(d, si, u_si, s0, s1, s2, s3)
+        if d < ci:
+            return _lj_of(d2, a_cg, c_cg, 0.0)
+        return _cubic_of(d, ci, u_ci, e0, e1, e2, e3)
+
 
 def _in_order(*numbers):
     si, so, ci, co = numbers[-4:]
@@ -138,56 +173,3 @@ def _relres_style(inp: StyleInput):
         return (*mix_lj_distances(a[:2], b[:2], rule), *mix_lj_distances(a[2:4], b[2:4], rule), *cutoffs)
 
     return RelativeResolution.internal(*several_cutoffs(inp, wants, cutoffs, mix, _in_order), shift=inp.modify.shift)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _smooth(types, i, j, d2, weights, table, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            w = weights[b] if weighted else 1.0
-            d = np.sqrt(d2[b])
-            t = d - p[3]
-            if t > 0.0:
-                u = p[4] - t * (p[5] + t * (p[6] / 2.0 + t * (p[7] / 3.0 + t * p[8] / 4.0)))
-                g = (p[5] + t * (p[6] + t * (p[7] + t * p[8]))) / d
-            else:
-                s2 = 1.0 / d2[b]
-                s6 = s2 * s2 * s2
-                a = p[1] * s6 * s6
-                c = p[2] * s6
-                u = a - c
-                g = (12.0 * a - 6.0 * c) * s2
-            U[b] += w * (u - p[9])
-            G[b] -= w * g
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _relres(types, i, j, d2, weights, table, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            w = weights[b] if weighted else 1.0
-            d = np.sqrt(d2[b])
-            if d < p[4] or (p[10] <= d and d < p[13]):
-                # Lennard-Jones: fine with its constant, or coarse.
-                near = d < p[4]
-                s2 = 1.0 / d2[b]
-                s6 = s2 * s2 * s2
-                a = (p[1] if near else p[11]) * s6 * s6
-                c = (p[2] if near else p[12]) * s6
-                u = a - c + (p[3] if near else 0.0)
-                g = (12.0 * a - 6.0 * c) * s2
-            else:
-                k = 5 if d < p[10] else 14
-                t = d - (p[4] if d < p[10] else p[13])
-                u = p[k] - t * (p[k + 1] + t * (p[k + 2] / 2.0 + t * (p[k + 3] / 3.0 + t * p[k + 4] / 4.0)))
-                g = (p[k + 1] + t * (p[k + 2] + t * (p[k + 3] + t * p[k + 4]))) / d
-            U[b] += w * (u - p[19])
-            G[b] -= w * g
-
-
-LennardJonesSmooth.kernel = LennardJonesCubic.kernel = staticmethod(_smooth)
-RelativeResolution.kernel = staticmethod(_relres)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..compiled import njit
+from .pair_loop import pair_law
 from .radial import RadialStyle, inner_outer, mix_lj_distances
 
 _CUTOFFS = (("inner", "length"), ("cutoff", "length"))
@@ -25,14 +26,23 @@ class LennardJonesMDF(RadialStyle):
     def columns(self, epsilon, sigma, inner, cutoff):
         return 4 * epsilon * sigma**12, 4 * epsilon * sigma**6, inner, 1 / (cutoff - inner)
 
+    @pair_law
+    def law(d2, a12, c6, inner, inverse_width):
+        d = np.sqrt(d2)
+        s2 = 1.0 / d2
+        s6 = s2 * s2 * s2
+        a = a12 * s6 * s6
+        c = c6 * s6
+        f, df = _taper(d, inner, inverse_width)
+        return (a - c) * f, -((12.0 * a - 6.0 * c) * s2 * f - (a - c) * df / d)
 
-class LennardMDF(RadialStyle):
+
+class LennardMDF(LennardJonesMDF):
     """U = (A/d¹² − B/d⁶) f(d), f as for `LennardJonesMDF` (LAMMPS ``lennard/mdf``). Numbers: A, B, inner, cutoff; see
     `RadialStyle`."""
 
     name = "lennard/mdf"
     numbers = (("A", {"energy": 1, "length": 12}), ("B", {"energy": 1, "length": 6}), *_CUTOFFS)
-    shifts = False
 
     def columns(self, A, B, inner, cutoff):
         return A, B, inner, 1 / (cutoff - inner)
@@ -49,6 +59,15 @@ class BuckinghamMDF(RadialStyle):
     def columns(self, A, rho, C, inner, cutoff):
         return A, 1 / rho, C, inner, 1 / (cutoff - inner)
 
+    @pair_law
+    def law(d2, A, inverse_rho, C, inner, inverse_width):
+        d = np.sqrt(d2)
+        s2 = 1.0 / d2
+        x = A * np.exp(-d * inverse_rho)
+        c = C * s2 * s2 * s2
+        f, df = _taper(d, inner, inverse_width)
+        return (x - c) * f, -(x * inverse_rho * f / d - 6.0 * c * s2 * f - (x - c) * df / d)
+
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _taper(d, inner, inverse_width):
@@ -60,41 +79,6 @@ def _taper(d, inner, inverse_width):
     return y * y * y * (1.0 + 3.0 * x + 6.0 * x * x), -30.0 * x * x * y * y * inverse_width
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _lj_mdf(types, i, j, d2, weights, table, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            w = weights[b] if weighted else 1.0
-            d = np.sqrt(d2[b])
-            s2 = 1.0 / d2[b]
-            s6 = s2 * s2 * s2
-            a = p[1] * s6 * s6
-            c = p[2] * s6
-            f, df = _taper(d, p[3], p[4])
-            U[b] += w * (a - c) * f
-            G[b] -= w * ((12.0 * a - 6.0 * c) * s2 * f - (a - c) * df / d)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _buck_mdf(types, i, j, d2, weights, table, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            w = weights[b] if weighted else 1.0
-            d = np.sqrt(d2[b])
-            s2 = 1.0 / d2[b]
-            x = p[1] * np.exp(-d * p[2])
-            c = p[3] * s2 * s2 * s2
-            f, df = _taper(d, p[4], p[5])
-            U[b] += w * (x - c) * f
-            G[b] -= w * (x * p[2] * f / d - 6.0 * c * s2 * f - (x - c) * df / d)
-
-
-LennardJonesMDF.kernel = LennardMDF.kernel = staticmethod(_lj_mdf)
-BuckinghamMDF.kernel = staticmethod(_buck_mdf)
 inner_outer(LennardJonesMDF, mix=mix_lj_distances)
 inner_outer(LennardMDF)
 inner_outer(BuckinghamMDF)

@@ -10,6 +10,7 @@ from ..errors import AtcError
 from ..units import units as get_units
 from .pair import ONES, PairStyle
 from .pair_input import fill, mix_distance, mix_energy, pair_values
+from .pair_loop import charged_loop, one_type_loop, pair_loop
 from .registry import StyleInput, pair_style
 
 _LENGTH = "length"
@@ -18,9 +19,9 @@ _LENGTH = "length"
 class RadialStyle(PairStyle):
     """A formula U(d) of a few numbers for each pair of types.
 
-    Subclasses say which numbers (`numbers`, the cutoff last), turn arrays of them into the columns of the kernel's
-    table (`columns`), and name the kernel. The kernel's table is [cutoff², *columns, offset]: with `shift` the offset
-    is the energy at the cutoff, else 0.
+    Subclasses say which numbers (`numbers`, the cutoff last) and what the `law` is; it is compiled into the one loop
+    over pairs (`pair_loop`). The law's coefficients are the numbers without the cutoff unless `columns` makes others of
+    them. With `shift` the energy at the cutoff is taken off.
 
     Parameters
     ----------
@@ -32,8 +33,13 @@ class RadialStyle(PairStyle):
     n_types : number of types that single numbers stand for (default 1)
     """
 
-    #: numba function (types, i, j, d2, weights, table, U, G)
-    kernel: Callable
+    #: ``@pair_law`` function (d², *coefficients) → U, U'/d
+    law: Callable
+    #: or a loop of the style's own, a numba function (types, i, j, d2, weights, table, U, G)
+    kernel: Callable | None = None
+    #: whether the law is so cheap, and finite beyond the cutoff, that for one type computing all pairs is faster than
+    #: asking which are within
+    simd = False
     #: whether ``pair_modify shift`` means something for it
     shifts = True
 
@@ -41,9 +47,13 @@ class RadialStyle(PairStyle):
         self._take(_in_order(self, values, named), units, n_types, shift)
 
     def columns(self, *numbers) -> tuple:
-        """The kernel's columns from arrays of `numbers`, internal units. Entries of pairs without interaction do not
+        """The law's coefficients from arrays of `numbers`, internal units. Entries of pairs without interaction do not
         matter."""
-        raise NotImplementedError
+        return numbers[:-1]
+
+    def chosen_law(self) -> Callable:
+        """The law, for styles that have several."""
+        return type(self).law
 
     def reach(self, *numbers):
         """The cutoff: the last number unless a style says otherwise."""
@@ -57,24 +67,31 @@ class RadialStyle(PairStyle):
             self.table[..., -1] = self.at_cutoff()
 
     def at_cutoff(self) -> np.ndarray:
-        """(n_types + 1, n_types + 1) energies at the cutoff, from the kernel itself."""
+        """(n_types + 1, n_types + 1) energies at the cutoff, from the law itself."""
         n = len(self.table)
         open_end = self.table.copy()
         open_end[..., 0] = np.where(self.table[..., 0] > 0, np.inf, 0.0)
         i, j = (a.ravel().astype(np.int32) for a in np.indices((n, n)))
         U, G = np.zeros(n * n), np.zeros(n * n)
-        type(self).kernel(np.arange(n, dtype=np.int32), i, j, self.table[..., 0].ravel().copy(), ONES, open_end, U, G)
+        self._loop()(np.arange(n, dtype=np.int32), i, j, self.table[..., 0].ravel().copy(), ONES, open_end, U, G)
         return U.reshape(n, n)
 
     def add(self, types, i, j, d2, weights, U, G, prepared):
-        type(self).kernel(types, i, j, d2, weights, self.table, U, G)
+        if self.simd and self.n_types == 1 and len(weights) == 0:
+            one_type_loop(self.chosen_law(), self.table.shape[-1])(d2, self.table[1, 1], U, G)
+        else:
+            self._loop()(types, i, j, d2, weights, self.table, U, G)
+
+    def _loop(self):
+        return type(self).kernel or pair_loop(self.chosen_law(), self.table.shape[-1])
 
 
 class ChargedStyle(PairStyle):
     """C q_i q_j times a function of the distance, C the Coulomb constant of the unit style over the dielectric
     constant.
 
-    As `RadialStyle`; the kernel's table is [cutoff², *columns], and it also gets C and the charges.
+    As `RadialStyle`, without a shift; the law also gets C q_i q_j. With `keeps_excluded`, bonded neighbours lose a
+    share of the bare Coulomb energy and not of the law's.
 
     Parameters
     ----------
@@ -86,8 +103,10 @@ class ChargedStyle(PairStyle):
     n_types : number of types that single numbers stand for (default 1)
     """
 
-    #: numba function (types, i, j, d2, weights, table, constant, charges, U, G)
-    kernel: Callable
+    #: ``@pair_law`` function (d², C q_i q_j, *coefficients) → U, U'/d
+    law: Callable
+    #: or a loop of the style's own, a numba function (types, i, j, d2, weights, table, constant, charges, U, G)
+    kernel: Callable | None = None
     weight = "coul"
     needs_charges = True
 
@@ -104,8 +123,8 @@ class ChargedStyle(PairStyle):
         return style
 
     def columns(self, *numbers) -> tuple:
-        """The kernel's columns from arrays of `numbers`, internal units."""
-        raise NotImplementedError
+        """The law's coefficients from arrays of `numbers`, internal units."""
+        return numbers[:-1]
 
     def fill(self, *numbers, shift):
         with np.errstate(all="ignore"):
@@ -115,7 +134,8 @@ class ChargedStyle(PairStyle):
         return frame.charges
 
     def add(self, types, i, j, d2, weights, U, G, prepared):
-        type(self).kernel(types, i, j, d2, weights, self.table, self.constant, prepared, U, G)
+        loop = type(self).kernel or charged_loop(type(self).law, self.table.shape[-1], self.keeps_excluded)
+        loop(types, i, j, d2, weights, self.table, self.constant, prepared, U, G)
 
 
 def _in_order(style, values, named) -> list:
@@ -131,6 +151,17 @@ def _in_order(style, values, named) -> list:
 
 # What LAMMPS's lines look like
 # --------------------------------------------------------------------------------------------------------------
+
+
+def mix_lj(a, b, rule):
+    """LAMMPS's mixing of (epsilon, sigma, ..., cutoff): what lies between sigma and the cutoff is averaged."""
+    between = tuple(0.5 * (x + y) for x, y in zip(a[2:-1], b[2:-1], strict=True))
+    return (
+        mix_energy(a[0], b[0], a[1], b[1], rule),
+        mix_distance(a[1], b[1], rule),
+        *between,
+        mix_distance(a[-1], b[-1], rule),
+    )
 
 
 def mix_lj6(a, b, rule):

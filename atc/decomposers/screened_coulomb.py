@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..compiled import njit
 from .pair_input import mix_distance, pair_values
+from .pair_loop import pair_law
 from .radial import ChargedStyle
 from .registry import StyleInput, pair_style
 
@@ -20,8 +20,11 @@ class CoulombDebye(ChargedStyle):
     name = "coul/debye"
     numbers = (("kappa", _PER_LENGTH), _CUTOFF)
 
-    def columns(self, kappa, cutoff):
-        return (kappa,)
+    @pair_law
+    def law(d2, c, kappa):
+        d = np.sqrt(d2)
+        u = c * np.exp(-kappa * d) / d
+        return u, -u * (kappa + 1.0 / d) / d
 
 
 class CoulombSlater(ChargedStyle):
@@ -33,6 +36,14 @@ class CoulombSlater(ChargedStyle):
 
     def columns(self, decay, cutoff):
         return (1 / decay,)
+
+    @pair_law
+    def law(d2, c, inverse_decay):
+        d = np.sqrt(d2)
+        u = c / d
+        x = d * inverse_decay
+        e = np.exp(-2.0 * x)
+        return u * (1.0 - (1.0 + x) * e), -u * (1.0 - (1.0 + 2.0 * x * (1.0 + x)) * e) / d2
 
 
 class CoulombDiel(ChargedStyle):
@@ -48,6 +59,17 @@ class CoulombDiel(ChargedStyle):
     def columns(self, epsilon, r_me, sigma_e, cutoff):
         return epsilon, r_me, 1 / sigma_e
 
+    @pair_law
+    def law(d2, c, epsilon, r_me, per_sigma):
+        d = np.sqrt(d2)
+        u = c / d
+        half = 0.5 * (epsilon - 5.2)
+        t = np.tanh((d - r_me) * per_sigma)
+        eps = 5.2 + half * (1.0 + t)
+        return u * (epsilon / eps - 1.0), -u * (
+            (epsilon / eps - 1.0) / d + epsilon / (eps * eps) * half * (1.0 - t * t) * per_sigma
+        ) / d
+
 
 class CoulombExclude(ChargedStyle):
     """U = (γ − 1) C q_i q_j/d for the pairs with special_bonds weight γ < 1 only: takes what they lose off a full sum
@@ -61,8 +83,9 @@ class CoulombExclude(ChargedStyle):
     keeps_excluded = True
     numbers = (_CUTOFF,)
 
-    def columns(self, cutoff):
-        return ()
+    @pair_law
+    def law(d2, c):
+        return 0.0, 0.0
 
 
 def _one_number(cls, wants):
@@ -105,62 +128,3 @@ def _exclude_style(inp: StyleInput):
         inp.numbers(line.words, [], line)
     (cutoff,) = pair_values(inp, [_CUTOFF], optional=1, defaults=[rc], mix=lambda a, b, rule: (rc,))
     return CoulombExclude.of(inp, cutoff)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _debye(types, i, j, d2, weights, table, constant, q, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            w = weights[b] if weighted else 1.0
-            d = np.sqrt(d2[b])
-            u = w * constant * q[i[b]] * q[j[b]] * np.exp(-p[1] * d) / d
-            U[b] += u
-            G[b] -= u * (p[1] + 1.0 / d) / d
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _slater(types, i, j, d2, weights, table, constant, q, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            w = weights[b] if weighted else 1.0
-            d = np.sqrt(d2[b])
-            u = w * constant * q[i[b]] * q[j[b]] / d
-            x = d * p[1]
-            e = np.exp(-2.0 * x)
-            U[b] += u * (1.0 - (1.0 + x) * e)
-            G[b] -= u * (1.0 - (1.0 + 2.0 * x * (1.0 + x)) * e) / d2[b]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _diel(types, i, j, d2, weights, table, constant, q, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            w = weights[b] if weighted else 1.0
-            d = np.sqrt(d2[b])
-            u = w * constant * q[i[b]] * q[j[b]] / d
-            half = 0.5 * (p[1] - 5.2)
-            t = np.tanh((d - p[2]) * p[3])
-            eps = 5.2 + half * (1.0 + t)
-            U[b] += u * (p[1] / eps - 1.0)
-            G[b] -= u * ((p[1] / eps - 1.0) / d + p[1] / (eps * eps) * half * (1.0 - t * t) * p[3]) / d
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _exclude(types, i, j, d2, weights, table, constant, q, U, G):
-    for b in range(len(weights)):
-        if weights[b] < 1.0 and d2[b] < table[types[i[b]], types[j[b]], 0]:
-            u = (weights[b] - 1.0) * constant * q[i[b]] * q[j[b]] / np.sqrt(d2[b])
-            U[b] += u
-            G[b] -= u / d2[b]
-
-
-CoulombDebye.kernel = staticmethod(_debye)
-CoulombSlater.kernel = staticmethod(_slater)
-CoulombDiel.kernel = staticmethod(_diel)
-CoulombExclude.kernel = staticmethod(_exclude)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..compiled import njit
-from .pair import PairStyle
 from .pair_input import mix_distance, mix_energy, pair_values
+from .pair_loop import pair_law
+from .radial import RadialStyle
 from .registry import StyleInput, pair_style
 
 
-class Soft(PairStyle):
+class Soft(RadialStyle):
     """U = A[1 + cos(πd/r_c)] for d < cutoff r_c (LAMMPS ``soft``).
 
     Parameters
@@ -24,14 +24,16 @@ class Soft(PairStyle):
     name = "soft"
     numbers = (("A", "energy"), ("cutoff", "length"))
 
-    def __init__(self, A, cutoff, *, units, n_types: int | None = None):
-        self._take((A, cutoff), units, n_types, False)
+    shifts = False
 
-    def fill(self, A, cutoff, shift):
-        self._set(cutoff, A, np.pi / np.where(cutoff > 0, cutoff, np.inf))
+    def columns(self, A, cutoff):
+        return A, np.pi / cutoff
 
-    def add(self, types, i, j, d2, weights, U, G, prepared):
-        _soft(types, i, j, d2, weights, self.table, U, G)
+    @pair_law
+    def law(d2, A, k):
+        d = np.sqrt(d2)
+        # sin(kd)/d has the limit k: coincident atoms feel no force.
+        return A * (1.0 + np.cos(k * d)), -A * k * (np.sin(k * d) / d if d > 0.0 else k)
 
 
 def _mix(a, b, rule):
@@ -43,17 +45,3 @@ def _mix(a, b, rule):
 def _soft_style(inp: StyleInput):
     (rc,) = inp.numbers(inp.args, [("cutoff", "length")])
     return Soft.internal(*pair_values(inp, Soft.numbers, optional=1, defaults=[rc], mix=_mix))
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _soft(types, i, j, d2, weights, table, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        ti, tj = types[i[b]], types[j[b]]
-        if d2[b] < table[ti, tj, 0]:
-            w = weights[b] if weighted else 1.0
-            d = np.sqrt(d2[b])
-            A, k = table[ti, tj, 1], table[ti, tj, 2]
-            U[b] += w * A * (1.0 + np.cos(k * d))
-            # sin(kd)/d has the limit k: coincident atoms feel no force.
-            G[b] -= w * A * k * (np.sin(k * d) / d if d > 0.0 else k)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..compiled import njit
 from .morse import Morse
 from .pair_input import mix_distance, pair_values
+from .pair_loop import pair_law
 from .radial import ChargedStyle, RadialStyle, mix_lj6, mix_lj_distances
 from .registry import StyleInput, pair_style
 
@@ -38,6 +38,13 @@ class LennardJonesSoft(RadialStyle):
         a, c = self.factors
         return a * e, c * e, alpha * (1 - activation) ** 2, sigma**-6.0, np.full_like(e, self.power)
 
+    @pair_law
+    def law(d2, a, c, core, per_sigma6, power):
+        s = 1.0 / (core + d2 * d2 * d2 * per_sigma6)
+        r = a * s * (s if power == 2.0 else np.sqrt(s))
+        t = c * s
+        return r - t, -(power * r - t) * s * 6.0 * d2 * d2 * per_sigma6
+
 
 class Class2Soft(LennardJonesSoft):
     """U = λⁿ ε(2/D^{3/2} − 3/D) − offset, D = α(1 − λ)² + (d/σ)⁶ (LAMMPS ``lj/class2/soft``). Numbers as for
@@ -60,6 +67,12 @@ class CoulombSoft(ChargedStyle):
     def columns(self, activation, n, alpha, cutoff):
         return activation**n, alpha * (1 - activation) ** 2
 
+    @pair_law
+    def law(d2, c, fade, core):
+        s2 = 1.0 / (core + d2)
+        u = fade * c * np.sqrt(s2)
+        return u, -u * s2
+
 
 class MorseSoft(RadialStyle):
     """Morse with a soft core: U = f {u(d) + s B e^{−3α(d − r₀)}}, u that of `Morse`, B = −⅔ D₀ e^{−2αr₀}(e^{αr₀} − 1)
@@ -80,6 +93,12 @@ class MorseSoft(RadialStyle):
         s = np.where(above, (1 - activation) / (1 - threshold), 1.0)
         fade = np.where(above, 1.0, (activation / threshold) ** n)
         return fade * d0, alpha, r0, fade * s * B
+
+    @pair_law
+    def law(d2, d0, alpha, r0, B):
+        d = np.sqrt(d2)
+        x = np.exp(-alpha * (d - r0))
+        return d0 * (x * x - 2.0 * x) + B * x * x * x, -alpha * (2.0 * d0 * (x * x - x) + 3.0 * B * x * x * x) / d
 
 
 def _same_activation(mix):
@@ -139,48 +158,3 @@ def _morse_soft_style(inp: StyleInput):
     return MorseSoft.internal(
         d0, alpha, r0, activation, np.full_like(d0, n), np.full_like(d0, threshold), cutoff, shift=inp.modify.shift
     )
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _soft_core(types, i, j, d2, weights, table, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            w = weights[b] if weighted else 1.0
-            s = 1.0 / (p[3] + d2[b] * d2[b] * d2[b] * p[4])
-            r = p[1] * s * (s if p[5] == 2.0 else np.sqrt(s))
-            a = p[2] * s
-            U[b] += w * (r - a - p[6])
-            G[b] -= w * (p[5] * r - a) * s * 6.0 * d2[b] * d2[b] * p[4]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _coul_soft(types, i, j, d2, weights, table, constant, q, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            w = weights[b] if weighted else 1.0
-            s2 = 1.0 / (p[2] + d2[b])
-            u = w * p[1] * constant * q[i[b]] * q[j[b]] * np.sqrt(s2)
-            U[b] += u
-            G[b] -= u * s2
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _morse_soft(types, i, j, d2, weights, table, U, G):
-    weighted = len(weights) > 0
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            w = weights[b] if weighted else 1.0
-            d = np.sqrt(d2[b])
-            x = np.exp(-p[2] * (d - p[3]))
-            U[b] += w * (p[1] * (x * x - 2.0 * x) + p[4] * x * x * x - p[5])
-            G[b] -= w * p[2] * (2.0 * p[1] * (x * x - x) + 3.0 * p[4] * x * x * x) / d
-
-
-LennardJonesSoft.kernel = staticmethod(_soft_core)
-CoulombSoft.kernel = staticmethod(_coul_soft)
-MorseSoft.kernel = staticmethod(_morse_soft)

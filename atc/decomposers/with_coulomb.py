@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .buckingham import Born, Buckingham
+from .buckingham import Born, Buckingham, positive_rho
 from .coulomb import CoulombDSFExact, CoulombWolf, wanted_pairs
 from .inverse_powers import NM, Class2
 from .lennard_jones import LennardJones, mix_lj
@@ -46,10 +46,6 @@ def two_cutoffs(inp: StyleInput, front, numbers, mix=None, check=None):
 
     *arrays, cut, cut_coul = fill(inp, given, len(numbers) + 2, both if mix is not None else None)
     return front, arrays, cut, cut_coul
-
-
-def positive_rho(*numbers) -> str | None:
-    return None if numbers[1] > 0 else "rho must be positive"
 
 
 def _with_coul_cut(name, cls, mix=None, check=None):

@@ -24,6 +24,7 @@ F_bc (force on i from j, volumes included), G_b (F = −G r; None if not central
 `Prescribed(region, velocity= | displacement=)`, `BodyForce(region, density= | total=)`, `Indenter`, `Wall`, `Contact`,
 `CriticalStretch(s00, alpha)` / `.from_energy(Gc, material, body)` `relax(sim, time=)` adaptive dynamic relaxation,
 `solve_static(sim, time=)` Newton-Krylov: static states with prescribed displacements and forces, each a step.
+`bond_law` : decorator of the law of a bond, with which a subclass of PMB is a bond-based material of its own.
 Materials: PMB, LPS, Correspondence, Elastic, and Linear (a micromodulus tensor, e.g. of a crystal); the table MATERIALS
 {name: make(bulk, shear)} for tests that loop over all.
 """
@@ -36,7 +37,18 @@ _LAZY = {
     "Families": "bonds",
     **dict.fromkeys(("Region", "Box", "Cylinder", "Sphere", "Nodes", "Everywhere"), "regions"),
     **dict.fromkeys(
-        ("PMB", "LPS", "Elastic", "Correspondence", "Linear", "MATERIALS", "INFLUENCE", "BondForces", "Material"),
+        (
+            "PMB",
+            "LPS",
+            "Elastic",
+            "Correspondence",
+            "Linear",
+            "MATERIALS",
+            "INFLUENCE",
+            "BondForces",
+            "Material",
+            "bond_law",
+        ),
         "materials",
     ),
     "CriticalStretch": "damage",

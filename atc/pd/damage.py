@@ -41,6 +41,12 @@ class CriticalStretch:
         """
         if not Gc > 0:
             raise AtcError(f"the fracture energy Gc must be positive, got {Gc!r}")
+        for m in (material, other):
+            if m is not None and not m.springs:
+                raise AtcError(
+                    f"{m.name}: the energy of its bonds does not grow like the square of their stretch: give the "
+                    "critical stretch itself, s00"
+                )
         one = (
             material.fracture_energy(body, 1.0) if other is None else material.interface_energy(other, body, interface)
         )

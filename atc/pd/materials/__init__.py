@@ -4,9 +4,20 @@ from .base import INFLUENCE, BondForces, Material
 from .correspondence import Correspondence
 from .linear import Linear
 from .lps import LPS, Elastic
-from .pmb import PMB
+from .pmb import PMB, bond_law
 
-__all__ = ["INFLUENCE", "LPS", "MATERIALS", "PMB", "BondForces", "Correspondence", "Elastic", "Linear", "Material"]
+__all__ = [
+    "INFLUENCE",
+    "LPS",
+    "MATERIALS",
+    "PMB",
+    "BondForces",
+    "Correspondence",
+    "Elastic",
+    "Linear",
+    "Material",
+    "bond_law",
+]
 
 # name: a function (bulk, shear) → material; bond-based ones ignore the shear modulus. `Linear` is not among them: it is
 # no isotropic law.

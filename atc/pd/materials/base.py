@@ -11,6 +11,7 @@ from ...errors import AtcError
 from ..blocks import Blocks, Crew, collect
 from ..damage import DamageRule
 from ..standing import Standing
+from .rows import force_loop
 
 AT_ONCE = 1 << 20
 
@@ -40,12 +41,42 @@ def sphere_measure(dimension: int, thickness: float):
     return {1: 2.0 * thickness, 2: 2.0 * np.pi * thickness, 3: 4.0 * np.pi}[dimension]
 
 
+def moment(influence, body, power: int):
+    """∫ω|ξ|^power dV over the horizon."""
+    d, delta, surface = body.dimension, body.horizon, sphere_measure(body.dimension, body.thickness)
+    if influence == "one":
+        return surface * delta ** (d + power) / (d + power)
+    from scipy.integrate import quad
+
+    omega = influence_function(influence)
+    return surface * quad(lambda r: float(omega(np.array([r]), delta)[0]) * r ** (d - 1 + power), 0, delta)[0]
+
+
+#: Mean of |cos| over all directions, by dimension: of a bond of length r, |cos| r crosses a plane.
+MEAN_COS = {1: 1.0, 2: 2 / np.pi, 3: 0.5}
+
+
+def bond_based_shear(body, youngs=None, bulk=None):
+    """μ (= λ) of a bond-based body, whose Poisson's ratio is 1/4 (plane stress 1/3), from Young's or the bulk
+    modulus."""
+    poisson = 1 / 3 if body.dimension == 2 and body.plane == "stress" else 1 / 4
+    E = youngs if youngs is not None else 3 * bulk * (1 - 2 * poisson)
+    return E / 3 if body.dimension == 1 else E / (2 * (1 + poisson))
+
+
+def micromodulus(body, shear, influence="one"):
+    """c of a bond-based body: W = ¼ c ∫ω|ξ| (tr² + 2ε:ε)/(d(d+2)) is that of λ = μ."""
+    d = body.dimension
+    return 2 * d * (d + 2) * shear / moment(influence, body, 1)
+
+
 class Material:
     """Base of the materials. `volume_correction`: the share ν of volumes near the horizon. `surface_correction`: None
     or "energy"."""
 
     name = "material"
     by_numbers = True  # whether constants alone define it
+    springs = True  # whether the energy of a bond grows like the square of its stretch
     volume_correction = True
     surface_correction = None
     influence = "one"
@@ -111,9 +142,19 @@ class Isotropic(Material):
 
     def contact_micromodulus(self, body):
         """c of the bond-based material of this bulk modulus: 18K/(πδ⁴) in 3-D. Contact takes 15 times that."""
-        from .pmb import PMB
+        return micromodulus(body, bond_based_shear(body, bulk=self.bulk))
 
-        return PMB(self.bulk).micromodulus(body)
+    def fracture_energy(self, body, s0):
+        """Energy per area to stretch all bonds across a plane to s0, their shares in b alone: (9/5) K δ s0² for ω =
+        1/|ξ| and K = 5G/3.
+
+        For correspondence an estimate, since there a bond has no energy of its own.
+        """
+        d = body.dimension
+        # Both ends' energies ½ (b/m) ω e² of each bond, with half the crossing volume |cos| r (every direction counts a
+        # bond twice).
+        b_over_m = d * (d + 2) * self.lame(body)[1] / moment(self.influence, body, 2)
+        return 0.5 * b_over_m * s0**2 * moment(self.influence, body, 3) * MEAN_COS[d]
 
 
 @dataclass
@@ -267,12 +308,43 @@ class ForceModel:
         finite = smin_n[smin_n < np.inf]
         self.largest_smin = float(finite.max()) if len(finite) else -np.inf
 
-    def collect(self, F_nc, smin_n, damage):
-        largest = self.crew.nodes(
-            collect, self.n, self.blocks.lo, self.blocks.hi, self.blocks.offset, self.buf, F_nc, smin_n, damage
+    def pull(self, rows, gather, law, z, data, F_nc, smin_n, damage):
+        """F_nc := forces of the bonds in `rows` (a `Standing`), as `law` says (see `rows.force_loop`). Returns the
+        numbers in `rows` of those that broke."""
+        bl = self.blocks
+        gone_k = np.zeros(bl.count, np.int64)
+        self.crew.run(
+            force_loop(gather, law),
+            bl.count,
+            bl.edges,
+            bl.lo,
+            bl.offset,
+            rows.start_n,
+            rows.j_b,
+            rows.image_b,
+            self.images,
+            z,
+            data,
+            rows.intact_b,
+            rows.kind_b,
+            self.rule.s00,
+            self.rule.alpha,
+            smin_n,
+            self.s_low,
+            damage,
+            self.buf,
+            self.gone_b,
+            gone_k,
         )
+        largest = self.crew.nodes(collect, self.n, bl.lo, bl.hi, bl.offset, self.buf, F_nc, smin_n, damage)
         if damage:
             self.largest_smin = max(largest)
+        # A block lists its broken bonds from its first bond on.
+        first = rows.start_n[bl.edges[:-1]]
+        parts = [
+            first[k] + self.gone_b[first[k] : first[k] + gone_k[k]].astype(np.int64) for k in np.flatnonzero(gone_k)
+        ]
+        return np.concatenate(parts) if parts else np.zeros(0, np.int64)
 
     # To be given by subclasses.
     def forces(self, z, intact_b, F_nc, smin_n, damage: bool):
@@ -312,15 +384,6 @@ class ForceModel:
             self._standing = Standing(self.table, self.crew, self.kind_b, *columns)
         self._standing.follow(intact_b)
         return self._standing
-
-    def listed(self, gone_k, start_n):
-        """The numbers of the bonds that a kernel listed in `gone_b`, gone_k of each block, in rows that begin at
-        start_n."""
-        first = start_n[self.blocks.edges[:-1]]
-        parts = [
-            first[k] + self.gone_b[first[k] : first[k] + gone_k[k]].astype(np.int64) for k in np.flatnonzero(gone_k)
-        ]
-        return np.concatenate(parts) if parts else np.zeros(0, np.int64)
 
     def account(self, z, which):
         """What `forces` returns for the bonds that broke: their number, the energy lost, and their last pull (i, j,

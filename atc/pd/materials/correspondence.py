@@ -12,10 +12,11 @@ from __future__ import annotations
 import numpy as np
 
 from ...compiled import njit
+from ...errors import AtcError
+from ..blocks import collect
 from ..bonds import JIT
 from ..lanes import INLINE, C, gather
 from .base import BondForces, ForceModel, Isotropic, deformed
-from .rows import close_row, open_block, settle
 
 # The share that must be left of a family's smallest moment (the smallest eigenvalue of K), or its node exerts no force
 # any more.
@@ -49,12 +50,6 @@ class Correspondence(Isotropic):
         self.stabilisation = float(stabilisation)
         self.influence, self.volume_correction = influence, bool(volume_correction)
 
-    def fracture_energy(self, body, s0):
-        """As LPS's with the same ω: an estimate, since a correspondence bond has no energy of its own."""
-        from .lps import LPS
-
-        return LPS(self.bulk, self.shear, influence=self.influence).fracture_energy(body, s0)
-
     @staticmethod
     def model(*args, **options):
         return CorrespondenceModel(*args, **options)
@@ -67,8 +62,6 @@ class CorrespondenceModel(ForceModel):
     def __init__(self, body, materials, crew, rules=None, lammps_compat=False, interfaces=None):
         super().__init__(body, materials, crew, rules, lammps_compat)
         if interfaces:
-            from ...errors import AtcError
-
             raise AtcError(
                 "correspondence: bonds of this material have no stiffness of their own that an interface could "
                 "change; take pmb or lps, "
@@ -133,8 +126,6 @@ class CorrespondenceModel(ForceModel):
             reference,
             self.tensor_buf,
         )
-        from ..blocks import collect
-
         self.crew.nodes(collect, self.n, bl.lo, bl.hi, bl.offset, self.tensor_buf, out, np.zeros(0), False)
 
     def _states(self, z, intact_b):
@@ -153,38 +144,11 @@ class CorrespondenceModel(ForceModel):
         )
 
     def forces(self, z, intact_b, F_nc, smin_n, damage):
-        t, bl = self.table, self.blocks
         self._states(z, intact_b)
-        gone = np.zeros(bl.count, np.int64)
-        self.crew.run(
-            _forces,
-            bl.count,
-            bl.edges,
-            bl.lo,
-            bl.offset,
-            t.start_n,
-            t.j_b,
-            t.image_b,
-            self.images,
-            z,
-            t.r0_b,
-            self.W_b,
-            self.Q_ncc,
-            self.g_active_n,
-            intact_b,
-            self.kind_b,
-            self.rule.s00,
-            self.rule.alpha,
-            smin_n,
-            self.s_low,
-            damage,
-            self.buf,
-            self.gone_b,
-            gone,
-        )
-        self.collect(F_nc, smin_n, damage)
         self._intact = intact_b
-        return self.account(z, self.listed(gone, t.start_n))
+        rows = self.standing(intact_b, self.table.r0_b, self.W_b)
+        data = (*rows.columns, self.Q_ncc, self.g_active_n)
+        return self.account(z, rows.broke(self.pull(rows, gather, _row, z, data, F_nc, smin_n, damage)))
 
     def lost(self, z, which):
         """A bond has no energy of its own: the difference is that of the body before and after."""
@@ -339,83 +303,17 @@ def _stress(a, b, H, inverse, lam, mu, g, V, Q):
                 q[r, c] = V[n] * (P[r, 0] * Ki[0, c] + P[r, 1] * Ki[1, c] + P[r, 2] * Ki[2, c]) - g[n] * h[r, c]
 
 
-@njit(**JIT)
-def _forces(
-    first,
-    last,
-    edges,
-    lo,
-    offset,
-    start,
-    j,
-    image,
-    images,
-    z,
-    r0,
-    W,
-    Q,
-    g,
-    intact,
-    kind,
-    s00,
-    alpha,
-    smin,
-    s_low,
-    damage,
-    buf,
-    gone_b,
-    gone_k,
-):
-    """As PMB's."""
-    w = np.empty(8 * C)
-    node = np.empty(C + 8, np.int32)
-    own = np.array([0.0, 0.0, 0.0, np.inf])
-    q = np.empty(10 * C)
-    for block in range(first, last):
-        f = buf[offset[block] : offset[block + 1]]
-        open_block(f)
-        base = lo[block]
-        b_first = start[edges[block]]
-        gone = 0
-        for i in range(edges[block], edges[block + 1]):
-            for b0 in range(start[i], start[i + 1], C):
-                m = min(C, start[i + 1] - b0)
-                gather(b0, m, i, j, image, images, z, node, w)
-                for k in range(m):
-                    n = j[b0 + k]
-                    for c in range(9):
-                        q[c * C + k] = Q[n, c] + Q[i, c]
-                    q[9 * C + k] = g[n] + g[i]
-                _row(m, w, q, r0[b0 : b0 + m], W[b0 : b0 + m], intact[b0 : b0 + m])
-                gone = settle(
-                    m,
-                    b0,
-                    i,
-                    base,
-                    j,
-                    node,
-                    w,
-                    f,
-                    own,
-                    intact,
-                    kind,
-                    s00,
-                    alpha,
-                    smin,
-                    s_low,
-                    damage,
-                    b_first,
-                    gone_b,
-                    gone,
-                )
-            close_row(f[i - base], own)
-        gone_k[block] = gone
-
-
 @njit(**INLINE)
-def _row(m, w, q, r0, W, intact):
-    """Forces of m bonds into columns 0-2 of w, stretches into 6 and 7. Columns of q: Q_i + Q_j and g_i + g_j."""
+def _row(m, b0, i, node, w, q, intact, data):
+    """Columns of q: Q_i + Q_j and g_i + g_j."""
+    r0, W, Q, g_n = data
     for k in range(m):
+        n = node[k]
+        for c in range(9):
+            q[c * C + k] = Q[n, c] + Q[i, c]
+        q[9 * C + k] = g_n[n] + g_n[i]
+    for k in range(m):
+        b = np.uint64(b0) + np.uint64(k)
         ex = w[k]
         ey = w[C + k]
         ez = w[2 * C + k]
@@ -423,12 +321,12 @@ def _row(m, w, q, r0, W, intact):
         y = w[4 * C + k]
         z = w[5 * C + k]
         t = ex * (x + x + ex) + ey * (y + y + ey) + ez * (z + z + ez)
-        L = r0[k]
+        L = r0[b]
         r2 = L * L + t
         r = np.sqrt(r2 if r2 > 0.0 else 0.0)
         s = t / ((r + L) * L)
-        whole = intact[k] != 0
-        a = W[k] if whole else 0.0
+        whole = intact[b] != 0
+        a = W[b] if whole else 0.0
         g = q[9 * C + k]
         w[k] = a * (q[k] * x + q[C + k] * y + q[2 * C + k] * z + g * ex)
         w[C + k] = a * (q[3 * C + k] * x + q[4 * C + k] * y + q[5 * C + k] * z + g * ey)

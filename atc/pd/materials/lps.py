@@ -14,8 +14,8 @@ from ...compiled import njit
 from ..blocks import node_rows
 from ..bonds import JIT
 from ..lanes import INLINE, C, gather, gather_positions
-from .base import BondForces, ForceModel, Isotropic, deformed
-from .rows import close_row, open_block, settle
+from .base import BondForces, ForceModel, Isotropic, deformed, influence_function
+from .rows import eights
 
 
 class LPS(Isotropic):
@@ -35,24 +35,6 @@ class LPS(Isotropic):
     ):
         super().__init__(bulk, shear, youngs=youngs, poisson=poisson)
         self.influence, self.volume_correction = influence, bool(volume_correction)
-
-    def fracture_energy(self, body, s0):
-        """Energy per area to stretch all bonds across a plane to s0, their shares in b alone: (9/5) K δ s0² for ω =
-        1/|ξ| and K = 5G/3."""
-        from scipy.integrate import quad
-
-        from .base import influence_function, sphere_measure
-
-        d, delta = body.dimension, body.horizon
-        lam, mu = self.lame(body)
-        omega = influence_function(self.influence)
-        moment = lambda p: quad(lambda r: float(omega(np.array([r]), delta)[0]) * r ** (d - 1 + p), 0, delta)[0]  # noqa: E731
-        surface = sphere_measure(d, body.thickness)
-        m = surface * moment(2)
-        mean_cos = {1: 1.0, 2: 2 / np.pi, 3: 0.5}[d]
-        # Both ends' energies ½ (b/m) ω e² of each bond, with half the crossing volume |cos| r (every direction counts a
-        # bond twice).
-        return 0.5 * (d * (d + 2) * mu / m) * s0**2 * surface * moment(3) * mean_cos
 
     @staticmethod
     def model(*args, **options):
@@ -86,11 +68,8 @@ class StateModel(ForceModel):
         if lammps_compat and len(t.image_b):
             # LAMMPS leaves out the images here: |X_j − X_i| across the box.
             r2 = ((body.X_nc[t.j_b] - body.X_nc[t.i_b]) ** 2).sum(axis=1)
-            from .base import influence_function
-
-            r2 *= influence_function(self.first.influence)(np.sqrt(r2), body.horizon) / influence_function(
-                self.first.influence
-            )(t.r0_b, body.horizon)
+            omega = influence_function(self.first.influence)
+            r2 *= omega(np.sqrt(r2), body.horizon) / omega(t.r0_b, body.horizon)
         self.M_n = t.sums(self.W_b * r2)
         # The bonds of an interface count by its factor; m is that of the family as if they were whole.
         factor = self.interface_factor(interfaces)
@@ -129,35 +108,9 @@ class StateModel(ForceModel):
             self.scalar_buf,
         )
         self.crew.nodes(_gather_up, self.n, bl.lo, bl.hi, bl.offset, self.scalar_buf, z, self.h_n, self.S_n, self.y_nk)
-        gone = np.zeros(bl.count, np.int64)
-        self.crew.run(
-            _forces,
-            bl.count,
-            bl.edges,
-            bl.lo,
-            bl.offset,
-            t.start_n,
-            t.j_b,
-            t.image_b,
-            self.images,
-            self.y_nk,
-            r0,
-            W,
-            WB,
-            self.e_b,
-            t.intact_b,
-            t.kind_b,
-            self.rule.s00,
-            self.rule.alpha,
-            smin_n,
-            self.s_low,
-            damage,
-            self.buf,
-            self.gone_b,
-            gone,
+        return self.account(
+            z, t.broke(self.pull(t, gather_positions, _row, self.y_nk, (r0, W, WB, self.e_b), F_nc, smin_n, damage))
         )
-        self.collect(F_nc, smin_n, damage)
-        return self.account(z, t.broke(self.listed(gone, t.start_n)))
 
     def lost(self, z, which):
         """The energy that left with bonds `which`: their own shares, and what their nodes' dilatations were worth (S_n
@@ -294,9 +247,10 @@ def _gather_up(a, b, lo, hi, offset, buf, z, h, S, y):
 
 
 @njit(**INLINE)
-def _row(m, b0, w, r0, W, WB, e, intact):
-    """As PMB's: forces into columns 0-2, stretches into 6 and 7; extensions are known."""
-    for k in range(m):
+def _row(m, b0, i, node, w, v, intact, data):
+    """Extensions are known."""
+    r0, W, WB, e = data
+    for k in range(eights(m, b0, intact)):
         b = np.uint64(b0) + np.uint64(k)
         L = r0[b]
         r = L + e[b]
@@ -311,71 +265,3 @@ def _row(m, b0, w, r0, W, WB, e, intact):
         w[2 * C + k] *= K
         w[6 * C + k] = s if whole else np.inf
         w[7 * C + k] = s if whole else -np.inf
-
-
-@njit(**JIT)
-def _forces(
-    first,
-    last,
-    edges,
-    lo,
-    offset,
-    start,
-    j,
-    image,
-    images,
-    y,
-    r0,
-    W,
-    WB,
-    e,
-    intact,
-    kind,
-    s00,
-    alpha,
-    smin,
-    s_low,
-    damage,
-    buf,
-    gone_b,
-    gone_k,
-):
-    """As PMB's."""
-    w = np.empty(8 * C)
-    node = np.empty(C + 8, np.int32)
-    own = np.array([0.0, 0.0, 0.0, np.inf])
-    for block in range(first, last):
-        f = buf[offset[block] : offset[block + 1]]
-        open_block(f)
-        base = lo[block]
-        b_first = start[edges[block]]
-        gone = 0
-        for i in range(edges[block], edges[block + 1]):
-            for b0 in range(start[i], start[i + 1], C):
-                m = min(C, start[i + 1] - b0)
-                gather_positions(b0, m, i, j, image, images, y, node, w)
-                # Lanes beyond the row have no extent, and pull nothing.
-                _row(min((m + 7) & ~7, len(r0) - b0), b0, w, r0, W, WB, e, intact)
-                gone = settle(
-                    m,
-                    b0,
-                    i,
-                    base,
-                    j,
-                    node,
-                    w,
-                    f,
-                    own,
-                    intact,
-                    kind,
-                    s00,
-                    alpha,
-                    smin,
-                    s_low,
-                    damage,
-                    b_first,
-                    gone_b,
-                    gone,
-                )
-            close_row(f[i - base], own)
-        gone_k[block] = gone

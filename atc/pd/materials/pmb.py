@@ -6,14 +6,34 @@ displacements, e = η·(2ξ+η)/(|ξ+η|+|ξ|), so that a body at rest is exactl
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
-from ...compiled import njit
+from ...compiled import njit, specialise, tag_of
 from ...errors import AtcError
 from ..bonds import JIT
 from ..lanes import INLINE, C, gather
-from .base import BondForces, ForceModel, Material, deformed, harmonic, influence_function, sphere_measure
-from .rows import close_row, open_block, settle
+from .base import MEAN_COS, BondForces, ForceModel, Material, bond_based_shear, deformed, harmonic, micromodulus, moment
+from .rows import eights
+
+# Compiled into the loop, and called from Python.
+CALLED = dict(INLINE, no_cpython_wrapper=False)
+
+
+def bond_law(law):
+    """Decorator of a bond's law, a function of its stretch s = (|ξ+η| − |ξ|)/|ξ| that numba can compile.
+
+    It returns (a, b), the force c ω a s and the energy ½ c ω b s² |ξ| of the bond, c the micromodulus: a = b = 1 is a
+    spring. b s² is twice the integral of a s, and a(0) = b(0) = 1 where c is to be the stiffness of small stretches.
+    """
+    return staticmethod(njit(**CALLED)(law))
+
+
+@njit(**CALLED)
+def linear(s):
+    """A spring."""
+    return 1.0, 1.0
 
 
 class PMB(Material):
@@ -26,9 +46,21 @@ class PMB(Material):
         In 3-D c = 18K/(πδ⁴); in general c ∫ω|ξ| dV = 2d(d+2) μ with the shear modulus μ of the dimension.
     influence : ω(|ξ|, δ), "one" by default, a name of `INFLUENCE` or a function; f = c ω s
     volume_correction, surface_correction : see `Material`
+
+    Attributes
+    ----------
+    law : what the bond's force and energy are beside those of a spring, `linear`; a subclass with another one is
+        another bond-based material, see `bond_law`
+    stiffening : the largest slope of s·a(s), on which the stable time step depends: 1 for a law that only softens
     """
 
     name = "pmb"
+    law = staticmethod(linear)
+    stiffening = 1.0
+
+    @property
+    def springs(self):
+        return self.law is linear
 
     def __init__(
         self, bulk=None, *, youngs=None, c=None, influence="one", volume_correction=True, surface_correction=None
@@ -42,34 +74,17 @@ class PMB(Material):
         self.influence = influence
         self.volume_correction, self.surface_correction = bool(volume_correction), surface_correction
 
-    def _first_moment(self, body):
-        """∫ω|ξ| dV over the horizon."""
-        from scipy.integrate import quad
-
-        d, delta = body.dimension, body.horizon
-        surface = sphere_measure(d, body.thickness)
-        if self.influence == "one":
-            return surface * delta ** (d + 1) / (d + 1)
-        omega = influence_function(self.influence)
-        return surface * quad(lambda r: float(omega(np.array([r]), delta)[0]) * r**d, 0, delta)[0]
-
     def lame(self, body):
         d = body.dimension
-        if self.c is not None:
-            mu = self.c * self._first_moment(body) / (2 * d * (d + 2))
+        if self.c is None:
+            mu = bond_based_shear(body, self.youngs, self.bulk)
         else:
-            poisson = 1 / 3 if d == 2 and body.plane == "stress" else 1 / 4
-            E = self.youngs if self.youngs is not None else 3 * self.bulk * (1 - 2 * poisson)
-            mu = E / 3 if d == 1 else E / (2 * (1 + poisson))
+            mu = self.c * moment(self.influence, body, 1) / (2 * d * (d + 2))
         return mu, mu
 
     def micromodulus(self, body):
         """c in this body: force per volume² at unit stretch (before ω)."""
-        if self.c is not None:
-            return float(self.c)
-        d = body.dimension
-        # W = ¼ c ∫ω|ξ| (tr² + 2ε:ε)/(d(d+2)) is that of λ = μ.
-        return 2 * d * (d + 2) * self.lame(body)[1] / self._first_moment(body)
+        return float(self.c) if self.c is not None else micromodulus(body, self.lame(body)[1], self.influence)
 
     contact_micromodulus = micromodulus
 
@@ -83,17 +98,10 @@ class PMB(Material):
 
     def fracture_energy(self, body, s0):
         """Energy per area to stretch all bonds across a plane to s0: 9/5 K δ s0² in 3-D."""
-        from scipy.integrate import quad
-
-        d, delta, c = body.dimension, body.horizon, self.micromodulus(body)
-        omega = influence_function(self.influence)
         # Bonds of length r across a plane, per area: (solid angle mean of |cos|)/2 · r each way; each costs ½ c ω s0²
         # r.
-        mean_cos = {1: 1.0, 2: 2 / np.pi, 3: 0.5}[d]
-        moment = quad(lambda r: float(omega(np.array([r]), delta)[0]) * r ** (d + 1), 0, delta)[0] * sphere_measure(
-            d, body.thickness
-        )
-        return 0.5 * c * s0**2 * moment * mean_cos / 2
+        crossing = moment(self.influence, body, 2) * MEAN_COS[body.dimension] / 2
+        return 0.5 * self.micromodulus(body) * self.law(s0)[1] * s0**2 * crossing
 
     @staticmethod
     def model(*args, **options):
@@ -106,6 +114,9 @@ class BondModel(ForceModel):
 
     def __init__(self, body, materials, crew, rules=None, lammps_compat=False, interfaces=None):
         super().__init__(body, materials, crew, rules, lammps_compat)
+        self.law = self.first.law
+        if any(m.law is not self.law for m in materials.values()):
+            raise AtcError(f"{self.first.name}: the materials of one body must share the law of their bonds")
         c = {m: materials[m].micromodulus(body) for m in self.ids}
         self.c_k = self.pair_values(lambda a, b: harmonic(c[a], c[b]))
         self.W_b = self.weights() * self.per_bond(self.c_k)
@@ -124,65 +135,71 @@ class BondModel(ForceModel):
             self.W_b *= factor
 
     def forces(self, z, intact_b, F_nc, smin_n, damage):
-        t, bl = self.standing(intact_b, self.table.r0_b, self.W_b), self.blocks
-        gone = np.zeros(bl.count, np.int64)
-        self.crew.run(
-            _forces,
-            bl.count,
-            bl.edges,
-            bl.lo,
-            bl.offset,
-            t.start_n,
-            t.j_b,
-            t.image_b,
-            self.images,
+        rows = self.standing(intact_b, self.table.r0_b, self.W_b)
+        return self.account(
             z,
-            *t.columns,
-            self.guard,
-            t.intact_b,
-            t.kind_b,
-            self.rule.s00,
-            self.rule.alpha,
-            smin_n,
-            self.s_low,
-            damage,
-            self.buf,
-            self.gone_b,
-            gone,
+            rows.broke(
+                self.pull(rows, gather, _law_of_rows(self.law), z, (*rows.columns, self.guard), F_nc, smin_n, damage)
+            ),
         )
-        self.collect(F_nc, smin_n, damage)
-        return self.account(z, t.broke(self.listed(gone, t.start_n)))
 
     def lost(self, z, which):
         e = deformed(self, z, which)[4]
-        return float((0.5 * self.W_b[which] / self.table.r0_b[which] * e**2).sum())
+        return float((0.5 * self.W_b[which] / self.table.r0_b[which] * self._law(e, which)[1] * e**2).sum())
+
+    def _law(self, e, which):
+        """The law's two factors at extensions e of the numbered bonds."""
+        if self.law is linear:
+            return 1.0, 1.0
+        s = e / self.table.r0_b[which]
+        a, b = np.empty_like(s), np.empty_like(s)
+        specialise(_factors, tag_of(self.law), JIT, LAW=self.law)(s, a, b)
+        return a, b
 
     def energy_n(self, z, intact_b):
         energy = np.zeros(self.n)
         for b in self.parts():
             i, j, _, _, e, _ = deformed(self, z, b)
-            half = 0.25 * self.W_b[b] * e**2 / self.table.r0_b[b] * (intact_b[b] != 0)
+            half = 0.25 * self.W_b[b] * self._law(e, b)[1] * e**2 / self.table.r0_b[b] * (intact_b[b] != 0)
             energy += np.bincount(i, half, self.n) + np.bincount(j, half, self.n)
         return energy
 
     def forces_of_bonds(self, z, intact_b, whole):
         i, j, eta, xi, e, r = deformed(self, z, whole)
-        G = np.divide(self.W_b[whole] * e, r * self.table.r0_b[whole], out=np.zeros(len(whole)), where=r > 0)
+        G = np.divide(
+            self.W_b[whole] * self._law(e, whole)[0] * e,
+            r * self.table.r0_b[whole],
+            out=np.zeros(len(whole)),
+            where=r > 0,
+        )
         y = xi + eta
         return BondForces(i, j, -y, -xi, G[:, None] * y, G, whole)
 
     def stiffness_n(self):
-        k = self.W_b / self.table.r0_b
-        return self.table.sums(k)
+        return self.table.sums(self.first.stiffening * self.W_b / self.table.r0_b)
 
     def contact_constant(self):
         return self.c_k
 
 
-@njit(**INLINE)
-def _row(m, b0, w, r0, W, intact, guard):
-    """Forces of m bonds into columns 0-2 of w, stretches into column 6 (+∞ if broken) and 7 (−∞ if broken)."""
-    for k in range(m):
+# Replaced in each copy, see `_law_of_rows`.
+LAW = None
+
+
+@cache
+def _law_of_rows(law):
+    """`_row` with a bond's law in it, for `rows.force_loop`."""
+    return specialise(_row, tag_of(law), INLINE, LAW=law)
+
+
+def _factors(s, a, b):
+    for k in range(len(s)):
+        a[k], b[k] = LAW(s[k])
+
+
+def _row(m, b0, i, node, w, v, intact, data):
+    r0, W, guard = data
+    for k in range(eights(m, b0, intact)):
         # Unsigned: no test for negative indices, so that loads are whole vectors.
         b = np.uint64(b0) + np.uint64(k)
         ex = w[k]
@@ -201,77 +218,9 @@ def _row(m, b0, w, r0, W, intact, guard):
         D = q / D if D > 0.0 else 0.0
         s = D * r if r > 0.0 else -1.0
         whole = intact[b] != 0
-        K = W[b] * D if whole else 0.0
+        K = W[b] * D * LAW(s)[0] if whole else 0.0
         w[k] = K * (x + ex)
         w[C + k] = K * (y + ey)
         w[2 * C + k] = K * (z + ez)
         w[6 * C + k] = s if whole else np.inf
         w[7 * C + k] = s if whole else -np.inf
-
-
-@njit(**JIT)
-def _forces(
-    first,
-    last,
-    edges,
-    lo,
-    offset,
-    start,
-    j,
-    image,
-    images,
-    z,
-    r0,
-    W,
-    guard,
-    intact,
-    kind,
-    s00,
-    alpha,
-    smin,
-    s_low,
-    damage,
-    buf,
-    gone_b,
-    gone_k,
-):
-    """Blocks first..last: forces and smallest stretches into their buffers. Broken bonds are listed in gone_b, block by
-    block from the block's first bond on, gone_k of them."""
-    w = np.empty(8 * C)
-    node = np.empty(C + 8, np.int32)
-    own = np.array([0.0, 0.0, 0.0, np.inf])
-    for block in range(first, last):
-        f = buf[offset[block] : offset[block + 1]]
-        open_block(f)
-        base = lo[block]
-        b_first = start[edges[block]]
-        gone = 0
-        for i in range(edges[block], edges[block + 1]):
-            for b0 in range(start[i], start[i + 1], C):
-                m = min(C, start[i + 1] - b0)
-                gather(b0, m, i, j, image, images, z, node, w)
-                # Whole vectors of eight: lanes beyond the row have no displacement, and pull nothing.
-                _row(min((m + 7) & ~7, len(r0) - b0), b0, w, r0, W, intact, guard)
-                gone = settle(
-                    m,
-                    b0,
-                    i,
-                    base,
-                    j,
-                    node,
-                    w,
-                    f,
-                    own,
-                    intact,
-                    kind,
-                    s00,
-                    alpha,
-                    smin,
-                    s_low,
-                    damage,
-                    b_first,
-                    gone_b,
-                    gone,
-                )
-            close_row(f[i - base], own)
-        gone_k[block] = gone

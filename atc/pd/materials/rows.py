@@ -1,5 +1,5 @@
-"""What the force kernels of all materials do with a row of bonds once its forces are known: deal them out, and see what
-breaks.
+"""The loop over bonds in which the force law of a material is compiled: gather a row, let the law say what its bonds
+pull, deal that out, see what breaks.
 
 No kernel may reorder or fuse its arithmetic (that gains nothing here): where a bond stands in a vector, and how wide
 vectors are, changes no bit.
@@ -7,9 +7,11 @@ vectors are, changes no bit.
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
-from ...compiled import njit
+from ...compiled import njit, specialise, tag_of
 from ..bonds import JIT
 from ..lanes import INLINE, C, deal
 
@@ -24,14 +26,7 @@ def _largest(m, w):
 
 
 @njit(**INLINE)
-def open_block(f):
-    """Nothing yet: no force, no smallest stretch."""
-    f[:, :3] = 0.0
-    f[:, 3] = np.inf
-
-
-@njit(**INLINE)
-def settle(m, b0, i, base, j, node, w, f, own, intact, kind, s00, alpha, smin, s_low, damage, first, gone_b, gone):
+def _settle(m, b0, i, base, j, node, w, f, own, intact, kind, s00, alpha, smin, s_low, damage, first, gone_b, gone):
     """Forces (columns 0-2 of w) of m bonds of row i into f and `own`. With `damage`, bonds beyond their critical
     stretch break after they have pulled: they are listed in gone_b from the block's first bond on, `gone` so far.
     Column 6: stretches, +∞ if broken; 7: −∞ if broken."""
@@ -49,7 +44,7 @@ def settle(m, b0, i, base, j, node, w, f, own, intact, kind, s00, alpha, smin, s
 
 
 @njit(**INLINE)
-def close_row(f, own):
+def _close_row(f, own):
     """The row's own node: the sum of its forces, and its smallest stretch; `own` is empty again."""
     for c in range(3):
         f[c] += own[c]
@@ -65,3 +60,93 @@ def threshold(s00, alpha, smin_i, smin_j):
     si = np.inf if smin_i == -np.inf else s00 - alpha * smin_i
     sj = np.inf if smin_j == -np.inf else s00 - alpha * smin_j
     return si if si < sj else sj
+
+
+@njit(**INLINE)
+def eights(m, b0, intact):
+    """How many bonds a law does at once if it likes whole vectors of eight: those beyond the row's m have no extent,
+    and pull nothing."""
+    return min((m + 7) & ~7, len(intact) - b0)
+
+
+# Replaced in each copy of the loop, see `force_loop`.
+GATHER = LAW = None
+
+
+def _forces(
+    first,
+    last,
+    edges,
+    lo,
+    offset,
+    start,
+    j,
+    image,
+    images,
+    z,
+    data,
+    intact,
+    kind,
+    s00,
+    alpha,
+    smin,
+    s_low,
+    damage,
+    buf,
+    gone_b,
+    gone_k,
+):
+    """Blocks first..last: forces and smallest stretches into their buffers. Broken bonds are listed in gone_b, block by
+    block from the block's first bond on, gone_k of them."""
+    w = np.empty(8 * C)
+    v = np.empty(10 * C)
+    node = np.empty(C + 8, np.int32)
+    own = np.array([0.0, 0.0, 0.0, np.inf])
+    for block in range(first, last):
+        f = buf[offset[block] : offset[block + 1]]
+        f[:, :3] = 0.0
+        f[:, 3] = np.inf
+        base = lo[block]
+        b_first = start[edges[block]]
+        gone = 0
+        for i in range(edges[block], edges[block + 1]):
+            for b0 in range(start[i], start[i + 1], C):
+                m = min(C, start[i + 1] - b0)
+                GATHER(b0, m, i, j, image, images, z, node, w)
+                LAW(m, b0, i, node, w, v, intact, data)
+                gone = _settle(
+                    m,
+                    b0,
+                    i,
+                    base,
+                    j,
+                    node,
+                    w,
+                    f,
+                    own,
+                    intact,
+                    kind,
+                    s00,
+                    alpha,
+                    smin,
+                    s_low,
+                    damage,
+                    b_first,
+                    gone_b,
+                    gone,
+                )
+            _close_row(f[i - base], own)
+        gone_k[block] = gone
+
+
+@cache
+def force_loop(gather, law):
+    """`_forces` with a material's law in it.
+
+    gather : what it needs of the nodes, `lanes.gather` (displacements, reference vectors) or `lanes.gather_positions`
+    law : compiled function (m, b0, i, node, w, v, intact, data), ``njit(**lanes.INLINE)``, of the m bonds of row i from
+        bond b0 on. It finds what was gathered in
+        columns 0-5 of w and leaves forces on i in columns 0-2, stretches in column 6 (+∞ if broken) and 7 (−∞ if
+        broken); v is ten columns of its own. `data` is the tuple that the model hands over, node the bonds' other ends.
+    """
+    return specialise(_forces, tag_of(law, gather), JIT, GATHER=gather, LAW=law)
