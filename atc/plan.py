@@ -147,6 +147,10 @@ class Request:
         elif self.reference is not None and getattr(self.pot, "setup", None) is not None:
             self.reference = self.pot.complete(self.reference)
         self.first = self.frames[0]
+        if self.work.bond_users and getattr(self.pot, "constraints", None) is not None:
+            # What its constraints are found from is settled, and asked for, once.
+            self.pot = self.pot.settled(self.first)
+            self.work = Work.of(self.quantities, self.pot.central)
         if self.reference is not None and self.reference.dimension != self.first.dimension:
             if self.first.dimension == 3:
                 raise AtcError(

@@ -75,6 +75,11 @@ def refuse(frame, work, pot) -> None:
         raise AtcError(
             "tiles: only potentials made of atc's terms are cut into tiles, not the bonds of a body: leave tiles out"
         )
+    if getattr(pot, "constraints", None) is not None:
+        raise AtcError(
+            f"tiles: the forces of {pot.constraints.describe()} depend on all forces on a molecule, which a tile does "
+            "not have: leave tiles out"
+        )
 
 
 def tile_sums(tile: Tile, task: Task) -> dict:
