@@ -15,6 +15,7 @@ from .estimators.registry import BOND, Work
 
 _TERMS = {
     "one": "1",
+    "degrees": "f/d",
     "mass": "m",
     "momentum": "m v",
     "kinetic": "m v⊗v",
@@ -266,6 +267,15 @@ class Request:
         from .costs import Load, load_of
 
         return load_of(self.pot, self.first) if self.work.bond_users else Load()
+
+    @cached_property
+    def held(self) -> dict:
+        """What an output says of the forces of constraints: what was held, what they were found from, and how far off
+        they are, of the first frame."""
+        if not self.work.bond_users or getattr(self.pot, "constraints", None) is None:
+            return {}
+        found = self.pot.stream(self.first, None, threads=self.threads).held
+        return {} if found is None else self.pot.constraints.attributes(found)
 
     @property
     def method_used(self) -> str:

@@ -82,6 +82,9 @@ def check(
     k = n_frames // 2
     frame = traj[k]
     frame.require("masses", "velocities", why="a balance law")
+    free = pot
+    if getattr(pot, "constraints", None) is not None:
+        pot, free = pot.settled(frame), pot.constrained(None)
     if not len(frame):
         raise AtcError(f"{frame.source}: holds no atoms: there is nothing to check")
     kern_in = kernel_internal(kern, frame.units)
@@ -118,6 +121,8 @@ def check(
     }
     by_fields = law.field_laws(laws, exact, fields | written, h)
 
+    # Constraints have no energy, whose rate their velocities would have to belong to exactly.
+    of_energies = state if free is pot else _motion(frame, free, threads, None)
     scale = {name: x.largest[1] for name, x in laws.items()}
     closed = {name: _outcome(x, scale[name], np.zeros(1)) for name, x in laws.items()}
     stencil = {name: _outcome(x, scale[name], x.limit, DIFFERENCES) for name, x in by_fields.items()}
@@ -140,7 +145,7 @@ def check(
             closed=closed,
             stencil=stencil,
             frames=frames,
-            sources=law.energy_rates(frame, pot, state, threads),
+            sources=law.energy_rates(frame, free, of_energies, threads),
             apart=apart,
             jumps=found,
             churns=churns,

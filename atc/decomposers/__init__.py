@@ -168,6 +168,11 @@ _WHERE = {
     "Polymorphic": "polymorphic",
     "AxilrodTeller": "axilrod_teller",
     "ManyBody": "many_body",
+    "Constraints": "constraints",
+    "HeldPairs": "constraint_rules",
+    "HydrogenBonds": "constraint_rules",
+    "RigidMolecules": "constraint_rules",
+    "Shake": "constraint_rules",
 }
 
 __all__ = [*_WHERE, "potential"]

@@ -140,7 +140,7 @@ def _code(i, j, n):
 
 
 @dataclass(frozen=True)
-class Pairs(Rule):
+class HeldPairs(Rule):
     """Given pairs of atoms, by their ids."""
 
     ids: tuple[tuple[int, int], ...] = ()
@@ -195,7 +195,7 @@ def hydrogen(frame: Frame, where: str) -> np.ndarray:
     names = {t: str(name) for t, name in frame.type_names.items()}
     if names and all(t in names for t in np.unique(frame.types)):
         by_name = {
-            t: name[:1].upper() == "H" and not name[:2].title() in ("He", "Hf", "Hg", "Ho", "Hs")
+            t: name[:1].upper() == "H" and name[:2].title() not in ("He", "Hf", "Hg", "Ho", "Hs")
             for t, name in names.items()
         }
         if any(by_name.values()):
@@ -212,7 +212,7 @@ def hydrogen(frame: Frame, where: str) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Molecules(Rule):
+class RigidMolecules(Rule):
     """Rigid bodies: atoms of the same molecule, or groups of a script that are a body each.
 
     chosen : numbers of molecules, or None: all

@@ -105,6 +105,17 @@ class Constraints:
     def describe(self) -> str:
         return f"constraints: {', '.join(dict.fromkeys(r.describe() for r in self.rules))}"
 
+    def attributes(self, found: Found) -> dict:
+        """For an output: what is held, and how its forces were found."""
+        text = (
+            f"{found.count} in {found.molecules} molecules "
+            f"({', '.join(dict.fromkeys(r.describe() for r in self.rules))})"
+        )
+        out = {"constraints": text, "constraint_source": found.source}
+        if np.isfinite(found.error):
+            out["constraint_error"] = found.error
+        return out
+
     @property
     def where(self) -> str:
         return self.rules[0].where or "constraints"
@@ -173,7 +184,7 @@ class Constraints:
 
     def taken(self, frame: Frame) -> int:
         """How many degrees of freedom the constraints take of a frame."""
-        return int(round(frame.dimension * len(frame) - float(self.degrees(frame).sum())))
+        return round(frame.dimension * len(frame) - float(self.degrees(frame).sum()))
 
     def _systems(self, frame):
         pairs = self.pairs(frame)
@@ -288,7 +299,7 @@ class Constraints:
                 if across is not None:
                     i, j, r, F = across
                     levers.append(Bonds(i.astype(np.int32), j.astype(np.int32), r, np.zeros(len(i)), F_bc=F))
-                count += b.atoms_ma.size * frame.dimension - int(round(b.degrees_ma().sum()))
+                count += b.atoms_ma.size * frame.dimension - round(b.degrees_ma().sum())
                 many += len(b.atoms_ma)
             sources.append(source)
             # Centripetal forces are quadratic in velocities.

@@ -182,7 +182,7 @@ class _FrameJob:
         self.stage = Stage(frame, kern, settings, index) if set(work.grid_users) - self.on_reference else None
         self.reference = Stage(settings.reference, kern, settings, index) if self.on_reference else None
         self.drift = drift_velocity(frame) if "velocities" in work.attributes else np.zeros(3)
-        self.factors = AtomFactors(frame, self.drift)
+        self.factors = AtomFactors(frame, self.drift, settings.pot)
         self.sums: list[Sums] = []
         self.decomposition = self.atoms = None
         self.strongest = self.hot = self.hot_sums = None

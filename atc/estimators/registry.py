@@ -40,6 +40,7 @@ class Source:
 # kinetic_flux and potential_flux.
 SITE = {
     "one": Source(1),
+    "degrees": Source(1),  # of freedom of an atom, over those of a free one
     "mass": Source(1, ("masses",)),
     "momentum": Source(3, ("masses", "velocities")),
     "kinetic": Source(6, ("masses", "velocities")),
@@ -313,12 +314,13 @@ _ALL = [
         "temperature",
         "kinetic temperature relative to the local velocity",
         lambda s: s.temperature,
-        site=("one", *_MEAN, "kinetic"),
+        site=("degrees", *_MEAN, "kinetic"),
         masked=True,
-        weight="one",
+        weight="degrees",
         sign="positive",
         comment="-trace(stress_kinetic)/(3 n k_B): three degrees of freedom per atom, none removed for the local mean "
-        "velocity or for constraints",
+        "velocity; where the potential has constraints "
+        "those that they leave each atom: the ones whose mean kinetic energy it has",
     ),
     Quantity(
         "stress_kinetic",

@@ -30,8 +30,8 @@ class AtomFactors:
     atom_virial_n6: np.ndarray | None = None
     residual_n4: np.ndarray | None = None
 
-    def __init__(self, frame, drift):
-        self.frame, self.drift = frame, drift
+    def __init__(self, frame, drift, pot=None):
+        self.frame, self.drift, self.pot = frame, drift, pot
         self._kept: dict[str, np.ndarray] = {}
 
     @property
@@ -57,6 +57,12 @@ class AtomFactors:
 
     def _one(self):
         return np.ones((len(self.frame), 1))
+
+    def _degrees(self):
+        constraints = getattr(self.pot, "constraints", None)
+        if constraints is None:
+            return self._one()
+        return constraints.degrees(self.pot.complete(self.frame))[:, None] / self.frame.dimension
 
     def _mass(self):
         return self.frame.masses[:, None].copy()

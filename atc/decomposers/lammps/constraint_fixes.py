@@ -4,7 +4,7 @@ the ``fix rigid`` family say."""
 from __future__ import annotations
 
 from ...errors import AtcError
-from ..constraint_rules import SAME_MASS, Group, Molecules, Shake
+from ..constraint_rules import SAME_MASS, Group, RigidMolecules, Shake
 from ..constraints import Constraints
 from .fixes import classify
 from .script import Command
@@ -123,7 +123,7 @@ def _shake(c: Command, group, types_of, mass_unit) -> Shake:
     )
 
 
-def _rigid(c: Command, group, types_of, mass_unit) -> Molecules:
+def _rigid(c: Command, group, types_of, mass_unit) -> RigidMolecules:
     style, body, words = c.words[2], c.words[3] if len(c.words) > 3 else "", c.words[4:]
     each = ()
     if body == "group":
@@ -144,4 +144,4 @@ def _rigid(c: Command, group, types_of, mass_unit) -> Molecules:
                 "or the word is not known"
             )
         k += 1 + _RIGID_WORDS[words[k]]
-    return Molecules(None, group(c.words[1]), each, style, c.where, contained=False, releases=False)
+    return RigidMolecules(None, group(c.words[1]), each, style, c.where, contained=False, releases=False)

@@ -76,8 +76,9 @@ def _distinct_models(states, name) -> list[int]:
 
 def _differ(states, i: int, k: int) -> AtcError:
     c = _difference(states[i], states[k])
+    words = c.words[2:3] if c.name == "fix" else c.words[:3]
     return AtcError(
-        f"{c.where}: {c.name} {' '.join(c.words[:3])} holds in run {k + 1} ({states[k].where}), not in run {i + 1} "
+        f"{c.where}: {c.name} {' '.join(words)} holds in run {k + 1} ({states[k].where}), not in run {i + 1} "
         f"({states[i].where}): "
         f"say which run the frames belong to, e.g. run = {k + 1} in [potential]"
     )
