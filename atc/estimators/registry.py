@@ -817,7 +817,7 @@ class Work:
     @property
     def symmetric_users(self) -> list[str]:
         """Quantities that only know forces along bonds."""
-        return [q.name for q in self.quantities if {"atom_virial"} & {*q.site, *q.whole}]
+        return [q.name for q in self.quantities if {"atom_virial"} & {*q.site, *q.whole} or "sources" in q.bond]
 
     @property
     def masked(self) -> bool:
