@@ -31,6 +31,8 @@ _TERMS = {
     "reference_weighted_normalised": "−½ |R| (E_i − E_j)⊗F around each point over its mean, between reference "
     "positions",
     "kinetic_flux": "½ m v² v",
+    "outside_force": "F from outside",
+    "outside_power": "F·v from outside",
     "potential_flux": "U v",
     "energy_current": "(½ m v² + U) v",
     "source_residual": "what the energy sources leave of the force",
@@ -270,12 +272,15 @@ class Request:
 
     @cached_property
     def held(self) -> dict:
-        """What an output says of the forces of constraints: what was held, what they were found from, and how far off
-        they are, of the first frame."""
-        if not self.work.bond_users or getattr(self.pot, "constraints", None) is None:
+        """What an output says of the forces of constraints (what was held, what they were found from, how far off they
+        are in the first frame) and from outside."""
+        if not self.work.force_users and (not self.work.bond_users or getattr(self.pot, "constraints", None) is None):
             return {}
-        found = self.pot.stream(self.first, None, threads=self.threads).held
-        return {} if found is None else self.pot.constraints.attributes(found)
+        d = self.pot.stream(self.first, None, threads=self.threads, forces=bool(self.work.force_users))
+        out = {} if d.held is None else self.pot.constraints.attributes(d.held)
+        if self.work.force_users:
+            out["body_force_source"] = self.pot.body_forces(self.first, d.forces_nc)[1]
+        return out
 
     @property
     def method_used(self) -> str:

@@ -109,6 +109,9 @@ def check(
     deposit = law.deposit_at(stencils, kern_in, frame.cell, threads)
     state = _motion(frame, pot, threads, deposit)
     fields = law.deposited(state, deposit)
+    if getattr(pot, "acting", None) is not None and (pot.acting.laws or pot.acting.others):
+        state.outside_nc, said = pot.body_forces(frame, state.forces_nc)
+        notes.append(f"body force {said}")
     exact = law.Exact(law.Sites(x_gc, frame.positions, frame.cell, kern_in), state, fields.pop("bonds")[::19])
     laws = exact.laws()
     still = frame.replace(velocities=state.v_nc)

@@ -190,6 +190,7 @@ class Potential:
     atom_style : words of the script's ``atom_style``, "" if it has none
     setup : what the script says of atoms, see `complete`, or None
     constraints : `Constraints`, the distances and bodies that are held, or None
+    acting : `outside.OutsideForces` of the script, None where nothing says whether there are any
     """
 
     unmentioned: tuple[str, ...] = ()
@@ -205,6 +206,7 @@ class Potential:
     atom_style: str = ""
     setup = None
     constraints = None
+    acting = None
 
     def __init__(self, terms, units_: Units | str, description: str = ""):
         self.terms = list(terms)
@@ -248,6 +250,35 @@ class Potential:
             return self
         there = self.constraints.in_file()
         return self if there is self.constraints else self.constrained(there)
+
+    def body_forces(self, frame: Frame, inner_nc) -> tuple[np.ndarray, str]:
+        """Forces from outside on the atoms of a frame, and where they are from.
+
+        Parameters
+        ----------
+        inner_nc : (n, 3) forces between atoms, those of constraints among them
+
+        Returns
+        -------
+        (n, 3), by the laws of the script where it has all of them, else what the forces of the run have beyond those
+        between atoms; and which of the two, in words
+
+        Raises
+        ------
+        AtcError where neither is known.
+        """
+        acting = self.acting
+        if acting is not None and acting.known:
+            return acting.of(self.complete(frame), inner_nc), f"declared: {acting.describe()}"
+        if frame.forces is not None:
+            named = f" ({acting.describe()})" if acting is not None else ""
+            return frame.forces - inner_nc, f"measured: the forces of the run less those of the potential{named}"
+        why = (
+            f"the script has {', '.join(acting.others)}, whose forces are not known"
+            if acting is not None
+            else "nothing says which there are"
+        )
+        raise AtcError(f"{frame.source}: body_force: the forces from outside: {why}: dump fx fy fz too")
 
     def constrained(self, constraints) -> Potential:
         """The same potential with other `Constraints`, None for none."""
@@ -394,7 +425,9 @@ class Potential:
                 pool.shutdown()
         held = None
         if constraints is not None and n:
-            held = constraints.found(whole, sum(a.forces for a in accs))
+            inner = sum(a.forces for a in accs)
+            known = self.acting is not None and self.acting.laws and self.acting.known
+            held = constraints.found(whole, inner, self.acting.of(whole, inner) if known else None)
             for bonds in (held.bonds, held.levers):
                 if bonds is None or not len(bonds):
                     continue

@@ -301,7 +301,7 @@ class _Run:
         """The factors of the sums over atoms that are added up: velocities relative to the same drift in all frames."""
         if frame is not self.frames[0]:
             own, factors = factors, AtomFactors(frame, self.drifts[0], self.settings.pot)
-            for name in ("energies_n", "atom_virial_n6", "residual_n4"):
+            for name in ("energies_n", "atom_virial_n6", "residual_n4", "inner_nc"):
                 setattr(factors, name, getattr(own, name))
         return factors.columns(self.work.site)
 

@@ -30,6 +30,7 @@ class Source:
     frame: tuple[str, ...] = ()
     bonds: bool = False  # needs the pass over the bonds
     energies: bool = False  # needs per-atom potential energies
+    forces: bool = False  # needs the forces between atoms
     sources: bool = False  # needs the bonds' directed energy sources
     reference: bool = False  # needs the reference frame
     on_reference: bool = False  # is summed over reference positions, on the grid of the reference frame
@@ -50,6 +51,8 @@ SITE = {
     "kinetic_flux": Source(3, ("masses", "velocities")),
     "potential_flux": Source(3, ("velocities",), bonds=True, energies=True),
     "energy_current": Source(3, ("masses", "velocities"), bonds=True, energies=True),
+    "outside_force": Source(3, bonds=True, forces=True),
+    "outside_power": Source(1, ("velocities",), bonds=True, forces=True),
     "source_residual": Source(4, bonds=True, sources=True),  # the last: the forces it is left over from
 }
 
@@ -628,6 +631,27 @@ _ALL = [
         "carries its energy along: remove the momentum before a Green-Kubo integral; " + _SHARED,
     ),
     Quantity(
+        "body_force",
+        "force_density",
+        "force density from outside",
+        lambda s: s.site["outside_force"],
+        rank=1,
+        site=("outside_force",),
+        linear=True,
+        sign="positive along +x, +y, +z; d(momentum)/dt + div(density velocity velocity) = div(stress) + body_force",
+        comment="walls, fields, friction and whatever else acts on atoms from outside: see body_force_source",
+    ),
+    Quantity(
+        "body_power",
+        "power_density",
+        "power density of the forces from outside",
+        lambda s: s.site["outside_power"][:, 0],
+        site=("outside_power",),
+        linear=True,
+        sign="positive where energy is put in",
+        comment="sum of force times velocity of the atoms, in the frame of the simulation",
+    ),
+    Quantity(
         "velocity_gradient",
         **_VELOCITY,
         **_kinematic(
@@ -780,6 +804,11 @@ class Work:
     @property
     def energy_users(self) -> list[str]:
         return self._any("energies")
+
+    @property
+    def force_users(self) -> list[str]:
+        """Quantities that need the forces between atoms."""
+        return self._any("forces")
 
     @property
     def source_users(self) -> list[str]:

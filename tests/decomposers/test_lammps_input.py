@@ -361,7 +361,7 @@ BAD = {
         f"units lj\n{LJ}fix 1 all poems molecule",
         "line 4: fix poems moves atoms as rigid bodies that are joined",
     ),
-    "shake": (f"units lj\n{LJ}fix 1 all shake 1e-4 20 0 1", "line 4: fix shake: expected b, a, t or m before '1'"),
+    "shake": (f"units lj\n{LJ}fix 1 all shake 1e-4 20 0 1 1", "line 4: fix shake: expected b, a, t or m before '1'"),
     "shake mass": (f"units lj\n{LJ}fix 1 all shake 1e-4 20 0 m H", "line 4: fix shake: expected a mass, got 'H'"),
     "rigid": (
         f"units lj\n{LJ}fix 1 all rigid/nvt/omp custom i_body temp 1 1 1",

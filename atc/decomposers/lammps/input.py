@@ -14,6 +14,7 @@ from ...units import LAMMPS_STYLES, Units, units
 from ..base import Potential, Term, Wrapper
 from ..exclusions import Exclusions, exclusions_of
 from ..hybrid import Hybrid, parse_hybrid, strip_suffix
+from ..outside import OutsideForces
 from ..pair import MAX_TYPES, Pairs, PairStyle
 from ..registry import (
     MAPPED_STYLES,
@@ -31,8 +32,9 @@ from ..zero import Nothing
 from .constraint_fixes import constraints_of, groups_of, needs_molecules
 from .data_coeffs import take_data_file
 from .interpreter import Interpreter, State
+from .outside_fixes import acting, outside_of
 from .runs import choose_run, sort_fixes
-from .script import Command, is_text, one_line, read_text
+from .script import Command, is_text, one_line, read_text, short
 from .setup import Setup
 
 __all__ = ["potential_from_lammps"]
@@ -113,7 +115,16 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
     pot.dimension, pot.dimension_said = model.dimension or 3, model.dimension is not None or script
     pot.atom_style = " ".join(model.atom_style)
     named = model.exclusions.groups if model.exclusions else ()
-    groups = (*named, *(g for g in groups_of(choice.fixes) if g not in named))
+    from_outside = acting(choice.fixes)
+    needed = (*groups_of(choice.fixes), *(c.words[1] for c in from_outside if c.words[1] != "all"))
+    groups = (*named, *(g for g in dict.fromkeys(needed) if g not in named))
+    if script or from_outside:
+        lattice = any(c.name == "lattice" for c in choice.state.atoms)
+        pot.acting = outside_of(choice.fixes, groups, model.units, lattice)
+        if not choice.steady:
+            pot.acting = OutsideForces(
+                (), tuple(f"fix {c.words[2]} ({short(c.where)}), not in all of the runs" for c in from_outside)
+            )
     if choice.minimizes and (c := next((c for c in choice.state.held if c.words[2] in ("shake", "rattle")), None)):
         raise AtcError(
             f"{c.where}: fix {c.words[2]} holds bonds by springs of its own while LAMMPS minimizes, which are not "
@@ -130,7 +141,7 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
         pot.remarks = (*pot.remarks, f"{Path(name).name} has no units line: lj, as in LAMMPS")
     pot.remarks = (*pot.remarks, *(f"forces from outside are no part of the stress: {o}" for o in pot.outside))
     concerned = [c for c in choice.state.atoms if c.name not in ("mass", "labelmap", "run")]
-    if script or concerned or changing or groups_of(choice.fixes):
+    if script or concerned or changing or groups:
         pot.setup = Setup(
             name,
             folder,

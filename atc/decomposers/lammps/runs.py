@@ -20,7 +20,8 @@ _MOST = 200
 class Choice:
     """state : what holds. late : commands of later runs that may change atoms. fixes : those of every run meant; before
     : of the runs up to it.
-    timestep : the word of the ``timestep`` line, see `State`. minimizes : whether all runs meant are minimizations"""
+    timestep : the word of the ``timestep`` line, see `State`. minimizes : whether all runs meant are minimizations.
+    steady : whether the same forces from outside act in all of them"""
 
     state: State
     late: tuple[Command, ...]
@@ -28,6 +29,7 @@ class Choice:
     before: tuple[Command, ...]
     timestep: str | None = None
     minimizes: bool = False
+    steady: bool = True
 
 
 def choose_run(script: Interpreter, run: int | None, name: str, trajectory=()) -> Choice:
@@ -111,6 +113,7 @@ def _choice(states, numbers) -> Choice:
     fixes = {c: None for t in _distinct(states[k].fixes for k in numbers) for c in t}
     before = {c: None for t in _distinct(s.fixes for s in states[: numbers[-1] + 1]) for c in t}
     steps = {states[k].timestep for k in numbers}
+    steady = len({tuple((c.name, c.words) for c in states[k].fixes if _class(c)[0] == "outside") for k in numbers}) == 1
     minimizes = all(states[k].name.startswith("minimize") for k in numbers)
     return Choice(
         first,
@@ -119,6 +122,7 @@ def _choice(states, numbers) -> Choice:
         tuple(before),
         steps.pop() if len(steps) == 1 else "",
         minimizes,
+        steady,
     )
 
 
