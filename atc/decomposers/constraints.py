@@ -80,6 +80,7 @@ class Constraints:
 
         #: Whether bodies carry loads across the plane or line they lie in.
         self.across = False
+        self._last = None
 
     def settled(self, frame: Frame) -> Constraints:
         """The same for frames like this one, which is asked for what is needed."""
@@ -98,6 +99,7 @@ class Constraints:
     def but(self, **changes) -> Constraints:
         """The same with some attributes changed."""
         new = copy(self)
+        new._last = None
         for name, value in changes.items():
             setattr(new, name, value)
         return new
@@ -124,9 +126,26 @@ class Constraints:
 
     def pairs(self, frame: Frame) -> np.ndarray:
         """(c, 2) atoms whose distances are held, each pair once."""
+        return self._kept(frame)[0]
+
+    def _kept(self, frame: Frame):
+        """Pairs, molecules and the topology of a frame without what is held: the same for frames of the same atoms and
+        bonds."""
+        known = (frame.topology, frame.types, frame.masses, frame.groups, frame.ids, frame.molecules)
+        last = self._last
+        if last is not None and all(
+            a is b or (isinstance(a, np.ndarray) and np.array_equal(a, b)) for a, b in zip(known, last[0], strict=True)
+        ):
+            return last[1]
+        n = len(frame)
         found = [r.pairs(frame) for r in self.rules if not r.bodies]
-        pairs = np.sort(np.concatenate(found), axis=1) if found else np.zeros((0, 2), np.int64)
-        return np.unique(pairs, axis=0).astype(np.int64)
+        code = np.unique(_code(np.concatenate(found), n)) if found else np.zeros(0, np.int64)
+        pairs = np.stack([code // n, code % n], 1) if n else np.zeros((0, 2), np.int64)
+        self._last = known, (pairs, molecules_of(pairs, n), self._released(frame))
+        return self._last[1]
+
+    def __getstate__(self):
+        return {**self.__dict__, "_last": None}
 
     def bodies(self, frame: Frame):
         """`rigid_bodies.Bodies`, of every rule."""
@@ -135,9 +154,13 @@ class Constraints:
     def released(self, frame: Frame) -> Frame:
         """The frame without the bonds and angles that are held instead of having energies; who is bonded to whom stays
         known."""
+        top = self._kept(frame)[2]
+        return frame if top is frame.topology else frame.replace(topology=top)
+
+    def _released(self, frame: Frame):
         top = frame.topology
         if top is None or top.untold or not any(r.releases for r in self.rules):
-            return frame
+            return top
         n = len(frame)
         held = [r.pairs(frame) for r in self.rules if r.releases and not r.bodies]
         label = np.full(n, -1, np.int64)
@@ -157,14 +180,14 @@ class Constraints:
             else np.zeros(0, bool)
         )
         if not (bonds.any() or angles.any()):
-            return frame
+            return top
         new = replace(
             top, bond_types=np.where(bonds, 0, top.bond_types), angle_types=np.where(angles, 0, top.angle_types)
         )
         new.weighted = top if top.weighted is None else top.weighted
         if hasattr(top, "special"):
             new.special = top.special
-        return frame.replace(topology=new)
+        return new
 
     def degrees(self, frame: Frame) -> np.ndarray:
         """(n,) degrees of freedom of each atom: those whose mean kinetic energy it has. Their sum is d N minus the
@@ -187,11 +210,11 @@ class Constraints:
         return round(frame.dimension * len(frame) - float(self.degrees(frame).sum()))
 
     def _systems(self, frame):
-        pairs = self.pairs(frame)
+        pairs, molecules, _ = self._kept(frame)
         i, j = (np.ascontiguousarray(pairs[:, k], dtype=np.int32) for k in (0, 1))
         r = np.empty((len(pairs), 3))
         Images(frame.cell).vectors_to(frame.positions, i, j, r)
-        return [System(m, r, frame.masses) for m in molecules_of(pairs, len(frame))], pairs, r
+        return [System(m, r, frame.masses) for m in molecules], pairs, r
 
     # --- what from
 

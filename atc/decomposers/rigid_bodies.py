@@ -105,12 +105,12 @@ class Bodies:
         r = self.x_mac[:, p] - self.x_mac[:, q]
         length = np.sqrt((r**2).sum(2))
         e = r / length[:, :, None]
-        K = np.zeros((m, a, 3, a, 3))
-        ee = e[:, :, :, None] * e[:, :, None, :]
+        K = np.zeros((a, a, m, 3, 3))
+        ee = (e[:, :, :, None] * e[:, :, None, :]).swapaxes(0, 1)
         for s, t, sign in ((p, p, 1.0), (q, q, 1.0), (p, q, -1.0), (q, p, -1.0)):
-            for k in range(m):
-                np.add.at(K[k].transpose(0, 2, 1, 3), (s, t), sign * ee[k])
-        K = K.reshape(m, 3 * a, 3 * a)
+            for b in range(len(p)):
+                K[s[b], t[b]] += sign * ee[b]
+        K = K.transpose(2, 0, 3, 1, 4).reshape(m, 3 * a, 3 * a)
         y = np.einsum("mkl,ml->mk", np.linalg.pinv(K, rcond=SINGULAR, hermitian=True), F_mac.reshape(m, -1))
         left = F_mac - np.einsum("mkl,ml->mk", K, y).reshape(m, a, 3)
         y = y.reshape(m, a, 3)
