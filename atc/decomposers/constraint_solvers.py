@@ -138,13 +138,13 @@ class System:
                 break
         return lam
 
-    def mean_squares(self, kT: float) -> np.ndarray:
+    def mean_squares(self, kT: float, dimension: int = 3) -> np.ndarray:
         """(m, c) mean |v_i − v_j|² at a temperature."""
         # C_bd = S_bd e_d: what a unit momentum along constraint d does to the velocity difference of b.
         taken = np.einsum(
             "mbd,mbf,mdx,mfx,mdf->mb", self.S_mcc, self.S_mcc, self.e_mcx, self.e_mcx, self.inverse_mcc, optimize=True
         )
-        return kT * (3.0 * np.einsum("mbb->mb", self.S_mcc) - taken)
+        return kT * (dimension * np.einsum("mbb->mb", self.S_mcc) - taken)
 
     def taken_ma(self) -> np.ndarray:
         """(m, a) degrees of freedom that the constraints take of each atom: m⁻¹ tr(Bᵀ A⁻¹ B) of its own, in all the

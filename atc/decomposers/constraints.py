@@ -85,7 +85,7 @@ class Constraints:
     def settled(self, frame: Frame) -> Constraints:
         """The same for frames like this one, which is asked for what is needed."""
         self.require(frame)
-        return self.but(across=frame.dimension == 3 and any(b.thin for b in self.bodies(frame)))
+        return self.but(across=any(b.thin for b in self.bodies(frame)))
 
     def in_file(self) -> Constraints | None:
         """What of these constraints the forces of a file contain, found from them."""
@@ -197,13 +197,8 @@ class Constraints:
         for system in self._systems(frame)[0]:
             np.subtract.at(out, system.molecules.atoms_ma, system.taken_ma())
         for b in self.bodies(frame):
-            out[b.atoms_ma] = b.degrees_ma() if frame.dimension == 3 else self._flat_degrees(b)
+            out[b.atoms_ma] = b.degrees_ma()
         return out
-
-    @staticmethod
-    def _flat_degrees(b):
-        rho2 = (b.x_mac[:, :, :2] ** 2).sum(2)
-        return b.mass_ma * (2.0 / b.total_m[:, None] + rho2 / np.einsum("ma,ma->m", b.mass_ma, rho2)[:, None])
 
     def taken(self, frame: Frame) -> int:
         """How many degrees of freedom the constraints take of a frame."""
@@ -354,11 +349,11 @@ class Constraints:
         if source == "forces":
             D = mol.of(frame.forces - acting)
             lam = s.by_forces(mol.difference(D * w))
-            left.forces(s, D, lam)
+            left.forces(s, D, lam, frame.dimension)
             return lam
         a = mol.difference(mol.of(acting) * w)
         if source == "temperature":
-            return s.by_motion(a, s.mean_squares(self._kT(frame)))
+            return s.by_motion(a, s.mean_squares(self._kT(frame), frame.dimension))
         v = mol.difference(mol.of(frame.velocities))
         if source == "step":
             lam = s.by_step(a, v, self.timestep, self.behind)
@@ -381,7 +376,7 @@ class _Left:
         self.kind = ""
         self.rows: list[tuple] = []
 
-    def forces(self, s, D, lam):
+    def forces(self, s, D, lam, dimension):
         """Of the forces: components perpendicular to the constraints."""
         mol, m = s.molecules, np.arange(len(D))[:, None]
         left = D.copy()
@@ -390,7 +385,7 @@ class _Left:
             np.add.at(left, (m, mol.ends_mc2[:, :, end]), sign * f)
         self.kind = "forces"
         self.square += float((left**2).sum())
-        self.free += 3 * D.shape[0] * D.shape[1] - int(s.rank_m.sum())
+        self.free += dimension * D.shape[0] * D.shape[1] - int(s.rank_m.sum())
 
     def velocities(self, s, a, v, lam, dt, behind):
         """Of velocities: r·v = −½ Δt² v·a, which says the time step where it is not known, and the digits of the

@@ -40,10 +40,13 @@ class Bodies:
     atoms_ma: np.ndarray
     x_mac: np.ndarray
     mass_ma: np.ndarray
+    dimension: int = 3
 
     def __post_init__(self):
         m, x = self.mass_ma, self.x_mac
         I = np.einsum("ma,mac,mac->m", m, x, x)[:, None, None] * np.eye(3) - np.einsum("ma,mac,mad->mcd", m, x, x)
+        if self.dimension == 2:  # they turn about z only
+            I = I * np.diag([0.0, 0.0, 1.0])
         self.I_mcc, self.inverse_I_mcc = I, np.linalg.pinv(I, rcond=ON_A_LINE, hermitian=True)
         self.total_m = m.sum(1)
 
@@ -55,7 +58,7 @@ class Bodies:
         if a < 3:
             return False
         s = np.linalg.svd(self.x_mac, compute_uv=False)
-        flat = s[:, 2] <= FLAT * s[:, 0]
+        flat = (s[:, 2] <= FLAT * s[:, 0]) & (self.dimension == 3)
         return bool((flat & (a > 3)).any() or (s[:, 1] <= FLAT * s[:, 0]).any())
 
     def motion(self, v_nc):
@@ -87,10 +90,11 @@ class Bodies:
         return self.mass_ma[:, :, None] * a - F
 
     def degrees_ma(self) -> np.ndarray:
-        """(m, a) degrees of freedom whose energy the atom has on average: 3 m_i/M and m_i tr(ρ× I⁻¹ ρ×ᵀ)."""
+        """(m, a) degrees of freedom whose energy the atom has on average: d m_i/M and m_i tr(ρ× I⁻¹ ρ×ᵀ)."""
         tr = np.einsum("mcc->m", self.inverse_I_mcc)[:, None]
+        d = self.dimension
         turning = tr * (self.x_mac**2).sum(2) - np.einsum("mac,mcd,mad->ma", self.x_mac, self.inverse_I_mcc, self.x_mac)
-        return self.mass_ma * (3.0 / self.total_m[:, None] + turning)
+        return self.mass_ma * (d / self.total_m[:, None] + turning)
 
     def carried(self, F_mac):
         """Bonds that carry forces whose sum and torque are zero in each body.
@@ -152,7 +156,7 @@ def bodies_of(labels_n, frame: Frame, where: str) -> list[Bodies]:
         mass = frame.masses[atoms]
         x = _together(frame, atoms, where)
         x -= np.einsum("ma,mac->mc", mass, x)[:, None] / mass.sum(1)[:, None, None]
-        out.append(Bodies(atoms, x, mass))
+        out.append(Bodies(atoms, x, mass, frame.dimension))
     return out
 
 

@@ -37,7 +37,7 @@ class Run:
     """Twenty-seven rigid waters after 20 fs, in LAMMPS's units: W (3, 3) the virial, press, and what atc has of the
     run."""
 
-    def __init__(self, folder, style, dt=1.0, steps=None, every=None, pair="lj/cut/coul/cut 4.9"):
+    def __init__(self, folder, style, dt=1.0, steps=None, every=None, pair="lj/cut/coul/cut 4.9", before=""):
         folder.mkdir(exist_ok=True, parents=True)
         self.folder, steps = folder, steps or round(20 / dt)
         water(n=3).write_data(folder / "w.data")
@@ -53,7 +53,7 @@ class Run:
             "yes\n"
         )
         (folder / "in.run").write_text(
-            f"units real\natom_style full\n{model}timestep {dt}\n{FIX[style]}{dump}run {steps}\n"
+            f"units real\natom_style full\n{model}timestep {dt}\n{before}{FIX[style]}{dump}run {steps}\n"
         )
         script = (
             (folder / "in.run")
@@ -401,6 +401,50 @@ def test_bodies_and_the_bonds_that_carry_their_loads(shape):
         _, omega, _ = I.motion(p.reshape(-1, 3))
         draws.append(I.holding(F, omega))
     np.testing.assert_allclose(mean, np.mean(draws, axis=0), atol=0.15 * np.abs(mean).max())
+
+
+def test_bodies_in_two_dimensions():
+    """Triangles in the plane, as bodies and as held pairs."""
+    rng = np.random.default_rng(6)
+    x = np.concatenate([rng.normal(size=(3, 3)) + [0, 5 * k, 0] for k in range(4)]) * [1, 1, 0]
+    m = rng.uniform(1, 9, 12)
+    v, F = rng.normal(size=(2, 12, 3)) * [[[1, 1, 0]]]
+    frame = frame_of(x, m, v).replace(molecules=np.repeat(np.arange(4), 3), units=units("real").planar)
+    bodies = Constraints([RigidMolecules(where="test")]).settled(frame)
+    for b in bodies.bodies(frame):  # a rigid motion of the same momenta
+        V, omega, _ = b.motion(v)
+        v[b.atoms_ma] = V[:, None] + np.cross(omega[:, None], b.x_mac)
+    frame = frame.replace(velocities=v)
+    pairs = Constraints(
+        [HeldPairs(tuple((3 * k + i, 3 * k + j) for k in range(4) for i, j in ((1, 2), (1, 3), (2, 3))))]
+    )
+    a, b = bodies.found(frame, F), pairs.found(frame, F)
+    np.testing.assert_allclose(a.forces_nc, b.forces_nc, atol=1e-9 * np.abs(b.forces_nc).max())
+    np.testing.assert_allclose(bodies.degrees(frame), pairs.degrees(frame), rtol=1e-9)
+    assert a.count == b.count == 12 and bodies.taken(frame) == 12
+    mean = [c.but(source="temperature", temperature=1.0).found(frame, F).forces_nc for c in (bodies, pairs)]
+    np.testing.assert_allclose(*mean, atol=1e-9 * np.abs(mean[0]).max())
+
+
+OUTSIDE = {
+    "none": "",
+    "gravity": "fix g all gravity 0.01 vector 0 1 1\n",
+    "field": "fix e all efield 0.1 0.0 -0.2\n",
+    "push": "fix a all addforce 0.4 0.0 0.0\n",
+}
+
+
+@pytest.mark.parametrize("case", OUTSIDE)
+def test_constraints_answer_forces_from_outside(runs, case):
+    """What acts from outside is known before constraint forces are found: their virial stays LAMMPS's, the body force
+    is the declared one."""
+    r = runs("shake", before=OUTSIDE[case])
+    off, d = r.off()
+    assert off < 1e-8 and d.held.error < 1e-8  # LAMMPS's constant of a volt
+    assert r.off(source="step")[0] < 1e-8
+    F, said = r.pot.body_forces(r.frame, d.forces_nc)
+    assert said.startswith("declared")
+    np.testing.assert_allclose(d.forces_nc + F, r.frame.forces, atol=1e-8 * np.abs(r.frame.forces).max())
 
 
 def test_a_flat_body_has_a_stress_and_says_that_it_is_not_symmetric():
