@@ -15,6 +15,7 @@ from .estimators.registry import BOND, Work
 
 _TERMS = {
     "one": "1",
+    "degrees": "f/d",
     "mass": "m",
     "momentum": "m v",
     "kinetic": "m v⊗v",
@@ -30,6 +31,8 @@ _TERMS = {
     "reference_weighted_normalised": "−½ |R| (E_i − E_j)⊗F around each point over its mean, between reference "
     "positions",
     "kinetic_flux": "½ m v² v",
+    "outside_force": "F from outside",
+    "outside_power": "F·v from outside",
     "potential_flux": "U v",
     "energy_current": "(½ m v² + U) v",
     "source_residual": "what the energy sources leave of the force",
@@ -147,6 +150,10 @@ class Request:
         elif self.reference is not None and getattr(self.pot, "setup", None) is not None:
             self.reference = self.pot.complete(self.reference)
         self.first = self.frames[0]
+        if self.work.bond_users and getattr(self.pot, "constraints", None) is not None:
+            # What its constraints are found from is settled, and asked for, once.
+            self.pot = self.pot.settled(self.first)
+            self.work = Work.of(self.quantities, self.pot.central)
         if self.reference is not None and self.reference.dimension != self.first.dimension:
             if self.first.dimension == 3:
                 raise AtcError(
@@ -262,6 +269,18 @@ class Request:
         from .costs import Load, load_of
 
         return load_of(self.pot, self.first) if self.work.bond_users else Load()
+
+    @cached_property
+    def held(self) -> dict:
+        """What an output says of the forces of constraints (what was held, what they were found from, how far off they
+        are in the first frame) and from outside."""
+        if not self.work.force_users and (not self.work.bond_users or getattr(self.pot, "constraints", None) is None):
+            return {}
+        d = self.pot.stream(self.first, None, threads=self.threads, forces=bool(self.work.force_users))
+        out = {} if d.held is None else self.pot.constraints.attributes(d.held)
+        if self.work.force_users:
+            out["body_force_source"] = self.pot.body_forces(self.first, d.forces_nc)[1]
+        return out
 
     @property
     def method_used(self) -> str:

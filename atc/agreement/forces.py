@@ -118,14 +118,23 @@ def compare_forces(
 
     frame.require("forces", why="a comparison with the run's forces")
     n = len(frame)
-    outside = tuple(getattr(pot, "outside", ()))
+    outside = () if pot.acting is not None and pot.acting.known else tuple(pot.outside)
     sizes = [0.0] * threads
+    whole, pot = pot, pot.as_in_file(frame)
 
     def consume(bonds, thread):
         sizes[thread] += float((np.abs(bonds.G_b) * np.sqrt((bonds.r_bc**2).sum(1))).sum())
 
-    mine = pot.stream(frame, consume, threads=threads, forces=True)
-    known = {"energy": mine.energy, "virial_cc": mine.virial_cc}
+    def with_outside(decomposition, at):
+        """The forces that the laws of the script add are those of the run, too."""
+        if pot.acting is not None and pot.acting.known and pot.acting.laws:
+            decomposition.forces_nc = decomposition.forces_nc + pot.acting.of(pot.complete(at), decomposition.forces_nc)
+        return decomposition
+
+    mine = with_outside(pot.stream(frame, consume, threads=threads, forces=True), frame)
+    # The virial is that of the potential with all its constraints, found as its fields will find them.
+    virial = mine.virial_cc if pot is whole else whole.stream(frame, None, threads=threads).virial_cc
+    known = {"energy": mine.energy, "virial_cc": virial}
     if not n:
         return ForceCheck(number, True, 0.0, 0.0, 0.0, 0, 0, **known)
     F, D = frame.forces, frame.forces - mine.forces_nc
@@ -138,8 +147,8 @@ def compare_forces(
         dx = decimal_resolution(frame.positions)[0] if resolution is None else resolution
         rng = np.random.default_rng(11)
         for tries in range(1, MOVES + 1):
-            shift = rng.uniform(-0.5, 0.5, (n, 3)) * dx
-            moved = pot.stream(frame.replace(positions=frame.positions + shift), None, threads=threads, forces=True)
+            there = frame.replace(positions=frame.positions + rng.uniform(-0.5, 0.5, (n, 3)) * dx)
+            moved = with_outside(pot.stream(there, None, threads=threads, forces=True), there)
             moved2 += ((moved.forces_nc - mine.forces_nc) ** 2).sum(1)
             allowed = np.sqrt(rounding**2 + moved2 / tries)
             within, odd = _within(d, allowed)
@@ -164,8 +173,8 @@ def compare_forces(
     if not within:
         while 0 < tries < MOVES:  # one try alone makes too little of some atoms
             tries += 1
-            shift = rng.uniform(-0.5, 0.5, (n, 3)) * dx
-            moved = pot.stream(frame.replace(positions=frame.positions + shift), None, threads=threads, forces=True)
+            there = frame.replace(positions=frame.positions + rng.uniform(-0.5, 0.5, (n, 3)) * dx)
+            moved = with_outside(pot.stream(there, None, threads=threads, forces=True), there)
             moved2 += ((moved.forces_nc - mine.forces_nc) ** 2).sum(1)
             allowed = np.sqrt(rounding**2 + moved2 / tries)
         odd = d > 5.0 * np.maximum(allowed, np.median(allowed))

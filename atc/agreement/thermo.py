@@ -1,7 +1,7 @@
 """Energy, pressure tensor and temperature of a model beside those that a LAMMPS log file has for the same step.
 
 P = (Σ m v⊗v − Σ G r⊗r)/V with the velocities as they are, as LAMMPS does; T = Σ m v²/(f k_B) with f = 3N − 3 degrees of
-freedom (2N − 2 in the plane).
+freedom (2N − 2 in the plane) less those that constraints take.
 """
 
 from __future__ import annotations
@@ -117,11 +117,11 @@ def compare_thermo(
     doubt = None
     best = None
     for row in rows:
-        check = _compare(frame, log, row, number, energy, virial, (0.0, np.zeros((3, 3))))
+        check = _compare(frame, pot, log, row, number, energy, virial, (0.0, np.zeros((3, 3))))
         if not check.agrees:
             if doubt is None:
                 doubt = _doubt(frame, pot, energy, virial, resolution, threads)
-            check = _compare(frame, log, row, number, energy, virial, doubt)
+            check = _compare(frame, pot, log, row, number, energy, virial, doubt)
         if best is None or len(check.wrong) < len(best.wrong):
             best = check
         if check.agrees:
@@ -142,7 +142,7 @@ def _doubt(frame, pot, energy, virial, dx, threads):
     return BEYOND * e, BEYOND * np.maximum(w, w.max())
 
 
-def _compare(frame, log, row, number, energy, virial, doubt) -> ThermoCheck:
+def _compare(frame, pot, log, row, number, energy, virial, doubt) -> ThermoCheck:
     n, dimension = len(frame), getattr(frame, "dimension", 3)
     u = frame.units if frame.units.name == log.units.name else log.units
     out = ThermoCheck(number, row.step, log.name, causes=row.causes, energy=energy)
@@ -188,7 +188,7 @@ def _compare(frame, log, row, number, energy, virial, doubt) -> ThermoCheck:
         speed = np.sqrt((v * v).sum(1))
         k_doubt = float(3.0 * np.sqrt(((m * speed * dv) ** 2).sum())) if n else 0.0
         total = float(np.trace(kinetic))
-        free = dimension * (n - 1)
+        free = dimension * (n - 1) - _held(frame, pot)
         if "kinetic" in have:
             add(
                 "kinetic energy",
@@ -215,13 +215,13 @@ def _compare(frame, log, row, number, energy, virial, doubt) -> ThermoCheck:
             )
             _degrees_of_freedom(out, total, k_B, free, have["temperature"])
     elif "temperature" in have and n > 1:
-        total = dimension * (n - 1) * frame.units.boltzmann * have["temperature"]
+        total = (dimension * (n - 1) - _held(frame, pot)) * frame.units.boltzmann * have["temperature"]
         kinetic, source = (
             None,
             "the kinetic part of its pressure is that of the log's temperature, since the frame has no velocities or "
             "no masses",
         )
-        k_doubt = dimension * (n - 1) * frame.units.boltzmann * last["temperature"]
+        k_doubt = (dimension * (n - 1) - _held(frame, pot)) * frame.units.boltzmann * last["temperature"]
     else:
         total = None
     V = frame.cell.volume
@@ -261,6 +261,12 @@ def _compare(frame, log, row, number, energy, virial, doubt) -> ThermoCheck:
     if "atoms" in have and have["atoms"] != n:
         out.lines.append(Line("atoms", "", float(n), float(have["atoms"]), 0.0))
     return out
+
+
+def _held(frame, pot) -> int:
+    """Degrees of freedom that constraints take."""
+    constraints = getattr(pot, "constraints", None)
+    return 0 if constraints is None or frame.masses is None else constraints.taken(pot.complete(frame))
 
 
 def _potential_energy(have, last):

@@ -82,6 +82,9 @@ def check(
     k = n_frames // 2
     frame = traj[k]
     frame.require("masses", "velocities", why="a balance law")
+    free = pot
+    if getattr(pot, "constraints", None) is not None:
+        pot, free = pot.settled(frame), pot.constrained(None)
     if not len(frame):
         raise AtcError(f"{frame.source}: holds no atoms: there is nothing to check")
     kern_in = kernel_internal(kern, frame.units)
@@ -106,6 +109,9 @@ def check(
     deposit = law.deposit_at(stencils, kern_in, frame.cell, threads)
     state = _motion(frame, pot, threads, deposit)
     fields = law.deposited(state, deposit)
+    if getattr(pot, "acting", None) is not None and (pot.acting.laws or pot.acting.others):
+        state.outside_nc, said = pot.body_forces(frame, state.forces_nc)
+        notes.append(f"body force {said}")
     exact = law.Exact(law.Sites(x_gc, frame.positions, frame.cell, kern_in), state, fields.pop("bonds")[::19])
     laws = exact.laws()
     still = frame.replace(velocities=state.v_nc)
@@ -118,6 +124,8 @@ def check(
     }
     by_fields = law.field_laws(laws, exact, fields | written, h)
 
+    # Constraints have no energy, whose rate their velocities would have to belong to exactly.
+    of_energies = state if free is pot else _motion(frame, free, threads, None)
     scale = {name: x.largest[1] for name, x in laws.items()}
     closed = {name: _outcome(x, scale[name], np.zeros(1)) for name, x in laws.items()}
     stencil = {name: _outcome(x, scale[name], x.limit, DIFFERENCES) for name, x in by_fields.items()}
@@ -140,7 +148,7 @@ def check(
             closed=closed,
             stencil=stencil,
             frames=frames,
-            sources=law.energy_rates(frame, pot, state, threads),
+            sources=law.energy_rates(frame, free, of_energies, threads),
             apart=apart,
             jumps=found,
             churns=churns,

@@ -94,6 +94,9 @@ def heat_currents(frames, pot, *, dt: float | None = None, threads: int | None =
     for frame in frames:
         frame = pot.complete(frame) if hasattr(pot, "complete") else frame
         frame, pot = matched(frame, pot)
+        if first is None and getattr(pot, "constraints", None) is not None:
+            pot = pot.settled(frame)
+        held = 0 if getattr(pot, "constraints", None) is None else pot.constraints.taken(frame)
         settings.pot = pot
         first = frame if first is None else first
         if len(frame) != len(first) or len(frame) < 2:
@@ -111,7 +114,7 @@ def heat_currents(frames, pot, *, dt: float | None = None, threads: int | None =
         J.append(frame.units.to_internal("energy_current", np.asarray(current).reshape(3)))
         volumes.append(frame.cell.volume)
         kinetic = still.masses @ np.einsum("nc,nc->n", still.velocities, still.velocities)
-        temperatures.append(kinetic / (frame.dimension * (len(frame) - 1) * frame.units.boltzmann))
+        temperatures.append(kinetic / ((frame.dimension * (len(frame) - 1) - held) * frame.units.boltzmann))
         if progress is not None:
             progress(len(J), total, len(J) / max(time.perf_counter() - began, 1e-9))
     if first is None:

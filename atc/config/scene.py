@@ -366,7 +366,23 @@ class Scene(Document):
             self._made = (key, potential(path, units=units, run=run, trajectory=files))
         return self._made[1]
 
+    def _held(self, pot):
+        """The potential with the constraints of the scene."""
+        table = dict(self.data.get("constraints", {}))
+        if not table:
+            return pot
+        from ..decomposers.constraint_scene import constrained
+        from ..units import units
+
+        if isinstance(table.get("pairs"), str):
+            table["pairs"] = self._columns("constraints", "pairs", 2).astype(int).tolist()
+        if pot.constraints is None and not {"bonds", "pairs"} & {*table} and not table.get("molecules"):
+            raise self.need("constraints", "the potential has none: say what is held: bonds, molecules or pairs")
+        own = self.get("trajectory", "units")
+        return constrained(pot, table, units(own) if own else pot.units, f"{self.where('constraints')}: [constraints]")
+
     def _shared(self, pot, partition):
+        pot = self._held(pot)
         if partition is None:
             return pot
         try:

@@ -191,6 +191,12 @@ def _force_modes():
     return list(MODES)
 
 
+def _constraint_sources():
+    from ..decomposers.constraints import SOURCES
+
+    return list(SOURCES)
+
+
 def _structure_names():
     from ..upscaling.crystal import STRUCTURES
 
@@ -253,6 +259,28 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "partition": Key(
             _partition,
             'how energy is shared among atoms: "equal", "center", or by kind of term, e.g. { "angle" = "center" }',
+        ),
+    },
+    "constraints": {
+        "bonds": Key(_choice(["hbonds"]), '"hbonds": all bonds of hydrogen are held'),
+        "rigid_water": Key(_boolean, "whether hbonds hold the angle of water molecules, too: true or false"),
+        "molecules": Key(
+            _either(_boolean, _list_of(_integer)),
+            "true (every molecule is a rigid body) or the numbers of those that are, e.g. [1, 2]",
+        ),
+        "pairs": Key(
+            _either(_string, _list_of(_list_of(_count, 2))),
+            "pairs of atom ids whose distance is held, e.g. [[1, 2], [1, 3]], or a file of two columns",
+            path=True,
+        ),
+        "source": Key(_choice(_constraint_sources), 'what constraint forces are found from, e.g. "forces"'),
+        "temperature": Key(
+            _positive, "a temperature greater than 0, for constraint forces that are right on average only"
+        ),
+        "timestep": Key(_positive, "the time of one step of the run in the trajectory's units, e.g. 2.0"),
+        "leapfrog": Key(_boolean, "whether velocities are half a step behind positions (GROMACS's md): true or false"),
+        "in_forces": Key(
+            _boolean, "whether the trajectory's forces contain those of constraints (LAMMPS: true; GROMACS: false)"
         ),
     },
     "kernel": {

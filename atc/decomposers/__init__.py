@@ -170,6 +170,11 @@ _WHERE = {
     "SpinExchange": "spin_exchange",
     "ElectronForceField": "electron_force_field",
     "ManyBody": "many_body",
+    "Constraints": "constraints",
+    "HeldPairs": "constraint_rules",
+    "HydrogenBonds": "constraint_rules",
+    "RigidMolecules": "constraint_rules",
+    "Shake": "constraint_rules",
 }
 
 __all__ = [*_WHERE, "potential"]

@@ -33,6 +33,7 @@ class Decomposition:
     virial_cc : (3, 3) Σ G r⊗r (tension positive; divide by the volume for the potential part of the virial stress).
     bonds : Bonds or None when they were streamed. n_bonds : how many there were.
     notes : counts of guarded singularities and the like, e.g. {"angles clamped near 0 or 180 degrees": 3}
+    held : `constraints.Found`, the forces of constraints and how they were found, or None
     """
 
     energy: float
@@ -42,6 +43,7 @@ class Decomposition:
     bonds: Bonds | None = None
     n_bonds: int = 0
     notes: dict = field(default_factory=dict)
+    held: object = None
 
 
 class Accumulator:
@@ -66,7 +68,12 @@ class Accumulator:
         """Add a chunk's forces and virial. Every term's forces follow from its bonds, so this is the only place that
         forms them."""
         self.n_bonds += len(bonds)
-        if self.forces is not None:
+        if bonds.F_bc is not None:
+            self.virial += bonds.virial()
+            if self.forces is not None:
+                np.add.at(self.forces, bonds.i, bonds.F_bc)
+                np.subtract.at(self.forces, bonds.j, bonds.F_bc)
+        elif self.forces is not None:
             _add_forces_and_virial(bonds.i, bonds.j, bonds.r_bc, bonds.G_b, self.forces, self.virial)
         else:
             _add_virial(bonds.r_bc, bonds.G_b, self.virial)
@@ -182,8 +189,8 @@ class Potential:
         they are no part of the stress
     atom_style : words of the script's ``atom_style``, "" if it has none
     setup : what the script says of atoms, see `complete`, or None
-    dimension : 2 where the model is that of a two-dimensional run (LAMMPS's ``dimension 2``), else 3; dimension_said :
-        whether the lines say so
+    constraints : `Constraints`, the distances and bodies that are held, or None
+    acting : `outside.OutsideForces` of the script, None where nothing says whether there are any
     """
 
     unmentioned: tuple[str, ...] = ()
@@ -198,8 +205,8 @@ class Potential:
     outside: tuple[str, ...] = ()
     atom_style: str = ""
     setup = None
-    dimension: int = 3
-    dimension_said: bool = False
+    constraints = None
+    acting = None
 
     def __init__(self, terms, units_: Units | str, description: str = ""):
         self.terms = list(terms)
@@ -221,7 +228,63 @@ class Potential:
         return max(t.cutoff for t in self.terms)
 
     def describe(self) -> str:
-        return self.description or "; ".join([t.describe() for t in self.terms] + list(self.remarks))
+        held = [self.constraints.describe()] if self.constraints is not None else []
+        return self.description or "; ".join([t.describe() for t in self.terms] + held + list(self.remarks))
+
+    @property
+    def central(self) -> bool:
+        """Whether all forces act along bonds: those of rigid bodies in a plane or on a line do not (see `settled`)."""
+        return self.constraints is None or not self.constraints.across
+
+    def settled(self, frame: Frame) -> Potential:
+        """The same potential for a trajectory that begins with this frame, which must say what its constraints need.
+        Raises AtcError where it does not."""
+        if self.constraints is None:
+            return self
+        return self.constrained(self.constraints.settled(self.complete(frame)))
+
+    def as_in_file(self, frame: Frame) -> Potential:
+        """The same potential with the forces that the file of a run has: without those of constraints where it has none
+        of them."""
+        if self.constraints is None or frame.forces is None:
+            return self
+        there = self.constraints.in_file()
+        return self if there is self.constraints else self.constrained(there)
+
+    def body_forces(self, frame: Frame, inner_nc) -> tuple[np.ndarray, str]:
+        """Forces from outside on the atoms of a frame, and where they are from.
+
+        Parameters
+        ----------
+        inner_nc : (n, 3) forces between atoms, those of constraints among them
+
+        Returns
+        -------
+        (n, 3), by the laws of the script where it has all of them, else what the forces of the run have beyond those
+        between atoms; and which of the two, in words
+
+        Raises
+        ------
+        AtcError where neither is known.
+        """
+        acting = self.acting
+        if acting is not None and acting.known:
+            return acting.of(self.complete(frame), inner_nc), f"declared: {acting.describe()}"
+        if frame.forces is not None:
+            named = f" ({acting.describe()})" if acting is not None else ""
+            return frame.forces - inner_nc, f"measured: the forces of the run less those of the potential{named}"
+        why = (
+            f"the script has {', '.join(acting.others)}, whose forces are not known"
+            if acting is not None
+            else "nothing says which there are"
+        )
+        raise AtcError(f"{frame.source}: body_force: the forces from outside: {why}: dump fx fy fz too")
+
+    def constrained(self, constraints) -> Potential:
+        """The same potential with other `Constraints`, None for none."""
+        new = copy(self)
+        new.constraints = constraints
+        return new
 
     def partitioned(self, partition) -> Potential:
         """The same potential with its energy shared in another way among the atoms.
@@ -326,8 +389,12 @@ class Potential:
             from ..planar import planar
 
             frame = planar(frame)
-        n = len(frame)
-        accs = [Accumulator(n, forces, energies, sources) for _ in range(threads)]
+        n, constraints = len(frame), self.constraints
+        whole = frame
+        if constraints is not None:
+            frame = constraints.released(frame)
+        # What constraints do depends on all other forces.
+        accs = [Accumulator(n, forces or constraints is not None, energies, sources) for _ in range(threads)]
 
         def lane(term, work, stage, t):
             acc = accs[t]
@@ -356,6 +423,24 @@ class Potential:
         finally:
             if pool is not None:
                 pool.shutdown()
+        held = None
+        if constraints is not None and n:
+            inner = sum(a.forces for a in accs)
+            known = self.acting is not None and self.acting.laws and self.acting.known
+            held = constraints.found(whole, inner, self.acting.of(whole, inner) if known else None)
+            for bonds in (held.bonds, held.levers):
+                if bonds is None or not len(bonds):
+                    continue
+                if bonds.F_bc is not None and self.central and consume is not None:
+                    raise AtcError(
+                        f"{frame.source}: a rigid body that lies in a plane or on a line, as none of the first frame "
+                        "does"
+                    )
+                accs[0].add_bonds(bonds)
+                if sources:
+                    bonds.D_bdc = two_body_sources(bonds)  # no energy; the power of their forces
+                if consume is not None:
+                    consume(bonds, 0)
         notes: dict[str, int] = {}
         for a in accs:
             for k, v in a.notes.items():
@@ -367,12 +452,13 @@ class Potential:
             forces_nc=sum(a.forces for a in accs) if forces else None,
             n_bonds=sum(a.n_bonds for a in accs),
             notes=notes,
+            held=held,
         )
 
     def decompose(self, frame: Frame, *, threads: int = 1, sources: bool = False) -> Decomposition:
         """Energy, per-atom energies, forces and all bonds of a frame, at once. For large frames prefer `stream`."""
         parts: list[list[Bonds]] = [[] for _ in range(threads)]
-        d = self.stream(
+        d = self.settled(frame).stream(
             frame, lambda b, t: parts[t].append(b.copy()), threads=threads, energies=True, forces=True, sources=sources
         )
         d.bonds = Bonds.concatenate(b for p in parts for b in p)
@@ -381,6 +467,8 @@ class Potential:
 
 def two_body_sources(bonds: Bonds) -> np.ndarray:
     """∂U^(i)/∂x_j = −½ G r and ∂U^(j)/∂x_i = +½ G r: half of a two-body energy belongs to each end."""
+    if bonds.F_bc is not None:
+        return 0.5 * np.stack([bonds.F_bc, -bonds.F_bc], axis=1)
     D = np.empty((len(bonds), 2, 3))
     _halves(bonds.r_bc, bonds.G_b, D)
     return D

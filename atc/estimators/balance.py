@@ -1,9 +1,10 @@
 """Residuals of the balance laws of mass, momentum and energy, and of ∇·z = 0, at points (formulas.md §4; R
 4.0.78-4.0.116).
 
-    ∂ρ/∂t + ∇·(ρ v) = 0,   ∂(ρ v)/∂t + ∇·(ρ v⊗v) = ∇·σ,   ∂ε/∂t + ∇·(ε v) = ∇·(σ·v − q),   ∇·z = 0,
+    ∂ρ/∂t + ∇·(ρ v) = 0,   ∂(ρ v)/∂t + ∇·(ρ v⊗v) = ∇·σ + b,   ∂ε/∂t + ∇·(ε v) = ∇·(σ·v − q) + p,   ∇·z = 0,
 
-q = q_K + q_U + q_C with the churning heat flux q_C = z·v. Three ways, each blind to what another one sees:
+b = Σ F_ext φ and p = Σ F_ext·v φ what acts from outside, q = q_K + q_U + q_C with the churning heat flux q_C = z·v.
+Three ways, each blind to what another one sees:
 
 ``chain_rule``   everything in closed form: ∂φ_j/∂t = −v_j·∇φ_j, dv_j/dt = F_j/m_j, dU^(j)/dt = Σ_k v_k·∂U^(j)/∂x_k, and
                  ∇·(r β) = φ_j − φ_i for every bond. Rounding only; tests that forces, stress and energy sources belong
@@ -226,6 +227,7 @@ class Motion:
     torque_nc: np.ndarray  # ∇·M = Σ torque_j φ_j
     stiffness_n: np.ndarray  # √Σ |∂U/∂x|² over an atom's bonds: how strongly energies respond to its position
     notes: dict = field(default_factory=dict)
+    outside_nc: np.ndarray | None = None  # forces from outside, where there are any
 
     @property
     def total_n(self) -> np.ndarray:
@@ -328,6 +330,10 @@ class Exact:
         self.pi_t = s.sum(-st.slope_nc) - s.div(v[:, :, None] * mv[:, None, :])
         power = np.einsum("nc,nc->n", v, st.forces_nc)
         self.energy_t = s.sum(power + st.share_rate_n) - s.div(ev)
+        # what acts from outside, and its power
+        outside_nc = np.zeros_like(v) if st.outside_nc is None else st.outside_nc
+        self.body, self.body_power = s.sum(outside_nc), s.sum(np.einsum("nc,nc->n", v, outside_nc))
+        self.pi_t, self.energy_t = self.pi_t + self.body, self.energy_t + self.body_power
         self.S = full(self.bond_g18[:, :6])
         self.z = self.S + self.bond_g18[:, 9:].reshape(-1, 3, 3)
 
@@ -348,15 +354,18 @@ class Exact:
         div_q = self.divJ + div_A - carried + work
         div_qC = np.einsum("gc,gc->g", div_z, v) + np.einsum("gmn,gmn->g", self.z, self.gradv)
         div_pi = np.einsum("gmm->g", self.dpi)
-        residual = self.energy_t + carried - work + div_q
+        residual = self.energy_t + carried - work + div_q - self.body_power
+        acting = st.outside_nc is not None
         return {
             "mass": Law({"d(rho)/dt": self.rho_t, "div(rho v)": div_pi}, self.rho_t + div_pi),
             "momentum": Law(
-                {"d(rho v)/dt": self.pi_t, "div(rho v v)": convection, "div(stress)": div_stress},
-                self.pi_t + convection - div_stress,
+                {"d(rho v)/dt": self.pi_t, "div(rho v v)": convection, "div(stress)": div_stress}
+                | ({"body force": self.body} if acting else {}),
+                self.pi_t + convection - div_stress - self.body,
             ),
             "energy": Law(
-                {"d(e)/dt": self.energy_t, "div(e v)": carried, "div(stress.v)": work, "div(q)": div_q},
+                {"d(e)/dt": self.energy_t, "div(e v)": carried, "div(stress.v)": work, "div(q)": div_q}
+                | ({"power of body force": self.body_power} if acting else {}),
                 residual,
                 residual - div_qC,
             ),
@@ -447,13 +456,13 @@ def field_laws(exact_laws, exact: Exact, fields, h: float) -> dict[str, Law]:
     out = {}
     for law, rate, flux in (
         ("mass", exact.rho_t, fields["momentum"]),
-        ("momentum", exact.pi_t, momentum_flux),
-        ("energy", exact.energy_t, energy_flux),
+        ("momentum", exact.pi_t - exact.body, momentum_flux),
+        ("energy", exact.energy_t - exact.body_power, energy_flux),
     ):
         div, limit = divergence(flux, h)
         out[law] = Law(exact_laws[law].terms, rate + div, limit=limit)
     div, limit = divergence(energy_flux - qC, h)
-    out["energy"].without = exact.energy_t + div
+    out["energy"].without = exact.energy_t - exact.body_power + div
     div, limit = divergence(fields["churning"], h)
     out["churning"] = Law(exact_laws["churning"].terms, div, limit=limit)
     return out

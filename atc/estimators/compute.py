@@ -182,7 +182,7 @@ class _FrameJob:
         self.stage = Stage(frame, kern, settings, index) if set(work.grid_users) - self.on_reference else None
         self.reference = Stage(settings.reference, kern, settings, index) if self.on_reference else None
         self.drift = drift_velocity(frame) if "velocities" in work.attributes else np.zeros(3)
-        self.factors = AtomFactors(frame, self.drift)
+        self.factors = AtomFactors(frame, self.drift, settings.pot)
         self.sums: list[Sums] = []
         self.decomposition = self.atoms = None
         self.strongest = self.hot = self.hot_sums = None
@@ -449,7 +449,12 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums, kept=None
     # Potentials of other makers need not know about sources as long as nobody asks for them.
     more = {"sources": True} if work.source_users else {}
     decomposition = settings.pot.stream(
-        frame, consume if wanted else None, threads=threads, energies=bool(work.energy_users), forces=False, **more
+        frame,
+        consume if wanted else None,
+        threads=threads,
+        energies=bool(work.energy_users),
+        forces=bool(work.force_users),
+        **more,
     )
     if deposit is not None:
         exact = 0.0
@@ -473,7 +478,16 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums, kept=None
             s.point.update(weighted.sums(k))
     if work.energy_users:
         factors.energies_n = decomposition.energies_n
-    factors.forget("atom_virial", "source_residual", "potential_energy", "potential_flux", "energy_current")
+    factors.inner_nc = decomposition.forces_nc
+    factors.forget(
+        "atom_virial",
+        "source_residual",
+        "potential_energy",
+        "potential_flux",
+        "energy_current",
+        "outside_force",
+        "outside_power",
+    )
     factors.atom_virial_n6, factors.residual_n4 = atoms.virial_n6, atoms.residual_n4
     return decomposition, atoms
 

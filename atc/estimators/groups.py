@@ -234,7 +234,7 @@ class _Run:
             stage.seeking = self.strongest is not None
             if stage.seeking:
                 stage.strongest = Strongest(frame.positions, threads)
-            factors = AtomFactors(frame, drift)
+            factors = AtomFactors(frame, drift, self.settings.pot)
             sums = [
                 Sums(drift=drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann, dimension=frame.dimension)
                 for _ in range(2)
@@ -300,8 +300,8 @@ class _Run:
     def _columns(self, frame, factors):
         """The factors of the sums over atoms that are added up: velocities relative to the same drift in all frames."""
         if frame is not self.frames[0]:
-            own, factors = factors, AtomFactors(frame, self.drifts[0])
-            for name in ("energies_n", "atom_virial_n6", "residual_n4"):
+            own, factors = factors, AtomFactors(frame, self.drifts[0], self.settings.pot)
+            for name in ("energies_n", "atom_virial_n6", "residual_n4", "inner_nc"):
                 setattr(factors, name, getattr(own, name))
         return factors.columns(self.work.site)
 

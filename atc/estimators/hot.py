@@ -388,7 +388,12 @@ class HotPoints:
         """The atoms that matter as an open frame; None where all of them must be asked."""
         from .cutting import depth
 
-        if self.frame.topology or not hasattr(pot, "terms") or not getattr(pot, "central", True):
+        if (
+            self.frame.topology
+            or getattr(pot, "constraints", None) is not None
+            or not hasattr(pot, "terms")
+            or not getattr(pot, "central", True)
+        ):
             return None
         try:
             deep = depth(pot)

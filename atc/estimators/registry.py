@@ -30,6 +30,7 @@ class Source:
     frame: tuple[str, ...] = ()
     bonds: bool = False  # needs the pass over the bonds
     energies: bool = False  # needs per-atom potential energies
+    forces: bool = False  # needs the forces between atoms
     sources: bool = False  # needs the bonds' directed energy sources
     reference: bool = False  # needs the reference frame
     on_reference: bool = False  # is summed over reference positions, on the grid of the reference frame
@@ -40,6 +41,7 @@ class Source:
 # kinetic_flux and potential_flux.
 SITE = {
     "one": Source(1),
+    "degrees": Source(1),  # of freedom of an atom, over those of a free one
     "mass": Source(1, ("masses",)),
     "momentum": Source(3, ("masses", "velocities")),
     "kinetic": Source(6, ("masses", "velocities")),
@@ -49,6 +51,8 @@ SITE = {
     "kinetic_flux": Source(3, ("masses", "velocities")),
     "potential_flux": Source(3, ("velocities",), bonds=True, energies=True),
     "energy_current": Source(3, ("masses", "velocities"), bonds=True, energies=True),
+    "outside_force": Source(3, bonds=True, forces=True),
+    "outside_power": Source(1, ("velocities",), bonds=True, forces=True),
     "source_residual": Source(4, bonds=True, sources=True),  # the last: the forces it is left over from
 }
 
@@ -313,12 +317,13 @@ _ALL = [
         "temperature",
         "kinetic temperature relative to the local velocity",
         lambda s: s.temperature,
-        site=("one", *_MEAN, "kinetic"),
+        site=("degrees", *_MEAN, "kinetic"),
         masked=True,
-        weight="one",
+        weight="degrees",
         sign="positive",
         comment="-trace(stress_kinetic)/(3 n k_B): three degrees of freedom per atom, none removed for the local mean "
-        "velocity or for constraints",
+        "velocity; where the potential has constraints "
+        "those that they leave each atom: the ones whose mean kinetic energy it has",
     ),
     Quantity(
         "stress_kinetic",
@@ -626,6 +631,27 @@ _ALL = [
         "carries its energy along: remove the momentum before a Green-Kubo integral; " + _SHARED,
     ),
     Quantity(
+        "body_force",
+        "force_density",
+        "force density from outside",
+        lambda s: s.site["outside_force"],
+        rank=1,
+        site=("outside_force",),
+        linear=True,
+        sign="positive along +x, +y, +z; d(momentum)/dt + div(density velocity velocity) = div(stress) + body_force",
+        comment="walls, fields, friction and whatever else acts on atoms from outside: see body_force_source",
+    ),
+    Quantity(
+        "body_power",
+        "power_density",
+        "power density of the forces from outside",
+        lambda s: s.site["outside_power"][:, 0],
+        site=("outside_power",),
+        linear=True,
+        sign="positive where energy is put in",
+        comment="sum of force times velocity of the atoms, in the frame of the simulation",
+    ),
+    Quantity(
         "velocity_gradient",
         **_VELOCITY,
         **_kinematic(
@@ -780,6 +806,11 @@ class Work:
         return self._any("energies")
 
     @property
+    def force_users(self) -> list[str]:
+        """Quantities that need the forces between atoms."""
+        return self._any("forces")
+
+    @property
     def source_users(self) -> list[str]:
         """Quantities that need the energy sources of the bonds."""
         return self._any("sources")
@@ -815,7 +846,7 @@ class Work:
     @property
     def symmetric_users(self) -> list[str]:
         """Quantities that only know forces along bonds."""
-        return [q.name for q in self.quantities if {"atom_virial"} & {*q.site, *q.whole}]
+        return [q.name for q in self.quantities if {"atom_virial"} & {*q.site, *q.whole} or "sources" in q.bond]
 
     @property
     def masked(self) -> bool:

@@ -29,9 +29,10 @@ class AtomFactors:
     energies_n: np.ndarray | None = None
     atom_virial_n6: np.ndarray | None = None
     residual_n4: np.ndarray | None = None
+    inner_nc: np.ndarray | None = None  # forces between atoms
 
-    def __init__(self, frame, drift):
-        self.frame, self.drift = frame, drift
+    def __init__(self, frame, drift, pot=None):
+        self.frame, self.drift, self.pot = frame, drift, pot
         self._kept: dict[str, np.ndarray] = {}
 
     @property
@@ -57,6 +58,12 @@ class AtomFactors:
 
     def _one(self):
         return np.ones((len(self.frame), 1))
+
+    def _degrees(self):
+        constraints = getattr(self.pot, "constraints", None)
+        if constraints is None:
+            return self._one()
+        return constraints.degrees(self.pot.complete(self.frame))[:, None] / self.frame.dimension
 
     def _mass(self):
         return self.frame.masses[:, None].copy()
@@ -85,6 +92,12 @@ class AtomFactors:
 
     def _energy_current(self):
         return (self["kinetic_energy"] + self.energies_n[:, None]) * self.frame.velocities
+
+    def _outside_force(self):
+        return self.pot.body_forces(self.frame, self.inner_nc)[0]
+
+    def _outside_power(self):
+        return np.einsum("nc,nc->n", self["outside_force"], self.frame.velocities)[:, None]
 
     def _source_residual(self):
         return self.residual_n4

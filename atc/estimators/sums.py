@@ -86,10 +86,11 @@ class Sums:
 
     @cached_property
     def temperature(self) -> np.ndarray:
-        """(g,) trace(T − ρ v⊗v)/(d n k_B), d degrees of freedom per atom, 0 where there is no mass."""
+        """(g,) trace(T − ρ v⊗v)/(d n k_B), d degrees of freedom per atom (fewer with constraints), 0 where there is no
+        mass."""
         return quotient(
             self.thermal[:, :3].sum(1) / (float(self.dimension) * self.boltzmann),
-            np.where(self.defined, self.site["one"][:, 0], 0.0),
+            np.where(self.defined, self.site["degrees"][:, 0], 0.0),
         )
 
     # --- heat (formulas.md §4; v' = v − drift, w = v_j − v(x), u = v(x) − drift)

@@ -75,6 +75,13 @@ def refuse(frame, work, pot) -> None:
         raise AtcError(
             "tiles: only potentials made of atc's terms are cut into tiles, not the bonds of a body: leave tiles out"
         )
+    if work.force_users:
+        raise AtcError(f"tiles: {', '.join(work.force_users)} need all forces on an atom at once: leave tiles out")
+    if getattr(pot, "constraints", None) is not None:
+        raise AtcError(
+            f"tiles: the forces of {pot.constraints.describe()} depend on all forces on a molecule, which a tile does "
+            "not have: leave tiles out"
+        )
 
 
 def tile_sums(tile: Tile, task: Task) -> dict:

@@ -160,6 +160,7 @@ def output_layout(request: Request, frame, result: FrameResult, moves: bool = Fa
         )
     if work.bond_users:
         attrs["decomposition"] = request.pot.describe()
+        attrs.update(request.held)
     attrs["dimension"] = u.dimension
     attrs["periodic"] = "".join("p" if p else "f" for p in frame.cell.periodic[: u.dimension])
     attrs["scene"] = str(request.scene) if request.scene else scene_of(request)
@@ -178,7 +179,7 @@ def _in_plane(comment: str) -> str:
     return comment
 
 
-_WEIGHTS = {"mass": "mass density", "one": "number density"}
+_WEIGHTS = {"mass": "mass density", "one": "number density", "degrees": "number density (of degrees of freedom)"}
 
 
 def _grid_coordinates(bound, u) -> dict:

@@ -353,13 +353,23 @@ BAD = {
     ),
     "no label": (f"units lj\n{LJ}jump SELF a", "line 4.*label a"),
     "jump elsewhere": (f"units lj\n{LJ}jump other.in", "line 4.*another file"),
-    "shake": (
-        f"units lj\n{LJ}fix 1 all shake 1e-4 20 0 b 1",
-        "line 4: fix shake holds bonds and angles rigid.*part of the stress",
+    "corotate": (
+        f"units lj\n{LJ}fix 1 all filter/corotate b 1",
+        "line 4: fix filter/corotate filters the fast motion.*part of the stress",
     ),
+    "joints": (
+        f"units lj\n{LJ}fix 1 all poems molecule",
+        "line 4: fix poems moves atoms as rigid bodies that are joined",
+    ),
+    "shake": (f"units lj\n{LJ}fix 1 all shake 1e-4 20 0 1 1", "line 4: fix shake: expected b, a, t or m before '1'"),
+    "shake mass": (f"units lj\n{LJ}fix 1 all shake 1e-4 20 0 m H", "line 4: fix shake: expected a mass, got 'H'"),
     "rigid": (
-        f"units lj\n{LJ}fix 1 all rigid/nvt/omp molecule temp 1 1 1",
-        "line 4: fix rigid/nvt moves atoms as rigid bodies",
+        f"units lj\n{LJ}fix 1 all rigid/nvt/omp custom i_body temp 1 1 1",
+        "line 4: fix rigid/nvt custom: which atoms are a body is not known",
+    ),
+    "rigid torque": (
+        f"units lj\n{LJ}fix 1 all rigid single torque * off off off",
+        "line 4: fix rigid torque is not supported",
     ),
     "unknown fix": (f"units lj\n{LJ}fix 1 all magic 3", "line 4: fix magic is no fix of LAMMPS"),
     "restrain": (f"units lj\n{LJ}fix 1 all restrain bond 1 2 3 4 5", "line 4: fix restrain adds forces between atoms"),

@@ -13,6 +13,7 @@ from test_run import Stop, same, stop_after
 import atc
 from atc import calibrate, choose
 from atc.costs import Costs
+from atc.decomposers.outside import Friction, OutsideForces
 from atc.errors import AtcError, AtcWarning
 from atc.estimators import groups
 from atc.estimators.methods import Method
@@ -90,6 +91,7 @@ def test_every_field_that_is_called_linear_is(monkeypatch):
     frame, pot = calibrate.silicon(2)
     frames = moving(frame.replace(velocities=np.zeros_like(frame.positions)), 4)
     pot = pot.partitioned("center")
+    pot.acting = OutsideForces((Friction(gamma=0.1),))
     for name, q in QUANTITIES.items():
         work = Work.of([name])
         if not groups.added_up(work):

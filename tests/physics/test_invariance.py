@@ -9,7 +9,7 @@ import atc
 from atc.estimators.registry import QUANTITIES
 
 # Quantities relative to a reference frame have their own tests; so have those that are zero but for rounding, as
-# churning is for pairs.
+# churning is for pairs, and what acts from outside, which a potential alone does not say.
 _OWN_TESTS = (
     "piola_stress",
     "displacement",
@@ -20,6 +20,8 @@ _OWN_TESTS = (
     "churning_heat_source",
     "heat_flux_churning",
     "vorticity",
+    "body_force",
+    "body_power",
 )
 # Piola stresses need a reference, nodal virials a volume of each node.
 NAMES = [

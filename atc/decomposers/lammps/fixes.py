@@ -3,8 +3,9 @@ at a frame.
 
 harmless    moves atoms, changes velocities or the box, or measures: what a frame shows is all there is to know outside
 a force on atoms from outside (walls, fields, friction and noise, tethers): forces between atoms, hence stress, are what
-they are constraint  holds distances or bodies rigid by forces between atoms, which are part of the stress model
-adds forces between atoms, or changes which forces act while LAMMPS runs
+they are constraint  holds distances or bodies rigid by forces between atoms, which are part of the stress: found for
+every frame (`constraints`) held        the same in a way that is not supported
+model       adds forces between atoms, or changes which forces act while LAMMPS runs
 charges, types, atoms, bonds
             changes these while LAMMPS runs: right where the frames themselves show them, see `REACH`
 """
@@ -80,12 +81,16 @@ _CLASSES = {
         ("tethers atoms to places", "spring/self spring smd"),
     ),
     "constraint": (
-        ("holds bonds and angles rigid", "shake rattle filter/corotate"),
+        ("holds bonds and angles rigid", "shake rattle"),
         (
             "moves atoms as rigid bodies",
-            "rigid rigid/meso rigid/nph rigid/nph/small rigid/npt rigid/npt/small rigid/nve rigid/nve/small rigid/nvt "
-            "rigid/nvt/small rigid/small poems lb/rigid/pc/sphere",
+            "rigid rigid/nph rigid/nph/small rigid/npt rigid/npt/small rigid/nve rigid/nve/small rigid/nvt "
+            "rigid/nvt/small rigid/small",
         ),
+    ),
+    "held": (
+        ("filters the fast motion of bonds", "filter/corotate"),
+        ("moves atoms as rigid bodies that are joined, or immersed", "poems rigid/meso lb/rigid/pc/sphere"),
         ("holds atoms on a surface", "nve/manifold/rattle nvt/manifold/rattle"),
     ),
     "model": (

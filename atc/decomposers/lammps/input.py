@@ -14,6 +14,7 @@ from ...units import LAMMPS_STYLES, Units, units
 from ..base import Potential, Term, Wrapper
 from ..exclusions import Exclusions, exclusions_of
 from ..hybrid import Hybrid, parse_hybrid, strip_suffix
+from ..outside import OutsideForces
 from ..pair import MAX_TYPES, Pairs, PairStyle
 from ..registry import (
     MAPPED_STYLES,
@@ -28,10 +29,12 @@ from ..registry import (
 )
 from ..special_bonds import SpecialBonds
 from ..zero import Nothing
+from .constraint_fixes import constraints_of, groups_of, needs_molecules
 from .data_coeffs import take_data_file
 from .interpreter import Interpreter, State
+from .outside_fixes import acting, outside_of
 from .runs import check_spins_push, choose_run, sort_fixes
-from .script import Command, is_text, one_line, read_text
+from .script import Command, is_text, one_line, read_text, short
 from .setup import Setup
 
 __all__ = ["potential_from_lammps"]
@@ -115,11 +118,34 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
     # LAMMPS's default is 3, so a whole script says it in any case.
     pot.dimension, pot.dimension_said = model.dimension or 3, model.dimension is not None or script
     pot.atom_style = " ".join(model.atom_style)
+    named = model.exclusions.groups if model.exclusions else ()
+    from_outside = acting(choice.fixes)
+    needed = (*groups_of(choice.fixes), *(c.words[1] for c in from_outside if c.words[1] != "all"))
+    groups = (*named, *(g for g in dict.fromkeys(needed) if g not in named))
+    if script or from_outside:
+        lattice = any(c.name == "lattice" for c in choice.state.atoms)
+        pot.acting = outside_of(choice.fixes, groups, model.units, lattice)
+        if not choice.steady:
+            pot.acting = OutsideForces(
+                (), tuple(f"fix {c.words[2]} ({short(c.where)}), not in all of the runs" for c in from_outside)
+            )
+    if choice.minimizes and (c := next((c for c in choice.state.held if c.words[2] in ("shake", "rattle")), None)):
+        raise AtcError(
+            f"{c.where}: fix {c.words[2]} holds bonds by springs of its own while LAMMPS minimizes, which are not "
+            "supported: name another run"
+        )
+    pot.constraints = constraints_of(
+        choice.fixes,
+        groups,
+        lambda kind, word, where: _types(model, kind, word, where),
+        model.units.mass,
+        _timestep(choice.timestep, model.units),
+    )
     if script and not any(c.name == "units" for c in choice.state.model) and units_ is None:
         pot.remarks = (*pot.remarks, f"{Path(name).name} has no units line: lj, as in LAMMPS")
     pot.remarks = (*pot.remarks, *(f"forces from outside are no part of the stress: {o}" for o in pot.outside))
     concerned = [c for c in choice.state.atoms if c.name not in ("mass", "labelmap", "run")]
-    if script or concerned or changing:
+    if script or concerned or changing or groups:
         pot.setup = Setup(
             name,
             folder,
@@ -130,8 +156,8 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
             choice.late,
             changing,
             tuple(script_run.written_data),
-            _needs(pot, model),
-            model.exclusions.groups if model.exclusions else (),
+            _needs(pot, model, choice.fixes),
+            groups,
             script_run.may_lose,
             script_run.columns,
         )
@@ -154,11 +180,35 @@ def _atom_style(model: _Model) -> tuple[str, ...]:
     return ("full",) if any(k in model.styles for k in _BONDED) else ("atomic",)
 
 
-def _needs(pot: Potential, model: _Model) -> frozenset:
+#: LAMMPS's time step where a script has no ``timestep`` line, in its units.
+_TIMESTEPS = {
+    "lj": 0.005,
+    "real": 1.0,
+    "metal": 0.001,
+    "si": 1e-8,
+    "cgs": 1e-8,
+    "electron": 0.001,
+    "micro": 2.0,
+    "nano": 0.00045,
+}
+
+
+def _timestep(word: str | None, u: Units) -> float | None:
+    """The time step of a run (internal), None where it is not known."""
+    word = str(_TIMESTEPS.get(u.name, "")) if word is None else word
+    try:
+        return float(u.to_internal("time", float(word)))
+    except ValueError:
+        return None
+
+
+def _needs(pot: Potential, model: _Model, fixes=()) -> frozenset:
     """What the terms need to know of atoms besides their places and types."""
     styles = [s for t in pot.terms for s in (t, *getattr(t, "styles", ()))]
     out = {"charges"} if any(getattr(s, "needs_charges", False) for s in styles) else set()
     if model.exclusions and (model.exclusions.same or model.exclusions.different):
+        out.add("molecules")
+    if needs_molecules(fixes):
         out.add("molecules")
     return frozenset(out)
 

@@ -33,11 +33,21 @@ class State:
     """What holds at a run (or at the end of a script without one): a point in the lists of executed commands, which
     only grow.
 
-    fixes : those that are there. where : file and line of the run, for messages
+    fixes : those that are there. where : file and line of the run, for messages. name : the command that runs
+    timestep : the word of the last ``timestep`` line, None if there was none, "" where it is not known
     """
 
-    def __init__(self, model: list, atoms: list, fixes: tuple, where: str = ""):
-        self._model, self._atoms, self.fixes, self.where = model, atoms, fixes, where
+    def __init__(
+        self, model: list, atoms: list, fixes: tuple, where: str = "", name: str = "", timestep: str | None = None
+    ):
+        self._model, self._atoms, self.fixes, self.where, self.name, self.timestep = (
+            model,
+            atoms,
+            fixes,
+            where,
+            name,
+            timestep,
+        )
         self._n_model, self._n_atoms = len(model), len(atoms)
 
     @property
@@ -52,7 +62,12 @@ class State:
     @property
     def key(self):
         """The same for states that hold the same lines of model commands."""
-        return id(self._model), self._n_model
+        return id(self._model), self._n_model, self.held
+
+    @property
+    def held(self) -> tuple[Command, ...]:
+        """The fixes that hold distances or bodies, which are part of the model."""
+        return tuple(c for c in self.fixes if classify(c.words[2], c.words[3:])[0] == "constraint")
 
     def said(self) -> list:
         """The model without where its lines stand: of lines given twice the last, kind by kind; of data files also
@@ -61,6 +76,7 @@ class State:
         for c in self.model:
             styles = (*styles, c.name) if c.name.endswith("_style") and c.name not in styles else styles
             out.append((c.name, c.words, tuple(sorted(styles)) if c.name == "read_data" else ()))
+        out += [("fix", c.words[1:], ()) for c in self.held]
         return sorted(dict.fromkeys(reversed(out)), key=lambda c: c[0] if c[0] == "pair_modify" else c[0].split("_")[0])
 
     def atoms_beyond(self, first: State) -> tuple[Command, ...]:
@@ -124,6 +140,8 @@ class Interpreter:
         self._skip_jump = False
         self._executed = self._depth = 0
         self.may_lose = ""
+        self.timestep: str | None = None
+        self.verlet = True
         self._fixes: tuple[Command, ...] = ()
         self._restarts: dict[str, tuple[list, list]] = {}
         self._restored: set[str] = set()
@@ -209,6 +227,11 @@ class Interpreter:
                 self.may_lose = line.where
         elif name == "compute":
             self._compute(line)
+        elif name == "timestep":
+            words, why = self._known_words(line)
+            self.timestep = "" if why or len(words) < 2 else words[1]
+        elif name == "run_style":
+            self.verlet = self._known_words(line)[0][1:2] == ["verlet"]
         elif name in ("dump", "undump", "write_data", "write_restart"):
             self._dump(name, line)
         return None
@@ -229,6 +252,7 @@ class Interpreter:
     def _take(self, c: Command) -> None:
         if c.name == "clear":
             self.model, self.atoms = [], []
+            self.timestep, self.verlet = None, True
             self._restored = set()
             self._set_fixes({})
             return
@@ -317,12 +341,13 @@ class Interpreter:
         if name == "run" and "every" in words:
             for text in words[words.index("every") + 2 :]:
                 self._harmless_or_refuse(text, line.where, "is executed while LAMMPS runs")
-        self.runs.append(self._state(line.where))
+        self.runs.append(self._state(line.where, name))
         if not (self.atoms and self.atoms[-1].name == "run"):
             self.atoms.append(Command("run", (), line.where))
 
-    def _state(self, where: str = "") -> State:
-        return State(self.model, self.atoms, self._fixes, where)
+    def _state(self, where: str = "", name: str = "") -> State:
+        known = self.verlet and not any(c.words[2] == "dt/reset" for c in self._fixes)
+        return State(self.model, self.atoms, self._fixes, where, name, self.timestep if known else "")
 
     @property
     def state(self) -> State:

@@ -19,12 +19,17 @@ _MOST = 200
 @dataclass(frozen=True)
 class Choice:
     """state : what holds. late : commands of later runs that may change atoms. fixes : those of every run meant; before
-    : of the runs up to it."""
+    : of the runs up to it.
+    timestep : the word of the ``timestep`` line, see `State`. minimizes : whether all runs meant are minimizations.
+    steady : whether the same forces from outside act in all of them"""
 
     state: State
     late: tuple[Command, ...]
     fixes: tuple[Command, ...]
     before: tuple[Command, ...]
+    timestep: str | None = None
+    minimizes: bool = False
+    steady: bool = True
 
 
 def choose_run(script: Interpreter, run: int | None, name: str, trajectory=()) -> Choice:
@@ -73,8 +78,9 @@ def _distinct_models(states, name) -> list[int]:
 
 def _differ(states, i: int, k: int) -> AtcError:
     c = _difference(states[i], states[k])
+    words = c.words[2:3] if c.name == "fix" else c.words[:3]
     return AtcError(
-        f"{c.where}: {c.name} {' '.join(c.words[:3])} holds in run {k + 1} ({states[k].where}), not in run {i + 1} "
+        f"{c.where}: {c.name} {' '.join(words)} holds in run {k + 1} ({states[k].where}), not in run {i + 1} "
         f"({states[i].where}): "
         f"say which run the frames belong to, e.g. run = {k + 1} in [potential]"
     )
@@ -82,10 +88,11 @@ def _differ(states, i: int, k: int) -> AtcError:
 
 def _difference(a: State, b: State) -> Command:
     """A command of b that a has not, or the other way round."""
-    said = {(c.name, c.words) for c in a.model}
-    other = {(c.name, c.words) for c in b.model}
-    return next((c for c in b.model if (c.name, c.words) not in said), None) or next(
-        (c for c in a.model if (c.name, c.words) not in other), b.model[-1] if b.model else a.model[-1]
+    mine, theirs = (*a.model, *a.held), (*b.model, *b.held)
+    said = {(c.name, c.words) for c in mine}
+    other = {(c.name, c.words) for c in theirs}
+    return next((c for c in theirs if (c.name, c.words) not in said), None) or next(
+        (c for c in mine if (c.name, c.words) not in other), theirs[-1] if theirs else mine[-1]
     )
 
 
@@ -105,7 +112,18 @@ def _choice(states, numbers) -> Choice:
     ]
     fixes = {c: None for t in _distinct(states[k].fixes for k in numbers) for c in t}
     before = {c: None for t in _distinct(s.fixes for s in states[: numbers[-1] + 1]) for c in t}
-    return Choice(first, tuple(dict.fromkeys(late)), tuple(fixes), tuple(before))
+    steps = {states[k].timestep for k in numbers}
+    steady = len({tuple((c.name, c.words) for c in states[k].fixes if _class(c)[0] == "outside") for k in numbers}) == 1
+    minimizes = all(states[k].name.startswith("minimize") for k in numbers)
+    return Choice(
+        first,
+        tuple(dict.fromkeys(late)),
+        tuple(fixes),
+        tuple(before),
+        steps.pop() if len(steps) == 1 else "",
+        minimizes,
+        steady,
+    )
 
 
 def _distinct(tuples):
@@ -140,10 +158,10 @@ def sort_fixes(choice: Choice) -> tuple[tuple[str, ...], dict]:
     for c in choice.fixes:
         kind, reason = _class(c)
         what = f"{c.where}: fix {c.words[2]}"
-        if kind == "constraint":
+        if kind == "held":
             raise AtcError(
-                f"{what} {reason}: the forces that do it are part of the stress and are not supported yet: take "
-                "another run, or leave the fix out"
+                f"{what} {reason}: the forces that do it are part of the stress and are not supported: take another "
+                "run, or leave the fix out"
             )
         if kind == "model":
             raise AtcError(

@@ -49,7 +49,7 @@ class Setup:
     changing : {property, "atoms" or "bonds": reason}, what fixes change while LAMMPS runs
     written : names of the data files that the script writes
     needs : which of "charges", "topology", "molecules" the potential depends on
-    groups : names of the groups that pair exclusions need, bit k of `Frame.groups` the k-th
+    groups : names of the groups that pair exclusions and constraints need, bit k of `Frame.groups` the k-th
     may_lose : the line that lets atoms be lost, or ""
     columns : {column of a dump: property of atoms}, as the script's computes name them
     """
@@ -432,16 +432,16 @@ class Setup:
             try:
                 g = table.group(name)
             except Trouble as e:
-                raise AtcError(f"{self.name}: neigh_modify exclude: {e}") from None
+                raise AtcError(f"{self.name}: group {name}: {e}") from None
             if not found.all() and name != "all":
                 raise AtcError(
                     f"{frame.source}: whether atom {frame.ids[~found][0]} is in group {name} is not known, on which "
-                    "excluded pairs depend"
+                    "excluded pairs or constraints depend"
                 )
             if found.any() and g.unsure[rows].any():
                 raise AtcError(
-                    f"{frame.source}: who is in group {name}, on which excluded pairs depend, is not known: "
-                    f"{table.group_why.get(name, 'it changes')}"
+                    f"{frame.source}: who is in group {name}, on which excluded pairs or constraints depend, is not "
+                    f"known: {table.group_why.get(name, 'it changes')}"
                 )
             bits |= np.where(g.inside[rows] if found.any() and name != "all" else name == "all", 1 << k, 0)
         return bits

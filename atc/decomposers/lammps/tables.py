@@ -18,7 +18,8 @@ _COMMANDS = {
 _FIXES = {
     "harmless": "changes no force of a frame",
     "outside": "a force from outside: noted, no part of the stress",
-    "constraint": "refused",
+    "constraint": "forces between atoms, found for every frame (constraints.md)",
+    "held": "refused",
     "model": "refused",
     "charges": "charges: only if the frames show them",
     "types": "types and charges: only if the frames show them",
