@@ -182,6 +182,18 @@ def _extent(field_gk):
     return low, high, total / n, square / (n * many)
 
 
+def tolerance_kept(errors: dict[str, float], tolerance: float) -> str | None:
+    """What an output says of a field whose error is, or may well be, larger than the one allowed; None of others.
+    errors : as in `Check.errors`"""
+    for found, what in (
+        (errors.get("error_max", 0.0), "no: error found"),
+        (errors.get("error_expected", 0.0), "perhaps not: error expected somewhere"),
+    ):
+        if not found <= tolerance:
+            return f"{what} {found:.1e}, {found / tolerance:.2g} times the tolerance"
+    return None
+
+
 def without_nan(values):
     """`np.nan_to_num`, without a copy where there is nothing to be replaced."""
     return values if np.isfinite(values.sum()) else np.nan_to_num(values)

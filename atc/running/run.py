@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import AtcError, AtcWarning
+from ..estimators.accuracy import tolerance_kept
 from ..estimators.compute import FrameResult, frame_fields, require
 from ..estimators.methods import DEPOSITS, Method, Refinement, details, summary
 from ..estimators.registry import QUANTITIES
@@ -489,6 +490,9 @@ class _Sink:
                 for kind, value in measured.items():
                     at[kind] = max(at.get(kind, 0.0), value)
                 at["measured_error"] = at.get("error_max", 0.0)
+                kept = tolerance_kept(at, self.request.tolerance)
+                if kept is not None:
+                    at["tolerance_kept"] = kept
                 if at.pop("error_of_terms", 0.0):
                     at["error_relative_to"] = "sum of the sizes of the terms: the field is 0 within rounding"
                 worst = max(worst, at["measured_error"])
@@ -514,15 +518,17 @@ class _Sink:
             out[""]["notes"] = "; ".join(f"{what}: {count}" for what, count in sorted(counts.items()))
         if self.request.work.grid_users:
             out[""]["measured_error"] = worst
-            if worst > self.request.tolerance:
+            missed = {name: at["tolerance_kept"] for name, at in out.items() if "tolerance_kept" in at}
+            if missed:
                 # The exact sum itself can only miss it where a field is the small difference of large numbers.
                 exact = all(m.exact or not m.forced for m in self.request.methods.values())
                 warnings.warn(
-                    f"the measured error {worst:.1e} exceeds the tolerance {self.request.tolerance:.1e}: "
+                    f"the measured error {worst:.1e}: tolerance {self.request.tolerance:.1e} not kept for "
+                    + ", ".join(f"{name} ({kept.partition(': ')[2]})" for name, kept in missed.items())
                     + (
-                        "a field is hardly more than the rounding of what it is the difference of"
+                        ": hardly more than the rounding of what they are the difference of"
                         if exact
-                        else "use method='direct'"
+                        else ": use method='direct'"
                     ),
                     AtcWarning,
                     stacklevel=2,
