@@ -118,7 +118,7 @@ class Check:
         difference = np.abs(field_g[self.which] - at_points)
         worst = float(difference.max(initial=0.0))
         rms = float(np.sqrt(np.mean(difference**2))) if difference.size else 0.0
-        extent = extent or extent_of(field_g)
+        extent = _without_error(extent or extent_of(field_g), worst, float(np.abs(at_points).max(initial=0.0)))
         if extent.largest <= ZERO * scale:
             found = {
                 "error_max": _ratio(worst, scale),
@@ -135,7 +135,8 @@ class Check:
     def expected(self, field_g, at_points, scale: float = 0.0, extent=None) -> float:
         """The largest error of all points over the largest value, if errors are normally distributed, by those found:
         √(2 ln N) standard deviations."""
-        largest = (extent or extent_of(field_g)).largest
+        worst = float(np.abs(field_g[self.which] - at_points).max(initial=0.0))
+        largest = _without_error(extent or extent_of(field_g), worst, float(np.abs(at_points).max(initial=0.0))).largest
         largest = scale if largest <= ZERO * scale else largest
         if len(self.which) < 20 or largest == 0.0:
             return 0.0
@@ -150,6 +151,20 @@ class Extent(NamedTuple):
     largest: float
     spread: float
     rms: float
+
+
+def _without_error(extent: Extent, worst: float, exactly: float) -> Extent:
+    """How large a field is that is hardly more than its error: as far as is known. worst : the largest error found;
+    exactly : the largest exact value known"""
+    if not worst > 0.1 * extent.largest:
+        return extent
+    largest = max(extent.largest - worst, exactly)
+    # Where nothing but the error is known, against that.
+    return (
+        extent
+        if largest <= 0.0
+        else extent._replace(largest=largest, spread=max(extent.spread - worst, 0.0) or largest)
+    )
 
 
 def extent_of(field_g) -> Extent:
