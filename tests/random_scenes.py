@@ -23,6 +23,7 @@ import energy_systems
 import atc
 from atc import choose
 from atc.costs import Costs
+from atc.deposit import spectral
 from atc.errors import AtcError, AtcWarning
 from atc.frame import Cell, Frame
 from atc.planar import planar
@@ -360,7 +361,9 @@ def spectral_preferred():
     patch.setattr(choose, "CHEAP", 0.0)
     patch.setattr(choose, "SEARCH", 0.0)
     patch.setattr(choose, "WATCH", (0.0, 0.0))
-    patch.setattr(choose, "MOST_MEMORY", 3e7)  # seconds are for larger frames
+    # Seconds a mesh are for larger frames.
+    patch.setattr(choose, "MOST_MEMORY", 3e7)
+    patch.setattr(spectral, "LARGEST", 3e7)
     return _Undone(patch)
 
 
