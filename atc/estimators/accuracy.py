@@ -154,17 +154,12 @@ class Extent(NamedTuple):
 
 
 def _without_error(extent: Extent, worst: float, exactly: float) -> Extent:
-    """How large a field is that is hardly more than its error: as far as is known. worst : the largest error found;
-    exactly : the largest exact value known"""
-    if not worst > 0.1 * extent.largest:
-        return extent
-    largest = max(extent.largest - worst, exactly)
-    # Where nothing but the error is known, against that.
-    return (
-        extent
-        if largest <= 0.0
-        else extent._replace(largest=largest, spread=max(extent.spread - worst, 0.0) or largest)
-    )
+    """How large a field is whose error is a good part of it: as exact values say. worst : the largest error found;
+    exactly : the largest exact value known, a field of nothing but error has none"""
+    if worst > 0.1 * extent.largest and exactly > 0.0:
+        largest = min(exactly, extent.largest)
+        return extent._replace(largest=largest, spread=min(largest, extent.spread))
+    return extent
 
 
 def extent_of(field_g) -> Extent:

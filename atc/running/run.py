@@ -93,8 +93,8 @@ def fields(
         its workers, each with `threads` threads. Workers may come, go and die: what they had not finished is computed
         by others, with the same result.
     tiles : three ints
-        Cut each frame along the cell's edges into so many tiles, for frames too large for one worker. Results differ
-        from those without by rounding.
+        Cut each frame along the cell's edges into so many tiles, for frames too large for one worker. Exact sums differ
+        from those without by rounding, approximate ones by no more than their errors: `tolerance` holds for both.
     out : path ending in .zarr or .nc
         Written frame by frame to ``out.partial`` and renamed at the end. After a kill or Ctrl-C the same call goes on
         where it was, with the same result as an uninterrupted run. `resume=False` begins again.
@@ -119,9 +119,10 @@ def fields(
         variable: units, long_name, sign_convention, error_max (largest error found at random points by the exact
         method, relative to the largest value of the field), error_l2 (rms, relative to the rms of the field),
         error_of_fluctuation (largest, relative to the largest deviation from the mean), measured_error (the same as
-        error_max); input_error where the coordinates have so few digits that it matters: how far the field of the first
-        frame moves when atoms move by what rounding hid. `agrees_with_run` of the dataset says how forces and log
-        compare. With `out` the data are read from the file when they are used.
+        error_max); error_expected (what is to be expected at the worst of all points, by those found), and
+        tolerance_kept where it was not, or may not have been; input_error where the coordinates have so few digits that
+        it matters: how far the field of the first frame moves when atoms move by what rounding hid. `agrees_with_run`
+        of the dataset says how forces and log compare. With `out` the data are read from the file when they are used.
 
     Raises
     ------
