@@ -24,6 +24,9 @@ CLOSER = 0.7
 LOOSEST = 0.1
 #: CPU seconds of an exact sum below which nothing else is considered.
 CHEAP = 3e-3
+#: CPU seconds, of a run, that it takes to look for the cheapest method; and, of a frame, to watch the strongest bonds
+#: where their sum is approximate: for each bond, and at most.
+SEARCH, WATCH = 0.02, (3e-7, 0.05)
 #: Bytes that meshes may take.
 MOST_MEMORY = 4e9
 
@@ -110,6 +113,7 @@ def choose(
     load: Load,
     pilot=None,
     together=None,
+    n_frames=1,
 ) -> dict[str, Method]:
     """The method of each deposit.
 
@@ -120,6 +124,7 @@ def choose(
     kern : kernel in internal units
     pilot : a function that makes a `pilot.Pilot` of the first frame's stress; None: the spectral method begins at the
         tolerance
+    n_frames : of the run
     together : of how many frames the sums of a deposit are finished together, by deposit; 1 of those that are not there
     """
     out = {}
@@ -133,7 +138,7 @@ def choose(
             look = _Look(pilot, load.seconds(costs, atoms))
         out[key] = _one(
             method, tolerance, costs, bound, kern, cell, items, length, components, exact, slopes, look,
-            carriers(key, work, atoms), (together or {}).get(key, 1),
+            carriers(key, work, atoms), (together or {}).get(key, 1), n_frames,
         )  # fmt: skip
     return out
 
@@ -161,6 +166,7 @@ def _one(
     look=None,
     carried=0.0,
     frames=1,
+    n_frames=1,
 ) -> Method:
     """exact : seconds of the exact sum; gradients : whether those are wanted too; carried : atoms that can carry
     moments; frames : finished together."""
@@ -179,7 +185,9 @@ def _one(
         return Method("direct", reason=f"tolerance {tolerance:g} means the exact sum")
     if not items:
         return EXACT
-    if exact < CHEAP:
+    # What an approximate sum may cost: looking for one, and after its errors, is part of it.
+    allowed = exact - SEARCH / n_frames - (min(WATCH[0] * items, WATCH[1]) / frames if length > 0 else 0.0)
+    if exact < CHEAP or allowed <= 0.0:
         return Method("direct", reason=f"exact, and cheap here: {exact:.1g} s of CPU")
 
     start = tolerance if look is None else _start(tolerance, ways, exact, look)
@@ -187,7 +195,7 @@ def _one(
         fast = ways.cost(start)
     except AtcError as e:
         return Method("direct", reason=f"spectral cannot: {_short(e)}")
-    if fast >= exact:
+    if fast >= allowed:
         return Method(
             "direct",
             reason=f"exact, and cheaper here: {exact:.2g} s of CPU against {fast:.2g} s by the spectral method",
@@ -328,19 +336,25 @@ def _rungs(tolerance, good, start=None) -> tuple[float, ...]:
     from .deposit.spectral import SINGLE
 
     start = tolerance if start is None else start
-    out = []
-    for factor in FACTORS:
-        t = tolerance * factor
-        # Where rounding may be what failed, nothing is gained before arithmetic is more precise.
-        if t >= start * (1 - 1e-9) or (start >= SINGLE and tolerance < 4e-6 and t >= SINGLE):
-            continue
+    # Where rounding may be what failed, nothing is gained before arithmetic is more precise.
+    tighter = [
+        t
+        for t in (tolerance * factor for factor in FACTORS)
+        if EXACT_BELOW <= t < start * (1 - 1e-9) and not (start >= SINGLE and tolerance < 4e-6 and t >= SINGLE)
+    ]
+
+    def possible(t):
         try:
-            if t < EXACT_BELOW or not good(t):
-                break
+            return good(t)
         except AtcError:
-            break
-        out.append(t)
-    return tuple(out)
+            return False
+
+    # The tighter the dearer: the last good one is between the first and the last.
+    low, high = 0, len(tighter)
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (middle + 1, high) if possible(tighter[middle]) else (low, middle)
+    return tuple(tighter[:low])
 
 
 def _fits(deposit, components, atoms=0.0) -> bool:

@@ -205,6 +205,7 @@ class Request:
             load,
             pilot,
             together,
+            self.n_frames,
         )
 
     def places(self, work: Work) -> dict | None:

@@ -20,6 +20,7 @@ from math import pi
 
 import numpy as np
 
+from ..compiled import njit
 from ..errors import AtcError
 from ..kernels import BSpline, Gaussian, Radial
 
@@ -219,18 +220,51 @@ def images(f, width, shape):
     return sum(window_hat(f + m, width, shape) ** 2 for m in (-3, -2, -1, 1, 2, 3)), window_hat(f, width, shape)
 
 
-def aliasing(spec, width, shapes, spacing, upto):
-    """Error by the modes that the mesh confuses, for every shape parameter: (shapes,). spacing in units of spec.scale,
-    modes k[:upto] are kept."""
+@njit(cache=True, error_model="numpy")
+def _aliasing(f, power, hat, dimension, width, shape):
+    """Error by the modes that the mesh confuses: f (cycles per spacing) are those kept, with their power and φ̂."""
+    total, most = 0.0, 0.0
+    for i in range(len(f)):
+        others, own = 0.0, 1.0
+        for m in range(-3, 4):
+            # The window's transform but for a factor.
+            s = shape * shape - (pi * width * (f[i] + m)) ** 2
+            r = np.sqrt(abs(s))
+            hat_m = 1.0 if r <= 1e-8 else np.sinh(r) / r if s > 0.0 else np.sin(r) / r
+            if m == 0:
+                own = hat_m
+            else:
+                others += hat_m * hat_m
+        wrong2 = others / (own * own)
+        total += wrong2 * power[i]
+        most = max(most, np.sqrt(wrong2) * abs(hat[i]))
+    # Each axis has its own images.
+    return max(np.sqrt(dimension * total), most)
+
+
+def aliasing(spec, width, shapes, spacing, upto, at, enough):
+    """(error, index) by the modes that the mesh confuses, by one of some shape parameters: downhill from the one of
+    index `at`, or the best of all where that is not `enough`.
+
+    spacing : in units of spec.scale; modes k[:upto] are kept
+    """
     thin = max(1, upto // 100)
     f = spec.k[:upto:thin] * spacing / (2 * pi)
-    others, own = images(f, width, shapes[:, None])
-    wrong = np.sqrt(others) / own
-    power = np.add.reduceat(spec.power[:upto], np.arange(0, upto, thin))
-    # Each axis has its own images.
-    return np.maximum(
-        np.sqrt(float(spec.dimension) * (wrong**2 * power).sum(-1)), np.abs(wrong * spec.hat[:upto:thin]).max(-1)
-    )
+    power, hat = np.add.reduceat(spec.power[:upto], np.arange(0, upto, thin)), spec.hat[:upto:thin]
+    known = {}
+
+    def error(k):
+        if k not in known:
+            known[k] = (
+                _aliasing(f, power, hat, float(spec.dimension), width, shapes[k]) if 0 <= k < len(shapes) else np.inf
+            )
+        return known[k]
+
+    while (best := min((at, at - 1, at + 1), key=error)) != at:
+        at = best
+    if error(at) > enough:
+        at = min(range(len(shapes)), key=error)
+    return error(at), at
 
 
 @dataclass(frozen=True)
@@ -285,54 +319,82 @@ def choose(kernel, left_out, confused, points_density, costs=COSTS[8], gradient=
     upto = max(int(enough[0]), 2)
     k_max = spec.k[upto]
     best = None
+
+    def cost(oversampling, width):
+        return (
+            points_density * (costs[0] + costs[1] * width**d)
+            + costs[2] * (k_max * oversampling / (pi * spec.scale)) ** d
+        )
+
     for width in WIDTHS:
         shapes = width * np.linspace(1.0, 3.1, 22)
-        # How many times more than two points for the shortest wave: the least that does, by halving.
-        low, high, found = 0.98, 3.0, None
+        # How many times more than two points for the shortest wave: the least that does, by halving, as long as that
+        # may become the cheapest.
+        low, high, found, at = 0.98, 3.0, None, 14
         for _ in range(7):
+            if best is not None and cost(low, width) >= best[0]:
+                found = None
+                break
             oversampling = high if found is None else 0.5 * (low + high)
-            errors = aliasing(spec, width, shapes, pi / (k_max * oversampling), upto)
-            at = int(errors.argmin())
-            if errors[at] <= confused:
-                high, found = oversampling, (oversampling, float(shapes[at]), float(errors[at]))
+            error, at = aliasing(spec, width, shapes, pi / (k_max * oversampling), upto, at, confused)
+            if error <= confused:
+                high, found = oversampling, (oversampling, float(shapes[at]), float(error))
             elif found is None:
                 break
             else:
                 low = oversampling
-        if found is not None:
+        if found is not None and (best is None or cost(found[0], width) < best[0]):
             h = pi / (k_max * found[0]) * spec.scale
-            cost = points_density * (costs[0] + costs[1] * width**d) + costs[2] / h**d
-            if best is None or cost < best[0]:
-                error = float(np.hypot(found[2], max(lost[upto], worst[upto])))
-                best = cost, Parameters(h, k_max / spec.scale, width, found[1], error)
+            error = float(np.hypot(found[2], max(lost[upto], worst[upto])))
+            best = cost(found[0], width), Parameters(h, k_max / spec.scale, width, found[1], error)
     if best is None:
         raise AtcError("method 'spectral' does not reach this tolerance: use method 'direct'")
     return best[1]
 
 
+# Errors of bonds depend on k times a length alone: both go by their logarithm, in steps of so many a decade.
+_DECADE = 200
 # Bond lengths, in units of the spectrum's scale, at which the rules' errors are known.
-_LENGTHS = np.concatenate([10.0 ** np.arange(-8.0, -3.0, 0.25), 10.0 ** np.arange(-3.0, 2.01, 0.04)])
+_STEPS = np.concatenate([np.arange(-1600, -600, 50), np.arange(-600, 401, 8)])
+_LENGTHS = 10.0 ** (_STEPS / _DECADE)
+
+
+@lru_cache(maxsize=64)
+def by_decades(kernel, gradient=False):
+    """(first, power, hat): a spectrum's modes by the logarithm of k: the least step, and in every step from there the
+    power and the largest |φ̂|. A mode counts at the upper end of its step, where errors are larger."""
+    spec = spectrum(kernel, gradient)
+    step = np.ceil(_DECADE * np.log10(spec.k) - 1e-9).astype(int)
+    first = int(step[0])
+    hat = np.zeros(step[-1] - first + 1)
+    np.maximum.at(hat, step - first, np.abs(spec.hat))
+    return first, np.bincount(step - first, spec.power), hat
+
+
+def products(first, count):
+    """k times a length, in all steps that can occur; and what makes of values there those of `count` modes from step
+    `first` on, (lengths, modes)."""
+    x = 10.0 ** (np.arange(first + _STEPS[0], first + count + _STEPS[-1]) / _DECADE)
+    return x, lambda values: np.lib.stride_tricks.sliding_window_view(values, count)[_STEPS - _STEPS[0]]
 
 
 @lru_cache(maxsize=64)
 def _rule_errors(kernel, most, gradient):
     """(most, lengths) error by Gauss-Legendre rules of 1, 2, .. points for a bond of each length and all shorter
     ones."""
-    spec = spectrum(kernel, gradient)
-    thin = max(1, len(spec.k) // 1500)
-    k = spec.k[::thin]
-    power = np.add.reduceat(spec.power, np.arange(0, len(spec.k), thin))
-    hat = np.abs(spec.hat[::thin])
-    errors = np.empty((most, len(_LENGTHS)))
-    half = 0.5 * k * _LENGTHS[:, None]
+    first, power, hat = by_decades(kernel, gradient)
+    x, windows = products(first, len(power))
+    half = 0.5 * x
     exact = np.sinc(half / pi)
+    errors = np.empty((most, len(_LENGTHS)))
     for m in range(1, most + 1):
-        x, w = np.polynomial.legendre.leggauss(m)
+        node, weight = np.polynomial.legendre.leggauss(m)
         # The rule is even: its positive nodes count twice, one in the middle once.
         wrong = -exact
-        for node, weight in zip(x[m // 2 :], w[m // 2 :]):
-            wrong = wrong + (0.5 if node == 0.0 else 1.0) * weight * (np.cos(half * node) if node else 1.0)
-        errors[m - 1] = np.maximum(np.sqrt((wrong**2 * power).sum(-1)), np.abs(wrong * hat).max(-1))
+        for t, w in zip(node[m // 2 :], weight[m // 2 :]):
+            wrong = wrong + (0.5 if t == 0.0 else 1.0) * w * (np.cos(half * t) if t else 1.0)
+        each = windows(np.abs(wrong))
+        errors[m - 1] = np.maximum(np.sqrt(each**2 @ power), (each * hat).max(-1))
     return np.maximum.accumulate(errors, axis=1)
 
 

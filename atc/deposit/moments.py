@@ -109,24 +109,22 @@ class Errors:
 
     def __init__(self, kernel, order, gradient, parameters, confused):
         self._spec = spec = fourier.spectrum(kernel, gradient)
-        thin = max(1, len(spec.k) // 1500)
-        k = spec.k[::thin]
-        power = np.add.reduceat(spec.power, np.arange(0, len(spec.k), thin))
-        hat = np.abs(spec.hat[::thin])
-        q = k * fourier._LENGTHS[:, None]
+        first, power, hat = fourier.by_decades(kernel, gradient)
+        q, windows = fourier.products(first, len(power))
         # From the middle of the bond its ends are at e^{∓iq/2}: 2 Re Σ c_p (iq)^p e^{−iq/2} against sin(q/2)/(q/2).
         even, odd = np.zeros_like(q), np.zeros_like(q)
         for p, c in enumerate(coefficients(order)):
             (odd if p % 2 else even)[:] += 2.0 * c * (-1.0) ** (p // 2) * q**p
-        wrong = np.cos(0.5 * q) * even + np.sin(0.5 * q) * odd - np.sinc(q / (2 * np.pi))
-        errors = np.maximum((wrong**2 * power).sum(-1), np.abs(wrong * hat).max(-1) ** 2)
+        wrong = windows(np.abs(np.cos(0.5 * q) * even + np.sin(0.5 * q) * odd - np.sinc(q / (2 * np.pi))))
+        errors = np.maximum(wrong**2 @ power, (wrong * hat).max(-1) ** 2)
         # The ends' mean square against that of a point, where the mesh's errors are.
-        kept = k <= parameters.k_max * spec.scale
+        k = np.minimum(10.0 ** (np.arange(first, first + len(power)) / fourier._DECADE), parameters.k_max * spec.scale)
         images, own = fourier.images(
-            k[kept] * parameters.spacing / (2 * np.pi * spec.scale), parameters.width, parameters.shape
+            k * parameters.spacing / (2 * np.pi * spec.scale), parameters.width, parameters.shape
         )
-        where = images / own**2 * power[kept]
-        size = 0.5 * ((even**2 + odd**2)[:, kept] * where).sum(-1) / where.sum()
+        kept = k < parameters.k_max * spec.scale
+        where = np.where(kept, images / own**2 * power, 0.0)
+        size = 0.5 * (windows(even**2 + odd**2) @ where) / where.sum()
         errors += confused**2 * np.maximum(size - 1.0, 0.0)
         self._errors = np.maximum.accumulate(np.sqrt(errors))
 

@@ -118,7 +118,7 @@ class Check:
         difference = np.abs(field_g[self.which] - at_points)
         worst = float(difference.max(initial=0.0))
         rms = float(np.sqrt(np.mean(difference**2))) if difference.size else 0.0
-        extent = extent or extent_of(field_g)
+        extent = _without_error(extent or extent_of(field_g), worst, float(np.abs(at_points).max(initial=0.0)))
         if extent.largest <= ZERO * scale:
             found = {
                 "error_max": _ratio(worst, scale),
@@ -135,7 +135,8 @@ class Check:
     def expected(self, field_g, at_points, scale: float = 0.0, extent=None) -> float:
         """The largest error of all points over the largest value, if errors are normally distributed, by those found:
         √(2 ln N) standard deviations."""
-        largest = (extent or extent_of(field_g)).largest
+        worst = float(np.abs(field_g[self.which] - at_points).max(initial=0.0))
+        largest = _without_error(extent or extent_of(field_g), worst, float(np.abs(at_points).max(initial=0.0))).largest
         largest = scale if largest <= ZERO * scale else largest
         if len(self.which) < 20 or largest == 0.0:
             return 0.0
@@ -150,6 +151,15 @@ class Extent(NamedTuple):
     largest: float
     spread: float
     rms: float
+
+
+def _without_error(extent: Extent, worst: float, exactly: float) -> Extent:
+    """How large a field is whose error is a good part of it: as exact values say. worst : the largest error found;
+    exactly : the largest exact value known, a field of nothing but error has none"""
+    if worst > 0.1 * extent.largest and exactly > 0.0:
+        largest = min(exactly, extent.largest)
+        return extent._replace(largest=largest, spread=min(largest, extent.spread))
+    return extent
 
 
 def extent_of(field_g) -> Extent:
@@ -180,6 +190,18 @@ def _extent(field_gk):
         total += piece
         square += squares
     return low, high, total / n, square / (n * many)
+
+
+def tolerance_kept(errors: dict[str, float], tolerance: float) -> str | None:
+    """What an output says of a field whose error is, or may well be, larger than the one allowed; None of others.
+    errors : as in `Check.errors`"""
+    for found, what in (
+        (errors.get("error_max", 0.0), "no: error found"),
+        (errors.get("error_expected", 0.0), "perhaps not: error expected somewhere"),
+    ):
+        if not found <= tolerance:
+            return f"{what} {found:.1e}, {found / tolerance:.2g} times the tolerance"
+    return None
 
 
 def without_nan(values):

@@ -308,9 +308,9 @@ class _FrameJob:
                     more = self.hot.check.errors(known, without_nan(q.form(self.hot_sums)), q.scale(main), extent)
                     for key in ("error_max", "error_of_fluctuation"):
                         found[key] = max(found[key], more[key])
-                self.expected[q.name] = max(
-                    found["error_max"], SAFE * here.check.expected(known, wanted, q.scale(main), extent)
-                )
+                expected = here.check.expected(known, wanted, q.scale(main), extent)
+                self.expected[q.name] = max(found["error_max"], SAFE * expected)
+                found["error_expected"] = max(found["error_max"], expected)
                 arrays[q.name] = arrays[q.name].reshape(*here.bound.shape, *values.shape[1:])
                 if q.weight is not None:
                     weights[q.name] = main.site[q.weight][:, 0].reshape(here.bound.shape)
@@ -370,7 +370,7 @@ def tightened(work, methods, thin, expected, goal) -> dict:
     loose = {key for key, m in methods.items() if not m.exact}
     out = {}
     for key, _, _ in _QUOTIENTS:
-        if key in loose & thin and not methods[key].forced:
+        if key in loose & thin:
             why = "nearly empty space, where fields are quotients of small sums"
             out[key] = methods[key].exactly(why), Refinement(why)
     if not loose:

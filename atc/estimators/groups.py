@@ -336,11 +336,14 @@ class _Run:
             extents[name] = extent_of(values[name])
             given = values[name], at_points[name], scale, extents[name]
             errors[name] = found = stage.check.errors(*given)
-            self.expected[name] = max(found["error_max"], SAFE * stage.check.expected(*given))
+            expected = stage.check.expected(*given)
+            self.expected[name] = max(found["error_max"], SAFE * expected)
+            found["error_expected"] = max(found["error_max"], expected)
         for name, more in self._hot(values, scales, extents).items():
             for key, value in more.items():
                 errors[name][key] = max(errors[name][key], value)
             self.expected[name] = max(self.expected[name], errors[name]["error_max"])
+            errors[name]["error_expected"] = max(errors[name]["error_expected"], errors[name]["error_max"])
         arrays, weights, within = {}, {}, {}
         for q in work.quantities:
             unit = units.to_user(q.dimension, 1.0)

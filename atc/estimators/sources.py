@@ -160,6 +160,8 @@ def bond_factors(names, widths, bonds, peculiar_nc, velocities_nc, size=False) -
     from . import _numba
 
     out = np.empty((len(bonds), sum(widths) + size))
+    if not len(bonds):  # which need not have sources either
+        return out
     if size:
         _numba.put_size(bonds.r_bc, bonds.G_b, bonds.forces() if bonds.F_bc is not None else np.zeros((0, 3)), out)
     at = 0

@@ -10,11 +10,13 @@ from scipy.optimize import brentq
 from test_run import Stop, same, stop_after
 
 import atc
+from atc import choose
 from atc.calibrate import argon, silicon
 from atc.choose import AIM_LATER, ENOUGH, FACTORS, LOOSEST
 from atc.costs import Costs, load_of, visits
 from atc.deposit import exact_at, make
 from atc.errors import AtcError, AtcWarning
+from atc.estimators.accuracy import Check
 from atc.estimators.compute import SAFE, frame_fields
 from atc.estimators.methods import Method, Refinement
 from atc.frame import Cell
@@ -188,14 +190,68 @@ def test_the_methods_settle_on_the_first_frame(liquid, start):
 def test_a_forced_method_stays(liquid, stressless):
     with pytest.warns(AtcWarning):
         ds = atc.fields(stressless[0], liquid[1], KERN, GRID, ["stress_potential"], 1e-4, method="spectral", threads=1)
-    assert ds.attrs["method"] == "spectral"
+    assert ds.attrs["method"] == "spectral" and "tolerance_kept" not in ds.stress_potential.attrs
     with pytest.raises(atc.AtcError, match="quartic.*direct"):
         atc.fields(
             liquid[0], liquid[1], atc.kernel("quartic", 8.0), GRID, ["stress_potential"], 1e-9, method="spectral"
         )
 
 
-def test_empty_space_has_the_mask_of_the_exact_sum(liquid):
+@pytest.mark.parametrize("method", ["auto", "spectral"])
+def test_a_tolerance_that_is_not_kept_is_told(liquid, stressless, monkeypatch, method):
+    """In the variable's attributes and in a warning, with how far the error is from it; and nothing is said of other
+    fields."""
+    monkeypatch.setattr(choose, "_rungs", lambda *a: ())
+    what = ["stress_potential", "density"]
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        ds = atc.fields(stressless[0], liquid[1], KERN, GRID, what, 1e-4, method=method, threads=1)
+    told = [str(w.message) for w in said if "not kept" in str(w.message)]
+    if method == "auto":  # goes on to the exact sum
+        assert not told and "tolerance_kept" not in ds.stress_potential.attrs
+        return
+    exact = quiet(stressless[0], liquid[1], KERN, GRID, what, 1e-12)
+    error = worst(ds, exact, "stress_potential")
+    assert error > 1e-4 and worst(ds, exact, "density") < 1e-4 and "tolerance_kept" not in ds.density.attrs
+    found = ds.stress_potential.attrs["error_max"]
+    assert (
+        ds.stress_potential.attrs["tolerance_kept"]
+        == f"no: error found {found:.1e}, {found / 1e-4:.2g} times the tolerance"
+    )
+    assert 0.2 * error < found < 1.1 * error
+    assert (
+        len(told) == 1
+        and "stress_potential (error found" in told[0]
+        and "density" not in told[0]
+        and "direct" in told[0]
+    )
+
+
+def test_a_field_that_is_hardly_more_than_its_error_is_not_measured_against_it():
+    """Not by 1, the error over what the error made of the field, but over what is left without it."""
+    from atc.estimators.accuracy import tolerance_kept
+
+    bound = GRID.bind(atc.units.units("metal"), Cell([30.0] * 3), None)
+    check = Check(bound, KERN, Cell([30.0] * 3), 1, 0, 100)
+    exact = np.random.default_rng(0).random((len(bound), 1))
+    noise = np.random.default_rng(1).normal(size=exact.shape)
+    for size in (1e-3, 1.0, 30.0):
+        computed = exact + size * noise
+        true = np.abs(computed - exact).max() / exact.max()
+        found = check.errors(computed, exact[check.which])
+        assert 0.4 * true < found["error_max"] < 1.6 * true
+        assert check.expected(computed, exact[check.which]) > 0.4 * true
+    assert (
+        tolerance_kept({"error_max": np.nan}, 1e-3).startswith("no")
+        and tolerance_kept({"error_max": 1e-4}, 1e-3) is None
+    )
+    assert tolerance_kept({"error_max": 1e-4, "error_expected": 2e-3}, 1e-3).startswith(
+        "perhaps not: error expected somewhere 2.0e-03, 2 times"
+    )
+
+
+@pytest.mark.parametrize("method", ["auto", "spectral"])
+def test_empty_space_has_the_mask_of_the_exact_sum(liquid, method):
     """Half of the box is empty: velocity and temperature there are quotients of nothing, not of what a Fourier sum
     leaves."""
     frame, pot = liquid
@@ -210,7 +266,7 @@ def test_empty_space_has_the_mask_of_the_exact_sum(liquid):
         cell=Cell([L, L, 2 * L]),
     )
     grid, what = atc.Grid.regular(shape=(10, 10, 20)), ["temperature", "velocity", "density"]
-    ds, exact = quiet(half, pot, KERN, grid, what, 1e-5), quiet(half, pot, KERN, grid, what, 1e-12)
+    ds, exact = quiet(half, pot, KERN, grid, what, 1e-5, method=method), quiet(half, pot, KERN, grid, what, 1e-12)
     np.testing.assert_array_equal(ds.mask, exact.mask)
     assert not ds.mask.all()
     for name in what:
