@@ -86,6 +86,14 @@ def run(case, out, *, threads: int = 0, progress=None, resume: bool = True):
     try:
         if "fields" in case.data:
             fields = CaseFields(case, out, request, resume, threads)
+        if store.published and (fields is None or fields.store.published):
+            if progress is not None:
+                progress(case.data["run"]["steps"], case.data["run"]["steps"], 0.0)
+            return _close(case, out, store, fields)
+        if store.published:
+            raise AtcError(
+                f"{fields.path}: is not what the run before has left, though {out} is: begin again with --restart"
+            )
         runner = _Run(case, store, fields)
         saved = runner.load()
         if saved is not None:
@@ -101,20 +109,30 @@ def run(case, out, *, threads: int = 0, progress=None, resume: bool = True):
         if restart is not None:
             with explained(restart):
                 save_arrays(restart, sim.state.to_arrays())
+        # Both outputs stand under their names, and whatever goes with them is written, before anything of the
+        # unfinished run is cleared away.
         if fields is not None:
-            fields.finish()
-        store.finish(ds_attrs)
-        with explained(out):
-            ds = open_dataset(out)
-        if case.path("output", "extxyz") is not None:
-            from ..export.export import export_dataset
-
-            export_dataset(ds, case.path("output", "extxyz"))
-        return ds
+            fields.publish()
+        store.publish(ds_attrs)
+        return _close(case, out, store, fields)
     finally:
         store.close()
         if fields is not None:
             fields.store.close()
+
+
+def _close(case, out, store, fields):
+    """The end of a run whose outputs stand under their names."""
+    with explained(out):
+        ds = open_dataset(out)
+    if case.path("output", "extxyz") is not None:
+        from ..export.export import export_dataset
+
+        export_dataset(ds, case.path("output", "extxyz"))
+    store.clear_away()
+    if fields is not None:
+        fields.store.clear_away()
+    return ds
 
 
 def _request(case) -> dict:
@@ -183,7 +201,7 @@ class _Run:
         self.marks = [*range(start, end, self.every), end]
         self.store.begin(self._layout(sim))
         if self.fields is not None:
-            self.fields.prepare(sim, len(self.marks))
+            self.fields.prepare(sim, len(self.marks), self.store.done)
         if progress is not None:
             progress(sim.state.step - start, self.steps, 0.0)
         # A signal to stop is heard between steps, so that the state can be saved.

@@ -2,7 +2,9 @@
 
 While a run lasts, everything is in ``OUT.partial/``: ``request.json`` (what is being computed), ``data.zarr``,
 ``journal.jsonl`` (one line for each entry that is complete) and, for time averages, ``state.npz``. At the end
-``data.zarr`` is renamed to OUT, or copied entry by entry to a NetCDF file which is renamed.
+``data.zarr`` is renamed to OUT, or copied entry by entry to a NetCDF file which is renamed. From before that until
+everything else is cleared away, ``made.json`` says how the finished output is known again: a run that is killed in
+between and begun once more finds that it was at its end.
 """
 
 from __future__ import annotations
@@ -123,6 +125,8 @@ class Store:
         self._group = None
         self._arrays: dict = {}
         self.journal: list[dict] = []
+        #: Whether the output stands under its name already, and only clearing away was left to do.
+        self.published = False
         with explained(self.out):
             if not self.out.parent.is_dir():
                 raise AtcError(f"{self.out}: the directory {self.out.parent} does not exist")
@@ -145,7 +149,8 @@ class Store:
                 self._clear()
             self._write_json("request.json", request)
             journal = self.partial / "journal.jsonl"
-            if journal.exists() and (self.partial / "data.zarr").is_dir():
+            self.published = published(self.out)
+            if journal.exists() and (self.published or (self.partial / "data.zarr").is_dir()):
                 for line in journal.read_text().splitlines():
                     try:
                         self.journal.append(json.loads(line))
@@ -154,8 +159,10 @@ class Store:
                 # Forget a half-written line, so that the next one starts on its own.
                 self._write_journal()
 
-    def keep(self, count: int) -> None:
-        """Forget all entries but the first `count`."""
+    def keep(self, count: int, of: int) -> None:
+        """Forget all entries but the first `count`, for an output that shall have `of`."""
+        if self.published and not count == len(self.journal) == of:
+            self.published, count = False, 0  # what is finished cannot be added to
         if count < len(self.journal):
             del self.journal[count:]
             with explained(self.out):
@@ -179,6 +186,8 @@ class Store:
         import zarr
 
         self.layout = layout
+        if self.published:
+            return
         path = str(self.partial / "data.zarr")
         with explained(self.out):
             if self.done:
@@ -265,9 +274,17 @@ class Store:
 
     # --- the end
     def finish(self, attrs: dict) -> None:
-        """Set the final attributes (by variable; "" for the dataset) and rename."""
+        """Set the final attributes (by variable; "" for the dataset), rename, and clear away what is no longer
+        needed."""
+        self.publish(attrs)
+        self.clear_away()
+
+    def publish(self, attrs: dict) -> None:
+        """Set the final attributes and rename."""
         import zarr
 
+        if self.published:
+            return
         with explained(self.out):
             path = self.partial / "data.zarr"
             for v in self.layout.variables:
@@ -279,11 +296,27 @@ class Store:
             if coordinates:
                 self._group.attrs["coordinates"] = coordinates
             if self.out.suffix == ".nc":
-                self._to_netcdf(self.partial / "data.nc", attrs)
-                os.replace(self.partial / "data.nc", self.out)
+                made = self.partial / "data.nc"
+                self._to_netcdf(made, attrs)
             else:
+                made = path
                 zarr.consolidate_metadata(str(path), zarr_format=2)
-                self._swap(path)
+            self._write_json("made.json", _known_by(made))
+            if self.out.suffix == ".nc":
+                os.replace(made, self.out)
+            else:
+                self._swap(made)
+        self.published = True
+
+    def clear_away(self) -> None:
+        """Remove what a finished output does not need; last what says that it is finished."""
+        with explained(self.out):
+            last = ("made.json", "request.json", "journal.jsonl", "lock")
+            for entry in self.partial.iterdir():
+                if entry.name not in last:
+                    shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+            for name in last[:2]:
+                (self.partial / name).unlink(missing_ok=True)
             self._unlock()
             shutil.rmtree(self.partial)
 
@@ -387,7 +420,10 @@ class Store:
             self._handle = None
 
     def _clear(self) -> None:
-        self.journal = []
+        self.journal, self.published = [], False
+        # First of all what would make the rest look like a run to go on with.
+        for name in ("made.json", "journal.jsonl"):
+            (self.partial / name).unlink(missing_ok=True)
         for entry in self.partial.iterdir():
             if entry.name in ("lock", "old"):
                 continue
@@ -403,6 +439,21 @@ class Store:
         temporary = self.partial / (name + ".tmp")
         temporary.write_text(json.dumps(value, indent=1, sort_keys=True))
         os.replace(temporary, self.partial / name)
+
+
+def published(out) -> bool:
+    """Whether an output is the finished one of a run that was ended before it could clear away."""
+    out = Path(out)
+    try:
+        return json.loads((out.with_name(out.name + ".partial") / "made.json").read_text()) == _known_by(out)
+    except (OSError, ValueError):
+        return False
+
+
+def _known_by(path) -> list[int]:
+    """What a file, or the last one of a directory, keeps when it is renamed."""
+    about = os.stat(path if path.is_file() else path / ".zmetadata")
+    return [about.st_ino, about.st_size, about.st_mtime_ns]
 
 
 def _every_chunk():
