@@ -151,27 +151,36 @@ def kill_at_random(folder, kind, rng, wholes, warm, most=12) -> int:
         done = warm(kind, folder, after=rng.uniform(0.0, begun) if kills < most else None)
         if done["status"] == 0:
             break
+        if was_finished(done, out, kind):
+            break
         assert done["status"] == -9, done
         kills += 1
-        if out.exists() and kind not in AT_ONCE:
-            same_as_whole(folder, kind, wholes, f"after {kills} kills, the last of which came at the very end")
-            return kills
-    same_as_whole(folder, kind, wholes, f"after {kills} kills", done["out"])
+    same_as_whole(folder, kind, wholes, f"after {kills} kills", done)
     return kills
 
 
-def same_as_whole(folder, kind, wholes, when, said=None):
-    """Every file is there and is what it is without a kill. A kill at the very end may leave what is no longer needed,
-    or not have come to what goes along with a result."""
+def was_finished(done, out, kind) -> bool:
+    """The kill before has come in the moment between the last mark of an unfinished run and the last of its files: it
+    is a finished output, which is not replaced."""
+    return (
+        done["status"] == 2
+        and f"{out.name} exists" in done["err"]
+        and kind not in AT_ONCE
+        and not (out.parent / f"{out.name}.partial" / "made.json").exists()
+    )
+
+
+def same_as_whole(folder, kind, wholes, when, done):
+    """Every file is there and is what it is without a kill, and no other; the last kill of a run that was finished may
+    leave what is no longer needed."""
     expected, told = wholes(kind, FEW)
     got, _ = results(folder, kind, None)
-    at_the_end = said is None
     for name in got.keys() | expected.keys():
-        if at_the_end and (name not in got or ".partial/" in name):
+        if done["status"] and ".partial/" in name:
             continue
         assert name in got and name in expected, f"{kind}: {name} {when}"
         assert got[name] == expected[name], f"{kind}: {name} differs {when}"
-    assert at_the_end or told is None or said == told, f"{kind}: says something else {when}"
+    assert done["status"] or told is None or done["out"] == told, f"{kind}: says something else {when}"
 
 
 @pytest.mark.parametrize("kind", ["average", "pd with fields"])
@@ -209,14 +218,11 @@ def kill_before_each_change(tmp_path, kind, warm, which):
         out, _ = prepare(folder, kind, frames=3)
         for at in (k, rng.randint(1, whole["changes"]), None):
             done = warm(kind, folder, at=at)
-            if done["status"] == 0:
-                same_as_whole(folder, kind, small, f"after a kill before change {k}", done["out"])
+            if done["status"] == 0 or was_finished(done, out, kind):
                 break
             assert done["status"] == -9, (k, done)
             killed += 1
-            if out.exists() and kind not in AT_ONCE:
-                same_as_whole(folder, kind, small, f"after a kill before change {k}")
-                break
+        same_as_whole(folder, kind, small, f"after a kill before change {k}", done)
         shutil.rmtree(folder)
     return killed
 
