@@ -137,14 +137,18 @@ def _close(case, out, store, fields):
 
 def _request(case) -> dict:
     """What an unfinished output must have been made from to be continued."""
+    import hashlib
+
     from ..identity import RESULTS
+    from .schema import TABLES
 
     request = {"results": RESULTS, "case": case.to_toml()}
-    for section, key in (("body", "file"), ("run", "restart")):
-        path = case.path(section, key)
+    # Files that are read count by what is in them.
+    for section, key in (
+        (s, k) for s, keys in TABLES.items() for k, spec in keys.items() if spec.path and s != "output"
+    ):
+        path = case.path(section, key) if isinstance(case.get(section, key), str) else None
         if path is not None and path.is_file():
-            import hashlib
-
             request[f"{section}.{key}"] = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
     return request
 
