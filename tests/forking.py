@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import time
+import traceback
 from pathlib import Path
 
 
@@ -38,10 +39,12 @@ class Warm:
         answer = self.ask(cwd=str(folder), arguments=[str(a) for a in arguments], here=True)
         assert answer["status"] == 0, answer
 
-    def run(self, folder, arguments, after=None, at=None, limit=200.0) -> dict:
+    def run(self, folder, arguments, after=None, at=None, limit=200.0, memory=None) -> dict:
         """{status: exit status, -9 for killed; seconds; changes: how often the file system was changed, if it was not
         killed; out, err}."""
-        return self.ask(cwd=str(folder), arguments=[str(a) for a in arguments], after=after, at=at, limit=limit)
+        return self.ask(
+            cwd=str(folder), arguments=[str(a) for a in arguments], after=after, at=at, limit=limit, memory=memory
+        )
 
     def close(self) -> None:
         self.process.stdin.close()
@@ -88,11 +91,15 @@ def _child(what, said) -> None:
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     for descriptor, name in ((1, "out"), (2, "err")):
         os.dup2(os.open(said[name], os.O_WRONLY | os.O_CREAT | os.O_TRUNC), descriptor)
+    if what["memory"]:
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (what["memory"],) * 2)
     count = _count_changes(what["at"])
     status = _command(what["arguments"])
-    Path(said["changes"]).write_text(str(count[0]))
     sys.stdout.flush()
     sys.stderr.flush()
+    Path(said["changes"]).write_text(str(count[0]))
     os._exit(status)
 
 
@@ -114,7 +121,12 @@ def _main() -> None:
             else:
                 child = os.fork()
                 if child == 0:
-                    _child(what, said)
+                    try:
+                        _child(what, said)
+                    except BaseException:
+                        traceback.print_exc()
+                    finally:
+                        os._exit(70)
                 deadline = began + (what["limit"] if what["after"] is None else what["after"])
                 while True:
                     pid, state = os.waitpid(child, os.WNOHANG)
@@ -124,8 +136,8 @@ def _main() -> None:
                         os.kill(child, signal.SIGKILL)
                     time.sleep(0.001)
                 answer = {"status": os.waitstatus_to_exitcode(state), "seconds": time.monotonic() - began}
-                answer |= {name: Path(said[name]).read_text() for name in ("out", "err")}
-                answer["changes"] = int(Path(said["changes"]).read_text()) if answer["status"] != -9 else None
+                answer |= {name: Path(said[name]).read_text(errors="backslashreplace") for name in ("out", "err")}
+                answer["changes"] = int(Path(said["changes"]).read_text()) if answer["status"] >= 0 else None
             answers.write(json.dumps(answer) + "\n")
             answers.flush()
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import time
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -168,8 +169,8 @@ def load_state(path):
     try:
         with np.load(path) as f:
             return State.from_arrays({k: f[k] for k in f.files})
-    except (OSError, ValueError, KeyError) as e:
-        raise AtcError(f"{path}: is not a restart file of atc pd ({str(e).splitlines()[0]})") from None
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as e:
+        raise AtcError(f"{path}: is not a restart file of atc pd ({type(e).__name__})") from None
 
 
 class _Run:
@@ -189,10 +190,10 @@ class _Run:
         try:
             with np.load(self.file) as f:
                 return {k: f[k] for k in f.files}
-        except (OSError, ValueError, KeyError) as e:
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as e:
             raise AtcError(
-                f"{self.file}: the state of the interrupted run cannot be read ({str(e).splitlines()[0]}): begin "
-                "again with --restart"
+                f"{self.file}: the state of the interrupted run cannot be read ({type(e).__name__}): begin again with "
+                "--restart"
             ) from None
 
     def go(self, sim, progress, fresh):

@@ -13,6 +13,7 @@ import errno
 import json
 import os
 import shutil
+import zlib
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -151,11 +152,11 @@ class Store:
             journal = self.partial / "journal.jsonl"
             self.published = published(self.out)
             if journal.exists() and (self.published or (self.partial / "data.zarr").is_dir()):
-                for line in journal.read_text().splitlines():
-                    try:
-                        self.journal.append(json.loads(line))
-                    except ValueError:  # the kill came while this line was written
+                for line in journal.read_bytes().split(b"\n"):
+                    note = _of_line(line)
+                    if note is None:  # the kill came while this line was written, or it is not what was written
                         break
+                    self.journal.append(note)
                 # Forget a half-written line, so that the next one starts on its own.
                 self._write_journal()
 
@@ -171,7 +172,7 @@ class Store:
 
     def _write_journal(self) -> None:
         temporary = self.partial / "journal.tmp"
-        temporary.write_text("".join(json.dumps(e) + "\n" for e in self.journal))
+        temporary.write_text("".join(map(_line, self.journal)))
         os.replace(temporary, self.partial / "journal.jsonl")
 
     # --- while running
@@ -193,9 +194,18 @@ class Store:
             if self.done:
                 for half in (self.partial / "data.zarr").glob("**/*.partial"):
                     half.unlink()  # a chunk that a kill left unfinished under a name of its own
-                with _every_chunk():
-                    self._group = zarr.open_group(path, mode="r+")
-                    self._arrays = dict(self._group.arrays())
+                try:
+                    with _every_chunk():
+                        self._group = zarr.open_group(path, mode="r+")
+                        self._arrays = dict(self._group.arrays())
+                    missing = [v.name for v in layout.variables if v.name not in self._arrays]
+                except Exception as e:  # each layer of the format has its own words for damage
+                    missing = [type(e).__name__]
+                if missing:
+                    raise AtcError(
+                        f"{path}: the unfinished run there is damaged ({missing[0]} cannot be read): delete "
+                        f"{self.partial}, or start again without resuming"
+                    )
                 for v in layout.variables:
                     # The trajectory may have grown.
                     if v.static is None and self._arrays[v.name].shape[0] != layout.entries:
@@ -242,7 +252,7 @@ class Store:
                 if v.static is None:
                     self._arrays[v.name][k] = np.asarray(values[v.name], dtype=v.dtype)
             with open(self.partial / "journal.jsonl", "a") as f:
-                f.write(json.dumps(note) + "\n")
+                f.write(_line(note))
                 f.flush()
                 os.fsync(f.fileno())
         self.journal.append(note)
@@ -260,17 +270,22 @@ class Store:
         path = self.partial / "state.npz"
         if not path.exists():
             return None
-        with np.load(path) as f:
-            return {k: f[k] for k in f.files}
+        try:
+            with np.load(path) as f:
+                return {k: f[k] for k in f.files}
+        except Exception:  # each layer of the format has its own words for damage: the window begins again
+            return None
 
     def remember(self, name: str, value) -> None:
         """Keep plain values that an interrupted run must find again."""
         with explained(self.out):
-            self._write_json(f"{name}.json", value)
+            self._write_json(f"{name}.json", {"value": value, "checksum": _checksum(value)})
 
     def recall(self, name: str):
-        """What `remember` kept, or None."""
-        return self._read_json(f"{name}.json")
+        """What `remember` kept, or None, also where it is no longer that."""
+        kept = self._read_json(f"{name}.json")
+        whole = isinstance(kept, dict) and "value" in kept and kept.get("checksum") == _checksum(kept["value"])
+        return kept["value"] if whole else None
 
     # --- the end
     def finish(self, attrs: dict) -> None:
@@ -441,6 +456,25 @@ class Store:
         os.replace(temporary, self.partial / name)
 
 
+def _checksum(value) -> str:
+    return f"{zlib.crc32(json.dumps(value, sort_keys=True).encode()):08x}"
+
+
+def _line(note: dict) -> str:
+    """A line of the journal: the note and its checksum."""
+    return f"{json.dumps(note)}\t{_checksum(note)}\n"
+
+
+def _of_line(line: bytes) -> dict | None:
+    """The note in a line of a journal; None if it is not what was written."""
+    text, _, checksum = line.partition(b"\t")
+    try:
+        note = json.loads(text)
+    except ValueError:
+        return None
+    return note if isinstance(note, dict) and checksum.decode("ascii", "replace") == _checksum(note) else None
+
+
 def published(out) -> bool:
     """Whether an output is the finished one of a run that was ended before it could clear away."""
     out = Path(out)
@@ -522,7 +556,10 @@ def damage(path) -> str | None:
             file = h5py.File(path, "r")
         except OSError:
             return f"{path}: its structure cannot be read: the file is damaged, compute it again"
-        arrays = {name: a for name, a in file.items() if isinstance(a, h5py.Dataset)}
+        try:
+            arrays = {name: a for name, a in file.items() if isinstance(a, h5py.Dataset)}
+        except Exception:  # HDF5 has many words for it
+            return f"{path}: its structure cannot be read: the file is damaged, compute it again"
     for name, a in arrays.items():
         why = _missing(path, name, a) if path.suffix == ".zarr" else None
         if why:
