@@ -326,8 +326,9 @@ class Case(Document):
 
         return run(self, out, threads=threads, progress=progress, resume=resume)
 
-    def output(self, given=None, overwrite: bool = False) -> Path:
-        """The file to write: `given`, else ``[output] file``. Whether it can be written is found out here."""
+    def output(self, given=None, overwrite: bool = False, resume: bool = False) -> Path:
+        """The file to write: `given`, else ``[output] file``. Whether it can be written is found out here; with
+        `resume` it may be that of a run which only has to clear away."""
         if given is not None:
             path, where = Path(given), f"-o {given}"
         elif self.get("output", "file") is not None:
@@ -340,7 +341,9 @@ class Case(Document):
             raise AtcError(f"{where}: there is no directory {path.parent}: make it, or choose another place")
         if not os.access(path.parent, os.W_OK | os.X_OK):
             raise AtcError(f"{where}: no permission to write in {path.parent}: choose another place")
-        if path.exists() and not overwrite:
+        from ..running.output import published
+
+        if path.exists() and not (overwrite or (resume and published(path))):
             raise AtcError(f"{where}: {path} exists: give --overwrite to replace it, or another name")
         # What an interrupted run has left of them is its own.
         begun = path.with_name(path.name + ".partial").exists()

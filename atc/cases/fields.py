@@ -53,7 +53,8 @@ class CaseFields:
         self.store = Store(self.path, {**request, "of": "fields"}, resume)
         self.sink = None
 
-    def prepare(self, sim, entries: int) -> None:
+    def prepare(self, sim, entries: int, done: int) -> None:
+        """Be ready for `entries` moments, the first `done` of which are those of an interrupted run."""
         from ..pd.fields import reference_frame, snapshot
         from ..plan import Request, cpus
         from ..running.run import _Sink
@@ -84,6 +85,11 @@ class CaseFields:
                 str(e) if self.case.name in str(e) else f"{self.case.where('fields')}: [fields] {e}"
             ) from None
         self.sink = _Sink(self.request, self.store)
+        if self.store.done < done:
+            raise AtcError(
+                f"{self.path}: {done} entries of the interrupted run are there, but only {self.store.done} of its "
+                "fields: begin again with --restart"
+            )
 
     def add(self, sim, entry: int) -> None:
         """The fields of this moment, unless they are there already."""
@@ -97,11 +103,11 @@ class CaseFields:
         settings.pot = bonds
         self.sink.add(entry, frame, frame_fields(frame, settings, entry), last_of_window=True)
 
-    def finish(self) -> None:
+    def publish(self) -> None:
         from ..estimators.compute import frame_fields
 
         if self.sink.layout is None:  # all entries were there: the run was stopped just before its end
             self.sink.prepare(frame_fields(self.request.first, self.request.settings(), 0))
         attributes = self.sink.final_attributes()
         attributes[""]["sources"] = Path(self.case.name).name
-        self.store.finish(attributes)
+        self.store.publish(attributes)

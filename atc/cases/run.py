@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import time
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -86,6 +87,14 @@ def run(case, out, *, threads: int = 0, progress=None, resume: bool = True):
     try:
         if "fields" in case.data:
             fields = CaseFields(case, out, request, resume, threads)
+        if store.published and (fields is None or fields.store.published):
+            if progress is not None:
+                progress(case.data["run"]["steps"], case.data["run"]["steps"], 0.0)
+            return _close(case, out, store, fields)
+        if store.published:
+            raise AtcError(
+                f"{fields.path}: is not what the run before has left, though {out} is: begin again with --restart"
+            )
         runner = _Run(case, store, fields)
         saved = runner.load()
         if saved is not None:
@@ -101,32 +110,46 @@ def run(case, out, *, threads: int = 0, progress=None, resume: bool = True):
         if restart is not None:
             with explained(restart):
                 save_arrays(restart, sim.state.to_arrays())
+        # Both outputs stand under their names, and whatever goes with them is written, before anything of the
+        # unfinished run is cleared away.
         if fields is not None:
-            fields.finish()
-        store.finish(ds_attrs)
-        with explained(out):
-            ds = open_dataset(out)
-        if case.path("output", "extxyz") is not None:
-            from ..export.export import export_dataset
-
-            export_dataset(ds, case.path("output", "extxyz"))
-        return ds
+            fields.publish()
+        store.publish(ds_attrs)
+        return _close(case, out, store, fields)
     finally:
         store.close()
         if fields is not None:
             fields.store.close()
 
 
+def _close(case, out, store, fields):
+    """The end of a run whose outputs stand under their names."""
+    with explained(out):
+        ds = open_dataset(out)
+    if case.path("output", "extxyz") is not None:
+        from ..export.export import export_dataset
+
+        export_dataset(ds, case.path("output", "extxyz"))
+    store.clear_away()
+    if fields is not None:
+        fields.store.clear_away()
+    return ds
+
+
 def _request(case) -> dict:
     """What an unfinished output must have been made from to be continued."""
+    import hashlib
+
     from ..identity import RESULTS
+    from .schema import TABLES
 
     request = {"results": RESULTS, "case": case.to_toml()}
-    for section, key in (("body", "file"), ("run", "restart")):
-        path = case.path(section, key)
+    # Files that are read count by what is in them.
+    for section, key in (
+        (s, k) for s, keys in TABLES.items() for k, spec in keys.items() if spec.path and s != "output"
+    ):
+        path = case.path(section, key) if isinstance(case.get(section, key), str) else None
         if path is not None and path.is_file():
-            import hashlib
-
             request[f"{section}.{key}"] = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
     return request
 
@@ -146,8 +169,8 @@ def load_state(path):
     try:
         with np.load(path) as f:
             return State.from_arrays({k: f[k] for k in f.files})
-    except (OSError, ValueError, KeyError) as e:
-        raise AtcError(f"{path}: is not a restart file of atc pd ({str(e).splitlines()[0]})") from None
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as e:
+        raise AtcError(f"{path}: is not a restart file of atc pd ({type(e).__name__})") from None
 
 
 class _Run:
@@ -167,10 +190,10 @@ class _Run:
         try:
             with np.load(self.file) as f:
                 return {k: f[k] for k in f.files}
-        except (OSError, ValueError, KeyError) as e:
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as e:
             raise AtcError(
-                f"{self.file}: the state of the interrupted run cannot be read ({str(e).splitlines()[0]}): begin "
-                "again with --restart"
+                f"{self.file}: the state of the interrupted run cannot be read ({type(e).__name__}): begin again with "
+                "--restart"
             ) from None
 
     def go(self, sim, progress, fresh):
@@ -183,7 +206,7 @@ class _Run:
         self.marks = [*range(start, end, self.every), end]
         self.store.begin(self._layout(sim))
         if self.fields is not None:
-            self.fields.prepare(sim, len(self.marks))
+            self.fields.prepare(sim, len(self.marks), self.store.done)
         if progress is not None:
             progress(sim.state.step - start, self.steps, 0.0)
         # A signal to stop is heard between steps, so that the state can be saved.

@@ -53,7 +53,7 @@ def pd_command(
     if check:
         print(describe(made))
         return
-    out = made.output(output, overwrite=overwrite)
+    out = made.output(output, overwrite=overwrite, resume=not restart)
     started = time.perf_counter()
     with (
         kept_on_interrupt("what is done is kept: the same command continues"),

@@ -334,7 +334,7 @@ def fields(
 ) -> None:
     """Compute the fields of a scene, frame by frame, into a file. After an interruption the same command continues."""
     made = load_scene(scene, set, begin, end, step)
-    out = made.output(output, overwrite=overwrite)
+    out = made.output(output, overwrite=overwrite, resume=not restart)
     started = time.perf_counter()
     with kept_on_interrupt("the finished frames are kept: the same command continues"), progress_bar(quiet) as progress:
         try:

@@ -406,9 +406,9 @@ class Scene(Document):
         except AtcError as e:
             raise self._placed_error("grid", list(self.data["grid"]), e) from None
 
-    def output(self, given=None, overwrite: bool = False) -> Path:
+    def output(self, given=None, overwrite: bool = False, resume: bool = False) -> Path:
         """The file to write: `given`, else the scene's ``[output] file``. Whether it can be written is found out here,
-        before anything is computed."""
+        before anything is computed; with `resume` it may be that of a run which only has to clear away."""
         if given is not None:
             path, where = Path(given), f"-o {given}"
         elif self.get("output", "file") is not None:
@@ -422,7 +422,9 @@ class Scene(Document):
             raise AtcError(f"{where}: there is no directory {folder}: make it, or choose another place")
         if not os.access(folder, os.W_OK | os.X_OK):
             raise AtcError(f"{where}: no permission to write in {folder}: choose another place")
-        if path.exists() and not overwrite:
+        from ..running.output import published
+
+        if path.exists() and not (overwrite or (resume and published(path))):
             raise AtcError(f"{where}: {path} exists: give --overwrite to replace it, or another name")
         return path
 

@@ -2,7 +2,9 @@
 
 While a run lasts, everything is in ``OUT.partial/``: ``request.json`` (what is being computed), ``data.zarr``,
 ``journal.jsonl`` (one line for each entry that is complete) and, for time averages, ``state.npz``. At the end
-``data.zarr`` is renamed to OUT, or copied entry by entry to a NetCDF file which is renamed.
+``data.zarr`` is renamed to OUT, or copied entry by entry to a NetCDF file which is renamed. From before that until
+everything else is cleared away, ``made.json`` says how the finished output is known again: a run that is killed in
+between and begun once more finds that it was at its end.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ import errno
 import json
 import os
 import shutil
+import zlib
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -123,6 +126,8 @@ class Store:
         self._group = None
         self._arrays: dict = {}
         self.journal: list[dict] = []
+        #: Whether the output stands under its name already, and only clearing away was left to do.
+        self.published = False
         with explained(self.out):
             if not self.out.parent.is_dir():
                 raise AtcError(f"{self.out}: the directory {self.out.parent} does not exist")
@@ -145,17 +150,20 @@ class Store:
                 self._clear()
             self._write_json("request.json", request)
             journal = self.partial / "journal.jsonl"
-            if journal.exists() and (self.partial / "data.zarr").is_dir():
-                for line in journal.read_text().splitlines():
-                    try:
-                        self.journal.append(json.loads(line))
-                    except ValueError:  # the kill came while this line was written
+            self.published = published(self.out)
+            if journal.exists() and (self.published or (self.partial / "data.zarr").is_dir()):
+                for line in journal.read_bytes().split(b"\n"):
+                    note = _of_line(line)
+                    if note is None:  # the kill came while this line was written, or it is not what was written
                         break
+                    self.journal.append(note)
                 # Forget a half-written line, so that the next one starts on its own.
                 self._write_journal()
 
-    def keep(self, count: int) -> None:
-        """Forget all entries but the first `count`."""
+    def keep(self, count: int, of: int) -> None:
+        """Forget all entries but the first `count`, for an output that shall have `of`."""
+        if self.published and not count == len(self.journal) == of:
+            self.published, count = False, 0  # what is finished cannot be added to
         if count < len(self.journal):
             del self.journal[count:]
             with explained(self.out):
@@ -164,7 +172,7 @@ class Store:
 
     def _write_journal(self) -> None:
         temporary = self.partial / "journal.tmp"
-        temporary.write_text("".join(json.dumps(e) + "\n" for e in self.journal))
+        temporary.write_text("".join(map(_line, self.journal)))
         os.replace(temporary, self.partial / "journal.jsonl")
 
     # --- while running
@@ -179,14 +187,25 @@ class Store:
         import zarr
 
         self.layout = layout
+        if self.published:
+            return
         path = str(self.partial / "data.zarr")
         with explained(self.out):
             if self.done:
                 for half in (self.partial / "data.zarr").glob("**/*.partial"):
                     half.unlink()  # a chunk that a kill left unfinished under a name of its own
-                with _every_chunk():
-                    self._group = zarr.open_group(path, mode="r+")
-                    self._arrays = dict(self._group.arrays())
+                try:
+                    with _every_chunk():
+                        self._group = zarr.open_group(path, mode="r+")
+                        self._arrays = dict(self._group.arrays())
+                    missing = [v.name for v in layout.variables if v.name not in self._arrays]
+                except Exception as e:  # each layer of the format has its own words for damage
+                    missing = [type(e).__name__]
+                if missing:
+                    raise AtcError(
+                        f"{path}: the unfinished run there is damaged ({missing[0]} cannot be read): delete "
+                        f"{self.partial}, or start again without resuming"
+                    )
                 for v in layout.variables:
                     # The trajectory may have grown.
                     if v.static is None and self._arrays[v.name].shape[0] != layout.entries:
@@ -233,7 +252,7 @@ class Store:
                 if v.static is None:
                     self._arrays[v.name][k] = np.asarray(values[v.name], dtype=v.dtype)
             with open(self.partial / "journal.jsonl", "a") as f:
-                f.write(json.dumps(note) + "\n")
+                f.write(_line(note))
                 f.flush()
                 os.fsync(f.fileno())
         self.journal.append(note)
@@ -251,23 +270,36 @@ class Store:
         path = self.partial / "state.npz"
         if not path.exists():
             return None
-        with np.load(path) as f:
-            return {k: f[k] for k in f.files}
+        try:
+            with np.load(path) as f:
+                return {k: f[k] for k in f.files}
+        except Exception:  # each layer of the format has its own words for damage: the window begins again
+            return None
 
     def remember(self, name: str, value) -> None:
         """Keep plain values that an interrupted run must find again."""
         with explained(self.out):
-            self._write_json(f"{name}.json", value)
+            self._write_json(f"{name}.json", {"value": value, "checksum": _checksum(value)})
 
     def recall(self, name: str):
-        """What `remember` kept, or None."""
-        return self._read_json(f"{name}.json")
+        """What `remember` kept, or None, also where it is no longer that."""
+        kept = self._read_json(f"{name}.json")
+        whole = isinstance(kept, dict) and "value" in kept and kept.get("checksum") == _checksum(kept["value"])
+        return kept["value"] if whole else None
 
     # --- the end
     def finish(self, attrs: dict) -> None:
-        """Set the final attributes (by variable; "" for the dataset) and rename."""
+        """Set the final attributes (by variable; "" for the dataset), rename, and clear away what is no longer
+        needed."""
+        self.publish(attrs)
+        self.clear_away()
+
+    def publish(self, attrs: dict) -> None:
+        """Set the final attributes and rename."""
         import zarr
 
+        if self.published:
+            return
         with explained(self.out):
             path = self.partial / "data.zarr"
             for v in self.layout.variables:
@@ -279,11 +311,27 @@ class Store:
             if coordinates:
                 self._group.attrs["coordinates"] = coordinates
             if self.out.suffix == ".nc":
-                self._to_netcdf(self.partial / "data.nc", attrs)
-                os.replace(self.partial / "data.nc", self.out)
+                made = self.partial / "data.nc"
+                self._to_netcdf(made, attrs)
             else:
+                made = path
                 zarr.consolidate_metadata(str(path), zarr_format=2)
-                self._swap(path)
+            self._write_json("made.json", _known_by(made))
+            if self.out.suffix == ".nc":
+                os.replace(made, self.out)
+            else:
+                self._swap(made)
+        self.published = True
+
+    def clear_away(self) -> None:
+        """Remove what a finished output does not need; last what says that it is finished."""
+        with explained(self.out):
+            last = ("made.json", "request.json", "journal.jsonl", "lock")
+            for entry in self.partial.iterdir():
+                if entry.name not in last:
+                    shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+            for name in last[:2]:
+                (self.partial / name).unlink(missing_ok=True)
             self._unlock()
             shutil.rmtree(self.partial)
 
@@ -387,7 +435,10 @@ class Store:
             self._handle = None
 
     def _clear(self) -> None:
-        self.journal = []
+        self.journal, self.published = [], False
+        # First of all what would make the rest look like a run to go on with.
+        for name in ("made.json", "journal.jsonl"):
+            (self.partial / name).unlink(missing_ok=True)
         for entry in self.partial.iterdir():
             if entry.name in ("lock", "old"):
                 continue
@@ -403,6 +454,40 @@ class Store:
         temporary = self.partial / (name + ".tmp")
         temporary.write_text(json.dumps(value, indent=1, sort_keys=True))
         os.replace(temporary, self.partial / name)
+
+
+def _checksum(value) -> str:
+    return f"{zlib.crc32(json.dumps(value, sort_keys=True).encode()):08x}"
+
+
+def _line(note: dict) -> str:
+    """A line of the journal: the note and its checksum."""
+    return f"{json.dumps(note)}\t{_checksum(note)}\n"
+
+
+def _of_line(line: bytes) -> dict | None:
+    """The note in a line of a journal; None if it is not what was written."""
+    text, _, checksum = line.partition(b"\t")
+    try:
+        note = json.loads(text)
+    except ValueError:
+        return None
+    return note if isinstance(note, dict) and checksum.decode("ascii", "replace") == _checksum(note) else None
+
+
+def published(out) -> bool:
+    """Whether an output is the finished one of a run that was ended before it could clear away."""
+    out = Path(out)
+    try:
+        return json.loads((out.with_name(out.name + ".partial") / "made.json").read_text()) == _known_by(out)
+    except (OSError, ValueError):
+        return False
+
+
+def _known_by(path) -> list[int]:
+    """What a file, or the last one of a directory, keeps when it is renamed."""
+    about = os.stat(path if path.is_file() else path / ".zmetadata")
+    return [about.st_ino, about.st_size, about.st_mtime_ns]
 
 
 def _every_chunk():
@@ -471,7 +556,10 @@ def damage(path) -> str | None:
             file = h5py.File(path, "r")
         except OSError:
             return f"{path}: its structure cannot be read: the file is damaged, compute it again"
-        arrays = {name: a for name, a in file.items() if isinstance(a, h5py.Dataset)}
+        try:
+            arrays = {name: a for name, a in file.items() if isinstance(a, h5py.Dataset)}
+        except Exception:  # HDF5 has many words for it
+            return f"{path}: its structure cannot be read: the file is damaged, compute it again"
     for name, a in arrays.items():
         why = _missing(path, name, a) if path.suffix == ".zarr" else None
         if why:

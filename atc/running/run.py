@@ -303,7 +303,7 @@ class _Sink:
         self.layout: Layout | None = None
         self.entries: list[dict] = []
         if store is not None:
-            store.keep(self._whole_entries(store.journal))
+            store.keep(self._whole_entries(store.journal), request.entries)
         self.notes: list[dict] = list(store.journal) if store else []
         self.averages: dict[str, BlockAverage] = {}
         self.any_mass = None

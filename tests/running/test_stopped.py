@@ -15,102 +15,228 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from forking import Warm
 from test_case import PLATE
 from test_cli import SCENE, atc, finished_frames, ok, tree, write_dump
 
-FRAMES = 40
+ROOT = Path(__file__).parents[2]
+FRAMES, FEW = 40, 10
 BIG = SCENE.replace("[4, 5, 6]", "[12, 12, 12]").replace('file = "out.nc"', "")
+SMALL = BIG.replace("[12, 12, 12]", "[4, 5, 6]").replace('"smoothed_virial_stress", "density", "velocity", ', "")
 KINDS = {
     "zarr": ("out.zarr", []),
     "nc": ("out.nc", []),
     "workers": ("out.zarr", ["-j", "2"]),
-    "average": ("out.zarr", ["--set", "fields.average=7"]),
+    "average": ("out.zarr", ["--set", "fields.average=4"]),
     "mean": ("out.nc", ["--set", "fields.average=true"]),
     "tiles": ("out.zarr", ["--set", "fields.tiles=[2,1,1]", "--set", "fields.method=direct"]),
     "pd": ("out.zarr", []),
+    "pd with fields": ("out.nc", []),
+    "conductivity": ("out.png", ["--segments", "2", "--dt", "1", "--json"]),
+    "advection": ("out.zarr", ["--nodes", "64", "--frames", "11"]),
 }
+#: How often a thousand kills go to each kind of run: worker processes are started anew each time, which takes seconds.
+SHARES = {kind: 1 if kind in ("workers", "conductivity", "advection") else 4 for kind in KINDS}
+#: Without an unfinished output to go on from: the same command begins again.
+AT_ONCE = ("conductivity", "advection")
+WITH_FIELDS = """
+[kernel]
+name = "quartic"
+radius = 0.004
+
+[grid]
+kind = "regular"
+shape = [12, 6, 1]
+vectors = [[0.03, 0, 0], [0, 0.012, 0], [0, 0, 0.001]]
+
+[fields]
+quantities = ["density", "velocity"]
+tolerance = 1e-12
+"""
 
 
 @pytest.fixture(scope="module")
 def wholes(tmp_path_factory):
-    """Uninterrupted results, made once each."""
+    """Uninterrupted results, made once each, in processes of their own."""
     made = {}
 
-    def get(kind):
-        if kind not in made:
-            folder = tmp_path_factory.mktemp(kind)
-            out, _ = prepare(folder, kind)
+    def get(kind, frames=FRAMES):
+        if (kind, frames) not in made:
+            folder = tmp_path_factory.mktemp(kind.replace(" ", "-"))
+            prepare(folder, kind, frames)
             process = command(folder, kind)
-            assert process.wait(timeout=200) == 0, process.stderr.read()
-            made[kind] = tree(out)
-        return made[kind]
+            said, err = process.communicate(timeout=200)
+            assert process.returncode == 0, err
+            made[kind, frames] = results(folder, kind, said)
+        return made[kind, frames]
 
     return get
 
 
-def prepare(folder: Path, kind: str):
+@pytest.fixture(scope="module")
+def warm(tmp_path_factory):
+    """A process to fork runs from, that has run each kind before: run(kind, folder, **when to kill it)."""
+    process, hot = Warm(), {}
+
+    def run(kind, folder, **when):
+        if kind not in hot:
+            before = tmp_path_factory.mktemp("hot")
+            prepare(before, kind, FEW)
+            process.heat(before, words(kind))
+            shutil.rmtree(before)
+            prepare(before, kind, FEW)
+            hot[kind] = process.run(before, words(kind))
+            assert hot[kind]["status"] == 0, hot[kind]
+            shutil.rmtree(before)
+        return process.run(folder, words(kind), **when)
+
+    def about(kind):
+        """What a run of this kind over a few frames took that was not killed."""
+        run(kind, ROOT, at=1)
+        return hot[kind]
+
+    run.about = about
+    yield run
+    process.close()
+
+
+def prepare(folder: Path, kind: str, frames: int = FRAMES):
     name, more = KINDS[kind]
-    if kind == "pd":
-        (folder / "case.toml").write_text(
-            PLATE.replace("steps = 120", "steps = 3000").replace("every = 25", "every = 100")
-        )
-    else:
-        write_dump(folder / "run.dump", frames=FRAMES)
-        (folder / "scene.toml").write_text(BIG)
+    folder.mkdir(exist_ok=True)
+    if kind.startswith("pd"):
+        text = PLATE.replace("steps = 120", f"steps = {75 * frames}").replace("every = 25", "every = 75")
+        if kind == "pd with fields":
+            text += (
+                'vtk = "vtk"\nextxyz = "out.extxyz"\nrestart = "end.npz"\nquantities = ["displacement", "damage", '
+                '"stress"]\n' + WITH_FIELDS
+            )
+        (folder / "case.toml").write_text(text)
+    elif kind != "advection":
+        write_dump(folder / "run.dump", frames=45 if kind == "conductivity" else frames)
+        (folder / "scene.toml").write_text(BIG if frames == FRAMES else SMALL)
     return folder / name, more
 
 
-def command(folder, kind):
+def words(kind) -> list[str]:
     name, more = KINDS[kind]
-    first = ["pd", "case.toml", "-j", "1"] if kind == "pd" else ["fields", "scene.toml"]
-    return atc(*first, "-o", name, "-q", *more, cwd=folder)
+    first = {
+        "pd": ["pd", "case.toml", "-j", "1"],
+        "conductivity": ["conductivity", "scene.toml"],
+        "advection": ["advect"],
+    }
+    return [
+        *first.get(kind.split()[0], ["fields", "scene.toml"]),
+        "--picture" if kind == "conductivity" else "-o",
+        name,
+        "-q",
+        *more,
+    ]
 
 
-def kill_at_random(folder, kind, rng, wholes) -> int:
+def command(folder, kind):
+    return atc(*words(kind), cwd=folder)
+
+
+def results(folder, kind, said):
+    """All that a run leaves, and what it says where that is the result."""
+    inputs = {"run.dump", "scene.toml", "case.toml"}
+    return {k: v for k, v in tree(folder).items() if k not in inputs}, said if kind == "conductivity" else None
+
+
+def kill_at_random(folder, kind, rng, wholes, warm, most=12) -> int:
     """Kill a run at random moments until it gets through; the number of kills."""
-    out, _ = prepare(folder, kind)
-    kills = 0
+    out, _ = prepare(folder, kind, FEW)
+    begun, kills = warm.about(kind)["seconds"], 0
     while True:
-        process = command(folder, kind)
-        time.sleep(rng.uniform(0.0, 1.0) ** 2 * 1.5 + (0.0 if rng.random() < 0.2 else 0.6))
-        if process.poll() is None:
-            process.kill()
-            process.communicate()
-            kills += 1
-            if out.exists():  # it had just got through
-                break
-            if kills < 6:
-                continue
-            process = command(folder, kind)
-        _, err = process.communicate(timeout=200)
-        assert process.returncode == 0, err
-        break
-    assert tree(out) == wholes(kind), f"{kind}: differs after {kills} kills"
+        done = warm(kind, folder, after=rng.uniform(0.0, begun) if kills < most else None)
+        if done["status"] == 0:
+            break
+        if was_finished(done, out, kind):
+            break
+        assert done["status"] == -9, done
+        kills += 1
+    same_as_whole(folder, kind, wholes, f"after {kills} kills", done)
     return kills
 
 
-@pytest.mark.parametrize("kind", ["average", "pd"])
-def test_killed_at_random_moments(tmp_path, wholes, kind):
-    kill_at_random(tmp_path, kind, random.Random(3), wholes)
+def was_finished(done, out, kind) -> bool:
+    """The kill before has come in the moment between the last mark of an unfinished run and the last of its files: it
+    is a finished output, which is not replaced."""
+    return (
+        done["status"] == 2
+        and f"{out.name} exists" in done["err"]
+        and kind not in AT_ONCE
+        and not (out.parent / f"{out.name}.partial" / "made.json").exists()
+    )
+
+
+def same_as_whole(folder, kind, wholes, when, done):
+    """Every file is there and is what it is without a kill, and no other; the last kill of a run that was finished may
+    leave what is no longer needed."""
+    expected, told = wholes(kind, FEW)
+    got, _ = results(folder, kind, None)
+    for name in got.keys() | expected.keys():
+        if done["status"] and ".partial/" in name:
+            continue
+        assert name in got and name in expected, f"{kind}: {name} {when}"
+        assert got[name] == expected[name], f"{kind}: {name} differs {when}"
+    assert done["status"] or told is None or done["out"] == told, f"{kind}: says something else {when}"
+
+
+@pytest.mark.parametrize("kind", ["average", "pd with fields"])
+def test_killed_at_random_moments(tmp_path, wholes, warm, kind):
+    kill_at_random(tmp_path, kind, random.Random(3), wholes, warm)
 
 
 @pytest.mark.slow
-def test_many_kills(tmp_path, wholes):
+def test_many_kills(tmp_path, wholes, warm):
     """ATC_KILLS (default 100) kills over all kinds of runs."""
-    wanted, done, round_, rng = (
-        int(os.environ.get("ATC_KILLS", "100")),
-        {},
-        0,
-        random.Random(os.environ.get("ATC_SEED", "1")),
-    )
+    wanted, rng = int(os.environ.get("ATC_KILLS", "100")), random.Random(os.environ.get("ATC_SEED", "1"))
+    done, rounds = dict.fromkeys(KINDS, 0), 0
     while sum(done.values()) < wanted:
-        kind = list(KINDS)[round_ % len(KINDS)]
-        folder = tmp_path / str(round_)
-        folder.mkdir()
-        done[kind] = done.get(kind, 0) + kill_at_random(folder, kind, rng, wholes)
+        kind = min(KINDS, key=lambda k: done[k] / SHARES[k])
+        folder = tmp_path / str(rounds)
+        done[kind] += kill_at_random(folder, kind, rng, wholes, warm)
         shutil.rmtree(folder)
-        round_ += 1
-    print(f"{sum(done.values())} kills in {round_} runs, no difference: {done}")
+        rounds += 1
+        if rounds % 10 == 0:
+            print(f"{sum(done.values())} kills in {rounds} runs, no difference so far: {done}", flush=True)
+    print(f"{sum(done.values())} kills in {rounds} runs, no difference: {done}")
+
+
+def kill_before_each_change(tmp_path, kind, warm, which):
+    """A run of three frames, killed before its k-th change of the file system, for every k of `which(how many there
+    are)`; killed once more; and finished."""
+    rng = random.Random(kind)
+    prepare(tmp_path / "whole", kind, frames=3)
+    whole = warm(kind, tmp_path / "whole")
+    assert whole["status"] == 0, whole
+    small = lambda kind, frames: results(tmp_path / "whole", kind, whole["out"])  # noqa: E731
+    killed = 0
+    for k in which(whole["changes"]):
+        folder = tmp_path / "killed"
+        out, _ = prepare(folder, kind, frames=3)
+        for at in (k, rng.randint(1, whole["changes"]), None):
+            done = warm(kind, folder, at=at)
+            if done["status"] == 0 or was_finished(done, out, kind):
+                break
+            assert done["status"] == -9, (k, done)
+            killed += 1
+        same_as_whole(folder, kind, small, f"after a kill before change {k}", done)
+        shutil.rmtree(folder)
+    return killed
+
+
+@pytest.mark.parametrize("kind", ["nc", "pd with fields"])
+def test_killed_before_changes_of_the_disk(tmp_path, warm, kind):
+    assert kill_before_each_change(tmp_path, kind, warm, lambda n: range(1, n, n // 8)) >= 8
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", [k for k in KINDS if k != "workers"])
+def test_killed_before_every_change_of_the_disk(tmp_path, warm, kind):
+    killed = kill_before_each_change(tmp_path, kind, warm, lambda n: range(1, n + 1))
+    print(f"{kind}: {killed} kills before changes of the file system")
 
 
 def stopped(process, out, number, least=2):
@@ -140,7 +266,7 @@ def test_told_to_stop(tmp_path, wholes, kind, number, status, word):
     )
     assert not out.exists()
     assert command(tmp_path, kind).wait(timeout=200) == 0
-    assert tree(out) == wholes(kind)
+    assert results(tmp_path, kind, None)[0] == wholes(kind)[0]
 
 
 def test_a_window_loses_no_frame(tmp_path, wholes):
@@ -230,7 +356,7 @@ def test_a_signal_to_the_whole_group(tmp_path, wholes):
     _, err = process.communicate(timeout=60)
     assert process.returncode == 143 and len(err.splitlines()) == 1
     assert command(tmp_path, "workers").wait(timeout=200) == 0
-    assert tree(out) == wholes("workers")
+    assert results(tmp_path, "workers", None)[0] == wholes("workers")[0]
 
 
 @pytest.mark.skipif(os.name != "posix" or os.geteuid() != 0, reason="a small file system needs root to mount it")
@@ -254,7 +380,7 @@ def test_no_room(tmp_path, wholes, kind):
         said, err = again.communicate(timeout=100)
         assert again.returncode == 0, err
         assert f"{done} of {FRAMES} " in said
-        assert tree(disk / out.name) == wholes(kind)
+        assert {k: v for k, v in tree(disk).items()} == wholes(kind)[0]
     finally:
         subprocess.run(["umount", "-l", str(disk)], check=True)
 

@@ -1,0 +1,237 @@
+"""Every key of a scene that changes a number is noticed when a run goes on; the keys are taken from the schema, so that
+a new one cannot be forgotten."""
+
+import copy
+
+import numpy as np
+import pytest
+from test_cli import write_dump
+from test_run import Stop, stop_after
+
+from atc.config.scene import Scene
+from atc.config.schema import GRIDS, SCHEMA
+from atc.errors import AtcError
+
+LJ = "pair_style lj/cut 7.0\npair_coeff 1 1 0.0104 3.4\n"
+BASE = {
+    "trajectory": {"file": "run.dump", "units": "metal", "masses": {"1": 39.948}},
+    "potential": {"lammps": LJ},
+    "kernel": {"name": "quartic", "radius": 5.0},
+    "grid": {"kind": "regular", "shape": [3, 3, 3]},
+    "fields": {"quantities": ["stress", "density"]},
+}
+PLANE = {"kind": "plane", "axis": "z", "shape": [3, 3]}
+PLANE_OF_ITS_OWN = {**PLANE, "origin": [0.0, 0.0, 8.0], "u": [16.2, 0.0, 0.0], "v": [0.0, 16.2, 0.0]}
+del PLANE_OF_ITS_OWN["axis"]
+LINE = {"kind": "line", "start": [0.0, 0.0, 0.0], "end": [16.2, 0.0, 0.0], "n": 4}
+SLAB = {"kind": "slab", "axis": "z", "bins": 4}
+BOX = {
+    "kind": "regular",
+    "shape": [3, 3, 3],
+    "origin": [0.0, 0.0, 0.0],
+    "vectors": [[16.2, 0, 0], [0, 16.2, 0], [0, 0, 16.2]],
+}
+DATA = {**BASE["trajectory"], "topology": "run.data", "atom_style": "molecular"}
+OF_BOX = {"potential": {"lammps": LJ}, "fields": {"quantities": ["virial_stress"]}}
+TABLE = [[0.0, 1.0], [2.5, 0.5], [5.0, 0.0]]
+
+#: key: (what the scene is to begin with, the key's other value); {} is the base.
+CHANGES = {
+    "trajectory.file": ({}, "other.dump"),
+    "trajectory.topology": ({"trajectory": {**DATA, "atom_style": "charge"}}, "other.data"),
+    "trajectory.atom_style": ({"trajectory": DATA}, "charge"),
+    "trajectory.units": ({}, "real"),
+    "trajectory.masses": ({}, {"1": 40.0}),
+    "trajectory.dimension": (
+        {
+            "trajectory": {**BASE["trajectory"], "file": "flat.dump", "dimension": 2},
+            **OF_BOX,
+            "kernel": None,
+            "grid": None,
+        },
+        3,
+    ),
+    "trajectory.frames": ({}, "1:"),
+    "trajectory.reference": (
+        {"trajectory": {**BASE["trajectory"], "reference": 0}, "fields": {"quantities": ["displacement"]}},
+        1,
+    ),
+    "potential.lammps": ({}, LJ.replace("3.4", "3.41")),
+    "potential.input": ({"potential": {"input": "in.run"}}, "in.other"),
+    "potential.units": (
+        {"trajectory": {**BASE["trajectory"], "units": "real"}, "potential": {"lammps": LJ, "units": "real"}},
+        "metal",
+    ),
+    "potential.run": ({"potential": {"input": "in.two", "run": 1}}, 2),
+    "potential.partition": (
+        {"potential": {"lammps": "pair_style sw\npair_coeff * * Ar.sw Ar\n", "partition": "equal"}},
+        "center",
+    ),
+    "kernel.name": ({}, "lucy"),
+    "kernel.radius": ({}, 5.1),
+    "kernel.width": ({"kernel": {"name": "gaussian", "width": 2.0}}, 2.1),
+    "kernel.size": ({"kernel": {"name": "box", "size": [4.0, 4.0, 4.0]}}, [4.0, 4.0, 5.0]),
+    "kernel.table": ({"kernel": {"name": "piecewise-linear", "table": TABLE}}, [[0.0, 1.0], [2.5, 0.6], [5.0, 0.0]]),
+    "grid.kind": ({"grid": {"kind": "atoms"}}, {"kind": "points", "points": [[0.0, 0.0, 0.0]]}),
+    "grid.shape": ({}, [3, 3, 4]),
+    "grid.spacing": ({"grid": {"kind": "regular", "spacing": 6.0}}, 4.0),
+    "grid.at": ({}, "corners"),
+    "grid.origin": ({"grid": BOX}, [0.1, 0.0, 0.0]),
+    "grid.vectors": ({"grid": BOX}, [[16.2, 0, 0], [0, 16.2, 0], [0, 0, 16.0]]),
+    "grid.axis": ({"grid": SLAB}, "y"),
+    "grid.position": ({"grid": {**PLANE, "position": 2.0}}, 3.0),
+    "grid.u": ({"grid": PLANE_OF_ITS_OWN}, [16.0, 0.0, 0.0]),
+    "grid.v": ({"grid": PLANE_OF_ITS_OWN}, [0.0, 16.0, 0.0]),
+    "grid.start": ({"grid": LINE}, [0.0, 0.0, 0.5]),
+    "grid.end": ({"grid": LINE}, [16.2, 0.0, 0.5]),
+    "grid.n": ({"grid": LINE}, 5),
+    "grid.bins": ({"grid": SLAB}, 5),
+    "grid.points": ({"grid": {"kind": "points", "points": [[1.0, 2.0, 3.0]]}}, [[1.0, 2.0, 3.1]]),
+    "fields.quantities": ({}, ["density"]),
+    "fields.tolerance": ({}, 1e-6),
+    "fields.method": ({}, "direct"),
+    "fields.horizon": ({"fields": {"quantities": ["peridynamic_stress_weighted_virial"], "horizon": 5.0}}, 6.0),
+    "fields.tiles": ({}, [2, 1, 1]),
+    "fields.average": ({}, 2),
+}
+#: Keys that no number of `atc fields` depends on, and why.
+CHANGE_NOTHING = {
+    "trajectory.forces": "what to do where the run's forces are not the potential's; compared again where it changes",
+    "trajectory.log": "as forces",
+    "check": "of atc check, which keeps nothing",
+    "dispersion": "of atc dispersion, which computes everything anew",
+    "output": "where the result goes",
+}
+#: Files whose content counts, not their names: key of the scene, the scene, the file, what it says, what it says then.
+CONTENTS = {
+    "trajectory.topology": ({"trajectory": {**DATA, "atom_style": "charge"}}, "run.data", "other.data"),
+    "trajectory.reference": (
+        {"trajectory": {**BASE["trajectory"], "reference": "start.dump"}, "fields": {"quantities": ["displacement"]}},
+        "start.dump",
+        "other.dump",
+    ),
+    "potential.input": ({"potential": {"input": "in.run"}}, "in.run", "in.other"),
+    "potential.lammps": ({"potential": {"lammps": "pair_style sw\npair_coeff * * Ar.sw Ar\n"}}, "Ar.sw", "Ar.other"),
+    "kernel.table": ({"kernel": {"name": "piecewise-linear", "table": "phi.txt"}}, "phi.txt", "phi.other"),
+    "grid.points": ({"grid": {"kind": "points", "points": "points.txt"}}, "points.txt", "points.other"),
+}
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_dump("run.dump", frames=4)
+    write_dump("other.dump", frames=4, seed=2)
+    write_dump("start.dump", frames=1, seed=3)
+    flat = (tmp_path / "run.dump").read_text().splitlines()
+    for k, line in enumerate(flat):
+        words = line.split()
+        if len(words) == 8 and words[0] != "ITEM:":
+            flat[k] = " ".join([*words[:4], "0", *words[5:7], "0"])
+    (tmp_path / "flat.dump").write_text("\n".join(flat) + "\n")
+    (tmp_path / "in.run").write_text("units metal\n" + LJ)
+    (tmp_path / "in.other").write_text("units metal\n" + LJ.replace("3.4", "3.41"))
+    (tmp_path / "in.two").write_text("units metal\n" + LJ + "run 200\npair_coeff 1 1 0.0104 3.41\nrun 200\n")
+    sw = "Ar Ar Ar 2.1683 2.8 1.80 21.0 1.20 -0.3333\n 7.049 0.602 4.0 0.0 0.0\n"
+    (tmp_path / "Ar.sw").write_text("# UNITS: metal\n" + sw)
+    (tmp_path / "Ar.other").write_text("# UNITS: metal\n" + sw.replace("21.0", "21.1"))
+    (tmp_path / "phi.txt").write_text("0 1\n2.5 0.5\n5 0\n")
+    (tmp_path / "phi.other").write_text("0 1\n2.5 0.6\n5 0\n")
+    (tmp_path / "points.txt").write_text("1 2 3\n")
+    (tmp_path / "points.other").write_text("1 2 3.5\n")
+    rows = np.array(
+        [line.split() for line in (tmp_path / "run.dump").read_text().split("ITEM: TIMESTEP")[1].splitlines()[9:]],
+        object,
+    )
+    for name, third in (("run.data", "1"), ("other.data", "2")):
+        atoms = "".join(f"{r[0]} 1 {third} {r[2]} {r[3]} {r[4]}\n" for r in rows)
+        box = "".join(f"0 16.2 {a}lo {a}hi\n" for a in "xyz")
+        (tmp_path / name).write_text(f"t\n\n{len(rows)} atoms\n2 atom types\n{box}\nAtoms\n\n{atoms}")
+    return tmp_path
+
+
+def sections(changes):
+    return {s: t for s, t in copy.deepcopy({**BASE, **changes}).items() if t is not None}
+
+
+def begin(scene, out):
+    with pytest.raises(Stop):
+        Scene.load(scene).write(out, progress=stop_after(2))
+
+
+def noticed(scene, out):
+    with pytest.raises(AtcError, match=r"different: |is not what it was") as e:
+        Scene.load(scene).write(out)
+    assert "\n" not in str(e.value)
+
+
+def test_every_key_is_spoken_of():
+    keys = {f"{s}.{k}" for s, t in SCHEMA.items() for k in t}
+    unspoken = {k for k in keys - CHANGES.keys() if k not in CHANGE_NOTHING and k.split(".")[0] not in CHANGE_NOTHING}
+    assert not unspoken and not set(CHANGES) - keys
+    assert (
+        not {k for s, t in SCHEMA.items() for k, spec in t.items() if spec.path for k in [f"{s}.{k}"]}
+        - CONTENTS.keys()
+        - {
+            # the frames' contents: test_same_run.py
+            "trajectory.file",
+            "trajectory.log",
+            "dispersion.unit_cell",
+            "output.file",
+        }
+    )
+    assert {"plane", "line", "slab", "points", "atoms", "regular"} == set(GRIDS)
+
+
+@pytest.mark.parametrize("key", CHANGES)
+def test_a_changed_key_is_noticed(folder, key):
+    changes, value = CHANGES[key]
+    section, name = key.split(".")
+    scene = sections(changes)
+    begin(scene, folder / "out.zarr")
+    if key == "grid.kind":
+        scene["grid"] = value
+    else:
+        scene[section][name] = value
+    noticed(scene, folder / "out.zarr")
+
+
+@pytest.mark.parametrize("key", CONTENTS)
+def test_a_changed_file_is_noticed(folder, key):
+    changes, name, other = CONTENTS[key]
+    scene = sections(changes)
+    begin(scene, folder / "out.zarr")
+    (folder / name).write_bytes((folder / other).read_bytes())
+    noticed(scene, folder / "out.zarr")
+
+
+# --- cases of `atc pd`: the whole text counts, and what is in the files it names
+
+TABLE_OF_CASE = (
+    '[kernel]\nname = "piecewise-linear"\ntable = "phi.txt"\n\n[grid]\nkind = "points"\npoints = '
+    '"points.txt"\n\n[fields]\nquantities = ["density"]\n'
+)
+
+
+@pytest.mark.parametrize("name, line", [("phi.txt", "0.003 0\n"), ("points.txt", "0.012 0.007 0\n")])
+def test_files_of_a_case(tmp_path, name, line):
+    from test_case import PLATE
+
+    from atc.cases.case import Case
+
+    (tmp_path / "phi.txt").write_text("0 1\n0.0015 0.5\n0.003 0\n")
+    (tmp_path / "points.txt").write_text("0.01 0.006 0\n0.02 0.006 0\n")
+    (tmp_path / "case.toml").write_text(PLATE + TABLE_OF_CASE)
+    with pytest.raises(Stop):
+        Case.load(tmp_path / "case.toml").run(tmp_path / "out.zarr", threads=1, progress=stop_after(50))
+    text = (tmp_path / name).read_text()
+    (tmp_path / name).write_text(text.replace(text.splitlines(keepends=True)[-1], line.replace("0.003", "0.0031")))
+    with pytest.raises(AtcError, match=r"different: (kernel.table|grid.points)"):
+        Case.load(tmp_path / "case.toml").run(tmp_path / "out.zarr", threads=1)
+
+
+def test_every_file_of_a_case_is_a_key_of_a_table():
+    """`_request` looks for files there."""
+    from atc.cases.schema import ARRAYS
+
+    assert not [k for keys in ARRAYS.values() for k, spec in keys.items() if spec.path]
