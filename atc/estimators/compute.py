@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import AtcError
 from ..units import require_compatible
 from .accuracy import Check, checking_kernel, extent_of, kernel_internal, without_nan
+from .field_pass import require_fields
 from .hot import HotPoints, Strongest, put_right
 from .kinematics import Displacement
 from .methods import DEPOSITS, EXACT, NAMES, Method, Refinement, deposits_of
@@ -550,6 +551,7 @@ def require(frame, settings, work):
                 "the run"
             )
         require_compatible(settings.pot.units, frame.units, "the potential", frame.source)
+        require_fields(frame, settings, work)
         if not settings.central and work.symmetric_users:
             raise AtcError(
                 f"{', '.join(work.symmetric_users)}: the forces of {settings.pot.describe()} do not act along bonds: "
