@@ -190,3 +190,19 @@ def test_virial_and_triclinic_names():
     np.testing.assert_allclose(
         out[SIX], d.virial_cc[SIX] / frame.cell.volume / frame.units.factor("pressure"), rtol=1e-12
     )
+
+
+def test_balances_are_refused_and_the_runs_accuracy_is_allowed():
+    """The check of balance laws knows sums over bonds alone; forces of a run may differ by what its mesh was asked
+    for."""
+    from atc.agreement.forces import compare_forces
+    from atc.estimators.balance import motion
+
+    frame, pot = ions().frame(), atc.potential("units real\n" + LINES)
+    with pytest.raises(AtcError, match="balance laws with long-range Coulomb"):
+        motion(frame, pot)
+    assert "asked for forces to 0.0332" in pot.describe()
+    forces = pot.stream(frame, forces=True).forces_nc
+    noise = np.random.default_rng(0).normal(size=forces.shape) * pot.fields[0].run.force
+    assert compare_forces(frame.replace(forces=forces + 0.3 * noise), pot).agrees
+    assert not compare_forces(frame.replace(forces=forces + 10 * noise), pot, diagnose=False).agrees

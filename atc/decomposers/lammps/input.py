@@ -460,6 +460,7 @@ def _long_range(model: _Model, terms, name: str) -> list[Term]:
             "out the near part of such pairs only, "
             "which depends on its own alpha"
         )
+    model.notes.extend(t.run.describe(model.units) for t in found)
     return found
 
 

@@ -13,8 +13,9 @@ import numpy as np
 
 from ...errors import AtcError
 
-# Mesh nodes to each wave of the largest mode; the window's error is then e^{−π w √½} for a width of w nodes.
-OVERSAMPLING = 2.0
+# Mesh nodes to each half wave of the largest mode, for accuracies down to the second number and below; with σ of them a
+# window of w nodes errs by e^{−π w √(1 − 1/σ)}.
+OVERSAMPLING = (1.5, 1e-8), 2.0
 WIDTHS = (6, 8, 10, 12, 14)
 # Bytes of the largest mesh.
 LARGEST = 4.0e9
@@ -66,11 +67,11 @@ class Transform:
 
         self.vectors, self.origin, self.threads = np.array(vectors, float), np.array(origin, float), threads
         self.index = box_modes(largest)
-        want = max(6.0, -log(accuracy) / (pi * 0.5**0.5) + 0.5)
+        (coarse, least), fine = OVERSAMPLING
+        over = coarse if accuracy >= least else fine
+        want = max(6.0, -log(accuracy) / (pi * (1.0 - 1.0 / over) ** 0.5) + 0.5)
         self.width = next((w for w in WIDTHS if w >= want), WIDTHS[-1])
-        self.counts = np.array(
-            [good_length(max(ceil(OVERSAMPLING * (2 * int(m) + 1)), self.width + 2)) for m in largest]
-        )
+        self.counts = np.array([good_length(max(ceil(over * (2 * int(m) + 1)), self.width + 2)) for m in largest])
         if 8.0 * 4 * np.prod(self.counts, dtype=float) > LARGEST:
             raise AtcError(
                 f"long-range Coulomb: a mesh of {' x '.join(map(str, self.counts))} nodes would be needed: take a "
@@ -78,7 +79,7 @@ class Transform:
             )
         # As flat as the oversampling allows, a little less: the window's transform must not become small where modes
         # are kept.
-        self.shape = 0.98 * pi * self.width * (1.0 - 0.5 / OVERSAMPLING)
+        self.shape = 0.98 * pi * self.width * (1.0 - 0.5 / over)
         self.coef = _polynomials(self.width, self.shape)
         self.hats = [fourier.window_hat(self.index[a] / self.counts[a], self.width, self.shape) for a in range(3)]
         self.to_mesh = np.ascontiguousarray(np.linalg.inv(self.vectors) * self.counts)
