@@ -140,6 +140,8 @@ def compare_forces(
     F, D = frame.forces, frame.forces - mine.forces_nc
     rms_F, d = _rms(F), np.linalg.norm(D, axis=1)
     floor = ROUNDING * rms_F + CANCELLATION * 2.0 * sum(sizes) / n
+    # The run's own Ewald sum or mesh, as well as it was asked to do.
+    floor = float(np.hypot(floor, sum(t.run.force for t in getattr(pot, "fields", ()) if t.run is not None)))
     rounding = np.sqrt(printed_error(F, frame.units.factor("force")) ** 2 + floor**2)
     moved2, tries, within = np.zeros(n), 0, bool((d <= rounding).all())
     allowed, odd = rounding, np.zeros(n, bool)

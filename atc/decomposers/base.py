@@ -93,6 +93,8 @@ class Term:
 
     cutoff: float = 0.0
     pairwise: bool = False
+    #: whether it has no bonds but a field given by its modes, see `long_range`
+    field: bool = False
     #: In cutoffs, how far away an atom may be and still change a bond of an atom, if the term is not pairwise.
     depth: float = 2.0
     part_name: str = ""
@@ -226,6 +228,20 @@ class Potential:
     def cutoff(self) -> float:
         """The largest cutoff (internal length units); 0 if there are only bonded terms."""
         return max(t.cutoff for t in self.terms)
+
+    @property
+    def fields(self) -> list[Term]:
+        """The terms that are no bonds but fields, given by their modes."""
+        return [t for t in self.terms if t.field]
+
+    @property
+    def local(self) -> Potential:
+        """What of it is bonds: itself without its fields."""
+        if not self.fields:
+            return self
+        new = copy(self)
+        new.terms = [t for t in self.terms if not t.field]
+        return new
 
     def describe(self) -> str:
         held = [self.constraints.describe()] if self.constraints is not None else []
@@ -413,6 +429,8 @@ class Potential:
         pool = ThreadPoolExecutor(threads) if threads > 1 else None
         try:
             for term in self.terms:
+                if term.field:
+                    term.threads = threads
                 work = term.prepare(frame)
                 for stage in range(len(work.stages)):
                     if pool is None:

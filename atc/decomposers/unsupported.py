@@ -6,8 +6,8 @@ from __future__ import annotations
 from .unsupported_bonded import REASONS as BONDED
 
 _KSPACE = (
-    "it needs long-range electrostatics (kspace_style), which are not supported yet: rerun with a cutoff style such "
-    "as coul/dsf or coul/wolf"
+    "its long-range part is not done yet: lj/cut/coul/long and its relatives are supported, with kspace_style ewald "
+    "or pppm"
 )
 _SITE = "its charges sit on a virtual site whose force is spread over the molecule, not on atoms"
 _ANGLES = "it depends on the orientation of the particles, which is no function of the distances between atoms"
@@ -40,15 +40,13 @@ _LATER = "it is not done yet, though it is a function of one distance"
 
 _PAIR = {
     _KSPACE: (
-        "born/coul/long born/coul/long/cs born/coul/msm buck/coul/long buck/coul/long/cs buck/coul/msm "
-        "buck/long/coul/long buck6d/coul/gauss/long coul/long "
-        "coul/long/cs coul/long/soft coul/msm coul/slater/long dpd/coul/slater/long lj/charmm/coul/long "
-        "lj/charmm/coul/long/soft lj/charmm/coul/msm "
-        "lj/charmmfsw/coul/long lj/class2/coul/long lj/class2/coul/long/cs lj/class2/coul/long/soft lj/cut/coul/long "
-        "lj/cut/coul/long/cs lj/cut/coul/long/soft "
-        "lj/cut/coul/msm lj/expand/coul/long lj/long/coul/long lj/sdk/coul/long lj/sdk/coul/msm lj/spica/coul/long "
-        "lj/spica/coul/msm "
-        "lj/switch3/coulgauss/long mm3/switch3/coulgauss/long nm/cut/coul/long"
+        "born/coul/long/cs born/coul/msm buck/coul/long/cs buck/coul/msm buck/long/coul/long buck6d/coul/gauss/long "
+        "coul/long/cs coul/long/soft "
+        "coul/msm coul/slater/long dpd/coul/slater/long lj/charmm/coul/long/soft lj/charmm/coul/msm "
+        "lj/class2/coul/long/cs lj/class2/coul/long/soft "
+        "lj/cut/coul/long/cs lj/cut/coul/long/soft lj/cut/coul/msm lj/expand/coul/long lj/sdk/coul/long "
+        "lj/sdk/coul/msm lj/spica/coul/long "
+        "lj/spica/coul/msm lj/switch3/coulgauss/long mm3/switch3/coulgauss/long"
     ),
     _SITE: "lj/cut/tip4p/cut lj/cut/tip4p/long lj/cut/tip4p/long/soft lj/long/tip4p/long tip4p/cut tip4p/long "
     "tip4p/long/soft",

@@ -282,6 +282,11 @@ def _bond_factors(i, j, r, G, D, v, out):
 def motion(frame, pot, threads: int = 1, deposit=None) -> Motion:
     """One pass over the bonds of a frame: the atoms' rates, and into `deposit` (of 18 bond components) the bonds'
     factors."""
+    if getattr(pot, "fields", ()):
+        raise AtcError(
+            f"{frame.source}: balance laws with long-range Coulomb (kspace_style) are not computed yet: its share of "
+            "the fluxes is not a sum over bonds"
+        )
     n = len(frame)
     drift = drift_velocity(frame)
     v_nc = np.ascontiguousarray(frame.velocities - drift)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import AtcError
 from ..units import require_compatible
 from .accuracy import Check, checking_kernel, extent_of, kernel_internal, without_nan
+from .field_pass import add_sums, atom_fields, field_pass, open_fields, require_fields
 from .hot import HotPoints, Strongest, put_right
 from .kinematics import Displacement
 from .methods import DEPOSITS, EXACT, NAMES, Method, Refinement, deposits_of
@@ -186,6 +187,7 @@ class _FrameJob:
         self.sums: list[Sums] = []
         self.decomposition = self.atoms = None
         self.strongest = self.hot = self.hot_sums = None
+        self.fields, self.field_sums = None, ({}, {})
         self.expected: dict[str, float] = {}
         self.seconds = {"bonds": 0.0, "sites": 0.0}
 
@@ -227,9 +229,10 @@ class _FrameJob:
             else:
                 from .tiles import bond_pass
 
+                bonds_alone = replace(self.settings, pot=getattr(self.settings.pot, "local", self.settings.pot))
                 self.decomposition, self.atoms = bond_pass(
                     frame,
-                    self.settings,
+                    bonds_alone,
                     work,
                     self.stage,
                     self.reference,
@@ -238,6 +241,7 @@ class _FrameJob:
                     self.index,
                     self.run_tiles,
                 )
+            self._add_fields(fresh)
             if getattr(self.settings.pot, "pairwise", False):
                 # Pairs churn nothing: z = S + M is 0 for them identically, not only as far as two approximate sums
                 # cancel.
@@ -269,6 +273,26 @@ class _FrameJob:
         self.seconds["bonds"] += bonds_done - start
         self.seconds["sites"] += perf_counter() - bonds_done
 
+    def _add_fields(self, sums) -> None:
+        """What has no bonds: long-range Coulomb."""
+        settings, work, stage = self.settings, self.work, self.stage
+        if not getattr(settings.pot, "fields", ()):
+            return
+        frame = settings.pot.complete(self.frame)
+        atom_fields(
+            settings.pot, frame, work, self.factors, self.decomposition, self.atoms, tiled=settings.tiles is not None
+        )
+        if stage is None:
+            return
+        if self.fields is None:
+            # Once: they do not depend on the methods of the other sums.
+            main, self.fields = open_fields(
+                settings.pot, work, stage.bound, stage.main.kern, settings.tolerance, settings.threads
+            )
+            self.field_sums = field_pass(main, self.fields, stage.check.which, frame, self.drift)
+        for s, found in zip(sums, self.field_sums):
+            add_sums(s, found)
+
     def _watched(self, methods) -> bool:
         """Whether points around the strongest bonds are to be looked at: where sums over bonds are approximate."""
         lattice = self.stage is not None and self.stage.bound.kind != "slab"
@@ -284,6 +308,8 @@ class _FrameJob:
             drift=self.drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann, dimension=frame.dimension
         )
         sums.bond.update(_columns(work.bond, BOND, hot.bond_sums(work.bond, self.drift)))
+        if self.fields is not None:
+            add_sums(sums, self.fields.at(hot.which))
         if getattr(self.settings.pot, "pairwise", False) and {"stress", "sources"} <= sums.bond.keys():
             sums.bond["sources"] = -full(sums.bond["stress"]).reshape(-1, 9)
         if work.site:
@@ -564,6 +590,7 @@ def require(frame, settings, work):
                 "the run"
             )
         require_compatible(settings.pot.units, frame.units, "the potential", frame.source)
+        require_fields(frame, settings, work)
         if not settings.central and work.symmetric_users:
             raise AtcError(
                 f"{', '.join(work.symmetric_users)}: the forces of {settings.pot.describe()} do not act along bonds: "

@@ -40,6 +40,7 @@ from .compute import (
     tightened,
     watched,
 )
+from .field_pass import add_sums, atom_fields, field_pass, open_fields
 from .hot import WATCHED, HotPoints, Strongest, error_map
 from .methods import NAMES
 from .registry import BOND, SITE, Work
@@ -226,6 +227,9 @@ class _Run:
         self.strongest = (
             _Strongest(work) if stage.bound.kind != "slab" and watched(work, self.settings, methods) else None
         )
+        fields_main, fields_check = open_fields(
+            self.settings.pot, work, stage.bound, stage.main.kern, self.settings.tolerance, threads
+        )
         # Fields on the grid, those of the whole box, and exact ones at the points of the check.
         fields, exactly, size = _Mean(), _Mean(keep=True), 0.0
         boxes, mask = _Mean(keep=True), None
@@ -247,6 +251,11 @@ class _Run:
                     decomposition, atoms = _bond_pass(
                         frame, self.settings, work, stage, None, factors, sums, kept=bonds
                     )
+                if fields_main is not None or getattr(self.settings.pot, "fields", ()):
+                    completed = self.settings.pot.complete(frame)
+                    atom_fields(self.settings.pot, completed, work, factors, decomposition, atoms)
+                    _, at_points = field_pass(fields_main, fields_check, stage.check.which, completed, drift, kept=True)
+                    add_sums(sums[1], at_points)
                 self._no_churning(sums[1])
                 for what, count in (getattr(decomposition, "notes", None) or {}).items():
                     self.notes[what] = self.notes.get(what, 0) + count
@@ -284,6 +293,8 @@ class _Run:
             exact = self._put_right(bonds)
         if bonds is not None:
             main.bond.update(_columns(work.bond, BOND, (bonds.bond_sums() + exact) / n))
+            if fields_main is not None:
+                add_sums(main, {name: values / n for name, values in fields_main.on_grid().items()})
             self._no_churning(main)
         if sites is not None:
             main.site.update(_columns(work.site, SITE, sites.site_sums() / n))
@@ -406,6 +417,12 @@ class _Run:
                 dimension=frame.dimension,
             )
             sums.bond.update(_columns(work.bond, BOND, here.bond_sums(work.bond, factors.drift)))
+            _, exactly = open_fields(
+                self.settings.pot, work, stage.bound, stage.main.kern, self.settings.tolerance, self.settings.threads
+            )
+            if exactly is not None:
+                exactly.add(self.settings.pot.complete(frame), factors.drift)
+                add_sums(sums, exactly.at(hot.which))
             self._no_churning(sums)
             if work.site:
                 add_sites(frame, work, [(here.check.target, sums)], factors)

@@ -348,7 +348,12 @@ class HotPoints:
     def bond_sums(self, names, drift) -> np.ndarray:
         """(h, k) the named sums over bonds, exactly."""
         widths = [BOND[name].width for name in names]
-        pot, threads, reach = self.settings.pot, self.settings.threads, self.stage.reach.support
+        # Fields have no bonds: `field_pass` adds them.
+        pot, threads, reach = (
+            getattr(self.settings.pot, "local", self.settings.pot),
+            self.settings.threads,
+            self.stage.reach.support,
+        )
         few = self._cluster(pot, reach)
         if few is None:
             frame, target = self.frame, self.check.target

@@ -143,6 +143,12 @@ class AtomSums:
         if self._power is not None:
             _numba.add_power(bonds.i, bonds.j, bonds.r_bc, bonds.D_bdc, self.velocities, self._power[thread])
 
+    def add_field(self, virial_n6=None, power_c=None) -> None:
+        """The share of what has no bonds, see `field_pass`."""
+        for buffers, more in ((self._virial, virial_n6), (self._power, power_c)):
+            if more is not None:
+                buffers[0] += more
+
     virial_n6 = property(lambda self: _total(self._virial))
     residual_n4 = property(lambda self: _total(self._residual))
     power_c = property(lambda self: _total(self._power))

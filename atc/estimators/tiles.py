@@ -190,6 +190,12 @@ class _Atoms:
     reference_moment_n9: np.ndarray | None = None
     power_c: np.ndarray | None = None
 
+    def add_field(self, virial_n6=None, power_c=None) -> None:
+        if virial_n6 is not None:
+            self.virial_n6 = self.virial_n6 + virial_n6
+        if power_c is not None:
+            self.power_c = self.power_c + power_c
+
 
 def bond_pass(frame, settings, work, stage, reference, factors, sums, index: int, run) -> tuple:
     """Like the pass over the bonds of a whole frame (`compute`), tile by tile.

@@ -283,10 +283,10 @@ BAD = {
         "units metal\npair_style reaxff NULL\npair_coeff * * ffield C",
         "line 2.*reaxff is not supported: it finds its charges",
     ),
-    "long range": (f"units metal\n{LJ}kspace_style pppm 1e-4", "line 4.*kspace_style pppm"),
+    "long range": (f"units metal\n{LJ}kspace_style msm 1e-4", "line 4.*kspace_style msm"),
     "long-range pair style": (
-        "units real\npair_style lj/cut/coul/long 9\npair_coeff * * 1 1",
-        "lj/cut/coul/long is not supported",
+        "units real\npair_style lj/cut/coul/msm 9\npair_coeff * * 1 1",
+        "lj/cut/coul/msm is not supported",
     ),
     "units missing": (LJ, "add a 'units' line"),
     "units unknown": (f"units imperial\n{LJ}", "line 1.*imperial"),

@@ -62,6 +62,8 @@ class _Model:
     declined: set[str] = field(default_factory=set)
     special: list[Command] = field(default_factory=list)
     dielectric: float = 1.0
+    kspace: Command | None = None
+    kspace_modify: list[Command] = field(default_factory=list)
     labels: dict[str, dict[str, int]] = field(default_factory=dict)
     masses: dict[int, float] = field(default_factory=dict)
     data_file: Path | None = None
@@ -240,12 +242,10 @@ def _gather(state: State, name: str, folder: Path, units_, script: bool) -> _Mod
             model.dielectric = _float(c, 0)
             if model.dielectric <= 0:
                 raise AtcError(f"{c.where}: the dielectric constant must be positive, got {c.words[0]}")
-        elif c.name == "kspace_style" and c.words[:1] not in (("none",), ("zero",)):
-            raise AtcError(
-                f"{c.where}: kspace_style {' '.join(c.words)}: long-range forces cannot be split into bonds from "
-                "positions alone, so they are not supported; "
-                "use coul/dsf or coul/wolf (or kspace_style none)"
-            )
+        elif c.name == "kspace_style":
+            model.kspace = None if c.words[:1] == ("none",) else c
+        elif c.name == "kspace_modify":
+            model.kspace_modify.append(c)
         elif c.name == "dimension":
             if c.words not in (("2",), ("3",)):
                 raise AtcError(f"{c.where}: expected dimension 2 or 3, got {' '.join(c.words) or 'nothing'}")
@@ -488,6 +488,7 @@ def _assemble(model: _Model, name: str) -> Potential:
         terms += _pair_terms(build, special)
         # Some bonded styles need the pair interaction of their atoms.
         model.pairs = next((t for t in terms if isinstance(t, Pairs)), None)
+    terms += _long_range(model, terms, name)
     for kind in _BONDED:
         if kind in model.styles and model.styles[kind].name != "zero":
             terms += _bonded_terms(model, model.styles[kind])
@@ -512,6 +513,25 @@ def _assemble(model: _Model, name: str) -> Potential:
     pot.dimension_said = model.dimension is not None or model.data_file is not None
     pot.unmentioned = tuple(k for k in _BONDED if k not in model.styles and k not in model.declined)
     return pot
+
+
+def _long_range(model: _Model, terms, name: str) -> list[Term]:
+    """The smooth part of long-range Coulomb."""
+    from ..long_range.kspace import Kspace, check_style, kspace_term
+
+    if model.kspace is not None:
+        check_style(model.kspace)
+    kspace = None if model.kspace is None else Kspace(model.kspace, tuple(model.kspace_modify))
+    pair = model.styles.get("pair")
+    found = kspace_term(kspace, terms, model.units, pair.where if pair else name)
+    if found and model.exclusions:
+        raise AtcError(
+            f"{model.exclusions.where}: neigh_modify exclude is not supported with long-range Coulomb: LAMMPS leaves "
+            "out the near part of such pairs only, "
+            "which depends on its own alpha"
+        )
+    model.notes.extend(t.run.describe(model.units) for t in found)
+    return found
 
 
 #: Pair styles that neither shift nor mix, so that a restart file can keep nothing of them that their lines do not say.

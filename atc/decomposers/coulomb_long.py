@@ -1,0 +1,171 @@
+"""Pair styles with long-range Coulomb: the bonds of Ewald's split inside the cutoff, for LAMMPS's ``…/coul/long``
+styles.
+
+The smooth part is a term of its own, which ``kspace_style`` asks for: see `long_range`.
+"""
+
+from __future__ import annotations
+
+from math import erfc
+
+import numpy as np
+
+from ..compiled import njit
+from .buckingham import Born, Buckingham
+from .charmm import LennardJonesCharmm, LennardJonesCharmmFSW, OneFour, _coefficients, _constant
+from .inverse_powers import NM, Class2, _exponents
+from .lennard_jones import LennardJones, mix_lj
+from .long_range.split import ACCURACY, Split
+from .pair import PairStyle
+from .pair_input import fill, pair_values
+from .radial import check_lines, inner_below_outer, mix_lj6
+from .registry import StyleInput, pair_style
+from .with_coulomb import positive_rho
+
+
+class CoulombLong(PairStyle):
+    """U = C q_i q_j [erfc(αd)/d − (1 − w)/d] for d < cutoff, w the pair's weight: the bonds of Ewald's split (LAMMPS
+    ``coul/long``).
+
+    A pair of weight w < 1 loses 1 − w of its whole Coulomb energy, the smooth part's share included. erfc is exact;
+    LAMMPS's is a polynomial (1.5e-7), or a table of it. α follows from the cutoff and the accuracy and need not be the
+    run's.
+
+    Parameters
+    ----------
+    on : (n_types + 1, n_types + 1) bool, pairs of types
+    split : Split, internal units
+    """
+
+    name = "coul/long"
+    weight = "coul"
+    needs_charges = True
+    keeps_excluded = True
+    numbers = (("cutoff", "length"),)
+
+    def __init__(self, on, split: Split):
+        self.on, self.split = np.asarray(on, bool), split
+        self._set(np.where(self.on, split.cutoff, 0.0))
+
+    def at(self, accuracy: float) -> CoulombLong:
+        """The same with another accuracy."""
+        new = CoulombLong(self.on, self.split.at(accuracy))
+        if hasattr(self, "own_special"):
+            new.own_special = self.own_special
+        return new
+
+    def prepare(self, frame):
+        return frame.charges
+
+    def add(self, types, i, j, d2, weights, U, G, prepared):
+        _long(types, i, j, d2, weights, self.table, self.split.constant, self.split.alpha, prepared, U, G)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _long(types, i, j, d2, weights, table, constant, alpha, q, U, G):
+    weighted = len(weights) > 0
+    for b in range(len(d2)):
+        p, k = i[b], j[b]
+        if d2[b] < table[types[p], types[k], 0]:
+            c = constant * q[p] * q[k]
+            if c == 0.0:
+                continue
+            d = np.sqrt(d2[b])
+            c /= d
+            lost = 1.0 - weights[b] if weighted else 0.0
+            near = erfc(alpha * d) - lost
+            U[b] += c * near
+            G[b] -= c * (near + 2.0 / np.sqrt(np.pi) * alpha * d * np.exp(-alpha * alpha * d2[b])) / d2[b]
+
+
+# LAMMPS's lines
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def _on(inp: StyleInput):
+    """The Coulomb part acts wherever the style does, whatever the short-range cutoff is."""
+    on = np.zeros((inp.n_types + 1, inp.n_types + 1), bool)
+    on[1:, 1:] = True
+    return on if inp.wanted is None else on & inp.wanted
+
+
+def long_style(inp: StyleInput, cutoff: float, constant: float | None = None) -> CoulombLong:
+    if not cutoff > 0:
+        raise inp.error(f"{inp.command}: the Coulomb cutoff must be positive, got {' '.join(inp.args)}")
+    return CoulombLong(
+        _on(inp), Split.of(cutoff, inp.units.coulomb / inp.dielectric if constant is None else constant, ACCURACY)
+    )
+
+
+@pair_style("coul/long")
+def _coul_long(inp: StyleInput):
+    (rc,) = inp.numbers(inp.args, [("cutoff", "length")])
+    given = {}
+    for line in inp.coeffs:
+        inp.numbers(line.words, [], line)
+        for pair in line.covers(inp.n_types):
+            given[pair] = (1.0,)
+    fill(inp, given, 1, mix=lambda a, b, rule: (1.0,))
+    return long_style(inp, rc)
+
+
+def _with_long(name, cls, mix=None, check=None):
+    """``pair_style NAME cutoff [cutoff_coul]``; the Coulomb part has one cutoff for all pairs of types."""
+
+    def build(inp: StyleInput):
+        rc, rcoul = inp.numbers(inp.args, [("cutoff", "length"), ("Coulomb cutoff", "length")], optional=1)
+        check_lines(inp, cls.numbers, check)
+        arrays = pair_values(inp, cls.numbers, optional=1, defaults=[rc], mix=mix)
+        return [cls.internal(*arrays, shift=inp.modify.shift), long_style(inp, rc if rcoul is None else rcoul)]
+
+    pair_style(name)(build)
+
+
+_with_long("lj/cut/coul/long", LennardJones, mix_lj)
+_with_long("buck/coul/long", Buckingham, check=positive_rho)
+_with_long("born/coul/long", Born, check=positive_rho)
+_with_long("lj/class2/coul/long", Class2, mix_lj6)
+_with_long("nm/cut/coul/long", NM, check=_exponents)
+
+
+def _charmm_long(name, cls, shifted):
+    def build(inp: StyleInput):
+        names = ("inner LJ cutoff", "outer LJ cutoff", "Coulomb cutoff")
+        inner, outer, rc = inp.numbers(inp.args, [(n, "length") for n in names], optional=1)
+        wrong = inner_below_outer(inner, outer, "LJ ")
+        if wrong:
+            raise inp.error(f"{inp.command}: {wrong}, got {' '.join(inp.args)}")
+        *lj, e14, s14, _ = _coefficients(inp, inner, outer)
+        style = cls.internal(*lj)
+        constant = _constant(inp, shifted)
+        # Dihedral style charmmfsw leaves the charges of its pairs alone here.
+        style.one_four = OneFour(e14, s14, constant, cutoffs=(inner, outer, np.inf) if shifted else None)
+        return [style, long_style(inp, outer if rc is None else rc, constant)]
+
+    pair_style(name)(build)
+
+
+_charmm_long("lj/charmm/coul/long", LennardJonesCharmm, False)
+_charmm_long("lj/charmmfsw/coul/long", LennardJonesCharmmFSW, True)
+
+
+@pair_style("lj/long/coul/long")
+def _lj_long(inp: StyleInput):
+    if len(inp.args) < 3:
+        raise inp.error(f"{inp.command} takes two flags and one or two cutoffs, got {' '.join(inp.args) or 'nothing'}")
+    lj, coul, *cutoffs = inp.args
+    if lj not in ("long", "cut", "off") or coul not in ("long", "off", "cut"):
+        raise inp.error(
+            f"{inp.command} takes the flags long, cut or off (Lennard-Jones) and long or off (Coulomb), got {lj} {coul}"
+        )
+    if lj == "long":
+        raise inp.error(
+            f"{inp.command} long: long-range dispersion (the 1/r^6 sum of ewald/disp and pppm/disp) is not supported: "
+            "only the flag cut"
+        )
+    if coul == "cut":
+        raise inp.error(f"{inp.command} {lj} cut: expected long or off for Coulomb, as in LAMMPS")
+    rc, rcoul = inp.numbers(cutoffs, [("cutoff", "length"), ("Coulomb cutoff", "length")], optional=1)
+    arrays = pair_values(inp, LennardJones.numbers, optional=1, defaults=[rc], mix=mix_lj)
+    out = [] if lj == "off" else [LennardJones.internal(*arrays, shift=inp.modify.shift)]
+    return [*out, long_style(inp, rc if rcoul is None else rcoul)] if coul == "long" else out

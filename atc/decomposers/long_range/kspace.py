@@ -1,0 +1,232 @@
+"""LAMMPS's ``kspace_style`` and ``kspace_modify``: what they say of the model, and of the run's own accuracy."""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...errors import AtcError
+from .ewald import LongRangeCoulomb
+from .split import Split
+
+#: They all compute the sum that is computed here, to their own accuracy.
+STYLES = frozenset("ewald ewald/disp pppm pppm/cg pppm/stagger pppm/disp".split())
+_REFUSED = {
+    "msm": "multilevel summation is another sum, of a Coulomb interaction that ends at a distance",
+    "scafacos": "what it computes depends on another library",
+    "dipole": "point dipoles have torques, which no straight bond has",
+    "dielectric": "each atom has a dielectric constant of its own, which frames do not carry",
+    "tip4p": "its charges sit on a virtual site whose force is spread over the molecule, not on atoms",
+    "electrode": "the charges of electrodes follow from potentials",
+    "zero": "its pair style keeps the bonds of a split whose other part is left out",
+}
+#: keyword: how many values it has. Those that steer how the run computed the sum, not which.
+_HARMLESS = {
+    "collective": 1,
+    "cutoff/adjust": 1,
+    "diff": 1,
+    "disp/auto": 1,
+    "fftbench": 1,
+    "force/disp/real": 1,
+    "force/disp/kspace": 1,
+    "gewald": 1,
+    "gewald/disp": 1,
+    "kmax/ewald": 3,
+    "kmax/ewald/disp": 3,
+    "mesh": 3,
+    "mesh/disp": 3,
+    "minorder": 1,
+    "mix/disp": 1,
+    "order": 1,
+    "order/disp": 1,
+    "overlap": 1,
+    "pressure/scalar": 1,
+    "splittol": 1,
+    "eigtol": 1,
+}
+
+
+@dataclass(frozen=True)
+class RunAccuracy:
+    """How well the run computed its Coulomb forces, by its own estimate.
+
+    style, accuracy : words of the kspace_style line, the accuracy relative to the force of two unit charges at unit
+        distance
+    force : that accuracy as a force, internal units
+    """
+
+    style: str
+    accuracy: float
+    force: float
+
+    def describe(self, units) -> str:
+        return (
+            f"the run's own {self.style} was asked for forces to {units.to_user('force', self.force):.3g} "
+            f"{units.label('force')} (accuracy {self.accuracy:g})"
+        )
+
+
+@dataclass
+class Kspace:
+    """The lines of one script."""
+
+    style: object  # Command
+    modify: tuple = ()
+
+    def term(self, split: Split, units) -> LongRangeCoulomb:
+        c = self.style
+        name = c.words[0]
+        try:
+            accuracy = float(c.words[1])
+        except (IndexError, ValueError):
+            raise AtcError(
+                f"{c.where}: kspace_style {name} needs its accuracy, a number such as 1e-4, got "
+                f"{' '.join(c.words[1:]) or 'nothing'}"
+            ) from None
+        slab, force = self._modified(units)
+        # LAMMPS: the force between two unit charges at distance 1 of the run's unit.
+        unit = units.coulomb * units.charge**2 / units.length**2
+        return LongRangeCoulomb(split, slab, RunAccuracy(name, accuracy, accuracy * unit if force is None else force))
+
+    def _modified(self, units):
+        slab = force = None
+        for c in self.modify:
+            words = list(c.words)
+            while words:
+                key = words.pop(0)
+                if key in _HARMLESS:
+                    n = _HARMLESS[key]
+                    if len(words) < n:
+                        raise AtcError(f"{c.where}: kspace_modify {key} needs {n} value{'s' * (n > 1)}")
+                    del words[:n]
+                    continue
+                value = words.pop(0) if words else ""
+                if key == "slab":
+                    slab = self._slab(c, value)
+                elif key == "force":
+                    force = units.to_internal("force", self._number(c, key, value))
+                    force = None if force < 0 else force
+                elif key == "compute" and value in ("yes", "on", "true"):
+                    continue
+                elif key == "compute":
+                    raise AtcError(
+                        f"{c.where}: kspace_modify compute {value}: without the smooth part the forces depend on the "
+                        "run's own alpha, which its lines do not say"
+                    )
+                else:
+                    raise AtcError(
+                        f"{c.where}: kspace_modify {key} is not supported: expected slab, force, "
+                        f"{', '.join(sorted(_HARMLESS))}"
+                    )
+        return slab, force
+
+    def _number(self, c, key, value) -> float:
+        try:
+            return float(value)
+        except ValueError:
+            raise AtcError(f"{c.where}: kspace_modify {key}: expected a number, got {value or 'nothing'}") from None
+
+    def _slab(self, c, value):
+        if value == "nozforce":
+            raise AtcError(
+                f"{c.where}: kspace_modify slab nozforce is not supported: without its forces along z the sum has no "
+                "energy"
+            )
+        factor = self._number(c, "slab", value)
+        if factor == 1.0:
+            return None
+        if not factor > 1.0:
+            raise AtcError(
+                f"{c.where}: kspace_modify slab: the cell must be higher than the frame's, got {value} (3.0 is what "
+                "the manual recommends)"
+            )
+        return factor
+
+
+def check_style(c) -> None:
+    """Raise AtcError unless the sum of a kspace_style line is one that is computed here. A name without its accelerator
+    suffix."""
+    from ..hybrid import strip_suffix
+
+    name = strip_suffix(c.words[0]) if c.words else ""
+    if name in STYLES:
+        return
+    why = next((why for word, why in _REFUSED.items() if word in name.split("/")), None)
+    raise AtcError(
+        f"{c.where}: kspace_style {name or 'nothing'} is not supported: "
+        f"{why or 'expected one of ' + ', '.join(sorted(STYLES))}"
+    )
+
+
+def coulomb_of(terms):
+    """[CoulombLong] of the pair terms."""
+    from ..coulomb_long import CoulombLong
+
+    return [s for t in terms for s in getattr(t, "styles", ()) if isinstance(s, CoulombLong)]
+
+
+def kspace_term(kspace: Kspace | None, terms, units, where: str):
+    """The smooth part that belongs to the pair styles of a model, [] if it has no long-range Coulomb."""
+    styles = coulomb_of(terms)
+    if not styles and kspace is None:
+        return []
+    if kspace is None:
+        raise AtcError(
+            f"{where}: {styles[0].name} is only the near part of a Coulomb sum: add the kspace_style line of the run "
+            "(or use coul/cut, coul/dsf)"
+        )
+    if not styles:
+        c = kspace.style
+        raise AtcError(
+            f"{c.where}: kspace_style {' '.join(c.words)} without a pair style that belongs to it (such as "
+            "lj/cut/coul/long): leave it out, or give the pair style"
+        )
+    split = styles[0].split
+    if any(s.split.cutoff != split.cutoff or s.split.constant != split.constant for s in styles):
+        raise AtcError(
+            f"{where}: the Coulomb cutoffs of the sub-styles differ: one for all of them, as LAMMPS wants it"
+        )
+    if len({getattr(s, "factor", 1.0) for s in styles}) > 1:
+        raise AtcError(f"{where}: a long-range style with a factor is not supported")
+    covered = sum(s.on.astype(int) for s in styles)
+    if (covered[1:, 1:] > 1).any():
+        i, j = np.argwhere(covered[1:, 1:] > 1)[0] + 1
+        raise AtcError(
+            f"{where}: the Coulomb bonds of types {i} and {j} are counted {covered[i, j]} times by the sub-styles: "
+            "keep one of them"
+        )
+    term = kspace.term(split, units)
+    term.covered = covered > 0
+    return [term]
+
+
+def converged(pot, accuracy: float):
+    """The same potential with its long-range Coulomb split for another accuracy; itself if it has none."""
+    from ..pair import Pairs
+
+    if not any(getattr(t, "field", False) for t in pot.terms):
+        return pot
+    new = copy(pot)
+    new.terms = []
+    for t in pot.terms:
+        if getattr(t, "field", False):
+            t = t.at(accuracy)
+        elif isinstance(t, Pairs) and coulomb_of([t]):
+            styles = [s.at(accuracy) if hasattr(s, "split") else s for s in t.styles]
+            t = Pairs(styles, t.n_types, t.special, t.grow and _Grown(t.grow, accuracy), t.exclusions)
+        new.terms.append(t)
+    return new
+
+
+@dataclass
+class _Grown:
+    """Styles for more types, with the accuracy of the others. A class, so that a potential can be sent to other
+    processes."""
+
+    grow: object
+    accuracy: float
+
+    def __call__(self, n_types: int):
+        return [s.at(self.accuracy) if hasattr(s, "split") else s for s in self.grow(n_types)]

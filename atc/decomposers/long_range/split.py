@@ -1,0 +1,46 @@
+"""Ewald's split: how much of the Coulomb interaction is bonds inside the cutoff, and up to which mode the rest goes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import log, sqrt
+
+from ...errors import AtcError
+
+#: Relative size of what is left out by default, of the bonds at the cutoff and of the modes beyond the largest.
+ACCURACY = 1e-8
+
+
+@dataclass(frozen=True)
+class Split:
+    """erfc(αd)/d is bonds, erf(αd)/d is smooth.
+
+    alpha : 1/length. cutoff : of the bonds. constant : Coulomb's, over the dielectric constant. accuracy : see
+        `ACCURACY`
+    """
+
+    alpha: float
+    cutoff: float
+    constant: float
+    accuracy: float = ACCURACY
+
+    @classmethod
+    def of(cls, cutoff: float, constant: float, accuracy: float = ACCURACY) -> Split:
+        """The smallest α whose bonds end at the cutoff: erfc(α r_c) is the accuracy."""
+        from scipy.special import erfcinv
+
+        if not 0.0 < accuracy < 0.1:
+            raise AtcError(f"long-range Coulomb: the accuracy must be between 0 and 0.1, got {accuracy:g}")
+        return cls(float(erfcinv(accuracy)) / cutoff, cutoff, constant, accuracy)
+
+    def at(self, accuracy: float) -> Split:
+        """The same cutoff with another accuracy."""
+        return Split.of(self.cutoff, self.constant, accuracy)
+
+    @property
+    def s(self) -> float:
+        return 0.25 / self.alpha**2
+
+    def largest_wave(self, accuracy: float | None = None) -> float:
+        """The wave number a with e^{−s a²} = accuracy."""
+        return sqrt(-log(self.accuracy if accuracy is None else accuracy) / self.s)

@@ -1,0 +1,246 @@
+"""Stress and energy current of the smooth part: modes on the wave vectors Q of the smoothed field, before smoothing,
+from products of fields on a mesh.
+
+Charges smeared with e^{−s τ k²/2} are ρ_τ. Φ_τ = (4πC/k²) ρ_τ, E_τ = −∇Φ_τ, c = 4πC:
+
+    σ = (1/c)(E₁⊗E₁ − ½E₁² 1) − (s/2) ∫₀¹ dt [E_{2−t}⊗∇ρ_t + ∇ρ_t⊗E_{2−t} − 1 ∇·(ρ_t E_{2−t})]
+
+With currents J_τ smeared alike, W_τ = (c/k²) J_τ without its mean, and [v, W] = −v×(∇×W) − (∇·W) v:
+
+    A = ½ { (1/c)[∇Φ₁, W₁] + (s/2) ∫₀¹ dt ( [∇ρ_t, W_{2−t}] − c ρ_t J_{2−t} + [∇Φ_{2−t}, J_t] − c ρ_{2−t} J_t ) } + ½
+    <J> Φ₂
+
+Both are the sums over pairs of modes of the package's docstring, (1/2V) Σ K_µν J_ν(a) ρ(b) the second. The integrals
+are Gauss-Legendre's, whose error falls like that of a spectral method. A mesh of n ≥ 2(m_a + m_Q) nodes along an axis
+confuses no modes that matter: those of the charges go up to m_a + m_Q, the field's up to m_Q.
+"""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+
+import numpy as np
+
+from ...errors import AtcError
+from .transform import Transform, box_modes, good_length, largest_of, wave_vectors
+
+# Components of symmetric tensors.
+PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
+# Real arrays on the mesh that there are at the same time, and what they may take.
+ARRAYS, LARGEST = 16, 6.0e9
+MOST_NODES = 24
+
+
+class Products:
+    """The fields of one frame on a mesh that is fine enough for the products' modes up to `largest_q`.
+
+    Parameters
+    ----------
+    term : LongRangeCoulomb
+    frame : Frame
+    largest_q : (3,) largest mode numbers of the products
+    tolerance : what of the smooth part may be left out
+    nodes : of the integrals
+    wide : > 1 for a mesh that is finer than it has to be
+    """
+
+    def __init__(self, term, frame, largest_q, tolerance: float, nodes: int, threads: int = 1, wide: float = 1.0):
+        self.term, self.frame, self.nodes, self.threads = term, frame, nodes, threads
+        self.vectors, self.origin = term.box(frame)
+        self.volume = abs(float(np.linalg.det(self.vectors)))
+        split = term.split
+        self.s, self.c = split.s, 4 * pi * split.constant
+        self.counts, largest = mesh_of(self.vectors, split, largest_q, tolerance, wide)
+        self.transform = Transform(self.vectors, self.origin, largest, max(0.02 * tolerance, 1e-13), threads)
+        self.index, self.q_index = self.transform.index, box_modes(largest_q)
+        self.k_c = wave_vectors(self.index, self.vectors)
+        self.k2 = sum(k * k for k in self.k_c)
+        with np.errstate(divide="ignore"):
+            self.potential = np.where(self.k2 > 0, self.c / self.k2, 0.0)
+        self.rho = self.transform.modes(frame.positions, frame.charges[:, None])[0]
+        self.rho[0, 0, 0] = 0.0
+        x, w = np.polynomial.legendre.leggauss(nodes)
+        self.rule = list(zip(0.5 * (1.0 + x), 0.5 * w))
+
+    # --- the mesh
+    def _real(self, F):
+        """The field on the mesh from its modes."""
+        from scipy import fft
+
+        n0, n1, n2 = (int(n) for n in self.counts)
+        G = np.zeros((n0, F.shape[1], F.shape[2]), complex)
+        G[self.index[0]] = F
+        G = fft.ifft(G, axis=0, norm="forward", overwrite_x=True, workers=self.threads)
+        H = np.zeros((n0, n1, F.shape[2]), complex)
+        H[:, self.index[1]] = G
+        H = fft.ifft(H, axis=1, norm="forward", overwrite_x=True, workers=self.threads)
+        out = fft.irfft(H, n=n2, axis=2, norm="forward", workers=self.threads)
+        out /= self.volume
+        return out
+
+    def _modes(self, f):
+        """Modes Q of a field on the mesh, ∫ f e^{−iQ·x}."""
+        from scipy import fft
+
+        F = fft.rfft(f, axis=2, norm="forward", workers=self.threads)[:, :, self.q_index[2]]
+        F = fft.fft(F, axis=1, norm="forward", workers=self.threads)[:, self.q_index[1]]
+        return fft.fft(F, axis=0, norm="forward", workers=self.threads)[self.q_index[0]] * self.volume
+
+    def _smear(self, tau):
+        return np.exp(-0.5 * self.s * tau * self.k2)
+
+    def _gradient(self, F):
+        return [self._real(1j * k * F) for k in self.k_c]
+
+    # --- stress
+    def stress(self) -> np.ndarray:
+        """(6, q0, q1, q2) xx, yy, zz, yz, xz, xy; tension positive, energy."""
+        sigma = [np.zeros(self.counts) for _ in PAIRS]
+        E = self._gradient(-self.potential * self._smear(1.0) * self.rho)
+        for out, (a, b) in zip(sigma, PAIRS):
+            np.multiply(E[a], E[b], out=out)
+            out /= self.c
+        trace = -0.5 * (sigma[0] + sigma[1] + sigma[2])
+        for t, weight in self.rule:
+            weight *= 0.5 * self.s
+            rho, wide = self._smear(t) * self.rho, self._smear(2.0 - t) * self.rho
+            E = self._gradient(-self.potential * wide)
+            slope = self._gradient(rho)
+            for out, (a, b) in zip(sigma, PAIRS):
+                part = E[a] * slope[b]
+                part += part if a == b else E[b] * slope[a]
+                if a == b:
+                    trace += (0.5 * weight) * part
+                part *= weight
+                out -= part
+            # ∇·E = c ρ, but for the mean of ρ, which is 0.
+            part = self._real(rho)
+            part *= self._real(wide)
+            part *= weight * self.c
+            trace += part
+        for out in sigma[:3]:
+            out += trace
+        modes = np.stack([self._modes(out) for out in sigma])
+        E0 = self.term.bare_field(self.frame)
+        if E0:
+            self._add_slab(modes, E0)
+        return modes
+
+    def _add_slab(self, modes, E0):
+        """The slab's uniform field with the charges' own, and with itself."""
+        m0, m1, m2 = (len(i) for i in self.q_index)
+        at = [np.searchsorted(np.sort(i), q) for i, q in zip(self.index, self.q_index)]
+        order = [np.argsort(i) for i in self.index]
+        pick = np.ix_(*(o[a] for o, a in zip(order, at)))
+        k_c = wave_vectors(self.q_index, self.vectors)
+        E = [-1j * k * self.potential[pick] * self.rho[pick] for k in k_c]
+        for c, (a, b) in enumerate(PAIRS):
+            part = np.zeros((m0, m1, m2), complex)
+            if b == 2:
+                part += E0 * E[a]
+            if a == 2:
+                part += E0 * E[b]
+            if a == b:
+                part -= E0 * E[2]
+            modes[c] += part / self.c
+        own = 0.5 * E0 * E0 / self.c * self.volume
+        modes[:3, 0, 0, 0] += own * np.array([-1.0, -1.0, 1.0])
+
+    # --- energy current
+    def current(self, v_nc) -> np.ndarray:
+        """(3, q0, q1, q2) A for charges that move with v (n, 3)."""
+        if self.term.slab is not None:
+            raise AtcError(
+                "the energy current of a slab correction (kspace_modify slab) is not supported: leave out heat flux "
+                "and energy flux"
+            )
+        J = self.transform.modes(self.frame.positions, self.frame.charges[:, None] * v_nc)
+        mean = J[:, 0, 0, 0].real.copy()
+        J[:, 0, 0, 0] = 0.0
+        A = [np.zeros(self.counts) for _ in range(3)]
+
+        def bracket(v, W, weight):
+            """A += weight (−v×(∇×W) − (∇·W) v), W by its modes."""
+            k = self.k_c
+            div = self._real(sum(1j * k[a] * W[a] for a in range(3)))
+            for a in range(3):
+                A[a] -= weight * div * v[a]
+            for a in range(3):
+                b, d = (a + 1) % 3, (a + 2) % 3
+                curl = self._real(1j * (k[b] * W[d] - k[d] * W[b]))
+                # (v × curl) has curl's component a in d (with v_b) and, with the other sign, in b (with v_d).
+                A[d] += weight * v[b] * curl
+                A[b] -= weight * v[d] * curl
+
+        g, U = self._smear(1.0), self.potential
+        bracket(self._gradient(U * g * self.rho), [U * g * j for j in J], 0.5 / self.c)
+        for t, weight in self.rule:
+            weight *= 0.25 * self.s
+            near, wide = self._smear(t), self._smear(2.0 - t)
+            bracket(self._gradient(near * self.rho), [U * wide * j for j in J], weight)
+            bracket(self._gradient(U * wide * self.rho), [near * j for j in J], weight)
+            a, b = self._real(near * self.rho), self._real(wide * self.rho)
+            for out, j in zip(A, J):
+                out -= (weight * self.c) * (a * self._real(wide * j) + b * self._real(near * j))
+        # Charges that all move alike: the mode of J that has no potential.
+        Phi = self._real(U * self._smear(2.0) * self.rho)
+        for out, m in zip(A, mean):
+            out += (0.5 * m / self.volume) * Phi
+        return np.stack([self._modes(out) for out in A])
+
+
+def mesh_of(vectors, split, largest_q, tolerance, wide=1.0):
+    """(nodes along each axis, largest modes of the charges)."""
+    a = split.largest_wave(tolerance)
+    m_a, m_q = largest_of(a, vectors), np.asarray(largest_q)
+    # Products of two fields smeared with half of the whole reach further than m_a where Q is small.
+    largest = np.maximum(m_a + m_q, largest_of(sqrt(2.0) * a, vectors))
+    counts = np.array([good_length(int(np.ceil(wide * n))) for n in np.maximum(2 * (m_a + m_q), largest + m_q) + 2])
+    if 8.0 * ARRAYS * np.prod(counts, dtype=float) > LARGEST:
+        raise AtcError(
+            f"long-range Coulomb: a mesh of {' x '.join(map(str, counts))} nodes would be needed for this kernel and "
+            "tolerance: take a smoother kernel (gaussian, "
+            "lucy), a larger radius or a looser tolerance"
+        )
+    return counts, np.minimum(largest, (counts - 1) // 2)
+
+
+def nodes_for(split, tolerance: float, q_max: float, hat) -> int:
+    """How many Gauss-Legendre nodes keep the error of the integrals below the tolerance for modes up to q_max, weighted
+    with φ̂ = hat(Q)."""
+    a = split.largest_wave(tolerance)
+    x_a, q = np.meshgrid(np.linspace(0.02, 1.0, 40) * a, np.linspace(0.0, 1.0, 60) * q_max, indexing="ij")
+    weight = np.abs(hat(q))
+    for nodes in range(2, MOST_NODES):
+        t, w = np.polynomial.legendre.leggauss(nodes)
+        t, w = 0.5 * (1 + t), 0.5 * w
+        worst = 0.0
+        for b in (x_a + q, np.abs(x_a - q)):
+            # e^{−(s/2)[(2−t) a² + t b²]}, t from 0 to 1, as it enters the virial: times s a².
+            z = 0.5 * split.s * (b * b - x_a * x_a)
+            exact = np.where(np.abs(z) > 1e-6, -np.expm1(-z) / np.where(z == 0, 1.0, z), 1.0 - 0.5 * z)
+            rule = sum(wi * np.exp(-z * ti) for ti, wi in zip(t, w))
+            worst = max(
+                worst, float((np.abs(rule - exact) * np.exp(-split.s * x_a**2) * split.s * x_a**2 * weight).max())
+            )
+        if worst <= tolerance:
+            return nodes
+    return MOST_NODES
+
+
+def largest_wave_of(kernel, tolerance: float, alpha: float) -> float:
+    """The wave number up to which the smoothed field's modes are kept: φ̂ decays, and K_µν like α/Q beyond."""
+    from ...deposit import fourier
+
+    spec = fourier.spectrum(kernel)
+    k = spec.k / spec.scale
+    power = spec.power * np.minimum(1.0, (alpha / k) ** 2)
+    tail = np.cumsum(power[::-1])[::-1] / power.sum()
+    fine = np.sqrt(3.0 * tail) <= tolerance
+    # Near the table's end the tail is cut short.
+    if not fine.any() or np.argmax(fine) > 0.5 * len(k):
+        raise AtcError(
+            f"long-range Coulomb: the modes of kernel {kernel.name!r} decay too slowly for this tolerance: take a "
+            "smoother kernel (gaussian, lucy) or a looser tolerance"
+        )
+    return float(k[np.argmax(fine)])

@@ -1,0 +1,265 @@
+"""What fields (long-range Coulomb) add to the sums of a frame: by their modes, beside the sums over atoms and bonds.
+
+A field's sums are given by unsmoothed modes, which add up over frames, and are finished with φ̂ like every spectral
+sum: f(x) = V⁻¹ Σ_Q φ̂(Q) f(Q) e^{iQ·x}. The error check computes them a second time with more modes, more nodes and
+another mesh, and sums the modes up one by one at its points.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import AtcError
+from .registry import BOND
+from .tensors import full
+
+# What of the tolerance goes to a field's modes left out, and to the charges' modes and the nodes, which cost little:
+# the smooth part is larger than the stress of which it is a part. The tolerance of sums that are exact otherwise.
+SHARE, NODES, FINEST = 0.1, 0.02, 1e-12
+# The check: tolerance and modes against those of the main sums.
+TIGHTER, WIDER = 0.1, 1.2
+# Up to so many points the modes are summed up one by one.
+FEW = 2000
+#: Sums over bonds that fields know their share of.
+KNOWN = ("stress", "power", "power_lab", "sources")
+
+
+def require_fields(frame, settings, work) -> None:
+    """Raise AtcError for what fields are not made for, one line each."""
+    fields = getattr(settings.pot, "fields", ())
+    if not fields:
+        return
+    what = "long-range Coulomb (kspace_style)"
+    if work.reference_bond or work.reference_point or "reference_atom_moment" in work.whole:
+        names = ", ".join(
+            q.name for q in work.quantities if q.on_reference or any(s.reference and s.bonds for s in q.sources())
+        )
+        raise AtcError(
+            f"{names}: not supported with {what}: a field has no bonds that could be drawn between reference positions"
+        )
+    pd = [q.name for q in work.quantities if q.name.startswith("peridynamic")]
+    if pd or set(work.bond) - set(KNOWN):
+        raise AtcError(
+            f"{', '.join(pd) or 'this quantity'}: not supported with {what}: a field has no bonds that could be "
+            "weighted or shared between nodes"
+        )
+    heat = [q.name for q in work.quantities if any(s.sources for s in q.sources())]
+    for term in fields:
+        if heat and term.slab is not None:
+            raise AtcError(
+                f"{', '.join(heat)}: not supported with kspace_modify slab: the energy current of its correction is "
+                "not done yet"
+            )
+        if work.grid_users and work.bond:
+            _wave(term, settings.kern.in_dimension(3).scaled(frame.units.length), _tolerance(settings.tolerance))
+
+
+def _tolerance(tolerance: float) -> float:
+    return max(SHARE * tolerance, FINEST)
+
+
+def _wave(term, kern, tolerance) -> float:
+    from ..decomposers.long_range.stress import largest_wave_of
+
+    return largest_wave_of(kern, tolerance, term.split.alpha)
+
+
+class FieldSums:
+    """The modes of the fields' share of sums over bonds, added up over frames with one cell.
+
+    Parameters
+    ----------
+    terms : terms with `field`
+    names : sums over bonds, of `KNOWN`
+    bound : BoundGrid
+    kern : kernel, internal units
+    tolerance : of the result
+    tight : for the error check
+    """
+
+    def __init__(self, terms, names, bound, kern, tolerance: float, threads: int, tight: bool = False):
+        self.terms, self.names, self.bound, self.kern, self.threads = terms, list(names), bound, kern, threads
+        self.tolerance, self.fine, self.tight = _tolerance(tolerance), max(NODES * tolerance, FINEST), tight
+        self.modes: list[dict | None] = [None] * len(terms)
+        self.boxes: list = [None] * len(terms)
+        self.kinds = [
+            k for k in ("stress", "power", "power_lab") if k in names or (k == "stress" and "sources" in names)
+        ]
+
+    def add(self, frame, drift) -> None:
+        """One frame more."""
+        from ..decomposers.long_range import stress
+        from ..decomposers.long_range.transform import largest_of
+
+        for n, term in enumerate(self.terms):
+            term.check(frame)
+            vectors, origin = term.box(frame)
+            wave = _wave(term, self.kern, self.tolerance) * (WIDER if self.tight else 1.0)
+            largest = largest_of(wave, vectors)
+            if self.bound.kind == "slab":
+                largest[[a for a in range(3) if a != self.bound.axis]] = 0
+            tolerance = self.fine * (TIGHTER if self.tight else 1.0)
+            nodes = stress.nodes_for(term.split, tolerance, wave, lambda q: _hat(self.kern, q)) + 2 * self.tight
+            products = stress.Products(term, frame, largest, tolerance, nodes, self.threads, 1.1 if self.tight else 1.0)
+            found = {}
+            if "stress" in self.kinds:
+                found["stress"] = products.stress()
+            if "power" in self.kinds:
+                found["power"] = products.current(frame.velocities - drift)
+            if "power_lab" in self.kinds:
+                found["power_lab"] = products.current(frame.velocities)
+            self.boxes[n] = vectors, origin, products.q_index, nodes, tuple(int(c) for c in products.counts)
+            old = self.modes[n]
+            self.modes[n] = found if old is None else {k: old[k] + found[k] for k in found}
+
+    def on_grid(self) -> dict[str, np.ndarray]:
+        """{name: (g, width)} on the whole grid."""
+        if self.bound.kind == "slab":
+            return self.at(np.arange(len(self.bound)))
+        if not self.bound.is_lattice and len(self.bound) <= FEW:
+            return self.at(np.arange(len(self.bound)))
+        return self._named([self._finished(n, self._whole_grid) for n in range(len(self.terms))])
+
+    def at(self, which) -> dict[str, np.ndarray]:
+        """The same at some points of the grid, mode by mode."""
+        if self.bound.kind == "slab":
+            return self._named(
+                [self._finished(n, lambda F, box: self._bins(F, box, which)) for n in range(len(self.terms))]
+            )
+        x_gc = self.bound.relative_points_of(which)
+        return self._named(
+            [self._finished(n, lambda F, box: self._directly(F, box, x_gc)) for n in range(len(self.terms))]
+        )
+
+    def _named(self, parts) -> dict[str, np.ndarray]:
+        total = {k: sum(p[k] for p in parts) for k in self.kinds}
+        if "sources" in self.names:
+            # A field churns nothing: z = S + M = 0.
+            total["sources"] = -full(total["stress"]).reshape(-1, BOND["sources"].width)
+        return {name: total[name] for name in self.names}
+
+    def _finished(self, n, values):
+        vectors, _, index, *_ = box = self.boxes[n]
+        from ..decomposers.long_range.transform import wave_vectors
+
+        k_c = wave_vectors(index, vectors)
+        hat = _hat(self.kern, np.stack(np.broadcast_arrays(*k_c), -1), vector=True) / abs(np.linalg.det(vectors))
+        return {k: values([F * hat for F in modes], box) for k, modes in self.modes[n].items()}
+
+    def _bins(self, F_k, box, which):
+        """Means over the cell's cross-section: the modes along its normal alone."""
+        vectors, _, index, *_ = box
+        a, cell = self.bound.axis, self.bound.cell
+        height = abs(np.linalg.det(vectors)) / np.linalg.norm(np.cross(*np.delete(vectors, a, axis=0)))
+        z = (np.asarray(which) + 0.5) / self.bound.shape[0] * cell.heights[a]
+        # A slab's box of modes may be higher than the cell: the mean is over the cell's own cross-section.
+        area = abs(np.linalg.det(vectors)) / height / (cell.volume / cell.heights[a])
+        n = index[a]
+        phase = np.exp(2j * np.pi / height * np.outer(z, n))
+        out = []
+        for F in F_k:
+            line = np.moveaxis(F, a, 0)[:, 0, 0]
+            out.append((phase @ line if a < 2 else (phase * np.where(n == 0, 1.0, 2.0)) @ line).real * area)
+        return np.stack(out, axis=1)
+
+    def _directly(self, F_k, box, x_gc):
+        from ..decomposers.long_range.transform import Direct
+
+        vectors, _, index, *_ = box
+        direct = Direct(vectors, np.zeros(3), [i.max() for i in index])
+        return direct.at(F_k, x_gc)
+
+    def _whole_grid(self, F_k, box):
+        from ..decomposers.long_range.transform import Transform
+        from ..deposit.modes import Modes, separable
+
+        vectors, _, index, *_ = box
+        counts = np.array([2 * int(i.max()) + 2 for i in index])
+        lattice = separable(self.bound, np.linalg.inv(vectors) * counts)
+        if lattice is None:
+            x_gc = self.bound.relative_points_gc
+            transform = Transform(vectors, np.zeros(3), [i.max() for i in index], 0.05 * self.tolerance, self.threads)
+            return transform.at(F_k, x_gc)
+        axes, owner = lattice
+        modes = Modes.__new__(Modes)
+        modes.counts, modes.index, modes.low = counts, index, np.zeros(3)
+        modes.reach, modes.extent = np.full(3, np.inf), np.zeros((2, 3))
+        order = [owner.index(g) for g in range(len(self.bound.counts))]
+        order = [a for a in range(3) if a not in order] + order
+        return np.stack([modes.on_lattice(F, axes).transpose(order).ravel() for F in F_k], axis=1)
+
+    def describe(self) -> str:
+        """What the modes are taken on."""
+        return "; ".join(
+            f"{nodes} nodes, mesh {' x '.join(map(str, counts))}"
+            for *_, nodes, counts in (b for b in self.boxes if b is not None)
+        )
+
+
+def _hat(kern, k, vector=False):
+    from ..deposit import fourier
+    from ..kernels import Radial
+
+    if not vector:
+        return fourier.phi_hat(kern, np.stack([k, 0 * k, 0 * k], -1))
+    if isinstance(kern, Radial):
+        # By a table: there are many modes.
+        size = np.sqrt((k**2).sum(-1))
+        step = 0.01 / kern.radius
+        from scipy.interpolate import CubicSpline
+
+        table = np.arange(int(size.max() / step) + 3) * step
+        return CubicSpline(table, fourier.radial_hat(kern, table))(size)
+    return fourier.phi_hat(kern, k)
+
+
+def open_fields(pot, work, bound, kern, tolerance, threads):
+    """(main, check) `FieldSums` of a potential's fields, (None, None) where there are none or no sums over bonds are
+    asked for."""
+    terms = getattr(pot, "fields", ())
+    if not terms or not work.bond or bound is None:
+        return None, None
+    return tuple(FieldSums(terms, work.bond, bound, kern, tolerance, threads, tight) for tight in (False, True))
+
+
+def atom_fields(pot, frame, work, factors, decomposition, atoms, tiled: bool = False) -> None:
+    """The fields' share of the sums per atom and of the box. tiled : `decomposition` is that of the bonds alone."""
+    for term in getattr(pot, "fields", ()):
+        term.check(frame)
+        smooth = term.modes(frame, term.threads)
+        if tiled:
+            decomposition.energy += smooth.energy
+            decomposition.virial_cc = decomposition.virial_cc + smooth.virial_cc
+            if work.energy_users:
+                decomposition.energies_n = factors.energies_n = factors.energies_n + smooth.energies_n()
+        power = "box_power" in work.whole
+        if work.atom_virial or power:
+            w_n6 = smooth.virials_n6()
+            atoms.add_field(
+                w_n6 if work.atom_virial else None,
+                -np.einsum("nij,nj->i", full(w_n6), frame.velocities) if power else None,
+            )
+            factors.atom_virial_n6 = atoms.virial_n6
+
+
+def add_sums(sums, found) -> None:
+    """Add a field's share to sums over bonds."""
+    for name, values in found.items():
+        sums.bond[name] = sums.bond[name] + values
+
+
+def field_pass(main, check, which, frame, drift, kept: bool = False) -> tuple[dict, dict]:
+    """What the fields of a frame add to its sums over bonds: on the grid and at the points of the check, see
+    `add_sums`.
+
+    main, check : of `open_fields`. which : indices of the check's points
+    kept : the grid's are added up over frames and finished by the caller
+    """
+    if main is None:
+        return {}, {}
+    main.add(frame, drift)
+    if not len(which):
+        return {} if kept else main.on_grid(), {}
+    check.modes = [None] * len(check.terms)
+    check.add(frame, drift)
+    return {} if kept else main.on_grid(), check.at(which)

@@ -1,0 +1,208 @@
+"""Fields of models with long-range Coulomb: the smooth part in every kind of grid, in averages, groups, tiles and
+balances."""
+
+import numpy as np
+import pytest
+from test_long_range import LJ, SIX, TRICLINIC, Naive, eight_ions, ions, salt_potential
+
+import atc
+from atc.decomposers.long_range import ewald
+from atc.errors import AtcError
+from atc.estimators.compute import Settings, frame_fields
+from atc.estimators.field_pass import FieldSums
+from atc.estimators.groups import group_fields
+from atc.grids import Grid
+
+GAUSS = atc.kernel("gaussian", width=1.2)
+LINES = "pair_style lj/cut/coul/long 4.5 5.0\n" + LJ + "kspace_style pppm 1e-4\n"
+POINTS = np.random.default_rng(5).uniform(1, 9, (12, 3))
+
+
+def settings(names, pot, grid, tolerance=1e-6, kern=GAUSS, **more):
+    return Settings(tuple(names), pot, kern, grid, tolerance=tolerance, **more)
+
+
+def test_the_smooth_part_against_the_sum_over_modes():
+    """Every Q of the smoothed stress and energy current as a double sum over modes, then summed up at points."""
+    frame, pot = eight_ions(), salt_potential(5.0, 1e-12)
+    (term,) = pot.fields
+    term = ewald.LongRangeCoulomb(term.split.at(1e-4))
+    kern = atc.kernel("gaussian", width=3.5)
+    bound = Grid.points(POINTS).bind(frame.units, frame.cell, frame.positions)
+    sums = FieldSums([term], ["stress", "power_lab", "sources"], bound, kern, 1e-9, 1)
+    sums.add(frame, np.zeros(3))
+    got = sums.on_grid()
+    naive = Naive(term, frame, (7, 7, 8))
+    total = np.zeros((12, 9))
+    V = frame.cell.volume
+    for Q in np.ndindex(5, 5, 5):
+        Q = np.array(Q) - 2
+        if tuple(Q) < (0, 0, 0):  # the other half of a real field
+            continue
+        k = Q @ naive.b.T
+        phase = np.exp(1j * (POINTS - frame.cell.origin) @ k) * np.exp(-0.5 * (k @ k) * 3.5**2) / V * (1 + Q.any())
+        sigma, A = naive.at(Q)
+        total += (phase[:, None] * np.concatenate([sigma, A])).real
+    assert np.abs(got["stress"] - total[:, :6]).max() < 2e-6 * np.abs(total[:, :6]).max()
+    assert np.abs(got["power_lab"] - total[:, 6:]).max() < 2e-6 * np.abs(total[:, 6:]).max()
+    full = got["stress"][:, [[0, 5, 4], [5, 1, 3], [4, 3, 2]]]
+    np.testing.assert_array_equal(got["sources"], -full.reshape(-1, 9))
+
+
+GRIDS = {
+    "regular": Grid.regular(shape=(4, 5, 6)),
+    "region": Grid.regular(vectors=(5, 6, 7), origin=(1, 0, 2), shape=(3, 3, 4)),
+    "plane": Grid.plane(axis="y", shape=(4, 5)),
+    "tilted": Grid.plane((1, 1, 1), (4, 1, 0), (0, 3, 2), shape=(3, 4)),
+    "line": Grid.line((0, 0, 0), (5, 4, 3), 5),
+    "atoms": Grid.atoms(),
+}
+
+
+@pytest.mark.parametrize("name", GRIDS)
+def test_grids_agree_with_points(name):
+    frame = ions().frame()
+    pot = atc.potential("units real\n" + LINES)
+    bound = GRIDS[name].bind(frame.units, frame.cell, frame.positions)
+    here = FieldSums(pot.fields, ["stress"], bound, GAUSS, 1e-7, 1)
+    here.add(frame, np.zeros(3))
+    a = here.on_grid()["stress"]
+    b = here.at(np.arange(len(bound)))["stress"]
+    assert np.abs(a - b).max() < 1e-7 * np.abs(b).max()
+
+
+@pytest.mark.parametrize(
+    "kern",
+    [GAUSS, atc.kernel("lucy", 4.0), atc.kernel("quartic", 4.0), atc.kernel("bspline", 4.0)],
+    ids=lambda k: k.name,
+)
+def test_the_error_found_keeps_the_tolerance(kern):
+    frame = ions().frame()
+    pot = atc.potential("units real\n" + LINES)
+    result = frame_fields(frame, settings(["stress"], pot, Grid.regular(shape=(5, 5, 5)), 1e-4, kern))
+    assert result.errors["stress_potential"]["error_max"] < 1e-4
+    assert 0 < result.errors["stress_potential"]["error_max"]
+
+
+def test_the_mean_of_a_fine_grid_is_the_virial_and_slabs_are_means_of_planes():
+    frame = ions().frame()
+    pot = atc.potential("units real\n" + LINES)
+    names = ["stress_potential", "virial_stress_potential"]
+    out = frame_fields(frame, settings(names, pot, Grid.regular(shape=(24, 24, 24)), 1e-8, check_points=5)).arrays
+    virial = out["virial_stress_potential"]
+    assert np.abs(out["stress_potential"].mean((0, 1, 2)) - virial).max() < 1e-8 * np.abs(virial).max()
+    slab = frame_fields(frame, settings(names, pot, Grid.slab("z", 24), 1e-8)).arrays["stress_potential"]
+    assert np.abs(slab - out["stress_potential"].mean((0, 1))).max() < 1e-7 * np.abs(slab).max()
+
+
+def test_divergence_of_the_stress_is_the_force_density():
+    """∇·σ = Σ F_j φ(x − x_j), bonds and field together, by differences."""
+    frame = ions().frame()
+    pot = atc.potential("units real\n" + LINES)
+    h, x = 2e-3, POINTS[:4]
+    steps = np.concatenate([x + s * h * e for e in np.eye(3) for s in (1, -1, 2, -2)])
+    s = frame_fields(frame, settings(["stress_potential"], pot, Grid.points(steps), 1e-10)).arrays["stress_potential"]
+    s = s.reshape(3, 4, 4, 3, 3)
+    div = sum((8 * (s[a, 0] - s[a, 1]) - (s[a, 2] - s[a, 3]))[:, a] for a in range(3)) / (12 * h)
+    forces = pot.stream(frame, forces=True).forces_nc
+    d = frame.positions[None] - x[:, None]
+    d -= np.rint(d @ frame.cell.inverse) @ frame.cell.vectors
+    images = np.stack(np.meshgrid(*[(-1, 0, 1)] * 3, indexing="ij"), -1).reshape(-1, 3) @ frame.cell.vectors
+    phi = sum(GAUSS.phi(d + image) for image in images)
+    want = phi @ forces * frame.units.to_user("pressure", 1.0)
+    # A stress of 1e-10 by steps of 2e-3.
+    assert np.abs(div - want).max() < 1e-6 * np.abs(want).max()
+
+
+def test_groups_tiles_and_wholes():
+    frame = ions().frame()
+    rng = np.random.default_rng(0)
+    pot = atc.potential("units real\n" + LINES)
+    names = [
+        "stress",
+        "virial_stress",
+        "virial_stress_per_atom",
+        "energy",
+        "heat_flux",
+        "heat_current",
+        "smoothed_virial_stress",
+    ]
+    grid = Grid.regular(shape=(3, 4, 4))
+    one = frame_fields(frame, settings(names, pot, grid))
+    np.testing.assert_allclose(
+        one.arrays["virial_stress_per_atom_potential"].sum(0) / frame.cell.volume * 1.0,
+        one.arrays["virial_stress_potential"] * frame.units.factor("pressure") / frame.units.factor("pressure_volume"),
+        rtol=0,
+        atol=1e-7 * np.abs(one.arrays["virial_stress_potential"]).max(),
+    )
+    tiled = frame_fields(frame, settings(names, pot, grid, tiles=(2, 1, 2)))
+    for name, values in one.arrays.items():
+        assert np.abs(values - tiled.arrays[name]).max() <= 3e-6 * np.abs(values).max(), name
+    frames = [frame, frame.replace(positions=frame.positions + rng.uniform(-0.1, 0.1, frame.positions.shape))]
+    some = ["stress_potential", "virial_stress", "energy_flux"]
+    together = group_fields(frames, settings(some, pot, grid))
+    apart = [frame_fields(f, settings(some, pot, grid)).arrays for f in frames]
+    for name, values in together.arrays.items():
+        want = 0.5 * (apart[0][name] + apart[1][name])
+        assert np.abs(values - want).max() < 3e-6 * np.abs(want).max(), name
+
+
+def test_a_drift_carries_the_energy_along():
+    """Heat flux and stress do not see a drift; the energy current of charges that all move alike is −σ·v."""
+    frame = ions().frame()
+    pot = atc.potential("units real\n" + LINES)
+    fast = frame.replace(velocities=frame.velocities + [3.0, -2.0, 1.0])
+    grid = Grid.points(POINTS[:5])
+    a, b = (frame_fields(f, settings(["heat_flux", "stress"], pot, grid, 1e-8)).arrays for f in (frame, fast))
+    for name in ("heat_flux", "stress"):
+        assert np.abs(a[name] - b[name]).max() < 1e-6 * np.abs(a[name]).max()
+    v = np.array([1.0, -2.0, 0.5])
+    bound = grid.bind(frame.units, frame.cell, frame.positions)
+    sums = FieldSums(pot.fields, ["stress", "power_lab"], bound, GAUSS, 1e-9, 1)
+    sums.add(frame.replace(velocities=np.tile(v, (len(frame), 1))), np.zeros(3))
+    got = sums.on_grid()
+    sigma = got["stress"][:, [[0, 5, 4], [5, 1, 3], [4, 3, 2]]]
+    assert np.abs(got["power_lab"] + sigma @ v).max() < 1e-8 * np.abs(got["power_lab"]).max()
+
+
+def test_refused_with_the_reason():
+    frame = eight_ions()
+    pot = salt_potential(4.0, 1e-8)
+    grid = Grid.points(POINTS[:2])
+    for name, message in (
+        ("piola_stress", "no bonds that could be drawn"),
+        ("peridynamic_stress", "no bonds that could be weighted"),
+    ):
+        with pytest.raises(AtcError, match=message):
+            frame_fields(frame, settings([name], pot, grid, reference=frame))
+    for kern in (atc.kernel("step", 4.0), atc.kernel("box", 4.0)):
+        with pytest.raises(AtcError, match=f"kernel '{kern.name}'"):
+            frame_fields(frame, settings(["stress_potential"], pot, grid, kern=kern))
+
+
+def test_virial_and_triclinic_names():
+    """Symmetric components in the order of the package."""
+    frame, pot = eight_ions(TRICLINIC), salt_potential(4.0, 1e-10)
+    d = pot.stream(frame)
+    out = frame_fields(frame, settings(["virial_stress_potential"], pot, Grid.points(POINTS[:2]))).arrays[
+        "virial_stress_potential"
+    ]
+    np.testing.assert_allclose(
+        out[SIX], d.virial_cc[SIX] / frame.cell.volume / frame.units.factor("pressure"), rtol=1e-12
+    )
+
+
+def test_balances_are_refused_and_the_runs_accuracy_is_allowed():
+    """The check of balance laws knows sums over bonds alone; forces of a run may differ by what its mesh was asked
+    for."""
+    from atc.agreement.forces import compare_forces
+    from atc.estimators.balance import motion
+
+    frame, pot = ions().frame(), atc.potential("units real\n" + LINES)
+    with pytest.raises(AtcError, match="balance laws with long-range Coulomb"):
+        motion(frame, pot)
+    assert "asked for forces to 0.0332" in pot.describe()
+    forces = pot.stream(frame, forces=True).forces_nc
+    noise = np.random.default_rng(0).normal(size=forces.shape) * pot.fields[0].run.force
+    assert compare_forces(frame.replace(forces=forces + 0.3 * noise), pot).agrees
+    assert not compare_forces(frame.replace(forces=forces + 10 * noise), pot, diagnose=False).agrees
