@@ -24,9 +24,9 @@ CLOSER = 0.7
 LOOSEST = 0.1
 #: CPU seconds of an exact sum below which nothing else is considered.
 CHEAP = 3e-3
-#: CPU seconds, of a run, that it takes to look for the cheapest method; and, of a frame, to watch the strongest bonds
-#: where their sum is approximate: for each bond, and at most.
-SEARCH, WATCH = 0.02, (3e-7, 0.05)
+#: CPU seconds, of a run, that it takes to look for the cheapest method of sums over atoms, and over bonds; and, of a
+#: frame, to watch the strongest bonds where their sum is approximate: for each bond, and at most.
+SEARCH, WATCH = (0.02, 0.06), (3e-7, 0.05)
 #: Bytes that meshes may take.
 MOST_MEMORY = 4e9
 
@@ -186,7 +186,8 @@ def _one(
     if not items:
         return EXACT
     # What an approximate sum may cost: looking for one, and after its errors, is part of it.
-    allowed = exact - SEARCH / n_frames - (min(WATCH[0] * items, WATCH[1]) / frames if length > 0 else 0.0)
+    bonds = bool(length > 0)
+    allowed = exact - SEARCH[bonds] / n_frames - (min(WATCH[0] * items, WATCH[1]) / frames if bonds else 0.0)
     if exact < CHEAP or allowed <= 0.0:
         return Method("direct", reason=f"exact, and cheap here: {exact:.1g} s of CPU")
 

@@ -127,10 +127,10 @@ class Load:
         )
 
 
-def neighborhood(frame, cutoff: float, count: int = 0) -> tuple[float, float, float, float]:
+def neighborhood(frame, cutoff: float, count: int = 0, triplets: bool = True) -> tuple[float, float, float, float]:
     """Around some atoms, 50 to 150 unless `count` says otherwise (so that empty space in the box does not mislead):
     mean number of neighbours within `cutoff` and of pairs of them, mean distance of a neighbour, and of two neighbours
-    from each other."""
+    from each other; without `triplets` those of pairs of neighbours are 0."""
     n, cell = len(frame), frame.cell
     if n < 2:
         return 0.0, 0.0, 0.0, 0.0
@@ -163,6 +163,8 @@ def neighborhood(frame, cutoff: float, count: int = 0) -> tuple[float, float, fl
         m = len(r)
         neighbors += m
         distance += np.sqrt((r**2).sum(1)).sum()
+        if not triplets:
+            continue
         if 1 < m < 400:
             i, j = np.triu_indices(m, 1)
             pairs += len(i)
@@ -186,9 +188,10 @@ def load_of(pot, frame) -> Load:
     known: dict[float, tuple] = {}
     total = {"pairs": 0.0, "triplets": 0.0, "tuples": 0.0, "bonds": 0.0}
     length = 0.0
-    for term in getattr(pot, "terms", None) or [pot]:
-        while hasattr(term, "term"):
-            term = term.term
+    terms = getattr(pot, "terms", None) or [pot]
+    any_triplets = any(_bodies(_innermost(term)) > 2 for term in terms)
+    for term in terms:
+        term = _innermost(term)
         cutoff = float(getattr(term, "reach", None) or term.cutoff)
         many = _bodies(term) > 2
         if cutoff <= 0:
@@ -198,7 +201,7 @@ def load_of(pot, frame) -> Load:
             length += m * k * (k - 1) / 2 * 1.5
             continue
         if cutoff not in known:
-            known[cutoff] = neighborhood(frame, cutoff)
+            known[cutoff] = neighborhood(frame, cutoff, triplets=any_triplets)
         neighbors, triplets, distance, apart = known[cutoff]
         pairs = 0.5 * neighbors * n
         # An embedding energy needs the densities first: the list is gone through twice.
@@ -210,6 +213,12 @@ def load_of(pot, frame) -> Load:
             total["bonds"] += triplets * n
             length += triplets * n * apart
     return Load(**total, length=length / total["bonds"] if total["bonds"] else 0.0)
+
+
+def _innermost(term):
+    while hasattr(term, "term"):
+        term = term.term
+    return term
 
 
 def _bodies(term) -> int:

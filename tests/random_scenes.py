@@ -362,7 +362,7 @@ def spectral_preferred():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Costs, "load", classmethod(lambda cls: slow))
         patch.setattr(choose, "CHEAP", 0.0)
-        patch.setattr(choose, "SEARCH", 0.0)
+        patch.setattr(choose, "SEARCH", (0.0, 0.0))
         patch.setattr(choose, "WATCH", (0.0, 0.0))
         # Seconds a mesh are for larger frames.
         patch.setattr(choose, "MOST_MEMORY", 3e7)
@@ -425,7 +425,7 @@ class Summary:
     def add(self, found) -> None:
         self.scenes += 1
         if isinstance(found, str):
-            self.refused[re.sub(r"\d+ x \d+ x \d+|tolerance \S+:|kernel '[\w-]+'", "..", found.split(": use")[0])] += 1
+            self.refused[re.sub(r"\d+ x \d+ x \d+|tolerance \S+|kernel '[\w-]+'", "..", found.split(": use")[0])] += 1
         else:
             self.found += found
 

@@ -21,7 +21,7 @@ RATES = ["velocity_gradient", "strain_rate", "vorticity"]
 @pytest.fixture(autouse=True)
 def choosing_costs_nothing(monkeypatch):
     """Or the exact sum would be taken at once in frames as small as these."""
-    monkeypatch.setattr(choose, "SEARCH", 0.0)
+    monkeypatch.setattr(choose, "SEARCH", (0.0, 0.0))
 
 
 # What of a kernel's gradient the modes can hold: one with a kink decays slowly.

@@ -365,7 +365,8 @@ def test_the_plan_says_which_method_and_why(liquid):
         and "for the exact sum" in text
         and "of CPU a frame" in text
     )
-    text = str(plan(frame, pot, atc.kernel("step", 8.0), GRID, ["stress"], 1e-5, threads=1))
+    fine = atc.Grid.regular(shape=24)
+    text = str(plan(frame, pot, atc.kernel("step", 8.0), fine, ["stress"], 1e-5, threads=1))
     assert "sums over bonds: direct (spectral cannot: kernel 'step'" in text
     text = str(plan(frame, pot, KERN, atc.Grid.slab("z", 20), ["stress"], 1e-5, threads=1))
     assert "in closed form" in text
