@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from ..config.schema import guess
-from ..config.toml import Document, complaint, key_lines, read_document, toml_key, toml_value
+from ..config.toml import Document, complaint, key_lines, parse, read_document, toml_key, toml_value
 from ..errors import AtcError
 from .schema import ARRAYS, TABLES
 
@@ -55,7 +55,7 @@ class Case(Document):
         path = Path(source)
         text = read_document(path, "case")
         try:
-            data = tomllib.loads(text)
+            data = parse(text)
         except tomllib.TOMLDecodeError as e:
             raise AtcError(complaint(str(path), text, e)) from None
         return cls._build(data, path.parent, str(path), key_lines(text), overrides)
@@ -424,7 +424,7 @@ def _overrides(overrides):
             if not eq:
                 raise AtcError(f"{flag}: expected SECTION.KEY=VALUE, e.g. --set run.steps=100")
             try:
-                value = tomllib.loads(f"v = {word.strip()}")["v"]
+                value = parse(f"v = {word.strip()}")["v"]
             except tomllib.TOMLDecodeError:
                 value = word.strip()
         section, _, key = dotted.strip().partition(".")

@@ -19,7 +19,7 @@ from typing import Any
 
 from ..errors import AtcError
 from .schema import GRIDS, SCHEMA, frame_slice, guess
-from .toml import Document, complaint, key_lines, read_document, toml_key, toml_value
+from .toml import Document, complaint, key_lines, parse, read_document, toml_key, toml_value
 
 # --------------------------------------------------------------------------------------------------------------------
 
@@ -70,7 +70,7 @@ class Scene(Document):
     def loads(cls, text: str, name: str = "scene", folder: str | os.PathLike = ".", overrides=None) -> Scene:
         """Check a scene given as TOML text."""
         try:
-            data = tomllib.loads(text)
+            data = parse(text)
         except tomllib.TOMLDecodeError as e:
             raise AtcError(complaint(name, text, e)) from None
         scene = cls._build(data, Path(folder), name, key_lines(text), overrides)
@@ -637,14 +637,14 @@ def _setting_path(dotted: str, flag: str) -> tuple[str, str]:
 def _typed(section: str, key: str, text: str):
     """The value a flag means: TOML where it is TOML, else the bare word; ``a,b`` where a list is wanted."""
     try:
-        return tomllib.loads(f"v = {text}")["v"]
+        return parse(f"v = {text}")["v"]
     except tomllib.TOMLDecodeError:
         pass
     if (section, key) == ("fields", "quantities"):
         return [w.strip() for w in text.split(",") if w.strip()]
     if "," in text and not text.startswith("["):
         try:
-            return tomllib.loads(f"v = [{text}]")["v"]
+            return parse(f"v = [{text}]")["v"]
         except tomllib.TOMLDecodeError:
             pass
     return text

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -189,6 +190,14 @@ def toml_value(v) -> str:
     if isinstance(v, Mapping):
         return "{ " + ", ".join(f"{toml_key(str(k))} = {toml_value(x)}" for k, x in v.items()) + " }"
     raise TypeError(f"{type(v).__name__} has no TOML form")
+
+
+def parse(text: str) -> dict:
+    """`tomllib.loads`, whose only exception is `tomllib.TOMLDecodeError`."""
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise tomllib.TOMLDecodeError("brackets are nested too deeply") from None
 
 
 def complaint(name: str, text: str, e: Exception) -> str:
