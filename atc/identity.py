@@ -18,7 +18,10 @@ import numpy as np
 RESULTS = 6
 
 #: What a frame's digest is made of, in this order.
-PARTS = ("cell", "positions", "types", "ids", "masses", "velocities", "charges", "bonds", "step or time")
+PARTS = (
+    "cell", "positions", "types", "ids", "masses", "velocities", "charges", "bonds", "step or time", "forces",
+    "other columns",
+)  # fmt: skip
 #: Attributes of potentials that say where something came from, or how to make more of it, and not what it is.
 #: (What a script says of atoms is in the frames' digests.)
 _NOT_CONTENT = frozenset(
@@ -133,6 +136,8 @@ def frame_digest(frame) -> str:
             (frame.charges,),
             bonds,
             (frame.step, frame.time),
+            (frame.forces,),  # which say what constraints and forces from outside do
+            [v for k in sorted(frame.extra) for v in (k, frame.extra[k])],
         )
     )
 

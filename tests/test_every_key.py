@@ -35,6 +35,12 @@ DATA = {**BASE["trajectory"], "topology": "run.data", "atom_style": "molecular"}
 OF_BOX = {"potential": {"lammps": LJ}, "fields": {"quantities": ["virial_stress"]}}
 TABLE = [[0.0, 1.0], [2.5, 0.5], [5.0, 0.0]]
 
+
+def held(**more):
+    """A scene in which the distance of two atoms is fixed."""
+    return {"constraints": {"pairs": [[1, 2]], "source": "velocities", **more}}
+
+
 #: key: (what the scene is to begin with, the key's other value); {} is the base.
 CHANGES = {
     "trajectory.file": ({}, "other.dump"),
@@ -93,6 +99,18 @@ CHANGES = {
     "fields.horizon": ({"fields": {"quantities": ["peridynamic_stress_weighted_virial"], "horizon": 5.0}}, 6.0),
     "fields.tiles": ({}, [2, 1, 1]),
     "fields.average": ({}, 2),
+    "constraints.pairs": (held(), [[1, 3]]),
+    "constraints.source": (held(temperature=100.0), "temperature"),
+    "constraints.temperature": (held(source="temperature", temperature=100.0), 101.0),
+    "constraints.timestep": (held(source="step", timestep=0.001), 0.002),
+    "constraints.leapfrog": (held(source="step", timestep=0.001, leapfrog=False), True),
+    "constraints.in_forces": (held(in_forces=True), False),
+}
+#: Keys of molecules, in the form of two tables of [constraints] that are not the same.
+OF_MOLECULES = {
+    "constraints.bonds": ({}, {"bonds": "hbonds"}),
+    "constraints.rigid_water": ({"bonds": "hbonds"}, {"bonds": "hbonds", "rigid_water": False}),
+    "constraints.molecules": ({"molecules": True}, {"molecules": [1, 2]}),
 }
 #: Keys that no number of `atc fields` depends on, and why.
 CHANGE_NOTHING = {
@@ -167,7 +185,11 @@ def noticed(scene, out):
 
 def test_every_key_is_spoken_of():
     keys = {f"{s}.{k}" for s, t in SCHEMA.items() for k in t}
-    unspoken = {k for k in keys - CHANGES.keys() if k not in CHANGE_NOTHING and k.split(".")[0] not in CHANGE_NOTHING}
+    unspoken = {
+        k
+        for k in keys - CHANGES.keys() - OF_MOLECULES.keys()
+        if k not in CHANGE_NOTHING and k.split(".")[0] not in CHANGE_NOTHING
+    }
     assert not unspoken and not set(CHANGES) - keys
     assert (
         not {k for s, t in SCHEMA.items() for k, spec in t.items() if spec.path for k in [f"{s}.{k}"]}
@@ -176,6 +198,8 @@ def test_every_key_is_spoken_of():
             # the frames' contents: test_same_run.py
             "trajectory.file",
             "trajectory.log",
+            # read into pairs, which CHANGES has
+            "constraints.pairs",
             "dispersion.unit_cell",
             "output.file",
         }
@@ -194,6 +218,19 @@ def test_a_changed_key_is_noticed(folder, key):
     else:
         scene[section][name] = value
     noticed(scene, folder / "out.zarr")
+
+
+@pytest.mark.parametrize("key", OF_MOLECULES)
+def test_a_changed_key_of_molecules_is_noticed(key):
+    import atc
+    from atc.decomposers.constraint_scene import constrained
+    from atc.identity import contents
+    from atc.units import units
+
+    pot = atc.potential(LJ, units="metal")
+    one, other = (contents(constrained(pot, table, units("metal"), "scene.toml")) for table in OF_MOLECULES[key])
+    assert one != other
+    assert one == contents(constrained(pot, OF_MOLECULES[key][0], units("metal"), "scene.toml"))
 
 
 @pytest.mark.parametrize("key", CONTENTS)

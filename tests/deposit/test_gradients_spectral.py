@@ -156,7 +156,7 @@ def test_the_plan_says_so(liquid):  # noqa: F811
     assert "one pass over the points" in text and "direct" in text.split("method")[1]
     text = str(plan(frame, None, kern, GRID, ["velocity_gradient", "temperature"], 1e-4, threads=1))
     assert (
-        "one pass over the atoms: Σ a φ for a = m, m v, 1, m v⊗v: 11 components" in text
+        "one pass over the atoms: Σ a φ for a = m, m v, f/d, m v⊗v: 11 components" in text
         and "those with gradients" not in text
     )
 
