@@ -2,7 +2,7 @@
 one printable line, in bounded time and memory.
 
 Each try is a process of its own, so that what a library does at its worst (a crash of HDF5) is seen as well. A few
-here; ``ATC_FUZZ=5000 pytest -m slow tests/test_fuzz_commands.py`` tries so many of each kind.
+here; ``ATC_FUZZ=5000 pytest -m slow tests/cli/test_fuzz_commands.py`` tries so many of each kind.
 """
 
 import os
