@@ -148,10 +148,15 @@ def compare_forces(
     if not within:
         dx = decimal_resolution(frame.positions)[0] if resolution is None else resolution
         rng = np.random.default_rng(11)
-        for tries in range(1, MOVES + 1):
+
+        def moved():
+            """Squares of what forces change by when atoms move within their last digit."""
             there = frame.replace(positions=frame.positions + rng.uniform(-0.5, 0.5, (n, 3)) * dx)
-            moved = with_outside(pot.stream(there, None, threads=threads, forces=True), there)
-            moved2 += ((moved.forces_nc - mine.forces_nc) ** 2).sum(1)
+            again = with_outside(pot.stream(there, None, threads=threads, forces=True), there)
+            return ((again.forces_nc - mine.forces_nc) ** 2).sum(1)
+
+        for tries in range(1, MOVES + 1):
+            moved2 += moved()
             allowed = np.sqrt(rounding**2 + moved2 / tries)
             within, odd = _within(d, allowed)
             if within or _rms(d) > 10 * BEYOND * _rms(allowed):
@@ -175,9 +180,7 @@ def compare_forces(
     if not within:
         while 0 < tries < MOVES:  # one try alone makes too little of some atoms
             tries += 1
-            there = frame.replace(positions=frame.positions + rng.uniform(-0.5, 0.5, (n, 3)) * dx)
-            moved = with_outside(pot.stream(there, None, threads=threads, forces=True), there)
-            moved2 += ((moved.forces_nc - mine.forces_nc) ** 2).sum(1)
+            moved2 += moved()
             allowed = np.sqrt(rounding**2 + moved2 / tries)
         odd = d > 5.0 * np.maximum(allowed, np.median(allowed))
         check.differ = int(odd.sum())

@@ -215,13 +215,14 @@ def _compare(frame, pot, log, row, number, energy, virial, doubt) -> ThermoCheck
             )
             _degrees_of_freedom(out, total, k_B, free, have["temperature"])
     elif "temperature" in have and n > 1:
-        total = (dimension * (n - 1) - _held(frame, pot)) * frame.units.boltzmann * have["temperature"]
+        per_kelvin = (dimension * (n - 1) - _held(frame, pot)) * frame.units.boltzmann
+        total = per_kelvin * have["temperature"]
         kinetic, source = (
             None,
             "the kinetic part of its pressure is that of the log's temperature, since the frame has no velocities or "
             "no masses",
         )
-        k_doubt = (dimension * (n - 1) - _held(frame, pot)) * frame.units.boltzmann * last["temperature"]
+        k_doubt = per_kelvin * last["temperature"]
     else:
         total = None
     V = frame.cell.volume
