@@ -164,7 +164,8 @@ class Topology:
         return any(len(a) for a in (self.bonds, self.angles, self.dihedrals, self.impropers)) or bool(self.weighted)
 
     def __repr__(self):
-        return f"Topology({', '.join(f'{len(getattr(self, k))} {k}' for k in ('bonds', 'angles', 'dihedrals', 'impropers'))})"
+        kinds = ("bonds", "angles", "dihedrals", "impropers")
+        return f"Topology({', '.join(f'{len(getattr(self, k))} {k}' for k in kinds)})"
 
 
 @dataclass

@@ -30,7 +30,10 @@ from pathlib import Path
 import numpy as np
 
 #: Commands that move time on; the frame is taken before the first of them.
-RUNS = "run minimize rerun temper temper/npt temper/grem neb neb/spin prd tad hyper mdi fitpod dynamical_matrix third_order".split()
+RUNS = (
+    "run minimize rerun temper temper/npt temper/grem neb neb/spin prd tad hyper mdi fitpod dynamical_matrix "
+    "third_order".split()
+)
 #: Agreement: forces relative to the largest one, energy relative to the largest of its parts.
 LIMIT = 1e-8
 _FROM_ABOVE = 4  # folders above a script's own that its file names may reach into

@@ -3,7 +3,8 @@ field got wrong.
 
 The difference D = F_run − F_model of every atom is set against what the digits of the file explain: F_run was rounded,
 and so were the positions x, which moves F_model by H δx. That is not estimated but computed, by moving the atoms at
-random within half a step of their last digit. What a difference that remains looks like is found in `atc.agreement.diagnosis`.
+random within half a step of their last digit. What a difference that remains looks like is found in
+`atc.agreement.diagnosis`.
 """
 
 from __future__ import annotations

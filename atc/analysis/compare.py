@@ -192,8 +192,8 @@ def compare(ds, *, frame=None) -> Comparison:
     Notes
     -----
     Entries are read one at a time. With several, the standard error of a box average's difference is that of its
-    series, by block averaging (`atc.estimators.statistics`); with a single time average, differences are held against the standard
-    errors it carries.
+    series, by block averaging (`atc.estimators.statistics`); with a single time average, differences are held against
+    the standard errors it carries.
     """
     import xarray as xr
 

@@ -78,7 +78,8 @@ _NOT_NEGATIVE = frozenset(
     "template_index template_atom".split()
 )
 WHOLE = frozenset(
-    "id mol ix iy iz bodyflag ellipsoidflag lineflag triangleflag template_index template_atom status espin etag".split()
+    "id mol ix iy iz bodyflag ellipsoidflag lineflag triangleflag template_index template_atom status espin "
+    "etag".split()
 )
 ASK = "write the style behind the name of the section, e.g. 'Atoms # full', or give it: atom_style = \"full\""
 

@@ -90,9 +90,8 @@ def output_layout(request: Request, frame, result: FrameResult, moves: bool = Fa
         attrs = {"units": u.label(q.dimension), "long_name": q.long_name, "sign_convention": q.sign}
         comment = [_in_plane(q.comment) if u.dimension == 2 else q.comment] if q.comment else []
         if request.average is not False:
-            comment.append(
-                f"time average {'<w X>/<w>, w the ' + _WEIGHTS[q.weight] if q.weight else 'of the fields of the frames'}"
-            )
+            of = f"<w X>/<w>, w the {_WEIGHTS[q.weight]}" if q.weight else "of the fields of the frames"
+            comment.append(f"time average {of}")
         moving(q.name, head + tail[q.rank], shape, f8, **attrs, **({"comment": "; ".join(comment)} if comment else {}))
         if request.average is not False:
             moving(

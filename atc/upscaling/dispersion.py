@@ -141,7 +141,8 @@ class Dispersion:
                 for m in range(r.ratio_km.shape[1]):
                     place = f"{self.rays[r.ray_k[p]].label} {r.fraction_k[p]:.4g}" if m == 0 else ""
                     lines.append(
-                        f"  {place:<14}{_number(factor * harmonic[p, m]):>10}{_pm(factor * r.ratio_km[p, m], factor * r.ratio_error_km[p, m]):>20}"
+                        f"  {place:<14}{_number(factor * harmonic[p, m]):>10}"
+                        f"{_pm(factor * r.ratio_km[p, m], factor * r.ratio_error_km[p, m]):>20}"
                         f"{_pm(factor * r.spectrum_km[p, m], factor * r.spectrum_error_km[p, m]):>20}"
                     )
         return lines

@@ -28,7 +28,8 @@ STYLE = {
 _CSS = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 62rem; margin: 2rem auto; padding: 0 1rem }
 h1 { font-size: 1.6rem } h2 { font-size: 1.2rem; margin-top: 2.2rem }
-table { border-collapse: collapse; margin: 1rem 0; font-size: 0.9rem } th, td { padding: 0.25rem 0.7rem; text-align: left; vertical-align: top; border-bottom: 1px solid #ddd }
+table { border-collapse: collapse; margin: 1rem 0; font-size: 0.9rem }
+th, td { padding: 0.25rem 0.7rem; text-align: left; vertical-align: top; border-bottom: 1px solid #ddd }
 th { border-bottom: 2px solid #888 } td.num { text-align: right; font-variant-numeric: tabular-nums }
 figure { margin: 1.2rem 0 } figure img { max-width: 100% } figcaption { color: #555; font-size: 0.9rem }
 .yes { color: #176d2c } .assuming { color: #8a6100 } .no { color: #a3201c }
@@ -79,7 +80,8 @@ class Report:
         )
         title = f"<figcaption>{html.escape(caption)}</figcaption>" if caption else ""
         self._body.append(
-            f"<figure><table><tr>{''.join(f'<th>{html.escape(h)}</th>' for h in head)}</tr>{cells}</table>{title}</figure>"
+            f"<figure><table><tr>{''.join(f'<th>{html.escape(h)}</th>' for h in head)}</tr>{cells}</table>"
+            f"{title}</figure>"
         )
 
     def claim(self, where: str, claim: str, measured: str, verdict: str, assumption: str = "") -> None:
@@ -110,7 +112,8 @@ class Report:
     def write(self) -> Path:
         rows = "".join(
             f"<tr><td>{html.escape(c.where)}</td><td>{html.escape(c.claim)}</td><td>{html.escape(c.measured)}</td>"
-            f'<td><b class="{_CLASS[c.verdict]}">{c.verdict}</b>{": " if c.assumption else ""}{html.escape(c.assumption)}</td></tr>'
+            f'<td><b class="{_CLASS[c.verdict]}">{c.verdict}</b>{": " if c.assumption else ""}'
+            f"{html.escape(c.assumption)}</td></tr>"
             for c in self.claims
         )
         page = (

@@ -179,7 +179,8 @@ def test_the_command_says_how_to_begin_again(case):
 def test_python_still_quits_by_itself(tmp_path):
     """Ctrl-C in somebody's own program is a KeyboardInterrupt there too."""
     code = (
-        "import os, signal\nfrom atc.running.interruption import whole\ntry:\n  with whole():\n    os.kill(os.getpid(), "
+        "import os, signal\nfrom atc.running.interruption import whole\ntry:\n  with whole():\n    "
+        "os.kill(os.getpid(), "
         "signal.SIGINT); print('done')\nexcept KeyboardInterrupt: print('heard')"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
