@@ -24,7 +24,7 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLoca
 
 from .errors import AtcWarning
 
-__all__ = ["njit"]
+__all__ = ["njit", "specialise"]
 
 
 def njit(**options):
@@ -41,6 +41,32 @@ def njit(**options):
         return dispatcher
 
     return decorate
+
+
+def specialise(function, tag: str, options: dict, **names):
+    """Compile a copy of `function`, with `njit`'s `options`, in which the global `names` have other values: a law in a
+    loop, a β in a sum.
+
+    A copy under its own name (`tag`) is what can be kept on disk; a closure over a compiled function would be compiled
+    anew in every run. Nothing is kept of functions that were typed in and stand in no file: what they say tomorrow
+    cannot be compared with what they said today.
+    """
+    given = [v.py_func for v in names.values() if hasattr(v, "py_func")]
+    if not all(os.path.isfile(inspect.getfile(f)) for f in given):
+        options = {**options, "cache": False}
+    copy = FunctionType(function.__code__, {**function.__globals__, **names}, function.__name__, function.__defaults__)
+    copy.__qualname__ = f"{function.__qualname__}_{tag}"
+    copy.__module__ = function.__module__
+    return njit(**options)(copy)
+
+
+def tag_of(*laws) -> str:
+    """What tells specialised copies for these compiled functions apart."""
+    h = hashlib.sha256()
+    for law in laws:
+        f = law.py_func
+        h.update(f"{f.__module__}.{f.__qualname__}".encode() + f.__code__.co_code + repr(f.__code__.co_consts).encode())
+    return f"{laws[0].py_func.__name__}_{h.hexdigest()[:12]}"
 
 
 class _Locator(_CacheLocator):

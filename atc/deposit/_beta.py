@@ -13,7 +13,7 @@ from math import erf, exp, sqrt
 import numpy as np
 
 from ..compiled import njit
-from ._simd import (
+from ..simd import (
     INLINE,
     JIT_FMA,
     exp2i4,

@@ -14,8 +14,8 @@ from math import erf, factorial, sqrt
 import numpy as np
 
 from ..compiled import njit
+from ..simd import INLINE, JIT_FMA, largest4, load4, minimum4, peek, peek_int, poke, splat4, sqrt4, store4
 from ._beta import LONG, box_mean, bspline_mean, cone_mean, even_mean, exp_minus, radial_mean
-from ._simd import INLINE, JIT_FMA, largest4, load4, minimum4, peek, peek_int, poke, splat4, sqrt4, store4
 
 # In `k`: the first four are β's (`_points.sum_pairs`); then what is done one pair at a time; then, for the Gaussian, s²
 # of the last four pairs if they have one, s² that the J_j kept belong to, the last of these, and they. All −1 at first.

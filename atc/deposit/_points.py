@@ -14,8 +14,7 @@ from math import floor, isfinite, sqrt
 import numpy as np
 
 from ..compiled import njit
-from ._beta_pairs import even_pairs
-from ._simd import (
+from ..simd import (
     ENTRY,
     JIT_FMA,
     address,
@@ -35,8 +34,9 @@ from ._simd import (
     sum4,
     where_positive4,
 )
+from ._beta_pairs import even_pairs
 
-# Replaced in each specialised copy (see `_simd.specialise`).
+# Replaced in each specialised copy (see `compiled.specialise`).
 BETA = even_pairs
 # A bond shorter than this times the support has the direction of x.
 SHORTEST = 1e-30

@@ -8,10 +8,10 @@ from math import asin, asinh, ceil, cos, floor, isfinite, sin, sqrt
 import numpy as np
 
 from ..compiled import njit
-from ..disc import DISC_SHORT
 from ..kernels import _GL_T, _GL_W
+from ..kernels.disc import DISC_SHORT
+from ..simd import INLINE, JIT_FMA, abs4, address, axpy4, load4, maximum4, minimum4, peek, poke, ramp4, splat4, store4
 from . import _beta
-from ._simd import INLINE, JIT_FMA, abs4, address, axpy4, load4, maximum4, minimum4, peek, poke, ramp4, splat4, store4
 
 _gaussian, _gaussian_constants = _beta.gaussian, _beta.gaussian_constants
 
@@ -193,7 +193,7 @@ def disc(z, r, radii_m, coef_mk, k):
 
 disc_constants = polynomial_constants
 
-# Replaced in each specialised copy (see `_simd.specialise`).
+# Replaced in each specialised copy (see `compiled.specialise`).
 MEAN = polynomial
 CONSTANTS = polynomial_constants
 

@@ -11,11 +11,11 @@ from math import ceil
 import numpy as np
 
 from ..compiled import njit
-from ..disc import DiscMarginal
 from ..errors import AtcError
 from ..kernels import TINY, Box, BSpline, Gaussian, GaussianMarginal, Radial
+from ..kernels.disc import DiscMarginal
+from ..simd import ENTRY, specialise
 from . import _beta, _beta_pairs, _lattice, _points, _slab
-from ._simd import ENTRY, specialise
 
 # Bonds whose geometry is prepared at once.
 PIECE = 8192

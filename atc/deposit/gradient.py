@@ -14,7 +14,7 @@ import numpy as np
 from ..compiled import njit
 from ..errors import AtcError
 from ..kernels import Box, BSpline, Gaussian, Radial
-from ._simd import JIT
+from ..simd import JIT
 
 _RADIAL, _GAUSSIAN, _BSPLINE = 0, 1, 2
 

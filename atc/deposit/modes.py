@@ -15,8 +15,8 @@ import numpy as np
 
 from ..compiled import njit
 from ..kernels import Radial
+from ..simd import ENTRY
 from . import fourier, spread
-from ._simd import ENTRY
 
 
 @dataclass(frozen=True)

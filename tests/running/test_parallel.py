@@ -21,8 +21,8 @@ import atc.decomposers
 import atc.deposit
 import atc.estimators
 import atc.running.parallel
+from atc import simd
 from atc.calibrate import argon, silicon
-from atc.deposit import _simd
 from atc.estimators import groups
 from atc.estimators.cutting import Cut, owned
 from atc.frame import Cell
@@ -222,7 +222,7 @@ def test_no_function_has_two_copies_that_may_round_differently():
     and sums may be contracted: what may is always inlined."""
     functions = list(compiled_functions())
     assert len(functions) > 100
-    vectors = {id(x) for x in vars(_simd).values() if isinstance(x, Intrinsic)}
+    vectors = {id(x) for x in vars(simd).values() if isinstance(x, Intrinsic)}
     contracted = {
         id(f) for f, uses in functions if f.targetoptions.get("fastmath") or any(id(u) in vectors for u in uses)
     }

@@ -7,18 +7,15 @@ machine has narrower vectors.
 
 from __future__ import annotations
 
-import hashlib
 import operator
-import types as _types
 from functools import partial
-from pathlib import Path
 
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
-from ..compiled import njit
+from .compiled import specialise as copy_of
 
 JIT = dict(cache=True, nogil=True, error_model="numpy")
 # What is only called from compiled code needs no entry from Python, which takes longer to compile than most of these
@@ -389,24 +386,6 @@ def axpy4(typingctx, at, i, s, v):
     return types.void(types.int64, types.int64, types.float64, vec4), codegen
 
 
-def _fingerprint() -> str:
-    h = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("_*.py")):
-        h.update(path.read_bytes())
-    return h.hexdigest()[:8]
-
-
-_SOURCES = _fingerprint()
-
-
 def specialise(py_func, tag: str, **names):
-    """Compile a copy of `py_func` in which the global `names` have other values, e.g. another β.
-
-    A copy under its own name is what numba can cache on disk; a closure over a compiled function would be recompiled
-    every time. numba looks only at the copy's own file for changes, so the name carries a fingerprint of the sources
-    beside it too.
-    """
-    f = _types.FunctionType(py_func.__code__, {**py_func.__globals__, **names}, py_func.__name__, py_func.__defaults__)
-    f.__qualname__ = f"{py_func.__qualname__}_{tag}_{_SOURCES}"
-    f.__module__ = py_func.__module__
-    return njit(**ENTRY)(f)
+    """Compile a copy of `py_func` in which the global `names` have other values, e.g. another β; called from Python."""
+    return copy_of(py_func, tag, ENTRY, **names)

@@ -26,7 +26,7 @@ from math import exp, isfinite, log, pi, sqrt
 
 import numpy as np
 
-from .errors import AtcError
+from ..errors import AtcError
 
 # A bond shorter than this times the radius is given this length, in a direction that no longer matters: its β is φ to
 # rounding.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .kernels import _GL_T, _GL_W, TINY, Marginal
+from . import _GL_T, _GL_W, TINY, Marginal
 
 # A bond shorter than this, in units of R, goes by quadrature along it: the difference of two strips would lose three
 # digits.
