@@ -37,11 +37,10 @@ from ..simd import (
     sum4,
     where_positive4,
 )
-from ._beta import even, even_constants
 
 # Replaced in each specialised copy (see `compiled.specialise`).
-BETA = even
-CONSTANTS = even_constants
+BETA = None
+CONSTANTS = None
 
 
 @njit(**INLINE)

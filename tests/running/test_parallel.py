@@ -20,6 +20,7 @@ import atc
 import atc.decomposers
 import atc.deposit
 import atc.estimators
+import atc.kernels
 import atc.running.parallel
 from atc import simd
 from atc.calibrate import argon, silicon
@@ -201,7 +202,7 @@ def test_every_bond_belongs_to_one_tile():
 def compiled_functions():
     """Every compiled function of the rooms whose sums must be the same in all processes, and those that each calls."""
     found = {}
-    for package in (atc.deposit, atc.estimators, atc.decomposers):
+    for package in (atc.deposit, atc.kernels, atc.estimators, atc.decomposers):
         for m in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
             found |= {id(f): f for f in vars(importlib.import_module(m.name)).values() if isinstance(f, CPUDispatcher)}
 
