@@ -103,9 +103,9 @@ class Profile(Protocol):
 class Kernel:
     """A localisation function φ ≥ 0, ∫φ = 1. Lengths are in whatever unit it was made in; `scaled` converts.
 
-    Abstract: `name`, `compiled`, `pieces`, `radius`, `support`, `parameters`, `scaled`, `planar`, `phi` and `beta`. A
-    family without `grad_phi`, `marginal` or `hat` is refused where those are needed (flow gradients and checks; slab
-    profiles; the spectral method), in one line.
+    Abstract: `name`, `compiled`, `pieces`, `radius`, `support`, `parameters`, `scaled` and `phi`. A family without
+    `planar`, `grad_phi`, `marginal` or `hat` is refused where those are needed (two dimensions; checks; slab profiles;
+    the spectral method), in one line. `beta` is what the compiled functions are tested against.
     """
 
     name: str
