@@ -111,20 +111,10 @@ def _lattice_rows(bound, kern, items, length, components):
     return [items, rows, many, many * ceil(components / 4)]
 
 
-_FAMILIES = {
-    "even": "quartic",
-    "radial": "hardy",
-    "cone": "linear",
-    "gaussian": "gaussian",
-    "bspline": "bspline",
-    "box": "box",
-}
-
-
 def _direct(costs, frame, bonds, length, u):
     from .deposit import make
     from .grids import Grid
-    from .kernels import kernel
+    from .kernels import FAMILIES, NAMES, kernel
 
     def seconds(kern, bound, k, part):
         b_bk = np.ones((len(bonds), k))[part]
@@ -153,11 +143,16 @@ def _direct(costs, frame, bonds, length, u):
     costs.bond, costs.row, even, costs.accumulate = (max(v, 1e-11) for v in solve(rows, times))
     costs.visit["even"] = even
     bound = Grid.regular(spacing=2.5).bind(u, frame.cell)
-    for family, name in _FAMILIES.items():
-        if family == "even":
+    done = {"even"}
+    for name in NAMES:
+        if "radius" not in FAMILIES[name].takes:
             continue
-        kern = kernel(name, size=8.0) if name == "box" else kernel(name, 8.0 if name != "gaussian" else 7.0)
-        part = slice(None, None, 160 if family == "bspline" else 16)
+        kern = kernel(name, radius=7.0)
+        family = kern.compiled.name
+        if family in done:
+            continue
+        done.add(family)
+        part = slice(None, None, 160 if kern.compiled.seconds > 1e-7 else 16)
         items, n_rows, many, vectors = _lattice_rows(bound, kern, len(bonds.G_b[part]), length, 6)
         rest = costs.bond * items + costs.row * n_rows + costs.accumulate * vectors
         costs.visit[family] = max((seconds(kern, bound, 6, part) - rest) / many, 0.2 * even)

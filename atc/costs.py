@@ -43,16 +43,8 @@ class Costs:
     tuple: float = 1.5e-7
     bond: float = 1.8e-7
     row: float = 5e-9
-    visit: dict = field(
-        default_factory=lambda: {
-            "even": 2.5e-9,
-            "radial": 1.1e-8,
-            "cone": 9e-9,
-            "gaussian": 5e-9,
-            "bspline": 2.3e-7,
-            "box": 2.1e-8,
-        }
-    )
+    #: Of a β, by the name of its compiled functions, where it was measured here.
+    visit: dict = field(default_factory=dict)
     accumulate: float = 1.3e-9
     slab_bond: float = 2.7e-7
     point_bond: float = 1.9e-8
@@ -75,6 +67,10 @@ class Costs:
     written_byte: float = 1.1e-9
     machine: str = "shipped"
 
+    def visit_of(self, compiled) -> float:
+        """Of a kernel's β on a lattice."""
+        return self.visit.get(compiled.name, compiled.seconds)
+
     def save(self, path: Path | None = None) -> Path:
         path = path or cache_file()
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -90,7 +86,7 @@ class Costs:
             return cls()
         try:
             known = json.loads((path or cache_file()).read_text())
-            if set(known) != {f.name for f in fields(cls)} or set(known["visit"]) != set(cls().visit):
+            if set(known) != {f.name for f in fields(cls)}:
                 return cls()
             return cls(**known)
         except (OSError, ValueError, TypeError, KeyError):
@@ -274,8 +270,6 @@ def direct(costs: Costs, bound, kern, items: float, length: float, components: i
     many = visits(bound, kern, items, length)
     if not bound.is_lattice:
         return costs.point_bond * items + costs.point_visit * many
-    from .deposit.direct import family
-
     R = kern.support
     if bound.kind == "regular":
         # The rows run along the axis with the most points; the shadow of the capsule over the area that belongs to a
@@ -284,8 +278,8 @@ def direct(costs: Costs, bound, kern, items: float, length: float, components: i
         rows = items * shadow(kern, length) / row
     else:
         rows = many / max(1.0, 1.3 * R / max(bound.spacing.min(), 1e-9))
-    name = family(kern)[0]
-    return costs.bond * items + costs.row * rows + (costs.visit[name] + costs.accumulate * vectors) * many
+    visit = costs.visit_of(kern.compiled)
+    return costs.bond * items + costs.row * rows + (visit + costs.accumulate * vectors) * many
 
 
 def spectral(

@@ -14,10 +14,9 @@ import numpy as np
 
 from .compiled import njit
 from .deposit import make
-from .estimators.accuracy import BEYOND, CutGaussian
+from .estimators.accuracy import BEYOND
 from .estimators.hot import WATCHED, Strongest, error_map
 from .estimators.tensors import outer6
-from .kernels import Gaussian
 
 #: Largest over rms error of many points, and the rms error over the tolerance asked for: measured on shaken silicon.
 PEAK, PART = 4.5, 0.3
@@ -33,8 +32,7 @@ class Pilot:
     """
 
     def __init__(self, pot, frame, bound, kern, tolerance, threads=1):
-        if isinstance(kern, Gaussian):
-            kern = CutGaussian(kern.width, BEYOND * tolerance, kern.dimension)
+        kern = kern.cut(BEYOND * tolerance)
         self.bound, self.kern, self.cell = bound, kern, frame.cell
         strongest = Strongest(frame.positions, threads)
         totals = [np.zeros((2, 6)) for _ in range(threads)]
@@ -81,14 +79,12 @@ def _add(r_bc, G_b, totals):
 
 def roughness(kern) -> float:
     """∫ φ² dV (dA in the plane) of a kernel: what the variance of a field of independent sources is proportional to."""
-    from .deposit.fourier import phi_hat
-    from .kernels import BSpline
-
     k = (np.arange(4000) + 0.5) * (0.05 / kern.radius)
     dk = k[1] - k[0]
-    if isinstance(kern, BSpline):
-        return float((2 * np.sum(np.sinc(k * 0.25 * kern.radius / np.pi) ** 8) * dk / (2 * np.pi)) ** kern.dimension)
-    hat = phi_hat(kern, np.stack([k, 0 * k, 0 * k], 1))
+    along = [kern.hat(k[:, None] * axis) for axis in np.eye(3)[: kern.dimension]]
+    if not kern.is_isotropic:
+        return float(np.prod([2 * np.sum(hat**2) * dk / (2 * np.pi) for hat in along]))
+    hat = along[0]
     if kern.dimension == 2:
         return float(np.sum(hat**2 * k) * dk / (2 * np.pi))
     return float(np.sum(hat**2 * k**2) * dk / (2 * np.pi**2))

@@ -39,8 +39,8 @@ def cubic_bspline(v):
 
 
 class NaiveKernel:
-    """`name` and one length: R for radial kernels and bspline, w for gaussian, the edge of the cube for box; or a
-    table."""
+    """`name` and one length: R for radial kernels and bspline, w for gaussian, the edge of the cube for box, three
+    edges of elements for trilinear; or a table."""
 
     def __init__(self, name, length=None, table=None):
         self.name, self.length, self.table = name, length, table
@@ -62,6 +62,8 @@ class NaiveKernel:
         if self.name == "bspline":
             h = L / 2
             return math.prod(cubic_bspline(c / h) / h for c in d)
+        if self.name == "trilinear":
+            return math.prod(max(1 - abs(c) / h, 0.0) / h for c, h in zip(d, L))
         if self.name == "box":
             return 1 / L**3 if all(-L / 2 <= c < L / 2 for c in d) else 0.0
         return NORMALISATION[self.name] / (math.pi * L**3) * profile(self.name, r / L)
@@ -73,7 +75,9 @@ class NaiveKernel:
         rr = float(r @ r)
         if rr == 0:
             return []
-        if self.name in ("bspline", "box"):
+        if self.name == "trilinear":
+            out = [(d[a] - p) / r[a] for a in range(3) for p in (-L[a], 0.0, L[a]) if r[a] != 0]
+        elif self.name in ("bspline", "box"):
             planes = [k * L / 2 for k in (-2, -1, 0, 1, 2)] if self.name == "bspline" else [-L / 2, L / 2]
             out = [(d[a] - p) / r[a] for a in range(3) for p in planes if r[a] != 0]
         else:

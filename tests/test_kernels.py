@@ -23,6 +23,7 @@ def cases():
         (atc.kernel("gaussian", width=0.8), NaiveKernel("gaussian", 0.8)),
         (atc.kernel("bspline", R), NaiveKernel("bspline", R)),
         (atc.kernel("box", size=[R, R, R]), NaiveKernel("box", R)),
+        (atc.kernel("trilinear", size=[1.1, 1.7, R]), NaiveKernel("trilinear", [1.1, 1.7, R])),
         (atc.kernel("piecewise-linear", table=TABLE), NaiveKernel("table", table=TABLE)),
         (atc.kernel("piecewise_linear", table=JUMP), NaiveKernel("table", table=[(0.0, 1.0), *JUMP])),
     ]
@@ -170,6 +171,8 @@ def test_gradient(kern, twin):
     away = (np.abs(rho[:, None] - kinks[None]) > 3 * h).all(1) & (rho > 0.2 * kern.support)
     if kern.name == "box":
         away &= (np.abs(np.abs(d) - kern.size / 2) > 3 * h).all(1)
+    if kern.name == "trilinear":
+        away = kern.kink_distance(d) > 3 * h
     if kern.name == "bspline":
         away &= (np.abs(np.abs(d)[..., None] - np.array([0, 0.5, 1]) * kern.radius) > 3 * h).all((1, 2))
     assert away.sum() > 20

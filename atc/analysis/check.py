@@ -95,7 +95,7 @@ def check(
         if bound.kind == "slab":
             notes.append("a slab profile has no points of its own: random points only")
             bound = None
-    if law.jumps(kern_in):
+    if kern_in.jumps:
         notes.append(
             f"kernel {kern_in.name!r} jumps: its fields change by jumps when an atom enters or leaves, which no rate "
             "at a point sees"
@@ -104,7 +104,7 @@ def check(
     x_gc, n_random = law.choose_points(frame, kern_in, points, np.random.default_rng([20240301, seed]), bound)
     if n_random < points:
         notes.append(f"only {n_random} of {points} random points keep clear of the kernel's kinks")
-    h = law.step_length(kern_in)
+    h = kern_in.difference_step
     stencils = law.stencil(x_gc, h, frame.dimension)
     deposit = law.deposit_at(stencils, kern_in, frame.cell, threads)
     state = _motion(frame, pot, threads, deposit)
@@ -185,7 +185,7 @@ def _frames(traj, k, frame, pot, kern, x_gc, exact, laws, scale, found, timestep
     u, label = frame.units, frame.units.label("time")
     if not 1 <= k < len(traj) - 1:
         return None, "differences between frames need at least 3 frames (9 for three spacings)"
-    if law.jumps(kern):
+    if kern.jumps:
         return None, ""
     near = {0: frame}
     for m in (1, 2, 4):
@@ -256,11 +256,7 @@ def _frames(traj, k, frame, pot, kern, x_gc, exact, laws, scale, found, timestep
     jump = limits.cutoff_noise(exact, found, dt)
     # A smooth motion changes its rates in dt by no more than this share of them, squared in dt or, where atoms cross a
     # jump of φ'', linear.
-    cap = (
-        10.0 * (frequency * dt) ** 2 + 10.0 * np.sqrt(heat / m_n.sum()) * dt / kern.radius
-        if law.smooth(kern)
-        else 1e300
-    )
+    cap = 10.0 * (frequency * dt) ** 2 + 10.0 * np.sqrt(heat / m_n.sum()) * dt / kern.radius if kern.smooth else 1e300
     steps = near[1].step - frame.step if frame.step is not None and near[1].step is not None else 1
     for name in ("mass", "momentum", "energy"):
         worst = float(noise[name].max())

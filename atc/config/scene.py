@@ -651,9 +651,9 @@ def _typed(section: str, key: str, text: str):
 
 
 def _kernel_names() -> list[str]:
-    from .. import kernels
+    from ..kernels import known
 
-    return [*kernels.NAMES, *kernels._ALIASES]
+    return known()
 
 
 def _quantity_names() -> list[str]:

@@ -14,8 +14,7 @@ from __future__ import annotations
 from math import ceil, floor, isfinite, sqrt
 
 from ..compiled import njit
-from ._beta import even, even_constants
-from ._simd import (
+from ..simd import (
     ENTRY,
     INLINE,
     JIT_FMA,
@@ -39,9 +38,9 @@ from ._simd import (
     where_positive4,
 )
 
-# Replaced in each specialised copy (see `_simd.specialise`).
-BETA = even
-CONSTANTS = even_constants
+# Replaced in each specialised copy (see `compiled.specialise`).
+BETA = None
+CONSTANTS = None
 
 
 @njit(**INLINE)

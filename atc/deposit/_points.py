@@ -3,8 +3,8 @@ pairs.
 
 Points are sorted into bins of the cell once; each starting atom collects those in reach, images included, and its bonds
 look only at these. Where a bond has a point or two near it, as in the check of errors, anything done once a bond is
-paid in full by every pair: so nothing is. A pair has all that β needs (`_beta_pairs`), and β is evaluated for four
-pairs at once, of whatever bonds.
+paid in full by every pair: so nothing is. A pair has all that β needs (`kernels.Compiled.pairs`), and β is evaluated
+for four pairs at once, of whatever bonds.
 """
 
 from __future__ import annotations
@@ -14,8 +14,7 @@ from math import floor, isfinite, sqrt
 import numpy as np
 
 from ..compiled import njit
-from ._beta_pairs import even_pairs
-from ._simd import (
+from ..simd import (
     ENTRY,
     JIT_FMA,
     address,
@@ -36,8 +35,8 @@ from ._simd import (
     where_positive4,
 )
 
-# Replaced in each specialised copy (see `_simd.specialise`).
-BETA = even_pairs
+# Replaced in each specialised copy (see `compiled.specialise`).
+BETA = None
 # A bond shorter than this times the support has the direction of x.
 SHORTEST = 1e-30
 # Fewer points than that in reach of an atom: its bonds are looked at four at a time.
@@ -52,7 +51,7 @@ def near(r0, r1, r2, m, support, cartesian, bond, x_at, apart, n, pair_at, bond_
 
     Points are given by d = x_i − x (three rows of `apart` numbers at `x_at`), and by their numbers in the fourth; the
     four rows after that are for what is computed here. A pair has three numbers, `most` apart: D, p² and |r|², see
-    `_beta_pairs`, or d if `cartesian`.
+    `kernels.Compiled`, or d if `cartesian`.
     """
     length2 = r0 * r0 + r1 * r1 + r2 * r2
     least = SHORTEST * support
@@ -326,7 +325,7 @@ def sum_pairs(
     b_bk,  # k a multiple of four
     radii_m,
     coef_mk,
-    series,  # see `_beta_pairs.series_of`
+    series,  # see `kernels.Compiled`
     acc_gk,
     k_,
 ):

@@ -11,11 +11,11 @@ from math import ceil
 import numpy as np
 
 from ..compiled import njit
-from ..disc import DiscMarginal
 from ..errors import AtcError
-from ..kernels import TINY, Box, BSpline, Gaussian, GaussianMarginal, Radial
-from . import _beta, _beta_pairs, _lattice, _points, _slab
-from ._simd import ENTRY, specialise
+from ..kernels import TINY
+from ..kernels.lanes import ROOM
+from ..simd import ENTRY, specialise
+from . import _lattice, _points, _slab
 
 # Bonds whose geometry is prepared at once.
 PIECE = 8192
@@ -31,42 +31,14 @@ _NOT_FINITE = (
 )
 
 
-def family(kernel):
-    """(name of the β function in `_beta`, radii (m,) largest first, coefficients (m, 5) with the normalisation
-    included)."""
-    coef = np.zeros((1, 5))
-    if isinstance(kernel, Gaussian):
-        coef[0, :3] = kernel.normalisation, kernel.width, kernel.accuracy
-        return "gaussian", np.array([kernel.support]), coef
-    if isinstance(kernel, BSpline):
-        coef[0, :2] = kernel.normalisation, 0.5 * kernel.radius
-        return "bspline", np.array([kernel.support]), coef
-    if isinstance(kernel, Box):
-        # In the plane d_z is 0: inside edges of any length.
-        coef[0, :4] = kernel.normalisation, *kernel.size, *kernel.size[: 3 - kernel.dimension]
-        # A point exactly on a corner is inside; the sphere's rounding must not lose it.
-        return "box", np.array([kernel.support * (1.0 + 1e-12)]), coef
-    if not isinstance(kernel, Radial):
-        raise AtcError(f"the direct deposit does not know kernel {kernel!r}")
-    order = np.argsort(-kernel.radii)
-    radii, c = kernel.radii[order], kernel.normalisation * kernel.coef_mk[order]
-    if not c[:, [1, 3]].any():
-        # In powers of w = 1 − s².
-        coef = np.zeros_like(c)
-        coef[:, 0] = c[:, 0] + c[:, 2] + c[:, 4]
-        coef[:, 1] = -c[:, 2] - 2.0 * c[:, 4]
-        coef[:, 2] = c[:, 4]
-        return "even", radii, coef
-    return ("radial" if c[:, 2:].any() else "cone"), radii, np.ascontiguousarray(c)
-
-
 @cache
-def _core(function, name):
-    if function is _points.sum_pairs:
-        return specialise(function, name, BETA=getattr(_beta_pairs, name + "_pairs"))
-    if function is _slab.slab_bonds:
-        return specialise(function, name, MEAN=getattr(_slab, name), CONSTANTS=getattr(_slab, name + "_constants"))
-    return specialise(function, name, BETA=getattr(_beta, name), CONSTANTS=getattr(_beta, name + "_constants"))
+def _core(loop, compiled):
+    """The loop's copy for a family of kernels, or of profiles."""
+    if loop is _points.sum_pairs:
+        return specialise(loop, compiled.name, BETA=compiled.pairs)
+    if loop is _slab.slab_bonds:
+        return specialise(loop, compiled.name, MEAN=compiled.mean, CONSTANTS=compiled.constants)
+    return specialise(loop, compiled.name, BETA=compiled.beta, CONSTANTS=compiled.constants)
 
 
 def stress_components(r_bc, G_b):
@@ -189,8 +161,8 @@ class LatticeDeposit(Deposit):
 
     def __init__(self, grid, kernel, cell, n_site, n_bond, threads):
         super().__init__(grid, kernel, cell, n_site, n_bond, threads)
-        name, self.radii, self.coef = family(kernel)
-        self._core = _core(_lattice.lattice_bonds, name)
+        self.radii, self.coef = kernel.pieces
+        self._core = _core(_lattice.lattice_bonds, kernel.compiled)
         n_axes = len(grid.counts)
         steps, counts, wrap = np.zeros((3, 3)), np.ones(3, np.int64), np.zeros(3, bool)
         steps[:n_axes], counts[:n_axes] = grid.steps, grid.counts
@@ -293,7 +265,7 @@ class LatticeDeposit(Deposit):
         rows = 512 * (1 + rows // 512) + 8
         self._visits[thread] += self._core(
             map_bk, end_bk, base_ba, length_b, r_bc, frame_bcc, b_bk, self.radii, self.coef,
-            self.reach, self.counts, self.wrap, acc, self.ext, np.zeros((15, rows)), np.zeros(_beta.N_CONSTANTS),
+            self.reach, self.counts, self.wrap, acc, self.ext, np.zeros((15, rows)), np.zeros(ROOM),
         )  # fmt: skip
 
     def _finish(self, total, n_comp):
@@ -341,9 +313,9 @@ class PointsDeposit(Deposit):
 
     def __init__(self, grid, kernel, cell, n_site, n_bond, threads):
         super().__init__(grid, kernel, cell, n_site, n_bond, threads)
-        name, self.radii, self.coef = family(kernel)
-        self._core = _core(_points.sum_pairs, name)
-        self._cartesian, self._series = name in ("bspline", "box"), _beta_pairs.series_of(name, self.radii, self.coef)
+        self.radii, self.coef = kernel.pieces
+        self._core = _core(_points.sum_pairs, kernel.compiled)
+        self._cartesian, self._series = kernel.compiled.cartesian, kernel.compiled.series(self.radii, self.coef)
         cell, p = self.cell, np.ascontiguousarray(grid.relative_points_gc)
         s = p @ cell.inverse
         images = np.where(cell.periodic, np.floor(s), 0.0)
@@ -472,9 +444,7 @@ class PointsDeposit(Deposit):
 
     def _sum(self, what, n, pairs, r_bc, b_bk, thread):
         acc = self._buffer(what, thread, (len(self.points), b_bk.shape[1]))
-        self._core(
-            n, *pairs, r_bc, b_bk, self.radii, self.coef, self._series, acc, np.full(_beta_pairs.N_CONSTANTS, -1.0)
-        )
+        self._core(n, *pairs, r_bc, b_bk, self.radii, self.coef, self._series, acc, np.full(ROOM, -1.0))
 
     def _finish(self, total, n_comp):
         out = np.empty((len(total), n_comp))
@@ -504,21 +474,8 @@ class SlabDeposit(Deposit):
         self.height = self.cell.heights[a]
         self.normal = _array(self.cell.inverse[:, a] * self.height)
         marginal = kernel.marginal(self.normal)
-        if isinstance(marginal, GaussianMarginal):
-            name, self.radii = "gaussian", np.array([marginal.support])
-            self.coef = np.array([[marginal.normalisation, marginal.width, Gaussian.accuracy]])
-        else:
-            order = np.argsort(-marginal.radii)
-            name, self.radii, self.coef = (
-                "polynomial",
-                marginal.radii[order],
-                np.ascontiguousarray(marginal.coef_mk[order]),
-            )
-            if marginal.half_open:
-                name = "box"
-            elif isinstance(marginal, DiscMarginal):
-                name = "disc"
-        self._core = _core(_slab.slab_bonds, name)
+        self.radii, self.coef = marginal.pieces
+        self._core = _core(_slab.slab_bonds, marginal.compiled)
         self.step = self.height / len(grid)
         self.area = self.cell.volume / self.height
         self.periodic = bool(self.cell.periodic[grid.axis])

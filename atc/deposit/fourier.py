@@ -22,91 +22,6 @@ import numpy as np
 
 from ..compiled import njit
 from ..errors import AtcError
-from ..kernels import BSpline, Gaussian, Radial
-
-# Below this kR the integrals of a polynomial against sin(kρ) are summed as power series, above by recursion: both lose
-# less than two digits there.
-_SERIES = 6.0
-
-
-def _moments(z):
-    """(5, ...) ∫₀¹ s^(n+1) sin(z s)/z ds for n = 0..4."""
-    z = np.asarray(z, float)
-    out = np.empty((5, *z.shape))
-    small = z < _SERIES
-    if small.any():
-        z2 = z[small] ** 2
-        total = np.zeros((5, z2.size))
-        term = np.ones_like(z2)
-        for j in range(20):
-            for n in range(5):
-                total[n] += term / (n + 3 + 2 * j)
-            term = -term * z2 / ((2 * j + 2) * (2 * j + 3))
-        out[:, small] = total
-    if not small.all():
-        z = z[~small]
-        sin, cos = np.sin(z), np.cos(z)
-        S, C = (1.0 - cos) / z, sin / z
-        for p in range(1, 6):
-            S, C = (p * C - cos) / z, (sin - p * S) / z
-            out[p - 1, ~small] = S / z
-    return out
-
-
-def _moments_plane(z):
-    """(5, ...) ∫₀¹ s^(n+1) J₀(z s) ds for n = 0..4: from ∫₀¹ s^m J₀ = J₁/z + (m−1) J₀/z² − (m−1)² ∫₀¹ s^(m−2) J₀/z²,
-    and Struve's functions for ∫ J₀."""
-    from scipy.special import j0, j1, struve
-
-    z = np.asarray(z, float)
-    out = np.empty((5, *z.shape))
-    small = z < _SERIES
-    if small.any():
-        z2 = 0.25 * z[small] ** 2
-        total = np.zeros((5, z2.size))
-        term = np.ones_like(z2)
-        for j in range(24):
-            for n in range(5):
-                total[n] += term / (n + 2 + 2 * j)
-            term = -term * z2 / (j + 1) ** 2
-        out[:, small] = total
-    if not small.all():
-        z = z[~small]
-        J0, J1 = j0(z), j1(z)
-        # ∫₀^z J₀ = z J₀ + (π z/2)(J₁ H₀ − J₀ H₁)
-        A = {0: J0 + 0.5 * pi * (J1 * struve(0, z) - J0 * struve(1, z)), 1: J1 / z}
-        for m in range(2, 6):
-            A[m] = J1 / z + (m - 1) * J0 / z**2 - (m - 1) ** 2 * A[m - 2] / z**2
-        out[:, ~small] = np.stack([A[m] for m in range(1, 6)])
-    return out
-
-
-def radial_hat(kernel, k):
-    """φ̂ of an isotropic kernel for wave numbers k (any shape)."""
-    k = np.asarray(k, float)
-    if isinstance(kernel, Gaussian):
-        return np.exp(-0.5 * (k * kernel.width) ** 2)
-    if not isinstance(kernel, Radial):
-        raise AtcError(f"kernel {kernel.name!r} has no radial transform: the direct method takes it")
-    total = np.zeros(k.shape)
-    if kernel.dimension == 2:
-        for R, c in zip(kernel.radii, kernel.coef_mk):
-            total += (2 * pi * kernel.normalisation * R**2) * np.einsum("n,n...->...", c, _moments_plane(k * R))
-        return total
-    for R, c in zip(kernel.radii, kernel.coef_mk):
-        # Written so that a column of zeros costs nothing.
-        for n, moment in enumerate(_moments(k * R)):
-            if c[n] != 0:
-                total += (4 * pi * kernel.normalisation * R**3 * c[n]) * moment
-    return total
-
-
-def phi_hat(kernel, k_c):
-    """φ̂ for wave vectors k (..., 3) in Cartesian components: ∫ φ(x) exp(−i k·x) dx, real and 1 at k = 0."""
-    k_c = np.asarray(k_c, float)
-    if isinstance(kernel, BSpline):
-        return (np.sinc(k_c * (0.25 * kernel.radius / pi)) ** 4).prod(-1)
-    return radial_hat(kernel, np.sqrt((k_c**2).sum(-1)))
 
 
 @dataclass(frozen=True)
@@ -130,36 +45,30 @@ class Spectrum:
 def spectrum(kernel, gradient=False) -> Spectrum:
     """The spectrum that meshes and bond points are chosen by, of the field or of its gradient; AtcError for kernels
     that jump."""
-    if isinstance(kernel, BSpline):
-        scale = kernel.radius
-        k = (np.arange(24000) + 0.5) * 0.05
-        hat = np.sinc(k * 0.25 / pi) ** 4
-        p = hat**2 * (k**2 if gradient else 1.0)
-        # One axis after the other.
-        centre = float(kernel.dimension) * hat
-    elif isinstance(kernel, (Gaussian, Radial)):
-        scale = kernel.radius
-        top = 90.0 if isinstance(kernel, Gaussian) else 1500.0
-        k = (np.arange(int(top / 0.05)) + 0.5) * 0.05
-        hat = radial_hat(kernel, k / scale)
-        if kernel.dimension == 2:
-            p = _along_lines(k, hat**2 * (k**2 if gradient else 1.0))
-            centre = hat * k
-        else:
-            # ∫ φ̂² q dq over the plane at κ: all k from κ on.
-            p = np.cumsum((hat**2 * k * (k**2 if gradient else 1.0))[::-1])[::-1]
-            centre = hat * k**2
-    else:
+    if kernel.last_mode is None:
         raise AtcError(
-            f"kernel {kernel.name!r} jumps, its modes decay too slowly for the spectral method: use method 'direct'"
+            f"kernel {kernel.name!r} {'jumps, its' if kernel.jumps else 'is not made for it: its'} modes decay too "
+            "slowly for the spectral method: use method 'direct'"
         )
+    d = kernel.dimension
+    k = (np.arange(int(kernel.last_mode / 0.05)) + 0.5) * 0.05
+    hat = kernel.hat_along(k)
+    weight = k**2 if gradient else 1.0
+    if not kernel.is_isotropic:
+        # One axis after the other, all of them as the one whose modes decay most slowly.
+        p, shell = hat**2 * weight, 1.0
+    else:
+        shell = k ** (d - 1)
+        # ∫ φ̂² q dq over the plane at κ: all k from κ on; or over the line.
+        p = _along_lines(k, hat**2 * weight) if d == 2 else np.cumsum((hat**2 * k * weight)[::-1])[::-1]
+    centre = (1.0 if kernel.is_isotropic else float(d)) * hat * shell
     p = p / p.sum()
-    total = (hat if isinstance(kernel, BSpline) else hat * k ** (kernel.dimension - 1)).sum()
+    total = (hat * shell).sum()
     centre = np.maximum.accumulate(np.abs(np.cumsum(centre[::-1]) / total))[::-1]
     if gradient:
         # In step: against the mode with the largest gradient.
         hat = hat * k / np.abs(hat * k).max()
-    return Spectrum(scale, k, hat, p, np.cumsum(p[::-1])[::-1], centre, kernel.dimension)
+    return Spectrum(kernel.scale, k, hat, p, np.cumsum(p[::-1])[::-1], centre, d)
 
 
 def _along_lines(k, power):

@@ -7,25 +7,22 @@ of threads.
 
 from __future__ import annotations
 
-from math import exp, floor, sqrt
+from functools import cache
+from math import floor, sqrt
 
 import numpy as np
 
-from ..compiled import njit
+from ..compiled import njit, specialise
 from ..errors import AtcError
-from ..kernels import Box, BSpline, Gaussian, Radial
-from ._simd import JIT
+from ..simd import JIT
 
-_RADIAL, _GAUSSIAN, _BSPLINE = 0, 1, 2
+# Replaced in each copy (see `compiled.specialise`).
+VALUE = None
 
 
 def require_differentiable(kernel, users: str) -> None:
     """Raise for a kernel that jumps: its gradient is not a function."""
-    jumps = isinstance(kernel, Box)
-    if isinstance(kernel, Radial):
-        # Every piece must end at 0; 1e-12: rounding of normalised coefficients.
-        jumps = bool((np.abs(kernel.coef_mk.sum(1)) > 1e-12 * np.abs(kernel.coef_mk).max()).any())
-    if jumps:
+    if kernel.jumps:
         raise AtcError(
             f"{users}: kernel {kernel.name!r} jumps, so it has no gradient: use a continuous one, e.g. quartic, lucy "
             "or gaussian"
@@ -64,27 +61,14 @@ def gather(bound, kernel, cell, x_nc, a_nk, w_n=None, gradient=True, threads=1):
     values = np.zeros((len(points), width))
     gradients = np.zeros((len(points), width, 3)) if gradient else np.zeros((0, width, 3))
     if len(x_nc) and len(points):
-        kind, radii, coef = _coefficients(kernel)
+        radii, coef = kernel.pieces
+        add = _core(kernel.compiled)
         x, order, start, bins, low, scale = _bins(cell, np.asarray(x_nc) - cell.origin, kernel.support)
         w = np.zeros(0) if w_n is None else np.ascontiguousarray(np.asarray(w_n, float)[order])
-        rest = (
-            kind,
-            radii,
-            coef,
-            x,
-            a_nk[order],
-            w,
-            start,
-            bins,
-            low,
-            scale,
-            cell.periodic,
-            cell.vectors,
-            cell.inverse,
-        )
+        rest = (radii, coef, x, a_nk[order], w, start, bins, low, scale, cell.periodic, cell.vectors, cell.inverse)
 
         def part(a, b):
-            _gather(points[a:b], *rest, values[a:b], gradients[a:b])
+            add(points[a:b], *rest, values[a:b], gradients[a:b])
 
         if threads == 1 or len(points) < 2 * threads:
             part(0, len(points))
@@ -97,18 +81,10 @@ def gather(bound, kernel, cell, x_nc, a_nk, w_n=None, gradient=True, threads=1):
     return values, gradients if gradient else None
 
 
-def _coefficients(kernel):
-    coef = np.zeros((1, 5))
-    if isinstance(kernel, Gaussian):
-        coef[0, :2] = kernel.normalisation, kernel.width
-        return _GAUSSIAN, np.array([kernel.support]), coef
-    if isinstance(kernel, BSpline):
-        coef[0, :2] = kernel.normalisation, 0.5 * kernel.radius
-        return _BSPLINE, np.array([kernel.support]), coef
-    if not isinstance(kernel, Radial):
-        raise AtcError(f"gradients are not known for kernel {kernel.name!r}: use quartic, lucy or gaussian")
-    order = np.argsort(-kernel.radii)
-    return _RADIAL, kernel.radii[order], np.ascontiguousarray(kernel.normalisation * kernel.coef_mk[order])
+@cache
+def _core(compiled):
+    """The loop's copy for a family of kernels."""
+    return specialise(_gather, compiled.name, JIT, VALUE=compiled.value)
 
 
 def _bins(cell, x, support):
@@ -156,51 +132,7 @@ def _sorted(x, s, periodic, vectors, bins, low, scale):
     return out, order, start
 
 
-@njit(**JIT)
-def _m4(d, h):
-    """The cubic B-spline of knot spacing h (times h), and its slope."""
-    u = abs(d) / h
-    p, q = max(2.0 - u, 0.0), max(1.0 - u, 0.0)
-    return (p * p * p - 4.0 * q * q * q) / 6.0, -0.5 * (p * p - 4.0 * q * q) * (1.0 if d > 0.0 else -1.0) / h
-
-
-@njit(**JIT)
-def _phi(kind, d0, d1, d2, r2, radii, coef, g):
-    """φ(d), with ∂φ/∂d in g."""
-    if kind == _GAUSSIAN:
-        w2 = coef[0, 1] * coef[0, 1]
-        value = coef[0, 0] * exp(-0.5 * r2 / w2)
-        g[0], g[1], g[2] = -value * d0 / w2, -value * d1 / w2, -value * d2 / w2
-        return value
-    if kind == _BSPLINE:
-        h = coef[0, 1]
-        f0, s0 = _m4(d0, h)
-        f1, s1 = _m4(d1, h)
-        f2, s2 = _m4(d2, h)
-        n = coef[0, 0]
-        g[0], g[1], g[2] = n * s0 * f1 * f2, n * f0 * s1 * f2, n * f0 * f1 * s2
-        return n * f0 * f1 * f2
-    rho = sqrt(r2)
-    value = 0.0
-    slope = 0.0  # (dφ/dρ)/ρ
-    for m in range(len(radii)):
-        R = radii[m]
-        if rho >= R:
-            break
-        s = rho / R
-        value += coef[m, 0] + s * (coef[m, 1] + s * (coef[m, 2] + s * (coef[m, 3] + s * coef[m, 4])))
-        t = 2.0 * coef[m, 2] + s * (3.0 * coef[m, 3] + s * 4.0 * coef[m, 4])
-        if coef[m, 1] != 0.0 and s > 0.0:
-            t += coef[m, 1] / s
-        slope += t / (R * R)
-    g[0], g[1], g[2] = slope * d0, slope * d1, slope * d2
-    return value
-
-
-@njit(**JIT)
-def _gather(
-    points, kind, radii, coef, x_nc, a_nk, w_n, start, bins, low, scale, periodic, cell, inverse, values, gradients
-):
+def _gather(points, radii, coef, x_nc, a_nk, w_n, start, bins, low, scale, periodic, cell, inverse, values, gradients):
     """Points and atoms relative to the cell's origin, atoms sorted by bin."""
     support = radii[0]
     support2 = support * support
@@ -237,7 +169,7 @@ def _gather(
                         r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
                         if r2 >= support2:
                             continue
-                        value = _phi(kind, d[0], d[1], d[2], r2, radii, coef, g)
+                        value = VALUE(d[0], d[1], d[2], r2, radii, coef, g)
                         for b in range(k):
                             a_ = a_nk[n, b]
                             values[p, b] += a_ * value

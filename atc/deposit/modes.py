@@ -14,9 +14,8 @@ from math import pi, sqrt
 import numpy as np
 
 from ..compiled import njit
-from ..kernels import Radial
+from ..simd import ENTRY
 from . import fourier, spread
-from ._simd import ENTRY
 
 
 @dataclass(frozen=True)
@@ -128,18 +127,19 @@ class Modes:
         w0 /= self.volume
         out = np.empty([len(i) for i in index])
         b = np.ascontiguousarray(2 * pi * self.inverse)  # columns are the reciprocal vectors
-        if isinstance(self.kernel, Radial):
+        if self.kernel.hat_step is not None:
             # φ̂ from a table: there are millions of modes where a kernel's transform decays slowly.
-            step = 0.01 / self.kernel.radius
+            step = self.kernel.hat_step / self.kernel.radius
             corners = np.array(np.meshgrid(*[(-1, 1)] * 3)).reshape(3, -1).T * self.largest
             last = np.linalg.norm(corners @ b.T, axis=1).max()
-            table = fourier.radial_hat(self.kernel, np.arange(-1, int(last / step) + 4) * step)
+            k = np.abs(np.arange(-1, int(last / step) + 4) * step)
+            table = self.kernel.hat(np.stack([k, 0 * k, 0 * k], -1))
             _fill(table, step, b, *index, w0, w1, w2, out)
             return out
         n1, n2 = index[1][:, None], index[2][None, :]
         for i, n0 in enumerate(index[0]):
             k_c = np.stack([n0 * b[c, 0] + n1 * b[c, 1] + n2 * b[c, 2] for c in range(3)], -1)
-            out[i] = fourier.phi_hat(self.kernel, k_c) * w0[i] * w1[:, None] * w2
+            out[i] = self.kernel.hat(k_c) * w0[i] * w1[:, None] * w2
         return out
 
     def transform_plane(self, plane_cyz):

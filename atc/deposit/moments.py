@@ -24,8 +24,8 @@ from numba.core import types
 from numba.extending import intrinsic
 
 from ..compiled import njit
+from ..simd import ENTRY, specialise
 from . import fourier, spread
-from ._simd import ENTRY, specialise
 from .spread import begin
 
 ORDERS = range(1, 6)

@@ -37,9 +37,8 @@ DENSE = 200.0
 # What of the tolerance goes to the modes left out, to those that the mesh confuses, and to the bonds' points. The
 # squares of the errors add up; the largest error among many points over the largest value is up to twice what the same
 # ratio of mean squares is: where modes decay slowly, what is left out gathers at the kernel's centre and edge. Leaving
-# out little is dear for those kernels, and cheap for the Gaussian.
-SHARES = {"gaussian": (0.35, 0.25, 0.9)}
-SHARE = (0.4, 0.25, 0.4)
+# out little is dear for those kernels, and cheap for the Gaussian. By whether all derivatives of φ are continuous.
+SHARES = {True: (0.35, 0.25, 0.9), False: (0.4, 0.25, 0.4)}
 # What of its share the modes left out get in the plane, where gradients are wanted: measured, the largest errors of 1.5
 # times the tolerance become 0.8.
 PLANE_RIM = 0.35
@@ -142,8 +141,8 @@ class SpectralDeposit(Deposit):
             raise AtcError("method 'spectral' does not average over slabs: use method 'direct'")
         self.real = np.float32 if self.tolerance >= SINGLE else np.float64
         self._number = np.float32 if self.tolerance >= SINGLE_TRANSFORM else np.float64
-        modes, mesh, self._bond_share = (self.tolerance * share for share in SHARES.get(kernel.name, SHARE))
-        if self._flat and self.gradients and kernel.name not in SHARES:
+        modes, mesh, self._bond_share = (self.tolerance * share for share in SHARES[kernel.analytic])
+        if self._flat and self.gradients and not kernel.analytic:
             # The rim of a disc is more of it than that of a ball: where slopes have kinks, errors gather there.
             modes *= PLANE_RIM
         # All points at the kernels' centres, where most of what is left out is.

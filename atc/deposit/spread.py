@@ -22,7 +22,7 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 from ..compiled import njit
-from ._simd import ENTRY, INLINE, specialise
+from ..simd import ENTRY, INLINE, specialise
 
 # Set by `core` and `row_core`: nodes of the window along x and y, and along z (as many, or 1), components, type of the
 # mesh, and what is done at a point.

@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiled import njit
-from ..kernels import Gaussian
 
 # Bins of a slab profile that are computed twice.
 SLAB_BINS = 5
@@ -29,30 +28,10 @@ def kernel_internal(kern, units):
     return kern if units.length == 1.0 else kern.scaled(units.length)
 
 
-class CutGaussian(Gaussian):
-    """A Gaussian cut where what lies beyond is a given fraction of its mass: enough to measure an error far larger than
-    that."""
-
-    def __init__(self, width, beyond, dimension=3):
-        super().__init__(width, dimension)
-        from scipy.special import gammaincinv
-
-        # ∫ beyond r of the normalised Gaussian is 1 − P(d/2, r²/2w²).
-        self._support = min(super().support, width * float(np.sqrt(2.0 * gammaincinv(0.5 * dimension, 1.0 - beyond))))
-        # The bond function's series need not go further than that either.
-        self.accuracy = max(1e-3 * beyond, Gaussian.accuracy)
-
-    @property
-    def support(self):
-        return self._support
-
-
 def checking_kernel(kern, methods, tolerance):
     """The kernel that errors are measured with: the kernel itself, but for Gaussians whose far tails are far below the
     tolerance (of the result) if any sum is approximate."""
-    if isinstance(kern, Gaussian) and not all(m.exact for m in methods.values()):
-        return CutGaussian(kern.width, max(BEYOND * tolerance, 1e-14), kern.dimension)
-    return kern
+    return kern if all(m.exact for m in methods.values()) else kern.cut(max(BEYOND * tolerance, 1e-14))
 
 
 class Check:

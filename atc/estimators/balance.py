@@ -26,7 +26,6 @@ import numpy as np
 
 from ..compiled import njit
 from ..errors import AtcError
-from ..kernels import Box, Gaussian, Radial
 from .sources import drift_velocity
 from .sums import quotient
 from .tensors import full, outer6
@@ -72,39 +71,6 @@ def size(a) -> np.ndarray:
 # ---- points
 
 
-def step_length(kern) -> float:
-    """Step of the difference stencils: small against the kernel, so that stencils seldom meet a kink of it; internal
-    length.
-
-    Rounding of a field, some 1e-15 of it, grows by radius/step in its derivative. A Gaussian has no kinks: a wider step
-    there.
-    """
-    return 0.0025 * kern.width if isinstance(kern, Gaussian) else 1e-4 * kern.radius
-
-
-def kink_distance(kern, d_c) -> np.ndarray:
-    """How far vectors d (..., 3) are from the places where φ or its first derivatives have kinks or jumps."""
-    if isinstance(kern, Box):
-        return np.abs(np.abs(d_c[..., : kern.dimension]) - 0.5 * kern.size).min(-1)
-    if isinstance(kern, Radial):
-        rho = np.sqrt((d_c**2).sum(-1))
-        return np.abs(rho[..., None] - np.append(kern.radii, 0.0)).min(-1)
-    return np.full(d_c.shape[:-1], np.inf)
-
-
-def jumps(kern) -> bool:
-    """Whether φ itself jumps: then fields change by jumps when an atom enters or leaves, which no rate sees."""
-    return isinstance(kern, Box) or (isinstance(kern, Radial) and kern.name == "step")
-
-
-def smooth(kern) -> bool:
-    """Whether the first derivatives of φ have no jumps."""
-    return not (
-        isinstance(kern, Box)
-        or (isinstance(kern, Radial) and kern.name in ("step", "linear", "hardy", "piecewise-linear"))
-    )
-
-
 class Sites:
     """The atoms and images within reach of points: Σ a φ and its gradient as sparse matrices.
 
@@ -139,7 +105,7 @@ class Sites:
         # with respect to the point: minus that with respect to d = x_j − x
         self.gradient = [csr_matrix((-slope[:, c], (point, atom)), shape) for c in range(3)]
         self.kink_g = np.full(len(x_gc), np.inf)
-        np.minimum.at(self.kink_g, point, kink_distance(kern, d))
+        np.minimum.at(self.kink_g, point, kern.kink_distance(d))
 
     def sum(self, a_n) -> np.ndarray:
         """(g, ...) Σ a φ."""
@@ -170,7 +136,7 @@ def choose_points(frame, kern, count: int, rng, bound=None) -> tuple[np.ndarray,
     -------
     (g, 3) points, the random ones first, and how many of them are random.
     """
-    clear = 5.0 * step_length(kern)
+    clear = 5.0 * kern.difference_step
     typical = float(frame.masses.mean()) * len(frame) / frame.cell.volume
     first = Sites(
         frame.positions[rng.choice(len(frame), min(len(frame), 20), replace=False)], frame.positions, frame.cell, kern

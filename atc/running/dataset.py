@@ -196,7 +196,7 @@ def _grid_coordinates(bound, u) -> dict:
 
 def radius_of(kern) -> float:
     """The kernel's radius, in its own unit of length."""
-    return float(getattr(kern, "radius", kern.support))
+    return float(kern.radius)
 
 
 def _grid_name(grid) -> str:

@@ -11,9 +11,8 @@ from test_kernels import CASES, IDS, bonds
 import atc
 from atc.deposit import exact_at, make
 from atc.errors import AtcError
-from atc.estimators.accuracy import CutGaussian
 from atc.frame import Cell
-from atc.kernels import Gaussian
+from atc.kernels import CutGaussian, Gaussian
 from atc.units import units
 
 METAL = units("metal")

@@ -10,7 +10,7 @@ import atc
 from atc.calibrate import argon
 from atc.choose import cheapest
 from atc.costs import Costs
-from atc.deposit import fourier, make, moments
+from atc.deposit import make, moments
 from atc.deposit.collapse import spectral_deposit
 from atc.errors import AtcError, AtcWarning
 from atc.estimators.methods import Method
@@ -118,7 +118,7 @@ def test_errors_of_bonds_are_those_of_their_modes():
     box = Cell([70.0] * 3)
     bound = atc.Grid.regular(shape=4).bind(METAL, box, np.zeros((1, 3)))
     k = 2 * np.pi / 70 * np.stack(np.meshgrid(*[np.arange(-24, 25)] * 3, indexing="ij"), -1).reshape(-1, 3)
-    hat = fourier.phi_hat(kern, k)
+    hat = kern.hat(k)
     for order in (1, 2, 3, 4):
         d = spectral_deposit(bound, kern, box, 0, 6, 1, 1e-6, order=order)
         for length in (2.0, 4.0, 7.0):

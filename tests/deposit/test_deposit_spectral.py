@@ -226,7 +226,7 @@ def test_transform_is_the_integral(name):
 
         parts = [quad(integrand, p, q, limit=200, epsabs=1e-13, epsrel=1e-13)[0] for p, q in pairwise(nodes)]
         # 1e-11: what quad promises for integrands of about 100.
-        assert abs(fourier.phi_hat(kern, np.array([0.6 * k, 0, 0.8 * k])) - sum(parts)) < 1e-11
+        assert abs(kern.hat(np.array([0.6 * k, 0, 0.8 * k])) - sum(parts)) < 1e-11
 
 
 def test_transform_of_the_spline():
@@ -236,7 +236,7 @@ def test_transform_of_the_spline():
         quad(lambda v, c=c: 2 * np.cos(c * v) * kern.phi(np.array([v, 0, 0])), 0, 5, points=[2.5], epsabs=1e-14)[0]
         for c in k
     ]
-    assert abs(fourier.phi_hat(kern, k) - np.prod(factors) / kern.peak**2) < 1e-12
+    assert abs(kern.hat(k) - np.prod(factors) / kern.peak**2) < 1e-12
 
 
 @pytest.mark.parametrize("width, shape", [(3, 6.0), (6, 14.0), (9, 23.0), (12, 36.0)])
@@ -527,5 +527,5 @@ def test_table_of_the_transform(name):
     modes = dep._transformed("site", dep._groups(1)[0])[0]
     k_c = np.stack([modes.wave_vector(c) for c in range(3)], -1)
     w0, w1, w2 = np.ix_(*[modes.window_hat(a) for a in range(3)])
-    want = fourier.phi_hat(kern, k_c) / cell.volume
+    want = kern.hat(k_c) / cell.volume
     assert np.abs(modes.response() * w0 * w1 * w2 - want).max() < 1e-9 / cell.volume

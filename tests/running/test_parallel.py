@@ -20,9 +20,10 @@ import atc
 import atc.decomposers
 import atc.deposit
 import atc.estimators
+import atc.kernels
 import atc.running.parallel
+from atc import simd
 from atc.calibrate import argon, silicon
-from atc.deposit import _simd
 from atc.estimators import groups
 from atc.estimators.cutting import Cut, owned
 from atc.frame import Cell
@@ -201,7 +202,7 @@ def test_every_bond_belongs_to_one_tile():
 def compiled_functions():
     """Every compiled function of the rooms whose sums must be the same in all processes, and those that each calls."""
     found = {}
-    for package in (atc.deposit, atc.estimators, atc.decomposers):
+    for package in (atc.deposit, atc.kernels, atc.estimators, atc.decomposers):
         for m in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
             found |= {id(f): f for f in vars(importlib.import_module(m.name)).values() if isinstance(f, CPUDispatcher)}
 
@@ -222,7 +223,7 @@ def test_no_function_has_two_copies_that_may_round_differently():
     and sums may be contracted: what may is always inlined."""
     functions = list(compiled_functions())
     assert len(functions) > 100
-    vectors = {id(x) for x in vars(_simd).values() if isinstance(x, Intrinsic)}
+    vectors = {id(x) for x in vars(simd).values() if isinstance(x, Intrinsic)}
     contracted = {
         id(f) for f, uses in functions if f.targetoptions.get("fastmath") or any(id(u) in vectors for u in uses)
     }

@@ -15,7 +15,7 @@ from numba.core import cgutils, types
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
-from ..compiled import specialise as copy_of
+from .compiled import specialise as copy_of
 
 JIT = dict(cache=True, nogil=True, error_model="numpy")
 # What is only called from compiled code needs no entry from Python, which takes longer to compile than most of these

@@ -1,14 +1,19 @@
 """Profiles of planar kernels: Σ_k c_k (ρ/R)^k over a disc, integrated along its chords.
 
-In three dimensions such integrals are polynomials of the distance (`kernels.Marginal`); along lines of a plane they
+In three dimensions such integrals are polynomials of the distance (`profile.Marginal`); along lines of a plane they
 have roots and logarithms.
 """
 
 from __future__ import annotations
 
+from math import asin, asinh, cos, sin, sqrt
+
 import numpy as np
 
-from .kernels import _GL_T, _GL_W, TINY, Marginal
+from ..compiled import njit
+from ..simd import JIT_FMA, load4, peek, poke, splat4, store4
+from .lanes import SCRATCH
+from .profile import GL_T, GL_W, TINY, CompiledProfile, Marginal, reciprocals
 
 # A bond shorter than this, in units of R, goes by quadrature along it: the difference of two strips would lose three
 # digits.
@@ -23,7 +28,12 @@ class DiscMarginal(Marginal):
     = (k + 2) ρ^k), is A_k = [z I_k + 2 R^{k+2} arcsin(z/R)]/(k + 2).
     """
 
-    half_open = False
+    def __init__(self, radii, coef_mk):
+        super().__init__(radii, coef_mk)
+
+    @property
+    def compiled(self):
+        return _COMPILED
 
     def phi(self, z):
         z = np.abs(np.asarray(z, float))
@@ -115,7 +125,90 @@ def _short_mean(d, r, c):
         cos = np.cos(middle)
         there = (share > 0) & (cos > 0)
         factor = share * np.where(there, 1.0 / np.where(there, cos * np.sinc(half / np.pi), 1.0), 0.0)
-        for t, w in zip(_GL_T, _GL_W):
+        for t, w in zip(GL_T, GL_W):
             x = middle + (2.0 * t - 1.0) * half
             total += w * factor * np.cos(x) * (_chord_means(np.abs(np.sin(x))) @ c)
     return total
+
+
+@njit(**JIT_FMA)
+def _chord(u, coef_mk, m):
+    """Σ c_k ∫ρ^k over the chord at distance u of the unit disc."""
+    u = abs(u)
+    if u >= 1.0:
+        return 0.0
+    q = sqrt((1.0 - u) * (1.0 + u))
+    u2 = u * u
+    i1 = q + u2 * asinh(q / u) if u > 0.0 else q
+    i0 = 2.0 * q
+    i2 = (2.0 * q + 2.0 * u2 * i0) / 3.0
+    return (
+        coef_mk[m, 0] * i0
+        + coef_mk[m, 1] * i1
+        + coef_mk[m, 2] * i2
+        + coef_mk[m, 3] * (2.0 * q + 3.0 * u2 * i1) / 4.0
+        + coef_mk[m, 4] * (2.0 * q + 4.0 * u2 * i2) / 5.0
+    )
+
+
+@njit(**JIT_FMA)
+def _strip(u, coef_mk, m):
+    """Σ c_k ∫ρ^k over the part of the unit disc between its middle line and the chord at u."""
+    v = min(abs(u), 1.0)
+    a, q = 2.0 * asin(v), sqrt((1.0 - v) * (1.0 + v))
+    v2 = v * v
+    i1 = q + v2 * asinh(q / v) if v > 0.0 else q
+    i0 = 2.0 * q
+    i2 = (2.0 * q + 2.0 * v2 * i0) / 3.0
+    i3 = (2.0 * q + 3.0 * v2 * i1) / 4.0
+    i4 = (2.0 * q + 4.0 * v2 * i2) / 5.0
+    total = (
+        coef_mk[m, 0] * (v * i0 + a) / 2.0
+        + coef_mk[m, 1] * (v * i1 + a) / 3.0
+        + coef_mk[m, 2] * (v * i2 + a) / 4.0
+        + coef_mk[m, 3] * (v * i3 + a) / 5.0
+        + coef_mk[m, 4] * (v * i4 + a) / 6.0
+    )
+    return total if u >= 0.0 else -total
+
+
+@njit(**JIT_FMA)
+def _short_disc(d, r, coef_mk, m):
+    """The mean of the chords from d to d − r (`_short_mean`)."""
+    s = r if abs(r) > 1e-30 else 1e-30
+    total = 0.0
+    for side in range(2):
+        lo, hi = side - 1.0, float(side)
+        t1, t2 = (d - lo) / s, (d - hi) / s
+        share = min(max(max(t1, t2), 0.0), 1.0) - min(max(min(t1, t2), 0.0), 1.0)
+        a, b = asin(min(max(d, lo), hi)), asin(min(max(d - s, lo), hi))
+        middle, half = 0.5 * (a + b), 0.5 * (a - b)
+        across = cos(middle)
+        if share > 0.0 and across > 0.0:
+            part = 0.0
+            for g in range(len(GL_T)):
+                x = middle + (2.0 * GL_T[g] - 1.0) * half
+                part += GL_W[g] * cos(x) * _chord(sin(x), coef_mk, m)
+            total += share * part / (across * (sin(half) / half if half != 0.0 else 1.0))
+    return total
+
+
+@njit(**JIT_FMA)
+def _mean(z, r, radii_m, coef_mk, k):
+    """Mean of a planar kernel's profile over z − t r, t in [0, 1], for four z."""
+    total = splat4(0.0)
+    for m in range(len(radii_m)):
+        R = radii_m[m]
+        store4(k, SCRATCH, z)
+        for l in range(SCRATCH, SCRATCH + 4):
+            d = peek(k, l)
+            if abs(r) > DISC_SHORT * R:
+                strips = _strip(d / R, coef_mk, m) - _strip((d - r) / R, coef_mk, m)
+                poke(k, l, R * (R / r) * strips)
+            else:
+                poke(k, l, R * _short_disc(d / R, r / R, coef_mk, m))
+        total = total + load4(k, SCRATCH)
+    return total
+
+
+_COMPILED = CompiledProfile("disc", reciprocals, _mean)
