@@ -83,7 +83,7 @@ def check(
     frame = traj[k]
     frame.require("masses", "velocities", why="a balance law")
     free = pot
-    if getattr(pot, "constraints", None) is not None:
+    if pot.constraints is not None:
         pot, free = pot.settled(frame), pot.constrained(None)
     if not len(frame):
         raise AtcError(f"{frame.source}: holds no atoms: there is nothing to check")
@@ -109,7 +109,7 @@ def check(
     deposit = law.deposit_at(stencils, kern_in, frame.cell, threads)
     state = _motion(frame, pot, threads, deposit)
     fields = law.deposited(state, deposit)
-    if getattr(pot, "acting", None) is not None and (pot.acting.laws or pot.acting.others):
+    if pot.acting is not None and (pot.acting.laws or pot.acting.others):
         state.outside_nc, said = pot.body_forces(frame, state.forces_nc)
         notes.append(f"body force {said}")
     exact = law.Exact(law.Sites(x_gc, frame.positions, frame.cell, kern_in), state, fields.pop("bonds")[::19])
