@@ -276,7 +276,7 @@ class Grid:
     def __eq__(self, other):
         return isinstance(other, Grid) and self.kind == other.kind and _same(self._, other._)
 
-    __hash__ = None
+    __hash__ = None  # type: ignore[assignment]
 
     @property
     def follows_cell(self) -> bool:
@@ -385,7 +385,7 @@ class Grid:
             if p["axis"] is None:
                 origin, edges = place("plane origin", p["origin"] * f) - cell.origin, np.stack([p["u"], p["v"]]) * f
                 edges = _directions("plane edge", edges, flat)
-                name = ("u", "v")
+                name: tuple[str, ...] = ("u", "v")
             else:
                 a = p["axis"]
                 others = [k for k in range(3) if k != a]
@@ -493,7 +493,7 @@ class BoundGrid:
     def __init__(self, kind, cell, dims, *, xyz=None, origin=None, steps=None, counts=None, axis=None, shift=0.5):
         self.kind, self.cell, self.dims, self.axis, self.shift = kind, cell, dims, axis, shift
         self.xyz, self.origin, self.steps = xyz, origin, steps
-        self.counts = None if counts is None else tuple(int(n) for n in counts)
+        self.counts: tuple[int, ...] = () if counts is None else tuple(int(n) for n in counts)
 
     @property
     def is_lattice(self) -> bool:
@@ -578,7 +578,7 @@ class BoundGrid:
             normal = self.cell.inverse[:, a] * self.cell.heights[a]
             # Orthogonal cells: the coordinate itself; else the distance from the cell's lower face.
             zero = self.cell.origin[a] if self.cell.orthogonal and normal[a] > 0 else 0.0
-            centres = zero + (np.arange(self.counts[0]) + 0.5) * self.spacing[0]
+            centres = zero + (np.arange(self.counts[0]) + 0.5) * (self.cell.heights[a] / self.counts[0])
             what = f"{'xyz'[a]}" if zero or self.cell.orthogonal else "distance from the cell's face along its normal"
             return {self.dims[0]: (self.dims, to_user(centres), {**label, "long_name": what})}
         out = {}

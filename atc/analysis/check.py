@@ -72,8 +72,8 @@ def check(
     AtcError for frames without masses or velocities, a potential that does not fit, nothing to look at.
     """
     from .. import read
-    from ..planar import matched
     from ..readers.memory import completed
+    from ..readers.planar import matched
 
     traj, pot = matched(completed(read(traj), pot), pot)
     n_frames = len(traj)

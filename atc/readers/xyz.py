@@ -418,8 +418,6 @@ class ExtendedXyz(LammpsTrajectory):
         names = frame.type_names
         if not names or any(names.get(t) is None for t in np.unique(frame.types).tolist()):
             return None
-        from .ase import need_ase
-
         need_ase(self.source)
         from ase.data import atomic_masses, atomic_numbers
 
@@ -445,11 +443,17 @@ class ExtendedXyz(LammpsTrajectory):
 
 
 def _symbols(numbers, where) -> np.ndarray:
-    from .ase import need_ase
-
     need_ase(where)
     from ase.data import chemical_symbols
 
     if not ((numbers >= 0) & (numbers < len(chemical_symbols))).all():
         raise AtcError(f"{where}: column Z holds {int(numbers.max())}, which is no atomic number")
     return np.array(chemical_symbols)[numbers]
+
+
+def need_ase(path):
+    """An AtcError unless ASE can be imported."""
+    try:
+        import ase.io  # noqa: F401
+    except ImportError:
+        raise AtcError(f"{path}: reading it needs ASE: pip install ase") from None
