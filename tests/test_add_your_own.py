@@ -4,6 +4,9 @@ A pair style and a peridynamic law: test_add_a_law.py; a kernel: kernels/test_fa
 """
 
 import json
+import re
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -170,3 +173,29 @@ def test_a_verb(verb, tmp_path):
     assert done.stdout.strip() == "1", done.output
     gone = run("count", tmp_path / "gone.dump")
     assert gone.exit_code == 2 and gone.stderr.count("\n") == 1 and "gone.dump" in gone.stderr
+
+
+# ---- the texts
+
+ROOT = Path(__file__).parent.parent
+
+
+def test_examples_are_those_of_the_tests():
+    """Line by line: what CONTRIBUTING.md shows is what is tried here and in the other two files."""
+    tests = "\n".join((ROOT / "tests" / f"{name}.py").read_text() for name in ("test_add_a_law", "test_add_your_own"))
+    there = {line.strip() for line in tests.split("\n")}
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "CONTRIBUTING.md").read_text(), re.DOTALL)
+    assert len(blocks) >= 5
+    lines = [line.strip() for b in blocks for line in b.split("\n") if line.strip() not in ("", "...")]
+    assert [x for x in lines if x not in there and not any(t.endswith(x) for t in there)] == []
+
+
+def test_links_lead_somewhere():
+    for page in (ROOT / "CONTRIBUTING.md", ROOT / "docs" / "architecture.md", ROOT / "docs" / "formulas.md"):
+        for link in re.findall(r"\]\(([^)#:]+)\)", page.read_text()):
+            assert (page.parent / link).exists(), f"{page.name}: {link}"
+
+
+def test_the_citation_is_of_this_version():
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text() and version == atc.__version__
