@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from .common import Begin, End, Quiet, SceneFile, Set, Step, console, load_scene
+from .common import Begin, End, Json, Overwrite, Quiet, SceneFile, Set, Step, console, load_scene
 
 
 def register(app: typer.Typer) -> None:
@@ -29,8 +29,8 @@ def register(app: typer.Typer) -> None:
             Path | None,
             typer.Option("--picture", metavar="FILE", help="Draw everything in one picture.", show_default=False),
         ] = None,
-        json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
-        overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
+        json: Json = False,
+        overwrite: Overwrite = False,
         quiet: Quiet = False,
     ) -> None:
         """Phonon dispersion of a crystal: lattice, phonopy, peridynamic models and a trajectory side by side, with
