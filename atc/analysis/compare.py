@@ -47,7 +47,7 @@ class Comparison:
         pointwise) where the output allows
     notes : what could not be compared, and why
     attrs : kernel, radius, method, tolerance, measured error of the output
-    place : atc.pictures.geometry.Layout of the points
+    place : atc.pictures.geometry.Places of the points
     dimension : of the run, 3 or 2
     """
 
