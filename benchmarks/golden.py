@@ -281,6 +281,8 @@ def record(folder: Path, only: str | None) -> int:
     for name, job in jobs().items():
         if only and only not in name:
             continue
+        for old in folder.glob(f"{name}.*"):
+            old.unlink()
         start = time.perf_counter()
         done = run_one(name, job, folder)
         (folder / f"{name}.status").write_text(f"{done.returncode}\n")
