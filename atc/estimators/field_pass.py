@@ -197,20 +197,18 @@ class FieldSums:
 
 
 def _hat(kern, k, vector=False):
-    from ..deposit import fourier
-    from ..kernels import Radial
-
+    """φ̂ for wave numbers along x, or for wave vectors (..., 3)."""
     if not vector:
-        return fourier.phi_hat(kern, np.stack([k, 0 * k, 0 * k], -1))
-    if isinstance(kern, Radial):
+        return kern.hat(np.stack([k, 0 * k, 0 * k], -1))
+    if kern.hat_step is not None:
         # By a table: there are many modes.
         size = np.sqrt((k**2).sum(-1))
-        step = 0.01 / kern.radius
         from scipy.interpolate import CubicSpline
 
+        step = kern.hat_step / kern.radius
         table = np.arange(int(size.max() / step) + 3) * step
-        return CubicSpline(table, fourier.radial_hat(kern, table))(size)
-    return fourier.phi_hat(kern, k)
+        return CubicSpline(table, _hat(kern, table))(size)
+    return kern.hat(k)
 
 
 def open_fields(pot, work, bound, kern, tolerance, threads):
