@@ -248,10 +248,11 @@ def _bond_factors(i, j, r, G, D, v, out):
 def motion(frame, pot, threads: int = 1, deposit=None) -> Motion:
     """One pass over the bonds of a frame: the atoms' rates, and into `deposit` (of 18 bond components) the bonds'
     factors."""
-    if getattr(pot, "fields", ()):
+    fields = getattr(pot, "fields", ())
+    if any(term.slab is not None for term in fields):
         raise AtcError(
-            f"{frame.source}: balance laws with long-range Coulomb (kspace_style) are not computed yet: its share of "
-            "the fluxes is not a sum over bonds"
+            f"{frame.source}: balance laws with kspace_modify slab are not supported: the energy current of its "
+            "correction is not done yet"
         )
     n = len(frame)
     drift = drift_velocity(frame)
@@ -267,7 +268,43 @@ def motion(frame, pot, threads: int = 1, deposit=None) -> Motion:
 
     d = pot.stream(frame, consume, threads=threads, energies=True, forces=True, sources=True)
     slope, rate, flux, torque, stiff = (sum(p[k] for p in parts) for k in range(5))
+    for term in fields:
+        _add_field(term, frame, v_nc, slope, rate, flux, torque, stiff)
     return Motion(frame, drift, v_nc, d.energies_n, d.forces_nc, slope, rate, flux, torque, np.sqrt(stiff), d.notes)
+
+
+def _add_field(term, frame, v_nc, slope, rate, flux, torque, stiff) -> None:
+    """The rates of a field's shares U^(j) = ½ q_j Φ(x_j) + const; it churns nothing: ∇·z = 0."""
+    smooth = term.modes(frame, term.threads)
+    force_nc = smooth.forces_nc()
+    power = np.einsum("nc,nc->n", v_nc, force_nc)
+    share_rate = 0.5 * (frame.charges * smooth.potential_rate_n(v_nc) - power)
+    slope -= force_nc
+    rate += share_rate
+    flux -= share_rate + power
+    torque -= force_nc
+    stiff += (force_nc**2).sum(1)
+
+
+#: What of a field's modes may be left out: far below what stencils tell apart.
+FIELD_TOLERANCE = 1e-11
+
+
+def field_bonds(frame, pot, kern, x_gc, threads: int = 1) -> np.ndarray | float:
+    """(g, 18) what fields add to the bonds' sums of `motion` at points, mode by mode; velocities relative to the
+    drift."""
+    from ..grids import Grid
+    from .field_pass import FieldSums
+
+    terms = getattr(pot, "fields", ())
+    if not terms:
+        return 0.0
+    u = frame.units
+    bound = Grid.points(u.to_user("length", x_gc)).bind(u, frame.cell, frame.positions)
+    sums = FieldSums(terms, ["stress", "power", "sources"], bound, kern, FIELD_TOLERANCE, threads)
+    sums.add(frame, drift_velocity(frame))
+    found = sums.at(np.arange(len(bound)))
+    return np.concatenate([found["stress"], found["power"], found["sources"]], axis=1)
 
 
 # ---- the laws, in closed form
@@ -380,13 +417,13 @@ def deposit_at(x_gc, kern, cell, threads: int):
     return exact_at(x_gc, kern, cell, 14, 18, threads)
 
 
-def deposited(state: Motion, deposit) -> dict[str, np.ndarray]:
+def deposited(state: Motion, deposit, field_g18=0.0) -> dict[str, np.ndarray]:
     """density, momentum, velocity, energy, stress, heat_flux, heat_flux_churning, churning at the deposit's points,
-    relative to the drift."""
+    relative to the drift. field_g18 : of `field_bonds`"""
     frame, v = state.frame, state.v_nc
     m, e = frame.masses[:, None], state.total_n[:, None]
     deposit.add_sites(frame.positions, np.concatenate([m, m * v, m * outer6(v), e, e * v], axis=1))
-    site, bond = deposit.site_sums(), deposit.bond_sums()
+    site, bond = deposit.site_sums(), deposit.bond_sums() + field_g18
     rho, pi, T, eps, J = site[:, 0], site[:, 1:4], full(site[:, 4:10]), site[:, 10], site[:, 11:14]
     S, A, M = full(bond[:, :6]), bond[:, 6:9], bond[:, 9:].reshape(-1, 3, 3)
     v_g = quotient(pi, rho)
@@ -412,7 +449,8 @@ def from_fields(frame, pot, kern_user, x_gc, threads: int) -> dict[str, np.ndarr
     ]
     u = frame.units
     grid = Grid.points(u.to_user("length", x_gc))
-    result = frame_fields(frame, Settings(tuple(names), pot, kern_user, grid, threads=threads, check_points=1))
+    more = {"tolerance": FIELD_TOLERANCE} if getattr(pot, "fields", ()) else {}
+    result = frame_fields(frame, Settings(tuple(names), pot, kern_user, grid, threads=threads, check_points=1, **more))
     if "heat_flux" in names:
         names.append("heat_flux_churning")
     return {n: u.to_internal(QUANTITIES[n].dimension, result.arrays[n]) for n in names}
