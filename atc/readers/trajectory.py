@@ -337,8 +337,8 @@ def decimal_resolution(x, sample: int = 3000) -> tuple[float, str]:
 
     The coarsest power of ten of which all sampled values are multiples (to rounding in the number type they came from),
     if there is one coarser than the spacing of that type; else the spacing itself at the largest value. The number type
-    is float32 if every sampled value survives float32. Fewer than 30 values that are not 0 say nothing: the spacing is
-    reported.
+    is float32 if every sampled value survives float32. Fewer than 30 values that are not 0 say nothing, nor do atoms on
+    the sites of a perfect lattice: the spacing is reported.
     """
     x = np.asarray(x, dtype=np.float64).ravel()
     x = x[:: max(1, len(x) // sample)]
@@ -360,8 +360,21 @@ def decimal_resolution(x, sample: int = 3000) -> tuple[float, str]:
             # Values a unit conversion has touched carry a few roundings of the type they had.
             off = np.abs(x - np.round(x / step) * step)
             if (off <= 4 * np.spacing(np.abs(x).astype(kind)).astype(np.float64)).all():
-                return step, f"decimals ({name})"
+                return (spacing, name) if _on_few_sites(x, step) else (step, f"decimals ({name})")
     return spacing, name
+
+
+def _on_few_sites(x, step) -> bool:
+    """Whether multiples of `step` are so because atoms sit on a lattice: rounding leaves numbers that fill the
+    multiples within their range as evenly as chance does, a lattice repeats few of them, or is as coarse as the step.
+
+    Of N numbers thrown at M multiples, M (1 - exp(-N/M)) differ; a lattice has less than a fifth of it.
+    """
+    multiples = np.round(x / step)
+    m = np.ptp(multiples) + 1
+    if m < 4 * np.cbrt(len(x) / 3):  # atoms closer than four steps: no trajectory is so coarse
+        return True
+    return len(np.unique(multiples)) < 0.2 * m * -np.expm1(-len(x) / m)
 
 
 def text_resolution(tokens) -> tuple[float, str]:

@@ -362,6 +362,12 @@ class ExtendedXyz(LammpsTrajectory):
         if comment.vectors is None:
             if comment.periodic is not None and any(comment.periodic):
                 raise AtcError(f"{where}: pbc says that axes are periodic, but there is no Lattice")
+            if comment.periodic is None and _fills_a_box(np.stack([columns[a] for a in "xyz"], 1)):
+                self._once(
+                    "open",
+                    f"{where}: no Lattice, so it is read as an open cluster, but its atoms fill a box to its corners: "
+                    'if it was periodic, write Lattice="..." into the comment; if not, pbc="F F F"',
+                )
             return Cell(np.zeros((3, 3)), periodic=(False, False, False))
         origin = np.zeros(3) if comment.origin is None else comment.origin
         periodic = comment.periodic or (True, True, True)
@@ -453,3 +459,15 @@ def _symbols(numbers, where) -> np.ndarray:
     if not ((numbers >= 0) & (numbers < len(chemical_symbols))).all():
         raise AtcError(f"{where}: column Z holds {int(numbers.max())}, which is no atomic number")
     return np.array(chemical_symbols)[numbers]
+
+
+def _fills_a_box(x_nc) -> bool:
+    """Whether atoms are as dense in each corner of the box around them as in its middle, as in a periodic cell. Too few
+    to tell (less than four expected in a corner of a quarter of each side), and flat ones, do not."""
+    low, high = x_nc.min(axis=0), x_nc.max(axis=0)
+    if len(x_nc) < 4 * 4**3 or not (np.isfinite(high - low).all() and (high > low).all()):
+        return False
+    s_nc = (x_nc - low) / (high - low)
+    ends_nc = (s_nc <= 0.25) | (s_nc >= 0.75)
+    corner_n = (s_nc[ends_nc.all(axis=1)] > 0.5) @ np.array([1, 2, 4])
+    return bool(np.bincount(corner_n, minlength=8).min() >= 0.5 * len(x_nc) / 4**3)

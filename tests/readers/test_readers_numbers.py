@@ -151,3 +151,13 @@ def test_resolution_of_numbers():
     # nanometres with three decimals that became ångström in float32, as XTC and GRO files do
     assert decimal_resolution(np.round(x / 10, 3).astype(np.float32) * np.float32(10))[0] == pytest.approx(0.01)
     assert decimal_resolution(np.zeros((5, 3)))[0] == 0
+
+
+@pytest.mark.parametrize("spacing", [1.0, 2.0, 1.805, 2.5])
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_a_perfect_lattice_is_not_rounded(spacing, kind):
+    x = (np.indices((8, 8, 8)).reshape(3, -1).T * spacing).astype(kind)
+    got, why = decimal_resolution(x)
+    assert got <= np.spacing(np.float32(x.max())) and "decimals" not in why
+    shaken = np.round(x + np.random.default_rng(1).normal(0, 0.1, x.shape), 2)
+    assert decimal_resolution(shaken)[0] == pytest.approx(0.01)
