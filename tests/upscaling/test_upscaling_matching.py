@@ -359,3 +359,14 @@ def test_lattice_nodes_are_atoms():
         wave_packet(s, 0.3)
     with pytest.raises(AtcError, match="one displacement field"):
         Stencil.of_kernel(fitted("mollified", "silicon")[0], 1.0)
+
+
+def test_a_hexagonal_crystal_says_that_it_has_no_models():
+    from atc.upscaling.crystal import relax
+    from atc.upscaling.dispersion import dispersion
+
+    a, c = 3.75, 3.75 * np.sqrt(8 / 3)
+    cell = np.array([[a, 0, 0], [-0.5 * a, np.sqrt(0.75) * a, 0], [0, 0, c]])
+    hcp = Crystal(cell, np.array([[0, 0, 0], [1 / 3, 2 / 3, 0.5]]) @ cell, 39.948, "metal", name="hcp argon")
+    with pytest.raises(AtcError, match="hcp argon: there are no peridynamic models of this crystal"):
+        dispersion(relax(hcp, argon("argon")), argon("argon"), models=["classical"])
