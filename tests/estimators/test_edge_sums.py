@@ -4,8 +4,18 @@ import numpy as np
 import pytest
 
 from atc.bonds import Bonds
-from atc.estimators.sources import bond_factors
+from atc.estimators.sources import AtomSums, bond_factors
 from atc.estimators.sums import Sums
+
+
+class Atoms:
+    """As much of a frame as sums of atoms ask for."""
+
+    def __init__(self, n):
+        self.velocities = np.zeros((n, 3))
+
+    def __len__(self):
+        return len(self.velocities)
 
 
 def edges(rng, n=7, b=40):
@@ -39,3 +49,17 @@ def test_churning_of_edges_is_what_stress_and_sources_leave(made):
     assert np.abs(sums.churning).max() <= 1e-14 * size
     half = Sums(bond={"moment": sums.bond["moment"], "sources": 0.5 * sums.bond["sources"]})
     assert np.abs(half.churning - 0.5 * expected).max() <= 1e-14 * size
+
+
+def test_sources_of_edges_leave_nothing_of_the_forces(made):
+    """With all of the sources, and the whole force at every atom without any of them."""
+    bonds = made[2]
+    for share in (1.0, 0.0):
+        sums = AtomSums(Atoms(7), 1, residual=True)
+        sums.add(Bonds(bonds.i, bonds.j, bonds.r_bc, bonds.G_b, D_bdc=share * bonds.D_bdc, F_bc=bonds.F_bc), 0)
+        F = np.zeros((7, 3))
+        np.add.at(F, bonds.i, bonds.F_bc)
+        np.add.at(F, bonds.j, -bonds.F_bc)
+        found, size = sums.residual_n4[:, :3], sums.residual_n4[:, 3:]
+        assert (np.abs(found - (1 - share) * F) <= 1e-14 * size).all()
+        assert size.min() > 0
