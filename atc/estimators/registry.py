@@ -519,7 +519,7 @@ _ALL = [
         site=_MEAN,
         bond=("stress", "sources"),
         masked=True,
-        scale=lambda s: _largest(s.bond["stress"]) * _largest(s.velocity),
+        scale=lambda s: _largest(s.potential_stress) * _largest(s.velocity),
         **_flux(
             "churning part of the heat flux",
             lambda s: s.heat_flux_churning,
@@ -562,7 +562,7 @@ _ALL = [
         bond=("stress", "sources"),
         sign=_CHURNING_SIGN,
         linear=True,
-        scale=lambda s: _largest(s.bond["stress"]),
+        scale=lambda s: _largest(s.potential_stress),
         comment="z = S + M: what the potential stress and the energy sources of the bonds leave of each other; has no "
         "divergence and no mean over a periodic "
         "box; 0 for pair potentials and embedded atoms; " + _SHARED,
@@ -589,7 +589,7 @@ _ALL = [
         bond=("stress", "sources"),
         gradient=True,
         **_VELOCITY,
-        scale=lambda s: _largest(s.bond["stress"]) * _largest(s.velocity_gradient),
+        scale=lambda s: _largest(s.potential_stress) * _largest(s.velocity_gradient),
         sign="positive where the churning part of the heat flux diverges: it takes energy away there",
         comment="z : grad v = div(heat_flux_churning), since z has no divergence; " + _SHARED,
     ),

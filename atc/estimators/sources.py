@@ -139,7 +139,7 @@ class AtomSums:
         if self._virial is not None:
             _numba.scatter_virial(bonds.i, bonds.j, bonds.r_bc, bonds.G_b, self._virial[thread])
         if self._residual is not None:
-            _numba.scatter_residual(bonds.i, bonds.j, bonds.r_bc, bonds.G_b, bonds.D_bdc, self._residual[thread])
+            _numba.scatter_residual(bonds.i, bonds.j, bonds.forces(), bonds.D_bdc, self._residual[thread])
         if self._power is not None:
             _numba.add_power(bonds.i, bonds.j, bonds.r_bc, bonds.D_bdc, self.velocities, self._power[thread])
 

@@ -125,7 +125,7 @@ class Sums:
     @cached_property
     def churning(self) -> np.ndarray:
         """(g, 3, 3) z = S + M."""
-        return full(self.bond["stress"]) + self._M
+        return self.potential_stress + self._M
 
     @cached_property
     def velocity_gradient(self) -> np.ndarray:
