@@ -63,7 +63,7 @@ def _kernel(kern) -> list[str]:
 
 def _described(pot) -> str:
     # Remarks name files and lines, which may be others with the same model in them.
-    return "; ".join(t.describe() for t in pot.terms) if hasattr(pot, "terms") else pot.describe()
+    return "; ".join(t.describe() for t in pot.terms) or pot.describe()
 
 
 def _evaluated(request) -> str:

@@ -91,7 +91,7 @@ class Request:
         from .frame import Frame
 
         for name, value, method, hint in (
-            ("pot", self.pot, "stream", "atc.potential('pair_style ...')"),
+            ("pot", self.pot, "check_topology", "atc.potential('pair_style ...')"),
             ("kern", self.kern, "scaled", "atc.kernel('quartic', radius=8.0)"),
             ("grid", self.grid, "bind", "atc.Grid.regular(spacing=2.0)"),
         ):
@@ -192,7 +192,7 @@ class Request:
         if not places:
             return {}
         load = self.load if work.bond or work.reference_bond else Load()
-        pilot = self._pilot if self.may_loosen(work) and hasattr(self.pot, "terms") else None
+        pilot = self._pilot if self.may_loosen(work) and self.pot.terms else None
         together = dict.fromkeys(self.added_up, self.group()) if work is self.work else None
         return choose(
             method,

@@ -142,7 +142,7 @@ def compare_forces(
     rms_F, d = _rms(F), np.linalg.norm(D, axis=1)
     floor = ROUNDING * rms_F + CANCELLATION * 2.0 * sum(sizes) / n
     # The run's own Ewald sum or mesh, as well as it was asked to do.
-    floor = float(np.hypot(floor, sum(t.run.force for t in getattr(pot, "fields", ()) if t.run is not None)))
+    floor = float(np.hypot(floor, sum(t.run.force for t in pot.fields if t.run is not None)))
     rounding = np.sqrt(printed_error(F, frame.units.factor("force")) ** 2 + floor**2)
     moved2, tries, within = np.zeros(n), 0, bool((d <= rounding).all())
     allowed, odd = rounding, np.zeros(n, bool)
@@ -258,9 +258,8 @@ def cutoffs(pot, frame) -> set[float]:
     out = set()
     top = int(frame.types.max(initial=1))
     for term in pot.terms:
-        while hasattr(term, "term"):
-            term = term.term
-        for style in getattr(getattr(term, "_grown", {}).get(top, term), "styles", ()):
+        term = term.inner
+        for style in term.covering(top).styles:
             out.update(float(rc) for rc in np.unique(np.sqrt(np.abs(np.asarray(style.table)[..., 0]))) if rc > 0)
         if term.cutoff > 0:
             out.add(float(term.cutoff))

@@ -143,7 +143,7 @@ def _doubt(frame, pot, energy, virial, dx, threads):
 
 
 def _compare(frame, pot, log, row, number, energy, virial, doubt) -> ThermoCheck:
-    n, dimension = len(frame), getattr(frame, "dimension", 3)
+    n, dimension = len(frame), frame.dimension
     u = frame.units if frame.units.name == log.units.name else log.units
     out = ThermoCheck(number, row.step, log.name, causes=row.causes, energy=energy)
     have, last = row.values, row.digits
@@ -266,7 +266,7 @@ def _compare(frame, pot, log, row, number, energy, virial, doubt) -> ThermoCheck
 
 def _held(frame, pot) -> int:
     """Degrees of freedom that constraints take."""
-    constraints = getattr(pot, "constraints", None)
+    constraints = pot.constraints
     return 0 if constraints is None or frame.masses is None else constraints.taken(pot.complete(frame))
 
 

@@ -231,7 +231,7 @@ class _Law:
     """t → (3,) or (m, 3): numbers, tables of time, and formulas of t and the nodes' reference positions."""
 
     def __init__(self, components, X_nc, complain):
-        from ..config.formulas import Formula
+        from ..config.formula import Formula
 
         self.place = {} if X_nc is None else dict(zip("xyz", X_nc.T, strict=True))
         self.complain = complain

@@ -66,7 +66,7 @@ def _history(variables, free=False):
         if isinstance(v, dict) and "t" in variables:
             return _table(_number, "value")(v)
         if isinstance(v, str) and not (free and v == "free"):
-            from ..config.formulas import Formula
+            from ..config.formula import Formula
 
             Formula(v, variables, ("free",) if free else ())
             return v

@@ -3,7 +3,7 @@ threads."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, field
@@ -13,6 +13,7 @@ import numpy as np
 
 from ..bonds import Bonds
 from ..compiled import njit
+from ..contracts import Interactions
 from ..errors import AtcError
 from ..frame import Frame
 from ..neighbors.cell_list import Workspace
@@ -99,6 +100,29 @@ class Term:
     depth: float = 2.0
     part_name: str = ""
     partitions: Mapping[str, str] = MappingProxyType({})
+    #: the pair styles it sums, if it does
+    styles: Sequence = ()
+    #: how many atoms one of its interactions has
+    bodies: int = 2
+    #: "bond", "angle", "dihedral", "improper": the list of a topology that it acts on, if it does
+    kind: str | None = None
+    #: how far apart atoms of one interaction may be, if not `cutoff`
+    reach: float = 0.0
+    #: weights of pairs that are bonded, see `special_bonds`
+    special = None
+    #: whether it needs the charges of the atoms
+    needs_charges: bool = False
+    #: whether it takes no weights of special_bonds, and none are missed
+    unweighted: bool = False
+
+    @property
+    def inner(self) -> Term:
+        """The term itself, out of those that stand for it."""
+        return self
+
+    def covering(self, top: int) -> Term:
+        """The term that acts in a frame whose types go up to `top`."""
+        return self
 
     def prepare(self, frame: Frame) -> Work:
         """Check the frame (types, charges, topology), and cut its evaluation into tasks."""
@@ -132,6 +156,10 @@ class Wrapper(Term):
     """A term that stands for another one, `term`."""
 
     term: Term
+
+    @property
+    def inner(self) -> Term:
+        return self.term.inner
 
     @property
     def pairwise(self) -> bool:
@@ -173,7 +201,7 @@ class Work:
         raise NotImplementedError
 
 
-class Potential:
+class Potential(Interactions):
     """A sum of terms. Made by `atc.potential`.
 
     Attributes
@@ -196,19 +224,11 @@ class Potential:
     """
 
     unmentioned: tuple[str, ...] = ()
-    text: str | None = None  # the LAMMPS lines it was made from, or
-    file: str | None = None  # the name of the input script
-
-    dimension: int = 3
     dimension_said: bool = False
     masses: Mapping[int, float] = MappingProxyType({})
     data_file = None
     remarks: tuple[str, ...] = ()
-    outside: tuple[str, ...] = ()
     atom_style: str = ""
-    setup = None
-    constraints = None
-    acting = None
 
     def __init__(self, terms, units_: Units | str, description: str = ""):
         self.terms = list(terms)

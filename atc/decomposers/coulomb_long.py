@@ -50,8 +50,7 @@ class CoulombLong(PairStyle):
     def at(self, accuracy: float) -> CoulombLong:
         """The same with another accuracy."""
         new = CoulombLong(self.on, self.split.at(accuracy))
-        if hasattr(self, "own_special"):
-            new.own_special = self.own_special
+        new.own_special = self.own_special
         return new
 
     def prepare(self, frame):

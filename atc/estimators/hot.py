@@ -396,7 +396,7 @@ class HotPoints:
         if (
             self.frame.topology
             or getattr(pot, "constraints", None) is not None
-            or not hasattr(pot, "terms")
+            or not pot.terms
             or not getattr(pot, "central", True)
         ):
             return None

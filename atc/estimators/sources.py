@@ -60,7 +60,7 @@ class AtomFactors:
         return np.ones((len(self.frame), 1))
 
     def _degrees(self):
-        constraints = getattr(self.pot, "constraints", None)
+        constraints = None if self.pot is None else self.pot.constraints
         if constraints is None:
             return self._one()
         return constraints.degrees(self.pot.complete(self.frame))[:, None] / self.frame.dimension

@@ -71,7 +71,7 @@ class _Spot:
 
 def refuse(frame, work, pot) -> None:
     """Raise for what is not computed in tiles."""
-    if not hasattr(pot, "terms") or not getattr(pot, "central", True):
+    if not pot.terms or not getattr(pot, "central", True):
         raise AtcError(
             "tiles: only potentials made of atc's terms are cut into tiles, not the bonds of a body: leave tiles out"
         )

@@ -161,12 +161,7 @@ def anchor_of(request) -> Anchor | None:
     """An anchor at the first frame of a request, with a skin from how far its second frame has moved; None where a list
     is not worth keeping."""
     pot = request.pot
-    if (
-        not request.work.bond_users
-        or request.n_frames < 3
-        or request.tiles is not None
-        or not getattr(pot, "cutoff", 0) > 0
-    ):
+    if not request.work.bond_users or request.n_frames < 3 or request.tiles is not None or not pot.cutoff > 0:
         return None
     try:
         second = request.frames[1]

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..bonds import Bonds
+from ..contracts import Interactions
 from ..errors import AtcError
 from ..frame import Cell, Frame
 from ..units import units as unit_system
@@ -84,7 +85,7 @@ def _place(body, cell, layer):
     return Cell(vectors, origin, periodic), h ** (3 - d) / body.thickness
 
 
-class SnapshotBonds:
+class SnapshotBonds(Interactions):
     """The bonds of one state of a peridynamic body, in the place of a potential. Made by `snapshot`.
 
     Attributes

@@ -68,7 +68,7 @@ def _trajectory(request) -> dict:
 def _potential(pot) -> dict | None:
     if pot is None:
         return None
-    text, file = getattr(pot, "text", None), getattr(pot, "file", None)
+    text, file = pot.text, pot.file
     if file is not None:
         return {"input": file, "units": pot.units.name}
     if text is not None:

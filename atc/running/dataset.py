@@ -13,7 +13,7 @@ from .output import Layout, Variable
 def follows_cell(request: Request) -> bool:
     """Whether the points of the grid move with the cell of each frame."""
     on_grid = [q for q in request.work.quantities if q.kind == "grid" and not q.on_reference]
-    return bool(on_grid) and getattr(request.grid, "follows_cell", False)
+    return bool(on_grid) and request.grid.follows_cell
 
 
 def grid_moves(request: Request) -> bool:
@@ -23,9 +23,8 @@ def grid_moves(request: Request) -> bool:
         return False
     if follows_cell(request):
         return request.frames[1].cell != request.first.cell
-    return getattr(request.grid, "follows_atoms", False) and bool(
-        set(request.work.grid_users) - set(request.work.on_reference)
-    )
+    on_frames = set(request.work.grid_users) - set(request.work.on_reference)
+    return bool(on_frames) and request.grid.follows_atoms
 
 
 def moving_coordinates(bound, u) -> dict:
@@ -200,4 +199,4 @@ def radius_of(kern) -> float:
 
 
 def _grid_name(grid) -> str:
-    return grid.describe() if hasattr(grid, "describe") else repr(grid)
+    return grid.describe()

@@ -115,7 +115,7 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
         _check_free(model, script_run, choice.state, name)
     pot = _assemble(model, name)
     pot.outside, changing = sort_fixes(choice)
-    if script and any(getattr(s, "magnetic", False) for t in pot.terms for s in getattr(t, "styles", ())):
+    if script and any(s.magnetic for t in pot.terms for s in t.styles):
         check_spins_push(choice, name)
     # LAMMPS's default is 3, so a whole script says it in any case.
     pot.dimension, pot.dimension_said = model.dimension or 3, model.dimension is not None or script
@@ -206,8 +206,8 @@ def _timestep(word: str | None, u: Units) -> float | None:
 
 def _needs(pot: Potential, model: _Model, fixes=()) -> frozenset:
     """What the terms need to know of atoms besides their places and types."""
-    styles = [s for t in pot.terms for s in (t, *getattr(t, "styles", ()))]
-    out = {"charges"} if any(getattr(s, "needs_charges", False) for s in styles) else set()
+    styles = [s for t in pot.terms for s in (t, *t.styles)]
+    out = {"charges"} if any(s.needs_charges for s in styles) else set()
     if model.exclusions and (model.exclusions.same or model.exclusions.different):
         out.add("molecules")
     if needs_molecules(fixes):
@@ -648,9 +648,7 @@ class _PairGrow:
     own: tuple = ()
 
     def __call__(self, n_types: int) -> list[PairStyle]:
-        return [
-            b for b in self.build(n_types) if isinstance(b, PairStyle) and getattr(b, "own_special", ()) == self.own
-        ]
+        return [b for b in self.build(n_types) if isinstance(b, PairStyle) and b.own_special == self.own]
 
 
 def _as_list(built) -> list:
@@ -663,9 +661,7 @@ def _pair_terms(build: _PairBuild, special: SpecialBonds) -> list[Term]:
     styles = [b for b in built if isinstance(b, PairStyle)]
     if not build.modify_compute:
         return []
-    terms: list[Term] = [
-        b if getattr(b, "unweighted", False) else _Unweighted(b, special) for b in built if isinstance(b, Term)
-    ]
+    terms: list[Term] = [b if b.unweighted else _Unweighted(b, special) for b in built if isinstance(b, Term)]
     excluded = build.model.exclusions
     if terms and excluded:
         raise AtcError(
@@ -673,8 +669,8 @@ def _pair_terms(build: _PairBuild, special: SpecialBonds) -> list[Term]:
             "neighbours would not be those of the run"
         )
     # Styles with weights of their own (pair_modify special) sweep the list apart from the others.
-    for own in sorted({getattr(s, "own_special", ()) for s in styles}, reverse=True):
-        mine = [s for s in styles if getattr(s, "own_special", ()) == own]
+    for own in sorted({s.own_special for s in styles}, reverse=True):
+        mine = [s for s in styles if s.own_special == own]
         weights = special.with_own(own, build.style.where) if own else special
         terms.insert(0, Pairs(mine, build.n_types, weights, grow=_PairGrow(build, own), exclusions=excluded))
     return terms
