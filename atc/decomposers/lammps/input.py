@@ -421,7 +421,11 @@ def apply_modify(modify: Modify, lines) -> Modify:
                     )
                 modify = replace(modify, special=(*modify.special, (which, *weights)))
                 k += 3
-            elif key in ("table", "table/disp", "tabinner", "tabinner/disp", "tail", "neigh/trim", "compute/tally"):
+            elif key == "table":
+                if not value.isdecimal() or len(value) > 2:
+                    raise AtcError(f"{where}: pair_modify table: expected a number of bits such as 12, got {value}")
+                modify = replace(modify, table=int(value))
+            elif key in ("table/disp", "tabinner", "tabinner/disp", "tail", "neigh/trim", "compute/tally"):
                 # table*: only for long-range Coulomb. tail: constants added to energy and pressure, no forces.
                 if key == "tail" and _yes(value, f"{where}: pair_modify tail"):
                     modify = replace(modify, tail=True)
