@@ -13,6 +13,7 @@ __version__ = "0.6.0"
 _LAZY = {
     "read": "atc.readers",
     "potential": "atc.decomposers",
+    "nep": "atc.decomposers.nep",
     "kernel": "atc.kernels",
     "Grid": "atc.grids",
     "fields": "atc.running.run",

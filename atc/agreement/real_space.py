@@ -65,8 +65,7 @@ class _Bare(CoulombLong):
 
     def __init__(self, style: CoulombLong):
         self.on, self.split, self.table = style.on, style.split, style.table
-        if hasattr(style, "own_special"):
-            self.own_special = style.own_special
+        self.own_special = style.own_special
 
     def add(self, types, i, j, d2, weights, U, G, prepared):
         near = d2 < self.table[types[i], types[j], 0]

@@ -591,11 +591,8 @@ def require(frame, settings, work):
             )
         require_compatible(settings.pot.units, frame.units, "the potential", frame.source)
         require_fields(frame, settings, work)
-        if not settings.central and work.symmetric_users:
-            raise AtcError(
-                f"{', '.join(work.symmetric_users)}: the forces of {settings.pot.describe()} do not act along bonds: "
-                "ask for peridynamic_stress_nodal_virial"
-            )
+        if not settings.central:
+            require_directed(settings.pot, work)
     for users, name, word in ((work.kernel_users, "kern", "kernel"), (work.grid_users, "grid", "grid")):
         if users and getattr(settings, name) is None:
             raise AtcError(f"no {word} was given but {_need(users)} one")
@@ -611,6 +608,22 @@ def require(frame, settings, work):
         raise AtcError(f"no reference frame was given but {_need(work.reference_users)} one: pass reference=")
     if any(q.kind == "box" for q in work.quantities) and not frame.cell.volume > 0:
         raise AtcError(f"{frame.source}: the cell has no volume, so the virial stress of the box is not defined")
+
+
+def require_directed(pot, work):
+    """Raise for what is not known of forces that do not act along their bonds."""
+    if users := work.symmetric_users:
+        raise AtcError(
+            f"{', '.join(users)}: the forces of {pot.describe()} do not act along bonds: ask for "
+            "peridynamic_stress_nodal_virial"
+        )
+    # Forces across the bonds of a rigid body belong to no energy of an atom, those of a body's bonds to none that is
+    # known.
+    if work.source_users and (getattr(pot, "constraints", None) is not None or not hasattr(pot, "terms")):
+        raise AtcError(
+            f"{', '.join(work.source_users)}: the forces of {pot.describe()} do not act along bonds, and which atom's "
+            "energy they belong to is not known: ask for the stress"
+        )
 
 
 def _need(users) -> str:

@@ -846,7 +846,7 @@ class Work:
     @property
     def symmetric_users(self) -> list[str]:
         """Quantities that only know forces along bonds."""
-        return [q.name for q in self.quantities if {"atom_virial"} & {*q.site, *q.whole} or "sources" in q.bond]
+        return [q.name for q in self.quantities if {"atom_virial"} & {*q.site, *q.whole}]
 
     @property
     def masked(self) -> bool:
