@@ -17,6 +17,7 @@ _LAZY = {
     "kernel": "atc.kernels",
     "Grid": "atc.grids",
     "fields": "atc.running.run",
+    "open_dataset": "atc.running.output",
     "compare": "atc.analysis.compare",
     "conductivity": "atc.analysis.green_kubo",
     "heat_currents": "atc.analysis.green_kubo",
@@ -31,6 +32,9 @@ _LAZY = {
     "AtcWarning": "atc.errors",
 }
 
+# What hands out datasets brings `ds.atc` with it, which needs xarray loaded.
+_WITH_ACCESSOR = {"fields", "open_dataset"}
+
 __all__ = [*_LAZY, "__version__"]
 
 
@@ -39,6 +43,8 @@ def __getattr__(name):
         from importlib import import_module
 
         value = getattr(import_module(_LAZY[name]), name)
+        if name in _WITH_ACCESSOR:
+            import_module("atc.analysis.accessor")
         globals()[name] = value
         return value
     raise AttributeError(f"module 'atc' has no attribute {name!r}")

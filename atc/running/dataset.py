@@ -87,6 +87,8 @@ def output_layout(request: Request, frame, result: FrameResult, moves: bool = Fa
         head = {"grid": grid_dims, "box": (), "atom": ("atom",)}[q.kind]
         shape = result.arrays[q.name].shape
         attrs = {"units": u.label(q.dimension), "long_name": q.long_name, "sign_convention": q.sign}
+        if u.dimension == 2:
+            attrs["dimension"] = 2
         comment = [_in_plane(q.comment) if u.dimension == 2 else q.comment] if q.comment else []
         if request.average is not False:
             of = f"<w X>/<w>, w the {_WEIGHTS[q.weight]}" if q.weight else "of the fields of the frames"
