@@ -381,7 +381,7 @@ BAD = {
     "kim": ("kim init SW metal", "line 1: kim: .*archive of KIM"),
     "set": (f"units lj\n{LJ}set type 1 chrage 2", "line 4: set chrage"),
     "exclude": (f"units lj\n{LJ}neigh_modify exclude types 1 1", "line 4.*expected neigh_modify exclude type, group"),
-    "include of a group": (f"units lj\n{LJ}neigh_modify include mobile", "line 4.*group only"),
+    "include": (f"units lj\n{LJ}neigh_modify include", "line 4.*name of a group"),
     "every": (
         f"units lj\n{LJ}run 100 every 10 'pair_coeff 1 1 2 1'",
         "line 4.*'pair_coeff' is executed while LAMMPS runs",

@@ -110,11 +110,11 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
     choice = choose_run(script_run, run, name, trajectory)
     model = _gather(choice.state, name, folder, units_, script)
     if "pair" not in model.styles:
-        sort_fixes(choice)  # a fix may be why there is no pair style
+        sort_fixes(choice, folder)  # a fix may be why there is no pair style
     if script and "pair" not in model.styles and model.restart is None and not any(k in model.styles for k in _BONDED):
         _check_free(model, script_run, choice.state, name)
     pot = _assemble(model, name)
-    pot.outside, changing = sort_fixes(choice)
+    pot.outside, changing = sort_fixes(choice, folder)
     if script and any(s.magnetic for t in pot.terms for s in t.styles):
         check_spins_push(choice, name)
     # LAMMPS's default is 3, so a whole script says it in any case.
