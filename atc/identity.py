@@ -35,6 +35,7 @@ def identity(request) -> dict:
     return {
         "results": RESULTS,
         "quantities": [q.name for q in work.quantities],
+        **({"column units": request.column_units} if request.column_units else {}),
         "trajectory": frame_digest(request.first),
         "potential": f"{_described(request.pot)}; {contents(request.pot)}"
         if work.bond_users and request.pot is not None

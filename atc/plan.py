@@ -85,6 +85,7 @@ class Request:
     forces: str = "warn"
     log: object = None
     agreement: str = ""
+    column_units: dict | None = None
 
     def __post_init__(self):
         from .agreement.forces import MODES
@@ -169,7 +170,12 @@ class Request:
                 if set(self.work.grid_users) - set(self.work.on_reference) or self.reference is None
                 else self.reference
             )
+            from .padding import resolved, warn_of_open_faces
+
+            self.grid = resolved(self.grid, self.kern, where)
             self.grid = self.grid.fixed(where.units, where.cell, where.positions)
+            if self.kern is not None and self.work.kernel_users:
+                warn_of_open_faces(self.grid, self.kernel_internal, where)
         if self.work.bond_users and hasattr(self.pot, "check_topology"):
             self.pot.check_topology(self.first)
         from .choose import require_known

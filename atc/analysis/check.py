@@ -101,7 +101,9 @@ def check(
     notes: list[str] = []
     bound = None
     if grid is not None:
-        bound = grid.bind(frame.units, frame.cell, frame.positions)
+        from ..padding import resolved
+
+        bound = resolved(grid, kern, frame).bind(frame.units, frame.cell, frame.positions)
         if bound.kind == "slab":
             notes.append("a slab profile has no points of its own: random points only")
             bound = None

@@ -129,7 +129,10 @@ class Scene(Document):
         self._check_grid()
         self._check_potential()
         for q in self.get("fields", "quantities", []):
-            self._check_name("fields", "quantities", q, _quantity_names())
+            if q.startswith("column:"):
+                self._check_column(q)
+            else:
+                self._check_name("fields", "quantities", q, _quantity_names())
         name = self.data.get("kernel", {}).get("name")
         if name is not None:
             self._check_name("kernel", "name", name, _kernel_names())
@@ -141,6 +144,14 @@ class Scene(Document):
     def _check_name(self, section, key, word, known):
         if known and word not in known:
             raise self._bad(section, key, f"unknown {word!r}: {guess(word, known)}known: {', '.join(known)}")
+
+    def _check_column(self, name):
+        from ..estimators.columns import split
+
+        try:
+            split(name)
+        except AtcError as e:
+            raise self._bad("fields", "quantities", str(e)) from None
 
     def _check_potential(self):
         if "potential" not in self.data:
@@ -448,7 +459,7 @@ class Scene(Document):
         parallel = jobs > 1 and len(traj) >= jobs
         given = {
             k: self.get("fields", k)
-            for k in ("quantities", "tolerance", "average", "horizon", "tiles")
+            for k in ("quantities", "tolerance", "average", "horizon", "tiles", "column_units")
             if self.get("fields", k) is not None
         }
         pot, kern, grid = self.potential(), self.kernel(), self.grid()

@@ -303,6 +303,10 @@ SCHEMA: dict[str, dict[str, Key]] = {
             _either(_positive, _list_of(_positive)), "the distance between points, greater than 0, e.g. 2.0"
         ),
         "at": Key(_choice(["centers", "corners"]), '"centers" or "corners"'),
+        "padding": Key(
+            _either(_choice(["auto"]), _number),
+            'how far the grid reaches beyond open faces of the cell: a length, or "auto" for the reach of the kernel',
+        ),
         "origin": Key(_VECTOR, "a point, e.g. [0.0, 0.0, 0.0]"),
         "vectors": Key(
             _list_of(_either(_positive, _VECTOR)),
@@ -325,6 +329,10 @@ SCHEMA: dict[str, dict[str, Key]] = {
     "fields": {
         "quantities": Key(
             _either(_list_of(_string), lambda v: [_string(v)]), 'a list of quantities, e.g. ["stress", "density"]'
+        ),
+        "column_units": Key(
+            lambda v: {str(k): _string(u) for k, u in v.items()},
+            'the units of columns of the dump, e.g. { c_pe = "eV" }: for quantities such as column:c_pe',
         ),
         "tolerance": Key(_tolerance, "the error allowed relative to the field's maximum, e.g. 1e-5"),
         "method": Key(_string, 'how to sum, e.g. "auto"'),
@@ -368,10 +376,10 @@ SCHEMA: dict[str, dict[str, Key]] = {
 
 # kind of grid → (keys it needs, alternatives within a tuple; keys it may have)
 GRIDS: dict[str, tuple[list, list]] = {
-    "regular": ([("shape", "spacing")], ["at", "origin", "vectors"]),
-    "plane": ([("axis", "u"), ("shape", "spacing")], ["position", "origin", "v", "at"]),
+    "regular": ([("shape", "spacing")], ["at", "origin", "vectors", "padding"]),
+    "plane": ([("axis", "u"), ("shape", "spacing")], ["position", "origin", "v", "at", "padding"]),
     "line": (["start", "end", "n"], []),
-    "slab": (["axis", "bins"], []),
+    "slab": (["axis", "bins"], ["padding"]),
     "points": (["points"], []),
     "atoms": ([], []),
 }

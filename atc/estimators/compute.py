@@ -11,6 +11,8 @@ import numpy as np
 from ..errors import AtcError
 from ..units import require_compatible
 from .accuracy import Check, checking_kernel, extent_of, kernel_internal, without_nan
+from .columns import is_column
+from .columns import values as column_values
 from .field_pass import add_sums, atom_fields, field_pass, open_fields, require_fields
 from .hot import HotPoints, Strongest, put_right
 from .kinematics import Displacement
@@ -582,7 +584,10 @@ def _reference_gather_pass(frame, settings, work, stage, factors, sums):
 def require(frame, settings, work):
     """Say what is missing before anything is computed."""
     for attribute, users in work.attributes.items():
-        frame.require(attribute, why=", ".join(users))
+        if is_column(attribute):
+            column_values(frame, attribute.removeprefix("column:"), ", ".join(users))
+        else:
+            frame.require(attribute, why=", ".join(users))
     if work.bond_users:
         if settings.pot is None:
             raise AtcError(

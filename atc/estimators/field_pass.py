@@ -148,10 +148,12 @@ class FieldSums:
 
     def _bins(self, F_k, box, which):
         """Means over the cell's cross-section: the modes along its normal alone."""
-        vectors, _, index, *_ = box
+        vectors, origin, index, *_ = box
         a, cell = self.bound.axis, self.bound.cell
         height = abs(np.linalg.det(vectors)) / np.linalg.norm(np.cross(*np.delete(vectors, a, axis=0)))
         z = (np.asarray(which) + 0.5) / self.bound.shape[0] * cell.heights[a]
+        if not cell.periodic[a]:  # padding
+            z += (cell.origin - origin) @ cell.inverse[:, a] * cell.heights[a]
         # A slab's box of modes may be higher than the cell: the mean is over the cell's own cross-section.
         area = abs(np.linalg.det(vectors)) / height / (cell.volume / cell.heights[a])
         n = index[a]

@@ -277,7 +277,7 @@ class _Run:
             fields.add(self.early, sums[0])
             exactly.add(elements(work), sums[1])
             size += sums[1].size / len(self.frames)
-            factors.forget("peculiar", *SITE)
+            factors.forget("peculiar", *SITE, *work.site)
             self.seconds["bonds"] += done - start
             self.seconds["sites"] += perf_counter() - done
         stage.strongest, stage.seeking = None, False

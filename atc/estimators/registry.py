@@ -10,10 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 
 from ..errors import AtcError
+from . import columns
 from .sums import Sums, curl, full
 
 STRESS_SIGN = (
@@ -36,25 +38,41 @@ class Source:
     on_reference: bool = False  # is summed over reference positions, on the grid of the reference frame
 
 
+class _AndColumns(dict):
+    """A table that knows the columns of a trajectory too, beside the names that it is listed by."""
+
+    def __init__(self, known, make):
+        super().__init__(known)
+        self._make = cache(make)
+
+    def __missing__(self, name):
+        if not columns.is_column(name):
+            raise KeyError(name)
+        return self._make(name)
+
+
 # Factors a_j of Σ a_j φ(x − x_j). v is relative to the mass-mean velocity of the frame (see sums.Sums), but for
 # kinetic_energy and energy_current. J of formulas.md §4 is energy_current; for the heat flux it is taken apart into
 # kinetic_flux and potential_flux.
-SITE = {
-    "one": Source(1),
-    "degrees": Source(1),  # of freedom of an atom, over those of a free one
-    "mass": Source(1, ("masses",)),
-    "momentum": Source(3, ("masses", "velocities")),
-    "kinetic": Source(6, ("masses", "velocities")),
-    "kinetic_energy": Source(1, ("masses", "velocities")),
-    "potential_energy": Source(1, bonds=True, energies=True),
-    "atom_virial": Source(6, bonds=True),
-    "kinetic_flux": Source(3, ("masses", "velocities")),
-    "potential_flux": Source(3, ("velocities",), bonds=True, energies=True),
-    "energy_current": Source(3, ("masses", "velocities"), bonds=True, energies=True),
-    "outside_force": Source(3, bonds=True, forces=True),
-    "outside_power": Source(1, ("velocities",), bonds=True, forces=True),
-    "source_residual": Source(4, bonds=True, sources=True),  # the last: the forces it is left over from
-}
+SITE = _AndColumns(
+    {
+        "one": Source(1),
+        "degrees": Source(1),  # of freedom of an atom, over those of a free one
+        "mass": Source(1, ("masses",)),
+        "momentum": Source(3, ("masses", "velocities")),
+        "kinetic": Source(6, ("masses", "velocities")),
+        "kinetic_energy": Source(1, ("masses", "velocities")),
+        "potential_energy": Source(1, bonds=True, energies=True),
+        "atom_virial": Source(6, bonds=True),
+        "kinetic_flux": Source(3, ("masses", "velocities")),
+        "potential_flux": Source(3, ("velocities",), bonds=True, energies=True),
+        "energy_current": Source(3, ("masses", "velocities"), bonds=True, energies=True),
+        "outside_force": Source(3, bonds=True, forces=True),
+        "outside_power": Source(1, ("velocities",), bonds=True, forces=True),
+        "source_residual": Source(4, bonds=True, sources=True),  # the last: the forces it is left over from
+    },
+    columns.source,
+)
 
 # Factors b of Σ b β(x), each bond once.
 BOND = {
@@ -729,7 +747,7 @@ _ALL = [
     *_peridynamic(),
 ]
 
-QUANTITIES: dict[str, Quantity] = {q.name: q for q in _ALL}
+QUANTITIES: dict[str, Quantity] = _AndColumns({q.name: q for q in _ALL}, columns.quantity)
 
 
 def expand(names) -> list[Quantity]:
@@ -738,7 +756,7 @@ def expand(names) -> list[Quantity]:
         names = [names]
     out: dict[str, Quantity] = {}
     for name in names:
-        if name not in QUANTITIES:
+        if name not in QUANTITIES and not columns.is_column(name):
             from difflib import get_close_matches
 
             close = get_close_matches(str(name), QUANTITIES, n=1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import AtcError
+from . import columns
 from .tensors import outer6
 
 
@@ -44,7 +45,9 @@ class AtomFactors:
 
     def __getitem__(self, name: str) -> np.ndarray:
         if name not in self._kept:
-            self._kept[name] = getattr(self, f"_{name}")()
+            self._kept[name] = (
+                columns.factor(self.frame, name) if columns.is_column(name) else getattr(self, f"_{name}")()
+            )
         return self._kept[name]
 
     def forget(self, *names) -> None:
