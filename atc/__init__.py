@@ -18,6 +18,7 @@ _LAZY = {
     "fields": "atc.running.run",
     "compare": "atc.analysis.compare",
     "conductivity": "atc.analysis.green_kubo",
+    "profile": "atc.analysis.interface",
     "heat_currents": "atc.analysis.green_kubo",
     "verify": "atc.agreement.verify",
     "Crystal": "atc.upscaling.crystal",
