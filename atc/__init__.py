@@ -20,6 +20,7 @@ _LAZY = {
     "open_dataset": "atc.running.output",
     "compare": "atc.analysis.compare",
     "conductivity": "atc.analysis.green_kubo",
+    "profile": "atc.analysis.interface",
     "heat_currents": "atc.analysis.green_kubo",
     "verify": "atc.agreement.verify",
     "Crystal": "atc.upscaling.crystal",
