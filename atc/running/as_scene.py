@@ -69,6 +69,9 @@ def _potential(pot) -> dict | None:
     if pot is None:
         return None
     text, file = getattr(pot, "text", None), getattr(pot, "file", None)
+    if (model := getattr(pot, "nep", None)) is not None:
+        name, types = model
+        return {"nep": name} if types is None else {"nep": name, "types": [t or "NULL" for t in types]}
     if file is not None:
         return {"input": file, "units": pot.units.name}
     if text is not None:
