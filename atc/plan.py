@@ -22,6 +22,7 @@ _TERMS = {
     "kinetic_energy": "½ m v²",
     "potential_energy": "U",
     "atom_virial": "½ Σ G r⊗r",
+    "atom_moment": "−½ Σ r⊗F",
     "stress": "G r⊗r",
     "piola": "G R⊗r, between reference positions",
     "moment": "−r⊗F",

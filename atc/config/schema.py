@@ -254,6 +254,8 @@ SCHEMA: dict[str, dict[str, Key]] = {
     "potential": {
         "lammps": Key(_string, "LAMMPS lines, e.g. '''pair_style sw\\npair_coeff * * Si.sw Si'''"),
         "input": Key(_string, 'the name of a LAMMPS input script, e.g. "in.run"', path=True),
+        "nep": Key(_string, 'the file of a neuroevolution potential, e.g. "nep.txt"', path=True),
+        "types": Key(_list_of(_string), 'the element of each atom type in the potential\'s names, e.g. ["Te", "Pb"]'),
         "units": Key(_choice(_unit_names), 'a unit style, e.g. "metal"'),
         "run": Key(_count, "the number of the script's run that the frames belong to, counted from 1, e.g. 2"),
         "partition": Key(

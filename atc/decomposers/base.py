@@ -97,6 +97,8 @@ class Term:
     field: bool = False
     #: whether its forces act along bonds; if not, its bonds have `Bonds.F_bc`
     central: bool = True
+    #: whether every bond's force is what its own sources leave, F = D0 − D1
+    edges: bool = False
     #: In cutoffs, how far away an atom may be and still change a bond of an atom, if the term is not pairwise.
     depth: float = 2.0
     part_name: str = ""
@@ -165,6 +167,10 @@ class Wrapper(Term):
     @property
     def central(self) -> bool:
         return self.term.central
+
+    @property
+    def edges(self) -> bool:
+        return self.term.edges
 
     @property
     def pairwise(self) -> bool:
@@ -246,8 +252,14 @@ class Potential(Interactions):
 
     @property
     def pairwise(self) -> bool:
-        """Whether every term is one of pairs, each half to each end: there is no churning then."""
+        """Whether every term is one of pairs, each half to each end."""
         return all(t.pairwise for t in self.terms)
+
+    @property
+    def churnless(self) -> bool:
+        """Whether all sources of every bond are its force, F = D0 − D1, as with pairs, and with edges of atoms'
+        energies: the stress is −M then, and there is no churning."""
+        return all(t.pairwise or t.edges for t in self.terms)
 
     @property
     def cutoff(self) -> float:

@@ -53,7 +53,7 @@ class NEP(Term):
     Fan, Wang, Ying et al., J. Chem. Phys. 157, 114801 (2022); Song, Zhao, Liu et al., Nat. Commun. 15, 10208 (2024).
     """
 
-    central = False
+    central, edges = False, True
 
     def __init__(self, file: NEPFile, elements=None, name: str = "nep.txt"):
         self.file, self.name = file, name
@@ -236,4 +236,7 @@ def nep(path, types=None) -> Potential:
     """
     from pathlib import Path
 
-    return Potential([NEP(read_nep(path), types, Path(path).name)], "metal")
+    term = NEP(read_nep(path), types, Path(path).name)
+    pot = Potential([term], "metal")
+    pot.nep = term.name, term.elements
+    return pot

@@ -21,7 +21,7 @@ from .peridynamic import horizon_of, node_volumes, weighted_virials
 from .registry import BOND, GATHER, SITE, Work
 from .shifts import local_shifts
 from .sources import AtomFactors, AtomSums, ReferenceBonds, bond_factors, drift_velocity, piola_factor
-from .sums import Sums, full
+from .sums import Sums, churn_nothing
 from .target import Target
 
 
@@ -244,12 +244,9 @@ class _FrameJob:
                     self.run_tiles,
                 )
             self._add_fields(fresh)
-            if getattr(self.settings.pot, "pairwise", False):
-                # Pairs churn nothing: z = S + M is 0 for them identically, not only as far as two approximate sums
-                # cancel.
+            if getattr(self.settings.pot, "churnless", False):
                 for s in fresh:
-                    if {"stress", "sources"} <= s.bond.keys():
-                        s.bond["sources"] = -full(s.bond["stress"]).reshape(-1, 9)
+                    churn_nothing(s.bond)
             self.hot = None
             if watch:
                 self._add_hot()
@@ -312,8 +309,8 @@ class _FrameJob:
         sums.bond.update(_columns(work.bond, BOND, hot.bond_sums(work.bond, self.drift)))
         if self.fields is not None:
             add_sums(sums, self.fields.at(hot.which))
-        if getattr(self.settings.pot, "pairwise", False) and {"stress", "sources"} <= sums.bond.keys():
-            sums.bond["sources"] = -full(sums.bond["stress"]).reshape(-1, 9)
+        if getattr(self.settings.pot, "churnless", False):
+            churn_nothing(sums.bond)
         if work.site:
             add_sites(frame, work, [(hot.check.target, sums)], self.factors)
         self.hot, self.hot_sums = hot, sums
@@ -439,7 +436,7 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums, kept=None
         virial=work.atom_virial,
         residual="source_residual" in work.site,
         power="box_power" in work.whole,
-        moment=bool({"atom_moment", "reference_atom_moment"} & {*work.whole}),
+        moment=work.atom_moment,
         reference_moment="reference_atom_moment" in work.whole,
     )
     weighted = weighted_virials(frame, settings, work, stage, reference) if work.horizon_users else None
@@ -509,6 +506,7 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums, kept=None
     factors.inner_nc = decomposition.forces_nc
     factors.forget(
         "atom_virial",
+        "atom_moment",
         "source_residual",
         "potential_energy",
         "potential_flux",
@@ -517,6 +515,7 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums, kept=None
         "outside_power",
     )
     factors.atom_virial_n6, factors.residual_n4 = atoms.virial_n6, atoms.residual_n4
+    factors.atom_moment_n9 = atoms.moment_n9
     return decomposition, atoms
 
 
@@ -617,7 +616,7 @@ def require(frame, settings, work):
 
 def require_directed(pot, work):
     """Raise for what is not known of forces that do not act along their bonds."""
-    if users := work.symmetric_users:
+    if (users := work.symmetric_users) and not (getattr(pot, "churnless", False) and not pot.fields):
         raise AtcError(
             f"{', '.join(users)}: the forces of {pot.describe()} do not act along bonds: ask for "
             "peridynamic_stress_nodal_virial"

@@ -64,6 +64,7 @@ SITE = _AndColumns(
         "kinetic_energy": Source(1, ("masses", "velocities")),
         "potential_energy": Source(1, bonds=True, energies=True),
         "atom_virial": Source(6, bonds=True),
+        "atom_moment": Source(9, bonds=True),  # the same of forces that do not act along bonds
         "kinetic_flux": Source(3, ("masses", "velocities")),
         "potential_flux": Source(3, ("velocities",), bonds=True, energies=True),
         "energy_current": Source(3, ("masses", "velocities"), bonds=True, energies=True),
@@ -184,6 +185,11 @@ _CHURNING_SIGN = (
 )
 _THERMAL = (*_MEAN, "kinetic", "kinetic_flux", "potential_energy", "potential_flux")
 _GRADIENT_SIGN = "component [i, j]: i the direction of the derivative, j the component of the vector"
+
+
+def _atom_virial(sums) -> np.ndarray:
+    """(…, 3, 3) from six components, or nine where forces do not act along bonds."""
+    return full(sums["atom_virial"]) if "atom_virial" in sums else sums["atom_moment"].reshape(-1, 3, 3)
 
 
 def _largest(a) -> float:
@@ -417,7 +423,7 @@ _ALL = [
         "virial_stress_per_atom_potential",
         "pressure_volume",
         "potential part of the per-atom virial",
-        lambda s: full(s.whole["atom_virial"]),
+        lambda s: _atom_virial(s.whole),
         rank=2,
         kind="atom",
         whole=("atom_virial",),
@@ -428,7 +434,7 @@ _ALL = [
         "virial_stress_per_atom",
         "pressure_volume",
         "per-atom virial",
-        lambda s: full(s.whole["atom_virial"] - s.whole["atom_kinetic"]),
+        lambda s: _atom_virial(s.whole) - full(s.whole["atom_kinetic"]),
         rank=2,
         kind="atom",
         whole=("atom_kinetic", "atom_virial"),
@@ -450,7 +456,7 @@ _ALL = [
         "smoothed_virial_stress_potential",
         "pressure",
         "potential part of the per-atom virial smoothed with the kernel",
-        lambda s: full(s.site["atom_virial"]),
+        lambda s: _atom_virial(s.site),
         rank=2,
         site=("atom_virial",),
         sign=STRESS_SIGN,
@@ -460,7 +466,7 @@ _ALL = [
         "smoothed_virial_stress",
         "pressure",
         "per-atom virial smoothed with the kernel",
-        lambda s: full(s.site["atom_virial"] - s.site["kinetic"]),
+        lambda s: _atom_virial(s.site) - full(s.site["kinetic"]),
         rank=2,
         site=("kinetic", "atom_virial"),
         parts=("smoothed_virial_stress_kinetic", "smoothed_virial_stress_potential"),
@@ -809,6 +815,9 @@ class Work:
                         users.append(q.name)
         if not central:
             work.bond = ["moment" if name == "stress" else name for name in work.bond]
+            work.site, work.whole = (
+                ["atom_moment" if name == "atom_virial" else name for name in sums] for sums in (work.site, work.whole)
+            )
         return work
 
     def _any(self, what):
@@ -869,6 +878,10 @@ class Work:
     @property
     def masked(self) -> bool:
         return any(q.masked for q in self.quantities)
+
+    @property
+    def atom_moment(self) -> bool:
+        return "atom_moment" in self.site or bool({"atom_moment", "reference_atom_moment"} & {*self.whole})
 
     @property
     def atom_virial(self) -> bool:

@@ -29,6 +29,7 @@ class AtomFactors:
     # Set once the bonds have gone by.
     energies_n: np.ndarray | None = None
     atom_virial_n6: np.ndarray | None = None
+    atom_moment_n9: np.ndarray | None = None  # in its place where forces do not act along bonds
     residual_n4: np.ndarray | None = None
     inner_nc: np.ndarray | None = None  # forces between atoms
 
@@ -85,6 +86,9 @@ class AtomFactors:
 
     def _atom_virial(self):
         return self.atom_virial_n6
+
+    def _atom_moment(self):
+        return self.atom_moment_n9
 
     def _kinetic_flux(self):
         v = self.peculiar_nc

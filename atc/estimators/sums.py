@@ -157,6 +157,16 @@ class Sums:
         return out
 
 
+def churn_nothing(bond: dict) -> None:
+    """z = S + M is 0 identically for pairs and for edges of atoms' energies, not only as far as two approximate sums
+    cancel: make M = −S."""
+    if "sources" in bond:
+        if "moment" in bond:
+            bond["sources"] = -bond["moment"]
+        elif "stress" in bond:
+            bond["sources"] = -full(bond["stress"]).reshape(-1, 9)
+
+
 def curl(gradient_gcc) -> np.ndarray:
     """(g, 3) ε_ijk ∂_j v_k from [j, k] = ∂_j v_k."""
     L = gradient_gcc

@@ -70,6 +70,9 @@ def _potential(pot) -> dict | None:
     if pot is None:
         return None
     text, file = pot.text, pot.file
+    if pot.nep is not None:
+        name, types = pot.nep
+        return {"nep": name} if types is None else {"nep": name, "types": [t or "NULL" for t in types]}
     if file is not None:
         return {"input": file, "units": pot.units.name}
     if text is not None:
