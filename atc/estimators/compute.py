@@ -616,14 +616,14 @@ def require(frame, settings, work):
 
 def require_directed(pot, work):
     """Raise for what is not known of forces that do not act along their bonds."""
-    if (users := work.symmetric_users) and not (getattr(pot, "churnless", False) and not pot.fields):
+    if (users := work.symmetric_users) and not (pot.churnless and not pot.fields):
         raise AtcError(
             f"{', '.join(users)}: the forces of {pot.describe()} do not act along bonds: ask for "
             "peridynamic_stress_nodal_virial"
         )
     # Forces across the bonds of a rigid body belong to no energy of an atom, those of a body's bonds to none that is
     # known.
-    if work.source_users and (getattr(pot, "constraints", None) is not None or not hasattr(pot, "terms")):
+    if work.source_users and (pot.constraints is not None or not pot.terms):
         raise AtcError(
             f"{', '.join(work.source_users)}: the forces of {pot.describe()} do not act along bonds, and which atom's "
             "energy they belong to is not known: ask for the stress"
