@@ -38,6 +38,11 @@ class Exclusions:
     def __bool__(self):
         return bool(self.types or self.pairs or self.same or self.different or self.only)
 
+    @property
+    def keyword(self) -> str:
+        """Of ``neigh_modify``, for messages."""
+        return "exclude" if self.types or self.pairs or self.same or self.different else "include"
+
     def prepare(self, frame) -> _Excluded:
         """Ready for one frame. AtcError where its groups or molecules are not known."""
         n = len(frame)

@@ -530,7 +530,8 @@ def _long_range(model: _Model, terms, name: str) -> list[Term]:
     found = kspace_term(kspace, terms, model.units, pair.where if pair else name)
     if found and model.exclusions:
         raise AtcError(
-            f"{model.exclusions.where}: neigh_modify exclude is not supported with long-range Coulomb: LAMMPS leaves "
+            f"{model.exclusions.where}: neigh_modify {model.exclusions.keyword} is not supported with long-range "
+            "Coulomb: LAMMPS leaves "
             "out the near part of such pairs only, "
             "which depends on its own alpha"
         )
@@ -669,8 +670,8 @@ def _pair_terms(build: _PairBuild, special: SpecialBonds) -> list[Term]:
     excluded = build.model.exclusions
     if terms and excluded:
         raise AtcError(
-            f"{excluded.where}: neigh_modify exclude is not supported with pair_style {build.style.name}: its "
-            "neighbours would not be those of the run"
+            f"{excluded.where}: neigh_modify {excluded.keyword} is not supported with pair_style "
+            f"{build.style.name}: its neighbours would not be those of the run"
         )
     # Styles with weights of their own (pair_modify special) sweep the list apart from the others.
     for own in sorted({s.own_special for s in styles}, reverse=True):
