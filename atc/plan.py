@@ -546,7 +546,7 @@ def _passes(work: Work, request: Request) -> list[str]:
             f"{'; '.join(made)}"
         )
     if work.summed_site:
-        terms, components = ", ".join(_TERMS[s] for s in work.site), work.n_site
+        terms, components = ", ".join(_TERMS.get(s) or s.removeprefix("column:") for s in work.site), work.n_site
         out.append(f"one pass over the atoms: Σ a φ for a = {terms}: {components} component{'s' * (components != 1)}")
     for key, gather, where in (
         ("gather", work.gather, ""),

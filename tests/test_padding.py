@@ -132,3 +132,27 @@ def test_padding_is_not_added_where_no_atom_is_near():
 
     assert resolved(Grid.slab("x", 4, padding="auto"), KERNEL, frame)._["padding"] == KERNEL.support
     assert resolved(Grid.slab("x", 4, padding="auto"), KERNEL, frame.replace(cell=wide))._["padding"] == 0.0
+
+
+def test_fields_of_a_peridynamic_case(tmp_path, monkeypatch):
+    """A body of 125 nodes of mass 1 in a cell that ends a horizon away from them, under a kernel twice as wide."""
+    from typer.testing import CliRunner
+
+    from atc.cli import app
+    from atc.running.output import load
+
+    monkeypatch.chdir(tmp_path)
+    case = (
+        '[body]\nregion = { shape = "box", lo = [0, 0, 0], hi = [4, 4, 4] }\nspacing = 1.0\nhorizon = 2.01\n'
+        'density = 1.0\n[material]\nmodel = "pmb"\nbulk = 1.0\n[run]\nsteps = 1\n[output]\nevery = 1\n'
+        '[kernel]\nname = "quartic"\nradius = 4.0\n[fields]\nquantities = ["density"]\n'
+        '[grid]\nkind = "regular"\nspacing = 0.5\n'
+    )
+    for padding, whole in (("", False), ('padding = "auto"\n', True), ("padding = 4.0\n", True)):
+        (tmp_path / "case.toml").write_text(case + padding)
+        result = CliRunner().invoke(app, ["pd", "case.toml", "-o", "pd.zarr", "--overwrite"])
+        assert result.exit_code == 0 and ("of the mass beyond them" in result.stderr) == (not whole), result.stderr
+        ds = load(tmp_path / "pd-fields.zarr")
+        steps = np.prod([float(ds[a][1] - ds[a][0]) for a in "xyz"])
+        mass = float(ds.density[-1].sum()) * steps
+        assert mass == pytest.approx(125.0, rel=1e-3) if whole else mass < 117.0

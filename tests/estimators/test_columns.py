@@ -159,6 +159,7 @@ def test_scene_to_file(tmp_path):
         'quantities = ["column:c_pe", "column:c_st[1]"]\n'
         'column_units = { c_pe = "eV", "c_st[1]" = "bar*angstrom^3" }\n'
     )
+    assert "c_pe" in str(Scene.load(tmp_path / "scene.toml").plan())
     for name in ("out.zarr", "out.nc"):
         scene = Scene.load(tmp_path / "scene.toml")
         scene.write(tmp_path / name)

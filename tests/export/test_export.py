@@ -160,6 +160,20 @@ def test_points_and_atoms(tmp_path):
     assert np.array_equal(mesh.point_data["stress_potential"].reshape(2, 3, 3), points.stress_potential[0])
 
 
+def test_columns_of_the_dump(tmp_path):
+    import ase.io
+
+    frame = argon()
+    frame = frame.replace(extra={"c_pe": np.linspace(-1, 1, len(frame))})
+    name = "column:c_pe:mean"
+    ds = atc.fields([frame], None, atc.kernel("quartic", 6.0), atc.Grid.atoms(), [name], column_units={"c_pe": "eV"})
+    export(ds, tmp_path / "out.extxyz")
+    atoms = ase.io.read(tmp_path / "out.extxyz")
+    assert (
+        np.array_equal(atoms.arrays["column_c_pe_mean"], ds[name][0]) and "column_c_pe_mean=eV" in atoms.info["Units"]
+    )
+
+
 def test_messages(tmp_path):
     ds = fields(atc.Grid.regular(shape=(2, 2, 2)), frames=1)
     for target, options, words in (
