@@ -211,8 +211,8 @@ def test_missing_parts_are_named():
     pot, kern = atc.potential(NOTHING, units="lj"), atc.kernel("quartic", 1.5)
     with pytest.raises(atc.AtcError, match="slab grid"):
         atc.profile(frames, pot, kern, atc.Grid.regular(shape=3))
-    with pytest.raises(atc.AtcError, match="needs pot"):
-        atc.profile(frames, None, kern, atc.Grid.slab("z", 4))
+    with pytest.raises(atc.AtcError, match="needs kern"):
+        atc.profile(frames, pot, None, atc.Grid.slab("z", 4))
     data = {"trajectory": {"file": str(FILM.parent / "argon_slab.dump.gz")}}
     with pytest.raises(atc.AtcError, match="slab"):
         profile_of_scene(Scene.load(data))
