@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from lammps_oracle import lammps_session
+from lammps_runs import water
 from typer.testing import CliRunner
 
 import atc
@@ -216,3 +218,60 @@ def test_missing_parts_are_named():
     data = {"trajectory": {"file": str(FILM.parent / "argon_slab.dump.gz")}}
     with pytest.raises(atc.AtcError, match="slab"):
         profile_of_scene(Scene.load(data))
+
+
+# ---- water
+
+
+MODEL = """units real
+atom_style full
+pair_style lj/cut/coul/long 4.9
+pair_modify table 0
+kspace_style ewald 1e-9
+bond_style harmonic
+angle_style harmonic
+read_data w.data
+pair_coeff 1 1 0.155 3.166
+pair_coeff 1 2 0.0 1.0
+pair_coeff 2 2 0.0 1.0
+bond_coeff 1 450.0 0.9572
+angle_coeff 1 55.0 104.52
+"""
+COLUMNS = "id mol type q x y z vx vy vz fx fy fz"
+
+
+@pytest.mark.filterwarnings("ignore::atc.AtcWarning")
+def test_tension_of_shaken_water_with_ewald_sums(tmp_path):
+    """A film in vacuum: p_N − p_T of pairs, the long-range field (in the vacuum, too) and constraints, against LAMMPS's
+    pressure tensor."""
+    data, dump = tmp_path / "w.data", tmp_path / "run.dump"
+    water(n=3).write_data(data)
+    model = MODEL.replace("w.data", str(data))
+    grow = ["minimize 0 1e-4 60 100", "change_box all z scale 2.5", f"write_data {data} nocoeff"]
+    with lammps_session() as lmp:
+        for line in [*model.splitlines(), *grow]:
+            lmp.command(line)
+    script = (
+        f"{model}timestep 1.0\nfix n all nve\nfix h all shake 1e-10 200 0 b 1 a 1\n"
+        f"dump d all custom 20 {dump} {COLUMNS}\ndump_modify d sort id format float %.17g units yes time yes\nrun 20\n"
+    )
+    (tmp_path / "in.run").write_text(script)
+    with lammps_session() as lmp:
+        for line in script.splitlines():
+            lmp.command(line)
+        p = {c: lmp.get_thermo(f"p{c}{c}") for c in "xyz"}
+        height = lmp.get_thermo("lz")
+    pot, frame = atc.potential(tmp_path / "in.run"), atc.read(dump, units="real")[-1]
+    mine = atc.profile(frame, pot, atc.kernel("quartic", 4.0), atc.Grid.slab("z", 100), tolerance=1e-6)
+    # LAMMPS takes velocities as they are, the box relative to its drift.
+    done = pot.complete(frame)
+    m, v = done.masses, done.masses @ done.velocities / done.masses.sum()
+    drift = frame.units.to_user("pressure", m.sum() * (v[2] ** 2 - 0.5 * (v[0] ** 2 + v[1] ** 2)) / frame.cell.volume)
+    lammps = 0.5 * height * (p["z"] - 0.5 * (p["x"] + p["y"]) - drift)
+    size = 0.5 * height * np.abs(list(p.values())).max()
+    # LAMMPS's erfc is good to 1.5e-7, its sum over modes to 1e-9: of terms tens of times larger
+    assert mine["surface_tension_box"].value == pytest.approx(lammps, abs=1e-5 * size)
+    assert mine["surface_tension"].value == pytest.approx(lammps, abs=1e-5 * size)
+    charge = mine["charge_density"].values
+    # the sum over bins for the integral of the kernel
+    assert abs(charge.sum()) < 1e-5 * abs(charge).sum() and mine["potential"].units == "V"
