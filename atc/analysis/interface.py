@@ -113,6 +113,10 @@ def profile_of_scene(
 ) -> Profile:
     """`profile` of a scene. `axis` and `bins` make the slab grid where the scene has another or none; notes are not
     warned of."""
+    if axis not in (None, "x", "y", "z"):
+        raise AtcError(f"--axis {axis}: expected x, y or z, the edge of the cell that leaves the interface")
+    if bins is not None and bins < 1:
+        raise AtcError(f"--bins {bins}: expected a whole number of at least 1, e.g. 200")
     if axis is not None or bins is not None:
         own = scene.data.get("grid", {})
         own = own if own.get("kind") == "slab" else {}

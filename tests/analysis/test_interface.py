@@ -89,8 +89,8 @@ def test_wrong_potential_breaks_the_balance():
 # ---- ideal gases
 
 
-def gas(rng, frames, cell, flow=0.0, two=False):
-    """Frames of few atoms that do not see each other, of which each has its own drift."""
+def gas(rng, frames, cell, flow=0.0, two=False, breathes=False):
+    """Frames of few atoms that do not see each other, of which each has its own drift; the cell may change."""
     out, u = [], units("lj")
     for k in range(frames):
         s = rng.random((30, 3))
@@ -99,8 +99,9 @@ def gas(rng, frames, cell, flow=0.0, two=False):
         if two:
             s[:, 2] = 0.5
             v[:, 2] = 0.0
+        edges = cell * (1.0 + 0.05 * k * breathes)
         frame = Frame(
-            positions=s @ cell, types=np.ones(30, int), cell=Cell(cell), units=u, masses=rng.uniform(1, 2, 30),
+            positions=s @ edges, types=np.ones(30, int), cell=Cell(edges), units=u, masses=rng.uniform(1, 2, 30),
             velocities=v, step=k,
         )  # fmt: skip
         out.append(planar(frame) if two else frame)
@@ -109,7 +110,7 @@ def gas(rng, frames, cell, flow=0.0, two=False):
 
 def naive(frames, kern, bins, axis, dim, flow):
     """p_N, p_T (z) by the sum over atoms, velocities relative to the drift of the profile, and the mean flow."""
-    sums = []
+    sums, cells = [], [f.cell.vectors for f in frames]
     for f in frames:
         c = f.cell.vectors
         n = np.linalg.cross(*(c[k] for k in range(3) if k != axis))
@@ -132,7 +133,8 @@ def naive(frames, kern, bins, axis, dim, flow):
         rel = v[None] - (V[:, None] if flow else 0.0)
         p = np.einsum("zn,n,znc,znd->zcd", w, m, rel, rel)
         pn = np.einsum("c,zcd,d->z", n, p, n)
-        out.append((pn, (np.trace(p, axis1=1, axis2=2) - pn) / (dim - 1)))
+        pt = (np.trace(p, axis1=1, axis2=2) - pn) / (dim - 1)
+        out.append((pn, pt, (pn - pt) * abs(n @ cells[len(out)][axis]) / bins))
     return np.mean(out, axis=0)
 
 
@@ -143,13 +145,14 @@ def test_gas_against_the_naive_sum(axis, two, flow):
     cell = np.array([[9.0, 0, 0], [2.0, 8.0, 0], [1.0, -1.5, 12.0]])
     if two:
         cell[2] = 0, 0, 1
-    frames = gas(np.random.default_rng(5), 3, cell, flow=3.0, two=two)
+    frames = gas(np.random.default_rng(5), 3, cell, flow=3.0, two=two, breathes=not two)
     kern, grid = atc.kernel("quartic", 1.5), atc.Grid.slab("xyz"[axis], 10)
     pot = atc.potential(NOTHING + ("\ndimension 2" if two else ""), units="lj")
     mine = atc.profile(frames, pot, kern, grid, flow=flow, tolerance=1e-12)
-    pn, pt = naive(frames, kern.in_dimension(2 if two else 3), 10, axis, 2 if two else 3, flow)
+    pn, pt, tension = naive(frames, kern.in_dimension(2 if two else 3), 10, axis, 2 if two else 3, flow)
     np.testing.assert_allclose(mine["pressure_normal"].values, pn, rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose(mine["pressure_tangential"].values, pt, rtol=1e-10, atol=1e-12)
+    assert mine["surface_tension"].value == pytest.approx(tension.sum() / 2, rel=1e-9)
 
 
 def test_flow_is_said():
@@ -198,8 +201,8 @@ def test_command(tmp_path):
         (("--interfaces", 0), "interfaces=0: expected a whole number of at least 1"),
         (("--set", 'grid.kind="regular"'), "grid"),
         (("--json", "--csv"), "not both"),
-        (("--axis", "w"), "axis"),
-        (("--bins", 0), "bins"),
+        (("--axis", "w"), "--axis w: expected x, y or z"),
+        (("--bins", 0), "--bins 0: expected"),
     ],
 )
 def test_refusals(words, why):
