@@ -1,4 +1,5 @@
-"""Pressure across a planar interface and its surface tension, by the mechanical route and from the box.
+"""Pressure across a planar interface and its surface tension, by the mechanical route and from the box; with the
+profiles of `species_profile` beside.
 
 With n the normal, p = −σ: p_N(z) = n·p·n, p_T(z) = (tr p − p_N)/(d − 1), and γ = ∫ (p_N − p_T) dz over the cell, shared
 among the interfaces in it (Kirkwood & Buff, J. Chem. Phys. 17, 338 (1949)). Hardy's stress averaged over cross-sections
@@ -35,6 +36,7 @@ def profile(
     *,
     interfaces: int = 2,
     flow: bool = False,
+    boundary: str = "auto",
     tolerance: float = 1e-5,
     method: str = "auto",
     threads: int | None = None,
@@ -43,12 +45,13 @@ def profile(
     log=None,
     progress=None,
 ) -> Profile:
-    """Pressure normal and tangential to a planar interface, and surface tension, with error bars.
+    """Pressure normal and tangential to a planar interface, and surface tension, with error bars; density and velocity
+    by species, charge density, electric field and potential.
 
     Parameters
     ----------
     traj : trajectory from `atc.read`, list of Frames, or what `atc.read` takes
-    pot : potential from `atc.potential`
+    pot : potential from `atc.potential`; None: no pressure, only what needs no forces
     kern : kernel from `atc.kernel`
     grid : `atc.Grid.slab(axis, bins)`: the normal is that of the cell's faces that `axis` leaves
     interfaces : int
@@ -58,6 +61,9 @@ def profile(
         Whether kinetic pressure is relative to the mean velocity profile of all frames (a run that flows) instead of
         the mean velocity of each frame. Never relative to the velocity field of each frame: in a vapour, where that is
         made by few atoms, it would take a part of the pressure away.
+    boundary : "periodic", "vacuum" or "auto"
+        Of the electric field: no mean field in the cell (Ewald sums with a conductor around), or no field below the
+        lower face. "auto": vacuum where the cell is open along the normal or the run has `kspace_modify slab`.
     tolerance, method, threads, workers, forces, log, progress : see `atc.fields`
 
     Returns
@@ -67,12 +73,14 @@ def profile(
     (mN/m; 3-D runs with real units), surface_tension_box, surface_tension_difference (profile − box, with the error of
     the difference frame by frame), pressure_normal_mean, normal_deviation (rms over z of p_N − mean in its own standard
     errors; about 1 for a constant), normal_deviation_largest, moment_below and moment_above (∫ |ζ| (p_N − p_T) dζ, ζ
-    from the centre of mass). Pressures are positive in compression.
+    from the centre of mass). Pressures are positive in compression. Of each species number_density_S and, with
+    velocities, velocity_x_S, ... (<n v>/<n>); with charges charge_density, electric_field (along the normal) and
+    potential (V; 0 at the lower face).
 
     Raises
     ------
     AtcError
-        when a potential, a kernel or the slab grid is missing, or `atc.fields` refuses.
+        when a kernel or the slab grid is missing, or `atc.fields` refuses.
 
     Notes
     -----
@@ -86,6 +94,7 @@ def profile(
         grid,
         interfaces,
         flow,
+        boundary,
         tolerance=tolerance,
         method=method,
         threads=threads,
@@ -99,9 +108,15 @@ def profile(
     return result
 
 
-def profile_of_scene(scene, *, axis=None, bins=None, interfaces=2, flow=False, jobs=1, progress=None) -> Profile:
+def profile_of_scene(
+    scene, *, axis=None, bins=None, interfaces=2, flow=False, boundary="auto", jobs=1, progress=None
+) -> Profile:
     """`profile` of a scene. `axis` and `bins` make the slab grid where the scene has another or none; notes are not
     warned of."""
+    if axis not in (None, "x", "y", "z"):
+        raise AtcError(f"--axis {axis}: expected x, y or z, the edge of the cell that leaves the interface")
+    if bins is not None and bins < 1:
+        raise AtcError(f"--bins {bins}: expected a whole number of at least 1, e.g. 200")
     if axis is not None or bins is not None:
         own = scene.data.get("grid", {})
         own = own if own.get("kind") == "slab" else {}
@@ -112,17 +127,13 @@ def profile_of_scene(scene, *, axis=None, bins=None, interfaces=2, flow=False, j
         scene = type(scene).load(scene, {f"grid.{k}": v for k, v in table.items()}) if own else _with_grid(scene, table)
     if (scene.data.get("grid") or {}).get("kind") != "slab":
         raise scene.need("grid", 'a profile needs kind = "slab", axis and bins (or --axis z --bins 200)')
-    for section, example in (("kernel", 'name = "quartic", radius = 4.0'), ("potential", 'input = "in.run"')):
-        if section not in scene.data:
-            raise scene.need(section, f"pressure across an interface needs one, e.g. {example}")
+    if "kernel" not in scene.data:
+        raise scene.need("kernel", 'a profile needs one, e.g. name = "quartic" and radius = 4.0')
     scene = _asking(scene)
     given = scene.arguments(jobs)
     for key in ("quantities", "average", "reference", "horizon", "tiles"):
         given.pop(key, None)
-    return _profile(
-        given.pop("traj"), given.pop("pot"), given.pop("kern"), given.pop("grid"), interfaces, flow,
-        progress=progress, **given,
-    )  # fmt: skip
+    return _profile(interfaces=interfaces, flow=flow, boundary=boundary, progress=progress, **given)
 
 
 def _with_grid(scene, table):
@@ -132,29 +143,47 @@ def _with_grid(scene, table):
 
 def _asking(scene):
     """The scene with the quantities of a profile, whatever it asks for itself."""
-    fields = {**scene.data.get("fields", {}), "quantities": list(_QUANTITIES), "average": False}
+    fields = {**scene.data.get("fields", {}), "quantities": _asked("potential" in scene.data), "average": False}
     fields = {k: v for k, v in fields.items() if k not in ("horizon", "tiles")}
     data = {s: dict(t) for s, t in scene.data.items()} | {"fields": fields}
     return type(scene).load(data)._placed(scene)
 
 
-def _profile(traj, pot, kern, grid, interfaces, flow, *, progress=None, **how) -> Profile:
-    from .. import fields
+def _asked(potential: bool) -> list[str]:
+    return list(_QUANTITIES) if potential else ["number_density"]
+
+
+def _profile(traj, pot, kern, grid, interfaces, flow, boundary, *, progress=None, **how) -> Profile:
+    from .. import fields, read
+    from ..frame import Frame
+    from ..planar import matched
+    from ..readers.trajectory import Trajectory
+    from .species_profile import BOUNDARIES, add_species
 
     if isinstance(interfaces, bool) or not isinstance(interfaces, int) or interfaces < 1:
         raise AtcError(f"interfaces={interfaces!r}: expected a whole number of at least 1")
+    if boundary not in BOUNDARIES:
+        raise AtcError(f"boundary={boundary!r}: expected one of {', '.join(BOUNDARIES)}")
     if getattr(grid, "kind", None) != "slab":
         raise AtcError("a profile needs a slab grid: grid=atc.Grid.slab('z', bins=200)")
-    for name, thing in (("pot", pot), ("kern", kern)):
-        if thing is None:
-            raise AtcError(f"a profile of pressure needs {name}: give atc.potential(...) and atc.kernel(...)")
-    ds = fields(traj, pot, kern, grid, _QUANTITIES, average=False, progress=progress, **how).load()
-    of = PressureFrames(ds, grid._["axis"], flow)
-    out = Profile(of.z, of.axis, of.units.label("length"), of.frames, str(ds.attrs.get("sources", "")))
-    _add_pressure(out, of, interfaces)
-    _add_tension(out, of, interfaces)
-    _add_moments(out, of)
-    _add_notes(out, of, interfaces, flow)
+    if kern is None:
+        raise AtcError("a profile needs kern: give atc.kernel('quartic', radius)")
+    frames = [traj] if isinstance(traj, Frame) else traj
+    frames = frames if isinstance(frames, (list, tuple, Trajectory)) else read(frames)
+    frames, pot = matched(frames, pot)
+    ds = fields(frames, pot, kern, grid, _asked(pot is not None), average=False, progress=progress, **how).load()
+    u = frames[0].units
+    axis = "xyz"[grid._["axis"]]
+    out = Profile(ds[axis].values, axis, u.label("length"), ds.sizes["frame"], str(ds.attrs.get("sources", "")))
+    if pot is None:
+        out.notes.append("without a potential there is no pressure: densities and velocities only")
+    else:
+        of = PressureFrames(ds, grid._["axis"], flow)
+        _add_pressure(out, of)
+        _add_tension(out, of, interfaces)
+        _add_moments(out, of)
+        _add_notes(out, of, interfaces, flow)
+    add_species(out, frames, pot, kern, grid, boundary)
     return out
 
 
@@ -182,7 +211,6 @@ class PressureFrames:
         area_tc = np.cross(cell_tcc[:, a], cell_tcc[:, b])
         self.n_tc = area_tc / np.linalg.norm(area_tc, axis=1)[:, None]
         self.height_t = np.abs(np.einsum("tc,tc->t", self.n_tc, cell_tcc[:, axis]))
-        self.z = ds[self.axis].values
         self.rho_tz = internal("density", "density")
         self.momentum_tzc = internal("momentum", "momentum")
         box = -internal("virial_stress", "pressure")
@@ -228,7 +256,7 @@ def _tension_unit(u):
     return u.factor("pressure") * u.factor("length"), f"{u.label('pressure')}*{u.label('length')}"
 
 
-def _add_pressure(out, of, interfaces) -> None:
+def _add_pressure(out, of) -> None:
     u = of.units
     p, label = u.factor("pressure"), u.label("pressure")
     out.add("density", of.rho_tz / u.factor("density"), u.label("density"), "density", "density")

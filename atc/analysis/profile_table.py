@@ -18,7 +18,8 @@ _ROWS = 20
 @dataclass
 class Column:
     """A profile. values, stderr : (z,) mean over the frames and its standard error by block averaging; correlated :
-    where the blocks still correlate, so that stderr is a lower bound."""
+    where the blocks still correlate, so that stderr is a lower bound; group : what shares a panel, part : what shares a
+    table."""
 
     values: np.ndarray
     stderr: np.ndarray
@@ -26,6 +27,7 @@ class Column:
     label: str
     group: str
     correlated: np.ndarray | None = None
+    part: str = "pressure"
 
 
 @dataclass
@@ -78,10 +80,10 @@ class Profile:
     def __getitem__(self, name):
         return self.columns[name] if name in self.columns else self.numbers[name]
 
-    def add(self, name, x_tz, units, label, group) -> None:
+    def add(self, name, x_tz, units, label, group, part="pressure") -> None:
         """A profile from that of every frame."""
         mean, stderr, correlated = series_mean(x_tz)
-        self.columns[name] = Column(mean, stderr, units, label, group, correlated)
+        self.columns[name] = Column(mean, stderr, units, label, group, correlated, part)
 
     def number(self, name, x_t, units, label) -> None:
         """A number from that of every frame."""
@@ -100,14 +102,17 @@ class Profile:
         for v in self.numbers.values():
             console.print(f"  {v.label:<{width}}  {v}", soft_wrap=True)
         every = -(-len(self.z) // _ROWS)
-        table = Table(box=box.SIMPLE, title=None)
-        table.add_column(f"{self.axis} ({self.length_units})", justify="right")
+        parts: dict[str, list[Column]] = {}
         for c in self.columns.values():
-            table.add_column(f"{c.label} ({c.units})", justify="right", overflow="fold")
-        for k in range(0, len(self.z), every):
-            cells = (_pm(c.values[k], c.stderr[k]) for c in self.columns.values())
-            table.add_row(f"{self.z[k]:.4g}", *cells)
-        console.print(table)
+            parts.setdefault(c.part, []).append(c)
+        for columns in parts.values():
+            table = Table(box=box.SIMPLE)
+            table.add_column(f"{self.axis} ({self.length_units})", justify="right")
+            for c in columns:
+                table.add_column(f"{c.label} ({c.units})", justify="right", overflow="fold")
+            for k in range(0, len(self.z), every):
+                table.add_row(f"{self.z[k]:.4g}", *(_pm(c.values[k], c.stderr[k]) for c in columns))
+            console.print(table)
         if every > 1:
             console.print(
                 f"every {every}th of {len(self.z)} bins; all of them with --csv, --json or -o", soft_wrap=True

@@ -40,6 +40,14 @@ def register(app: typer.Typer) -> None:
         flow: Annotated[
             bool, typer.Option("--flow", help="Kinetic pressure relative to the mean velocity profile of the run.")
         ] = False,
+        boundary: Annotated[
+            str,
+            typer.Option(
+                "--boundary",
+                metavar="auto|periodic|vacuum",
+                help="Of the electric field: no mean field in the cell, or none below its lower face.",
+            ),
+        ] = "auto",
         set: Set = None,
         begin: Begin = None,
         end: End = None,
@@ -54,9 +62,10 @@ def register(app: typer.Typer) -> None:
         overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
         quiet: Quiet = False,
     ) -> None:
-        """Pressure normal and tangential to a planar interface, and surface tension, with error bars.
+        """Profiles across a planar interface, with error bars: pressure and surface tension, species, charges and
+        electric potential, velocities.
 
-        Needs [trajectory], [potential], [kernel] and a slab [grid] (or --axis and --bins).
+        Needs [trajectory], [kernel] and a slab [grid] (or --axis and --bins); for pressure [potential].
         """
         from ..analysis.interface import profile_of_scene
 
@@ -70,7 +79,14 @@ def register(app: typer.Typer) -> None:
             picture_kind(picture)
         with progress_bar(quiet or json or csv) as progress:
             result = profile_of_scene(
-                made, axis=axis, bins=bins, interfaces=interfaces, flow=flow, jobs=jobs, progress=progress
+                made,
+                axis=axis,
+                bins=bins,
+                interfaces=interfaces,
+                flow=flow,
+                boundary=boundary,
+                jobs=jobs,
+                progress=progress,
             )
         if out is not None:
             result.save(out)

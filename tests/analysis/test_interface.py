@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from lammps_oracle import lammps_session
+from lammps_runs import water
 from typer.testing import CliRunner
 
 import atc
@@ -87,8 +89,8 @@ def test_wrong_potential_breaks_the_balance():
 # ---- ideal gases
 
 
-def gas(rng, frames, cell, flow=0.0, two=False):
-    """Frames of few atoms that do not see each other, of which each has its own drift."""
+def gas(rng, frames, cell, flow=0.0, two=False, breathes=False):
+    """Frames of few atoms that do not see each other, of which each has its own drift; the cell may change."""
     out, u = [], units("lj")
     for k in range(frames):
         s = rng.random((30, 3))
@@ -97,8 +99,9 @@ def gas(rng, frames, cell, flow=0.0, two=False):
         if two:
             s[:, 2] = 0.5
             v[:, 2] = 0.0
+        edges = cell * (1.0 + 0.05 * k * breathes)
         frame = Frame(
-            positions=s @ cell, types=np.ones(30, int), cell=Cell(cell), units=u, masses=rng.uniform(1, 2, 30),
+            positions=s @ edges, types=np.ones(30, int), cell=Cell(edges), units=u, masses=rng.uniform(1, 2, 30),
             velocities=v, step=k,
         )  # fmt: skip
         out.append(planar(frame) if two else frame)
@@ -107,7 +110,7 @@ def gas(rng, frames, cell, flow=0.0, two=False):
 
 def naive(frames, kern, bins, axis, dim, flow):
     """p_N, p_T (z) by the sum over atoms, velocities relative to the drift of the profile, and the mean flow."""
-    sums = []
+    sums, cells = [], [f.cell.vectors for f in frames]
     for f in frames:
         c = f.cell.vectors
         n = np.linalg.cross(*(c[k] for k in range(3) if k != axis))
@@ -130,7 +133,8 @@ def naive(frames, kern, bins, axis, dim, flow):
         rel = v[None] - (V[:, None] if flow else 0.0)
         p = np.einsum("zn,n,znc,znd->zcd", w, m, rel, rel)
         pn = np.einsum("c,zcd,d->z", n, p, n)
-        out.append((pn, (np.trace(p, axis1=1, axis2=2) - pn) / (dim - 1)))
+        pt = (np.trace(p, axis1=1, axis2=2) - pn) / (dim - 1)
+        out.append((pn, pt, (pn - pt) * abs(n @ cells[len(out)][axis]) / bins))
     return np.mean(out, axis=0)
 
 
@@ -141,13 +145,14 @@ def test_gas_against_the_naive_sum(axis, two, flow):
     cell = np.array([[9.0, 0, 0], [2.0, 8.0, 0], [1.0, -1.5, 12.0]])
     if two:
         cell[2] = 0, 0, 1
-    frames = gas(np.random.default_rng(5), 3, cell, flow=3.0, two=two)
+    frames = gas(np.random.default_rng(5), 3, cell, flow=3.0, two=two, breathes=not two)
     kern, grid = atc.kernel("quartic", 1.5), atc.Grid.slab("xyz"[axis], 10)
     pot = atc.potential(NOTHING + ("\ndimension 2" if two else ""), units="lj")
     mine = atc.profile(frames, pot, kern, grid, flow=flow, tolerance=1e-12)
-    pn, pt = naive(frames, kern.in_dimension(2 if two else 3), 10, axis, 2 if two else 3, flow)
+    pn, pt, tension = naive(frames, kern.in_dimension(2 if two else 3), 10, axis, 2 if two else 3, flow)
     np.testing.assert_allclose(mine["pressure_normal"].values, pn, rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose(mine["pressure_tangential"].values, pt, rtol=1e-10, atol=1e-12)
+    assert mine["surface_tension"].value == pytest.approx(tension.sum() / 2, rel=1e-9)
 
 
 def test_flow_is_said():
@@ -196,8 +201,8 @@ def test_command(tmp_path):
         (("--interfaces", 0), "interfaces=0: expected a whole number of at least 1"),
         (("--set", 'grid.kind="regular"'), "grid"),
         (("--json", "--csv"), "not both"),
-        (("--axis", "w"), "axis"),
-        (("--bins", 0), "bins"),
+        (("--axis", "w"), "--axis w: expected x, y or z"),
+        (("--bins", 0), "--bins 0: expected"),
     ],
 )
 def test_refusals(words, why):
@@ -211,8 +216,65 @@ def test_missing_parts_are_named():
     pot, kern = atc.potential(NOTHING, units="lj"), atc.kernel("quartic", 1.5)
     with pytest.raises(atc.AtcError, match="slab grid"):
         atc.profile(frames, pot, kern, atc.Grid.regular(shape=3))
-    with pytest.raises(atc.AtcError, match="needs pot"):
-        atc.profile(frames, None, kern, atc.Grid.slab("z", 4))
+    with pytest.raises(atc.AtcError, match="needs kern"):
+        atc.profile(frames, pot, None, atc.Grid.slab("z", 4))
     data = {"trajectory": {"file": str(FILM.parent / "argon_slab.dump.gz")}}
     with pytest.raises(atc.AtcError, match="slab"):
         profile_of_scene(Scene.load(data))
+
+
+# ---- water
+
+
+MODEL = """units real
+atom_style full
+pair_style lj/cut/coul/long 4.9
+pair_modify table 0
+kspace_style ewald 1e-9
+bond_style harmonic
+angle_style harmonic
+read_data w.data
+pair_coeff 1 1 0.155 3.166
+pair_coeff 1 2 0.0 1.0
+pair_coeff 2 2 0.0 1.0
+bond_coeff 1 450.0 0.9572
+angle_coeff 1 55.0 104.52
+"""
+COLUMNS = "id mol type q x y z vx vy vz fx fy fz"
+
+
+@pytest.mark.filterwarnings("ignore::atc.AtcWarning")
+def test_tension_of_shaken_water_with_ewald_sums(tmp_path):
+    """A film in vacuum: p_N − p_T of pairs, the long-range field (in the vacuum, too) and constraints, against LAMMPS's
+    pressure tensor."""
+    data, dump = tmp_path / "w.data", tmp_path / "run.dump"
+    water(n=3).write_data(data)
+    model = MODEL.replace("w.data", str(data))
+    grow = ["minimize 0 1e-4 60 100", "change_box all z scale 2.5", f"write_data {data} nocoeff"]
+    with lammps_session() as lmp:
+        for line in [*model.splitlines(), *grow]:
+            lmp.command(line)
+    script = (
+        f"{model}timestep 1.0\nfix n all nve\nfix h all shake 1e-10 200 0 b 1 a 1\n"
+        f"dump d all custom 20 {dump} {COLUMNS}\ndump_modify d sort id format float %.17g units yes time yes\nrun 20\n"
+    )
+    (tmp_path / "in.run").write_text(script)
+    with lammps_session() as lmp:
+        for line in script.splitlines():
+            lmp.command(line)
+        p = {c: lmp.get_thermo(f"p{c}{c}") for c in "xyz"}
+        height = lmp.get_thermo("lz")
+    pot, frame = atc.potential(tmp_path / "in.run"), atc.read(dump, units="real")[-1]
+    mine = atc.profile(frame, pot, atc.kernel("quartic", 4.0), atc.Grid.slab("z", 100), tolerance=1e-6)
+    # LAMMPS takes velocities as they are, the box relative to its drift.
+    done = pot.complete(frame)
+    m, v = done.masses, done.masses @ done.velocities / done.masses.sum()
+    drift = frame.units.to_user("pressure", m.sum() * (v[2] ** 2 - 0.5 * (v[0] ** 2 + v[1] ** 2)) / frame.cell.volume)
+    lammps = 0.5 * height * (p["z"] - 0.5 * (p["x"] + p["y"]) - drift)
+    size = 0.5 * height * np.abs(list(p.values())).max()
+    # LAMMPS's erfc is good to 1.5e-7, its sum over modes to 1e-9: of terms tens of times larger
+    assert mine["surface_tension_box"].value == pytest.approx(lammps, abs=1e-5 * size)
+    assert mine["surface_tension"].value == pytest.approx(lammps, abs=1e-5 * size)
+    charge = mine["charge_density"].values
+    # the sum over bins for the integral of the kernel
+    assert abs(charge.sum()) < 1e-5 * abs(charge).sum() and mine["potential"].units == "V"
