@@ -55,14 +55,14 @@ class NEP(Term):
 
     central, edges = False, True
 
-    def __init__(self, file: NEPFile, elements=None, name: str = "nep.txt"):
-        self.file, self.name = file, name
+    def __init__(self, file: NEPFile, elements=None, where: str = "nep.txt"):
+        self.model, self.where = file, where
         self.elements = None if elements is None else [None if e in (None, "NULL") else str(e) for e in elements]
         if self.elements is not None:
-            ElementMap(self.elements, file.names, name)  # which says what is wrong with them
+            ElementMap(self.elements, file.names, where)  # which says what is wrong with them
         u = system("metal")
         self.length, self.energy = float(u.to_internal("length", 1.0)), float(u.to_internal("energy", 1.0))
-        self.core = _core(file, name)
+        self.core = _core(file, where)
         reach = file.rc_radial.max()
         if len(self.core):
             reach = max(reach, self.core[..., 1].max())
@@ -81,15 +81,15 @@ class NEP(Term):
     def describe(self) -> str:
         core = ", ZBL" if len(self.core) else ""
         return (
-            f"nep{self.file.version} {self.name} ({' '.join(self.file.names)}{core}), edge gradient of the energy of "
+            f"nep{self.model.version} ({' '.join(self.model.names)}{core}), edge gradient of the energy of "
             "each atom, one hop, energy to the atom whose neighbours it has; one merged bond a pair"
         )
 
     def map(self, frame: Frame) -> ElementMap:
         """Which element each type of the frame is."""
-        names = self.file.names
+        names = self.model.names
         if self.elements is not None:
-            return ElementMap(self.elements, names, self.name)
+            return ElementMap(self.elements, names, self.where)
         present = np.unique(frame.types)
         unknown = [int(t) for t in present if frame.type_names.get(int(t)) not in names]
         if not unknown:
@@ -97,13 +97,13 @@ class NEP(Term):
             return ElementMap(
                 [frame.type_names.get(k) if k in present else None for k in range(1, top + 1)] or names,
                 names,
-                self.name,
+                self.where,
             )
         named = [str(frame.type_names[t]) for t in unknown if t in frame.type_names]
         if not named and len(names) == 1 and len(present) == 1:
-            return ElementMap(None, names, self.name)
+            return ElementMap(None, names, self.where)
         raise AtcError(
-            f"{frame.source}: {self.name} has the elements {', '.join(names)}, but types "
+            f"{frame.source}: {self.where} has the elements {', '.join(names)}, but types "
             f"{', '.join(map(str, unknown))} are {', '.join(named) or 'not named'}: say the element of each type, "
             f"types={[*names]!r} or the like"
         )
@@ -112,13 +112,13 @@ class NEP(Term):
         return _NEPWork(self, frame)
 
 
-def _core(file: NEPFile, name: str) -> np.ndarray:
+def _core(file: NEPFile, where: str) -> np.ndarray:
     """(t, t, 11) rows of `screened` in Å and eV; empty if the file has no ZBL."""
     if file.zbl is None:
         return np.zeros((0, 0, 11))
     odd = [e for e in file.names if e not in SYMBOLS]
     if odd:
-        raise AtcError(f"{name}: ZBL needs nuclear charges, and {odd[0]!r} is no element")
+        raise AtcError(f"{where}: ZBL needs nuclear charges, and {odd[0]!r} is no element")
     Z = np.array([SYMBOLS.index(e) + 1.0 for e in file.names])
     t = len(Z)
     out = np.zeros((t, t, 11))
@@ -154,7 +154,7 @@ class _NEPWork(Work):
         self.g_end = np.zeros((len(self.near.a), 2, 3))
 
     def _centres(self, task, acc):
-        near, term, file = self.near, self.term, self.term.file
+        near, term, file = self.near, self.term, self.term.model
         acc.energy += centres(
             near.first[task],
             near.first[task + 1],
@@ -238,5 +238,5 @@ def nep(path, types=None) -> Potential:
 
     term = NEP(read_nep(path), types, Path(path).name)
     pot = Potential([term], "metal")
-    pot.nep = term.name, term.elements
+    pot.nep = term.where, term.elements
     return pot

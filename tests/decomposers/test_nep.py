@@ -125,3 +125,38 @@ def test_files_that_are_refused(edit, said, tmp_path):
 def test_missing_file(tmp_path):
     with pytest.raises(AtcError, match="cannot read it: No such file"):
         nep(tmp_path / "nep.txt")
+
+
+def test_scenes(tmp_path, monkeypatch):
+    """[potential] nep, with types or the names of the trajectory's own; the output says how it was made."""
+    import atc
+    from atc.config.scene import Scene
+
+    monkeypatch.chdir(tmp_path)
+    pot, frame = made(tmp_path, "two")
+    rows = "".join(
+        f"{('Si', 'C')[t - 1]} {x[0]:.17g} {x[1]:.17g} {x[2]:.17g}\n" for t, x in zip(frame.types, frame.positions)
+    )
+    lattice = " ".join(map(str, frame.cell.vectors.ravel()))
+    head = f'{len(frame)}\nLattice="{lattice}" Properties=species:S:1:pos:R:3\n'
+    (tmp_path / "run.xyz").write_text(head + rows)
+    scene = {
+        "trajectory": {"file": "run.xyz"},
+        "potential": {"nep": "nep.txt"},
+        "fields": {"quantities": ["virial_stress_potential"]},
+    }
+    ds = Scene.load(scene).run()
+    want = pot.decompose(frame).virial_cc / METAL.factor("energy") / frame.cell.volume  # eV/Å³
+    found = ds.virial_stress_potential.values[0]
+    assert ds.virial_stress_potential.attrs["units"] == "eV/angstrom^3"
+    np.testing.assert_allclose(found, want, rtol=0, atol=1e-12 * np.abs(want).max())
+    for wrong, said in (
+        ({"lammps": "pair_style zero 3"}, "give lammps or nep, not both"),
+        ({"units": "metal"}, "leave it out"),
+        ({"types": ["Si", "Ge"]}, "no element 'Ge'"),
+    ):
+        with pytest.raises(AtcError) as e:
+            Scene.load(scene | {"potential": scene["potential"] | wrong}).run()
+        assert said in str(e.value) and "[potential]" in str(e.value), str(e.value)
+    assert 'nep = "nep.txt"' in ds.attrs["scene"] and "edge gradient" in ds.attrs["decomposition"]
+    assert atc.nep is nep

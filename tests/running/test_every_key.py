@@ -3,6 +3,7 @@ a new one cannot be forgotten."""
 
 import copy
 
+import nep_oracle
 import numpy as np
 import pytest
 from test_cli import write_dump
@@ -64,6 +65,8 @@ CHANGES = {
     ),
     "potential.lammps": ({}, LJ.replace("3.4", "3.41")),
     "potential.input": ({"potential": {"input": "in.run"}}, "in.other"),
+    "potential.nep": ({"potential": {"nep": "nep.txt", "types": ["Ar"]}}, "other.nep"),
+    "potential.types": ({"potential": {"nep": "nep.txt", "types": ["Ar"]}}, ["Ne"]),
     "potential.units": (
         {"trajectory": {**BASE["trajectory"], "units": "real"}, "potential": {"lammps": LJ, "units": "real"}},
         "metal",
@@ -132,6 +135,7 @@ CONTENTS = {
     ),
     "potential.input": ({"potential": {"input": "in.run"}}, "in.run", "in.other"),
     "potential.lammps": ({"potential": {"lammps": "pair_style sw\npair_coeff * * Ar.sw Ar\n"}}, "Ar.sw", "Ar.other"),
+    "potential.nep": ({"potential": {"nep": "nep.txt", "types": ["Ar"]}}, "nep.txt", "other.nep"),
     "kernel.table": ({"kernel": {"name": "piecewise-linear", "table": "phi.txt"}}, "phi.txt", "phi.other"),
     "grid.points": ({"grid": {"kind": "points", "points": "points.txt"}}, "points.txt", "points.other"),
 }
@@ -155,6 +159,8 @@ def folder(tmp_path, monkeypatch):
     sw = "Ar Ar Ar 2.1683 2.8 1.80 21.0 1.20 -0.3333\n 7.049 0.602 4.0 0.0 0.0\n"
     (tmp_path / "Ar.sw").write_text("# UNITS: metal\n" + sw)
     (tmp_path / "Ar.other").write_text("# UNITS: metal\n" + sw.replace("21.0", "21.1"))
+    for seed, name in enumerate(("nep.txt", "other.nep")):
+        nep_oracle.write(tmp_path / name, seed, names=("Ar", "Ne"))
     (tmp_path / "phi.txt").write_text("0 1\n2.5 0.5\n5 0\n")
     (tmp_path / "phi.other").write_text("0 1\n2.5 0.6\n5 0\n")
     (tmp_path / "points.txt").write_text("1 2 3\n")
