@@ -160,3 +160,42 @@ def test_scenes(tmp_path, monkeypatch):
         assert said in str(e.value) and "[potential]" in str(e.value), str(e.value)
     assert 'nep = "nep.txt"' in ds.attrs["scene"] and "edge gradient" in ds.attrs["decomposition"]
     assert atc.nep is nep
+
+
+def test_fields(tmp_path):
+    """Averages are those of the frames, per-atom virials add up to the box's, a pair term besides adds itself."""
+    import atc
+
+    pot, frame = made(tmp_path, "two")
+    rng = np.random.default_rng(0)
+    frames = [
+        frame.replace(
+            positions=frame.positions + 0.05 * rng.normal(size=frame.positions.shape),
+            velocities=0.01 * rng.normal(size=frame.positions.shape),
+            masses=np.full(len(frame), 28.0),
+        )
+        for _ in range(2)
+    ]
+    grid, kern = atc.Grid.regular(shape=(5, 5, 5)), atc.kernel("gaussian", width=1.6)
+    names = ["stress_potential", "heat_flux_potential", "churning", "virial_stress_per_atom_potential"]
+
+    def fields(traj, pot=pot, **more):
+        return atc.fields(traj, pot, kern, grid, names, tolerance=1e-10, **more)
+
+    each, mean = fields(frames), fields(frames, average=True)
+    for name in ("stress_potential", "heat_flux_potential"):
+        size = np.abs(each[name].values).max()
+        np.testing.assert_allclose(mean[name].values, each[name].values.mean(0)[None], rtol=0, atol=1e-8 * size)
+    S = each.stress_potential.values
+    assert np.abs(S - np.swapaxes(S, -1, -2)).max() > 1e-3 * np.abs(S).max()
+    assert (each.churning.values == 0).all() and (mean.churning.values == 0).all()
+    box = pot.decompose(frames[0]).virial_cc
+    atoms_ = METAL.to_internal("pressure_volume", each.virial_stress_per_atom_potential.values[0].sum(0))
+    np.testing.assert_allclose(atoms_, box, rtol=0, atol=1e-12 * np.abs(box).max())
+
+    pairs = atc.potential("pair_style lj/smooth/linear 5.0\npair_coeff * * 0.01 2.0", units="metal")
+    both = fields(frames[:1], atc.potential([*pot.terms, *pairs.terms], "metal"))
+    alone = fields(frames[:1], pairs)
+    for name in names:
+        want = each[name].values[:1] + alone[name].values
+        np.testing.assert_allclose(both[name].values, want, rtol=0, atol=1e-8 * np.abs(want).max())
