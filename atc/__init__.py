@@ -20,6 +20,7 @@ _LAZY = {
     "conductivity": "atc.analysis.green_kubo",
     "heat_currents": "atc.analysis.green_kubo",
     "verify": "atc.agreement.verify",
+    "twin": "atc.twins.run",
     "Crystal": "atc.upscaling.crystal",
     "dispersion": "atc.upscaling.dispersion",
     "elastic_constants": "atc.upscaling.elasticity",
