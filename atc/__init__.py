@@ -23,6 +23,7 @@ _LAZY = {
     "profile": "atc.analysis.interface",
     "heat_currents": "atc.analysis.green_kubo",
     "verify": "atc.agreement.verify",
+    "twin": "atc.twins.run",
     "Crystal": "atc.upscaling.crystal",
     "dispersion": "atc.upscaling.dispersion",
     "elastic_constants": "atc.upscaling.elasticity",

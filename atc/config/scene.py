@@ -1,9 +1,9 @@
 """Scenes: the TOML file in which a person says what to compute.
 
 A scene has the sections ``[trajectory]``, ``[potential]``, ``[kernel]``, ``[grid]``, ``[fields]``, ``[check]``,
-``[dispersion]`` and ``[output]``. Everything in it is checked before anything is computed; every complaint names the
-file and the line (or the ``--set`` flag) and says what was expected. Paths are relative to the scene file, lengths in
-the trajectory's unit style.
+``[dispersion]``, ``[twin]`` and ``[output]``. Everything in it is checked before anything is computed; every complaint
+names the file and the line (or the ``--set`` flag) and says what was expected. Paths are relative to the scene file,
+lengths in the trajectory's unit style.
 """
 
 from __future__ import annotations

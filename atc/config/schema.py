@@ -373,6 +373,21 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "blocks": Key(_count, "a number of blocks, e.g. 5"),
         "timestep": Key(_positive, "the time of one step in the trajectory's units, e.g. 0.001"),
     },
+    "twin": {
+        "structure": Key(_choice(_structure_names), 'a cubic structure, e.g. "fcc"'),
+        "lattice_constant": Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 5.3"),
+        "material": Key(_choice(["isotropic"]), '"isotropic"'),
+        "model": Key(_choice(["lps", "pmb"]), '"lps" or "pmb"'),
+        "spacing": Key(_positive, "a length greater than 0, e.g. 5.0"),
+        "horizon": Key(_positive, "a length greater than 0, e.g. 15.0"),
+        "motion": Key(_choice(["dynamic", "static"]), '"dynamic" or "static"'),
+        "grips": Key(
+            _list_of(_list_of(_list_of(_number, 3), 2)),
+            "boxes [[x, y, z], [x, y, z]] between two corners, e.g. [[[0, 0, 0], [10, 99, 99]]]",
+        ),
+        "grip_types": Key(_list_of(_count), "atom types, e.g. [2, 3]"),
+        "timestep": Key(_positive, "the time of one step in the trajectory's units, e.g. 0.001"),
+    },
     "output": {"file": Key(_string, 'the file to write, e.g. "out.zarr" or "out.nc"', path=True)},
 }
 

@@ -123,6 +123,7 @@ CHANGE_NOTHING = {
     "trajectory.log": "as forces",
     "check": "of atc check, which keeps nothing",
     "dispersion": "of atc dispersion, which computes everything anew",
+    "twin": "of atc twin, which computes everything anew",
     "output": "where the result goes",
 }
 #: Files whose content counts, not their names: key of the scene, the scene, the file, what it says, what it says then.
