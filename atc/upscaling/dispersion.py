@@ -352,11 +352,12 @@ class Dispersion:
     def save(self, path) -> None:
         """Write the dataset: .nc or .zarr."""
         from ..running.output import check_name, explained
+        from ..running.sealed import to_netcdf
 
         path = check_name(path)
         with explained(path):
             ds = self.dataset()
-            ds.to_zarr(path, mode="w") if path.suffix == ".zarr" else ds.to_netcdf(path, engine="h5netcdf")
+            ds.to_zarr(path, mode="w") if path.suffix == ".zarr" else to_netcdf(ds, path)
 
     # ---- picture
 
