@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from .analysis.info import stress_error
 from .estimators.compute import Settings, frame_fields
 from .grids import Grid
+from .readers.plausible import stress_error
 from .readers.trajectory import resolution_of
 
 #: Points at which the fields are computed with moved atoms.

@@ -100,7 +100,8 @@ class Request:
             if value is not None and not hasattr(value, method):
                 raise AtcError(f"{name} is a {type(value).__name__}: expected what {hint} gives")
         self.work = Work.of(self.quantities, getattr(self.pot, "central", True))
-        from .planar import matched, planar
+        from .planar import planar
+        from .readers.planar import matched
 
         self.frames, self.pot = matched(as_frames(self.traj, self.pot), self.pot)
         self.n_frames = len(self.frames)

@@ -162,7 +162,7 @@ def verify(traj, pot, calculator=None, *, symbols=None, threads: int = 1) -> Ver
         without calculator, where the trajectory has no forces; where the calculator fails.
     """
     from ..plan import as_frames
-    from ..planar import matched
+    from ..readers.planar import matched
 
     if not hasattr(pot, "stream"):
         raise AtcError(f"pot is a {type(pot).__name__}: expected what atc.potential('pair_style ...') gives")

@@ -156,7 +156,7 @@ def _asked(potential: bool) -> list[str]:
 def _profile(traj, pot, kern, grid, interfaces, flow, boundary, *, progress=None, **how) -> Profile:
     from .. import fields, read
     from ..frame import Frame
-    from ..planar import matched
+    from ..readers.planar import matched
     from ..readers.trajectory import Trajectory
     from .species_profile import BOUNDARIES, add_species
 

@@ -79,7 +79,7 @@ def load_scene(path, settings, begin=None, end=None, step=None, quiet=True):
     if flags:
         frames = scene.get("trajectory", "frames")
         if frames is not None:
-            from ..config.schema import frame_slice
+            from ..config.words import frame_slice
 
             s = frame_slice(frames)
             written = {k: v for k, v in (("begin", s.start), ("end", s.stop), ("step", s.step)) if v is not None}
@@ -90,6 +90,7 @@ def load_scene(path, settings, begin=None, end=None, step=None, quiet=True):
 
 
 def parse_masses(text: str | None):
+    """``--masses`` as `atc.read` takes them: {type: mass} or a list; None for nothing."""
     if text is None:
         return None
     parts = [p for p in text.replace(" ", ",").split(",") if p]
@@ -102,6 +103,7 @@ def parse_masses(text: str | None):
 
 
 def console():
+    """Where tables and notes are printed."""
     from rich.console import Console
     from rich.segment import Segment
 
@@ -166,6 +168,7 @@ def progress_bar(quiet: bool, things: str = "frames"):
 
 
 def duration(seconds: float) -> str:
+    """A time in words, in the unit that suits it."""
     if seconds < 90:
         return f"{seconds:.1f} s" if seconds < 10 else f"{seconds:.0f} s"
     minutes = round(seconds / 60)

@@ -121,7 +121,7 @@ def _held_together(case, sim) -> list[str]:
 
 
 def summary(ds, out, seconds, progress) -> None:
-
+    """Print what a run has come to."""
     done = progress.total - progress.there
     before = (
         f"{progress.there} of {progress.total} steps were there, {done} computed" if progress.there else f"{done} steps"

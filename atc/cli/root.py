@@ -579,6 +579,7 @@ def plot(
     quiet: Annotated[bool, typer.Option("--quiet", help="Do not print the picture's name.")] = False,
 ) -> None:
     """Draw a slice, plane or profile of a field."""
+    from ..config.scene import Scene
     from ..pictures import plotting
 
     path = plotting.plot_file(
@@ -592,7 +593,7 @@ def plot(
         limits=_parse_limits(limits),
         robust=robust,
         output=output,
-        overlay=overlay,
+        overlay=None if overlay is None else Scene.load(overlay).trajectory(),
     )
     if not quiet:
         print(path)

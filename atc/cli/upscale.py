@@ -32,6 +32,7 @@ Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing.")]
 
 
 def register(app: typer.Typer) -> None:
+    """Add the verb `upscale` with its own verbs."""
     app.add_typer(group)
 
 

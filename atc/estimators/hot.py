@@ -139,6 +139,7 @@ def put_right(deposit, stage, x_nc, bonds, b_bk) -> np.ndarray:
 
 
 def nearest_image(d, cell):
+    """(..., 3) vectors by way of the nearest image."""
     return d - np.where(cell.periodic, np.rint(d @ cell.inverse), 0.0) @ cell.vectors
 
 

@@ -72,7 +72,7 @@ SITE = _AndColumns(
         "outside_power": Source(1, ("velocities",), bonds=True, forces=True),
         "source_residual": Source(4, bonds=True, sources=True),  # the last: the forces it is left over from
     },
-    columns.source,
+    lambda name: columns.source(name, Source),
 )
 
 # Factors b of Σ b β(x), each bond once.
@@ -753,7 +753,7 @@ _ALL = [
     *_peridynamic(),
 ]
 
-QUANTITIES: dict[str, Quantity] = _AndColumns({q.name: q for q in _ALL}, columns.quantity)
+QUANTITIES: dict[str, Quantity] = _AndColumns({q.name: q for q in _ALL}, lambda name: columns.quantity(name, Quantity))
 
 
 def expand(names) -> list[Quantity]:

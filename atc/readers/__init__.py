@@ -59,7 +59,7 @@ def read(source, topology=None, units=None, masses=None, dimension=None, atom_st
     trajectory = _read(source, topology, units, masses, atom_style)
     if dimension is None:
         return trajectory
-    from ..planar import in_dimension
+    from .planar import in_dimension
 
     return in_dimension(trajectory, dimension)
 
@@ -79,11 +79,11 @@ def _read(source, topology, units, masses, atom_style):
         files = matching(source)
         if files is None or len(files) == 1:
             return _path(Path(source) if files is None else files[0], topology, units, masses, atom_style)
-        return Chain(files, topology, units, masses, atom_style)
+        return Chain(read, files, topology, units, masses, atom_style)
     if isinstance(source, (list, tuple)) and source and all(isinstance(s, (str, os.PathLike)) for s in source):
         from .chain import Chain, matching
 
-        return Chain([file for s in source for file in matching(s) or [s]], topology, units, masses, atom_style)
+        return Chain(read, [file for s in source for file in matching(s) or [s]], topology, units, masses, atom_style)
     from .trajectory import Trajectory
 
     if isinstance(source, Trajectory):

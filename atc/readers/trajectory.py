@@ -439,6 +439,7 @@ def resolution_of(frames, frame: Frame) -> float:
 
 
 def warn(message: str) -> None:
+    """An AtcWarning that points at the caller of whoever calls this."""
     warnings.warn(message, AtcWarning, stacklevel=3)
 
 

@@ -68,6 +68,7 @@ def hill(C_vv) -> tuple[float, float]:
 
 
 def isotropic_vv(K, G) -> np.ndarray:
+    """(6, 6) elastic constants of an isotropic solid in Voigt's notation (xx, yy, zz, yz, xz, xy)."""
     C = np.diag([2 * G] * 3 + [G] * 3)
     C[:3, :3] += K - 2 * G / 3
     return C
