@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 from ..errors import AtcError
@@ -125,7 +126,24 @@ def _is_atoms(x) -> bool:
     )
 
 
+#: Readers of one's own, by the suffix of their files.
+OPENERS: dict[str, Callable] = {}
+
+
+def register(suffix: str, opener: Callable) -> None:
+    """Have files whose names end in `suffix` (".mine") opened by ``opener(path, topology, units, masses)``, a
+    `Trajectory`."""
+    if not suffix.startswith("."):
+        raise AtcError(f"suffix {suffix!r}: expected the end of a file's name, such as '.mine'")
+    OPENERS[suffix.lower()] = opener
+
+
 def _path(path: Path, topology, units, masses, atom_style=None):
+    if path.suffix.lower() in OPENERS:
+        from ._bytes import require_file
+
+        require_file(path)
+        return OPENERS[path.suffix.lower()](path, topology, units, masses)
     from ._bytes import open_bytes, require_file
     from .sniff import by_its_name, is_text, not_a_trajectory, shown
 
