@@ -443,7 +443,7 @@ class Grid:
                 a = p["axis"]
                 others = [k for k in range(3) if k != a]
                 share = 0.5 if p["position"] is None else p["position"] * f / cell.heights[a]
-                origin, edges = share * cell.vectors[a] + cell.origin - own.origin, cell.vectors[others]
+                origin, edges = share * cell.vectors[a] + (cell.origin - own.origin), cell.vectors[others]
                 name = tuple("xyz"[k] for k in others)
         else:
             region, name = p["cell"], ("x", "y", "z")
