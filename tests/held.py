@@ -14,7 +14,10 @@ def hold_after(entries: int, out: Path) -> None:
 
     def write_and_wait(self, values, note):
         write(self, values, note)
+        end = time.monotonic() + 120.0  # nobody may be left to send it
         while self.out.name == out.name and self.done >= entries and not interruption.asked():
+            if time.monotonic() > end:
+                sys.exit("no signal came")
             time.sleep(0.01)
 
     Store.write = write_and_wait
