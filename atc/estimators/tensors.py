@@ -19,6 +19,6 @@ def outer6(v_nc) -> np.ndarray:
 
 
 def quotient(a, w) -> np.ndarray:
-    """a/w along the first axis, 0 where w is not positive."""
-    w = w.reshape((-1,) + (1,) * (a.ndim - 1))
+    """a/w, w along the first axes of a; 0 where w is not positive."""
+    w = w.reshape(w.shape + (1,) * (a.ndim - w.ndim))
     return np.divide(a, w, out=np.zeros_like(a), where=w > 0)
