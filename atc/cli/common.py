@@ -51,6 +51,13 @@ End = Annotated[int | None, typer.Option("-e", "--end", metavar="N", help="Frame
 Step = Annotated[int | None, typer.Option("--step", metavar="N", help="Take every N-th frame.", show_default=False)]
 Jobs = Annotated[int, typer.Option("-j", "--jobs", metavar="N", help="Processor cores to use; 0 is all of them.")]
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no summary.")]
+Json = Annotated[bool, typer.Option("--json", help="As JSON.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")]
+#: Of commands that write their results beside printing them.
+Dataset = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", metavar="OUT", help="Write a dataset: .nc or .zarr.", show_default=False),
+]
 Topology = Annotated[
     str | None,
     typer.Option(
@@ -67,6 +74,22 @@ Masses = Annotated[
         "--masses", metavar="LIST", help="Masses by type: 28.0855,15.999 or 1=28.0855,2=15.999.", show_default=False
     ),
 ]
+
+
+def write_result(result, dataset, picture) -> None:
+    """Write a result's dataset and draw its picture, where they are asked for."""
+    if dataset is not None:
+        result.save(dataset)
+    if picture is not None:
+        result.picture(picture)
+
+
+def show_result(result, dataset, picture) -> None:
+    """Print a result, and where its dataset and picture are."""
+    result.print(console())
+    for what, path in (("dataset", dataset), ("picture", picture)):
+        if path is not None:
+            print(f"{what}: {path}")
 
 
 def load_scene(path, settings, begin=None, end=None, step=None, quiet=True):
