@@ -62,6 +62,8 @@ class Interactions(Protocol):
     central: bool = True
     #: whether every bond is a term of two atoms, half of it each one's: then there is no churning
     pairwise: bool = False
+    #: whether stress and energy sources of every bond cancel exactly, as for pairs and for edges of the energies
+    churnless: bool = False
     #: of bodies whose nodes have one (peridynamics), else None
     horizon: float | None = None
     dimension: int = 3
@@ -80,6 +82,8 @@ class Interactions(Protocol):
     #: LAMMPS lines, or the script, that it was made from
     text: str | None = None
     file: str | None = None
+    #: the name of the nep.txt that it was made from, and the elements of the types if they were given
+    nep: tuple[str, Any] | None = None
 
     @property
     def local(self) -> Interactions:

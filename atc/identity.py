@@ -25,7 +25,7 @@ PARTS = (
 #: Attributes of potentials that say where something came from, or how to make more of it, and not what it is.
 #: (What a script says of atoms is in the frames' digests.)
 _NOT_CONTENT = frozenset(
-    {"where", "folder", "file", "text", "data_file", "grow", "build", "source", "setup", "outside", "remarks"}
+    {"where", "folder", "file", "text", "data_file", "grow", "build", "source", "setup", "outside", "remarks", "nep"}
 )
 
 
@@ -35,6 +35,7 @@ def identity(request) -> dict:
     return {
         "results": RESULTS,
         "quantities": [q.name for q in work.quantities],
+        **({"column units": request.column_units} if request.column_units else {}),
         "trajectory": frame_digest(request.first),
         "potential": f"{_described(request.pot)}; {contents(request.pot)}"
         if work.bond_users and request.pot is not None

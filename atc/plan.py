@@ -22,6 +22,7 @@ _TERMS = {
     "kinetic_energy": "½ m v²",
     "potential_energy": "U",
     "atom_virial": "½ Σ G r⊗r",
+    "atom_moment": "−½ Σ r⊗F",
     "stress": "G r⊗r",
     "piola": "G R⊗r, between reference positions",
     "moment": "−r⊗F",
@@ -85,6 +86,7 @@ class Request:
     forces: str = "warn"
     log: object = None
     agreement: str = ""
+    column_units: dict | None = None
 
     def __post_init__(self):
         from .agreement.forces import MODES
@@ -170,7 +172,12 @@ class Request:
                 if set(self.work.grid_users) - set(self.work.on_reference) or self.reference is None
                 else self.reference
             )
+            from .padding import resolved, warn_of_open_faces
+
+            self.grid = resolved(self.grid, self.kern, where)
             self.grid = self.grid.fixed(where.units, where.cell, where.positions)
+            if self.kern is not None and self.work.kernel_users:
+                warn_of_open_faces(self.grid, self.kernel_internal, where)
         if self.work.bond_users and hasattr(self.pot, "check_topology"):
             self.pot.check_topology(self.first)
         from .choose import require_known
@@ -540,7 +547,7 @@ def _passes(work: Work, request: Request) -> list[str]:
             f"{'; '.join(made)}"
         )
     if work.summed_site:
-        terms, components = ", ".join(_TERMS[s] for s in work.site), work.n_site
+        terms, components = ", ".join(_TERMS.get(s) or s.removeprefix("column:") for s in work.site), work.n_site
         out.append(f"one pass over the atoms: Σ a φ for a = {terms}: {components} component{'s' * (components != 1)}")
     for key, gather, where in (
         ("gather", work.gather, ""),

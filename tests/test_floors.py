@@ -14,8 +14,9 @@ ROOT = Path(atc.__file__).parent
 #: From the ground up. A name is a room, or one file where that stands on another floor than its room.
 FLOORS = [
     {"errors", "terminal", "contracts"},
-    {"units", "compiled"},
+    {"units", "compiled", "running.sealed"},
     {"frame", "simd"},
+    {"padding"},
     {"bonds", "grids", "planar"},
     {"kernels", "neighbors", "config.words"},
     {"config.toml", "config.formula"},
@@ -29,7 +30,7 @@ FLOORS = [
     {"export", "advection", "upscaling"},
     {"config"},
     {"cases"},
-    {"agreement.verify", "analysis"},
+    {"agreement.verify", "analysis", "twins"},
     {"cli"},
 ]
 #: Files of the room "planning" that lie outside it.

@@ -74,6 +74,8 @@ def simulation(case, threads: int = 0, state=None):
                 make(region, **{w: history(case, (section, str(k), w), t[w], X) for w in words if w in t})
             )
     options = {}
+    if "strain" in case.data["body"]:
+        options["strain"] = case.data["body"]["strain"]
     if state is None:
         start = {"velocity": np.zeros((len(body), 3)), "displacement": np.zeros((len(body), 3))}
         for k, t in enumerate(case.data.get("initial", [])):

@@ -58,6 +58,11 @@ Output = Annotated[
     typer.Option("-o", "--output", metavar="OUT", help="The file to write: .zarr or .nc.", show_default=False),
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")]
+#: Of commands that write their results beside printing them.
+Dataset = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", metavar="OUT", help="Write a dataset: .nc or .zarr.", show_default=False),
+]
 Topology = Annotated[
     str | None,
     typer.Option(
@@ -74,6 +79,22 @@ Masses = Annotated[
         "--masses", metavar="LIST", help="Masses by type: 28.0855,15.999 or 1=28.0855,2=15.999.", show_default=False
     ),
 ]
+
+
+def write_result(result, dataset, picture) -> None:
+    """Write a result's dataset and draw its picture, where they are asked for."""
+    if dataset is not None:
+        result.save(dataset)
+    if picture is not None:
+        result.picture(picture)
+
+
+def show_result(result, dataset, picture) -> None:
+    """Print a result, and where its dataset and picture are."""
+    result.print(console())
+    for what, path in (("dataset", dataset), ("picture", picture)):
+        if path is not None:
+            print(f"{what}: {path}")
 
 
 def load_scene(path, settings, begin=None, end=None, step=None, quiet=True):

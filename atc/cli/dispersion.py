@@ -8,7 +8,20 @@ from typing import Annotated
 
 import typer
 
-from .common import Begin, End, Json, Overwrite, Quiet, SceneFile, Set, Step, console, load_scene
+from .common import (
+    Begin,
+    Dataset,
+    End,
+    Json,
+    Overwrite,
+    Quiet,
+    SceneFile,
+    Set,
+    Step,
+    load_scene,
+    show_result,
+    write_result,
+)
 
 
 def register(app: typer.Typer) -> None:
@@ -17,10 +30,7 @@ def register(app: typer.Typer) -> None:
     @app.command()
     def dispersion(
         scene: SceneFile,
-        output: Annotated[
-            Path | None,
-            typer.Option("-o", "--output", metavar="OUT", help="Write a dataset: .nc or .zarr.", show_default=False),
-        ] = None,
+        output: Dataset = None,
         set: Set = None,
         begin: Begin = None,
         end: End = None,
@@ -47,14 +57,8 @@ def register(app: typer.Typer) -> None:
             else None
         )
         result = dispersion_of_scene(made)
-        if out is not None:
-            result.save(out)
-        if picture is not None:
-            result.picture(picture)
+        write_result(result, out, picture)
         if json:
             print(result.json())
         elif not quiet:
-            result.print(console())
-            for what, path in (("dataset", out), ("picture", picture)):
-                if path is not None:
-                    print(f"{what}: {path}")
+            show_result(result, out, picture)

@@ -36,6 +36,8 @@ from . import (
     pd,
     plan,
     plot,
+    profile,
+    twin,
     upscale,
     verify,
 )
@@ -200,6 +202,8 @@ for _verb in (
     export,
     dispersion,
     advect,
+    profile,
+    twin,
     upscale,
 ):
     _verb.register(app)

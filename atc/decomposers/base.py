@@ -73,8 +73,7 @@ class Accumulator:
         if bonds.F_bc is not None:
             self.virial += bonds.virial()
             if self.forces is not None:
-                np.add.at(self.forces, bonds.i, bonds.F_bc)
-                np.subtract.at(self.forces, bonds.j, bonds.F_bc)
+                _add_forces(bonds.i, bonds.j, bonds.F_bc, self.forces)
         elif self.forces is not None:
             _add_forces_and_virial(bonds.i, bonds.j, bonds.r_bc, bonds.G_b, self.forces, self.virial)
         else:
@@ -97,6 +96,10 @@ class Term:
     pairwise: bool = False
     #: whether it has no bonds but a field given by its modes, see `long_range`
     field: bool = False
+    #: whether its forces act along bonds; if not, its bonds have `Bonds.F_bc`
+    central: bool = True
+    #: whether every bond's force is what its own sources leave, F = D0 − D1
+    edges: bool = False
     #: In cutoffs, how far away an atom may be and still change a bond of an atom, if the term is not pairwise.
     depth: float = 2.0
     part_name: str = ""
@@ -161,6 +164,14 @@ class Wrapper(Term):
     @property
     def inner(self) -> Term:
         return self.term.inner
+
+    @property
+    def central(self) -> bool:
+        return self.term.central
+
+    @property
+    def edges(self) -> bool:
+        return self.term.edges
 
     @property
     def pairwise(self) -> bool:
@@ -242,8 +253,14 @@ class Potential(Interactions):
 
     @property
     def pairwise(self) -> bool:
-        """Whether every term is one of pairs, each half to each end: there is no churning then."""
+        """Whether every term is one of pairs, each half to each end."""
         return all(t.pairwise for t in self.terms)
+
+    @property
+    def churnless(self) -> bool:
+        """Whether all sources of every bond are its force, F = D0 − D1, as with pairs, and with edges of atoms'
+        energies: the stress is −M then, and there is no churning."""
+        return all(t.pairwise or t.edges for t in self.terms)
 
     @property
     def cutoff(self) -> float:
@@ -270,8 +287,9 @@ class Potential(Interactions):
 
     @property
     def central(self) -> bool:
-        """Whether all forces act along bonds: those of rigid bodies in a plane or on a line do not (see `settled`)."""
-        return self.constraints is None or not self.constraints.across
+        """Whether all forces act along bonds: those of rigid bodies in a plane or on a line do not (see `settled`), nor
+        do those of models that were learned."""
+        return all(t.central for t in self.terms) and (self.constraints is None or not self.constraints.across)
 
     def settled(self, frame: Frame) -> Potential:
         """The same potential for a trajectory that begins with this frame, which must say what its constraints need.
@@ -518,6 +536,14 @@ def _halves(r, G, D):
         for c in range(3):
             D[b, 0, c] = -g * r[b, c]
             D[b, 1, c] = g * r[b, c]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add_forces(i, j, F_bc, forces):
+    for b in range(len(F_bc)):
+        for c in range(3):
+            forces[i[b], c] += F_bc[b, c]
+            forces[j[b], c] -= F_bc[b, c]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -42,6 +42,8 @@ class CoulombLong(PairStyle):
     needs_charges = True
     keeps_excluded = True
     numbers = (("cutoff", "length"),)
+    #: the run's own table of it has 2 to this many entries, 0: none (``pair_modify table``)
+    run_table = 12
 
     def __init__(self, on, split: Split):
         self.on, self.split = np.asarray(on, bool), split
@@ -50,6 +52,7 @@ class CoulombLong(PairStyle):
     def at(self, accuracy: float) -> CoulombLong:
         """The same with another accuracy."""
         new = CoulombLong(self.on, self.split.at(accuracy))
+        new.run_table = self.run_table
         new.own_special = self.own_special
         return new
 
@@ -92,9 +95,11 @@ def long_style(inp: StyleInput, cutoff: float, constant: float | None = None) ->
     """A composite style's ``coul/long`` part; `constant` where it is not LAMMPS's."""
     if not cutoff > 0:
         raise inp.error(f"{inp.command}: the Coulomb cutoff must be positive, got {' '.join(inp.args)}")
-    return CoulombLong(
+    style = CoulombLong(
         _on(inp), Split.of(cutoff, inp.units.coulomb / inp.dielectric if constant is None else constant, ACCURACY)
     )
+    style.run_table = inp.modify.table
+    return style
 
 
 @pair_style("coul/long")

@@ -11,6 +11,8 @@ import numpy as np
 from ..errors import AtcError
 from ..units import require_compatible
 from .accuracy import Check, checking_kernel, extent_of, kernel_internal, without_nan
+from .columns import is_column
+from .columns import values as column_values
 from .field_pass import add_sums, atom_fields, field_pass, open_fields, require_fields
 from .hot import HotPoints, Strongest, put_right
 from .kinematics import Displacement
@@ -19,7 +21,7 @@ from .peridynamic import horizon_of, node_volumes, weighted_virials
 from .registry import BOND, GATHER, SITE, Work
 from .shifts import local_shifts
 from .sources import AtomFactors, AtomSums, ReferenceBonds, bond_factors, drift_velocity, piola_factor
-from .sums import Sums, full
+from .sums import Sums, churn_nothing
 from .target import Target
 
 
@@ -242,12 +244,9 @@ class _FrameJob:
                     self.run_tiles,
                 )
             self._add_fields(fresh)
-            if getattr(self.settings.pot, "pairwise", False):
-                # Pairs churn nothing: z = S + M is 0 for them identically, not only as far as two approximate sums
-                # cancel.
+            if getattr(self.settings.pot, "churnless", False):
                 for s in fresh:
-                    if {"stress", "sources"} <= s.bond.keys():
-                        s.bond["sources"] = -full(s.bond["stress"]).reshape(-1, 9)
+                    churn_nothing(s.bond)
             self.hot = None
             if watch:
                 self._add_hot()
@@ -310,8 +309,8 @@ class _FrameJob:
         sums.bond.update(_columns(work.bond, BOND, hot.bond_sums(work.bond, self.drift)))
         if self.fields is not None:
             add_sums(sums, self.fields.at(hot.which))
-        if getattr(self.settings.pot, "pairwise", False) and {"stress", "sources"} <= sums.bond.keys():
-            sums.bond["sources"] = -full(sums.bond["stress"]).reshape(-1, 9)
+        if getattr(self.settings.pot, "churnless", False):
+            churn_nothing(sums.bond)
         if work.site:
             add_sites(frame, work, [(hot.check.target, sums)], self.factors)
         self.hot, self.hot_sums = hot, sums
@@ -437,7 +436,7 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums, kept=None
         virial=work.atom_virial,
         residual="source_residual" in work.site,
         power="box_power" in work.whole,
-        moment=bool({"atom_moment", "reference_atom_moment"} & {*work.whole}),
+        moment=work.atom_moment,
         reference_moment="reference_atom_moment" in work.whole,
     )
     weighted = weighted_virials(frame, settings, work, stage, reference) if work.horizon_users else None
@@ -507,6 +506,7 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums, kept=None
     factors.inner_nc = decomposition.forces_nc
     factors.forget(
         "atom_virial",
+        "atom_moment",
         "source_residual",
         "potential_energy",
         "potential_flux",
@@ -515,6 +515,7 @@ def _bond_pass(frame, settings, work, stage, reference, factors, sums, kept=None
         "outside_power",
     )
     factors.atom_virial_n6, factors.residual_n4 = atoms.virial_n6, atoms.residual_n4
+    factors.atom_moment_n9 = atoms.moment_n9
     return decomposition, atoms
 
 
@@ -582,7 +583,10 @@ def _reference_gather_pass(frame, settings, work, stage, factors, sums):
 def require(frame, settings, work):
     """Say what is missing before anything is computed."""
     for attribute, users in work.attributes.items():
-        frame.require(attribute, why=", ".join(users))
+        if is_column(attribute):
+            column_values(frame, attribute.removeprefix("column:"), ", ".join(users))
+        else:
+            frame.require(attribute, why=", ".join(users))
     if work.bond_users:
         if settings.pot is None:
             raise AtcError(
@@ -591,11 +595,8 @@ def require(frame, settings, work):
             )
         require_compatible(settings.pot.units, frame.units, "the potential", frame.source)
         require_fields(frame, settings, work)
-        if not settings.central and work.symmetric_users:
-            raise AtcError(
-                f"{', '.join(work.symmetric_users)}: the forces of {settings.pot.describe()} do not act along bonds: "
-                "ask for peridynamic_stress_nodal_virial"
-            )
+        if not settings.central:
+            require_directed(settings.pot, work)
     for users, name, word in ((work.kernel_users, "kern", "kernel"), (work.grid_users, "grid", "grid")):
         if users and getattr(settings, name) is None:
             raise AtcError(f"no {word} was given but {_need(users)} one")
@@ -611,6 +612,22 @@ def require(frame, settings, work):
         raise AtcError(f"no reference frame was given but {_need(work.reference_users)} one: pass reference=")
     if any(q.kind == "box" for q in work.quantities) and not frame.cell.volume > 0:
         raise AtcError(f"{frame.source}: the cell has no volume, so the virial stress of the box is not defined")
+
+
+def require_directed(pot, work):
+    """Raise for what is not known of forces that do not act along their bonds."""
+    if (users := work.symmetric_users) and not (pot.churnless and not pot.fields):
+        raise AtcError(
+            f"{', '.join(users)}: the forces of {pot.describe()} do not act along bonds: ask for "
+            "peridynamic_stress_nodal_virial"
+        )
+    # Forces across the bonds of a rigid body belong to no energy of an atom, those of a body's bonds to none that is
+    # known.
+    if work.source_users and (pot.constraints is not None or not pot.terms):
+        raise AtcError(
+            f"{', '.join(work.source_users)}: the forces of {pot.describe()} do not act along bonds, and which atom's "
+            "energy they belong to is not known: ask for the stress"
+        )
 
 
 def _need(users) -> str:

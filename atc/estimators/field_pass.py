@@ -148,10 +148,12 @@ class FieldSums:
 
     def _bins(self, F_k, box, which):
         """Means over the cell's cross-section: the modes along its normal alone."""
-        vectors, _, index, *_ = box
+        vectors, origin, index, *_ = box
         a, cell = self.bound.axis, self.bound.cell
         height = abs(np.linalg.det(vectors)) / np.linalg.norm(np.cross(*np.delete(vectors, a, axis=0)))
         z = (np.asarray(which) + 0.5) / self.bound.shape[0] * cell.heights[a]
+        if not cell.periodic[a]:  # padding
+            z += (cell.origin - origin) @ cell.inverse[:, a] * cell.heights[a]
         # A slab's box of modes may be higher than the cell: the mean is over the cell's own cross-section.
         area = abs(np.linalg.det(vectors)) / height / (cell.volume / cell.heights[a])
         n = index[a]
@@ -197,20 +199,18 @@ class FieldSums:
 
 
 def _hat(kern, k, vector=False):
-    from ..deposit import fourier
-    from ..kernels import Radial
-
+    """φ̂ for wave numbers along x, or for wave vectors (..., 3)."""
     if not vector:
-        return fourier.phi_hat(kern, np.stack([k, 0 * k, 0 * k], -1))
-    if isinstance(kern, Radial):
+        return kern.hat(np.stack([k, 0 * k, 0 * k], -1))
+    if kern.hat_step is not None:
         # By a table: there are many modes.
         size = np.sqrt((k**2).sum(-1))
-        step = 0.01 / kern.radius
         from scipy.interpolate import CubicSpline
 
+        step = kern.hat_step / kern.radius
         table = np.arange(int(size.max() / step) + 3) * step
-        return CubicSpline(table, fourier.radial_hat(kern, table))(size)
-    return fourier.phi_hat(kern, k)
+        return CubicSpline(table, _hat(kern, table))(size)
+    return kern.hat(k)
 
 
 def open_fields(pot, work, bound, kern, tolerance, threads):

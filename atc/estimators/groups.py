@@ -46,7 +46,7 @@ from .methods import NAMES
 from .registry import BOND, SITE, Work
 from .sources import AtomFactors, bond_factors, drift_velocity
 from .statistics import longest_block
-from .sums import Sums, full
+from .sums import Sums, churn_nothing
 
 #: Atoms of all frames of a group, at most. The frames are held until the group is done: it may have to be computed
 #: again.
@@ -213,7 +213,7 @@ class _Run:
         kern = kernel_internal(settings.kern, first.units) if work.kernel_users else None
         self.stage = Stage(first, kern, settings, index) if work.grid_users else None
         self.drifts = [drift_velocity(f) if "velocities" in work.attributes else np.zeros(3) for f in frames]
-        self.pairwise = getattr(settings.pot, "pairwise", False)
+        self.churnless = getattr(settings.pot, "churnless", False)
         self.notes: dict[str, int] = {}
         self.seconds = {"bonds": 0.0, "sites": 0.0}
 
@@ -277,7 +277,7 @@ class _Run:
             fields.add(self.early, sums[0])
             exactly.add(elements(work), sums[1])
             size += sums[1].size / len(self.frames)
-            factors.forget("peculiar", *SITE)
+            factors.forget("peculiar", *SITE, *work.site)
             self.seconds["bonds"] += done - start
             self.seconds["sites"] += perf_counter() - done
         stage.strongest, stage.seeking = None, False
@@ -304,15 +304,14 @@ class _Run:
         self._form(main, fields, boxes, exactly, mask)
 
     def _no_churning(self, sums) -> None:
-        """Pairs churn nothing, see `compute`."""
-        if self.pairwise and {"stress", "sources"} <= sums.bond.keys():
-            sums.bond["sources"] = -full(sums.bond["stress"]).reshape(-1, 9)
+        if self.churnless:
+            churn_nothing(sums.bond)
 
     def _columns(self, frame, factors):
         """The factors of the sums over atoms that are added up: velocities relative to the same drift in all frames."""
         if frame is not self.frames[0]:
             own, factors = factors, AtomFactors(frame, self.drifts[0], self.settings.pot)
-            for name in ("energies_n", "atom_virial_n6", "residual_n4", "inner_nc"):
+            for name in ("energies_n", "atom_virial_n6", "atom_moment_n9", "residual_n4", "inner_nc"):
                 setattr(factors, name, getattr(own, name))
         return factors.columns(self.work.site)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import AtcError
+from . import columns
 from .tensors import outer6
 
 
@@ -28,6 +29,7 @@ class AtomFactors:
     # Set once the bonds have gone by.
     energies_n: np.ndarray | None = None
     atom_virial_n6: np.ndarray | None = None
+    atom_moment_n9: np.ndarray | None = None  # in its place where forces do not act along bonds
     residual_n4: np.ndarray | None = None
     inner_nc: np.ndarray | None = None  # forces between atoms
 
@@ -44,7 +46,9 @@ class AtomFactors:
 
     def __getitem__(self, name: str) -> np.ndarray:
         if name not in self._kept:
-            self._kept[name] = getattr(self, f"_{name}")()
+            self._kept[name] = (
+                columns.factor(self.frame, name) if columns.is_column(name) else getattr(self, f"_{name}")()
+            )
         return self._kept[name]
 
     def forget(self, *names) -> None:
@@ -82,6 +86,9 @@ class AtomFactors:
 
     def _atom_virial(self):
         return self.atom_virial_n6
+
+    def _atom_moment(self):
+        return self.atom_moment_n9
 
     def _kinetic_flux(self):
         v = self.peculiar_nc
@@ -139,7 +146,7 @@ class AtomSums:
         if self._virial is not None:
             _numba.scatter_virial(bonds.i, bonds.j, bonds.r_bc, bonds.G_b, self._virial[thread])
         if self._residual is not None:
-            _numba.scatter_residual(bonds.i, bonds.j, bonds.r_bc, bonds.G_b, bonds.D_bdc, self._residual[thread])
+            _numba.scatter_residual(bonds.i, bonds.j, bonds.forces(), bonds.D_bdc, self._residual[thread])
         if self._power is not None:
             _numba.add_power(bonds.i, bonds.j, bonds.r_bc, bonds.D_bdc, self.velocities, self._power[thread])
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..compiled import njit
 from .kinematics import eshelby, quotient_gradient
-from .tensors import full
+from .tensors import full, quotient
 
 
 @dataclass
@@ -125,7 +125,7 @@ class Sums:
     @cached_property
     def churning(self) -> np.ndarray:
         """(g, 3, 3) z = S + M."""
-        return full(self.bond["stress"]) + self._M
+        return self.potential_stress + self._M
 
     @cached_property
     def velocity_gradient(self) -> np.ndarray:
@@ -157,6 +157,16 @@ class Sums:
         return out
 
 
+def churn_nothing(bond: dict) -> None:
+    """z = S + M is 0 identically for pairs and for edges of atoms' energies, not only as far as two approximate sums
+    cancel: make M = −S."""
+    if "sources" in bond:
+        if "moment" in bond:
+            bond["sources"] = -bond["moment"]
+        elif "stress" in bond:
+            bond["sources"] = -full(bond["stress"]).reshape(-1, 9)
+
+
 def curl(gradient_gcc) -> np.ndarray:
     """(g, 3) ε_ijk ∂_j v_k from [j, k] = ∂_j v_k."""
     L = gradient_gcc
@@ -171,12 +181,6 @@ def kinetic_flux(rho, u_gc, thermal_g6, flux_gc) -> np.ndarray:
     out = flux_gc - (half_trace + streaming) * u_gc - np.einsum("gij,gj->gi", full(thermal_g6), u_gc)
     out[~(rho > 0)] = 0.0
     return out
-
-
-def quotient(a, w) -> np.ndarray:
-    """a/w along the first axis, 0 where w is not positive."""
-    w = w.reshape((-1,) + (1,) * (a.ndim - 1))
-    return np.divide(a, w, out=np.zeros_like(a), where=w > 0)
 
 
 def thermal(mass_g1, momentum_gc, kinetic_g6) -> np.ndarray:

@@ -14,6 +14,8 @@ class Target:
     first."""
 
     def __init__(self, methods, bound, kern, cell, threads, origin=None):
+        # The bins of a padded slab profile divide a higher cell, open there.
+        cell = bound.cell if bound.kind == "slab" else cell
         self.methods, self.bound, self.kern, self.cell, self.threads = methods, bound, kern, cell, threads
         self.summed_kern = kern  # what deposits use; gradients always use `kern`
         self.origin = None if origin is None or not np.any(origin) else origin

@@ -71,7 +71,7 @@ class _Spot:
 
 def refuse(frame, work, pot) -> None:
     """Raise for what is not computed in tiles."""
-    if not pot.terms or not getattr(pot, "central", True):
+    if not pot.terms:
         raise AtcError(
             "tiles: only potentials made of atc's terms are cut into tiles, not the bonds of a body: leave tiles out"
         )
@@ -87,9 +87,9 @@ def refuse(frame, work, pot) -> None:
 def tile_sums(tile: Tile, task: Task) -> dict:
     """The tile's share of every sum over bonds: on the grid, at the points of the check, of its own atoms, and the
     virial."""
-    frame, threads, work = tile.frame, task.threads, Work.of(task.quantities)
+    frame, threads, work = tile.frame, task.threads, Work.of(task.quantities, task.pot.central)
     names, whole = work.bond, {*work.whole}
-    size = "stress" in names
+    size = bool({"stress", "moment"} & {*names})
     here = reference = weighted = None
     if task.here is not None:
         here = _Spot(task.here, task, work.n_bond, size=size)
@@ -105,10 +105,14 @@ def tile_sums(tile: Tile, task: Task) -> dict:
             reference,
             task.horizon,
         )
-    moment = bool({"atom_moment", "reference_atom_moment"} & whole)
     residual, reference_moment = "source_residual" in work.site, "reference_atom_moment" in whole
     atoms = AtomSums(
-        frame, threads, virial=work.atom_virial, residual=residual, moment=moment, reference_moment=reference_moment
+        frame,
+        threads,
+        virial=work.atom_virial,
+        residual=residual,
+        moment=work.atom_moment,
+        reference_moment=reference_moment,
     )
     # Not a sum of one atom: of the bonds that are this tile's.
     power = AtomSums(frame, threads, power="box_power" in whole)
@@ -244,7 +248,7 @@ def bond_pass(frame, settings, work, stage, reference, factors, sums, index: int
         # No atoms, no tiles: the sums of a frame without bonds.
         part = tile_sums(next(Cut(frame, (1, 1, 1), settings.pot, to_reference).tiles(empty=True)), task)
         total, of_atoms = part["sum"], part["atoms"]
-    size = "stress" in work.bond
+    size = bool({"stress", "moment"} & {*work.bond})
     for k, (s, name) in enumerate(zip(sums, ("main", "check"))):
         if work.bond:
             s.bond.update(_columns(work.bond, total[name]))
@@ -257,8 +261,11 @@ def bond_pass(frame, settings, work, stage, reference, factors, sums, index: int
     atoms = _Atoms(**of_atoms, power_c=total.get("power"))
     if work.energy_users:
         factors.energies_n = energies
-    factors.forget("atom_virial", "source_residual", "potential_energy", "potential_flux", "energy_current")
+    factors.forget(
+        "atom_virial", "atom_moment", "source_residual", "potential_energy", "potential_flux", "energy_current"
+    )
     factors.atom_virial_n6, factors.residual_n4 = atoms.virial_n6, atoms.residual_n4
+    factors.atom_moment_n9 = atoms.moment_n9
     energy = float(energies.sum()) if work.energy_users else np.nan
     return Decomposition(energy, total["virial"], energies, n_bonds=total["n_bonds"], notes=notes), atoms
 

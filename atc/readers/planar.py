@@ -7,38 +7,18 @@ from copy import copy
 from ..errors import AtcError
 from ..frame import Frame
 from ..planar import planar
-from .trajectory import Trajectory
+from .trajectory import Over, Trajectory
 
 
-class Planar(Trajectory):
+class Planar(Over):
     """Another trajectory, of a two-dimensional run."""
 
     def __init__(self, base: Trajectory):
-        super().__init__()
-        self.base, self.units, self.source = base, base.units.planar, base.source
-        self.dimension, self.assumed = 2, base.assumed
-
-    @property
-    def type_names(self):
-        return self.base.type_names
-
-    def __len__(self):
-        return len(self.base)
-
-    def _has(self, k):
-        return self.base._has(k)
+        super().__init__(base)
+        self.units, self.dimension = base.units.planar, 2
 
     def _frame(self, k):
         return planar(self.base._frame(k))
-
-    def _precision(self, frame):
-        return self.base._precision(frame)
-
-    def _numbered(self):
-        return self.base._numbered()
-
-    def close(self):
-        self.base.close()
 
 
 def in_dimension(trajectory: Trajectory, dimension) -> Trajectory:

@@ -211,20 +211,42 @@ class Trajectory(Sequence):
         return True
 
 
-class _View(Trajectory):
-    """A slice of another trajectory."""
+class Over(Trajectory):
+    """Another trajectory, `base`, whose frames are given in another form: what is not said otherwise is the base's."""
 
-    def __init__(self, base: Trajectory, which: slice | range):
+    def __init__(self, base: Trajectory):
         super().__init__()
-        self.base, self._which = base, which
-        self.units, self.source = base.units, base.source
+        self.base, self.units, self.source = base, base.units, base.source
         self.assumed, self.dimension = base.assumed, base.dimension
-        if isinstance(which, slice) and which.step == 0:
-            raise ValueError("slice step cannot be zero")
 
     @property
     def type_names(self):
         return self.base.type_names
+
+    def __len__(self):
+        return len(self.base)
+
+    def _has(self, k):
+        return self.base._has(k)
+
+    def _precision(self, frame):
+        return self.base._precision(frame)
+
+    def _numbered(self):
+        return self.base._numbered()
+
+    def close(self):
+        self.base.close()
+
+
+class _View(Over):
+    """A slice of another trajectory."""
+
+    def __init__(self, base: Trajectory, which: slice | range):
+        super().__init__(base)
+        self._which = which
+        if isinstance(which, slice) and which.step == 0:
+            raise ValueError("slice step cannot be zero")
 
     def _range(self) -> range:
         if isinstance(self._which, slice):
@@ -262,15 +284,6 @@ class _View(Trajectory):
         else:
             for k in self._range():
                 yield self.base._frame(k)
-
-    def _precision(self, frame):
-        return self.base._precision(frame)
-
-    def _numbered(self):
-        return self.base._numbered()
-
-    def close(self):
-        self.base.close()
 
 
 # Masses
@@ -337,8 +350,8 @@ def decimal_resolution(x, sample: int = 3000) -> tuple[float, str]:
 
     The coarsest power of ten of which all sampled values are multiples (to rounding in the number type they came from),
     if there is one coarser than the spacing of that type; else the spacing itself at the largest value. The number type
-    is float32 if every sampled value survives float32. Fewer than 30 values that are not 0 say nothing: the spacing is
-    reported.
+    is float32 if every sampled value survives float32. Fewer than 30 values that are not 0 say nothing, nor do atoms on
+    the sites of a perfect lattice: the spacing is reported.
     """
     x = np.asarray(x, dtype=np.float64).ravel()
     x = x[:: max(1, len(x) // sample)]
@@ -360,19 +373,34 @@ def decimal_resolution(x, sample: int = 3000) -> tuple[float, str]:
             # Values a unit conversion has touched carry a few roundings of the type they had.
             off = np.abs(x - np.round(x / step) * step)
             if (off <= 4 * np.spacing(np.abs(x).astype(kind)).astype(np.float64)).all():
-                return step, f"decimals ({name})"
+                return (spacing, name) if _on_few_sites(x, step) else (step, f"decimals ({name})")
     return spacing, name
+
+
+def _on_few_sites(x, step) -> bool:
+    """Whether multiples of `step` are so because atoms sit on a lattice: rounding leaves numbers that fill the
+    multiples within their range as evenly as chance does, a lattice repeats few of them, or is as coarse as the step.
+
+    Of N numbers thrown at M multiples, M (1 - exp(-N/M)) differ; a lattice has less than a fifth of it.
+    """
+    multiples = np.round(x / step)
+    m = np.ptp(multiples) + 1
+    if m < 4 * np.cbrt(len(x) / 3):  # atoms closer than four steps: no trajectory is so coarse
+        return True
+    return len(np.unique(multiples)) < 0.2 * m * -np.expm1(-len(x) / m)
 
 
 def text_resolution(tokens) -> tuple[float, str]:
     """Estimate the absolute resolution of printed coordinates from a sample of their text, in the units they are
-    printed in.
+    printed in; 0 where it does not show.
 
     All with the same number of decimals: a fixed format, resolution 10^-decimals. Otherwise the largest number of
     significant digits in the sample is taken for the format's (``%g`` prints 6 and drops trailing zeros), and the
-    resolution is that of the largest value.
+    resolution is that of the largest value. Atoms on the sites of a perfect lattice (2, 4, 6.5) end before the format
+    does, if no number ends in a zero after the point, which a format that drops none would have written: fewer digits
+    than ``%g`` has say nothing then.
     """
-    digits, decimals, big, exponential = 0, set(), 0.0, False
+    digits, decimals, values, exponential, trimmed = 0, set(), [], False, True
     for token in tokens:
         t = token.lstrip("+-").lower()
         mantissa, _, exponent = t.partition("e")
@@ -382,13 +410,38 @@ def text_resolution(tokens) -> tuple[float, str]:
             continue
         decimals.add(len(fraction) - (int(exponent) if exponent else 0))
         digits = max(digits, len((whole + fraction).lstrip("0")))
-        big = max(big, abs(float(t)))
+        trimmed &= not fraction.endswith("0")
+        values.append(float(token))
+    big = max(map(abs, values), default=0.0)
     if not big:
         return 0.0, "no coordinates"
     digits = min(digits, 17)
-    if len(decimals) == 1 and not exponential and (d := decimals.pop()) > 0:
-        return max(10.0**-d, float(np.spacing(big))), f"{d} decimals"
-    return max(10.0 ** (np.floor(np.log10(big)) + 1 - digits), float(np.spacing(big))), f"{digits} significant digits"
+    fixed = len(decimals) == 1 and not exponential and max(decimals) > 0
+    step = 10.0 ** -max(decimals) if fixed else 10.0 ** (np.floor(np.log10(big)) + 1 - digits)
+    if trimmed and digits < _SHORTEST and _on_few_sites(np.array(values), step):
+        return 0.0, "unknown: atoms on lattice sites, whose numbers are shorter than their format"
+    return max(step, float(np.spacing(big))), f"{max(decimals)} decimals" if fixed else f"{digits} significant digits"
+
+
+# Digits of the shortest format that drops zeros, %g.
+_SHORTEST = 6
+
+
+def text_resolution_of_frames(tokens_of, has) -> tuple[float, str]:
+    """`text_resolution` of the first frame, or, where it does not show there (atoms start on a lattice), of a later one
+    of the same file.
+
+    tokens_of : frame number → sample of its coordinates as text
+    has : frame number → whether there is such a frame
+    """
+    first = text_resolution(tokens_of(0))
+    for k in (1, 3, 7, 15, 31):
+        if first[0] or not has(k):
+            break
+        later = text_resolution(tokens_of(k))
+        if later[0]:
+            return later
+    return first
 
 
 def resolution_of(frames, frame: Frame) -> float:
@@ -403,4 +456,4 @@ def warn(message: str) -> None:
     warnings.warn(message, AtcWarning, stacklevel=3)
 
 
-__all__ = ["Masses", "Trajectory", "decimal_resolution", "text_resolution", "warn"]
+__all__ = ["Masses", "Trajectory", "decimal_resolution", "text_resolution", "text_resolution_of_frames", "warn"]

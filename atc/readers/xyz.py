@@ -18,7 +18,7 @@ from .lammps_columns import KNOWN_FLOATS, LammpsTrajectory
 from .lammps_dump import whole
 from .sniff import shown
 from .table import FLOAT, INT, TEXT, is_number, parse_columns
-from .trajectory import decimal_resolution, text_resolution, warn
+from .trajectory import decimal_resolution, text_resolution_of_frames, warn
 from .xyz_comment import CELL_UNIT_TAKEN, TIME_ROUNDED, Comment, read_comment
 
 # What columns of extended XYZ are called, and the columns of a dump they are.
@@ -362,6 +362,12 @@ class ExtendedXyz(LammpsTrajectory):
         if comment.vectors is None:
             if comment.periodic is not None and any(comment.periodic):
                 raise AtcError(f"{where}: pbc says that axes are periodic, but there is no Lattice")
+            if comment.periodic is None and _fills_a_box(np.stack([columns[a] for a in "xyz"], 1)):
+                self._once(
+                    "open",
+                    f"{where}: no Lattice, so it is read as an open cluster, but its atoms fill a box to its corners: "
+                    'if it was periodic, write Lattice="..." into the comment; if not, pbc="F F F"',
+                )
             return Cell(np.zeros((3, 3)), periodic=(False, False, False))
         origin = np.zeros(3) if comment.origin is None else comment.origin
         periodic = comment.periodic or (True, True, True)
@@ -430,13 +436,17 @@ class ExtendedXyz(LammpsTrajectory):
     def _precision(self, frame):
         if self._ase:
             return decimal_resolution(frame.positions)
-        _, buf, _, _ = self._text(0)
+        step, why = text_resolution_of_frames(self._sample, self._has)
+        return step * self.units.length, why
+
+    def _sample(self, k) -> list[str]:
+        """Some of the coordinates of frame k, as text."""
+        _, buf, _, _ = self._text(k)
         lines = buf[: 1 << 18].tobytes().split(b"\n")[:-1]
-        names, _ = self._layout(self._comment(0), buf, "")
+        names, _ = self._layout(self._comment(k), buf, "")
         at = [j for j, name in enumerate(names) if name.split("[")[0] in ("pos", "positions")]
         words = [w.split() for w in lines[:: max(1, len(lines) // 1000)]]
-        step, why = text_resolution([w[a].decode("utf-8", "replace") for w in words for a in at])
-        return step * self.units.length, why
+        return [w[a].decode("utf-8", "replace") for w in words for a in at if a < len(w)]
 
     def close(self):
         self._bytes.close()
@@ -449,6 +459,18 @@ def _symbols(numbers, where) -> np.ndarray:
     if not ((numbers >= 0) & (numbers < len(chemical_symbols))).all():
         raise AtcError(f"{where}: column Z holds {int(numbers.max())}, which is no atomic number")
     return np.array(chemical_symbols)[numbers]
+
+
+def _fills_a_box(x_nc) -> bool:
+    """Whether atoms are as dense in each corner of the box around them as in its middle, as in a periodic cell. Too few
+    to tell (less than four expected in a corner of a quarter of each side), and flat ones, do not."""
+    low, high = x_nc.min(axis=0), x_nc.max(axis=0)
+    if len(x_nc) < 4 * 4**3 or not (np.isfinite(high - low).all() and (high > low).all()):
+        return False
+    s_nc = (x_nc - low) / (high - low)
+    ends_nc = (s_nc <= 0.25) | (s_nc >= 0.75)
+    corner_n = (s_nc[ends_nc.all(axis=1)] > 0.5) @ np.array([1, 2, 4])
+    return bool(np.bincount(corner_n, minlength=8).min() >= 0.5 * len(x_nc) / 4**3)
 
 
 def need_ase(path):

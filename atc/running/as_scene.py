@@ -29,6 +29,7 @@ def scene_of(request) -> str:
         "grid": None if request.grid is None else _grid(request.grid, request.first.units),
         "fields": {
             "quantities": [q.name for q in request.work.quantities],
+            **({"column_units": request.column_units} if request.column_units else {}),
             "tolerance": float(request.tolerance),
             "method": request.method,
             "average": request.average if isinstance(request.average, bool) else int(request.average),
@@ -70,6 +71,9 @@ def _potential(pot) -> dict | None:
     if pot is None:
         return None
     text, file = pot.text, pot.file
+    if pot.nep is not None:
+        name, types = pot.nep
+        return {"nep": name} if types is None else {"nep": name, "types": [t or "NULL" for t in types]}
     if file is not None:
         return {"input": file, "units": pot.units.name}
     if text is not None:
@@ -85,7 +89,7 @@ def _grid(grid, units) -> dict:
         if len(p["xyz"]) > _MOST_POINTS:
             return {"kind": "points", "#": f"{len(p['xyz'])} points: see the coordinates"}
         return {"kind": "points", "points": p["xyz"]}
-    for key in ("shape", "spacing", "axis", "position", "origin", "u", "v", "start", "end", "n", "bins"):
+    for key in ("shape", "spacing", "axis", "position", "origin", "u", "v", "start", "end", "n", "bins", "padding"):
         if p.get(key) is not None:
             table[key] = "xyz"[p[key]] if key == "axis" else p[key]
     if "shift" in p:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..estimators.columns import is_column, label
 from ..estimators.compute import FrameResult
 from ..plan import Request
 from .as_scene import scene_of
@@ -86,7 +87,10 @@ def output_layout(request: Request, frame, result: FrameResult, moves: bool = Fa
     for q in work.quantities:
         head = {"grid": grid_dims, "box": (), "atom": ("atom",)}[q.kind]
         shape = result.arrays[q.name].shape
-        attrs = {"units": u.label(q.dimension), "long_name": q.long_name, "sign_convention": q.sign}
+        unit = label(q.name, u, request.column_units) if is_column(q.name) else u.label(q.dimension)
+        attrs = {"units": unit, "long_name": q.long_name, "sign_convention": q.sign}
+        if u.dimension == 2:
+            attrs["dimension"] = 2
         comment = [_in_plane(q.comment) if u.dimension == 2 else q.comment] if q.comment else []
         if request.average is not False:
             of = f"<w X>/<w>, w the {_WEIGHTS[q.weight]}" if q.weight else "of the fields of the frames"

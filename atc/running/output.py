@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
+from .sealed import Damaged, require_sound, seal, to_netcdf
 
 _CHUNK_BYTES = 32 * 2**20
 
@@ -98,8 +99,11 @@ def check_name(out) -> Path:
     return path
 
 
-class Damaged(AtcError):
-    """An output that is no longer what was written."""
+def write_dataset(ds, path) -> None:
+    """Write a dataset that is in memory: .zarr, or a sealed .nc."""
+    path = check_name(path)
+    with explained(path):
+        ds.to_zarr(path, mode="w") if path.suffix == ".zarr" else to_netcdf(ds, path)
 
 
 class Store:
@@ -384,6 +388,7 @@ class Store:
                     array.attrs[key] = value
             for key, value in dict(self._group.attrs).items():
                 f.attrs[key] = value
+        seal(path)
 
     def _reserve(self, path) -> None:
         """See that there is room for the file: HDF5 takes a full disk badly, and says so at length on standard
@@ -553,11 +558,11 @@ def damage(path) -> str | None:
         import h5py
 
         try:
+            require_sound(path)
             file = h5py.File(path, "r")
-        except OSError:
-            return f"{path}: its structure cannot be read: the file is damaged, compute it again"
-        try:
             arrays = {name: a for name, a in file.items() if isinstance(a, h5py.Dataset)}
+        except Damaged as e:
+            return str(e)
         except Exception:  # HDF5 has many words for it
             return f"{path}: its structure cannot be read: the file is damaged, compute it again"
     for name, a in arrays.items():
@@ -589,6 +594,7 @@ def open_dataset(path):
             _require_all_chunks(path)
             ds = xr.open_dataset(path, engine="zarr", chunks=None, decode_times=False)
         else:
+            require_sound(path)
             ds = xr.open_dataset(path, engine="h5netcdf", decode_times=False)
         # How this file is packed must not bind the next one: formats do not know each other's compressors.
         ds.encoding = {}

@@ -351,12 +351,9 @@ class Dispersion:
 
     def save(self, path) -> None:
         """Write the dataset: .nc or .zarr."""
-        from ..running.output import check_name, explained
+        from ..running.output import write_dataset
 
-        path = check_name(path)
-        with explained(path):
-            ds = self.dataset()
-            ds.to_zarr(path, mode="w") if path.suffix == ".zarr" else ds.to_netcdf(path, engine="h5netcdf")
+        write_dataset(self.dataset(), path)
 
     # ---- picture
 
@@ -540,8 +537,9 @@ def dispersion(
     if models:
         if out.elastic is None or not is_cubic(out.elastic, 1e-4):
             raise AtcError(
-                f"{crystal.name}: the peridynamic models are for stable cubic crystals with the cube's edges along x, "
-                "y, z"
+                f"{crystal.name}: there are no peridynamic models of this crystal (models = {list(models)}): they are "
+                "for stable cubic crystals with the cube's edges along x, y, z, and not for hcp and others; leave "
+                "models out, or give such a crystal"
             )
         made = [
             make_model(m, out.fc, out.elastic, horizon=inner(horizon), knots=knots, width=inner(width), order=order)

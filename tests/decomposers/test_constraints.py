@@ -594,3 +594,15 @@ def test_shaken_water_with_ewald_sums(ewald):
     fine = atc.fields(ewald.traj[-1], ewald.pot, kern, grid, ["stress"], tolerance=1e-5)
     box = u.to_user("pressure", d.virial_cc / ewald.frame.cell.volume)
     np.testing.assert_allclose(fine.stress_potential.values[0].mean((0, 1, 2)), box, atol=1e-5 * size)
+
+
+def test_balance_laws_hold_with_ewald_sums(ewald):
+    """Bonds, the smooth field and what holds the molecules together."""
+    from atc.analysis.check import check
+
+    report = check(ewald.traj[-1], ewald.pot, atc.kernel("gaussian", width=2.0), points=2)
+    assert report.ok, report.verdict
+    for law in ("momentum", "energy"):
+        ways = report.data["laws"][law]
+        assert ways["chain_rule"]["residual"] < 1e-10, (law, ways)
+        assert ways["fields"]["residual"] < 1e-8, (law, ways)

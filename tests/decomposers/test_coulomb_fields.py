@@ -192,15 +192,51 @@ def test_virial_and_triclinic_names():
     )
 
 
-def test_balances_are_refused_and_the_runs_accuracy_is_allowed():
-    """The check of balance laws knows sums over bonds alone; forces of a run may differ by what its mesh was asked
-    for."""
-    from atc.agreement.forces import compare_forces
-    from atc.estimators.balance import motion
+def test_balances_close_with_a_field_and_slab_is_refused():
+    """In closed form and by stencils on the deposited fields; a share of the field left out breaks both."""
+    from atc.estimators import balance
+
+    frame, pot = eight_ions(TRICLINIC, drift=0.5), salt_potential(5.0, 1e-11)
+    kern = GAUSS.scaled(1.0)
+    x_gc, h = POINTS[:3] + frame.cell.origin, kern.difference_step
+    steps = balance.stencil(x_gc, h)
+    deposit = balance.deposit_at(steps, kern, frame.cell, 1)
+    state = balance.motion(frame, pot, 1, deposit)
+    share = balance.field_bonds(frame, pot, kern, steps)
+    fields = balance.deposited(state, deposit, share)
+    exact = balance.Exact(balance.Sites(x_gc, frame.positions, frame.cell, kern), state, fields.pop("bonds")[::19])
+    laws = exact.laws()
+    scale = {name: law.largest[1] for name, law in laws.items()}
+    by_stencils = balance.field_laws(laws, exact, fields, h)
+    for name in balance.LAWS:
+        assert np.abs(laws[name].residual).max() < 1e-10 * scale[name], name
+        assert np.abs(by_stencils[name].residual).max() < 1e-7 * scale[name], name
+    apart, _, left_out = balance.energy_rates(frame, pot, state)
+    assert apart < 1e-8 and left_out == 0
+    without = balance.field_laws(laws, exact, balance.deposited(state, deposit), h)
+    for name in ("momentum", "energy"):
+        assert not np.abs(without[name].residual).max() < 1e-2 * scale[name], name
+    slab = atc.potential("units real\n" + LINES + "kspace_modify slab 3.0\n")
+    with pytest.raises(AtcError, match="balance laws with kspace_modify slab"):
+        balance.motion(ions(slab=True, triclinic=False).frame(), slab)
+
+
+def test_check_of_a_model_with_a_field():
+    """Bonds and field of a triclinic salt, from the fields as they are written."""
+    from atc.analysis.check import check
 
     frame, pot = ions().frame(), atc.potential("units real\n" + LINES)
-    with pytest.raises(AtcError, match="balance laws with long-range Coulomb"):
-        motion(frame, pot)
+    report = check([frame], pot, GAUSS, points=2)
+    assert report.ok and "momentum balance holds to" in report.verdict[1], report.verdict
+    with pytest.raises(AtcError, match="kernel 'lucy': balance laws with long-range Coulomb"):
+        check([frame], pot, atc.kernel("lucy", 4.0))
+
+
+def test_the_runs_accuracy_is_allowed():
+    """Forces of a run may differ by what its mesh was asked for."""
+    from atc.agreement.forces import compare_forces
+
+    frame, pot = ions().frame(), atc.potential("units real\n" + LINES)
     assert "asked for forces to 0.0332" in pot.describe()
     forces = pot.stream(frame, forces=True).forces_nc
     noise = np.random.default_rng(0).normal(size=forces.shape) * pot.fields[0].run.force

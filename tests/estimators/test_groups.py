@@ -192,9 +192,12 @@ def test_where_matter_comes_and_goes(monkeypatch):
 @pytest.fixture
 def spectral_wins(monkeypatch):
     """Costs at which the exact sum is never chosen, though the frames are small."""
-    slow = dataclasses.replace(Costs(), visit={k: 1e-6 for k in Costs().visit}, bond=1e-5, row=1e-6)
+    slow = dataclasses.replace(Costs(), bond=1e-5, row=1e-6)
     monkeypatch.setattr(Costs, "load", classmethod(lambda cls: slow))
+    monkeypatch.setattr(Costs, "visit_of", lambda self, compiled: 1e-6)
     monkeypatch.setattr(choose, "CHEAP", 0.0)
+    monkeypatch.setattr(choose, "SEARCH", (0.0, 0.0))
+    monkeypatch.setattr(choose, "WATCH", (0.0, 0.0))
 
 
 @pytest.mark.parametrize("system", ["hot", "gas", "silicon", "strong pair"])

@@ -236,3 +236,15 @@ def test_frames_are_found_by_counting_lines(save, tmp_path):
     path.write_text(text.replace("Timestep=4", "Timestep=4 Time=0.0 Potential_energy=1", 1))
     with pytest.raises(AtcError, match="frame 4, line 18: a frame of another program than the first"):
         list(atc.read(path))
+
+
+def test_a_crystal_without_its_box_is_not_silently_a_cluster(save):
+    x = np.indices((10, 10, 10)).reshape(3, -1).T * 2.5
+    ball = x[np.linalg.norm(x - x.mean(axis=0), axis=1) < 12]
+    rows = [[f"Ar {a:g} {b:g} {c:g}" for a, b, c in some] for some in (x, ball)]
+    with pytest.warns(AtcWarning, match="read as an open cluster"):
+        assert not any(atc.read(save("Properties=species:S:1:pos:R:3", rows[0]))[0].cell.periodic)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        atc.read(save('Properties=species:S:1:pos:R:3 pbc="F F F"', rows[0]))[0]
+        atc.read(save("Properties=species:S:1:pos:R:3", rows[1]))[0]

@@ -110,11 +110,11 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
     choice = choose_run(script_run, run, name, trajectory)
     model = _gather(choice.state, name, folder, units_, script)
     if "pair" not in model.styles:
-        sort_fixes(choice)  # a fix may be why there is no pair style
+        sort_fixes(choice, folder)  # a fix may be why there is no pair style
     if script and "pair" not in model.styles and model.restart is None and not any(k in model.styles for k in _BONDED):
         _check_free(model, script_run, choice.state, name)
     pot = _assemble(model, name)
-    pot.outside, changing = sort_fixes(choice)
+    pot.outside, changing = sort_fixes(choice, folder)
     if script and any(s.magnetic for t in pot.terms for s in t.styles):
         check_spins_push(choice, name)
     # LAMMPS's default is 3, so a whole script says it in any case.
@@ -421,7 +421,11 @@ def apply_modify(modify: Modify, lines) -> Modify:
                     )
                 modify = replace(modify, special=(*modify.special, (which, *weights)))
                 k += 3
-            elif key in ("table", "table/disp", "tabinner", "tabinner/disp", "tail", "neigh/trim", "compute/tally"):
+            elif key == "table":
+                if not value.isdecimal() or len(value) > 2:
+                    raise AtcError(f"{where}: pair_modify table: expected a number of bits such as 12, got {value}")
+                modify = replace(modify, table=int(value))
+            elif key in ("table/disp", "tabinner", "tabinner/disp", "tail", "neigh/trim", "compute/tally"):
                 # table*: only for long-range Coulomb. tail: constants added to energy and pressure, no forces.
                 if key == "tail" and _yes(value, f"{where}: pair_modify tail"):
                     modify = replace(modify, tail=True)
@@ -526,7 +530,8 @@ def _long_range(model: _Model, terms, name: str) -> list[Term]:
     found = kspace_term(kspace, terms, model.units, pair.where if pair else name)
     if found and model.exclusions:
         raise AtcError(
-            f"{model.exclusions.where}: neigh_modify exclude is not supported with long-range Coulomb: LAMMPS leaves "
+            f"{model.exclusions.where}: neigh_modify {model.exclusions.keyword} is not supported with long-range "
+            "Coulomb: LAMMPS leaves "
             "out the near part of such pairs only, "
             "which depends on its own alpha"
         )
@@ -665,8 +670,8 @@ def _pair_terms(build: _PairBuild, special: SpecialBonds) -> list[Term]:
     excluded = build.model.exclusions
     if terms and excluded:
         raise AtcError(
-            f"{excluded.where}: neigh_modify exclude is not supported with pair_style {build.style.name}: its "
-            "neighbours would not be those of the run"
+            f"{excluded.where}: neigh_modify {excluded.keyword} is not supported with pair_style "
+            f"{build.style.name}: its neighbours would not be those of the run"
         )
     # Styles with weights of their own (pair_modify special) sweep the list apart from the others.
     for own in sorted({s.own_special for s in styles}, reverse=True):

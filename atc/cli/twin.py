@@ -1,0 +1,64 @@
+"""``atc twin``: a molecular-dynamics run and its peridynamic twin side by side."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .common import (
+    Begin,
+    Dataset,
+    End,
+    Overwrite,
+    Quiet,
+    SceneFile,
+    Set,
+    Step,
+    load_scene,
+    progress_bar,
+    show_result,
+    write_result,
+)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+
+    @app.command()
+    def twin(
+        scene: SceneFile,
+        output: Dataset = None,
+        set: Set = None,
+        begin: Begin = None,
+        end: End = None,
+        step: Step = None,
+        picture: Annotated[
+            Path | None,
+            typer.Option("--picture", metavar="FILE", help="Draw MD, PD and their difference.", show_default=False),
+        ] = None,
+        overwrite: Overwrite = False,
+        quiet: Quiet = False,
+    ) -> None:
+        """A molecular-dynamics run and its peridynamic twin side by side: body, conditions and material from the run
+        and its potential.
+
+        Needs [trajectory] with a reference, [potential], [kernel], [grid] and [twin].
+        """
+        from ..pictures.drawing import picture_kind
+        from ..twins.run import twin as twin_of
+
+        made = load_scene(scene, set, begin, end, step)
+        out = (
+            made.output(output, overwrite=overwrite)
+            if output is not None or made.get("output", "file") is not None
+            else None
+        )
+        if picture is not None:
+            picture_kind(picture)
+        with progress_bar(quiet) as progress:
+            result = twin_of(made, tell=None if quiet else print, progress=progress)
+        write_result(result, out, picture)
+        if not quiet:
+            show_result(result, out, picture)
