@@ -103,7 +103,7 @@ class _Source:
         """{name: unit} where the output says it."""
         return {n: str(da.attrs["units"]) for n, da in self.ds.variables.items() if da.attrs.get("units")}
 
-    def choose(self, known, quantities):
+    def wanted(self, known, quantities):
         if quantities is None:
             return known
         quantities = [quantities] if isinstance(quantities, str) else list(quantities)
@@ -120,7 +120,7 @@ class _Nodes(_Source):
 
     def __init__(self, ds, quantities):
         super().__init__(ds)
-        self.names = self.choose([n for n, da in ds.data_vars.items() if "node" in da.dims], quantities)
+        self.names = self.wanted([n for n, da in ds.data_vars.items() if "node" in da.dims], quantities)
         self.X = np.stack([ds[f"position_{a}"].values for a in "xyz"], axis=1)
 
     def points(self, k):
@@ -145,9 +145,9 @@ class _Fields(_Source):
         names = [n for n in fields_of(ds) if grid_dims(ds[n])]
         if not names:
             raise AtcError("this output holds no field on a grid: there is nothing to export")
-        first = self.choose(names, quantities)[0]
+        first = self.wanted(names, quantities)[0]
         self.dims = tuple(grid_dims(ds[first]))
-        self.names = [n for n in self.choose(names, quantities) if tuple(grid_dims(ds[n])) == self.dims]
+        self.names = [n for n in self.wanted(names, quantities) if tuple(grid_dims(ds[n])) == self.dims]
         self.names += [n for n in ("mask",) if n in ds and tuple(grid_dims(ds[n])) == self.dims and quantities is None]
         self.moving = "position_x" in ds and "frame" in ds["position_x"].dims
         self.place = points_of_grid(ds, ds[first].isel(frame=0) if "frame" in ds[first].dims else ds[first])
