@@ -176,25 +176,8 @@ class EDIP(Centred):
     def describe(self) -> str:
         return f"edip{self.map.describe()}, {self.shared}; one merged bond a pair, outer bonds apart"
 
-    def centres(self, near, element, s0, s1, most, *out):
-        return _centres(
-            s0,
-            s1,
-            most,
-            near.start,
-            near.pair,
-            near.end,
-            near.a,
-            near.b,
-            near.r_pc,
-            near.d_p,
-            element,
-            self.two,
-            self.three,
-            self.weights,
-            near.atom,
-            *out,
-        )
+    def centres(self, s0, s1, most, near, *out):
+        return _centres(s0, s1, most, near, self.two, self.three, self.weights, *out)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -213,33 +196,11 @@ def _coordination(d, row):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _centres(
-    s0,
-    s1,
-    most,
-    start,
-    pair,
-    end,
-    a,
-    b,
-    r,
-    d,
-    element,
-    two,
-    three,
-    weights,
-    atom,
-    G_end,
-    S_end,
-    out_i,
-    out_j,
-    out_r,
-    out_G,
-    out_D,
-    energies,
-):
+def _centres(s0, s1, most, near, two, three, weights, G_end, S_end, out, energies):
     """φ2 and φ3 of the atoms s0..s1. W is the share of a neighbour; every energy depends on Z too, so its derivative
     goes to all neighbours at the end."""
+    start, pair, end, _, _, _, _, element, atom = near
+    out_i, out_j, out_r, out_G, out_D = out
     sources = len(S_end) > 0
     shared = len(energies) > 0
     w_c, w_n, t_c, t_n = weights
@@ -253,7 +214,7 @@ def _centres(
     total = 0.0
     n = 0
     for s in range(s0, s1):
-        k = around(s, start, pair, end, a, b, r, d, who, arm, dist)
+        k = around(s, near, who, arm, dist)
         es = element[s]
         first = n
         Z = 0.0

@@ -110,26 +110,20 @@ class _MEAMWork(NeighborWork):
         self.edges, self.most, self.room = near.runs(OUTER_PER_TASK)
         self.stages = (near.chunks, 1, near.chunks, len(self.edges) - 1, near.chunks)
 
-    @property
-    def pair_lists(self):
-        """What loops over pairs go through."""
-        near = self.near
-        return near.a, near.b, near.r_pc, near.d_p, near.start, near.pair, near.end, self.element
-
     def _screen(self, task, acc):
         term = self.term
         self.partial[task] = screenings(
-            *self.pairs(task), *self.pair_lists, term.rc, term.Cmin, term.Cmax, term.bound, self.S
+            *self.pairs(task), self.lists, term.rc, term.Cmin, term.Cmax, term.bound, self.S
         )
 
     def _centres(self, task, acc):
-        term, near = self.term, self.near
+        term = self.term
         out = room(acc, self.room, np.zeros)
         m, energy = densities(
             self.edges[task],
             self.edges[task + 1],
             self.most,
-            *self.lists,
+            self.lists,
             term.rc,
             term.delr,
             self.S,
@@ -141,37 +135,34 @@ class _MEAMWork(NeighborWork):
             term.background,
             term.ibar,
             *term.choices,
-            near.atom,
             self.G_end,
             self.S_end,
             self.dUdS,
-            *out,
+            out,
             shares(acc),
         )
         acc.energy += energy
         return made(acc, out, m)
 
     def _merge(self, task, acc):
-        term, near = self.term, self.near
+        term = self.term
         p0, p1 = self.pairs(task)
         out = room(acc, p1 - p0 + 2 * int(self.partial[task]))
+        bounds = term.Cmin, term.Cmax, term.bound
         m, energy, bad = merge(
             p0,
             p1,
-            *self.pair_lists,
+            self.lists,
             term.rc,
             term.delr,
-            term.Cmin,
-            term.Cmax,
-            term.bound,
+            *bounds,
             term.phi,
             term.per_dr,
             self.S,
             self.dUdS,
             self.G_end,
             self.S_end,
-            near.atom,
-            *out,
+            out,
             shares(acc),
         )
         self.require_finite(bad)

@@ -82,9 +82,10 @@ class NeighborWork(Work):
 
     @property
     def lists(self) -> tuple:
-        """What loops around atoms go through."""
+        """What loops over pairs and around atoms go through, as one argument: see `Neighborhood`; what the atoms are;
+        the frame's indices."""
         near = self.near
-        return near.start, near.pair, near.end, near.a, near.b, near.r_pc, near.d_p, self.element
+        return near.start, near.pair, near.end, near.a, near.b, near.r_pc, near.d_p, self.element, near.atom
 
     def atoms(self, task: int) -> tuple[int, int]:
         """The first atom of a chunk, and the one behind its last."""

@@ -84,8 +84,10 @@ def _runs(start, limit):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def around(s, start, pair, end, a, b, r, d, who, arm, dist):
-    """The neighbours of atom s: their names, x_s − x_k and distances into who, arm, dist. Returns how many."""
+def around(s, near, who, arm, dist):
+    """The neighbours of atom s: their names, x_s − x_k and distances into who, arm, dist. Returns how many. near : as
+    `NeighborWork.lists`"""
+    start, pair, end, a, b, r, d = near[:7]
     k = start[s + 1] - start[s]
     for e in range(k):
         p = pair[start[s] + e]
@@ -98,6 +100,25 @@ def around(s, start, pair, end, a, b, r, d, who, arm, dist):
         for c in range(3):
             arm[e, c] = sign * r[p, c]
     return k
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def shared_outer(k, near, who, arm, share, slope, out, m):
+    """Bonds without G between the k neighbours of an atom s that `around` gave, behind the first m of `out`: ∂U^(e)/∂x_f
+    = share_e slope_f (x_s − x_f), and the same with e and f exchanged. Returns how many there are then."""
+    atom = near[8]
+    out_i, out_j, out_r, out_G, out_D = out
+    for e in range(k):
+        for f in range(e + 1, k):
+            if share[e] * slope[f] == 0.0 and share[f] * slope[e] == 0.0:
+                continue
+            out_i[m], out_j[m], out_G[m] = atom[who[e]], atom[who[f]], 0.0
+            for c in range(3):
+                out_r[m, c] = arm[f, c] - arm[e, c]
+                out_D[m, 0, c] = share[e] * slope[f] * arm[f, c]
+                out_D[m, 1, c] = share[f] * slope[e] * arm[e, c]
+            m += 1
+    return m
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

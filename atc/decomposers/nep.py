@@ -148,7 +148,7 @@ class _NEPWork(NeighborWork):
         acc.energy += centres(
             *self.atoms(task),
             self.near.most(task)[0],
-            *self.lists,
+            self.lists,
             file.rc_radial,
             file.rc_angular,
             term.c_radial,
@@ -167,18 +167,16 @@ class _NEPWork(NeighborWork):
             term.core,
             term.length,
             term.energy,
-            self.near.atom,
             self.g_end,
             shares(acc),
         )
 
     def _merge(self, task, acc):
-        near = self.near
         p0, p1 = self.pairs(task)
         m = p1 - p0
         i, j, r, _, D = room(acc, m)
         F = np.empty((m, 3))
-        bad = merge(p0, p1, near.a, near.b, near.r_pc, self.g_end, near.atom, acc.sources, i, j, r, F, D)
+        bad = merge(p0, p1, self.lists, self.g_end, acc.sources, i, j, r, F, D)
         self.require_finite(bad)
         # No G: the force is not along the bond.
         return Bonds(i[:m], j[:m], r[:m], np.full(m, np.nan), D if acc.sources else None, F)

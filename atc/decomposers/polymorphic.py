@@ -187,39 +187,13 @@ class Polymorphic(Centred):
             "outer j-k bonds apart"
         )
 
-    def pairs(self, near, element, p0, p1, G_p, energies):
-        return _pairs(p0, p1, near.a, near.b, near.d_p, element, self.cut, self.per_r, self.U, near.atom, G_p, energies)
+    def pairs(self, p0, p1, near, G_p, energies):
+        return _pairs(p0, p1, near, self.cut, self.per_r, self.U, G_p, energies)
 
-    def centres(self, near, element, s0, s1, most, *out):
-        return _centres(
-            s0,
-            s1,
-            most,
-            near.start,
-            near.pair,
-            near.end,
-            near.a,
-            near.b,
-            near.r_pc,
-            near.d_p,
-            element,
-            self.eam,
-            self.cut,
-            self.xi,
-            self.per_r,
-            self.per_p,
-            self.cutoff,
-            self.per_g,
-            self.per_x,
-            self.V,
-            self.W,
-            self.P,
-            self.G,
-            self.F,
-            self.weights,
-            near.atom,
-            *out,
-        )
+    def centres(self, s0, s1, most, near, *out):
+        steps = self.per_r, self.per_p, self.per_g, self.per_x
+        tables = self.V, self.W, self.P, self.G, self.F
+        return _centres(s0, s1, most, near, self.eam, self.cut, self.xi, self.cutoff, steps, tables, self.weights, *out)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -233,7 +207,8 @@ def _at(table, x, per_step):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _pairs(p0, p1, a, b, d, element, cut, per_r, U, atom, G, energies):
+def _pairs(p0, p1, near, cut, per_r, U, G, energies):
+    _, _, _, a, b, _, d, element, atom = near
     total = 0.0
     for p in range(p0, p1):
         ea, eb = element[a[p]], element[b[p]]
@@ -251,42 +226,11 @@ def _pairs(p0, p1, a, b, d, element, cut, per_r, U, atom, G, energies):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _centres(
-    s0,
-    s1,
-    most,
-    start,
-    pair,
-    end,
-    a,
-    b,
-    r,
-    d,
-    element,
-    eam,
-    cut,
-    xi,
-    per_r,
-    per_p,
-    r_max,
-    per_g,
-    per_x,
-    V,
-    W,
-    P,
-    G,
-    F,
-    weights,
-    atom,
-    G_end,
-    S_end,
-    out_i,
-    out_j,
-    out_r,
-    out_G,
-    out_D,
-    energies,
-):
+def _centres(s0, s1, most, near, eam, cut, xi, r_max, steps, tables, weights, G_end, S_end, out, energies):
+    start, pair, end, _, _, _, _, element, atom = near
+    per_r, per_p, per_g, per_x = steps
+    V, W, P, G, F = tables
+    out_i, out_j, out_r, out_G, out_D = out
     sources = len(S_end) > 0
     shared = len(energies) > 0
     w_i, w_j = weights[0], weights[1]
@@ -299,7 +243,7 @@ def _centres(
     total = 0.0
     n = 0
     for s in range(s0, s1):
-        k = around(s, start, pair, end, a, b, r, d, who, arm, dist)
+        k = around(s, near, who, arm, dist)
         es = element[s]
         X_s = 0.0
         for e in range(k):

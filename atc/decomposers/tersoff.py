@@ -235,39 +235,24 @@ class _TersoffWork(NeighborWork):
             term.shift,
             *self.atoms(task),
             most,
-            *self.lists,
+            self.lists,
             term.two,
             term.three,
             term.weights,
-            self.near.atom,
             self.G_end,
             self.S_end,
-            *out,
+            out,
             shares(acc),
         )
         acc.energy += energy
         return made(acc, out, m)
 
     def _merge(self, task, acc):
-        near, term = self.near, self.term
+        term = self.term
         p0, p1 = self.pairs(task)
         out = room(acc, p1 - p0)
         m, energy, bad = merge(
-            term.form,
-            term.shift,
-            p0,
-            p1,
-            near.a,
-            near.b,
-            near.r_pc,
-            near.d_p,
-            self.element,
-            term.repulsion,
-            self.G_end,
-            self.S_end,
-            near.atom,
-            *out,
-            shares(acc),
+            term.form, term.shift, p0, p1, self.lists, term.repulsion, self.G_end, self.S_end, out, shares(acc)
         )
         self.require_finite(bad)
         acc.energy += energy
