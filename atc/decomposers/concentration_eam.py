@@ -14,7 +14,7 @@ from .eam_file import EAMTables, read_setfl
 from .elements import ElementMap, mapped_line
 from .embedded_atom import _place, spline
 from .neighbor_work import OUTER_PER_TASK, NeighborWork, made, room, shares
-from .neighborhood import around, shared_outer
+from .neighborhood import around, between_sharing_neighbors
 from .registry import MAPPED_STYLES, pair_style
 
 
@@ -285,7 +285,7 @@ def _outer(s0, s1, most, near, rho_table, zr, per_dr, h, two_sites, rho, x, out)
                 * ((1.0 if element[o] == 1 else 0.0) - x[s])
                 / (rho[s] * dist[e])
             )
-        m = shared_outer(k, near, who, arm, share, slope, out, m)
+        m = between_sharing_neighbors(k, near, who, arm, share, slope, out, m)
     return m
 
 

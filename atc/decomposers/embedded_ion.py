@@ -17,7 +17,7 @@ from .base import Term, Work
 from .elements import ElementMap
 from .embedded_atom import _place, spline
 from .neighbor_work import OUTER_PER_TASK, NeighborWork, made, room, shares
-from .neighborhood import around, shared_outer
+from .neighborhood import around, between_sharing_neighbors
 from .parameter_file import LARGE, read_parameter_file, units_tag
 from .registry import MAPPED_STYLES, pair_style
 
@@ -324,7 +324,7 @@ def _outer(s0, s1, most, near, eta, psi, per_dr, q, out):
             ee = element[who[e]]
             share[e] = 0.5 * q[who[e]] * _at(psi[ee, element[s]], dist[e], per_dr)[0]
             slope[e] = -_at(eta[element[s], ee], dist[e], per_dr)[1] / dist[e]
-        m = shared_outer(k, near, who, arm, share, slope, out, m)
+        m = between_sharing_neighbors(k, near, who, arm, share, slope, out, m)
     return m
 
 

@@ -16,7 +16,7 @@ from .centred import Centred
 from .cluster import weights_of
 from .elements import ElementMap, mapped_line
 from .embedded_atom import spline
-from .neighborhood import around
+from .neighborhood import around, between_neighbors
 from .parameter_file import LARGE, read_parameter_file, units_tag
 from .registry import MAPPED_STYLES, pair_style
 from .tersoff import _PAIR
@@ -230,7 +230,6 @@ def _centres(s0, s1, most, near, eam, cut, xi, r_max, steps, tables, weights, G_
     start, pair, end, _, _, _, _, element, atom = near
     per_r, per_p, per_g, per_x = steps
     V, W, P, G, F = tables
-    out_i, out_j, out_r, out_G, out_D = out
     sources = len(S_end) > 0
     shared = len(energies) > 0
     w_i, w_j = weights[0], weights[1]
@@ -328,15 +327,7 @@ def _centres(s0, s1, most, near, eam, cut, xi, r_max, steps, tables, weights, G_
                     for f in range(k):
                         back -= S[e, f, c]
                     S_end[p, side, 0, c], S_end[p, side, 1, c] = grad[e, c], back
-            for f in range(e + 1, k):
-                keep = G_out[e, f] != 0.0
-                out_i[n], out_j[n], out_G[n] = atom[who[e]], atom[who[f]], G_out[e, f]
-                for c in range(3):
-                    out_r[n, c] = arm[f, c] - arm[e, c]
-                    if sources:
-                        out_D[n, 0, c], out_D[n, 1, c] = S[e, f, c], S[f, e, c]
-                        keep = keep or S[e, f, c] != 0.0 or S[f, e, c] != 0.0
-                n += 1 if keep else 0
+        n = between_neighbors(k, near, who, arm, G_out, S, sources, out, n)
     return n, total
 
 

@@ -23,10 +23,10 @@ import numpy as np
 from ..bonds import Bonds
 from ..errors import AtcError
 from ..frame import Frame
-from ..neighbors.verlet import cell_list
 from ..units import Units, units
-from .base import Accumulator, Term, Work, two_body_sources
+from .base import Term, Work, two_body_sources
 from .cluster import weights_of
+from .elements import ElementMap
 from .neighbor_work import TripletWork, shares
 from .registry import MAPPED_STYLES, pair_style
 from .stillinger_weber_kernels import SQUARE, SWITCHED, sw_pairs
@@ -189,12 +189,7 @@ class StillingerWeber(Term):
         #: outer bonds with |G| at or below this are left out (unless energy sources are wanted). 0 drops what is
         #: exactly zero and nothing else.
         self.prune = 0.0
-        # Element of each type, from 1; −1 takes no part. An entry 0 for "every type".
-        self.element_of_type = (
-            np.zeros(0, np.int64)
-            if elements is None
-            else np.array([-1, *(-1 if e is None else names.index(e) for e in elements)])
-        )
+        self.map = ElementMap(elements, names, f"pair_style {self.style}")
         m = len(names)
         self.pair = np.zeros((m, m, 8))
         self.triplet = np.zeros((m, m, m, 4))
@@ -310,56 +305,18 @@ def _list_cutoff(e: SWEntry, sigma: float) -> float:
 
 class _SWWork(TripletWork):
     def __init__(self, term: StillingerWeber, frame: Frame):
-        self.term, self.frame = term, frame
-        n = len(frame)
-        if term.elements is None:
-            self.who = None
-            element_n = np.zeros(n, np.int32)
-        else:
-            if n and frame.types.max() >= len(term.element_of_type):
-                raise AtcError(
-                    f"{frame.source}: atoms of type {int(frame.types.max())} but pair_style {term.style} names the "
-                    f"elements of types 1 to {len(term.element_of_type) - 1}: name the others too, "
-                    "or NULL"
-                )
-            if n and frame.types.min() < 1:
-                raise AtcError(f"{frame.source}: atom types must be 1 or larger, found {int(frame.types.min())}")
-            element_n = term.element_of_type[frame.types].astype(np.int32)
-            self.who = None if (element_n >= 0).all() else np.flatnonzero(element_n >= 0).astype(np.int32)
-        x = frame.positions if self.who is None else frame.positions[self.who]
-        self.list = cells = cell_list(x, frame.cell, term.cutoff, self.who)
-        # Inside this term an atom's name is its place in the sorted list, which is near its neighbours' places; `atom`
-        # gives the frame's.
-        atom = cells.order
-        self.element = element_n[atom] if self.who is None else element_n[self.who[atom]]
-        self.atom = atom if self.who is None else self.who[atom]
-        cells.order = np.arange(len(x), dtype=np.int32)
-        chunks = cells.n_chunks
-        self.parts = [None] * chunks
-        self.stages = (chunks, 1, chunks, chunks) if term.threebody else (chunks,)
+        super().__init__(term, frame, "Stillinger-Weber", *term.map.apply(frame))
+        if not term.threebody:
+            self.stages = self.stages[:1]
 
-    def run(self, stage, task, acc: Accumulator):
-        return (self._pairs, self.joined, self.triplets, self.merged)[stage](task, acc)
-
-    def _pairs(self, task, acc):
+    def pairs(self, task, acc):
         ws, term = acc.ws, self.term
         n = self.list.half(task, ws)
         rec = np.empty((n, 8))
         m, energy, bad = sw_pairs(
             ws.i, ws.j, ws.r, ws.d2, n, self.element, term.pair, term.same_ends, self.atom, rec, ws.G, shares(acc)
         )
-        if bad >= 0:
-            a, b = self.frame.ids[self.atom[ws.i[bad]]], self.frame.ids[self.atom[ws.j[bad]]]
-            d = ws.d2[bad] ** 0.5
-            if d == 0.0:
-                raise AtcError(
-                    f"{self.frame.source}: atoms {a} and {b} are at the same place, where the Stillinger-Weber force "
-                    "is undefined; remove one of them"
-                )
-            raise AtcError(
-                f"{self.frame.source}: the Stillinger-Weber force between atoms {a} and {b} at distance {d:.3g} is "
-                "not a finite number"
-            )
+        self.require_finite(bad, ws)
         acc.energy += energy
         if term.threebody:
             self.parts[task] = ws.i[:m].copy(), ws.j[:m].copy(), rec[:m], ws.G[:m].copy()

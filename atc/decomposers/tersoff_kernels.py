@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..compiled import njit
-from .neighborhood import around
+from .neighborhood import around, between_neighbors
 
 SINE, MURTY = 0, 1
 TERSOFF, KUMAGAI, GAO_WEBER = 0, 1, 2
@@ -108,8 +108,7 @@ def bond_orders(form, shift, s0, s1, most, near, two, three, weights, G_end, S_e
     """V_ij of the bonds of the atoms s0..s1 and its derivatives: arms into the slots, outer distances to the out
     arrays."""
     start, pair, end, _, _, _, _, element, atom = near
-    out_i, out_j, out_r, out_G, out_D = out
-    sources = len(out_D) > 0
+    sources = len(out[4]) > 0
     shared = len(energies) > 0
     cut_kind, angular, order_kind = form
     w_i, w_j = weights[0], weights[1]
@@ -214,15 +213,7 @@ def bond_orders(form, shift, s0, s1, most, near, two, three, weights, G_end, S_e
                 for c in range(3):
                     S_end[p, side, 0, c] = S_arm[e, 0, c]
                     S_end[p, side, 1, c] = S_arm[e, 1, c]
-            for f in range(e + 1, k):
-                keep = G_out[e, f] != 0.0
-                out_i[m], out_j[m], out_G[m] = atom[who[e]], atom[who[f]], G_out[e, f]
-                for c in range(3):
-                    out_r[m, c] = arm[f, c] - arm[e, c]
-                    if sources:
-                        out_D[m, 0, c], out_D[m, 1, c] = S_out[e, f, c], S_out[f, e, c]
-                        keep = keep or S_out[e, f, c] != 0.0 or S_out[f, e, c] != 0.0
-                m += 1 if keep else 0
+        m = between_neighbors(k, near, who, arm, G_out, S_out, sources, out, m)
     return m, total
 
 

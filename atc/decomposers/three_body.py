@@ -16,10 +16,9 @@ from ..bonds import Bonds
 from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
-from ..neighbors.verlet import cell_list
 from ..units import Units
 from ..units import units as system
-from .base import Accumulator, Term, Work
+from .base import Term, Work
 from .cluster import weights_of
 from .elements import ElementMap, mapped_line
 from .neighbor_work import TripletWork, shares
@@ -153,22 +152,9 @@ class _ThreeBodyWork(TripletWork):
     bonds in the end."""
 
     def __init__(self, term: ThreeBody, frame: Frame):
-        self.term, self.frame = term, frame
-        element_n, who = term.map.apply(frame)
-        self.list = cells = cell_list(
-            frame.positions if who is None else frame.positions[who], frame.cell, term.cutoff, who
-        )
-        # Inside, atoms are called by their place in the sorted list; `atom` gives the frame's index.
-        self.atom = cells.order if who is None else who[cells.order]
-        self.element = element_n[self.atom]
-        cells.order = np.arange(len(self.atom), dtype=np.int32)
-        self.parts: list = [None] * cells.n_chunks
-        self.stages = (cells.n_chunks, 1, cells.n_chunks, cells.n_chunks)
+        super().__init__(term, frame, term.style, *term.map.apply(frame))
 
-    def run(self, stage, task, acc: Accumulator):
-        return (self._pairs, self.joined, self.triplets, self.merged)[stage](task, acc)
-
-    def _pairs(self, task, acc):
+    def pairs(self, task, acc):
         ws, term = acc.ws, self.term
         n = self.list.half(task, ws)
         D = np.empty((n, 2, 3)) if acc.sources else None
@@ -194,17 +180,7 @@ class _ThreeBodyWork(TripletWork):
             D,
             shares(acc),
         )
-        if bad >= 0:
-            a, b = self.frame.ids[self.atom[ws.i[bad]]], self.frame.ids[self.atom[ws.j[bad]]]
-            if ws.d2[bad] == 0.0:
-                raise AtcError(
-                    f"{self.frame.source}: atoms {a} and {b} are at the same place, where the {term.style} force is "
-                    "undefined; remove one of them"
-                )
-            raise AtcError(
-                f"{self.frame.source}: the {term.style} force between atoms {a} and {b} at distance "
-                f"{ws.d2[bad] ** 0.5:.3g} is not a finite number"
-            )
+        self.require_finite(bad, ws)
         acc.energy += energy
         self.parts[task] = keep_i[:k].copy(), keep_j[:k].copy(), rec[:k].copy(), G[:k].copy()
         return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], None if D is None else D[:m])
