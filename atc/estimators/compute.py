@@ -379,7 +379,9 @@ def tightened(work, methods, thin, expected, goal) -> dict:
         error = expected.get(q.name, 0.0)
         if error <= goal:
             continue
-        for key in loose & set(deposits_of(q, work)):
+        for key in deposits_of(q, work):
+            if key not in loose:
+                continue
             method = methods[key].tightened(error, goal)
             if method != methods[key] and (
                 key not in out or method.exact or not 0 < out[key][0].tolerance <= method.tolerance
