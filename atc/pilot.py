@@ -14,8 +14,8 @@ import numpy as np
 
 from .compiled import njit
 from .deposit import make
-from .estimators.accuracy import BEYOND, CutGaussian
-from .estimators.hot import WATCHED, Strongest, error_map
+from .estimators.accuracy.random_points import BEYOND, CutGaussian
+from .estimators.accuracy.strongest_bonds import WATCHED, Strongest, error_map
 from .estimators.tensors import outer6
 from .kernels import Gaussian
 

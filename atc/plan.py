@@ -252,7 +252,7 @@ class Request:
 
     @cached_property
     def kernel_internal(self):
-        from .estimators.accuracy import kernel_internal
+        from .estimators.accuracy.random_points import kernel_internal
 
         return kernel_internal(self.kern, self.first.units)
 
@@ -319,7 +319,7 @@ class Request:
 
     def settings(self):
         """What a worker needs."""
-        from .estimators.compute import Settings
+        from .estimators.driver import Settings
 
         names = tuple(q.name for q in self.work.quantities)
         return Settings(

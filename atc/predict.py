@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 from . import costs as model
 from .choose import sizes, spectral_deposit
-from .estimators.accuracy import checking_kernel
+from .estimators.accuracy.random_points import checking_kernel
+from .estimators.accuracy.strongest_bonds import POINTS
 from .estimators.groups import POINTS as GROUP_POINTS
 from .estimators.groups import elements, late
-from .estimators.hot import POINTS
 from .estimators.methods import EXACT
 
 #: Bytes of a process that has done nothing yet: the interpreter, numpy, numba, scipy.
@@ -81,7 +81,8 @@ def predict(request) -> Prediction:
                 seconds = model.spectral(costs, deposit, items, length, components, n, m if key in together else 1)
                 passing.append(model.spectral_memory(deposit, components, threads, n))
             parts[what] = parts.get(what, 0.0) + seconds
-            # Points around the strongest bonds, where sums over bonds are approximate; see `estimators.hot`.
+            # Points around the strongest bonds, where sums over bonds are approximate; see
+            # `estimators.accuracy.strongest_bonds`.
             watched = POINTS if key == "bond" and not method.exact and request.tiles is None else 0
             looked_at = GROUP_POINTS if m > 1 else 100 + watched
             parts["error check"] = parts.get("error check", 0.0) + model.check(

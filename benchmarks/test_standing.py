@@ -23,7 +23,7 @@ from frontier import BIG, CASES, name_of
 import atc
 from atc.calibrate import argon, silicon
 from atc.errors import AtcWarning
-from atc.estimators.compute import frame_fields
+from atc.estimators.driver import frame_fields
 from atc.plan import Request
 
 #: From so many cells an edge on a frame is large.

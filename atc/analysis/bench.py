@@ -180,7 +180,7 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
     from ..choose import carriers, cheapest, sizes
     from ..costs import direct as direct_seconds
     from ..costs import gather as gather_seconds
-    from ..estimators.compute import frame_fields
+    from ..estimators.driver import frame_fields
     from ..estimators.methods import Method
     from ..estimators.registry import Work
 
@@ -324,7 +324,7 @@ def _errors(values, exact) -> tuple[float, float]:
 def _binned(frame, request, bound, exact) -> Rung | None:
     """Per-atom virials added up in the cells of a grid over the whole box, over the cells' volume: what plain binning
     gives."""
-    from ..estimators.compute import Settings, frame_fields
+    from ..estimators.driver import Settings, frame_fields
 
     if not (bound.tiles or bound.kind == "slab"):
         return None

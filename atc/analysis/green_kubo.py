@@ -76,7 +76,7 @@ def heat_currents(frames, pot, *, dt: float | None = None, threads: int | None =
     """
     import time
 
-    from ..estimators.compute import Settings, frame_fields
+    from ..estimators.driver import Settings, frame_fields
     from ..estimators.sources import drift_velocity
     from ..neighbors.verlet import Following
     from ..planar import matched

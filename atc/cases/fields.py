@@ -76,7 +76,7 @@ class CaseFields:
                 scene=self.case.to_toml(),
                 **given,
             )
-            from ..estimators.compute import require
+            from ..estimators.driver import require
 
             require(frame, self.request.settings(), self.request.work)
         except AtcError as e:
@@ -87,7 +87,7 @@ class CaseFields:
 
     def add(self, sim, entry: int) -> None:
         """The fields of this moment, unless they are there already."""
-        from ..estimators.compute import frame_fields
+        from ..estimators.driver import frame_fields
         from ..pd.fields import snapshot
 
         if entry < self.store.done:
@@ -98,7 +98,7 @@ class CaseFields:
         self.sink.add(entry, frame, frame_fields(frame, settings, entry), last_of_window=True)
 
     def finish(self) -> None:
-        from ..estimators.compute import frame_fields
+        from ..estimators.driver import frame_fields
 
         if self.sink.layout is None:  # all entries were there: the run was stopped just before its end
             self.sink.prepare(frame_fields(self.request.first, self.request.settings(), 0))

@@ -424,7 +424,7 @@ def from_fields(frame, pot, kern_user, x_gc, threads: int) -> dict[str, np.ndarr
     """The same fields as `atc.fields` writes them, as far as it knows them; internal units. `frame` has its drift taken
     off."""
     from ..grids import Grid
-    from .compute import Settings, frame_fields
+    from .driver import Settings, frame_fields
     from .registry import QUANTITIES
 
     names = [

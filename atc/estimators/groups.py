@@ -22,8 +22,9 @@ import numpy as np
 
 from ..bonds import Bonds
 from ..deposit import make
-from .accuracy import ZERO, _ratio, extent_of, kernel_internal
-from .compute import (
+from .accuracy.random_points import ZERO, _ratio, extent_of, kernel_internal
+from .accuracy.strongest_bonds import WATCHED, HotPoints, Strongest, error_map
+from .driver import (
     SAFE,
     FrameResult,
     Stage,
@@ -40,7 +41,6 @@ from .compute import (
     tightened,
     watched,
 )
-from .hot import WATCHED, HotPoints, Strongest, error_map
 from .methods import NAMES
 from .registry import BOND, SITE, Work
 from .sources import AtomFactors, bond_factors, drift_velocity

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from .deposits import Target
 from .sums import Sums, kinetic_flux, quotient, thermal, within_thermal
-from .target import Target
 from .tensors import outer6
 
 # Rounding error a point may have in T − ρ v⊗v, relative to its thermal part: far below the 1e-6 that is promised.

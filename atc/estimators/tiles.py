@@ -16,12 +16,12 @@ import numpy as np
 from ..decomposers.base import Decomposition
 from ..errors import AtcError
 from ..frame import Cell
-from .accuracy import Check, checking_kernel
-from .cutting import Cut, Tile, owned
+from .accuracy.random_points import Check, checking_kernel
+from .deposits import Target
 from .peridynamic import WeightedVirials, horizon_of
 from .registry import BOND, Work
 from .sources import AtomSums, ReferenceBonds, bond_factors, piola_factor
-from .target import Target
+from .tile_cuts import Cut, Tile, owned
 
 
 @dataclass

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..estimators.compute import FrameResult
+from ..estimators.driver import FrameResult
 from ..plan import Request
 from .as_scene import scene_of
 from .output import Layout, Variable

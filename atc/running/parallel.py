@@ -14,7 +14,7 @@ from dataclasses import replace
 from itertools import islice
 
 from ..errors import AtcError, AtcWarning
-from ..estimators.compute import FrameResult
+from ..estimators.driver import FrameResult
 from ..estimators.groups import group_fields
 
 #: How long a scheduler may take to answer.

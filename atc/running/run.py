@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import AtcError, AtcWarning
-from ..estimators.compute import FrameResult, frame_fields, require
+from ..estimators.driver import FrameResult, frame_fields, require
 from ..estimators.methods import DEPOSITS, Method, Refinement, details, summary
 from ..estimators.registry import QUANTITIES
 from ..estimators.statistics import BlockAverage
@@ -228,12 +228,12 @@ def _agreement(request: Request, store) -> str:
 
 
 def _input_errors(request: Request, store) -> tuple[float, dict[str, float]]:
-    """See `input_error`; once a run, on the first frame."""
+    """See `estimators.accuracy.input_error`; once a run, on the first frame."""
     if not request.work.grid_users:
         return 0.0, {}
     known = store.recall("input_error") if store is not None else None
     if known is None:
-        from ..input_error import input_errors
+        from ..estimators.accuracy.input_error import input_errors
 
         known = input_errors(request)
         if store is not None:

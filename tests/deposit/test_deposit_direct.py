@@ -11,7 +11,7 @@ from test_kernels import CASES, IDS, bonds
 import atc
 from atc.deposit import exact_at, make
 from atc.errors import AtcError
-from atc.estimators.accuracy import CutGaussian
+from atc.estimators.accuracy.random_points import CutGaussian
 from atc.frame import Cell
 from atc.kernels import Gaussian
 from atc.units import units

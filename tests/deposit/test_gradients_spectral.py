@@ -124,7 +124,7 @@ def test_one_transform_gives_the_sums_and_their_gradients(liquid, monkeypatch): 
 
 def test_a_gradient_too_wrong_is_computed_again(liquid):  # noqa: F811
     frame, kern = liquid[0], atc.kernel("gaussian", radius=8.0)
-    from atc.estimators.compute import frame_fields
+    from atc.estimators.driver import frame_fields
     from atc.estimators.methods import Method
 
     request = Request(frame, None, kern, GRID, RATES, 1e-6, threads=1)

@@ -9,7 +9,7 @@ from naive_fields import BruteLJ, bond_sum, site_sum
 
 import atc
 from atc.errors import AtcError, AtcWarning
-from atc.estimators import compute
+from atc.estimators import driver as compute
 from atc.estimators.registry import QUANTITIES, Work
 from atc.estimators.tensors import full, outer6
 

@@ -15,10 +15,10 @@ from atc.choose import AIM_LATER, ENOUGH, FACTORS, LOOSEST
 from atc.costs import Costs, load_of, visits
 from atc.deposit import exact_at, make
 from atc.errors import AtcError, AtcWarning
-from atc.estimators.compute import SAFE, frame_fields
+from atc.estimators.accuracy.input_error import input_errors
+from atc.estimators.driver import SAFE, frame_fields
 from atc.estimators.methods import Method, Refinement
 from atc.frame import Cell
-from atc.input_error import input_errors
 from atc.plan import Request, plan
 from atc.running import run
 

@@ -12,7 +12,8 @@ from atc.calibrate import argon, silicon
 from atc.costs import Costs
 from atc.deposit import make
 from atc.errors import AtcWarning
-from atc.estimators import compute, hot
+from atc.estimators import driver as compute
+from atc.estimators.accuracy import strongest_bonds as hot
 from atc.estimators.methods import Method
 from atc.frame import Cell
 from atc.pilot import Pilot

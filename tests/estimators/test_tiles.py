@@ -9,8 +9,8 @@ from test_special_bonds import DSF, LJ, SPECIAL, molecules
 
 import atc
 from atc.errors import AtcError
-from atc.estimators.compute import frame_fields
-from atc.estimators.cutting import Cut
+from atc.estimators.driver import frame_fields
+from atc.estimators.tile_cuts import Cut
 from atc.frame import Cell, Frame, Topology
 from atc.plan import Request
 

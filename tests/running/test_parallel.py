@@ -24,7 +24,7 @@ import atc.running.parallel
 from atc.calibrate import argon, silicon
 from atc.deposit import _simd
 from atc.estimators import groups
-from atc.estimators.cutting import Cut, owned
+from atc.estimators.tile_cuts import Cut, owned
 from atc.frame import Cell
 
 KERN = atc.kernel("quartic", radius=6.0)

@@ -15,15 +15,15 @@ from contextlib import nullcontext
 
 import numpy as np
 
-from ..bonds import Bonds
-from ..compiled import njit
-from ..deposit import make
-from ..errors import AtcError
-from .accuracy import Check
-from .registry import BOND
-from .sources import bond_factors
-from .target import Target
-from .tensors import outer6
+from ...bonds import Bonds
+from ...compiled import njit
+from ...deposit import make
+from ...errors import AtcError
+from ..deposits import Target
+from ..registry import BOND
+from ..sources import bond_factors
+from ..tensors import outer6
+from .random_points import Check
 
 #: Of the strongest bonds as many are summed exactly, one for so many atoms.
 EXACTLY, ATOMS_EACH = 1024, 32
@@ -238,7 +238,7 @@ def cluster_around(frame, centres, radius):
     centres : (p, 3) relative to the cell's origin
     radius : (p,) or one for all
     """
-    from .cutting import cluster
+    from ..tile_cuts import cluster
 
     cell = frame.cell
     most = len(frame) // 2
@@ -356,8 +356,8 @@ class HotPoints:
             anchor = self.settings.anchor
             context = nullcontext() if anchor is None else anchor.at(frame)
         else:
-            from ..frame import Cell
-            from ..grids import BoundGrid
+            from ...frame import Cell
+            from ...grids import BoundGrid
 
             frame, points, context = few, self.xyz, nullcontext()
             home = Cell(frame.cell.vectors, (0.0, 0.0, 0.0), (False, False, False))
@@ -386,7 +386,7 @@ class HotPoints:
 
     def _cluster(self, pot, reach):
         """The atoms that matter as an open frame; None where all of them must be asked."""
-        from .cutting import depth
+        from ..tile_cuts import depth
 
         if self.frame.topology or not hasattr(pot, "terms") or not getattr(pot, "central", True):
             return None

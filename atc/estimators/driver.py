@@ -10,8 +10,9 @@ import numpy as np
 
 from ..errors import AtcError
 from ..units import require_compatible
-from .accuracy import Check, checking_kernel, extent_of, kernel_internal, without_nan
-from .hot import HotPoints, Strongest, put_right
+from .accuracy.random_points import Check, checking_kernel, extent_of, kernel_internal, without_nan
+from .accuracy.strongest_bonds import HotPoints, Strongest, put_right
+from .deposits import Target
 from .kinematics import Displacement
 from .methods import DEPOSITS, EXACT, NAMES, Method, Refinement, deposits_of
 from .peridynamic import horizon_of, node_volumes, weighted_virials
@@ -19,7 +20,6 @@ from .registry import BOND, GATHER, SITE, Work
 from .shifts import local_shifts
 from .sources import AtomFactors, AtomSums, ReferenceBonds, bond_factors, drift_velocity, piola_factor
 from .sums import Sums, full
-from .target import Target
 
 
 @dataclass

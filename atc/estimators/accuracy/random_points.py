@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiled import njit
-from ..kernels import Gaussian
+from ...compiled import njit
+from ...kernels import Gaussian
 
 # Bins of a slab profile that are computed twice.
 SLAB_BINS = 5
@@ -77,9 +77,9 @@ class Check:
     """
 
     def __init__(self, bound, kern, cell, threads, index, count, which=None):
-        from ..frame import Cell
-        from ..grids import BoundGrid
-        from .target import Target
+        from ...frame import Cell
+        from ...grids import BoundGrid
+        from ..deposits import Target
 
         slab = bound.kind == "slab"
         total = int(np.prod(bound.shape))
@@ -211,7 +211,7 @@ class SlabTarget:
 
     def gather(self, x_nc, a_nk, w_n, gradient, key="gather"):
         """Σ a φ₁/A and its derivative along the normal."""
-        from ..deposit.gradient import marginal_slope
+        from ...deposit.gradient import marginal_slope
 
         slopes = None
         if gradient:
@@ -259,7 +259,7 @@ class _SlabDeposit:
             self.parts[thread] = self.parts.get(thread, self.empty) + part
 
     def add_bond_stress(self, x_nc, i_b, r_bc, G_b, thread=0, j_b=None):
-        from .tensors import outer6
+        from ..tensors import outer6
 
         self.add_bonds(x_nc[i_b], r_bc, outer6(r_bc) * G_b[:, None], thread)
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from .analysis.info import stress_error
-from .estimators.compute import Settings, frame_fields
-from .grids import Grid
-from .readers.trajectory import resolution_of
+from ...analysis.info import stress_error
+from ...grids import Grid
+from ...readers.trajectory import resolution_of
+from ..driver import Settings, frame_fields
 
 #: Points at which the fields are computed with moved atoms.
 POINTS = 100
