@@ -15,7 +15,7 @@ import numpy as np
 from .compiled import njit
 from .deposit import make
 from .estimators.accuracy.random_points import BEYOND, CutGaussian
-from .estimators.accuracy.strongest_bonds import WATCHED, Strongest, error_map
+from .estimators.accuracy.strongest_bonds import WATCHED, StrongestBonds, error_map
 from .estimators.tensors import outer6
 from .kernels import Gaussian
 
@@ -36,7 +36,7 @@ class Pilot:
         if isinstance(kern, Gaussian):
             kern = CutGaussian(kern.width, BEYOND * tolerance, kern.dimension)
         self.bound, self.kern, self.cell = bound, kern, frame.cell
-        strongest = Strongest(frame.positions, threads)
+        strongest = StrongestBonds(frame.positions, threads)
         totals = [np.zeros((2, 6)) for _ in range(threads)]
 
         def consume(bonds, thread):

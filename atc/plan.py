@@ -319,7 +319,7 @@ class Request:
 
     def settings(self):
         """What a worker needs."""
-        from .estimators.driver import Settings
+        from .estimators.settings import Settings
 
         names = tuple(q.name for q in self.work.quantities)
         return Settings(

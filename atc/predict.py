@@ -10,7 +10,7 @@ from .choose import sizes, spectral_deposit
 from .estimators.accuracy.random_points import checking_kernel
 from .estimators.accuracy.strongest_bonds import POINTS
 from .estimators.groups import POINTS as GROUP_POINTS
-from .estimators.groups import elements, late
+from .estimators.groups import elements, formed_once
 from .estimators.methods import EXACT
 
 #: Bytes of a process that has done nothing yet: the interpreter, numpy, numba, scipy.
@@ -92,7 +92,7 @@ def predict(request) -> Prediction:
         sums = {"site": work.n_site, "bond": work.n_bond, "": work.n_reference_bond}
         values = components + sum(sums.values())
         if m > 1:
-            formed = sum(3**q.rank for q in elements(work) if q not in late(work)) + sum(
+            formed = sum(3**q.rank for q in elements(work) if q not in formed_once(work)) + sum(
                 k for key, k in sums.items() if key not in together
             )
             parts["fields of each frame"] = SECONDS_PER_FORMED * points * formed

@@ -23,7 +23,7 @@ from frontier import BIG, CASES, name_of
 import atc
 from atc.calibrate import argon, silicon
 from atc.errors import AtcWarning
-from atc.estimators.driver import frame_fields
+from atc.estimators.driver import fields_of
 from atc.plan import Request
 
 #: From so many cells an edge on a frame is large.
@@ -54,7 +54,7 @@ def test_a_frame(benchmark, case, tolerance):
     benchmark.group = name_of(case)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", AtcWarning)
-        result = benchmark.pedantic(frame_fields, (request.first, request.settings(), 0), rounds=3, warmup_rounds=1)
+        result = benchmark.pedantic(fields_of, ([request.first], request.settings()), rounds=3, warmup_rounds=1)
     found, method = result.errors["stress_potential"], result.methods["bond"]
     benchmark.extra_info.update(
         model=model,

@@ -180,7 +180,7 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
     from ..choose import carriers, cheapest, sizes
     from ..costs import direct as direct_seconds
     from ..costs import gather as gather_seconds
-    from ..estimators.driver import frame_fields
+    from ..estimators.driver import fields_of
     from ..estimators.methods import Method
     from ..estimators.registry import Work
 
@@ -198,7 +198,7 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
             cpu, wall = time.process_time(), time.perf_counter()
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", AtcWarning)
-                result = frame_fields(frame, settings, 0)
+                result = fields_of([frame], settings)
             cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
             again = 0 if best is None else best[3]
             best = (
@@ -324,7 +324,8 @@ def _errors(values, exact) -> tuple[float, float]:
 def _binned(frame, request, bound, exact) -> Rung | None:
     """Per-atom virials added up in the cells of a grid over the whole box, over the cells' volume: what plain binning
     gives."""
-    from ..estimators.driver import Settings, frame_fields
+    from ..estimators.driver import fields_of
+    from ..estimators.settings import Settings
 
     if not (bound.tiles or bound.kind == "slab"):
         return None
@@ -333,7 +334,7 @@ def _binned(frame, request, bound, exact) -> Rung | None:
     best = np.inf, np.inf
     for _ in range(2):
         cpu, wall = time.process_time(), time.perf_counter()
-        virial = frame_fields(frame, settings, 0).arrays[name].reshape(len(frame), 9)
+        virial = fields_of([frame], settings).arrays[name].reshape(len(frame), 9)
         s = frame.cell.fractional(frame.positions)
         axes = [bound.axis] if bound.kind == "slab" else [0, 1, 2]
         flat = np.zeros(len(frame), np.int64)

@@ -6,6 +6,7 @@ They go into a second output beside the first, ``OUT-fields``, entry by entry, w
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from ..errors import AtcError
@@ -76,7 +77,7 @@ class CaseFields:
                 scene=self.case.to_toml(),
                 **given,
             )
-            from ..estimators.driver import require
+            from ..estimators.requirements import require
 
             require(frame, self.request.settings(), self.request.work)
         except AtcError as e:
@@ -87,21 +88,20 @@ class CaseFields:
 
     def add(self, sim, entry: int) -> None:
         """The fields of this moment, unless they are there already."""
-        from ..estimators.driver import frame_fields
+        from ..estimators.driver import fields_of
         from ..pd.fields import snapshot
 
         if entry < self.store.done:
             return
         frame, bonds = snapshot(sim)
-        settings = self.request.settings()
-        settings.pot = bonds
-        self.sink.add(entry, frame, frame_fields(frame, settings, entry), last_of_window=True)
+        settings = replace(self.request.settings(), pot=bonds)
+        self.sink.add(entry, frame, fields_of([frame], settings, entry), last_of_window=True)
 
     def finish(self) -> None:
-        from ..estimators.driver import frame_fields
+        from ..estimators.driver import fields_of
 
         if self.sink.layout is None:  # all entries were there: the run was stopped just before its end
-            self.sink.prepare(frame_fields(self.request.first, self.request.settings(), 0))
+            self.sink.prepare(fields_of([self.request.first], self.request.settings()))
         attributes = self.sink.final_attributes()
         attributes[""]["sources"] = Path(self.case.name).name
         self.store.finish(attributes)

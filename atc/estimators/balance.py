@@ -424,15 +424,16 @@ def from_fields(frame, pot, kern_user, x_gc, threads: int) -> dict[str, np.ndarr
     """The same fields as `atc.fields` writes them, as far as it knows them; internal units. `frame` has its drift taken
     off."""
     from ..grids import Grid
-    from .driver import Settings, frame_fields
+    from .driver import fields_of
     from .registry import QUANTITIES
+    from .settings import Settings
 
     names = [
         n for n in ("density", "momentum", "velocity", "energy", "stress", "heat_flux", "churning") if n in QUANTITIES
     ]
     u = frame.units
     grid = Grid.points(u.to_user("length", x_gc))
-    result = frame_fields(frame, Settings(tuple(names), pot, kern_user, grid, threads=threads, check_points=1))
+    result = fields_of([frame], Settings(tuple(names), pot, kern_user, grid, threads=threads, check_points=1))
     if "heat_flux" in names:
         names.append("heat_flux_churning")
     return {n: u.to_internal(QUANTITIES[n].dimension, result.arrays[n]) for n in names}

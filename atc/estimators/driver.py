@@ -1,595 +1,446 @@
-"""One frame in, arrays out: one pass over the bonds and one over the atoms give every quantity asked."""
+"""Frames in, fields out: the passes over each frame, the sums of frames that share a cell, the fields formed from them,
+and all of it again by tighter methods as long as an error found is larger than allowed. A frame is a group of one.
+
+`fields_of` asks for the sums (`sum_up`: bonds, then atoms), forms the fields (`form`), and compares
+(`tightening.tightened`).
+"""
 
 from __future__ import annotations
 
-from contextlib import nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 
 import numpy as np
 
-from ..errors import AtcError
-from ..units import require_compatible
-from .accuracy.random_points import Check, checking_kernel, extent_of, kernel_internal, without_nan
-from .accuracy.strongest_bonds import HotPoints, Strongest, put_right
-from .deposits import Target
-from .kinematics import Displacement
-from .methods import DEPOSITS, EXACT, NAMES, Method, Refinement, deposits_of
-from .peridynamic import horizon_of, node_volumes, weighted_virials
-from .registry import BOND, GATHER, SITE, Work
+from . import passes, tiles
+from .accuracy.random_points import ZERO, extent_of, kernel_internal, ratio, without_nan
+from .accuracy.strongest_bonds import PointsAround, StrongestBonds, StrongestOfFrames, error_of, summed_exactly
+from .groups import POINTS, MeanFields, added_up, elements, formed_once, joined, of_one_cell
+from .methods import DEPOSITS, NAMES
+from .passes import BondPass, Place, named_bond_sums
+from .registry import BOND, SITE, Quantity, Work
+from .requirements import require
+from .settings import FrameResult, Settings
 from .shifts import local_shifts
-from .sources import AtomFactors, AtomSums, ReferenceBonds, bond_factors, drift_velocity, piola_factor
-from .sums import Sums, full
+from .sources import AtomFactors, drift_velocity
+from .sums import Sums
+from .tightening import SAFE, checkable, clear_thin, thin_sums, tightened, watched
+
+#: How many times the precision of the sums may be left of a bond that was taken out of them again.
+PRECISIONS_LEFT = 8.0
 
 
-@dataclass
-class Settings:
-    """What a worker needs to know to turn a frame into fields; picklable. Deposits that `methods` does not name are
-    summed exactly."""
-
-    names: tuple[str, ...]
-    pot: object = None
-    kern: object = None
-    grid: object = None
-    methods: dict[str, Method] = field(default_factory=dict)
-    tolerance: float = 1e-5
-    reference: object = None
-    threads: int = 1
-    check_points: int = 100
-    horizon: float | None = None  # the user's unit of length; None: the potential's
-    tiles: tuple[int, int, int] | None = None
-    anchor: object = None  # see `atc.verlet`
-
-    @property
-    def central(self) -> bool:
-        """Whether the potential's forces act along bonds."""
-        return getattr(self.pot, "central", True)
-
-    def reference_energies(self) -> np.ndarray:
-        """(n,) potential energies of the atoms in the reference frame, computed once."""
-        if not hasattr(self, "_reference_energies"):
-            self._reference_energies = self.pot.stream(
-                self.reference, None, threads=self.threads, energies=True, forces=False
-            ).energies_n
-        return self._reference_energies
-
-
-@dataclass
-class FrameResult:
-    """The fields of one frame, in the user's units; masked quantities hold 0 where `mask` is False.
-
-    expected : of each field, its largest error anywhere as far as the points of the check tell: at least what was found
-        there"""
-
-    arrays: dict[str, np.ndarray]
-    mask: np.ndarray | None = None
-    weights: dict[str, np.ndarray] = field(default_factory=dict)
-    errors: dict[str, dict[str, float]] = field(default_factory=dict)
-    bound: object = None
-    seconds: dict[str, float] = field(default_factory=dict)
-    notes: dict[str, int] = field(default_factory=dict)
-    methods: dict[str, Method] = field(default_factory=dict)
-    refined: list[Refinement] = field(default_factory=list)
-    expected: dict[str, float] = field(default_factory=dict)
-    # See `groups`: of how many frames these are the means, and how far those are from them.
-    frames: int = 1
-    within: dict[str, float] = field(default_factory=dict)
-
-
-class Stage:
-    """One configuration of the atoms (current or reference) with the grid in it: the main sums and those of the error
-    check."""
-
-    def __init__(self, frame, kern, settings, index):
-        self.bound = settings.grid.bind(frame.units, frame.cell, frame.positions)
-        self.check = Check(self.bound, kern, frame.cell, settings.threads, index, settings.check_points)
-        self.main = Target(settings.methods, self.bound, kern, frame.cell, settings.threads)
-        self.check.target.place(frame.positions)  # before threads ask for it
-        self._kern, self._tolerance = kern, settings.tolerance
-        # See `hot`: set where the strongest bonds are to be summed exactly; what they make; and whether they are still
-        # to be found.
-        self.strongest = self.strong_g = None
-        self.seeking = False
-        self.use(settings.methods)
-
-    def use(self, methods, again=False) -> None:
-        """From now on sum by these methods. `again`: they follow others that left too large an error, part of which may
-        have been the check's own."""
-        self.main.methods = methods
-        self.reach = self._kern
-        if again:
-            self.check.target.summed_kern = self._kern
-        elif self.bound.kind != "slab" and self._kern is not None:
-            self.reach = self.check.target.summed_kern = checking_kernel(self._kern, methods, self._tolerance)
-
-    def at(self, frame) -> None:
-        """From now on for this frame, whose cell and grid are the same."""
-        self.check.target.place(frame.positions)
-
-    @property
-    def targets(self):
-        return self.main, self.check.target
-
-
-def frame_fields(frame, settings: Settings, index: int = 0, run_tiles=None) -> FrameResult:
-    """All quantities of `settings` on one frame, computed again by tighter methods as long as an error found is larger
-    than allowed.
+def fields_of(frames, settings: Settings, index: int = 0, run_tiles=None) -> FrameResult:
+    """All quantities of `settings` on one frame, or the means of some consecutive frames; computed again by tighter
+    methods where an error is too large.
 
     Parameters
     ----------
-    frame : Frame
+    frames : list of Frames. A cell that changes ends a sum, not the group.
     settings : Settings
     index : int
-        Number of the frame: the random points of the error check depend on nothing else.
+        Number of the first frame: the random points of the error check depend on nothing else.
     run_tiles : callable
         With `settings.tiles`: how tiles are computed (see `tiles.bond_pass`). Default: one after the other, here.
 
     Returns
     -------
-    FrameResult, in the frame's own units; `methods` are those used in the end, `refined` says what was computed again
-    and why.
+    FrameResult, in the frames' own units; `methods` are those used in the end, `refined` says what was computed again
+    and why. Errors are those of the means.
 
     Raises
     ------
     AtcError
-        if the frame lacks what a quantity needs (masses, velocities), or there is no potential, kernel, grid or
-        reference for it.
+        if a frame lacks what a quantity needs (masses, velocities), or there is no potential, kernel, grid or reference
+        for it.
     """
     work = Work.of(settings.names, settings.central)
-    require(frame, settings, work)
-    goal = SAFE * settings.tolerance
-    start = perf_counter()
-    job = _FrameJob(frame, settings, work, index, run_tiles)
-    methods, refined = dict(settings.methods), []
-    todo = set(DEPOSITS)
+    for frame in frames:
+        require(frame, settings, work)
+    goal, start, several = SAFE * settings.tolerance, perf_counter(), len(frames) > 1
+    if several:
+        settings = replace(settings, check_points=min(settings.check_points, POINTS))
+    runs = [Run.of(run, settings, work, index, goal, run_tiles) for run in of_one_cell(frames)]
+    methods, refined, again = dict(settings.methods), [], set(DEPOSITS)
+    known = [None] * len(runs)
     while True:
-        job.compute(methods, todo)
-        result = job.result()
-        tighter = job.tightened(methods, result, goal)
+        known = [sum_up(run, methods, again, before) for run, before in zip(runs, known)]
+        results = [form(run, sums) for run, sums in zip(runs, known)]
+        result = joined(results) if len(runs) > 1 else results[0]
+        thin = set().union(*(sums.thin for sums in known))
+        tighter = tightened(work, methods, thin, result.expected if settings.check_points else {}, goal)
         if not tighter:
             break
-        for key, (method, why) in tighter.items():
-            methods[key] = method
-            refined.append(why.then(f"{NAMES[key]} {method}"))
-        todo = set(tighter)
-    result.methods, result.refined, result.expected = methods, refined, job.expected
+        methods = methods | {key: method for key, (method, _) in tighter.items()}
+        refined += [why.then(f"{NAMES[key]} {method}") for key, (method, why) in tighter.items()]
+        # The sums of single frames of a group are not kept.
+        again = set(DEPOSITS) if several else set(tighter)
+    result.methods, result.refined = methods, refined
     result.seconds["total"] = perf_counter() - start
     return result
 
 
-#: What of the tolerance may be found, at random points and around the strongest bonds. All of it may be what normally
-#: distributed errors reach at as many points as there are: an estimate on the large side, since errors of neighbouring
-#: points are alike.
-SAFE = 0.65
-# Where the density is below this fraction of its largest value, quotients by it need the exact sums.
-_THIN = 0.02
-# The sums that fields are quotients of: deposit, and where its density is.
-_QUOTIENTS = (
-    ("site", "site", "mass"),
-    ("gather", "gathered", "mass"),
-    ("reference_gather", "gathered", "reference_mass"),
-)
+@dataclass(frozen=True)
+class Run:
+    """Consecutive frames with one cell, and what is asked of them.
 
-
-class _FrameJob:
-    """One frame with the sums it has so far; single deposits can be computed again by another method."""
-
-    def __init__(self, frame, settings, work, index, run_tiles=None):
-        self.frame, self.settings, self.work, self.index = frame, settings, work, index
-        self.run_tiles = run_tiles or (lambda f, tiles, task: (f(tile, task) for tile in tiles))
-        kern = kernel_internal(settings.kern, frame.units) if work.kernel_users else None
-        self.on_reference = set(work.on_reference)
-        self.stage = Stage(frame, kern, settings, index) if set(work.grid_users) - self.on_reference else None
-        self.reference = Stage(settings.reference, kern, settings, index) if self.on_reference else None
-        self.drift = drift_velocity(frame) if "velocities" in work.attributes else np.zeros(3)
-        self.factors = AtomFactors(frame, self.drift)
-        self.sums: list[Sums] = []
-        self.decomposition = self.atoms = None
-        self.strongest = self.hot = self.hot_sums = None
-        self.expected: dict[str, float] = {}
-        self.seconds = {"bonds": 0.0, "sites": 0.0}
-
-    def compute(self, methods, todo) -> None:
-        """The sums of the deposits in `todo`; everything else is kept."""
-        frame, work = self.frame, self.work
-        for stage in (self.stage, self.reference):
-            if stage is not None:
-                stage.use(methods, again=bool(self.sums))
-        # The sums on the grid, and those at the points of the check. Made anew, since they remember what was formed
-        # from them.
-        fresh = [
-            Sums(drift=self.drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann, dimension=frame.dimension)
-            for _ in range(2)
-        ]
-        for new, old in zip(fresh, self.sums):
-            for name in ("site", "bond", "whole", "point", "gathered", "gradient"):
-                setattr(new, name, getattr(old, name))
-            new.thermal_shifted, new.kinetic_flux_shifted, new.size = (
-                old.thermal_shifted,
-                old.kinetic_flux_shifted,
-                old.size,
-            )
-        first, self.sums = not self.sums, fresh
-        start = perf_counter()
-        if work.bond_users and (first or todo & {"bond", "reference_bond"}):
-            watch = self._watched(methods)
-            if self.stage is not None:
-                self.stage.seeking = watch and self.strongest is None
-                if self.stage.seeking:
-                    self.strongest = Strongest(frame.positions, self.settings.threads)
-                self.stage.strongest = self.strongest if watch else None
-            if self.settings.tiles is None:
-                anchor = self.settings.anchor
-                with nullcontext() if anchor is None else anchor.at(frame):
-                    self.decomposition, self.atoms = _bond_pass(
-                        frame, self.settings, work, self.stage, self.reference, self.factors, fresh
-                    )
-            else:
-                from .tiles import bond_pass
-
-                self.decomposition, self.atoms = bond_pass(
-                    frame,
-                    self.settings,
-                    work,
-                    self.stage,
-                    self.reference,
-                    self.factors,
-                    fresh,
-                    self.index,
-                    self.run_tiles,
-                )
-            if getattr(self.settings.pot, "pairwise", False):
-                # Pairs churn nothing: z = S + M is 0 for them identically, not only as far as two approximate sums
-                # cancel.
-                for s in fresh:
-                    if {"stress", "sources"} <= s.bond.keys():
-                        s.bond["sources"] = -full(s.bond["stress"]).reshape(-1, 9)
-            self.hot = None
-            if watch:
-                self._add_hot()
-        bonds_done = perf_counter()
-        if work.summed_site and (first or "site" in todo):
-            for s in fresh:
-                s.thermal_shifted = s.kinetic_flux_shifted = None
-            _site_pass(frame, work, self.stage, self.factors, fresh)
-        if work.gather and (first or "gather" in todo):
-            _gather_pass(frame, self.settings, work, self.stage, self.factors, fresh)
-            if work.site and not work.summed_site:
-                fresh[0].site.update({name: fresh[0].gathered[name] for name in work.site})
-                # The check keeps to a path of its own.
-                fresh[1].site.update(
-                    _columns(
-                        work.site, SITE, self.stage.check.target.sites(frame.positions, self.factors.columns(work.site))
-                    )
-                )
-        if work.reference_gather and (first or "reference_gather" in todo):
-            _reference_gather_pass(frame, self.settings, work, self.reference, self.factors, fresh)
-        for name in work.whole:
-            fresh[0].whole[name] = _whole(name, self.factors, self.decomposition, self.atoms, frame)
-        self.seconds["bonds"] += bonds_done - start
-        self.seconds["sites"] += perf_counter() - bonds_done
-
-    def _watched(self, methods) -> bool:
-        """Whether points around the strongest bonds are to be looked at: where sums over bonds are approximate."""
-        lattice = self.stage is not None and self.stage.bound.kind != "slab"
-        return lattice and self.settings.tiles is None and watched(self.work, self.settings, methods)
-
-    def _add_hot(self) -> None:
-        """The exact sums at the points around the strongest bonds."""
-        frame, work, stage = self.frame, self.work, self.stage
-        hot = HotPoints(frame, self.settings, stage, self.strongest, stage.strong_g, self.index)
-        if not len(hot):
-            return
-        sums = Sums(
-            drift=self.drift, volume=frame.cell.volume, boltzmann=frame.units.boltzmann, dimension=frame.dimension
-        )
-        sums.bond.update(_columns(work.bond, BOND, hot.bond_sums(work.bond, self.drift)))
-        if getattr(self.settings.pot, "pairwise", False) and {"stress", "sources"} <= sums.bond.keys():
-            sums.bond["sources"] = -full(sums.bond["stress"]).reshape(-1, 9)
-        if work.site:
-            add_sites(frame, work, [(hot.check.target, sums)], self.factors)
-        self.hot, self.hot_sums = hot, sums
-
-    def result(self) -> FrameResult:
-        frame, work = self.frame, self.work
-        main, at_points = self.sums
-        self._clear_thin(main)
-        arrays, errors, weights = {}, {}, {}
-        for q in work.quantities:
-            values = q.form(main)
-            arrays[q.name] = frame.units.to_user(q.dimension, values)
-            if q.kind == "grid":
-                here = self.reference if q.name in self.on_reference else self.stage
-                # Points that are never defined are NaN in both.
-                wanted, known = without_nan(q.form(at_points)), without_nan(values)
-                extent = extent_of(known)
-                errors[q.name] = found = here.check.errors(known, wanted, q.scale(main), extent)
-                if self.hot is not None and q in checkable(work):
-                    more = self.hot.check.errors(known, without_nan(q.form(self.hot_sums)), q.scale(main), extent)
-                    for key in ("error_max", "error_of_fluctuation"):
-                        found[key] = max(found[key], more[key])
-                self.expected[q.name] = max(
-                    found["error_max"], SAFE * here.check.expected(known, wanted, q.scale(main), extent)
-                )
-                arrays[q.name] = arrays[q.name].reshape(*here.bound.shape, *values.shape[1:])
-                if q.weight is not None:
-                    weights[q.name] = main.site[q.weight][:, 0].reshape(here.bound.shape)
-        here = self.stage or self.reference
-        return FrameResult(
-            arrays,
-            mask=main.defined.reshape(self.stage.bound.shape) if work.masked else None,
-            weights=weights,
-            errors=errors,
-            bound=here.bound if here else None,
-            seconds=dict(self.seconds),
-            notes=dict(getattr(self.decomposition, "notes", None) or {}),
-        )
-
-    def _clear_thin(self, main) -> None:
-        if self.stage or self.reference:
-            clear_thin(main, (self.stage or self.reference).main.methods)
-
-    def tightened(self, methods, result, goal) -> dict:
-        return tightened(
-            self.work,
-            methods,
-            thin_sums(self.sums[0], self.work),
-            self.expected if self.settings.check_points else {},
-            goal,
-        )
-
-
-def watched(work, settings, methods) -> bool:
-    """Whether there are approximate sums over bonds, and fields of them, that are to be looked at around the strongest
-    bonds."""
-    return bool(not methods.get("bond", EXACT).exact and work.bond and settings.check_points and checkable(work))
-
-
-def clear_thin(main, methods) -> None:
-    """What an approximate sum leaves where there is no mass is no mass."""
-    for key, of, name in _QUOTIENTS:
-        method, rho = methods.get(key), getattr(main, of).get(name)
-        if method is not None and not method.exact and rho is not None:
-            rho[rho < 4 * method.tolerance * rho.max(initial=0.0)] = 0.0
-
-
-def thin_sums(main, work) -> set[str]:
-    """The deposits whose sums are small somewhere though fields are quotients by them."""
-    found = {key: getattr(main, of).get(name) for key, of, name in _QUOTIENTS if key != "site" or work.masked}
-    return {
-        key for key, rho in found.items() if rho is not None and rho.min(initial=np.inf) < _THIN * rho.max(initial=0.0)
-    }
-
-
-def tightened(work, methods, thin, expected, goal) -> dict:
-    """{deposit: (its next method, a Refinement)} for every approximate deposit that a field with too large an error is
-    made of.
-
-    thin : see `thin_sums`; expected : the error of each field
+    bound, reference_bound : the grid on them, and on the reference; None where nothing asked is there
+    drifts : (3,) mean velocity of each frame
+    together : the deposits ("site") whose sums of several frames are added up; sums over bonds always are
+    once, each : the quantities formed from the mean sums, and those formed of each frame, of which the mean is taken;
+        wholes may be in neither
     """
-    loose = {key for key, m in methods.items() if not m.exact}
-    out = {}
-    for key, _, _ in _QUOTIENTS:
-        if key in loose & thin and not methods[key].forced:
-            why = "nearly empty space, where fields are quotients of small sums"
-            out[key] = methods[key].exactly(why), Refinement(why)
-    if not loose:
-        return out
-    for q in work.quantities:
-        error = expected.get(q.name, 0.0)
-        if error <= goal:
-            continue
-        for key in deposits_of(q, work):
-            if key not in loose:
-                continue
-            method = methods[key].tightened(error, goal)
-            if method != methods[key] and (
-                key not in out or method.exact or not 0 < out[key][0].tolerance <= method.tolerance
-            ):
-                if key not in out or not out[key][0].exact:
-                    out[key] = method, Refinement(f"{q.name} above {goal:.1e}", error)
-    return out
 
+    frames: list
+    settings: Settings
+    work: Work
+    index: int
+    goal: float
+    run_tiles: object
+    kern: object
+    bound: object
+    reference_bound: object
+    drifts: list
+    together: frozenset
+    once: list[Quantity]
+    each: list[Quantity]
 
-def _bond_pass(frame, settings, work, stage, reference, factors, sums, kept=None):
-    """One pass over the bonds for every sum over them; returns the potential's word on the frame and the per-atom sums.
-
-    kept : a deposit of several frames that the bonds are added to; its sums are not taken here, nor are the strongest
-        bonds taken out of it
-    """
-    x_nc, threads = frame.positions, settings.threads
-    deposit = None if not work.bond else stage.main.open(work.n_bond) if kept is None else kept
-    reference_deposit = reference.main.open(work.n_reference_bond, "reference_bond") if work.reference_bond else None
-    # The error check takes only the bonds near its points, and one more sum: how large the terms of the stress are.
-    size = bool({"stress", "moment"} & {*work.bond})
-    length = max(settings.pot.cutoff, 0.0)
-    check = stage.check.target.open(work.n_bond + size, length=length) if work.bond else None
-    reference_check = reference.check.target.open(work.n_reference_bond, length=length) if work.reference_bond else None
-    carried = bool(work.reference_bond or work.reference_point or "reference_atom_moment" in work.whole)
-    to_reference = ReferenceBonds(frame, settings.reference) if carried else None
-    atoms = AtomSums(
-        frame,
-        threads,
-        virial=work.atom_virial,
-        residual="source_residual" in work.site,
-        power="box_power" in work.whole,
-        moment=bool({"atom_moment", "reference_atom_moment"} & {*work.whole}),
-        reference_moment="reference_atom_moment" in work.whole,
-    )
-    weighted = weighted_virials(frame, settings, work, stage, reference) if work.horizon_users else None
-    widths = [BOND[name].width for name in work.bond]
-    peculiar_nc = factors.peculiar_nc if "power" in work.bond else None  # before threads ask for it
-
-    def consume(bonds, thread):
-        if deposit is not None:
-            if work.bond == ["stress"]:
-                deposit.add_bond_stress(x_nc, bonds.i, bonds.r_bc, bonds.G_b, thread=thread, j_b=bonds.j)
-            else:
-                b_bk = bond_factors(work.bond, widths, bonds, peculiar_nc, frame.velocities)
-                deposit.add_bonds(x_nc[bonds.i], bonds.r_bc, b_bk, thread=thread)
-            if stage.seeking:
-                stage.strongest.add(bonds, thread)
-            for found in check.find(x_nc, bonds.i, bonds.r_bc, thread):
-                few = bonds.taken(found.bonds)
-                check.add_found(
-                    found, bond_factors(work.bond, widths, few, peculiar_nc, frame.velocities, size=size), thread
-                )
-        if to_reference is not None:
-            X_bc, R_bc = to_reference.bonds(bonds)
-            if reference_deposit is not None:
-                P_b9 = piola_factor(bonds, R_bc)
-                reference_deposit.add_bonds(X_bc, R_bc, P_b9, thread=thread)
-                for found in reference_check.find(settings.reference.positions, bonds.i, R_bc, thread):
-                    reference_check.add_found(found, P_b9[found.bonds], thread)
+    @classmethod
+    def of(cls, frames, settings: Settings, work: Work, index: int = 0, goal: float = np.inf, run_tiles=None) -> Run:
+        first, reference = frames[0], settings.reference
+        here, there = set(work.grid_users) - set(work.on_reference), work.on_reference
+        if len(frames) == 1:
+            once, each, together = work.quantities, [], frozenset()
         else:
-            X_bc = R_bc = None
-        if weighted is not None:
-            weighted.add(x_nc, bonds, X_bc, R_bc, thread)
-        atoms.add(bonds, thread, R_bc)
+            once, together = formed_once(work), added_up(work)
+            each = [q for q in elements(work) if q not in once]
+        return cls(
+            frames, settings, work, index, goal, run_tiles,
+            kern=kernel_internal(settings.kern, first.units) if work.kernel_users else None,
+            bound=settings.grid.bind(first.units, first.cell, first.positions) if here else None,
+            reference_bound=settings.grid.bind(reference.units, reference.cell, reference.positions) if there else None,
+            drifts=[drift_velocity(f) if "velocities" in work.attributes else np.zeros(3) for f in frames],
+            together=together, once=once, each=each,
+        )  # fmt: skip
 
-    wanted = deposit is not None or to_reference is not None or weighted is not None or atoms.wanted
-    # Potentials of other makers need not know about sources as long as nobody asks for them.
-    more = {"sources": True} if work.source_users else {}
-    decomposition = settings.pot.stream(
-        frame, consume if wanted else None, threads=threads, energies=bool(work.energy_users), forces=False, **more
-    )
-    if deposit is not None:
-        exact = 0.0
-        if stage.strongest is not None and kept is None:
-            strong = stage.strongest.sort_out()
-            b_bk = bond_factors(work.bond, widths, strong, peculiar_nc, frame.velocities)
-            exact = put_right(deposit, stage, x_nc, strong, b_bk)
-            stage.strong_g = np.abs(exact[:, : BOND[work.bond[0]].width]).max(1)
-        if kept is None:
-            sums[0].bond.update(_columns(work.bond, BOND, deposit.bond_sums() + exact))
-        at_points = check.bond_sums()
-        sums[1].bond.update(_columns(work.bond, BOND, at_points[:, : work.n_bond]))
-        if size:
-            for s in sums:
-                s.size = float(at_points[:, -1].max(initial=0.0))
-    if reference_deposit is not None:
-        for s, d in zip(sums, (reference_deposit, reference_check)):
-            s.bond.update(_columns(work.reference_bond, BOND, d.bond_sums()))
-    if weighted is not None:
-        for k, s in enumerate(sums):
-            s.point.update(weighted.sums(k))
-    if work.energy_users:
-        factors.energies_n = decomposition.energies_n
-    factors.forget("atom_virial", "source_residual", "potential_energy", "potential_flux", "energy_current")
-    factors.atom_virial_n6, factors.residual_n4 = atoms.virial_n6, atoms.residual_n4
-    return decomposition, atoms
+    @property
+    def several(self) -> bool:
+        return len(self.frames) > 1
 
-
-def _columns(names, sources, total_gk) -> dict[str, np.ndarray]:
-    """Sums side by side, taken apart by name."""
-    ends = np.cumsum([sources[name].width for name in names])
-    return dict(zip(names, np.split(total_gk, ends[:-1], axis=1), strict=True))
-
-
-def checkable(work) -> list:
-    """The fields that points around the strongest bonds can be computed for: those of sums over bonds and atoms
-    alone."""
-    return [
-        q
-        for q in work.quantities
-        if q.kind == "grid" and q.bond and not (q.on_reference or q.gather or q.gradient or q.point or q.whole)
-    ]
-
-
-def _site_pass(frame, work, stage, factors, sums):
-    """One pass over the atoms for every sum over them."""
-    add_sites(frame, work, zip(stage.targets, sums), factors)
-
-
-def add_sites(frame, work, targets, factors):
-    """The sums over atoms at some targets: (Target, Sums) pairs."""
-    a_nk = factors.columns(work.site)
-    for target, s in targets:
-        s.site.update(_columns(work.site, SITE, target.sites(frame.positions, a_nk)))
-        if "kinetic" in work.site and "momentum" in work.site:
-            local_shifts(s, target, frame.positions, factors, flux="kinetic_flux" in work.site)
-
-
-def _gather_pass(frame, settings, work, stage, factors, sums):
-    """The sums that need the kernel's gradient, or displacements."""
-    gradient = any(q.gradient for q in work.quantities if not q.on_reference)
-    plain = [name for name in work.gather if name not in ("mass", "displacement")]
-    extra = factors.columns(plain) if plain else np.zeros((len(frame), 0))
-    displacement = Displacement(frame, settings.reference, False) if "displacement" in work.gather else None
-    names = ["mass", "displacement", *plain] if displacement else ["mass", *plain]
-    for target, s in zip(stage.targets, sums):
-        if displacement is not None:
-            values, gradients = displacement.gather(target, frame.positions, frame.masses, extra, gradient)
-        else:
-            a_nk = np.concatenate([frame.masses[:, None], extra], axis=1)
-            values, gradients = target.gather(frame.positions, a_nk, None, gradient)
-        s.gathered.update(_columns(names, GATHER, values))
-        if gradients is not None:
-            s.gradient.update(_columns(names, GATHER, gradients))
-
-
-def _reference_gather_pass(frame, settings, work, stage, factors, sums):
-    """The same over reference positions."""
-    displacement = Displacement(frame, settings.reference, True)
-    energy_n1 = (factors.energies_n - settings.reference_energies())[:, None]
-    names = ["reference_mass", "reference_displacement", "reference_energy"]
-    for target, s in zip(stage.targets, sums):
-        values, gradients = displacement.gather(
-            target, settings.reference.positions, frame.masses, energy_n1, True, "reference_gather"
+    def places(self, methods, again: bool) -> tuple[Place | None, Place | None]:
+        """Where sums are wanted: now, and over reference positions."""
+        on = ((self.bound, self.frames[0]), (self.reference_bound, self.settings.reference))
+        return tuple(
+            None if bound is None else Place.on(bound, at, self.kern, self.settings, self.index, methods, again)
+            for bound, at in on
         )
-        s.gathered.update(_columns(names, GATHER, values))
-        s.gradient.update(_columns(names, GATHER, gradients))
+
+    def no_sums(self, k: int) -> Sums:
+        frame = self.frames[k]
+        return Sums(
+            drift=self.drifts[k], volume=frame.cell.volume, boltzmann=frame.units.boltzmann, dimension=frame.dimension
+        )
 
 
-def require(frame, settings, work):
-    """Say what is missing before anything is computed."""
-    for attribute, users in work.attributes.items():
-        frame.require(attribute, why=", ".join(users))
+# --- sums
+
+
+@dataclass(frozen=True)
+class RunBonds:
+    """What the bonds of a run give.
+
+    each : of each frame. grid : mean sums on the grid, by name
+    strongest : the strongest bonds, if they were looked for; strong_g : (g,) the largest component of what was summed
+        exactly of them
+    left : what rounding may have left of them, in the units of the sums
+    """
+
+    each: tuple[BondPass, ...]
+    grid: dict = field(default_factory=dict)
+    strongest: StrongestOfFrames | None = None
+    strong_g: np.ndarray | None = None
+    left: float = 0.0
+
+
+@dataclass(frozen=True)
+class RunSums:
+    """All sums of a run.
+
+    grid, check : of its only frame, on the grid and at the points of the check; of several, the mean sums on the grid,
+        and None
+    exactly : fields at the points of the check; fields, boxes : means of what is formed frame by frame
+    around : (PointsAround, fields there): what is looked at around the strongest bonds, if that was done already
+    """
+
+    here: Place | None
+    reference: Place | None
+    bonds: RunBonds
+    grid: Sums
+    check: Sums | None
+    exactly: MeanFields
+    fields: MeanFields
+    boxes: MeanFields
+    mask: np.ndarray | None
+    thin: set
+    around: tuple | None
+    seconds: dict[str, float]
+
+
+def sum_up(run: Run, methods, again=frozenset(DEPOSITS), before: RunSums | None = None) -> RunSums:
+    """The sums of the deposits in `again`; everything else is kept as it was `before`."""
+    work, settings, start = run.work, run.settings, perf_counter()
+    here, reference = run.places(methods, again=before is not None)
+    bonds, around = (before.bonds, before.around) if before else (RunBonds((BondPass(),) * len(run.frames)), None)
+    if work.bond_users and (before is None or again & {"bond", "reference_bond"}):
+        watch = (
+            here is not None
+            and here.bound.kind != "slab"
+            and settings.tiles is None
+            and watched(work, settings, methods)
+        )
+        bonds = sum_bonds(run, here, reference, bonds.strongest, watch)
+        around = look_around(run, here, bonds) if watch and not run.several else None
+    bonds_done = perf_counter()
+    together = here.grid.make("site", work.n_site, 0) if "site" in run.together and work.site else None
+    exactly, fields, boxes = MeanFields(keep=True), MeanFields(), MeanFields(keep=True)
+    mask, thin, grid = None, set(), None
+    for k, frame in enumerate(run.frames):
+        factors = AtomFactors(frame, run.drifts[k], bonds.each[k].per_atom)
+        grid, check = frame_sums(run, k, bonds, here, reference, factors, again, before)
+        if together is not None:
+            # Velocities relative to the same drift in all frames.
+            common = factors if k == 0 else AtomFactors(frame, run.drifts[0], factors.per_atom)
+            here.grid.add_sites(together, here.grid.place(frame.positions), common.columns(work.site))
+        else:
+            clear_thin(grid, methods)
+            thin |= thin_sums(grid, work)
+            if work.masked:
+                mask = grid.defined if mask is None else mask | grid.defined
+        boxes.add([q for q in work.quantities if run.several and q.kind == "box" and not q.parts], grid)
+        fields.add(run.each, grid)
+        exactly.add(elements(work) if run.several else [q for q in work.quantities if q.kind == "grid"], check)
+    if run.several:
+        size = (
+            sum(one.point_sums(1, work, settings.pairwise)["size"] / len(run.frames) for one in bonds.each)
+            if work.bond
+            else 0.0
+        )
+        grid, check = replace(run.no_sums(0), bond=bonds.grid, size=size), None
+        if together is not None:
+            grid.site.update(passes.by_name(work.site, SITE, together.site_sums() / len(run.frames)))
+            clear_thin(grid, methods)
+            thin |= thin_sums(grid, work)
+            mask = grid.defined if work.masked else None
+    old = before.seconds if before else {"bonds": 0.0, "sites": 0.0}
+    seconds = {"bonds": old["bonds"] + bonds_done - start, "sites": old["sites"] + perf_counter() - bonds_done}
+    return RunSums(here, reference, bonds, grid, check, exactly, fields, boxes, mask, thin, around, seconds)
+
+
+def sum_bonds(
+    run: Run, here: Place | None, reference: Place | None, strongest: StrongestOfFrames | None, watch: bool
+) -> RunBonds:
+    """The bonds of all frames into one deposit; where they are to be watched, the strongest are taken out of it and
+    summed exactly."""
+    work, settings = run.work, run.settings
+    whole = settings.tiles is None
+    deposit = here.grid.open(work.n_bond) if work.bond and whole else None
+    seek = watch and strongest is None
+    each, found = [], []
+    for frame, drift in zip(run.frames, run.drifts):
+        if whole:
+            found.append(StrongestBonds(frame.positions, settings.threads) if seek else None)
+            each.append(passes.bond_pass(frame, settings, work, here, reference, drift, deposit, found[-1]))
+        else:
+            more = {} if run.run_tiles is None else {"run": run.run_tiles}
+            each.append(tiles.bond_pass(frame, settings, work, here, reference, drift, **more))
+    if seek:
+        factors = [passes.strongest_factors(f, work, s.ranked(), v) for f, s, v in zip(run.frames, found, run.drifts)]
+        strongest = StrongestOfFrames(run.frames, found, factors)
+    if not work.bond:
+        return RunBonds(tuple(each), strongest=strongest)
+    exact_gk, strong_g, left = 0.0, None, 0.0
+    if watch:
+        exact_gk = summed_exactly(deposit, here, *strongest.exactly)
+        strong_g = np.abs(exact_gk[:, : BOND[work.bond[0]].width]).max(1)
+        left = PRECISIONS_LEFT * float(np.finfo(deposit.real).eps) * float(strong_g.max(initial=0.0))
+    total_gk = deposit.bond_sums() + exact_gk if whole else sum(one.totals.bond[0] for one in each)
+    return RunBonds(
+        tuple(each), named_bond_sums(work, total_gk / len(run.frames), settings.pairwise), strongest, strong_g, left
+    )
+
+
+def frame_sums(
+    run: Run, k: int, bonds: RunBonds, here, reference, factors, again, before: RunSums | None
+) -> tuple[Sums, Sums]:
+    """The sums of frame `k` on the grid, but for those that are added up over frames, and at the points of the
+    check."""
+    frame, work, settings, one = run.frames[k], run.work, run.settings, bonds.each[k]
+    kept = (run.no_sums(k), run.no_sums(k)) if before is None or run.several else (before.grid, before.check)
+    new: list[dict] = [{}, {}]
+
+    def due(needed, key) -> bool:
+        return bool(needed) and (before is None or key in again)
+
     if work.bond_users:
-        if settings.pot is None:
-            raise AtcError(
-                f"no potential was given but {_need(work.bond_users)} one: give the pair_style/pair_coeff lines of "
-                "the run"
+        for at in (0, 1):
+            new[at] |= one.point_sums(at, work, settings.pairwise)
+        if not run.several:
+            new[0]["bond"] |= bonds.grid
+    sites = due(work.summed_site, "site")
+    if sites:
+        for at, deposits in enumerate(here.both):
+            if at == 1 or "site" not in run.together:
+                new[at] |= {
+                    "site": passes.site_pass(frame, work, deposits, factors),
+                    "thermal_shifted": None,
+                    "kinetic_flux_shifted": None,
+                }
+    for key, needed, one_pass in (
+        ("gather", work.gather, lambda: passes.gather_pass(frame, settings, work, here, factors)),
+        (
+            "reference_gather",
+            work.reference_gather,
+            lambda: passes.reference_gather_pass(frame, settings, reference, factors),
+        ),
+    ):
+        if due(needed, key):
+            for at, found in enumerate(one_pass()):
+                for kind, sums in found.items():
+                    new[at][kind] = {**getattr(kept[at], kind), **new[at].get(kind, {}), **sums}
+    if due(work.gather, "gather") and work.site and not work.summed_site:
+        new[0]["site"] = {name: new[0]["gathered"][name] for name in work.site}
+        # The check keeps to a path of its own.
+        new[1]["site"] = passes.site_pass(frame, work, here.check.deposits, factors)
+    new[0]["whole"] = {name: passes.whole_sum(name, frame, factors, one) for name in work.whole}
+    grid, check = (replace(old, **more) for old, more in zip(kept, new))
+    if sites:
+        for sums, deposits in zip((grid, check), here.both):
+            shift(run, sums, deposits, frame, factors)
+    return grid, check
+
+
+def shift(run: Run, sums: Sums, deposits, frame, factors) -> None:
+    """See `shifts.local_shifts`."""
+    site = run.work.site
+    if "kinetic" in site and "momentum" in site:
+        found = local_shifts(sums, deposits, frame.positions, factors, flux="kinetic_flux" in site)
+        sums.thermal_shifted, sums.kinetic_flux_shifted = found
+
+
+# --- fields
+
+
+def form(run: Run, sums: RunSums) -> FrameResult:
+    """The fields, and which errors are to be expected."""
+    work, units, n = run.work, run.frames[0].units, len(run.frames)
+    values = {q.name: q.form(sums.grid) for q in run.once} | {q.name: sums.fields.mean(q.name) for q in run.each}
+    for q in work.quantities:
+        if q.kind == "box" and q.name in sums.boxes.sums:
+            values[q.name] = sums.boxes.mean(q.name)
+    for q in work.quantities:
+        if q.name not in values:
+            values[q.name] = sum(values[name] for name in q.parts)
+    scales, extents, errors, expected = {}, {}, {}, {}
+    for q in work.quantities:
+        if q.kind == "grid":
+            check = place_of(q, sums).check
+            # Points that are never defined are NaN in both.
+            known, wanted = without_nan(values[q.name]), without_nan(sums.exactly.of(q))
+            scales[q.name], extents[q.name] = q.scale(sums.grid), extent_of(known)
+            errors[q.name] = check.errors(known, wanted, scales[q.name], extents[q.name])
+            expected[q.name] = max(
+                errors[q.name]["error_max"], SAFE * check.expected(known, wanted, scales[q.name], extents[q.name])
             )
-        require_compatible(settings.pot.units, frame.units, "the potential", frame.source)
-        if not settings.central and work.symmetric_users:
-            raise AtcError(
-                f"{', '.join(work.symmetric_users)}: the forces of {settings.pot.describe()} do not act along bonds: "
-                "ask for peridynamic_stress_nodal_virial"
-            )
-    for users, name, word in ((work.kernel_users, "kern", "kernel"), (work.grid_users, "grid", "grid")):
-        if users and getattr(settings, name) is None:
-            raise AtcError(f"no {word} was given but {_need(users)} one")
-    if work.horizon_users:
-        horizon_of(settings, frame.units, work.horizon_users)
-    if "atom_volume" in work.whole:
-        node_volumes(frame)
-    if work.gradient_users and settings.kern is not None:
-        from ..deposit.gradient import require_differentiable
+    for name, more in errors_around(run, sums, values, scales, extents, expected).items():
+        for key, value in more.items():
+            errors[name][key] = max(errors[name][key], value)
+        expected[name] = max(expected[name], errors[name]["error_max"])
+    arrays, weights, within, notes = {}, {}, {}, {}
+    for q in work.quantities:
+        arrays[q.name] = x = units.to_user(q.dimension, values[q.name])
+        if run.several:
+            means = sums.exactly if q.kind == "grid" else sums.boxes
+            within[q.name] = means.within(q) * float(units.to_user(q.dimension, 1.0)) ** 2
+        if q.kind == "grid":
+            shape = place_of(q, sums).bound.shape
+            arrays[q.name] = x.reshape(*shape, *x.shape[1:])
+            if q.weight is not None:
+                w = sums.grid.site[q.weight][:, 0] if q in run.once else sums.fields.weight(q.name)
+                weights[q.name] = w.reshape(shape)
+    for one in sums.bonds.each:
+        for what, count in one.notes.items():
+            notes[what] = notes.get(what, 0) + count
+    place = sums.here or sums.reference
+    return FrameResult(
+        arrays,
+        mask=None if sums.mask is None else sums.mask.reshape(sums.here.bound.shape),
+        weights=weights,
+        errors=errors,
+        bound=place.bound if place else None,
+        seconds=dict(sums.seconds),
+        notes=notes,
+        expected=expected,
+        frames=n,
+        within=within,
+    )
 
-        require_differentiable(settings.kern, ", ".join(work.gradient_users))
-    if work.reference_users and settings.reference is None:
-        raise AtcError(f"no reference frame was given but {_need(work.reference_users)} one: pass reference=")
-    if any(q.kind == "box" for q in work.quantities) and not frame.cell.volume > 0:
-        raise AtcError(f"{frame.source}: the cell has no volume, so the virial stress of the box is not defined")
+
+def place_of(q: Quantity, sums: RunSums) -> Place:
+    return sums.reference if q.on_reference else sums.here
 
 
-def _need(users) -> str:
-    return f"{', '.join(users)} need{'s' * (len(users) == 1)}"
+def errors_around(run: Run, sums: RunSums, values, scales, extents, expected) -> dict[str, dict[str, float]]:
+    """The errors that the strongest bonds make: of several frames alone, if those at random points leave room for them,
+    or else all errors at the points around these bonds."""
+    bonds, quantities = sums.bonds, checkable(run.work)
+    if bonds.strong_g is None:
+        return {}
+    around = sums.around
+    if run.several:
+        if all(q.rank == 2 for q in quantities):  # in the units of the bonds' own sum
+            strongest, error = bonds.strongest.all, bonds.left
+            few = strongest.watched(run.frames[0].cell)
+            if len(few[0]):
+                error += float(error_of(sums.here, few, strongest).max(initial=0.0))
+            sizes = {q.name: extents[q.name].largest for q in quantities}
+            n = len(run.frames)
+            alone = {
+                name: ratio(error / n, scales[name] if size <= ZERO * scales[name] else size)
+                for name, size in sizes.items()
+            }
+            if all(expected[name] + alone[name] <= run.goal for name in alone):
+                return {name: {"error_max": value} for name, value in alone.items()}
+        around = look_around(run, sums.here, bonds)
+    if around is None:
+        return {}
+    points, means = around
+    found = {
+        q.name: points.check.errors(
+            without_nan(values[q.name]), without_nan(means.of(q)), scales[q.name], extents[q.name]
+        )
+        for q in quantities
+    }
+    return {name: {key: errors[key] for key in ("error_max", "error_of_fluctuation")} for name, errors in found.items()}
 
 
-def _whole(name, factors, decomposition, atoms, frame):
-    if name == "box_virial":
-        return decomposition.virial_cc.reshape(9)
-    if name == "atom_virial":
-        return atoms.virial_n6
-    if name in ("atom_moment", "reference_atom_moment"):
-        return atoms.moment_n9 if name == "atom_moment" else atoms.reference_moment_n9
-    if name == "atom_volume":
-        return node_volumes(frame)
-    if name == "box_power":
-        return atoms.power_c
-    if name == "box_convection":
-        return factors["energy_current"].sum(0)
-    kinetic_n6 = factors["kinetic"]
-    return kinetic_n6 if name == "atom_kinetic" else kinetic_n6.sum(0)
+def look_around(run: Run, here: Place, bonds: RunBonds) -> tuple[PointsAround, MeanFields] | None:
+    """The fields at the points around the strongest bonds, exactly; None where there are no such points."""
+    work, settings = run.work, run.settings
+    points = PointsAround(run.frames[0], settings, here, bonds.strongest.all, bonds.strong_g, run.index)
+    if not len(points):
+        return None
+    quantities = checkable(work)
+    if run.several:
+        quantities = [
+            q for q in elements(work) if q in quantities or any(q.name in whole.parts for whole in quantities)
+        ]
+    means = MeanFields()
+    for k, frame in enumerate(run.frames):
+        factors = AtomFactors(frame, run.drifts[k], bonds.each[k].per_atom)
+        bond = named_bond_sums(work, points.bond_sums(frame, work.bond, run.drifts[k]), settings.pairwise)
+        sums = replace(run.no_sums(k), bond=bond)
+        if work.site:
+            sums.site.update(passes.site_pass(frame, work, points.check.deposits, factors))
+            shift(run, sums, points.check.deposits, frame, factors)
+        means.add(quantities, sums)
+    return points, means

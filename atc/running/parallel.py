@@ -14,8 +14,8 @@ from dataclasses import replace
 from itertools import islice
 
 from ..errors import AtcError, AtcWarning
-from ..estimators.driver import FrameResult
-from ..estimators.groups import group_fields
+from ..estimators.driver import fields_of
+from ..estimators.settings import FrameResult
 
 #: How long a scheduler may take to answer.
 PATIENCE = "10s"
@@ -43,7 +43,7 @@ def frame_results(request, start: int, first: FrameResult | None = None):
     else:
         with here(request) as run_tiles:
             for k, group in frames:
-                yield group, group_fields(group, settings, k, run_tiles=run_tiles)
+                yield group, fields_of(group, settings, k, run_tiles=run_tiles)
 
 
 def _grouped(request, start):
@@ -98,7 +98,7 @@ def _in_processes(request, settings, frames):
         )
         settings = replace(settings, threads=request.workers * request.threads)
         for k, group in frames:
-            yield group, group_fields(group, settings, k)
+            yield group, fields_of(group, settings, k)
         return
     waiting: deque = deque()
     try:
@@ -132,7 +132,7 @@ def _begin_worker(settings):
 
 
 def _work(frames, k) -> FrameResult:
-    return group_fields(frames, _worker_settings, k)
+    return fields_of(frames, _worker_settings, k)
 
 
 # --- a Dask cluster
@@ -218,4 +218,4 @@ def _itself(x):
 
 
 def _frame_task(frames, settings, k) -> FrameResult:
-    return group_fields(frames, settings, k)
+    return fields_of(frames, settings, k)

@@ -9,9 +9,11 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import AtcError, AtcWarning
-from ..estimators.driver import FrameResult, frame_fields, require
+from ..estimators.driver import fields_of
 from ..estimators.methods import DEPOSITS, Method, Refinement, details, summary
 from ..estimators.registry import QUANTITIES
+from ..estimators.requirements import require
+from ..estimators.settings import FrameResult
 from ..estimators.statistics import BlockAverage
 from ..identity import changed_parts, frame_digest, identity
 from ..neighbors.verlet import anchor_of
@@ -211,7 +213,7 @@ def _run(request, store, progress) -> _Sink:
     for sentence in sink.sequence.warnings(sink.averaging):
         warnings.warn(f"{getattr(request.frames, 'source', 'the trajectory')}: {sentence}", AtcWarning, stacklevel=3)
     if sink.layout is None:  # every frame was there already: the run was stopped just before its end
-        sink.prepare(frame_fields(request.first, request.settings(), 0))
+        sink.prepare(fields_of([request.first], request.settings()))
     return sink
 
 
@@ -258,7 +260,7 @@ def _settle(request: Request, store, start: int) -> FrameResult | None:
     if not all(m.exact for m in request.methods.values()):
         began = request.methods
         with here(request) as run_tiles:
-            result = frame_fields(request.first, request.settings(), 0, run_tiles=run_tiles)
+            result = fields_of([request.first], request.settings(), run_tiles=run_tiles)
             request.settle(result)
             if request.n_frames >= SEVERAL:
                 _settle_on(request, request.n_frames // 2, run_tiles)
@@ -284,7 +286,7 @@ def _settle_on(request: Request, k: int, run_tiles) -> None:
     try:
         frame = request.frames[k]
         # Whatever list of neighbours was kept for the first frames stays theirs.
-        result = frame_fields(frame, replace(request.settings(), anchor=None), k, run_tiles=run_tiles)
+        result = fields_of([frame], replace(request.settings(), anchor=None), k, run_tiles=run_tiles)
     except (AtcError, IndexError):
         return  # what is wrong with it is told when it is its turn
     request.settle(result)

@@ -124,12 +124,12 @@ def test_one_transform_gives_the_sums_and_their_gradients(liquid, monkeypatch): 
 
 def test_a_gradient_too_wrong_is_computed_again(liquid):  # noqa: F811
     frame, kern = liquid[0], atc.kernel("gaussian", radius=8.0)
-    from atc.estimators.driver import frame_fields
+    from atc.estimators.driver import fields_of
     from atc.estimators.methods import Method
 
     request = Request(frame, None, kern, GRID, RATES, 1e-6, threads=1)
     request.methods = {"gather": Method("spectral", 1e-3, "test", (1e-4, 1e-7))}
-    result = frame_fields(frame, request.settings(), 0)
+    result = fields_of([frame], request.settings())
     assert result.methods["gather"].tolerance == 1e-7 and "sums over atoms for gradients spectral to 1e-07" in str(
         result.refined[0]
     )

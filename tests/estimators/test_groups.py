@@ -14,7 +14,7 @@ import atc
 from atc import calibrate, choose
 from atc.costs import Costs
 from atc.errors import AtcError, AtcWarning
-from atc.estimators import groups
+from atc.estimators import driver, groups
 from atc.estimators.methods import Method
 from atc.estimators.registry import QUANTITIES, Work
 from atc.frame import Cell
@@ -235,38 +235,27 @@ def test_the_strongest_bonds_of_all_frames_are_exact_and_the_rest_is_watched(spe
     request = Request(
         frames, pot, kern, atc.Grid.regular(shape=10), ["stress_potential"], 1e-2, threads=1, average=True
     )
-    settings = request.settings()
-    settings.methods = {"bond": Method("spectral", 0.1)}
-    works = groups.Work.of(settings.names)
-    hot_points = groups.HotPoints
-    monkeypatch.setattr(groups, "HotPoints", lambda *a: looked.append(1) or hot_points(*a))
-    fields = []
-    for goal, methods in ((1e-1, settings.methods), (1e-4, settings.methods), (1.0, {})):
-        job = groups._Run(frames, dataclasses.replace(settings, methods=methods), works, 0, goal)
-        job.compute(methods)
-        fields.append(job)
+    spectral, settings = {"bond": Method("spectral", 0.1)}, request.settings()
+    points_around = driver.PointsAround
+    monkeypatch.setattr(driver, "PointsAround", lambda *a: looked.append(1) or points_around(*a))
+    done = []
+    for goal, methods in ((1e-1, spectral), (1e-4, spectral), (1.0, {})):
+        run = driver.Run.of(frames, settings, request.work, 0, goal)
+        sums = driver.sum_up(run, methods)
+        done.append((sums.bonds.strongest, driver.form(run, sums)))
         assert len(looked) == (goal == 1e-4) + (goal == 1.0)
-    loose, close_, exact = (job.result.arrays["stress_potential"] for job in fields)
-    assert fields[0].strongest.all.exactly >= 1 and np.array_equal(loose, close_)
+    loose, close_, exact = (result.arrays["stress_potential"] for _, result in done)
+    strongest = done[0][0]
+    assert strongest.all.exactly >= 1 and np.array_equal(loose, close_)
     true = np.abs(loose - exact).max() / np.abs(exact).max()
-    strong = fields[0].strongest.exactly
-    assert np.linalg.norm(strong[1][0]) < 2.1  # the pair is the first of them
-    for job in fields[:2]:
-        assert 0.1 * true <= job.result.errors["stress_potential"]["error_max"] <= max(3 * true, 1e-3)
+    assert np.linalg.norm(strongest.exactly[1][0]) < 2.1  # the pair is the first of them
+    for _, result in done[:2]:
+        assert 0.1 * true <= result.errors["stress_potential"]["error_max"] <= max(3 * true, 1e-3)
     # without them the error is the pair's
-    monkeypatch.setattr(
-        groups._Run,
-        "_put_right",
-        lambda self, deposit: (
-            self.strongest.sort_out(),
-            setattr(self, "left", 0.0),
-            setattr(self, "strong_g", np.zeros(1000)),
-            0.0,
-        )[-1],
-    )
-    job = groups._Run(frames, settings, works, 0, 1.0)
-    job.compute(settings.methods)
-    assert np.abs(job.result.arrays["stress_potential"] - exact).max() / np.abs(exact).max() > 5 * true
+    monkeypatch.setattr(driver, "summed_exactly", lambda *a: np.zeros((1000, 6)))
+    run = driver.Run.of(frames, settings, request.work)
+    result = driver.form(run, driver.sum_up(run, spectral))
+    assert np.abs(result.arrays["stress_potential"] - exact).max() / np.abs(exact).max() > 5 * true
 
 
 def test_a_group_with_too_large_an_error_is_computed_again(spectral_wins, monkeypatch):
@@ -275,15 +264,11 @@ def test_a_group_with_too_large_an_error_is_computed_again(spectral_wins, monkey
     monkeypatch.setattr(groups, "size_of", lambda window, atoms: 4)
     kern, grid = atc.kernel("lucy", 7.0), atc.Grid.regular(shape=8)
     request = Request(frames, pot, kern, grid, ["stress"], 1e-3, threads=1, average=True)
-    settings = request.settings()
-    settings.methods = {
-        "site": Method("spectral", 1e-2, "", (1e-3,)),
-        "bond": Method("spectral", 0.5, "", (1e-2, 1e-3, 1e-4)),
-    }
-    result = groups.group_fields(frames[4:], settings, 4)
+    methods = {"site": Method("spectral", 1e-2, "", (1e-3,)), "bond": Method("spectral", 0.5, "", (1e-2, 1e-3, 1e-4))}
+    settings = dataclasses.replace(request.settings(), methods=methods)
+    result = driver.fields_of(frames[4:], settings, 4)
     assert result.frames == 4 and "above" in str(result.refined[0]) and result.methods["bond"].tolerance < 0.5
-    settings.methods = {}
-    exact = groups.group_fields(frames[4:], settings, 4)
+    exact = driver.fields_of(frames[4:], dataclasses.replace(settings, methods={}), 4)
     for name in ("stress", "stress_kinetic", "stress_potential"):
         assert np.abs(result.arrays[name] - exact.arrays[name]).max() <= 1e-3 * np.abs(exact.arrays[name]).max()
     # and its frames are named

@@ -16,8 +16,9 @@ from atc.costs import Costs, load_of, visits
 from atc.deposit import exact_at, make
 from atc.errors import AtcError, AtcWarning
 from atc.estimators.accuracy.input_error import input_errors
-from atc.estimators.driver import SAFE, frame_fields
+from atc.estimators.driver import fields_of
 from atc.estimators.methods import Method, Refinement
+from atc.estimators.tightening import SAFE
 from atc.frame import Cell
 from atc.plan import Request, plan
 from atc.running import run
@@ -109,7 +110,7 @@ def test_what_is_computed_again_is_not_measured_with_cut_tails(liquid, stressles
     kern, what = atc.kernel("gaussian", radius=14.0), ["stress_potential"]
     request = Request(frame, pot, kern, GRID, what, 1e-2, threads=1)
     request.methods = {"bond": Method("spectral", 1e-2, "test", (1e-5,))}
-    result = frame_fields(request.first, request.settings(), 0)
+    result = fields_of([request.first], request.settings())
     exact = quiet(frame, pot, kern, GRID, what, 1e-12).stress_potential.values[0]
     true = np.abs(result.arrays[what[0]] - exact).max() / np.abs(exact).max()
     assert result.methods["bond"].tolerance == 1e-5 and len(result.refined) == 1
@@ -179,7 +180,7 @@ def test_the_methods_settle_on_the_first_frame(liquid, start):
     # The next looser one would not do.
     looser = min((t for t in rungs if t > later.tolerance * 1.01), default=np.inf)
     assert looser > LOOSEST or expected * looser / later.tolerance > AIM_LATER * tolerance * 0.99
-    again = frame_fields(frame, request.settings(), 1)
+    again = fields_of([frame], request.settings(), 1)
     assert not again.refined and again.methods["bond"] == later
     wanted = exact.stress_potential.values
     assert np.abs(again.arrays["stress_potential"] - wanted).max() <= tolerance * np.abs(wanted).max()
@@ -382,6 +383,6 @@ def test_a_frame_of_the_middle_says_where_all_begin(liquid, stressless, monkeypa
     with_it, without = start(8), start(9)
     assert without.methods["bond"].exact or with_it.methods["bond"].tolerance > 4 * without.methods["bond"].tolerance
     for k in range(1, 8):
-        result = frame_fields(frames[k], with_it.settings(), k)
+        result = fields_of([frames[k]], with_it.settings(), k)
         assert not result.refined and result.errors["stress_potential"]["error_max"] <= SAFE * 1e-4
     assert start(8, Broken).methods == without.methods

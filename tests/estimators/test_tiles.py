@@ -9,7 +9,7 @@ from test_special_bonds import DSF, LJ, SPECIAL, molecules
 
 import atc
 from atc.errors import AtcError
-from atc.estimators.driver import frame_fields
+from atc.estimators.driver import fields_of
 from atc.estimators.tile_cuts import Cut
 from atc.frame import Cell, Frame, Topology
 from atc.plan import Request
@@ -192,7 +192,7 @@ def test_tiles_and_tasks_can_be_sent(name):
         for tile in tiles:
             yield pickle.loads(pickle.dumps(f(pickle.loads(pickle.dumps(tile)), pickle.loads(sent))))
 
-    here, there = (frame_fields(frame, request.settings(), 0, run_tiles=run) for run in (None, elsewhere))
+    here, there = (fields_of([frame], request.settings(), run_tiles=run) for run in (None, elsewhere))
     for q, x in here.arrays.items():
         np.testing.assert_array_equal(x, there.arrays[q])
 

@@ -429,10 +429,10 @@ def test_frames_that_are_done_are_read_to_be_compared_and_not_computed(tmp_path,
     from atc.running import parallel
 
     computed = []
-    inner = parallel.group_fields
+    inner = parallel.fields_of
     monkeypatch.setattr(
         parallel,
-        "group_fields",
+        "fields_of",
         lambda frames, settings, k, **more: computed.append(k) or inner(frames, settings, k, **more),
     )
     traj = Lazy()

@@ -10,7 +10,8 @@ import numpy as np
 from ...analysis.info import stress_error
 from ...grids import Grid
 from ...readers.trajectory import resolution_of
-from ..driver import Settings, frame_fields
+from ..driver import fields_of
+from ..settings import Settings
 
 #: Points at which the fields are computed with moved atoms.
 POINTS = 100
@@ -52,4 +53,4 @@ def input_errors(request) -> tuple[float, dict[str, float]]:
 
 
 def _fields(frame, settings: Settings):
-    return frame_fields(frame, settings, 0).arrays
+    return fields_of([frame], settings).arrays
