@@ -21,10 +21,10 @@ from pathlib import Path
 
 import atc
 from atc.analysis.bench import bench
-from atc.calibrate import argon, silicon
-from atc.costs import direct
 from atc.errors import AtcError
-from atc.plan import Request
+from atc.planning.calibrate import argon, silicon
+from atc.planning.costs import direct
+from atc.planning.report import Request
 
 HERE = Path(__file__).parent
 MACHINE = "2-core x86-64 with AVX2, shared; CPU seconds of one thread"

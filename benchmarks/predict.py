@@ -15,9 +15,9 @@ import time
 import warnings
 
 import atc
-from atc.calibrate import argon, calibrate, silicon
-from atc.costs import Costs
-from atc.plan import Request, plan
+from atc.planning.calibrate import argon, calibrate, silicon
+from atc.planning.costs import Costs
+from atc.planning.report import Request, plan
 
 CASES = [
     ("lj", 10, "quartic", 10.0, 20, 1e-12, ["stress"]),

@@ -21,10 +21,10 @@ import pytest
 from frontier import BIG, CASES, name_of
 
 import atc
-from atc.calibrate import argon, silicon
 from atc.errors import AtcWarning
 from atc.estimators.driver import fields_of
-from atc.plan import Request
+from atc.planning.calibrate import argon, silicon
+from atc.planning.report import Request
 
 #: From so many cells an edge on a frame is large.
 LARGE = {"lj": 40, "sw": 32}

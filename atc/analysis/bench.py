@@ -177,12 +177,12 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
     ------
     AtcError for a request without fields on a grid.
     """
-    from ..choose import carriers, cheapest, sizes
-    from ..costs import direct as direct_seconds
-    from ..costs import gather as gather_seconds
     from ..estimators.driver import fields_of
     from ..estimators.methods import Method
     from ..estimators.registry import Work
+    from ..planning.costs import direct as direct_seconds
+    from ..planning.costs import gather as gather_seconds
+    from ..planning.method_choice import carriers, cheapest, sizes
 
     frame, name = request.first, field_of(request, field)
     work = Work.of((name,))

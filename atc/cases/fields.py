@@ -56,7 +56,7 @@ class CaseFields:
 
     def prepare(self, sim, entries: int) -> None:
         from ..pd.fields import reference_frame, snapshot
-        from ..plan import Request, cpus
+        from ..planning.report import Request, cpus
         from ..running.run import _Sink
 
         scene = self.scene

@@ -119,7 +119,7 @@ def run(case, out, *, threads: int = 0, progress=None, resume: bool = True):
 
 def _request(case) -> dict:
     """What an unfinished output must have been made from to be continued."""
-    from ..identity import RESULTS
+    from ..planning.identity import RESULTS
 
     request = {"results": RESULTS, "case": case.to_toml()}
     for section, key in (("body", "file"), ("run", "restart")):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..estimators.settings import FrameResult
-from ..plan import Request
+from ..planning.report import Request
 from .as_scene import scene_of
 from .output import Layout, Variable
 

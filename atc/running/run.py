@@ -15,9 +15,9 @@ from ..estimators.registry import QUANTITIES
 from ..estimators.requirements import require
 from ..estimators.settings import FrameResult
 from ..estimators.statistics import BlockAverage
-from ..identity import changed_parts, frame_digest, identity
 from ..neighbors.verlet import anchor_of
-from ..plan import Request, plan  # noqa: F401  (plan belongs to the same door)
+from ..planning.identity import changed_parts, frame_digest, identity
+from ..planning.report import Request, plan  # noqa: F401  (plan belongs to the same door)
 from ..readers.plausible import doubts
 from ..readers.times import Sequence
 from .as_scene import file_name

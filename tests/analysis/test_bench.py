@@ -8,10 +8,10 @@ from typer.testing import CliRunner
 
 import atc
 from atc.analysis.bench import Rung, bench, field_of, mark_front
-from atc.calibrate import argon, solve
 from atc.cli import app
-from atc.costs import Costs, cache_file
-from atc.plan import Request
+from atc.planning.calibrate import argon, solve
+from atc.planning.costs import Costs, cache_file
+from atc.planning.report import Request
 
 
 def rungs_of(result):
@@ -170,7 +170,7 @@ def test_calibration_is_kept_where_plans_look_for_it(tmp_path, monkeypatch):
     status, out = run("bench", "--calibrate")
     assert status == 0 and str(cache_file()) in out and Costs.load() == measured
     frame, pot = argon(4)
-    from atc.plan import plan
+    from atc.planning.report import plan
 
     p = plan(frame, pot, atc.kernel("quartic", radius=6.0), atc.Grid.regular(shape=4), ["stress"], threads=1)
     assert p.parts["neighbours and forces"] > 8.0 and "--calibrate" not in str(p)

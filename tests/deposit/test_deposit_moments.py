@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 
 import atc
-from atc.calibrate import argon
-from atc.choose import cheapest
-from atc.costs import Costs
 from atc.deposit import fourier, make, moments
 from atc.deposit.collapse import spectral_deposit
 from atc.errors import AtcError, AtcWarning
 from atc.estimators.methods import Method
 from atc.frame import Cell
 from atc.neighbors.cell_list import neighbor_list
-from atc.plan import Request, plan
+from atc.planning.calibrate import argon
+from atc.planning.costs import Costs
+from atc.planning.method_choice import cheapest
+from atc.planning.report import Request, plan
 from atc.units import units
 
 METAL = units("metal")

@@ -11,7 +11,7 @@ import atc.deposit
 import atc.deposit.gradient as gradient_module
 from atc.errors import AtcError
 from atc.frame import Cell
-from atc.plan import Request, plan
+from atc.planning.report import Request, plan
 
 GRID = atc.Grid.regular(shape=12)
 RATES = ["velocity_gradient", "strain_rate", "vorticity"]

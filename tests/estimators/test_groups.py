@@ -11,14 +11,14 @@ from naive_fields import BruteLJ
 from test_run import Stop, same, stop_after
 
 import atc
-from atc import calibrate, choose
-from atc.costs import Costs
 from atc.errors import AtcError, AtcWarning
 from atc.estimators import driver, groups
 from atc.estimators.methods import Method
 from atc.estimators.registry import QUANTITIES, Work
 from atc.frame import Cell
-from atc.plan import Request, plan
+from atc.planning import calibrate, method_choice
+from atc.planning.costs import Costs
+from atc.planning.report import Request, plan
 from atc.running import run
 
 KERN = atc.kernel("quartic", radius=5.5)
@@ -192,7 +192,7 @@ def spectral_wins(monkeypatch):
     """Costs at which the exact sum is never chosen, though the frames are small."""
     slow = dataclasses.replace(Costs(), visit={k: 1e-6 for k in Costs().visit}, bond=1e-5, row=1e-6)
     monkeypatch.setattr(Costs, "load", classmethod(lambda cls: slow))
-    monkeypatch.setattr(choose, "CHEAP", 0.0)
+    monkeypatch.setattr(method_choice, "CHEAP", 0.0)
 
 
 @pytest.mark.parametrize("system", ["hot", "gas", "silicon", "strong pair"])

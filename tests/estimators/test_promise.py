@@ -10,9 +10,6 @@ from scipy.optimize import brentq
 from test_run import Stop, same, stop_after
 
 import atc
-from atc.calibrate import argon, silicon
-from atc.choose import AIM_LATER, ENOUGH, FACTORS, LOOSEST
-from atc.costs import Costs, load_of, visits
 from atc.deposit import exact_at, make
 from atc.errors import AtcError, AtcWarning
 from atc.estimators.accuracy.input_error import input_errors
@@ -20,7 +17,10 @@ from atc.estimators.driver import fields_of
 from atc.estimators.methods import Method, Refinement
 from atc.estimators.tightening import SAFE
 from atc.frame import Cell
-from atc.plan import Request, plan
+from atc.planning.calibrate import argon, silicon
+from atc.planning.costs import Costs, load_of, visits
+from atc.planning.method_choice import AIM_LATER, ENOUGH, FACTORS, LOOSEST
+from atc.planning.report import Request, plan
 from atc.running import run
 
 KERN = atc.kernel("gaussian", radius=8.0)

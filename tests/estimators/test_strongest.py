@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 
 import atc
-from atc import choose
-from atc.calibrate import argon, silicon
-from atc.costs import Costs
 from atc.deposit import make
 from atc.errors import AtcWarning
 from atc.estimators import driver
 from atc.estimators.accuracy import strongest_bonds as hot
 from atc.estimators.methods import Method
 from atc.frame import Cell
-from atc.pilot import Pilot
-from atc.plan import Request
+from atc.planning import method_choice
+from atc.planning.calibrate import argon, silicon
+from atc.planning.costs import Costs
+from atc.planning.error_forecast import Pilot
+from atc.planning.report import Request
 
 GRID = atc.Grid.regular(shape=14)
 
@@ -28,7 +28,7 @@ def spectral_wins():
     slow = dataclasses.replace(Costs(), visit={k: 1e-6 for k in Costs().visit}, bond=1e-5, row=1e-6)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Costs, "load", classmethod(lambda cls: slow))
-        patch.setattr(choose, "CHEAP", 0.0)
+        patch.setattr(method_choice, "CHEAP", 0.0)
         yield
 
 
@@ -181,7 +181,7 @@ def test_a_pilot_expects_what_comes():
             pilot = Pilot(pot, frame, bound, kern, 1e-3)
             exact = sums_of(frame, pot, kern, Method())[1].grid.bond["stress"]
             for t in (1e-2, 1e-3):
-                expected = pilot.error(choose.spectral_deposit(bound, kern, frame.cell, 1, t))
+                expected = pilot.error(method_choice.spectral_deposit(bound, kern, frame.cell, 1, t))
                 true = (
                     np.abs(sums_of(frame, pot, kern, Method("spectral", t))[1].grid.bond["stress"] - exact).max()
                     / np.abs(exact).max()

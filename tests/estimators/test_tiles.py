@@ -12,7 +12,7 @@ from atc.errors import AtcError
 from atc.estimators.driver import fields_of
 from atc.estimators.tile_cuts import Cut
 from atc.frame import Cell, Frame, Topology
-from atc.plan import Request
+from atc.planning.report import Request
 
 KERN = atc.kernel("quartic", radius=3.0)
 GRID = atc.Grid.regular(shape=(4, 5, 3))

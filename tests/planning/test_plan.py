@@ -6,9 +6,9 @@ from frames import argon
 from naive_fields import BruteLJ
 
 import atc
-from atc.costs import neighborhood
 from atc.errors import AtcError
-from atc.plan import Request, plan
+from atc.planning.costs import neighborhood
+from atc.planning.report import Request, plan
 
 KERN = atc.kernel("quartic", radius=5.5)
 GRID = atc.Grid.regular(shape=(5, 6, 4))

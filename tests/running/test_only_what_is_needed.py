@@ -8,13 +8,13 @@ import atc
 import atc.analysis.green_kubo
 import atc.decomposers.stillinger_weber as sw_module
 import atc.deposit
-from atc.calibrate import argon, silicon
 from atc.decomposers.neighborhood import Neighborhood
 from atc.estimators.sources import AtomFactors
 from atc.frame import Cell
 from atc.neighbors import cell_list as neighbors
 from atc.neighbors.verlet import Anchor, KeptList, anchor_of, cell_list
-from atc.plan import plan
+from atc.planning.calibrate import argon, silicon
+from atc.planning.report import plan
 
 KERN = atc.kernel("quartic", radius=6.0)
 GRID = atc.Grid.regular(shape=5)
@@ -205,7 +205,7 @@ def test_lists_are_built_once_for_frames_that_stay_near(monkeypatch, tmp_path):
 
 
 def test_liquids_and_changing_cells_keep_no_list():
-    from atc.plan import Request
+    from atc.planning.report import Request
 
     frames, pot = vibrating()
     rng = np.random.default_rng(2)

@@ -21,11 +21,11 @@ import atc.decomposers
 import atc.deposit
 import atc.estimators
 import atc.running.parallel
-from atc.calibrate import argon, silicon
 from atc.deposit import _simd
 from atc.estimators import groups
 from atc.estimators.tile_cuts import Cut, owned
 from atc.frame import Cell
+from atc.planning.calibrate import argon, silicon
 
 KERN = atc.kernel("quartic", radius=6.0)
 GRID = atc.Grid.regular(shape=(7, 6, 8))

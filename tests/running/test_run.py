@@ -16,6 +16,7 @@ from naive_fields import BruteLJ
 
 import atc
 from atc.errors import AtcError, AtcWarning
+from atc.plan import Request
 from atc.running import run
 from atc.running.output import open_dataset
 
@@ -310,9 +311,9 @@ def test_processes_give_the_same(tmp_path):
 
 
 def test_few_frames_use_threads_instead_of_processes():
-    request = atc.plan.Request(trajectory(2), BruteLJ(), KERN, GRID, WHAT, workers=3)
+    request = Request(trajectory(2), BruteLJ(), KERN, GRID, WHAT, workers=3)
     assert (request.workers, request.threads) == (1, 3)
-    request = atc.plan.Request(trajectory(3), BruteLJ(), KERN, GRID, WHAT, workers=3, threads=1)
+    request = Request(trajectory(3), BruteLJ(), KERN, GRID, WHAT, workers=3, threads=1)
     assert (request.workers, request.threads) == (3, 1)
 
 

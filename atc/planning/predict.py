@@ -5,13 +5,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..estimators.accuracy.random_points import checking_kernel
+from ..estimators.accuracy.strongest_bonds import POINTS
+from ..estimators.groups import POINTS as GROUP_POINTS
+from ..estimators.groups import elements, formed_once
+from ..estimators.methods import EXACT
 from . import costs as model
-from .choose import sizes, spectral_deposit
-from .estimators.accuracy.random_points import checking_kernel
-from .estimators.accuracy.strongest_bonds import POINTS
-from .estimators.groups import POINTS as GROUP_POINTS
-from .estimators.groups import elements, formed_once
-from .estimators.methods import EXACT
+from .method_choice import sizes, spectral_deposit
 
 #: Bytes of a process that has done nothing yet: the interpreter, numpy, numba, scipy.
 PROCESS = 3.0e8
@@ -52,7 +52,7 @@ def predict(request) -> Prediction:
         points = len(request.bound)
         memory += 8.0 * points * 4 * sum(3**q.rank for q in work.quantities if q.kind == "grid")
     if work.horizon_users:
-        from .estimators.peridynamic import ball_volume, horizon_of
+        from ..estimators.peridynamic import ball_volume, horizon_of
 
         ball = ball_volume(horizon_of(request.settings(), frame.units, work.horizon_users), request.pot, frame.cell)
         # Half of the ball is within the horizon of both ends of a bond of mean length.

@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from .compiled import njit
-from .deposit import make
-from .estimators.accuracy.random_points import BEYOND, CutGaussian
-from .estimators.accuracy.strongest_bonds import WATCHED, StrongestBonds, error_map
-from .estimators.tensors import outer6
-from .kernels import Gaussian
+from ..compiled import njit
+from ..deposit import make
+from ..estimators.accuracy.random_points import BEYOND, CutGaussian
+from ..estimators.accuracy.strongest_bonds import WATCHED, StrongestBonds, error_map
+from ..estimators.tensors import outer6
+from ..kernels import Gaussian
 
 #: Largest over rms error of many points, and the rms error over the tolerance asked for: measured on shaken silicon.
 PEAK, PART = 4.5, 0.3
@@ -81,8 +81,8 @@ def _add(r_bc, G_b, totals):
 
 def roughness(kern) -> float:
     """∫ φ² dV (dA in the plane) of a kernel: what the variance of a field of independent sources is proportional to."""
-    from .deposit.fourier import phi_hat
-    from .kernels import BSpline
+    from ..deposit.fourier import phi_hat
+    from ..kernels import BSpline
 
     k = (np.arange(4000) + 0.5) * (0.05 / kern.radius)
     dk = k[1] - k[0]

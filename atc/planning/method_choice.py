@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from ..errors import AtcError
+from ..estimators.methods import EXACT, Method
 from .costs import Costs, Load, collapsed, direct, gather, points_each, spectral, spectral_memory
-from .errors import AtcError
-from .estimators.methods import EXACT, Method
 
 #: A tolerance at or below this means the exact sum.
 EXACT_BELOW = 1e-11
@@ -29,7 +29,7 @@ MOST_MEMORY = 4e9
 
 
 def require_known(method: str) -> None:
-    from .deposit import METHODS
+    from ..deposit import METHODS
 
     if method != "auto" and method not in METHODS:
         raise AtcError(f"unknown method {method!r}: expected auto or one of {', '.join(METHODS)}")
@@ -55,7 +55,7 @@ def spectral_deposit(
     bound, kern, cell, components: int, tolerance: float, threads: int = 1, gradients: bool = False, order=None
 ):
     """A spectral deposit without its meshes, or an AtcError that says why there can be none."""
-    from .deposit.collapse import spectral_deposit
+    from ..deposit.collapse import spectral_deposit
 
     return spectral_deposit(bound, kern, cell, components, components, threads, tolerance, gradients, order)
 
@@ -75,7 +75,7 @@ def cheapest(
 ):
     """(seconds, spectral deposit): with points on bonds, or with the moments of `carried` atoms (0: not possible),
     whichever costs less a frame."""
-    from .deposit import moments
+    from ..deposit import moments
 
     best = None
     for order in (None, *(moments.ORDERS if carried else ())):
@@ -311,21 +311,21 @@ def _loose(tolerance) -> list[float]:
 
 def _precisions(t) -> tuple[bool, bool]:
     """Whether meshes and transforms are in single precision."""
-    from .deposit.spectral import SINGLE, SINGLE_TRANSFORM
+    from ..deposit.spectral import SINGLE, SINGLE_TRANSFORM
 
     return t >= SINGLE, t >= SINGLE_TRANSFORM
 
 
 def _precise(tolerance) -> float:
     """Below which the spectral method's arithmetic is precise enough for a tolerance of the result."""
-    from .deposit.spectral import SINGLE, SINGLE_TRANSFORM
+    from ..deposit.spectral import SINGLE, SINGLE_TRANSFORM
 
     return SINGLE if tolerance < 1e-6 else SINGLE_TRANSFORM if tolerance < 1e-5 else 1.0
 
 
 def _rungs(tolerance, good, start=None) -> tuple[float, ...]:
     """Tolerances tighter than `start`, as far as they are possible and good."""
-    from .deposit.spectral import SINGLE
+    from ..deposit.spectral import SINGLE
 
     start = tolerance if start is None else start
     out = []

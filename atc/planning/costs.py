@@ -265,7 +265,7 @@ def direct(costs: Costs, bound, kern, items: float, length: float, components: i
     many = visits(bound, kern, items, length)
     if not bound.is_lattice:
         return costs.point_bond * items + costs.point_visit * many
-    from .deposit.direct import family
+    from ..deposit.direct import family
 
     R = kern.support
     if bound.kind == "regular":
@@ -299,7 +299,7 @@ def spectral(
     spread = items * points_each(deposit, length) * (point * groups + register * window_registers(deposit, components))
     transformed = float(components)
     if deposit.order is not None:
-        from .deposit.moments import count
+        from ..deposit.moments import count
 
         many = count(deposit.order, deposit.kernel.dimension)
         spread += items * (costs.moment_bond + costs.moment * many)
