@@ -17,8 +17,8 @@ import numpy as np
 
 import atc
 from atc.estimators import groups
+from atc.plan import Request, plan
 from atc.planning.calibrate import argon
-from atc.planning.report import Request, plan
 
 CASES = [(kernel, tolerance, what) for kernel, tolerance in (("gaussian", 3e-3), ("quartic", 1e-3))
          for what in (["stress_potential"], ["density"], ["density", "momentum"], ["stress"])]  # fmt: skip

@@ -11,8 +11,8 @@ import resource
 import time
 
 import atc
+from atc.plan import plan
 from atc.planning.calibrate import argon
-from atc.planning.report import plan
 
 
 def main():

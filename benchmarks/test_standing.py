@@ -23,8 +23,8 @@ from frontier import BIG, CASES, name_of
 import atc
 from atc.errors import AtcWarning
 from atc.estimators.driver import fields_of
+from atc.plan import Request, prepare
 from atc.planning.calibrate import argon, silicon
-from atc.planning.report import Request
 
 #: From so many cells an edge on a frame is large.
 LARGE = {"lj": 40, "sw": 32}
@@ -50,7 +50,9 @@ def test_a_frame(benchmark, case, tolerance):
     model, n, kernel, radius, points, _ = case
     frame, pot = system(model, n)
     kern = atc.kernel("box", size=radius) if kernel == "box" else atc.kernel(kernel, radius=radius)
-    request = Request(frame, pot, kern, atc.Grid.regular(shape=points), ["stress_potential"], tolerance, threads=1)
+    request = prepare(
+        Request(frame, pot, kern, atc.Grid.regular(shape=points), ["stress_potential"], tolerance, threads=1)
+    )
     benchmark.group = name_of(case)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", AtcWarning)

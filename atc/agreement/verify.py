@@ -161,7 +161,7 @@ def verify(traj, pot, calculator=None, *, symbols=None, threads: int = 1) -> Ver
         without calculator, where the trajectory has no forces; where the calculator fails.
     """
     from ..planar import matched
-    from ..planning.report import as_frames
+    from ..planning.job import as_frames
 
     if not hasattr(pot, "stream"):
         raise AtcError(f"pot is a {type(pot).__name__}: expected what atc.potential('pair_style ...') gives")

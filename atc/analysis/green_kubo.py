@@ -526,7 +526,7 @@ def conductivity_of_scene(
 ) -> Conductivity:
     """`conductivity` of the trajectory and potential of a scene; `jobs` threads within a frame (0: all processors). The
     notes are not warned of."""
-    from ..planning.report import cores
+    from ..planning.job import cores
 
     threads = cores(jobs)
     pot = scene.potential()

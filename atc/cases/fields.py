@@ -56,7 +56,8 @@ class CaseFields:
 
     def prepare(self, sim, entries: int) -> None:
         from ..pd.fields import reference_frame, snapshot
-        from ..planning.report import Request, cpus
+        from ..planning.job import cpus, prepare
+        from ..planning.request import Request
         from ..running.run import _Sink
 
         scene = self.scene
@@ -67,7 +68,7 @@ class CaseFields:
             if scene.get("fields", k) is not None
         }
         try:
-            self.request = Request(
+            request = Request(
                 [frame] * entries,
                 bonds,
                 scene.kernel(),
@@ -79,12 +80,13 @@ class CaseFields:
             )
             from ..estimators.requirements import require
 
-            require(frame, self.request.settings(), self.request.work)
+            self.job = prepare(request)
+            require(frame, self.job.settings(), self.job.work)
         except AtcError as e:
             raise AtcError(
                 str(e) if self.case.name in str(e) else f"{self.case.where('fields')}: [fields] {e}"
             ) from None
-        self.sink = _Sink(self.request, self.store)
+        self.sink = _Sink(self.job, self.store)
 
     def add(self, sim, entry: int) -> None:
         """The fields of this moment, unless they are there already."""
@@ -94,14 +96,14 @@ class CaseFields:
         if entry < self.store.done:
             return
         frame, bonds = snapshot(sim)
-        settings = replace(self.request.settings(), pot=bonds)
+        settings = replace(self.job.settings(), pot=bonds)
         self.sink.add(entry, frame, fields_of([frame], settings, entry), last_of_window=True)
 
     def finish(self) -> None:
         from ..estimators.driver import fields_of
 
         if self.sink.layout is None:  # all entries were there: the run was stopped just before its end
-            self.sink.prepare(fields_of([self.request.first], self.request.settings()))
+            self.sink.prepare(fields_of([self.job.first], self.job.settings()))
         attributes = self.sink.final_attributes()
         attributes[""]["sources"] = Path(self.case.name).name
         self.store.finish(attributes)

@@ -66,7 +66,7 @@ def register(app) -> None:
         from ..analysis.bench import TOLERANCES
         from ..analysis.bench import bench as run
         from ..pictures.drawing import picture_kind
-        from ..planning.report import Request
+        from ..planning.request import Request
 
         target = picture or scene.with_name(scene.stem + "-bench.png")
         picture_kind(target)

@@ -417,8 +417,8 @@ class Scene(Document):
         means all processors.
         """
         self.require_complete()
+        from ..planning.job import cores
         from ..planning.method_choice import require_known
-        from ..planning.report import cores
 
         jobs = cores(jobs)
         method = self.get("fields", "method", "auto")
@@ -480,7 +480,7 @@ class Scene(Document):
 
     def write(self, out, *, jobs: int = 1, cluster=None, progress=None, resume: bool = True) -> dict:
         """Compute the fields into `out` and return the attributes of the dataset, which stays closed."""
-        from ..planning.report import Request
+        from ..planning.request import Request
         from ..running.run import write
 
         request = Request(**self.arguments(jobs), cluster=cluster, scene=self.to_toml())

@@ -23,7 +23,7 @@ from ..kernels import Gaussian
 PEAK, PART = 4.5, 0.3
 
 
-class Pilot:
+class ErrorForecast:
     """What one pass over the bonds of a frame says of the stress's error.
 
     Parameters

@@ -36,11 +36,11 @@ class Prediction:
     visits: float
 
 
-def predict(request) -> Prediction:
+def predict(job) -> Prediction:
     """What one frame will take."""
-    work, frame, costs, load, threads = request.work, request.first, request.costs, request.load, request.threads
-    n, m = len(frame), request.group()
-    together = request.added_up if m > 1 else frozenset()
+    work, frame, costs, load, threads = job.work, job.first, job.costs, job.load, job.request.threads
+    n, m = len(frame), job.group()
+    together = job.added_up if m > 1 else frozenset()
     parts = {"reading": costs.read_atom * n}
     memory = PROCESS + 8.0 * n * 24
     # One deposit is gone before the next begins.
@@ -49,20 +49,20 @@ def predict(request) -> Prediction:
         parts["neighbours and forces"] = load.seconds(costs, n)
         memory += 12.0 * n + 4e6 * threads + _list_memory(load)
     if work.grid_users:
-        points = len(request.bound)
+        points = len(job.bound)
         memory += 8.0 * points * 4 * sum(3**q.rank for q in work.quantities if q.kind == "grid")
     if work.horizon_users:
         from ..estimators.peridynamic import ball_volume, horizon_of
 
-        ball = ball_volume(horizon_of(request.settings(), frame.units, work.horizon_users), request.pot, frame.cell)
+        ball = ball_volume(horizon_of(job.settings(), frame.units, work.horizon_users), job.request.pot, frame.cell)
         # Half of the ball is within the horizon of both ends of a bond of mean length.
-        near = load.bonds * points * 0.5 * ball / request.bound.cell.volume
+        near = load.bonds * points * 0.5 * ball / job.bound.cell.volume
         parts["weighted virials"] = SECONDS_PER_WEIGHT * near * (bool(work.point) + bool(work.reference_point))
     if work.kernel_users:
-        kern, bound = request.kernel_internal, request.bound
-        checked = checking_kernel(kern, request.methods, request.tolerance)
+        kern, bound = job.kernel_internal, job.bound
+        checked = checking_kernel(kern, job.methods, job.request.tolerance)
         for key, (items, length, components) in sizes(work, n, load).items():
-            method, slopes = request.methods.get(key, EXACT), False
+            method, slopes = job.methods.get(key, EXACT), False
             what = "deposit of atoms" if key == "site" else "deposit of bonds"
             if key in ("gather", "reference_gather"):
                 what, slopes = "gradients", work.slopes(key)
@@ -83,7 +83,7 @@ def predict(request) -> Prediction:
             parts[what] = parts.get(what, 0.0) + seconds
             # Points around the strongest bonds, where sums over bonds are approximate; see
             # `estimators.accuracy.strongest_bonds`.
-            watched = POINTS if key == "bond" and not method.exact and request.tiles is None else 0
+            watched = POINTS if key == "bond" and not method.exact and job.request.tiles is None else 0
             looked_at = GROUP_POINTS if m > 1 else 100 + watched
             parts["error check"] = parts.get("error check", 0.0) + model.check(
                 costs, bound, checked, items, length, min(points, looked_at)
@@ -99,8 +99,8 @@ def predict(request) -> Prediction:
             memory += 8.0 * n * m * 12 + 8.0 * points * 2 * formed
             values = (components + sum(k for key, k in sums.items() if key in together)) / m
         # Averages are written once a window.
-        parts["fields"] = costs.value * points * values * (1.0 if request.average is False else 0.5)
-        if request.average is not False:
+        parts["fields"] = costs.value * points * values * (1.0 if job.request.average is False else 0.5)
+        if job.request.average is not False:
             parts["time average"] = SECONDS_PER_AVERAGED * points * components / m
         memory += 8.0 * points * (work.n_site + work.n_bond + work.n_reference_bond)
     memory += max(passing)

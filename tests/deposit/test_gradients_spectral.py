@@ -11,7 +11,7 @@ import atc.deposit
 import atc.deposit.gradient as gradient_module
 from atc.errors import AtcError
 from atc.frame import Cell
-from atc.planning.report import Request, plan
+from atc.plan import Request, plan, prepare
 
 GRID = atc.Grid.regular(shape=12)
 RATES = ["velocity_gradient", "strain_rate", "vorticity"]
@@ -127,7 +127,7 @@ def test_a_gradient_too_wrong_is_computed_again(liquid):  # noqa: F811
     from atc.estimators.driver import fields_of
     from atc.estimators.methods import Method
 
-    request = Request(frame, None, kern, GRID, RATES, 1e-6, threads=1)
+    request = prepare(Request(frame, None, kern, GRID, RATES, 1e-6, threads=1))
     request.methods = {"gather": Method("spectral", 1e-3, "test", (1e-4, 1e-7))}
     result = fields_of([frame], request.settings())
     assert result.methods["gather"].tolerance == 1e-7 and "sums over atoms for gradients spectral to 1e-07" in str(

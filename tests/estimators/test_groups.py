@@ -16,9 +16,9 @@ from atc.estimators import driver, groups
 from atc.estimators.methods import Method
 from atc.estimators.registry import QUANTITIES, Work
 from atc.frame import Cell
+from atc.plan import Request, plan, prepare
 from atc.planning import calibrate, method_choice
 from atc.planning.costs import Costs
-from atc.planning.report import Request, plan
 from atc.running import run
 
 KERN = atc.kernel("quartic", radius=5.5)
@@ -142,7 +142,7 @@ def test_windows_keep_enough_blocks():
     ]
     assert [groups.size_of(10**4, n) for n in (32_000, 64_000, 256_000, 10**6)] == [16, 8, 2, 1]
     frames = [argon()] * 300
-    request = Request(frames, BruteLJ(), KERN, GRID, ["stress"], average=130)
+    request = prepare(Request(frames, BruteLJ(), KERN, GRID, ["stress"], average=130))
     # two windows in groups of 8, and one of 40 frames
     sizes = list(request.groups())
     assert (
@@ -158,9 +158,11 @@ def test_windows_keep_enough_blocks():
         {"average": True, "grid": atc.Grid.atoms()},
         {"average": True, "tiles": (2, 1, 1)},
     ):
-        assert Request(frames, BruteLJ(), KERN, **{"grid": GRID, "quantities": ["stress"], **more}).group() == 1
+        assert (
+            prepare(Request(frames, BruteLJ(), KERN, **{"grid": GRID, "quantities": ["stress"], **more})).group() == 1
+        )
     other = argon().replace(cell=Cell([9.1, 10.0, 11.0], [-3.0, 2.0, 50.0]))
-    assert Request([frames[0], other] * 100, BruteLJ(), KERN, GRID, ["stress"], average=True).group() == 1
+    assert prepare(Request([frames[0], other] * 100, BruteLJ(), KERN, GRID, ["stress"], average=True)).group() == 1
 
 
 def test_a_cell_that_changes_ends_a_sum(monkeypatch):
@@ -232,8 +234,8 @@ def test_the_strongest_bonds_of_all_frames_are_exact_and_the_rest_is_watched(spe
     frames = moving(frame, 4)
     frames[2].positions[5] = frames[2].positions[4] + [2.0, 0.1, 0]
     kern, looked = atc.kernel("lucy", 7.0), []
-    request = Request(
-        frames, pot, kern, atc.Grid.regular(shape=10), ["stress_potential"], 1e-2, threads=1, average=True
+    request = prepare(
+        Request(frames, pot, kern, atc.Grid.regular(shape=10), ["stress_potential"], 1e-2, threads=1, average=True)
     )
     spectral, settings = {"bond": Method("spectral", 0.1)}, request.settings()
     points_around = driver.PointsAround
@@ -263,7 +265,7 @@ def test_a_group_with_too_large_an_error_is_computed_again(spectral_wins, monkey
     frames = moving(frame, 8)
     monkeypatch.setattr(groups, "size_of", lambda window, atoms: 4)
     kern, grid = atc.kernel("lucy", 7.0), atc.Grid.regular(shape=8)
-    request = Request(frames, pot, kern, grid, ["stress"], 1e-3, threads=1, average=True)
+    request = prepare(Request(frames, pot, kern, grid, ["stress"], 1e-3, threads=1, average=True))
     methods = {"site": Method("spectral", 1e-2, "", (1e-3,)), "bond": Method("spectral", 0.5, "", (1e-2, 1e-3, 1e-4))}
     settings = dataclasses.replace(request.settings(), methods=methods)
     result = driver.fields_of(frames[4:], settings, 4)
@@ -272,7 +274,9 @@ def test_a_group_with_too_large_an_error_is_computed_again(spectral_wins, monkey
     for name in ("stress", "stress_kinetic", "stress_potential"):
         assert np.abs(result.arrays[name] - exact.arrays[name]).max() <= 1e-3 * np.abs(exact.arrays[name]).max()
     # and its frames are named
-    monkeypatch.setattr(run, "_settle", lambda request, store, start: request.methods.update(result_of_settling))
+    monkeypatch.setattr(
+        run, "fix_methods", lambda request, store, start, anchor: request.methods.update(result_of_settling)
+    )
     result_of_settling = {"site": Method("spectral", 1e-3), "bond": Method("spectral", 0.5, "", (1e-2, 1e-3, 1e-4))}
     ds = quiet(frames, pot, kern, grid, ["stress"], 1e-3)
     assert ds.attrs["refinements"].startswith("frames 0-7:") and ds.attrs["measured_error"] <= 1e-3
@@ -313,7 +317,7 @@ def test_a_kept_list_serves_the_frames_of_a_group(monkeypatch):
     frame, pot = calibrate.argon(5)
     frames = moving(frame, 8, 0.02)
     monkeypatch.setattr(groups, "size_of", lambda window, atoms: 4)
-    request = Request(frames, pot, KERN, GRID, ["stress"], 1e-12, threads=1, average=True)
+    request = prepare(Request(frames, pot, KERN, GRID, ["stress"], 1e-12, threads=1, average=True))
     anchor = run.anchor_of(request)
     assert anchor is not None
     kept = quiet(*(frames, pot, KERN, GRID, ["stress"], 1e-12))
@@ -325,7 +329,7 @@ def test_a_kept_list_serves_the_frames_of_a_group(monkeypatch):
 def test_errors_of_the_mean_are_those_of_single_frames():
     """128 frames, eight at a time: the standard errors of blocks, of many points together."""
     frames = [f.replace(velocities=f.velocities - 0.01 * np.sin(k)) for k, f in enumerate(moving(argon(), 128, 0.15))]
-    assert Request(frames, BruteLJ(), KERN, GRID, ["stress"], average=True).group() == 8
+    assert prepare(Request(frames, BruteLJ(), KERN, GRID, ["stress"], average=True)).group() == 8
     ds = quiet(frames, BruteLJ(), KERN, GRID, ["stress", "velocity"], 1e-12)
     each = quiet(frames, BruteLJ(), KERN, GRID, ["stress", "velocity"], 1e-12, average=False)
     for name in ("stress", "velocity"):

@@ -17,10 +17,10 @@ from atc.estimators.driver import fields_of
 from atc.estimators.methods import Method, Refinement
 from atc.estimators.tightening import SAFE
 from atc.frame import Cell
+from atc.plan import Request, plan, prepare
 from atc.planning.calibrate import argon, silicon
 from atc.planning.costs import Costs, load_of, visits
-from atc.planning.method_choice import AIM_LATER, ENOUGH, FACTORS, LOOSEST
-from atc.planning.report import Request, plan
+from atc.planning.method_choice import FACTORS, LATER_AIM, LOOSEST, TIGHTEN_ABOVE
 from atc.running import run
 
 KERN = atc.kernel("gaussian", radius=8.0)
@@ -108,7 +108,7 @@ def test_what_is_computed_again_is_not_measured_with_cut_tails(liquid, stressles
     were larger than the tolerance."""
     frame, pot = stressless[0], liquid[1]
     kern, what = atc.kernel("gaussian", radius=14.0), ["stress_potential"]
-    request = Request(frame, pot, kern, GRID, what, 1e-2, threads=1)
+    request = prepare(Request(frame, pot, kern, GRID, what, 1e-2, threads=1))
     request.methods = {"bond": Method("spectral", 1e-2, "test", (1e-5,))}
     result = fields_of([request.first], request.settings())
     exact = quiet(frame, pot, kern, GRID, what, 1e-12).stress_potential.values[0]
@@ -163,23 +163,23 @@ def test_the_methods_settle_on_the_first_frame(liquid, start):
     frame, pot = liquid
     tolerance = 1e-5
     exact = quiet(frame, pot, KERN, GRID, ["stress_potential"], 1e-12)
-    request = Request([frame] * 2, pot, KERN, GRID, ["stress_potential"], tolerance, threads=1)
+    request = prepare(Request([frame] * 2, pot, KERN, GRID, ["stress_potential"], tolerance, threads=1))
     rungs = [f * tolerance for f in FACTORS]
     for t in [start] if start else np.geomspace(1.5e-4, 6e-4, 40):
         request.methods = {"bond": Method("spectral", t, "test", tuple(r for r in rungs if r < 0.99 * t))}
-        result = run._settle(request, None, 0)
-        close = not result.refined and result.expected["stress_potential"] > ENOUGH * tolerance
+        result = run.fix_methods(request, None, 0)
+        close = not result.refined and result.expected["stress_potential"] > TIGHTEN_ABOVE * tolerance
         if close:
             break
     first, later = result.methods["bond"], request.methods["bond"]
     assert result.errors["stress_potential"]["error_max"] <= SAFE * tolerance
     expected = result.expected["stress_potential"] * later.tolerance / first.tolerance
-    assert expected <= AIM_LATER * tolerance * 1.01
+    assert expected <= LATER_AIM * tolerance * 1.01
     assert close or start
     assert (later.tolerance < first.tolerance) == close
     # The next looser one would not do.
     looser = min((t for t in rungs if t > later.tolerance * 1.01), default=np.inf)
-    assert looser > LOOSEST or expected * looser / later.tolerance > AIM_LATER * tolerance * 0.99
+    assert looser > LOOSEST or expected * looser / later.tolerance > LATER_AIM * tolerance * 0.99
     again = fields_of([frame], request.settings(), 1)
     assert not again.refined and again.methods["bond"] == later
     wanted = exact.stress_potential.values
@@ -355,7 +355,7 @@ def test_coordinates_in_sigma_are_rounded_more_coarsely(liquid, style, expected)
     frame = frame.replace(positions=np.round(frame.positions, 6), units=atc.units.units(style))
     if style == "lj":
         pot = atc.potential("units lj\npair_style lj/cut 8.5\npair_coeff 1 1 0.0104 3.4")
-    request = Request(frame, pot, KERN, GRID, ["stress_potential"], 5e-5, threads=1)
+    request = prepare(Request(frame, pot, KERN, GRID, ["stress_potential"], 5e-5, threads=1))
     step, moved = input_errors(request)
     assert step == pytest.approx(1e-6) and bool(moved) == expected
 
@@ -374,9 +374,9 @@ def test_a_frame_of_the_middle_says_where_all_begin(liquid, stressless, monkeypa
 
     def start(several, kind=list):
         monkeypatch.setattr(run, "SEVERAL", several)
-        request = Request(frames, pot, KERN, GRID, ["stress_potential"], 1e-4, threads=1)
+        request = prepare(Request(frames, pot, KERN, GRID, ["stress_potential"], 1e-4, threads=1))
         request.frames = kind(frames)
-        first = run._settle(request, None, 0)
+        first = run.fix_methods(request, None, 0)
         assert first.errors["stress_potential"]["error_max"] <= 1e-4
         return request
 

@@ -13,11 +13,11 @@ from atc.estimators import driver
 from atc.estimators.accuracy import strongest_bonds as hot
 from atc.estimators.methods import Method
 from atc.frame import Cell
+from atc.plan import Request, prepare
 from atc.planning import method_choice
 from atc.planning.calibrate import argon, silicon
 from atc.planning.costs import Costs
-from atc.planning.error_forecast import Pilot
-from atc.planning.report import Request
+from atc.planning.error_forecast import ErrorForecast
 
 GRID = atc.Grid.regular(shape=14)
 
@@ -33,7 +33,7 @@ def spectral_wins():
 
 
 def sums_of(frame, pot, kern, method, what="stress_potential", threads=1, grid=GRID):
-    request = Request(frame, pot, kern, grid, [what], max(method.tolerance, 1e-9), threads=threads)
+    request = prepare(Request(frame, pot, kern, grid, [what], max(method.tolerance, 1e-9), threads=threads))
     run = driver.Run.of([frame], request.settings(), request.work)
     return run, driver.sum_up(run, {"bond": method})
 
@@ -178,7 +178,7 @@ def test_a_pilot_expects_what_comes():
     for frame, pot in (argon(9), silicon(5)):
         for kern in (atc.kernel("gaussian", 8.0), atc.kernel("lucy", 8.0)):
             bound = GRID.bind(frame.units, frame.cell)
-            pilot = Pilot(pot, frame, bound, kern, 1e-3)
+            pilot = ErrorForecast(pot, frame, bound, kern, 1e-3)
             exact = sums_of(frame, pot, kern, Method())[1].grid.bond["stress"]
             for t in (1e-2, 1e-3):
                 expected = pilot.error(method_choice.spectral_deposit(bound, kern, frame.cell, 1, t))
@@ -192,29 +192,29 @@ def test_a_pilot_expects_what_comes():
 def test_a_coherent_stress_begins_looser_and_one_that_cancels_does_not():
     kern, what = atc.kernel("gaussian", 8.0), ["stress_potential"]
     frame, pot = argon(9)
-    coherent = Request(frame, pot, kern, GRID, what, 1e-4, threads=1).methods["bond"]
+    coherent = prepare(Request(frame, pot, kern, GRID, what, 1e-4, threads=1)).methods["bond"]
     assert (
         coherent.name == "spectral"
         and coherent.tolerance >= 4e-4
         and 1e-4 in [pytest.approx(r) for r in coherent.rungs]
     )
     frame, pot = silicon(5)
-    assert Request(frame, pot, kern, GRID, what, 1e-4, threads=1).methods["bond"].tolerance == 1e-4
+    assert prepare(Request(frame, pot, kern, GRID, what, 1e-4, threads=1)).methods["bond"].tolerance == 1e-4
     # Not beyond what single precision holds.
     frame, pot = argon(9)
-    assert Request(frame, pot, kern, GRID, what, 1e-7, threads=1).methods["bond"].tolerance < 1e-5
+    assert prepare(Request(frame, pot, kern, GRID, what, 1e-7, threads=1)).methods["bond"].tolerance < 1e-5
 
 
 def test_a_start_too_loose_is_mended(monkeypatch):
     """Whatever the pilot thought: the check sees it, the next try is the one that the error found asks for."""
-    monkeypatch.setattr(Pilot, "error", lambda self, deposit: 0.0)
+    monkeypatch.setattr(ErrorForecast, "error", lambda self, deposit: 0.0)
     frame, pot = silicon(5)
     kern = atc.kernel("lucy", 8.0)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", AtcWarning)
         exact = atc.fields(frame, pot, kern, GRID, ["stress_potential"], 1e-12, threads=1)
         ds = atc.fields(frame, pot, kern, GRID, ["stress_potential"], 1e-3, threads=1)
-    request = Request(frame, pot, kern, GRID, ["stress_potential"], 1e-3, threads=1)
+    request = prepare(Request(frame, pot, kern, GRID, ["stress_potential"], 1e-3, threads=1))
     assert request.methods["bond"].tolerance > 1e-2
     assert true_error(ds, exact, "stress_potential") <= 1e-3
     assert len(driver.fields_of([frame], request.settings()).refined) <= 2

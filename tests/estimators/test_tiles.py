@@ -12,7 +12,7 @@ from atc.errors import AtcError
 from atc.estimators.driver import fields_of
 from atc.estimators.tile_cuts import Cut
 from atc.frame import Cell, Frame, Topology
-from atc.planning.report import Request
+from atc.plan import Request, prepare
 
 KERN = atc.kernel("quartic", radius=3.0)
 GRID = atc.Grid.regular(shape=(4, 5, 3))
@@ -175,16 +175,18 @@ def test_tiles_and_tasks_can_be_sent(name):
     """What workers get is all they need."""
     reference, pot = system(name)
     frame = reference.replace(positions=reference.positions + 0.01)
-    request = Request(
-        frame,
-        pot,
-        KERN,
-        GRID,
-        ["stress", "piola_stress", "heat_current"],
-        1e-12,
-        reference=reference,
-        tiles=(2, 2, 1),
-        threads=1,
+    request = prepare(
+        Request(
+            frame,
+            pot,
+            KERN,
+            GRID,
+            ["stress", "piola_stress", "heat_current"],
+            1e-12,
+            reference=reference,
+            tiles=(2, 2, 1),
+            threads=1,
+        )
     )
 
     def elsewhere(f, tiles, task):

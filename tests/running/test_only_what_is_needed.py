@@ -13,8 +13,8 @@ from atc.estimators.sources import AtomFactors
 from atc.frame import Cell
 from atc.neighbors import cell_list as neighbors
 from atc.neighbors.verlet import Anchor, KeptList, anchor_of, cell_list
+from atc.plan import plan, prepare
 from atc.planning.calibrate import argon, silicon
-from atc.planning.report import plan
 
 KERN = atc.kernel("quartic", radius=6.0)
 GRID = atc.Grid.regular(shape=5)
@@ -205,14 +205,14 @@ def test_lists_are_built_once_for_frames_that_stay_near(monkeypatch, tmp_path):
 
 
 def test_liquids_and_changing_cells_keep_no_list():
-    from atc.planning.report import Request
+    from atc.plan import Request
 
     frames, pot = vibrating()
     rng = np.random.default_rng(2)
     flowing = [f.replace(positions=f.positions + rng.normal(0, 0.4, f.positions.shape)) for f in frames]
     squeezed = [f.replace(cell=f.cell.scaled(1 + 1e-4 * k)) for k, f in enumerate(frames)]
     for some, kept in ((frames, True), (flowing, False), (squeezed, False), (frames[:2], False)):
-        assert (anchor_of(Request(some, pot, KERN, GRID, ["stress"])) is not None) == kept
+        assert (anchor_of(prepare(Request(some, pot, KERN, GRID, ["stress"]))) is not None) == kept
 
 
 @pytest.mark.parametrize("walk, lists", [(0.0, (2, 2)), (0.04, (3, 10)), (0.5, (40, 40))])

@@ -16,7 +16,7 @@ from naive_fields import BruteLJ
 
 import atc
 from atc.errors import AtcError, AtcWarning
-from atc.plan import Request
+from atc.plan import Request, prepare
 from atc.running import run
 from atc.running.output import open_dataset
 
@@ -311,10 +311,10 @@ def test_processes_give_the_same(tmp_path):
 
 
 def test_few_frames_use_threads_instead_of_processes():
-    request = Request(trajectory(2), BruteLJ(), KERN, GRID, WHAT, workers=3)
-    assert (request.workers, request.threads) == (1, 3)
-    request = Request(trajectory(3), BruteLJ(), KERN, GRID, WHAT, workers=3, threads=1)
-    assert (request.workers, request.threads) == (3, 1)
+    job = prepare(Request(trajectory(2), BruteLJ(), KERN, GRID, WHAT, workers=3))
+    assert (job.request.workers, job.request.threads) == (1, 3)
+    job = prepare(Request(trajectory(3), BruteLJ(), KERN, GRID, WHAT, workers=3, threads=1))
+    assert (job.request.workers, job.request.threads) == (3, 1)
 
 
 def test_progress():
