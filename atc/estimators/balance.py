@@ -441,8 +441,9 @@ def from_fields(frame, pot, kern_user, x_gc, threads: int) -> dict[str, np.ndarr
     """The same fields as `atc.fields` writes them, as far as it knows them; internal units. `frame` has its drift taken
     off."""
     from ..grids import Grid
-    from .compute import Settings, frame_fields
+    from .driver import fields_of
     from .registry import QUANTITIES
+    from .settings import Settings
 
     names = [
         n for n in ("density", "momentum", "velocity", "energy", "stress", "heat_flux", "churning") if n in QUANTITIES
@@ -450,7 +451,7 @@ def from_fields(frame, pot, kern_user, x_gc, threads: int) -> dict[str, np.ndarr
     u = frame.units
     grid = Grid.points(u.to_user("length", x_gc))
     more = {"tolerance": FIELD_TOLERANCE} if getattr(pot, "fields", ()) else {}
-    result = frame_fields(frame, Settings(tuple(names), pot, kern_user, grid, threads=threads, check_points=1, **more))
+    result = fields_of([frame], Settings(tuple(names), pot, kern_user, grid, threads=threads, check_points=1, **more))
     if "heat_flux" in names:
         names.append("heat_flux_churning")
     return {n: u.to_internal(QUANTITIES[n].dimension, result.arrays[n]) for n in names}

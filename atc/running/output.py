@@ -501,7 +501,7 @@ def _every_chunk():
 def _other(known: dict, request: dict) -> str:
     """What makes `request` another one than that of an unfinished output; "" for the same. More frames than then are no
     difference."""
-    from ..identity import differences
+    from ..planning.identity import differences
 
     out = differences(known, request)
     then, now = known.get("frames"), request.get("frames")

@@ -302,7 +302,7 @@ def spectral(
     spread = items * points_each(deposit, length) * (point * groups + register * window_registers(deposit, components))
     transformed = float(components)
     if deposit.order is not None:
-        from .deposit.moments import count
+        from ..deposit.moments import count
 
         many = count(deposit.order, deposit.kernel.dimension)
         spread += items * (costs.moment_bond + costs.moment * many)
