@@ -76,7 +76,7 @@ test: lint
 
 bench: | $(VENV)/.atc-test
 	@$(BIN)/python -m pytest -q benchmarks/test_standing.py
-	@set -e; for b in $(filter-out benchmarks/test_%,$(wildcard benchmarks/*.py)); do echo "== $$b"; $(BIN)/python $$b; done
+	@set -e; for b in $(filter-out benchmarks/test_% benchmarks/golden.py,$(wildcard benchmarks/*.py)); do echo "== $$b"; $(BIN)/python $$b; done
 
 clean:
 	rm -rf $(OUT) build dist .pytest_cache .ruff_cache .hypothesis *.egg-info

@@ -8,18 +8,22 @@ The public calls are loaded when first used, so that ``import atc`` stays instan
 
 from __future__ import annotations
 
-__version__ = "0.5.0"
+__version__ = "0.6.0"
 
 _LAZY = {
     "read": "atc.readers",
     "potential": "atc.decomposers",
+    "nep": "atc.decomposers.nep",
     "kernel": "atc.kernels",
     "Grid": "atc.grids",
     "fields": "atc.running.run",
+    "open_dataset": "atc.running.output",
     "compare": "atc.analysis.compare",
     "conductivity": "atc.analysis.green_kubo",
+    "profile": "atc.analysis.interface",
     "heat_currents": "atc.analysis.green_kubo",
     "verify": "atc.agreement.verify",
+    "twin": "atc.twins.run",
     "Crystal": "atc.upscaling.crystal",
     "dispersion": "atc.upscaling.dispersion",
     "elastic_constants": "atc.upscaling.elasticity",
@@ -30,6 +34,9 @@ _LAZY = {
     "AtcWarning": "atc.errors",
 }
 
+# What hands out datasets brings `ds.atc` with it, which needs xarray loaded.
+_WITH_ACCESSOR = {"fields", "open_dataset"}
+
 __all__ = [*_LAZY, "__version__"]
 
 
@@ -38,6 +45,8 @@ def __getattr__(name):
         from importlib import import_module
 
         value = getattr(import_module(_LAZY[name]), name)
+        if name in _WITH_ACCESSOR:
+            import_module("atc.analysis.accessor")
         globals()[name] = value
         return value
     raise AttributeError(f"module 'atc' has no attribute {name!r}")

@@ -116,6 +116,20 @@ def _layers(shape, flat: bool):
     return (*shape[:2], abs(n))
 
 
+def _padding(value) -> dict:
+    """{"padding": a length or "auto"}, nothing for None."""
+    if value is None:
+        return {}
+    if isinstance(value, str):
+        if value != "auto":
+            raise AtcError(f'grid padding {value!r}: expected a length, or "auto" for the reach of the kernel')
+        return {"padding": value}
+    length = _numbers("grid padding", value, ())
+    if length < 0:
+        raise AtcError(f"grid padding {value!r}: expected a length of 0 or more")
+    return {"padding": float(length)}
+
+
 def _same(a: dict, b: dict) -> bool:
     def equal(x, y):
         return (
@@ -139,7 +153,9 @@ class Grid:
     _: dict = field(default_factory=dict, repr=False)
 
     @classmethod
-    def regular(cls, cell=None, spacing=None, shape=None, at="centers", origin=None, vectors=None) -> Grid:
+    def regular(
+        cls, cell=None, spacing=None, shape=None, at="centers", origin=None, vectors=None, padding=None
+    ) -> Grid:
         """Points on a regular three-dimensional grid; in two dimensions on one layer of it, in the plane of the atoms.
 
         Parameters
@@ -158,6 +174,10 @@ class Grid:
             The region's corner; 0, or the cell's own, if not given.
         vectors : three lengths or edge vectors
             Another name for `cell` when it is not a `Cell`.
+        padding : length or "auto"
+            How far the grid reaches beyond the open faces of each frame's cell; "auto": as far as the kernel carries
+            what atoms near them have (so that nothing is lost of integrals over a shrink-wrapped cell). Periodic axes
+            are as they are.
 
         Raises
         ------
@@ -194,13 +214,26 @@ class Grid:
             cell = v
             if flat:
                 cell[2, 2] = np.nan
+        if padding is not None and not (cell is None and origin is None):
+            raise AtcError("padding extends a grid over the cell: give a region of your own as large as it should be")
         if isinstance(cell, Cell) and not cell.complete:
             raise AtcError("the grid's cell has an edge without length: give the region's edge vectors")
-        return cls("regular", {"cell": cell, "spacing": spacing, "shape": shape, "shift": shift, "origin": origin})
+        given = {"cell": cell, "spacing": spacing, "shape": shape, "shift": shift, "origin": origin}
+        return cls("regular", {**given, **_padding(padding)})
 
     @classmethod
     def plane(
-        cls, origin=None, u=None, v=None, *, axis=None, position=None, shape=None, spacing=None, at="centers"
+        cls,
+        origin=None,
+        u=None,
+        v=None,
+        *,
+        axis=None,
+        position=None,
+        shape=None,
+        spacing=None,
+        at="centers",
+        padding=None,
     ) -> Grid:
         """Points on a parallelogram: from `origin` along the edge vectors `u` and `v`, or a cross-section of each
         frame's cell.
@@ -213,6 +246,8 @@ class Grid:
             along `axis` (the middle, if no position is given).
         shape, spacing : two ints, or two floats
         at : "centers" or "corners"
+        padding : length or "auto"
+            How far a cross-section of the cell reaches beyond its open faces, as for `regular`.
         """
         shape, spacing = _shape_or_spacing(shape, spacing, 2)
         shift = _at(at)
@@ -220,9 +255,10 @@ class Grid:
             if not (origin is None and u is None and v is None):
                 raise AtcError("give a plane as origin, u and v or as axis and position, not both")
             position = None if position is None else float(_numbers("plane position", position, ()))
-            return cls(
-                "plane", {"axis": _axis(axis), "position": position, "shape": shape, "spacing": spacing, "shift": shift}
-            )
+            given = {"axis": _axis(axis), "position": position, "shape": shape, "spacing": spacing, "shift": shift}
+            return cls("plane", {**given, **_padding(padding)})
+        if padding is not None:
+            raise AtcError("padding extends a cross-section of the cell: give u and v as long as they should be")
         if u is None or v is None:
             raise AtcError("a plane needs two edge vectors u and v, or an axis")
         origin = _points("plane origin", (0, 0, 0) if origin is None else origin, (3,))
@@ -245,15 +281,16 @@ class Grid:
         return cls("line", {"start": start, "end": end, "n": n})
 
     @classmethod
-    def slab(cls, axis, bins) -> Grid:
+    def slab(cls, axis, bins, padding=None) -> Grid:
         """A profile along a cell axis: at each bin centre the average of the field over the cell's cross-section.
 
         The distance is measured along the normal of the faces (for an orthogonal cell the axis itself). The average is
         over the plane through the bin's centre: the kernel is integrated in closed form, no three-dimensional grid is
-        used. Where a side face is open, kernels are not cut off at it.
+        used. Where a side face is open, kernels are not cut off at it. `padding` (a length, or "auto" for the reach of
+        the kernel): how far the bins reach beyond the open faces at the ends.
         """
         (bins,) = _counts("number of bins", bins, 1)
-        return cls("slab", {"axis": _axis(axis), "bins": bins})
+        return cls("slab", {"axis": _axis(axis), "bins": bins, **_padding(padding)})
 
     @classmethod
     def points(cls, xyz) -> Grid:
@@ -286,6 +323,16 @@ class Grid:
         )
 
     @property
+    def over_cell(self) -> bool:
+        """Whether it ends at the faces of the cell (or, with padding, beyond the open ones)."""
+        p = self._
+        return (
+            self.kind == "slab"
+            or (self.kind == "regular" and p["cell"] is None and p["origin"] is None)
+            or (self.kind == "plane" and p["axis"] is not None)
+        )
+
+    @property
     def follows_atoms(self) -> bool:
         return self.kind == "atoms"
 
@@ -299,8 +346,11 @@ class Grid:
             if "spacing" in p
             else ""
         )
+        if "padding" in p and self.kind != "regular":
+            return Grid(self.kind, {k: v for k, v in p.items() if k != "padding"}).describe() + ", padded at open faces"
         if self.kind == "regular":
             where = "each frame's cell" if p["cell"] is None else "a region"
+            where += ", padded at open faces" * ("padding" in p)
             return f"regular, {how}, {where}, at {'centers' if p['shift'] else 'corners'}"
         if self.kind == "plane":
             return f"plane, {how}" + (f", normal to {'xyz'[p['axis']]}" if p["axis"] is not None else "")
@@ -363,6 +413,7 @@ class Grid:
             return BoundGrid("points", cell, ("point",), xyz=place("grid point", p["xyz"] * f))
         if not cell.complete:
             cell = cell.completed(np.zeros((0, 3)) if positions is None else positions)
+        own, cell = cell, self._padded(cell, f)
         if self.kind == "line":
             n = p["n"]
             if flat:
@@ -378,9 +429,11 @@ class Grid:
             step = (p["end"] - p["start"]) * f / max(n - 1, 1)
             return BoundGrid("line", cell, ("s",), origin=p["start"] * f - cell.origin, steps=step[None], counts=(n,))
         if self.kind == "slab":
-            n, a = p["bins"], p["axis"]
+            n, a = p["bins"], p["axis"]  # deposited in the padded cell, whose cross-section is the same
             step = cell.vectors[a] / n
-            return BoundGrid("slab", cell, ("xyz"[a],), origin=0.5 * step, steps=step[None], counts=(n,), axis=a)
+            bound = BoundGrid("slab", cell, ("xyz"[a],), origin=0.5 * step, steps=step[None], counts=(n,), axis=a)
+            bound.padding = float((own.origin - cell.origin) @ cell.inverse[:, a] * cell.heights[a])
+            return bound
         if self.kind == "plane":
             if p["axis"] is None:
                 origin, edges = place("plane origin", p["origin"] * f) - cell.origin, np.stack([p["u"], p["v"]]) * f
@@ -390,14 +443,14 @@ class Grid:
                 a = p["axis"]
                 others = [k for k in range(3) if k != a]
                 share = 0.5 if p["position"] is None else p["position"] * f / cell.heights[a]
-                origin, edges = share * cell.vectors[a], cell.vectors[others]
+                origin, edges = share * cell.vectors[a] + cell.origin - own.origin, cell.vectors[others]
                 name = tuple("xyz"[k] for k in others)
         else:
             region, name = p["cell"], ("x", "y", "z")
             if flat:
-                return self._layer(units, cell)
+                return self._layer(units, own, cell)
             if region is None:
-                origin, edges = np.zeros(3), cell.vectors
+                origin, edges = cell.origin - own.origin, cell.vectors
             elif isinstance(region, Cell):
                 origin, edges = region.origin - cell.origin, region.vectors
             else:
@@ -410,7 +463,7 @@ class Grid:
         steps = edges / np.array(counts)[:, None]
         return BoundGrid(
             self.kind,
-            cell,
+            own,
             name,
             origin=origin + p["shift"] * steps.sum(0),
             steps=steps,
@@ -418,12 +471,23 @@ class Grid:
             shift=p["shift"],
         )
 
-    def _layer(self, units, cell) -> BoundGrid:
+    def _padded(self, cell, factor) -> Cell:
+        """The cell with its open faces as far out as the grid's padding says."""
+        padding = self._.get("padding")
+        if padding is None:
+            return cell
+        if isinstance(padding, str):
+            raise AtcError('grid padding = "auto" is the reach of a kernel: give a length where there is none')
+        from .padding import extended, open_axes
+
+        return extended(cell, open_axes(self.kind, self._.get("axis"), cell), padding * factor)
+
+    def _layer(self, units, cell, padded) -> BoundGrid:
         """A regular grid in two dimensions: one layer, in the plane; what the region says of z is of no account."""
         p, f = self._, units.factor("length")
         region = p["cell"]
         if region is None:
-            origin, edges = np.zeros(3), cell.vectors
+            origin, edges = padded.origin - cell.origin, padded.vectors
         elif isinstance(region, Cell):
             origin, edges = region.origin - cell.origin, region.vectors
         else:
@@ -488,7 +552,10 @@ class BoundGrid:
         The origin is relative to the cell's, so that nothing is lost in a box far from 0.
     axis : slabs only: the cell axis
     shift : ½ where points are at cell centres, 0 at corners
+    padding : slabs only: how far the bins reach beyond the frame's cell, out of `cell`
     """
+
+    padding = 0.0
 
     def __init__(self, kind, cell, dims, *, xyz=None, origin=None, steps=None, counts=None, axis=None, shift=0.5):
         self.kind, self.cell, self.dims, self.axis, self.shift = kind, cell, dims, axis, shift
@@ -577,9 +644,9 @@ class BoundGrid:
             a = self.axis
             normal = self.cell.inverse[:, a] * self.cell.heights[a]
             # Orthogonal cells: the coordinate itself; else the distance from the cell's lower face.
-            zero = self.cell.origin[a] if self.cell.orthogonal and normal[a] > 0 else 0.0
+            zero = self.cell.origin[a] if self.cell.orthogonal and normal[a] > 0 else -self.padding
             centres = zero + (np.arange(self.counts[0]) + 0.5) * self.spacing[0]
-            what = f"{'xyz'[a]}" if zero or self.cell.orthogonal else "distance from the cell's face along its normal"
+            what = f"{'xyz'[a]}" if self.cell.orthogonal else "distance from the cell's face along its normal"
             return {self.dims[0]: (self.dims, to_user(centres), {**label, "long_name": what})}
         out = {}
         if self.kind == "line":

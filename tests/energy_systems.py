@@ -213,8 +213,9 @@ FRAMES = {
     "meam/spline": lambda s: diamond(5.2, s),
     "eim": lambda s: diamond(5.8, s),
     "eam/cd": lambda s: diamond(4.6, s),
+    "nep": lambda s: diamond(5.2, s),
 }
-NAMES = [*LINES, "3-body", "4-body", "5-body"]
+NAMES = [*LINES, "3-body", "4-body", "5-body", "nep"]
 #: C² or better everywhere on the way of the tests; the others have jumps of the second derivative (cutoffs, splines)
 ROUGH = (
     "lj",
@@ -230,6 +231,7 @@ ROUGH = (
     "meam/spline",
     "eim",
     "eam/cd",
+    "nep",
 )
 SMOOTH = [n for n in NAMES if n not in ROUGH]
 PARTITIONED = [
@@ -257,6 +259,8 @@ TUPLES = [(0, 1, 2, 3, 4), (5, 2, 6, 0, 1), (3, 4, 1, 6, 2)]
 def potential(name, partition=None):
     if name.endswith("-body"):
         return atc.potential(RandomTerm(int(name[0]), TUPLES), "metal", partition=partition)
+    if name == "nep":
+        return _nep()
     folder = _sw_files() if name.startswith("sw") else None
     lines = LINES[name]
     if "{" in lines:
@@ -265,6 +269,19 @@ def potential(name, partition=None):
     # comes later and holds.
     declined = "".join(f"{kind}_style none\n" for kind in ("bond", "angle", "dihedral", "improper"))
     return atc.potential(declined + lines, units="metal", folder=folder, partition=partition)
+
+
+@cache
+def _nep():
+    """Random weights: its forces are across its bonds as much as along them."""
+    import tempfile
+
+    from nep_oracle import write
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "nep.txt")
+        write(path, cutoffs=(4.2, 3.5), l_max=(4, 2, 1, 1, 1, 1, 1))
+        return atc.nep(path, ("Si", "C"))
 
 
 @cache

@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 
 from atc.bonds import Bonds
+from atc.contracts import Interactions
 
 
 def images(cell, reach):
@@ -56,7 +57,7 @@ def lj_bonds(x_nc, cell, epsilon, sigma, cutoff):
     return Bonds.concatenate(parts), forces, e
 
 
-class BruteLJ:
+class BruteLJ(Interactions):
     """A potential with the interface of `atc.potential`'s, by brute force; counts its calls."""
 
     def __init__(self, epsilon=0.0104, sigma=3.4, cutoff=5.0, units="metal"):

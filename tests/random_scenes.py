@@ -356,11 +356,10 @@ class Found:
 @contextmanager
 def spectral_preferred():
     """Costs at which the exact sum is hardly ever chosen, though the frames are small."""
-    slow = dataclasses.replace(
-        Costs(), visit={k: 1e-5 for k in Costs().visit}, bond=1e-4, row=1e-5, gather_visit=1e-4, point_visit=1e-4
-    )
+    slow = dataclasses.replace(Costs(), bond=1e-4, row=1e-5, gather_visit=1e-4, point_visit=1e-4)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Costs, "load", classmethod(lambda cls: slow))
+        patch.setattr(Costs, "visit_of", lambda self, compiled: 1e-5)
         patch.setattr(method_choice, "CHEAP", 0.0)
         patch.setattr(method_choice, "SEARCH", (0.0, 0.0))
         patch.setattr(method_choice, "WATCH", (0.0, 0.0))

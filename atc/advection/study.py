@@ -54,7 +54,7 @@ def kernel_shape(text: str):
             return np.interp(s, table[:, 0], table[:, 1])
 
         return tabulated
-    shape = formula(text, "s", "--kernel")
+    shape = formula(text, "s", "--kernel", KERNELS)
     shape.__name__ = text
     return shape
 
@@ -232,7 +232,7 @@ def _problem(initial, length, nodes, flux, safety):
     def u0(x):
         return inner(np.mod(x, length))
 
-    psi = "burgers" if flux == "burgers" else formula(flux, "u", "--flux")
+    psi = "burgers" if flux == "burgers" else formula(flux, "u", "--flux", ("burgers",))
     x = np.arange(nodes) * (length / nodes)
     values = u0(x)
     if not np.isfinite(values).all():

@@ -107,7 +107,7 @@ def _factor(c: _Case) -> str:
 def _unit_factors(c: _Case, k: float) -> str:
     """Which pair of unit styles with the same length has forces in the ratio k, that of the trajectory or of the
     potential being taken for another."""
-    said, given, out = c.frame.units, getattr(c.pot, "units", c.frame.units), []
+    said, given, out = c.frame.units, c.pot.units, []
     for other in (units(name) for name in (*LAMMPS_STYLES, "ase", "mdanalysis")):
         # coefficients written in `other` but read as the potential's units; or forces of the file in `other` read as
         # the trajectory's

@@ -48,6 +48,8 @@ class ForceCheck:
     energy, virial_cc : of the potential on this frame (internal), since they are known then
     largest, largest_force, rms_difference : the largest difference of an atom, the largest force of the run, rms of the
         differences (internal)
+    coulomb : `CoulombDoubt` of the run's own Coulomb sum, or None; needs_coulomb : whether the forces would not agree
+        without it
     """
 
     frame: int
@@ -65,10 +67,17 @@ class ForceCheck:
     largest: float = 0.0
     largest_force: float = 0.0
     rms_difference: float = 0.0
+    coulomb: object = None
+    needs_coulomb: bool = False
+
+    @property
+    def because(self) -> str:
+        """What explains a difference where model and run agree."""
+        return "the file's digits" + " and the accuracy of the run's Coulomb sum" * self.needs_coulomb
 
     def __str__(self):
         if self.agrees:
-            why = "explained by the file's digits" if self.share > ROUNDING else "the same within rounding"
+            why = f"explained by {self.because}" if self.share > ROUNDING else "the same within rounding"
             return f"forces of frame {self.frame}: yes, rms difference {self.share:.1e} of rms force, {why}"
         many = f"{self.differ} of {self.atoms} atoms" if self.differ else f"{self.atoms} atoms"
         worst = f" (most: {', '.join(map(str, self.worst))})" if self.worst else ""
@@ -116,6 +125,7 @@ def compare_forces(
         cause)
     """
     from ..readers.trajectory import decimal_resolution
+    from .real_space import coulomb_doubt
 
     frame.require("forces", why="a comparison with the run's forces")
     n = len(frame)
@@ -141,9 +151,10 @@ def compare_forces(
     F, D = frame.forces, frame.forces - mine.forces_nc
     rms_F, d = _rms(F), np.linalg.norm(D, axis=1)
     floor = ROUNDING * rms_F + CANCELLATION * 2.0 * sum(sizes) / n
-    # The run's own Ewald sum or mesh, as well as it was asked to do.
-    floor = float(np.hypot(floor, sum(t.run.force for t in getattr(pot, "fields", ()) if t.run is not None)))
-    rounding = np.sqrt(printed_error(F, frame.units.factor("force")) ** 2 + floor**2)
+    coulomb = coulomb_doubt(frame, pot, threads)
+    # The run's own Coulomb sum, as well as it was asked to do, and can.
+    printed = np.sqrt(printed_error(F, frame.units.factor("force")) ** 2 + floor**2)
+    rounding = printed if coulomb is None else np.hypot(printed, coulomb.force_n)
     moved2, tries, within = np.zeros(n), 0, bool((d <= rounding).all())
     allowed, odd = rounding, np.zeros(n, bool)
     if not within:
@@ -172,6 +183,11 @@ def compare_forces(
     share = rms_d / rms_F if rms_F > 0 else (np.inf if rms_d > 0 else 0.0)
     explained = _rms(allowed) / scale if scale > 0 else 0.0
     check = ForceCheck(number, within, share, explained, rms_F, int(odd.sum()), n, outside=outside, **known)
+    if coulomb is not None:
+        check.coulomb = coulomb
+        # without it the rest would not do
+        rest = np.sqrt(np.maximum(allowed**2 - coulomb.force_n**2, printed**2))
+        check.needs_coulomb = within and not _within(d, rest)[0]
     check.largest, check.largest_force, check.rms_difference = (
         float(d.max()),
         float(np.linalg.norm(F, axis=1).max()),
@@ -258,9 +274,8 @@ def cutoffs(pot, frame) -> set[float]:
     out = set()
     top = int(frame.types.max(initial=1))
     for term in pot.terms:
-        while hasattr(term, "term"):
-            term = term.term
-        for style in getattr(getattr(term, "_grown", {}).get(top, term), "styles", ()):
+        term = term.inner
+        for style in term.covering(top).styles:
             out.update(float(rc) for rc in np.unique(np.sqrt(np.abs(np.asarray(style.table)[..., 0]))) if rc > 0)
         if term.cutoff > 0:
             out.add(float(term.cutoff))

@@ -128,6 +128,9 @@ class RunCheck:
                     ).rstrip(),
                     soft_wrap=True,
                 )
+            if f.forces is not None and f.forces.coulomb is not None:
+                text = f.forces.coulomb.describe(self.units)
+                console.print(f"  note: explained are digits and {text}", soft_wrap=True)
             for c in (f.forces, f.thermo):
                 if c is not None and not c.agrees:
                     console.print(f"  {c}", soft_wrap=True)
@@ -166,6 +169,7 @@ def _plain(f: FrameCheck, units) -> dict:
             "atoms_differ": c.differ,
             "worst_atoms": list(c.worst),
             "looks_like": c.looks,
+            "explained_by": c.because,
             "outside": list(c.outside),
         }
     if f.thermo is not None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .forces import CANCELLATION, ROUNDING
+from .real_space import coulomb_doubt
 
 #: Moved copies of a frame that say how far energy and virial are in doubt, and how many times their largest change is
 #: allowed.
@@ -114,18 +115,23 @@ def compare_thermo(
     else:
         d = pot.stream(frame, None, threads=threads)
         energy, virial = d.energy, d.virial_cc
+    coulomb = known.coulomb if known is not None else coulomb_doubt(pot.complete(frame), pot, threads)
+    base = (0.0, np.zeros((3, 3))) if coulomb is None else (coulomb.energy, coulomb.virial_cc)
     doubt = None
     best = None
     for row in rows:
-        check = _compare(frame, pot, log, row, number, energy, virial, (0.0, np.zeros((3, 3))))
+        check = _compare(frame, pot, log, row, number, energy, virial, base)
         if not check.agrees:
             if doubt is None:
-                doubt = _doubt(frame, pot, energy, virial, resolution, threads)
+                e, w = _doubt(frame, pot, energy, virial, resolution, threads)
+                doubt = base[0] + e, base[1] + w
             check = _compare(frame, pot, log, row, number, energy, virial, doubt)
         if best is None or len(check.wrong) < len(best.wrong):
             best = check
         if check.agrees:
             break
+    if coulomb is not None and known is None:
+        best.notes.append(f"explained are digits and {coulomb.describe(log.units)}")
     if best.wrong:
         best.notes += _explanations(frame, log, best, known)
     return best
@@ -143,7 +149,7 @@ def _doubt(frame, pot, energy, virial, dx, threads):
 
 
 def _compare(frame, pot, log, row, number, energy, virial, doubt) -> ThermoCheck:
-    n, dimension = len(frame), getattr(frame, "dimension", 3)
+    n, dimension = len(frame), frame.dimension
     u = frame.units if frame.units.name == log.units.name else log.units
     out = ThermoCheck(number, row.step, log.name, causes=row.causes, energy=energy)
     have, last = row.values, row.digits
@@ -266,7 +272,7 @@ def _compare(frame, pot, log, row, number, energy, virial, doubt) -> ThermoCheck
 
 def _held(frame, pot) -> int:
     """Degrees of freedom that constraints take."""
-    constraints = getattr(pot, "constraints", None)
+    constraints = pot.constraints
     return 0 if constraints is None or frame.masses is None else constraints.taken(pot.complete(frame))
 
 

@@ -20,7 +20,7 @@ class FrameComparison:
         largest difference of a force, and its root mean square. stress_error : largest difference of a component of the
         virial stress (potential part); stress_max : its largest component.
     agrees : whether the digits of the trajectory explain the differences of its own forces (None for a calculator);
-        looks : what they look like where not.
+        looks : what they look like where not; because : what explains them where so.
     """
 
     frame: int
@@ -34,6 +34,7 @@ class FrameComparison:
     stress_error: float | None = None
     agrees: bool | None = None
     looks: str = ""
+    because: str = "the file's digits"
 
 
 @dataclass
@@ -89,7 +90,7 @@ class Verification:
                 line += f"; virial stress by {c.stress_error:.3g} of {c.stress_max:.3g} {p}"
             if c.agrees is not None:
                 line += (
-                    ", explained by the file's digits"
+                    f", explained by {c.because}"
                     if c.agrees
                     else ", more than the file's digits explain" + (f": it looks like {c.looks}" if c.looks else "")
                 )
@@ -202,8 +203,9 @@ def _of_trajectory(frame, pot, k, frames, u, threads) -> FrameComparison:
     frame.require("forces", why="a comparison without calculator")
     c = compare_forces(frame, pot, k, resolution=resolution_of(frames, frame), threads=threads)
     force = (u.to_user("force", f) for f in (c.largest_force, c.largest, c.rms_difference))
+    worst = c.worst[0] if c.worst else None
     return FrameComparison(
-        k, u.to_user("energy", c.energy), None, *force, c.worst[0] if c.worst else None, agrees=c.agrees, looks=c.looks
+        k, u.to_user("energy", c.energy), None, *force, worst, agrees=c.agrees, looks=c.looks, because=c.because
     )
 
 

@@ -83,16 +83,16 @@ def check(
     k = n_frames // 2
     frame = traj[k]
     frame.require("masses", "velocities", why="a balance law")
-    if getattr(pot, "fields", ()):
+    if pot.fields:
         # Stencils and differences of energies see what fields may leave out.
         pot = converged(pot, law.FIELD_TOLERANCE)
     free = pot
-    if getattr(pot, "constraints", None) is not None:
+    if pot.constraints is not None:
         pot, free = pot.settled(frame), pot.constrained(None)
     if not len(frame):
         raise AtcError(f"{frame.source}: holds no atoms: there is nothing to check")
     kern_in = kernel_internal(kern, frame.units)
-    if getattr(pot, "fields", ()) and not kern_in.analytic:
+    if pot.fields and not kern_in.analytic:
         raise AtcError(
             f"kernel {kern_in.name!r}: balance laws with long-range Coulomb (kspace_style) are checked to "
             f"{law.FIELD_TOLERANCE:g}, which takes too many modes with a kernel that ends: take kernel 'gaussian' for "
@@ -101,7 +101,9 @@ def check(
     notes: list[str] = []
     bound = None
     if grid is not None:
-        bound = grid.bind(frame.units, frame.cell, frame.positions)
+        from ..padding import resolved
+
+        bound = resolved(grid, kern, frame).bind(frame.units, frame.cell, frame.positions)
         if bound.kind == "slab":
             notes.append("a slab profile has no points of its own: random points only")
             bound = None
@@ -119,7 +121,7 @@ def check(
     deposit = law.deposit_at(stencils, kern_in, frame.cell, threads)
     state = _motion(frame, pot, threads, deposit)
     fields = law.deposited(state, deposit, law.field_bonds(frame, pot, kern_in, stencils, threads))
-    if getattr(pot, "acting", None) is not None and (pot.acting.laws or pot.acting.others):
+    if pot.acting is not None and (pot.acting.laws or pot.acting.others):
         state.outside_nc, said = pot.body_forces(frame, state.forces_nc)
         notes.append(f"body force {said}")
     exact = law.Exact(law.Sites(x_gc, frame.positions, frame.cell, kern_in), state, fields.pop("bonds")[::19])

@@ -87,17 +87,17 @@ def heat_currents(frames, pot, *, dt: float | None = None, threads: int | None =
     settings = Settings(names=("heat_current",), pot=pot, threads=threads or 1, check_points=0)
     J, volumes, temperatures, first = [], [], [], None
     clock, paths = Clock("a correlation function"), Paths()
-    lists = Following(getattr(pot, "cutoff", 0.0))
+    lists = Following(pot.cutoff)
     if isinstance(frames, (list, tuple, Trajectory)):
         frames, pot = matched(frames, pot)
     total = len(frames) if hasattr(frames, "__len__") else 0
     began = time.perf_counter()
     for frame in frames:
-        frame = pot.complete(frame) if hasattr(pot, "complete") else frame
+        frame = pot.complete(frame)
         frame, pot = matched(frame, pot)
-        if first is None and getattr(pot, "constraints", None) is not None:
+        if first is None and pot.constraints is not None:
             pot = pot.settled(frame)
-        held = 0 if getattr(pot, "constraints", None) is None else pot.constraints.taken(frame)
+        held = 0 if pot.constraints is None else pot.constraints.taken(frame)
         first = frame if first is None else first
         if len(frame) != len(first) or len(frame) < 2:
             raise AtcError(

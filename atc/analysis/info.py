@@ -139,6 +139,8 @@ def _describe(trajectory, source) -> Report:
         if name not in data["quantities"]:
             notes.append(f"no {name}: {consequence}")
     resolution = data["coordinate_resolution"]
+    if data["coordinate_resolution_from"].startswith("unknown"):
+        rows.append(("precision", f"of coordinates {data['coordinate_resolution_from']}"))
     if resolution > 0:
         error = stress_error(resolution, u)
         data["stress_error_from_resolution"] = error

@@ -74,6 +74,8 @@ def simulation(case, threads: int = 0, state=None):
                 make(region, **{w: history(case, (section, str(k), w), t[w], X) for w in words if w in t})
             )
     options = {}
+    if "strain" in case.data["body"]:
+        options["strain"] = case.data["body"]["strain"]
     if state is None:
         start = {"velocity": np.zeros((len(body), 3)), "displacement": np.zeros((len(body), 3))}
         for k, t in enumerate(case.data.get("initial", [])):
@@ -229,7 +231,7 @@ class _Law:
     """t → (3,) or (m, 3): numbers, tables of time, and formulas of t and the nodes' reference positions."""
 
     def __init__(self, components, X_nc, complain):
-        from ..config.formulas import Formula
+        from ..config.formula import Formula
 
         self.place = {} if X_nc is None else dict(zip("xyz", X_nc.T, strict=True))
         self.complain = complain

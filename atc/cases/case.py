@@ -180,10 +180,26 @@ class Case(Document):
             raise self.bad(("body", "periodic"), "a periodic body needs cell, three lengths or edge vectors")
         if "cell" in body and "periodic" not in body:
             raise self.bad(("body", "cell"), "say which of its axes are periodic: periodic = [true, true, true]")
+        if "strain" in body:
+            self._check_strain(body)
         if not self.data.get("material"):
             raise self.need("material", 'it needs model and its constants, e.g. model = "pmb" and bulk = 14.9e9')
         if "density" not in body and "file" not in body and not all("density" in m for m in self.data["material"]):
             raise self.need("body", "[body] needs density, a mass per volume")
+
+    def _check_strain(self, body):
+        H = body["strain"]
+        if not any(body.get("periodic", ())):
+            raise self.bad(("body", "strain"), "belongs to a periodic body: give cell and periodic")
+        d = body.get("dimension", 3)
+        if any(H[i][j] for i in range(3) for j in range(3) if max(i, j) >= d):
+            raise self.bad(("body", "strain"), f"a body of dimension {d} has no strain along {'xyz'[d:]}")
+        F = [[H[i][j] + (i == j) for j in range(3)] for i in range(3)]
+        J = sum(
+            F[0][i] * (F[1][(i + 1) % 3] * F[2][(i + 2) % 3] - F[1][(i + 2) % 3] * F[2][(i + 1) % 3]) for i in range(3)
+        )
+        if not J > 0:
+            raise self.bad(("body", "strain"), f"would turn the body inside out: det(1 + strain) = {J:g}")
 
     def _check_things(self):
         def one_of(path, table, *keys, least=1):

@@ -9,7 +9,7 @@ from ..config.schema import Key, _boolean, _not_negative, _number, _positive, _s
 
 
 def _influence(v):
-    from ..config.formulas import Influence
+    from ..config.formula import Influence
     from ..pd.materials.base import INFLUENCE
 
     if _string(v) in INFLUENCE:
@@ -28,7 +28,7 @@ def _correction(v):
 
 def made(cls, table):
     """The material that the constants in `table` define."""
-    from ..config.formulas import Influence
+    from ..config.formula import Influence
     from ..pd.materials.base import INFLUENCE
 
     given = {p: table[p] for p in parameters(cls) if p in table}

@@ -66,7 +66,7 @@ def _history(variables, free=False):
         if isinstance(v, dict) and "t" in variables:
             return _table(_number, "value")(v)
         if isinstance(v, str) and not (free and v == "free"):
-            from ..config.formulas import Formula
+            from ..config.formula import Formula
 
             Formula(v, variables, ("free",) if free else ())
             return v
@@ -171,6 +171,7 @@ TABLES: dict[str, dict[str, Key]] = {
         "seed": Key(_seed, "a whole number, 0 or more"),
         "cell": Key(_list_of(_either(_positive, _V3), 3), "three lengths or edge vectors of a periodic cell"),
         "origin": _POINT,
+        "strain": Key(_list_of(_V3, 3), "the displacement gradient of a periodic cell, three rows of three numbers"),
         "periodic": Key(_list_of(_boolean, 3), "three of true and false, e.g. [true, true, false]"),
     },
     "regions": {},

@@ -29,6 +29,8 @@ from . import advect as cli_advect
 from . import bench as cli_bench
 from . import dispersion as cli_dispersion
 from . import pd as cli_pd
+from . import profile as cli_profile
+from . import twin as cli_twin
 from . import upscale as cli_upscale
 from . import verify as cli_verify
 from .common import (
@@ -635,7 +637,16 @@ def _parse_limits(text: str | None):
 # --------------------------------------------------------------------------------------------------------------------
 # Commands in modules of their own: options only, the work is imported when they run.
 
-for _module in (cli_verify, cli_bench, cli_pd, cli_upscale, cli_dispersion, cli_advect):
+for _module in (
+    cli_verify,
+    cli_bench,
+    cli_pd,
+    cli_upscale,
+    cli_dispersion,
+    cli_advect,
+    cli_profile,
+    cli_twin,
+):
     _module.register(app)
 
 if __name__ == "__main__":

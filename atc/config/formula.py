@@ -1,84 +1,278 @@
-"""Formulas people type on the command line, as functions of arrays: numbers, one variable, + - * / ^, a few functions.
-Nothing else is executed."""
+"""The one language of formulas, in files and on the command line, like ``16.5*min(t/1e-6, 1)``: arithmetic, comparisons
+and a few functions of named variables, and nothing else. docs/formulas.md says it all.
+
+The text is parsed by Python's own parser and every node of the tree is translated on its own; what is not on the list
+is an error that says where it stands. Nothing is ever handed to ``eval``.
+"""
 
 from __future__ import annotations
 
 import ast
+from functools import reduce
 
 import numpy as np
 
 from ..errors import AtcError
+from .schema import guess
 
+_LONGEST = 2000
+# Well inside of what Python's own stack allows.
+_DEEPEST = 150
+
+_BINARY = {
+    ast.Add: np.add,
+    ast.Sub: np.subtract,
+    ast.Mult: np.multiply,
+    ast.Div: np.divide,
+    ast.Pow: np.power,
+    ast.Mod: np.mod,
+}
+_COMPARE = {
+    ast.Lt: np.less,
+    ast.LtE: np.less_equal,
+    ast.Gt: np.greater,
+    ast.GtE: np.greater_equal,
+    ast.Eq: np.equal,
+    ast.NotEq: np.not_equal,
+}
+# name: (function, fewest arguments, most arguments)
 FUNCTIONS = {
-    "sin": np.sin,
-    "cos": np.cos,
-    "tan": np.tan,
-    "exp": np.exp,
-    "log": np.log,
-    "sqrt": np.sqrt,
-    "tanh": np.tanh,
-    "abs": np.abs,
-    "sign": np.sign,
-    "heaviside": lambda v: np.heaviside(v, 0.5),
+    **{
+        name: (getattr(np, numpy), 1, 1)
+        for name, numpy in dict(
+            sin="sin",
+            cos="cos",
+            tan="tan",
+            asin="arcsin",
+            acos="arccos",
+            atan="arctan",
+            sinh="sinh",
+            cosh="cosh",
+            tanh="tanh",
+            exp="exp",
+            log="log",
+            log10="log10",
+            sqrt="sqrt",
+            abs="abs",
+            floor="floor",
+            ceil="ceil",
+            sign="sign",
+        ).items()
+    },
+    "atan2": (np.arctan2, 2, 2),
+    "min": (lambda *a: reduce(np.minimum, a), 2, 99),
+    "max": (lambda *a: reduce(np.maximum, a), 2, 99),
+    "where": (lambda c, a, b: np.where(c, a, b), 3, 3),
+    "heaviside": (lambda a: np.heaviside(a, 0.5), 1, 1),
+    "step": (lambda a: np.heaviside(a, 0.5), 1, 1),
 }
 CONSTANTS = {"pi": np.pi, "e": np.e}
-_BINARY = {ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide, ast.Pow: np.power}
-_UNARY = {ast.UAdd: np.positive, ast.USub: np.negative}
 
 
-def formula(text: str, variable: str, what: str, **constants: float):
-    """The function of `variable` that `text` says, e.g. formula("0.5 + sin(2*pi*x)", "x", "--initial"). `^` and `**`
-    are powers.
+class Formula:
+    """A function of named variables, written as text.
+
+    Parameters
+    ----------
+    text : e.g. ``"0.5*(1 - cos(2*pi*t/1e-6))"``. Known are + - * / % and ^ or ** (the power), comparisons, ``and or
+        not``, ``a if c else b``, numbers, pi, e, the functions of `FUNCTIONS` (log is natural, heaviside(0) = step(0) =
+        1/2) and the variables, which come before constants of the same name
+    variables : their names
+    words : what else could have been written in the formula's place, for the complaint about an unknown name
+
+    Attributes: ``text``, ``uses`` (the variables that occur). Equal texts of the same variables are equal formulas.
+    Raises ValueError that names the character where something is wrong.
+    """
+
+    def __init__(self, text: str, variables=("t",), words=()):
+        self.text, self.variables = str(text), tuple(variables)
+        self._words = tuple(words)
+        self.uses: set[str] = set()
+        shift = len(self.text) - len(self.text.lstrip())
+        source = self.text.strip().replace("\n", " ")
+        if not source:
+            raise ValueError("an empty formula")
+        if len(source) > _LONGEST:
+            raise ValueError(f"a formula of more than {_LONGEST} characters: give a table of times and values")
+        self._shift = shift
+        # Python's ^ binds otherwise than a power. Characters of what is parsed, as characters of the text:
+        self._origin = [k for k, c in enumerate(source) for _ in range(1 + (c == "^"))]
+        source = source.replace("^", "**")
+        try:
+            tree = ast.parse(source, mode="eval")
+        except SyntaxError as e:
+            raise self._wrong(self._at((e.offset or 1) - 1), "this is not a formula") from None
+        except (ValueError, RecursionError, MemoryError):
+            raise ValueError(f"{self._shown()} is not a formula") from None
+        self._source = source.encode()
+        self._depth = 0
+        self._value = self._translate(tree.body)
+
+    def __call__(self, **values):
+        """The value at these values of the variables, numbers or arrays that broadcast. Not finite is the caller's to
+        refuse: see `finite`."""
+        with np.errstate(all="ignore"):
+            return np.asarray(self._value(values), float)
+
+    def finite(self, complain, **values):
+        """As a call, but infinity and what is not a number are an error made by `complain(why)`."""
+        out = self(**values)
+        if not np.isfinite(out).all():
+            at = []
+            bad = np.flatnonzero(~np.isfinite(np.ravel(out)))[0]
+            for name in sorted(self.uses):
+                v = np.asarray(values[name], float)
+                at.append(f"{name} = {float(v if v.ndim == 0 else np.broadcast_to(v, out.shape).ravel()[bad]):.6g}")
+            raise complain(
+                f"{self._shown()} is {float(np.ravel(out)[bad])} at {', '.join(at)}"
+                if at
+                else f"{self._shown()} is not finite"
+            )
+        return out
+
+    def __eq__(self, other):
+        return type(other) is type(self) and (self.text, self.variables) == (other.text, other.variables)
+
+    def __hash__(self):
+        return hash((self.text, self.variables))
+
+    def __repr__(self):
+        return f"Formula({self.text!r}, {self.variables})"
+
+    # ---- from the tree to functions of {name: value}
+
+    def _translate(self, node):
+        self._depth += 1
+        if self._depth > _DEEPEST:
+            raise ValueError(f"{self._shown()} is nested too deeply: use brackets, or a table of times and values")
+        try:
+            return self._part(node)
+        finally:
+            self._depth -= 1
+
+    def _part(self, node):
+        if isinstance(node, ast.Constant):
+            return self._number(node)
+        if isinstance(node, ast.Name):
+            return self._name(node)
+        if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
+            f, a, b = _BINARY[type(node.op)], self._translate(node.left), self._translate(node.right)
+            return lambda v: f(a(v), b(v))
+        if isinstance(node, ast.UnaryOp):
+            a = self._translate(node.operand)
+            if isinstance(node.op, ast.USub):
+                return lambda v: np.negative(a(v))
+            if isinstance(node.op, ast.UAdd):
+                return a
+            if isinstance(node.op, ast.Not):
+                return lambda v: np.logical_not(a(v))
+        if isinstance(node, ast.Compare) and all(type(op) in _COMPARE for op in node.ops):
+            parts = [self._translate(n) for n in (node.left, *node.comparators)]
+            tests = [_COMPARE[type(op)] for op in node.ops]
+            return lambda v: reduce(
+                np.logical_and, (f(a(v), b(v)) for f, a, b in zip(tests, parts, parts[1:], strict=False))
+            )
+        if isinstance(node, ast.BoolOp):
+            f = np.logical_and if isinstance(node.op, ast.And) else np.logical_or
+            parts = [self._translate(n) for n in node.values]
+            return lambda v: reduce(f, (p(v) for p in parts))
+        if isinstance(node, ast.IfExp):
+            c, a, b = (self._translate(n) for n in (node.test, node.body, node.orelse))
+            return lambda v: np.where(c(v), a(v), b(v))
+        if isinstance(node, ast.Call):
+            return self._call(node)
+        raise self._wrong(self._place(node), "only arithmetic, comparisons and functions of numbers are known here")
+
+    def _number(self, node):
+        if isinstance(node.value, bool) or not isinstance(node.value, (int, float)):
+            raise self._wrong(self._place(node), f"expected a number, got {str(node.value)[:20]!r}")
+        try:
+            number = float(node.value)
+        except OverflowError:
+            number = np.inf
+        if not np.isfinite(number):
+            raise self._wrong(self._place(node), "this number is too large")
+        return lambda v: number
+
+    def _name(self, node):
+        name = node.id
+        if name in self.variables:
+            self.uses.add(name)
+            return lambda v: v[name]
+        if name in CONSTANTS:
+            return lambda v: CONSTANTS[name]
+        if name in FUNCTIONS:
+            raise self._wrong(self._place(node), f"{name} is a function: write {name}(...)")
+        known = [*self.variables, *CONSTANTS, *self._words]
+        raise self._wrong(self._place(node), f"unknown {name!r}: {guess(name, known)}known: {', '.join(known)}")
+
+    def _call(self, node):
+        if not isinstance(node.func, ast.Name):
+            raise self._wrong(self._place(node), "only functions by their names are known here")
+        name = node.func.id
+        if name not in FUNCTIONS:
+            raise self._wrong(
+                self._place(node),
+                f"unknown function {name!r}: {guess(name, FUNCTIONS)}known: {', '.join(sorted(FUNCTIONS))}",
+            )
+        f, fewest, most = FUNCTIONS[name]
+        if node.keywords or any(isinstance(a, ast.Starred) for a in node.args) or not fewest <= len(node.args) <= most:
+            want = f"{fewest} or more arguments" if most > fewest else f"{fewest} argument{'s' * (fewest > 1)}"
+            raise self._wrong(self._place(node), f"{name} takes {want}")
+        arguments = [self._translate(a) for a in node.args]
+        return lambda v: f(*(a(v) for a in arguments))
+
+    # ---- where something is wrong
+
+    def _place(self, node) -> int:
+        """The character of the text where a node begins; the tree counts bytes."""
+        return self._at(len(self._source[: node.col_offset].decode(errors="ignore")))
+
+    def _at(self, k: int) -> int:
+        return self._shift + (self._origin[k] if k < len(self._origin) else len(self.text))
+
+    def _shown(self) -> str:
+        text = " ".join(self.text.split())
+        return f'"{text if len(text) <= 60 else text[:57] + "..."}"'
+
+    def _wrong(self, place: int, why: str) -> ValueError:
+        return ValueError(f"in {self._shown()}, character {min(place, len(self.text)) + 1}: {why}")
+
+
+def formula(text: str, variable: str, what: str, words=(), **constants: float):
+    """The function of one array that `text` says, e.g. formula("0.5 + sin(2*pi*x)", "x", "--initial").
 
     Raises
     ------
     AtcError
-        that names `what`, the part that was not understood, and what there is.
+        that names `what`, the character, and what there is.
     """
-    names = CONSTANTS | constants
     try:
-        tree = ast.parse(text.replace("^", "**"), mode="eval").body
-    except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise AtcError(
-            f"{what} {text!r}: not a formula of {variable}; expected something like sin(2*pi*{variable})"
-        ) from None
-
-    def build(node):
-        if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)) and not isinstance(node.value, bool):
-            return lambda v, c=float(node.value): c
-        if isinstance(node, ast.Name):
-            if node.id == variable:
-                return lambda v: v
-            if node.id in names:
-                return lambda v, c=float(names[node.id]): c
-        if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
-            op, left, right = _BINARY[type(node.op)], build(node.left), build(node.right)
-            return lambda v: op(left(v), right(v))
-        if isinstance(node, ast.UnaryOp) and type(node.op) in _UNARY:
-            op, inner = _UNARY[type(node.op)], build(node.operand)
-            return lambda v: op(inner(v))
-        if (
-            isinstance(node, ast.Call)
-            and isinstance(node.func, ast.Name)
-            and node.func.id in FUNCTIONS
-            and len(node.args) == 1
-            and not node.keywords
-        ):
-            op, inner = FUNCTIONS[node.func.id], build(node.args[0])
-            return lambda v: op(inner(v))
-        raise AtcError(
-            f"{what} {text!r}: {ast.unparse(node)!r} is not understood; there are {variable}, {', '.join(names)}, + - "
-            f"* / ^ and {', '.join(FUNCTIONS)} of one argument"
-        )
-
-    try:
-        function = build(tree)
-    except RecursionError:
-        raise AtcError(f"{what}: the formula is nested too deeply") from None
+        said = Formula(text, (variable, *constants), words)
+    except ValueError as e:
+        raise AtcError(f"{what}: {e}") from None
 
     def evaluate(values):
         values = np.asarray(values, dtype=float)
-        with np.errstate(all="ignore"):
-            return np.broadcast_to(np.asarray(function(values), dtype=float), values.shape).copy()
+        return np.array(np.broadcast_to(said(**{variable: values}, **constants), values.shape))
 
     return evaluate
+
+
+class Influence(Formula):
+    """ω(r, delta) by a formula of the bond's length and the horizon, as a function that the materials take."""
+
+    def __init__(self, text: str):
+        super().__init__(text, ("r", "delta"))
+
+    def __call__(self, *args, **values):
+        if not args:
+            return super().__call__(**values)
+        r, delta = args
+        w = self.finite(lambda why: AtcError(f"influence: {why}"), r=r, delta=delta)
+        if (w < 0).any():
+            raise AtcError(
+                f"influence: {self._shown()} is negative at r = "
+                f"{float(np.asarray(r)[np.broadcast_to(w, np.shape(r)) < 0][0]):.6g}"
+            )
+        return np.array(np.broadcast_to(w, np.shape(r)))

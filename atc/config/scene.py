@@ -1,9 +1,9 @@
 """Scenes: the TOML file in which a person says what to compute.
 
 A scene has the sections ``[trajectory]``, ``[potential]``, ``[kernel]``, ``[grid]``, ``[fields]``, ``[check]``,
-``[dispersion]`` and ``[output]``. Everything in it is checked before anything is computed; every complaint names the
-file and the line (or the ``--set`` flag) and says what was expected. Paths are relative to the scene file, lengths in
-the trajectory's unit style.
+``[dispersion]``, ``[twin]`` and ``[output]``. Everything in it is checked before anything is computed; every complaint
+names the file and the line (or the ``--set`` flag) and says what was expected. Paths are relative to the scene file,
+lengths in the trajectory's unit style.
 """
 
 from __future__ import annotations
@@ -129,7 +129,10 @@ class Scene(Document):
         self._check_grid()
         self._check_potential()
         for q in self.get("fields", "quantities", []):
-            self._check_name("fields", "quantities", q, _quantity_names())
+            if q.startswith("column:"):
+                self._check_column(q)
+            else:
+                self._check_name("fields", "quantities", q, _quantity_names())
         name = self.data.get("kernel", {}).get("name")
         if name is not None:
             self._check_name("kernel", "name", name, _kernel_names())
@@ -142,18 +145,33 @@ class Scene(Document):
         if known and word not in known:
             raise self._bad(section, key, f"unknown {word!r}: {guess(word, known)}known: {', '.join(known)}")
 
+    def _check_column(self, name):
+        from ..estimators.columns import split
+
+        try:
+            split(name)
+        except AtcError as e:
+            raise self._bad("fields", "quantities", str(e)) from None
+
     def _check_potential(self):
         if "potential" not in self.data:
             return
-        given = [k for k in ("lammps", "input") if k in self.data["potential"]]
+        table = self.data["potential"]
+        given = [k for k in ("lammps", "input", "nep") if k in table]
         if not given:
             raise self.need(
                 "potential",
                 '[potential] needs lammps = """pair_style ...""" (LAMMPS lines) or input = "in.file" (a LAMMPS input '
-                "script)",
+                'script) or nep = "nep.txt" (a neuroevolution potential)',
             )
-        if len(given) == 2:
-            raise self._bad("potential", "input", "give lammps or input, not both")
+        if len(given) > 1:
+            raise self._bad(
+                "potential", given[1], f"give {' or '.join(given)}, not {'both' if len(given) == 2 else 'all'}"
+            )
+        if "types" in table and given != ["nep"]:
+            raise self._bad("potential", "types", "goes with nep: LAMMPS lines name their elements themselves")
+        if "units" in table and given == ["nep"]:
+            raise self._bad("potential", "units", "leave it out: neuroevolution potentials are in eV and Å")
         if "run" in self.data["potential"] and given != ["input"]:
             raise self._bad("potential", "run", "goes with input, the script whose run it is")
 
@@ -338,6 +356,8 @@ class Scene(Document):
         from .. import potential
 
         units, partition = self.get("potential", "units"), self.get("potential", "partition")
+        if "nep" in self.data["potential"]:
+            return self._shared(self._of_nep(), partition)
         path = self.path("potential", "input")
         if path is not None:
             if not path.is_file():
@@ -354,6 +374,15 @@ class Scene(Document):
             line -= bool(line) and opening not in ('"""', "'''")
         name = self._flags.get(("potential", "lammps"), self.name)
         return self._shared(potential("\n" * line + text + "\n", units=units, folder=self.folder, name=name), partition)
+
+    def _of_nep(self):
+        """The neuroevolution potential that is named."""
+        from .. import nep
+
+        try:
+            return nep(self.path("potential", "nep"), self.get("potential", "types"))
+        except AtcError as e:
+            raise AtcError(f"{self.where('potential', 'nep')}: [potential] {e}") from None
 
     def _of_script(self, path, units):
         """The potential of a script: read once, for the trajectory needs it too."""
@@ -448,7 +477,7 @@ class Scene(Document):
         parallel = jobs > 1 and len(traj) >= jobs
         given = {
             k: self.get("fields", k)
-            for k in ("quantities", "tolerance", "average", "horizon", "tiles")
+            for k in ("quantities", "tolerance", "average", "horizon", "tiles", "column_units")
             if self.get("fields", k) is not None
         }
         pot, kern, grid = self.potential(), self.kernel(), self.grid()

@@ -254,6 +254,8 @@ SCHEMA: dict[str, dict[str, Key]] = {
     "potential": {
         "lammps": Key(_string, "LAMMPS lines, e.g. '''pair_style sw\\npair_coeff * * Si.sw Si'''"),
         "input": Key(_string, 'the name of a LAMMPS input script, e.g. "in.run"', path=True),
+        "nep": Key(_string, 'the file of a neuroevolution potential, e.g. "nep.txt"', path=True),
+        "types": Key(_list_of(_string), 'the element of each atom type in the potential\'s names, e.g. ["Te", "Pb"]'),
         "units": Key(_choice(_unit_names), 'a unit style, e.g. "metal"'),
         "run": Key(_count, "the number of the script's run that the frames belong to, counted from 1, e.g. 2"),
         "partition": Key(
@@ -303,6 +305,10 @@ SCHEMA: dict[str, dict[str, Key]] = {
             _either(_positive, _list_of(_positive)), "the distance between points, greater than 0, e.g. 2.0"
         ),
         "at": Key(_choice(["centers", "corners"]), '"centers" or "corners"'),
+        "padding": Key(
+            _either(_choice(["auto"]), _number),
+            'how far the grid reaches beyond open faces of the cell: a length, or "auto" for the reach of the kernel',
+        ),
         "origin": Key(_VECTOR, "a point, e.g. [0.0, 0.0, 0.0]"),
         "vectors": Key(
             _list_of(_either(_positive, _VECTOR)),
@@ -325,6 +331,10 @@ SCHEMA: dict[str, dict[str, Key]] = {
     "fields": {
         "quantities": Key(
             _either(_list_of(_string), lambda v: [_string(v)]), 'a list of quantities, e.g. ["stress", "density"]'
+        ),
+        "column_units": Key(
+            lambda v: {str(k): _string(u) for k, u in v.items()},
+            'the units of columns of the dump, e.g. { c_pe = "eV" }: for quantities such as column:c_pe',
         ),
         "tolerance": Key(_tolerance, "the error allowed relative to the field's maximum, e.g. 1e-5"),
         "method": Key(_string, 'how to sum, e.g. "auto"'),
@@ -363,15 +373,30 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "blocks": Key(_count, "a number of blocks, e.g. 5"),
         "timestep": Key(_positive, "the time of one step in the trajectory's units, e.g. 0.001"),
     },
+    "twin": {
+        "structure": Key(_choice(_structure_names), 'a cubic structure, e.g. "fcc"'),
+        "lattice_constant": Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 5.3"),
+        "material": Key(_choice(["isotropic"]), '"isotropic"'),
+        "model": Key(_choice(["lps", "pmb"]), '"lps" or "pmb"'),
+        "spacing": Key(_positive, "a length greater than 0, e.g. 5.0"),
+        "horizon": Key(_positive, "a length greater than 0, e.g. 15.0"),
+        "motion": Key(_choice(["dynamic", "static"]), '"dynamic" or "static"'),
+        "grips": Key(
+            _list_of(_list_of(_list_of(_number, 3), 2)),
+            "boxes [[x, y, z], [x, y, z]] between two corners, e.g. [[[0, 0, 0], [10, 99, 99]]]",
+        ),
+        "grip_types": Key(_list_of(_count), "atom types, e.g. [2, 3]"),
+        "timestep": Key(_positive, "the time of one step in the trajectory's units, e.g. 0.001"),
+    },
     "output": {"file": Key(_string, 'the file to write, e.g. "out.zarr" or "out.nc"', path=True)},
 }
 
 # kind of grid → (keys it needs, alternatives within a tuple; keys it may have)
 GRIDS: dict[str, tuple[list, list]] = {
-    "regular": ([("shape", "spacing")], ["at", "origin", "vectors"]),
-    "plane": ([("axis", "u"), ("shape", "spacing")], ["position", "origin", "v", "at"]),
+    "regular": ([("shape", "spacing")], ["at", "origin", "vectors", "padding"]),
+    "plane": ([("axis", "u"), ("shape", "spacing")], ["position", "origin", "v", "at", "padding"]),
     "line": (["start", "end", "n"], []),
-    "slab": (["axis", "bins"], []),
+    "slab": (["axis", "bins"], ["padding"]),
     "points": (["points"], []),
     "atoms": ([], []),
 }

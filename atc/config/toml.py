@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
+from datetime import date, time
 from pathlib import Path
 
 from ..errors import AtcError
@@ -189,6 +190,8 @@ def toml_value(v) -> str:
         return "[" + ", ".join(toml_value(x) for x in v) + "]"
     if isinstance(v, Mapping):
         return "{ " + ", ".join(f"{toml_key(str(k))} = {toml_value(x)}" for k, x in v.items()) + " }"
+    if isinstance(v, (date, time)):  # a datetime is a date
+        return v.isoformat()
     raise TypeError(f"{type(v).__name__} has no TOML form")
 
 

@@ -3,7 +3,7 @@ threads."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, field
@@ -13,6 +13,7 @@ import numpy as np
 
 from ..bonds import Bonds
 from ..compiled import njit
+from ..contracts import Interactions
 from ..errors import AtcError
 from ..frame import Frame
 from ..neighbors.cell_list import Workspace
@@ -71,8 +72,7 @@ class Accumulator:
         if bonds.F_bc is not None:
             self.virial += bonds.virial()
             if self.forces is not None:
-                np.add.at(self.forces, bonds.i, bonds.F_bc)
-                np.subtract.at(self.forces, bonds.j, bonds.F_bc)
+                _add_forces(bonds.i, bonds.j, bonds.F_bc, self.forces)
         elif self.forces is not None:
             _add_forces_and_virial(bonds.i, bonds.j, bonds.r_bc, bonds.G_b, self.forces, self.virial)
         else:
@@ -95,10 +95,37 @@ class Term:
     pairwise: bool = False
     #: whether it has no bonds but a field given by its modes, see `long_range`
     field: bool = False
+    #: whether its forces act along bonds; if not, its bonds have `Bonds.F_bc`
+    central: bool = True
+    #: whether every bond's force is what its own sources leave, F = D0 − D1
+    edges: bool = False
     #: In cutoffs, how far away an atom may be and still change a bond of an atom, if the term is not pairwise.
     depth: float = 2.0
     part_name: str = ""
     partitions: Mapping[str, str] = MappingProxyType({})
+    #: the pair styles it sums, if it does
+    styles: Sequence = ()
+    #: how many atoms one of its interactions has
+    bodies: int = 2
+    #: "bond", "angle", "dihedral", "improper": the list of a topology that it acts on, if it does
+    kind: str | None = None
+    #: how far apart atoms of one interaction may be, if not `cutoff`
+    reach: float = 0.0
+    #: weights of pairs that are bonded, see `special_bonds`
+    special = None
+    #: whether it needs the charges of the atoms
+    needs_charges: bool = False
+    #: whether it takes no weights of special_bonds, and none are missed
+    unweighted: bool = False
+
+    @property
+    def inner(self) -> Term:
+        """The term itself, out of those that stand for it."""
+        return self
+
+    def covering(self, top: int) -> Term:
+        """The term that acts in a frame whose types go up to `top`."""
+        return self
 
     def prepare(self, frame: Frame) -> Work:
         """Check the frame (types, charges, topology), and cut its evaluation into tasks."""
@@ -132,6 +159,18 @@ class Wrapper(Term):
     """A term that stands for another one, `term`."""
 
     term: Term
+
+    @property
+    def inner(self) -> Term:
+        return self.term.inner
+
+    @property
+    def central(self) -> bool:
+        return self.term.central
+
+    @property
+    def edges(self) -> bool:
+        return self.term.edges
 
     @property
     def pairwise(self) -> bool:
@@ -173,7 +212,7 @@ class Work:
         raise NotImplementedError
 
 
-class Potential:
+class Potential(Interactions):
     """A sum of terms. Made by `atc.potential`.
 
     Attributes
@@ -196,19 +235,11 @@ class Potential:
     """
 
     unmentioned: tuple[str, ...] = ()
-    text: str | None = None  # the LAMMPS lines it was made from, or
-    file: str | None = None  # the name of the input script
-
-    dimension: int = 3
     dimension_said: bool = False
     masses: Mapping[int, float] = MappingProxyType({})
     data_file = None
     remarks: tuple[str, ...] = ()
-    outside: tuple[str, ...] = ()
     atom_style: str = ""
-    setup = None
-    constraints = None
-    acting = None
 
     def __init__(self, terms, units_: Units | str, description: str = ""):
         self.terms = list(terms)
@@ -221,8 +252,14 @@ class Potential:
 
     @property
     def pairwise(self) -> bool:
-        """Whether every term is one of pairs, each half to each end: there is no churning then."""
+        """Whether every term is one of pairs, each half to each end."""
         return all(t.pairwise for t in self.terms)
+
+    @property
+    def churnless(self) -> bool:
+        """Whether all sources of every bond are its force, F = D0 − D1, as with pairs, and with edges of atoms'
+        energies: the stress is −M then, and there is no churning."""
+        return all(t.pairwise or t.edges for t in self.terms)
 
     @property
     def cutoff(self) -> float:
@@ -249,8 +286,9 @@ class Potential:
 
     @property
     def central(self) -> bool:
-        """Whether all forces act along bonds: those of rigid bodies in a plane or on a line do not (see `settled`)."""
-        return self.constraints is None or not self.constraints.across
+        """Whether all forces act along bonds: those of rigid bodies in a plane or on a line do not (see `settled`), nor
+        do those of models that were learned."""
+        return all(t.central for t in self.terms) and (self.constraints is None or not self.constraints.across)
 
     def settled(self, frame: Frame) -> Potential:
         """The same potential for a trajectory that begins with this frame, which must say what its constraints need.
@@ -499,6 +537,14 @@ def _halves(r, G, D):
         for c in range(3):
             D[b, 0, c] = -g * r[b, c]
             D[b, 1, c] = g * r[b, c]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add_forces(i, j, F_bc, forces):
+    for b in range(len(F_bc)):
+        for c in range(3):
+            forces[i[b], c] += F_bc[b, c]
+            forces[j[b], c] -= F_bc[b, c]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -42,6 +42,8 @@ class CoulombLong(PairStyle):
     needs_charges = True
     keeps_excluded = True
     numbers = (("cutoff", "length"),)
+    #: the run's own table of it has 2 to this many entries, 0: none (``pair_modify table``)
+    run_table = 12
 
     def __init__(self, on, split: Split):
         self.on, self.split = np.asarray(on, bool), split
@@ -50,8 +52,8 @@ class CoulombLong(PairStyle):
     def at(self, accuracy: float) -> CoulombLong:
         """The same with another accuracy."""
         new = CoulombLong(self.on, self.split.at(accuracy))
-        if hasattr(self, "own_special"):
-            new.own_special = self.own_special
+        new.run_table = self.run_table
+        new.own_special = self.own_special
         return new
 
     def prepare(self, frame):
@@ -92,9 +94,11 @@ def _on(inp: StyleInput):
 def long_style(inp: StyleInput, cutoff: float, constant: float | None = None) -> CoulombLong:
     if not cutoff > 0:
         raise inp.error(f"{inp.command}: the Coulomb cutoff must be positive, got {' '.join(inp.args)}")
-    return CoulombLong(
+    style = CoulombLong(
         _on(inp), Split.of(cutoff, inp.units.coulomb / inp.dielectric if constant is None else constant, ACCURACY)
     )
+    style.run_table = inp.modify.table
+    return style
 
 
 @pair_style("coul/long")

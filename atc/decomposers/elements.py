@@ -9,6 +9,14 @@ from ..errors import AtcError
 from ..frame import Frame
 from .registry import StyleInput
 
+#: Symbols in the order of the nuclear charge, from 1.
+SYMBOLS = tuple(
+    "H He Li Be B C N O F Ne Na Mg Al Si P S Cl Ar K Ca Sc Ti V Cr Mn Fe Co Ni Cu Zn Ga Ge As Se Br Kr Rb Sr Y Zr Nb "
+    "Mo Tc Ru Rh Pd Ag Cd In Sn Sb Te I Xe Cs Ba La Ce Pr Nd Pm Sm Eu Gd Tb Dy Ho Er Tm Yb Lu Hf Ta W Re Os Ir Pt Au "
+    "Hg Tl Pb Bi Po At Rn Fr Ra Ac Th Pa U Np Pu Am Cm Bk Cf Es Fm Md No Lr Rf Db Sg Bh Hs Mt Ds Rg Cn Nh Fl Mc Lv Ts "
+    "Og".split()
+)
+
 
 def mapped_line(inp: StyleInput, ending: str):
     """(path, elements, line) of the one ``pair_coeff * * <file> <element of each atom type>`` line of a style.

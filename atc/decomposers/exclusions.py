@@ -1,4 +1,4 @@
-"""Pairs of atoms that no pair style acts on: LAMMPS's ``neigh_modify exclude``.
+"""Pairs of atoms that no pair style acts on: LAMMPS's ``neigh_modify exclude`` and ``include``.
 
 Bonds, angles and the like between such atoms act all the same.
 """
@@ -23,6 +23,7 @@ class Exclusions:
     groups : names of groups; `Frame.groups` has a bit for each, in this order
     pairs : ((k, l), ...) one atom in the k-th group, the other in the l-th
     same, different : groups whose atoms do not act on each other in the same molecule, or in different molecules
+    only : the group whose atoms alone act on each other, or none
     where : the first line that said so, for messages
     """
 
@@ -31,15 +32,25 @@ class Exclusions:
     pairs: tuple[tuple[int, int], ...] = ()
     same: tuple[int, ...] = ()
     different: tuple[int, ...] = ()
+    only: tuple[int, ...] = ()
     where: str = ""
 
     def __bool__(self):
-        return bool(self.types or self.pairs or self.same or self.different)
+        return bool(self.types or self.pairs or self.same or self.different or self.only)
+
+    @property
+    def keyword(self) -> str:
+        """Of ``neigh_modify``, for messages."""
+        return "exclude" if self.types or self.pairs or self.same or self.different else "include"
 
     def prepare(self, frame) -> _Excluded:
         """Ready for one frame. AtcError where its groups or molecules are not known."""
         n = len(frame)
-        if (self.pairs or self.same or self.different) and frame.groups is None and set(self.groups) != {"all"}:
+        if (
+            (self.pairs or self.same or self.different or self.only)
+            and frame.groups is None
+            and set(self.groups) != {"all"}
+        ):
             raise AtcError(
                 f"{self.where}: who is in group {next(g for g in self.groups if g != 'all')} is not known for "
                 f"{frame.source}: "
@@ -59,6 +70,12 @@ class Exclusions:
         molecules = np.zeros(n, np.int64) if frame.molecules is None else frame.molecules
         a, b = (np.array([1 << p[s] for p in self.pairs], np.int64) for s in (0, 1))
         same, different = (np.array([1 << k for k in ks], np.int64) for ks in (self.same, self.different))
+        for k in self.only:
+            # whoever is not in it is in a group of its own that nobody acts on
+            outside = np.int64(1) << len(self.groups)
+            bits = np.where(bits & (1 << k), bits, bits | outside)
+            both = np.int64(1 << k) | outside
+            a, b = np.append(a, outside), np.append(b, both)
         return _Excluded(frame.types.astype(np.int32), mask, bits, molecules, a, b, same, different)
 
 
@@ -123,10 +140,10 @@ def exclusions_of(commands, type_of) -> Exclusions | None:
     """From the ``neigh_modify`` commands of a script, in order; `type_of(word, where)` gives the number of a type. None
     if nothing is left out.
 
-    Raises AtcError for what LAMMPS does not know, and for ``include``, which builds lists for a group only.
+    Raises AtcError for what LAMMPS does not know.
     """
     values = {"delay": 1, "every": 1, "check": 1, "once": 1, "cluster": 1, "page": 1, "one": 1, "binsize": 1}
-    types, named, where = [], [], ""
+    types, named, only, where = [], [], "all", ""
     for c in commands:
         if c.name != "neigh_modify":
             continue
@@ -138,9 +155,9 @@ def exclusions_of(commands, type_of) -> Exclusions | None:
             key, rest = words[k], words[k + 1 :]
             kind = rest[0] if rest else ""
             if key == "include":
-                if kind != "all":
-                    raise AtcError(f"{c.where}: neigh_modify include {kind}: pairs of a group only are not supported")
-                k += 2
+                if not kind:
+                    raise AtcError(f"{c.where}: neigh_modify include needs the name of a group")
+                only, k = kind, k + 2
             elif key in values:
                 k += 1 + values[key]
             elif key.startswith("collection/"):
@@ -163,7 +180,8 @@ def exclusions_of(commands, type_of) -> Exclusions | None:
                     f"{c.where}: expected neigh_modify exclude type, group, molecule/intra, molecule/inter or none, "
                     f"got {' '.join(rest) or 'nothing'}"
                 )
-    groups = tuple(dict.fromkeys(g for n in named for g in n[1:]))
+    some = () if only == "all" else (only,)
+    groups = tuple(dict.fromkeys([*(g for n in named for g in n[1:]), *some]))
     at = groups.index
     out = Exclusions(
         tuple(types),
@@ -171,6 +189,7 @@ def exclusions_of(commands, type_of) -> Exclusions | None:
         tuple((at(n[1]), at(n[2])) for n in named if n[0] == "group"),
         tuple(at(n[1]) for n in named if n[0] == "molecule/intra"),
         tuple(at(n[1]) for n in named if n[0] == "molecule/inter"),
+        tuple(map(at, some)),
         where,
     )
     return out or None

@@ -90,13 +90,7 @@ def one_four_terms(terms: list[Term]) -> list[Term]:
     Raises AtcError if the pair style has no 1-4 coefficients, or not of the kind that the dihedral style needs.
     """
     torsions = [t for term in terms for t in _charmm_torsions(term) if t.end_weights]
-    found = [
-        s.one_four
-        for term in terms
-        if isinstance(term, Pairs)
-        for s in term.styles
-        if getattr(s, "one_four", None) is not None
-    ]
+    found = [s.one_four for term in terms if isinstance(term, Pairs) for s in term.styles if s.one_four is not None]
     out = []
     for torsion in torsions:
         t, w = next(iter(torsion.end_weights.items()))

@@ -44,6 +44,14 @@ class PairStyle:
     weight: str | None = "lj"
     #: whether a pair of weight 0 still has a term (damped Coulomb: the part that damping took away)
     keeps_excluded = False
+    #: weights of its own (pair_modify special), beside those of special_bonds
+    own_special: tuple = ()
+    #: what a CHARMM torsion needs for the pairs at its ends (`one_four.OneFour`)
+    one_four = None
+    #: whether it acts on spins
+    magnetic = False
+    #: what its energies are multiplied by
+    factor: float = 1.0
     numbers: tuple[tuple[str, object], ...] = ()
 
     @classmethod
@@ -136,6 +144,9 @@ class Pairs(Term):
 
     def describe(self) -> str:
         return "pair " + " + ".join(s.name for s in self.styles) + ", energy shared half to each atom"
+
+    def covering(self, top):
+        return self._grown.get(top, self)
 
     def prepare(self, frame: Frame) -> Work:
         top = int(frame.types.max()) if len(frame) else 0

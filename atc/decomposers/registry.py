@@ -127,6 +127,8 @@ class Modify:
     mix: str | None = None
     tail: bool = False
     compute: bool = True
+    #: 2 to this many entries has the run's table of long-range Coulomb
+    table: int = 12
     #: ((lj, coul or lj/coul, three weights), ...) in place of those of special_bonds
     special: tuple = ()
 

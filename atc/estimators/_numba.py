@@ -71,18 +71,18 @@ def put_moment(r_bc, F_bc, at, out_bk):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def scatter_residual(i, j, r_bc, G_b, D_bdc, out_n4):
-    """What the bonds' z = G r + ∂U^(i)/∂x_j − ∂U^(j)/∂x_i adds up to at every atom: ∇·(r β) = φ_j − φ_i, so −z goes to
-    i and +z to j.
+def scatter_residual(i, j, F_bc, D_bdc, out_n4):
+    """What the bonds' z = −F + ∂U^(i)/∂x_j − ∂U^(j)/∂x_i adds up to at every atom, F the force on i: ∇·(r β) = φ_j −
+    φ_i, so −z goes to i and +z to j.
 
-    The fourth column is Σ |G r|, the size of what cancels.
+    The fourth column is Σ |F|, the size of what cancels.
     """
-    for b in range(len(G_b)):
+    for b in range(len(F_bc)):
         p = i[b]
         q = j[b]
         square = 0.0
         for c in range(3):
-            f = G_b[b] * r_bc[b, c]
+            f = -F_bc[b, c]
             z = f + D_bdc[b, 0, c] - D_bdc[b, 1, c]
             out_n4[p, c] -= z
             out_n4[q, c] += z

@@ -202,8 +202,8 @@ class Motion:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _scatter(i, j, r, G, D, v, slope, rate, flux, torque, stiff):
-    for b in range(len(G)):
+def _scatter(i, j, F, D, v, slope, rate, flux, torque, stiff):
+    for b in range(len(F)):
         p, q = i[b], j[b]
         a = 0.0
         d2 = 0.0
@@ -218,7 +218,7 @@ def _scatter(i, j, r, G, D, v, slope, rate, flux, torque, stiff):
             # ∇·(r β) = φ_q − φ_p
             torque[q, c] += Dp - Dq
             torque[p, c] -= Dp - Dq
-            d2 += (G[b] * r[b, c]) ** 2
+            d2 += F[b, c] ** 2
         flux[q] += a
         flux[p] -= a
         stiff[p] += d2
@@ -226,29 +226,23 @@ def _scatter(i, j, r, G, D, v, slope, rate, flux, torque, stiff):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _bond_factors(i, j, r, G, D, v, out):
-    """G r⊗r (6), A = (v_j·∂U^(i)/∂x_j − v_i·∂U^(j)/∂x_i) r (3), M = r⊗(∂U^(i)/∂x_j − ∂U^(j)/∂x_i) (9)."""
-    for b in range(len(G)):
-        x, y, z, g = r[b, 0], r[b, 1], r[b, 2], G[b]
-        out[b, 0] = g * x * x
-        out[b, 1] = g * y * y
-        out[b, 2] = g * z * z
-        out[b, 3] = g * y * z
-        out[b, 4] = g * x * z
-        out[b, 5] = g * x * y
+def _bond_factors(i, j, r, F, D, v, out):
+    """−r⊗F (9), A = (v_j·∂U^(i)/∂x_j − v_i·∂U^(j)/∂x_i) r (3), M = r⊗(∂U^(i)/∂x_j − ∂U^(j)/∂x_i) (9)."""
+    for b in range(len(F)):
         a = 0.0
         for c in range(3):
             a += v[j[b], c] * D[b, 0, c] - v[i[b], c] * D[b, 1, c]
         for m in range(3):
-            out[b, 6 + m] = a * r[b, m]
+            out[b, 9 + m] = a * r[b, m]
             for c in range(3):
-                out[b, 9 + 3 * m + c] = r[b, m] * (D[b, 0, c] - D[b, 1, c])
+                out[b, 3 * m + c] = -r[b, m] * F[b, c]
+                out[b, 12 + 3 * m + c] = r[b, m] * (D[b, 0, c] - D[b, 1, c])
 
 
 def motion(frame, pot, threads: int = 1, deposit=None) -> Motion:
-    """One pass over the bonds of a frame: the atoms' rates, and into `deposit` (of 18 bond components) the bonds'
+    """One pass over the bonds of a frame: the atoms' rates, and into `deposit` (of 21 bond components) the bonds'
     factors."""
-    fields = getattr(pot, "fields", ())
+    fields = pot.fields
     if any(term.slab is not None for term in fields):
         raise AtcError(
             f"{frame.source}: balance laws with kspace_modify slab are not supported: the energy current of its "
@@ -260,10 +254,11 @@ def motion(frame, pot, threads: int = 1, deposit=None) -> Motion:
     parts = [[np.zeros((n, 3)), np.zeros(n), np.zeros(n), np.zeros((n, 3)), np.zeros(n)] for _ in range(threads)]
 
     def consume(bonds, thread):
-        _scatter(bonds.i, bonds.j, bonds.r_bc, bonds.G_b, bonds.D_bdc, v_nc, *parts[thread])
+        F_bc = bonds.forces()
+        _scatter(bonds.i, bonds.j, F_bc, bonds.D_bdc, v_nc, *parts[thread])
         if deposit is not None:
-            b_bk = np.empty((len(bonds), 18))
-            _bond_factors(bonds.i, bonds.j, bonds.r_bc, bonds.G_b, bonds.D_bdc, v_nc, b_bk)
+            b_bk = np.empty((len(bonds), 21))
+            _bond_factors(bonds.i, bonds.j, bonds.r_bc, F_bc, bonds.D_bdc, v_nc, b_bk)
             deposit.add_bonds(frame.positions[bonds.i], bonds.r_bc, b_bk, thread=thread)
 
     d = pot.stream(frame, consume, threads=threads, energies=True, forces=True, sources=True)
@@ -291,12 +286,12 @@ FIELD_TOLERANCE = 1e-11
 
 
 def field_bonds(frame, pot, kern, x_gc, threads: int = 1) -> np.ndarray | float:
-    """(g, 18) what fields add to the bonds' sums of `motion` at points, mode by mode; velocities relative to the
+    """(g, 21) what fields add to the bonds' sums of `motion` at points, mode by mode; velocities relative to the
     drift."""
     from ..grids import Grid
     from .field_pass import FieldSums
 
-    terms = getattr(pot, "fields", ())
+    terms = pot.fields
     if not terms:
         return 0.0
     u = frame.units
@@ -304,7 +299,7 @@ def field_bonds(frame, pot, kern, x_gc, threads: int = 1) -> np.ndarray | float:
     sums = FieldSums(terms, ["stress", "power", "sources"], bound, kern, FIELD_TOLERANCE, threads)
     sums.add(frame, drift_velocity(frame))
     found = sums.at(np.arange(len(bound)))
-    return np.concatenate([found["stress"], found["power"], found["sources"]], axis=1)
+    return np.concatenate([full(found["stress"]).reshape(-1, 9), found["power"], found["sources"]], axis=1)
 
 
 # ---- the laws, in closed form
@@ -316,7 +311,7 @@ class Exact:
 
     sites: Sites
     state: Motion
-    bond_g18: np.ndarray
+    bond_g21: np.ndarray
 
     def __post_init__(self):
         s, st = self.sites, self.state
@@ -342,8 +337,8 @@ class Exact:
         outside_nc = np.zeros_like(v) if st.outside_nc is None else st.outside_nc
         self.body, self.body_power = s.sum(outside_nc), s.sum(np.einsum("nc,nc->n", v, outside_nc))
         self.pi_t, self.energy_t = self.pi_t + self.body, self.energy_t + self.body_power
-        self.S = full(self.bond_g18[:, :6])
-        self.z = self.S + self.bond_g18[:, 9:].reshape(-1, 3, 3)
+        self.S = self.bond_g21[:, :9].reshape(-1, 3, 3)
+        self.z = self.S + self.bond_g21[:, 12:].reshape(-1, 3, 3)
 
     def laws(self) -> dict[str, Law]:
         """Every law with its terms. A term is the whole expression under one ∇· or ∂/∂t, as the laws are written
@@ -411,21 +406,21 @@ def divergence(values_g, h: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def deposit_at(x_gc, kern, cell, threads: int):
-    """A direct deposit at scattered points for the 18 bond components of `motion`; 14 site components."""
+    """A direct deposit at scattered points for the 21 bond components of `motion`; 14 site components."""
     from ..deposit import exact_at
 
-    return exact_at(x_gc, kern, cell, 14, 18, threads)
+    return exact_at(x_gc, kern, cell, 14, 21, threads)
 
 
-def deposited(state: Motion, deposit, field_g18=0.0) -> dict[str, np.ndarray]:
+def deposited(state: Motion, deposit, field_g21=0.0) -> dict[str, np.ndarray]:
     """density, momentum, velocity, energy, stress, heat_flux, heat_flux_churning, churning at the deposit's points,
-    relative to the drift. field_g18 : of `field_bonds`"""
+    relative to the drift. field_g21 : of `field_bonds`"""
     frame, v = state.frame, state.v_nc
     m, e = frame.masses[:, None], state.total_n[:, None]
     deposit.add_sites(frame.positions, np.concatenate([m, m * v, m * outer6(v), e, e * v], axis=1))
-    site, bond = deposit.site_sums(), deposit.bond_sums() + field_g18
+    site, bond = deposit.site_sums(), deposit.bond_sums() + field_g21
     rho, pi, T, eps, J = site[:, 0], site[:, 1:4], full(site[:, 4:10]), site[:, 10], site[:, 11:14]
-    S, A, M = full(bond[:, :6]), bond[:, 6:9], bond[:, 9:].reshape(-1, 3, 3)
+    S, A, M = bond[:, :9].reshape(-1, 3, 3), bond[:, 9:12], bond[:, 12:].reshape(-1, 3, 3)
     v_g = quotient(pi, rho)
     kinetic = -(T - pi[:, :, None] * v_g[:, None, :])
     z = S + M
@@ -450,7 +445,7 @@ def from_fields(frame, pot, kern_user, x_gc, threads: int) -> dict[str, np.ndarr
     ]
     u = frame.units
     grid = Grid.points(u.to_user("length", x_gc))
-    more = {"tolerance": FIELD_TOLERANCE} if getattr(pot, "fields", ()) else {}
+    more = {"tolerance": FIELD_TOLERANCE} if pot.fields else {}
     result = fields_of([frame], Settings(tuple(names), pot, kern_user, grid, threads=threads, check_points=1, **more))
     if "heat_flux" in names:
         names.append("heat_flux_churning")

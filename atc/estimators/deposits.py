@@ -16,6 +16,8 @@ class Deposits:
     """
 
     def __init__(self, methods, bound, kern, cell, threads, origin=None, summed=None):
+        # The bins of a padded slab profile divide a higher cell, open there.
+        cell = bound.cell if bound.kind == "slab" else cell
         self.methods, self.bound, self.kern, self.cell, self.threads = methods, bound, kern, cell, threads
         self.summed_kern = kern if summed is None else summed
         self.origin = None if origin is None or not np.any(origin) else origin

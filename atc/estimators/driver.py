@@ -229,7 +229,7 @@ def sum_up(run: Run, methods, again=frozenset(DEPOSITS), before: RunSums | None 
         exactly.add(elements(work) if run.several else [q for q in work.quantities if q.kind == "grid"], check)
     if run.several:
         size = (
-            sum(one.point_sums(1, work, settings.pairwise)["size"] / len(run.frames) for one in bonds.each)
+            sum(one.point_sums(1, work, settings.churnless)["size"] / len(run.frames) for one in bonds.each)
             if work.bond
             else 0.0
         )
@@ -249,7 +249,7 @@ def sum_bonds(run: Run, here: Place | None, reference: Place | None, before: Run
     summed exactly. Which those are, and what has no bonds, is known if it was found `before`."""
     work, settings, strongest, fields = run.work, run.settings, before.strongest, before.fields
     whole = settings.tiles is None
-    bonds_alone = replace(settings, pot=getattr(settings.pot, "local", settings.pot))
+    bonds_alone = replace(settings, pot=settings.pot.local)
     deposit = here.grid.open(work.n_bond) if work.bond and whole else None
     seek = watch and strongest is None
     each, found = [], []
@@ -272,11 +272,11 @@ def sum_bonds(run: Run, here: Place | None, reference: Place | None, before: Run
         strong_g = np.abs(exact_gk[:, : BOND[work.bond[0]].width]).max(1)
         left = PRECISIONS_LEFT * float(np.finfo(deposit.real).eps) * float(strong_g.max(initial=0.0))
     total_gk = deposit.bond_sums() + exact_gk if whole else sum(one.totals.bond[0] for one in each)
-    if getattr(settings.pot, "fields", ()):
+    if settings.pot.fields:
         fields = fields or FieldPass(run.frames, run.drifts, settings, work, here)
         total_gk = total_gk + fields.grid_gk
         each = [fields.added(k, one) for k, one in enumerate(each)]
-    mean = named_bond_sums(work, total_gk / len(run.frames), settings.pairwise)
+    mean = named_bond_sums(work, total_gk / len(run.frames), settings.churnless)
     return RunBonds(tuple(each), mean, strongest, strong_g, left, fields)
 
 
@@ -294,7 +294,7 @@ def frame_sums(
 
     if work.bond_users:
         for at in (0, 1):
-            new[at] |= one.point_sums(at, work, settings.pairwise)
+            new[at] |= one.point_sums(at, work, settings.churnless)
         if not run.several:
             new[0]["bond"] |= bonds.grid
     sites = due(work.summed_site, "site")
@@ -452,7 +452,7 @@ def look_around(run: Run, here: Place, bonds: RunBonds) -> tuple[PointsAround, M
         bond_gk = points.bond_sums(frame, work.bond, run.drifts[k])
         if bonds.fields is not None:
             bond_gk = bond_gk + bonds.fields.at(k, points.which)
-        sums = replace(run.no_sums(k), bond=named_bond_sums(work, bond_gk, settings.pairwise))
+        sums = replace(run.no_sums(k), bond=named_bond_sums(work, bond_gk, settings.churnless))
         if work.site:
             sums.site.update(passes.site_pass(frame, work, points.check.deposits, factors))
             shift(run, sums, points.check.deposits, frame, factors)

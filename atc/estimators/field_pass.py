@@ -28,7 +28,7 @@ KNOWN = ("stress", "power", "power_lab", "sources")
 
 def require_fields(frame, settings, work) -> None:
     """Raise AtcError for what fields are not made for, one line each."""
-    fields = getattr(settings.pot, "fields", ())
+    fields = settings.pot.fields
     if not fields:
         return
     what = "long-range Coulomb (kspace_style)"
@@ -150,10 +150,12 @@ class FieldSums:
 
     def _bins(self, F_k, box, which):
         """Means over the cell's cross-section: the modes along its normal alone."""
-        vectors, _, index, *_ = box
+        vectors, origin, index, *_ = box
         a, cell = self.bound.axis, self.bound.cell
         height = abs(np.linalg.det(vectors)) / np.linalg.norm(np.cross(*np.delete(vectors, a, axis=0)))
         z = (np.asarray(which) + 0.5) / self.bound.shape[0] * cell.heights[a]
+        if not cell.periodic[a]:  # padding
+            z += (cell.origin - origin) @ cell.inverse[:, a] * cell.heights[a]
         # A slab's box of modes may be higher than the cell: the mean is over the cell's own cross-section.
         area = abs(np.linalg.det(vectors)) / height / (cell.volume / cell.heights[a])
         n = index[a]
@@ -269,7 +271,7 @@ def atom_fields(pot, frame, work, bonds, tiled: bool = False):
     """`bonds`, the `passes.BondPass` of a frame, with the fields' share of the sums per atom and of the box. tiled :
     they are those of the bonds alone."""
     power = "box_power" in work.whole
-    for term in getattr(pot, "fields", ()):
+    for term in pot.fields:
         completed = pot.complete(frame)
         term.check(completed)
         if not (tiled or work.atom_virial or power):

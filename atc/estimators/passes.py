@@ -22,7 +22,7 @@ from .peridynamic import WeightedVirials, horizon_of, node_volumes
 from .registry import BOND, GATHER, SITE, Work
 from .settings import Settings
 from .sources import AtomFactors, AtomSums, PerAtom, ReferenceBonds, bond_factors, piola_factor
-from .sums import full
+from .sums import churn_nothing
 from .tile_cuts import Tile, owned
 
 
@@ -119,12 +119,12 @@ class BondPass:
     per_atom: PerAtom = field(default_factory=PerAtom)
     notes: dict[str, int] = field(default_factory=dict)
 
-    def point_sums(self, k: int, work: Work, pairwise: bool) -> dict:
+    def point_sums(self, k: int, work: Work, churnless: bool) -> dict:
         """What the sums on the grid (k = 0) or at the points of the check (1) get from the bonds; sums of several
         frames are not here."""
         t, bond = self.totals, {}
         if work.bond and t.bond[k] is not None:
-            bond |= named_bond_sums(work, t.bond[k][:, : work.n_bond], pairwise)
+            bond |= named_bond_sums(work, t.bond[k][:, : work.n_bond], churnless)
         if work.reference_bond:
             bond |= by_name(work.reference_bond, BOND, t.reference_bond[k])
         size = float(t.bond[1][:, -1].max(initial=0.0)) if has_size(work) else 0.0
@@ -136,12 +136,11 @@ def has_size(work: Work) -> bool:
     return bool({"stress", "moment"} & {*work.bond})
 
 
-def named_bond_sums(work: Work, total_gk, pairwise: bool) -> dict[str, np.ndarray]:
-    """The columns of `work.bond`. Pairs churn nothing: z = S + M is 0 for them identically, not only as far as two
-    approximate sums cancel."""
+def named_bond_sums(work: Work, total_gk, churnless: bool) -> dict[str, np.ndarray]:
+    """The columns of `work.bond`; of forces that churn nothing, without what approximate sums leave of it."""
     bond = by_name(work.bond, BOND, total_gk)
-    if pairwise and {"stress", "sources"} <= bond.keys():
-        bond["sources"] = -full(bond["stress"]).reshape(-1, 9)
+    if churnless:
+        churn_nothing(bond)
     return bond
 
 
@@ -193,7 +192,7 @@ class BondCollector:
             threads,
             virial=work.atom_virial,
             residual="source_residual" in work.site,
-            moment=bool({"atom_moment", "reference_atom_moment"} & {*work.whole}),
+            moment=work.atom_moment,
             reference_moment="reference_atom_moment" in work.whole,
         )
         self.power = AtomSums(frame, threads, power="box_power" in work.whole)

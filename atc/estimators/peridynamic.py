@@ -97,7 +97,7 @@ def ball_volume(horizon: float, pot, cell) -> float:
 
     Such a body fills the cell along the axes it does not extend in (z; y and z).
     """
-    dimension = getattr(pot, "dimension", 3)
+    dimension = pot.dimension
     if dimension == 3:
         return 4.0 / 3.0 * np.pi * horizon**3
     if dimension == 2:
@@ -107,7 +107,7 @@ def ball_volume(horizon: float, pot, cell) -> float:
 
 def horizon_of(settings, units, users) -> float:
     """The horizon, internal units: the user's, else the potential's own, else its reach."""
-    if getattr(settings.grid, "kind", None) == "slab":
+    if settings.grid.kind == "slab":
         raise AtcError(
             f"{users[0]} belongs to points, not to bins of a slab: take a regular, plane, line or points grid, or "
             "peridynamic_stress"
@@ -117,7 +117,7 @@ def horizon_of(settings, units, users) -> float:
         if isinstance(given, bool) or not isinstance(given, (int, float, np.number)) or not 0 < given < np.inf:
             raise AtcError(f"horizon {given!r}: expected a length greater than 0 in the trajectory's units")
         return float(given) * units.factor("length")
-    found = getattr(settings.pot, "horizon", None) or getattr(settings.pot, "cutoff", 0.0)
+    found = settings.pot.horizon or settings.pot.cutoff
     if not found > 0:
         raise AtcError(
             f"{users[0]} needs a horizon, and the potential has no cutoff to take for it: give horizon, a length"
@@ -194,7 +194,7 @@ class WeightedVirial:
 
     def __init__(self, points_gc, cell, kinds, horizon, pot, threads=1):
         self.kinds, self.horizon = kinds, horizon
-        self.dimension = int(getattr(pot, "dimension", 3))
+        self.dimension = pot.dimension
         self.cell, self.origin = cell, np.array(cell.origin)
         self.scale = 1.0 / ball_volume(horizon, pot, cell)
         self.periodic = cell.periodic.copy()

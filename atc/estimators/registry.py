@@ -10,10 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 
 from ..errors import AtcError
+from . import columns
 from .sums import Sums, curl, full
 
 STRESS_SIGN = (
@@ -36,25 +38,42 @@ class Source:
     on_reference: bool = False  # is summed over reference positions, on the grid of the reference frame
 
 
+class _AndColumns(dict):
+    """A table that knows the columns of a trajectory too, beside the names that it is listed by."""
+
+    def __init__(self, known, make):
+        super().__init__(known)
+        self._make = cache(make)
+
+    def __missing__(self, name):
+        if not columns.is_column(name):
+            raise KeyError(name)
+        return self._make(name)
+
+
 # Factors a_j of Σ a_j φ(x − x_j). v is relative to the mass-mean velocity of the frame (see sums.Sums), but for
 # kinetic_energy and energy_current. J of formulas.md §4 is energy_current; for the heat flux it is taken apart into
 # kinetic_flux and potential_flux.
-SITE = {
-    "one": Source(1),
-    "degrees": Source(1),  # of freedom of an atom, over those of a free one
-    "mass": Source(1, ("masses",)),
-    "momentum": Source(3, ("masses", "velocities")),
-    "kinetic": Source(6, ("masses", "velocities")),
-    "kinetic_energy": Source(1, ("masses", "velocities")),
-    "potential_energy": Source(1, bonds=True, energies=True),
-    "atom_virial": Source(6, bonds=True),
-    "kinetic_flux": Source(3, ("masses", "velocities")),
-    "potential_flux": Source(3, ("velocities",), bonds=True, energies=True),
-    "energy_current": Source(3, ("masses", "velocities"), bonds=True, energies=True),
-    "outside_force": Source(3, bonds=True, forces=True),
-    "outside_power": Source(1, ("velocities",), bonds=True, forces=True),
-    "source_residual": Source(4, bonds=True, sources=True),  # the last: the forces it is left over from
-}
+SITE = _AndColumns(
+    {
+        "one": Source(1),
+        "degrees": Source(1),  # of freedom of an atom, over those of a free one
+        "mass": Source(1, ("masses",)),
+        "momentum": Source(3, ("masses", "velocities")),
+        "kinetic": Source(6, ("masses", "velocities")),
+        "kinetic_energy": Source(1, ("masses", "velocities")),
+        "potential_energy": Source(1, bonds=True, energies=True),
+        "atom_virial": Source(6, bonds=True),
+        "atom_moment": Source(9, bonds=True),  # the same of forces that do not act along bonds
+        "kinetic_flux": Source(3, ("masses", "velocities")),
+        "potential_flux": Source(3, ("velocities",), bonds=True, energies=True),
+        "energy_current": Source(3, ("masses", "velocities"), bonds=True, energies=True),
+        "outside_force": Source(3, bonds=True, forces=True),
+        "outside_power": Source(1, ("velocities",), bonds=True, forces=True),
+        "source_residual": Source(4, bonds=True, sources=True),  # the last: the forces it is left over from
+    },
+    columns.source,
+)
 
 # Factors b of Σ b β(x), each bond once.
 BOND = {
@@ -166,6 +185,11 @@ _CHURNING_SIGN = (
 )
 _THERMAL = (*_MEAN, "kinetic", "kinetic_flux", "potential_energy", "potential_flux")
 _GRADIENT_SIGN = "component [i, j]: i the direction of the derivative, j the component of the vector"
+
+
+def _atom_virial(sums) -> np.ndarray:
+    """(…, 3, 3) from six components, or nine where forces do not act along bonds."""
+    return full(sums["atom_virial"]) if "atom_virial" in sums else sums["atom_moment"].reshape(-1, 3, 3)
 
 
 def _largest(a) -> float:
@@ -399,7 +423,7 @@ _ALL = [
         "virial_stress_per_atom_potential",
         "pressure_volume",
         "potential part of the per-atom virial",
-        lambda s: full(s.whole["atom_virial"]),
+        lambda s: _atom_virial(s.whole),
         rank=2,
         kind="atom",
         whole=("atom_virial",),
@@ -410,7 +434,7 @@ _ALL = [
         "virial_stress_per_atom",
         "pressure_volume",
         "per-atom virial",
-        lambda s: full(s.whole["atom_virial"] - s.whole["atom_kinetic"]),
+        lambda s: _atom_virial(s.whole) - full(s.whole["atom_kinetic"]),
         rank=2,
         kind="atom",
         whole=("atom_kinetic", "atom_virial"),
@@ -432,7 +456,7 @@ _ALL = [
         "smoothed_virial_stress_potential",
         "pressure",
         "potential part of the per-atom virial smoothed with the kernel",
-        lambda s: full(s.site["atom_virial"]),
+        lambda s: _atom_virial(s.site),
         rank=2,
         site=("atom_virial",),
         sign=STRESS_SIGN,
@@ -442,7 +466,7 @@ _ALL = [
         "smoothed_virial_stress",
         "pressure",
         "per-atom virial smoothed with the kernel",
-        lambda s: full(s.site["atom_virial"] - s.site["kinetic"]),
+        lambda s: _atom_virial(s.site) - full(s.site["kinetic"]),
         rank=2,
         site=("kinetic", "atom_virial"),
         parts=("smoothed_virial_stress_kinetic", "smoothed_virial_stress_potential"),
@@ -519,7 +543,7 @@ _ALL = [
         site=_MEAN,
         bond=("stress", "sources"),
         masked=True,
-        scale=lambda s: _largest(s.bond["stress"]) * _largest(s.velocity),
+        scale=lambda s: _largest(s.potential_stress) * _largest(s.velocity),
         **_flux(
             "churning part of the heat flux",
             lambda s: s.heat_flux_churning,
@@ -562,7 +586,7 @@ _ALL = [
         bond=("stress", "sources"),
         sign=_CHURNING_SIGN,
         linear=True,
-        scale=lambda s: _largest(s.bond["stress"]),
+        scale=lambda s: _largest(s.potential_stress),
         comment="z = S + M: what the potential stress and the energy sources of the bonds leave of each other; has no "
         "divergence and no mean over a periodic "
         "box; 0 for pair potentials and embedded atoms; " + _SHARED,
@@ -589,7 +613,7 @@ _ALL = [
         bond=("stress", "sources"),
         gradient=True,
         **_VELOCITY,
-        scale=lambda s: _largest(s.bond["stress"]) * _largest(s.velocity_gradient),
+        scale=lambda s: _largest(s.potential_stress) * _largest(s.velocity_gradient),
         sign="positive where the churning part of the heat flux diverges: it takes energy away there",
         comment="z : grad v = div(heat_flux_churning), since z has no divergence; " + _SHARED,
     ),
@@ -729,7 +753,7 @@ _ALL = [
     *_peridynamic(),
 ]
 
-QUANTITIES: dict[str, Quantity] = {q.name: q for q in _ALL}
+QUANTITIES: dict[str, Quantity] = _AndColumns({q.name: q for q in _ALL}, columns.quantity)
 
 
 def expand(names) -> list[Quantity]:
@@ -738,7 +762,7 @@ def expand(names) -> list[Quantity]:
         names = [names]
     out: dict[str, Quantity] = {}
     for name in names:
-        if name not in QUANTITIES:
+        if name not in QUANTITIES and not columns.is_column(name):
             from difflib import get_close_matches
 
             close = get_close_matches(str(name), QUANTITIES, n=1)
@@ -791,6 +815,9 @@ class Work:
                         users.append(q.name)
         if not central:
             work.bond = ["moment" if name == "stress" else name for name in work.bond]
+            work.site, work.whole = (
+                ["atom_moment" if name == "atom_virial" else name for name in sums] for sums in (work.site, work.whole)
+            )
         return work
 
     def _any(self, what):
@@ -846,11 +873,15 @@ class Work:
     @property
     def symmetric_users(self) -> list[str]:
         """Quantities that only know forces along bonds."""
-        return [q.name for q in self.quantities if {"atom_virial"} & {*q.site, *q.whole} or "sources" in q.bond]
+        return [q.name for q in self.quantities if {"atom_virial"} & {*q.site, *q.whole}]
 
     @property
     def masked(self) -> bool:
         return any(q.masked for q in self.quantities)
+
+    @property
+    def atom_moment(self) -> bool:
+        return "atom_moment" in self.site or bool({"atom_moment", "reference_atom_moment"} & {*self.whole})
 
     @property
     def atom_virial(self) -> bool:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from ..errors import AtcError
 from ..units import require_compatible
+from .columns import is_column
+from .columns import values as column_values
 from .field_pass import require_fields
 from .peridynamic import horizon_of, node_volumes
 from .registry import Work
@@ -14,7 +16,10 @@ def require(frame, settings: Settings, work: Work) -> None:
     """Raise AtcError for the first thing that is missing: an attribute of the atoms, a potential, a kernel, a grid, a
     reference."""
     for attribute, users in work.attributes.items():
-        frame.require(attribute, why=", ".join(users))
+        if is_column(attribute):
+            column_values(frame, attribute.removeprefix("column:"), ", ".join(users))
+        else:
+            frame.require(attribute, why=", ".join(users))
     if work.bond_users:
         if settings.pot is None:
             raise AtcError(
@@ -23,11 +28,8 @@ def require(frame, settings: Settings, work: Work) -> None:
             )
         require_compatible(settings.pot.units, frame.units, "the potential", frame.source)
         require_fields(frame, settings, work)
-        if not settings.central and work.symmetric_users:
-            raise AtcError(
-                f"{', '.join(work.symmetric_users)}: the forces of {settings.pot.describe()} do not act along bonds: "
-                "ask for peridynamic_stress_nodal_virial"
-            )
+        if not settings.central:
+            require_directed(settings.pot, work)
     for users, name, word in ((work.kernel_users, "kern", "kernel"), (work.grid_users, "grid", "grid")):
         if users and getattr(settings, name) is None:
             raise AtcError(f"no {word} was given but {_need(users)} one")
@@ -43,6 +45,22 @@ def require(frame, settings: Settings, work: Work) -> None:
         raise AtcError(f"no reference frame was given but {_need(work.reference_users)} one: pass reference=")
     if any(q.kind == "box" for q in work.quantities) and not frame.cell.volume > 0:
         raise AtcError(f"{frame.source}: the cell has no volume, so the virial stress of the box is not defined")
+
+
+def require_directed(pot, work: Work) -> None:
+    """Raise for what is not known of forces that do not act along their bonds."""
+    if (users := work.symmetric_users) and not (pot.churnless and not pot.fields):
+        raise AtcError(
+            f"{', '.join(users)}: the forces of {pot.describe()} do not act along bonds: ask for "
+            "peridynamic_stress_nodal_virial"
+        )
+    # Forces across the bonds of a rigid body belong to no energy of an atom, those of a body's bonds to none that is
+    # known.
+    if work.source_users and (pot.constraints is not None or not pot.terms):
+        raise AtcError(
+            f"{', '.join(work.source_users)}: the forces of {pot.describe()} do not act along bonds, and which atom's "
+            "energy they belong to is not known: ask for the stress"
+        )
 
 
 def _need(users) -> str:

@@ -31,12 +31,12 @@ class Settings:
     @property
     def central(self) -> bool:
         """Whether the potential's forces act along bonds."""
-        return getattr(self.pot, "central", True)
+        return self.pot is None or self.pot.central
 
     @property
-    def pairwise(self) -> bool:
-        """Whether the potential is one of pairs alone."""
-        return getattr(self.pot, "pairwise", False)
+    def churnless(self) -> bool:
+        """Whether stress and energy sources of every bond cancel."""
+        return self.pot is not None and self.pot.churnless
 
     @cached_property
     def reference_energies_n(self) -> np.ndarray:

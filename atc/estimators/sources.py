@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import AtcError
+from . import columns
 from .tensors import outer6
 
 
@@ -53,7 +54,9 @@ class AtomFactors:
 
     def __getitem__(self, name: str) -> np.ndarray:
         if name not in self._kept:
-            self._kept[name] = getattr(self, f"_{name}")()
+            self._kept[name] = (
+                columns.factor(self.frame, name) if columns.is_column(name) else getattr(self, f"_{name}")()
+            )
         return self._kept[name]
 
     def columns(self, names) -> np.ndarray:
@@ -64,7 +67,7 @@ class AtomFactors:
         return np.ones((len(self.frame), 1))
 
     def _degrees(self):
-        constraints = getattr(self.pot, "constraints", None)
+        constraints = None if self.pot is None else self.pot.constraints
         if constraints is None:
             return self._one()
         return constraints.degrees(self.pot.complete(self.frame))[:, None] / self.frame.dimension
@@ -86,6 +89,9 @@ class AtomFactors:
 
     def _atom_virial(self):
         return self.per_atom.virial_n6
+
+    def _atom_moment(self):
+        return self.per_atom.moment_n9
 
     def _kinetic_flux(self):
         v = self.peculiar_nc
@@ -143,7 +149,7 @@ class AtomSums:
         if self._virial is not None:
             _numba.scatter_virial(bonds.i, bonds.j, bonds.r_bc, bonds.G_b, self._virial[thread])
         if self._residual is not None:
-            _numba.scatter_residual(bonds.i, bonds.j, bonds.r_bc, bonds.G_b, bonds.D_bdc, self._residual[thread])
+            _numba.scatter_residual(bonds.i, bonds.j, bonds.forces(), bonds.D_bdc, self._residual[thread])
         if self._power is not None:
             _numba.add_power(bonds.i, bonds.j, bonds.r_bc, bonds.D_bdc, self.velocities, self._power[thread])
 

@@ -125,7 +125,7 @@ class Sums:
     @cached_property
     def churning(self) -> np.ndarray:
         """(g, 3, 3) z = S + M."""
-        return full(self.bond["stress"]) + self._M
+        return self.potential_stress + self._M
 
     @cached_property
     def velocity_gradient(self) -> np.ndarray:
@@ -155,6 +155,16 @@ class Sums:
         out = eshelby(self.gathered["reference_energy"][:, 0], self.bond["piola"].reshape(-1, 3, 3), H)
         out[~(rho > 0)] = np.nan
         return out
+
+
+def churn_nothing(bond: dict) -> None:
+    """z = S + M is 0 identically for pairs and for edges of atoms' energies, not only as far as two approximate sums
+    cancel: make M = −S."""
+    if "sources" in bond:
+        if "moment" in bond:
+            bond["sources"] = -bond["moment"]
+        elif "stress" in bond:
+            bond["sources"] = -full(bond["stress"]).reshape(-1, 9)
 
 
 def curl(gradient_gcc) -> np.ndarray:

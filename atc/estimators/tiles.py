@@ -47,13 +47,13 @@ class TileShare:
 
 def refuse(frame, work: Work, pot) -> None:
     """Raise for what is not computed in tiles."""
-    if not hasattr(pot, "terms") or not getattr(pot, "central", True):
+    if not pot.terms:
         raise AtcError(
             "tiles: only potentials made of atc's terms are cut into tiles, not the bonds of a body: leave tiles out"
         )
     if work.force_users:
         raise AtcError(f"tiles: {', '.join(work.force_users)} need all forces on an atom at once: leave tiles out")
-    if getattr(pot, "constraints", None) is not None:
+    if pot.constraints is not None:
         raise AtcError(
             f"tiles: the forces of {pot.constraints.describe()} depend on all forces on a molecule, which a tile does "
             "not have: leave tiles out"
@@ -66,7 +66,7 @@ def tile_sums(tile: Tile, task: Task) -> TileShare:
     collector = BondCollector(
         tile.frame,
         task.pot,
-        Work.of(task.quantities),
+        Work.of(task.quantities, task.pot.central),
         task.here,
         task.reference,
         threads=task.threads,

@@ -216,6 +216,7 @@ def _write_xyz(source, target, which) -> Path:
                 unit = units.get(name)
                 # ASE takes columns of these names for results of a calculator and hides them.
                 name = f"local_{name}" if name in ("energy", "stress") else name
+                name = name.replace(":", "_")  # which separates properties
                 properties.append(f"{name}:{'R' if a.dtype.kind == 'f' else 'I'}:{a.shape[1]}")
                 if unit:
                     labels.append(f"{name}={unit}")

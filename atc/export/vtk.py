@@ -1,13 +1,15 @@
 """VTK's XML files for ParaView: nodes as .vtu, regular grids as .vti, other lattices as .vts, and the .pvd that makes a
 time series of them.
 
-Data are appended in raw binary: a file is as large as its numbers. Every file is written beside its name and renamed,
-so that a viewer that looks while a run goes on never sees half a file.
+Data are appended in raw binary: a file is as large as its numbers. Regular grids are the exception: their numbers stand
+inline in base64, uncompressed and without bytes for yes and no, since OVITO reads no other .vti. Every file is written
+beside its name and renamed, so that a viewer that looks while a run goes on never sees half a file.
 """
 
 from __future__ import annotations
 
 import os
+from base64 import b64encode
 from pathlib import Path
 from xml.sax.saxutils import escape, quoteattr
 
@@ -16,34 +18,30 @@ import numpy as np
 _TYPES = {"f8": "Float64", "f4": "Float32", "i4": "Int32", "i8": "Int64", "u1": "UInt8", "i2": "Int16"}
 
 
-class _Appended:
-    """The XML of arrays whose numbers follow in one block at the end of the file."""
+class _Arrays:
+    """The XML of arrays."""
 
-    def __init__(self):
-        self.blocks, self.offset = [], 0
+    boolean = np.uint8
 
     def array(self, name: str, values, unit: str | None = None) -> str:
         a = np.ascontiguousarray(values)
         if a.dtype.kind == "b":
-            a = a.astype(np.uint8)
+            a = a.astype(self.boolean)
         a = a.astype(a.dtype.newbyteorder("<"), copy=False)
         shape = a.shape
         components = 1 if a.ndim == 1 else int(np.prod(shape[1:]))
         extra = f' NumberOfComponents="{components}"' if components > 1 else ""
-        tag = (
-            f'<DataArray type="{_TYPES[a.dtype.str[1:]]}" Name={quoteattr(name)}{extra} format="appended" '
-            f'offset="{self.offset}"'
-        )
-        # What VTK itself writes for vtkDataArray::UNITS_LABEL.
-        tag += (
-            f'><InformationKey name="UNITS_LABEL" location="vtkDataArray">{escape(unit)}</InformationKey></DataArray>'
-            if unit
-            else "/>"
-        )
         data = a.tobytes()
-        self.blocks.append(np.uint64(len(data)).tobytes() + data)
-        self.offset += 8 + len(data)
-        return tag
+        where, text = self.put(np.uint64(len(data)).tobytes() + data)
+        tag = f'<DataArray type="{_TYPES[a.dtype.str[1:]]}" Name={quoteattr(name)}{extra} {where}'
+        # What VTK itself writes for vtkDataArray::UNITS_LABEL; behind numbers, which begin where the tag ends.
+        if unit:
+            text += f'<InformationKey name="UNITS_LABEL" location="vtkDataArray">{escape(unit)}</InformationKey>'
+        return tag + (f">{text}</DataArray>" if text else "/>")
+
+    def put(self, block: bytes) -> tuple[str, str]:
+        """Where the numbers are (attributes of the array), and what stands within it."""
+        raise NotImplementedError
 
     def point_data(self, arrays: dict, units: dict | None) -> str:
         return (
@@ -64,15 +62,44 @@ class _Appended:
     def write(self, path: Path, kind: str, body: str) -> None:
         head = (
             f'<?xml version="1.0"?>\n<VTKFile type="{kind}" version="1.0" byte_order="LittleEndian" '
-            f'header_type="UInt64">\n{body}\n<AppendedData encoding="raw">\n_'
+            f'header_type="UInt64">\n{body}\n'
         )
         temporary = path.with_name(path.name + ".tmp")
         with open(temporary, "wb") as f:
             f.write(head.encode())
-            for block in self.blocks:
+            for block in self.behind():
                 f.write(block)
-            f.write(b"\n</AppendedData>\n</VTKFile>\n")
+            f.write(b"</VTKFile>\n")
         os.replace(temporary, path)
+
+    def behind(self):
+        """What follows the body, in pieces."""
+        return ()
+
+
+class _Appended(_Arrays):
+    """Numbers follow in one raw block at the end of the file."""
+
+    def __init__(self):
+        self.blocks, self.offset = [], 0
+
+    def put(self, block):
+        where = f'format="appended" offset="{self.offset}"'
+        self.blocks.append(block)
+        self.offset += len(block)
+        return where, ""
+
+    def behind(self):
+        return b'<AppendedData encoding="raw">\n_', *self.blocks, b"\n</AppendedData>\n"
+
+
+class _Inline(_Arrays):
+    """Numbers stand where their array is, in base64."""
+
+    boolean = np.int32
+
+    def put(self, block):
+        return 'format="binary"', b64encode(block).decode()
 
 
 def write_nodes(path, x_nc, arrays: dict, about: dict | None = None, units: dict | None = None) -> None:
@@ -107,7 +134,7 @@ def write_image(
     origin, spacing : (3,) of the first point and between points. shape : (3,) numbers of points. arrays : {name:
         (*shape, ...)}, x slowest as in `atc.Grid`.
     """
-    out = _Appended()
+    out = _Inline()
     extent = " ".join(f"0 {n - 1}" for n in shape)
     numbers = lambda a: " ".join(repr(float(v)) for v in a)  # noqa: E731
     body = (

@@ -161,12 +161,7 @@ def anchor_of(job) -> Anchor | None:
     """An anchor at the first frame of a request, with a skin from how far its second frame has moved; None where a list
     is not worth keeping."""
     pot = job.request.pot
-    if (
-        not job.work.bond_users
-        or job.n_frames < 3
-        or job.request.tiles is not None
-        or not getattr(pot, "cutoff", 0) > 0
-    ):
+    if not job.work.bond_users or job.n_frames < 3 or job.request.tiles is not None or not pot.cutoff > 0:
         return None
     try:
         second = job.frames[1]

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..bonds import Bonds
+from ..contracts import Interactions
 from ..errors import AtcError
 from ..frame import Cell, Frame
 from ..units import units as unit_system
@@ -19,7 +20,9 @@ def snapshot(sim, units="si", layer=None):
     Parameters
     ----------
     sim : Simulation
-    units : "si", or "lj" for any other consistent system of units: results carry its labels
+    units : the style whose length, energy and time the simulation's numbers are in; masses are then in energy·time²/
+        length², moduli in energy/length³. So "si" is SI; "metal" is Å, eV, ps (and no g/mol); "lj" is any other
+        consistent system. Results carry the style's labels.
     layer : in one and two dimensions the body is repeated every `layer` along the missing axes, with its share of mass
         and force, so that fields are those of
         a body that goes on for ever there; small against the kernel's radius (default a quarter of the spacing)
@@ -37,10 +40,10 @@ def snapshot(sim, units="si", layer=None):
     """
     u = unit_system(units)
     body = sim.body
-    cell, share = _place(body, layer)
+    cell, share = _place(body, sim.cell, layer)
     frame = _frame(sim, u, cell, share, sim.positions_nc, f"peridynamics step {sim.state.step}")
-    frame.velocities = u.to_internal("velocity", np.array(sim.state.v_nc))
-    frame.forces = u.to_internal("force", np.array(sim.forces()) * share)
+    frame.velocities = np.array(sim.state.v_nc) * (u.factor("length") / u.factor("time"))
+    frame.forces = np.array(sim.forces()) * (share * u.factor("energy") / u.factor("length"))
     frame.extra["damage"] = sim.damage()
     frame.step, frame.time = sim.state.step, u.to_internal("time", sim.state.time)
     return frame, SnapshotBonds(sim, u, share, frame)
@@ -49,7 +52,7 @@ def snapshot(sim, units="si", layer=None):
 def reference_frame(sim, units="si", layer=None) -> Frame:
     """The undeformed body, for quantities that need a reference."""
     u = unit_system(units)
-    cell, share = _place(sim.body, layer)
+    cell, share = _place(sim.body, sim.body.cell, layer)
     return _frame(sim, u, cell, share, sim.body.X_nc, "peridynamics reference")
 
 
@@ -60,21 +63,21 @@ def _frame(sim, u, cell, share, x_nc, source) -> Frame:
         cell.scaled(u.factor("length")),
         u,
         types=body.material_n,
-        masses=u.to_internal("mass", sim.mass_n * share),
+        masses=sim.mass_n * (share * u.factor("energy") * (u.factor("time") / u.factor("length")) ** 2),
         source=source,
         extra={"volume": body.V_n * share},
     )
 
 
-def _place(body, layer):
-    """The cell, and the share of the thickness (cross-section) that one layer has."""
+def _place(body, cell, layer):
+    """The cell (reference or deformed), and the share of the thickness (cross-section) that one layer has."""
     d = body.dimension
     if d == 3:
-        return body.cell, 1.0
+        return cell, 1.0
     h = 0.25 * body.spacing if layer is None else float(layer)
     if not h > 0:
         raise AtcError(f"layer must be a length greater than 0, got {layer!r}")
-    vectors, origin, periodic = np.array(body.cell.vectors), np.array(body.cell.origin), np.array(body.cell.periodic)
+    vectors, origin, periodic = np.array(cell.vectors), np.array(cell.origin), np.array(cell.periodic)
     vectors[d:] = 0.0
     vectors[:, d:] = 0.0
     for a in range(d, 3):
@@ -82,7 +85,7 @@ def _place(body, layer):
     return Cell(vectors, origin, periodic), h ** (3 - d) / body.thickness
 
 
-class SnapshotBonds:
+class SnapshotBonds(Interactions):
     """The bonds of one state of a peridynamic body, in the place of a potential. Made by `snapshot`.
 
     Attributes
@@ -97,8 +100,9 @@ class SnapshotBonds:
         self.i, self.j = found.i.astype(np.int32, copy=False), found.j.astype(np.int32, copy=False)
         self.r_bc = u.to_internal("length", found.r_bc)
         self.central = found.G_b is not None
-        self.G_b = u.to_internal("force", found.G_b * share) / u.factor("length") if self.central else None
-        self.F_bc = None if self.central else u.to_internal("force", found.F_bc * share)
+        force = share * u.factor("energy") / u.factor("length")
+        self.G_b = found.G_b * (force / u.factor("length")) if self.central else None
+        self.F_bc = None if self.central else found.F_bc * force
         self.horizon = u.to_internal("length", sim.body.horizon)
         longest = float(np.sqrt(np.einsum("bc,bc->b", self.r_bc, self.r_bc).max())) if len(self.i) else 0.0
         self.cutoff = max(self.horizon, longest)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import AtcError, AtcWarning
+from ..frame import Cell
 from .blocks import Crew, node_rows
 from .conditions import BodyForce, Prescribed
 from .contact import Contact, ContactSearch
@@ -71,7 +72,7 @@ class Simulation:
         bodies without images, its
         LPS energy)
 
-    Attributes: ``state``, ``dt``, ``body``, ``n_broken``.
+    Attributes: ``state``, ``dt``, ``body``, ``n_broken``, ``cell`` (the body's, deformed by `strain`).
     """
 
     def __init__(
@@ -152,6 +153,7 @@ class Simulation:
                 raise AtcError(f"conditions must be Prescribed or BodyForce objects, got {type(c).__name__}")
         self.prescribed = [c for c in conditions if isinstance(c, Prescribed)]
         self.external = [c for c in conditions if isinstance(c, BodyForce)] + self.rigid
+        self.cell, self.strained = body.cell, False
         self._z = node_rows(n)
         self._z[:, 3:6] = body.X_nc
         fresh = state is None
@@ -160,6 +162,9 @@ class Simulation:
             if strain.shape != (3, 3):
                 raise AtcError(f"strain must be a (3, 3) displacement gradient, got shape {strain.shape}")
             self.model.images[:, 3:] = self.model.images[:, :3] @ strain.T
+            F = np.eye(3) + strain
+            self.cell = Cell(body.cell.vectors @ F.T, body.cell.origin @ F.T, body.cell.periodic)
+            self.strained = bool(strain.any())
             if self.contact is not None:
                 self.contact.strain = strain
         state = State.rest(body) if fresh else state.copy()

@@ -25,7 +25,7 @@ PARTS = (
 #: Attributes of potentials that say where something came from, or how to make more of it, and not what it is.
 #: (What a script says of atoms is in the frames' digests.)
 _NOT_CONTENT = frozenset(
-    {"where", "folder", "file", "text", "data_file", "grow", "build", "source", "setup", "outside", "remarks"}
+    {"where", "folder", "file", "text", "data_file", "grow", "build", "source", "setup", "outside", "remarks", "nep"}
 )
 
 
@@ -35,6 +35,7 @@ def identity(job) -> dict:
     return {
         "results": RESULTS,
         "quantities": [q.name for q in work.quantities],
+        **({"column units": job.request.column_units} if job.request.column_units else {}),
         "trajectory": frame_digest(job.first),
         "potential": f"{_described(job.request.pot)}; {contents(job.request.pot)}"
         if work.bond_users and job.request.pot is not None
@@ -63,7 +64,7 @@ def _kernel(kern) -> list[str]:
 
 def _described(pot) -> str:
     # Remarks name files and lines, which may be others with the same model in them.
-    return "; ".join(t.describe() for t in pot.terms) if hasattr(pot, "terms") else pot.describe()
+    return "; ".join(t.describe() for t in pot.terms) or pot.describe()
 
 
 def _evaluated(job) -> str:

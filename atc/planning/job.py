@@ -35,17 +35,19 @@ def cores(jobs: int) -> int:
 def prepare(request: Request | Job) -> Job:
     """Read what the request names, complete it and choose the methods; a job is ready. What does not fit together is an
     AtcError."""
+    from ..estimators.accuracy.random_points import kernel_internal
+    from ..padding import resolved, warn_of_open_faces
     from ..planar import matched, planar
 
     if isinstance(request, Job):
         return request
-    work = Work.of(request.quantities, getattr(request.pot, "central", True))
+    work = Work.of(request.quantities, request.pot is None or request.pot.central)
     frames, pot = matched(as_frames(request.traj, request.pot), request.pot)
     if not len(frames):
         raise AtcError("the trajectory has no frames: nothing to compute")
     first = frames[0]
     reference, grid = _reference(request, frames, pot), request.grid
-    if work.bond_users and getattr(pot, "constraints", None) is not None:
+    if work.bond_users and pot is not None and pot.constraints is not None:
         # What its constraints are found from is settled, and asked for, once.
         pot = pot.settled(first)
         work = Work.of(request.quantities, pot.central)
@@ -55,11 +57,14 @@ def prepare(request: Request | Job) -> Job:
         reference = planar(reference)
     if request.kern is not None and work.kernel_users:
         request.kern.in_dimension(first.dimension)
-    if work.grid_users and hasattr(grid, "fixed"):
+    if work.grid_users and grid is not None:
         # Every entry of the output has as many points as the first.
         where = first if set(work.grid_users) - set(work.on_reference) or reference is None else reference
+        grid = resolved(grid, request.kern, where)
         grid = grid.fixed(where.units, where.cell, where.positions)
-    if work.bond_users and hasattr(pot, "check_topology"):
+        if request.kern is not None and work.kernel_users:
+            warn_of_open_faces(grid, kernel_internal(request.kern, first.units), where)
+    if work.bond_users and pot is not None:
         pot.check_topology(first)
     # Whole frames to processes if there are enough of them, else threads within a frame.
     threads, workers = request.threads, request.workers
@@ -88,7 +93,7 @@ def _reference(request: Request, frames, pot):
     if reference is None:
         return None
     if isinstance(reference, Frame):
-        return pot.complete(reference) if getattr(pot, "setup", None) is not None else reference
+        return pot.complete(reference) if pot is not None and pot.setup is not None else reference
     if not isinstance(reference, (int, np.integer)):
         return as_frames(reference, pot)[0]
     try:
@@ -138,7 +143,7 @@ class Job:
         if not places:
             return {}
         load = self.load if work.bond or work.reference_bond else Load()
-        forecast = self._forecast if self.may_loosen(work) and hasattr(self.request.pot, "terms") else None
+        forecast = self._forecast if self.may_loosen(work) and self.request.pot.terms else None
         together = dict.fromkeys(self.added_up, self.group()) if work is self.work else None
         return choose_methods(
             method,
@@ -224,7 +229,7 @@ class Job:
         """What an output says of the forces of constraints (what was held, what they were found from, how far off they
         are in the first frame) and from outside."""
         pot, work = self.request.pot, self.work
-        if not work.force_users and (not work.bond_users or getattr(pot, "constraints", None) is None):
+        if not work.force_users and (not work.bond_users or pot is None or pot.constraints is None):
             return {}
         d = pot.stream(self.first, None, threads=self.request.threads, forces=bool(work.force_users))
         out = {} if d.held is None else pot.constraints.attributes(d.held)
@@ -256,7 +261,7 @@ class Job:
             or self.n_frames < 2
             or self.request.tiles is not None
             or grid is None
-            or getattr(grid, "follows_atoms", False)
+            or grid.follows_atoms
         ):
             return frozenset()
         if groups.size_of(min(self.window, self.n_frames), len(first)) == 1:

@@ -21,6 +21,7 @@ _TERMS = {
     "kinetic_energy": "½ m v²",
     "potential_energy": "U",
     "atom_virial": "½ Σ G r⊗r",
+    "atom_moment": "−½ Σ r⊗F",
     "stress": "G r⊗r",
     "piola": "G R⊗r, between reference positions",
     "moment": "−r⊗F",
@@ -193,7 +194,7 @@ def _passes(work: Work, job: Job) -> list[str]:
             f"{'; '.join(made)}"
         )
     if work.summed_site:
-        terms, components = ", ".join(_TERMS[s] for s in work.site), work.n_site
+        terms, components = ", ".join(_TERMS.get(s) or s.removeprefix("column:") for s in work.site), work.n_site
         out.append(f"one pass over the atoms: Σ a φ for a = {terms}: {components} component{'s' * (components != 1)}")
     for key, gather, where in (
         ("gather", work.gather, ""),

@@ -36,13 +36,14 @@ class Request:
     tiles: object = None
     forces: str = "warn"
     log: object = None
+    column_units: dict | None = None
 
     def __post_init__(self):
         from ..agreement.forces import MODES
         from .method_choice import require_known
 
         for name, value, method, hint in (
-            ("pot", self.pot, "stream", "atc.potential('pair_style ...')"),
+            ("pot", self.pot, "check_topology", "atc.potential('pair_style ...')"),
             ("kern", self.kern, "scaled", "atc.kernel('quartic', radius=8.0)"),
             ("grid", self.grid, "bind", "atc.Grid.regular(spacing=2.0)"),
         ):

@@ -211,7 +211,10 @@ def _hdf5(path: Path) -> str | None:
     """What an HDF5 file is, if it is none that MDAnalysis reads by its name."""
     import h5py
 
+    from ..running.sealed import require_sound
+
     try:
+        require_sound(path)
         with h5py.File(path, "r") as f:
             attrs = {str(name): str(f.attrs.get(name)) for name in list(f.attrs)[:64]}
             groups = set(f)

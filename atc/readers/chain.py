@@ -175,7 +175,15 @@ class Chain(Trajectory):
         return self._part(0).type_names
 
     def _precision(self, frame):
-        return self._part(0)._precision(frame)
+        first = self._part(0)._precision(frame)
+        for p in (1, 3, 7, 15, 31):
+            if first[0] or p >= len(self.paths):
+                break
+            # Atoms that start on a lattice do not show how many digits they are written with.
+            later = self._part(p)._precision(frame)
+            if later[0]:
+                return later
+        return first
 
     def _numbered(self):
         return self._part(0)._numbered()

@@ -12,7 +12,7 @@ from . import _parse
 from ._bytes import open_bytes
 from .lammps_columns import INT_COLUMNS, KNOWN_FLOATS, TEXT_COLUMNS, LammpsTrajectory, cell_from_bounds, periodic_flags
 from .table import FLOAT, INT, TEXT, is_number, parse_columns
-from .trajectory import text_resolution, warn
+from .trajectory import text_resolution_of_frames, warn
 
 
 @dataclass
@@ -410,27 +410,32 @@ class LammpsDump(LammpsTrajectory):
         return "id" in self._header(self._start[0], self._line[0], 0).columns
 
     def _precision(self, frame):
-        h = self._header(self._start[0], self._line[0], 0)
-        lines = (
-            self._bytes.read(self._body[0], min(self._end[0], self._body[0] + (1 << 18))).tobytes().split(b"\n")[:-1]
-        )
+        columns = self._header(self._start[0], self._line[0], 0).columns
         for names, scaled in (
             (("x", "y", "z"), False),
             (("xu", "yu", "zu"), False),
             (("xs", "ys", "zs"), True),
             (("xsu", "ysu", "zsu"), True),
         ):
-            if all(name in h.columns for name in names):
-                at = [h.columns.index(name) for name in names]
-                words = [
-                    self._words(np.frombuffer(w, np.uint8)).tobytes().split()
-                    for w in lines[:: max(1, len(lines) // 1000)]
-                ]
-                words = [w[-len(h.columns) :] for w in words if len(w) >= len(h.columns)]
-                r, why = text_resolution([w[a].decode("utf-8", "replace") for w in words for a in at])
+            if all(name in columns for name in names):
+                r, why = text_resolution_of_frames(lambda k, names=names: self._sample(k, names), self._has)
                 scale = float(np.linalg.norm(frame.cell.vectors, axis=1).max()) if scaled else self.units.length
                 return r * scale, why
         return 0.0, "no coordinates"
+
+    def _sample(self, k, names) -> list[str]:
+        """Some of what stands in these columns of frame k, as text."""
+        columns = self._header(self._start[k], self._line[k], k).columns
+        if not all(name in columns for name in names):
+            return []
+        at = [columns.index(name) for name in names]
+        end = min(self._end[k], self._body[k] + (1 << 18))
+        lines = self._bytes.read(self._body[k], end).tobytes().split(b"\n")[:-1]
+        words = [
+            self._words(np.frombuffer(w, np.uint8)).tobytes().split() for w in lines[:: max(1, len(lines) // 1000)]
+        ]
+        words = [w[-len(columns) :] for w in words if len(w) >= len(columns)]
+        return [w[a].decode("utf-8", "replace") for w in words for a in at]
 
     def close(self):
         self._bytes.close()

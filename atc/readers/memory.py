@@ -85,7 +85,7 @@ class Completed(Trajectory):
 
 def completed(frames, pot):
     """Frames or a trajectory, as a potential's script completes them."""
-    if getattr(pot, "setup", None) is None or _is_completed(frames, pot.setup):
+    if pot is None or pot.setup is None or _is_completed(frames, pot.setup):
         return frames
     if isinstance(frames, Trajectory):
         return Completed(frames, pot)

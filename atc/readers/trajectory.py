@@ -379,13 +379,15 @@ def _on_few_sites(x, step) -> bool:
 
 def text_resolution(tokens) -> tuple[float, str]:
     """Estimate the absolute resolution of printed coordinates from a sample of their text, in the units they are
-    printed in.
+    printed in; 0 where it does not show.
 
     All with the same number of decimals: a fixed format, resolution 10^-decimals. Otherwise the largest number of
     significant digits in the sample is taken for the format's (``%g`` prints 6 and drops trailing zeros), and the
-    resolution is that of the largest value.
+    resolution is that of the largest value. Atoms on the sites of a perfect lattice (2, 4, 6.5) end before the format
+    does, if no number ends in a zero after the point, which a format that drops none would have written: fewer digits
+    than ``%g`` has say nothing then.
     """
-    digits, decimals, big, exponential = 0, set(), 0.0, False
+    digits, decimals, values, exponential, trimmed = 0, set(), [], False, True
     for token in tokens:
         t = token.lstrip("+-").lower()
         mantissa, _, exponent = t.partition("e")
@@ -395,13 +397,38 @@ def text_resolution(tokens) -> tuple[float, str]:
             continue
         decimals.add(len(fraction) - (int(exponent) if exponent else 0))
         digits = max(digits, len((whole + fraction).lstrip("0")))
-        big = max(big, abs(float(t)))
+        trimmed &= not fraction.endswith("0")
+        values.append(float(token))
+    big = max(map(abs, values), default=0.0)
     if not big:
         return 0.0, "no coordinates"
     digits = min(digits, 17)
-    if len(decimals) == 1 and not exponential and (d := decimals.pop()) > 0:
-        return max(10.0**-d, float(np.spacing(big))), f"{d} decimals"
-    return max(10.0 ** (np.floor(np.log10(big)) + 1 - digits), float(np.spacing(big))), f"{digits} significant digits"
+    fixed = len(decimals) == 1 and not exponential and max(decimals) > 0
+    step = 10.0 ** -max(decimals) if fixed else 10.0 ** (np.floor(np.log10(big)) + 1 - digits)
+    if trimmed and digits < _SHORTEST and _on_few_sites(np.array(values), step):
+        return 0.0, "unknown: atoms on lattice sites, whose numbers are shorter than their format"
+    return max(step, float(np.spacing(big))), f"{max(decimals)} decimals" if fixed else f"{digits} significant digits"
+
+
+# Digits of the shortest format that drops zeros, %g.
+_SHORTEST = 6
+
+
+def text_resolution_of_frames(tokens_of, has) -> tuple[float, str]:
+    """`text_resolution` of the first frame, or, where it does not show there (atoms start on a lattice), of a later one
+    of the same file.
+
+    tokens_of : frame number → sample of its coordinates as text
+    has : frame number → whether there is such a frame
+    """
+    first = text_resolution(tokens_of(0))
+    for k in (1, 3, 7, 15, 31):
+        if first[0] or not has(k):
+            break
+        later = text_resolution(tokens_of(k))
+        if later[0]:
+            return later
+    return first
 
 
 def resolution_of(frames, frame: Frame) -> float:
@@ -415,4 +442,4 @@ def warn(message: str) -> None:
     warnings.warn(message, AtcWarning, stacklevel=3)
 
 
-__all__ = ["Masses", "Trajectory", "decimal_resolution", "text_resolution", "warn"]
+__all__ = ["Masses", "Trajectory", "decimal_resolution", "text_resolution", "text_resolution_of_frames", "warn"]

@@ -18,7 +18,7 @@ from .lammps_columns import KNOWN_FLOATS, LammpsTrajectory
 from .lammps_dump import whole
 from .sniff import shown
 from .table import FLOAT, INT, TEXT, is_number, parse_columns
-from .trajectory import decimal_resolution, text_resolution, warn
+from .trajectory import decimal_resolution, text_resolution_of_frames, warn
 from .xyz_comment import CELL_UNIT_TAKEN, TIME_ROUNDED, Comment, read_comment
 
 # What columns of extended XYZ are called, and the columns of a dump they are.
@@ -438,13 +438,17 @@ class ExtendedXyz(LammpsTrajectory):
     def _precision(self, frame):
         if self._ase:
             return decimal_resolution(frame.positions)
-        _, buf, _, _ = self._text(0)
+        step, why = text_resolution_of_frames(self._sample, self._has)
+        return step * self.units.length, why
+
+    def _sample(self, k) -> list[str]:
+        """Some of the coordinates of frame k, as text."""
+        _, buf, _, _ = self._text(k)
         lines = buf[: 1 << 18].tobytes().split(b"\n")[:-1]
-        names, _ = self._layout(self._comment(0), buf, "")
+        names, _ = self._layout(self._comment(k), buf, "")
         at = [j for j, name in enumerate(names) if name.split("[")[0] in ("pos", "positions")]
         words = [w.split() for w in lines[:: max(1, len(lines) // 1000)]]
-        step, why = text_resolution([w[a].decode("utf-8", "replace") for w in words for a in at])
-        return step * self.units.length, why
+        return [w[a].decode("utf-8", "replace") for w in words for a in at if a < len(w)]
 
     def close(self):
         self._bytes.close()

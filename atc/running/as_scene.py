@@ -28,6 +28,7 @@ def scene_of(job) -> str:
         "grid": None if job.request.grid is None else _grid(job.request.grid, job.first.units),
         "fields": {
             "quantities": [q.name for q in job.work.quantities],
+            **({"column_units": job.request.column_units} if job.request.column_units else {}),
             "tolerance": float(job.request.tolerance),
             "method": job.request.method,
             "average": job.request.average if isinstance(job.request.average, bool) else int(job.request.average),
@@ -68,7 +69,10 @@ def _trajectory(job) -> dict:
 def _potential(pot) -> dict | None:
     if pot is None:
         return None
-    text, file = getattr(pot, "text", None), getattr(pot, "file", None)
+    text, file = pot.text, pot.file
+    if pot.nep is not None:
+        name, types = pot.nep
+        return {"nep": name} if types is None else {"nep": name, "types": [t or "NULL" for t in types]}
     if file is not None:
         return {"input": file, "units": pot.units.name}
     if text is not None:
@@ -82,7 +86,7 @@ def _grid(grid, units) -> dict:
         if len(p["xyz"]) > _MOST_POINTS:
             return {"kind": "points", "#": f"{len(p['xyz'])} points: see the coordinates"}
         return {"kind": "points", "points": p["xyz"]}
-    for key in ("shape", "spacing", "axis", "position", "origin", "u", "v", "start", "end", "n", "bins"):
+    for key in ("shape", "spacing", "axis", "position", "origin", "u", "v", "start", "end", "n", "bins", "padding"):
         if p.get(key) is not None:
             table[key] = "xyz"[p[key]] if key == "axis" else p[key]
     if "shift" in p:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..estimators.columns import is_column, label
 from ..estimators.settings import FrameResult
 from ..planning.job import Job
 from .as_scene import scene_of
@@ -13,7 +14,7 @@ from .output import Layout, Variable
 def follows_cell(job: Job) -> bool:
     """Whether the points of the grid move with the cell of each frame."""
     on_grid = [q for q in job.work.quantities if q.kind == "grid" and not q.on_reference]
-    return bool(on_grid) and getattr(job.request.grid, "follows_cell", False)
+    return bool(on_grid) and job.request.grid.follows_cell
 
 
 def grid_moves(job: Job) -> bool:
@@ -23,9 +24,8 @@ def grid_moves(job: Job) -> bool:
         return False
     if follows_cell(job):
         return job.frames[1].cell != job.first.cell
-    return getattr(job.request.grid, "follows_atoms", False) and bool(
-        set(job.work.grid_users) - set(job.work.on_reference)
-    )
+    on_frames = set(job.work.grid_users) - set(job.work.on_reference)
+    return bool(on_frames) and job.request.grid.follows_atoms
 
 
 def moving_coordinates(bound, u) -> dict:
@@ -87,7 +87,10 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
     for q in work.quantities:
         head = {"grid": grid_dims, "box": (), "atom": ("atom",)}[q.kind]
         shape = result.arrays[q.name].shape
-        attrs = {"units": u.label(q.dimension), "long_name": q.long_name, "sign_convention": q.sign}
+        unit = label(q.name, u, job.request.column_units) if is_column(q.name) else u.label(q.dimension)
+        attrs = {"units": unit, "long_name": q.long_name, "sign_convention": q.sign}
+        if u.dimension == 2:
+            attrs["dimension"] = 2
         comment = [_in_plane(q.comment) if u.dimension == 2 else q.comment] if q.comment else []
         if job.request.average is not False:
             of = f"<w X>/<w>, w the {_WEIGHTS[q.weight]}" if q.weight else "of the fields of the frames"
@@ -200,4 +203,4 @@ def radius_of(kern) -> float:
 
 
 def _grid_name(grid) -> str:
-    return grid.describe() if hasattr(grid, "describe") else repr(grid)
+    return grid.describe()

@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
+from .sealed import Damaged, require_sound, seal
 
 _CHUNK_BYTES = 32 * 2**20
 
@@ -96,10 +97,6 @@ def check_name(out) -> Path:
     if path.suffix not in (".zarr", ".nc"):
         raise AtcError(f"{path}: the name of the output must end in .zarr or .nc")
     return path
-
-
-class Damaged(AtcError):
-    """An output that is no longer what was written."""
 
 
 class Store:
@@ -384,6 +381,7 @@ class Store:
                     array.attrs[key] = value
             for key, value in dict(self._group.attrs).items():
                 f.attrs[key] = value
+        seal(path)
 
     def _reserve(self, path) -> None:
         """See that there is room for the file: HDF5 takes a full disk badly, and says so at length on standard
@@ -553,11 +551,11 @@ def damage(path) -> str | None:
         import h5py
 
         try:
+            require_sound(path)
             file = h5py.File(path, "r")
-        except OSError:
-            return f"{path}: its structure cannot be read: the file is damaged, compute it again"
-        try:
             arrays = {name: a for name, a in file.items() if isinstance(a, h5py.Dataset)}
+        except Damaged as e:
+            return str(e)
         except Exception:  # HDF5 has many words for it
             return f"{path}: its structure cannot be read: the file is damaged, compute it again"
     for name, a in arrays.items():
@@ -589,6 +587,7 @@ def open_dataset(path):
             _require_all_chunks(path)
             ds = xr.open_dataset(path, engine="zarr", chunks=None, decode_times=False)
         else:
+            require_sound(path)
             ds = xr.open_dataset(path, engine="h5netcdf", decode_times=False)
         # How this file is packed must not bind the next one: formats do not know each other's compressors.
         ds.encoding = {}

@@ -57,6 +57,7 @@ def fields(
     horizon=None,
     forces="warn",
     log=None,
+    column_units=None,
 ):
     """Continuum fields of a trajectory.
 
@@ -114,6 +115,9 @@ def fields(
         with "must agree" an error before anything is computed.
     log : path, or list of paths
         LAMMPS log files of the run: energy and pressure tensor of the steps that both have are compared, too.
+    column_units : dict
+        {column: unit} of the trajectory's own columns whose fields are asked for (quantities ``column:c_pe``,
+        ``column:c_pe:mean``, ``column:c_pe:mass_mean``): what to call the unit of their values, which stay as they are.
 
     Returns
     -------
@@ -156,6 +160,7 @@ def fields(
         tiles,
         forces=forces,
         log=log,
+        column_units=column_units,
     )
     if out is None:
         job = prepare(request)

@@ -144,11 +144,12 @@ def save_dataset(ds, path: Path) -> None:
     import shutil
 
     from ..running.output import explained
+    from ..running.sealed import to_netcdf
 
     part = path.with_name(path.name + ".part")
     with explained(path):
         if path.suffix == ".nc":
-            ds.to_netcdf(part, engine="h5netcdf")
+            to_netcdf(ds, part)
             if path.is_dir():
                 shutil.rmtree(path)
         else:

@@ -352,11 +352,12 @@ class Dispersion:
     def save(self, path) -> None:
         """Write the dataset: .nc or .zarr."""
         from ..running.output import check_name, explained
+        from ..running.sealed import to_netcdf
 
         path = check_name(path)
         with explained(path):
             ds = self.dataset()
-            ds.to_zarr(path, mode="w") if path.suffix == ".zarr" else ds.to_netcdf(path, engine="h5netcdf")
+            ds.to_zarr(path, mode="w") if path.suffix == ".zarr" else to_netcdf(ds, path)
 
     # ---- picture
 
@@ -540,8 +541,9 @@ def dispersion(
     if models:
         if out.elastic is None or not is_cubic(out.elastic, 1e-4):
             raise AtcError(
-                f"{crystal.name}: the peridynamic models are for stable cubic crystals with the cube's edges along x, "
-                "y, z"
+                f"{crystal.name}: there are no peridynamic models of this crystal (models = {list(models)}): they are "
+                "for stable cubic crystals with the cube's edges along x, y, z, and not for hcp and others; leave "
+                "models out, or give such a crystal"
             )
         made = [
             make_model(m, out.fc, out.elastic, horizon=inner(horizon), knots=knots, width=inner(width), order=order)

@@ -193,7 +193,7 @@ def force_constants(
 
 def _pair_terms(model):
     """The pair terms of a potential that is nothing but pair terms, or None."""
-    if not hasattr(model, "terms"):
+    if not hasattr(model, "terms") or not model.terms:
         return None
     from ..decomposers.pair import Pairs
 

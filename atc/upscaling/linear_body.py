@@ -7,13 +7,18 @@ Internal units.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import AtcError
+from ..errors import AtcError, AtcWarning
 from .force_constants import signed_root
 from .peridynamic_kernels import CoarseLattice, Lattice, _unit
+
+#: How far the moduli of nodes may be from those of the kernel they sample: beyond the first a warning, beyond the
+#: second an error.
+MODULI_WARN, MODULI_REFUSE = 0.02, 0.10
 
 
 @dataclass
@@ -33,10 +38,12 @@ class Stencil:
     label: str = "stencil"
 
     @classmethod
-    def of_kernel(cls, model, spacing: float) -> Stencil:
+    def of_kernel(cls, model, spacing: float, *, check: bool = True) -> Stencil:
         """A continuous kernel of one displacement field on a simple cubic lattice: the midpoint rule, bond by bond.
 
-        Its dispersion is that of the sum, not of the integral; the difference falls with the spacing.
+        Its dispersion is that of the sum, not of the integral; the difference falls with the spacing. `check`: the
+        nodes' moduli are compared with the kernel's own (see `sampled_moduli`); they are warned about beyond 2 % and
+        refused beyond 10 %. `check=False` is for looking at how the sum converges.
         """
         if not hasattr(model, "kernel") or (len(model.crystal) > 1 and hasattr(model, "fc")):
             raise AtcError(f"{model.label}: expected a continuous kernel with one displacement field")
@@ -50,7 +57,25 @@ class Stencil:
             np.concatenate([model.kernel(part) for part in np.array_split(xi, max(1, len(xi) // 4000))]) * spacing**6
         )
         on = np.abs(springs).max(axis=(1, 2)) > 0
-        return cls(np.eye(3) * spacing, n[on], springs[on], model.crystal.density * spacing**3, model.label)
+        made = cls(np.eye(3) * spacing, n[on], springs[on], model.crystal.density * spacing**3, model.label)
+        if check:
+            made._require_moduli(model, spacing)
+        return made
+
+    def _require_moduli(self, model, spacing) -> None:
+        off = sampled_moduli(self, model)
+        worst = float(np.abs(off - 1).max())
+        if worst <= MODULI_WARN:
+            return
+        u = model.crystal.units
+        length = f"{u.to_user('length', spacing):.4g} {u.label('length')}"
+        found = (
+            f"{model.label}: nodes {length} apart sample the kernel too coarsely: stiffnesses of long waves are "
+            f"{off.min():.3g} to {off.max():.3g} times the kernel's own"
+        )
+        if not worst <= MODULI_REFUSE:
+            raise AtcError(f"{found}; take a smaller spacing, or a coarse lattice (coarse2, coarse3)")
+        warnings.warn(f"{found}; a smaller spacing comes closer", AtcWarning, stacklevel=3)
 
     @classmethod
     def of_lattice(cls, model) -> Stencil:
@@ -322,6 +347,15 @@ def wave_packet(
     return Packet(
         k, omega, group, None if model is None else prediction(model)[1], float(speed), legs[-1] - first, float(drift)
     )
+
+
+def sampled_moduli(stencil: Stencil, model) -> np.ndarray:
+    """(3 directions, 3) stiffness ρω²/k² of long waves along [100], [110], [111] in the nodes' sum over that in the
+    kernel's integral, branches ascending; 1 is exact. NaN where the kernel has none."""
+    k = 1e-3 * 2 * np.pi / np.linalg.norm(model.crystal.conventional[0])
+    e = np.array([[1, 0, 0], [1, 1, 0], [1, 1, 1]]) / np.sqrt([[1], [2], [3]])
+    a, b = (np.linalg.eigvalsh(m.dynamical_matrix(k * e)) for m in (stencil, model))
+    return a / np.where(b > 0, b, np.nan)
 
 
 def discretisation_error(stencil: Stencil, model, k_kc) -> np.ndarray:

@@ -104,10 +104,11 @@ class Report:
     def dataset(self, name: str, ds) -> None:
         """Save a dataset as name.nc beside the report."""
         from ..running.output import explained
+        from ..running.sealed import to_netcdf
 
         path = self.folder / f"{name}.nc"
         with explained(path):
-            ds.to_netcdf(path, engine="h5netcdf")
+            to_netcdf(ds, path)
 
     def write(self) -> Path:
         rows = "".join(

@@ -2,6 +2,7 @@
 
 import json
 
+import energy_systems
 import numpy as np
 import pytest
 from frames import argon
@@ -76,10 +77,12 @@ def case(name, sw_lines):
         )
     if name == "sw":
         return hot(silicon_config(shake=0.2), 600), atc.potential(sw_lines, units="metal"), 1.6
+    if name == "nep":
+        return (*energy_systems.system("nep"), 1.6)
     return (*eam(), 1.6) if name == "eam" else (*melt(), 0.7)
 
 
-@pytest.mark.parametrize("name, churns", [("lj", None), ("sw", 1e-3), ("eam", None), ("melt", 1e-4)])
+@pytest.mark.parametrize("name, churns", [("lj", None), ("sw", 1e-3), ("eam", None), ("melt", 1e-4), ("nep", None)])
 def test_laws_hold(name, churns, sw_lines):
     """Rounding in closed form; 1e-10 from the fields (rounding of a field over a step of width/400); heat flux without
     churning is wrong.
@@ -167,7 +170,7 @@ def test_exact_rates(sw_lines):
     kern = kernel("gaussian", width=width)
     x_gc = frame.cell.cartesian(np.random.default_rng(1).random((3, 3)))
     state = balance.motion(frame, pot)
-    exact = balance.Exact(balance.Sites(x_gc, frame.positions, frame.cell, kern), state, np.zeros((3, 18)))
+    exact = balance.Exact(balance.Sites(x_gc, frame.positions, frame.cell, kern), state, np.zeros((3, 21)))
     F = np.zeros((4, 3))
     h = 2e-3
     for k in range(4):
@@ -467,7 +470,7 @@ def test_noise_of_rounding_against_rounded_frames():
     kern = kernel("gaussian", width=1.6)
     x_gc = frame.cell.cartesian(np.random.default_rng(1).random((4, 3)))
     state = balance.motion(frame, pot)
-    exact = balance.Exact(balance.Sites(x_gc, frame.positions, frame.cell, kern), state, np.zeros((4, 18)))
+    exact = balance.Exact(balance.Sites(x_gc, frame.positions, frame.cell, kern), state, np.zeros((4, 21)))
     dx, dv = 1e-4, 1e-5
     want = limits.resolution_noise(exact, dx, dv)
     rng = np.random.default_rng(5)

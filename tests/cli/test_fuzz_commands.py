@@ -317,15 +317,8 @@ def fuzz(place, kind, count):
         work.mkdir()
         for words in KINDS[kind](rng, *place):
             done = warm.run(work, words, limit=60.0, memory=6 << 30)
-            # `atc check` says 1 where a law is broken; damaged structures make the HDF5 library itself loop now and
-            # then (counted below as -9)
-            others = (
-                (1,)
-                if words[0] == "check" and not done["err"]
-                else (-9,)
-                if kind == "an output" and "damaged.nc" in words
-                else ()
-            )
+            # `atc check` says 1 where a law is broken
+            others = (1,) if words[0] == "check" and not done["err"] else ()
             acceptable(done, (kind, k, words), others)
             statuses[done["status"]] = statuses.get(done["status"], 0) + 1
     return statuses
@@ -334,7 +327,6 @@ def fuzz(place, kind, count):
 @pytest.mark.parametrize("kind", KINDS)
 def test_damage(place, kind):
     statuses = fuzz(place, kind, 25)
-    assert -9 not in statuses
     # an unfinished run heals: what is damaged of it is computed again
     assert statuses.get(0 if kind == "an unfinished run" else 2, 0) > 2, "damage that does not reach what it is for"
 

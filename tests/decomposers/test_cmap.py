@@ -77,3 +77,29 @@ def test_maps_without_energy_and_malformed_files(tmp_path):
     with pytest.raises(AtcError, match="d:5: a row of section CMAP has an index, a type and five atom ids"):
         read_crossterms(tmp_path / "d")
     assert len(read_crossterms(tmp_path / "maps")[0]) == 0
+
+
+SCRIPT = """units real
+atom_style full
+atom_modify map array
+fix c all cmap maps
+read_data one.data fix c crossterm CMAP
+pair_style lj/cut 8
+pair_coeff 1 1 0.1 3.0
+"""
+
+
+def test_scripts_with_maps(tmp_path):
+    """A map without energy is nothing; another is refused for its mirror image, with the line of the fix."""
+    import atc
+
+    peptide(tmp_path / "one.data", np.random.default_rng(3).uniform(-2, 2, (5, 3)))
+    (tmp_path / "in.run").write_text(SCRIPT)
+    (tmp_path / "maps").write_text("0.0 " * 576)
+    assert atc.potential(tmp_path / "in.run").cutoff == 8.0
+    (tmp_path / "maps").write_text(" ".join(map(str, range(576))))
+    with pytest.raises(AtcError, match=r"line 4: fix cmap: 1 crossterms use map 1: .*mirror image by up to"):
+        atc.potential(tmp_path / "in.run")
+    # pasted lines do not say which crossterms there are
+    with pytest.raises(AtcError, match="fix cmap adds energies of two torsions that differ from those of the mirror"):
+        atc.potential("units real\nfix c all cmap maps\npair_style lj/cut 8\npair_coeff 1 1 0.1 3.0")

@@ -36,11 +36,17 @@ FORMULAS = [
     "(v_a+v_b)*2",
     "v_s*3",
     "v_a >= 2.5 && v_b != 1",
+    "v_w[2]^2-v_w[1]*v_w[3]",
 ]
 
 
 def test_arithmetic_is_lammpss():
-    define = ["variable a equal 2.5", "variable b equal v_a^2-1", "variable s string 1.25"]
+    define = [
+        "variable a equal 2.5",
+        "variable b equal v_a^2-1",
+        "variable s string 1.25",
+        "variable w vector [0.5,-7.25,1e2]",
+    ]
     mine = Variables()
     with lammps_session() as lmp:
         for line in define:
@@ -101,6 +107,12 @@ def test_substitution_is_lammpss():
         "f(1)",
         "(1",
         "v_loop",
+        "v_w",
+        "v_w[0]",
+        "v_w[4]",
+        "v_w[1",
+        "v_loop[1]",
+        "v_c[1]",
         "2 ? 3",
         "random(1,2,3)",
     ],
@@ -108,6 +120,8 @@ def test_substitution_is_lammpss():
 def test_what_cannot_be_evaluated(formula):
     v = Variables()
     v.define(["loop", "equal", "v_loop+1"])
+    v.define(["w", "vector", "[1,2,3]"])
+    v.define(["c", "vector", "c_pressure"])
     with pytest.raises(Unknown):
         v.evaluate(formula)
 
@@ -381,7 +395,7 @@ BAD = {
     "kim": ("kim init SW metal", "line 1: kim: .*archive of KIM"),
     "set": (f"units lj\n{LJ}set type 1 chrage 2", "line 4: set chrage"),
     "exclude": (f"units lj\n{LJ}neigh_modify exclude types 1 1", "line 4.*expected neigh_modify exclude type, group"),
-    "include of a group": (f"units lj\n{LJ}neigh_modify include mobile", "line 4.*group only"),
+    "include": (f"units lj\n{LJ}neigh_modify include", "line 4.*name of a group"),
     "every": (
         f"units lj\n{LJ}run 100 every 10 'pair_coeff 1 1 2 1'",
         "line 4.*'pair_coeff' is executed while LAMMPS runs",

@@ -116,6 +116,10 @@ BONDS = {
     "region": "region r block 0 3 0 9 0 9 units box\ngroup g region r\ngroup g include molecule\ndelete_bonds g multi",
     "create": "create_bonds single/bond 1 4 5\ncreate_bonds single/angle 2 3 4 5",
     "delete atoms": "group g id 1 2 7\ndelete_atoms group g bond yes",
+    "delete whole molecules": "group g id 1 2 7\ndelete_atoms group g mol yes",
+    "delete molecules somewhere": "displace_atoms all random 0.1 0.1 0.1 7\nregion r sphere 2 2 2 1.6 units box\n"
+    "delete_atoms region r mol yes\ndelete_bonds all bond 1",
+    "delete switched molecules": "delete_bonds all bond 1\ngroup g id 1 2 7\ndelete_atoms group g mol yes",
     "delete molecules": "region r block 0 1.5 0 1.5 0 9 units box\ndelete_atoms region r mol yes bond yes",
     "molecules": "set mol 3*5 charge 0.25\ngroup m molecule 2 4:6\nset group m charge -0.5\nset atom 1 mol 9",
 }
@@ -154,6 +158,20 @@ def test_excluded_pairs(case, tmp_path):
         np.testing.assert_allclose(
             whole.stress_potential, tiles.stress_potential, rtol=0, atol=1e-11 * np.abs(whole.stress_potential).max()
         )
+
+
+@pytest.mark.parametrize("more", ["", " exclude group b b exclude type 1 2"], ids=["include", "and exclude"])
+def test_pairs_of_a_group_only(more, tmp_path):
+    """LAMMPS never sets the forces of atoms outside the group to 0 before it adds to them: they are not compared."""
+    polymers(tmp_path)
+    text = f"group a id 1:60:2\natom_modify first a\ngroup b id 30:50\nneigh_modify include a{more}\n"
+    ran = run_script(tmp_path, CHAINS + text)
+    pot = atc.potential(tmp_path / "in.run")
+    frame = pot.complete(atc.read(tmp_path / "run.dump", units="lj")[0])
+    d, inside = pot.stream(frame, forces=True), np.isin(frame.ids, range(1, 61, 2))
+    assert d.energy == pytest.approx(ran.energy, rel=1e-12)
+    np.testing.assert_allclose(d.virial_cc, ran.virial, rtol=0, atol=1e-12 * np.abs(ran.virial).max())
+    np.testing.assert_allclose(d.forces_nc[inside], ran.forces[inside], rtol=0, atol=1e-12 * np.abs(ran.forces).max())
 
 
 # What a user gives besides the script, and what it must not contradict

@@ -369,6 +369,10 @@ REFUSED = {
         "pair_style coul/long 5\npair_coeff * *\nkspace_style pppm 1e-4\nneigh_modify exclude type 1 1",
         "neigh_modify exclude",
     ),
+    "include": (
+        "pair_style coul/long 5\npair_coeff * *\nkspace_style pppm 1e-4\ngroup g type 1\nneigh_modify include g",
+        "neigh_modify include is not supported with long-range",
+    ),
     "cutoffs": (
         "pair_style hybrid/overlay coul/long 5 lj/cut/coul/long 4 4\npair_coeff * * coul/long\npair_coeff * * "
         "lj/cut/coul/long 1 1\nkspace_style pppm 1e-4",

@@ -11,6 +11,7 @@ from scipy.integrate import quad
 
 import atc
 from atc.bonds import Bonds
+from atc.contracts import Interactions
 from atc.errors import AtcError
 from atc.estimators.peridynamic import mean_weight
 from atc.frame import Cell, Frame
@@ -50,7 +51,7 @@ class Skew(BruteLJ):
         )
 
 
-class Springs:
+class Springs(Interactions):
     """Bonds of given ends with the force c (|r|/|ξ| − 1) along r on a lattice deformed by F from rest: PMB without
     volume correction."""
 

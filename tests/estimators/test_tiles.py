@@ -8,6 +8,7 @@ from energy_systems import NAMES, RandomTerm, chains, hot, system
 from test_special_bonds import DSF, LJ, SPECIAL, molecules
 
 import atc
+from atc.contracts import Interactions
 from atc.errors import AtcError
 from atc.estimators.driver import fields_of
 from atc.estimators.tile_cuts import Cut
@@ -246,7 +247,7 @@ def test_what_tiles_cannot_do():
     with pytest.raises(AtcError, match="tiles: random 4-body does not say which atoms it acts on: leave tiles out"):
         atc.fields(frame, pot, KERN, GRID, ["stress_potential"], tiles=(2, 1, 1))
 
-    class Bodies:
+    class Bodies(Interactions):
         units, cutoff, central = atc.units.units("metal"), 5.0, True
 
         def describe(self):

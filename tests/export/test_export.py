@@ -1,6 +1,7 @@
 """Fields in the files of other programs: what is written is read back, point by point."""
 
 import re
+from base64 import b64decode
 
 import numpy as np
 import pytest
@@ -28,6 +29,22 @@ def appended(path):
     return out, xml
 
 
+def inline(path):
+    """The same of a file whose numbers stand in base64 where their array is, by the format's definition."""
+    xml = path.read_text()
+    types = {"Float64": "<f8", "Int32": "<i4"}
+    out = {}
+    for tag, text in re.findall(r"<DataArray ([^>]*)>([^<]+)", xml):
+        a = dict(re.findall(r'(\w+)="([^"]*)"', tag))
+        assert a["format"] == "binary"
+        block = b64decode(text, validate=True)
+        assert int(np.frombuffer(block[:8], "<u8")[0]) == len(block) - 8
+        values = np.frombuffer(block[8:], types[a["type"]])
+        out[a["Name"]] = values.reshape(-1, int(a["NumberOfComponents"])) if "NumberOfComponents" in a else values
+    assert len(out) == xml.count("<DataArray ")
+    return out, xml
+
+
 def fields(grid, cell="orthogonal", quantities=("density", "stress_potential"), frames=2, **more):
     traj = [argon(cell, seed=k) for k in range(frames)]
     return atc.fields(traj, BruteLJ(), atc.kernel("quartic", 6.0), grid, list(quantities), **more)
@@ -39,7 +56,7 @@ def test_regular_grid_is_image_data(tmp_path):
     files = sorted((tmp_path / "out").iterdir())
     assert path == tmp_path / "out.pvd" and [f.name for f in files] == ["out_00000.vti", "out_00001.vti"]
     assert re.findall(r'file="([^"]*)"', path.read_text()) == ["out/out_00000.vti", "out/out_00001.vti"]
-    got, xml = appended(files[1])
+    got, xml = inline(files[1])
     assert 'WholeExtent="0 2 0 3 0 4"' in xml and 'type="ImageData"' in xml
     origin = np.array(re.search(r'Origin="([^"]*)"', xml).group(1).split(), float)
     spacing = np.array(re.search(r'Spacing="([^"]*)"', xml).group(1).split(), float)
@@ -49,6 +66,61 @@ def test_regular_grid_is_image_data(tmp_path):
     for name, width in (("density", ()), ("stress_potential", (9,))):
         want = ds[name][1].values.reshape(3, 4, 5, *width)
         assert np.array_equal(got[name].reshape(5, 4, 3, *width), np.moveaxis(want, (0, 1, 2), (2, 1, 0)))
+
+
+@pytest.fixture(scope="module")
+def regular(tmp_path_factory):
+    """A volume with a mask and NaN where there is no mass, and its files."""
+    folder = tmp_path_factory.mktemp("regular")
+    traj = [argon("open", seed=k) for k in range(2)]
+    ds = atc.fields(
+        traj, BruteLJ(), atc.kernel("quartic", 4.0), atc.Grid.regular([60.0, 50.0, 40.0], shape=(5, 4, 3)),
+        ["density", "velocity", "stress"],
+    )  # fmt: skip
+    assert not ds.mask.all() and ds.mask.any()
+    return ds, export(ds, folder / "out.pvd"), sorted((folder / "out").iterdir())
+
+
+def test_paraview_reads_it(regular):
+    vtk = pytest.importorskip("vtk")
+    from vtk.util.numpy_support import vtk_to_numpy
+
+    ds, _, files = regular
+    for k, path in enumerate(files):
+        reader = vtk.vtkXMLImageDataReader()
+        reader.SetFileName(str(path))
+        reader.Update()
+        image = reader.GetOutput()
+        assert image.GetDimensions() == (5, 4, 3)
+        np.testing.assert_allclose(image.GetOrigin(), [ds.x[0], ds.y[0], ds.z[0]], rtol=1e-12)
+        np.testing.assert_allclose(image.GetSpacing(), [ds[a][1] - ds[a][0] for a in "xyz"], rtol=1e-12)
+        for name in ("density", "velocity", "stress", "mask"):
+            array = image.GetPointData().GetArray(name)
+            want = ds[name][k].values
+            got = vtk_to_numpy(array).reshape(3, 4, 5, *want.shape[3:]).swapaxes(0, 2)
+            np.testing.assert_array_equal(got, want)
+            assert array.GetInformation().Get(vtk.vtkDataArray.UNITS_LABEL()) == ds[name].attrs["units"]
+
+
+def test_ovito_reads_it(regular):
+    pytest.importorskip("ovito")
+    from ovito.io import import_file
+
+    ds, series, files = regular
+    assert import_file(str(files[0])).compute().grids
+    pipeline = import_file(str(series))
+    assert pipeline.source.num_frames == 2
+    for k in range(2):
+        (grid,) = pipeline.compute(k).grids.values()
+        assert tuple(grid.shape) == (5, 4, 3)
+        np.testing.assert_allclose(grid.domain[:, 3], [ds.x[0], ds.y[0], ds.z[0]], rtol=1e-12)
+        np.testing.assert_allclose(
+            np.diag(grid.domain[:, :3]), [float(ds[a][-1] - ds[a][0]) for a in "xyz"], rtol=1e-12
+        )
+        for name in ("density", "velocity", "stress", "mask"):
+            want = ds[name][k].values
+            got = np.asarray(grid[name]).reshape(3, 4, 5, *want.shape[3:]).swapaxes(0, 2)
+            np.testing.assert_array_equal(got, want)
 
 
 @pytest.mark.parametrize("grid, shape", [
@@ -86,6 +158,20 @@ def test_points_and_atoms(tmp_path):
     mesh = meshio.read(tmp_path / "p.vtu")
     np.testing.assert_allclose(mesh.points, [[1, 2, 3], [4, 5, 6]], rtol=1e-12)
     assert np.array_equal(mesh.point_data["stress_potential"].reshape(2, 3, 3), points.stress_potential[0])
+
+
+def test_columns_of_the_dump(tmp_path):
+    import ase.io
+
+    frame = argon()
+    frame = frame.replace(extra={"c_pe": np.linspace(-1, 1, len(frame))})
+    name = "column:c_pe:mean"
+    ds = atc.fields([frame], None, atc.kernel("quartic", 6.0), atc.Grid.atoms(), [name], column_units={"c_pe": "eV"})
+    export(ds, tmp_path / "out.extxyz")
+    atoms = ase.io.read(tmp_path / "out.extxyz")
+    assert (
+        np.array_equal(atoms.arrays["column_c_pe_mean"], ds[name][0]) and "column_c_pe_mean=eV" in atoms.info["Units"]
+    )
 
 
 def test_messages(tmp_path):

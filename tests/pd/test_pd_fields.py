@@ -139,3 +139,35 @@ def test_snapshots_are_of_one_moment():
         atc.fields(frame, bonds, atc.kernel("quartic", 3.0), atc.Grid.points([[0, 0, 0]]), ["energy_potential"])
     with pytest.raises(AtcError, match="layer must be"):
         pd.snapshot(sim, layer=-1)
+
+
+@pytest.mark.parametrize("units", ["si", "lj", "metal", "real", "nano"])
+def test_a_strained_cell_is_the_snapshots_cell(units):
+    """Density ρ0/J and the virial of the deformed box, in every style: moduli are energy/length³ of it."""
+    H = np.array([[0.2, 0.05, 0.0], [0.0, -0.03, 0.0], [0.0, 0.0, 0.1]])
+    body = pd.Body.lattice(
+        pd.Box((0, 0, 0), (7, 7, 7)), 1.0, 3.015, 2.0, cell=Cell([8.0, 8, 8]), warn=False
+    )  # fmt: skip
+    sim = pd.Simulation(body, pd.LPS(1.0, 0.6), strain=H)
+    frame, bonds = pd.snapshot(sim, units=units)
+    J = np.linalg.det(np.eye(3) + H)
+    u = frame.units
+    assert frame.cell.volume == pytest.approx(512 * J * u.factor("length") ** 3, rel=1e-12)
+    mass = u.factor("energy") * (u.factor("time") / u.factor("length")) ** 2
+    assert frame.masses.sum() / frame.cell.volume == pytest.approx(2.0 * mass / J / u.factor("length") ** 3, rel=1e-12)
+    f = sim.bond_forces()
+    box = -np.einsum("bi,bj->ij", f.r_bc, f.F_bc) / (512 * J) * u.factor("energy") / u.factor("length") ** 3
+    virial = bonds.stream(frame, energies=True)
+    np.testing.assert_allclose(virial.virial_cc / frame.cell.volume, box, rtol=1e-12, atol=1e-12 * np.abs(box).max())
+    assert virial.energy == pytest.approx(sim.energies().strain * u.factor("energy"), rel=1e-12)
+    # through the estimators, at points anywhere: a uniform body at w = 0.85 spacings
+    ds = atc.fields(
+        frame, bonds, atc.kernel("gaussian", width=1.2), atc.Grid.regular(shape=(3, 3, 3)), ["density", LS]
+    )  # fmt: skip
+    scale = u.to_user("pressure", np.abs(box).max())
+    np.testing.assert_allclose(
+        ds[LS][0], np.broadcast_to(u.to_user("pressure", box), (3, 3, 3, 3, 3)), atol=1e-3 * scale
+    )
+    assert float(ds.density[0].std() / ds.density[0].mean()) < 1e-3
+    # the undeformed body is what it was
+    assert pd.reference_frame(sim, units).cell.volume == pytest.approx(512 * u.factor("length") ** 3, rel=1e-12)

@@ -40,4 +40,9 @@ def system(name, seed=0):
     """(frame, potential): periodic, tilted, hot."""
     if name == "lj":
         return argon("tilted", seed=seed, n=(3, 3, 3)), potential("lj")
-    return silicon(seed, tilt=(1.5, -2.0, 3.0)), potential("sw")
+    frame = silicon(seed, tilt=(1.5, -2.0, 3.0))
+    if name == "nep":
+        import energy_systems
+
+        return frame.replace(types=np.arange(len(frame)) % 2 + 1), energy_systems.potential("nep")
+    return frame, potential("sw")

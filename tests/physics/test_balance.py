@@ -38,7 +38,7 @@ def user_to_internal(ds, name, dimension, units):
     return units.to_internal(dimension, ds[name].values[0])
 
 
-@pytest.mark.parametrize("name", ["lj", "sw"])
+@pytest.mark.parametrize("name", ["lj", "sw", "nep"])
 def test_mass_and_momentum_balance(name):
     """∂ρ/∂t + ∇·π = 0 and ∂π/∂t + ∇·(ρ v⊗v) = ∇·σ; time derivatives by the chain rule: ∂φ_j/∂t = −v_j·∇φ_j, m dv_j/dt =
     F_j."""
@@ -68,7 +68,7 @@ def test_mass_and_momentum_balance(name):
     np.testing.assert_allclose(pi_t + transport, stencil.divergence(sigma), rtol=0, atol=1e-9 * np.abs(pi_t).max())
 
 
-@pytest.mark.parametrize("name", ["lj", "sw"])
+@pytest.mark.parametrize("name", ["lj", "sw", "nep"])
 def test_divergence_of_the_potential_stress_is_the_force_density(name):
     """∇·σ_U = Σ F_j φ_j, from φ_j − φ_k = −∂_µ(x_jk^µ β)."""
     frame, pot = system(name, seed=3)

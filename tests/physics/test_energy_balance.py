@@ -50,6 +50,7 @@ SYSTEMS = [
     ("4-body", "center"),
     ("5-body", "equal"),
     ("5-body", "center"),
+    ("nep", None),
 ]
 NAMES = [f"{n} {p or ''}".strip() for n, p in SYSTEMS]
 
@@ -128,7 +129,7 @@ def energy_equation(frame, pot, kern, points):
     div_T = np.einsum("gmmn->gn", d_T.reshape(g, 3, 3, 3))
     # ordered pairs j, k: x_jk = r with D0 for j = i, and −r with D1 for j = j
     strength = np.column_stack(
-        [b.G_b[:, None] * b.r_bc, D0 - D1, np.einsum("bc,bc->b", v[b.j], D0) - np.einsum("bc,bc->b", v[b.i], D1)]
+        [-b.forces(), D0 - D1, np.einsum("bc,bc->b", v[b.j], D0) - np.einsum("bc,bc->b", v[b.i], D1)]
     )
     tensors = s.bond((b.r_bc[:, :, None] * strength[:, None, :6]).reshape(-1, 18)).reshape(g, 3, 6)
     S, M = tensors[..., :3], tensors[..., 3:6]
@@ -202,7 +203,7 @@ def test_without_churning_silicon_does_not_balance(kernel, partition):
     assert np.abs(residual(t) - t.q_churning).max() > 1e-3 * t.largest
 
 
-@pytest.mark.parametrize("name", ["lj", "bond morse", "eam"])
+@pytest.mark.parametrize("name", ["lj", "bond morse", "eam", "nep"])
 def test_pairs_do_not_churn(name):
     """R 4.0.118: z is 0 at every point when half of a two-body energy belongs to each end. The same holds for embedding
     energies that belong to their own atom: their sources lie along the bonds and add up to −G x in each of them."""

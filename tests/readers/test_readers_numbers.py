@@ -161,3 +161,76 @@ def test_a_perfect_lattice_is_not_rounded(spacing, kind):
     assert got <= np.spacing(np.float32(x.max())) and "decimals" not in why
     shaken = np.round(x + np.random.default_rng(1).normal(0, 0.1, x.shape), 2)
     assert decimal_resolution(shaken)[0] == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize("spacing, shift", [(2.0, 0), (2.5, 0), (1.805, 0), (1.0, 0.5), (0.125, 0)])
+def test_text_of_a_perfect_lattice_says_nothing(spacing, shift):
+    x = ((np.indices((6, 6, 6)).reshape(3, -1).T + shift) * spacing).ravel()
+    resolution, why = text_resolution([f"{v:g}" for v in x])
+    assert resolution == 0 and "lattice" in why
+    # what a format drops no zeros from shows it, and so do digits that the lattice constant does not have
+    assert text_resolution([f"{v:.3f}" for v in x])[0] == pytest.approx(1e-3)
+    assert text_resolution([f"{v * np.sqrt(3):g}" for v in x])[0] == pytest.approx(10.0 ** (np.floor(np.log10(x.max() * np.sqrt(3))) - 5))  # fmt: skip
+    # warm atoms written with few digits are no lattice
+    shaken = x + np.random.default_rng(1).normal(0, 0.1, x.shape)
+    assert text_resolution([f"{v:.2f}" for v in shaken])[0] == pytest.approx(0.01)
+    assert text_resolution([f"{v:.3g}" for v in shaken])[0] == pytest.approx(10.0 ** (np.floor(np.log10(shaken.max())) - 2))  # fmt: skip
+
+
+def dump_text(frames, form, scaled):
+    out = []
+    for k, x in enumerate(frames):
+        s, names = (x / 16, "xs ys zs") if scaled else (x, "x y z")
+        rows = "".join(f"{n + 1} 1 {' '.join(form % c for c in r)}\n" for n, r in enumerate(s))
+        out.append(
+            f"ITEM: TIMESTEP\n{k}\nITEM: NUMBER OF ATOMS\n{len(x)}\nITEM: BOX BOUNDS pp pp pp\n" + "0 16\n" * 3
+            + f"ITEM: ATOMS id type {names}\n" + rows
+        )  # fmt: skip
+    return "".join(out)
+
+
+@pytest.mark.parametrize("kind", ["dump", "scaled", "xyz", "files"])
+def test_resolution_where_atoms_start_on_a_lattice(tmp_path, kind):
+    import atc
+
+    lattice = np.indices((8, 8, 8)).reshape(3, -1).T * 2.0
+    warm = lattice + np.random.default_rng(2).normal(0.5, 0.05, lattice.shape)
+
+    def read(frames):
+        if kind == "xyz":
+            text = "".join(
+                f'{len(x)}\nLattice="16 0 0 0 16 0 0 0 16" Properties=species:S:1:pos:R:3\n'
+                + "".join(f"Ar {a:g} {b:g} {c:g}\n" for a, b, c in x)
+                for x in frames
+            )
+            (tmp_path / "run.xyz").write_text(text)
+            return atc.read(tmp_path / "run.xyz", units="metal")
+        if kind == "files":
+            paths = [tmp_path / f"run{k}.dump" for k in range(len(frames))]
+            for path, x in zip(paths, frames):
+                path.write_text(dump_text([x], "%g", False))
+            return atc.read(paths if len(paths) > 1 else paths[0], units="metal")
+        (tmp_path / "run.dump").write_text(dump_text(frames, "%g", kind == "scaled"))
+        return atc.read(tmp_path / "run.dump", units="metal")
+
+    alone = read([lattice]).info()
+    assert alone["coordinate_resolution"] == 0 and "unknown" in alone["coordinate_resolution_from"]
+    later = read([lattice, lattice, lattice, warm]).info()
+    want = 16e-6 if kind == "scaled" else 1e-4
+    assert later["coordinate_resolution"] == pytest.approx(want)
+    assert "6 significant digits" in later["coordinate_resolution_from"]
+
+
+def test_fields_of_a_run_that_starts_on_a_lattice(tmp_path):
+    """The doubt that rounding leaves is that of the digits of a later frame; before they were known, of a whole 2 Å."""
+    import atc
+
+    lattice = np.indices((6, 6, 6)).reshape(3, -1).T * 2.0
+    warm = lattice + np.random.default_rng(2).normal(0.5, 0.05, lattice.shape)
+    kernel, grid = atc.kernel("quartic", 4.0), atc.Grid.points([[3, 4, 5], [7, 8, 9]])
+    for frames, found in (([lattice], None), ([lattice, warm], 1e-4)):
+        (tmp_path / "run.dump").write_text(dump_text(frames, "%g", False))
+        traj = atc.read(tmp_path / "run.dump", units="metal", masses=[40.0])
+        ds = atc.fields(traj, None, kernel, grid, ["density"], tolerance=1e-6)
+        assert ds.density.attrs.get("input_error", 0) < 1e-3, found
+        assert ("input_error" in ds.attrs) == (found is not None)

@@ -3,6 +3,7 @@ a new one cannot be forgotten."""
 
 import copy
 
+import nep_oracle
 import numpy as np
 import pytest
 from test_cli import write_dump
@@ -64,6 +65,8 @@ CHANGES = {
     ),
     "potential.lammps": ({}, LJ.replace("3.4", "3.41")),
     "potential.input": ({"potential": {"input": "in.run"}}, "in.other"),
+    "potential.nep": ({"potential": {"nep": "nep.txt", "types": ["Ar"]}}, "other.nep"),
+    "potential.types": ({"potential": {"nep": "nep.txt", "types": ["Ar"]}}, ["Ne"]),
     "potential.units": (
         {"trajectory": {**BASE["trajectory"], "units": "real"}, "potential": {"lammps": LJ, "units": "real"}},
         "metal",
@@ -82,6 +85,7 @@ CHANGES = {
     "grid.shape": ({}, [3, 3, 4]),
     "grid.spacing": ({"grid": {"kind": "regular", "spacing": 6.0}}, 4.0),
     "grid.at": ({}, "corners"),
+    "grid.padding": ({"grid": {**BASE["grid"], "padding": 2.0}}, 3.0),
     "grid.origin": ({"grid": BOX}, [0.1, 0.0, 0.0]),
     "grid.vectors": ({"grid": BOX}, [[16.2, 0, 0], [0, 16.2, 0], [0, 0, 16.0]]),
     "grid.axis": ({"grid": SLAB}, "y"),
@@ -94,6 +98,7 @@ CHANGES = {
     "grid.bins": ({"grid": SLAB}, 5),
     "grid.points": ({"grid": {"kind": "points", "points": [[1.0, 2.0, 3.0]]}}, [[1.0, 2.0, 3.1]]),
     "fields.quantities": ({}, ["density"]),
+    "fields.column_units": ({"fields": {"quantities": ["column:vx"]}}, {"vx": "furlong"}),
     "fields.tolerance": ({}, 1e-6),
     "fields.method": ({}, "direct"),
     "fields.horizon": ({"fields": {"quantities": ["peridynamic_stress_weighted_virial"], "horizon": 5.0}}, 6.0),
@@ -118,6 +123,7 @@ CHANGE_NOTHING = {
     "trajectory.log": "as forces",
     "check": "of atc check, which keeps nothing",
     "dispersion": "of atc dispersion, which computes everything anew",
+    "twin": "of atc twin, which computes everything anew",
     "output": "where the result goes",
 }
 #: Files whose content counts, not their names: key of the scene, the scene, the file, what it says, what it says then.
@@ -130,6 +136,7 @@ CONTENTS = {
     ),
     "potential.input": ({"potential": {"input": "in.run"}}, "in.run", "in.other"),
     "potential.lammps": ({"potential": {"lammps": "pair_style sw\npair_coeff * * Ar.sw Ar\n"}}, "Ar.sw", "Ar.other"),
+    "potential.nep": ({"potential": {"nep": "nep.txt", "types": ["Ar"]}}, "nep.txt", "other.nep"),
     "kernel.table": ({"kernel": {"name": "piecewise-linear", "table": "phi.txt"}}, "phi.txt", "phi.other"),
     "grid.points": ({"grid": {"kind": "points", "points": "points.txt"}}, "points.txt", "points.other"),
 }
@@ -153,6 +160,8 @@ def folder(tmp_path, monkeypatch):
     sw = "Ar Ar Ar 2.1683 2.8 1.80 21.0 1.20 -0.3333\n 7.049 0.602 4.0 0.0 0.0\n"
     (tmp_path / "Ar.sw").write_text("# UNITS: metal\n" + sw)
     (tmp_path / "Ar.other").write_text("# UNITS: metal\n" + sw.replace("21.0", "21.1"))
+    for seed, name in enumerate(("nep.txt", "other.nep")):
+        nep_oracle.write(tmp_path / name, seed, names=("Ar", "Ne"))
     (tmp_path / "phi.txt").write_text("0 1\n2.5 0.5\n5 0\n")
     (tmp_path / "phi.other").write_text("0 1\n2.5 0.6\n5 0\n")
     (tmp_path / "points.txt").write_text("1 2 3\n")

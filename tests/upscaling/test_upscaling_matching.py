@@ -8,10 +8,17 @@ import pytest
 from crystals import MASS, constants, crystal, elastic
 from crystals import model as argon
 
-from atc.errors import AtcError
+from atc.errors import AtcError, AtcWarning
 from atc.upscaling.crystal import Crystal
 from atc.upscaling.force_constants import force_constants, signed_root
-from atc.upscaling.linear_body import LinearBody, PeridynamicBody, Stencil, discretisation_error, wave_packet
+from atc.upscaling.linear_body import (
+    LinearBody,
+    PeridynamicBody,
+    Stencil,
+    discretisation_error,
+    sampled_moduli,
+    wave_packet,
+)
 from atc.upscaling.matching import (
     LeastSquares,
     branch_values,
@@ -248,7 +255,8 @@ def test_refused():
 
 @cache
 def nodes(name, divide=8):
-    return Stencil.of_kernel(fitted(name)[0], crystal("argon").lattice_constant / divide)
+    # How the sum converges is looked at here, coarse ones too.
+    return Stencil.of_kernel(fitted(name)[0], crystal("argon").lattice_constant / divide, check=False)
 
 
 def test_body_is_its_stencil():
@@ -359,3 +367,37 @@ def test_lattice_nodes_are_atoms():
         wave_packet(s, 0.3)
     with pytest.raises(AtcError, match="one displacement field"):
         Stencil.of_kernel(fitted("mollified", "silicon")[0], 1.0)
+
+
+def test_a_hexagonal_crystal_says_that_it_has_no_models():
+    from atc.upscaling.crystal import relax
+    from atc.upscaling.dispersion import dispersion
+
+    a, c = 3.75, 3.75 * np.sqrt(8 / 3)
+    cell = np.array([[a, 0, 0], [-0.5 * a, np.sqrt(0.75) * a, 0], [0, 0, c]])
+    hcp = Crystal(cell, np.array([[0, 0, 0], [1 / 3, 2 / 3, 0.5]]) @ cell, 39.948, "metal", name="hcp argon")
+    with pytest.raises(AtcError, match="hcp argon: there are no peridynamic models of this crystal"):
+        dispersion(relax(hcp, argon("argon")), argon("argon"), models=["classical"])
+
+
+def test_kernels_sampled_too_coarsely_are_refused():
+    """The moduli of the nodes' sum, against ½ Σ C ξξ V² written out; 2 % is warned about, 10 % refused."""
+    a = crystal("argon").lattice_constant
+    model, s = fitted("cubic")[0], nodes("cubic", 6)
+    xi = s.offsets @ s.vectors
+    stiffness = 0.5 * np.einsum("bij,b->ij", s.springs, xi[:, 0] ** 2) / (a / 6) ** 3
+    c11, _, c44 = elastic("argon").cubic
+    own = model.dynamical_matrix([[1e-3, 0, 0]])[0] * crystal("argon").density / 1e-6
+    np.testing.assert_allclose(np.diag(own), [c11, c44, c44], rtol=2e-2)
+    expected = np.sort(np.diag(stiffness)) / np.sort(np.diag(own))
+    np.testing.assert_allclose(sampled_moduli(s, model)[0], expected, rtol=1e-5)
+    assert 0.02 < np.abs(sampled_moduli(s, model) - 1).max()
+    for name, divide in (("cubic", 2), ("cubic", 6), ("noncentral", 4), ("mollified", 2), ("mollified", 4)):
+        with pytest.raises(AtcError, match="sample the kernel too coarsely: stiffnesses of long waves are"):
+            Stencil.of_kernel(fitted(name)[0], a / divide)
+    with pytest.warns(AtcWarning, match="too coarsely: .*a smaller spacing comes closer"):
+        Stencil.of_kernel(fitted("noncentral")[0], a / 8)
+    assert (
+        np.abs(sampled_moduli(Stencil.of_kernel(fitted("mollified")[0], a / 8), fitted("mollified")[0]) - 1).max()
+        < 1e-3
+    )

@@ -101,7 +101,12 @@ _CLASSES = {
             "rhok restrain hyper/global hyper/local "
             "orient/bcc orient/eco orient/fcc",
         ),
-        ("adds torsions that are coupled", "cmap amoeba/bitorsion amoeba/pitorsion"),
+        (
+            "adds energies of two torsions that differ from those of the mirror image, so that they are no function of "
+            "distances and have no forces along bonds",
+            "cmap",
+        ),
+        ("adds coupled torsions of the AMOEBA force field", "amoeba/bitorsion amoeba/pitorsion"),
         ("takes forces from another program", "external client/md mdi/engine mdi/qm mdi/qmmm qmmm latte python/invoke"),
         (
             "carries electric forces between atoms over a mesh, unless it only measures or couples heat or momentum",

@@ -110,12 +110,12 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
     choice = choose_run(script_run, run, name, trajectory)
     model = _gather(choice.state, name, folder, units_, script)
     if "pair" not in model.styles:
-        sort_fixes(choice)  # a fix may be why there is no pair style
+        sort_fixes(choice, folder)  # a fix may be why there is no pair style
     if script and "pair" not in model.styles and model.restart is None and not any(k in model.styles for k in _BONDED):
         _check_free(model, script_run, choice.state, name)
     pot = _assemble(model, name)
-    pot.outside, changing = sort_fixes(choice)
-    if script and any(getattr(s, "magnetic", False) for t in pot.terms for s in getattr(t, "styles", ())):
+    pot.outside, changing = sort_fixes(choice, folder)
+    if script and any(s.magnetic for t in pot.terms for s in t.styles):
         check_spins_push(choice, name)
     # LAMMPS's default is 3, so a whole script says it in any case.
     pot.dimension, pot.dimension_said = model.dimension or 3, model.dimension is not None or script
@@ -206,8 +206,8 @@ def _timestep(word: str | None, u: Units) -> float | None:
 
 def _needs(pot: Potential, model: _Model, fixes=()) -> frozenset:
     """What the terms need to know of atoms besides their places and types."""
-    styles = [s for t in pot.terms for s in (t, *getattr(t, "styles", ()))]
-    out = {"charges"} if any(getattr(s, "needs_charges", False) for s in styles) else set()
+    styles = [s for t in pot.terms for s in (t, *t.styles)]
+    out = {"charges"} if any(s.needs_charges for s in styles) else set()
     if model.exclusions and (model.exclusions.same or model.exclusions.different):
         out.add("molecules")
     if needs_molecules(fixes):
@@ -421,7 +421,11 @@ def apply_modify(modify: Modify, lines) -> Modify:
                     )
                 modify = replace(modify, special=(*modify.special, (which, *weights)))
                 k += 3
-            elif key in ("table", "table/disp", "tabinner", "tabinner/disp", "tail", "neigh/trim", "compute/tally"):
+            elif key == "table":
+                if not value.isdecimal() or len(value) > 2:
+                    raise AtcError(f"{where}: pair_modify table: expected a number of bits such as 12, got {value}")
+                modify = replace(modify, table=int(value))
+            elif key in ("table/disp", "tabinner", "tabinner/disp", "tail", "neigh/trim", "compute/tally"):
                 # table*: only for long-range Coulomb. tail: constants added to energy and pressure, no forces.
                 if key == "tail" and _yes(value, f"{where}: pair_modify tail"):
                     modify = replace(modify, tail=True)
@@ -526,7 +530,8 @@ def _long_range(model: _Model, terms, name: str) -> list[Term]:
     found = kspace_term(kspace, terms, model.units, pair.where if pair else name)
     if found and model.exclusions:
         raise AtcError(
-            f"{model.exclusions.where}: neigh_modify exclude is not supported with long-range Coulomb: LAMMPS leaves "
+            f"{model.exclusions.where}: neigh_modify {model.exclusions.keyword} is not supported with long-range "
+            "Coulomb: LAMMPS leaves "
             "out the near part of such pairs only, "
             "which depends on its own alpha"
         )
@@ -648,9 +653,7 @@ class _PairGrow:
     own: tuple = ()
 
     def __call__(self, n_types: int) -> list[PairStyle]:
-        return [
-            b for b in self.build(n_types) if isinstance(b, PairStyle) and getattr(b, "own_special", ()) == self.own
-        ]
+        return [b for b in self.build(n_types) if isinstance(b, PairStyle) and b.own_special == self.own]
 
 
 def _as_list(built) -> list:
@@ -663,18 +666,16 @@ def _pair_terms(build: _PairBuild, special: SpecialBonds) -> list[Term]:
     styles = [b for b in built if isinstance(b, PairStyle)]
     if not build.modify_compute:
         return []
-    terms: list[Term] = [
-        b if getattr(b, "unweighted", False) else _Unweighted(b, special) for b in built if isinstance(b, Term)
-    ]
+    terms: list[Term] = [b if b.unweighted else _Unweighted(b, special) for b in built if isinstance(b, Term)]
     excluded = build.model.exclusions
     if terms and excluded:
         raise AtcError(
-            f"{excluded.where}: neigh_modify exclude is not supported with pair_style {build.style.name}: its "
-            "neighbours would not be those of the run"
+            f"{excluded.where}: neigh_modify {excluded.keyword} is not supported with pair_style "
+            f"{build.style.name}: its neighbours would not be those of the run"
         )
     # Styles with weights of their own (pair_modify special) sweep the list apart from the others.
-    for own in sorted({getattr(s, "own_special", ()) for s in styles}, reverse=True):
-        mine = [s for s in styles if getattr(s, "own_special", ()) == own]
+    for own in sorted({s.own_special for s in styles}, reverse=True):
+        mine = [s for s in styles if s.own_special == own]
         weights = special.with_own(own, build.style.where) if own else special
         terms.insert(0, Pairs(mine, build.n_types, weights, grow=_PairGrow(build, own), exclusions=excluded))
     return terms

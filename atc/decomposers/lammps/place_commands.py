@@ -50,12 +50,16 @@ class Places(AtomTable):
                 inside = inside | (unsure & ~found)
             self.may_miss = self.may_miss or f"{c.where}: {why}"
         self.alive = self.alive & ~inside
-        if options.get("bond") == "yes":
-            for s in SECTIONS:
-                types, members = self.bonded[s]
+        # Terms go with the atoms that have them; bond yes takes those of the atoms that stay, too.
+        whole = options.get("bond") == "yes"
+        for bonded in (self.bonded, None if whole else self.weighted):
+            for s in SECTIONS if bonded is not None else ():
+                types, members = bonded[s]
                 _, found = rows_of(self.ids, members.ravel(), self.alive)
-                keep = found.reshape(members.shape).all(1)
-                self.bonded[s] = types[keep], members[keep]
+                found = found.reshape(members.shape)
+                keep = found.all(1) if whole else found.any(1)
+                bonded[s] = types[keep], members[keep]
+        if whole:
             self.weighted = None
         if not self._keeps_ids(c):
             self._renumber(f"{c.where}: delete_atoms gives atoms new numbers (compress no keeps them)")

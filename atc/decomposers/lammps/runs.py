@@ -149,8 +149,10 @@ def _dumped(script, trajectory, n) -> list[int]:
     return sorted(out)
 
 
-def sort_fixes(choice: Choice) -> tuple[tuple[str, ...], dict]:
+def sort_fixes(choice: Choice, folder) -> tuple[tuple[str, ...], dict]:
     """The forces from outside, one text for each fix, and what fixes change while LAMMPS runs, {property: reason}.
+
+    folder : where files of the script are looked up
 
     Raises AtcError for fixes whose forces are part of the stress and not known.
     """
@@ -163,6 +165,8 @@ def sort_fixes(choice: Choice) -> tuple[tuple[str, ...], dict]:
                 f"{what} {reason}: the forces that do it are part of the stress and are not supported: take another "
                 "run, or leave the fix out"
             )
+        if c.words[2] == "cmap" and _without_energy(c, choice, folder):
+            continue
         if kind == "model":
             raise AtcError(
                 f"{what} {reason}, which is not supported: give the lines of the model that holds, without this fix"
@@ -175,6 +179,22 @@ def sort_fixes(choice: Choice) -> tuple[tuple[str, ...], dict]:
         for what in REACH.get(kind, ()):
             changing.setdefault(what, f"{c.where}: fix {c.words[2]} {reason}")
     return tuple(outside), changing
+
+
+def _without_energy(c: Command, choice: Choice, folder) -> bool:
+    """Whether a ``fix cmap`` has no crossterm with energy in the data files that the script reads. AtcError, with the
+    reason, for one that has."""
+    from ..cmap import check_fix_cmap, read_crossterms
+
+    types = []
+    for read in (r for r in choice.state.atoms if r.name == "read_data" and not r.unknown):
+        at = [k for k, w in enumerate(read.words[:-3]) if w == "fix" and read.words[k + 1] == c.words[0]]
+        for k in at:
+            types.extend(read_crossterms(Path(folder, read.words[0]), read.words[k + 3])[0])
+    if not types or c.unknown:
+        return False
+    check_fix_cmap(c.words[3:], folder, c.where, types)
+    return True
 
 
 def check_spins_push(choice: Choice, name: str) -> None:

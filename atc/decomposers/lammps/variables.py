@@ -182,6 +182,8 @@ class Variables:
             if not _FORMAT.match(form):
                 raise Unknown(f"variable {name}: the format {form!r} is not understood")
             return form % self.evaluate(f"v_{other}", depth + 1)
+        if kind == "vector":
+            raise Unknown(f"variable {name} is a vector: name one of its values, such as v_{name}[1]")
         if kind != "equal":
             raise Unknown(f"variable {name} has a value for every atom")
         return f"{self.evaluate(value, depth + 1):.15g}"
@@ -203,6 +205,17 @@ class Variables:
             return float(value)
         except ValueError:
             raise Unknown(f"variable {name} is {value[:40]!r}, which is not a number") from None
+
+    def element(self, name: str, k: int, depth: int = 0) -> float:
+        """What ``v_name[k]`` stands for, of a vector that is written out: ``variable name vector [1,2,3]``."""
+        kind, value = self._get(name)
+        value = str(value).strip()
+        if kind != "vector" or not (value.startswith("[") and value.endswith("]")):
+            raise Unknown(f"v_{name}[{k}]: what variable {name} holds there is only known while LAMMPS runs")
+        values = value[1:-1].split(",")
+        if not 1 <= k <= len(values):
+            raise Unknown(f"v_{name}[{k}]: variable {name} has {len(values)} values, counted from 1")
+        return self.evaluate(values[k - 1], depth + 1)
 
     def substitute(self, line: str) -> str:
         """Replace ``${name}``, ``$x`` and ``$(formula:%format)`` outside quotes."""
@@ -359,4 +372,6 @@ class _Parser:
             return _CONSTANTS[v]
         if v.startswith("v_") and "[" not in v:
             return self.variables.number(v[2:], self.depth)
+        if m := re.fullmatch(r"v_(\w+)\[(\d{1,9})\]", v):
+            return self.variables.element(m[1], int(m[2]), self.depth)
         raise Unknown(f"cannot evaluate {self.formula!r}: {v!r} is only known while LAMMPS runs")

@@ -164,7 +164,7 @@ def coulomb_of(terms):
     """[CoulombLong] of the pair terms."""
     from ..coulomb_long import CoulombLong
 
-    return [s for t in terms for s in getattr(t, "styles", ()) if isinstance(s, CoulombLong)]
+    return [s for t in terms for s in t.styles if isinstance(s, CoulombLong)]
 
 
 def kspace_term(kspace: Kspace | None, terms, units, where: str):
@@ -188,7 +188,7 @@ def kspace_term(kspace: Kspace | None, terms, units, where: str):
         raise AtcError(
             f"{where}: the Coulomb cutoffs of the sub-styles differ: one for all of them, as LAMMPS wants it"
         )
-    if len({getattr(s, "factor", 1.0) for s in styles}) > 1:
+    if len({s.factor for s in styles}) > 1:
         raise AtcError(f"{where}: a long-range style with a factor is not supported")
     covered = sum(s.on.astype(int) for s in styles)
     if (covered[1:, 1:] > 1).any():
@@ -206,12 +206,12 @@ def converged(pot, accuracy: float):
     """The same potential with its long-range Coulomb split for another accuracy; itself if it has none."""
     from ..pair import Pairs
 
-    if not any(getattr(t, "field", False) for t in pot.terms):
+    if not pot.fields:
         return pot
     new = copy(pot)
     new.terms = []
     for t in pot.terms:
-        if getattr(t, "field", False):
+        if t.field:
             t = t.at(accuracy)
         elif isinstance(t, Pairs) and coulomb_of([t]):
             styles = [s.at(accuracy) if hasattr(s, "split") else s for s in t.styles]

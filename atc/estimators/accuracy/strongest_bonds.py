@@ -423,12 +423,7 @@ class PointsAround:
         """The atoms that matter as an open frame; None where all of them must be asked."""
         from ..tile_cuts import depth
 
-        if (
-            frame.topology
-            or getattr(pot, "constraints", None) is not None
-            or not hasattr(pot, "terms")
-            or not getattr(pot, "central", True)
-        ):
+        if frame.topology or pot.constraints is not None or not pot.terms or not pot.central:
             return None
         try:
             deep = depth(pot)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from atc.config.formulas import FUNCTIONS, Formula, Influence
+from atc.config.formula import FUNCTIONS, Formula, Influence
 from atc.errors import AtcError
 
 
@@ -19,7 +19,10 @@ from atc.errors import AtcError
         ("2**-1 + 7 % 4 - +1", 2.5),
         ("where(t < 1e-6, 1, 1/0)", 1.0),
         ("3 if 0 < t <= 1e-7 else 4", 4.0),
-        ("step(t) + step(-t) + step(0)", 2.0),
+        ("step(t) + step(-t) + step(0)", 1.5),
+        ("heaviside(t) + heaviside(-t) + heaviside(0)", 1.5),
+        ("2^3 + -x^2 + 2^-1 + 2^3^0", 8 - 9 + 0.5 + 2),
+        ("1e3*(t^0)**2 + e^0", 1001.0),
         ("(t > 0 and not t > 1) + (t < 0 or t == 0)", 1.0),
         ("max(1, 2, x)", 3.0),
         ("sin(pi/2)*exp(log(2)) + sqrt(16) + abs(-1)", 7.0),
@@ -60,8 +63,10 @@ def test_python_agrees(text):
     [
         ("", "empty"),
         ("16.5*mni(t, 1)", r"character 6: unknown function 'mni': did you mean 'min'"),
-        ("  2*v", r"character 5: unknown 'v'.*known: t, x, pi"),
-        ("t^2", r"character 3: a power is written \*\*"),
+        ("  2*v", r"character 5: unknown 'v'.*known: t, x, pi, e"),
+        ("t^2 + mni(t^2, 1)", "character 7: unknown function 'mni'"),
+        ("t^2 + 3^(t", "character 9: this is not a formula"),
+        ("t^^2", "not a formula"),
         ("2*(t", "character 3: this is not a formula"),
         ("t t", "character 1: this is not a formula|character 3"),
         ("sin", r"character 1: sin is a function: write sin\(...\)"),

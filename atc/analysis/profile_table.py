@@ -1,0 +1,214 @@
+"""Profiles along a normal with their error bars, and numbers found from them: how they are kept, printed, written and
+drawn."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from .green_kubo import _pm
+
+#: Rows of the table on the terminal; the files have all bins.
+_ROWS = 20
+
+
+@dataclass
+class Column:
+    """A profile. values, stderr : (z,) mean over the frames and its standard error by block averaging; correlated :
+    where the blocks still correlate, so that stderr is a lower bound; group : what shares a panel, part : what shares a
+    table."""
+
+    values: np.ndarray
+    stderr: np.ndarray
+    units: str
+    label: str
+    group: str
+    correlated: np.ndarray | None = None
+    part: str = "pressure"
+
+
+@dataclass
+class Value:
+    """A number with its standard error (NaN where there is none)."""
+
+    value: float
+    stderr: float
+    units: str
+    label: str
+    correlated: bool = False
+
+    def __str__(self):
+        shown = f"{self.value:.4g}" if np.isnan(self.stderr) else _pm(self.value, self.stderr)
+        return f"{shown} {self.units}".strip() + (" (error: a lower bound)" if self.correlated else "")
+
+
+def series_mean(x_t):
+    """(mean, standard error, correlated) of a series of arrays, by block averages over the frames."""
+    from ..estimators.statistics import BlockAverage
+
+    average = BlockAverage()
+    for x in x_t:
+        average.add(x)
+    return average.result()
+
+
+@dataclass
+class Profile:
+    """Profiles along the normal of an interface, and numbers from them, in the trajectory's units.
+
+    Attributes
+    ----------
+    z : (z,) where, along the normal of the cell's faces; axis : "x", "y" or "z", the edge that leaves them
+    columns : {name: Column}
+    numbers : {name: Value}
+    frames : how many there were
+    notes : what a reader should know before using the numbers
+    """
+
+    z: np.ndarray
+    axis: str
+    length_units: str
+    frames: int
+    source: str = ""
+    columns: dict[str, Column] = field(default_factory=dict)
+    numbers: dict[str, Value] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    def __getitem__(self, name):
+        return self.columns[name] if name in self.columns else self.numbers[name]
+
+    def add(self, name, x_tz, units, label, group, part="pressure") -> None:
+        """A profile from that of every frame."""
+        mean, stderr, correlated = series_mean(x_tz)
+        self.columns[name] = Column(mean, stderr, units, label, group, correlated, part)
+
+    def number(self, name, x_t, units, label) -> None:
+        """A number from that of every frame."""
+        (mean,), (stderr,), (correlated,) = series_mean(np.reshape(x_t, (-1, 1)))
+        self.numbers[name] = Value(float(mean), float(stderr), units, label, bool(correlated) and len(x_t) > 1)
+
+    # ---- text
+
+    def print(self, console) -> None:
+        """The numbers, every few bins of the profiles, and what to know of them."""
+        from rich import box
+        from rich.table import Table
+
+        console.print(f"{self.source}: {self.frames} frame{'s' * (self.frames != 1)}", soft_wrap=True)
+        width = max((len(v.label) for v in self.numbers.values()), default=0)
+        for v in self.numbers.values():
+            console.print(f"  {v.label:<{width}}  {v}", soft_wrap=True)
+        every = -(-len(self.z) // _ROWS)
+        parts: dict[str, list[Column]] = {}
+        for c in self.columns.values():
+            parts.setdefault(c.part, []).append(c)
+        for columns in parts.values():
+            table = Table(box=box.SIMPLE)
+            table.add_column(f"{self.axis} ({self.length_units})", justify="right")
+            for c in columns:
+                table.add_column(f"{c.label} ({c.units})", justify="right", overflow="fold")
+            for k in range(0, len(self.z), every):
+                table.add_row(f"{self.z[k]:.4g}", *(_pm(c.values[k], c.stderr[k]) for c in columns))
+            console.print(table)
+        if every > 1:
+            console.print(
+                f"every {every}th of {len(self.z)} bins; all of them with --csv, --json or -o", soft_wrap=True
+            )
+        for note in self.notes:
+            console.print(f"note: {note}", soft_wrap=True)
+
+    def csv(self) -> str:
+        """The profiles: z, and value and standard error of each; units in the first line."""
+        names = [f"{self.axis} ({self.length_units})"]
+        data = [self.z]
+        for name, c in self.columns.items():
+            names += [f"{name} ({c.units})", f"{name}_stderr"]
+            data += [c.values, c.stderr]
+        rows = [",".join(f"{x:.10g}" for x in row) for row in np.column_stack(data)]
+        return "\n".join([",".join(names), *rows]) + "\n"
+
+    def json(self) -> str:
+        """Everything, numbers unrounded; null for an error that is not known."""
+
+        def plain(x):
+            x = np.asarray(x)
+            return x.tolist() if x.dtype.kind == "b" else np.where(np.isfinite(x), x, None).tolist()
+
+        def entry(thing):
+            return {k: v if isinstance(v, str) else plain(v) for k, v in thing.__dict__.items() if v is not None}
+
+        whole = {
+            "source": self.source,
+            "frames": self.frames,
+            "axis": self.axis,
+            "units": self.length_units,
+            "z": plain(self.z),
+            "numbers": {k: entry(v) for k, v in self.numbers.items()},
+            "columns": {k: entry(v) for k, v in self.columns.items()},
+            "notes": self.notes,
+        }
+        return json.dumps(whole, indent=2, ensure_ascii=False)
+
+    # ---- files
+
+    def dataset(self):
+        """An xarray.Dataset: each profile X(z) with X_stderr and X_correlated; numbers without dimension."""
+        import xarray as xr
+
+        data = {}
+        for name, c in self.columns.items():
+            about = {"units": c.units, "long_name": c.label}
+            data[name] = (self.axis, c.values, about)
+            data[f"{name}_stderr"] = (self.axis, c.stderr, {**about, "long_name": f"standard error of {c.label}"})
+            if c.correlated is not None:
+                data[f"{name}_correlated"] = (self.axis, c.correlated.astype(np.int8))
+        for name, v in self.numbers.items():
+            about = {"units": v.units, "long_name": v.label}
+            data[name] = ((), v.value, about)
+            data[f"{name}_stderr"] = ((), v.stderr, {**about, "long_name": f"standard error of {v.label}"})
+        attrs = {"source": self.source, "frames": self.frames, "notes": "; ".join(self.notes)}
+        return xr.Dataset(data, {self.axis: (self.axis, self.z, {"units": self.length_units})}, attrs)
+
+    def save(self, path) -> None:
+        """Write the dataset: .nc or .zarr."""
+        from ..running.output import check_name, explained
+
+        path = check_name(path)
+        with explained(path):
+            ds = self.dataset()
+            ds.to_zarr(path, mode="w") if path.suffix == ".zarr" else ds.to_netcdf(path, engine="h5netcdf")
+
+    def picture(self, path) -> Path:
+        """Draw the profiles; returns the path."""
+        from ..pictures.drawing import save
+
+        path = Path(path)
+        save(self.figure(), path)
+        return path
+
+    def figure(self):
+        """A matplotlib Figure: a panel for each kind of profile, bands of one standard error."""
+        from matplotlib.figure import Figure
+
+        groups: dict[str, list[Column]] = {}
+        for c in self.columns.values():
+            groups.setdefault(f"{c.group}\n({c.units})", []).append(c)
+        figure = Figure(figsize=(6.8, 1.2 + 1.9 * len(groups)), layout="constrained")
+        panels = np.atleast_1d(figure.subplots(len(groups), 1, sharex=True))
+        for axes, (title, columns) in zip(panels, groups.items()):
+            for k, c in enumerate(columns):
+                axes.fill_between(
+                    self.z, c.values - c.stderr, c.values + c.stderr, alpha=0.3, linewidth=0, color=f"C{k}"
+                )
+                axes.plot(self.z, c.values, color=f"C{k}", label=c.label)
+            axes.axhline(0.0, color="0.6", linewidth=0.8, zorder=0)
+            axes.set_ylabel(title)
+            if len(columns) > 1:
+                axes.legend(frameon=False, fontsize="small")
+        panels[-1].set_xlabel(f"{self.axis} ({self.length_units})")
+        tension = self.numbers.get("surface_tension_si") or self.numbers.get("surface_tension")
+        figure.suptitle(f"surface tension {tension}" if tension else self.source)
+        return figure

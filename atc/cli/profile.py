@@ -1,0 +1,103 @@
+"""``atc profile``: pressure across a planar interface, and its surface tension."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..errors import AtcError
+from .common import Begin, End, Jobs, Quiet, SceneFile, Set, Step, console, load_scene, progress_bar
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+
+    @app.command()
+    def profile(
+        scene: SceneFile,
+        output: Annotated[
+            Path | None,
+            typer.Option("-o", "--output", metavar="OUT", help="Write a dataset: .nc or .zarr.", show_default=False),
+        ] = None,
+        axis: Annotated[
+            str | None,
+            typer.Option(
+                "--axis",
+                metavar="x|y|z",
+                help="Normal of the interface, if not the scene's slab grid's.",
+                show_default=False,
+            ),
+        ] = None,
+        bins: Annotated[
+            int | None,
+            typer.Option("--bins", metavar="N", help="Bins along it, if not the scene's.", show_default=False),
+        ] = None,
+        interfaces: Annotated[
+            int, typer.Option("--interfaces", metavar="N", help="How many interfaces share the tension of the cell.")
+        ] = 2,
+        flow: Annotated[
+            bool, typer.Option("--flow", help="Kinetic pressure relative to the mean velocity profile of the run.")
+        ] = False,
+        boundary: Annotated[
+            str,
+            typer.Option(
+                "--boundary",
+                metavar="auto|periodic|vacuum",
+                help="Of the electric field: no mean field in the cell, or none below its lower face.",
+            ),
+        ] = "auto",
+        set: Set = None,
+        begin: Begin = None,
+        end: End = None,
+        step: Step = None,
+        jobs: Jobs = 1,
+        picture: Annotated[
+            Path | None,
+            typer.Option("--picture", metavar="FILE", help="Draw the profiles.", show_default=False),
+        ] = None,
+        json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+        csv: Annotated[bool, typer.Option("--csv", help="The profiles as CSV.")] = False,
+        overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
+        quiet: Quiet = False,
+    ) -> None:
+        """Profiles across a planar interface, with error bars: pressure and surface tension, species, charges and
+        electric potential, velocities.
+
+        Needs [trajectory], [kernel] and a slab [grid] (or --axis and --bins); for pressure [potential].
+        """
+        from ..analysis.interface import profile_of_scene
+
+        if json and csv:
+            raise AtcError("give --json or --csv, not both")
+        made = load_scene(scene, set, begin, end, step)
+        out = made.output(output, overwrite=overwrite) if output is not None else None
+        if picture is not None:
+            from ..pictures.drawing import picture_kind
+
+            picture_kind(picture)
+        with progress_bar(quiet or json or csv) as progress:
+            result = profile_of_scene(
+                made,
+                axis=axis,
+                bins=bins,
+                interfaces=interfaces,
+                flow=flow,
+                boundary=boundary,
+                jobs=jobs,
+                progress=progress,
+            )
+        if out is not None:
+            result.save(out)
+        if picture is not None:
+            result.picture(picture)
+        if json:
+            print(result.json())
+        elif csv:
+            print(result.csv(), end="")
+        elif not quiet:
+            result.print(console())
+            for what, path in (("dataset", out), ("picture", picture)):
+                if path is not None:
+                    print(f"{what}: {path}")

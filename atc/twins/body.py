@@ -1,0 +1,85 @@
+"""The body of a twin: nodes on a lattice along the cell's edges wherever the reference frame has matter."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from ..errors import AtcError, AtcWarning
+from .smoothing import Smoothing
+
+#: Points along each edge of a node's own cell, whose share inside the matter is the share of volume the node has.
+_SAMPLES = 4
+
+
+@dataclass
+class TwinBody:
+    """A `pd.Body` (internal units) and what it was made of.
+
+    body : pd.Body. smoothing : weights of the atoms at the nodes. step_cc : (3, 3) rows: from one node to the next.
+    density : ρ of the nodes, so that Σ ρ V is the mass of the atoms. bulk : the crystal's density
+    """
+
+    body: object
+    smoothing: Smoothing
+    step_cc: np.ndarray
+    density: float
+    bulk: float
+
+
+def body_of(reference, kernel, bulk: float, spacing: float, horizon: float | None) -> TwinBody:
+    """Nodes where the smoothed density is at least half of the bulk's; holes, surfaces and cracks included.
+
+    Parameters
+    ----------
+    reference : Frame. kernel : of internal lengths
+    bulk : mass density of the undisturbed crystal
+    spacing : wanted distance of nodes; along each edge the nearest one that divides the cell's edge is taken
+    horizon : default 3.015 times the largest distance of neighbouring nodes
+
+    Returns
+    -------
+    TwinBody. V_I is the share of node I's own cell in which the smoothed density is at least half of the bulk's; ρ is
+    the same everywhere, such that the mass agrees.
+    """
+    from .. import pd
+
+    cell = reference.cell
+    lengths = np.linalg.norm(cell.vectors, axis=1)
+    counts = np.maximum(np.rint(lengths / spacing).astype(int), 1)
+    step = cell.vectors / counts[:, None]
+    s = np.stack(np.meshgrid(*((np.arange(n) + 0.5) / n for n in counts), indexing="ij"), axis=-1).reshape(-1, 3)
+    X = cell.cartesian(s)
+    inside = Smoothing(reference, kernel, X).density_g >= 0.5 * bulk
+    if not inside.any():
+        raise AtcError(
+            f"{reference.source}: nowhere does the smoothed density reach half of the crystal's: is this the crystal's "
+            "potential and lattice constant?"
+        )
+    X = X[inside]
+    offsets = (np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5
+    share = np.zeros(len(X))
+    for shift in product(offsets, repeat=3):
+        share += Smoothing(reference, kernel, X + np.array(shift) @ step).density_g >= 0.5 * bulk
+    volume = abs(np.linalg.det(step))
+    V = volume * np.maximum(share, 1.0) / _SAMPLES**3
+    rho = float(reference.masses.sum() / V.sum())
+    if not 0.9 < rho / bulk < 1.1:
+        warnings.warn(
+            f"{reference.source}: the nodes fill {V.sum():.4g} internal units of volume, so that with the atoms' mass "
+            f"their density is {rho / bulk:.3g} of the crystal's: take a smaller spacing or kernel radius",
+            AtcWarning,
+            stacklevel=3,
+        )
+    edge = np.linalg.norm(step, axis=1).max()
+    horizon = 3.015 * edge if horizon is None else horizon
+    if horizon < 1.5 * edge:
+        raise AtcError(
+            f"a horizon of {horizon:g} (internal units) is less than 1.5 times the distance of nodes, {edge:g}: take a "
+            "larger horizon or a smaller spacing"
+        )
+    body = pd.Body(X, V, rho, horizon, cell=cell, spacing=volume ** (1 / 3))
+    return TwinBody(body, Smoothing(reference, kernel, X), step, rho, bulk)

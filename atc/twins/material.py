@@ -1,0 +1,132 @@
+"""Materials of a twin, derived from the potential and the crystal."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import AtcError, AtcWarning
+from ..frame import Cell
+
+#: By how much moduli of the nodes may differ from the material's: a warning beyond the first, an error beyond the
+#: second.
+WARN, REFUSE = 0.02, 0.10
+
+
+@dataclass
+class Isotropic:
+    """The isotropic solid of a crystal's Hill averages (internal units).
+
+    material : PMB or LPS. bulk, shear : K and G. anisotropy : Zener's A = 2 C44/(C11 − C12). C : ElasticConstants
+    sampled_vv : (6, 6) elastic constants that the nodes of a periodic body of this spacing and horizon have
+    wanted_vv : those that the material means to have (of PMB with Poisson's ratio 1/4)
+    """
+
+    material: object
+    bulk: float
+    shear: float
+    anisotropy: float
+    C: object
+    sampled_vv: np.ndarray
+    wanted_vv: np.ndarray
+
+    @property
+    def error(self) -> float:
+        """The largest difference of the nodes' constants from the material's, relative to the largest constant."""
+        return float(np.abs(self.sampled_vv - self.wanted_vv).max() / np.abs(self.wanted_vv).max())
+
+    def lines(self, units) -> list[str]:
+        """What it is, what it gets exactly and what not: for a person."""
+        p = lambda v: f"{units.to_user('pressure', v):.5g}"  # noqa: E731
+        c11, c12, c44 = self.C.cubic
+        # σ along a cube axis at the uniaxial strain that the cell prescribes
+        along = (self.bulk + 4 / 3 * self.wanted_vv[3, 3]) / c11 - 1
+        return [
+            f"material: isotropic ({self.material.name}), Hill averages K {p(self.bulk)}, G {p(self.shear)} "
+            f"{units.label('pressure')} of C11 {p(c11)}, C12 {p(c12)}, C44 {p(c44)}",
+            "exact: the bulk modulus"
+            + ("" if self.material.name == "lps" else "; Poisson's ratio is 1/4, so that the shear modulus is not"),
+            f"not exact: anisotropy (Zener's ratio {self.anisotropy:.3g}; uniaxial strain along a cube axis is "
+            f"{100 * along:+.2g} % too stiff), nonlinearity, dispersion of the crystal",
+            f"the nodes' elastic constants differ from the material's by at most {100 * self.error:.2g} %",
+        ]
+
+
+def hill(C_vv) -> tuple[float, float]:
+    """Hill's averages K, G of elastic constants in Voigt's notation: means of Voigt's and Reuss's."""
+
+    def sums(M):
+        return np.trace(M[:3, :3]), M[0, 1] + M[0, 2] + M[1, 2], np.trace(M[3:, 3:])
+
+    a, b, c = sums(C_vv)
+    K_V, G_V = (a + 2 * b) / 9, (a - b + 3 * c) / 15
+    a, b, c = sums(np.linalg.inv(C_vv))
+    K_R, G_R = 1 / (a + 2 * b), 15 / (4 * a - 4 * b + 3 * c)
+    return float((K_V + K_R) / 2), float((G_V + G_R) / 2)
+
+
+def isotropic_vv(K, G) -> np.ndarray:
+    C = np.diag([2 * G] * 3 + [G] * 3)
+    C[:3, :3] += K - 2 * G / 3
+    return C
+
+
+def isotropic(crystal, model, law: str, step_cc, horizon) -> Isotropic:
+    """PMB or LPS of a relaxed crystal under its potential; moduli that its nodes would miss by more than 10 % are
+    refused."""
+    from .. import pd
+    from ..upscaling.elasticity import elastic_constants
+
+    C = elastic_constants(crystal, model)
+    if not C.stable:
+        raise AtcError(f"{crystal.name}: the crystal is unstable under this potential: check structure and potential")
+    K, G = hill(C.C_vv)
+    material = pd.LPS(bulk=K, shear=G) if law == "lps" else pd.PMB(bulk=K)
+    wanted = isotropic_vv(K, G if law == "lps" else 0.6 * K)
+    c11, c12, c44 = C.cubic
+    found = Isotropic(
+        material, K, G, 2 * c44 / (c11 - c12), C, sampled_constants(material, step_cc, horizon, crystal.density), wanted
+    )
+    if found.error > REFUSE:
+        raise AtcError(
+            f"the nodes' elastic constants would miss the material's by {100 * found.error:.3g} %: take a larger "
+            "horizon or a smaller spacing in [twin]"
+        )
+    if found.error > WARN:
+        warnings.warn(
+            f"the nodes' elastic constants miss the material's by {100 * found.error:.2g} %: a larger horizon in "
+            "spacings is more accurate",
+            AtcWarning,
+            stacklevel=3,
+        )
+    return found
+
+
+def sampled_constants(material, step_cc, horizon, density, strain=1e-6) -> np.ndarray:
+    """(6, 6) ∂σ/∂ε of a periodic body of nodes `step_cc` apart: what the sums over nodes make of the material."""
+    from .. import pd
+    from ..upscaling.crystal import to_voigt, unit_strain
+
+    heights = 1 / np.linalg.norm(np.linalg.inv(step_cc), axis=0)
+    counts = np.ceil(1.0001 * horizon / heights).astype(int) + 1
+    s = np.stack(np.meshgrid(*(np.arange(n) for n in counts), indexing="ij"), axis=-1).reshape(-1, 3)
+    volume = abs(np.linalg.det(step_cc))
+    body = pd.Body(
+        s @ step_cc,
+        volume,
+        density,
+        horizon,
+        cell=Cell(step_cc * counts[:, None]),
+        spacing=volume ** (1 / 3),
+        warn=False,
+    )
+    out = np.zeros((6, 6))
+    for v in range(6):
+        stress = []
+        for sign in (1, -1):
+            f = pd.Simulation(body, material, strain=sign * strain * unit_strain(v), threads=1).bond_forces()
+            stress.append(-np.einsum("bi,bj->ij", f.r_bc, f.F_bc) / (volume * len(body)))
+        out[:, v] = to_voigt(0.5 * (stress[0] + stress[0].T) - 0.5 * (stress[1] + stress[1].T)) / (2 * strain)
+    return out

@@ -1,0 +1,333 @@
+"""`twin`: from a scene of a molecular-dynamics run to its peridynamic twin, run and compared."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import AtcError
+from .body import TwinBody, body_of
+from .comparison import PAIRS, dataset_of, norms, picture
+from .conditions import (
+    Run,
+    between,
+    clock,
+    deform,
+    gripped,
+    history,
+    smoothed_displacement,
+)
+from .material import Isotropic, isotropic
+
+
+@dataclass
+class Twin:
+    """What `twin` found.
+
+    Attributes
+    ----------
+    dataset : xarray.Dataset in the trajectory's units: md_*, pd_* and difference_* of density, displacement, velocity
+        and stress (frame, the grid's dimensions), md_box_stress and pd_box_stress
+    rows : the norms, one dict for each field and region
+    lines : what was decided before the run
+    body : TwinBody. material : Isotropic. simulation : pd.Simulation after the run (internal units)
+    """
+
+    dataset: object
+    rows: list
+    lines: list
+    body: TwinBody
+    material: Isotropic
+    simulation: object
+    name: str = field(default="twin")
+
+    def print(self, console) -> None:
+        from rich.table import Table
+
+        ds = self.dataset
+        table = Table(box=None, padding=(0, 2, 0, 0))
+        for head in ("field", "where", "points", "MD rms", "PD rms", "PD - MD rms", "relative", "MD std. error"):
+            table.add_column(head, justify="left" if head in ("field", "where") else "right")
+        for r in self.rows:
+            units = ds[f"md_{r['field']}"].attrs.get("units", "")
+            numbers = [f"{r[k]:.4g}" for k in ("md_rms", "pd_rms", "difference_rms", "relative", "md_standard_error")]
+            table.add_row(f"{r['field']} ({units})", r["where"], str(r["points"]), *numbers)
+        console.print(table)
+        if "md_box_stress" in ds:
+            md, pd = (ds[f"{s}_box_stress"].mean("frame").values for s in ("md", "pd"))
+            for c, i in zip("xyz", range(3)):
+                console.print(
+                    f"mean stress of the box, {c}{c}: MD {md[i, i]:.5g}, PD {pd[i, i]:.5g} "
+                    f"{ds['md_box_stress'].attrs.get('units', '')}"
+                )
+
+    def save(self, path) -> None:
+        """Write the dataset: .nc or .zarr."""
+        from ..running.output import check_name, explained
+
+        path = check_name(path)
+        with explained(path):
+            ds = self.dataset
+            ds.to_zarr(path, mode="w") if path.suffix == ".zarr" else ds.to_netcdf(path, engine="h5netcdf")
+
+    def picture(self, path) -> Path:
+        """MD, PD and difference of the displacement and the stress along the axis of the largest mean stress."""
+        ds = self.dataset
+        k = int(np.argmax(np.abs(np.diag(ds["md_box_stress"].mean("frame").values))))
+        c = "xyz"[k]
+        components = [("displacement", (k,), f"u_{c}"), ("stress", (k, k), f"stress {c}{c}")]
+        return picture(ds, path, components, f"{self.name}: means of {ds.sizes['frame']} frames")
+
+
+def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
+    """The peridynamic twin of the run of a scene, run under the run's own conditions and compared with it.
+
+    Parameters
+    ----------
+    scene : path of a scene, a mapping or a Scene, with [trajectory] (and its reference), [potential], [kernel], [grid]
+        and [twin]
+    set : overrides, as for `Scene.load`
+    tell : called with each line that says what body, material and conditions are, before anything is run
+    progress : callable(done, total, rate), frames
+
+    Returns
+    -------
+    Twin
+
+    Raises
+    ------
+    AtcError where the scene lacks something, the reference's atoms are not the run's, or nodes do not sample the
+    material.
+
+    Notes
+    -----
+    Body, conditions and comparison: see ``docs/twin.md``. The twin is cold: the kinetic part of the MD's stress, its
+    thermal expansion and its thermal softening have no counterpart in it.
+    """
+    import time
+
+    from ..config.scene import Scene
+
+    scene = scene if isinstance(scene, Scene) and not set else Scene.load(scene, set)
+    began = time.perf_counter()
+    get = lambda key, default=None: scene.get("twin", key, default)  # noqa: E731
+    given = _inputs(scene)
+    traj, pot, kern, grid, reference = (given[k] for k in ("traj", "pot", "kern", "grid", "reference"))
+    u = traj.units
+    length = u.factor("length")
+    kernel = kern.scaled(length)
+    crystal = _crystal(scene, get, reference, pot, u)
+    spacing = length * get("spacing") if get("spacing") else u.to_internal("length", crystal.lattice_constant)
+    horizon = length * get("horizon") if get("horizon") else None
+    made = body_of(reference, kernel, crystal.density, spacing, horizon)
+    material = isotropic(crystal, pot, get("model", "lps"), made.step_cc, made.body.horizon)
+
+    run = Run(traj, reference)
+    frames = [run[k] for k in range(len(run))]
+    step = get("timestep")
+    motion = get("motion", "dynamic")
+    times = (
+        clock(frames, step and u.to_internal("time", step)) if motion == "dynamic" else np.arange(float(len(frames)))
+    )
+    boxes = [np.array(b, float) * length for b in get("grips", [])]
+    held = gripped(made, reference, boxes, get("grip_types", []))
+    conditions = _grips(held, frames, reference, made, times)
+    sim = _start(frames[0], reference, made, material, conditions, motion, traj.source)
+    lines = _lines(u, reference, pot, made, material, held, motion, sim, frames)
+    for line in lines:
+        if tell is not None:
+            tell(line)
+
+    found, names = [], ["density", "displacement", *(["velocity"] if motion == "dynamic" else []), "stress"]
+    for k in range(len(frames)):
+        _advance(sim, frames, times, k, motion)
+        found.append(_fields_of_nodes(sim, u, kern, grid, [PAIRS[n][1] for n in names]))
+        if progress is not None:
+            progress(k + 1, len(frames), (k + 1) / (time.perf_counter() - began))
+    from .. import fields
+
+    md = fields(
+        run,
+        pot,
+        kern,
+        grid,
+        [*(PAIRS[n][0] for n in names), "virial_stress"],
+        tolerance=scene.get("fields", "tolerance", 1e-5),
+        reference=reference,
+        forces="ignore",
+    )
+    data = dataset_of(md, found, names)
+    bulk = float(u.to_user("density", crystal.density))
+    rows = norms(data, names, bulk)
+    data.attrs.update(
+        title="a molecular-dynamics run and its peridynamic twin",
+        twin="\n".join(lines),
+        kernel=md.attrs.get("kernel", ""),
+        grid=md.attrs.get("grid", ""),
+        scene=scene.to_toml(),
+        bulk_density=bulk,
+        nodes=len(made.body),
+        **{f"{r['field']}_{r['where']}_{k}": r[k] for r in rows for k in ("difference_rms", "relative")},
+    )
+    return Twin(data, rows, lines, made, material, sim, scene.name)
+
+
+def _inputs(scene) -> dict:
+    """Everything of the scene that a twin needs, or one line that says what is missing."""
+    for section, example in (
+        ("twin", 'structure = "fcc" and lattice_constant = 5.3'),
+        ("potential", 'lammps = """pair_style ..."""'),
+        ("kernel", 'name = "quartic" and radius = 8.0'),
+        ("grid", 'kind = "regular" and spacing = 2.0'),
+    ):
+        if section not in scene.data:
+            raise scene.need(section, f"a twin needs it, e.g. {example}")
+    traj = scene.trajectory()
+    if traj.units.dimension == 2 or scene.get("trajectory", "dimension") == 2:
+        raise AtcError(f"{scene.name}: a twin is of a run in three dimensions, this one is in the plane")
+    grid = scene.grid()
+    if grid.kind not in ("regular", "plane", "line", "points"):
+        raise AtcError(
+            f"{scene.where('grid', 'kind')}: [grid] kind: MD and PD are compared at the same points: take a regular, "
+            f"plane, line or points grid, not {grid.kind}"
+        )
+    reference = scene.reference()
+    reference = traj[0] if reference is None else reference
+    reference.require("masses", why="the body of a twin")
+    return {"traj": traj, "pot": scene.potential(), "kern": scene.kernel(), "grid": grid, "reference": reference}
+
+
+def _crystal(scene, get, reference, pot, units):
+    """The crystal at rest under the potential."""
+    from ..upscaling.crystal import Crystal, relax
+
+    structure, a = get("structure"), get("lattice_constant")
+    if structure is None or a is None:
+        raise AtcError(
+            f'{scene.where("twin")}: [twin] needs structure and lattice_constant (a start), e.g. structure = "fcc" and '
+            "lattice_constant = 5.3"
+        )
+    kinds = np.unique(reference.types)
+    masses = [float(units.to_user("mass", reference.masses[reference.types == t][0])) for t in kinds]
+    if len(kinds) > 2 or (len(kinds) == 2 and structure != "diamond"):
+        # Types that only name groups of the same atoms.
+        if np.ptp(masses) > 1e-9 * max(masses):
+            raise AtcError(
+                f"{scene.where('twin')}: [twin] the run has atoms of {len(kinds)} masses, which {structure} has no "
+                "places for"
+            )
+        masses = masses[:1]
+    elif np.ptp(masses) == 0:
+        masses = masses[:1]
+    crystal = Crystal.cubic(structure, a, masses, units)
+    crystal.types = np.full(len(crystal), kinds[0]) if len(masses) == 1 else crystal.types
+    return relax(crystal, pot)
+
+
+def _grips(held, frames, reference, made, times) -> list:
+    from .. import pd
+
+    if not held.any():
+        return []
+    u_tgc = np.array([smoothed_displacement(f, reference, made.smoothing, made.body.X_nc)[held] for f in frames])
+    return [pd.Prescribed(held, displacement=history(times, u_tgc))]
+
+
+def _start(first, reference, made, material, conditions, motion, source):
+    """The simulation in the state of the run's first frame."""
+    from .. import pd
+
+    X = made.body.X_nc
+    v = None
+    if motion == "dynamic":
+        first.require("velocities", why="the start of a dynamic twin")
+        v = made.smoothing.mean(first.velocities)
+    sim = pd.Simulation(made.body, material.material, conditions=conditions, velocities=v)
+    # The cell first, which moves the nodes; then they go to where the atoms are.
+    deform(sim, first.cell)
+    sim._z[:, :3] = smoothed_displacement(first, reference, made.smoothing, X)
+    sim._contact_energy, sim._rigid_energy = sim._all_forces(damage=False)
+    return sim
+
+
+def _advance(sim, frames, times, k, motion) -> None:
+    """From frame k − 1 to frame k, the cell on the straight way between theirs."""
+    if motion == "static":
+        from .. import pd
+
+        if k == 0 or sim.cell != frames[k].cell or sim.prescribed:
+            deform(sim, frames[k].cell)
+            pd.relax(sim, time=times[k])
+        return
+    if k == 0:
+        return
+    a, b, gap = frames[k - 1].cell, frames[k].cell, times[k] - times[k - 1]
+    count = max(1, math.ceil(gap / (0.7 * sim.time_step_stable)))
+    sim.dt = gap / count
+    if a == b:
+        sim.step(count)
+        return
+    for m in range(count):
+        deform(sim, between(a, b, (m + 1) / count))
+        sim.step()
+
+
+def _fields_of_nodes(sim, units, kern, grid, names):
+    """Fields of the twin's present state, by the code that makes those of the atoms."""
+    from .. import fields, pd
+
+    # The twin's numbers are internal ones; results are reported in the run's units.
+    frame, bonds = pd.snapshot(sim, units="lj")
+    reference = pd.reference_frame(sim, units="lj")
+    bonds.units = units
+    frame, reference = frame.replace(units=units), reference.replace(units=units)
+    return fields([frame], bonds, kern, grid, [*names, "virial_stress_potential"], reference=reference, forces="ignore")
+
+
+def _lines(units, reference, pot, made, material, held, motion, sim, frames) -> list[str]:
+    """What the twin is, before it runs."""
+    p = lambda what, v: f"{units.to_user(what, v):.5g} {units.label(what)}"  # noqa: E731
+    body = made.body
+    edges = ", ".join(f"{units.to_user('length', e):.4g}" for e in np.linalg.norm(made.step_cc, axis=1))
+    stress = pot.stream(reference).virial_cc / body.V_n.sum()
+    own = ", ".join(f"{units.to_user('pressure', v):.3g}" for v in np.diag(stress))
+    lines = [
+        f"body: {len(body)} nodes of {len(reference)} atoms, {edges} {units.label('length')} apart, horizon "
+        f"{p('length', body.horizon)}; mass as the atoms', density {made.density / made.bulk:.4g} of the crystal's",
+        *material.lines(units),
+        f"reference: {reference.source}; its own mean stress (xx, yy, zz) "
+        f"{own} {units.label('pressure')} is "
+        "not in the twin",
+    ]
+    moved = any(f.cell != reference.cell for f in frames)
+    lines.append(
+        "conditions: "
+        + ("the cell's history" if moved else "the cell stays as it is")
+        + (f"; {int(held.sum())} nodes are held at the smoothed displacement of their atoms" if held.any() else "")
+        + (
+            "; an equilibrium for every frame"
+            if motion == "static"
+            else "; starts from smoothed displacement, velocity"
+        )
+    )
+    if motion == "dynamic":
+        lines.append(
+            f"time step {p('time', 0.7 * sim.time_step_stable)} (surely stable below {p('time', sim.time_step_stable)})"
+        )
+    lines.append("left out: temperature (kinetic stress, thermal expansion, softening), fracture, surface stress")
+    size = np.abs(stress).max() / material.bulk
+    if size > 3e-3:
+        import warnings
+
+        from ..errors import AtcWarning
+
+        warnings.warn(
+            f"{reference.source}: the reference is not free of stress: it has {100 * size:.2g} % of the bulk modulus, "
+            "which the twin lacks: give as [trajectory] reference a frame or file of the unloaded body",
+            AtcWarning,
+            stacklevel=3,
+        )
+    return lines
