@@ -1,6 +1,6 @@
 # make demo    a field file, a picture and a table from the silicon plate in data/, in a few minutes on a fresh machine
 # make test    lint and all tests
-# make lint    ruff only          make bench   speed, to be read by a person          make clean   remove what make made
+# make lint    ruff, mypy         make bench   speed, to be read by a person          make clean   remove what make made
 #
 # Needs Python 3.11 or newer; everything else goes into .venv, which is made on first use.
 # Another Python: make PYTHON=/path/to/python demo.  More test processes: make JOBS=8 test.
@@ -70,6 +70,7 @@ $(OUT)/compare.txt: $(OUT)/silicon_plate.nc
 lint: | $(VENV)/.atc-test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/mypy
 
 test: lint
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile

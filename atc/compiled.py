@@ -77,7 +77,7 @@ class _Locator(_CacheLocator):
 
     @classmethod
     def from_function(cls, function, file):
-        folder = _folder(os.path.dirname(os.path.abspath(file)), config.CACHE_DIR or "")
+        folder = _folder(os.path.dirname(os.path.abspath(file)), getattr(config, "CACHE_DIR", "") or "")
         return None if folder is None else cls(function, file, folder)
 
     def get_cache_path(self):
@@ -91,7 +91,7 @@ class _Locator(_CacheLocator):
 
 
 class _Implementation(CompileResultCacheImpl):
-    _locator_classes = (_Locator,)
+    _locator_classes = [_Locator]  # type: ignore[list-item]  # noqa: RUF012
 
 
 class _Cache(FunctionCache):
@@ -186,7 +186,7 @@ def _stamp(function) -> str:
             files.add(inspect.getfile(value))
         elif isinstance(value, ModuleType):
             if value.__name__.split(".")[0] == __name__.split(".")[0]:
-                files.add(value.__file__)
+                files.add(str(value.__file__))
         elif isinstance(value, np.ndarray):
             h.update(f"{name}{value.dtype.str}{value.shape}".encode() + value.tobytes())
         elif isinstance(value, (int, float, complex, str, bool, tuple, np.generic)):

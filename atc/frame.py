@@ -132,7 +132,7 @@ class Cell:
             for a, b in ((self.vectors, other.vectors), (self.origin, other.origin), (self.periodic, other.periodic))
         )
 
-    __hash__ = None
+    __hash__ = None  # type: ignore[assignment]
 
     def __repr__(self):
         p = "".join("p" if b else "f" for b in self.periodic)

@@ -313,7 +313,7 @@ class Grid:
     def __eq__(self, other):
         return isinstance(other, Grid) and self.kind == other.kind and _same(self._, other._)
 
-    __hash__ = None
+    __hash__ = None  # type: ignore[assignment]
 
     @property
     def follows_cell(self) -> bool:
@@ -438,12 +438,12 @@ class Grid:
             if p["axis"] is None:
                 origin, edges = place("plane origin", p["origin"] * f) - cell.origin, np.stack([p["u"], p["v"]]) * f
                 edges = _directions("plane edge", edges, flat)
-                name = ("u", "v")
+                name: tuple[str, ...] = ("u", "v")
             else:
                 a = p["axis"]
                 others = [k for k in range(3) if k != a]
                 share = 0.5 if p["position"] is None else p["position"] * f / cell.heights[a]
-                origin, edges = share * cell.vectors[a] + cell.origin - own.origin, cell.vectors[others]
+                origin, edges = share * cell.vectors[a] + (cell.origin - own.origin), cell.vectors[others]
                 name = tuple("xyz"[k] for k in others)
         else:
             region, name = p["cell"], ("x", "y", "z")
@@ -560,7 +560,7 @@ class BoundGrid:
     def __init__(self, kind, cell, dims, *, xyz=None, origin=None, steps=None, counts=None, axis=None, shift=0.5):
         self.kind, self.cell, self.dims, self.axis, self.shift = kind, cell, dims, axis, shift
         self.xyz, self.origin, self.steps = xyz, origin, steps
-        self.counts = None if counts is None else tuple(int(n) for n in counts)
+        self.counts: tuple[int, ...] = () if counts is None else tuple(int(n) for n in counts)
 
     @property
     def is_lattice(self) -> bool:
@@ -641,6 +641,7 @@ class BoundGrid:
         label = {"units": units.label("length")}
         to_user = lambda a: units.to_user("length", a)  # noqa: E731
         if self.kind == "slab":
+            assert self.spacing is not None
             a = self.axis
             normal = self.cell.inverse[:, a] * self.cell.heights[a]
             # Orthogonal cells: the coordinate itself; else the distance from the cell's lower face.

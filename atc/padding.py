@@ -6,9 +6,11 @@ part of every integral over the grid (mass, section forces).
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 
-from .errors import AtcError
+from .errors import AtcError, AtcWarning
 from .frame import Cell
 
 #: A share of the mass beyond the grid that deserves a warning.
@@ -80,12 +82,12 @@ def beyond(grid, kern, frame) -> tuple[float, str]:
 
 def warn_of_open_faces(grid, kern, frame) -> None:
     """An AtcWarning if a part of the mass that matters lies beyond the grid."""
-    from .readers.trajectory import warn
-
     share, axes = beyond(grid, kern, frame)
     if share > WORTH_A_WARNING:
-        warn(
+        warnings.warn(
             f"the grid ends at the open faces of the cell ({axes}), but the kernel carries {100 * share:.2g} % of the "
             'mass beyond them: integrals over the grid lack it, and section forces a like part; padding = "auto" in '
-            "[grid] extends the grid by the reach of the kernel"
+            "[grid] extends the grid by the reach of the kernel",
+            AtcWarning,
+            stacklevel=2,
         )

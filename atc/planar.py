@@ -1,4 +1,4 @@
-"""Two-dimensional runs (LAMMPS's ``dimension 2``): frames, trajectories and potentials in a plane z = const.
+"""Two-dimensional runs (LAMMPS's ``dimension 2``): frames in a plane z = const; trajectories: `readers.planar`.
 
 A frame in two dimensions is one whose atoms all lie in the plane, in a cell whose third edge is one internal unit of
 length along z and does not repeat; the plane goes through its middle. The cell's volume is then an area, so that
@@ -9,13 +9,10 @@ freedom) and the kernel (`Kernel.planar`: its normalisation ∫φ dA = 1, its tr
 
 from __future__ import annotations
 
-from copy import copy
-
 import numpy as np
 
 from .errors import AtcError
 from .frame import Cell, Frame
-from .readers.trajectory import Trajectory
 
 #: How far from the plane an atom may be, in cell sizes; and how fast out of it, over the largest speed: what a change
 #: of units leaves.
@@ -93,103 +90,6 @@ def _flat(frame, off_n, limit, what):
 
 def _shown(frame, dimension, value) -> str:
     return f"{frame.units.to_user(dimension, float(value)):.10g} {frame.units.label(dimension)}"
-
-
-class Planar(Trajectory):
-    """Another trajectory, of a two-dimensional run."""
-
-    def __init__(self, base: Trajectory):
-        super().__init__()
-        self.base, self.units, self.source = base, base.units.planar, base.source
-        self.dimension, self.assumed = 2, base.assumed
-
-    @property
-    def type_names(self):
-        return self.base.type_names
-
-    def __len__(self):
-        return len(self.base)
-
-    def _has(self, k):
-        return self.base._has(k)
-
-    def _frame(self, k):
-        return planar(self.base._frame(k))
-
-    def _precision(self, frame):
-        return self.base._precision(frame)
-
-    def _numbered(self):
-        return self.base._numbered()
-
-    def close(self):
-        self.base.close()
-
-
-def in_dimension(trajectory: Trajectory, dimension) -> Trajectory:
-    """A trajectory read as one of a run in 2 or 3 dimensions; None: whatever the potential says later, else 3."""
-    if dimension is None:
-        return trajectory
-    if isinstance(dimension, bool) or dimension not in (2, 3):
-        raise AtcError(f"dimension {dimension!r}: expected 2 (a run in the plane, LAMMPS's dimension 2) or 3")
-    if trajectory.units.dimension == 2:
-        if dimension == 3:
-            raise AtcError(
-                f"{trajectory.source} was opened as a two-dimensional run, but the dimension argument says 3"
-            )
-        return trajectory
-    if dimension == 2:
-        return Planar(trajectory)
-    from .readers.memory import Adapted
-
-    said = Adapted(trajectory)
-    said.dimension = 3
-    return said
-
-
-def matched(frames, pot=None):
-    """Frames and a potential for the same number of dimensions: what one of them says, the other one is told.
-
-    Parameters
-    ----------
-    frames : Frame, list of Frames or Trajectory
-    pot : Potential or None (or a model of another make, which says nothing of it)
-
-    Returns
-    -------
-    frames, pot
-
-    Raises
-    ------
-    AtcError where they contradict each other.
-    """
-    from .decomposers.base import Potential
-
-    one = frames if isinstance(frames, (Frame, Trajectory)) else frames[0] if len(frames) else None
-    if one is None:
-        return frames, pot
-    flat = one.units.dimension == 2
-    if not isinstance(pot, Potential):
-        return frames, pot
-    if flat and pot.dimension == 3:
-        if pot.dimension_said:
-            raise AtcError(
-                f"{one.source} is read as a two-dimensional run, but the potential says dimension 3: make them agree"
-            )
-        pot = copy(pot)
-        pot.dimension = 2
-    elif not flat and pot.dimension == 2:
-        if isinstance(one, Trajectory) and one.dimension == 3:
-            raise AtcError(
-                f"{one.source} is read with dimension = 3, but the potential says dimension 2: make them agree"
-            )
-        if isinstance(frames, Frame):
-            frames = planar(frames)
-        elif isinstance(frames, Trajectory):
-            frames = Planar(frames)
-        else:
-            frames = [planar(f) for f in frames]
-    return frames, pot
 
 
 def thin(frame: Frame) -> bool:

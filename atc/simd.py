@@ -33,6 +33,8 @@ _VEC4, _IVEC4 = ir.VectorType(_DOUBLE, 4), ir.VectorType(_INT64, 4)
 
 
 class Vec4(types.Type):
+    """Four doubles in one register."""
+
     def __init__(self):
         super().__init__(name="vec4d")
 

@@ -2,8 +2,15 @@
 importable from every test folder."""
 
 import os
+import signal
 import sys
+import threading
 from pathlib import Path
+
+# A shell starts what it runs in the background with SIGINT ignored, and so would every process that tests start and
+# interrupt.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN and threading.current_thread() is threading.main_thread():
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 HERE = Path(__file__).resolve().parent
 for folder in (HERE, *sorted(f for f in HERE.iterdir() if f.is_dir() and f.name != "__pycache__")):

@@ -327,7 +327,7 @@ def verify_scene(scene, frames: str | None = None, threads: int = 1) -> RunCheck
 
 
 def _selected(text: str | None, total: int) -> list[int]:
-    from ..config.schema import frame_slice
+    from ..config.words import frame_slice
 
     if text is None:
         return sorted({0, total // 2, total - 1})

@@ -161,8 +161,8 @@ def verify(traj, pot, calculator=None, *, symbols=None, threads: int = 1) -> Ver
     AtcError
         without calculator, where the trajectory has no forces; where the calculator fails.
     """
-    from ..planar import matched
     from ..planning.job import as_frames
+    from ..readers.planar import matched
 
     if not hasattr(pot, "stream"):
         raise AtcError(f"pot is a {type(pot).__name__}: expected what atc.potential('pair_style ...') gives")

@@ -81,6 +81,7 @@ class _Scalars:
         return out
 
 
+@xr.register_dataarray_accessor("atc")
 class FieldAccessor(_Scalars):
     """`da.atc`: scalars of one field."""
 
@@ -93,6 +94,7 @@ class FieldAccessor(_Scalars):
         return self._da, int(self._da.attrs.get("dimension", 3))
 
 
+@xr.register_dataset_accessor("atc")
 class DatasetAccessor(_Scalars):
     """`ds.atc`: scalars, pictures and the comparison with the virial stress of an output of `atc.fields`."""
 
@@ -119,14 +121,3 @@ class DatasetAccessor(_Scalars):
         from .compare import compare
 
         return compare(self._ds, frame=frame)
-
-
-def register() -> None:
-    """Make `ds.atc` and `da.atc` known to xarray; a second call does nothing."""
-    for kind, accessor in ((xr.Dataset, DatasetAccessor), (xr.DataArray, FieldAccessor)):
-        if not hasattr(kind, "atc"):
-            at = xr.register_dataset_accessor if kind is xr.Dataset else xr.register_dataarray_accessor
-            at("atc")(accessor)
-
-
-register()

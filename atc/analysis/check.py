@@ -73,8 +73,8 @@ def check(
     """
     from .. import read
     from ..decomposers.long_range.kspace import converged
-    from ..planar import matched
     from ..readers.memory import completed
+    from ..readers.planar import matched
 
     traj, pot = matched(completed(read(traj), pot), pot)
     n_frames = len(traj)

@@ -118,6 +118,7 @@ def relative(a, b) -> float:
 
 
 def number(v) -> str:
+    """A residual in three digits."""
     return f"{v:.3g}"
 
 

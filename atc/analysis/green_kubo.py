@@ -80,7 +80,7 @@ def heat_currents(frames, pot, *, dt: float | None = None, threads: int | None =
     from ..estimators.settings import Settings
     from ..estimators.sources import drift_velocity
     from ..neighbors.verlet import Following
-    from ..planar import matched
+    from ..readers.planar import matched
     from ..readers.times import Clock
     from ..readers.trajectory import Trajectory
 

@@ -8,13 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..errors import AtcError
-from ..readers.plausible import doubts
+from ..readers.plausible import doubts, stress_error
 
-# Measured on Lennard-Jones argon: coordinates rounded to 0.01 Å give 1.5 to 2 % stress error at a kernel radius of 5 Å.
-# Rounding errors are independent and small, so the stress error is linear in the rounding step.
-_STRESS_ERROR_PER_ANGSTROM = 2e-2 / 0.01
-# In reduced units σ plays the part of argon's 3.4 Å.
-_ANGSTROM_PER_SIGMA = 3.4
 _WORTH_A_WARNING = 1e-3
 
 # What cannot be computed without a per-atom quantity.
@@ -50,13 +45,6 @@ class Report:
 
 def _g(v) -> str:
     return f"{v:.6g}"
-
-
-def stress_error(resolution: float, units) -> float:
-    """Relative stress error to expect at a kernel radius of 5 Å (1.5 σ) from coordinates resolved to `resolution` (in
-    `units`)."""
-    angstrom = resolution * _ANGSTROM_PER_SIGMA if units.reduced else units.to_internal("length", resolution)
-    return angstrom * _STRESS_ERROR_PER_ANGSTROM
 
 
 def describe(source, topology=None, units=None, masses=None, dimension=None, atom_style=None) -> Report:

@@ -14,6 +14,7 @@ import warnings
 import numpy as np
 
 from ..errors import AtcError, AtcWarning
+from ..estimators.tensors import quotient
 from ..units import units
 from .profile_table import Profile, Value, series_mean
 
@@ -156,7 +157,7 @@ def _asked(potential: bool) -> list[str]:
 def _profile(traj, pot, kern, grid, interfaces, flow, boundary, *, progress=None, **how) -> Profile:
     from .. import fields, read
     from ..frame import Frame
-    from ..planar import matched
+    from ..readers.planar import matched
     from ..readers.trajectory import Trajectory
     from .species_profile import BOUNDARIES, add_species
 
@@ -219,13 +220,13 @@ class PressureFrames:
         potential = -internal("stress_potential", "pressure")
 
         # Σ m v⊗v φ of the frame: its kinetic stress is relative to its own velocity field, which is taken back.
-        v_tzc = _quotient(self.momentum_tzc, self.rho_tz)
+        v_tzc = quotient(self.momentum_tzc, self.rho_tz)
         drift_tc = self.momentum_tzc.sum(axis=1) / self.rho_tz.sum(axis=1)[:, None]
         momentum_tzc = self.momentum_tzc - self.rho_tz[:, :, None] * drift_tc[:, None]
         v_tzc = v_tzc - np.where(self.rho_tz[:, :, None] > 0, drift_tc[:, None], 0.0)
         kinetic = kinetic + _outer(momentum_tzc, v_tzc)
         self.relative_tzc = momentum_tzc
-        self.velocity_zc = _quotient(momentum_tzc.mean(axis=0), self.rho_tz.mean(axis=0))
+        self.velocity_zc = quotient(momentum_tzc.mean(axis=0), self.rho_tz.mean(axis=0))
         if flow:
             V = np.broadcast_to(self.velocity_zc, momentum_tzc.shape)
             kinetic = kinetic - _outer(momentum_tzc, V) - _outer(V, momentum_tzc)
@@ -240,11 +241,6 @@ class PressureFrames:
         normal = np.einsum("tc,t...cd,td->t...", self.n_tc, p, self.n_tc)
         trace = np.einsum("...cc->...", p[..., : self.dimension, : self.dimension])
         return normal, (trace - normal) / (self.dimension - 1)
-
-
-def _quotient(a_zc, w_z):
-    w = w_z[..., None]
-    return np.divide(a_zc, w, out=np.zeros_like(a_zc), where=w > 0)
 
 
 def _outer(a, b):

@@ -174,12 +174,9 @@ class Profile:
 
     def save(self, path) -> None:
         """Write the dataset: .nc or .zarr."""
-        from ..running.output import check_name, explained
+        from ..running.output import write_dataset
 
-        path = check_name(path)
-        with explained(path):
-            ds = self.dataset()
-            ds.to_zarr(path, mode="w") if path.suffix == ".zarr" else ds.to_netcdf(path, engine="h5netcdf")
+        write_dataset(self.dataset(), path)
 
     def picture(self, path) -> Path:
         """Draw the profiles; returns the path."""

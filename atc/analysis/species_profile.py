@@ -58,12 +58,12 @@ class _Sums:
         number, flow, charge, heights = [], [], [], []
         kinds = None
         for frame in frames:
-            frame = pot.complete(frame) if hasattr(pot, "complete") else frame
+            frame = frame if pot is None else pot.complete(frame)
             if kinds is None:
                 kinds, self.units, kern = np.unique(frame.types), frame.units, kernel_internal(kern, frame.units)
                 self.names = _species_names(frame, kinds)
                 moving, charged = frame.velocities is not None, frame.charges is not None and frame.charges.any()
-                self.slab = any(getattr(term, "slab", None) is not None for term in getattr(pot, "fields", ()) or ())
+                self.slab = pot is not None and any(term.slab is not None for term in pot.fields)
             if not np.isin(frame.types, kinds).all() or (charged and frame.charges is None):
                 raise AtcError(f"{frame.source}: has species or lacks charges that the first frame has: profiles by "
                                "species need the same in every frame")  # fmt: skip
@@ -164,14 +164,14 @@ def _add_charges(out, sums, boundary) -> None:
 def _add_velocities(out, sums) -> None:
     """Mean velocities <n v>/<n>; NaN where a species never is."""
     from ..estimators.statistics import BlockAverage
+    from ..estimators.tensors import quotient
 
     u = sums.units
     for s, name in enumerate(sums.names):
         average = BlockAverage()
         n_tz, flow_tzc = sums.number_tzs[:, :, s], sums.flow_tzsc[:, :, s]
         for n_z, flow_zc in zip(n_tz, flow_tzc):
-            v_zc = np.divide(flow_zc, n_z[:, None], out=np.zeros_like(flow_zc), where=n_z[:, None] > 0)
-            average.add(v_zc, n_z)
+            average.add(quotient(flow_zc, n_z), n_z)
         mean, stderr, correlated = average.result()
         never = ~(n_tz > 0).any(axis=0)
         mean[never] = stderr[never] = np.nan

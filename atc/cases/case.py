@@ -16,8 +16,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..config.schema import guess
 from ..config.toml import Document, complaint, key_lines, parse, read_document, toml_key, toml_value
+from ..config.words import guess
 from ..errors import AtcError
 from .schema import ARRAYS, TABLES
 

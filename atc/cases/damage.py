@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..config.schema import guess
+from ..config.words import guess
 from ..errors import AtcError
 
 

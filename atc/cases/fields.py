@@ -36,6 +36,7 @@ def scene_of(case):
 
 
 def fields_path(out) -> Path:
+    """Where the fields of a case go: beside its output."""
     out = Path(out)
     return out.with_name(f"{out.stem}-fields{out.suffix}")
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import inspect
 
-from ..config.schema import Key, _boolean, _not_negative, _number, _positive, _string, guess
+from ..config.schema import Key, _boolean, _not_negative, _number, _positive, _string
+from ..config.words import guess
 
 
 def _influence(v):
@@ -52,6 +53,7 @@ def models() -> dict:
 
 
 def parameters(cls) -> list[str]:
+    """The names of what a material's class takes."""
     return [p for p in inspect.signature(cls.__init__).parameters if p != "self"]
 
 

@@ -12,6 +12,7 @@ from ..errors import AtcError
 
 
 def register(app: typer.Typer) -> None:
+    """Add the verb `advect`."""
     app.command()(advect)
 
 

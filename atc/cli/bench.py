@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from ..errors import AtcError
-from .common import Begin, End, Jobs, Quiet, Set, Step, console, load_scene
+from .common import Begin, End, Jobs, Json, Quiet, Set, Step, console, load_scene
 
 
 def register(app) -> None:
@@ -49,7 +49,7 @@ def register(app) -> None:
                 "--picture", metavar="FILE", help="Where the picture goes; default: next to SCENE.", show_default=False
             ),
         ] = None,
-        json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+        json: Json = False,
         quiet: Quiet = False,
     ) -> None:
         """Time against error of every method on the scene's first frame, next to binned and smoothed per-atom virials.

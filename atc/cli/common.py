@@ -51,6 +51,13 @@ End = Annotated[int | None, typer.Option("-e", "--end", metavar="N", help="Frame
 Step = Annotated[int | None, typer.Option("--step", metavar="N", help="Take every N-th frame.", show_default=False)]
 Jobs = Annotated[int, typer.Option("-j", "--jobs", metavar="N", help="Processor cores to use; 0 is all of them.")]
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no summary.")]
+Json = Annotated[bool, typer.Option("--json", help="As JSON.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")]
+#: Of commands that write their results beside printing them.
+Dataset = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", metavar="OUT", help="Write a dataset: .nc or .zarr.", show_default=False),
+]
 Topology = Annotated[
     str | None,
     typer.Option(
@@ -69,6 +76,22 @@ Masses = Annotated[
 ]
 
 
+def write_result(result, dataset, picture) -> None:
+    """Write a result's dataset and draw its picture, where they are asked for."""
+    if dataset is not None:
+        result.save(dataset)
+    if picture is not None:
+        result.picture(picture)
+
+
+def show_result(result, dataset, picture) -> None:
+    """Print a result, and where its dataset and picture are."""
+    result.print(console())
+    for what, path in (("dataset", dataset), ("picture", picture)):
+        if path is not None:
+            print(f"{what}: {path}")
+
+
 def load_scene(path, settings, begin=None, end=None, step=None, quiet=True):
     """The scene with the flags' overrides on top."""
     from ..config.scene import Scene
@@ -79,7 +102,7 @@ def load_scene(path, settings, begin=None, end=None, step=None, quiet=True):
     if flags:
         frames = scene.get("trajectory", "frames")
         if frames is not None:
-            from ..config.schema import frame_slice
+            from ..config.words import frame_slice
 
             s = frame_slice(frames)
             written = {k: v for k, v in (("begin", s.start), ("end", s.stop), ("step", s.step)) if v is not None}
@@ -90,6 +113,7 @@ def load_scene(path, settings, begin=None, end=None, step=None, quiet=True):
 
 
 def parse_masses(text: str | None):
+    """``--masses`` as `atc.read` takes them: {type: mass} or a list; None for nothing."""
     if text is None:
         return None
     parts = [p for p in text.replace(" ", ",").split(",") if p]
@@ -102,6 +126,7 @@ def parse_masses(text: str | None):
 
 
 def console():
+    """Where tables and notes are printed."""
     from rich.console import Console
     from rich.segment import Segment
 
@@ -166,6 +191,7 @@ def progress_bar(quiet: bool, things: str = "frames"):
 
 
 def duration(seconds: float) -> str:
+    """A time in words, in the unit that suits it."""
     if seconds < 90:
         return f"{seconds:.1f} s" if seconds < 10 else f"{seconds:.0f} s"
     minutes = round(seconds / 60)

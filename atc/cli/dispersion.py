@@ -8,7 +8,20 @@ from typing import Annotated
 
 import typer
 
-from .common import Begin, End, Quiet, SceneFile, Set, Step, console, load_scene
+from .common import (
+    Begin,
+    Dataset,
+    End,
+    Json,
+    Overwrite,
+    Quiet,
+    SceneFile,
+    Set,
+    Step,
+    load_scene,
+    show_result,
+    write_result,
+)
 
 
 def register(app: typer.Typer) -> None:
@@ -17,10 +30,7 @@ def register(app: typer.Typer) -> None:
     @app.command()
     def dispersion(
         scene: SceneFile,
-        output: Annotated[
-            Path | None,
-            typer.Option("-o", "--output", metavar="OUT", help="Write a dataset: .nc or .zarr.", show_default=False),
-        ] = None,
+        output: Dataset = None,
         set: Set = None,
         begin: Begin = None,
         end: End = None,
@@ -29,8 +39,8 @@ def register(app: typer.Typer) -> None:
             Path | None,
             typer.Option("--picture", metavar="FILE", help="Draw everything in one picture.", show_default=False),
         ] = None,
-        json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
-        overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
+        json: Json = False,
+        overwrite: Overwrite = False,
         quiet: Quiet = False,
     ) -> None:
         """Phonon dispersion of a crystal: lattice, phonopy, peridynamic models and a trajectory side by side, with
@@ -47,14 +57,8 @@ def register(app: typer.Typer) -> None:
             else None
         )
         result = dispersion_of_scene(made)
-        if out is not None:
-            result.save(out)
-        if picture is not None:
-            result.picture(picture)
+        write_result(result, out, picture)
         if json:
             print(result.json())
         elif not quiet:
-            result.print(console())
-            for what, path in (("dataset", out), ("picture", picture)):
-                if path is not None:
-                    print(f"{what}: {path}")
+            show_result(result, out, picture)

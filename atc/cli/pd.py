@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from .common import duration, kept_on_interrupt, progress_bar
+from .common import Overwrite, duration, kept_on_interrupt, progress_bar
 
 
 def register(app) -> None:
@@ -39,7 +39,7 @@ def pd_command(
         bool, typer.Option("--check", help="Only say what would be run: nodes, bonds, time step, memory.")
     ] = False,
     restart: Annotated[bool, typer.Option("--restart", help="Forget what an interrupted run has done.")] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
+    overwrite: Overwrite = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no summary.")] = False,
 ) -> None:
     """Run a peridynamic body. After an interruption the same command continues, with the same result as if there had
@@ -121,7 +121,7 @@ def _held_together(case, sim) -> list[str]:
 
 
 def summary(ds, out, seconds, progress) -> None:
-
+    """Print what a run has come to."""
     done = progress.total - progress.there
     before = (
         f"{progress.there} of {progress.total} steps were there, {done} computed" if progress.there else f"{done} steps"

@@ -8,7 +8,22 @@ from typing import Annotated
 import typer
 
 from ..errors import AtcError
-from .common import Begin, End, Jobs, Quiet, SceneFile, Set, Step, console, load_scene, progress_bar
+from .common import (
+    Begin,
+    Dataset,
+    End,
+    Jobs,
+    Json,
+    Overwrite,
+    Quiet,
+    SceneFile,
+    Set,
+    Step,
+    load_scene,
+    progress_bar,
+    show_result,
+    write_result,
+)
 
 
 def register(app: typer.Typer) -> None:
@@ -17,10 +32,7 @@ def register(app: typer.Typer) -> None:
     @app.command()
     def profile(
         scene: SceneFile,
-        output: Annotated[
-            Path | None,
-            typer.Option("-o", "--output", metavar="OUT", help="Write a dataset: .nc or .zarr.", show_default=False),
-        ] = None,
+        output: Dataset = None,
         axis: Annotated[
             str | None,
             typer.Option(
@@ -57,9 +69,9 @@ def register(app: typer.Typer) -> None:
             Path | None,
             typer.Option("--picture", metavar="FILE", help="Draw the profiles.", show_default=False),
         ] = None,
-        json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+        json: Json = False,
         csv: Annotated[bool, typer.Option("--csv", help="The profiles as CSV.")] = False,
-        overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
+        overwrite: Overwrite = False,
         quiet: Quiet = False,
     ) -> None:
         """Profiles across a planar interface, with error bars: pressure and surface tension, species, charges and
@@ -88,16 +100,10 @@ def register(app: typer.Typer) -> None:
                 jobs=jobs,
                 progress=progress,
             )
-        if out is not None:
-            result.save(out)
-        if picture is not None:
-            result.picture(picture)
+        write_result(result, out, picture)
         if json:
             print(result.json())
         elif csv:
             print(result.csv(), end="")
         elif not quiet:
-            result.print(console())
-            for what, path in (("dataset", out), ("picture", picture)):
-                if path is not None:
-                    print(f"{what}: {path}")
+            show_result(result, out, picture)

@@ -37,7 +37,9 @@ from .common import (
     Begin,
     End,
     Jobs,
+    Json,
     Masses,
+    Overwrite,
     Progress,
     Quiet,
     SceneFile,
@@ -256,7 +258,7 @@ def info(
             show_default=False,
         ),
     ] = None,
-    json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+    json: Json = False,
 ) -> None:
     """What is in a trajectory, in which units, how precise, and what can be computed from it; or what is in an output
     of atc.
@@ -331,7 +333,7 @@ def fields(
     restart: Annotated[
         bool, typer.Option("--restart", help="Forget the finished frames of an interrupted run.")
     ] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
+    overwrite: Overwrite = False,
     quiet: Quiet = False,
 ) -> None:
     """Compute the fields of a scene, frame by frame, into a file. After an interruption the same command continues."""
@@ -430,7 +432,7 @@ def check(
         int | None,
         typer.Option("--points", metavar="N", help="Random points, and as many of the grid's.", show_default=False),
     ] = None,
-    json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+    json: Json = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Only the exit status.")] = False,
 ) -> None:
     """Balance laws: residuals of mass, momentum, energy and of div z = 0 at random points and points of the grid.
@@ -486,7 +488,7 @@ def conductivity(
             "--picture", metavar="FILE", help="Draw the correlation function and its integral.", show_default=False
         ),
     ] = None,
-    json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+    json: Json = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress.")] = False,
 ) -> None:
     """Thermal conductivity of an equilibrium run, by Green and Kubo, with an error bar: needs [trajectory] and
@@ -579,6 +581,7 @@ def plot(
     quiet: Annotated[bool, typer.Option("--quiet", help="Do not print the picture's name.")] = False,
 ) -> None:
     """Draw a slice, plane or profile of a field."""
+    from ..config.scene import Scene
     from ..pictures import plotting
 
     path = plotting.plot_file(
@@ -592,7 +595,7 @@ def plot(
         limits=_parse_limits(limits),
         robust=robust,
         output=output,
-        overlay=overlay,
+        overlay=None if overlay is None else Scene.load(overlay).trajectory(),
     )
     if not quiet:
         print(path)

@@ -7,7 +7,20 @@ from typing import Annotated
 
 import typer
 
-from .common import Begin, End, Quiet, SceneFile, Set, Step, console, load_scene, progress_bar
+from .common import (
+    Begin,
+    Dataset,
+    End,
+    Overwrite,
+    Quiet,
+    SceneFile,
+    Set,
+    Step,
+    load_scene,
+    progress_bar,
+    show_result,
+    write_result,
+)
 
 
 def register(app: typer.Typer) -> None:
@@ -16,10 +29,7 @@ def register(app: typer.Typer) -> None:
     @app.command()
     def twin(
         scene: SceneFile,
-        output: Annotated[
-            Path | None,
-            typer.Option("-o", "--output", metavar="OUT", help="Write a dataset: .nc or .zarr.", show_default=False),
-        ] = None,
+        output: Dataset = None,
         set: Set = None,
         begin: Begin = None,
         end: End = None,
@@ -28,7 +38,7 @@ def register(app: typer.Typer) -> None:
             Path | None,
             typer.Option("--picture", metavar="FILE", help="Draw MD, PD and their difference.", show_default=False),
         ] = None,
-        overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
+        overwrite: Overwrite = False,
         quiet: Quiet = False,
     ) -> None:
         """A molecular-dynamics run and its peridynamic twin side by side: body, conditions and material from the run
@@ -49,12 +59,6 @@ def register(app: typer.Typer) -> None:
             picture_kind(picture)
         with progress_bar(quiet) as progress:
             result = twin_of(made, tell=None if quiet else print, progress=progress)
-        if out is not None:
-            result.save(out)
-        if picture is not None:
-            result.picture(picture)
+        write_result(result, out, picture)
         if not quiet:
-            result.print(console())
-            for what, path in (("dataset", out), ("picture", picture)):
-                if path is not None:
-                    print(f"{what}: {path}")
+            show_result(result, out, picture)

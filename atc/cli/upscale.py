@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from ..errors import AtcError
+from .common import Json
 
 group = typer.Typer(
     name="upscale",
@@ -32,6 +33,7 @@ Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing.")]
 
 
 def register(app: typer.Typer) -> None:
+    """Add the verb `upscale` with its own verbs."""
     app.add_typer(group)
 
 
@@ -114,7 +116,7 @@ def series(
     lennard_jones: Annotated[
         bool, typer.Option("--lj", help="The Lennard-Jones chain (eq. 5.2) instead of springs.")
     ] = False,
-    json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+    json: Json = False,
 ) -> None:
     """Higher-order gradient series and dispersion series in exact rationals, and what each truncation is good for."""
     import json as _json

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from .common import Begin, End, Jobs, SceneFile, Set, Step, console, load_scene
+from .common import Begin, End, Jobs, Json, SceneFile, Set, Step, console, load_scene
 
 
 def register(app) -> None:
@@ -30,7 +30,7 @@ def register(app) -> None:
                 show_default=False,
             ),
         ] = None,
-        json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+        json: Json = False,
         quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Only the exit status.")] = False,
     ) -> None:
         """Model and run side by side: energy, forces, pressure tensor, temperature; needs [trajectory] and [potential].

@@ -8,12 +8,13 @@ is an error that says where it stands. Nothing is ever handed to ``eval``.
 from __future__ import annotations
 
 import ast
+from collections.abc import Callable
 from functools import reduce
 
 import numpy as np
 
 from ..errors import AtcError
-from .schema import guess
+from .words import guess
 
 _LONGEST = 2000
 # Well inside of what Python's own stack allows.
@@ -173,9 +174,9 @@ class Formula:
                 np.logical_and, (f(a(v), b(v)) for f, a, b in zip(tests, parts, parts[1:], strict=False))
             )
         if isinstance(node, ast.BoolOp):
-            f = np.logical_and if isinstance(node.op, ast.And) else np.logical_or
+            both: Callable = np.logical_and if isinstance(node.op, ast.And) else np.logical_or
             parts = [self._translate(n) for n in node.values]
-            return lambda v: reduce(f, (p(v) for p in parts))
+            return lambda v: reduce(both, (p(v) for p in parts))
         if isinstance(node, ast.IfExp):
             c, a, b = (self._translate(n) for n in (node.test, node.body, node.orelse))
             return lambda v: np.where(c(v), a(v), b(v))

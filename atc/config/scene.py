@@ -18,8 +18,9 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import AtcError
-from .schema import GRIDS, SCHEMA, frame_slice, guess
+from .schema import GRIDS, SCHEMA
 from .toml import Document, complaint, key_lines, parse, read_document, toml_key, toml_value
+from .words import frame_slice, guess
 
 # --------------------------------------------------------------------------------------------------------------------
 
@@ -440,8 +441,8 @@ class Scene(Document):
         before anything is computed; with `resume` it may be that of a run which only has to clear away."""
         if given is not None:
             path, where = Path(given), f"-o {given}"
-        elif self.get("output", "file") is not None:
-            path, where = self.path("output", "file"), self.where("output", "file") + ": [output] file"
+        elif (said := self.path("output", "file")) is not None:
+            path, where = said, self.where("output", "file") + ": [output] file"
         else:
             raise self.need("output", 'say where the result goes: -o OUT, or file = "out.zarr" in [output]')
         if path.suffix not in (".zarr", ".nc"):
@@ -547,6 +548,7 @@ class Scene(Document):
         import numpy as np
 
         path = self.path(section, key)
+        assert path is not None  # asked for where the key is given
         try:
             values = np.loadtxt(path, ndmin=2)
         except OSError as e:

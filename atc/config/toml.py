@@ -6,6 +6,7 @@ import tomllib
 from collections.abc import Mapping
 from datetime import date, time
 from pathlib import Path
+from typing import Any
 
 from ..errors import AtcError
 
@@ -134,6 +135,11 @@ class Document:
     """A TOML file that knows where its keys stand: `data`, its `name`, lines by path in `_lines`, and the flags that
     set keys in `_flags`."""
 
+    name: str
+    data: dict[str, Any]
+    _lines: dict[tuple[str, ...], int]
+    _flags: dict[tuple[str, ...], str]
+
     def where(self, *path: str) -> str:
         """``file:line`` of a key or section, or the flag that set it."""
         if path in self._flags:
@@ -166,6 +172,7 @@ def _toml_string(s: str) -> str:
 
 
 def toml_key(k: str) -> str:
+    """A key as TOML writes it, in quotes where it needs them."""
     bare = k and all(c.isascii() and (c.isalnum() or c in "-_") for c in k)
     return (
         k

@@ -215,6 +215,7 @@ _UFUNCS = {n: n for n in UNARY} | {
 
 
 def call(tape: Tape, name: str, args):
+    """A numpy function by its name, as operations on the tape."""
     if name == "pos":
         return args[0]
     if name == "square":

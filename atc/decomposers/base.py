@@ -17,6 +17,7 @@ from ..contracts import Interactions
 from ..errors import AtcError
 from ..frame import Frame
 from ..neighbors.cell_list import Workspace
+from ..planar import planar
 from ..units import Units, require_compatible, units
 
 #: Words for sharing the energy of a whole potential; see `Potential.partitioned`.
@@ -440,8 +441,6 @@ class Potential(Interactions):
         require_compatible(self.units, frame.units, "the potential", frame.source)
         frame = self.complete(frame)
         if self.dimension == 2 and frame.dimension == 3:
-            from ..planar import planar
-
             frame = planar(frame)
         n, constraints = len(frame), self.constraints
         whole = frame

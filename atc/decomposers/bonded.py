@@ -24,30 +24,37 @@ CHUNK = 16384
 
 
 def per_length2(u: Units) -> float:
+    """Internal size of energy/length²."""
     return u.energy / u.length**2
 
 
 def energy(u: Units) -> float:
+    """Internal size of an energy."""
     return u.energy
 
 
 def length(u: Units) -> float:
+    """Internal size of a length."""
     return u.length
 
 
 def per_length(u: Units) -> float:
+    """Internal size of 1/length."""
     return 1.0 / u.length
 
 
 def per_length3(u: Units) -> float:
+    """Internal size of energy/length³."""
     return u.energy / u.length**3
 
 
 def per_length4(u: Units) -> float:
+    """Internal size of energy/length⁴."""
     return u.energy / u.length**4
 
 
 def energy_per_length(u: Units) -> float:
+    """Internal size of energy/length."""
     return u.energy / u.length
 
 
@@ -57,10 +64,12 @@ def kelvin(u: Units) -> float:
 
 
 def plain(u: Units) -> float:
+    """Of a number without unit."""
     return 1.0
 
 
 def degrees(u: Units) -> float:
+    """Radians in a degree."""
     return np.pi / 180.0
 
 
@@ -333,6 +342,8 @@ class HybridTerm(Term):
 
 
 class HybridWork(Work):
+    """The works of the sub-styles, one after the other."""
+
     def __init__(self, works):
         self.tasks = [(w, k) for w in works for k in range(w.stages[0])]
         self.stages = (len(self.tasks),)

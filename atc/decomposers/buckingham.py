@@ -67,6 +67,7 @@ class Buckingham(Born):
 
 
 def positive_rho(*numbers) -> str | None:
+    """What is wrong with these numbers, None if nothing."""
     return None if numbers[1] > 0 else "rho must be positive"
 
 

@@ -60,6 +60,8 @@ class Centred(Term):
 
 
 class CentredWork(Work):
+    """One frame: its neighbours, then chunks of centres."""
+
     def __init__(self, term: Centred, frame: Frame):
         self.term, self.frame = term, frame
         element_n, who = term.map.apply(frame)

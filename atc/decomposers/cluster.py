@@ -70,6 +70,8 @@ class ClusterTerm(Term):
 
 
 class ClusterWork(Work):
+    """One frame: its tuples, in chunks."""
+
     def __init__(self, term: ClusterTerm, frame: Frame):
         self.term, self.frame = term, frame
         self.atoms, self.types = term.terms_of(frame)

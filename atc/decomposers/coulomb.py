@@ -159,6 +159,7 @@ def _constant(inp: StyleInput) -> float:
 
 
 def cut_style(inp: StyleInput, cutoff) -> CoulombCut:
+    """A composite style's ``coul/cut`` part."""
     style = CoulombCut.internal(cutoff)
     style.constant = _constant(inp)
     return style

@@ -92,6 +92,7 @@ def _on(inp: StyleInput):
 
 
 def long_style(inp: StyleInput, cutoff: float, constant: float | None = None) -> CoulombLong:
+    """A composite style's ``coul/long`` part; `constant` where it is not LAMMPS's."""
     if not cutoff > 0:
         raise inp.error(f"{inp.command}: the Coulomb cutoff must be positive, got {' '.join(inp.args)}")
     style = CoulombLong(

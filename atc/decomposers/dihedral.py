@@ -117,6 +117,7 @@ def _cosine(n: int, factor: float) -> np.ndarray:
 
 
 def sign_of_phase(degrees: float) -> float:
+    """1 or −1 for a phase of 0 or 180 degrees; MirrorError for others."""
     if degrees % 180.0 != 0.0:
         raise MirrorError(f"the phase {degrees:g} degrees is neither 0 nor 180: {_MIRROR}")
     return 1.0 if degrees % 360.0 == 0.0 else -1.0

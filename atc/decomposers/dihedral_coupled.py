@@ -141,6 +141,7 @@ class SphericalTorsion(RowTerm, CoupledTorsion):
 
 
 def whole_multiple(K):
+    """Raise MirrorError for a multiple of φ that is no whole number."""
     if K != int(K):
         raise MirrorError(
             f"the multiple {K:g} of phi is no whole number: the energy has a step at 180 degrees, where the forces "

@@ -80,6 +80,7 @@ def background(p: MEAMParameters, e: int) -> float:
 
 
 def embedding(p: MEAMParameters, e: int, rhobar):
+    """The embedding energy F(ρ̄)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         F = p.A_e[e] * p.Ec[e, e] * rhobar * np.log(rhobar)
     return np.where(rhobar > 0.0, F, -p.A_e[e] * p.Ec[e, e] * rhobar if p.emb_lin_neg else 0.0)
@@ -95,6 +96,7 @@ def rose(p: MEAMParameters, a: int, b: int, r):
 
 
 def zbl(p: MEAMParameters, a: int, b: int, r):
+    """The screened repulsion of two nuclei at distance r."""
     za, zb = p.number[a], p.number[b]
     x = r / (0.4685 / (za**0.23 + zb**0.23))
     return 14.3997 * za * zb / r * (_ZBL_C[:, None] * np.exp(-_ZBL_D[:, None] * x)).sum(axis=0)

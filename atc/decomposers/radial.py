@@ -227,6 +227,7 @@ def several_cutoffs(inp: StyleInput, wants, defaults, mix=None, check=None) -> l
 
 
 def inner_below_outer(inner: float, outer: float, what: str = "") -> str | None:
+    """What is wrong with a switching range, None if nothing."""
     if not 0 < inner < outer:
         return f"the {what}inner cutoff must be positive and less than the outer one"
     return None

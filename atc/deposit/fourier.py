@@ -86,6 +86,7 @@ def _along_lines(k, power):
 
 # --- the spreading window: Kaiser and Bessel's, x in mesh spacings, support |x| < width/2
 def window(x, width, shape):
+    """The Kaiser-Bessel window, 1 at x = 0 and 0 beyond width/2."""
     from scipy.special import i0
 
     u = 1.0 - (2.0 * np.asarray(x) / width) ** 2

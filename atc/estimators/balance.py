@@ -27,8 +27,7 @@ import numpy as np
 from ..compiled import njit
 from ..errors import AtcError
 from .sources import drift_velocity
-from .sums import quotient
-from .tensors import full, outer6
+from .tensors import full, outer6, quotient
 
 LAWS = ("mass", "momentum", "energy", "churning")
 #: What the residuals are: the unit of each law's terms is this dimension's divided by this one's.

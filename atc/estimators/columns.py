@@ -27,6 +27,7 @@ _INDEXED = re.compile(r"(.+)\[(\d+)\]")
 
 
 def is_column(name) -> bool:
+    """Whether a quantity, or a sum of one, is of a column of the trajectory."""
     return isinstance(name, str) and name.startswith(PREFIX)
 
 
@@ -118,10 +119,9 @@ def label(name: str, units, given: dict | None = None) -> str:
     return f"{unit}/{volume}" if unit not in ("1", "") else units.label("number_density")
 
 
-def quantity(name: str):
-    """The `Quantity` of such a name."""
-    from .registry import Quantity
-    from .sums import quotient
+def quantity(name: str, Quantity):
+    """The `Quantity` (see `registry`, which hands over its class) of such a name."""
+    from .tensors import quotient
 
     column, way = split(name)
     if "*mass" in column:
@@ -152,8 +152,6 @@ def quantity(name: str):
     )
 
 
-def source(name: str):
+def source(name: str, Source):
     """The `Source` of such a site sum."""
-    from .registry import Source
-
     return Source(1, (name.removesuffix("*mass"), *(["masses"] if name.endswith("*mass") else [])))

@@ -398,6 +398,7 @@ def form(run: Run, sums: RunSums) -> FrameResult:
 
 
 def place_of(q: Quantity, sums: RunSums) -> Place:
+    """Where the sums of a quantity are: on the reference, or on the frame."""
     return sums.reference if q.on_reference else sums.here
 
 

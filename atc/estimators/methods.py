@@ -137,6 +137,7 @@ def summary(methods: dict[str, Method]) -> str:
 
 
 def details(methods: dict[str, Method]) -> str:
+    """Methods and their reasons in one line."""
     return "; ".join(f"{NAMES[key]}: {m} ({m.reason})" for key, m in methods.items())
 
 

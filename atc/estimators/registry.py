@@ -72,7 +72,7 @@ SITE = _AndColumns(
         "outside_power": Source(1, ("velocities",), bonds=True, forces=True),
         "source_residual": Source(4, bonds=True, sources=True),  # the last: the forces it is left over from
     },
-    columns.source,
+    lambda name: columns.source(name, Source),
 )
 
 # Factors b of Σ b β(x), each bond once.
@@ -753,7 +753,25 @@ _ALL = [
     *_peridynamic(),
 ]
 
-QUANTITIES: dict[str, Quantity] = _AndColumns({q.name: q for q in _ALL}, columns.quantity)
+QUANTITIES: dict[str, Quantity] = _AndColumns({q.name: q for q in _ALL}, lambda name: columns.quantity(name, Quantity))
+
+
+def register(quantity: Quantity) -> Quantity:
+    """Make a quantity of sums that there are known by its name, to `atc.fields` and to scenes.
+
+    Raises
+    ------
+    AtcError
+        If the name is taken, or a sum that it names is not one of `SITE`, `BOND`, `WHOLE`, `GATHER`, `POINT`.
+    """
+    if quantity.name in QUANTITIES:
+        raise AtcError(f"quantity {quantity.name!r} is known already: give it another name")
+    try:
+        quantity.sources()
+    except KeyError as e:
+        raise AtcError(f"quantity {quantity.name!r}: there are no sums called {e.args[0]!r}") from None
+    QUANTITIES[quantity.name] = quantity
+    return quantity
 
 
 def expand(names) -> list[Quantity]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..compiled import njit
 from .kinematics import eshelby, quotient_gradient
-from .tensors import full
+from .tensors import full, quotient
 
 
 @dataclass
@@ -181,12 +181,6 @@ def kinetic_flux(rho, u_gc, thermal_g6, flux_gc) -> np.ndarray:
     out = flux_gc - (half_trace + streaming) * u_gc - np.einsum("gij,gj->gi", full(thermal_g6), u_gc)
     out[~(rho > 0)] = 0.0
     return out
-
-
-def quotient(a, w) -> np.ndarray:
-    """a/w along the first axis, 0 where w is not positive."""
-    w = w.reshape((-1,) + (1,) * (a.ndim - 1))
-    return np.divide(a, w, out=np.zeros_like(a), where=w > 0)
 
 
 def thermal(mass_g1, momentum_gc, kinetic_g6) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Symmetric tensors as six components xx, yy, zz, yz, xz, xy."""
+"""Symmetric tensors as six components xx, yy, zz, yz, xz, xy; quotients of fields."""
 
 from __future__ import annotations
 
@@ -16,3 +16,9 @@ def outer6(v_nc) -> np.ndarray:
     """v⊗v as 6 components, (n, 3) to (n, 6)."""
     x, y, z = v_nc.T
     return np.stack([x * x, y * y, z * z, y * z, x * z, x * y], axis=1)
+
+
+def quotient(a, w) -> np.ndarray:
+    """a/w, w along the first axes of a; 0 where w is not positive."""
+    w = w.reshape(w.shape + (1,) * (a.ndim - w.ndim))
+    return np.divide(a, w, out=np.zeros_like(a), where=w > 0)

@@ -56,6 +56,7 @@ MEAN = None
 
 
 def point_by_point(D, Y, M, k):
+    """β of a family that is computed one point at a time, at four points."""
     d0, d1, d2 = cartesian(D, Y, M, k)
     store4(k, SCRATCH, d0)
     store4(k, SCRATCH + 4, d1)
@@ -71,6 +72,7 @@ def point_by_point(D, Y, M, k):
 
 
 def pair_by_pair(x, y, z, R2, c_at, series_at, bond_at, r_at, k):
+    """β of such a family for four pairs of a bond and a point."""
     store4(k, LANES, x)
     store4(k, LANES + 4, y)
     store4(k, LANES + 8, z)

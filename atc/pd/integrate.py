@@ -74,6 +74,7 @@ def kinetic(a, b, mass, v, out):
 
 
 def chunks(n):
+    """How many chunks n nodes make."""
     return -(-n // CHUNK)
 
 

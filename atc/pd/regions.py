@@ -43,6 +43,8 @@ class _Combined(Region):
 
 
 class Everywhere(Region):
+    """All of space."""
+
     def contains(self, x_nc):
         return np.ones(len(x_nc), bool)
 

@@ -12,6 +12,7 @@ LEDGER = ("work_external", "work_constraint", "dissipated_fracture", "dissipated
 
 
 def no_bonds():
+    """Columns of an empty set of bonds."""
     return {"i": np.zeros(0, np.int32), "j": np.zeros(0, np.int32), "F_bc": np.zeros((0, 3))}
 
 

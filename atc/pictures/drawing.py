@@ -63,6 +63,7 @@ def _frame_text(ds, k) -> str:
 
 
 def label_of(da, comp, units) -> str:
+    """Name, component and unit of a variable, for an axis."""
     name = da.name.replace("_", " ")
     if comp is not None:
         name += f"$_{{{comp}}}$" if comp in TENSOR or comp in ("x", "y", "z") else f", {SYMBOL[comp]}"
@@ -112,6 +113,7 @@ def colours(name, comp, values, limits, robust, floor=0.0):
 
 
 def figure(Figure, n, width, height, columns=3):
+    """A figure with axes for n panels, and these axes."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     columns = min(n, 2 if n in (2, 4) and columns > 1 else columns)

@@ -102,6 +102,7 @@ def plot(
 
 
 def pick(ds, quantity):
+    """The variable called `quantity`, or the first one worth a picture; AtcError where there is none."""
     names = fields_of(ds)
     if quantity is None:
         for name in ("stress", "stress_potential", "smoothed_virial_stress", *names):
@@ -237,13 +238,11 @@ def _stderr(ds, name, frame):
 def plot_file(path, quantity=None, *, output=None, overlay=None, frame=-1, **options) -> Path:
     """`plot` of an output file into a picture next to it (or `output`); returns the picture's path.
 
-    `overlay`: a scene whose trajectory's atoms are drawn on the map, at the frame shown.
+    `overlay`: a trajectory whose atoms are drawn on the map, at the frame shown.
     """
     path = Path(path)
     ds = load(path)
-    atoms = None
-    if overlay is not None:
-        atoms = _atoms(overlay, ds, frame)
+    atoms = None if overlay is None else _atoms(overlay, ds, frame)
     fig = plot(ds, quantity, frame=frame, atoms=atoms, **options)
     if output is None:
         nodes = ds.attrs.get("kind") == "peridynamics"
@@ -252,16 +251,13 @@ def plot_file(path, quantity=None, *, output=None, overlay=None, frame=-1, **opt
     return save(fig, output)
 
 
-def _atoms(scene, ds, frame):
+def _atoms(trajectory, ds, frame):
     """Positions, in the cell, in the dataset's length unit, of the atoms of the frame that is drawn."""
-    from ..config.scene import Scene
-
-    trajectory = Scene.load(scene).trajectory()
     k = int(ds["frame"].values[0 if frame == "mean" else int(frame)])
     if k >= len(trajectory):
         raise AtcError(
-            f"--overlay {scene}: the picture shows frame {k} of the run, the scene selects only {len(trajectory)} "
-            "frames"
+            f"--overlay {trajectory.source}: the picture shows frame {k} of the run, the scene selects only "
+            f"{len(trajectory)} frames"
         )
     one = trajectory[k]
     return one.units.to_user("length", one.cell.wrap(one.positions)[0])

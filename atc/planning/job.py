@@ -37,7 +37,8 @@ def prepare(request: Request | Job) -> Job:
     AtcError."""
     from ..estimators.accuracy.random_points import kernel_internal
     from ..padding import resolved, warn_of_open_faces
-    from ..planar import matched, planar
+    from ..planar import planar
+    from ..readers.planar import matched
 
     if isinstance(request, Job):
         return request

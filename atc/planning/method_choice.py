@@ -32,6 +32,7 @@ MOST_MEMORY = 4e9
 
 
 def require_known(method: str) -> None:
+    """Raise AtcError for a method that is not one of `deposit.METHODS` or "auto"."""
     from ..deposit import METHODS
 
     if method != "auto" and method not in METHODS:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 from ..errors import AtcError
@@ -59,7 +60,7 @@ def read(source, topology=None, units=None, masses=None, dimension=None, atom_st
     trajectory = _read(source, topology, units, masses, atom_style)
     if dimension is None:
         return trajectory
-    from ..planar import in_dimension
+    from .planar import in_dimension
 
     return in_dimension(trajectory, dimension)
 
@@ -79,11 +80,11 @@ def _read(source, topology, units, masses, atom_style):
         files = matching(source)
         if files is None or len(files) == 1:
             return _path(Path(source) if files is None else files[0], topology, units, masses, atom_style)
-        return Chain(files, topology, units, masses, atom_style)
+        return Chain(read, files, topology, units, masses, atom_style)
     if isinstance(source, (list, tuple)) and source and all(isinstance(s, (str, os.PathLike)) for s in source):
         from .chain import Chain, matching
 
-        return Chain([file for s in source for file in matching(s) or [s]], topology, units, masses, atom_style)
+        return Chain(read, [file for s in source for file in matching(s) or [s]], topology, units, masses, atom_style)
     from .trajectory import Trajectory
 
     if isinstance(source, Trajectory):
@@ -125,7 +126,24 @@ def _is_atoms(x) -> bool:
     )
 
 
+#: Readers of one's own, by the suffix of their files.
+OPENERS: dict[str, Callable] = {}
+
+
+def register(suffix: str, opener: Callable) -> None:
+    """Have files whose names end in `suffix` (".mine") opened by ``opener(path, topology, units, masses)``, a
+    `Trajectory`."""
+    if not suffix.startswith("."):
+        raise AtcError(f"suffix {suffix!r}: expected the end of a file's name, such as '.mine'")
+    OPENERS[suffix.lower()] = opener
+
+
 def _path(path: Path, topology, units, masses, atom_style=None):
+    if path.suffix.lower() in OPENERS:
+        from ._bytes import require_file
+
+        require_file(path)
+        return OPENERS[path.suffix.lower()](path, topology, units, masses)
     from ._bytes import open_bytes, require_file
     from .sniff import by_its_name, is_text, not_a_trajectory, shown
 

@@ -11,7 +11,7 @@ from ..errors import AtcError
 from ..frame import Cell, Frame
 from ..units import units as unit_system
 from .trajectory import Masses, Trajectory
-from .xyz import ExtendedXyz
+from .xyz import ExtendedXyz, need_ase
 
 
 class _AseTrajectory(Trajectory):
@@ -88,14 +88,6 @@ class AtomsList(_AseTrajectory):
 
     def _atoms(self, k):
         return self._items[k]
-
-
-def need_ase(path):
-    """An AtcError unless ASE can be imported."""
-    try:
-        import ase.io  # noqa: F401
-    except ImportError:
-        raise AtcError(f"{path}: reading it needs ASE: pip install ase") from None
 
 
 class _FromFile(_AseTrajectory):

@@ -51,11 +51,12 @@ class Chain(Trajectory):
     run that was continued writes the step it starts from again), a warning says so: those frames are there twice.
     """
 
-    def __init__(self, paths, topology=None, units=None, masses=None, atom_style=None):
+    def __init__(self, read, paths, topology=None, units=None, masses=None, atom_style=None):
         super().__init__()
         self.paths = [Path(p) for p in paths]
         if not self.paths:
             raise AtcError("there are no files in the list: expected paths of trajectories")
+        self._read = read  # `atc.read`, for one file
         self._given, self._atom_style = (topology, units, masses), atom_style
         self._open: OrderedDict[int, Trajectory] = OrderedDict()
         self._starts: list[int] = [0]
@@ -74,10 +75,8 @@ class Chain(Trajectory):
             if p in self._open:
                 self._open.move_to_end(p)
                 return self._open[p]
-            from . import read
-
             topology, units, masses = self._given
-            part = read(
+            part = self._read(
                 self.paths[p],
                 self._data or topology,
                 units or (self.units.name if p else None),

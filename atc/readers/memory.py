@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..errors import AtcError
 from ..frame import Frame
 from ..units import units as unit_system
-from .trajectory import Masses, Trajectory
+from .trajectory import Masses, Over, Trajectory
 
 
 class FrameList(Trajectory):
@@ -51,36 +51,16 @@ class FrameList(Trajectory):
         return frame
 
 
-class Completed(Trajectory):
+class Completed(Over):
     """Another trajectory, its frames with what the LAMMPS script of a potential says of their atoms (see
     `Potential.complete`)."""
 
     def __init__(self, base: Trajectory, pot):
-        super().__init__()
-        self.base, self.pot, self.units, self.source = base, pot, base.units, base.source
-        self.assumed, self.dimension = base.assumed, base.dimension
-
-    @property
-    def type_names(self):
-        return self.base.type_names
-
-    def __len__(self):
-        return len(self.base)
-
-    def _has(self, k):
-        return self.base._has(k)
+        super().__init__(base)
+        self.pot = pot
 
     def _frame(self, k):
         return self.pot.complete(self.base[k])
-
-    def _precision(self, frame):
-        return self.base._precision(frame)
-
-    def _numbered(self):
-        return self.base._numbered()
-
-    def close(self):
-        self.base.close()
 
 
 def completed(frames, pot):
@@ -101,29 +81,17 @@ def _is_completed(frames, setup) -> bool:
     return False
 
 
-class Adapted(Trajectory):
+class Adapted(Over):
     """Another trajectory with other masses."""
 
     def __init__(self, base: Trajectory, units=None, masses=None):
-        super().__init__()
-        self.base, self.units, self.source = base, base.units, base.source
-        self.assumed, self.dimension = base.assumed, base.dimension
+        super().__init__(base)
         if units is not None and unit_system(units).name != base.units.name:
             raise AtcError(
                 f"{base.source} was opened in {base.units.name!r} units but the units argument says "
                 f"{unit_system(units).name!r}"
             )
         self._masses = None if masses is None else Masses(masses, self.units)
-
-    @property
-    def type_names(self):
-        return self.base.type_names
-
-    def __len__(self):
-        return len(self.base)
-
-    def _has(self, k):
-        return self.base._has(k)
 
     def _frame(self, k):
         frame = self.base[k]
@@ -132,12 +100,3 @@ class Adapted(Trajectory):
             if self._masses is None
             else frame.replace(masses=self._masses(frame.types, frame.type_names, frame.source))
         )
-
-    def _precision(self, frame):
-        return self.base._precision(frame)
-
-    def _numbered(self):
-        return self.base._numbered()
-
-    def close(self):
-        self.base.close()

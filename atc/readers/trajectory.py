@@ -211,20 +211,42 @@ class Trajectory(Sequence):
         return True
 
 
-class _View(Trajectory):
-    """A slice of another trajectory."""
+class Over(Trajectory):
+    """Another trajectory, `base`, whose frames are given in another form: what is not said otherwise is the base's."""
 
-    def __init__(self, base: Trajectory, which: slice | range):
+    def __init__(self, base: Trajectory):
         super().__init__()
-        self.base, self._which = base, which
-        self.units, self.source = base.units, base.source
+        self.base, self.units, self.source = base, base.units, base.source
         self.assumed, self.dimension = base.assumed, base.dimension
-        if isinstance(which, slice) and which.step == 0:
-            raise ValueError("slice step cannot be zero")
 
     @property
     def type_names(self):
         return self.base.type_names
+
+    def __len__(self):
+        return len(self.base)
+
+    def _has(self, k):
+        return self.base._has(k)
+
+    def _precision(self, frame):
+        return self.base._precision(frame)
+
+    def _numbered(self):
+        return self.base._numbered()
+
+    def close(self):
+        self.base.close()
+
+
+class _View(Over):
+    """A slice of another trajectory."""
+
+    def __init__(self, base: Trajectory, which: slice | range):
+        super().__init__(base)
+        self._which = which
+        if isinstance(which, slice) and which.step == 0:
+            raise ValueError("slice step cannot be zero")
 
     def _range(self) -> range:
         if isinstance(self._which, slice):
@@ -262,15 +284,6 @@ class _View(Trajectory):
         else:
             for k in self._range():
                 yield self.base._frame(k)
-
-    def _precision(self, frame):
-        return self.base._precision(frame)
-
-    def _numbered(self):
-        return self.base._numbered()
-
-    def close(self):
-        self.base.close()
 
 
 # Masses
@@ -439,6 +452,7 @@ def resolution_of(frames, frame: Frame) -> float:
 
 
 def warn(message: str) -> None:
+    """An AtcWarning that points at the caller of whoever calls this."""
     warnings.warn(message, AtcWarning, stacklevel=3)
 
 

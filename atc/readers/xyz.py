@@ -424,8 +424,6 @@ class ExtendedXyz(LammpsTrajectory):
         names = frame.type_names
         if not names or any(names.get(t) is None for t in np.unique(frame.types).tolist()):
             return None
-        from .ase import need_ase
-
         need_ase(self.source)
         from ase.data import atomic_masses, atomic_numbers
 
@@ -455,8 +453,6 @@ class ExtendedXyz(LammpsTrajectory):
 
 
 def _symbols(numbers, where) -> np.ndarray:
-    from .ase import need_ase
-
     need_ase(where)
     from ase.data import chemical_symbols
 
@@ -475,3 +471,11 @@ def _fills_a_box(x_nc) -> bool:
     ends_nc = (s_nc <= 0.25) | (s_nc >= 0.75)
     corner_n = (s_nc[ends_nc.all(axis=1)] > 0.5) @ np.array([1, 2, 4])
     return bool(np.bincount(corner_n, minlength=8).min() >= 0.5 * len(x_nc) / 4**3)
+
+
+def need_ase(path):
+    """An AtcError unless ASE can be imported."""
+    try:
+        import ase.io  # noqa: F401
+    except ImportError:
+        raise AtcError(f"{path}: reading it needs ASE: pip install ase") from None

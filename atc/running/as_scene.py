@@ -9,6 +9,7 @@ import numpy as np
 
 from ..config.toml import toml_key, toml_value
 from ..frame import Cell
+from ..grids import Grid
 from ..units import LAMMPS_STYLES
 
 # More points than these are not repeated in an attribute: the output holds them as coordinates.
@@ -81,6 +82,8 @@ def _potential(pot) -> dict | None:
 
 
 def _grid(grid, units) -> dict:
+    if type(grid) is not Grid:  # one's own, which scenes know nothing of
+        return {"#": grid.describe()}
     p, table = grid._, {"kind": grid.kind}
     if grid.kind == "points":
         if len(p["xyz"]) > _MOST_POINTS:

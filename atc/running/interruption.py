@@ -92,6 +92,7 @@ def whole():
     # Called from somebody's own program: there, Ctrl-C alone is our business.
     with contextlib.nullcontext() if _watch is not None else watched(("SIGINT",)):
         watch = _watch
+        assert watch is not None  # `watched` has set it
         watch.held += 1
         try:
             yield

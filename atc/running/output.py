@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
-from .sealed import Damaged, require_sound, seal
+from .sealed import Damaged, require_sound, seal, to_netcdf
 
 _CHUNK_BYTES = 32 * 2**20
 
@@ -97,6 +97,13 @@ def check_name(out) -> Path:
     if path.suffix not in (".zarr", ".nc"):
         raise AtcError(f"{path}: the name of the output must end in .zarr or .nc")
     return path
+
+
+def write_dataset(ds, path) -> None:
+    """Write a dataset that is in memory: .zarr, or a sealed .nc."""
+    path = check_name(path)
+    with explained(path):
+        ds.to_zarr(path, mode="w") if path.suffix == ".zarr" else to_netcdf(ds, path)
 
 
 class Store:

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..errors import AtcError
 from ..frame import Cell
-from ..readers.trajectory import Trajectory
+from ..readers.trajectory import Over
 
 
 def held_open(cell, reference) -> Cell:
@@ -30,23 +30,15 @@ def gradient(old: Cell, new: Cell) -> np.ndarray:
     return (old.inverse @ new.vectors).T
 
 
-class Run(Trajectory):
+class Run(Over):
     """The frames of a run in cells that have the reference's edges along open axes."""
 
     def __init__(self, traj, reference):
-        super().__init__()
-        self.traj, self.reference = traj, reference
-        self.units, self.source = traj.units, traj.source
-
-    @property
-    def type_names(self):
-        return self.traj.type_names
-
-    def __len__(self):
-        return len(self.traj)
+        super().__init__(traj)
+        self.reference = reference
 
     def _frame(self, k):
-        frame = self.traj[k]
+        frame = self.base[k]
         if not np.array_equal(frame.ids, self.reference.ids):
             raise AtcError(
                 f"{frame.source}: its atoms are not those of the reference {self.reference.source} (by id): give as "

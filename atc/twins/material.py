@@ -9,10 +9,7 @@ import numpy as np
 
 from ..errors import AtcError, AtcWarning
 from ..frame import Cell
-
-#: By how much moduli of the nodes may differ from the material's: a warning beyond the first, an error beyond the
-#: second.
-WARN, REFUSE = 0.02, 0.10
+from ..upscaling.linear_body import MODULI_REFUSE, MODULI_WARN
 
 
 @dataclass
@@ -68,6 +65,7 @@ def hill(C_vv) -> tuple[float, float]:
 
 
 def isotropic_vv(K, G) -> np.ndarray:
+    """(6, 6) elastic constants of an isotropic solid in Voigt's notation (xx, yy, zz, yz, xz, xy)."""
     C = np.diag([2 * G] * 3 + [G] * 3)
     C[:3, :3] += K - 2 * G / 3
     return C
@@ -89,12 +87,12 @@ def isotropic(crystal, model, law: str, step_cc, horizon) -> Isotropic:
     found = Isotropic(
         material, K, G, 2 * c44 / (c11 - c12), C, sampled_constants(material, step_cc, horizon, crystal.density), wanted
     )
-    if found.error > REFUSE:
+    if not found.error <= MODULI_REFUSE:
         raise AtcError(
             f"the nodes' elastic constants would miss the material's by {100 * found.error:.3g} %: take a larger "
             "horizon or a smaller spacing in [twin]"
         )
-    if found.error > WARN:
+    if found.error > MODULI_WARN:
         warnings.warn(
             f"the nodes' elastic constants miss the material's by {100 * found.error:.2g} %: a larger horizon in "
             "spacings is more accurate",

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from ..errors import AtcError
+from ..errors import AtcError, AtcWarning
 from .body import TwinBody, body_of
 from .comparison import PAIRS, dataset_of, norms, picture
 from .conditions import (
@@ -66,12 +67,9 @@ class Twin:
 
     def save(self, path) -> None:
         """Write the dataset: .nc or .zarr."""
-        from ..running.output import check_name, explained
+        from ..running.output import write_dataset
 
-        path = check_name(path)
-        with explained(path):
-            ds = self.dataset
-            ds.to_zarr(path, mode="w") if path.suffix == ".zarr" else ds.to_netcdf(path, engine="h5netcdf")
+        write_dataset(self.dataset, path)
 
     def picture(self, path) -> Path:
         """MD, PD and difference of the displacement and the stress along the axis of the largest mean stress."""
@@ -320,10 +318,6 @@ def _lines(units, reference, pot, made, material, held, motion, sim, frames) -> 
     lines.append("left out: temperature (kinetic stress, thermal expansion, softening), fracture, surface stress")
     size = np.abs(stress).max() / material.bulk
     if size > 3e-3:
-        import warnings
-
-        from ..errors import AtcWarning
-
         warnings.warn(
             f"{reference.source}: the reference is not free of stress: it has {100 * size:.2g} % of the bulk modulus, "
             "which the twin lacks: give as [trajectory] reference a frame or file of the unloaded body",

@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 
 from ..errors import AtcError
+from ..estimators.tensors import quotient
 
 
 class Smoothing:
@@ -46,7 +47,7 @@ class Smoothing:
     def share(self, chosen_n) -> np.ndarray:
         """(g,) share of the smoothed mass that belongs to the chosen atoms."""
         mine = self.weights_gn @ np.where(chosen_n, self.mass_n, 0.0)
-        return np.divide(mine, self.density_g, out=np.zeros_like(mine), where=self.density_g > 0)
+        return quotient(mine, self.density_g)
 
 
 def _with_images(frame, reach):

@@ -23,6 +23,7 @@ BOUNDARIES = ("periodic", "clamped")
 
 
 def positive(name: str, value, what: str = "a number greater than 0") -> float:
+    """A finite number greater than 0, or an AtcError."""
     try:
         number = float(value)
     except (TypeError, ValueError):
@@ -33,12 +34,14 @@ def positive(name: str, value, what: str = "a number greater than 0") -> float:
 
 
 def whole(name: str, value, least: int = 1) -> int:
+    """A whole number of at least `least`, or an AtcError."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
         raise AtcError(f"{name} = {value!r}: expected a whole number, {least} or more")
     return int(value)
 
 
 def check_boundary(boundary: str) -> str:
+    """One of `BOUNDARIES`, or an AtcError."""
     if boundary not in BOUNDARIES:
         raise AtcError(f"boundary = {boundary!r}: expected one of {', '.join(BOUNDARIES)}")
     return boundary
@@ -308,6 +311,7 @@ class LennardJones:
 
 
 def need_nodes(n: int, M: int, boundary: str) -> None:
+    """Raise AtcError where a chain of n nodes is too short for its range of M."""
     check_boundary(boundary)
     if n < 2 * M + 1:
         raise AtcError(f"a chain of {n} nodes with {M} neighbours on either side: expected at least {2 * M + 1} nodes")

@@ -267,6 +267,7 @@ VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 
 
 def unit_strain(v: int) -> np.ndarray:
+    """The strain tensor of Voigt component v: shears with ½ on either side."""
     e = np.zeros((3, 3))
     i, j = VOIGT[v]
     e[i, j] = e[j, i] = 1.0 if i == j else 0.5

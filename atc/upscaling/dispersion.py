@@ -351,13 +351,9 @@ class Dispersion:
 
     def save(self, path) -> None:
         """Write the dataset: .nc or .zarr."""
-        from ..running.output import check_name, explained
-        from ..running.sealed import to_netcdf
+        from ..running.output import write_dataset
 
-        path = check_name(path)
-        with explained(path):
-            ds = self.dataset()
-            ds.to_zarr(path, mode="w") if path.suffix == ".zarr" else to_netcdf(ds, path)
+        write_dataset(self.dataset(), path)
 
     # ---- picture
 

@@ -160,6 +160,7 @@ def _plain(value):
 
 
 def percent(value: float) -> str:
+    """A fraction in per cent."""
     return f"{100 * value:.3g} %"
 
 

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 
+import held
 import numpy as np
 import pytest
 
@@ -309,8 +310,10 @@ def test_more_mistakes(tmp_path):
 # --- interruptions
 
 
-def arguments(case, out, *more):
-    return [sys.executable, "-m", "atc", "pd", str(case), "-o", str(out), "-j", "1", "-q", *more]
+def arguments(case, out, *more, hold=None):
+    """A run that waits for a signal after `hold` entries."""
+    program = ["-m", "atc"] if hold is None else [held.__file__, str(hold)]
+    return [sys.executable, *program, "pd", str(case), "-o", str(out), "-j", "1", "-q", *more]
 
 
 def wait_for(journal, entries, process):
@@ -355,7 +358,7 @@ def test_interrupted_run_continues_bitwise(tmp_path, sign):
     with pytest.raises(AtcError, match=r"\[output\] restart: .*end.npz exists"):
         Case.load(case).output(out)
     (tmp_path / "end.npz").unlink()
-    process = subprocess.Popen(arguments(case, out), env=env, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(arguments(case, out, hold=4), env=env, stderr=subprocess.PIPE, text=True)
     wait_for(tmp_path / "cut.zarr.partial" / "journal.jsonl", 4, process)
     process.send_signal(sign)
     _, err = process.communicate(timeout=60)

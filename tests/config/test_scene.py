@@ -7,8 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from atc.config.scene import Scene
-from atc.config.schema import SCHEMA, frame_slice
+from atc.config.schema import SCHEMA
 from atc.config.toml import key_lines, toml_value
+from atc.config.words import frame_slice
 from atc.errors import AtcError
 
 GOOD = """\

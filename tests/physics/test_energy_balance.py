@@ -338,5 +338,5 @@ def test_energy_of_a_cluster_flows_as_its_atoms_move(name, partition):
 
 
 def test_the_systems_are_those_of_the_sources():
-    assert {n for n, _ in SYSTEMS} <= {*LINES, "3-body", "4-body", "5-body"}
+    assert {n for n, _ in SYSTEMS} <= {*LINES, "3-body", "4-body", "5-body", "nep"}
     assert potential("sw") is potential("sw")

@@ -12,7 +12,7 @@ import xarray as xr
 
 from atc.errors import AtcError
 from atc.running import sealed
-from atc.running.output import damage, open_dataset
+from atc.running.output import damage, open_dataset, write_dataset
 from atc.running.sealed import MAGIC, Damaged, require_sound
 
 
@@ -42,6 +42,15 @@ def test_sound_file_is_opened_at_once(path, tried):
     require_sound(path)
     assert open_dataset(path)["a"].sum() == np.arange(2400.0).sum()
     assert damage(path) is None and not tried
+
+
+@pytest.mark.parametrize("name", ["b.nc", "b.zarr"])
+def test_what_is_written_whole_is_sealed_too(path, tmp_path, tried, name):
+    """Outputs of profiles, twins and dispersion."""
+    write_dataset(open_dataset(path).load(), tmp_path / name)
+    assert open_dataset(tmp_path / name)["a"].sum() == np.arange(2400.0).sum() and not tried
+    with pytest.raises(AtcError, match="must end in .zarr or .nc"):
+        write_dataset(open_dataset(path), tmp_path / "b.txt")
 
 
 def test_every_flipped_bit_of_the_structure_is_seen(path, tried):

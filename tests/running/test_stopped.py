@@ -13,6 +13,7 @@ import sys
 import time
 from pathlib import Path
 
+import held
 import numpy as np
 import pytest
 from forking import Warm
@@ -133,8 +134,8 @@ def words(kind) -> list[str]:
     ]
 
 
-def command(folder, kind):
-    return atc(*words(kind), cwd=folder)
+def command(folder, kind, hold=None):
+    return atc(*words(kind), cwd=folder, hold=hold)
 
 
 def results(folder, kind, said):
@@ -257,7 +258,7 @@ def stopped(process, out, number, least=2):
 @pytest.mark.parametrize("kind", ["zarr", "workers", "pd"])
 def test_told_to_stop(tmp_path, wholes, kind, number, status, word):
     out, _ = prepare(tmp_path, kind)
-    got, err = stopped(command(tmp_path, kind), out, number)
+    got, err = stopped(command(tmp_path, kind, hold=2), out, number)
     assert (
         got == status
         and err
@@ -323,7 +324,7 @@ def alive(pid) -> bool:
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_workers_end_with_their_parent(tmp_path, number):
     out, _ = prepare(tmp_path, "workers")
-    process = command(tmp_path, "workers")
+    process = command(tmp_path, "workers", hold=2)
     deadline = time.monotonic() + 100
     while finished_frames(out) < 2:
         assert process.poll() is None and time.monotonic() < deadline
@@ -342,7 +343,7 @@ def test_a_signal_to_the_whole_group(tmp_path, wholes):
     """As schedulers and terminals send it: workers get it too, and leave it to the parent."""
     out, _ = prepare(tmp_path, "workers")
     process = subprocess.Popen(
-        [sys.executable, "-m", "atc", "fields", "scene.toml", "-o", "out.zarr", "-q", "-j", "2"],
+        [sys.executable, held.__file__, "2", "fields", "scene.toml", "-o", "out.zarr", "-q", "-j", "2"],
         cwd=tmp_path,
         stderr=subprocess.PIPE,
         text=True,

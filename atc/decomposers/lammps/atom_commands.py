@@ -101,6 +101,7 @@ def boundary_words(c: Command) -> tuple[str, ...]:
 
 
 def without_boundary(words):
+    """The words of a command without ``boundary`` and the three behind it."""
     if "boundary" not in words:
         return words
     k = words.index("boundary")

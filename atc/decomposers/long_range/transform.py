@@ -47,6 +47,7 @@ def largest_of(wave, vectors):
 
 
 def good_length(n: int) -> int:
+    """The next length that the transform is quick for."""
     from scipy.fft import next_fast_len
 
     return int(next_fast_len(int(n), real=True))

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...analysis.info import stress_error
 from ...grids import Grid
+from ...readers.plausible import stress_error
 from ...readers.trajectory import resolution_of
 from ..driver import fields_of
 from ..settings import Settings

@@ -143,6 +143,7 @@ def _without_error(extent: Extent, worst: float, exactly: float) -> Extent:
 
 
 def extent_of(field_g) -> Extent:
+    """The `Extent` of the values of a field."""
     if not field_g.size:
         return Extent(0.0, 0.0, 0.0)
     low, high, mean, square = _extent(np.ascontiguousarray(field_g, dtype=np.float64).reshape(len(field_g), -1))

@@ -169,6 +169,7 @@ def summed_exactly(deposit, place, x_bc, r_bc, b_bk) -> np.ndarray:
 
 
 def nearest_image(d, cell):
+    """(..., 3) vectors by way of the nearest image."""
     return d - np.where(cell.periodic, np.rint(d @ cell.inverse), 0.0) @ cell.vectors
 
 
