@@ -40,7 +40,7 @@ def register(app) -> None:
         agree, 1 when they do not, 2 when they cannot be compared.
         """
         from ..agreement.run_check import verify_scene
-        from ..plan import cores
+        from ..planning.job import cores
 
         found = verify_scene(load_scene(scene, set, begin, end, step), frames, threads=cores(jobs))
         if json:
