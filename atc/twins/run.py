@@ -21,7 +21,7 @@ from .conditions import (
     history,
     smoothed_displacement,
 )
-from .material import Isotropic, isotropic
+from .material import horizon_of, orientation, twin_material
 
 
 @dataclass
@@ -34,14 +34,14 @@ class Twin:
         and stress (frame, the grid's dimensions), md_box_stress and pd_box_stress
     rows : the norms, one dict for each field and region
     lines : what was decided before the run
-    body : TwinBody. material : Isotropic. simulation : pd.Simulation after the run (internal units)
+    body : TwinBody. material : what `twin_material` made. simulation : pd.Simulation after the run (internal units)
     """
 
     dataset: object
     rows: list
     lines: list
     body: TwinBody
-    material: Isotropic
+    material: object
     simulation: object
     name: str = field(default="twin")
 
@@ -120,8 +120,8 @@ def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
     crystal = _crystal(scene, get, reference, pot, u)
     spacing = length * get("spacing") if get("spacing") else u.to_internal("length", crystal.lattice_constant)
     horizon = length * get("horizon") if get("horizon") else None
-    made = body_of(reference, kernel, crystal.density, spacing, horizon)
-    material = isotropic(crystal, pot, get("model", "lps"), made.step_cc, made.body.horizon)
+    made = body_of(reference, kernel, crystal.density, spacing, horizon, horizon_of(get))
+    material = twin_material(get, crystal, pot, orientation(scene), made)
 
     run = Run(traj, reference)
     frames = [run[k] for k in range(len(run))]
@@ -145,6 +145,9 @@ def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
         found.append(_fields_of_nodes(sim, u, kern, grid, [PAIRS[n][1] for n in names]))
         if progress is not None:
             progress(k + 1, len(frames), (k + 1) / (time.perf_counter() - began))
+    lines += (said := material.after(sim))
+    for line in said if tell is not None else ():
+        tell(line)
     from .. import fields
 
     md = fields(
