@@ -30,6 +30,7 @@ class CauchyBornTwin:
     shear: float
     sampled_vv: np.ndarray
     wanted_vv: np.ndarray
+    temperature: float | None = None
 
     @property
     def error(self) -> float:
@@ -47,10 +48,20 @@ class CauchyBornTwin:
             else f"a polynomial of degree {quick.degree} in Green's strain up to {quick.reach:g}, stress within "
             f"{quick.error:.1g} of the crystal's; beyond that the potential itself"
         )
+        warm = self.law.warm
+        thermal = []
+        if warm is not None:
+            thermal = [
+                f"temperature: {self.temperature:g} {units.label('temperature')}, classical quasi-harmonic free energy "
+                f"(polynomial within {100 * warm.error:.2g} %): free of stress at a stretch of "
+                f"{self.law.free_stretch():.5f}, thermal stress at rest "
+                f"{p(-warm(np.zeros((1, 6)))[1][0, :3].mean())} {units.label('pressure')}"
+            ]
         return [
             f"material: cauchy-born (correspondence), the crystal under the run's potential: C11 {p(c11)}, C12 "
             f"{p(c12)}, C44 {p(c44)} {units.label('pressure')}, basis relaxed, finite strain",
             f"energy: {how}",
+            *thermal,
             f"exact: every homogeneous deformation; elastic constants of the nodes within {self.error:.1g}",
             "not exact: dispersion of the crystal, surfaces (stress and stiffness of their own)",
         ]
@@ -66,16 +77,17 @@ class CauchyBornTwin:
         return lines
 
 
-def cauchy_born(crystal, model, axes, step_cc, horizon) -> CauchyBornTwin:
-    """The material of a relaxed crystal whose x, y, z are the rows of `axes` in the body."""
+def cauchy_born(crystal, model, axes, step_cc, horizon, temperature=None) -> CauchyBornTwin:
+    """The material of a relaxed crystal whose x, y, z are the rows of `axes` in the body; with a temperature (the
+    user's unit) its vibrations are in it."""
     from .. import pd
+    from ..upscaling.free_energy import vibrational
 
     exact = CauchyBorn(crystal, model)
     if not np.linalg.eigvalsh(exact.moduli_vv).min() > 0:
         raise AtcError(f"{crystal.name}: the crystal is unstable under this potential: check structure and potential")
+    # The nodes' sums are those of any law: they are tried with the one that is at rest.
     law = CrystalLaw(exact, StrainEnergy.fitted(exact), axes)
-    material = pd.Hyperelastic(law)
-    K, G = hill(law.moduli_vv)
-    sampled = sampled_constants(material, step_cc, horizon, crystal.density)
-    law.beyond = 0
-    return CauchyBornTwin(material, law, K, G, sampled, law.moduli_vv)
+    sampled, wanted = sampled_constants(pd.Hyperelastic(law), step_cc, horizon, crystal.density), law.moduli_vv
+    law = CrystalLaw(exact, law.quick, axes, None if temperature is None else vibrational(exact, model, temperature))
+    return CauchyBornTwin(pd.Hyperelastic(law), law, *hill(law.moduli_vv), sampled, wanted, temperature)

@@ -71,7 +71,9 @@ def twin_material(get, crystal, model, axes, made):
     if get("material", "isotropic") == "cauchy-born":
         from .cauchy_born import cauchy_born
 
-        return cauchy_born(crystal, model, axes, made.step_cc, made.body.horizon)
+        return cauchy_born(crystal, model, axes, made.step_cc, made.body.horizon, get("temperature"))
+    if get("temperature") is not None:
+        raise AtcError('[twin] temperature: only material = "cauchy-born" knows one: leave it out')
     return isotropic(crystal, model, get("model", "lps"), made.step_cc, made.body.horizon)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import AtcError, AtcWarning
 from .body import TwinBody, body_of
-from .comparison import PAIRS, dataset_of, norms, picture
+from .comparison import PAIRS, away_from_surfaces, dataset_of, norms, picture
 from .conditions import (
     Run,
     between,
@@ -162,7 +162,9 @@ def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
     )
     data = dataset_of(md, found, names)
     bulk = float(u.to_user("density", crystal.density))
-    rows = norms(data, names, bulk)
+    bound = grid.bind(u, sim.cell)
+    deep = away_from_surfaces(sim, bound.points_gc, kernel.support).reshape(bound.shape)
+    rows = norms(data, names, bulk, deep)
     data.attrs.update(
         title="a molecular-dynamics run and its peridynamic twin",
         twin="\n".join(lines),
@@ -318,7 +320,11 @@ def _lines(units, reference, pot, made, material, held, motion, sim, frames) -> 
         lines.append(
             f"time step {p('time', 0.7 * sim.time_step_stable)} (surely stable below {p('time', sim.time_step_stable)})"
         )
-    lines.append("left out: temperature (kinetic stress, thermal expansion, softening), fracture, surface stress")
+    lines.append(
+        "left out: "
+        + ("" if getattr(material, "temperature", None) else "temperature (kinetic stress, expansion, softening), ")
+        + "fracture, surface stress"
+    )
     size = np.abs(stress).max() / material.bulk
     if size > 3e-3:
         warnings.warn(

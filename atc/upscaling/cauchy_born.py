@@ -81,8 +81,13 @@ class CauchyBorn:
         U = stretches(E)
         W, S = np.full(len(E), np.nan), np.full((len(E), 6), np.nan)
         there = np.isfinite(U).all(axis=(1, 2))
-        W[there], S[there] = self._at(E[there], U[there])
+        W[there], S[there], _ = self._at(E[there], U[there])
         return W, S
+
+    def basis(self, E_nv) -> np.ndarray:
+        """(n, atoms, 3) inner displacements at rest, on top of U X; NaN where there are none."""
+        E = np.atleast_2d(np.asarray(E_nv, float))
+        return self._at(E, stretches(E))[2]
 
     def _at(self, E, U):
         n, m = len(E), len(self.crystal)
@@ -113,7 +118,9 @@ class CauchyBorn:
         inverse = np.linalg.inv(U)
         S = inverse @ virial @ inverse.swapaxes(1, 2) / self.crystal.volume
         S = np.stack([S[:, i, j] for i, j in VOIGT], axis=1)
-        return np.where(alive, (energy - self._rest) / self.crystal.volume, np.nan), np.where(alive[:, None], S, np.nan)
+        W = np.where(alive, (energy - self._rest) / self.crystal.volume, np.nan)
+        u = np.where(alive[:, None], u, np.nan).reshape(n, m, 3)
+        return W, np.where(alive[:, None], S, np.nan), u
 
 
 class StrainEnergy:
@@ -168,7 +175,7 @@ class StrainEnergy:
 
     def _fit(self, C_vv, E_nv, S_nv, linear_n):
         A = self.rows(E_nv)
-        order = np.array([(self._normal[i[0]] + self._shear[j[0]]).sum() for i, j in self.orbits])
+        order = self.orders
         found = np.zeros(len(self.orbits))
         # The second order from the constants: the rows of strains that are zero but for one are linear in E there.
         small = self.rows(np.eye(6) * 1e-3)[:, :, order == 2] / 1e-3
@@ -178,8 +185,17 @@ class StrainEnergy:
         size = np.linalg.norm(M, axis=0)
         rest = (S_nv - A[:, :, order == 2] @ found[order == 2]) * weight
         found[order > 2] = np.linalg.lstsq(M / size, rest.ravel(), rcond=None)[0] / size
+        self.set(found)
+
+    def set(self, found) -> None:
+        """The coefficients of the orbits."""
         for (i, j), c in zip(self.orbits, found):
             self.coefficients[i, j] = c
+
+    @property
+    def orders(self) -> np.ndarray:
+        """(orbits,) the degree of each."""
+        return np.array([(self._normal[i[0]] + self._shear[j[0]]).sum() for i, j in self.orbits])
 
     def _monomials(self, x_nc):
         """(m, n) of three variables."""
@@ -220,17 +236,22 @@ class CrystalLaw:
     Parameters
     ----------
     exact : CauchyBorn. quick : StrainEnergy or None. axes : (3, 3) rows: where the crystal's x, y, z point
+    warm : what the crystal's vibrations add, called like a StrainEnergy (`free_energy.vibrational`); or None
 
     Attributes
     ----------
-    moduli_vv : (6, 6) along the body's axes. beyond : how often the potential itself was asked
+    moduli_vv : (6, 6) ∂S/∂E at rest along the body's axes. beyond : how often the potential itself was asked
     """
 
-    def __init__(self, exact: CauchyBorn, quick: StrainEnergy | None = None, axes=None):
-        self.exact, self.quick = exact, quick
+    def __init__(self, exact: CauchyBorn, quick: StrainEnergy | None = None, axes=None, warm=None):
+        self.exact, self.quick, self.warm = exact, quick, warm
         self.axes = np.eye(3) if axes is None else np.asarray(axes, float)
         self.beyond = 0
-        self.moduli_vv = _turned(exact.moduli_vv, self.axes)
+        C = exact.moduli_vv
+        if warm is not None:
+            h = 1e-5 * np.eye(6)
+            C = C + (warm(h)[1] - warm(-h)[1]) / 2e-5
+        self.moduli_vv = _turned(0.5 * (C + C.T), self.axes)
 
     def __call__(self, H_ncc) -> tuple[np.ndarray, np.ndarray]:
         """(n,) W and (n, 3, 3) P at displacement gradients H = F − 1.
@@ -257,8 +278,18 @@ class CrystalLaw:
                     f"(Green's strain xx yy zz yz xz xy up to {', '.join(f'{e:.3g}' for e in E[k])}): its atoms find "
                     "no rest; cauchy-born holds for bodies that stay whole"
                 )
+        if self.warm is not None:
+            w, s = self.warm(E)
+            W, S = W + w, S + s
         P = (np.eye(3) + H) @ tensor(S)
         return W, Q.T @ P @ Q
+
+    def free_stretch(self) -> float:
+        """How much longer than at rest the crystal's edges are where it has no stress."""
+        from scipy.optimize import brentq
+
+        pressure = lambda x: float(np.trace(self(x * np.eye(3)[None])[1][0]))  # noqa: E731
+        return 1.0 + brentq(pressure, -0.02, 0.06) if self.warm is not None else 1.0
 
     def ellipticity(self, H_ncc, directions: int = 100) -> np.ndarray:
         """(n,) the least eigenvalue of the acoustic tensor A_ik = ∂P_iJ/∂F_kL N_J N_L over directions N, relative to
@@ -316,11 +347,11 @@ def _exponents(degree) -> np.ndarray:
 
 
 def _orbits(normal, shear, degree) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Monomials of the second order and up that permutations of the axes bring into each other."""
+    """Monomials that permutations of the axes bring into each other; a constant is none of them."""
     place_n, place_s = ({tuple(p): k for k, p in enumerate(q)} for q in (normal, shear))
     seen, out = set(), []
     for p, s in product(map(tuple, normal), map(tuple, shear)):
-        if not 2 <= sum(p) + sum(s) <= degree or (p, s) in seen:
+        if not 1 <= sum(p) + sum(s) <= degree or (p, s) in seen:
             continue
         orbit = {(tuple(p[k] for k in o), tuple(s[k] for k in o)) for o in permutations(range(3))}
         seen |= orbit

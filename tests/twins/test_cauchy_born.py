@@ -12,6 +12,7 @@ from atc.twins.material import sampled_constants
 from atc.upscaling.cauchy_born import CauchyBorn, CrystalLaw, StrainEnergy, cubic_of, size_of, strain_v
 from atc.upscaling.crystal import evaluate
 from atc.upscaling.deformed_crystals import DeformedCrystals
+from atc.upscaling.free_energy import _mean_log, vibrational
 
 RNG = np.random.default_rng(5)
 ROTATION = Rotation.from_rotvec([0.4, -0.7, 0.2]).as_matrix()
@@ -146,3 +147,14 @@ def test_softening_before_the_crystal_fails(silicon):
     least = law.ellipticity(np.array([np.zeros((3, 3)), 0.08 * np.eye(3), 0.25 * np.eye(3)]), directions=20)
     assert least[0] == pytest.approx(1.0, rel=1e-6)
     assert least[2] < least[1] < 1.0
+
+
+def test_vibrations_expand_the_crystal(silicon, quick):
+    """The thermal stress against differences of the free energy itself, and its published size: 3 to 5e-6 per kelvin."""
+    warm = vibrational(silicon, model("silicon"), 300.0)
+    kT, h = 8.617333e-5 * 300.0, 1e-3
+    d = np.array([h, h, h, 0, 0, 0])
+    slope = (_mean_log(silicon, model("silicon"), d) - _mean_log(silicon, model("silicon"), -d)) / (2 * h)
+    assert warm(np.zeros((1, 6)))[1][0, :3].sum() == pytest.approx(slope * kT / crystal("silicon").volume, rel=2e-3)
+    assert 3e-6 < (CrystalLaw(silicon, quick, warm=warm).free_stretch() - 1) / 300 < 5e-6
+    assert warm.error < 0.01

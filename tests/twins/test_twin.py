@@ -228,6 +228,7 @@ def test_plate_command(tmp_path):
     "section, key, value, words",
     [
         ("twin", "structure", None, "needs structure and lattice_constant"),
+        ("twin", "temperature", 20.0, "only material"),
         ("twin", "grips", [[[900, 0, 0], [901, 1, 1]]], "no node of the twin lies in box 1 of grips"),
         ("twin", "grip_types", [7], "no node of the twin is made of atoms of type 7"),
         ("twin", "horizon", 5.4, "less than 1.5 times"),
