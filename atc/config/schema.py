@@ -343,8 +343,13 @@ SCHEMA: dict[str, dict[str, Key]] = {
     "twin": {
         "structure": Key(_choice(_structure_names), 'a cubic structure, e.g. "fcc"'),
         "lattice_constant": Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 5.3"),
-        "material": Key(_choice(["isotropic"]), '"isotropic"'),
+        "material": Key(_choice(["isotropic", "cauchy-born"]), '"isotropic" or "cauchy-born"'),
+        "orient": Key(
+            _list_of(_list_of(_number, 3), 3),
+            "the crystal directions along the run's x, y, z, e.g. [[1, 1, 0], [-1, 1, 0], [0, 0, 1]]",
+        ),
         "model": Key(_choice(["lps", "pmb"]), '"lps" or "pmb"'),
+        "temperature": Key(_positive, "a temperature greater than 0, e.g. 300.0"),
         "spacing": Key(_positive, "a length greater than 0, e.g. 5.0"),
         "horizon": Key(_positive, "a length greater than 0, e.g. 15.0"),
         "motion": Key(_choice(["dynamic", "static"]), '"dynamic" or "static"'),

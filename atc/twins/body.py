@@ -13,6 +13,8 @@ from .smoothing import Smoothing
 
 #: Points along each edge of a node's own cell, whose share inside the matter is the share of volume the node has.
 _SAMPLES = 4
+#: The horizon in distances of nodes, unless a material says otherwise.
+HORIZON = 3.015
 
 
 @dataclass
@@ -30,7 +32,9 @@ class TwinBody:
     bulk: float
 
 
-def body_of(reference, kernel, bulk: float, spacing: float, horizon: float | None) -> TwinBody:
+def body_of(
+    reference, kernel, bulk: float, spacing: float, horizon: float | None, spacings: float = HORIZON
+) -> TwinBody:
     """Nodes where the smoothed density is at least half of the bulk's; holes, surfaces and cracks included.
 
     Parameters
@@ -38,7 +42,7 @@ def body_of(reference, kernel, bulk: float, spacing: float, horizon: float | Non
     reference : Frame. kernel : of internal lengths
     bulk : mass density of the undisturbed crystal
     spacing : wanted distance of nodes; along each edge the nearest one that divides the cell's edge is taken
-    horizon : default 3.015 times the largest distance of neighbouring nodes
+    horizon : default `spacings` times the largest distance of neighbouring nodes
 
     Returns
     -------
@@ -75,7 +79,7 @@ def body_of(reference, kernel, bulk: float, spacing: float, horizon: float | Non
             stacklevel=3,
         )
     edge = np.linalg.norm(step, axis=1).max()
-    horizon = 3.015 * edge if horizon is None else horizon
+    horizon = spacings * edge if horizon is None else horizon
     if horizon < 1.5 * edge:
         raise AtcError(
             f"a horizon of {horizon:g} (internal units) is less than 1.5 times the distance of nodes, {edge:g}: take a "

@@ -25,7 +25,7 @@ class Smoothing:
         from scipy.spatial import cKDTree
 
         frame.require("masses", why="a smoothed displacement")
-        x_nc, atom_n = _with_images(frame, kernel.support)
+        x_nc, atom_n = with_images(frame, kernel.support)
         near = cKDTree(x_nc).query_ball_point(points_gc, kernel.support * (1 + 1e-9), return_sorted=True)
         counts = np.array([len(a) for a in near], np.int64)
         found = np.concatenate([np.asarray(a, np.int64) for a in near]) if counts.sum() else np.zeros(0, np.int64)
@@ -50,7 +50,7 @@ class Smoothing:
         return quotient(mine, self.density_g)
 
 
-def _with_images(frame, reach):
+def with_images(frame, reach):
     """Positions of all atoms and of their periodic images within `reach` of the cell, and whose image each one is."""
     cell = frame.cell
     x, _ = cell.wrap(frame.positions)
