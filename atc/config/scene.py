@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import AtcError
+from ..readers.whole import whole_text
 from .schema import GRIDS, SCHEMA
 from .toml import Document, complaint, key_lines, parse, read_document, toml_key, toml_value
 from .words import frame_slice, guess
@@ -550,9 +551,9 @@ class Scene(Document):
         path = self.path(section, key)
         assert path is not None  # asked for where the key is given
         try:
-            values = np.loadtxt(path, ndmin=2)
-        except OSError as e:
-            raise self._bad(section, key, f"{path} cannot be read: {e.strerror or e}") from None
+            values = np.loadtxt(whole_text(path, "text").splitlines(), ndmin=2)
+        except AtcError as e:
+            raise self._bad(section, key, str(e)) from None
         except ValueError as e:
             raise self._bad(
                 section, key, f"{path}: expected {count} numbers a line: {' '.join(str(e).split())}"
