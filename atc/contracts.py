@@ -73,6 +73,8 @@ class Interactions(Protocol):
     constraints: Any = None
     #: forces from outside whose laws are known (`OutsideForces`), or None
     acting: Any = None
+    #: attributes of the output that say what it is, besides ``decomposition``, which is `describe`
+    attributes: Mapping[str, Any] = {}
     #: forces from outside, in words
     outside: tuple[str, ...] = ()
     #: what the script says of the atoms, see `complete`

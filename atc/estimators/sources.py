@@ -148,7 +148,9 @@ class AtomSums:
         if self._residual is not None:
             _numba.scatter_residual(bonds.i, bonds.j, bonds.forces(), bonds.D_bdc, self._residual[thread])
         if self._power is not None:
-            _numba.add_power(bonds.i, bonds.j, bonds.r_bc, bonds.D_bdc, self.velocities, self._power[thread])
+            _numba.add_power(
+                bonds.i, bonds.j, bonds.r_bc, bonds.D_bdc, bonds.powers(), self.velocities, self._power[thread]
+            )
 
     def add_field(self, virial_n6=None, power_c=None) -> None:
         """The share of what has no bonds, see `field_pass`."""
@@ -187,7 +189,7 @@ def bond_factors(names, widths, bonds, peculiar_nc, velocities_nc, size=False) -
             _numba.put_sources(bonds.r_bc, bonds.D_bdc, at, out)
         else:
             v_nc = {"power": peculiar_nc, "power_lab": velocities_nc}[name]
-            _numba.put_power(bonds.i, bonds.j, bonds.r_bc, bonds.D_bdc, v_nc, at, out)
+            _numba.put_power(bonds.i, bonds.j, bonds.r_bc, bonds.D_bdc, bonds.powers(), v_nc, at, out)
         at += width
     return out
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..decomposers.base import Worst
 from ..errors import AtcError, AtcWarning
 from ..estimators.accuracy import tolerance_kept
 from ..estimators.compute import FrameResult, frame_fields, require
@@ -20,7 +21,7 @@ from ..plan import Request, plan  # noqa: F401  (plan belongs to the same door)
 from ..readers.plausible import doubts
 from ..readers.times import Sequence
 from .as_scene import file_name
-from .dataset import follows_cell, grid_moves, moving_coordinates, output_layout, radius_of
+from .dataset import asymmetry, follows_cell, grid_moves, moving_coordinates, output_layout, radius_of
 from .interruption import whole
 from .output import Layout, Store, dataset_in_memory, explained, open_dataset
 from .parallel import frame_results, here
@@ -399,6 +400,10 @@ class _Sink:
     def _emit(self, values, mask):
         if mask is not None:
             values["mask"] = mask
+        if not getattr(self.request.pot, "central", True):
+            self.note["asymmetry"] = {
+                q.name: asymmetry(values[q.name]) for q in self.request.work.quantities if q.symmetric_if_central
+            }
         note, self.note = self.note, {}
         if self.store is None:
             self.entries.append(values)
@@ -426,8 +431,12 @@ class _Sink:
             for kind, value in measured.items():
                 known[kind] = max(known.get(kind, 0.0), value)
         counts = self.note.setdefault("notes", {})
+        worst = self.note.setdefault("worst", {})
         for what, count in result.notes.items():
-            counts[what] = counts.get(what, 0) + count
+            if isinstance(count, Worst):
+                worst[what] = float(count + worst.get(what, 0.0))
+            else:
+                counts[what] = counts.get(what, 0) + count
         for what in result.refined:
             self.note.setdefault("refined", []).extend([j, what.plain()] for j in range(k, k + result.frames))
             if not self._said_refined:
@@ -520,6 +529,11 @@ class _Sink:
         for note in self.notes:
             for what, count in note["notes"].items():
                 counts[what] = counts.get(what, 0) + count
+            for what, value in note.get("worst", {}).items():
+                out[""][what] = float(Worst(value) + out[""].get(what, 0.0))
+            for name, value in note.get("asymmetry", {}).items():
+                at = out.setdefault(name, {})
+                at["asymmetry"] = float(Worst(value) + at.get("asymmetry", 0.0))
         if counts:
             out[""]["notes"] = "; ".join(f"{what}: {count}" for what, count in sorted(counts.items()))
         if self.request.work.grid_users:
