@@ -14,6 +14,7 @@ _LAZY = {
     "read": "atc.readers",
     "potential": "atc.decomposers",
     "nep": "atc.decomposers.nep",
+    "edge_model": "atc.decomposers.learned.edge_model",
     "kernel": "atc.kernels",
     "Grid": "atc.grids",
     "fields": "atc.running.run",

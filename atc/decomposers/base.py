@@ -499,8 +499,8 @@ class Potential(Interactions):
         pool = ThreadPoolExecutor(threads) if threads > 1 else None
         try:
             for term in self.terms:
-                if term.field:
-                    term.threads = threads
+                if hasattr(term.inner, "threads"):  # of those that deal out their work themselves
+                    term.inner.threads = threads
                 work = term.prepare(frame)
                 for stage in range(len(work.stages)):
                     if pool is None:
