@@ -15,6 +15,8 @@ _LAZY = {
     "potential": "atc.decomposers",
     "nep": "atc.decomposers.nep",
     "edge_model": "atc.decomposers.learned.edge_model",
+    "mace": "atc.decomposers.learned.mace",
+    "nequip": "atc.decomposers.learned.nequip",
     "kernel": "atc.kernels",
     "Grid": "atc.grids",
     "fields": "atc.running.run",
