@@ -150,12 +150,19 @@ def _loaded(path):
     if path.suffix != ".ckpt" and not path.name.endswith(".nequip.zip"):
         raise AtcError(f"{path}: expected a model of nequip: {_WAY_OUT}")
     warn_of_code(path)
+    import torch
     from nequip.model.saved_models import ModelFromCheckpoint, ModelFromPackage
+    from nequip.utils.global_state import global_state_initialized, set_global_state
 
+    before = torch.get_default_dtype()
+    if not global_state_initialized():  # which it wants before a model is made
+        set_global_state()
     try:
         made = (ModelFromCheckpoint if path.suffix == ".ckpt" else ModelFromPackage)(str(path))
     except Exception as e:
         raise AtcError(f"{path}: cannot be read as a model of nequip: {_first_line(e)}") from None
+    finally:
+        torch.set_default_dtype(before)
     # One model, or several by their names.
     if getattr(made, "is_graph_model", False):
         return made
