@@ -1,6 +1,8 @@
 """MACE models with random weights: energies, forces and virial are the model's own, and all laws hold."""
 
 import copy
+import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from energy_systems import diamond
 from frames import argon
 from mace import modules
 from test_edge_model import current, near
+from test_every_key import begin, noticed
 
 import atc
 from atc.analysis.check import check
@@ -185,3 +188,45 @@ def test_what_is_refused(tmp_path):
     model.__class__ = Apart
     with pytest.raises(AtcError, match="forces from the edges differ from the model's own by"):
         atc.mace(model, SYMBOLS).decompose(diamond(5.2, 1))
+
+
+def test_scenes(tmp_path, monkeypatch):
+    """[potential] mace, its keys; the output says how it was made; a run goes on only with the same model."""
+    from atc.config.scene import Scene
+
+    monkeypatch.chdir(tmp_path)
+    frame, two = diamond(5.2, 1), {"heads": ["pt", "mine"], "atomic_energies": np.array([[-3.0, 1.5], [0.0, 0.5]])}
+    two |= {"atomic_inter_scale": np.array([0.7, 0.9]), "atomic_inter_shift": np.array([0.1, 0.2])}
+    for name, model in (("my.model", made(1, **two)), ("other.model", made(1, seed=1, **two))):
+        torch.save(model, name)
+    names = np.array(["Si", "C"])[frame.types - 1]
+    rows = "".join(f"{s} {' '.join(f'{c:.17g}' for c in x)}\n" for s, x in zip(names, frame.positions, strict=True))
+    lattice = " ".join(map(str, frame.cell.vectors.ravel()))
+    head = f'{len(frame)}\nLattice="{lattice}" Properties=species:S:1:pos:R:3\n'
+    (tmp_path / "run.xyz").write_text(4 * (head + rows))
+
+    def scene(**more):
+        table = {"mace": "my.model", "head": "mine"} | more
+        fields = {"quantities": ["virial_stress_potential"]}
+        return {"trajectory": {"file": "run.xyz"}, "potential": table, "fields": fields}
+
+    with pytest.warns(AtcWarning, match="runs the code"):
+        ds = Scene.load(scene(types=["C", "Si"], reference={"C": 1.0})).run()
+    assert 'mace = "my.model"' in ds.scene and 'head = "mine"' in ds.scene and 'types = ["C", "Si"]' in ds.scene
+    with pytest.warns(AtcWarning, match="runs the code"):
+        for change in ({"mace": "other.model"}, {"head": "pt"}, {"stress": "central"}, {"reference": "isolated"}):
+            begin(scene(), tmp_path / "out.zarr")
+            noticed(scene(**change), tmp_path / "out.zarr")
+        Path("my.model").write_bytes(Path("other.model").read_bytes())
+        noticed(scene(), tmp_path / "out.zarr")
+    for change, said in (
+        ({"head": "yours"}, "no head 'yours'"),
+        ({"nep": "nep.txt"}, "give nep or mace, not both"),
+        ({"units": "metal"}, "learned models are in eV"),
+        ({"mace": "none.model"}, "no such file"),
+    ):
+        with pytest.raises(AtcError, match=said), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            Scene.load(scene(**change)).potential()
+    with pytest.raises(AtcError, match="head.*goes with mace"):
+        Scene.load({"trajectory": {"file": "run.xyz"}, "potential": {"nep": "n", "head": "x"}, "fields": {}})

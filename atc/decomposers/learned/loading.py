@@ -92,10 +92,21 @@ def own_copy(model, precision: str, device):
     return model, said
 
 
-def potential_of(term, maker: str, model, types, options):
-    """The potential of one term, with how it was made if it is of a file."""
+def potential_of(term, maker: str, model, **options):
+    """The potential of one term, with how it was made if it is of a file: `options` as scenes have them."""
     from ..base import Potential
 
     pot = Potential([term], "metal")
-    pot.learned = None if not isinstance(model, (str, Path)) else (maker, Path(model).name, types, options)
+    pot.learned = (maker, Path(model).name, options) if isinstance(model, (str, Path)) else None
     return pot
+
+
+def said_besides(term, reference) -> dict:
+    """What a maker was told, by the keys of scenes; None where it is what it would be anyway."""
+    device = str(term.device)
+    return {
+        "types": term.types,
+        "stress": None if term.stress == "edge" else term.stress,
+        "reference": reference,
+        "device": None if device == "cpu" else device,
+    }

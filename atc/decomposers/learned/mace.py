@@ -9,7 +9,7 @@ import numpy as np
 from ...errors import AtcError
 from ..elements import SYMBOLS
 from .edge_model import EdgeModel, _device, _torch
-from .loading import eager, file_of, is_torchscript, own_copy, potential_of, unpickled
+from .loading import eager, file_of, is_torchscript, own_copy, potential_of, said_besides, unpickled
 
 _WAY_OUT = "give the eager model, the .model file that training wrote, without enable_cueq, enable_oeq or compile_mode"
 #: Models that are no sum of atoms' energies of edges, and why.
@@ -164,4 +164,4 @@ def mace(model, types=None, *, head=None, stress="edge", reference=None, batch=N
         own=energies.own,
         said=(*said, *([f"head {head}"] if head is not None else [])),
     )
-    return potential_of(term, "mace", given, types, {"head": head})
+    return potential_of(term, "mace", given, head=head, **said_besides(term, reference))

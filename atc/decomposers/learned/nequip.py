@@ -6,7 +6,7 @@ import numpy as np
 
 from ...errors import AtcError
 from .edge_model import EdgeModel, _device, _first_line, _torch
-from .loading import eager, file_of, is_torchscript, own_copy, potential_of, warn_of_code
+from .loading import eager, file_of, is_torchscript, own_copy, potential_of, said_besides, warn_of_code
 
 _WAY_OUT = "give the .nequip.zip of nequip-package or the .ckpt of training, not what nequip-compile wrote"
 
@@ -141,7 +141,7 @@ def nequip(
         own=energies.own,
         said=said,
     )
-    return potential_of(term, "nequip", given, types, {})
+    return potential_of(term, "nequip", given, **said_besides(term, reference))
 
 
 def _loaded(path):
