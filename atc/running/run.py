@@ -413,10 +413,9 @@ class _Sink:
     def _emit(self, values, mask):
         if mask is not None:
             values["mask"] = mask
-        if not getattr(self.request.pot, "central", True):
-            self.note["asymmetry"] = {
-                q.name: asymmetry(values[q.name]) for q in self.request.work.quantities if q.symmetric_if_central
-            }
+        pot, asked = self.job.request.pot, self.job.work.quantities
+        if pot is not None and not pot.central:
+            self.note["asymmetry"] = {q.name: asymmetry(values[q.name]) for q in asked if q.symmetric_if_central}
         note, self.note = self.note, {}
         if self.store is None:
             self.entries.append(values)
