@@ -73,6 +73,11 @@ def prepare(request: Request | Job) -> Job:
         threads, workers = threads or workers, 1
     threads = int(threads or max(1, cpus() // workers))
     tiles = None if request.tiles is None else _tiles(request.tiles, flat=first.dimension == 2)
+    model = pot
+    if pot is not None and pot.fields and work.bond and grid is not None:
+        from ..decomposers.long_range.kspace import for_tolerance
+
+        pot = for_tolerance(pot, request.tolerance, exactly=work.beyond_bonds)
     resolved = replace(
         request,
         traj=frames,
@@ -83,7 +88,7 @@ def prepare(request: Request | Job) -> Job:
         workers=int(workers),
         tiles=tiles,
     )
-    return Job(resolved, frames, first, work)
+    return Job(resolved, frames, first, work, model)
 
 
 def _reference(request: Request, frames, pot):
@@ -126,11 +131,13 @@ class Job:
     request : Request, completed: its potential, grid, reference, threads, workers and tiles are those that are used
     frames, first : the frames, and the first of them
     work : what is to be summed
+    model : the potential that was given, which the run's forces are held against; that of the request may be less
+        accurate, as far as the tolerance of fields allows
     methods : of each deposit, for all frames; fixed by what the first ones need (`fix_methods`)
     """
 
-    def __init__(self, request: Request, frames: Sequence, first, work: Work):
-        self.request, self.frames, self.first, self.work = request, frames, first, work
+    def __init__(self, request: Request, frames: Sequence, first, work: Work, model):
+        self.request, self.frames, self.first, self.work, self.model = request, frames, first, work, model
         self.n_frames = len(frames)
         self.methods = self.methods_for(work, request.method)
 
@@ -320,7 +327,7 @@ class Job:
         asked, needed = self.request, bool(self.work.bond_users)
         return alarm(
             self.frames,
-            asked.pot,
+            self.model,
             mode=asked.forces,
             log=asked.log,
             threads=asked.threads,
