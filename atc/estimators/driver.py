@@ -250,13 +250,15 @@ def sum_bonds(run: Run, here: Place | None, reference: Place | None, before: Run
     work, settings, strongest, fields = run.work, run.settings, before.strongest, before.fields
     whole = settings.tiles is None
     bonds_alone = replace(settings, pot=settings.pot.local)
+    # Fields' energies and forces cost as much as their modes. Those of constraints depend on them.
+    of_bonds = settings if work.beyond_bonds or settings.pot.constraints is not None else bonds_alone
     deposit = here.grid.open(work.n_bond) if work.bond and whole else None
     seek = watch and strongest is None
     each, found = [], []
     for frame, drift in zip(run.frames, run.drifts):
         if whole:
             found.append(StrongestBonds(frame.positions, settings.threads) if seek else None)
-            one = passes.bond_pass(frame, settings, work, here, reference, drift, deposit, found[-1])
+            one = passes.bond_pass(frame, of_bonds, work, here, reference, drift, deposit, found[-1])
         else:
             more = {} if run.run_tiles is None else {"run": run.run_tiles}
             one = tiles.bond_pass(frame, bonds_alone, work, here, reference, drift, **more)

@@ -2,7 +2,7 @@
 
 A field's sums are given by unsmoothed modes, which add up over frames, and are finished with φ̂ like every spectral
 sum: f(x) = V⁻¹ Σ_Q φ̂(Q) f(Q) e^{iQ·x}. The error check computes them a second time with more modes, more nodes and
-another mesh, and sums the modes up one by one at its points.
+another mesh, in the first frame and every `EVERY` after it, and sums the modes up one by one at its points.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..decomposers.long_range.stress import SINGLE
 from ..errors import AtcError
 from .registry import BOND
 from .tensors import full
@@ -18,8 +19,10 @@ from .tensors import full
 # What of the tolerance goes to a field's modes left out, and to the charges' modes and the nodes, which cost little:
 # the smooth part is larger than the stress of which it is a part. The tolerance of sums that are exact otherwise.
 SHARE, NODES, FINEST = 0.1, 0.02, 1e-12
-# The check: tolerance and modes against those of the main sums.
-TIGHTER, WIDER = 0.1, 1.2
+# The check: tolerance and modes against those of the main sums, one node of the integrals more (a digit), another mesh.
+TIGHTER, WIDER, FINER = 0.1, 1.2, 1.1
+# Every how many frames it is made: how far off the modes are does not depend on the frame.
+EVERY = 16
 # Up to so many points the modes are summed up one by one.
 FEW = 2000
 #: Sums over bonds that fields know their share of.
@@ -82,6 +85,7 @@ class FieldSums:
     def __init__(self, terms, names, bound, kern, tolerance: float, threads: int, tight: bool = False):
         self.terms, self.names, self.bound, self.kern, self.threads = terms, list(names), bound, kern, threads
         self.tolerance, self.fine, self.tight = _tolerance(tolerance), max(NODES * tolerance, FINEST), tight
+        self.single = tolerance >= SINGLE
         self.modes: list[dict | None] = [None] * len(terms)
         self.boxes: list = [None] * len(terms)
         self.kinds = [
@@ -90,29 +94,35 @@ class FieldSums:
 
     def add(self, frame, drift) -> None:
         """One frame more."""
+        self.last = [self._modes_of(n, frame, drift) for n in range(len(self.terms))]
+        for n, (old, found) in enumerate(zip(self.modes, self.last)):
+            self.modes[n] = found if old is None else {k: old[k] + found[k] for k in found}
+
+    def _modes_of(self, n: int, frame, drift) -> dict:
         from ..decomposers.long_range import stress
         from ..decomposers.long_range.transform import largest_of
 
-        for n, term in enumerate(self.terms):
-            term.check(frame)
-            vectors, origin = term.box(frame)
-            wave = _wave(term, self.kern, self.tolerance) * (WIDER if self.tight else 1.0)
-            largest = largest_of(wave, vectors)
-            if self.bound.kind == "slab":
-                largest[[a for a in range(3) if a != self.bound.axis]] = 0
-            tolerance = self.fine * (TIGHTER if self.tight else 1.0)
-            nodes = stress.nodes_for(term.split, tolerance, wave, lambda q: _hat(self.kern, q)) + 2 * self.tight
-            products = stress.Products(term, frame, largest, tolerance, nodes, self.threads, 1.1 if self.tight else 1.0)
-            found = {}
-            if "stress" in self.kinds:
-                found["stress"] = products.stress()
-            if "power" in self.kinds:
-                found["power"] = products.current(frame.velocities - drift)
-            if "power_lab" in self.kinds:
-                found["power_lab"] = products.current(frame.velocities)
-            self.boxes[n] = vectors, origin, products.q_index, nodes, tuple(int(c) for c in products.counts)
-            old = self.modes[n]
-            self.modes[n] = found if old is None else {k: old[k] + found[k] for k in found}
+        term = self.terms[n]
+        term.check(frame)
+        vectors, origin = term.box(frame)
+        wave = _wave(term, self.kern, self.tolerance) * (WIDER if self.tight else 1.0)
+        largest = largest_of(wave, vectors)
+        if self.bound.kind == "slab":
+            largest[[a for a in range(3) if a != self.bound.axis]] = 0
+        tolerance = self.fine * (TIGHTER if self.tight else 1.0)
+        nodes = stress.nodes_for(term.split, self.fine, wave, lambda q: _hat(self.kern, q)) + self.tight
+        products = stress.Products(
+            term, frame, largest, tolerance, nodes, self.threads, FINER if self.tight else 1.0, self.single
+        )
+        found = {}
+        if "stress" in self.kinds:
+            found["stress"] = products.stress()
+        if "power" in self.kinds:
+            found["power"] = products.current(frame.velocities - drift)
+        if "power_lab" in self.kinds:
+            found["power_lab"] = products.current(frame.velocities)
+        self.boxes[n] = vectors, origin, products.q_index, nodes, tuple(int(c) for c in products.counts)
+        return found
 
     def on_grid(self) -> dict[str, np.ndarray]:
         """{name: (g, width)} on the whole grid."""
@@ -122,16 +132,15 @@ class FieldSums:
             return self.at(np.arange(len(self.bound)))
         return self._named([self._finished(n, self._whole_grid) for n in range(len(self.terms))])
 
-    def at(self, which) -> dict[str, np.ndarray]:
-        """The same at some points of the grid, mode by mode."""
+    def at(self, which, last: bool = False) -> dict[str, np.ndarray]:
+        """The same at some points of the grid, mode by mode. last : of the last frame alone"""
         if self.bound.kind == "slab":
-            return self._named(
-                [self._finished(n, lambda F, box: self._bins(F, box, which)) for n in range(len(self.terms))]
-            )
-        x_gc = self.bound.relative_points_of(which)
-        return self._named(
-            [self._finished(n, lambda F, box: self._directly(F, box, x_gc)) for n in range(len(self.terms))]
-        )
+            values = lambda F, box: self._bins(F, box, which)  # noqa: E731
+        else:
+            x_gc = self.bound.relative_points_of(which)
+            values = lambda F, box: self._directly(F, box, x_gc)  # noqa: E731
+        modes = self.last if last else self.modes
+        return self._named([self._finished(n, values, modes) for n in range(len(self.terms))])
 
     def _named(self, parts) -> dict[str, np.ndarray]:
         total = {k: sum(p[k] for p in parts) for k in self.kinds}
@@ -140,13 +149,14 @@ class FieldSums:
             total["sources"] = -full(total["stress"]).reshape(-1, BOND["sources"].width)
         return {name: total[name] for name in self.names}
 
-    def _finished(self, n, values):
+    def _finished(self, n, values, modes=None):
         vectors, _, index, *_ = box = self.boxes[n]
         from ..decomposers.long_range.transform import wave_vectors
 
         k_c = wave_vectors(index, vectors)
         hat = _hat(self.kern, np.stack(np.broadcast_arrays(*k_c), -1), vector=True) / abs(np.linalg.det(vectors))
-        return {k: values([F * hat for F in modes], box) for k, modes in self.modes[n].items()}
+        found = (self.modes if modes is None else modes)[n]
+        return {k: values([F * hat for F in modes_k], box) for k, modes_k in found.items()}
 
     def _bins(self, F_k, box, which):
         """Means over the cell's cross-section: the modes along its normal alone."""
@@ -231,8 +241,8 @@ class FieldPass:
     """
 
     def __init__(self, frames, drifts, settings, work, place):
-        self.pot, self.frames, self.drifts = settings.pot, frames, drifts
-        main, self.tight = (
+        self.pot, self.frames, self.drifts, self.index = settings.pot, frames, drifts, place.index
+        self.main, self.tight = (
             FieldSums(
                 self.pot.fields, work.bond, place.bound, place.kern, settings.tolerance, settings.threads, tight=tight
             )
@@ -241,14 +251,16 @@ class FieldPass:
         self._has = None  # the frame that `tight` has the modes of
         self.check = []
         for k, (frame, drift) in enumerate(zip(frames, drifts)):
-            main.add(self.pot.complete(frame), drift)
+            self.main.add(self.pot.complete(frame), drift)
             self.check.append(self.at(k, place.check.which))
-        self.grid_gk = self._columns(main.on_grid())
+        self.grid_gk = self._columns(self.main.on_grid())
 
     def at(self, k: int, which) -> np.ndarray:
-        """(h, k) of frame `k`, at some points of the grid."""
+        """(h, k) of frame `k`, the last one that was added, at some points of the grid."""
         if not len(which):
             return np.zeros((0, sum(BOND[name].width for name in self.tight.names)))
+        if (self.index + k) % EVERY:
+            return self._columns(self.main.at(which, last=True))
         if self._has != k:
             self.tight.modes = [None] * len(self.tight.terms)
             self.tight.add(self.pot.complete(self.frames[k]), self.drifts[k])

@@ -7,6 +7,7 @@ from test_long_range import LJ, SIX, TRICLINIC, Naive, eight_ions, ions, salt_po
 
 import atc
 from atc.decomposers.long_range import ewald
+from atc.decomposers.long_range.split import Split
 from atc.errors import AtcError
 from atc.estimators.driver import fields_of
 from atc.estimators.field_pass import FieldSums
@@ -26,7 +27,7 @@ def test_the_smooth_part_against_the_sum_over_modes():
     """Every Q of the smoothed stress and energy current as a double sum over modes, then summed up at points."""
     frame, pot = eight_ions(), salt_potential(5.0, 1e-12)
     (term,) = pot.fields
-    term = ewald.LongRangeCoulomb(term.split.at(1e-4))
+    term = ewald.LongRangeCoulomb(Split.of(5.0, term.split.constant, 1e-4))
     kern = atc.kernel("gaussian", width=3.5)
     bound = Grid.points(POINTS).bind(frame.units, frame.cell, frame.positions)
     sums = FieldSums([term], ["stress", "power_lab", "sources"], bound, kern, 1e-9, 1)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import AtcError
 from .ewald import LongRangeCoulomb
-from .split import Split
+from .split import ACCURACY, Split, accuracy_for
 
 #: They all compute the sum that is computed here, to their own accuracy.
 STYLES = frozenset("ewald ewald/disp pppm pppm/cg pppm/stagger pppm/disp".split())
@@ -202,8 +202,16 @@ def kspace_term(kspace: Kspace | None, terms, units, where: str):
     return [term]
 
 
+def for_tolerance(pot, tolerance: float, exactly: bool):
+    """The same potential with bonds and modes of its long-range Coulomb that suffice for fields of a tolerance, α as it
+    was; exactly : and no less than by default, for sums over the box and over atoms, which have no tolerance."""
+    accuracy = accuracy_for(tolerance)
+    return converged(pot, min(accuracy, ACCURACY) if exactly else accuracy)
+
+
 def converged(pot, accuracy: float):
-    """The same potential with its long-range Coulomb split for another accuracy; itself if it has none."""
+    """The same potential with the bonds and modes of its long-range Coulomb for another accuracy; itself if it has
+    none."""
     from ..pair import Pairs
 
     if not pot.fields:

@@ -9,6 +9,8 @@ from ...errors import AtcError
 
 #: Relative size of what is left out by default, of the bonds at the cutoff and of the modes beyond the largest.
 ACCURACY = 1e-8
+#: What of a field's tolerance its split may leave out; and what it never needs to be below.
+SHARE, FINEST = 0.01, 1e-13
 
 
 @dataclass(frozen=True)
@@ -27,15 +29,12 @@ class Split:
     @classmethod
     def of(cls, cutoff: float, constant: float, accuracy: float = ACCURACY) -> Split:
         """The smallest α whose bonds end at the cutoff: erfc(α r_c) is the accuracy."""
-        from scipy.special import erfcinv
-
-        if not 0.0 < accuracy < 0.1:
-            raise AtcError(f"long-range Coulomb: the accuracy must be between 0 and 0.1, got {accuracy:g}")
-        return cls(float(erfcinv(accuracy)) / cutoff, cutoff, constant, accuracy)
+        return cls(float(_reach(accuracy)) / cutoff, cutoff, constant, accuracy)
 
     def at(self, accuracy: float) -> Split:
-        """The same cutoff with another accuracy."""
-        return Split.of(self.cutoff, self.constant, accuracy)
+        """The same α with another accuracy: bonds end where erfc(αd) is the accuracy. Local values depend on α, so it
+        must not depend on how accurately they are wanted."""
+        return Split(self.alpha, float(_reach(accuracy)) / self.alpha, self.constant, accuracy)
 
     @property
     def s(self) -> float:
@@ -44,3 +43,17 @@ class Split:
     def largest_wave(self, accuracy: float | None = None) -> float:
         """The wave number a with e^{−s a²} = accuracy."""
         return sqrt(-log(self.accuracy if accuracy is None else accuracy) / self.s)
+
+
+def accuracy_for(tolerance: float) -> float:
+    """Of a split whose part of a field's error is small beside the tolerance."""
+    return min(max(SHARE * tolerance, FINEST), ACCURACY / SHARE)
+
+
+def _reach(accuracy: float) -> float:
+    """x with erfc(x) = accuracy."""
+    from scipy.special import erfcinv
+
+    if not 0.0 < accuracy < 0.1:
+        raise AtcError(f"long-range Coulomb: the accuracy must be between 0 and 0.1, got {accuracy:g}")
+    return erfcinv(accuracy)
