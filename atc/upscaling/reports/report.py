@@ -8,7 +8,7 @@ import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from ..errors import AtcError
+from ...errors import AtcError
 
 YES, ASSUMING, NO = "reproduces", "reproduces with an assumption", "does not reproduce"
 
@@ -103,7 +103,7 @@ class Report:
 
     def dataset(self, name: str, ds) -> None:
         """Save a dataset as name.nc beside the report."""
-        from ..running.whole import write_dataset
+        from ...running.whole import write_dataset
 
         write_dataset(ds, self.folder / f"{name}.nc")
 
@@ -121,7 +121,7 @@ class Report:
             "claim</h2><table><tr><th>where</th><th>claim</th><th>measured</th><th>verdict</th></tr>"
             f"{rows}</table>\n" + "\n".join(self._body) + "\n</body></html>\n"
         )
-        from ..running.output import explained
+        from ...running.output import explained
 
         path = self.folder / "report.html"
         with explained(path):
