@@ -21,7 +21,9 @@ def write_dataset(ds, path) -> None:
     """
     from .. import __version__
 
-    path, ds = check_name(path), ds.assign_attrs({"atc_version": __version__, **ds.attrs})
+    path = check_name(path)
+    # The format does not keep the order of variables.
+    ds = ds.assign_attrs({"atc_version": __version__, "variables": " ".join(ds.data_vars), **ds.attrs})
     part, old = (path.with_name(f".{path.name}.{word}") for word in ("partial", "old"))
     with explained(path):
         if old.exists() and not path.exists():  # a kill came between the two renames below
