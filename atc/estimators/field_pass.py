@@ -13,7 +13,9 @@ import numpy as np
 
 from ..decomposers.long_range.stress import SINGLE
 from ..errors import AtcError
+from .passes import has_size
 from .registry import BOND
+from .sources import bond_factors
 from .tensors import full
 
 # What of the tolerance goes to a field's modes left out, and to the charges' modes and the nodes, which cost little:
@@ -27,6 +29,11 @@ EVERY = 16
 FEW = 2000
 #: Sums over bonds that fields know their share of.
 KNOWN = ("stress", "power", "power_lab", "sources")
+
+
+def is_checked(index: int) -> bool:
+    """Whether the modes and the split are checked in the frame of this number."""
+    return index % EVERY == 0
 
 
 def require_fields(frame, settings, work) -> None:
@@ -94,9 +101,13 @@ class FieldSums:
 
     def add(self, frame, drift) -> None:
         """One frame more."""
-        self.last = [self._modes_of(n, frame, drift) for n in range(len(self.terms))]
+        self.take(frame, drift)
         for n, (old, found) in enumerate(zip(self.modes, self.last)):
             self.modes[n] = found if old is None else {k: old[k] + found[k] for k in found}
+
+    def take(self, frame, drift) -> None:
+        """`last`: the modes of a frame alone."""
+        self.last = [self._modes_of(n, frame, drift) for n in range(len(self.terms))]
 
     def _modes_of(self, n: int, frame, drift) -> dict:
         from ..decomposers.long_range import stress
@@ -249,17 +260,22 @@ class FieldPass:
             for tight in (False, True)
         )
         self._has = None  # the frame that `tight` has the modes of
+        self._last = None  # the one that `main` has those of alone
         self.check = []
         for k, (frame, drift) in enumerate(zip(frames, drifts)):
             self.main.add(self.pot.complete(frame), drift)
+            self._last = k
             self.check.append(self.at(k, place.check.which))
         self.grid_gk = self._columns(self.main.on_grid())
 
     def at(self, k: int, which) -> np.ndarray:
-        """(h, k) of frame `k`, the last one that was added, at some points of the grid."""
+        """(h, k) of frame `k`, at some points of the grid."""
         if not len(which):
             return np.zeros((0, sum(BOND[name].width for name in self.tight.names)))
-        if (self.index + k) % EVERY:
+        if not is_checked(self.index + k):
+            if self._last != k:
+                self.main.take(self.pot.complete(self.frames[k]), self.drifts[k])
+                self._last = k
             return self._columns(self.main.at(which, last=True))
         if self._has != k:
             self.tight.modes = [None] * len(self.tight.terms)
@@ -277,6 +293,30 @@ class FieldPass:
     @staticmethod
     def _columns(found: dict) -> np.ndarray:
         return np.concatenate(list(found.values()), axis=1)
+
+
+def finer_check(frame, settings, work, place, drift) -> np.ndarray | None:
+    """(c, k) the bonds of a finer split at the points of the check, with the size of their terms; None for a potential
+    without fields."""
+    from ..decomposers.long_range.kspace import finer
+
+    pot = finer(settings.pot)
+    if pot is None:
+        return None
+    names, deposits = work.bond, place.check.deposits
+    widths, size = [BOND[name].width for name in names], has_size(work)
+    deposits.place(frame.positions)
+    deposit = deposits.open(work.n_bond + size, length=max(pot.cutoff, 0.0))
+    peculiar_nc = frame.velocities - drift if "power" in names else None
+
+    def consume(bonds, thread):
+        for found in deposit.find(frame.positions, bonds.i, bonds.r_bc, thread):
+            some = bonds.taken(found.bonds)
+            factors = bond_factors(names, widths, some, peculiar_nc, frame.velocities, size=size)
+            deposit.add_found(found, factors, thread)
+
+    pot.stream(frame, consume, threads=settings.threads, sources=bool(work.source_users))
+    return deposit.bond_sums()
 
 
 def atom_fields(pot, frame, work, bonds, tiled: bool = False):
