@@ -251,6 +251,17 @@ class Job:
             out["body_force_source"] = pot.body_forces(self.first, d.forces_nc)[1]
         return out
 
+    def field_sums(self, tight: bool = False):
+        """`field_pass.FieldSums` of the long-range terms, None if nothing is summed over them on the grid."""
+        asked = self.request
+        if asked.pot is None or not asked.pot.fields or not self.work.bond or asked.kern is None or asked.grid is None:
+            return None
+        from ..estimators.field_pass import FieldSums
+
+        return FieldSums(
+            asked.pot.fields, self.work.bond, self.bound, self.kernel_internal, asked.tolerance, asked.threads, tight
+        )
+
     @property
     def method_used(self) -> str:
         return summary(self.methods)

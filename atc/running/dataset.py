@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..estimators.columns import is_column, label
+from ..estimators.field_pass import attributes
 from ..estimators.settings import FrameResult
 from ..planning.job import Job
 from .as_scene import scene_of
@@ -166,6 +167,8 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
         attrs["decomposition"] = job.request.pot.describe()
         attrs.update(job.request.pot.attributes)
         attrs.update(job.held)
+        if (sums := job.field_sums()) is not None:
+            attrs.update(attributes(sums, job.request.pot.complete(job.first)))
     attrs["dimension"] = u.dimension
     attrs["periodic"] = "".join("p" if p else "f" for p in frame.cell.periodic[: u.dimension])
     attrs["scene"] = str(job.request.scene) if job.request.scene else scene_of(job)

@@ -7,6 +7,7 @@ from test_long_range import LJ, SIX, TRICLINIC, Naive, eight_ions, ions, salt_po
 
 import atc
 from atc.decomposers.long_range import ewald
+from atc.decomposers.long_range.kspace import converged, for_tolerance
 from atc.decomposers.long_range.split import Split
 from atc.errors import AtcError
 from atc.estimators.driver import fields_of
@@ -83,6 +84,29 @@ def test_the_error_found_keeps_the_tolerance(kern):
     result = fields_of([frame], settings(["stress"], pot, Grid.regular(shape=(5, 5, 5)), 1e-4, kern))
     assert result.errors["stress_potential"]["error_max"] < 1e-4
     assert 0 < result.errors["stress_potential"]["error_max"]
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
+def test_the_split_keeps_the_tolerance_and_the_error_found_knows(tolerance):
+    """Bonds end and modes are cut as the tolerance allows; alpha, and so the field, is the same for all of them."""
+    frame, pot = ions().frame(), atc.potential("units real\n" + LINES)
+    grid = Grid.points(POINTS)
+    reference = converged(pot, 1e-12)
+    want = fields_of([frame], settings(["stress_potential"], reference, grid, 1e-9, check_points=1))
+    want = want.arrays["stress_potential"]
+    mine = for_tolerance(pot, tolerance, exactly=False)
+    assert mine.fields[0].split.alpha == pot.fields[0].split.alpha == reference.fields[0].split.alpha
+    assert (mine.fields[0].split.cutoff < 5.0) == (tolerance > 1e-4)
+    result = fields_of([frame], settings(["stress_potential"], mine, grid, tolerance))
+    error = np.abs(result.arrays["stress_potential"] - want).max() / np.abs(want).max()
+    assert error < tolerance
+    # All points are those of the check; a split that is rougher than it may be is noticed.
+    assert result.errors["stress_potential"]["error_max"] == pytest.approx(error, rel=0.5)
+    rough = converged(pot, 1e3 * mine.fields[0].split.accuracy)
+    result = fields_of([frame], settings(["stress_potential"], rough, grid, tolerance))
+    assert result.errors["stress_potential"]["error_max"] > tolerance
+    # Sums over the box have no tolerance.
+    assert for_tolerance(pot, 1e-3, exactly=True).fields[0].split.cutoff == pytest.approx(5.0)
 
 
 def test_the_mean_of_a_fine_grid_is_the_virial_and_slabs_are_means_of_planes():

@@ -9,8 +9,9 @@ from ...errors import AtcError
 
 #: Relative size of what is left out by default, of the bonds at the cutoff and of the modes beyond the largest.
 ACCURACY = 1e-8
-#: What of a field's tolerance its split may leave out; and what it never needs to be below.
-SHARE, FINEST = 0.01, 1e-13
+#: What of a field's tolerance its split may leave out (in water the error of the stress is 70 times that), never less
+#: and never more than these.
+SHARE, FINEST, COARSEST = 2e-3, 1e-13, 1e-5
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class Split:
 
 def accuracy_for(tolerance: float) -> float:
     """Of a split whose part of a field's error is small beside the tolerance."""
-    return min(max(SHARE * tolerance, FINEST), ACCURACY / SHARE)
+    return min(max(SHARE * tolerance, FINEST), COARSEST)
 
 
 def _reach(accuracy: float) -> float:
