@@ -36,7 +36,11 @@ def mapped_line(inp: StyleInput, ending: str):
     if any(t.lo != 1 or t.hi is not None for t in line.types):
         raise inp.error(f"{inp.command} wants {wants}: replace the types by * *", line)
     if len(line.words) < 2:
-        raise inp.error(f"{inp.command} wants {wants}, got {' '.join(line.words) or 'nothing'} behind * *", line)
+        raise inp.error(
+            f"{inp.command} takes a file and the element of each atom type: {wants}, got "
+            f"{' '.join(line.words) or 'nothing'} behind * *",
+            line,
+        )
     elements = [None if e == "NULL" else e for e in line.words[1:]]
     if len(elements) < inp.n_types:
         raise inp.error(
