@@ -269,8 +269,9 @@ def _room(out, apart, m):
         return out, apart
     o = np.empty(2 * len(out), np.int32)
     a = np.empty(2 * len(out), np.int8)
-    o[:m] = out
-    a[:m] = apart
+    # One by one: an assignment of arrays would bring numba's messages on shapes along, seconds of compiling.
+    for k in range(m):
+        o[k], a[k] = out[k], apart[k]
     return o, a
 
 
