@@ -228,7 +228,7 @@ def _special(n, start, other, trim13, joined13, trim14, joined14):
     capacity = 16 * n + 64
     out = np.empty(capacity, np.int32)
     apart = np.empty(capacity, np.int8)
-    m = 0
+    m = np.int64(0)  # not the literal, for which `_room` would be compiled once more
     for i in range(n):
         seen[i] = i
         for level in range(1, 4):
