@@ -11,7 +11,7 @@ from ..units import Units
 from ..units import units as system
 from .centred import Centred
 from .eam_file import EAMTables, read_setfl
-from .elements import ElementMap, mapped_line
+from .elements import ElementMap, mapped_line, require_known
 from .embedded_atom import _place, spline
 from .neighborhood import around
 from .registry import MAPPED_STYLES, pair_style
@@ -69,9 +69,7 @@ class AngularDependent(Centred):
         """From an extended setfl file: ``AngularDependent.from_file("AlCu.adp", ["Al", "Cu"])``. where : the line that
         names it, for messages."""
         t = read_setfl(path, system(units).name, False, where, angular=True)
-        odd = next((e for e in elements or () if e not in (None, "NULL", *t.elements)), None)
-        if odd is not None:
-            raise AtcError(f"{where or path}: {path} has no element {odd!r}: it has {', '.join(t.elements)}")
+        require_known(elements, t.elements, path, where)
         return cls(t, elements, units=units)
 
     def describe(self) -> str:

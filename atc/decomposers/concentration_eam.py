@@ -11,7 +11,7 @@ from ..units import Units
 from ..units import units as system
 from .base import Term, Work
 from .eam_file import EAMTables, read_setfl
-from .elements import ElementMap, mapped_line
+from .elements import ElementMap, mapped_line, require_known
 from .embedded_atom import _place, spline
 from .neighbor_work import OUTER_PER_TASK, NeighborWork, made, room, shares
 from .neighborhood import around, between_sharing_neighbors
@@ -68,9 +68,7 @@ class ConcentrationEAM(Term):
         """From a LAMMPS file, e.g. ``ConcentrationEAM.from_file("FeCr.cdeam", ["Fe", "Cr"])``. where : the line that
         names it, for messages."""
         t = read_setfl(path, system(units).name, False, where, mixing=True)
-        odd = next((e for e in elements or () if e not in (None, "NULL", *t.elements)), None)
-        if odd is not None:
-            raise AtcError(f"{where or path}: {path} has no element {odd!r}: it has {', '.join(t.elements)}")
+        require_known(elements, t.elements, path, where)
         return cls(t, elements, units=units, two_sites=two_sites)
 
     def describe(self) -> str:

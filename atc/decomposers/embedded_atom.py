@@ -12,13 +12,12 @@ import numpy as np
 
 from ..bonds import Bonds
 from ..compiled import njit
-from ..errors import AtcError
 from ..frame import Frame
 from ..units import Units
 from ..units import units as system
 from .base import Accumulator, Term, Work
 from .eam_file import EAMTables, read_funcfl, read_setfl
-from .elements import ElementMap, mapped_line
+from .elements import ElementMap, mapped_line, require_known
 from .neighbor_work import NO_D, shares
 from .neighborhood import by_place, impossible
 from .registry import MAPPED_STYLES, pair_style
@@ -93,9 +92,7 @@ class EmbeddedAtom(Term):
         """From a setfl file (LAMMPS ``eam/alloy``), its Finnis-Sinclair variant (``eam/fs``), or that with negative
         densities (helium: ``eam/he``): ``EmbeddedAtom.from_setfl("AlCu.eam.alloy", ["Al"])``."""
         t = read_setfl(path, system(units).name, finnis_sinclair or helium, where, helium=helium)
-        odd = next((e for e in elements or () if e not in (None, "NULL", *t.elements)), None)
-        if odd is not None:
-            raise AtcError(f"{where or path}: {path} has no element {odd!r}: it has {', '.join(t.elements)}")
+        require_known(elements, t.elements, path, where)
         return cls(t, elements, units=units, name="eam/he" if helium else "eam/fs" if finnis_sinclair else "eam/alloy")
 
     @classmethod

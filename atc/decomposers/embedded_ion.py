@@ -14,7 +14,7 @@ from ..frame import Frame
 from ..units import Units
 from ..units import units as system
 from .base import Term, Work
-from .elements import ElementMap
+from .elements import ElementMap, not_as_wanted, of_each_type, whole_line
 from .embedded_atom import _place, spline
 from .neighbor_work import OUTER_PER_TASK, NeighborWork, made, room, shares
 from .neighborhood import around, between_sharing_neighbors
@@ -334,24 +334,12 @@ MAPPED_STYLES.add("eim")
 @pair_style("eim")
 def _eim(inp):
     wants = "pair_coeff * * <elements> <file.eim> <element of each atom type>"
-    if inp.args:
-        raise inp.error(f"{inp.command}: {' '.join(inp.args)} is not supported: expected no arguments")
-    if len(inp.coeffs) != 1:
-        raise inp.error(f"{inp.command} takes one line {wants}", inp.coeffs[1] if inp.coeffs else None)
-    line = inp.coeffs[0]
-    if any(t.lo != 1 or t.hi is not None for t in line.types):
-        raise inp.error(f"{inp.command} wants {wants}: replace the types by * *", line)
+    line = whole_line(inp, wants, 3)
     file = next((k for k, w in enumerate(line.words) if k > 0 and ("." in w or "/" in w)), None)
     if file is None or file + 1 == len(line.words):
-        raise inp.error(f"{inp.command} wants {wants}, got {' '.join(line.words) or 'nothing'} behind * *", line)
+        raise not_as_wanted(inp, wants, line)
     names = list(dict.fromkeys(line.words[:file]))
-    elements = [None if e == "NULL" else e for e in line.words[file + 1 :]]
-    if len(elements) < inp.n_types:
-        raise inp.error(
-            f"{inp.command} needs one element (or NULL) for each of the {inp.n_types} atom types, found "
-            f"{len(elements)}",
-            line,
-        )
+    elements = of_each_type(inp, line.words[file + 1 :], line)
     odd = next((e for e in elements if e is not None and e not in names), None)
     if odd is not None:
         raise inp.error(

@@ -13,6 +13,7 @@ from ..frame import Frame
 from ..units import Units
 from ..units import units as system
 from .base import Term, Work
+from .elements import whole_line
 from .neighbor_work import NeighborWork, made, room, shares
 from .parameter_file import LARGE, read_parameter_file
 from .registry import pair_style
@@ -220,13 +221,7 @@ def _bonds(p0, p1, near, counted, shape, slope, out):
 
 @pair_style("local/density")
 def _local_density(inp):
-    if inp.args:
-        raise inp.error(f"{inp.command} takes no arguments, got {' '.join(inp.args)}")
-    if (
-        len(inp.coeffs) != 1
-        or any(t.lo != 1 or t.hi is not None for t in inp.coeffs[0].types)
-        or len(inp.coeffs[0].words) != 1
-    ):
-        raise inp.error(f"{inp.command} takes one line pair_coeff * * <file>", inp.coeffs[0] if inp.coeffs else None)
-    line = inp.coeffs[0]
+    line = whole_line(inp, "pair_coeff * * <file>")
+    if len(line.words) != 1:
+        raise inp.error(f"{inp.command} takes pair_coeff * * <file>, got {' '.join(line.words) or 'nothing'}", line)
     return LocalDensity.from_file(inp.path(line.words[0], line), units=inp.units, where=line.where)

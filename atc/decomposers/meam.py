@@ -9,7 +9,7 @@ from ..units import Units
 from ..units import units as system
 from . import meam_reference
 from .base import Term, Work
-from .elements import ElementMap
+from .elements import ElementMap, of_each_type, whole_line
 from .embedded_atom import spline
 from .meam_file import MEAMParameters, library_elements, read_meam
 from .meam_kernels import densities, merge, screenings
@@ -177,15 +177,7 @@ MAPPED_STYLES.update(("meam", "meam/c"))
 @pair_style("meam", "meam/c")
 def _meam(inp):
     wants = "pair_coeff * * <library> <its elements> <parameter file or NULL> <element of each atom type>"
-    if inp.args:
-        raise inp.error(f"{inp.command}: {' '.join(inp.args)} is not supported: expected no arguments")
-    if len(inp.coeffs) != 1:
-        raise inp.error(f"{inp.command} takes one line {wants}", inp.coeffs[1] if inp.coeffs else None)
-    line = inp.coeffs[0]
-    if any(t.lo != 1 or t.hi is not None for t in line.types):
-        raise inp.error(f"{inp.command} wants {wants}: replace the types by * *", line)
-    if len(line.words) < 4:
-        raise inp.error(f"{inp.command} wants {wants}, got {' '.join(line.words) or 'nothing'} behind * *", line)
+    line = whole_line(inp, wants, 4)
     library = inp.path(line.words[0], line)
     known = library_elements(read_parameter_file(library, "MEAM library", line.where), library)
     count = next((k for k, w in enumerate(line.words[1:]) if w not in known or w == "NULL"), None)
@@ -195,13 +187,7 @@ def _meam(inp):
             line,
         )
     names, file, elements = line.words[1 : 1 + count], line.words[1 + count], line.words[2 + count :]
-    elements = [None if e == "NULL" else e for e in elements]
-    if len(elements) < inp.n_types:
-        raise inp.error(
-            f"{inp.command} needs one element (or NULL) for each of the {inp.n_types} atom types, found "
-            f"{len(elements)}",
-            line,
-        )
+    elements = of_each_type(inp, elements, line)
     odd = next((e for e in elements if e is not None and e not in names), None)
     if odd is not None:
         raise inp.error(

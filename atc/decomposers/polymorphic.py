@@ -14,7 +14,7 @@ from ..units import Units
 from ..units import units as system
 from .centred import Centred
 from .cluster import weights_of
-from .elements import ElementMap, mapped_line
+from .elements import ElementMap, mapped_line, require_known
 from .embedded_atom import spline
 from .neighborhood import around, between_neighbors
 from .parameter_file import LARGE, read_parameter_file, units_tag
@@ -171,9 +171,7 @@ class Polymorphic(Centred):
     ) -> Polymorphic:
         """From a LAMMPS file. where : the line that names it, for messages."""
         t = read_polymorphic(path, system(units).name, where)
-        odd = next((e for e in elements or () if e not in (None, "NULL", *t.names)), None)
-        if odd is not None:
-            raise AtcError(f"{where or path}: {path} has no element {odd!r}: it has {', '.join(t.names)}")
+        require_known(elements, t.names, path, where)
         return cls(t, elements, units=units, partition=partition)
 
     def share(self, partition):

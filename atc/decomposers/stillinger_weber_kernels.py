@@ -270,7 +270,9 @@ def sw_triplets(
         for e in range(k):
             G_end[pair[e], end[e]] = G_arm[e]
             if S_end is not None:
-                S_end[pair[e], end[e]] = S_arm[e]
+                for c in range(3):
+                    S_end[pair[e], end[e], 0, c] = S_arm[e, 0, c]
+                    S_end[pair[e], end[e], 1, c] = S_arm[e, 1, c]
     return m, total, odd
 
 

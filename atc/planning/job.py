@@ -259,7 +259,7 @@ class Job:
         from ..estimators.field_pass import FieldSums
 
         return FieldSums(
-            asked.pot.fields, self.work.bond, self.bound, self.kernel_internal, asked.tolerance, asked.threads, tight
+            asked.pot.fields, self.work.bond, self.bound, self.kernel_internal, asked.tolerance, self.threads, tight
         )
 
     @property

@@ -237,13 +237,13 @@ def test_a_changed_key_is_noticed(folder, key):
 def test_a_changed_key_of_molecules_is_noticed(key):
     import atc
     from atc.decomposers.constraint_scene import constrained
-    from atc.planning.identity import contents
+    from atc.planning.identity import digest
     from atc.units import units
 
     pot = atc.potential(LJ, units="metal")
-    one, other = (contents(constrained(pot, table, units("metal"), "scene.toml")) for table in OF_MOLECULES[key])
+    one, other = (digest(constrained(pot, table, units("metal"), "scene.toml")) for table in OF_MOLECULES[key])
     assert one != other
-    assert one == contents(constrained(pot, OF_MOLECULES[key][0], units("metal"), "scene.toml"))
+    assert one == digest(constrained(pot, OF_MOLECULES[key][0], units("metal"), "scene.toml"))
 
 
 @pytest.mark.parametrize("key", CONTENTS)
