@@ -20,9 +20,8 @@ from ..base import Accumulator, Potential, Term, Work
 from ..elements import ElementMap
 from ..neighborhood import Neighborhood
 from .graph import Edges, Part
+from .guards import GUARD, first_frame, identity, symmetric
 
-#: Above this the per-atom identity, the virial's symmetry and the model's own numbers are not rounding.
-GUARD = {"float64": 1e-9, "float32": 2e-4}
 #: Edges up to which a frame is not worth being looked at for its memory.
 _SMALL = 20_000
 #: What of the memory that is free batches may take.
@@ -363,8 +362,6 @@ class _EdgeWork(Work):
         self.edges = Edges.of(near.a, near.b, near.r_pc / self.term.length, len(near.atom))
 
     def _evaluate(self, task, acc):
-        from .guards import first_frame, identity, symmetric
-
         term, frame, edges, near = self.term, self.frame, self.edges, self.near
         n = edges.n
         x_nc = frame.positions[near.atom] / term.length

@@ -8,12 +8,13 @@ import numpy as np
 
 from ...errors import AtcError, AtcWarning
 
+#: Above this the per-atom identity, the virial's symmetry and the model's own numbers are not rounding.
+GUARD = {"float64": 1e-9, "float32": 2e-4}
+
 
 def identity(term, edges, g_ec, a_e, share_n, v_nc, source: str) -> float:
     """v_j·F_j + dU^(j)/dt = Σ_{c=j} I_e − Σ_{n=j} I_e, I_e = g_e·v_n + a_e: the largest difference over the largest of
     what edges bring to an atom. Raises AtcError where it is not rounding."""
-    from .edge_model import GUARD
-
     c, n, size = edges.centre, edges.neighbour, edges.n
     F = np.stack([np.bincount(c, g, size) - np.bincount(n, g, size) for g in g_ec.T], axis=1)
     I_e = np.einsum("ec,ec->e", g_ec, v_nc[n]) + a_e
@@ -32,8 +33,6 @@ def identity(term, edges, g_ec, a_e, share_n, v_nc, source: str) -> float:
 
 def symmetric(term, edges, g_ec, source: str) -> None:
     """Σ r ⊗ g is symmetric where energies do not change as all is turned."""
-    from .edge_model import GUARD
-
     W = edges.r_ec.T @ g_ec
     scale = np.sqrt((edges.r_ec**2).sum() * (g_ec**2).sum()) if len(edges) else 0.0
     if not np.abs(W - W.T).max() <= max(GUARD[term.precision], 1e-9) * scale:
@@ -45,8 +44,6 @@ def symmetric(term, edges, g_ec, source: str) -> None:
 
 def first_frame(term, edges, g_ec, energy_n, species_n, x_nc, frame, batch) -> None:
     """Energy, forces and virial against what the model itself says, by its own list of neighbours."""
-    from .edge_model import GUARD
-
     if batch is not None:
         warnings.warn(
             f"{frame.source}: {term.name}: the frame does not fit into the memory at once, so it was not compared with "
