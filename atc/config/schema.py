@@ -360,7 +360,10 @@ SCHEMA: dict[str, dict[str, Key]] = {
     "twin": {
         "structure": Key(_choice(_structure_names), 'a cubic structure, e.g. "fcc"'),
         "lattice_constant": Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 5.3"),
-        "material": Key(_choice(["isotropic", "cauchy-born"]), '"isotropic" or "cauchy-born"'),
+        "material": Key(
+            _choice(["isotropic", "cauchy-born", "linear"]), '"isotropic", "cauchy-born" or "linear"'
+        ),
+        "nodes": Key(_choice(["lattice", "atoms"]), '"lattice" or "atoms"'),
         "orient": Key(
             _list_of(_list_of(_number, 3), 3),
             "the crystal directions along the run's x, y, z, e.g. [[1, 1, 0], [-1, 1, 0], [0, 0, 1]]",

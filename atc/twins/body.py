@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from ..errors import AtcError, AtcWarning
-from .smoothing import Smoothing
+from .smoothing import Same, Smoothing
 
 #: Points along each edge of a node's own cell, whose share inside the matter is the share of volume the node has.
 _SAMPLES = 4
@@ -87,3 +87,14 @@ def body_of(
         )
     body = pd.Body(X, V, rho, horizon, cell=cell, spacing=volume ** (1 / 3))
     return TwinBody(body, Smoothing(reference, kernel, X), step, rho, bulk)
+
+
+def body_of_atoms(reference, bulk: float, horizon: float) -> TwinBody:
+    """Every atom of the reference is a node: what is derived from the potential can then be held to the run bond by
+    bond. V_I = m/ρ of the crystal. `horizon` : of the body; parameters and result otherwise as `body_of`."""
+    from .. import pd
+
+    V = reference.masses / bulk
+    X = np.array(reference.positions)
+    body = pd.Body(X, V, bulk, horizon, cell=reference.cell, spacing=float(V.mean() ** (1 / 3)), warn=False)
+    return TwinBody(body, Same(reference), np.eye(3) * V.mean() ** (1 / 3), bulk, bulk)

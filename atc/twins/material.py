@@ -66,6 +66,15 @@ def horizon_of(get) -> float:
     return HORIZON
 
 
+def atoms_horizon(get, crystal, model) -> float:
+    """The horizon where the nodes are the atoms: as far as two of them feel each other."""
+    if get("material", "isotropic") != "linear":
+        raise AtcError('[twin] nodes: only material = "linear" takes "atoms": leave it out')
+    from ..upscaling.force_constants import force_constants
+
+    return 1.02 * float(np.linalg.norm(force_constants(crystal, model).r_bc, axis=1).max())
+
+
 def twin_material(get, crystal, model, axes, made):
     """The material that [twin] asks for, `get(key, default)`, of a relaxed crystal and a `TwinBody`."""
     if get("material", "isotropic") == "cauchy-born":
@@ -74,6 +83,10 @@ def twin_material(get, crystal, model, axes, made):
         return cauchy_born(crystal, model, axes, made.step_cc, made.body.horizon, get("temperature"))
     if get("temperature") is not None:
         raise AtcError('[twin] temperature: only material = "cauchy-born" knows one: leave it out')
+    if get("material") == "linear":
+        from .linear import linear
+
+        return linear(crystal, model, axes, made, get("nodes") == "atoms")
     return isotropic(crystal, model, get("model", "lps"), made.step_cc, made.body.horizon)
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError, AtcWarning
-from .body import TwinBody, body_of
+from .body import TwinBody, body_of, body_of_atoms
 from .comparison import PAIRS, away_from_surfaces, dataset_of, norms, picture
 from .conditions import (
     Run,
@@ -21,7 +21,7 @@ from .conditions import (
     history,
     smoothed_displacement,
 )
-from .material import horizon_of, orientation, twin_material
+from .material import atoms_horizon, horizon_of, orientation, twin_material
 
 
 @dataclass
@@ -120,7 +120,10 @@ def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
     crystal = _crystal(scene, get, reference, pot, u)
     spacing = length * get("spacing") if get("spacing") else u.to_internal("length", crystal.lattice_constant)
     horizon = length * get("horizon") if get("horizon") else None
-    made = body_of(reference, kernel, crystal.density, spacing, horizon, horizon_of(get))
+    if get("nodes") == "atoms":
+        made = body_of_atoms(reference, crystal.density, horizon or atoms_horizon(get, crystal, pot))
+    else:
+        made = body_of(reference, kernel, crystal.density, spacing, horizon, horizon_of(get))
     material = twin_material(get, crystal, pot, orientation(scene), made)
 
     run = Run(traj, reference)

@@ -50,6 +50,19 @@ class Smoothing:
         return quotient(mine, self.density_g)
 
 
+class Same:
+    """In the place of a `Smoothing` where the nodes are the atoms: nothing is smoothed."""
+
+    def __init__(self, frame):
+        frame.require("masses", why="the nodes' masses")
+
+    def mean(self, a_nc) -> np.ndarray:
+        return np.array(a_nc, float)
+
+    def share(self, chosen_n) -> np.ndarray:
+        return np.asarray(chosen_n, float)
+
+
 def with_images(frame, reach):
     """Positions of all atoms and of their periodic images within `reach` of the cell, and whose image each one is."""
     cell = frame.cell
