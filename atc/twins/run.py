@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import AtcError, AtcWarning
 from .body import TwinBody, body_of, body_of_atoms
+from .choice import atoms_horizon, horizon_of, orientation, twin_material
 from .comparison import PAIRS, away_from_surfaces, dataset_of, norms, picture
 from .conditions import (
     Run,
@@ -21,7 +22,6 @@ from .conditions import (
     history,
     smoothed_displacement,
 )
-from .material import atoms_horizon, horizon_of, orientation, twin_material
 
 
 @dataclass
