@@ -14,13 +14,14 @@ import shutil
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from ..errors import AtcError
 from ..readers.whole import whole_text
 from .schema import GRIDS, SCHEMA
-from .toml import Document, complaint, key_lines, parse, read_document, toml_key, toml_value
+from .toml import Document, complaint, key_lines, parse, read_document, shown, toml_key, toml_value
 from .words import frame_slice, guess
 
 #: What makes a potential of a learned model's file, and what else [potential] may tell it.
@@ -118,19 +119,13 @@ class Scene(Document):
     def _check(self):
         for section, table in self.data.items():
             known = SCHEMA[section]
-            for key, value in table.items():
+            for key in table:
                 if key not in known:
                     raise AtcError(
                         f"{self.where(section, key)}: unknown key {key!r} in [{section}]: {guess(key, known)}known: "
                         f"{', '.join(known)}"
                     )
-                spec = known[key]
-                try:
-                    table[key] = spec.check(value)
-                except (ValueError, TypeError) as e:
-                    # int("abc") and its like bring Python's own words, which help nobody.
-                    reason = f" ({e})" if str(e) and "literal" not in str(e) else ""
-                    raise self._bad(section, key, f"expected {spec.expected}, got {_shown(value)}{reason}") from None
+                self.check_value(known[key], table, key, partial(self._bad, section, key))
         if "file" not in self.data.get("trajectory", {}) and not (
             "dispersion" in self.data and "trajectory" not in self.data
         ):
@@ -237,15 +232,6 @@ class Scene(Document):
 
     # ---- what it means
 
-    def get(self, section: str, key: str, default=None):
-        """The value of a key, or `default`."""
-        return self.data.get(section, {}).get(key, default)
-
-    def path(self, section: str, key: str) -> Path | None:
-        """A file name of the scene, relative to the scene's folder unless absolute."""
-        value = self.get(section, key)
-        return None if value is None else self.folder / Path(value).expanduser()
-
     def trajectory(self):
         """The frames asked for, as `atc.read` gives them. `AtcError` if there are none."""
         whole = self._whole()
@@ -258,7 +244,7 @@ class Scene(Document):
             why = f"{whole.source} has {len(whole)} complete frame{'s' * (len(whole) != 1)}, numbered from 0"
             raise AtcError(
                 f"{self.where('trajectory', 'frames')}: [trajectory] frames: "
-                f"{_shown(frames) if frames is not None else 'all'} selects none: {why}"
+                f"{shown(frames) if frames is not None else 'all'} selects none: {why}"
             )
         return part
 
@@ -452,23 +438,10 @@ class Scene(Document):
     def output(self, given=None, overwrite: bool = False, resume: bool = False) -> Path:
         """The file to write: `given`, else the scene's ``[output] file``. Whether it can be written is found out here,
         before anything is computed; with `resume` it may be that of a run which only has to clear away."""
-        if given is not None:
-            path, where = Path(given), f"-o {given}"
-        elif (said := self.path("output", "file")) is not None:
-            path, where = said, self.where("output", "file") + ": [output] file"
-        else:
-            raise self.need("output", 'say where the result goes: -o OUT, or file = "out.zarr" in [output]')
-        if path.suffix not in (".zarr", ".nc"):
-            raise AtcError(f"{where}: expected a name that ends in .zarr or .nc, got {path.name}")
-        folder = path.parent
-        if not folder.is_dir():
-            raise AtcError(f"{where}: there is no directory {folder}: make it, or choose another place")
-        if not os.access(folder, os.W_OK | os.X_OK):
-            raise AtcError(f"{where}: no permission to write in {folder}: choose another place")
-        from ..running.output import published
+        from ..running.output import require_place
 
-        if path.exists() and not (overwrite or (resume and published(path))):
-            raise AtcError(f"{where}: {path} exists: give --overwrite to replace it, or another name")
+        path, where = self.result(given)
+        require_place(path, where, overwrite, resume)
         return path
 
     def arguments(self, jobs: int = 1) -> dict:
@@ -627,20 +600,6 @@ class Scene(Document):
 
 
 # --------------------------------------------------------------------------------------------------------------------
-
-
-def _shown(value) -> str:
-    text = toml_value(value) if not isinstance(value, (dict, list)) or _plain(value) else str(value)
-    text = " ".join(text.split())
-    return text if len(text) <= 60 else text[:57] + "..."
-
-
-def _plain(value) -> bool:
-    if isinstance(value, dict):
-        return all(_plain(v) for v in value.values())
-    if isinstance(value, list):
-        return all(_plain(v) for v in value)
-    return isinstance(value, (bool, int, float, str))
 
 
 def _overrides(overrides):

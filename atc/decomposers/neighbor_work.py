@@ -144,25 +144,20 @@ class TripletWork(Work):
     def triplets(self, task, acc):
         """Bonds between the outer atoms; arms into G_end and S_end."""
         term, out = self.term, room(acc, self.room, without=None)
+        lists = self.out_start, self.in_start, self.in_pair, self.a, self.b, self.rec, self.element, self.atom
         m, energy, odd = sw_triplets(
             term.angular,
             self.runs[task],
             self.runs[task + 1],
-            self.out_start,
-            self.in_start,
-            self.in_pair,
-            self.a,
-            self.b,
-            self.rec,
-            self.element,
-            term.triplet,
-            self.atom,
             self.most,
+            lists,
+            term.triplet,
             term.prune,
             *term.weights,
             self.G_end,
             self.S_end,
-            *out,
+            out[:4],
+            out[4],
             shares(acc),
         )
         acc.energy += energy
