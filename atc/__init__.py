@@ -17,6 +17,7 @@ _LAZY = {
     "edge_model": "atc.decomposers.learned.edge_model",
     "mace": "atc.decomposers.learned.mace",
     "nequip": "atc.decomposers.learned.nequip",
+    "metatomic": "atc.decomposers.learned.metatomic",
     "kernel": "atc.kernels",
     "Grid": "atc.grids",
     "fields": "atc.running.run",

@@ -29,6 +29,7 @@ LEARNED = {
     "nep": ("types",),
     "mace": ("types", "head", "stress", "reference", "device"),
     "nequip": ("types", "stress", "reference", "device"),
+    "metatomic": ("types", "stress", "reference", "device"),
 }
 
 # --------------------------------------------------------------------------------------------------------------------

@@ -230,6 +230,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "nep": Key(_string, 'the file of a neuroevolution potential, e.g. "nep.txt"', path=True),
         "mace": Key(_string, 'the file of a MACE model, e.g. "my.model"', path=True),
         "nequip": Key(_string, 'the file of a NequIP or Allegro model, e.g. "my.nequip.zip"', path=True),
+        "metatomic": Key(_string, 'the file of a model exported by metatomic, e.g. "model.pt"', path=True),
         "head": Key(_string, 'which head of a MACE model, e.g. "Default"'),
         "stress": Key(
             _choice(["edge", "central"]), 'how a learned model of one hop gives its stress: "edge" or "central"'

@@ -118,7 +118,7 @@ OF_MOLECULES = {
     "constraints.molecules": ({"molecules": True}, {"molecules": [1, 2]}),
 }
 #: Keys of models that need packages of their own, in environments of their own: torch_models/test_mace.py and so on.
-APART = {f"potential.{k}" for k in ("mace", "nequip", "head", "stress", "reference")}
+APART = {f"potential.{k}" for k in ("mace", "nequip", "metatomic", "head", "stress", "reference")}
 #: Keys that no number of `atc fields` depends on, and why.
 CHANGE_NOTHING = {
     "potential.device": "where it is computed",
