@@ -412,7 +412,14 @@ class Scene(Document):
         return constrained(pot, table, units(own) if own else pot.units, f"{self.where('constraints')}: [constraints]")
 
     def _shared(self, pot, partition):
-        pot = self._held(pot)
+        pot, alpha = self._held(pot), self.get("potential", "alpha")
+        if alpha is not None:
+            from ..decomposers.long_range.kspace import with_alpha
+
+            try:
+                pot = with_alpha(pot, alpha)
+            except AtcError as e:
+                raise AtcError(f"{self.where('potential', 'alpha')}: [potential] {e}") from None
         if partition is None:
             return pot
         try:

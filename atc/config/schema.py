@@ -247,6 +247,9 @@ SCHEMA: dict[str, dict[str, Key]] = {
             _partition,
             'how energy is shared among atoms: "equal", "center", or by kind of term, e.g. { "angle" = "center" }',
         ),
+        "alpha": Key(
+            _positive, "a number greater than 0, 1 over a length: where long-range Coulomb is split, e.g. 0.3"
+        ),
     },
     "constraints": {
         "bonds": Key(_choice(["hbonds"]), '"hbonds": all bonds of hydrogen are held'),

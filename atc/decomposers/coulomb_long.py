@@ -49,9 +49,9 @@ class CoulombLong(PairStyle):
         self.on, self.split, self.reach = np.asarray(on, bool), split, split.cutoff if reach is None else reach
         self._set(np.where(self.on, max(split.cutoff, self.reach), 0.0))
 
-    def at(self, accuracy: float) -> CoulombLong:
-        """The same with another accuracy."""
-        new = CoulombLong(self.on, self.split.at(accuracy), self.reach)
+    def at(self, accuracy: float, alpha: float | None = None) -> CoulombLong:
+        """The same with another accuracy, or α."""
+        new = CoulombLong(self.on, self.split.at(accuracy, alpha), self.reach)
         new.run_table = self.run_table
         new.own_special = self.own_special
         return new

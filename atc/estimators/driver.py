@@ -258,8 +258,9 @@ def sum_bonds(run: Run, here: Place | None, reference: Place | None, before: Run
     for frame, drift in zip(run.frames, run.drifts):
         if whole:
             found.append(StrongestBonds(frame.positions, settings.threads) if seek else None)
-            one = passes.bond_pass(frame, of_bonds, work, here, reference, drift, deposit, found[-1])
-            if settings.pot.fields and work.bond and is_checked(run.index + len(each)):
+            finer = bool(settings.pot.fields and work.bond and is_checked(run.index + len(each)))
+            one = passes.bond_pass(frame, of_bonds, work, here, reference, drift, deposit, found[-1], check=not finer)
+            if finer:
                 check_gk = finer_check(frame, of_bonds, work, here, drift)
                 one = replace(one, totals=replace(one.totals, bond=(one.totals.bond[0], check_gk)))
         else:

@@ -169,6 +169,7 @@ class Job:
             forecast,
             together,
             self.n_frames,
+            bool(self.request.pot is not None and work.bond_users and self.request.pot.fields),
         )
 
     def places(self, work: Work) -> dict | None:

@@ -109,6 +109,34 @@ def test_the_split_keeps_the_tolerance_and_the_error_found_knows(tolerance):
     assert for_tolerance(pot, 1e-3, exactly=True).fields[0].split.cutoff == pytest.approx(5.0)
 
 
+def test_what_depends_on_alpha():
+    """Energy, forces, virial, the mean and the divergence of the stress do not; its values do."""
+    frame = ions().frame()
+    pots = [atc.potential("units real\n" + LINES, alpha=alpha) for alpha in (None, 1.1)]
+    assert pots[1].fields[0].split.alpha == pytest.approx(1.1) and pots[0].fields[0].split.alpha < 0.82
+    a, b = (pot.stream(frame, forces=True) for pot in pots)
+    assert a.energy == pytest.approx(b.energy, rel=1e-7)
+    assert np.abs(a.forces_nc - b.forces_nc).max() < 1e-6 * np.abs(a.forces_nc).max()
+    assert np.abs(a.virial_cc - b.virial_cc).max() < 1e-6 * np.abs(a.virial_cc).max()
+    grid = Grid.regular(shape=(20, 20, 20))
+    a, b = (
+        fields_of([frame], settings(["stress_potential"], pot, grid, 1e-7, check_points=1)).arrays["stress_potential"]
+        for pot in pots
+    )
+    gauge = np.fft.fftn(b - a, axes=(0, 1, 2)) / np.abs(a).max() / 20**3
+    n = np.stack(np.meshgrid(*[np.fft.fftfreq(20, 1 / 20)] * 3, indexing="ij"), -1)
+    Q = n @ (2 * np.pi * np.linalg.inv(frame.cell.vectors)).T
+    inside = np.abs(n).max(-1) < 10
+    assert np.abs(b - a).max() > 1e-3 * np.abs(a).max()
+    assert np.abs(gauge[0, 0, 0]).max() < 1e-6
+    slope = np.abs(np.einsum("abci,abcij->abcj", Q, gauge)[inside]).max()
+    assert slope < 1e-4 * np.abs(np.linalg.norm(Q, axis=-1)[..., None, None] * gauge)[inside].max()
+    with pytest.raises(AtcError, match="alpha: the potential has no long-range Coulomb"):
+        atc.potential("units real\npair_style lj/cut 4.5\n" + LJ, alpha=0.3)
+    with pytest.raises(AtcError, match="alpha -1: expected a positive number"):
+        atc.potential("units real\n" + LINES, alpha=-1)
+
+
 def test_the_mean_of_a_fine_grid_is_the_virial_and_slabs_are_means_of_planes():
     frame = ions().frame()
     pot = atc.potential("units real\n" + LINES)

@@ -32,10 +32,11 @@ class Split:
         """The smallest α whose bonds end at the cutoff: erfc(α r_c) is the accuracy."""
         return cls(float(_reach(accuracy)) / cutoff, cutoff, constant, accuracy)
 
-    def at(self, accuracy: float) -> Split:
-        """The same α with another accuracy: bonds end where erfc(αd) is the accuracy. Local values depend on α, so it
-        must not depend on how accurately they are wanted."""
-        return Split(self.alpha, float(_reach(accuracy)) / self.alpha, self.constant, accuracy)
+    def at(self, accuracy: float, alpha: float | None = None) -> Split:
+        """The same α, unless another is given, with another accuracy: bonds end where erfc(αd) is the accuracy. Local
+        values depend on α, so it must not depend on how accurately they are wanted."""
+        alpha = self.alpha if alpha is None else alpha
+        return Split(alpha, float(_reach(accuracy)) / alpha, self.constant, accuracy)
 
     @property
     def s(self) -> float:
