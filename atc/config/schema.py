@@ -344,7 +344,8 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "structure": Key(_choice(_structure_names), 'a cubic structure, e.g. "fcc"'),
         "lattice_constant": Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 5.3"),
         "material": Key(
-            _choice(["isotropic", "cauchy-born", "linear"]), '"isotropic", "cauchy-born" or "linear"'
+            _choice(["isotropic", "cauchy-born", "linear", "smoothed"]),
+            '"isotropic", "cauchy-born", "linear" or "smoothed"',
         ),
         "nodes": Key(_choice(["lattice", "atoms"]), '"lattice" or "atoms"'),
         "orient": Key(
