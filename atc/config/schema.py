@@ -364,7 +364,10 @@ SCHEMA: dict[str, dict[str, Key]] = {
     "twin": {
         "structure": Key(_choice(_structure_names), 'a cubic structure, e.g. "fcc"'),
         "lattice_constant": Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 5.3"),
-        "material": Key(_choice(["isotropic", "cauchy-born", "linear"]), '"isotropic", "cauchy-born" or "linear"'),
+        "material": Key(
+            _choice(["isotropic", "cauchy-born", "linear", "smoothed"]),
+            '"isotropic", "cauchy-born", "linear" or "smoothed"',
+        ),
         "nodes": Key(_choice(["lattice", "atoms"]), '"lattice" or "atoms"'),
         "orient": Key(
             _list_of(_list_of(_number, 3), 3),

@@ -21,15 +21,15 @@ def horizon_of(get) -> float:
 
 def atoms_horizon(get, crystal, model) -> float:
     """The horizon where the nodes are the atoms: as far as two of them feel each other."""
-    if get("material", "isotropic") != "linear":
-        raise AtcError('[twin] nodes: only material = "linear" takes "atoms": leave it out')
+    if get("material", "isotropic") not in ("linear", "smoothed"):
+        raise AtcError('[twin] nodes: only the materials "linear" and "smoothed" take "atoms": leave it out')
     from ..upscaling.force_constants import force_constants
 
     return 1.02 * float(np.linalg.norm(force_constants(crystal, model).r_bc, axis=1).max())
 
 
-def twin_material(get, crystal, model, axes, made):
-    """The material that [twin] asks for, `get(key, default)`, of a relaxed crystal and a `TwinBody`."""
+def twin_material(get, crystal, model, axes, made, reference):
+    """The material that [twin] asks for, `get(key, default)`, of a relaxed crystal, a `TwinBody` and its frame."""
     if get("material", "isotropic") == "cauchy-born":
         from .cauchy_born import cauchy_born
 
@@ -40,6 +40,10 @@ def twin_material(get, crystal, model, axes, made):
         from .linear import linear
 
         return linear(crystal, model, axes, made, get("nodes") == "atoms")
+    if get("material") == "smoothed":
+        from .smoothed import smoothed
+
+        return smoothed(crystal, model, axes, reference, made, get("nodes") == "atoms")
     return isotropic(crystal, model, get("model", "lps"), made.step_cc, made.body.horizon)
 
 

@@ -124,7 +124,7 @@ def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
         made = body_of_atoms(reference, crystal.density, horizon or atoms_horizon(get, crystal, pot))
     else:
         made = body_of(reference, kernel, crystal.density, spacing, horizon, horizon_of(get))
-    material = twin_material(get, crystal, pot, orientation(scene), made)
+    material = twin_material(get, crystal, pot, orientation(scene), made, reference)
 
     run = Run(traj, reference)
     frames = [run[k] for k in range(len(run))]
@@ -145,7 +145,7 @@ def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
     found, names = [], ["density", "displacement", *(["velocity"] if motion == "dynamic" else []), "stress"]
     for k in range(len(frames)):
         _advance(sim, frames, times, k, motion)
-        found.append(_fields_of_nodes(sim, u, kern, grid, [PAIRS[n][1] for n in names]))
+        found.append(_fields_of_nodes(sim, material, u, kern, grid, names, reference))
         if progress is not None:
             progress(k + 1, len(frames), (k + 1) / (time.perf_counter() - began))
     lines += (said := material.after(sim))
@@ -281,16 +281,29 @@ def _advance(sim, frames, times, k, motion) -> None:
         sim.step()
 
 
-def _fields_of_nodes(sim, units, kern, grid, names):
+def _fields_of_nodes(sim, material, units, kern, grid, names, atoms):
     """Fields of the twin's present state, by the code that makes those of the atoms."""
     from .. import fields, pd
 
+    if hasattr(material, "frame"):  # nodes that carry atoms
+        frame, pot = material.frame(sim)
+        found = fields(
+            [frame],
+            pot,
+            kern,
+            grid,
+            [*(PAIRS[n][0] for n in names), "virial_stress_potential"],
+            reference=atoms,
+            forces="ignore",
+        )
+        return found.rename({PAIRS[n][0]: PAIRS[n][1] for n in names if PAIRS[n][0] != PAIRS[n][1]})
     # The twin's numbers are internal ones; results are reported in the run's units.
     frame, bonds = pd.snapshot(sim, units="lj")
     reference = pd.reference_frame(sim, units="lj")
     bonds.units = units
     frame, reference = frame.replace(units=units), reference.replace(units=units)
-    return fields([frame], bonds, kern, grid, [*names, "virial_stress_potential"], reference=reference, forces="ignore")
+    asked = [*(PAIRS[n][1] for n in names), "virial_stress_potential"]
+    return fields([frame], bonds, kern, grid, asked, reference=reference, forces="ignore")
 
 
 def _lines(units, reference, pot, made, material, held, motion, sim, frames) -> list[str]:
