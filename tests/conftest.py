@@ -33,6 +33,9 @@ except ImportError:
 
 def pytest_report_header(config):
     """Say what is left out, and how to get it: pytest itself only prints a count."""
-    if config.option.markexpr == "not slow":
-        return "tests of several minutes each are left out: pytest -m slow runs them, pytest -m '' runs everything"
-    return None
+    out = []
+    if "not slow" in config.option.markexpr:
+        out.append("tests of several minutes each are left out: pytest -m slow runs them")
+    if "not tools" in config.option.markexpr:
+        out.append("tests that need vtk, pyvista and ovito are left out: make test-tools runs them")
+    return out

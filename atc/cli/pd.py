@@ -152,7 +152,7 @@ def export_command(
             "-o",
             "--output",
             metavar="FILE",
-            help="What to write: .pvd (default), .vtu, .vti, .vts or .extxyz.",
+            help="What to write: .pvd (default), .vtu, .vti, .vts, .grid or .extxyz.",
             show_default=False,
         ),
     ] = None,
@@ -177,7 +177,7 @@ def export_command(
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="Do not print the file's name.")] = False,
 ) -> None:
-    """Write an output for ParaView (VTK) or as extended XYZ."""
+    """Write an output for ParaView (VTK), OVITO (.grid: LAMMPS's dump grid) or as extended XYZ."""
     from ..errors import AtcError
     from ..export.export import export
 
