@@ -12,6 +12,7 @@ __version__ = "0.6.0"
 
 _LAZY = {
     "read": "atc.readers",
+    "read_grid": "atc.readers.lammps_grid",
     "potential": "atc.decomposers",
     "nep": "atc.decomposers.nep",
     "kernel": "atc.kernels",
@@ -19,6 +20,7 @@ _LAZY = {
     "fields": "atc.running.run",
     "open_dataset": "atc.running.output",
     "compare": "atc.analysis.compare",
+    "compare_with_lammps": "atc.analysis.against_lammps",
     "conductivity": "atc.analysis.green_kubo",
     "profile": "atc.analysis.interface",
     "heat_currents": "atc.analysis.green_kubo",
