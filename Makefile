@@ -1,6 +1,6 @@
 # make demo    a field file, a picture and a table from the silicon plate in data/, in a few minutes on a fresh machine
 # make test    lint and all tests
-# make test-tools   tests that open outputs with ParaView's readers and OVITO, in an environment of their own
+# make test-tools   tests with ParaView's readers, OVITO and streams (IMDv3), in an environment of their own
 # make lint    ruff, mypy         make bench   speed, to be read by a person          make clean   remove what make made
 #
 # Needs Python 3.11 or newer; everything else goes into .venv, which is made on first use.
@@ -49,7 +49,7 @@ $(VENV)/.atc-test: pyproject.toml | $(BIN)/python
 
 # Large packages that nothing else needs, with demands of their own (Qt): apart from the rest.
 $(VENV_TOOLS)/.atc-tools: pyproject.toml | $(BIN)/python
-	@echo "installing vtk, pyvista and ovito into $(VENV_TOOLS)"
+	@echo "installing vtk, pyvista, ovito and imdclient into $(VENV_TOOLS)"
 	@test -x $(VENV_TOOLS)/bin/python || $(BIN)/python -m venv $(VENV_TOOLS)
 	@$(VENV_TOOLS)/bin/python -m pip install --quiet --disable-pip-version-check -e ".[tools]"
 	@touch $@
@@ -85,7 +85,7 @@ test: lint
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 
 test-tools: $(VENV_TOOLS)/.atc-tools
-	$(VENV_TOOLS)/bin/python -m pytest -q -m tools tests/export/test_viewers.py
+	$(VENV_TOOLS)/bin/python -m pytest -q -m tools tests/export/test_viewers.py tests/running/test_stream.py
 
 bench: | $(VENV)/.atc-test
 	@$(BIN)/python -m pytest -q benchmarks/test_standing.py

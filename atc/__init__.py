@@ -18,6 +18,8 @@ _LAZY = {
     "kernel": "atc.kernels",
     "Grid": "atc.grids",
     "fields": "atc.running.run",
+    "Live": "atc.running.live",
+    "Scene": "atc.config.scene",
     "open_dataset": "atc.running.output",
     "compare": "atc.analysis.compare",
     "compare_with_lammps": "atc.analysis.against_lammps",
@@ -37,7 +39,7 @@ _LAZY = {
 }
 
 # What hands out datasets brings `ds.atc` with it, which needs xarray loaded.
-_WITH_ACCESSOR = {"fields", "open_dataset"}
+_WITH_ACCESSOR = {"fields", "open_dataset", "Live"}
 
 __all__ = [*_LAZY, "__version__"]
 

@@ -37,5 +37,5 @@ def pytest_report_header(config):
     if "not slow" in config.option.markexpr:
         out.append("tests of several minutes each are left out: pytest -m slow runs them")
     if "not tools" in config.option.markexpr:
-        out.append("tests that need vtk, pyvista and ovito are left out: make test-tools runs them")
+        out.append("tests that need vtk, pyvista, ovito or imdclient are left out: make test-tools runs them")
     return out

@@ -26,7 +26,7 @@ from ..readers.times import Sequence
 from .as_scene import file_name
 from .dataset import follows_cell, grid_moves, moving_coordinates, output_layout, radius_of
 from .interruption import whole
-from .output import Layout, Store, dataset_in_memory, explained, open_dataset
+from .output import Layout, Store, dataset_in_memory, explained, open_dataset, write_dataset
 from .parallel import frame_results, here
 
 #: With so many frames one from the middle says where all begin.
@@ -63,7 +63,8 @@ def fields(
 
     Parameters
     ----------
-    traj : trajectory from `atc.read`, Frame, list of Frames, or anything `atc.read` takes
+    traj : trajectory from `atc.read`, Frame, list of Frames, or anything `atc.read` takes; also a generator of frames,
+        or a stream of MDAnalysis (IMDv3), whose frames come once: see `atc.Live`
     pot : potential from `atc.potential`; needed by quantities with a potential part
     kern : kernel from `atc.kernel`, its radius in the trajectory's unit of length
     grid : `atc.Grid`: where the fields are wanted
@@ -142,6 +143,26 @@ def fields(
     Formulas: R 4.0.34-4.0.116 as corrected in the documentation: σ = σ_U + σ_K, σ_U = Σ_bonds G r⊗r β, σ_K = −Σ m (v_j
     − v)⊗(v_j − v) φ_j.
     """
+    from .live import comes_once, fields_of_stream
+
+    if comes_once(traj):
+        for name, given in (("cluster", cluster), ("tiles", tiles), ("log", log), ("workers", workers != 1 or None)):
+            if given is not None:
+                raise AtcError(
+                    f"{name}: frames that come one by one (a stream, a generator) are computed here: leave it out"
+                )
+        ds = fields_of_stream(
+            traj,
+            dict(
+                pot=pot, kern=kern, grid=grid, quantities=quantities, tolerance=tolerance, method=method,
+                reference=reference, average=average, threads=threads, scene=scene, horizon=horizon, forces=forces,
+                column_units=column_units,
+            ),
+            progress,
+        )  # fmt: skip
+        if out is not None:
+            write_dataset(ds, out)
+        return ds
     request = Request(
         traj,
         pot,
@@ -449,7 +470,8 @@ class _Sink:
                     stacklevel=2,
                 )
         self.note["frames"] = self.note.get("frames", 0) + result.frames
-        self.note.setdefault("digests", []).extend(frame_digest(f) for f in (frame, *more))
+        if self.store is not None:
+            self.note.setdefault("digests", []).extend(frame_digest(f) for f in (frame, *more))
         self.note["sources"] = [*self.note.get("sources", []), file_name(frame.source)][:1]
 
     def _coordinates(self, frame, result):

@@ -174,7 +174,10 @@ def test_messages(run, tmp_path):
         (lambda: atc.read_grid(file("a", text[:-200])), r"ends after \d+ of 60 lines of grid cells"),
         (lambda: atc.read_grid(file("b", text.replace("5 4 3", "5 4"))), "line 14: expected three numbers of grid"),
         (lambda: atc.read_grid(file("c", chunk[:-60])), "chunks"),
-        (lambda: atc.read_grid(file("d", chunk.replace("\n  1 ", "\n  x ", 1))), "line 5: expected 9 numbers of chunks"),
+        (
+            lambda: atc.read_grid(file("d", chunk.replace("\n  1 ", "\n  x ", 1))),
+            "line 5: expected 9 numbers of chunks",
+        ),
         (lambda: atc.read(folder / "a1.txt", units="lj"), "averages over chunks of a run .* atc.read_grid read it"),
         (lambda: atc.read(folder / "d.grid", units="lj"), "grid data of LAMMPS"),
     ):
