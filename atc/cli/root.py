@@ -30,6 +30,7 @@ from . import bench as cli_bench
 from . import dispersion as cli_dispersion
 from . import pd as cli_pd
 from . import profile as cli_profile
+from . import schema as cli_schema
 from . import twin as cli_twin
 from . import upscale as cli_upscale
 from . import verify as cli_verify
@@ -669,6 +670,7 @@ for _module in (
     cli_advect,
     cli_profile,
     cli_twin,
+    cli_schema,
 ):
     _module.register(app)
 

@@ -21,6 +21,7 @@ from ..planning.identity import changed_parts, frame_digest, identity
 from ..planning.job import Job, prepare
 from ..planning.report import plan  # noqa: F401  (plan belongs to the same door)
 from ..planning.request import Request
+from ..readers.memory import comes_once
 from ..readers.plausible import doubts
 from ..readers.times import Sequence
 from .as_scene import file_name
@@ -143,22 +144,16 @@ def fields(
     Formulas: R 4.0.34-4.0.116 as corrected in the documentation: σ = σ_U + σ_K, σ_U = Σ_bonds G r⊗r β, σ_K = −Σ m (v_j
     − v)⊗(v_j − v) φ_j.
     """
-    from .live import comes_once, fields_of_stream
-
     if comes_once(traj):
         for name, given in (("cluster", cluster), ("tiles", tiles), ("log", log), ("workers", workers != 1 or None)):
             if given is not None:
                 raise AtcError(
                     f"{name}: frames that come one by one (a stream, a generator) are computed here: leave it out"
                 )
-        ds = fields_of_stream(
-            traj,
-            dict(
-                pot=pot, kern=kern, grid=grid, quantities=quantities, tolerance=tolerance, method=method,
-                reference=reference, average=average, threads=threads, scene=scene, horizon=horizon, forces=forces,
-                column_units=column_units,
-            ),
-            progress,
+        ds = _fields_of_stream(
+            traj, progress, pot=pot, kern=kern, grid=grid, quantities=quantities, tolerance=tolerance, method=method,
+            reference=reference, average=average, threads=threads, scene=scene, horizon=horizon, forces=forces,
+            column_units=column_units,
         )  # fmt: skip
         if out is not None:
             write_dataset(ds, out)
@@ -191,6 +186,19 @@ def fields(
     write(request, out, progress, resume)
     with explained(out):
         return open_dataset(out)
+
+
+def _fields_of_stream(traj, progress, **asked):
+    """`fields` of frames that come once."""
+    from .. import Live, read
+
+    live = Live(**asked)
+    began = time.perf_counter()
+    for frame in traj if hasattr(traj, "__next__") else read(traj):
+        live.add(frame)
+        if progress is not None:
+            progress(live.n, live.n, live.n / max(time.perf_counter() - began, 1e-9))
+    return live.result()
 
 
 def write(request: Request, out, progress=None, resume=True) -> dict:

@@ -60,7 +60,8 @@ def test_frames_that_are_added_up(asked):
     rng = np.random.default_rng(5)
     one = argon(seed=3, n=(1, 2, 2))
     many = [one.replace(positions=one.positions + rng.normal(0, 0.1, one.positions.shape)) for _ in range(70)]
-    few = {**asked, "quantities": ["stress_potential", "density"], "grid": atc.Grid.regular(shape=3)}
+    few = {**asked, "quantities": ["stress_potential", "density"], "grid": atc.Grid.regular(shape=16),
+           "method": "spectral", "tolerance": 1e-4}  # fmt: skip
     live = atc.Live(**few, frames=70)
     for f in many:
         live.add(f)
