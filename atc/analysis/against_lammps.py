@@ -70,7 +70,7 @@ def compare_with_lammps(ds, file, columns=None, *, frame=None, units=None) -> Ag
     """
     import xarray as xr
 
-    from ..pictures.geometry import layout
+    from ..pictures.geometry import points_of_grid
     from ..readers.lammps_grid import read_grid
     from ..running.output import load
 
@@ -83,7 +83,7 @@ def compare_with_lammps(ds, file, columns=None, *, frame=None, units=None) -> Ag
         raise AtcError(f"{file} is in {said!r} units and {name} in {own!r}: compute both in the same")
     pairs = _pairs(ds, theirs, columns, name, file)
     first = pairs[0][0]
-    place = layout(ds, ds[first].isel(frame=0) if "frame" in ds[first].dims else ds[first])
+    place = points_of_grid(ds, ds[first].isel(frame=0) if "frame" in ds[first].dims else ds[first])
     if place.kind not in ("volume", "slab"):
         raise AtcError(f"{name}: is on a {place.kind}: LAMMPS's cells and bins go with a regular grid or a slab")
     axes = _axes(ds, place, theirs, name, file)

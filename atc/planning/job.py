@@ -73,7 +73,7 @@ def prepare(request: Request | Job) -> Job:
         threads, workers = threads or workers, 1
     threads = int(threads or max(1, cpus() // workers))
     tiles = None if request.tiles is None else _tiles(request.tiles, flat=first.dimension == 2)
-    resolved = replace(
+    completed = replace(
         request,
         traj=frames,
         pot=pot,
@@ -83,7 +83,7 @@ def prepare(request: Request | Job) -> Job:
         workers=int(workers),
         tiles=tiles,
     )
-    return Job(resolved, frames, first, work)
+    return Job(completed, frames, first, work)
 
 
 def _reference(request: Request, frames, pot):
@@ -115,7 +115,8 @@ def _tiles(tiles, flat: bool) -> tuple[int, int, int]:
             "two whole numbers, 1 or more, e.g. (2, 2)" if flat else "three whole numbers, 1 or more, e.g. (2, 2, 1)"
         )
         raise AtcError(f"tiles {tiles!r}: expected {expected}")
-    return (*(int(n) for n in t), 1)[:3]
+    x, y, z = (*t.tolist(), 1)[:3]
+    return x, y, z
 
 
 class Job:
@@ -126,12 +127,13 @@ class Job:
     request : Request, completed: its potential, grid, reference, threads, workers and tiles are those that are used
     frames, first : the frames, and the first of them
     work : what is to be summed
+    threads : within a frame
     methods : of each deposit, for all frames; fixed by what the first ones need (`fix_methods`)
     """
 
     def __init__(self, request: Request, frames: Sequence, first, work: Work):
         self.request, self.frames, self.first, self.work = request, frames, first, work
-        self.n_frames = len(frames)
+        self.n_frames, self.threads = len(frames), int(request.threads or 1)
         self.methods = self.methods_for(work, request.method)
 
     def methods_for(self, work: Work, method: str = "auto") -> dict[str, Method]:
@@ -144,7 +146,8 @@ class Job:
         if not places:
             return {}
         load = self.load if work.bond or work.reference_bond else Load()
-        forecast = self._forecast if self.may_loosen(work) and self.request.pot.terms else None
+        pot = self.request.pot
+        forecast = self._forecast if self.may_loosen(work) and pot is not None and pot.terms else None
         together = dict.fromkeys(self.added_up, self.group()) if work is self.work else None
         return choose_methods(
             method,
@@ -198,7 +201,7 @@ class Job:
         from .error_forecast import ErrorForecast
 
         return ErrorForecast(
-            self.request.pot, self.first, self.bound, self.kernel_internal, self.request.tolerance, self.request.threads
+            self.request.pot, self.first, self.bound, self.kernel_internal, self.request.tolerance, self.threads
         )
 
     @cached_property
@@ -210,7 +213,9 @@ class Job:
     @cached_property
     def bound(self):
         """The grid on the first frame."""
-        return self.request.grid.bind(self.first.units, self.first.cell, self.first.positions)
+        grid = self.request.grid
+        assert grid is not None, "nothing asked is on a grid"
+        return grid.bind(self.first.units, self.first.cell, self.first.positions)
 
     @cached_property
     def kernel_internal(self):
@@ -230,9 +235,9 @@ class Job:
         """What an output says of the forces of constraints (what was held, what they were found from, how far off they
         are in the first frame) and from outside."""
         pot, work = self.request.pot, self.work
-        if not work.force_users and (not work.bond_users or pot is None or pot.constraints is None):
+        if pot is None or (not work.force_users and (not work.bond_users or pot.constraints is None)):
             return {}
-        d = pot.stream(self.first, None, threads=self.request.threads, forces=bool(work.force_users))
+        d = pot.stream(self.first, None, threads=self.threads, forces=bool(work.force_users))
         out = {} if d.held is None else pot.constraints.attributes(d.held)
         if work.force_users:
             out["body_force_source"] = pot.body_forces(self.first, d.forces_nc)[1]
@@ -306,7 +311,7 @@ class Job:
             dict(self.methods),
             asked.tolerance,
             reference,
-            asked.threads,
+            self.threads,
             horizon=asked.horizon,
             tiles=asked.tiles,
             anchor=anchor,
@@ -323,7 +328,7 @@ class Job:
             asked.pot,
             mode=asked.forces,
             log=asked.log,
-            threads=asked.threads,
+            threads=self.threads,
             first=self.first,
             needed=needed,
         )

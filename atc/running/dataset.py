@@ -13,8 +13,9 @@ from .output import Layout, Variable
 
 def follows_cell(job: Job) -> bool:
     """Whether the points of the grid move with the cell of each frame."""
+    grid = job.request.grid
     on_grid = [q for q in job.work.quantities if q.kind == "grid" and not q.on_reference]
-    return bool(on_grid) and job.request.grid.follows_cell
+    return grid is not None and bool(on_grid) and grid.follows_cell
 
 
 def grid_moves(job: Job) -> bool:
@@ -25,7 +26,8 @@ def grid_moves(job: Job) -> bool:
     if follows_cell(job):
         return job.frames[1].cell != job.first.cell
     on_frames = set(job.work.grid_users) - set(job.work.on_reference)
-    return bool(on_frames) and job.request.grid.follows_atoms
+    grid = job.request.grid
+    return grid is not None and bool(on_frames) and grid.follows_atoms
 
 
 def moving_coordinates(bound, u) -> dict:
@@ -117,7 +119,7 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
                 long_name=f"whether the blocks still correlate (or are too few to tell), so that {q.name}_stderr "
                 "is a lower bound",
             )
-    if work.masked:
+    if result.mask is not None:
         moving(
             "mask",
             grid_dims,
@@ -152,7 +154,7 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
         )
     if bound is not None and not work.kernel_users:
         attrs.update(method=job.method_used, grid=_grid_name(job.request.grid))
-    elif bound is not None:
+    elif bound is not None and job.request.kern is not None:
         attrs.update(
             kernel=job.request.kern.describe(),
             radius=radius_of(job.request.kern),
@@ -160,7 +162,7 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
             method=job.method_used,
             grid=_grid_name(job.request.grid),
         )
-    if work.bond_users:
+    if work.bond_users and job.request.pot is not None:
         attrs["decomposition"] = job.request.pot.describe()
         attrs.update(job.held)
     attrs["dimension"] = u.dimension

@@ -14,6 +14,7 @@ import time
 import warnings
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -153,13 +154,15 @@ class Live:
         )  # fmt: skip
         self._expected, self._masses = frames, masses
         self._keep = None if keep is None else Path(keep)
-        self._arrived: _Arrived | None = None
-        self._job: Job | None = None  # of the first frame alone, until there are two
-        self._sink: _Sink | None = None
-        self._buffer: list = []
-        self._done, self._before = 0, None
-        self._following, self._groups = None, 0
-        self._first_result = None
+        self._arrived: Any = None
+        self._job: Any = None  # of the first frame alone, until there are two
+        self._sink: Any = None
+        self._buffer: list[Any] = []
+        self._done = 0
+        self._before: Any = None
+        self._following: Any = None
+        self._groups = 0
+        self._first_result: Any = None
         self._failed: BaseException | None = None
         self._saved = time.monotonic()
         self._readers: dict = {}
@@ -241,7 +244,7 @@ class Live:
             return
         job, window = self._job, self._window
         alone = len(self._arrived) < 2
-        size = window or self._expected or 1
+        size = int(window or self._expected or 1)
         job.n_frames = 1 if alone else max(2, size)
         job.__dict__.pop("added_up", None)  # with one frame there was none
         found = job.added_up
@@ -275,7 +278,7 @@ class Live:
         now, self._buffer = self._buffer[:count], self._buffer[count:]
         result = self._computed(now)
         self._done += count
-        last = bool(self._window) and self._done % self._window == 0
+        last = self._window is not None and self._done % self._window == 0
         self._sink.add(self._done - count, now[0], result, last_of_window=last, more=now[1:])
 
     def _computed(self, frames):
@@ -358,7 +361,9 @@ class Live:
         while self._buffer:
             self._flush()
         sink = self._sink
-        arrays = {f"{name}/{key}": a for name, average in sink.averages.items() for key, a in average.state().items()}
+        arrays: dict[str, Any] = {
+            f"{name}/{key}": a for name, average in sink.averages.items() for key, a in average.state().items()
+        }
         if sink.any_mass is not None:
             arrays["any_mass"] = sink.any_mass
         for k, entry in enumerate(sink.entries):

@@ -12,6 +12,7 @@ import warnings
 from collections import deque
 from dataclasses import replace
 from itertools import islice
+from typing import Any
 
 from ..errors import AtcError, AtcWarning
 from ..estimators.driver import fields_of
@@ -119,7 +120,7 @@ def _in_processes(job, settings, frames):
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-_worker_settings = None
+_worker_settings: Any = None
 
 
 def _begin_worker(settings):
@@ -161,7 +162,8 @@ def connected(cluster):
         client = cluster
     try:
         if not _workers(client):
-            raise AtcError(f"cluster {client.scheduler.address}: it has no workers: start some with dask worker")
+            address = getattr(client.scheduler, "address", cluster)
+            raise AtcError(f"cluster {address}: it has no workers: start some with dask worker")
         with warnings.catch_warnings():
             # Frames travel with their tasks, so that they survive the worker that had them.
             warnings.filterwarnings("ignore", message="Sending large graph")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from ..readers.times import Sequence
 from .as_scene import file_name
 from .dataset import follows_cell, grid_moves, moving_coordinates, output_layout, radius_of
 from .interruption import whole
-from .output import Layout, Store, dataset_in_memory, explained, open_dataset, write_dataset
+from .output import Store, dataset_in_memory, explained, open_dataset, write_dataset
 from .parallel import frame_results, here
 
 #: With so many frames one from the middle says where all begin.
@@ -344,14 +345,15 @@ class _Sink:
 
     def __init__(self, job: Job, store: Store | None):
         self.job, self.store = job, store
-        self.agreement, self.input_error = "", (0.0, {})  # see `_agreement` and `_input_errors`
-        self.layout: Layout | None = None
+        self.agreement = ""  # see `_agreement`
+        self.input_error: tuple[float, dict[str, float]] = (0.0, {})  # see `_input_errors`
+        self.layout: Any = None  # from `prepare` on
         self.entries: list[dict] = []
         if store is not None:
             store.keep(self._whole_entries(store.journal), job.entries)
         self.notes: list[dict] = list(store.journal) if store else []
         self.averages: dict[str, BlockAverage] = {}
-        self.any_mass = None
+        self.any_mass: np.ndarray | None = None
         self.note: dict = {}
         self._said_refined = False
         self.sequence = Sequence()
@@ -372,7 +374,7 @@ class _Sink:
     def compare_done(self, count: int) -> None:
         """The frames that are done must be what they were; which is told by their content, so they are read again."""
         digests = [d for note in (*self.notes, self.note) for d in note.get("digests", ())]
-        if count == 0:
+        if count == 0 or self.store is None:
             return
         out = self.store.partial
         for k, then in enumerate(digests[:count]):
@@ -407,7 +409,7 @@ class _Sink:
             weight = QUANTITIES[name].weight
             # The weight stays in internal units: only ratios of it matter.
             if name not in self.averages:
-                self.averages[name] = BlockAverage(block=self.job.group(k), threads=self.job.request.threads)
+                self.averages[name] = BlockAverage(block=self.job.group(k), threads=self.job.threads)
             self.averages[name].add(
                 x, None if weight is None else result.weights[name], result.frames, result.within.get(name)
             )
@@ -418,7 +420,7 @@ class _Sink:
         if last_of_window:
             self._emit_average()
         elif self.store is not None and time.monotonic() - self._saved > _SAVE_EVERY:
-            self._save(k + result.frames)
+            self._save(self.store, k + result.frames)
 
     def _emit_average(self):
         means, extra = {}, {}
@@ -586,16 +588,16 @@ class _Sink:
     def save_unfinished(self, after) -> None:
         """Keep what a window has of its frames, when the run is stopped between two of them."""
         if self.store is not None and self.averages and self.job.window > 1:
-            self._save(after)
+            self._save(self.store, after)
 
-    def _save(self, after):
+    def _save(self, store: Store, after):
         import json
 
         arrays = {f"{name}/{key}": a for name, average in self.averages.items() for key, a in average.state().items()}
         if self.any_mass is not None:
             arrays["any_mass"] = self.any_mass
         arrays["about"] = np.array(json.dumps({"entry": len(self.notes), "next": after, "note": self.note}))
-        self.store.save_state(arrays)
+        store.save_state(arrays)
         self._saved = time.monotonic()
 
     def _restore(self, state):
@@ -612,7 +614,7 @@ class _Sink:
         for key, a in state.items():
             name, _, rest = key.partition("/")
             by_name.setdefault(name, {})[rest] = a
-        self.averages = {name: BlockAverage.from_state(s, self.job.request.threads) for name, s in by_name.items()}
+        self.averages = {name: BlockAverage.from_state(s, self.job.threads) for name, s in by_name.items()}
 
 
 def _plain_coordinates(coordinates):
