@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import AtcError, AtcWarning
+from ..errors import AtcError, AtcWarning, logger
 from ..estimators.accuracy.random_points import tolerance_kept
 from ..estimators.driver import fields_of
 from ..estimators.methods import DEPOSITS, Method, Refinement, details, summary
@@ -25,6 +25,7 @@ from ..planning.request import Request
 from ..readers.memory import comes_once
 from ..readers.plausible import doubts
 from ..readers.times import Sequence
+from ..terminal import progress_of
 from .as_scene import file_name
 from .dataset import follows_cell, grid_moves, moving_coordinates, output_layout, radius_of
 from .interruption import whole
@@ -106,7 +107,7 @@ def fields(
     out : path ending in .zarr or .nc
         Written frame by frame to ``out.partial`` and renamed at the end. After a kill or Ctrl-C the same call goes on
         where it was, with the same result as an uninterrupted run. `resume=False` begins again.
-    progress : callable(done, total, rate), frames and frames per second
+    progress : True (a bar, in notebooks too), or callable(done, total, rate), frames and frames per second
     scene : str
         The scene as TOML, to be kept with the result.
     horizon : float
@@ -195,10 +196,11 @@ def _fields_of_stream(traj, progress, **asked):
 
     live = Live(**asked)
     began = time.perf_counter()
-    for frame in traj if hasattr(traj, "__next__") else read(traj):
-        live.add(frame)
-        if progress is not None:
-            progress(live.n, live.n, live.n / max(time.perf_counter() - began, 1e-9))
+    with progress_of(progress) as report:
+        for frame in traj if hasattr(traj, "__next__") else read(traj):
+            live.add(frame)
+            if report is not None:
+                report(live.n, live.n, live.n / max(time.perf_counter() - began, 1e-9))
     return live.result()
 
 
@@ -221,6 +223,17 @@ def write(request: Request, out, progress=None, resume=True) -> dict:
 
 
 def _run(job: Job, store: Store | None, progress) -> _Sink:
+    log, began = logger(), time.perf_counter()
+    what = ", ".join(q.name for q in job.work.quantities)
+    source = getattr(job.frames, "source", job.first.source)
+    log.info("%s: %d frames of %d atoms: %s; %s", source, job.n_frames, len(job.first), what, job.method_used)
+    with progress_of(progress) as report:
+        sink = _run_frames(job, store, report)
+    log.info("%s: %d frames in %.3g s", source, job.n_frames, time.perf_counter() - began)
+    return sink
+
+
+def _run_frames(job: Job, store: Store | None, progress) -> _Sink:
     n, window = job.n_frames, job.window
     sink = _Sink(job, store)
     start = sink.next_frame
