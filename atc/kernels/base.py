@@ -235,6 +235,13 @@ class Kernel:
     def __repr__(self):
         return f"<kernel {self.describe()}>"
 
+    def _repr_html_(self):
+        """For notebooks."""
+        from ..terminal import html_table
+
+        rows = [*self.parameters.items(), ("reaches", f"{self.support:.6g}")]
+        return html_table(f"kernel {self.name}", [(k, f"{v:.12g}" if np.isscalar(v) else v) for k, v in rows])
+
     def __eq__(self, other):
         return (
             isinstance(other, Kernel)
