@@ -3,6 +3,7 @@ two files import each other in a circle; and what has a public name says what it
 
 import ast
 import graphlib
+import importlib
 from pathlib import Path
 
 import pytest
@@ -111,6 +112,22 @@ def test_imports_go_down():
             if there[1] != here and there[0] >= floor:
                 up.append(f"{name}:{line} imports {other}, which is not below it")
     assert up == []
+
+
+def test_what_is_imported_is_there():
+    """Inside functions too, where nobody would notice until they are called."""
+    missing = []
+    for name, path in MODULES.items():
+        package = "atc." + name if path.name == "__init__.py" else "atc." + name.rpartition(".")[0]
+        for n in ast.walk(ast.parse(path.read_text())):
+            if isinstance(n, ast.ImportFrom) and n.level:
+                module = importlib.import_module("." * n.level + (n.module or ""), package.strip("."))
+                missing += [
+                    f"{name}:{n.lineno} {a.name}"
+                    for a in n.names
+                    if not hasattr(module, a.name) and f"{module.__name__}.{a.name}"[4:] not in MODULES
+                ]
+    assert missing == []
 
 
 def test_no_circles():

@@ -10,6 +10,9 @@ from typing import Any
 
 from ..errors import AtcError
 
+#: Bytes of the largest scene or case.
+LONGEST = 1 << 24
+
 # --------------------------------------------------------------------------------------------------------------------
 # Where in the text a key stands.
 
@@ -120,7 +123,11 @@ def _key_length(head: str) -> int:
 def read_document(path: Path, what: str) -> str:
     """The text of a TOML file that is to be a `what`, or an AtcError that says why not."""
     try:
-        return path.read_text(encoding="utf-8")
+        with open(path, "rb") as f:  # a pipe is read to its end, a device without one only so far
+            text = f.read(LONGEST + 1)
+        if len(text) > LONGEST:
+            raise AtcError(f"{path}: more than {LONGEST} bytes, expected a {what} (a TOML file)")
+        return text.decode("utf-8")
     except FileNotFoundError:
         raise AtcError(f"{path}: no such {what} file") from None
     except IsADirectoryError:

@@ -110,7 +110,16 @@ def __dir__():
 
 
 def potential(
-    source, units=None, *, special_bonds=None, folder=None, name=None, partition=None, run=None, trajectory=()
+    source,
+    units=None,
+    *,
+    special_bonds=None,
+    folder=None,
+    name=None,
+    partition=None,
+    run=None,
+    trajectory=(),
+    alpha=None,
 ):
     """A model of the interactions, ready to decompose frames.
 
@@ -134,12 +143,14 @@ def potential(
         How the energy is shared among the atoms, which heat flux and churning depend on, and energy, forces and stress
         do not: ``"equal"``, ``"center"`` or a dict by term such as ``{"sw": "center"}``; see `Potential.partitioned`.
         Default: ``"equal"`` for LAMMPS lines; objects as they are.
-
     run : int, optional
         For a script with several runs: the number of the run (counted from 1, ``minimize`` and the like included) that
         the frames belong to. Needed where the model changes from run to run.
     trajectory : paths, optional
         For a script: the files with the frames, which its ``dump`` lines may name, so that `run` need not be given.
+    alpha : float, optional
+        For long-range Coulomb only (``kspace_style``): the α of Ewald's split, 1 over the potential's unit of length,
+        which local values depend on. Default: 4.05 over the script's Coulomb cutoff.
 
     Returns
     -------
@@ -156,10 +167,15 @@ def potential(
     from .base import Potential, Term
     from .pair import Pairs, PairStyle
 
-    if partition is not None:
-        return potential(
+    if partition is not None or alpha is not None:
+        pot = potential(
             source, units, special_bonds=special_bonds, folder=folder, name=name, run=run, trajectory=trajectory
-        ).partitioned(partition)
+        )
+        if alpha is not None:
+            from .long_range.kspace import with_alpha
+
+            pot = with_alpha(pot, alpha)
+        return pot if partition is None else pot.partitioned(partition)
     if isinstance(source, Potential):
         return source
     if isinstance(source, str | Path):

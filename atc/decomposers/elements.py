@@ -70,9 +70,8 @@ def of_each_type(inp: StyleInput, words, line) -> list[str | None]:
             for b in range(a, m + 1):
                 if elements[a - 1] and elements[b - 1] and not inp.wanted[a, b]:
                     raise inp.error(
-                        f"{inp.command} is a many-body style: its types {a} and {b} cannot be given to another style "
-                        "alone; "
-                        "use hybrid/overlay, or NULL for one of them",
+                        f"{inp.command} must act on all pairs of the types that it maps, but {a} {b} is given to "
+                        "another style alone: use hybrid/overlay, or NULL for one of them",
                         line,
                     )
     return elements

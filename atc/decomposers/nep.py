@@ -212,5 +212,5 @@ def nep(path, types=None) -> Potential:
 
     term = NEP(read_nep(path), types, Path(path).name)
     pot = Potential([term], "metal")
-    pot.nep = term.where, term.elements
+    pot.learned = "nep", term.where, {"types": term.elements}
     return pot

@@ -168,7 +168,11 @@ class _Fields(_Source):
 
     def points(self, k):
         if self.moving:
-            return np.stack([self.values(f"position_{a}", k).reshape(-1) for a in "xyz"], axis=1)
+            import xarray as xr
+
+            # Of an orthogonal lattice each axis has its own.
+            axes = xr.broadcast(*(self.ds[f"position_{a}"].isel(frame=k) for a in "xyz"))
+            return np.stack([a.transpose(*self.dims).values.reshape(-1) for a in axes], axis=1)
         return np.asarray(self.place.x_gc).reshape(-1, 3)
 
     def write(self, k, path):

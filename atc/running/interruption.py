@@ -108,7 +108,7 @@ def asked() -> bool:
 
 
 def _at_once(number: int) -> None:
-    """Leave without looking back; worker processes see that this one is gone (`end_with_parent`)."""
+    """Leave without looking back; worker processes see that this one is gone (`in_worker`)."""
     import multiprocessing
 
     for child in multiprocessing.active_children():
@@ -118,18 +118,32 @@ def _at_once(number: int) -> None:
     os._exit(128 + number)
 
 
-def in_worker() -> None:
+@contextlib.contextmanager
+def unheard():
+    """Processes that are started within hear no signal to stop before they say which they want to (`in_worker`): what a
+    terminal or a scheduler sends goes to all, while they are still importing. This one hears them afterwards."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    numbers = {getattr(signal, name) for name in _WORDS}
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, numbers)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def in_worker(kept) -> None:
     """In a worker process: signals to stop are the parent's business, and it ends when the parent has gone, however
-    that went."""
+    that went, or has closed the other end of the pipe `kept`."""
     for name in _WORDS:
         number = getattr(signal, name, None)
         if number is not None:
             signal.signal(number, signal.SIG_IGN)
-    end_with_parent()
+    _end_with_parent(kept)
 
 
-def end_with_parent() -> None:
-    """End this process as soon as the one that started it is gone; killed -9 as well."""
+def _end_with_parent(kept) -> None:
     import multiprocessing
     from multiprocessing import connection
 
@@ -138,7 +152,7 @@ def end_with_parent() -> None:
         return
 
     def wait():
-        connection.wait([parent.sentinel])
+        connection.wait([parent.sentinel, kept])
         # No clean-up: nobody is left whom it could serve, and threads may be deep in a computation.
         os._exit(1)
 

@@ -18,6 +18,7 @@ from ..errors import AtcError, AtcWarning
 from ..estimators.driver import fields_of
 from ..estimators.settings import FrameResult, Settings
 from ..planning.job import Job
+from .interruption import unheard
 
 #: How long a scheduler may take to answer.
 PATIENCE = "10s"
@@ -83,13 +84,13 @@ def _in_processes(job, settings, frames):
     from concurrent.futures import ProcessPoolExecutor
     from concurrent.futures.process import BrokenProcessPool
 
+    context = multiprocessing.get_context("spawn")
+    kept, keep = context.Pipe(duplex=False)
     try:
-        pool = ProcessPoolExecutor(
-            job.request.workers,
-            mp_context=multiprocessing.get_context("spawn"),
-            initializer=_begin_worker,
-            initargs=(settings,),
-        )
+        with unheard():
+            pool = ProcessPoolExecutor(
+                job.request.workers, mp_context=context, initializer=_begin_worker, initargs=(settings, kept)
+            )
     except (OSError, ImportError) as e:  # no semaphores: a container without /dev/shm
         warnings.warn(
             f"no worker processes can be had here ({getattr(e, 'strerror', None) or e}): frames are computed one "
@@ -104,32 +105,38 @@ def _in_processes(job, settings, frames):
     waiting: deque = deque()
     try:
         for k, group in frames:
-            waiting.append((group, pool.submit(_work, group, k)))
+            with unheard():  # which starts a worker where one is lacking
+                future = pool.submit(_work, group, k)
+            waiting.append((group, future))
             if len(waiting) > 2 * job.request.workers:
                 group, future = waiting.popleft()
                 yield group, future.result()
         while waiting:
             group, future = waiting.popleft()
             yield group, future.result()
-    except BrokenProcessPool:
+    except BaseException as e:
+        keep.close()  # the pool waits for its workers, which hear no signal
+        if not isinstance(e, BrokenProcessPool):
+            raise
         raise AtcError(
             "a worker process died: out of memory, or the script that calls atc.fields with workers > 1 lacks `if "
             '__name__ == "__main__":` around the call'
         ) from None
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
+        keep.close()
 
 
 _worker_settings: Any = None
 
 
-def _begin_worker(settings):
+def _begin_worker(settings, kept):
     from .interruption import in_worker
 
     global _worker_settings
     _worker_settings = settings
     # The parent lets the frames in work finish and stops.
-    in_worker()
+    in_worker(kept)
 
 
 def _work(frames, k) -> FrameResult:
