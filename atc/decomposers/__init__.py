@@ -60,7 +60,9 @@ _STYLES = {
     "angle_spica": "SpicaAngle",
     "embedded_atom": "EmbeddedAtom",
     "tersoff": "Tersoff",
-    "tersoff_variants": "TersoffMod TersoffModC TersoffModEntry TersoffZBL TersoffZBLEntry GaoWeber GaoWeberZBL",
+    "tersoff_variants": (
+        "TersoffMod TersoffModC TersoffModEntry TersoffModCEntry TersoffZBL TersoffZBLEntry GaoWeber GaoWeberZBL"
+    ),
     "three_body": "Vashishta VashishtaEntry HarmonicTriplets ScreenedTriplets",
     "angular_dependent": "AngularDependent",
     "edip": "EDIP EDIPEntry",

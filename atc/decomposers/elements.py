@@ -27,14 +27,14 @@ def whole_line(inp: StyleInput, wants: str, least: int = 0):
     AtcError for arguments, missing or several lines, types other than ``* *``, too few words.
     """
     if inp.args:
-        raise inp.error(f"{inp.command}: {' '.join(inp.args)} is not supported: expected no arguments")
+        raise inp.error(f"{inp.command} takes {wants}: expected no arguments, got {' '.join(inp.args)}")
     if not inp.coeffs:
         raise inp.error(f"{inp.command} has no pair_coeff line: give {wants}")
     if len(inp.coeffs) > 1:
         raise inp.error(f"{inp.command} takes one pair_coeff * * line: leave one of them", inp.coeffs[1])
     line = inp.coeffs[0]
     if any(t.lo != 1 or t.hi is not None for t in line.types):
-        raise inp.error(f"{inp.command} wants {wants}: replace the types by * *", line)
+        raise inp.error(f"{inp.command} takes {wants}: replace the types by * *", line)
     if len(line.words) < least:
         raise not_as_wanted(inp, wants, line)
     return line
