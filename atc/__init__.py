@@ -17,6 +17,7 @@ _LAZY = {
     "kernel": "atc.kernels",
     "Grid": "atc.grids",
     "fields": "atc.running.run",
+    "select": "atc.selections",
     "open_dataset": "atc.running.output",
     "compare": "atc.analysis.compare",
     "conductivity": "atc.analysis.green_kubo",

@@ -22,6 +22,7 @@ FLOORS = [
     {"config.toml", "config.formula"},
     {"readers", "deposit"},
     {"decomposers"},
+    {"selections"},
     {"estimators", "pd"},
     {"agreement"},
     {"planning"},

@@ -170,7 +170,7 @@ def _plain(v):
 # --------------------------------------------------------------------------------------------------------------------
 
 
-def compare(ds, *, frame=None) -> Comparison:
+def compare(ds, *, frame=None, species=None) -> Comparison:
     """Compare Hardy's stress with the virial stress in an output of `atc.fields`.
 
     Parameters
@@ -180,6 +180,7 @@ def compare(ds, *, frame=None) -> Comparison:
         or ``smoothed_virial_stress`` (for profiles and pointwise differences), or both
     frame : index of one entry of the output; default: the mean over all, where a frame without mass at a point counts
         as zero stress there
+    species : which of the species, or molecules, that the fields are taken apart by
 
     Returns
     -------
@@ -199,10 +200,10 @@ def compare(ds, *, frame=None) -> Comparison:
 
     from ..pictures.drawing import kernel_title
     from ..pictures.geometry import layout
-    from ..running.output import load
+    from ..running.output import load, of_species
 
     name = "output" if isinstance(ds, xr.Dataset) else str(ds)
-    ds = load(ds)
+    ds = of_species(load(ds), species)
     hardy_name = next((n for n in STRESSES if n in ds), None)
     if hardy_name is None:
         raise AtcError(

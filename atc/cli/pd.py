@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from .common import Overwrite, duration, kept_on_interrupt, progress_bar
+from .common import Overwrite, Species, duration, kept_on_interrupt, progress_bar
 
 
 def register(app) -> None:
@@ -175,6 +175,7 @@ def export_command(
     step: Annotated[
         int | None, typer.Option("--step", metavar="N", help="Take every N-th frame.", show_default=False)
     ] = None,
+    species: Species = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="Do not print the file's name.")] = False,
 ) -> None:
     """Write an output for ParaView (VTK) or as extended XYZ."""
@@ -184,6 +185,6 @@ def export_command(
     if step is not None and step < 1:
         raise AtcError(f"--step {step}: expected a whole number, 1 or more")
     names = [q.strip() for q in quantity.split(",")] if quantity else None
-    path = export(out, output, quantities=names, frames=slice(begin, end, step))
+    path = export(out, output, quantities=names, frames=slice(begin, end, step), species=species)
     if not quiet:
         print(path)

@@ -35,7 +35,9 @@ from . import upscale as cli_upscale
 from . import verify as cli_verify
 from .common import (
     Begin,
+    By,
     End,
+    Ends,
     Jobs,
     Json,
     Masses,
@@ -43,7 +45,9 @@ from .common import (
     Progress,
     Quiet,
     SceneFile,
+    Select,
     Set,
+    Species,
     Step,
     Topology,
     UnitsOption,
@@ -54,6 +58,7 @@ from .common import (
     load_scene,
     parse_masses,
     progress_bar,
+    select_atoms,
 )
 
 
@@ -302,10 +307,18 @@ def info(
 
 @app.command()
 def plan(
-    scene: SceneFile, set: Set = None, begin: Begin = None, end: End = None, step: Step = None, jobs: Jobs = 1
+    scene: SceneFile,
+    set: Set = None,
+    begin: Begin = None,
+    end: End = None,
+    step: Step = None,
+    jobs: Jobs = 1,
+    select: Select = None,
+    by: By = None,
+    bonds: Ends = None,
 ) -> None:
     """What would be computed, by which method and why; predicted time, memory and error."""
-    made = load_scene(scene, set, begin, end, step)
+    made = select_atoms(load_scene(scene, set, begin, end, step, selects=True), select, by, bonds)
     print(made.plan(jobs=jobs))
 
 
@@ -321,6 +334,9 @@ def fields(
     end: End = None,
     step: Step = None,
     jobs: Jobs = 1,
+    select: Select = None,
+    by: By = None,
+    bonds: Ends = None,
     cluster: Annotated[
         str | None,
         typer.Option(
@@ -337,7 +353,7 @@ def fields(
     quiet: Quiet = False,
 ) -> None:
     """Compute the fields of a scene, frame by frame, into a file. After an interruption the same command continues."""
-    made = load_scene(scene, set, begin, end, step)
+    made = select_atoms(load_scene(scene, set, begin, end, step, selects=True), select, by, bonds)
     out = made.output(output, overwrite=overwrite, resume=not restart)
     started = time.perf_counter()
     with kept_on_interrupt("the finished frames are kept: the same command continues"), progress_bar(quiet) as progress:
@@ -379,6 +395,7 @@ def compare(
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="The table as JSON.")] = False,
     csv: Annotated[bool, typer.Option("--csv", help="The table as CSV.")] = False,
+    species: Species = None,
     quiet: Quiet = False,
 ) -> None:
     """Hardy's stress against the virial stress: a table and a picture."""
@@ -390,7 +407,7 @@ def compare(
     if radii is not None:
         if len(what) != 1:
             raise AtcError("--radii goes with one scene: atc compare SCENE --radii 4,6,8")
-        made = load_scene(what[0], set, begin, end, step)
+        made = load_scene(what[0], set, begin, end, step, selects=True)
         with progress_bar(quiet or json or csv) as progress:
             results = [compare_radii(made, _parse_radii(radii), jobs=jobs, progress=progress)]
         target = what[0]
@@ -403,7 +420,7 @@ def compare(
                 )
         if set or begin is not None or end is not None or step is not None:
             raise AtcError("--set, -b, -e and --step go with a scene and --radii; an output is compared as it is")
-        results = [compare_output(path) for path in what]
+        results = [compare_output(path, species=species) for path in what]
         if len(results) > 1:
             results = [side_by_side(results)]
         target = what[0]
@@ -578,6 +595,7 @@ def plot(
             show_default=False,
         ),
     ] = None,
+    species: Species = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="Do not print the picture's name.")] = False,
 ) -> None:
     """Draw a slice, plane or profile of a field."""
@@ -595,6 +613,7 @@ def plot(
         limits=_parse_limits(limits),
         robust=robust,
         output=output,
+        species=species,
         overlay=None if overlay is None else Scene.load(overlay).trajectory(),
     )
     if not quiet:

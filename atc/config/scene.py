@@ -1,9 +1,9 @@
 """Scenes: the TOML file in which a person says what to compute.
 
-A scene has the sections ``[trajectory]``, ``[potential]``, ``[kernel]``, ``[grid]``, ``[fields]``, ``[check]``,
-``[dispersion]``, ``[twin]`` and ``[output]``. Everything in it is checked before anything is computed; every complaint
-names the file and the line (or the ``--set`` flag) and says what was expected. Paths are relative to the scene file,
-lengths in the trajectory's unit style.
+A scene has the sections ``[trajectory]``, ``[potential]``, ``[kernel]``, ``[grid]``, ``[select]``, ``[fields]``,
+``[check]``, ``[dispersion]``, ``[twin]`` and ``[output]``. Everything in it is checked before anything is computed;
+every complaint names the file and the line (or the ``--set`` flag) and says what was expected. Paths are relative to
+the scene file, lengths in the trajectory's unit style.
 """
 
 from __future__ import annotations
@@ -129,6 +129,7 @@ class Scene(Document):
             raise self.need("trajectory", 'it needs file, the trajectory to read, e.g. file = "run.dump"')
         self._check_grid()
         self._check_potential()
+        self.selection()
         for q in self.get("fields", "quantities", []):
             if q.startswith("column:"):
                 self._check_column(q)
@@ -436,6 +437,23 @@ class Scene(Document):
         except AtcError as e:
             raise self._placed_error("grid", list(self.data["grid"]), e) from None
 
+    def selection(self) -> dict:
+        """What `atc.fields` takes as select, by and bonds; {} if the scene has none."""
+        if "select" not in self.data:
+            return {}
+        from ..selections import select
+
+        table = dict(self.data["select"])
+        out = {k: table.pop(k) for k in ("by", "bonds") if k in table}
+        try:
+            if table:
+                out["select"] = select(**table)
+            elif "bonds" in out:
+                raise AtcError("bonds: whose ends? say which atoms: types, elements, ids, molecules, region or atoms")
+        except AtcError as e:
+            raise self._placed_error("select", list(self.data["select"]), e) from None
+        return out
+
     def output(self, given=None, overwrite: bool = False, resume: bool = False) -> Path:
         """The file to write: `given`, else the scene's ``[output] file``. Whether it can be written is found out here,
         before anything is computed; with `resume` it may be that of a run which only has to clear away."""
@@ -496,6 +514,7 @@ class Scene(Document):
             "workers": jobs if parallel else 1,
             "forces": self.get("trajectory", "forces", "warn"),
             "log": self.log(),
+            **self.selection(),
             **given,
         }
 

@@ -164,6 +164,18 @@ def _constraint_sources():
     return list(SOURCES)
 
 
+def _parts():
+    from ..selections import BY
+
+    return BY
+
+
+def _bonds():
+    from ..selections import BONDS
+
+    return BONDS
+
+
 def _structure_names():
     from ..upscaling.crystal import STRUCTURES
 
@@ -294,6 +306,18 @@ SCHEMA: dict[str, dict[str, Key]] = {
             "points [[x, y, z], ...] ([x, y] in two dimensions), or a file of three (two) columns",
             path=True,
         ),
+    },
+    "select": {
+        "atoms": Key(_string, 'a selection of MDAnalysis, e.g. "type 1 2" or "name OW and prop z < 20"'),
+        "types": Key(_either(_count, _list_of(_count)), "atom types, e.g. [1, 2]"),
+        "elements": Key(_either(_string, _list_of(_string)), 'names of types in the trajectory, e.g. ["O", "H"]'),
+        "ids": Key(_either(_count, _string, _list_of(_either(_count, _string))), 'atom ids or spans, e.g. "1:100"'),
+        "molecules": Key(_either(_integer, _list_of(_integer)), "molecule numbers, e.g. [1, 2]"),
+        "region": Key(_string, 'words of a LAMMPS region, e.g. "block 0 10 INF INF 0 5"'),
+        "invert": Key(_boolean, "true (all atoms but these) or false"),
+        "fixed": Key(_boolean, "true (those that the first frame has of these) or false (each frame is asked anew)"),
+        "by": Key(_choice(lambda: list(_parts())), 'what fields are taken apart by: "type", "element" or "molecule"'),
+        "bonds": Key(_choice(lambda: list(_bonds())), 'which bonds count: "half", "both", "one" or "any"'),
     },
     "fields": {
         "quantities": Key(

@@ -38,6 +38,10 @@ class Source:
     on_reference: bool = False  # is summed over reference positions, on the grid of the reference frame
 
 
+#: Before the name of a sum over atoms, in fields of parts: the sum over the atoms of all parts.
+ALL = "all_"
+
+
 class _AndColumns(dict):
     """A table that knows the columns of a trajectory too, beside the names that it is listed by."""
 
@@ -74,6 +78,8 @@ SITE = _AndColumns(
     },
     lambda name: columns.source(name, Source),
 )
+for _name in ("mass", "momentum", "kinetic"):
+    SITE[ALL + _name] = SITE[_name]
 
 # Factors b of Σ b β(x), each bond once.
 BOND = {
@@ -153,6 +159,11 @@ class Quantity:
         """Everything this quantity sums, as `Source`s."""
         found = ((SITE, self.site), (BOND, self.bond), (WHOLE, self.whole), (GATHER, self.gather), (POINT, self.point))
         return [kind[name] for kind, names in found for name in names]
+
+    @property
+    def relative(self) -> bool:
+        """Whether velocities in it are those relative to the local velocity."""
+        return "kinetic" in self.site or "kinetic_flux" in self.site or (self.masked and self.weight is None)
 
     @property
     def on_reference(self) -> bool:
@@ -810,9 +821,9 @@ class Work:
     attributes: dict[str, list[str]] = field(default_factory=dict)  # frame attribute -> the quantities that need it
 
     @classmethod
-    def of(cls, names, central: bool = True) -> Work:
+    def of(cls, names, central: bool = True, parts: bool = False) -> Work:
         """The work behind the quantities called `names` (wholes are expanded). `central`: whether forces act along
-        bonds."""
+        bonds. `parts`: of one species after the other; what is relative to the local velocity is to that of all."""
         work = cls(expand(names))
         for q in work.quantities:
             for have, asked in ((work.site, q.site), (work.whole, q.whole)):
@@ -831,6 +842,8 @@ class Work:
                     users = work.attributes.setdefault(a, [])
                     if q.name not in users:
                         users.append(q.name)
+        if parts and any(q.relative for q in work.quantities):
+            work.site += [ALL + "mass", ALL + "momentum"]
         if not central:
             work.bond = ["moment" if name == "stress" else name for name in work.bond]
             work.site, work.whole = (

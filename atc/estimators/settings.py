@@ -27,6 +27,11 @@ class Settings:
     horizon: float | None = None  # the user's unit of length; None: the potential's
     tiles: tuple[int, int, int] | None = None
     anchor: object = None  # see `atc.neighbors.verlet`
+    # Of some atoms (`selections.Selection`), and taken apart (`selections.Parts`): see `chosen`.
+    selection: object = None
+    bonds: str = "half"
+    parts: object = None
+    part: int | None = None
 
     @property
     def central(self) -> bool:
@@ -53,6 +58,7 @@ class FrameResult:
     expected : of each field, its largest error anywhere as far as the points of the check tell: at least what was found
         there
     methods, refined : the methods used in the end; what was computed again, and why
+    common : of fields of parts, where there is mass of any part: what is relative to the velocity of all is known there
     frames, within : of how many frames these are the means, and how far those are from them (mean square), by field
     """
 
@@ -68,3 +74,4 @@ class FrameResult:
     expected: dict[str, float] = field(default_factory=dict)
     frames: int = 1
     within: dict[str, float] = field(default_factory=dict)
+    common: np.ndarray | None = None

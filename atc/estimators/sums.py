@@ -54,6 +54,28 @@ class Sums:
         """(g,) whether there is mass at the point: elsewhere quotients have no meaning."""
         return self.rho > 0
 
+    # --- what velocities are relative to: of a part, the mean velocity of all parts
+    @property
+    def of_part(self) -> bool:
+        """Whether the sums are those of one species, or molecule, of several."""
+        return "all_mass" in self.site
+
+    @cached_property
+    def anywhere(self) -> np.ndarray:
+        """(g,) whether there is mass of any part at the point: what is relative to the local velocity is known
+        there."""
+        return self.site["all_mass"][:, 0] > 0 if self.of_part else self.defined
+
+    @cached_property
+    def stream(self) -> np.ndarray:
+        """(g, 3) the local velocity − drift, 0 where there is no mass: that of all parts."""
+        return quotient(self.site["all_momentum"], self.site["all_mass"][:, 0]) if self.of_part else self.peculiar
+
+    @property
+    def stream_velocity(self) -> np.ndarray:
+        """(g, 3) the local velocity, 0 where there is no mass."""
+        return np.where(self.anywhere[:, None], self.stream + self.drift, 0.0) if self.of_part else self.velocity
+
     @property
     def potential_stress(self) -> np.ndarray:
         """(g, 3, 3) Σ −r⊗F β."""
@@ -82,7 +104,8 @@ class Sums:
     @cached_property
     def thermal_of_drift(self) -> np.ndarray:
         """`thermal` from the sums relative to the frame's drift alone."""
-        return thermal(self.site["mass"], self.site["momentum"], self.site["kinetic"])
+        about = (self.stream,) if self.of_part else ()
+        return thermal(self.site["mass"], self.site["momentum"], self.site["kinetic"], *about)
 
     @cached_property
     def temperature(self) -> np.ndarray:
@@ -98,25 +121,27 @@ class Sums:
     def heat_flux_kinetic(self) -> np.ndarray:
         """(g, 3) q_K = J − ε v + σ_K·v = Σ (½ m w² + U_j) w φ, 0 where there is no mass."""
         kinetic = self.kinetic_flux_of_drift if self.kinetic_flux_shifted is None else self.kinetic_flux_shifted
-        carried = self.site["potential_flux"] - self.site["potential_energy"] * self.peculiar
-        return np.where(self.defined[:, None], kinetic + carried, 0.0)
+        carried = self.site["potential_flux"] - self.site["potential_energy"] * self.stream
+        return np.where(self.anywhere[:, None], kinetic + carried, 0.0)
 
     @cached_property
     def kinetic_flux_of_drift(self) -> np.ndarray:
         """(g, 3) Σ ½ m w² w φ from the sums relative to the frame's drift alone."""
+        if self.of_part:
+            return kinetic_flux_about(
+                self.site["mass"], self.site["momentum"], self.site["kinetic"], self.site["kinetic_flux"], self.stream
+            )
         return kinetic_flux(self.rho, self.peculiar, self.thermal_of_drift, self.site["kinetic_flux"])
 
     @cached_property
     def heat_flux_potential(self) -> np.ndarray:
         """(g, 3) q_U = A − M v = A' − M u, 0 where there is no mass."""
-        return np.where(
-            self.defined[:, None], self.bond["power"] - np.einsum("gij,gj->gi", self._M, self.peculiar), 0.0
-        )
+        return np.where(self.anywhere[:, None], self.bond["power"] - np.einsum("gij,gj->gi", self._M, self.stream), 0.0)
 
     @cached_property
     def heat_flux_churning(self) -> np.ndarray:
         """(g, 3) q_C = z v, 0 where there is no mass."""
-        return np.einsum("gij,gj->gi", self.churning, self.velocity)
+        return np.einsum("gij,gj->gi", self.churning, self.stream_velocity)
 
     @property
     def _M(self) -> np.ndarray:
@@ -183,8 +208,25 @@ def kinetic_flux(rho, u_gc, thermal_g6, flux_gc) -> np.ndarray:
     return out
 
 
-def thermal(mass_g1, momentum_gc, kinetic_g6) -> np.ndarray:
-    """T − π⊗π/ρ as 6 components; its diagonal is a sum of squares, so what rounding leaves below 0 is cut off."""
+def kinetic_flux_about(mass_g1, momentum_gc, kinetic_g6, flux_gc, u_gc) -> np.ndarray:
+    """Σ ½ m |c − u|² (c − u) φ from Σ m φ, Σ m c φ, Σ m c⊗c φ, Σ ½ m c² c φ, for any u."""
+    u2 = np.einsum("gc,gc->g", u_gc, u_gc)[:, None]
+    pu = np.einsum("gc,gc->g", momentum_gc, u_gc)[:, None]
+    energy = 0.5 * kinetic_g6[:, :3].sum(1, keepdims=True)
+    carried = np.einsum("gij,gj->gi", full(kinetic_g6), u_gc)
+    return flux_gc - energy * u_gc - carried + pu * u_gc + 0.5 * u2 * momentum_gc - 0.5 * mass_g1 * u2 * u_gc
+
+
+def thermal(mass_g1, momentum_gc, kinetic_g6, u_gc=None) -> np.ndarray:
+    """Σ m (c − u)⊗(c − u) φ = T − π⊗u − u⊗π + ρ u⊗u as 6 components, u = π/ρ if it is not given; its diagonal is a sum
+    of squares, so what rounding leaves below 0 is cut off."""
+    if u_gc is not None:
+        p, u = momentum_gc, u_gc
+        out = kinetic_g6.copy()
+        for k, (a, b) in enumerate(((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))):
+            out[:, k] += mass_g1[:, 0] * u[:, a] * u[:, b] - p[:, a] * u[:, b] - u[:, a] * p[:, b]
+        np.maximum(out[:, :3], 0.0, out=out[:, :3])
+        return out
     out = np.empty((len(mass_g1), 6))
     _thermal(mass_g1, momentum_gc, kinetic_g6, out)
     return out

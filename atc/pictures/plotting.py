@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
-from ..running.output import load
+from ..running.output import load, of_species
 from . import components
 from .components import TENSOR
 from .drawing import STYLE, at_frame, colours, draw_map, figure, kernel_title, label_of, save
@@ -32,6 +32,7 @@ def plot(
     limits=None,
     robust=False,
     atoms=None,
+    species=None,
 ):
     """Draw one field, one panel a component.
 
@@ -47,6 +48,7 @@ def plot(
     axis, index : the same by index
     frame : index, or ``"mean"``
     limits : (lo, hi) of the colours; robust : limits at the 2nd and 98th percentile
+    species : which of the species, or molecules, that the fields are taken apart by
     atoms : (n, 3) positions in the dataset's units to draw on maps, those near the plane
 
     Returns
@@ -60,7 +62,7 @@ def plot(
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    ds = load(ds)
+    ds = of_species(load(ds), species)
     if "equation" in ds.attrs and "x" in ds.dims:
         raise AtcError("this is an output of atc advect, whose picture was written beside it (the same name, .png)")
     if ds.attrs.get("kind") == "peridynamics":
@@ -241,7 +243,7 @@ def plot_file(path, quantity=None, *, output=None, overlay=None, frame=-1, **opt
     `overlay`: a trajectory whose atoms are drawn on the map, at the frame shown.
     """
     path = Path(path)
-    ds = load(path)
+    ds = of_species(load(path), options.pop("species", None))
     atoms = None if overlay is None else _atoms(overlay, ds, frame)
     fig = plot(ds, quantity, frame=frame, atoms=atoms, **options)
     if output is None:

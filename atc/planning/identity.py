@@ -36,6 +36,9 @@ def identity(job) -> dict:
         "results": RESULTS,
         "quantities": [q.name for q in work.quantities],
         **({"column units": job.request.column_units} if job.request.column_units else {}),
+        **({"atoms": contents(job.request.select.plain())} if job.request.select is not None else {}),
+        **({"parts": f"{job.parts.by} {' '.join(job.parts.labels)}"} if job.parts is not None else {}),
+        **({"bonds": job.request.bonds} if job.request.bonds != "half" else {}),
         "trajectory": frame_digest(job.first),
         "potential": f"{_described(job.request.pot)}; {contents(job.request.pot)}"
         if work.bond_users and job.request.pot is not None

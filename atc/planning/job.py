@@ -11,9 +11,11 @@ import numpy as np
 
 from ..errors import AtcError
 from ..estimators import groups
+from ..estimators.chosen import require_choosable
 from ..estimators.methods import EXACT, Method, summary
 from ..estimators.registry import Work
 from ..estimators.settings import FrameResult, Settings
+from ..selections import Parts, selection
 from .request import Request
 
 
@@ -42,7 +44,8 @@ def prepare(request: Request | Job) -> Job:
 
     if isinstance(request, Job):
         return request
-    work = Work.of(request.quantities, request.pot is None or request.pot.central)
+    apart = request.by is not None
+    work = Work.of(request.quantities, request.pot is None or request.pot.central, apart)
     frames, pot = matched(as_frames(request.traj, request.pot), request.pot)
     if not len(frames):
         raise AtcError("the trajectory has no frames: nothing to compute")
@@ -51,7 +54,7 @@ def prepare(request: Request | Job) -> Job:
     if work.bond_users and pot is not None and pot.constraints is not None:
         # What its constraints are found from is settled, and asked for, once.
         pot = pot.settled(first)
-        work = Work.of(request.quantities, pot.central)
+        work = Work.of(request.quantities, pot.central, apart)
     if reference is not None and reference.dimension != first.dimension:
         if first.dimension == 3:
             raise AtcError(f"the reference {reference.source} is of a two-dimensional run, but {first.source} is not")
@@ -73,6 +76,13 @@ def prepare(request: Request | Job) -> Job:
         threads, workers = threads or workers, 1
     threads = int(threads or max(1, cpus() // workers))
     tiles = None if request.tiles is None else _tiles(request.tiles, flat=first.dimension == 2)
+    chosen, parts = selection(request.select), None
+    if chosen is not None or apart:
+        require_choosable(work, pot, apart, tiles)
+        chosen = None if chosen is None else chosen.settled(first, frames)
+        if apart:
+            whole = np.ones(len(first), bool) if chosen is None else chosen.of(first)
+            parts = Parts.of_frame(request.by, first, whole)
     resolved = replace(
         request,
         traj=frames,
@@ -82,8 +92,9 @@ def prepare(request: Request | Job) -> Job:
         threads=threads,
         workers=int(workers),
         tiles=tiles,
+        select=chosen,
     )
-    return Job(resolved, frames, first, work)
+    return Job(resolved, frames, first, work, parts)
 
 
 def _reference(request: Request, frames, pot):
@@ -126,10 +137,12 @@ class Job:
     request : Request, completed: its potential, grid, reference, threads, workers and tiles are those that are used
     frames, first : the frames, and the first of them
     work : what is to be summed
+    parts : `selections.Parts` that fields are taken apart by, or None
     methods : of each deposit, for all frames; fixed by what the first ones need (`fix_methods`)
     """
 
-    def __init__(self, request: Request, frames: Sequence, first, work: Work):
+    def __init__(self, request: Request, frames: Sequence, first, work: Work, parts=None):
+        self.parts = parts
         self.request, self.frames, self.first, self.work = request, frames, first, work
         self.n_frames = len(frames)
         self.methods = self.methods_for(work, request.method)
@@ -310,6 +323,9 @@ class Job:
             horizon=asked.horizon,
             tiles=asked.tiles,
             anchor=anchor,
+            selection=asked.select,
+            bonds=asked.bonds,
+            parts=self.parts,
         )
 
     def alarm(self):

@@ -37,9 +37,13 @@ class Request:
     forces: str = "warn"
     log: object = None
     column_units: dict | None = None
+    select: object = None
+    by: str | None = None
+    bonds: str = "half"
 
     def __post_init__(self):
         from ..agreement.forces import MODES
+        from ..selections import BONDS, BY, selection
         from .method_choice import require_known
 
         for name, value, method, hint in (
@@ -68,4 +72,10 @@ class Request:
                 continue
             if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < 1:
                 raise AtcError(f"{name} {value!r}: expected a whole number, 1 or more")
+        for name, value, known in (("by", self.by, (None, *BY)), ("bonds", self.bonds, BONDS)):
+            if value not in known:
+                raise AtcError(f"{name} {value!r}: expected one of {', '.join(repr(k) for k in known if k)}")
+        if self.bonds != "half" and self.select is None:
+            raise AtcError(f"bonds {self.bonds!r} goes with select: whose ends they are told by")
+        selection(self.select)
         require_known(self.method)

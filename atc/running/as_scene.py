@@ -27,6 +27,7 @@ def scene_of(job) -> str:
         "potential": _potential(job.request.pot),
         "kernel": None if job.request.kern is None else {"name": job.request.kern.name, **job.request.kern.parameters},
         "grid": None if job.request.grid is None else _grid(job.request.grid, job.first.units),
+        "select": _selection(job),
         "fields": {
             "quantities": [q.name for q in job.work.quantities],
             **({"column_units": job.request.column_units} if job.request.column_units else {}),
@@ -79,6 +80,14 @@ def _potential(pot) -> dict | None:
     if text is not None:
         return {"lammps": text, "units": pot.units.name}
     return {"#": " ".join(pot.describe().split())}
+
+
+def _selection(job) -> dict:
+    asked = job.request
+    table = {} if asked.select is None else asked.select.plain()
+    if asked.by is not None:
+        table["by"] = asked.by
+    return table | ({"bonds": asked.bonds} if asked.bonds != "half" else {})
 
 
 def _grid(grid, units) -> dict:

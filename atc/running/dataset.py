@@ -70,6 +70,10 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
         static("j", ("j",), letters, long_name="second index of a tensor")
     if any(q.kind == "atom" for q in work.quantities):
         static("atom", ("atom",), frame.ids.astype(i8), long_name="atom id")
+    apart = ()
+    if job.parts is not None:
+        apart = ("species",)
+        static("species", apart, np.array(job.parts.labels), long_name=f"{job.parts.by} of the atoms")
     if bound is not None:
         at_times = moving_coordinates(bound, u) if moves else {}
         for name, (dims, values, attrs) in at_times.items():
@@ -85,12 +89,14 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
                 )
     tail = {0: (), 1: ("i",), 2: ("i", "j")}
     for q in work.quantities:
-        head = {"grid": grid_dims, "box": (), "atom": ("atom",)}[q.kind]
+        head = apart + {"grid": grid_dims, "box": (), "atom": ("atom",)}[q.kind]
         shape = result.arrays[q.name].shape
         unit = label(q.name, u, job.request.column_units) if is_column(q.name) else u.label(q.dimension)
         attrs = {"units": unit, "long_name": q.long_name, "sign_convention": q.sign}
         if u.dimension == 2:
             attrs["dimension"] = 2
+        if apart:
+            attrs["of_species"] = "each one's own" if q.weight is not None else "shares that add up"
         comment = [_in_plane(q.comment) if u.dimension == 2 else q.comment] if q.comment else []
         if job.request.average is not False:
             of = f"<w X>/<w>, w the {_WEIGHTS[q.weight]}" if q.weight else "of the fields of the frames"
@@ -120,7 +126,7 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
     if work.masked:
         moving(
             "mask",
-            grid_dims,
+            apart + grid_dims,
             result.mask.shape,
             np.dtype(bool),
             units="1",
@@ -163,10 +169,22 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
     if work.bond_users:
         attrs["decomposition"] = job.request.pot.describe()
         attrs.update(job.held)
+    if job.request.select is not None:
+        attrs["selected_atoms"] = job.request.select.describe()
+    if (job.request.select is not None or apart) and work.bond_users:
+        attrs["selected_bonds"] = _BONDS[job.request.bonds] if job.request.select is not None else _BONDS["half"]
     attrs["dimension"] = u.dimension
     attrs["periodic"] = "".join("p" if p else "f" for p in frame.cell.periodic[: u.dimension])
     attrs["scene"] = str(job.request.scene) if job.request.scene else scene_of(job)
     return Layout(variables, job.entries, attrs)
+
+
+_BONDS = {
+    "half": "half of each bond for every end that is selected",
+    "both": "bonds with both ends selected",
+    "one": "bonds with one end selected and one that is not",
+    "any": "bonds with at least one end selected",
+}
 
 
 def _in_plane(comment: str) -> str:

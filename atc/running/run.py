@@ -58,6 +58,9 @@ def fields(
     forces="warn",
     log=None,
     column_units=None,
+    select=None,
+    by=None,
+    bonds="half",
 ):
     """Continuum fields of a trajectory.
 
@@ -118,6 +121,15 @@ def fields(
     column_units : dict
         {column: unit} of the trajectory's own columns whose fields are asked for (quantities ``column:c_pe``,
         ``column:c_pe:mean``, ``column:c_pe:mass_mean``): what to call the unit of their values, which stay as they are.
+    select : from `atc.select`, or a selection of MDAnalysis as a string
+        The atoms whose fields are wanted. Their velocity is the one that kinetic parts are relative to.
+    by : "type", "element" or "molecule"
+        Fields of each of these apart, along a dimension ``species``: velocity, temperature and means are each one's
+        own; all else is that one's share in the field of all, relative to the velocity of all, and adds up to it, bonds
+        by halves.
+    bonds : "half", "both", "one" or "any"
+        Which bonds belong to the selected atoms: half of each for every end that is selected; those with both ends
+        selected; with one only; with any: all but those within the atoms left out, walls or grips.
 
     Returns
     -------
@@ -161,6 +173,9 @@ def fields(
         forces=forces,
         log=log,
         column_units=column_units,
+        select=select,
+        by=by,
+        bonds=bonds,
     )
     if out is None:
         job = prepare(request)
@@ -322,7 +337,7 @@ class _Sink:
             store.keep(self._whole_entries(store.journal), job.entries)
         self.notes: list[dict] = list(store.journal) if store else []
         self.averages: dict[str, BlockAverage] = {}
-        self.any_mass = None
+        self.any_mass = self.any_common = None
         self.note: dict = {}
         self._said_refined = False
         self.sequence = Sequence()
@@ -372,7 +387,8 @@ class _Sink:
             self.sequence.add(j, one)
         self._merge_note(k, frame, result, more)
         if not self.averaging:
-            self._emit({**self._masked(result.arrays, result.mask), **self._coordinates(frame, result)}, result.mask)
+            values = self._masked(result.arrays, result.mask, result.common)
+            self._emit({**values, **self._coordinates(frame, result)}, result.mask)
             return
         for name, x in result.arrays.items():
             weight = QUANTITIES[name].weight
@@ -384,6 +400,8 @@ class _Sink:
             )
         if result.mask is not None:
             self.any_mass = result.mask.copy() if self.any_mass is None else self.any_mass | result.mask
+        if result.common is not None:
+            self.any_common = result.common.copy() if self.any_common is None else self.any_common | result.common
         if "frame" not in self.note:
             self.note.update(frame=k, first=_plain_coordinates(self._coordinates(frame, result)))
         if last_of_window:
@@ -396,15 +414,16 @@ class _Sink:
         for name, average in self.averages.items():
             mean, stderr, correlated = average.result()
             means[name], extra[f"{name}_stderr"], extra[f"{name}_correlated"] = mean, stderr, correlated
-        values = self._masked(means, self.any_mass)
+        values = self._masked(means, self.any_mass, self.any_common)
         for name in means:
             if QUANTITIES[name].masked:
-                values[f"{name}_stderr"] = self._masked({name: extra.pop(f"{name}_stderr")}, self.any_mass)[name]
+                masks = self.any_mass, self.any_common
+                values[f"{name}_stderr"] = self._masked({name: extra.pop(f"{name}_stderr")}, *masks)[name]
         values.update(extra)
         values["frames_averaged"] = np.array(self.note["frames"])
         values.update({name: np.array(v) for name, v in self.note.pop("first").items()})
         mask = self.any_mass
-        self.averages, self.any_mass = {}, None
+        self.averages, self.any_mass, self.any_common = {}, None, None
         self._emit(values, mask)
 
     def _emit(self, values, mask):
@@ -418,13 +437,15 @@ class _Sink:
         self.notes.append(note)
 
     @staticmethod
-    def _masked(arrays, mask):
-        """Quotients are NaN where there is no mass."""
+    def _masked(arrays, mask, common=None):
+        """Quotients are NaN where there is no mass; of fields of parts, what is relative to the velocity of all where
+        there is no mass of any (`common`)."""
         out = {}
         for name, x in arrays.items():
-            if mask is not None and QUANTITIES[name].masked and not mask.all():
+            known = common if common is not None and QUANTITIES[name].weight is None else mask
+            if known is not None and QUANTITIES[name].masked and not known.all():
                 x = x.copy()
-                x[~mask] = np.nan
+                x[~known] = np.nan
             out[name] = x
         return out
 
@@ -562,8 +583,9 @@ class _Sink:
         import json
 
         arrays = {f"{name}/{key}": a for name, average in self.averages.items() for key, a in average.state().items()}
-        if self.any_mass is not None:
-            arrays["any_mass"] = self.any_mass
+        for key in ("any_mass", "any_common"):
+            if getattr(self, key) is not None:
+                arrays[key] = getattr(self, key)
         arrays["about"] = np.array(json.dumps({"entry": len(self.notes), "next": after, "note": self.note}))
         self.store.save_state(arrays)
         self._saved = time.monotonic()
@@ -577,7 +599,7 @@ class _Sink:
         if about["entry"] != len(self.notes):
             return
         self.next_frame, self.note = about["next"], about["note"]
-        self.any_mass = state.pop("any_mass", None)
+        self.any_mass, self.any_common = state.pop("any_mass", None), state.pop("any_common", None)
         by_name: dict[str, dict] = {}
         for key, a in state.items():
             name, _, rest = key.partition("/")

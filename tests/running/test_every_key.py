@@ -97,6 +97,13 @@ CHANGES = {
     "grid.n": ({"grid": LINE}, 5),
     "grid.bins": ({"grid": SLAB}, 5),
     "grid.points": ({"grid": {"kind": "points", "points": [[1.0, 2.0, 3.0]]}}, [[1.0, 2.0, 3.1]]),
+    "select.types": ({"select": {"types": [1]}}, [1, 2]),
+    "select.ids": ({"select": {"ids": "1:9"}}, "1:8"),
+    "select.region": ({"select": {"region": "block 0 8 INF INF INF INF"}}, "block 0 9 INF INF INF INF"),
+    "select.invert": ({"select": {"ids": "1:9", "invert": False}}, True),
+    "select.fixed": ({"select": {"region": "block 0 8 INF INF INF INF", "fixed": False}}, True),
+    "select.by": ({}, "type"),
+    "select.bonds": ({"select": {"ids": "1:9", "bonds": "half"}}, "both"),
     "fields.quantities": ({}, ["density"]),
     "fields.column_units": ({"fields": {"quantities": ["column:vx"]}}, {"vx": "furlong"}),
     "fields.tolerance": ({}, 1e-6),
@@ -117,6 +124,8 @@ OF_MOLECULES = {
     "constraints.rigid_water": ({"bonds": "hbonds"}, {"bonds": "hbonds", "rigid_water": False}),
     "constraints.molecules": ({"molecules": True}, {"molecules": [1, 2]}),
 }
+#: Ways to pick atoms that these files say nothing for: tests/estimators/test_selections.py.
+OF_NAMES = {"select.atoms", "select.elements", "select.molecules"}
 #: Keys that no number of `atc fields` depends on, and why.
 CHANGE_NOTHING = {
     "trajectory.forces": "what to do where the run's forces are not the potential's; compared again where it changes",
@@ -196,7 +205,7 @@ def test_every_key_is_spoken_of():
     keys = {f"{s}.{k}" for s, t in SCHEMA.items() for k in t}
     unspoken = {
         k
-        for k in keys - CHANGES.keys() - OF_MOLECULES.keys()
+        for k in keys - CHANGES.keys() - OF_MOLECULES.keys() - OF_NAMES
         if k not in CHANGE_NOTHING and k.split(".")[0] not in CHANGE_NOTHING
     }
     assert not unspoken and not set(CHANGES) - keys
@@ -225,7 +234,7 @@ def test_a_changed_key_is_noticed(folder, key):
     if key == "grid.kind":
         scene["grid"] = value
     else:
-        scene[section][name] = value
+        scene.setdefault(section, {})[name] = value
     noticed(scene, folder / "out.zarr")
 
 
