@@ -172,6 +172,7 @@ def _profile(traj, pot, kern, grid, interfaces, flow, boundary, *, progress=None
     frames = [traj] if isinstance(traj, Frame) else traj
     frames = frames if isinstance(frames, (list, tuple, Trajectory)) else read(frames)
     frames, pot = matched(frames, pot)
+    how = {**how, "velocity": "local"}  # it is taken back below
     ds = fields(frames, pot, kern, grid, _asked(pot is not None), average=False, progress=progress, **how).load()
     u = frames[0].units
     axis = "xyz"[grid._["axis"]]

@@ -496,7 +496,7 @@ class Scene(Document):
         parallel = jobs > 1 and len(traj) >= jobs
         given = {
             k: self.get("fields", k)
-            for k in ("quantities", "tolerance", "average", "horizon", "tiles", "column_units")
+            for k in ("quantities", "tolerance", "average", "horizon", "tiles", "column_units", "velocity")
             if self.get("fields", k) is not None
         }
         pot, kern, grid = self.potential(), self.kernel(), self.grid()

@@ -164,6 +164,12 @@ def _constraint_sources():
     return list(SOURCES)
 
 
+def _velocities():
+    from ..planning.request import VELOCITIES
+
+    return VELOCITIES
+
+
 def _parts():
     from ..selections import BY
 
@@ -334,6 +340,10 @@ SCHEMA: dict[str, dict[str, Key]] = {
         ),
         "tiles": Key(
             _either(_list_of(_count, 3), _list_of(_count, 2)), "numbers of tiles along the cell's edges, e.g. [2, 2, 1]"
+        ),
+        "velocity": Key(
+            _choice(lambda: list(_velocities())),
+            'what thermal motion is relative to: "frame" (default), "local", "average" or "none"',
         ),
         "average": Key(
             _either(_boolean, _count),

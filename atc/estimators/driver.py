@@ -24,7 +24,7 @@ from .registry import BOND, SITE, Quantity, Work
 from .requirements import require
 from .settings import FrameResult, Settings
 from .shifts import local_shifts
-from .sources import AtomFactors, drift_velocity
+from .sources import AtomFactors, OfAll, drift_velocity
 from .sums import Sums
 from .tightening import SAFE, checkable, clear_thin, thin_sums, tightened, watched
 
@@ -61,7 +61,7 @@ def fields_of(frames, settings: Settings, index: int = 0, run_tiles=None) -> Fra
             fields_of(frames, replace(settings, part=k), index, run_tiles) for k in range(len(settings.parts.labels))
         ]
         return of_parts(each)
-    work = Work.of(settings.names, settings.central, parts=settings.part is not None)
+    work = Work.of(settings.names, settings.central, parts=settings.part is not None, velocity=settings.velocity)
     for frame in frames:
         require(frame, settings, work)
     goal, start, several = SAFE * settings.tolerance, perf_counter(), len(frames) > 1
@@ -158,7 +158,11 @@ class Run:
     def no_sums(self, k: int) -> Sums:
         frame = self.frames[k]
         return Sums(
-            drift=self.drifts[k], volume=frame.cell.volume, boltzmann=frame.units.boltzmann, dimension=frame.dimension
+            drift=self.drifts[k],
+            volume=frame.cell.volume,
+            boltzmann=frame.units.boltzmann,
+            dimension=frame.dimension,
+            velocities=self.settings.velocity,
         )
 
 
@@ -322,7 +326,10 @@ def frame_sums(
                     "site": passes.site_pass(frame, work, deposits, factors),
                     "thermal_shifted": None,
                     "kinetic_flux_shifted": None,
+                    "thermal_all_shifted": None,
                 }
+                if work.squares:
+                    new[at]["squared"] = passes.squares_pass(frame, work, deposits, factors)
     for key, needed, one_pass in (
         ("gather", work.gather, lambda: passes.gather_pass(frame, settings, work, here, factors)),
         (
@@ -344,6 +351,8 @@ def frame_sums(
     if sites:
         for sums, deposits in zip((grid, check), here.both):
             shift(run, sums, deposits, frame, factors)
+            if work.squares and sums.squared:
+                sums.count_freedom()
     return grid, check
 
 
@@ -353,6 +362,9 @@ def shift(run: Run, sums: Sums, deposits, frame, factors) -> None:
     if "kinetic" in site and "momentum" in site:
         found = local_shifts(sums, deposits, frame.positions, factors, flux="kinetic_flux" in site)
         sums.thermal_shifted, sums.kinetic_flux_shifted = found
+        if "all_kinetic" in site:
+            all_of_them = OfAll(factors)
+            sums.thermal_all_shifted = local_shifts(sums.of_all, deposits, frame.positions, all_of_them)[0]
 
 
 # --- fields
@@ -477,5 +489,8 @@ def look_around(run: Run, here: Place, bonds: RunBonds) -> tuple[PointsAround, M
         if work.site:
             sums.site.update(passes.site_pass(frame, work, points.check.deposits, factors))
             shift(run, sums, points.check.deposits, frame, factors)
+            if work.squares:
+                sums.squared.update(passes.squares_pass(frame, work, points.check.deposits, factors))
+                sums.count_freedom()
         means.add(quantities, sums)
     return points, means

@@ -334,6 +334,12 @@ def site_pass(frame, work: Work, deposits: Deposits, factors: AtomFactors) -> di
     return by_name(work.site, SITE, deposits.sites(x_nc[some], np.ascontiguousarray(a_nk[some])))
 
 
+def squares_pass(frame, work: Work, deposits: Deposits, factors: AtomFactors) -> dict[str, np.ndarray]:
+    """Σ a φ² of what is named in `Work.squares`, at one set of points."""
+    a_nk, some = factors.columns(work.squares), factors.some
+    return by_name(work.squares, SITE, deposits.squares(frame.positions[some], np.ascontiguousarray(a_nk[some])))
+
+
 def gather_pass(frame, settings: Settings, work: Work, place: Place, factors: AtomFactors) -> list[dict]:
     """The sums that need the kernel's gradient, or displacements: "gathered" and "gradient" of the grid and of the
     points of the check."""

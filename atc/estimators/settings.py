@@ -32,6 +32,10 @@ class Settings:
     bonds: str = "half"
     parts: object = None
     part: int | None = None
+    #: What thermal motion in temperature and kinetic stress is relative to: "local", the velocity at the point in the
+    #: frame, as it is; "frame", the same, and corrected for what that velocity of few atoms takes of their motion;
+    #: "none" and "average", the frame of the simulation (the averaged velocity is taken out at the end).
+    velocity: str = "local"
 
     @property
     def central(self) -> bool:

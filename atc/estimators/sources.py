@@ -131,6 +131,16 @@ class AtomFactors:
         return self.per_atom.residual_n4
 
 
+class OfAll:
+    """The factors of the atoms of all parts, where there are several."""
+
+    def __init__(self, factors: AtomFactors):
+        self.factors, self.peculiar_nc = factors, factors.peculiar_nc
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.factors["all_" + name]
+
+
 class AtomSums:
     """Per-atom sums gathered while bonds stream by, one buffer a thread.
 

@@ -15,6 +15,9 @@ from ..compiled import njit
 from .kinematics import eshelby, quotient_gradient
 from .tensors import full, quotient
 
+#: A number density n − Σ m φ²/ρ below this share of n is that of an atom alone, but for rounding.
+LONE = 1e-9
+
 
 @dataclass
 class Sums:
@@ -35,7 +38,11 @@ class Sums:
     boltzmann: float = np.nan
     # Degrees of freedom of an atom.
     dimension: int = 3
+    # What thermal motion is relative to (see `settings`), and Σ m φ² by name.
+    velocities: str = "local"
+    squared: dict[str, np.ndarray] = field(default_factory=dict)
     thermal_shifted: np.ndarray | None = None
+    thermal_all_shifted: np.ndarray | None = None
     kinetic_flux_shifted: np.ndarray | None = None
     # The largest Σ |G| r² β at the points of the check: what the stress is made of, however much of it cancels.
     size: float = 0.0
@@ -107,12 +114,70 @@ class Sums:
         about = (self.stream,) if self.of_part else ()
         return thermal(self.site["mass"], self.site["momentum"], self.site["kinetic"], *about)
 
+    # --- unbiased: the local velocity, of few atoms, follows their thermal motion
+    @property
+    def of_all(self) -> Sums:
+        """The sums over the atoms of all parts that thermal motion is made of."""
+        names = [name for name in self.site if name.startswith("all_")]
+        whole = Sums({name.removeprefix("all_"): self.site[name] for name in names}, drift=self.drift)
+        whole.thermal_shifted = self.thermal_all_shifted
+        return whole
+
+    @property
+    def all_number(self) -> np.ndarray:
+        """(g,) number density of all parts."""
+        return self.site["all_one" if self.of_part else "one"][:, 0]
+
+    @cached_property
+    def lost(self) -> np.ndarray:
+        """(g,) how much of the number density n thermal motion relative to the local velocity u lacks: for independent
+        velocities of one temperature <Σ m |v_j − u|² φ> = 3 k_B T (n − Σ m φ²/ρ). Of a part, with u that of all:
+        2 Σ_s m φ²/ρ − ρ_s Σ m φ²/ρ²."""
+        s2 = self.squared["mass"][:, 0]
+        if not self.of_part:
+            return quotient(s2, self.rho)
+        rho = self.site["all_mass"][:, 0]
+        return 2.0 * quotient(s2, rho) - quotient(quotient(self.rho * self.squared["all_mass"][:, 0], rho), rho)
+
+    @cached_property
+    def _left(self) -> np.ndarray:
+        """(g,) n − Σ m φ²/ρ of all parts."""
+        s2 = self.squared["all_mass" if self.of_part else "mass"][:, 0]
+        rho = self.site["all_mass"][:, 0] if self.of_part else self.rho
+        return self.all_number - quotient(s2, rho)
+
+    @property
+    def alone(self) -> np.ndarray:
+        """(g,) whether no more than one atom is in reach: nothing can be said of thermal motion there."""
+        return ~(self._left > LONE * self.all_number)
+
+    @cached_property
+    def kinetic_pressure(self) -> np.ndarray:
+        """(g, 6) minus the kinetic stress, by what velocities are relative to; 0 where there is no mass. Unbiased:
+        P n/(n − Σ m φ²/ρ), what P lacks shared among parts as they lack it."""
+        if self.velocities in ("none", "average"):
+            at_rest = np.broadcast_to(-self.drift, self.site["momentum"].shape)
+            return thermal(self.site["mass"], self.site["momentum"], self.site["kinetic"], at_rest)
+        if self.velocities == "local":
+            return self.thermal
+        P = self.of_all.thermal if self.of_part else self.thermal
+        share = np.where(self.alone, 0.0, quotient(self.lost, np.where(self.alone, 0.0, self._left)))
+        return self.thermal + P * share[:, None]
+
+    def count_freedom(self) -> None:
+        """Make the degrees of freedom those that thermal motion relative to the local velocity has."""
+        if self.velocities != "frame" or "degrees" not in self.site:
+            return
+        free = self.site["degrees"][:, 0] - self.lost
+        self.site["degrees"] = np.where(free > LONE * self.site["degrees"][:, 0], free, 0.0)[:, None]
+
     @cached_property
     def temperature(self) -> np.ndarray:
-        """(g,) trace(T − ρ v⊗v)/(d n k_B), d degrees of freedom per atom (fewer with constraints), 0 where there is no
-        mass."""
+        """(g,) trace(T − ρ v⊗v)/(d n k_B), d degrees of freedom per atom (fewer with constraints; n − Σ m φ²/ρ in place
+        of n where it is unbiased), 0 where there is no mass."""
         return quotient(
-            self.thermal[:, :3].sum(1) / (float(self.dimension) * self.boltzmann),
+            (self.thermal if self.velocities in ("local", "frame") else self.kinetic_pressure)[:, :3].sum(1)
+            / (float(self.dimension) * self.boltzmann),
             np.where(self.defined, self.site["degrees"][:, 0], 0.0),
         )
 

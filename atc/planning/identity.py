@@ -15,7 +15,7 @@ from collections.abc import Mapping
 import numpy as np
 
 #: Raised whenever a change of the package changes numbers (beyond rounding): outputs begun before are not continued.
-RESULTS = 6
+RESULTS = 7
 
 #: What a frame's digest is made of, in this order.
 PARTS = (
@@ -46,6 +46,7 @@ def identity(job) -> dict:
         "potential on the first frame": _evaluated(job) if work.bond_users and job.request.pot is not None else None,
         "kernel": _kernel(job.request.kern) if work.kernel_users else None,
         "grid": contents(job.request.grid, everything=True) if work.grid_users else None,
+        **({"velocity": job.request.velocity} if any(q.thermal for q in work.quantities) else {}),
         "method": job.request.method,
         "tolerance": float(job.request.tolerance),
         "tiles": list(job.request.tiles) if job.request.tiles else None,

@@ -45,7 +45,8 @@ def prepare(request: Request | Job) -> Job:
     if isinstance(request, Job):
         return request
     apart = request.by is not None
-    work = Work.of(request.quantities, request.pot is None or request.pot.central, apart)
+    request = replace(request, **_velocity(request))
+    work = Work.of(request.quantities, request.pot is None or request.pot.central, apart, request.velocity)
     frames, pot = matched(as_frames(request.traj, request.pot), request.pot)
     if not len(frames):
         raise AtcError("the trajectory has no frames: nothing to compute")
@@ -54,7 +55,7 @@ def prepare(request: Request | Job) -> Job:
     if work.bond_users and pot is not None and pot.constraints is not None:
         # What its constraints are found from is settled, and asked for, once.
         pot = pot.settled(first)
-        work = Work.of(request.quantities, pot.central, apart)
+        work = Work.of(request.quantities, pot.central, apart, request.velocity)
     if reference is not None and reference.dimension != first.dimension:
         if first.dimension == 3:
             raise AtcError(f"the reference {reference.source} is of a two-dimensional run, but {first.source} is not")
@@ -95,6 +96,24 @@ def prepare(request: Request | Job) -> Job:
         select=chosen,
     )
     return Job(resolved, frames, first, work, parts)
+
+
+def _velocity(request: Request) -> dict:
+    """What thermal motion is relative to, and the quantities with those that averages of it need."""
+    velocity = request.velocity
+    if velocity is None:
+        # Nodes of a body have no temperature that few of them would show too little of.
+        velocity = "local" if request.pot is not None and request.pot.horizon is not None else "frame"
+    quantities = [request.quantities] if isinstance(request.quantities, str) else list(request.quantities)
+    found = Work.of(quantities).quantities
+    if request.average is not False and any(q.thermal for q in found):
+        if velocity == "average":
+            quantities += [name for name in ("density", "momentum") if name not in quantities]
+            if any(q.name == "temperature" for q in found):
+                quantities.append("_degrees")
+        elif velocity == "frame" and any(q.thermal and q.rank == 2 for q in found):
+            quantities += ["_number", "_paired"]
+    return {"velocity": velocity, "quantities": quantities}
 
 
 def _reference(request: Request, frames, pot):
@@ -326,6 +345,7 @@ class Job:
             selection=asked.select,
             bonds=asked.bonds,
             parts=self.parts,
+            velocity=asked.velocity,
         )
 
     def alarm(self):

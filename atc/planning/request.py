@@ -8,6 +8,10 @@ import numpy as np
 
 from ..errors import AtcError
 
+#: What thermal motion in temperature and kinetic stress is relative to: the velocity at the point in each frame,
+#: corrected for the few atoms it is of; the same as it is; its time average; nothing.
+VELOCITIES = ("frame", "local", "average", "none")
+
 
 @dataclass(frozen=True)
 class Request:
@@ -40,6 +44,7 @@ class Request:
     select: object = None
     by: str | None = None
     bonds: str = "half"
+    velocity: str | None = None
 
     def __post_init__(self):
         from ..agreement.forces import MODES
@@ -72,9 +77,15 @@ class Request:
                 continue
             if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < 1:
                 raise AtcError(f"{name} {value!r}: expected a whole number, 1 or more")
-        for name, value, known in (("by", self.by, (None, *BY)), ("bonds", self.bonds, BONDS)):
+        for name, value, known in (
+            ("by", self.by, (None, *BY)),
+            ("bonds", self.bonds, BONDS),
+            ("velocity", self.velocity, (None, *VELOCITIES)),
+        ):
             if value not in known:
                 raise AtcError(f"{name} {value!r}: expected one of {', '.join(repr(k) for k in known if k)}")
+        if self.velocity == "average" and self.average is False:
+            raise AtcError('velocity "average" is the one of a time average: give average=True, or a window')
         if self.bonds != "half" and self.select is None:
             raise AtcError(f"bonds {self.bonds!r} goes with select: whose ends they are told by")
         selection(self.select)

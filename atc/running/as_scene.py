@@ -8,6 +8,7 @@ from pathlib import PurePosixPath
 import numpy as np
 
 from ..config.toml import toml_key, toml_value
+from ..estimators.registry import hidden
 from ..frame import Cell
 from ..grids import Grid
 from ..units import LAMMPS_STYLES
@@ -29,7 +30,8 @@ def scene_of(job) -> str:
         "grid": None if job.request.grid is None else _grid(job.request.grid, job.first.units),
         "select": _selection(job),
         "fields": {
-            "quantities": [q.name for q in job.work.quantities],
+            "quantities": [q.name for q in job.work.quantities if not hidden(q.name)],
+            **({"velocity": job.request.velocity} if any(q.thermal for q in job.work.quantities) else {}),
             **({"column_units": job.request.column_units} if job.request.column_units else {}),
             "tolerance": float(job.request.tolerance),
             "method": job.request.method,

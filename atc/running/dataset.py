@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from ..estimators.columns import is_column, label
+from ..estimators.registry import hidden
 from ..estimators.settings import FrameResult
 from ..planning.job import Job
 from .as_scene import scene_of
 from .output import Layout, Variable
+from .thermal import described
 
 
 def follows_cell(job: Job) -> bool:
@@ -88,7 +90,8 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
                     **({"comment": f"of the first frame; position_{name} has every frame's"} if moves else {}),
                 )
     tail = {0: (), 1: ("i",), 2: ("i", "j")}
-    for q in work.quantities:
+    shown = [q for q in work.quantities if not hidden(q.name)]
+    for q in shown:
         head = apart + {"grid": grid_dims, "box": (), "atom": ("atom",)}[q.kind]
         shape = result.arrays[q.name].shape
         unit = label(q.name, u, job.request.column_units) if is_column(q.name) else u.label(q.dimension)
@@ -98,6 +101,8 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
         if apart:
             attrs["of_species"] = "each one's own" if q.weight is not None else "shares that add up"
         comment = [_in_plane(q.comment) if u.dimension == 2 else q.comment] if q.comment else []
+        if why := described(job.request.velocity, q):
+            comment.append(why)
         if job.request.average is not False:
             of = f"<w X>/<w>, w the {_WEIGHTS[q.weight]}" if q.weight else "of the fields of the frames"
             comment.append(f"time average {of}")
@@ -149,7 +154,7 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
         "version": __version__,
         "units": u.name,
         "tolerance": float(job.request.tolerance),
-        "quantities": ", ".join(q.name for q in work.quantities),
+        "quantities": ", ".join(q.name for q in shown),
     }
     if work.horizon_users:
         attrs.update(
@@ -166,6 +171,8 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
             method=job.method_used,
             grid=_grid_name(job.request.grid),
         )
+    if any(q.thermal for q in shown):
+        attrs["thermal_motion"] = f"relative to: {job.request.velocity}"
     if work.bond_users:
         attrs["decomposition"] = job.request.pot.describe()
         attrs.update(job.held)

@@ -12,7 +12,7 @@ from ..errors import AtcError, AtcWarning
 from ..estimators.accuracy.random_points import tolerance_kept
 from ..estimators.driver import fields_of
 from ..estimators.methods import DEPOSITS, Method, Refinement, details, summary
-from ..estimators.registry import QUANTITIES
+from ..estimators.registry import QUANTITIES, hidden
 from ..estimators.requirements import require
 from ..estimators.settings import FrameResult
 from ..estimators.statistics import BlockAverage
@@ -28,6 +28,7 @@ from .dataset import follows_cell, grid_moves, moving_coordinates, output_layout
 from .interruption import whole
 from .output import Layout, Store, dataset_in_memory, explained, open_dataset
 from .parallel import frame_results, here
+from .thermal import finish_thermal
 
 #: With so many frames one from the middle says where all begin.
 SEVERAL = 6
@@ -61,6 +62,7 @@ def fields(
     select=None,
     by=None,
     bonds="half",
+    velocity=None,
 ):
     """Continuum fields of a trajectory.
 
@@ -121,6 +123,13 @@ def fields(
     column_units : dict
         {column: unit} of the trajectory's own columns whose fields are asked for (quantities ``column:c_pe``,
         ``column:c_pe:mean``, ``column:c_pe:mass_mean``): what to call the unit of their values, which stay as they are.
+    velocity : "frame", "local", "average" or "none"
+        What thermal motion in temperature and kinetic stress is relative to. "frame" (default): the velocity at the
+        point in each frame, and corrected for it: the mean velocity of N atoms takes 1/N of their thermal motion, with
+        N = (Σ φ)²/Σ φ² for equal masses, so that both are unbiased down to two atoms in reach; where one is alone in
+        reach temperature is NaN and the kinetic stress 0. "local": the same as it is, Hardy's definition, which closes
+        the momentum balance of each frame. "average": the velocity of the time average, of many frames (brings density
+        and momentum along). "none": the frame of the simulation; streaming counts as heat.
     select : from `atc.select`, or a selection of MDAnalysis as a string
         The atoms whose fields are wanted. Their velocity is the one that kinetic parts are relative to.
     by : "type", "element" or "molecule"
@@ -176,6 +185,7 @@ def fields(
         select=select,
         by=by,
         bonds=bonds,
+        velocity=velocity,
     )
     if out is None:
         job = prepare(request)
@@ -338,6 +348,7 @@ class _Sink:
         self.notes: list[dict] = list(store.journal) if store else []
         self.averages: dict[str, BlockAverage] = {}
         self.any_mass = self.any_common = None
+        self.any_weight: dict[str, np.ndarray] = {}
         self.note: dict = {}
         self._said_refined = False
         self.sequence = Sequence()
@@ -387,7 +398,9 @@ class _Sink:
             self.sequence.add(j, one)
         self._merge_note(k, frame, result, more)
         if not self.averaging:
-            values = self._masked(result.arrays, result.mask, result.common)
+            known = {name: w > 0 for name, w in result.weights.items()}
+            values = self._masked(result.arrays, result.mask, result.common, known)
+            values = {name: x for name, x in values.items() if not hidden(name)}
             self._emit({**values, **self._coordinates(frame, result)}, result.mask)
             return
         for name, x in result.arrays.items():
@@ -400,6 +413,8 @@ class _Sink:
             )
         if result.mask is not None:
             self.any_mass = result.mask.copy() if self.any_mass is None else self.any_mass | result.mask
+        for name, w in result.weights.items():
+            self.any_weight[name] = (w > 0) | self.any_weight.get(name, False)
         if result.common is not None:
             self.any_common = result.common.copy() if self.any_common is None else self.any_common | result.common
         if "frame" not in self.note:
@@ -414,16 +429,17 @@ class _Sink:
         for name, average in self.averages.items():
             mean, stderr, correlated = average.result()
             means[name], extra[f"{name}_stderr"], extra[f"{name}_correlated"] = mean, stderr, correlated
-        values = self._masked(means, self.any_mass, self.any_common)
+        finish_thermal(self.job, means, extra)
+        masks = self.any_mass, self.any_common, self.any_weight
+        values = self._masked(means, *masks)
         for name in means:
             if QUANTITIES[name].masked:
-                masks = self.any_mass, self.any_common
                 values[f"{name}_stderr"] = self._masked({name: extra.pop(f"{name}_stderr")}, *masks)[name]
         values.update(extra)
         values["frames_averaged"] = np.array(self.note["frames"])
         values.update({name: np.array(v) for name, v in self.note.pop("first").items()})
         mask = self.any_mass
-        self.averages, self.any_mass, self.any_common = {}, None, None
+        self.averages, self.any_mass, self.any_common, self.any_weight = {}, None, None, {}
         self._emit(values, mask)
 
     def _emit(self, values, mask):
@@ -437,12 +453,14 @@ class _Sink:
         self.notes.append(note)
 
     @staticmethod
-    def _masked(arrays, mask, common=None):
-        """Quotients are NaN where there is no mass; of fields of parts, what is relative to the velocity of all where
-        there is no mass of any (`common`)."""
+    def _masked(arrays, mask, common=None, weighted=None):
+        """Quotients are NaN where there is no mass (nothing that they could be means of: `weighted`, by name); of
+        fields of parts, what is relative to the velocity of all where there is no mass of any (`common`)."""
         out = {}
         for name, x in arrays.items():
             known = common if common is not None and QUANTITIES[name].weight is None else mask
+            if known is not None and weighted and name in weighted:
+                known = known & weighted[name]
             if known is not None and QUANTITIES[name].masked and not known.all():
                 x = x.copy()
                 x[~known] = np.nan
@@ -454,6 +472,8 @@ class _Sink:
         """Errors are the largest of the frames; the rest is counted."""
         errors = self.note.setdefault("errors", {})
         for name, measured in result.errors.items():
+            if hidden(name):
+                continue
             known = errors.setdefault(name, {})
             for kind, value in measured.items():
                 known[kind] = max(known.get(kind, 0.0), value)
@@ -540,6 +560,8 @@ class _Sink:
         step, moved = self.input_error
         if moved:
             for name, error in moved.items():
+                if hidden(name):
+                    continue
                 out.setdefault(name, {})["input_error"] = error
             out[""]["input_error"] = max(moved.values())
             out[""]["input_resolution"] = self.job.first.units.to_user("length", step)
@@ -586,6 +608,7 @@ class _Sink:
         for key in ("any_mass", "any_common"):
             if getattr(self, key) is not None:
                 arrays[key] = getattr(self, key)
+        arrays |= {f"any_weight:{name}": known for name, known in self.any_weight.items()}
         arrays["about"] = np.array(json.dumps({"entry": len(self.notes), "next": after, "note": self.note}))
         self.store.save_state(arrays)
         self._saved = time.monotonic()
@@ -600,6 +623,9 @@ class _Sink:
             return
         self.next_frame, self.note = about["next"], about["note"]
         self.any_mass, self.any_common = state.pop("any_mass", None), state.pop("any_common", None)
+        self.any_weight = {
+            key.partition(":")[2]: state.pop(key) for key in list(state) if key.startswith("any_weight:")
+        }
         by_name: dict[str, dict] = {}
         for key, a in state.items():
             name, _, rest = key.partition("/")

@@ -122,8 +122,12 @@ def test_selected_fields_are_plain_sums():
     for g in range(len(points)):
         w_nc = f.velocities[mine] - sums[g, 1:] / sums[g, 0]
         P_n9 = m[:, None] * np.einsum("ni,nj->nij", w_nc, w_nc).reshape(-1, 9)
-        P_gcc.append(site_sum(points[g : g + 1], f.positions[mine], P_n9, KERNEL, f.cell).reshape(3, 3))
-    assert largest(ds.stress_kinetic[0].values, -u.to_user("pressure", np.array(P_gcc))) < 1e-12
+        P = site_sum(points[g : g + 1], f.positions[mine], P_n9, KERNEL, f.cell).reshape(3, 3)
+        w_n = site_sum(points[g : g + 1], f.positions[mine], np.eye(len(m)), KERNEL, f.cell)[0]
+        lost = w_n**2 @ m / (w_n @ m)
+        P_gcc.append(P * w_n.sum() / (w_n.sum() - lost) if w_n.sum() - lost > 1e-9 * w_n.sum() else 0.0 * P)
+    # where a second atom is barely in reach, n/(n − lost), a hundred here, comes to the rounding
+    assert largest(ds.stress_kinetic[0].values, -u.to_user("pressure", np.array(P_gcc))) < 1e-11
 
 
 def test_a_fast_part_loses_no_digits():

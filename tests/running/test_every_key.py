@@ -111,6 +111,7 @@ CHANGES = {
     "fields.horizon": ({"fields": {"quantities": ["peridynamic_stress_weighted_virial"], "horizon": 5.0}}, 6.0),
     "fields.tiles": ({}, [2, 1, 1]),
     "fields.average": ({}, 2),
+    "fields.velocity": ({}, "local"),
     "constraints.pairs": (held(), [[1, 3]]),
     "constraints.source": (held(temperature=100.0), "temperature"),
     "constraints.temperature": (held(source="temperature", temperature=100.0), 101.0),
