@@ -170,7 +170,7 @@ def _plain(v):
 # --------------------------------------------------------------------------------------------------------------------
 
 
-def compare(ds, *, frame=None, species=None) -> Comparison:
+def compare(ds, *, frame=None, species=None, units=None) -> Comparison:
     """Compare Hardy's stress with the virial stress in an output of `atc.fields`.
 
     Parameters
@@ -181,6 +181,7 @@ def compare(ds, *, frame=None, species=None) -> Comparison:
     frame : index of one entry of the output; default: the mean over all, where a frame without mass at a point counts
         as zero stress there
     species : which of the species, or molecules, that the fields are taken apart by
+    units : to compare in, e.g. ``"GPa, nm"`` or a preset, see `atc.fields`
 
     Returns
     -------
@@ -201,9 +202,11 @@ def compare(ds, *, frame=None, species=None) -> Comparison:
     from ..pictures.drawing import kernel_title
     from ..pictures.geometry import layout
     from ..running.output import load, of_species
+    from ..unit_words import in_units
 
     name = "output" if isinstance(ds, xr.Dataset) else str(ds)
     ds = of_species(load(ds), species)
+    ds = ds if units is None else in_units(ds, units)
     hardy_name = next((n for n in STRESSES if n in ds), None)
     if hardy_name is None:
         raise AtcError(

@@ -116,6 +116,15 @@ Ends = Annotated[
 ]
 
 
+PublishedUnits = Annotated[
+    str | None,
+    typer.Option(
+        "--units",
+        metavar="LIST",
+        help='In these units, e.g. "GPa, nm", or a preset: metal-gpa, nm-gpa, si.',
+        show_default=False,
+    ),
+]
 Species = Annotated[
     str | None,
     typer.Option(

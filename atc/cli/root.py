@@ -43,6 +43,7 @@ from .common import (
     Masses,
     Overwrite,
     Progress,
+    PublishedUnits,
     Quiet,
     SceneFile,
     Select,
@@ -337,6 +338,7 @@ def fields(
     select: Select = None,
     by: By = None,
     bonds: Ends = None,
+    units: PublishedUnits = None,
     cluster: Annotated[
         str | None,
         typer.Option(
@@ -354,6 +356,8 @@ def fields(
 ) -> None:
     """Compute the fields of a scene, frame by frame, into a file. After an interruption the same command continues."""
     made = select_atoms(load_scene(scene, set, begin, end, step, selects=True), select, by, bonds)
+    if units is not None:
+        made.set("output", "units", units, flag=f"--units {units}")
     out = made.output(output, overwrite=overwrite, resume=not restart)
     started = time.perf_counter()
     with kept_on_interrupt("the finished frames are kept: the same command continues"), progress_bar(quiet) as progress:
@@ -396,6 +400,7 @@ def compare(
     json: Annotated[bool, typer.Option("--json", help="The table as JSON.")] = False,
     csv: Annotated[bool, typer.Option("--csv", help="The table as CSV.")] = False,
     species: Species = None,
+    units: PublishedUnits = None,
     quiet: Quiet = False,
 ) -> None:
     """Hardy's stress against the virial stress: a table and a picture."""
@@ -420,7 +425,7 @@ def compare(
                 )
         if set or begin is not None or end is not None or step is not None:
             raise AtcError("--set, -b, -e and --step go with a scene and --radii; an output is compared as it is")
-        results = [compare_output(path, species=species) for path in what]
+        results = [compare_output(path, species=species, units=units) for path in what]
         if len(results) > 1:
             results = [side_by_side(results)]
         target = what[0]
@@ -596,6 +601,7 @@ def plot(
         ),
     ] = None,
     species: Species = None,
+    units: PublishedUnits = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="Do not print the picture's name.")] = False,
 ) -> None:
     """Draw a slice, plane or profile of a field."""
@@ -614,6 +620,7 @@ def plot(
         robust=robust,
         output=output,
         species=species,
+        units=units,
         overlay=None if overlay is None else Scene.load(overlay).trajectory(),
     )
     if not quiet:

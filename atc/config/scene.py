@@ -515,6 +515,7 @@ class Scene(Document):
             "forces": self.get("trajectory", "forces", "warn"),
             "log": self.log(),
             **self.selection(),
+            "output_units": self.get("output", "units"),
             **given,
         }
 

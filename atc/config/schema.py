@@ -146,6 +146,17 @@ def _atom_style(v):
         raise ValueError from None
 
 
+def _output_units(v):
+    from ..errors import AtcError
+    from ..unit_words import wanted_units
+
+    try:
+        wanted_units(_string(v))
+    except AtcError as e:
+        raise ValueError(str(e)) from None
+    return v
+
+
 def _unit_names():
     from ..units import _SYSTEMS
 
@@ -389,7 +400,12 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "grip_types": Key(_list_of(_count), "atom types, e.g. [2, 3]"),
         "timestep": Key(_positive, "the time of one step in the trajectory's units, e.g. 0.001"),
     },
-    "output": {"file": Key(_string, 'the file to write, e.g. "out.zarr" or "out.nc"', path=True)},
+    "output": {
+        "file": Key(_string, 'the file to write, e.g. "out.zarr" or "out.nc"', path=True),
+        "units": Key(
+            _output_units, 'units of the result, e.g. "GPa, nm, W/(m*K)", or a preset: "metal-gpa", "nm-gpa", "si"'
+        ),
+    },
 }
 
 # kind of grid → (keys it needs, alternatives within a tuple; keys it may have)

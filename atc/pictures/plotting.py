@@ -14,6 +14,7 @@ import numpy as np
 
 from ..errors import AtcError
 from ..running.output import load, of_species
+from ..unit_words import converted, in_units, unit_of
 from . import components
 from .components import TENSOR
 from .drawing import STYLE, at_frame, colours, draw_map, figure, kernel_title, label_of, save
@@ -33,6 +34,7 @@ def plot(
     robust=False,
     atoms=None,
     species=None,
+    units=None,
 ):
     """Draw one field, one panel a component.
 
@@ -49,6 +51,7 @@ def plot(
     frame : index, or ``"mean"``
     limits : (lo, hi) of the colours; robust : limits at the 2nd and 98th percentile
     species : which of the species, or molecules, that the fields are taken apart by
+    units : to draw in, e.g. ``"GPa, nm"`` or a preset, see `atc.fields`
     atoms : (n, 3) positions in the dataset's units to draw on maps, those near the plane
 
     Returns
@@ -63,6 +66,7 @@ def plot(
     from matplotlib.figure import Figure
 
     ds = of_species(load(ds), species)
+    ds = ds if units is None else in_units(ds, units)
     if "equation" in ds.attrs and "x" in ds.dims:
         raise AtcError("this is an output of atc advect, whose picture was written beside it (the same name, .png)")
     if ds.attrs.get("kind") == "peridynamics":
@@ -244,6 +248,8 @@ def plot_file(path, quantity=None, *, output=None, overlay=None, frame=-1, **opt
     """
     path = Path(path)
     ds = of_species(load(path), options.pop("species", None))
+    units = options.pop("units", None)
+    ds = ds if units is None else in_units(ds, units)
     atoms = None if overlay is None else _atoms(overlay, ds, frame)
     fig = plot(ds, quantity, frame=frame, atoms=atoms, **options)
     if output is None:
@@ -262,4 +268,9 @@ def _atoms(trajectory, ds, frame):
             f"{len(trajectory)} frames"
         )
     one = trajectory[k]
-    return one.units.to_user("length", one.cell.wrap(one.positions)[0])
+    x_nc = one.units.to_user("length", one.cell.wrap(one.positions)[0])
+    there = next(
+        (ds[c].attrs["units"] for c in ("x", "y", "z", "cell") if c in ds.coords and "units" in ds[c].attrs), ""
+    )
+    have = one.units.label("length")
+    return x_nc if there in ("", have) else x_nc * converted(have, (unit_of(there),))[0]

@@ -37,6 +37,7 @@ def identity(job) -> dict:
         "quantities": [q.name for q in work.quantities],
         **({"column units": job.request.column_units} if job.request.column_units else {}),
         **({"atoms": contents(job.request.select.plain())} if job.request.select is not None else {}),
+        **({"output units": str(job.request.output_units)} if job.request.output_units else {}),
         **({"parts": f"{job.parts.by} {' '.join(job.parts.labels)}"} if job.parts is not None else {}),
         **({"bonds": job.request.bonds} if job.request.bonds != "half" else {}),
         "trajectory": frame_digest(job.first),

@@ -45,10 +45,12 @@ class Request:
     by: str | None = None
     bonds: str = "half"
     velocity: str | None = None
+    output_units: object = None
 
     def __post_init__(self):
         from ..agreement.forces import MODES
         from ..selections import BONDS, BY, selection
+        from ..unit_words import wanted_units
         from .method_choice import require_known
 
         for name, value, method, hint in (
@@ -89,4 +91,6 @@ class Request:
         if self.bonds != "half" and self.select is None:
             raise AtcError(f"bonds {self.bonds!r} goes with select: whose ends they are told by")
         selection(self.select)
+        if self.output_units is not None:
+            wanted_units(self.output_units)
         require_known(self.method)

@@ -38,6 +38,9 @@ def scene_of(job) -> str:
             "average": job.request.average if isinstance(job.request.average, bool) else int(job.request.average),
         },
     }
+    if job.request.output_units is not None:
+        given = job.request.output_units
+        sections["output"] = {"units": given if isinstance(given, str) else ", ".join(map(str, given))}
     out = []
     for name, table in sections.items():
         if not table:
@@ -103,6 +106,9 @@ def _grid(grid, units) -> dict:
     for key in ("shape", "spacing", "axis", "position", "origin", "u", "v", "start", "end", "n", "bins", "padding"):
         if p.get(key) is not None:
             table[key] = "xyz"[p[key]] if key == "axis" else p[key]
+    if grid.kind == "regular" and "shape" in table and table["shape"][-1] <= 0:
+        # one number for all axes, or two of a two-dimensional run
+        table["shape"] = table["shape"][0] if table["shape"][-1] else list(table["shape"][:2])
     if "shift" in p:
         table["at"] = "centers" if p["shift"] else "corners"
     region = p.get("cell")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..estimators.columns import is_column, label
@@ -184,6 +186,28 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
     attrs["periodic"] = "".join("p" if p else "f" for p in frame.cell.periodic[: u.dimension])
     attrs["scene"] = str(job.request.scene) if job.request.scene else scene_of(job)
     return Layout(variables, job.entries, attrs)
+
+
+def in_output_units(layout: Layout, given) -> tuple[Layout, dict[str, float]]:
+    """The layout with the units that an output shall have, and the factors of what is written of each variable.
+
+    Raises
+    ------
+    AtcError where no variable has the dimension of one of them.
+    """
+    from ..unit_words import converted, require_used, wanted_units
+
+    wanted, factors, variables = wanted_units(given), {}, []
+    require_used(wanted, [v.attrs.get("units", "") for v in layout.variables], str(given))
+    for v in layout.variables:
+        factor, text = converted(str(v.attrs.get("units", "")), wanted)
+        if "units" in v.attrs and text != v.attrs["units"]:
+            static = None if v.static is None else v.static * factor
+            v = replace(v, attrs={**v.attrs, "units": text}, static=static)
+            factors[v.name] = factor
+        variables.append(v)
+    attrs = {**layout.attrs, "output_units": ", ".join(u.text for u in wanted)}
+    return Layout(variables, layout.entries, attrs), factors
 
 
 _BONDS = {

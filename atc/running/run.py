@@ -24,7 +24,7 @@ from ..planning.request import Request
 from ..readers.plausible import doubts
 from ..readers.times import Sequence
 from .as_scene import file_name
-from .dataset import follows_cell, grid_moves, moving_coordinates, output_layout, radius_of
+from .dataset import follows_cell, grid_moves, in_output_units, moving_coordinates, output_layout, radius_of
 from .interruption import whole
 from .output import Layout, Store, dataset_in_memory, explained, open_dataset
 from .parallel import frame_results, here
@@ -63,6 +63,7 @@ def fields(
     by=None,
     bonds="half",
     velocity=None,
+    output_units=None,
 ):
     """Continuum fields of a trajectory.
 
@@ -123,6 +124,9 @@ def fields(
     column_units : dict
         {column: unit} of the trajectory's own columns whose fields are asked for (quantities ``column:c_pe``,
         ``column:c_pe:mean``, ``column:c_pe:mass_mean``): what to call the unit of their values, which stay as they are.
+    output_units : str
+        Units of the result where they are of its fields' and coordinates' dimensions, e.g. ``"GPa, nm, W/(m*K)"``, or a
+        preset, ``"metal-gpa"``, ``"nm-gpa"``, ``"si"``. Lengths of kernel and grid stay in the trajectory's.
     velocity : "frame", "local", "average" or "none"
         What thermal motion in temperature and kinetic stress is relative to. "frame" (default): the velocity at the
         point in each frame, and corrected for it: the mean velocity of N atoms takes 1/N of their thermal motion, with
@@ -186,6 +190,7 @@ def fields(
         by=by,
         bonds=bonds,
         velocity=velocity,
+        output_units=output_units,
     )
     if out is None:
         job = prepare(request)
@@ -349,6 +354,7 @@ class _Sink:
         self.averages: dict[str, BlockAverage] = {}
         self.any_mass = self.any_common = None
         self.any_weight: dict[str, np.ndarray] = {}
+        self.factors: dict[str, float] = {}  # to the units of the output, by variable
         self.note: dict = {}
         self._said_refined = False
         self.sequence = Sequence()
@@ -445,6 +451,7 @@ class _Sink:
     def _emit(self, values, mask):
         if mask is not None:
             values["mask"] = mask
+        values = {name: x * self.factors[name] if name in self.factors else x for name, x in values.items()}
         note, self.note = self.note, {}
         if self.store is None:
             self.entries.append(values)
@@ -511,6 +518,8 @@ class _Sink:
         if set(job.work.grid_users) - set(job.work.on_reference):
             result = replace(result, bound=job.bound)
         self.layout = output_layout(job, first, result, self.moves)
+        if job.request.output_units is not None:
+            self.layout, self.factors = in_output_units(self.layout, job.request.output_units)
         self._atoms = first.ids
         if self.store is not None:
             self.store.begin(self.layout)
