@@ -50,8 +50,8 @@ _UNITS = {
     "W": (1.0, _POWER, True),
     "V": (1.0, (2, 1, -2, 0, -1), True),
 }
-_PREFIXES = {"a": 1e-18, "f": 1e-15, "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6,
-             "G": 1e9, "T": 1e12}  # fmt: skip
+_PREFIXES = {"a": 1e-18, "f": 1e-15, "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "c": 1e-2,
+             "k": 1e3, "M": 1e6, "G": 1e9, "T": 1e12}  # fmt: skip
 #: What a word alone stands for in `[output] units`.
 PRESETS = {
     "metal-gpa": "GPa, angstrom, ps, m/s, GW/m^2, W/(m*K)",

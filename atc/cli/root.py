@@ -28,6 +28,7 @@ from ..terminal import only_printable, printable
 from . import advect as cli_advect
 from . import bench as cli_bench
 from . import dispersion as cli_dispersion
+from . import init as cli_init
 from . import pd as cli_pd
 from . import profile as cli_profile
 from . import twin as cli_twin
@@ -320,7 +321,15 @@ def plan(
 ) -> None:
     """What would be computed, by which method and why; predicted time, memory and error."""
     made = select_atoms(load_scene(scene, set, begin, end, step, selects=True), select, by, bonds)
-    print(made.plan(jobs=jobs))
+    plan = made.plan(jobs=jobs)
+    if made.get("output", "file") is not None:
+        try:
+            made.output(resume=True)
+        except AtcError as e:
+            from ..errors import AtcWarning
+
+            warnings.warn(str(e), AtcWarning, stacklevel=2)
+    print(plan)
 
 
 @app.command()
@@ -673,6 +682,7 @@ for _module in (
     cli_upscale,
     cli_dispersion,
     cli_advect,
+    cli_init,
     cli_profile,
     cli_twin,
 ):

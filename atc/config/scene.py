@@ -129,6 +129,7 @@ class Scene(Document):
             raise self.need("trajectory", 'it needs file, the trajectory to read, e.g. file = "run.dump"')
         self._check_grid()
         self._check_potential()
+        self._check_trajectory()
         self.selection()
         for q in self.get("fields", "quantities", []):
             if q.startswith("column:"):
@@ -142,6 +143,16 @@ class Scene(Document):
                 self.kernel()
         elif "kernel" in self.data:
             raise self.need("kernel", f"[kernel] needs name, one of {', '.join(_kernel_names())}")
+
+    def _check_trajectory(self):
+        from ..readers.declared import cell_of, periodic_of
+
+        for key, check in (("cell", lambda v: cell_of(v, 1.0)), ("pbc", periodic_of)):
+            if self.get("trajectory", key) is not None:
+                try:
+                    check(self.get("trajectory", key))
+                except AtcError as e:
+                    raise self._bad("trajectory", key, str(e)) from None
 
     def _check_name(self, section, key, word, known):
         if known and word not in known:
@@ -255,7 +266,12 @@ class Scene(Document):
     def _whole(self):
         from ..readers.memory import completed
 
-        return completed(self._read(self._files(), "file"), self._script())
+        traj, script = self._read(self._files(), "file"), self._script()
+        if script is not None and script.timestep is not None and self.get("trajectory", "timestep") is None:
+            from ..readers.declared import Declared
+
+            traj = Declared(traj, timestep=traj.units.to_user("time", script.timestep))
+        return completed(traj, script)
 
     def _files(self):
         """The path of the trajectory, or the paths of its files."""
@@ -289,18 +305,22 @@ class Scene(Document):
         """The trajectory; where neither it nor the scene says its units or atom style, those of the script that made
         it."""
         units, masses = self.get("trajectory", "units"), self.get("trajectory", "masses")
-        more = {k: self.get("trajectory", k) for k in ("dimension", "atom_style")}
+        more = {k: self.get("trajectory", k) for k in ("dimension", "atom_style", "cell", "pbc", "timestep")}
         try:
             return read(path, topology=topology, units=units, masses=masses, **more)
         except AtcError as e:
-            pot = self._script() if units is None or more["atom_style"] is None else None
+            pot = self._script()
             if pot is None:
                 raise
             more["atom_style"] = more["atom_style"] or pot.atom_style or None
             try:
                 return read(path, topology=topology, units=units or pot.units.name, masses=masses, **more)
-            except AtcError:
-                raise e from None
+            except AtcError as again:
+                data = pot.setup.data_files if pot.setup is not None else []
+                # Plain XYZ of a run whose box is in the script's data file.
+                if "give it as cell" not in str(again) or len(data) != 1 or not data[0].is_file():
+                    raise e from None
+                return read(path, topology=data[0], units=units or pot.units.name, masses=masses, **more)
 
     def _script(self):
         """The potential of the scene's LAMMPS script, None if it has none."""

@@ -230,6 +230,17 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "atom_style": Key(_atom_style, 'the atom_style of the LAMMPS run, e.g. "full" or "hybrid sphere molecular"'),
         "units": Key(_choice(_unit_names), 'a unit style, e.g. "metal"'),
         "masses": Key(_masses, "a mass for each type, e.g. { 1 = 28.0855 } or [28.0855]"),
+        "cell": Key(
+            _either(_list_of(_positive, 3), _list_of(_list_of(_number, 3), 3), _list_of(_list_of(_number, 2), 3)),
+            "the cell of files that have none: three lengths, edge vectors or pairs [lo, hi], e.g. [20.0, 20.0, 40.0]",
+        ),
+        "pbc": Key(
+            _either(_string, _boolean, _list_of(_boolean, 3)),
+            'which axes repeat, where the file does not say it, e.g. "ppf" or [true, true, false]',
+        ),
+        "timestep": Key(
+            _positive, "the time of one step in the trajectory's units, for files with steps and no times, e.g. 0.001"
+        ),
         "dimension": Key(_dimension, "2 (a run in the plane, LAMMPS's dimension 2) or 3"),
         "frames": Key(_frames, 'frames counted from 0, e.g. "100:500:5", { begin = 100, end = 500, step = 5 } or -1'),
         "reference": Key(

@@ -590,7 +590,8 @@ _ALL = [
         **_flux(
             "flux of energy through points at rest",
             lambda s: s.site["energy_current"] + s.bond["power_lab"],
-            comment="J + A = energy v - stress v + heat_flux, in the frame of the simulation: d(energy)/dt = "
+            comment="J + A = energy v - stress v + heat_flux (the stress relative to the local velocity as it is), in "
+            "the frame of the simulation: d(energy)/dt = "
             "-div(energy_flux); its integral over the box is "
             "heat_current; " + _SHARED,
         ),

@@ -13,7 +13,6 @@ from ..estimators.accuracy.random_points import tolerance_kept
 from ..estimators.driver import fields_of
 from ..estimators.methods import DEPOSITS, Method, Refinement, details, summary
 from ..estimators.registry import QUANTITIES, hidden
-from ..estimators.requirements import require
 from ..estimators.settings import FrameResult
 from ..estimators.statistics import BlockAverage
 from ..neighbors.verlet import anchor_of
@@ -21,10 +20,10 @@ from ..planning.identity import changed_parts, frame_digest, identity
 from ..planning.job import Job, prepare
 from ..planning.report import plan  # noqa: F401  (plan belongs to the same door)
 from ..planning.request import Request
-from ..readers.plausible import doubts
+from ..planning.sanity import sanity
 from ..readers.times import Sequence
 from .as_scene import file_name
-from .dataset import follows_cell, grid_moves, in_output_units, moving_coordinates, output_layout, radius_of
+from .dataset import follows_cell, grid_moves, in_output_units, moving_coordinates, output_layout
 from .interruption import whole
 from .output import Layout, Store, dataset_in_memory, explained, open_dataset
 from .parallel import frame_results, here
@@ -194,7 +193,7 @@ def fields(
     )
     if out is None:
         job = prepare(request)
-        _sanity(job)
+        sanity(job)
         sink = _run(job, None, progress)
         return dataset_in_memory(sink.layout, sink.entries, sink.final_attributes())
     write(request, out, progress, resume)
@@ -209,7 +208,7 @@ def write(request: Request, out, progress=None, resume=True) -> dict:
     Returns the attributes of the dataset.
     """
     job = prepare(request)
-    _sanity(job)
+    sanity(job)
     store = Store(out, {**identity(job), "frames": job.n_frames}, resume)
     try:
         sink = _run(job, store, progress)
@@ -645,33 +644,3 @@ class _Sink:
 def _plain_coordinates(coordinates):
     """As JSON can hold them; floats survive JSON exactly."""
     return {name: np.asarray(v).tolist() for name, v in coordinates.items()}
-
-
-# --- does it look right?
-
-
-def _sanity(job: Job) -> None:
-    """Complain of what is missing in the first frame; warn of what can be computed but is probably not what was
-    meant."""
-    frame, work, u = job.first, job.work, job.first.units
-    require(frame, job.settings(), work)
-    for doubt in doubts(frame, temperature="velocities" in work.attributes):
-        warnings.warn(f"{frame.source}: {doubt}", AtcWarning, stacklevel=3)
-    if work.grid_users and job.request.kern is not None and job.request.grid is not None:
-        spacing = grid_spacing(job.request.grid.bind(u, frame.cell, frame.positions))
-        support = u.to_internal("length", job.request.kern.support)
-        if spacing > support:
-            warnings.warn(
-                f"the kernel's radius ({radius_of(job.request.kern):g} {u.label('length')}) is smaller than the "
-                "distance between grid points "
-                f"({u.to_user('length', spacing):.3g}): much of the material is seen by no point; use a finer grid or "
-                "a wider kernel",
-                AtcWarning,
-                stacklevel=3,
-            )
-
-
-def grid_spacing(bound) -> float:
-    """Largest distance between neighbouring points along a grid axis (internal units); 0 for scattered points."""
-    gaps = [] if bound.spacing is None else [d for d, n in zip(bound.spacing, bound.shape) if n > 1]
-    return float(max(gaps, default=0.0))
