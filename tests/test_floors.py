@@ -22,7 +22,6 @@ FLOORS = [
     {"config.toml", "config.formula"},
     {"readers", "deposit"},
     {"decomposers"},
-    {"selections"},
     {"estimators", "pd"},
     {"agreement"},
     {"planning"},

@@ -31,6 +31,7 @@ from . import dispersion as cli_dispersion
 from . import init as cli_init
 from . import pd as cli_pd
 from . import profile as cli_profile
+from . import report as cli_report
 from . import twin as cli_twin
 from . import upscale as cli_upscale
 from . import verify as cli_verify
@@ -55,6 +56,7 @@ from .common import (
     UnitsOption,
     console,
     duration,
+    heard,
     interrupted,
     kept_on_interrupt,
     load_scene,
@@ -357,6 +359,9 @@ def fields(
             show_default=False,
         ),
     ] = None,
+    report: Annotated[
+        bool, typer.Option("--report", help="Write an HTML page about the result beside it, too.")
+    ] = False,
     restart: Annotated[
         bool, typer.Option("--restart", help="Forget the finished frames of an interrupted run.")
     ] = False,
@@ -369,13 +374,20 @@ def fields(
         made.set("output", "units", units, flag=f"--units {units}")
     out = made.output(output, overwrite=overwrite, resume=not restart)
     started = time.perf_counter()
-    with kept_on_interrupt("the finished frames are kept: the same command continues"), progress_bar(quiet) as progress:
+    kept = kept_on_interrupt("the finished frames are kept: the same command continues")
+    with kept, progress_bar(quiet) as progress, heard() as warned:
         try:
             attributes = made.write(out, jobs=jobs, cluster=cluster, progress=progress, resume=not restart)
         except AtcError as e:
             raise AtcError(str(e).replace("start again without resuming", "start again with --restart")) from None
     if not quiet:
         _summary(attributes, out, time.perf_counter() - started, progress)
+    if report:
+        from ..analysis.page import report as write_page
+
+        path = write_page(out, warned=warned)
+        if not quiet:
+            print(f"report: {path}")
 
 
 @app.command()
@@ -709,6 +721,7 @@ for _module in (
     cli_advect,
     cli_init,
     cli_profile,
+    cli_report,
     cli_twin,
 ):
     _module.register(app)

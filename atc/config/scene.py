@@ -461,7 +461,7 @@ class Scene(Document):
         """What `atc.fields` takes as select, by and bonds; {} if the scene has none."""
         if "select" not in self.data:
             return {}
-        from ..selections import select
+        from ..estimators.selections import select
 
         table = dict(self.data["select"])
         out = {k: table.pop(k) for k in ("by", "bonds") if k in table}

@@ -182,13 +182,13 @@ def _velocities():
 
 
 def _parts():
-    from ..selections import BY
+    from ..estimators.selections import BY
 
     return BY
 
 
 def _bonds():
-    from ..selections import BONDS
+    from ..estimators.selections import BONDS
 
     return BONDS
 

@@ -14,8 +14,8 @@ from ..estimators import groups
 from ..estimators.chosen import require_choosable
 from ..estimators.methods import EXACT, Method, summary
 from ..estimators.registry import Work
+from ..estimators.selections import Parts, selection
 from ..estimators.settings import FrameResult, Settings
-from ..selections import Parts, selection
 from .request import Request
 
 

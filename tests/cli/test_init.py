@@ -1,4 +1,4 @@
-"""`atc init`: scenes that run as they are written."""
+"""`atc init` and `atc report`: scenes that run as they are written, and a page about the result."""
 
 import warnings
 
@@ -72,3 +72,15 @@ def test_plans_check_what_fields_check(folder, change):
             except AtcError as e:
                 told.append(str(e))
     assert told[0] and told[0] == told[1]
+
+
+def test_a_report_beside_the_fields(folder):
+    run("init", "run.dump", "in.run")
+    done = run("fields", "scene.toml", "--report", "--set", "grid.shape=[3,3,3]", "--set", "kernel.radius=5")
+    assert done.exit_code == 0, done.output
+    assert "report: run-fields.html" in done.output.replace(str(folder) + "/", "")
+    text = (folder / "run-fields.html").read_text()
+    assert "Hardy against virial" in text
+    done = run("report", "run-fields.nc", "-o", "x.html", "--units", "GPa")
+    assert done.exit_code == 0 and "GPa" in (folder / "x.html").read_text()
+    assert run("report", "run.dump").exit_code == 2

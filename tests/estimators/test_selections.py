@@ -11,10 +11,10 @@ from naive_fields import bond_sum, lj_bonds, site_sum
 import atc
 from atc.config.scene import Scene
 from atc.errors import AtcError
+from atc.estimators.selections import Parts
 from atc.planning.identity import identity
 from atc.planning.job import prepare
 from atc.planning.request import Request
-from atc.selections import Parts
 from atc.units import units
 
 LJ = "pair_style lj/cut 5.0\npair_coeff * * 0.0104 3.4"

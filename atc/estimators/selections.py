@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .errors import AtcError
+from ..errors import AtcError
 
 #: What tells parts apart.
 BY = ("type", "element", "molecule")
@@ -250,7 +250,7 @@ def _spans(given) -> tuple:
 
 
 def _region(words: str, box):
-    from .decomposers.lammps.regions import Trouble, parse_region
+    from ..decomposers.lammps.regions import Trouble, parse_region
 
     try:
         w = words.split()
