@@ -86,7 +86,7 @@ class Overlays:
         v = v / np.maximum(size, usual)[:, None]
         step = np.sqrt(np.prod(np.ptp(at, axis=0)) / max(len(at), 1))
         ax.quiver(*at[good].T, *v[good].T, angles="xy", scale_units="xy", scale=1.0 / (0.95 * step), pivot="mid",
-                  width=0.0035, color="k", alpha=0.85)  # fmt: skip
+                  width=0.0035, color="w", edgecolor="k", linewidth=0.5)  # fmt: skip
         self.notes.append(f"arrows: {symbol(name) or name}, the longest {usual:.3g} {unit}".strip())
 
     def _draw_lines(self, ax, middle, basis):

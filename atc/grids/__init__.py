@@ -12,8 +12,8 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from .errors import AtcError
-from .frame import Cell
+from ..errors import AtcError
+from ..frame import Cell
 
 _AXES = {"x": 0, "y": 1, "z": 2, "a": 0, "b": 1, "c": 2, 0: 0, 1: 1, 2: 2}
 
@@ -478,7 +478,7 @@ class Grid:
             return cell
         if isinstance(padding, str):
             raise AtcError('grid padding = "auto" is the reach of a kernel: give a length where there is none')
-        from .padding import extended, open_axes
+        from ..padding import extended, open_axes
 
         return extended(cell, open_axes(self.kind, self._.get("axis"), cell), padding * factor)
 
