@@ -329,6 +329,10 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "end": Key(_VECTOR, "a point, e.g. [0.0, 0.0, 50.0]"),
         "n": Key(_count, "a number of points, e.g. 100"),
         "bins": Key(_count, "a number of bins, e.g. 100"),
+        "center": Key(_list_of(_number, 3), "a point, e.g. [20.0, 20.0, 10.0]"),
+        "radius": Key(_positive, "a length greater than 0, e.g. 15.0"),
+        "inner": Key(_not_negative, "a length, the radius where the grid begins, e.g. 5.0"),
+        "length": Key(_positive, "a length greater than 0, along the axis, e.g. 40.0"),
         "points": Key(
             _either(_string, _list_of(_VECTOR)),
             "points [[x, y, z], ...] ([x, y] in two dimensions), or a file of three (two) columns",
@@ -425,6 +429,8 @@ GRIDS: dict[str, tuple[list, list]] = {
     "plane": ([("axis", "u"), ("shape", "spacing")], ["position", "origin", "v", "at", "padding"]),
     "line": (["start", "end", "n"], []),
     "slab": (["axis", "bins"], ["padding"]),
+    "cylindrical": (["radius", "shape"], ["center", "axis", "inner", "length"]),
+    "spherical": (["radius", "shape"], ["center", "axis", "inner"]),
     "points": (["points"], []),
     "atoms": ([], []),
 }

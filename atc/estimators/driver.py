@@ -12,6 +12,7 @@ from time import perf_counter
 
 import numpy as np
 
+from ..grids.curved import in_local_axes
 from . import passes, tiles
 from .accuracy.random_points import ZERO, extent_of, kernel_internal, ratio, without_nan
 from .accuracy.strongest_bonds import PointsAround, StrongestBonds, StrongestOfFrames, error_of, summed_exactly
@@ -404,6 +405,9 @@ def form(run: Run, sums: RunSums) -> FrameResult:
             within[q.name] = means.within(q) * float(units.to_user(q.dimension, 1.0)) ** 2
         if q.kind == "grid":
             shape = place_of(q, sums).bound.shape
+            basis = place_of(q, sums).bound.basis_gcc
+            if basis is not None:
+                arrays[q.name] = x = in_local_axes(x, basis, q.rank)
             arrays[q.name] = x.reshape(*shape, *x.shape[1:])
             if q.weight is not None:
                 w = sums.grid.site[q.weight][:, 0] if q in run.once else sums.fields.weight(q.name)

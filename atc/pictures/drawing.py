@@ -64,7 +64,8 @@ def _frame_text(ds, k) -> str:
 
 def label_of(da, comp, units) -> str:
     """Name, component and unit of a variable, for an axis."""
-    return label(str(da.name), comp, unit_text(units))
+    axes = tuple(str(v) for v in da.coords["i"].values) if "i" in da.coords and "i" in da.dims else ()
+    return label(str(da.name), comp, unit_text(units), () if axes == ("x", "y", "z") else axes)
 
 
 def kernel_title(ds, unit=unit_text) -> str:

@@ -18,7 +18,7 @@ from ..unit_words import converted, in_units, unit_of
 from . import components
 from .components import TENSOR
 from .drawing import STYLE, at_frame, colours, draw_map, figure, kernel_title, label_of, save, singular, wrapped
-from .geometry import STDERR, cut, fields_of, grid_dims, layout, rank
+from .geometry import STDERR, cut, fields_of, grid_dims, layout, over_angles, rank
 from .overlays import Overlays, legend
 from .symbols import symbol
 
@@ -84,6 +84,10 @@ def plot(
         return plot_nodes(
             ds, quantity, component=component, slice=slice, axis=axis, frame=frame, limits=limits, robust=robust
         )
+    axes = tuple(str(ds.attrs.get("axes", "")).split())
+    if axes:
+        ds = over_angles(ds)
+        component = _cartesian_names(component, axes)
     panels = []
     dimension = int(ds.attrs.get("dimension", 3))
     wanted = [q.strip() for q in quantity.split(",")] if quantity else [None]
@@ -118,6 +122,15 @@ def plot(
             values.append(v if c is None else components.component(v, c, dimension))
         over = Overlays(ds, place, selection, frame, dimension, arrows, streamlines, principal)
         return _maps(Figure, panels, values, place, title, limits, robust, atoms, over)
+
+
+def _cartesian_names(component, axes):
+    """Components along other axes (rr, rphi) by the names that they have as places in the arrays (xx, xy)."""
+    if component is None:
+        return None
+    named = {a + b: "xyz"[i] + "xyz"[j] for i, a in enumerate(axes) for j, b in enumerate(axes)}
+    named |= {a: "xyz"[i] for i, a in enumerate(axes)}
+    return ",".join(named.get(w.strip(), w.strip()) for w in component.split(","))
 
 
 def pick(ds, quantity):
@@ -216,13 +229,17 @@ def _profiles(Figure, ds, panels, place, title, limits, frame, dimension=3):
     for name, da, comp in panels:
         groups.setdefault(name, []).append((da, comp))
     fig, axs = figure(Figure, len(groups), 5.0, 3.1)
+    axes = tuple(str(ds.attrs.get("axes", "")).split())
     s, label = place.abscissa()
     for ax, (name, members) in zip(axs.flat, groups.items()):
         error, banded = _stderr(ds, name, frame), False
         for da, comp in members:
             v = da.values if comp is None else components.component(da.values, comp, dimension)
             (line,) = ax.plot(
-                s, v, label=None if comp is None else symbol(name, comp) or comp, marker="o" if len(s) == 1 else None
+                s,
+                v,
+                label=None if comp is None else symbol(name, comp, axes) or comp,
+                marker="o" if len(s) == 1 else None,
             )
             # the error of an invariant is not the invariant of the errors
             if error is not None and (comp is None or comp in TENSOR or comp in ("x", "y", "z")):

@@ -48,10 +48,23 @@ _SUBSCRIPTS = {
 _ALONE = ("vonmises", "hydrostatic", "pressure", "max_shear", "principal1", "principal2", "principal3")
 
 
-def symbol(name: str, comp: str | None = None) -> str | None:
-    """The field's letter with its component, as mathematics; None for fields that have none."""
+_GREEK = {"phi": r"\phi", "theta": r"\theta"}
+
+
+def in_axes(comp: str, axes) -> str:
+    """A component as it is called along other axes than x, y, z: xy is r phi along (r, phi, z)."""
+    letters = [_GREEK.get(axes["xyz".index(c)], axes["xyz".index(c)]) for c in comp]
+    return " ".join(letters) if any(w.startswith("\\") for w in letters) else "".join(letters)
+
+
+def symbol(name: str, comp: str | None = None, axes=()) -> str | None:
+    """The field's letter with its component, as mathematics; None for fields that have none. axes : what components
+    are along, if not x, y, z"""
     if name not in LETTERS:
         return None
+    if axes and comp is not None and (comp in TENSOR or comp in ("x", "y", "z")):
+        letter, above = LETTERS[name]
+        return f"${letter}{f'^{{{above}}}' if above else ''}_{{{in_axes(comp, axes)}}}$"
     letter, above = LETTERS[name]
     sup = f"^{{{above}}}" if above else ""
     if comp is None:
@@ -67,12 +80,18 @@ def symbol(name: str, comp: str | None = None) -> str | None:
     return f"${letter}{sup}_{{{_SUBSCRIPTS[comp]}}}$" if comp in _SUBSCRIPTS else None
 
 
-def label(name: str, comp: str | None, unit: str) -> str:
+def label(name: str, comp: str | None, unit: str, axes=()) -> str:
     """Of an axis, a panel or a colour bar: symbol and unit; words where the symbol alone would say too little."""
-    found, words = symbol(name, comp), name.replace("_", " ")
+    found, words = symbol(name, comp, axes), name.replace("_", " ")
     component = comp is not None and (comp in TENSOR or comp in ("x", "y", "z"))
     if found is None:
-        text = words if comp is None else f"{words}$_{{{comp}}}$" if component else f"{words}, {SYMBOL[comp]}"
+        text = (
+            words
+            if comp is None
+            else f"{words}$_{{{in_axes(comp, axes) if axes else comp}}}$"
+            if component
+            else f"{words}, {SYMBOL[comp]}"
+        )
     elif component:
         text = found
     elif comp in _ALONE:

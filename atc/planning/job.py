@@ -67,6 +67,12 @@ def prepare(request: Request | Job) -> Job:
         where = first if set(work.grid_users) - set(work.on_reference) or reference is None else reference
         grid = resolved(grid, request.kern, where)
         grid = grid.fixed(where.units, where.cell, where.positions)
+        for q in work.quantities if local_axes(grid) else ():
+            if q.kind != "grid" and q.rank:
+                raise AtcError(
+                    f"{q.name}: has components along x, y, z, and the fields on a {grid.kind} grid along "
+                    f"{', '.join(local_axes(grid))}: compute it in a scene of its own"
+                )
         if request.kern is not None and work.kernel_users:
             warn_of_open_faces(grid, kernel_internal(request.kern, first.units), where)
     if work.bond_users and pot is not None:
@@ -96,6 +102,13 @@ def prepare(request: Request | Job) -> Job:
         select=chosen,
     )
     return Job(resolved, frames, first, work, parts)
+
+
+def local_axes(grid) -> tuple[str, ...]:
+    """The axes that components on a grid are along, if not x, y, z."""
+    from ..grids import Grid
+
+    return grid.local_axes if isinstance(grid, Grid) else ()
 
 
 def _velocity(request: Request) -> dict:

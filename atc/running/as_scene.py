@@ -103,7 +103,8 @@ def _grid(grid, units) -> dict:
         if len(p["xyz"]) > _MOST_POINTS:
             return {"kind": "points", "#": f"{len(p['xyz'])} points: see the coordinates"}
         return {"kind": "points", "points": p["xyz"]}
-    for key in ("shape", "spacing", "axis", "position", "origin", "u", "v", "start", "end", "n", "bins", "padding"):
+    for key in ("shape", "spacing", "axis", "position", "origin", "u", "v", "start", "end", "n", "bins", "padding",
+                "center", "radius", "inner", "length"):  # fmt: skip
         if p.get(key) is not None:
             table[key] = "xyz"[p[key]] if key == "axis" else p[key]
     if grid.kind == "regular" and "shape" in table and table["shape"][-1] <= 0:

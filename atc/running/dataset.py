@@ -9,7 +9,7 @@ import numpy as np
 from ..estimators.columns import is_column, label
 from ..estimators.registry import hidden
 from ..estimators.settings import FrameResult
-from ..planning.job import Job
+from ..planning.job import Job, local_axes
 from .as_scene import scene_of
 from .output import Layout, Variable
 from .thermal import described
@@ -46,7 +46,10 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
 
     work, u = job.work, frame.units
     bound = result.bound
-    letters = np.array(["x", "y", "z"])
+    letters = cartesian = np.array(["x", "y", "z"])
+    axes = local_axes(job.request.grid)
+    if axes:
+        letters = np.array(axes)
     grid_dims = tuple(bound.dims) if bound is not None else ()
     f8, i8 = np.dtype(np.float64), np.dtype(np.int64)
     variables: list[Variable] = []
@@ -67,8 +70,11 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
     )
     moving("step", (), (), i8, True, long_name=f"time step of the {first_of} (-1: unknown)")
     moving("time", (), (), f8, True, units=u.label("time"), long_name=f"time of the {first_of}")
-    moving("cell", ("edge", "i"), (3, 3), f8, True, units=u.label("length"), long_name="edge vectors of the cell")
-    moving("cell_origin", ("i",), (3,), f8, True, units=u.label("length"), long_name="origin of the cell")
+    xyz = "cartesian" if axes else "i"
+    if axes:
+        static(xyz, (xyz,), cartesian, long_name="direction of the cell's vectors")
+    moving("cell", ("edge", xyz), (3, 3), f8, True, units=u.label("length"), long_name="edge vectors of the cell")
+    moving("cell_origin", (xyz,), (3,), f8, True, units=u.label("length"), long_name="origin of the cell")
     static("i", ("i",), letters, long_name="direction of a vector; first index of a tensor")
     if any(q.rank == 2 for q in work.quantities):
         static("j", ("j",), letters, long_name="second index of a tensor")
@@ -182,6 +188,8 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
         attrs["selected_atoms"] = job.request.select.describe()
     if (job.request.select is not None or apart) and work.bond_users:
         attrs["selected_bonds"] = _BONDS[job.request.bonds] if job.request.select is not None else _BONDS["half"]
+    if axes:
+        attrs["axes"] = " ".join(axes)
     attrs["dimension"] = u.dimension
     attrs["periodic"] = "".join("p" if p else "f" for p in frame.cell.periodic[: u.dimension])
     attrs["scene"] = str(job.request.scene) if job.request.scene else scene_of(job)

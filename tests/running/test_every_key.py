@@ -34,6 +34,7 @@ BOX = {
 }
 DATA = {**BASE["trajectory"], "topology": "run.data", "atom_style": "molecular"}
 OF_BOX = {"potential": {"lammps": LJ}, "fields": {"quantities": ["virial_stress"]}}
+PORE = {"kind": "cylindrical", "radius": 5.0, "shape": [2, 3, 2], "center": [8.0, 8.0, 8.0]}
 TABLE = [[0.0, 1.0], [2.5, 0.5], [5.0, 0.0]]
 
 
@@ -96,6 +97,10 @@ CHANGES = {
     "grid.end": ({"grid": LINE}, [16.2, 0.0, 0.5]),
     "grid.n": ({"grid": LINE}, 5),
     "grid.bins": ({"grid": SLAB}, 5),
+    "grid.center": ({"grid": PORE}, [8.0, 8.0, 8.5]),
+    "grid.radius": ({"grid": PORE}, 5.5),
+    "grid.inner": ({"grid": {**PORE, "inner": 1.0}}, 1.5),
+    "grid.length": ({"grid": {**PORE, "length": 8.0}}, 9.0),
     "grid.points": ({"grid": {"kind": "points", "points": [[1.0, 2.0, 3.0]]}}, [[1.0, 2.0, 3.1]]),
     "select.types": ({"select": {"types": [1]}}, [1, 2]),
     "select.ids": ({"select": {"ids": "1:9"}}, "1:8"),
@@ -223,7 +228,8 @@ def test_every_key_is_spoken_of():
             "output.file",
         }
     )
-    assert {"plane", "line", "slab", "points", "atoms", "regular"} == set(GRIDS)
+    kinds = {"plane", "line", "slab", "points", "atoms", "regular", "cylindrical", "spherical"}
+    assert kinds == set(GRIDS)
 
 
 @pytest.mark.parametrize("key", CHANGES)
