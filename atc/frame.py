@@ -193,7 +193,8 @@ class Frame:
     groups : (n,) int or None, bits that say in which groups of a LAMMPS script an atom is (those that leave out pairs)
     given : {attribute: file} for "types", "charges", "masses", "topology" that are not the source's own but from a data
         file beside it; "assumed" for
-        types and "boundary" that nothing says, "order" for "ids" that are places in the file
+        types and "boundary" that nothing says, "order" for "ids" that are places in the file; "none" for a "cell" that
+        there is none of, "declared" for what the user said
     """
 
     positions: np.ndarray
@@ -243,6 +244,8 @@ class Frame:
                     "it has probably blown up"
                 )
         if not self.cell.complete:
+            if not self.cell.vectors.any():
+                self.given = {**self.given, "cell": "none"}
             self.cell = self.cell.completed(self.positions)
 
     def __len__(self):

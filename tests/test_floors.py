@@ -15,7 +15,7 @@ ROOT = Path(atc.__file__).parent
 #: From the ground up. A name is a room, or one file where that stands on another floor than its room.
 FLOORS = [
     {"errors", "terminal"},
-    {"contracts", "units", "compiled", "running.sealed"},
+    {"contracts", "units", "unit_words", "compiled", "running.sealed"},
     {"frame", "simd"},
     {"padding"},
     {"bonds", "grids", "planar"},

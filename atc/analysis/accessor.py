@@ -106,6 +106,12 @@ class DatasetAccessor(_Scalars):
 
         return self._ds[pick(self._ds, quantity)], int(self._ds.attrs.get("dimension", 3))
 
+    def in_units(self, units: str):
+        """The dataset in other units where one of them is of a variable's dimension: ``"GPa, nm"``, or a preset."""
+        from ..unit_words import in_units
+
+        return in_units(self._ds, units)
+
     def plot(self, quantity: str | None = None, **options):
         """A picture (matplotlib.figure.Figure), as `atc plot` draws it; see `atc.pictures.plotting.plot`."""
         from ..pictures.plotting import plot

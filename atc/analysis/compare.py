@@ -170,7 +170,7 @@ def _plain(v):
 # --------------------------------------------------------------------------------------------------------------------
 
 
-def compare(ds, *, frame=None) -> Comparison:
+def compare(ds, *, frame=None, species=None, units=None) -> Comparison:
     """Compare Hardy's stress with the virial stress in an output of `atc.fields`.
 
     Parameters
@@ -180,6 +180,8 @@ def compare(ds, *, frame=None) -> Comparison:
         or ``smoothed_virial_stress`` (for profiles and pointwise differences), or both
     frame : index of one entry of the output; default: the mean over all, where a frame without mass at a point counts
         as zero stress there
+    species : which of the species, or molecules, that the fields are taken apart by
+    units : to compare in, e.g. ``"GPa, nm"`` or a preset, see `atc.fields`
 
     Returns
     -------
@@ -199,10 +201,12 @@ def compare(ds, *, frame=None) -> Comparison:
 
     from ..pictures.drawing import kernel_title
     from ..pictures.geometry import points_of_grid
-    from ..running.output import load
+    from ..running.output import load, of_species
+    from ..unit_words import in_units
 
     name = "output" if isinstance(ds, xr.Dataset) else str(ds)
-    ds = load(ds)
+    ds = of_species(load(ds), species)
+    ds = ds if units is None else in_units(ds, units)
     hardy_name = next((n for n in STRESSES if n in ds), None)
     if hardy_name is None:
         raise AtcError(
@@ -236,7 +240,8 @@ def compare(ds, *, frame=None) -> Comparison:
     scale = float(np.nanmax(np.abs(hardy), initial=0.0)) or 1.0
     single = entries[0] if len(entries) == 1 else None
     _box_averages(out, ds, boxes, place, single)
-    _pointwise(out, ds, mean, hardy_name, place, single, scale)
+    column = _column_stress(out, ds, entries, place)
+    _pointwise(out, ds, mean, hardy_name, place, single, scale, column)
     _accuracy(out, ds)
     return out
 
@@ -349,7 +354,44 @@ def _box_averages(out, ds, boxes, place, single):
         )
 
 
-def _pointwise(out, ds, mean, hardy_name, place, single, scale):
+def _column_stress(out, ds, entries, place):
+    """(name, (…, 3, 3) array): the smoothed stress/atom that the run wrote itself, six columns of the dump as
+    densities, in the units of the stress; None where there is none, or it is not known what it is in.
+
+    A density of stress times volume is a stress: no volume of an atom is needed. LAMMPS's stress/atom is tension
+    positive, components xx, yy, zz, xy, xz, yz.
+    """
+    import re
+
+    from ..unit_words import NotAUnit, unit_of
+
+    bases = {m.group(1) for n in ds.data_vars if (m := re.fullmatch(r"column:(.+)\[1\]", str(n)))}
+    for base in sorted(bases):
+        names = [f"column:{base}[{k}]" for k in range(1, 7)]
+        if not all(n in ds for n in names):
+            continue
+        text = str(ds[names[0]].attrs.get("units", ""))
+        try:
+            have, want = unit_of(text), unit_of(out.units)
+            factor = have.size / want.size if have.powers == want.powers else None
+        except NotAUnit:
+            factor = 1.0 if text == out.units else None
+        if factor is None:
+            out.notes.append(
+                f"{base} is in {text}, which is no stress: if it is stress/atom, say so, e.g. column_units = "
+                f'{{ "{base}[1]" = "{out.units}*angstrom^3", ... }} in [fields], and it is compared, too'
+            )
+            continue
+        x = []
+        for n in names:
+            da = ds[n].isel(frame=entries).mean("frame") if "frame" in ds[n].dims else ds[n]
+            x.append(factor * da.transpose(*place.dims).values)
+        tensor = np.stack(x, -1)[..., [0, 3, 4, 3, 1, 5, 4, 5, 2]].reshape(*x[0].shape, 3, 3)
+        return base, tensor
+    return None
+
+
+def _pointwise(out, ds, mean, hardy_name, place, single, scale, column=None):
     from ..pictures.components import component
 
     part = hardy_name.removeprefix("stress")
@@ -361,6 +403,11 @@ def _pointwise(out, ds, mean, hardy_name, place, single, scale):
         return
     h, v = mean[hardy_name], mean[name]
     dims = (*place.dims, "i", "j")
+    out.data["hardy"], out.data["virial"] = (dims, h, {"units": out.units}), (dims, v, {"units": out.units})
+    if column is not None:
+        out.attrs["column"] = column[0]
+        out.data["column"] = (dims, column[1], {"units": out.units, "long_name": f"smoothed {column[0]}"})
+        _of_column(out, column, h, v, scale)
     out.data["difference"] = (
         dims,
         h - v,
@@ -390,10 +437,32 @@ def _pointwise(out, ds, mean, hardy_name, place, single, scale):
             if ok.any():
                 row["rms in std. errors"] = float(np.sqrt(((d[ok] / e[ok]) ** 2).mean()))
         out.rows.append(row)
-    _profiles(out, h, v, place, scale)
+    _profiles(out, h, v, place, scale, None if column is None else column[1])
 
 
-def _profiles(out, hardy, virial, place, scale):
+def _of_column(out, column, hardy, virial, scale) -> None:
+    """How the run's own smoothed stress differs from both; the sign trap is told."""
+    from ..pictures.components import component
+
+    name, tensor = column
+    for title, other in ((f"pointwise, {name} - smoothed virial", virial), (f"pointwise, {name} - Hardy", hardy)):
+        for c in _shown(out.dimension):
+            d = component(tensor, c, out.dimension) - component(other, c, out.dimension)
+            good = np.isfinite(d)
+            if good.any():
+                rms, largest = float(np.sqrt((d[good] ** 2).mean())), float(np.abs(d[good]).max())
+                row = {"section": title, "name": c, "rms": rms, "max": largest}
+                out.rows.append({**row, "relative rms": rms / scale, "relative max": largest / scale})
+    good = np.isfinite(virial)
+    a, b = tensor[good], virial[good]
+    if a.size and float(a @ b) < -0.5 * float(np.linalg.norm(a) * np.linalg.norm(b)):
+        out.notes.append(
+            f"{name} has the opposite sign of the stress: it is a pressure (compression positive), where stress/atom "
+            "of LAMMPS is tension positive"
+        )
+
+
+def _profiles(out, hardy, virial, place, scale, column=None):
     """Means over the other axes, empty space counted as empty, so that a profile times the area is a force."""
     from ..pictures.components import component
 
@@ -407,6 +476,8 @@ def _profiles(out, hardy, virial, place, scale):
         attrs = {"units": out.units}
         out.data[f"profile_{dim}_hardy"] = ((dim, "i", "j"), a, attrs)
         out.data[f"profile_{dim}_virial"] = ((dim, "i", "j"), b, attrs)
+        if column is not None:
+            out.data[f"profile_{dim}_column"] = ((dim, "i", "j"), np.nan_to_num(column).mean(axis=others), attrs)
         s, text = place.abscissa(k)
         out.data[f"profile_{dim}_position"] = ((dim,), s, {"units": place.unit, "label": text})
         for c in ("hydrostatic", "vonmises", "any component"):

@@ -177,6 +177,7 @@ def _profile(traj, pot, kern, grid, interfaces, flow, boundary, *, progress=None
     frames, pot = matched(frames if isinstance(frames, Trajectory) else FrameList(frames), pot)
     sums = SpeciesSums(pot, kern, grid)
     frames = Seen(frames, sums)
+    how = {**how, "velocity": "local"}  # it is taken back below
     ds = fields(frames, pot, kern, grid, _asked(pot is not None), average=False, progress=progress, **how).load()
     u = frames[0].units
     axis = "xyz"[grid._["axis"]]

@@ -76,6 +76,7 @@ class CaseFields:
                 scene.kernel(),
                 scene.grid(),
                 reference=reference_frame(sim),
+                velocity="local",
                 threads=self.threads or cpus(),
                 scene=self.case.to_toml(),
                 **given,

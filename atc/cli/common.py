@@ -92,13 +92,94 @@ def write_result(result, dataset, picture, tell: bool) -> None:
                 print(f"{what}: {path}")
 
 
-def load_scene(path, settings, begin=None, end=None, step=None, quiet=True):
-    """The scene with the flags' overrides on top."""
+Select = Annotated[
+    str | None,
+    typer.Option(
+        "--select",
+        metavar="WORDS",
+        help='Only of some atoms, in words of MDAnalysis, e.g. "type 1 2"; more ways: [select] in the scene.',
+        show_default=False,
+    ),
+]
+By = Annotated[
+    str | None,
+    typer.Option("--by", metavar="WHAT", help="Take fields apart: type, element or molecule.", show_default=False),
+]
+Ends = Annotated[
+    str | None,
+    typer.Option(
+        "--bonds",
+        metavar="WHICH",
+        help="With selected atoms, which bonds count by their ends: half (default), both, one, any.",
+        show_default=False,
+    ),
+]
+
+
+PublishedUnits = Annotated[
+    str | None,
+    typer.Option(
+        "--units",
+        metavar="LIST",
+        help='In these units, e.g. "GPa, nm", or a preset: metal-gpa, nm-gpa, si.',
+        show_default=False,
+    ),
+]
+Species = Annotated[
+    str | None,
+    typer.Option(
+        "--species", metavar="NAME", help="Of fields taken apart, whose (see --by of atc fields).", show_default=False
+    ),
+]
+
+
+@contextlib.contextmanager
+def heard():
+    """The sentences of all warnings of atc in the meantime, which are shown as ever."""
+    import warnings
+
+    from ..errors import AtcWarning
+
+    said: list[str] = []
+    show = warnings.showwarning
+
+    def listen(message, category, *more, **named):
+        if issubclass(category, AtcWarning):
+            said.append(str(message))
+        show(message, category, *more, **named)
+
+    warnings.showwarning = listen
+    try:
+        yield said
+    finally:
+        warnings.showwarning = show
+
+
+def select_atoms(scene, select, by, bonds):
+    """The scene with what the flags say of atoms."""
+    for key, value, flag in (("atoms", select, "--select"), ("by", by, "--by"), ("bonds", bonds, "--bonds")):
+        if value is not None:
+            scene.set("select", key, value, flag=f"{flag} {value}")
+    return scene
+
+
+def load_scene(path, settings, begin=None, end=None, step=None, selects=False):
+    """The scene with the flags' overrides on top. `selects`: whether the command knows what to do with [select]."""
     from ..config.scene import Scene
 
     overrides: list[Any] = list(settings or [])
     flags = {k: v for k, v in (("begin", begin), ("end", end), ("step", step)) if v is not None}
     scene = Scene.load(path, overrides)
+    if "select" in scene.data and not selects:
+        import warnings
+
+        from ..errors import AtcWarning
+
+        warnings.warn(
+            f"{scene.where('select')}: [select] is for atc fields: this command takes all atoms",
+            AtcWarning,
+            stacklevel=2,
+        )
     if flags:
         frames = scene.get("trajectory", "frames")
         if frames is not None:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from ..errors import AtcError
-from .common import Begin, End, Jobs, Quiet, Set, Step, console, load_scene, progress_bar
+from .common import Begin, End, Jobs, PublishedUnits, Quiet, Set, Species, Step, console, load_scene, progress_bar
 
 
 def register(app: typer.Typer) -> None:
@@ -58,6 +58,8 @@ def compare(
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="The table as JSON.")] = False,
     csv: Annotated[bool, typer.Option("--csv", help="The table as CSV.")] = False,
+    species: Species = None,
+    units: PublishedUnits = None,
     quiet: Quiet = False,
 ) -> None:
     """Hardy's stress against the virial stress, or fields against LAMMPS's own averages: a table and a picture."""
@@ -71,7 +73,7 @@ def compare(
     if radii is not None:
         if len(what) != 1:
             raise AtcError("--radii goes with one scene: atc compare SCENE --radii 4,6,8")
-        made = load_scene(what[0], set, begin, end, step)
+        made = load_scene(what[0], set, begin, end, step, selects=True)
         with progress_bar(quiet or json or csv) as progress:
             results = [compare_radii(made, _parse_radii(radii), jobs=jobs, progress=progress)]
         target = what[0]
@@ -89,7 +91,7 @@ def compare(
         elif column:
             raise AtcError("--column goes with an output and a file of LAMMPS: atc compare OUT FILE --column ...")
         else:
-            results = [compare_output(path) for path in what]
+            results = [compare_output(path, species=species, units=units) for path in what]
         if len(results) > 1:
             results = [side_by_side(results)]
         target = what[0]

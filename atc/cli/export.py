@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from ..errors import AtcError
-from .common import Begin, End, Step
+from .common import Begin, End, Species, Step
 
 
 def register(app: typer.Typer) -> None:
@@ -41,6 +41,7 @@ def export(
     begin: Begin = None,
     end: End = None,
     step: Step = None,
+    species: Species = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="Do not print the file's name.")] = False,
 ) -> None:
     """Write an output for ParaView (VTK), OVITO (.grid: LAMMPS's dump grid) or as extended XYZ."""
@@ -49,6 +50,6 @@ def export(
     if step is not None and step < 1:
         raise AtcError(f"--step {step}: expected a whole number, 1 or more")
     names = [q.strip() for q in quantity.split(",")] if quantity else None
-    path = write(out, output, quantities=names, frames=slice(begin, end, step))
+    path = write(out, output, quantities=names, frames=slice(begin, end, step), species=species)
     if not quiet:
         print(path)

@@ -10,19 +10,25 @@ import typer
 from ..errors import AtcError
 from .common import (
     Begin,
+    By,
     End,
+    Ends,
     Jobs,
     Output,
     Overwrite,
     Progress,
+    PublishedUnits,
     Quiet,
     SceneFile,
+    Select,
     Set,
     Step,
     duration,
+    heard,
     kept_on_interrupt,
     load_scene,
     progress_bar,
+    select_atoms,
 )
 
 
@@ -39,6 +45,10 @@ def fields(
     end: End = None,
     step: Step = None,
     jobs: Jobs = 1,
+    select: Select = None,
+    by: By = None,
+    bonds: Ends = None,
+    units: PublishedUnits = None,
     cluster: Annotated[
         str | None,
         typer.Option(
@@ -48,6 +58,9 @@ def fields(
             show_default=False,
         ),
     ] = None,
+    report: Annotated[
+        bool, typer.Option("--report", help="Write an HTML page about the result beside it, too.")
+    ] = False,
     restart: Annotated[
         bool, typer.Option("--restart", help="Forget the finished frames of an interrupted run.")
     ] = False,
@@ -55,16 +68,25 @@ def fields(
     quiet: Quiet = False,
 ) -> None:
     """Compute the fields of a scene, frame by frame, into a file. After an interruption the same command continues."""
-    made = load_scene(scene, set, begin, end, step)
+    made = select_atoms(load_scene(scene, set, begin, end, step, selects=True), select, by, bonds)
+    if units is not None:
+        made.set("output", "units", units, flag=f"--units {units}")
     out = made.output(output, overwrite=overwrite, resume=not restart)
     started = time.perf_counter()
-    with kept_on_interrupt("the finished frames are kept: the same command continues"), progress_bar(quiet) as progress:
+    kept = kept_on_interrupt("the finished frames are kept: the same command continues")
+    with kept, progress_bar(quiet) as progress, heard() as warned:
         try:
             attributes = made.write(out, jobs=jobs, cluster=cluster, progress=progress, resume=not restart)
         except AtcError as e:
             raise AtcError(str(e).replace("start again without resuming", "start again with --restart")) from None
     if not quiet:
         _summary(attributes, out, time.perf_counter() - started, progress)
+    if report:
+        from ..analysis.page import report as write_page
+
+        path = write_page(out, warned=warned)
+        if not quiet:
+            print(f"report: {path}")
 
 
 def _summary(attributes: dict, out, seconds: float, progress: Progress) -> None:

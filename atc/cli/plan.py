@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import warnings
+
 import typer
 
-from .common import Begin, End, Jobs, SceneFile, Set, Step, load_scene
+from ..errors import AtcError, AtcWarning
+from .common import Begin, By, End, Ends, Jobs, SceneFile, Select, Set, Step, load_scene, select_atoms
 
 
 def register(app: typer.Typer) -> None:
@@ -13,8 +16,22 @@ def register(app: typer.Typer) -> None:
 
 
 def plan(
-    scene: SceneFile, set: Set = None, begin: Begin = None, end: End = None, step: Step = None, jobs: Jobs = 1
+    scene: SceneFile,
+    set: Set = None,
+    begin: Begin = None,
+    end: End = None,
+    step: Step = None,
+    jobs: Jobs = 1,
+    select: Select = None,
+    by: By = None,
+    bonds: Ends = None,
 ) -> None:
     """What would be computed, by which method and why; predicted time, memory and error."""
-    made = load_scene(scene, set, begin, end, step)
-    print(made.plan(jobs=jobs))
+    made = select_atoms(load_scene(scene, set, begin, end, step, selects=True), select, by, bonds)
+    plan = made.plan(jobs=jobs)
+    if made.get("output", "file") is not None:
+        try:
+            made.output(resume=True)
+        except AtcError as e:
+            warnings.warn(str(e), AtcWarning, stacklevel=2)
+    print(plan)

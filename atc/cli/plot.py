@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from ..errors import AtcError
+from .common import PublishedUnits, Species
 
 
 def register(app: typer.Typer) -> None:
@@ -62,7 +63,29 @@ def plot(
     limits: Annotated[
         str | None, typer.Option("--limits", metavar="LO,HI", help="Limits of the colour scale.", show_default=False)
     ] = None,
-    robust: Annotated[bool, typer.Option("--robust", help="Limits at the 2nd and 98th percentile.")] = False,
+    robust: Annotated[
+        bool | None,
+        typer.Option(
+            "--robust/--full",
+            help="Limits at the 2nd and 98th percentile, or at the extremes; default: robust where a few points are "
+            "far beyond all others.",
+            show_default=False,
+        ),
+    ] = None,
+    arrows: Annotated[
+        str | None,
+        typer.Option("--arrows", metavar="NAME", help="Draw a vector field over the map.", show_default=False),
+    ] = None,
+    streamlines: Annotated[
+        str | None,
+        typer.Option("--streamlines", metavar="NAME", help="The same as streamlines.", show_default=False),
+    ] = None,
+    principal: Annotated[
+        str | None,
+        typer.Option(
+            "--principal", metavar="NAME", help="Draw principal stresses in the plane as crosses.", show_default=False
+        ),
+    ] = None,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -82,6 +105,8 @@ def plot(
             show_default=False,
         ),
     ] = None,
+    species: Species = None,
+    units: PublishedUnits = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="Do not print the picture's name.")] = False,
 ) -> None:
     """Draw a slice, plane or profile of a field."""
@@ -99,6 +124,11 @@ def plot(
         limits=_parse_limits(limits),
         robust=robust,
         output=output,
+        species=species,
+        units=units,
+        arrows=arrows,
+        streamlines=streamlines,
+        principal=principal,
         overlay=None if overlay is None else Scene.load(overlay).trajectory(),
     )
     if not quiet:

@@ -1,9 +1,9 @@
 """Scenes: the TOML file in which a person says what to compute.
 
-A scene has the sections ``[trajectory]``, ``[potential]``, ``[kernel]``, ``[grid]``, ``[fields]``, ``[check]``,
-``[dispersion]``, ``[twin]`` and ``[output]``. Everything in it is checked before anything is computed; every complaint
-names the file and the line (or the ``--set`` flag) and says what was expected. Paths are relative to the scene file,
-lengths in the trajectory's unit style.
+A scene has the sections ``[trajectory]``, ``[potential]``, ``[kernel]``, ``[grid]``, ``[select]``, ``[fields]``,
+``[check]``, ``[dispersion]``, ``[twin]`` and ``[output]``. Everything in it is checked before anything is computed;
+every complaint names the file and the line (or the ``--set`` flag) and says what was expected. Paths are relative to
+the scene file, lengths in the trajectory's unit style.
 """
 
 from __future__ import annotations
@@ -133,6 +133,8 @@ class Scene(Document):
             raise self.need("trajectory", 'it needs file, the trajectory to read, e.g. file = "run.dump"')
         self._check_grid()
         self._check_potential()
+        self._check_trajectory()
+        self.selection()
         for q in self.get("fields", "quantities", []):
             if q.startswith("column:"):
                 self._check_column(q)
@@ -145,6 +147,16 @@ class Scene(Document):
                 self.kernel()
         elif "kernel" in self.data:
             raise self.need("kernel", f"[kernel] needs name, one of {', '.join(_kernel_names())}")
+
+    def _check_trajectory(self):
+        from ..readers.declared import cell_of, periodic_of
+
+        for key, check in (("cell", lambda v: cell_of(v, 1.0)), ("pbc", periodic_of)):
+            if self.get("trajectory", key) is not None:
+                try:
+                    check(self.get("trajectory", key))
+                except AtcError as e:
+                    raise self._bad("trajectory", key, str(e)) from None
 
     def _check_name(self, section, key, word, known):
         if known and word not in known:
@@ -260,7 +272,12 @@ class Scene(Document):
             if not hasattr(self, "_stream"):
                 self._stream = self._read(self._files(), "file")
             return self._stream
-        return completed(self._read(self._files(), "file"), self._script())
+        traj, script = self._read(self._files(), "file"), self._script()
+        if script is not None and script.timestep is not None and self.get("trajectory", "timestep") is None:
+            from ..readers.declared import Declared
+
+            traj = Declared(traj, timestep=traj.units.to_user("time", script.timestep))
+        return completed(traj, script)
 
     @property
     def _streams(self) -> bool:
@@ -306,18 +323,22 @@ class Scene(Document):
         """The trajectory; where neither it nor the scene says its units or atom style, those of the script that made
         it."""
         units, masses = self.get("trajectory", "units"), self.get("trajectory", "masses")
-        more = {k: self.get("trajectory", k) for k in ("dimension", "atom_style")}
+        more = {k: self.get("trajectory", k) for k in ("dimension", "atom_style", "cell", "pbc", "timestep")}
         try:
             return read(path, topology=topology, units=units, masses=masses, **more)
         except AtcError as e:
-            pot = self._script() if units is None or more["atom_style"] is None else None
+            pot = self._script()
             if pot is None:
                 raise
             more["atom_style"] = more["atom_style"] or pot.atom_style or None
             try:
                 return read(path, topology=topology, units=units or pot.units.name, masses=masses, **more)
-            except AtcError:
-                raise e from None
+            except AtcError as again:
+                data = pot.setup.data_files if pot.setup is not None else []
+                # Plain XYZ of a run whose box is in the script's data file.
+                if "give it as cell" not in str(again) or len(data) != 1 or not data[0].is_file():
+                    raise e from None
+                return read(path, topology=data[0], units=units or pot.units.name, masses=masses, **more)
 
     def _script(self):
         """The potential of the scene's LAMMPS script, None if it has none."""
@@ -463,6 +484,23 @@ class Scene(Document):
         except AtcError as e:
             raise self._placed_error("grid", list(self.data["grid"]), e) from None
 
+    def selection(self) -> dict:
+        """What `atc.fields` takes as select, by and bonds; {} if the scene has none."""
+        if "select" not in self.data:
+            return {}
+        from ..estimators.selections import select
+
+        table = dict(self.data["select"])
+        out: dict = {k: table.pop(k) for k in ("by", "bonds") if k in table}
+        try:
+            if table:
+                out["select"] = select(**table)
+            elif "bonds" in out:
+                raise AtcError("bonds: whose ends? say which atoms: types, elements, ids, molecules, region or atoms")
+        except AtcError as e:
+            raise self._placed_error("select", list(self.data["select"]), e) from None
+        return out
+
     def output(self, given=None, overwrite: bool = False, resume: bool = False) -> Path:
         """The file to write: `given`, else the scene's ``[output] file``. Whether it can be written is found out here,
         before anything is computed; with `resume` it may be that of a run which only has to clear away."""
@@ -492,7 +530,7 @@ class Scene(Document):
         parallel = jobs > 1 and not self._streams and len(traj) >= jobs
         given = {
             k: self.get("fields", k)
-            for k in ("quantities", "tolerance", "average", "horizon", "tiles", "column_units")
+            for k in ("quantities", "tolerance", "average", "horizon", "tiles", "column_units", "velocity")
             if self.get("fields", k) is not None
         }
         pot, kern, grid = self.potential(), self.kernel(), self.grid()
@@ -510,6 +548,8 @@ class Scene(Document):
             "workers": jobs if parallel else 1,
             "forces": self.get("trajectory", "forces", "warn"),
             "log": self.log(),
+            **self.selection(),
+            "output_units": self.get("output", "units"),
             **given,
         }
 

@@ -165,6 +165,17 @@ def _atom_style(v):
         raise ValueError from None
 
 
+def _output_units(v):
+    from ..errors import AtcError
+    from ..unit_words import wanted_units
+
+    try:
+        wanted_units(_string(v))
+    except AtcError as e:
+        raise ValueError(str(e)) from None
+    return v
+
+
 def _unit_names():
     from ..units import _SYSTEMS
 
@@ -181,6 +192,24 @@ def _constraint_sources():
     from ..decomposers.constraints import SOURCES
 
     return list(SOURCES)
+
+
+def _velocities():
+    from ..planning.request import VELOCITIES
+
+    return VELOCITIES
+
+
+def _parts():
+    from ..estimators.selections import BY
+
+    return BY
+
+
+def _bonds():
+    from ..estimators.selections import BONDS
+
+    return BONDS
 
 
 def _structure_names():
@@ -265,6 +294,17 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "atom_style": Key(_atom_style, 'the atom_style of the LAMMPS run, e.g. "full" or "hybrid sphere molecular"'),
         "units": Key(_choice(_unit_names), 'a unit style, e.g. "metal"'),
         "masses": Key(_masses, "a mass for each type, e.g. { 1 = 28.0855 } or [28.0855]"),
+        "cell": Key(
+            _either(_list_of(_positive, 3), _list_of(_list_of(_number, 3), 3), _list_of(_list_of(_number, 2), 3)),
+            "the cell of files that have none: three lengths, edge vectors or pairs [lo, hi], e.g. [20.0, 20.0, 40.0]",
+        ),
+        "pbc": Key(
+            _either(_string, _boolean, _list_of(_boolean, 3)),
+            'which axes repeat, where the file does not say it, e.g. "ppf" or [true, true, false]',
+        ),
+        "timestep": Key(
+            _positive, "the time of one step in the trajectory's units, for files with steps and no times, e.g. 0.001"
+        ),
         "dimension": Key(_dimension, "2 (a run in the plane, LAMMPS's dimension 2) or 3"),
         "frames": Key(_frames, 'frames counted from 0, e.g. "100:500:5", { begin = 100, end = 500, step = 5 } or -1'),
         "reference": Key(
@@ -368,11 +408,27 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "end": Key(_VECTOR, "a point, e.g. [0.0, 0.0, 50.0]"),
         "n": Key(_count, "a number of points, e.g. 100"),
         "bins": Key(_count, "a number of bins, e.g. 100"),
+        "center": Key(_list_of(_number, 3), "a point, e.g. [20.0, 20.0, 10.0]"),
+        "radius": Key(_positive, "a length greater than 0, e.g. 15.0"),
+        "inner": Key(_not_negative, "a length, the radius where the grid begins, e.g. 5.0"),
+        "length": Key(_positive, "a length greater than 0, along the axis, e.g. 40.0"),
         "points": Key(
             _either(_string, _list_of(_VECTOR)),
             "points [[x, y, z], ...] ([x, y] in two dimensions), or a file of three (two) columns",
             path=True,
         ),
+    },
+    "select": {
+        "atoms": Key(_string, 'a selection of MDAnalysis, e.g. "type 1 2" or "name OW and prop z < 20"'),
+        "types": Key(_either(_count, _list_of(_count)), "atom types, e.g. [1, 2]"),
+        "elements": Key(_either(_string, _list_of(_string)), 'names of types in the trajectory, e.g. ["O", "H"]'),
+        "ids": Key(_either(_count, _string, _list_of(_either(_count, _string))), 'atom ids or spans, e.g. "1:100"'),
+        "molecules": Key(_either(_integer, _list_of(_integer)), "molecule numbers, e.g. [1, 2]"),
+        "region": Key(_string, 'words of a LAMMPS region, e.g. "block 0 10 INF INF 0 5"'),
+        "invert": Key(_boolean, "true (all atoms but these) or false"),
+        "fixed": Key(_boolean, "true (those that the first frame has of these) or false (each frame is asked anew)"),
+        "by": Key(_choice(lambda: list(_parts())), 'what fields are taken apart by: "type", "element" or "molecule"'),
+        "bonds": Key(_choice(lambda: list(_bonds())), 'which bonds count: "half", "both", "one" or "any"'),
     },
     "fields": {
         "quantities": Key(
@@ -389,6 +445,10 @@ SCHEMA: dict[str, dict[str, Key]] = {
         ),
         "tiles": Key(
             _either(_list_of(_count, 3), _list_of(_count, 2)), "numbers of tiles along the cell's edges, e.g. [2, 2, 1]"
+        ),
+        "velocity": Key(
+            _choice(lambda: list(_velocities())),
+            'what thermal motion is relative to: "frame" (default), "local", "average" or "none"',
         ),
         "average": Key(
             _either(_boolean, _count),
@@ -443,7 +503,12 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "grip_types": Key(_list_of(_count), "atom types, e.g. [2, 3]"),
         "timestep": Key(_positive, "the time of one step in the trajectory's units, e.g. 0.001"),
     },
-    "output": {"file": Key(_string, 'the file to write, e.g. "out.zarr" or "out.nc"', path=True)},
+    "output": {
+        "file": Key(_string, 'the file to write, e.g. "out.zarr" or "out.nc"', path=True),
+        "units": Key(
+            _output_units, 'units of the result, e.g. "GPa, nm, W/(m*K)", or a preset: "metal-gpa", "nm-gpa", "si"'
+        ),
+    },
 }
 
 # kind of grid → (keys it needs, alternatives within a tuple; keys it may have)
@@ -452,6 +517,8 @@ GRIDS: dict[str, tuple[list, list]] = {
     "plane": ([("axis", "u"), ("shape", "spacing")], ["position", "origin", "v", "at", "padding"]),
     "line": (["start", "end", "n"], []),
     "slab": (["axis", "bins"], ["padding"]),
+    "cylindrical": (["radius", "shape"], ["center", "axis", "inner", "length"]),
+    "spherical": (["radius", "shape"], ["center", "axis", "inner"]),
     "points": (["points"], []),
     "atoms": ([], []),
 }

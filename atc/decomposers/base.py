@@ -254,6 +254,7 @@ class Potential(Interactions):
     outside : forces on atoms from outside that the script has besides (walls, fields, friction), one text for each;
         they are no part of the stress
     atom_style : words of the script's ``atom_style``, "" if it has none
+    timestep : of the script's runs (internal), None where it is not known or there is no script
     setup : what the script says of atoms, see `complete`, or None
     constraints : `Constraints`, the distances and bodies that are held, or None
     acting : `outside.OutsideForces` of the script, None where nothing says whether there are any
@@ -265,6 +266,7 @@ class Potential(Interactions):
     data_file = None
     remarks: tuple[str, ...] = ()
     atom_style: str = ""
+    timestep: float | None = None
 
     def _repr_html_(self):
         """For notebooks: its terms, and how far they reach."""

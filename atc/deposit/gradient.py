@@ -29,7 +29,7 @@ def require_differentiable(kernel, users: str) -> None:
         )
 
 
-def gather(bound, kernel, cell, x_nc, a_nk, w_n=None, gradient=True, threads=1):
+def gather(bound, kernel, cell, x_nc, a_nk, w_n=None, gradient=True, threads=1, squared=False):
     """Σ a φ and Σ a ∂φ/∂x at the points of a grid.
 
     Parameters
@@ -44,6 +44,8 @@ def gather(bound, kernel, cell, x_nc, a_nk, w_n=None, gradient=True, threads=1):
         slabs.
     gradient : whether the second sum is wanted
     threads : int
+    squared : Σ a φ² instead, φ summed over an atom's images, without gradients; on a slab grid Σ a w², w what an atom
+        counts in the average
 
     Returns
     -------
@@ -54,7 +56,7 @@ def gather(bound, kernel, cell, x_nc, a_nk, w_n=None, gradient=True, threads=1):
     if bound.kind == "slab":
         if w_n is not None:
             raise ValueError("no first moments on slabs")
-        return _gather_slab(bound, kernel, cell, x_nc, a_nk, gradient)
+        return _gather_slab(bound, kernel, cell, x_nc, a_nk, gradient, squared)
     points = np.ascontiguousarray(bound.relative_points_gc)
     k = a_nk.shape[1]
     width = k + (3 if w_n is not None else 0)
@@ -62,7 +64,7 @@ def gather(bound, kernel, cell, x_nc, a_nk, w_n=None, gradient=True, threads=1):
     gradients = np.zeros((len(points), width, 3)) if gradient else np.zeros((0, width, 3))
     if len(x_nc) and len(points):
         radii, coef = kernel.pieces
-        add = _core(kernel.compiled)
+        add = _core(kernel.compiled, squared)
         x, order, start, bins, low, scale = _bins(cell, np.asarray(x_nc) - cell.origin, kernel.support)
         w = np.zeros(0) if w_n is None else np.ascontiguousarray(np.asarray(w_n, float)[order])
         rest = (radii, coef, x, a_nk[order], w, start, bins, low, scale, cell.periodic, cell.vectors, cell.inverse)
@@ -82,9 +84,9 @@ def gather(bound, kernel, cell, x_nc, a_nk, w_n=None, gradient=True, threads=1):
 
 
 @cache
-def _core(compiled):
+def _core(compiled, squared=False):
     """The loop's copy for a family of kernels."""
-    return specialise(_gather, compiled.name, JIT, VALUE=compiled.value)
+    return specialise(_gather_squares if squared else _gather, compiled.name, JIT, VALUE=compiled.value)
 
 
 def _bins(cell, x, support):
@@ -185,12 +187,65 @@ def _gather(points, radii, coef, x_nc, a_nk, w_n, start, bins, low, scale, perio
                                         gradients[p, k + b, c] -= a_ * g[c]
 
 
+def _gather_squares(
+    points, radii, coef, x_nc, a_nk, w_n, start, bins, low, scale, periodic, cell, inverse, values, gradients
+):
+    """Σ_n a_n (Σ_images φ)²: what `_gather` takes, without moments and gradients."""
+    support = radii[0]
+    support2 = support * support
+    k = a_nk.shape[1]
+    g = np.zeros(3)
+    lo = np.zeros(3, np.int64)
+    hi = np.zeros(3, np.int64)
+    phi_n = np.zeros(len(x_nc))
+    seen = np.zeros(len(x_nc), np.int64)
+    for p in range(len(points)):
+        count = 0
+        p0, p1, p2 = points[p, 0], points[p, 1], points[p, 2]
+        for a in range(3):
+            h0, h1, h2 = inverse[0, a], inverse[1, a], inverse[2, a]
+            s = (p0 * h0 + p1 * h1 + p2 * h2 - low[a]) * scale[a]
+            pad = support * sqrt(h0 * h0 + h1 * h1 + h2 * h2) * scale[a] + 1e-9
+            lo[a] = floor(s - pad)
+            hi[a] = floor(s + pad)
+            if not periodic[a]:
+                lo[a] = max(lo[a], 0)
+                hi[a] = min(hi[a], bins[a] - 1)
+        for c0 in range(lo[0], hi[0] + 1):
+            m0 = c0 // bins[0]
+            for c1 in range(lo[1], hi[1] + 1):
+                m1 = c1 // bins[1]
+                for c2 in range(lo[2], hi[2] + 1):
+                    m2 = c2 // bins[2]
+                    at = ((c0 - m0 * bins[0]) * bins[1] + c1 - m1 * bins[1]) * bins[2] + c2 - m2 * bins[2]
+                    q0 = m0 * cell[0, 0] + m1 * cell[1, 0] + m2 * cell[2, 0] - p0
+                    q1 = m0 * cell[0, 1] + m1 * cell[1, 1] + m2 * cell[2, 1] - p1
+                    q2 = m0 * cell[0, 2] + m1 * cell[1, 2] + m2 * cell[2, 2] - p2
+                    for n in range(start[at], start[at + 1]):
+                        d0, d1, d2 = x_nc[n, 0] + q0, x_nc[n, 1] + q1, x_nc[n, 2] + q2
+                        r2 = d0 * d0 + d1 * d1 + d2 * d2
+                        if r2 >= support2:
+                            continue
+                        value = VALUE(d0, d1, d2, r2, radii, coef, g)
+                        if value == 0.0:
+                            continue
+                        if phi_n[n] == 0.0:
+                            seen[count] = n
+                            count += 1
+                        phi_n[n] += value
+        for m in range(count):
+            n = seen[m]
+            for b in range(k):
+                values[p, b] += a_nk[n, b] * phi_n[n] * phi_n[n]
+            phi_n[n] = 0.0
+
+
 def marginal_slope(marginal, z):
     """dφ₁/dz of a kernel integrated over planes."""
     return marginal.slope(z)
 
 
-def _gather_slab(bound, kernel, cell, x_nc, a_nk, gradient):
+def _gather_slab(bound, kernel, cell, x_nc, a_nk, gradient, squared=False):
     """Averages over the cross-section: Σ a φ₁(z_j − z)/area."""
     axis = bound.axis
     height = cell.heights[axis]
@@ -208,14 +263,22 @@ def _gather_slab(bound, kernel, cell, x_nc, a_nk, gradient):
     reach = marginal.support
     for g in range(bins):
         centre = (g + 0.5) / bins * height
+        w_n = np.zeros(len(z))
         first, last = (
             (int(np.floor((centre - reach) / height)), int(np.floor((centre + reach) / height))) if periodic else (0, 0)
         )
         for image in range(first, last + 1):
             a, b = np.searchsorted(z, [centre - image * height - reach, centre - image * height + reach])
             d = z[a:b] + image * height - centre
+            if squared:
+                w_n[a:b] += marginal.phi(d)
+                continue
             values[g] += marginal.phi(d) @ a_nk[a:b]
             if gradient:
                 slopes[g] -= marginal_slope(marginal, d) @ a_nk[a:b]
+        if squared:
+            values[g] = w_n**2 @ a_nk
     area = cell.volume / height
+    if squared:
+        return values / area**2, None
     return values / area, slopes[:, :, None] * (normal / area) if gradient else None

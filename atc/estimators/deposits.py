@@ -62,6 +62,26 @@ class Deposits:
         self.add_sites(deposit, self.place(x_nc), a_nk)
         return deposit.site_sums()
 
+    def squares(self, x_nc, a_nk) -> np.ndarray:
+        """(g, k) Σ a φ² over all atoms; on slabs of what they count in the average."""
+        from ..deposit import make
+        from ..deposit.gradient import gather
+
+        found = None if self.bound.kind == "slab" else self.summed_kern.squared()
+        if found is not None:
+            # Two images of an atom in reach of a point move together: their product counts, too.
+            half = self.cell.heights[self.cell.periodic] / 2.0
+            there = self.summed_kern.phi(np.array([half.min(initial=np.inf), 0.0, 0.0])) if len(half) else 0.0
+            found = found if there**2 < 1e-14 * self.summed_kern.peak**2 else None
+        if found is None:
+            rest = self.cell, self.place(x_nc), a_nk, None, False, self.threads, True
+            return gather(self.bound, self.summed_kern, *rest)[0]
+        factor, kern = found
+        m = self.methods.get("site", EXACT)
+        deposit = make(m.name, self.bound, kern, self.cell, a_nk.shape[1], 0, self.threads, m.tolerance or 1e-5)
+        self.add_sites(deposit, self.place(x_nc), a_nk)
+        return factor * deposit.site_sums()
+
     def add_sites(self, deposit, x_nc, a_nk) -> None:
         """Atoms to a deposit, shared among the threads; positions are placed."""
         if self.threads == 1 or len(x_nc) < 2 * self.threads:

@@ -12,18 +12,20 @@ from time import perf_counter
 
 import numpy as np
 
+from ..grids.curved import in_local_axes
 from . import passes, tiles
 from .accuracy.random_points import ZERO, extent_of, kernel_internal, ratio, without_nan
 from .accuracy.strongest_bonds import PointsAround, StrongestBonds, StrongestOfFrames, error_of, summed_exactly
+from .chosen import chosen_of
 from .field_pass import FieldPass, atom_fields, finer_check, is_checked
-from .groups import POINTS, MeanFields, added_up, elements, formed_once, joined, of_one_cell
+from .groups import POINTS, MeanFields, added_up, elements, formed_once, joined, of_one_cell, of_parts
 from .methods import DEPOSITS, NAMES
 from .passes import BondPass, Place, named_bond_sums
 from .registry import BOND, SITE, Quantity, Work
 from .requirements import require
 from .settings import FrameResult, Settings
 from .shifts import local_shifts
-from .sources import AtomFactors, drift_velocity
+from .sources import AtomFactors, OfAll, drift_velocity
 from .sums import Sums
 from .tightening import SAFE, checkable, clear_thin, thin_sums, tightened, watched
 
@@ -55,7 +57,12 @@ def fields_of(frames, settings: Settings, index: int = 0, run_tiles=None) -> Fra
         if a frame lacks what a quantity needs (masses, velocities), or there is no potential, kernel, grid or reference
         for it.
     """
-    work = Work.of(settings.names, settings.central)
+    if settings.parts is not None and settings.part is None:
+        each = [
+            fields_of(frames, replace(settings, part=k), index, run_tiles) for k in range(len(settings.parts.labels))
+        ]
+        return of_parts(each)
+    work = Work.of(settings.names, settings.central, parts=settings.part is not None, velocity=settings.velocity)
     for frame in frames:
         require(frame, settings, work)
     goal, start, several = SAFE * settings.tolerance, perf_counter(), len(frames) > 1
@@ -87,6 +94,7 @@ class Run:
 
     bound, reference_bound : the grid on them, and on the reference; None where nothing asked is there
     drifts : (3,) mean velocity of each frame
+    chosen : of each frame which atoms and bonds count (`chosen.Chosen`), or None
     together : the deposits ("site") whose sums of several frames are added up; sums over bonds always are
     once, each : the quantities formed from the mean sums, and those formed of each frame, of which the mean is taken;
         wholes may be in neither
@@ -102,6 +110,7 @@ class Run:
     bound: object
     reference_bound: object
     drifts: list
+    chosen: list
     together: frozenset
     once: list[Quantity]
     each: list[Quantity]
@@ -109,6 +118,7 @@ class Run:
     @classmethod
     def of(cls, frames, settings: Settings, work: Work, index: int = 0, goal: float = np.inf, run_tiles=None) -> Run:
         first, reference = frames[0], settings.reference
+        chosen = [chosen_of(f, settings) for f in frames]
         here, there = set(work.grid_users) - set(work.on_reference), work.on_reference
         if len(frames) == 1:
             once, each, together = work.quantities, [], frozenset()
@@ -120,7 +130,11 @@ class Run:
             kern=kernel_internal(settings.kern, first.units) if work.kernel_users else None,
             bound=settings.grid.bind(first.units, first.cell, first.positions) if here else None,
             reference_bound=settings.grid.bind(reference.units, reference.cell, reference.positions) if there else None,
-            drifts=[drift_velocity(f) if "velocities" in work.attributes else np.zeros(3) for f in frames],
+            drifts=[
+                drift_velocity(f, None if c is None else c.chosen_n) if "velocities" in work.attributes else np.zeros(3)
+                for f, c in zip(frames, chosen)
+            ],
+            chosen=chosen,
             together=together, once=once, each=each,
         )  # fmt: skip
 
@@ -139,12 +153,17 @@ class Run:
     def factors(self, k: int, per_atom, drift=None) -> AtomFactors:
         """The columns of the sums over atoms of frame `k`, velocities relative to its own drift if there is no
         other."""
-        return AtomFactors(self.frames[k], self.drifts[k] if drift is None else drift, per_atom, self.settings.pot)
+        drift = self.drifts[k] if drift is None else drift
+        return AtomFactors(self.frames[k], drift, per_atom, self.settings.pot, self.chosen[k])
 
     def no_sums(self, k: int) -> Sums:
         frame = self.frames[k]
         return Sums(
-            drift=self.drifts[k], volume=frame.cell.volume, boltzmann=frame.units.boltzmann, dimension=frame.dimension
+            drift=self.drifts[k],
+            volume=frame.cell.volume,
+            boltzmann=frame.units.boltzmann,
+            dimension=frame.dimension,
+            velocities=self.settings.velocity,
         )
 
 
@@ -189,6 +208,7 @@ class RunSums:
     fields: MeanFields
     boxes: MeanFields
     mask: np.ndarray | None
+    anywhere: np.ndarray | None
     thin: set
     around: tuple | None
     seconds: dict[str, float]
@@ -211,19 +231,21 @@ def sum_up(run: Run, methods, again=frozenset(DEPOSITS), before: RunSums | None 
     bonds_done = perf_counter()
     together = here.grid.make("site", work.n_site, 0) if "site" in run.together and work.site else None
     exactly, fields, boxes = MeanFields(keep=True), MeanFields(), MeanFields(keep=True)
-    mask, thin, grid = None, set(), None
+    mask, anywhere, thin, grid = None, None, set(), None
     for k, frame in enumerate(run.frames):
         factors = run.factors(k, bonds.each[k].per_atom)
         grid, check = frame_sums(run, k, bonds, here, reference, factors, again, before)
         if together is not None:
             # Velocities relative to the same drift in all frames.
             common = factors if k == 0 else run.factors(k, factors.per_atom, run.drifts[0])
-            here.grid.add_sites(together, here.grid.place(frame.positions), common.columns(work.site))
+            x_nc, a_nk, some = here.grid.place(frame.positions), common.columns(work.site), common.some
+            here.grid.add_sites(together, x_nc[some], np.ascontiguousarray(a_nk[some]))
         else:
             clear_thin(grid, methods)
             thin |= thin_sums(grid, work)
             if work.masked:
                 mask = grid.defined if mask is None else mask | grid.defined
+                anywhere = grid.anywhere if anywhere is None else anywhere | grid.anywhere
         boxes.add([q for q in work.quantities if run.several and q.kind == "box" and not q.parts], grid)
         fields.add(run.each, grid)
         exactly.add(elements(work) if run.several else [q for q in work.quantities if q.kind == "grid"], check)
@@ -238,10 +260,10 @@ def sum_up(run: Run, methods, again=frozenset(DEPOSITS), before: RunSums | None 
             grid.site.update(passes.by_name(work.site, SITE, together.site_sums() / len(run.frames)))
             clear_thin(grid, methods)
             thin |= thin_sums(grid, work)
-            mask = grid.defined if work.masked else None
+            mask, anywhere = (grid.defined, grid.anywhere) if work.masked else (None, None)
     old = before.seconds if before else {"bonds": 0.0, "sites": 0.0}
     seconds = {"bonds": old["bonds"] + bonds_done - start, "sites": old["sites"] + perf_counter() - bonds_done}
-    return RunSums(here, reference, bonds, grid, check, exactly, fields, boxes, mask, thin, around, seconds)
+    return RunSums(here, reference, bonds, grid, check, exactly, fields, boxes, mask, anywhere, thin, around, seconds)
 
 
 def sum_bonds(run: Run, here: Place | None, reference: Place | None, before: RunBonds, watch: bool) -> RunBonds:
@@ -255,11 +277,12 @@ def sum_bonds(run: Run, here: Place | None, reference: Place | None, before: Run
     deposit = here.grid.open(work.n_bond) if work.bond and whole else None
     seek = watch and strongest is None
     each, found = [], []
-    for frame, drift in zip(run.frames, run.drifts):
+    for frame, drift, chosen in zip(run.frames, run.drifts, run.chosen):
         if whole:
             found.append(StrongestBonds(frame.positions, settings.threads) if seek else None)
             finer = bool(settings.pot.fields and work.bond and is_checked(run.index + len(each)))
-            one = passes.bond_pass(frame, of_bonds, work, here, reference, drift, deposit, found[-1], check=not finer)
+            more = {"chosen": chosen, "check": not finer}
+            one = passes.bond_pass(frame, of_bonds, work, here, reference, drift, deposit, found[-1], **more)
             if finer:
                 check_gk = finer_check(frame, of_bonds, work, here, drift)
                 one = replace(one, totals=replace(one.totals, bond=(one.totals.bond[0], check_gk)))
@@ -311,7 +334,10 @@ def frame_sums(
                     "site": passes.site_pass(frame, work, deposits, factors),
                     "thermal_shifted": None,
                     "kinetic_flux_shifted": None,
+                    "thermal_all_shifted": None,
                 }
+                if work.squares:
+                    new[at]["squared"] = passes.squares_pass(frame, work, deposits, factors)
     for key, needed, one_pass in (
         ("gather", work.gather, lambda: passes.gather_pass(frame, settings, work, here, factors)),
         (
@@ -333,6 +359,8 @@ def frame_sums(
     if sites:
         for sums, deposits in zip((grid, check), here.both):
             shift(run, sums, deposits, frame, factors)
+            if work.squares and sums.squared:
+                sums.count_freedom()
     return grid, check
 
 
@@ -342,6 +370,9 @@ def shift(run: Run, sums: Sums, deposits, frame, factors) -> None:
     if "kinetic" in site and "momentum" in site:
         found = local_shifts(sums, deposits, frame.positions, factors, flux="kinetic_flux" in site)
         sums.thermal_shifted, sums.kinetic_flux_shifted = found
+        if "all_kinetic" in site:
+            all_of_them = OfAll(factors)
+            sums.thermal_all_shifted = local_shifts(sums.of_all, deposits, frame.positions, all_of_them)[0]
 
 
 # --- fields
@@ -381,6 +412,9 @@ def form(run: Run, sums: RunSums) -> FrameResult:
             within[q.name] = means.within(q) * float(units.to_user(q.dimension, 1.0)) ** 2
         if q.kind == "grid":
             shape = place_of(q, sums).bound.shape
+            basis = place_of(q, sums).bound.basis_gcc
+            if basis is not None:
+                arrays[q.name] = x = in_local_axes(x, basis, q.rank)
             arrays[q.name] = x.reshape(*shape, *x.shape[1:])
             if q.weight is not None:
                 w = sums.grid.site[q.weight][:, 0] if q in run.once else sums.fields.weight(q.name)
@@ -392,6 +426,9 @@ def form(run: Run, sums: RunSums) -> FrameResult:
     return FrameResult(
         arrays,
         mask=None if sums.mask is None else sums.mask.reshape(sums.here.bound.shape),
+        common=None
+        if sums.anywhere is None or run.settings.part is None
+        else sums.anywhere.reshape(sums.here.bound.shape),
         weights=weights,
         errors=errors,
         bound=place.bound if place else None,
@@ -456,12 +493,15 @@ def look_around(run: Run, here: Place, bonds: RunBonds) -> tuple[PointsAround, M
     means = MeanFields()
     for k, frame in enumerate(run.frames):
         factors = run.factors(k, bonds.each[k].per_atom)
-        bond_gk = points.bond_sums(frame, work.bond, run.drifts[k])
+        bond_gk = points.bond_sums(frame, work.bond, run.drifts[k], run.chosen[k])
         if bonds.fields is not None:
             bond_gk = bond_gk + bonds.fields.at(k, points.which)
         sums = replace(run.no_sums(k), bond=named_bond_sums(work, bond_gk, settings.churnless))
         if work.site:
             sums.site.update(passes.site_pass(frame, work, points.check.deposits, factors))
             shift(run, sums, points.check.deposits, frame, factors)
+            if work.squares:
+                sums.squared.update(passes.squares_pass(frame, work, points.check.deposits, factors))
+                sums.count_freedom()
         means.add(quantities, sums)
     return points, means

@@ -144,6 +144,37 @@ def _wide(w, x):
     return w.reshape(w.shape + (1,) * (x.ndim - w.ndim))
 
 
+def of_parts(results: list[FrameResult]) -> FrameResult:
+    """The fields of all parts, one after the other along a new first axis; errors are the largest of any, the methods
+    the closest."""
+    first = results[0]
+    methods = dict(first.methods)
+    for r in results[1:]:
+        for key, method in r.methods.items():
+            if key not in methods or methods[key].looser_than(method):
+                methods[key] = method
+    errors: dict = {}
+    for r in results:
+        for name, found in r.errors.items():
+            known = errors.setdefault(name, {})
+            for key, value in found.items():
+                known[key] = max(value, known.get(key, 0.0))
+    return replace(
+        first,
+        arrays={name: np.stack([r.arrays[name] for r in results]) for name in first.arrays},
+        weights={name: np.stack([r.weights[name] for r in results]) for name in first.weights},
+        mask=None if first.mask is None else np.stack([r.mask for r in results]),
+        common=None if first.common is None else np.stack([r.common for r in results]),
+        errors=errors,
+        expected={name: max(r.expected[name] for r in results) for name in first.expected},
+        seconds={key: sum(r.seconds[key] for r in results) for key in first.seconds},
+        notes=first.notes,
+        methods=methods,
+        refined=[why for r in results for why in r.refined],
+        within={name: float(np.mean([r.within[name] for r in results])) for name in first.within},
+    )
+
+
 def joined(results: list[FrameResult]) -> FrameResult:
     """The mean of means."""
     n = sum(r.frames for r in results)
@@ -171,6 +202,7 @@ def joined(results: list[FrameResult]) -> FrameResult:
         weights=weights,
         errors=errors,
         mask=None if first.mask is None else np.any([r.mask for r in results], axis=0),
+        common=None if first.common is None else np.any([r.common for r in results], axis=0),
         seconds={key: sum(r.seconds[key] for r in results) for key in first.seconds},
         notes=notes,
         expected={name: max(r.expected[name] for r in results) for name in first.expected},

@@ -156,6 +156,7 @@ class BondCollector:
     strongest : StrongestBonds that are told of every bond, or None
     tile : Tile or None
     check : whether sums at the points of the check are taken here
+    chosen : `chosen.Chosen`, which of the bonds count, or None
     """
 
     def __init__(
@@ -174,7 +175,9 @@ class BondCollector:
         strongest=None,
         tile: Tile | None = None,
         check: bool = True,
+        chosen=None,
     ):
+        self.chosen = chosen
         self.frame, self.work, self.to_reference, self.strongest, self.tile = frame, work, to_reference, strongest, tile
         # The error check takes only the bonds near its points, and one more sum: how large the terms of the stress are.
         self.size, length = has_size(work), max(pot.cutoff, 0.0)
@@ -206,8 +209,13 @@ class BondCollector:
     @property
     def wanted(self) -> bool:
         """Whether anybody asks for single bonds."""
-        found = (self.deposit, self.to_reference, self.weighted, self.tile)
+        found = (self.deposit, self.to_reference, self.weighted, self.tile, self.chosen)
         return any(x is not None for x in found) or self.atoms.wanted or self.power.wanted
+
+    @property
+    def own_virial(self) -> bool:
+        """Whether not all bonds that stream by count."""
+        return self.tile is not None or self.chosen is not None
 
     def factors(self, bonds, size=False) -> np.ndarray:
         """(b, k) the factors of Σ b β."""
@@ -215,10 +223,16 @@ class BondCollector:
 
     def consume(self, bonds, thread: int) -> None:
         x_nc, X_bc, R_bc = self.frame.positions, None, None
+        scaled = bonds
+        if self.chosen is not None:
+            bonds, scaled = self.chosen.taken(bonds)
+            if not len(bonds):
+                return
         if self.to_reference is not None:
             X_bc, R_bc = self.to_reference.bonds(bonds)
-        # Atoms of a tile have all their bonds here, whoever owns these.
+        # Atoms of a tile have all their bonds here, whoever owns these; atoms that are chosen all their halves.
         self.atoms.add(bonds, thread, R_bc)
+        bonds = scaled
         if self.tile is not None:
             k = owned(bonds.i, bonds.j, self.tile.index_p, self.tile.own_p, self.tile.image_pc)
             bonds = bonds.taken(k)
@@ -226,6 +240,7 @@ class BondCollector:
                 return
             if R_bc is not None:
                 X_bc, R_bc = X_bc[k], R_bc[k]
+        if self.own_virial:
             self._virials[thread] += bonds.virial()
         self.power.add(bonds, thread)
         if self.work.bond:
@@ -266,7 +281,7 @@ class BondCollector:
         if self.work.reference_bond:
             reference_bond = self.reference_deposit.bond_sums(), self.reference_check.bond_sums()
         point = ({}, {}) if self.weighted is None else (self.weighted.sums(0), self.weighted.sums(1))
-        virial_cc = decomposition.virial_cc if self.tile is None else sum(self._virials)
+        virial_cc = sum(self._virials) if self.own_virial else decomposition.virial_cc
         return BondTotals(bond, reference_bond, point, virial_cc, self.power.power_c)
 
     def per_atom(self, decomposition) -> PerAtom:
@@ -292,12 +307,14 @@ def bond_pass(
     deposit=None,
     strongest=None,
     check: bool = True,
+    chosen=None,
 ) -> BondPass:
     """One pass over the bonds of a frame for every sum over them. See `BondCollector`."""
     horizon = horizon_of(settings, frame.units, work.horizon_users) if work.horizon_users else None
     collector = BondCollector(
         frame, settings.pot, work, here, reference, threads=settings.threads, drift=drift, horizon=horizon,
         to_reference=reference_bonds(frame, settings, work), deposit=deposit, strongest=strongest, check=check,
+        chosen=chosen,
     )  # fmt: skip
     with nullcontext() if settings.anchor is None else settings.anchor.at(frame):
         decomposition = collector.stream(settings.pot)
@@ -318,7 +335,14 @@ def strongest_factors(frame, work: Work, bonds, drift) -> np.ndarray:
 
 def site_pass(frame, work: Work, deposits: Deposits, factors: AtomFactors) -> dict[str, np.ndarray]:
     """One pass over the atoms for every sum over them, at one set of points."""
-    return by_name(work.site, SITE, deposits.sites(frame.positions, factors.columns(work.site)))
+    x_nc, a_nk, some = frame.positions, factors.columns(work.site), factors.some
+    return by_name(work.site, SITE, deposits.sites(x_nc[some], np.ascontiguousarray(a_nk[some])))
+
+
+def squares_pass(frame, work: Work, deposits: Deposits, factors: AtomFactors) -> dict[str, np.ndarray]:
+    """Σ a φ² of what is named in `Work.squares`, at one set of points."""
+    a_nk, some = factors.columns(work.squares), factors.some
+    return by_name(work.squares, SITE, deposits.squares(frame.positions[some], np.ascontiguousarray(a_nk[some])))
 
 
 def gather_pass(frame, settings: Settings, work: Work, place: Place, factors: AtomFactors) -> list[dict]:
@@ -327,14 +351,16 @@ def gather_pass(frame, settings: Settings, work: Work, place: Place, factors: At
     gradient = any(q.gradient for q in work.quantities if not q.on_reference)
     plain = [name for name in work.gather if name not in ("mass", "displacement")]
     extra = factors.columns(plain) if plain else np.zeros((len(frame), 0))
-    displacement = Displacement(frame, settings.reference, False) if "displacement" in work.gather else None
+    displacement, m_n = None, factors.masses
+    if "displacement" in work.gather:
+        displacement = Displacement(frame.replace(masses=m_n), settings.reference, False)
     names = ["mass", "displacement", *plain] if displacement else ["mass", *plain]
     out = []
     for deposits in place.both:
         if displacement is not None:
-            values, gradients = displacement.gather(deposits, frame.positions, frame.masses, extra, gradient)
+            values, gradients = displacement.gather(deposits, frame.positions, m_n, extra, gradient)
         else:
-            a_nk = np.concatenate([frame.masses[:, None], extra], axis=1)
+            a_nk = np.concatenate([m_n[:, None], extra], axis=1)
             values, gradients = deposits.gather(frame.positions, a_nk, None, gradient)
         out.append(_gathered(names, values, gradients))
     return out

@@ -38,14 +38,21 @@ class Source:
     on_reference: bool = False  # is summed over reference positions, on the grid of the reference frame
 
 
+#: Before the name of a sum over atoms, in fields of parts: the sum over the atoms of all parts.
+ALL = "all_"
+
+
 class _AndColumns(dict):
     """A table that knows the columns of a trajectory too, beside the names that it is listed by."""
 
     def __init__(self, known, make):
         super().__init__(known)
+        self.hidden = {}
         self._make = cache(make)
 
     def __missing__(self, name):
+        if name in self.hidden:
+            return self.hidden[name]
         if not columns.is_column(name):
             raise KeyError(name)
         return self._make(name)
@@ -74,6 +81,8 @@ SITE = _AndColumns(
     },
     lambda name: columns.source(name, Source),
 )
+for _name in ("one", "mass", "momentum", "kinetic"):
+    SITE[ALL + _name] = SITE[_name]
 
 # Factors b of Σ b β(x), each bond once.
 BOND = {
@@ -153,6 +162,16 @@ class Quantity:
         """Everything this quantity sums, as `Source`s."""
         found = ((SITE, self.site), (BOND, self.bond), (WHOLE, self.whole), (GATHER, self.gather), (POINT, self.point))
         return [kind[name] for kind, names in found for name in names]
+
+    @property
+    def thermal(self) -> bool:
+        """Whether it is made of velocities relative to the local one, squared."""
+        return self.masked and "kinetic" in self.site and "kinetic_flux" not in self.site
+
+    @property
+    def relative(self) -> bool:
+        """Whether velocities in it are those relative to the local velocity."""
+        return "kinetic" in self.site or "kinetic_flux" in self.site or (self.masked and self.weight is None)
 
     @property
     def on_reference(self) -> bool:
@@ -350,9 +369,8 @@ _ALL = [
         masked=True,
         weight="degrees",
         sign="positive",
-        comment="-trace(stress_kinetic)/(3 n k_B): three degrees of freedom per atom, none removed for the local mean "
-        "velocity; where the potential has constraints "
-        "those that they leave each atom: the ones whose mean kinetic energy it has",
+        comment="-trace(stress_kinetic)/(3 n k_B): three degrees of freedom per atom; where the potential has "
+        "constraints those that they leave each atom: the ones whose mean kinetic energy it has",
     ),
     Quantity(
         "stress_kinetic",
@@ -360,7 +378,7 @@ _ALL = [
         masked=True,
         long_name="kinetic part of Hardy's stress",
         comment="relative to the local mass-averaged velocity",
-        **_stress(lambda s: -full(s.thermal)),
+        **_stress(lambda s: -full(s.kinetic_pressure)),
     ),
     Quantity(
         "stress_potential",
@@ -378,7 +396,7 @@ _ALL = [
         masked=True,
         scale=lambda s: s.size,
         long_name="Hardy's stress",
-        **_stress(lambda s: s.potential_stress - full(s.thermal)),
+        **_stress(lambda s: s.potential_stress - full(s.kinetic_pressure)),
     ),
     Quantity(
         "virial_stress_kinetic",
@@ -577,7 +595,8 @@ _ALL = [
         **_flux(
             "flux of energy through points at rest",
             lambda s: s.site["energy_current"] + s.bond["power_lab"],
-            comment="J + A = energy v - stress v + heat_flux, in the frame of the simulation: d(energy)/dt = "
+            comment="J + A = energy v - stress v + heat_flux (the stress relative to the local velocity as it is), in "
+            "the frame of the simulation: d(energy)/dt = "
             "-div(energy_flux); its integral over the box is "
             "heat_current; " + _SHARED,
         ),
@@ -761,6 +780,28 @@ _ALL = [
 QUANTITIES: dict[str, Quantity] = _AndColumns({q.name: q for q in _ALL}, lambda name: columns.quantity(name, Quantity))
 
 
+#: Fields that only time averages of other fields need: no output has them.
+QUANTITIES.hidden = {
+    "_number": Quantity("_number", "number_density", "number density", lambda s: s.site["one"][:, 0], site=("one",)),
+    "_degrees": Quantity(
+        "_degrees", "number_density", "degrees of freedom", lambda s: s.site["degrees"][:, 0], site=("degrees",)
+    ),
+    "_paired": Quantity(
+        "_paired",
+        "number_density",
+        "number density where an atom is not alone in reach",
+        lambda s: np.where(s.alone, 0.0, s.all_number),
+        site=("one", *_MEAN, "kinetic"),
+        masked=True,
+    ),
+}
+
+
+def hidden(name: str) -> bool:
+    """Whether a quantity is for time averages of others only."""
+    return name in QUANTITIES.hidden
+
+
 def register(quantity: Quantity) -> Quantity:
     """Make a quantity of sums that there are known by its name, to `atc.fields` and to scenes.
 
@@ -785,7 +826,7 @@ def expand(names) -> list[Quantity]:
         names = [names]
     out: dict[str, Quantity] = {}
     for name in names:
-        if name not in QUANTITIES and not columns.is_column(name):
+        if name not in QUANTITIES and not columns.is_column(name) and not hidden(name):
             from difflib import get_close_matches
 
             close = get_close_matches(str(name), QUANTITIES, n=1)
@@ -812,12 +853,14 @@ class Work:
     reference_gather: list[str] = field(default_factory=list)
     point: list[str] = field(default_factory=list)
     reference_point: list[str] = field(default_factory=list)
+    squares: list[str] = field(default_factory=list)  # factors whose sums with φ² are wanted too
     attributes: dict[str, list[str]] = field(default_factory=dict)  # frame attribute -> the quantities that need it
 
     @classmethod
-    def of(cls, names, central: bool = True) -> Work:
+    def of(cls, names, central: bool = True, parts: bool = False, velocity: str = "local") -> Work:
         """The work behind the quantities called `names` (wholes are expanded). `central`: whether forces act along
-        bonds."""
+        bonds. `parts`: of one species after the other; what is relative to the local velocity is to that of all.
+        `velocity`: what thermal motion is relative to, see `settings`."""
         work = cls(expand(names))
         for q in work.quantities:
             for have, asked in ((work.site, q.site), (work.whole, q.whole)):
@@ -836,6 +879,12 @@ class Work:
                     users = work.attributes.setdefault(a, [])
                     if q.name not in users:
                         users.append(q.name)
+        if parts and any(q.relative for q in work.quantities):
+            work.site += [ALL + "mass", ALL + "momentum"]
+        if velocity == "frame" and any(q.thermal for q in work.quantities):
+            work.squares = ["mass", ALL + "mass"] if parts else ["mass"]
+            more = ["one", ALL + "one", ALL + "kinetic"] if parts else ["one"]
+            work.site += [name for name in more if name not in work.site]
         if not central:
             work.bond = ["moment" if name == "stress" else name for name in work.bond]
             work.site, work.whole = (

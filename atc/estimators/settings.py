@@ -29,6 +29,15 @@ class Settings:
     horizon: float | None = None  # the user's unit of length; None: the potential's
     tiles: tuple[int, int, int] | None = None
     anchor: object = None  # see `atc.neighbors.verlet`
+    # Of some atoms (`selections.Selection`), and taken apart (`selections.Parts`): see `chosen`.
+    selection: object = None
+    bonds: str = "half"
+    parts: object = None
+    part: int | None = None
+    #: What thermal motion in temperature and kinetic stress is relative to: "local", the velocity at the point in the
+    #: frame, as it is; "frame", the same, and corrected for what that velocity of few atoms takes of their motion;
+    #: "none" and "average", the frame of the simulation (the averaged velocity is taken out at the end).
+    velocity: str = "local"
 
     @property
     def central(self) -> bool:
@@ -56,6 +65,7 @@ class FrameResult:
     expected : of each field, its largest error anywhere as far as the points of the check tell: at least what was found
         there
     methods, refined : the methods used in the end; what was computed again, and why
+    common : of fields of parts, where there is mass of any part: what is relative to the velocity of all is known there
     frames, within : of how many frames these are the means, and how far those are from them (mean square), by field
     """
 
@@ -71,3 +81,4 @@ class FrameResult:
     expected: dict[str, float] = field(default_factory=dict)
     frames: int = 1
     within: dict[str, float] = field(default_factory=dict)
+    common: np.ndarray | None = None

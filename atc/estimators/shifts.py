@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .deposits import Deposits
-from .sums import Sums, kinetic_flux, thermal, within_thermal
+from .sums import Sums, kinetic_flux, kinetic_flux_about, thermal, within_thermal
 from .tensors import outer6, quotient
 
 # Rounding error a point may have in T − ρ v⊗v, relative to its thermal part: far below the 1e-6 that is promised.
@@ -29,7 +29,7 @@ def local_shifts(sums: Sums, deposits: Deposits, x_nc, factors, flux: bool = Fal
     best = sums.thermal_of_drift
     best_flux = sums.kinetic_flux_of_drift if flux else None
     rho = sums.rho
-    v_gc = sums.peculiar
+    v_gc = sums.stream
     eps = 64 * np.finfo(float).eps
     # How many thermal speeds away from c a point may be.
     limit = (_SHIFT_TOLERANCE / eps) ** (1 / 3 if flux else 1 / 2)
@@ -51,10 +51,18 @@ def local_shifts(sums: Sums, deposits: Deposits, x_nc, factors, flux: bool = Fal
         w_nc = factors.peculiar_nc - c
         m = factors["mass"]
         columns = [m, m * w_nc, m * outer6(w_nc)]
+        if sums.of_part:
+            M = factors["all_mass"]
+            columns += [M, M * w_nc]
         if flux:
             columns.append(0.5 * m * np.einsum("nc,nc->n", w_nc, w_nc)[:, None] * w_nc)
         total = deposits.sites(x_nc, np.ascontiguousarray(np.concatenate(columns, axis=1)))
-        u_gc = quotient(total[:, 1:4], total[:, 0])
+        about = ()
+        if sums.of_part:
+            u_gc = quotient(total[:, 11:14], total[:, 10])
+            about, total = (u_gc,), np.delete(total, slice(10, 14), axis=1)
+        else:
+            u_gc = quotient(total[:, 1:4], total[:, 0])
         distance = np.linalg.norm(u_gc, axis=1)
         nearer = sums.defined & (distance < have)
         if not nearer.any():
@@ -62,9 +70,13 @@ def local_shifts(sums: Sums, deposits: Deposits, x_nc, factors, flux: bool = Fal
         if not done:
             done, best = True, best.copy()
             best_flux = best_flux.copy() if flux else None
-        shifted = thermal(total[:, :1], total[:, 1:4], total[:, 4:10])
+        shifted = thermal(total[:, :1], total[:, 1:4], total[:, 4:10], *about)
         best[nearer] = shifted[nearer]
         if flux:
-            best_flux[nearer] = kinetic_flux(total[:, 0], u_gc, shifted, total[:, 10:])[nearer]
+            if sums.of_part:
+                flux_gc = kinetic_flux_about(total[:, :1], total[:, 1:4], total[:, 4:10], total[:, 10:], u_gc)
+            else:
+                flux_gc = kinetic_flux(total[:, 0], u_gc, shifted, total[:, 10:])
+            best_flux[nearer] = flux_gc[nearer]
         have = np.where(nearer, distance, have)
     return (best, best_flux) if done else (None, None)

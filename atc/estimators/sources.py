@@ -11,18 +11,19 @@ from . import columns
 from .tensors import outer6
 
 
-def drift_velocity(frame) -> np.ndarray:
-    """(3,) mass-mean velocity of the frame.
+def drift_velocity(frame, chosen_n=None) -> np.ndarray:
+    """(3,) mass-mean velocity of the frame, or of the chosen atoms.
 
     Taken relative to one atom's velocity first, so that a drift large against the thermal velocity costs no digits of
     the mean.
     """
-    if not len(frame):
+    some = slice(None) if chosen_n is None or chosen_n.all() else chosen_n
+    m, v_nc = frame.masses[some], frame.velocities[some]
+    if not len(m):
         return np.zeros(3)
-    v0 = frame.velocities[0]
-    m = frame.masses
+    v0 = v_nc[0]
     total = m.sum()
-    return v0 + (m @ (frame.velocities - v0)) / total if total > 0 else v0.copy()
+    return v0 + (m @ (v_nc - v0)) / total if total > 0 else v0.copy()
 
 
 @dataclass(frozen=True)
@@ -39,10 +40,12 @@ class PerAtom:
 
 
 class AtomFactors:
-    """The columns of the site sums, (n, width) each, made when asked for and kept."""
+    """The columns of the site sums, (n, width) each, made when asked for and kept; 0 for atoms that are not chosen (see
+    `chosen`)."""
 
-    def __init__(self, frame, drift, per_atom: PerAtom | None = None, pot=None):
+    def __init__(self, frame, drift, per_atom: PerAtom | None = None, pot=None, chosen=None):
         self.frame, self.drift, self.per_atom, self.pot = frame, drift, per_atom or PerAtom(), pot
+        self.chosen = chosen
         self._kept: dict[str, np.ndarray] = {}
 
     @property
@@ -54,10 +57,25 @@ class AtomFactors:
 
     def __getitem__(self, name: str) -> np.ndarray:
         if name not in self._kept:
-            self._kept[name] = (
-                columns.factor(self.frame, name) if columns.is_column(name) else getattr(self, f"_{name}")()
-            )
+            inner = name.removeprefix("all_")
+            a_nk = columns.factor(self.frame, name) if columns.is_column(name) else getattr(self, f"_{inner}")()
+            if self.chosen is not None:
+                of = self.chosen.own_n if inner == name else self.chosen.chosen_n
+                a_nk = np.where(of[:, None], a_nk, 0.0)
+            self._kept[name] = a_nk
         return self._kept[name]
+
+    @property
+    def masses(self) -> np.ndarray:
+        """(n,) those of the chosen atoms, 0 for others."""
+        return self.frame.masses if self.chosen is None else np.where(self.chosen.own_n, self.frame.masses, 0.0)
+
+    @property
+    def some(self):
+        """The atoms that count at all, an index."""
+        if self.chosen is None or self.chosen.chosen_n.all():
+            return slice(None)
+        return np.flatnonzero(self.chosen.chosen_n)
 
     def columns(self, names) -> np.ndarray:
         """(n, k) the named factors side by side."""
@@ -76,10 +94,10 @@ class AtomFactors:
         return self.frame.masses[:, None].copy()
 
     def _momentum(self):
-        return self["mass"] * self.peculiar_nc
+        return self.frame.masses[:, None] * self.peculiar_nc
 
     def _kinetic(self):
-        return self["mass"] * outer6(self.peculiar_nc)
+        return self.frame.masses[:, None] * outer6(self.peculiar_nc)
 
     def _kinetic_energy(self):
         return 0.5 * self["mass"] * np.einsum("nc,nc->n", self.frame.velocities, self.frame.velocities)[:, None]
@@ -111,6 +129,16 @@ class AtomFactors:
 
     def _source_residual(self):
         return self.per_atom.residual_n4
+
+
+class OfAll:
+    """The factors of the atoms of all parts, where there are several."""
+
+    def __init__(self, factors: AtomFactors):
+        self.factors, self.peculiar_nc = factors, factors.peculiar_nc
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.factors["all_" + name]
 
 
 class AtomSums:

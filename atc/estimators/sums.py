@@ -15,6 +15,9 @@ from ..compiled import njit
 from .kinematics import eshelby, quotient_gradient
 from .tensors import full, quotient
 
+#: A number density n − Σ m φ²/ρ below this share of n is that of an atom alone, but for rounding.
+LONE = 1e-9
+
 
 @dataclass
 class Sums:
@@ -35,7 +38,11 @@ class Sums:
     boltzmann: float = np.nan
     # Degrees of freedom of an atom.
     dimension: int = 3
+    # What thermal motion is relative to (see `settings`), and Σ m φ² by name.
+    velocities: str = "local"
+    squared: dict[str, np.ndarray] = field(default_factory=dict)
     thermal_shifted: np.ndarray | None = None
+    thermal_all_shifted: np.ndarray | None = None
     kinetic_flux_shifted: np.ndarray | None = None
     # The largest Σ |G| r² β at the points of the check: what the stress is made of, however much of it cancels.
     size: float = 0.0
@@ -53,6 +60,28 @@ class Sums:
     def defined(self) -> np.ndarray:
         """(g,) whether there is mass at the point: elsewhere quotients have no meaning."""
         return self.rho > 0
+
+    # --- what velocities are relative to: of a part, the mean velocity of all parts
+    @property
+    def of_part(self) -> bool:
+        """Whether the sums are those of one species, or molecule, of several."""
+        return "all_mass" in self.site
+
+    @cached_property
+    def anywhere(self) -> np.ndarray:
+        """(g,) whether there is mass of any part at the point: what is relative to the local velocity is known
+        there."""
+        return self.site["all_mass"][:, 0] > 0 if self.of_part else self.defined
+
+    @cached_property
+    def stream(self) -> np.ndarray:
+        """(g, 3) the local velocity − drift, 0 where there is no mass: that of all parts."""
+        return quotient(self.site["all_momentum"], self.site["all_mass"][:, 0]) if self.of_part else self.peculiar
+
+    @property
+    def stream_velocity(self) -> np.ndarray:
+        """(g, 3) the local velocity, 0 where there is no mass."""
+        return np.where(self.anywhere[:, None], self.stream + self.drift, 0.0) if self.of_part else self.velocity
 
     @property
     def potential_stress(self) -> np.ndarray:
@@ -82,14 +111,73 @@ class Sums:
     @cached_property
     def thermal_of_drift(self) -> np.ndarray:
         """`thermal` from the sums relative to the frame's drift alone."""
-        return thermal(self.site["mass"], self.site["momentum"], self.site["kinetic"])
+        about = (self.stream,) if self.of_part else ()
+        return thermal(self.site["mass"], self.site["momentum"], self.site["kinetic"], *about)
+
+    # --- unbiased: the local velocity, of few atoms, follows their thermal motion
+    @property
+    def of_all(self) -> Sums:
+        """The sums over the atoms of all parts that thermal motion is made of."""
+        names = [name for name in self.site if name.startswith("all_")]
+        whole = Sums({name.removeprefix("all_"): self.site[name] for name in names}, drift=self.drift)
+        whole.thermal_shifted = self.thermal_all_shifted
+        return whole
+
+    @property
+    def all_number(self) -> np.ndarray:
+        """(g,) number density of all parts."""
+        return self.site["all_one" if self.of_part else "one"][:, 0]
+
+    @cached_property
+    def lost(self) -> np.ndarray:
+        """(g,) how much of the number density n thermal motion relative to the local velocity u lacks: for independent
+        velocities of one temperature <Σ m |v_j − u|² φ> = 3 k_B T (n − Σ m φ²/ρ). Of a part, with u that of all:
+        2 Σ_s m φ²/ρ − ρ_s Σ m φ²/ρ²."""
+        s2 = self.squared["mass"][:, 0]
+        if not self.of_part:
+            return quotient(s2, self.rho)
+        rho = self.site["all_mass"][:, 0]
+        return 2.0 * quotient(s2, rho) - quotient(quotient(self.rho * self.squared["all_mass"][:, 0], rho), rho)
+
+    @cached_property
+    def _left(self) -> np.ndarray:
+        """(g,) n − Σ m φ²/ρ of all parts."""
+        s2 = self.squared["all_mass" if self.of_part else "mass"][:, 0]
+        rho = self.site["all_mass"][:, 0] if self.of_part else self.rho
+        return self.all_number - quotient(s2, rho)
+
+    @property
+    def alone(self) -> np.ndarray:
+        """(g,) whether no more than one atom is in reach: nothing can be said of thermal motion there."""
+        return ~(self._left > LONE * self.all_number)
+
+    @cached_property
+    def kinetic_pressure(self) -> np.ndarray:
+        """(g, 6) minus the kinetic stress, by what velocities are relative to; 0 where there is no mass. Unbiased:
+        P n/(n − Σ m φ²/ρ), what P lacks shared among parts as they lack it."""
+        if self.velocities in ("none", "average"):
+            at_rest = np.broadcast_to(-self.drift, self.site["momentum"].shape)
+            return thermal(self.site["mass"], self.site["momentum"], self.site["kinetic"], at_rest)
+        if self.velocities == "local":
+            return self.thermal
+        P = self.of_all.thermal if self.of_part else self.thermal
+        share = np.where(self.alone, 0.0, quotient(self.lost, np.where(self.alone, 0.0, self._left)))
+        return self.thermal + P * share[:, None]
+
+    def count_freedom(self) -> None:
+        """Make the degrees of freedom those that thermal motion relative to the local velocity has."""
+        if self.velocities != "frame" or "degrees" not in self.site:
+            return
+        free = self.site["degrees"][:, 0] - self.lost
+        self.site["degrees"] = np.where(free > LONE * self.site["degrees"][:, 0], free, 0.0)[:, None]
 
     @cached_property
     def temperature(self) -> np.ndarray:
-        """(g,) trace(T − ρ v⊗v)/(d n k_B), d degrees of freedom per atom (fewer with constraints), 0 where there is no
-        mass."""
+        """(g,) trace(T − ρ v⊗v)/(d n k_B), d degrees of freedom per atom (fewer with constraints; n − Σ m φ²/ρ in place
+        of n where it is unbiased), 0 where there is no mass."""
         return quotient(
-            self.thermal[:, :3].sum(1) / (float(self.dimension) * self.boltzmann),
+            (self.thermal if self.velocities in ("local", "frame") else self.kinetic_pressure)[:, :3].sum(1)
+            / (float(self.dimension) * self.boltzmann),
             np.where(self.defined, self.site["degrees"][:, 0], 0.0),
         )
 
@@ -98,25 +186,27 @@ class Sums:
     def heat_flux_kinetic(self) -> np.ndarray:
         """(g, 3) q_K = J − ε v + σ_K·v = Σ (½ m w² + U_j) w φ, 0 where there is no mass."""
         kinetic = self.kinetic_flux_of_drift if self.kinetic_flux_shifted is None else self.kinetic_flux_shifted
-        carried = self.site["potential_flux"] - self.site["potential_energy"] * self.peculiar
-        return np.where(self.defined[:, None], kinetic + carried, 0.0)
+        carried = self.site["potential_flux"] - self.site["potential_energy"] * self.stream
+        return np.where(self.anywhere[:, None], kinetic + carried, 0.0)
 
     @cached_property
     def kinetic_flux_of_drift(self) -> np.ndarray:
         """(g, 3) Σ ½ m w² w φ from the sums relative to the frame's drift alone."""
+        if self.of_part:
+            return kinetic_flux_about(
+                self.site["mass"], self.site["momentum"], self.site["kinetic"], self.site["kinetic_flux"], self.stream
+            )
         return kinetic_flux(self.rho, self.peculiar, self.thermal_of_drift, self.site["kinetic_flux"])
 
     @cached_property
     def heat_flux_potential(self) -> np.ndarray:
         """(g, 3) q_U = A − M v = A' − M u, 0 where there is no mass."""
-        return np.where(
-            self.defined[:, None], self.bond["power"] - np.einsum("gij,gj->gi", self._M, self.peculiar), 0.0
-        )
+        return np.where(self.anywhere[:, None], self.bond["power"] - np.einsum("gij,gj->gi", self._M, self.stream), 0.0)
 
     @cached_property
     def heat_flux_churning(self) -> np.ndarray:
         """(g, 3) q_C = z v, 0 where there is no mass."""
-        return np.einsum("gij,gj->gi", self.churning, self.velocity)
+        return np.einsum("gij,gj->gi", self.churning, self.stream_velocity)
 
     @property
     def _M(self) -> np.ndarray:
@@ -183,8 +273,25 @@ def kinetic_flux(rho, u_gc, thermal_g6, flux_gc) -> np.ndarray:
     return out
 
 
-def thermal(mass_g1, momentum_gc, kinetic_g6) -> np.ndarray:
-    """T − π⊗π/ρ as 6 components; its diagonal is a sum of squares, so what rounding leaves below 0 is cut off."""
+def kinetic_flux_about(mass_g1, momentum_gc, kinetic_g6, flux_gc, u_gc) -> np.ndarray:
+    """Σ ½ m |c − u|² (c − u) φ from Σ m φ, Σ m c φ, Σ m c⊗c φ, Σ ½ m c² c φ, for any u."""
+    u2 = np.einsum("gc,gc->g", u_gc, u_gc)[:, None]
+    pu = np.einsum("gc,gc->g", momentum_gc, u_gc)[:, None]
+    energy = 0.5 * kinetic_g6[:, :3].sum(1, keepdims=True)
+    carried = np.einsum("gij,gj->gi", full(kinetic_g6), u_gc)
+    return flux_gc - energy * u_gc - carried + pu * u_gc + 0.5 * u2 * momentum_gc - 0.5 * mass_g1 * u2 * u_gc
+
+
+def thermal(mass_g1, momentum_gc, kinetic_g6, u_gc=None) -> np.ndarray:
+    """Σ m (c − u)⊗(c − u) φ = T − π⊗u − u⊗π + ρ u⊗u as 6 components, u = π/ρ if it is not given; its diagonal is a sum
+    of squares, so what rounding leaves below 0 is cut off."""
+    if u_gc is not None:
+        p, u = momentum_gc, u_gc
+        out = kinetic_g6.copy()
+        for k, (a, b) in enumerate(((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))):
+            out[:, k] += mass_g1[:, 0] * u[:, a] * u[:, b] - p[:, a] * u[:, b] - u[:, a] * p[:, b]
+        np.maximum(out[:, :3], 0.0, out=out[:, :3])
+        return out
     out = np.empty((len(mass_g1), 6))
     # Contiguous: for views of columns the kernel would be compiled once more.
     _thermal(*(np.ascontiguousarray(a) for a in (mass_g1, momentum_gc, kinetic_g6)), out)

@@ -17,6 +17,7 @@ _THIN = 0.02
 # The sums that fields are quotients of: deposit, and where its density is.
 _QUOTIENTS = (
     ("site", "site", "mass"),
+    ("site", "site", "all_mass"),
     ("gather", "gathered", "mass"),
     ("reference_gather", "gathered", "reference_mass"),
 )
@@ -48,10 +49,8 @@ def clear_thin(main, methods) -> None:
 
 def thin_sums(main, work: Work) -> set[str]:
     """The deposits whose sums are small somewhere though fields are quotients by them."""
-    found = {key: getattr(main, of).get(name) for key, of, name in _QUOTIENTS if key != "site" or work.masked}
-    return {
-        key for key, rho in found.items() if rho is not None and rho.min(initial=np.inf) < _THIN * rho.max(initial=0.0)
-    }
+    found = [(key, getattr(main, of).get(name)) for key, of, name in _QUOTIENTS if key != "site" or work.masked]
+    return {key for key, rho in found if rho is not None and rho.min(initial=np.inf) < _THIN * rho.max(initial=0.0)}
 
 
 def tightened(work: Work, methods, thin, expected, goal) -> dict[str, tuple[Method, Refinement]]:

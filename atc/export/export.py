@@ -14,7 +14,7 @@ from ..pictures.geometry import grid_dims, points_of_grid
 FORMATS = (".pvd", ".vtu", ".vti", ".vts", ".grid", ".extxyz", ".xyz")
 
 
-def export(out, target=None, *, quantities=None, frames=None) -> Path:
+def export(out, target=None, *, quantities=None, frames=None, species=None) -> Path:
     """Write an output of ``atc fields`` or ``atc pd`` in another format.
 
     Parameters
@@ -27,6 +27,7 @@ def export(out, target=None, *, quantities=None, frames=None) -> Path:
         for each component (``stress_xy``). ``.vtu``, ``.vti``, ``.vts``: one frame (the last) in one file.
     quantities : names; default all fields
     frames : slice of frames; default all
+    species : which of the species that the fields are taken apart by
 
     Returns
     -------
@@ -36,9 +37,9 @@ def export(out, target=None, *, quantities=None, frames=None) -> Path:
     ------
     AtcError : for formats that cannot hold the output, fields that are not there
     """
-    from ..running.output import load
+    from ..running.output import load, of_species
 
-    ds = load(out)
+    ds = of_species(load(out), species)
     if target is None:
         if not isinstance(out, (str, os.PathLike)):
             raise AtcError("export: give the file to write")

@@ -205,6 +205,10 @@ class Kernel:
         kappa = np.asarray(kappa, float)
         return self.hat(np.stack([kappa / self.scale, np.zeros_like(kappa), np.zeros_like(kappa)], -1))
 
+    def squared(self) -> tuple[float, Kernel] | None:
+        """c and a kernel ψ with φ² = c ψ, if there is one; sums of φ² are otherwise taken point by point."""
+        return None
+
     # --- for checks
     @property
     def peak(self) -> float:

@@ -85,6 +85,10 @@ class Gaussian(Kernel):
         s = length / (sqrt(2.0) * self.width)
         return self.normalisation * np.exp(-s * s * p2) * _mean_gauss(s, D)
 
+    def squared(self):
+        # exp(−r²/2w²)² is the Gaussian of width w/√2, whose integral over space is (2 √π w)^−d.
+        return (2.0 * sqrt(pi) * self.width) ** -self.dimension, Gaussian(self.width / sqrt(2.0), self.dimension)
+
     def hat(self, k):
         return np.exp(-0.5 * (np.sqrt((np.asarray(k, float) ** 2).sum(-1)) * self.width) ** 2)
 

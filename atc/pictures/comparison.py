@@ -9,6 +9,7 @@ from ..errors import AtcError
 from .components import SYMBOL, component
 from .drawing import STYLE, colours, draw_map, figure
 from .geometry import cut, unit_text
+from .symbols import symbol
 
 
 def compare_figure(result):
@@ -61,8 +62,8 @@ def _trend(Figure, result):
 
 
 def _against(Figure, result):
-    """Box averages, for each axis the profiles of Hardy (full lines) and smoothed virial (dashed), and maps of the
-    difference."""
+    """Box averages, for each axis the profiles of Hardy (full lines), smoothed virial (dashed) and of the run's own
+    stress/atom (dotted), and maps of both stresses and their difference in one scale."""
     data, place = result.data, result.place
     axes = [n.removeprefix("profile_").removesuffix("_hardy") for n in data.data_vars if n.endswith("_hardy")]
     boxes = [r for r in result.rows if r["section"] == "box average"] or [
@@ -70,16 +71,32 @@ def _against(Figure, result):
     ]
     maps, where = [], ""
     if "difference" in data and place.kind != "slab" and place.kind != "line":
-        d = data["difference"]
+        selection = {}
         if place.kind == "volume":
             place, selection, where = cut(place)
-            d = d.isel(selection)
-        maps = [c for c in ("hydrostatic", "vonmises") if np.isfinite(component(d.values, c, result.dimension)).any()]
+        maps = [(w, c) for c in ("hydrostatic", "vonmises") for w in ("hardy", "virial", "column") if w in data]
+        maps += [("difference", c) for c in ("hydrostatic", "vonmises")]
+        shown = {}
+        for w, c in maps:
+            if w == "difference":  # of the scalars, not the scalar of the difference
+                shown[w, c] = shown["hardy", c] - shown["virial", c]
+            else:
+                shown[w, c] = component(data[w].isel(selection).values, c, result.dimension)
+                shown[w, c] = np.where(np.isfinite(shown["hardy", c]), shown[w, c], np.nan)
+        maps.sort(key=lambda m: ("hydrostatic", "vonmises").index(m[1]))
+        maps = [m for m in maps if np.isfinite(shown[m]).any()]
     panels = bool(boxes) + len(axes) + len(maps)
     if not panels:
         raise AtcError("there is nothing to draw: neither box averages nor pointwise differences could be compared")
-    fig, axs = figure(Figure, panels, 3.9, 3.1)
+    # The maps of one scalar side by side, in rows of their own.
+    columns = max(3, sum(c == maps[0][1] for _, c in maps)) if maps else 3
+    curves = bool(boxes) + len(axes)
+    blank = -curves % columns if maps else 0
+    fig, axs = figure(Figure, panels + blank, 3.9, 3.1, columns)
     axs = list(axs.flat)
+    for ax in axs[curves : curves + blank]:
+        ax.remove()
+    axs = axs[:curves] + axs[curves + blank :]
     units = f" ({unit_text(result.units)})" if unit_text(result.units) else ""
     if boxes:
         ax = axs.pop(0)
@@ -94,7 +111,9 @@ def _against(Figure, result):
             color="C1",
             yerr=errors if any(errors) else None,
         )
-        ax.set_xticks(at, [{"hydrostatic": "mean", "vonmises": "Mises"}.get(r["name"], r["name"]) for r in boxes])
+        ax.set_xticks(
+            at, [{"hydrostatic": "mean", "vonmises": "Mises"}.get(r["name"], r["name"]) for r in boxes], fontsize=8
+        )
         ax.axhline(0, color="0.4", lw=0.6)
         ax.set_title(f"average over the box{units}")
         ax.legend()
@@ -107,28 +126,41 @@ def _against(Figure, result):
             h, v = (component(data[f"profile_{dim}_{w}"].values, c, result.dimension) for w in ("hardy", "virial"))
             ax.plot(x.values, h, color=colour, label=SYMBOL.get(c, c))
             ax.plot(x.values, v, color=colour, ls=(0, (3, 2)), lw=1.0)
+            if f"profile_{dim}_column" in data:
+                own = component(data[f"profile_{dim}_column"].values, c, result.dimension)
+                ax.plot(x.values, own, color=colour, ls=":", lw=1.6)
         ax.set_xlabel(x.attrs.get("label", dim))
         ax.set_title(
             (f"mean over the other axes{units}" if len(axes) > 1 else f"profile{units}")
-            + ("\nfull: Hardy, dashed: smoothed virial" if k == 0 else "")
+            + (
+                "\nfull: Hardy, dashed: smoothed virial"
+                + (f", dotted: {result.attrs['column']} of the run" if "column" in result.attrs else "")
+                if k == 0
+                else ""
+            )
         )
         ax.set_xlim(x.values.min(), x.values.max())
         lines = ax.get_legend_handles_labels()
     for ax in fig.axes:
         ax.spines[["top", "right"]].set_visible(False)
-    for c in maps:
-        h = component(d.values, c, result.dimension)
-        top = float(np.nanmax(np.abs(h))) or 1.0
-        sign = colours("", c, h, None if c == "vonmises" else (-top, top), False)
-        draw_map(
-            fig,
-            axs.pop(0),
-            place,
-            place.flat(),
-            h,
-            *sign,
-            f"{SYMBOL[c]} of Hardy - smoothed virial{units}" + (f"\n{where}" if where else ""),
-        )
+    words = {
+        "hardy": "Hardy",
+        "virial": "smoothed virial",
+        "column": f"smoothed {result.attrs.get('column', '')} of the run",
+        "difference": "Hardy - smoothed virial",
+    }
+    for w, c in maps:
+        # One scale for all of one scalar: what is large is seen to be large.
+        together = np.concatenate([np.ravel(shown[m]) for m in maps if m[1] == c and m[0] != "difference"])
+        signed = c == "hydrostatic" or w == "difference"
+        _, low, high, _ = colours("", "hydrostatic", together, None, None)
+        scale = (low, high) if signed else (0.0, high)
+        painted = colours("", "hydrostatic" if signed else c, shown[w, c], scale, False)
+        title = f"{words[w]}, {symbol('stress', c)}{units}"
+        second = [where] if where else []
+        if w == "difference":
+            second.append(f"largest {np.nanmax(np.abs(shown[w, c])):.2g}")
+        draw_map(fig, axs.pop(0), place, place.flat(), shown[w, c], *painted, "\n".join([title, ", ".join(second)]))
     for ax in axs:
         ax.remove()
     if axes:

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
-from .components import SYMBOL, TENSOR
 from .geometry import unit_text
+from .symbols import label
 
 # what cannot be negative
 _POSITIVE = {"number_density", "density", "temperature", "vonmises", "max_shear", "magnitude"}
@@ -64,11 +64,8 @@ def _frame_text(ds, k) -> str:
 
 def label_of(da, comp, units) -> str:
     """Name, component and unit of a variable, for an axis."""
-    name = da.name.replace("_", " ")
-    if comp is not None:
-        name += f"$_{{{comp}}}$" if comp in TENSOR or comp in ("x", "y", "z") else f", {SYMBOL[comp]}"
-    units = unit_text(units)
-    return f"{name} ({units})" if units else name
+    axes = tuple(str(v) for v in da.coords["i"].values) if "i" in da.coords and "i" in da.dims else ()
+    return label(str(da.name), comp, unit_text(units), () if axes == ("x", "y", "z") else axes)
 
 
 def kernel_title(ds, unit=unit_text) -> str:
@@ -82,12 +79,27 @@ def kernel_title(ds, unit=unit_text) -> str:
     return text
 
 
+#: Beyond so many times what 98 of 100 points have, extremes are singular (corners, crack tips): they would take all
+#: colours for themselves.
+SINGULAR = 1.6
+
+
+def singular(values) -> bool:
+    """Whether a few points are far beyond all others."""
+    size = np.abs(values[np.isfinite(values)])
+    if size.size < 100:
+        return False
+    usual = np.percentile(size, 98)
+    return bool(size.max() > SINGULAR * usual > 0)
+
+
 def colours(name, comp, values, limits, robust, floor=0.0):
     """Colour map and limits for one panel; a signed map never reaches less far than `floor`, so that rounding does not
-    look like a field."""
+    look like a field. robust : limits at the 2nd and 98th percentile; None: where a few points are singular"""
     import matplotlib as mpl
 
     finite = values[np.isfinite(values)]
+    robust = singular(values) if robust is None else robust
     positive = comp in _POSITIVE or (comp is None and name in _POSITIVE)
     if positive or (comp is None and finite.size and finite.min() >= 0):
         cmap = _MAPS.get(comp or name, "viridis")
@@ -110,6 +122,13 @@ def colours(name, comp, values, limits, robust, floor=0.0):
         bool(finite.size and finite.min() < lo), bool(finite.size and finite.max() > hi)
     ]
     return cmap, lo, hi, extend
+
+
+def wrapped(fig, text: str, size: float) -> str:
+    """A text broken into lines that fit into a figure."""
+    import textwrap
+
+    return textwrap.fill(text, max(20, int(fig.get_size_inches()[0] * 72 / (0.56 * size))))
 
 
 def figure(Figure, n, width, height, columns=3):

@@ -144,7 +144,7 @@ class Places:
         along = [c for c in range(3) if length > 0 and abs(abs(step[c]) - length) <= 1e-9 * length]
         if along or length == 0:
             c = along[0] if along else 0
-            return x[:, c], f"{'xyz'[c]}{unit}"
+            return x[:, c], f"{'r' if self.dims[k] == 'r' else 'xyz'[c]}{unit}"
         return (x - x[0]) @ (step / length), f"distance along {self.edges[k]}{unit}"
 
 
@@ -214,10 +214,23 @@ def placed(ds, da) -> bool:
     return _positions(ds, da) is not None
 
 
+def over_angles(ds):
+    """Of an output on a cylindrical or spherical grid its profiles in r: plain means over the other dimensions, which
+    are means over cylinders and spheres."""
+    axes = str(ds.attrs["axes"]).split()
+    others = [d for d in axes if d != "r"]
+    out = ds.drop_vars([f"position_{c}" for c in "xyz"], errors="ignore")
+    # Standard errors of means over angles are not the means of the errors.
+    out = out.drop_vars([n for n in out.data_vars if out[n].dtype.kind != "f" or str(n).endswith(STDERR)])
+    return out.mean([d for d in others if d in out.dims], skipna=True, keep_attrs=True)
+
+
 def _positions(ds, da):
     """(*shape, 3) positions of the points of a field's grid, or None if the output does not hold them. Points that move
     are where they are in the frame of `da`; where it has none (a mean) they are where the first frame has them."""
     dims = grid_dims(da)
+    if dims == ["r"] and "r" in ds.coords:
+        return np.stack([ds.coords["r"].values, np.zeros(ds.sizes["r"]), np.zeros(ds.sizes["r"])], axis=-1)
     shape = tuple(ds.sizes[d] for d in dims)
     names = [f"position_{c}" for c in "xyz"]
     for coords in (da.coords, ds.coords):
@@ -238,6 +251,12 @@ def _positions(ds, da):
 def points_of_grid(ds, da) -> Places:
     """Where the points of the field `da` of an output are."""
     dims = grid_dims(da)
+    if "axes" in ds.attrs and len(dims) > 1:
+        kind = "cylindrical" if "z" in dims else "spherical"
+        raise AtcError(
+            f"{da.name}: is on a {kind} grid, with components along {ds.attrs['axes']}: atc plot draws its profiles in "
+            "r; for anything else compute it on points or a regular grid"
+        )
     x = _positions(ds, da)
     if x is None:
         raise AtcError(f"{da.name}: the output does not say where its points are")

@@ -9,7 +9,7 @@ from ..errors import AtcError
 from .geometry import rank, unit_text
 
 
-def plot_nodes(ds, quantity=None, *, component=None, slice=None, axis=None, frame=-1, limits=None, robust=False):
+def plot_nodes(ds, quantity=None, *, component=None, slice=None, axis=None, frame=-1, limits=None, robust=None):
     """Draw quantities of the nodes, one panel each (or one a component).
 
     Parameters

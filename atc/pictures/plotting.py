@@ -13,11 +13,14 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
-from ..running.output import load
+from ..running.output import load, of_species
+from ..unit_words import converted, in_units, unit_of
 from . import components
 from .components import TENSOR
-from .drawing import STYLE, at_frame, colours, draw_map, figure, kernel_title, label_of, save
-from .geometry import STDERR, cut, fields_of, grid_dims, points_of_grid, rank
+from .drawing import STYLE, at_frame, colours, draw_map, figure, kernel_title, label_of, save, singular, wrapped
+from .geometry import STDERR, cut, fields_of, grid_dims, over_angles, points_of_grid, rank
+from .overlays import Overlays, legend
+from .symbols import symbol
 
 
 def plot(
@@ -30,8 +33,13 @@ def plot(
     index=None,
     frame=-1,
     limits=None,
-    robust=False,
+    robust=None,
     atoms=None,
+    species=None,
+    units=None,
+    arrows=None,
+    streamlines=None,
+    principal=None,
 ):
     """Draw one field, one panel a component.
 
@@ -46,7 +54,13 @@ def plot(
         dataset's length unit)
     axis, index : the same by index
     frame : index, or ``"mean"``
-    limits : (lo, hi) of the colours; robust : limits at the 2nd and 98th percentile
+    limits : (lo, hi) of the colours; robust : limits at the 2nd and 98th percentile; None: only where a few points are
+        far beyond all others (corners, crack tips); False: never
+    arrows, streamlines : name of a vector field (velocity, heat_flux, ...) to draw over maps
+    principal : name of a tensor field whose principal values in the plane are drawn over maps as crosses: along their
+        directions, as long as they are large, tension red, compression blue
+    species : which of the species, or molecules, that the fields are taken apart by
+    units : to draw in, e.g. ``"GPa, nm"`` or a preset, see `atc.fields`
     atoms : (n, 3) positions in the dataset's units to draw on maps, those near the plane
 
     Returns
@@ -60,7 +74,8 @@ def plot(
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    ds = load(ds)
+    ds = of_species(load(ds), species)
+    ds = ds if units is None else in_units(ds, units)
     if "equation" in ds.attrs and "x" in ds.dims:
         raise AtcError("this is an output of atc advect, whose picture was written beside it (the same name, .png)")
     if ds.attrs.get("kind") == "peridynamics":
@@ -69,6 +84,10 @@ def plot(
         return plot_nodes(
             ds, quantity, component=component, slice=slice, axis=axis, frame=frame, limits=limits, robust=robust
         )
+    axes = tuple(str(ds.attrs.get("axes", "")).split())
+    if axes:
+        ds = over_angles(ds)
+        component = _cartesian_names(component, axes)
     panels = []
     dimension = int(ds.attrs.get("dimension", 3))
     wanted = [q.strip() for q in quantity.split(",")] if quantity else [None]
@@ -90,7 +109,10 @@ def plot(
         if slice is not None or axis is not None or index is not None:
             raise AtcError(f"this output is on a {place.kind}, not on a 3-D grid: there is nothing to slice")
         selection, where = {}, ""
-    title = ", ".join(t for t in (kernel_title(ds), where, when) if t)
+    names = ", ".join(dict.fromkeys(str(da.attrs.get("long_name", name)) for name, da, _ in panels))
+    title = ", ".join(t for t in (names[:1].upper() + names[1:], kernel_title(ds), where, when) if t)
+    if place.kind in ("line", "slab") and (arrows or streamlines or principal):
+        raise AtcError("arrows, streamlines and principal stresses are drawn over maps, not over profiles")
     with mpl.rc_context(STYLE):
         if place.kind in ("line", "slab"):
             return _profiles(Figure, ds, panels, place, title, limits, frame, dimension)
@@ -98,7 +120,17 @@ def plot(
         for _, da, c in panels:
             v = da.isel(selection).values
             values.append(v if c is None else components.component(v, c, dimension, rank=rank(da)))
-        return _maps(Figure, panels, values, place, title, limits, robust, atoms)
+        over = Overlays(ds, place, selection, frame, dimension, arrows, streamlines, principal)
+        return _maps(Figure, panels, values, place, title, limits, robust, atoms, over)
+
+
+def _cartesian_names(component, axes):
+    """Components along other axes (rr, rphi) by the names that they have as places in the arrays (xx, xy)."""
+    if component is None:
+        return None
+    named = {a + b: "xyz"[i] + "xyz"[j] for i, a in enumerate(axes) for j, b in enumerate(axes)}
+    named |= {a: "xyz"[i] for i, a in enumerate(axes)}
+    return ",".join(named.get(w.strip(), w.strip()) for w in component.split(","))
 
 
 def pick(ds, quantity):
@@ -162,17 +194,22 @@ def _panel_size(flat, panels):
     return width, (width - 1.15) * aspect + 0.75, 3
 
 
-def _maps(Figure, panels, values, place, title, limits, robust, atoms):
+def _maps(Figure, panels, values, place, title, limits, robust, atoms, over=None):
     drawn_as = place.flat()
     flat, _, basis, origin = drawn_as
     width, height, columns = _panel_size(flat, len(panels))
     fig, axs = figure(Figure, len(panels), width, height, columns)
     largest: dict[str, float] = {}
     for (name, _, _), v in zip(panels, values):
-        largest[name] = max(largest.get(name, 0.0), float(np.nanmax(np.abs(v), initial=0.0)))
+        usual = (
+            np.nanpercentile(np.abs(v), 98) if robust is not False and singular(v) else np.nanmax(np.abs(v), initial=0)
+        )
+        largest[name] = max(largest.get(name, 0.0), float(usual))
     for ax, (name, da, comp), v in zip(axs.flat, panels, values):
         painted = colours(name, comp, v, limits, robust, 1e-3 * largest[name])
         draw_map(fig, ax, place, drawn_as, v, *painted, label_of(da, comp, da.attrs.get("units", "")))
+        if over is not None:
+            over.draw(ax, drawn_as)
         if atoms is not None and len(atoms):
             near = np.abs((atoms - origin) @ basis[2]) <= place.thickness
             size = float(np.clip(3e3 / max(near.sum(), 1), 1.5, 16))
@@ -181,7 +218,8 @@ def _maps(Figure, panels, values, place, title, limits, robust, atoms):
             )
     for ax in list(axs.flat)[len(panels) :]:
         ax.remove()
-    fig.suptitle(title, fontsize=9)
+    legend(fig, any(not np.isfinite(v).all() for v in values), over)
+    fig.suptitle(wrapped(fig, title, 9), fontsize=9)
     return fig
 
 
@@ -191,17 +229,24 @@ def _profiles(Figure, ds, panels, place, title, limits, frame, dimension=3):
     for name, da, comp in panels:
         groups.setdefault(name, []).append((da, comp))
     fig, axs = figure(Figure, len(groups), 5.0, 3.1)
+    axes = tuple(str(ds.attrs.get("axes", "")).split())
     s, label = place.abscissa()
     for ax, (name, members) in zip(axs.flat, groups.items()):
-        error = _stderr(ds, name, frame)
+        error, banded = _stderr(ds, name, frame), False
         for da, comp in members:
             v = da.values if comp is None else components.component(da.values, comp, dimension, rank=rank(da))
-            (line,) = ax.plot(s, v, label=comp, marker="o" if len(s) == 1 else None)
+            (line,) = ax.plot(
+                s,
+                v,
+                label=None if comp is None else symbol(name, comp, axes) or comp,
+                marker="o" if len(s) == 1 else None,
+            )
             # the error of an invariant is not the invariant of the errors
             if error is not None and (comp is None or comp in TENSOR or comp in ("x", "y", "z")):
                 e = error.transpose(*da.dims).values
                 e = e if comp is None else components.component(e, comp, dimension, rank=rank(da))
                 ax.fill_between(s, v - e, v + e, color=line.get_color(), alpha=0.25, linewidth=0)
+                banded = True
         ax.set_xlabel(label)
         ax.set_ylabel(
             label_of(members[0][0], None if len(members) > 1 else members[0][1], members[0][0].attrs.get("units", ""))
@@ -213,12 +258,17 @@ def _profiles(Figure, ds, panels, place, title, limits, frame, dimension=3):
         lo, hi = ax.get_ylim()
         if lo < 0 < hi:
             ax.axhline(0, color="0.6", lw=0.6, zorder=0)
-        if len(members) > 1:
-            ax.legend(ncols=1 if len(members) < 4 else 2)
+        handles, labels = ax.get_legend_handles_labels()
+        if banded:
+            from matplotlib.patches import Patch
+
+            handles, labels = [*handles, Patch(color="0.5", alpha=0.35)], [*labels, "± std. error"]
+        if len(members) > 1 or banded:
+            ax.legend(handles, labels, ncols=1 if len(members) < 4 else 2)
         ax.spines[["top", "right"]].set_visible(False)
     for ax in list(axs.flat)[len(groups) :]:
         ax.remove()
-    fig.suptitle(title, fontsize=9)
+    fig.suptitle(wrapped(fig, title, 9), fontsize=9)
     return fig
 
 
@@ -241,7 +291,9 @@ def plot_file(path, quantity=None, *, output=None, overlay=None, frame=-1, **opt
     `overlay`: a trajectory whose atoms are drawn on the map, at the frame shown.
     """
     path = Path(path)
-    ds = load(path)
+    ds = of_species(load(path), options.pop("species", None))
+    units = options.pop("units", None)
+    ds = ds if units is None else in_units(ds, units)
     atoms = None if overlay is None else _atoms(overlay, ds, frame)
     fig = plot(ds, quantity, frame=frame, atoms=atoms, **options)
     if output is None:
@@ -260,4 +312,9 @@ def _atoms(trajectory, ds, frame):
             f"{len(trajectory)} frames"
         )
     one = trajectory[k]
-    return one.units.to_user("length", one.cell.wrap(one.positions)[0])
+    x_nc = one.units.to_user("length", one.cell.wrap(one.positions)[0])
+    there = next(
+        (ds[c].attrs["units"] for c in ("x", "y", "z", "cell") if c in ds.coords and "units" in ds[c].attrs), ""
+    )
+    have = one.units.label("length")
+    return x_nc if there in ("", have) else x_nc * converted(have, (unit_of(there),))[0]

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 import numpy as np
 
 #: Raised whenever a change of the package changes numbers (beyond rounding): outputs begun before are not continued.
-RESULTS = 6
+RESULTS = 7
 
 #: What a frame's digest is made of, in this order.
 PARTS = (
@@ -34,6 +34,10 @@ def identity(job) -> dict:
         "results": RESULTS,
         "quantities": [q.name for q in work.quantities],
         **({"column units": job.request.column_units} if job.request.column_units else {}),
+        **({"atoms": digest(job.request.select.plain())} if job.request.select is not None else {}),
+        **({"output units": str(job.request.output_units)} if job.request.output_units else {}),
+        **({"parts": f"{job.parts.by} {' '.join(job.parts.labels)}"} if job.parts is not None else {}),
+        **({"bonds": job.request.bonds} if job.request.bonds != "half" else {}),
         "trajectory": frame_digest(job.first),
         "potential": f"{_in_words(job.request.pot)}; {digest(job.request.pot)}"
         if work.bond_users and job.request.pot is not None
@@ -41,6 +45,7 @@ def identity(job) -> dict:
         "potential on the first frame": _evaluated(job) if work.bond_users and job.request.pot is not None else None,
         "kernel": _kernel(job.request.kern) if work.kernel_users else None,
         "grid": digest(job.request.grid, everything=True) if work.grid_users else None,
+        **({"velocity": job.request.velocity} if any(q.thermal for q in work.quantities) else {}),
         "method": job.request.method,
         "tolerance": float(job.request.tolerance),
         "tiles": list(job.request.tiles) if job.request.tiles else None,

@@ -6,14 +6,17 @@ import os
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from ..contracts import Interactions
 from ..errors import AtcError
 from ..estimators import groups
+from ..estimators.chosen import require_choosable
 from ..estimators.methods import EXACT, Method, summary
 from ..estimators.registry import Work
+from ..estimators.selections import Parts, selection
 from ..estimators.settings import FrameResult, Settings
 from .request import Request
 
@@ -43,7 +46,9 @@ def prepare(request: Request | Job) -> Job:
 
     if isinstance(request, Job):
         return request
-    work = Work.of(request.quantities, request.pot is None or request.pot.central)
+    apart = request.by is not None
+    request = replace(request, **_velocity(request))
+    work = Work.of(request.quantities, request.pot is None or request.pot.central, apart, request.velocity)
     frames, pot = matched(as_frames(request.traj, request.pot), request.pot)
     if not len(frames):
         raise AtcError("the trajectory has no frames: nothing to compute")
@@ -52,7 +57,7 @@ def prepare(request: Request | Job) -> Job:
     if work.bond_users and pot is not None and pot.constraints is not None:
         # What its constraints are found from is settled, and asked for, once.
         pot = pot.settled(first)
-        work = Work.of(request.quantities, pot.central)
+        work = Work.of(request.quantities, pot.central, apart, request.velocity)
     if reference is not None and reference.dimension != first.dimension:
         if first.dimension == 3:
             raise AtcError(f"the reference {reference.source} is of a two-dimensional run, but {first.source} is not")
@@ -64,6 +69,12 @@ def prepare(request: Request | Job) -> Job:
         where = first if set(work.grid_users) - set(work.on_reference) or reference is None else reference
         grid = resolved(grid, request.kern, where)
         grid = grid.fixed(where.units, where.cell, where.positions)
+        for q in work.quantities if local_axes(grid) else ():
+            if q.kind != "grid" and q.rank:
+                raise AtcError(
+                    f"{q.name}: has components along x, y, z, and the fields on a {grid.kind} grid along "
+                    f"{', '.join(local_axes(grid))}: compute it in a scene of its own"
+                )
         if request.kern is not None and work.kernel_users:
             warn_of_open_faces(grid, kernel_internal(request.kern, first.units), where)
     if work.bond_users and pot is not None:
@@ -74,6 +85,13 @@ def prepare(request: Request | Job) -> Job:
         threads, workers = threads or workers, 1
     threads = int(threads or max(1, cpus() // workers))
     tiles = None if request.tiles is None else _tiles(request.tiles, flat=first.dimension == 2)
+    chosen, parts = selection(request.select), None
+    if chosen is not None or apart:
+        require_choosable(work, pot, apart, tiles)
+        chosen = None if chosen is None else chosen.settled(first, frames)
+        if apart:
+            whole = np.ones(len(first), bool) if chosen is None else chosen.of(first)
+            parts = Parts.of_frame(request.by, first, whole)
     model = pot
     if pot is not None and pot.fields and work.bond and grid is not None:
         from ..decomposers.long_range.kspace import for_tolerance
@@ -88,8 +106,34 @@ def prepare(request: Request | Job) -> Job:
         threads=threads,
         workers=int(workers),
         tiles=tiles,
+        select=chosen,
     )
-    return Job(completed, frames, first, work, model)
+    return Job(completed, frames, first, work, model, parts)
+
+
+def local_axes(grid) -> tuple[str, ...]:
+    """The axes that components on a grid are along, if not x, y, z."""
+    from ..grids import Grid
+
+    return grid.local_axes if isinstance(grid, Grid) else ()
+
+
+def _velocity(request: Request) -> dict:
+    """What thermal motion is relative to, and the quantities with those that averages of it need."""
+    velocity = request.velocity
+    if velocity is None:
+        # Nodes of a body have no temperature that few of them would show too little of.
+        velocity = "local" if request.pot is not None and request.pot.horizon is not None else "frame"
+    quantities = [request.quantities] if isinstance(request.quantities, str) else list(request.quantities)
+    found = Work.of(quantities).quantities
+    if request.average is not False and any(q.thermal for q in found):
+        if velocity == "average":
+            quantities += [name for name in ("density", "momentum") if name not in quantities]
+            if any(q.name == "temperature" for q in found):
+                quantities.append("_degrees")
+        elif velocity == "frame" and any(q.thermal and q.rank == 2 for q in found):
+            quantities += ["_number", "_paired"]
+    return {"velocity": velocity, "quantities": quantities}
 
 
 def _reference(request: Request, frames, pot):
@@ -135,13 +179,16 @@ class Job:
     work : what is to be summed
     model : the potential that was given, which the run's forces are held against; that of the request may be less
         accurate, as far as the tolerance of fields allows
+    parts : `selections.Parts` that fields are taken apart by, or None
     threads : within a frame
     methods : of each deposit, for all frames; fixed by what the first ones need (`fix_methods`)
     """
 
-    def __init__(self, request: Request, frames: Sequence, first, work: Work, model: Interactions | None):
+    def __init__(
+        self, request: Request, frames: Sequence, first, work: Work, model: Interactions | None, parts: Any = None
+    ):
         self.request, self.frames, self.first, self.work, self.model = request, frames, first, work, model
-        self.n_frames, self.threads = len(frames), int(request.threads or 1)
+        self.parts, self.n_frames, self.threads = parts, len(frames), int(request.threads or 1)
         self.methods = self.methods_for(work, request.method)
 
     def methods_for(self, work: Work, method: str = "auto") -> dict[str, Method]:
@@ -335,6 +382,10 @@ class Job:
             horizon=asked.horizon,
             tiles=asked.tiles,
             anchor=anchor,
+            selection=asked.select,
+            bonds=asked.bonds,
+            parts=self.parts,
+            velocity=asked.velocity,
         )
 
     def alarm(self):

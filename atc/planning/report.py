@@ -8,9 +8,10 @@ import numpy as np
 
 from ..errors import AtcError
 from ..estimators.methods import details
-from ..estimators.registry import BOND, Work
+from ..estimators.registry import BOND, Work, hidden
 from .job import Job, prepare
 from .request import Request
+from .sanity import sanity
 
 _TERMS = {
     "one": "1",
@@ -140,6 +141,7 @@ def plan(*args, **kwargs) -> Plan:
     job = prepare(
         args[0] if len(args) == 1 and not kwargs and isinstance(args[0], (Request, Job)) else Request(*args, **kwargs)
     )
+    sanity(job)
     work, frame, threads = job.work, job.first, job.threads
     if work.grid_users and (job.request.grid is None or (job.request.kern is None and work.kernel_users)):
         raise AtcError(f"{', '.join(work.grid_users)} need a {'kernel and a ' * bool(work.kernel_users)}grid")
@@ -151,12 +153,15 @@ def plan(*args, **kwargs) -> Plan:
 
     p = predict(job)
     size = {"grid": p.points, "box": 1, "atom": len(frame)}
-    entry = sum(8.0 * 3**q.rank * size[q.kind] for q in work.quantities)
+    # One species or molecule after the other: each with its own sums.
+    parts = len(job.parts.labels) if job.parts is not None else 1
+    entry = parts * sum(8.0 * 3**q.rank * size[q.kind] for q in work.quantities if not hidden(q.name))
     # A sum of squares and a block that waits for its partner at each length, means and errors.
     levels = 1 if job.request.average is False else 4 + 2 * (1 + int(np.log2(job.window / job.group())))
     memory = p.memory + (entry * levels if job.request.average is not False else 0.0)
     written = entry * job.costs.written_byte * (1.0 if job.request.average is False else 2.0 / job.window)
-    wall = p.parallel / threads + p.serial + written
+    parallel, serial = parts * p.parallel, parts * p.serial
+    wall = parallel / threads + serial + written
     return Plan(
         passes=_passes(work, job),
         left_out=_left_out(work),
@@ -167,7 +172,7 @@ def plan(*args, **kwargs) -> Plan:
         points=p.points,
         bonds=job.load.bonds,
         visits=p.visits,
-        cpu_seconds=p.parallel + p.serial + written,
+        cpu_seconds=parallel + serial + written,
         wall_seconds=wall,
         total_seconds=wall * job.n_frames / job.request.workers,
         memory=memory,

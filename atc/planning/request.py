@@ -10,6 +10,10 @@ import numpy as np
 from ..contracts import Grid, Interactions, Kernel
 from ..errors import AtcError
 
+#: What thermal motion in temperature and kinetic stress is relative to: the velocity at the point in each frame,
+#: corrected for the few atoms it is of; the same as it is; its time average; nothing.
+VELOCITIES = ("frame", "local", "average", "none")
+
 
 @dataclass(frozen=True)
 class Request:
@@ -39,9 +43,16 @@ class Request:
     forces: str = "warn"
     log: Any = None
     column_units: dict | None = None
+    select: Any = None
+    by: Any = None
+    bonds: str = "half"
+    velocity: Any = None  # None: by what is there, see `job`
+    output_units: object = None
 
     def __post_init__(self):
         from ..agreement.forces import MODES
+        from ..estimators.selections import BONDS, BY, selection
+        from ..unit_words import wanted_units
         from .method_choice import require_known
 
         for name, value, method, hint in (
@@ -70,4 +81,18 @@ class Request:
                 continue
             if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < 1:
                 raise AtcError(f"{name} {value!r}: expected a whole number, 1 or more")
+        for name, word, known in (
+            ("by", self.by, (None, *BY)),
+            ("bonds", self.bonds, BONDS),
+            ("velocity", self.velocity, (None, *VELOCITIES)),
+        ):
+            if word not in known:
+                raise AtcError(f"{name} {word!r}: expected one of {', '.join(repr(k) for k in known if k)}")
+        if self.velocity == "average" and self.average is False:
+            raise AtcError('velocity "average" is the one of a time average: give average=True, or a window')
+        if self.bonds != "half" and self.select is None:
+            raise AtcError(f"bonds {self.bonds!r} goes with select: whose ends they are told by")
+        selection(self.select)
+        if self.output_units is not None:
+            wanted_units(self.output_units)
         require_known(self.method)

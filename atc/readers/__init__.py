@@ -17,7 +17,18 @@ _TOPOLOGIES = (".psf", ".top", ".itp", ".prmtop", ".parm7", ".tpr")
 _LAMMPS_NAMES = (".lammpstrj", ".dump", ".lammpsdump")
 
 
-def read(source, topology=None, units=None, masses=None, dimension=None, atom_style=None):
+def read(
+    source,
+    topology=None,
+    units=None,
+    masses=None,
+    dimension=None,
+    atom_style=None,
+    *,
+    cell=None,
+    pbc=None,
+    timestep=None,
+):
     """A lazy, sliceable trajectory of `Frame`s.
 
     Parameters
@@ -48,6 +59,13 @@ def read(source, topology=None, units=None, masses=None, dimension=None, atom_st
         data file (the source, or the topology) are. Needed where the file does not say it behind ``Atoms`` and the
         number of columns leaves several possibilities.
 
+    cell : three lengths, three edge vectors, or three pairs lo, hi
+        The cell of frames whose file has none (plain XYZ), the same for all of them.
+    pbc : str or bools
+        Which axes repeat, e.g. "ppf", where the file does not say it; with `cell` all do if it is not given.
+    timestep : float
+        The time of one step, for frames with a step and no time.
+
     Returns
     -------
     atc.readers.trajectory.Trajectory
@@ -58,7 +76,16 @@ def read(source, topology=None, units=None, masses=None, dimension=None, atom_st
     AtcError
         Unknown units, contradictions, a file that is damaged or not a trajectory.
     """
-    trajectory = _read(source, topology, units, masses, atom_style)
+    boxed = cell is not None
+    if pbc is not None and not boxed:
+        from .declared import periodic_of
+
+        boxed = not any(periodic_of(pbc))  # an open cluster, on purpose
+    trajectory = _read(source, topology, units, masses, atom_style, boxed)
+    if not (cell is None and pbc is None and timestep is None):
+        from .declared import Declared
+
+        trajectory = Declared(trajectory, cell, pbc, timestep)
     if dimension is None:
         return trajectory
     from .planar import in_dimension
@@ -66,7 +93,10 @@ def read(source, topology=None, units=None, masses=None, dimension=None, atom_st
     return in_dimension(trajectory, dimension)
 
 
-def _read(source, topology, units, masses, atom_style):
+def _read(source, topology=None, units=None, masses=None, atom_style=None, boxed=False):
+    """`boxed`: whether the cell is known from elsewhere."""
+    from functools import partial
+
     from ..frame import Frame
 
     if atom_style is not None:
@@ -84,12 +114,19 @@ def _read(source, topology, units, masses, atom_style):
 
         files = matching(source)
         if files is None or len(files) == 1:
-            return _path(Path(source) if files is None else files[0], topology, units, masses, atom_style)
-        return Chain(read, files, topology, units, masses, atom_style)
+            return _path(Path(source) if files is None else files[0], topology, units, masses, atom_style, boxed)
+        return Chain(partial(_read, boxed=boxed), files, topology, units, masses, atom_style)
     if isinstance(source, (list, tuple)) and source and all(isinstance(s, (str, os.PathLike)) for s in source):
         from .chain import Chain, matching
 
-        return Chain(read, [file for s in source for file in matching(s) or [s]], topology, units, masses, atom_style)
+        return Chain(
+            partial(_read, boxed=boxed),
+            [file for s in source for file in matching(s) or [s]],
+            topology,
+            units,
+            masses,
+            atom_style,
+        )
     from .trajectory import Trajectory
 
     if isinstance(source, Trajectory):
@@ -143,7 +180,7 @@ def register(suffix: str, opener: Callable) -> None:
     OPENERS[suffix.lower()] = opener
 
 
-def _path(path: Path, topology, units, masses, atom_style=None):
+def _path(path: Path, topology, units, masses, atom_style=None, boxed=False):
     if path.suffix.lower() in OPENERS:
         from ._bytes import require_file
 
@@ -216,7 +253,7 @@ def _path(path: Path, topology, units, masses, atom_style=None):
     from .xyz import ExtendedXyz, looks_like_xyz
 
     if is_text(head) and looks_like_xyz(head, last):
-        return ExtendedXyz(path, topology, units, masses)
+        return ExtendedXyz(path, topology, units, masses, boxed)
     what = by_its_name(path.name) if is_text(head) else None
     if what is not None:
         raise AtcError(f"{path} is {what}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections import OrderedDict
 from functools import partial
 from glob import glob, has_magic
@@ -11,6 +11,7 @@ from pathlib import Path
 
 from ..errors import AtcError
 from ..frame import Frame
+from .times import same_moment
 from .trajectory import Trajectory, warn
 
 # Files kept open: a run in a few parts is never opened twice, and a thousand snapshots do not use up the system's file
@@ -47,8 +48,10 @@ class Chain(Trajectory):
 
     Notes
     -----
-    Files are opened when they are needed. Where a file begins at a step that the one before it has reached already (a
-    run that was continued writes the step it starts from again), a warning says so: those frames are there twice.
+    Files are opened when they are needed. Where a file begins at a moment that the one before it has reached already
+    (a run that was continued, perhaps from a restart file some way back), that frame and what follows it in the file
+    before are left out: each moment is there once, as the later file has it. More than the one frame that a continued
+    run writes again is told in a warning, as are steps that go back without such a moment.
     """
 
     def __init__(self, read, paths, topology=None, units=None, masses=None, atom_style=None):
@@ -126,28 +129,49 @@ class Chain(Trajectory):
         with self._guard:
             while len(self._starts) <= p:
                 at = len(self._starts) - 1
-                self._starts.append(self._starts[-1] + len(self._part(at)))
-                if at:
-                    self._look_at_seam(at)
+                self._starts.append(self._starts[-1] + self._counted(at))
             return self._starts[p]
 
-    def _look_at_seam(self, p):
-        if self._starts[p] == self._starts[p - 1]:
-            return
-        end, begin = self._part(p - 1)[-1].step, self._part(p)[0].step
-        if end is not None and begin is not None and begin <= end and self._starts[p] - self._starts[p - 1] > 1:
+    def _counted(self, p: int) -> int:
+        """How many frames of file p count: where the next one begins at a moment that it holds, those before it."""
+        part = self._part(p)
+        n = len(part)
+        if p + 1 == len(self.paths) or not n:
+            return n
+        try:
+            if not self._part(p + 1)._has(0):
+                return n
+            begin = self._part(p + 1)[0]
+        except AtcError:  # what is wrong with it is told when it is its turn
+            return n
+        part = self._part(p)
+        end = part[n - 1].step
+        if begin.step is None or end is None or begin.step > end:
+            return n
+        k = bisect_left(range(n), begin.step, key=lambda m: part[m].step or 0)
+        if k < n and same_moment(part[k], begin):
+            if k < n - 1:  # more than the step that a continued run writes once more
+                warn(
+                    f"{self.paths[p + 1]} goes on from step {begin.step}, {self.paths[p]} ends at step {end}: of the "
+                    f"latter the {n - k} frames from there on are left out"
+                )
+            return k
+        if n > 1:
             warn(
-                f"{self.paths[p]} begins at step {begin}, {self.paths[p - 1]} ends at step {end}: frames that are in "
-                "both are there twice, "
-                "and count twice in an average"
+                f"{self.paths[p + 1]} begins at step {begin.step}, {self.paths[p]} ends at step {end}, but they do not "
+                "have that moment in common: all frames of both are there, and steps go back"
             )
+        return n
 
     def _locate(self, k: int) -> tuple[int, int] | None:
-        """(file, frame in it) of frame k, opening no file beyond it."""
+        """(file, frame in it) of frame k, opening no file beyond the next one."""
+        last = len(self.paths) - 1
         for p in range(len(self._starts) - 1, len(self.paths)):
             if k < self._start(p):
                 break
-            if self._part(p)._has(k - self._starts[p]):
+            if p < last and k < self._start(p + 1):
+                return p, k - self._starts[p]
+            if p == last and self._part(p)._has(k - self._starts[p]):
                 return p, k - self._starts[p]
         if k >= self._starts[-1]:
             return None

@@ -78,7 +78,8 @@ class ExtendedXyz(LammpsTrajectory):
 
     _without_ids = None
 
-    def __init__(self, path, topology=None, units=None, masses=None):
+    def __init__(self, path, topology=None, units=None, masses=None, boxed=False):
+        self._boxed = boxed  # the cell is known from elsewhere
         self._bytes = open_bytes(path)
         self.source, self.path = str(path), Path(path)
         self._spans, self._next, self._line, self._complete = [], 0, 1, False
@@ -93,10 +94,11 @@ class ExtendedXyz(LammpsTrajectory):
             raise AtcError(
                 f"{path} was written by LAMMPS: its units are those of the run, e.g. units='metal', never ASE's"
             )
-        if comment.kind == "lammps plain" and topology is None:
+        if comment.kind == "lammps plain" and topology is None and not boxed:
             raise AtcError(
                 f"{path} is a plain XYZ file of LAMMPS (dump xyz), which holds neither the box nor velocities: "
-                f"{_DUMP}, or give the data file of the run as topology, with units, if its box does not change"
+                f"{_DUMP}, or if its box does not change give it as cell, or the data file of the run as topology, "
+                "with units"
             )
         if comment.kind == "ipi" and given not in (None, "ase"):
             raise AtcError(
@@ -348,11 +350,13 @@ class ExtendedXyz(LammpsTrajectory):
             )
         time = None if self._ase else comment.time
         frame = self._build(columns, cell, k, where, comment.step, time, line_of)
+        if comment.kind == "lammps plain" and self._data is not None:  # whose box says nothing of boundaries
+            frame = frame.replace(given={**frame.given, "boundary": "assumed"})
         return self._as_ase(frame, where) if self._ase else frame
 
     def _cell(self, comment: Comment, columns, where) -> Cell:
         u = self.units
-        if comment.kind == "lammps plain":
+        if comment.kind == "lammps plain" and self._data is not None:
             self._once(
                 "box",
                 f"{self.source}: its box is not in the file and is taken from {self._data.source}: right only if it "
@@ -362,11 +366,11 @@ class ExtendedXyz(LammpsTrajectory):
         if comment.vectors is None:
             if comment.periodic is not None and any(comment.periodic):
                 raise AtcError(f"{where}: pbc says that axes are periodic, but there is no Lattice")
-            if comment.periodic is None and _fills_a_box(np.stack([columns[a] for a in "xyz"], 1)):
+            if comment.periodic is None and not self._boxed and _fills_a_box(np.stack([columns[a] for a in "xyz"], 1)):
                 self._once(
                     "open",
                     f"{where}: no Lattice, so it is read as an open cluster, but its atoms fill a box to its corners: "
-                    'if it was periodic, write Lattice="..." into the comment; if not, pbc="F F F"',
+                    'if it was periodic, give its cell, or write Lattice="..." into the comment; if not, pbc="F F F"',
                 )
             return Cell(np.zeros((3, 3)), periodic=(False, False, False))
         origin = np.zeros(3) if comment.origin is None else comment.origin

@@ -8,6 +8,7 @@ from pathlib import PurePosixPath
 import numpy as np
 
 from ..config.toml import toml_key, toml_value
+from ..estimators.registry import hidden
 from ..frame import Cell
 from ..grids import Grid
 from ..units import LAMMPS_STYLES
@@ -27,14 +28,19 @@ def scene_of(job) -> str:
         "potential": _potential(job.request.pot),
         "kernel": None if job.request.kern is None else {"name": job.request.kern.name, **job.request.kern.parameters},
         "grid": None if job.request.grid is None else _grid(job.request.grid, job.first.units),
+        "select": _selection(job),
         "fields": {
-            "quantities": [q.name for q in job.work.quantities],
+            "quantities": [q.name for q in job.work.quantities if not hidden(q.name)],
+            **({"velocity": job.request.velocity} if any(q.thermal for q in job.work.quantities) else {}),
             **({"column_units": job.request.column_units} if job.request.column_units else {}),
             "tolerance": float(job.request.tolerance),
             "method": job.request.method,
             "average": job.request.average if isinstance(job.request.average, bool) else int(job.request.average),
         },
     }
+    if job.request.output_units is not None:
+        given = job.request.output_units
+        sections["output"] = {"units": given if isinstance(given, str) else ", ".join(map(str, given))}
     out = []
     for name, table in sections.items():
         if not table:
@@ -82,17 +88,30 @@ def _potential(pot) -> dict | None:
     return {"#": " ".join(pot.describe().split())}
 
 
+def _selection(job) -> dict:
+    asked = job.request
+    table = {} if asked.select is None else asked.select.plain()
+    if asked.by is not None:
+        table["by"] = asked.by
+    return table | ({"bonds": asked.bonds} if asked.bonds != "half" else {})
+
+
 def _grid(grid, units) -> dict:
     if type(grid) is not Grid:  # one's own, which scenes know nothing of
         return {"#": grid.describe()}
-    p, table = grid._, {"kind": grid.kind}
+    p: dict = grid._
+    table: dict = {"kind": grid.kind}
     if grid.kind == "points":
         if len(p["xyz"]) > _MOST_POINTS:
             return {"kind": "points", "#": f"{len(p['xyz'])} points: see the coordinates"}
         return {"kind": "points", "points": p["xyz"]}
-    for key in ("shape", "spacing", "axis", "position", "origin", "u", "v", "start", "end", "n", "bins", "padding"):
+    for key in ("shape", "spacing", "axis", "position", "origin", "u", "v", "start", "end", "n", "bins", "padding",
+                "center", "radius", "inner", "length"):  # fmt: skip
         if p.get(key) is not None:
             table[key] = "xyz"[p[key]] if key == "axis" else p[key]
+    if grid.kind == "regular" and "shape" in table and table["shape"][-1] <= 0:
+        # one number for all axes, or two of a two-dimensional run
+        table["shape"] = table["shape"][0] if table["shape"][-1] else list(table["shape"][:2])
     if "shift" in p:
         table["at"] = "centers" if p["shift"] else "corners"
     region = p.get("cell")

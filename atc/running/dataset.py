@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..estimators.columns import is_column, label
 from ..estimators.field_pass import attributes
+from ..estimators.registry import hidden
 from ..estimators.settings import FrameResult
-from ..planning.job import Job
+from ..planning.job import Job, local_axes
 from .as_scene import scene_of
 from .output import Layout, Variable
+from .thermal import described
 
 
 def follows_cell(job: Job) -> bool:
@@ -45,7 +49,10 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
 
     work, u = job.work, frame.units
     bound = result.bound
-    letters = np.array(["x", "y", "z"])
+    letters = cartesian = np.array(["x", "y", "z"])
+    axes = local_axes(job.request.grid)
+    if axes:
+        letters = np.array(axes)
     grid_dims = tuple(bound.dims) if bound is not None else ()
     f8, i8 = np.dtype(np.float64), np.dtype(np.int64)
     variables: list[Variable] = []
@@ -66,13 +73,20 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
     )
     moving("step", (), (), i8, True, long_name=f"time step of the {first_of} (-1: unknown)")
     moving("time", (), (), f8, True, units=u.label("time"), long_name=f"time of the {first_of}")
-    moving("cell", ("edge", "i"), (3, 3), f8, True, units=u.label("length"), long_name="edge vectors of the cell")
-    moving("cell_origin", ("i",), (3,), f8, True, units=u.label("length"), long_name="origin of the cell")
+    xyz = "cartesian" if axes else "i"
+    if axes:
+        static(xyz, (xyz,), cartesian, long_name="direction of the cell's vectors")
+    moving("cell", ("edge", xyz), (3, 3), f8, True, units=u.label("length"), long_name="edge vectors of the cell")
+    moving("cell_origin", (xyz,), (3,), f8, True, units=u.label("length"), long_name="origin of the cell")
     static("i", ("i",), letters, long_name="direction of a vector; first index of a tensor")
     if any(q.rank == 2 for q in work.quantities):
         static("j", ("j",), letters, long_name="second index of a tensor")
     if any(q.kind == "atom" for q in work.quantities):
         static("atom", ("atom",), frame.ids.astype(i8), long_name="atom id")
+    apart: tuple[str, ...] = ()
+    if job.parts is not None:
+        apart = ("species",)
+        static("species", apart, np.array(job.parts.labels), long_name=f"{job.parts.by} of the atoms")
     if bound is not None:
         at_times = moving_coordinates(bound, u) if moves else {}
         for name, (dims, values, attrs) in at_times.items():
@@ -87,14 +101,19 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
                     **({"comment": f"of the first frame; position_{name} has every frame's"} if moves else {}),
                 )
     tail = {0: (), 1: ("i",), 2: ("i", "j")}
-    for q in work.quantities:
-        head = {"grid": grid_dims, "box": (), "atom": ("atom",)}[q.kind]
+    shown = [q for q in work.quantities if not hidden(q.name)]
+    for q in shown:
+        head = apart + {"grid": grid_dims, "box": (), "atom": ("atom",)}[q.kind]
         shape = result.arrays[q.name].shape
         unit = label(q.name, u, job.request.column_units) if is_column(q.name) else u.label(q.dimension)
         attrs = {"units": unit, "long_name": q.long_name, "sign_convention": q.sign}
         if u.dimension == 2:
             attrs["dimension"] = 2
+        if apart:
+            attrs["of_species"] = "each one's own" if q.weight is not None else "shares that add up"
         comment = [_in_plane(q.comment) if u.dimension == 2 else q.comment] if q.comment else []
+        if why := described(job.request.velocity, q):
+            comment.append(why)
         if job.request.average is not False:
             of = f"<w X>/<w>, w the {_WEIGHTS[q.weight]}" if q.weight else "of the fields of the frames"
             comment.append(f"time average {of}")
@@ -123,7 +142,7 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
     if result.mask is not None:
         moving(
             "mask",
-            grid_dims,
+            apart + grid_dims,
             result.mask.shape,
             np.dtype(bool),
             units="1",
@@ -147,7 +166,7 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
         "version": __version__,
         "units": u.name,
         "tolerance": float(job.request.tolerance),
-        "quantities": ", ".join(q.name for q in work.quantities),
+        "quantities": ", ".join(q.name for q in shown),
     }
     if work.horizon_users:
         attrs.update(
@@ -164,12 +183,20 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
             method=job.method_used,
             grid=_grid_name(job.request.grid),
         )
+    if any(q.thermal for q in shown):
+        attrs["thermal_motion"] = f"relative to: {job.request.velocity}"
     if work.bond_users and job.request.pot is not None:
         attrs["decomposition"] = job.request.pot.describe()
         attrs.update(job.request.pot.attributes)
         attrs.update(job.held)
         if (sums := job.field_sums()) is not None:
             attrs.update(attributes(sums, job.request.pot.complete(job.first)))
+    if job.request.select is not None:
+        attrs["selected_atoms"] = job.request.select.describe()
+    if (job.request.select is not None or apart) and work.bond_users:
+        attrs["selected_bonds"] = _BONDS[job.request.bonds] if job.request.select is not None else _BONDS["half"]
+    if axes:
+        attrs["axes"] = " ".join(axes)
     attrs["dimension"] = u.dimension
     attrs["periodic"] = "".join("p" if p else "f" for p in frame.cell.periodic[: u.dimension])
     attrs["scene"] = str(job.request.scene) if job.request.scene else scene_of(job)
@@ -181,6 +208,36 @@ def asymmetry(stress_gij) -> float:
     across = np.abs(stress_gij - np.swapaxes(stress_gij, -1, -2))[np.isfinite(stress_gij)] / 2
     largest = np.abs(stress_gij)[np.isfinite(stress_gij)].max(initial=0.0)
     return float(across.max(initial=0.0) / largest) if largest else 0.0
+
+
+def in_output_units(layout: Layout, given) -> tuple[Layout, dict[str, float]]:
+    """The layout with the units that an output shall have, and the factors of what is written of each variable.
+
+    Raises
+    ------
+    AtcError where no variable has the dimension of one of them.
+    """
+    from ..unit_words import converted, require_used, wanted_units
+
+    wanted, factors, variables = wanted_units(given), {}, []
+    require_used(wanted, [v.attrs.get("units", "") for v in layout.variables], str(given))
+    for v in layout.variables:
+        factor, text = converted(str(v.attrs.get("units", "")), wanted)
+        if "units" in v.attrs and text != v.attrs["units"]:
+            static = None if v.static is None else v.static * factor
+            v = replace(v, attrs={**v.attrs, "units": text}, static=static)
+            factors[v.name] = factor
+        variables.append(v)
+    attrs = {**layout.attrs, "output_units": ", ".join(u.text for u in wanted)}
+    return Layout(variables, layout.entries, attrs), factors
+
+
+_BONDS = {
+    "half": "half of each bond for every end that is selected",
+    "both": "bonds with both ends selected",
+    "one": "bonds with one end selected and one that is not",
+    "any": "bonds with at least one end selected",
+}
 
 
 def _in_plane(comment: str) -> str:

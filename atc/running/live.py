@@ -27,9 +27,10 @@ from ..neighbors.verlet import Following
 from ..planning.identity import differences, identity
 from ..planning.job import Job, prepare
 from ..planning.request import Request
+from ..planning.sanity import sanity
 from ..readers.trajectory import Trajectory
 from .output import dataset_in_memory
-from .run import _sanity, _Sink, fix_methods
+from .run import _Sink, fix_methods
 
 #: Seconds between two saves of what has been averaged.
 _SAVE_EVERY = 60.0
@@ -193,7 +194,7 @@ class Live:
         if self._arrived is None:
             arrived = _Arrived(frame)
             self._job = prepare(self._asked(arrived))
-            _sanity(self._job)
+            sanity(self._job)
             self._agreement = self._job.alarm().text
             self._check_kept()
             self._arrived = arrived

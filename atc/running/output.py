@@ -626,3 +626,20 @@ def load(path):
     if not ds.data_vars:
         raise AtcError(f"{path}: holds no fields: not an output of atc fields, or a damaged one")
     return ds
+
+
+def of_species(ds, species=None):
+    """Of an output with fields of several species or molecules those of one, by its name; the only one need not be
+    named. AtcError where the choice is open, or there is none of that name."""
+    if "species" not in ds.dims:
+        if species is not None:
+            raise AtcError(
+                f"species {species!r}: the fields of this output are not taken apart (by = ... makes them so)"
+            )
+        return ds
+    names = [str(v) for v in ds["species"].values]
+    if species is None and len(names) > 1:
+        raise AtcError(f"this output has fields of {', '.join(names)} apart: name one with species (--species)")
+    if species is not None and str(species) not in names:
+        raise AtcError(f"species {species!r}: the output has {', '.join(names)}")
+    return ds.isel(species=0 if species is None else names.index(str(species)))

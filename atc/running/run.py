@@ -14,8 +14,7 @@ from ..errors import AtcError, AtcWarning, logger
 from ..estimators.accuracy.random_points import tolerance_kept
 from ..estimators.driver import fields_of
 from ..estimators.methods import DEPOSITS, Method, Refinement, details, summary
-from ..estimators.registry import QUANTITIES
-from ..estimators.requirements import require
+from ..estimators.registry import QUANTITIES, hidden
 from ..estimators.settings import FrameResult
 from ..estimators.statistics import BlockAverage
 from ..neighbors.verlet import anchor_of
@@ -23,15 +22,16 @@ from ..planning.identity import changed_parts, frame_digest, identity
 from ..planning.job import Job, prepare
 from ..planning.report import plan  # noqa: F401  (plan belongs to the same door)
 from ..planning.request import Request
+from ..planning.sanity import sanity
 from ..readers.memory import comes_once
-from ..readers.plausible import doubts
 from ..readers.times import Sequence
 from ..terminal import progress_of
 from .as_scene import file_name
-from .dataset import asymmetry, follows_cell, grid_moves, moving_coordinates, output_layout, radius_of
+from .dataset import asymmetry, follows_cell, grid_moves, in_output_units, moving_coordinates, output_layout
 from .interruption import whole
 from .output import Store, dataset_in_memory, explained, open_dataset
 from .parallel import frame_results, here
+from .thermal import finish_thermal
 from .whole import write_dataset
 
 #: With so many frames one from the middle says where all begin.
@@ -63,6 +63,11 @@ def fields(
     forces="warn",
     log=None,
     column_units=None,
+    select=None,
+    by=None,
+    bonds="half",
+    velocity=None,
+    output_units=None,
 ):
     """Continuum fields of a trajectory.
 
@@ -124,6 +129,25 @@ def fields(
     column_units : dict
         {column: unit} of the trajectory's own columns whose fields are asked for (quantities ``column:c_pe``,
         ``column:c_pe:mean``, ``column:c_pe:mass_mean``): what to call the unit of their values, which stay as they are.
+    output_units : str
+        Units of the result where they are of its fields' and coordinates' dimensions, e.g. ``"GPa, nm, W/(m*K)"``, or a
+        preset, ``"metal-gpa"``, ``"nm-gpa"``, ``"si"``. Lengths of kernel and grid stay in the trajectory's.
+    velocity : "frame", "local", "average" or "none"
+        What thermal motion in temperature and kinetic stress is relative to. "frame" (default): the velocity at the
+        point in each frame, and corrected for it: the mean velocity of N atoms takes 1/N of their thermal motion, with
+        N = (Σ φ)²/Σ φ² for equal masses, so that both are unbiased down to two atoms in reach; where one is alone in
+        reach temperature is NaN and the kinetic stress 0. "local": the same as it is, Hardy's definition, which closes
+        the momentum balance of each frame. "average": the velocity of the time average, of many frames (brings density
+        and momentum along). "none": the frame of the simulation; streaming counts as heat.
+    select : from `atc.select`, or a selection of MDAnalysis as a string
+        The atoms whose fields are wanted. Their velocity is the one that kinetic parts are relative to.
+    by : "type", "element" or "molecule"
+        Fields of each of these apart, along a dimension ``species``: velocity, temperature and means are each one's
+        own; all else is that one's share in the field of all, relative to the velocity of all, and adds up to it, bonds
+        by halves.
+    bonds : "half", "both", "one" or "any"
+        Which bonds belong to the selected atoms: half of each for every end that is selected; those with both ends
+        selected; with one only; with any: all but those within the atoms left out, walls or grips.
 
     Returns
     -------
@@ -181,10 +205,15 @@ def fields(
         forces=forces,
         log=log,
         column_units=column_units,
+        select=select,
+        by=by,
+        bonds=bonds,
+        velocity=velocity,
+        output_units=output_units,
     )
     if out is None:
         job = prepare(request)
-        _sanity(job)
+        sanity(job)
         sink = _run(job, None, progress)
         return dataset_in_memory(sink.layout, sink.entries, sink.final_attributes())
     write(request, out, progress, resume)
@@ -213,7 +242,7 @@ def write(request: Request, out, progress=None, resume=True) -> dict:
     Returns the attributes of the dataset.
     """
     job = prepare(request)
-    _sanity(job)
+    sanity(job)
     store = Store(out, {**identity(job), "frames": job.n_frames}, resume)
     try:
         sink = _run(job, store, progress)
@@ -369,6 +398,9 @@ class _Sink:
         self.notes: list[dict] = list(store.journal) if store else []
         self.averages: dict[str, BlockAverage] = {}
         self.any_mass: np.ndarray | None = None
+        self.any_common: np.ndarray | None = None
+        self.any_weight: dict[str, np.ndarray] = {}
+        self.factors: dict[str, float] = {}  # to the units of the output, by variable
         self.note: dict = {}
         self._said_refined = False
         self.sequence = Sequence()
@@ -418,7 +450,10 @@ class _Sink:
             self.sequence.add(j, one)
         self._merge_note(k, frame, result, more)
         if not self.averaging:
-            self._emit({**self._masked(result.arrays, result.mask), **self._coordinates(frame, result)}, result.mask)
+            known = {name: w > 0 for name, w in result.weights.items()}
+            values = self._masked(result.arrays, result.mask, result.common, known)
+            values = {name: x for name, x in values.items() if not hidden(name)}
+            self._emit({**values, **self._coordinates(frame, result)}, result.mask)
             return
         for name, x in result.arrays.items():
             weight = QUANTITIES[name].weight
@@ -430,6 +465,10 @@ class _Sink:
             )
         if result.mask is not None:
             self.any_mass = result.mask.copy() if self.any_mass is None else self.any_mass | result.mask
+        for name, w in result.weights.items():
+            self.any_weight[name] = (w > 0) | self.any_weight.get(name, False)
+        if result.common is not None:
+            self.any_common = result.common.copy() if self.any_common is None else self.any_common | result.common
         if "frame" not in self.note:
             self.note.update(frame=k, first=_plain_coordinates(self._coordinates(frame, result)))
         if last_of_window:
@@ -442,15 +481,17 @@ class _Sink:
         for name, average in self.averages.items():
             mean, stderr, correlated = average.result()
             means[name], extra[f"{name}_stderr"], extra[f"{name}_correlated"] = mean, stderr, correlated
-        values = self._masked(means, self.any_mass)
+        finish_thermal(self.job, means, extra)
+        masks = self.any_mass, self.any_common, self.any_weight
+        values = self._masked(means, *masks)
         for name in means:
             if QUANTITIES[name].masked:
-                values[f"{name}_stderr"] = self._masked({name: extra.pop(f"{name}_stderr")}, self.any_mass)[name]
+                values[f"{name}_stderr"] = self._masked({name: extra.pop(f"{name}_stderr")}, *masks)[name]
         values.update(extra)
         values["frames_averaged"] = np.array(self.note["frames"])
         values.update({name: np.array(v) for name, v in self.note.pop("first").items()})
         mask = self.any_mass
-        self.averages, self.any_mass = {}, None
+        self.averages, self.any_mass, self.any_common, self.any_weight = {}, None, None, {}
         self._emit(values, mask)
 
     def _emit(self, values, mask):
@@ -459,6 +500,7 @@ class _Sink:
         pot, asked = self.job.request.pot, self.job.work.quantities
         if pot is not None and not pot.central:
             self.note["asymmetry"] = {q.name: asymmetry(values[q.name]) for q in asked if q.symmetric_if_central}
+        values = {name: x * self.factors[name] if name in self.factors else x for name, x in values.items()}
         note, self.note = self.note, {}
         if self.store is None:
             self.entries.append(values)
@@ -467,13 +509,17 @@ class _Sink:
         self.notes.append(note)
 
     @staticmethod
-    def _masked(arrays, mask):
-        """Quotients are NaN where there is no mass."""
+    def _masked(arrays, mask, common=None, weighted=None):
+        """Quotients are NaN where there is no mass (nothing that they could be means of: `weighted`, by name); of
+        fields of parts, what is relative to the velocity of all where there is no mass of any (`common`)."""
         out = {}
         for name, x in arrays.items():
-            if mask is not None and QUANTITIES[name].masked and not mask.all():
+            known = common if common is not None and QUANTITIES[name].weight is None else mask
+            if known is not None and weighted and name in weighted:
+                known = known & weighted[name]
+            if known is not None and QUANTITIES[name].masked and not known.all():
                 x = x.copy()
-                x[~mask] = np.nan
+                x[~known] = np.nan
             out[name] = x
         return out
 
@@ -482,6 +528,8 @@ class _Sink:
         """Errors are the largest of the frames; the rest is counted."""
         errors = self.note.setdefault("errors", {})
         for name, measured in result.errors.items():
+            if hidden(name):
+                continue
             known = errors.setdefault(name, {})
             for kind, value in measured.items():
                 known[kind] = max(known.get(kind, 0.0), value)
@@ -524,6 +572,8 @@ class _Sink:
         if set(job.work.grid_users) - set(job.work.on_reference):
             result = replace(result, bound=job.bound)
         self.layout = output_layout(job, first, result, self.moves)
+        if job.request.output_units is not None:
+            self.layout, self.factors = in_output_units(self.layout, job.request.output_units)
         self._atoms = first.ids
         if self.store is not None:
             self.store.begin(self.layout)
@@ -573,6 +623,8 @@ class _Sink:
         step, moved = self.input_error
         if moved:
             for name, error in moved.items():
+                if hidden(name):
+                    continue
                 out.setdefault(name, {})["input_error"] = error
             out[""]["input_error"] = max(moved.values())
             out[""]["input_resolution"] = self.job.first.units.to_user("length", step)
@@ -621,8 +673,10 @@ class _Sink:
         import json
 
         arrays = {f"{name}/{key}": a for name, average in self.averages.items() for key, a in average.state().items()}
-        if self.any_mass is not None:
-            arrays["any_mass"] = self.any_mass
+        for key in ("any_mass", "any_common"):
+            if getattr(self, key) is not None:
+                arrays[key] = getattr(self, key)
+        arrays |= {f"any_weight:{name}": known for name, known in self.any_weight.items()}
         arrays["about"] = np.array(json.dumps({"entry": len(self.notes), "next": after, "note": self.note}))
         store.save_state(arrays)
         self._saved = time.monotonic()
@@ -636,7 +690,10 @@ class _Sink:
         if about["entry"] != len(self.notes):
             return
         self.next_frame, self.note = about["next"], about["note"]
-        self.any_mass = state.pop("any_mass", None)
+        self.any_mass, self.any_common = state.pop("any_mass", None), state.pop("any_common", None)
+        self.any_weight = {
+            key.partition(":")[2]: state.pop(key) for key in list(state) if key.startswith("any_weight:")
+        }
         by_name: dict[str, dict] = {}
         for key, a in state.items():
             name, _, rest = key.partition("/")
@@ -647,33 +704,3 @@ class _Sink:
 def _plain_coordinates(coordinates):
     """As JSON can hold them; floats survive JSON exactly."""
     return {name: np.asarray(v).tolist() for name, v in coordinates.items()}
-
-
-# --- does it look right?
-
-
-def _sanity(job: Job) -> None:
-    """Complain of what is missing in the first frame; warn of what can be computed but is probably not what was
-    meant."""
-    frame, work, u = job.first, job.work, job.first.units
-    require(frame, job.settings(), work)
-    for doubt in doubts(frame, temperature="velocities" in work.attributes):
-        warnings.warn(f"{frame.source}: {doubt}", AtcWarning, stacklevel=3)
-    if work.grid_users and job.request.kern is not None and job.request.grid is not None:
-        spacing = grid_spacing(job.request.grid.bind(u, frame.cell, frame.positions))
-        support = u.to_internal("length", job.request.kern.support)
-        if spacing > support:
-            warnings.warn(
-                f"the kernel's radius ({radius_of(job.request.kern):g} {u.label('length')}) is smaller than the "
-                "distance between grid points "
-                f"({u.to_user('length', spacing):.3g}): much of the material is seen by no point; use a finer grid or "
-                "a wider kernel",
-                AtcWarning,
-                stacklevel=3,
-            )
-
-
-def grid_spacing(bound) -> float:
-    """Largest distance between neighbouring points along a grid axis (internal units); 0 for scattered points."""
-    gaps = [] if bound.spacing is None else [d for d, n in zip(bound.spacing, bound.shape) if n > 1]
-    return float(max(gaps, default=0.0))

@@ -74,7 +74,7 @@ def _work(pipe, settings) -> None:
         except (EOFError, OSError):  # the parent has gone
             return
         try:
-            answer = True, fields_of(frames, settings, k)
+            answer: tuple = True, fields_of(frames, settings, k)
         except Exception as e:
             e.add_note("".join(traceback.format_exception(e)))
             answer = False, e

@@ -224,3 +224,35 @@ def test_what_a_coarse_grid_does_to_the_box_average_is_said(shape, said):
     )
     r = compare(ds)
     assert any("grid's quadrature" in n for n in r.notes) == said
+
+
+def test_stress_of_the_run_as_a_third_curve():
+    """LAMMPS's stress/atom, smoothed, is our smoothed virial; in its units, whatever they are called, with its sign."""
+    from frames import argon
+
+    import atc
+
+    f = argon(n=(3, 3, 3))
+    pot = atc.potential("pair_style lj/cut 5.0\npair_coeff * * 0.0104 3.4", units="metal")
+    kern, grid = atc.kernel("quartic", 5.0), atc.Grid.regular(shape=(4, 4, 4))
+    own = atc.fields([f], pot, kern, grid, ["virial_stress_per_atom"], tolerance=1e-12)
+    s_n = own.virial_stress_per_atom.values[0]  # bar Å³
+    six = np.stack([s_n[:, a, b] for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))], 1)
+    names = ["stress", "virial_stress", "smoothed_virial_stress", *(f"column:c_st[{k}]" for k in range(1, 7))]
+    named = {f"c_st[{k}]": "bar*angstrom^3" for k in range(1, 7)}
+    ds = atc.fields([f.replace(extra={"c_st": six})], pot, kern, grid, names, column_units=named, tolerance=1e-12)
+    found = atc.compare(ds)
+    row = [r for r in found.rows if r["section"] == "pointwise, c_st - smoothed virial"]
+    assert len(row) == 8 and max(r["relative max"] for r in row) < 1e-12
+    assert not [n for n in found.notes if "opposite" in n]
+    assert "profile_x_column" in found.data and found.attrs["column"] == "c_st"
+    in_gpa = atc.compare(ds, units="GPa")
+    assert max(r["relative max"] for r in in_gpa.rows if r["section"] == row[0]["section"]) < 1e-12
+    from atc.pictures.comparison import compare_figure
+
+    titles = [ax.get_title() for ax in compare_figure(found).axes]
+    assert any("dotted: c_st" in t for t in titles) and any("c_st of the run" in t for t in titles)
+    pressed = atc.fields([f.replace(extra={"c_st": -six})], pot, kern, grid, names, column_units=named)
+    assert [n for n in atc.compare(pressed).notes if "it is a pressure" in n]
+    nameless = atc.fields([f.replace(extra={"c_st": six})], pot, kern, grid, names)
+    assert [n for n in atc.compare(nameless).notes if "column_units" in n]

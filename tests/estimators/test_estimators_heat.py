@@ -128,9 +128,8 @@ def test_energy_flux_is_what_its_parts_say(name):
     every atom."""
     frame, pot = system(name, seed=1)
     grid = atc.Grid.points(points_near(frame, 12))
-    ds = atc.fields(
-        frame, pot, atc.kernel(*KERN), grid, ["energy", "stress", "velocity", "momentum", *FLUXES, "density"]
-    ).isel(frame=0)
+    names = ["energy", "stress", "velocity", "momentum", *FLUXES, "density"]
+    ds = atc.fields(frame, pot, atc.kernel(*KERN), grid, names, velocity="local").isel(frame=0)
     f = {q: frame.units.to_internal(QUANTITIES[q].dimension, ds[q].values) for q in ds.data_vars if q in QUANTITIES}
     v = f["velocity"]
     total = f["energy"][:, None] * v - np.einsum("gij,gj->gi", f["stress"], v) + f["heat_flux"]

@@ -185,8 +185,8 @@ def test_rounding_does_not_look_like_a_field():
     from atc import Grid
 
     ds, _ = output(Grid.regular(shape=(3, 3, 3)), stress=("bar", lambda x, k: linear(x, k) + 1e-12 * np.eye(3)))
-    axes = [ax for ax in plotting.plot(ds, "stress").axes if ax.get_title().startswith("stress")]
-    assert [ax.get_title() for ax in axes] == [f"stress$_{{{c}}}$ (bar)" for c in ("xx", "yy", "zz", "xy", "xz", "yz")]
+    axes = [ax for ax in plotting.plot(ds, "stress").axes if "sigma" in ax.get_title()]
+    assert [ax.get_title() for ax in axes] == [f"$\\sigma_{{{c}}}$ (bar)" for c in ("xx", "yy", "zz", "xy", "xz", "yz")]
     zz = mesh_of(axes[2])[2]
     assert zz.norm.vmax > 1e3 * np.abs(zz.get_array()).max()
 
@@ -209,8 +209,11 @@ def test_titles_and_labels():
     ds, _ = output(Grid.regular(shape=(4, 6, 2)), stress=("bar", linear))
     fig = plotting.plot(ds, "stress", component="vonmises", frame=1)
     # 2 points along z, at 1/4 and 3/4 of 10 Å from 3 Å: the thinnest axis is cut at the second
-    assert fig._suptitle.get_text() == "quartic kernel, R = 5 Å, z = 10.5 Å, frame 1, t = 0.5 ps"
-    assert fig.axes[0].get_title() == "stress, von Mises (bar)"
+    assert (
+        fig._suptitle.get_text().replace("\n", " ")
+        == "Stress, quartic kernel, R = 5 Å, z = 10.5 Å, frame 1, t = 0.5 ps"
+    )
+    assert fig.axes[0].get_title() == r"von Mises $\sigma_{\mathrm{vM}}$ (bar)"
     assert "mean of 2 frames" in plotting.plot(ds, "stress", component="xx", frame="mean")._suptitle.get_text()
 
 
@@ -257,7 +260,9 @@ def test_profiles_with_their_standard_errors():
         not plotting.plot(ds, "stress", component="vonmises").axes[0].collections
     )  # it has no standard error of its own
     several = plotting.plot(ds, "stress,temperature").axes
-    assert [a.get_ylabel() for a in several] == ["stress, von Mises (bar)", "temperature (K)"]
+    assert [a.get_ylabel() for a in several] == [r"von Mises $\sigma_{\mathrm{vM}}$ (bar)", "temperature $T$ (K)"]
+    texts = [t.get_text() for t in plotting.plot(ds, "stress", component="yy").axes[0].get_legend().get_texts()]
+    assert texts == [r"$\sigma_{yy}$", "± std. error"]
 
 
 def test_lines():
@@ -325,3 +330,71 @@ def test_an_output_of_advect_has_its_picture_already():
     ds = xr.Dataset({"u": (("time", "x"), np.zeros((2, 4)))}, attrs={"equation": "u_t"})
     with pytest.raises(AtcError, match="atc advect, whose picture was written beside it"):
         plotting.plot(ds)
+
+
+def test_names_as_in_papers():
+    from atc.pictures.symbols import label
+
+    assert label("stress", "xy", "GPa") == r"$\sigma_{xy}$ (GPa)"
+    assert label("heat_flux", "z", "W/m$^{2}$") == "$q_{z}$ (W/m$^{2}$)"
+    assert label("stress_kinetic", "xx", "bar") == r"$\sigma^{K}_{xx}$ (bar)"
+    assert label("velocity", "magnitude", "m/s") == "velocity $|v|$ (m/s)"
+    assert label("stress", "principal1", "bar") == r"first principal value $\sigma_{1}$ (bar)"
+    assert label("column:c_pe", None, "eV") == "column:c pe (eV)" and label("mask", None, "") == "mask"
+
+
+def test_singular_corners_do_not_take_all_colours():
+    from atc import Grid
+
+    ds, _ = output(Grid.plane(axis="z", position=2.0, shape=(20, 20)), stress=("bar", linear))
+    ds["stress"][:, 0, 0] *= 1e4
+    fig = plotting.plot(ds, "stress", component="xx")
+    mesh = mesh_of(fig.axes[0])[2]
+    usual = np.percentile(np.abs(mesh.get_array().filled()), 98)
+    assert mesh.norm.vmax == pytest.approx(usual) and fig.axes[1].get_position().height > 0
+    assert mesh_of(plotting.plot(ds, "stress", component="xx", robust=False).axes[0])[2].norm.vmax > 100 * usual
+
+
+def test_vectors_and_principal_stresses_over_a_map():
+    from atc import Grid
+
+    def shear(x, k):
+        v = np.zeros(x.shape)
+        v[..., 0] = x[..., 1]
+        return v
+
+    def uniaxial(x, k):
+        s = np.zeros((*x.shape[:-1], 3, 3))
+        s[..., 0, 0], s[..., 1, 1] = 100.0, -50.0
+        return s
+
+    ds, bound = output(Grid.regular(shape=(8, 8, 2)), frames=1, velocity=("m/s", shear), stress=("bar", uniaxial))
+    fig = plotting.plot(ds, "stress", component="vonmises", arrows="velocity", principal="stress")
+    quiver = next(c for c in fig.axes[0].collections if type(c).__name__ == "Quiver")
+    assert np.allclose(quiver.V, 0.0) and len(quiver.U) == 64
+    assert np.allclose(quiver.U / np.abs(quiver.U).max(), quiver.XY[:, 1] / np.abs(quiver.XY[:, 1]).max(), atol=0.06)
+    red, blue = (c for c in fig.axes[0].collections if type(c).__name__ == "LineCollection")
+    for lines, axis in ((red, 0), (blue, 1)):  # tension along x, compression along y
+        d = np.array([s[1] - s[0] for s in lines.get_segments()])
+        assert len(d) == 64 and np.allclose(d[:, 1 - axis], 0.0)
+    length = [np.abs(np.diff(c.get_segments()[0], axis=0)).max() for c in (red, blue)]
+    assert length[1] / length[0] == pytest.approx(0.5)
+    assert "red tension" in fig._supxlabel.get_text() and "arrows: $v$" in fig._supxlabel.get_text().replace("\n", " ")
+    assert plotting.plot(ds, "velocity", component="magnitude", streamlines="velocity").axes[0].patches
+    for more, said in (({"arrows": "stress"}, "is no vector field"), ({"principal": "velocity"}, "is no tensor field"),
+                       ({"arrows": "nothing"}, "it holds velocity")):  # fmt: skip
+        with pytest.raises(AtcError, match=said):
+            plotting.plot(ds, "stress", component="xx", **more)
+    slab, _ = output(Grid.slab("z", 8), frames=1, velocity=("m/s", shear))
+    with pytest.raises(AtcError, match="not over profiles"):
+        plotting.plot(slab, "velocity", arrows="velocity")
+
+
+def test_vector_graphics(tmp_path):
+    from atc import Grid
+
+    ds, _ = output(Grid.regular(shape=(6, 6, 2)), frames=1, stress=("bar", linear))
+    for suffix, head in ((".pdf", b"%PDF"), (".svg", b"<?xml"), (".png", b"\x89PNG")):
+        from atc.pictures.drawing import save
+
+        assert save(plotting.plot(ds, "stress", component="xx"), tmp_path / f"a{suffix}").read_bytes().startswith(head)

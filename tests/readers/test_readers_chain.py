@@ -79,13 +79,36 @@ def test_a_thousand_snapshots_in_a_file_each(tmp_path):
         assert len(os.listdir("/proc/self/fd")) < before + 30
 
 
-def test_a_seam_that_overlaps_is_said(tmp_path):
-    frames = [simple(step=10 * k) for k in range(6)]
-    (tmp_path / "a.dump").write_text(write_dump(frames[:4], "metal"))
-    (tmp_path / "b.dump").write_text(write_dump(frames[3:], "metal"))
-    traj = atc.read([tmp_path / "a.dump", tmp_path / "b.dump"])
-    with pytest.warns(AtcWarning, match=r"b\.dump begins at step 30, .*a\.dump ends at step 30"):
-        assert len(traj) == 7
+def test_a_run_that_goes_on_has_each_moment_once(tmp_path):
+    import warnings
+
+    frames = [simple(step=10 * k) for k in range(8)]
+
+    def joined(first, second):
+        for name, some in (("a.dump", first), ("b.dump", second)):
+            (tmp_path / name).write_text(write_dump(some, "metal"))
+        return atc.read([tmp_path / "a.dump", tmp_path / "b.dump"])
+
+    # the step that a continued run writes once more: nothing to tell
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        traj = joined(frames[:4], frames[3:])
+        assert [f.step for f in traj] == [10 * k for k in range(8)] and len(traj) == 8
+    # continued from a restart some way back
+    traj = joined(frames[:6], frames[3:])
+    with pytest.warns(AtcWarning, match=r"b\.dump goes on from step 30, .*a\.dump ends at step 50: .* 3 frames"):
+        assert len(traj) == 8
+    for k in (7, 2, 3, 4):
+        assert np.allclose(traj[k].positions[:, 0], frames[k]["columns"]["x"])
+    # in any order of asking
+    traj = joined(frames[:6], frames[3:])
+    with pytest.warns(AtcWarning, match="goes on from step 30"):
+        assert traj[5].step == 50 and traj[-1].step == 70
+    # the same steps of another run: nothing is left out, and it is said
+    other = [{**simple(step=900 + k), "step": 10 * k} for k in range(3, 8)]
+    traj = joined(frames[:6], other)
+    with pytest.warns(AtcWarning, match="do not have that moment in common"):
+        assert len(traj) == 11
 
 
 def test_species_keep_their_types_through_files(tmp_path):

@@ -34,6 +34,7 @@ BOX = {
 }
 DATA = {**BASE["trajectory"], "topology": "run.data", "atom_style": "molecular"}
 OF_BOX = {"potential": {"lammps": LJ}, "fields": {"quantities": ["virial_stress"]}}
+PORE = {"kind": "cylindrical", "radius": 5.0, "shape": [2, 3, 2], "center": [8.0, 8.0, 8.0]}
 TABLE = [[0.0, 1.0], [2.5, 0.5], [5.0, 0.0]]
 
 
@@ -107,7 +108,18 @@ CHANGES = {
     "grid.end": ({"grid": LINE}, [16.2, 0.0, 0.5]),
     "grid.n": ({"grid": LINE}, 5),
     "grid.bins": ({"grid": SLAB}, 5),
+    "grid.center": ({"grid": PORE}, [8.0, 8.0, 8.5]),
+    "grid.radius": ({"grid": PORE}, 5.5),
+    "grid.inner": ({"grid": {**PORE, "inner": 1.0}}, 1.5),
+    "grid.length": ({"grid": {**PORE, "length": 8.0}}, 9.0),
     "grid.points": ({"grid": {"kind": "points", "points": [[1.0, 2.0, 3.0]]}}, [[1.0, 2.0, 3.1]]),
+    "select.types": ({"select": {"types": [1]}}, [1, 2]),
+    "select.ids": ({"select": {"ids": "1:9"}}, "1:8"),
+    "select.region": ({"select": {"region": "block 0 8 INF INF INF INF"}}, "block 0 9 INF INF INF INF"),
+    "select.invert": ({"select": {"ids": "1:9", "invert": False}}, True),
+    "select.fixed": ({"select": {"region": "block 0 8 INF INF INF INF", "fixed": False}}, True),
+    "select.by": ({}, "type"),
+    "select.bonds": ({"select": {"ids": "1:9", "bonds": "half"}}, "both"),
     "fields.quantities": ({}, ["density"]),
     "fields.column_units": ({"fields": {"quantities": ["column:vx"]}}, {"vx": "furlong"}),
     "fields.tolerance": ({}, 1e-6),
@@ -115,6 +127,7 @@ CHANGES = {
     "fields.horizon": ({"fields": {"quantities": ["peridynamic_stress_weighted_virial"], "horizon": 5.0}}, 6.0),
     "fields.tiles": ({}, [2, 1, 1]),
     "fields.average": ({}, 2),
+    "fields.velocity": ({}, "local"),
     "constraints.pairs": (held(), [[1, 3]]),
     "constraints.source": (held(temperature=100.0), "temperature"),
     "constraints.temperature": (held(source="temperature", temperature=100.0), 101.0),
@@ -130,6 +143,8 @@ OF_MOLECULES = {
 }
 #: Keys of models that need packages of their own, in environments of their own: torch_models/test_mace.py and so on.
 APART = {f"potential.{k}" for k in ("mace", "nequip", "metatomic", "head", "stress", "reference")}
+#: Ways to pick atoms that these files say nothing for: tests/estimators/test_selections.py.
+OF_NAMES = {"select.atoms", "select.elements", "select.molecules"}
 #: Keys that no number of `atc fields` depends on, and why.
 CHANGE_NOTHING = {
     "potential.device": "where it is computed",
@@ -211,7 +226,7 @@ def test_every_key_is_spoken_of():
     keys = {f"{s}.{k}" for s, t in SCHEMA.items() for k in t}
     unspoken = {
         k
-        for k in keys - CHANGES.keys() - OF_MOLECULES.keys() - APART
+        for k in keys - CHANGES.keys() - OF_MOLECULES.keys() - OF_NAMES - APART
         if k not in CHANGE_NOTHING and k.split(".")[0] not in CHANGE_NOTHING
     }
     assert not unspoken and not set(CHANGES) - keys
@@ -229,7 +244,8 @@ def test_every_key_is_spoken_of():
             "output.file",
         }
     )
-    assert {"plane", "line", "slab", "points", "atoms", "regular"} == set(GRIDS)
+    kinds = {"plane", "line", "slab", "points", "atoms", "regular", "cylindrical", "spherical"}
+    assert kinds == set(GRIDS)
 
 
 @pytest.mark.parametrize("key", CHANGES)
@@ -241,7 +257,7 @@ def test_a_changed_key_is_noticed(folder, key):
     if key == "grid.kind":
         scene["grid"] = value
     else:
-        scene[section][name] = value
+        scene.setdefault(section, {})[name] = value
     noticed(scene, folder / "out.zarr")
 
 

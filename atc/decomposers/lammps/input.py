@@ -143,6 +143,8 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
         model.units.mass,
         _timestep(choice.timestep, model.units),
     )
+    if script and not any(c.words[2:3] == ("dt/reset",) for c in choice.fixes):
+        pot.timestep = _timestep(choice.timestep, model.units)
     if script and not any(c.name == "units" for c in choice.state.model) and units_ is None:
         pot.remarks = (*pot.remarks, f"{Path(name).name} has no units line: lj, as in LAMMPS")
     pot.remarks = (*pot.remarks, *(f"forces from outside are no part of the stress: {o}" for o in pot.outside))

@@ -41,7 +41,11 @@ def input_errors(job, anchor=None) -> tuple[float, dict[str, float]]:
         rng = np.random.default_rng([20240229, 0])
         some = np.sort(rng.choice(len(points), min(POINTS, len(points)), replace=False))
         grid = Grid.points(frame.units.to_user("length", points[some]))
-    settings = replace(job.settings(anchor), names=names, grid=grid, methods={}, check_points=1, tiles=None)
+    asked = job.settings(anchor)
+    if asked.selection is not None:  # no atom shall come or go by it
+        chosen = asked.selection.of(frame)
+        asked = replace(asked, selection=replace(asked.selection, known=tuple(frame.ids[chosen].tolist())))
+    settings = replace(asked, names=names, grid=grid, methods={}, check_points=1, tiles=None)
     moved = frame.positions + np.random.default_rng(7).uniform(-0.5, 0.5, frame.positions.shape) * step
     a, b = (_fields(f, settings) for f in (frame, frame.replace(positions=moved)))
     out = {}

@@ -217,6 +217,22 @@ class SlabBins:
     def place(self, x_nc):
         return x_nc
 
+    def squares(self, x_nc, a_nk) -> np.ndarray:
+        """(g, k) Σ a w², w = φ₁/A summed over the atom's images."""
+        out = np.zeros((len(self.z_g), a_nk.shape[1]))
+        s_n = (x_nc - self.origin) @ self.normal
+        for g, z in enumerate(self.z_g):
+            d_n, w_n = s_n - z, np.zeros(len(s_n))
+            if not self.periodic:
+                w_n = self.marginal.phi(d_n)
+            else:
+                d_n = d_n - np.rint(d_n / self.height) * self.height
+                most = int(np.ceil(self.marginal.support / self.height + 0.5))
+                for image in range(-most, most + 1):
+                    w_n = w_n + self.marginal.phi(d_n + image * self.height)
+            out[g] = (w_n / self.area) ** 2 @ a_nk
+        return out
+
     def gather(self, x_nc, a_nk, w_n, gradient, key="gather"):
         """Σ a φ₁/A and its derivative along the normal."""
         from ...deposit.gradient import marginal_slope

@@ -390,8 +390,8 @@ class PointsAround:
     def __len__(self):
         return len(self.which)
 
-    def bond_sums(self, frame, names, drift) -> np.ndarray:
-        """(h, k) the named sums over the bonds of a frame, exactly."""
+    def bond_sums(self, frame, names, drift, chosen=None) -> np.ndarray:
+        """(h, k) the named sums over the bonds of a frame that count, exactly."""
         widths = [BOND[name].width for name in names]
         # Fields have no bonds: `field_pass` adds them. But the forces of constraints depend on theirs.
         pot, threads = self.settings.pot, self.settings.threads
@@ -400,7 +400,8 @@ class PointsAround:
         few = self._cluster(frame, pot, self.place.check_kern.support)
         context, deposits, anchor = nullcontext(), self.check.deposits, self.settings.anchor
         if few is not None:
-            frame = few
+            frame, index = few
+            chosen = None if chosen is None else chosen.of(index)
             home = Cell(frame.cell.vectors, (0.0, 0.0, 0.0), (False, False, False))
             points = BoundGrid("points", home, ("point",), xyz=np.ascontiguousarray(self.xyz))
             deposits = Deposits(
@@ -413,6 +414,7 @@ class PointsAround:
         peculiar_nc = frame.velocities - drift if "power" in names else None
 
         def consume(bonds, thread):
+            bonds = bonds if chosen is None else chosen.taken(bonds)[1]
             for found in deposit.find(frame.positions, bonds.i, bonds.r_bc, thread):
                 some = bonds.taken(found.bonds)
                 deposit.add_found(found, bond_factors(names, widths, some, peculiar_nc, frame.velocities), thread)
@@ -423,7 +425,7 @@ class PointsAround:
         return deposit.bond_sums()
 
     def _cluster(self, frame, pot, reach):
-        """The atoms that matter as an open frame; None where all of them must be asked."""
+        """The atoms that matter as an open frame, and which they are; None where all of them must be asked."""
         from ..tile_cuts import depth
 
         if frame.topology or pot.constraints is not None or not pot.terms or not pot.central:
@@ -438,4 +440,4 @@ class PointsAround:
         centres = np.array([0.5 * (x.min(0) + x.max(0)) for x in groups])
         radius = [np.linalg.norm(x - c, axis=1).max() + reach + deep for x, c in zip(groups, centres)]
         found = cluster_around(frame, centres, radius)
-        return None if found is None else found[0]
+        return found

@@ -12,8 +12,8 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from .errors import AtcError
-from .frame import Cell
+from ..errors import AtcError
+from ..frame import Cell
 
 _AXES = {"x": 0, "y": 1, "z": 2, "a": 0, "b": 1, "c": 2, 0: 0, 1: 1, 2: 2}
 
@@ -143,8 +143,8 @@ def _same(a: dict, b: dict) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Where fields are wanted; made by `regular`, `plane`, `line`, `slab`, `points` or `atoms`. Lengths in the user's
-    units.
+    """Where fields are wanted; made by `regular`, `plane`, `line`, `slab`, `points`, `cylindrical`, `spherical` or
+    `atoms`. Lengths in the user's units.
 
     Points of regular grids and planes lie at the cell centres (i + ½)/n of their edges, or at the corners i/n.
     """
@@ -310,6 +310,51 @@ class Grid:
         """The positions of the atoms of each frame."""
         return cls("atoms", {})
 
+    @classmethod
+    def cylindrical(cls, radius, shape, *, center=None, axis="z", inner=0.0, length=None) -> Grid:
+        """Points around an axis, with vectors and tensors in the local axes r, phi, z there: pores, wires.
+
+        Parameters
+        ----------
+        radius, inner : from which radius to which
+        shape : three ints
+            Numbers of points along r, around, and along the axis, each in the middle of its bin.
+        center : three floats
+            A point on the axis, the middle of its length; default the middle of the first frame's cell.
+        axis : "x", "y" or "z"; phi is counted from the next axis to the one after it (z: from x to y).
+        length : along the axis; default the first frame's cell.
+        """
+        given = {"center": center, "radius": radius, "inner": inner, "shape": shape, "axis": _axis(axis)}
+        return cls._curved("cylindrical", length=length, **given)
+
+    @classmethod
+    def spherical(cls, radius, shape, *, center=None, axis="z", inner=0.0) -> Grid:
+        """Points around a centre, with vectors and tensors in the local axes r, theta, phi there: bubbles, droplets.
+
+        Parameters
+        ----------
+        radius, inner : from which radius to which
+        shape : three ints
+            Numbers of points along r, theta (equal areas) and phi: plain means over the angles are means over spheres.
+        center : three floats; default the middle of the first frame's cell.
+        axis : "x", "y" or "z", which theta is counted from
+        """
+        given = {"center": center, "radius": radius, "inner": inner, "shape": shape, "axis": _axis(axis)}
+        return cls._curved("spherical", length=None, **given)
+
+    @classmethod
+    def _curved(cls, kind, **given) -> Grid:
+        from .curved import checked
+
+        return cls(kind, checked(kind, **given, numbers=_numbers, counts=_counts))
+
+    @property
+    def local_axes(self) -> tuple[str, ...]:
+        """What vectors and tensors are components along, if not x, y, z: (r, phi, z) or (r, theta, phi)."""
+        from .curved import AXES
+
+        return AXES.get(self.kind, ())
+
     def __eq__(self, other):
         return isinstance(other, Grid) and self.kind == other.kind and _same(self._, other._)
 
@@ -354,6 +399,11 @@ class Grid:
             return f"regular, {how}, {where}, at {'centers' if p['shift'] else 'corners'}"
         if self.kind == "plane":
             return f"plane, {how}" + (f", normal to {'xyz'[p['axis']]}" if p["axis"] is not None else "")
+        if self.local_axes:
+            inner = f" from {p['inner']:g}" if p["inner"] else ""
+            return (
+                f"{self.kind},{inner} to radius {p['radius']:g}, {how}, components along {', '.join(self.local_axes)}"
+            )
         if self.kind == "line":
             return f"line, {p['n']} points"
         if self.kind == "slab":
@@ -362,13 +412,18 @@ class Grid:
 
     def _repr_html_(self):
         """For notebooks."""
-        from .terminal import html_table
+        from ..terminal import html_table
 
         return html_table(f"grid {self.kind}", [("points", self.describe())])
 
     def fixed(self, units, cell: Cell, positions=None) -> Grid:
         """This grid with the numbers of points that its spacing gives in this cell: where the cell changes, the points
         move with it and stay as many."""
+        if self.local_axes:
+            from .curved import settled
+
+            cell = cell if cell.complete else cell.completed(np.zeros((0, 3)) if positions is None else positions)
+            return Grid(self.kind, settled(self.kind, self._, units, cell))
         if self._.get("spacing") is None:
             return self
         return Grid(self.kind, {**self._, "spacing": None, "shape": self.bind(units, cell, positions).counts})
@@ -387,6 +442,8 @@ class Grid:
                         f"grid {shown.get(key, key)}: two numbers are of a two-dimensional run, but this one has "
                         f"three dimensions: give {want}"
                     )
+        elif self.local_axes:
+            raise AtcError(f"a {self.kind} grid is one of three dimensions: take points in a two-dimensional run")
         elif self.kind == "slab" and p["axis"] == 2:
             raise AtcError("a slab profile along axis z: a two-dimensional run has no extent there: take x or y")
         elif self.kind == "plane" and p["axis"] in (0, 1):
@@ -419,6 +476,13 @@ class Grid:
             return BoundGrid("points", cell, ("point",), xyz=place("grid point", p["xyz"] * f))
         if not cell.complete:
             cell = cell.completed(np.zeros((0, 3)) if positions is None else positions)
+        if self.local_axes:
+            from .curved import points, settled
+
+            xyz, basis, values = points(self.kind, settled(self.kind, p, units, cell), f)
+            bound = BoundGrid(self.kind, cell, self.local_axes, xyz=np.ascontiguousarray(xyz), counts=p["shape"])
+            bound.basis_gcc, bound.along = basis, values
+            return bound
         own, cell = cell, self._padded(cell, f)
         if self.kind == "line":
             n = p["n"]
@@ -484,7 +548,7 @@ class Grid:
             return cell
         if isinstance(padding, str):
             raise AtcError('grid padding = "auto" is the reach of a kernel: give a length where there is none')
-        from .padding import extended, open_axes
+        from ..padding import extended, open_axes
 
         return extended(cell, open_axes(self.kind, self._.get("axis"), cell), padding * factor)
 
@@ -562,6 +626,9 @@ class BoundGrid:
     """
 
     padding = 0.0
+    #: of curved grids: (g, 3, 3) local axes as rows, and {dimension: values along it} (angles in degrees)
+    basis_gcc: np.ndarray | None = None
+    along: dict | None = None
 
     def __init__(self, kind, cell, dims, *, xyz=None, origin=None, steps=None, counts=None, axis=None, shift=0.5):
         self.kind, self.cell, self.dims, self.axis, self.shift = kind, cell, dims, axis, shift
@@ -574,7 +641,7 @@ class BoundGrid:
 
     @property
     def shape(self) -> tuple:
-        return self.counts if self.is_lattice else (len(self.xyz),)
+        return self.counts or (len(self.xyz),)
 
     def __len__(self):
         return int(np.prod(self.shape))
@@ -655,7 +722,18 @@ class BoundGrid:
             centres = zero + (np.arange(self.counts[0]) + 0.5) * self.spacing[0]
             what = f"{'xyz'[a]}" if self.cell.orthogonal else "distance from the cell's face along its normal"
             return {self.dims[0]: (self.dims, to_user(centres), {**label, "long_name": what})}
-        out = {}
+        out: dict = {}
+        if self.along is not None:
+            names = {
+                "r": "distance from the axis" if "z" in self.along else "distance from the centre",
+                "phi": "angle around the axis",
+                "theta": "angle from the axis",
+                "z": "along the axis",
+            }
+            for name, values in self.along.items():
+                angle = name in ("phi", "theta")
+                about = {**({"units": "degree"} if angle else label), "long_name": names[name]}
+                out[name] = ((name,), values if angle else to_user(values), about)
         if self.kind == "line":
             distance = np.arange(self.counts[0]) * np.linalg.norm(self.steps[0])
             out["s"] = (("s",), to_user(distance), {**label, "long_name": "distance from the start of the line"})

@@ -1,0 +1,43 @@
+"""Does it look right? What every way of computing fields, and their plan, checks before anything is computed."""
+
+from __future__ import annotations
+
+import warnings
+
+from ..errors import AtcWarning
+from ..estimators.requirements import require
+from ..readers.plausible import doubts
+from .job import Job
+
+
+def sanity(job: Job) -> None:
+    """Complain of what is missing in the first frame; warn of what can be computed but is probably not what was
+    meant."""
+    frame, work, u = job.first, job.work, job.first.units
+    require(frame, job.settings(), work)
+    if job.request.output_units is not None:
+        from ..unit_words import require_used, wanted_units
+
+        given = job.request.output_units
+        have = [u.label(q.dimension) for q in work.quantities] + [u.label("length"), u.label("time")]
+        require_used(wanted_units(given), have, str(given))
+    for doubt in doubts(frame, temperature="velocities" in work.attributes):
+        warnings.warn(f"{frame.source}: {doubt}", AtcWarning, stacklevel=3)
+    if work.grid_users and job.request.kern is not None and job.request.grid is not None:
+        spacing = grid_spacing(job.request.grid.bind(u, frame.cell, frame.positions))
+        support = u.to_internal("length", job.request.kern.support)
+        if spacing > support:
+            warnings.warn(
+                f"the kernel's radius ({float(job.request.kern.radius):g} {u.label('length')}) is smaller than the "
+                "distance between grid points "
+                f"({u.to_user('length', spacing):.3g}): much of the material is seen by no point; use a finer grid or "
+                "a wider kernel",
+                AtcWarning,
+                stacklevel=3,
+            )
+
+
+def grid_spacing(bound) -> float:
+    """Largest distance between neighbouring points along a grid axis (internal units); 0 for scattered points."""
+    gaps = [] if bound.spacing is None else [d for d, n in zip(bound.spacing, bound.shape) if n > 1]
+    return float(max(gaps, default=0.0))
