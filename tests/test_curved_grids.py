@@ -110,9 +110,10 @@ def test_averages_pictures_and_what_does_not_go(tmp_path):
     (one,) = ds.atc.plot("stress", component="rphi").axes
     assert np.allclose(one.lines[0].get_ydata(), mean[:, 0, 1])
     with pytest.raises(AtcError, match="a scene of its own"):
-        atc.fields(frames, pot, KERNEL, grid, ["virial_stress"])
+        atc.fields(frames, pot, KERNEL, grid, ["stress", "virial_stress"])
+    assert atc.fields(frames, pot, KERNEL, grid, ["virial_stress"]).i.values.tolist() == ["x", "y", "z"]
     with pytest.raises(AtcError, match="cylindrical"):
-        ds.atc.compare()
+        atc.fields(frames, pot, KERNEL, grid, ["stress_potential", "smoothed_virial_stress_potential"]).atc.compare()
     from atc.export.export import export
 
     with pytest.raises(AtcError, match="cylindrical"):

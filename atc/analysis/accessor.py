@@ -106,6 +106,12 @@ class DatasetAccessor(_Scalars):
 
         return self._ds[pick(self._ds, quantity)], int(self._ds.attrs.get("dimension", 3))
 
+    def section_force(self, axis: str | None = None, quantity: str | None = None):
+        """Forces through the cross-sections normal to an axis; see `atc.analysis.sections.section_force`."""
+        from .sections import section_force
+
+        return section_force(self._ds, axis, quantity)
+
     def in_units(self, units: str):
         """The dataset in other units where one of them is of a variable's dimension: ``"GPa, nm"``, or a preset."""
         from ..unit_words import in_units

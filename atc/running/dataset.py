@@ -50,7 +50,7 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
     work, u = job.work, frame.units
     bound = result.bound
     letters = cartesian = np.array(["x", "y", "z"])
-    axes = local_axes(job.request.grid)
+    axes = local_axes(job.request.grid) if work.grid_users else ()
     if axes:
         letters = np.array(axes)
     grid_dims = tuple(bound.dims) if bound is not None else ()
