@@ -29,7 +29,7 @@ def section_force(ds, axis=None, quantity=None):
     ------
     AtcError for other grids, fields that are no stress, cells whose edges are tilted against the normal.
     """
-    from ..pictures.geometry import grid_dims, layout
+    from ..pictures.geometry import grid_dims, points_of_grid
     from ..unit_words import NotAUnit, unit_of
     from ..units import units
 
@@ -39,7 +39,7 @@ def section_force(ds, axis=None, quantity=None):
     da = ds[name]
     dims = grid_dims(da.isel(species=0, drop=True) if "species" in da.dims else da)
     one = ds.isel(species=0, drop=True) if "species" in ds.dims else ds
-    place = layout(one, one[name])
+    place = points_of_grid(one, one[name])
     if place.kind not in ("slab", "volume") or any(d not in "xyz" for d in dims):
         raise AtcError(f"section force: of a slab profile or a regular grid along x, y, z; this is a {place.kind}")
     axis = axis or (dims[0] if place.kind == "slab" else None)
