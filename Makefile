@@ -1,17 +1,19 @@
 # make demo    a field file, a picture and a table from the silicon plate in data/, in a few minutes on a fresh machine
 # make test    lint and all tests
 # make test-tools   tests with ParaView's readers, OVITO and streams (IMDv3), in an environment of their own
+# make docs    the site, in build/site: dead links are errors (its snippets are run by the tests)
 # make lint    ruff, mypy         make bench   speed, to be read by a person          make clean   remove what make made
 #
 # Needs Python 3.11 or newer; everything else goes into .venv, which is made on first use.
 # Another Python: make PYTHON=/path/to/python demo.  More test processes: make JOBS=8 test.
 
-.PHONY: help demo test test-tools lint bench clean
+.PHONY: help demo test test-tools docs lint bench clean
 .DELETE_ON_ERROR:
 .SUFFIXES:
 
 VENV ?= .venv
 VENV_TOOLS ?= .venv-tools
+VENV_DOCS ?= .venv-docs
 OUT ?= demo-out
 JOBS ?= 2
 
@@ -27,7 +29,7 @@ DATA := data/silicon_plate
 SOURCES := $(shell find atc -name '*.py')
 
 help:
-	@sed -n 's/^# \{0,1\}//;1,8p' Makefile
+	@sed -n 's/^# \{0,1\}//;1,9p' Makefile
 
 # ---- the environment
 
@@ -53,6 +55,18 @@ $(VENV_TOOLS)/.atc-tools: pyproject.toml | $(BIN)/python
 	@test -x $(VENV_TOOLS)/bin/python || $(BIN)/python -m venv $(VENV_TOOLS)
 	@$(VENV_TOOLS)/bin/python -m pip install --quiet --disable-pip-version-check -e ".[tools]"
 	@touch $@
+
+# The site is made from the sources: nothing of atc needs to be installed for it.
+$(VENV_DOCS)/.docs: pyproject.toml | $(BIN)/python
+	@echo "installing mkdocs-material and mkdocstrings into $(VENV_DOCS)"
+	@test -x $(VENV_DOCS)/bin/python || $(BIN)/python -m venv $(VENV_DOCS)
+	@$(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["docs"], sep="\n")' > $(VENV_DOCS)/docs.txt
+	@$(VENV_DOCS)/bin/python -m pip install --quiet --disable-pip-version-check -r $(VENV_DOCS)/docs.txt
+	@touch $@
+
+docs: $(VENV_DOCS)/.docs
+	NO_MKDOCS_2_WARNING=1 $(VENV_DOCS)/bin/mkdocs build --quiet --strict
+	@echo "site  $(CURDIR)/build/site/index.html"
 
 # ---- the demo
 
@@ -94,4 +108,4 @@ bench: | $(VENV)/.atc-test
 clean:
 	rm -rf $(OUT) build dist .pytest_cache .ruff_cache .hypothesis *.egg-info
 	find atc tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
-	@echo "kept $(VENV) and $(VENV_TOOLS): remove them by hand if you want new ones"
+	@echo "kept $(VENV), $(VENV_TOOLS) and $(VENV_DOCS): remove them by hand if you want new ones"

@@ -239,8 +239,8 @@ class Kernel:
         """For notebooks."""
         from ..terminal import html_table
 
-        rows = [*self.parameters.items(), ("reaches", f"{self.support:.6g}")]
-        return html_table(f"kernel {self.name}", [(k, f"{v:.12g}" if np.isscalar(v) else v) for k, v in rows])
+        rows = [*self.parameters.items(), ("reaches", float(self.support))]
+        return html_table(f"kernel {self.name}", [(k, f"{v:.12g}" if isinstance(v, float) else v) for k, v in rows])
 
     def __eq__(self, other):
         return (
