@@ -65,7 +65,7 @@ $(VENV_DOCS)/.docs: pyproject.toml | $(BIN)/python
 	@touch $@
 
 docs: $(VENV_DOCS)/.docs
-	NO_MKDOCS_2_WARNING=1 $(VENV_DOCS)/bin/mkdocs build --quiet --strict
+	NO_MKDOCS_2_WARNING=1 $(VENV_DOCS)/bin/mkdocs build --strict
 	@echo "site  $(CURDIR)/build/site/index.html"
 
 # ---- the demo
