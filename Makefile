@@ -2,17 +2,19 @@
 # make test    lint and all tests, but for those that have environments of their own: learned models,
 # make test-torch | test-mace | test-nequip    (the last two need different versions of one library), and
 # make test-tools   ParaView's readers, OVITO and streams (IMDv3)
+# make docs    the site, in build/site: dead links are errors (its snippets are run by the tests)
 # make lint    ruff, mypy         make bench   speed, to be read by a person          make clean   remove what make made
 #
 # Needs Python 3.11 or newer; everything else goes into .venv, which is made on first use.
 # Another Python: make PYTHON=/path/to/python demo.  More test processes: make JOBS=8 test.
 
-.PHONY: help demo test test-torch test-mace test-nequip test-tools lint bench clean
+.PHONY: help demo test test-torch test-mace test-nequip test-tools docs lint bench clean
 .DELETE_ON_ERROR:
 .SUFFIXES:
 
 VENV ?= .venv
 VENV_TOOLS ?= .venv-tools
+VENV_DOCS ?= .venv-docs
 OUT ?= demo-out
 JOBS ?= 2
 
@@ -28,7 +30,7 @@ DATA := data/silicon_plate
 SOURCES := $(shell find atc -name '*.py')
 
 help:
-	@sed -n 's/^# \{0,1\}//;1,9p' Makefile
+	@sed -n 's/^# \{0,1\}//;1,10p' Makefile
 
 # ---- the environment
 
@@ -54,6 +56,18 @@ $(VENV_TOOLS)/.atc-tools: pyproject.toml | $(BIN)/python
 	@test -x $(VENV_TOOLS)/bin/python || $(BIN)/python -m venv $(VENV_TOOLS)
 	@$(VENV_TOOLS)/bin/python -m pip install --quiet --disable-pip-version-check -e ".[tools]"
 	@touch $@
+
+# The site is made from the sources: nothing of atc needs to be installed for it.
+$(VENV_DOCS)/.docs: pyproject.toml | $(BIN)/python
+	@echo "installing mkdocs-material and mkdocstrings into $(VENV_DOCS)"
+	@test -x $(VENV_DOCS)/bin/python || $(BIN)/python -m venv $(VENV_DOCS)
+	@$(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["docs"], sep="\n")' > $(VENV_DOCS)/docs.txt
+	@$(VENV_DOCS)/bin/python -m pip install --quiet --disable-pip-version-check -r $(VENV_DOCS)/docs.txt
+	@touch $@
+
+docs: $(VENV_DOCS)/.docs
+	NO_MKDOCS_2_WARNING=1 $(VENV_DOCS)/bin/mkdocs build --strict
+	@echo "site  $(CURDIR)/build/site/index.html"
 
 # ---- the demo
 
@@ -115,4 +129,4 @@ bench: | $(VENV)/.atc-test
 clean:
 	rm -rf $(OUT) build dist .pytest_cache .ruff_cache .hypothesis *.egg-info
 	find atc tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
-	@echo "kept $(VENV) and $(VENV_TOOLS): remove them by hand if you want new ones"
+	@echo "kept $(VENV), $(VENV_TOOLS) and $(VENV_DOCS): remove them by hand if you want new ones"
