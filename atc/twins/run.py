@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from copy import copy
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from .conditions import (
     smoothed_displacement,
 )
 from .material import atoms_horizon, horizon_of, orientation, twin_material
+from .outside import from_script
 
 
 @dataclass
@@ -117,14 +119,17 @@ def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
     u = traj.units
     length = u.factor("length")
     kernel = kern.scaled(length)
-    crystal = _crystal(scene, get, reference, pot, u)
+    # A crystal is no frame of the script's run: what the script says of single atoms is not for it.
+    law = copy(pot)
+    law.setup = None
+    crystal = _crystal(scene, get, reference, law, u)
     spacing = length * get("spacing") if get("spacing") else u.to_internal("length", crystal.lattice_constant)
     horizon = length * get("horizon") if get("horizon") else None
     if get("nodes") == "atoms":
-        made = body_of_atoms(reference, crystal.density, horizon or atoms_horizon(get, crystal, pot))
+        made = body_of_atoms(reference, crystal.density, horizon or atoms_horizon(get, crystal, law))
     else:
         made = body_of(reference, kernel, crystal.density, spacing, horizon, horizon_of(get))
-    material = twin_material(get, crystal, pot, orientation(scene), made, reference)
+    material = twin_material(get, crystal, law, orientation(scene), made, reference)
 
     run = Run(traj, reference)
     frames = [run[k] for k in range(len(run))]
@@ -134,10 +139,13 @@ def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
         clock(frames, step and u.to_internal("time", step)) if motion == "dynamic" else np.arange(float(len(frames)))
     )
     boxes = [np.array(b, float) * length for b in get("grips", [])]
-    held = gripped(made, reference, boxes, get("grip_types", []))
+    script = from_script(pot, reference, made, _indenter(scene, get, u))
+    held = np.repeat(gripped(made, reference, boxes, get("grip_types", []))[:, None], 3, axis=1)
+    for c in range(3) if script.held_nc.any() else ():
+        held[:, c] |= made.smoothing.share(script.held_nc[:, c]) >= 0.5
     conditions = _grips(held, frames, reference, made, times)
-    sim = _start(frames[0], reference, made, material, conditions, motion, traj.source)
-    lines = _lines(u, reference, pot, made, material, held, motion, sim, frames)
+    sim = _start(frames[0], reference, made, material, conditions, script.forces, motion)
+    lines = _lines(u, reference, pot, made, material, held.any(axis=1), motion, sim, frames, script.lines)
     for line in lines:
         if tell is not None:
             tell(line)
@@ -236,13 +244,32 @@ def _crystal(scene, get, reference, pot, units):
 def _grips(held, frames, reference, made, times) -> list:
     from .. import pd
 
-    if not held.any():
+    nodes = held.any(axis=1)
+    if not nodes.any():
         return []
-    u_tgc = np.array([smoothed_displacement(f, reference, made.smoothing, made.body.X_nc)[held] for f in frames])
-    return [pd.Prescribed(held, displacement=history(times, u_tgc))]
+    u_tgc = np.array([smoothed_displacement(f, reference, made.smoothing, made.body.X_nc)[nodes] for f in frames])
+    at = history(times, u_tgc)
+    return [pd.Prescribed(nodes, displacement=lambda t: np.where(held[nodes], at(t), np.nan))]
 
 
-def _start(first, reference, made, material, conditions, motion, source):
+def _indenter(scene, get, units):
+    """(centre, velocity, radius, stiffness) of [twin], internal units, or None."""
+    keys = ("indenter_centre", "indenter_radius", "indenter_stiffness")
+    given = [k for k in (*keys, "indenter_velocity") if get(k) is not None]
+    if not given:
+        return None
+    if missing := [k for k in keys if get(k) is None]:
+        raise AtcError(f"{scene.where('twin', given[0])}: [twin] {given[0]} needs {missing[0]} too")
+    velocity = np.array(get("indenter_velocity", [0.0, 0.0, 0.0]), float)
+    return (
+        np.array(get(keys[0]), float) * units.length,
+        units.to_internal("velocity", velocity),
+        get(keys[1]) * units.length,
+        get(keys[2]) * units.factor("force") / units.length**2,
+    )
+
+
+def _start(first, reference, made, material, conditions, forces, motion):
     """The simulation in the state of the run's first frame."""
     from .. import pd
 
@@ -251,7 +278,7 @@ def _start(first, reference, made, material, conditions, motion, source):
     if motion == "dynamic":
         first.require("velocities", why="the start of a dynamic twin")
         v = made.smoothing.mean(first.velocities)
-    sim = pd.Simulation(made.body, material.material, conditions=conditions, velocities=v)
+    sim = pd.Simulation(made.body, material.material, conditions=conditions, walls=forces, velocities=v)
     # The cell first, which moves the nodes; then they go to where the atoms are.
     deform(sim, first.cell)
     sim._z[:, :3] = smoothed_displacement(first, reference, made.smoothing, X)
@@ -306,7 +333,7 @@ def _fields_of_nodes(sim, material, units, kern, grid, names, atoms):
     return fields([frame], bonds, kern, grid, asked, reference=reference, forces="ignore")
 
 
-def _lines(units, reference, pot, made, material, held, motion, sim, frames) -> list[str]:
+def _lines(units, reference, pot, made, material, held, motion, sim, frames, script) -> list[str]:
     """What the twin is, before it runs."""
     p = lambda what, v: f"{units.to_user(what, v):.5g} {units.label(what)}"  # noqa: E731
     body = made.body
@@ -332,6 +359,7 @@ def _lines(units, reference, pot, made, material, held, motion, sim, frames) -> 
             else "; starts from smoothed displacement, velocity"
         )
     )
+    lines += script
     if motion == "dynamic":
         lines.append(
             f"time step {p('time', 0.7 * sim.time_step_stable)} (surely stable below {p('time', sim.time_step_stable)})"
