@@ -57,7 +57,7 @@ class Isotropic:
 
 def horizon_of(get) -> float:
     """The default horizon of the material that [twin] asks for, in distances of nodes."""
-    if get("material", "isotropic") == "cauchy-born":
+    if get("material", "isotropic") in ("cauchy-born", "smoothed"):
         from .cauchy_born import HORIZON
 
         return HORIZON
