@@ -353,6 +353,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
             "the crystal directions along the run's x, y, z, e.g. [[1, 1, 0], [-1, 1, 0], [0, 0, 1]]",
         ),
         "model": Key(_choice(["lps", "pmb"]), '"lps" or "pmb"'),
+        "fracture": Key(_boolean, "true or false"),
         "temperature": Key(_positive, "a temperature greater than 0, e.g. 300.0"),
         "spacing": Key(_positive, "a length greater than 0, e.g. 5.0"),
         "horizon": Key(_positive, "a length greater than 0, e.g. 15.0"),

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError, AtcWarning
+from ..frame import Frame
 from .body import TwinBody, body_of, body_of_atoms
 from .comparison import PAIRS, away_from_surfaces, dataset_of, norms, picture
 from .conditions import (
@@ -22,6 +23,7 @@ from .conditions import (
     history,
     smoothed_displacement,
 )
+from .damage import NearestBonds, add_damage, on_grid
 from .material import atoms_horizon, horizon_of, orientation, twin_material
 from .outside import from_script
 
@@ -150,10 +152,18 @@ def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
         if tell is not None:
             tell(line)
 
+    bonds = NearestBonds(reference, crystal) if getattr(material, "damage", None) is not None else None
+    md_damage, pd_damage, broken = [], [], []
     found, names = [], ["density", "displacement", *(["velocity"] if motion == "dynamic" else []), "stress"]
     for k in range(len(frames)):
         _advance(sim, frames, times, k, motion)
         found.append(_fields_of_nodes(sim, material, u, kern, grid, names, reference))
+        if bonds is not None:
+            points = grid.bind(u, frames[k].cell).points_gc
+            lost = bonds.lost(frames[k]), sim.damage()
+            md_damage.append(on_grid(frames[k], kernel, points, lost[0]))
+            pd_damage.append(on_grid(_nodes(sim, u), kernel, points, lost[1]))
+            broken.append([d.mean() for d in lost])
         if progress is not None:
             progress(k + 1, len(frames), (k + 1) / (time.perf_counter() - began))
     lines += (said := material.after(sim))
@@ -172,6 +182,9 @@ def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
         forces="ignore",
     )
     data = dataset_of(md, found, names)
+    if bonds is not None:
+        add_damage(data, md_damage, pd_damage, broken)
+        names.append("damage")
     bulk = float(u.to_user("density", crystal.density))
     bound = grid.bind(u, sim.cell)
     deep = away_from_surfaces(sim, bound.points_gc, kernel.support).reshape(bound.shape)
@@ -278,7 +291,8 @@ def _start(first, reference, made, material, conditions, forces, motion):
     if motion == "dynamic":
         first.require("velocities", why="the start of a dynamic twin")
         v = made.smoothing.mean(first.velocities)
-    sim = pd.Simulation(made.body, material.material, conditions=conditions, walls=forces, velocities=v)
+    damage = getattr(material, "damage", None)
+    sim = pd.Simulation(made.body, material.material, damage=damage, conditions=conditions, walls=forces, velocities=v)
     # The cell first, which moves the nodes; then they go to where the atoms are.
     deform(sim, first.cell)
     sim._z[:, :3] = smoothed_displacement(first, reference, made.smoothing, X)
@@ -306,6 +320,11 @@ def _advance(sim, frames, times, k, motion) -> None:
     for m in range(count):
         deform(sim, between(a, b, (m + 1) / count))
         sim.step()
+
+
+def _nodes(sim, units):
+    """The nodes where they are, as a frame."""
+    return Frame(sim.positions_nc, sim.cell, units, masses=sim.mass_n)
 
 
 def _fields_of_nodes(sim, material, units, kern, grid, names, atoms):
@@ -367,7 +386,8 @@ def _lines(units, reference, pot, made, material, held, motion, sim, frames, scr
     lines.append(
         "left out: "
         + ("" if getattr(material, "temperature", None) else "temperature (kinetic stress, expansion, softening), ")
-        + "fracture, surface stress"
+        + ("" if getattr(material, "damage", None) is not None else "fracture, ")
+        + "surface stress"
     )
     size = np.abs(stress).max() / material.bulk
     if size > 3e-3:
