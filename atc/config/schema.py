@@ -492,6 +492,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
             "the crystal directions along the run's x, y, z, e.g. [[1, 1, 0], [-1, 1, 0], [0, 0, 1]]",
         ),
         "model": Key(_choice(["lps", "pmb"]), '"lps" or "pmb"'),
+        "fracture": Key(_boolean, "true or false"),
         "temperature": Key(_positive, "a temperature greater than 0, e.g. 300.0"),
         "spacing": Key(_positive, "a length greater than 0, e.g. 5.0"),
         "horizon": Key(_positive, "a length greater than 0, e.g. 15.0"),
@@ -501,6 +502,10 @@ SCHEMA: dict[str, dict[str, Key]] = {
             "boxes [[x, y, z], [x, y, z]] between two corners, e.g. [[[0, 0, 0], [10, 99, 99]]]",
         ),
         "grip_types": Key(_list_of(_count), "atom types, e.g. [2, 3]"),
+        "indenter_centre": Key(_list_of(_number, 3), "three lengths, where the first frame has it"),
+        "indenter_velocity": Key(_list_of(_number, 3), "three velocities, e.g. [0, 0, -0.1]"),
+        "indenter_radius": Key(_positive, "a length greater than 0, e.g. 20.0"),
+        "indenter_stiffness": Key(_positive, "K of fix indent, force/length² on an atom, greater than 0"),
         "timestep": Key(_positive, "the time of one step in the trajectory's units, e.g. 0.001"),
     },
     "output": {

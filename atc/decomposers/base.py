@@ -258,9 +258,11 @@ class Potential(Interactions):
     setup : what the script says of atoms, see `complete`, or None
     constraints : `Constraints`, the distances and bodies that are held, or None
     acting : `outside.OutsideForces` of the script, None where nothing says whether there are any
+    moved : groups of the script that ``fix move`` moves
     """
 
     unmentioned: tuple[str, ...] = ()
+    moved: tuple[str, ...] = ()
     dimension_said: bool = False
     masses: Mapping[int, float] = MappingProxyType({})
     data_file = None

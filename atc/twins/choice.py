@@ -10,7 +10,7 @@ from .material import isotropic
 
 def horizon_of(get) -> float:
     """The default horizon of the material that [twin] asks for, in distances of nodes."""
-    if get("material", "isotropic") == "cauchy-born":
+    if get("material", "isotropic") in ("cauchy-born", "smoothed"):
         from .cauchy_born import HORIZON
 
         return HORIZON
@@ -30,6 +30,8 @@ def atoms_horizon(get, crystal, model) -> float:
 
 def twin_material(get, crystal, model, axes, made, reference):
     """The material that [twin] asks for, `get(key, default)`, of a relaxed crystal, a `TwinBody` and its frame."""
+    if get("fracture") and get("material", "isotropic") != "isotropic":
+        raise AtcError('[twin] fracture: only the bonds of material = "isotropic" break: leave it out')
     if get("material", "isotropic") == "cauchy-born":
         from .cauchy_born import cauchy_born
 
@@ -44,7 +46,16 @@ def twin_material(get, crystal, model, axes, made, reference):
         from .smoothed import smoothed
 
         return smoothed(crystal, model, axes, reference, made, get("nodes") == "atoms")
-    return isotropic(crystal, model, get("model", "lps"), made.step_cc, made.body.horizon)
+    found = isotropic(crystal, model, get("model", "lps"), made.step_cc, made.body.horizon)
+    if get("fracture"):
+        from ..pd import CriticalStretch
+        from ..upscaling.surfaces import cleavage
+
+        if get("motion", "dynamic") != "dynamic":
+            raise AtcError('[twin] fracture: bonds break in dynamic twins only: motion = "dynamic"')
+        found.surface = cleavage(crystal, model)
+        found.damage = CriticalStretch.from_energy(2 * found.surface.energy, found.material, made.body)
+    return found
 
 
 def orientation(scene) -> np.ndarray:

@@ -19,6 +19,7 @@ class Isotropic:
     material : PMB or LPS. bulk, shear : K and G. anisotropy : Zener's A = 2 C44/(C11 − C12). C : ElasticConstants
     sampled_vv : (6, 6) elastic constants that the nodes of a periodic body of this spacing and horizon have
     wanted_vv : those that the material means to have (of PMB with Poisson's ratio 1/4)
+    damage : pd.CriticalStretch, surface : `upscaling.surfaces.Surface` it is from; None where bonds do not break
     """
 
     material: object
@@ -28,6 +29,8 @@ class Isotropic:
     C: object
     sampled_vv: np.ndarray
     wanted_vv: np.ndarray
+    damage: object = None
+    surface: object = None
 
     @property
     def error(self) -> float:
@@ -48,6 +51,18 @@ class Isotropic:
             f"not exact: anisotropy (Zener's ratio {self.anisotropy:.3g}; uniaxial strain along a cube axis is "
             f"{100 * along:+.2g} % too stiff), nonlinearity, dispersion of the crystal",
             f"the nodes' elastic constants differ from the material's by at most {100 * self.error:.2g} %",
+            *self._fracture(units),
+        ]
+
+    def _fracture(self, units) -> list[str]:
+        if self.damage is None:
+            return []
+        gamma = self.surface.energy * units.to_user("energy", 1.0) / units.to_user("length", 1.0) ** 2
+        plane = "".join(map(str, self.surface.plane))
+        return [
+            f"fracture: Gc = 2 gamma({plane}) = {2 * gamma:.4g} {units.label('energy')}/{units.label('length')}^2, the "
+            f"least of {{100}}, {{110}}, {{111}}: a lower bound, nothing else is dissipated; critical stretch "
+            f"{self.damage.s00:.4g}"
         ]
 
     def after(self, simulation) -> list[str]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import warnings
+from copy import copy
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import AtcError, AtcWarning
+from ..frame import Frame
 from .body import TwinBody, body_of, body_of_atoms
 from .choice import atoms_horizon, horizon_of, orientation, twin_material
 from .comparison import PAIRS, away_from_surfaces, dataset_of, norms, picture
@@ -22,6 +24,8 @@ from .conditions import (
     history,
     smoothed_displacement,
 )
+from .damage import NearestBonds, add_damage, on_grid
+from .outside import from_script
 
 
 @dataclass
@@ -117,14 +121,17 @@ def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
     u = traj.units
     length = u.factor("length")
     kernel = kern.scaled(length)
-    crystal = _crystal(scene, get, reference, pot, u)
+    # A crystal is no frame of the script's run: what the script says of single atoms is not for it.
+    law = copy(pot)
+    law.setup = None
+    crystal = _crystal(scene, get, reference, law, u)
     spacing = length * get("spacing") if get("spacing") else u.to_internal("length", crystal.lattice_constant)
     horizon = length * get("horizon") if get("horizon") else None
     if get("nodes") == "atoms":
-        made = body_of_atoms(reference, crystal.density, horizon or atoms_horizon(get, crystal, pot))
+        made = body_of_atoms(reference, crystal.density, horizon or atoms_horizon(get, crystal, law))
     else:
         made = body_of(reference, kernel, crystal.density, spacing, horizon, horizon_of(get))
-    material = twin_material(get, crystal, pot, orientation(scene), made, reference)
+    material = twin_material(get, crystal, law, orientation(scene), made, reference)
 
     run = Run(traj, reference)
     frames = [run[k] for k in range(len(run))]
@@ -134,18 +141,29 @@ def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
         clock(frames, step and u.to_internal("time", step)) if motion == "dynamic" else np.arange(float(len(frames)))
     )
     boxes = [np.array(b, float) * length for b in get("grips", [])]
-    held = gripped(made, reference, boxes, get("grip_types", []))
+    script = from_script(pot, reference, made, _indenter(scene, get, u))
+    held = np.repeat(gripped(made, reference, boxes, get("grip_types", []))[:, None], 3, axis=1)
+    for c in range(3) if script.held_nc.any() else ():
+        held[:, c] |= made.smoothing.share(script.held_nc[:, c]) >= 0.5
     conditions = _grips(held, frames, reference, made, times)
-    sim = _start(frames[0], reference, made, material, conditions, motion, traj.source)
-    lines = _lines(u, reference, pot, made, material, held, motion, sim, frames)
+    sim = _start(frames[0], reference, made, material, conditions, script.forces, motion)
+    lines = _lines(u, reference, pot, made, material, held.any(axis=1), motion, sim, frames, script.lines)
     for line in lines:
         if tell is not None:
             tell(line)
 
+    bonds = NearestBonds(reference, crystal) if getattr(material, "damage", None) is not None else None
+    md_damage, pd_damage, broken = [], [], []
     found, names = [], ["density", "displacement", *(["velocity"] if motion == "dynamic" else []), "stress"]
     for k in range(len(frames)):
         _advance(sim, frames, times, k, motion)
         found.append(_fields_of_nodes(sim, material, u, kern, grid, names, reference))
+        if bonds is not None:
+            points = grid.bind(u, frames[k].cell).points_gc
+            lost = bonds.lost(frames[k]), sim.damage()
+            md_damage.append(on_grid(frames[k], kernel, points, lost[0]))
+            pd_damage.append(on_grid(_nodes(sim, u), kernel, points, lost[1]))
+            broken.append([d.mean() for d in lost])
         if progress is not None:
             progress(k + 1, len(frames), (k + 1) / (time.perf_counter() - began))
     lines += (said := material.after(sim))
@@ -164,6 +182,9 @@ def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
         forces="ignore",
     )
     data = dataset_of(md, found, names)
+    if bonds is not None:
+        add_damage(data, md_damage, pd_damage, broken)
+        names.append("damage")
     bulk = float(u.to_user("density", crystal.density))
     bound = grid.bind(u, sim.cell)
     deep = away_from_surfaces(sim, bound.points_gc, kernel.support).reshape(bound.shape)
@@ -236,13 +257,32 @@ def _crystal(scene, get, reference, pot, units):
 def _grips(held, frames, reference, made, times) -> list:
     from .. import pd
 
-    if not held.any():
+    nodes = held.any(axis=1)
+    if not nodes.any():
         return []
-    u_tgc = np.array([smoothed_displacement(f, reference, made.smoothing, made.body.X_nc)[held] for f in frames])
-    return [pd.Prescribed(held, displacement=history(times, u_tgc))]
+    u_tgc = np.array([smoothed_displacement(f, reference, made.smoothing, made.body.X_nc)[nodes] for f in frames])
+    at = history(times, u_tgc)
+    return [pd.Prescribed(nodes, displacement=lambda t: np.where(held[nodes], at(t), np.nan))]
 
 
-def _start(first, reference, made, material, conditions, motion, source):
+def _indenter(scene, get, units):
+    """(centre, velocity, radius, stiffness) of [twin], internal units, or None."""
+    keys = ("indenter_centre", "indenter_radius", "indenter_stiffness")
+    given = [k for k in (*keys, "indenter_velocity") if get(k) is not None]
+    if not given:
+        return None
+    if missing := [k for k in keys if get(k) is None]:
+        raise AtcError(f"{scene.where('twin', given[0])}: [twin] {given[0]} needs {missing[0]} too")
+    velocity = np.array(get("indenter_velocity", [0.0, 0.0, 0.0]), float)
+    return (
+        np.array(get(keys[0]), float) * units.length,
+        units.to_internal("velocity", velocity),
+        get(keys[1]) * units.length,
+        get(keys[2]) * units.factor("force") / units.length**2,
+    )
+
+
+def _start(first, reference, made, material, conditions, forces, motion):
     """The simulation in the state of the run's first frame."""
     from .. import pd
 
@@ -251,7 +291,8 @@ def _start(first, reference, made, material, conditions, motion, source):
     if motion == "dynamic":
         first.require("velocities", why="the start of a dynamic twin")
         v = made.smoothing.mean(first.velocities)
-    sim = pd.Simulation(made.body, material.material, conditions=conditions, velocities=v)
+    damage = getattr(material, "damage", None)
+    sim = pd.Simulation(made.body, material.material, damage=damage, conditions=conditions, walls=forces, velocities=v)
     # The cell first, which moves the nodes; then they go to where the atoms are.
     deform(sim, first.cell)
     sim._z[:, :3] = smoothed_displacement(first, reference, made.smoothing, X)
@@ -281,6 +322,11 @@ def _advance(sim, frames, times, k, motion) -> None:
         sim.step()
 
 
+def _nodes(sim, units):
+    """The nodes where they are, as a frame."""
+    return Frame(sim.positions_nc, sim.cell, units, masses=sim.mass_n)
+
+
 def _fields_of_nodes(sim, material, units, kern, grid, names, atoms):
     """Fields of the twin's present state, by the code that makes those of the atoms."""
     from .. import fields, pd
@@ -306,7 +352,7 @@ def _fields_of_nodes(sim, material, units, kern, grid, names, atoms):
     return fields([frame], bonds, kern, grid, asked, reference=reference, forces="ignore")
 
 
-def _lines(units, reference, pot, made, material, held, motion, sim, frames) -> list[str]:
+def _lines(units, reference, pot, made, material, held, motion, sim, frames, script) -> list[str]:
     """What the twin is, before it runs."""
     p = lambda what, v: f"{units.to_user(what, v):.5g} {units.label(what)}"  # noqa: E731
     body = made.body
@@ -332,6 +378,7 @@ def _lines(units, reference, pot, made, material, held, motion, sim, frames) -> 
             else "; starts from smoothed displacement, velocity"
         )
     )
+    lines += script
     if motion == "dynamic":
         lines.append(
             f"time step {p('time', 0.7 * sim.time_step_stable)} (surely stable below {p('time', sim.time_step_stable)})"
@@ -339,7 +386,8 @@ def _lines(units, reference, pot, made, material, held, motion, sim, frames) -> 
     lines.append(
         "left out: "
         + ("" if getattr(material, "temperature", None) else "temperature (kinetic stress, expansion, softening), ")
-        + "fracture, surface stress"
+        + ("" if getattr(material, "damage", None) is not None else "fracture, ")
+        + "surface stress"
     )
     size = np.abs(stress).max() / material.bulk
     if size > 3e-3:

@@ -24,6 +24,8 @@ from .material import hill
 #: Rounds that inner displacements have to come to rest, what is rest, in nearest neighbours' distances, and how many
 #: rounds are remembered.
 _ROUNDS, _AT_REST, _MEMORY = 60, 1e-9, 8
+#: The share of an inner node's atoms that a node must have for inner displacements of its own.
+_WHOLE = 0.95
 #: The least eigenvalue of the moments of an atom's nodes, in squares of their distance, that still spans space.
 _SPAN = 0.02
 
@@ -145,6 +147,8 @@ class SmoothedModel(ForceModel):
         values, modes = np.linalg.eigh(phi.reshape(3 * m, 3 * m))
         inside = values > 1e-7 * np.abs(values).max(initial=0.0)
         self.give_xx = (modes[:, inside] / values[inside]) @ modes[:, inside].T
+        # At surfaces the crystal's inner displacements are none: those of nodes with fewer atoms than inside stay.
+        self.whole_J = (self.count_Jb > _WHOLE * np.median(self.count_Jb)).all(axis=1)
         self.near = float(np.linalg.norm(fc.r_bc, axis=1).min())
         row = np.bincount(fc.i, np.linalg.norm(fc.phi_bcc, ord=2, axis=(1, 2)), m).max()
         self.stiff_n = row * (abs(self.N).T @ np.ones(self.N.shape[0])) * float(abs(self.N).sum(axis=1).max())
@@ -182,7 +186,7 @@ class SmoothedModel(ForceModel):
                 [self.Nt @ np.where((self.first.basis_k == b)[:, None], found.forces_nc, 0.0) for b in range(m)], axis=1
             )
             pull = np.divide(pull, self.count_Jb[..., None], out=pull, where=self.count_Jb[..., None] > 0)
-            step = (pull.reshape(self.n, -1) @ self.give_xx).ravel()
+            step = (pull.reshape(self.n, -1) @ self.give_xx * self.whole_J[:, None]).ravel()
             if not np.abs(step).max() < 0.3 * self.near:
                 break
             if np.abs(step).max() < _AT_REST * self.near:
@@ -241,7 +245,8 @@ class SmoothedTwin:
             "exact gradient" + ("; inner displacements of the basis at rest" if n > 1 else ""),
             "exact: momentum, homogeneous deformations of any size"
             + ("; with a node at every atom it is molecular dynamics" if self.atoms and n == 1 else ""),
-            "not exact: waves shorter than a few distances of nodes, surfaces (nodes carry whole layers of atoms)",
+            "not exact: waves shorter than a few distances of nodes, surfaces (nodes carry whole layers of atoms, "
+            "whose basis does not rearrange)",
         ]
 
     def after(self, simulation) -> list[str]:

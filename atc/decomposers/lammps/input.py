@@ -122,6 +122,7 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
     pot.atom_style = " ".join(model.atom_style)
     named = model.exclusions.groups if model.exclusions else ()
     from_outside = acting(choice.fixes)
+    pot.moved = tuple(dict.fromkeys(c.words[1] for c in choice.fixes if c.words[2] == "move" and not c.unknown))
     needed = (*groups_of(choice.fixes), *(c.words[1] for c in from_outside if c.words[1] != "all"))
     groups = (*named, *(g for g in dict.fromkeys(needed) if g not in named))
     if script or from_outside:

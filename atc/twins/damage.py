@@ -1,0 +1,60 @@
+"""Damage of both sides on one grid: bonds that the reference had and the run has no more."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..estimators.tensors import quotient
+from ..neighbors.cell_list import neighbor_list
+from .smoothing import Smoothing
+
+
+class NearestBonds:
+    """Bonds of a reference to its nearest neighbours. One is lost while it is longer than half-way to the second ones.
+
+    Parameters
+    ----------
+    reference : Frame. crystal : Crystal, says how far neighbours are
+    """
+
+    def __init__(self, reference, crystal):
+        block, _ = crystal.supercell((3, 3, 3))
+        _, _, r, _ = neighbor_list(block.positions, block.cell, 2.0 * crystal.volume ** (1 / 3))
+        d = np.sort(np.linalg.norm(r, axis=1))
+        second = d[np.searchsorted(d, 1.02 * d[0])]
+        self.longest = 0.5 * (d[0] + second)
+        self.i, self.j, _, self.image = neighbor_list(reference.positions, reference.cell, self.longest)
+        self.reference = reference
+        self.count_n = np.bincount(self.i, minlength=len(reference)) + np.bincount(self.j, minlength=len(reference))
+
+    def lost(self, frame) -> np.ndarray:
+        """(n,) share of each atom's bonds that are longer now."""
+        from .conditions import displacement
+
+        x = self.reference.positions + displacement(frame, self.reference)
+        r = x[self.i] - x[self.j] - self.image @ frame.cell.vectors
+        gone = np.einsum("bc,bc->b", r, r) > self.longest**2
+        n = len(frame)
+        lost = np.bincount(self.i, gone, n) + np.bincount(self.j, gone, n)
+        return lost / np.maximum(self.count_n, 1)
+
+
+def on_grid(frame, kernel, points_gc, damage_n) -> np.ndarray:
+    """(g,) Σ m d φ/Σ m φ of atoms or nodes; NaN where there are none."""
+    s = Smoothing(frame, kernel, points_gc)
+    return quotient(s.weights_gn @ (frame.masses * damage_n), s.density_g)
+
+
+def add_damage(data, md, pd, share) -> None:
+    """md_damage, pd_damage and their difference into a dataset, from one array a frame; and the mean of both over the
+    body: `share`, (frames, 2)."""
+    dims = data["md_density"].dims
+    shape = data["md_density"].shape
+    for side, values in (("md", md), ("pd", pd)):
+        data[f"{side}_damage"] = (dims, np.array(values).reshape(shape), {"units": "1"})
+    data["md_damage"].attrs["long_name"] = "share of the reference's nearest-neighbour bonds that are lost, MD"
+    data["pd_damage"].attrs["long_name"] = "share of the reference's families that is broken, PD"
+    data["difference_damage"] = data["pd_damage"] - data["md_damage"]
+    data["difference_damage"].attrs = {"units": "1", "long_name": "PD - MD, damage"}
+    for k, side in enumerate(("md", "pd")):
+        data[f"{side}_damage_of_body"] = ("frame", np.array(share)[:, k], {"units": "1"})

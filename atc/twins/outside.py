@@ -1,0 +1,110 @@
+"""What acts on the atoms of a run from outside, from its script: who is held, and the forces that nodes feel in their
+place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..decomposers.outside import Constant, Friction, Indenter, Put
+from ..errors import AtcError
+from ..frame import Frame
+
+
+@dataclass
+class FromScript:
+    """held_nc : (atoms, 3) components that the script holds or drives. forces : `NodeForce` objects, for
+    `pd.Simulation(walls=)`. lines : what was found and what is left out, for a person."""
+
+    held_nc: np.ndarray
+    forces: list
+    lines: list
+
+
+class NodeForce:
+    """A law for the force on an atom, on nodes: each feels it as often as it has the mass of an atom.
+
+    Parameters
+    ----------
+    law : of `atc.decomposers.outside`, or a function of time that gives one
+    inside_g : (nodes,) who feels it. mass : of an atom. cell : Cell, to find images by
+    """
+
+    def __init__(self, law, inside_g, mass, cell, units):
+        self.law, self.inside_g, self.mass, self.cell, self.units = law, inside_g, float(mass), cell, units
+        self.force = np.zeros(3)
+
+    def bind(self, body):
+        self.atoms_n = body.rho_n * body.V_n / self.mass
+        return self
+
+    def add(self, t, z, F_nc):
+        """Add the forces at time t; their energy is not kept."""
+        law = self.law(t) if callable(self.law) else self.law
+        n = len(z)
+        frame = Frame(z[:, 3:6] + z[:, :3], self.cell, self.units, masses=np.full(n, self.mass))
+        f = np.where(self.inside_g[:, None], law.force(frame, np.zeros((n, 3)), self.inside_g), 0.0)
+        f *= self.atoms_n[:, None]
+        F_nc += f
+        self.force = f.sum(axis=0)
+        return 0.0
+
+
+def from_script(pot, reference, made, indenter=None) -> FromScript:
+    """What the script of a potential does to the atoms of a reference, and what stands for it in a `TwinBody`.
+
+    Parameters
+    ----------
+    pot : Potential. indenter : (centre, velocity, radius, stiffness per atom), internal units, or None
+
+    Notes
+    -----
+    Atoms of ``fix move``, and those whose forces are set to constants (``fix setforce 0 0 0``, ``freeze``), move as
+    somebody wanted: the nodes made of them follow their smoothed displacement. Friction and noise are left out.
+    """
+    held = np.zeros((len(reference), 3), bool)
+    forces, lines, left = [], [], []
+    mass = reference.masses.mean()
+    share = lambda inside: made.smoothing.share(inside) >= 0.5  # noqa: E731
+    add = lambda law, inside: forces.append(  # noqa: E731
+        NodeForce(law, share(inside), mass, reference.cell, reference.units)
+    )
+    acting = getattr(pot, "acting", None)
+    moved = tuple(getattr(pot, "moved", ()))
+    named = moved or (acting is not None and acting.laws)
+    frame = _with_groups(pot, reference, moved) if named and pot.setup is not None else reference
+    for k, name in enumerate(moved):
+        bit = frame.groups >> (len(pot.setup.groups) + k) if name != "all" else np.ones(len(frame), np.int64)
+        held[(bit & 1) == 1] = True
+        lines.append(f"fix move of group {name}: held at the smoothed displacement of its atoms")
+    for law in acting.laws if acting is not None else ():
+        inside = law.group.inside(frame, law.where)
+        if isinstance(law, Put):
+            held |= inside[:, None] & np.array([v is not None for v in law.values])
+            lines.append(f"fix {law.name} of group {law.group.name}: held at the smoothed displacement of its atoms")
+        elif isinstance(law, Friction) or (isinstance(law, Constant) and law.per == "charges"):
+            left.append(f"fix {law.name}")
+        else:
+            add(law, inside)
+            lines.append(f"fix {law.name} of group {law.group.name}: the same force on every atom's mass of the nodes")
+    left += [
+        other for other in (acting.others if acting is not None else ()) if indenter is None or "indent" not in other
+    ]
+    if indenter is not None:
+        centre, velocity, radius, stiffness = indenter
+        law = Indenter(name="indent", shape="sphere", radius=radius, stiffness=stiffness)
+        add(lambda t: replace(law, centre=tuple(centre + t * velocity)), np.ones(len(reference), bool))
+        lines.append("indenter of [twin]: the same force on every atom's mass of the nodes")
+    if left:
+        lines.append(f"left out of what the script does to atoms: {', '.join(left)}")
+    return FromScript(held, forces, lines)
+
+
+def _with_groups(pot, reference, names):
+    """The reference with who is in which group of the script; those of `names` behind those that it needs anyway."""
+    setup = replace(pot.setup, groups=(*pot.setup.groups, *names))
+    try:
+        return setup.complete(reference)
+    except AtcError as e:
+        raise AtcError(f"{e}: [twin] cannot tell whom the script holds: name them by grips or grip_types") from None

@@ -1,0 +1,109 @@
+"""What a script does to atoms from outside, done to the nodes: a Lennard-Jones slab that LAMMPS indents, and its twin."""
+
+import os
+import warnings
+
+import numpy as np
+import pytest
+from crystals import ARGON, crystal
+from lammps_oracle import lammps_session
+from test_linear import supercell
+
+import atc
+
+SCRIPT = f"""units metal
+boundary p p f
+read_data slab.data
+{ARGON}
+region low block INF INF INF INF INF 3.3
+group low region low
+region side block INF 4.0 INF INF 3.3 6.5
+group side region side
+fix hold low setforce 0 0 0
+fix drive side move linear 0 0.3 0
+group rest subtract all side
+fix integrate rest nve
+fix push all indent 0.05 sphere 8.0 8.0 24.5 12.0
+fix noise all viscous 1e-9
+timestep 0.002
+dump d all custom 25 run.dump id type x y z vx vy vz
+dump_modify d sort id units yes time yes format float %.15g
+"""
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """Three cubes square and high, argon at rest, run by LAMMPS for 0.2 ps."""
+    folder = tmp_path_factory.mktemp("indent")
+    frame = supercell("argon", (3, 3, 3))
+    L, n = frame.cell.vectors[0, 0], len(frame)
+    with open(folder / "slab.data", "w") as f:
+        f.write(f"slab\n\n{n} atoms\n1 atom types\n0 {L:.15g} xlo xhi\n0 {L:.15g} ylo yhi\n-3 {L + 9:.15g} zlo zhi\n\n")
+        f.write("Masses\n\n1 39.948\n\nAtoms # atomic\n\n")
+        np.savetxt(f, np.column_stack([np.arange(1, n + 1), np.ones(n), frame.positions + 0.3]), "%d %d" + 3 * " %.15g")
+    (folder / "in.indent").write_text(SCRIPT + "run 100\n")
+    here = os.getcwd()
+    os.chdir(folder)
+    try:
+        with lammps_session() as lmp:
+            lmp.file("in.indent")
+    finally:
+        os.chdir(here)
+    return folder
+
+
+def scene(run, **settings):
+    return {
+        "trajectory": {"file": str(run / "run.dump"), "reference": 0, "masses": [39.948]},
+        "potential": {"input": str(run / "in.indent")},
+        "kernel": {"name": "quartic", "radius": 9.0},
+        "grid": {"kind": "regular", "shape": [3, 3, 4]},
+        "twin": {"structure": "fcc", "lattice_constant": 5.3, **settings},
+    }
+
+
+def twin(*args, **settings):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", atc.AtcWarning)
+        return atc.twin(scene(*args, **settings))
+
+
+def test_the_indented_slab(run):
+    """A node at every atom: the twin goes where LAMMPS's atoms go; held and driven atoms, and the indenter, from the
+    script."""
+    found = twin(run, material="smoothed", nodes="atoms")
+    text = "\n".join(found.lines)
+    for words in (
+        "fix setforce of group low: held",
+        "fix move of group side",
+        "fix indent of group all",
+        "fix viscous",
+    ):
+        assert words in text
+    traj = atc.read(run / "run.dump")
+    first, last = traj[0], traj[len(traj) - 1]
+    moved = last.positions - first.positions
+    L = np.diag(first.cell.vectors)[:2]
+    moved[:, :2] -= L * np.rint(moved[:, :2] / L)
+    u = found.simulation.state.u_nc
+    low = first.positions[:, 2] < 3.3
+    side = (first.positions[:, 0] < 4.0) & ~low & (first.positions[:, 2] < 6.5)
+    assert np.abs(moved[low]).max() < 1e-12 and moved[side, 1] == pytest.approx(0.3 * 0.2, rel=1e-9)
+    assert moved[:, 2].min() < -0.05
+    # The twin takes a longer step of its own.
+    assert u == pytest.approx(moved, abs=1e-2 * np.abs(moved).max())
+
+
+def test_an_indenter_of_ones_own(run):
+    """The same sphere by [twin] beside the script's: twice the force on the surface."""
+    own = {"indenter_centre": [8.0, 8.0, 24.5], "indenter_radius": 12.0, "indenter_stiffness": 0.05}
+    given = scene(run, material="smoothed", nodes="atoms", **own)
+    given["trajectory"]["frames"] = ":1"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", atc.AtcWarning)
+        sim = atc.twin(given).simulation
+    first, second = (law.force for law in sim.rigid)
+    assert first == pytest.approx(second, rel=1e-12) and first[2] < -0.01
+    with pytest.raises(atc.AtcError, match="needs indenter_stiffness too"):
+        twin(run, indenter_centre=[0, 0, 0], indenter_radius=1.0)
+    assert crystal("argon").lattice_constant > 5.2
