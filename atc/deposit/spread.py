@@ -399,27 +399,32 @@ def collect(mesh, scale, first, period, out):
                 out[c, to1, to2] += scale * mesh[y, z, c]
 
 
+@njit(**INLINE)
+def _reach(u_gc, g, period, coef, w, at):
+    """Along each axis, the window's values at the nodes in reach of point g into w, and which nodes these are."""
+    degree, width = len(coef) - 1, w.shape[1]
+    for a in range(w.shape[0]):
+        u = u_gc[g, a] - 0.5 * width
+        i = floor(u) + 1
+        f = i - u
+        for k in range(width):
+            p = coef[degree, k]
+            for d in range(degree - 1, -1, -1):
+                p = p * f + coef[d, k]
+            w[a, k] = p
+            at[a, k] = (i + k) % period[a]
+
+
 @njit(**ENTRY)
 def interpolate(u_gc, period, coef, width, mesh, out):
     """out[g, c] = Σ over the nodes in reach of u (mesh spacings, array indices) of mesh × window; all axes periodic.
 
     mesh : [component][x][y][z]
     """
-    degree = len(coef) - 1
     w = np.zeros((3, width))
     at = np.zeros((3, width), np.int64)
     for g in range(len(u_gc)):
-        for a in range(3):
-            n = period[a]
-            u = u_gc[g, a] - 0.5 * width
-            i = floor(u) + 1
-            f = i - u
-            for k in range(width):
-                p = coef[degree, k]
-                for d in range(degree - 1, -1, -1):
-                    p = p * f + coef[d, k]
-                w[a, k] = p
-                at[a, k] = (i + k) % n
+        _reach(u_gc, g, period, coef, w, at)
         for c in range(mesh.shape[0]):
             total = 0.0
             for i in range(width):
@@ -434,21 +439,10 @@ def interpolate(u_gc, period, coef, width, mesh, out):
 @njit(**ENTRY)
 def spread_sites(u_nc, period, coef, width, a_n, mesh):
     """mesh += Σ a × window at the nodes in reach of u, the transpose of `interpolate`. mesh : [x][y][z]"""
-    degree = len(coef) - 1
     w = np.zeros((3, width))
     at = np.zeros((3, width), np.int64)
     for g in range(len(u_nc)):
-        for a in range(3):
-            n = period[a]
-            u = u_nc[g, a] - 0.5 * width
-            i = floor(u) + 1
-            f = i - u
-            for k in range(width):
-                p = coef[degree, k]
-                for d in range(degree - 1, -1, -1):
-                    p = p * f + coef[d, k]
-                w[a, k] = p
-                at[a, k] = (i + k) % n
+        _reach(u_nc, g, period, coef, w, at)
         for i in range(width):
             for j in range(width):
                 part = a_n[g] * w[0, i] * w[1, j]
@@ -459,21 +453,10 @@ def spread_sites(u_nc, period, coef, width, a_n, mesh):
 @njit(**ENTRY)
 def interpolate_plane(u_gc, period, coef, width, mesh, out):
     """`interpolate` from a mesh of one layer, [component][x][y]."""
-    degree = len(coef) - 1
     w = np.zeros((2, width))
     at = np.zeros((2, width), np.int64)
     for g in range(len(u_gc)):
-        for a in range(2):
-            n = period[a]
-            u = u_gc[g, a] - 0.5 * width
-            i = floor(u) + 1
-            f = i - u
-            for k in range(width):
-                p = coef[degree, k]
-                for d in range(degree - 1, -1, -1):
-                    p = p * f + coef[d, k]
-                w[a, k] = p
-                at[a, k] = (i + k) % n
+        _reach(u_gc, g, period, coef, w, at)
         for c in range(mesh.shape[0]):
             total = 0.0
             for i in range(width):
