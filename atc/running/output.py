@@ -466,6 +466,20 @@ def _of_line(line: bytes) -> dict | None:
     return note if isinstance(note, dict) and checksum.decode("ascii", "replace") == _checksum(note) else None
 
 
+def require_place(path: Path, where: str, overwrite: bool, resume: bool) -> None:
+    """Raise AtcError, at `where`, if a result cannot be written to `path`: found out before anything is computed. With
+    `resume` what is there may be that of a run which only has to clear away."""
+    folder = path.parent
+    if path.suffix not in (".zarr", ".nc"):
+        raise AtcError(f"{where}: expected a name that ends in .zarr or .nc, got {path.name}")
+    if not folder.is_dir():
+        raise AtcError(f"{where}: there is no directory {folder}: make it, or choose another place")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise AtcError(f"{where}: no permission to write in {folder}: choose another place")
+    if path.exists() and not (overwrite or (resume and published(path))):
+        raise AtcError(f"{where}: {path} exists: give --overwrite to replace it, or another name")
+
+
 def published(out) -> bool:
     """Whether an output is the finished one of a run that was ended before it could clear away."""
     out = Path(out)
