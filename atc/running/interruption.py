@@ -125,9 +125,15 @@ def unheard():
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
+    from multiprocessing import resource_tracker
+
     numbers = {getattr(signal, name) for name in _WORDS}
     before = signal.pthread_sigmask(signal.SIG_BLOCK, numbers)
     try:
+        # The process that the library keeps beside its own, too: it hears the lost terminal, and by starting it two
+        # signals come through again.
+        resource_tracker.ensure_running()
+        signal.pthread_sigmask(signal.SIG_BLOCK, numbers)
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -12,6 +12,7 @@ from systems_exported import fields
 import atc
 from atc.errors import AtcError
 from atc.export.export import export
+from atc.frame import Cell
 
 
 def appended(path):
@@ -255,3 +256,21 @@ def test_command_line(tmp_path):
     ):
         result = CliRunner().invoke(app, arguments)
         assert result.exit_code == 2 and words in result.stderr and "\n" not in result.stderr.strip(), result.stderr
+
+
+@pytest.mark.parametrize("cell", ["orthogonal", "tilted"])
+def test_a_cell_that_changes(tmp_path, cell):
+    """Points of every frame's own grid."""
+    first = argon(cell)
+    second = first.replace(
+        cell=Cell(1.25 * first.cell.vectors, 1.25 * first.cell.origin), positions=1.25 * first.positions
+    )
+    kern = atc.kernel("quartic", 6.0)
+    ds = atc.fields([first, second], None, kern, atc.Grid.regular(shape=(2, 3, 4)), ["number_density"])
+    export(ds, tmp_path / "out.pvd")
+    points = [appended(tmp_path / "out" / f"out_{k:05d}.vts")[0]["Points"] for k in range(2)]
+    np.testing.assert_allclose(points[1], 1.25 * points[0], rtol=1e-12)
+    each = [(np.arange(n) + 0.5) / n for n in (2, 3, 4)]
+    s_nc = np.stack(np.meshgrid(*each, indexing="ij"), axis=-1).reshape(2, 3, 4, 3)
+    x_nc = first.cell.origin + s_nc @ first.cell.vectors
+    np.testing.assert_allclose(points[0], x_nc.transpose(2, 1, 0, 3).reshape(-1, 3), rtol=1e-12)

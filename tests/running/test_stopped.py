@@ -166,11 +166,13 @@ def kill_at_random(folder, kind, rng, wholes, warm, most=12) -> tuple[int, int]:
     """Kill a run at random moments until it gets through, and now and then change what it reads in between, which it
     must notice; (kills, changes)."""
     out, _ = prepare(folder, kind, FEW)
-    begun, kills, changes = warm.about(kind)["seconds"], 0, 0
+    about, kills, changes = warm.about(kind), 0, 0
     while True:
         number = rng.choice(SIGNALS)
-        done = warm(kind, folder, after=rng.uniform(0.0, begun) if kills < most else None, number=number)
+        done = warm(kind, folder, after=rng.uniform(0.0, about["seconds"]) if kills < most else None, number=number)
         if done["status"] == 0:
+            if not kills:
+                about["seconds"] = done["seconds"]  # as busy as the machine is now
             break
         if was_finished(done, out, kind):
             break
