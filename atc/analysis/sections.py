@@ -1,8 +1,9 @@
 """Forces through cross-sections: what a wire, a plate or a film carries.
 
 F_j = ∫ σ_ij dA_i over the plane through each point of a grid along its normal i: of a slab profile the average times
-the area of the cell, of a regular grid the sum over the points of a layer times the area of each (quadrature: it converges
-as the grid resolves the kernel). A grid that ends at open faces lacks what the kernel carries beyond them: padding.
+the area of the cell, of a regular grid the sum over the points of a layer times the area of each (quadrature: it
+converges as the grid resolves the kernel). A grid that ends at open faces lacks what the kernel carries beyond them:
+padding.
 """
 
 from __future__ import annotations
