@@ -18,6 +18,8 @@ from ..units import Units, units
 
 # A mean current of more than so many standard errors is no fluctuation: one in 16000, were the error known exactly.
 _CURRENT = 4.0
+#: Green-Kubo and cepstral values that differ by more combined standard errors are two different numbers.
+_OPINIONS = 4.0
 # Numerical error of the integral (from frames too far apart) that is worth a word.
 _COARSE = 0.05
 MIN_SAMPLES = 20  # per segment
@@ -237,6 +239,9 @@ class Conductivity:
     time, correlation, correlation_stderr, integral, integral_stderr : (lags,) lag, ⟨J(0)·J(t)⟩/⟨J·J⟩ and the running
         integral as a conductivity
     samples, segments, dt, temperature, volume, atoms : what it was computed from
+    cepstral, cepstral_stderr, cepstral_si, cepstral_si_stderr : a second opinion, from the logarithm of the current's
+        power spectrum (`atc.estimators.cepstrum`): no plateau is chosen, and the directions are taken for equivalent
+    cepstral_coefficients : how many coefficients of the cepstrum it took
     notes : what a reader should know before using the number
     """
 
@@ -265,6 +270,11 @@ class Conductivity:
     source: str = ""
     notes: list = field(default_factory=list)
     si_units: str = "W/(m K)"
+    cepstral: float = float("nan")
+    cepstral_stderr: float = float("nan")
+    cepstral_si: float | None = None
+    cepstral_si_stderr: float | None = None
+    cepstral_coefficients: int = 0
 
     def rows(self) -> list[tuple[str, str]]:
         """(what, text) to print."""
@@ -275,6 +285,11 @@ class Conductivity:
         out.append(
             ("by direction", ", ".join(f"{c} {_pm(*pair)}" for c, pair in self.components.items()) + f" {self.units}")
         )
+        if np.isfinite(self.cepstral):
+            text = f"{_pm(self.cepstral, self.cepstral_stderr)} {self.units}"
+            if self.cepstral_si is not None and self.units != self.si_units:
+                text += f" = {_pm(self.cepstral_si, self.cepstral_si_stderr)} {self.si_units}"
+            out.append(("cepstral", f"{text} ({self.cepstral_coefficients} coefficients)"))
         out.append(
             (
                 "plateau",
@@ -422,6 +437,7 @@ def conductivity(
 
 
 def _analysed(currents: HeatCurrents, segments, plateau, longest) -> Conductivity:
+    from ..estimators.cepstrum import zero_frequency
     from ..estimators.correlation import mean_and_error, running_integral, segment_integrals
     from ..estimators.correlation import plateau as find_plateau
 
@@ -482,6 +498,13 @@ def _analysed(currents: HeatCurrents, segments, plateau, longest) -> Conductivit
             f"{_label(u)}; write them more often"
         )
     to_si = None if u.reduced else u.factor("conductivity") / _si(u.dimension).factor("conductivity")
+    cepstrum = zero_frequency(J, currents.dt)
+    cepstral, cepstral_stderr = cepstrum.integral * scale, cepstrum.stderr * scale
+    if where.found and not moving and abs(cepstral - value) > _OPINIONS * np.hypot(stderr, cepstral_stderr):
+        notes.append(
+            f"cepstral analysis gives {_pm(cepstral, cepstral_stderr)} {_label(u)}, which the errors do not explain: "
+            "the integral may have another plateau (look at the picture), or the directions differ"
+        )
     return Conductivity(
         value=value,
         stderr=stderr,
@@ -508,6 +531,11 @@ def _analysed(currents: HeatCurrents, segments, plateau, longest) -> Conductivit
         atoms=currents.atoms,
         source=currents.source,
         notes=notes,
+        cepstral=cepstral,
+        cepstral_stderr=cepstral_stderr,
+        cepstral_si=None if to_si is None else cepstral * to_si,
+        cepstral_si_stderr=None if to_si is None else cepstral_stderr * to_si,
+        cepstral_coefficients=cepstrum.coefficients,
     )
 
 

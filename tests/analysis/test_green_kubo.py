@@ -126,6 +126,19 @@ def test_known_integral_within_its_error_bar(name):
     assert np.median([r.stderr for r in results]) < 1.5 * value.std()
 
 
+def test_second_opinion_by_cepstral_analysis():
+    """The same integral, without a plateau; both in the units of the value."""
+    parts = [(1.0, 1.0, 0.0), (0.5, 0.3, 12.0)]
+    J = ornstein_uhlenbeck(np.random.default_rng(11), 40_000, 0.04, parts)
+    found, want = of_array(J), integral_of(0.04, parts)
+    assert abs(found.cepstral - want) < 3 * found.cepstral_stderr < 0.5 * want
+    assert abs(found.value - found.cepstral) < 4 * np.hypot(found.stderr, found.cepstral_stderr)
+    assert found.cepstral_si is None and found.cepstral_coefficients > 1
+    assert any(what == "cepstral" and "coefficients" in text for what, text in found.rows())
+    metal = atc.conductivity(J, dt=0.04, volume=1.0, temperature=1.0, units="metal")
+    assert metal.cepstral_si / metal.cepstral == pytest.approx(metal.si / metal.value, rel=1e-12)
+
+
 def test_directions_and_a_plateau_of_ones_own():
     """Directions with different conductivities come out apart; a given plateau is used as it stands."""
     J = ornstein_uhlenbeck(np.random.default_rng(5), 60000, 0.05, [(1.0, 1.0, 0.0)]) * np.sqrt([1.0, 2.0, 4.0])
