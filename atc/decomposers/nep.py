@@ -1,25 +1,21 @@
 """Neuroevolution potentials (NEP): energies of atoms as a small network of what their neighbours look like.
 
-A frame is done in four stages: the half neighbour list; which pairs meet at which atom; the energy of each atom with
-its gradient by the vector to each neighbour, into slots of their own (one for each end of a pair); one bond a pair.
+How a frame is done is in `edges`.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..bonds import Bonds
 from ..errors import AtcError
 from ..frame import Frame
 from ..units import units as system
-from .base import Accumulator, Potential, Term, Work
+from .base import Potential
+from .edges import Edges
 from .elements import SYMBOLS, ElementMap
-from .neighborhood import Neighborhood
 from .nep_file import NEPFile, read_nep
-from .nep_kernels import centres, coupling, merge, norms
+from .nep_kernels import centres, coupling, norms
 
-_NOTHING = np.zeros(0)
-_NO_D = np.zeros((0, 2, 3))
 #: The number of the invariant of five bodies, (1, 1, 1, 1), is found by its degrees.
 _FIVE = (1, 1, 1, 1)
 #: The universal screening function: factors and exponents; exponents are over a, 1/a = (Z_i^0.23 + Z_j^0.23)/0.46848 Å.
@@ -29,7 +25,7 @@ _INVERSE_A, _POWER = 2.134563, 0.23
 _COULOMB = 14.399645
 
 
-class NEP(Term):
+class NEP(Edges):
     """U = Σ_j [w1·tanh(w0 q_j − b0) − b1], q_j descriptors of the neighbours of atom j (NEP2 to NEP5), with a
     screened repulsion of nuclei besides if the file has one (ZBL).
 
@@ -53,7 +49,7 @@ class NEP(Term):
     Fan, Wang, Ying et al., J. Chem. Phys. 157, 114801 (2022); Song, Zhao, Liu et al., Nat. Commun. 15, 10208 (2024).
     """
 
-    central, edges = False, True
+    style = "NEP"
 
     def __init__(self, file: NEPFile, elements=None, where: str = "nep.txt"):
         self.model, self.where = file, where
@@ -108,8 +104,42 @@ class NEP(Term):
             f"types={[*names]!r} or the like"
         )
 
-    def prepare(self, frame: Frame) -> Work:
-        return _NEPWork(self, frame)
+    def centres(self, near, element, task, g_end, energies) -> float:
+        file = self.model
+        return centres(
+            near.first[task],
+            near.first[task + 1],
+            near.most(task)[0],
+            near.start,
+            near.pair,
+            near.end,
+            near.a,
+            near.b,
+            near.r_pc,
+            near.d_p,
+            element,
+            file.rc_radial,
+            file.rc_angular,
+            self.c_radial,
+            self.c_angular,
+            file.l_max,
+            self.norm,
+            self.abc,
+            self.C,
+            self.which,
+            self.fifth,
+            len(file.many),
+            self.w0,
+            file.b0_th,
+            file.w1_th,
+            file.b1_t,
+            self.core,
+            self.length,
+            self.energy,
+            near.atom,
+            g_end,
+            energies,
+        )
 
 
 def _core(file: NEPFile, where: str) -> np.ndarray:
@@ -133,79 +163,6 @@ def _core(file: NEPFile, where: str) -> np.ndarray:
         out[..., 3:] = file.zbl[..., 2:]
     out[..., 4::2] *= inverse_a[..., None]
     return out
-
-
-class _NEPWork(Work):
-    def __init__(self, term: NEP, frame: Frame):
-        self.term, self.frame = term, frame
-        element_n, who = term.map(frame).apply(frame)
-        self.near = near = Neighborhood(frame, who, term.cutoff, "NEP")
-        self.element = element_n[near.atom]
-        self.stages = (near.chunks, 1, near.chunks, near.chunks)
-
-    def run(self, stage, task, acc: Accumulator):
-        return (self._collect, self._join, self._centres, self._merge)[stage](task, acc)
-
-    def _collect(self, task, acc):
-        self.near.collect(task, acc.ws)
-
-    def _join(self, task, acc):
-        self.near.join()
-        self.g_end = np.zeros((len(self.near.a), 2, 3))
-
-    def _centres(self, task, acc):
-        near, term, file = self.near, self.term, self.term.model
-        acc.energy += centres(
-            near.first[task],
-            near.first[task + 1],
-            near.most(task)[0],
-            near.start,
-            near.pair,
-            near.end,
-            near.a,
-            near.b,
-            near.r_pc,
-            near.d_p,
-            self.element,
-            file.rc_radial,
-            file.rc_angular,
-            term.c_radial,
-            term.c_angular,
-            file.l_max,
-            term.norm,
-            term.abc,
-            term.C,
-            term.which,
-            term.fifth,
-            len(file.many),
-            term.w0,
-            file.b0_th,
-            file.w1_th,
-            file.b1_t,
-            term.core,
-            term.length,
-            term.energy,
-            near.atom,
-            self.g_end,
-            acc.energies if acc.energies is not None else _NOTHING,
-        )
-
-    def _merge(self, task, acc):
-        near, ws = self.near, acc.ws
-        p0, p1 = near.edges[task], near.edges[task + 1]
-        m = p1 - p0
-        while ws.capacity < m:
-            ws.grow()
-        F, D = np.empty((m, 3)), np.empty((m, 2, 3)) if acc.sources else _NO_D
-        bad = merge(p0, p1, near.a, near.b, near.r_pc, self.g_end, near.atom, acc.sources, ws.i, ws.j, ws.r, F, D)
-        if bad >= 0:
-            a, b = self.frame.ids[near.atom[near.a[bad]]], self.frame.ids[near.atom[near.b[bad]]]
-            raise AtcError(
-                f"{self.frame.source}: the NEP force between atoms {a} and {b} at distance {near.d_p[bad]:.3g} is not "
-                "a finite number"
-            )
-        # No G: the force is not along the bond.
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], np.full(m, np.nan), D if acc.sources else None, F)
 
 
 def nep(path, types=None) -> Potential:
