@@ -12,6 +12,7 @@ _WHERE = {
     "Decomposition": "base",
     "Term": "base",
     "Pairs": "pair",
+    "SNAP": "snap",
     "PairStyle": "pair",
     "LennardJones": "lennard_jones",
     "LennardJonesSmoothLinear": "lennard_jones",
@@ -252,6 +253,7 @@ _STYLE_MODULES = (
     "axilrod_teller",
     "spin_exchange",
     "electron_force_field",
+    "snap",
 )
 
 
