@@ -46,8 +46,7 @@ class SNAP(Edges):
         u = get_units(units)
         self.length, self.energy = factor(u, "length"), factor(u, "energy")
         used = [e for e in self.elements.elements or file.names[:1] if e is not None]
-        radius = max(file.radius[file.names.index(e)] for e in used)
-        self.cutoff = 2 * file.rcutfac * radius * self.length
+        self.cutoff = 2 * file.rcutfac * max(file.radius[file.names.index(e)] for e in used) * self.length
         flags, t = file.flags, len(file.names)
         self.channels = t if flags["chemflag"] else 1
         self.table = products(file.top, self.channels > 1, bool(flags["bnormflag"]))
@@ -138,12 +137,6 @@ def _snap(inp):
     first = [line.__class__(line.types, (line.words[0], *line.words[2:]), line.where) for line in inp.coeffs]
     coefficients, elements, line = mapped_line(inp.replace(coeffs=tuple(first)), ".snapcoeff> <file.snapparam")
     parameters = inp.path(inp.coeffs[0].words[1], line)
-    file = read_snap(coefficients, parameters, inp.units.name, line.where)
-    used = {e for e in elements if e is not None}
-    if file.flags["chemflag"] and used != set(file.names):
-        raise inp.error(
-            f"{inp.command}: with chemflag every element of {coefficients.name} ({', '.join(file.names)}) must be one "
-            "of the atom types",
-            line,
-        )
+    used = tuple(dict.fromkeys(e for e in elements if e is not None))
+    file = read_snap(coefficients, parameters, used, inp.units.name, line.where)
     return SNAP(file, elements, inp.units, coefficients.name)

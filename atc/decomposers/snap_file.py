@@ -28,6 +28,8 @@ _FLAGS = {
 _IGNORED = ("chunksize", "parallelthresh")
 #: Above which the list of products alone takes gigabytes.
 _MOST = 20
+#: Of the largest: files are printed with so many digits.
+_ALIKE = 1e-7
 
 
 @dataclass
@@ -36,7 +38,7 @@ class SNAPFile:
 
     Attributes
     ----------
-    names : (t,) elements, in the order of the coefficient file
+    names : (t,) elements
     radius, share : (t,) R and w; r_c = rcutfac (R + R)
     constant : (t,) the energy of B = 0. beta : (t, k). alpha : (t, k, k), symmetric, or (t, 0, 0)
     top : twojmax. inner, half : (t,) middle and half width of the inner switch
@@ -58,17 +60,35 @@ class SNAPFile:
     half: np.ndarray | None = None
 
 
-def read_snap(coefficients, parameters, units_name: str = "metal", where: str = "") -> SNAPFile:
+def read_snap(coefficients, parameters, elements=None, units_name: str = "metal", where: str = "") -> SNAPFile:
     """Read ``*.snapcoeff`` and ``*.snapparam``.
+
+    Parameters
+    ----------
+    elements : those in use, in the order in which the ``pair_coeff`` line first names them. It is this order, not that
+        of the coefficient file, that the labels of components and the lists of the inner switch count them by. Default:
+        all, in the file's order.
+    units_name : the model's. where : the line that named the files, for messages
 
     Raises
     ------
     AtcError that names file and line: missing files and keys, numbers that are none, counts that do not fit twojmax,
-    other units than the model's.
+    other units than the model's, elements that are not there.
     """
     names, radius, share, rows = _coefficients(coefficients, units_name, where)
     values, lists = _parameters(parameters, units_name, where)
     flags = {key: values[key] for key in _FLAGS}
+    if elements is not None:
+        odd = next((e for e in elements if e not in names), None)
+        if odd is not None:
+            raise AtcError(f"{where or coefficients}: {coefficients} has no element {odd!r}: it has {', '.join(names)}")
+        if flags["chemflag"] and len(elements) < len(names):
+            raise AtcError(
+                f"{where or coefficients}: with chemflag every element of {coefficients} ({', '.join(names)}) must be "
+                "one of the atom types"
+            )
+        order = [names.index(e) for e in elements]
+        names, radius, share, rows = tuple(elements), radius[order], share[order], rows[order]
     t, k = len(names), len(triples(values["twojmax"]))
     k *= t**3 if flags["chemflag"] else 1
     wants = 1 + k + (k * (k + 1) // 2 if flags["quadraticflag"] else 0)
@@ -78,18 +98,20 @@ def read_snap(coefficients, parameters, units_name: str = "metal", where: str = 
             f"(twojmax {values['twojmax']}, quadraticflag {flags['quadraticflag']}, chemflag {flags['chemflag']}) "
             f"wants {wants}"
         )
+    beta = np.ascontiguousarray(rows[:, 1 : 1 + k])
     alpha = np.zeros((t, 0, 0))
     if flags["quadraticflag"]:
         alpha = np.zeros((t, k, k))
         i, j = np.triu_indices(k)
         alpha[:, i, j] = alpha[:, j, i] = rows[:, 1 + k :]
+    if flags["chemflag"]:
+        _require_alike(beta, alpha, values["twojmax"], t, coefficients)
     inner = half = np.zeros(t)
     if flags["switchinnerflag"]:
         for key in ("sinner", "dinner"):
             if len(lists.get(key, ())) != t:
                 raise AtcError(
-                    f"{parameters}: switchinnerflag 1 needs {key} and a number for each of the {t} elements of "
-                    f"{Path(coefficients).name}"
+                    f"{parameters}: switchinnerflag 1 needs {key} and a number for each of the {t} elements in use"
                 )
         inner, half = np.array(lists["sinner"]), np.array(lists["dinner"])
         if not (half > 0).all():
@@ -104,7 +126,7 @@ def read_snap(coefficients, parameters, units_name: str = "metal", where: str = 
         radius,
         share,
         rows[:, 0],
-        np.ascontiguousarray(rows[:, 1 : 1 + k]),
+        beta,
         alpha,
         values["twojmax"],
         values["rcutfac"],
@@ -114,6 +136,25 @@ def read_snap(coefficients, parameters, units_name: str = "metal", where: str = 
         inner,
         half,
     )
+
+
+def _require_alike(beta, alpha, top, t, path):
+    """Some components are the same product of densities (in B_1½½, that of two elements is either first), and LAMMPS's
+    forces take the coefficient of one of them for all: they are the gradient of its energy where those are alike."""
+    places: dict[tuple, list] = {}
+    for at, (label, (k, n)) in enumerate((c, kn) for c in np.ndindex(t, t, t) for kn in enumerate(triples(top))):
+        places.setdefault((k, *sorted(zip(n, label))), []).append(at)
+    same = list(places.values())
+    columns = [beta[:, :, None]]
+    if alpha.size:
+        columns.append(np.stack([alpha[:, :, at].sum(-1) for at in same], axis=-1))
+    for c in columns:
+        apart = max(np.ptp(c[:, at], axis=1).max() for at in same)
+        if apart > _ALIKE * np.abs(c).max():
+            raise AtcError(
+                f"{path}: with chemflag, coefficients of the same product of densities differ from one another by up "
+                f"to {apart:.2g}: LAMMPS's forces are not the gradient of such an energy; give each the mean of them"
+            )
 
 
 def _lines(path, what, units_name, where):

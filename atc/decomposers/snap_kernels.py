@@ -275,6 +275,9 @@ def centres(
                     f, df = switch(x, rc, 0.5 * (inner[es] + inner[o]), 0.5 * (half[es] + half[o]), params)
                     turn[lane, g, k] = theta * _PI / (rc - params[0])
                     angle = turn[lane, g, k] * (x - params[0])
+                    if angle < 0.0:
+                        # As LAMMPS does: sin θ counts as positive.
+                        angle += _PI
                     sine, sign = np.sin(angle), -1.0 if side == 0 else 1.0
                     for i in range(3):
                         n_c[lane, g, k, i] = sign * r[pair[e], i] / (length * x)
