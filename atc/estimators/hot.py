@@ -398,7 +398,7 @@ class HotPoints:
             self.frame.topology
             or getattr(pot, "constraints", None) is not None
             or not pot.terms
-            or not getattr(pot, "central", True)
+            or not all(t.central or t.edges for t in pot.terms)
         ):
             return None
         try:

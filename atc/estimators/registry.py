@@ -82,7 +82,7 @@ BOND = {
     "power_lab": Source(3, ("velocities",), bonds=True, sources=True),  # the same in the frame of the simulation
     "sources": Source(9, bonds=True, sources=True),  # M
     "piola": Source(9, bonds=True, reference=True, on_reference=True),
-    "moment": Source(9, bonds=True),  # what "stress" becomes where forces do not act along bonds: −r⊗F
+    "moment": Source(9, bonds=True),  # what "stress" becomes where forces do not act along bonds: −r⊗F, as `general`
 }
 
 # Sums over the bonds around a point with weights that are no bond function: see peridynamic.py.

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..compiled import njit
 from .kinematics import eshelby, quotient_gradient
-from .tensors import full, quotient
+from .tensors import full, general, quotient
 
 
 @dataclass
@@ -57,7 +57,7 @@ class Sums:
     @property
     def potential_stress(self) -> np.ndarray:
         """(g, 3, 3) Σ −r⊗F β."""
-        return self.bond["moment"].reshape(-1, 3, 3) if "moment" in self.bond else full(self.bond["stress"])
+        return general(self.bond["moment"]) if "moment" in self.bond else full(self.bond["stress"])
 
     @cached_property
     def momentum(self) -> np.ndarray:
@@ -162,7 +162,7 @@ def churn_nothing(bond: dict) -> None:
     cancel: make M = −S."""
     if "sources" in bond:
         if "moment" in bond:
-            bond["sources"] = -bond["moment"]
+            bond["sources"] = -general(bond["moment"]).reshape(-1, 9)
         elif "stress" in bond:
             bond["sources"] = -full(bond["stress"]).reshape(-1, 9)
 
