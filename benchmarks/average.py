@@ -16,9 +16,9 @@ import warnings
 import numpy as np
 
 import atc
-from atc.calibrate import argon
 from atc.estimators import groups
 from atc.plan import Request, plan
+from atc.planning.calibrate import argon
 
 CASES = [(kernel, tolerance, what) for kernel, tolerance in (("gaussian", 3e-3), ("quartic", 1e-3))
          for what in (["stress_potential"], ["density"], ["density", "momentum"], ["stress"])]  # fmt: skip

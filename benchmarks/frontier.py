@@ -21,10 +21,10 @@ from pathlib import Path
 
 import atc
 from atc.analysis.bench import bench
-from atc.calibrate import argon, silicon
-from atc.costs import direct
 from atc.errors import AtcError
-from atc.plan import Request
+from atc.plan import Request, prepare
+from atc.planning.calibrate import argon, silicon
+from atc.planning.costs import direct
 
 HERE = Path(__file__).parent
 MACHINE = "2-core x86-64 with AVX2, shared; CPU seconds of one thread"
@@ -151,7 +151,7 @@ def main():
             made = {(model, n): {"lj": argon, "sw": silicon}[model](n)}
         frame, pot = made[model, n]
         kern = atc.kernel("box", size=radius) if kernel == "box" else atc.kernel(kernel, radius=radius)
-        request = Request(frame, pot, kern, atc.Grid.regular(shape=points), ["stress_potential"], threads=1)
+        request = prepare(Request(frame, pot, kern, atc.Grid.regular(shape=points), ["stress_potential"], threads=1))
         print(
             f"[{number}/{len(cases)}] {time.strftime('%H:%M:%S')} {name}: exact sum predicted to take "
             f"{exact_seconds(request):.0f} s",

@@ -11,8 +11,8 @@ import resource
 import time
 
 import atc
-from atc.calibrate import argon
 from atc.plan import plan
+from atc.planning.calibrate import argon
 
 
 def main():

@@ -15,9 +15,9 @@ import time
 import warnings
 
 import atc
-from atc.calibrate import argon, calibrate, silicon
-from atc.costs import Costs
-from atc.plan import Request, plan
+from atc.plan import Request, plan, prepare
+from atc.planning.calibrate import argon, calibrate, silicon
+from atc.planning.costs import Costs
 
 CASES = [
     ("lj", 10, "quartic", 10.0, 20, 1e-12, ["stress"]),
@@ -62,7 +62,7 @@ def main():
         grid = None if name is None else atc.Grid.slab("z", shape) if name == "slab" else atc.Grid.regular(shape=shape)
         kern = None if name is None else atc.kernel("quartic" if name == "slab" else name, radius=radius)
         arguments = (frame, pot, kern, grid, what, tolerance)
-        request = Request(*arguments, threads=1)
+        request = prepare(Request(*arguments, threads=1))
         request.costs = costs
         request.methods = request.methods_for(request.work, request.method)
         predicted = plan(request)

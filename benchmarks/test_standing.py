@@ -21,10 +21,10 @@ import pytest
 from frontier import BIG, CASES, name_of
 
 import atc
-from atc.calibrate import argon, silicon
 from atc.errors import AtcWarning
-from atc.estimators.compute import frame_fields
-from atc.plan import Request
+from atc.estimators.driver import fields_of
+from atc.plan import Request, prepare
+from atc.planning.calibrate import argon, silicon
 
 #: From so many cells an edge on a frame is large.
 LARGE = {"lj": 40, "sw": 32}
@@ -50,11 +50,13 @@ def test_a_frame(benchmark, case, tolerance):
     model, n, kernel, radius, points, _ = case
     frame, pot = system(model, n)
     kern = atc.kernel("box", size=radius) if kernel == "box" else atc.kernel(kernel, radius=radius)
-    request = Request(frame, pot, kern, atc.Grid.regular(shape=points), ["stress_potential"], tolerance, threads=1)
+    request = prepare(
+        Request(frame, pot, kern, atc.Grid.regular(shape=points), ["stress_potential"], tolerance, threads=1)
+    )
     benchmark.group = name_of(case)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", AtcWarning)
-        result = benchmark.pedantic(frame_fields, (request.first, request.settings(), 0), rounds=3, warmup_rounds=1)
+        result = benchmark.pedantic(fields_of, ([request.first], request.settings()), rounds=3, warmup_rounds=1)
     found, method = result.errors["stress_potential"], result.methods["bond"]
     benchmark.extra_info.update(
         model=model,

@@ -23,12 +23,12 @@ if __name__ == "__main__":
 import energy_systems
 
 import atc
-from atc import choose
-from atc.costs import Costs
 from atc.deposit import spectral
 from atc.errors import AtcError, AtcWarning
 from atc.frame import Cell, Frame
 from atc.planar import planar
+from atc.planning import method_choice
+from atc.planning.costs import Costs
 from atc.units import units
 
 #: An error reported is at least this part of the true one, ...
@@ -360,11 +360,11 @@ def spectral_preferred():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Costs, "load", classmethod(lambda cls: slow))
         patch.setattr(Costs, "visit_of", lambda self, compiled: 1e-5)
-        patch.setattr(choose, "CHEAP", 0.0)
-        patch.setattr(choose, "SEARCH", (0.0, 0.0))
-        patch.setattr(choose, "WATCH", (0.0, 0.0))
+        patch.setattr(method_choice, "CHEAP", 0.0)
+        patch.setattr(method_choice, "SEARCH", (0.0, 0.0))
+        patch.setattr(method_choice, "WATCH", (0.0, 0.0))
         # Seconds a mesh are for larger frames.
-        patch.setattr(choose, "MOST_MEMORY", 3e7)
+        patch.setattr(method_choice, "MOST_MEMORY", 3e7)
         patch.setattr(spectral, "LARGEST", 3e7)
         yield
 

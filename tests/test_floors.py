@@ -13,8 +13,8 @@ ROOT = Path(atc.__file__).parent
 
 #: From the ground up. A name is a room, or one file where that stands on another floor than its room.
 FLOORS = [
-    {"errors", "terminal", "contracts"},
-    {"units", "compiled", "running.sealed"},
+    {"errors", "terminal"},
+    {"contracts", "units", "compiled", "running.sealed"},
     {"frame", "simd"},
     {"padding"},
     {"bonds", "grids", "planar"},
@@ -33,8 +33,8 @@ FLOORS = [
     {"agreement.verify", "analysis", "twins"},
     {"cli"},
 ]
-#: Files of the room "planning" that lie outside it.
-PLANNING = {"plan", "choose", "pilot", "costs", "calibrate", "predict", "identity", "input_error"}
+#: Files of the room "planning" that lie outside it: its public door.
+PLANNING = {"plan"}
 
 
 def modules():

@@ -161,7 +161,7 @@ def verify(traj, pot, calculator=None, *, symbols=None, threads: int = 1) -> Ver
     AtcError
         without calculator, where the trajectory has no forces; where the calculator fails.
     """
-    from ..plan import as_frames
+    from ..planning.job import as_frames
     from ..readers.planar import matched
 
     if not hasattr(pot, "stream"):

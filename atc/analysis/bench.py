@@ -144,11 +144,11 @@ def mark_front(rungs) -> None:
         )
 
 
-def field_of(request, field=None) -> str:
+def field_of(job, field=None) -> str:
     """The field that is measured: the one asked for, else stress_potential if anything is a sum over bonds, else the
     first one on the grid."""
-    on_grid = [q for q in request.work.quantities if q.kind == "grid"]
-    if not on_grid or request.kern is None or request.grid is None:
+    on_grid = [q for q in job.work.quantities if q.kind == "grid"]
+    if not on_grid or job.request.kern is None or job.request.grid is None:
         raise AtcError(
             "atc bench measures fields on a grid: the scene asks for none (quantities), or has no kernel or grid"
         )
@@ -165,7 +165,7 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
 
     Parameters
     ----------
-    request : atc.plan.Request
+    request : atc.plan.Request, or the job made of it
         Its first frame, grid, kernel and potential are used, and one of its fields.
     tolerances : of the spectral method
     progress : called with what is about to run
@@ -177,18 +177,20 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
     ------
     AtcError for a request without fields on a grid.
     """
-    from ..choose import carriers, cheapest, sizes
-    from ..costs import direct as direct_seconds
-    from ..costs import gather as gather_seconds
-    from ..estimators.compute import frame_fields
+    from ..estimators.driver import fields_of
     from ..estimators.methods import Method
     from ..estimators.registry import Work
+    from ..planning.costs import direct as direct_seconds
+    from ..planning.costs import gather as gather_seconds
+    from ..planning.job import prepare
+    from ..planning.method_choice import carriers, cheapest, sizes
 
-    frame, name = request.first, field_of(request, field)
+    job = prepare(request)
+    frame, name = job.first, field_of(job, field)
     work = Work.of((name,))
-    settings = replace(request.settings(), names=(name,), methods={}, tolerance=0.99, tiles=None, anchor=None)
-    bound, kern, costs = request.bound, request.kernel_internal, request.costs
-    places = request.places(work)
+    settings = replace(job.settings(), names=(name,), methods={}, tolerance=0.99, tiles=None)
+    bound, kern, costs = job.bound, job.kernel_internal, job.costs
+    places = job.places(work)
     if places is None:
         raise AtcError(f"atc bench: {name} needs a reference frame: give one")
 
@@ -198,7 +200,7 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
             cpu, wall = time.process_time(), time.perf_counter()
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", AtcWarning)
-                result = frame_fields(frame, settings, 0)
+                result = fields_of([frame], settings)
             cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
             again = 0 if best is None else best[3]
             best = (
@@ -209,8 +211,8 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
         return best[:3]
 
     rungs, left_out, exact = [], [], None
-    needed = sizes(work, len(frame), request.load)
-    fixed = request.load.seconds(costs, len(frame)) if work.bond_users else 0.0
+    needed = sizes(work, len(frame), job.load)
+    fixed = job.load.seconds(costs, len(frame)) if work.bond_users else 0.0
     seconds = fixed
     for key, size in needed.items():
         seconds += (gather_seconds if "gather" in key else direct_seconds)(costs, places[key][0], kern, *size)
@@ -263,7 +265,7 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
         about = f"mesh {' x '.join(str(int(k)) for k in d.mesh)}, window {d.parameters.width}" + (
             f", moments to order {d.order}" if d.order else ""
         )
-        if np.prod(np.asarray(d.mesh, float)) * 8 * d.most_components * request.threads > 4e9:
+        if np.prod(np.asarray(d.mesh, float)) * 8 * d.most_components * job.request.threads > 4e9:
             left_out.append((f"spectral {t:g}", f"a {about.split(',')[0]} does not fit"))
             continue
         ahead = fixed + sum(times)
@@ -295,10 +297,10 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
         rungs.append(
             Rung("smoothed per-atom virial", "smoothed virial", None, cpu, wall, *_errors(result.arrays[smooth], exact))
         )
-        binned = _binned(frame, request, bound, exact)
+        binned = _binned(frame, job, bound, exact)
         if binned is not None:
             rungs.append(binned)
-    chosen = request.methods_for(work)
+    chosen = job.methods_for(work)
     main = chosen[list(needed)[-1]]
     candidates = [
         r for r in rungs if (r.method == "spectral") == (not main.exact) and r.method in ("spectral", "direct", "slab")
@@ -307,9 +309,17 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
         nearest = min(candidates, key=lambda r: abs(np.log((r.tolerance or 1.0) / (main.tolerance or 1.0))))
         nearest.chosen = True
     mark_front(rungs)
-    bonds = round(request.load.bonds) if work.bond or work.reference_bond else 0
+    bonds = round(job.load.bonds) if work.bond or work.reference_bond else 0
     return Bench(
-        frame.source, name, len(frame), bonds, len(bound), request.kern.describe(), request.threads, rungs, left_out
+        frame.source,
+        name,
+        len(frame),
+        bonds,
+        len(bound),
+        job.request.kern.describe(),
+        job.request.threads,
+        rungs,
+        left_out,
     )
 
 
@@ -321,19 +331,20 @@ def _errors(values, exact) -> tuple[float, float]:
     ) / rms if rms else 0.0
 
 
-def _binned(frame, request, bound, exact) -> Rung | None:
+def _binned(frame, job, bound, exact) -> Rung | None:
     """Per-atom virials added up in the cells of a grid over the whole box, over the cells' volume: what plain binning
     gives."""
-    from ..estimators.compute import Settings, frame_fields
+    from ..estimators.driver import fields_of
+    from ..estimators.settings import Settings
 
     if not (bound.tiles or bound.kind == "slab"):
         return None
     name = "virial_stress_per_atom_potential"
-    settings = Settings((name,), request.pot, threads=request.threads, check_points=0)
+    settings = Settings((name,), job.request.pot, threads=job.request.threads, check_points=0)
     best = np.inf, np.inf
     for _ in range(2):
         cpu, wall = time.process_time(), time.perf_counter()
-        virial = frame_fields(frame, settings, 0).arrays[name].reshape(len(frame), 9)
+        virial = fields_of([frame], settings).arrays[name].reshape(len(frame), 9)
         s = frame.cell.fractional(frame.positions)
         axes = [bound.axis] if bound.kind == "slab" else [0, 1, 2]
         flat = np.zeros(len(frame), np.int64)

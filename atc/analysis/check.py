@@ -14,8 +14,8 @@ import numpy as np
 
 from ..errors import AtcError
 from ..estimators import balance as law
-from ..estimators import limits
-from ..estimators.accuracy import kernel_internal
+from ..estimators.accuracy import balance_limits as limits
+from ..estimators.accuracy.random_points import kernel_internal
 from .check_report import EXACT, Findings, Frames, Outcome, Report, number, relative, report
 
 #: Divergences by differences hold within this many times their own error estimate (or EXACT, if that is larger).

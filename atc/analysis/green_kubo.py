@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -76,7 +76,8 @@ def heat_currents(frames, pot, *, dt: float | None = None, threads: int | None =
     """
     import time
 
-    from ..estimators.compute import Settings, frame_fields
+    from ..estimators.driver import fields_of
+    from ..estimators.settings import Settings
     from ..estimators.sources import drift_velocity
     from ..neighbors.verlet import Following
     from ..readers.planar import matched
@@ -97,7 +98,6 @@ def heat_currents(frames, pot, *, dt: float | None = None, threads: int | None =
         if first is None and pot.constraints is not None:
             pot = pot.settled(frame)
         held = 0 if pot.constraints is None else pot.constraints.taken(frame)
-        settings.pot = pot
         first = frame if first is None else first
         if len(frame) != len(first) or len(frame) < 2:
             raise AtcError(
@@ -109,8 +109,8 @@ def heat_currents(frames, pot, *, dt: float | None = None, threads: int | None =
             continue
         paths.add(frame)
         still = frame.replace(velocities=frame.velocities - drift_velocity(frame))
-        settings.anchor = lists.at(still)
-        current = frame_fields(still, settings, len(J)).arrays["heat_current"]
+        settings = replace(settings, pot=pot, anchor=lists.at(still))
+        current = fields_of([still], settings, len(J)).arrays["heat_current"]
         J.append(frame.units.to_internal("energy_current", np.asarray(current).reshape(3)))
         volumes.append(frame.cell.volume)
         kinetic = still.masses @ np.einsum("nc,nc->n", still.velocities, still.velocities)
@@ -529,7 +529,7 @@ def conductivity_of_scene(
 ) -> Conductivity:
     """`conductivity` of the trajectory and potential of a scene; `jobs` threads within a frame (0: all processors). The
     notes are not warned of."""
-    from ..plan import cores
+    from ..planning.job import cores
 
     threads = cores(jobs)
     pot = scene.potential()

@@ -53,7 +53,7 @@ class _Sums:
 
     def __init__(self, frames, pot, kern, grid):
         from ..deposit import make
-        from ..estimators.accuracy import kernel_internal
+        from ..estimators.accuracy.random_points import kernel_internal
 
         number, flow, charge, heights = [], [], [], []
         kinds = None

@@ -6,6 +6,7 @@ They go into a second output beside the first, ``OUT-fields``, entry by entry, w
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from ..errors import AtcError
@@ -57,7 +58,8 @@ class CaseFields:
     def prepare(self, sim, entries: int, done: int) -> None:
         """Be ready for `entries` moments, the first `done` of which are those of an interrupted run."""
         from ..pd.fields import reference_frame, snapshot
-        from ..plan import Request, cpus
+        from ..planning.job import cpus, prepare
+        from ..planning.request import Request
         from ..running.run import _Sink
 
         scene = self.scene
@@ -68,7 +70,7 @@ class CaseFields:
             if scene.get("fields", k) is not None
         }
         try:
-            self.request = Request(
+            request = Request(
                 [frame] * entries,
                 bonds,
                 scene.kernel(),
@@ -78,14 +80,15 @@ class CaseFields:
                 scene=self.case.to_toml(),
                 **given,
             )
-            from ..estimators.compute import require
+            from ..estimators.requirements import require
 
-            require(frame, self.request.settings(), self.request.work)
+            self.job = prepare(request)
+            require(frame, self.job.settings(), self.job.work)
         except AtcError as e:
             raise AtcError(
                 str(e) if self.case.name in str(e) else f"{self.case.where('fields')}: [fields] {e}"
             ) from None
-        self.sink = _Sink(self.request, self.store)
+        self.sink = _Sink(self.job, self.store)
         if self.store.done < done:
             raise AtcError(
                 f"{self.path}: {done} entries of the interrupted run are there, but only {self.store.done} of its "
@@ -94,21 +97,20 @@ class CaseFields:
 
     def add(self, sim, entry: int) -> None:
         """The fields of this moment, unless they are there already."""
-        from ..estimators.compute import frame_fields
+        from ..estimators.driver import fields_of
         from ..pd.fields import snapshot
 
         if entry < self.store.done:
             return
         frame, bonds = snapshot(sim)
-        settings = self.request.settings()
-        settings.pot = bonds
-        self.sink.add(entry, frame, frame_fields(frame, settings, entry), last_of_window=True)
+        settings = replace(self.job.settings(), pot=bonds)
+        self.sink.add(entry, frame, fields_of([frame], settings, entry), last_of_window=True)
 
     def publish(self) -> None:
-        from ..estimators.compute import frame_fields
+        from ..estimators.driver import fields_of
 
         if self.sink.layout is None:  # all entries were there: the run was stopped just before its end
-            self.sink.prepare(frame_fields(self.request.first, self.request.settings(), 0))
+            self.sink.prepare(fields_of([self.job.first], self.job.settings()))
         attributes = self.sink.final_attributes()
         attributes[""]["sources"] = Path(self.case.name).name
         self.store.publish(attributes)

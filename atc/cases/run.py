@@ -140,7 +140,7 @@ def _request(case) -> dict:
     """What an unfinished output must have been made from to be continued."""
     import hashlib
 
-    from ..identity import RESULTS
+    from ..planning.identity import RESULTS
     from .schema import TABLES
 
     request = {"results": RESULTS, "case": case.to_toml()}

@@ -66,7 +66,7 @@ def register(app) -> None:
         from ..analysis.bench import TOLERANCES
         from ..analysis.bench import bench as run
         from ..pictures.drawing import picture_kind
-        from ..plan import Request
+        from ..planning.request import Request
 
         target = picture or scene.with_name(scene.stem + "-bench.png")
         picture_kind(target)
@@ -106,8 +106,8 @@ def _calibrate(json: bool, quiet: bool) -> None:
     from dataclasses import asdict
     from json import dumps
 
-    from ..calibrate import calibrate
     from ..kernels import kernel
+    from ..planning.calibrate import calibrate
 
     costs = calibrate((lambda text: None) if quiet or json else _say)
     path = costs.save()

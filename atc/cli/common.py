@@ -51,7 +51,12 @@ End = Annotated[int | None, typer.Option("-e", "--end", metavar="N", help="Frame
 Step = Annotated[int | None, typer.Option("--step", metavar="N", help="Take every N-th frame.", show_default=False)]
 Jobs = Annotated[int, typer.Option("-j", "--jobs", metavar="N", help="Processor cores to use; 0 is all of them.")]
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no summary.")]
+Silent = Annotated[bool, typer.Option("-q", "--quiet", help="Only the exit status.")]
 Json = Annotated[bool, typer.Option("--json", help="As JSON.")]
+Output = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", metavar="OUT", help="The file to write: .zarr or .nc.", show_default=False),
+]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")]
 #: Of commands that write their results beside printing them.
 Dataset = Annotated[

@@ -465,8 +465,8 @@ class Scene(Document):
         means all processors.
         """
         self.require_complete()
-        from ..choose import require_known
-        from ..plan import cores
+        from ..planning.job import cores
+        from ..planning.method_choice import require_known
 
         jobs = cores(jobs)
         method = self.get("fields", "method", "auto")
@@ -510,7 +510,7 @@ class Scene(Document):
 
     def plan(self, jobs: int = 1):
         """What `run` would do; nothing is computed."""
-        from ..plan import plan
+        from ..planning.report import plan
 
         return plan(**self.arguments(jobs))
 
@@ -528,7 +528,7 @@ class Scene(Document):
 
     def write(self, out, *, jobs: int = 1, cluster=None, progress=None, resume: bool = True) -> dict:
         """Compute the fields into `out` and return the attributes of the dataset, which stays closed."""
-        from ..plan import Request
+        from ..planning.request import Request
         from ..running.run import write
 
         request = Request(**self.arguments(jobs), cluster=cluster, scene=self.to_toml())

@@ -122,8 +122,8 @@ class Term:
     partitions: Mapping[str, str] = MappingProxyType({})
     #: the pair styles it sums, if it does
     styles: Sequence = ()
-    #: how many atoms one of its interactions has
-    bodies: int = 2
+    #: how many atoms one of its interactions has; 0: two, or as many as its `kind` says
+    bodies: int = 0
     #: "bond", "angle", "dihedral", "improper": the list of a topology that it acts on, if it does
     kind: str | None = None
     #: how far apart atoms of one interaction may be, if not `cutoff`

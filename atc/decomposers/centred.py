@@ -14,19 +14,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..bonds import Bonds
-from ..errors import AtcError
 from ..frame import Frame
-from .base import Accumulator, Term, Work
+from .base import Term, Work
 from .elements import ElementMap
+from .neighbor_work import NO_S, OUTER_PER_TASK, NeighborWork, made, room, shares
 from .neighborhood import Neighborhood
 from .stillinger_weber_kernels import sw_merge
-
-_NOTHING = np.zeros(0)
-_NO_S = np.zeros((0, 2, 2, 3))
-_NO_D = np.zeros((0, 2, 3))
-# Outer bonds that a task may make: a dense liquid must not cost memory.
-_OUTER_PER_TASK = 1 << 16
 
 
 class Centred(Term):
@@ -59,39 +52,28 @@ class Centred(Term):
         return CentredWork(self, frame)
 
 
-class CentredWork(Work):
+class CentredWork(NeighborWork):
     """One frame: its neighbours, then chunks of centres."""
 
     def __init__(self, term: Centred, frame: Frame):
-        self.term, self.frame = term, frame
-        element_n, who = term.map.apply(frame)
-        self.near = near = Neighborhood(frame, who, term.cutoff, term.style)
-        self.element = element_n[near.atom]
-        self.stages = (near.chunks, 1, near.chunks, near.chunks)
+        super().__init__(term, frame, term.style, *term.map.apply(frame))
 
-    def run(self, stage, task, acc: Accumulator):
-        return (self._collect, self._join, self._centres, self._merge)[stage](task, acc)
+    @property
+    def own(self):
+        return self._centres, self._merge
 
-    def _collect(self, task, acc):
-        self.near.collect(task, acc.ws)
-
-    def _join(self, task, acc):
+    def joined(self, acc):
         near = self.near
-        near.join()
         pairs = len(near.a)
         self.G_p = np.zeros(pairs)
         self.G_end = np.zeros((pairs, 2))
-        self.S_end = np.zeros((pairs, 2, 2, 3)) if acc.sources else _NO_S
-        self.edges, self.most, self.room = near.runs(_OUTER_PER_TASK)
+        self.S_end = np.zeros((pairs, 2, 2, 3)) if acc.sources else NO_S
+        self.edges, self.most, self.room = near.runs(OUTER_PER_TASK)
         self.room *= self.term.outer_per_pair
         self.stages = (near.chunks, 1, len(self.edges) - 1, near.chunks)
 
     def _centres(self, task, acc):
-        ws = acc.ws
-        while ws.capacity < self.room:
-            ws.grow()
-        D = np.zeros((self.room, 2, 3)) if acc.sources else _NO_D
-        energies = acc.energies if acc.energies is not None else _NOTHING
+        out = room(acc, self.room, np.zeros)
         m, energy = self.term.centres(
             self.near,
             self.element,
@@ -100,48 +82,22 @@ class CentredWork(Work):
             self.most,
             self.G_end,
             self.S_end,
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.G,
-            D,
-            energies,
+            *out,
+            shares(acc),
         )
         acc.energy += energy
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
+        return made(acc, out, m)
 
     def _merge(self, task, acc):
-        near, ws, term = self.near, acc.ws, self.term
-        p0, p1 = near.edges[task], near.edges[task + 1]
-        while ws.capacity < p1 - p0:
-            ws.grow()
-        D = np.empty((p1 - p0, 2, 3)) if acc.sources else None
-        energies = acc.energies if acc.energies is not None else _NOTHING
-        energy, bad = term.pairs(near, self.element, p0, p1, self.G_p, energies)
+        near = self.near
+        p0, p1 = self.pairs(task)
+        out = room(acc, p1 - p0, without=None)
+        energy, bad = self.term.pairs(near, self.element, p0, p1, self.G_p, shares(acc))
         if bad < 0:
             odd = ~np.isfinite(self.G_p[p0:p1] + self.G_end[p0:p1].sum(axis=1))
             bad = p0 + int(np.argmax(odd)) if odd.any() else -1
-        if bad >= 0:
-            a, b = self.frame.ids[near.atom[near.a[bad]]], self.frame.ids[near.atom[near.b[bad]]]
-            raise AtcError(
-                f"{self.frame.source}: the {term.style} force between atoms {a} and {b} at distance "
-                f"{near.d_p[bad]:.3g} is not a finite number"
-            )
+        self.require_finite(bad)
         acc.energy += energy
-        m = sw_merge(
-            p0,
-            p1,
-            near.a,
-            near.b,
-            near.r_pc,
-            self.G_p,
-            self.G_end,
-            self.S_end if acc.sources else None,
-            near.atom,
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.G,
-            D,
-        )
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], None if D is None else D[:m])
+        S_end = self.S_end if acc.sources else None
+        m = sw_merge(p0, p1, near.a, near.b, near.r_pc, self.G_p, self.G_end, S_end, near.atom, *out)
+        return made(acc, out, m)

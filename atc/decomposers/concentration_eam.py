@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..bonds import Bonds
 from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
 from ..units import Units
 from ..units import units as system
-from .base import Accumulator, Term, Work
+from .base import Term, Work
 from .eam_file import EAMTables, read_setfl
 from .elements import ElementMap, mapped_line
 from .embedded_atom import _place, spline
-from .neighborhood import Neighborhood, around
+from .neighbor_work import OUTER_PER_TASK, NeighborWork, made, room, shares
+from .neighborhood import around
 from .registry import MAPPED_STYLES, pair_style
-
-_NOTHING = np.zeros(0)
-_NO_D = np.zeros((0, 2, 3))
-_OUTER_PER_TASK = 1 << 16
 
 
 class ConcentrationEAM(Term):
@@ -81,68 +77,49 @@ class ConcentrationEAM(Term):
         return f"{self.style}{self.map.describe()}, embedding energy to its own atom, pair energy shared half to each"
 
     def prepare(self, frame: Frame) -> Work:
-        return _Work(self, frame)
+        return _ConcentrationWork(self, frame)
 
 
-class _Work(Work):
+class _ConcentrationWork(NeighborWork):
     def __init__(self, term: ConcentrationEAM, frame: Frame):
-        self.term, self.frame = term, frame
-        element_n, who = term.map.apply(frame)
-        self.near = near = Neighborhood(frame, who, term.cutoff, "EAM")
-        self.element = element_n[near.atom]
-        self.stages = (near.chunks, 1, near.chunks, near.chunks, near.chunks, near.chunks)
+        super().__init__(term, frame, "EAM", *term.map.apply(frame))
 
-    def run(self, stage, task, acc: Accumulator):
-        return (self._collect, self._join, self._densities, self._weights, self._merge, self._outer)[stage](task, acc)
+    @property
+    def own(self):
+        return self._densities, self._weights, self._merge, self._outer
 
-    def _collect(self, task, acc):
-        self.near.collect(task, acc.ws)
-
-    def _join(self, task, acc):
-        near = self.near
-        near.join()
-        n = len(near.atom)
+    def joined(self, acc):
+        n = len(self.near.atom)
         self.rho, self.x, self.slope, self.X = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
         self.grad = np.zeros((n if acc.sources else 0, 3))
-        self.runs, self.most, self.room = near.runs(_OUTER_PER_TASK)
-        self.stages = (near.chunks, 1, near.chunks, near.chunks, near.chunks, len(self.runs) - 1 if acc.sources else 0)
-
-    def _lists(self):
-        near = self.near
-        return near.start, near.pair, near.end, near.a, near.b, near.r_pc, near.d_p, self.element
+        self.runs, self.most, self.room = self.near.runs(OUTER_PER_TASK)
+        self.stages = (*self.stages[:-1], len(self.runs) - 1 if acc.sources else 0)
 
     def _densities(self, task, acc):
-        near, t = self.near, self.term
-        energies = acc.energies if acc.energies is not None else _NOTHING
+        t = self.term
         acc.energy += _densities(
-            near.first[task],
-            near.first[task + 1],
-            *self._lists(),
+            *self.atoms(task),
+            *self.lists,
             t.F,
             t.rho,
             t.per_drho,
             t.per_dr,
-            near.atom,
+            self.near.atom,
             self.rho,
             self.x,
             self.slope,
             self.grad,
-            energies,
+            shares(acc),
         )
 
     def _weights(self, task, acc):
-        near, t = self.near, self.term
-        _weights(
-            near.first[task], near.first[task + 1], *self._lists(), t.zr, t.per_dr, t.h, t.two_sites, self.x, self.X
-        )
+        t = self.term
+        _weights(*self.atoms(task), *self.lists, t.zr, t.per_dr, t.h, t.two_sites, self.x, self.X)
 
     def _merge(self, task, acc):
-        near, ws, t = self.near, acc.ws, self.term
-        p0, p1 = near.edges[task], near.edges[task + 1]
-        while ws.capacity < p1 - p0:
-            ws.grow()
-        D = np.empty((p1 - p0, 2, 3)) if acc.sources else _NO_D
-        energies = acc.energies if acc.energies is not None else _NOTHING
+        near, t = self.near, self.term
+        p0, p1 = self.pairs(task)
+        out = room(acc, p1 - p0)
         m, energy, bad = _pairs(
             p0,
             p1,
@@ -162,32 +139,20 @@ class _Work(Work):
             self.X,
             self.grad,
             near.atom,
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.G,
-            D,
-            energies,
+            *out,
+            shares(acc),
         )
-        if bad >= 0:
-            a, b = self.frame.ids[near.atom[near.a[bad]]], self.frame.ids[near.atom[near.b[bad]]]
-            raise AtcError(
-                f"{self.frame.source}: the EAM force between atoms {a} and {b} at distance {near.d_p[bad]:.3g} is not "
-                "a finite number"
-            )
+        self.require_finite(bad)
         acc.energy += energy
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
+        return made(acc, out, m)
 
     def _outer(self, task, acc):
-        ws, t = acc.ws, self.term
-        while ws.capacity < self.room:
-            ws.grow()
-        D = np.empty((self.room, 2, 3))
+        t, out = self.term, room(acc, self.room)
         m = _outer(
             self.runs[task],
             self.runs[task + 1],
             self.most,
-            *self._lists(),
+            *self.lists,
             t.rho,
             t.zr,
             t.per_dr,
@@ -196,13 +161,9 @@ class _Work(Work):
             self.rho,
             self.x,
             self.near.atom,
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.G,
-            D,
+            *out,
         )
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m])
+        return made(acc, out, m)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")

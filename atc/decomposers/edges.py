@@ -13,14 +13,9 @@ import numpy as np
 
 from ..bonds import Bonds
 from ..compiled import njit
-from ..errors import AtcError
 from ..frame import Frame
-from .base import Accumulator, Term, Work
-from .neighborhood import Neighborhood
-
-_NO_D = np.zeros((0, 2, 3))
-#: What `Edges.centres` is given where no energies of atoms are wanted.
-NO_ENERGIES = np.zeros(0)
+from .base import Term, Work
+from .neighbor_work import NeighborWork, room, shares
 
 
 class Edges(Term):
@@ -33,11 +28,11 @@ class Edges(Term):
         """The `ElementMap` of a frame."""
         raise NotImplementedError
 
-    def centres(self, near: Neighborhood, element, task: int, g_end, energies) -> float:
+    def centres(self, work: EdgesWork, task: int, g_end, energies) -> float:
         """The energy of the atoms of a chunk; into g_end[pair, side] the gradient of the energy of the atom at that
         side by the vector from it to the other one.
 
-        element : of the atoms in the order of `near`. energies : (n,) to add the energies of atoms to, or (0,)
+        energies : (n,) to add the energies of atoms to, or (0,)
         """
         raise NotImplementedError
 
@@ -45,44 +40,29 @@ class Edges(Term):
         return EdgesWork(self, frame)
 
 
-class EdgesWork(Work):
+class EdgesWork(NeighborWork):
     def __init__(self, term: Edges, frame: Frame):
-        self.term, self.frame = term, frame
-        element_n, who = term.map(frame).apply(frame)
-        self.near = near = Neighborhood(frame, who, term.cutoff, term.style)
-        self.element = element_n[near.atom]
-        self.stages = (near.chunks, 1, near.chunks, near.chunks)
+        super().__init__(term, frame, term.style, *term.map(frame).apply(frame))
 
-    def run(self, stage, task, acc: Accumulator):
-        return (self._collect, self._join, self._centres, self._merge)[stage](task, acc)
+    @property
+    def own(self):
+        return self.centres, self.merged
 
-    def _collect(self, task, acc):
-        self.near.collect(task, acc.ws)
-
-    def _join(self, task, acc):
-        self.near.join()
+    def joined(self, acc):
         self.g_end = np.zeros((len(self.near.a), 2, 3))
 
-    def _centres(self, task, acc):
-        energies = acc.energies if acc.energies is not None else NO_ENERGIES
-        acc.energy += self.term.centres(self.near, self.element, task, self.g_end, energies)
+    def centres(self, task, acc):
+        acc.energy += self.term.centres(self, task, self.g_end, shares(acc))
 
-    def _merge(self, task, acc):
-        near, ws = self.near, acc.ws
-        p0, p1 = near.edges[task], near.edges[task + 1]
+    def merged(self, task, acc):
+        """One bond a pair, without G: the force is not along it."""
+        near = self.near
+        p0, p1 = self.pairs(task)
         m = p1 - p0
-        while ws.capacity < m:
-            ws.grow()
-        F, D = np.empty((m, 3)), np.empty((m, 2, 3)) if acc.sources else _NO_D
-        bad = merge(p0, p1, near.a, near.b, near.r_pc, self.g_end, near.atom, acc.sources, ws.i, ws.j, ws.r, F, D)
-        if bad >= 0:
-            a, b = self.frame.ids[near.atom[near.a[bad]]], self.frame.ids[near.atom[near.b[bad]]]
-            raise AtcError(
-                f"{self.frame.source}: the {self.term.style} force between atoms {a} and {b} at distance "
-                f"{near.d_p[bad]:.3g} is not a finite number"
-            )
-        # No G: the force is not along the bond.
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], np.full(m, np.nan), D if acc.sources else None, F)
+        i, j, r, _, D = room(acc, m)
+        F = np.empty((m, 3))
+        self.require_finite(merge(p0, p1, near.a, near.b, near.r_pc, self.g_end, near.atom, acc.sources, i, j, r, F, D))
+        return Bonds(i[:m], j[:m], r[:m], np.full(m, np.nan), D if acc.sources else None, F)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

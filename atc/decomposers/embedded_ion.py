@@ -8,22 +8,19 @@ from math import erfc
 
 import numpy as np
 
-from ..bonds import Bonds
 from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
 from ..units import Units
 from ..units import units as system
-from .base import Accumulator, Term, Work
+from .base import Term, Work
 from .elements import ElementMap
 from .embedded_atom import _place, spline
-from .neighborhood import Neighborhood, around
+from .neighbor_work import OUTER_PER_TASK, NeighborWork, made, room, shares
+from .neighborhood import around
 from .parameter_file import LARGE, read_parameter_file, units_tag
 from .registry import MAPPED_STYLES, pair_style
 
-_NOTHING = np.zeros(0)
-_NO_D = np.zeros((0, 2, 3))
-_OUTER_PER_TASK = 1 << 16
 # LAMMPS's tables: so many points from 0 to the largest cutoff.
 _POINTS = 5000
 _PAIR = (
@@ -200,61 +197,33 @@ class EmbeddedIon(Term):
         return _EIMWork(self, frame)
 
 
-class _EIMWork(Work):
+class _EIMWork(NeighborWork):
     def __init__(self, term: EmbeddedIon, frame: Frame):
-        self.term, self.frame = term, frame
-        element_n, who = term.map.apply(frame)
-        self.near = near = Neighborhood(frame, who, term.cutoff, "EIM")
-        self.element = element_n[near.atom]
-        self.stages = (near.chunks, 1, near.chunks, near.chunks, near.chunks, near.chunks)
+        super().__init__(term, frame, "EIM", *term.map.apply(frame))
 
-    def run(self, stage, task, acc: Accumulator):
-        return (self._collect, self._join, self._charges, self._potentials, self._merge, self._outer)[stage](task, acc)
+    @property
+    def own(self):
+        return self._charges, self._potentials, self._merge, self._outer
 
-    def _collect(self, task, acc):
-        self.near.collect(task, acc.ws)
-
-    def _join(self, task, acc):
-        near = self.near
-        near.join()
-        n = len(near.atom)
+    def joined(self, acc):
+        n, near = len(self.near.atom), self.near
         self.q, self.sigma, self.grad = np.zeros(n), np.zeros(n), np.zeros((n if acc.sources else 0, 3))
-        self.runs, self.most, self.room = near.runs(_OUTER_PER_TASK)
-        outer = len(self.runs) - 1 if acc.sources else 0
-        self.stages = (near.chunks, 1, near.chunks, near.chunks, near.chunks, outer)
-
-    def _lists(self):
-        near = self.near
-        return near.start, near.pair, near.end, near.a, near.b, near.r_pc, near.d_p, self.element
+        self.runs, self.most, self.room = near.runs(OUTER_PER_TASK)
+        self.stages = (*self.stages[:-1], len(self.runs) - 1 if acc.sources else 0)
 
     def _charges(self, task, acc):
-        near = self.near
-        _charges(
-            near.first[task], near.first[task + 1], *self._lists(), self.term.eta, self.term.per_dr, self.q, self.grad
-        )
+        _charges(*self.atoms(task), *self.lists, self.term.eta, self.term.per_dr, self.q, self.grad)
 
     def _potentials(self, task, acc):
-        near = self.near
-        energies = acc.energies if acc.energies is not None else _NOTHING
+        t = self.term
         acc.energy += _potentials(
-            near.first[task],
-            near.first[task + 1],
-            *self._lists(),
-            self.term.psi,
-            self.term.per_dr,
-            self.q,
-            self.sigma,
-            near.atom,
-            energies,
+            *self.atoms(task), *self.lists, t.psi, t.per_dr, self.q, self.sigma, self.near.atom, shares(acc)
         )
 
     def _merge(self, task, acc):
-        near, ws, term = self.near, acc.ws, self.term
-        p0, p1 = near.edges[task], near.edges[task + 1]
-        while ws.capacity < p1 - p0:
-            ws.grow()
-        D = np.empty((p1 - p0, 2, 3)) if acc.sources else _NO_D
-        energies = acc.energies if acc.energies is not None else _NOTHING
+        near, t = self.near, self.term
+        p0, p1 = self.pairs(task)
+        out = room(acc, p1 - p0)
         m, energy, bad = _pairs(
             p0,
             p1,
@@ -263,52 +232,26 @@ class _EIMWork(Work):
             near.r_pc,
             near.d_p,
             self.element,
-            term.phi,
-            term.eta,
-            term.psi,
-            term.per_dr,
+            t.phi,
+            t.eta,
+            t.psi,
+            t.per_dr,
             self.q,
             self.sigma,
             self.grad,
             near.atom,
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.G,
-            D,
-            energies,
+            *out,
+            shares(acc),
         )
-        if bad >= 0:
-            a, b = self.frame.ids[near.atom[near.a[bad]]], self.frame.ids[near.atom[near.b[bad]]]
-            raise AtcError(
-                f"{self.frame.source}: the EIM force between atoms {a} and {b} at distance {near.d_p[bad]:.3g} is not "
-                "a finite number"
-            )
+        self.require_finite(bad)
         acc.energy += energy
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
+        return made(acc, out, m)
 
     def _outer(self, task, acc):
-        ws = acc.ws
-        while ws.capacity < self.room:
-            ws.grow()
-        D = np.empty((self.room, 2, 3))
-        m = _outer(
-            self.runs[task],
-            self.runs[task + 1],
-            self.most,
-            *self._lists(),
-            self.term.eta,
-            self.term.psi,
-            self.term.per_dr,
-            self.q,
-            self.near.atom,
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.G,
-            D,
-        )
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m])
+        t, out = self.term, room(acc, self.room)
+        runs = self.runs[task], self.runs[task + 1]
+        m = _outer(*runs, self.most, *self.lists, t.eta, t.psi, t.per_dr, self.q, self.near.atom, *out)
+        return made(acc, out, m)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")

@@ -7,20 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..bonds import Bonds
 from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
 from ..units import Units
 from ..units import units as system
-from .base import Accumulator, Term, Work
-from .neighborhood import Neighborhood
+from .base import Term, Work
+from .neighbor_work import NeighborWork, made, room, shares
 from .parameter_file import LARGE, read_parameter_file
 from .registry import pair_style
 from .spline_meam import Spline, _spline, _stack
 
-_NOTHING = np.zeros(0)
-_NO_D = np.zeros((0, 2, 3))
 _MOST_TYPES = 100_000
 
 
@@ -132,55 +129,46 @@ class LocalDensity(Term):
         return _LocalDensityWork(self, frame)
 
 
-class _LocalDensityWork(Work):
+class _LocalDensityWork(NeighborWork):
     def __init__(self, term: LocalDensity, frame: Frame):
-        self.term, self.frame = term, frame
-        self.near = near = Neighborhood(frame, None, term.cutoff, "local-density")
-        types = frame.types[near.atom]
+        types = frame.types
         if len(types) and types.min() < 1:
             raise AtcError(f"{frame.source}: atom types must be 1 or larger, found {int(types.min())}")
         # Types that the file does not name take no part.
-        self.kind = np.where(types < term.central.shape[1], types, 0).astype(np.int32)
-        self.stages = (near.chunks, 1, near.chunks, near.chunks)
+        kind_n = np.where(types < term.central.shape[1], types, 0).astype(np.int32)
+        super().__init__(term, frame, "local-density", kind_n)
 
-    def run(self, stage, task, acc: Accumulator):
-        return (self._collect, self._join, self._densities, self._merge)[stage](task, acc)
+    @property
+    def own(self):
+        return self._densities, self._merge
 
-    def _collect(self, task, acc):
-        self.near.collect(task, acc.ws)
-
-    def _join(self, task, acc):
-        self.near.join()
+    def joined(self, acc):
         self.slope = np.zeros((len(self.near.atom), len(self.term.F)))
 
     def _densities(self, task, acc):
         near, term = self.near, self.term
-        energies = acc.energies if acc.energies is not None else _NOTHING
         acc.energy += _densities(
-            near.first[task],
-            near.first[task + 1],
+            *self.atoms(task),
             near.start,
             near.pair,
             near.end,
             near.a,
             near.b,
             near.d_p,
-            self.kind,
+            self.element,
             term.central,
             term.counted,
             term.shape,
             term.F,
             near.atom,
             self.slope,
-            energies,
+            shares(acc),
         )
 
     def _merge(self, task, acc):
-        near, ws, term = self.near, acc.ws, self.term
-        p0, p1 = near.edges[task], near.edges[task + 1]
-        while ws.capacity < p1 - p0:
-            ws.grow()
-        D = np.empty((p1 - p0, 2, 3)) if acc.sources else _NO_D
+        near, term = self.near, self.term
+        p0, p1 = self.pairs(task)
+        out = room(acc, p1 - p0)
         m = _bonds(
             p0,
             p1,
@@ -188,18 +176,14 @@ class _LocalDensityWork(Work):
             near.b,
             near.r_pc,
             near.d_p,
-            self.kind,
+            self.element,
             term.counted,
             term.shape,
             self.slope,
             near.atom,
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.G,
-            D,
+            *out,
         )
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
+        return made(acc, out, m)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")

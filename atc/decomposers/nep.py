@@ -104,20 +104,12 @@ class NEP(Edges):
             f"types={[*names]!r} or the like"
         )
 
-    def centres(self, near, element, task, g_end, energies) -> float:
+    def centres(self, work, task, g_end, energies) -> float:
         file = self.model
         return centres(
-            near.first[task],
-            near.first[task + 1],
-            near.most(task)[0],
-            near.start,
-            near.pair,
-            near.end,
-            near.a,
-            near.b,
-            near.r_pc,
-            near.d_p,
-            element,
+            *work.atoms(task),
+            work.near.most(task)[0],
+            *work.lists,
             file.rc_radial,
             file.rc_angular,
             self.c_radial,
@@ -136,7 +128,7 @@ class NEP(Edges):
             self.core,
             self.length,
             self.energy,
-            near.atom,
+            work.near.atom,
             g_end,
             energies,
         )

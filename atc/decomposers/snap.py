@@ -74,20 +74,12 @@ class SNAP(Edges):
     def map(self, frame) -> ElementMap:
         return self.elements
 
-    def centres(self, near, element, task, g_end, energies) -> float:
+    def centres(self, work, task, g_end, energies) -> float:
         file, table, row = self.model, self.table, rows(self.model.top)
         return centres(
-            near.first[task],
-            near.first[task + 1],
-            near.most(task)[0],
-            near.start,
-            near.pair,
-            near.end,
-            near.a,
-            near.b,
-            near.r_pc,
-            near.d_p,
-            element,
+            *work.atoms(task),
+            work.near.most(task)[0],
+            *work.lists,
             file.radius,
             file.share,
             file.inner,
@@ -120,7 +112,7 @@ class SNAP(Edges):
             self.B0,
             self.length,
             self.energy,
-            near.atom,
+            work.near.atom,
             g_end,
             energies,
         )

@@ -27,8 +27,9 @@ from ..neighbors.verlet import cell_list
 from ..units import Units, units
 from .base import Accumulator, Term, Work, two_body_sources
 from .cluster import weights_of
+from .neighbor_work import TripletWork, shares
 from .registry import MAPPED_STYLES, pair_style
-from .stillinger_weber_kernels import ODD, SQUARE, SWITCHED, sw_index, sw_merge, sw_pairs, sw_runs, sw_triplets
+from .stillinger_weber_kernels import SQUARE, SWITCHED, sw_pairs
 from .sw_file import SWEntry, read_sw_file
 from .twin_entries import agree
 
@@ -307,7 +308,7 @@ def _list_cutoff(e: SWEntry, sigma: float) -> float:
     return cut
 
 
-class _SWWork(Work):
+class _SWWork(TripletWork):
     def __init__(self, term: StillingerWeber, frame: Frame):
         self.term, self.frame = term, frame
         n = len(frame)
@@ -338,15 +339,14 @@ class _SWWork(Work):
         self.stages = (chunks, 1, chunks, chunks) if term.threebody else (chunks,)
 
     def run(self, stage, task, acc: Accumulator):
-        return (self._pairs, self._join, self._triplets, self._merge)[stage](task, acc)
+        return (self._pairs, self.joined, self.triplets, self.merged)[stage](task, acc)
 
     def _pairs(self, task, acc):
         ws, term = acc.ws, self.term
         n = self.list.half(task, ws)
-        energies = acc.energies if acc.energies is not None else _NOTHING
         rec = np.empty((n, 8))
         m, energy, bad = sw_pairs(
-            ws.i, ws.j, ws.r, ws.d2, n, self.element, term.pair, term.same_ends, self.atom, rec, ws.G, energies
+            ws.i, ws.j, ws.r, ws.d2, n, self.element, term.pair, term.same_ends, self.atom, rec, ws.G, shares(acc)
         )
         if bad >= 0:
             a, b = self.frame.ids[self.atom[ws.i[bad]]], self.frame.ids[self.atom[ws.j[bad]]]
@@ -369,72 +369,9 @@ class _SWWork(Work):
             bonds.D_bdc = two_body_sources(bonds)
         return bonds
 
-    def _join(self, task, acc):
-        a, b, rec, G = zip(*self.parts, strict=True)
-        self.edges = np.concatenate([[0], np.cumsum([len(p) for p in a])])
-        self.a, self.b, self.rec, self.G = np.concatenate(a), np.concatenate(b), np.concatenate(rec), np.concatenate(G)
-        self.parts = None
-        self.G_end = np.zeros((len(self.a), 2))
-        # Slot (pair, end) with the triplet's centre at that end: ∂U^(centre)/∂x_other and ∂U^(other)/∂x_centre.
-        self.S_end = np.zeros((len(self.a), 2, 2, 3)) if acc.sources else None
-        self.out_start, self.in_start, self.in_pair = sw_index(self.a, self.b, len(self.atom))
-        self.runs, self.most, self.room = sw_runs(self.out_start, self.in_start, _TRIPLETS_PER_TASK)
-        pairs, join, _, merge = self.stages
-        self.stages = (pairs, join, len(self.runs) - 1, merge)
 
-    def _triplets(self, task, acc):
-        ws, term = acc.ws, self.term
-        s0, s1 = self.runs[task], self.runs[task + 1]
-        while ws.capacity < self.room:
-            ws.grow()
-        energies = acc.energies if acc.energies is not None else _NOTHING
-        D = np.empty((self.room, 2, 3)) if acc.sources else None
-        m, energy, odd = sw_triplets(
-            term.angular,
-            s0,
-            s1,
-            self.out_start,
-            self.in_start,
-            self.in_pair,
-            self.a,
-            self.b,
-            self.rec,
-            self.element,
-            term.triplet,
-            self.atom,
-            self.most,
-            term.prune,
-            *term.weights,
-            self.G_end,
-            self.S_end,
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.G,
-            D,
-            energies,
-        )
-        acc.energy += energy
-        acc.note(ODD.get(term.angular, ""), odd)
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], None if D is None else D[:m])
-
-    def _merge(self, task, acc):
-        ws = acc.ws
-        p0, p1 = self.edges[task], self.edges[task + 1]
-        while ws.capacity < p1 - p0:
-            ws.grow()
-        D = np.empty((p1 - p0, 2, 3)) if acc.sources else None
-        m = sw_merge(
-            p0, p1, self.a, self.b, self.rec, self.G, self.G_end, self.S_end, self.atom, ws.i, ws.j, ws.r, ws.G, D
-        )
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], None if D is None else D[:m])
-
-
-_NOTHING = np.zeros(0)
 _CENTER = ((1.0, 0.0, 0.0), "to the atom at its center")
 _SHARES = {"center": _CENTER, "centre": _CENTER}
-# As many as a fresh workspace holds; a dense liquid must not cost memory.
-_TRIPLETS_PER_TASK = 1 << 16
 
 
 class StillingerWeberMod(StillingerWeber):

@@ -12,23 +12,19 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ..bonds import Bonds
 from ..errors import AtcError
 from ..frame import Frame
 from ..units import Units
 from ..units import units as system
-from .base import Accumulator, Term, Work
+from .base import Term, Work
 from .cluster import weights_of
 from .elements import ElementMap, mapped_line
-from .neighborhood import Neighborhood
+from .neighbor_work import NO_S, NeighborWork, made, room, shares
 from .registry import MAPPED_STYLES, pair_style
 from .tersoff_file import TersoffEntry, read_tersoff_file
 from .tersoff_kernels import SINE, TERSOFF, bond_orders, merge
 from .twin_entries import agree
 
-_NOTHING = np.zeros(0)
-_NO_S = np.zeros((0, 2, 2, 3))
-_NO_D = np.zeros((0, 2, 3))
 #: Columns of the tables of pairs and of triplets, and those of a pair's repulsion that only some variants have.
 _TWO, _THREE, _CORE = 17, 11, [12, 13, 14, 15, 16]
 _CENTER = ((1.0, 0.0), "bond-order energy V_ij to its center i")
@@ -216,74 +212,49 @@ class Tersoff(Term):
         return _TersoffWork(self, frame)
 
 
-class _TersoffWork(Work):
+class _TersoffWork(NeighborWork):
     def __init__(self, term: Tersoff, frame: Frame):
-        self.term, self.frame = term, frame
-        element_n, who = term.map.apply(frame)
-        self.near = near = Neighborhood(frame, who, term.cutoff, "Tersoff")
-        self.element = element_n[near.atom]
-        self.stages = (near.chunks, 1, near.chunks, near.chunks)
+        super().__init__(term, frame, "Tersoff", *term.map.apply(frame))
 
-    def run(self, stage, task, acc: Accumulator):
-        return (self._collect, self._join, self._centres, self._merge)[stage](task, acc)
+    @property
+    def own(self):
+        return self._centres, self._merge
 
-    def _collect(self, task, acc):
-        self.near.collect(task, acc.ws)
-
-    def _join(self, task, acc):
-        self.near.join()
+    def joined(self, acc):
         pairs = len(self.near.a)
         self.G_end = np.zeros((pairs, 2))
         # Slot (pair, end): what the bonds around that end give, ∂U^(centre)/∂x_other and ∂U^(other)/∂x_centre.
-        self.S_end = np.zeros((pairs, 2, 2, 3)) if acc.sources else _NO_S
+        self.S_end = np.zeros((pairs, 2, 2, 3)) if acc.sources else NO_S
 
     def _centres(self, task, acc):
-        near, term, ws = self.near, self.term, acc.ws
-        most, room = near.most(task)
-        while ws.capacity < room:
-            ws.grow()
-        D = np.empty((room, 2, 3)) if acc.sources else _NO_D
-        energies = acc.energies if acc.energies is not None else _NOTHING
+        term = self.term
+        most, count = self.near.most(task)
+        out = room(acc, count)
         m, energy = bond_orders(
             term.form,
             term.shift,
-            near.first[task],
-            near.first[task + 1],
+            *self.atoms(task),
             most,
-            near.start,
-            near.pair,
-            near.end,
-            near.a,
-            near.b,
-            near.r_pc,
-            near.d_p,
-            self.element,
+            *self.lists,
             term.two,
             term.three,
             term.weights,
-            near.atom,
+            self.near.atom,
             self.G_end,
             self.S_end,
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.G,
-            D,
-            energies,
+            *out,
+            shares(acc),
         )
         acc.energy += energy
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
+        return made(acc, out, m)
 
     def _merge(self, task, acc):
-        near, ws = self.near, acc.ws
-        p0, p1 = near.edges[task], near.edges[task + 1]
-        while ws.capacity < p1 - p0:
-            ws.grow()
-        D = np.empty((p1 - p0, 2, 3)) if acc.sources else _NO_D
-        energies = acc.energies if acc.energies is not None else _NOTHING
+        near, term = self.near, self.term
+        p0, p1 = self.pairs(task)
+        out = room(acc, p1 - p0)
         m, energy, bad = merge(
-            self.term.form,
-            self.term.shift,
+            term.form,
+            term.shift,
             p0,
             p1,
             near.a,
@@ -291,25 +262,16 @@ class _TersoffWork(Work):
             near.r_pc,
             near.d_p,
             self.element,
-            self.term.repulsion,
+            term.repulsion,
             self.G_end,
             self.S_end,
             near.atom,
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.G,
-            D,
-            energies,
+            *out,
+            shares(acc),
         )
-        if bad >= 0:
-            a, b = self.frame.ids[near.atom[near.a[bad]]], self.frame.ids[near.atom[near.b[bad]]]
-            raise AtcError(
-                f"{self.frame.source}: the Tersoff force between atoms {a} and {b} at distance {near.d_p[bad]:.3g} is "
-                "not a finite number"
-            )
+        self.require_finite(bad)
         acc.energy += energy
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
+        return made(acc, out, m)
 
 
 def bond_order_style(inp, kind, ending):

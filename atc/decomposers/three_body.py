@@ -22,12 +22,12 @@ from ..units import units as system
 from .base import Accumulator, Term, Work
 from .cluster import weights_of
 from .elements import ElementMap, mapped_line
+from .neighbor_work import TripletWork, shares
 from .parameter_file import read_entries
 from .registry import MAPPED_STYLES, pair_style
-from .stillinger_weber import _SHARES, _TRIPLETS_PER_TASK
-from .stillinger_weber_kernels import HARMONIC, ODD, SATURATED, sw_index, sw_merge, sw_runs, sw_triplets
+from .stillinger_weber import _SHARES
+from .stillinger_weber_kernels import HARMONIC, SATURATED
 
-_NOTHING = np.zeros(0)
 # Which function of the distance an arm has in triplets: exp(γ/(d − r0)), 1, exp(−d/ρ); all 0 at and beyond r0.
 _EXPONENTIAL, _PLAIN, _SCREENED = 0, 1, 2
 
@@ -45,6 +45,7 @@ class ThreeBody(Term):
     """
 
     bodies = 3
+    prune = 0.0
     style: str
     entry: type
     angular: int
@@ -147,7 +148,7 @@ class ThreeBody(Term):
         raise NotImplementedError
 
 
-class _ThreeBodyWork(Work):
+class _ThreeBodyWork(TripletWork):
     """Pairs within U2's reach only become bonds at once; those within an arm's are kept for the triplets and become
     bonds in the end."""
 
@@ -165,12 +166,11 @@ class _ThreeBodyWork(Work):
         self.stages = (cells.n_chunks, 1, cells.n_chunks, cells.n_chunks)
 
     def run(self, stage, task, acc: Accumulator):
-        return (self._pairs, self._join, self._triplets, self._merge)[stage](task, acc)
+        return (self._pairs, self.joined, self.triplets, self.merged)[stage](task, acc)
 
     def _pairs(self, task, acc):
         ws, term = acc.ws, self.term
         n = self.list.half(task, ws)
-        energies = acc.energies if acc.energies is not None else _NOTHING
         D = np.empty((n, 2, 3)) if acc.sources else None
         keep_i, keep_j, rec, G = np.empty(n, np.int32), np.empty(n, np.int32), np.empty((n, 8)), np.empty(n)
         m, k, energy, bad = _pairs(
@@ -192,7 +192,7 @@ class _ThreeBodyWork(Work):
             G,
             ws.G,
             D,
-            energies,
+            shares(acc),
         )
         if bad >= 0:
             a, b = self.frame.ids[self.atom[ws.i[bad]]], self.frame.ids[self.atom[ws.j[bad]]]
@@ -207,64 +207,6 @@ class _ThreeBodyWork(Work):
             )
         acc.energy += energy
         self.parts[task] = keep_i[:k].copy(), keep_j[:k].copy(), rec[:k].copy(), G[:k].copy()
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], None if D is None else D[:m])
-
-    def _join(self, task, acc):
-        a, b, rec, G = zip(*self.parts, strict=True)
-        self.parts = []
-        self.edges = np.concatenate([[0], np.cumsum([len(p) for p in a])])
-        self.a, self.b, self.rec, self.G = np.concatenate(a), np.concatenate(b), np.concatenate(rec), np.concatenate(G)
-        self.G_end = np.zeros((len(self.a), 2))
-        self.S_end = np.zeros((len(self.a), 2, 2, 3)) if acc.sources else None
-        self.out_start, self.in_start, self.in_pair = sw_index(self.a, self.b, len(self.atom))
-        self.runs, self.most, self.room = sw_runs(self.out_start, self.in_start, _TRIPLETS_PER_TASK)
-        pairs, join, _, merge = self.stages
-        self.stages = (pairs, join, len(self.runs) - 1, merge)
-
-    def _triplets(self, task, acc):
-        ws, term = acc.ws, self.term
-        while ws.capacity < self.room:
-            ws.grow()
-        energies = acc.energies if acc.energies is not None else _NOTHING
-        D = np.empty((self.room, 2, 3)) if acc.sources else None
-        m, energy, odd = sw_triplets(
-            term.angular,
-            self.runs[task],
-            self.runs[task + 1],
-            self.out_start,
-            self.in_start,
-            self.in_pair,
-            self.a,
-            self.b,
-            self.rec,
-            self.element,
-            term.triplet,
-            self.atom,
-            self.most,
-            0.0,
-            *term.weights,
-            self.G_end,
-            self.S_end,
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.G,
-            D,
-            energies,
-        )
-        acc.energy += energy
-        acc.note(ODD.get(term.angular, ""), odd)
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], None if D is None else D[:m])
-
-    def _merge(self, task, acc):
-        ws = acc.ws
-        p0, p1 = self.edges[task], self.edges[task + 1]
-        while ws.capacity < p1 - p0:
-            ws.grow()
-        D = np.empty((p1 - p0, 2, 3)) if acc.sources else None
-        m = sw_merge(
-            p0, p1, self.a, self.b, self.rec, self.G, self.G_end, self.S_end, self.atom, ws.i, ws.j, ws.r, ws.G, D
-        )
         return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], None if D is None else D[:m])
 
 

@@ -1,8 +1,12 @@
-"""From the two sums over a snapshot to continuum fields.
+"""From the sums over a snapshot to continuum fields.
 
-``registry``   what each quantity needs and how it is formed; new quantities are one entry there
-``sources``    the per-atom and per-bond factors that are summed
-``sums``       the finished sums at the grid points and the algebra on them
-``compute``    one frame in, arrays out: one pass over the bonds and one over the atoms for everything asked
-``accuracy``   the error, measured on the spot at random points
+``driver``       frames in, fields out; a frame is a group of one
+``passes``       one frame's sums: over bonds, over atoms, with the kernel's gradient
+``tiles``        the pass over the bonds, tile by tile (``tile_cuts``: how a frame is cut)
+``groups``       which sums of several frames are added up before they are finished
+``registry``     what each quantity needs and how it is formed; new quantities are one entry there
+``sources``      the per-atom and per-bond factors that are summed
+``deposits``     the sums at one set of points, each by its own method
+``sums``         the finished sums at the grid points and the algebra on them
+``accuracy``     the error, measured on the spot; ``tightening``: when it is too large
 """

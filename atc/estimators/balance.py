@@ -243,7 +243,7 @@ def _bond_factors(i, j, r, F, D, P, v, out):
 def motion(frame, pot, threads: int = 1, deposit=None) -> Motion:
     """One pass over the bonds of a frame: the atoms' rates, and into `deposit` (of 21 bond components) the bonds'
     factors."""
-    fields = getattr(pot, "fields", ())
+    fields = pot.fields
     if any(term.slab is not None for term in fields):
         raise AtcError(
             f"{frame.source}: balance laws with kspace_modify slab are not supported: the energy current of its "
@@ -292,7 +292,7 @@ def field_bonds(frame, pot, kern, x_gc, threads: int = 1) -> np.ndarray | float:
     from ..grids import Grid
     from .field_pass import FieldSums
 
-    terms = getattr(pot, "fields", ())
+    terms = pot.fields
     if not terms:
         return 0.0
     u = frame.units
@@ -437,16 +437,17 @@ def from_fields(frame, pot, kern_user, x_gc, threads: int) -> dict[str, np.ndarr
     """The same fields as `atc.fields` writes them, as far as it knows them; internal units. `frame` has its drift taken
     off."""
     from ..grids import Grid
-    from .compute import Settings, frame_fields
+    from .driver import fields_of
     from .registry import QUANTITIES
+    from .settings import Settings
 
     names = [
         n for n in ("density", "momentum", "velocity", "energy", "stress", "heat_flux", "churning") if n in QUANTITIES
     ]
     u = frame.units
     grid = Grid.points(u.to_user("length", x_gc))
-    more = {"tolerance": FIELD_TOLERANCE} if getattr(pot, "fields", ()) else {}
-    result = frame_fields(frame, Settings(tuple(names), pot, kern_user, grid, threads=threads, check_points=1, **more))
+    more = {"tolerance": FIELD_TOLERANCE} if pot.fields else {}
+    result = fields_of([frame], Settings(tuple(names), pot, kern_user, grid, threads=threads, check_points=1, **more))
     if "heat_flux" in names:
         names.append("heat_flux_churning")
     return {n: u.to_internal(QUANTITIES[n].dimension, result.arrays[n]) for n in names}

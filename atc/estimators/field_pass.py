@@ -7,6 +7,8 @@ another mesh, and sums the modes up one by one at its points.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..errors import AtcError
@@ -26,7 +28,7 @@ KNOWN = ("stress", "power", "power_lab", "sources")
 
 def require_fields(frame, settings, work) -> None:
     """Raise AtcError for what fields are not made for, one line each."""
-    fields = getattr(settings.pot, "fields", ())
+    fields = settings.pot.fields
     if not fields:
         return
     what = "long-range Coulomb (kspace_style)"
@@ -213,53 +215,77 @@ def _hat(kern, k, vector=False):
     return kern.hat(k)
 
 
-def open_fields(pot, work, bound, kern, tolerance, threads):
-    """(main, check) `FieldSums` of a potential's fields, (None, None) where there are none or no sums over bonds are
-    asked for."""
-    terms = getattr(pot, "fields", ())
-    if not terms or not work.bond or bound is None:
-        return None, None
-    return tuple(FieldSums(terms, work.bond, bound, kern, tolerance, threads, tight) for tight in (False, True))
+class FieldPass:
+    """What fields add to the sums over bonds of frames with one cell, side by side in the order of `work.bond`; it does
+    not depend on how the other sums are taken.
+
+    Parameters
+    ----------
+    frames, drifts : Frames, and the mean velocity of each
+    place : `passes.Place`, the grid and the points of the error check
+
+    Attributes
+    ----------
+    grid_gk : (g, k) of all frames together, on the grid
+    check : of each frame, (c, k) at the points of the check
+    """
+
+    def __init__(self, frames, drifts, settings, work, place):
+        self.pot, self.frames, self.drifts = settings.pot, frames, drifts
+        main, self.tight = (
+            FieldSums(
+                self.pot.fields, work.bond, place.bound, place.kern, settings.tolerance, settings.threads, tight=tight
+            )
+            for tight in (False, True)
+        )
+        self._has = None  # the frame that `tight` has the modes of
+        self.check = []
+        for k, (frame, drift) in enumerate(zip(frames, drifts)):
+            main.add(self.pot.complete(frame), drift)
+            self.check.append(self.at(k, place.check.which))
+        self.grid_gk = self._columns(main.on_grid())
+
+    def at(self, k: int, which) -> np.ndarray:
+        """(h, k) of frame `k`, at some points of the grid."""
+        if not len(which):
+            return np.zeros((0, sum(BOND[name].width for name in self.tight.names)))
+        if self._has != k:
+            self.tight.modes = [None] * len(self.tight.terms)
+            self.tight.add(self.pot.complete(self.frames[k]), self.drifts[k])
+            self._has = k
+        return self._columns(self.tight.at(which))
+
+    def added(self, k: int, bonds):
+        """`bonds`, the `passes.BondPass` of frame `k`, with the fields' share at the points of the check."""
+        grid_gk, check_gk = bonds.totals.bond
+        check_gk = check_gk.copy()  # its last column may be the size of the bonds' terms
+        check_gk[:, : self.grid_gk.shape[1]] += self.check[k]
+        return replace(bonds, totals=replace(bonds.totals, bond=(grid_gk, check_gk)))
+
+    @staticmethod
+    def _columns(found: dict) -> np.ndarray:
+        return np.concatenate(list(found.values()), axis=1)
 
 
-def atom_fields(pot, frame, work, factors, decomposition, atoms, tiled: bool = False) -> None:
-    """The fields' share of the sums per atom and of the box. tiled : `decomposition` is that of the bonds alone."""
-    for term in getattr(pot, "fields", ()):
-        term.check(frame)
-        smooth = term.modes(frame, term.threads)
+def atom_fields(pot, frame, work, bonds, tiled: bool = False):
+    """`bonds`, the `passes.BondPass` of a frame, with the fields' share of the sums per atom and of the box. tiled :
+    they are those of the bonds alone."""
+    power = "box_power" in work.whole
+    for term in pot.fields:
+        completed = pot.complete(frame)
+        term.check(completed)
+        if not (tiled or work.atom_virial or power):
+            continue
+        smooth, totals, per_atom = term.modes(completed, term.threads), {}, {}
         if tiled:
-            decomposition.energy += smooth.energy
-            decomposition.virial_cc = decomposition.virial_cc + smooth.virial_cc
+            totals["virial_cc"] = bonds.totals.virial_cc + smooth.virial_cc
             if work.energy_users:
-                decomposition.energies_n = factors.energies_n = factors.energies_n + smooth.energies_n()
-        power = "box_power" in work.whole
+                per_atom["energies_n"] = bonds.per_atom.energies_n + smooth.energies_n()
         if work.atom_virial or power:
             w_n6 = smooth.virials_n6()
-            atoms.add_field(
-                w_n6 if work.atom_virial else None,
-                -np.einsum("nij,nj->i", full(w_n6), frame.velocities) if power else None,
-            )
-            factors.atom_virial_n6 = atoms.virial_n6
-
-
-def add_sums(sums, found) -> None:
-    """Add a field's share to sums over bonds."""
-    for name, values in found.items():
-        sums.bond[name] = sums.bond[name] + values
-
-
-def field_pass(main, check, which, frame, drift, kept: bool = False) -> tuple[dict, dict]:
-    """What the fields of a frame add to its sums over bonds: on the grid and at the points of the check, see
-    `add_sums`.
-
-    main, check : of `open_fields`. which : indices of the check's points
-    kept : the grid's are added up over frames and finished by the caller
-    """
-    if main is None:
-        return {}, {}
-    main.add(frame, drift)
-    if not len(which):
-        return {} if kept else main.on_grid(), {}
-    check.modes = [None] * len(check.terms)
-    check.add(frame, drift)
-    return {} if kept else main.on_grid(), check.at(which)
+            if work.atom_virial:
+                per_atom["virial_n6"] = bonds.per_atom.virial_n6 + w_n6
+            if power:
+                totals["power_c"] = bonds.totals.power_c - np.einsum("nij,nj->i", full(w_n6), completed.velocities)
+        bonds = replace(bonds, totals=replace(bonds.totals, **totals), per_atom=replace(bonds.per_atom, **per_atom))
+    return bonds

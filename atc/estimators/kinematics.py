@@ -47,12 +47,12 @@ class Displacement:
         m_n = frame.masses
         self.mean = m_n @ self.periodic_nc / m_n.sum() if m_n.sum() > 0 else np.zeros(3)
 
-    def gather(self, target, x_nc, m_n, extra_nk, gradient, key="gather"):
-        """Sums at the points of a target.
+    def gather(self, deposits, x_nc, m_n, extra_nk, gradient, key="gather"):
+        """Sums at some points.
 
         Parameters
         ----------
-        target : compute.Target
+        deposits : `deposits.Deposits`, or bins of a slab
         x_nc : positions of the configuration that is summed over
         m_n : masses
         extra_nk : (n, k) more factors
@@ -64,19 +64,19 @@ class Displacement:
         values : (g, 1 + 3 + k) Σ m φ, Σ m u φ, Σ extra φ
         gradients : (g, 1 + 3 + k, 3) the same with ∂φ/∂x, or None
         """
-        if self.affine and target.bound.kind == "slab":
+        if self.affine and deposits.bound.kind == "slab":
             raise AtcError(
                 "displacement: the cell has deformed since the reference, so that it has no average over a slab: use "
                 "a line or a regular grid"
             )
         a_nk = np.concatenate([m_n[:, None], m_n[:, None] * (self.periodic_nc - self.mean), extra_nk], axis=1)
-        values, gradients = target.gather(x_nc, a_nk, m_n if self.affine else None, gradient, key)
+        values, gradients = deposits.gather(x_nc, a_nk, m_n if self.affine else None, gradient, key)
         values[:, 1:4] += values[:, :1] * self.mean
         if gradient:
             gradients[:, 1:4] += gradients[:, :1] * self.mean[:, None]
         if self.affine:
             k = a_nk.shape[1]
-            at_gc = target.points_gc - self.origin
+            at_gc = deposits.points_gc - self.origin
             values, moment = values[:, :k].copy(), values[:, k:]
             values[:, 1:4] += (values[:, :1] * at_gc + moment) @ self.map
             if gradient:

@@ -144,25 +144,18 @@ def node_volumes(frame) -> np.ndarray:
 # The sums
 
 
-def weighted_virials(frame, settings, work, stage, reference):
-    """The weighted virials of one frame at the points of both targets (the grid, and the points of the error check)."""
-    horizon = horizon_of(settings, frame.units, work.horizon_users)
-    cells = frame.cell, settings.reference.cell if settings.reference is not None else None
-    return WeightedVirials(cells, settings.pot, settings.threads, work, stage, reference, horizon)
-
-
 class WeightedVirials:
-    """Collects bonds for current and reference positions; `sums(k)` has the columns of target k."""
+    """Collects bonds for current and reference positions, at the points of both places (the grid, and the points of the
+    error check)."""
 
-    def __init__(self, cells, pot, threads, work, stage, reference, horizon):
+    def __init__(self, pot, threads, work, here, reference, horizon):
         self.names = [list(work.point), list(work.reference_point)]
         self.columns = [[], []]
-        for side, (here, cell) in enumerate(zip((stage, reference), cells)):
+        for side, place in enumerate((here, reference)):
             if self.names[side]:
                 kinds = [name.removeprefix("reference_") for name in self.names[side]]
-                self.columns[side] = [
-                    WeightedVirial(t.bound.relative_points_gc, cell, kinds, horizon, pot, threads) for t in here.targets
-                ]
+                points = (deposits.bound.relative_points_gc for deposits in place.both)
+                self.columns[side] = [WeightedVirial(x_gc, place.cell, kinds, horizon, pot, threads) for x_gc in points]
 
     def add(self, x_nc, bonds, X_bc, R_bc, thread):
         F_bc = bonds.forces()
@@ -171,6 +164,7 @@ class WeightedVirials:
                 column.add(x_bc, r_bc, F_bc, thread)
 
     def sums(self, k) -> dict[str, np.ndarray]:
+        """On the grid (k = 0), or at the points of the check (1)."""
         out = {}
         for names, columns in zip(self.names, self.columns):
             if columns:

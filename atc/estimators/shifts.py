@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from .deposits import Deposits
 from .sums import Sums, kinetic_flux, thermal, within_thermal
-from .target import Target
 from .tensors import outer6, quotient
 
 # Rounding error a point may have in T − ρ v⊗v, relative to its thermal part: far below the 1e-6 that is promised.
@@ -13,7 +13,7 @@ _SHIFT_TOLERANCE = 1e-9
 _MAX_SHIFTS = 16
 
 
-def local_shifts(sums: Sums, target: Target, x_nc, factors, flux: bool = False) -> None:
+def local_shifts(sums: Sums, deposits: Deposits, x_nc, factors, flux: bool = False):
     """T − ρ v⊗v (and Σ ½ m w² w φ, if `flux`) where different regions move at very different speeds, without
     cancellation.
 
@@ -22,7 +22,9 @@ def local_shifts(sums: Sums, target: Target, x_nc, factors, flux: bool = False) 
     not, more passes over the atoms take further c, each the velocity of the point that is worst off, and every point
     keeps the one nearest to its own velocity.
 
-    Sets `thermal_shifted` and `kinetic_flux_shifted`, unless the frame's mean was enough everywhere.
+    Returns
+    -------
+    (g, 6) and (g, 3) or None; None, None where the frame's mean was enough everywhere.
     """
     best = sums.thermal_of_drift
     best_flux = sums.kinetic_flux_of_drift if flux else None
@@ -32,7 +34,7 @@ def local_shifts(sums: Sums, target: Target, x_nc, factors, flux: bool = False) 
     # How many thermal speeds away from c a point may be.
     limit = (_SHIFT_TOLERANCE / eps) ** (1 / 3 if flux else 1 / 2)
     if within_thermal(rho, v_gc, best, 0.99 * limit):
-        return
+        return None, None
     have = np.linalg.norm(v_gc, axis=1)
     done = False
     for _ in range(_MAX_SHIFTS):
@@ -51,7 +53,7 @@ def local_shifts(sums: Sums, target: Target, x_nc, factors, flux: bool = False) 
         columns = [m, m * w_nc, m * outer6(w_nc)]
         if flux:
             columns.append(0.5 * m * np.einsum("nc,nc->n", w_nc, w_nc)[:, None] * w_nc)
-        total = target.sites(x_nc, np.ascontiguousarray(np.concatenate(columns, axis=1)))
+        total = deposits.sites(x_nc, np.ascontiguousarray(np.concatenate(columns, axis=1)))
         u_gc = quotient(total[:, 1:4], total[:, 0])
         distance = np.linalg.norm(u_gc, axis=1)
         nearer = sums.defined & (distance < have)
@@ -65,5 +67,4 @@ def local_shifts(sums: Sums, target: Target, x_nc, factors, flux: bool = False) 
         if flux:
             best_flux[nearer] = kinetic_flux(total[:, 0], u_gc, shifted, total[:, 10:])[nearer]
         have = np.where(nearer, distance, have)
-    if done:
-        sums.thermal_shifted, sums.kinetic_flux_shifted = best, best_flux
+    return (best, best_flux) if done else (None, None)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..errors import AtcError
@@ -23,18 +25,24 @@ def drift_velocity(frame) -> np.ndarray:
     return v0 + (m @ (frame.velocities - v0)) / total if total > 0 else v0.copy()
 
 
+@dataclass(frozen=True)
+class PerAtom:
+    """What the bonds leave for each atom, where somebody asks for it: its energy, the sums of `AtomSums`, the force on
+    it."""
+
+    energies_n: np.ndarray | None = None
+    virial_n6: np.ndarray | None = None
+    residual_n4: np.ndarray | None = None
+    moment_n9: np.ndarray | None = None
+    reference_moment_n9: np.ndarray | None = None
+    forces_nc: np.ndarray | None = None  # between atoms
+
+
 class AtomFactors:
     """The columns of the site sums, (n, width) each, made when asked for and kept."""
 
-    # Set once the bonds have gone by.
-    energies_n: np.ndarray | None = None
-    atom_virial_n6: np.ndarray | None = None
-    atom_moment_n9: np.ndarray | None = None  # in its place where forces do not act along bonds
-    residual_n4: np.ndarray | None = None
-    inner_nc: np.ndarray | None = None  # forces between atoms
-
-    def __init__(self, frame, drift, pot=None):
-        self.frame, self.drift, self.pot = frame, drift, pot
+    def __init__(self, frame, drift, per_atom: PerAtom | None = None, pot=None):
+        self.frame, self.drift, self.per_atom, self.pot = frame, drift, per_atom or PerAtom(), pot
         self._kept: dict[str, np.ndarray] = {}
 
     @property
@@ -50,11 +58,6 @@ class AtomFactors:
                 columns.factor(self.frame, name) if columns.is_column(name) else getattr(self, f"_{name}")()
             )
         return self._kept[name]
-
-    def forget(self, *names) -> None:
-        """What depends on bonds that are about to be summed again."""
-        for name in names:
-            self._kept.pop(name, None)
 
     def columns(self, names) -> np.ndarray:
         """(n, k) the named factors side by side."""
@@ -82,32 +85,32 @@ class AtomFactors:
         return 0.5 * self["mass"] * np.einsum("nc,nc->n", self.frame.velocities, self.frame.velocities)[:, None]
 
     def _potential_energy(self):
-        return self.energies_n[:, None]
+        return self.per_atom.energies_n[:, None]
 
     def _atom_virial(self):
-        return self.atom_virial_n6
+        return self.per_atom.virial_n6
 
     def _atom_moment(self):
-        return self.atom_moment_n9
+        return self.per_atom.moment_n9
 
     def _kinetic_flux(self):
         v = self.peculiar_nc
         return 0.5 * self["mass"] * np.einsum("nc,nc->n", v, v)[:, None] * v
 
     def _potential_flux(self):
-        return self.energies_n[:, None] * self.peculiar_nc
+        return self.per_atom.energies_n[:, None] * self.peculiar_nc
 
     def _energy_current(self):
-        return (self["kinetic_energy"] + self.energies_n[:, None]) * self.frame.velocities
+        return (self["kinetic_energy"] + self.per_atom.energies_n[:, None]) * self.frame.velocities
 
     def _outside_force(self):
-        return self.pot.body_forces(self.frame, self.inner_nc)[0]
+        return self.pot.body_forces(self.frame, self.per_atom.forces_nc)[0]
 
     def _outside_power(self):
         return np.einsum("nc,nc->n", self["outside_force"], self.frame.velocities)[:, None]
 
     def _source_residual(self):
-        return self.residual_n4
+        return self.per_atom.residual_n4
 
 
 class AtomSums:
@@ -151,12 +154,6 @@ class AtomSums:
             _numba.add_power(
                 bonds.i, bonds.j, bonds.r_bc, bonds.D_bdc, bonds.powers(), self.velocities, self._power[thread]
             )
-
-    def add_field(self, virial_n6=None, power_c=None) -> None:
-        """The share of what has no bonds, see `field_pass`."""
-        for buffers, more in ((self._virial, virial_n6), (self._power, power_c)):
-            if more is not None:
-                buffers[0] += more
 
     virial_n6 = property(lambda self: _total(self._virial))
     residual_n4 = property(lambda self: _total(self._residual))

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
-from ..pictures.geometry import grid_dims, layout
+from ..pictures.geometry import grid_dims, points_of_grid
 
 FORMATS = (".pvd", ".vtu", ".vti", ".vts", ".extxyz", ".xyz")
 
@@ -150,7 +150,7 @@ class _Fields(_Source):
         self.names = [n for n in self.choose(names, quantities) if tuple(grid_dims(ds[n])) == self.dims]
         self.names += [n for n in ("mask",) if n in ds and tuple(grid_dims(ds[n])) == self.dims and quantities is None]
         self.moving = "position_x" in ds and "frame" in ds["position_x"].dims
-        self.place = layout(ds, ds[first].isel(frame=0) if "frame" in ds[first].dims else ds[first])
+        self.place = points_of_grid(ds, ds[first].isel(frame=0) if "frame" in ds[first].dims else ds[first])
         x = np.asarray(self.place.x_gc)
         # Planes, lines and slabs are lattices with axes of one point.
         self.shape = (*x.shape[:-1], 1, 1)[:3] if len(self.dims) <= 3 else None

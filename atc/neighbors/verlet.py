@@ -157,19 +157,19 @@ def _near(i, j, code, shifts, x, order, cut2, iout, jout, rout, d2out):
     return n
 
 
-def anchor_of(request) -> Anchor | None:
+def anchor_of(job) -> Anchor | None:
     """An anchor at the first frame of a request, with a skin from how far its second frame has moved; None where a list
     is not worth keeping."""
-    pot = request.pot
-    if not request.work.bond_users or request.n_frames < 3 or request.tiles is not None or not pot.cutoff > 0:
+    pot = job.request.pot
+    if not job.work.bond_users or job.n_frames < 3 or job.request.tiles is not None or not pot.cutoff > 0:
         return None
     try:
-        second = request.frames[1]
+        second = job.frames[1]
     except (AtcError, IndexError):  # its own turn will come to say what is wrong with it
         return None
-    skin = skin_for(request.first, second, pot.cutoff)
-    pairs = request.load.pairs * (1 + skin / pot.cutoff) ** 3
-    return Anchor(request.first, skin) if skin <= WIDEST * pot.cutoff and pairs <= MOST_PAIRS else None
+    skin = skin_for(job.first, second, pot.cutoff)
+    pairs = job.load.pairs * (1 + skin / pot.cutoff) ** 3
+    return Anchor(job.first, skin) if skin <= WIDEST * pot.cutoff and pairs <= MOST_PAIRS else None
 
 
 def skin_for(first, second, cutoff: float) -> float:

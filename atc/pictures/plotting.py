@@ -17,7 +17,7 @@ from ..running.output import load
 from . import components
 from .components import TENSOR
 from .drawing import STYLE, at_frame, colours, draw_map, figure, kernel_title, label_of, save
-from .geometry import STDERR, cut, fields_of, grid_dims, layout, rank
+from .geometry import STDERR, cut, fields_of, grid_dims, points_of_grid, rank
 
 
 def plot(
@@ -83,7 +83,7 @@ def plot(
     dims = {tuple(grid_dims(da)) for _, da, _ in panels}
     if len(dims) > 1:
         raise AtcError("fields on different grids cannot share a picture: plot them one by one")
-    place = layout(ds, panels[0][1])
+    place = points_of_grid(ds, panels[0][1])
     if place.kind == "volume":
         place, selection, where = cut(place, slice, axis, index)
     else:

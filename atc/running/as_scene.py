@@ -16,23 +16,23 @@ from ..units import LAMMPS_STYLES
 _MOST_POINTS = 1000
 
 
-def scene_of(request) -> str:
+def scene_of(job) -> str:
     """The scene as TOML, comments where TOML has no words for what was given (potentials made of objects, frames in
     memory).
 
     Of files only the names are kept: directories hold user and host names.
     """
     sections = {
-        "trajectory": _trajectory(request),
-        "potential": _potential(request.pot),
-        "kernel": None if request.kern is None else {"name": request.kern.name, **request.kern.parameters},
-        "grid": None if request.grid is None else _grid(request.grid, request.first.units),
+        "trajectory": _trajectory(job),
+        "potential": _potential(job.request.pot),
+        "kernel": None if job.request.kern is None else {"name": job.request.kern.name, **job.request.kern.parameters},
+        "grid": None if job.request.grid is None else _grid(job.request.grid, job.first.units),
         "fields": {
-            "quantities": [q.name for q in request.work.quantities],
-            **({"column_units": request.column_units} if request.column_units else {}),
-            "tolerance": float(request.tolerance),
-            "method": request.method,
-            "average": request.average if isinstance(request.average, bool) else int(request.average),
+            "quantities": [q.name for q in job.work.quantities],
+            **({"column_units": job.request.column_units} if job.request.column_units else {}),
+            "tolerance": float(job.request.tolerance),
+            "method": job.request.method,
+            "average": job.request.average if isinstance(job.request.average, bool) else int(job.request.average),
         },
     }
     out = []
@@ -59,9 +59,9 @@ def _plain(v):
     return [_plain(x) for x in v] if isinstance(v, (list, tuple)) else v
 
 
-def _trajectory(request) -> dict:
-    units = request.first.units.name
-    table = {"file": file_name(request.first.source)}
+def _trajectory(job) -> dict:
+    units = job.first.units.name
+    table = {"file": file_name(job.first.source)}
     if units in LAMMPS_STYLES:
         table["units"] = units
     return table

@@ -5,27 +5,29 @@ from __future__ import annotations
 import numpy as np
 
 from ..estimators.columns import is_column, label
-from ..estimators.compute import FrameResult
-from ..plan import Request
+from ..estimators.settings import FrameResult
+from ..planning.job import Job
 from .as_scene import scene_of
 from .output import Layout, Variable
 
 
-def follows_cell(request: Request) -> bool:
+def follows_cell(job: Job) -> bool:
     """Whether the points of the grid move with the cell of each frame."""
-    on_grid = [q for q in request.work.quantities if q.kind == "grid" and not q.on_reference]
-    return bool(on_grid) and request.grid.follows_cell
+    grid = job.request.grid
+    on_grid = [q for q in job.work.quantities if q.kind == "grid" and not q.on_reference]
+    return grid is not None and bool(on_grid) and grid.follows_cell
 
 
-def grid_moves(request: Request) -> bool:
+def grid_moves(job: Job) -> bool:
     """Whether the output needs the positions of the points for every entry: grids of atoms, and of a cell that changes
     from the first frame to the second."""
-    if request.entries < 2:
+    if job.entries < 2:
         return False
-    if follows_cell(request):
-        return request.frames[1].cell != request.first.cell
-    on_frames = set(request.work.grid_users) - set(request.work.on_reference)
-    return bool(on_frames) and request.grid.follows_atoms
+    if follows_cell(job):
+        return job.frames[1].cell != job.first.cell
+    on_frames = set(job.work.grid_users) - set(job.work.on_reference)
+    grid = job.request.grid
+    return grid is not None and bool(on_frames) and grid.follows_atoms
 
 
 def moving_coordinates(bound, u) -> dict:
@@ -35,12 +37,12 @@ def moving_coordinates(bound, u) -> dict:
     return whole or {f"position_{name}": entry for name, entry in found.items()}
 
 
-def output_layout(request: Request, frame, result: FrameResult, moves: bool = False) -> Layout:
+def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> Layout:
     """All variables and attributes of the output."""
     from .. import __version__
     from ..estimators.peridynamic import horizon_of
 
-    work, u = request.work, frame.units
+    work, u = job.work, frame.units
     bound = result.bound
     letters = np.array(["x", "y", "z"])
     grid_dims = tuple(bound.dims) if bound is not None else ()
@@ -54,11 +56,11 @@ def output_layout(request: Request, frame, result: FrameResult, moves: bool = Fa
     def moving(name, dims, shape, dtype, coordinate=False, **attrs):
         variables.append(Variable(name, tuple(dims), tuple(shape), dtype, attrs, coordinate=coordinate))
 
-    first_of = "first frame of the window" if request.average is not False else "frame"
+    first_of = "first frame of the window" if job.request.average is not False else "frame"
     static(
         "frame",
         ("frame",),
-        np.arange(request.entries, dtype=i8) * request.window,
+        np.arange(job.entries, dtype=i8) * job.window,
         long_name=f"number of the {first_of} in the trajectory",
     )
     moving("step", (), (), i8, True, long_name=f"time step of the {first_of} (-1: unknown)")
@@ -87,16 +89,16 @@ def output_layout(request: Request, frame, result: FrameResult, moves: bool = Fa
     for q in work.quantities:
         head = {"grid": grid_dims, "box": (), "atom": ("atom",)}[q.kind]
         shape = result.arrays[q.name].shape
-        unit = label(q.name, u, request.column_units) if is_column(q.name) else u.label(q.dimension)
+        unit = label(q.name, u, job.request.column_units) if is_column(q.name) else u.label(q.dimension)
         attrs = {"units": unit, "long_name": q.long_name, "sign_convention": q.sign}
         if u.dimension == 2:
             attrs["dimension"] = 2
         comment = [_in_plane(q.comment) if u.dimension == 2 else q.comment] if q.comment else []
-        if request.average is not False:
+        if job.request.average is not False:
             of = f"<w X>/<w>, w the {_WEIGHTS[q.weight]}" if q.weight else "of the fields of the frames"
             comment.append(f"time average {of}")
         moving(q.name, head + tail[q.rank], shape, f8, **attrs, **({"comment": "; ".join(comment)} if comment else {}))
-        if request.average is not False:
+        if job.request.average is not False:
             moving(
                 f"{q.name}_stderr",
                 head + tail[q.rank],
@@ -117,7 +119,7 @@ def output_layout(request: Request, frame, result: FrameResult, moves: bool = Fa
                 long_name=f"whether the blocks still correlate (or are too few to tell), so that {q.name}_stderr "
                 "is a lower bound",
             )
-    if work.masked:
+    if result.mask is not None:
         moving(
             "mask",
             grid_dims,
@@ -128,7 +130,7 @@ def output_layout(request: Request, frame, result: FrameResult, moves: bool = Fa
             long_name="whether there is mass within the kernel: velocity and whatever is relative to it are NaN "
             "where not",
         )
-    if request.average is not False:
+    if job.request.average is not False:
         moving(
             "frames_averaged",
             (),
@@ -142,32 +144,32 @@ def output_layout(request: Request, frame, result: FrameResult, moves: bool = Fa
         "atc_version": __version__,
         "version": __version__,
         "units": u.name,
-        "tolerance": float(request.tolerance),
+        "tolerance": float(job.request.tolerance),
         "quantities": ", ".join(q.name for q in work.quantities),
     }
     if work.horizon_users:
         attrs.update(
-            horizon=u.to_user("length", horizon_of(request.settings(), u, work.horizon_users)),
+            horizon=u.to_user("length", horizon_of(job.settings(), u, work.horizon_users)),
             horizon_units=u.label("length"),
         )
     if bound is not None and not work.kernel_users:
-        attrs.update(method=request.method_used, grid=_grid_name(request.grid))
-    elif bound is not None:
+        attrs.update(method=job.method_used, grid=_grid_name(job.request.grid))
+    elif bound is not None and job.request.kern is not None:
         attrs.update(
-            kernel=request.kern.describe(),
-            radius=radius_of(request.kern),
+            kernel=job.request.kern.describe(),
+            radius=radius_of(job.request.kern),
             radius_units=u.label("length"),
-            method=request.method_used,
-            grid=_grid_name(request.grid),
+            method=job.method_used,
+            grid=_grid_name(job.request.grid),
         )
-    if work.bond_users:
-        attrs["decomposition"] = request.pot.describe()
-        attrs.update(request.pot.attributes)
-        attrs.update(request.held)
+    if work.bond_users and job.request.pot is not None:
+        attrs["decomposition"] = job.request.pot.describe()
+        attrs.update(job.request.pot.attributes)
+        attrs.update(job.held)
     attrs["dimension"] = u.dimension
     attrs["periodic"] = "".join("p" if p else "f" for p in frame.cell.periodic[: u.dimension])
-    attrs["scene"] = str(request.scene) if request.scene else scene_of(request)
-    return Layout(variables, request.entries, attrs)
+    attrs["scene"] = str(job.request.scene) if job.request.scene else scene_of(job)
+    return Layout(variables, job.entries, attrs)
 
 
 def asymmetry(stress_gij) -> float:

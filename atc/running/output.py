@@ -17,6 +17,7 @@ import zlib
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -73,7 +74,8 @@ def dataset_in_memory(layout: Layout, entries: list[dict], attrs: dict):
     """The same dataset as an `xarray.Dataset` in memory."""
     import xarray as xr
 
-    data, coords = {}, {}
+    data: dict = {}
+    coords: dict = {}
     for v in layout.variables:
         values = (
             v.static if v.static is not None else np.stack([e[v.name] for e in entries]).astype(v.dtype, copy=False)
@@ -126,8 +128,9 @@ class Store:
     def __init__(self, out, request: dict, resume: bool = True):
         self.out = check_name(out)
         self.partial = self.out.with_name(self.out.name + ".partial")
-        self.layout: Layout | None = None
-        self._group = None
+        # Both from `begin` on.
+        self.layout: Any = None
+        self._group: Any = None
         self._arrays: dict = {}
         self.journal: list[dict] = []
         #: Whether the output stands under its name already, and only clearing away was left to do.
@@ -367,7 +370,7 @@ class Store:
             for v in self.layout.variables:
                 dtype = v.static.dtype if v.static is not None else np.dtype(v.dtype)
                 final = _clean({**v.attrs, **attrs.get(v.name, {})})
-                kwargs = {}
+                kwargs: dict = {}
                 if dtype.kind == "b":
                     final["dtype"], dtype = "bool", np.dtype(np.int8)  # xarray's way: NetCDF has no booleans
                 elif dtype.kind in "UO":
@@ -506,7 +509,7 @@ def _every_chunk():
 def _other(known: dict, request: dict) -> str:
     """What makes `request` another one than that of an unfinished output; "" for the same. More frames than then are no
     difference."""
-    from ..identity import differences
+    from ..planning.identity import differences
 
     out = differences(known, request)
     then, now = known.get("frames"), request.get("frames")

@@ -12,44 +12,45 @@ import warnings
 from collections import deque
 from dataclasses import replace
 from itertools import islice
+from typing import Any
 
 from ..errors import AtcError, AtcWarning
-from ..estimators.compute import FrameResult
-from ..estimators.groups import group_fields
+from ..estimators.driver import fields_of
+from ..estimators.settings import FrameResult, Settings
+from ..planning.job import Job
 
 #: How long a scheduler may take to answer.
 PATIENCE = "10s"
 
 
-def frame_results(request, start: int, first: FrameResult | None = None):
+def frame_results(job: Job, settings: Settings, start: int, first: FrameResult | None = None):
     """(frames, FrameResult) in order from frame `start`: one frame after the other, or groups of them; the result of
     the first frame may be there already.
 
     Parameters
     ----------
-    request : atc.plan.Request, its methods settled
+    job, settings : what is to be computed, with the methods of all frames
     """
-    settings = request.settings()
     if first is not None:
-        yield [request.first], first
+        yield [job.first], first
         start = 1
-    if start >= request.n_frames:
+    if start >= job.n_frames:
         return
-    frames = _grouped(request, start)
-    if request.cluster is not None and request.tiles is None:
-        yield from _on_cluster(request, settings, frames)
-    elif request.workers > 1 and request.tiles is None:
-        yield from _in_processes(request, settings, frames)
+    frames = _grouped(job, start)
+    if job.request.cluster is not None and job.request.tiles is None:
+        yield from _on_cluster(job, settings, frames)
+    elif job.request.workers > 1 and job.request.tiles is None:
+        yield from _in_processes(job, settings, frames)
     else:
-        with here(request) as run_tiles:
+        with here(job) as run_tiles:
             for k, group in frames:
-                yield group, group_fields(group, settings, k, run_tiles=run_tiles)
+                yield group, fields_of(group, settings, k, run_tiles=run_tiles)
 
 
-def _grouped(request, start):
+def _grouped(job, start):
     """(number of the first, frames) of what is computed together, from frame `start` on, reading nothing before it."""
-    frames = iter(request.frames if start == 0 else request.frames[start:])
-    for k, count in request.groups(start):
+    frames = iter(job.frames if start == 0 else job.frames[start:])
+    for k, count in job.groups(start):
         group = list(islice(frames, count))
         if group:
             yield k, group
@@ -58,13 +59,13 @@ def _grouped(request, start):
 
 
 @contextlib.contextmanager
-def here(request):
+def here(job):
     """How the tiles of a frame that is put together here are computed: None (here too), or a function that has the
     cluster do it."""
-    if request.tiles is None or request.cluster is None:
+    if job.request.tiles is None or job.request.cluster is None:
         yield None
         return
-    with connected(request.cluster) as client:
+    with connected(job.request.cluster) as client:
 
         def run_tiles(f, tiles, task):
             keep = client.submit(_itself, task, pure=False)
@@ -77,14 +78,14 @@ def here(request):
 # --- processes of this machine
 
 
-def _in_processes(request, settings, frames):
+def _in_processes(job, settings, frames):
     import multiprocessing
     from concurrent.futures import ProcessPoolExecutor
     from concurrent.futures.process import BrokenProcessPool
 
     try:
         pool = ProcessPoolExecutor(
-            request.workers,
+            job.request.workers,
             mp_context=multiprocessing.get_context("spawn"),
             initializer=_begin_worker,
             initargs=(settings,),
@@ -96,20 +97,20 @@ def _in_processes(request, settings, frames):
             AtcWarning,
             stacklevel=2,
         )
-        settings = replace(settings, threads=request.workers * request.threads)
+        settings = replace(settings, threads=job.request.workers * job.request.threads)
         for k, group in frames:
-            yield group, group_fields(group, settings, k)
+            yield group, fields_of(group, settings, k)
         return
     waiting: deque = deque()
     try:
         for k, group in frames:
             waiting.append((group, pool.submit(_work, group, k)))
-            if len(waiting) > 2 * request.workers:
-                group, job = waiting.popleft()
-                yield group, job.result()
+            if len(waiting) > 2 * job.request.workers:
+                group, future = waiting.popleft()
+                yield group, future.result()
         while waiting:
-            group, job = waiting.popleft()
-            yield group, job.result()
+            group, future = waiting.popleft()
+            yield group, future.result()
     except BrokenProcessPool:
         raise AtcError(
             "a worker process died: out of memory, or the script that calls atc.fields with workers > 1 lacks `if "
@@ -119,7 +120,7 @@ def _in_processes(request, settings, frames):
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-_worker_settings = None
+_worker_settings: Any = None
 
 
 def _begin_worker(settings):
@@ -132,7 +133,7 @@ def _begin_worker(settings):
 
 
 def _work(frames, k) -> FrameResult:
-    return group_fields(frames, _worker_settings, k)
+    return fields_of(frames, _worker_settings, k)
 
 
 # --- a Dask cluster
@@ -161,7 +162,8 @@ def connected(cluster):
         client = cluster
     try:
         if not _workers(client):
-            raise AtcError(f"cluster {client.scheduler.address}: it has no workers: start some with dask worker")
+            address = getattr(client.scheduler, "address", cluster)
+            raise AtcError(f"cluster {address}: it has no workers: start some with dask worker")
         with warnings.catch_warnings():
             # Frames travel with their tasks, so that they survive the worker that had them.
             warnings.filterwarnings("ignore", message="Sending large graph")
@@ -184,8 +186,8 @@ def _many(client) -> int:
     return 2 * max(1, _workers(client)) + 1
 
 
-def _on_cluster(request, settings, frames):
-    with connected(request.cluster) as client:
+def _on_cluster(job, settings, frames):
+    with connected(job.request.cluster) as client:
         keep = client.submit(_itself, settings, pure=False)
         sent: deque = deque()
 
@@ -218,4 +220,4 @@ def _itself(x):
 
 
 def _frame_task(frames, settings, k) -> FrameResult:
-    return group_fields(frames, settings, k)
+    return fields_of(frames, settings, k)

@@ -5,25 +5,30 @@ from __future__ import annotations
 import time
 import warnings
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from ..decomposers.base import Worst
 from ..errors import AtcError, AtcWarning
-from ..estimators.accuracy import tolerance_kept
-from ..estimators.compute import FrameResult, frame_fields, require
+from ..estimators.accuracy.random_points import tolerance_kept
+from ..estimators.driver import fields_of
 from ..estimators.methods import DEPOSITS, Method, Refinement, details, summary
 from ..estimators.registry import QUANTITIES
+from ..estimators.requirements import require
+from ..estimators.settings import FrameResult
 from ..estimators.statistics import BlockAverage
-from ..identity import changed_parts, frame_digest, identity
 from ..neighbors.verlet import anchor_of
-from ..plan import Request, plan  # noqa: F401  (plan belongs to the same door)
+from ..planning.identity import changed_parts, frame_digest, identity
+from ..planning.job import Job, prepare
+from ..planning.report import plan  # noqa: F401  (plan belongs to the same door)
+from ..planning.request import Request
 from ..readers.plausible import doubts
 from ..readers.times import Sequence
 from .as_scene import file_name
 from .dataset import asymmetry, follows_cell, grid_moves, moving_coordinates, output_layout, radius_of
 from .interruption import whole
-from .output import Layout, Store, dataset_in_memory, explained, open_dataset
+from .output import Store, dataset_in_memory, explained, open_dataset
 from .parallel import frame_results, here
 
 #: With so many frames one from the middle says where all begin.
@@ -160,8 +165,9 @@ def fields(
         column_units=column_units,
     )
     if out is None:
-        _sanity(request)
-        sink = _run(request, None, progress)
+        job = prepare(request)
+        _sanity(job)
+        sink = _run(job, None, progress)
         return dataset_in_memory(sink.layout, sink.entries, sink.final_attributes())
     write(request, out, progress, resume)
     with explained(out):
@@ -174,10 +180,11 @@ def write(request: Request, out, progress=None, resume=True) -> dict:
 
     Returns the attributes of the dataset.
     """
-    _sanity(request)
-    store = Store(out, {**identity(request), "frames": request.n_frames}, resume)
+    job = prepare(request)
+    _sanity(job)
+    store = Store(out, {**identity(job), "frames": job.n_frames}, resume)
     try:
-        sink = _run(request, store, progress)
+        sink = _run(job, store, progress)
         final = sink.final_attributes()
         store.finish(final)
         return {**sink.layout.attrs, **final[""]}
@@ -185,21 +192,22 @@ def write(request: Request, out, progress=None, resume=True) -> dict:
         store.close()
 
 
-def _run(request, store, progress) -> _Sink:
-    n, window = request.n_frames, request.window
-    sink = _Sink(request, store)
+def _run(job: Job, store: Store | None, progress) -> _Sink:
+    n, window = job.n_frames, job.window
+    sink = _Sink(job, store)
     start = sink.next_frame
     sink.compare_done(start)
-    request.agreement = _agreement(request, store)
-    request.anchor = anchor_of(request)
-    first = _settle(request, store, start)
-    if request.group() > 1:
+    sink.agreement = _agreement(job, store)
+    anchor = anchor_of(job)
+    first = fix_methods(job, store, start, anchor)
+    settings = job.settings(anchor)
+    if job.group() > 1:
         first = None  # it is part of a group
     began, done = time.perf_counter(), start
     if progress is not None:
         progress(done, n, 0.0)
-    request.input_error = _input_errors(request, store)
-    results = frame_results(request, start, first)
+    sink.input_error = _input_errors(job, store, anchor)
+    results = frame_results(job, settings, start, first)
     try:
         for group, result in results:
             end = done + len(group)
@@ -217,39 +225,42 @@ def _run(request, store, progress) -> _Sink:
     if done < n:
         raise AtcError(f"the trajectory has only {done} frames that can be read, but {n} were expected")
     for sentence in sink.sequence.warnings(sink.averaging):
-        warnings.warn(f"{getattr(request.frames, 'source', 'the trajectory')}: {sentence}", AtcWarning, stacklevel=3)
+        warnings.warn(f"{getattr(job.frames, 'source', 'the trajectory')}: {sentence}", AtcWarning, stacklevel=3)
     if sink.layout is None:  # every frame was there already: the run was stopped just before its end
-        sink.prepare(frame_fields(request.first, request.settings(), 0))
+        sink.prepare(fields_of([job.first], settings))
     return sink
 
 
-def _agreement(request: Request, store) -> str:
+def _agreement(job: Job, store) -> str:
     """Whether the run's forces are the potential's, in words: once a run, before anything is computed."""
-    about = [request.forces, [str(p) for p in request.log] if isinstance(request.log, list) else str(request.log)]
+    about = [
+        job.request.forces,
+        [str(p) for p in job.request.log] if isinstance(job.request.log, list) else str(job.request.log),
+    ]
     known = store.recall("agrees_with_run") if store is not None else None
     if known is not None and known["about"] == about:
         return known["text"]
-    text = request.alarm().text
+    text = job.alarm().text
     if store is not None:
         store.remember("agrees_with_run", {"about": about, "text": text})
     return text
 
 
-def _input_errors(request: Request, store) -> tuple[float, dict[str, float]]:
-    """See `input_error`; once a run, on the first frame."""
-    if not request.work.grid_users:
+def _input_errors(job: Job, store, anchor) -> tuple[float, dict[str, float]]:
+    """See `estimators.accuracy.input_error`; once a run, on the first frame."""
+    if not job.work.grid_users:
         return 0.0, {}
     known = store.recall("input_error") if store is not None else None
     if known is None:
-        from ..input_error import input_errors
+        from ..estimators.accuracy.input_error import input_errors
 
-        known = input_errors(request)
+        known = input_errors(job, anchor)
         if store is not None:
             store.remember("input_error", known)
     return known[0], known[1]
 
 
-def _settle(request: Request, store, start: int) -> FrameResult | None:
+def fix_methods(job: Job, store, start: int, anchor=None) -> FrameResult | None:
     """Fix the methods for all frames, by the errors they leave on the first and on the middle one: the first one's
     result, if it had to be computed and is still wanted.
 
@@ -260,42 +271,42 @@ def _settle(request: Request, store, start: int) -> FrameResult | None:
     if store is not None and start > 0:
         known = store.recall("methods")
         if known is not None:
-            request.methods = {key: Method.from_plain(known[key]) for key in DEPOSITS if key in known}
+            job.methods = {key: Method.from_plain(known[key]) for key in DEPOSITS if key in known}
             return None
     result = None
-    if not all(m.exact for m in request.methods.values()):
-        began = request.methods
-        with here(request) as run_tiles:
-            result = frame_fields(request.first, request.settings(), 0, run_tiles=run_tiles)
-            request.settle(result)
-            if request.n_frames >= SEVERAL:
-                _settle_on(request, request.n_frames // 2, run_tiles)
-        over = [e["error_max"] for e in result.errors.values() if e["error_max"] > request.tolerance]
+    if not all(m.exact for m in job.methods.values()):
+        began = job.methods
+        with here(job) as run_tiles:
+            result = fields_of([job.first], job.settings(anchor), run_tiles=run_tiles)
+            job.fix_methods(result)
+            if job.n_frames >= SEVERAL:
+                _fix_methods_again(job, job.n_frames // 2, run_tiles)
+        over = [e["error_max"] for e in result.errors.values() if e["error_max"] > job.request.tolerance]
         if result.refined and not over:
             changed = [
-                f"{summary({k: m})} to {m.tolerance:g} -> {request.methods[k]}"
+                f"{summary({k: m})} to {m.tolerance:g} -> {job.methods[k]}"
                 for k, m in began.items()
-                if m.looser_than(request.methods[k])
+                if m.looser_than(job.methods[k])
             ]
             if changed:
                 result.refined = [
                     Refinement(f"for all frames, after the first: {', '.join(changed)} ({result.refined[0]})")
                 ]
     if store is not None:
-        store.remember("methods", {key: m.plain() for key, m in request.methods.items()})
+        store.remember("methods", {key: m.plain() for key, m in job.methods.items()})
     return result if start == 0 else None
 
 
-def _settle_on(request: Request, k: int, run_tiles) -> None:
+def _fix_methods_again(job: Job, k: int, run_tiles) -> None:
     """Where runs begin is often not where they spend their time: a perfect crystal, atoms at rest. A frame of the
     middle has the last word on where the others begin."""
     try:
-        frame = request.frames[k]
+        frame = job.frames[k]
         # Whatever list of neighbours was kept for the first frames stays theirs.
-        result = frame_fields(frame, replace(request.settings(), anchor=None), k, run_tiles=run_tiles)
+        result = fields_of([frame], job.settings(), k, run_tiles=run_tiles)
     except (AtcError, IndexError):
         return  # what is wrong with it is told when it is its turn
-    request.settle(result)
+    job.fix_methods(result)
 
 
 # --- results to entries of the output
@@ -304,27 +315,29 @@ def _settle_on(request: Request, k: int, run_tiles) -> None:
 class _Sink:
     """Collects the results of frames into entries (a frame, or the average of a window) in memory or in a store."""
 
-    def __init__(self, request: Request, store: Store | None):
-        self.request, self.store = request, store
-        self.layout: Layout | None = None
+    def __init__(self, job: Job, store: Store | None):
+        self.job, self.store = job, store
+        self.agreement = ""  # see `_agreement`
+        self.input_error: tuple[float, dict[str, float]] = (0.0, {})  # see `_input_errors`
+        self.layout: Any = None  # from `prepare` on
         self.entries: list[dict] = []
         if store is not None:
-            store.keep(self._whole_entries(store.journal), request.entries)
+            store.keep(self._whole_entries(store.journal), job.entries)
         self.notes: list[dict] = list(store.journal) if store else []
         self.averages: dict[str, BlockAverage] = {}
-        self.any_mass = None
+        self.any_mass: np.ndarray | None = None
         self.note: dict = {}
         self._said_refined = False
         self.sequence = Sequence()
-        self.next_frame = min(len(self.notes) * request.window, request.n_frames)
+        self.next_frame = min(len(self.notes) * job.window, job.n_frames)
         self._saved = time.monotonic()
-        if store is not None and request.window > 1:
+        if store is not None and job.window > 1:
             self._restore(store.load_state())
 
     def _whole_entries(self, journal) -> int:
         """How many entries hold as many frames as they shall: the last window of a trajectory that has grown since may
         have been a short one."""
-        n, window = self.request.n_frames, self.request.window
+        n, window = self.job.n_frames, self.job.window
         for k, note in enumerate(journal):
             if note.get("frames") != min(window, n - k * window):
                 return k
@@ -333,12 +346,12 @@ class _Sink:
     def compare_done(self, count: int) -> None:
         """The frames that are done must be what they were; which is told by their content, so they are read again."""
         digests = [d for note in (*self.notes, self.note) for d in note.get("digests", ())]
-        if count == 0:
+        if count == 0 or self.store is None:
             return
         out = self.store.partial
         for k, then in enumerate(digests[:count]):
             try:
-                frame = self.request.frames[k]
+                frame = self.job.frames[k]
             except IndexError:
                 break
             now = frame_digest(frame)
@@ -351,7 +364,7 @@ class _Sink:
 
     @property
     def averaging(self) -> bool:
-        return self.request.average is not False
+        return self.job.request.average is not False
 
     def add(self, k: int, frame, result: FrameResult, last_of_window: bool, more=()) -> None:
         """The result of frame `k`, or of it and `more` that follow it."""
@@ -368,7 +381,7 @@ class _Sink:
             weight = QUANTITIES[name].weight
             # The weight stays in internal units: only ratios of it matter.
             if name not in self.averages:
-                self.averages[name] = BlockAverage(block=self.request.group(k), threads=self.request.threads)
+                self.averages[name] = BlockAverage(block=self.job.group(k), threads=self.job.threads)
             self.averages[name].add(
                 x, None if weight is None else result.weights[name], result.frames, result.within.get(name)
             )
@@ -379,7 +392,7 @@ class _Sink:
         if last_of_window:
             self._emit_average()
         elif self.store is not None and time.monotonic() - self._saved > _SAVE_EVERY:
-            self._save(k + result.frames)
+            self._save(self.store, k + result.frames)
 
     def _emit_average(self):
         means, extra = {}, {}
@@ -400,9 +413,9 @@ class _Sink:
     def _emit(self, values, mask):
         if mask is not None:
             values["mask"] = mask
-        if not getattr(self.request.pot, "central", True):
+        if not getattr(self.job.request.pot, "central", True):
             self.note["asymmetry"] = {
-                q.name: asymmetry(values[q.name]) for q in self.request.work.quantities if q.symmetric_if_central
+                q.name: asymmetry(values[q.name]) for q in self.job.work.quantities if q.symmetric_if_central
             }
         note, self.note = self.note, {}
         if self.store is None:
@@ -462,18 +475,18 @@ class _Sink:
     def prepare(self, result: FrameResult) -> None:
         """Lay the output out: the shapes from any frame's result, the rest from the trajectory's first frame, also when
         a run goes on from a later one."""
-        request, first = self.request, self.request.first
-        self.moves = grid_moves(request)
+        job, first = self.job, self.job.first
+        self.moves = grid_moves(job)
         self._cell = first.cell
-        if set(request.work.grid_users) - set(request.work.on_reference):
-            result = replace(result, bound=request.bound)
-        self.layout = output_layout(request, first, result, self.moves)
+        if set(job.work.grid_users) - set(job.work.on_reference):
+            result = replace(result, bound=job.bound)
+        self.layout = output_layout(job, first, result, self.moves)
         self._atoms = first.ids
         if self.store is not None:
             self.store.begin(self.layout)
 
     def _fits(self, frame, result):
-        if not self.moves and self.request.entries > 1 and follows_cell(self.request) and frame.cell != self._cell:
+        if not self.moves and self.job.entries > 1 and follows_cell(self.job) and frame.cell != self._cell:
             warnings.warn(
                 f"{frame.source}: the cell changes, and the grid with it, but its coordinates in the output are those "
                 "of the first frame: see cell and cell_origin",
@@ -489,7 +502,7 @@ class _Sink:
                     "frames with different numbers of atoms "
                     "one by one"
                 )
-        if any(q.kind == "atom" for q in self.request.work.quantities) and not np.array_equal(self._atoms, frame.ids):
+        if any(q.kind == "atom" for q in self.job.work.quantities) and not np.array_equal(self._atoms, frame.ids):
             raise AtcError(
                 f"{frame.source}: its atom ids are not those of the first frame: compute per-atom quantities of such "
                 "frames one by one"
@@ -505,26 +518,26 @@ class _Sink:
                 for kind, value in measured.items():
                     at[kind] = max(at.get(kind, 0.0), value)
                 at["measured_error"] = at.get("error_max", 0.0)
-                kept = tolerance_kept(at, self.request.tolerance)
+                kept = tolerance_kept(at, self.job.request.tolerance)
                 if kept is not None:
                     at["tolerance_kept"] = kept
                 if at.pop("error_of_terms", 0.0):
                     at["error_relative_to"] = "sum of the sizes of the terms: the field is 0 within rounding"
                 worst = max(worst, at["measured_error"])
         out[""] = {"sources": ", ".join(dict.fromkeys(s for note in self.notes for s in note["sources"]))}
-        if self.request.agreement:
-            out[""]["agrees_with_run"] = self.request.agreement
-        step, moved = self.request.input_error
+        if self.agreement:
+            out[""]["agrees_with_run"] = self.agreement
+        step, moved = self.input_error
         if moved:
             for name, error in moved.items():
                 out.setdefault(name, {})["input_error"] = error
             out[""]["input_error"] = max(moved.values())
-            out[""]["input_resolution"] = self.request.first.units.to_user("length", step)
+            out[""]["input_resolution"] = self.job.first.units.to_user("length", step)
         refined = Refinement.summary([r for note in self.notes for r in note.get("refined", [])])
         if refined:
             out[""]["refinements"] = refined
-        if self.request.methods:
-            out[""]["method"], out[""]["method_details"] = self.request.method_used, details(self.request.methods)
+        if self.job.methods:
+            out[""]["method"], out[""]["method_details"] = self.job.method_used, details(self.job.methods)
         counts: dict = {}
         for note in self.notes:
             for what, count in note["notes"].items():
@@ -536,14 +549,14 @@ class _Sink:
                 at["asymmetry"] = float(Worst(value) + at.get("asymmetry", 0.0))
         if counts:
             out[""]["notes"] = "; ".join(f"{what}: {count}" for what, count in sorted(counts.items()))
-        if self.request.work.grid_users:
+        if self.job.work.grid_users:
             out[""]["measured_error"] = worst
             missed = {name: at["tolerance_kept"] for name, at in out.items() if "tolerance_kept" in at}
             if missed:
                 # The exact sum itself can only miss it where a field is the small difference of large numbers.
-                exact = all(m.exact or not m.forced for m in self.request.methods.values())
+                exact = all(m.exact or not m.forced for m in self.job.methods.values())
                 warnings.warn(
-                    f"the measured error {worst:.1e}: tolerance {self.request.tolerance:.1e} not kept for "
+                    f"the measured error {worst:.1e}: tolerance {self.job.request.tolerance:.1e} not kept for "
                     + ", ".join(f"{name} ({kept.partition(': ')[2]})" for name, kept in missed.items())
                     + (
                         ": hardly more than the rounding of what they are the difference of"
@@ -558,17 +571,17 @@ class _Sink:
     # --- an average that was interrupted
     def save_unfinished(self, after) -> None:
         """Keep what a window has of its frames, when the run is stopped between two of them."""
-        if self.store is not None and self.averages and self.request.window > 1:
-            self._save(after)
+        if self.store is not None and self.averages and self.job.window > 1:
+            self._save(self.store, after)
 
-    def _save(self, after):
+    def _save(self, store: Store, after):
         import json
 
         arrays = {f"{name}/{key}": a for name, average in self.averages.items() for key, a in average.state().items()}
         if self.any_mass is not None:
             arrays["any_mass"] = self.any_mass
         arrays["about"] = np.array(json.dumps({"entry": len(self.notes), "next": after, "note": self.note}))
-        self.store.save_state(arrays)
+        store.save_state(arrays)
         self._saved = time.monotonic()
 
     def _restore(self, state):
@@ -585,7 +598,7 @@ class _Sink:
         for key, a in state.items():
             name, _, rest = key.partition("/")
             by_name.setdefault(name, {})[rest] = a
-        self.averages = {name: BlockAverage.from_state(s, self.request.threads) for name, s in by_name.items()}
+        self.averages = {name: BlockAverage.from_state(s, self.job.threads) for name, s in by_name.items()}
 
 
 def _plain_coordinates(coordinates):
@@ -596,20 +609,20 @@ def _plain_coordinates(coordinates):
 # --- does it look right?
 
 
-def _sanity(request: Request) -> None:
+def _sanity(job: Job) -> None:
     """Complain of what is missing in the first frame; warn of what can be computed but is probably not what was
     meant."""
-    frame, work, u = request.first, request.work, request.first.units
-    require(frame, request.settings(), work)
+    frame, work, u = job.first, job.work, job.first.units
+    require(frame, job.settings(), work)
     for doubt in doubts(frame, temperature="velocities" in work.attributes):
         warnings.warn(f"{frame.source}: {doubt}", AtcWarning, stacklevel=3)
-    if work.grid_users and request.kern is not None and request.grid is not None:
-        spacing = grid_spacing(request.grid.bind(u, frame.cell, frame.positions))
-        support = u.to_internal("length", request.kern.support)
+    if work.grid_users and job.request.kern is not None and job.request.grid is not None:
+        spacing = grid_spacing(job.request.grid.bind(u, frame.cell, frame.positions))
+        support = u.to_internal("length", job.request.kern.support)
         if spacing > support:
             warnings.warn(
-                f"the kernel's radius ({radius_of(request.kern):g} {u.label('length')}) is smaller than the distance "
-                "between grid points "
+                f"the kernel's radius ({radius_of(job.request.kern):g} {u.label('length')}) is smaller than the "
+                "distance between grid points "
                 f"({u.to_user('length', spacing):.3g}): much of the material is seen by no point; use a finer grid or "
                 "a wider kernel",
                 AtcWarning,

@@ -101,7 +101,7 @@ def _stretches_of_data(path) -> np.ndarray:
                         add(a.id.get_chunk_info(k))
 
         f.visititems(chunks)
-    merged = []
+    merged: list = []
     for begin, end in sorted(found):
         if merged and merged[-1][1] == begin:
             merged[-1][1] = end

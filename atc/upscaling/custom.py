@@ -10,7 +10,7 @@ from ..errors import AtcError
 from .chain import LennardJones, Springs, bump, positive, square_pulse, whole
 from .coarse import coarsen
 from .evolve import History, count_steps, verlet
-from .report import STYLE, draw_density
+from .reports.report import STYLE, draw_density
 
 
 def run_chain(

@@ -8,10 +8,10 @@ from typer.testing import CliRunner
 
 import atc
 from atc.analysis.bench import Rung, bench, field_of, mark_front
-from atc.calibrate import argon, solve
 from atc.cli import app
-from atc.costs import Costs, cache_file
-from atc.plan import Request
+from atc.plan import Request, prepare
+from atc.planning.calibrate import argon, solve
+from atc.planning.costs import Costs, cache_file
 
 
 def rungs_of(result):
@@ -21,14 +21,16 @@ def rungs_of(result):
 @pytest.fixture(scope="module")
 def result():
     frame, pot = argon(5)
-    request = Request(
-        frame,
-        pot,
-        atc.kernel("gaussian", radius=8.0),
-        atc.Grid.regular(shape=10),
-        ["stress", "density"],
-        1e-4,
-        threads=1,
+    request = prepare(
+        Request(
+            frame,
+            pot,
+            atc.kernel("gaussian", radius=8.0),
+            atc.Grid.regular(shape=10),
+            ["stress", "density"],
+            1e-4,
+            threads=1,
+        )
     )
     return bench(request, (1e-6, 1e-2, 1e-4))
 
@@ -58,8 +60,8 @@ def test_binning_is_what_binning_gives(result):
     from atc.analysis.bench import _binned
 
     frame, pot = argon(5)
-    request = Request(
-        frame, pot, atc.kernel("gaussian", radius=8.0), atc.Grid.regular(shape=2), ["stress"], 1e-4, threads=1
+    request = prepare(
+        Request(frame, pot, atc.kernel("gaussian", radius=8.0), atc.Grid.regular(shape=2), ["stress"], 1e-4, threads=1)
     )
     ds = atc.fields(frame, pot, None, None, ["virial_stress_per_atom_potential", "virial_stress_potential"])
     s = frame.positions @ frame.cell.inverse
@@ -85,8 +87,10 @@ def test_the_front_is_what_nothing_else_beats():
 
 def test_where_the_exact_sum_takes_too_long_errors_come_from_random_points():
     frame, pot = argon(5)
-    request = Request(
-        frame, pot, atc.kernel("gaussian", radius=8.0), atc.Grid.regular(shape=10), ["stress_potential"], threads=1
+    request = prepare(
+        Request(
+            frame, pot, atc.kernel("gaussian", radius=8.0), atc.Grid.regular(shape=10), ["stress_potential"], threads=1
+        )
     )
     result = bench(request, (1e-2, 1e-5), most=0.0)
     assert [r.method for r in result.rungs] == ["spectral", "spectral", "smoothed virial", "binned virial"]
@@ -166,7 +170,7 @@ def test_calibration_is_kept_where_plans_look_for_it(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.delenv("ATC_COSTS", raising=False)
     measured = Costs(pair=1e-3, machine="here")
-    monkeypatch.setattr("atc.calibrate.calibrate", lambda say: measured)
+    monkeypatch.setattr("atc.planning.calibrate.calibrate", lambda say: measured)
     status, out = run("bench", "--calibrate")
     assert status == 0 and str(cache_file()) in out and Costs.load() == measured
     frame, pot = argon(4)
@@ -191,14 +195,16 @@ def test_any_field_of_a_scene():
     moved = frame.replace(
         positions=frame.positions + np.random.default_rng(0).normal(scale=0.05, size=frame.positions.shape)
     )
-    request = Request(
-        moved,
-        pot,
-        atc.kernel("gaussian", radius=8.0),
-        atc.Grid.regular(shape=8),
-        ["heat_flux", "velocity_gradient", "piola_stress"],
-        reference=frame,
-        threads=1,
+    request = prepare(
+        Request(
+            moved,
+            pot,
+            atc.kernel("gaussian", radius=8.0),
+            atc.Grid.regular(shape=8),
+            ["heat_flux", "velocity_gradient", "piola_stress"],
+            reference=frame,
+            threads=1,
+        )
     )
     for name in ("velocity_gradient", "piola_stress", "heat_flux_potential"):
         found = bench(request, (1e-2, 1e-4), field=name)
@@ -211,4 +217,4 @@ def test_any_field_of_a_scene():
     with pytest.raises(atc.AtcError, match=r"field 'temper'.*velocity_gradient"):
         bench(request, (1e-2,), field="temper")
     with pytest.raises(atc.AtcError, match="reference"):
-        bench(Request(frame, pot, request.kern, request.grid, ["displacement"], threads=1), (1e-2,))
+        bench(Request(frame, pot, request.request.kern, request.request.grid, ["displacement"], threads=1), (1e-2,))

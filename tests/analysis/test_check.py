@@ -15,7 +15,8 @@ import atc
 from atc.analysis.check import check
 from atc.bonds import Bonds
 from atc.cli import app
-from atc.estimators import balance, limits
+from atc.estimators import balance
+from atc.estimators.accuracy import balance_limits as limits
 from atc.kernels import kernel
 from atc.units import units
 

@@ -8,9 +8,9 @@ from test_long_range import LJ, SIX, TRICLINIC, Naive, eight_ions, ions, salt_po
 import atc
 from atc.decomposers.long_range import ewald
 from atc.errors import AtcError
-from atc.estimators.compute import Settings, frame_fields
+from atc.estimators.driver import fields_of
 from atc.estimators.field_pass import FieldSums
-from atc.estimators.groups import group_fields
+from atc.estimators.settings import Settings
 from atc.grids import Grid
 
 GAUSS = atc.kernel("gaussian", width=1.2)
@@ -79,7 +79,7 @@ def test_grids_agree_with_points(name):
 def test_the_error_found_keeps_the_tolerance(kern):
     frame = ions().frame()
     pot = atc.potential("units real\n" + LINES)
-    result = frame_fields(frame, settings(["stress"], pot, Grid.regular(shape=(5, 5, 5)), 1e-4, kern))
+    result = fields_of([frame], settings(["stress"], pot, Grid.regular(shape=(5, 5, 5)), 1e-4, kern))
     assert result.errors["stress_potential"]["error_max"] < 1e-4
     assert 0 < result.errors["stress_potential"]["error_max"]
 
@@ -88,10 +88,10 @@ def test_the_mean_of_a_fine_grid_is_the_virial_and_slabs_are_means_of_planes():
     frame = ions().frame()
     pot = atc.potential("units real\n" + LINES)
     names = ["stress_potential", "virial_stress_potential"]
-    out = frame_fields(frame, settings(names, pot, Grid.regular(shape=(24, 24, 24)), 1e-8, check_points=5)).arrays
+    out = fields_of([frame], settings(names, pot, Grid.regular(shape=(24, 24, 24)), 1e-8, check_points=5)).arrays
     virial = out["virial_stress_potential"]
     assert np.abs(out["stress_potential"].mean((0, 1, 2)) - virial).max() < 1e-8 * np.abs(virial).max()
-    slab = frame_fields(frame, settings(names, pot, Grid.slab("z", 24), 1e-8)).arrays["stress_potential"]
+    slab = fields_of([frame], settings(names, pot, Grid.slab("z", 24), 1e-8)).arrays["stress_potential"]
     assert np.abs(slab - out["stress_potential"].mean((0, 1))).max() < 1e-7 * np.abs(slab).max()
 
 
@@ -101,7 +101,7 @@ def test_divergence_of_the_stress_is_the_force_density():
     pot = atc.potential("units real\n" + LINES)
     h, x = 2e-3, POINTS[:4]
     steps = np.concatenate([x + s * h * e for e in np.eye(3) for s in (1, -1, 2, -2)])
-    s = frame_fields(frame, settings(["stress_potential"], pot, Grid.points(steps), 1e-10)).arrays["stress_potential"]
+    s = fields_of([frame], settings(["stress_potential"], pot, Grid.points(steps), 1e-10)).arrays["stress_potential"]
     s = s.reshape(3, 4, 4, 3, 3)
     div = sum((8 * (s[a, 0] - s[a, 1]) - (s[a, 2] - s[a, 3]))[:, a] for a in range(3)) / (12 * h)
     forces = pot.stream(frame, forces=True).forces_nc
@@ -128,20 +128,20 @@ def test_groups_tiles_and_wholes():
         "smoothed_virial_stress",
     ]
     grid = Grid.regular(shape=(3, 4, 4))
-    one = frame_fields(frame, settings(names, pot, grid))
+    one = fields_of([frame], settings(names, pot, grid))
     np.testing.assert_allclose(
         one.arrays["virial_stress_per_atom_potential"].sum(0) / frame.cell.volume * 1.0,
         one.arrays["virial_stress_potential"] * frame.units.factor("pressure") / frame.units.factor("pressure_volume"),
         rtol=0,
         atol=1e-7 * np.abs(one.arrays["virial_stress_potential"]).max(),
     )
-    tiled = frame_fields(frame, settings(names, pot, grid, tiles=(2, 1, 2)))
+    tiled = fields_of([frame], settings(names, pot, grid, tiles=(2, 1, 2)))
     for name, values in one.arrays.items():
         assert np.abs(values - tiled.arrays[name]).max() <= 3e-6 * np.abs(values).max(), name
     frames = [frame, frame.replace(positions=frame.positions + rng.uniform(-0.1, 0.1, frame.positions.shape))]
     some = ["stress_potential", "virial_stress", "energy_flux"]
-    together = group_fields(frames, settings(some, pot, grid))
-    apart = [frame_fields(f, settings(some, pot, grid)).arrays for f in frames]
+    together = fields_of(frames, settings(some, pot, grid))
+    apart = [fields_of([f], settings(some, pot, grid)).arrays for f in frames]
     for name, values in together.arrays.items():
         want = 0.5 * (apart[0][name] + apart[1][name])
         assert np.abs(values - want).max() < 3e-6 * np.abs(want).max(), name
@@ -153,7 +153,7 @@ def test_a_drift_carries_the_energy_along():
     pot = atc.potential("units real\n" + LINES)
     fast = frame.replace(velocities=frame.velocities + [3.0, -2.0, 1.0])
     grid = Grid.points(POINTS[:5])
-    a, b = (frame_fields(f, settings(["heat_flux", "stress"], pot, grid, 1e-8)).arrays for f in (frame, fast))
+    a, b = (fields_of([f], settings(["heat_flux", "stress"], pot, grid, 1e-8)).arrays for f in (frame, fast))
     for name in ("heat_flux", "stress"):
         assert np.abs(a[name] - b[name]).max() < 1e-6 * np.abs(a[name]).max()
     v = np.array([1.0, -2.0, 0.5])
@@ -174,17 +174,17 @@ def test_refused_with_the_reason():
         ("peridynamic_stress", "no bonds that could be weighted"),
     ):
         with pytest.raises(AtcError, match=message):
-            frame_fields(frame, settings([name], pot, grid, reference=frame))
+            fields_of([frame], settings([name], pot, grid, reference=frame))
     for kern in (atc.kernel("step", 4.0), atc.kernel("box", 4.0)):
         with pytest.raises(AtcError, match=f"kernel '{kern.name}'"):
-            frame_fields(frame, settings(["stress_potential"], pot, grid, kern=kern))
+            fields_of([frame], settings(["stress_potential"], pot, grid, kern=kern))
 
 
 def test_virial_and_triclinic_names():
     """Symmetric components in the order of the package."""
     frame, pot = eight_ions(TRICLINIC), salt_potential(4.0, 1e-10)
     d = pot.stream(frame)
-    out = frame_fields(frame, settings(["virial_stress_potential"], pot, Grid.points(POINTS[:2]))).arrays[
+    out = fields_of([frame], settings(["virial_stress_potential"], pot, Grid.points(POINTS[:2]))).arrays[
         "virial_stress_potential"
     ]
     np.testing.assert_allclose(

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 
 import atc
-from atc.calibrate import argon
-from atc.choose import cheapest
-from atc.costs import Costs
 from atc.deposit import make, moments
 from atc.deposit.collapse import spectral_deposit
 from atc.errors import AtcError, AtcWarning
 from atc.estimators.methods import Method
 from atc.frame import Cell
 from atc.neighbors.cell_list import neighbor_list
-from atc.plan import Request, plan
+from atc.plan import Request, plan, prepare
+from atc.planning.calibrate import argon
+from atc.planning.costs import Costs
+from atc.planning.method_choice import cheapest
 from atc.units import units
 
 METAL = units("metal")
@@ -359,6 +359,6 @@ def test_the_promise_at_every_point(tolerance, shipped):
     close(whole.stress_potential.values, want, tolerance)
     assert whole.stress_potential.attrs["error_max"] <= tolerance
     close(tiled.stress_potential.values, want, tolerance)
-    request = Request(frame, pot, kern, grid, what, tolerance, method="spectral", threads=1)
+    request = prepare(Request(frame, pot, kern, grid, what, tolerance, method="spectral", threads=1))
     assert request.methods["bond"].order is not None
     assert "moments to order" in str(plan(frame, pot, kern, grid, what, tolerance, method="spectral", threads=1))

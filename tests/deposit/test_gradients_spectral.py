@@ -9,10 +9,10 @@ from test_promise import liquid, quiet, shipped, worst  # noqa: F401  (fixtures)
 import atc
 import atc.deposit
 import atc.deposit.gradient as gradient_module
-from atc import choose
 from atc.errors import AtcError
 from atc.frame import Cell
-from atc.plan import Request, plan
+from atc.plan import Request, plan, prepare
+from atc.planning import method_choice
 
 GRID = atc.Grid.regular(shape=12)
 RATES = ["velocity_gradient", "strain_rate", "vorticity"]
@@ -21,7 +21,7 @@ RATES = ["velocity_gradient", "strain_rate", "vorticity"]
 @pytest.fixture(autouse=True)
 def choosing_costs_nothing(monkeypatch):
     """Or the exact sum would be taken at once in frames as small as these."""
-    monkeypatch.setattr(choose, "SEARCH", (0.0, 0.0))
+    monkeypatch.setattr(method_choice, "SEARCH", (0.0, 0.0))
 
 
 # What of a kernel's gradient the modes can hold: one with a kink decays slowly.
@@ -133,12 +133,12 @@ def test_one_transform_gives_the_sums_and_their_gradients(liquid, monkeypatch): 
 
 def test_a_gradient_too_wrong_is_computed_again(liquid):  # noqa: F811
     frame, kern = liquid[0], atc.kernel("gaussian", radius=8.0)
-    from atc.estimators.compute import frame_fields
+    from atc.estimators.driver import fields_of
     from atc.estimators.methods import Method
 
-    request = Request(frame, None, kern, GRID, RATES, 1e-6, threads=1)
+    request = prepare(Request(frame, None, kern, GRID, RATES, 1e-6, threads=1))
     request.methods = {"gather": Method("spectral", 1e-3, "test", (1e-4, 1e-7))}
-    result = frame_fields(frame, request.settings(), 0)
+    result = fields_of([frame], request.settings())
     assert result.methods["gather"].tolerance == 1e-7 and "sums over atoms for gradients spectral to 1e-07" in str(
         result.refined[0]
     )

@@ -9,7 +9,7 @@ from naive_fields import BruteLJ, bond_sum, site_sum
 
 import atc
 from atc.errors import AtcError, AtcWarning
-from atc.estimators import compute
+from atc.estimators.deposits import Deposits
 from atc.estimators.registry import QUANTITIES, Work
 from atc.estimators.tensors import full, outer6
 
@@ -316,8 +316,8 @@ def test_two_streams_at_a_million_thermal_speeds(monkeypatch):
     kern = atc.kernel("quartic", radius=4.0)
     points = np.array([[3.0, 3.0, h] for h in (8.0, 11.0, 30.0, 35.0)])
     passes = []
-    real = compute.Target.sites
-    monkeypatch.setattr(compute.Target, "sites", lambda self, x, a: passes.append(1) or real(self, x, a))
+    real = Deposits.sites
+    monkeypatch.setattr(Deposits, "sites", lambda self, x, a: passes.append(1) or real(self, x, a))
     a = atc.fields(frame, None, kern, atc.Grid.points(points), ["stress_kinetic", "temperature"])
     quiet = len(passes)
     with pytest.warns(AtcWarning, match="temperature"):
@@ -347,9 +347,9 @@ def test_measured_error_sees_an_error(monkeypatch):
     frame, kern, grid = argon(), atc.kernel("quartic", radius=5.5), atc.Grid.regular(shape=(6, 6, 6))
     good = atc.fields(frame, BruteLJ(), kern, grid, ["density", "stress_potential"])
     assert good.attrs["measured_error"] < 1e-13
-    real = compute.Target.sites
+    real = Deposits.sites
     spoiled = lambda self, x, a: real(self, x, a) * (1 + 1e-7 * (self.bound.dims != ("point",)))  # noqa: E731
-    monkeypatch.setattr(compute.Target, "sites", spoiled)
+    monkeypatch.setattr(Deposits, "sites", spoiled)
     bad = atc.fields(frame, BruteLJ(), kern, grid, ["density", "stress_potential"])
     assert 0.5e-7 < bad.density.attrs["error_max"] <= 1.01e-7
     assert abs(bad.density.attrs["error_l2"] / 1e-7 - 1) < 0.2

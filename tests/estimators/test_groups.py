@@ -11,15 +11,15 @@ from naive_fields import BruteLJ
 from test_run import Stop, same, stop_after
 
 import atc
-from atc import calibrate, choose
-from atc.costs import Costs
 from atc.decomposers.outside import Friction, OutsideForces
 from atc.errors import AtcError, AtcWarning
-from atc.estimators import groups
+from atc.estimators import driver, groups
 from atc.estimators.methods import Method
 from atc.estimators.registry import QUANTITIES, Work
 from atc.frame import Cell
-from atc.plan import Request, plan
+from atc.plan import Request, plan, prepare
+from atc.planning import calibrate, method_choice
+from atc.planning.costs import Costs
 from atc.running import run
 
 KERN = atc.kernel("quartic", radius=5.5)
@@ -144,7 +144,7 @@ def test_windows_keep_enough_blocks():
     ]
     assert [groups.size_of(10**4, n) for n in (32_000, 64_000, 256_000, 10**6)] == [16, 8, 2, 1]
     frames = [argon()] * 300
-    request = Request(frames, BruteLJ(), KERN, GRID, ["stress"], average=130)
+    request = prepare(Request(frames, BruteLJ(), KERN, GRID, ["stress"], average=130))
     # two windows in groups of 8, and one of 40 frames
     sizes = list(request.groups())
     assert (
@@ -160,9 +160,11 @@ def test_windows_keep_enough_blocks():
         {"average": True, "grid": atc.Grid.atoms()},
         {"average": True, "tiles": (2, 1, 1)},
     ):
-        assert Request(frames, BruteLJ(), KERN, **{"grid": GRID, "quantities": ["stress"], **more}).group() == 1
+        assert (
+            prepare(Request(frames, BruteLJ(), KERN, **{"grid": GRID, "quantities": ["stress"], **more})).group() == 1
+        )
     other = argon().replace(cell=Cell([9.1, 10.0, 11.0], [-3.0, 2.0, 50.0]))
-    assert Request([frames[0], other] * 100, BruteLJ(), KERN, GRID, ["stress"], average=True).group() == 1
+    assert prepare(Request([frames[0], other] * 100, BruteLJ(), KERN, GRID, ["stress"], average=True)).group() == 1
 
 
 def test_a_cell_that_changes_ends_a_sum(monkeypatch):
@@ -195,9 +197,9 @@ def spectral_wins(monkeypatch):
     slow = dataclasses.replace(Costs(), bond=1e-5, row=1e-6)
     monkeypatch.setattr(Costs, "load", classmethod(lambda cls: slow))
     monkeypatch.setattr(Costs, "visit_of", lambda self, compiled: 1e-6)
-    monkeypatch.setattr(choose, "CHEAP", 0.0)
-    monkeypatch.setattr(choose, "SEARCH", (0.0, 0.0))
-    monkeypatch.setattr(choose, "WATCH", (0.0, 0.0))
+    monkeypatch.setattr(method_choice, "CHEAP", 0.0)
+    monkeypatch.setattr(method_choice, "SEARCH", (0.0, 0.0))
+    monkeypatch.setattr(method_choice, "WATCH", (0.0, 0.0))
 
 
 @pytest.mark.parametrize("system", ["hot", "gas", "silicon", "strong pair"])
@@ -237,41 +239,30 @@ def test_the_strongest_bonds_of_all_frames_are_exact_and_the_rest_is_watched(spe
     frames = moving(frame, 4)
     frames[2].positions[5] = frames[2].positions[4] + [2.0, 0.1, 0]
     kern, looked = atc.kernel("lucy", 7.0), []
-    request = Request(
-        frames, pot, kern, atc.Grid.regular(shape=10), ["stress_potential"], 1e-2, threads=1, average=True
+    request = prepare(
+        Request(frames, pot, kern, atc.Grid.regular(shape=10), ["stress_potential"], 1e-2, threads=1, average=True)
     )
-    settings = request.settings()
-    settings.methods = {"bond": Method("spectral", 0.1)}
-    works = groups.Work.of(settings.names)
-    hot_points = groups.HotPoints
-    monkeypatch.setattr(groups, "HotPoints", lambda *a: looked.append(1) or hot_points(*a))
-    fields = []
-    for goal, methods in ((1e-1, settings.methods), (1e-4, settings.methods), (1.0, {})):
-        job = groups._Run(frames, dataclasses.replace(settings, methods=methods), works, 0, goal)
-        job.compute(methods)
-        fields.append(job)
+    spectral, settings = {"bond": Method("spectral", 0.1)}, request.settings()
+    points_around = driver.PointsAround
+    monkeypatch.setattr(driver, "PointsAround", lambda *a: looked.append(1) or points_around(*a))
+    done = []
+    for goal, methods in ((1e-1, spectral), (1e-4, spectral), (1.0, {})):
+        run = driver.Run.of(frames, settings, request.work, 0, goal)
+        sums = driver.sum_up(run, methods)
+        done.append((sums.bonds.strongest, driver.form(run, sums)))
         assert len(looked) == (goal == 1e-4) + (goal == 1.0)
-    loose, close_, exact = (job.result.arrays["stress_potential"] for job in fields)
-    assert fields[0].strongest.all.exactly >= 1 and np.array_equal(loose, close_)
+    loose, close_, exact = (result.arrays["stress_potential"] for _, result in done)
+    strongest = done[0][0]
+    assert strongest.all.exactly >= 1 and np.array_equal(loose, close_)
     true = np.abs(loose - exact).max() / np.abs(exact).max()
-    strong = fields[0].strongest.exactly
-    assert np.linalg.norm(strong[1][0]) < 2.1  # the pair is the first of them
-    for job in fields[:2]:
-        assert 0.1 * true <= job.result.errors["stress_potential"]["error_max"] <= max(3 * true, 1e-3)
+    assert np.linalg.norm(strongest.exactly[1][0]) < 2.1  # the pair is the first of them
+    for _, result in done[:2]:
+        assert 0.1 * true <= result.errors["stress_potential"]["error_max"] <= max(3 * true, 1e-3)
     # without them the error is the pair's
-    monkeypatch.setattr(
-        groups._Run,
-        "_put_right",
-        lambda self, deposit: (
-            self.strongest.sort_out(),
-            setattr(self, "left", 0.0),
-            setattr(self, "strong_g", np.zeros(1000)),
-            0.0,
-        )[-1],
-    )
-    job = groups._Run(frames, settings, works, 0, 1.0)
-    job.compute(settings.methods)
-    assert np.abs(job.result.arrays["stress_potential"] - exact).max() / np.abs(exact).max() > 5 * true
+    monkeypatch.setattr(driver, "summed_exactly", lambda *a: np.zeros((1000, 6)))
+    run = driver.Run.of(frames, settings, request.work)
+    result = driver.form(run, driver.sum_up(run, spectral))
+    assert np.abs(result.arrays["stress_potential"] - exact).max() / np.abs(exact).max() > 5 * true
 
 
 def test_a_group_with_too_large_an_error_is_computed_again(spectral_wins, monkeypatch):
@@ -279,20 +270,18 @@ def test_a_group_with_too_large_an_error_is_computed_again(spectral_wins, monkey
     frames = moving(frame, 8)
     monkeypatch.setattr(groups, "size_of", lambda window, atoms: 4)
     kern, grid = atc.kernel("lucy", 7.0), atc.Grid.regular(shape=8)
-    request = Request(frames, pot, kern, grid, ["stress"], 1e-3, threads=1, average=True)
-    settings = request.settings()
-    settings.methods = {
-        "site": Method("spectral", 1e-2, "", (1e-3,)),
-        "bond": Method("spectral", 0.5, "", (1e-2, 1e-3, 1e-4)),
-    }
-    result = groups.group_fields(frames[4:], settings, 4)
+    request = prepare(Request(frames, pot, kern, grid, ["stress"], 1e-3, threads=1, average=True))
+    methods = {"site": Method("spectral", 1e-2, "", (1e-3,)), "bond": Method("spectral", 0.5, "", (1e-2, 1e-3, 1e-4))}
+    settings = dataclasses.replace(request.settings(), methods=methods)
+    result = driver.fields_of(frames[4:], settings, 4)
     assert result.frames == 4 and "above" in str(result.refined[0]) and result.methods["bond"].tolerance < 0.5
-    settings.methods = {}
-    exact = groups.group_fields(frames[4:], settings, 4)
+    exact = driver.fields_of(frames[4:], dataclasses.replace(settings, methods={}), 4)
     for name in ("stress", "stress_kinetic", "stress_potential"):
         assert np.abs(result.arrays[name] - exact.arrays[name]).max() <= 1e-3 * np.abs(exact.arrays[name]).max()
     # and its frames are named
-    monkeypatch.setattr(run, "_settle", lambda request, store, start: request.methods.update(result_of_settling))
+    monkeypatch.setattr(
+        run, "fix_methods", lambda request, store, start, anchor: request.methods.update(result_of_settling)
+    )
     result_of_settling = {"site": Method("spectral", 1e-3), "bond": Method("spectral", 0.5, "", (1e-2, 1e-3, 1e-4))}
     ds = quiet(frames, pot, kern, grid, ["stress"], 1e-3)
     assert ds.attrs["refinements"].startswith("frames 0-7:") and ds.attrs["measured_error"] <= 1e-3
@@ -333,7 +322,7 @@ def test_a_kept_list_serves_the_frames_of_a_group(monkeypatch):
     frame, pot = calibrate.argon(5)
     frames = moving(frame, 8, 0.02)
     monkeypatch.setattr(groups, "size_of", lambda window, atoms: 4)
-    request = Request(frames, pot, KERN, GRID, ["stress"], 1e-12, threads=1, average=True)
+    request = prepare(Request(frames, pot, KERN, GRID, ["stress"], 1e-12, threads=1, average=True))
     anchor = run.anchor_of(request)
     assert anchor is not None
     kept = quiet(*(frames, pot, KERN, GRID, ["stress"], 1e-12))
@@ -345,7 +334,7 @@ def test_a_kept_list_serves_the_frames_of_a_group(monkeypatch):
 def test_errors_of_the_mean_are_those_of_single_frames():
     """128 frames, eight at a time: the standard errors of blocks, of many points together."""
     frames = [f.replace(velocities=f.velocities - 0.01 * np.sin(k)) for k, f in enumerate(moving(argon(), 128, 0.15))]
-    assert Request(frames, BruteLJ(), KERN, GRID, ["stress"], average=True).group() == 8
+    assert prepare(Request(frames, BruteLJ(), KERN, GRID, ["stress"], average=True)).group() == 8
     ds = quiet(frames, BruteLJ(), KERN, GRID, ["stress", "velocity"], 1e-12)
     each = quiet(frames, BruteLJ(), KERN, GRID, ["stress", "velocity"], 1e-12, average=False)
     for name in ("stress", "velocity"):

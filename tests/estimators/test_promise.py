@@ -10,18 +10,19 @@ from scipy.optimize import brentq
 from test_run import Stop, same, stop_after
 
 import atc
-from atc import choose
-from atc.calibrate import argon, silicon
-from atc.choose import AIM_LATER, ENOUGH, FACTORS, LOOSEST
-from atc.costs import Costs, load_of, visits
 from atc.deposit import exact_at, make
 from atc.errors import AtcError, AtcWarning
-from atc.estimators.accuracy import Check
-from atc.estimators.compute import SAFE, frame_fields
+from atc.estimators.accuracy.input_error import input_errors
+from atc.estimators.accuracy.random_points import Check
+from atc.estimators.driver import fields_of
 from atc.estimators.methods import Method, Refinement
+from atc.estimators.tightening import SAFE
 from atc.frame import Cell
-from atc.input_error import input_errors
-from atc.plan import Request, plan
+from atc.plan import Request, plan, prepare
+from atc.planning import method_choice
+from atc.planning.calibrate import argon, silicon
+from atc.planning.costs import Costs, load_of, visits
+from atc.planning.method_choice import FACTORS, LATER_AIM, LOOSEST, TIGHTEN_ABOVE
 from atc.running import run
 
 KERN = atc.kernel("gaussian", radius=8.0)
@@ -109,9 +110,9 @@ def test_what_is_computed_again_is_not_measured_with_cut_tails(liquid, stressles
     were larger than the tolerance."""
     frame, pot = stressless[0], liquid[1]
     kern, what = atc.kernel("gaussian", radius=14.0), ["stress_potential"]
-    request = Request(frame, pot, kern, GRID, what, 1e-2, threads=1)
+    request = prepare(Request(frame, pot, kern, GRID, what, 1e-2, threads=1))
     request.methods = {"bond": Method("spectral", 1e-2, "test", (1e-5,))}
-    result = frame_fields(request.first, request.settings(), 0)
+    result = fields_of([request.first], request.settings())
     exact = quiet(frame, pot, kern, GRID, what, 1e-12).stress_potential.values[0]
     true = np.abs(result.arrays[what[0]] - exact).max() / np.abs(exact).max()
     assert result.methods["bond"].tolerance == 1e-5 and len(result.refined) == 1
@@ -164,24 +165,24 @@ def test_the_methods_settle_on_the_first_frame(liquid, start):
     frame, pot = liquid
     tolerance = 1e-5
     exact = quiet(frame, pot, KERN, GRID, ["stress_potential"], 1e-12)
-    request = Request([frame] * 2, pot, KERN, GRID, ["stress_potential"], tolerance, threads=1)
+    request = prepare(Request([frame] * 2, pot, KERN, GRID, ["stress_potential"], tolerance, threads=1))
     rungs = [f * tolerance for f in FACTORS]
     for t in [start] if start else np.geomspace(1.5e-4, 6e-4, 40):
         request.methods = {"bond": Method("spectral", t, "test", tuple(r for r in rungs if r < 0.99 * t))}
-        result = run._settle(request, None, 0)
-        close = not result.refined and result.expected["stress_potential"] > ENOUGH * tolerance
+        result = run.fix_methods(request, None, 0)
+        close = not result.refined and result.expected["stress_potential"] > TIGHTEN_ABOVE * tolerance
         if close:
             break
     first, later = result.methods["bond"], request.methods["bond"]
     assert result.errors["stress_potential"]["error_max"] <= SAFE * tolerance
     expected = result.expected["stress_potential"] * later.tolerance / first.tolerance
-    assert expected <= AIM_LATER * tolerance * 1.01
+    assert expected <= LATER_AIM * tolerance * 1.01
     assert close or start
     assert (later.tolerance < first.tolerance) == close
     # The next looser one would not do.
     looser = min((t for t in rungs if t > later.tolerance * 1.01), default=np.inf)
-    assert looser > LOOSEST or expected * looser / later.tolerance > AIM_LATER * tolerance * 0.99
-    again = frame_fields(frame, request.settings(), 1)
+    assert looser > LOOSEST or expected * looser / later.tolerance > LATER_AIM * tolerance * 0.99
+    again = fields_of([frame], request.settings(), 1)
     assert not again.refined and again.methods["bond"] == later
     wanted = exact.stress_potential.values
     assert np.abs(again.arrays["stress_potential"] - wanted).max() <= tolerance * np.abs(wanted).max()
@@ -201,7 +202,7 @@ def test_a_forced_method_stays(liquid, stressless):
 def test_a_tolerance_that_is_not_kept_is_told(liquid, stressless, monkeypatch, method):
     """In the variable's attributes and in a warning, with how far the error is from it; and nothing is said of other
     fields."""
-    monkeypatch.setattr(choose, "_rungs", lambda *a: ())
+    monkeypatch.setattr(method_choice, "_rungs", lambda *a: ())
     what = ["stress_potential", "density"]
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
@@ -229,7 +230,7 @@ def test_a_tolerance_that_is_not_kept_is_told(liquid, stressless, monkeypatch, m
 
 def test_a_field_that_is_hardly_more_than_its_error_is_not_measured_against_it():
     """Not by 1, the error over what the error made of the field, but over what is left without it."""
-    from atc.estimators.accuracy import tolerance_kept
+    from atc.estimators.accuracy.random_points import tolerance_kept
 
     bound = GRID.bind(atc.units.units("metal"), Cell([30.0] * 3), None)
     check = Check(bound, KERN, Cell([30.0] * 3), 1, 0, 100)
@@ -411,7 +412,7 @@ def test_coordinates_in_sigma_are_rounded_more_coarsely(liquid, style, expected)
     frame = frame.replace(positions=np.round(frame.positions, 6), units=atc.units.units(style))
     if style == "lj":
         pot = atc.potential("units lj\npair_style lj/cut 8.5\npair_coeff 1 1 0.0104 3.4")
-    request = Request(frame, pot, KERN, GRID, ["stress_potential"], 5e-5, threads=1)
+    request = prepare(Request(frame, pot, KERN, GRID, ["stress_potential"], 5e-5, threads=1))
     step, moved = input_errors(request)
     assert step == pytest.approx(1e-6) and bool(moved) == expected
 
@@ -430,15 +431,15 @@ def test_a_frame_of_the_middle_says_where_all_begin(liquid, stressless, monkeypa
 
     def start(several, kind=list):
         monkeypatch.setattr(run, "SEVERAL", several)
-        request = Request(frames, pot, KERN, GRID, ["stress_potential"], 1e-4, threads=1)
+        request = prepare(Request(frames, pot, KERN, GRID, ["stress_potential"], 1e-4, threads=1))
         request.frames = kind(frames)
-        first = run._settle(request, None, 0)
+        first = run.fix_methods(request, None, 0)
         assert first.errors["stress_potential"]["error_max"] <= 1e-4
         return request
 
     with_it, without = start(8), start(9)
     assert without.methods["bond"].exact or with_it.methods["bond"].tolerance > 4 * without.methods["bond"].tolerance
     for k in range(1, 8):
-        result = frame_fields(frames[k], with_it.settings(), k)
+        result = fields_of([frames[k]], with_it.settings(), k)
         assert not result.refined and result.errors["stress_potential"]["error_max"] <= SAFE * 1e-4
     assert start(8, Broken).methods == without.methods

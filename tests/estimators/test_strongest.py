@@ -7,16 +7,17 @@ import numpy as np
 import pytest
 
 import atc
-from atc import choose
-from atc.calibrate import argon, silicon
-from atc.costs import Costs
 from atc.deposit import make
 from atc.errors import AtcWarning
-from atc.estimators import compute, hot
+from atc.estimators import driver
+from atc.estimators.accuracy import strongest_bonds as hot
 from atc.estimators.methods import Method
 from atc.frame import Cell
-from atc.pilot import Pilot
-from atc.plan import Request
+from atc.plan import Request, prepare
+from atc.planning import method_choice
+from atc.planning.calibrate import argon, silicon
+from atc.planning.costs import Costs
+from atc.planning.error_forecast import ErrorForecast
 
 GRID = atc.Grid.regular(shape=14)
 
@@ -28,15 +29,14 @@ def spectral_wins():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Costs, "load", classmethod(lambda cls: slow))
         patch.setattr(Costs, "visit_of", lambda self, compiled: 1e-6)
-        patch.setattr(choose, "CHEAP", 0.0)
+        patch.setattr(method_choice, "CHEAP", 0.0)
         yield
 
 
-def job_of(frame, pot, kern, method, what="stress_potential", threads=1, grid=GRID):
-    request = Request(frame, pot, kern, grid, [what], max(method.tolerance, 1e-9), threads=threads)
-    job = compute._FrameJob(frame, request.settings(), request.work, 0)
-    job.compute({"bond": method}, {"bond"})
-    return job
+def sums_of(frame, pot, kern, method, what="stress_potential", threads=1, grid=GRID):
+    request = prepare(Request(frame, pot, kern, grid, [what], max(method.tolerance, 1e-9), threads=threads))
+    run = driver.Run.of([frame], request.settings(), request.work)
+    return run, driver.sum_up(run, {"bond": method})
 
 
 def around(n, a, shake, more=(), cell=None):
@@ -64,27 +64,31 @@ def test_few_atoms_around_the_points_give_the_sums_of_all(what, monkeypatch):
         frame = frame.replace(
             positions=frame.positions @ tilt + [1e4, 0, -3], cell=Cell(frame.cell.vectors @ tilt, [1e4, 0, -3])
         )
-    job = job_of(
+    run, sums = sums_of(
         frame,
         pot,
         atc.kernel("quartic", 5.0),
         Method("spectral", 1e-2),
         "heat_flux" if what == "heat" else "stress_potential",
     )
-    points = job.hot
+    points, _ = sums.around
     assert (
-        len(points) > 10 and points._cluster(pot, 5.0) is not None and len(points._cluster(pot, 5.0)) < 0.5 * len(frame)
+        len(points) > 10
+        and points._cluster(frame, pot, 5.0) is not None
+        and len(points._cluster(frame, pot, 5.0)) < 0.5 * len(frame)
     )
-    few = points.bond_sums(job.work.bond, job.drift)
-    monkeypatch.setattr(hot.HotPoints, "_cluster", lambda *_: None)
-    np.testing.assert_allclose(few, points.bond_sums(job.work.bond, job.drift), rtol=0, atol=1e-12 * np.abs(few).max())
+    few = points.bond_sums(frame, run.work.bond, run.drifts[0])
+    monkeypatch.setattr(hot.PointsAround, "_cluster", lambda *_: None)
+    np.testing.assert_allclose(
+        few, points.bond_sums(frame, run.work.bond, run.drifts[0]), rtol=0, atol=1e-12 * np.abs(few).max()
+    )
 
 
 def test_the_strongest_bonds_do_not_depend_on_threads():
     frame, pot = argon(8)
     found = []
     for threads in (1, 2, 3):
-        strongest = hot.Strongest(frame.positions, threads)
+        strongest = hot.StrongestBonds(frame.positions, threads)
         pot.stream(frame, strongest.add, threads=threads)
         found.append(strongest)
     bonds = pot.decompose(frame).bonds
@@ -103,9 +107,9 @@ def test_the_strongest_bonds_do_not_depend_on_threads():
 def test_a_crystal_has_strongest_bonds_too():
     """All its bonds are equal."""
     frame, pot = around(5, 5.3, 0.0)
-    strongest = hot.Strongest(frame.positions, 2)
+    strongest = hot.StrongestBonds(frame.positions, 2)
     pot.stream(frame, strongest.add, threads=2)
-    again = hot.Strongest(frame.positions, 1)
+    again = hot.StrongestBonds(frame.positions, 1)
     pot.stream(frame, again.add, threads=1)
     assert len(strongest.ranked()) == strongest.most and not len(strongest.sort_out())
     np.testing.assert_array_equal(strongest.ranked().r_bc, again.ranked().r_bc)
@@ -165,7 +169,7 @@ def test_one_strong_bond_does_not_spoil_the_sum():
     for d in (exact, plain):
         d.add_bond_stress(frame.positions, bonds.i, bonds.r_bc, bonds.G_b)
     want = exact.bond_sums()
-    mended = job_of(frame, pot, kern, Method("spectral", 1e-2)).sums[0].bond["stress"]
+    mended = sums_of(frame, pot, kern, Method("spectral", 1e-2))[1].grid.bond["stress"]
     before, after = (np.abs(s - want).max() / np.abs(want).max() for s in (plain.bond_sums(), mended))
     assert after < 0.1 * before
 
@@ -175,12 +179,12 @@ def test_a_pilot_expects_what_comes():
     for frame, pot in (argon(9), silicon(5)):
         for kern in (atc.kernel("gaussian", 8.0), atc.kernel("lucy", 8.0)):
             bound = GRID.bind(frame.units, frame.cell)
-            pilot = Pilot(pot, frame, bound, kern, 1e-3)
-            exact = job_of(frame, pot, kern, Method()).sums[0].bond["stress"]
+            pilot = ErrorForecast(pot, frame, bound, kern, 1e-3)
+            exact = sums_of(frame, pot, kern, Method())[1].grid.bond["stress"]
             for t in (1e-2, 1e-3):
-                expected = pilot.error(choose.spectral_deposit(bound, kern, frame.cell, 1, t))
+                expected = pilot.error(method_choice.spectral_deposit(bound, kern, frame.cell, 1, t))
                 true = (
-                    np.abs(job_of(frame, pot, kern, Method("spectral", t)).sums[0].bond["stress"] - exact).max()
+                    np.abs(sums_of(frame, pot, kern, Method("spectral", t))[1].grid.bond["stress"] - exact).max()
                     / np.abs(exact).max()
                 )
                 assert 0.4 * true < expected < 8 * true
@@ -189,29 +193,29 @@ def test_a_pilot_expects_what_comes():
 def test_a_coherent_stress_begins_looser_and_one_that_cancels_does_not():
     kern, what = atc.kernel("gaussian", 8.0), ["stress_potential"]
     frame, pot = argon(9)
-    coherent = Request(frame, pot, kern, GRID, what, 1e-4, threads=1).methods["bond"]
+    coherent = prepare(Request(frame, pot, kern, GRID, what, 1e-4, threads=1)).methods["bond"]
     assert (
         coherent.name == "spectral"
         and coherent.tolerance >= 4e-4
         and 1e-4 in [pytest.approx(r) for r in coherent.rungs]
     )
     frame, pot = silicon(5)
-    assert Request(frame, pot, kern, GRID, what, 1e-4, threads=1).methods["bond"].tolerance == 1e-4
+    assert prepare(Request(frame, pot, kern, GRID, what, 1e-4, threads=1)).methods["bond"].tolerance == 1e-4
     # Not beyond what single precision holds.
     frame, pot = argon(9)
-    assert Request(frame, pot, kern, GRID, what, 1e-7, threads=1).methods["bond"].tolerance < 1e-5
+    assert prepare(Request(frame, pot, kern, GRID, what, 1e-7, threads=1)).methods["bond"].tolerance < 1e-5
 
 
 def test_a_start_too_loose_is_mended(monkeypatch):
     """Whatever the pilot thought: the check sees it, the next try is the one that the error found asks for."""
-    monkeypatch.setattr(Pilot, "error", lambda self, deposit: 0.0)
+    monkeypatch.setattr(ErrorForecast, "error", lambda self, deposit: 0.0)
     frame, pot = silicon(5)
     kern = atc.kernel("lucy", 8.0)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", AtcWarning)
         exact = atc.fields(frame, pot, kern, GRID, ["stress_potential"], 1e-12, threads=1)
         ds = atc.fields(frame, pot, kern, GRID, ["stress_potential"], 1e-3, threads=1)
-    request = Request(frame, pot, kern, GRID, ["stress_potential"], 1e-3, threads=1)
+    request = prepare(Request(frame, pot, kern, GRID, ["stress_potential"], 1e-3, threads=1))
     assert request.methods["bond"].tolerance > 1e-2
     assert true_error(ds, exact, "stress_potential") <= 1e-3
-    assert len(compute.frame_fields(frame, request.settings(), 0).refined) <= 2
+    assert len(driver.fields_of([frame], request.settings()).refined) <= 2

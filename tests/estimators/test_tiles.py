@@ -10,10 +10,10 @@ from test_special_bonds import DSF, LJ, SPECIAL, molecules
 import atc
 from atc.contracts import Interactions
 from atc.errors import AtcError
-from atc.estimators.compute import frame_fields
-from atc.estimators.cutting import Cut
+from atc.estimators.driver import fields_of
+from atc.estimators.tile_cuts import Cut
 from atc.frame import Cell, Frame, Topology
-from atc.plan import Request
+from atc.plan import Request, prepare
 
 KERN = atc.kernel("quartic", radius=3.0)
 GRID = atc.Grid.regular(shape=(4, 5, 3))
@@ -176,16 +176,18 @@ def test_tiles_and_tasks_can_be_sent(name):
     """What workers get is all they need."""
     reference, pot = system(name)
     frame = reference.replace(positions=reference.positions + 0.01)
-    request = Request(
-        frame,
-        pot,
-        KERN,
-        GRID,
-        ["stress", "piola_stress", "heat_current"],
-        1e-12,
-        reference=reference,
-        tiles=(2, 2, 1),
-        threads=1,
+    request = prepare(
+        Request(
+            frame,
+            pot,
+            KERN,
+            GRID,
+            ["stress", "piola_stress", "heat_current"],
+            1e-12,
+            reference=reference,
+            tiles=(2, 2, 1),
+            threads=1,
+        )
     )
 
     def elsewhere(f, tiles, task):
@@ -193,7 +195,7 @@ def test_tiles_and_tasks_can_be_sent(name):
         for tile in tiles:
             yield pickle.loads(pickle.dumps(f(pickle.loads(pickle.dumps(tile)), pickle.loads(sent))))
 
-    here, there = (frame_fields(frame, request.settings(), 0, run_tiles=run) for run in (None, elsewhere))
+    here, there = (fields_of([frame], request.settings(), run_tiles=run) for run in (None, elsewhere))
     for q, x in here.arrays.items():
         np.testing.assert_array_equal(x, there.arrays[q])
 

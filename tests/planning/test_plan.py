@@ -6,9 +6,9 @@ from frames import argon
 from naive_fields import BruteLJ
 
 import atc
-from atc.costs import neighborhood
 from atc.errors import AtcError
-from atc.plan import Request, plan
+from atc.plan import Request, plan, prepare
+from atc.planning.costs import neighborhood
 
 KERN = atc.kernel("quartic", radius=5.5)
 GRID = atc.Grid.regular(shape=(5, 6, 4))
@@ -90,7 +90,7 @@ def test_vacuum_does_not_mislead_the_bond_count():
 
 
 def test_the_arguments_are_those_of_fields_or_a_request():
-    request = Request(argon(), BruteLJ(), KERN, GRID, ["stress"])
+    request = prepare(Request(argon(), BruteLJ(), KERN, GRID, ["stress"]))
     assert str(plan(request)) == str(plan(argon(), BruteLJ(), KERN, GRID, ["stress"]))
     with pytest.raises(AtcError, match="potential"):
         plan(argon(), None, KERN, GRID, ["stress"])

@@ -233,7 +233,7 @@ def test_a_changed_key_is_noticed(folder, key):
 def test_a_changed_key_of_molecules_is_noticed(key):
     import atc
     from atc.decomposers.constraint_scene import constrained
-    from atc.identity import contents
+    from atc.planning.identity import contents
     from atc.units import units
 
     pot = atc.potential(LJ, units="metal")

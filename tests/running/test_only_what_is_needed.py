@@ -6,15 +6,15 @@ from test_run import Stop, same, stop_after
 
 import atc
 import atc.analysis.green_kubo
-import atc.decomposers.stillinger_weber as sw_module
+import atc.decomposers.neighbor_work as triplet_module
 import atc.deposit
-from atc.calibrate import argon, silicon
 from atc.decomposers.neighborhood import Neighborhood
 from atc.estimators.sources import AtomFactors
 from atc.frame import Cell
 from atc.neighbors import cell_list as neighbors
 from atc.neighbors.verlet import Anchor, KeptList, anchor_of, cell_list
-from atc.plan import plan
+from atc.plan import plan, prepare
+from atc.planning.calibrate import argon, silicon
 
 KERN = atc.kernel("quartic", radius=6.0)
 GRID = atc.Grid.regular(shape=5)
@@ -34,7 +34,7 @@ class Counter:
 
 
 def test_no_triplet_is_looked_at_for_a_pair_potential(monkeypatch):
-    triplets = Counter(monkeypatch, sw_module, "sw_triplets")
+    triplets = Counter(monkeypatch, triplet_module, "sw_triplets")
     joined = Counter(monkeypatch, Neighborhood, "join")
     frame, pot = argon(3)
     atc.fields(frame, pot, KERN, GRID, ["stress", "heat_flux"])
@@ -212,7 +212,7 @@ def test_liquids_and_changing_cells_keep_no_list():
     flowing = [f.replace(positions=f.positions + rng.normal(0, 0.4, f.positions.shape)) for f in frames]
     squeezed = [f.replace(cell=f.cell.scaled(1 + 1e-4 * k)) for k, f in enumerate(frames)]
     for some, kept in ((frames, True), (flowing, False), (squeezed, False), (frames[:2], False)):
-        assert (anchor_of(Request(some, pot, KERN, GRID, ["stress"])) is not None) == kept
+        assert (anchor_of(prepare(Request(some, pot, KERN, GRID, ["stress"]))) is not None) == kept
 
 
 @pytest.mark.parametrize("walk, lists", [(0.0, (2, 2)), (0.04, (3, 10)), (0.5, (40, 40))])

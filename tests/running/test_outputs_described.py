@@ -7,10 +7,10 @@ import pytest
 from typer.testing import CliRunner
 
 import atc
-from atc.calibrate import argon
 from atc.cli import app
 from atc.errors import AtcError
 from atc.pictures.plotting import pick
+from atc.planning.calibrate import argon
 
 
 def run(*args):

@@ -23,10 +23,10 @@ import atc.estimators
 import atc.kernels
 import atc.running.parallel
 from atc import simd
-from atc.calibrate import argon, silicon
 from atc.estimators import groups
-from atc.estimators.cutting import Cut, owned
+from atc.estimators.tile_cuts import Cut, owned
 from atc.frame import Cell
+from atc.planning.calibrate import argon, silicon
 
 KERN = atc.kernel("quartic", radius=6.0)
 GRID = atc.Grid.regular(shape=(7, 6, 8))

@@ -16,6 +16,7 @@ from naive_fields import BruteLJ
 
 import atc
 from atc.errors import AtcError, AtcWarning
+from atc.plan import Request, prepare
 from atc.running import run
 from atc.running.output import open_dataset
 
@@ -310,10 +311,10 @@ def test_processes_give_the_same(tmp_path):
 
 
 def test_few_frames_use_threads_instead_of_processes():
-    request = atc.plan.Request(trajectory(2), BruteLJ(), KERN, GRID, WHAT, workers=3)
-    assert (request.workers, request.threads) == (1, 3)
-    request = atc.plan.Request(trajectory(3), BruteLJ(), KERN, GRID, WHAT, workers=3, threads=1)
-    assert (request.workers, request.threads) == (3, 1)
+    job = prepare(Request(trajectory(2), BruteLJ(), KERN, GRID, WHAT, workers=3))
+    assert (job.request.workers, job.request.threads) == (1, 3)
+    job = prepare(Request(trajectory(3), BruteLJ(), KERN, GRID, WHAT, workers=3, threads=1))
+    assert (job.request.workers, job.request.threads) == (3, 1)
 
 
 def test_progress():
@@ -429,10 +430,10 @@ def test_frames_that_are_done_are_read_to_be_compared_and_not_computed(tmp_path,
     from atc.running import parallel
 
     computed = []
-    inner = parallel.group_fields
+    inner = parallel.fields_of
     monkeypatch.setattr(
         parallel,
-        "group_fields",
+        "fields_of",
         lambda frames, settings, k, **more: computed.append(k) or inner(frames, settings, k, **more),
     )
     traj = Lazy()

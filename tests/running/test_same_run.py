@@ -151,7 +151,7 @@ def test_a_finished_short_window_is_computed_again_when_there_is_more(tmp_path, 
 
 
 def test_outputs_of_another_version_with_other_numbers(case, monkeypatch):
-    from atc import identity
+    from atc.planning import identity
 
     begun(case)
     monkeypatch.setattr(identity, "RESULTS", identity.RESULTS + 1)

@@ -12,17 +12,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from .compiled import njit
-from .deposit import make
-from .estimators.accuracy import BEYOND
-from .estimators.hot import WATCHED, Strongest, error_map
-from .estimators.tensors import outer6
+from ..compiled import njit
+from ..deposit import make
+from ..estimators.accuracy.random_points import BEYOND
+from ..estimators.accuracy.strongest_bonds import WATCHED, StrongestBonds, error_map
+from ..estimators.tensors import outer6
 
 #: Largest over rms error of many points, and the rms error over the tolerance asked for: measured on shaken silicon.
 PEAK, PART = 4.5, 0.3
 
 
-class Pilot:
+class ErrorForecast:
     """What one pass over the bonds of a frame says of the stress's error.
 
     Parameters
@@ -34,7 +34,7 @@ class Pilot:
     def __init__(self, pot, frame, bound, kern, tolerance, threads=1):
         kern = kern.cut(BEYOND * tolerance)
         self.bound, self.kern, self.cell = bound, kern, frame.cell
-        strongest = Strongest(frame.positions, threads)
+        strongest = StrongestBonds(frame.positions, threads)
         totals = [np.zeros((2, 6)) for _ in range(threads)]
 
         def consume(bonds, thread):
@@ -42,7 +42,7 @@ class Pilot:
             strongest.add(bonds, thread)
 
         pot.stream(frame, consume, threads=threads)
-        total, square = sum(totals)
+        total, square = np.sum(totals, axis=0)
         strong = strongest.sort_out()
         self.few = strongest.watched(frame.cell)
         self.typical = np.array([strongest.mean / 3.0])

@@ -229,7 +229,7 @@ def _bodies(term) -> int:
 
 def _tuples(term, frame) -> tuple[int, int]:
     """How many listed tuples of how many atoms."""
-    kind = getattr(term, "kind", None)
+    kind = getattr(term, "kind", "")
     k = int(getattr(term, "bodies", 0) or {"bond": 2, "angle": 3}.get(kind, 4))
     found = getattr(frame.topology, f"{kind}s", None) if frame.topology is not None and kind else None
     if found is None and hasattr(term, "terms_of"):
@@ -302,7 +302,7 @@ def spectral(
     spread = items * points_each(deposit, length) * (point * groups + register * window_registers(deposit, components))
     transformed = float(components)
     if deposit.order is not None:
-        from .deposit.moments import count
+        from ..deposit.moments import count
 
         many = count(deposit.order, deposit.kernel.dimension)
         spread += items * (costs.moment_bond + costs.moment * many)

@@ -1,4 +1,4 @@
-"""Points at which sums are wanted, and the ways to get them there."""
+"""The sums at one set of points, each by its own method."""
 
 from __future__ import annotations
 
@@ -9,15 +9,17 @@ import numpy as np
 from .methods import EXACT
 
 
-class Target:
-    """Points at which sums are wanted, with a method for each deposit; `origin` is subtracted from all positions
-    first."""
+class Deposits:
+    """Points at which sums are wanted, with a method for each deposit; `origin` is subtracted from all positions first.
 
-    def __init__(self, methods, bound, kern, cell, threads, origin=None):
+    summed : the kernel that deposits use, if it is not `kern`; gradients always use that
+    """
+
+    def __init__(self, methods, bound, kern, cell, threads, origin=None, summed=None):
         # The bins of a padded slab profile divide a higher cell, open there.
         cell = bound.cell if bound.kind == "slab" else cell
         self.methods, self.bound, self.kern, self.cell, self.threads = methods, bound, kern, cell, threads
-        self.summed_kern = kern  # what deposits use; gradients always use `kern`
+        self.summed_kern = kern if summed is None else summed
         self.origin = None if origin is None or not np.any(origin) else origin
         self._moved: tuple = (None, None)
 
@@ -57,10 +59,11 @@ class Target:
     def sites(self, x_nc, a_nk) -> np.ndarray:
         """(g, k) Σ a φ over all atoms."""
         deposit = self.make("site", a_nk.shape[1], 0)
-        self._add(deposit, self.place(x_nc), a_nk)
+        self.add_sites(deposit, self.place(x_nc), a_nk)
         return deposit.site_sums()
 
-    def _add(self, deposit, x_nc, a_nk):
+    def add_sites(self, deposit, x_nc, a_nk) -> None:
+        """Atoms to a deposit, shared among the threads; positions are placed."""
         if self.threads == 1 or len(x_nc) < 2 * self.threads:
             deposit.add_sites(x_nc, a_nk, thread=0)
         else:
@@ -88,7 +91,7 @@ class Target:
         if w_n is None and not self.methods.get(key, EXACT).exact:
             a_nk = np.ascontiguousarray(a_nk, dtype=np.float64)
             deposit = self.make(key, a_nk.shape[1], 0, gradients=gradient)
-            self._add(deposit, self.place(x_nc), a_nk)
+            self.add_sites(deposit, self.place(x_nc), a_nk)
             return deposit.site_sums_and_gradients() if gradient else (deposit.site_sums(), None)
 
         return gather(self.bound, self.kern, self.cell, self.place(x_nc), a_nk, w_n, gradient, self.threads)

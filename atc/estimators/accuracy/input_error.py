@@ -7,16 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from .estimators.compute import Settings, frame_fields
-from .grids import Grid
-from .readers.plausible import stress_error
-from .readers.trajectory import resolution_of
+from ...grids import Grid
+from ...readers.plausible import stress_error
+from ...readers.trajectory import resolution_of
+from ..driver import fields_of
+from ..settings import Settings
 
 #: Points at which the fields are computed with moved atoms.
 POINTS = 100
 
 
-def input_errors(request) -> tuple[float, dict[str, float]]:
+def input_errors(job, anchor=None) -> tuple[float, dict[str, float]]:
     """The resolution of the coordinates (internal) and, by field, how far the field moves when atoms move by what
     rounding hides.
 
@@ -25,22 +26,22 @@ def input_errors(request) -> tuple[float, dict[str, float]]:
     as all errors. Nothing is computed, and nothing returned, where coordinates are so fine that it cannot matter at
     this tolerance.
     """
-    work = request.work
+    work = job.work
     names = tuple(q.name for q in work.quantities if q.kind == "grid" and not q.on_reference and not q.parts)
     names += tuple(q.name for q in work.quantities if q.kind == "grid" and not q.on_reference and q.parts)
-    if not names or not len(request.first):
+    if not names or not len(job.first):
         return 0.0, {}
-    step = resolution_of(request.frames, request.first)
-    units = request.first.units
-    if stress_error(units.to_user("length", step), units) < 0.1 * max(request.tolerance, 1e-6):
+    step = resolution_of(job.frames, job.first)
+    units = job.first.units
+    if stress_error(units.to_user("length", step), units) < 0.1 * max(job.request.tolerance, 1e-6):
         return step, {}
-    frame, grid = request.first, request.grid
-    if request.bound.kind != "slab":
-        points = request.bound.points_gc
+    frame, grid = job.first, job.request.grid
+    if job.bound.kind != "slab":
+        points = job.bound.points_gc
         rng = np.random.default_rng([20240229, 0])
         some = np.sort(rng.choice(len(points), min(POINTS, len(points)), replace=False))
         grid = Grid.points(frame.units.to_user("length", points[some]))
-    settings = replace(request.settings(), names=names, grid=grid, methods={}, check_points=1, tiles=None)
+    settings = replace(job.settings(anchor), names=names, grid=grid, methods={}, check_points=1, tiles=None)
     moved = frame.positions + np.random.default_rng(7).uniform(-0.5, 0.5, frame.positions.shape) * step
     a, b = (_fields(f, settings) for f in (frame, frame.replace(positions=moved)))
     out = {}
@@ -52,4 +53,4 @@ def input_errors(request) -> tuple[float, dict[str, float]]:
 
 
 def _fields(frame, settings: Settings):
-    return frame_fields(frame, settings, 0).arrays
+    return fields_of([frame], settings).arrays

@@ -5,13 +5,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..estimators.accuracy.random_points import checking_kernel
+from ..estimators.accuracy.strongest_bonds import POINTS
+from ..estimators.groups import POINTS as GROUP_POINTS
+from ..estimators.groups import elements, formed_once
+from ..estimators.methods import EXACT
 from . import costs as model
-from .choose import sizes, spectral_deposit
-from .estimators.accuracy import checking_kernel
-from .estimators.groups import POINTS as GROUP_POINTS
-from .estimators.groups import elements, late
-from .estimators.hot import POINTS
-from .estimators.methods import EXACT
+from .method_choice import sizes, spectral_deposit
 
 #: Bytes of a process that has done nothing yet: the interpreter, numpy, numba, scipy.
 PROCESS = 3.0e8
@@ -36,11 +36,11 @@ class Prediction:
     visits: float
 
 
-def predict(request) -> Prediction:
+def predict(job) -> Prediction:
     """What one frame will take."""
-    work, frame, costs, load, threads = request.work, request.first, request.costs, request.load, request.threads
-    n, m = len(frame), request.group()
-    together = request.added_up if m > 1 else frozenset()
+    work, frame, costs, load, threads = job.work, job.first, job.costs, job.load, job.request.threads
+    n, m = len(frame), job.group()
+    together = job.added_up if m > 1 else frozenset()
     parts = {"reading": costs.read_atom * n}
     memory = PROCESS + 8.0 * n * 24
     # One deposit is gone before the next begins.
@@ -49,20 +49,20 @@ def predict(request) -> Prediction:
         parts["neighbours and forces"] = load.seconds(costs, n)
         memory += 12.0 * n + 4e6 * threads + _list_memory(load)
     if work.grid_users:
-        points = len(request.bound)
+        points = len(job.bound)
         memory += 8.0 * points * 4 * sum(3**q.rank for q in work.quantities if q.kind == "grid")
     if work.horizon_users:
-        from .estimators.peridynamic import ball_volume, horizon_of
+        from ..estimators.peridynamic import ball_volume, horizon_of
 
-        ball = ball_volume(horizon_of(request.settings(), frame.units, work.horizon_users), request.pot, frame.cell)
+        ball = ball_volume(horizon_of(job.settings(), frame.units, work.horizon_users), job.request.pot, frame.cell)
         # Half of the ball is within the horizon of both ends of a bond of mean length.
-        near = load.bonds * points * 0.5 * ball / request.bound.cell.volume
+        near = load.bonds * points * 0.5 * ball / job.bound.cell.volume
         parts["weighted virials"] = SECONDS_PER_WEIGHT * near * (bool(work.point) + bool(work.reference_point))
     if work.kernel_users:
-        kern, bound = request.kernel_internal, request.bound
-        checked = checking_kernel(kern, request.methods, request.tolerance)
+        kern, bound = job.kernel_internal, job.bound
+        checked = checking_kernel(kern, job.methods, job.request.tolerance)
         for key, (items, length, components) in sizes(work, n, load).items():
-            method, slopes = request.methods.get(key, EXACT), False
+            method, slopes = job.methods.get(key, EXACT), False
             what = "deposit of atoms" if key == "site" else "deposit of bonds"
             if key in ("gather", "reference_gather"):
                 what, slopes = "gradients", work.slopes(key)
@@ -81,8 +81,9 @@ def predict(request) -> Prediction:
                 seconds = model.spectral(costs, deposit, items, length, components, n, m if key in together else 1)
                 passing.append(model.spectral_memory(deposit, components, threads, n))
             parts[what] = parts.get(what, 0.0) + seconds
-            # Points around the strongest bonds, where sums over bonds are approximate; see `estimators.hot`.
-            watched = POINTS if key == "bond" and not method.exact and request.tiles is None else 0
+            # Points around the strongest bonds, where sums over bonds are approximate; see
+            # `estimators.accuracy.strongest_bonds`.
+            watched = POINTS if key == "bond" and not method.exact and job.request.tiles is None else 0
             looked_at = GROUP_POINTS if m > 1 else 100 + watched
             parts["error check"] = parts.get("error check", 0.0) + model.check(
                 costs, bound, checked, items, length, min(points, looked_at)
@@ -91,15 +92,15 @@ def predict(request) -> Prediction:
         sums = {"site": work.n_site, "bond": work.n_bond, "": work.n_reference_bond}
         values = components + sum(sums.values())
         if m > 1:
-            formed = sum(3**q.rank for q in elements(work) if q not in late(work)) + sum(
+            formed = sum(3**q.rank for q in elements(work) if q not in formed_once(work)) + sum(
                 k for key, k in sums.items() if key not in together
             )
             parts["fields of each frame"] = SECONDS_PER_FORMED * points * formed
             memory += 8.0 * n * m * 12 + 8.0 * points * 2 * formed
             values = (components + sum(k for key, k in sums.items() if key in together)) / m
         # Averages are written once a window.
-        parts["fields"] = costs.value * points * values * (1.0 if request.average is False else 0.5)
-        if request.average is not False:
+        parts["fields"] = costs.value * points * values * (1.0 if job.request.average is False else 0.5)
+        if job.request.average is not False:
             parts["time average"] = SECONDS_PER_AVERAGED * points * components / m
         memory += 8.0 * points * (work.n_site + work.n_bond + work.n_reference_bond)
     memory += max(passing)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiled import njit
+from ...compiled import njit
 
 # Bins of a slab profile that are computed twice.
 SLAB_BINS = 5
@@ -47,6 +47,7 @@ class Check:
         Number of the frame: the same points whoever computes it, and whenever.
     count : int
     which : indices of points to take instead of random ones
+    summed : kernel of the sums, if not `kern` (see `checking_kernel`)
 
     Notes
     -----
@@ -55,10 +56,10 @@ class Check:
     every bin).
     """
 
-    def __init__(self, bound, kern, cell, threads, index, count, which=None):
-        from ..frame import Cell
-        from ..grids import BoundGrid
-        from .target import Target
+    def __init__(self, bound, kern, cell, threads, index, count, which=None, summed=None):
+        from ...frame import Cell
+        from ...grids import BoundGrid
+        from ..deposits import Deposits
 
         slab = bound.kind == "slab"
         total = int(np.prod(bound.shape))
@@ -69,13 +70,13 @@ class Check:
             else which
         )
         if slab:
-            self.target = SlabTarget(bound, self.which, kern)
+            self.deposits = SlabBins(bound, self.which, kern)
         else:
             home = Cell(cell.vectors, (0.0, 0.0, 0.0), cell.periodic)
             points = BoundGrid(
                 "points", home, ("point",), xyz=np.ascontiguousarray(bound.relative_points_of(self.which))
             )
-            self.target = Target({}, points, kern, home, threads, origin=cell.origin)
+            self.deposits = Deposits({}, points, kern, home, threads, origin=cell.origin, summed=summed)
 
     def errors(self, field_g, at_points, scale: float = 0.0, extent=None) -> dict[str, float]:
         """Largest and rms difference between the field and its second computation.
@@ -100,15 +101,15 @@ class Check:
         extent = _without_error(extent or extent_of(field_g), worst, float(np.abs(at_points).max(initial=0.0)))
         if extent.largest <= ZERO * scale:
             found = {
-                "error_max": _ratio(worst, scale),
-                "error_l2": _ratio(rms, scale),
-                "error_of_fluctuation": _ratio(worst, scale),
+                "error_max": ratio(worst, scale),
+                "error_l2": ratio(rms, scale),
+                "error_of_fluctuation": ratio(worst, scale),
             }
             return found | ({"error_of_terms": 1.0} if scale > 0 else {})
         return {
-            "error_max": _ratio(worst, extent.largest),
-            "error_l2": _ratio(rms, extent.rms),
-            "error_of_fluctuation": _ratio(worst, extent.spread),
+            "error_max": ratio(worst, extent.largest),
+            "error_l2": ratio(rms, extent.rms),
+            "error_of_fluctuation": ratio(worst, extent.spread),
         }
 
     def expected(self, field_g, at_points, scale: float = 0.0, extent=None) -> float:
@@ -189,7 +190,7 @@ def without_nan(values):
     return values if np.isfinite(values.sum()) else np.nan_to_num(values)
 
 
-class SlabTarget:
+class SlabBins:
     """A few bins of a slab profile, from the kernel's own marginal: Σ a φ₁(z_j − z)/A and Σ b β₁(z)/A over images along
     the axis."""
 
@@ -213,7 +214,7 @@ class SlabTarget:
 
     def gather(self, x_nc, a_nk, w_n, gradient, key="gather"):
         """Σ a φ₁/A and its derivative along the normal."""
-        from ..deposit.gradient import marginal_slope
+        from ...deposit.gradient import marginal_slope
 
         slopes = None
         if gradient:
@@ -248,20 +249,20 @@ class SlabTarget:
 
 
 class _SlabDeposit:
-    def __init__(self, target, n_bond):
+    def __init__(self, bins, n_bond):
         from threading import Lock
 
-        self.target, self.lock = target, Lock()
+        self.bins, self.lock = bins, Lock()
         self.parts: dict[int, np.ndarray] = {}
-        self.empty = np.zeros((len(target.z_g), n_bond))
+        self.empty = np.zeros((len(bins.z_g), n_bond))
 
     def add_bonds(self, x_bc, r_bc, b_bk, thread=0):
-        part = self.target._sum(x_bc, r_bc, b_bk)
+        part = self.bins._sum(x_bc, r_bc, b_bk)
         with self.lock:
             self.parts[thread] = self.parts.get(thread, self.empty) + part
 
     def add_bond_stress(self, x_nc, i_b, r_bc, G_b, thread=0, j_b=None):
-        from .tensors import outer6
+        from ..tensors import outer6
 
         self.add_bonds(x_nc[i_b], r_bc, outer6(r_bc) * G_b[:, None], thread)
 
@@ -276,5 +277,6 @@ class _SlabDeposit:
         return sum((self.parts[t] for t in sorted(self.parts)), self.empty)
 
 
-def _ratio(a: float, b: float) -> float:
+def ratio(a: float, b: float) -> float:
+    """a/b; 0 over 0 is 0."""
     return a / b if b > 0 else 0.0 if a == 0 else float("inf")

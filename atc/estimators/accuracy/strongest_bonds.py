@@ -15,15 +15,17 @@ from contextlib import nullcontext
 
 import numpy as np
 
-from ..bonds import Bonds
-from ..compiled import njit
-from ..deposit import make
-from ..errors import AtcError
-from .accuracy import Check
-from .registry import BOND
-from .sources import bond_factors
-from .target import Target
-from .tensors import outer6
+from ...bonds import Bonds
+from ...compiled import njit
+from ...deposit import make
+from ...errors import AtcError
+from ...frame import Cell
+from ...grids import BoundGrid
+from ..deposits import Deposits
+from ..registry import BOND
+from ..sources import bond_factors
+from ..tensors import outer6
+from .random_points import Check
 
 #: Of the strongest bonds as many are summed exactly, one for so many atoms.
 EXACTLY, ATOMS_EACH = 1024, 32
@@ -38,7 +40,7 @@ WATCHED, POINTS, FIRST, PLACES = 64, 32, 12, 6
 FELT, FEEL = 12, 3e-3
 
 
-class Strongest:
+class StrongestBonds:
     """The strongest bonds of a frame, by |F| |r|; `add` may be called from several threads.
 
     Attributes
@@ -48,7 +50,7 @@ class Strongest:
 
     def __init__(self, x_nc, threads):
         self.x_nc = x_nc
-        self.exactly = int(np.clip(len(x_nc) // ATOMS_EACH, 16, EXACTLY))
+        self.exactly = self.most_exactly = int(np.clip(len(x_nc) // ATOMS_EACH, 16, EXACTLY))
         self.most = self.exactly + WATCHED
         self._found: list[tuple | None] = [None] * threads  # keys, Bonds
         self._floor = [0.0] * threads
@@ -128,13 +130,41 @@ class Strongest:
         return cell.wrap(self.x_nc[few.i])[0], few.r_bc, np.ascontiguousarray(b[:, k : k + 1])
 
 
-def put_right(deposit, stage, x_nc, bonds, b_bk) -> np.ndarray:
+class StrongestOfFrames:
+    """The strongest bonds of the frames whose sums are added up: as many are summed exactly as of one frame, and the
+    rest watched.
+
+    Attributes
+    ----------
+    all : StrongestBonds, as of one frame: those that are to be summed exactly, and those to be watched
+    exactly : where the former begin (s, 3), their vectors (s, 3) and factors (s, k)
+    """
+
+    def __init__(self, frames, found: list[StrongestBonds], factors: list[np.ndarray]):
+        strong = [len(strongest.sort_out()) for strongest in found]
+        x_bc = [frame.positions[strongest.ranked().i] for frame, strongest in zip(frames, found)]
+        if len(found) == 1:
+            self.all, n = found[0], strong[0]
+            self.exactly = x_bc[0][:n], self.all.ranked().r_bc[:n], factors[0][:n]
+            return
+        x_bc, b_bk = np.concatenate(x_bc), np.concatenate(factors)
+        strong_b = np.concatenate([np.arange(len(s.ranked())) < n for s, n in zip(found, strong)])
+        bonds = Bonds.concatenate([s.ranked() for s in found])
+        order = np.argsort(-np.linalg.norm(bonds.forces(), axis=1) * np.linalg.norm(bonds.r_bc, axis=1), kind="stable")
+        exact = order[strong_b[order]][: max(s.most_exactly for s in found)]
+        k = np.r_[exact, order[~np.isin(order, exact)][:WATCHED]]
+        bonds = bonds.taken(k)
+        bonds.i = np.arange(len(k), dtype=np.int32)
+        self.all = StrongestBonds.among(x_bc[k], bonds, len(exact), sum(s.totals for s in found))
+        self.exactly = x_bc[exact], bonds.r_bc[: len(exact)], b_bk[exact]
+
+
+def summed_exactly(deposit, place, x_bc, r_bc, b_bk) -> np.ndarray:
     """Take bonds out of an approximate deposit that has them; returns their exact sums (g, k), as exact as those that
     errors are measured with."""
-    target = stage.main
-    deposit.add_strong(x_nc[bonds.i], bonds.r_bc, -b_bk)
-    exact = make("direct", target.bound, stage.reach, target.cell, 0, b_bk.shape[1])
-    exact.add_bonds(x_nc[bonds.i], bonds.r_bc, b_bk)
+    deposit.add_strong(x_bc, r_bc, -b_bk)
+    exact = make("direct", place.bound, place.check_kern, place.cell, 0, b_bk.shape[1])
+    exact.add_bonds(x_bc, r_bc, b_bk)
     return exact.bond_sums()
 
 
@@ -181,6 +211,13 @@ def error_map(approximate, exact, bonds, typical) -> np.ndarray:
     approximate.add_among(*bonds, typical)
     exact.add_bonds(*bonds)
     return np.abs(approximate.bond_sums()[:, 0] - exact.bond_sums()[:, 0])
+
+
+def error_of(place, bonds, strongest) -> np.ndarray:
+    """(g,) the error that bonds alone (see `StrongestBonds.watched`) make in the place's own sums at every grid
+    point."""
+    exact = make("direct", place.bound, place.check_kern, place.cell, 0, 1)
+    return error_map(place.grid.make("bond", 0, 1), exact, bonds, np.array([strongest.mean / 3.0]))
 
 
 def felt_points(strong_g, index) -> np.ndarray:
@@ -239,7 +276,7 @@ def cluster_around(frame, centres, radius):
     centres : (p, 3) relative to the cell's origin
     radius : (p,) or one for all
     """
-    from .cutting import cluster
+    from ..tile_cuts import cluster
 
     cell = frame.cell
     most = len(frame) // 2
@@ -319,65 +356,58 @@ def _around(x_nc, origin, inverse, p_pc, radius_p, wide_pc, vectors, periodic, m
     return n, index, image
 
 
-class HotPoints:
-    """The points around the strongest bonds of a frame, and the exact sums over bonds there.
+class PointsAround:
+    """The points around the strongest bonds of a frame, or of several with one cell, and the exact sums over bonds
+    there.
 
+    Parameters
+    ----------
+    frame : Frame, the first of them
+    place : `passes.Place`
+    strongest : StrongestBonds
     strong_g : (g,) largest component of the exact sums of those bonds that are summed exactly
+
+    Attributes
+    ----------
     check : Check with these points
     """
 
-    def __init__(self, frame, settings, stage, strongest, strong_g, index):
-        kern, bound = stage.main.kern, stage.bound
-        self.frame, self.settings, self.stage = frame, settings, stage
+    def __init__(self, frame, settings, place, strongest, strong_g, index):
+        self.settings, self.place = settings, place
         bonds = strongest.watched(frame.cell)
         candidates = felt_points(strong_g, index)
         if len(bonds[0]):
-            exact = make("direct", bound, stage.reach, frame.cell, 0, 1)
-            error_g = error_map(stage.main.make("bond", 0, 1), exact, bonds, np.array([strongest.mean / 3.0]))
-            worst = worst_points(error_g)
+            worst = worst_points(error_of(place, bonds, strongest))
             candidates = np.r_[worst[:FIRST], candidates, worst[FIRST:]]
         self.which, self.xyz, self.places = placed(
-            bound, candidates, FELT + POINTS, strongest.centres(frame.cell), 1.5 * kern.radius
+            place.bound, candidates, FELT + POINTS, strongest.centres(frame.cell), 1.5 * place.kern.radius
         )
-        self.check = Check(bound, kern, frame.cell, settings.threads, index, 0, which=self.which)
-        self.check.target.summed_kern = stage.reach
-        self.check.target.place(frame.positions)
+        self.check = Check(
+            place.bound, place.kern, frame.cell, settings.threads, index, 0, which=self.which, summed=place.check_kern
+        )
+        self.check.deposits.place(frame.positions)
 
     def __len__(self):
         return len(self.which)
 
-    def bond_sums(self, names, drift) -> np.ndarray:
-        """(h, k) the named sums over bonds, exactly."""
+    def bond_sums(self, frame, names, drift) -> np.ndarray:
+        """(h, k) the named sums over the bonds of a frame, exactly."""
         widths = [BOND[name].width for name in names]
         # Fields have no bonds: `field_pass` adds them.
-        pot, threads, reach = (
-            getattr(self.settings.pot, "local", self.settings.pot),
-            self.settings.threads,
-            self.stage.reach.support,
-        )
-        few = self._cluster(pot, reach)
-        if few is None:
-            frame, target = self.frame, self.check.target
-            points = self.stage.bound.relative_points_of(self.which)
-            anchor = self.settings.anchor
-            context = nullcontext() if anchor is None else anchor.at(frame)
-        else:
-            from ..frame import Cell
-            from ..grids import BoundGrid
-
-            frame, points, context = few, self.xyz, nullcontext()
+        pot, threads = getattr(self.settings.pot, "local", self.settings.pot), self.settings.threads
+        few = self._cluster(frame, pot, self.place.check_kern.support)
+        context, deposits, anchor = nullcontext(), self.check.deposits, self.settings.anchor
+        if few is not None:
+            frame = few
             home = Cell(frame.cell.vectors, (0.0, 0.0, 0.0), (False, False, False))
-            target = Target(
-                {},
-                BoundGrid("points", home, ("point",), xyz=np.ascontiguousarray(points)),
-                self.check.target.kern,
-                home,
-                threads,
-                origin=frame.cell.origin,
+            points = BoundGrid("points", home, ("point",), xyz=np.ascontiguousarray(self.xyz))
+            deposits = Deposits(
+                {}, points, deposits.kern, home, threads, origin=frame.cell.origin, summed=self.place.check_kern
             )
-            target.summed_kern = self.stage.reach
-        target.place(frame.positions)
-        deposit = target.open(sum(widths), length=max(pot.cutoff, 0.0))
+        elif anchor is not None:
+            context = anchor.at(frame)
+        deposits.place(frame.positions)
+        deposit = deposits.open(sum(widths), length=max(pot.cutoff, 0.0))
         peculiar_nc = frame.velocities - drift if "power" in names else None
 
         def consume(bonds, thread):
@@ -390,16 +420,12 @@ class HotPoints:
             pot.stream(frame, consume, threads=threads, energies=False, forces=False, **more)
         return deposit.bond_sums()
 
-    def _cluster(self, pot, reach):
+    def _cluster(self, frame, pot, reach):
         """The atoms that matter as an open frame; None where all of them must be asked."""
-        from .cutting import depth
+        from ..tile_cuts import depth
 
-        if (
-            self.frame.topology
-            or getattr(pot, "constraints", None) is not None
-            or not pot.terms
-            or not all(t.central or t.edges for t in pot.terms)
-        ):
+        across = not all(t.central or t.edges for t in pot.terms)
+        if frame.topology or pot.constraints is not None or not pot.terms or across:
             return None
         try:
             deep = depth(pot)
@@ -410,5 +436,5 @@ class HotPoints:
         groups = [self.xyz[own == p] for p in np.unique(own)]
         centres = np.array([0.5 * (x.min(0) + x.max(0)) for x in groups])
         radius = [np.linalg.norm(x - c, axis=1).max() + reach + deep for x, c in zip(groups, centres)]
-        found = cluster_around(self.frame, centres, radius)
+        found = cluster_around(frame, centres, radius)
         return None if found is None else found[0]

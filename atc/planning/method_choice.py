@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from ..errors import AtcError
+from ..estimators.methods import EXACT, Method
 from .costs import Costs, Load, collapsed, direct, gather, points_each, spectral, spectral_memory
-from .errors import AtcError
-from .estimators.methods import EXACT, Method
 
 #: A tolerance at or below this means the exact sum.
 EXACT_BELOW = 1e-11
 #: The spectral method's own tolerance over the one asked for, from the loosest start to what is tried last. It is
-#: relative to a field of independent sources; how much further stresses may begin is measured (`pilot`), anything else
-#: begins at 1.
+#: relative to a field of independent sources; how much further stresses may begin is measured (`error_forecast`),
+#: anything else begins at 1.
 FACTORS = (64.0, 45.0, 32.0, 22.0, 16.0, 11.0, 8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0, 0.7, 1 / 2, 1 / 8, 1 / 64, 1 / 512)
-#: The error that the pilot may expect on the first frame, over the tolerance, and the one that is expected on later
+#: The error that the forecast may expect on the first frame, over the tolerance, and the one that is expected on later
 #: ones, by what was found on the first: less, since what the frames differ by must fit in; nothing is tightened for
 #: what is below the third.
-AIM, AIM_LATER, ENOUGH = 0.4, 0.35, 0.45
-#: Where the pilot expects more even at the tolerance: what of it the start is.
+FORECAST_AIM, LATER_AIM, TIGHTEN_ABOVE = 0.4, 0.35, 0.45
+#: Where the forecast expects more even at the tolerance: what of it the start is.
 CLOSER = 0.7
 #: Nothing is gained beyond this.
 LOOSEST = 0.1
@@ -33,7 +33,7 @@ MOST_MEMORY = 4e9
 
 def require_known(method: str) -> None:
     """Raise AtcError for a method that is not one of `deposit.METHODS` or "auto"."""
-    from .deposit import METHODS
+    from ..deposit import METHODS
 
     if method != "auto" and method not in METHODS:
         raise AtcError(f"unknown method {method!r}: expected auto or one of {', '.join(METHODS)}")
@@ -59,7 +59,7 @@ def spectral_deposit(
     bound, kern, cell, components: int, tolerance: float, threads: int = 1, gradients: bool = False, order=None
 ):
     """A spectral deposit without its meshes, or an AtcError that says why there can be none."""
-    from .deposit.collapse import spectral_deposit
+    from ..deposit.collapse import spectral_deposit
 
     return spectral_deposit(bound, kern, cell, components, components, threads, tolerance, gradients, order)
 
@@ -79,7 +79,7 @@ def cheapest(
 ):
     """(seconds, spectral deposit): with points on bonds, or with the moments of `carried` atoms (0: not possible),
     whichever costs less a frame."""
-    from .deposit import moments
+    from ..deposit import moments
 
     best = None
     for order in (None, *(moments.ORDERS if carried else ())):
@@ -103,7 +103,7 @@ def carriers(key: str, work, atoms: int) -> float:
     return float(atoms) if key == "bond" and work.bond == ["stress"] else 0.0
 
 
-def choose(
+def choose_methods(
     method: str,
     tolerance: float,
     costs: Costs,
@@ -112,7 +112,7 @@ def choose(
     kern,
     atoms: int,
     load: Load,
-    pilot=None,
+    forecast=None,
     together=None,
     n_frames=1,
 ) -> dict[str, Method]:
@@ -121,10 +121,10 @@ def choose(
     Parameters
     ----------
     method : "auto" or what the user forces
-    places : for each deposit the bound grid and the cell (the frame's or the reference's), see `Request.places`
+    places : for each deposit the bound grid and the cell (the frame's or the reference's), see `Job.places`
     kern : kernel in internal units
-    pilot : a function that makes a `pilot.Pilot` of the first frame's stress; None: the spectral method begins at the
-        tolerance
+    forecast : a function that makes an `error_forecast.ErrorForecast` of the first frame's stress; None: the spectral
+        method begins at the tolerance
     n_frames : of the run
     together : of how many frames the sums of a deposit are finished together, by deposit; 1 of those that are not there
     """
@@ -135,8 +135,8 @@ def choose(
         slopes = by_gather and work.slopes(key)
         exact = (gather if by_gather else direct)(costs, bound, kern, items, length, components)
         look = None
-        if pilot is not None and key == "bond" and work.bond == ["stress"]:
-            look = _Look(pilot, load.seconds(costs, atoms))
+        if forecast is not None and key == "bond" and work.bond == ["stress"]:
+            look = _Look(forecast, load.seconds(costs, atoms))
         out[key] = _one(
             method, tolerance, costs, bound, kern, cell, items, length, components, exact, slopes, look,
             carriers(key, work, atoms), (together or {}).get(key, 1), n_frames,
@@ -146,7 +146,7 @@ def choose(
 
 @dataclass
 class _Look:
-    """A pilot that has not been made: how, and what making it costs."""
+    """A forecast that has not been made: how, and what making it costs."""
 
     make: object
     seconds: float
@@ -264,11 +264,11 @@ def adjusted(
 ) -> Method:
     """The method of sums over bonds for further frames, by the error that `method` left on the first: looser or
     tighter, as far as errors follow the tolerance."""
-    limit = method.tolerance * AIM_LATER * tolerance / max(error, 1e-300) * (1 + 1e-9)
+    limit = method.tolerance * LATER_AIM * tolerance / max(error, 1e-300) * (1 + 1e-9)
     looser = [*_loose(tolerance), *(f * tolerance for f in FACTORS if f <= 1)]
     ladder = [*(t for t in looser if t > method.tolerance * (1 + 1e-9)), method.tolerance, *method.rungs]
     start = next((t for t in ladder if t <= limit), method.tolerance)
-    if start == method.tolerance or (start < method.tolerance and error <= ENOUGH * tolerance):
+    if start == method.tolerance or (start < method.tolerance and error <= TIGHTEN_ABOVE * tolerance):
         return method
     ways = _Spectral(costs, bound, kern, cell, load.bonds, load.length, components, carried=carried, frames=frames)
     try:
@@ -278,7 +278,7 @@ def adjusted(
 
 
 def _start(tolerance, ways, exact, look) -> float:
-    """The loosest tolerance of the spectral method that the pilot expects to be enough, if a pilot is worth its
+    """The loosest tolerance of the spectral method that the forecast expects to be enough, if a forecast is worth its
     while."""
     ladder, ways = _loose(tolerance), replace(ways, carried=0.0)
     if not ladder:
@@ -293,7 +293,7 @@ def _start(tolerance, ways, exact, look) -> float:
         tight = exact
     if tight - loosest < 2.0 * look.seconds:
         return tolerance
-    pilot, at_most = look.make(), ladder[0]
+    forecast, at_most = look.make(), ladder[0]
     for t in [*ladder, tolerance]:
         if t > at_most * (1 + 1e-9):
             continue
@@ -302,11 +302,11 @@ def _start(tolerance, ways, exact, look) -> float:
                 break
         except AtcError:
             break
-        error = pilot.error(replace(ways, components=1).deposit(t))
-        if error <= AIM * tolerance:
+        error = forecast.error(replace(ways, components=1).deposit(t))
+        if error <= FORECAST_AIM * tolerance:
             return t
         # Errors follow the tolerance.
-        at_most = max(t * AIM * tolerance / error, tolerance)
+        at_most = max(t * FORECAST_AIM * tolerance / error, tolerance)
     # Incoherent stresses have errors as large as the tolerance allows: a little closer costs less than all of it again.
     closer = CLOSER * tolerance
     if _precisions(closer) == _precisions(tolerance) and closer in _rungs(tolerance, lambda t: ways.cost(t) < exact):
@@ -321,21 +321,21 @@ def _loose(tolerance) -> list[float]:
 
 def _precisions(t) -> tuple[bool, bool]:
     """Whether meshes and transforms are in single precision."""
-    from .deposit.spectral import SINGLE, SINGLE_TRANSFORM
+    from ..deposit.spectral import SINGLE, SINGLE_TRANSFORM
 
     return t >= SINGLE, t >= SINGLE_TRANSFORM
 
 
 def _precise(tolerance) -> float:
     """Below which the spectral method's arithmetic is precise enough for a tolerance of the result."""
-    from .deposit.spectral import SINGLE, SINGLE_TRANSFORM
+    from ..deposit.spectral import SINGLE, SINGLE_TRANSFORM
 
     return SINGLE if tolerance < 1e-6 else SINGLE_TRANSFORM if tolerance < 1e-5 else 1.0
 
 
 def _rungs(tolerance, good, start=None) -> tuple[float, ...]:
     """Tolerances tighter than `start`, as far as they are possible and good."""
-    from .deposit.spectral import SINGLE
+    from ..deposit.spectral import SINGLE
 
     start = tolerance if start is None else start
     # Where rounding may be what failed, nothing is gained before arithmetic is more precise.

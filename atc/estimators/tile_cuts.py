@@ -76,7 +76,7 @@ class Cut:
     def __init__(self, frame, counts, pot, to_reference=None):
         self.frame, self.counts, self.to_reference = frame, np.array(counts), to_reference
         self.pot = copy(pot)
-        if getattr(pot, "setup", None) is not None:
+        if pot.setup is not None:
             self.frame = frame = pot.complete(frame)
         self.pot.terms = [leaf for term in pot.terms for leaf in term.leaves(frame)]
         for term in self.pot.terms:

@@ -29,30 +29,30 @@ _NOT_CONTENT = frozenset(
 )
 
 
-def identity(request) -> dict:
+def identity(job) -> dict:
     """What the numbers of a `Request` depend on beside the frames, as plain values by the names that people know."""
-    work = request.work
+    work = job.work
     return {
         "results": RESULTS,
         "quantities": [q.name for q in work.quantities],
-        **({"column units": request.column_units} if request.column_units else {}),
-        "trajectory": frame_digest(request.first),
-        "potential": f"{_described(request.pot)}; {contents(request.pot)}"
-        if work.bond_users and request.pot is not None
+        **({"column units": job.request.column_units} if job.request.column_units else {}),
+        "trajectory": frame_digest(job.first),
+        "potential": f"{_described(job.request.pot)}; {contents(job.request.pot)}"
+        if work.bond_users and job.request.pot is not None
         else None,
-        "potential on the first frame": _evaluated(request) if work.bond_users and request.pot is not None else None,
-        "kernel": _kernel(request.kern) if work.kernel_users else None,
-        "grid": contents(request.grid, everything=True) if work.grid_users else None,
-        "method": request.method,
-        "tolerance": float(request.tolerance),
-        "tiles": list(request.tiles) if request.tiles else None,
-        "average": int(request.average) if request.average is not True else True,
-        "group": request.group() if request.group() > 1 else None,
-        "horizon": None if request.horizon is None else float(request.horizon),
-        "units": request.first.units.name,
-        "dimension": request.first.dimension,
-        "reference": frame_digest(request.reference)
-        if work.reference_users and request.reference is not None
+        "potential on the first frame": _evaluated(job) if work.bond_users and job.request.pot is not None else None,
+        "kernel": _kernel(job.request.kern) if work.kernel_users else None,
+        "grid": contents(job.request.grid, everything=True) if work.grid_users else None,
+        "method": job.request.method,
+        "tolerance": float(job.request.tolerance),
+        "tiles": list(job.request.tiles) if job.request.tiles else None,
+        "average": int(job.request.average) if job.request.average is not True else True,
+        "group": job.group() if job.group() > 1 else None,
+        "horizon": None if job.request.horizon is None else float(job.request.horizon),
+        "units": job.first.units.name,
+        "dimension": job.first.dimension,
+        "reference": frame_digest(job.request.reference)
+        if work.reference_users and job.request.reference is not None
         else None,
     }
 
@@ -67,10 +67,10 @@ def _described(pot) -> str:
     return "; ".join(t.describe() for t in pot.terms) or pot.describe()
 
 
-def _evaluated(request) -> str:
+def _evaluated(job) -> str:
     """What the potential says about the first frame: the last word on those whose numbers lie where `contents` does not
     look."""
-    d = request.pot.stream(request.first, None, threads=request.threads)
+    d = job.request.pot.stream(job.first, None, threads=job.request.threads)
     # 10 digits: the order of summation, hence the number of threads, must not matter.
     return f"energy {d.energy:.9e}, virial {np.trace(d.virial_cc):.9e}"
 

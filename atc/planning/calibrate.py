@@ -30,7 +30,7 @@ def clock(f, repeat: int = 3) -> float:
 
 def argon(n: int):
     """A hot fcc crystal of n³ cells as a Frame, its bonds, and its potential."""
-    from .decomposers import potential
+    from ..decomposers import potential
 
     fcc = np.array([[0, 0, 0], [0.5, 0.5, 0], [0.5, 0, 0.5], [0, 0.5, 0.5]])
     frame = crystal(fcc, 5.376, n, 0.25, 39.948)
@@ -39,7 +39,7 @@ def argon(n: int):
 
 def silicon(n: int):
     """Hot diamond silicon of n³ cells as a Frame, and its Stillinger-Weber potential (Phys. Rev. B 31, 5262)."""
-    from .decomposers import StillingerWeber, potential
+    from ..decomposers import StillingerWeber, potential
 
     fcc = np.array([[0, 0, 0], [0.5, 0.5, 0], [0.5, 0, 0.5], [0, 0.5, 0.5]])
     frame = crystal(np.concatenate([fcc, fcc + 0.25]), 5.431, n, 0.1, 28.0855)
@@ -49,8 +49,8 @@ def silicon(n: int):
 
 def crystal(basis, a, n, shake, mass, seed=0):
     """n³ cells of lattice constant a, shaken, atoms in random order as after a long run."""
-    from .frame import Cell, Frame
-    from .units import units
+    from ..frame import Cell, Frame
+    from ..units import units
 
     rng = np.random.default_rng(seed)
     cells = np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing="ij"), -1).reshape(-1, 1, 3)
@@ -94,7 +94,7 @@ def calibrate(say=lambda text: None, cells: int = 16) -> Costs:
 
 def _forces(costs, frame, pot):
     rows, seconds = [], []
-    from .decomposers import potential
+    from ..decomposers import potential
 
     small = potential("units metal\npair_style lj/cut 4.5\npair_coeff 1 1 0.0104 3.4")
     for f, p in ((frame, pot), (frame, small), silicon(10)):
@@ -112,9 +112,9 @@ def _lattice_rows(bound, kern, items, length, components):
 
 
 def _direct(costs, frame, bonds, length, u):
-    from .deposit import make
-    from .grids import Grid
-    from .kernels import FAMILIES, NAMES, kernel
+    from ..deposit import make
+    from ..grids import Grid
+    from ..kernels import FAMILIES, NAMES, kernel
 
     def seconds(kern, bound, k, part):
         b_bk = np.ones((len(bonds), k))[part]
@@ -177,18 +177,18 @@ _SPREADS = (
 
 
 def _spectral(costs, frame, bonds, length, u):
-    from .deposit import make
-    from .grids import Grid
-    from .kernels import kernel
+    from ..deposit import make
+    from ..grids import Grid
+    from ..kernels import kernel
 
     bound = Grid.regular(shape=32).bind(u, frame.cell)
-    spread = {4: ([], []), 8: ([], [])}
-    finish = {4: [], 8: []}
+    spread: dict[int, tuple[list, list]] = {4: ([], []), 8: ([], [])}
+    finish: dict[int, list[float]] = {4: [], 8: []}
     for tolerance, name, radius, k, thin in _SPREADS:
         part = slice(None, None, thin)
         b_bk = np.ones((len(bonds), k))[part]
         x_bc, r_bc = frame.positions[bonds.i[part]], bonds.r_bc[part]
-        last = {}
+        last: dict = {}
 
         kern = kernel(name, radius)
 
@@ -209,9 +209,9 @@ def _spectral(costs, frame, bonds, length, u):
 
 
 def _moments(costs, frame, bonds, bound):
-    from .deposit import make
-    from .deposit.moments import count
-    from .kernels import kernel
+    from ..deposit import make
+    from ..deposit.moments import count
+    from ..kernels import kernel
 
     rows, times, finished, finishes = [], [], [], []
     # Of equal strength: none of them becomes points.
@@ -223,7 +223,7 @@ def _moments(costs, frame, bonds, bound):
         (14.0, 1e-4, 4),
         (30.0, 1e-5, 3),
     ):
-        last = {}
+        last: dict = {}
 
         def add(radius=radius, tolerance=tolerance, order=order, last=last):
             d = last["deposit"] = make(
@@ -249,9 +249,9 @@ def _moments(costs, frame, bonds, bound):
 
 
 def _points(costs, frame, bonds, length, u):
-    from .deposit import exact_at, make
-    from .grids import Grid
-    from .kernels import kernel
+    from ..deposit import exact_at, make
+    from ..grids import Grid
+    from ..kernels import kernel
 
     rows, times = [], []
     rng = np.random.default_rng(0)
@@ -288,10 +288,10 @@ def _rest(costs, frame, pot, n):
     import tempfile
     from pathlib import Path
 
-    from . import fields, kernel, read
-    from .deposit.gradient import gather
-    from .grids import Grid
-    from .kernels import kernel as make_kernel
+    from .. import fields, kernel, read
+    from ..deposit.gradient import gather
+    from ..grids import Grid
+    from ..kernels import kernel as make_kernel
 
     bound = Grid.regular(shape=24).bind(frame.units, frame.cell)
     R = 6.0

@@ -1,0 +1,67 @@
+"""Whether a frame has what the quantities asked need: said before anything is computed."""
+
+from __future__ import annotations
+
+from ..errors import AtcError
+from ..units import require_compatible
+from .columns import is_column
+from .columns import values as column_values
+from .field_pass import require_fields
+from .peridynamic import horizon_of, node_volumes
+from .registry import Work
+from .settings import Settings
+
+
+def require(frame, settings: Settings, work: Work) -> None:
+    """Raise AtcError for the first thing that is missing: an attribute of the atoms, a potential, a kernel, a grid, a
+    reference."""
+    for attribute, users in work.attributes.items():
+        if is_column(attribute):
+            column_values(frame, attribute.removeprefix("column:"), ", ".join(users))
+        else:
+            frame.require(attribute, why=", ".join(users))
+    if work.bond_users:
+        if settings.pot is None:
+            raise AtcError(
+                f"no potential was given but {_need(work.bond_users)} one: give the pair_style/pair_coeff lines of "
+                "the run"
+            )
+        require_compatible(settings.pot.units, frame.units, "the potential", frame.source)
+        require_fields(frame, settings, work)
+        if not settings.central:
+            require_directed(settings.pot, work)
+    for users, name, word in ((work.kernel_users, "kern", "kernel"), (work.grid_users, "grid", "grid")):
+        if users and getattr(settings, name) is None:
+            raise AtcError(f"no {word} was given but {_need(users)} one")
+    if work.horizon_users:
+        horizon_of(settings, frame.units, work.horizon_users)
+    if "atom_volume" in work.whole:
+        node_volumes(frame)
+    if work.gradient_users and settings.kern is not None:
+        from ..deposit.gradient import require_differentiable
+
+        require_differentiable(settings.kern, ", ".join(work.gradient_users))
+    if work.reference_users and settings.reference is None:
+        raise AtcError(f"no reference frame was given but {_need(work.reference_users)} one: pass reference=")
+    if any(q.kind == "box" for q in work.quantities) and not frame.cell.volume > 0:
+        raise AtcError(f"{frame.source}: the cell has no volume, so the virial stress of the box is not defined")
+
+
+def require_directed(pot, work: Work) -> None:
+    """Raise for what is not known of forces that do not act along their bonds."""
+    if (users := work.symmetric_users) and not (pot.churnless and not pot.fields):
+        raise AtcError(
+            f"{', '.join(users)}: the forces of {pot.describe()} do not act along bonds: ask for "
+            "peridynamic_stress_nodal_virial"
+        )
+    # Forces across the bonds of a rigid body belong to no energy of an atom, those of a body's bonds to none that is
+    # known.
+    if work.source_users and (pot.constraints is not None or not pot.terms):
+        raise AtcError(
+            f"{', '.join(work.source_users)}: the forces of {pot.describe()} do not act along bonds, and which atom's "
+            "energy they belong to is not known: ask for the stress"
+        )
+
+
+def _need(users) -> str:
+    return f"{', '.join(users)} need{'s' * (len(users) == 1)}"

@@ -1,0 +1,73 @@
+"""What the driver is given and what it gives back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from ..contracts import BoundGrid, Grid, Interactions, Kernel
+from ..frame import Frame
+from .methods import Method, Refinement
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a worker needs to know to turn frames into fields; picklable. Deposits that `methods` does not name are
+    summed exactly."""
+
+    names: tuple[str, ...]
+    pot: Interactions | None = None
+    kern: Kernel | None = None
+    grid: Grid | None = None
+    methods: dict[str, Method] = field(default_factory=dict)
+    tolerance: float = 1e-5
+    reference: Frame | None = None
+    threads: int = 1
+    check_points: int = 100
+    horizon: float | None = None  # the user's unit of length; None: the potential's
+    tiles: tuple[int, int, int] | None = None
+    anchor: object = None  # see `atc.neighbors.verlet`
+
+    @property
+    def central(self) -> bool:
+        """Whether the potential's forces act along bonds."""
+        return self.pot is None or self.pot.central
+
+    @property
+    def churnless(self) -> bool:
+        """Whether stress and energy sources of every bond cancel."""
+        return self.pot is not None and self.pot.churnless
+
+    @cached_property
+    def reference_energies_n(self) -> np.ndarray:
+        """(n,) potential energies of the atoms in the reference frame."""
+        assert self.pot is not None and self.reference is not None, "see `requirements`"
+        return self.pot.stream(self.reference, None, threads=self.threads, energies=True, forces=False).energies_n
+
+
+@dataclass
+class FrameResult:
+    """The fields of one frame, or the mean fields of some, in the user's units; masked quantities hold 0 where `mask`
+    is False.
+
+    errors : of each field, what was found (see `accuracy.random_points.Check.errors`)
+    expected : of each field, its largest error anywhere as far as the points of the check tell: at least what was found
+        there
+    methods, refined : the methods used in the end; what was computed again, and why
+    frames, within : of how many frames these are the means, and how far those are from them (mean square), by field
+    """
+
+    arrays: dict[str, np.ndarray]
+    mask: np.ndarray | None = None
+    weights: dict[str, np.ndarray] = field(default_factory=dict)
+    errors: dict[str, dict[str, float]] = field(default_factory=dict)
+    bound: BoundGrid | None = None
+    seconds: dict[str, float] = field(default_factory=dict)
+    notes: dict[str, int] = field(default_factory=dict)
+    methods: dict[str, Method] = field(default_factory=dict)
+    refined: list[Refinement] = field(default_factory=list)
+    expected: dict[str, float] = field(default_factory=dict)
+    frames: int = 1
+    within: dict[str, float] = field(default_factory=dict)

@@ -1,0 +1,355 @@
+"""A request made ready: its frames, what is asked of them, and the method of each deposit."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from ..errors import AtcError
+from ..estimators import groups
+from ..estimators.methods import EXACT, Method, summary
+from ..estimators.registry import Work
+from ..estimators.settings import FrameResult, Settings
+from .request import Request
+
+
+def cpus() -> int:
+    """Processors this process may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:
+        return os.cpu_count() or 1
+
+
+def cores(jobs: int) -> int:
+    """How many processors ``-j jobs`` stands for: 0 is all of them."""
+    if jobs < 0:
+        raise AtcError(f"-j {jobs}: expected a number of processor cores, or 0 for all of them")
+    return jobs or cpus()
+
+
+def prepare(request: Request | Job) -> Job:
+    """Read what the request names, complete it and choose the methods; a job is ready. What does not fit together is an
+    AtcError."""
+    from ..estimators.accuracy.random_points import kernel_internal
+    from ..padding import resolved, warn_of_open_faces
+    from ..planar import planar
+    from ..readers.planar import matched
+
+    if isinstance(request, Job):
+        return request
+    work = Work.of(request.quantities, request.pot is None or request.pot.central)
+    frames, pot = matched(as_frames(request.traj, request.pot), request.pot)
+    if not len(frames):
+        raise AtcError("the trajectory has no frames: nothing to compute")
+    first = frames[0]
+    reference, grid = _reference(request, frames, pot), request.grid
+    if work.bond_users and pot is not None and pot.constraints is not None:
+        # What its constraints are found from is settled, and asked for, once.
+        pot = pot.settled(first)
+        work = Work.of(request.quantities, pot.central)
+    if reference is not None and reference.dimension != first.dimension:
+        if first.dimension == 3:
+            raise AtcError(f"the reference {reference.source} is of a two-dimensional run, but {first.source} is not")
+        reference = planar(reference)
+    if request.kern is not None and work.kernel_users:
+        request.kern.in_dimension(first.dimension)
+    if work.grid_users and grid is not None:
+        # Every entry of the output has as many points as the first.
+        where = first if set(work.grid_users) - set(work.on_reference) or reference is None else reference
+        grid = resolved(grid, request.kern, where)
+        grid = grid.fixed(where.units, where.cell, where.positions)
+        if request.kern is not None and work.kernel_users:
+            warn_of_open_faces(grid, kernel_internal(request.kern, first.units), where)
+    if work.bond_users and pot is not None:
+        pot.check_topology(first)
+    # Whole frames to processes if there are enough of them, else threads within a frame.
+    threads, workers = request.threads, request.workers
+    if workers > 1 and len(frames) < workers:
+        threads, workers = threads or workers, 1
+    threads = int(threads or max(1, cpus() // workers))
+    tiles = None if request.tiles is None else _tiles(request.tiles, flat=first.dimension == 2)
+    completed = replace(
+        request,
+        traj=frames,
+        pot=pot,
+        grid=grid,
+        reference=reference,
+        threads=threads,
+        workers=int(workers),
+        tiles=tiles,
+    )
+    return Job(completed, frames, first, work)
+
+
+def _reference(request: Request, frames, pot):
+    """The reference frame, wherever it is."""
+    from ..frame import Frame
+
+    reference = request.reference
+    if reference is None:
+        return None
+    if isinstance(reference, Frame):
+        return pot.complete(reference) if pot is not None and pot.setup is not None else reference
+    if not isinstance(reference, (int, np.integer)):
+        return as_frames(reference, pot)[0]
+    try:
+        return frames[int(reference)]
+    except IndexError:
+        raise AtcError(f"reference {reference}: the trajectory has {len(frames)} frames") from None
+
+
+def _tiles(tiles, flat: bool) -> tuple[int, int, int]:
+    t = np.asarray(tiles)
+    if (
+        t.dtype.kind not in "iu"
+        or t.shape not in ((3,), (2,) if flat else (3,))
+        or (t < 1).any()
+        or (flat and t[2:].any() and t[2] != 1)
+    ):
+        expected = (
+            "two whole numbers, 1 or more, e.g. (2, 2)" if flat else "three whole numbers, 1 or more, e.g. (2, 2, 1)"
+        )
+        raise AtcError(f"tiles {tiles!r}: expected {expected}")
+    x, y, z = (*t.tolist(), 1)[:3]
+    return x, y, z
+
+
+class Job:
+    """A request that is ready to be computed.
+
+    Attributes
+    ----------
+    request : Request, completed: its potential, grid, reference, threads, workers and tiles are those that are used
+    frames, first : the frames, and the first of them
+    work : what is to be summed
+    threads : within a frame
+    methods : of each deposit, for all frames; fixed by what the first ones need (`fix_methods`)
+    """
+
+    def __init__(self, request: Request, frames: Sequence, first, work: Work):
+        self.request, self.frames, self.first, self.work = request, frames, first, work
+        self.n_frames, self.threads = len(frames), int(request.threads or 1)
+        self.methods = self.methods_for(work, request.method)
+
+    def methods_for(self, work: Work, method: str = "auto") -> dict[str, Method]:
+        """The method of each deposit, by the cost model and the first frame: the same for every frame, whoever computes
+        it."""
+        from .costs import Load
+        from .method_choice import choose_methods
+
+        places = self.places(work)
+        if not places:
+            return {}
+        load = self.load if work.bond or work.reference_bond else Load()
+        pot = self.request.pot
+        forecast = self._forecast if self.may_loosen(work) and pot is not None and pot.terms else None
+        together = dict.fromkeys(self.added_up, self.group()) if work is self.work else None
+        return choose_methods(
+            method,
+            self.request.tolerance,
+            self.costs,
+            work,
+            places,
+            self.kernel_internal,
+            len(self.first),
+            load,
+            forecast,
+            together,
+            self.n_frames,
+        )
+
+    def places(self, work: Work) -> dict | None:
+        """For each deposit that a frame needs, the bound grid and the cell that its atoms are in; None where something
+        for that is missing."""
+        if self.request.kern is None or self.request.grid is None or (work.bond_users and self.request.pot is None):
+            return None
+        out = {key: (self.bound, self.first.cell) for key in ("site", "bond", "gather") if getattr(work, key)}
+        for key in ("reference_bond", "reference_gather"):
+            if getattr(work, key):
+                if self.request.reference is None:
+                    return None
+                at = self.request.reference
+                out[key] = self.request.grid.bind(at.units, at.cell, at.positions), at.cell
+        return out
+
+    def may_loosen(self, work: Work) -> bool:
+        """Whether sums over bonds may begin above the tolerance: where the largest errors are known to be found, around
+        the strongest bonds."""
+        return work.bond == ["stress"] and self.request.tiles is None
+
+    def fix_methods(self, result: FrameResult) -> None:
+        """Fix the methods for all frames: those that the first one needed (a `FrameResult`), for further ones adjusted
+        by the error it was left with."""
+        self.methods = dict(result.methods)
+        method = self.methods.get("bond", EXACT)
+        errors = [result.expected[q.name] for q in self.work.quantities if q.bond and q.name in result.expected]
+        if self.n_frames > 1 and not method.exact and not method.forced and errors and self.may_loosen(self.work):
+            from .method_choice import adjusted
+
+            ways = self.costs, self.bound, self.kernel_internal, self.first.cell, self.load, self.work.n_bond
+            self.methods["bond"] = adjusted(
+                method, max(errors), self.request.tolerance, *ways, float(len(self.first)), self.group()
+            )
+
+    def _forecast(self):
+        """What a pass over the bonds of the first frame says of its error."""
+        from .error_forecast import ErrorForecast
+
+        return ErrorForecast(
+            self.request.pot, self.first, self.bound, self.kernel_internal, self.request.tolerance, self.threads
+        )
+
+    @cached_property
+    def costs(self):
+        from .costs import Costs
+
+        return Costs.load()
+
+    @cached_property
+    def bound(self):
+        """The grid on the first frame."""
+        grid = self.request.grid
+        assert grid is not None, "nothing asked is on a grid"
+        return grid.bind(self.first.units, self.first.cell, self.first.positions)
+
+    @cached_property
+    def kernel_internal(self):
+        from ..estimators.accuracy.random_points import kernel_internal
+
+        return kernel_internal(self.request.kern, self.first.units)
+
+    @cached_property
+    def load(self):
+        """Pairs, triplets and bonds of the first frame, estimated."""
+        from .costs import Load, load_of
+
+        return load_of(self.request.pot, self.first) if self.work.bond_users else Load()
+
+    @cached_property
+    def held(self) -> dict:
+        """What an output says of the forces of constraints (what was held, what they were found from, how far off they
+        are in the first frame) and from outside."""
+        pot, work = self.request.pot, self.work
+        if pot is None or (not work.force_users and (not work.bond_users or pot.constraints is None)):
+            return {}
+        d = pot.stream(self.first, None, threads=self.threads, forces=bool(work.force_users))
+        out = {} if d.held is None else pot.constraints.attributes(d.held)
+        if work.force_users:
+            out["body_force_source"] = pot.body_forces(self.first, d.forces_nc)[1]
+        return out
+
+    @property
+    def method_used(self) -> str:
+        return summary(self.methods)
+
+    @property
+    def window(self) -> int:
+        """Frames that make one entry of the output."""
+        return (
+            1
+            if self.request.average is False
+            else self.n_frames
+            if self.request.average is True
+            else int(self.request.average)
+        )
+
+    @cached_property
+    def added_up(self) -> frozenset[str]:
+        """The deposits ("site", "bond") that frames of a window are added up in; see `estimators.groups`."""
+        grid, first = self.request.grid, self.first
+        if (
+            self.request.average is False
+            or self.n_frames < 2
+            or self.request.tiles is not None
+            or grid is None
+            or grid.follows_atoms
+        ):
+            return frozenset()
+        if groups.size_of(min(self.window, self.n_frames), len(first)) == 1:
+            return frozenset()
+        found = groups.added_up(self.work)
+        if not found or not first.cell.complete:
+            return frozenset()
+        try:
+            return found if self.frames[1].cell == first.cell else frozenset()
+        except (AtcError, IndexError):  # its own turn will come to say what is wrong with it
+            return frozenset()
+
+    def group(self, k: int = 0) -> int:
+        """How many frames are added up in the window of frame `k`."""
+        begin = k - k % self.window
+        return groups.size_of(min(self.window, self.n_frames - begin), len(self.first)) if self.added_up else 1
+
+    def groups(self, start: int = 0) -> Iterator[tuple[int, int]]:
+        """(first, how many) of the frames that are computed together, from frame `start` on."""
+        while start < self.n_frames:
+            begin = start - start % self.window
+            m = self.group(start)
+            count = min(m - (start - begin) % m, min(begin + self.window, self.n_frames) - start)
+            yield start, count
+            start += count
+
+    @property
+    def entries(self) -> int:
+        """Length of the output along "frame"."""
+        return -(-self.n_frames // self.window)
+
+    def settings(self, anchor=None) -> Settings:
+        """What a worker needs. anchor : a list of neighbours kept for many frames, see `atc.neighbors.verlet`"""
+        asked, names = self.request, tuple(q.name for q in self.work.quantities)
+        reference = asked.reference if self.work.reference_users else None
+        return Settings(
+            names,
+            asked.pot,
+            asked.kern,
+            asked.grid,
+            dict(self.methods),
+            asked.tolerance,
+            reference,
+            self.threads,
+            horizon=asked.horizon,
+            tiles=asked.tiles,
+            anchor=anchor,
+        )
+
+    def alarm(self):
+        """Whether the run's forces, and its log, are those of the potential (`run_check.RunCheck`). Warns, or raises
+        where they must agree."""
+        from ..agreement.run_check import alarm
+
+        asked, needed = self.request, bool(self.work.bond_users)
+        return alarm(
+            self.frames,
+            asked.pot,
+            mode=asked.forces,
+            log=asked.log,
+            threads=self.threads,
+            first=self.first,
+            needed=needed,
+        )
+
+
+def as_frames(traj, pot=None):
+    """Anything `atc.fields` takes as a trajectory, as a sequence of Frames; with what the script of a potential says of
+    their atoms."""
+    from ..readers.memory import completed
+
+    return completed(_frames(traj), pot)
+
+
+def _frames(traj):
+    from ..frame import Frame
+
+    if isinstance(traj, Frame):
+        return [traj]
+    if isinstance(traj, (list, tuple)) and traj and all(isinstance(f, Frame) for f in traj):
+        return list(traj)
+    from ..readers import read
+    from ..readers.trajectory import Trajectory
+
+    return traj if isinstance(traj, Trajectory) else read(traj)
