@@ -41,6 +41,8 @@ class Edges(Term):
 
 
 class EdgesWork(NeighborWork):
+    again = 3
+
     def __init__(self, term: Edges, frame: Frame):
         super().__init__(term, frame, term.style, *term.map(frame).apply(frame))
 

@@ -55,7 +55,7 @@ def fields_of(frames, settings: Settings, index: int = 0, run_tiles=None) -> Fra
         if a frame lacks what a quantity needs (masses, velocities), or there is no potential, kernel, grid or reference
         for it.
     """
-    work = Work.of(settings.names, settings.central)
+    work = Work.of(settings.names, settings.central, settings.churnless)
     for frame in frames:
         require(frame, settings, work)
     goal, start, several = SAFE * settings.tolerance, perf_counter(), len(frames) > 1
@@ -256,7 +256,9 @@ def sum_bonds(run: Run, here: Place | None, reference: Place | None, before: Run
     for frame, drift in zip(run.frames, run.drifts):
         if whole:
             found.append(StrongestBonds(frame.positions, settings.threads) if seek else None)
-            one = passes.bond_pass(frame, settings, work, here, reference, drift, deposit, found[-1])
+            # A frame alone is in memory anyway when it is looked around in.
+            kept = {} if seek and not run.several else None
+            one = passes.bond_pass(frame, settings, work, here, reference, drift, deposit, found[-1], kept)
         else:
             more = {} if run.run_tiles is None else {"run": run.run_tiles}
             one = tiles.bond_pass(frame, bonds_alone, work, here, reference, drift, **more)
@@ -450,7 +452,7 @@ def look_around(run: Run, here: Place, bonds: RunBonds) -> tuple[PointsAround, M
     means = MeanFields()
     for k, frame in enumerate(run.frames):
         factors = run.factors(k, bonds.each[k].per_atom)
-        bond_gk = points.bond_sums(frame, work.bond, run.drifts[k])
+        bond_gk = points.bond_sums(frame, work.bond, run.drifts[k], bonds.each[k].kept)
         if bonds.fields is not None:
             bond_gk = bond_gk + bonds.fields.at(k, points.which)
         sums = replace(run.no_sums(k), bond=named_bond_sums(work, bond_gk, settings.churnless))

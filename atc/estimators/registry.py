@@ -815,9 +815,9 @@ class Work:
     attributes: dict[str, list[str]] = field(default_factory=dict)  # frame attribute -> the quantities that need it
 
     @classmethod
-    def of(cls, names, central: bool = True) -> Work:
+    def of(cls, names, central: bool = True, churnless: bool = False) -> Work:
         """The work behind the quantities called `names` (wholes are expanded). `central`: whether forces act along
-        bonds."""
+        bonds. `churnless`: whether M = −S in every bond: it need not be summed up then (`sums.churn_nothing`)."""
         work = cls(expand(names))
         for q in work.quantities:
             for have, asked in ((work.site, q.site), (work.whole, q.whole)):
@@ -836,6 +836,8 @@ class Work:
                     users = work.attributes.setdefault(a, [])
                     if q.name not in users:
                         users.append(q.name)
+        if churnless:
+            work.bond = list(dict.fromkeys("stress" if name == "sources" else name for name in work.bond))
         if not central:
             work.bond = ["moment" if name == "stress" else name for name in work.bond]
             work.site, work.whole = (

@@ -159,12 +159,10 @@ class Sums:
 
 def churn_nothing(bond: dict) -> None:
     """z = S + M is 0 identically for pairs and for edges of atoms' energies, not only as far as two approximate sums
-    cancel: make M = −S."""
-    if "sources" in bond:
-        if "moment" in bond:
-            bond["sources"] = -general(bond["moment"]).reshape(-1, 9)
-        elif "stress" in bond:
-            bond["sources"] = -full(bond["stress"]).reshape(-1, 9)
+    cancel: M = −S."""
+    for name, whole in (("stress", full), ("moment", general)):
+        if name in bond:
+            bond["sources"] = -whole(bond[name]).reshape(-1, 9)
 
 
 def curl(gradient_gcc) -> np.ndarray:

@@ -42,7 +42,8 @@ def prepare(request: Request | Job) -> Job:
 
     if isinstance(request, Job):
         return request
-    work = Work.of(request.quantities, request.pot is None or request.pot.central)
+    pot = request.pot
+    work = Work.of(request.quantities, pot is None or pot.central, pot is not None and pot.churnless)
     frames, pot = matched(as_frames(request.traj, request.pot), request.pot)
     if not len(frames):
         raise AtcError("the trajectory has no frames: nothing to compute")
@@ -51,7 +52,7 @@ def prepare(request: Request | Job) -> Job:
     if work.bond_users and pot is not None and pot.constraints is not None:
         # What its constraints are found from is settled, and asked for, once.
         pot = pot.settled(first)
-        work = Work.of(request.quantities, pot.central)
+        work = Work.of(request.quantities, pot.central, pot.churnless)
     if reference is not None and reference.dimension != first.dimension:
         if first.dimension == 3:
             raise AtcError(f"the reference {reference.source} is of a two-dimensional run, but {first.source} is not")

@@ -390,12 +390,12 @@ class PointsAround:
     def __len__(self):
         return len(self.which)
 
-    def bond_sums(self, frame, names, drift) -> np.ndarray:
-        """(h, k) the named sums over the bonds of a frame, exactly."""
+    def bond_sums(self, frame, names, drift, kept=None) -> np.ndarray:
+        """(h, k) the named sums over the bonds of a frame, exactly. kept : what gives them again, or None."""
         widths = [BOND[name].width for name in names]
         # Fields have no bonds: `field_pass` adds them.
         pot, threads = getattr(self.settings.pot, "local", self.settings.pot), self.settings.threads
-        few = self._cluster(frame, pot, self.place.check_kern.support)
+        few = None if kept else self._cluster(frame, pot, self.place.check_kern.support)
         context, deposits, anchor = nullcontext(), self.check.deposits, self.settings.anchor
         if few is not None:
             frame = few
@@ -416,6 +416,7 @@ class PointsAround:
                 deposit.add_found(found, bond_factors(names, widths, some, peculiar_nc, frame.velocities), thread)
 
         more = {"sources": True} if any(BOND[name].sources for name in names) else {}
+        more |= {"kept": kept} if kept else {}
         with context:
             pot.stream(frame, consume, threads=threads, energies=False, forces=False, **more)
         return deposit.bond_sums()
