@@ -22,6 +22,13 @@ from .schema import GRIDS, SCHEMA
 from .toml import Document, complaint, key_lines, parse, read_document, toml_key, toml_value
 from .words import frame_slice, guess
 
+#: What makes a potential of a learned model's file, and what else [potential] may tell it.
+LEARNED = {
+    "nep": ("types", "reference"),
+    "mace": ("types", "head", "stress", "reference", "device"),
+    "nequip": ("types", "stress", "reference", "device"),
+}
+
 # --------------------------------------------------------------------------------------------------------------------
 
 
@@ -158,21 +165,24 @@ class Scene(Document):
         if "potential" not in self.data:
             return
         table = self.data["potential"]
-        given = [k for k in ("lammps", "input", "nep") if k in table]
+        given = [k for k in ("lammps", "input", *LEARNED) if k in table]
         if not given:
             raise self.need(
                 "potential",
                 '[potential] needs lammps = """pair_style ...""" (LAMMPS lines) or input = "in.file" (a LAMMPS input '
-                'script) or nep = "nep.txt" (a neuroevolution potential)',
+                'script) or a learned model: nep = "nep.txt", mace = "my.model", nequip = "my.nequip.zip"',
             )
         if len(given) > 1:
             raise self._bad(
                 "potential", given[1], f"give {' or '.join(given)}, not {'both' if len(given) == 2 else 'all'}"
             )
-        if "types" in table and given != ["nep"]:
-            raise self._bad("potential", "types", "goes with nep: LAMMPS lines name their elements themselves")
-        if "units" in table and given == ["nep"]:
-            raise self._bad("potential", "units", "leave it out: neuroevolution potentials are in eV and Å")
+        for key in {k: None for keys in LEARNED.values() for k in keys}:
+            if key in table and key not in LEARNED.get(given[0], ()):
+                why = ": LAMMPS lines name their elements themselves" if key == "types" else ""
+                of = [k for k, keys in LEARNED.items() if key in keys]
+                raise self._bad("potential", key, f"goes with {', '.join(of)}{why}")
+        if "units" in table and given[0] in LEARNED:
+            raise self._bad("potential", "units", "leave it out: learned models are in eV and Å")
         if "run" in self.data["potential"] and given != ["input"]:
             raise self._bad("potential", "run", "goes with input, the script whose run it is")
 
@@ -357,8 +367,9 @@ class Scene(Document):
         from .. import potential
 
         units, partition = self.get("potential", "units"), self.get("potential", "partition")
-        if "nep" in self.data["potential"]:
-            return self._shared(self._of_nep(), partition)
+        for maker in LEARNED:
+            if maker in self.data["potential"]:
+                return self._shared(self._learned(maker), partition)
         path = self.path("potential", "input")
         if path is not None:
             if not path.is_file():
@@ -376,14 +387,15 @@ class Scene(Document):
         name = self._flags.get(("potential", "lammps"), self.name)
         return self._shared(potential("\n" * line + text + "\n", units=units, folder=self.folder, name=name), partition)
 
-    def _of_nep(self):
-        """The neuroevolution potential that is named."""
-        from .. import nep
+    def _learned(self, maker):
+        """The machine-learned potential that is named."""
+        import atc
 
+        options = {k: v for k in LEARNED[maker] if (v := self.get("potential", k)) is not None}
         try:
-            return nep(self.path("potential", "nep"), self.get("potential", "types"))
+            return getattr(atc, maker)(self.path("potential", maker), **options)
         except AtcError as e:
-            raise AtcError(f"{self.where('potential', 'nep')}: [potential] {e}") from None
+            raise AtcError(f"{self.where('potential', maker)}: [potential] {e}") from None
 
     def _of_script(self, path, units):
         """The potential of a script: read once, for the trajectory needs it too."""

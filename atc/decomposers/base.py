@@ -504,8 +504,8 @@ class Potential(Interactions):
         pool = ThreadPoolExecutor(threads) if threads > 1 else None
         try:
             for term in self.terms:
-                if term.field:
-                    term.threads = threads
+                if hasattr(term.inner, "threads"):  # of those that deal out their work themselves
+                    term.inner.threads = threads
                 done = kept.get(id(term)) if kept else None
                 work = done or term.prepare(frame)
                 for stage in range(done.again if done else 0, len(work.stages)):

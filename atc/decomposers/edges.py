@@ -13,16 +13,31 @@ import numpy as np
 
 from ..bonds import Bonds
 from ..compiled import njit
+from ..errors import AtcError
 from ..frame import Frame
 from .base import Term, Work
 from .neighbor_work import NeighborWork, room, shares
 
+#: Torques of a star above this, of what its edges bring, are not rounding.
+GUARD = 1e-9
+
 
 class Edges(Term):
-    """A term as the module says. Subclasses set `style` and `cutoff`."""
+    """A term as the module says. Subclasses set `style` and `cutoff`, and `reference`: what the energies of single
+    atoms are relative to."""
 
     central, edges = False, True
     style: str
+    reference: str
+
+    @property
+    def attributes(self):
+        return {
+            "energy_path": "edges from neighbour to centre",
+            "energy_identity": "by construction: the energy of an atom depends on its own edges alone",
+            "precision": "float64",
+            "energy_reference": self.reference,
+        }
 
     def map(self, frame: Frame):
         """The `ElementMap` of a frame."""
@@ -55,6 +70,14 @@ class EdgesWork(NeighborWork):
 
     def centres(self, task, acc):
         acc.energy += self.term.centres(self, task, self.g_end, shares(acc))
+        near = self.near
+        worst = torque(*self.atoms(task), near.start, near.pair, near.end, near.r_pc, self.g_end)
+        if worst > GUARD:
+            raise AtcError(
+                f"{self.frame.source}: {self.term.describe().split(',')[0]}: the energy of an atom changes when all is "
+                f"turned (torque on its neighbours: {worst:.1e} of what they bring), so its stress would not balance: "
+                "please report it, with the potential's file"
+            )
 
     def merged(self, task, acc):
         """One bond a pair, without G: the force is not along it."""
@@ -65,6 +88,27 @@ class EdgesWork(NeighborWork):
         F = np.empty((m, 3))
         self.require_finite(merge(p0, p1, near.a, near.b, near.r_pc, self.g_end, near.atom, acc.sources, i, j, r, F, D))
         return Bonds(i[:m], j[:m], r[:m], np.full(m, np.nan), D if acc.sources else None, F)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def torque(s0, s1, start, pair, end, r, g_end):
+    """The largest |Σ r × g| of a star over its Σ |r| |g|. Stars with numbers that are none do not count: `merge` tells
+    of them."""
+    worst = 0.0
+    for s in range(s0, s1):
+        x = y = z = size = 0.0
+        for e in range(start[s], start[s + 1]):
+            p, side = pair[e], end[e]
+            a, b, c = r[p, 0], r[p, 1], r[p, 2]
+            f, g, h = g_end[p, side, 0], g_end[p, side, 1], g_end[p, side, 2]
+            sign = -1.0 if side == 0 else 1.0
+            x += sign * (b * h - c * g)
+            y += sign * (c * f - a * h)
+            z += sign * (a * g - b * f)
+            size += np.sqrt((a * a + b * b + c * c) * (f * f + g * g + h * h))
+        if size > 0.0:
+            worst = max(worst, np.sqrt(x * x + y * y + z * z) / size)
+    return worst
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -5,6 +5,8 @@ How a frame is done is in `edges`.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ..errors import AtcError
@@ -42,6 +44,7 @@ class NEP(Edges):
     file : NEPFile
     elements : the file's name of each atom type from 1, None or "NULL" for types left out. None: by the names that
         frames have for their types, or, where the file has one element only, all atoms.
+    reference : see `nep`
 
     Notes
     -----
@@ -51,7 +54,7 @@ class NEP(Edges):
 
     style = "NEP"
 
-    def __init__(self, file: NEPFile, elements=None, where: str = "nep.txt"):
+    def __init__(self, file: NEPFile, elements=None, where: str = "nep.txt", reference=None):
         self.model, self.where = file, where
         self.elements = None if elements is None else [None if e in (None, "NULL") else str(e) for e in elements]
         if self.elements is not None:
@@ -69,10 +72,36 @@ class NEP(Edges):
         self.abc = np.concatenate([np.zeros((0, 3), np.int64), *(abc for _, (abc, _) in terms)])
         self.C = np.concatenate([np.zeros(0), *(C for _, (_, C) in terms)])
         self.fifth = file.many.index(_FIVE) if _FIVE in file.many else -1
+        self.b1, self.reference = self._relative(reference)
         self.w0 = np.ascontiguousarray(file.w0_thd * file.scale_d)
         self.c_radial, self.c_angular = (
             np.ascontiguousarray(c.transpose(0, 1, 3, 2)) for c in (file.c_radial, file.c_angular)
         )
+
+    def _relative(self, reference) -> tuple[np.ndarray, str]:
+        """b1 with the energies of single atoms in it, and what to say of them."""
+        b0, w1, b1 = self.model.b0_th, self.model.w1_th, self.model.b1_t
+        if reference is None:
+            return b1, "the model's own zero, which may hold energies of single atoms (b1)"
+        if reference == "isolated":
+            alone = -(w1 * np.tanh(b0)).sum(1) - b1
+        elif not isinstance(reference, Mapping):
+            raise AtcError(
+                f'{self.where}: reference must be "isolated", or energies of atoms in eV to subtract, e.g. '
+                f'{{"{self.model.names[0]}": -4.6}}, got {reference!r}'
+            )
+        else:
+            odd = next((k for k in reference if k not in self.model.names), None)
+            if odd is not None:
+                raise AtcError(f"{self.where}: reference: no element {odd!r}: it has {', '.join(self.model.names)}")
+            try:
+                alone = np.array([float(reference.get(name, 0.0)) for name in self.model.names])
+            except (TypeError, ValueError):
+                alone = np.array([np.nan])
+            if not np.isfinite(alone).all():
+                raise AtcError(f"{self.where}: reference: expected an energy for each element, got {reference!r}")
+        said = ", ".join(f"{name} {e:.10g}" for name, e in zip(self.model.names, alone))
+        return b1 + alone, f"energies of atoms less {said} eV"
 
     def describe(self) -> str:
         core = ", ZBL" if len(self.core) else ""
@@ -124,7 +153,7 @@ class NEP(Edges):
             self.w0,
             file.b0_th,
             file.w1_th,
-            file.b1_t,
+            self.b1,
             self.core,
             self.length,
             self.energy,
@@ -157,7 +186,7 @@ def _core(file: NEPFile, where: str) -> np.ndarray:
     return out
 
 
-def nep(path, types=None) -> Potential:
+def nep(path, types=None, reference=None) -> Potential:
     """A neuroevolution potential (NEP2, NEP3, NEP4, NEP5) from its ``nep.txt``.
 
     Stress and heat flux are those of the model's own gradients (see `atc.decomposers.nep.NEP`): momentum and energy are
@@ -169,6 +198,9 @@ def nep(path, types=None) -> Potential:
     types : the element of each atom type from 1, in the file's names, e.g. ``["Te", "Pb"]``; None or "NULL" for types
         that do not interact. Default: by the names that the trajectory has for its types; a file of one element needs
         none.
+    reference : energies of single atoms to subtract: "isolated", the model's own of an atom without neighbours, or
+        {element: eV}. Default: none. They carry heat with atoms that diffuse: the heat flux of a mixture depends on
+        them, forces and stress do not.
 
     Returns
     -------
@@ -185,7 +217,7 @@ def nep(path, types=None) -> Potential:
     """
     from pathlib import Path
 
-    term = NEP(read_nep(path), types, Path(path).name)
+    term = NEP(read_nep(path), types, Path(path).name, reference)
     pot = Potential([term], "metal")
-    pot.nep = term.where, term.elements
+    pot.learned = "nep", term.where, {"types": term.elements, "reference": reference}
     return pot

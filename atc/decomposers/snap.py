@@ -39,6 +39,7 @@ class SNAP(Edges):
     """
 
     style, part_name = "snap", "snap"
+    reference = "the file's own zero: its first coefficient of each element is in the energy of every atom"
 
     def __init__(self, file: SNAPFile, elements=None, units="metal", where: str = "snap"):
         self.model, self.where = file, where

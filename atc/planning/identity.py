@@ -24,9 +24,7 @@ PARTS = (
 )  # fmt: skip
 #: Attributes of potentials that say where something came from, or how to make more of it, and not what it is.
 #: (What a script says of atoms is in the frames' digests.)
-_NOT_CONTENT = frozenset(
-    {"where", "folder", "file", "text", "data_file", "grow", "build", "source", "setup", "outside", "remarks", "nep"}
-)
+_NOT_CONTENT = frozenset("where folder file text data_file grow build source setup outside remarks learned".split())
 
 
 def identity(job) -> dict:

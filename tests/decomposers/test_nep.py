@@ -199,3 +199,40 @@ def test_fields(tmp_path):
     for name in names:
         want = each[name].values[:1] + alone[name].values
         np.testing.assert_allclose(both[name].values, want, rtol=0, atol=1e-8 * np.abs(want).max())
+
+
+def test_energies_of_single_atoms(tmp_path):
+    """What is subtracted changes energies, and nothing else; alone an atom of the model has what it says."""
+    plain, frame = made(tmp_path, "two")
+    path = tmp_path / "nep.txt"
+    isolated, given = (nep(path, ("Si", "C"), reference=r) for r in ("isolated", {"C": -2.5}))
+    a, b, c = (p.decompose(frame) for p in (plain, isolated, given))
+    for other in (b, c):
+        np.testing.assert_array_equal(other.forces_nc, a.forces_nc)
+    box = Cell(50 * np.eye(3))
+    alone = [plain.decompose(Frame(np.zeros((1, 3)), box, METAL, types=np.array([t]))).energy for t in (1, 2)]
+    np.testing.assert_allclose(a.energies_n - b.energies_n, np.array(alone)[frame.types - 1], rtol=1e-12)
+    want = np.where(frame.types == 2, METAL.to_internal("energy", -2.5), 0.0)
+    np.testing.assert_allclose(a.energies_n - c.energies_n, want, rtol=0, atol=1e-12 * np.abs(want).max())
+    assert "less Si 0, C -2.5 eV" in given.attributes["energy_reference"]
+    for wrong, said in (("alone", 'must be "isolated"'), ({"O": 1}, "no element 'O'"), ({"C": "x"}, "an energy for")):
+        with pytest.raises(AtcError, match=said):
+            nep(path, reference=wrong)
+
+
+def test_stars_that_turn_are_refused(tmp_path, monkeypatch):
+    """Gradients that are not those of an energy that only depends on the shape of a star."""
+    from atc.decomposers.nep import NEP
+
+    pot, frame = made(tmp_path, "two")
+    honest = NEP.centres
+
+    def bent(self, work, task, g_end, energies):
+        U = honest(self, work, task, g_end, energies)
+        g_end[:, :, 0] *= 1 + 1e-6
+        return U
+
+    pot.decompose(frame)
+    monkeypatch.setattr(NEP, "centres", bent)
+    with pytest.raises(AtcError, match="the energy of an atom changes when all is turned"):
+        pot.decompose(frame)
