@@ -254,6 +254,7 @@ _STYLE_MODULES = (
     "spin_exchange",
     "electron_force_field",
     "snap",
+    "nep",
 )
 
 

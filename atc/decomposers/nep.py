@@ -14,9 +14,10 @@ from ..frame import Frame
 from ..units import units as system
 from .base import Potential
 from .edges import Edges
-from .elements import SYMBOLS, ElementMap
+from .elements import SYMBOLS, ElementMap, mapped_line
 from .nep_file import NEPFile, read_nep
 from .nep_kernels import centres, coupling, norms
+from .registry import MAPPED_STYLES, pair_style
 
 #: The number of the invariant of five bodies, (1, 1, 1, 1), is found by its degrees.
 _FIVE = (1, 1, 1, 1)
@@ -184,6 +185,35 @@ def _core(file: NEPFile, where: str) -> np.ndarray:
         out[..., 3:] = file.zbl[..., 2:]
     out[..., 4::2] *= inverse_a[..., None]
     return out
+
+
+MAPPED_STYLES.update(("nep", "nep/cpu"))
+
+
+@pair_style("nep", "nep/cpu")
+def _nep_style(inp):
+    """``pair_style nep`` with ``pair_coeff * * nep.txt Te Pb``, or the older ``pair_style nep nep.txt`` with
+    ``pair_coeff * *``, where types have the file's order."""
+    if inp.units.name != "metal":
+        raise inp.error(f"{inp.command} is for units metal, not {inp.units.name}")
+    if not inp.args:
+        path, elements, line = mapped_line(inp, " nep.txt")
+        return NEP(_read_here(path, line.where), elements, path.name)
+    if len(inp.args) > 1 or len(inp.coeffs) != 1 or inp.coeffs[0].words:
+        raise inp.error(
+            f"{inp.command}: expected pair_coeff * * nep.txt and the element of each atom type, or the file behind "
+            "pair_style nep and pair_coeff * * alone"
+        )
+    path = inp.path(inp.args[0])
+    file = _read_here(path, inp.where)
+    return NEP(file, file.names, path.name)
+
+
+def _read_here(path, where) -> NEPFile:
+    try:
+        return read_nep(path)
+    except AtcError as e:
+        raise AtcError(f"{where}: {e}") from None
 
 
 def nep(path, types=None, reference=None) -> Potential:
