@@ -70,7 +70,8 @@ class ExtendedXyz(LammpsTrajectory):
     -----
     In ASE's units, masses are those of the elements unless there is a column, and velocities come from ``momenta``.
     Columns ``vel``, ``velo``, ``velocities`` are of programs that each have units of their own: they are read when
-    `units` says which, otherwise they are left among the extra columns, with a warning; so is ``Time`` (without one).
+    `units` says which, otherwise they are left among the extra columns, with a warning; so is ``Time`` (without
+    one, or in ASE's).
     ``forces``, ``force`` and ``frc`` are forces; ``Timestep`` is the step. LAMMPS writes no corner of its box: where an
     open axis has atoms outside of 0 .. length, the box is not known, and the frame is refused. i-PI's cell and its
     units in braces are read from the comment.
@@ -347,7 +348,7 @@ class ExtendedXyz(LammpsTrajectory):
                 f"{self.source}: six decimals leave too little of its times in these units; steps without times are "
                 "read",
             )
-        time = None if self._ase else comment.time
+        time = None if self._ase and self.units.name != "gpumd" else comment.time
         frame = self._build(columns, cell, k, where, comment.step, time, line_of)
         return self._as_ase(frame, where) if self._ase else frame
 

@@ -282,4 +282,5 @@ def test_files_of_gpumd(tmp_path):
     np.testing.assert_allclose(metal.to_user("velocity", frame.velocities)[:, :2], [[10, 0], [0, -20]], rtol=1e-6)
     np.testing.assert_allclose(u.to_user("force", frame.forces)[:, 0], [0.5, -0.5], rtol=1e-12)
     np.testing.assert_allclose(frame.masses, [28.085, 12.011], rtol=1e-3)
+    assert u.to_user("time", frame.time) == pytest.approx(5.0, rel=1e-12)
     assert u.label("velocity") == "angstrom/fs" and frame.type_names == {1: "Si", 2: "C"}
