@@ -14,6 +14,7 @@ _LAZY = {
     "read": "atc.readers",
     "potential": "atc.decomposers",
     "nep": "atc.decomposers.nep",
+    "calculator": "atc.analysis.calculator",
     "edge_model": "atc.decomposers.learned.edge_model",
     "mace": "atc.decomposers.learned.mace",
     "nequip": "atc.decomposers.learned.nequip",

@@ -56,6 +56,8 @@ class Edges(Term):
 
 
 class EdgesWork(NeighborWork):
+    """The stages of a term of edges on one frame."""
+
     again = 3
 
     def __init__(self, term: Edges, frame: Frame):
