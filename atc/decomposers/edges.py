@@ -72,8 +72,7 @@ class EdgesWork(NeighborWork):
 
     def centres(self, task, acc):
         acc.energy += self.term.centres(self, task, self.g_end, shares(acc))
-        near = self.near
-        worst = torque(*self.atoms(task), near.start, near.pair, near.end, near.r_pc, self.g_end)
+        worst = torque(*self.atoms(task), self.lists, self.g_end)
         if worst > GUARD:
             raise AtcError(
                 f"{self.frame.source}: {self.term.describe().split(',')[0]}: the energy of an atom changes when all is "
@@ -83,19 +82,19 @@ class EdgesWork(NeighborWork):
 
     def merged(self, task, acc):
         """One bond a pair, without G: the force is not along it."""
-        near = self.near
         p0, p1 = self.pairs(task)
         m = p1 - p0
         i, j, r, _, D = room(acc, m)
         F = np.empty((m, 3))
-        self.require_finite(merge(p0, p1, near.a, near.b, near.r_pc, self.g_end, near.atom, acc.sources, i, j, r, F, D))
+        self.require_finite(merge(p0, p1, self.lists, self.g_end, acc.sources, i, j, r, F, D))
         return Bonds(i[:m], j[:m], r[:m], np.full(m, np.nan), D if acc.sources else None, F)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def torque(s0, s1, start, pair, end, r, g_end):
+def torque(s0, s1, near, g_end):
     """The largest |Σ r × g| of a star over its Σ |r| |g|. Stars with numbers that are none do not count: `merge` tells
     of them."""
+    start, pair, end, _, _, r, _, _, _ = near
     worst = 0.0
     for s in range(s0, s1):
         x = y = z = size = 0.0
@@ -114,8 +113,9 @@ def torque(s0, s1, start, pair, end, r, g_end):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def merge(p0, p1, a, b, r, g_end, atom, sources, out_i, out_j, out_r, out_F, out_D):
+def merge(p0, p1, near, g_end, sources, out_i, out_j, out_r, out_F, out_D):
     """One bond a pair. Returns the first pair whose force is not a finite number, −1 if there is none."""
+    _, _, _, a, b, r, _, _, atom = near
     bad = -1
     for p in range(p0, p1):
         m = p - p0

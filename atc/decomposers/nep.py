@@ -139,7 +139,7 @@ class NEP(Edges):
         return centres(
             *work.atoms(task),
             work.near.most(task)[0],
-            *work.lists,
+            work.lists,
             file.rc_radial,
             file.rc_angular,
             self.c_radial,
@@ -158,7 +158,6 @@ class NEP(Edges):
             self.core,
             self.length,
             self.energy,
-            work.near.atom,
             g_end,
             energies,
         )

@@ -80,7 +80,7 @@ class SNAP(Edges):
         return centres(
             *work.atoms(task),
             work.near.most(task)[0],
-            *work.lists,
+            work.lists,
             file.radius,
             file.share,
             file.inner,
@@ -113,7 +113,6 @@ class SNAP(Edges):
             self.B0,
             self.length,
             self.energy,
-            work.near.atom,
             g_end,
             energies,
         )

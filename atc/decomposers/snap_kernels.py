@@ -180,14 +180,7 @@ def centres(
     s0,
     s1,
     most,
-    start,
-    pair,
-    end,
-    pair_a,
-    pair_b,
-    r,
-    d,
-    element,
+    near,
     radius,
     share,
     inner,
@@ -222,7 +215,6 @@ def centres(
     B0,
     length,
     energy,
-    atom,
     g_end,
     energies,
 ):
@@ -233,6 +225,7 @@ def centres(
     params : rmin0, whether to switch at r_c, and at the inside. wide : whether all densities have their atom in them
     constant, beta, alpha, B0 : (t,), (t, k), (t, k, k) or (t, 0, 0), (t, k). length, energy : of the file's units
     """
+    start, pair, end, pair_a, pair_b, r, d, element, atom = near
     size = len(p)
     count = beta.shape[1]
     quadratic = alpha.shape[1] > 0

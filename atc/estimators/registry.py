@@ -913,6 +913,12 @@ class Work:
         return "atom_virial" in self.site or "atom_virial" in self.whole
 
     @property
+    def beyond_bonds(self) -> bool:
+        """Whether more of the potential is wanted than its bonds: energies, forces, virials of atoms or of the box."""
+        wholes = {"box_virial", "box_power"} & {*self.whole}
+        return bool(self.energy_users or self.force_users or self.atom_virial or self.atom_moment or wholes)
+
+    @property
     def summed_site(self) -> list[str]:
         """Those of `site` that need a sum of their own: none where the sums with gradients have them all."""
         return [] if {*self.site} <= {*self.gather} & _ALIKE else self.site

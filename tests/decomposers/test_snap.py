@@ -250,7 +250,7 @@ def test_files_that_are_refused(file, old, new, said, tmp_path):
         ("pair_style snap\npair_coeff 1 1 {0}/x.snapcoeff {0}/x.snapparam In", r"replace the types by \* \*"),
         ("pair_style snap\npair_coeff * * {0}/x.snapcoeff {0}/x.snapparam In P Ga", "has no element 'Ga'"),
         ("pair_style snap\npair_coeff * * {0}/x.snapcoeff {0}/x.snapparam In In", "with chemflag every element"),
-        ("pair_style snap 5\npair_coeff * * {0}/x.snapcoeff {0}/x.snapparam In P", "takes no arguments"),
+        ("pair_style snap 5\npair_coeff * * {0}/x.snapcoeff {0}/x.snapparam In P", "expected no arguments, got 5"),
     ],
 )
 def test_lines_that_are_refused(lines, said, tmp_path):

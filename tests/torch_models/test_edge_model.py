@@ -442,3 +442,29 @@ def test_force_density():
     fourth = [(4 * slope[0] - slope[1]) / 3, (4 * slope[1] - slope[2]) / 3]
     want = site_sum(x0[None], frame.positions, pot.decompose(frame).forces_nc, kern, frame.cell)[0]
     near((16 * fourth[0] - fourth[1]) / 15, want, 1e-5)
+
+
+def test_every_way_to_get_there():
+    """Tiles, other processes and means give what one frame here gives; the heat current is that of the bonds."""
+    rng = np.random.default_rng(0)
+    frame = argon(Cell([17.0, 18.0, 19.0]), n=(5, 5, 5), jitter=0.3)
+    frames = [frame.replace(positions=frame.positions + s) for s in rng.normal(size=(2, 125, 3)) * 0.05]
+    pot, kern = toy(2), atc.kernel("quartic", 4.0)
+    grid = atc.Grid.regular(shape=(2, 2, 2))
+    names = ["stress_potential", "heat_flux", "virial_stress_per_atom_potential", "smoothed_virial_stress_potential"]
+    want = atc.fields(
+        frames, pot, kern, grid, [*names, "piola_stress", "heat_current"], reference=frame, tolerance=1e-10
+    )
+    for more, extra in (
+        ({"tiles": (2, 1, 1)}, []),
+        ({"workers": 2}, ["heat_current"]),
+        ({"threads": 2}, ["heat_current"]),
+    ):
+        got = atc.fields(frames, pot, kern, grid, names + extra, tolerance=1e-10, **more)
+        for name in names + extra:
+            near(got[name].values, want[name].values, 1e-8)
+    d = pot.decompose(frames[0], sources=True)
+    b, m = d.bonds, frame.masses
+    energy = 0.5 * m * (frame.velocities**2).sum(1) + d.energies_n
+    J = energy @ frame.velocities + current(b, frame.velocities)
+    near(frame.units.to_internal("energy_current", want.heat_current.values[0]), J, 1e-10)

@@ -19,7 +19,7 @@ from ...units import units as get_units
 from ..base import Accumulator, Potential, Term, Work
 from ..elements import ElementMap
 from ..neighborhood import Neighborhood
-from .graph import Edges, Part
+from .graph import Edges, Part, Place
 from .guards import GUARD, first_frame, identity, symmetric
 
 #: Edges up to which a frame is not worth being looked at for its memory.
@@ -157,7 +157,8 @@ class EdgeModel(Term):
         part = Part(
             np.zeros(1, int), slice(None), np.zeros(0, int), np.zeros(0, int), np.zeros((0, 3)), np.ones(1, bool)
         )
-        found = self.evaluate(part, np.array([number]), np.zeros((1, 3)), None, "an atom alone")
+        place = Place(np.zeros((1, 3)), np.eye(3), np.zeros(3, bool))
+        found = self.evaluate(part, np.array([number]), place, None, "an atom alone")
         return float(found.energy_n[0])
 
     def map(self, frame: Frame):
@@ -200,7 +201,7 @@ class EdgeModel(Term):
 
     # --- the model
 
-    def evaluate(self, part, species_n, x_nc, velocities_nc, source: str):
+    def evaluate(self, part, species_n, place: Place, velocities_nc, source: str):
         """`messages.gradient` of a part of a frame, in the model's units."""
         import torch
 
@@ -212,7 +213,7 @@ class EdgeModel(Term):
             torch.set_default_dtype(dtype)
             torch.set_num_threads(max(1, int(self.threads)))
             wants = getattr(self.energies, "positions", False)
-            at = messages.Inputs(part, species_n, dtype, self.device, x_nc if wants else None)
+            at = messages.Inputs(part, species_n, dtype, self.device, place if wants else None)
             function = self.energies if getattr(self.energies, "takes_inputs", False) else _unpacked(self.energies)
             return messages.gradient(function, at, velocities_nc)
         except AtcError:
@@ -225,7 +226,7 @@ class EdgeModel(Term):
             torch.set_default_dtype(before)
             torch.set_num_threads(threads)
 
-    def look(self, edges: Edges, species_n, x_nc, source: str, sources: bool) -> int | None:
+    def look(self, edges: Edges, species_n, place: Place, source: str, sources: bool) -> int | None:
         """Once: does what the energy of an atom depends on end where `hops` says? Returns how many atoms fit into the
         memory at once, None for all of them."""
         from . import messages
@@ -238,7 +239,7 @@ class EdgeModel(Term):
                 inner = np.zeros(len(edges), bool)
                 inner[edges.around(np.array([probe]), self.hops).edges] = True
                 beyond = ~inner[part.edges]
-                g = self.evaluate(part, species_n, x_nc, None, source).g_ec
+                g = self.evaluate(part, species_n, place, None, source).g_ec
                 size = np.abs(g).max(initial=0.0)
                 if np.isfinite(size) and beyond.any() and np.abs(g[beyond]).max() > 1e-12 * size:
                     raise AtcError(
@@ -254,7 +255,7 @@ class EdgeModel(Term):
         if getattr(self, "_per_edge", None) is None:
             some = edges.around(np.arange(min(32, edges.n)), self.hops)
             with messages.SavedBytes() as saved:
-                self.evaluate(some, species_n, x_nc, None, source)
+                self.evaluate(some, species_n, place, None, source)
             self._per_edge = saved.bytes / max(1, len(some))
         free = _free_memory(self.device) * _PART_OF_MEMORY / (_FLUX_MEMORY if sources else 1.0)
         most = max(1.0, free / max(1.0, self._per_edge))  # edges
@@ -364,12 +365,13 @@ class _EdgeWork(Work):
     def _evaluate(self, task, acc):
         term, frame, edges, near = self.term, self.frame, self.edges, self.near
         n = edges.n
-        x_nc = frame.positions[near.atom] / term.length
+        cell = frame.cell
+        place = Place(frame.positions[near.atom] / term.length, cell.vectors / term.length, cell.periodic)
         moving = acc.sources and frame.velocities is not None
         v_nc = frame.velocities[near.atom] / term.length if moving else None
         source = frame.source
         first = not term._looked
-        batch = term.look(edges, self.species, x_nc, source, moving) if n else None
+        batch = term.look(edges, self.species, place, source, moving) if n else None
         parts = (
             [edges.whole()]
             if batch is None
@@ -378,7 +380,7 @@ class _EdgeWork(Work):
         energy_n, share_n = np.zeros(n), np.zeros(n)
         self.g_ec, self.a_e = np.zeros((len(edges), 3)), np.zeros(len(edges)) if moving else None
         for part in parts:
-            found = term.evaluate(part, self.species, x_nc, None if v_nc is None else v_nc[part.atoms], source)
+            found = term.evaluate(part, self.species, place, None if v_nc is None else v_nc[part.atoms], source)
             if not found.left <= GUARD[term.precision]:
                 raise AtcError(
                     f"{source}: {term.name}: the energy depends on positions or the cell in other ways than through "
@@ -402,7 +404,7 @@ class _EdgeWork(Work):
             error = identity(term, edges, self.g_ec, self.a_e, share_n, v_nc, source)
             acc.measured("energy_identity", error)
         if first and term.own is not None:
-            first_frame(term, edges, self.g_ec, energy_n, self.species, x_nc, frame, batch)
+            first_frame(term, edges, self.g_ec, energy_n, self.species, place, source, batch)
         if term.reference is not None:
             for number, value in term.reference.items():
                 energy_n[self.species == number] -= value

@@ -87,6 +87,18 @@ class Edges:
 
 
 @dataclass
+class Place:
+    """Where atoms are, in the model's unit of length: for models that want to know it besides the edges.
+
+    x_nc : (n, 3); cell : (3, 3), rows; periodic : (3,) of bool
+    """
+
+    x_nc: np.ndarray
+    cell: np.ndarray
+    periodic: np.ndarray
+
+
+@dataclass
 class Part:
     """Atoms, and edges between them by their places among these.
 

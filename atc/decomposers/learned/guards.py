@@ -42,18 +42,17 @@ def symmetric(term, edges, g_ec, source: str) -> None:
         )
 
 
-def first_frame(term, edges, g_ec, energy_n, species_n, x_nc, frame, batch) -> None:
+def first_frame(term, edges, g_ec, energy_n, species_n, place, source: str, batch) -> None:
     """Energy, forces and virial against what the model itself says, by its own list of neighbours."""
     if batch is not None:
         warnings.warn(
-            f"{frame.source}: {term.name}: the frame does not fit into the memory at once, so it was not compared with "
+            f"{source}: {term.name}: the frame does not fit into the memory at once, so it was not compared with "
             "the model's own energy, forces and virial",
             AtcWarning,
             stacklevel=2,
         )
         return
-    cell = frame.cell.vectors / term.length
-    energy, forces, virial = term.own(x_nc, cell, frame.cell.periodic, species_n, term)
+    energy, forces, virial = term.own(place.x_nc, place.cell, place.periodic, species_n, term)
     c, n = edges.centre, edges.neighbour
     F = np.stack([np.bincount(c, g, edges.n) - np.bincount(n, g, edges.n) for g in g_ec.T], axis=1)
     W = edges.r_ec.T @ g_ec
@@ -68,7 +67,7 @@ def first_frame(term, edges, g_ec, energy_n, species_n, x_nc, frame, batch) -> N
         error = float(np.abs(ours - theirs).max() / scale) if scale > 0 else 0.0
         if not error <= GUARD[term.precision]:
             raise AtcError(
-                f"{frame.source}: {term.name}: {what} from the edges differ{'s' * (what != 'forces')} from the model's "
+                f"{source}: {term.name}: {what} from the edges differ{'s' * (what != 'forces')} from the model's "
                 f"own by {error:.1e}: its edges are not those of atc, or it has parts beyond them (long-range charges, "
                 "dispersion): such models cannot be given by edges"
             )

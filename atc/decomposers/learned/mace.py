@@ -23,7 +23,7 @@ _OTHERS = {
 
 
 class _Energies:
-    takes_inputs = positions = True
+    takes_inputs = positions = vectors_of_positions = True
 
     def __init__(self, model, head: int):
         self.model, self.head = model, head

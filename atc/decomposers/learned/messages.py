@@ -86,12 +86,11 @@ class NoGradient(Exception):
 class Inputs:
     """A part of a frame as tensors.
 
-    r_ec requires its gradient; centre, neighbour, types_n. positions, None unless asked for by the energies: then
-    `x_nc`, which require their gradient too, and `apart_ec` = r_ec − (x_n − x_c), a constant: for models that insist on
-    making the vectors of edges themselves.
+    r_ec requires its gradient; centre, neighbour, types_n; counted: whose energies are of interest. Only with a
+    `place`: x_nc and cell, which require their gradients too, periodic.
     """
 
-    def __init__(self, part, types_n, dtype, device, x_nc=None):
+    def __init__(self, part, types_n, dtype, device, place=None):
         def tensor(a, dtype=None):
             return torch.as_tensor(np.ascontiguousarray(a), dtype=dtype, device=device)
 
@@ -99,9 +98,11 @@ class Inputs:
         self.centre, self.neighbour = tensor(part.centre), tensor(part.neighbour)
         self.types_n = tensor(types_n[part.atoms])
         self.r_ec = tensor(part.r_ec, dtype).requires_grad_()
-        self.x_nc = None
-        if x_nc is not None:
-            self.x_nc = tensor(x_nc[part.atoms], dtype).requires_grad_()
+        self.x_nc = self.cell = None
+        if place is not None:
+            self.x_nc = tensor(place.x_nc[part.atoms], dtype).requires_grad_()
+            self.cell = tensor(place.cell, dtype).requires_grad_()
+            self.periodic = [bool(p) for p in place.periodic]
         self.counted = tensor(part.counted)
 
     def __len__(self):
@@ -142,20 +143,15 @@ def gradient(energies, at: Inputs, velocities_nc=None) -> Gradient:
         )
     moving = velocities_nc is not None
     x = gathers.found if moving else []
-    leaves = [at.r_ec, *([at.x_nc] if at.x_nc is not None else []), *x]
+    others = [at.x_nc, at.cell] if at.x_nc is not None else []
+    leaves = [at.r_ec, *others, *x]
     total = U_n[counted].sum()
     slopes = list(torch.autograd.grad(total, leaves, retain_graph=moving, allow_unused=True))
     g = slopes.pop(0)
     if g is None:
         raise NoGradient("energies do not depend on the vectors of the edges")
-    left = 0.0
-    if at.x_nc is not None:
-        on_x = slopes.pop(0)
-        if on_x is not None:
-            # The vectors made of positions pull at their ends; nothing else may.
-            through = torch.zeros_like(on_x).index_add_(0, at.neighbour, g).index_add_(0, at.centre, -g)
-            largest = float(through.abs().max())
-            left = float((on_x - through).abs().max()) / largest if largest else 0.0
+    left = _left(at, g, *slopes[: len(others)], getattr(energies, "vectors_of_positions", False)) if others else 0.0
+    del slopes[: len(others)]
     g_ec = g.detach().cpu().numpy().astype(np.float64)
     if not moving:
         return Gradient(energy_n.astype(np.float64), g_ec, left, None)
@@ -180,6 +176,21 @@ def gradient(energies, at: Inputs, velocities_nc=None) -> Gradient:
         left,
         Rates(a.detach().cpu().numpy().astype(np.float64), share.detach().cpu().numpy().astype(np.float64), len(x)),
     )
+
+
+def _left(at: Inputs, g, on_x, on_cell, vectors_of_positions: bool) -> float:
+    """What pulls at positions and the cell besides the edges, over the largest force and virial of these."""
+    # Vectors that were made of positions pull at their ends; nothing else may.
+    through = torch.zeros_like(at.x_nc).index_add_(0, at.neighbour, g).index_add_(0, at.centre, -g)
+    left = 0.0
+    if on_x is not None:
+        largest = float(through.abs().max())
+        more = on_x - through if vectors_of_positions else on_x
+        left = float(more.abs().max()) / largest if largest else 0.0
+    if on_cell is not None:
+        size = float((at.r_ec.detach().abs().T @ g.abs()).max())
+        left = max(left, float((at.cell.detach().T @ on_cell).abs().max()) / size if size else 0.0)
+    return left
 
 
 class SavedBytes:
