@@ -143,3 +143,66 @@ def test_what_is_refused(tmp_path):
         atc.nequip(tmp_path / "a.ckpt", SYMBOLS)
     with pytest.raises(AtcError, match="more than hops=1 layers"):
         atc.nequip(nequip(2), SYMBOLS, hops=1).decompose(argon(Cell([14.0, 15.0, 16.0]), n=(5, 5, 5), jitter=0.3))
+
+
+TRAINING = """
+run: [train]
+data:
+  _target_: nequip.data.datamodule.ASEDataModule
+  seed: 1
+  split_dataset: {file_path: data.xyz, train: 2, val: 1, test: 1}
+  transforms:
+    - {_target_: nequip.data.transforms.ChemicalSpeciesToAtomTypeMapper, model_type_names: [C, Si]}
+    - {_target_: nequip.data.transforms.NeighborListTransform, r_max: 3.6}
+  train_dataloader: {_target_: torch.utils.data.DataLoader, batch_size: 1}
+  val_dataloader: {_target_: torch.utils.data.DataLoader, batch_size: 1}
+trainer:
+  _target_: lightning.Trainer
+  max_epochs: 1
+  accelerator: cpu
+  enable_progress_bar: false
+  callbacks: [{_target_: lightning.pytorch.callbacks.ModelCheckpoint, dirpath: ., filename: my}]
+training_module:
+  _target_: nequip.train.EMALightningModule
+  loss: {_target_: nequip.train.EnergyForceLoss, per_atom_energy: true, coeffs: {total_energy: 1.0, forces: 1.0}}
+  val_metrics: {_target_: nequip.train.EnergyForceMetrics, coeffs: {total_energy_rmse: 1.0}}
+  optimizer: {_target_: torch.optim.Adam, lr: 0.01}
+  model: {_target_: nequip.model.NequIPGNNModel, seed: 1, model_dtype: float32, type_names: [C, Si], r_max: 3.6,
+          num_layers: 2, l_max: 1, num_features: 4, radial_mlp_width: 8, avg_num_neighbors: 8.0}
+"""
+
+
+def test_files_of_training_and_of_packaging(tmp_path):
+    """What nequip-train and nequip-package write, from a few numbers of Lennard-Jones."""
+    import subprocess
+    import sys
+    from pathlib import Path
+
+    import ase.io
+    from ase.calculators.lj import LennardJones
+
+    def run(*command):
+        done = subprocess.run(
+            [Path(sys.executable).parent / command[0], *command[1:]], cwd=tmp_path, capture_output=True
+        )
+        assert done.returncode == 0, done.stderr.decode()[-2000:]
+
+    frame, data = diamond(5.2, 1), []
+    for k in range(4):
+        x = frame.positions + np.random.default_rng(k).normal(size=(8, 3)) * 0.05
+        data.append(
+            ase.Atoms("SiC" * 4, x, cell=frame.cell.vectors, pbc=True, calculator=LennardJones(sigma=2.2, rc=3.6))
+        )
+        data[-1].get_forces()
+    ase.io.write(tmp_path / "data.xyz", data)
+    (tmp_path / "tiny.yaml").write_text(TRAINING)
+    run("nequip-train", "-cp", str(tmp_path), "-cn", "tiny.yaml")
+    run("nequip-package", "build", "my.ckpt", "my.nequip.zip")
+    found = []
+    for name in ("my.ckpt", "my.nequip.zip"):
+        with pytest.warns(match="reading a pickled model runs the code that is in it"):
+            pot = atc.nequip(tmp_path / name, SYMBOLS)
+        assert f"NequIP {name}, weights of float32 in float64" in pot.describe()
+        found.append(pot.decompose(frame, sources=True))
+        assert found[-1].notes["energy_identity"] < 1e-12
+    near(found[0].forces_nc, found[1].forces_nc, 1e-14)
