@@ -15,6 +15,8 @@ _LAZY = {
     "read_grid": "atc.readers.lammps_grid",
     "potential": "atc.decomposers",
     "nep": "atc.decomposers.nep",
+    "calculator": "atc.analysis.calculator",
+    "kim": "atc.decomposers.kim",
     "edge_model": "atc.decomposers.learned.edge_model",
     "mace": "atc.decomposers.learned.mace",
     "nequip": "atc.decomposers.learned.nequip",

@@ -124,6 +124,7 @@ _PER_AREA = {
     "nano": ("ag/ns^2", "ag/nm^2"),
     "electron": ("Pa*bohr", "amu/bohr^2"),
     "ase": ("eV/angstrom^2", "amu/angstrom^2"),
+    "gpumd": ("eV/angstrom^2", "amu/angstrom^2"),
     "mdanalysis": ("kJ/(mol*angstrom^2)", "amu/angstrom^2"),
 }
 
@@ -322,6 +323,20 @@ _SYSTEMS = {
             mv2d=1.0,
             labels=("angstrom", "eV", "amu", "angstrom/t_ase", "t_ase", "eV/angstrom^3", "amu/angstrom^3", "e"),
         ),
+        # GPUMD's extended XYZ files: ASE's units but for velocities, in Å/fs; 1 amu (Å/fs)² in eV by CODATA 2018.
+        _make(
+            "gpumd",
+            length=1.0,
+            energy=1.0,
+            mass=1.0,
+            charge=1.0,
+            mvv2e=1e10 * _AMU / _E_CHARGE,
+            boltz=8.617333262e-05,
+            qqr2e=14.399645,
+            nktv2p=1.0,
+            mv2d=1.0,
+            labels=("angstrom", "eV", "amu", "angstrom/fs", "fs", "eV/angstrom^3", "amu/angstrom^3", "e"),
+        ),
         # MDAnalysis: Å, ps, amu, kJ/mol; amu (Å/ps)² is 0.01 kJ/mol.
         _make(
             "mdanalysis",
@@ -343,7 +358,8 @@ LAMMPS_STYLES = ("lj", "real", "metal", "si", "cgs", "electron", "micro", "nano"
 
 
 def units(name: str | Units) -> Units:
-    """The unit system called `name`: a LAMMPS unit style, ``"ase"`` or ``"mdanalysis"``. Anything else is an error."""
+    """The unit system called `name`: a LAMMPS unit style, ``"ase"``, ``"gpumd"`` or ``"mdanalysis"``. Anything else is
+    an error."""
     if isinstance(name, Units):
         return name
     try:

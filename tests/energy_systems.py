@@ -191,6 +191,7 @@ LINES = {
     "meam/spline": "pair_style meam/spline\npair_coeff * * {}/TiO.meam.spline Ti O",
     "eam/cd": "pair_style eam/cd\npair_coeff * * {}/FeCr.cdeam Fe Cr",
     "eim": "pair_style eim\npair_coeff * * Na Cl {}/ffield.eim Na Cl",
+    "snap": "pair_style snap\npair_coeff * * {0}/WBe_Wood_PRB2019.snapcoeff {0}/WBe_Wood_PRB2019.snapparam W Be",
     "atm": "pair_style atm 30 30\npair_coeff * * * 300.0",
 }
 FRAMES = {
@@ -214,6 +215,7 @@ FRAMES = {
     "eim": lambda s: diamond(5.8, s),
     "eam/cd": lambda s: diamond(4.6, s),
     "nep": lambda s: diamond(5.2, s),
+    "snap": lambda s: diamond(5.2, s),
 }
 NAMES = [*LINES, "3-body", "4-body", "5-body", "nep"]
 #: C² or better everywhere on the way of the tests; the others have jumps of the second derivative (cutoffs, splines)
@@ -232,6 +234,7 @@ ROUGH = (
     "eim",
     "eam/cd",
     "nep",
+    "snap",
 )
 SMOOTH = [n for n in NAMES if n not in ROUGH]
 PARTITIONED = [

@@ -128,6 +128,9 @@ SI = {
         charge=1.602176634e-19,
     ),
     "ase": dict(length=1e-10, pressure=1.602176634e11, mass=1.66053906660e-27, energy=1.602176634e-19),
+    "gpumd": dict(
+        length=1e-10, velocity=1e5, pressure=1.602176634e11, time=1e-15, mass=1.66053906660e-27, energy=1.602176634e-19
+    ),
     "mdanalysis": dict(length=1e-10, velocity=1e2, time=1e-12, mass=1.66053906660e-27, energy=1e3 / 6.02214076e23),
 }
 
@@ -140,7 +143,7 @@ def test_sizes_of_units_against_the_si(name, dimension):
     assert ratio == pytest.approx(SI[name][dimension], rel=3e-6, abs=0)
 
 
-@pytest.mark.parametrize("name", [*LAMMPS_STYLES, "ase", "mdanalysis"])
+@pytest.mark.parametrize("name", [*LAMMPS_STYLES, "ase", "gpumd", "mdanalysis"])
 def test_there_and_back_and_labels(name):
     u = units(name)
     value = np.array([1.7, -2.5e3])

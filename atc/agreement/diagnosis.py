@@ -108,7 +108,7 @@ def _unit_factors(c: _Case, k: float) -> str:
     """Which pair of unit styles with the same length has forces in the ratio k, that of the trajectory or of the
     potential being taken for another."""
     said, given, out = c.frame.units, c.pot.units, []
-    for other in (units(name) for name in (*LAMMPS_STYLES, "ase", "mdanalysis")):
+    for other in (units(name) for name in (*LAMMPS_STYLES, "ase", "gpumd", "mdanalysis")):
         # coefficients written in `other` but read as the potential's units; or forces of the file in `other` read as
         # the trajectory's
         if other.length == given.length and other.name != given.name and not other.reduced and not given.reduced:

@@ -26,7 +26,7 @@ from .words import frame_slice, guess
 
 #: What makes a potential of a learned model's file, and what else [potential] may tell it.
 LEARNED = {
-    "nep": ("types",),
+    "nep": ("types", "reference"),
     "mace": ("types", "head", "stress", "reference", "device"),
     "nequip": ("types", "stress", "reference", "device"),
     "metatomic": ("types", "stress", "reference", "device"),

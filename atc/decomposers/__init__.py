@@ -75,6 +75,8 @@ _STYLES = {
     "axilrod_teller": "AxilrodTeller",
     "spin_exchange": "SpinExchange",
     "electron_force_field": "ElectronForceField",
+    "snap": "SNAP",
+    "nep": "NEP",
 }
 #: Likewise what stands elsewhere.
 _OTHERS = {

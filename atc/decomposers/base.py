@@ -230,6 +230,8 @@ class Work:
     """
 
     stages: tuple[int, ...] = (0,)
+    #: the stage from which a work that is done gives its bonds again, without what was dear about them; None: it cannot
+    again: int | None = None
 
     def run(self, stage: int, task: int, acc: Accumulator) -> Bonds | None:
         """Do one task: add its energy (and shares) to `acc`, return its bonds (views into `acc.ws` are fine) for
@@ -463,6 +465,7 @@ class Potential(Interactions):
         energies: bool = False,
         forces: bool = False,
         sources: bool = False,
+        kept: dict | None = None,
     ) -> Decomposition:
         """Evaluate a frame without ever holding all its bonds.
 
@@ -474,6 +477,8 @@ class Potential(Interactions):
             reused: copy what is kept.
         energies, forces : whether to accumulate per-atom energies and forces
         sources : whether the bonds carry their directed energy sources `D_bdc`
+        kept : the works of terms whose bonds can be had again; with those of an earlier call for the same frame bonds
+            stream by at little cost (its energies are not what they say)
 
         Returns
         -------
@@ -513,13 +518,16 @@ class Potential(Interactions):
             for term in self.terms:
                 if hasattr(term.inner, "threads"):  # of those that deal out their work themselves
                     term.inner.threads = threads
-                work = term.prepare(frame)
-                for stage in range(len(work.stages)):
+                done = kept.get(id(term)) if kept else None
+                work = done or term.prepare(frame)
+                for stage in range(done.again if done else 0, len(work.stages)):
                     if pool is None:
                         lane(term, work, stage, 0)
                     else:
                         # list() so that an exception in a worker is raised here.
                         list(pool.map(lambda t, e=term, w=work, s=stage: lane(e, w, s, t), range(threads)))
+                if kept is not None and work.again is not None:
+                    kept[id(term)] = work
         finally:
             if pool is not None:
                 pool.shutdown()

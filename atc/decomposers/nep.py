@@ -1,18 +1,23 @@
-"""Neuroevolution potentials (NEP): energies of atoms as a small network of what their neighbours look like."""
+"""Neuroevolution potentials (NEP): energies of atoms as a small network of what their neighbours look like.
+
+How a frame is done is in `edges`.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
-from ..bonds import Bonds
 from ..errors import AtcError
 from ..frame import Frame
 from ..units import units as system
-from .base import Potential, Term, Work
-from .elements import SYMBOLS, ElementMap
-from .neighbor_work import NeighborWork, room, shares
+from .base import Potential
+from .edges import Edges
+from .elements import SYMBOLS, ElementMap, mapped_line
 from .nep_file import NEPFile, read_nep
-from .nep_kernels import centres, coupling, merge, norms
+from .nep_kernels import centres, coupling, norms
+from .registry import MAPPED_STYLES, pair_style
 
 #: The number of the invariant of five bodies, (1, 1, 1, 1), is found by its degrees.
 _FIVE = (1, 1, 1, 1)
@@ -23,7 +28,7 @@ _INVERSE_A, _POWER = 2.134563, 0.23
 _COULOMB = 14.399645
 
 
-class NEP(Term):
+class NEP(Edges):
     """U = Σ_j [w1·tanh(w0 q_j − b0) − b1], q_j descriptors of the neighbours of atom j (NEP2 to NEP5), with a
     screened repulsion of nuclei besides if the file has one (ZBL).
 
@@ -40,6 +45,7 @@ class NEP(Term):
     file : NEPFile
     elements : the file's name of each atom type from 1, None or "NULL" for types left out. None: by the names that
         frames have for their types, or, where the file has one element only, all atoms.
+    reference : see `nep`
 
     Notes
     -----
@@ -47,9 +53,9 @@ class NEP(Term):
     Fan, Wang, Ying et al., J. Chem. Phys. 157, 114801 (2022); Song, Zhao, Liu et al., Nat. Commun. 15, 10208 (2024).
     """
 
-    central, edges = False, True
+    style = "NEP"
 
-    def __init__(self, file: NEPFile, elements=None, where: str = "nep.txt"):
+    def __init__(self, file: NEPFile, elements=None, where: str = "nep.txt", reference=None):
         self.model, self.where = file, where
         self.elements = None if elements is None else [None if e in (None, "NULL") else str(e) for e in elements]
         if self.elements is not None:
@@ -67,10 +73,36 @@ class NEP(Term):
         self.abc = np.concatenate([np.zeros((0, 3), np.int64), *(abc for _, (abc, _) in terms)])
         self.C = np.concatenate([np.zeros(0), *(C for _, (_, C) in terms)])
         self.fifth = file.many.index(_FIVE) if _FIVE in file.many else -1
+        self.b1, self.reference = self._relative(reference)
         self.w0 = np.ascontiguousarray(file.w0_thd * file.scale_d)
         self.c_radial, self.c_angular = (
             np.ascontiguousarray(c.transpose(0, 1, 3, 2)) for c in (file.c_radial, file.c_angular)
         )
+
+    def _relative(self, reference) -> tuple[np.ndarray, str]:
+        """b1 with the energies of single atoms in it, and what to say of them."""
+        b0, w1, b1 = self.model.b0_th, self.model.w1_th, self.model.b1_t
+        if reference is None:
+            return b1, "the model's own zero, which may hold energies of single atoms (b1)"
+        if reference == "isolated":
+            alone = -(w1 * np.tanh(b0)).sum(1) - b1
+        elif not isinstance(reference, Mapping):
+            raise AtcError(
+                f'{self.where}: reference must be "isolated", or energies of atoms in eV to subtract, e.g. '
+                f'{{"{self.model.names[0]}": -4.6}}, got {reference!r}'
+            )
+        else:
+            odd = next((k for k in reference if k not in self.model.names), None)
+            if odd is not None:
+                raise AtcError(f"{self.where}: reference: no element {odd!r}: it has {', '.join(self.model.names)}")
+            try:
+                alone = np.array([float(reference.get(name, 0.0)) for name in self.model.names])
+            except (TypeError, ValueError):
+                alone = np.array([np.nan])
+            if not np.isfinite(alone).all():
+                raise AtcError(f"{self.where}: reference: expected an energy for each element, got {reference!r}")
+        said = ", ".join(f"{name} {e:.10g}" for name, e in zip(self.model.names, alone))
+        return b1 + alone, f"energies of atoms less {said} eV"
 
     def describe(self) -> str:
         core = ", ZBL" if len(self.core) else ""
@@ -102,8 +134,33 @@ class NEP(Term):
             f"types={[*names]!r} or the like"
         )
 
-    def prepare(self, frame: Frame) -> Work:
-        return _NEPWork(self, frame)
+    def centres(self, work, task, g_end, energies) -> float:
+        file = self.model
+        return centres(
+            *work.atoms(task),
+            work.near.most(task)[0],
+            work.lists,
+            file.rc_radial,
+            file.rc_angular,
+            self.c_radial,
+            self.c_angular,
+            file.l_max,
+            self.norm,
+            self.abc,
+            self.C,
+            self.which,
+            self.fifth,
+            len(file.many),
+            self.w0,
+            file.b0_th,
+            file.w1_th,
+            self.b1,
+            self.core,
+            self.length,
+            self.energy,
+            g_end,
+            energies,
+        )
 
 
 def _core(file: NEPFile, where: str) -> np.ndarray:
@@ -129,60 +186,36 @@ def _core(file: NEPFile, where: str) -> np.ndarray:
     return out
 
 
-class _NEPWork(NeighborWork):
-    """The energy of each atom with its gradient by the vector to each neighbour, into slots of their own (one for each
-    end of a pair); one bond a pair."""
+MAPPED_STYLES.update(("nep", "nep/cpu"))
 
-    def __init__(self, term: NEP, frame: Frame):
-        super().__init__(term, frame, "NEP", *term.map(frame).apply(frame))
 
-    @property
-    def own(self):
-        return self._centres, self._merge
-
-    def joined(self, acc):
-        self.g_end = np.zeros((len(self.near.a), 2, 3))
-
-    def _centres(self, task, acc):
-        term, file = self.term, self.term.model
-        acc.energy += centres(
-            *self.atoms(task),
-            self.near.most(task)[0],
-            self.lists,
-            file.rc_radial,
-            file.rc_angular,
-            term.c_radial,
-            term.c_angular,
-            file.l_max,
-            term.norm,
-            term.abc,
-            term.C,
-            term.which,
-            term.fifth,
-            len(file.many),
-            term.w0,
-            file.b0_th,
-            file.w1_th,
-            file.b1_t,
-            term.core,
-            term.length,
-            term.energy,
-            self.g_end,
-            shares(acc),
+@pair_style("nep", "nep/cpu")
+def _nep_style(inp):
+    """``pair_style nep`` with ``pair_coeff * * nep.txt Te Pb``, or the older ``pair_style nep nep.txt`` with
+    ``pair_coeff * *``, where types have the file's order."""
+    if inp.units.name != "metal":
+        raise inp.error(f"{inp.command} is for units metal, not {inp.units.name}")
+    if not inp.args:
+        path, elements, line = mapped_line(inp, " nep.txt")
+        return NEP(_read_here(path, line.where), elements, path.name)
+    if len(inp.args) > 1 or len(inp.coeffs) != 1 or inp.coeffs[0].words:
+        raise inp.error(
+            f"{inp.command}: expected pair_coeff * * nep.txt and the element of each atom type, or the file behind "
+            "pair_style nep and pair_coeff * * alone"
         )
-
-    def _merge(self, task, acc):
-        p0, p1 = self.pairs(task)
-        m = p1 - p0
-        i, j, r, _, D = room(acc, m)
-        F = np.empty((m, 3))
-        bad = merge(p0, p1, self.lists, self.g_end, acc.sources, i, j, r, F, D)
-        self.require_finite(bad)
-        # No G: the force is not along the bond.
-        return Bonds(i[:m], j[:m], r[:m], np.full(m, np.nan), D if acc.sources else None, F)
+    path = inp.path(inp.args[0])
+    file = _read_here(path, inp.where)
+    return NEP(file, file.names, path.name)
 
 
-def nep(path, types=None) -> Potential:
+def _read_here(path, where) -> NEPFile:
+    try:
+        return read_nep(path)
+    except AtcError as e:
+        raise AtcError(f"{where}: {e}") from None
+
+
+def nep(path, types=None, reference=None) -> Potential:
     """A neuroevolution potential (NEP2, NEP3, NEP4, NEP5) from its ``nep.txt``.
 
     Stress and heat flux are those of the model's own gradients (see `atc.decomposers.nep.NEP`): momentum and energy are
@@ -194,6 +227,9 @@ def nep(path, types=None) -> Potential:
     types : the element of each atom type from 1, in the file's names, e.g. ``["Te", "Pb"]``; None or "NULL" for types
         that do not interact. Default: by the names that the trajectory has for its types; a file of one element needs
         none.
+    reference : energies of single atoms to subtract: "isolated", the model's own of an atom without neighbours, or
+        {element: eV}. Default: none. They carry heat with atoms that diffuse: the heat flux of a mixture depends on
+        them, forces and stress do not.
 
     Returns
     -------
@@ -210,7 +246,7 @@ def nep(path, types=None) -> Potential:
     """
     from pathlib import Path
 
-    term = NEP(read_nep(path), types, Path(path).name)
+    term = NEP(read_nep(path), types, Path(path).name, reference)
     pot = Potential([term], "metal")
-    pot.learned = "nep", term.where, {"types": term.elements}
+    pot.learned = "nep", term.where, {"types": term.elements, "reference": reference}
     return pot

@@ -307,23 +307,3 @@ def centres(
         if len(energies):
             energies[atom[s]] += U
     return total
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def merge(p0, p1, near, g_end, sources, out_i, out_j, out_r, out_F, out_D):
-    """One bond a pair. Returns the first pair whose force is not a finite number, −1 if there is none."""
-    _, _, _, a, b, r, _, _, atom = near
-    bad = -1
-    for p in range(p0, p1):
-        m = p - p0
-        out_i[m], out_j[m] = atom[a[p]], atom[b[p]]
-        for c in range(3):
-            out_r[m, c] = r[p, c]
-            F = g_end[p, 0, c] - g_end[p, 1, c]
-            out_F[m, c] = F
-            if bad < 0 and not np.isfinite(F):
-                bad = p
-            if sources:
-                out_D[m, 0, c] = g_end[p, 0, c]
-                out_D[m, 1, c] = g_end[p, 1, c]
-    return bad

@@ -47,7 +47,9 @@ MAPPED_STYLES = {"sw"}
 
 def mapped_elements(style: str, words) -> tuple[str, ...]:
     """The words of such a line that name the element of each atom type: those behind its file; for meam behind library,
-    its elements and parameter file; for eim behind its elements and file."""
+    its elements and parameter file; for eim behind its elements and file; for snap behind both files."""
+    if style == "snap":
+        return tuple(words[2:])
     if style not in ("meam", "meam/c", "eim"):
         return tuple(words[1:])
     # Names of elements have neither dots nor slashes.

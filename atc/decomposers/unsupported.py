@@ -67,7 +67,7 @@ _PAIR = {
         "vashishta vashishta/table"
     ),
     _DENSITY: "local/density mdpd mdpd/rhosum multi/lucy",
-    _MACHINE: "mliap pod snap uf3 pace pace/extrapolation quip hdnnp rann nequip allegro mace deepmd nep metatomic",
+    _MACHINE: "mliap pod uf3 pace pace/extrapolation quip hdnnp rann nequip allegro mace deepmd metatomic",
     _CHARGES: "comb comb3 coul/ctip coul/streitz reax reax/c reaxff smtbq",
     _SIZES: "lepton/sphere lj/cut/sphere lj/expand/sphere yukawa/colloid",
     _CONTACT: "gran/hertz/history gran/hooke gran/hooke/history granular",

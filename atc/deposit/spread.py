@@ -243,8 +243,11 @@ def spread_bonds(
     t00, t01, t02 = to_mesh[0, 0], to_mesh[0, 1], to_mesh[0, 2]
     t10, t11, t12 = to_mesh[1, 0], to_mesh[1, 1], to_mesh[1, 2]
     t20, t21, t22 = to_mesh[2, 0], to_mesh[2, 1], to_mesh[2, 2]
-    scratch, values = np.zeros(8 * ((WIDTH + 3) // 4), REAL), np.zeros(LANES, REAL)
-    mesh_at, coef_at, scratch_at, values_at = begin(mesh), begin(coef), begin(scratch), begin(values)
+    # One piece of memory: an array of which only the address is used is freed at once.
+    room = np.zeros(LANES + 8 * ((WIDTH + 3) // 4), REAL)
+    values = room[:LANES]
+    mesh_at, coef_at, values_at = begin(mesh), begin(coef), begin(values)
+    scratch_at = values_at + LANES * room.itemsize
     total = 0
     for b in range(len(i_b)):
         strength = 0.0
@@ -334,8 +337,10 @@ def spread_rows(
         last2 = 1
     stride1 = row * LANES
     stride0 = counts[1] * stride1
-    scratch, values = np.zeros(8 * ((WIDTH + 3) // 4), REAL), np.zeros(LANES, REAL)
-    coef_at, scratch_at, values_at = begin(coef), begin(scratch), begin(values)
+    room = np.zeros(LANES + 8 * ((WIDTH + 3) // 4), REAL)
+    values = room[:LANES]
+    coef_at, values_at = begin(coef), begin(values)
+    scratch_at = values_at + LANES * room.itemsize
     total = 0
     for n in range(len(which)):
         x, y, z = x_nc[n, 0] - origin[0], x_nc[n, 1] - origin[1], x_nc[n, 2] - origin[2]

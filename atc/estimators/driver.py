@@ -62,7 +62,8 @@ def fields_of(frames, settings: Settings, index: int = 0, run_tiles=None) -> Fra
             fields_of(frames, replace(settings, part=k), index, run_tiles) for k in range(len(settings.parts.labels))
         ]
         return of_parts(each)
-    work = Work.of(settings.names, settings.central, parts=settings.part is not None, velocity=settings.velocity)
+    more = {"parts": settings.part is not None, "velocity": settings.velocity, "churnless": settings.churnless}
+    work = Work.of(settings.names, settings.central, **more)
     for frame in frames:
         require(frame, settings, work)
     goal, start, several = SAFE * settings.tolerance, perf_counter(), len(frames) > 1
@@ -281,7 +282,9 @@ def sum_bonds(run: Run, here: Place | None, reference: Place | None, before: Run
         if whole:
             found.append(StrongestBonds(frame.positions, settings.threads) if seek else None)
             finer = bool(settings.pot.fields and work.bond and is_checked(run.index + len(each)))
-            more = {"chosen": chosen, "check": not finer}
+            # A frame alone is in memory anyway when it is looked around in.
+            kept = {} if seek and not run.several else None
+            more = {"chosen": chosen, "check": not finer, "kept": kept}
             one = passes.bond_pass(frame, of_bonds, work, here, reference, drift, deposit, found[-1], **more)
             if finer:
                 check_gk = finer_check(frame, of_bonds, work, here, drift)
@@ -493,7 +496,7 @@ def look_around(run: Run, here: Place, bonds: RunBonds) -> tuple[PointsAround, M
     means = MeanFields()
     for k, frame in enumerate(run.frames):
         factors = run.factors(k, bonds.each[k].per_atom)
-        bond_gk = points.bond_sums(frame, work.bond, run.drifts[k], run.chosen[k])
+        bond_gk = points.bond_sums(frame, work.bond, run.drifts[k], run.chosen[k], bonds.each[k].kept)
         if bonds.fields is not None:
             bond_gk = bond_gk + bonds.fields.at(k, points.which)
         sums = replace(run.no_sums(k), bond=named_bond_sums(work, bond_gk, settings.churnless))

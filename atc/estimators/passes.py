@@ -113,11 +113,15 @@ class BondTotals:
 
 @dataclass(frozen=True)
 class BondPass:
-    """What the bonds of one frame give: their sums, those of each atom, and what there is to note."""
+    """What the bonds of one frame give: their sums, those of each atom, and what there is to note.
+
+    kept : what gives them again (see `Potential.stream`), if it was asked for
+    """
 
     totals: BondTotals = field(default_factory=BondTotals)
     per_atom: PerAtom = field(default_factory=PerAtom)
     notes: dict[str, int] = field(default_factory=dict)
+    kept: dict | None = None
 
     def point_sums(self, k: int, work: Work, churnless: bool) -> dict:
         """What the sums on the grid (k = 0) or at the points of the check (1) get from the bonds; sums of several
@@ -260,10 +264,12 @@ class BondCollector:
         if self.weighted is not None:
             self.weighted.add(x_nc, bonds, X_bc, R_bc, thread)
 
-    def stream(self, pot):
+    def stream(self, pot, kept=None):
         """Send all bonds of `pot` by; returns its own word on the frame."""
         # Potentials of other makers need not know about sources as long as nobody asks for them.
         more = {"sources": True} if self.work.source_users else {}
+        if kept is not None and pot.terms:
+            more["kept"] = kept
         return pot.stream(
             self.frame,
             self.consume if self.wanted else None,
@@ -308,8 +314,9 @@ def bond_pass(
     strongest=None,
     check: bool = True,
     chosen=None,
+    kept=None,
 ) -> BondPass:
-    """One pass over the bonds of a frame for every sum over them. See `BondCollector`."""
+    """One pass over the bonds of a frame for every sum over them. See `BondCollector`; kept : `Potential.stream`."""
     horizon = horizon_of(settings, frame.units, work.horizon_users) if work.horizon_users else None
     collector = BondCollector(
         frame, settings.pot, work, here, reference, threads=settings.threads, drift=drift, horizon=horizon,
@@ -317,9 +324,9 @@ def bond_pass(
         chosen=chosen,
     )  # fmt: skip
     with nullcontext() if settings.anchor is None else settings.anchor.at(frame):
-        decomposition = collector.stream(settings.pot)
+        decomposition = collector.stream(settings.pot, kept)
     notes = dict(getattr(decomposition, "notes", None) or {})
-    return BondPass(collector.totals(decomposition), collector.per_atom(decomposition), notes)
+    return BondPass(collector.totals(decomposition), collector.per_atom(decomposition), notes, kept)
 
 
 def strongest_factors(frame, work: Work, bonds, drift) -> np.ndarray:

@@ -91,7 +91,7 @@ BOND = {
     "power_lab": Source(3, ("velocities",), bonds=True, sources=True),  # the same in the frame of the simulation
     "sources": Source(9, bonds=True, sources=True),  # M
     "piola": Source(9, bonds=True, reference=True, on_reference=True),
-    "moment": Source(9, bonds=True),  # what "stress" becomes where forces do not act along bonds: −r⊗F
+    "moment": Source(9, bonds=True),  # what "stress" becomes where forces do not act along bonds: −r⊗F, as `general`
 }
 
 # Sums over the bonds around a point with weights that are no bond function: see peridynamic.py.
@@ -857,10 +857,13 @@ class Work:
     attributes: dict[str, list[str]] = field(default_factory=dict)  # frame attribute -> the quantities that need it
 
     @classmethod
-    def of(cls, names, central: bool = True, parts: bool = False, velocity: str = "local") -> Work:
+    def of(
+        cls, names, central: bool = True, parts: bool = False, velocity: str = "local", churnless: bool = False
+    ) -> Work:
         """The work behind the quantities called `names` (wholes are expanded). `central`: whether forces act along
         bonds. `parts`: of one species after the other; what is relative to the local velocity is to that of all.
-        `velocity`: what thermal motion is relative to, see `settings`."""
+        `velocity`: what thermal motion is relative to, see `settings`. `churnless`: whether M = −S in every bond: it
+        need not be summed up then (`sums.churn_nothing`)."""
         work = cls(expand(names))
         for q in work.quantities:
             for have, asked in ((work.site, q.site), (work.whole, q.whole)):
@@ -885,6 +888,8 @@ class Work:
             work.squares = ["mass", ALL + "mass"] if parts else ["mass"]
             more = ["one", ALL + "one", ALL + "kinetic"] if parts else ["one"]
             work.site += [name for name in more if name not in work.site]
+        if churnless:
+            work.bond = list(dict.fromkeys("stress" if name == "sources" else name for name in work.bond))
         if not central:
             work.bond = ["moment" if name == "stress" else name for name in work.bond]
             work.site, work.whole = (

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..compiled import njit
 from .kinematics import eshelby, quotient_gradient
-from .tensors import full, quotient
+from .tensors import full, general, quotient
 
 #: A number density n − Σ m φ²/ρ below this share of n is that of an atom alone, but for rounding.
 LONE = 1e-9
@@ -86,7 +86,7 @@ class Sums:
     @property
     def potential_stress(self) -> np.ndarray:
         """(g, 3, 3) Σ −r⊗F β."""
-        return self.bond["moment"].reshape(-1, 3, 3) if "moment" in self.bond else full(self.bond["stress"])
+        return general(self.bond["moment"]) if "moment" in self.bond else full(self.bond["stress"])
 
     @cached_property
     def momentum(self) -> np.ndarray:
@@ -249,12 +249,10 @@ class Sums:
 
 def churn_nothing(bond: dict) -> None:
     """z = S + M is 0 identically for pairs and for edges of atoms' energies, not only as far as two approximate sums
-    cancel: make M = −S."""
-    if "sources" in bond:
-        if "moment" in bond:
-            bond["sources"] = -bond["moment"]
-        elif "stress" in bond:
-            bond["sources"] = -full(bond["stress"]).reshape(-1, 9)
+    cancel: M = −S."""
+    for name, whole in (("stress", full), ("moment", general)):
+        if name in bond:
+            bond["sources"] = -whole(bond[name]).reshape(-1, 9)
 
 
 def curl(gradient_gcc) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Symmetric tensors as six components xx, yy, zz, yz, xz, xy; quotients of fields."""
+"""Symmetric tensors as six components xx, yy, zz, yz, xz, xy, others with three more; quotients of fields."""
 
 from __future__ import annotations
 
@@ -10,6 +10,16 @@ _FULL = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 def full(a_6) -> np.ndarray:
     """(..., 6) symmetric components xx, yy, zz, yz, xz, xy to (..., 3, 3)."""
     return np.asarray(a_6)[..., _FULL]
+
+
+_ACROSS = np.array([[0, 2, 1], [2, 0, 0], [1, 0, 0]])
+_SIGN = np.array([[0.0, 1.0, 1.0], [-1.0, 0.0, 1.0], [-1.0, -1.0, 0.0]])
+
+
+def general(a_9) -> np.ndarray:
+    """(..., 9) the components of the symmetric part, then yz, xz, xy of the antisymmetric one, to (..., 3, 3)."""
+    a_9 = np.asarray(a_9)
+    return full(a_9[..., :6]) + _SIGN * a_9[..., 6:][..., _ACROSS]
 
 
 def outer6(v_nc) -> np.ndarray:

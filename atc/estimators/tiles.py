@@ -66,7 +66,7 @@ def tile_sums(tile: Tile, task: Task) -> TileShare:
     collector = BondCollector(
         tile.frame,
         task.pot,
-        Work.of(task.quantities, task.pot.central),
+        Work.of(task.quantities, task.pot.central, churnless=task.pot.churnless),
         task.here,
         task.reference,
         threads=task.threads,

@@ -46,9 +46,10 @@ def prepare(request: Request | Job) -> Job:
 
     if isinstance(request, Job):
         return request
-    apart = request.by is not None
+    apart, pot = request.by is not None, request.pot
     request = replace(request, **_velocity(request))
-    work = Work.of(request.quantities, request.pot is None or request.pot.central, apart, request.velocity)
+    more = {"parts": apart, "velocity": request.velocity}
+    work = Work.of(request.quantities, pot is None or pot.central, churnless=pot is not None and pot.churnless, **more)
     frames, pot = matched(as_frames(request.traj, request.pot), request.pot)
     if not len(frames):
         raise AtcError("the trajectory has no frames: nothing to compute")
@@ -57,7 +58,7 @@ def prepare(request: Request | Job) -> Job:
     if work.bond_users and pot is not None and pot.constraints is not None:
         # What its constraints are found from is settled, and asked for, once.
         pot = pot.settled(first)
-        work = Work.of(request.quantities, pot.central, apart, request.velocity)
+        work = Work.of(request.quantities, pot.central, churnless=pot.churnless, **more)
     if reference is not None and reference.dimension != first.dimension:
         if first.dimension == 3:
             raise AtcError(f"the reference {reference.source} is of a two-dimensional run, but {first.source} is not")

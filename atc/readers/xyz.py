@@ -62,15 +62,16 @@ class ExtendedXyz(LammpsTrajectory):
     path : file, plain or compressed
     topology : LAMMPS data file, for files in a unit style of LAMMPS. It gives types, masses, charges, bonded terms; to
         a plain XYZ file of LAMMPS also the box.
-    units : "ase", or the LAMMPS unit style all numbers of the file are in. Default: ASE's, unless LAMMPS wrote the
-        file, which needs it.
+    units : "ase", "gpumd" (ASE's but for velocities in Å/fs, as in the files of GPUMD), or the LAMMPS unit style all
+        numbers of the file are in. Default: ASE's, unless LAMMPS wrote the file, which needs it.
     masses : as for `atc.read`
 
     Notes
     -----
     In ASE's units, masses are those of the elements unless there is a column, and velocities come from ``momenta``.
     Columns ``vel``, ``velo``, ``velocities`` are of programs that each have units of their own: they are read when
-    `units` says which, otherwise they are left among the extra columns, with a warning; so is ``Time`` (without one).
+    `units` says which, otherwise they are left among the extra columns, with a warning; so is ``Time`` (without
+    one, or in ASE's).
     ``forces``, ``force`` and ``frc`` are forces; ``Timestep`` is the step. LAMMPS writes no corner of its box: where an
     open axis has atoms outside of 0 .. length, the box is not known, and the frame is refused. i-PI's cell and its
     units in braces are read from the comment.
@@ -90,7 +91,7 @@ class ExtendedXyz(LammpsTrajectory):
         comment = self._comment(0)
         self._by_lammps = comment.kind in ("lammps", "lammps plain")
         given = getattr(units, "name", units)
-        if self._by_lammps and given == "ase":
+        if self._by_lammps and given in ("ase", "gpumd"):
             raise AtcError(
                 f"{path} was written by LAMMPS: its units are those of the run, e.g. units='metal', never ASE's"
             )
@@ -109,7 +110,7 @@ class ExtendedXyz(LammpsTrajectory):
                 f"{path} was written by LAMMPS in the units of its run, which it does not say: give them, e.g. "
                 "units='metal'"
             )
-        self._ase = not self._by_lammps and given in (None, "ase")
+        self._ase = not self._by_lammps and given in (None, "ase", "gpumd")
         self._told = given is not None
         if self._ase and topology is not None:
             raise AtcError(
@@ -117,12 +118,12 @@ class ExtendedXyz(LammpsTrajectory):
                 "is read in ASE's units otherwise)"
             )
         if self._ase:
-            super().__init__(path, None, "ase", masses, None)
+            super().__init__(path, None, given or "ase", masses, None)
         else:
             super().__init__(path, topology, units, masses, None)
             if self.units.name not in LAMMPS_STYLES:
                 raise AtcError(
-                    f"{path}: units={self.units.name!r}: expected 'ase' or a unit style of LAMMPS "
+                    f"{path}: units={self.units.name!r}: expected 'ase', 'gpumd' or a unit style of LAMMPS "
                     f"({', '.join(LAMMPS_STYLES)})"
                 )
         if self._data is not None:
@@ -289,7 +290,8 @@ class ExtendedXyz(LammpsTrajectory):
             self._once(
                 "velocities",
                 f"{self.source}: its column {unknown!r} holds velocities in units that the file does not say; they "
-                "are left out: give units='ase', or the LAMMPS unit style that all its numbers are in",
+                "are left out: give units='gpumd' if GPUMD wrote it (Å/fs), 'ase', or the LAMMPS unit style that all "
+                "its numbers are in",
             )
         return out
 
@@ -348,7 +350,7 @@ class ExtendedXyz(LammpsTrajectory):
                 f"{self.source}: six decimals leave too little of its times in these units; steps without times are "
                 "read",
             )
-        time = None if self._ase else comment.time
+        time = None if self._ase and self.units.name != "gpumd" else comment.time
         frame = self._build(columns, cell, k, where, comment.step, time, line_of)
         if comment.kind == "lammps plain" and self._data is not None:  # whose box says nothing of boundaries
             frame = frame.replace(given={**frame.given, "boundary": "assumed"})

@@ -68,7 +68,7 @@ def _plain(v):
 def _trajectory(job) -> dict:
     units = job.first.units.name
     table = {"file": file_name(job.first.source)}
-    if units in LAMMPS_STYLES:
+    if units in (*LAMMPS_STYLES, "gpumd"):
         table["units"] = units
     return table
 

@@ -77,12 +77,14 @@ def case(name, sw_lines):
         )
     if name == "sw":
         return hot(silicon_config(shake=0.2), 600), atc.potential(sw_lines, units="metal"), 1.6
-    if name == "nep":
-        return (*energy_systems.system("nep"), 1.6)
+    if name in ("nep", "snap"):
+        return (*energy_systems.system(name), 1.6)
     return (*eam(), 1.6) if name == "eam" else (*melt(), 0.7)
 
 
-@pytest.mark.parametrize("name, churns", [("lj", None), ("sw", 1e-3), ("eam", None), ("melt", 1e-4), ("nep", None)])
+@pytest.mark.parametrize(
+    "name, churns", [("lj", None), ("sw", 1e-3), ("eam", None), ("melt", 1e-4), ("nep", None), ("snap", None)]
+)
 def test_laws_hold(name, churns, sw_lines):
     """Rounding in closed form; 1e-10 from the fields (rounding of a field over a step of width/400); heat flux without
     churning is wrong.

@@ -199,3 +199,88 @@ def test_fields(tmp_path):
     for name in names:
         want = each[name].values[:1] + alone[name].values
         np.testing.assert_allclose(both[name].values, want, rtol=0, atol=1e-8 * np.abs(want).max())
+
+
+def test_energies_of_single_atoms(tmp_path):
+    """What is subtracted changes energies, and nothing else; alone an atom of the model has what it says."""
+    plain, frame = made(tmp_path, "two")
+    path = tmp_path / "nep.txt"
+    isolated, given = (nep(path, ("Si", "C"), reference=r) for r in ("isolated", {"C": -2.5}))
+    a, b, c = (p.decompose(frame) for p in (plain, isolated, given))
+    for other in (b, c):
+        np.testing.assert_array_equal(other.forces_nc, a.forces_nc)
+    box = Cell(50 * np.eye(3))
+    alone = [plain.decompose(Frame(np.zeros((1, 3)), box, METAL, types=np.array([t]))).energy for t in (1, 2)]
+    np.testing.assert_allclose(a.energies_n - b.energies_n, np.array(alone)[frame.types - 1], rtol=1e-12)
+    want = np.where(frame.types == 2, METAL.to_internal("energy", -2.5), 0.0)
+    np.testing.assert_allclose(a.energies_n - c.energies_n, want, rtol=0, atol=1e-12 * np.abs(want).max())
+    assert "less Si 0, C -2.5 eV" in given.attributes["energy_reference"]
+    for wrong, said in (("alone", 'must be "isolated"'), ({"O": 1}, "no element 'O'"), ({"C": "x"}, "an energy for")):
+        with pytest.raises(AtcError, match=said):
+            nep(path, reference=wrong)
+
+
+def test_stars_that_turn_are_refused(tmp_path, monkeypatch):
+    """Gradients that are not those of an energy that only depends on the shape of a star."""
+    from atc.decomposers.nep import NEP
+
+    pot, frame = made(tmp_path, "two")
+    honest = NEP.centres
+
+    def bent(self, work, task, g_end, energies):
+        U = honest(self, work, task, g_end, energies)
+        g_end[:, :, 0] *= 1 + 1e-6
+        return U
+
+    pot.decompose(frame)
+    monkeypatch.setattr(NEP, "centres", bent)
+    with pytest.raises(AtcError, match="the energy of an atom changes when all is turned"):
+        pot.decompose(frame)
+
+
+def test_lammps_lines(tmp_path):
+    """Both forms of the style that NEP_CPU adds to LAMMPS; other styles besides."""
+    import atc
+
+    pot, frame = made(tmp_path, "two")
+    want = pot.decompose(frame)
+
+    def lines(text, **more):
+        return atc.potential(text.format(tmp_path), units="metal", **more)
+
+    for text in (
+        "pair_style nep\npair_coeff * * {}/nep.txt Si C",
+        "pair_style nep {}/nep.txt\npair_coeff * *",
+        "pair_style nep/cpu\npair_coeff * * {}/nep.txt Si C",
+        "pair_style hybrid/overlay nep zero 5\npair_coeff * * nep {}/nep.txt Si C\npair_coeff * * zero",
+    ):
+        d = lines(text).decompose(frame)
+        np.testing.assert_array_equal(d.forces_nc, want.forces_nc)
+        np.testing.assert_array_equal(d.energies_n, want.energies_n)
+    turned = lines("pair_style nep\npair_coeff * * {}/nep.txt C Si").decompose(frame.replace(types=3 - frame.types))
+    np.testing.assert_array_equal(turned.forces_nc, want.forces_nc)
+    for text, said in (
+        ("pair_style nep\npair_coeff * * {}/other.txt Si C", "no such file"),
+        ("pair_style nep\npair_coeff * * {}/nep.txt Si Ge", "no element 'Ge'"),
+        ("pair_style nep {0}/nep.txt\npair_coeff * * {0}/nep.txt Si C", r"or the file behind pair_style nep"),
+        ("units real\npair_style nep\npair_coeff * * {}/nep.txt Si C", "is for units metal, not real"),
+    ):
+        with pytest.raises(AtcError, match=said):
+            atc.potential(text.format(tmp_path), units=None if text.startswith("units") else "metal")
+
+
+def test_files_of_gpumd(tmp_path):
+    """Its extended XYZ: velocities in Å/fs, masses of the elements."""
+    import atc
+
+    (tmp_path / "dump.xyz").write_text(
+        '2\nTime=5 pbc="T T T" Lattice="9 0 0 0 9 0 0 0 9" Properties=species:S:1:pos:R:3:vel:R:3:forces:R:3\n'
+        "Si 0 0 0 0.01 0 0 0.5 0 0\nC 2 0 0 0 -0.02 0 -0.5 0 0\n"
+    )
+    frame = atc.read(tmp_path / "dump.xyz", units="gpumd")[0]
+    metal, u = METAL, frame.units
+    np.testing.assert_allclose(metal.to_user("velocity", frame.velocities)[:, :2], [[10, 0], [0, -20]], rtol=1e-6)
+    np.testing.assert_allclose(u.to_user("force", frame.forces)[:, 0], [0.5, -0.5], rtol=1e-12)
+    np.testing.assert_allclose(frame.masses, [28.085, 12.011], rtol=1e-3)
+    assert u.to_user("time", frame.time) == pytest.approx(5.0, rel=1e-12)
+    assert u.label("velocity") == "angstrom/fs" and frame.type_names == {1: "Si", 2: "C"}

@@ -51,6 +51,7 @@ SYSTEMS = [
     ("5-body", "equal"),
     ("5-body", "center"),
     ("nep", None),
+    ("snap", None),
 ]
 NAMES = [f"{n} {p or ''}".strip() for n, p in SYSTEMS]
 
@@ -203,7 +204,7 @@ def test_without_churning_silicon_does_not_balance(kernel, partition):
     assert np.abs(residual(t) - t.q_churning).max() > 1e-3 * t.largest
 
 
-@pytest.mark.parametrize("name", ["lj", "bond morse", "eam", "nep"])
+@pytest.mark.parametrize("name", ["lj", "bond morse", "eam", "nep", "snap"])
 def test_pairs_do_not_churn(name):
     """R 4.0.118: z is 0 at every point when half of a two-body energy belongs to each end. The same holds for embedding
     energies that belong to their own atom: their sources lie along the bonds and add up to −G x in each of them."""

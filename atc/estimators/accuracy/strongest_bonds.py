@@ -390,14 +390,15 @@ class PointsAround:
     def __len__(self):
         return len(self.which)
 
-    def bond_sums(self, frame, names, drift, chosen=None) -> np.ndarray:
-        """(h, k) the named sums over the bonds of a frame that count, exactly."""
+    def bond_sums(self, frame, names, drift, chosen=None, kept=None) -> np.ndarray:
+        """(h, k) the named sums over the bonds of a frame that count, exactly. kept : what gives them again, or
+        None."""
         widths = [BOND[name].width for name in names]
         # Fields have no bonds: `field_pass` adds them. But the forces of constraints depend on theirs.
         pot, threads = self.settings.pot, self.settings.threads
         if pot.constraints is None:
             pot = pot.local
-        few = self._cluster(frame, pot, self.place.check_kern.support)
+        few = None if kept else self._cluster(frame, pot, self.place.check_kern.support)
         context, deposits, anchor = nullcontext(), self.check.deposits, self.settings.anchor
         if few is not None:
             frame, index = few
@@ -420,6 +421,7 @@ class PointsAround:
                 deposit.add_found(found, bond_factors(names, widths, some, peculiar_nc, frame.velocities), thread)
 
         more = {"sources": True} if any(BOND[name].sources for name in names) else {}
+        more |= {"kept": kept} if kept else {}
         with context:
             pot.stream(frame, consume, threads=threads, energies=False, forces=False, **more)
         return deposit.bond_sums()
@@ -428,7 +430,8 @@ class PointsAround:
         """The atoms that matter as an open frame, and which they are; None where all of them must be asked."""
         from ..tile_cuts import depth
 
-        if frame.topology or pot.constraints is not None or not pot.terms or not pot.central:
+        across = not all(t.central or t.edges for t in pot.terms)
+        if frame.topology or pot.constraints is not None or not pot.terms or across:
             return None
         try:
             deep = depth(pot)
