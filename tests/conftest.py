@@ -45,8 +45,10 @@ collect_ignore = [file for file, (package, _) in APART.items() if find_spec(pack
 def pytest_report_header(config):
     """Say what is left out, and how to get it: pytest itself only prints a count."""
     said = [f"{file} is left out, without {APART[file][0]}: {APART[file][1]}" for file in collect_ignore]
-    if config.option.markexpr == "not slow":
+    if "not slow" in config.option.markexpr:
         said.append(
             "tests of several minutes each are left out: pytest -m slow runs them, pytest -m '' runs everything"
         )
+    if "not tools" in config.option.markexpr:
+        said.append("tests that need vtk, pyvista, ovito or imdclient are left out: make test-tools runs them")
     return said

@@ -132,6 +132,8 @@ def _main() -> None:
                 sys.stdout.flush()
                 answer = {"status": status}
             else:
+                for file in said.values():
+                    Path(file).write_text("")  # nothing of the one before
                 child = os.fork()
                 if child == 0:
                     try:

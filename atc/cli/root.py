@@ -173,7 +173,8 @@ def _root(
 
 #: In the order of the help.
 VERBS = (
-    "info plan fields compare check conductivity plot verify bench pd export dispersion advect profile twin upscale"
+    "info plan fields compare check conductivity plot verify bench pd export dispersion advect profile schema twin "
+    "upscale"
 ).split()
 for _verb in VERBS:
     import_module(f".{_verb}", __package__).register(app)

@@ -237,6 +237,10 @@ class Scene(Document):
         """The frames asked for, as `atc.read` gives them. `AtcError` if there are none."""
         whole = self._whole()
         frames = self.get("trajectory", "frames")
+        if self._streams:
+            if frames is not None:
+                raise self._bad("trajectory", "frames", "a stream has no numbered frames: leave it out")
+            return whole
         if frames is None:
             part = whole
         else:
@@ -252,11 +256,23 @@ class Scene(Document):
     def _whole(self):
         from ..readers.memory import completed
 
+        if self._streams:  # opened once; whoever takes its frames completes them
+            if not hasattr(self, "_stream"):
+                self._stream = self._read(self._files(), "file")
+            return self._stream
         return completed(self._read(self._files(), "file"), self._script())
 
-    def _files(self):
-        """The path of the trajectory, or the paths of its files."""
+    @property
+    def _streams(self) -> bool:
+        """Whether the frames come from a running simulation, by its address."""
         given = self.get("trajectory", "file")
+        return isinstance(given, str) and given.startswith("imd://")
+
+    def _files(self):
+        """The path of the trajectory, or the paths of its files; or the address of a stream."""
+        given = self.get("trajectory", "file")
+        if self._streams:
+            return given
         if isinstance(given, str):
             return self.path("trajectory", "file")
         return [self.folder / Path(name).expanduser() for name in given or []]
@@ -265,7 +281,7 @@ class Scene(Document):
         from .. import read
         from ..readers.chain import matching
 
-        for one in path if isinstance(path, list) else [path]:
+        for one in [] if str(path).startswith("imd://") else self._listed(path):
             try:
                 if matching(one) is None and not one.exists():
                     raise AtcError(f"there is no file {one}")
@@ -281,6 +297,10 @@ class Scene(Document):
             if topology is not None and str(topology) in str(e):
                 key = "topology"
             raise AtcError(str(e) if named else f"{self.where('trajectory', key)}: {e}") from None
+
+    @staticmethod
+    def _listed(path) -> list:
+        return path if isinstance(path, list) else [path]
 
     def _open(self, read, path, topology):
         """The trajectory; where neither it nor the scene says its units or atom style, those of the script that made
@@ -469,7 +489,7 @@ class Scene(Document):
         except AtcError as e:
             raise self._placed_error("fields", ["method"], e) from None
         traj = self.trajectory()
-        parallel = jobs > 1 and len(traj) >= jobs
+        parallel = jobs > 1 and not self._streams and len(traj) >= jobs
         given = {
             k: self.get("fields", k)
             for k in ("quantities", "tolerance", "average", "horizon", "tiles", "column_units")
@@ -492,6 +512,25 @@ class Scene(Document):
             "log": self.log(),
             **given,
         }
+
+    def live(self, **more):
+        """An `atc.Live` for this scene; its trajectory is not read. `more`: arguments that go before the scene's."""
+        from ..running.live import Live
+
+        given = {
+            k: self.get("fields", k)
+            for k in ("quantities", "tolerance", "average", "horizon", "column_units", "method")
+            if self.get("fields", k) is not None
+        }
+        asked = {
+            "pot": self.potential(),
+            "kern": self.kernel(),
+            "grid": self.grid(),
+            "forces": self.get("trajectory", "forces", "warn"),
+            "masses": self.get("trajectory", "masses"),
+            "scene": self.to_toml(),
+        }
+        return Live(**{**asked, **given, **more})
 
     def _require_dimension(self, dimension, kern, grid):
         """Raise unless kernel and grid have a meaning in so many dimensions."""
@@ -523,8 +562,10 @@ class Scene(Document):
     def write(self, out, *, jobs: int = 1, cluster=None, progress=None, resume: bool = True) -> dict:
         """Compute the fields into `out` and return the attributes of the dataset, which stays closed."""
         from ..planning.request import Request
-        from ..running.run import write
+        from ..running.run import fields, write
 
+        if self._streams:
+            return dict(fields(**self.arguments(jobs), progress=progress, scene=self.to_toml(), out=out).attrs)
         request = Request(**self.arguments(jobs), cluster=cluster, scene=self.to_toml())
         partial = Path(f"{out}.partial")
         there = partial.exists()
@@ -585,6 +626,8 @@ class Scene(Document):
         return "\n".join(out)
 
     def _anonymous(self, name: str) -> str:
+        if name.startswith("imd://"):
+            return "imd://"
         path = Path(name).expanduser()
         if path.is_absolute():
             try:

@@ -266,6 +266,14 @@ class Potential(Interactions):
     remarks: tuple[str, ...] = ()
     atom_style: str = ""
 
+    def _repr_html_(self):
+        """For notebooks: its terms, and how far they reach."""
+        from ..terminal import html_table
+
+        rows = [("units", self.units.name), ("cutoff", f"{self.units.to_user('length', self.cutoff):.6g}")]
+        rows += [(f"term {k}", t.describe()) for k, t in enumerate(self.terms, 1)]
+        return html_table("potential", rows + [("remark", r) for r in self.remarks])
+
     def __init__(self, terms, units_: Units | str, description: str = ""):
         self.terms = list(terms)
         self.units = units(units_)

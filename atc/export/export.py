@@ -1,5 +1,5 @@
-"""Outputs in the formats of other programs: VTK for ParaView (.pvd with .vtu, .vti or .vts files, one a frame) and
-extended XYZ (ASE, OVITO)."""
+"""Outputs in the formats of other programs: VTK for ParaView (.pvd with .vtu, .vti or .vts files, one a frame),
+extended XYZ (ASE, OVITO), and the form of LAMMPS's ``dump grid`` (OVITO)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import AtcError
 from ..pictures.geometry import grid_dims, points_of_grid
 
-FORMATS = (".pvd", ".vtu", ".vti", ".vts", ".extxyz", ".xyz")
+FORMATS = (".pvd", ".vtu", ".vti", ".vts", ".grid", ".extxyz", ".xyz")
 
 
 def export(out, target=None, *, quantities=None, frames=None) -> Path:
@@ -23,7 +23,8 @@ def export(out, target=None, *, quantities=None, frames=None) -> Path:
     target : the file to write. ``.pvd`` (default): a folder beside it holds a file for each frame: .vti for regular
         grids along x, y and z, .vts for other
         lattices, .vtu for points, atoms and nodes. ``.extxyz``: frames of points, atoms or nodes with their fields as
-        columns. ``.vtu``, ``.vti``, ``.vts``: one frame (the last) in one file.
+        columns. ``.grid``: frames of regular grids and slab profiles as LAMMPS's ``dump grid`` writes them, a column
+        for each component (``stress_xy``). ``.vtu``, ``.vti``, ``.vts``: one frame (the last) in one file.
     quantities : names; default all fields
     frames : slice of frames; default all
 
@@ -60,6 +61,8 @@ def export_dataset(ds, target, *, quantities=None, frames=None) -> Path:
     try:
         if kind in (".extxyz", ".xyz"):
             return _write_xyz(source, target, which)
+        if kind == ".grid":
+            return _write_grid(source, target, which)
         if kind != ".pvd":
             if source.suffix != kind:
                 raise AtcError(f"{target}: this output goes into {source.suffix} files (or .pvd, a series of them)")
@@ -196,6 +199,45 @@ class _Fields(_Source):
             )
         else:
             write_lattice(path, self.points(k).reshape(*self.shape, 3), arrays, about, self.units())
+
+
+def _write_grid(source, target, which) -> Path:
+    """The form of LAMMPS's ``dump grid``, one frame after another."""
+    from .lammps_grid import columns_of, region_of, write_grid
+
+    ds, place = source.ds, None if isinstance(source, _Nodes) else source.place
+    if place is None or place.kind not in ("volume", "slab"):
+        what = "nodes" if place is None else f"a {place.kind}" if place.kind in ("plane", "line") else place.kind
+        raise AtcError(
+            f"{target}: dump grid holds regular grids and slab profiles; this output is on {what}: take .pvd"
+        )
+    periodic = str(ds.attrs.get("periodic", "fff")).ljust(3, "p")
+    # A slab's bins lie along one axis, each as wide as the cell across it.
+    axis = None if place.kind == "volume" else "xyz".index(source.dims[0])
+    shape = source.shape if axis is None else tuple(source.shape[0] if k == axis else 1 for k in range(3))
+
+    def frames():
+        for k in which:
+            cell, origin = ds["cell"].values[k], ds["cell_origin"].values[k]
+            points = source.points(k).reshape(*shape, 3).copy()
+            if axis is not None:
+                if np.count_nonzero(cell - np.diag(np.diag(cell))):
+                    raise AtcError(f"{target}: bins of a slab in a tilted cell are no box: take .pvd")
+                across = [c for c in range(3) if c != axis]
+                points[..., across] = (origin + 0.5 * cell.sum(0))[across]
+            arrays = {n: a.reshape(*shape, *a.shape[len(source.dims) :]) for n, a in source.arrays(k).items()}
+            time = float(ds["time"].values[k]) if "time" in ds else np.nan
+            step = int(ds["step"].values[k]) if "step" in ds else -1
+            yield (
+                *region_of(points, cell, origin, periodic),
+                columns_of(arrays, 3),
+                step if step >= 0 else k,
+                time if np.isfinite(time) else None,
+                ds.attrs.get("units"),
+            )
+
+    write_grid(target, frames())
+    return target
 
 
 def _write_xyz(source, target, which) -> Path:

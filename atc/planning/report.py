@@ -88,6 +88,12 @@ class Plan:
     measured: bool = False
     agreement: str = ""
 
+    def _repr_html_(self):
+        """For notebooks."""
+        from html import escape
+
+        return f"<pre>{escape(str(self))}</pre>"
+
     def __str__(self):
         def count(x):
             return f"{x:.3g}" if x >= 1e6 else f"{x:,.0f}"

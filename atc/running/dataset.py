@@ -142,6 +142,7 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
             long_name="number of frames in the average",
         )
     attrs = {
+        "Conventions": "CF-1.11",  # in style: names, units, long_name; units are those of the run, not always UDUNITS's
         "atc_version": __version__,
         "version": __version__,
         "units": u.name,

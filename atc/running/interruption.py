@@ -133,26 +133,21 @@ def unheard():
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def in_worker(kept) -> None:
+def in_worker() -> None:
     """In a worker process: signals to stop are the parent's business, and it ends when the parent has gone, however
-    that went, or has closed the other end of the pipe `kept`."""
+    that went."""
+    import multiprocessing
+    from multiprocessing import connection
+
     for name in _WORDS:
         number = getattr(signal, name, None)
         if number is not None:
             signal.signal(number, signal.SIG_IGN)
-    _end_with_parent(kept)
-
-
-def _end_with_parent(kept) -> None:
-    import multiprocessing
-    from multiprocessing import connection
-
     parent = multiprocessing.parent_process()
-    if parent is None:
-        return
+    assert parent is not None
 
     def wait():
-        connection.wait([parent.sentinel, kept])
+        connection.wait([parent.sentinel])
         # No clean-up: nobody is left whom it could serve, and threads may be deep in a computation.
         os._exit(1)
 

@@ -65,7 +65,7 @@ class Check:
         total = int(np.prod(bound.shape))
         rng = np.random.default_rng([20240229, index])
         self.which = (
-            np.sort(rng.choice(total, min(total, SLAB_BINS if slab else count), replace=False))
+            np.sort(rng.choice(total, min(total, count, SLAB_BINS if slab else total), replace=False))
             if which is None
             else which
         )
