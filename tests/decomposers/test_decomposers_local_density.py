@@ -84,10 +84,10 @@ def test_damaged(table, old, new, message):
 
 
 def test_refused(table):
-    for lines in (
-        f"pair_style local/density 3\npair_coeff * * {table}",
-        f"pair_style local/density\npair_coeff 1 1 {table}",
-        f"pair_style local/density\npair_coeff * * {table} Si",
+    for lines, message in (
+        (f"pair_style local/density 3\npair_coeff * * {table}", "expected no arguments"),
+        (f"pair_style local/density\npair_coeff 1 1 {table}", "takes"),
+        (f"pair_style local/density\npair_coeff * * {table} Si", "takes"),
     ):
-        with pytest.raises(atc.AtcError, match="expected no arguments"):
+        with pytest.raises(atc.AtcError, match=message):
             atc.potential(lines, units="metal")
