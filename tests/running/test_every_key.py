@@ -128,8 +128,8 @@ OF_MOLECULES = {
     "constraints.rigid_water": ({"bonds": "hbonds"}, {"bonds": "hbonds", "rigid_water": False}),
     "constraints.molecules": ({"molecules": True}, {"molecules": [1, 2]}),
 }
-#: Keys of models that need packages of their own, in environments of their own: torch_models/test_mace.py and so on.
-APART = {f"potential.{k}" for k in ("mace", "nequip", "metatomic", "head", "stress", "reference")}
+#: Keys of models that need packages of their own: torch_models/test_mace.py and so on, decomposers/test_kim.py.
+APART = {f"potential.{k}" for k in ("mace", "nequip", "metatomic", "kim", "head", "stress", "reference")}
 #: Keys that no number of `atc fields` depends on, and why.
 CHANGE_NOTHING = {
     "potential.device": "where it is computed",
