@@ -27,6 +27,7 @@ RUNS = {
     "heat_flow": ["in.heat_flow"],
     "argon_crystal": ["in.argon_crystal"],
     "silicon_crystal": ["in.silicon_crystal"],
+    "heat_flow_snap": [],  # by atc itself, see its start.py
 }
 
 

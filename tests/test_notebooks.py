@@ -34,6 +34,7 @@ def test_every_notebook_is_tested():
         "dispersion.ipynb",
         "hardy_vs_virial.ipynb",
         "heat_and_churning.ipynb",
+        "machine_learned_heat.ipynb",
         "peridynamic_stress.ipynb",
         "upscaling_paper.ipynb",
     ]
@@ -100,6 +101,31 @@ def test_heat_and_churning(monkeypatch):
     a, b = re.search(r"total potential energy (\S+) and (\S+) eV", text).groups()
     assert a == b
     assert sum(o.output_type == "display_data" for c in notebook.cells if c.cell_type == "code" for o in c.outputs) == 2
+
+
+def test_machine_learned_heat(monkeypatch):
+    monkeypatch.delenv("MPLBACKEND", raising=False)
+    notebook = run("machine_learned_heat.ipynb")
+    assert not [
+        o
+        for c in notebook.cells
+        if c.cell_type == "code"
+        for o in c.outputs
+        if o.output_type == "stream" and o.name == "stderr"
+    ]
+    text = printed(notebook)
+    # Six decimals in the table; a sum to 1e-5.
+    assert float(re.search(r"from flux.csv (\S+) of", text).group(1)) < 2e-6
+    # "Heat flux = power of the slabs": within the error bar, which is small.
+    known, exact, error = map(float, re.search(r"slabs (\S+); heat flux (\S+) \+- (\S+) ", text).groups())
+    assert abs(exact - known) < 2 * error and error < 0.05 * known
+    # "by more than all of it"; "several times as long a run"
+    assert float(re.search(r"misses the heat flux by (\d+) %", text).group(1)) > 100
+    assert float(re.search(r"fluctuations are (\S+) times", text).group(1)) > 3
+    ours, theirs = map(float, re.findall(r"profile from the power (\S+)", text))
+    assert ours < theirs
+    assert "holds: True" in text and float(re.search(r"energy: (\S+)", text).group(1)) < 1e-12
+    assert sum(o.output_type == "display_data" for c in notebook.cells if c.cell_type == "code" for o in c.outputs) == 1
 
 
 def test_upscaling_paper(monkeypatch):

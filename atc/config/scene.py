@@ -24,12 +24,13 @@ from .schema import GRIDS, SCHEMA
 from .toml import Document, complaint, key_lines, parse, read_document, shown, toml_key, toml_value
 from .words import frame_slice, guess
 
-#: What makes a potential of a learned model's file, and what else [potential] may tell it.
+#: What makes a potential of a learned model's file, or of a name, and what else [potential] may tell it.
 LEARNED = {
     "nep": ("types", "reference"),
     "mace": ("types", "head", "stress", "reference", "device"),
     "nequip": ("types", "stress", "reference", "device"),
     "metatomic": ("types", "stress", "reference", "device"),
+    "kim": ("types",),
 }
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -191,7 +192,7 @@ class Scene(Document):
                 of = [k for k, keys in LEARNED.items() if key in keys]
                 raise self._bad("potential", key, f"goes with {', '.join(of)}{why}")
         if "units" in table and given[0] in LEARNED:
-            raise self._bad("potential", "units", "leave it out: learned models are in eV and Å")
+            raise self._bad("potential", "units", "leave it out: learned models and those of KIM are in eV and Å")
         if "run" in self.data["potential"] and given != ["input"]:
             raise self._bad("potential", "run", "goes with input, the script whose run it is")
 
@@ -422,7 +423,9 @@ class Scene(Document):
 
         options = {k: v for k in LEARNED[maker] if (v := self.get("potential", k)) is not None}
         try:
-            return getattr(atc, maker)(self.path("potential", maker), **options)
+            # A model of KIM has a name, the others are files.
+            model = self.get("potential", maker) if maker == "kim" else self.path("potential", maker)
+            return getattr(atc, maker)(model, **options)
         except AtcError as e:
             raise AtcError(f"{self.where('potential', maker)}: [potential] {e}") from None
 

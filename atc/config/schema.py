@@ -328,6 +328,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "nep": Key(_string, 'the file of a neuroevolution potential, e.g. "nep.txt"', path=True),
         "mace": Key(_string, 'the file of a MACE model, e.g. "my.model"', path=True),
         "nequip": Key(_string, 'the file of a NequIP or Allegro model, e.g. "my.nequip.zip"', path=True),
+        "kim": Key(_string, 'a model of the KIM archive, e.g. "SW_StillingerWeber_1985_Si__MO_405512056662_005"'),
         "metatomic": Key(_string, 'the file of a model exported by metatomic, e.g. "model.pt"', path=True),
         "head": Key(_string, 'which head of a MACE model, e.g. "Default"'),
         "stress": Key(

@@ -196,4 +196,7 @@ def kim(name: str, types=None) -> Potential:
     ------
     AtcError without the KIM API, for models that are not there, offer no such derivatives, or lack an element.
     """
-    return Potential([KIM(name, types)], "metal")
+    term = KIM(name, types)
+    pot = Potential([term], "metal")
+    pot.learned = "kim", name, {"types": term.elements}
+    return pot

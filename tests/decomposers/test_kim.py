@@ -97,3 +97,26 @@ def test_without_the_api(monkeypatch):
     with pytest.raises(AtcError, match="the KIM API is not installed: e.g. apt install"):
         atc.kim(SW)
     kim_api.library.cache_clear()
+
+
+def test_scenes(silicon, tmp_path, monkeypatch):
+    """[potential] kim, which the output's own scene has too."""
+    from atc.config.scene import Scene
+
+    model(SW)
+    monkeypatch.chdir(tmp_path)
+    rows = "".join("Si {:.17g} {:.17g} {:.17g}\n".format(*x) for x in silicon.positions)
+    lattice = " ".join(map(str, silicon.cell.vectors.ravel()))
+    head = f'{len(silicon)}\nLattice="{lattice}" Properties=species:S:1:pos:R:3\n'
+    (tmp_path / "run.xyz").write_text(head + rows)
+    scene = {
+        "trajectory": {"file": "run.xyz"},
+        "potential": {"kim": SW},
+        "fields": {"quantities": ["virial_stress_potential"]},
+    }
+    ds = Scene.load(scene).run()
+    want = model(SW).decompose(silicon).virial_cc / METAL.factor("energy") / silicon.cell.volume
+    np.testing.assert_allclose(ds.virial_stress_potential.values[0], want, rtol=0, atol=1e-12 * np.abs(want).max())
+    assert f'kim = "{SW}"' in ds.attrs["scene"]
+    with pytest.raises(AtcError, match=r"\[potential\] .*no element 'Ge'"):
+        Scene.load(scene | {"potential": {"kim": SW, "types": ["Ge"]}}).run()

@@ -141,8 +141,8 @@ OF_MOLECULES = {
     "constraints.rigid_water": ({"bonds": "hbonds"}, {"bonds": "hbonds", "rigid_water": False}),
     "constraints.molecules": ({"molecules": True}, {"molecules": [1, 2]}),
 }
-#: Keys of models that need packages of their own, in environments of their own: torch_models/test_mace.py and so on.
-APART = {f"potential.{k}" for k in ("mace", "nequip", "metatomic", "head", "stress", "reference")}
+#: Keys of models that need packages of their own: torch_models/test_mace.py and so on, decomposers/test_kim.py.
+APART = {f"potential.{k}" for k in ("mace", "nequip", "metatomic", "kim", "head", "stress", "reference")}
 #: Ways to pick atoms that these files say nothing for: tests/estimators/test_selections.py.
 OF_NAMES = {"select.atoms", "select.elements", "select.molecules"}
 #: Keys that no number of `atc fields` depends on, and why.
