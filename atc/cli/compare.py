@@ -1,4 +1,4 @@
-"""``atc compare``: Hardy's stress against the virial stress."""
+"""``atc compare``: Hardy's stress against the virial stress, or fields against LAMMPS's own averages."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ def compare(
     what: Annotated[
         list[Path],
         typer.Argument(
-            metavar="OUT...|SCENE", help="Outputs of atc fields, or a scene together with --radii.", show_default=False
+            metavar="OUT...|SCENE",
+            help="Outputs of atc fields; or one and a file of LAMMPS (dump grid, fix ave/chunk); or a scene together "
+            "with --radii.",
+            show_default=False,
         ),
     ],
     radii: Annotated[
@@ -43,13 +46,25 @@ def compare(
             "--picture", metavar="FILE", help="Where the picture goes; default: next to OUT.", show_default=False
         ),
     ] = None,
+    column: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--column",
+            metavar="'FIELD = COLUMN'",
+            help="Which field a column of LAMMPS is, e.g. 'stress_xx = f_1:grid:data[2]', or a product: "
+            "'smoothed_virial_stress_xx = c_st[1] * density/number'. Repeatable.",
+            show_default=False,
+        ),
+    ] = None,
     json: Annotated[bool, typer.Option("--json", help="The table as JSON.")] = False,
     csv: Annotated[bool, typer.Option("--csv", help="The table as CSV.")] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Hardy's stress against the virial stress: a table and a picture."""
+    """Hardy's stress against the virial stress, or fields against LAMMPS's own averages: a table and a picture."""
+    from ..analysis.against_lammps import compare_with_lammps
     from ..analysis.compare import compare as compare_output
     from ..analysis.compare import compare_radii, side_by_side
+    from ..readers.lammps_grid import is_grid
 
     if json and csv:
         raise AtcError("give --json or --csv, not both")
@@ -69,7 +84,12 @@ def compare(
                 )
         if set or begin is not None or end is not None or step is not None:
             raise AtcError("--set, -b, -e and --step go with a scene and --radii; an output is compared as it is")
-        results = [compare_output(path) for path in what]
+        if len(what) == 2 and what[1].suffix not in (".nc", ".zarr") and is_grid(what[1]):
+            results = [compare_with_lammps(what[0], what[1], column)]
+        elif column:
+            raise AtcError("--column goes with an output and a file of LAMMPS: atc compare OUT FILE --column ...")
+        else:
+            results = [compare_output(path) for path in what]
         if len(results) > 1:
             results = [side_by_side(results)]
         target = what[0]

@@ -24,7 +24,7 @@ def export(
             "-o",
             "--output",
             metavar="FILE",
-            help="What to write: .pvd (default), .vtu, .vti, .vts or .extxyz.",
+            help="What to write: .pvd (default), .vtu, .vti, .vts, .grid or .extxyz.",
             show_default=False,
         ),
     ] = None,
@@ -43,7 +43,7 @@ def export(
     step: Step = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="Do not print the file's name.")] = False,
 ) -> None:
-    """Write an output for ParaView (VTK) or as extended XYZ."""
+    """Write an output for ParaView (VTK), OVITO (.grid: LAMMPS's dump grid) or as extended XYZ."""
     from ..export.export import export as write
 
     if step is not None and step < 1:

@@ -97,7 +97,7 @@ def plot(
         values = []
         for _, da, c in panels:
             v = da.isel(selection).values
-            values.append(v if c is None else components.component(v, c, dimension))
+            values.append(v if c is None else components.component(v, c, dimension, rank=rank(da)))
         return _maps(Figure, panels, values, place, title, limits, robust, atoms)
 
 
@@ -195,12 +195,12 @@ def _profiles(Figure, ds, panels, place, title, limits, frame, dimension=3):
     for ax, (name, members) in zip(axs.flat, groups.items()):
         error = _stderr(ds, name, frame)
         for da, comp in members:
-            v = da.values if comp is None else components.component(da.values, comp, dimension)
+            v = da.values if comp is None else components.component(da.values, comp, dimension, rank=rank(da))
             (line,) = ax.plot(s, v, label=comp, marker="o" if len(s) == 1 else None)
             # the error of an invariant is not the invariant of the errors
             if error is not None and (comp is None or comp in TENSOR or comp in ("x", "y", "z")):
                 e = error.transpose(*da.dims).values
-                e = e if comp is None else components.component(e, comp, dimension)
+                e = e if comp is None else components.component(e, comp, dimension, rank=rank(da))
                 ax.fill_between(s, v - e, v + e, color=line.get_color(), alpha=0.25, linewidth=0)
         ax.set_xlabel(label)
         ax.set_ylabel(

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import AtcError, AtcWarning
+from ..decomposers.base import Worst
+from ..errors import AtcError, AtcWarning, logger
 from ..estimators.accuracy.random_points import tolerance_kept
 from ..estimators.driver import fields_of
 from ..estimators.methods import DEPOSITS, Method, Refinement, details, summary
@@ -22,13 +23,16 @@ from ..planning.identity import changed_parts, frame_digest, identity
 from ..planning.job import Job, prepare
 from ..planning.report import plan  # noqa: F401  (plan belongs to the same door)
 from ..planning.request import Request
+from ..readers.memory import comes_once
 from ..readers.plausible import doubts
 from ..readers.times import Sequence
+from ..terminal import progress_of
 from .as_scene import file_name
-from .dataset import follows_cell, grid_moves, moving_coordinates, output_layout, radius_of
+from .dataset import asymmetry, follows_cell, grid_moves, moving_coordinates, output_layout, radius_of
 from .interruption import whole
 from .output import Store, dataset_in_memory, explained, open_dataset
 from .parallel import frame_results, here
+from .whole import write_dataset
 
 #: With so many frames one from the middle says where all begin.
 SEVERAL = 6
@@ -64,7 +68,8 @@ def fields(
 
     Parameters
     ----------
-    traj : trajectory from `atc.read`, Frame, list of Frames, or anything `atc.read` takes
+    traj : trajectory from `atc.read`, Frame, list of Frames, or anything `atc.read` takes; also a generator of frames,
+        or a stream of MDAnalysis (IMDv3), whose frames come once: see `atc.Live`
     pot : potential from `atc.potential`; needed by quantities with a potential part
     kern : kernel from `atc.kernel`, its radius in the trajectory's unit of length
     grid : `atc.Grid`: where the fields are wanted
@@ -104,7 +109,7 @@ def fields(
     out : path ending in .zarr or .nc
         Written frame by frame to ``out.partial`` and renamed at the end. After a kill or Ctrl-C the same call goes on
         where it was, with the same result as an uninterrupted run. `resume=False` begins again.
-    progress : callable(done, total, rate), frames and frames per second
+    progress : True (a bar, in notebooks too), or callable(done, total, rate), frames and frames per second
     scene : str
         The scene as TOML, to be kept with the result.
     horizon : float
@@ -143,6 +148,20 @@ def fields(
     Formulas: R 4.0.34-4.0.116 as corrected in the documentation: σ = σ_U + σ_K, σ_U = Σ_bonds G r⊗r β, σ_K = −Σ m (v_j
     − v)⊗(v_j − v) φ_j.
     """
+    if comes_once(traj):
+        for name, given in (("cluster", cluster), ("tiles", tiles), ("log", log), ("workers", workers != 1 or None)):
+            if given is not None:
+                raise AtcError(
+                    f"{name}: frames that come one by one (a stream, a generator) are computed here: leave it out"
+                )
+        ds = _fields_of_stream(
+            traj, progress, pot=pot, kern=kern, grid=grid, quantities=quantities, tolerance=tolerance, method=method,
+            reference=reference, average=average, threads=threads, scene=scene, horizon=horizon, forces=forces,
+            column_units=column_units,
+        )  # fmt: skip
+        if out is not None:
+            write_dataset(ds, out)
+        return ds
     request = Request(
         traj,
         pot,
@@ -173,6 +192,20 @@ def fields(
         return open_dataset(out)
 
 
+def _fields_of_stream(traj, progress, **asked):
+    """`fields` of frames that come once."""
+    from .. import Live, read
+
+    live = Live(**asked)
+    began = time.perf_counter()
+    with progress_of(progress) as report:
+        for frame in traj if hasattr(traj, "__next__") else read(traj):
+            live.add(frame)
+            if report is not None:
+                report(live.n, live.n, live.n / max(time.perf_counter() - began, 1e-9))
+    return live.result()
+
+
 def write(request: Request, out, progress=None, resume=True) -> dict:
     """What `fields` does with an output, without opening it again (and without the second that the libraries for that
     take to import).
@@ -192,6 +225,17 @@ def write(request: Request, out, progress=None, resume=True) -> dict:
 
 
 def _run(job: Job, store: Store | None, progress) -> _Sink:
+    log, began = logger(), time.perf_counter()
+    what = ", ".join(q.name for q in job.work.quantities)
+    source = getattr(job.frames, "source", job.first.source)
+    log.info("%s: %d frames of %d atoms: %s; %s", source, job.n_frames, len(job.first), what, job.method_used)
+    with progress_of(progress) as report:
+        sink = _run_frames(job, store, report)
+    log.info("%s: %d frames in %.3g s", source, job.n_frames, time.perf_counter() - began)
+    return sink
+
+
+def _run_frames(job: Job, store: Store | None, progress) -> _Sink:
     n, window = job.n_frames, job.window
     sink = _Sink(job, store)
     start = sink.next_frame
@@ -412,6 +456,9 @@ class _Sink:
     def _emit(self, values, mask):
         if mask is not None:
             values["mask"] = mask
+        pot, asked = self.job.request.pot, self.job.work.quantities
+        if pot is not None and not pot.central:
+            self.note["asymmetry"] = {q.name: asymmetry(values[q.name]) for q in asked if q.symmetric_if_central}
         note, self.note = self.note, {}
         if self.store is None:
             self.entries.append(values)
@@ -439,8 +486,12 @@ class _Sink:
             for kind, value in measured.items():
                 known[kind] = max(known.get(kind, 0.0), value)
         counts = self.note.setdefault("notes", {})
+        worst = self.note.setdefault("worst", {})
         for what, count in result.notes.items():
-            counts[what] = counts.get(what, 0) + count
+            if isinstance(count, Worst):
+                worst[what] = float(count + worst.get(what, 0.0))
+            else:
+                counts[what] = counts.get(what, 0) + count
         for what in result.refined:
             self.note.setdefault("refined", []).extend([j, what.plain()] for j in range(k, k + result.frames))
             if not self._said_refined:
@@ -451,7 +502,8 @@ class _Sink:
                     stacklevel=2,
                 )
         self.note["frames"] = self.note.get("frames", 0) + result.frames
-        self.note.setdefault("digests", []).extend(frame_digest(f) for f in (frame, *more))
+        if self.store is not None:
+            self.note.setdefault("digests", []).extend(frame_digest(f) for f in (frame, *more))
         self.note["sources"] = [*self.note.get("sources", []), file_name(frame.source)][:1]
 
     def _coordinates(self, frame, result):
@@ -533,6 +585,11 @@ class _Sink:
         for note in self.notes:
             for what, count in note["notes"].items():
                 counts[what] = counts.get(what, 0) + count
+            for what, value in note.get("worst", {}).items():
+                out[""][what] = float(Worst(value) + out[""].get(what, 0.0))
+            for name, value in note.get("asymmetry", {}).items():
+                at = out.setdefault(name, {})
+                at["asymmetry"] = float(Worst(value) + at.get("asymmetry", 0.0))
         if counts:
             out[""]["notes"] = "; ".join(f"{what}: {count}" for what, count in sorted(counts.items()))
         if self.job.work.grid_users:

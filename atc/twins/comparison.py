@@ -100,10 +100,10 @@ def picture(data, path, components, title):
     from matplotlib.figure import Figure
 
     from ..pictures.drawing import STYLE, colours, draw_map, figure, save
-    from ..pictures.geometry import cut, layout, unit_text
+    from ..pictures.geometry import cut, points_of_grid, unit_text
 
     with mpl.rc_context(STYLE):
-        place = layout(data, data["md_density"].isel(frame=0))
+        place = points_of_grid(data, data["md_density"].isel(frame=0))
         if place.kind not in ("volume", "plane"):
             raise AtcError(f"a picture of the twin needs a regular or plane grid, this is one of kind {place.kind}")
         selection, where = {}, ""

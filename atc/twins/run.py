@@ -13,6 +13,7 @@ import numpy as np
 from ..errors import AtcError, AtcWarning
 from ..frame import Frame
 from .body import TwinBody, body_of, body_of_atoms
+from .choice import atoms_horizon, horizon_of, orientation, twin_material
 from .comparison import PAIRS, away_from_surfaces, dataset_of, norms, picture
 from .conditions import (
     Run,
@@ -24,7 +25,6 @@ from .conditions import (
     smoothed_displacement,
 )
 from .damage import NearestBonds, add_damage, on_grid
-from .material import atoms_horizon, horizon_of, orientation, twin_material
 from .outside import from_script
 
 
@@ -71,7 +71,7 @@ class Twin:
 
     def save(self, path) -> None:
         """Write the dataset: .nc or .zarr."""
-        from ..running.output import write_dataset
+        from ..running.whole import write_dataset
 
         write_dataset(self.dataset, path)
 

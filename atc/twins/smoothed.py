@@ -125,6 +125,8 @@ class Smoothed(Material):
 
 
 class SmoothedModel(ForceModel):
+    """Forces of the potential on the atoms that the nodes displace, taken back to the nodes."""
+
     def __init__(self, body, materials, crew, rules=None, lammps_compat=False, interfaces=None):
         super().__init__(body, materials, crew, rules, lammps_compat)
         if self.rule.active or interfaces or len(materials) > 1:

@@ -248,7 +248,8 @@ def _tensors(first, last, edges, lo, hi, offset, start, j, image, images, z, W, 
                 m = min(C, start[i + 1] - b0)
                 gather(b0, m, i, j, image, images, z, node, w)
                 if reference:
-                    w[: 3 * C] = w[3 * C : 6 * C]
+                    for k in range(3 * C):
+                        w[k] = w[3 * C + k]
                 _products(m, w, W[b0 : b0 + m], intact[b0 : b0 + m], v)
                 for k in range(m):
                     n = j[b0 + k] - base

@@ -44,6 +44,8 @@ class Hyperelastic(Isotropic):
 
 
 class HyperelasticModel(CorrespondenceModel):
+    """The force state of correspondence with the stress that a law P(F) gives."""
+
     def __init__(self, body, materials, crew, rules=None, lammps_compat=False, interfaces=None):
         if body.dimension != 3:
             raise AtcError("hyperelastic: this material is for bodies in three dimensions")

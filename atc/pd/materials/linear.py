@@ -8,6 +8,7 @@ import numpy as np
 from ...compiled import njit
 from ...errors import AtcError
 from ..bonds import JIT
+from ..sampling import check_moduli
 from .base import BondForces, ForceModel, Material, deformed
 
 # Bonds whose springs are asked of the kernel at once.
@@ -128,8 +129,6 @@ class LinearModel(ForceModel):
 
 def _require_moduli(body, S_bcc, kernel):
     """Hold the stiffness of long waves, as the node with the largest family has it, to the kernel's own."""
-    from ...upscaling.linear_body import check_moduli
-
     t = body.bonds
     count = t.sums(np.ones(len(t)))
     node = int(np.argmax(count))
