@@ -38,6 +38,10 @@ def register(app: typer.Typer) -> None:
             Path | None,
             typer.Option("--picture", metavar="FILE", help="Draw MD, PD and their difference.", show_default=False),
         ] = None,
+        movie: Annotated[
+            Path | None,
+            typer.Option("--movie", metavar="FILE.gif", help="The same, frame by frame.", show_default=False),
+        ] = None,
         overwrite: Overwrite = False,
         quiet: Quiet = False,
     ) -> None:
@@ -47,6 +51,7 @@ def register(app: typer.Typer) -> None:
         Needs [trajectory] with a reference, [potential], [kernel], [grid] and [twin].
         """
         from ..pictures.drawing import picture_kind
+        from ..twins.drawing import movie_path
         from ..twins.run import twin as twin_of
 
         made = load_scene(scene, set, begin, end, step)
@@ -57,8 +62,14 @@ def register(app: typer.Typer) -> None:
         )
         if picture is not None:
             picture_kind(picture)
+        if movie is not None:
+            movie_path(movie)
         with progress_bar(quiet) as progress:
             result = twin_of(made, tell=None if quiet else print, progress=progress)
         if not quiet:
             result.print(console())
         write_result(result, out, picture, tell=not quiet)
+        if movie is not None:
+            result.movie(movie)
+            if not quiet:
+                print(f"movie: {movie}")

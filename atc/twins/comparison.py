@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..errors import AtcError
-
 #: name in the dataset: (quantity of the atoms, of the nodes)
 PAIRS = {
     "density": ("density", "density"),
     "displacement": ("displacement", "displacement"),
     "velocity": ("velocity", "velocity"),
     "stress": ("stress", "peridynamic_stress"),
+    "energy": ("energy_potential", "energy_potential"),
 }
 
 
@@ -36,6 +35,16 @@ def dataset_of(md, pd_frames, names):
     for v in out.data_vars.values():
         v.attrs = {k: a for k, a in v.attrs.items() if isinstance(a, (str, int, float, np.number))}
     return out
+
+
+def without_cohesion(data, sides, units, per_mass) -> None:
+    """The energy densities of some sides from that of the crystal at rest, `per_mass` (internal), on: what strain,
+    surfaces and vibrations have stored."""
+    for side in sides:
+        rho = units.to_internal("density", data[f"{side}_density"].values)
+        data[f"{side}_energy"].values -= units.to_user("energy_density", per_mass * rho)
+        data[f"{side}_energy"].attrs["sign"] = "0 for the crystal at rest"
+    data["difference_energy"].values[:] = data["pd_energy"].values - data["md_energy"].values
 
 
 def norms(data, names, bulk, deep=1.0) -> list[dict]:
@@ -92,38 +101,3 @@ def away_from_surfaces(simulation, points_gc, reach) -> np.ndarray:
     x_nc, _ = with_images(nodes, reach)
     inside, _ = simulation.cell.wrap(points_gc)
     return cKDTree(x_nc).query(inside)[0] > reach
-
-
-def picture(data, path, components, title):
-    """MD, PD and their difference as maps of time averages, one row for each component (field, index, label)."""
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
-    from ..pictures.drawing import STYLE, colours, draw_map, figure, save
-    from ..pictures.geometry import cut, points_of_grid, unit_text
-
-    with mpl.rc_context(STYLE):
-        place = points_of_grid(data, data["md_density"].isel(frame=0))
-        if place.kind not in ("volume", "plane"):
-            raise AtcError(f"a picture of the twin needs a regular or plane grid, this is one of kind {place.kind}")
-        selection, where = {}, ""
-        if place.kind == "volume":
-            place, selection, where = cut(place)
-        fig, axs = figure(Figure, 3 * len(components), 4.2, 3.7, columns=3)
-        axs = axs.reshape(-1, 3)
-        for row, (name, index, label) in zip(axs, components):
-            values = []
-            for side in ("md", "pd"):
-                v = data[f"{side}_{name}"].mean("frame").isel(selection).values[(..., *index)]
-                density = data[f"{side}_density"].mean("frame").isel(selection).values
-                values.append(np.where(density >= 0.5 * data.attrs["bulk_density"], v, np.nan))
-            values.append(values[1] - values[0])
-            units = unit_text(data[f"md_{name}"].attrs.get("units", ""))
-            both = np.abs(np.stack(values[:2]))
-            top = np.nanmax(both) if np.isfinite(both).any() else 1.0
-            for ax, v, side in zip(row, values, ("MD", "PD", "PD - MD")):
-                limits = (-top, top) if side != "PD - MD" else None
-                draw = colours("", "xx", v, limits, False)
-                draw_map(fig, ax, place, place.flat(), v, *draw, f"{side}, {label}" + (f" ({units})" if units else ""))
-        fig.suptitle(title + (f"; {where}" if where else ""), fontsize=9)
-        return save(fig, path)

@@ -12,9 +12,10 @@ import numpy as np
 
 from ..errors import AtcError, AtcWarning
 from ..frame import Frame
+from ..upscaling.crystal import Crystal, evaluate, relax
 from .body import TwinBody, body_of, body_of_atoms
 from .choice import atoms_horizon, horizon_of, orientation, twin_material
-from .comparison import PAIRS, away_from_surfaces, dataset_of, norms, picture
+from .comparison import PAIRS, away_from_surfaces, dataset_of, norms, without_cohesion
 from .conditions import (
     Run,
     between,
@@ -25,6 +26,7 @@ from .conditions import (
     smoothed_displacement,
 )
 from .damage import NearestBonds, add_damage, on_grid
+from .drawing import movie, picture
 from .outside import from_script
 
 
@@ -77,11 +79,19 @@ class Twin:
 
     def picture(self, path) -> Path:
         """MD, PD and difference of the displacement and the stress along the axis of the largest mean stress."""
+        frames = self.dataset.sizes["frame"]
+        return picture(self.dataset, path, self._components(), f"{self.name}: means of {frames} frames")
+
+    def movie(self, path) -> Path:
+        """The same, and damage where bonds break, frame by frame: an animated GIF."""
+        return movie(self.dataset, path, self._components(), self.name)
+
+    def _components(self) -> list:
         ds = self.dataset
         k = int(np.argmax(np.abs(np.diag(ds["md_box_stress"].mean("frame").values))))
         c = "xyz"[k]
-        components = [("displacement", (k,), f"u_{c}"), ("stress", (k, k), f"stress {c}{c}")]
-        return picture(ds, path, components, f"{self.name}: means of {ds.sizes['frame']} frames")
+        damage = [("damage", (), "damage")] if "md_damage" in ds else []
+        return [("displacement", (k,), f"u_{c}"), ("stress", (k, k), f"stress {c}{c}"), *damage]
 
 
 def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
@@ -155,6 +165,7 @@ def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
     bonds = NearestBonds(reference, crystal) if getattr(material, "damage", None) is not None else None
     md_damage, pd_damage, broken = [], [], []
     found, names = [], ["density", "displacement", *(["velocity"] if motion == "dynamic" else []), "stress"]
+    names.append("energy")
     for k in range(len(frames)):
         _advance(sim, frames, times, k, motion)
         found.append(_fields_of_nodes(sim, material, u, kern, grid, names, reference))
@@ -182,6 +193,8 @@ def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
         forces="ignore",
     )
     data = dataset_of(md, found, names)
+    cohesion = evaluate(law, crystal.frame())[0] / crystal.masses.sum()
+    without_cohesion(data, ("md", "pd") if hasattr(material, "frame") else ("md",), u, cohesion)
     if bonds is not None:
         add_damage(data, md_damage, pd_damage, broken)
         names.append("damage")
@@ -229,8 +242,6 @@ def _inputs(scene) -> dict:
 
 def _crystal(scene, get, reference, pot, units):
     """The crystal at rest under the potential."""
-    from ..upscaling.crystal import Crystal, relax
-
     structure, a = get("structure"), get("lattice_constant")
     if structure is None or a is None:
         raise AtcError(

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from crystals import ARGON, DATA, crystal, elastic
+from PIL import Image
 from typer.testing import CliRunner
 
 import atc
@@ -169,8 +170,12 @@ def test_the_crystal_as_material_has_the_crystals_stress(tmp_path):
     """A perfect crystal far from linear, in MD and as a twin: equal box stresses, stretched by 3, -0.5 and 1 %."""
     H = np.array([[0.03, 0.0, 0.0], [0.0, -0.005, 0.0], [0.0, 0.0, 0.01]])
     found = twin_of(tmp_path / "run.dump", [block(), block(H, time=1.0)], motion="static", material="cauchy-born")
-    md, pd = (found.dataset[f"{s}_box_stress"].values[0] for s in ("md", "pd"))
+    ds = found.dataset
+    md, pd = (ds[f"{s}_box_stress"].values[0] for s in ("md", "pd"))
     assert pd == pytest.approx(md, abs=1e-6 * np.abs(md).max())
+    # The energy is the crystal's, from that at rest on: of the same sign and size as half of stress times strain.
+    stored = [ds[f"{s}_energy"].values[0] for s in ("md", "pd")]
+    assert stored[1].mean() == pytest.approx(stored[0].mean(), rel=1e-3) and stored[1].mean() > 0
     linear = crystal("argon").units.to_user("pressure", elastic("argon").C_vv[0, :3] @ H.diagonal())
     assert abs(md[0, 0] / linear - 1) > 0.05
     assert any("the softest plane wave" in line for line in found.lines)
@@ -231,12 +236,15 @@ def test_plate_command(tmp_path):
     done = CliRunner().invoke(
         app,
         ["twin", str(DATA / "silicon_plate" / "twin.toml"), "-o", str(out), "--picture", str(png), "--step", "19"]
+        + ["--movie", str(tmp_path / "twin.gif")]
         + ["--set", "grid.shape=[15, 16, 2]"],
     )
     assert done.exit_code == 0, done.output
     for words in ("material: isotropic (lps)", "not exact: anisotropy", "left out: temperature", "interior"):
         assert words in done.output
     assert png.stat().st_size > 10_000
+    with Image.open(tmp_path / "twin.gif") as gif:
+        assert gif.n_frames == 2 and gif.size[0] > 600
     with xr.open_dataset(out) as ds:
         md, pd = (ds[f"{s}_box_stress"].mean("frame").values[0, 0] for s in ("md", "pd"))
         assert 1.2 < pd / md < 1.35
