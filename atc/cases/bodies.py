@@ -36,7 +36,10 @@ def read_nodes(path, settings, bad) -> Nodes:
     """
     path = Path(path)
     suffix = path.suffix.lower()
+    from ..readers._bytes import require_file
+
     try:
+        require_file(path)  # no pipe or device, which libraries would wait for
         if suffix == ".csv":
             columns = _csv(path)
         elif suffix in (".xyz", ".extxyz"):

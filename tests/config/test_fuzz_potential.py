@@ -11,6 +11,7 @@ import signal
 import warnings
 from contextlib import contextmanager
 
+import nep_oracle
 import pytest
 
 from atc.config.scene import Scene
@@ -247,6 +248,25 @@ def random_section(rng) -> str:
     return "\n".join(rows)
 
 
+NEP = [
+    {"names": ("O", "H")},
+    {"names": ("O", "H"), "token": "nep", "l_max": (4,)},
+    {"names": ("O", "H"), "token": "nep5_zbl", "zbl": (0.7, 1.4), "l_max": (4, 2, 1)},
+]
+
+
+def damaged_model(rng, folder) -> str:
+    """A neuroevolution potential whose header or numbers are not what they were; its section."""
+    path = folder / "bad.nep"
+    nep_oracle.write(path, seed=rng.randrange(9), **rng.choice(NEP))
+    lines = path.read_text().splitlines()
+    head = 8 if rng.random() < 0.8 else len(lines)
+    path.write_text(
+        damaged(rng, "\n".join(lines[:head])) + "\n" + "\n".join(lines[head:]), "utf-8", errors="surrogateescape"
+    )
+    return 'nep = "bad.nep"\n' + rng.choice(["", 'types = ["O", "H"]', f"types = {rng.choice(VALUES)}"])
+
+
 def tries(folder, kind, count, evaluate) -> dict:
     made = {}
     for number in range(count):
@@ -258,6 +278,8 @@ def tries(folder, kind, count, evaluate) -> dict:
         elif kind == "script":
             (folder / "in.bad").write_text(damaged(rng, SCRIPT), encoding="utf-8", errors="surrogateescape")
             section = 'input = "in.bad"'
+        elif kind == "model":
+            section = damaged_model(rng, folder)
         else:
             section = random_section(rng)
         try:
@@ -270,7 +292,7 @@ def tries(folder, kind, count, evaluate) -> dict:
     return made
 
 
-KINDS = {"styles": 250, "lines": 60, "script": 60, "section": 80}
+KINDS = {"styles": 250, "lines": 60, "script": 60, "section": 80, "model": 60}
 
 
 @pytest.mark.parametrize("kind", KINDS)
