@@ -1,13 +1,14 @@
 # make demo    a field file, a picture and a table from the silicon plate in data/, in a few minutes on a fresh machine
-# make test    lint and all tests
-# make test-tools   tests with ParaView's readers, OVITO and streams (IMDv3), in an environment of their own
+# make test    lint and all tests, but for those that have environments of their own: learned models,
+# make test-torch | test-mace | test-nequip    (the last two need different versions of one library), and
+# make test-tools   ParaView's readers, OVITO and streams (IMDv3)
 # make docs    the site, in build/site: dead links are errors (its snippets are run by the tests)
 # make lint    ruff, mypy         make bench   speed, to be read by a person          make clean   remove what make made
 #
 # Needs Python 3.11 or newer; everything else goes into .venv, which is made on first use.
 # Another Python: make PYTHON=/path/to/python demo.  More test processes: make JOBS=8 test.
 
-.PHONY: help demo test test-tools docs lint bench clean
+.PHONY: help demo test test-torch test-mace test-nequip test-tools docs lint bench clean
 .DELETE_ON_ERROR:
 .SUFFIXES:
 
@@ -29,7 +30,7 @@ DATA := data/silicon_plate
 SOURCES := $(shell find atc -name '*.py')
 
 help:
-	@sed -n 's/^# \{0,1\}//;1,9p' Makefile
+	@sed -n 's/^# \{0,1\}//;1,8p' Makefile
 
 # ---- the environment
 
@@ -97,6 +98,26 @@ lint: | $(VENV)/.atc-test
 
 test: lint
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile
+
+# One environment for each, with atc and the packages of one extra; nothing of the others.
+EXTRA_torch := torch,metatomic
+TORCH := $(VENV)-torch/.ready $(VENV)-mace/.ready $(VENV)-nequip/.ready
+
+$(TORCH): $(VENV)-%/.ready: pyproject.toml tests/torch_models/constraints.txt
+	@test -n "$(PYTHON)" || { echo "make: no Python 3.11 or newer found: install one, or say make PYTHON=/path/to/python" >&2; exit 1; }
+	@echo "making $(@D), with atc and $*"
+	@"$(PYTHON)" -m venv $(@D)
+	@$(@D)/bin/python -m pip install --quiet --disable-pip-version-check -c tests/torch_models/constraints.txt -e ".[$(or $(EXTRA_$*),$*)]" pytest
+	@touch $@
+
+test-torch: $(VENV)-torch/.ready
+	$(VENV)-torch/bin/python -m pytest -q tests/torch_models/test_edge_model.py tests/torch_models/test_metatomic.py
+
+test-mace: $(VENV)-mace/.ready
+	$(VENV)-mace/bin/python -m pytest -q tests/torch_models/test_mace.py
+
+test-nequip: $(VENV)-nequip/.ready
+	$(VENV)-nequip/bin/python -m pytest -q tests/torch_models/test_nequip.py
 
 test-tools: $(VENV_TOOLS)/.atc-tools
 	$(VENV_TOOLS)/bin/python -m pytest -q -m tools tests/export/test_viewers.py tests/running/test_stream.py

@@ -75,6 +75,8 @@ class Interactions(Protocol):
     constraints: Any = None
     #: forces from outside whose laws are known (`OutsideForces`), or None
     acting: Any = None
+    #: attributes of the output that say what it is, besides ``decomposition``, which is `describe`
+    attributes: Mapping[str, Any] = {}
     #: forces from outside, in words
     outside: tuple[str, ...] = ()
     #: what the script says of the atoms, see `complete`
@@ -84,8 +86,9 @@ class Interactions(Protocol):
     #: LAMMPS lines, or the script, that it was made from
     text: str | None = None
     file: str | None = None
-    #: the name of the nep.txt that it was made from, and the elements of the types if they were given
-    nep: tuple[str, Any] | None = None
+    #: of a learned model that was made from a file: what made it (``nep``, ``mace`` ...), the file's name, and what it
+    #: was told besides
+    learned: tuple[str, str, Mapping[str, Any]] | None = None
 
     @property
     def local(self) -> Interactions:

@@ -50,7 +50,7 @@ class CoulombDoubt:
 
 def relative_error(style: CoulombLong, length: float) -> float:
     """Bound of the run's error of a pair's near part, over the bare Coulomb force. length : the run's unit."""
-    cutoff2 = (style.split.cutoff / length) ** 2
+    cutoff2 = (style.reach / length) ** 2
     if not style.run_table or cutoff2 <= INNER2:
         return POLYNOMIAL
     # A table is indexed by the leading bits of d² as a binary number: those that tell its power of 2, and m of its
@@ -64,7 +64,7 @@ class _Bare(CoulombLong):
     """The bare Coulomb force of pairs inside the cutoff, whatever special bonds say."""
 
     def __init__(self, style: CoulombLong):
-        self.on, self.split, self.table = style.on, style.split, style.table
+        self.on, self.split, self.reach, self.table = style.on, style.split, style.reach, style.table
         self.own_special = style.own_special
 
     def add(self, types, i, j, d2, weights, U, G, prepared):
@@ -101,7 +101,7 @@ def coulomb_doubt(frame, pot, threads: int = 1) -> CoulombDoubt | None:
     ]
     styles = coulomb_of(terms)
     relative = max(relative_error(s, pot.units.length) for s in styles)
-    cutoff = max(s.split.cutoff for s in styles)
+    cutoff = max(s.reach for s in styles)
     step = cutoff / BINS
     squares = [np.zeros(n) for _ in range(threads)]
     by_distance = [np.zeros((7, BINS + 1)) for _ in range(threads)]

@@ -76,7 +76,9 @@ def profile(
     errors; about 1 for a constant), normal_deviation_largest, moment_below and moment_above (∫ |ζ| (p_N − p_T) dζ, ζ
     from the centre of mass). Pressures are positive in compression. Of each species number_density_S and, with
     velocities, velocity_x_S, ... (<n v>/<n>); with charges charge_density, electric_field (along the normal) and
-    potential (V; 0 at the lower face).
+    potential (V; 0 at the lower face); where molecules and masses are known too polarisation (dipoles of neutral
+    molecules along the normal, per volume), dipole_cosine and dipole_order (means of cos θ and (3 cos² θ − 1)/2, θ
+    between a dipole and the normal).
 
     Raises
     ------
@@ -104,16 +106,16 @@ def profile(
         log=log,
         progress=progress,
     )
-    for note in result.notes:
-        warnings.warn(f"{result.source}: {note}", AtcWarning, stacklevel=2)
+    for doubt in result.warnings:
+        warnings.warn(f"{result.source}: {doubt}", AtcWarning, stacklevel=2)
     return result
 
 
 def profile_of_scene(
     scene, *, axis=None, bins=None, interfaces=2, flow=False, boundary="auto", jobs=1, progress=None
 ) -> Profile:
-    """`profile` of a scene. `axis` and `bins` make the slab grid where the scene has another or none; notes are not
-    warned of."""
+    """`profile` of a scene. `axis` and `bins` make the slab grid where the scene has another or none; what is
+    doubtful is in the result, and no warning."""
     if axis not in (None, "x", "y", "z"):
         raise AtcError(f"--axis {axis}: expected x, y or z, the edge of the cell that leaves the interface")
     if bins is not None and bins < 1:
@@ -157,9 +159,10 @@ def _asked(potential: bool) -> list[str]:
 def _profile(traj, pot, kern, grid, interfaces, flow, boundary, *, progress=None, **how) -> Profile:
     from .. import fields, read
     from ..frame import Frame
+    from ..readers.memory import FrameList
     from ..readers.planar import matched
     from ..readers.trajectory import Trajectory
-    from .species_profile import BOUNDARIES, add_species
+    from .species_profile import BOUNDARIES, Seen, SpeciesSums, add_species
 
     if isinstance(interfaces, bool) or not isinstance(interfaces, int) or interfaces < 1:
         raise AtcError(f"interfaces={interfaces!r}: expected a whole number of at least 1")
@@ -171,7 +174,9 @@ def _profile(traj, pot, kern, grid, interfaces, flow, boundary, *, progress=None
         raise AtcError("a profile needs kern: give atc.kernel('quartic', radius)")
     frames = [traj] if isinstance(traj, Frame) else traj
     frames = frames if isinstance(frames, (list, tuple, Trajectory)) else read(frames)
-    frames, pot = matched(frames, pot)
+    frames, pot = matched(frames if isinstance(frames, Trajectory) else FrameList(frames), pot)
+    sums = SpeciesSums(pot, kern, grid)
+    frames = Seen(frames, sums)
     ds = fields(frames, pot, kern, grid, _asked(pot is not None), average=False, progress=progress, **how).load()
     u = frames[0].units
     axis = "xyz"[grid._["axis"]]
@@ -184,7 +189,8 @@ def _profile(traj, pot, kern, grid, interfaces, flow, boundary, *, progress=None
         _add_tension(out, of, interfaces)
         _add_moments(out, of)
         _add_notes(out, of, interfaces, flow)
-    add_species(out, frames, pot, kern, grid, boundary)
+    frames.rest()
+    add_species(out, sums, boundary)
     return out
 
 
@@ -318,29 +324,29 @@ def crossings(rho_z) -> int:
 
 def _add_notes(out, of, interfaces, flow) -> None:
     if of.frames < FEW:
-        out.notes.append(
+        out.warnings.append(
             f"{of.frames} frame{'s' * (of.frames != 1)}: error bars of fewer than {FEW} say little; give more frames"
         )
     rms = out.numbers["normal_deviation"].value
     if of.frames >= FEW and not rms <= CONSTANT:
-        out.notes.append(
+        out.warnings.append(
             f"p_N is not constant across the cell: it deviates by {rms:.2g} standard errors (rms; up to {CONSTANT:g} "
             "may be chance): a run that is not in equilibrium, a force from outside, or not the potential of the run"
         )
     rho_z = of.rho_tz.mean(axis=0)
     found = crossings(rho_z)
     if np.ptp(rho_z) < 0.2 * rho_z.max():
-        out.notes.append(
+        out.warnings.append(
             f"the density hardly changes along {of.axis}: if there are not {interfaces} interfaces, say how many"
         )
     elif found != interfaces:
-        out.notes.append(
+        out.warnings.append(
             f"the density goes from one phase to another {found} times along {of.axis}, but the tension is shared "
             f"among {interfaces} interfaces: say how many there are"
         )
     moving = _flow(of)
     if moving > _FLOW and not flow and of.frames >= FEW:
-        out.notes.append(
+        out.warnings.append(
             f"the layers move along the interface ({moving:.2g} standard errors, rms over z), and what they carry "
             "counts as tangential pressure: take the mean velocity profile off (flow)"
         )

@@ -65,7 +65,8 @@ class Profile:
     columns : {name: Column}
     numbers : {name: Value}
     frames : how many there were
-    notes : what a reader should know before using the numbers
+    notes : what the numbers are, where that could be taken for something else
+    warnings : what makes them doubtful
     """
 
     z: np.ndarray
@@ -76,6 +77,7 @@ class Profile:
     columns: dict[str, Column] = field(default_factory=dict)
     numbers: dict[str, Value] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
 
     def __getitem__(self, name):
         return self.columns[name] if name in self.columns else self.numbers[name]
@@ -117,6 +119,8 @@ class Profile:
             console.print(
                 f"every {every}th of {len(self.z)} bins; all of them with --csv, --json or -o", soft_wrap=True
             )
+        for warning in self.warnings:
+            console.print(f"warning: {warning}", soft_wrap=True)
         for note in self.notes:
             console.print(f"note: {note}", soft_wrap=True)
 
@@ -149,6 +153,7 @@ class Profile:
             "numbers": {k: entry(v) for k, v in self.numbers.items()},
             "columns": {k: entry(v) for k, v in self.columns.items()},
             "notes": self.notes,
+            "warnings": self.warnings,
         }
         return json.dumps(whole, indent=2, ensure_ascii=False)
 
@@ -170,11 +175,12 @@ class Profile:
             data[name] = ((), v.value, about)
             data[f"{name}_stderr"] = ((), v.stderr, {**about, "long_name": f"standard error of {v.label}"})
         attrs = {"source": self.source, "frames": self.frames, "notes": "; ".join(self.notes)}
+        attrs["warnings"] = "; ".join(self.warnings)
         return xr.Dataset(data, {self.axis: (self.axis, self.z, {"units": self.length_units})}, attrs)
 
     def save(self, path) -> None:
         """Write the dataset: .nc or .zarr."""
-        from ..running.output import write_dataset
+        from ..running.whole import write_dataset
 
         write_dataset(self.dataset(), path)
 

@@ -1,5 +1,5 @@
 """Profiles by species along a normal, and electrostatics from the charges: density, velocity, charge density, field,
-potential.
+potential, dipoles.
 
 Averages over cross-sections of area A, φ₁ the kernel's profile: number density n_s = Σ_{j∈s} φ₁(z − z_j)/A, charge
 density ρ_q = Σ q_j φ₁(z − z_j)/A; Poisson's equation ε₀ dE/dz = ρ_q, E = −dψ/dz with ε₀ = 1/(4π C), C the Coulomb
@@ -11,6 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import AtcError
+from ..readers.trajectory import Over
+from .dipoles import add_dipoles, dipoles_of, labels_of
 from .profile_table import Column, Profile
 
 BOUNDARIES = ("auto", "periodic", "vacuum")
@@ -18,13 +20,31 @@ BOUNDARIES = ("auto", "periodic", "vacuum")
 NEUTRAL = 1e-6
 
 
-def add_species(out: Profile, frames, pot, kern, grid, boundary: str = "auto") -> None:
-    """Add the profiles of species, and those of the charges where the frames have any.
+class Seen(Over):
+    """Another trajectory, each of whose frames is added to `sums` when it is first read."""
+
+    def __init__(self, base, sums: SpeciesSums):
+        super().__init__(base)
+        self.sums = sums
+
+    def _frame(self, k):
+        frame = self.base[k]
+        self.sums.add(k, frame)
+        return frame
+
+    def rest(self) -> None:
+        """Add what nobody has read here: other processes may have."""
+        for k in range(len(self)):
+            if k not in self.sums:
+                self._frame(k)
+
+
+def add_species(out: Profile, sums: SpeciesSums, boundary: str = "auto") -> None:
+    """Add the profiles of species, and those of the charges and molecules where the frames have any.
 
     Parameters
     ----------
     out : Profile, with z
-    frames : trajectory or list of Frames; pot : potential or None: what it knows of the atoms is used
     boundary : "periodic" (no mean field in the cell: Ewald sums with a conductor around), "vacuum" (no field outside of
         the lower face), or "auto": vacuum where the cell is open along the normal or the run has `kspace_modify slab`
 
@@ -34,64 +54,105 @@ def add_species(out: Profile, frames, pot, kern, grid, boundary: str = "auto") -
     """
     if boundary not in BOUNDARIES:
         raise AtcError(f"boundary={boundary!r}: expected one of {', '.join(BOUNDARIES)}")
-    sums = _Sums(frames, pot, kern, grid)
     u = sums.units
     each = u.label("number_density")
+    number_tzs, charge_tz, flow_tzsc, dipole_tzk = sums.arrays()
     for s, name in enumerate(sums.names):
-        n_tz = sums.number_tzs[:, :, s]
+        n_tz = number_tzs[:, :, s]
         label = f"n {name}"
         out.add(f"number_density_{name}", n_tz / u.factor("number_density"), each, label, "number density", "species")
-    if sums.charge_tz is not None:
-        _add_charges(out, sums, boundary)
-    if sums.flow_tzsc is not None:
-        _add_velocities(out, sums)
+    if charge_tz is not None:
+        _add_charges(out, sums, charge_tz, boundary)
+    if dipole_tzk is not None:
+        add_dipoles(out, dipole_tzk, u)
+        if sums.too_long:
+            out.notes.append(
+                f"dipoles: molecules that are longer than half the cell are left out ({sums.too_long} in all frames)"
+            )
+    if flow_tzsc is not None:
+        _add_velocities(out, sums.names, u, number_tzs, flow_tzsc)
 
 
-class _Sums:
-    """What is summed over the atoms, frame by frame; internal units. number_tzs, flow_tzsc (Σ v φ₁/A by species) and
-    charge_tz; None for what the frames do not have."""
+class SpeciesSums:
+    """What is summed over atoms and molecules, frame by frame; internal units. Columns are 1 of each species, q where
+    there are charges, and v of each species where there are velocities."""
 
-    def __init__(self, frames, pot, kern, grid):
-        from ..deposit import make
+    def __init__(self, pot, kern, grid):
+        self.pot, self.kern, self.grid = pot, kern, grid
+        self.kinds = None
+        self.found: dict[int, tuple] = {}  # of each frame: sums (z, k), (z, 4) of molecules or None, height
+        self.too_long = 0
+
+    def __contains__(self, k: int) -> bool:
+        return k in self.found
+
+    def _begin(self, frame) -> None:
         from ..estimators.accuracy.random_points import kernel_internal
 
-        number, flow, charge, heights = [], [], [], []
-        kinds = None
-        for frame in frames:
-            frame = frame if pot is None else pot.complete(frame)
-            if kinds is None:
-                kinds, self.units, kern = np.unique(frame.types), frame.units, kernel_internal(kern, frame.units)
-                self.names = _species_names(frame, kinds)
-                moving, charged = frame.velocities is not None, frame.charges is not None and frame.charges.any()
-                self.slab = pot is not None and any(term.slab is not None for term in pot.fields)
-            if not np.isin(frame.types, kinds).all() or (charged and frame.charges is None):
-                raise AtcError(f"{frame.source}: has species or lacks charges that the first frame has: profiles by "
-                               "species need the same in every frame")  # fmt: skip
-            bound = grid.bind(frame.units, frame.cell, frame.positions)
-            one_ns = (frame.types[:, None] == kinds).astype(float)
-            a_nk = [one_ns]
-            if charged:
-                a_nk.append(frame.charges[:, None])
-            if moving:
-                frame.require("velocities", why="profiles of velocity")
-                a_nk.append((one_ns[:, :, None] * frame.velocities[:, None, :]).reshape(len(frame), -1))
-            a_nk = np.concatenate(a_nk, axis=1)
-            deposit = make("slab", bound, kern, bound.cell, a_nk.shape[1], 1)
-            deposit.add_sites(frame.positions, a_nk)
-            sums_zk = deposit.site_sums()
-            s = len(kinds)
-            number.append(sums_zk[:, :s])
-            if charged:
-                charge.append(sums_zk[:, s])
-                total, size = frame.charges.sum(), np.abs(frame.charges).sum()
-            if moving:
-                flow.append(sums_zk[:, s + charged :].reshape(-1, s, 3))
-            heights.append(bound.cell.heights[bound.axis])
-            self.periodic = bool(bound.cell.periodic[bound.axis])
-        self.number_tzs, self.height_t = np.array(number), np.array(heights)
-        self.flow_tzsc = np.array(flow) if flow else None
-        self.charge_tz = np.array(charge) if charge else None
-        self.net = float(total / size) if charge else 0.0
+        self.kinds, self.units = np.unique(frame.types), frame.units
+        self.kern = kernel_internal(self.kern, frame.units)
+        self.names = _species_names(frame, self.kinds)
+        self.moving = frame.velocities is not None
+        self.charged = frame.charges is not None and bool(frame.charges.any())
+        self.polar = self.charged and frame.dimension == 3 and frame.masses is not None
+        self.polar = self.polar and labels_of(frame) is not None
+        self.slab = self.pot is not None and any(term.slab is not None for term in self.pot.fields)
+        self.net = frame.charges.sum() / np.abs(frame.charges).sum() if self.charged else 0.0
+
+    def add(self, k: int, frame) -> None:
+        """The frame of number `k`, if it is not there already."""
+        if k in self.found:
+            return
+        frame = frame if self.pot is None else self.pot.complete(frame)
+        if self.kinds is None:
+            self._begin(frame)
+        if not np.isin(frame.types, self.kinds).all() or (self.charged and frame.charges is None):
+            raise AtcError(
+                f"{frame.source}: has species or lacks charges that the first frame has: profiles by species need the "
+                "same in every frame"
+            )
+        bound = self.grid.bind(frame.units, frame.cell, frame.positions)
+        one_ns = (frame.types[:, None] == self.kinds).astype(float)
+        a_nk = [one_ns]
+        if self.charged:
+            a_nk.append(frame.charges[:, None])
+        if self.moving:
+            frame.require("velocities", why="profiles of velocity")
+            a_nk.append((one_ns[:, :, None] * frame.velocities[:, None, :]).reshape(len(frame), -1))
+        sums_zk = self._sum(bound, frame.positions, np.concatenate(a_nk, axis=1))
+        polar_zk = None
+        if self.polar:
+            if labels_of(frame) is None:
+                raise AtcError(f"{frame.source}: does not say which atoms are molecules, as the first frame does")
+            frame.require("masses", why="dipoles of molecules")
+            x_mc, along, cosine, long = dipoles_of(frame, bound.axis)
+            self.too_long += long
+            a_mk = np.stack([np.ones(len(along)), along, cosine, 1.5 * cosine**2 - 0.5], axis=1)
+            polar_zk = self._sum(bound, x_mc, a_mk)
+        self.periodic = bool(bound.cell.periodic[bound.axis])
+        self.found[k] = sums_zk, polar_zk, bound.cell.heights[bound.axis]
+
+    def _sum(self, bound, x_nc, a_nk):
+        from ..deposit import make
+
+        deposit = make("slab", bound, self.kern, bound.cell, a_nk.shape[1], 1)
+        if len(x_nc):
+            deposit.add_sites(np.ascontiguousarray(x_nc), a_nk)
+        return deposit.site_sums()
+
+    def arrays(self):
+        """number_tzs, charge_tz, flow_tzsc (Σ v φ₁/A by species), dipole_tzk; None for what the frames do not have."""
+        s, frames = len(self.kinds), sorted(self.found)
+        sums_tzk = np.array([self.found[k][0] for k in frames])
+        charge_tz = sums_tzk[:, :, s] if self.charged else None
+        flow = sums_tzk[:, :, s + self.charged :]
+        flow_tzsc = flow.reshape(*flow.shape[:2], s, 3) if self.moving else None
+        polar = np.array([self.found[k][1] for k in frames]) if self.polar else None
+        return sums_tzk[:, :, :s], charge_tz, flow_tzsc, polar if polar is not None and polar.any() else None
+
+    @property
+    def height_t(self):
+        return np.array([self.found[k][2] for k in sorted(self.found)])
 
 
 def _species_names(frame, kinds) -> list[str]:
@@ -127,7 +188,7 @@ def field_and_potential(charge_tz, height_t, coulomb, vacuum: bool):
     return E_tz, psi_tz
 
 
-def _add_charges(out, sums, boundary) -> None:
+def _add_charges(out, sums, charge_tz, boundary) -> None:
     u = sums.units
     if u.dimension == 2:
         out.notes.append("electric field and potential are left out: a run in the plane has no layers of charge")
@@ -139,13 +200,13 @@ def _add_charges(out, sums, boundary) -> None:
                 f"{out.source}: the cell has a net charge ({sums.net:.1e} of all its charges): with vacuum around it "
                 "the field has no meaning in a periodic layer; boundary = 'periodic' takes a uniform background off"
             )
-        out.notes.append(
+        out.warnings.append(
             "the cell has a net charge: field and potential are those with a uniform background against it"
         )
-    E_tz, psi_tz = field_and_potential(sums.charge_tz, sums.height_t, u.coulomb, vacuum)
+    E_tz, psi_tz = field_and_potential(charge_tz, sums.height_t, u.coulomb, vacuum)
     length, charge = u.label("length"), u.label("charge")
     out.add(
-        "charge_density", sums.charge_tz / (u.factor("charge") / u.factor("length") ** 3), f"{charge}/{length}^3",
+        "charge_density", charge_tz / (u.factor("charge") / u.factor("length") ** 3), f"{charge}/{length}^3",
         "charge density", "charge density", "charges",
     )  # fmt: skip
     # Internal energy per charge is the volt: eV/e.
@@ -161,15 +222,14 @@ def _add_charges(out, sums, boundary) -> None:
     )
 
 
-def _add_velocities(out, sums) -> None:
+def _add_velocities(out, names, u, number_tzs, flow_tzsc) -> None:
     """Mean velocities <n v>/<n>; NaN where a species never is."""
     from ..estimators.statistics import BlockAverage
     from ..estimators.tensors import quotient
 
-    u = sums.units
-    for s, name in enumerate(sums.names):
+    for s, name in enumerate(names):
         average = BlockAverage()
-        n_tz, flow_tzc = sums.number_tzs[:, :, s], sums.flow_tzsc[:, :, s]
+        n_tz, flow_tzc = number_tzs[:, :, s], flow_tzsc[:, :, s]
         for n_z, flow_zc in zip(n_tz, flow_tzc):
             average.add(quotient(flow_zc, n_z), n_z)
         mean, stderr, correlated = average.result()

@@ -104,10 +104,10 @@ def _region(v):
     """A region's name, or its description."""
     if isinstance(v, str):
         return _string(v)
-    return _described(v)
+    return _shape_or_combination(v)
 
 
-def _described(v):
+def _shape_or_combination(v):
     if not isinstance(v, dict):
         raise ValueError
     if set(v) & {"any", "all", "not"}:

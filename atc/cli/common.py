@@ -81,20 +81,15 @@ Masses = Annotated[
 ]
 
 
-def write_result(result, dataset, picture) -> None:
-    """Write a result's dataset and draw its picture, where they are asked for."""
-    if dataset is not None:
-        result.save(dataset)
-    if picture is not None:
-        result.picture(picture)
-
-
-def show_result(result, dataset, picture) -> None:
-    """Print a result, and where its dataset and picture are."""
-    result.print(console())
-    for what, path in (("dataset", dataset), ("picture", picture)):
+def write_result(result, dataset, picture, tell: bool) -> None:
+    """Write a result's dataset and draw its picture, where they are asked for, and say where they are. Last of all, so
+    that the numbers are seen where there is no room for files."""
+    sys.stdout.flush()
+    for what, path, write in (("dataset", dataset, "save"), ("picture", picture, "picture")):
         if path is not None:
-            print(f"{what}: {path}")
+            getattr(result, write)(path)
+            if tell:
+                print(f"{what}: {path}")
 
 
 def load_scene(path, settings, begin=None, end=None, step=None, quiet=True):

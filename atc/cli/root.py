@@ -14,6 +14,7 @@ import contextlib
 import os
 import sys
 import warnings
+from importlib import import_module
 from typing import Annotated
 
 import typer
@@ -23,25 +24,6 @@ from .. import __version__
 from ..errors import AtcError
 from ..running.interruption import last, watched
 from ..terminal import only_printable, printable
-from . import (
-    advect,
-    bench,
-    check,
-    compare,
-    conductivity,
-    dispersion,
-    export,
-    fields,
-    info,
-    pd,
-    plan,
-    plot,
-    profile,
-    schema,
-    twin,
-    upscale,
-    verify,
-)
 from .common import interrupted
 
 
@@ -187,28 +169,15 @@ def _root(
 
 
 # --------------------------------------------------------------------------------------------------------------------
-# One file a verb, in the order of the help: options only, the work is imported when they run.
+# One file a verb: options only, the work is imported when they run.
 
-for _verb in (
-    info,
-    plan,
-    fields,
-    compare,
-    check,
-    conductivity,
-    plot,
-    verify,
-    bench,
-    pd,
-    export,
-    dispersion,
-    advect,
-    profile,
-    schema,
-    twin,
-    upscale,
-):
-    _verb.register(app)
+#: In the order of the help.
+VERBS = (
+    "info plan fields compare check conductivity plot verify bench pd export dispersion advect profile schema twin "
+    "upscale"
+).split()
+for _verb in VERBS:
+    import_module(f".{_verb}", __package__).register(app)
 
 if __name__ == "__main__":
     main()

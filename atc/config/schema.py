@@ -129,6 +129,12 @@ def _frames(v):
     return v
 
 
+def _energies(v):
+    if not isinstance(v, dict) or not v:
+        raise ValueError
+    return {k: _number(x) for k, x in v.items()}
+
+
 def _partition(v):
     if isinstance(v, dict) and v:
         return {str(k): w if isinstance(w, list) else _string(w) for k, w in v.items()}
@@ -280,12 +286,27 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "lammps": Key(_string, "LAMMPS lines, e.g. '''pair_style sw\\npair_coeff * * Si.sw Si'''"),
         "input": Key(_string, 'the name of a LAMMPS input script, e.g. "in.run"', path=True),
         "nep": Key(_string, 'the file of a neuroevolution potential, e.g. "nep.txt"', path=True),
+        "mace": Key(_string, 'the file of a MACE model, e.g. "my.model"', path=True),
+        "nequip": Key(_string, 'the file of a NequIP or Allegro model, e.g. "my.nequip.zip"', path=True),
+        "metatomic": Key(_string, 'the file of a model exported by metatomic, e.g. "model.pt"', path=True),
+        "head": Key(_string, 'which head of a MACE model, e.g. "Default"'),
+        "stress": Key(
+            _choice(["edge", "central"]), 'how a learned model of one hop gives its stress: "edge" or "central"'
+        ),
+        "reference": Key(
+            _either(_choice(["isolated"]), _energies),
+            'the energies of single atoms to subtract: "isolated" (the model says) or, by element, { Si = -163.2 }',
+        ),
+        "device": Key(_string, 'where torch computes, e.g. "cpu" or "cuda"'),
         "types": Key(_list_of(_string), 'the element of each atom type in the potential\'s names, e.g. ["Te", "Pb"]'),
         "units": Key(_choice(_unit_names), 'a unit style, e.g. "metal"'),
         "run": Key(_count, "the number of the script's run that the frames belong to, counted from 1, e.g. 2"),
         "partition": Key(
             _partition,
             'how energy is shared among atoms: "equal", "center", or by kind of term, e.g. { "angle" = "center" }',
+        ),
+        "alpha": Key(
+            _positive, "a number greater than 0, 1 over a length: where long-range Coulomb is split, e.g. 0.3"
         ),
     },
     "constraints": {
@@ -401,8 +422,17 @@ SCHEMA: dict[str, dict[str, Key]] = {
     "twin": {
         "structure": Key(_choice(_structure_names), 'a cubic structure, e.g. "fcc"'),
         "lattice_constant": Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 5.3"),
-        "material": Key(_choice(["isotropic"]), '"isotropic"'),
+        "material": Key(
+            _choice(["isotropic", "cauchy-born", "linear", "smoothed"]),
+            '"isotropic", "cauchy-born", "linear" or "smoothed"',
+        ),
+        "nodes": Key(_choice(["lattice", "atoms"]), '"lattice" or "atoms"'),
+        "orient": Key(
+            _list_of(_list_of(_number, 3), 3),
+            "the crystal directions along the run's x, y, z, e.g. [[1, 1, 0], [-1, 1, 0], [0, 0, 1]]",
+        ),
         "model": Key(_choice(["lps", "pmb"]), '"lps" or "pmb"'),
+        "temperature": Key(_positive, "a temperature greater than 0, e.g. 300.0"),
         "spacing": Key(_positive, "a length greater than 0, e.g. 5.0"),
         "horizon": Key(_positive, "a length greater than 0, e.g. 15.0"),
         "motion": Key(_choice(["dynamic", "static"]), '"dynamic" or "static"'),

@@ -7,177 +7,92 @@ from __future__ import annotations
 
 from importlib import import_module
 
-_WHERE = {
-    "Potential": "base",
-    "Decomposition": "base",
-    "Term": "base",
-    "Pairs": "pair",
-    "PairStyle": "pair",
-    "LennardJones": "lennard_jones",
-    "LennardJonesSmoothLinear": "lennard_jones",
-    "LennardJonesQuadratic": "lennard_jones",
-    "LennardJonesExpand": "lennard_jones",
-    "Morse": "morse",
-    "Buckingham": "buckingham",
-    "Born": "buckingham",
-    "Yukawa": "yukawa",
-    "Soft": "soft",
-    "Table": "table",
-    "CoulombCut": "coulomb",
-    "CoulombDSF": "coulomb",
-    "CoulombWolf": "coulomb",
-    "CoulombLong": "coulomb_long",
-    "LongRangeCoulomb": "long_range.ewald",
-    "ZBL": "zbl",
-    "Mie": "inverse_powers",
-    "NM": "inverse_powers",
-    "LennardJones96": "inverse_powers",
-    "Class2": "inverse_powers",
-    "Spica": "inverse_powers",
-    "LennardJonesMDF": "mdf",
-    "LennardMDF": "mdf",
-    "BuckinghamMDF": "mdf",
-    "LennardJonesGromacs": "gromacs",
-    "CoulombGromacs": "gromacs",
-    "LennardJonesCharmm": "charmm",
-    "LennardJonesCharmmFSW": "charmm",
-    "CoulombCharmm": "charmm",
-    "CoulombCharmmImplicit": "charmm",
-    "CoulombCharmmFSH": "charmm",
-    "LennardJonesSmooth": "lj_smooth",
-    "LennardJonesCubic": "lj_smooth",
-    "RelativeResolution": "lj_smooth",
-    "Gauss": "gauss",
-    "GaussCut": "gauss",
-    "BornGauss": "gauss",
-    "UhlenbeckFord": "gauss",
-    "Beck": "beck",
-    "Pirani": "pirani",
-    "WangFrenkel": "finite_range",
-    "CosineSquared": "finite_range",
-    "HarmonicCut": "finite_range",
-    "DPD": "finite_range",
-    "Colloid": "colloid",
-    "CoulombDebye": "screened_coulomb",
-    "CoulombSlater": "screened_coulomb",
-    "CoulombDiel": "screened_coulomb",
-    "LennardJonesSoft": "soft_core",
-    "Class2Soft": "soft_core",
-    "CoulombSoft": "soft_core",
-    "MorseSoft": "soft_core",
-    "MorseSmoothLinear": "morse",
-    "Pedone": "morse",
-    "MOMB": "morse",
-    "ListedPairs": "pair_list",
-    "Generic": "generic",
-    "SpecialBonds": "special_bonds",
-    "StillingerWeber": "stillinger_weber",
-    "SWEntry": "sw_file",
-    "HybridTerm": "bonded",
-    "read_tables": "bonded_table",
-    "HarmonicBond": "bond",
-    "MorseBond": "bond",
-    "FeneBond": "bond",
-    "FeneExpandBond": "bond",
-    "TableBond": "bond",
-    "ZeroBond": "bond",
-    "HarmonicAngle": "angle",
-    "CosineAngle": "angle",
-    "CosineSquaredAngle": "angle",
-    "CosineDeltaAngle": "angle",
-    "CharmmAngle": "angle",
-    "TableAngle": "angle",
-    "ZeroAngle": "angle",
-    "HarmonicTorsion": "dihedral",
-    "CharmmTorsion": "dihedral",
-    "OPLSTorsion": "dihedral",
-    "MultiHarmonicTorsion": "dihedral",
-    "NHarmonicTorsion": "dihedral",
-    "FourierTorsion": "dihedral",
-    "HarmonicImproper": "improper",
-    "CvffImproper": "improper",
-    "Class2Bond": "bond_curves",
-    "GromosBond": "bond_curves",
-    "NonlinearBond": "bond_curves",
-    "HarmonicShiftBond": "bond_curves",
-    "HarmonicShiftCutBond": "bond_curves",
-    "MM3Bond": "bond_curves",
-    "FeneNMBond": "bond_curves",
-    "GaussianBond": "bond_curves",
-    "QuarticBond": "bond_pairwise",
-    "SpecialBond": "bond_pairwise",
-    "MesoBond": "mesocnt",
-    "LeptonBond": "bonded_lepton",
-    "LeptonAngle": "bonded_lepton",
-    "LeptonTorsion": "bonded_lepton",
-    "SpicaAngle": "angle_spica",
-    "MesoAngle": "mesocnt",
-    "QuarticAngle": "angle_curves",
-    "MM3Angle": "angle_curves",
-    "FourierAngle": "angle_curves",
-    "FourierSimpleAngle": "angle_curves",
-    "CosinePeriodicAngle": "angle_curves",
-    "RestrictedAngle": "angle_curves",
-    "WormLikeAngle": "angle_curves",
-    "CosineShiftAngle": "angle_curves",
-    "CosineShiftExpAngle": "angle_curves",
-    "GaussianAngle": "angle_curves",
-    "Class2Angle": "angle_coupled",
-    "Class2P6Angle": "angle_coupled",
-    "CrossAngle": "angle_coupled",
-    "QuadraticTorsion": "dihedral_curves",
-    "HelixTorsion": "dihedral_curves",
-    "CosineShiftExpTorsion": "dihedral_curves",
-    "RestrictedTorsion": "dihedral_curves",
-    "Class2Torsion": "dihedral_coupled",
-    "SphericalTorsion": "dihedral_coupled",
-    "TableTorsion": "dihedral_table",
-    "TableCutTorsion": "dihedral_table",
-    "read_torsion_section": "dihedral_table",
-    "UmbrellaImproper": "improper_curves",
-    "FourierImproper": "improper_curves",
-    "InversionHarmonicImproper": "improper_curves",
-    "DistanceImproper": "improper_curves",
-    "DistHarmImproper": "improper_curves",
-    "SqDistHarmImproper": "improper_curves",
-    "RingImproper": "improper_curves",
-    "Class2Improper": "improper_curves",
-    "CosineSquaredImproper": "improper_curves",
-    "EmbeddedAtom": "embedded_atom",
-    "EAMTables": "eam_file",
-    "Tersoff": "tersoff",
-    "TersoffEntry": "tersoff_file",
-    "TersoffMod": "tersoff_variants",
-    "TersoffModC": "tersoff_variants",
-    "TersoffModEntry": "tersoff_variants",
-    "TersoffZBL": "tersoff_variants",
-    "TersoffZBLEntry": "tersoff_variants",
-    "GaoWeber": "tersoff_variants",
-    "GaoWeberZBL": "tersoff_variants",
-    "StillingerWeberMod": "stillinger_weber",
-    "Vashishta": "three_body",
-    "VashishtaEntry": "three_body",
-    "HarmonicTriplets": "three_body",
-    "ScreenedTriplets": "three_body",
-    "AngularDependent": "angular_dependent",
-    "EDIP": "edip",
-    "EDIPEntry": "edip",
-    "MEAM": "meam",
-    "SplineMEAM": "spline_meam",
-    "EmbeddedIon": "embedded_ion",
-    "LocalDensity": "local_density",
-    "ConcentrationEAM": "concentration_eam",
-    "Polymorphic": "polymorphic",
-    "AxilrodTeller": "axilrod_teller",
-    "SpinExchange": "spin_exchange",
-    "ElectronForceField": "electron_force_field",
-    "ManyBody": "many_body",
-    "Constraints": "constraints",
-    "HeldPairs": "constraint_rules",
-    "HydrogenBonds": "constraint_rules",
-    "RigidMolecules": "constraint_rules",
-    "Shake": "constraint_rules",
+#: Files that register LAMMPS styles when they are imported, and what of them is public.
+_STYLES = {
+    "lennard_jones": "LennardJones LennardJonesSmoothLinear LennardJonesQuadratic LennardJonesExpand",
+    "morse": "Morse MorseSmoothLinear Pedone MOMB",
+    "buckingham": "Buckingham Born",
+    "yukawa": "Yukawa",
+    "soft": "Soft",
+    "table": "Table",
+    "coulomb": "CoulombCut CoulombDSF CoulombWolf",
+    "zbl": "ZBL",
+    "zero": "",
+    "inverse_powers": "Mie NM LennardJones96 Class2 Spica",
+    "mdf": "LennardJonesMDF LennardMDF BuckinghamMDF",
+    "gromacs": "LennardJonesGromacs CoulombGromacs",
+    "charmm": "LennardJonesCharmm LennardJonesCharmmFSW CoulombCharmm CoulombCharmmImplicit CoulombCharmmFSH",
+    "lj_smooth": "LennardJonesSmooth LennardJonesCubic RelativeResolution",
+    "gauss": "Gauss GaussCut BornGauss UhlenbeckFord",
+    "beck": "Beck",
+    "pirani": "Pirani",
+    "finite_range": "WangFrenkel CosineSquared HarmonicCut DPD",
+    "colloid": "Colloid",
+    "screened_coulomb": "CoulombDebye CoulombSlater CoulombDiel",
+    "soft_core": "LennardJonesSoft Class2Soft CoulombSoft MorseSoft",
+    "with_coulomb": "",
+    "coulomb_long": "CoulombLong",
+    "lepton": "",
+    "pair_list": "ListedPairs",
+    "stillinger_weber": "StillingerWeber StillingerWeberMod",
+    "bond": "HarmonicBond MorseBond FeneBond FeneExpandBond TableBond ZeroBond",
+    "bond_curves": (
+        "Class2Bond GromosBond NonlinearBond HarmonicShiftBond HarmonicShiftCutBond MM3Bond FeneNMBond GaussianBond"
+    ),
+    "bond_pairwise": "QuarticBond SpecialBond",
+    "angle": "HarmonicAngle CosineAngle CosineSquaredAngle CosineDeltaAngle CharmmAngle TableAngle ZeroAngle",
+    "angle_curves": (
+        "QuarticAngle MM3Angle FourierAngle FourierSimpleAngle CosinePeriodicAngle RestrictedAngle "
+        "WormLikeAngle CosineShiftAngle CosineShiftExpAngle GaussianAngle"
+    ),
+    "angle_coupled": "Class2Angle Class2P6Angle CrossAngle",
+    "mesocnt": "MesoBond MesoAngle",
+    "dihedral": "HarmonicTorsion CharmmTorsion OPLSTorsion MultiHarmonicTorsion NHarmonicTorsion FourierTorsion",
+    "improper": "HarmonicImproper CvffImproper",
+    "improper_curves": (
+        "UmbrellaImproper FourierImproper InversionHarmonicImproper DistanceImproper DistHarmImproper "
+        "SqDistHarmImproper RingImproper Class2Improper CosineSquaredImproper"
+    ),
+    "dihedral_curves": "QuadraticTorsion HelixTorsion CosineShiftExpTorsion RestrictedTorsion",
+    "dihedral_coupled": "Class2Torsion SphericalTorsion",
+    "dihedral_table": "TableTorsion TableCutTorsion read_torsion_section",
+    "bonded_lepton": "LeptonBond LeptonAngle LeptonTorsion",
+    "angle_spica": "SpicaAngle",
+    "embedded_atom": "EmbeddedAtom",
+    "tersoff": "Tersoff",
+    "tersoff_variants": (
+        "TersoffMod TersoffModC TersoffModEntry TersoffModCEntry TersoffZBL TersoffZBLEntry GaoWeber GaoWeberZBL"
+    ),
+    "three_body": "Vashishta VashishtaEntry HarmonicTriplets ScreenedTriplets",
+    "angular_dependent": "AngularDependent",
+    "edip": "EDIP EDIPEntry",
+    "meam": "MEAM",
+    "embedded_ion": "EmbeddedIon",
+    "spline_meam": "SplineMEAM",
+    "local_density": "LocalDensity",
+    "concentration_eam": "ConcentrationEAM",
+    "polymorphic": "Polymorphic",
+    "axilrod_teller": "AxilrodTeller",
+    "spin_exchange": "SpinExchange",
+    "electron_force_field": "ElectronForceField",
 }
+#: Likewise what stands elsewhere.
+_OTHERS = {
+    "base": "Potential Decomposition Term",
+    "pair": "Pairs PairStyle",
+    "long_range.ewald": "LongRangeCoulomb",
+    "generic": "Generic",
+    "special_bonds": "SpecialBonds",
+    "sw_file": "SWEntry",
+    "bonded": "HybridTerm",
+    "bonded_table": "read_tables",
+    "eam_file": "EAMTables",
+    "tersoff_file": "TersoffEntry",
+    "many_body": "ManyBody",
+    "constraints": "Constraints",
+    "constraint_rules": "HeldPairs HydrogenBonds RigidMolecules Shake",
+}
+_WHERE = {name: module for module, names in (_STYLES | _OTHERS).items() for name in names.split()}
 
 __all__ = [*_WHERE, "potential"]
 
@@ -194,69 +109,17 @@ def __dir__():
     return sorted(__all__)
 
 
-# Modules whose import registers LAMMPS styles.
-_STYLE_MODULES = (
-    "lennard_jones",
-    "morse",
-    "buckingham",
-    "yukawa",
-    "soft",
-    "table",
-    "coulomb",
-    "zbl",
-    "zero",
-    "inverse_powers",
-    "mdf",
-    "gromacs",
-    "charmm",
-    "lj_smooth",
-    "gauss",
-    "beck",
-    "pirani",
-    "finite_range",
-    "colloid",
-    "screened_coulomb",
-    "soft_core",
-    "with_coulomb",
-    "coulomb_long",
-    "lepton",
-    "pair_list",
-    "stillinger_weber",
-    "bond",
-    "bond_curves",
-    "bond_pairwise",
-    "angle",
-    "angle_curves",
-    "angle_coupled",
-    "mesocnt",
-    "dihedral",
-    "improper",
-    "improper_curves",
-    "dihedral_curves",
-    "dihedral_coupled",
-    "dihedral_table",
-    "bonded_lepton",
-    "angle_spica",
-    "embedded_atom",
-    "tersoff",
-    "tersoff_variants",
-    "three_body",
-    "angular_dependent",
-    "edip",
-    "meam",
-    "embedded_ion",
-    "spline_meam",
-    "local_density",
-    "concentration_eam",
-    "polymorphic",
-    "axilrod_teller",
-    "spin_exchange",
-    "electron_force_field",
-)
-
-
 def potential(
-    source, units=None, *, special_bonds=None, folder=None, name=None, partition=None, run=None, trajectory=()
+    source,
+    units=None,
+    *,
+    special_bonds=None,
+    folder=None,
+    name=None,
+    partition=None,
+    run=None,
+    trajectory=(),
+    alpha=None,
 ):
     """A model of the interactions, ready to decompose frames.
 
@@ -280,12 +143,14 @@ def potential(
         How the energy is shared among the atoms, which heat flux and churning depend on, and energy, forces and stress
         do not: ``"equal"``, ``"center"`` or a dict by term such as ``{"sw": "center"}``; see `Potential.partitioned`.
         Default: ``"equal"`` for LAMMPS lines; objects as they are.
-
     run : int, optional
         For a script with several runs: the number of the run (counted from 1, ``minimize`` and the like included) that
         the frames belong to. Needed where the model changes from run to run.
     trajectory : paths, optional
         For a script: the files with the frames, which its ``dump`` lines may name, so that `run` need not be given.
+    alpha : float, optional
+        For long-range Coulomb only (``kspace_style``): the α of Ewald's split, 1 over the potential's unit of length,
+        which local values depend on. Default: 4.05 over the script's Coulomb cutoff.
 
     Returns
     -------
@@ -302,16 +167,21 @@ def potential(
     from .base import Potential, Term
     from .pair import Pairs, PairStyle
 
-    if partition is not None:
-        return potential(
+    if partition is not None or alpha is not None:
+        pot = potential(
             source, units, special_bonds=special_bonds, folder=folder, name=name, run=run, trajectory=trajectory
-        ).partitioned(partition)
+        )
+        if alpha is not None:
+            from .long_range.kspace import with_alpha
+
+            pot = with_alpha(pot, alpha)
+        return pot if partition is None else pot.partitioned(partition)
     if isinstance(source, Potential):
         return source
     if isinstance(source, str | Path):
         if special_bonds is not None:
             raise AtcError("special_bonds= goes with objects; in LAMMPS lines write a special_bonds line")
-        for module in _STYLE_MODULES:
+        for module in _STYLES:
             import_module(f".{module}", __name__)
         from .lammps import potential_from_lammps
 

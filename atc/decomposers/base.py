@@ -25,6 +25,17 @@ PARTITIONS = ("equal", "center")
 _SPELLINGS = {"centre": "center"}
 
 
+class Worst(float):
+    """A measured error among counts: where counts of frames and threads add up, the largest of these is kept. It
+    becomes an attribute of the output, of the name it is noted by."""
+
+    def __add__(self, other):
+        # NaN must not be lost.
+        return Worst(other) if other != other or other > self else self
+
+    __radd__ = __add__
+
+
 @dataclass
 class Decomposition:
     """What a potential says about one frame, in internal units.
@@ -34,7 +45,8 @@ class Decomposition:
     forces_nc : (n, 3) or None.
     virial_cc : (3, 3) Σ G r⊗r (tension positive; divide by the volume for the potential part of the virial stress).
     bonds : Bonds or None when they were streamed. n_bonds : how many there were.
-    notes : counts of guarded singularities and the like, e.g. {"angles clamped near 0 or 180 degrees": 3}
+    notes : counts of guarded singularities and the like, e.g. {"angles clamped near 0 or 180 degrees": 3}, and
+        measures of how good something is, `Worst`, e.g. {"energy_identity": Worst(3e-15)}
     held : `constraints.Found`, the forces of constraints and how they were found, or None
     """
 
@@ -59,12 +71,16 @@ class Accumulator:
         self.forces = np.zeros((n, 3)) if forces else None
         self.energies = np.zeros(n) if energies else None
         self.n_bonds = 0
-        self.notes: dict[str, int] = {}
+        self.notes: dict[str, int | Worst] = {}
         self.ws = Workspace()
 
     def note(self, what: str, count: int) -> None:
         if count:
             self.notes[what] = self.notes.get(what, 0) + int(count)
+
+    def measured(self, what: str, error: float) -> None:
+        """A measured error, by the name of the output's attribute that tells the largest of them."""
+        self.notes[what] = self.notes.get(what, 0) + Worst(error)
 
     def add_bonds(self, bonds: Bonds) -> None:
         """Add a chunk's forces and virial. Every term's forces follow from its bonds, so this is the only place that
@@ -112,6 +128,10 @@ class Term:
     kind: str | None = None
     #: how far apart atoms of one interaction may be, if not `cutoff`
     reach: float = 0.0
+    #: what else the output's attributes say of it besides `describe`; of learned models: energy_path, precision,
+    #: energy_reference, and energy_identity where it holds by construction (else it is measured, see
+    #: `Accumulator.measured`)
+    attributes: Mapping[str, str] = MappingProxyType({})
     #: weights of pairs that are bonded, see `special_bonds`
     special = None
     #: whether it needs the charges of the atoms
@@ -180,6 +200,10 @@ class Wrapper(Term):
     @property
     def depth(self) -> float:
         return self.term.depth
+
+    @property
+    def attributes(self) -> Mapping[str, str]:
+        return self.term.attributes
 
     @property
     def part_name(self) -> str:
@@ -292,6 +316,15 @@ class Potential(Interactions):
     def describe(self) -> str:
         held = [self.constraints.describe()] if self.constraints is not None else []
         return self.description or "; ".join([t.describe() for t in self.terms] + held + list(self.remarks))
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """What the output says of its terms besides `describe`, see `Term.attributes`."""
+        found: dict[str, list[str]] = {}
+        for t in self.terms:
+            for key, value in t.attributes.items():
+                found.setdefault(key, []).append(str(value))
+        return {key: "; ".join(dict.fromkeys(values)) for key, values in found.items()}
 
     @property
     def central(self) -> bool:
@@ -474,8 +507,8 @@ class Potential(Interactions):
         pool = ThreadPoolExecutor(threads) if threads > 1 else None
         try:
             for term in self.terms:
-                if term.field:
-                    term.threads = threads
+                if hasattr(term.inner, "threads"):  # of those that deal out their work themselves
+                    term.inner.threads = threads
                 work = term.prepare(frame)
                 for stage in range(len(work.stages)):
                     if pool is None:
@@ -504,7 +537,7 @@ class Potential(Interactions):
                     bonds.D_bdc = two_body_sources(bonds)  # no energy; the power of their forces
                 if consume is not None:
                     consume(bonds, 0)
-        notes: dict[str, int] = {}
+        notes: dict[str, int | Worst] = {}
         for a in accs:
             for k, v in a.notes.items():
                 notes[k] = notes.get(k, 0) + v

@@ -18,7 +18,6 @@ from ..frame import Frame
 from .base import Term, Work
 from .elements import ElementMap
 from .neighbor_work import NO_S, OUTER_PER_TASK, NeighborWork, made, room, shares
-from .neighborhood import Neighborhood
 from .stillinger_weber_kernels import sw_merge
 
 
@@ -31,18 +30,16 @@ class Centred(Term):
     #: How many outer bonds k neighbours make at most, in units of k (k − 1)/2.
     outer_per_pair = 1
 
-    def pairs(self, near: Neighborhood, element, p0: int, p1: int, G_p, energies) -> tuple[float, int]:
+    def pairs(self, p0: int, p1: int, near: tuple, G_p, energies) -> tuple[float, int]:
         """Fill G_p[p0:p1] with G of the pair energies; return their sum and the first pair that is not finite, or
-        −1."""
+        −1. near : as `NeighborWork.lists`"""
         return 0.0, -1
 
-    def centres(
-        self, near, element, s0, s1, most, G_end, S_end, out_i, out_j, out_r, out_G, out_D, energies
-    ) -> tuple[int, float]:
-        """Around the atoms s0..s1: arms into G_end (pair, end) and S_end (pair, end, 2, 3), outer bonds to the out
-        arrays; return their number and Σ U_i.
+    def centres(self, s0, s1, most, near: tuple, G_end, S_end, out: tuple, energies) -> tuple[int, float]:
+        """Around the atoms s0..s1: arms into G_end (pair, end) and S_end (pair, end, 2, 3), outer bonds to out = (i, j,
+        r, G, D); return their number and Σ U_i.
 
-        S_end[p, end] : ∂U^(centre)/∂x_other and ∂U^(other)/∂x_centre. It and out_D have no rows where no sources are
+        S_end[p, end] : ∂U^(centre)/∂x_other and ∂U^(other)/∂x_centre. It and D have no rows where no sources are
         wanted, energies none where no shares are.
         most : the most neighbours an atom has
         """
@@ -75,15 +72,7 @@ class CentredWork(NeighborWork):
     def _centres(self, task, acc):
         out = room(acc, self.room, np.zeros)
         m, energy = self.term.centres(
-            self.near,
-            self.element,
-            self.edges[task],
-            self.edges[task + 1],
-            self.most,
-            self.G_end,
-            self.S_end,
-            *out,
-            shares(acc),
+            self.edges[task], self.edges[task + 1], self.most, self.lists, self.G_end, self.S_end, out, shares(acc)
         )
         acc.energy += energy
         return made(acc, out, m)
@@ -92,7 +81,7 @@ class CentredWork(NeighborWork):
         near = self.near
         p0, p1 = self.pairs(task)
         out = room(acc, p1 - p0, without=None)
-        energy, bad = self.term.pairs(near, self.element, p0, p1, self.G_p, shares(acc))
+        energy, bad = self.term.pairs(p0, p1, self.lists, self.G_p, shares(acc))
         if bad < 0:
             odd = ~np.isfinite(self.G_p[p0:p1] + self.G_end[p0:p1].sum(axis=1))
             bad = p0 + int(np.argmax(odd)) if odd.any() else -1

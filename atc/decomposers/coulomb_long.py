@@ -24,17 +24,17 @@ from .with_coulomb import positive_rho
 
 
 class CoulombLong(PairStyle):
-    """U = C q_i q_j [erfc(αd)/d − (1 − w)/d] for d < cutoff, w the pair's weight: the bonds of Ewald's split (LAMMPS
-    ``coul/long``).
+    """U = C q_i q_j [erfc(αd)/d − (1 − w)/d], w the pair's weight: the bonds of Ewald's split (LAMMPS ``coul/long``).
 
-    A pair of weight w < 1 loses 1 − w of its whole Coulomb energy, the smooth part's share included. erfc is exact;
-    LAMMPS's is a polynomial (1.5e-7), or a table of it. α follows from the cutoff and the accuracy and need not be the
-    run's.
+    A pair of weight w < 1 loses 1 − w of its whole Coulomb energy, the smooth part's share included, if it is within
+    the script's cutoff. erfc is exact; LAMMPS's is a polynomial (1.5e-7), or a table of it. α follows from the script's
+    cutoff and need not be the run's.
 
     Parameters
     ----------
     on : (n_types + 1, n_types + 1) bool, pairs of types
     split : Split, internal units
+    reach : the script's cutoff; None: that of the split
     """
 
     name = "coul/long"
@@ -45,13 +45,13 @@ class CoulombLong(PairStyle):
     #: the run's own table of it has 2 to this many entries, 0: none (``pair_modify table``)
     run_table = 12
 
-    def __init__(self, on, split: Split):
-        self.on, self.split = np.asarray(on, bool), split
-        self._set(np.where(self.on, split.cutoff, 0.0))
+    def __init__(self, on, split: Split, reach: float | None = None):
+        self.on, self.split, self.reach = np.asarray(on, bool), split, split.cutoff if reach is None else reach
+        self._set(np.where(self.on, max(split.cutoff, self.reach), 0.0))
 
-    def at(self, accuracy: float) -> CoulombLong:
-        """The same with another accuracy."""
-        new = CoulombLong(self.on, self.split.at(accuracy))
+    def at(self, accuracy: float, alpha: float | None = None) -> CoulombLong:
+        """The same with another accuracy, or α."""
+        new = CoulombLong(self.on, self.split.at(accuracy, alpha), self.reach)
         new.run_table = self.run_table
         new.own_special = self.own_special
         return new
@@ -60,24 +60,29 @@ class CoulombLong(PairStyle):
         return frame.charges
 
     def add(self, types, i, j, d2, weights, U, G, prepared):
-        _long(types, i, j, d2, weights, self.table, self.split.constant, self.split.alpha, prepared, U, G)
+        near2, lost2 = self.split.cutoff**2, self.reach**2
+        _long(types, i, j, d2, weights, self.table, near2, lost2, self.split.constant, self.split.alpha, prepared, U, G)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _long(types, i, j, d2, weights, table, constant, alpha, q, U, G):
+def _long(types, i, j, d2, weights, table, near2, lost2, constant, alpha, q, U, G):
     weighted = len(weights) > 0
     for b in range(len(d2)):
         p, k = i[b], j[b]
         if d2[b] < table[types[p], types[k], 0]:
+            near = d2[b] < near2
+            share = weights[b] - 1.0 if weighted and d2[b] < lost2 else 0.0
             c = constant * q[p] * q[k]
-            if c == 0.0:
+            if c == 0.0 or not (near or share != 0.0):
                 continue
             d = np.sqrt(d2[b])
             c /= d
-            lost = 1.0 - weights[b] if weighted else 0.0
-            near = erfc(alpha * d) - lost
-            U[b] += c * near
-            G[b] -= c * (near + 2.0 / np.sqrt(np.pi) * alpha * d * np.exp(-alpha * alpha * d2[b])) / d2[b]
+            slope = 0.0
+            if near:
+                share += erfc(alpha * d)
+                slope = 2.0 / np.sqrt(np.pi) * alpha * d * np.exp(-alpha * alpha * d2[b])
+            U[b] += c * share
+            G[b] -= c * (share + slope) / d2[b]
 
 
 # LAMMPS's lines

@@ -13,6 +13,7 @@ from ..frame import Frame
 from ..units import Units
 from ..units import units as system
 from .base import Term, Work
+from .elements import whole_line
 from .neighbor_work import NeighborWork, made, room, shares
 from .parameter_file import LARGE, read_parameter_file
 from .registry import pair_style
@@ -146,43 +147,16 @@ class _LocalDensityWork(NeighborWork):
         self.slope = np.zeros((len(self.near.atom), len(self.term.F)))
 
     def _densities(self, task, acc):
-        near, term = self.near, self.term
+        term = self.term
         acc.energy += _densities(
-            *self.atoms(task),
-            near.start,
-            near.pair,
-            near.end,
-            near.a,
-            near.b,
-            near.d_p,
-            self.element,
-            term.central,
-            term.counted,
-            term.shape,
-            term.F,
-            near.atom,
-            self.slope,
-            shares(acc),
+            *self.atoms(task), self.lists, term.central, term.counted, term.shape, term.F, self.slope, shares(acc)
         )
 
     def _merge(self, task, acc):
-        near, term = self.near, self.term
+        term = self.term
         p0, p1 = self.pairs(task)
         out = room(acc, p1 - p0)
-        m = _bonds(
-            p0,
-            p1,
-            near.a,
-            near.b,
-            near.r_pc,
-            near.d_p,
-            self.element,
-            term.counted,
-            term.shape,
-            self.slope,
-            near.atom,
-            *out,
-        )
+        m = _bonds(p0, p1, self.lists, term.counted, term.shape, self.slope, out)
         return made(acc, out, m)
 
 
@@ -200,8 +174,9 @@ def _indicator(d, row):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _densities(s0, s1, start, pair, end, a, b, d, kind, central, counted, shape, F, atom, slope, energies):
+def _densities(s0, s1, near, central, counted, shape, F, slope, energies):
     """F of the atoms s0..s1, F' into slope (atoms, potentials)."""
+    start, pair, end, a, b, _, d, kind, atom = near
     total = 0.0
     for s in range(s0, s1):
         for k in range(len(F)):
@@ -220,7 +195,9 @@ def _densities(s0, s1, start, pair, end, a, b, d, kind, central, counted, shape,
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _bonds(p0, p1, a, b, r, d, kind, counted, shape, slope, atom, out_i, out_j, out_r, out_G, out_D):
+def _bonds(p0, p1, near, counted, shape, slope, out):
+    _, _, _, a, b, r, d, kind, atom = near
+    out_i, out_j, out_r, out_G, out_D = out
     sources = len(out_D) > 0
     m = 0
     for p in range(p0, p1):
@@ -244,13 +221,7 @@ def _bonds(p0, p1, a, b, r, d, kind, counted, shape, slope, atom, out_i, out_j, 
 
 @pair_style("local/density")
 def _local_density(inp):
-    if inp.args:
-        raise inp.error(f"{inp.command} takes no arguments, got {' '.join(inp.args)}")
-    if (
-        len(inp.coeffs) != 1
-        or any(t.lo != 1 or t.hi is not None for t in inp.coeffs[0].types)
-        or len(inp.coeffs[0].words) != 1
-    ):
-        raise inp.error(f"{inp.command} takes one line pair_coeff * * <file>", inp.coeffs[0] if inp.coeffs else None)
-    line = inp.coeffs[0]
+    line = whole_line(inp, "pair_coeff * * <file>")
+    if len(line.words) != 1:
+        raise inp.error(f"{inp.command} takes pair_coeff * * <file>, got {' '.join(line.words) or 'nothing'}", line)
     return LocalDensity.from_file(inp.path(line.words[0], line), units=inp.units, where=line.where)

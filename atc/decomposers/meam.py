@@ -9,7 +9,7 @@ from ..units import Units
 from ..units import units as system
 from . import meam_reference
 from .base import Term, Work
-from .elements import ElementMap
+from .elements import ElementMap, of_each_type, whole_line
 from .embedded_atom import spline
 from .meam_file import MEAMParameters, library_elements, read_meam
 from .meam_kernels import densities, merge, screenings
@@ -110,26 +110,20 @@ class _MEAMWork(NeighborWork):
         self.edges, self.most, self.room = near.runs(OUTER_PER_TASK)
         self.stages = (near.chunks, 1, near.chunks, len(self.edges) - 1, near.chunks)
 
-    @property
-    def pair_lists(self):
-        """What loops over pairs go through."""
-        near = self.near
-        return near.a, near.b, near.r_pc, near.d_p, near.start, near.pair, near.end, self.element
-
     def _screen(self, task, acc):
         term = self.term
         self.partial[task] = screenings(
-            *self.pairs(task), *self.pair_lists, term.rc, term.Cmin, term.Cmax, term.bound, self.S
+            *self.pairs(task), self.lists, term.rc, term.Cmin, term.Cmax, term.bound, self.S
         )
 
     def _centres(self, task, acc):
-        term, near = self.term, self.near
+        term = self.term
         out = room(acc, self.room, np.zeros)
         m, energy = densities(
             self.edges[task],
             self.edges[task + 1],
             self.most,
-            *self.lists,
+            self.lists,
             term.rc,
             term.delr,
             self.S,
@@ -141,37 +135,34 @@ class _MEAMWork(NeighborWork):
             term.background,
             term.ibar,
             *term.choices,
-            near.atom,
             self.G_end,
             self.S_end,
             self.dUdS,
-            *out,
+            out,
             shares(acc),
         )
         acc.energy += energy
         return made(acc, out, m)
 
     def _merge(self, task, acc):
-        term, near = self.term, self.near
+        term = self.term
         p0, p1 = self.pairs(task)
         out = room(acc, p1 - p0 + 2 * int(self.partial[task]))
+        bounds = term.Cmin, term.Cmax, term.bound
         m, energy, bad = merge(
             p0,
             p1,
-            *self.pair_lists,
+            self.lists,
             term.rc,
             term.delr,
-            term.Cmin,
-            term.Cmax,
-            term.bound,
+            *bounds,
             term.phi,
             term.per_dr,
             self.S,
             self.dUdS,
             self.G_end,
             self.S_end,
-            near.atom,
-            *out,
+            out,
             shares(acc),
         )
         self.require_finite(bad)
@@ -186,15 +177,7 @@ MAPPED_STYLES.update(("meam", "meam/c"))
 @pair_style("meam", "meam/c")
 def _meam(inp):
     wants = "pair_coeff * * <library> <its elements> <parameter file or NULL> <element of each atom type>"
-    if inp.args:
-        raise inp.error(f"{inp.command}: {' '.join(inp.args)} is not supported: expected no arguments")
-    if len(inp.coeffs) != 1:
-        raise inp.error(f"{inp.command} takes one line {wants}", inp.coeffs[1] if inp.coeffs else None)
-    line = inp.coeffs[0]
-    if any(t.lo != 1 or t.hi is not None for t in line.types):
-        raise inp.error(f"{inp.command} wants {wants}: replace the types by * *", line)
-    if len(line.words) < 4:
-        raise inp.error(f"{inp.command} wants {wants}, got {' '.join(line.words) or 'nothing'} behind * *", line)
+    line = whole_line(inp, wants, 4)
     library = inp.path(line.words[0], line)
     known = library_elements(read_parameter_file(library, "MEAM library", line.where), library)
     count = next((k for k, w in enumerate(line.words[1:]) if w not in known or w == "NULL"), None)
@@ -204,13 +187,7 @@ def _meam(inp):
             line,
         )
     names, file, elements = line.words[1 : 1 + count], line.words[1 + count], line.words[2 + count :]
-    elements = [None if e == "NULL" else e for e in elements]
-    if len(elements) < inp.n_types:
-        raise inp.error(
-            f"{inp.command} needs one element (or NULL) for each of the {inp.n_types} atom types, found "
-            f"{len(elements)}",
-            line,
-        )
+    elements = of_each_type(inp, elements, line)
     odd = next((e for e in elements if e is not None and e not in names), None)
     if odd is not None:
         raise inp.error(

@@ -12,10 +12,9 @@ from collections.abc import Callable
 import numpy as np
 
 from ..bonds import Bonds
-from ..errors import AtcError
 from ..frame import Frame
 from .base import Accumulator, Term, Work
-from .neighborhood import Neighborhood
+from .neighborhood import Neighborhood, by_place, impossible
 from .stillinger_weber_kernels import ODD, sw_index, sw_merge, sw_runs, sw_triplets
 
 NOTHING = np.zeros(0)
@@ -82,9 +81,10 @@ class NeighborWork(Work):
 
     @property
     def lists(self) -> tuple:
-        """What loops around atoms go through."""
+        """What loops over pairs and around atoms go through, as one argument: see `Neighborhood`; what the atoms are;
+        the frame's indices."""
         near = self.near
-        return near.start, near.pair, near.end, near.a, near.b, near.r_pc, near.d_p, self.element
+        return near.start, near.pair, near.end, near.a, near.b, near.r_pc, near.d_p, self.element, near.atom
 
     def atoms(self, task: int) -> tuple[int, int]:
         """The first atom of a chunk, and the one behind its last."""
@@ -98,20 +98,34 @@ class NeighborWork(Work):
         """Raise AtcError for pair number `bad`, if it is one."""
         if bad >= 0:
             near = self.near
-            a, b = self.frame.ids[near.atom[near.a[bad]]], self.frame.ids[near.atom[near.b[bad]]]
-            raise AtcError(
-                f"{self.frame.source}: the {self.word} force between atoms {a} and {b} at distance {near.d_p[bad]:.3g} "
-                "is not a finite number"
-            )
+            raise impossible(self.frame, near.atom[near.a[bad]], near.atom[near.b[bad]], near.d_p[bad], self.word)
 
 
 class TripletWork(Work):
     """Stages 2 to 4 of Stillinger and Weber's form, behind the pairs: a triplet's arms go to its pairs, and these
     become bonds in the end.
 
-    Stage 1 puts (a, b, rec, G) of each task's pairs into `parts`; `atom` are the frame's indices of the atoms' names,
-    `element` what they are.
+    A subclass gives the first stage, `pairs`, which puts (a, b, rec, G) of each task's pairs into `parts`. Atoms are
+    called by their place, see `by_place`: `atom` are the frame's indices, `element` what they are.
     """
+
+    def __init__(self, term: Term, frame: Frame, word: str, element_n, who=None):
+        self.term, self.frame, self.word = term, frame, word
+        self.list, self.atom = by_place(frame, who, term.cutoff)
+        self.element = element_n[self.atom]
+        self.parts: list = [None] * self.list.n_chunks
+        self.stages = (self.list.n_chunks, 1, self.list.n_chunks, self.list.n_chunks)
+
+    def run(self, stage, task, acc: Accumulator):
+        return (self.pairs, self.joined, self.triplets, self.merged)[stage](task, acc)
+
+    def pairs(self, task, acc):
+        raise NotImplementedError
+
+    def require_finite(self, bad: int, ws) -> None:
+        """Raise AtcError for pair number `bad` of a workspace, if it is one."""
+        if bad >= 0:
+            raise impossible(self.frame, self.atom[ws.i[bad]], self.atom[ws.j[bad]], ws.d2[bad] ** 0.5, self.word)
 
     def joined(self, task, acc):
         """All pairs in one list, and the runs of centres that tasks do."""
@@ -130,25 +144,20 @@ class TripletWork(Work):
     def triplets(self, task, acc):
         """Bonds between the outer atoms; arms into G_end and S_end."""
         term, out = self.term, room(acc, self.room, without=None)
+        lists = self.out_start, self.in_start, self.in_pair, self.a, self.b, self.rec, self.element, self.atom
         m, energy, odd = sw_triplets(
             term.angular,
             self.runs[task],
             self.runs[task + 1],
-            self.out_start,
-            self.in_start,
-            self.in_pair,
-            self.a,
-            self.b,
-            self.rec,
-            self.element,
-            term.triplet,
-            self.atom,
             self.most,
+            lists,
+            term.triplet,
             term.prune,
             *term.weights,
             self.G_end,
             self.S_end,
-            *out,
+            out[:4],
+            out[4],
             shares(acc),
         )
         acc.energy += energy

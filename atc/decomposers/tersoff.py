@@ -15,13 +15,13 @@ import numpy as np
 from ..errors import AtcError
 from ..frame import Frame
 from ..units import Units
-from ..units import units as system
-from .base import Term, Work
+from .base import Work
 from .cluster import weights_of
-from .elements import ElementMap, mapped_line
+from .elements import mapped_line
+from .entries import OfEntries
 from .neighbor_work import NO_S, NeighborWork, made, room, shares
 from .registry import MAPPED_STYLES, pair_style
-from .tersoff_file import TersoffEntry, read_tersoff_file
+from .tersoff_file import TersoffEntry
 from .tersoff_kernels import SINE, TERSOFF, bond_orders, merge
 from .twin_entries import agree
 
@@ -41,7 +41,7 @@ def _row(width, *values) -> np.ndarray:
     return out
 
 
-class Tersoff(Term):
+class Tersoff(OfEntries):
     """U = Σ_pairs f_C A exp(−λ1 d) − ½ Σ_{i≠j} f_C b_ij B exp(−λ2 d), b = (1 + βⁿ ζⁿ)^(−1/2n), ζ_ij = Σ_k f_C(d_ik)
     g(cos θ) exp[λ3^m (d_ij − d_ik)^m], g = γ [1 + c²/d² − c²/(d² + (cos θ0 − cos θ)²)], f_C = 1 below R − D, 0 above R
     + D, ½ − ½ sin(π (r − R)/2D) between.
@@ -80,28 +80,14 @@ class Tersoff(Term):
     def __init__(
         self, entries: dict, elements=None, *, units: str | Units = "metal", partition="pair", shift: float = 0.0
     ):
-        self.units = u = system(units)
-        entries = {tuple(k): v if isinstance(v, self.entry) else self.entry(**v) for k, v in entries.items()}
-        for e in entries.values():
-            if wrong := e.check():
-                raise AtcError(f"{e.where}: {wrong}")
-        names = (
-            [next(iter(entries))[0]]
-            if elements is None
-            else list(dict.fromkeys(e for e in elements if e not in (None, "NULL")))
-        )
-        self.map = ElementMap(elements, names, f"pair_style {self.style}")
+        entries, names = self.take(entries, elements, units)
         self.share(partition)
         m = len(names)
-        self.shift = float(u.to_internal("length", shift))
+        self.shift = float(self.units.to_internal("length", shift))
         self.two = np.zeros((m, m, _TWO))
         self.three = np.zeros((m, m, m, _THREE))
         for (i, a), (j, b), (k, c) in product(enumerate(names), repeat=3):
-            e = entries.get((a, b, c))
-            if e is None:
-                raise AtcError(
-                    f"{self.style}: no entry for {a} {b} {c}: a potential needs every combination of its elements"
-                )
+            e = entries[a, b, c]
             self.three[i, j, k] = self.around(e)
             if j == k:
                 if not e.n > 0 and e.beta > 0 and e.B > 0:
@@ -178,22 +164,6 @@ class Tersoff(Term):
         )
         return self.units.to_user("energy", switch * A * np.exp(-lam1 * d))
 
-    @classmethod
-    def from_file(
-        cls, path, elements, *, units: str | Units = "metal", partition="pair", shift: float = 0.0, where: str = ""
-    ) -> Tersoff:
-        """From a LAMMPS parameter file, e.g. ``Tersoff.from_file("Si.tersoff", ["Si"])``. where : the line that names
-        it, for messages."""
-        used = dict.fromkeys(e for e in elements if e not in (None, "NULL"))
-        entries = read_tersoff_file(path, used, system(units).name, where, cls.entry)
-        for triple in product(used, repeat=3):
-            if triple not in entries:
-                raise AtcError(
-                    f"{path}: no entry for {' '.join(triple)}, which {where or 'the list of elements'} needs; a file "
-                    "must have every combination"
-                )
-        return cls(entries, elements, units=units, partition=partition, shift=shift)
-
     def share(self, partition):
         if isinstance(partition, str) and partition == "equal":
             raise AtcError(
@@ -235,39 +205,24 @@ class _TersoffWork(NeighborWork):
             term.shift,
             *self.atoms(task),
             most,
-            *self.lists,
+            self.lists,
             term.two,
             term.three,
             term.weights,
-            self.near.atom,
             self.G_end,
             self.S_end,
-            *out,
+            out,
             shares(acc),
         )
         acc.energy += energy
         return made(acc, out, m)
 
     def _merge(self, task, acc):
-        near, term = self.near, self.term
+        term = self.term
         p0, p1 = self.pairs(task)
         out = room(acc, p1 - p0)
         m, energy, bad = merge(
-            term.form,
-            term.shift,
-            p0,
-            p1,
-            near.a,
-            near.b,
-            near.r_pc,
-            near.d_p,
-            self.element,
-            term.repulsion,
-            self.G_end,
-            self.S_end,
-            near.atom,
-            *out,
-            shares(acc),
+            term.form, term.shift, p0, p1, self.lists, term.repulsion, self.G_end, self.S_end, out, shares(acc)
         )
         self.require_finite(bad)
         acc.energy += energy

@@ -432,6 +432,31 @@ def interpolate(u_gc, period, coef, width, mesh, out):
 
 
 @njit(**ENTRY)
+def spread_sites(u_nc, period, coef, width, a_n, mesh):
+    """mesh += Σ a × window at the nodes in reach of u, the transpose of `interpolate`. mesh : [x][y][z]"""
+    degree = len(coef) - 1
+    w = np.zeros((3, width))
+    at = np.zeros((3, width), np.int64)
+    for g in range(len(u_nc)):
+        for a in range(3):
+            n = period[a]
+            u = u_nc[g, a] - 0.5 * width
+            i = floor(u) + 1
+            f = i - u
+            for k in range(width):
+                p = coef[degree, k]
+                for d in range(degree - 1, -1, -1):
+                    p = p * f + coef[d, k]
+                w[a, k] = p
+                at[a, k] = (i + k) % n
+        for i in range(width):
+            for j in range(width):
+                part = a_n[g] * w[0, i] * w[1, j]
+                for k in range(width):
+                    mesh[at[0, i], at[1, j], at[2, k]] += part * w[2, k]
+
+
+@njit(**ENTRY)
 def interpolate_plane(u_gc, period, coef, width, mesh, out):
     """`interpolate` from a mesh of one layer, [component][x][y]."""
     degree = len(coef) - 1

@@ -15,7 +15,7 @@ import numpy as np
 from . import passes, tiles
 from .accuracy.random_points import ZERO, extent_of, kernel_internal, ratio, without_nan
 from .accuracy.strongest_bonds import PointsAround, StrongestBonds, StrongestOfFrames, error_of, summed_exactly
-from .field_pass import FieldPass, atom_fields
+from .field_pass import FieldPass, atom_fields, finer_check, is_checked
 from .groups import POINTS, MeanFields, added_up, elements, formed_once, joined, of_one_cell
 from .methods import DEPOSITS, NAMES
 from .passes import BondPass, Place, named_bond_sums
@@ -250,13 +250,19 @@ def sum_bonds(run: Run, here: Place | None, reference: Place | None, before: Run
     work, settings, strongest, fields = run.work, run.settings, before.strongest, before.fields
     whole = settings.tiles is None
     bonds_alone = replace(settings, pot=settings.pot.local)
+    # Fields' energies and forces cost as much as their modes. Those of constraints depend on them.
+    of_bonds = settings if work.beyond_bonds or settings.pot.constraints is not None else bonds_alone
     deposit = here.grid.open(work.n_bond) if work.bond and whole else None
     seek = watch and strongest is None
     each, found = [], []
     for frame, drift in zip(run.frames, run.drifts):
         if whole:
             found.append(StrongestBonds(frame.positions, settings.threads) if seek else None)
-            one = passes.bond_pass(frame, settings, work, here, reference, drift, deposit, found[-1])
+            finer = bool(settings.pot.fields and work.bond and is_checked(run.index + len(each)))
+            one = passes.bond_pass(frame, of_bonds, work, here, reference, drift, deposit, found[-1], check=not finer)
+            if finer:
+                check_gk = finer_check(frame, of_bonds, work, here, drift)
+                one = replace(one, totals=replace(one.totals, bond=(one.totals.bond[0], check_gk)))
         else:
             more = {} if run.run_tiles is None else {"run": run.run_tiles}
             one = tiles.bond_pass(frame, bonds_alone, work, here, reference, drift, **more)

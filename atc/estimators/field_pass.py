@@ -2,28 +2,38 @@
 
 A field's sums are given by unsmoothed modes, which add up over frames, and are finished with φ̂ like every spectral
 sum: f(x) = V⁻¹ Σ_Q φ̂(Q) f(Q) e^{iQ·x}. The error check computes them a second time with more modes, more nodes and
-another mesh, and sums the modes up one by one at its points.
+another mesh, in the first frame and every `EVERY` after it, and sums the modes up one by one at its points.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..decomposers.long_range.stress import SINGLE
 from ..errors import AtcError
+from .passes import has_size
 from .registry import BOND
+from .sources import bond_factors
 from .tensors import full
 
 # What of the tolerance goes to a field's modes left out, and to the charges' modes and the nodes, which cost little:
 # the smooth part is larger than the stress of which it is a part. The tolerance of sums that are exact otherwise.
 SHARE, NODES, FINEST = 0.1, 0.02, 1e-12
-# The check: tolerance and modes against those of the main sums.
-TIGHTER, WIDER = 0.1, 1.2
+# The check: tolerance and modes against those of the main sums, one node of the integrals more (a digit), another mesh.
+TIGHTER, WIDER, FINER = 0.1, 1.2, 1.1
+# Every how many frames it is made: how far off the modes are does not depend on the frame.
+EVERY = 16
 # Up to so many points the modes are summed up one by one.
 FEW = 2000
 #: Sums over bonds that fields know their share of.
 KNOWN = ("stress", "power", "power_lab", "sources")
+
+
+def is_checked(index: int) -> bool:
+    """Whether the modes and the split are checked in the frame of this number."""
+    return index % EVERY == 0
 
 
 def require_fields(frame, settings, work) -> None:
@@ -66,6 +76,46 @@ def _wave(term, kern, tolerance) -> float:
     return largest_wave_of(kern, tolerance, term.split.alpha)
 
 
+@dataclass(frozen=True)
+class Layout:
+    """What the products of a field are taken on.
+
+    vectors, origin : of the box. largest : (3,) modes of the sums. tolerance : of the charges' modes. nodes : of the
+        integrals. wide : how much finer the mesh is than it has to be. counts : nodes of the mesh
+    """
+
+    vectors: np.ndarray
+    origin: np.ndarray
+    largest: np.ndarray
+    tolerance: float
+    nodes: int
+    wide: float
+    single: bool
+    counts: tuple[int, int, int]
+
+    @property
+    def size(self) -> float:
+        return float(np.prod(self.counts, dtype=float))
+
+    @property
+    def memory(self) -> float:
+        """Bytes."""
+        from ..decomposers.long_range.stress import ARRAYS
+
+        return (4.0 if self.single else 8.0) * ARRAYS * self.size
+
+    def transforms(self, kinds) -> int:
+        """How many of them sums of these kinds take: see `long_range.stress`."""
+        each = {"stress": (9, 8), "power": (11, 22), "power_lab": (11, 22)}
+        return sum(each[k][0] + each[k][1] * self.nodes for k in kinds)
+
+    def describe(self) -> str:
+        return (
+            f"mesh {' x '.join(map(str, self.counts))}, {self.nodes} nodes, "
+            f"{'single' if self.single else 'double'} precision"
+        )
+
+
 class FieldSums:
     """The modes of the fields' share of sums over bonds, added up over frames with one cell.
 
@@ -82,6 +132,7 @@ class FieldSums:
     def __init__(self, terms, names, bound, kern, tolerance: float, threads: int, tight: bool = False):
         self.terms, self.names, self.bound, self.kern, self.threads = terms, list(names), bound, kern, threads
         self.tolerance, self.fine, self.tight = _tolerance(tolerance), max(NODES * tolerance, FINEST), tight
+        self.single = tolerance >= SINGLE
         self.modes: list[dict | None] = [None] * len(terms)
         self.boxes: list = [None] * len(terms)
         self.kinds = [
@@ -90,29 +141,47 @@ class FieldSums:
 
     def add(self, frame, drift) -> None:
         """One frame more."""
+        self.take(frame, drift)
+        for n, (old, found) in enumerate(zip(self.modes, self.last)):
+            self.modes[n] = found if old is None else {k: old[k] + found[k] for k in found}
+
+    def take(self, frame, drift) -> None:
+        """`last`: the modes of a frame alone."""
+        self.last = [self._modes_of(n, frame, drift) for n in range(len(self.terms))]
+
+    def layout(self, n: int, frame) -> Layout:
+        """What a term's products are taken on."""
         from ..decomposers.long_range import stress
         from ..decomposers.long_range.transform import largest_of
 
-        for n, term in enumerate(self.terms):
-            term.check(frame)
-            vectors, origin = term.box(frame)
-            wave = _wave(term, self.kern, self.tolerance) * (WIDER if self.tight else 1.0)
-            largest = largest_of(wave, vectors)
-            if self.bound.kind == "slab":
-                largest[[a for a in range(3) if a != self.bound.axis]] = 0
-            tolerance = self.fine * (TIGHTER if self.tight else 1.0)
-            nodes = stress.nodes_for(term.split, tolerance, wave, lambda q: _hat(self.kern, q)) + 2 * self.tight
-            products = stress.Products(term, frame, largest, tolerance, nodes, self.threads, 1.1 if self.tight else 1.0)
-            found = {}
-            if "stress" in self.kinds:
-                found["stress"] = products.stress()
-            if "power" in self.kinds:
-                found["power"] = products.current(frame.velocities - drift)
-            if "power_lab" in self.kinds:
-                found["power_lab"] = products.current(frame.velocities)
-            self.boxes[n] = vectors, origin, products.q_index, nodes, tuple(int(c) for c in products.counts)
-            old = self.modes[n]
-            self.modes[n] = found if old is None else {k: old[k] + found[k] for k in found}
+        term = self.terms[n]
+        vectors, origin = term.box(frame)
+        wave = _wave(term, self.kern, self.tolerance) * (WIDER if self.tight else 1.0)
+        largest = largest_of(wave, vectors)
+        if self.bound.kind == "slab":
+            largest[[a for a in range(3) if a != self.bound.axis]] = 0
+        tolerance = self.fine * (TIGHTER if self.tight else 1.0)
+        nodes = stress.nodes_for(term.split, self.fine, wave, lambda q: _hat(self.kern, q)) + self.tight
+        wide = FINER if self.tight else 1.0
+        counts, _ = stress.mesh_of(vectors, term.split, largest, tolerance, wide, 4 if self.single else 8)
+        return Layout(vectors, origin, largest, tolerance, nodes, wide, self.single, tuple(int(c) for c in counts))
+
+    def _modes_of(self, n: int, frame, drift) -> dict:
+        from ..decomposers.long_range import stress
+
+        term = self.terms[n]
+        term.check(frame)
+        on = self.layout(n, frame)
+        products = stress.Products(term, frame, on.largest, on.tolerance, on.nodes, self.threads, on.wide, on.single)
+        found = {}
+        if "stress" in self.kinds:
+            found["stress"] = products.stress()
+        if "power" in self.kinds:
+            found["power"] = products.current(frame.velocities - drift)
+        if "power_lab" in self.kinds:
+            found["power_lab"] = products.current(frame.velocities)
+        self.boxes[n] = on.vectors, on.origin, products.q_index
+        return found
 
     def on_grid(self) -> dict[str, np.ndarray]:
         """{name: (g, width)} on the whole grid."""
@@ -122,16 +191,15 @@ class FieldSums:
             return self.at(np.arange(len(self.bound)))
         return self._named([self._finished(n, self._whole_grid) for n in range(len(self.terms))])
 
-    def at(self, which) -> dict[str, np.ndarray]:
-        """The same at some points of the grid, mode by mode."""
+    def at(self, which, last: bool = False) -> dict[str, np.ndarray]:
+        """The same at some points of the grid, mode by mode. last : of the last frame alone"""
         if self.bound.kind == "slab":
-            return self._named(
-                [self._finished(n, lambda F, box: self._bins(F, box, which)) for n in range(len(self.terms))]
-            )
-        x_gc = self.bound.relative_points_of(which)
-        return self._named(
-            [self._finished(n, lambda F, box: self._directly(F, box, x_gc)) for n in range(len(self.terms))]
-        )
+            values = lambda F, box: self._bins(F, box, which)  # noqa: E731
+        else:
+            x_gc = self.bound.relative_points_of(which)
+            values = lambda F, box: self._directly(F, box, x_gc)  # noqa: E731
+        modes = self.last if last else self.modes
+        return self._named([self._finished(n, values, modes) for n in range(len(self.terms))])
 
     def _named(self, parts) -> dict[str, np.ndarray]:
         total = {k: sum(p[k] for p in parts) for k in self.kinds}
@@ -140,17 +208,18 @@ class FieldSums:
             total["sources"] = -full(total["stress"]).reshape(-1, BOND["sources"].width)
         return {name: total[name] for name in self.names}
 
-    def _finished(self, n, values):
-        vectors, _, index, *_ = box = self.boxes[n]
+    def _finished(self, n, values, modes=None):
+        vectors, _, index = box = self.boxes[n]
         from ..decomposers.long_range.transform import wave_vectors
 
         k_c = wave_vectors(index, vectors)
         hat = _hat(self.kern, np.stack(np.broadcast_arrays(*k_c), -1), vector=True) / abs(np.linalg.det(vectors))
-        return {k: values([F * hat for F in modes], box) for k, modes in self.modes[n].items()}
+        found = (self.modes if modes is None else modes)[n]
+        return {k: values([F * hat for F in modes_k], box) for k, modes_k in found.items()}
 
     def _bins(self, F_k, box, which):
         """Means over the cell's cross-section: the modes along its normal alone."""
-        vectors, origin, index, *_ = box
+        vectors, origin, index = box
         a, cell = self.bound.axis, self.bound.cell
         height = abs(np.linalg.det(vectors)) / np.linalg.norm(np.cross(*np.delete(vectors, a, axis=0)))
         z = (np.asarray(which) + 0.5) / self.bound.shape[0] * cell.heights[a]
@@ -169,7 +238,7 @@ class FieldSums:
     def _directly(self, F_k, box, x_gc):
         from ..decomposers.long_range.transform import Direct
 
-        vectors, _, index, *_ = box
+        vectors, _, index = box
         direct = Direct(vectors, np.zeros(3), [i.max() for i in index])
         return direct.at(F_k, x_gc)
 
@@ -177,7 +246,7 @@ class FieldSums:
         from ..decomposers.long_range.transform import Transform
         from ..deposit.modes import Modes, separable
 
-        vectors, _, index, *_ = box
+        vectors, _, index = box
         counts = np.array([2 * int(i.max()) + 2 for i in index])
         lattice = separable(self.bound, np.linalg.inv(vectors) * counts)
         if lattice is None:
@@ -191,13 +260,6 @@ class FieldSums:
         order = [owner.index(g) for g in range(len(self.bound.counts))]
         order = [a for a in range(3) if a not in order] + order
         return np.stack([modes.on_lattice(F, axes).transpose(order).ravel() for F in F_k], axis=1)
-
-    def describe(self) -> str:
-        """What the modes are taken on."""
-        return "; ".join(
-            f"{nodes} nodes, mesh {' x '.join(map(str, counts))}"
-            for *_, nodes, counts in (b for b in self.boxes if b is not None)
-        )
 
 
 def _hat(kern, k, vector=False):
@@ -231,24 +293,31 @@ class FieldPass:
     """
 
     def __init__(self, frames, drifts, settings, work, place):
-        self.pot, self.frames, self.drifts = settings.pot, frames, drifts
-        main, self.tight = (
+        self.pot, self.frames, self.drifts, self.index = settings.pot, frames, drifts, place.index
+        self.main, self.tight = (
             FieldSums(
                 self.pot.fields, work.bond, place.bound, place.kern, settings.tolerance, settings.threads, tight=tight
             )
             for tight in (False, True)
         )
         self._has = None  # the frame that `tight` has the modes of
+        self._last = None  # the one that `main` has those of alone
         self.check = []
         for k, (frame, drift) in enumerate(zip(frames, drifts)):
-            main.add(self.pot.complete(frame), drift)
+            self.main.add(self.pot.complete(frame), drift)
+            self._last = k
             self.check.append(self.at(k, place.check.which))
-        self.grid_gk = self._columns(main.on_grid())
+        self.grid_gk = self._columns(self.main.on_grid())
 
     def at(self, k: int, which) -> np.ndarray:
         """(h, k) of frame `k`, at some points of the grid."""
         if not len(which):
             return np.zeros((0, sum(BOND[name].width for name in self.tight.names)))
+        if not is_checked(self.index + k):
+            if self._last != k:
+                self.main.take(self.pot.complete(self.frames[k]), self.drifts[k])
+                self._last = k
+            return self._columns(self.main.at(which, last=True))
         if self._has != k:
             self.tight.modes = [None] * len(self.tight.terms)
             self.tight.add(self.pot.complete(self.frames[k]), self.drifts[k])
@@ -265,6 +334,44 @@ class FieldPass:
     @staticmethod
     def _columns(found: dict) -> np.ndarray:
         return np.concatenate(list(found.values()), axis=1)
+
+
+def attributes(sums: FieldSums, frame) -> dict:
+    """What an output says of the split and of what the modes are taken on, in the user's units."""
+    term, on = sums.terms[0], sums.layout(0, frame)
+    split, u = term.split, frame.units
+    return {
+        "coulomb_alpha": 1.0 / u.to_user("length", 1.0 / split.alpha),
+        "coulomb_cutoff": u.to_user("length", split.cutoff),
+        "coulomb_mesh": list(on.counts),
+        "coulomb_nodes": on.nodes,
+        "coulomb_modes": [int(m) for m in on.largest],
+        "coulomb_precision": "single" if on.single else "double",
+    }
+
+
+def finer_check(frame, settings, work, place, drift) -> np.ndarray | None:
+    """(c, k) the bonds of a finer split at the points of the check, with the size of their terms; None for a potential
+    without fields."""
+    from ..decomposers.long_range.kspace import finer
+
+    pot = finer(settings.pot)
+    if pot is None:
+        return None
+    names, deposits = work.bond, place.check.deposits
+    widths, size = [BOND[name].width for name in names], has_size(work)
+    deposits.place(frame.positions)
+    deposit = deposits.open(work.n_bond + size, length=max(pot.cutoff, 0.0))
+    peculiar_nc = frame.velocities - drift if "power" in names else None
+
+    def consume(bonds, thread):
+        for found in deposit.find(frame.positions, bonds.i, bonds.r_bc, thread):
+            some = bonds.taken(found.bonds)
+            factors = bond_factors(names, widths, some, peculiar_nc, frame.velocities, size=size)
+            deposit.add_found(found, factors, thread)
+
+    pot.stream(frame, consume, threads=settings.threads, sources=bool(work.source_users))
+    return deposit.bond_sums()
 
 
 def atom_fields(pot, frame, work, bonds, tiled: bool = False):

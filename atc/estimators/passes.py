@@ -155,6 +155,7 @@ class BondCollector:
     deposit : on the grid, if it is one of several frames: its sums are not taken here
     strongest : StrongestBonds that are told of every bond, or None
     tile : Tile or None
+    check : whether sums at the points of the check are taken here
     """
 
     def __init__(
@@ -172,6 +173,7 @@ class BondCollector:
         deposit=None,
         strongest=None,
         tile: Tile | None = None,
+        check: bool = True,
     ):
         self.frame, self.work, self.to_reference, self.strongest, self.tile = frame, work, to_reference, strongest, tile
         # The error check takes only the bonds near its points, and one more sum: how large the terms of the stress are.
@@ -179,6 +181,7 @@ class BondCollector:
         self.shared, self.deposit, self.check = deposit is not None, deposit, None
         if work.bond:
             self.deposit = deposit if self.shared else here.grid.open(work.n_bond)
+        if work.bond and check:
             here.check.deposits.place(frame.positions)  # before threads ask for it
             self.check = here.check.deposits.open(work.n_bond + self.size, length=length)
         self.reference_deposit = self.reference_check = None
@@ -232,7 +235,7 @@ class BondCollector:
                 self.deposit.add_bonds(x_nc[bonds.i], bonds.r_bc, self.factors(bonds), thread=thread)
             if self.strongest is not None:
                 self.strongest.add(bonds, thread)
-            for found in self.check.find(x_nc, bonds.i, bonds.r_bc, thread):
+            for found in self.check.find(x_nc, bonds.i, bonds.r_bc, thread) if self.check is not None else ():
                 self.check.add_found(found, self.factors(bonds.taken(found.bonds), self.size), thread)
         if self.work.reference_bond:
             P_b9 = piola_factor(bonds, R_bc)
@@ -258,7 +261,8 @@ class BondCollector:
     def totals(self, decomposition) -> BondTotals:
         bond = reference_bond = (None, None)
         if self.work.bond:
-            bond = None if self.shared else self.deposit.bond_sums(), self.check.bond_sums()
+            checked = None if self.check is None else self.check.bond_sums()
+            bond = None if self.shared else self.deposit.bond_sums(), checked
         if self.work.reference_bond:
             reference_bond = self.reference_deposit.bond_sums(), self.reference_check.bond_sums()
         point = ({}, {}) if self.weighted is None else (self.weighted.sums(0), self.weighted.sums(1))
@@ -287,12 +291,13 @@ def bond_pass(
     drift,
     deposit=None,
     strongest=None,
+    check: bool = True,
 ) -> BondPass:
     """One pass over the bonds of a frame for every sum over them. See `BondCollector`."""
     horizon = horizon_of(settings, frame.units, work.horizon_users) if work.horizon_users else None
     collector = BondCollector(
         frame, settings.pot, work, here, reference, threads=settings.threads, drift=drift, horizon=horizon,
-        to_reference=reference_bonds(frame, settings, work), deposit=deposit, strongest=strongest,
+        to_reference=reference_bonds(frame, settings, work), deposit=deposit, strongest=strongest, check=check,
     )  # fmt: skip
     with nullcontext() if settings.anchor is None else settings.anchor.at(frame):
         decomposition = collector.stream(settings.pot)

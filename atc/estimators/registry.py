@@ -160,6 +160,11 @@ class Quantity:
         return any(s.on_reference for s in self.sources())
 
     @property
+    def symmetric_if_central(self) -> bool:
+        """Whether it is a stress of forces on the grid, symmetric as long as they act along bonds."""
+        return self.sign == STRESS_SIGN and self.kind == "grid" and any(s.bonds for s in self.sources())
+
+    @property
     def kernel(self) -> bool:
         """Whether it needs a kernel."""
         return self.kind == "grid" and not self.point
@@ -904,6 +909,12 @@ class Work:
     @property
     def atom_virial(self) -> bool:
         return "atom_virial" in self.site or "atom_virial" in self.whole
+
+    @property
+    def beyond_bonds(self) -> bool:
+        """Whether more of the potential is wanted than its bonds: energies, forces, virials of atoms or of the box."""
+        wholes = {"box_virial", "box_power"} & {*self.whole}
+        return bool(self.energy_users or self.force_users or self.atom_virial or self.atom_moment or wholes)
 
     @property
     def summed_site(self) -> list[str]:

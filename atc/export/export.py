@@ -106,7 +106,7 @@ class _Source:
         """{name: unit} where the output says it."""
         return {n: str(da.attrs["units"]) for n, da in self.ds.variables.items() if da.attrs.get("units")}
 
-    def choose(self, known, quantities):
+    def wanted(self, known, quantities):
         if quantities is None:
             return known
         quantities = [quantities] if isinstance(quantities, str) else list(quantities)
@@ -123,7 +123,7 @@ class _Nodes(_Source):
 
     def __init__(self, ds, quantities):
         super().__init__(ds)
-        self.names = self.choose([n for n, da in ds.data_vars.items() if "node" in da.dims], quantities)
+        self.names = self.wanted([n for n, da in ds.data_vars.items() if "node" in da.dims], quantities)
         self.X = np.stack([ds[f"position_{a}"].values for a in "xyz"], axis=1)
 
     def points(self, k):
@@ -148,9 +148,9 @@ class _Fields(_Source):
         names = [n for n in fields_of(ds) if grid_dims(ds[n])]
         if not names:
             raise AtcError("this output holds no field on a grid: there is nothing to export")
-        first = self.choose(names, quantities)[0]
+        first = self.wanted(names, quantities)[0]
         self.dims = tuple(grid_dims(ds[first]))
-        self.names = [n for n in self.choose(names, quantities) if tuple(grid_dims(ds[n])) == self.dims]
+        self.names = [n for n in self.wanted(names, quantities) if tuple(grid_dims(ds[n])) == self.dims]
         self.names += [n for n in ("mask",) if n in ds and tuple(grid_dims(ds[n])) == self.dims and quantities is None]
         self.moving = "position_x" in ds and "frame" in ds["position_x"].dims
         self.place = points_of_grid(ds, ds[first].isel(frame=0) if "frame" in ds[first].dims else ds[first])
@@ -171,7 +171,11 @@ class _Fields(_Source):
 
     def points(self, k):
         if self.moving:
-            return np.stack([self.values(f"position_{a}", k).reshape(-1) for a in "xyz"], axis=1)
+            import xarray as xr
+
+            # Of an orthogonal lattice each axis has its own.
+            axes = xr.broadcast(*(self.ds[f"position_{a}"].isel(frame=k) for a in "xyz"))
+            return np.stack([a.transpose(*self.dims).values.reshape(-1) for a in axes], axis=1)
         return np.asarray(self.place.x_gc).reshape(-1, 3)
 
     def write(self, k, path):

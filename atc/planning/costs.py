@@ -14,7 +14,8 @@ The model is linear and small on purpose; every count is of something the progra
 - where atoms carry moments of their bonds: per bond, and per number in it; per atom, and per register of its window;
   per node and number;
 - scattered points and the error check: per bond that passes by, per bond that starts near a point, per visit;
-- gradients by the exact sum: per atom within reach of a point.
+- gradients by the exact sum: per atom within reach of a point;
+- products of long-range fields: per transform and node of their mesh, and per charge and node of its window.
 
 `atc bench --calibrate` measures the constants (`calibrate`) and keeps them in the user's cache folder; without, those
 shipped are used, taken on one core of an ordinary x86-64 with AVX2. They are CPU seconds of one thread; threads share
@@ -322,6 +323,27 @@ def _kept(deposit, mesh) -> float:
     """Modes that are kept."""
     m = np.asarray(deposit.modes, float)
     return float(min(2 * m[0] + 1, mesh[0]) * min(2 * m[1] + 1, mesh[1]) * (m[2] + 1))
+
+
+#: CPU seconds of a charge at a node of its window; how many of these there are on the mesh of fields at a tolerance
+#: of 1e-4 and below.
+WINDOW_NODE, WINDOW = 1e-9, 10.0**3
+
+
+def products(costs: Costs, layout, kinds, atoms: int) -> float:
+    """Seconds of the modes that the products of a field have; see `field_pass.Layout`."""
+    node = costs.mesh_node_single if layout.single else costs.mesh_node
+    charges = 1.5**3 * costs.mesh_node * layout.size + WINDOW_NODE * WINDOW * atoms
+    return node * layout.size * layout.transforms(kinds) + charges * (1 + 3 * any(k != "stress" for k in kinds))
+
+
+def smooth(costs: Costs, term, frame, transforms: int) -> float:
+    """Seconds of a field's energy and of `transforms` values at each atom."""
+    from ..decomposers.long_range.transform import largest_of
+
+    split, (vectors, _) = term.split, term.box(frame)
+    nodes = float(np.prod(1.5 * (2.0 * largest_of(split.largest_wave(), vectors) + 1.0)))
+    return (1 + transforms) * (costs.mesh_node * nodes + WINDOW_NODE * WINDOW * len(frame))
 
 
 def gather(costs: Costs, bound, kern, items: float, length: float, components: int) -> float:

@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..contracts import Interactions
 from ..errors import AtcError
 from ..estimators import groups
 from ..estimators.methods import EXACT, Method, summary
@@ -73,6 +74,11 @@ def prepare(request: Request | Job) -> Job:
         threads, workers = threads or workers, 1
     threads = int(threads or max(1, cpus() // workers))
     tiles = None if request.tiles is None else _tiles(request.tiles, flat=first.dimension == 2)
+    model = pot
+    if pot is not None and pot.fields and work.bond and grid is not None:
+        from ..decomposers.long_range.kspace import for_tolerance
+
+        pot = for_tolerance(pot, request.tolerance, exactly=work.beyond_bonds)
     completed = replace(
         request,
         traj=frames,
@@ -83,7 +89,7 @@ def prepare(request: Request | Job) -> Job:
         workers=int(workers),
         tiles=tiles,
     )
-    return Job(completed, frames, first, work)
+    return Job(completed, frames, first, work, model)
 
 
 def _reference(request: Request, frames, pot):
@@ -127,12 +133,14 @@ class Job:
     request : Request, completed: its potential, grid, reference, threads, workers and tiles are those that are used
     frames, first : the frames, and the first of them
     work : what is to be summed
+    model : the potential that was given, which the run's forces are held against; that of the request may be less
+        accurate, as far as the tolerance of fields allows
     threads : within a frame
     methods : of each deposit, for all frames; fixed by what the first ones need (`fix_methods`)
     """
 
-    def __init__(self, request: Request, frames: Sequence, first, work: Work):
-        self.request, self.frames, self.first, self.work = request, frames, first, work
+    def __init__(self, request: Request, frames: Sequence, first, work: Work, model: Interactions | None):
+        self.request, self.frames, self.first, self.work, self.model = request, frames, first, work, model
         self.n_frames, self.threads = len(frames), int(request.threads or 1)
         self.methods = self.methods_for(work, request.method)
 
@@ -161,6 +169,7 @@ class Job:
             forecast,
             together,
             self.n_frames,
+            bool(self.request.pot is not None and work.bond_users and self.request.pot.fields),
         )
 
     def places(self, work: Work) -> dict | None:
@@ -242,6 +251,17 @@ class Job:
         if work.force_users:
             out["body_force_source"] = pot.body_forces(self.first, d.forces_nc)[1]
         return out
+
+    def field_sums(self, tight: bool = False):
+        """`field_pass.FieldSums` of the long-range terms, None if nothing is summed over them on the grid."""
+        asked = self.request
+        if asked.pot is None or not asked.pot.fields or not self.work.bond or asked.kern is None or asked.grid is None:
+            return None
+        from ..estimators.field_pass import FieldSums
+
+        return FieldSums(
+            asked.pot.fields, self.work.bond, self.bound, self.kernel_internal, asked.tolerance, self.threads, tight
+        )
 
     @property
     def method_used(self) -> str:
@@ -325,7 +345,7 @@ class Job:
         asked, needed = self.request, bool(self.work.bond_users)
         return alarm(
             self.frames,
-            asked.pot,
+            self.model,
             mode=asked.forces,
             log=asked.log,
             threads=self.threads,

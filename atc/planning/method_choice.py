@@ -20,6 +20,9 @@ FACTORS = (64.0, 45.0, 32.0, 22.0, 16.0, 11.0, 8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0
 FORECAST_AIM, LATER_AIM, TIGHTEN_ABOVE = 0.4, 0.35, 0.45
 #: Where the forecast expects more even at the tolerance: what of it the start is.
 CLOSER = 0.7
+#: What of the tolerance the start is where bonds and long-range fields leave little of each other, and sums over atoms
+#: and bonds are many times the stress.
+CANCELLING = 1 / 8
 #: Nothing is gained beyond this.
 LOOSEST = 0.1
 #: CPU seconds of an exact sum below which nothing else is considered.
@@ -115,6 +118,7 @@ def choose_methods(
     forecast=None,
     together=None,
     n_frames=1,
+    cancelling: bool = False,
 ) -> dict[str, Method]:
     """The method of each deposit.
 
@@ -127,6 +131,7 @@ def choose_methods(
         method begins at the tolerance
     n_frames : of the run
     together : of how many frames the sums of a deposit are finished together, by deposit; 1 of those that are not there
+    cancelling : whether there are fields that take away most of what the sums are, see `CANCELLING`
     """
     out = {}
     for key, (items, length, components) in sizes(work, atoms, load).items():
@@ -135,11 +140,11 @@ def choose_methods(
         slopes = by_gather and work.slopes(key)
         exact = (gather if by_gather else direct)(costs, bound, kern, items, length, components)
         look = None
-        if forecast is not None and key == "bond" and work.bond == ["stress"]:
+        if forecast is not None and not cancelling and key == "bond" and work.bond == ["stress"]:
             look = _Look(forecast, load.seconds(costs, atoms))
         out[key] = _one(
             method, tolerance, costs, bound, kern, cell, items, length, components, exact, slopes, look,
-            carriers(key, work, atoms), (together or {}).get(key, 1), n_frames,
+            carriers(key, work, atoms), (together or {}).get(key, 1), n_frames, CANCELLING if cancelling else 1.0,
         )  # fmt: skip
     return out
 
@@ -168,9 +173,10 @@ def _one(
     carried=0.0,
     frames=1,
     n_frames=1,
+    closer=1.0,
 ) -> Method:
     """exact : seconds of the exact sum; gradients : whether those are wanted too; carried : atoms that can carry
-    moments; frames : finished together."""
+    moments; frames : finished together; closer : the start over the tolerance."""
     ways = _Spectral(costs, bound, kern, cell, items, length, components, gradients, carried, frames)
 
     if method == "spectral":
@@ -192,7 +198,7 @@ def _one(
     if exact < CHEAP or allowed <= 0.0:
         return Method("direct", reason=f"exact, and cheap here: {exact:.1g} s of CPU")
 
-    start = tolerance if look is None else _start(tolerance, ways, exact, look)
+    start = closer * tolerance if look is None else _start(tolerance, ways, exact, look)
     try:
         fast = ways.cost(start)
     except AtcError as e:

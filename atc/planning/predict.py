@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from ..estimators.accuracy.random_points import checking_kernel
 from ..estimators.accuracy.strongest_bonds import POINTS
+from ..estimators.field_pass import EVERY
 from ..estimators.groups import POINTS as GROUP_POINTS
 from ..estimators.groups import elements, formed_once
 from ..estimators.methods import EXACT
@@ -48,6 +49,7 @@ def predict(job) -> Prediction:
     if work.bond_users:
         parts["neighbours and forces"] = load.seconds(costs, n)
         memory += 12.0 * n + 4e6 * threads + _list_memory(load)
+    passing += _fields(job, parts)
     if work.grid_users:
         points = len(job.bound)
         memory += 8.0 * points * 4 * sum(3**q.rank for q in work.quantities if q.kind == "grid")
@@ -110,6 +112,29 @@ def predict(job) -> Prediction:
     )
     total = sum(parts.values())
     return Prediction(max(total - serial, 0.0), min(serial, total), parts, memory, points, visits)
+
+
+def _fields(job, parts: dict) -> list[float]:
+    """Adds what fields (long-range Coulomb) cost to the parts; bytes of their meshes."""
+    work, costs, pot, frame = job.work, job.costs, job.request.pot, job.first
+    if not work.bond_users or pot is None or not pot.fields:
+        return []
+    frame = pot.complete(frame)
+    if work.beyond_bonds or pot.constraints is not None:
+        forces = 3 * bool(work.force_users or pot.constraints is not None)
+        many = forces + bool(work.energy_users) + 6 * bool(work.atom_virial or "box_power" in work.whole)
+        parts["energy and forces of the long-range part"] = sum(model.smooth(costs, t, frame, many) for t in pot.fields)
+    main, tight = job.field_sums(), job.field_sums(tight=True)
+    if main is None:
+        return []
+    layouts = [[sums.layout(n, frame) for n in range(len(pot.fields))] for sums in (main, tight)]
+    once, again = (sum(model.products(costs, on, main.kinds, len(frame)) for on in some) for some in layouts)
+    parts["long-range fields"] = once
+    # Modes and split are computed again more closely in some frames.
+    checked = -(-job.n_frames // EVERY) / job.n_frames
+    again += 1.5 * job.load.seconds(costs, len(frame)) + parts.get("energy and forces of the long-range part", 0.0)
+    parts["error check"] = parts.get("error check", 0.0) + checked * again
+    return [on.memory for on in layouts[1]]
 
 
 def _list_memory(load) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..estimators.columns import is_column, label
+from ..estimators.field_pass import attributes
 from ..estimators.settings import FrameResult
 from ..planning.job import Job
 from .as_scene import scene_of
@@ -165,11 +166,21 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
         )
     if work.bond_users and job.request.pot is not None:
         attrs["decomposition"] = job.request.pot.describe()
+        attrs.update(job.request.pot.attributes)
         attrs.update(job.held)
+        if (sums := job.field_sums()) is not None:
+            attrs.update(attributes(sums, job.request.pot.complete(job.first)))
     attrs["dimension"] = u.dimension
     attrs["periodic"] = "".join("p" if p else "f" for p in frame.cell.periodic[: u.dimension])
     attrs["scene"] = str(job.request.scene) if job.request.scene else scene_of(job)
     return Layout(variables, job.entries, attrs)
+
+
+def asymmetry(stress_gij) -> float:
+    """max |σ − σᵀ|/2 over the points, relative to the largest |σ|; points where it is not defined (NaN) apart."""
+    across = np.abs(stress_gij - np.swapaxes(stress_gij, -1, -2))[np.isfinite(stress_gij)] / 2
+    largest = np.abs(stress_gij)[np.isfinite(stress_gij)].max(initial=0.0)
+    return float(across.max(initial=0.0) / largest) if largest else 0.0
 
 
 def _in_plane(comment: str) -> str:

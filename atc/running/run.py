@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..decomposers.base import Worst
 from ..errors import AtcError, AtcWarning, logger
 from ..estimators.accuracy.random_points import tolerance_kept
 from ..estimators.driver import fields_of
@@ -27,10 +28,11 @@ from ..readers.plausible import doubts
 from ..readers.times import Sequence
 from ..terminal import progress_of
 from .as_scene import file_name
-from .dataset import follows_cell, grid_moves, moving_coordinates, output_layout, radius_of
+from .dataset import asymmetry, follows_cell, grid_moves, moving_coordinates, output_layout, radius_of
 from .interruption import whole
-from .output import Store, dataset_in_memory, explained, open_dataset, write_dataset
+from .output import Store, dataset_in_memory, explained, open_dataset
 from .parallel import frame_results, here
+from .whole import write_dataset
 
 #: With so many frames one from the middle says where all begin.
 SEVERAL = 6
@@ -454,6 +456,9 @@ class _Sink:
     def _emit(self, values, mask):
         if mask is not None:
             values["mask"] = mask
+        pot, asked = self.job.request.pot, self.job.work.quantities
+        if pot is not None and not pot.central:
+            self.note["asymmetry"] = {q.name: asymmetry(values[q.name]) for q in asked if q.symmetric_if_central}
         note, self.note = self.note, {}
         if self.store is None:
             self.entries.append(values)
@@ -481,8 +486,12 @@ class _Sink:
             for kind, value in measured.items():
                 known[kind] = max(known.get(kind, 0.0), value)
         counts = self.note.setdefault("notes", {})
+        worst = self.note.setdefault("worst", {})
         for what, count in result.notes.items():
-            counts[what] = counts.get(what, 0) + count
+            if isinstance(count, Worst):
+                worst[what] = float(count + worst.get(what, 0.0))
+            else:
+                counts[what] = counts.get(what, 0) + count
         for what in result.refined:
             self.note.setdefault("refined", []).extend([j, what.plain()] for j in range(k, k + result.frames))
             if not self._said_refined:
@@ -576,6 +585,11 @@ class _Sink:
         for note in self.notes:
             for what, count in note["notes"].items():
                 counts[what] = counts.get(what, 0) + count
+            for what, value in note.get("worst", {}).items():
+                out[""][what] = float(Worst(value) + out[""].get(what, 0.0))
+            for name, value in note.get("asymmetry", {}).items():
+                at = out.setdefault(name, {})
+                at["asymmetry"] = float(Worst(value) + at.get("asymmetry", 0.0))
         if counts:
             out[""]["notes"] = "; ".join(f"{what}: {count}" for what, count in sorted(counts.items()))
         if self.job.work.grid_users:

@@ -53,7 +53,7 @@ def test_error_of_the_tension_is_that_of_the_frames(film):
 
 def test_normal_pressure_is_the_same_everywhere(film):
     assert film["normal_deviation"].value < CONSTANT
-    assert not any("not constant" in note for note in film.notes)
+    assert not any("not constant" in doubt for doubt in film.warnings)
     # vapour: what little there is of it is nearly ideal, and its kinetic pressure is whole in spite of few atoms
     c = film["pressure_normal"]
     vapour = np.abs(film.z) > 45.0
@@ -83,7 +83,7 @@ def test_wrong_potential_breaks_the_balance():
     data["potential"] = {"lammps": "pair_style lj/cut 10.215\npair_coeff 1 1 0.32 3.405\npair_modify shift yes"}
     result = profile_of_scene(Scene.load(data)._placed(scene))
     assert result["normal_deviation"].value > 1.5 * CONSTANT
-    assert any("not constant" in note for note in result.notes)
+    assert any("not constant" in doubt for doubt in result.warnings)
 
 
 # ---- ideal gases

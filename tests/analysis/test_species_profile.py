@@ -1,12 +1,15 @@
 """Profiles by species and electrostatics: charged sheets, whose field and potential are known in closed form, and
 means of velocities by hand."""
 
+import warnings
+
 import numpy as np
 import pytest
 
 import atc
 from atc.analysis.species_profile import field_and_potential
-from atc.frame import Cell, Frame
+from atc.frame import Cell, Frame, Topology
+from atc.readers.memory import FrameList
 from atc.units import units
 
 pytestmark = pytest.mark.filterwarnings("ignore::atc.AtcWarning")
@@ -88,7 +91,7 @@ def test_net_charge():
     with pytest.raises(atc.AtcError, match="net charge"):
         atc.profile(frame, None, kern, grid, boundary="vacuum")
     mine = atc.profile(frame, None, kern, grid, boundary="periodic")
-    assert any("uniform background" in note for note in mine.notes)
+    assert any("uniform background" in doubt for doubt in mine.warnings)
     assert abs(mine["electric_field"].values.mean()) < 1e-12
 
 
@@ -129,3 +132,62 @@ def test_species_that_come_later_are_refused():
         atc.profile([a, b], None, atc.kernel("quartic", R), atc.Grid.slab("z", 20))
     with pytest.raises(atc.AtcError, match="boundary"):
         atc.profile(a, None, atc.kernel("quartic", R), atc.Grid.slab("z", 20), boundary="open")
+
+
+def dumbbells(**more):
+    """Dipoles ±2 e over 1 Å: two at z = 10 (through the cell's side), at 0 and 60 degrees to z, one at z = 30 against
+    it; an ion, and a molecule that is longer than half the cell."""
+    turned = np.array([[0, 0, 1], [np.sqrt(0.75), 0, 0.5], [0, 0, -1]])
+    middle = np.array([[9.9, 5.0, 10.0], [0.2, 2.0, 10.0], [5.0, 5.0, 30.0]])
+    x = np.concatenate(
+        [(middle + 0.5 * turned), (middle - 0.5 * turned), [[1.0, 1, 20], [1, 1, 1], [1, 1, 19], [1, 1, 37]]]
+    )
+    q = np.array([2.0] * 3 + [-2.0] * 3 + [1.0, -1.0, 1.0, -1.0])
+    molecules = np.array([5, 7, 9, 5, 7, 9, 2, 4, 4, 4])
+    cell = Cell(np.diag([10.0, 10.0, L]))
+    frame = Frame(
+        x % [10.0, 10.0, L], cell, units("metal"), types=np.ones(10, int), charges=q, masses=np.ones(10),
+        molecules=molecules,
+    )  # fmt: skip
+    return frame.replace(**more)
+
+
+def test_dipoles_of_molecules():
+    kern, grid = atc.kernel("quartic", R), atc.Grid.slab("z", BINS)
+    mine = atc.profile(dumbbells(), None, kern, grid)
+    P, cosine, order = (mine[name].values for name in ("polarisation", "dipole_cosine", "dipole_order"))
+    lower, dz = mine.z < 20, L / BINS
+    # e/Å² times the cross-section is the dipole there, as far as 24 bins a kernel see
+    assert P[lower].sum() * dz * A == pytest.approx(2 * (1 + 0.5), rel=2e-5)
+    assert P[~lower].sum() * dz * A == pytest.approx(-2.0, rel=2e-5)
+    at = [np.argmin(abs(mine.z - z)) for z in (10.0, 30.0)]
+    np.testing.assert_allclose(cosine[at], [0.75, -1.0], rtol=1e-9)
+    np.testing.assert_allclose(order[at], [0.5 * (1.0 - 0.125), 1.0], rtol=1e-9)
+    assert np.isnan(cosine[BINS // 2]) and mine["polarisation"].units == "e/angstrom^2"
+    assert any("longer than half the cell" in note for note in mine.notes)
+    # The same from the bonds, where the file has no numbers of molecules.
+    bonds = np.array([[0, 3], [1, 4], [2, 5], [7, 8], [8, 9]])
+    bonded = dumbbells(molecules=None, topology=Topology(bonds=bonds, bond_types=np.ones(5, int)))
+    again = atc.profile(bonded, None, kern, grid)
+    np.testing.assert_array_equal(again["polarisation"].values, P)
+    nothing = atc.profile(dumbbells(molecules=None), None, kern, grid)
+    assert "polarisation" not in nothing.columns and "charge_density" in nothing.columns
+
+
+def test_frames_are_read_once_and_notes_are_not_warned_of():
+    class Counting(FrameList):
+        def _frame(self, k):
+            self.reads[k] += 1
+            return super()._frame(k)
+
+    frames = Counting([sheets((10.0, 30.0), (2.0, -2.0), velocities=np.ones((2, 3)))] * 17)
+    frames.reads = np.zeros(17, int)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        mine = atc.profile(frames, None, atc.kernel("quartic", R), atc.Grid.slab("z", BINS))
+    # The first two are looked at when the way is chosen, too.
+    assert (frames.reads[2:] == 1).all() and mine.frames == 17 and len(mine.notes) == 2 and not mine.warnings
+    charged = sheets((10.0, 30.0), (2.0, -1.0))
+    with pytest.warns(atc.AtcWarning, match="net charge"):
+        mine = atc.profile(charged, None, atc.kernel("quartic", R), atc.Grid.slab("z", BINS))
+    assert "net charge" in mine.json() and "net charge" in mine.dataset().attrs["warnings"]

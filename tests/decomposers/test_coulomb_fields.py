@@ -7,6 +7,8 @@ from test_long_range import LJ, SIX, TRICLINIC, Naive, eight_ions, ions, salt_po
 
 import atc
 from atc.decomposers.long_range import ewald
+from atc.decomposers.long_range.kspace import converged, for_tolerance
+from atc.decomposers.long_range.split import Split
 from atc.errors import AtcError
 from atc.estimators.driver import fields_of
 from atc.estimators.field_pass import FieldSums
@@ -26,7 +28,7 @@ def test_the_smooth_part_against_the_sum_over_modes():
     """Every Q of the smoothed stress and energy current as a double sum over modes, then summed up at points."""
     frame, pot = eight_ions(), salt_potential(5.0, 1e-12)
     (term,) = pot.fields
-    term = ewald.LongRangeCoulomb(term.split.at(1e-4))
+    term = ewald.LongRangeCoulomb(Split.of(5.0, term.split.constant, 1e-4))
     kern = atc.kernel("gaussian", width=3.5)
     bound = Grid.points(POINTS).bind(frame.units, frame.cell, frame.positions)
     sums = FieldSums([term], ["stress", "power_lab", "sources"], bound, kern, 1e-9, 1)
@@ -82,6 +84,57 @@ def test_the_error_found_keeps_the_tolerance(kern):
     result = fields_of([frame], settings(["stress"], pot, Grid.regular(shape=(5, 5, 5)), 1e-4, kern))
     assert result.errors["stress_potential"]["error_max"] < 1e-4
     assert 0 < result.errors["stress_potential"]["error_max"]
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
+def test_the_split_keeps_the_tolerance_and_the_error_found_knows(tolerance):
+    """Bonds end and modes are cut as the tolerance allows; alpha, and so the field, is the same for all of them."""
+    frame, pot = ions().frame(), atc.potential("units real\n" + LINES)
+    grid = Grid.points(POINTS)
+    reference = converged(pot, 1e-12)
+    want = fields_of([frame], settings(["stress_potential"], reference, grid, 1e-9, check_points=1))
+    want = want.arrays["stress_potential"]
+    mine = for_tolerance(pot, tolerance, exactly=False)
+    assert mine.fields[0].split.alpha == pot.fields[0].split.alpha == reference.fields[0].split.alpha
+    assert (mine.fields[0].split.cutoff < 5.0) == (tolerance > 1e-4)
+    result = fields_of([frame], settings(["stress_potential"], mine, grid, tolerance))
+    error = np.abs(result.arrays["stress_potential"] - want).max() / np.abs(want).max()
+    assert error < tolerance
+    # All points are those of the check; a split that is rougher than it may be is noticed.
+    assert result.errors["stress_potential"]["error_max"] == pytest.approx(error, rel=0.5)
+    rough = converged(pot, 1e3 * mine.fields[0].split.accuracy)
+    result = fields_of([frame], settings(["stress_potential"], rough, grid, tolerance))
+    assert result.errors["stress_potential"]["error_max"] > tolerance
+    # Sums over the box have no tolerance.
+    assert for_tolerance(pot, 1e-3, exactly=True).fields[0].split.cutoff == pytest.approx(5.0)
+
+
+def test_what_depends_on_alpha():
+    """Energy, forces, virial, the mean and the divergence of the stress do not; its values do."""
+    frame = ions().frame()
+    pots = [atc.potential("units real\n" + LINES, alpha=alpha) for alpha in (None, 1.1)]
+    assert pots[1].fields[0].split.alpha == pytest.approx(1.1) and pots[0].fields[0].split.alpha < 0.82
+    a, b = (pot.stream(frame, forces=True) for pot in pots)
+    assert a.energy == pytest.approx(b.energy, rel=1e-7)
+    assert np.abs(a.forces_nc - b.forces_nc).max() < 1e-6 * np.abs(a.forces_nc).max()
+    assert np.abs(a.virial_cc - b.virial_cc).max() < 1e-6 * np.abs(a.virial_cc).max()
+    grid = Grid.regular(shape=(20, 20, 20))
+    a, b = (
+        fields_of([frame], settings(["stress_potential"], pot, grid, 1e-7, check_points=1)).arrays["stress_potential"]
+        for pot in pots
+    )
+    gauge = np.fft.fftn(b - a, axes=(0, 1, 2)) / np.abs(a).max() / 20**3
+    n = np.stack(np.meshgrid(*[np.fft.fftfreq(20, 1 / 20)] * 3, indexing="ij"), -1)
+    Q = n @ (2 * np.pi * np.linalg.inv(frame.cell.vectors)).T
+    inside = np.abs(n).max(-1) < 10
+    assert np.abs(b - a).max() > 1e-3 * np.abs(a).max()
+    assert np.abs(gauge[0, 0, 0]).max() < 1e-6
+    slope = np.abs(np.einsum("abci,abcij->abcj", Q, gauge)[inside]).max()
+    assert slope < 1e-4 * np.abs(np.linalg.norm(Q, axis=-1)[..., None, None] * gauge)[inside].max()
+    with pytest.raises(AtcError, match="alpha: the potential has no long-range Coulomb"):
+        atc.potential("units real\npair_style lj/cut 4.5\n" + LJ, alpha=0.3)
+    with pytest.raises(AtcError, match="alpha -1: expected a positive number"):
+        atc.potential("units real\n" + LINES, alpha=-1)
 
 
 def test_the_mean_of_a_fine_grid_is_the_virial_and_slabs_are_means_of_planes():

@@ -63,10 +63,10 @@ class LongRangeCoulomb(Term):
         )
         return text + (f", slab correction in a cell {self.slab:g} times as high" if self.slab else "")
 
-    def at(self, accuracy: float) -> LongRangeCoulomb:
-        """The same with another accuracy, and the α that goes with it."""
+    def at(self, accuracy: float, alpha: float | None = None) -> LongRangeCoulomb:
+        """The same with another accuracy, or α."""
         new = copy(self)
-        new.split, new._kept = self.split.at(accuracy), None
+        new.split, new._kept = self.split.at(accuracy, alpha), None
         return new
 
     # --- the frame

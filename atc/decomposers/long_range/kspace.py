@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import AtcError
 from .ewald import LongRangeCoulomb
-from .split import Split
+from .split import ACCURACY, Split, accuracy_for
 
 #: They all compute the sum that is computed here, to their own accuracy.
 STYLES = frozenset("ewald ewald/disp pppm pppm/cg pppm/stagger pppm/disp".split())
@@ -202,31 +202,63 @@ def kspace_term(kspace: Kspace | None, terms, units, where: str):
     return [term]
 
 
-def converged(pot, accuracy: float):
-    """The same potential with its long-range Coulomb split for another accuracy; itself if it has none."""
+def for_tolerance(pot, tolerance: float, exactly: bool):
+    """The same potential with bonds and modes of its long-range Coulomb that suffice for fields of a tolerance, α as it
+    was; exactly : and no less than by default, for sums over the box and over atoms, which have no tolerance."""
+    accuracy = accuracy_for(tolerance)
+    return converged(pot, min(accuracy, ACCURACY) if exactly else accuracy)
+
+
+def finer(pot):
+    """The same potential with what measures the error of its split: α as it was, the rest a hundred times more
+    accurate; None for one without long-range Coulomb."""
+    splits = [s.split for t in pot.terms for s in coulomb_of([t])]
+    return converged(pot, max(0.01 * splits[0].accuracy, 1e-15)) if splits else None
+
+
+def with_alpha(pot, alpha):
+    """The same potential with its long-range Coulomb split at another α, 1 over the potential's unit of length."""
+    if not pot.fields:
+        raise AtcError(
+            "alpha: the potential has no long-range Coulomb (kspace_style) that could be split: leave it out"
+        )
+    if not (isinstance(alpha, (int, float)) and not isinstance(alpha, bool) and 0.0 < alpha < np.inf):
+        raise AtcError(
+            f"alpha {alpha!r}: expected a positive number, 1 over a length, such as 3 over the Coulomb cutoff"
+        )
+    return converged(pot, ACCURACY, 1.0 / pot.units.to_internal("length", 1.0 / alpha))
+
+
+def converged(pot, accuracy: float, alpha: float | None = None):
+    """The same potential with the bonds and modes of its long-range Coulomb for another accuracy, or α; itself if it
+    has none."""
     from ..pair import Pairs
 
-    if not pot.fields:
+    if not pot.fields and not coulomb_of(pot.terms):
         return pot
     new = copy(pot)
     new.terms = []
     for t in pot.terms:
         if t.field:
-            t = t.at(accuracy)
+            t = t.at(accuracy, alpha)
         elif isinstance(t, Pairs) and coulomb_of([t]):
-            styles = [s.at(accuracy) if hasattr(s, "split") else s for s in t.styles]
-            t = Pairs(styles, t.n_types, t.special, t.grow and _Grown(t.grow, accuracy), t.exclusions)
+            grown = t.grow and _Grown(t.grow, accuracy, coulomb_of([t])[0].split.alpha if alpha is None else alpha)
+            t = Pairs(_split(t.styles, accuracy, alpha), t.n_types, t.special, grown, t.exclusions)
         new.terms.append(t)
     return new
 
 
+def _split(styles, accuracy, alpha):
+    return [s.at(accuracy, alpha) if hasattr(s, "split") else s for s in styles]
+
+
 @dataclass
 class _Grown:
-    """Styles for more types, with the accuracy of the others. A class, so that a potential can be sent to other
-    processes."""
+    """Styles for more types, split like the others. A class, so that a potential can be sent to other processes."""
 
     grow: object
     accuracy: float
+    alpha: float
 
     def __call__(self, n_types: int):
-        return [s.at(self.accuracy) if hasattr(s, "split") else s for s in self.grow(n_types)]
+        return _split(self.grow(n_types), self.accuracy, self.alpha)

@@ -26,8 +26,10 @@ from .transform import Transform, box_modes, good_length, largest_of, wave_vecto
 
 # Components of symmetric tensors.
 PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
-# Real arrays on the mesh that there are at the same time, and what they may take.
+# Real arrays on the mesh that there are at the same time, and the bytes that they may take.
 ARRAYS, LARGEST = 16, 6.0e9
+#: Tolerances of fields from which on their products may be in single precision: smoothing averages what it rounds.
+SINGLE = 1e-5
 MOST_NODES = 24
 
 
@@ -42,25 +44,38 @@ class Products:
     tolerance : what of the smooth part may be left out
     nodes : of the integrals
     wide : > 1 for a mesh that is finer than it has to be
+    single : fields and transforms in single precision
     """
 
-    def __init__(self, term, frame, largest_q, tolerance: float, nodes: int, threads: int = 1, wide: float = 1.0):
+    def __init__(
+        self,
+        term,
+        frame,
+        largest_q,
+        tolerance: float,
+        nodes: int,
+        threads: int = 1,
+        wide: float = 1.0,
+        single: bool = False,
+    ):
         self.term, self.frame, self.nodes, self.threads = term, frame, nodes, threads
         self.vectors, self.origin = term.box(frame)
         self.volume = abs(float(np.linalg.det(self.vectors)))
         split = term.split
         self.s, self.c = split.s, 4 * pi * split.constant
-        self.counts, largest = mesh_of(self.vectors, split, largest_q, tolerance, wide)
+        self.real, self.complex = (np.float32, np.complex64) if single else (np.float64, np.complex128)
+        self.counts, largest = mesh_of(self.vectors, split, largest_q, tolerance, wide, np.dtype(self.real).itemsize)
         self.transform = Transform(self.vectors, self.origin, largest, max(0.02 * tolerance, 1e-13), threads)
         self.index, self.q_index = self.transform.index, box_modes(largest_q)
-        self.k_c = wave_vectors(self.index, self.vectors)
-        self.k2 = sum(k * k for k in self.k_c)
+        k_c = wave_vectors(self.index, self.vectors)
+        k2 = sum(k * k for k in k_c)
         with np.errstate(divide="ignore"):
-            self.potential = np.where(self.k2 > 0, self.c / self.k2, 0.0)
-        self.rho = self.transform.modes(frame.positions, frame.charges[:, None])[0]
+            self.potential = np.where(k2 > 0, self.c / k2, 0.0).astype(self.real)
+        self.k_c, self.k2 = [k.astype(self.real) for k in k_c], k2.astype(self.real)
+        self.rho = self.transform.modes(frame.positions, frame.charges[:, None])[0].astype(self.complex)
         self.rho[0, 0, 0] = 0.0
         x, w = np.polynomial.legendre.leggauss(nodes)
-        self.rule = list(zip(0.5 * (1.0 + x), 0.5 * w))
+        self.rule = [(float(t), float(weight)) for t, weight in zip(0.5 * (1.0 + x), 0.5 * w)]
 
     # --- the mesh
     def _real(self, F):
@@ -68,10 +83,10 @@ class Products:
         from scipy import fft
 
         n0, n1, n2 = (int(n) for n in self.counts)
-        G = np.zeros((n0, F.shape[1], F.shape[2]), complex)
+        G = np.zeros((n0, F.shape[1], F.shape[2]), self.complex)
         G[self.index[0]] = F
         G = fft.ifft(G, axis=0, norm="forward", overwrite_x=True, workers=self.threads)
-        H = np.zeros((n0, n1, F.shape[2]), complex)
+        H = np.zeros((n0, n1, F.shape[2]), self.complex)
         H[:, self.index[1]] = G
         H = fft.ifft(H, axis=1, norm="forward", overwrite_x=True, workers=self.threads)
         out = fft.irfft(H, n=n2, axis=2, norm="forward", workers=self.threads)
@@ -84,7 +99,8 @@ class Products:
 
         F = fft.rfft(f, axis=2, norm="forward", workers=self.threads)[:, :, self.q_index[2]]
         F = fft.fft(F, axis=1, norm="forward", workers=self.threads)[:, self.q_index[1]]
-        return fft.fft(F, axis=0, norm="forward", workers=self.threads)[self.q_index[0]] * self.volume
+        F = fft.fft(F, axis=0, norm="forward", workers=self.threads)[self.q_index[0]]
+        return F.astype(complex) * self.volume
 
     def _smear(self, tau):
         return np.exp(-0.5 * self.s * tau * self.k2)
@@ -95,7 +111,7 @@ class Products:
     # --- stress
     def stress(self) -> np.ndarray:
         """(6, q0, q1, q2) xx, yy, zz, yz, xz, xy; tension positive, energy."""
-        sigma = [np.zeros(self.counts) for _ in PAIRS]
+        sigma = [np.empty(self.counts, self.real) for _ in PAIRS]
         E = self._gradient(-self.potential * self._smear(1.0) * self.rho)
         for out, (a, b) in zip(sigma, PAIRS):
             np.multiply(E[a], E[b], out=out)
@@ -154,10 +170,10 @@ class Products:
                 "the energy current of a slab correction (kspace_modify slab) is not supported: leave out heat flux "
                 "and energy flux"
             )
-        J = self.transform.modes(self.frame.positions, self.frame.charges[:, None] * v_nc)
+        J = self.transform.modes(self.frame.positions, self.frame.charges[:, None] * v_nc).astype(self.complex)
         mean = J[:, 0, 0, 0].real.copy()
         J[:, 0, 0, 0] = 0.0
-        A = [np.zeros(self.counts) for _ in range(3)]
+        A = [np.zeros(self.counts, self.real) for _ in range(3)]
 
         def bracket(v, W, weight):
             """A += weight (−v×(∇×W) − (∇·W) v), W by its modes."""
@@ -185,18 +201,18 @@ class Products:
         # Charges that all move alike: the mode of J that has no potential.
         Phi = self._real(U * self._smear(2.0) * self.rho)
         for out, m in zip(A, mean):
-            out += (0.5 * m / self.volume) * Phi
+            out += float(0.5 * m / self.volume) * Phi
         return np.stack([self._modes(out) for out in A])
 
 
-def mesh_of(vectors, split, largest_q, tolerance, wide=1.0):
+def mesh_of(vectors, split, largest_q, tolerance, wide=1.0, itemsize=8):
     """(nodes along each axis, largest modes of the charges)."""
     a = split.largest_wave(tolerance)
     m_a, m_q = largest_of(a, vectors), np.asarray(largest_q)
     # Products of two fields smeared with half of the whole reach further than m_a where Q is small.
     largest = np.maximum(m_a + m_q, largest_of(sqrt(2.0) * a, vectors))
     counts = np.array([good_length(int(np.ceil(wide * n))) for n in np.maximum(2 * (m_a + m_q), largest + m_q) + 2])
-    if 8.0 * ARRAYS * np.prod(counts, dtype=float) > LARGEST:
+    if itemsize * ARRAYS * np.prod(counts, dtype=float) > LARGEST:
         raise AtcError(
             f"long-range Coulomb: a mesh of {' x '.join(map(str, counts))} nodes would be needed for this kernel and "
             "tolerance: take a smoother kernel (gaussian, "

@@ -73,7 +73,7 @@ class Transform:
         want = max(6.0, -log(accuracy) / (pi * (1.0 - 1.0 / over) ** 0.5) + 0.5)
         self.width = next((w for w in WIDTHS if w >= want), WIDTHS[-1])
         self.counts = np.array([good_length(max(ceil(over * (2 * int(m) + 1)), self.width + 2)) for m in largest])
-        if 8.0 * 4 * np.prod(self.counts, dtype=float) > LARGEST:
+        if 8.0 * 3 * np.prod(self.counts, dtype=float) > LARGEST:
             raise AtcError(
                 f"long-range Coulomb: a mesh of {' x '.join(map(str, self.counts))} nodes would be needed: take a "
                 "looser tolerance, or a larger Coulomb cutoff"
@@ -89,56 +89,19 @@ class Transform:
         """(k, k0, k1, k2) Σ_j a_j e^{−ik·(x_j − origin)} for the columns of a."""
         from scipy import fft
 
-        out = np.empty((a_nk.shape[1], *[len(i) for i in self.index]), complex)
-        for first in range(0, a_nk.shape[1], 4):
-            part = a_nk[:, first : first + 4]
-            for c, mesh in enumerate(self._spread(x_nc, np.ascontiguousarray(part, float))):
-                F = fft.rfft(mesh, axis=2, workers=self.threads)[:, :, : len(self.index[2])]
-                F = fft.fft(F, axis=1, workers=self.threads)[:, self.index[1]]
-                out[first + c] = fft.fft(F, axis=0, workers=self.threads)[self.index[0]]
-        for a, hat in enumerate(self.hats):
-            out /= hat.reshape([-1 if k == a else 1 for k in range(3)])
-        return out
-
-    def _spread(self, x_nc, a_nk):
         from ...deposit import spread
 
-        width, lanes = self.width, 4
-        halo = (width + 1) // 2
-        shape = self.counts + width + 1
-        row = spread.row_length(int(shape[2]), lanes * 8)
-        flat, rows = spread.aligned(int(shape[0] * shape[1] * row) * lanes, np.float64), np.zeros(shape[:2], np.uint8)
-        one = np.ones((1, 1))
-        core = spread.core(width, lanes, len(self.coef) - 1, np.float64, width)
-        n = len(x_nc)
-        core(
-            np.ascontiguousarray(x_nc),
-            np.arange(n, dtype=np.int32),
-            np.zeros((n, 3)),
-            a_nk,
-            self.origin,
-            self.to_mesh,
-            self.counts,
-            np.full(3, -halo),
-            shape,
-            row,
-            np.ones(a_nk.shape[1]),
-            0,
-            np.ones((2 * spread.LEVELS + 1, 1)),
-            0.5 * one,
-            one,
-            self.coef.ravel(),
-            1.0,
-            flat,
-            rows,
-        )
-        mesh = flat.reshape(shape[0], shape[1], row, lanes)[:, :, : shape[2]]
-        out = np.zeros((a_nk.shape[1], *self.counts))
-        plane = np.empty((a_nk.shape[1], *self.counts[1:]))
-        for x in range(int(shape[0])):
-            plane[:] = 0.0
-            spread.collect(mesh[x], 1.0, np.full(2, -halo), self.counts[1:], plane)
-            out[:, (x - halo) % self.counts[0]] += plane
+        u_nc = (x_nc - self.origin) @ self.to_mesh
+        out = np.empty((a_nk.shape[1], *[len(i) for i in self.index]), complex)
+        mesh = np.empty(self.counts)
+        for c, a_n in enumerate(np.ascontiguousarray(a_nk.T, float)):
+            mesh[:] = 0.0
+            spread.spread_sites(u_nc, self.counts, self.coef, self.width, a_n, mesh)
+            F = fft.rfft(mesh, axis=2, workers=self.threads)[:, :, : len(self.index[2])]
+            F = fft.fft(F, axis=1, workers=self.threads)[:, self.index[1]]
+            out[c] = fft.fft(F, axis=0, workers=self.threads)[self.index[0]]
+        for a, hat in enumerate(self.hats):
+            out /= hat.reshape([-1 if k == a else 1 for k in range(3)])
         return out
 
     def at(self, F_k, x_nc) -> np.ndarray:

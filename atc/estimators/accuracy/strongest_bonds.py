@@ -393,8 +393,10 @@ class PointsAround:
     def bond_sums(self, frame, names, drift) -> np.ndarray:
         """(h, k) the named sums over the bonds of a frame, exactly."""
         widths = [BOND[name].width for name in names]
-        # Fields have no bonds: `field_pass` adds them.
-        pot, threads = getattr(self.settings.pot, "local", self.settings.pot), self.settings.threads
+        # Fields have no bonds: `field_pass` adds them. But the forces of constraints depend on theirs.
+        pot, threads = self.settings.pot, self.settings.threads
+        if pot.constraints is None:
+            pot = pot.local
         few = self._cluster(frame, pot, self.place.check_kern.support)
         context, deposits, anchor = nullcontext(), self.check.deposits, self.settings.anchor
         if few is not None:

@@ -103,12 +103,9 @@ class Report:
 
     def dataset(self, name: str, ds) -> None:
         """Save a dataset as name.nc beside the report."""
-        from ...running.output import explained
-        from ...running.sealed import to_netcdf
+        from ...running.whole import write_dataset
 
-        path = self.folder / f"{name}.nc"
-        with explained(path):
-            to_netcdf(ds, path)
+        write_dataset(ds, self.folder / f"{name}.nc")
 
     def write(self) -> Path:
         rows = "".join(
