@@ -11,6 +11,9 @@ import xarray as xr
 from ..errors import AtcError
 from ..pictures import components
 
+#: The order of ASE's six components.
+VOIGT = ("xx", "yy", "zz", "yz", "xz", "xy")
+
 
 def _scalar(da, name: str, dimension: int):
     """One scalar of a tensor or vector field; units and coordinates stay."""
@@ -69,6 +72,16 @@ class _Scalars:
         """The length of a vector."""
         return self.component("magnitude", quantity)
 
+    def voigt(self, quantity: str | None = None):
+        """(…, voigt) the components xx, yy, zz, yz, xz, xy of the tensor's symmetric part, as ASE orders them; ASE's
+        sign is that of the stresses here: tension positive."""
+        da, dimension = self._field(quantity)
+        values = [_scalar(0.5 * (da + da.transpose(..., "j", "i").values), c, dimension) for c in VOIGT]
+        out = xr.concat(values, dim=xr.Variable("voigt", list(VOIGT))).transpose(..., "voigt")
+        out.name = f"{da.name}_voigt" if da.name else "voigt"
+        out.attrs = {**da.attrs, "long_name": f"{da.attrs.get('long_name', da.name)}, in Voigt's order"}
+        return out
+
     def principal(self, quantity: str | None = None):
         """(…, principal) principal values of the tensor's symmetric part, the largest first; in two dimensions the two
         in the plane."""
@@ -104,6 +117,8 @@ class DatasetAccessor(_Scalars):
     def _field(self, quantity=None):
         from ..pictures.plotting import pick
 
+        if quantity in self._ds.data_vars:  # of the box and of atoms, too
+            return self._ds[quantity], int(self._ds.attrs.get("dimension", 3))
         return self._ds[pick(self._ds, quantity)], int(self._ds.attrs.get("dimension", 3))
 
     def section_force(self, axis: str | None = None, quantity: str | None = None):

@@ -193,6 +193,13 @@ def potential(
     terms = [p for p in parts if isinstance(p, Term)]
     if len(styles) + len(terms) != len(parts) or not parts:
         odd = next((p for p in parts if not isinstance(p, PairStyle | Term)), None)
+        if hasattr(odd, "get_potential_energy") or hasattr(odd, "get_property"):
+            raise AtcError(
+                f"{type(odd).__name__}: a calculator of ASE gives the force on each atom, and a stress field needs "
+                "that of each pair of atoms: give the same model as LAMMPS lines, or a machine-learned one by "
+                "atc.mace(model), atc.nequip(file), atc.metatomic(file), atc.nep(file), or a function of edges by "
+                "atc.edge_model"
+            )
         raise AtcError(
             "a potential is made from LAMMPS lines, a LAMMPS input script, or objects of atc.decomposers, not from "
             f"{type(odd).__name__}"
