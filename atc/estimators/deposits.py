@@ -62,8 +62,9 @@ class Deposits:
         self.add_sites(deposit, self.place(x_nc), a_nk)
         return deposit.site_sums()
 
-    def squares(self, x_nc, a_nk) -> np.ndarray:
-        """(g, k) Σ a φ² over all atoms; on slabs of what they count in the average."""
+    def squares(self, x_nc, a_nk, beyond: float = 0.0) -> np.ndarray:
+        """(g, k) Σ a φ² over all atoms; on slabs of what they count in the average. beyond : how much of its integral
+        the kernel may lack far out, where that makes the sum quicker"""
         from ..deposit import make
         from ..deposit.gradient import gather
 
@@ -74,8 +75,8 @@ class Deposits:
             there = self.summed_kern.phi(np.array([half.min(initial=np.inf), 0.0, 0.0])) if len(half) else 0.0
             found = found if there**2 < 1e-14 * self.summed_kern.peak**2 else None
         if found is None:
-            rest = self.cell, self.place(x_nc), a_nk, None, False, self.threads, True
-            return gather(self.bound, self.summed_kern, *rest)[0]
+            kern = self.summed_kern.cut(beyond) if beyond else self.summed_kern
+            return gather(self.bound, kern, self.cell, self.place(x_nc), a_nk, None, False, self.threads, True)[0]
         factor, kern = found
         m = self.methods.get("site", EXACT)
         deposit = make(m.name, self.bound, kern, self.cell, a_nk.shape[1], 0, self.threads, m.tolerance or 1e-5)

@@ -29,6 +29,8 @@ from .sources import AtomFactors, OfAll, drift_velocity
 from .sums import Sums
 from .tightening import SAFE, checkable, clear_thin, thin_sums, tightened, watched
 
+#: What the kernel may lack far out in sums of φ², of the tolerance.
+SQUARES = 0.1
 #: How many times the precision of the sums may be left of a bond that was taken out of them again.
 PRECISIONS_LEFT = 8.0
 
@@ -340,7 +342,9 @@ def frame_sums(
                     "thermal_all_shifted": None,
                 }
                 if work.squares:
-                    new[at]["squared"] = passes.squares_pass(frame, work, deposits, factors)
+                    # They say by how much thermal motion is corrected: a share 1/N of it.
+                    beyond = SQUARES * settings.tolerance if at == 0 else 0.0
+                    new[at]["squared"] = passes.squares_pass(frame, work, deposits, factors, beyond)
     for key, needed, one_pass in (
         ("gather", work.gather, lambda: passes.gather_pass(frame, settings, work, here, factors)),
         (

@@ -346,10 +346,13 @@ def site_pass(frame, work: Work, deposits: Deposits, factors: AtomFactors) -> di
     return by_name(work.site, SITE, deposits.sites(x_nc[some], np.ascontiguousarray(a_nk[some])))
 
 
-def squares_pass(frame, work: Work, deposits: Deposits, factors: AtomFactors) -> dict[str, np.ndarray]:
-    """Σ a φ² of what is named in `Work.squares`, at one set of points."""
+def squares_pass(
+    frame, work: Work, deposits: Deposits, factors: AtomFactors, beyond: float = 0.0
+) -> dict[str, np.ndarray]:
+    """Σ a φ² of what is named in `Work.squares`, at one set of points; `beyond` as of `Deposits.squares`."""
     a_nk, some = factors.columns(work.squares), factors.some
-    return by_name(work.squares, SITE, deposits.squares(frame.positions[some], np.ascontiguousarray(a_nk[some])))
+    sums = deposits.squares(frame.positions[some], np.ascontiguousarray(a_nk[some]), beyond)
+    return by_name(work.squares, SITE, sums)
 
 
 def gather_pass(frame, settings: Settings, work: Work, place: Place, factors: AtomFactors) -> list[dict]:
