@@ -27,6 +27,8 @@ RUNS = {
     "heat_flow": ["in.heat_flow"],
     "argon_crystal": ["in.argon_crystal"],
     "silicon_crystal": ["in.silicon_crystal"],
+    "water_slab": ["in.prepare", "in.water_slab"],
+    "salt": ["in.salt"],
 }
 
 
