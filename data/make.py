@@ -28,6 +28,8 @@ RUNS = {
     "argon_crystal": ["in.argon_crystal"],
     "silicon_crystal": ["in.silicon_crystal"],
     "heat_flow_snap": [],  # by atc itself, see its start.py
+    "water_slab": ["in.prepare", "in.water_slab"],
+    "salt": ["in.salt"],
 }
 
 

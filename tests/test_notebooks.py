@@ -37,6 +37,7 @@ def test_every_notebook_is_tested():
         "machine_learned_heat.ipynb",
         "peridynamic_stress.ipynb",
         "upscaling_paper.ipynb",
+        "water_surface.ipynb",
     ]
 
 
@@ -254,3 +255,27 @@ def test_dispersion(monkeypatch):
     assert (
         sum("image/png" in o.get("data", {}) for c in notebook.cells if c.cell_type == "code" for o in c.outputs) == 2
     )
+
+
+def test_water_surface(monkeypatch):
+    monkeypatch.delenv("MPLBACKEND", raising=False)
+    notebook = run("water_surface.ipynb")
+    assert not [
+        o
+        for c in notebook.cells
+        if c.cell_type == "code"
+        for o in c.outputs
+        if o.output_type == "stream" and o.name == "stderr"
+    ]
+    text = printed(notebook)
+    # "the same number if the local stress is right"; "constant within its error"
+    assert float(re.search(r"both ways agree to (\S+) of", text)[1]) < 1e-5
+    assert float(re.search(r"by ([\d.]+) standard errors", text)[1]) < 2
+    # "p_N and γ do not change, p_T(z) may"
+    normal, tangential = (
+        float(re.search(rf"pressure_{name} changes by up to ([\d.]+) atm", text)[1])
+        for name in ("normal", "tangential")
+    )
+    assert normal < 0.05 and tangential > 10
+    assert float(re.search(r"the tension changes by (\S+) of", text)[1]) < 1e-4
+    assert sum(o.output_type == "display_data" for c in notebook.cells if c.cell_type == "code" for o in c.outputs) == 2

@@ -168,14 +168,14 @@ def _lj_long(inp: StyleInput):
         raise inp.error(
             f"{inp.command} takes the flags long, cut or off (Lennard-Jones) and long or off (Coulomb), got {lj} {coul}"
         )
-    if lj == "long":
-        raise inp.error(
-            f"{inp.command} long: long-range dispersion (the 1/r^6 sum of ewald/disp and pppm/disp) is not supported: "
-            "only the flag cut"
-        )
     if coul == "cut":
         raise inp.error(f"{inp.command} {lj} cut: expected long or off for Coulomb, as in LAMMPS")
     rc, rcoul = inp.numbers(cutoffs, [("cutoff", "length"), ("Coulomb cutoff", "length")], optional=1)
     arrays = pair_values(inp, LennardJones.numbers, optional=1, defaults=[rc], mix=mix_lj)
-    out = [] if lj == "off" else [LennardJones.internal(*arrays, shift=inp.modify.shift)]
+    if lj == "long":
+        from .lj_long import long_dispersion
+
+        out = [long_dispersion(inp, *arrays)]
+    else:
+        out = [] if lj == "off" else [LennardJones.internal(*arrays, shift=inp.modify.shift)]
     return [*out, long_style(inp, rc if rcoul is None else rcoul)] if coul == "long" else out

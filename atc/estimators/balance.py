@@ -249,6 +249,11 @@ def motion(frame, pot, threads: int = 1, deposit=None) -> Motion:
             f"{frame.source}: balance laws with kspace_modify slab are not supported: the energy current of its "
             "correction is not done yet"
         )
+    if not all(term.carries for term in fields):
+        raise AtcError(
+            f"{frame.source}: balance laws with long-range dispersion (ewald/disp) are not supported: the energy "
+            "current of its modes is not done yet"
+        )
     n = len(frame)
     drift = drift_velocity(frame)
     v_nc = np.ascontiguousarray(frame.velocities - drift)

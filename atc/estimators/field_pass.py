@@ -57,6 +57,11 @@ def require_fields(frame, settings, work) -> None:
         )
     heat = [q.name for q in work.quantities if any(s.sources for s in q.sources())]
     for term in fields:
+        if heat and not term.carries:
+            raise AtcError(
+                f"{', '.join(heat)}: not supported with long-range dispersion (ewald/disp): the energy current of its "
+                "modes is not done yet"
+            )
         if heat and term.slab is not None:
             raise AtcError(
                 f"{', '.join(heat)}: not supported with kspace_modify slab: the energy current of its correction is "
@@ -81,7 +86,8 @@ class Layout:
     """What the products of a field are taken on.
 
     vectors, origin : of the box. largest : (3,) modes of the sums. tolerance : of the charges' modes. nodes : of the
-        integrals. wide : how much finer the mesh is than it has to be. counts : nodes of the mesh
+        integrals. wide : how much finer the mesh is than it has to be. counts : nodes of the mesh. transforms : their
+        number
     """
 
     vectors: np.ndarray
@@ -92,6 +98,7 @@ class Layout:
     wide: float
     single: bool
     counts: tuple[int, int, int]
+    transforms: int
 
     @property
     def size(self) -> float:
@@ -103,11 +110,6 @@ class Layout:
         from ..decomposers.long_range.stress import ARRAYS
 
         return (4.0 if self.single else 8.0) * ARRAYS * self.size
-
-    def transforms(self, kinds) -> int:
-        """How many of them sums of these kinds take: see `long_range.stress`."""
-        each = {"stress": (9, 8), "power": (11, 22), "power_lab": (11, 22)}
-        return sum(each[k][0] + each[k][1] * self.nodes for k in kinds)
 
     def describe(self) -> str:
         return (
@@ -156,23 +158,24 @@ class FieldSums:
 
         term = self.terms[n]
         vectors, origin = term.box(frame)
-        wave = _wave(term, self.kern, self.tolerance) * (WIDER if self.tight else 1.0)
+        wave = _wave(term, self.kern, max(term.share * self.tolerance, FINEST)) * (WIDER if self.tight else 1.0)
         largest = largest_of(wave, vectors)
         if self.bound.kind == "slab":
             largest[[a for a in range(3) if a != self.bound.axis]] = 0
-        tolerance = self.fine * (TIGHTER if self.tight else 1.0)
-        nodes = stress.nodes_for(term.split, self.fine, wave, lambda q: _hat(self.kern, q)) + self.tight
+        fine = max(term.share * self.fine, FINEST)
+        tolerance = fine * (TIGHTER if self.tight else 1.0)
+        nodes = term.nodes(fine, wave, lambda q: _hat(self.kern, q)) + self.tight
         wide = FINER if self.tight else 1.0
         counts, _ = stress.mesh_of(vectors, term.split, largest, tolerance, wide, 4 if self.single else 8)
-        return Layout(vectors, origin, largest, tolerance, nodes, wide, self.single, tuple(int(c) for c in counts))
+        counts = tuple(int(c) for c in counts)
+        transforms = term.transforms(self.kinds, nodes)
+        return Layout(vectors, origin, largest, tolerance, nodes, wide, self.single, counts, transforms)
 
     def _modes_of(self, n: int, frame, drift) -> dict:
-        from ..decomposers.long_range import stress
-
         term = self.terms[n]
         term.check(frame)
         on = self.layout(n, frame)
-        products = stress.Products(term, frame, on.largest, on.tolerance, on.nodes, self.threads, on.wide, on.single)
+        products = term.products(frame, on, self.threads)
         found = {}
         if "stress" in self.kinds:
             found["stress"] = products.stress()
@@ -338,16 +341,18 @@ class FieldPass:
 
 def attributes(sums: FieldSums, frame) -> dict:
     """What an output says of the split and of what the modes are taken on, in the user's units."""
-    term, on = sums.terms[0], sums.layout(0, frame)
-    split, u = term.split, frame.units
-    return {
-        "coulomb_alpha": 1.0 / u.to_user("length", 1.0 / split.alpha),
-        "coulomb_cutoff": u.to_user("length", split.cutoff),
-        "coulomb_mesh": list(on.counts),
-        "coulomb_nodes": on.nodes,
-        "coulomb_modes": [int(m) for m in on.largest],
-        "coulomb_precision": "single" if on.single else "double",
-    }
+    out, u = {}, frame.units
+    for n, term in enumerate(sums.terms):
+        on = sums.layout(n, frame)
+        out |= {
+            f"{term.prefix}_alpha": 1.0 / u.to_user("length", 1.0 / term.split.alpha),
+            f"{term.prefix}_cutoff": u.to_user("length", term.split.cutoff),
+            f"{term.prefix}_mesh": list(on.counts),
+            f"{term.prefix}_nodes": on.nodes,
+            f"{term.prefix}_modes": [int(m) for m in on.largest],
+            f"{term.prefix}_precision": "single" if on.single else "double",
+        }
+    return out
 
 
 def finer_check(frame, settings, work, place, drift) -> np.ndarray | None:

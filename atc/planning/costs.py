@@ -334,7 +334,7 @@ def products(costs: Costs, layout, kinds, atoms: int) -> float:
     """Seconds of the modes that the products of a field have; see `field_pass.Layout`."""
     node = costs.mesh_node_single if layout.single else costs.mesh_node
     charges = 1.5**3 * costs.mesh_node * layout.size + WINDOW_NODE * WINDOW * atoms
-    return node * layout.size * layout.transforms(kinds) + charges * (1 + 3 * any(k != "stress" for k in kinds))
+    return node * layout.size * layout.transforms + charges * (1 + 3 * any(k != "stress" for k in kinds))
 
 
 def smooth(costs: Costs, term, frame, transforms: int) -> float:

@@ -205,8 +205,11 @@ def _passes(work: Work, job: Job) -> list[str]:
             f"{'; '.join(made)}"
         )
     if (pot := job.request.pot) is not None and (sums := job.field_sums()) is not None:
-        on = sums.layout(0, pot.complete(job.first))
-        out.append(f"long-range Coulomb by its modes: {on.describe()}, {on.transforms(sums.kinds)} transforms")
+        frame = pot.complete(job.first)
+        for n, term in enumerate(sums.terms):
+            on = sums.layout(n, frame)
+            what = "Coulomb" if term.carries else "dispersion"
+            out.append(f"long-range {what} by its modes: {on.describe()}, {on.transforms} transforms")
     if work.summed_site:
         terms, components = ", ".join(_TERMS.get(s) or s.removeprefix("column:") for s in work.site), work.n_site
         out.append(f"one pass over the atoms: Σ a φ for a = {terms}: {components} component{'s' * (components != 1)}")

@@ -137,6 +137,25 @@ def test_what_depends_on_alpha():
         atc.potential("units real\n" + LINES, alpha=-1)
 
 
+def test_plan_and_output_say_what_the_modes_are_taken_on():
+    from atc.planning.report import plan
+
+    frame, pot = ions().frame(), atc.potential("units real\n" + LINES)
+    asked = frame, pot, GAUSS, Grid.regular(shape=(3, 3, 3)), ["stress_potential"], 1e-4
+    p = plan(*asked)
+    (line,) = (line for line in p.passes if "long-range" in line)
+    assert p.parts["long-range fields"] > 0 and "long-range fields" in str(p)
+    # Energies and forces of the smooth part are neither wanted nor paid.
+    assert "energy and forces of the long-range part" not in p.parts
+    assert "energy and forces of the long-range part" in plan(*asked[:4], ["stress", "energy"], 1e-4).parts
+    attrs = atc.fields(*asked).attrs
+    assert attrs["coulomb_alpha"] == pytest.approx(pot.fields[0].split.alpha)
+    assert attrs["coulomb_cutoff"] < 5.0 and attrs["coulomb_precision"] == "single"
+    mesh, nodes = " x ".join(map(str, attrs["coulomb_mesh"])), attrs["coulomb_nodes"]
+    assert f"mesh {mesh}, {nodes} nodes, single precision, {9 + 8 * nodes} transforms" in line
+    assert 0 < attrs["measured_error"] < 1e-4
+
+
 def test_the_mean_of_a_fine_grid_is_the_virial_and_slabs_are_means_of_planes():
     frame = ions().frame()
     pot = atc.potential("units real\n" + LINES)

@@ -362,8 +362,8 @@ REFUSED = {
         "kspace_modify wire is not supported",
     ),
     "dispersion": (
-        "pair_style lj/long/coul/long long long 5\npair_coeff * * 1 1\nkspace_style ewald/disp 1e-4",
-        "long-range dispersion",
+        "pair_style lj/long/coul/long long long 5\npair_coeff * * 1 1\nkspace_style pppm 1e-4",
+        "needs ewald/disp or pppm/disp",
     ),
     "exclude": (
         "pair_style coul/long 5\npair_coeff * *\nkspace_style pppm 1e-4\nneigh_modify exclude type 1 1",

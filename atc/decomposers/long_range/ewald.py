@@ -46,6 +46,12 @@ class LongRangeCoulomb(Term):
     needs_charges = True
     #: no bonds, but modes: see `atc.estimators.field_pass`
     field = True
+    #: what its attributes are called
+    prefix = "coulomb"
+    #: whether it knows its energy current
+    carries = True
+    #: what of the tolerance its modes may take, over the usual
+    share = 1.0
 
     def __init__(self, split: Split, slab: float | None = None, run=None):
         self.split, self.slab, self.run = split, slab, run
@@ -146,6 +152,25 @@ class LongRangeCoulomb(Term):
             self._kept = frame.positions, frame.charges, Smooth(self, frame, threads)
         return self._kept[2]
 
+    def nodes(self, tolerance: float, wave: float, hat) -> int:
+        """Of the integrals, see `nodes_for`."""
+        from .stress import nodes_for
+
+        return nodes_for(self.split, tolerance, wave, hat)
+
+    def transforms(self, kinds, nodes: int) -> int:
+        """How many transforms `Products` makes for some kinds of sums."""
+        each = {"stress": (9, 8), "power": (11, 22), "power_lab": (11, 22)}
+        return sum(each[k][0] + each[k][1] * nodes for k in kinds)
+
+    def products(self, frame, layout, threads: int):
+        """`Products` of a frame on a `field_pass.Layout`."""
+        from .stress import Products
+
+        return Products(
+            self, frame, layout.largest, layout.tolerance, layout.nodes, threads, layout.wide, layout.single
+        )
+
     def prepare(self, frame: Frame) -> Work:
         self.check(frame)
         return _SmoothWork(self, frame)
@@ -174,41 +199,55 @@ class Smooth:
     direct : sums term by term instead of by fast transforms
     """
 
-    def __init__(self, term: LongRangeCoulomb, frame: Frame, threads: int = 1, direct: bool = False):
+    def __init__(self, term, frame: Frame, threads: int = 1, direct: bool = False, transform=None):
         split = self.split = term.split
         self.frame, self.E0 = frame, term.bare_field(frame)
         self.vectors, self.origin = term.box(frame)
         self.volume = abs(float(np.linalg.det(self.vectors)))
-        largest = largest_of(split.largest_wave(), self.vectors)
-        make = (lambda *a: Direct(*a[:3])) if direct else Transform
-        self.transform = make(self.vectors, self.origin, largest, 0.1 * split.accuracy, threads)
+        if transform is None:
+            largest = largest_of(split.largest_wave(), self.vectors)
+            make = (lambda *a: Direct(*a[:3])) if direct else Transform
+            transform = make(self.vectors, self.origin, largest, 0.1 * split.accuracy, threads)
+        self.transform = transform
         index = self.transform.index
         self.k_c = wave_vectors(index, self.vectors)
         self.k2 = sum(k * k for k in self.k_c)
-        with np.errstate(divide="ignore"):
-            self.inverse_k2 = np.where(self.k2 > 0, 1.0 / self.k2, 0.0)
-        self.V = 4 * pi * split.constant * self.inverse_k2 * np.exp(-split.s * self.k2)
-        self.q_n, self.x_nc = frame.charges, frame.positions
+        self.V, self.slope = self.potentials()
+        self.q_n, self.x_nc = self.charges(frame), frame.positions
         self.rho = self.transform.modes(self.x_nc, self.q_n[:, None])[0]
         self.dipole = float(self.q_n @ self.x_nc[:, 2])
+
+    # --- what is Coulomb's
+    def charges(self, frame):
+        return frame.charges
+
+    def potentials(self):
+        """V and dV/dk² of every mode."""
+        with np.errstate(divide="ignore"):
+            inverse_k2 = np.where(self.k2 > 0, 1.0 / self.k2, 0.0)
+        V = 4 * pi * self.split.constant * inverse_k2 * np.exp(-self.split.s * self.k2)
+        return V, -V * (self.split.s + inverse_k2)
+
+    @property
+    def own_n(self):
+        """The energy of every charge with itself, which the modes have."""
+        return self.split.alpha * self.split.constant / sqrt(pi) * self.q_n**2
 
     @property
     def slab_energy(self) -> float:
         """2πC M_z²/V."""
+        if not self.E0:
+            return 0.0
         return 0.125 * self.E0**2 * self.volume / (pi * self.split.constant)
 
     @property
     def energy(self) -> float:
-        own = self.split.alpha * self.split.constant / sqrt(pi) * float(self.q_n @ self.q_n)
-        return (
-            float((twice(self.transform.index) * self.V * np.abs(self.rho) ** 2).sum()) / (2 * self.volume)
-            - own
-            + self.slab_energy
-        )
+        modes = float((twice(self.transform.index) * self.V * np.abs(self.rho) ** 2).sum()) / (2 * self.volume)
+        return modes - float(self.own_n.sum()) + self.slab_energy
 
     def _shape(self, a, b):
-        """V δ − 2V (s + 1/k²) k⊗k, minus twice what a mode adds to the virial."""
-        out = -2.0 * self.V * (self.split.s + self.inverse_k2) * self.k_c[a] * self.k_c[b]
+        """V δ + 2 dV/dk² k⊗k, minus twice what a mode adds to the virial."""
+        out = 2.0 * self.slope * self.k_c[a] * self.k_c[b]
         return out + self.V if a == b else out
 
     @property
@@ -227,7 +266,7 @@ class Smooth:
     def energies_n(self) -> np.ndarray:
         """The atoms' shares."""
         q = self.q_n
-        out = 0.5 * q * self.potential_n() - self.split.alpha * self.split.constant / sqrt(pi) * q * q
+        out = 0.5 * q * self.potential_n() - self.own_n
         if self.E0:
             z = self.x_nc[:, 2]
             out -= 0.5 * self.E0 * q * (z - 0.5 * float(q @ (z * z)) / self.dipole)

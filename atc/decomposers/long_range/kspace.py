@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import AtcError
 from .ewald import LongRangeCoulomb
-from .split import ACCURACY, Split, accuracy_for
+from .split import ACCURACY, accuracy_for
 
 #: They all compute the sum that is computed here, to their own accuracy.
 STYLES = frozenset("ewald ewald/disp pppm pppm/cg pppm/stagger pppm/disp".split())
@@ -75,7 +75,8 @@ class Kspace:
     style: object  # Command
     modify: tuple = ()
 
-    def term(self, split: Split, units) -> LongRangeCoulomb:
+    def asked(self, units) -> tuple[float | None, RunAccuracy]:
+        """How many times as high as the frame's cell the run's is, and its accuracy."""
         c = self.style
         name = c.words[0]
         try:
@@ -88,7 +89,7 @@ class Kspace:
         slab, force = self._modified(units)
         # LAMMPS: the force between two unit charges at distance 1 of the run's unit.
         unit = units.coulomb * units.charge**2 / units.length**2
-        return LongRangeCoulomb(split, slab, RunAccuracy(name, accuracy, accuracy * unit if force is None else force))
+        return slab, RunAccuracy(name, accuracy, accuracy * unit if force is None else force)
 
     def _modified(self, units):
         slab = force = None
@@ -167,16 +168,47 @@ def coulomb_of(terms):
     return [s for t in terms for s in t.styles if isinstance(s, CoulombLong)]
 
 
+def dispersion_of(terms):
+    """[LennardJonesLong] of the pair terms."""
+    from ..lj_long import LennardJonesLong
+
+    return [s for t in terms for s in t.styles if isinstance(s, LennardJonesLong)]
+
+
+def _dispersion(kspace: Kspace, styles, units, where: str):
+    """The smooth part of long-range dispersion."""
+    from ..hybrid import strip_suffix
+    from .dispersion import LongRangeDispersion
+
+    name = strip_suffix(kspace.style.words[0])
+    if not name.endswith("/disp"):
+        raise AtcError(
+            f"{kspace.style.where}: kspace_style {name} has no dispersion: {styles[0].name} needs ewald/disp or "
+            "pppm/disp"
+        )
+    if len(styles) > 1 or styles[0].factor != 1.0:
+        raise AtcError(
+            f"{where}: long-range dispersion is in more than one sub-style, or has a factor: keep one of them"
+        )
+    slab, run = kspace.asked(units)
+    if slab is not None:
+        raise AtcError(f"{where}: kspace_modify slab with long-range dispersion is not supported")
+    return LongRangeDispersion(styles[0].split, styles[0].C, run)
+
+
 def kspace_term(kspace: Kspace | None, terms, units, where: str):
     """The smooth part that belongs to the pair styles of a model, [] if it has no long-range Coulomb."""
-    styles = coulomb_of(terms)
-    if not styles and kspace is None:
+    styles, dispersive = coulomb_of(terms), dispersion_of(terms)
+    if not styles and not dispersive and kspace is None:
         return []
     if kspace is None:
         raise AtcError(
-            f"{where}: {styles[0].name} is only the near part of a Coulomb sum: add the kspace_style line of the run "
-            "(or use coul/cut, coul/dsf)"
+            f"{where}: {(styles or dispersive)[0].name} is only the near part of a long-range sum: add the "
+            "kspace_style line of the run (or use coul/cut, coul/dsf)"
         )
+    found = [_dispersion(kspace, dispersive, units, where)] if dispersive else []
+    if not styles and dispersive:
+        return found
     if not styles:
         c = kspace.style
         raise AtcError(
@@ -197,9 +229,9 @@ def kspace_term(kspace: Kspace | None, terms, units, where: str):
             f"{where}: the Coulomb bonds of types {i} and {j} are counted {covered[i, j]} times by the sub-styles: "
             "keep one of them"
         )
-    term = kspace.term(split, units)
+    term = LongRangeCoulomb(split, *kspace.asked(units))
     term.covered = covered > 0
-    return [term]
+    return [term, *found]
 
 
 def for_tolerance(pot, tolerance: float, exactly: bool):
@@ -212,7 +244,7 @@ def for_tolerance(pot, tolerance: float, exactly: bool):
 def finer(pot):
     """The same potential with what measures the error of its split: α as it was, the rest a hundred times more
     accurate; None for one without long-range Coulomb."""
-    splits = [s.split for t in pot.terms for s in coulomb_of([t])]
+    splits = [s.split for t in pot.terms for s in t.styles if hasattr(s, "split")]
     return converged(pot, max(0.01 * splits[0].accuracy, 1e-15)) if splits else None
 
 
@@ -234,15 +266,16 @@ def converged(pot, accuracy: float, alpha: float | None = None):
     has none."""
     from ..pair import Pairs
 
-    if not pot.fields and not coulomb_of(pot.terms):
+    if not pot.fields and not any(hasattr(s, "split") for t in pot.terms for s in t.styles):
         return pot
     new = copy(pot)
     new.terms = []
     for t in pot.terms:
         if t.field:
             t = t.at(accuracy, alpha)
-        elif isinstance(t, Pairs) and coulomb_of([t]):
-            grown = t.grow and _Grown(t.grow, accuracy, coulomb_of([t])[0].split.alpha if alpha is None else alpha)
+        elif isinstance(t, Pairs) and any(hasattr(s, "split") for s in t.styles):
+            own = [s.split.alpha for s in coulomb_of([t])] if alpha is None else [alpha]
+            grown = t.grow and _Grown(t.grow, accuracy, own[0] if own else None)
             t = Pairs(_split(t.styles, accuracy, alpha), t.n_types, t.special, grown, t.exclusions)
         new.terms.append(t)
     return new
@@ -258,7 +291,7 @@ class _Grown:
 
     grow: object
     accuracy: float
-    alpha: float
+    alpha: float | None
 
     def __call__(self, n_types: int):
         return _split(self.grow(n_types), self.accuracy, self.alpha)

@@ -45,6 +45,7 @@ class Products:
     nodes : of the integrals
     wide : > 1 for a mesh that is finer than it has to be
     single : fields and transforms in single precision
+    charges : whether their modes are wanted
     """
 
     def __init__(
@@ -57,23 +58,26 @@ class Products:
         threads: int = 1,
         wide: float = 1.0,
         single: bool = False,
+        charges: bool = True,
     ):
         self.term, self.frame, self.nodes, self.threads = term, frame, nodes, threads
         self.vectors, self.origin = term.box(frame)
         self.volume = abs(float(np.linalg.det(self.vectors)))
         split = term.split
-        self.s, self.c = split.s, 4 * pi * split.constant
+        self.s = split.s
         self.real, self.complex = (np.float32, np.complex64) if single else (np.float64, np.complex128)
         self.counts, largest = mesh_of(self.vectors, split, largest_q, tolerance, wide, np.dtype(self.real).itemsize)
         self.transform = Transform(self.vectors, self.origin, largest, max(0.02 * tolerance, 1e-13), threads)
         self.index, self.q_index = self.transform.index, box_modes(largest_q)
         k_c = wave_vectors(self.index, self.vectors)
         k2 = sum(k * k for k in k_c)
-        with np.errstate(divide="ignore"):
-            self.potential = np.where(k2 > 0, self.c / k2, 0.0).astype(self.real)
         self.k_c, self.k2 = [k.astype(self.real) for k in k_c], k2.astype(self.real)
-        self.rho = self.transform.modes(frame.positions, frame.charges[:, None])[0].astype(self.complex)
-        self.rho[0, 0, 0] = 0.0
+        if charges:
+            self.c = 4 * pi * split.constant
+            with np.errstate(divide="ignore"):
+                self.potential = np.where(k2 > 0, self.c / k2, 0.0).astype(self.real)
+            self.rho = self.transform.modes(frame.positions, frame.charges[:, None])[0].astype(self.complex)
+            self.rho[0, 0, 0] = 0.0
         x, w = np.polynomial.legendre.leggauss(nodes)
         self.rule = [(float(t), float(weight)) for t, weight in zip(0.5 * (1.0 + x), 0.5 * w)]
 
