@@ -13,9 +13,11 @@ from ..errors import AtcError
 from ..estimators import groups
 from ..estimators.chosen import require_choosable
 from ..estimators.methods import EXACT, Method, summary
+from ..estimators.moving import Follow
 from ..estimators.registry import Work
 from ..estimators.selections import Parts, selection
 from ..estimators.settings import FrameResult, Settings
+from ..grids import Grid
 from .request import Request
 
 
@@ -101,13 +103,14 @@ def prepare(request: Request | Job) -> Job:
         tiles=tiles,
         select=chosen,
     )
-    return Job(resolved, frames, first, work, parts)
+    follow = None
+    if work.grid_users and isinstance(grid, Grid) and grid.follows_mass:
+        follow = Follow.of(first, None if chosen is None else chosen.of(first))
+    return Job(resolved, frames, first, work, parts, follow)
 
 
 def local_axes(grid) -> tuple[str, ...]:
     """The axes that components on a grid are along, if not x, y, z."""
-    from ..grids import Grid
-
     return grid.local_axes if isinstance(grid, Grid) else ()
 
 
@@ -170,11 +173,12 @@ class Job:
     frames, first : the frames, and the first of them
     work : what is to be summed
     parts : `selections.Parts` that fields are taken apart by, or None
+    follow : `moving.Follow` of a grid that moves with the atoms, or None
     methods : of each deposit, for all frames; fixed by what the first ones need (`fix_methods`)
     """
 
-    def __init__(self, request: Request, frames: Sequence, first, work: Work, parts=None):
-        self.parts = parts
+    def __init__(self, request: Request, frames: Sequence, first, work: Work, parts=None, follow=None):
+        self.parts, self.follow = parts, follow
         self.request, self.frames, self.first, self.work = request, frames, first, work
         self.n_frames = len(frames)
         self.methods = self.methods_for(work, request.method)
@@ -308,6 +312,7 @@ class Job:
             or self.request.tiles is not None
             or grid is None
             or grid.follows_atoms
+            or self.follow is not None
         ):
             return frozenset()
         if groups.size_of(min(self.window, self.n_frames), len(first)) == 1:
@@ -359,6 +364,7 @@ class Job:
             bonds=asked.bonds,
             parts=self.parts,
             velocity=asked.velocity,
+            follow=self.follow,
         )
 
     def alarm(self):
