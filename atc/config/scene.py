@@ -478,12 +478,13 @@ class Scene(Document):
         from ..grids import Grid
 
         table = dict(self.data["grid"])
-        kind = table.pop("kind")
+        kind, follow = table.pop("kind"), table.pop("follow", None)
         if kind == "points":
             xyz = table["points"]
             table = {"xyz": self._columns("grid", "points", 3, 2) if isinstance(xyz, str) else xyz}
         try:
-            return getattr(Grid, kind)(**table)
+            made = getattr(Grid, kind)(**table)
+            return made if follow is None else made.following(follow)
         except AtcError as e:
             raise self._placed_error("grid", list(self.data["grid"]), e) from None
 

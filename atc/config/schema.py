@@ -409,6 +409,9 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "end": Key(_VECTOR, "a point, e.g. [0.0, 0.0, 50.0]"),
         "n": Key(_count, "a number of points, e.g. 100"),
         "bins": Key(_count, "a number of bins, e.g. 100"),
+        "follow": Key(
+            _choice(["mass"]), '"mass": the grid moves with the centre of mass of the atoms, or of those selected'
+        ),
         "center": Key(_list_of(_number, 3), "a point, e.g. [20.0, 20.0, 10.0]"),
         "radius": Key(_positive, "a length greater than 0, e.g. 15.0"),
         "inner": Key(_not_negative, "a length, the radius where the grid begins, e.g. 5.0"),
@@ -519,12 +522,12 @@ SCHEMA: dict[str, dict[str, Key]] = {
 
 # kind of grid → (keys it needs, alternatives within a tuple; keys it may have)
 GRIDS: dict[str, tuple[list, list]] = {
-    "regular": ([("shape", "spacing")], ["at", "origin", "vectors", "padding"]),
-    "plane": ([("axis", "u"), ("shape", "spacing")], ["position", "origin", "v", "at", "padding"]),
-    "line": (["start", "end", "n"], []),
-    "slab": (["axis", "bins"], ["padding"]),
-    "cylindrical": (["radius", "shape"], ["center", "axis", "inner", "length"]),
-    "spherical": (["radius", "shape"], ["center", "axis", "inner"]),
-    "points": (["points"], []),
+    "regular": ([("shape", "spacing")], ["at", "origin", "vectors", "padding", "follow"]),
+    "plane": ([("axis", "u"), ("shape", "spacing")], ["position", "origin", "v", "at", "padding", "follow"]),
+    "line": (["start", "end", "n"], ["follow"]),
+    "slab": (["axis", "bins"], ["padding", "follow"]),
+    "cylindrical": (["radius", "shape"], ["center", "axis", "inner", "length", "follow"]),
+    "spherical": (["radius", "shape"], ["center", "axis", "inner", "follow"]),
+    "points": (["points"], ["follow"]),
     "atoms": ([], []),
 }

@@ -131,7 +131,7 @@ class Run:
         return cls(
             frames, settings, work, index, goal, run_tiles,
             kern=kernel_internal(settings.kern, first.units) if work.kernel_users else None,
-            bound=settings.grid.bind(first.units, first.cell, first.positions) if here else None,
+            bound=_bound(settings, first, chosen[0]) if here else None,
             reference_bound=settings.grid.bind(reference.units, reference.cell, reference.positions) if there else None,
             drifts=[
                 drift_velocity(f, None if c is None else c.chosen_n) if "velocities" in work.attributes else np.zeros(3)
@@ -168,6 +168,14 @@ class Run:
             dimension=frame.dimension,
             velocities=self.settings.velocity,
         )
+
+
+def _bound(settings: Settings, frame, chosen):
+    """The grid on a frame, where it has moved to."""
+    bound = settings.grid.bind(frame.units, frame.cell, frame.positions)
+    if settings.follow is None:
+        return bound
+    return bound.moved(settings.follow.shift(frame, None if chosen is None else chosen.chosen_n))
 
 
 # --- sums

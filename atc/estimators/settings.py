@@ -38,6 +38,8 @@ class Settings:
     #: frame, as it is; "frame", the same, and corrected for what that velocity of few atoms takes of their motion;
     #: "none" and "average", the frame of the simulation (the averaged velocity is taken out at the end).
     velocity: str = "local"
+    #: of grids that move with the atoms (`moving.Follow`)
+    follow: object = None
 
     @property
     def central(self) -> bool:

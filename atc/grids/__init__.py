@@ -7,6 +7,7 @@ be given by two numbers, and all of them lie in the plane of the atoms: a regula
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 
@@ -348,6 +349,19 @@ class Grid:
 
         return cls(kind, checked(kind, **given, numbers=_numbers, counts=_counts))
 
+    def following(self, what="mass") -> Grid:
+        """The same grid, moving with the centre of mass of the atoms (of those selected) since the first frame; along
+        axes of the cell that they do not fill."""
+        if what != "mass":
+            raise AtcError(f'grid follow {what!r}: expected "mass"')
+        if self.kind == "atoms":
+            raise AtcError("a grid of atoms moves with each of them: leave follow out")
+        return Grid(self.kind, {**self._, "follow": what})
+
+    @property
+    def follows_mass(self) -> bool:
+        return self._.get("follow") is not None
+
     @property
     def local_axes(self) -> tuple[str, ...]:
         """What vectors and tensors are components along, if not x, y, z: (r, phi, z) or (r, theta, phi)."""
@@ -384,6 +398,9 @@ class Grid:
     def describe(self) -> str:
         """One line for reports."""
         p = self._
+        if self.follows_mass:
+            fixed = Grid(self.kind, {k: v for k, v in p.items() if k != "follow"})
+            return fixed.describe() + ", moving with the centre of mass"
         how = (
             f"{' x '.join(str(abs(n)) for n in p['shape'] if n)} points"
             if p.get("shape")
@@ -628,12 +645,27 @@ class BoundGrid:
     padding = 0.0
     #: of curved grids: (g, 3, 3) local axes as rows, and {dimension: values along it} (angles in degrees)
     basis_gcc: np.ndarray | None = None
+    #: (3,) how far it has moved with the atoms since the first frame
+    moved_c: np.ndarray | None = None
     along: dict | None = None
 
     def __init__(self, kind, cell, dims, *, xyz=None, origin=None, steps=None, counts=None, axis=None, shift=0.5):
         self.kind, self.cell, self.dims, self.axis, self.shift = kind, cell, dims, axis, shift
         self.xyz, self.origin, self.steps = xyz, origin, steps
         self.counts: tuple[int, ...] = () if counts is None else tuple(int(n) for n in counts)
+
+    def moved(self, shift) -> BoundGrid:
+        """The same grid at another place (internal)."""
+        new = copy(self)
+        new.__dict__.pop("points_gc", None)
+        new.moved_c = np.asarray(shift, dtype=np.float64)
+        if self.kind == "slab":
+            new.cell = Cell(self.cell.vectors, self.cell.origin + shift, self.cell.periodic)
+        elif self.is_lattice:
+            new.origin = self.origin + shift
+        else:
+            new.xyz = self.xyz + shift
+        return new
 
     @property
     def is_lattice(self) -> bool:

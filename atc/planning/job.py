@@ -15,9 +15,11 @@ from ..errors import AtcError
 from ..estimators import groups
 from ..estimators.chosen import require_choosable
 from ..estimators.methods import EXACT, Method, summary
+from ..estimators.moving import Follow
 from ..estimators.registry import Work
 from ..estimators.selections import Parts, selection
 from ..estimators.settings import FrameResult, Settings
+from ..grids import Grid
 from .request import Request
 
 
@@ -109,13 +111,14 @@ def prepare(request: Request | Job) -> Job:
         tiles=tiles,
         select=chosen,
     )
-    return Job(completed, frames, first, work, model, parts)
+    follow = None
+    if work.grid_users and isinstance(grid, Grid) and grid.follows_mass:
+        follow = Follow.of(first, None if chosen is None else chosen.of(first))
+    return Job(completed, frames, first, work, model, parts, follow)
 
 
 def local_axes(grid) -> tuple[str, ...]:
     """The axes that components on a grid are along, if not x, y, z."""
-    from ..grids import Grid
-
     return grid.local_axes if isinstance(grid, Grid) else ()
 
 
@@ -181,15 +184,18 @@ class Job:
     model : the potential that was given, which the run's forces are held against; that of the request may be less
         accurate, as far as the tolerance of fields allows
     parts : `selections.Parts` that fields are taken apart by, or None
+    follow : `moving.Follow` of a grid that moves with the atoms, or None
     threads : within a frame
     methods : of each deposit, for all frames; fixed by what the first ones need (`fix_methods`)
     """
 
     def __init__(
-        self, request: Request, frames: Sequence, first, work: Work, model: Interactions | None, parts: Any = None
-    ):
+        self, request: Request, frames: Sequence, first, work: Work, model: Interactions | None,
+        parts: Any = None, follow: Any = None,
+    ):  # fmt: skip
         self.request, self.frames, self.first, self.work, self.model = request, frames, first, work, model
-        self.parts, self.n_frames, self.threads = parts, len(frames), int(request.threads or 1)
+        self.parts, self.follow = parts, follow
+        self.n_frames, self.threads = len(frames), int(request.threads or 1)
         self.methods = self.methods_for(work, request.method)
 
     def methods_for(self, work: Work, method: str = "auto") -> dict[str, Method]:
@@ -336,6 +342,7 @@ class Job:
             or self.request.tiles is not None
             or grid is None
             or grid.follows_atoms
+            or self.follow is not None
         ):
             return frozenset()
         if groups.size_of(min(self.window, self.n_frames), len(first)) == 1:
@@ -387,6 +394,7 @@ class Job:
             bonds=asked.bonds,
             parts=self.parts,
             velocity=asked.velocity,
+            follow=self.follow,
         )
 
     def alarm(self):

@@ -212,7 +212,9 @@ def _passes(work: Work, job: Job) -> list[str]:
             out.append(f"long-range {what} by its modes: {on.describe()}, {on.transforms} transforms")
     if work.summed_site:
         terms, components = ", ".join(_TERMS.get(s) or s.removeprefix("column:") for s in work.site), work.n_site
-        out.append(f"one pass over the atoms: Σ a φ for a = {terms}: {components} component{'s' * (components != 1)}")
+        unbiased = "; Σ m φ², what few atoms lack of thermal motion" if work.squares else ""
+        made = f"{components} component{'s' * (components != 1)}{unbiased}"
+        out.append(f"one pass over the atoms: Σ a φ for a = {terms}: {made}")
     for key, gather, where in (
         ("gather", work.gather, ""),
         ("reference_gather", work.reference_gather, ", over reference positions"),

@@ -102,11 +102,12 @@ def _grid(grid, units) -> dict:
     p: dict = grid._
     table: dict = {"kind": grid.kind}
     if grid.kind == "points":
+        table |= {"follow": p["follow"]} if grid.follows_mass else {}
         if len(p["xyz"]) > _MOST_POINTS:
-            return {"kind": "points", "#": f"{len(p['xyz'])} points: see the coordinates"}
-        return {"kind": "points", "points": p["xyz"]}
+            return {**table, "#": f"{len(p['xyz'])} points: see the coordinates"}
+        return {**table, "points": p["xyz"]}
     for key in ("shape", "spacing", "axis", "position", "origin", "u", "v", "start", "end", "n", "bins", "padding",
-                "center", "radius", "inner", "length"):  # fmt: skip
+                "center", "radius", "inner", "length", "follow"):  # fmt: skip
         if p.get(key) is not None:
             table[key] = "xyz"[p[key]] if key == "axis" else p[key]
     if grid.kind == "regular" and "shape" in table and table["shape"][-1] <= 0:

@@ -87,6 +87,9 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
     if job.parts is not None:
         apart = ("species",)
         static("species", apart, np.array(job.parts.labels), long_name=f"{job.parts.by} of the atoms")
+    if job.follow is not None:
+        moving("grid_shift", (xyz,), (3,), f8, True, units=u.label("length"),
+               long_name=f"how far the grid has moved with the atoms, {first_of}")  # fmt: skip
     if bound is not None:
         at_times = moving_coordinates(bound, u) if moves else {}
         for name, (dims, values, attrs) in at_times.items():

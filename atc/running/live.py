@@ -75,7 +75,7 @@ class _LiveJob(Job):
 
     def __init__(self, job: Job, together: int, added_up: frozenset):
         self.together, self.added_up = together, added_up
-        super().__init__(job.request, job.frames, job.first, job.work, job.model)
+        super().__init__(job.request, job.frames, job.first, job.work, job.model, job.parts, job.follow)
 
     def group(self, k: int = 0) -> int:
         return self.together

@@ -559,6 +559,8 @@ class _Sink:
         out = {"cell": u.to_user("length", frame.cell.vectors), "cell_origin": u.to_user("length", frame.cell.origin)}
         out["step"] = np.array(-1 if frame.step is None else frame.step, dtype=np.int64)
         out["time"] = np.array(np.nan if frame.time is None else u.to_user("time", frame.time), dtype=np.float64)
+        if self.job.follow is not None:
+            out["grid_shift"] = u.to_user("length", result.bound.moved_c)
         if self.moves:
             out.update({name: values for name, (_, values, _) in moving_coordinates(result.bound, u).items()})
         return out

@@ -121,7 +121,10 @@ def test_one_transform_gives_the_sums_and_their_gradients(liquid, monkeypatch): 
     frame, kern = liquid[0], atc.kernel("gaussian", radius=8.0)
     gathers = Counter(monkeypatch, gradient_module, "gather", lambda bound, *a: len(bound))
     made = Counter(
-        monkeypatch, atc.deposit, "make", lambda method, bound, kern, cell, n_site, n_bond, **_: (method, n_site, n_bond)
+        monkeypatch,
+        atc.deposit,
+        "make",
+        lambda method, bound, kern, cell, n_site, n_bond, **_: (method, n_site, n_bond),
     )
     quiet(frame, None, kern, GRID, ["velocity_gradient", "density", "velocity"], 1e-4)
     # mass and momentum once, with their gradients; exactly only at the points of the check

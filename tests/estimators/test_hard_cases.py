@@ -35,11 +35,11 @@ def atoms(x, cell, v=None, mass=39.948):
     )
 
 
-def fields(frame, what, cutoff=CUTOFF, kern=KERN, grid=None, tolerance=1e-12):
+def fields(frame, what, cutoff=CUTOFF, kern=KERN, grid=None, tolerance=1e-12, **more):
     grid = grid or atc.Grid.regular(shape=(4, 3, 5))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", AtcWarning)
-        return atc.fields(frame, atc.potential(LJ.format(cutoff)), kern, grid, what, tolerance, threads=1), grid
+        return atc.fields(frame, atc.potential(LJ.format(cutoff)), kern, grid, what, tolerance, threads=1, **more), grid
 
 
 def stress_error(frame, cutoff=CUTOFF, kern=KERN, grid=None, tolerance=1e-12):
@@ -107,9 +107,11 @@ def density_zero():
         mask.shape
     )
     assert 0 < mask.sum() < mask.size and (mask == (want > 0)).all() and (rho[~mask] == 0).all()
-    for name in ("temperature", "velocity", "stress"):
-        bad = np.isnan(ds[name].values[0])
-        assert bad[~mask].all() and not bad[mask].any()
+    local, _ = fields(frame, ["temperature"], grid=grid, velocity="local")
+    for name, field in (("temperature", local.temperature), ("velocity", ds.velocity), ("stress", ds.stress)):
+        bad = np.isnan(field.values[0])
+        assert bad[~mask].all() and not bad[mask].any(), name
+    assert np.isnan(ds.temperature.values[0])[~mask].all()
     empty = atoms(np.zeros((0, 3)), cell)
     none, _ = fields(empty, ["stress", "density"], grid=grid)
     assert not none.mask.any() and (none.density == 0).all() and (none.stress_potential == 0).all()

@@ -24,12 +24,17 @@ def test_density_alone_searches_no_neighbours():
     assert p.bonds == 0 and p.visits == 0
 
 
+def test_the_local_velocity_as_it_is_needs_less():
+    p = plan([argon()], BruteLJ(), KERN, GRID, ["stress"], velocity="local")
+    assert "10 components" in p.passes[1] and "φ²" not in p.passes[1]
+
+
 def test_stress_runs_two_passes():
     p = plan([argon()] * 10, BruteLJ(), KERN, GRID, ["stress"], average=True)
     assert (
         len(p.passes) == 3
         and "6 components" in p.passes[0]
-        and "10 components" in p.passes[1]
+        and "11 components; Σ m φ²" in p.passes[1]
         and "average over all" in p.passes[2]
     )
     assert (

@@ -34,6 +34,7 @@ BOX = {
 }
 DATA = {**BASE["trajectory"], "topology": "run.data", "atom_style": "molecular"}
 OF_BOX = {"potential": {"lammps": LJ}, "fields": {"quantities": ["virial_stress"]}}
+HALF = {"region": "block 0 8 0 8 0 8", "fixed": True}
 PORE = {"kind": "cylindrical", "radius": 5.0, "shape": [2, 3, 2], "center": [8.0, 8.0, 8.0]}
 TABLE = [[0.0, 1.0], [2.5, 0.5], [5.0, 0.0]]
 
@@ -108,6 +109,7 @@ CHANGES = {
     "grid.end": ({"grid": LINE}, [16.2, 0.0, 0.5]),
     "grid.n": ({"grid": LINE}, 5),
     "grid.bins": ({"grid": SLAB}, 5),
+    "grid.follow": ({"grid": {"kind": "points", "points": [[1.0, 2.0, 3.0]]}, "select": HALF}, "mass"),
     "grid.center": ({"grid": PORE}, [8.0, 8.0, 8.5]),
     "grid.radius": ({"grid": PORE}, 5.5),
     "grid.inner": ({"grid": {**PORE, "inner": 1.0}}, 1.5),
