@@ -1,15 +1,18 @@
 # make demo    a field file, a picture and a table from the silicon plate in data/, in a few minutes on a fresh machine
-# make test    lint and all tests
+# make test    lint and all tests, but for those that have environments of their own: learned models,
+# make test-torch | test-mace | test-nequip    (the last two need different versions of one library), and
+# make test-tools   ParaView's readers, OVITO and streams (IMDv3)
 # make lint    ruff, mypy         make bench   speed, to be read by a person          make clean   remove what make made
 #
 # Needs Python 3.11 or newer; everything else goes into .venv, which is made on first use.
 # Another Python: make PYTHON=/path/to/python demo.  More test processes: make JOBS=8 test.
 
-.PHONY: help demo test lint bench clean
+.PHONY: help demo test test-torch test-mace test-nequip test-tools lint bench clean
 .DELETE_ON_ERROR:
 .SUFFIXES:
 
 VENV ?= .venv
+VENV_TOOLS ?= .venv-tools
 OUT ?= demo-out
 JOBS ?= 2
 
@@ -25,7 +28,7 @@ DATA := data/silicon_plate
 SOURCES := $(shell find atc -name '*.py')
 
 help:
-	@sed -n 's/^# \{0,1\}//;1,7p' Makefile
+	@sed -n 's/^# \{0,1\}//;1,9p' Makefile
 
 # ---- the environment
 
@@ -44,6 +47,13 @@ $(VENV)/.atc-test: pyproject.toml | $(BIN)/python
 	@echo "installing atc and what its tests need into $(VENV)"
 	@$(PIP) -e ".[test]"
 	@touch $@ $(VENV)/.atc
+
+# Large packages that nothing else needs, with demands of their own (Qt): apart from the rest.
+$(VENV_TOOLS)/.atc-tools: pyproject.toml | $(BIN)/python
+	@echo "installing vtk, pyvista, ovito and imdclient into $(VENV_TOOLS)"
+	@test -x $(VENV_TOOLS)/bin/python || $(BIN)/python -m venv $(VENV_TOOLS)
+	@$(VENV_TOOLS)/bin/python -m pip install --quiet --disable-pip-version-check -e ".[tools]"
+	@touch $@
 
 # ---- the demo
 
@@ -75,6 +85,29 @@ lint: | $(VENV)/.atc-test
 test: lint
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 
+# One environment for each, with atc and the packages of one extra; nothing of the others.
+EXTRA_torch := torch,metatomic
+TORCH := $(VENV)-torch/.ready $(VENV)-mace/.ready $(VENV)-nequip/.ready
+
+$(TORCH): $(VENV)-%/.ready: pyproject.toml tests/torch_models/constraints.txt
+	@test -n "$(PYTHON)" || { echo "make: no Python 3.11 or newer found: install one, or say make PYTHON=/path/to/python" >&2; exit 1; }
+	@echo "making $(@D), with atc and $*"
+	@"$(PYTHON)" -m venv $(@D)
+	@$(@D)/bin/python -m pip install --quiet --disable-pip-version-check -c tests/torch_models/constraints.txt -e ".[$(or $(EXTRA_$*),$*)]" pytest
+	@touch $@
+
+test-torch: $(VENV)-torch/.ready
+	$(VENV)-torch/bin/python -m pytest -q tests/torch_models/test_edge_model.py tests/torch_models/test_metatomic.py
+
+test-mace: $(VENV)-mace/.ready
+	$(VENV)-mace/bin/python -m pytest -q tests/torch_models/test_mace.py
+
+test-nequip: $(VENV)-nequip/.ready
+	$(VENV)-nequip/bin/python -m pytest -q tests/torch_models/test_nequip.py
+
+test-tools: $(VENV_TOOLS)/.atc-tools
+	$(VENV_TOOLS)/bin/python -m pytest -q -m tools tests/export/test_viewers.py tests/running/test_stream.py
+
 bench: | $(VENV)/.atc-test
 	@$(BIN)/python -m pytest -q benchmarks/test_standing.py
 	@set -e; for b in $(filter-out benchmarks/test_% benchmarks/golden.py,$(wildcard benchmarks/*.py)); do echo "== $$b"; $(BIN)/python $$b; done
@@ -82,4 +115,4 @@ bench: | $(VENV)/.atc-test
 clean:
 	rm -rf $(OUT) build dist .pytest_cache .ruff_cache .hypothesis *.egg-info
 	find atc tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
-	@echo "kept $(VENV): remove it by hand if you want a new one"
+	@echo "kept $(VENV) and $(VENV_TOOLS): remove them by hand if you want new ones"

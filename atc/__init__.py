@@ -12,13 +12,21 @@ __version__ = "0.6.0"
 
 _LAZY = {
     "read": "atc.readers",
+    "read_grid": "atc.readers.lammps_grid",
     "potential": "atc.decomposers",
     "nep": "atc.decomposers.nep",
+    "edge_model": "atc.decomposers.learned.edge_model",
+    "mace": "atc.decomposers.learned.mace",
+    "nequip": "atc.decomposers.learned.nequip",
+    "metatomic": "atc.decomposers.learned.metatomic",
     "kernel": "atc.kernels",
     "Grid": "atc.grids",
     "fields": "atc.running.run",
+    "Live": "atc.running.live",
+    "Scene": "atc.config.scene",
     "open_dataset": "atc.running.output",
     "compare": "atc.analysis.compare",
+    "compare_with_lammps": "atc.analysis.against_lammps",
     "conductivity": "atc.analysis.green_kubo",
     "profile": "atc.analysis.interface",
     "heat_currents": "atc.analysis.green_kubo",
@@ -35,7 +43,7 @@ _LAZY = {
 }
 
 # What hands out datasets brings `ds.atc` with it, which needs xarray loaded.
-_WITH_ACCESSOR = {"fields", "open_dataset"}
+_WITH_ACCESSOR = {"fields", "open_dataset", "Live"}
 
 __all__ = [*_LAZY, "__version__"]
 

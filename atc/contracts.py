@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from .errors import AtcError
+
 if TYPE_CHECKING:
     from .bonds import Bonds
     from .frame import Cell, Frame
@@ -73,6 +75,8 @@ class Interactions(Protocol):
     constraints: Any = None
     #: forces from outside whose laws are known (`OutsideForces`), or None
     acting: Any = None
+    #: attributes of the output that say what it is, besides ``decomposition``, which is `describe`
+    attributes: Mapping[str, Any] = {}
     #: forces from outside, in words
     outside: tuple[str, ...] = ()
     #: what the script says of the atoms, see `complete`
@@ -82,8 +86,9 @@ class Interactions(Protocol):
     #: LAMMPS lines, or the script, that it was made from
     text: str | None = None
     file: str | None = None
-    #: the name of the nep.txt that it was made from, and the elements of the types if they were given
-    nep: tuple[str, Any] | None = None
+    #: of a learned model that was made from a file: what made it (``nep``, ``mace`` ...), the file's name, and what it
+    #: was told besides
+    learned: tuple[str, str, Mapping[str, Any]] | None = None
 
     @property
     def local(self) -> Interactions:
@@ -133,6 +138,13 @@ class Interactions(Protocol):
         """The model with just the forces that the file of a run has."""
         return self
 
+    def body_forces(self, frame: Frame, inner_nc: np.ndarray) -> tuple[np.ndarray, str]:
+        """Forces from outside on the atoms of a frame, (n, 3), and where they are from, in words; `inner_nc` are those
+        between atoms. AtcError where they are not known."""
+        if frame.forces is None:
+            raise AtcError(f"{frame.source}: body_force: nothing says which forces act from outside: dump fx fy fz too")
+        return frame.forces - inner_nc, "measured: the forces of the run less those of the potential"
+
 
 class Kernel(Protocol):
     """A localisation function φ ≥ 0 with ∫φ = 1, and its bond function β(x) = ∫₀¹ φ(x_i − s r − x) ds. The class to
@@ -158,6 +170,9 @@ class Kernel(Protocol):
 
     def planar(self) -> Kernel:
         """The same function of the distance, normalised in the plane."""
+
+    def in_dimension(self, dimension: int) -> Kernel:
+        """The same kernel for runs in 2 or 3 dimensions; AtcError for one that is made for the plane, in 3."""
 
     def phi(self, d: np.ndarray) -> np.ndarray:
         """φ at (..., 3) vectors d, 1/volume."""

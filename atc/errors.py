@@ -1,4 +1,4 @@
-"""The one exception a user of atc is meant to see."""
+"""The one exception a user of atc is meant to see, and its warnings."""
 
 
 class AtcError(Exception):
@@ -9,4 +9,23 @@ class AtcError(Exception):
 
 
 class AtcWarning(UserWarning):
-    """Something that is probably not what the user meant, though it can be computed."""
+    """Something that is probably not what the user meant, though it can be computed.
+
+    Said to Python's logging (logger "atc") as well, for programs that log.
+    """
+
+    def __init__(self, *args):
+        super().__init__(*args)
+        if args:
+            logger().warning("%s", args[0])
+
+
+def logger():
+    """Python's logger "atc": warnings, and (level INFO) what is computed and how. Silent until a program sets logging
+    up."""
+    import logging
+
+    found = logging.getLogger("atc")
+    if not found.handlers:
+        found.addHandler(logging.NullHandler())
+    return found

@@ -248,6 +248,25 @@ class Frame:
     def __len__(self):
         return len(self.positions)
 
+    def _repr_html_(self):
+        """For notebooks."""
+        from .terminal import html_table
+
+        u = self.units
+        lengths = " x ".join(f"{u.to_user('length', v):.6g}" for v in np.linalg.norm(self.cell.vectors, axis=1))
+        names = ("velocities", "forces", "masses", "charges", "molecules", "topology")
+        rows = [
+            ("atoms", len(self)),
+            ("units", u.name),
+            ("cell", f"{lengths} {u.label('length')}, {''.join('p' if p else 'f' for p in self.cell.periodic)}"),
+            ("holds", ", ".join(["positions", *(n for n in names if getattr(self, n) is not None), *self.extra])),
+        ]
+        if self.step is not None:
+            rows.append(("step", self.step))
+        if self.time is not None:
+            rows.append(("time", f"{u.to_user('time', self.time):g} {u.label('time')}"))
+        return html_table(f"Frame {self.source}", rows)
+
     @property
     def dimension(self) -> int:
         """3, or 2 for a frame of a two-dimensional run (see `atc.planar`)."""

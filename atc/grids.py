@@ -360,6 +360,12 @@ class Grid:
             return f"slab profile along {'xyz'[p['axis']]}, {p['bins']} bins"
         return f"{len(p['xyz'])} points" if self.kind == "points" else "the atoms"
 
+    def _repr_html_(self):
+        """For notebooks."""
+        from .terminal import html_table
+
+        return html_table(f"grid {self.kind}", [("points", self.describe())])
+
     def fixed(self, units, cell: Cell, positions=None) -> Grid:
         """This grid with the numbers of points that its spacing gives in this cell: where the cell changes, the points
         move with it and stay as many."""

@@ -1,4 +1,5 @@
-"""What reaches the terminal: file names, column names and texts of damaged files must not steer it."""
+"""What reaches people: the terminal, which file names, column names and texts of damaged files must not steer; tables
+and progress bars in notebooks."""
 
 from __future__ import annotations
 
@@ -46,3 +47,28 @@ def only_printable():
 def unfiltered(stream):
     """The stream behind a filter: for what makes its own escapes (colours, progress bars) from texts that are clean."""
     return stream.stream if isinstance(stream, _Filtered) else stream
+
+
+def html_table(title: str, rows) -> str:
+    """What objects show in notebooks: a title and rows of (what, value)."""
+    from html import escape
+
+    left = 'style="text-align:left"'
+    cells = "".join(
+        f"<tr><th {left}>{escape(str(what))}</th><td {left}>{escape(str(value))}</td></tr>" for what, value in rows
+    )
+    return f"<div><b>{escape(title)}</b><table>{cells}</table></div>"
+
+
+@contextlib.contextmanager
+def progress_of(progress, total: int | None = None):
+    """What ``progress=True`` means: a bar, in notebooks as in a terminal; anything else as it is."""
+    if progress is not True:
+        yield None if progress is False else progress
+        return
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("frames"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, transient=False) as bars:
+        task = bars.add_task("frames", total=total)
+        yield lambda done, all_of_them, rate: bars.update(task, completed=done, total=all_of_them)

@@ -137,8 +137,7 @@ def jobs() -> dict[str, list[str]]:
     for case, steps in (("pmb", 200), ("lps", 100)):
         coarse = ["body.spacing=0.001", "body.horizon=0.0030001"]
         out[f"pd_{case}"] = pd("pd_disk", case, f"run.steps={steps}", "output.every=50", *coarse)
-    coarse = ["body.spacing=0.001", "body.horizon=0.003015", "body.offset=[0.0005,0.0005,0.0]"]
-    out["pd_notch"] = pd("pd_notch", "notch", "run.steps=400", "output.every=200", *coarse)
+    out["pd_notch"] = pd("pd_notch", "notch", "run.steps=60", "output.every=30")
     out["pd_kalthoff"] = pd("pd_kalthoff", "kalthoff", "run.steps=40", "output.every=20")
     for crystal in ("argon_crystal", "silicon_crystal"):
         out[f"dispersion_{crystal}"] = ["dispersion", str(DATA / crystal / "scene.toml"), "-o", "OUT.nc", "-q"]
@@ -282,6 +281,8 @@ def record(folder: Path, only: str | None) -> int:
     for name, job in jobs().items():
         if only and only not in name:
             continue
+        for old in folder.glob(f"{name}.*"):
+            old.unlink()
         start = time.perf_counter()
         done = run_one(name, job, folder)
         (folder / f"{name}.status").write_text(f"{done.returncode}\n")

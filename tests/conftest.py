@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 import threading
+from importlib.util import find_spec
 from pathlib import Path
 
 # A shell starts what it runs in the background with SIGINT ignored, and so would every process that tests start and
@@ -31,8 +32,23 @@ except ImportError:
     pass
 
 
+#: Tests that need packages of an environment of their own: file, the package, how to run it.
+APART = {
+    "torch_models/test_edge_model.py": ("torch", "make test-torch"),
+    "torch_models/test_mace.py": ("mace", "make test-mace"),
+    "torch_models/test_nequip.py": ("nequip", "make test-nequip"),
+    "torch_models/test_metatomic.py": ("metatomic", "make test-torch"),
+}
+collect_ignore = [file for file, (package, _) in APART.items() if find_spec(package) is None]
+
+
 def pytest_report_header(config):
     """Say what is left out, and how to get it: pytest itself only prints a count."""
-    if config.option.markexpr == "not slow":
-        return "tests of several minutes each are left out: pytest -m slow runs them, pytest -m '' runs everything"
-    return None
+    said = [f"{file} is left out, without {APART[file][0]}: {APART[file][1]}" for file in collect_ignore]
+    if "not slow" in config.option.markexpr:
+        said.append(
+            "tests of several minutes each are left out: pytest -m slow runs them, pytest -m '' runs everything"
+        )
+    if "not tools" in config.option.markexpr:
+        said.append("tests that need vtk, pyvista, ovito or imdclient are left out: make test-tools runs them")
+    return said

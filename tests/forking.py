@@ -16,8 +16,8 @@ from pathlib import Path
 
 
 class Warm:
-    """A warm process. `run` has it fork, and end the child after so many seconds, or before its n-th change of the file
-    system."""
+    """A warm process. `run` has it fork, and send the child a signal after so many seconds, or kill it before its n-th
+    change of the file system."""
 
     def __init__(self):
         environment = dict(
@@ -39,11 +39,21 @@ class Warm:
         answer = self.ask(cwd=str(folder), arguments=[str(a) for a in arguments], here=True)
         assert answer["status"] == 0, answer
 
-    def run(self, folder, arguments, after=None, at=None, limit=200.0, memory=None) -> dict:
+    def run(
+        self, folder, arguments, after=None, at=None, limit=200.0, memory=None, number=signal.SIGKILL, file=None
+    ) -> dict:
         """{status: exit status, -9 for killed; seconds; changes: how often the file system was changed, if it was not
-        killed; out, err}."""
+        killed; out, err}. `number`: the signal; `limit`: seconds after which it is killed in any case; `memory`,
+        `file`: bytes of address space and of the largest file that it may have."""
         return self.ask(
-            cwd=str(folder), arguments=[str(a) for a in arguments], after=after, at=at, limit=limit, memory=memory
+            cwd=str(folder),
+            arguments=[str(a) for a in arguments],
+            after=after,
+            at=at,
+            limit=limit,
+            memory=memory,
+            number=int(number),
+            file=file,
         )
 
     def close(self) -> None:
@@ -91,10 +101,13 @@ def _child(what, said) -> None:
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     for descriptor, name in ((1, "out"), (2, "err")):
         os.dup2(os.open(said[name], os.O_WRONLY | os.O_CREAT | os.O_TRUNC), descriptor)
-    if what["memory"]:
-        import resource
+    import resource
 
-        resource.setrlimit(resource.RLIMIT_AS, (what["memory"],) * 2)
+    for limit, most in ((resource.RLIMIT_AS, what["memory"]), (resource.RLIMIT_FSIZE, what["file"])):
+        if most:
+            resource.setrlimit(limit, (most,) * 2)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)  # as the command's entry point leaves them
     count = _count_changes(what["at"])
     status = _command(what["arguments"])
     sys.stdout.flush()
@@ -119,6 +132,8 @@ def _main() -> None:
                 sys.stdout.flush()
                 answer = {"status": status}
             else:
+                for file in said.values():
+                    Path(file).write_text("")  # nothing of the one before
                 child = os.fork()
                 if child == 0:
                     try:
@@ -127,13 +142,15 @@ def _main() -> None:
                         traceback.print_exc()
                     finally:
                         os._exit(70)
-                deadline = began + (what["limit"] if what["after"] is None else what["after"])
+                when = [(began + what["limit"], signal.SIGKILL)]
+                if what["after"] is not None:
+                    when.append((began + what["after"], what["number"]))
                 while True:
                     pid, state = os.waitpid(child, os.WNOHANG)
                     if pid:
                         break
-                    if time.monotonic() >= deadline:
-                        os.kill(child, signal.SIGKILL)
+                    if when and time.monotonic() >= when[-1][0]:
+                        os.kill(child, when.pop()[1])
                     time.sleep(0.001)
                 answer = {"status": os.waitstatus_to_exitcode(state), "seconds": time.monotonic() - began}
                 answer |= {name: Path(said[name]).read_text(errors="backslashreplace") for name in ("out", "err")}

@@ -97,8 +97,7 @@ def test_in_a_folder_of_your_choice_without_a_place_for_temporary_files(place, t
         assert probe.returncode and "Read-only" in probe.stderr
     said = everything(site, work, COMMANDS + MORE, wrap, HOME="/proc/nobody", NUMBA_CACHE_DIR=str(cache), JOBS="-j 2")
     assert (work / "small.png").stat().st_size > 1000 and (work / "pd.zarr").is_dir()
-    # processes need /dev/shm: without it there are threads, and a word about it
-    assert len(said) == bool(wrap) and all("no worker processes can be had here" in line for line in said), said
+    assert not said, said  # worker processes need no /dev/shm
     assert list(cache.rglob("*.nbi"))
 
 

@@ -10,8 +10,12 @@ import numpy as np
 
 from ..config.formula import formula
 from ..errors import AtcError
+from ..readers.whole import whole_text
 from .equation import KERNELS, AdvectionRun, Kernel, advect
 from .reference import cole_hopf
+
+#: What is longer is no name of a file.
+_LONGEST_NAME = 256
 
 
 @dataclass
@@ -29,12 +33,14 @@ def kernel_shape(text: str):
     if text in KERNELS:
         return text
     path = Path(text)
-    if path.suffix in (".txt", ".csv", ".dat") or path.is_file():
+    if path.suffix in (".txt", ".csv", ".dat") or (len(text) < _LONGEST_NAME and path.is_file()):
         try:
-            table = np.loadtxt(path, delimiter="," if path.suffix == ".csv" else None, ndmin=2)
-        except OSError:
+            text = whole_text(path, "kernel")
+            table = np.loadtxt(text.splitlines(), delimiter="," if path.suffix == ".csv" else None, ndmin=2)
+        except AtcError as e:
+            why = e if path.exists() else f"{path}: no such file"
             raise AtcError(
-                f"{path}: no such file; --kernel takes {', '.join(KERNELS)}, a formula of s, or a file with two columns"
+                f"{why}; --kernel takes {', '.join(KERNELS)}, a formula of s, or a file with two columns"
             ) from None
         except ValueError as e:
             raise AtcError(

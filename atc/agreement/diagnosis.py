@@ -17,7 +17,7 @@ from ..frame import Frame
 from ..units import LAMMPS_STYLES, units
 
 #: A law holds when what it leaves is below this share of the difference, or what the digits explain.
-LEFT = 0.02
+UNEXPLAINED = 0.02
 #: Bonds of one type whose lengths differ by less than this part are held fixed: shake leaves 1e-4 and less, heat a few
 #: per cent.
 RIGID = 2e-3
@@ -51,7 +51,7 @@ class _Case:
         spite of the digits."""
         return ~self.odd & (8.0 * self.noise < self.size / np.sqrt(self.odd.sum()))
 
-    def holds(self, left, over=None, share: float = LEFT) -> bool:
+    def holds(self, left, over=None, share: float = UNEXPLAINED) -> bool:
         """Whether what a law leaves of D on the atoms that differ is nothing."""
         noise = _norm(self.noise[self.odd][:, None]) if over is None else over
         return _norm(left) <= max(3.0 * noise, share * self.size)

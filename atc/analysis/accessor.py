@@ -17,7 +17,7 @@ def _scalar(da, name: str, dimension: int):
     tail = [d for d in ("i", "j") if d in da.dims]
     if not tail:
         raise AtcError(f"{da.name or 'this field'}: it is a scalar, which has no component {name!r}")
-    values = components.component(da.transpose(..., *tail).values, name, dimension)
+    values = components.component(da.transpose(..., *tail).values, name, dimension, rank=len(tail))
     out = da.isel(dict.fromkeys(tail, 0), drop=True).copy(data=values)
     what = components.SYMBOL.get(name, name)
     out.attrs["long_name"] = f"{what} of the {da.attrs.get('long_name', da.name)}"

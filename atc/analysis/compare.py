@@ -47,7 +47,7 @@ class Comparison:
         pointwise) where the output allows
     notes : what could not be compared, and why
     attrs : kernel, radius, method, tolerance, measured error of the output
-    place : atc.pictures.geometry.Layout of the points
+    place : atc.pictures.geometry.Places of the points
     dimension : of the run, 3 or 2
     """
 
@@ -198,7 +198,7 @@ def compare(ds, *, frame=None) -> Comparison:
     import xarray as xr
 
     from ..pictures.drawing import kernel_title
-    from ..pictures.geometry import layout
+    from ..pictures.geometry import points_of_grid
     from ..running.output import load
 
     name = "output" if isinstance(ds, xr.Dataset) else str(ds)
@@ -215,7 +215,7 @@ def compare(ds, *, frame=None) -> Comparison:
             f"{name}: holds no virial stress to compare with: compute virial_stress (box average) or "
             "smoothed_virial_stress (pointwise) too"
         )
-    place = layout(ds, ds[hardy_name])
+    place = points_of_grid(ds, ds[hardy_name])
     entries, when = _entries(ds, frame)
     title = ", ".join(t for t in (Path(name).name, kernel_title(ds, str), when) if t)
     out = Comparison(

@@ -180,7 +180,7 @@ class Profile:
 
     def save(self, path) -> None:
         """Write the dataset: .nc or .zarr."""
-        from ..running.output import write_dataset
+        from ..running.whole import write_dataset
 
         write_dataset(self.dataset(), path)
 

@@ -13,10 +13,11 @@ import os
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ..config.toml import Document, complaint, key_lines, parse, read_document, toml_key, toml_value
+from ..config.toml import Document, complaint, key_lines, parse, read_document, shown, toml_key, toml_value
 from ..config.words import guess
 from ..errors import AtcError
 from .schema import ARRAYS, TABLES
@@ -94,8 +95,8 @@ class Case(Document):
         return AtcError(f"{self.where(*map(str, path))}: [{path[0]}] {path[-1]}: {why}")
 
     def _check(self):
-        for name, value in self.data.get("regions", {}).items():
-            self._check_key(TABLES["body"]["region"], self.data["regions"], name, ("regions", name), value)
+        for name in self.data.get("regions", {}):
+            self._check_key(TABLES["body"]["region"], self.data["regions"], name, ("regions", name))
         for section, table in self.data.items():
             if section == "regions":
                 continue
@@ -104,7 +105,7 @@ class Case(Document):
             )
             for path, t in tables:
                 known = self._keys(path, t)
-                for key, value in list(t.items()):
+                for key in list(t):
                     if key not in known:
                         why = f"{guess(key, known)}known: {', '.join(known)}"
                         if section == "material" and t.get("model") == "pmb" and key in ("poisson", "shear"):
@@ -113,7 +114,7 @@ class Case(Document):
                                 "lps for another ratio"
                             )
                         raise AtcError(f"{self.where(*path, key)}: unknown key {key!r} in [{section}]: {why}")
-                    self._check_key(known[key], t, key, (*path, key), value)
+                    self._check_key(known[key], t, key, (*path, key))
         self._check_body()
         self._check_things()
         for path, region in self._regions_used():
@@ -129,12 +130,8 @@ class Case(Document):
             raise AtcError(f'{self.where(*path)}: [material] needs model, e.g. model = "pmb"')
         return {**ARRAYS["material"], **keys_of(model, lambda why: self.bad((*path, "model"), why))}
 
-    def _check_key(self, spec, table, key, path, value):
-        try:
-            table[key] = spec.check(value)
-        except (ValueError, TypeError) as e:
-            reason = f" ({e})" if str(e) and "literal" not in str(e) else ""
-            raise self.bad(path, f"expected {spec.expected}, got {_shown(value)}{reason}") from None
+    def _check_key(self, spec, table, key, path):
+        self.check_value(spec, table, key, partial(self.bad, path))
 
     def _check_body(self):
         if "body" not in self.data:
@@ -317,18 +314,9 @@ class Case(Document):
             and region.get("shape") == "box"
             and any(a > b for a, b in zip(region["lo"], region["hi"]))
         ):
-            raise self.bad(path, f"a box needs lo <= hi, got {_shown(region['lo'])} and {_shown(region['hi'])}")
+            raise self.bad(path, f"a box needs lo <= hi, got {shown(region['lo'])} and {shown(region['hi'])}")
 
     # ---- what it means
-
-    def get(self, section: str, key: str, default=None):
-        """The value of a key of a section that is there once."""
-        return self.data.get(section, {}).get(key, default)
-
-    def path(self, section: str, key: str) -> Path | None:
-        """A file name of the case, relative to its folder unless absolute."""
-        value = self.get(section, key)
-        return None if value is None else self.folder / Path(value).expanduser()
 
     def simulation(self, threads: int = 0, state=None):
         """The `atc.pd.Simulation` this case describes, at its start (or at `state`)."""
@@ -345,22 +333,10 @@ class Case(Document):
     def output(self, given=None, overwrite: bool = False, resume: bool = False) -> Path:
         """The file to write: `given`, else ``[output] file``. Whether it can be written is found out here; with
         `resume` it may be that of a run which only has to clear away."""
-        if given is not None:
-            path, where = Path(given), f"-o {given}"
-        elif self.get("output", "file") is not None:
-            path, where = self.path("output", "file"), self.where("output", "file") + ": [output] file"
-        else:
-            raise self.need("output", 'say where the result goes: -o OUT, or file = "out.zarr" in [output]')
-        if path.suffix not in (".zarr", ".nc"):
-            raise AtcError(f"{where}: expected a name that ends in .zarr or .nc, got {path.name}")
-        if not path.parent.is_dir():
-            raise AtcError(f"{where}: there is no directory {path.parent}: make it, or choose another place")
-        if not os.access(path.parent, os.W_OK | os.X_OK):
-            raise AtcError(f"{where}: no permission to write in {path.parent}: choose another place")
-        from ..running.output import published
+        from ..running.output import require_place
 
-        if path.exists() and not (overwrite or (resume and published(path))):
-            raise AtcError(f"{where}: {path} exists: give --overwrite to replace it, or another name")
+        path, where = self.result(given)
+        require_place(path, where, overwrite, resume)
         # What an interrupted run has left of them is its own.
         begun = path.with_name(path.name + ".partial").exists()
         for key in () if overwrite or begun else ("vtk", "extxyz", "restart"):
@@ -395,27 +371,9 @@ class Case(Document):
                     spec = {**TABLES, **ARRAYS}[section].get(key)
                     if spec is not None and spec.path and isinstance(v, str):
                         v = Path(v).name
-                    out.append(f"{toml_key(key)} = {_toml(v)}")
+                    out.append(f"{toml_key(key)} = {toml_value(v)}")
                 out.append("")
         return "\n".join(out)
-
-
-def _toml(v) -> str:
-    if isinstance(v, float) and v in (float("inf"), float("-inf")):
-        return "inf" if v > 0 else "-inf"
-    if isinstance(v, list):
-        return "[" + ", ".join(map(_toml, v)) + "]"
-    if isinstance(v, Mapping):
-        return "{ " + ", ".join(f"{toml_key(str(k))} = {_toml(x)}" for k, x in v.items()) + " }"
-    return toml_value(v)
-
-
-def _shown(value) -> str:
-    try:
-        text = " ".join(_toml(value).split())
-    except TypeError:
-        text = str(value)
-    return text if len(text) <= 60 else text[:57] + "..."
 
 
 def _copied(value):

@@ -108,7 +108,7 @@ def run(case, out, *, threads: int = 0, progress=None, resume: bool = True):
         ds_attrs = {"": {"n_broken": int(sim.n_broken), "sources": Path(case.name).name}}
         restart = case.path("output", "restart")
         if restart is not None:
-            with explained(restart):
+            with explained(restart, store.partial):
                 save_arrays(restart, sim.state.to_arrays())
         # Both outputs stand under their names, and whatever goes with them is written, before anything of the
         # unfinished run is cleared away.
@@ -278,7 +278,7 @@ class _Run:
         return 1 if done < 3 or elapsed <= 0 else max(1, int(0.2 * done / elapsed))
 
     def _save(self, sim):
-        with explained(self.store.out):
+        with explained(self.store.out, self.store.partial):
             save_arrays(self.file, {**sim.state.to_arrays(), "run.start": np.array(self.start)})
 
     def _entry(self, sim):
@@ -295,7 +295,7 @@ class _Run:
     def _write_vtk(self, sim, values):
         from ..export.vtk import write_nodes, write_series
 
-        with explained(self.vtk):
+        with explained(self.vtk, self.store.partial):
             self.vtk.mkdir(parents=True, exist_ok=True)
             files = [self.vtk / f"{self.vtk.name}_{k:05d}.vtu" for k in range(self.store.done + 1)]
             arrays = {name: values[name] for name in self.names}

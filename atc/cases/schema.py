@@ -20,6 +20,8 @@ from ..config.schema import (
     _positive,
     _seed,
     _string,
+    described,
+    json_of,
 )
 
 SHAPES = {"box": ("lo", "hi"), "cylinder": ("axis", "center", "radius", "lo", "hi"), "sphere": ("center", "radius")}
@@ -38,6 +40,8 @@ def _dimension(v):
     return v
 
 
+described(_bound, {"type": "number"})
+described(_dimension, {"enum": [1, 2, 3]})
 _V3 = _list_of(_number, 3)
 
 
@@ -52,7 +56,19 @@ def _table(row, what):
             raise ValueError(f"a table needs increasing times and one {what} for each")
         return {"times": times, "values": values}
 
-    return checked
+    return described(checked, lambda: _json_table(json_of(row)))
+
+
+def _json_table(row) -> dict:
+    return {
+        "type": "object",
+        "properties": {
+            "times": {"type": "array", "items": {"type": "number"}},
+            "values": {"type": "array", "items": row},
+        },
+        "required": ["times", "values"],
+        "additionalProperties": False,
+    }
 
 
 def _history(variables, free=False):
@@ -77,17 +93,21 @@ def _history(variables, free=False):
             return _table(_list_of(number, 3), "row of three values")(v)
         return _list_of(component, 3)(v)
 
-    return checked
+    single = {"anyOf": [{"type": "number"}, {"const": "free"}]} if free else {"type": "number"}
+    tables = "t" in variables
+    part = {"anyOf": [{"type": ["number", "string"]}, *([_json_table(single)] if tables else [])]}
+    three = lambda item: {"type": "array", "items": item, "minItems": 3, "maxItems": 3}  # noqa: E731
+    return described(checked, {"anyOf": [three(part), *([_json_table(three(single))] if tables else [])]})
 
 
 def _region(v):
     """A region's name, or its description."""
     if isinstance(v, str):
         return _string(v)
-    return _described(v)
+    return _shape_or_combination(v)
 
 
-def _described(v):
+def _shape_or_combination(v):
     if not isinstance(v, dict):
         raise ValueError
     if set(v) & {"any", "all", "not"}:
@@ -121,6 +141,58 @@ def _described(v):
     return out
 
 
+def _two_materials(v):
+    if (
+        not isinstance(v, list)
+        or len(v) != 2
+        or not all(isinstance(m, (str, int)) and not isinstance(m, bool) for m in v)
+    ):
+        raise ValueError
+    if v[0] == v[1]:
+        raise ValueError("an interface is between two different materials")
+    return v
+
+
+#: Regions hold regions: a definition of the schema that refers to itself.
+REGION_JSON = {
+    "anyOf": [
+        {"type": "string", "pattern": r"\S"},
+        *(
+            {
+                "type": "object",
+                "properties": {
+                    "shape": {"const": shape},
+                    "lo": {"type": ["number", "array"]},
+                    "hi": {"type": ["number", "array"]},
+                    "axis": {"enum": ["x", "y", "z"]},
+                    "center": {"type": "array", "items": {"type": "number"}},
+                    "radius": {"type": "number", "exclusiveMinimum": 0},
+                },
+                "required": ["shape", *(k for k in keys if shape != "cylinder" or k not in ("lo", "hi"))],
+                "propertyNames": {"enum": ["shape", *keys]},
+            }
+            for shape, keys in SHAPES.items()
+        ),
+        *(
+            {
+                "type": "object",
+                "properties": {word: {"type": "array", "items": {"$ref": "#/$defs/region"}, "minItems": 1}},
+                "required": [word],
+                "additionalProperties": False,
+            }
+            for word in ("any", "all")
+        ),
+        {
+            "type": "object",
+            "properties": {"not": {"$ref": "#/$defs/region"}},
+            "required": ["not"],
+            "additionalProperties": False,
+        },
+    ]
+}
+described(_region, {"$ref": "#/$defs/region"})
+described(_two_materials, {"type": "array", "items": {"type": ["string", "integer"]}, "minItems": 2, "maxItems": 2})
+
 _REGION = Key(_region, 'the name of a region, or { shape = "box", lo = [...], hi = [...] }')
 _TABLE = "or { times = [...], values = [[...], ...] }"
 _MOTION = Key(
@@ -136,18 +208,6 @@ _STRENGTH = {
     "alpha": Key(_not_negative, "a number, 0 or more, e.g. 0.25"),
     "breaks": Key(_boolean, "true or false"),
 }
-
-
-def _two_materials(v):
-    if (
-        not isinstance(v, list)
-        or len(v) != 2
-        or not all(isinstance(m, (str, int)) and not isinstance(m, bool) for m in v)
-    ):
-        raise ValueError
-    if v[0] == v[1]:
-        raise ValueError("an interface is between two different materials")
-    return v
 
 
 # Sections of one table.

@@ -79,7 +79,8 @@ def advect(
     """Nonlocal advection in one dimension: Burgers or another flux, shocks, mass and entropy ledgers, against the local
     equation."""
     from ..advection.study import convergence_study, picture, run_study
-    from ..upscaling.custom import save_dataset, writable
+    from ..running.whole import write_dataset
+    from ..upscaling.custom import writable
 
     output = writable(output)
     common = {
@@ -102,7 +103,7 @@ def advect(
         study = convergence_study(horizons=values, **common)
     else:
         study = run_study(horizon=horizon, frames=frames, reference=reference, **common)
-    save_dataset(study.dataset, output)
+    write_dataset(study.dataset, output)
     drawn = picture(study, output.with_suffix(".png"))
     if not quiet:
         print("\n".join(study.lines))

@@ -51,7 +51,12 @@ End = Annotated[int | None, typer.Option("-e", "--end", metavar="N", help="Frame
 Step = Annotated[int | None, typer.Option("--step", metavar="N", help="Take every N-th frame.", show_default=False)]
 Jobs = Annotated[int, typer.Option("-j", "--jobs", metavar="N", help="Processor cores to use; 0 is all of them.")]
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no summary.")]
+Silent = Annotated[bool, typer.Option("-q", "--quiet", help="Only the exit status.")]
 Json = Annotated[bool, typer.Option("--json", help="As JSON.")]
+Output = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", metavar="OUT", help="The file to write: .zarr or .nc.", show_default=False),
+]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")]
 #: Of commands that write their results beside printing them.
 Dataset = Annotated[
@@ -76,20 +81,15 @@ Masses = Annotated[
 ]
 
 
-def write_result(result, dataset, picture) -> None:
-    """Write a result's dataset and draw its picture, where they are asked for."""
-    if dataset is not None:
-        result.save(dataset)
-    if picture is not None:
-        result.picture(picture)
-
-
-def show_result(result, dataset, picture) -> None:
-    """Print a result, and where its dataset and picture are."""
-    result.print(console())
-    for what, path in (("dataset", dataset), ("picture", picture)):
+def write_result(result, dataset, picture, tell: bool) -> None:
+    """Write a result's dataset and draw its picture, where they are asked for, and say where they are. Last of all, so
+    that the numbers are seen where there is no room for files."""
+    sys.stdout.flush()
+    for what, path, write in (("dataset", dataset, "save"), ("picture", picture, "picture")):
         if path is not None:
-            print(f"{what}: {path}")
+            getattr(result, write)(path)
+            if tell:
+                print(f"{what}: {path}")
 
 
 def load_scene(path, settings, begin=None, end=None, step=None, quiet=True):

@@ -18,8 +18,8 @@ from .common import (
     SceneFile,
     Set,
     Step,
+    console,
     load_scene,
-    show_result,
     write_result,
 )
 
@@ -57,8 +57,8 @@ def register(app: typer.Typer) -> None:
             else None
         )
         result = dispersion_of_scene(made)
-        write_result(result, out, picture)
         if json:
             print(result.json())
         elif not quiet:
-            show_result(result, out, picture)
+            result.print(console())
+        write_result(result, out, picture, tell=not (json or quiet))

@@ -1,4 +1,4 @@
-"""``atc pd CASE.toml`` and ``atc export OUT``."""
+"""``atc pd``: runs a peridynamic body."""
 
 from __future__ import annotations
 
@@ -8,21 +8,17 @@ from typing import Annotated
 
 import typer
 
-from .common import Overwrite, duration, kept_on_interrupt, progress_bar
+from .common import Output, Overwrite, Quiet, duration, kept_on_interrupt, progress_bar
 
 
 def register(app) -> None:
-    """Add the commands to `app`."""
+    """Add the verb."""
     app.command("pd")(pd_command)
-    app.command("export")(export_command)
 
 
 def pd_command(
     case: Annotated[Path, typer.Argument(metavar="CASE", help="The case, a TOML file.", show_default=False)],
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", metavar="OUT", help="The file to write: .zarr or .nc.", show_default=False),
-    ] = None,
+    output: Output = None,
     set: Annotated[
         list[str] | None,
         typer.Option(
@@ -40,7 +36,7 @@ def pd_command(
     ] = False,
     restart: Annotated[bool, typer.Option("--restart", help="Forget what an interrupted run has done.")] = False,
     overwrite: Overwrite = False,
-    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no summary.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Run a peridynamic body. After an interruption the same command continues, with the same result as if there had
     been none."""
@@ -142,48 +138,3 @@ def summary(ds, out, seconds, progress) -> None:
         f"{before} in {duration(seconds)}"
         + (f" ({1000 * seconds / done:.3g} ms a step, start and output included)" if done > 1 else "")
     )
-
-
-def export_command(
-    out: Annotated[Path, typer.Argument(metavar="OUT", help="Output of atc fields or atc pd.", show_default=False)],
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="FILE",
-            help="What to write: .pvd (default), .vtu, .vti, .vts or .extxyz.",
-            show_default=False,
-        ),
-    ] = None,
-    quantity: Annotated[
-        str | None,
-        typer.Option(
-            "-q",
-            "--quantity",
-            metavar="NAMES",
-            help="Which fields, separated by commas; default all.",
-            show_default=False,
-        ),
-    ] = None,
-    begin: Annotated[
-        int | None, typer.Option("-b", "--begin", metavar="N", help="First frame, counted from 0.", show_default=False)
-    ] = None,
-    end: Annotated[
-        int | None, typer.Option("-e", "--end", metavar="N", help="Frame to stop before.", show_default=False)
-    ] = None,
-    step: Annotated[
-        int | None, typer.Option("--step", metavar="N", help="Take every N-th frame.", show_default=False)
-    ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Do not print the file's name.")] = False,
-) -> None:
-    """Write an output for ParaView (VTK) or as extended XYZ."""
-    from ..errors import AtcError
-    from ..export.export import export
-
-    if step is not None and step < 1:
-        raise AtcError(f"--step {step}: expected a whole number, 1 or more")
-    names = [q.strip() for q in quantity.split(",")] if quantity else None
-    path = export(out, output, quantities=names, frames=slice(begin, end, step))
-    if not quiet:
-        print(path)

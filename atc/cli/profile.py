@@ -19,9 +19,9 @@ from .common import (
     SceneFile,
     Set,
     Step,
+    console,
     load_scene,
     progress_bar,
-    show_result,
     write_result,
 )
 
@@ -100,10 +100,10 @@ def register(app: typer.Typer) -> None:
                 jobs=jobs,
                 progress=progress,
             )
-        write_result(result, out, picture)
         if json:
             print(result.json())
         elif csv:
             print(result.csv(), end="")
         elif not quiet:
-            show_result(result, out, picture)
+            result.print(console())
+        write_result(result, out, picture, tell=not (json or csv or quiet))

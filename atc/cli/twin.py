@@ -16,9 +16,9 @@ from .common import (
     SceneFile,
     Set,
     Step,
+    console,
     load_scene,
     progress_bar,
-    show_result,
     write_result,
 )
 
@@ -59,6 +59,6 @@ def register(app: typer.Typer) -> None:
             picture_kind(picture)
         with progress_bar(quiet) as progress:
             result = twin_of(made, tell=None if quiet else print, progress=progress)
-        write_result(result, out, picture)
         if not quiet:
-            show_result(result, out, picture)
+            result.print(console())
+        write_result(result, out, picture, tell=not quiet)

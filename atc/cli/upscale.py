@@ -78,7 +78,7 @@ def lj(
     quiet: Quiet = False,
 ) -> None:
     """Section 5 of the paper: the Lennard-Jones chain, its shocks and energies, claim by claim."""
-    from ..upscaling.lj_report import lj_report
+    from ..upscaling.reports.lennard_jones import lj_report
 
     _table(
         lj_report(

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from .common import Begin, End, Jobs, Json, SceneFile, Set, Step, console, load_scene
+from .common import Begin, End, Jobs, Json, SceneFile, Set, Silent, Step, console, load_scene
 
 
 def register(app) -> None:
@@ -31,7 +31,7 @@ def register(app) -> None:
             ),
         ] = None,
         json: Json = False,
-        quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Only the exit status.")] = False,
+        quiet: Silent = False,
     ) -> None:
         """Model and run side by side: energy, forces, pressure tensor, temperature; needs [trajectory] and [potential].
 

@@ -14,13 +14,23 @@ import shutil
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from ..errors import AtcError
+from ..readers.whole import whole_text
 from .schema import GRIDS, SCHEMA
-from .toml import Document, complaint, key_lines, parse, read_document, toml_key, toml_value
+from .toml import Document, complaint, key_lines, parse, read_document, shown, toml_key, toml_value
 from .words import frame_slice, guess
+
+#: What makes a potential of a learned model's file, and what else [potential] may tell it.
+LEARNED = {
+    "nep": ("types",),
+    "mace": ("types", "head", "stress", "reference", "device"),
+    "nequip": ("types", "stress", "reference", "device"),
+    "metatomic": ("types", "stress", "reference", "device"),
+}
 
 # --------------------------------------------------------------------------------------------------------------------
 
@@ -110,19 +120,13 @@ class Scene(Document):
     def _check(self):
         for section, table in self.data.items():
             known = SCHEMA[section]
-            for key, value in table.items():
+            for key in table:
                 if key not in known:
                     raise AtcError(
                         f"{self.where(section, key)}: unknown key {key!r} in [{section}]: {guess(key, known)}known: "
                         f"{', '.join(known)}"
                     )
-                spec = known[key]
-                try:
-                    table[key] = spec.check(value)
-                except (ValueError, TypeError) as e:
-                    # int("abc") and its like bring Python's own words, which help nobody.
-                    reason = f" ({e})" if str(e) and "literal" not in str(e) else ""
-                    raise self._bad(section, key, f"expected {spec.expected}, got {_shown(value)}{reason}") from None
+                self.check_value(known[key], table, key, partial(self._bad, section, key))
         if "file" not in self.data.get("trajectory", {}) and not (
             "dispersion" in self.data and "trajectory" not in self.data
         ):
@@ -158,21 +162,24 @@ class Scene(Document):
         if "potential" not in self.data:
             return
         table = self.data["potential"]
-        given = [k for k in ("lammps", "input", "nep") if k in table]
+        given = [k for k in ("lammps", "input", *LEARNED) if k in table]
         if not given:
             raise self.need(
                 "potential",
                 '[potential] needs lammps = """pair_style ...""" (LAMMPS lines) or input = "in.file" (a LAMMPS input '
-                'script) or nep = "nep.txt" (a neuroevolution potential)',
+                'script) or a learned model: nep = "nep.txt", mace = "my.model", nequip = "my.nequip.zip"',
             )
         if len(given) > 1:
             raise self._bad(
                 "potential", given[1], f"give {' or '.join(given)}, not {'both' if len(given) == 2 else 'all'}"
             )
-        if "types" in table and given != ["nep"]:
-            raise self._bad("potential", "types", "goes with nep: LAMMPS lines name their elements themselves")
-        if "units" in table and given == ["nep"]:
-            raise self._bad("potential", "units", "leave it out: neuroevolution potentials are in eV and Å")
+        for key in {k: None for keys in LEARNED.values() for k in keys}:
+            if key in table and key not in LEARNED.get(given[0], ()):
+                why = ": LAMMPS lines name their elements themselves" if key == "types" else ""
+                of = [k for k, keys in LEARNED.items() if key in keys]
+                raise self._bad("potential", key, f"goes with {', '.join(of)}{why}")
+        if "units" in table and given[0] in LEARNED:
+            raise self._bad("potential", "units", "leave it out: learned models are in eV and Å")
         if "run" in self.data["potential"] and given != ["input"]:
             raise self._bad("potential", "run", "goes with input, the script whose run it is")
 
@@ -226,19 +233,14 @@ class Scene(Document):
 
     # ---- what it means
 
-    def get(self, section: str, key: str, default=None):
-        """The value of a key, or `default`."""
-        return self.data.get(section, {}).get(key, default)
-
-    def path(self, section: str, key: str) -> Path | None:
-        """A file name of the scene, relative to the scene's folder unless absolute."""
-        value = self.get(section, key)
-        return None if value is None else self.folder / Path(value).expanduser()
-
     def trajectory(self):
         """The frames asked for, as `atc.read` gives them. `AtcError` if there are none."""
         whole = self._whole()
         frames = self.get("trajectory", "frames")
+        if self._streams:
+            if frames is not None:
+                raise self._bad("trajectory", "frames", "a stream has no numbered frames: leave it out")
+            return whole
         if frames is None:
             part = whole
         else:
@@ -247,18 +249,30 @@ class Scene(Document):
             why = f"{whole.source} has {len(whole)} complete frame{'s' * (len(whole) != 1)}, numbered from 0"
             raise AtcError(
                 f"{self.where('trajectory', 'frames')}: [trajectory] frames: "
-                f"{_shown(frames) if frames is not None else 'all'} selects none: {why}"
+                f"{shown(frames) if frames is not None else 'all'} selects none: {why}"
             )
         return part
 
     def _whole(self):
         from ..readers.memory import completed
 
+        if self._streams:  # opened once; whoever takes its frames completes them
+            if not hasattr(self, "_stream"):
+                self._stream = self._read(self._files(), "file")
+            return self._stream
         return completed(self._read(self._files(), "file"), self._script())
 
-    def _files(self):
-        """The path of the trajectory, or the paths of its files."""
+    @property
+    def _streams(self) -> bool:
+        """Whether the frames come from a running simulation, by its address."""
         given = self.get("trajectory", "file")
+        return isinstance(given, str) and given.startswith("imd://")
+
+    def _files(self):
+        """The path of the trajectory, or the paths of its files; or the address of a stream."""
+        given = self.get("trajectory", "file")
+        if self._streams:
+            return given
         if isinstance(given, str):
             return self.path("trajectory", "file")
         return [self.folder / Path(name).expanduser() for name in given or []]
@@ -267,7 +281,7 @@ class Scene(Document):
         from .. import read
         from ..readers.chain import matching
 
-        for one in path if isinstance(path, list) else [path]:
+        for one in [] if str(path).startswith("imd://") else self._listed(path):
             try:
                 if matching(one) is None and not one.exists():
                     raise AtcError(f"there is no file {one}")
@@ -283,6 +297,10 @@ class Scene(Document):
             if topology is not None and str(topology) in str(e):
                 key = "topology"
             raise AtcError(str(e) if named else f"{self.where('trajectory', key)}: {e}") from None
+
+    @staticmethod
+    def _listed(path) -> list:
+        return path if isinstance(path, list) else [path]
 
     def _open(self, read, path, topology):
         """The trajectory; where neither it nor the scene says its units or atom style, those of the script that made
@@ -357,8 +375,9 @@ class Scene(Document):
         from .. import potential
 
         units, partition = self.get("potential", "units"), self.get("potential", "partition")
-        if "nep" in self.data["potential"]:
-            return self._shared(self._of_nep(), partition)
+        for maker in LEARNED:
+            if maker in self.data["potential"]:
+                return self._shared(self._learned(maker), partition)
         path = self.path("potential", "input")
         if path is not None:
             if not path.is_file():
@@ -376,14 +395,15 @@ class Scene(Document):
         name = self._flags.get(("potential", "lammps"), self.name)
         return self._shared(potential("\n" * line + text + "\n", units=units, folder=self.folder, name=name), partition)
 
-    def _of_nep(self):
-        """The neuroevolution potential that is named."""
-        from .. import nep
+    def _learned(self, maker):
+        """The machine-learned potential that is named."""
+        import atc
 
+        options = {k: v for k in LEARNED[maker] if (v := self.get("potential", k)) is not None}
         try:
-            return nep(self.path("potential", "nep"), self.get("potential", "types"))
+            return getattr(atc, maker)(self.path("potential", maker), **options)
         except AtcError as e:
-            raise AtcError(f"{self.where('potential', 'nep')}: [potential] {e}") from None
+            raise AtcError(f"{self.where('potential', maker)}: [potential] {e}") from None
 
     def _of_script(self, path, units):
         """The potential of a script: read once, for the trajectory needs it too."""
@@ -446,23 +466,10 @@ class Scene(Document):
     def output(self, given=None, overwrite: bool = False, resume: bool = False) -> Path:
         """The file to write: `given`, else the scene's ``[output] file``. Whether it can be written is found out here,
         before anything is computed; with `resume` it may be that of a run which only has to clear away."""
-        if given is not None:
-            path, where = Path(given), f"-o {given}"
-        elif (said := self.path("output", "file")) is not None:
-            path, where = said, self.where("output", "file") + ": [output] file"
-        else:
-            raise self.need("output", 'say where the result goes: -o OUT, or file = "out.zarr" in [output]')
-        if path.suffix not in (".zarr", ".nc"):
-            raise AtcError(f"{where}: expected a name that ends in .zarr or .nc, got {path.name}")
-        folder = path.parent
-        if not folder.is_dir():
-            raise AtcError(f"{where}: there is no directory {folder}: make it, or choose another place")
-        if not os.access(folder, os.W_OK | os.X_OK):
-            raise AtcError(f"{where}: no permission to write in {folder}: choose another place")
-        from ..running.output import published
+        from ..running.output import require_place
 
-        if path.exists() and not (overwrite or (resume and published(path))):
-            raise AtcError(f"{where}: {path} exists: give --overwrite to replace it, or another name")
+        path, where = self.result(given)
+        require_place(path, where, overwrite, resume)
         return path
 
     def arguments(self, jobs: int = 1) -> dict:
@@ -482,7 +489,7 @@ class Scene(Document):
         except AtcError as e:
             raise self._placed_error("fields", ["method"], e) from None
         traj = self.trajectory()
-        parallel = jobs > 1 and len(traj) >= jobs
+        parallel = jobs > 1 and not self._streams and len(traj) >= jobs
         given = {
             k: self.get("fields", k)
             for k in ("quantities", "tolerance", "average", "horizon", "tiles", "column_units")
@@ -505,6 +512,25 @@ class Scene(Document):
             "log": self.log(),
             **given,
         }
+
+    def live(self, **more):
+        """An `atc.Live` for this scene; its trajectory is not read. `more`: arguments that go before the scene's."""
+        from ..running.live import Live
+
+        given = {
+            k: self.get("fields", k)
+            for k in ("quantities", "tolerance", "average", "horizon", "column_units", "method")
+            if self.get("fields", k) is not None
+        }
+        asked = {
+            "pot": self.potential(),
+            "kern": self.kernel(),
+            "grid": self.grid(),
+            "forces": self.get("trajectory", "forces", "warn"),
+            "masses": self.get("trajectory", "masses"),
+            "scene": self.to_toml(),
+        }
+        return Live(**{**asked, **given, **more})
 
     def _require_dimension(self, dimension, kern, grid):
         """Raise unless kernel and grid have a meaning in so many dimensions."""
@@ -536,8 +562,10 @@ class Scene(Document):
     def write(self, out, *, jobs: int = 1, cluster=None, progress=None, resume: bool = True) -> dict:
         """Compute the fields into `out` and return the attributes of the dataset, which stays closed."""
         from ..planning.request import Request
-        from ..running.run import write
+        from ..running.run import fields, write
 
+        if self._streams:
+            return dict(fields(**self.arguments(jobs), progress=progress, scene=self.to_toml(), out=out).attrs)
         request = Request(**self.arguments(jobs), cluster=cluster, scene=self.to_toml())
         partial = Path(f"{out}.partial")
         there = partial.exists()
@@ -557,9 +585,9 @@ class Scene(Document):
         path = self.path(section, key)
         assert path is not None  # asked for where the key is given
         try:
-            values = np.loadtxt(path, ndmin=2)
-        except OSError as e:
-            raise self._bad(section, key, f"{path} cannot be read: {e.strerror or e}") from None
+            values = np.loadtxt(whole_text(path, "text").splitlines(), ndmin=2)
+        except AtcError as e:
+            raise self._bad(section, key, str(e)) from None
         except ValueError as e:
             raise self._bad(
                 section, key, f"{path}: expected {count} numbers a line: {' '.join(str(e).split())}"
@@ -598,6 +626,8 @@ class Scene(Document):
         return "\n".join(out)
 
     def _anonymous(self, name: str) -> str:
+        if name.startswith("imd://"):
+            return "imd://"
         path = Path(name).expanduser()
         if path.is_absolute():
             try:
@@ -621,20 +651,6 @@ class Scene(Document):
 
 
 # --------------------------------------------------------------------------------------------------------------------
-
-
-def _shown(value) -> str:
-    text = toml_value(value) if not isinstance(value, (dict, list)) or _plain(value) else str(value)
-    text = " ".join(text.split())
-    return text if len(text) <= 60 else text[:57] + "..."
-
-
-def _plain(value) -> bool:
-    if isinstance(value, dict):
-        return all(_plain(v) for v in value.values())
-    if isinstance(value, list):
-        return all(_plain(v) for v in value)
-    return isinstance(value, (bool, int, float, str))
 
 
 def _overrides(overrides):

@@ -12,6 +12,18 @@ from .words import frame_slice, guess
 # Checks of single values: each returns the value in its normal form, or raises ValueError (with a text: why not).
 
 
+def described(check, json):
+    """A check that says what it takes as JSON Schema (for editors), too: `json`, or a function that gives it."""
+    check.json = json
+    return check
+
+
+def json_of(check) -> dict:
+    """What a check takes, as JSON Schema; {} (anything) of those that do not say."""
+    json = getattr(check, "json", {})
+    return json() if callable(json) else dict(json)
+
+
 def _string(v):
     if not isinstance(v, str) or not v.strip():
         raise ValueError
@@ -68,7 +80,8 @@ def _list_of(check, length=None):
             raise ValueError
         return [check(x) for x in v]
 
-    return checked
+    sizes = {"minItems": length, "maxItems": length} if length is not None else {"minItems": 1}
+    return described(checked, lambda: {"type": "array", "items": json_of(check), **sizes})
 
 
 def _either(*checks):
@@ -81,7 +94,7 @@ def _either(*checks):
                 reason = reason or str(e)
         raise ValueError(reason)
 
-    return checked
+    return described(checked, lambda: {"anyOf": [json_of(check) for check in checks]})
 
 
 def _choice(choices: Callable[[], list[str]] | list[str]):
@@ -93,7 +106,7 @@ def _choice(choices: Callable[[], list[str]] | list[str]):
             raise ValueError(f"{guess(v, known)}known: {', '.join(known)}")
         return v
 
-    return checked
+    return described(checked, lambda: {"enum": list(choices() if callable(choices) else choices)})
 
 
 def _dimension(v):
@@ -114,6 +127,12 @@ def _frames(v):
     """A slice string, a table {begin, end, step} or one index, kept as written once it is known to be well formed."""
     frame_slice(v)
     return v
+
+
+def _energies(v):
+    if not isinstance(v, dict) or not v:
+        raise ValueError
+    return {k: _number(x) for k, x in v.items()}
 
 
 def _partition(v):
@@ -180,6 +199,51 @@ def _model_names():
 # What a scene may hold.
 
 
+for _check, _json in (
+    (_string, {"type": "string", "pattern": r"\S"}),
+    (_number, {"type": "number"}),
+    (_not_negative, {"type": "number", "minimum": 0}),
+    (_positive, {"type": "number", "exclusiveMinimum": 0}),
+    (_count, {"type": "integer", "minimum": 1}),
+    (_seed, {"type": "integer", "minimum": 0}),
+    (_integer, {"type": "integer"}),
+    (_boolean, {"type": "boolean"}),
+    (_dimension, {"enum": [2, 3]}),
+    (_axis, {"enum": [*"xyzabcXYZABC", 0, 1, 2]}),
+    (_tolerance, {"type": "number", "exclusiveMinimum": 0, "exclusiveMaximum": 1}),
+    (_atom_style, {"type": "string", "pattern": r"\S"}),
+    (
+        _frames,
+        {
+            "anyOf": [
+                {"type": "integer"},
+                {"type": "string", "pattern": r"^\s*-?\d*\s*(:\s*-?\d*\s*){0,2}$"},
+                {
+                    "type": "object",
+                    "properties": {k: {"type": "integer"} for k in ("begin", "end", "step")},
+                    "additionalProperties": False,
+                },
+            ]
+        },
+    ),
+    (_partition, {"anyOf": [{"type": "string"}, {"type": "object", "minProperties": 1}]}),
+    (
+        _masses,
+        {
+            "anyOf": [
+                {"type": "array", "items": {"type": "number", "exclusiveMinimum": 0}, "minItems": 1},
+                {
+                    "type": "object",
+                    "additionalProperties": {"type": "number", "exclusiveMinimum": 0},
+                    "minProperties": 1,
+                },
+            ]
+        },
+    ),
+):
+    described(_check, _json)
+
+
 @dataclass(frozen=True)
 class Key:
     check: Callable[[Any], Any]
@@ -222,6 +286,18 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "lammps": Key(_string, "LAMMPS lines, e.g. '''pair_style sw\\npair_coeff * * Si.sw Si'''"),
         "input": Key(_string, 'the name of a LAMMPS input script, e.g. "in.run"', path=True),
         "nep": Key(_string, 'the file of a neuroevolution potential, e.g. "nep.txt"', path=True),
+        "mace": Key(_string, 'the file of a MACE model, e.g. "my.model"', path=True),
+        "nequip": Key(_string, 'the file of a NequIP or Allegro model, e.g. "my.nequip.zip"', path=True),
+        "metatomic": Key(_string, 'the file of a model exported by metatomic, e.g. "model.pt"', path=True),
+        "head": Key(_string, 'which head of a MACE model, e.g. "Default"'),
+        "stress": Key(
+            _choice(["edge", "central"]), 'how a learned model of one hop gives its stress: "edge" or "central"'
+        ),
+        "reference": Key(
+            _either(_choice(["isolated"]), _energies),
+            'the energies of single atoms to subtract: "isolated" (the model says) or, by element, { Si = -163.2 }',
+        ),
+        "device": Key(_string, 'where torch computes, e.g. "cpu" or "cuda"'),
         "types": Key(_list_of(_string), 'the element of each atom type in the potential\'s names, e.g. ["Te", "Pb"]'),
         "units": Key(_choice(_unit_names), 'a unit style, e.g. "metal"'),
         "run": Key(_count, "the number of the script's run that the frames belong to, counted from 1, e.g. 2"),
@@ -346,8 +422,17 @@ SCHEMA: dict[str, dict[str, Key]] = {
     "twin": {
         "structure": Key(_choice(_structure_names), 'a cubic structure, e.g. "fcc"'),
         "lattice_constant": Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 5.3"),
-        "material": Key(_choice(["isotropic"]), '"isotropic"'),
+        "material": Key(
+            _choice(["isotropic", "cauchy-born", "linear", "smoothed"]),
+            '"isotropic", "cauchy-born", "linear" or "smoothed"',
+        ),
+        "nodes": Key(_choice(["lattice", "atoms"]), '"lattice" or "atoms"'),
+        "orient": Key(
+            _list_of(_list_of(_number, 3), 3),
+            "the crystal directions along the run's x, y, z, e.g. [[1, 1, 0], [-1, 1, 0], [0, 0, 1]]",
+        ),
         "model": Key(_choice(["lps", "pmb"]), '"lps" or "pmb"'),
+        "temperature": Key(_positive, "a temperature greater than 0, e.g. 300.0"),
         "spacing": Key(_positive, "a length greater than 0, e.g. 5.0"),
         "horizon": Key(_positive, "a length greater than 0, e.g. 15.0"),
         "motion": Key(_choice(["dynamic", "static"]), '"dynamic" or "static"'),

@@ -11,7 +11,7 @@ from ..units import Units
 from ..units import units as system
 from .centred import Centred
 from .eam_file import EAMTables, read_setfl
-from .elements import ElementMap, mapped_line
+from .elements import ElementMap, mapped_line, require_known
 from .embedded_atom import _place, spline
 from .neighborhood import around
 from .registry import MAPPED_STYLES, pair_style
@@ -69,9 +69,7 @@ class AngularDependent(Centred):
         """From an extended setfl file: ``AngularDependent.from_file("AlCu.adp", ["Al", "Cu"])``. where : the line that
         names it, for messages."""
         t = read_setfl(path, system(units).name, False, where, angular=True)
-        odd = next((e for e in elements or () if e not in (None, "NULL", *t.elements)), None)
-        if odd is not None:
-            raise AtcError(f"{where or path}: {path} has no element {odd!r}: it has {', '.join(t.elements)}")
+        require_known(elements, t.elements, path, where)
         return cls(t, elements, units=units)
 
     def describe(self) -> str:
@@ -80,36 +78,17 @@ class AngularDependent(Centred):
             "half to each; outer bonds apart"
         )
 
-    def pairs(self, near, element, p0, p1, G_p, energies):
-        return _pairs(p0, p1, near.a, near.b, near.d_p, element, self.zr, 1.0 / self.dr, near.atom, G_p, energies)
+    def pairs(self, p0, p1, near, G_p, energies):
+        return _pairs(p0, p1, near, self.zr, 1.0 / self.dr, G_p, energies)
 
-    def centres(self, near, element, s0, s1, most, *out):
-        return _centres(
-            s0,
-            s1,
-            most,
-            near.start,
-            near.pair,
-            near.end,
-            near.a,
-            near.b,
-            near.r_pc,
-            near.d_p,
-            element,
-            self.F,
-            self.rho,
-            self.u,
-            self.w,
-            1.0 / self.drho,
-            self.rho_end,
-            1.0 / self.dr,
-            near.atom,
-            *out,
-        )
+    def centres(self, s0, s1, most, near, *out):
+        tables = self.F, self.rho, self.u, self.w
+        return _centres(s0, s1, most, near, tables, 1.0 / self.drho, self.rho_end, 1.0 / self.dr, *out)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _pairs(p0, p1, a, b, d, element, zr, per_dr, atom, G, energies):
+def _pairs(p0, p1, near, zr, per_dr, G, energies):
+    _, _, _, a, b, _, d, element, atom = near
     points = zr.shape[2] - 1
     shared = len(energies) > 0
     total = 0.0
@@ -134,35 +113,10 @@ def _spline(c, x, per_step):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _centres(
-    s0,
-    s1,
-    most,
-    start,
-    pair,
-    end,
-    a,
-    b,
-    r,
-    d,
-    element,
-    F,
-    rho_table,
-    u_table,
-    w_table,
-    per_drho,
-    rho_end,
-    per_dr,
-    atom,
-    G_end,
-    S_end,
-    out_i,
-    out_j,
-    out_r,
-    out_G,
-    out_D,
-    energies,
-):
+def _centres(s0, s1, most, near, tables, per_drho, rho_end, per_dr, G_end, S_end, out, energies):
+    start, pair, end, _, _, _, _, element, atom = near
+    F, rho_table, u_table, w_table = tables
+    out_i, out_j, out_r, out_G, out_D = out
     sources = len(S_end) > 0
     shared = len(energies) > 0
     points, rhos = u_table.shape[2] - 1, F.shape[1] - 1
@@ -172,7 +126,7 @@ def _centres(
     total = 0.0
     n = 0
     for s in range(s0, s1):
-        k = around(s, start, pair, end, a, b, r, d, who, arm, dist)
+        k = around(s, near, who, arm, dist)
         es = element[s]
         rho = 0.0
         m = 0.0

@@ -6,18 +6,15 @@ from itertools import permutations
 
 import numpy as np
 
-from ..bonds import Bonds
 from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
 from ..units import Units
 from ..units import units as system
-from .base import Accumulator, Term, Work
-from .neighborhood import Neighborhood
+from .base import Term, Work
+from .neighbor_work import NeighborWork, made, room, shares
 from .registry import pair_style
 
-_NOTHING = np.zeros(0)
-_NO_D = np.zeros((0, 2, 3))
 # Distances that are equal to the cutoff on paper (crystals) count, whatever their rounding.
 _HAIR = 1e-12
 
@@ -80,48 +77,22 @@ class AxilrodTeller(Term):
         return _ATMWork(self, frame)
 
 
-class _ATMWork(Work):
+class _ATMWork(NeighborWork):
     def __init__(self, term: AxilrodTeller, frame: Frame):
-        self.term, self.frame = term, frame
-        self.near = near = Neighborhood(frame, None, term.cutoff, "triple-dipole")
-        self.types = np.zeros(len(frame), np.int32) if term.uniform else frame.types[near.atom].astype(np.int32)
-        self.stages = (near.chunks, 1, near.chunks)
+        kind_n = np.zeros(len(frame), np.int32) if term.uniform else frame.types.astype(np.int32)
+        super().__init__(term, frame, "triple-dipole", kind_n)
 
-    def run(self, stage, task, acc: Accumulator):
-        near, term, ws = self.near, self.term, acc.ws
-        if stage == 0:
-            return near.collect(task, ws)
-        if stage == 1:
-            return near.join()
-        p0, p1 = near.edges[task], near.edges[task + 1]
-        while ws.capacity < p1 - p0:
-            ws.grow()
-        D = np.empty((p1 - p0, 2, 3)) if acc.sources else _NO_D
-        energies = acc.energies if acc.energies is not None else _NOTHING
-        m, energy = _triple_dipoles(
-            p0,
-            p1,
-            near.a,
-            near.b,
-            near.r_pc,
-            near.d_p,
-            near.start,
-            near.pair,
-            near.end,
-            self.types,
-            term.nu,
-            term.cutoff**2,
-            term.product2,
-            near.atom,
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.G,
-            D,
-            energies,
-        )
+    @property
+    def own(self):
+        return (self._bonds,)
+
+    def _bonds(self, task, acc):
+        term = self.term
+        p0, p1 = self.pairs(task)
+        out = room(acc, p1 - p0)
+        m, energy = _triple_dipoles(p0, p1, self.lists, term.nu, term.cutoff**2, term.product2, out, shares(acc))
         acc.energy += energy
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
+        return made(acc, out, m)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -133,11 +104,11 @@ def _derivative(nu, u, v, w, P, Q15, Q25):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _triple_dipoles(
-    p0, p1, a, b, r, d, start, pair, end, types, nu, cut2, product2, atom, out_i, out_j, out_r, out_G, out_D, energies
-):
+def _triple_dipoles(p0, p1, near, nu, cut2, product2, out, energies):
     """Bonds of the pairs p0..p1. A triple is met from each of its three pairs, which take a third of its energy
     each."""
+    start, pair, end, a, b, r, d, types, atom = near
+    out_i, out_j, out_r, out_G, out_D = out
     sources = len(out_D) > 0
     shared = len(energies) > 0
     total = 0.0

@@ -25,6 +25,17 @@ PARTITIONS = ("equal", "center")
 _SPELLINGS = {"centre": "center"}
 
 
+class Worst(float):
+    """A measured error among counts: where counts of frames and threads add up, the largest of these is kept. It
+    becomes an attribute of the output, of the name it is noted by."""
+
+    def __add__(self, other):
+        # NaN must not be lost.
+        return Worst(other) if other != other or other > self else self
+
+    __radd__ = __add__
+
+
 @dataclass
 class Decomposition:
     """What a potential says about one frame, in internal units.
@@ -34,7 +45,8 @@ class Decomposition:
     forces_nc : (n, 3) or None.
     virial_cc : (3, 3) Σ G r⊗r (tension positive; divide by the volume for the potential part of the virial stress).
     bonds : Bonds or None when they were streamed. n_bonds : how many there were.
-    notes : counts of guarded singularities and the like, e.g. {"angles clamped near 0 or 180 degrees": 3}
+    notes : counts of guarded singularities and the like, e.g. {"angles clamped near 0 or 180 degrees": 3}, and
+        measures of how good something is, `Worst`, e.g. {"energy_identity": Worst(3e-15)}
     held : `constraints.Found`, the forces of constraints and how they were found, or None
     """
 
@@ -59,12 +71,16 @@ class Accumulator:
         self.forces = np.zeros((n, 3)) if forces else None
         self.energies = np.zeros(n) if energies else None
         self.n_bonds = 0
-        self.notes: dict[str, int] = {}
+        self.notes: dict[str, int | Worst] = {}
         self.ws = Workspace()
 
     def note(self, what: str, count: int) -> None:
         if count:
             self.notes[what] = self.notes.get(what, 0) + int(count)
+
+    def measured(self, what: str, error: float) -> None:
+        """A measured error, by the name of the output's attribute that tells the largest of them."""
+        self.notes[what] = self.notes.get(what, 0) + Worst(error)
 
     def add_bonds(self, bonds: Bonds) -> None:
         """Add a chunk's forces and virial. Every term's forces follow from its bonds, so this is the only place that
@@ -106,12 +122,16 @@ class Term:
     partitions: Mapping[str, str] = MappingProxyType({})
     #: the pair styles it sums, if it does
     styles: Sequence = ()
-    #: how many atoms one of its interactions has
-    bodies: int = 2
+    #: how many atoms one of its interactions has; 0: two, or as many as its `kind` says
+    bodies: int = 0
     #: "bond", "angle", "dihedral", "improper": the list of a topology that it acts on, if it does
     kind: str | None = None
     #: how far apart atoms of one interaction may be, if not `cutoff`
     reach: float = 0.0
+    #: what else the output's attributes say of it besides `describe`; of learned models: energy_path, precision,
+    #: energy_reference, and energy_identity where it holds by construction (else it is measured, see
+    #: `Accumulator.measured`)
+    attributes: Mapping[str, str] = MappingProxyType({})
     #: weights of pairs that are bonded, see `special_bonds`
     special = None
     #: whether it needs the charges of the atoms
@@ -182,6 +202,10 @@ class Wrapper(Term):
         return self.term.depth
 
     @property
+    def attributes(self) -> Mapping[str, str]:
+        return self.term.attributes
+
+    @property
     def part_name(self) -> str:
         return self.term.part_name
 
@@ -242,6 +266,14 @@ class Potential(Interactions):
     remarks: tuple[str, ...] = ()
     atom_style: str = ""
 
+    def _repr_html_(self):
+        """For notebooks: its terms, and how far they reach."""
+        from ..terminal import html_table
+
+        rows = [("units", self.units.name), ("cutoff", f"{self.units.to_user('length', self.cutoff):.6g}")]
+        rows += [(f"term {k}", t.describe()) for k, t in enumerate(self.terms, 1)]
+        return html_table("potential", rows + [("remark", r) for r in self.remarks])
+
     def __init__(self, terms, units_: Units | str, description: str = ""):
         self.terms = list(terms)
         self.units = units(units_)
@@ -284,6 +316,15 @@ class Potential(Interactions):
     def describe(self) -> str:
         held = [self.constraints.describe()] if self.constraints is not None else []
         return self.description or "; ".join([t.describe() for t in self.terms] + held + list(self.remarks))
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """What the output says of its terms besides `describe`, see `Term.attributes`."""
+        found: dict[str, list[str]] = {}
+        for t in self.terms:
+            for key, value in t.attributes.items():
+                found.setdefault(key, []).append(str(value))
+        return {key: "; ".join(dict.fromkeys(values)) for key, values in found.items()}
 
     @property
     def central(self) -> bool:
@@ -466,8 +507,8 @@ class Potential(Interactions):
         pool = ThreadPoolExecutor(threads) if threads > 1 else None
         try:
             for term in self.terms:
-                if term.field:
-                    term.threads = threads
+                if hasattr(term.inner, "threads"):  # of those that deal out their work themselves
+                    term.inner.threads = threads
                 work = term.prepare(frame)
                 for stage in range(len(work.stages)):
                     if pool is None:
@@ -496,7 +537,7 @@ class Potential(Interactions):
                     bonds.D_bdc = two_body_sources(bonds)  # no energy; the power of their forces
                 if consume is not None:
                     consume(bonds, 0)
-        notes: dict[str, int] = {}
+        notes: dict[str, int | Worst] = {}
         for a in accs:
             for k, v in a.notes.items():
                 notes[k] = notes.get(k, 0) + v

@@ -14,19 +14,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..bonds import Bonds
-from ..errors import AtcError
 from ..frame import Frame
-from .base import Accumulator, Term, Work
+from .base import Term, Work
 from .elements import ElementMap
-from .neighborhood import Neighborhood
+from .neighbor_work import NO_S, OUTER_PER_TASK, NeighborWork, made, room, shares
 from .stillinger_weber_kernels import sw_merge
-
-_NOTHING = np.zeros(0)
-_NO_S = np.zeros((0, 2, 2, 3))
-_NO_D = np.zeros((0, 2, 3))
-# Outer bonds that a task may make: a dense liquid must not cost memory.
-_OUTER_PER_TASK = 1 << 16
 
 
 class Centred(Term):
@@ -38,18 +30,16 @@ class Centred(Term):
     #: How many outer bonds k neighbours make at most, in units of k (k − 1)/2.
     outer_per_pair = 1
 
-    def pairs(self, near: Neighborhood, element, p0: int, p1: int, G_p, energies) -> tuple[float, int]:
+    def pairs(self, p0: int, p1: int, near: tuple, G_p, energies) -> tuple[float, int]:
         """Fill G_p[p0:p1] with G of the pair energies; return their sum and the first pair that is not finite, or
-        −1."""
+        −1. near : as `NeighborWork.lists`"""
         return 0.0, -1
 
-    def centres(
-        self, near, element, s0, s1, most, G_end, S_end, out_i, out_j, out_r, out_G, out_D, energies
-    ) -> tuple[int, float]:
-        """Around the atoms s0..s1: arms into G_end (pair, end) and S_end (pair, end, 2, 3), outer bonds to the out
-        arrays; return their number and Σ U_i.
+    def centres(self, s0, s1, most, near: tuple, G_end, S_end, out: tuple, energies) -> tuple[int, float]:
+        """Around the atoms s0..s1: arms into G_end (pair, end) and S_end (pair, end, 2, 3), outer bonds to out = (i, j,
+        r, G, D); return their number and Σ U_i.
 
-        S_end[p, end] : ∂U^(centre)/∂x_other and ∂U^(other)/∂x_centre. It and out_D have no rows where no sources are
+        S_end[p, end] : ∂U^(centre)/∂x_other and ∂U^(other)/∂x_centre. It and D have no rows where no sources are
         wanted, energies none where no shares are.
         most : the most neighbours an atom has
         """
@@ -59,89 +49,44 @@ class Centred(Term):
         return CentredWork(self, frame)
 
 
-class CentredWork(Work):
+class CentredWork(NeighborWork):
     """One frame: its neighbours, then chunks of centres."""
 
     def __init__(self, term: Centred, frame: Frame):
-        self.term, self.frame = term, frame
-        element_n, who = term.map.apply(frame)
-        self.near = near = Neighborhood(frame, who, term.cutoff, term.style)
-        self.element = element_n[near.atom]
-        self.stages = (near.chunks, 1, near.chunks, near.chunks)
+        super().__init__(term, frame, term.style, *term.map.apply(frame))
 
-    def run(self, stage, task, acc: Accumulator):
-        return (self._collect, self._join, self._centres, self._merge)[stage](task, acc)
+    @property
+    def own(self):
+        return self._centres, self._merge
 
-    def _collect(self, task, acc):
-        self.near.collect(task, acc.ws)
-
-    def _join(self, task, acc):
+    def joined(self, acc):
         near = self.near
-        near.join()
         pairs = len(near.a)
         self.G_p = np.zeros(pairs)
         self.G_end = np.zeros((pairs, 2))
-        self.S_end = np.zeros((pairs, 2, 2, 3)) if acc.sources else _NO_S
-        self.edges, self.most, self.room = near.runs(_OUTER_PER_TASK)
+        self.S_end = np.zeros((pairs, 2, 2, 3)) if acc.sources else NO_S
+        self.edges, self.most, self.room = near.runs(OUTER_PER_TASK)
         self.room *= self.term.outer_per_pair
         self.stages = (near.chunks, 1, len(self.edges) - 1, near.chunks)
 
     def _centres(self, task, acc):
-        ws = acc.ws
-        while ws.capacity < self.room:
-            ws.grow()
-        D = np.zeros((self.room, 2, 3)) if acc.sources else _NO_D
-        energies = acc.energies if acc.energies is not None else _NOTHING
+        out = room(acc, self.room, np.zeros)
         m, energy = self.term.centres(
-            self.near,
-            self.element,
-            self.edges[task],
-            self.edges[task + 1],
-            self.most,
-            self.G_end,
-            self.S_end,
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.G,
-            D,
-            energies,
+            self.edges[task], self.edges[task + 1], self.most, self.lists, self.G_end, self.S_end, out, shares(acc)
         )
         acc.energy += energy
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
+        return made(acc, out, m)
 
     def _merge(self, task, acc):
-        near, ws, term = self.near, acc.ws, self.term
-        p0, p1 = near.edges[task], near.edges[task + 1]
-        while ws.capacity < p1 - p0:
-            ws.grow()
-        D = np.empty((p1 - p0, 2, 3)) if acc.sources else None
-        energies = acc.energies if acc.energies is not None else _NOTHING
-        energy, bad = term.pairs(near, self.element, p0, p1, self.G_p, energies)
+        near = self.near
+        p0, p1 = self.pairs(task)
+        out = room(acc, p1 - p0, without=None)
+        energy, bad = self.term.pairs(p0, p1, self.lists, self.G_p, shares(acc))
         if bad < 0:
             odd = ~np.isfinite(self.G_p[p0:p1] + self.G_end[p0:p1].sum(axis=1))
             bad = p0 + int(np.argmax(odd)) if odd.any() else -1
-        if bad >= 0:
-            a, b = self.frame.ids[near.atom[near.a[bad]]], self.frame.ids[near.atom[near.b[bad]]]
-            raise AtcError(
-                f"{self.frame.source}: the {term.style} force between atoms {a} and {b} at distance "
-                f"{near.d_p[bad]:.3g} is not a finite number"
-            )
+        self.require_finite(bad)
         acc.energy += energy
-        m = sw_merge(
-            p0,
-            p1,
-            near.a,
-            near.b,
-            near.r_pc,
-            self.G_p,
-            self.G_end,
-            self.S_end if acc.sources else None,
-            near.atom,
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.G,
-            D,
-        )
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], None if D is None else D[:m])
+        S_end = self.S_end if acc.sources else None
+        m = sw_merge(p0, p1, near.a, near.b, near.r_pc, self.G_p, self.G_end, S_end, near.atom, *out)
+        return made(acc, out, m)

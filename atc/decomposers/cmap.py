@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
+from ..readers.whole import whole_text
 
 #: points of a map in each direction: every 15°, from −180°
 POINTS = 24
@@ -27,11 +28,7 @@ def read_maps(path, where: str = "") -> np.ndarray:
 
     Raises AtcError for a missing file, a word that is no number, or an incomplete map.
     """
-    at = f"{where}: " if where else ""
-    try:
-        lines = Path(path).read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError as e:
-        raise AtcError(f"{at}cannot read the correction maps {str(path)!r} ({e.strerror or e})") from None
+    lines = whole_text(path, "correction maps", where).splitlines()
     values = []
     for number, line in enumerate(lines, 1):
         for word in line.partition("#")[0].split():
@@ -52,10 +49,7 @@ def read_crossterms(path, section: str = "CMAP") -> tuple[np.ndarray, np.ndarray
 
     Raises AtcError for a row that is not ``index type`` and five ids.
     """
-    try:
-        lines = Path(path).read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError as e:
-        raise AtcError(f"{path} cannot be read: {e.strerror or e}") from None
+    lines = whole_text(path, "data").splitlines()
     start = next((k for k, line in enumerate(lines) if line.partition("#")[0].strip() == section), None)
     rows = []
     for number, line in enumerate(lines[start + 1 :] if start is not None else (), (start or 0) + 2):

@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..bonds import Bonds
 from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
 from ..units import Units
 from ..units import units as system
-from .base import Accumulator, Term, Work
+from .base import Term, Work
 from .eam_file import EAMTables, read_setfl
-from .elements import ElementMap, mapped_line
+from .elements import ElementMap, mapped_line, require_known
 from .embedded_atom import _place, spline
-from .neighborhood import Neighborhood, around
+from .neighbor_work import OUTER_PER_TASK, NeighborWork, made, room, shares
+from .neighborhood import around, between_sharing_neighbors
 from .registry import MAPPED_STYLES, pair_style
-
-_NOTHING = np.zeros(0)
-_NO_D = np.zeros((0, 2, 3))
-_OUTER_PER_TASK = 1 << 16
 
 
 class ConcentrationEAM(Term):
@@ -72,137 +68,66 @@ class ConcentrationEAM(Term):
         """From a LAMMPS file, e.g. ``ConcentrationEAM.from_file("FeCr.cdeam", ["Fe", "Cr"])``. where : the line that
         names it, for messages."""
         t = read_setfl(path, system(units).name, False, where, mixing=True)
-        odd = next((e for e in elements or () if e not in (None, "NULL", *t.elements)), None)
-        if odd is not None:
-            raise AtcError(f"{where or path}: {path} has no element {odd!r}: it has {', '.join(t.elements)}")
+        require_known(elements, t.elements, path, where)
         return cls(t, elements, units=units, two_sites=two_sites)
 
     def describe(self) -> str:
         return f"{self.style}{self.map.describe()}, embedding energy to its own atom, pair energy shared half to each"
 
     def prepare(self, frame: Frame) -> Work:
-        return _Work(self, frame)
+        return _ConcentrationWork(self, frame)
 
 
-class _Work(Work):
+class _ConcentrationWork(NeighborWork):
     def __init__(self, term: ConcentrationEAM, frame: Frame):
-        self.term, self.frame = term, frame
-        element_n, who = term.map.apply(frame)
-        self.near = near = Neighborhood(frame, who, term.cutoff, "EAM")
-        self.element = element_n[near.atom]
-        self.stages = (near.chunks, 1, near.chunks, near.chunks, near.chunks, near.chunks)
+        super().__init__(term, frame, "EAM", *term.map.apply(frame))
 
-    def run(self, stage, task, acc: Accumulator):
-        return (self._collect, self._join, self._densities, self._weights, self._merge, self._outer)[stage](task, acc)
+    @property
+    def own(self):
+        return self._densities, self._weights, self._merge, self._outer
 
-    def _collect(self, task, acc):
-        self.near.collect(task, acc.ws)
-
-    def _join(self, task, acc):
-        near = self.near
-        near.join()
-        n = len(near.atom)
+    def joined(self, acc):
+        n = len(self.near.atom)
         self.rho, self.x, self.slope, self.X = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
         self.grad = np.zeros((n if acc.sources else 0, 3))
-        self.runs, self.most, self.room = near.runs(_OUTER_PER_TASK)
-        self.stages = (near.chunks, 1, near.chunks, near.chunks, near.chunks, len(self.runs) - 1 if acc.sources else 0)
-
-    def _lists(self):
-        near = self.near
-        return near.start, near.pair, near.end, near.a, near.b, near.r_pc, near.d_p, self.element
+        self.runs, self.most, self.room = self.near.runs(OUTER_PER_TASK)
+        self.stages = (*self.stages[:-1], len(self.runs) - 1 if acc.sources else 0)
 
     def _densities(self, task, acc):
-        near, t = self.near, self.term
-        energies = acc.energies if acc.energies is not None else _NOTHING
+        t = self.term
         acc.energy += _densities(
-            near.first[task],
-            near.first[task + 1],
-            *self._lists(),
+            *self.atoms(task),
+            self.lists,
             t.F,
             t.rho,
             t.per_drho,
             t.per_dr,
-            near.atom,
             self.rho,
             self.x,
             self.slope,
             self.grad,
-            energies,
+            shares(acc),
         )
 
     def _weights(self, task, acc):
-        near, t = self.near, self.term
-        _weights(
-            near.first[task], near.first[task + 1], *self._lists(), t.zr, t.per_dr, t.h, t.two_sites, self.x, self.X
-        )
+        t = self.term
+        _weights(*self.atoms(task), self.lists, t.zr, t.per_dr, t.h, t.two_sites, self.x, self.X)
 
     def _merge(self, task, acc):
-        near, ws, t = self.near, acc.ws, self.term
-        p0, p1 = near.edges[task], near.edges[task + 1]
-        while ws.capacity < p1 - p0:
-            ws.grow()
-        D = np.empty((p1 - p0, 2, 3)) if acc.sources else _NO_D
-        energies = acc.energies if acc.energies is not None else _NOTHING
-        m, energy, bad = _pairs(
-            p0,
-            p1,
-            near.a,
-            near.b,
-            near.r_pc,
-            near.d_p,
-            self.element,
-            t.rho,
-            t.zr,
-            t.per_dr,
-            t.h,
-            t.two_sites,
-            self.rho,
-            self.x,
-            self.slope,
-            self.X,
-            self.grad,
-            near.atom,
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.G,
-            D,
-            energies,
-        )
-        if bad >= 0:
-            a, b = self.frame.ids[near.atom[near.a[bad]]], self.frame.ids[near.atom[near.b[bad]]]
-            raise AtcError(
-                f"{self.frame.source}: the EAM force between atoms {a} and {b} at distance {near.d_p[bad]:.3g} is not "
-                "a finite number"
-            )
+        t = self.term
+        p0, p1 = self.pairs(task)
+        out = room(acc, p1 - p0)
+        state = self.rho, self.x, self.slope, self.X, self.grad
+        m, energy, bad = _pairs(p0, p1, self.lists, t.rho, t.zr, t.per_dr, t.h, t.two_sites, *state, out, shares(acc))
+        self.require_finite(bad)
         acc.energy += energy
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
+        return made(acc, out, m)
 
     def _outer(self, task, acc):
-        ws, t = acc.ws, self.term
-        while ws.capacity < self.room:
-            ws.grow()
-        D = np.empty((self.room, 2, 3))
-        m = _outer(
-            self.runs[task],
-            self.runs[task + 1],
-            self.most,
-            *self._lists(),
-            t.rho,
-            t.zr,
-            t.per_dr,
-            t.h,
-            t.two_sites,
-            self.rho,
-            self.x,
-            self.near.atom,
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.G,
-            D,
-        )
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m])
+        t, out = self.term, room(acc, self.room)
+        runs = self.runs[task], self.runs[task + 1]
+        m = _outer(*runs, self.most, self.lists, t.rho, t.zr, t.per_dr, t.h, t.two_sites, self.rho, self.x, out)
+        return made(acc, out, m)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -240,10 +165,9 @@ def _mixed(h, two_sites, x, y):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _densities(
-    s0, s1, start, pair, end, a, b, r, d, element, F, rho_table, per_drho, per_dr, atom, rho, x, slope, grad, energies
-):
+def _densities(s0, s1, near, F, rho_table, per_drho, per_dr, rho, x, slope, grad, energies):
     """ρ, x, F' of the atoms s0..s1, and Σ_k ∂x/∂x_k where wanted. Returns Σ F."""
+    start, pair, end, a, b, r, d, element, atom = near
     points = F.shape[1] - 1
     total = 0.0
     for s in range(s0, s1):
@@ -279,8 +203,9 @@ def _densities(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _weights(s0, s1, start, pair, end, a, b, r, d, element, zr, per_dr, h, two_sites, x, X):
+def _weights(s0, s1, near, zr, per_dr, h, two_sites, x, X):
     """X of the atoms s0..s1."""
+    start, pair, end, a, b, _, d, element, _ = near
     for s in range(s0, s1):
         for e in range(start[s], start[s + 1]):
             p = pair[e]
@@ -290,32 +215,9 @@ def _weights(s0, s1, start, pair, end, a, b, r, d, element, zr, per_dr, h, two_s
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _pairs(
-    p0,
-    p1,
-    a,
-    b,
-    r,
-    d,
-    element,
-    rho_table,
-    zr,
-    per_dr,
-    h,
-    two_sites,
-    rho,
-    x,
-    slope,
-    X,
-    grad,
-    atom,
-    out_i,
-    out_j,
-    out_r,
-    out_G,
-    out_D,
-    energies,
-):
+def _pairs(p0, p1, near, rho_table, zr, per_dr, h, two_sites, rho, x, slope, X, grad, out, energies):
+    _, _, _, a, b, r, d, element, atom = near
+    out_i, out_j, out_r, out_G, out_D = out
     sources = len(out_D) > 0
     total = 0.0
     m = 0
@@ -360,39 +262,15 @@ def _pairs(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _outer(
-    s0,
-    s1,
-    most,
-    start,
-    pair,
-    end,
-    a,
-    b,
-    r,
-    d,
-    element,
-    rho_table,
-    zr,
-    per_dr,
-    h,
-    two_sites,
-    rho,
-    x,
-    atom,
-    out_i,
-    out_j,
-    out_r,
-    out_G,
-    out_D,
-):
+def _outer(s0, s1, most, near, rho_table, zr, per_dr, h, two_sites, rho, x, out):
     """Between neighbours e, f of an atom s: ∂U^(e)/∂x_f = ½ φ_es ∂H/∂x_s ∂x_s/∂x_f, and the same with e and f
     exchanged."""
+    element = near[7]
     who, arm, dist = np.empty(most, np.int32), np.empty((most, 3)), np.empty(most)
     share, slope = np.empty(most), np.empty(most)
     m = 0
     for s in range(s0, s1):
-        k = around(s, start, pair, end, a, b, r, d, who, arm, dist)
+        k = around(s, near, who, arm, dist)
         if not rho[s] > 0.0:
             continue
         for e in range(k):
@@ -405,16 +283,7 @@ def _outer(
                 * ((1.0 if element[o] == 1 else 0.0) - x[s])
                 / (rho[s] * dist[e])
             )
-        for e in range(k):
-            for f in range(e + 1, k):
-                if share[e] * slope[f] == 0.0 and share[f] * slope[e] == 0.0:
-                    continue
-                out_i[m], out_j[m], out_G[m] = atom[who[e]], atom[who[f]], 0.0
-                for c in range(3):
-                    out_r[m, c] = arm[f, c] - arm[e, c]
-                    out_D[m, 0, c] = share[e] * slope[f] * arm[f, c]
-                    out_D[m, 1, c] = share[f] * slope[e] * arm[e, c]
-                m += 1
+        m = between_sharing_neighbors(k, near, who, arm, share, slope, out, m)
     return m
 
 

@@ -213,7 +213,7 @@ class Constraints:
 
     # --- what from
 
-    def choose(self, frame: Frame, of_bodies: bool = False, without: bool = False) -> str:
+    def source_for(self, frame: Frame, of_bodies: bool = False, without: bool = False) -> str:
         """The source for a frame. `of_bodies`: for rigid bodies; `without`: whether the frame's forces do not contain
         those of constraints.
 
@@ -262,9 +262,9 @@ class Constraints:
         """Raise AtcError where a frame says nothing of the constraint forces."""
         frame.require("masses", why="the forces of constraints")
         if any(not r.bodies for r in self.rules):
-            self.choose(frame, without=self._said() is False)
+            self.source_for(frame, without=self._said() is False)
         if any(r.bodies for r in self.rules):
-            self.choose(frame, of_bodies=True)
+            self.source_for(frame, of_bodies=True)
 
     def _said(self):
         """Whether forces contain those of constraints, as far as it was said."""
@@ -291,7 +291,7 @@ class Constraints:
         systems, pairs, r_c3 = self._systems(frame)
         if len(pairs):
             without = self._without(frame, acting, systems)
-            source = self.choose(frame, without=without)
+            source = self.source_for(frame, without=without)
             lam = np.zeros(len(pairs))
             left = _Left()
             for s in systems:
@@ -304,7 +304,7 @@ class Constraints:
             errors.append(left.error(lam))
         bodies = self.bodies(frame)
         if bodies:
-            source = self.choose(frame, of_bodies=True)
+            source = self.source_for(frame, of_bodies=True)
             off = []
             for b in bodies:
                 omega = None

@@ -13,11 +13,10 @@ import numpy as np
 from ..compiled import njit
 from ..errors import AtcError, AtcWarning
 from ..units import Units
-from ..units import units as system
 from .centred import Centred
-from .elements import ElementMap, mapped_line
+from .elements import mapped_line
+from .entries import Entry, OfEntries
 from .neighborhood import around
-from .parameter_file import read_entries
 from .registry import MAPPED_STYLES, pair_style
 
 # Shares of a pair's energy (centre, neighbour) and of a triplet's (centre, each neighbour).
@@ -25,7 +24,7 @@ _SHARES = {"equal": (0.5, 0.5, 1 / 3, 1 / 3), "center": (1.0, 0.0, 1.0, 0.0), "c
 
 
 @dataclass(frozen=True)
-class EDIPEntry:
+class EDIPEntry(Entry):
     """One entry ``elem1 elem2 elem3`` of an ``.edip`` file, elem1 at the centre: see `EDIP`. a and c are LAMMPS's
     cutoffA and cutoffC."""
 
@@ -49,38 +48,19 @@ class EDIPEntry:
     where: str = "the EDIP parameters"
 
     what: ClassVar[str] = "EDIP"
-    keys: ClassVar[tuple] = (
-        "A",
-        "B",
-        "a",
-        "c",
-        "alpha",
-        "beta",
-        "eta",
-        "gamma",
-        "lam",
-        "mu",
-        "rho",
-        "sigma",
-        "Q0",
-        "u1",
-        "u2",
-        "u3",
-        "u4",
-    )
+    signed: ClassVar[tuple] = ("Q0", "u1", "u2", "u3", "u4")
     energies: ClassVar[tuple] = ("A", "lam")
     converts: ClassVar[bool] = False
 
     def check(self) -> str | None:
-        for key in ("A", "B", "a", "c", "alpha", "beta", "eta", "gamma", "lam", "mu", "rho", "sigma"):
-            if getattr(self, key) < 0:
-                return f"{key} must not be negative, got {getattr(self, key):g}"
+        if wrong := super().check():
+            return wrong
         if not self.a > self.c:
             return f"cutoffA must be larger than cutoffC, got {self.a:g} and {self.c:g}"
         return None
 
 
-class EDIP(Centred):
+class EDIP(Centred, OfEntries):
     """U = Σ_i [Σ_j φ2(d_ij, Z_i) + Σ_{j<k} φ3(d_ij, d_ik, cos θ, Z_i)], Z_i = Σ_m f(d_im),
     φ2 = A [(B/d)^ρ − exp(−β Z²)] exp(σ/(d − a)), φ3 = exp(γ/(d_ij − a)) exp(γ/(d_ik − a)) λ [1 − exp(−Q x²) + η Q x²],
     x = cos θ + τ(Z), Q = Q0 exp(−μ Z), τ = u1 + u2 [u3 exp(−u4 Z) − exp(−2 u4 Z)]; f is 1 up to c, exp(α/(1 − y^−3)), y
@@ -104,31 +84,18 @@ class EDIP(Centred):
     """
 
     style = "edip/multi"
+    entry = EDIPEntry
     part_name = "edip"
     partitions = MappingProxyType({"equal": "equal", "center": "center"})
 
     def __init__(self, entries: dict, elements=None, *, units: str | Units = "metal", partition="equal"):
-        self.units = u = system(units)
-        entries = {tuple(k): v if isinstance(v, EDIPEntry) else EDIPEntry(**v) for k, v in entries.items()}
-        for e in entries.values():
-            if wrong := e.check():
-                raise AtcError(f"{e.where}: {wrong}")
-        names = (
-            [next(iter(entries))[0]]
-            if elements is None
-            else list(dict.fromkeys(e for e in elements if e not in (None, "NULL")))
-        )
-        self.map = ElementMap(elements, names, f"pair_style {self.style}")
+        entries, names = self.take(entries, elements, units)
         self.share(partition)
-        energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
+        energy, length = self.units.to_internal("energy", 1.0), self.units.to_internal("length", 1.0)
         m = len(names)
         self.two, self.three = np.zeros((m, m, 9)), np.zeros((m, m, m, 8))
         for (i, a), (j, b), (k, c) in product(enumerate(names), repeat=3):
-            e = entries.get((a, b, c))
-            if e is None:
-                raise AtcError(
-                    f"{self.style}: no entry for {a} {b} {c}: a potential needs every combination of its elements"
-                )
+            e = entries[a, b, c]
             self.three[i, j, k] = e.lam * energy, e.eta, e.Q0, e.mu, e.u1, e.u2, e.u3, e.u4
             if j == k:
                 self.two[i, j] = (
@@ -153,15 +120,6 @@ class EDIP(Centred):
         self.three = np.ascontiguousarray(0.5 * (self.three + self.three.transpose(0, 2, 1, 3)))
         self.cutoff = float(self.two[..., 0].max())
 
-    @classmethod
-    def from_file(cls, path, elements, *, units: str | Units = "metal", partition="equal", where: str = "") -> EDIP:
-        """From a LAMMPS parameter file, e.g. ``EDIP.from_file("Si.edip", ["Si"])``. where : the line that names it, for
-        messages."""
-        used = dict.fromkeys(e for e in elements if e not in (None, "NULL"))
-        return cls(
-            read_entries(path, used, system(units).name, EDIPEntry, where), elements, units=units, partition=partition
-        )
-
     def share(self, partition):
         if partition not in _SHARES:
             raise AtcError(f"edip: partition {partition!r}: expected 'equal' or 'center'")
@@ -176,25 +134,8 @@ class EDIP(Centred):
     def describe(self) -> str:
         return f"edip{self.map.describe()}, {self.shared}; one merged bond a pair, outer bonds apart"
 
-    def centres(self, near, element, s0, s1, most, *out):
-        return _centres(
-            s0,
-            s1,
-            most,
-            near.start,
-            near.pair,
-            near.end,
-            near.a,
-            near.b,
-            near.r_pc,
-            near.d_p,
-            element,
-            self.two,
-            self.three,
-            self.weights,
-            near.atom,
-            *out,
-        )
+    def centres(self, s0, s1, most, near, *out):
+        return _centres(s0, s1, most, near, self.two, self.three, self.weights, *out)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -213,33 +154,11 @@ def _coordination(d, row):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _centres(
-    s0,
-    s1,
-    most,
-    start,
-    pair,
-    end,
-    a,
-    b,
-    r,
-    d,
-    element,
-    two,
-    three,
-    weights,
-    atom,
-    G_end,
-    S_end,
-    out_i,
-    out_j,
-    out_r,
-    out_G,
-    out_D,
-    energies,
-):
+def _centres(s0, s1, most, near, two, three, weights, G_end, S_end, out, energies):
     """φ2 and φ3 of the atoms s0..s1. W is the share of a neighbour; every energy depends on Z too, so its derivative
     goes to all neighbours at the end."""
+    start, pair, end, _, _, _, _, element, atom = near
+    out_i, out_j, out_r, out_G, out_D = out
     sources = len(S_end) > 0
     shared = len(energies) > 0
     w_c, w_n, t_c, t_n = weights
@@ -253,7 +172,7 @@ def _centres(
     total = 0.0
     n = 0
     for s in range(s0, s1):
-        k = around(s, start, pair, end, a, b, r, d, who, arm, dist)
+        k = around(s, near, who, arm, dist)
         es = element[s]
         first = n
         Z = 0.0

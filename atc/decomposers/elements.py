@@ -18,26 +18,44 @@ SYMBOLS = tuple(
 )
 
 
-def mapped_line(inp: StyleInput, ending: str):
-    """(path, elements, line) of the one ``pair_coeff * * <file> <element of each atom type>`` line of a style.
+def whole_line(inp: StyleInput, wants: str, least: int = 0):
+    """The one ``pair_coeff * *`` line, of `least` words or more, of a style without arguments; `wants` : how it should
+    read.
 
     Raises
     ------
-    AtcError for missing or several lines, types other than ``* *``, too few elements, a missing file.
+    AtcError for arguments, missing or several lines, types other than ``* *``, too few words.
     """
-    wants = f"pair_coeff * * <file{ending}> <element of each atom type>"
     if inp.args:
-        raise inp.error(f"{inp.command} takes no arguments here, got {' '.join(inp.args)}")
+        raise inp.error(f"{inp.command} takes {wants}: expected no arguments, got {' '.join(inp.args)}")
     if not inp.coeffs:
         raise inp.error(f"{inp.command} has no pair_coeff line: give {wants}")
     if len(inp.coeffs) > 1:
         raise inp.error(f"{inp.command} takes one pair_coeff * * line: leave one of them", inp.coeffs[1])
     line = inp.coeffs[0]
     if any(t.lo != 1 or t.hi is not None for t in line.types):
-        raise inp.error(f"{inp.command} wants {wants}: replace the types by * *", line)
-    if len(line.words) < 2:
-        raise inp.error(f"{inp.command} wants {wants}, got {' '.join(line.words) or 'nothing'} behind * *", line)
-    elements = [None if e == "NULL" else e for e in line.words[1:]]
+        raise inp.error(f"{inp.command} takes {wants}: replace the types by * *", line)
+    if len(line.words) < least:
+        raise not_as_wanted(inp, wants, line)
+    return line
+
+
+def not_as_wanted(inp: StyleInput, wants: str, line):
+    """The error for a line of too few words."""
+    got = " ".join(line.words) or "nothing"
+    return inp.error(
+        f"{inp.command} wants {wants}: it takes a file and the element of each atom type, got {got} behind * *", line
+    )
+
+
+def of_each_type(inp: StyleInput, words, line) -> list[str | None]:
+    """The element of each atom type that the last words of a line name, None for NULL.
+
+    Raises
+    ------
+    AtcError for too few, none at all, and types that another style has to itself.
+    """
+    elements = [None if e == "NULL" else e for e in words]
     if len(elements) < inp.n_types:
         raise inp.error(
             f"{inp.command} needs one element (or NULL) for each of the {inp.n_types} atom types, found "
@@ -52,12 +70,26 @@ def mapped_line(inp: StyleInput, ending: str):
             for b in range(a, m + 1):
                 if elements[a - 1] and elements[b - 1] and not inp.wanted[a, b]:
                     raise inp.error(
-                        f"{inp.command} is a many-body style: its types {a} and {b} cannot be given to another style "
-                        "alone; "
-                        "use hybrid/overlay, or NULL for one of them",
+                        f"{inp.command} must act on all pairs of the types that it maps, but {a} {b} is given to "
+                        "another style alone: use hybrid/overlay, or NULL for one of them",
                         line,
                     )
+    return elements
+
+
+def mapped_line(inp: StyleInput, ending: str):
+    """(path, elements, line) of the one ``pair_coeff * * <file> <element of each atom type>`` line of a style; AtcError
+    as `whole_line`, `of_each_type`, and for a missing file."""
+    line = whole_line(inp, f"pair_coeff * * <file{ending}> <element of each atom type>", 2)
+    elements = of_each_type(inp, line.words[1:], line)
     return inp.path(line.words[0], line), elements, line
+
+
+def require_known(elements, names, path, where: str) -> None:
+    """Raise AtcError, at the line `where` or the file, for elements that a file does not have."""
+    odd = next((e for e in elements or () if e not in (None, "NULL", *names)), None)
+    if odd is not None:
+        raise AtcError(f"{where or path}: {path} has no element {odd!r}: it has {', '.join(names)}")
 
 
 class ElementMap:

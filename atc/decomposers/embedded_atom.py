@@ -12,18 +12,15 @@ import numpy as np
 
 from ..bonds import Bonds
 from ..compiled import njit
-from ..errors import AtcError
 from ..frame import Frame
-from ..neighbors.verlet import cell_list
 from ..units import Units
 from ..units import units as system
 from .base import Accumulator, Term, Work
 from .eam_file import EAMTables, read_funcfl, read_setfl
-from .elements import ElementMap, mapped_line
+from .elements import ElementMap, mapped_line, require_known
+from .neighbor_work import NO_D, shares
+from .neighborhood import by_place, impossible
 from .registry import MAPPED_STYLES, pair_style
-
-_NOTHING = np.zeros(0)
-_NO_D = np.zeros((0, 2, 3))
 
 
 class EmbeddedAtom(Term):
@@ -95,9 +92,7 @@ class EmbeddedAtom(Term):
         """From a setfl file (LAMMPS ``eam/alloy``), its Finnis-Sinclair variant (``eam/fs``), or that with negative
         densities (helium: ``eam/he``): ``EmbeddedAtom.from_setfl("AlCu.eam.alloy", ["Al"])``."""
         t = read_setfl(path, system(units).name, finnis_sinclair or helium, where, helium=helium)
-        odd = next((e for e in elements or () if e not in (None, "NULL", *t.elements)), None)
-        if odd is not None:
-            raise AtcError(f"{where or path}: {path} has no element {odd!r}: it has {', '.join(t.elements)}")
+        require_known(elements, t.elements, path, where)
         return cls(t, elements, units=units, name="eam/he" if helium else "eam/fs" if finnis_sinclair else "eam/alloy")
 
     @classmethod
@@ -147,15 +142,10 @@ class _EAMWork(Work):
     def __init__(self, term: EmbeddedAtom, frame: Frame):
         self.term, self.frame = term, frame
         element_n, who = term.map.apply(frame)
-        self.list = cells = cell_list(
-            frame.positions if who is None else frame.positions[who], frame.cell, term.cutoff, who
-        )
-        # Inside, atoms are called by their place in the sorted list; `atom` gives the frame's index.
-        self.atom = cells.order if who is None else who[cells.order]
+        self.list, self.atom = by_place(frame, who, term.cutoff)
         self.element = element_n[self.atom]
-        cells.order = np.arange(len(self.atom), dtype=np.int32)
         self.sums: dict[int, tuple[int, np.ndarray]] = {}
-        self.stages = (cells.n_chunks, 1, cells.n_chunks)
+        self.stages = (self.list.n_chunks, 1, self.list.n_chunks)
 
     def run(self, stage, task, acc: Accumulator):
         return (self._densities, self._embed, self._bonds)[stage](task, acc)
@@ -173,9 +163,8 @@ class _EAMWork(Work):
         rho = sum((r for _, r in sorted(self.sums.values(), key=lambda s: s[0])), np.zeros(len(self.atom)))
         self.sums = {}
         self.slope = np.empty(len(rho))
-        energies = acc.energies if acc.energies is not None else _NOTHING
         energy, beyond = _embed(
-            rho, self.element, term.F, 1.0 / term.drho, term.rho_first, term.rho_end, self.atom, self.slope, energies
+            rho, self.element, term.F, 1.0 / term.drho, term.rho_first, term.rho_end, self.atom, self.slope, shares(acc)
         )
         acc.energy += energy
         acc.note("atoms with a density beyond the end of the EAM table", beyond)
@@ -183,8 +172,7 @@ class _EAMWork(Work):
     def _bonds(self, task, acc):
         ws, term = acc.ws, self.term
         n = self.list.half(task, ws)
-        D = np.empty((n, 2, 3)) if acc.sources else _NO_D
-        energies = acc.energies if acc.energies is not None else _NOTHING
+        D = np.empty((n, 2, 3)) if acc.sources else NO_D
         m, energy, bad = _bonds(
             ws.i,
             ws.j,
@@ -199,19 +187,10 @@ class _EAMWork(Work):
             self.atom,
             ws.G,
             D,
-            energies,
+            shares(acc),
         )
         if bad >= 0:
-            a, b = self.frame.ids[self.atom[ws.i[bad]]], self.frame.ids[self.atom[ws.j[bad]]]
-            if ws.d2[bad] == 0.0:
-                raise AtcError(
-                    f"{self.frame.source}: atoms {a} and {b} are at the same place, where the EAM force is undefined; "
-                    "remove one of them"
-                )
-            raise AtcError(
-                f"{self.frame.source}: the EAM force between atoms {a} and {b} at distance {ws.d2[bad] ** 0.5:.3g} is "
-                "not a finite number"
-            )
+            raise impossible(self.frame, self.atom[ws.i[bad]], self.atom[ws.j[bad]], ws.d2[bad] ** 0.5, "EAM")
         acc.energy += energy
         return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
 

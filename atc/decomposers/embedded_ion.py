@@ -8,22 +8,19 @@ from math import erfc
 
 import numpy as np
 
-from ..bonds import Bonds
 from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
 from ..units import Units
 from ..units import units as system
-from .base import Accumulator, Term, Work
-from .elements import ElementMap
+from .base import Term, Work
+from .elements import ElementMap, not_as_wanted, of_each_type, whole_line
 from .embedded_atom import _place, spline
-from .neighborhood import Neighborhood, around
+from .neighbor_work import OUTER_PER_TASK, NeighborWork, made, room, shares
+from .neighborhood import around, between_sharing_neighbors
 from .parameter_file import LARGE, read_parameter_file, units_tag
 from .registry import MAPPED_STYLES, pair_style
 
-_NOTHING = np.zeros(0)
-_NO_D = np.zeros((0, 2, 3))
-_OUTER_PER_TASK = 1 << 16
 # LAMMPS's tables: so many points from 0 to the largest cutoff.
 _POINTS = 5000
 _PAIR = (
@@ -200,115 +197,43 @@ class EmbeddedIon(Term):
         return _EIMWork(self, frame)
 
 
-class _EIMWork(Work):
+class _EIMWork(NeighborWork):
     def __init__(self, term: EmbeddedIon, frame: Frame):
-        self.term, self.frame = term, frame
-        element_n, who = term.map.apply(frame)
-        self.near = near = Neighborhood(frame, who, term.cutoff, "EIM")
-        self.element = element_n[near.atom]
-        self.stages = (near.chunks, 1, near.chunks, near.chunks, near.chunks, near.chunks)
+        super().__init__(term, frame, "EIM", *term.map.apply(frame))
 
-    def run(self, stage, task, acc: Accumulator):
-        return (self._collect, self._join, self._charges, self._potentials, self._merge, self._outer)[stage](task, acc)
+    @property
+    def own(self):
+        return self._charges, self._potentials, self._merge, self._outer
 
-    def _collect(self, task, acc):
-        self.near.collect(task, acc.ws)
-
-    def _join(self, task, acc):
-        near = self.near
-        near.join()
-        n = len(near.atom)
+    def joined(self, acc):
+        n, near = len(self.near.atom), self.near
         self.q, self.sigma, self.grad = np.zeros(n), np.zeros(n), np.zeros((n if acc.sources else 0, 3))
-        self.runs, self.most, self.room = near.runs(_OUTER_PER_TASK)
-        outer = len(self.runs) - 1 if acc.sources else 0
-        self.stages = (near.chunks, 1, near.chunks, near.chunks, near.chunks, outer)
-
-    def _lists(self):
-        near = self.near
-        return near.start, near.pair, near.end, near.a, near.b, near.r_pc, near.d_p, self.element
+        self.runs, self.most, self.room = near.runs(OUTER_PER_TASK)
+        self.stages = (*self.stages[:-1], len(self.runs) - 1 if acc.sources else 0)
 
     def _charges(self, task, acc):
-        near = self.near
-        _charges(
-            near.first[task], near.first[task + 1], *self._lists(), self.term.eta, self.term.per_dr, self.q, self.grad
-        )
+        _charges(*self.atoms(task), self.lists, self.term.eta, self.term.per_dr, self.q, self.grad)
 
     def _potentials(self, task, acc):
-        near = self.near
-        energies = acc.energies if acc.energies is not None else _NOTHING
-        acc.energy += _potentials(
-            near.first[task],
-            near.first[task + 1],
-            *self._lists(),
-            self.term.psi,
-            self.term.per_dr,
-            self.q,
-            self.sigma,
-            near.atom,
-            energies,
-        )
+        t = self.term
+        acc.energy += _potentials(*self.atoms(task), self.lists, t.psi, t.per_dr, self.q, self.sigma, shares(acc))
 
     def _merge(self, task, acc):
-        near, ws, term = self.near, acc.ws, self.term
-        p0, p1 = near.edges[task], near.edges[task + 1]
-        while ws.capacity < p1 - p0:
-            ws.grow()
-        D = np.empty((p1 - p0, 2, 3)) if acc.sources else _NO_D
-        energies = acc.energies if acc.energies is not None else _NOTHING
+        t = self.term
+        p0, p1 = self.pairs(task)
+        out = room(acc, p1 - p0)
         m, energy, bad = _pairs(
-            p0,
-            p1,
-            near.a,
-            near.b,
-            near.r_pc,
-            near.d_p,
-            self.element,
-            term.phi,
-            term.eta,
-            term.psi,
-            term.per_dr,
-            self.q,
-            self.sigma,
-            self.grad,
-            near.atom,
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.G,
-            D,
-            energies,
+            p0, p1, self.lists, t.phi, t.eta, t.psi, t.per_dr, self.q, self.sigma, self.grad, out, shares(acc)
         )
-        if bad >= 0:
-            a, b = self.frame.ids[near.atom[near.a[bad]]], self.frame.ids[near.atom[near.b[bad]]]
-            raise AtcError(
-                f"{self.frame.source}: the EIM force between atoms {a} and {b} at distance {near.d_p[bad]:.3g} is not "
-                "a finite number"
-            )
+        self.require_finite(bad)
         acc.energy += energy
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
+        return made(acc, out, m)
 
     def _outer(self, task, acc):
-        ws = acc.ws
-        while ws.capacity < self.room:
-            ws.grow()
-        D = np.empty((self.room, 2, 3))
-        m = _outer(
-            self.runs[task],
-            self.runs[task + 1],
-            self.most,
-            *self._lists(),
-            self.term.eta,
-            self.term.psi,
-            self.term.per_dr,
-            self.q,
-            self.near.atom,
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.G,
-            D,
-        )
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m])
+        t, out = self.term, room(acc, self.room)
+        runs = self.runs[task], self.runs[task + 1]
+        m = _outer(*runs, self.most, self.lists, t.eta, t.psi, t.per_dr, self.q, out)
+        return made(acc, out, m)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -323,8 +248,9 @@ def _at(table, d, per_dr):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _charges(s0, s1, start, pair, end, a, b, r, d, element, eta, per_dr, q, grad):
+def _charges(s0, s1, near, eta, per_dr, q, grad):
     """q of the atoms s0..s1, and Σ_k ∂q/∂x_k where wanted."""
+    start, pair, end, a, b, r, d, element, _ = near
     for s in range(s0, s1):
         for e in range(start[s], start[s + 1]):
             p = pair[e]
@@ -337,7 +263,8 @@ def _charges(s0, s1, start, pair, end, a, b, r, d, element, eta, per_dr, q, grad
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _potentials(s0, s1, start, pair, end, a, b, r, d, element, psi, per_dr, q, sigma, atom, energies):
+def _potentials(s0, s1, near, psi, per_dr, q, sigma, energies):
+    start, pair, end, a, b, _, d, element, atom = near
     total = 0.0
     for s in range(s0, s1):
         for e in range(start[s], start[s + 1]):
@@ -351,29 +278,9 @@ def _potentials(s0, s1, start, pair, end, a, b, r, d, element, psi, per_dr, q, s
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _pairs(
-    p0,
-    p1,
-    a,
-    b,
-    r,
-    d,
-    element,
-    phi,
-    eta,
-    psi,
-    per_dr,
-    q,
-    sigma,
-    grad,
-    atom,
-    out_i,
-    out_j,
-    out_r,
-    out_G,
-    out_D,
-    energies,
-):
+def _pairs(p0, p1, near, phi, eta, psi, per_dr, q, sigma, grad, out, energies):
+    _, _, _, a, b, r, d, element, atom = near
+    out_i, out_j, out_r, out_G, out_D = out
     sources = len(out_D) > 0
     total = 0.0
     m = 0
@@ -405,29 +312,19 @@ def _pairs(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _outer(
-    s0, s1, most, start, pair, end, a, b, r, d, element, eta, psi, per_dr, q, atom, out_i, out_j, out_r, out_G, out_D
-):
+def _outer(s0, s1, most, near, eta, psi, per_dr, q, out):
     """Between neighbours e, f of an atom s: ∂U^(e)/∂x_f = ½ q_e ψ_es ∂q_s/∂x_f, and the same with e and f exchanged."""
+    element = near[7]
     who, arm, dist = np.empty(most, np.int32), np.empty((most, 3)), np.empty(most)
     share, slope = np.empty(most), np.empty(most)
     m = 0
     for s in range(s0, s1):
-        k = around(s, start, pair, end, a, b, r, d, who, arm, dist)
+        k = around(s, near, who, arm, dist)
         for e in range(k):
             ee = element[who[e]]
             share[e] = 0.5 * q[who[e]] * _at(psi[ee, element[s]], dist[e], per_dr)[0]
             slope[e] = -_at(eta[element[s], ee], dist[e], per_dr)[1] / dist[e]
-        for e in range(k):
-            for f in range(e + 1, k):
-                if share[e] * slope[f] == 0.0 and share[f] * slope[e] == 0.0:
-                    continue
-                out_i[m], out_j[m], out_G[m] = atom[who[e]], atom[who[f]], 0.0
-                for c in range(3):
-                    out_r[m, c] = arm[f, c] - arm[e, c]
-                    out_D[m, 0, c] = share[e] * slope[f] * arm[f, c]
-                    out_D[m, 1, c] = share[f] * slope[e] * arm[e, c]
-                m += 1
+        m = between_sharing_neighbors(k, near, who, arm, share, slope, out, m)
     return m
 
 
@@ -437,24 +334,12 @@ MAPPED_STYLES.add("eim")
 @pair_style("eim")
 def _eim(inp):
     wants = "pair_coeff * * <elements> <file.eim> <element of each atom type>"
-    if inp.args:
-        raise inp.error(f"{inp.command}: {' '.join(inp.args)} is not supported: expected no arguments")
-    if len(inp.coeffs) != 1:
-        raise inp.error(f"{inp.command} takes one line {wants}", inp.coeffs[1] if inp.coeffs else None)
-    line = inp.coeffs[0]
-    if any(t.lo != 1 or t.hi is not None for t in line.types):
-        raise inp.error(f"{inp.command} wants {wants}: replace the types by * *", line)
+    line = whole_line(inp, wants, 3)
     file = next((k for k, w in enumerate(line.words) if k > 0 and ("." in w or "/" in w)), None)
     if file is None or file + 1 == len(line.words):
-        raise inp.error(f"{inp.command} wants {wants}, got {' '.join(line.words) or 'nothing'} behind * *", line)
+        raise not_as_wanted(inp, wants, line)
     names = list(dict.fromkeys(line.words[:file]))
-    elements = [None if e == "NULL" else e for e in line.words[file + 1 :]]
-    if len(elements) < inp.n_types:
-        raise inp.error(
-            f"{inp.command} needs one element (or NULL) for each of the {inp.n_types} atom types, found "
-            f"{len(elements)}",
-            line,
-        )
+    elements = of_each_type(inp, line.words[file + 1 :], line)
     odd = next((e for e in elements if e is not None and e not in names), None)
     if odd is not None:
         raise inp.error(

@@ -7,20 +7,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..bonds import Bonds
 from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
 from ..units import Units
 from ..units import units as system
-from .base import Accumulator, Term, Work
-from .neighborhood import Neighborhood
+from .base import Term, Work
+from .elements import whole_line
+from .neighbor_work import NeighborWork, made, room, shares
 from .parameter_file import LARGE, read_parameter_file
 from .registry import pair_style
 from .spline_meam import Spline, _spline, _stack
 
-_NOTHING = np.zeros(0)
-_NO_D = np.zeros((0, 2, 3))
 _MOST_TYPES = 100_000
 
 
@@ -132,74 +130,34 @@ class LocalDensity(Term):
         return _LocalDensityWork(self, frame)
 
 
-class _LocalDensityWork(Work):
+class _LocalDensityWork(NeighborWork):
     def __init__(self, term: LocalDensity, frame: Frame):
-        self.term, self.frame = term, frame
-        self.near = near = Neighborhood(frame, None, term.cutoff, "local-density")
-        types = frame.types[near.atom]
+        types = frame.types
         if len(types) and types.min() < 1:
             raise AtcError(f"{frame.source}: atom types must be 1 or larger, found {int(types.min())}")
         # Types that the file does not name take no part.
-        self.kind = np.where(types < term.central.shape[1], types, 0).astype(np.int32)
-        self.stages = (near.chunks, 1, near.chunks, near.chunks)
+        kind_n = np.where(types < term.central.shape[1], types, 0).astype(np.int32)
+        super().__init__(term, frame, "local-density", kind_n)
 
-    def run(self, stage, task, acc: Accumulator):
-        return (self._collect, self._join, self._densities, self._merge)[stage](task, acc)
+    @property
+    def own(self):
+        return self._densities, self._merge
 
-    def _collect(self, task, acc):
-        self.near.collect(task, acc.ws)
-
-    def _join(self, task, acc):
-        self.near.join()
+    def joined(self, acc):
         self.slope = np.zeros((len(self.near.atom), len(self.term.F)))
 
     def _densities(self, task, acc):
-        near, term = self.near, self.term
-        energies = acc.energies if acc.energies is not None else _NOTHING
+        term = self.term
         acc.energy += _densities(
-            near.first[task],
-            near.first[task + 1],
-            near.start,
-            near.pair,
-            near.end,
-            near.a,
-            near.b,
-            near.d_p,
-            self.kind,
-            term.central,
-            term.counted,
-            term.shape,
-            term.F,
-            near.atom,
-            self.slope,
-            energies,
+            *self.atoms(task), self.lists, term.central, term.counted, term.shape, term.F, self.slope, shares(acc)
         )
 
     def _merge(self, task, acc):
-        near, ws, term = self.near, acc.ws, self.term
-        p0, p1 = near.edges[task], near.edges[task + 1]
-        while ws.capacity < p1 - p0:
-            ws.grow()
-        D = np.empty((p1 - p0, 2, 3)) if acc.sources else _NO_D
-        m = _bonds(
-            p0,
-            p1,
-            near.a,
-            near.b,
-            near.r_pc,
-            near.d_p,
-            self.kind,
-            term.counted,
-            term.shape,
-            self.slope,
-            near.atom,
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.G,
-            D,
-        )
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
+        term = self.term
+        p0, p1 = self.pairs(task)
+        out = room(acc, p1 - p0)
+        m = _bonds(p0, p1, self.lists, term.counted, term.shape, self.slope, out)
+        return made(acc, out, m)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -216,8 +174,9 @@ def _indicator(d, row):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _densities(s0, s1, start, pair, end, a, b, d, kind, central, counted, shape, F, atom, slope, energies):
+def _densities(s0, s1, near, central, counted, shape, F, slope, energies):
     """F of the atoms s0..s1, F' into slope (atoms, potentials)."""
+    start, pair, end, a, b, _, d, kind, atom = near
     total = 0.0
     for s in range(s0, s1):
         for k in range(len(F)):
@@ -236,7 +195,9 @@ def _densities(s0, s1, start, pair, end, a, b, d, kind, central, counted, shape,
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _bonds(p0, p1, a, b, r, d, kind, counted, shape, slope, atom, out_i, out_j, out_r, out_G, out_D):
+def _bonds(p0, p1, near, counted, shape, slope, out):
+    _, _, _, a, b, r, d, kind, atom = near
+    out_i, out_j, out_r, out_G, out_D = out
     sources = len(out_D) > 0
     m = 0
     for p in range(p0, p1):
@@ -260,13 +221,7 @@ def _bonds(p0, p1, a, b, r, d, kind, counted, shape, slope, atom, out_i, out_j, 
 
 @pair_style("local/density")
 def _local_density(inp):
-    if inp.args:
-        raise inp.error(f"{inp.command} takes no arguments, got {' '.join(inp.args)}")
-    if (
-        len(inp.coeffs) != 1
-        or any(t.lo != 1 or t.hi is not None for t in inp.coeffs[0].types)
-        or len(inp.coeffs[0].words) != 1
-    ):
-        raise inp.error(f"{inp.command} takes one line pair_coeff * * <file>", inp.coeffs[0] if inp.coeffs else None)
-    line = inp.coeffs[0]
+    line = whole_line(inp, "pair_coeff * * <file>")
+    if len(line.words) != 1:
+        raise inp.error(f"{inp.command} takes pair_coeff * * <file>, got {' '.join(line.words) or 'nothing'}", line)
     return LocalDensity.from_file(inp.path(line.words[0], line), units=inp.units, where=line.where)

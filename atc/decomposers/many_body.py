@@ -7,7 +7,6 @@ from itertools import combinations
 
 import numpy as np
 
-from ..bonds import Bonds
 from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
@@ -15,8 +14,8 @@ from ..units import Units
 from ..units import units as system
 from .autodiff import compiled
 from .base import Accumulator, Work
-from .cluster import _NO_D, _NOTHING, ClusterTerm, _cluster_bonds, weights_of
-from .neighborhood import Neighborhood
+from .cluster import ClusterTerm, _cluster_bonds, weights_of
+from .neighbor_work import NeighborWork, made, room, shares
 from .recording import batch_source
 
 _MOST_BODIES = 6
@@ -273,7 +272,7 @@ class ManyBody(ClusterTerm):
         return int(np.argmax(bad)) if bad.any() else -1
 
     def prepare(self, frame: Frame) -> Work:
-        return _NeighborWork(self, frame) if self.reach else super().prepare(frame)
+        return _TupleWork(self, frame) if self.reach else super().prepare(frame)
 
 
 def _batch_of(energy, gradient, n: int):
@@ -305,57 +304,38 @@ def _arguments(x, xi, factor, Q):
                 e += 1
 
 
-class _NeighborWork(Work):
+class _TupleWork(NeighborWork):
     """Tuples from a neighbour list: pairs, or a centre with two of its neighbours."""
 
     def __init__(self, term: ManyBody, frame: Frame):
-        self.term, self.frame = term, frame
         allowed = np.ones((len(frame), term.bodies), bool)
         for slot, t in enumerate(term.types):
             if t is not None:
                 allowed[:, slot] = np.isin(frame.types, list(t))
         who = np.flatnonzero(allowed.any(axis=1)).astype(np.int32)
-        self.near = near = Neighborhood(frame, None if len(who) == len(frame) else who, term.reach, term.name)
-        self.allowed = allowed[near.atom]
-        # How many tuples there are, and so how many tasks, is known once the pairs are.
-        self.stages = [near.chunks, 1, 0]
+        super().__init__(term, frame, term.name, allowed, None if len(who) == len(frame) else who)
 
-    def run(self, stage, task, acc: Accumulator):
-        near = self.near
-        if stage == 0:
-            return near.collect(task, acc.ws)
-        if stage == 1:
-            near.join()
-            k = np.diff(near.start)
-            counts = k if self.term.bodies == 2 else k * (k - 1) // 2
-            total = np.concatenate([[0], np.cumsum(counts)])
-            # Whole atoms to a task; at least one.
-            marks = np.arange(0, total[-1] + _TERMS_PER_TASK, _TERMS_PER_TASK)
-            self.cut = np.unique(np.concatenate([[0], np.searchsorted(total, marks), [len(k)]]).clip(0, len(k)))
-            self.room = np.diff(total[self.cut])
-            self.stages[2] = len(self.cut) - 1
-            return None
-        return self._tuples(task, acc)
+    @property
+    def own(self):
+        return (self._tuples,)
+
+    def joined(self, acc):
+        # How many tuples there are, and so how many tasks, is known once the pairs are.
+        k = np.diff(self.near.start)
+        counts = k if self.term.bodies == 2 else k * (k - 1) // 2
+        total = np.concatenate([[0], np.cumsum(counts)])
+        # Whole atoms to a task; at least one.
+        marks = np.arange(0, total[-1] + _TERMS_PER_TASK, _TERMS_PER_TASK)
+        self.cut = np.unique(np.concatenate([[0], np.searchsorted(total, marks), [len(k)]]).clip(0, len(k)))
+        self.room = np.diff(total[self.cut])
+        self.stages = (*self.stages[:2], len(self.cut) - 1)
 
     def _tuples(self, task, acc):
-        term, near, ws = self.term, self.near, acc.ws
-        k, room = term.bodies, int(self.room[task])
-        atoms, x = np.empty((room, k), np.int32), np.empty((room, k, 3))
+        term = self.term
+        k, most = term.bodies, int(self.room[task])
+        atoms, x = np.empty((most, k), np.int32), np.empty((most, k, 3))
         enumerate_ = _pairs if k == 2 else _triples
-        m = enumerate_(
-            self.cut[task],
-            self.cut[task + 1],
-            near.start,
-            near.pair,
-            near.end,
-            near.a,
-            near.b,
-            near.r_pc,
-            self.allowed,
-            near.atom,
-            atoms,
-            x,
-        )
+        m = enumerate_(self.cut[task], self.cut[task + 1], self.lists, atoms, x)
         atoms, x = atoms[:m], x[:m]
         U, G = np.empty(m), np.empty((m, k * (k - 1) // 2))
         bad = term.evaluate(x, None, U, G, acc)
@@ -366,16 +346,14 @@ class _NeighborWork(Work):
                 "them at the same place?"
             )
         acc.energy += float(U.sum())
-        while ws.capacity < G.size:
-            ws.grow()
-        D = np.empty((G.size, 2, 3)) if acc.sources else _NO_D
-        energies = acc.energies if acc.energies is not None else _NOTHING
-        n = _cluster_bonds(atoms, x, U, G, term.weights, ws.i, ws.j, ws.r, ws.G, D, energies)
-        return Bonds(ws.i[:n], ws.j[:n], ws.r[:n], ws.G[:n], D[:n] if acc.sources else None)
+        out = room(acc, G.size)
+        n = _cluster_bonds(atoms, x, U, G, term.weights, *out, shares(acc))
+        return made(acc, out, n)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _pairs(s0, s1, start, pair, end, a, b, r, allowed, atom, atoms, x):
+def _pairs(s0, s1, near, atoms, x):
+    start, pair, end, a, b, r, _, allowed, atom = near
     m = 0
     for s in range(s0, s1):
         for q in range(start[s], start[s + 1]):
@@ -396,7 +374,8 @@ def _pairs(s0, s1, start, pair, end, a, b, r, allowed, atom, atoms, x):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _triples(s0, s1, start, pair, end, a, b, r, allowed, atom, atoms, x):
+def _triples(s0, s1, near, atoms, x):
+    start, pair, end, a, b, r, _, allowed, atom = near
     m = 0
     for s in range(s0, s1):
         if not allowed[s, 0]:

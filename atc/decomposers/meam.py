@@ -4,25 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..bonds import Bonds
-from ..errors import AtcError
 from ..frame import Frame
 from ..units import Units
 from ..units import units as system
 from . import meam_reference
-from .base import Accumulator, Term, Work
-from .elements import ElementMap
+from .base import Term, Work
+from .elements import ElementMap, of_each_type, whole_line
 from .embedded_atom import spline
 from .meam_file import MEAMParameters, library_elements, read_meam
 from .meam_kernels import densities, merge, screenings
-from .neighborhood import Neighborhood
+from .neighbor_work import NO_S, OUTER_PER_TASK, NeighborWork, made, room, shares
 from .parameter_file import read_parameter_file
 from .registry import MAPPED_STYLES, pair_style
-
-_NOTHING = np.zeros(0)
-_NO_S = np.zeros((0, 2, 2, 3))
-_NO_D = np.zeros((0, 2, 3))
-_OUTER_PER_TASK = 1 << 16
 
 
 class MEAM(Term):
@@ -100,57 +93,37 @@ class MEAM(Term):
         return _MEAMWork(self, frame)
 
 
-class _MEAMWork(Work):
+class _MEAMWork(NeighborWork):
     def __init__(self, term: MEAM, frame: Frame):
-        self.term, self.frame = term, frame
-        element_n, who = term.map.apply(frame)
-        self.near = near = Neighborhood(frame, who, term.cutoff, "MEAM")
-        self.element = element_n[near.atom]
-        self.partial = np.zeros(near.chunks, np.int64)
-        self.stages = (near.chunks, 1, near.chunks, near.chunks, near.chunks)
+        super().__init__(term, frame, "MEAM", *term.map.apply(frame))
+        self.partial = np.zeros(self.near.chunks, np.int64)
 
-    def run(self, stage, task, acc: Accumulator):
-        return (self._collect, self._join, self._screen, self._centres, self._merge)[stage](task, acc)
+    @property
+    def own(self):
+        return self._screen, self._centres, self._merge
 
-    def _collect(self, task, acc):
-        self.near.collect(task, acc.ws)
-
-    def _join(self, task, acc):
+    def joined(self, acc):
         near = self.near
-        near.join()
         pairs = len(near.a)
         self.S, self.dUdS, self.G_end = np.zeros(pairs), np.zeros((pairs, 2)), np.zeros((pairs, 2))
-        self.S_end = np.zeros((pairs, 2, 2, 3)) if acc.sources else _NO_S
-        self.edges, self.most, self.room = near.runs(_OUTER_PER_TASK)
+        self.S_end = np.zeros((pairs, 2, 2, 3)) if acc.sources else NO_S
+        self.edges, self.most, self.room = near.runs(OUTER_PER_TASK)
         self.stages = (near.chunks, 1, near.chunks, len(self.edges) - 1, near.chunks)
 
-    def _lists(self):
-        near = self.near
-        return near.a, near.b, near.r_pc, near.d_p, near.start, near.pair, near.end, self.element
-
     def _screen(self, task, acc):
-        term, near = self.term, self.near
-        p0, p1 = near.edges[task], near.edges[task + 1]
-        self.partial[task] = screenings(p0, p1, *self._lists(), term.rc, term.Cmin, term.Cmax, term.bound, self.S)
+        term = self.term
+        self.partial[task] = screenings(
+            *self.pairs(task), self.lists, term.rc, term.Cmin, term.Cmax, term.bound, self.S
+        )
 
     def _centres(self, task, acc):
-        term, near, ws = self.term, self.near, acc.ws
-        while ws.capacity < self.room:
-            ws.grow()
-        D = np.zeros((self.room, 2, 3)) if acc.sources else _NO_D
-        energies = acc.energies if acc.energies is not None else _NOTHING
+        term = self.term
+        out = room(acc, self.room, np.zeros)
         m, energy = densities(
             self.edges[task],
             self.edges[task + 1],
             self.most,
-            near.start,
-            near.pair,
-            near.end,
-            near.a,
-            near.b,
-            near.r_pc,
-            near.d_p,
-            self.element,
+            self.lists,
             term.rc,
             term.delr,
             self.S,
@@ -162,59 +135,39 @@ class _MEAMWork(Work):
             term.background,
             term.ibar,
             *term.choices,
-            near.atom,
             self.G_end,
             self.S_end,
             self.dUdS,
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.G,
-            D,
-            energies,
+            out,
+            shares(acc),
         )
         acc.energy += energy
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
+        return made(acc, out, m)
 
     def _merge(self, task, acc):
-        term, near, ws = self.term, self.near, acc.ws
-        p0, p1 = near.edges[task], near.edges[task + 1]
-        room = p1 - p0 + 2 * int(self.partial[task])
-        while ws.capacity < room:
-            ws.grow()
-        D = np.empty((room, 2, 3)) if acc.sources else _NO_D
-        energies = acc.energies if acc.energies is not None else _NOTHING
+        term = self.term
+        p0, p1 = self.pairs(task)
+        out = room(acc, p1 - p0 + 2 * int(self.partial[task]))
+        bounds = term.Cmin, term.Cmax, term.bound
         m, energy, bad = merge(
             p0,
             p1,
-            *self._lists(),
+            self.lists,
             term.rc,
             term.delr,
-            term.Cmin,
-            term.Cmax,
-            term.bound,
+            *bounds,
             term.phi,
             term.per_dr,
             self.S,
             self.dUdS,
             self.G_end,
             self.S_end,
-            near.atom,
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.G,
-            D,
-            energies,
+            out,
+            shares(acc),
         )
-        if bad >= 0:
-            a, b = self.frame.ids[near.atom[near.a[bad]]], self.frame.ids[near.atom[near.b[bad]]]
-            raise AtcError(
-                f"{self.frame.source}: the MEAM force between atoms {a} and {b} at distance {near.d_p[bad]:.3g} is "
-                "not a finite number"
-            )
+        self.require_finite(bad)
         acc.energy += energy
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
+        return made(acc, out, m)
 
 
 # meam/c is what older versions of LAMMPS call it.
@@ -224,15 +177,7 @@ MAPPED_STYLES.update(("meam", "meam/c"))
 @pair_style("meam", "meam/c")
 def _meam(inp):
     wants = "pair_coeff * * <library> <its elements> <parameter file or NULL> <element of each atom type>"
-    if inp.args:
-        raise inp.error(f"{inp.command}: {' '.join(inp.args)} is not supported: expected no arguments")
-    if len(inp.coeffs) != 1:
-        raise inp.error(f"{inp.command} takes one line {wants}", inp.coeffs[1] if inp.coeffs else None)
-    line = inp.coeffs[0]
-    if any(t.lo != 1 or t.hi is not None for t in line.types):
-        raise inp.error(f"{inp.command} wants {wants}: replace the types by * *", line)
-    if len(line.words) < 4:
-        raise inp.error(f"{inp.command} wants {wants}, got {' '.join(line.words) or 'nothing'} behind * *", line)
+    line = whole_line(inp, wants, 4)
     library = inp.path(line.words[0], line)
     known = library_elements(read_parameter_file(library, "MEAM library", line.where), library)
     count = next((k for k, w in enumerate(line.words[1:]) if w not in known or w == "NULL"), None)
@@ -242,13 +187,7 @@ def _meam(inp):
             line,
         )
     names, file, elements = line.words[1 : 1 + count], line.words[1 + count], line.words[2 + count :]
-    elements = [None if e == "NULL" else e for e in elements]
-    if len(elements) < inp.n_types:
-        raise inp.error(
-            f"{inp.command} needs one element (or NULL) for each of the {inp.n_types} atom types, found "
-            f"{len(elements)}",
-            line,
-        )
+    elements = of_each_type(inp, elements, line)
     odd = next((e for e in elements if e is not None and e not in names), None)
     if odd is not None:
         raise inp.error(

@@ -45,8 +45,9 @@ def _factor(u, v, w, low, high):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def screenings(p0, p1, a, b, r, d, start, pair, end, element, rc, Cmin, Cmax, bound, S):
+def screenings(p0, p1, near, rc, Cmin, Cmax, bound, S):
     """S of the pairs p0..p1, without cutoff (0 from rc on). Returns how many triples screen partially."""
+    start, pair, end, a, b, r, d, element, _ = near
     partial = 0
     for p in range(p0, p1):
         S[p] = 0.0
@@ -106,14 +107,7 @@ def densities(
     s0,
     s1,
     most,
-    start,
-    pair,
-    end,
-    a,
-    b,
-    r,
-    d,
-    element,
+    near,
     rc,
     delr,
     S,
@@ -127,23 +121,20 @@ def densities(
     ialloy,
     linear,
     smooth,
-    atom,
     G_end,
     S_end,
     dUdS,
-    out_i,
-    out_j,
-    out_r,
-    out_G,
-    out_D,
+    out,
     energies,
 ):
     """Embedding energies of the atoms s0..s1; G of the arms, ∂U/∂S of the pairs at each end, outer bonds. Returns their
     number and the energy."""
+    start, pair, end, _, _, _, _, element, atom = near
+    out_i, out_j, out_r, out_G, out_D = out
     sources = len(S_end) > 0
     shared = len(energies) > 0
     who, arm, dist = np.empty(most, np.int32), np.empty((most, 3)), np.empty(most)
-    near = np.empty(most, np.int32)  # the neighbours that count
+    active = np.empty(most, np.int32)  # the neighbours that count
     weight, fc, dfc = np.empty(most), np.empty(most), np.empty(most)
     A = np.empty((most, 4))  # atomic densities, times t where ialloy is 1
     P = np.empty((most, 4))  # times S f_c
@@ -153,7 +144,7 @@ def densities(
     total = 0.0
     n = 0
     for s in range(s0, s1):
-        k = around(s, start, pair, end, a, b, r, d, who, arm, dist)
+        k = around(s, near, who, arm, dist)
         es = element[s]
         count = 0
         R[:] = 0.0
@@ -163,7 +154,7 @@ def densities(
             p, side = pair[start[s] + e], end[start[s] + e]
             if S[p] == 0.0:
                 continue
-            near[count] = e
+            active[count] = e
             count += 1
             ee = element[who[e]]
             fc[e], slope = _smooth((rc - dist[e]) / delr)
@@ -185,9 +176,9 @@ def densities(
         if R[0] <= 0.0:
             continue
         for x in range(count):
-            e = near[x]
+            e = active[x]
             for y in range(x, count):
-                f = near[y]
+                f = active[y]
                 cos = (
                     (arm[e, 0] * arm[f, 0] + arm[e, 1] * arm[f, 1] + arm[e, 2] * arm[f, 2]) / (dist[e] * dist[f])
                     if y > x
@@ -203,7 +194,7 @@ def densities(
                     Q[f, 3] += 2.0 * P[e, 3] * l3
         for m in range(1, 4):
             for x in range(count):
-                R[m] += 0.5 * P[near[x], m] * Q[near[x], m]
+                R[m] += 0.5 * P[active[x], m] * Q[active[x], m]
         gamma = 0.0
         for m in range(1, 4):
             if ialloy == 2:
@@ -231,7 +222,7 @@ def densities(
             by_R[m] = dU * dg * ave[m] / R[0]
             by_t[m] = dU * dg * R[m] / R[0]
         for x in range(count):
-            e = near[x]
+            e = active[x]
             p, side = pair[start[s] + e], end[start[s] + e]
             ee = element[who[e]]
             by_P0 = by_R[0]
@@ -248,7 +239,7 @@ def densities(
             dUdS[p, side] = fc[e] * by_weight
             G_arm[e] += (radial + S[p] * dfc[e] * by_weight) / dist[e]
             for y in range(x + 1, count):
-                f = near[y]
+                f = active[y]
                 v = 1.0 / (dist[e] * dist[f])
                 cos = (arm[e, 0] * arm[f, 0] + arm[e, 1] * arm[f, 1] + arm[e, 2] * arm[f, 2]) * v
                 by_cos = 2.0 * (
@@ -268,7 +259,7 @@ def densities(
                         grad[f, c] -= out_G[n] * out_r[n, c]
                 n += 1
         for x in range(count):
-            e = near[x]
+            e = active[x]
             p, side = pair[start[s] + e], end[start[s] + e]
             G_end[p, side] = G_arm[e]
             if sources:
@@ -278,38 +269,11 @@ def densities(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def merge(
-    p0,
-    p1,
-    a,
-    b,
-    r,
-    d,
-    start,
-    pair,
-    end,
-    element,
-    rc,
-    delr,
-    Cmin,
-    Cmax,
-    bound,
-    phi,
-    per_dr,
-    S,
-    dUdS,
-    G_end,
-    S_end,
-    atom,
-    out_i,
-    out_j,
-    out_r,
-    out_G,
-    out_D,
-    energies,
-):
+def merge(p0, p1, near, rc, delr, Cmin, Cmax, bound, phi, per_dr, S, dUdS, G_end, S_end, out, energies):
     """Pair energies and bonds of the pairs p0..p1, and bonds to the atoms that screen them. Returns their number, the
     energy, the first bad pair (−1)."""
+    start, pair, end, a, b, r, d, element, atom = near
+    out_i, out_j, out_r, out_G, out_D = out
     sources = len(out_D) > 0
     shared = len(energies) > 0
     points = phi.shape[2] - 1

@@ -11,11 +11,33 @@ from ..frame import Frame
 from ..neighbors.verlet import cell_list
 
 
+def by_place(frame: Frame, who, cutoff: float) -> tuple:
+    """The cell list of the atoms `who` (None: all) in which an atom is called by its place in the list's order, where
+    neighbours are near each other; and the frame's indices by place."""
+    cells = cell_list(frame.positions if who is None else frame.positions[who], frame.cell, cutoff, who)
+    atom = cells.order if who is None else who[cells.order]
+    cells.order = np.arange(len(atom), dtype=np.int32)
+    return cells, atom
+
+
+def impossible(frame: Frame, i: int, j: int, d: float, what: str) -> AtcError:
+    """What to say of two atoms of a frame whose `what` force cannot be computed at their distance d."""
+    a, b = sorted((frame.ids[i], frame.ids[j]))
+    if d == 0.0:
+        return AtcError(
+            f"{frame.source}: atoms {a} and {b} are at the same place, where the {what} force is undefined; remove one "
+            "of them"
+        )
+    shown = frame.units.to_user("length", d)
+    return AtcError(
+        f"{frame.source}: the {what} force between atoms {a} and {b} at distance {shown:.3g} is not a finite number"
+    )
+
+
 class Neighborhood:
     """The half neighbour list of a frame, filled by tasks (`collect`), then joined (`join`).
 
-    Inside, an atom is called by its place in the cell list's order, where neighbours are near each other; `atom` gives
-    the frame's index.
+    Inside, atoms are called by their place, see `by_place`.
 
     Attributes (after `join`)
     ----------
@@ -28,9 +50,8 @@ class Neighborhood:
 
     def __init__(self, frame: Frame, who, cutoff: float, what: str):
         self.frame, self.what = frame, what
-        self.list = cells = cell_list(frame.positions if who is None else frame.positions[who], frame.cell, cutoff, who)
-        self.atom = cells.order if who is None else who[cells.order]
-        cells.order = np.arange(len(self.atom), dtype=np.int32)
+        self.list, self.atom = by_place(frame, who, cutoff)
+        cells = self.list
         self.first = cells.start[cells.chunk_edges]
         self.chunks = cells.n_chunks
         self.parts: list = [None] * self.chunks
@@ -40,11 +61,7 @@ class Neighborhood:
         d = np.sqrt(ws.d2[:n])
         if n and not d.min() > 0.0:
             bad = int(np.argmin(d))
-            a, b = self.frame.ids[self.atom[ws.i[bad]]], self.frame.ids[self.atom[ws.j[bad]]]
-            raise AtcError(
-                f"{self.frame.source}: atoms {a} and {b} are at the same place, where the {self.what} force is "
-                "undefined; remove one of them"
-            )
+            raise impossible(self.frame, self.atom[ws.i[bad]], self.atom[ws.j[bad]], d[bad], self.what)
         self.parts[task] = ws.i[:n].copy(), ws.j[:n].copy(), ws.r[:n].copy(), d
 
     def join(self) -> None:
@@ -84,8 +101,10 @@ def _runs(start, limit):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def around(s, start, pair, end, a, b, r, d, who, arm, dist):
-    """The neighbours of atom s: their names, x_s − x_k and distances into who, arm, dist. Returns how many."""
+def around(s, near, who, arm, dist):
+    """The neighbours of atom s: their names, x_s − x_k and distances into who, arm, dist. Returns how many. near : as
+    `NeighborWork.lists`"""
+    start, pair, end, a, b, r, d = near[:7]
     k = start[s + 1] - start[s]
     for e in range(k):
         p = pair[start[s] + e]
@@ -98,6 +117,44 @@ def around(s, start, pair, end, a, b, r, d, who, arm, dist):
         for c in range(3):
             arm[e, c] = sign * r[p, c]
     return k
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def between_sharing_neighbors(k, near, who, arm, share, slope, out, m):
+    """Bonds without G between the k neighbours of an atom s that `around` gave, behind the first m of `out`:
+    ∂U^(e)/∂x_f = share_e slope_f (x_s − x_f), and the same with e and f exchanged. Returns how many there are then."""
+    atom = near[8]
+    out_i, out_j, out_r, out_G, out_D = out
+    for e in range(k):
+        for f in range(e + 1, k):
+            if share[e] * slope[f] == 0.0 and share[f] * slope[e] == 0.0:
+                continue
+            out_i[m], out_j[m], out_G[m] = atom[who[e]], atom[who[f]], 0.0
+            for c in range(3):
+                out_r[m, c] = arm[f, c] - arm[e, c]
+                out_D[m, 0, c] = share[e] * slope[f] * arm[f, c]
+                out_D[m, 1, c] = share[f] * slope[e] * arm[e, c]
+            m += 1
+    return m
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def between_neighbors(k, near, who, arm, G, S, sources, out, m):
+    """Bonds between the k neighbours of an atom that `around` gave, behind the first m of `out`: G[e, f], e < f, and
+    S[e, f] = ∂U^(e)/∂x_f; those that are all 0 are dropped. Returns how many there are then."""
+    atom = near[8]
+    out_i, out_j, out_r, out_G, out_D = out
+    for e in range(k):
+        for f in range(e + 1, k):
+            keep = G[e, f] != 0.0
+            out_i[m], out_j[m], out_G[m] = atom[who[e]], atom[who[f]], G[e, f]
+            for c in range(3):
+                out_r[m, c] = arm[f, c] - arm[e, c]
+                if sources:
+                    out_D[m, 0, c], out_D[m, 1, c] = S[e, f, c], S[f, e, c]
+                    keep = keep or S[e, f, c] != 0.0 or S[f, e, c] != 0.0
+            m += 1 if keep else 0
+    return m
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -1,8 +1,4 @@
-"""Neuroevolution potentials (NEP): energies of atoms as a small network of what their neighbours look like.
-
-A frame is done in four stages: the half neighbour list; which pairs meet at which atom; the energy of each atom with
-its gradient by the vector to each neighbour, into slots of their own (one for each end of a pair); one bond a pair.
-"""
+"""Neuroevolution potentials (NEP): energies of atoms as a small network of what their neighbours look like."""
 
 from __future__ import annotations
 
@@ -12,14 +8,12 @@ from ..bonds import Bonds
 from ..errors import AtcError
 from ..frame import Frame
 from ..units import units as system
-from .base import Accumulator, Potential, Term, Work
+from .base import Potential, Term, Work
 from .elements import SYMBOLS, ElementMap
-from .neighborhood import Neighborhood
+from .neighbor_work import NeighborWork, room, shares
 from .nep_file import NEPFile, read_nep
 from .nep_kernels import centres, coupling, merge, norms
 
-_NOTHING = np.zeros(0)
-_NO_D = np.zeros((0, 2, 3))
 #: The number of the invariant of five bodies, (1, 1, 1, 1), is found by its degrees.
 _FIVE = (1, 1, 1, 1)
 #: The universal screening function: factors and exponents; exponents are over a, 1/a = (Z_i^0.23 + Z_j^0.23)/0.46848 Å.
@@ -135,38 +129,26 @@ def _core(file: NEPFile, where: str) -> np.ndarray:
     return out
 
 
-class _NEPWork(Work):
+class _NEPWork(NeighborWork):
+    """The energy of each atom with its gradient by the vector to each neighbour, into slots of their own (one for each
+    end of a pair); one bond a pair."""
+
     def __init__(self, term: NEP, frame: Frame):
-        self.term, self.frame = term, frame
-        element_n, who = term.map(frame).apply(frame)
-        self.near = near = Neighborhood(frame, who, term.cutoff, "NEP")
-        self.element = element_n[near.atom]
-        self.stages = (near.chunks, 1, near.chunks, near.chunks)
+        super().__init__(term, frame, "NEP", *term.map(frame).apply(frame))
 
-    def run(self, stage, task, acc: Accumulator):
-        return (self._collect, self._join, self._centres, self._merge)[stage](task, acc)
+    @property
+    def own(self):
+        return self._centres, self._merge
 
-    def _collect(self, task, acc):
-        self.near.collect(task, acc.ws)
-
-    def _join(self, task, acc):
-        self.near.join()
+    def joined(self, acc):
         self.g_end = np.zeros((len(self.near.a), 2, 3))
 
     def _centres(self, task, acc):
-        near, term, file = self.near, self.term, self.term.model
+        term, file = self.term, self.term.model
         acc.energy += centres(
-            near.first[task],
-            near.first[task + 1],
-            near.most(task)[0],
-            near.start,
-            near.pair,
-            near.end,
-            near.a,
-            near.b,
-            near.r_pc,
-            near.d_p,
-            self.element,
+            *self.atoms(task),
+            self.near.most(task)[0],
+            self.lists,
             file.rc_radial,
             file.rc_angular,
             term.c_radial,
@@ -185,27 +167,19 @@ class _NEPWork(Work):
             term.core,
             term.length,
             term.energy,
-            near.atom,
             self.g_end,
-            acc.energies if acc.energies is not None else _NOTHING,
+            shares(acc),
         )
 
     def _merge(self, task, acc):
-        near, ws = self.near, acc.ws
-        p0, p1 = near.edges[task], near.edges[task + 1]
+        p0, p1 = self.pairs(task)
         m = p1 - p0
-        while ws.capacity < m:
-            ws.grow()
-        F, D = np.empty((m, 3)), np.empty((m, 2, 3)) if acc.sources else _NO_D
-        bad = merge(p0, p1, near.a, near.b, near.r_pc, self.g_end, near.atom, acc.sources, ws.i, ws.j, ws.r, F, D)
-        if bad >= 0:
-            a, b = self.frame.ids[near.atom[near.a[bad]]], self.frame.ids[near.atom[near.b[bad]]]
-            raise AtcError(
-                f"{self.frame.source}: the NEP force between atoms {a} and {b} at distance {near.d_p[bad]:.3g} is not "
-                "a finite number"
-            )
+        i, j, r, _, D = room(acc, m)
+        F = np.empty((m, 3))
+        bad = merge(p0, p1, self.lists, self.g_end, acc.sources, i, j, r, F, D)
+        self.require_finite(bad)
         # No G: the force is not along the bond.
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], np.full(m, np.nan), D if acc.sources else None, F)
+        return Bonds(i[:m], j[:m], r[:m], np.full(m, np.nan), D if acc.sources else None, F)
 
 
 def nep(path, types=None) -> Potential:
@@ -238,5 +212,5 @@ def nep(path, types=None) -> Potential:
 
     term = NEP(read_nep(path), types, Path(path).name)
     pot = Potential([term], "metal")
-    pot.nep = term.where, term.elements
+    pot.learned = "nep", term.where, {"types": term.elements}
     return pot

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
+from ..readers.whole import whole_text
 
 #: Angular terms of more than three bodies in the order of the file's ``l_max`` line, by the degrees that they couple.
 MANY = ((2, 2, 2), (1, 1, 1, 1), (1, 1, 2), (1, 2, 3), (2, 3, 3), (1, 3, 4))
@@ -53,11 +54,7 @@ class _Lines:
 
     def __init__(self, path):
         self.path = Path(path)
-        try:
-            self.lines = self.path.read_text(encoding="utf-8").split("\n")
-        except (OSError, UnicodeDecodeError) as e:
-            reason = e.strerror if isinstance(e, OSError) else "it is not a text file"
-            raise AtcError(f"{path}: cannot read it: {reason}: give the nep.txt of a trained model") from None
+        self.lines = whole_text(path, "neuroevolution potential").split("\n")
         self.at = -1
 
     def bad(self, what: str) -> AtcError:

@@ -148,14 +148,7 @@ def centres(
     s0,
     s1,
     most,
-    start,
-    pair,
-    end,
-    a,
-    b,
-    r,
-    d,
-    element,
+    near,
     rc_radial,
     rc_angular,
     c_radial,
@@ -174,7 +167,6 @@ def centres(
     core,
     length,
     energy,
-    atom,
     g_end,
     energies,
 ):
@@ -185,6 +177,7 @@ def centres(
     (Σ s_1m²)², −1 if there is none. core : (t, t, 11) rows of `screened`, (0, 0, 11) if there is none. length, energy :
     Å and eV
     """
+    start, pair, end, _, _, _, _, element, atom = near
     t, _, k_radial, n_radial = c_radial.shape
     k_angular, n_angular = c_angular.shape[2:]
     n_lm = (l_max + 1) ** 2 - 1
@@ -203,7 +196,7 @@ def centres(
     across = np.empty(3)
     total = 0.0
     for s in range(s0, s1):
-        k = around(s, start, pair, end, a, b, r, d, who, arm, dist)
+        k = around(s, near, who, arm, dist)
         es = element[s]
         sums[:] = 0.0
         s_nl[:] = 0.0
@@ -317,8 +310,9 @@ def centres(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def merge(p0, p1, a, b, r, g_end, atom, sources, out_i, out_j, out_r, out_F, out_D):
+def merge(p0, p1, near, g_end, sources, out_i, out_j, out_r, out_F, out_D):
     """One bond a pair. Returns the first pair whose force is not a finite number, −1 if there is none."""
+    _, _, _, a, b, r, _, _, atom = near
     bad = -1
     for p in range(p0, p1):
         m = p - p0

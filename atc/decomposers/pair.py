@@ -17,6 +17,7 @@ from ..frame import Frame
 from ..neighbors.verlet import cell_list
 from ..units import units as get_units
 from .base import Accumulator, Term, Work
+from .neighborhood import impossible
 from .registry import factor
 
 #: Tables hold every pair of types.
@@ -216,20 +217,12 @@ class _PairWork(Work):
 
     def _bad(self, i, j, d) -> AtcError:
         frame = self.frame
-        a, b = sorted((frame.ids[i], frame.ids[j]))
-        if d == 0.0:
-            return AtcError(
-                f"{frame.source}: atoms {a} and {b} are at the same place, where the pair force is undefined; remove "
-                "one of them"
-            )
-        for s in self.term.styles:
+        for s in self.term.styles if d > 0.0 else ():
             why = s.trouble(int(frame.types[i]), int(frame.types[j]), d)
             if why:
+                a, b = sorted((frame.ids[i], frame.ids[j]))
                 return AtcError(f"{frame.source}: atoms {a} and {b}: {why}")
-        shown = frame.units.to_user("length", d)
-        return AtcError(
-            f"{frame.source}: the pair force between atoms {a} and {b} at distance {shown:.3g} is not a finite number"
-        )
+        return impossible(frame, i, j, d, "pair")
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

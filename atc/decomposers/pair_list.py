@@ -6,6 +6,7 @@ import numpy as np
 
 from ..errors import AtcError
 from ..frame import Frame
+from ..readers.whole import whole_text
 from .base import Accumulator
 from .cluster import ClusterTerm
 from .registry import StyleInput, pair_style
@@ -115,7 +116,7 @@ def _list_style(inp: StyleInput):
     for line in inp.coeffs:
         inp.numbers(line.words, [], line)
     ids, forms, numbers, cutoffs = [], [], [], []
-    for k, text in enumerate(path.read_text(errors="replace").splitlines(), 1):
+    for k, text in enumerate(whole_text(path, "pair list", inp.where).splitlines(), 1):
         words = text.split("#")[0].split()
         if not words:
             continue

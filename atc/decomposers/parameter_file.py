@@ -95,10 +95,7 @@ def energy_conversion(text: str, wanted: str, path) -> float:
 def read_entries(path, elements, units_name: str, kind, where: str = "") -> dict:
     """{(elem1, elem2, elem3): entry} of a parameter file for some elements, energies and lengths in `units_name`.
 
-    kind : the frozen dataclass of an entry, with ``where`` and the class variables `what` (the potential's name),
-        `keys` (the numbers of an entry of
-        the file, in order), `energies` (those of them that are energies), and a method `check` that says what is
-        impossible, or None
+    kind : the class of an entry, see `entries.Entry`
 
     Raises
     ------
@@ -106,15 +103,16 @@ def read_entries(path, elements, units_name: str, kind, where: str = "") -> dict
     units that cannot be converted.
     """
     text = read_parameter_file(path, kind.what, where)
-    if not getattr(kind, "converts", True) and units_tag(text) not in (None, units_name):
+    if not kind.converts and units_tag(text) not in (None, units_name):
         raise AtcError(
             f"{path}: this file is in {units_tag(text)!r} units and the model in {units_name!r}: LAMMPS does not "
             f"convert {kind.what} files"
         )
     factor = energy_conversion(text, units_name, path)
     entries: dict[tuple, object] = {}
-    for here, names, values in element_entries(text, path, kind.keys, elements, kind.what):
-        entry = kind(**dict(zip(kind.keys, values, strict=True)), where=here)
+    keys = kind.keys()
+    for here, names, values in element_entries(text, path, keys, elements, kind.what):
+        entry = kind(**dict(zip(keys, values, strict=True)), where=here)
         if wrong := entry.check():
             raise AtcError(f"{here}: {wrong}")
         if names in entries:

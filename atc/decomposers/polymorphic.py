@@ -14,9 +14,9 @@ from ..units import Units
 from ..units import units as system
 from .centred import Centred
 from .cluster import weights_of
-from .elements import ElementMap, mapped_line
+from .elements import ElementMap, mapped_line, require_known
 from .embedded_atom import spline
-from .neighborhood import around
+from .neighborhood import around, between_neighbors
 from .parameter_file import LARGE, read_parameter_file, units_tag
 from .registry import MAPPED_STYLES, pair_style
 from .tersoff import _PAIR
@@ -171,9 +171,7 @@ class Polymorphic(Centred):
     ) -> Polymorphic:
         """From a LAMMPS file. where : the line that names it, for messages."""
         t = read_polymorphic(path, system(units).name, where)
-        odd = next((e for e in elements or () if e not in (None, "NULL", *t.names)), None)
-        if odd is not None:
-            raise AtcError(f"{where or path}: {path} has no element {odd!r}: it has {', '.join(t.names)}")
+        require_known(elements, t.names, path, where)
         return cls(t, elements, units=units, partition=partition)
 
     def share(self, partition):
@@ -187,39 +185,13 @@ class Polymorphic(Centred):
             "outer j-k bonds apart"
         )
 
-    def pairs(self, near, element, p0, p1, G_p, energies):
-        return _pairs(p0, p1, near.a, near.b, near.d_p, element, self.cut, self.per_r, self.U, near.atom, G_p, energies)
+    def pairs(self, p0, p1, near, G_p, energies):
+        return _pairs(p0, p1, near, self.cut, self.per_r, self.U, G_p, energies)
 
-    def centres(self, near, element, s0, s1, most, *out):
-        return _centres(
-            s0,
-            s1,
-            most,
-            near.start,
-            near.pair,
-            near.end,
-            near.a,
-            near.b,
-            near.r_pc,
-            near.d_p,
-            element,
-            self.eam,
-            self.cut,
-            self.xi,
-            self.per_r,
-            self.per_p,
-            self.cutoff,
-            self.per_g,
-            self.per_x,
-            self.V,
-            self.W,
-            self.P,
-            self.G,
-            self.F,
-            self.weights,
-            near.atom,
-            *out,
-        )
+    def centres(self, s0, s1, most, near, *out):
+        steps = self.per_r, self.per_p, self.per_g, self.per_x
+        tables = self.V, self.W, self.P, self.G, self.F
+        return _centres(s0, s1, most, near, self.eam, self.cut, self.xi, self.cutoff, steps, tables, self.weights, *out)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -233,7 +205,8 @@ def _at(table, x, per_step):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _pairs(p0, p1, a, b, d, element, cut, per_r, U, atom, G, energies):
+def _pairs(p0, p1, near, cut, per_r, U, G, energies):
+    _, _, _, a, b, _, d, element, atom = near
     total = 0.0
     for p in range(p0, p1):
         ea, eb = element[a[p]], element[b[p]]
@@ -251,42 +224,10 @@ def _pairs(p0, p1, a, b, d, element, cut, per_r, U, atom, G, energies):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _centres(
-    s0,
-    s1,
-    most,
-    start,
-    pair,
-    end,
-    a,
-    b,
-    r,
-    d,
-    element,
-    eam,
-    cut,
-    xi,
-    per_r,
-    per_p,
-    r_max,
-    per_g,
-    per_x,
-    V,
-    W,
-    P,
-    G,
-    F,
-    weights,
-    atom,
-    G_end,
-    S_end,
-    out_i,
-    out_j,
-    out_r,
-    out_G,
-    out_D,
-    energies,
-):
+def _centres(s0, s1, most, near, eam, cut, xi, r_max, steps, tables, weights, G_end, S_end, out, energies):
+    start, pair, end, _, _, _, _, element, atom = near
+    per_r, per_p, per_g, per_x = steps
+    V, W, P, G, F = tables
     sources = len(S_end) > 0
     shared = len(energies) > 0
     w_i, w_j = weights[0], weights[1]
@@ -299,7 +240,7 @@ def _centres(
     total = 0.0
     n = 0
     for s in range(s0, s1):
-        k = around(s, start, pair, end, a, b, r, d, who, arm, dist)
+        k = around(s, near, who, arm, dist)
         es = element[s]
         X_s = 0.0
         for e in range(k):
@@ -384,15 +325,7 @@ def _centres(
                     for f in range(k):
                         back -= S[e, f, c]
                     S_end[p, side, 0, c], S_end[p, side, 1, c] = grad[e, c], back
-            for f in range(e + 1, k):
-                keep = G_out[e, f] != 0.0
-                out_i[n], out_j[n], out_G[n] = atom[who[e]], atom[who[f]], G_out[e, f]
-                for c in range(3):
-                    out_r[n, c] = arm[f, c] - arm[e, c]
-                    if sources:
-                        out_D[n, 0, c], out_D[n, 1, c] = S[e, f, c], S[f, e, c]
-                        keep = keep or S[e, f, c] != 0.0 or S[f, e, c] != 0.0
-                n += 1 if keep else 0
+        n = between_neighbors(k, near, who, arm, G_out, S, sources, out, n)
     return n, total
 
 

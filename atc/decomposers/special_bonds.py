@@ -228,7 +228,7 @@ def _special(n, start, other, trim13, joined13, trim14, joined14):
     capacity = 16 * n + 64
     out = np.empty(capacity, np.int32)
     apart = np.empty(capacity, np.int8)
-    m = 0
+    m = np.int64(0)  # not the literal, for which `_room` would be compiled once more
     for i in range(n):
         seen[i] = i
         for level in range(1, 4):
@@ -269,8 +269,9 @@ def _room(out, apart, m):
         return out, apart
     o = np.empty(2 * len(out), np.int32)
     a = np.empty(2 * len(out), np.int8)
-    o[:m] = out
-    a[:m] = apart
+    # One by one: an assignment of arrays would bring numba's messages on shapes along, seconds of compiling.
+    for k in range(m):
+        o[k], a[k] = out[k], apart[k]
     return o, a
 
 

@@ -197,32 +197,12 @@ class SplineMEAM(Centred):
             "half to each; outer bonds apart"
         )
 
-    def pairs(self, near, element, p0, p1, G_p, energies):
-        return _pairs(p0, p1, near.a, near.b, near.d_p, element, self.phi, self.index, near.atom, G_p, energies)
+    def pairs(self, p0, p1, near, G_p, energies):
+        return _pairs(p0, p1, near, self.phi, self.index, G_p, energies)
 
-    def centres(self, near, element, s0, s1, most, *out):
-        return _centres(
-            s0,
-            s1,
-            most,
-            near.start,
-            near.pair,
-            near.end,
-            near.a,
-            near.b,
-            near.r_pc,
-            near.d_p,
-            element,
-            self.index,
-            self.rho,
-            self.U,
-            self.f,
-            self.g,
-            self.F,
-            self.G,
-            near.atom,
-            *out,
-        )
+    def centres(self, s0, s1, most, near, *out):
+        splines = self.rho, self.U, self.f, self.g, self.F, self.G
+        return _centres(s0, s1, most, near, self.index, splines, *out)
 
 
 def _stack(rows: list[np.ndarray]) -> np.ndarray:
@@ -257,7 +237,8 @@ def _spline(rows, x):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _pairs(p0, p1, a, b, d, element, phi, index, atom, G, energies):
+def _pairs(p0, p1, near, phi, index, G, energies):
+    _, _, _, a, b, _, d, element, atom = near
     total = 0.0
     for p in range(p0, p1):
         u, du = _spline(phi[index[element[a[p]], element[b[p]]]], d[p])
@@ -272,35 +253,10 @@ def _pairs(p0, p1, a, b, d, element, phi, index, atom, G, energies):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _centres(
-    s0,
-    s1,
-    most,
-    start,
-    pair,
-    end,
-    a,
-    b,
-    r,
-    d,
-    element,
-    index,
-    rho,
-    U,
-    f,
-    g,
-    F,
-    G,
-    atom,
-    G_end,
-    S_end,
-    out_i,
-    out_j,
-    out_r,
-    out_G,
-    out_D,
-    energies,
-):
+def _centres(s0, s1, most, near, index, splines, G_end, S_end, out, energies):
+    start, pair, end, _, _, _, _, element, atom = near
+    rho, U, f, g, F, G = splines
+    out_i, out_j, out_r, out_G, out_D = out
     sources = len(S_end) > 0
     angles = len(F) > 0
     who, arm, dist = np.empty(most, np.int32), np.empty((most, 3)), np.empty(most)
@@ -309,7 +265,7 @@ def _centres(
     total = 0.0
     n = 0
     for s in range(s0, s1):
-        k = around(s, start, pair, end, a, b, r, d, who, arm, dist)
+        k = around(s, near, who, arm, dist)
         density = 0.0
         energy = 0.0
         for e in range(k):

@@ -14,7 +14,6 @@ everything that the triplets at both of its ends add to it:
 
 from __future__ import annotations
 
-from dataclasses import fields
 from itertools import product
 from types import MappingProxyType
 
@@ -23,17 +22,21 @@ import numpy as np
 from ..bonds import Bonds
 from ..errors import AtcError
 from ..frame import Frame
-from ..neighbors.verlet import cell_list
-from ..units import Units, units
-from .base import Accumulator, Term, Work, two_body_sources
+from ..units import Units
+from ..units import units as system
+from .base import Work, two_body_sources
 from .cluster import weights_of
+from .elements import mapped_line
+from .entries import OfEntries
+from .neighbor_work import TripletWork, shares
+from .parameter_file import read_entries
 from .registry import MAPPED_STYLES, pair_style
-from .stillinger_weber_kernels import ODD, SQUARE, SWITCHED, sw_index, sw_merge, sw_pairs, sw_runs, sw_triplets
-from .sw_file import SWEntry, read_sw_file
+from .stillinger_weber_kernels import SQUARE, SWITCHED, sw_pairs
+from .sw_file import SWEntry
 from .twin_entries import agree
 
 
-class StillingerWeber(Term):
+class StillingerWeber(OfEntries):
     """U = Σ_pairs A ε [B (σ/d)^p − (σ/d)^q] exp(σ/(d − aσ)) + Σ_triplets λ ε (cos θ − cos θ0)² exp(γσ/(d_ab − aσ))
     exp(γσ/(d_ac − aσ)).
 
@@ -72,6 +75,7 @@ class StillingerWeber(Term):
     part_name = "sw"
     #: The style's name, the angular function, and its numbers besides cos θ0.
     style = "sw"
+    entry = SWEntry
     angular = SQUARE
     deltas = (0.0, 0.0)
     partitions = MappingProxyType({"equal": "equal", "center": "center"})
@@ -111,13 +115,7 @@ class StillingerWeber(Term):
         """Several elements. `entries` maps (elem1, elem2, elem3), elem1 at the centre, to `SWEntry` or dicts of its
         fields; `elements` names the element of each atom type from 1, None for types left out."""
         self = cls.__new__(cls)
-        self._build(
-            {tuple(k): v if isinstance(v, SWEntry) else SWEntry(**v) for k, v in entries.items()},
-            elements,
-            units,
-            threebody,
-            partition,
-        )
+        self._build(entries, elements, units, threebody, partition)
         return self
 
     @classmethod
@@ -129,32 +127,12 @@ class StillingerWeber(Term):
         units: str | Units = "metal",
         threebody: bool = True,
         partition="equal",
-        least_types: int = 0,
         where: str = "",
     ) -> StillingerWeber:
-        """From a LAMMPS parameter file, e.g. ``StillingerWeber.from_file("Si.sw", ["Si"])``. See `read_sw_file` for its
-        units.
-
-        elements : the element of each atom type from 1; ``"NULL"`` or None leaves a type out.
-        least_types, where : for checks and messages: how many types are known to exist, and the line that names the
-            elements
-        """
-        elements = [None if e in (None, "NULL") else e for e in elements]
-        if len(elements) < least_types:
-            raise AtcError(
-                f"{where or path}: pair_style {cls.style} needs one element (or NULL) for each of the {least_types} "
-                f"atom types, found {len(elements)}"
-            )
-        used = dict.fromkeys(e for e in elements if e is not None)
-        if not used:
-            raise AtcError(f"{where or path}: every atom type is NULL: name the element of at least one type")
-        entries = read_sw_file(path, used, _units_name(units), where)
-        for triple in product(used, repeat=3):
-            if triple not in entries:
-                raise AtcError(
-                    f"{path}: no entry for {' '.join(triple)}, which {where or 'the list of elements'} needs; a file "
-                    "must have every combination"
-                )
+        """From a LAMMPS parameter file, e.g. ``StillingerWeber.from_file("Si.sw", ["Si"])``: see
+        `OfEntries.from_file`."""
+        used = dict.fromkeys(e for e in elements if e not in (None, "NULL"))
+        entries = read_entries(path, used, system(units).name, cls.entry, where)
         return cls.from_entries(entries, elements, units=units, threebody=threebody, partition=partition)
 
     def share(self, partition):
@@ -168,37 +146,26 @@ class StillingerWeber(Term):
 
     def _build(self, entries, elements, units_, threebody, partition):
         self.share(partition)
-        self.units = u = units(units_)
+        entries = {tuple(k): v if isinstance(v, SWEntry) else SWEntry(**v) for k, v in entries.items()}
         for triple, e in entries.items():
-            for key in fields(SWEntry)[:-1]:
-                v = getattr(e, key.name)
-                if not np.isfinite(v) or (v < 0 and key.name != "costheta0"):
+            for key in e.keys():
+                v = getattr(e, key)
+                if not np.isfinite(v) or (v < 0 and key not in e.signed):
                     raise AtcError(
-                        f"{e.where}: {key.name} of {' '.join(triple)} must be a finite number that is not negative, "
-                        f"got {v}"
+                        f"{e.where}: {key} of {' '.join(triple)} must be a finite number that is not negative, got {v}"
                     )
-        names = (
-            list(dict.fromkeys(k[0] for k in entries))
-            if elements is None
-            else list(dict.fromkeys(e for e in elements if e is not None))
-        )
-        self.elements = elements
-        self.names = names
+        u = system(units_)
+        entries, names = self.take(entries, elements, u)
+        self.elements, self.names = elements, names
         self.threebody = bool(threebody)
         #: outer bonds with |G| at or below this are left out (unless energy sources are wanted). 0 drops what is
         #: exactly zero and nothing else.
         self.prune = 0.0
-        # Element of each type, from 1; −1 takes no part. An entry 0 for "every type".
-        self.element_of_type = (
-            np.zeros(0, np.int64)
-            if elements is None
-            else np.array([-1, *(-1 if e is None else names.index(e) for e in elements)])
-        )
         m = len(names)
         self.pair = np.zeros((m, m, 8))
         self.triplet = np.zeros((m, m, m, 4))
         for (ia, a), (ib, b) in product(enumerate(names), repeat=2):
-            e = self._entry(entries, a, b, b)
+            e = entries[a, b, b]
             sigma, energy = u.to_internal("length", e.sigma), u.to_internal("energy", e.epsilon)
             cut = e.a * sigma
             with np.errstate(over="ignore", invalid="ignore"):
@@ -224,21 +191,12 @@ class StillingerWeber(Term):
                     f"{e.sigma}"
                 )
             for ic, c in enumerate(names):
-                t = self._entry(entries, a, b, c)
+                t = entries[a, b, c]
                 strength = t.lam * u.to_internal("energy", t.epsilon) if threebody else 0.0
                 self.triplet[ia, ib, ic] = strength, t.costheta0, *self.deltas
         self._symmetric(entries)
         self.same_ends = bool((self.pair[..., 7] == self.pair[..., 7].T).all())
         self.cutoff = float(self.pair[..., 0].max())
-
-    @staticmethod
-    def _entry(entries, a, b, c) -> SWEntry:
-        try:
-            return entries[a, b, c]
-        except KeyError:
-            raise AtcError(
-                f"Stillinger-Weber: no entry for {a} {b} {c}: give one for every combination of the elements in use"
-            ) from None
 
     def _symmetric(self, entries):
         """Where LAMMPS would take one of two entries by the numbering of the atoms, they must say the same."""
@@ -294,10 +252,6 @@ class StillingerWeber(Term):
         return _SWWork(self, frame)
 
 
-def _units_name(u) -> str:
-    return u if isinstance(u, str) else u.name
-
-
 def _list_cutoff(e: SWEntry, sigma: float) -> float:
     """The distance from which on LAMMPS leaves a pair out: aσ, or less by what makes exp(σ/(d − aσ)) smaller than
     tol."""
@@ -307,59 +261,20 @@ def _list_cutoff(e: SWEntry, sigma: float) -> float:
     return cut
 
 
-class _SWWork(Work):
+class _SWWork(TripletWork):
     def __init__(self, term: StillingerWeber, frame: Frame):
-        self.term, self.frame = term, frame
-        n = len(frame)
-        if term.elements is None:
-            self.who = None
-            element_n = np.zeros(n, np.int32)
-        else:
-            if n and frame.types.max() >= len(term.element_of_type):
-                raise AtcError(
-                    f"{frame.source}: atoms of type {int(frame.types.max())} but pair_style {term.style} names the "
-                    f"elements of types 1 to {len(term.element_of_type) - 1}: name the others too, "
-                    "or NULL"
-                )
-            if n and frame.types.min() < 1:
-                raise AtcError(f"{frame.source}: atom types must be 1 or larger, found {int(frame.types.min())}")
-            element_n = term.element_of_type[frame.types].astype(np.int32)
-            self.who = None if (element_n >= 0).all() else np.flatnonzero(element_n >= 0).astype(np.int32)
-        x = frame.positions if self.who is None else frame.positions[self.who]
-        self.list = cells = cell_list(x, frame.cell, term.cutoff, self.who)
-        # Inside this term an atom's name is its place in the sorted list, which is near its neighbours' places; `atom`
-        # gives the frame's.
-        atom = cells.order
-        self.element = element_n[atom] if self.who is None else element_n[self.who[atom]]
-        self.atom = atom if self.who is None else self.who[atom]
-        cells.order = np.arange(len(x), dtype=np.int32)
-        chunks = cells.n_chunks
-        self.parts = [None] * chunks
-        self.stages = (chunks, 1, chunks, chunks) if term.threebody else (chunks,)
+        super().__init__(term, frame, "Stillinger-Weber", *term.map.apply(frame))
+        if not term.threebody:
+            self.stages = self.stages[:1]
 
-    def run(self, stage, task, acc: Accumulator):
-        return (self._pairs, self._join, self._triplets, self._merge)[stage](task, acc)
-
-    def _pairs(self, task, acc):
+    def pairs(self, task, acc):
         ws, term = acc.ws, self.term
         n = self.list.half(task, ws)
-        energies = acc.energies if acc.energies is not None else _NOTHING
         rec = np.empty((n, 8))
         m, energy, bad = sw_pairs(
-            ws.i, ws.j, ws.r, ws.d2, n, self.element, term.pair, term.same_ends, self.atom, rec, ws.G, energies
+            ws.i, ws.j, ws.r, ws.d2, n, self.element, term.pair, term.same_ends, self.atom, rec, ws.G, shares(acc)
         )
-        if bad >= 0:
-            a, b = self.frame.ids[self.atom[ws.i[bad]]], self.frame.ids[self.atom[ws.j[bad]]]
-            d = ws.d2[bad] ** 0.5
-            if d == 0.0:
-                raise AtcError(
-                    f"{self.frame.source}: atoms {a} and {b} are at the same place, where the Stillinger-Weber force "
-                    "is undefined; remove one of them"
-                )
-            raise AtcError(
-                f"{self.frame.source}: the Stillinger-Weber force between atoms {a} and {b} at distance {d:.3g} is "
-                "not a finite number"
-            )
+        self.require_finite(bad, ws)
         acc.energy += energy
         if term.threebody:
             self.parts[task] = ws.i[:m].copy(), ws.j[:m].copy(), rec[:m], ws.G[:m].copy()
@@ -369,72 +284,9 @@ class _SWWork(Work):
             bonds.D_bdc = two_body_sources(bonds)
         return bonds
 
-    def _join(self, task, acc):
-        a, b, rec, G = zip(*self.parts, strict=True)
-        self.edges = np.concatenate([[0], np.cumsum([len(p) for p in a])])
-        self.a, self.b, self.rec, self.G = np.concatenate(a), np.concatenate(b), np.concatenate(rec), np.concatenate(G)
-        self.parts = None
-        self.G_end = np.zeros((len(self.a), 2))
-        # Slot (pair, end) with the triplet's centre at that end: ∂U^(centre)/∂x_other and ∂U^(other)/∂x_centre.
-        self.S_end = np.zeros((len(self.a), 2, 2, 3)) if acc.sources else None
-        self.out_start, self.in_start, self.in_pair = sw_index(self.a, self.b, len(self.atom))
-        self.runs, self.most, self.room = sw_runs(self.out_start, self.in_start, _TRIPLETS_PER_TASK)
-        pairs, join, _, merge = self.stages
-        self.stages = (pairs, join, len(self.runs) - 1, merge)
 
-    def _triplets(self, task, acc):
-        ws, term = acc.ws, self.term
-        s0, s1 = self.runs[task], self.runs[task + 1]
-        while ws.capacity < self.room:
-            ws.grow()
-        energies = acc.energies if acc.energies is not None else _NOTHING
-        D = np.empty((self.room, 2, 3)) if acc.sources else None
-        m, energy, odd = sw_triplets(
-            term.angular,
-            s0,
-            s1,
-            self.out_start,
-            self.in_start,
-            self.in_pair,
-            self.a,
-            self.b,
-            self.rec,
-            self.element,
-            term.triplet,
-            self.atom,
-            self.most,
-            term.prune,
-            *term.weights,
-            self.G_end,
-            self.S_end,
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.G,
-            D,
-            energies,
-        )
-        acc.energy += energy
-        acc.note(ODD.get(term.angular, ""), odd)
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], None if D is None else D[:m])
-
-    def _merge(self, task, acc):
-        ws = acc.ws
-        p0, p1 = self.edges[task], self.edges[task + 1]
-        while ws.capacity < p1 - p0:
-            ws.grow()
-        D = np.empty((p1 - p0, 2, 3)) if acc.sources else None
-        m = sw_merge(
-            p0, p1, self.a, self.b, self.rec, self.G, self.G_end, self.S_end, self.atom, ws.i, ws.j, ws.r, ws.G, D
-        )
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], None if D is None else D[:m])
-
-
-_NOTHING = np.zeros(0)
 _CENTER = ((1.0, 0.0, 0.0), "to the atom at its center")
 _SHARES = {"center": _CENTER, "centre": _CENTER}
-# As many as a fresh workspace holds; a dense liquid must not cost memory.
-_TRIPLETS_PER_TASK = 1 << 16
 
 
 class StillingerWeberMod(StillingerWeber):
@@ -494,31 +346,8 @@ def _sw_mod(inp):
 
 def _from_line(inp, kind, **more):
     """The potential of the one ``pair_coeff * *`` line."""
-    if not inp.coeffs:
-        raise inp.error(
-            f"{inp.command} has no pair_coeff line: give pair_coeff * * <file.sw> <element of each atom type>"
-        )
-    if len(inp.coeffs) > 1:
-        raise inp.error(f"{inp.command} takes one pair_coeff * * line: leave one of them", inp.coeffs[1])
-    line = inp.coeffs[0]
-    if any(t.lo != 1 or t.hi is not None for t in line.types):
-        raise inp.error(
-            f"{inp.command} wants pair_coeff * * <file.sw> <element of each atom type>: replace the types by * *", line
-        )
-    if len(line.words) < 2:
-        raise inp.error(
-            f"pair_coeff * * of {inp.name} takes a file and the element of each atom type, got "
-            f"{' '.join(line.words) or 'nothing'}",
-            line,
-        )
-    return kind.from_file(
-        inp.path(line.words[0], line),
-        line.words[1:],
-        units=inp.units,
-        least_types=inp.n_types,
-        where=line.where,
-        **more,
-    )
+    path, elements, line = mapped_line(inp.replace(args=()), ".sw")
+    return kind.from_file(path, elements, units=inp.units, where=line.where, **more)
 
 
 MAPPED_STYLES.add("sw/mod")

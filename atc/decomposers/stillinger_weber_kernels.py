@@ -151,41 +151,19 @@ def _angular(kind, cos, row):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def sw_triplets(
-    angular,
-    s0,
-    s1,
-    out_start,
-    in_start,
-    in_pair,
-    a,
-    b,
-    rec,
-    element,
-    table,
-    atom,
-    most,
-    prune,
-    w_centre,
-    w_end,
-    G_end,
-    S_end,
-    out_i,
-    out_j,
-    out_r,
-    out_G,
-    out_D,
-    energies,
-):
+def sw_triplets(angular, s0, s1, most, lists, table, prune, w_centre, w_end, G_end, S_end, out, out_D, energies):
     """All triplets around the atoms s0..s1: G of the arms into G_end (pair, which end is the centre), outer distances
-    to the out arrays.
+    to out = (i, j, r, G) and out_D.
 
+    lists : `sw_index`'s, and what they are of: see `TripletWork`
     angular : which angular function A(cos θ), whose numbers are in table[centre, b, c, 1:], beside the strength in
         front; U = strength h_b h_c A. Returns the number of outer bonds, the energy, and how many triplets were odd
         (`_odd`).
     S_end and out_D are None where no sources are wanted: numba then leaves those branches out of the machine code. With
     U the energy of a triplet and w its atoms' shares, the source of the ordered pair p, q is ∂U^(p)/∂x_q = w_p ∂U/∂x_q.
     """
+    out_start, in_start, in_pair, a, b, rec, element, atom = lists
+    out_i, out_j, out_r, out_G = out
     who = np.empty(most, np.int32)
     pair = np.empty(most, np.int64)
     end = np.empty(most, np.int64)
@@ -270,7 +248,9 @@ def sw_triplets(
         for e in range(k):
             G_end[pair[e], end[e]] = G_arm[e]
             if S_end is not None:
-                S_end[pair[e], end[e]] = S_arm[e]
+                for c in range(3):
+                    S_end[pair[e], end[e], 0, c] = S_arm[e, 0, c]
+                    S_end[pair[e], end[e], 1, c] = S_arm[e, 1, c]
     return m, total, odd
 
 

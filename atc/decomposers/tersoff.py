@@ -12,23 +12,19 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ..bonds import Bonds
 from ..errors import AtcError
 from ..frame import Frame
 from ..units import Units
-from ..units import units as system
-from .base import Accumulator, Term, Work
+from .base import Work
 from .cluster import weights_of
-from .elements import ElementMap, mapped_line
-from .neighborhood import Neighborhood
+from .elements import mapped_line
+from .entries import OfEntries
+from .neighbor_work import NO_S, NeighborWork, made, room, shares
 from .registry import MAPPED_STYLES, pair_style
-from .tersoff_file import TersoffEntry, read_tersoff_file
+from .tersoff_file import TersoffEntry
 from .tersoff_kernels import SINE, TERSOFF, bond_orders, merge
 from .twin_entries import agree
 
-_NOTHING = np.zeros(0)
-_NO_S = np.zeros((0, 2, 2, 3))
-_NO_D = np.zeros((0, 2, 3))
 #: Columns of the tables of pairs and of triplets, and those of a pair's repulsion that only some variants have.
 _TWO, _THREE, _CORE = 17, 11, [12, 13, 14, 15, 16]
 _CENTER = ((1.0, 0.0), "bond-order energy V_ij to its center i")
@@ -45,7 +41,7 @@ def _row(width, *values) -> np.ndarray:
     return out
 
 
-class Tersoff(Term):
+class Tersoff(OfEntries):
     """U = Σ_pairs f_C A exp(−λ1 d) − ½ Σ_{i≠j} f_C b_ij B exp(−λ2 d), b = (1 + βⁿ ζⁿ)^(−1/2n), ζ_ij = Σ_k f_C(d_ik)
     g(cos θ) exp[λ3^m (d_ij − d_ik)^m], g = γ [1 + c²/d² − c²/(d² + (cos θ0 − cos θ)²)], f_C = 1 below R − D, 0 above R
     + D, ½ − ½ sin(π (r − R)/2D) between.
@@ -84,28 +80,14 @@ class Tersoff(Term):
     def __init__(
         self, entries: dict, elements=None, *, units: str | Units = "metal", partition="pair", shift: float = 0.0
     ):
-        self.units = u = system(units)
-        entries = {tuple(k): v if isinstance(v, self.entry) else self.entry(**v) for k, v in entries.items()}
-        for e in entries.values():
-            if wrong := e.check():
-                raise AtcError(f"{e.where}: {wrong}")
-        names = (
-            [next(iter(entries))[0]]
-            if elements is None
-            else list(dict.fromkeys(e for e in elements if e not in (None, "NULL")))
-        )
-        self.map = ElementMap(elements, names, f"pair_style {self.style}")
+        entries, names = self.take(entries, elements, units)
         self.share(partition)
         m = len(names)
-        self.shift = float(u.to_internal("length", shift))
+        self.shift = float(self.units.to_internal("length", shift))
         self.two = np.zeros((m, m, _TWO))
         self.three = np.zeros((m, m, m, _THREE))
         for (i, a), (j, b), (k, c) in product(enumerate(names), repeat=3):
-            e = entries.get((a, b, c))
-            if e is None:
-                raise AtcError(
-                    f"{self.style}: no entry for {a} {b} {c}: a potential needs every combination of its elements"
-                )
+            e = entries[a, b, c]
             self.three[i, j, k] = self.around(e)
             if j == k:
                 if not e.n > 0 and e.beta > 0 and e.B > 0:
@@ -182,22 +164,6 @@ class Tersoff(Term):
         )
         return self.units.to_user("energy", switch * A * np.exp(-lam1 * d))
 
-    @classmethod
-    def from_file(
-        cls, path, elements, *, units: str | Units = "metal", partition="pair", shift: float = 0.0, where: str = ""
-    ) -> Tersoff:
-        """From a LAMMPS parameter file, e.g. ``Tersoff.from_file("Si.tersoff", ["Si"])``. where : the line that names
-        it, for messages."""
-        used = dict.fromkeys(e for e in elements if e not in (None, "NULL"))
-        entries = read_tersoff_file(path, used, system(units).name, where, cls.entry)
-        for triple in product(used, repeat=3):
-            if triple not in entries:
-                raise AtcError(
-                    f"{path}: no entry for {' '.join(triple)}, which {where or 'the list of elements'} needs; a file "
-                    "must have every combination"
-                )
-        return cls(entries, elements, units=units, partition=partition, shift=shift)
-
     def share(self, partition):
         if isinstance(partition, str) and partition == "equal":
             raise AtcError(
@@ -216,100 +182,51 @@ class Tersoff(Term):
         return _TersoffWork(self, frame)
 
 
-class _TersoffWork(Work):
+class _TersoffWork(NeighborWork):
     def __init__(self, term: Tersoff, frame: Frame):
-        self.term, self.frame = term, frame
-        element_n, who = term.map.apply(frame)
-        self.near = near = Neighborhood(frame, who, term.cutoff, "Tersoff")
-        self.element = element_n[near.atom]
-        self.stages = (near.chunks, 1, near.chunks, near.chunks)
+        super().__init__(term, frame, "Tersoff", *term.map.apply(frame))
 
-    def run(self, stage, task, acc: Accumulator):
-        return (self._collect, self._join, self._centres, self._merge)[stage](task, acc)
+    @property
+    def own(self):
+        return self._centres, self._merge
 
-    def _collect(self, task, acc):
-        self.near.collect(task, acc.ws)
-
-    def _join(self, task, acc):
-        self.near.join()
+    def joined(self, acc):
         pairs = len(self.near.a)
         self.G_end = np.zeros((pairs, 2))
         # Slot (pair, end): what the bonds around that end give, ∂U^(centre)/∂x_other and ∂U^(other)/∂x_centre.
-        self.S_end = np.zeros((pairs, 2, 2, 3)) if acc.sources else _NO_S
+        self.S_end = np.zeros((pairs, 2, 2, 3)) if acc.sources else NO_S
 
     def _centres(self, task, acc):
-        near, term, ws = self.near, self.term, acc.ws
-        most, room = near.most(task)
-        while ws.capacity < room:
-            ws.grow()
-        D = np.empty((room, 2, 3)) if acc.sources else _NO_D
-        energies = acc.energies if acc.energies is not None else _NOTHING
+        term = self.term
+        most, count = self.near.most(task)
+        out = room(acc, count)
         m, energy = bond_orders(
             term.form,
             term.shift,
-            near.first[task],
-            near.first[task + 1],
+            *self.atoms(task),
             most,
-            near.start,
-            near.pair,
-            near.end,
-            near.a,
-            near.b,
-            near.r_pc,
-            near.d_p,
-            self.element,
+            self.lists,
             term.two,
             term.three,
             term.weights,
-            near.atom,
             self.G_end,
             self.S_end,
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.G,
-            D,
-            energies,
+            out,
+            shares(acc),
         )
         acc.energy += energy
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
+        return made(acc, out, m)
 
     def _merge(self, task, acc):
-        near, ws = self.near, acc.ws
-        p0, p1 = near.edges[task], near.edges[task + 1]
-        while ws.capacity < p1 - p0:
-            ws.grow()
-        D = np.empty((p1 - p0, 2, 3)) if acc.sources else _NO_D
-        energies = acc.energies if acc.energies is not None else _NOTHING
+        term = self.term
+        p0, p1 = self.pairs(task)
+        out = room(acc, p1 - p0)
         m, energy, bad = merge(
-            self.term.form,
-            self.term.shift,
-            p0,
-            p1,
-            near.a,
-            near.b,
-            near.r_pc,
-            near.d_p,
-            self.element,
-            self.term.repulsion,
-            self.G_end,
-            self.S_end,
-            near.atom,
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.G,
-            D,
-            energies,
+            term.form, term.shift, p0, p1, self.lists, term.repulsion, self.G_end, self.S_end, out, shares(acc)
         )
-        if bad >= 0:
-            a, b = self.frame.ids[near.atom[near.a[bad]]], self.frame.ids[near.atom[near.b[bad]]]
-            raise AtcError(
-                f"{self.frame.source}: the Tersoff force between atoms {a} and {b} at distance {near.d_p[bad]:.3g} is "
-                "not a finite number"
-            )
+        self.require_finite(bad)
         acc.energy += energy
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
+        return made(acc, out, m)
 
 
 def bond_order_style(inp, kind, ending):

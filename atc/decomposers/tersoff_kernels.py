@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..compiled import njit
+from .neighborhood import around, between_neighbors
 
 SINE, MURTY = 0, 1
 TERSOFF, KUMAGAI, GAO_WEBER = 0, 1, 2
@@ -103,36 +104,11 @@ def _universal(d, strength, a):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def bond_orders(
-    form,
-    shift,
-    s0,
-    s1,
-    most,
-    start,
-    pair,
-    end,
-    a,
-    b,
-    r,
-    d,
-    element,
-    two,
-    three,
-    weights,
-    atom,
-    G_end,
-    S_end,
-    out_i,
-    out_j,
-    out_r,
-    out_G,
-    out_D,
-    energies,
-):
+def bond_orders(form, shift, s0, s1, most, near, two, three, weights, G_end, S_end, out, energies):
     """V_ij of the bonds of the atoms s0..s1 and its derivatives: arms into the slots, outer distances to the out
     arrays."""
-    sources = len(out_D) > 0
+    start, pair, end, _, _, _, _, element, atom = near
+    sources = len(out[4]) > 0
     shared = len(energies) > 0
     cut_kind, angular, order_kind = form
     w_i, w_j = weights[0], weights[1]
@@ -148,18 +124,10 @@ def bond_orders(
     total = 0.0
     m = 0
     for s in range(s0, s1):
-        k = start[s + 1] - start[s]
+        k = around(s, near, who, arm, dist)
         for e in range(k):
-            p = pair[start[s] + e]
-            sign = 1.0
-            who[e] = b[p]
-            if end[start[s] + e] == 1:
-                sign = -1.0
-                who[e] = a[p]
-            dist[e] = d[p]
             G_arm[e] = 0.0
             for c in range(3):
-                arm[e, c] = sign * r[p, c]
                 S_arm[e, 0, c] = S_arm[e, 1, c] = 0.0
             for f in range(k):
                 G_out[e, f] = 0.0
@@ -245,24 +213,16 @@ def bond_orders(
                 for c in range(3):
                     S_end[p, side, 0, c] = S_arm[e, 0, c]
                     S_end[p, side, 1, c] = S_arm[e, 1, c]
-            for f in range(e + 1, k):
-                keep = G_out[e, f] != 0.0
-                out_i[m], out_j[m], out_G[m] = atom[who[e]], atom[who[f]], G_out[e, f]
-                for c in range(3):
-                    out_r[m, c] = arm[f, c] - arm[e, c]
-                    if sources:
-                        out_D[m, 0, c], out_D[m, 1, c] = S_out[e, f, c], S_out[f, e, c]
-                        keep = keep or S_out[e, f, c] != 0.0 or S_out[f, e, c] != 0.0
-                m += 1 if keep else 0
+        m = between_neighbors(k, near, who, arm, G_out, S_out, sources, out, m)
     return m, total
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def merge(
-    form, shift, p0, p1, a, b, r, d, element, repulsion, G_end, S_end, atom, out_i, out_j, out_r, out_G, out_D, energies
-):
+def merge(form, shift, p0, p1, near, repulsion, G_end, S_end, out, energies):
     """One bond a pair: repulsion and what both ends' bond orders give. Returns their number, the repulsive energy, the
     first bad pair (−1)."""
+    _, _, _, a, b, r, d, element, atom = near
+    out_i, out_j, out_r, out_G, out_D = out
     sources = len(out_D) > 0
     shared = len(energies) > 0
     total = 0.0

@@ -9,9 +9,10 @@ from typing import ClassVar
 import numpy as np
 
 from ..errors import AtcError
+from .entries import Entry
 from .registry import MAPPED_STYLES, pair_style
 from .tersoff import Tersoff, bond_order_style
-from .tersoff_file import NUMBERS, TersoffEntry
+from .tersoff_file import TersoffEntry
 from .tersoff_kernels import GAO_WEBER, KUMAGAI, MURTY, SINE, TERSOFF
 
 #: LAMMPS's permittivity of the vacuum for these styles, e²/(energy · Å).
@@ -19,7 +20,7 @@ _VACUUM = {"metal": 0.00552635, "real": 0.00552635 * 0.043365121}
 
 
 @dataclass(frozen=True)
-class TersoffModEntry:
+class TersoffModEntry(Entry):
     """One entry of a ``.tersoff.mod`` file: see `TersoffMod`. `beta` is the power of d_ij − d_ik, `beta_ters` is 1."""
 
     beta: float
@@ -39,35 +40,15 @@ class TersoffModEntry:
     c3: float
     c4: float
     c5: float
-    c0: float = 0.0
     where: str = "the Tersoff/MOD parameters"
 
     what: ClassVar[str] = "Tersoff/MOD"
-    keys: ClassVar[tuple] = (
-        "beta",
-        "alpha",
-        "h",
-        "eta",
-        "beta_ters",
-        "lam2",
-        "B",
-        "R",
-        "D",
-        "lam1",
-        "A",
-        "n",
-        "c1",
-        "c2",
-        "c3",
-        "c4",
-        "c5",
-    )
+    signed: ClassVar[tuple] = ("beta", "alpha", "h", "beta_ters", "c1", "c2", "c3", "c4", "c5", "c0")
     energies: ClassVar[tuple] = ("A", "B")
 
     def check(self) -> str | None:
-        for key in ("lam2", "B", "R", "D", "lam1", "A", "n", "eta"):
-            if getattr(self, key) < 0:
-                return f"{key} must not be negative, got {getattr(self, key):g}"
+        if wrong := super().check():
+            return wrong
         if self.beta not in (1.0, 3.0):
             return f"beta must be 1 or 3, got {self.beta:g}"
         if self.beta_ters != 1.0:
@@ -77,11 +58,12 @@ class TersoffModEntry:
         return None
 
 
+@dataclass(frozen=True)
 class TersoffModCEntry(TersoffModEntry):
     """`TersoffModEntry` with c0."""
 
-    keys = (*TersoffModEntry.keys, "c0")
-    energies = ("A", "B", "c0")
+    c0: float = 0.0
+    energies: ClassVar[tuple] = ("A", "B", "c0")
 
 
 class TersoffMod(Tersoff):
@@ -119,7 +101,6 @@ class TersoffMod(Tersoff):
             e.eta,
             e.n,
         )
-        out[12] = e.c0 * energy
         return out
 
 
@@ -128,6 +109,11 @@ class TersoffModC(TersoffMod):
 
     style = "tersoff/mod/c"
     entry = TersoffModCEntry
+
+    def between(self, e):
+        out = super().between(e)
+        out[12] = e.c0 * self.units.to_internal("energy", 1.0)
+        return out
 
 
 @dataclass(frozen=True)
@@ -138,8 +124,6 @@ class TersoffZBLEntry(TersoffEntry):
     Zj: float = 0.0
     ZBLcut: float = 0.0
     ZBLexpscale: float = 0.0
-
-    keys: ClassVar[tuple] = (*NUMBERS, "Zi", "Zj", "ZBLcut", "ZBLexpscale")
 
 
 class TersoffZBL(Tersoff):

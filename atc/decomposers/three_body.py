@@ -16,23 +16,21 @@ from ..bonds import Bonds
 from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
-from ..neighbors.verlet import cell_list
 from ..units import Units
-from ..units import units as system
-from .base import Accumulator, Term, Work
+from .base import Work
 from .cluster import weights_of
-from .elements import ElementMap, mapped_line
-from .parameter_file import read_entries
+from .elements import mapped_line
+from .entries import Entry, OfEntries
+from .neighbor_work import TripletWork, shares
 from .registry import MAPPED_STYLES, pair_style
-from .stillinger_weber import _SHARES, _TRIPLETS_PER_TASK
-from .stillinger_weber_kernels import HARMONIC, ODD, SATURATED, sw_index, sw_merge, sw_runs, sw_triplets
+from .stillinger_weber import _SHARES
+from .stillinger_weber_kernels import HARMONIC, SATURATED
 
-_NOTHING = np.zeros(0)
 # Which function of the distance an arm has in triplets: exp(γ/(d − r0)), 1, exp(−d/ρ); all 0 at and beyond r0.
 _EXPONENTIAL, _PLAIN, _SCREENED = 0, 1, 2
 
 
-class ThreeBody(Term):
+class ThreeBody(OfEntries):
     """U = Σ_pairs U2(d) + Σ_triplets S h(d_ab) h(d_ac) A(cos θ), a at the centre, h = 0 from r0 on.
 
     Half of a pair's energy goes to each end, a third of a triplet's to each of its atoms (`partition`, as in
@@ -45,8 +43,7 @@ class ThreeBody(Term):
     """
 
     bodies = 3
-    style: str
-    entry: type
+    prune = 0.0
     angular: int
     arm: int
     #: Pair energies and G by pair at (first, step) of d² in place of their functions, or none.
@@ -55,26 +52,12 @@ class ThreeBody(Term):
     partitions = MappingProxyType({"equal": "equal", "center": "center"})
 
     def __init__(self, entries: dict, elements=None, *, units: str | Units = "metal", partition="equal"):
-        self.units = system(units)
-        entries = {tuple(k): v if isinstance(v, self.entry) else self.entry(**v) for k, v in entries.items()}
-        for e in entries.values():
-            if wrong := e.check():
-                raise AtcError(f"{e.where}: {wrong}")
-        names = (
-            [next(iter(entries))[0]]
-            if elements is None
-            else list(dict.fromkeys(e for e in elements if e not in (None, "NULL")))
-        )
-        self.map = ElementMap(elements, names, f"pair_style {self.style}")
+        entries, names = self.take(entries, elements, units)
         self.share(partition)
         m = len(names)
         self.pair, self.arms, self.triplet = np.zeros((m, m, 11)), np.zeros((m, m, 2)), np.zeros((m, m, m, 4))
         for (i, a), (j, b), (k, c) in product(enumerate(names), repeat=3):
-            e = entries.get((a, b, c))
-            if e is None:
-                raise AtcError(
-                    f"{self.style}: no entry for {a} {b} {c}: a potential needs every combination of its elements"
-                )
+            e = entries[a, b, c]
             self.triplet[i, j, k, :3] = self.triplet_row(e)
             if j == k:
                 self.pair[i, j], self.arms[i, j] = self.pair_row(e), self.arm_row(e)
@@ -109,15 +92,6 @@ class ThreeBody(Term):
     def part_name(self) -> str:
         return self.style
 
-    @classmethod
-    def from_file(cls, path, elements, *, units: str | Units = "metal", partition="equal", where: str = ""):
-        """From a LAMMPS parameter file. elements : the element of each atom type from 1, ``"NULL"`` or None leaves a
-        type out; where : the line that names it."""
-        used = dict.fromkeys(e for e in elements if e not in (None, "NULL"))
-        return cls(
-            read_entries(path, used, system(units).name, cls.entry, where), elements, units=units, partition=partition
-        )
-
     def share(self, partition):
         w, words = weights_of(partition, 3, _SHARES, self.style)
         if w[1] != w[2]:
@@ -147,30 +121,16 @@ class ThreeBody(Term):
         raise NotImplementedError
 
 
-class _ThreeBodyWork(Work):
+class _ThreeBodyWork(TripletWork):
     """Pairs within U2's reach only become bonds at once; those within an arm's are kept for the triplets and become
     bonds in the end."""
 
     def __init__(self, term: ThreeBody, frame: Frame):
-        self.term, self.frame = term, frame
-        element_n, who = term.map.apply(frame)
-        self.list = cells = cell_list(
-            frame.positions if who is None else frame.positions[who], frame.cell, term.cutoff, who
-        )
-        # Inside, atoms are called by their place in the sorted list; `atom` gives the frame's index.
-        self.atom = cells.order if who is None else who[cells.order]
-        self.element = element_n[self.atom]
-        cells.order = np.arange(len(self.atom), dtype=np.int32)
-        self.parts: list = [None] * cells.n_chunks
-        self.stages = (cells.n_chunks, 1, cells.n_chunks, cells.n_chunks)
+        super().__init__(term, frame, term.style, *term.map.apply(frame))
 
-    def run(self, stage, task, acc: Accumulator):
-        return (self._pairs, self._join, self._triplets, self._merge)[stage](task, acc)
-
-    def _pairs(self, task, acc):
+    def pairs(self, task, acc):
         ws, term = acc.ws, self.term
         n = self.list.half(task, ws)
-        energies = acc.energies if acc.energies is not None else _NOTHING
         D = np.empty((n, 2, 3)) if acc.sources else None
         keep_i, keep_j, rec, G = np.empty(n, np.int32), np.empty(n, np.int32), np.empty((n, 8)), np.empty(n)
         m, k, energy, bad = _pairs(
@@ -192,79 +152,11 @@ class _ThreeBodyWork(Work):
             G,
             ws.G,
             D,
-            energies,
+            shares(acc),
         )
-        if bad >= 0:
-            a, b = self.frame.ids[self.atom[ws.i[bad]]], self.frame.ids[self.atom[ws.j[bad]]]
-            if ws.d2[bad] == 0.0:
-                raise AtcError(
-                    f"{self.frame.source}: atoms {a} and {b} are at the same place, where the {term.style} force is "
-                    "undefined; remove one of them"
-                )
-            raise AtcError(
-                f"{self.frame.source}: the {term.style} force between atoms {a} and {b} at distance "
-                f"{ws.d2[bad] ** 0.5:.3g} is not a finite number"
-            )
+        self.require_finite(bad, ws)
         acc.energy += energy
         self.parts[task] = keep_i[:k].copy(), keep_j[:k].copy(), rec[:k].copy(), G[:k].copy()
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], None if D is None else D[:m])
-
-    def _join(self, task, acc):
-        a, b, rec, G = zip(*self.parts, strict=True)
-        self.parts = []
-        self.edges = np.concatenate([[0], np.cumsum([len(p) for p in a])])
-        self.a, self.b, self.rec, self.G = np.concatenate(a), np.concatenate(b), np.concatenate(rec), np.concatenate(G)
-        self.G_end = np.zeros((len(self.a), 2))
-        self.S_end = np.zeros((len(self.a), 2, 2, 3)) if acc.sources else None
-        self.out_start, self.in_start, self.in_pair = sw_index(self.a, self.b, len(self.atom))
-        self.runs, self.most, self.room = sw_runs(self.out_start, self.in_start, _TRIPLETS_PER_TASK)
-        pairs, join, _, merge = self.stages
-        self.stages = (pairs, join, len(self.runs) - 1, merge)
-
-    def _triplets(self, task, acc):
-        ws, term = acc.ws, self.term
-        while ws.capacity < self.room:
-            ws.grow()
-        energies = acc.energies if acc.energies is not None else _NOTHING
-        D = np.empty((self.room, 2, 3)) if acc.sources else None
-        m, energy, odd = sw_triplets(
-            term.angular,
-            self.runs[task],
-            self.runs[task + 1],
-            self.out_start,
-            self.in_start,
-            self.in_pair,
-            self.a,
-            self.b,
-            self.rec,
-            self.element,
-            term.triplet,
-            self.atom,
-            self.most,
-            0.0,
-            *term.weights,
-            self.G_end,
-            self.S_end,
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.G,
-            D,
-            energies,
-        )
-        acc.energy += energy
-        acc.note(ODD.get(term.angular, ""), odd)
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], None if D is None else D[:m])
-
-    def _merge(self, task, acc):
-        ws = acc.ws
-        p0, p1 = self.edges[task], self.edges[task + 1]
-        while ws.capacity < p1 - p0:
-            ws.grow()
-        D = np.empty((p1 - p0, 2, 3)) if acc.sources else None
-        m = sw_merge(
-            p0, p1, self.a, self.b, self.rec, self.G, self.G_end, self.S_end, self.atom, ws.i, ws.j, ws.r, ws.G, D
-        )
         return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], None if D is None else D[:m])
 
 
@@ -350,7 +242,7 @@ def _pairs(i, j, r, d2, n, element, table, grid, pair, arms, arm, atom, keep_i, 
 
 
 @dataclass(frozen=True)
-class VashishtaEntry:
+class VashishtaEntry(Entry):
     """One entry ``elem1 elem2 elem3`` of a ``.vashishta`` file, elem1 at the centre: see `Vashishta`."""
 
     H: float
@@ -370,29 +262,8 @@ class VashishtaEntry:
     where: str = "the Vashishta parameters"
 
     what: ClassVar[str] = "Vashishta"
-    keys: ClassVar[tuple] = (
-        "H",
-        "eta",
-        "Zi",
-        "Zj",
-        "lambda1",
-        "D",
-        "lambda4",
-        "W",
-        "rc",
-        "B",
-        "gamma",
-        "r0",
-        "C",
-        "costheta0",
-    )
+    signed: ClassVar[tuple] = ("Zi", "Zj", "costheta0")
     energies: ClassVar[tuple] = ("H", "D", "W", "B")
-
-    def check(self) -> str | None:
-        for key in ("H", "eta", "lambda1", "D", "lambda4", "W", "rc", "B", "gamma", "r0", "C"):
-            if getattr(self, key) < 0:
-                return f"{key} must not be negative, got {getattr(self, key):g}"
-        return None
 
 
 class Vashishta(ThreeBody):
@@ -479,7 +350,7 @@ class Vashishta(ThreeBody):
 
 
 @dataclass(frozen=True)
-class HarmonicTripletEntry:
+class HarmonicTripletEntry(Entry):
     """One entry ``elem1 elem2 elem3`` of a ``.nb3b.harmonic`` file, elem1 at the centre: see `HarmonicTriplets`."""
 
     K: float
@@ -488,18 +359,11 @@ class HarmonicTripletEntry:
     where: str = "the nb3b parameters"
 
     what: ClassVar[str] = "nb3b"
-    keys: ClassVar[tuple] = ("K", "theta0", "cutoff")
     energies: ClassVar[tuple] = ("K",)
-
-    def check(self) -> str | None:
-        for key in self.keys:
-            if getattr(self, key) < 0:
-                return f"{key} must not be negative, got {getattr(self, key):g}"
-        return None
 
 
 @dataclass(frozen=True)
-class ScreenedTripletEntry:
+class ScreenedTripletEntry(Entry):
     """One entry of a ``.nb3b.screened`` file: see `ScreenedTriplets`."""
 
     K: float
@@ -509,9 +373,7 @@ class ScreenedTripletEntry:
     where: str = "the nb3b parameters"
 
     what: ClassVar[str] = "nb3b"
-    keys: ClassVar[tuple] = ("K", "theta0", "rho", "cutoff")
     energies: ClassVar[tuple] = ("K",)
-    check = HarmonicTripletEntry.check
 
 
 class HarmonicTriplets(ThreeBody):

@@ -13,6 +13,8 @@ from __future__ import annotations
 
 from math import ceil, floor, isfinite, sqrt
 
+from numpy import int64
+
 from ..compiled import njit
 from ..simd import (
     ENTRY,
@@ -366,7 +368,8 @@ def lattice_bonds(
                 )  # fmt: skip
                 visits += points
                 # All β first and all sums after: two loops the processor can overlap better than one.
-                n_runs = 0
+                # Not the literal 0, for which `add` would be compiled once more.
+                n_runs = int64(0)
                 for t in range(short):
                     j = peek_int(short_at, t)
                     k = peek(first_at, j)
@@ -408,6 +411,6 @@ def lattice_bonds(
                                 at %= n2
                             if n_runs == most:
                                 add(acc_at, to_at, beta_at, n_runs, quads, b_at)
-                                n_runs = 0
+                                n_runs = int64(0)
                 add(acc_at, to_at, beta_at, n_runs, quads, b_at)
     return visits

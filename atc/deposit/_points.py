@@ -172,7 +172,7 @@ def find_pairs(
         height_a[a] = sqrt(inverse_ca[0, a] ** 2 + inverse_ca[1, a] ** 2 + inverse_ca[2, a] ** 2)
     lo_a, hi_a = np.zeros(3, np.int64), np.zeros(3, np.int64)
     s_a = np.zeros(3)
-    n = 0
+    n = np.int64(0)  # not the literal, for which what it is handed to would be compiled once more
     n_bonds = len(r_bc)
     first, w, b = state[0], state[1], state[2]
     while first < n_bonds:

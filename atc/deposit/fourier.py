@@ -201,7 +201,9 @@ COSTS = {8: (25.0, 0.75, 130.0), 4: (25.0, 0.40, 70.0)}
 
 
 @lru_cache(maxsize=64)
-def choose(kernel, left_out, confused, points_density, costs=COSTS[8], gradient=False, centre=None) -> Parameters:
+def cheapest_mesh(
+    kernel, left_out, confused, points_density, costs=COSTS[8], gradient=False, centre=None
+) -> Parameters:
     """The cheapest window and mesh whose estimated errors are below the shares of the tolerance.
 
     Parameters

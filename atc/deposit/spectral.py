@@ -155,7 +155,7 @@ class SpectralDeposit(Deposit):
         )
         # Nearby densities give nearby choices: round, so that they can be remembered.
         costs = fourier.COSTS[np.dtype(self.real).itemsize]
-        self.parameters = p = fourier.choose(
+        self.parameters = p = fourier.cheapest_mesh(
             kernel, modes, mesh, float(f"{density:.1e}"), costs, self.gradients, centre
         )
         periodic = self._periodic = np.array([*self.cell.periodic[:2], self._flat or self.cell.periodic[2]], bool)

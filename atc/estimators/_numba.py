@@ -105,20 +105,20 @@ def put_stress(r_bc, G_b, at, out_bk):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _power(b, p, q, D_bdc, v_nc):
-    """v_q·∂U^(p)/∂x_q − v_p·∂U^(q)/∂x_p of bond b between atoms p and q."""
-    power = 0.0
+def _power(b, p, q, D_bdc, P_b, v_nc):
+    """v_q·∂U^(p)/∂x_q − v_p·∂U^(q)/∂x_p of bond b between atoms p and q, and what messages carry from q to p."""
+    power = P_b[b] if len(P_b) else 0.0
     for c in range(3):
         power += v_nc[q, c] * D_bdc[b, 0, c] - v_nc[p, c] * D_bdc[b, 1, c]
     return power
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def put_power(i, j, r_bc, D_bdc, v_nc, at, out_bk):
-    """(v_j·∂U^(i)/∂x_j − v_i·∂U^(j)/∂x_i) r in columns at .. at+2: both ordered pairs of the bond (A of formulas.md
+def put_power(i, j, r_bc, D_bdc, P_b, v_nc, at, out_bk):
+    """(v_j·∂U^(i)/∂x_j − v_i·∂U^(j)/∂x_i + P) r in columns at .. at+2: both ordered pairs of the bond (A of formulas.md
     §4)."""
     for b in range(len(r_bc)):
-        power = _power(b, i[b], j[b], D_bdc, v_nc)
+        power = _power(b, i[b], j[b], D_bdc, P_b, v_nc)
         for c in range(3):
             out_bk[b, at + c] = power * r_bc[b, c]
 
@@ -135,11 +135,11 @@ def put_sources(r_bc, D_bdc, at, out_bk):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def add_power(i, j, r_bc, D_bdc, v_nc, out_c):
-    """Add Σ_b (v_j·∂U^(i)/∂x_j − v_i·∂U^(j)/∂x_i) r over all bonds."""
+def add_power(i, j, r_bc, D_bdc, P_b, v_nc, out_c):
+    """Add Σ_b (v_j·∂U^(i)/∂x_j − v_i·∂U^(j)/∂x_i + P) r over all bonds."""
     x = y = z = 0.0
     for b in range(len(r_bc)):
-        power = _power(b, i[b], j[b], D_bdc, v_nc)
+        power = _power(b, i[b], j[b], D_bdc, P_b, v_nc)
         x += power * r_bc[b, 0]
         y += power * r_bc[b, 1]
         z += power * r_bc[b, 2]

@@ -201,10 +201,12 @@ class Motion:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _scatter(i, j, F, D, v, slope, rate, flux, torque, stiff):
+def _scatter(i, j, F, D, P, v, slope, rate, flux, torque, stiff):
     for b in range(len(F)):
         p, q = i[b], j[b]
-        a = 0.0
+        a = P[b] if len(P) else 0.0  # what messages carry from q to p
+        rate[p] += a
+        rate[q] -= a
         d2 = 0.0
         for c in range(3):
             Dp, Dq = D[b, 0, c], D[b, 1, c]  # ∂U^(p)/∂x_q, ∂U^(q)/∂x_p
@@ -225,10 +227,10 @@ def _scatter(i, j, F, D, v, slope, rate, flux, torque, stiff):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _bond_factors(i, j, r, F, D, v, out):
-    """−r⊗F (9), A = (v_j·∂U^(i)/∂x_j − v_i·∂U^(j)/∂x_i) r (3), M = r⊗(∂U^(i)/∂x_j − ∂U^(j)/∂x_i) (9)."""
+def _bond_factors(i, j, r, F, D, P, v, out):
+    """−r⊗F (9), A = (v_j·∂U^(i)/∂x_j − v_i·∂U^(j)/∂x_i + P) r (3), M = r⊗(∂U^(i)/∂x_j − ∂U^(j)/∂x_i) (9)."""
     for b in range(len(F)):
-        a = 0.0
+        a = P[b] if len(P) else 0.0
         for c in range(3):
             a += v[j[b], c] * D[b, 0, c] - v[i[b], c] * D[b, 1, c]
         for m in range(3):
@@ -259,10 +261,10 @@ def motion(frame, pot, threads: int = 1, deposit=None) -> Motion:
 
     def consume(bonds, thread):
         F_bc = bonds.forces()
-        _scatter(bonds.i, bonds.j, F_bc, bonds.D_bdc, v_nc, *parts[thread])
+        _scatter(bonds.i, bonds.j, F_bc, bonds.D_bdc, bonds.powers(), v_nc, *parts[thread])
         if deposit is not None:
             b_bk = np.empty((len(bonds), 21))
-            _bond_factors(bonds.i, bonds.j, bonds.r_bc, F_bc, bonds.D_bdc, v_nc, b_bk)
+            _bond_factors(bonds.i, bonds.j, bonds.r_bc, F_bc, bonds.D_bdc, bonds.powers(), v_nc, b_bk)
             deposit.add_bonds(frame.positions[bonds.i], bonds.r_bc, b_bk, thread=thread)
 
     d = pot.stream(frame, consume, threads=threads, energies=True, forces=True, sources=True)

@@ -100,15 +100,15 @@ class Deposits:
 class _Placed:
     """A deposit that gets its positions relative to another origin."""
 
-    def __init__(self, deposit, target):
-        self.deposit, self.target = deposit, target
+    def __init__(self, deposit, points):
+        self.deposit, self.points = deposit, points
         self.bond_sums, self.add_found = deposit.bond_sums, deposit.add_found
 
     def add_bond_stress(self, x_nc, i_b, r_bc, G_b, thread=0, j_b=None):
-        self.deposit.add_bond_stress(self.target.place(x_nc), i_b, r_bc, G_b, thread=thread, j_b=j_b)
+        self.deposit.add_bond_stress(self.points.place(x_nc), i_b, r_bc, G_b, thread=thread, j_b=j_b)
 
     def add_bonds(self, x_bc, r_bc, b_bk, thread=0):
-        self.deposit.add_bonds(x_bc - self.target.origin, r_bc, b_bk, thread=thread)
+        self.deposit.add_bonds(x_bc - self.points.origin, r_bc, b_bk, thread=thread)
 
     def find(self, x_nc, i_b, r_bc, thread=0):
-        return self.deposit.find(self.target.place(x_nc), i_b, r_bc, thread)
+        return self.deposit.find(self.points.place(x_nc), i_b, r_bc, thread)

@@ -160,6 +160,11 @@ class Quantity:
         return any(s.on_reference for s in self.sources())
 
     @property
+    def symmetric_if_central(self) -> bool:
+        """Whether it is a stress of forces on the grid, symmetric as long as they act along bonds."""
+        return self.sign == STRESS_SIGN and self.kind == "grid" and any(s.bonds for s in self.sources())
+
+    @property
     def kernel(self) -> bool:
         """Whether it needs a kernel."""
         return self.kind == "grid" and not self.point

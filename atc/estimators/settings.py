@@ -7,6 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
+from ..contracts import BoundGrid, Grid, Interactions, Kernel
+from ..frame import Frame
 from .methods import Method, Refinement
 
 
@@ -16,12 +18,12 @@ class Settings:
     summed exactly."""
 
     names: tuple[str, ...]
-    pot: object = None
-    kern: object = None
-    grid: object = None
+    pot: Interactions | None = None
+    kern: Kernel | None = None
+    grid: Grid | None = None
     methods: dict[str, Method] = field(default_factory=dict)
     tolerance: float = 1e-5
-    reference: object = None
+    reference: Frame | None = None
     threads: int = 1
     check_points: int = 100
     horizon: float | None = None  # the user's unit of length; None: the potential's
@@ -41,6 +43,7 @@ class Settings:
     @cached_property
     def reference_energies_n(self) -> np.ndarray:
         """(n,) potential energies of the atoms in the reference frame."""
+        assert self.pot is not None and self.reference is not None, "see `requirements`"
         return self.pot.stream(self.reference, None, threads=self.threads, energies=True, forces=False).energies_n
 
 
@@ -60,7 +63,7 @@ class FrameResult:
     mask: np.ndarray | None = None
     weights: dict[str, np.ndarray] = field(default_factory=dict)
     errors: dict[str, dict[str, float]] = field(default_factory=dict)
-    bound: object = None
+    bound: BoundGrid | None = None
     seconds: dict[str, float] = field(default_factory=dict)
     notes: dict[str, int] = field(default_factory=dict)
     methods: dict[str, Method] = field(default_factory=dict)

@@ -151,7 +151,9 @@ class AtomSums:
         if self._residual is not None:
             _numba.scatter_residual(bonds.i, bonds.j, bonds.forces(), bonds.D_bdc, self._residual[thread])
         if self._power is not None:
-            _numba.add_power(bonds.i, bonds.j, bonds.r_bc, bonds.D_bdc, self.velocities, self._power[thread])
+            _numba.add_power(
+                bonds.i, bonds.j, bonds.r_bc, bonds.D_bdc, bonds.powers(), self.velocities, self._power[thread]
+            )
 
     virial_n6 = property(lambda self: _total(self._virial))
     residual_n4 = property(lambda self: _total(self._residual))
@@ -184,7 +186,7 @@ def bond_factors(names, widths, bonds, peculiar_nc, velocities_nc, size=False) -
             _numba.put_sources(bonds.r_bc, bonds.D_bdc, at, out)
         else:
             v_nc = {"power": peculiar_nc, "power_lab": velocities_nc}[name]
-            _numba.put_power(bonds.i, bonds.j, bonds.r_bc, bonds.D_bdc, v_nc, at, out)
+            _numba.put_power(bonds.i, bonds.j, bonds.r_bc, bonds.D_bdc, bonds.powers(), v_nc, at, out)
         at += width
     return out
 

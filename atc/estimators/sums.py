@@ -186,7 +186,8 @@ def kinetic_flux(rho, u_gc, thermal_g6, flux_gc) -> np.ndarray:
 def thermal(mass_g1, momentum_gc, kinetic_g6) -> np.ndarray:
     """T − π⊗π/ρ as 6 components; its diagonal is a sum of squares, so what rounding leaves below 0 is cut off."""
     out = np.empty((len(mass_g1), 6))
-    _thermal(mass_g1, momentum_gc, kinetic_g6, out)
+    # Contiguous: for views of columns the kernel would be compiled once more.
+    _thermal(*(np.ascontiguousarray(a) for a in (mass_g1, momentum_gc, kinetic_g6)), out)
     return out
 
 

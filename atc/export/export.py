@@ -1,5 +1,5 @@
-"""Outputs in the formats of other programs: VTK for ParaView (.pvd with .vtu, .vti or .vts files, one a frame) and
-extended XYZ (ASE, OVITO)."""
+"""Outputs in the formats of other programs: VTK for ParaView (.pvd with .vtu, .vti or .vts files, one a frame),
+extended XYZ (ASE, OVITO), and the form of LAMMPS's ``dump grid`` (OVITO)."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
-from ..pictures.geometry import grid_dims, layout
+from ..pictures.geometry import grid_dims, points_of_grid
 
-FORMATS = (".pvd", ".vtu", ".vti", ".vts", ".extxyz", ".xyz")
+FORMATS = (".pvd", ".vtu", ".vti", ".vts", ".grid", ".extxyz", ".xyz")
 
 
 def export(out, target=None, *, quantities=None, frames=None) -> Path:
@@ -23,7 +23,8 @@ def export(out, target=None, *, quantities=None, frames=None) -> Path:
     target : the file to write. ``.pvd`` (default): a folder beside it holds a file for each frame: .vti for regular
         grids along x, y and z, .vts for other
         lattices, .vtu for points, atoms and nodes. ``.extxyz``: frames of points, atoms or nodes with their fields as
-        columns. ``.vtu``, ``.vti``, ``.vts``: one frame (the last) in one file.
+        columns. ``.grid``: frames of regular grids and slab profiles as LAMMPS's ``dump grid`` writes them, a column
+        for each component (``stress_xy``). ``.vtu``, ``.vti``, ``.vts``: one frame (the last) in one file.
     quantities : names; default all fields
     frames : slice of frames; default all
 
@@ -60,6 +61,8 @@ def export_dataset(ds, target, *, quantities=None, frames=None) -> Path:
     try:
         if kind in (".extxyz", ".xyz"):
             return _write_xyz(source, target, which)
+        if kind == ".grid":
+            return _write_grid(source, target, which)
         if kind != ".pvd":
             if source.suffix != kind:
                 raise AtcError(f"{target}: this output goes into {source.suffix} files (or .pvd, a series of them)")
@@ -103,7 +106,7 @@ class _Source:
         """{name: unit} where the output says it."""
         return {n: str(da.attrs["units"]) for n, da in self.ds.variables.items() if da.attrs.get("units")}
 
-    def choose(self, known, quantities):
+    def wanted(self, known, quantities):
         if quantities is None:
             return known
         quantities = [quantities] if isinstance(quantities, str) else list(quantities)
@@ -120,7 +123,7 @@ class _Nodes(_Source):
 
     def __init__(self, ds, quantities):
         super().__init__(ds)
-        self.names = self.choose([n for n, da in ds.data_vars.items() if "node" in da.dims], quantities)
+        self.names = self.wanted([n for n, da in ds.data_vars.items() if "node" in da.dims], quantities)
         self.X = np.stack([ds[f"position_{a}"].values for a in "xyz"], axis=1)
 
     def points(self, k):
@@ -145,12 +148,12 @@ class _Fields(_Source):
         names = [n for n in fields_of(ds) if grid_dims(ds[n])]
         if not names:
             raise AtcError("this output holds no field on a grid: there is nothing to export")
-        first = self.choose(names, quantities)[0]
+        first = self.wanted(names, quantities)[0]
         self.dims = tuple(grid_dims(ds[first]))
-        self.names = [n for n in self.choose(names, quantities) if tuple(grid_dims(ds[n])) == self.dims]
+        self.names = [n for n in self.wanted(names, quantities) if tuple(grid_dims(ds[n])) == self.dims]
         self.names += [n for n in ("mask",) if n in ds and tuple(grid_dims(ds[n])) == self.dims and quantities is None]
         self.moving = "position_x" in ds and "frame" in ds["position_x"].dims
-        self.place = layout(ds, ds[first].isel(frame=0) if "frame" in ds[first].dims else ds[first])
+        self.place = points_of_grid(ds, ds[first].isel(frame=0) if "frame" in ds[first].dims else ds[first])
         x = np.asarray(self.place.x_gc)
         # Planes, lines and slabs are lattices with axes of one point.
         self.shape = (*x.shape[:-1], 1, 1)[:3] if len(self.dims) <= 3 else None
@@ -168,7 +171,11 @@ class _Fields(_Source):
 
     def points(self, k):
         if self.moving:
-            return np.stack([self.values(f"position_{a}", k).reshape(-1) for a in "xyz"], axis=1)
+            import xarray as xr
+
+            # Of an orthogonal lattice each axis has its own.
+            axes = xr.broadcast(*(self.ds[f"position_{a}"].isel(frame=k) for a in "xyz"))
+            return np.stack([a.transpose(*self.dims).values.reshape(-1) for a in axes], axis=1)
         return np.asarray(self.place.x_gc).reshape(-1, 3)
 
     def write(self, k, path):
@@ -192,6 +199,45 @@ class _Fields(_Source):
             )
         else:
             write_lattice(path, self.points(k).reshape(*self.shape, 3), arrays, about, self.units())
+
+
+def _write_grid(source, target, which) -> Path:
+    """The form of LAMMPS's ``dump grid``, one frame after another."""
+    from .lammps_grid import columns_of, region_of, write_grid
+
+    ds, place = source.ds, None if isinstance(source, _Nodes) else source.place
+    if place is None or place.kind not in ("volume", "slab"):
+        what = "nodes" if place is None else f"a {place.kind}" if place.kind in ("plane", "line") else place.kind
+        raise AtcError(
+            f"{target}: dump grid holds regular grids and slab profiles; this output is on {what}: take .pvd"
+        )
+    periodic = str(ds.attrs.get("periodic", "fff")).ljust(3, "p")
+    # A slab's bins lie along one axis, each as wide as the cell across it.
+    axis = None if place.kind == "volume" else "xyz".index(source.dims[0])
+    shape = source.shape if axis is None else tuple(source.shape[0] if k == axis else 1 for k in range(3))
+
+    def frames():
+        for k in which:
+            cell, origin = ds["cell"].values[k], ds["cell_origin"].values[k]
+            points = source.points(k).reshape(*shape, 3).copy()
+            if axis is not None:
+                if np.count_nonzero(cell - np.diag(np.diag(cell))):
+                    raise AtcError(f"{target}: bins of a slab in a tilted cell are no box: take .pvd")
+                across = [c for c in range(3) if c != axis]
+                points[..., across] = (origin + 0.5 * cell.sum(0))[across]
+            arrays = {n: a.reshape(*shape, *a.shape[len(source.dims) :]) for n, a in source.arrays(k).items()}
+            time = float(ds["time"].values[k]) if "time" in ds else np.nan
+            step = int(ds["step"].values[k]) if "step" in ds else -1
+            yield (
+                *region_of(points, cell, origin, periodic),
+                columns_of(arrays, 3),
+                step if step >= 0 else k,
+                time if np.isfinite(time) else None,
+                ds.attrs.get("units"),
+            )
+
+    write_grid(target, frames())
+    return target
 
 
 def _write_xyz(source, target, which) -> Path:

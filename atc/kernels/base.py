@@ -235,6 +235,13 @@ class Kernel:
     def __repr__(self):
         return f"<kernel {self.describe()}>"
 
+    def _repr_html_(self):
+        """For notebooks."""
+        from ..terminal import html_table
+
+        rows = [(k, f"{v:.12g}" if np.isscalar(v) else v) for k, v in self.parameters.items()]
+        return html_table(f"kernel {self.name}", [*rows, ("reaches", f"{self.support:.6g}")])
+
     def __eq__(self, other):
         return (
             isinstance(other, Kernel)

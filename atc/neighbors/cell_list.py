@@ -351,7 +351,7 @@ def _half(x, order, start, nb, columns, home, vectors, periodic, cut2, bin0, bin
     lo = np.empty(most, np.int64)
     hi = np.empty(most, np.int64)
     shift = np.empty((most, 3))
-    n = 0
+    n = np.int64(0)  # not the literal, for which `_scan` would be compiled once more
     for b in range(bin0, bin1):
         a0, a1 = start[b], start[b + 1]
         if a0 == a1:
@@ -391,7 +391,7 @@ def _full(x, order, start, nb, columns, vectors, periodic, cut2, bin0, bin1, onl
     lo = np.empty(most, np.int64)
     hi = np.empty(most, np.int64)
     shift = np.empty((most, 3))
-    n = 0
+    n = np.int64(0)  # not the literal, for which `_scan` would be compiled once more
     for b in range(bin0, bin1):
         a0, a1 = start[b], start[b + 1]
         wanted = a1 > a0

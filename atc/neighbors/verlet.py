@@ -39,6 +39,17 @@ def cell_list(positions, cell, cutoff, who=None):
     return CellList(positions, cell, cutoff)
 
 
+@contextlib.contextmanager
+def using(at):
+    """Inside, `cell_list` takes pairs from `at`: something whose ``kept(cutoff, who)`` gives them, as an `Anchor` does,
+    and (n, 3) how far atoms are from where they are kept; or None."""
+    token = _current.set(at)
+    try:
+        yield
+    finally:
+        _current.reset(token)
+
+
 class Anchor:
     """The frame whose neighbours are kept.
 
@@ -76,11 +87,8 @@ class Anchor:
     def at(self, frame):
         """Inside, `cell_list` knows about this anchor, if it fits the frame."""
         moved = self.moved(frame)
-        token = _current.set(None if moved is None else (self, moved))
-        try:
+        with using(None if moved is None else (self, moved)):
             yield
-        finally:
-            _current.reset(token)
 
     def kept(self, cutoff, who):
         key = cutoff, None if who is None else (len(who), hash(np.ascontiguousarray(who).tobytes()))

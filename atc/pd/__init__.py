@@ -25,44 +25,28 @@ F_bc (force on i from j, volumes included), G_b (F = −G r; None if not central
 `CriticalStretch(s00, alpha)` / `.from_energy(Gc, material, body)` `relax(sim, time=)` adaptive dynamic relaxation,
 `solve_static(sim, time=)` Newton-Krylov: static states with prescribed displacements and forces, each a step.
 `bond_law` : decorator of the law of a bond, with which a subclass of PMB is a bond-based material of its own.
-Materials: PMB, LPS, Correspondence, Elastic, and Linear (a micromodulus tensor, e.g. of a crystal); the table MATERIALS
-{name: make(bulk, shear)} for tests that loop over all.
+Materials: PMB, LPS, Correspondence, Elastic; Linear (a micromodulus tensor, e.g. of a crystal) and Hyperelastic (any
+W(F) through correspondence); the table MATERIALS {name: make(bulk, shear)} for tests that loop over all.
 """
 
 from __future__ import annotations
 
-_LAZY = {
-    "Body": "body",
-    "Notch": "bonds",
-    "Families": "bonds",
-    **dict.fromkeys(("Region", "Box", "Cylinder", "Sphere", "Nodes", "Everywhere"), "regions"),
-    **dict.fromkeys(
-        (
-            "PMB",
-            "LPS",
-            "Elastic",
-            "Correspondence",
-            "Linear",
-            "MATERIALS",
-            "INFLUENCE",
-            "BondForces",
-            "Material",
-            "bond_law",
-        ),
-        "materials",
-    ),
-    "CriticalStretch": "damage",
-    "Contact": "contact",
-    "Indenter": "indenter",
-    "Wall": "indenter",
-    "Prescribed": "conditions",
-    "BodyForce": "conditions",
-    "State": "state",
-    "Simulation": "simulation",
-    "Energies": "simulation",
-    **dict.fromkeys(("SnapshotBonds", "reference_frame", "snapshot"), "fields"),
-    **dict.fromkeys(("relax", "solve_static", "Converged"), "statics"),
+#: What is public, by file.
+_PUBLIC = {
+    "body": "Body",
+    "bonds": "Notch Families",
+    "regions": "Region Box Cylinder Sphere Nodes Everywhere",
+    "materials": "PMB LPS Elastic Correspondence Hyperelastic Linear MATERIALS INFLUENCE BondForces Material bond_law",
+    "damage": "CriticalStretch",
+    "contact": "Contact",
+    "indenter": "Indenter Wall",
+    "conditions": "Prescribed BodyForce",
+    "state": "State",
+    "simulation": "Simulation Energies",
+    "fields": "SnapshotBonds reference_frame snapshot",
+    "statics": "relax solve_static Converged",
 }
+_LAZY = {name: file for file, names in _PUBLIC.items() for name in names.split()}
 
 __all__ = list(_LAZY)
 

@@ -204,7 +204,7 @@ def _select(i, j, r2, S, now, before, X, radius, own, reach, mover, within):
         a = i[p]
         b = j[p]
         if len(S):
-            s[:] = S[p]
+            s[0], s[1], s[2] = S[p, 0], S[p, 1], S[p, 2]
         swap = a > b or (a == b and (s[0] < 0 or (s[0] == 0 and (s[1] < 0 or (s[1] == 0 and s[2] < 0)))))
         if len(mover) and swap and mover[b]:
             continue

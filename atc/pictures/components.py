@@ -20,15 +20,16 @@ def names(rank: int, dimension: int = 3) -> list[str]:
     return [c for c in every if dimension == 3 or c == "magnitude" or "z" not in c]
 
 
-def component(values, name: str, dimension: int = 3):
+def component(values, name: str, dimension: int = 3, rank: int | None = None):
     """One scalar of a tensor (..., 3, 3) or vector (..., 3) field, as an array (...).
 
     Tensors: ``xx`` … ``zz``; ``hydrostatic`` = tr σ/d (tension positive; d the `dimension`), ``pressure`` its negative,
     ``vonmises`` = √(3/2 s:s) of the symmetric part's deviator s, ``max_shear`` = (σ₁ − σ₃)/2, ``principal1`` ≥
-    ``principal2`` ≥ ``principal3``. Vectors: ``x``, ``y``, ``z``, ``magnitude``.
+    ``principal2`` ≥ ``principal3``. Vectors: ``x``, ``y``, ``z``, ``magnitude``. `rank`: 1 or 2; not given it is told
+    from the shape, by which vectors at three points are taken for a tensor.
     """
     values = np.asarray(values)
-    tensor = values.ndim >= 2 and values.shape[-2:] == (3, 3)
+    tensor = values.ndim >= 2 and values.shape[-2:] == (3, 3) if rank is None else rank == 2
     if tensor and name in TENSOR:
         return values[..., "xyz".index(name[0]), "xyz".index(name[1])]
     if not tensor and name in ("x", "y", "z"):

@@ -52,7 +52,7 @@ def fields_of(ds) -> list[str]:
     ]
 
 
-class Layout:
+class Places:
     """The points of a field in space, in the dataset's length unit.
 
     Attributes
@@ -86,7 +86,7 @@ class Layout:
     def cut(self, k, i):
         """The plane of a volume at index i of dimension k."""
         keep = [d for d in range(3) if d != k]
-        out = Layout(
+        out = Places(
             "plane",
             [self.dims[d] for d in keep],
             np.take(self.x_gc, i, axis=k),
@@ -149,7 +149,7 @@ class Layout:
 
 
 def cut(place, text=None, axis=None, index=None):
-    """A plane of a volume: its layout, the selection that gives it, and what to call it.
+    """A plane of a volume: its points, the selection that gives it, and what to call it.
 
     `text` is ``"z=0.5"`` (fraction of the axis) or ``"z=12.5A"`` (distance along it); or `axis` and `index`. Default:
     the middle of the axis with the fewest points.
@@ -235,7 +235,7 @@ def _positions(ds, da):
     return out
 
 
-def layout(ds, da) -> Layout:
+def points_of_grid(ds, da) -> Places:
     """Where the points of the field `da` of an output are."""
     dims = grid_dims(da)
     x = _positions(ds, da)
@@ -250,12 +250,12 @@ def layout(ds, da) -> Layout:
         "",
     )
     if dims[0] in ("point", "atom"):
-        return Layout("points" if dims[0] == "point" else "atoms", dims, x, unit)
+        return Places("points" if dims[0] == "point" else "atoms", dims, x, unit)
     kind = {3: "volume", 2: "plane"}.get(len(dims)) or (
         "slab" if str(ds.attrs.get("grid", "")).startswith("slab") else "line"
     )
     edges = {"x": "a", "y": "b", "z": "c", "s": "the line"}
-    out = Layout(kind, dims, x, unit, edges=[edges.get(d, d) for d in dims])
+    out = Places(kind, dims, x, unit, edges=[edges.get(d, d) for d in dims])
     out.tiles = _tiles(ds, out)
     return out
 

@@ -17,7 +17,7 @@ from ..running.output import load
 from . import components
 from .components import TENSOR
 from .drawing import STYLE, at_frame, colours, draw_map, figure, kernel_title, label_of, save
-from .geometry import STDERR, cut, fields_of, grid_dims, layout, rank
+from .geometry import STDERR, cut, fields_of, grid_dims, points_of_grid, rank
 
 
 def plot(
@@ -83,7 +83,7 @@ def plot(
     dims = {tuple(grid_dims(da)) for _, da, _ in panels}
     if len(dims) > 1:
         raise AtcError("fields on different grids cannot share a picture: plot them one by one")
-    place = layout(ds, panels[0][1])
+    place = points_of_grid(ds, panels[0][1])
     if place.kind == "volume":
         place, selection, where = cut(place, slice, axis, index)
     else:
@@ -97,7 +97,7 @@ def plot(
         values = []
         for _, da, c in panels:
             v = da.isel(selection).values
-            values.append(v if c is None else components.component(v, c, dimension))
+            values.append(v if c is None else components.component(v, c, dimension, rank=rank(da)))
         return _maps(Figure, panels, values, place, title, limits, robust, atoms)
 
 
@@ -195,12 +195,12 @@ def _profiles(Figure, ds, panels, place, title, limits, frame, dimension=3):
     for ax, (name, members) in zip(axs.flat, groups.items()):
         error = _stderr(ds, name, frame)
         for da, comp in members:
-            v = da.values if comp is None else components.component(da.values, comp, dimension)
+            v = da.values if comp is None else components.component(da.values, comp, dimension, rank=rank(da))
             (line,) = ax.plot(s, v, label=comp, marker="o" if len(s) == 1 else None)
             # the error of an invariant is not the invariant of the errors
             if error is not None and (comp is None or comp in TENSOR or comp in ("x", "y", "z")):
                 e = error.transpose(*da.dims).values
-                e = e if comp is None else components.component(e, comp, dimension)
+                e = e if comp is None else components.component(e, comp, dimension, rank=rank(da))
                 ax.fill_between(s, v - e, v + e, color=line.get_color(), alpha=0.25, linewidth=0)
         ax.set_xlabel(label)
         ax.set_ylabel(

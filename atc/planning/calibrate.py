@@ -182,13 +182,13 @@ def _spectral(costs, frame, bonds, length, u):
     from ..kernels import kernel
 
     bound = Grid.regular(shape=32).bind(u, frame.cell)
-    spread = {4: ([], []), 8: ([], [])}
-    finish = {4: [], 8: []}
+    spread: dict[int, tuple[list, list]] = {4: ([], []), 8: ([], [])}
+    finish: dict[int, list[float]] = {4: [], 8: []}
     for tolerance, name, radius, k, thin in _SPREADS:
         part = slice(None, None, thin)
         b_bk = np.ones((len(bonds), k))[part]
         x_bc, r_bc = frame.positions[bonds.i[part]], bonds.r_bc[part]
-        last = {}
+        last: dict = {}
 
         kern = kernel(name, radius)
 
@@ -223,7 +223,7 @@ def _moments(costs, frame, bonds, bound):
         (14.0, 1e-4, 4),
         (30.0, 1e-5, 3),
     ):
-        last = {}
+        last: dict = {}
 
         def add(radius=radius, tolerance=tolerance, order=order, last=last):
             d = last["deposit"] = make(

@@ -230,7 +230,7 @@ def _bodies(term) -> int:
 
 def _tuples(term, frame) -> tuple[int, int]:
     """How many listed tuples of how many atoms."""
-    kind = getattr(term, "kind", None)
+    kind = getattr(term, "kind", "")
     k = int(getattr(term, "bodies", 0) or {"bond": 2, "angle": 3}.get(kind, 4))
     found = getattr(frame.topology, f"{kind}s", None) if frame.topology is not None and kind else None
     if found is None and hasattr(term, "terms_of"):

@@ -42,7 +42,7 @@ class ErrorForecast:
             strongest.add(bonds, thread)
 
         pot.stream(frame, consume, threads=threads)
-        total, square = sum(totals)
+        total, square = np.sum(totals, axis=0)
         strong = strongest.sort_out()
         self.few = strongest.watched(frame.cell)
         self.typical = np.array([strongest.mean / 3.0])

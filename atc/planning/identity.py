@@ -24,9 +24,7 @@ PARTS = (
 )  # fmt: skip
 #: Attributes of potentials that say where something came from, or how to make more of it, and not what it is.
 #: (What a script says of atoms is in the frames' digests.)
-_NOT_CONTENT = frozenset(
-    {"where", "folder", "file", "text", "data_file", "grow", "build", "source", "setup", "outside", "remarks", "nep"}
-)
+_NOT_CONTENT = frozenset("where folder file text data_file grow build source setup outside remarks learned".split())
 
 
 def identity(job) -> dict:
@@ -37,12 +35,12 @@ def identity(job) -> dict:
         "quantities": [q.name for q in work.quantities],
         **({"column units": job.request.column_units} if job.request.column_units else {}),
         "trajectory": frame_digest(job.first),
-        "potential": f"{_described(job.request.pot)}; {contents(job.request.pot)}"
+        "potential": f"{_in_words(job.request.pot)}; {digest(job.request.pot)}"
         if work.bond_users and job.request.pot is not None
         else None,
         "potential on the first frame": _evaluated(job) if work.bond_users and job.request.pot is not None else None,
         "kernel": _kernel(job.request.kern) if work.kernel_users else None,
-        "grid": contents(job.request.grid, everything=True) if work.grid_users else None,
+        "grid": digest(job.request.grid, everything=True) if work.grid_users else None,
         "method": job.request.method,
         "tolerance": float(job.request.tolerance),
         "tiles": list(job.request.tiles) if job.request.tiles else None,
@@ -59,23 +57,26 @@ def identity(job) -> dict:
 
 def _kernel(kern) -> list[str]:
     short = all(isinstance(v, (int, float, str)) for v in kern.parameters.values())
-    return [kern.name, *([f"{k} {v!r}" for k, v in kern.parameters.items()] if short else [contents(kern.parameters)])]
+    return [
+        kern.name,
+        *([f"{k} {v!r}" for k, v in kern.parameters.items()] if short else [digest(kern.parameters)]),
+    ]
 
 
-def _described(pot) -> str:
+def _in_words(pot) -> str:
     # Remarks name files and lines, which may be others with the same model in them.
     return "; ".join(t.describe() for t in pot.terms) or pot.describe()
 
 
 def _evaluated(job) -> str:
-    """What the potential says about the first frame: the last word on those whose numbers lie where `contents` does not
+    """What the potential says about the first frame: the last word on those whose numbers lie where `digest` does not
     look."""
     d = job.request.pot.stream(job.first, None, threads=job.request.threads)
     # 10 digits: the order of summation, hence the number of threads, must not matter.
     return f"energy {d.energy:.9e}, virial {np.trace(d.virial_cc):.9e}"
 
 
-def contents(thing, everything: bool = False) -> str:
+def digest(thing, everything: bool = False) -> str:
     """A digest of the numbers and words in an object of this package: of its public attributes, the same wherever it
     was made from and however often it was used, or of `everything` in objects that only hold what they were given."""
     h = hashlib.sha256()

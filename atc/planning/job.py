@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..contracts import Interactions
 from ..errors import AtcError
 from ..estimators import groups
 from ..estimators.methods import EXACT, Method, summary
@@ -78,7 +79,7 @@ def prepare(request: Request | Job) -> Job:
         from ..decomposers.long_range.kspace import for_tolerance
 
         pot = for_tolerance(pot, request.tolerance, exactly=work.beyond_bonds)
-    resolved = replace(
+    completed = replace(
         request,
         traj=frames,
         pot=pot,
@@ -88,7 +89,7 @@ def prepare(request: Request | Job) -> Job:
         workers=int(workers),
         tiles=tiles,
     )
-    return Job(resolved, frames, first, work, model)
+    return Job(completed, frames, first, work, model)
 
 
 def _reference(request: Request, frames, pot):
@@ -120,7 +121,8 @@ def _tiles(tiles, flat: bool) -> tuple[int, int, int]:
             "two whole numbers, 1 or more, e.g. (2, 2)" if flat else "three whole numbers, 1 or more, e.g. (2, 2, 1)"
         )
         raise AtcError(f"tiles {tiles!r}: expected {expected}")
-    return (*(int(n) for n in t), 1)[:3]
+    x, y, z = (*t.tolist(), 1)[:3]
+    return x, y, z
 
 
 class Job:
@@ -133,12 +135,13 @@ class Job:
     work : what is to be summed
     model : the potential that was given, which the run's forces are held against; that of the request may be less
         accurate, as far as the tolerance of fields allows
+    threads : within a frame
     methods : of each deposit, for all frames; fixed by what the first ones need (`fix_methods`)
     """
 
-    def __init__(self, request: Request, frames: Sequence, first, work: Work, model):
+    def __init__(self, request: Request, frames: Sequence, first, work: Work, model: Interactions | None):
         self.request, self.frames, self.first, self.work, self.model = request, frames, first, work, model
-        self.n_frames = len(frames)
+        self.n_frames, self.threads = len(frames), int(request.threads or 1)
         self.methods = self.methods_for(work, request.method)
 
     def methods_for(self, work: Work, method: str = "auto") -> dict[str, Method]:
@@ -151,7 +154,8 @@ class Job:
         if not places:
             return {}
         load = self.load if work.bond or work.reference_bond else Load()
-        forecast = self._forecast if self.may_loosen(work) and self.request.pot.terms else None
+        pot = self.request.pot
+        forecast = self._forecast if self.may_loosen(work) and pot is not None and pot.terms else None
         together = dict.fromkeys(self.added_up, self.group()) if work is self.work else None
         return choose_methods(
             method,
@@ -206,7 +210,7 @@ class Job:
         from .error_forecast import ErrorForecast
 
         return ErrorForecast(
-            self.request.pot, self.first, self.bound, self.kernel_internal, self.request.tolerance, self.request.threads
+            self.request.pot, self.first, self.bound, self.kernel_internal, self.request.tolerance, self.threads
         )
 
     @cached_property
@@ -218,7 +222,9 @@ class Job:
     @cached_property
     def bound(self):
         """The grid on the first frame."""
-        return self.request.grid.bind(self.first.units, self.first.cell, self.first.positions)
+        grid = self.request.grid
+        assert grid is not None, "nothing asked is on a grid"
+        return grid.bind(self.first.units, self.first.cell, self.first.positions)
 
     @cached_property
     def kernel_internal(self):
@@ -238,9 +244,9 @@ class Job:
         """What an output says of the forces of constraints (what was held, what they were found from, how far off they
         are in the first frame) and from outside."""
         pot, work = self.request.pot, self.work
-        if not work.force_users and (not work.bond_users or pot is None or pot.constraints is None):
+        if pot is None or (not work.force_users and (not work.bond_users or pot.constraints is None)):
             return {}
-        d = pot.stream(self.first, None, threads=self.request.threads, forces=bool(work.force_users))
+        d = pot.stream(self.first, None, threads=self.threads, forces=bool(work.force_users))
         out = {} if d.held is None else pot.constraints.attributes(d.held)
         if work.force_users:
             out["body_force_source"] = pot.body_forces(self.first, d.forces_nc)[1]
@@ -254,7 +260,7 @@ class Job:
         from ..estimators.field_pass import FieldSums
 
         return FieldSums(
-            asked.pot.fields, self.work.bond, self.bound, self.kernel_internal, asked.tolerance, asked.threads, tight
+            asked.pot.fields, self.work.bond, self.bound, self.kernel_internal, asked.tolerance, self.threads, tight
         )
 
     @property
@@ -325,7 +331,7 @@ class Job:
             dict(self.methods),
             asked.tolerance,
             reference,
-            asked.threads,
+            self.threads,
             horizon=asked.horizon,
             tiles=asked.tiles,
             anchor=anchor,
@@ -342,7 +348,7 @@ class Job:
             self.model,
             mode=asked.forces,
             log=asked.log,
-            threads=asked.threads,
+            threads=self.threads,
             first=self.first,
             needed=needed,
         )

@@ -88,6 +88,12 @@ class Plan:
     measured: bool = False
     agreement: str = ""
 
+    def _repr_html_(self):
+        """For notebooks."""
+        from html import escape
+
+        return f"<pre>{escape(str(self))}</pre>"
+
     def __str__(self):
         def count(x):
             return f"{x:.3g}" if x >= 1e6 else f"{x:,.0f}"
@@ -134,7 +140,7 @@ def plan(*args, **kwargs) -> Plan:
     job = prepare(
         args[0] if len(args) == 1 and not kwargs and isinstance(args[0], (Request, Job)) else Request(*args, **kwargs)
     )
-    work, frame, threads = job.work, job.first, job.request.threads
+    work, frame, threads = job.work, job.first, job.threads
     if work.grid_users and (job.request.grid is None or (job.request.kern is None and work.kernel_users)):
         raise AtcError(f"{', '.join(work.grid_users)} need a {'kernel and a ' * bool(work.kernel_users)}grid")
     if work.bond_users and job.request.pot is None:
@@ -181,20 +187,20 @@ def plan(*args, **kwargs) -> Plan:
 
 def _passes(work: Work, job: Job) -> list[str]:
     out = []
-    if work.bond_users:
+    if work.bond_users and (pot := job.request.pot) is not None:
         made = [f"Σ {_TERMS[b]} β, {BOND[b].width} components" for b in work.bond + work.reference_bond]
         made += [f"Σ {_TERMS[p]}, 9 components" for p in work.point + work.reference_point]
         made += ["moment of the forces on each atom"] * any("atom_moment" in name for name in work.whole)
         made += ["virial of each atom"] * work.atom_virial + ["virial of the box"] * ("box_virial" in work.whole)
         made += ["potential energy of each atom"] * bool(work.energy_users)
         made += ["energy sources"] * bool(work.source_users) + ["heat current of the box"] * ("box_power" in work.whole)
-        cutoff = job.first.units.to_user("length", job.request.pot.cutoff)
+        cutoff = job.first.units.to_user("length", pot.cutoff)
         out.append(
             f"one pass over the bonds (neighbours within {cutoff:g} {job.first.units.label('length')}): "
             f"{'; '.join(made)}"
         )
-    if (sums := job.field_sums()) is not None:
-        frame = job.request.pot.complete(job.first)
+    if (pot := job.request.pot) is not None and (sums := job.field_sums()) is not None:
+        frame = pot.complete(job.first)
         for n, term in enumerate(sums.terms):
             on = sums.layout(n, frame)
             what = "Coulomb" if term.carries else "dispersion"

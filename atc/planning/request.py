@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from ..contracts import Grid, Interactions, Kernel
 from ..errors import AtcError
 
 
@@ -19,23 +21,23 @@ class Request:
         for a value that cannot be meant, whatever the trajectory is.
     """
 
-    traj: object
-    pot: object = None
-    kern: object = None
-    grid: object = None
-    quantities: object = ("stress",)
+    traj: Any
+    pot: Interactions | None = None
+    kern: Kernel | None = None
+    grid: Grid | None = None
+    quantities: Any = ("stress",)
     tolerance: float = 1e-5
     method: str = "auto"
-    reference: object = None
+    reference: Any = None
     average: bool | int = False
     threads: int | None = None
     workers: int = 1
     scene: str | None = None
     horizon: float | None = None
-    cluster: object = None
-    tiles: object = None
+    cluster: Any = None
+    tiles: Any = None
     forces: str = "warn"
-    log: object = None
+    log: Any = None
     column_units: dict | None = None
 
     def __post_init__(self):

@@ -28,7 +28,8 @@ def read(source, topology=None, units=None, masses=None, dimension=None, atom_st
         ``ase.io.iread`` or MDAnalysis reads; a pattern (``dump.*``, in the order of the numbers in the names) or a list
         of paths, which are joined; or ase.Atoms, a list of them, an MDAnalysis Universe or AtomGroup, a Frame, a list
         of Frames, a trajectory. What a file is, is told from its content where it is LAMMPS's, from its name otherwise;
-        what is no trajectory is told too.
+        what is no trajectory is told too. ``imd://host:port`` is a running simulation that streams its frames (IMDv3,
+        through MDAnalysis and imdclient): iterate over it, once, or give it to `atc.fields`.
     topology
         For LAMMPS: the path of a data file, which gives bonded terms, and masses, charges and types where the dump has
         none. For MDAnalysis: the path of a topology, or a Universe.
@@ -74,6 +75,10 @@ def _read(source, topology, units, masses, atom_style):
         AtomStyle(atom_style, "atom_style")
         if isinstance(topology, (str, os.PathLike)) and not isinstance(topology, StyledFile):
             topology = StyledFile(topology, atom_style)
+    if isinstance(source, str) and source.startswith("imd://"):
+        from .mdanalysis import MDAnalysisTrajectory
+
+        return MDAnalysisTrajectory(source, topology, units, masses)
     if isinstance(source, (str, os.PathLike)):
         from .chain import Chain, matching
 

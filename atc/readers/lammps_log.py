@@ -48,8 +48,6 @@ NAMES = {
     "pyz": ("Pyz", "pyz"),
 }
 _BY_WORD = {word: name for name, words in NAMES.items() for word in words}
-#: Energies, which ``thermo_modify norm yes`` divides by the number of atoms.
-EXTENSIVE = frozenset("potential kinetic total pair molecular vdwl coul long tail bond angle dihedral improper".split())
 TENSOR = ("pxx", "pyy", "pzz", "pxy", "pxz", "pyz")
 
 _MULTI = re.compile(r"^-{4,}\s*Step\s+(-?\d+)\s+-{3,}\s*CPU\s*=")

@@ -22,9 +22,10 @@ class MDAnalysisTrajectory(Trajectory):
 
     Parameters
     ----------
-    source : Universe, AtomGroup, or the path of a trajectory.
+    source : Universe, AtomGroup, or the path of a trajectory, or ``imd://host:port`` of a simulation that streams.
     topology : path of a topology, or a Universe, for a trajectory given as a path.
-    units : only ``"mdanalysis"``.
+    units : only ``"mdanalysis"``; of streams the style that their numbers are in. IMDv3 asks for Å, ps and kJ/mol, and
+        MDAnalysis takes them for that; LAMMPS's ``fix imd`` sends its own: ``units="real"`` or what it runs in.
     masses : as for `atc.read`. Without it the Universe's, if it knows all of them.
 
     Notes
@@ -40,17 +41,14 @@ class MDAnalysisTrajectory(Trajectory):
         self.units = unit_system("mdanalysis")
         path = isinstance(source, (str, os.PathLike))
         self.source = os.fspath(source) if path else "MDAnalysis Universe"
-        if units is not None and unit_system(units).reduced:
-            raise AtcError(
-                f"{self.source}: this format is in nm or Å, and a run in lj units has none: dump it as custom or dcd, "
-                "whose units are those of the run"
-            )
-        if units is not None and unit_system(units).name != "mdanalysis":
-            raise AtcError(
-                f"{self.source}: MDAnalysis's units are Å, ps, kJ/mol ('mdanalysis'), but the units argument says "
-                f"{unit_system(units).name!r}: leave it out"
-            )
-        if path:
+        streamed = path and self.source.startswith("imd://")
+        if not streamed and not (not path and is_stream(getattr(source.universe, "trajectory", None))):
+            self._require_own_units(units)
+        elif units is not None:
+            self.units = unit_system(units)
+        if streamed:
+            source = _connected(self.source, topology, units)
+        elif path:
             source = _universe(self.source, topology)
         elif topology is not None:
             raise AtcError("a Universe has its topology already: leave the topology argument out")
@@ -83,6 +81,18 @@ class MDAnalysisTrajectory(Trajectory):
         self._own_masses = self._universe_masses()
         self._types, self._type_names = self._universe_types()
         self._topology = self._universe_topology()
+
+    def _require_own_units(self, units) -> None:
+        if units is not None and unit_system(units).reduced:
+            raise AtcError(
+                f"{self.source}: this format is in nm or Å, and a run in lj units has none: dump it as custom or dcd, "
+                "whose units are those of the run"
+            )
+        if units is not None and unit_system(units).name != "mdanalysis":
+            raise AtcError(
+                f"{self.source}: MDAnalysis's units are Å, ps, kJ/mol ('mdanalysis'), but the units argument says "
+                f"{unit_system(units).name!r}: leave it out"
+            )
 
     # What does not change from frame to frame
     # --------------------------------------------------------------------------------------------
@@ -145,7 +155,32 @@ class MDAnalysisTrajectory(Trajectory):
     # Frames
     # ------------------------------------------------------------------------------------------------------------------
 
+    @property
+    def streamed(self) -> bool:
+        """Whether its frames come from a running simulation, once, without an end that is known."""
+        return is_stream(self._atoms.universe.trajectory)
+
+    def __iter__(self):
+        if not self.streamed:
+            yield from super().__iter__()
+            return
+        for _ in self._atoms.universe.trajectory:
+            yield self.current()
+
+    def __getitem__(self, key):
+        if self.streamed:
+            raise AtcError(
+                f"{self.source}: is a stream, whose frames come once, one after the other: iterate over it, or give it "
+                "to atc.fields or atc.Live"
+            )
+        return super().__getitem__(key)
+
     def __len__(self):
+        if self.streamed:
+            raise AtcError(
+                f"{self.source}: is a stream, which has no length: iterate over it, or give it to atc.fields or "
+                "atc.Live"
+            )
         if self._length is None:
             with self._guard, warnings.catch_warnings():
                 warnings.simplefilter("ignore")
@@ -172,19 +207,25 @@ class MDAnalysisTrajectory(Trajectory):
         return reader.format == "DCD" and isinstance(name, (str, os.PathLike)) and rest_behind_frames(name)
 
     def _frame(self, k):
-        u = self.units
         where = f"{self.source} frame {k}"
-        atoms = self._atoms
         with self._guard:
             try:
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore")
-                    ts = atoms.universe.trajectory[k]
+                    self._atoms.universe.trajectory[k]
             except Exception:
                 raise AtcError(
                     f"{where}: MDAnalysis cannot read it: the file is damaged or cut off there, or has changed since "
                     "it was opened"
                 ) from None
+            return self.current(where)
+
+    def current(self, where: str | None = None) -> Frame:
+        """The frame that the Universe is at."""
+        u, atoms = self.units, self._atoms
+        with self._guard:
+            ts = atoms.universe.trajectory.ts
+            where = where or f"{self.source} frame {ts.frame}"
             x = np.array(atoms.positions, dtype=np.float64)
             v = np.array(atoms.velocities, dtype=np.float64) * u.velocity if ts.has_velocities else None
             f = np.array(atoms.forces, dtype=np.float64) * u.factor("force") if ts.has_forces else None
@@ -236,6 +277,11 @@ class MDAnalysisTrajectory(Trajectory):
         return decimal_resolution(frame.positions)
 
 
+def is_stream(reader) -> bool:
+    """Whether a reader of MDAnalysis gives the frames of a running simulation (IMDv3)."""
+    return any(c.__name__ == "StreamReaderBase" for c in type(reader).__mro__)
+
+
 def _not_of_lammps(file, by_path: bool) -> None:
     """A DCD of LAMMPS in a Universe has its lengths and times in the units of the run, which MDAnalysis takes for Å and
     CHARMM's."""
@@ -253,6 +299,58 @@ def _not_of_lammps(file, by_path: bool) -> None:
             f"{os.fspath(file)}: a DCD that LAMMPS wrote, whose units MDAnalysis does not know; give atc.read its "
             "path, units= and, as topology=, the run's data file"
         )
+
+
+def _connected(address, topology, units):
+    """The Universe of a simulation that streams its frames (IMDv3). A data file of LAMMPS is read by atc's own reader,
+    which knows all atom styles."""
+    try:
+        import imdclient  # noqa: F401
+        import MDAnalysis  # noqa: F401
+    except ImportError as e:
+        raise AtcError(f"{address}: streams need the package {e.name}: pip install MDAnalysis imdclient") from None
+    if topology is None:
+        raise AtcError(f"{address}: a stream does not say what its atoms are: give topology=")
+    if not hasattr(topology, "atoms"):
+        topology = _universe_of_data(topology, units) or _universe(os.fspath(topology), None)
+    try:
+        topology.load_new(address)
+    except Exception:
+        raise AtcError(
+            f"{address}: no simulation of {len(topology.atoms)} atoms answers there by IMDv3: start it first, and have "
+            "it wait (LAMMPS: fix imd ... version 3 ... nowait off; GROMACS: mdrun -imdwait)"
+        ) from None
+    return topology
+
+
+def _universe_of_data(path, units):
+    """A Universe without coordinates from a LAMMPS data file; None for other files."""
+    from MDAnalysis import Universe
+    from MDAnalysis.core import topologyattrs
+
+    from ._bytes import open_bytes, require_file
+    from .lammps_data import LammpsDataTrajectory, looks_like_data
+
+    require_file(path)
+    reader = open_bytes(path)
+    head = reader.read(0, 1 << 14).tobytes()
+    reader.close()
+    if not looks_like_data(head):
+        return None
+    # Without units it is Å and amu that count, which those of "real" are.
+    frame = LammpsDataTrajectory(path, None, units or "real", None, getattr(path, "atom_style", None))[0]
+    universe = Universe.empty(len(frame), trajectory=False)
+    universe.add_TopologyAttr("types", [str(t) for t in frame.types])
+    if frame.masses is not None:
+        universe.add_TopologyAttr("masses", frame.units.to_user("mass", frame.masses))
+    if frame.charges is not None:
+        universe.add_TopologyAttr("charges", frame.units.to_user("charge", frame.charges))
+    for name, _ in _TERMS if frame.topology else ():
+        terms, types = getattr(frame.topology, name), getattr(frame.topology, f"{name[:-1]}_types")
+        if len(terms):
+            attr = getattr(topologyattrs, name.capitalize())
+            universe.add_TopologyAttr(attr([tuple(t) for t in terms.tolist()], types=[str(t) for t in types]))
+    return universe
 
 
 def _universe(path, topology):

@@ -100,3 +100,16 @@ class Adapted(Over):
             if self._masses is None
             else frame.replace(masses=self._masses(frame.types, frame.type_names, frame.source))
         )
+
+
+def comes_once(traj) -> bool:
+    """Whether something gives frames one after the other, once, and does not know how many: a generator, an iterator,
+    a stream."""
+    if hasattr(traj, "__next__") or isinstance(traj, Trajectory):
+        return hasattr(traj, "__next__") or getattr(traj, "streamed", False)
+    reader = getattr(getattr(traj, "universe", traj), "trajectory", None)
+    if reader is None:
+        return False
+    from .mdanalysis import is_stream
+
+    return is_stream(reader)

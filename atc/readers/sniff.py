@@ -91,11 +91,16 @@ _TEXTS = (
     ),
     (
         rb"\A(ITEM:[^\n]*\n[^I\n][^\n]*\n|ITEM: BOX BOUNDS[^\n]*\n([^I\n][^\n]*\n){3})*ITEM: (GRID|DIMENSION)",
-        f"grid data of LAMMPS (dump grid), not atoms: {_DUMP_INSTEAD}",
+        f"grid data of LAMMPS (dump grid), not atoms: {_DUMP_INSTEAD}; atc compare OUT FILE and atc.read_grid read it",
     ),
     (
         rb"\A(ITEM:[^\n]*\n[^I\n][^\n]*\n)*ITEM: NUMBER OF (?!ATOMS)",
         f"a dump of something else than atoms (dump local: bonds, pairs, neighbours): {_DUMP_INSTEAD}",
+    ),
+    (
+        rb"\A#[^\n]*\n#[^\n]*\n# Chunk ",
+        f"averages over chunks of a run (fix ave/chunk), not atoms: {_DUMP_INSTEAD}; atc compare OUT FILE and "
+        "atc.read_grid read it",
     ),
     (
         rb"\A# ?(Time|Chunk|Spatial|Histogrammed|Grid|Space-time|Time-correlated)-?[a-z]* ?data for fix|\A# Timestep "

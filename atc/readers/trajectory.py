@@ -95,6 +95,33 @@ class Trajectory(Sequence):
     def __repr__(self):
         return f"<{type(self).__name__} {self.source!r}, units {self.units.name!r}>"
 
+    def _repr_html_(self):
+        """For notebooks: what is in it, from its first and last frame."""
+        from ..terminal import html_table
+
+        if getattr(self, "streamed", False):
+            return html_table(
+                f"{type(self).__name__} {self.source}", [("units", self.units.name), ("frames", "a stream")]
+            )
+        info = self.info()
+        rows = [("units", info["units"]), ("frames", info["frames"])]
+        if info["frames"]:
+            first, last = info["atoms"]
+            kinds = [f"{k['count']} {k['name'] or f'type {t}'}" for t, k in info["types"].items()]
+            lengths = " x ".join(f"{v:.6g}" for v in info["cell"]["lengths"])
+            periodic = "".join("p" if p else "f" for p in info["cell"]["periodic"])
+            rows += [
+                ("atoms", f"{first}" if first == last else f"{first} to {last}"),
+                ("types", ", ".join(kinds)),
+                ("cell", f"{lengths} {self.units.label('length')}, {periodic}"),
+                ("holds", ", ".join(info["quantities"] + info["extra"])),
+            ]
+            for key in ("step", "time"):
+                if info[key] is not None:
+                    unit = f" {self.units.label('time')}" if key == "time" else ""
+                    rows.append((key, f"{info[key][0]:g} to {info[key][1]:g}{unit}"))
+        return html_table(f"{type(self).__name__} {self.source}", rows)
+
     def __getstate__(self):
         state = self.__dict__.copy()
         state.pop("_guard", None)

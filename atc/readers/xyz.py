@@ -216,7 +216,7 @@ class ExtendedXyz(LammpsTrajectory):
         head = self._bytes.read(start, min(end, start + (1 << 18))).tobytes().split(b"\n")
         return read_comment(head[1].decode("utf-8", "replace"), f"{self.source}, frame {k}, line {line + 1}")
 
-    def _layout(self, comment: Comment, buf, where):
+    def _names_and_kinds(self, comment: Comment, buf, where):
         """Names of the columns as they are read (vectors as name[1] ...), and the kind of each."""
         sample = buf[: 1 << 16].tobytes().split(b"\n", 1)[0].split()
         names, kinds = [], []
@@ -233,7 +233,7 @@ class ExtendedXyz(LammpsTrajectory):
         text, buf, line, n = self._text(k)
         where = f"{self.source}, frame {k}, line {line + 1}"
         comment = read_comment(text, where)
-        names, kinds = self._layout(comment, buf, where)
+        names, kinds = self._names_and_kinds(comment, buf, where)
         finite = KNOWN_FLOATS | {name for name in names if name.split("[")[0] in _VECTORS}
         raw = parse_columns(
             buf, names, kinds, n, lambda row: f"{self.source}, frame {k}, line {line + 2 + row}", finite
@@ -443,7 +443,7 @@ class ExtendedXyz(LammpsTrajectory):
         """Some of the coordinates of frame k, as text."""
         _, buf, _, _ = self._text(k)
         lines = buf[: 1 << 18].tobytes().split(b"\n")[:-1]
-        names, _ = self._layout(self._comment(k), buf, "")
+        names, _ = self._names_and_kinds(self._comment(k), buf, "")
         at = [j for j, name in enumerate(names) if name.split("[")[0] in ("pos", "positions")]
         words = [w.split() for w in lines[:: max(1, len(lines) // 1000)]]
         return [w[a].decode("utf-8", "replace") for w in words for a in at if a < len(w)]

@@ -71,9 +71,10 @@ def _potential(pot) -> dict | None:
     if pot is None:
         return None
     text, file = pot.text, pot.file
-    if pot.nep is not None:
-        name, types = pot.nep
-        return {"nep": name} if types is None else {"nep": name, "types": [t or "NULL" for t in types]}
+    if pot.learned is not None:
+        maker, name, options = pot.learned
+        said = {k: [t or "NULL" for t in v] if k == "types" else v for k, v in options.items() if v is not None}
+        return {maker: name, **said}
     if file is not None:
         return {"input": file, "units": pot.units.name}
     if text is not None:

@@ -14,8 +14,9 @@ from .output import Layout, Variable
 
 def follows_cell(job: Job) -> bool:
     """Whether the points of the grid move with the cell of each frame."""
+    grid = job.request.grid
     on_grid = [q for q in job.work.quantities if q.kind == "grid" and not q.on_reference]
-    return bool(on_grid) and job.request.grid.follows_cell
+    return grid is not None and bool(on_grid) and grid.follows_cell
 
 
 def grid_moves(job: Job) -> bool:
@@ -26,7 +27,8 @@ def grid_moves(job: Job) -> bool:
     if follows_cell(job):
         return job.frames[1].cell != job.first.cell
     on_frames = set(job.work.grid_users) - set(job.work.on_reference)
-    return bool(on_frames) and job.request.grid.follows_atoms
+    grid = job.request.grid
+    return grid is not None and bool(on_frames) and grid.follows_atoms
 
 
 def moving_coordinates(bound, u) -> dict:
@@ -118,7 +120,7 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
                 long_name=f"whether the blocks still correlate (or are too few to tell), so that {q.name}_stderr "
                 "is a lower bound",
             )
-    if work.masked:
+    if result.mask is not None:
         moving(
             "mask",
             grid_dims,
@@ -140,6 +142,7 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
             long_name="number of frames in the average",
         )
     attrs = {
+        "Conventions": "CF-1.11",  # in style: names, units, long_name; units are those of the run, not always UDUNITS's
         "atc_version": __version__,
         "version": __version__,
         "units": u.name,
@@ -153,7 +156,7 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
         )
     if bound is not None and not work.kernel_users:
         attrs.update(method=job.method_used, grid=_grid_name(job.request.grid))
-    elif bound is not None:
+    elif bound is not None and job.request.kern is not None:
         attrs.update(
             kernel=job.request.kern.describe(),
             radius=radius_of(job.request.kern),
@@ -161,8 +164,9 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
             method=job.method_used,
             grid=_grid_name(job.request.grid),
         )
-    if work.bond_users:
+    if work.bond_users and job.request.pot is not None:
         attrs["decomposition"] = job.request.pot.describe()
+        attrs.update(job.request.pot.attributes)
         attrs.update(job.held)
         if (sums := job.field_sums()) is not None:
             attrs.update(attributes(sums, job.request.pot.complete(job.first)))
@@ -170,6 +174,13 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
     attrs["periodic"] = "".join("p" if p else "f" for p in frame.cell.periodic[: u.dimension])
     attrs["scene"] = str(job.request.scene) if job.request.scene else scene_of(job)
     return Layout(variables, job.entries, attrs)
+
+
+def asymmetry(stress_gij) -> float:
+    """max |σ − σᵀ|/2 over the points, relative to the largest |σ|; points where it is not defined (NaN) apart."""
+    across = np.abs(stress_gij - np.swapaxes(stress_gij, -1, -2))[np.isfinite(stress_gij)] / 2
+    largest = np.abs(stress_gij)[np.isfinite(stress_gij)].max(initial=0.0)
+    return float(across.max(initial=0.0) / largest) if largest else 0.0
 
 
 def _in_plane(comment: str) -> str:

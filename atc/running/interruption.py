@@ -108,7 +108,7 @@ def asked() -> bool:
 
 
 def _at_once(number: int) -> None:
-    """Leave without looking back; worker processes see that this one is gone (`end_with_parent`)."""
+    """Leave without looking back; worker processes see that this one is gone (`in_worker`)."""
     import multiprocessing
 
     for child in multiprocessing.active_children():
@@ -118,24 +118,33 @@ def _at_once(number: int) -> None:
     os._exit(128 + number)
 
 
+@contextlib.contextmanager
+def unheard():
+    """Processes that are started within hear no signal to stop before they say which they want to (`in_worker`): what a
+    terminal or a scheduler sends goes to all, while they are still importing. This one hears them afterwards."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    numbers = {getattr(signal, name) for name in _WORDS}
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, numbers)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def in_worker() -> None:
     """In a worker process: signals to stop are the parent's business, and it ends when the parent has gone, however
     that went."""
+    import multiprocessing
+    from multiprocessing import connection
+
     for name in _WORDS:
         number = getattr(signal, name, None)
         if number is not None:
             signal.signal(number, signal.SIG_IGN)
-    end_with_parent()
-
-
-def end_with_parent() -> None:
-    """End this process as soon as the one that started it is gone; killed -9 as well."""
-    import multiprocessing
-    from multiprocessing import connection
-
     parent = multiprocessing.parent_process()
-    if parent is None:
-        return
+    assert parent is not None
 
     def wait():
         connection.wait([parent.sentinel])

@@ -17,11 +17,12 @@ import zlib
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..errors import AtcError
-from .sealed import Damaged, require_sound, seal, to_netcdf
+from .sealed import Damaged, require_sound, reserve, seal
 
 _CHUNK_BYTES = 32 * 2**20
 
@@ -53,16 +54,15 @@ class Layout:
 
 
 @contextmanager
-def explained(path):
-    """Turn what the operating system says about an output into one line."""
+def explained(path, partial=None):
+    """Turn what the operating system says about an output into one line. `partial`: where what is complete is kept."""
     try:
         yield
     except OSError as e:
-        if e.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise AtcError(
-                f"{path}: the disk is full: make room and run the same command again (frames that are complete, if "
-                f"any, are kept in {path}.partial)"
-            ) from e
+        if e.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+            full = "larger than a file may be here" if e.errno == errno.EFBIG else "the disk is full"
+            kept = f" (frames that are complete, if any, are kept in {partial})" if partial is not None else ""
+            raise AtcError(f"{path}: {full}: make room and run the same command again{kept}") from e
         why = " ".join(str(e.strerror or e).split())[:200]
         raise AtcError(
             f"{path}: cannot be written ({why}): choose another output file or change its permissions"
@@ -73,7 +73,8 @@ def dataset_in_memory(layout: Layout, entries: list[dict], attrs: dict):
     """The same dataset as an `xarray.Dataset` in memory."""
     import xarray as xr
 
-    data, coords = {}, {}
+    data: dict = {}
+    coords: dict = {}
     for v in layout.variables:
         values = (
             v.static if v.static is not None else np.stack([e[v.name] for e in entries]).astype(v.dtype, copy=False)
@@ -99,13 +100,6 @@ def check_name(out) -> Path:
     return path
 
 
-def write_dataset(ds, path) -> None:
-    """Write a dataset that is in memory: .zarr, or a sealed .nc."""
-    path = check_name(path)
-    with explained(path):
-        ds.to_zarr(path, mode="w") if path.suffix == ".zarr" else to_netcdf(ds, path)
-
-
 class Store:
     """The unfinished output of one run.
 
@@ -126,13 +120,14 @@ class Store:
     def __init__(self, out, request: dict, resume: bool = True):
         self.out = check_name(out)
         self.partial = self.out.with_name(self.out.name + ".partial")
-        self.layout: Layout | None = None
-        self._group = None
+        # Both from `begin` on.
+        self.layout: Any = None
+        self._group: Any = None
         self._arrays: dict = {}
         self.journal: list[dict] = []
         #: Whether the output stands under its name already, and only clearing away was left to do.
         self.published = False
-        with explained(self.out):
+        with explained(self.out, self.partial):
             if not self.out.parent.is_dir():
                 raise AtcError(f"{self.out}: the directory {self.out.parent} does not exist")
             if self.out.suffix == ".nc" and self.out.is_dir():
@@ -170,7 +165,7 @@ class Store:
             self.published, count = False, 0  # what is finished cannot be added to
         if count < len(self.journal):
             del self.journal[count:]
-            with explained(self.out):
+            with explained(self.out, self.partial):
                 self._write_journal()
                 (self.partial / "state.npz").unlink(missing_ok=True)
 
@@ -194,12 +189,12 @@ class Store:
         if self.published:
             return
         path = str(self.partial / "data.zarr")
-        with explained(self.out):
+        with explained(self.out, self.partial):
             if self.done:
                 for half in (self.partial / "data.zarr").glob("**/*.partial"):
                     half.unlink()  # a chunk that a kill left unfinished under a name of its own
                 try:
-                    with _every_chunk():
+                    with every_chunk():
                         self._group = zarr.open_group(path, mode="r+")
                         self._arrays = dict(self._group.arrays())
                     missing = [v.name for v in layout.variables if v.name not in self._arrays]
@@ -233,7 +228,7 @@ class Store:
                         ),
                     )
                     chunks = (1, *(max(1, min(n, first) if k == 0 else n) for k, n in enumerate(v.shape)))
-                with _every_chunk():
+                with every_chunk():
                     array = self._group.create_array(
                         v.name,
                         shape=shape,
@@ -251,7 +246,7 @@ class Store:
         """The next entry: one array a variable, and `note` (plain values) for the journal. Complete when this
         returns."""
         k = self.done
-        with explained(self.out):
+        with explained(self.out, self.partial):
             for v in self.layout.variables:
                 if v.static is None:
                     self._arrays[v.name][k] = np.asarray(values[v.name], dtype=v.dtype)
@@ -264,7 +259,7 @@ class Store:
 
     def save_state(self, arrays: dict) -> None:
         """Keep what an unfinished time average needs to go on."""
-        with explained(self.out):
+        with explained(self.out, self.partial):
             temporary = self.partial / "state.tmp.npz"
             np.savez(temporary, **arrays)
             os.replace(temporary, self.partial / "state.npz")
@@ -282,7 +277,7 @@ class Store:
 
     def remember(self, name: str, value) -> None:
         """Keep plain values that an interrupted run must find again."""
-        with explained(self.out):
+        with explained(self.out, self.partial):
             self._write_json(f"{name}.json", {"value": value, "checksum": _checksum(value)})
 
     def recall(self, name: str):
@@ -304,7 +299,7 @@ class Store:
 
         if self.published:
             return
-        with explained(self.out):
+        with explained(self.out, self.partial):
             path = self.partial / "data.zarr"
             for v in self.layout.variables:
                 if v.name in attrs:
@@ -329,7 +324,7 @@ class Store:
 
     def clear_away(self) -> None:
         """Remove what a finished output does not need; last what says that it is finished."""
-        with explained(self.out):
+        with explained(self.out, self.partial):
             last = ("made.json", "request.json", "journal.jsonl", "lock")
             for entry in self.partial.iterdir():
                 if entry.name not in last:
@@ -357,7 +352,7 @@ class Store:
         import h5py
 
         path.unlink(missing_ok=True)
-        self._reserve(path)
+        reserve(path, self._size())
         with h5netcdf.File(path, "w") as f:
             for v in self.layout.variables:
                 shape = v.shape if v.static is not None else (self.layout.entries, *v.shape)
@@ -367,7 +362,7 @@ class Store:
             for v in self.layout.variables:
                 dtype = v.static.dtype if v.static is not None else np.dtype(v.dtype)
                 final = _clean({**v.attrs, **attrs.get(v.name, {})})
-                kwargs = {}
+                kwargs: dict = {}
                 if dtype.kind == "b":
                     final["dtype"], dtype = "bool", np.dtype(np.int8)  # xarray's way: NetCDF has no booleans
                 elif dtype.kind in "UO":
@@ -390,22 +385,13 @@ class Store:
                 f.attrs[key] = value
         seal(path)
 
-    def _reserve(self, path) -> None:
-        """See that there is room for the file: HDF5 takes a full disk badly, and says so at length on standard
-        error."""
-        need = 2**18
-        for v in self.layout.variables:
-            count = (
-                v.static.size if v.static is not None else self.layout.entries * int(np.prod(v.shape, dtype=np.int64))
-            )
-            need += count * max(8, np.dtype(v.dtype).itemsize)
-        if hasattr(os, "posix_fallocate"):
-            handle = os.open(path, os.O_CREAT | os.O_WRONLY, 0o666)
-            try:
-                os.posix_fallocate(handle, 0, need)
-            finally:
-                os.close(handle)
-                path.unlink()
+    def _size(self) -> int:
+        """Bytes of the data."""
+        return sum(
+            (v.static.size if v.static is not None else self.layout.entries * int(np.prod(v.shape, dtype=np.int64)))
+            * max(8, np.dtype(v.dtype).itemsize)
+            for v in self.layout.variables
+        )
 
     # --- small things
     def _lock(self) -> None:
@@ -480,6 +466,20 @@ def _of_line(line: bytes) -> dict | None:
     return note if isinstance(note, dict) and checksum.decode("ascii", "replace") == _checksum(note) else None
 
 
+def require_place(path: Path, where: str, overwrite: bool, resume: bool) -> None:
+    """Raise AtcError, at `where`, if a result cannot be written to `path`: found out before anything is computed. With
+    `resume` what is there may be that of a run which only has to clear away."""
+    folder = path.parent
+    if path.suffix not in (".zarr", ".nc"):
+        raise AtcError(f"{where}: expected a name that ends in .zarr or .nc, got {path.name}")
+    if not folder.is_dir():
+        raise AtcError(f"{where}: there is no directory {folder}: make it, or choose another place")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise AtcError(f"{where}: no permission to write in {folder}: choose another place")
+    if path.exists() and not (overwrite or (resume and published(path))):
+        raise AtcError(f"{where}: {path} exists: give --overwrite to replace it, or another name")
+
+
 def published(out) -> bool:
     """Whether an output is the finished one of a run that was ended before it could clear away."""
     out = Path(out)
@@ -495,7 +495,7 @@ def _known_by(path) -> list[int]:
     return [about.st_ino, about.st_size, about.st_mtime_ns]
 
 
-def _every_chunk():
+def every_chunk():
     """Arrays opened within write chunks that hold nothing but the fill value, too: one that is missing later is a loss,
     not a field of nothing."""
     import zarr

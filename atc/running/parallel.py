@@ -78,61 +78,38 @@ def here(job):
 
 
 def _in_processes(job, settings, frames):
-    import multiprocessing
-    from concurrent.futures import ProcessPoolExecutor
-    from concurrent.futures.process import BrokenProcessPool
+    from concurrent.futures import ThreadPoolExecutor
 
+    from .workers import Workers
+
+    count = job.request.workers
     try:
-        pool = ProcessPoolExecutor(
-            job.request.workers,
-            mp_context=multiprocessing.get_context("spawn"),
-            initializer=_begin_worker,
-            initargs=(settings,),
-        )
-    except (OSError, ImportError) as e:  # no semaphores: a container without /dev/shm
+        workers = Workers(count, settings)
+    except (OSError, ImportError) as e:  # a limit on the number of processes
         warnings.warn(
             f"no worker processes can be had here ({getattr(e, 'strerror', None) or e}): frames are computed one "
             "after another, by as many threads",
             AtcWarning,
             stacklevel=2,
         )
-        settings = replace(settings, threads=job.request.workers * job.request.threads)
+        settings = replace(settings, threads=count * job.request.threads)
         for k, group in frames:
             yield group, fields_of(group, settings, k)
         return
+    threads = ThreadPoolExecutor(count)  # one to wait for each process
     waiting: deque = deque()
     try:
         for k, group in frames:
-            waiting.append((group, pool.submit(_work, group, k)))
-            if len(waiting) > 2 * job.request.workers:
+            waiting.append((group, threads.submit(workers.compute, group, k)))
+            if len(waiting) > 2 * count:
                 group, future = waiting.popleft()
                 yield group, future.result()
         while waiting:
             group, future = waiting.popleft()
             yield group, future.result()
-    except BrokenProcessPool:
-        raise AtcError(
-            "a worker process died: out of memory, or the script that calls atc.fields with workers > 1 lacks `if "
-            '__name__ == "__main__":` around the call'
-        ) from None
     finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-
-
-_worker_settings = None
-
-
-def _begin_worker(settings):
-    from .interruption import in_worker
-
-    global _worker_settings
-    _worker_settings = settings
-    # The parent lets the frames in work finish and stops.
-    in_worker()
-
-
-def _work(frames, k) -> FrameResult:
-    return fields_of(frames, _worker_settings, k)
+        workers.end()
+        threads.shutdown(cancel_futures=True)
 
 
 # --- a Dask cluster
@@ -161,7 +138,8 @@ def connected(cluster):
         client = cluster
     try:
         if not _workers(client):
-            raise AtcError(f"cluster {client.scheduler.address}: it has no workers: start some with dask worker")
+            address = getattr(client.scheduler, "address", cluster)
+            raise AtcError(f"cluster {address}: it has no workers: start some with dask worker")
         with warnings.catch_warnings():
             # Frames travel with their tasks, so that they survive the worker that had them.
             warnings.filterwarnings("ignore", message="Sending large graph")

@@ -5,10 +5,12 @@ from __future__ import annotations
 import time
 import warnings
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from ..errors import AtcError, AtcWarning
+from ..decomposers.base import Worst
+from ..errors import AtcError, AtcWarning, logger
 from ..estimators.accuracy.random_points import tolerance_kept
 from ..estimators.driver import fields_of
 from ..estimators.methods import DEPOSITS, Method, Refinement, details, summary
@@ -21,13 +23,16 @@ from ..planning.identity import changed_parts, frame_digest, identity
 from ..planning.job import Job, prepare
 from ..planning.report import plan  # noqa: F401  (plan belongs to the same door)
 from ..planning.request import Request
+from ..readers.memory import comes_once
 from ..readers.plausible import doubts
 from ..readers.times import Sequence
+from ..terminal import progress_of
 from .as_scene import file_name
-from .dataset import follows_cell, grid_moves, moving_coordinates, output_layout, radius_of
+from .dataset import asymmetry, follows_cell, grid_moves, moving_coordinates, output_layout, radius_of
 from .interruption import whole
-from .output import Layout, Store, dataset_in_memory, explained, open_dataset
+from .output import Store, dataset_in_memory, explained, open_dataset
 from .parallel import frame_results, here
+from .whole import write_dataset
 
 #: With so many frames one from the middle says where all begin.
 SEVERAL = 6
@@ -63,7 +68,8 @@ def fields(
 
     Parameters
     ----------
-    traj : trajectory from `atc.read`, Frame, list of Frames, or anything `atc.read` takes
+    traj : trajectory from `atc.read`, Frame, list of Frames, or anything `atc.read` takes; also a generator of frames,
+        or a stream of MDAnalysis (IMDv3), whose frames come once: see `atc.Live`
     pot : potential from `atc.potential`; needed by quantities with a potential part
     kern : kernel from `atc.kernel`, its radius in the trajectory's unit of length
     grid : `atc.Grid`: where the fields are wanted
@@ -103,7 +109,7 @@ def fields(
     out : path ending in .zarr or .nc
         Written frame by frame to ``out.partial`` and renamed at the end. After a kill or Ctrl-C the same call goes on
         where it was, with the same result as an uninterrupted run. `resume=False` begins again.
-    progress : callable(done, total, rate), frames and frames per second
+    progress : True (a bar, in notebooks too), or callable(done, total, rate), frames and frames per second
     scene : str
         The scene as TOML, to be kept with the result.
     horizon : float
@@ -142,6 +148,20 @@ def fields(
     Formulas: R 4.0.34-4.0.116 as corrected in the documentation: σ = σ_U + σ_K, σ_U = Σ_bonds G r⊗r β, σ_K = −Σ m (v_j
     − v)⊗(v_j − v) φ_j.
     """
+    if comes_once(traj):
+        for name, given in (("cluster", cluster), ("tiles", tiles), ("log", log), ("workers", workers != 1 or None)):
+            if given is not None:
+                raise AtcError(
+                    f"{name}: frames that come one by one (a stream, a generator) are computed here: leave it out"
+                )
+        ds = _fields_of_stream(
+            traj, progress, pot=pot, kern=kern, grid=grid, quantities=quantities, tolerance=tolerance, method=method,
+            reference=reference, average=average, threads=threads, scene=scene, horizon=horizon, forces=forces,
+            column_units=column_units,
+        )  # fmt: skip
+        if out is not None:
+            write_dataset(ds, out)
+        return ds
     request = Request(
         traj,
         pot,
@@ -172,6 +192,20 @@ def fields(
         return open_dataset(out)
 
 
+def _fields_of_stream(traj, progress, **asked):
+    """`fields` of frames that come once."""
+    from .. import Live, read
+
+    live = Live(**asked)
+    began = time.perf_counter()
+    with progress_of(progress) as report:
+        for frame in traj if hasattr(traj, "__next__") else read(traj):
+            live.add(frame)
+            if report is not None:
+                report(live.n, live.n, live.n / max(time.perf_counter() - began, 1e-9))
+    return live.result()
+
+
 def write(request: Request, out, progress=None, resume=True) -> dict:
     """What `fields` does with an output, without opening it again (and without the second that the libraries for that
     take to import).
@@ -191,6 +225,17 @@ def write(request: Request, out, progress=None, resume=True) -> dict:
 
 
 def _run(job: Job, store: Store | None, progress) -> _Sink:
+    log, began = logger(), time.perf_counter()
+    what = ", ".join(q.name for q in job.work.quantities)
+    source = getattr(job.frames, "source", job.first.source)
+    log.info("%s: %d frames of %d atoms: %s; %s", source, job.n_frames, len(job.first), what, job.method_used)
+    with progress_of(progress) as report:
+        sink = _run_frames(job, store, report)
+    log.info("%s: %d frames in %.3g s", source, job.n_frames, time.perf_counter() - began)
+    return sink
+
+
+def _run_frames(job: Job, store: Store | None, progress) -> _Sink:
     n, window = job.n_frames, job.window
     sink = _Sink(job, store)
     start = sink.next_frame
@@ -315,14 +360,15 @@ class _Sink:
 
     def __init__(self, job: Job, store: Store | None):
         self.job, self.store = job, store
-        self.agreement, self.input_error = "", (0.0, {})  # see `_agreement` and `_input_errors`
-        self.layout: Layout | None = None
+        self.agreement = ""  # see `_agreement`
+        self.input_error: tuple[float, dict[str, float]] = (0.0, {})  # see `_input_errors`
+        self.layout: Any = None  # from `prepare` on
         self.entries: list[dict] = []
         if store is not None:
             store.keep(self._whole_entries(store.journal), job.entries)
         self.notes: list[dict] = list(store.journal) if store else []
         self.averages: dict[str, BlockAverage] = {}
-        self.any_mass = None
+        self.any_mass: np.ndarray | None = None
         self.note: dict = {}
         self._said_refined = False
         self.sequence = Sequence()
@@ -343,7 +389,7 @@ class _Sink:
     def compare_done(self, count: int) -> None:
         """The frames that are done must be what they were; which is told by their content, so they are read again."""
         digests = [d for note in (*self.notes, self.note) for d in note.get("digests", ())]
-        if count == 0:
+        if count == 0 or self.store is None:
             return
         out = self.store.partial
         for k, then in enumerate(digests[:count]):
@@ -378,7 +424,7 @@ class _Sink:
             weight = QUANTITIES[name].weight
             # The weight stays in internal units: only ratios of it matter.
             if name not in self.averages:
-                self.averages[name] = BlockAverage(block=self.job.group(k), threads=self.job.request.threads)
+                self.averages[name] = BlockAverage(block=self.job.group(k), threads=self.job.threads)
             self.averages[name].add(
                 x, None if weight is None else result.weights[name], result.frames, result.within.get(name)
             )
@@ -389,7 +435,7 @@ class _Sink:
         if last_of_window:
             self._emit_average()
         elif self.store is not None and time.monotonic() - self._saved > _SAVE_EVERY:
-            self._save(k + result.frames)
+            self._save(self.store, k + result.frames)
 
     def _emit_average(self):
         means, extra = {}, {}
@@ -410,6 +456,9 @@ class _Sink:
     def _emit(self, values, mask):
         if mask is not None:
             values["mask"] = mask
+        pot, asked = self.job.request.pot, self.job.work.quantities
+        if pot is not None and not pot.central:
+            self.note["asymmetry"] = {q.name: asymmetry(values[q.name]) for q in asked if q.symmetric_if_central}
         note, self.note = self.note, {}
         if self.store is None:
             self.entries.append(values)
@@ -437,8 +486,12 @@ class _Sink:
             for kind, value in measured.items():
                 known[kind] = max(known.get(kind, 0.0), value)
         counts = self.note.setdefault("notes", {})
+        worst = self.note.setdefault("worst", {})
         for what, count in result.notes.items():
-            counts[what] = counts.get(what, 0) + count
+            if isinstance(count, Worst):
+                worst[what] = float(count + worst.get(what, 0.0))
+            else:
+                counts[what] = counts.get(what, 0) + count
         for what in result.refined:
             self.note.setdefault("refined", []).extend([j, what.plain()] for j in range(k, k + result.frames))
             if not self._said_refined:
@@ -449,7 +502,8 @@ class _Sink:
                     stacklevel=2,
                 )
         self.note["frames"] = self.note.get("frames", 0) + result.frames
-        self.note.setdefault("digests", []).extend(frame_digest(f) for f in (frame, *more))
+        if self.store is not None:
+            self.note.setdefault("digests", []).extend(frame_digest(f) for f in (frame, *more))
         self.note["sources"] = [*self.note.get("sources", []), file_name(frame.source)][:1]
 
     def _coordinates(self, frame, result):
@@ -531,6 +585,11 @@ class _Sink:
         for note in self.notes:
             for what, count in note["notes"].items():
                 counts[what] = counts.get(what, 0) + count
+            for what, value in note.get("worst", {}).items():
+                out[""][what] = float(Worst(value) + out[""].get(what, 0.0))
+            for name, value in note.get("asymmetry", {}).items():
+                at = out.setdefault(name, {})
+                at["asymmetry"] = float(Worst(value) + at.get("asymmetry", 0.0))
         if counts:
             out[""]["notes"] = "; ".join(f"{what}: {count}" for what, count in sorted(counts.items()))
         if self.job.work.grid_users:
@@ -556,16 +615,16 @@ class _Sink:
     def save_unfinished(self, after) -> None:
         """Keep what a window has of its frames, when the run is stopped between two of them."""
         if self.store is not None and self.averages and self.job.window > 1:
-            self._save(after)
+            self._save(self.store, after)
 
-    def _save(self, after):
+    def _save(self, store: Store, after):
         import json
 
         arrays = {f"{name}/{key}": a for name, average in self.averages.items() for key, a in average.state().items()}
         if self.any_mass is not None:
             arrays["any_mass"] = self.any_mass
         arrays["about"] = np.array(json.dumps({"entry": len(self.notes), "next": after, "note": self.note}))
-        self.store.save_state(arrays)
+        store.save_state(arrays)
         self._saved = time.monotonic()
 
     def _restore(self, state):
@@ -582,7 +641,7 @@ class _Sink:
         for key, a in state.items():
             name, _, rest = key.partition("/")
             by_name.setdefault(name, {})[rest] = a
-        self.averages = {name: BlockAverage.from_state(s, self.job.request.threads) for name, s in by_name.items()}
+        self.averages = {name: BlockAverage.from_state(s, self.job.threads) for name, s in by_name.items()}
 
 
 def _plain_coordinates(coordinates):

@@ -39,10 +39,23 @@ def seal(path) -> None:
         f.write(stretches.tobytes() + _TAIL.pack(len(stretches), size, _digest(f, size, stretches), MAGIC))
 
 
-def to_netcdf(ds, path) -> None:
+def to_netcdf(ds, path, encoding=None) -> None:
     """Write an `xarray.Dataset` as a sealed file."""
-    ds.to_netcdf(path, engine="h5netcdf")
+    ds.to_netcdf(path, engine="h5netcdf", encoding=encoding)
     seal(path)
+
+
+def reserve(path, size: int) -> None:
+    """See that there is room for a file with so many bytes of data: HDF5 takes a full disk badly, and says so at
+    length on standard error."""
+    if not hasattr(os, "posix_fallocate"):
+        return
+    handle = os.open(path, os.O_CREAT | os.O_WRONLY, 0o666)
+    try:
+        os.posix_fallocate(handle, 0, size + 2**18)
+    finally:
+        os.close(handle)
+        os.unlink(path)
 
 
 def require_sound(path) -> None:
@@ -101,7 +114,7 @@ def _stretches_of_data(path) -> np.ndarray:
                         add(a.id.get_chunk_info(k))
 
         f.visititems(chunks)
-    merged = []
+    merged: list = []
     for begin, end in sorted(found):
         if merged and merged[-1][1] == begin:
             merged[-1][1] = end

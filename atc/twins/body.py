@@ -9,10 +9,12 @@ from itertools import product
 import numpy as np
 
 from ..errors import AtcError, AtcWarning
-from .smoothing import Smoothing
+from .smoothing import Same, Smoothing
 
 #: Points along each edge of a node's own cell, whose share inside the matter is the share of volume the node has.
 _SAMPLES = 4
+#: The horizon in distances of nodes, unless a material says otherwise.
+HORIZON = 3.015
 
 
 @dataclass
@@ -30,7 +32,9 @@ class TwinBody:
     bulk: float
 
 
-def body_of(reference, kernel, bulk: float, spacing: float, horizon: float | None) -> TwinBody:
+def body_of(
+    reference, kernel, bulk: float, spacing: float, horizon: float | None, spacings: float = HORIZON
+) -> TwinBody:
     """Nodes where the smoothed density is at least half of the bulk's; holes, surfaces and cracks included.
 
     Parameters
@@ -38,7 +42,7 @@ def body_of(reference, kernel, bulk: float, spacing: float, horizon: float | Non
     reference : Frame. kernel : of internal lengths
     bulk : mass density of the undisturbed crystal
     spacing : wanted distance of nodes; along each edge the nearest one that divides the cell's edge is taken
-    horizon : default 3.015 times the largest distance of neighbouring nodes
+    horizon : default `spacings` times the largest distance of neighbouring nodes
 
     Returns
     -------
@@ -75,7 +79,7 @@ def body_of(reference, kernel, bulk: float, spacing: float, horizon: float | Non
             stacklevel=3,
         )
     edge = np.linalg.norm(step, axis=1).max()
-    horizon = 3.015 * edge if horizon is None else horizon
+    horizon = spacings * edge if horizon is None else horizon
     if horizon < 1.5 * edge:
         raise AtcError(
             f"a horizon of {horizon:g} (internal units) is less than 1.5 times the distance of nodes, {edge:g}: take a "
@@ -83,3 +87,14 @@ def body_of(reference, kernel, bulk: float, spacing: float, horizon: float | Non
         )
     body = pd.Body(X, V, rho, horizon, cell=cell, spacing=volume ** (1 / 3))
     return TwinBody(body, Smoothing(reference, kernel, X), step, rho, bulk)
+
+
+def body_of_atoms(reference, bulk: float, horizon: float) -> TwinBody:
+    """Every atom of the reference is a node: what is derived from the potential can then be held to the run bond by
+    bond. V_I = m/ρ of the crystal. `horizon` : of the body; parameters and result otherwise as `body_of`."""
+    from .. import pd
+
+    V = reference.masses / bulk
+    X = np.array(reference.positions)
+    body = pd.Body(X, V, bulk, horizon, cell=reference.cell, spacing=float(V.mean() ** (1 / 3)), warn=False)
+    return TwinBody(body, Same(reference), np.eye(3) * V.mean() ** (1 / 3), bulk, bulk)

@@ -38,9 +38,10 @@ def dataset_of(md, pd_frames, names):
     return out
 
 
-def norms(data, names, bulk) -> list[dict]:
+def norms(data, names, bulk, deep=1.0) -> list[dict]:
     """Of every field: rms difference of the time averages, relative to the rms of the MD's, where both have at least
-    half of the bulk's density, and where both have 95 % of it (away from surfaces); beside it the MD's standard error.
+    half of the bulk's density (``matter``), where both have 95 % of it (``interior``), and where no surface is felt
+    (``deep``, see `away_from_surfaces`); beside it the MD's standard error.
 
     A field that vanishes in the MD has relative norms that are not numbers.
     """
@@ -52,7 +53,7 @@ def norms(data, names, bulk) -> list[dict]:
         if name == "density":
             continue
         md, pd = (data[f"{s}_{name}"].values for s in ("md", "pd"))
-        for where, inside in (("matter", least >= 0.5), ("interior", least >= 0.95)):
+        for where, inside in (("matter", least >= 0.5), ("interior", least >= 0.95), ("deep", least * deep >= 0.95)):
             if not inside.any():
                 continue
             a, b = md[:, inside], pd[:, inside]
@@ -73,16 +74,36 @@ def norms(data, names, bulk) -> list[dict]:
     return rows
 
 
+def away_from_surfaces(simulation, points_gc, reach) -> np.ndarray:
+    """(g,) which points have within `reach` only nodes whose families are whole: what surfaces do to a family does not
+    show there."""
+    from scipy.spatial import cKDTree
+
+    from ..frame import Frame
+    from .smoothing import with_images
+
+    body, t = simulation.body, simulation.body.bonds
+    family = np.bincount(t.i_b, body.V_n[t.j_b], len(body)) + np.bincount(t.j_b, body.V_n[t.i_b], len(body))
+    own = body.V_n + family
+    cut = own < (1 - 1e-6) * own.max()
+    if not cut.any():
+        return np.ones(len(points_gc), bool)
+    nodes = Frame(simulation.positions_nc[cut], simulation.cell, "lj")
+    x_nc, _ = with_images(nodes, reach)
+    inside, _ = simulation.cell.wrap(points_gc)
+    return cKDTree(x_nc).query(inside)[0] > reach
+
+
 def picture(data, path, components, title):
     """MD, PD and their difference as maps of time averages, one row for each component (field, index, label)."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
     from ..pictures.drawing import STYLE, colours, draw_map, figure, save
-    from ..pictures.geometry import cut, layout, unit_text
+    from ..pictures.geometry import cut, points_of_grid, unit_text
 
     with mpl.rc_context(STYLE):
-        place = layout(data, data["md_density"].isel(frame=0))
+        place = points_of_grid(data, data["md_density"].isel(frame=0))
         if place.kind not in ("volume", "plane"):
             raise AtcError(f"a picture of the twin needs a regular or plane grid, this is one of kind {place.kind}")
         selection, where = {}, ""

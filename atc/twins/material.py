@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import AtcError, AtcWarning
 from ..frame import Cell
-from ..upscaling.linear_body import MODULI_REFUSE, MODULI_WARN
+from ..pd.sampling import MODULI_REFUSE, MODULI_WARN
 
 
 @dataclass
@@ -49,6 +49,10 @@ class Isotropic:
             f"{100 * along:+.2g} % too stiff), nonlinearity, dispersion of the crystal",
             f"the nodes' elastic constants differ from the material's by at most {100 * self.error:.2g} %",
         ]
+
+    def after(self, simulation) -> list[str]:
+        """What a run showed, for a person."""
+        return []
 
 
 def hill(C_vv) -> tuple[float, float]:

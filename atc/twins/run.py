@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError, AtcWarning
-from .body import TwinBody, body_of
-from .comparison import PAIRS, dataset_of, norms, picture
+from .body import TwinBody, body_of, body_of_atoms
+from .choice import atoms_horizon, horizon_of, orientation, twin_material
+from .comparison import PAIRS, away_from_surfaces, dataset_of, norms, picture
 from .conditions import (
     Run,
     between,
@@ -21,7 +22,6 @@ from .conditions import (
     history,
     smoothed_displacement,
 )
-from .material import Isotropic, isotropic
 
 
 @dataclass
@@ -34,14 +34,14 @@ class Twin:
         and stress (frame, the grid's dimensions), md_box_stress and pd_box_stress
     rows : the norms, one dict for each field and region
     lines : what was decided before the run
-    body : TwinBody. material : Isotropic. simulation : pd.Simulation after the run (internal units)
+    body : TwinBody. material : what `twin_material` made. simulation : pd.Simulation after the run (internal units)
     """
 
     dataset: object
     rows: list
     lines: list
     body: TwinBody
-    material: Isotropic
+    material: object
     simulation: object
     name: str = field(default="twin")
 
@@ -67,7 +67,7 @@ class Twin:
 
     def save(self, path) -> None:
         """Write the dataset: .nc or .zarr."""
-        from ..running.output import write_dataset
+        from ..running.whole import write_dataset
 
         write_dataset(self.dataset, path)
 
@@ -120,8 +120,11 @@ def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
     crystal = _crystal(scene, get, reference, pot, u)
     spacing = length * get("spacing") if get("spacing") else u.to_internal("length", crystal.lattice_constant)
     horizon = length * get("horizon") if get("horizon") else None
-    made = body_of(reference, kernel, crystal.density, spacing, horizon)
-    material = isotropic(crystal, pot, get("model", "lps"), made.step_cc, made.body.horizon)
+    if get("nodes") == "atoms":
+        made = body_of_atoms(reference, crystal.density, horizon or atoms_horizon(get, crystal, pot))
+    else:
+        made = body_of(reference, kernel, crystal.density, spacing, horizon, horizon_of(get))
+    material = twin_material(get, crystal, pot, orientation(scene), made, reference)
 
     run = Run(traj, reference)
     frames = [run[k] for k in range(len(run))]
@@ -142,9 +145,12 @@ def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
     found, names = [], ["density", "displacement", *(["velocity"] if motion == "dynamic" else []), "stress"]
     for k in range(len(frames)):
         _advance(sim, frames, times, k, motion)
-        found.append(_fields_of_nodes(sim, u, kern, grid, [PAIRS[n][1] for n in names]))
+        found.append(_fields_of_nodes(sim, material, u, kern, grid, names, reference))
         if progress is not None:
             progress(k + 1, len(frames), (k + 1) / (time.perf_counter() - began))
+    lines += (said := material.after(sim))
+    for line in said if tell is not None else ():
+        tell(line)
     from .. import fields
 
     md = fields(
@@ -159,7 +165,9 @@ def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
     )
     data = dataset_of(md, found, names)
     bulk = float(u.to_user("density", crystal.density))
-    rows = norms(data, names, bulk)
+    bound = grid.bind(u, sim.cell)
+    deep = away_from_surfaces(sim, bound.points_gc, kernel.support).reshape(bound.shape)
+    rows = norms(data, names, bulk, deep)
     data.attrs.update(
         title="a molecular-dynamics run and its peridynamic twin",
         twin="\n".join(lines),
@@ -273,16 +281,29 @@ def _advance(sim, frames, times, k, motion) -> None:
         sim.step()
 
 
-def _fields_of_nodes(sim, units, kern, grid, names):
+def _fields_of_nodes(sim, material, units, kern, grid, names, atoms):
     """Fields of the twin's present state, by the code that makes those of the atoms."""
     from .. import fields, pd
 
+    if hasattr(material, "frame"):  # nodes that carry atoms
+        frame, pot = material.frame(sim)
+        found = fields(
+            [frame],
+            pot,
+            kern,
+            grid,
+            [*(PAIRS[n][0] for n in names), "virial_stress_potential"],
+            reference=atoms,
+            forces="ignore",
+        )
+        return found.rename({PAIRS[n][0]: PAIRS[n][1] for n in names if PAIRS[n][0] != PAIRS[n][1]})
     # The twin's numbers are internal ones; results are reported in the run's units.
     frame, bonds = pd.snapshot(sim, units="lj")
     reference = pd.reference_frame(sim, units="lj")
     bonds.units = units
     frame, reference = frame.replace(units=units), reference.replace(units=units)
-    return fields([frame], bonds, kern, grid, [*names, "virial_stress_potential"], reference=reference, forces="ignore")
+    asked = [*(PAIRS[n][1] for n in names), "virial_stress_potential"]
+    return fields([frame], bonds, kern, grid, asked, reference=reference, forces="ignore")
 
 
 def _lines(units, reference, pot, made, material, held, motion, sim, frames) -> list[str]:
@@ -315,7 +336,11 @@ def _lines(units, reference, pot, made, material, held, motion, sim, frames) -> 
         lines.append(
             f"time step {p('time', 0.7 * sim.time_step_stable)} (surely stable below {p('time', sim.time_step_stable)})"
         )
-    lines.append("left out: temperature (kinetic stress, thermal expansion, softening), fracture, surface stress")
+    lines.append(
+        "left out: "
+        + ("" if getattr(material, "temperature", None) else "temperature (kinetic stress, expansion, softening), ")
+        + "fracture, surface stress"
+    )
     size = np.abs(stress).max() / material.bulk
     if size > 3e-3:
         warnings.warn(

@@ -25,7 +25,7 @@ class Smoothing:
         from scipy.spatial import cKDTree
 
         frame.require("masses", why="a smoothed displacement")
-        x_nc, atom_n = _with_images(frame, kernel.support)
+        x_nc, atom_n = with_images(frame, kernel.support)
         near = cKDTree(x_nc).query_ball_point(points_gc, kernel.support * (1 + 1e-9), return_sorted=True)
         counts = np.array([len(a) for a in near], np.int64)
         found = np.concatenate([np.asarray(a, np.int64) for a in near]) if counts.sum() else np.zeros(0, np.int64)
@@ -50,7 +50,20 @@ class Smoothing:
         return quotient(mine, self.density_g)
 
 
-def _with_images(frame, reach):
+class Same:
+    """In the place of a `Smoothing` where the nodes are the atoms: nothing is smoothed."""
+
+    def __init__(self, frame):
+        frame.require("masses", why="the nodes' masses")
+
+    def mean(self, a_nc) -> np.ndarray:
+        return np.array(a_nc, float)
+
+    def share(self, chosen_n) -> np.ndarray:
+        return np.asarray(chosen_n, float)
+
+
+def with_images(frame, reach):
     """Positions of all atoms and of their periodic images within `reach` of the cell, and whose image each one is."""
     cell = frame.cell
     x, _ = cell.wrap(frame.positions)

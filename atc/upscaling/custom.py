@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
+from ..running.whole import write_dataset
 from .chain import LennardJones, Springs, bump, positive, square_pulse, whole
 from .coarse import coarsen
 from .evolve import History, count_steps, verlet
-from .report import STYLE, draw_density
+from .reports.report import STYLE, draw_density
 
 
 def run_chain(
@@ -81,7 +82,7 @@ def run_chain(
         boundary=boundary,
         beyond_spinodal=beyond_spinodal,
     )
-    save_dataset(run.dataset(), output)
+    write_dataset(run.dataset(), output)
     return run, _picture(run, output.with_suffix(".png"))
 
 
@@ -136,25 +137,3 @@ def writable(path) -> Path:
     if not path.parent.is_dir():
         raise AtcError(f"{path}: the directory {path.parent} does not exist")
     return path
-
-
-def save_dataset(ds, path: Path) -> None:
-    """Write a dataset as .nc or .zarr, replacing what is there only once it is complete."""
-    import os
-    import shutil
-
-    from ..running.output import explained
-    from ..running.sealed import to_netcdf
-
-    part = path.with_name(path.name + ".part")
-    with explained(path):
-        if path.suffix == ".nc":
-            to_netcdf(ds, part)
-            if path.is_dir():
-                shutil.rmtree(path)
-        else:
-            shutil.rmtree(part, ignore_errors=True)
-            ds.to_zarr(part, mode="w", consolidated=False)
-            if path.is_dir():
-                shutil.rmtree(path)
-        os.replace(part, path)

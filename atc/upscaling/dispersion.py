@@ -351,7 +351,7 @@ class Dispersion:
 
     def save(self, path) -> None:
         """Write the dataset: .nc or .zarr."""
-        from ..running.output import write_dataset
+        from ..running.whole import write_dataset
 
         write_dataset(self.dataset(), path)
 

@@ -7,18 +7,14 @@ Internal units.
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import AtcError, AtcWarning
+from ..errors import AtcError
+from ..pd.sampling import check_moduli, long_waves
 from .force_constants import signed_root
 from .peridynamic_kernels import CoarseLattice, Lattice, _unit
-
-#: How far the moduli of nodes may be from those of the kernel they sample: beyond the first a warning, beyond the
-#: second an error.
-MODULI_WARN, MODULI_REFUSE = 0.02, 0.10
 
 
 @dataclass
@@ -59,23 +55,8 @@ class Stencil:
         on = np.abs(springs).max(axis=(1, 2)) > 0
         made = cls(np.eye(3) * spacing, n[on], springs[on], model.crystal.density * spacing**3, model.label)
         if check:
-            made._require_moduli(model, spacing)
+            check_moduli(made.dynamical_matrix, model, spacing)
         return made
-
-    def _require_moduli(self, model, spacing) -> None:
-        off = sampled_moduli(self, model)
-        worst = float(np.abs(off - 1).max())
-        if worst <= MODULI_WARN:
-            return
-        u = model.crystal.units
-        length = f"{u.to_user('length', spacing):.4g} {u.label('length')}"
-        found = (
-            f"{model.label}: nodes {length} apart sample the kernel too coarsely: stiffnesses of long waves are "
-            f"{off.min():.3g} to {off.max():.3g} times the kernel's own"
-        )
-        if not worst <= MODULI_REFUSE:
-            raise AtcError(f"{found}; take a smaller spacing, or a coarse lattice (coarse2, coarse3)")
-        warnings.warn(f"{found}; a smaller spacing comes closer", AtcWarning, stacklevel=3)
 
     @classmethod
     def of_lattice(cls, model) -> Stencil:
@@ -352,10 +333,7 @@ def wave_packet(
 def sampled_moduli(stencil: Stencil, model) -> np.ndarray:
     """(3 directions, 3) stiffness ρω²/k² of long waves along [100], [110], [111] in the nodes' sum over that in the
     kernel's integral, branches ascending; 1 is exact. NaN where the kernel has none."""
-    k = 1e-3 * 2 * np.pi / np.linalg.norm(model.crystal.conventional[0])
-    e = np.array([[1, 0, 0], [1, 1, 0], [1, 1, 1]]) / np.sqrt([[1], [2], [3]])
-    a, b = (np.linalg.eigvalsh(m.dynamical_matrix(k * e)) for m in (stencil, model))
-    return a / np.where(b > 0, b, np.nan)
+    return long_waves(stencil.dynamical_matrix, model)
 
 
 def discretisation_error(stencil: Stencil, model, k_kc) -> np.ndarray:

@@ -42,14 +42,14 @@ class Amplitudes:
     notes: list = field(default_factory=list)
 
 
-def amplitudes(traj, crystal: Crystal, choose, *, timestep: float | None = None) -> Amplitudes:
+def amplitudes(traj, crystal: Crystal, wave_vectors, *, timestep: float | None = None) -> Amplitudes:
     """Project a trajectory on waves, frame by frame.
 
     Parameters
     ----------
     traj : frames with velocities and masses; the box may breathe (displacements are then taken relative to it)
     crystal : Crystal
-    choose : function Sites → (k, 3) wave vectors
+    wave_vectors : function Sites → (k, 3) wave vectors
     timestep : time of one step in the user's unit, for dumps that give steps only
 
     Raises
@@ -68,7 +68,7 @@ def amplitudes(traj, crystal: Crystal, choose, *, timestep: float | None = None)
         raise AtcError(
             f"{first.source}: the masses of the atoms differ from those of {crystal.name}: give the same in both"
         )
-    k = np.asarray(choose(sites), float).reshape(-1, 3)
+    k = np.asarray(wave_vectors(sites), float).reshape(-1, 3)
     n = len(crystal)
     order = np.argsort(sites.basis, kind="stable")
     phase = np.exp(-1j * (k @ sites.sites[order].T)).reshape(len(k), n, -1) / np.sqrt(sites.cells)
@@ -341,7 +341,7 @@ def measure(
         cubic = bool(np.abs(crystal.conventional - edge * np.eye(3)).max() < 1e-6 * edge)
     plan = []
 
-    def choose(sites):
+    def wave_vectors(sites):
         for r, d in enumerate(directions):
             fractions, ks = commensurate(sites, d)
             for f, k in zip(fractions, ks):
@@ -359,7 +359,7 @@ def measure(
             )
         return np.concatenate([p[3] for p in plan])
 
-    a = amplitudes(traj, crystal, choose, timestep=timestep)
+    a = amplitudes(traj, crystal, wave_vectors, timestep=timestep)
     crystal, notes = a.sites.crystal, list(a.notes)
     for r, d in enumerate(directions):
         if not any(p[0] == r for p in plan):

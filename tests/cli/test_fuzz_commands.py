@@ -369,7 +369,7 @@ def test_escapes_reach_no_terminal(place):
 
 
 def test_markup_stays_text_in_reports(tmp_path):
-    from atc.upscaling.report import Report
+    from atc.upscaling.reports.report import Report
 
     report = Report("<script>alert(1)</script>\x1b[2J", tmp_path)
     report.text("<img src=x onerror=alert(1)>")

@@ -89,5 +89,5 @@ def test_refused(table):
         f"pair_style local/density\npair_coeff 1 1 {table}",
         f"pair_style local/density\npair_coeff * * {table} Si",
     ):
-        with pytest.raises(atc.AtcError, match="takes"):
+        with pytest.raises(atc.AtcError, match="expected no arguments"):
             atc.potential(lines, units="metal")

@@ -123,7 +123,7 @@ def test_files_that_are_refused(edit, said, tmp_path):
 
 
 def test_missing_file(tmp_path):
-    with pytest.raises(AtcError, match="cannot read it: No such file"):
+    with pytest.raises(AtcError, match="cannot read the neuroevolution potential file .*No such file"):
         nep(tmp_path / "nep.txt")
 
 

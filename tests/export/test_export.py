@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from frames import argon
 from naive_fields import BruteLJ
+from systems_exported import fields
 
 import atc
 from atc.errors import AtcError
@@ -45,11 +46,6 @@ def inline(path):
     return out, xml
 
 
-def fields(grid, cell="orthogonal", quantities=("density", "stress_potential"), frames=2, **more):
-    traj = [argon(cell, seed=k) for k in range(frames)]
-    return atc.fields(traj, BruteLJ(), atc.kernel("quartic", 6.0), grid, list(quantities), **more)
-
-
 def test_regular_grid_is_image_data(tmp_path):
     ds = fields(atc.Grid.regular(shape=(3, 4, 5)))
     path = export(ds, tmp_path / "out.pvd")
@@ -66,61 +62,6 @@ def test_regular_grid_is_image_data(tmp_path):
     for name, width in (("density", ()), ("stress_potential", (9,))):
         want = ds[name][1].values.reshape(3, 4, 5, *width)
         assert np.array_equal(got[name].reshape(5, 4, 3, *width), np.moveaxis(want, (0, 1, 2), (2, 1, 0)))
-
-
-@pytest.fixture(scope="module")
-def regular(tmp_path_factory):
-    """A volume with a mask and NaN where there is no mass, and its files."""
-    folder = tmp_path_factory.mktemp("regular")
-    traj = [argon("open", seed=k) for k in range(2)]
-    ds = atc.fields(
-        traj, BruteLJ(), atc.kernel("quartic", 4.0), atc.Grid.regular([60.0, 50.0, 40.0], shape=(5, 4, 3)),
-        ["density", "velocity", "stress"],
-    )  # fmt: skip
-    assert not ds.mask.all() and ds.mask.any()
-    return ds, export(ds, folder / "out.pvd"), sorted((folder / "out").iterdir())
-
-
-def test_paraview_reads_it(regular):
-    vtk = pytest.importorskip("vtk")
-    from vtk.util.numpy_support import vtk_to_numpy
-
-    ds, _, files = regular
-    for k, path in enumerate(files):
-        reader = vtk.vtkXMLImageDataReader()
-        reader.SetFileName(str(path))
-        reader.Update()
-        image = reader.GetOutput()
-        assert image.GetDimensions() == (5, 4, 3)
-        np.testing.assert_allclose(image.GetOrigin(), [ds.x[0], ds.y[0], ds.z[0]], rtol=1e-12)
-        np.testing.assert_allclose(image.GetSpacing(), [ds[a][1] - ds[a][0] for a in "xyz"], rtol=1e-12)
-        for name in ("density", "velocity", "stress", "mask"):
-            array = image.GetPointData().GetArray(name)
-            want = ds[name][k].values
-            got = vtk_to_numpy(array).reshape(3, 4, 5, *want.shape[3:]).swapaxes(0, 2)
-            np.testing.assert_array_equal(got, want)
-            assert array.GetInformation().Get(vtk.vtkDataArray.UNITS_LABEL()) == ds[name].attrs["units"]
-
-
-def test_ovito_reads_it(regular):
-    pytest.importorskip("ovito")
-    from ovito.io import import_file
-
-    ds, series, files = regular
-    assert import_file(str(files[0])).compute().grids
-    pipeline = import_file(str(series))
-    assert pipeline.source.num_frames == 2
-    for k in range(2):
-        (grid,) = pipeline.compute(k).grids.values()
-        assert tuple(grid.shape) == (5, 4, 3)
-        np.testing.assert_allclose(grid.domain[:, 3], [ds.x[0], ds.y[0], ds.z[0]], rtol=1e-12)
-        np.testing.assert_allclose(
-            np.diag(grid.domain[:, :3]), [float(ds[a][-1] - ds[a][0]) for a in "xyz"], rtol=1e-12
-        )
-        for name in ("density", "velocity", "stress", "mask"):
-            want = ds[name][k].values
-            got = np.asarray(grid[name]).reshape(3, 4, 5, *want.shape[3:]).swapaxes(0, 2)
-            np.testing.assert_array_equal(got, want)
 
 
 @pytest.mark.parametrize("grid, shape", [
@@ -172,6 +113,93 @@ def test_columns_of_the_dump(tmp_path):
     assert (
         np.array_equal(atoms.arrays["column_c_pe_mean"], ds[name][0]) and "column_c_pe_mean=eV" in atoms.info["Units"]
     )
+
+
+def dump_grids(path):
+    """[{header item: its lines}] of a file in the form of ``dump grid``, its numbers as {column: (nx, ny, nz)}."""
+    frames = []
+    for item in path.read_text().split("ITEM: ")[1:]:
+        head, *lines = item.splitlines()
+        if not frames or "GRID CELLS" in frames[-1]:
+            frames.append({})
+        name = next(n for n in ("BOX BOUNDS", "GRID SIZE", "GRID CELLS", head) if head.startswith(n))
+        frames[-1][name] = [head.removeprefix(name).split(), *(line.split() for line in lines)]
+    for f in frames:
+        n = tuple(int(k) for k in f["GRID SIZE"][1])
+        columns = np.array(f["GRID CELLS"][1:], float).T.reshape(-1, *n[::-1]).transpose(0, 3, 2, 1)
+        f["GRID CELLS"] = dict(zip(f["GRID CELLS"][0], columns, strict=True))
+    return frames
+
+
+@pytest.mark.parametrize("cell, at", [("orthogonal", "centers"), ("tilted", "centers"), ("open", "corners")])
+def test_dump_grid(tmp_path, cell, at):
+    """Cells around the points: of a grid at the cell's centres their box is the cell itself."""
+    ds = fields(atc.Grid.regular(shape=(3, 4, 5), at=at), cell, quantities=["density", "momentum", "stress_potential"])
+    path = export(ds, tmp_path / "out.grid")
+    frames = dump_grids(path)
+    assert len(frames) == 2
+    own = argon(cell).cell
+    for k, f in enumerate(frames):
+        assert ("UNITS" in f) == (k == 0) and f.get("UNITS", [[], ["metal"]])[1] == ["metal"]
+        assert f["GRID SIZE"] == [["nx", "ny", "nz"], ["3", "4", "5"]]
+        assert f["DIMENSION"][1] == ["3"] and f["TIMESTEP"][1] == [str(k)]
+        words, *rows = f["BOX BOUNDS"]
+        assert words[-3:] == (["ff"] * 3 if cell == "open" else ["pp"] * 3)
+        tilts = dict(zip(words, (float(r[2]) for r in rows))) if words[0] == "xy" else {}
+        assert bool(tilts) == (cell == "tilted")
+        lo, hi = np.array([r[:2] for r in rows], float).T
+        xy, xz, yz = (tilts.get(t, 0.0) for t in ("xy", "xz", "yz"))
+        lo[:2] -= [min(0, xy, xz, xy + xz), min(0, yz)]
+        hi[:2] -= [max(0, xy, xz, xy + xz), max(0, yz)]
+        vectors = np.array([[hi[0] - lo[0], 0, 0], [xy, hi[1] - lo[1], 0], [xz, yz, hi[2] - lo[2]]])
+        np.testing.assert_allclose(vectors, own.vectors, atol=1e-12 * np.abs(vectors).max())
+        shift = 0.0 if at == "centers" else 0.5
+        np.testing.assert_allclose(lo, own.origin - shift * (own.vectors / [[3], [4], [5]]).sum(0), atol=1e-12)
+        got = f["GRID CELLS"]
+        np.testing.assert_array_equal(got["density"], ds.density[k])
+        np.testing.assert_array_equal(got["momentum_y"], ds.momentum[k, ..., 1])
+        for i, j in ("xx", "xy", "yx", "zz"):
+            np.testing.assert_array_equal(got[f"stress_potential_{i}{j}"], ds.stress_potential[k].sel(i=i, j=j))
+
+
+def test_dump_grid_of_a_slab(tmp_path):
+    ds = fields(atc.Grid.slab("y", 6), frames=1)
+    (f,) = dump_grids(export(ds, tmp_path / "out.grid"))
+    assert f["GRID SIZE"][1] == ["1", "6", "1"]
+    own = argon().cell
+    lo, hi = np.array(f["BOX BOUNDS"][1:], float).T
+    np.testing.assert_allclose([lo, hi], [own.origin, own.origin + np.diag(own.vectors)], atol=1e-12)
+    np.testing.assert_array_equal(f["GRID CELLS"]["density"][0, :, 0], ds.density[0])
+
+
+def test_dump_grid_refuses_what_it_cannot_hold(tmp_path):
+    for grid, cell, words in (
+        (atc.Grid.line([1, 2, 3], [4, 2, 8], 6), "orthogonal", "this output is on a line: take .pvd"),
+        (atc.Grid.atoms(), "orthogonal", "this output is on atoms: take .pvd"),
+        (atc.Grid.regular([[0, 5, 0], [5, 0, 0], [0, 0, 5]], shape=2), "orthogonal", "a along x and b in the x-y"),
+        (atc.Grid.slab("z", 4), "tilted", "tilted cell"),
+    ):
+        with pytest.raises(AtcError, match=words):
+            export(fields(grid, cell, ["density"], frames=1), tmp_path / "out.grid")
+        assert not (tmp_path / "out.grid").exists()
+
+
+def test_mdanalysis_and_ase_open_points(tmp_path):
+    """Positions, cell and every frame, by the readers of both."""
+    import ase.io
+    import MDAnalysis as mda
+
+    ds = fields(atc.Grid.points([[1, 2, 3], [4, 5, 6.5], [0.25, 0, 9]]), quantities=["density", "momentum"])
+    path = export(ds, tmp_path / "out.xyz")
+    x = [[1, 2, 3], [4, 5, 6.5], [0.25, 0, 9]]
+    universe = mda.Universe(str(path), format="XYZ", topology_format="XYZ")
+    assert len(universe.trajectory) == 2
+    for k, atoms in enumerate(ase.io.iread(path, format="extxyz")):
+        universe.trajectory[k]
+        np.testing.assert_allclose(universe.atoms.positions, x, rtol=1e-6)  # float32
+        np.testing.assert_allclose(atoms.positions, x, rtol=1e-12)
+        np.testing.assert_array_equal(atoms.arrays["momentum"], ds.momentum[k])
+        np.testing.assert_array_equal(atoms.cell.array, ds.cell[k])
 
 
 def test_messages(tmp_path):

@@ -128,8 +128,11 @@ OF_MOLECULES = {
     "constraints.rigid_water": ({"bonds": "hbonds"}, {"bonds": "hbonds", "rigid_water": False}),
     "constraints.molecules": ({"molecules": True}, {"molecules": [1, 2]}),
 }
+#: Keys of models that need packages of their own, in environments of their own: torch_models/test_mace.py and so on.
+APART = {f"potential.{k}" for k in ("mace", "nequip", "metatomic", "head", "stress", "reference")}
 #: Keys that no number of `atc fields` depends on, and why.
 CHANGE_NOTHING = {
+    "potential.device": "where it is computed",
     "trajectory.forces": "what to do where the run's forces are not the potential's; compared again where it changes",
     "trajectory.log": "as forces",
     "check": "of atc check, which keeps nothing",
@@ -208,13 +211,14 @@ def test_every_key_is_spoken_of():
     keys = {f"{s}.{k}" for s, t in SCHEMA.items() for k in t}
     unspoken = {
         k
-        for k in keys - CHANGES.keys() - OF_MOLECULES.keys()
+        for k in keys - CHANGES.keys() - OF_MOLECULES.keys() - APART
         if k not in CHANGE_NOTHING and k.split(".")[0] not in CHANGE_NOTHING
     }
     assert not unspoken and not set(CHANGES) - keys
     assert (
         not {k for s, t in SCHEMA.items() for k, spec in t.items() if spec.path for k in [f"{s}.{k}"]}
         - CONTENTS.keys()
+        - APART
         - {
             # the frames' contents: test_same_run.py
             "trajectory.file",
@@ -245,13 +249,13 @@ def test_a_changed_key_is_noticed(folder, key):
 def test_a_changed_key_of_molecules_is_noticed(key):
     import atc
     from atc.decomposers.constraint_scene import constrained
-    from atc.planning.identity import contents
+    from atc.planning.identity import digest
     from atc.units import units
 
     pot = atc.potential(LJ, units="metal")
-    one, other = (contents(constrained(pot, table, units("metal"), "scene.toml")) for table in OF_MOLECULES[key])
+    one, other = (digest(constrained(pot, table, units("metal"), "scene.toml")) for table in OF_MOLECULES[key])
     assert one != other
-    assert one == contents(constrained(pot, OF_MOLECULES[key][0], units("metal"), "scene.toml"))
+    assert one == digest(constrained(pot, OF_MOLECULES[key][0], units("metal"), "scene.toml"))
 
 
 @pytest.mark.parametrize("key", CONTENTS)

@@ -6,7 +6,7 @@ from test_run import Stop, same, stop_after
 
 import atc
 import atc.analysis.green_kubo
-import atc.decomposers.stillinger_weber as sw_module
+import atc.decomposers.neighbor_work as triplet_module
 import atc.deposit
 from atc.decomposers.neighborhood import Neighborhood
 from atc.estimators.sources import AtomFactors
@@ -34,7 +34,7 @@ class Counter:
 
 
 def test_no_triplet_is_looked_at_for_a_pair_potential(monkeypatch):
-    triplets = Counter(monkeypatch, sw_module, "sw_triplets")
+    triplets = Counter(monkeypatch, triplet_module, "sw_triplets")
     joined = Counter(monkeypatch, Neighborhood, "join")
     frame, pot = argon(3)
     atc.fields(frame, pot, KERN, GRID, ["stress", "heat_flux"])

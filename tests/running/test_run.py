@@ -266,10 +266,10 @@ def test_no_space_says_so(tmp_path, monkeypatch):
 
     from atc.running.output import Store
 
-    def write(*_):
+    def write(store, *_):
         from atc.running.output import explained
 
-        with explained(tmp_path / "o.zarr"):
+        with explained(store.out, store.partial):
             raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(Store, "write", write)

@@ -9,7 +9,7 @@ from naive_fields import BruteLJ
 import atc
 from atc.errors import AtcWarning
 from atc.frame import Cell
-from atc.pictures.geometry import layout
+from atc.pictures.geometry import points_of_grid
 from atc.running.output import open_dataset
 
 KERN = atc.kernel("quartic", radius=5.5)
@@ -51,8 +51,12 @@ def test_atoms_carry_their_positions(tmp_path, suffix):
         for c, x in zip("xyz", frame.positions.T):
             assert ds[f"position_{c}"].dims == ("frame", "atom")
             np.testing.assert_allclose(ds[f"position_{c}"][k], frame.units.to_user("length", x), rtol=1e-15)
-        np.testing.assert_allclose(layout(ds, ds.number_density.isel(frame=k)).x_gc, frame.positions, rtol=1e-15)
-    np.testing.assert_allclose(layout(ds, ds.number_density.mean("frame")).x_gc, frames[0].positions, rtol=1e-15)
+        np.testing.assert_allclose(
+            points_of_grid(ds, ds.number_density.isel(frame=k)).x_gc, frame.positions, rtol=1e-15
+        )
+    np.testing.assert_allclose(
+        points_of_grid(ds, ds.number_density.mean("frame")).x_gc, frames[0].positions, rtol=1e-15
+    )
     single = atc.fields(frames[0], None, KERN, atc.Grid.atoms(), ["number_density"])
     assert single.position_x.dims == ("atom",)
 
@@ -65,7 +69,7 @@ def test_points_of_a_changing_cell(cell):
     assert ds.position_x.dims == (("frame", "x") if aligned else ("frame", "x", "y", "z"))
     for k, frame in enumerate(frames):
         points = grid.bind(frame.units, frame.cell).points_gc.reshape(2, 3, 4, 3)
-        np.testing.assert_allclose(layout(ds, ds.density.isel(frame=k)).x_gc, points, rtol=1e-14)
+        np.testing.assert_allclose(points_of_grid(ds, ds.density.isel(frame=k)).x_gc, points, rtol=1e-14)
     if aligned:
         np.testing.assert_allclose(ds.x, ds.position_x[0], rtol=1e-15)
         assert "first frame" in ds.x.attrs["comment"]

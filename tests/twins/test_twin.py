@@ -165,6 +165,37 @@ def test_uniaxial_strain_misses_the_crystal_by_its_anisotropy(tmp_path):
     assert found.material.error < 0.1
 
 
+def test_the_crystal_as_material_has_the_crystals_stress(tmp_path):
+    """A perfect crystal far from linear, in MD and as a twin: equal box stresses, stretched by 3, -0.5 and 1 %."""
+    H = np.array([[0.03, 0.0, 0.0], [0.0, -0.005, 0.0], [0.0, 0.0, 0.01]])
+    found = twin_of(tmp_path / "run.dump", [block(), block(H, time=1.0)], motion="static", material="cauchy-born")
+    md, pd = (found.dataset[f"{s}_box_stress"].values[0] for s in ("md", "pd"))
+    assert pd == pytest.approx(md, abs=1e-6 * np.abs(md).max())
+    linear = crystal("argon").units.to_user("pressure", elastic("argon").C_vv[0, :3] @ H.diagonal())
+    assert abs(md[0, 0] / linear - 1) > 0.05
+    assert any("the softest plane wave" in line for line in found.lines)
+
+
+def test_the_potential_itself_on_the_atoms_is_the_run(tmp_path):
+    """Atoms pushed about a little: the twin stands where the atoms were, with their stress."""
+    push = lambda X: 0.05 * np.random.default_rng(0).normal(size=X.shape)  # noqa: E731
+    frames = [block(), block(u=push, time=1.0)]
+    found = twin_of(tmp_path / "run.dump", frames, motion="dynamic", material="smoothed", nodes="atoms")
+    ds = found.dataset
+    for name in ("displacement", "stress", "box_stress"):
+        md, pd = (ds[f"{s}_{name}"].values for s in ("md", "pd"))
+        assert pd == pytest.approx(md, abs=1e-8 * np.abs(md).max())
+
+
+def test_springs_carry_a_small_strain(tmp_path):
+    strain = 1e-5
+    frames = [block(), block(np.diag([strain, 0, 0]), time=1.0)]
+    found = twin_of(tmp_path / "run.dump", frames, motion="static", material="linear", horizon=13.3)
+    md, pd = (found.dataset[f"{s}_box_stress"].values[0, 0, 0] for s in ("md", "pd"))
+    assert pd == pytest.approx(md, rel=1e-3)
+    assert found.material.error < 1e-9 and any("of the nodes' zone boundary" in line for line in found.lines)
+
+
 def test_a_growing_box_takes_the_nodes_along(tmp_path):
     """Between frames the cell moves on the straight way, and the twin ends in the state of the affine map."""
     frames = [block(), block(time=0.0), block(2e-4 * np.eye(3), time=400.0)]
@@ -217,9 +248,11 @@ def test_plate_command(tmp_path):
     "section, key, value, words",
     [
         ("twin", "structure", None, "needs structure and lattice_constant"),
+        ("twin", "temperature", 20.0, "only material"),
         ("twin", "grips", [[[900, 0, 0], [901, 1, 1]]], "no node of the twin lies in box 1 of grips"),
         ("twin", "grip_types", [7], "no node of the twin is made of atoms of type 7"),
         ("twin", "horizon", 5.4, "less than 1.5 times"),
+        ("twin", "orient", [[1, 1, 0], [1, 1, 1], [0, 0, 1]], "normal to each other"),
         ("grid", "kind", "atoms", "not atoms"),
         ("kernel", None, None, "a twin needs it"),
     ],

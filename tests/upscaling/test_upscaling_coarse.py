@@ -159,8 +159,8 @@ def test_springs_report(tmp_path):
 
 def test_springs_report_without_the_large_runs(tmp_path):
     """The parts of the report that need no chain of 100,001 nodes."""
-    from atc.upscaling.report import Report
     from atc.upscaling.reports import springs as parts
+    from atc.upscaling.reports.report import Report
 
     report = Report("parts", tmp_path / "r")
     for part in (parts._series, parts._stability, parts._local_nonlocal, parts._coarse):

@@ -72,15 +72,11 @@ class AtomTable:
         self.regions: dict[str, Region | str] = {}
         self.spacing, self.box, self.boundary = np.ones(3), None, None
         self.tilt = (0.0, 0.0, 0.0)
-        self.fresh_charges: dict[int, float] | None = (
-            None  # of renumbered atoms, by type; None: created atoms, without charge
-        )
         self.files: list[Path] = []
         self.may_miss = ""
         self.n_types = 0  # as far as boxes and data files say
         self.complete = True  # whether every atom of the run is known to be in the table
         self.last_type_change = -1
-        self.later_types: list[set[int]] = []
 
     def _taint(self, what: str, mask, why: str) -> None:
         if what in self.unknown:

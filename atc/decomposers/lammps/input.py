@@ -155,7 +155,7 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
             pot.dimension,
             _atom_style(model),
             choice.state.atoms,
-            choice.late,
+            choice.later,
             changing,
             tuple(script_run.written_data),
             _needs(pot, model, choice.fixes),

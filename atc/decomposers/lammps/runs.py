@@ -18,13 +18,13 @@ _MOST = 200
 
 @dataclass(frozen=True)
 class Choice:
-    """state : what holds. late : commands of later runs that may change atoms. fixes : those of every run meant; before
-    : of the runs up to it.
+    """state : what holds. later : commands of later runs that may change atoms. fixes : those of every run meant.
+    before : those of the runs up to it.
     timestep : the word of the ``timestep`` line, see `State`. minimizes : whether all runs meant are minimizations.
     steady : whether the same forces from outside act in all of them"""
 
     state: State
-    late: tuple[Command, ...]
+    later: tuple[Command, ...]
     fixes: tuple[Command, ...]
     before: tuple[Command, ...]
     timestep: str | None = None
@@ -104,7 +104,7 @@ def _choice(states, numbers) -> Choice:
         s = states[k]
         if id(s._atoms) not in longest or s._n_atoms > longest[id(s._atoms)]._n_atoms:
             longest[id(s._atoms)] = s
-    late = [
+    later = [
         c
         for s in list(longest.values())[:_MOST]
         for c in s.atoms_beyond(first)
@@ -117,7 +117,7 @@ def _choice(states, numbers) -> Choice:
     minimizes = all(states[k].name.startswith("minimize") for k in numbers)
     return Choice(
         first,
-        tuple(dict.fromkeys(late)),
+        tuple(dict.fromkeys(later)),
         tuple(fixes),
         tuple(before),
         steps.pop() if len(steps) == 1 else "",

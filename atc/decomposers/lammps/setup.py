@@ -45,7 +45,7 @@ class Setup:
     Attributes
     ----------
     name : what to call the script
-    commands : those that concern atoms, up to the run; late : those of other runs that go on from there
+    commands : those that concern atoms, up to the run; later : those of other runs that go on from there
     changing : {property, "atoms" or "bonds": reason}, what fixes change while LAMMPS runs
     written : names of the data files that the script writes
     needs : which of "charges", "topology", "molecules" the potential depends on
@@ -60,7 +60,7 @@ class Setup:
     dimension: int = 3
     atom_style: tuple[str, ...] = ("atomic",)
     commands: tuple[Command, ...] = ()
-    late: tuple[Command, ...] = ()
+    later: tuple[Command, ...] = ()
     changing: dict = field(default_factory=dict)
     written: tuple[str, ...] = ()
     needs: frozenset = frozenset()
@@ -72,7 +72,7 @@ class Setup:
         self._cache = None
         self._files = {}
         self._stand_in = None
-        for c in (*self.commands, *self.late):
+        for c in (*self.commands, *self.later):
             if c.name == "set" and not c.unknown:
                 set_keywords(c)
             elif "boundary" in (c.name, *c.words[1:]) and c.name in ("boundary", "change_box") and not c.unknown:
@@ -176,7 +176,7 @@ class Setup:
             mass_unit=units(self.units).mass,
         )
         table = Atoms(origin, ids, types).carry_out(self.commands)
-        for c in self.late:
+        for c in self.later:
             table.change_later(c)
         for what, why in self.changing.items():
             if what == "atoms":

@@ -65,7 +65,7 @@ class Check:
         total = int(np.prod(bound.shape))
         rng = np.random.default_rng([20240229, index])
         self.which = (
-            np.sort(rng.choice(total, min(total, SLAB_BINS if slab else count), replace=False))
+            np.sort(rng.choice(total, min(total, count, SLAB_BINS if slab else total), replace=False))
             if which is None
             else which
         )
@@ -146,20 +146,24 @@ def extent_of(field_g) -> Extent:
     """The `Extent` of the values of a field."""
     if not field_g.size:
         return Extent(0.0, 0.0, 0.0)
-    low, high, mean, square = _extent(np.ascontiguousarray(field_g, dtype=np.float64).reshape(len(field_g), -1))
+    field_gk = np.ascontiguousarray(field_g, dtype=np.float64).reshape(len(field_g), -1)
+    low, high, total, piece = field_gk[0].copy(), field_gk[0].copy(), *np.zeros((2, field_gk.shape[1]))
+    square = _extent(field_gk, low, high, total, piece)
+    mean = total / len(field_gk)
     return Extent(
         float(max(high.max(), -low.min())), float(max((high - mean).max(), (mean - low).max())), float(np.sqrt(square))
     )
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _extent(field_gk):
-    """Least, greatest and mean of each column; mean square of all. In one pass, summed up in pieces."""
+def _extent(field_gk, low, high, total, piece):
+    """Least, greatest and sum of each column into low, high, total; returns the mean square of all. In one pass, summed
+    up in pieces."""
     n, many = field_gk.shape
-    low, high, total, square = field_gk[0].copy(), field_gk[0].copy(), np.zeros(many), 0.0
-    piece = np.empty(many)
+    square = 0.0
     for begin in range(0, n, 512):
-        piece[:] = 0.0
+        for k in range(many):
+            piece[k] = 0.0
         squares = 0.0
         for g in range(begin, min(begin + 512, n)):
             for k in range(many):
@@ -168,9 +172,10 @@ def _extent(field_gk):
                 high[k] = x if x > high[k] else high[k]
                 piece[k] += x
                 squares += x * x
-        total += piece
+        for k in range(many):
+            total[k] += piece[k]
         square += squares
-    return low, high, total / n, square / (n * many)
+    return square / (n * many)
 
 
 def tolerance_kept(errors: dict[str, float], tolerance: float) -> str | None:

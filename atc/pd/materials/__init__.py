@@ -2,6 +2,7 @@
 
 from .base import INFLUENCE, BondForces, Material
 from .correspondence import Correspondence
+from .hyperelastic import Hyperelastic
 from .linear import Linear
 from .lps import LPS, Elastic
 from .pmb import PMB, bond_law
@@ -14,13 +15,14 @@ __all__ = [
     "BondForces",
     "Correspondence",
     "Elastic",
+    "Hyperelastic",
     "Linear",
     "Material",
     "bond_law",
 ]
 
-# name: a function (bulk, shear) → material; bond-based ones ignore the shear modulus. `Linear` is not among them: it is
-# no isotropic law.
+# name: a function (bulk, shear) → material; bond-based ones ignore the shear modulus. `Linear` and `Hyperelastic` are
+# not among them: they are no isotropic laws.
 MATERIALS = {
     "pmb": lambda bulk, shear: PMB(bulk),
     "lps": lambda bulk, shear: LPS(bulk, shear),

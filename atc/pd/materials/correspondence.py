@@ -131,6 +131,10 @@ class CorrespondenceModel(ForceModel):
     def _states(self, z, intact_b):
         self._shape(z, intact_b)
         self._tensors(z, intact_b, False, self.H_ncc)
+        self._stresses()
+
+    def _stresses(self):
+        """H_ncc from its sum over bonds, and Q_ncc of it (see `_stress`)."""
         self.crew.nodes(
             _stress,
             self.n,
@@ -159,12 +163,15 @@ class CorrespondenceModel(ForceModel):
         intact_b[which] = 0
         return before - float(self.energy_n(z, intact_b).sum())
 
+    def _density(self, H):
+        """(n,) W of displacement gradients."""
+        E = 0.5 * (H + H.transpose(0, 2, 1) + H.transpose(0, 2, 1) @ H)
+        return 0.5 * self.lam_n * np.einsum("ncc->n", E) ** 2 + self.mu_n * np.einsum("nab,nab->n", E, E)
+
     def energy_n(self, z, intact_b):
         self._states(z, intact_b)
         H = self.H_ncc.reshape(-1, 3, 3)
-        E = 0.5 * (H + H.transpose(0, 2, 1) + H.transpose(0, 2, 1) @ H)
-        W = 0.5 * self.lam_n * np.einsum("ncc->n", E) ** 2 + self.mu_n * np.einsum("nab,nab->n", E, E)
-        energy = self.body.V_n * W
+        energy = self.body.V_n * self._density(H)
         for b in self.parts():
             i, j, eta, xi, _, _ = deformed(self, z, b)
             weight = self.W_b[b] * (intact_b[b] != 0)
@@ -185,6 +192,10 @@ class CorrespondenceModel(ForceModel):
         F = self.W_b[whole, None] * (np.einsum("bac,bc->ba", Q[i] + Q[j], xi) + (g[i] + g[j])[:, None] * eta)
         return BondForces(i, j, -(xi + eta), -xi, F, None, whole)
 
+    def _stiffest_n(self):
+        """(n,) the largest modulus of a plane wave."""
+        return self.lam_n + 2 * self.mu_n
+
     def stiffness_n(self):
         """Row sums of the linearised stiffness: node k's stress couples its whole family, |Q| ≤ (λ + 2μ) V K⁻¹ Σ W|ξ|
         |K⁻¹|."""
@@ -196,7 +207,7 @@ class CorrespondenceModel(ForceModel):
         K = self.K_ncc.reshape(-1, 3, 3)[:, : self.body.dimension, : self.body.dimension]
         self.least_n = np.linalg.eigvalsh(K)[:, 0]
         n, K = self.n, self.inverse_ncc.reshape(-1, 3, 3)
-        modulus = (self.lam_n + 2 * self.mu_n) * self.body.V_n
+        modulus = self._stiffest_n() * self.body.V_n
         # ∂(node's share)/∂u_j = W K⁻¹ξ: a vector for every bond end, and minus their sum for the node itself.
         total, vector, across, hold = np.zeros(n), np.zeros((n, 3)), np.zeros(n), np.zeros(n)
 
@@ -237,7 +248,8 @@ def _tensors(first, last, edges, lo, hi, offset, start, j, image, images, z, W, 
                 m = min(C, start[i + 1] - b0)
                 gather(b0, m, i, j, image, images, z, node, w)
                 if reference:
-                    w[: 3 * C] = w[3 * C : 6 * C]
+                    for k in range(3 * C):
+                        w[k] = w[3 * C + k]
                 _products(m, w, W[b0 : b0 + m], intact[b0 : b0 + m], v)
                 for k in range(m):
                     n = j[b0 + k] - base

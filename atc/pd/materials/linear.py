@@ -8,6 +8,7 @@ import numpy as np
 from ...compiled import njit
 from ...errors import AtcError
 from ..bonds import JIT
+from ..sampling import check_moduli
 from .base import BondForces, ForceModel, Material, deformed
 
 # Bonds whose springs are asked of the kernel at once.
@@ -22,7 +23,10 @@ class Linear(Material):
 
     Parameters
     ----------
-    micromodulus : function of ξ (b, 3) → (b, 3, 3) symmetric, C(ξ) = C(−ξ), force per length and volume²
+    micromodulus : function of ξ (b, 3) → (b, 3, 3) symmetric, C(ξ) = C(−ξ), force per length and volume²; or an object
+        with ``springs(body)`` → (b, 3, 3), the spring constant of every bond of ``body.bonds``; or a kernel of
+        `atc.upscaling` (``kernel``, ``dynamical_matrix``), whose stiffness for long waves the nodes are held to: a
+        warning beyond 2 %, an error beyond 10 %
     cutoff : C counts as 0 beyond it; None: as far as the body's horizon
     volume_correction : False: a kernel that goes to 0 at its end needs none
     """
@@ -32,7 +36,7 @@ class Linear(Material):
     volume_correction = False
 
     def __init__(self, micromodulus, cutoff: float | None = None, volume_correction: bool = False):
-        if not callable(micromodulus):
+        if not (callable(micromodulus) or hasattr(micromodulus, "springs") or hasattr(micromodulus, "kernel")):
             raise AtcError(
                 f"linear: micromodulus must be a function of the bond vectors (b, 3), got {type(micromodulus).__name__}"
             )
@@ -59,18 +63,15 @@ class LinearModel(ForceModel):
         if len(materials) > 1 or interfaces:
             raise AtcError("linear: a body of this material has one material and no interfaces")
         t, first = self.table, self.first
-        W = self.weights()
-        xi_bc = t.xi_bc(body.X_nc)
-        self.S_bcc = np.empty((len(t), 3, 3))
-        for a in range(0, len(t), _AT_ONCE):
-            part = slice(a, a + _AT_ONCE)
-            C = np.asarray(first.micromodulus(xi_bc[part]), float)
-            if C.shape != (len(xi_bc[part]), 3, 3):
-                raise AtcError(
-                    f"linear: micromodulus gave shape {C.shape} for {len(xi_bc[part])} bonds, expected "
-                    f"({len(xi_bc[part])}, 3, 3)"
-                )
-            self.S_bcc[part] = C * W[part, None, None]
+        law = first.micromodulus
+        if hasattr(law, "springs"):
+            self.S_bcc = np.array(law.springs(body), float)
+        else:
+            self.S_bcc = self._sampled(law.kernel if hasattr(law, "kernel") else law)
+        if self.S_bcc.shape != (len(t), 3, 3):
+            raise AtcError(
+                f"linear: micromodulus gave shape {self.S_bcc.shape} for {len(t)} bonds, expected ({len(t)}, 3, 3)"
+            )
         if first.cutoff is not None:
             self.S_bcc[t.r0_b > first.cutoff] = 0.0
         if np.abs(self.S_bcc - self.S_bcc.swapaxes(1, 2)).max(initial=0.0) > 1e-10 * np.abs(self.S_bcc).max(
@@ -79,8 +80,26 @@ class LinearModel(ForceModel):
             raise AtcError(
                 "linear: the micromodulus must be a symmetric tensor, or the body would gain energy in cycles"
             )
+        if hasattr(law, "kernel") and hasattr(law, "dynamical_matrix"):
+            _require_moduli(body, self.S_bcc, law)
         self._i_b = t.i_b
         self._image_b = t.image_b.astype(np.int64) if len(t.image_b) else np.zeros(len(t), np.int64)
+
+    def _sampled(self, micromodulus):
+        """(b, 3, 3) C(ξ) ν V_i V_j."""
+        W = self.weights()
+        xi_bc = self.table.xi_bc(self.body.X_nc)
+        out = [np.zeros((0, 3, 3))]
+        for a in range(0, len(W), _AT_ONCE):
+            part = slice(a, a + _AT_ONCE)
+            C = np.asarray(micromodulus(xi_bc[part]), float)
+            if C.shape != (len(xi_bc[part]), 3, 3):
+                raise AtcError(
+                    f"linear: micromodulus gave shape {C.shape} for {len(xi_bc[part])} bonds, expected "
+                    f"({len(xi_bc[part])}, 3, 3)"
+                )
+            out.append(C * W[part, None, None])
+        return np.concatenate(out)
 
     def forces(self, z, intact_b, F_nc, smin_n, damage: bool):
         # One thread, bonds in their order: the same to the last bit for any number of threads.
@@ -106,6 +125,23 @@ class LinearModel(ForceModel):
             ]
         )
         return self.table.sums(size)
+
+
+def _require_moduli(body, S_bcc, kernel):
+    """Hold the stiffness of long waves, as the node with the largest family has it, to the kernel's own."""
+    t = body.bonds
+    count = t.sums(np.ones(len(t)))
+    node = int(np.argmax(count))
+    # A bond of a node with its own image belongs to it twice.
+    ends = (t.i_b == node).astype(int) + (t.j_b == node)
+    mine = ends > 0
+    xi, S = t.xi_bc(body.X_nc)[mine], S_bcc[mine] * ends[mine, None, None]
+    mass = body.rho_n[node] * body.V_n[node]
+
+    def sampled(k_kc):
+        return np.tensordot(2 * np.sin(0.5 * k_kc @ xi.T) ** 2, S, axes=1) / mass
+
+    check_moduli(sampled, kernel, body.spacing)
 
 
 @njit(**JIT)

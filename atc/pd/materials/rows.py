@@ -26,7 +26,9 @@ def _largest(m, w):
 
 
 @njit(**INLINE)
-def _settle(m, b0, i, base, j, node, w, f, own, intact, kind, s00, alpha, smin, s_low, damage, first, gone_b, gone):
+def _deal_and_break(
+    m, b0, i, base, j, node, w, f, own, intact, kind, s00, alpha, smin, s_low, damage, first, gone_b, gone
+):
     """Forces (columns 0-2 of w) of m bonds of row i into f and `own`. With `damage`, bonds beyond their critical
     stretch break after they have pulled: they are listed in gone_b from the block's first bond on, `gone` so far.
     Column 6: stretches, +∞ if broken; 7: −∞ if broken."""
@@ -114,7 +116,7 @@ def _forces(
                 m = min(C, start[i + 1] - b0)
                 GATHER(b0, m, i, j, image, images, z, node, w)
                 LAW(m, b0, i, node, w, v, intact, data)
-                gone = _settle(
+                gone = _deal_and_break(
                     m,
                     b0,
                     i,

@@ -11,7 +11,7 @@ from ..coarse import accuracy_table, coarsen
 from ..continuum import Peridynamics, wave_equation
 from ..evolve import count_steps, modal, relative_error, verlet
 from ..gradients import dispersion_series, inner_series, peridynamic_series, spring_series, well_posedness
-from ..report import ASSUMING, NO, YES, Report, draw_density, percent
+from .report import ASSUMING, NO, YES, Report, draw_density, percent
 
 LENGTH, DURATION, SPACING, NEIGHBORS = 1000.0, 300.0, 0.25, 20
 PROFILE_TIME = 150.05

@@ -8,7 +8,7 @@ import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from ..errors import AtcError
+from ...errors import AtcError
 
 YES, ASSUMING, NO = "reproduces", "reproduces with an assumption", "does not reproduce"
 
@@ -103,12 +103,9 @@ class Report:
 
     def dataset(self, name: str, ds) -> None:
         """Save a dataset as name.nc beside the report."""
-        from ..running.output import explained
-        from ..running.sealed import to_netcdf
+        from ...running.whole import write_dataset
 
-        path = self.folder / f"{name}.nc"
-        with explained(path):
-            to_netcdf(ds, path)
+        write_dataset(ds, self.folder / f"{name}.nc")
 
     def write(self) -> Path:
         rows = "".join(
@@ -124,7 +121,7 @@ class Report:
             "claim</h2><table><tr><th>where</th><th>claim</th><th>measured</th><th>verdict</th></tr>"
             f"{rows}</table>\n" + "\n".join(self._body) + "\n</body></html>\n"
         )
-        from ..running.output import explained
+        from ...running.output import explained
 
         path = self.folder / "report.html"
         with explained(path):

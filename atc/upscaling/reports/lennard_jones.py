@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from ..errors import AtcError
-from .chain import LJ_SPINODAL, LennardJones, bump
-from .evolve import relative_error, verlet
-from .gradients_nonlinear import inner_pair_series, lennard_jones_equation, pair_series, paper_equation_5_2, zeta
+from ...errors import AtcError
+from ..chain import LJ_SPINODAL, LennardJones, bump
+from ..evolve import relative_error, verlet
+from ..gradients_nonlinear import inner_pair_series, lennard_jones_equation, pair_series, paper_equation_5_2, zeta
 from .report import ASSUMING, NO, YES, Report, draw_density, percent
 
 LENGTH, DURATION, TIME_STEP, HALF_WIDTH, AMPLITUDE = 1000.0, 300.0, 0.1, 100.0, 2.0

@@ -1,0 +1,82 @@
+"""Scenes and cases as JSON Schema: what editors complete and check while a person writes. Made from what atc itself
+checks by, key by key; rules between keys are atc's own."""
+
+from __future__ import annotations
+
+from ..config.schema import GRIDS, json_of
+from ..config.schema import SCHEMA as SCENE
+from .schema import ARRAYS, REGION_JSON, TABLES
+
+_DRAFT = "https://json-schema.org/draft/2020-12/schema"
+
+
+def _section(keys: dict) -> dict:
+    return {
+        "type": "object",
+        "properties": {k: {**json_of(key.check), "description": key.expected} for k, key in keys.items()},
+        "additionalProperties": False,
+    }
+
+
+def _known(section: dict, key: str, names) -> None:
+    """Names that an editor can offer, where the check itself stands elsewhere."""
+    description = section["properties"][key]["description"]
+    names = {"anyOf": [{"enum": list(names)}, {"type": "string", "pattern": "^column:"}]} if key == "quantities" else {
+        "enum": list(names)
+    }  # fmt: skip
+    one_or_more = {"anyOf": [names, {"type": "array", "items": names, "minItems": 1}]}
+    section["properties"][key] = (one_or_more if key == "quantities" else names) | {"description": description}
+
+
+def scene_schema() -> dict:
+    """The schema of scenes (``atc fields SCENE``)."""
+    from ..estimators.registry import QUANTITIES
+    from ..kernels import known
+
+    sections = {name: _section(keys) for name, keys in SCENE.items()}
+    _known(sections["fields"], "quantities", QUANTITIES)
+    _known(sections["kernel"], "name", known())
+    sections["kernel"]["required"] = ["name"]
+    grid = sections["grid"]
+    grid["required"] = ["kind"]
+    grid["allOf"] = [
+        {"if": {"properties": {"kind": {"const": kind}}}, "then": _grid_rule(needs, may)}
+        for kind, (needs, may) in GRIDS.items()
+    ]
+    return {
+        "$schema": _DRAFT,
+        "title": "atc scene",
+        "description": "What atc is to compute: a TOML file for atc plan, fields, check, profile, ...",
+        "type": "object",
+        "properties": sections,
+        "additionalProperties": False,
+    }
+
+
+def _grid_rule(needs, may) -> dict:
+    options = [need if isinstance(need, tuple) else (need,) for need in needs]
+    names = ["kind", *(k for option in options for k in option), *may]
+    rule: dict = {"propertyNames": {"enum": names}}
+    if options:
+        rule["allOf"] = [{"oneOf": [{"required": [k]} for k in option]} for option in options]
+    return rule
+
+
+def case_schema() -> dict:
+    """The schema of peridynamic cases (``atc pd CASE``)."""
+    sections = {name: _section(keys) for name, keys in TABLES.items()}
+    sections["regions"] = {"type": "object", "additionalProperties": {"$ref": "#/$defs/region"}}
+    for name, keys in ARRAYS.items():
+        one = _section(keys)
+        if name == "material":  # a law's own constants: as the law names them
+            one.pop("additionalProperties")
+        sections[name] = {"anyOf": [one, {"type": "array", "items": one}]}
+    return {
+        "$schema": _DRAFT,
+        "title": "atc pd case",
+        "description": "A peridynamic body and what happens to it: a TOML file for atc pd",
+        "type": "object",
+        "properties": sections,
+        "additionalProperties": False,
+        "$defs": {"region": REGION_JSON},
+    }

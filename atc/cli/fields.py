@@ -1,0 +1,94 @@
+"""``atc fields``: the main job."""
+
+from __future__ import annotations
+
+import time
+from typing import Annotated
+
+import typer
+
+from ..errors import AtcError
+from .common import (
+    Begin,
+    End,
+    Jobs,
+    Output,
+    Overwrite,
+    Progress,
+    Quiet,
+    SceneFile,
+    Set,
+    Step,
+    duration,
+    kept_on_interrupt,
+    load_scene,
+    progress_bar,
+)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb."""
+    app.command()(fields)
+
+
+def fields(
+    scene: SceneFile,
+    output: Output = None,
+    set: Set = None,
+    begin: Begin = None,
+    end: End = None,
+    step: Step = None,
+    jobs: Jobs = 1,
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            "--cluster",
+            metavar="ADDRESS",
+            help="Compute on the workers of this Dask scheduler, e.g. tcp://127.0.0.1:8786.",
+            show_default=False,
+        ),
+    ] = None,
+    restart: Annotated[
+        bool, typer.Option("--restart", help="Forget the finished frames of an interrupted run.")
+    ] = False,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+) -> None:
+    """Compute the fields of a scene, frame by frame, into a file. After an interruption the same command continues."""
+    made = load_scene(scene, set, begin, end, step)
+    out = made.output(output, overwrite=overwrite, resume=not restart)
+    started = time.perf_counter()
+    with kept_on_interrupt("the finished frames are kept: the same command continues"), progress_bar(quiet) as progress:
+        try:
+            attributes = made.write(out, jobs=jobs, cluster=cluster, progress=progress, resume=not restart)
+        except AtcError as e:
+            raise AtcError(str(e).replace("start again without resuming", "start again with --restart")) from None
+    if not quiet:
+        _summary(attributes, out, time.perf_counter() - started, progress)
+
+
+def _summary(attributes: dict, out, seconds: float, progress: Progress) -> None:
+    """Closing lines: where the result is, what is in it, how accurate it is, how long it took."""
+    computed = progress.total - progress.there
+    before = (
+        f"{progress.there} of {progress.total} frames were there, {computed} computed"
+        if progress.there
+        else f"{computed} frame{'s' * (computed != 1)}"
+    )
+    print(f"{out}: {attributes['quantities']}")
+    error = attributes.get("measured_error")
+    if error is not None:
+        print(
+            f"measured error {float(error):.1e} of the largest value (tolerance {float(attributes['tolerance']):g}), "
+            "at random points by the exact method"
+        )
+    rounding = attributes.get("input_error")
+    if rounding is not None and error is not None and float(rounding) > float(error):
+        print(
+            f"input error {float(rounding):.1e}: what rounding the coordinates to "
+            f"{float(attributes['input_resolution']):.1g} left in doubt"
+        )
+    print(
+        f"{before} in {duration(seconds)}"
+        + (f" ({computed / seconds:.3g} frames/s, start included)" if computed > 1 else "")
+    )

@@ -1,0 +1,85 @@
+"""``atc info``: what is in a trajectory, a scene or an output."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from ..errors import AtcError
+from .common import Json, Masses, Topology, UnitsOption, console, load_scene, parse_masses
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb."""
+    app.command()(info)
+
+
+def info(
+    trajectory: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="TRAJ...",
+            help="A trajectory: LAMMPS dump or data file, or anything ASE or MDAnalysis reads; several files are "
+            "joined. Or a scene.",
+            show_default=False,
+        ),
+    ],
+    topology: Topology = None,
+    units: UnitsOption = None,
+    masses: Masses = None,
+    dimension: Annotated[
+        int | None,
+        typer.Option(
+            "--dimension", metavar="2|3", help="2: a run in the plane (LAMMPS's dimension 2).", show_default=False
+        ),
+    ] = None,
+    atom_style: Annotated[
+        str | None,
+        typer.Option(
+            "--atom-style",
+            metavar="STYLE",
+            help="What the columns of a LAMMPS data file are, e.g. full.",
+            show_default=False,
+        ),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """What is in a trajectory, in which units, how precise, and what can be computed from it; or what is in an output
+    of atc.
+
+    Of a scene also whether the forces in its trajectory are those of its potential.
+    """
+    from ..analysis.info import describe, describe_output, describe_scene, is_output
+
+    if len(trajectory) == 1 and is_output(trajectory[0]):
+        report = describe_output(trajectory[0])
+    elif len(trajectory) == 1 and trajectory[0].endswith(".toml"):
+        given = [
+            flag
+            for flag, value in (
+                ("--topology", topology),
+                ("--units", units),
+                ("--masses", masses),
+                ("--dimension", dimension),
+                ("--atom-style", atom_style),
+            )
+            if value is not None
+        ]
+        if given:
+            raise AtcError(f"{given[0]} goes with a trajectory; in a scene it is a key of [trajectory]")
+        report = describe_scene(load_scene(trajectory[0], None))
+    else:
+        source = trajectory if len(trajectory) > 1 else trajectory[0]
+        report = describe(
+            source,
+            topology=topology,
+            units=units,
+            masses=parse_masses(masses),
+            dimension=dimension,
+            atom_style=atom_style,
+        )
+    if json:
+        print(report.json())
+    else:
+        report.print(console())

@@ -1,0 +1,117 @@
+"""``atc plot``: pictures of fields."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..errors import AtcError
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb."""
+    app.command()(plot)
+
+
+def plot(
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="Output of atc fields.", show_default=False)],
+    quantity: Annotated[
+        str | None,
+        typer.Option(
+            "-q",
+            "--quantity",
+            metavar="NAME",
+            help="Which field; default: the first stress, else the first field.",
+            show_default=False,
+        ),
+    ] = None,
+    component: Annotated[
+        str | None,
+        typer.Option(
+            "-c",
+            "--component",
+            metavar="NAME",
+            help="xx, xy, ..., vonmises, hydrostatic, max_shear; x, y, z, magnitude.",
+            show_default=False,
+        ),
+    ] = None,
+    slice: Annotated[
+        str | None,
+        typer.Option(
+            "--slice",
+            metavar="AXIS=POS",
+            help="Plane of a 3-D grid, e.g. z=0.5 (fraction of the axis) or z=12.5A (length).",
+            show_default=False,
+        ),
+    ] = None,
+    axis: Annotated[
+        str | None,
+        typer.Option("--axis", metavar="AXIS", help="Axis normal to the plane (with --index).", show_default=False),
+    ] = None,
+    index: Annotated[
+        int | None, typer.Option("--index", metavar="K", help="Index of the plane along --axis.", show_default=False)
+    ] = None,
+    frame: Annotated[
+        str,
+        typer.Option(
+            "--frame", metavar="N|mean", help="Frame counted from 0 (-1 is the last), or the mean over frames."
+        ),
+    ] = "-1",
+    limits: Annotated[
+        str | None, typer.Option("--limits", metavar="LO,HI", help="Limits of the colour scale.", show_default=False)
+    ] = None,
+    robust: Annotated[bool, typer.Option("--robust", help="Limits at the 2nd and 98th percentile.")] = False,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            help="The picture: .png, .pdf or .svg; default next to OUT.",
+            show_default=False,
+        ),
+    ] = None,
+    overlay: Annotated[
+        Path | None,
+        typer.Option(
+            "--overlay",
+            metavar="SCENE",
+            help="Draw the atoms of this scene's trajectory near the plane.",
+            show_default=False,
+        ),
+    ] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Do not print the picture's name.")] = False,
+) -> None:
+    """Draw a slice, plane or profile of a field."""
+    from ..config.scene import Scene
+    from ..pictures import plotting
+
+    path = plotting.plot_file(
+        out,
+        quantity,
+        component=component,
+        slice=slice,
+        axis=axis,
+        index=index,
+        frame=frame,
+        limits=_parse_limits(limits),
+        robust=robust,
+        output=output,
+        overlay=None if overlay is None else Scene.load(overlay).trajectory(),
+    )
+    if not quiet:
+        print(path)
+
+
+def _parse_limits(text: str | None):
+    if text is None:
+        return None
+    try:
+        lo, hi = (float(v) for v in text.split(","))
+        if not lo < hi:
+            raise ValueError
+    except ValueError:
+        raise AtcError(f"--limits {text}: expected two increasing numbers, e.g. --limits -2e4,2e4") from None
+    return lo, hi

@@ -1,0 +1,63 @@
+"""Which material a twin is made of: what ``[twin]`` asks for."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import AtcError
+from .material import isotropic
+
+
+def horizon_of(get) -> float:
+    """The default horizon of the material that [twin] asks for, in distances of nodes."""
+    if get("material", "isotropic") == "cauchy-born":
+        from .cauchy_born import HORIZON
+
+        return HORIZON
+    from .body import HORIZON
+
+    return HORIZON
+
+
+def atoms_horizon(get, crystal, model) -> float:
+    """The horizon where the nodes are the atoms: as far as two of them feel each other."""
+    if get("material", "isotropic") not in ("linear", "smoothed"):
+        raise AtcError('[twin] nodes: only the materials "linear" and "smoothed" take "atoms": leave it out')
+    from ..upscaling.force_constants import force_constants
+
+    return 1.02 * float(np.linalg.norm(force_constants(crystal, model).r_bc, axis=1).max())
+
+
+def twin_material(get, crystal, model, axes, made, reference):
+    """The material that [twin] asks for, `get(key, default)`, of a relaxed crystal, a `TwinBody` and its frame."""
+    if get("material", "isotropic") == "cauchy-born":
+        from .cauchy_born import cauchy_born
+
+        return cauchy_born(crystal, model, axes, made.step_cc, made.body.horizon, get("temperature"))
+    if get("temperature") is not None:
+        raise AtcError('[twin] temperature: only material = "cauchy-born" knows one: leave it out')
+    if get("material") == "linear":
+        from .linear import linear
+
+        return linear(crystal, model, axes, made, get("nodes") == "atoms")
+    if get("material") == "smoothed":
+        from .smoothed import smoothed
+
+        return smoothed(crystal, model, axes, reference, made, get("nodes") == "atoms")
+    return isotropic(crystal, model, get("model", "lps"), made.step_cc, made.body.horizon)
+
+
+def orientation(scene) -> np.ndarray:
+    """(3, 3) rows: where the crystal's x, y, z point in the run, from the crystal directions along the run's axes."""
+    rows = scene.get("twin", "orient")
+    if rows is None:
+        return np.eye(3)
+    O = np.array(rows, float)
+    length = np.linalg.norm(O, axis=1)
+    unit = O / np.where(length > 0, length, 1.0)[:, None]
+    if not np.allclose(unit @ unit.T, np.eye(3), atol=1e-9) or np.linalg.det(unit) < 0:
+        raise AtcError(
+            f"{scene.where('twin', 'orient')}: [twin] orient: the crystal directions along the run's x, y, z must be "
+            "normal to each other and right-handed, e.g. [[1, 1, 0], [-1, 1, 0], [0, 0, 1]]"
+        )
+    return unit.T

@@ -1,0 +1,126 @@
+"""The material ``linear`` of a twin: springs between nodes that carry the crystal's small waves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import AtcError
+from ..upscaling.cauchy_born import cubic_of
+from ..upscaling.elasticity import elastic_constants
+from ..upscaling.force_constants import force_constants
+from ..upscaling.node_kernel import FRACTIONS, node_kernel
+from .material import hill
+
+#: How far bonds may be from the crystal's, in parts of the nearest neighbours' distance.
+_OFF = 0.15
+
+
+@dataclass
+class LinearTwin:
+    """Harmonic crystal on the nodes (internal units).
+
+    material : pd.Linear. C : ElasticConstants. bulk, shear : Hill averages
+    kernel : NodeKernel, or `LatticeSprings` where the nodes are the atoms
+    sampled_vv, wanted_vv : (6, 6) elastic constants of the nodes and of the crystal
+    """
+
+    material: object
+    C: object
+    bulk: float
+    shear: float
+    kernel: object
+    sampled_vv: np.ndarray
+    wanted_vv: np.ndarray
+
+    @property
+    def error(self) -> float:
+        return float(np.abs(self.sampled_vv - self.wanted_vv).max() / np.abs(self.wanted_vv).max())
+
+    def lines(self, units) -> list[str]:
+        """What it is, what it gets exactly and what not: for a person."""
+        p = lambda v: f"{units.to_user('pressure', v):.5g}"  # noqa: E731
+        c11, c12, c44 = cubic_of(self.wanted_vv)
+        out = [
+            f"material: linear, springs of the crystal's dispersion: C11 {p(c11)}, C12 {p(c12)}, C44 {p(c44)} "
+            f"{units.label('pressure')}"
+        ]
+        if isinstance(self.kernel, LatticeSprings):
+            out.append("exact: every small motion of the atoms (the force constants themselves)")
+        else:
+            errors = ", ".join(f"{100 * e:.2g} % at {f:g}" for e, f in zip(self.kernel.error_f, FRACTIONS))
+            out.append(f"exact: elastic constants of waves (nodes within {self.error:.1g}); stable over the whole zone")
+            out.append(f"not exact: ω of the worst branch off by at most {errors} of the nodes' zone boundary")
+        out.append(
+            "not exact: finite strains and rotations, surfaces (springs that pull across their bond resist a rotation "
+            "there): meant for waves in periodic bodies"
+        )
+        return out
+
+    def after(self, simulation) -> list[str]:
+        return []
+
+
+def linear(crystal, model, axes, made, atoms: bool) -> LinearTwin:
+    """Springs of a relaxed crystal on the nodes of a `TwinBody`, or on the atoms themselves."""
+    from .. import pd
+
+    turned = crystal.strained(axes.T - np.eye(3))
+    fc, C = force_constants(turned, model), elastic_constants(turned, model)
+    if not C.stable:
+        raise AtcError(f"{crystal.name}: the crystal is unstable under this potential: check structure and potential")
+    if atoms:
+        kernel = LatticeSprings(fc)
+        material = pd.Linear(kernel)
+        sampled = C.C_vv
+    else:
+        kernel = node_kernel(fc, C, made.step_cc, made.body.horizon)
+        material = pd.Linear(kernel)
+        sampled = wave_constants(kernel)
+    return LinearTwin(material, C, *hill(C.C_vv), kernel, sampled, C.C_vv)
+
+
+def wave_constants(kernel) -> np.ndarray:
+    """(6, 6) the constants whose acoustic tensor C_ijkl k_j k_l is that of the springs: C_ijkl = [ik, jl] + [jk, il] −
+    [ij, kl] with V [ik, jl] = Σ ½ S_ik ξ_j ξ_l (Born and Huang)."""
+    from ..upscaling.crystal import VOIGT
+
+    xi = kernel.offsets_bc @ kernel.step_cc
+    q = 0.5 * np.einsum("bik,bj,bl->ikjl", kernel.springs_bcc, xi, xi) / kernel.volume
+    C = np.einsum("ikjl->ijkl", q) + np.einsum("jkil->ijkl", q) - np.einsum("ijkl->ijkl", q)
+    return np.array([[C[(*p, *r)] for r in VOIGT] for p in VOIGT])
+
+
+class LatticeSprings:
+    """Force constants of a crystal of one atom a cell on the bonds of a body whose nodes are its atoms.
+
+    Parameters
+    ----------
+    fc : ForceConstants
+    """
+
+    def __init__(self, fc):
+        if len(fc.crystal) > 1:
+            raise AtcError(
+                f'{fc.crystal.name}: nodes = "atoms" with linear is for crystals of one atom a cell: force constants '
+                "of others turn their bonds, which no spring between two nodes does; leave nodes out"
+            )
+        self.fc = fc
+
+    def springs(self, body) -> np.ndarray:
+        """(b, 3, 3) of every bond; 0 of those that the crystal does not have."""
+        from scipy.spatial import cKDTree
+
+        fc, t = self.fc, body.bonds
+        near = np.linalg.norm(fc.r_bc, axis=1).min()
+        d, which = cKDTree(fc.r_bc).query(t.xi_bc(body.X_nc))
+        off = t.sums(np.minimum(d, near)) / np.maximum(t.sums(np.ones(len(t))), 1) / near
+        if not (off < _OFF).all():
+            k = int(np.argmax(off))
+            raise AtcError(
+                f"atom {k + 1} of the reference is not at a place of the crystal (its bonds are {off[k]:.2g} of the "
+                'nearest neighbours\' distance off): nodes = "atoms" with linear needs a reference that is the crystal '
+                "of structure, lattice_constant and orient"
+            )
+        return np.where((d < _OFF * near)[:, None, None], -fc.phi_bcc[which], 0.0)

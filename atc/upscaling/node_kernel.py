@@ -1,0 +1,166 @@
+"""A micromodulus on the lattice of nodes that it will be used on: elastic constants exact, frequencies fitted over the
+nodes' own Brillouin zone.
+
+m D(k) = Σ 2 (1 − cos k·ξ) S(ξ) over pairs ±ξ. Its second moments are the crystal's acoustic tensor, Σ S ξ⊗ξ = V C
+(constraints of the fit); the rest is least squares on the relative error of the crystal's stiffness, inner
+displacements condensed at every k. Internal units.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from ..errors import AtcError
+from .crystal import VOIGT
+from .elasticity import ElasticConstants
+from .force_constants import ForceConstants, nearest_images, signed_root
+
+#: Wave vectors along each reciprocal vector of the nodes, fractions of the zone boundary where errors are stated, and
+#: the weight of a spring's size against the residual.
+_MESH, FRACTIONS, _SMALL = 8, (0.1, 0.25, 0.5, 0.75, 1.0), 1e-4
+#: Up to where nodes carry waves well, in parts of the nearest face of their zone.
+_CARRIED = 0.4
+#: The six symmetric matrices of Voigt's components.
+_BASIS = np.array([[[float({i, j} == {a, b}) for b in range(3)] for a in range(3)] for i, j in VOIGT])
+
+
+@dataclass
+class NodeKernel:
+    """Springs between nodes of a lattice.
+
+    step_cc : (3, 3) rows: the lattice of nodes. offsets_bc : (b, 3) ints, both of ±ξ. springs_bcc : (b, 3, 3)
+        energy/length². mass, volume : of a node
+    error_f : (fractions,) largest relative error of ω over the branches of all directions at `FRACTIONS` of the zone
+        boundary
+    least : the smallest ω² over the zone, relative to what the elastic constants alone would give there
+    """
+
+    step_cc: np.ndarray
+    offsets_bc: np.ndarray
+    springs_bcc: np.ndarray
+    mass: float
+    volume: float
+    error_f: np.ndarray = None
+    least: float = np.nan
+
+    def dynamical_matrix(self, k_kc) -> np.ndarray:
+        """(k, 3, 3)"""
+        k = np.atleast_2d(np.asarray(k_kc, float))
+        phase = 2 * np.sin(0.5 * k @ (self.offsets_bc @ self.step_cc).T) ** 2
+        return np.tensordot(phase, self.springs_bcc, axes=1) / self.mass
+
+    def __call__(self, xi_bc) -> np.ndarray:
+        """(b, 3, 3) C(ξ) = S/V²: what `pd.Linear` takes."""
+        n = np.rint(xi_bc @ np.linalg.inv(self.step_cc)).astype(int)
+        table = {tuple(o): s for o, s in zip(self.offsets_bc.tolist(), self.springs_bcc)}
+        unique, back = np.unique(n, axis=0, return_inverse=True)
+        S = np.array([table.get(tuple(o), np.zeros((3, 3))) for o in unique.tolist()]).reshape(-1, 3, 3)
+        return S[back.ravel()] / self.volume**2
+
+
+def condensed(fc: ForceConstants, k_kc) -> np.ndarray:
+    """(k, 3, 3) stiffness of a cell over its mass against a wave of its centre of mass, the basis at rest within:
+    ω² of the acoustic branches for long waves."""
+    crystal, n = fc.crystal, len(fc.crystal)
+    D = fc.dynamical_matrix(k_kc)
+    if n == 1:
+        return D.real
+    share = np.sqrt(crystal.masses / crystal.masses.sum())
+    B = (share[:, None, None] * np.eye(3)).reshape(3 * n, 3)
+    return np.linalg.inv(B.T @ np.linalg.inv(D) @ B).real
+
+
+def node_kernel(fc: ForceConstants, elastic: ElasticConstants, step_cc, horizon: float) -> NodeKernel:
+    """The kernel of a crystal on nodes `step_cc` apart.
+
+    Raises
+    ------
+    AtcError where the family is too small, or no stable kernel is found.
+    """
+    step = np.asarray(step_cc, float)
+    offsets = _family(step, horizon)
+    xi = offsets @ step
+    volume = abs(np.linalg.det(step))
+    reciprocal = 2 * np.pi * np.linalg.inv(step).T
+    s = (np.array(list(product(range(_MESH), repeat=3))) + 0.5) / _MESH
+    k = nearest_images(s[s[:, 0] < 0.5] @ reciprocal, reciprocal)
+    mass = fc.crystal.density * volume
+    if np.linalg.eigvalsh(condensed(fc, k)).min() <= 0:
+        raise AtcError(
+            f"{fc.crystal.name}: the lattice itself is unstable (imaginary frequencies): no kernel follows it"
+        )
+    xj = xi[:, [j for j, _ in VOIGT]] * xi[:, [l for _, l in VOIGT]]
+    if np.linalg.matrix_rank(xj, tol=1e-9 * np.abs(xj).max()) < 6:
+        raise AtcError("the horizon reaches too few nodes for the elastic constants: take a larger one in [twin]")
+    C = elastic.tensor
+    # Σ over pairs of (k·ξ)² S is V C k k.
+    need = np.array([[0.5 * volume * (C[i, p, j, q] + C[i, q, j, p]) for i, j in VOIGT] for p, q in VOIGT])
+    start = np.linalg.lstsq(xj.T, need, rcond=None)[0]
+    free = np.linalg.svd(xj)[0][:, 6:]
+    edge = 0.5 * np.linalg.norm(reciprocal, axis=1).min()
+    x = (start + free @ _relative(fc, k, 4 * np.sin(0.5 * k @ xi.T) ** 2 / mass, start, free, edge)) @ _BASIS.reshape(
+        6, 9
+    )
+    x = x.reshape(-1, 3, 3)
+    made = NodeKernel(step, np.vstack([offsets, -offsets]), np.concatenate([x, x]), mass, volume)
+    _measure(made, fc, elastic, reciprocal)
+    if not made.least > 0.0:
+        raise AtcError(
+            f"no stable kernel was found for nodes {np.linalg.norm(step, axis=1).max():.4g} apart (internal units): "
+            "take another horizon in [twin]"
+        )
+    return made
+
+
+def _measure(made, fc, elastic, reciprocal):
+    """Errors of ω and the smallest ω², at other wave vectors than those of the fit."""
+    m = 2 * _MESH + 1
+    s = np.array(list(product(range(m), repeat=3))) / m
+    k = nearest_images(s[1:] @ reciprocal, reciprocal)
+    made.least = float(
+        (np.linalg.eigvalsh(made.dynamical_matrix(k))[:, 0] / np.linalg.eigvalsh(elastic.christoffel(k))[:, 0]).min()
+    )
+    # Along every direction of the cube to the face of the zone it meets first.
+    e = np.array([d for d in product((-1, 0, 1), repeat=3) if d > (0, 0, 0)], float)
+    e /= np.linalg.norm(e, axis=1)[:, None]
+    n = np.array([o for o in product(range(-2, 3), repeat=3) if any(o)]) @ reciprocal
+    along = e @ n.T
+    ends = np.min(np.where(along > 1e-9, 0.5 * (n**2).sum(axis=1) / np.where(along > 1e-9, along, 1.0), np.inf), axis=1)
+    made.error_f = np.array(
+        [
+            np.abs(
+                signed_root(np.linalg.eigvalsh(made.dynamical_matrix(f * ends[:, None] * e)))
+                / np.sqrt(np.linalg.eigvalsh(fc.dynamical_matrix(f * ends[:, None] * e))[:, :3])
+                - 1
+            ).max()
+            for f in FRACTIONS
+        ]
+    )
+
+
+def _family(step, horizon) -> np.ndarray:
+    """(p, 3) lattice offsets within the horizon, one of each pair ±ξ."""
+    reach = np.ceil(horizon * np.linalg.norm(np.linalg.inv(step), axis=0)).astype(int)
+    o = np.array([o for o in product(*(range(-r, r + 1) for r in reach)) if o > (0, 0, 0)])
+    return o[np.linalg.norm(o @ step, axis=1) <= horizon * (1 + 1e-10)]
+
+
+def _relative(fc, k, phase_kp, start_pv, free_pf, edge) -> np.ndarray:
+    """(f, 6) the free part of the springs: least squares on L⁻¹(D − D_c)L⁻ᵀ, D_c = L Lᵀ the crystal's."""
+    wanted = condensed(fc, k)
+    inverse = np.linalg.inv(np.linalg.cholesky(wanted))
+    # What a unit of each of the six components makes of it; off the diagonal twice in the norm.
+    unit = np.stack([inverse @ b @ inverse.swapaxes(1, 2) for b in _BASIS], axis=1)
+    comp = np.array([1.0, 1, 1, 2**0.5, 2**0.5, 2**0.5])
+    T = np.stack([unit[:, :, i, j] for i, j in VOIGT], axis=1) * comp[None, :, None]
+    A = np.einsum("kf,kcv->kcfv", phase_kp @ free_pf, T).reshape(len(k) * 6, -1)
+    one = np.array([1.0, 1, 1, 0, 0, 0])
+    b = (one - np.einsum("kv,kcv->kc", phase_kp @ start_pv, T)).ravel()
+    # Waves near the corners of the zone are beyond what nodes can carry: they must be stable, not near.
+    weight = np.repeat(1 / (1 + (np.linalg.norm(k, axis=1) / (_CARRIED * edge)) ** 4), 6)
+    normal = A.T @ (A * weight[:, None])
+    normal[np.diag_indices(len(normal))] += _SMALL**2 * np.trace(normal) / len(normal)
+    return np.linalg.solve(normal, A.T @ (b * weight)).reshape(-1, 6)
