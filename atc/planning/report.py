@@ -213,8 +213,8 @@ def _passes(work: Work, job: Job) -> list[str]:
     if work.summed_site:
         terms, components = ", ".join(_TERMS.get(s) or s.removeprefix("column:") for s in work.site), work.n_site
         unbiased = "; Σ m φ², what few atoms lack of thermal motion" if work.squares else ""
-        made = f"{components} component{'s' * (components != 1)}{unbiased}"
-        out.append(f"one pass over the atoms: Σ a φ for a = {terms}: {made}")
+        wide = f"{components} component{'s' * (components != 1)}{unbiased}"
+        out.append(f"one pass over the atoms: Σ a φ for a = {terms}: {wide}")
     for key, gather, where in (
         ("gather", work.gather, ""),
         ("reference_gather", work.reference_gather, ", over reference positions"),

@@ -124,14 +124,14 @@ def test_one_transform_gives_the_sums_and_their_gradients(liquid, monkeypatch): 
         monkeypatch,
         atc.deposit,
         "make",
-        lambda method, bound, kern, cell, n_site, n_bond, **_: (method, n_site, n_bond),
+        lambda method, bound, kern, cell, n_site, n_bond, *_, **__: (method, n_site, n_bond),
     )
     quiet(frame, None, kern, GRID, ["velocity_gradient", "density", "velocity"], 1e-4)
     # mass and momentum once, with their gradients; exactly only at the points of the check
     assert made.calls == [("spectral", 4, 0), ("direct", 4, 0)] and gathers.calls == [100]
     made.calls.clear()
     quiet(frame, None, kern, GRID, ["velocity_gradient", "temperature"], 1e-4)
-    assert [c for c in made.calls if c[0] == "spectral"] == [("spectral", 11, 0), ("spectral", 4, 0)]
+    assert [c for c in made.calls if c[0] == "spectral"] == [("spectral", 12, 0), ("spectral", 1, 0), ("spectral", 4, 0)]
 
 
 def test_a_gradient_too_wrong_is_computed_again(liquid):  # noqa: F811
@@ -159,7 +159,7 @@ def test_the_plan_says_so(liquid):  # noqa: F811
     assert "one pass over the points" in text and "direct" in text.split("method")[1]
     text = str(plan(frame, None, kern, GRID, ["velocity_gradient", "temperature"], 1e-4, threads=1))
     assert (
-        "one pass over the atoms: Σ a φ for a = m, m v, f/d, m v⊗v: 11 components" in text
+        "one pass over the atoms: Σ a φ for a = m, m v, f/d, m v⊗v, 1: 12 components; Σ m φ²" in text
         and "those with gradients" not in text
     )
 

@@ -447,9 +447,9 @@ def test_only_what_is_needed_is_computed(monkeypatch):
 
     assert run(["stress", "energy", "temperature"]) == (
         [False],
-        [(0, 6), (13, 0)],
-        [],
-    )  # no sources unless heat is asked for
+        [(0, 6), (14, 0)],
+        [False, False],
+    )  # no sources unless heat is asked for; φ² and the number of atoms, for what few of them lack of thermal motion
     assert run(["heat_flux"]) == ([True], [(0, 18), (17, 0)], [])
     assert run(["churning"], frame.replace(velocities=None, masses=None)) == ([True], [(0, 15)], [])
     assert run(["churning_divergence"], frame.replace(velocities=None, masses=None)) == ([True], [(4, 0)], [])

@@ -36,6 +36,11 @@ DATA = {**BASE["trajectory"], "topology": "run.data", "atom_style": "molecular"}
 OF_BOX = {"potential": {"lammps": LJ}, "fields": {"quantities": ["virial_stress"]}}
 HALF = {"region": "block 0 8 0 8 0 8", "fixed": True}
 PORE = {"kind": "cylindrical", "radius": 5.0, "shape": [2, 3, 2], "center": [8.0, 8.0, 8.0]}
+BARE = {
+    "trajectory": {"file": "bare.xyz", "units": "metal", "cell": [16.2, 16.2, 16.2], "pbc": True},
+    "potential": None,
+    "fields": {"quantities": ["number_density"]},
+}
 TABLE = [[0.0, 1.0], [2.5, 0.5], [5.0, 0.0]]
 
 
@@ -51,6 +56,9 @@ CHANGES = {
     "trajectory.atom_style": ({"trajectory": DATA}, "charge"),
     "trajectory.units": ({}, "real"),
     "trajectory.masses": ({}, {"1": 40.0}),
+    "trajectory.cell": (BARE, [16.2, 16.2, 16.3]),
+    "trajectory.pbc": (BARE, "ppf"),
+    "trajectory.timestep": ({}, 0.002),
     "trajectory.dimension": (
         {
             "trajectory": {**BASE["trajectory"], "file": "flat.dump", "dimension": 2},
@@ -184,6 +192,11 @@ def folder(tmp_path, monkeypatch):
         words = line.split()
         if len(words) == 8 and words[0] != "ITEM:":
             flat[k] = " ".join([*words[:4], "0", *words[5:7], "0"])
+    frames = (tmp_path / "run.dump").read_text().split("ITEM: TIMESTEP")[1:]
+    bare = [[line.split()[2:5] for line in f.splitlines()[9:]] for f in frames]
+    (tmp_path / "bare.xyz").write_text(
+        "".join(f"{len(f)}\n\n" + "".join(f"Ar {' '.join(x)}\n" for x in f) for f in bare)
+    )
     (tmp_path / "flat.dump").write_text("\n".join(flat) + "\n")
     (tmp_path / "in.run").write_text("units metal\n" + LJ)
     (tmp_path / "in.other").write_text("units metal\n" + LJ.replace("3.4", "3.41"))

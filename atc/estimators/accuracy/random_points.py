@@ -217,7 +217,7 @@ class SlabBins:
     def place(self, x_nc):
         return x_nc
 
-    def squares(self, x_nc, a_nk) -> np.ndarray:
+    def squares(self, x_nc, a_nk, beyond: float = 0.0) -> np.ndarray:
         """(g, k) Σ a w², w = φ₁/A summed over the atom's images."""
         out = np.zeros((len(self.z_g), a_nk.shape[1]))
         s_n = (x_nc - self.origin) @ self.normal
