@@ -61,6 +61,7 @@ CHANGES = {
         3,
     ),
     "trajectory.frames": ({}, "1:"),
+    "trajectory.timestep": ({"trajectory": {**BASE["trajectory"], "timestep": 0.001}}, 0.002),
     "trajectory.reference": (
         {"trajectory": {**BASE["trajectory"], "reference": 0}, "fields": {"quantities": ["displacement"]}},
         1,
@@ -132,8 +133,9 @@ OF_MOLECULES = {
     "constraints.rigid_water": ({"bonds": "hbonds"}, {"bonds": "hbonds", "rigid_water": False}),
     "constraints.molecules": ({"molecules": True}, {"molecules": [1, 2]}),
 }
-#: Ways to pick atoms that these files say nothing for: tests/estimators/test_selections.py.
-OF_NAMES = {"select.atoms", "select.elements", "select.molecules"}
+#: Ways to pick atoms that these files say nothing for (tests/estimators/test_selections.py), and cells of files that
+#: have none (tests/readers/test_declared.py), which the frames' digests have.
+OF_NAMES = {"select.atoms", "select.elements", "select.molecules", "trajectory.cell", "trajectory.pbc"}
 #: Keys that no number of `atc fields` depends on, and why.
 CHANGE_NOTHING = {
     "trajectory.forces": "what to do where the run's forces are not the potential's; compared again where it changes",
