@@ -69,6 +69,7 @@ CHANGES = {
         3,
     ),
     "trajectory.frames": ({}, "1:"),
+    "trajectory.timestep": ({"trajectory": {**BASE["trajectory"], "timestep": 0.001}}, 0.002),
     "trajectory.reference": (
         {"trajectory": {**BASE["trajectory"], "reference": 0}, "fields": {"quantities": ["displacement"]}},
         1,
