@@ -58,7 +58,6 @@ CHANGES = {
     "trajectory.masses": ({}, {"1": 40.0}),
     "trajectory.cell": (BARE, [16.2, 16.2, 16.3]),
     "trajectory.pbc": (BARE, "ppf"),
-    "trajectory.timestep": ({}, 0.002),
     "trajectory.dimension": (
         {
             "trajectory": {**BASE["trajectory"], "file": "flat.dump", "dimension": 2},
