@@ -109,8 +109,11 @@ def test_backends(parts):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         both = Fields(u.atoms, pot, kern, grid, verbose=True).run(backend="multiprocessing", n_workers=2)
-    # Another number of threads within a frame: sums in another order.
-    np.testing.assert_allclose(both.results.stress, ds.stress.values, rtol=0, atol=1e-14 * abs(ds.stress.values).max())
+    # Another number of threads within a frame: sums in another order. Where few atoms are in reach the kinetic part
+    # grows by 1/(1 - 1/N), and what is rounded with it.
+    for name, close in (("stress_potential", 1e-14), ("stress", 1e-12)):
+        want = ds[name].values
+        np.testing.assert_allclose(both.results[name], want, rtol=0, atol=close * abs(want).max())
     with pytest.raises(AtcError, match="cluster"):
         Fields(u.atoms, pot, kern, grid).run(backend="dask")
     with pytest.raises(AtcError, match="expected one of serial"):
