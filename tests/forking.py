@@ -154,7 +154,9 @@ def _main() -> None:
                     time.sleep(0.001)
                 answer = {"status": os.waitstatus_to_exitcode(state), "seconds": time.monotonic() - began}
                 answer |= {name: Path(said[name]).read_text(errors="backslashreplace") for name in ("out", "err")}
-                answer["changes"] = int(Path(said["changes"]).read_text()) if answer["status"] >= 0 else None
+                # A signal that comes before there is anything to finish ends it on the spot, uncounted.
+                counted = Path(said["changes"]).read_text() if answer["status"] >= 0 else ""
+                answer["changes"] = int(counted) if counted else None
             answers.write(json.dumps(answer) + "\n")
             answers.flush()
 
