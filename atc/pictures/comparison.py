@@ -117,7 +117,7 @@ def _against(Figure, result):
         ax.axhline(0, color="0.4", lw=0.6)
         ax.set_title(f"average over the box{units}")
         ax.legend()
-    for k, dim in enumerate(axes):
+    for dim in axes:
         ax = axs.pop(0)
         x = data[f"profile_{dim}_position"]
         for c, colour in zip(("hydrostatic", "xx", "yy", "zz", "vonmises"), ("k", "C0", "C1", "C2", "C3")):
@@ -130,15 +130,7 @@ def _against(Figure, result):
                 own = component(data[f"profile_{dim}_column"].values, c, result.dimension)
                 ax.plot(x.values, own, color=colour, ls=":", lw=1.6)
         ax.set_xlabel(x.attrs.get("label", dim))
-        ax.set_title(
-            (f"mean over the other axes{units}" if len(axes) > 1 else f"profile{units}")
-            + (
-                "\nfull: Hardy, dashed: smoothed virial"
-                + (f", dotted: {result.attrs['column']} of the run" if "column" in result.attrs else "")
-                if k == 0
-                else ""
-            )
-        )
+        ax.set_title(f"mean over the other axes{units}" if len(axes) > 1 else f"profile{units}")
         ax.set_xlim(x.values.min(), x.values.max())
         lines = ax.get_legend_handles_labels()
     for ax in fig.axes:
@@ -164,6 +156,8 @@ def _against(Figure, result):
     for ax in axs:
         ax.remove()
     if axes:
-        fig.legend(*lines, loc="outside lower center", ncols=5)
+        own = f", dotted: {result.attrs['column']} of the run" if "column" in result.attrs else ""
+        said = f"profiles: full Hardy, dashed smoothed virial{own}"
+        fig.legend(*lines, loc="outside lower center", ncols=5, title=said, title_fontsize=8)
     fig.suptitle(result.title, fontsize=9)
     return fig
