@@ -14,7 +14,6 @@ import numpy as np
 from ..compiled import njit
 from ..simd import JIT_FMA, address, load4, splat4, store4, sum4
 
-_JIT = {**JIT_FMA, "forceinline": False}
 _PI = np.pi
 #: Places in front of U, where l − 1 of the first row points.
 FRONT = 1
@@ -133,7 +132,7 @@ def _products(first, last, a, b, C, u_a, u_b):
     return zr, zi
 
 
-@njit(**_JIT)
+@njit(**JIT_FMA)
 def bispectrum(component, role, out, own, first, a, b, C, factors, channels, size, u, B):
     """B (components, 4) of four atoms from u (channels, 2 size, 4), all rows."""
     count = component[-1] + 1
@@ -155,7 +154,7 @@ def bispectrum(component, role, out, own, first, a, b, C, factors, channels, siz
             store4(at_B, k, load4(at_B, k) + z)
 
 
-@njit(**_JIT)
+@njit(**JIT_FMA)
 def adjoint(component, role, out, weight, first, a, b, C, factors, channels, size, u, beta, Y):
     """Y (channels, 2 size, 4) = Σ beta ∂B/∂u* of four atoms, what counts twice twice; beta (components, 4)."""
     count = component[-1] + 1

@@ -79,7 +79,9 @@ class Deposits:
             return gather(self.bound, kern, self.cell, self.place(x_nc), a_nk, None, False, self.threads, True)[0]
         factor, kern = found
         m = self.methods.get("site", EXACT)
-        deposit = make(m.name, self.bound, kern, self.cell, a_nk.shape[1], 0, self.threads, m.tolerance or 1e-5)
+        # What it corrects grows by 1/(1 - 1/N), and its errors with it.
+        tolerance = 0.1 * m.tolerance or 1e-5
+        deposit = make(m.name, self.bound, kern, self.cell, a_nk.shape[1], 0, self.threads, tolerance)
         self.add_sites(deposit, self.place(x_nc), a_nk)
         return factor * deposit.site_sums()
 

@@ -139,6 +139,14 @@ class Sums:
         rho = self.site["all_mass"][:, 0]
         return 2.0 * quotient(s2, rho) - quotient(quotient(self.rho * self.squared["all_mass"][:, 0], rho), rho)
 
+    @property
+    def seen(self) -> np.ndarray:
+        """(g,) the share of thermal motion that is seen relative to the local velocity, 1 − Σ m φ²/(n ρ) of all parts;
+        1 where there is no mass."""
+        s2 = self.squared["all_mass" if self.of_part else "mass"][:, 0]
+        rho = self.site["all_mass"][:, 0] if self.of_part else self.rho
+        return 1.0 - quotient(quotient(s2, rho), self.all_number)
+
     @cached_property
     def _left(self) -> np.ndarray:
         """(g,) n − Σ m φ²/ρ of all parts."""

@@ -14,6 +14,8 @@ from .registry import Quantity, Work
 SAFE = 0.65
 # Where the density is below this fraction of its largest value, quotients by it need the exact sums.
 _THIN = 0.02
+# Where less than this share of thermal motion is seen relative to the local velocity, so does its correction.
+_FEW = 0.75
 # The sums that fields are quotients of: deposit, and where its density is.
 _QUOTIENTS = (
     ("site", "site", "mass"),
@@ -50,7 +52,10 @@ def clear_thin(main, methods) -> None:
 def thin_sums(main, work: Work) -> set[str]:
     """The deposits whose sums are small somewhere though fields are quotients by them."""
     found = [(key, getattr(main, of).get(name)) for key, of, name in _QUOTIENTS if key != "site" or work.masked]
-    return {key for key, rho in found if rho is not None and rho.min(initial=np.inf) < _THIN * rho.max(initial=0.0)}
+    thin = {key for key, rho in found if rho is not None and rho.min(initial=np.inf) < _THIN * rho.max(initial=0.0)}
+    if work.squares and main.squared and (main.seen < _FEW).any():
+        thin.add("site")
+    return thin
 
 
 def tightened(work: Work, methods, thin, expected, goal) -> dict[str, tuple[Method, Refinement]]:

@@ -222,7 +222,7 @@ def test_scenes(tmp_path, monkeypatch):
     for change, said in (
         ({"head": "yours"}, "no head 'yours'"),
         ({"nep": "nep.txt"}, "give nep or mace, not both"),
-        ({"units": "metal"}, "learned models are in eV"),
+        ({"units": "metal"}, "learned models and those of KIM are in eV"),
         ({"mace": "none.model"}, "no such file"),
     ):
         with pytest.raises(AtcError, match=said), warnings.catch_warnings():
