@@ -227,7 +227,7 @@ class Scene(Document):
         quantities = self.get("fields", "quantities")
         if quantities is None:
             raise self.need("fields", 'it needs quantities, what to compute, e.g. quantities = ["stress", "density"]')
-        work = Work.of(quantities)
+        work = Work.of(quantities, kernel=self.get("grid", "kind") != "planes")
         if work.bond_users and "potential" not in self.data:
             raise self.need(
                 "potential",
@@ -482,6 +482,8 @@ class Scene(Document):
         if kind == "points":
             xyz = table["points"]
             table = {"xyz": self._columns("grid", "points", 3, 2) if isinstance(xyz, str) else xyz}
+        if kind == "planes" and self.get("trajectory", "timestep") is not None:
+            table.setdefault("interval", self.get("trajectory", "timestep"))
         try:
             made = getattr(Grid, kind)(**table)
             return made if follow is None else made.following(follow)

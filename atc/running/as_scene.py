@@ -107,7 +107,7 @@ def _grid(grid, units) -> dict:
             return {**table, "#": f"{len(p['xyz'])} points: see the coordinates"}
         return {**table, "points": p["xyz"]}
     for key in ("shape", "spacing", "axis", "position", "origin", "u", "v", "start", "end", "n", "bins", "padding",
-                "center", "radius", "inner", "length", "follow"):  # fmt: skip
+                "positions", "patches", "interval", "center", "radius", "inner", "length", "follow"):  # fmt: skip
         if p.get(key) is not None:
             table[key] = "xyz"[p[key]] if key == "axis" else p[key]
     if grid.kind == "regular" and "shape" in table and table["shape"][-1] <= 0:
