@@ -233,7 +233,7 @@ class Scene(Document):
                 "potential",
                 f'{work.bond_users[0]} needs one: lammps = """pair_style ...""" (LAMMPS lines) or input = "in.file"',
             )
-        if work.kernel_users and "kernel" not in self.data:
+        if work.kernel_users and "kernel" not in self.data and not self.get("grid", "means"):
             raise self.need("kernel", f'{work.kernel_users[0]} needs one, e.g. name = "quartic" and radius = 8.0')
         if work.grid_users and "grid" not in self.data:
             raise self.need("grid", f'{work.grid_users[0]} needs one, e.g. kind = "regular" and spacing = 2.0')

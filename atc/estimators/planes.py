@@ -33,7 +33,7 @@ BY_FRAMES = "frames"
 
 def through_planes(grid) -> bool:
     """Whether sums on this grid are counted, without a kernel."""
-    return getattr(grid, "kind", None) == "planes"
+    return bool(getattr(grid, "counts_crossings", False))
 
 
 def require_countable(work: Work, pot, grid) -> None:

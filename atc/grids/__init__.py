@@ -282,16 +282,22 @@ class Grid:
         return cls("line", {"start": start, "end": end, "n": n})
 
     @classmethod
-    def slab(cls, axis, bins, padding=None) -> Grid:
+    def slab(cls, axis, bins, padding=None, means=False) -> Grid:
         """A profile along a cell axis: at each bin centre the average of the field over the cell's cross-section.
 
         The distance is measured along the normal of the faces (for an orthogonal cell the axis itself). The average is
         over the plane through the bin's centre: the kernel is integrated in closed form, no three-dimensional grid is
         used. Where a side face is open, kernels are not cut off at it. `padding` (a length, or "auto" for the reach of
-        the kernel): how far the bins reach beyond the open faces at the ends.
+        the kernel): how far the bins reach beyond the open faces at the ends. `means`: over the width of each bin in
+        place of the plane through its centre, exactly: the sum over bins times their width is the whole, however wide
+        they are.
         """
         (bins,) = _counts("number of bins", bins, 1)
-        return cls("slab", {"axis": _axis(axis), "bins": bins, **_padding(padding)})
+        if not isinstance(means, bool):
+            raise AtcError(f"slab means {means!r}: expected true (over the width of bins) or false (at their centres)")
+        return cls(
+            "slab", {"axis": _axis(axis), "bins": bins, **_padding(padding), **({"means": True} if means else {})}
+        )
 
     @classmethod
     def planes(cls, axis, positions=None, *, n=None, at="centers", patches=None, interval=None) -> Grid:
@@ -428,6 +434,11 @@ class Grid:
         return self.kind == "atoms"
 
     @property
+    def bin_means(self) -> bool:
+        """Whether values are means over the width of bins."""
+        return "means" in self._
+
+    @property
     def counts_crossings(self) -> bool:
         """Whether it is planes, on which sums are counted that need no kernel."""
         return self.kind == "planes"
@@ -465,7 +476,7 @@ class Grid:
         if self.kind == "line":
             return f"line, {p['n']} points"
         if self.kind == "slab":
-            return f"slab profile along {'xyz'[p['axis']]}, {p['bins']} bins"
+            return f"slab profile along {'xyz'[p['axis']]}, {p['bins']} bins" + ", means over them" * ("means" in p)
         return f"{len(p['xyz'])} points" if self.kind == "points" else "the atoms"
 
     def _repr_html_(self):
@@ -569,6 +580,7 @@ class Grid:
             n, a = p["bins"], p["axis"]  # deposited in the padded cell, whose cross-section is the same
             step = cell.vectors[a] / n
             bound = BoundGrid("slab", cell, ("xyz"[a],), origin=0.5 * step, steps=step[None], counts=(n,), axis=a)
+            bound.means = "means" in p
             bound.padding = float((own.origin - cell.origin) @ cell.inverse[:, a] * cell.heights[a])
             return bound
         if self.kind == "plane":
@@ -693,6 +705,8 @@ class BoundGrid:
     """
 
     padding = 0.0
+    #: of slabs: whether values are means over the width of bins
+    means = False
     #: of curved grids: (g, 3, 3) local axes as rows, and {dimension: values along it} (angles in degrees)
     basis_gcc: np.ndarray | None = None
     #: (3,) how far it has moved with the atoms since the first frame

@@ -21,6 +21,7 @@ from ..estimators.registry import Work
 from ..estimators.selections import Parts, selection
 from ..estimators.settings import FrameResult, Settings
 from ..grids import Grid
+from ..kernels.unsmoothed import Unsmoothed
 from .request import Request
 
 
@@ -73,6 +74,13 @@ def prepare(request: Request | Job) -> Job:
         if request.grid._["interval"] == BY_FRAMES and work.site:
             frames = since_the_frame_before(frames)
             first = frames[0]
+    if request.kern is None and work.kernel_users and has_bin_means(grid):
+        if pot is not None and pot.fields and work.bond:
+            raise AtcError(
+                f"{', '.join(work.bond_users)}: without a kernel, but long-range forces (kspace_style) belong to no "
+                "bonds that bins have parts of: give a kernel"
+            )
+        request = replace(request, kern=Unsmoothed())
     if reference is not None and reference.dimension != first.dimension:
         if first.dimension == 3:
             raise AtcError(f"the reference {reference.source} is of a two-dimensional run, but {first.source} is not")
@@ -127,6 +135,11 @@ def prepare(request: Request | Job) -> Job:
     if work.grid_users and isinstance(grid, Grid) and grid.follows_mass:
         follow = Follow.of(first, None if chosen is None else chosen.of(first))
     return Job(completed, frames, first, work, model, parts, follow)
+
+
+def has_bin_means(grid) -> bool:
+    """Whether values are means over bins, which need no kernel."""
+    return isinstance(grid, Grid) and grid.bin_means
 
 
 def local_axes(grid) -> tuple[str, ...]:
