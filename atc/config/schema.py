@@ -409,6 +409,13 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "end": Key(_VECTOR, "a point, e.g. [0.0, 0.0, 50.0]"),
         "n": Key(_count, "a number of points, e.g. 100"),
         "bins": Key(_count, "a number of bins, e.g. 100"),
+        "means": Key(_boolean, "true (values of bins are means over their width) or false (at their centres)"),
+        "positions": Key(_list_of(_number), "coordinates of planes along axis, ascending, e.g. [10.0, 12.5, 15.0]"),
+        "patches": Key(_list_of(_count, 2), "into how many parts each plane is cut along the two edges, e.g. [4, 4]"),
+        "interval": Key(
+            _either(_choice(["frames"]), _positive),
+            'the time over which passages through planes are counted, e.g. 0.001, or "frames": from frame to frame',
+        ),
         "follow": Key(
             _choice(["mass"]), '"mass": the grid moves with the centre of mass of the atoms, or of those selected'
         ),
@@ -525,7 +532,8 @@ GRIDS: dict[str, tuple[list, list]] = {
     "regular": ([("shape", "spacing")], ["at", "origin", "vectors", "padding", "follow"]),
     "plane": ([("axis", "u"), ("shape", "spacing")], ["position", "origin", "v", "at", "padding", "follow"]),
     "line": (["start", "end", "n"], ["follow"]),
-    "slab": (["axis", "bins"], ["padding", "follow"]),
+    "slab": (["axis", "bins"], ["means", "padding", "follow"]),
+    "planes": (["axis", ("n", "positions")], ["at", "patches", "interval"]),
     "cylindrical": (["radius", "shape"], ["center", "axis", "inner", "length", "follow"]),
     "spherical": (["radius", "shape"], ["center", "axis", "inner", "follow"]),
     "points": (["points"], ["follow"]),

@@ -18,7 +18,7 @@ from ..unit_words import converted, in_units, unit_of
 from . import components
 from .components import TENSOR
 from .drawing import STYLE, at_frame, colours, draw_map, figure, kernel_title, label_of, save, singular, wrapped
-from .geometry import STDERR, cut, fields_of, grid_dims, over_angles, points_of_grid, rank
+from .geometry import PROFILES, STDERR, cut, fields_of, grid_dims, over_angles, points_of_grid, rank
 from .overlays import Overlays, legend
 from .symbols import symbol
 
@@ -95,6 +95,7 @@ def plot(
         name = pick(ds, q)
         da, when = at_frame(ds, name, frame)
         da = da.transpose(*grid_dims(da), ...)
+        component = component or through(ds, da)
         comps = _scalars(da, component if rank(da) or len(wanted) == 1 else None, dimension)
         if len(wanted) > 1 and component is None and rank(da):
             comps = ["magnitude" if rank(da) == 1 else "vonmises"]
@@ -111,10 +112,10 @@ def plot(
         selection, where = {}, ""
     names = ", ".join(dict.fromkeys(str(da.attrs.get("long_name", name)) for name, da, _ in panels))
     title = ", ".join(t for t in (names[:1].upper() + names[1:], kernel_title(ds), where, when) if t)
-    if place.kind in ("line", "slab") and (arrows or streamlines or principal):
+    if place.kind in PROFILES and (arrows or streamlines or principal):
         raise AtcError("arrows, streamlines and principal stresses are drawn over maps, not over profiles")
     with mpl.rc_context(STYLE):
-        if place.kind in ("line", "slab"):
+        if place.kind in PROFILES:
             return _profiles(Figure, ds, panels, place, title, limits, frame, dimension)
         values = []
         for _, da, c in panels:
@@ -122,6 +123,14 @@ def plot(
             values.append(v if c is None else components.component(v, c, dimension, rank=rank(da)))
         over = Overlays(ds, place, selection, frame, dimension, arrows, streamlines, principal)
         return _maps(Figure, panels, values, place, title, limits, robust, atoms, over)
+
+
+def through(ds, da) -> str | None:
+    """What of a field on planes passes through them: the components of their normal."""
+    if not str(ds.attrs.get("grid", "")).startswith("planes") or not rank(da):
+        return None
+    n, letters = grid_dims(da)[0], "xyz"[: int(ds.attrs.get("dimension", 3))]
+    return n if rank(da) == 1 else ",".join(n + j for j in letters)
 
 
 def _cartesian_names(component, axes):
