@@ -43,8 +43,8 @@ _PAIR = (
 
 @dataclass
 class EIMParameters:
-    """names; chi_e (electronegativities), mass_e; pair : {(a, b): {number: value}} for a ≤ b; bounds : of the argument of
-    erfc in the cutoff function."""
+    """names; chi_e (electronegativities), mass_e; pair : {(a, b): {number: value}} for a ≤ b; bounds : of the argument
+    of erfc in the cutoff function."""
 
     names: list[str]
     chi_e: np.ndarray
