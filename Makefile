@@ -52,7 +52,7 @@ $(VENV)/.atc-test: pyproject.toml | $(BIN)/python
 
 # Large packages that nothing else needs, with demands of their own (Qt): apart from the rest.
 $(VENV_TOOLS)/.atc-tools: pyproject.toml | $(BIN)/python
-	@echo "installing vtk, pyvista, ovito and imdclient into $(VENV_TOOLS)"
+	@echo "installing vtk, pyvista, ovito, pint and imdclient into $(VENV_TOOLS)"
 	@test -x $(VENV_TOOLS)/bin/python || $(BIN)/python -m venv $(VENV_TOOLS)
 	@$(VENV_TOOLS)/bin/python -m pip install --quiet --disable-pip-version-check -e ".[tools]"
 	@touch $@
@@ -120,7 +120,7 @@ test-nequip: $(VENV)-nequip/.ready
 	$(VENV)-nequip/bin/python -m pytest -q tests/torch_models/test_nequip.py
 
 test-tools: $(VENV_TOOLS)/.atc-tools
-	$(VENV_TOOLS)/bin/python -m pytest -q -m tools tests/export/test_viewers.py tests/running/test_stream.py
+	$(VENV_TOOLS)/bin/python -m pytest -q -m tools tests/export/test_viewers.py tests/export/test_pint.py tests/running/test_stream.py
 
 bench: | $(VENV)/.atc-test
 	@$(BIN)/python -m pytest -q benchmarks/test_standing.py

@@ -40,7 +40,7 @@ def register(app: typer.Typer) -> None:
         ] = None,
         movie: Annotated[
             Path | None,
-            typer.Option("--movie", metavar="FILE.gif", help="The same, frame by frame.", show_default=False),
+            typer.Option("--movie", metavar="FILE", help="The same, frame by frame: .gif or .mp4.", show_default=False),
         ] = None,
         overwrite: Overwrite = False,
         quiet: Quiet = False,
@@ -51,7 +51,7 @@ def register(app: typer.Typer) -> None:
         Needs [trajectory] with a reference, [potential], [kernel], [grid] and [twin].
         """
         from ..pictures.drawing import picture_kind
-        from ..twins.drawing import movie_path
+        from ..pictures.movies import movie_path
         from ..twins.run import twin as twin_of
 
         made = load_scene(scene, set, begin, end, step)
