@@ -25,6 +25,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..compiled import njit
+from ..decomposers.virtual_sites import seen_by
 from ..errors import AtcError
 from .sources import drift_velocity
 from .tensors import full, outer6, quotient
@@ -270,7 +271,9 @@ def motion(frame, pot, threads: int = 1, deposit=None) -> Motion:
     d = pot.stream(frame, consume, threads=threads, energies=True, forces=True, sources=True)
     slope, rate, flux, torque, stiff = (sum(p[k] for p in parts) for k in range(5))
     for term in fields:
-        _add_field(term, frame, v_nc, slope, rate, flux, torque, stiff)
+        seen = seen_by(term, frame)
+        m = len(seen)
+        _add_field(term, seen, v_nc[:m], slope[:m], rate[:m], flux[:m], torque[:m], stiff[:m])
     return Motion(frame, drift, v_nc, d.energies_n, d.forces_nc, slope, rate, flux, torque, np.sqrt(stiff), d.notes)
 
 

@@ -177,9 +177,9 @@ class _Work(Work):
         acc.energy += smooth.energy
         acc.virial += smooth.virial_cc
         if acc.forces is not None:
-            acc.forces += smooth.forces_nc()
+            acc.forces[: len(self.frame)] += smooth.forces_nc()
         if acc.energies is not None:
-            acc.energies += smooth.energies_n()
+            acc.energies[: len(self.frame)] += smooth.energies_n()
         return None
 
 

@@ -58,6 +58,8 @@ class LongRangeCoulomb(Term):
         self.threads, self._kept = 1, None
         #: (n_types + 1, n_types + 1) bool, the pairs of types with bonds; None: all
         self.covered = None
+        #: whether some of the charges sit on virtual sites
+        self.on_sites = False
 
     def __getstate__(self):
         return {**self.__dict__, "_kept": None}
@@ -187,9 +189,9 @@ class _SmoothWork(Work):
         acc.energy += smooth.energy
         acc.virial += smooth.virial_cc
         if acc.forces is not None:
-            acc.forces += smooth.forces_nc()
+            acc.forces[: len(self.frame)] += smooth.forces_nc()
         if acc.energies is not None:
-            acc.energies += smooth.energies_n()
+            acc.energies[: len(self.frame)] += smooth.energies_n()
         return None
 
 
