@@ -56,18 +56,7 @@ def require_fields(frame, settings, work) -> None:
             f"{', '.join(pd) or 'this quantity'}: not supported with {what}: a field has no bonds that could be "
             "weighted or shared between nodes"
         )
-    heat = [q.name for q in work.quantities if any(s.sources for s in q.sources())]
     for term in fields:
-        if heat and not term.carries:
-            raise AtcError(
-                f"{', '.join(heat)}: not supported with long-range dispersion (ewald/disp): the energy current of its "
-                "modes is not done yet"
-            )
-        if heat and term.slab is not None:
-            raise AtcError(
-                f"{', '.join(heat)}: not supported with kspace_modify slab: the energy current of its correction is "
-                "not done yet"
-            )
         if work.grid_users and work.bond:
             _wave(term, settings.kern.in_dimension(3).scaled(frame.units.length), _tolerance(settings.tolerance))
 
