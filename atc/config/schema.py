@@ -504,6 +504,8 @@ SCHEMA: dict[str, dict[str, Key]] = {
         ),
         "model": Key(_choice(["lps", "pmb"]), '"lps" or "pmb"'),
         "fracture": Key(_boolean, "true or false"),
+        "crack_direction": Key(_list_of(_number, 3), "the direction that the crack runs in, e.g. [1, 0, 0]"),
+        "crack_normal": Key(_list_of(_number, 3), "the normal of the crack's plane, e.g. [0, 1, 0]"),
         "temperature": Key(_positive, "a temperature greater than 0, e.g. 300.0"),
         "spacing": Key(_positive, "a length greater than 0, e.g. 5.0"),
         "horizon": Key(_positive, "a length greater than 0, e.g. 15.0"),
