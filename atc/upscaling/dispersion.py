@@ -14,6 +14,7 @@ from .elasticity import elastic_constants
 from .force_constants import force_constants, frequency_unit, signed_root, supercell_repeat
 from .matching import FRACTIONS, MODELS, is_cubic, make_model, match
 from .vibrations import measure
+from .zone import outside_zone, zone_path
 
 DIRECTIONS = ((1, 0, 0), (1, 1, 0), (1, 1, 1))
 _POINTS = 61
@@ -25,6 +26,7 @@ def dispersion(
     traj=None,
     *,
     directions: Sequence = DIRECTIONS,
+    path: str | None = None,
     models: Sequence[str] = (),
     lattice_constant="auto",
     horizon=None,
@@ -35,6 +37,8 @@ def dispersion(
     phonopy: bool = True,
     blocks: int = 5,
     timestep=None,
+    linewidths: str | None = None,
+    structure_factors: bool = False,
 ) -> Dispersion:
     """Phonon dispersion of a crystal: of its force constants, by phonopy, of peridynamic models, and measured in a
     trajectory.
@@ -45,6 +49,8 @@ def dispersion(
     model : potential of `atc.potential`, or an ASE calculator; None: the trajectory alone
     traj : trajectory of the vibrating crystal, or None
     directions : rays in the conventional cell
+    path : instead of directions, a path through the zone by the names of its points, "auto", "seekpath" or such as
+        "Γ-X-W-K-Γ-L"; see `zone.zone_path`
     models : of `atc.upscaling.matching.MODELS` (cubic crystals)
     lattice_constant : "auto" (the trajectory's if there is one, else "relaxed"), "relaxed" (zero pressure), or a length
         in the user's unit
@@ -53,6 +59,8 @@ def dispersion(
     knots, order : see the same
     phonopy : whether to run phonopy too
     blocks, timestep : see `vibrations.measure`
+    linewidths : "lorentzian" or "oscillator": fit the lines of the trajectory's modes (`lineshapes`)
+    structure_factors : S(q), S(q, ω) and currents of the trajectory at its wave vectors (`structure_factors`)
 
     Returns
     -------
@@ -72,6 +80,9 @@ def dispersion(
         raise AtcError(f"model {unknown[0]!r}: expected some of {', '.join(MODELS)}")
     if model is None and traj is None:
         raise AtcError("there is nothing to compute: give a potential, a trajectory or both")
+    if traj is None and (linewidths is not None or structure_factors):
+        what = "linewidths" if linewidths is not None else "structure_factors"
+        raise AtcError(f"{what} are measured in a run: give a trajectory")
     if model is None and models:
         raise AtcError(f"model {models[0]!r} is fitted to force constants: give a potential")
     if model is not None and hasattr(model, "units"):
@@ -93,8 +104,17 @@ def dispersion(
 
     if traj is not None:
         out.measured = measure(
-            traj, crystal, directions, fc=constants if model is not None else None, blocks=blocks, timestep=timestep
+            traj,
+            crystal,
+            directions if path is None else zone_path(crystal, path),
+            fc=constants if model is not None else None,
+            blocks=blocks,
+            timestep=timestep,
+            lines=linewidths,
         )
+        if structure_factors:
+            q = np.unique(np.round(out.measured.k_kc, 12), axis=0) / u.to_user("length", 1.0)
+            out.structure_factors = _structure_factors(traj, q, timestep)
         notes += out.measured.notes
         if lattice_constant == "auto":
             crystal = out.measured.crystal
@@ -113,10 +133,14 @@ def dispersion(
         except AtcError as e:
             notes.append(str(e))
     out.crystal = crystal
-    for d in directions:
+    fractions = np.linspace(0.0, 1.0, _POINTS)
+    for d in directions if path is None else ():
         boundary = crystal.zone_boundary(d)
-        fractions = np.linspace(0.0, 1.0, _POINTS)
         out.rays.append(Ray(tuple(d), boundary, fractions, fractions[:, None] * boundary * crystal.direction(d)))
+    for segment in () if path is None else zone_path(crystal, path):
+        a, b = segment.k_ec
+        k = a + fractions[:, None] * (b - a)
+        out.rays.append(Ray((b - a) / segment.length, segment.length, fractions, k, ends=segment.ends))
     if model is None:
         return out
     made = []
@@ -137,21 +161,23 @@ def dispersion(
         from .phonopy_bridge import frequencies, phonopy_of
 
         bands = phonopy_of(crystal, model, supercell_repeat(crystal, 2.0 * out.fc.reach * 1.0001))
-        _, factor = frequency_unit(u)
+        _, hertz = frequency_unit(u)
     for ray in out.rays:
         ray.lattice_km = out.fc.frequencies(ray.k_kc)
-        ray.velocity_km = out.fc.group_velocities(ray.k_kc, crystal.direction(ray.direction))
+        along = crystal.direction(ray.direction) if ray.ends is None else ray.direction
+        ray.velocity_km = out.fc.group_velocities(ray.k_kc, along)
         if bands is not None:
-            ray.phonopy_km = frequencies(bands, crystal, ray.k_kc) / factor
+            ray.phonopy_km = frequencies(bands, crystal, ray.k_kc) / hertz
         for m in made:
             values = signed_root(np.linalg.eigvalsh(m.dynamical_matrix(ray.k_kc)))
             # A coarse lattice stands for the waves of its own zone only.
-            beyond = ray.fractions > 1.0000001 / getattr(getattr(m, "basis", None), "factor", 1)
+            factor = getattr(getattr(m, "basis", None), "factor", 1)
+            beyond = ray.fractions > 1.0000001 / factor if ray.ends is None else outside_zone(crystal, ray.k_kc, factor)
             ray.models[m.label] = np.where(beyond[:, None], np.nan, values)
     if bands is not None:
         # As sets: branches are in ascending order in both; near k = 0 the root of rounding is left out.
-        out.phonopy_difference = float(max(np.abs(r.phonopy_km - r.lattice_km)[1:].max() for r in out.rays))
-    worst = min(r.lattice_km[1:].min() for r in out.rays)
+        out.phonopy_difference = float(max(np.abs(r.phonopy_km - r.lattice_km)[r.moving].max() for r in out.rays))
+    worst = min(r.lattice_km[r.moving].min() for r in out.rays)
     if worst < -1e-6 * max(r.lattice_km.max() for r in out.rays):
         unit, factor = frequency_unit(u)
         notes.append(
@@ -159,6 +185,18 @@ def dispersion(
             "tables and pictures)"
         )
     return out
+
+
+def _structure_factors(traj, q, timestep):
+    """Structure factors at wave vectors of the run, S(q) only where its frames make no spectra."""
+    from .structure_factors import structure_factors
+
+    try:
+        return structure_factors(traj, q, timestep=timestep)
+    except AtcError as e:
+        if "time" not in str(e):
+            raise
+        return structure_factors(traj, q, lags=0)
 
 
 def _basis_at_rest(crystal: Crystal, model) -> Crystal:
@@ -198,11 +236,15 @@ def dispersion_of_scene(scene, *, progress=None) -> Dispersion:
     a = get("lattice_constant")
     fixed = a if get("keep_lattice_constant", False) else "auto"
     directions = [tuple(d) for d in get("directions", [list(d) for d in DIRECTIONS])]
+    path = get("path")
+    if path is not None and get("directions") is not None:
+        raise AtcError(f"{scene.where('dispersion', 'path')}: [dispersion] give path or directions, not both")
     out = dispersion(
         crystal,
         pot,
         traj,
         directions=directions,
+        path=path,
         models=get("models", []),
         lattice_constant=fixed,
         horizon=get("horizon"),
@@ -213,6 +255,8 @@ def dispersion_of_scene(scene, *, progress=None) -> Dispersion:
         phonopy=get("phonopy", True),
         blocks=get("blocks", 5),
         timestep=get("timestep"),
+        linewidths=get("linewidths"),
+        structure_factors=get("structure_factors", False),
     )
     out.scene = scene.to_toml()
     return out

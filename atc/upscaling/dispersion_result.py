@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..errors import AtcError
 from .crystal import Crystal
 from .elasticity import GPA, ElasticConstants
 from .force_constants import ForceConstants, frequency_unit
@@ -17,7 +18,12 @@ from .vibrations import Measured
 
 @dataclass
 class Ray:
-    """Frequencies along one direction (ω in internal units, ascending; imaginary ones negative)."""
+    """Frequencies along one direction from Γ, or along a piece of a path through the zone (ω in internal units,
+    ascending; imaginary ones negative).
+
+    direction : of the conventional cell, and boundary, |k| of the zone boundary there; of a piece of a path a unit
+        vector and its length. ends : the names of its two points, of a piece of a path
+    """
 
     direction: tuple
     boundary: float
@@ -27,10 +33,29 @@ class Ray:
     velocity_km: np.ndarray | None = None
     phonopy_km: np.ndarray | None = None
     models: dict = field(default_factory=dict)
+    ends: tuple[str, str] | None = None
+
+    @property
+    def moving(self) -> np.ndarray:
+        """Where k is not 0."""
+        return np.linalg.norm(self.k_kc, axis=1) > 1e-9 * self.boundary
 
     @property
     def label(self) -> str:
+        if self.ends is not None:
+            return "–".join(self.ends)
         return "[" + "".join(f"{d:g}" for d in self.direction) + "]"
+
+
+#: Of a fitted line: name in `lineshapes.Line`, what it is, and what kind of number.
+LINE_COLUMNS = (
+    ("omega", "frequency of the line", "frequency"),
+    ("omega_error", "its standard error", "frequency"),
+    ("gamma", "γ/2π, full width at half maximum of the line", "frequency"),
+    ("gamma_error", "its standard error", "frequency"),
+    ("power", "⟨|v|²⟩ of the mode, kT if it is classical", "energy"),
+    ("misfit", "mean square of data over fit less 1, over what it should be", "1"),
+)
 
 
 @dataclass
@@ -49,6 +74,7 @@ class Dispersion:
     relaxed: Crystal | None = None
     matches: list[Match] = field(default_factory=list)
     measured: Measured | None = None
+    structure_factors: object = None
     phonopy_difference: float | None = None
     potential: str = ""
     notes: list = field(default_factory=list)
@@ -97,7 +123,7 @@ class Dispersion:
         for ray in self.rays:
             if ray.lattice_km is not None:
                 ends = ", ".join(f"{x:.6g}" if x >= 0 else f"{-x:.6g}i" for x in factor * ray.lattice_km[-1])
-                out.append((f"{ray.label} boundary", f"{ends} {unit}"))
+                out.append((f"{ray.label} boundary" if ray.ends is None else ray.ends[1], f"{ends} {unit}"))
         if self.phonopy_difference is not None:
             out.append(("phonopy", f"agrees to {factor * self.phonopy_difference:.1e} {unit}"))
         return out
@@ -139,7 +165,29 @@ class Dispersion:
                         f"{_pm(factor * r.ratio_km[p, m], factor * r.ratio_error_km[p, m]):>20}"
                         f"{_pm(factor * r.spectrum_km[p, m], factor * r.spectrum_error_km[p, m]):>20}"
                     )
+            if r.lines_km is not None:
+                lines += self._line_table(unit, factor)
         return lines
+
+    def _line_table(self, unit, factor) -> list[str]:
+        r, time = self.measured, self.crystal.units
+        name = {"lorentzian": "Lorentzian lines", "oscillator": "damped oscillators"}[r.shape]
+        out = [
+            f"linewidths: {name}; γ/2π, full width at half maximum in {unit}, 1/γ, lifetime of the energy, in "
+            f"{time.label('time')}:",
+            f"  {'k':<14}{'frequency':>20}{'γ/2π':>20}{'1/γ':>20}{'misfit':>8}",
+        ]
+        for p, row in enumerate(r.lines_km):
+            for m, x in enumerate(row):
+                place = f"{self.rays[r.ray_k[p]].label} {r.fraction_k[p]:.4g}" if m == 0 else ""
+                life = time.to_user("time", 1.0 / x.gamma)
+                out.append(
+                    f"  {place:<14}{_pm(factor * x.omega, factor * x.omega_error):>20}"
+                    f"{_pm(factor * x.gamma, factor * x.gamma_error):>20}"
+                    f"{_pm(life, life * x.gamma_error / x.gamma):>20}"
+                    f"{'' if not np.isfinite(x.misfit) else f'{x.misfit:.2f}':>8}"
+                )
+        return out
 
     def print(self, console) -> None:
         for key, text in self.rows():
@@ -176,7 +224,8 @@ class Dispersion:
             "potential": self.potential,
             "notes": self.notes,
             "rays": [
-                {"direction": list(ray.direction), "fractions": clean(ray.fractions)}
+                {"direction": clean(ray.direction), "fractions": clean(ray.fractions)}
+                | ({} if ray.ends is None else {"ends": list(ray.ends)})
                 | ({"lattice": clean(factor * ray.lattice_km)} if ray.lattice_km is not None else {})
                 | {name: clean(factor * x) for name, x in ray.models.items()}
                 for ray in self.rays
@@ -201,7 +250,7 @@ class Dispersion:
         r = self.measured
         if r is not None:
             out["measured"] = {
-                "direction": [list(self.rays[p].direction) for p in r.ray_k],
+                "direction": [clean(self.rays[p].direction) for p in r.ray_k],
                 "fraction": clean(r.fraction_k),
                 "ratio": clean(factor * r.ratio_km),
                 "ratio_error": clean(factor * r.ratio_error_km),
@@ -211,6 +260,13 @@ class Dispersion:
                 "frames": r.frames,
                 "blocks": r.blocks,
             }
+            if self.rays[0].ends is not None:
+                out["measured"]["on"] = [self.rays[p].label for p in r.ray_k]
+            if r.lines_km is not None:
+                out["measured"]["shape"] = r.shape
+                for name, *_ in LINE_COLUMNS:
+                    size = 1.0 if name in ("misfit", "power") else factor
+                    out["measured"][f"line_{name}"] = clean([[size * getattr(x, name) for x in a] for a in r.lines_km])
         return json.dumps(out, indent=2)
 
     # ---- data
@@ -321,6 +377,32 @@ class Dispersion:
                     r.current_kcf,
                     {"units": "arbitrary", "long_name": "power of the mass current"},
                 )
+            if r.sed_kf is not None:
+                energy = u.to_user("energy", 1.0) * u.to_user("time", 1.0)
+                data["spectral_energy_density"] = (
+                    ("k", "frequency_bin"),
+                    energy * r.sed_kf,
+                    {
+                        "units": f"{u.label('energy')}*{u.label('time')}",
+                        "long_name": "energy per angular frequency; its integral over ω is ½kT a mode",
+                    },
+                )
+            for name, what, kind in LINE_COLUMNS if r.lines_km is not None else ():
+                unit_here = unit if kind == "frequency" else "1" if kind == "1" else u.label("energy")
+                size = factor if kind == "frequency" else 1.0 if kind == "1" else u.to_user("energy", 1.0)
+                values = size * np.array([[getattr(x, name) for x in row] for row in r.lines_km])
+                data[f"line_{name}"] = (("k", "branch"), values, {"units": unit_here, "long_name": what})
+            if r.lines_km is not None:
+                gamma = np.array([[x.gamma for x in row] for row in r.lines_km])
+                error = np.array([[x.gamma_error for x in row] for row in r.lines_km])
+                life = u.to_user("time", 1.0 / gamma)
+                units = {"units": u.label("time")}
+                data["lifetime"] = (("k", "branch"), life, {**units, "long_name": "1/γ, of the mode's energy"})
+                data["lifetime_error"] = (("k", "branch"), life * error / gamma, {**units, "long_name": "its error"})
+        if self.structure_factors is not None:
+            s = self.structure_factors
+            data |= {f"structure_{name}": (v.dims, v.values, v.attrs) for name, v in s.data_vars.items()}
+            coords |= {name: (v.dims, v.values, v.attrs) for name, v in s.coords.items() if name != "c"}
         attrs = {
             "atc_version": __version__,
             "crystal": self.crystal.name,
@@ -349,63 +431,24 @@ class Dispersion:
 
         write_dataset(self.dataset(), path)
 
+    def write_phonopy(self, folder) -> list:
+        """Write phonopy.yaml, FORCE_CONSTANTS and, along a path or rays, band.yaml; see `phonopy_bridge`."""
+        from .phonopy_bridge import write_phonopy
+        from .zone import Segment
+
+        if self.fc is None:
+            raise AtcError("phonopy's files hold force constants, which a potential gives: give a [potential]")
+        ends = lambda ray: ray.ends if ray.ends is not None else ("Γ", ray.label)  # noqa: E731
+        return write_phonopy(self.fc, folder, [Segment(ends(ray), ray.k_kc[[0, -1]]) for ray in self.rays])
+
     # ---- picture
 
     def figure(self):
-        """A matplotlib Figure: one panel a direction; lattice, phonopy, models, measured points with error bars."""
-        from matplotlib.figure import Figure
+        """A matplotlib Figure: a panel for each direction or piece of the path; lattice, phonopy, models, measured
+        points with error bars, and behind them the spectral energy density of the run."""
+        from .dispersion_drawing import figure
 
-        unit, factor = frequency_unit(self.crystal.units)
-        figure = Figure(figsize=(4.0 * len(self.rays) + 1.2, 5.2), layout="constrained")
-        panels = np.atleast_1d(figure.subplots(1, len(self.rays), sharey=True))
-        top = 0.0
-        for a, (axes, ray) in enumerate(zip(panels, self.rays)):
-            if ray.lattice_km is not None:
-                axes.plot(ray.fractions, factor * ray.lattice_km, color="black", linewidth=1.6, label="lattice")
-                top = max(top, factor * ray.lattice_km.max())
-            if ray.phonopy_km is not None:
-                axes.plot(
-                    ray.fractions[::3], factor * ray.phonopy_km[::3], ".", color="0.5", markersize=4, label="phonopy"
-                )
-            for m, (name, values) in enumerate(ray.models.items()):
-                style = {"color": f"C{m}", "linewidth": 1.0, "linestyle": ("--", "-.", ":", (0, (5, 1)))[m % 4]}
-                axes.plot(ray.fractions, factor * values, **style, label=name)
-            r = self.measured
-            if r is not None:
-                here = r.ray_k == a
-                for kind, marker, color in (("ratio", "o", "C3"), ("spectrum", "x", "C0")):
-                    y, e = (factor * getattr(r, f"{kind}{s}_km")[here] for s in ("", "_error"))
-                    x = np.repeat(r.fraction_k[here], y.shape[1])
-                    label = {"ratio": "trajectory: velocities/displacements", "spectrum": "trajectory: spectra"}[kind]
-                    axes.errorbar(
-                        x,
-                        y.ravel(),
-                        yerr=e.ravel(),
-                        fmt=marker,
-                        color=color,
-                        markersize=5,
-                        markerfacecolor="none",
-                        capsize=2,
-                        linewidth=0.9,
-                        label=label,
-                        zorder=3,
-                    )
-                    top = max(top, np.nanmax(y, initial=0.0))
-            axes.set_xlabel(f"k along {ray.label} / zone boundary")
-            axes.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
-        panels[0].set_ylabel(f"frequency ({unit})")
-        low = min((factor * ray.lattice_km.min() for ray in self.rays if ray.lattice_km is not None), default=0.0)
-        panels[0].set_ylim(min(1.1 * low, 0.0), 1.15 * top or None)
-        handles = {}
-        for axes in panels:
-            for handle, label in zip(*axes.get_legend_handles_labels()):
-                handles.setdefault(label, handle)
-        figure.legend(handles.values(), handles, loc="outside lower center", ncols=4, frameon=False, fontsize="small")
-        title = f"{self.crystal.name}, a = {self.crystal.lattice_constant:.5g} {self.crystal.units.label('length')}"
-        if self.measured is not None:
-            title += f"; trajectory at {self.measured.temperature:.3g} {self.crystal.units.label('temperature')}"
-        figure.suptitle(title)
-        return figure
+        return figure(self)
 
     def picture(self, path) -> Path:
         """Draw `figure` into a file; returns the path."""
@@ -421,4 +464,4 @@ def _number(x) -> str:
 
 
 def _pm(x, e) -> str:
-    return "–" if not np.isfinite(x) else f"{x:.4f} ± {e:.4f}"
+    return "–" if not np.isfinite(x) else f"{x:.4f} ± {e:.4f}" if np.isfinite(e) else f"{x:.4f}"

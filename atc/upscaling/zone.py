@@ -8,7 +8,7 @@ theirs. Which lattice a crystal has is found from its vectors, so that any primi
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations, product
+from itertools import combinations, pairwise, product
 
 import numpy as np
 
@@ -191,12 +191,12 @@ def zone_path(crystal: Crystal, path: str = "auto") -> list[Segment]:
                     f"path {path!r}: a {TABLE[lattice][0]} lattice has no point {p!r}: expected names of "
                     f"{', '.join(points)} with - between them, e.g. {TABLE[lattice][1]!r}"
                 )
-        if len(piece) < 2 or any(a == b for a, b in zip(piece, piece[1:])):
+        if len(piece) < 2 or any(a == b for a, b in pairwise(piece)):
             raise AtcError(
                 f"path {path!r}: {'-'.join(piece)!r} is no line: expected two different points at least, e.g. "
                 f"{TABLE[lattice][1]!r}"
             )
-    return [Segment((a, b), np.array([points[a], points[b]])) for piece in names for a, b in zip(piece, piece[1:])]
+    return [Segment((a, b), np.array([points[a], points[b]])) for piece in names for a, b in pairwise(piece)]
 
 
 def _name(text: str, points) -> str:
@@ -208,7 +208,7 @@ def _seekpath(crystal: Crystal) -> list[Segment]:
     try:
         from seekpath import get_path_orig_cell
     except ImportError:
-        raise AtcError('seekpath is not installed: pip install "atc[crystal]"') from None
+        raise AtcError('seekpath is not installed: pip install "atc[paths]"') from None
     import warnings
 
     inside = crystal.positions @ np.linalg.inv(crystal.vectors)
@@ -238,16 +238,10 @@ def commensurate_on(sites: Sites, segment: Segment) -> tuple[np.ndarray, np.ndar
     along = segment.k_ec[1] - segment.k_ec[0]
     t = (k - segment.k_ec[0]) @ along / (along @ along)
     off = np.linalg.norm(k - segment.k_ec[0] - t[:, None] * along, axis=1)
-    small = 1e-6 * np.linalg.norm(crystal_scale(sites))
+    small = 1e-6 * np.linalg.norm(sites.crystal.reciprocal, axis=1).max()
     keep = (off < small) & (t > -1e-9) & (t < 1 + 1e-9) & (np.linalg.norm(k, axis=1) > small)
     order = np.argsort(t[keep])
-    return t[keep][order], k[keep][order]
-
-
-def crystal_scale(sites: Sites) -> np.ndarray:
-    """The longest reciprocal vector of the crystal under a supercell."""
-    b = sites.crystal.reciprocal
-    return b[np.argmax(np.linalg.norm(b, axis=1))]
+    return np.clip(np.round(t[keep][order], 9), 0.0, 1.0), k[keep][order]
 
 
 def outside_zone(crystal: Crystal, k_kc, factor: float = 1.0) -> np.ndarray:
