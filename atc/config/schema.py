@@ -480,6 +480,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "unit_cell": Key(_string, 'a file with one unit cell, e.g. "cell.data"', path=True),
         "masses": Key(_list_of(_positive), "a mass for each atom of the basis, e.g. [39.948]"),
         "directions": Key(_list_of(_list_of(_number, 3)), "directions, e.g. [[1, 0, 0], [1, 1, 1]]"),
+        "path": Key(_string, 'a path through the zone: "auto", "seekpath" or names of its points, e.g. "Γ-X-W-K-Γ-L"'),
         "models": Key(_list_of(_choice(_model_names)), 'peridynamic models, e.g. ["classical", "cubic"]'),
         "horizon": Key(_positive, "a length greater than 0, e.g. 8.5"),
         "knots": Key(_count, "a number of knots, e.g. 12"),
@@ -488,6 +489,8 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "reach": Key(_positive, "a length greater than 0, e.g. 8.5"),
         "phonopy": Key(_boolean, "true or false"),
         "blocks": Key(_count, "a number of blocks, e.g. 5"),
+        "linewidths": Key(_choice(["lorentzian", "oscillator"]), '"lorentzian" or "oscillator"'),
+        "structure_factors": Key(_boolean, "true or false"),
         "timestep": Key(_positive, "the time of one step in the trajectory's units, e.g. 0.001"),
     },
     "twin": {
