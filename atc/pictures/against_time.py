@@ -6,7 +6,7 @@ import numpy as np
 
 from ..errors import AtcError
 from .components import component as one_of
-from .drawing import STYLE, colours, figure, kernel_title, label_of, wrapped
+from .drawing import STYLE, colours, figure, kernel_title, label_of, titled
 from .geometry import grid_dims, points_of_grid, rank, unit_text
 
 
@@ -55,7 +55,7 @@ def time_figure(ds, panels, limits=None, robust=None, dimension=3):
             ax.remove()
         names = ", ".join(dict.fromkeys(str(da.attrs.get("long_name", name)) for name, da, _ in panels))
         title = ", ".join(t for t in (names[:1].upper() + names[1:], kernel_title(ds), upwards) if t)
-        fig.suptitle(wrapped(fig, title, 9), fontsize=9)
+        titled(fig, title)
     return fig
 
 
