@@ -66,6 +66,7 @@ def prepare(request: Request | Job) -> Job:
         pot = pot.settled(first)
         work = Work.of(request.quantities, pot.central, churnless=pot.churnless, **more)
     if crossing:
+        assert isinstance(request.grid, Grid)
         require_countable(work, pot, request.grid)
         for name in unneeded(work, request.grid):
             work.attributes.pop(name, None)

@@ -244,7 +244,7 @@ def test_two_dimensions():
     s = np.stack(np.meshgrid(np.arange(4), np.arange(4), indexing="ij"), -1).reshape(-1, 2)
     x = np.zeros((16, 3))
     x[:, :2] = 3.8 * (s + 0.5) + rng.uniform(-0.3, 0.3, s.shape)
-    v = rng.normal(size=x.shape) * [1, 1, 0]
+    v = 0.01 * rng.normal(size=x.shape) * [1, 1, 0]
     frame = atc.Frame(
         x, atc.Cell([15.2, 15.2, 1.0], [0, 0, -0.5], (True, True, False)), u, masses=np.full(16, 39.948), velocities=v
     )
