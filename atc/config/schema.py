@@ -410,7 +410,9 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "n": Key(_count, "a number of points, e.g. 100"),
         "bins": Key(_count, "a number of bins, e.g. 100"),
         "follow": Key(
-            _choice(["mass"]), '"mass": the grid moves with the centre of mass of the atoms, or of those selected'
+            _choice(["mass", "+x", "-x", "+y", "-y", "+z", "-z"]),
+            'what the grid moves with: "mass", the centre of mass of the atoms, or of those selected; "+z", "-x", ...: '
+            "the interface on this side of the denser phase",
         ),
         "center": Key(_list_of(_number, 3), "a point, e.g. [20.0, 20.0, 10.0]"),
         "radius": Key(_positive, "a length greater than 0, e.g. 15.0"),

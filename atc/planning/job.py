@@ -113,7 +113,7 @@ def prepare(request: Request | Job) -> Job:
     )
     follow = None
     if work.grid_users and isinstance(grid, Grid) and grid.follows_mass:
-        follow = Follow.of(first, None if chosen is None else chosen.of(first))
+        follow = Follow.of(first, None if chosen is None else chosen.of(first), grid.follows)
     return Job(completed, frames, first, work, model, parts, follow)
 
 
