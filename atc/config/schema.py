@@ -430,6 +430,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "elements": Key(_either(_string, _list_of(_string)), 'names of types in the trajectory, e.g. ["O", "H"]'),
         "ids": Key(_either(_count, _string, _list_of(_either(_count, _string))), 'atom ids or spans, e.g. "1:100"'),
         "molecules": Key(_either(_integer, _list_of(_integer)), "molecule numbers, e.g. [1, 2]"),
+        "groups": Key(_either(_string, _list_of(_string)), 'groups of the script of [potential], e.g. "wall"'),
         "region": Key(_string, 'words of a LAMMPS region, e.g. "block 0 10 INF INF 0 5"'),
         "invert": Key(_boolean, "true (all atoms but these) or false"),
         "fixed": Key(_boolean, "true (those that the first frame has of these) or false (each frame is asked anew)"),

@@ -91,7 +91,7 @@ def prepare(request: Request | Job) -> Job:
     chosen, parts = selection(request.select), None
     if chosen is not None or apart:
         require_choosable(work, pot, apart, tiles)
-        chosen = None if chosen is None else chosen.settled(first, frames)
+        chosen = None if chosen is None else chosen.settled(first, frames, pot)
         if apart:
             whole = np.ones(len(first), bool) if chosen is None else chosen.of(first)
             parts = Parts.of_frame(request.by, first, whole)
