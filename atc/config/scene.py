@@ -502,7 +502,9 @@ class Scene(Document):
             if table:
                 out["select"] = select(**table)
             elif "bonds" in out:
-                raise AtcError("bonds: whose ends? say which atoms: types, elements, ids, molecules, region or atoms")
+                raise AtcError(
+                    "bonds: whose ends? say which atoms: types, elements, ids, molecules, groups, region or atoms"
+                )
         except AtcError as e:
             raise self._placed_error("select", list(self.data["select"]), e) from None
         return out

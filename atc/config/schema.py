@@ -417,7 +417,9 @@ SCHEMA: dict[str, dict[str, Key]] = {
             'the time over which passages through planes are counted, e.g. 0.001, or "frames": from frame to frame',
         ),
         "follow": Key(
-            _choice(["mass"]), '"mass": the grid moves with the centre of mass of the atoms, or of those selected'
+            _choice(["mass", "+x", "-x", "+y", "-y", "+z", "-z"]),
+            'what the grid moves with: "mass", the centre of mass of the atoms, or of those selected; "+z", "-x", ...: '
+            "the interface on this side of the denser phase",
         ),
         "center": Key(_list_of(_number, 3), "a point, e.g. [20.0, 20.0, 10.0]"),
         "radius": Key(_positive, "a length greater than 0, e.g. 15.0"),
@@ -435,6 +437,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "elements": Key(_either(_string, _list_of(_string)), 'names of types in the trajectory, e.g. ["O", "H"]'),
         "ids": Key(_either(_count, _string, _list_of(_either(_count, _string))), 'atom ids or spans, e.g. "1:100"'),
         "molecules": Key(_either(_integer, _list_of(_integer)), "molecule numbers, e.g. [1, 2]"),
+        "groups": Key(_either(_string, _list_of(_string)), 'groups of the script of [potential], e.g. "wall"'),
         "region": Key(_string, 'words of a LAMMPS region, e.g. "block 0 10 INF INF 0 5"'),
         "invert": Key(_boolean, "true (all atoms but these) or false"),
         "fixed": Key(_boolean, "true (those that the first frame has of these) or false (each frame is asked anew)"),

@@ -160,7 +160,7 @@ OF_MOLECULES = {
 #: Keys of models that need packages of their own: torch_models/test_mace.py and so on, decomposers/test_kim.py.
 APART = {f"potential.{k}" for k in ("mace", "nequip", "metatomic", "kim", "head", "stress", "reference")}
 #: Ways to pick atoms that these files say nothing for: tests/estimators/test_selections.py.
-OF_NAMES = {"select.atoms", "select.elements", "select.molecules"}
+OF_NAMES = {"select.atoms", "select.elements", "select.molecules", "select.groups"}
 #: Keys that no number of `atc fields` depends on, and why.
 CHANGE_NOTHING = {
     "potential.device": "where it is computed",

@@ -430,6 +430,33 @@ class Setup:
                     f"{len(mine)}): name the data file of this run, or none"
                 )
 
+    def in_groups(self, names, frame) -> np.ndarray:
+        """(n,) bool: which atoms of a frame are in all of some groups, as they are at the run.
+
+        Raises
+        ------
+        AtcError for groups that there are not, and where it is not known who is in them.
+        """
+        if frame.given.get("ids"):
+            who = f"who is in group {names[0]} is not known"
+            raise AtcError(f"{frame.source} does not number its atoms, so that {who}: dump id too")
+        table = self.atoms(frame.ids, frame.types if self._own(frame, "types") else None)
+        rows, found = rows_of(table.ids, frame.ids, table.alive)
+        inside = np.ones(len(frame), bool)
+        for name in names:
+            if name != "all" and name not in table.groups:
+                have = ", ".join(["all", *table.groups])
+                raise AtcError(f"select groups: {self.name} has no group {name!r}: it has {have}")
+            g = table.group(name)
+            if name != "all" and not (found.all() and not g.unsure[rows].any()):
+                unknown = frame.ids[~found] if not found.all() else []
+                why = table.group_why.get(name) or (
+                    f"atom {unknown[0]} is not among those of the script" if len(unknown) else "it changes"
+                )
+                raise AtcError(f"{frame.source}: select groups: who is in group {name} is not known: {why}")
+            inside &= g.inside[rows] if name != "all" else True
+        return inside
+
     def _group_bits(self, frame, table, rows, found):
         bits = np.zeros(len(frame), np.int64)
         for k, name in enumerate(self.groups):
