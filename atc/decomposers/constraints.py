@@ -194,6 +194,7 @@ class Constraints:
         number of constraints."""
         out = np.full(len(frame), float(frame.dimension))
         frame.require("masses", why="degrees of freedom of constrained atoms")
+        out[frame.masses == 0.0] = 0.0  # virtual sites
         for system in self._systems(frame)[0]:
             np.subtract.at(out, system.molecules.atoms_ma, system.taken_ma())
         for b in self.bodies(frame):

@@ -21,11 +21,15 @@ def is_openmm(source) -> bool:
     return type(source).__name__ == "System" and type(source).__module__.split(".")[0] == "openmm"
 
 
-def potential_from_openmm(source, **options):
-    """A System, or a file, as a `Potential`; options as of `load.Options`."""
-    from .load import Options, system_of
+def potential_from_openmm(source, kind: str | None = None, **options):
+    """A System, or a file, as a `Potential`; options as of `load.Options`.
+
+    kind : what the file is, "openmm" (XML), "prmtop", "psf" or "top"; default: by its ending
+    """
+    from .load import Options, kind_of, system_of
     from .system import potential_of
 
-    made = Options.of(source, options)
-    system, name = system_of(source, made)
+    kind = kind_of(source) if kind is None else kind
+    made = Options.of(source, kind, options)
+    system, name = system_of(source, kind, made)
     return potential_of(system, name, made.switching)

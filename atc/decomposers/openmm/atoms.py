@@ -40,7 +40,7 @@ def listed(term, atoms, types):
 
 
 class ExcludedPairs(SpecialBonds):
-    """Pairs without pair interaction: the bonds of a topology's `weighted`, and not who is two or three of them apart."""
+    """Pairs without pair interaction: the bonds of a topology's `weighted`, not who is two or three of them apart."""
 
     def __init__(self):
         super().__init__((0.0, 1.0, 1.0), (0.0, 1.0, 1.0))

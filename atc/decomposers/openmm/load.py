@@ -26,7 +26,8 @@ class Options:
     method : one of `METHODS`. cutoff, switch : Å; switch is where Lennard-Jones forces begin to end
     switching : one of `SWITCHES`
     constraints : one of `HELD`. rigid_water : whether water is rigid
-    defines : names for GROMACS's preprocessor, {"POSRES": ""}. include : its folder of force fields
+    defines : names that GROMACS's preprocessor knows, or {name: what it stands for}. include : the folder of its force
+        fields
     """
 
     parameters: tuple = ()
@@ -36,11 +37,11 @@ class Options:
     switching: str | None = None
     constraints: str | None = None
     rigid_water: bool | None = None
-    defines: dict | None = None
+    defines: dict | tuple | None = None
     include: str | None = None
 
     @classmethod
-    def of(cls, source, options: dict) -> Options:
+    def of(cls, source, kind: str, options: dict) -> Options:
         """Checked. Raises AtcError for a word that is not known or does not go with the source."""
         known = [f.name for f in fields(cls)]
         given = {k: v for k, v in options.items() if v is not None and v != ()}
@@ -60,15 +61,14 @@ class Options:
                 raise AtcError(f"{key} {value!r}: expected a length in Å")
         if isinstance(given.get("parameters"), str | os.PathLike):
             given["parameters"] = (given["parameters"],)
-        kind = kind_of(source)
         for key in given:
-            if key != "switching" and kind == "System":
+            if key != "switching" and kind == "openmm":
                 raise AtcError(f"{key}: leave it out: {_name(source)} is a whole System, which says it itself")
         for key, of in (("parameters", "psf"), ("defines", "top"), ("include", "top")):
             if key in given and kind != of:
                 raise AtcError(f"{key} goes with a {of} file, not with {_name(source)}")
         out = cls(**{**given, "parameters": tuple(given.get("parameters", ()))})
-        if kind != "System":
+        if kind != "openmm":
             out._need(_name(source), kind)
         return out
 
@@ -87,16 +87,16 @@ class Options:
 
 
 def kind_of(source) -> str:
-    """ "System", "prmtop", "psf" or "top"."""
+    """ "openmm", "prmtop", "psf" or "top"."""
     if not isinstance(source, str | os.PathLike):
-        return "System"
+        return "openmm"
     path = Path(source)
     suffix = path.suffix.lower()
     if suffix in (".prmtop", ".parm7"):
         return "prmtop"
     if suffix == ".top":  # AMBER's have that name, too
         return "prmtop" if _head(path).lstrip().startswith("%VERSION") else "top"
-    return {".psf": "psf", ".xml": "System"}[suffix]
+    return {".psf": "psf", ".xml": "openmm"}[suffix]
 
 
 def _head(path) -> str:
@@ -111,7 +111,7 @@ def _name(source) -> str:
     return str(source) if isinstance(source, str | os.PathLike) else "the System of OpenMM"
 
 
-def system_of(source, options: Options):
+def system_of(source, kind: str, options: Options):
     """(System, what to call it). Raises AtcError without OpenMM, for files that are not there or are not understood."""
     try:
         import openmm
@@ -124,9 +124,8 @@ def system_of(source, options: Options):
     for file in files:
         if not file.is_file():
             raise AtcError(f"{file}: no such file")
-    kind = kind_of(source)
     try:
-        if kind == "System":
+        if kind == "openmm":
             return _from_xml(openmm, Path(source), name), name
         return {"prmtop": _from_prmtop, "psf": _from_psf, "top": _from_top}[kind](str(source), options), name
     except AtcError:
@@ -204,6 +203,7 @@ def _from_top(path, options):
     from openmm import app
 
     more = {} if options.include is None else {"includeDir": str(options.include)}
+    defines = options.defines if isinstance(options.defines, dict) else dict.fromkeys(options.defines or (), "")
     box = {"periodicBoxVectors": _box(options)} if _periodic(options) else {}
-    file = app.GromacsTopFile(path, defines=dict(options.defines or {}), **box, **more)
+    file = app.GromacsTopFile(path, defines=defines, **box, **more)
     return file.createSystem(**_arguments(options))

@@ -12,6 +12,7 @@ from .atoms import Particles, SystemConstraints
 from .bonded import BONDED
 from .formulas import _number
 from .nonbonded import nonbonded
+from .sites import sites_of
 
 #: Forces without energy: they steer a run.
 _STEERING = {
@@ -41,10 +42,6 @@ def potential_of(system, name: str, switching: str | None = None) -> Potential:
     Raises AtcError for Forces, virtual sites and forms that are not mapped, by their names.
     """
     u, n = units("mdanalysis"), system.getNumParticles()
-    sites = [k for k in range(n) if system.isVirtualSite(k)]
-    if sites:
-        kind = type(system.getVirtualSite(sites[0])).__name__
-        raise AtcError(f"{name}: {len(sites)} virtual sites ({kind}) are not supported")
     forces = [system.getForce(k) for k in range(system.getNumForces())]
     pairs = nonbonded(forces, n, name, switching)
     terms, remarks = list(pairs.terms), list(pairs.remarks)
@@ -60,7 +57,12 @@ def potential_of(system, name: str, switching: str | None = None) -> Potential:
     periodic = pairs.periodic if pairs.periodic is not None else system.usesPeriodicBoundaryConditions()
     pot = Potential(terms, u)
     masses = np.array([_number(system.getParticleMass(k)) for k in range(n)]) * u.mass
-    pot.setup = Particles(name, masses, pairs.charges * u.charge, pairs.kinds, pairs.exclusions, periodic)
+    pot.setup = Particles(
+        name, masses, pairs.charges * u.charge, pairs.kinds, pairs.exclusions, periodic, sites_of(system, name)
+    )
+    pot.virtual_sites = pot.setup.sites
+    if pot.virtual_sites is not None:
+        remarks.append(pot.virtual_sites.describe())
     pot.remarks = (*pot.setup.remarks(), *remarks, *_tail_remark(pairs.tail, u))
     pot.constraints = _constraints(system, name, masses)
     return pot

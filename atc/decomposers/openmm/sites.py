@@ -1,0 +1,135 @@
+"""Virtual sites: particles without mass whose place follows from other atoms, and whose force is theirs.
+
+A site at p(x_1, .., x_K) hands its force F on, f_k = (∂p/∂x_k)ᵀ F. No function of distances does this: each share goes
+to its atom as a bond from the site with a force that does not act along it. The shares add up to F, and their moment
+about the site is zero, so that the stress is symmetric over the molecule, and not within it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...bonds import Bonds
+from ...errors import AtcError
+from ..bonded import Images
+from .formulas import OPENMM, _number
+
+#: Of complex steps, whose derivatives have no rounding of differences.
+_STEP = 1e-30
+
+
+@dataclass
+class _Group:
+    """Sites of one kind with K atoms each: site_m, atoms_mk, and the numbers of the kind, (m, ..)."""
+
+    kind: str
+    site_m: np.ndarray
+    atoms_mk: np.ndarray
+    numbers: np.ndarray
+
+    def place(self, r_mkc):
+        """(m, 3) of the sites, from the places of their atoms, both relative to the first atom."""
+        w = self.numbers
+        if self.kind == "average":
+            return np.einsum("mk,mkc->mc", w, r_mkc)
+        if self.kind == "plane":
+            a, b = r_mkc[:, 1], r_mkc[:, 2]
+            return w[:, :1] * a + w[:, 1:2] * b + w[:, 2:] * np.cross(a, b)
+        k = r_mkc.shape[1]
+        origin, x, y = (np.einsum("mk,mkc->mc", w[:, s * k : (s + 1) * k], r_mkc) for s in range(3))
+        z = np.cross(x, y)
+        # No absolute values: complex steps go through.
+        x, z = (v / np.sqrt((v * v).sum(axis=1))[:, None] for v in (x, z))
+        px, py, pz = (w[:, 3 * k + c : 3 * k + c + 1] for c in range(3))
+        return origin + px * x + py * np.cross(z, x) + pz * z
+
+    def slopes(self, r_mkc):
+        """(m, k, 3, 3) ∂p_b/∂x_ka, indices k, a, b; those of all atoms of a site add up to 1."""
+        m, k, _ = r_mkc.shape
+        out = np.zeros((m, k, 3, 3))
+        for n in range(1, k):
+            for a in range(3):
+                z = r_mkc.astype(complex)
+                z[:, n, a] += 1j * _STEP
+                out[:, n, a] = self.place(z).imag / _STEP
+        out[:, 0] = np.eye(3) - out[:, 1:].sum(axis=1)
+        return out
+
+
+@dataclass
+class VirtualSites:
+    """All of a System."""
+
+    groups: list
+
+    @property
+    def count(self) -> int:
+        return sum(len(g.site_m) for g in self.groups)
+
+    def describe(self) -> str:
+        return (
+            f"{self.count} virtual sites, whose forces go to their atoms by forces across bonds: the stress is "
+            "symmetric over a molecule, not within it"
+        )
+
+    def _relative(self, frame, g):
+        """(m, k, 3) places of a group's atoms relative to the first, by the closest images."""
+        m, k = g.atoms_mk.shape
+        r = np.empty((m * k, 3))
+        first = np.repeat(g.atoms_mk[:, 0], k).astype(np.int32)
+        Images(frame.cell).vectors_to(frame.positions, g.atoms_mk.ravel().astype(np.int32), first, r)
+        return r.reshape(m, k, 3)
+
+    def placed(self, frame):
+        """The frame with its sites where they belong, moving with their atoms."""
+        x, v = frame.positions.copy(), None if frame.velocities is None else frame.velocities.copy()
+        for g in self.groups:
+            r = self._relative(frame, g)
+            x[g.site_m] = x[g.atoms_mk[:, 0]] + g.place(r)
+            if v is not None:
+                v[g.site_m] = np.einsum("mkab,mka->mb", g.slopes(r), v[g.atoms_mk])
+        return frame.replace(positions=x, velocities=v)
+
+    def spread(self, frame, F_nc) -> Bonds:
+        """What hands the forces F on the sites to their atoms."""
+        parts = []
+        for g in self.groups:
+            r = self._relative(frame, g)
+            f = np.einsum("mkab,mb->mka", g.slopes(r), F_nc[g.site_m])
+            lever = r - g.place(r)[:, None]
+            m, k = g.atoms_mk.shape
+            i, j = g.atoms_mk.ravel().astype(np.int32), np.repeat(g.site_m, k).astype(np.int32)
+            parts.append(Bonds(i, j, lever.reshape(-1, 3), np.zeros(m * k), F_bc=f.reshape(-1, 3)))
+        return Bonds.concatenate(parts)
+
+
+def sites_of(system, name: str):
+    """`VirtualSites` of a System, None without. Raises AtcError for kinds that are not mapped, and sites of sites."""
+    found: dict[tuple, list] = {}
+    sites = [n for n in range(system.getNumParticles()) if system.isVirtualSite(n)]
+    for n in sites:
+        site = system.getVirtualSite(n)
+        kind = type(site).__name__
+        atoms = [site.getParticle(k) for k in range(site.getNumParticles())]
+        if any(system.isVirtualSite(a) for a in atoms):
+            raise AtcError(f"{name}: virtual site {n} belongs to another virtual site: not supported")
+        if kind in ("TwoParticleAverageSite", "ThreeParticleAverageSite"):
+            row = "average", [site.getWeight(k) for k in range(len(atoms))]
+        elif kind == "OutOfPlaneSite":
+            cross = site.getWeightCross() / OPENMM.length
+            row = "plane", [site.getWeight12(), site.getWeight13(), cross]
+        elif kind == "LocalCoordinatesSite":
+            weights = [*site.getOriginWeights(), *site.getXWeights(), *site.getYWeights()]
+            row = "local", [*weights, *(_number(c) * OPENMM.length for c in site.getLocalPosition())]
+        else:
+            raise AtcError(
+                f"{name}: virtual site {n} is a {kind}, which is not supported: expected TwoParticleAverageSite, "
+                "ThreeParticleAverageSite, OutOfPlaneSite, LocalCoordinatesSite"
+            )
+        found.setdefault((row[0], len(atoms)), []).append((n, atoms, row[1]))
+    groups = [
+        _Group(kind, *(np.array(column) for column in zip(*rows, strict=True))) for (kind, _), rows in found.items()
+    ]
+    return VirtualSites(groups) if groups else None
