@@ -90,7 +90,7 @@ class Constraints:
     def in_file(self) -> Constraints | None:
         """What of these constraints the forces of a file contain, found from them."""
         rules = tuple(r for r in self.rules if not r.bodies)
-        if not rules or self.contained is False:
+        if not rules or self._said() is False:
             return None
         if rules == self.rules and self.source in ("auto", "forces"):
             return self

@@ -60,6 +60,8 @@ class SystemConstraints(Rule):
     pairs_c2: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.int64))
     where: str = ""
     releases = False
+    #: nor do GROMACS's and AMBER's
+    contained = False
 
     def describe(self) -> str:
         return f"{len(self.pairs_c2)} constraints of the System"

@@ -14,6 +14,7 @@ from ..coulomb_long import CoulombLong
 from ..lj_long import LennardJonesLong
 from ..long_range.dispersion import DispersionSplit, LongRangeDispersion
 from ..long_range.ewald import LongRangeCoulomb
+from ..long_range.kspace import RunAccuracy
 from ..long_range.split import ACCURACY, Split
 from ..pair import MAX_TYPES, Pairs
 from .atoms import ExcludedPairs
@@ -182,9 +183,15 @@ class _Maker:
             else:
                 split = Split.of(rc, _C, ACCURACY)
                 style, reach = CoulombLong(cut > 0, split), rc
-                fields.insert(0, LongRangeCoulomb(split))
+                style.run_table = 0
+                fields.insert(0, LongRangeCoulomb(split, run=self._accuracy(force, method)))
             styles.append(style)
         return styles, fields, reach
+
+    def _accuracy(self, force, method):
+        """Of the run: OpenMM's tolerance is relative to the forces, here those of two rms charges at 1 Å."""
+        tolerance = _number(force.getEwaldErrorTolerance())
+        return RunAccuracy(method, tolerance, tolerance * _C * float((self.charges**2).mean()))
 
     def _lj(self, force, method, cut, rc):
         switch = force.getUseSwitchingFunction() and method != "NoCutoff"

@@ -135,6 +135,8 @@ class Exceptions(ClusterTerm):
         listed(self, atoms, np.arange(len(atoms)))
 
     def describe(self) -> str:
+        if not self.count:
+            return f"{len(self.numbers)} excluded pairs"
         return f"{self.count} exceptions (1-4 pairs with their own numbers), energy shared half to each atom"
 
     def evaluate(self, x_tkc, types, U, G, acc: Accumulator) -> int:

@@ -83,14 +83,18 @@ class VirtualSites:
         return r.reshape(m, k, 3)
 
     def placed(self, frame):
-        """The frame with its sites where they belong, moving with their atoms."""
+        """The frame with its sites where they belong, moving with their atoms; forces on them, which OpenMM leaves
+        there beside what it hands on, are taken off."""
+        F = None if frame.forces is None else frame.forces.copy()
         x, v = frame.positions.copy(), None if frame.velocities is None else frame.velocities.copy()
         for g in self.groups:
             r = self._relative(frame, g)
             x[g.site_m] = x[g.atoms_mk[:, 0]] + g.place(r)
+            if F is not None:
+                F[g.site_m] = 0.0
             if v is not None:
                 v[g.site_m] = np.einsum("mkab,mka->mb", g.slopes(r), v[g.atoms_mk])
-        return frame.replace(positions=x, velocities=v)
+        return frame.replace(positions=x, velocities=v, forces=F)
 
     def spread(self, frame, F_nc) -> Bonds:
         """What hands the forces F on the sites to their atoms."""
