@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...errors import AtcError
-from ...units import units
 from ..atom_columns import KIND
 from ..coulomb import CoulombCut
 from ..coulomb_long import CoulombLong
@@ -26,7 +25,8 @@ from .pairs import SWITCHED, Exceptions, LennardJonesPowers, ReactionField
 #: nm: the cutoff of a model without one; larger than any system without a box.
 ENDLESS = 1000.0
 _PERIODIC = ("CutoffPeriodic", "Ewald", "PME", "LJPME")
-_C = units("mdanalysis").coulomb
+#: Coulomb's constant as OpenMM has it (CODATA 2018), 138.935... kJ/mol nm/e²; internal
+_C = 138.93545764438198 * OPENMM.energy * OPENMM.length
 
 
 @dataclass
